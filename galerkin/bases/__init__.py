@@ -1,0 +1,55 @@
+"""Global bases on the cable: functions of s in [0, 1] that vanish at both supports and have any real s as argument."""
+
+from typing import Protocol
+
+import numpy as np
+
+from galerkin.bases.fourier import Fourier
+
+__all__ = ["Basis", "Fourier"]
+
+
+class Basis(Protocol):
+    """A set phi_1 .. phi_n on 0 <= s <= 1 with phi(0) = phi(1) = 0, evaluated at any real s (float64 in and out).
+
+    Everything the Galerkin equations (17)-(32) need of a basis, and nothing about cables. s is the static arc
+    length over the cable length, derivatives are with respect to it. Arrays of functions are (n_s, n), C-contiguous.
+    """
+
+    @property
+    def n(self) -> int:
+        """Number of (independent) functions."""
+
+    @property
+    def smooth(self) -> bool:
+        """True when phi'' has a meaning at every s, so that the centrifugal term of (23) may be used as printed."""
+
+    def values(self, s: np.ndarray) -> np.ndarray:
+        """phi(s), (n_s, n)."""
+
+    def d1(self, s: np.ndarray) -> np.ndarray:
+        """phi'(s), (n_s, n)."""
+
+    def d2(self, s: np.ndarray) -> np.ndarray:
+        """phi''(s), (n_s, n)."""
+
+    def primitive1(self, s: np.ndarray) -> np.ndarray:
+        """First derivative of primitive2, so its own derivative is phi; (n_s, n)."""
+
+    def primitive2(self, s: np.ndarray) -> np.ndarray:
+        """A function whose second derivative is phi, (n_s, n); gives int hat phi ds of any hat in closed form."""
+
+    def mass(self) -> np.ndarray:
+        """int_0^1 phi_m phi_n ds to rounding, (n, n)."""
+
+    def stiffness(self) -> np.ndarray:
+        """int_0^1 phi_m' phi_n' ds to rounding, (n, n)."""
+
+    def integral(self) -> np.ndarray:
+        """int_0^1 phi_n ds to rounding, (n,)."""
+
+    def quadrature(self) -> tuple[np.ndarray, np.ndarray]:
+        """Points and weights on [0, 1] for products of first derivatives with smooth coefficients, each (n_q,)."""
+
+    def quadrature_on(self, a: float, b: float) -> tuple[np.ndarray, np.ndarray]:
+        """The same on the piece [a, b], for coefficients that jump at a or b; n_q may depend on the piece."""
