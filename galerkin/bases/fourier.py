@@ -19,8 +19,8 @@ class Fourier:
     """phi_k(s) = sin(k pi s), k = 1 .. n: every integral in closed form, no locality.
 
     Gauss points: a product of two highest derivatives is cos(2 n pi s), which Gauss' rule integrates to rounding with
-    about n pi/2 points plus a margin growing like n^(1/3); the cable's strain multiplies a few more factors, hence
-    2 n + 40. A side of the mass may be nearly the whole cable, so its count is the same function of n, not of its length
+    about n pi/2 points plus a margin growing like n^(1/3); the strain multiplies a few more factors, hence
+    2 n + 40. A side of the mass may be nearly the whole cable, so its count depends on n, not on its length
     (n + 12 points a side destroy the path at n = 60).
     """
 
