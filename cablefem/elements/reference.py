@@ -1,0 +1,124 @@
+"""Reference meshes on 0 <= xi <= 1 and what scikit-fem tabulates on them, once per run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import skfem
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def lagrange_element(degree: int) -> skfem.Element:
+    """Return a FRESH 1D element of that degree, to be used on one set of points only.
+
+    scikit-fem's ElementLinePp keeps its polynomials by the number of points alone (12.0.2): an element
+    object reused on other points silently returns the values of the earlier ones.
+    """
+    if not (isinstance(degree, int) and 1 <= degree <= 8):
+        raise ValueError(f"degree must be an integer from 1 to 8, got {degree!r}")
+    if degree == 1:
+        return skfem.ElementLineP1()
+    if degree == 2:
+        return skfem.ElementLineP2()
+    return skfem.ElementLinePp(degree)
+
+
+def shape_polynomials(element: skfem.Element) -> Array:
+    """Return P (n_loc, n_loc): local shape function k at x in [0, 1] is sum_m P[k, m] x^m.
+
+    The shape functions are polynomials of degree n_loc - 1, so their values at n_loc points determine them.
+    """
+    n_loc = element.refdom.nnodes + element.interior_dofs
+    x = 0.5 - 0.5 * np.cos(np.pi * (np.arange(n_loc) + 0.5) / n_loc)
+    mesh = skfem.MeshLine(np.array([0.0, 1.0]))
+    basis = skfem.Basis(mesh, element, quadrature=(x[None, :], np.ones(n_loc)))
+    values = np.array([basis.basis[k][0].value[0] for k in range(n_loc)])
+    return np.linalg.solve(np.vander(x, increasing=True), values.T).T
+
+
+@skfem.BilinearForm
+def mass_form(phi, eta, w):
+    """Integral of phi eta dxi."""
+    return phi * eta
+
+
+@skfem.BilinearForm
+def transport_form(phi, eta, w):
+    """Integral of w(xi) eta phi,xi dxi; w = mesh velocity over the speed of the mass."""
+    return w["pull"] * eta * phi.grad[0]
+
+
+@skfem.BilinearForm
+def convection_form(phi, eta, w):
+    """Integral of w(xi)^2 eta,xi phi,xi dxi."""
+    return w["pull"] ** 2 * eta.grad[0] * phi.grad[0]
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """One side of the mass on its reference mesh; dofs are numbered along xi, ends included."""
+
+    degree: int
+    knots: Array  # (n_el + 1,) element ends in xi
+    n: int  # scalar dofs, both ends included
+    dofs: NDArray[np.int64]  # (n_el, n_loc)
+    xi: Array  # (n_el, n_q) quadrature points
+    dx: Array  # (n_el, n_q) weights
+    value: Array  # (n_el, n_loc, n_q)
+    grad: Array  # (n_el, n_loc, n_q) d/dxi
+    M: Array  # (n, n) integral phi_i phi_j
+    G: Array  # (n, n) integral w phi_i phi_j,xi
+    H: Array  # (n, n) integral w^2 phi_i,xi phi_j,xi
+    shapes: Array  # (n_loc, n_loc) polynomial coefficients, see shape_polynomials
+
+    def evaluate(self, xi: Array) -> tuple[NDArray[np.int64], Array, Array]:
+        """Return (dofs, values, d/dxi), each (n_loc, ...) at any xi in [0, 1]; at a knot the left element answers."""
+        e = np.clip(np.searchsorted(self.knots, xi, side="left") - 1, 0, self.knots.size - 2)
+        length = self.knots[e + 1] - self.knots[e]
+        x = (xi - self.knots[e]) / length
+        powers = np.stack([x**m for m in range(self.degree + 1)])
+        slopes = np.stack([m * x ** max(m - 1, 0) for m in range(self.degree + 1)])
+        value = np.tensordot(self.shapes, powers, 1)
+        grad = np.tensordot(self.shapes, slopes, 1) / length
+        return np.moveaxis(self.dofs[e], -1, 0), value, grad
+
+
+def reference(knots: Array, degree: int, pull_at_end: bool) -> Reference:
+    """Tabulate one side: w(xi) = xi when the mass is at xi = 1 (pull_at_end), else 1 - xi."""
+    mesh = skfem.MeshLine(knots)
+    basis = skfem.Basis(mesh, lagrange_element(degree), intorder=2 * degree)
+    n_loc, n_el = basis.Nbfun, mesh.nelements
+    xi = np.asarray(basis.global_coordinates())[0]
+    # scikit-fem numbers the vertices first, then element interiors; a narrow band wants them along xi.
+    along = np.empty(basis.N, dtype=np.int64)
+    along[basis.element_dofs[0]] = degree * np.arange(n_el)
+    along[basis.element_dofs[1]] = degree * np.arange(1, n_el + 1)
+    for k in range(2, n_loc):
+        along[basis.element_dofs[k]] = degree * np.arange(n_el) + k - 1
+    order = np.argsort(along)
+    pull = xi if pull_at_end else 1.0 - xi
+
+    def dense(form: skfem.BilinearForm) -> Array:
+        return form.assemble(basis, pull=pull).toarray()[np.ix_(order, order)]
+
+    field = [basis.basis[k][0] for k in range(n_loc)]
+    return Reference(
+        degree=degree, knots=knots, n=basis.N, dofs=along[basis.element_dofs].T.copy(), xi=xi, dx=basis.dx,
+        value=np.stack([np.broadcast_to(f.value, xi.shape) for f in field], axis=1),
+        grad=np.stack([np.broadcast_to(f.grad[0], xi.shape) for f in field], axis=1),
+        M=dense(mass_form), G=dense(transport_form), H=dense(convection_form),
+        shapes=shape_polynomials(lagrange_element(degree)),
+    )  # fmt: skip
+
+
+def graded_knots(elements: int, grading: float, fine_at_end: bool) -> Array:
+    """Return knots on [0, 1] whose element lengths grow geometrically; largest over smallest = grading."""
+    lengths = np.geomspace(1.0, grading, elements) if elements > 1 else np.ones(1)
+    if fine_at_end:
+        lengths = lengths[::-1]
+    knots = np.concatenate([[0.0], np.cumsum(lengths)])
+    knots /= knots[-1]
+    return knots

@@ -1,0 +1,382 @@
+"""The one time loop of both solvers: Newmark's family, Newton's method, and nothing of the physics.
+
+A discretised cable is a second-order system r(t, q, v, a) = M a + C v + K q + R(q) - F = 0.  The loop
+advances it with Newmark's formulas
+
+    q1 = q0 + dt v0 + dt^2 [ (1/2 - beta) a0 + beta a1 ],    v1 = v0 + dt [ (1 - gamma) a0 + gamma a1 ]
+
+and asks the system only for residuals and for solutions with the tangent; matrix formats stay with the
+system.  Time and all quantities are the system's own (dimensionless in this package).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Solve = Callable[[Array], Array]
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """One instant of a discretised system; `phase` is the interval between events it belongs to."""
+
+    t: float
+    q: Array  # (n_dof,) generalised displacements
+    v: Array  # (n_dof,) dq/dt
+    a: Array  # (n_dof,) d2q/dt2
+    phase: int = 0
+
+
+class System(Protocol):
+    """A second-order system r(t, q, dq/dt, d2q/dt2) = 0, left after discretising the cable in s.
+
+    `phases` are consecutive time intervals within which everything is smooth; steps land on their ends,
+    and every call names its phase, because at an end the acceleration of the mass has two values.
+    """
+
+    @property
+    def n_dof(self) -> int: ...
+    @property
+    def phases(self) -> tuple[tuple[float, float], ...]: ...
+    @property
+    def force_scale(self) -> float:
+        """Size of the loads: Newton has converged when max|r| <= newton_tol * force_scale + force_floor."""
+    @property
+    def force_floor(self) -> float:
+        """Rounding error of max|r|, below which Newton's method cannot get."""
+
+    def start(self, phase: int, state: State | None) -> State:
+        """Return a consistent state at the beginning of `phase` (state=None: entry, at rest)."""
+
+    def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
+        """Return r, shape (n_dof,)."""
+
+    def linearise(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
+    ) -> tuple[Array, Solve]:
+        """Return r and a function that applies (c0 dr/dq + c1 dr/dv + c2 dr/da)^-1; it may overwrite its argument."""
+
+
+class StepFailure(RuntimeError):
+    """A step could not be taken; `t` [system's time], `cause`, and what to try."""
+
+    def __init__(self, t: float, cause: str, advice: str) -> None:
+        super().__init__(f"{cause} at t = {t:.6g}; {advice}")
+        self.t, self.cause, self.advice = t, cause, advice
+
+
+class NewtonStalled(StepFailure):
+    """Newton's method found no equilibrium of the step."""
+
+
+class StepUnderflow(StepFailure):
+    """The error control asked for a step that rounding no longer resolves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scheme:
+    """A member of the Newmark family; the balance may be taken inside the step.
+
+    newmark_beta, newmark_gamma : Newmark (1959).
+    alpha_m, alpha_f : the balance uses a at 1 - alpha_m and t, q, v at 1 - alpha_f of the step (Chung & Hulbert 1993).
+    average : the balance is averaged over the step along the straight line from q0 to q1 (average vector
+        field: Quispel & McLaren 2008; Gauss points tau, weights w), which keeps the energy of a conservative system.
+    """
+
+    name: str
+    newmark_beta: float = 0.25
+    newmark_gamma: float = 0.5
+    alpha_m: float = 0.0
+    alpha_f: float = 0.0
+    average: bool = False
+
+    def __post_init__(self) -> None:
+        if not (0.0 <= self.newmark_beta <= 2.0 and math.isfinite(self.newmark_beta)):
+            raise ValueError(f"newmark_beta must lie in [0, 2], got {self.newmark_beta!r}")
+        if not (0.0 <= self.newmark_gamma <= 2.0 and math.isfinite(self.newmark_gamma)):
+            raise ValueError(f"newmark_gamma must lie in [0, 2], got {self.newmark_gamma!r}")
+
+
+def scheme(name: str, *, newmark_gamma: float = 0.6, rho_inf: float = 0.9) -> Scheme:
+    """Return a scheme by name.
+
+    trapezoidal        beta 1/4, gamma 1/2: second order, no dissipation; unconditionally stable for LINEAR systems only
+    newmark            gamma (default 0.6), beta = (gamma + 1/2)^2 / 4: first order, damps what it cannot resolve
+    generalized-alpha  Chung & Hulbert (1993), second order, spectral radius rho_inf at infinite frequency
+    energy             average vector field: second order, keeps the energy of a conservative system
+    central-difference beta 0, gamma 1/2: conditionally stable, dt < 2/omega_max; here as a specimen that fails
+    """
+    if name == "trapezoidal":
+        return Scheme(name)
+    if name == "newmark":
+        if not 0.5 <= newmark_gamma <= 1.5:
+            raise ValueError(f"newmark_gamma must lie in [0.5, 1.5], got {newmark_gamma!r}")
+        return Scheme(name, 0.25 * (newmark_gamma + 0.5) ** 2, newmark_gamma)
+    if name == "generalized-alpha":
+        if not 0.0 <= rho_inf <= 1.0:
+            raise ValueError(f"rho_inf must lie in [0, 1], got {rho_inf!r}")
+        alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
+        return Scheme(name, 0.25 * (1.0 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f, alpha_m, alpha_f)
+    if name == "energy":
+        return Scheme(name, average=True)
+    if name == "central-difference":
+        return Scheme(name, 0.0, 0.5)
+    raise ValueError(f"unknown scheme {name!r}; one of {', '.join(SCHEMES)}")
+
+
+SCHEMES = ("trapezoidal", "newmark", "generalized-alpha", "energy", "central-difference")
+
+
+@dataclass(slots=True)
+class Work:
+    """Countable work of a run."""
+
+    steps: int = 0
+    rejected: int = 0
+    newton_iterations: int = 0
+    factorisations: int = 0
+    residuals: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Newton:
+    """Newton's method on a step: max|r| <= tol * system.force_scale + system.force_floor.
+
+    The tangent is kept while an iteration cuts the residual by `reuse` or more.
+    """
+
+    tol: float = 1e-8
+    max_iter: int = 20
+    reuse: float = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorControl:
+    """Step sizes from the local error of Newmark's formula, |beta - 1/6| dt^2 |a1 - a0| (Zienkiewicz & Xie 1991).
+
+    A step is accepted when the largest component of that vector is at most `tol` (in the units of q).
+    """
+
+    tol: float
+    dt_first: float
+    dt_max: float = math.inf
+    dt_min: float = 0.0
+
+
+def uniform_times(system: System, steps: int, *, open_end: bool = True) -> list[Array]:
+    """Return per phase the instants of about `steps` equal steps over all phases; each phase has whole steps.
+
+    open_end : leave out the last instant, where the mass sits on the far support.
+    """
+    if steps < 2:
+        raise ValueError(f"steps must be at least 2, got {steps!r}")
+    phases = system.phases
+    total = phases[-1][1] - phases[0][0]
+    grids = [np.linspace(t0, t1, max(2, round(steps * (t1 - t0) / total) + 1)) for t0, t1 in phases]
+    if open_end:
+        grids[-1] = grids[-1][:-1]
+    return grids
+
+
+def consistent_acceleration(system: System, t: float, q: Array, v: Array, phase: int) -> State:
+    """Solve r(t, q, v, a) = 0 for a: r is linear in a, one solve does it."""
+    zero = np.zeros(system.n_dof)
+    r, solve = system.linearise(t, q, v, zero, phase, 0.0, 0.0, 1.0)
+    return State(t, q, v, -solve(r.copy()), phase)
+
+
+def integrate(
+    system: System,
+    method: Scheme,
+    times: Sequence[Array] | ErrorControl,
+    *,
+    newton: Newton = Newton(),  # noqa: B008  (frozen)
+    work: Work | None = None,
+    start: State | None = None,
+) -> Iterator[State]:
+    """Yield the states of a run, the first one included.
+
+    times : per phase the instants to step on, first and last phase end included (`uniform_times`), or an
+        `ErrorControl`, which finds them.
+    start : go on from this state, inside its phase (a change of cable law, say), instead of from entry.
+
+    Raises NewtonStalled or StepUnderflow; what was yielded before stays valid.  NaN never counts as converged.
+    """
+    work = Work() if work is None else work
+    state = start
+    first = 0 if start is None else start.phase
+    for phase in range(first, len(system.phases)):
+        if start is None or phase > first:
+            entry = system.start(phase, state)
+            if state is None:
+                yield entry
+            state = entry
+        assert state is not None
+        if isinstance(times, ErrorControl):
+            last = phase == len(system.phases) - 1
+            advance = _controlled(system, method, times, state, system.phases[phase][1], last, newton, work)
+        else:
+            grid = times[phase]
+            advance = _prescribed(system, method, grid[grid > state.t], state, newton, work)
+        for state in advance:  # noqa: B020  (the loop carries the state on)
+            yield state
+
+
+def _prescribed(system: System, method: Scheme, grid: Array, state: State, newton: Newton, work: Work):
+    stepper = _Stepper(system, method, newton, work)
+    for t in grid.tolist():
+        state = stepper(state, t)
+        work.steps += 1
+        yield state
+
+
+def _controlled(
+    system: System, method: Scheme, control: ErrorControl, state: State, t_end: float, last: bool, newton: Newton,
+    work: Work,
+):  # fmt: skip
+    stepper = _Stepper(system, method, newton, work)
+    # |beta - 1/6| vanishes for Fox-Goodwin only; the energy rule has the local error of the trapezoidal one.
+    constant = max(abs(method.newmark_beta - 1.0 / 6.0), 1.0 / 24.0)
+    span = t_end - state.t
+    dt = min(control.dt_first, control.dt_max, span)
+    # On the far support itself the right part of a following mesh has no length: stop one rounding-safe step short.
+    stop = t_end - (max(1e-6 * span, control.dt_min) if last else 0.0)
+    while state.t < stop - 1e-12 * span:
+        dt = min(dt, control.dt_max)
+        remaining = stop - state.t
+        if dt >= remaining * (1.0 - 1e-12):
+            dt, t1 = remaining, stop
+        else:
+            if dt > 0.5 * remaining:
+                dt = 0.5 * remaining  # two like steps instead of a long and a tiny one
+            t1 = state.t + dt
+        try:
+            trial = stepper(state, t1)
+            error = constant * dt * dt * float(np.max(np.abs(trial.a - state.a)))
+        except NewtonStalled:
+            error = math.inf
+        if error <= control.tol:
+            state = trial
+            work.steps += 1
+            yield state
+        else:
+            work.rejected += 1
+            stepper.forget()
+        factor = 0.9 * (control.tol / error) ** (1.0 / 3.0) if error > 0.0 else 2.0
+        dt *= min(2.0, max(0.2, factor))
+        if dt < max(control.dt_min, 1e-13 * span):
+            raise StepUnderflow(state.t, f"step {dt:.2g} is too small", "loosen the tolerance or use a damped scheme")
+
+
+# Gauss-Legendre points of the average over a step: the strain energy is not polynomial in q, four points
+# leave a quadrature error far below rounding for slopes that change by a few percent per step.
+_TAU, _WEIGHT = np.polynomial.legendre.leggauss(4)
+_TAU, _WEIGHT = 0.5 * (_TAU + 1.0), 0.5 * _WEIGHT
+
+
+class _Stepper:
+    """One step of one scheme; remembers only what the next step's first guess needs."""
+
+    def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
+        self.system, self.method, self.newton, self.work = system, method, newton, work
+        self._a_mid: Array | None = None
+
+    def forget(self) -> None:
+        self._a_mid = None
+
+    def __call__(self, x: State, t1: float) -> State:
+        return self._averaged(x, t1) if self.method.average else self._newmark(x, t1)
+
+    def _newmark(self, x: State, t1: float) -> State:
+        m, dt = self.method, t1 - x.t
+        wf, wm = 1.0 - m.alpha_f, 1.0 - m.alpha_m
+        t = t1 if m.alpha_f == 0.0 else x.t + wf * dt
+        c0, c1 = m.newmark_beta * dt * dt, m.newmark_gamma * dt
+        # first guess: the acceleration goes on as it was
+        a1 = x.a.copy()
+        v1 = x.v + dt * x.a
+        q1 = x.q + dt * x.v + (0.5 * dt * dt) * x.a
+        plain = wf == 1.0 and wm == 1.0
+
+        def at() -> tuple[Array, Array, Array]:
+            if plain:
+                return q1, v1, a1
+            return wf * q1 + (1.0 - wf) * x.q, wf * v1 + (1.0 - wf) * x.v, wm * a1 + (1.0 - wm) * x.a
+
+        def residual() -> Array:
+            q, v, a = at()
+            return self.system.residual(t, q, v, a, x.phase)
+
+        def linearise() -> tuple[Array, Solve]:
+            q, v, a = at()
+            return self.system.linearise(t, q, v, a, x.phase, wf * c0, wf * c1, wm)
+
+        def update(da: Array) -> None:
+            nonlocal a1, v1, q1
+            a1 -= da
+            v1 -= c1 * da
+            q1 -= c0 * da
+
+        self._solve(t1, residual, linearise, update)
+        return State(t1, q1, v1, a1, x.phase)
+
+    def _averaged(self, x: State, t1: float) -> State:
+        dt = t1 - x.t
+        t_mid = x.t + 0.5 * dt
+        a = x.a.copy() if self._a_mid is None else self._a_mid.copy()
+
+        def mid() -> tuple[Array, Array]:
+            return x.q + (0.5 * dt) * x.v + (0.25 * dt * dt) * a, x.v + (0.5 * dt) * a
+
+        def residual() -> Array:
+            v = mid()[1]
+            r = np.zeros_like(a)
+            for tau, weight in zip(_TAU, _WEIGHT, strict=True):
+                r += weight * self.system.residual(x.t + tau * dt, x.q + tau * dt * v, v, a, x.phase)
+            return r
+
+        def linearise() -> tuple[Array, Solve]:
+            q, v = mid()
+            _, solve = self.system.linearise(t_mid, q, v, a, x.phase, 0.25 * dt * dt, 0.5 * dt, 1.0)
+            return residual(), solve
+
+        def update(da: Array) -> None:
+            nonlocal a
+            a = a - da
+
+        self._solve(t1, residual, linearise, update)
+        previous, self._a_mid = self._a_mid, a
+        # the scheme knows the acceleration of the middle of the step; carry it to the end with second order
+        a1 = a if previous is None else 1.5 * a - 0.5 * previous
+        return State(t1, x.q + dt * x.v + (0.5 * dt * dt) * a, x.v + dt * a, a1, x.phase)
+
+    def _solve(self, t1: float, residual, linearise, update) -> None:
+        newton, work, system = self.newton, self.work, self.system
+        bound = newton.tol * system.force_scale + system.force_floor
+        r, solve = linearise()
+        work.factorisations += 1
+        norm = float(np.abs(r).max())
+        for _ in range(newton.max_iter):
+            work.newton_iterations += 1
+            update(solve(r))
+            r = residual()
+            work.residuals += 1
+            before, norm = norm, float(np.abs(r).max())
+            if norm <= bound:
+                return
+            if not norm < math.inf:
+                break
+            if norm > newton.reuse * before:
+                r, solve = linearise()
+                work.factorisations += 1
+        raise NewtonStalled(
+            t1, f"Newton's method stalled (max|r| = {norm:.2g}, allowed {bound:.2g})",
+            "take more steps, a damped scheme (newmark, generalized-alpha), or the tension-only law if the cable is slack",
+        )  # fmt: skip
