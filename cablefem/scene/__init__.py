@@ -1,0 +1,31 @@
+"""WHAT is simulated: a cable, its supports and the mass that travels along it."""
+
+from cablefem.scene.catenary import Catenary
+from cablefem.scene.errors import SceneError
+from cablefem.scene.scene import Cable, Groups, Mass, Scene, Supports
+from cablefem.scene.travel import (
+    AccelerateCruiseBrake,
+    ConstantAcceleration,
+    ConstantSpeed,
+    Motion,
+    Piece,
+    Table,
+    Travel,
+)
+
+__all__ = [
+    "AccelerateCruiseBrake",
+    "Cable",
+    "Catenary",
+    "ConstantAcceleration",
+    "ConstantSpeed",
+    "Groups",
+    "Mass",
+    "Motion",
+    "Piece",
+    "Scene",
+    "SceneError",
+    "Supports",
+    "Table",
+    "Travel",
+]

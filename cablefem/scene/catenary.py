@@ -1,0 +1,192 @@
+"""The static cable in closed form, eqs (9)-(12): the one place that knows the catenary, in SI and dimensionless.
+
+With p = T y'/H = c - sigma s (lengths over l, forces over the horizontal tension H, y down)
+    T = sqrt(1 + p^2),  x' = 1/T,  y' = p/T,  x'' = sigma p/T^3,  y'' = -sigma/T^3.
+Everything is written without differences of nearly equal numbers, so that a nearly straight cable
+(sigma = 1e-6, where l exceeds the chord by 4e-14 l) keeps its digits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import brentq
+
+# z = rho g b/(2H) measures how deep a cable hangs: sag/span is z/4 when shallow and 7.3 at z = 5 (level supports).
+# Below 1e-9 the arc length equals the chord to all 16 digits; above 5 the cable is a plumb line down and up again.
+Z_MIN, Z_MAX = 1e-9, 5.0
+
+# A given length fixes the sag through l - chord alone; closer to the chord than this, fewer than four digits are left.
+LEAST_SLACK = 1e-12
+
+
+def static(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return (T, x', y', x'', y'') of the dimensionless catenary at s, each of the shape of s; s in [0, 1]."""
+    p = c - sigma * np.asarray(s, dtype=float)
+    T = np.sqrt(1.0 + p * p)
+    xp = 1.0 / T
+    ypp = -sigma * xp**3
+    return T, xp, p * xp, -p * ypp, ypp
+
+
+def shape(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return (x, y) of the dimensionless catenary at s, each of the shape of s; y is positive downward.
+
+    x = (asinh p_0 - asinh p)/sigma and y = (T_0 - T)/sigma with the differences carried out:
+    T_0 - T = sigma s m, m = (p_0 + p)/(T_0 + T), and asinh p = ln(p + T).
+    """
+    s = np.asarray(s, dtype=float)
+    p, p0, T0 = c - sigma * s, c, math.hypot(1.0, c)
+    T = np.sqrt(1.0 + p * p)
+    m = (p0 + p) / (T0 + T)
+    # asinh is odd: on a rising cable (c < 0) mirror it, so that p_0 + T_0 is never a difference
+    sign = 1.0 if c >= 0.0 else -1.0
+    x = -sign * np.log1p(-sign * sigma * s * (1.0 + sign * m) / (sign * p0 + T0)) / sigma
+    return x, s * m
+
+
+@dataclass(frozen=True)
+class Catenary:
+    """A uniform cable at rest between (0, 0) and (span, drop); x to the right, y down, s along the cable, SI units."""
+
+    span: float  # b [m]
+    drop: float  # y(l) [m], positive when the right support is the lower one
+    weight: float  # rho g [N/m] per static arc length
+    horizontal_tension: float  # H [N]
+
+    @classmethod
+    def from_length(cls, span: float, drop: float, weight: float, length: float) -> Catenary:
+        """The catenary of stretched arc length l: sqrt(l^2 - h^2)/b = sinh(z)/z, z = rho g b/(2H), solved for H.
+
+        Raises ValueError when the length is outside `length_range`.
+        """
+        low, high = length_range(span, drop)
+        if not low <= length <= high:
+            raise ValueError(f"length {length} outside [{low}, {high}]")
+        chord = math.hypot(span, drop)
+        level = math.sqrt((length - drop) * (length + drop))
+        excess = (length - chord) * (length + chord) / (span * (level + span))  # = level/span - 1
+        z = _root(lambda z: math.log(_sinhc_minus_1(z) / excess))
+        return cls(span, drop, weight, weight * span / (2.0 * z))
+
+    @classmethod
+    def from_sag(cls, span: float, drop: float, weight: float, sag: float) -> Catenary:
+        """The catenary whose largest vertical distance below the chord is `sag`; ValueError outside `sag_range`."""
+        low, high = sag_range(span, drop)
+        if not low <= sag <= high:
+            raise ValueError(f"sag {sag} outside [{low}, {high}]")
+        z = _root(lambda z: math.log(_sag(span, drop, z) / sag))
+        return cls(span, drop, weight, weight * span / (2.0 * z))
+
+    @property
+    def z(self) -> float:
+        """rho g b/(2H) [-], half the change of asinh(y'/x') along the cable."""
+        return self.weight * self.span / (2.0 * self.horizontal_tension)
+
+    @property
+    def chord(self) -> float:
+        """Distance of the supports [m]."""
+        return math.hypot(self.span, self.drop)
+
+    @cached_property
+    def slack(self) -> float:
+        """l - chord [m] to full relative accuracy, from l^2 - chord^2 = b^2 (S^2 - 1), S = sinh(z)/z."""
+        s1 = _sinhc_minus_1(self.z)
+        square = self.span**2 * s1 * (s1 + 2.0)
+        return square / (math.sqrt(self.chord**2 + square) + self.chord)
+
+    @cached_property
+    def length(self) -> float:
+        """Stretched arc length l [m]."""
+        return self.chord + self.slack
+
+    @cached_property
+    def sigma(self) -> float:
+        """rho g l/H [-]."""
+        return self.weight * self.length / self.horizontal_tension
+
+    @cached_property
+    def c(self) -> float:
+        """y'/x' at the left support [-]: sinh(theta_m + z), tanh(theta_m) = h/l."""
+        return math.sinh(_middle(self.span, self.drop, self.z) + self.z)
+
+    @cached_property
+    def sag(self) -> float:
+        """Largest vertical distance below the chord [m]."""
+        return _sag(self.span, self.drop, self.z)
+
+    @property
+    def lowest(self) -> float:
+        """Arc length of the lowest point [m]; a support when the cable falls or rises all the way."""
+        return self.length * min(max(self.c / self.sigma, 0.0), 1.0)
+
+    @property
+    def max_tension(self) -> float:
+        """Largest tension [N]; it is at the upper support."""
+        return float(np.max(self.tension(np.array([0.0, self.length]))))
+
+    def x(self, s) -> np.ndarray:
+        """Horizontal place [m] at arc length s [m], same shape."""
+        return self.length * shape(np.asarray(s) / self.length, self.sigma, self.c)[0]
+
+    def y(self, s) -> np.ndarray:
+        """Depth below the left support [m] at arc length s [m], same shape."""
+        return self.length * shape(np.asarray(s) / self.length, self.sigma, self.c)[1]
+
+    def tension(self, s) -> np.ndarray:
+        """Tension [N] at arc length s [m], same shape."""
+        return self.horizontal_tension * static(np.asarray(s) / self.length, self.sigma, self.c)[0]
+
+
+def length_range(span: float, drop: float) -> tuple[float, float]:
+    """Arc lengths [m] from which a catenary can be found."""
+    return math.hypot(span, drop) * (1.0 + LEAST_SLACK), Catenary(span, drop, 2.0 * Z_MAX / span, 1.0).length
+
+
+def sag_range(span: float, drop: float) -> tuple[float, float]:
+    """Sags below the chord [m] from which a catenary can be found."""
+    return _sag(span, drop, Z_MIN), _sag(span, drop, Z_MAX)
+
+
+def tension_range(span: float, weight: float) -> tuple[float, float]:
+    """Horizontal tensions [N] from which a catenary can be found."""
+    return weight * span / (2.0 * Z_MAX), weight * span / (2.0 * Z_MIN)
+
+
+def _sinhc_minus_1(z: float) -> float:
+    """sinh(z)/z - 1 = sum_k z^2k/(2k+1)! without cancellation."""
+    if abs(z) > 1.0:
+        return math.sinh(z) / z - 1.0
+    term = total = z * z / 6.0
+    for k in range(2, 10):  # z^18/19! = 8e-18
+        term *= z * z / (2 * k * (2 * k + 1))
+        total += term
+    return total
+
+
+def _middle(span: float, drop: float, z: float) -> float:
+    """theta_m = mean of asinh(y'/x') at the two supports: sinh(theta_m) = (h/b)/(sinh(z)/z)."""
+    return math.asinh(drop / span / (1.0 + _sinhc_minus_1(z)))
+
+
+def _sag(span: float, drop: float, z: float) -> float:
+    """Largest vertical distance below the chord [m].
+
+    At x = b/2 + (b/2z) eta the cable is (b/2z) [ cosh(tm) (cosh z - cosh eta) + sinh(tm) (sinh eta - eta sinh(z)/z) ]
+    below its chord; it is deepest where its slope is the chord's, eta = tm - asinh(h/b).
+    """
+    tm = _middle(span, drop, z)
+    eta = tm - math.asinh(drop / span)
+    fall = 2.0 * math.sinh((z + eta) / 2.0) * math.sinh((z - eta) / 2.0)
+    tilt = eta * (_sinhc_minus_1(eta) - _sinhc_minus_1(z))
+    return span / (2.0 * z) * (math.cosh(tm) * fall + math.sinh(tm) * tilt)
+
+
+def _root(f: Callable[[float], float]) -> float:
+    """The z in [Z_MIN, Z_MAX] with f(z) = 0 to 4 units of rounding; f is monotone there."""
+    low, high = Z_MIN * (1.0 - 1e-6), Z_MAX * (1.0 + 1e-6)  # so that the ends themselves are bracketed
+    return float(brentq(f, low, high, xtol=1e-30, rtol=4.0 * np.finfo(float).eps, maxiter=300))

@@ -1,0 +1,455 @@
+"""What is simulated: cable, supports, mass and travel in SI, and everything that follows from them.
+
+| symbol  | code                        | unit | equation | meaning                                               |
+|---------|-----------------------------|------|----------|-------------------------------------------------------|
+| l       | scene.length                | m    | (12)     | stretched static arc length; the length scale         |
+| b       | scene.supports.span         | m    | (11)     | horizontal distance of the supports                   |
+| h       | scene.supports.drop         | m    | (12)     | right support below the left one: positive (erratum)  |
+| rho     | scene.cable.mass_per_length | kg/m | (2)      | mass per stretched static length                      |
+| EA      | scene.cable.EA              | N    | (4)      | axial stiffness                                       |
+| g       | scene.gravity               | m/s2 | (4)      | gravity                                               |
+| M       | scene.mass.mass             | kg   | (2)      | moving mass                                           |
+| H = T_o | scene.horizontal_tension    | N    | (9)      | horizontal static tension; the force scale            |
+| -       | scene.time_scale            | s    | (18)     | l sqrt(rho/H)                                         |
+| mu      | scene.mu                    | -    | (18)     | M/(rho l)                                             |
+| alpha   | scene.alpha                 | -    | (18)     | EA/H                                                  |
+| beta    | scene.beta                  | -    | (18)     | rho g l/EA = sigma/alpha                              |
+| sigma   | scene.sigma                 | -    | (18)     | rho g l/H                                             |
+| c       | scene.groups.c              | -    | (10)     | y'/x' at the left support                             |
+| L^2     | scene.irvine                | -    | Irvine   | sigma^2 alpha cos^5(chord slope)                      |
+| s_o(t)  | scene.groups.motion         | -    | (1)      | travel of the mass along the cable, over l            |
+| T(s)    | scene.catenary.tension      | N    | (9)      | static tension                                        |
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import tomllib
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+import numpy as np
+from pydantic import Field, TypeAdapter
+
+from cablefem.scene import catenary as _catenary
+from cablefem.scene.catenary import Catenary
+from cablefem.scene.errors import SceneError, nearest, shown
+from cablefem.scene.fields import Part, Positive, Real
+from cablefem.scene.travel import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Motion, Travel
+
+SHAPES = ("length", "sag", "horizontal_tension")
+# A support 84 degrees below the other is a hoist, not a ropeway; beyond, y' grows like the slope and digits go.
+STEEPEST = 10.0
+
+
+class Cable(Part):
+    """A uniform elastic cable; exactly one of length, sag and horizontal_tension fixes how deep it hangs."""
+
+    mass_per_length: Positive  # rho [kg/m] per stretched static length
+    EA: Positive  # [N]
+    length: Positive | None = None  # l [m], stretched static arc length
+    sag: Positive | None = None  # [m], largest vertical distance below the chord
+    horizontal_tension: Positive | None = None  # H [N]
+
+    @classmethod
+    def raw_faults(cls, data: dict) -> list[str]:
+        """A cable hangs as deep as exactly one number says."""
+        given = [name for name in SHAPES if data.get(name) is not None]
+        if len(given) == 1:
+            return []
+        got = " and ".join(f"{name} = {shown(data[name])}" for name in given) or "none of them"
+        return [f"give exactly one of {', '.join(SHAPES)}; got {got}"]
+
+
+class Supports(Part):
+    """Two fixed points; the left one is the origin."""
+
+    span: Positive  # b [m], horizontal
+    drop: Real = 0.0  # h [m], right support below the left one: positive
+
+
+class Mass(Part):
+    """The moving mass particle."""
+
+    mass: Positive  # M [kg]
+
+
+@dataclass(frozen=True, slots=True)
+class Groups:
+    """The scene in dimensionless form, all a solver needs: lengths over l, forces over H, times over l sqrt(rho/H)."""
+
+    mu: float  # M/(rho l); 0 without a mass
+    alpha: float  # EA/H
+    sigma: float  # rho g l/H
+    c: float  # y'/x' at s = 0
+    chord_cos: float  # direction of the chord, left to right
+    chord_sin: float  # > 0: the right support is the lower one
+    motion: Motion | None  # travel of the mass; None for a bare cable
+
+    def static(self, s) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Static tension and shape (T, x', y', x'', y'') at s in [0, 1], each of the shape of s."""
+        return _catenary.static(s, self.sigma, self.c)
+
+    def shape(self, s) -> tuple[np.ndarray, np.ndarray]:
+        """Static place (x, y) at s in [0, 1], each of the shape of s; y down from the left support."""
+        return _catenary.shape(s, self.sigma, self.c)
+
+
+class Scene(Part):
+    """A cable, its supports and the mass that travels along it; data in SI, the rest are properties."""
+
+    name: Annotated[str, Field(pattern=r"^\w[\w.-]*$")] = "scene"
+    title: str = ""
+    gravity: Positive = 9.81  # g [m/s^2]
+    cable: Cable
+    supports: Supports
+    mass: Mass | None = None
+    travel: Travel | None = None
+
+    @classmethod
+    def raw_faults(cls, data: dict) -> list[str]:
+        """Faults between the parts, as far as the parts themselves are sound."""
+        faults = []
+        present = [name for name in ("mass", "travel") if data.get(name) is not None]
+        if len(present) == 1:
+            absent = "travel" if present == ["mass"] else "mass"
+            faults.append(f"{absent}: missing; must be given with [{present[0]}] (a bare cable has neither)")
+        gravity = _sound(Positive, data.get("gravity", 9.81))
+        cable, supports = (_sound(kind, data.get(kind.__name__.lower())) for kind in (Cable, Supports))
+        if gravity is None or cable is None or supports is None:
+            return faults
+        hanging = _hanging_faults(gravity, cable, supports)
+        if hanging:
+            return faults + hanging
+        catenary = _hang(gravity, cable, supports)
+        if cable.EA <= catenary.max_tension:
+            faults.append(
+                f"cable.EA = {cable.EA!r}: must be > {catenary.max_tension:.6g} N, the largest static tension, "
+                "or the cable hangs at more than twice its unstretched length"
+            )
+        travel = _sound(Travel, data["travel"]) if "travel" in present else None
+        if travel is not None:
+            faults += [f"travel.{fault}" for fault in travel.faults(catenary.length)]
+        return faults
+
+    # --- reading and writing ----------------------------------------------------------------------------------------
+
+    @classmethod
+    def load(cls, name_or_path: str | Path) -> Self:
+        """The built-in scene of that name, or the scene in that TOML file; SceneError with all its faults."""
+        text = str(name_or_path)
+        if text in cls.library():
+            return cls.from_toml(cls.library_text(text), name=text)
+        path = Path(name_or_path)
+        if not path.is_file():
+            if path.suffix or path.name != text or path.is_dir():
+                raise SceneError([f"scene = {shown(text)}: no such file; must be a TOML file or a built-in scene"])
+            raise SceneError([f"scene = {shown(text)}: no built-in scene, no file.{nearest(text, cls.library())}"])
+        try:
+            content = path.read_text(encoding="utf-8-sig")
+        except (OSError, UnicodeDecodeError) as error:
+            raise SceneError([f"scene = {shown(text)}: cannot be read as text ({error})"]) from None
+        return cls.from_toml(content, name=re.sub(r"[^\w.-]+", "-", path.stem).lstrip(".-") or "scene")
+
+    @classmethod
+    def from_toml(cls, text: str, *, name: str = "scene") -> Self:
+        """The scene in a TOML text; `name` unless the text names it; SceneError with all its faults."""
+        try:
+            data = tomllib.loads(text)
+        except (ValueError, RecursionError) as error:
+            message = str(error).replace("at end of document", f"at line {text.count(chr(10)) + 1}, the end of the file")
+            raise SceneError([f"not valid TOML: {message}"]) from None
+        return cls(**{"name": name, **data})
+
+    def to_toml(self) -> str:
+        """A scene file that reads back as this scene."""
+        data = self.model_dump(exclude_none=True)
+        tables = [key for key, value in data.items() if isinstance(value, dict)]
+        lines = [f"{key} = {_toml(value)}" for key, value in data.items() if key not in tables]
+        for key in tables:
+            lines += ["", f"[{key}]", *(f"{name} = {_toml(value)}" for name, value in data[key].items())]
+        return "\n".join(lines) + "\n"
+
+    @classmethod
+    def library(cls) -> dict[str, str]:
+        """Names and titles of the built-in scenes, the paper's first."""
+        return {name: tomllib.loads(cls.library_text(name))["title"] for name in LIBRARY}
+
+    @classmethod
+    def library_text(cls, name: str) -> str:
+        """The TOML of a built-in scene, with its comments, to copy."""
+        if name not in LIBRARY:
+            raise SceneError([f"scene = {shown(name)}: no built-in scene.{nearest(name, LIBRARY)}"])
+        return (resources.files("cablefem.scene") / "library" / f"{name}.toml").read_text(encoding="utf-8")
+
+    # --- other scenes -----------------------------------------------------------------------------------------------
+
+    @classmethod
+    def from_groups(
+        cls,
+        *,
+        sag_ratio: float,
+        alpha: float,
+        slope: float = 0.0,
+        mu: float | None = None,
+        speed_ratio: float | None = None,
+        travel: str = "constant_speed",
+        span: float = 1000.0,
+        rho: float = 5.0,
+        gravity: float = 9.81,
+        name: str = "scene",
+    ) -> Self:
+        """The SI scene with these dimensionless choices; a bare cable without mu and speed_ratio.
+
+        sag_ratio = sag/span, slope of the chord in degrees (positive: falling to the right), alpha = EA/H,
+        mu = M/(rho l), speed_ratio = largest ds_o/dt over sqrt(H/rho); travel "constant_speed",
+        "constant_acceleration" (from rest, largest speed at the far support) or "accelerate_cruise_brake".
+        """
+        supports = Supports(span=span, drop=span * math.tan(math.radians(slope)))
+        sag = sag_ratio * span
+        raise_if(_hanging_faults(gravity, Cable(mass_per_length=rho, EA=1.0, sag=sag), supports))
+        hanging = Catenary.from_sag(supports.span, supports.drop, rho * gravity, sag)
+        l, H = hanging.length, hanging.horizontal_tension
+        data: dict[str, Any] = {}
+        if mu is not None:
+            data["mass"] = Mass(mass=mu * rho * l)
+        if speed_ratio is not None:
+            V = speed_ratio * math.sqrt(H / rho)
+            laws: dict[str, Any] = {
+                "constant_speed": lambda: ConstantSpeed(speed=V),
+                "constant_acceleration": lambda: ConstantAcceleration(acceleration=0.5 * V * V / l),
+                "accelerate_cruise_brake": lambda: AccelerateCruiseBrake(top_speed=V),
+            }
+            if travel not in laws:
+                raise SceneError([f"travel = {shown(travel)}: unknown.{nearest(travel, laws)}"])
+            data["travel"] = laws[travel]()
+        cable = Cable(mass_per_length=rho, EA=alpha * H, sag=sag)
+        return cls(name=name, gravity=gravity, cable=cable, supports=supports, **data)
+
+    def variant(
+        self,
+        *,
+        sag_ratio: float | None = None,
+        mu: float | None = None,
+        alpha: float | None = None,
+        speed_ratio: float | None = None,
+        **fields: Any,
+    ) -> Self:
+        """This scene with some groups changed, and whole fields (name, travel, ...) replaced.
+
+        sag_ratio re-hangs the cable; mu, alpha and speed_ratio then set mass, EA and the pace of the same travel law.
+        What is not named keeps its SI value.
+        """
+        if sag_ratio is not None:
+            cable = Cable(mass_per_length=self.cable.mass_per_length, EA=self.cable.EA, sag=sag_ratio * self.supports.span)
+            return self._with(cable=cable).variant(mu=mu, alpha=alpha, speed_ratio=speed_ratio, **fields)
+        if alpha is not None:
+            fields["cable"] = Cable(**{**dict(self.cable), "EA": alpha * self.horizontal_tension})
+        if mu is not None:
+            fields["mass"] = Mass(mass=mu * self.cable.mass_per_length * self.length)
+        if speed_ratio is not None:
+            if self.travel is None:
+                raise SceneError([f"speed_ratio = {speed_ratio!r}: a bare cable has no travel"])
+            fields["travel"] = self.travel.faster(speed_ratio / self.speed_ratio)
+        return self._with(**fields)
+
+    def _with(self, **fields: Any) -> Self:
+        return type(self)(**{**{key: getattr(self, key) for key in self.keys()}, **fields})
+
+    # --- what follows -----------------------------------------------------------------------------------------------
+
+    @cached_property
+    def catenary(self) -> Catenary:
+        """The static cable, eqs (9)-(12)."""
+        return _hang(self.gravity, self.cable, self.supports)
+
+    @property
+    def length(self) -> float:
+        """l [m], stretched static arc length."""
+        return self.catenary.length
+
+    @property
+    def horizontal_tension(self) -> float:
+        """H = T x' [N], constant along the cable (9); the paper's T_o."""
+        return self.catenary.horizontal_tension
+
+    @property
+    def sag(self) -> float:
+        """Largest vertical distance of the static cable below its chord [m]."""
+        return self.catenary.sag
+
+    @property
+    def sag_ratio(self) -> float:
+        """sag/span [-]."""
+        return self.sag / self.supports.span
+
+    @property
+    def chord(self) -> float:
+        """sqrt(b^2 + h^2) [m], the distance of the supports."""
+        return self.catenary.chord
+
+    @property
+    def slope(self) -> float:
+        """atan(h/b) [degrees], slope of the chord; positive when the right support is the lower one."""
+        return math.degrees(math.atan2(self.supports.drop, self.supports.span))
+
+    @property
+    def mu(self) -> float:
+        """M/(rho l) [-] (18); 0 without a mass."""
+        return 0.0 if self.mass is None else self.mass.mass / (self.cable.mass_per_length * self.length)
+
+    @property
+    def alpha(self) -> float:
+        """EA/H [-] (18)."""
+        return self.cable.EA / self.horizontal_tension
+
+    @property
+    def beta(self) -> float:
+        """rho g l/EA = sigma/alpha [-] (18)."""
+        return self.sigma / self.alpha
+
+    @property
+    def sigma(self) -> float:
+        """rho g l/H [-] (18)."""
+        return self.catenary.sigma
+
+    @property
+    def irvine(self) -> float:
+        """Irvine's parameter L^2 = sigma^2 alpha cos^5(slope) [-], of the weight normal to the chord.
+
+        Irvine, Cable Structures (1981), 2.4: (w_n l/H_c)^2 EA/H_c with w_n = rho g cos(slope), the tension along the
+        chord H_c = H/cos(slope), and l for both chord and effective length L_e, as in the paper's 5.34979. Level:
+        sigma^2 alpha. Below 4 pi^2 the first symmetric mode is the lowest one; it grows from a string's (0) to an
+        inextensible cable's.
+        """
+        return self.sigma**2 * self.alpha * (self.supports.span / self.chord) ** 5
+
+    @property
+    def wave_speed(self) -> float:
+        """sqrt(H/rho) [m/s], transverse waves at the lowest point; sqrt(T/rho) elsewhere."""
+        return math.sqrt(self.horizontal_tension / self.cable.mass_per_length)
+
+    @property
+    def axial_speed(self) -> float:
+        """sqrt(EA/rho) [m/s], longitudinal waves."""
+        return math.sqrt(self.cable.EA / self.cable.mass_per_length)
+
+    @property
+    def time_scale(self) -> float:
+        """l sqrt(rho/H) [s], a transverse wave's way along the cable; the unit of time."""
+        return self.length / self.wave_speed
+
+    @property
+    def top_speed(self) -> float | None:
+        """Largest ds_o/dt [m/s] of the travel; None for a bare cable."""
+        return None if self._motion is None else self._motion.speeds[1]
+
+    @property
+    def speed_ratio(self) -> float | None:
+        """Largest ds_o/dt over sqrt(H/rho) [-]; None for a bare cable."""
+        return None if self.top_speed is None else self.top_speed / self.wave_speed
+
+    @property
+    def arrival(self) -> float | None:
+        """Time [s] at which the travel ends, at the far support unless a table stops earlier; None for a bare cable."""
+        return None if self._motion is None else self._motion.phases[-1][1]
+
+    @cached_property
+    def _motion(self) -> Motion | None:
+        return None if self.travel is None else self.travel.motion(self.length)
+
+    @cached_property
+    def groups(self) -> Groups:
+        """The scene in dimensionless form: the one place where SI is left."""
+        return Groups(
+            mu=self.mu,
+            alpha=self.alpha,
+            sigma=self.sigma,
+            c=self.catenary.c,
+            chord_cos=self.supports.span / self.chord,
+            chord_sin=self.supports.drop / self.chord,
+            motion=None if self._motion is None else self._motion.scaled(self.length, self.time_scale),
+        )
+
+    def __str__(self) -> str:
+        lines = [
+            f"{self.name}: {self.title}" if self.title else self.name,
+            f"  cable   l = {self.length:.6g} m, sag {self.sag:.4g} m ({self.sag_ratio:.3g} of the span), "
+            f"H = {self.horizontal_tension:.4g} N, rho = {self.cable.mass_per_length:.4g} kg/m, "
+            f"EA = {self.cable.EA:.4g} N",
+            f"  chord   span {self.supports.span:.6g} m, drop {self.supports.drop:.4g} m, slope {self.slope:.3g} deg",
+        ]
+        groups = f"sigma = {self.sigma:.5g}, alpha = {self.alpha:.5g}, Irvine L^2 = {self.irvine:.4g}"
+        if self.mass is not None and self.travel is not None:
+            lines.append(
+                f"  mass    {self.mass.mass:.5g} kg, {self.travel.kind}, up to {self.top_speed:.4g} m/s, "
+                f"{self.arrival:.4g} s"
+            )
+            groups = f"mu = {self.mu:.4g}, {groups}, V/c = {self.speed_ratio:.3g}"
+        return "\n".join([*lines, f"  groups  {groups}"])
+
+    def __repr__(self) -> str:
+        return f"<Scene {self}>"
+
+
+# Built-in scenes in the order in which they are listed.
+LIBRARY = ("level", "cruise", "inclined", "bare")
+
+
+def raise_if(faults: list[str]) -> None:
+    """Raise SceneError when there are faults."""
+    if faults:
+        raise SceneError(faults)
+
+
+def _hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
+    weight = cable.mass_per_length * gravity
+    if cable.length is not None:
+        return Catenary.from_length(supports.span, supports.drop, weight, cable.length)
+    if cable.sag is not None:
+        return Catenary.from_sag(supports.span, supports.drop, weight, cable.sag)
+    assert cable.horizontal_tension is not None
+    return Catenary(supports.span, supports.drop, weight, cable.horizontal_tension)
+
+
+def _hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str]:
+    """Why these supports and this cable have no catenary, if they have none."""
+    span, drop = supports.span, supports.drop
+    if abs(drop) > STEEPEST * span:
+        return [f"supports.drop = {drop!r}: must be from {-STEEPEST * span:.6g} to {STEEPEST * span:.6g} ({STEEPEST:g} spans)"]
+    name, value = next((n, v) for n in SHAPES if (v := getattr(cable, n)) is not None)
+    low, high = {
+        "length": lambda: _catenary.length_range(span, drop),
+        "sag": lambda: _catenary.sag_range(span, drop),
+        "horizontal_tension": lambda: _catenary.tension_range(span, cable.mass_per_length * gravity),
+    }[name]()
+    if low <= value <= high:
+        return []
+    fault = f"cable.{name} = {value!r}: must be from {low!r} to {high:.6g} with these supports"
+    chord = math.hypot(span, drop)
+    if name == "length" and value <= chord:
+        fault += f" (the supports are {chord!r} m apart)"
+    elif name == "length" and value < low:
+        fault += " (for a cable this taut give sag or horizontal_tension)"
+    return [fault]
+
+
+def _sound(kind: Any, value: object) -> Any:
+    """The value as a field of that kind; None when it has faults of its own, which are reported where it stands."""
+    try:
+        return TypeAdapter(kind).validate_python(value)
+    except ValueError:
+        return None
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, tuple):
+        return "[" + ", ".join(map(repr, value)) + "]"
+    return repr(value)
