@@ -41,6 +41,8 @@ class System(Protocol):
     and every call names its phase, because at an end the acceleration of the mass has two values.
     """
 
+    tension_min: tuple[float, float]  # least tension at the last residual and its s; watched, not used, by the loop
+
     @property
     def n_dof(self) -> int: ...
     @property
@@ -170,18 +172,35 @@ class ErrorControl:
     dt_min: float = 0.0
 
 
-def uniform_times(system: System, steps: int, *, open_end: bool = True) -> list[Array]:
-    """Return per phase the instants of about `steps` equal steps over all phases; each phase has whole steps.
+def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 1.0, growth: float = 1.15) -> list[Array]:
+    """Return per phase the instants to step on: about `steps` equal steps, whole ones in each phase.
 
-    open_end : leave out the last instant, where the mass sits on the far support.
+    The last instant, where the mass sits on the far support, is left out: the boundary condition would answer there.
+
+    entry, exit : first and last step as fractions of the uniform one; from there steps grow by `growth` each, up to
+        the uniform step.  The ramps come on top of `steps`.
     """
     if steps < 2:
         raise ValueError(f"steps must be at least 2, got {steps!r}")
+    for name, value in (("entry", entry), ("exit", exit)):
+        if not 0.0 < value <= 1.0:
+            raise ValueError(f"{name} must lie in (0, 1], got {value!r}")
     phases = system.phases
-    total = phases[-1][1] - phases[0][0]
-    grids = [np.linspace(t0, t1, max(2, round(steps * (t1 - t0) / total) + 1)) for t0, t1 in phases]
-    if open_end:
-        grids[-1] = grids[-1][:-1]
+    dt = (phases[-1][1] - phases[0][0]) / steps
+    grids = []
+    for i, (t0, t1) in enumerate(phases):
+        ramps = []
+        for ramped, fraction in ((i == 0, entry), (i == len(phases) - 1, exit)):
+            count = math.ceil(-math.log(fraction) / math.log(growth)) if ramped else 0
+            ramps.append(np.minimum(dt, fraction * dt * growth ** np.arange(count)))
+        length = sum(float(r.sum()) for r in ramps)
+        inner = max(2, round((t1 - t0 - length) / dt)) if length < t1 - t0 else 2
+        lengths = np.concatenate([ramps[0], np.full(inner, max((t1 - t0 - length) / inner, dt)), ramps[1][::-1]])
+        grid = np.concatenate([[0.0], np.cumsum(lengths)])
+        grid = t0 + (t1 - t0) * (grid / grid[-1])
+        grid[-1] = t1
+        grids.append(grid)
+    grids[-1] = grids[-1][:-1]
     return grids
 
 
@@ -203,7 +222,7 @@ def integrate(
 ) -> Iterator[State]:
     """Yield the states of a run, the first one included.
 
-    times : per phase the instants to step on, first and last phase end included (`uniform_times`), or an
+    times : per phase the instants to step on, first and last phase end included (`step_times`), or an
         `ErrorControl`, which finds them.
     start : go on from this state, inside its phase (a change of cable law, say), instead of from entry.
 
@@ -232,8 +251,19 @@ def integrate(
 def _prescribed(system: System, method: Scheme, grid: Array, state: State, newton: Newton, work: Work):
     stepper = _Stepper(system, method, newton, work)
     for t in grid.tolist():
-        state = stepper(state, t)
-        work.steps += 1
+        t0, halvings = state.t, 0
+        while state.t < t:
+            t1 = t if halvings == 0 else min(t, state.t + (t - t0) * 0.5**halvings)
+            try:
+                state = stepper(state, t1)
+                work.steps += 1
+            except NewtonStalled:
+                # a step may be too long for Newton's method (a cable that falls slack): take it in pieces
+                work.rejected += 1
+                halvings += 1
+                if halvings > MOST_HALVINGS:
+                    raise
+                stepper.forget()
         yield state
 
 
@@ -274,6 +304,8 @@ def _controlled(
         if dt < max(control.dt_min, 1e-13 * span):
             raise StepUnderflow(state.t, f"step {dt:.2g} is too small", "loosen the tolerance or use a damped scheme")
 
+
+MOST_HALVINGS = 6  # 1/64 of a step: where that does not converge the equations themselves have lost their solution
 
 # Gauss-Legendre points of the average over a step: the strain energy is not polynomial in q, four points
 # leave a quadrature error far below rounding for slopes that change by a few percent per step.

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,3 +50,148 @@ class Observation:
     du: Array  # (k, m) time derivatives at fixed s
     dv: Array  # (k, m)
     T: Array  # (k, m)
+
+
+@dataclass(frozen=True, slots=True)
+class Fields:
+    """Fields of a run at its frames (k) and stations (m); SI."""
+
+    t: Array  # (k,) [s]
+    s_o: Array  # (k,) [m] place of the mass on the cable
+    s: Array  # (m,) [m] stations, arc length of the static cable
+    u: Array  # (k, m) [m] displacement to the right
+    v: Array  # (k, m) [m] displacement downward
+    du: Array  # (k, m) [m/s]
+    dv: Array  # (k, m) [m/s]
+    T: Array  # (k, m) [N] total tension; at s = s_o the side behind
+    T_behind: Array  # (k,) [N] at the mass
+    T_ahead: Array  # (k,) [N]
+    mass_u: Array  # (k,) [m] displacement of the mass
+    mass_v: Array  # (k,) [m]
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """The answer of one run, in SI units: lengths [m], forces [N], times [s]; v and y point down.
+
+    Comparisons between solvers use this alone, never coefficients.  T is total tension and has two values at the
+    mass.  x, y have their origin at the left support.
+    """
+
+    scene: str  # name
+    scene_toml: str  # the scene itself
+    method: str
+    settings: dict[str, Any]
+    model: str
+    load: str
+    law: str
+    status: str  # "complete" | "incomplete"
+    reason: str | None
+    slack_onset: float | None  # s_o/l of the first accepted step with a negative tension
+    slack_at: float | None  # s/l of it
+    switched: float | None  # s_o/l from which on the tension-only law was used by law = auto
+    length: float  # l [m]
+    horizontal_tension: float  # H [N]
+    t: Array  # (n,) accepted steps
+    s_o: Array  # (n,)
+    x: Array  # (n,) place of the mass
+    y: Array  # (n,)
+    u: Array  # (n,) displacement of the mass from the static cable
+    v: Array  # (n,)
+    T_behind: Array  # (n,) nan where the mass is on the left support
+    T_ahead: Array  # (n,) nan where the mass is on the right support
+    velocity: Array  # (n, 2) of the mass
+    acceleration: Array  # (n, 2)
+    slope_behind: Array  # (n, 2) one-sided d(place)/ds
+    slope_ahead: Array  # (n, 2)
+    energy: Array  # (n,) [J] cable and mass
+    power: Array  # (n,) [W] that the drive must put in
+    tension_min: Array  # (n,) least total tension
+    tension_min_at: Array  # (n,) its s
+    fields: Fields
+    work: dict[str, int]
+    n_dof: int
+    seconds: float  # of the time loop
+    path_error: float | None = None  # estimated, of max |v - v_exact| over the window, relative to max_deflection
+    tension_error: float | None = None  # estimated, rms over the window off the jump, relative to H
+    error_parts: dict[str, float] | None = None  # the same, split into time and space
+
+    @property
+    def reached(self) -> float:
+        """s_o/l of the last step."""
+        return float(self.s_o[-1] / self.length)
+
+    @property
+    def max_deflection(self) -> float:
+        """Largest v of the mass path [m]."""
+        return float(self.v.max())
+
+    def __repr__(self) -> str:
+        return (
+            f"Response({self.scene}: {self.method} {self.settings}, {self.status}, s_o/l to {self.reached:.3f}, "
+            f"largest deflection {self.max_deflection:.5g} m)"
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return the content of summary.json."""
+        return {
+            "scene": self.scene, "method": self.method, "settings": self.settings, "model": self.model,
+            "load": self.load, "law": self.law, "status": self.status, "reason": self.reason,
+            "reached": self.reached, "slack_onset": self.slack_onset, "slack_at": self.slack_at,
+            "switched": self.switched, "max_deflection": self.max_deflection, "path_error": self.path_error,
+            "tension_error": self.tension_error, "error_parts": self.error_parts, "n_dof": self.n_dof,
+            **self.work, "seconds": self.seconds,
+        }  # fmt: skip
+
+    def write(self, folder: Path) -> None:
+        """Write path.csv, tension.csv, summary.json and response.npz (everything, for `read`); whole or not at all."""
+        f = self.fields
+        path = [self.t, self.s_o, self.x, self.y, self.u, self.v, self.T_behind, self.T_ahead]
+        k, m = f.T.shape
+        station = np.concatenate([np.broadcast_to(f.s, (k, m)), f.s_o[:, None], f.s_o[:, None]], axis=1)
+        tension = np.concatenate([f.T, f.T_behind[:, None], f.T_ahead[:, None]], axis=1)
+        time = np.repeat(f.t, m + 2)
+        write_csv(folder / "path.csv", "t,s_o,x,y,u,v,T_behind,T_ahead", np.stack(path, axis=1))
+        write_csv(folder / "tension.csv", "t,s,T", np.stack([time, station.ravel(), tension.ravel()], axis=1))
+        arrays = {n: getattr(self, n) for n in _ARRAYS} | {f"fields.{n}": getattr(f, n) for n in _FIELDS}
+        rest = {n: getattr(self, n) for n in self.__dataclass_fields__ if n not in _ARRAYS and n != "fields"}
+        with whole(folder / "response.npz") as temporary, temporary.open("wb") as out:
+            np.savez_compressed(out, allow_pickle=False, _rest=np.array(json.dumps(rest)), **arrays)
+        write_json(folder / "summary.json", self.summary())
+
+    @classmethod
+    def read(cls, folder: Path) -> Response:
+        """Read back what `write` wrote."""
+        with np.load(folder / "response.npz", allow_pickle=False) as data:
+            fields = Fields(**{n: data[f"fields.{n}"] for n in _FIELDS})
+            return cls(**json.loads(str(data["_rest"])), **{n: data[n] for n in _ARRAYS}, fields=fields)
+
+
+_FIELDS = tuple(Fields.__dataclass_fields__)
+_ARRAYS = tuple(name for name, f in Response.__dataclass_fields__.items() if f.type == "Array")
+
+
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Give a temporary neighbour to write to, and put it in place only if that succeeded."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        yield temporary
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_csv(path: Path, header: str, rows: Array) -> None:
+    """Write rows in full precision; a cell without a value stays empty."""
+    with whole(path) as temporary, temporary.open("w", encoding="ascii") as out:
+        out.write(header + "\n")
+        for row in rows.tolist():
+            out.write(",".join("" if x != x else repr(x) for x in row) + "\n")
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write JSON; NaN and infinity are refused, because no reader agrees on them."""
+    with whole(path) as temporary:
+        temporary.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")

@@ -71,6 +71,7 @@ class FollowingElements:
         self._tabulate()
         self._set_law(law)
         self._at: tuple[float, int] | None = None
+        self.tension_min = (math.inf, 0.0)  # least tension and its s, at the last residual
 
     # --- the System protocol ---------------------------------------------------------------------------
     @property
@@ -273,10 +274,15 @@ class FollowingElements:
         increment = None
         kernels.add_banded(self._kin, self._coefficients, f, q, v, a, r, ab, tangent, c0, c1, c2)
         if f == 2:
-            kernels.add_catenary(self._span, self._dofs, self._tab, self._cable, q, r, ab, tangent, c0)
+            self.tension_min = kernels.add_catenary(
+                self._span, self._dofs, self._tab, self._cable, q, r, ab, tangent, c0
+            )
         else:
             increment = np.zeros(self._n_dof)
-            kernels.add_chord(self._span, self._dofs, self._tab, self._chord, q, r, ab, increment, tangent, c0)
+            tension = kernels.add_chord(
+                self._span, self._dofs, self._tab, self._chord, q, r, ab, increment, tangent, c0
+            )
+            self.tension_min = (tension, 0.5)
         r[f * m : f * m + f] += mu * a[f * m : f * m + f] + self._load
         if tangent:
             ab[f * m : f * m + f, 2 * self._band] += c2 * mu

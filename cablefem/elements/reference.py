@@ -106,7 +106,7 @@ def reference(knots: Array, degree: int, pull_at_end: bool) -> Reference:
 
     field = [basis.basis[k][0] for k in range(n_loc)]
     return Reference(
-        degree=degree, knots=knots, n=basis.N, dofs=along[basis.element_dofs].T.copy(), xi=xi, dx=basis.dx,
+        degree=degree, knots=knots, n=int(basis.N), dofs=along[basis.element_dofs].T.copy(), xi=xi, dx=basis.dx,
         value=np.stack([np.broadcast_to(f.value, xi.shape) for f in field], axis=1),
         grad=np.stack([np.broadcast_to(f.grad[0], xi.shape) for f in field], axis=1),
         M=dense(mass_form), G=dense(transport_form), H=dense(convection_form),

@@ -1,0 +1,232 @@
+"""Every named method with its settings and its refinement ladder: the one table that commands, charts and tests read."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from cablefem.newmark import SCHEMES, System
+from cablefem.scene import Groups
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One knob of a method: its default, its admissible values, its meaning."""
+
+    default: Any
+    allowed: tuple[Any, ...] | tuple[float, float]  # choices for names, else (least, largest)
+    meaning: str
+
+    def check(self, name: str, value: Any) -> Any:
+        """Return the value in the default's type, or raise ValueError naming the admissible range."""
+        if isinstance(self.default, str):
+            if value not in self.allowed:
+                raise ValueError(f"{name} must be one of {', '.join(self.allowed)}, got {value!r}{_near(value, self.allowed)}")
+            return value
+        kind = type(self.default)
+        try:
+            number = kind(value)
+            if isinstance(value, float) and number != value and not value != value:
+                raise ValueError
+        except (TypeError, ValueError):
+            word = "an integer" if kind is int else "a number"
+            raise ValueError(f"{name} must be {word}, got {value!r}") from None
+        least, largest = self.allowed
+        if not least <= number <= largest:
+            raise ValueError(f"{name} must lie in [{least:g}, {largest:g}], got {value!r}")
+        return number
+
+
+def _near(name: Any, known: Any) -> str:
+    close = difflib.get_close_matches(str(name), list(known), n=1)
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
+_TIME = {
+    "steps": Setting(1000, (2, 1_000_000), "equal time steps from entry to exit"),
+    "entry": Setting(1.0, (1e-9, 1.0), "first step as a fraction of the equal ones; steps then grow by 15 percent each"),
+    "exit": Setting(1.0, (1e-9, 1.0), "last step as a fraction of the equal ones"),
+    "scheme": Setting("trapezoidal", SCHEMES, "time integration"),
+    "newmark_gamma": Setting(0.6, (0.5, 1.5), "gamma of scheme=newmark; beta = (gamma + 1/2)^2/4"),
+    "rho_inf": Setting(0.9, (0.0, 1.0), "spectral radius at infinite frequency of scheme=generalized-alpha"),
+}
+_GRADING = Setting(1.0, (1.0, 1e6), "largest over smallest element; the smallest ones are next to the mass")
+_ABSCISSA = Setting("t", ("t", "s"), "independent variable: time, or place of the mass (45)-(48)")
+
+Build = Callable[..., System]
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """A discretisation by name, with its settings, and the orders its errors are known to follow."""
+
+    name: str
+    wing: str  # "elements" | "galerkin": two methods of different wings share no formula
+    title: str
+    knobs: dict[str, Setting]
+    resolution: str  # the setting that refines space
+    space_order: float  # of the path on a cable with a kink at the mass (formulations.md, re-measured in tests)
+    builder: Build
+    extrapolate: bool = False  # the ladder converges regularly: compare 2 f(2N) - f(N)
+    trust: str = ""  # one line: when to use it
+    wrong: bool = False  # converges to a wrong answer or not at all; kept on show
+
+    def settings(self, changes: dict[str, Any]) -> dict[str, Any]:
+        """Return all settings with `changes` applied; raises ValueError for unknown names and values out of range."""
+        unknown = [k for k in changes if k not in self.knobs]
+        if unknown:
+            raise ValueError(
+                f"{self.name} has no setting {unknown[0]!r}; it has {', '.join(self.knobs)}"
+                f"{_near(unknown[0], self.knobs)}"
+            )
+        return {k: knob.check(k, changes[k]) if k in changes else knob.default for k, knob in self.knobs.items()}
+
+    def build(self, groups: Groups, settings: dict[str, Any], *, model: str, load: str, law: str) -> System:
+        """Return the discretised system."""
+        return self.builder(groups, settings, model=model, load=load, law=law)
+
+
+# The solvers are imported when they are built: names and settings are wanted without scikit-fem.
+
+
+def _following(degree: int) -> Build:
+    def build(groups: Groups, x: dict[str, Any], **kind: str) -> System:
+        from cablefem.elements.following import FollowingElements
+
+        return FollowingElements(groups, elements=x["elements"], degree=degree, grading=x["grading"], **kind)
+
+    return build
+
+
+def _fixed(element: str, coupling: str) -> Build:
+    def build(groups: Groups, x: dict[str, Any], **kind: str) -> System:
+        from cablefem.elements.fixed import FixedElements
+
+        return FixedElements(groups, elements=x["elements"], element=element, coupling=coupling, **kind)
+
+    return build
+
+
+def _galerkin(family: str, kink: bool) -> Build:
+    def build(groups: Groups, x: dict[str, Any], **kind: str) -> System:
+        from galerkin.abscissa import PositionAbscissa
+        from galerkin.bases.daubechies import Daubechies
+        from galerkin.bases.fourier import Fourier
+        from galerkin.equations import GalerkinSystem
+
+        basis: Any = (
+            Fourier(x["terms"])
+            if family == "fourier"
+            else Daubechies(order=x["order"], level=x["level"], reading=x["reading"])
+        )
+        system = GalerkinSystem(groups, basis, kink=kink, **kind)
+        return PositionAbscissa(system) if x["abscissa"] == "s" else system
+
+    return build
+
+
+def _elements(default: int, meaning: str) -> Setting:
+    return Setting(default, (1, 100_000), meaning)
+
+
+_PER_SIDE = "elements on each side of the mass"
+_WHOLE = "elements on the whole cable"
+_TERMS = Setting(30, (1, 2000), "sines")
+_WAVELETS = {
+    "order": Setting(4, (2, 12), "Daubechies order p (2p filter taps)"),
+    "level": Setting(1, (0, 8), "levels J; the number of wavelets is 2^J (2p - 1) + p - 1"),
+    "reading": Setting(
+        "literal", ("literal", "scaling", "shifted"), "of the printed index set (37); the other two are known to fail"
+    ),
+}
+_DAMPED = _TIME | {"scheme": Setting("newmark", SCHEMES, _TIME["scheme"].meaning)}
+
+METHODS: dict[str, Method] = {
+    m.name: m
+    for m in (
+        Method(
+            "following-p1", "elements", "linear elements on a mesh that follows the mass",
+            {"elements": _elements(20, _PER_SIDE), "grading": _GRADING, **_TIME}, "elements", 2.0, _following(1),
+            trust="robust and simple; P2 gives more for the same time",
+        ),
+        Method(
+            "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
+            {"elements": _elements(10, _PER_SIDE), "grading": _GRADING, **_TIME}, "elements", 2.5, _following(2),
+            trust="the default: fastest for a given error from 1e-2 to 1e-5",
+        ),
+        Method(
+            "following-p4", "elements", "elements of degree 4 on a mesh that follows the mass",
+            {"elements": _elements(5, _PER_SIDE), "grading": _GRADING, **_TIME}, "elements", 2.5, _following(4),
+            trust="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
+        ),
+        Method(
+            "fixed-hermite", "elements", "C1 cubic elements, the mass moving through them",
+            {"elements": _elements(40, _WHOLE), **_TIME}, "elements", 1.0, _fixed("hermite", "chain"),
+            trust="converges, slowly; an independent check within the element wing",
+        ),
+        Method(
+            "fixed-p1-path", "elements", "linear elements, the mass a particle constrained to them",
+            {"elements": _elements(40, _WHOLE), **_DAMPED}, "elements", 1.0, _fixed("p1", "path"),
+            trust="only with numerical damping: the undamped rule blows up",
+        ),
+        Method(
+            "fixed-p2-path", "elements", "quadratic elements, the mass a particle constrained to them",
+            {"elements": _elements(40, _WHOLE), **_DAMPED}, "elements", 1.0, _fixed("p2", "path"),
+            trust="only with numerical damping: the undamped rule blows up",
+        ),
+        Method(
+            "fixed-p1-naive", "elements", "linear elements with chain-rule accelerations: WRONG",
+            {"elements": _elements(40, _WHOLE), **_TIME}, "elements", 0.0, _fixed("p1", "naive"),
+            trust="never: the centrifugal force is lost at the nodes; on show because everybody writes it first",
+            wrong=True,
+        ),
+        Method(
+            "fixed-p2-naive", "elements", "quadratic elements with chain-rule accelerations: WRONG",
+            {"elements": _elements(40, _WHOLE), **_TIME}, "elements", 0.0, _fixed("p2", "naive"),
+            trust="never, as fixed-p1-naive", wrong=True,
+        ),
+        Method(
+            "fourier", "galerkin", "the paper's sines (33)-(34)",
+            {"terms": _TERMS, "abscissa": _ABSCISSA, **_TIME}, "terms", 1.0, _galerkin("fourier", False),
+            extrapolate=True, trust="the paper's method; errors of order 1/N, tension with Gibbs oscillations",
+        ),
+        Method(
+            "fourier-kink", "galerkin", "sines and a hat that travels with the mass",
+            {"terms": _TERMS, "abscissa": _ABSCISSA, **_TIME}, "terms", 2.0, _galerkin("fourier", True),
+            trust="the default of the Galerkin side; ten terms beat two hundred plain ones",
+        ),
+        Method(
+            "wavelet", "galerkin", "the paper's anti-derivatives of Daubechies wavelets (35)-(39)",
+            {**_WAVELETS, "abscissa": _ABSCISSA, **_TIME}, "level", 1.0, _galerkin("wavelet", False),
+            trust="the paper's method; first order like sines, oscillations stay near the mass",
+        ),
+        Method(
+            "wavelet-kink", "galerkin", "wavelets and a hat that travels with the mass",
+            {**_WAVELETS, "abscissa": _ABSCISSA, **_TIME}, "level", 2.0, _galerkin("wavelet", True),
+            trust="as fourier-kink, slower",
+        ),
+    )
+}  # fmt: skip
+
+
+def find(name: str) -> Method:
+    """Return a method by name; raises ValueError with the nearest known name."""
+    if name not in METHODS:
+        raise ValueError(f"unknown method {name!r}{_near(name, METHODS)} (cablefem methods lists them)")
+    return METHODS[name]
+
+
+def refined(method: Method, settings: dict[str, Any], *, space: float = 1.0, time: float = 1.0) -> dict[str, Any]:
+    """Return the settings with `space` times the resolution and `time` times the steps (a level counts powers of 2)."""
+    out = dict(settings)
+    if space != 1.0:
+        if method.resolution == "level":
+            from math import log2
+
+            out["level"] = max(0, settings["level"] + round(log2(space)))
+        else:
+            out[method.resolution] = max(1, round(settings[method.resolution] * space))
+    out["steps"] = max(2, round(settings["steps"] * time))
+    return out

@@ -1,0 +1,203 @@
+"""One run of one method on one scene: from names and settings to a Response in SI units."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from cablefem import newmark
+from cablefem.newmark import ErrorControl, Scheme, State, StepFailure, Work
+from cablefem.response import Array, Fields, Observation, Response, States
+from cablefem.scene import Scene
+from validation.methods import Method, find
+
+FRAMES = 100  # fields are kept at s_o/l = 0, 1/FRAMES, 2/FRAMES, ... of every run, so that runs can be compared
+STATIONS = 201  # the file contract's least number of fixed s
+
+Progress = Callable[[float], None]
+
+
+def run(
+    scene: Scene, method: str | Method, *, model: str = "full", load: str = "mass", law: str = "auto",
+    control: ErrorControl | None = None, progress: Progress | None = None, **settings: Any,
+) -> Response:  # fmt: skip
+    """Run one method on one scene and return its Response.
+
+    method, settings : a name from `METHODS` and changes to its default settings.
+    model : "full", "stretching", "sagged" or "string"; load : "mass" or "force".
+    law : "elastic", "tension-only", or "auto": elastic until the cable goes slack, from there on tension-only
+        with Newmark's damping (gamma 0.6), because an elastic law that carries compression is ill-posed.
+    control : step sizes from local error instead of `steps` equal ones.
+
+    A run that cannot go on comes back with status "incomplete" and the reason; what was computed before is kept.
+    Raises ValueError for settings that make no sense.
+    """
+    if law not in ("elastic", "tension-only", "auto"):
+        raise ValueError(f"law must be elastic, tension-only or auto, got {law!r}")
+    if scene.mass is None or scene.travel is None:
+        raise ValueError(f"scene {scene.name!r} has no travelling mass: only its frequencies can be computed")
+    if isinstance(method, str):
+        method = find(method)
+    settings = method.settings(settings)
+    scheme = newmark.scheme(
+        settings["scheme"], newmark_gamma=settings["newmark_gamma"], rho_inf=settings["rho_inf"]
+    )
+    with threadpool_limits(1):  # the matrices are small: threads cost more than they give
+        system = method.build(
+            scene.groups, settings, model=model, load=load, law="tension-only" if law == "tension-only" else "elastic"
+        )
+        times: Any = control or newmark.step_times(
+            system, settings["steps"], entry=settings["entry"], exit=settings["exit"]
+        )
+        history = _march(system, scheme, times, law == "auto", progress)
+        return _respond(scene, method, settings, model, load, law, system, history)
+
+
+@dataclass(slots=True)
+class _History:
+    states: list[State]
+    work: Work
+    seconds: float
+    failure: str | None
+    onset: tuple[int, float] | None  # index of the state, s/l
+    system_after: Any  # the system with the tension-only law, from the onset on
+    complete: bool
+
+
+def _march(system: Any, scheme: Scheme, times: Any, switch: bool, progress: Progress | None) -> _History:
+    """Step through the travel, watching the least tension; after the slack onset go on with the other law."""
+    work, states, onset, failure, after = Work(), [], None, None, None
+    end = system.phases[-1][1]
+    begin = time.perf_counter()
+    advance: Iterable[State] = newmark.integrate(system, scheme, times, work=work)
+    try:
+        for state in advance:
+            states.append(state)
+            if progress is not None and len(states) % 32 == 0:
+                progress(state.t / end)
+            if onset is None and len(states) > 1 and system.tension_min[0] < 0.0:
+                onset = (len(states) - 1, system.tension_min[1])
+                if switch:
+                    break
+        if onset is not None and switch:
+            after = system.with_law("tension-only")
+            damped = newmark.scheme("newmark", newmark_gamma=0.6) if scheme.newmark_gamma <= 0.5 else scheme
+            for state in newmark.integrate(after, damped, times, work=work, start=states[-1]):
+                states.append(state)
+                if progress is not None and len(states) % 32 == 0:
+                    progress(state.t / end)
+    except StepFailure as error:
+        failure = f"{error.cause}; {error.advice}"
+    except (FloatingPointError, np.linalg.LinAlgError) as error:
+        failure = f"the equations of a step became singular ({error}); take more steps or a damped scheme"
+    seconds = time.perf_counter() - begin
+    if progress is not None:
+        progress(1.0)
+    return _History(states, work, seconds, failure, onset, after, failure is None)
+
+
+def _stack(states: list[State]) -> States:
+    return States(
+        np.array([x.t for x in states]), np.array([x.q for x in states]), np.array([x.v for x in states]),
+        np.array([x.a for x in states]), np.array([x.phase for x in states]),
+    )  # fmt: skip
+
+
+def _between(h: States, t: Array) -> States:
+    """Return states at instants between the steps, cubic Hermite in (q, v).
+
+    Accelerations stay out of it: those of unresolved axial waves alternate from step to step.  The phase is that of
+    the step's end, so that the drive's acceleration is the one the step was taken with.
+    """
+    i = np.clip(np.searchsorted(h.t, t, side="left"), 1, h.t.size - 1)
+    dt = (h.t[i] - h.t[i - 1])[:, None]
+    x = (t - h.t[i - 1])[:, None] / dt
+    q0, q1, v0, v1 = h.q[i - 1], h.q[i], dt * h.v[i - 1], dt * h.v[i]
+    d = q1 - q0
+    q = q0 + x * (v0 + x * (3.0 * d - 2.0 * v0 - v1 + x * (v0 + v1 - 2.0 * d)))
+    v = (v0 + x * (2.0 * (3.0 * d - 2.0 * v0 - v1) + x * 3.0 * (v0 + v1 - 2.0 * d))) / dt
+    a = (1.0 - x) * h.a[i - 1] + x * h.a[i]
+    exact = (t == h.t[i])[:, None]
+    return States(
+        t, np.where(exact, h.q[i], q), np.where(exact, h.v[i], v), np.where(exact, h.a[i], a), h.phase[i]
+    )
+
+
+def _frames(scene: Scene, t_last: float) -> Array:
+    motion = scene.groups.motion
+    assert motion is not None
+    end = motion.position(np.array([motion.phases[-1][1]]))[0]
+    marks = np.arange(1, FRAMES) / FRAMES
+    t = np.array([motion.time_at(mark) for mark in marks[marks < end]])
+    return t[t <= t_last]
+
+
+def _respond(scene, method, settings, model, load, law, system, h: _History) -> Response:
+    states = _stack(h.states)
+    finite = np.isfinite(states.q).all(axis=1) & np.isfinite(states.v).all(axis=1) & np.isfinite(states.a).all(axis=1)
+    if not finite.all():
+        first = int(np.argmin(finite))
+        states = States(states.t[:first], states.q[:first], states.v[:first], states.a[:first], states.phase[:first])
+        h.failure, h.complete = "the solution grew beyond all bounds; take more steps or a damped scheme", False
+    motion = scene.groups.motion
+    assert motion is not None
+    s = np.linspace(0.0, 1.0, STATIONS)
+    t_frames = _frames(scene, float(states.t[-1]))
+    at_frames = _between(states, t_frames) if states.t.size > 1 else _take(states, slice(0, 0))
+    switch_t = states.t[h.onset[0]] if h.onset is not None and h.system_after is not None else math.inf
+    none = np.array([], dtype=np.intp)
+    steps = _observe(system, h.system_after, states, switch_t, s, none)
+    frames = _observe(system, h.system_after, at_frames, switch_t, s, np.arange(t_frames.size))
+    l, H, tau = scene.length, scene.horizontal_tension, scene.time_scale
+    s_o = motion.position(states.t)
+    X = scene.catenary
+    onset = None if h.onset is None or h.onset[0] >= states.t.size else float(s_o[h.onset[0]])
+    fields = Fields(
+        t=tau * t_frames, s_o=l * motion.position(t_frames), s=l * s, u=l * frames.u, v=l * frames.v,
+        du=l / tau * frames.du, dv=l / tau * frames.dv, T=H * frames.T,
+        T_behind=H * frames.T_behind, T_ahead=H * frames.T_ahead,
+        mass_u=l * frames.path[:, 0], mass_v=l * frames.path[:, 1],
+    )  # fmt: skip
+    return Response(
+        scene=scene.name, scene_toml=scene.to_toml(), method=method.name, settings=settings, model=model, load=load,
+        law=law, status="complete" if h.complete else "incomplete", reason=h.failure, slack_onset=onset,
+        slack_at=None if onset is None else float(h.onset[1]),
+        switched=onset if h.system_after is not None else None, length=l, horizontal_tension=H,
+        t=tau * states.t, s_o=l * s_o, x=X.x(l * s_o) + l * steps.path[:, 0], y=X.y(l * s_o) + l * steps.path[:, 1],
+        u=l * steps.path[:, 0], v=l * steps.path[:, 1], T_behind=H * steps.T_behind, T_ahead=H * steps.T_ahead,
+        velocity=l / tau * steps.path_velocity, acceleration=l / tau**2 * steps.path_acceleration,
+        slope_behind=steps.slope_behind, slope_ahead=steps.slope_ahead, energy=H * l * steps.energy,
+        power=H * l / tau * steps.power, tension_min=H * steps.tension_min, tension_min_at=l * steps.tension_min_at,
+        fields=fields, n_dof=system.n_dof, seconds=h.seconds,
+        work={
+            "steps": h.work.steps, "rejected": h.work.rejected, "newton_iterations": h.work.newton_iterations,
+            "factorisations": h.work.factorisations, "residuals": h.work.residuals,
+        },
+    )  # fmt: skip
+
+
+def _take(states: States, rows: Any) -> States:
+    return States(states.t[rows], states.q[rows], states.v[rows], states.a[rows], states.phase[rows])
+
+
+def _observe(system, after, states: States, switch_t: float, s: Array, frames) -> Observation:
+    """Observe with the law that was in force: the elastic one up to and including the onset."""
+    late = states.t > switch_t
+    if after is None or not late.any():
+        return system.observe(states, s, frames)
+    if late.all():
+        return after.observe(states, s, frames)
+    n = int(np.argmax(late))
+    parts = [
+        system.observe(_take(states, slice(0, n)), s, frames[frames < n]),
+        after.observe(_take(states, slice(n, None)), s, frames[frames >= n] - n),
+    ]
+    return Observation(*(
+        np.concatenate([getattr(p, name) for p in parts]) for name in Observation.__dataclass_fields__
+    ))  # fmt: skip
