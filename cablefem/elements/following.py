@@ -101,29 +101,26 @@ class FollowingElements:
     def start(self, phase: int, state: State | None) -> State:
         """Return the state at the beginning of a phase.
 
-        Entering with speed the mass falls freely (the cable reaches it at finite slope only) and the left nodes,
-        between support and mass, follow linearly.  From rest with s_o = a t^2/2 and w(s_o) = b t^2 the left part
-        is strained by r' = X' + 2b/a at once, and mu (2b + a X' - sigma j) + [N t - T t_static] = 0 gives b.
+        Entering with speed the mass falls freely, no contact force yet; from rest with s_o = a t^2/2 and
+        w(s_o) = b t^2 the left part is strained by r' = X' + 2b/a at once, and with the node's inertia m
+        m 2b + mu (a X' - sigma j) + [N t - T t_static] = 0 gives b.  Either way m is what the node and the
+        elements ahead weigh together: a start that moves the mass alone costs an order in time.  The nodes
+        behind, on a part of no length yet, follow linearly (w is of second degree in s and t, so w ~ s t).
         After a jump of the drive's acceleration q and dq/dt go on and d2q/dt2 is solved for.
         """
         t = self.phases[phase][0]
         if state is not None:
             return consistent_acceleration(self, t, state.q, state.v, phase)
-        zero = np.zeros(self._n_dof)
         _, ds, dds = self.motion.at(t, phase)
-        node_v, node_a = np.zeros(self.fields), np.zeros(self.fields)
-        if ds > 0.0 and self.inertia > 0.0:
-            node_a = self._weight() / self.inertia - self._static_acceleration(0.0, ds, dds)
-        elif ds > 0.0:
-            # a massless load at once carries its weight on the wave it sends ahead (taut string, oracle of Fryba)
-            node_v = self._weight() * ds / (1.0 + ds)
+        if ds > 0.0:
+            pull = self._weight() - self.inertia * self._static_acceleration(0.0, ds, dds)
+            node_a = pull / (self.inertia + self._entrained)
         elif dds > 0.0:
             node_a = 2.0 * self._strained_start(dds)
         else:
             raise ValueError("the travel starts with neither speed nor acceleration")
-        ride = np.zeros((self.n_scalar, 1))
-        ride[: self.node + 1, 0] = self._linear_left
-        return State(t, zero, (ride * node_v).ravel(), (ride * node_a).ravel(), phase)
+        zero = np.zeros(self._n_dof)
+        return State(t, zero, zero.copy(), (self._ride[:, None] * node_a).ravel(), phase)
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.zeros(self._n_dof)
@@ -195,7 +192,11 @@ class FollowingElements:
         linear[::b] = self.left.knots
         if b == 2:  # Lagrange midpoints; from degree 3 on interior functions are bubbles
             linear[1::2] = 0.5 * (self.left.knots[1:] + self.left.knots[:-1])
-        self._linear_left = linear[1:]
+        M = self.right.M[:-1, :-1]
+        ahead = np.concatenate([[1.0], -np.linalg.solve(M[1:, 1:], M[1:, 0])])
+        # d2q/dt2 of all nodes when that of the mass is one, at entry, and the inertia of the elements it entrains
+        self._ride = np.concatenate([linear[1:], ahead[1:]])
+        self._entrained = float(M[0] @ ahead)
 
     def _set_law(self, law: str) -> None:
         if law not in ("elastic", "tension-only"):
@@ -229,11 +230,11 @@ class FollowingElements:
         return np.array([dds / T + bend * p, dds * p / T - bend])
 
     def _strained_start(self, dds: float) -> Array:
-        """Solve inertia (2b + a X') - weight + [N t - T t_static](X' + 2b/a) = 0 for b by Newton's method."""
-        pull = self._static_acceleration(0.0, 0.0, dds)
-        weight = self._weight()
+        """Solve m 2b + mu a X' - weight + [N t - T t_static](X' + 2b/a) = 0 for b by Newton's method."""
+        rest = self.inertia * self._static_acceleration(0.0, 0.0, dds) - self._weight()
+        inertia = self.inertia + self._entrained
         if self.fields == 1:
-            return (weight - self.inertia * pull) / (2.0 * self.inertia + 2.0 * self._chord[1] / dds)
+            return -rest / (2.0 * inertia + 2.0 * self._chord[1] / dds)
         b = np.zeros(2)
         p = self.groups.c
         T = math.hypot(1.0, p)
@@ -242,9 +243,9 @@ class FollowingElements:
             r = static + 2.0 * b / dds
             stretch = math.hypot(*r)
             N = T + self.groups.alpha * (stretch - 1.0)
-            f = self.inertia * (2.0 * b + pull) - weight + N / stretch * r - T * static
+            f = 2.0 * inertia * b + rest + N / stretch * r - T * static
             k_mat = (self.groups.alpha - T) / stretch**3
-            J = (2.0 * self.inertia + 2.0 / dds * N / stretch) * np.eye(2) + 2.0 / dds * k_mat * np.outer(r, r)
+            J = (2.0 * inertia + 2.0 / dds * N / stretch) * np.eye(2) + 2.0 / dds * k_mat * np.outer(r, r)
             step = np.linalg.solve(J, f)
             b -= step
             if np.abs(step).max() <= 1e-14 * (dds + np.abs(b).max()):
