@@ -1,0 +1,162 @@
+"""Numbers that compare two responses, or hold one against a law of mechanics; on `Response` only.
+
+Each says what it leaves out, and refuses rather than average nothing.  `window` is a pair of s_o/l.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from cablefem.response import Array, Response
+
+WINDOW = (0.02, 0.80)  # s_o/l of the comparison: past the start-up, before the far support's own layer
+JUMP_WIDTH = 0.02  # |s - s_o|/l left out of tension gaps: there each method smears the jump over its own resolution
+
+Window = tuple[float, float]
+
+
+class NotComparable(ValueError):
+    """The responses share no range in which the measure has a meaning; the text says why."""
+
+
+def window_of(*responses: Response, window: Window = WINDOW) -> Window:
+    """Return the window cut at the earliest slack onset and at the shortest run."""
+    stop = min([window[1]] + [r.slack_onset for r in responses if r.slack_onset is not None])
+    stop = min([stop] + [r.reached for r in responses])
+    if not stop > window[0]:
+        raise NotComparable(f"nothing to compare: s_o/l ends at {stop:.4f}, the window starts at {window[0]}")
+    return window[0], stop
+
+
+def inside(r: Response, window: Window) -> NDArray[np.bool_]:
+    """Return which steps of a run lie in the window, (n,)."""
+    place = r.s_o / r.length
+    return (place >= window[0]) & (place <= window[1] * (1.0 + 1e-12))
+
+
+def at_steps_of(a: Response, b: Response, values: Array) -> Array:
+    """Interpolate `values` (n_b, ...), given at the steps of b, to the instants of a; cubic spline in time."""
+    return CubicSpline(b.t, values, axis=0)(np.clip(a.t, b.t[0], b.t[-1]))
+
+
+def path_gap(a: Response, b: Response, window: Window) -> tuple[float, float]:
+    """Return (max, rms) of |w_a - w_b| of the mass path over the window, relative to the largest deflection of b.
+
+    Taken at the steps of the response that has fewer; the other is interpolated by a cubic spline in time.
+    """
+    coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
+    within = inside(coarse, window)
+    if np.count_nonzero(within) < 5:
+        raise NotComparable(f"{coarse.method} has {np.count_nonzero(within)} steps in the window {window}; 5 are needed")
+    size = _distance(coarse, fine)[within] / b.max_deflection
+    return float(size.max()), float(np.sqrt(np.mean(size**2)))
+
+
+def place_of_gap(a: Response, b: Response, window: Window) -> float:
+    """Return s_o/l of the largest gap of the mass paths in the window."""
+    coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
+    size = np.where(inside(coarse, window), _distance(coarse, fine), 0.0)
+    return float(coarse.s_o[np.argmax(size)] / coarse.length)
+
+
+def _distance(coarse: Response, fine: Response) -> Array:
+    gap = np.stack([coarse.u, coarse.v], axis=1) - at_steps_of(coarse, fine, np.stack([fine.u, fine.v], axis=1))
+    return np.hypot(gap[:, 0], gap[:, 1])
+
+
+def tension_gap(a: Response, b: Response, window: Window, *, width: float = JUMP_WIDTH) -> float:
+    """Return the rms gap of the tension fields over frames in the window and stations off the mass, relative to H.
+
+    Within `width` of the mass each method smears the jump over its own resolution, so that a gap there measures the
+    mesh and not the answer; the jump has its own measure.
+    """
+    if a.fields.s.shape != b.fields.s.shape or not np.allclose(a.fields.s, b.fields.s, rtol=0.0, atol=1e-9 * a.length):
+        raise NotComparable("the tension fields are given at different stations")
+    place_a, place_b = np.round(a.fields.s_o / a.length, 9), np.round(b.fields.s_o / b.length, 9)
+    place, i, j = np.intersect1d(place_a, place_b, return_indices=True)
+    inside = (place >= window[0]) & (place <= window[1])
+    if not inside.any():
+        raise NotComparable(f"no common frame of the tension fields in the window {window}")
+    away = np.abs(a.fields.s[None, :] / a.length - place[inside][:, None]) >= width
+    gap = (a.fields.T[i[inside]] - b.fields.T[j[inside]])[away] / b.horizontal_tension
+    return float(np.sqrt(np.mean(gap**2)))
+
+
+def jump_defect(r: Response, mass: float, mass_per_length: float, gravity: float) -> Array:
+    """Return (n, 2) [N]: what is missing from [ N t - rho ds_o^2 r' ] = M (p.. - g j) at every step.
+
+    [ ] is the value ahead of the mass less that behind, t the unit tangent, r' the one-sided slope; the cable's
+    momentum flux belongs into it (formulations.md section 8).  Nan at a support.
+    """
+    # ds_o from the mass's own velocity: the cable is not asked
+    speed = np.gradient(r.s_o, r.t, edge_order=2)
+    sides = []
+    for tension, slope in ((r.T_behind, r.slope_behind), (r.T_ahead, r.slope_ahead)):
+        tangent = slope / np.hypot(slope[:, 0], slope[:, 1])[:, None]
+        sides.append(tension[:, None] * tangent - (mass_per_length * speed**2)[:, None] * slope)
+    return sides[1] - sides[0] - mass * (r.acceleration - np.array([0.0, gravity]))
+
+
+def energy_defect(r: Response) -> Array:
+    """Return (n,) [J]: E(t) - E(0) less the work that the drive has put in up to then (trapezoids in time)."""
+    work = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(r.t) * (r.power[1:] + r.power[:-1]))])
+    return r.energy - r.energy[0] - work
+
+
+def energy_gain(r: Response, weight: float, window: Window) -> float:
+    """Return the largest energy a run gained in the window without being given it, over weight times deflection.
+
+    Looks forward from every instant to the largest later defect, so a loss by damping does not hide a gain.
+    """
+    defect = energy_defect(r)[inside(r, window)]
+    if defect.size == 0:
+        raise NotComparable(f"no step in the window {window}")
+    gain = np.maximum.accumulate(defect[::-1])[::-1] - defect
+    return float(gain.max() / (weight * r.max_deflection))
+
+
+def oscillation(r: Response, window: Window, *, width: float = JUMP_WIDTH, reach: float = 0.1) -> float:
+    """Return how far the tension oscillates along the cable, relative to H: the Gibbs overshoot measure.
+
+    At each frame the largest |T - running median over `reach` of the length|, off the mass and off the supports;
+    rms over frames.  The tension itself varies slowly along a cable, apart from its jump at the mass.
+    """
+    inside = (r.fields.s_o / r.length >= window[0]) & (r.fields.s_o / r.length <= window[1])
+    if not inside.any():
+        raise NotComparable(f"no frame of the tension field in the window {window}")
+    s = r.fields.s / r.length
+    half = max(1, round(0.5 * reach / (s[1] - s[0])))
+    worst = []
+    for T, place in zip(r.fields.T[inside], r.fields.s_o[inside] / r.length, strict=True):
+        largest = 0.0
+        for side in (s <= place - width, s >= place + width):
+            if np.count_nonzero(side) > 2 * half:
+                part = np.lib.stride_tricks.sliding_window_view(T[side], 2 * half + 1)
+                largest = max(largest, float(np.abs(part[:, half] - np.median(part, axis=1)).max()))
+        worst.append(largest)
+    return float(np.sqrt(np.mean(np.square(worst))) / r.horizontal_tension)
+
+
+def extrapolated(fine: Response, coarse: Response, order: float = 1.0, ratio: float = 2.0) -> Response:
+    """Return fine + (fine - coarse)/(ratio^order - 1) in path, tensions and fields: Richardson's extrapolation.
+
+    Valid for ladders whose error falls regularly with that order (plain sines: 1).
+    """
+    factor = 1.0 / (ratio**order - 1.0)
+
+    def better(name: str) -> Array:
+        f = getattr(fine, name)
+        c = at_steps_of(fine, coarse, np.nan_to_num(getattr(coarse, name)))
+        return f + factor * (f - c)
+
+    names = ("u", "v", "x", "y", "T_behind", "T_ahead", "acceleration", "velocity", "slope_behind", "slope_ahead")
+    k = min(fine.fields.t.size, coarse.fields.t.size)
+    fields = replace(fine.fields, **{
+        name: getattr(fine.fields, name)[:k] + factor * (getattr(fine.fields, name)[:k] - getattr(coarse.fields, name)[:k])
+        for name in ("u", "v", "du", "dv", "T", "T_behind", "T_ahead", "mass_u", "mass_v")
+    }, t=fine.fields.t[:k], s_o=fine.fields.s_o[:k])  # fmt: skip
+    return replace(fine, **{name: better(name) for name in names}, fields=fields)
