@@ -2,13 +2,12 @@
 
 from cablefem.scene.catenary import Catenary
 from cablefem.scene.errors import SceneError
+from cablefem.scene.motion import Motion, Piece
 from cablefem.scene.scene import Cable, Groups, Mass, Scene, Supports
 from cablefem.scene.travel import (
     AccelerateCruiseBrake,
     ConstantAcceleration,
     ConstantSpeed,
-    Motion,
-    Piece,
     Table,
     Travel,
 )

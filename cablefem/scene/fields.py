@@ -1,108 +1,131 @@
-"""Numbers with their admissible ranges, and the model base that turns every fault into one line."""
+"""Fields with their admissible values, and the model base that turns every fault into one line."""
 
 from __future__ import annotations
 
 import math
 import numbers
+import re
 from collections.abc import Callable
-from typing import Annotated, Any
+from dataclasses import dataclass
+from typing import Annotated, Any, get_args
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 
 from cablefem.scene.errors import SceneError, nearest, shown
 
-# No cable is built outside these; inside them no product of two fields overflows or vanishes.
+# No cable is built outside these; inside them no product of fields overflows or vanishes.
 SMALL, LARGE = 1e-12, 1e15
 
 
-def _number(admits: Callable[[float], bool], admissible: str) -> BeforeValidator:
-    """A validator that takes real numbers (no bool, no text) and says what it admits."""
+@dataclass(frozen=True, slots=True)
+class Check:
+    """A validator that says what it admits; `convert` returns None for anything else."""
 
-    def check(value: object) -> float:
+    admissible: str
+    convert: Callable[[Any], object | None]
+
+    def __call__(self, value: object) -> object:
+        converted = self.convert(value)
+        if converted is None:
+            raise ValueError(f"must be {self.admissible}")
+        return converted
+
+
+def _number(admits: Callable[[float], bool]) -> Callable[[object], float | None]:
+    """Convert real numbers, numpy's too, that `admits` accepts; no bool, no text, neither NaN nor infinity."""
+
+    def convert(value: object) -> float | None:
         if isinstance(value, bool) or not isinstance(value, numbers.Real):
-            raise ValueError(f"must be a number, {admissible}")
+            return None
         try:
             number = float(value)
-        except OverflowError:
-            number = math.inf
-        if not (math.isfinite(number) and admits(number)):
-            raise ValueError(f"must be {admissible}")
-        return number
+        except OverflowError:  # an integer of more than 308 digits
+            return None
+        return number if math.isfinite(number) and admits(number) else None
 
-    return BeforeValidator(check)
+    return convert
 
 
-def _positive(x: float) -> bool:
-    return SMALL <= x <= LARGE
+def _several(value: object) -> tuple | None:
+    values = value.tolist() if isinstance(value, np.ndarray) else value
+    return tuple(values) if isinstance(values, list | tuple) and len(values) > 1 else None
 
 
-def _non_negative(x: float) -> bool:
-    return x == 0.0 or _positive(x)
+def _matching(pattern: str) -> Callable[[object], str | None]:
+    return lambda value: value if isinstance(value, str) and re.fullmatch(pattern, value) else None
 
 
-def _real(x: float) -> bool:
-    return abs(x) <= LARGE
+_RANGE = f"{SMALL:g} to {LARGE:g}"
+_POSITIVE = Check(f"a number > 0, from {_RANGE}", _number(lambda x: SMALL <= x <= LARGE))
+_NON_NEGATIVE = Check(f"a number >= 0: 0, or from {_RANGE}", _number(lambda x: x == 0.0 or SMALL <= x <= LARGE))
+_REAL = Check(f"a number from {-LARGE:g} to {LARGE:g}", _number(lambda x: abs(x) <= LARGE))
 
-
-Positive = Annotated[float, _number(_positive, f"> 0 (from {SMALL:g} to {LARGE:g})")]
-NonNegative = Annotated[float, _number(_non_negative, f">= 0 (0, or from {SMALL:g} to {LARGE:g})")]
-Real = Annotated[float, _number(_real, f"finite (from {-LARGE:g} to {LARGE:g})")]
-
-
-def _sequence(value: object) -> object:
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if not isinstance(value, list | tuple) or len(value) < 2:
-        raise ValueError("must be a list of at least two numbers")
-    return tuple(value)
-
-
-Numbers = Annotated[tuple[NonNegative, ...], BeforeValidator(_sequence)]
+Positive = Annotated[float, BeforeValidator(_POSITIVE)]
+NonNegative = Annotated[float, BeforeValidator(_NON_NEGATIVE)]
+Real = Annotated[float, BeforeValidator(_REAL)]
+Numbers = Annotated[tuple[NonNegative, ...], BeforeValidator(Check("a list of at least two numbers", _several))]
+Line = Annotated[str, BeforeValidator(Check("text on one line", _matching(r"[^\x00-\x1f\x7f]*")))]
+Name = Annotated[
+    str, BeforeValidator(Check("letters, digits, '_', '-' and '.', the first no '-' or '.'", _matching(r"\w[\w.-]*")))
+]
 
 
 class Part(BaseModel):
-    """A frozen piece of a scene; building it with a fault raises SceneError with every fault in it."""
+    """A frozen piece of a scene; building it with faults raises SceneError with all of them."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
     def __init__(self, **data: Any) -> None:
-        faults = self.raw_faults(data)
+        faults: list[str] = []
         try:
             super().__init__(**data)
         except ValidationError as error:
-            faults = [line for item in error.errors(include_url=False) for line in self._lines(item)] + faults
+            faults = [line for item in error.errors(include_url=False) for line in self._lines(item)]
+        faults += self.faults_between(data)
         if faults:
-            raise SceneError(faults) from None
+            raise SceneError(faults)
 
     @classmethod
-    def raw_faults(cls, data: dict) -> list[str]:
-        """Faults between fields, found before any field is converted."""
+    def faults_between(cls, data: dict[str, Any]) -> list[str]:
+        """Faults that no field has alone; `data` as given, with or without faults of its own."""
         return []
 
     @classmethod
-    def _lines(cls, item: Any) -> list[str]:
-        """One pydantic error item as lines 'field = value: what is admissible'."""
-        where, value, kind = item["loc"], item["input"], item["type"]
-        cause = item.get("ctx", {}).get("error")
-        name = str(where[0])
-        if isinstance(cause, SceneError):  # of a part of this part
-            return [f"{name}.{fault}" for fault in cause.faults]
-        if len(where) > 1 and isinstance(where[1], int):
-            name += f"[{where[1]}]"
-        if kind == "extra_forbidden":
-            return [f"{name} = {shown(value)}: unknown key.{nearest(name, cls.keys())}"]
-        if kind == "missing":
-            return [f"{name}: missing."]
-        if kind == "union_tag_not_found":
-            return [f"{name}.kind: missing; must be one of {item['ctx']['discriminator']}"]
-        if kind == "union_tag_invalid":
-            known = [tag.strip(" '") for tag in item["ctx"]["expected_tags"].split(",")]
-            return [f"{name}.kind = {shown(item['ctx']['tag'])}: unknown.{nearest(item['ctx']['tag'], known)}"]
-        message = str(cause) if cause is not None else item["msg"]
-        return [f"{name} = {shown(value)}: {message}"]
-
-    @classmethod
-    def keys(cls) -> list[str]:
+    def field_names(cls) -> list[str]:
         """Names of the fields, in the order of their definition."""
         return list(cls.model_fields)
+
+    @classmethod
+    def _lines(cls, item: Any) -> list[str]:
+        """Turn one error item of pydantic into lines 'field = value: what is admissible'."""
+        name, *inner = item["loc"]
+        kind, context = item["type"], item.get("ctx", {})
+        cause = context.get("error")
+        if isinstance(cause, SceneError):  # of a part inside this one
+            return [f"{name}.{fault}" for fault in cause.faults]
+        where = f"{name}[{inner[0]}]" if inner and isinstance(inner[0], int) else str(name)
+        given = f"{where} = {shown(item['input'])}"
+        if kind == "missing":
+            checks = [m.func for m in cls.model_fields[name].metadata if isinstance(m, BeforeValidator)]
+            admissible = checks[0].admissible if checks else f"a table [{name}]"  # type: ignore[union-attr]
+            return [f"{where}: missing; must be {admissible}"]
+        if kind == "extra_forbidden":
+            return [f"{given}: unknown key.{nearest(where, cls.field_names())}"]
+        if kind == "union_tag_invalid":
+            tag, known = item["input"]["kind"], _kinds(cls.model_fields[name].annotation)
+            return [f"{where}.kind = {shown(tag)}: unknown.{nearest(str(tag), known)}"]
+        if kind == "union_tag_not_found":
+            return [f"{where}.kind: missing; must be one of {', '.join(_kinds(cls.model_fields[name].annotation))}"]
+        if cause is None:  # pydantic's own: the only other type a field can have is a part
+            return [f"{given}: must be a table [{where}]"]
+        return [f"{given}: {cause}"]
+
+
+def _kinds(annotation: Any) -> list[str]:
+    """The values of `kind` that tell the members of a union of parts from one another."""
+    kinds: list[str] = []
+    for member in get_args(annotation):
+        is_part = isinstance(member, type) and issubclass(member, Part)
+        kinds += [member.model_fields["kind"].default] if is_part else _kinds(member)
+    return kinds

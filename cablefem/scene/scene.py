@@ -31,16 +31,17 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Any, Self
 
 import numpy as np
-from pydantic import Field, TypeAdapter
+from pydantic import TypeAdapter
 
 from cablefem.scene import catenary as _catenary
 from cablefem.scene.catenary import Catenary
 from cablefem.scene.errors import SceneError, nearest, shown
-from cablefem.scene.fields import Part, Positive, Real
-from cablefem.scene.travel import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Motion, Travel
+from cablefem.scene.fields import Line, Name, Part, Positive, Real
+from cablefem.scene.motion import Motion
+from cablefem.scene.travel import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Travel
 
 SHAPES = ("length", "sag", "horizontal_tension")
 # A support 84 degrees below the other is a hoist, not a ropeway; beyond, y' grows like the slope and digits go.
@@ -57,13 +58,13 @@ class Cable(Part):
     horizontal_tension: Positive | None = None  # H [N]
 
     @classmethod
-    def raw_faults(cls, data: dict) -> list[str]:
+    def faults_between(cls, data: dict[str, Any]) -> list[str]:
         """A cable hangs as deep as exactly one number says."""
-        given = [name for name in SHAPES if data.get(name) is not None]
-        if len(given) == 1:
-            return []
-        got = " and ".join(f"{name} = {shown(data[name])}" for name in given) or "none of them"
-        return [f"give exactly one of {', '.join(SHAPES)}; got {got}"]
+        given = [f"{name} = {shown(data[name])}" for name in SHAPES if data.get(name) is not None]
+        one = f"exactly one of {', '.join(SHAPES)} must be given"
+        if not given:
+            return [f"{SHAPES[0]}: missing; {one}"]
+        return [f"{extra}: too much beside {given[0]}; {one}" for extra in given[1:]]
 
 
 class Supports(Part):
@@ -103,8 +104,8 @@ class Groups:
 class Scene(Part):
     """A cable, its supports and the mass that travels along it; data in SI, the rest are properties."""
 
-    name: Annotated[str, Field(pattern=r"^\w[\w.-]*$")] = "scene"
-    title: str = ""
+    name: Name = "scene"  # also the folder of its results; of a file, the file's name unless it says otherwise
+    title: Line = ""
     gravity: Positive = 9.81  # g [m/s^2]
     cable: Cable
     supports: Supports
@@ -112,14 +113,14 @@ class Scene(Part):
     travel: Travel | None = None
 
     @classmethod
-    def raw_faults(cls, data: dict) -> list[str]:
+    def faults_between(cls, data: dict[str, Any]) -> list[str]:
         """Faults between the parts, as far as the parts themselves are sound."""
         faults = []
         present = [name for name in ("mass", "travel") if data.get(name) is not None]
         if len(present) == 1:
             absent = "travel" if present == ["mass"] else "mass"
             faults.append(f"{absent}: missing; must be given with [{present[0]}] (a bare cable has neither)")
-        gravity = _sound(Positive, data.get("gravity", 9.81))
+        gravity = _sound(Positive, data.get("gravity", cls.model_fields["gravity"].default))
         cable, supports = (_sound(kind, data.get(kind.__name__.lower())) for kind in (Cable, Supports))
         if gravity is None or cable is None or supports is None:
             return faults
@@ -127,14 +128,21 @@ class Scene(Part):
         if hanging:
             return faults + hanging
         catenary = _hang(gravity, cable, supports)
-        if cable.EA <= catenary.max_tension:
+        if not catenary.max_tension < cable.EA:
             faults.append(
                 f"cable.EA = {cable.EA!r}: must be > {catenary.max_tension:.6g} N, the largest static tension, "
                 "or the cable hangs at more than twice its unstretched length"
             )
         travel = _sound(Travel, data["travel"]) if "travel" in present else None
         if travel is not None:
-            faults += [f"travel.{fault}" for fault in travel.faults(catenary.length)]
+            broken = travel.faults(catenary.length)
+            faults += [f"travel.{fault}" for fault in broken]
+            axial = math.sqrt(cable.EA / cable.mass_per_length)
+            if not broken and travel.motion(catenary.length).top_speed >= axial:
+                faults.append(
+                    f"travel: reaches {travel.motion(catenary.length).top_speed:.6g} m/s; must stay < {axial:.6g} m/s, "
+                    "the speed sqrt(EA/rho) of longitudinal waves"
+                )
         return faults
 
     # --- reading and writing ----------------------------------------------------------------------------------------
@@ -143,27 +151,28 @@ class Scene(Part):
     def load(cls, name_or_path: str | Path) -> Self:
         """The built-in scene of that name, or the scene in that TOML file; SceneError with all its faults."""
         text = str(name_or_path)
-        if text in cls.library():
+        if text in LIBRARY:
             return cls.from_toml(cls.library_text(text), name=text)
         path = Path(name_or_path)
-        if not path.is_file():
-            if path.suffix or path.name != text or path.is_dir():
-                raise SceneError([f"scene = {shown(text)}: no such file; must be a TOML file or a built-in scene"])
-            raise SceneError([f"scene = {shown(text)}: no built-in scene, no file.{nearest(text, cls.library())}"])
         try:
             content = path.read_text(encoding="utf-8-sig")
-        except (OSError, UnicodeDecodeError) as error:
-            raise SceneError([f"scene = {shown(text)}: cannot be read as text ({error})"]) from None
-        return cls.from_toml(content, name=re.sub(r"[^\w.-]+", "-", path.stem).lstrip(".-") or "scene")
+        except FileNotFoundError:
+            raise SceneError([f"scene = {shown(text)}: no built-in scene, no file.{nearest(text, LIBRARY)}"]) from None
+        except (OSError, ValueError) as error:  # a folder, no permission, not UTF-8
+            why = error.strerror if isinstance(error, OSError) else error
+            raise SceneError([f"scene = {shown(text)}: must be a readable TOML file ({why})"]) from None
+        return cls.from_toml(content, name=re.sub(r"[^\w.-]+", "-", path.stem).strip(".-") or "scene")
 
     @classmethod
     def from_toml(cls, text: str, *, name: str = "scene") -> Self:
         """The scene in a TOML text; `name` unless the text names it; SceneError with all its faults."""
         try:
             data = tomllib.loads(text)
-        except (ValueError, RecursionError) as error:
-            message = str(error).replace("at end of document", f"at line {text.count(chr(10)) + 1}, the end of the file")
-            raise SceneError([f"not valid TOML: {message}"]) from None
+        except tomllib.TOMLDecodeError as error:
+            end = f"at line {text.count(chr(10)) + 1}, column {len(text) - text.rfind(chr(10))}, where it ends"
+            raise SceneError([f"not valid TOML: {str(error).replace('at end of document', end)}"]) from None
+        except (ValueError, RecursionError):  # a number of thousands of digits, thousands of brackets
+            raise SceneError(["not valid TOML: a number or a nesting beyond all bounds"]) from None
         return cls(**{"name": name, **data})
 
     def to_toml(self) -> str:
@@ -212,7 +221,9 @@ class Scene(Part):
         """
         supports = Supports(span=span, drop=span * math.tan(math.radians(slope)))
         sag = sag_ratio * span
-        raise_if(_hanging_faults(gravity, Cable(mass_per_length=rho, EA=1.0, sag=sag), supports))
+        faults = _hanging_faults(gravity, Cable(mass_per_length=rho, EA=1.0, sag=sag), supports)
+        if faults:
+            raise SceneError(faults)
         hanging = Catenary.from_sag(supports.span, supports.drop, rho * gravity, sag)
         l, H = hanging.length, hanging.horizontal_tension
         data: dict[str, Any] = {}
@@ -246,20 +257,21 @@ class Scene(Part):
         What is not named keeps its SI value.
         """
         if sag_ratio is not None:
-            cable = Cable(mass_per_length=self.cable.mass_per_length, EA=self.cable.EA, sag=sag_ratio * self.supports.span)
+            sag = sag_ratio * self.supports.span
+            cable = Cable(mass_per_length=self.cable.mass_per_length, EA=self.cable.EA, sag=sag)
             return self._with(cable=cable).variant(mu=mu, alpha=alpha, speed_ratio=speed_ratio, **fields)
         if alpha is not None:
-            fields["cable"] = Cable(**{**dict(self.cable), "EA": alpha * self.horizontal_tension})
+            fields["cable"] = Cable(**{**self.cable.model_dump(), "EA": alpha * self.horizontal_tension})
         if mu is not None:
             fields["mass"] = Mass(mass=mu * self.cable.mass_per_length * self.length)
         if speed_ratio is not None:
-            if self.travel is None:
+            if self.travel is None or self.speed_ratio is None:
                 raise SceneError([f"speed_ratio = {speed_ratio!r}: a bare cable has no travel"])
             fields["travel"] = self.travel.faster(speed_ratio / self.speed_ratio)
         return self._with(**fields)
 
     def _with(self, **fields: Any) -> Self:
-        return type(self)(**{**{key: getattr(self, key) for key in self.keys()}, **fields})
+        return type(self)(**{**{key: getattr(self, key) for key in self.field_names()}, **fields})
 
     # --- what follows -----------------------------------------------------------------------------------------------
 
@@ -347,7 +359,7 @@ class Scene(Part):
     @property
     def top_speed(self) -> float | None:
         """Largest ds_o/dt [m/s] of the travel; None for a bare cable."""
-        return None if self._motion is None else self._motion.speeds[1]
+        return None if self._motion is None else self._motion.top_speed
 
     @property
     def speed_ratio(self) -> float | None:
@@ -398,13 +410,7 @@ class Scene(Part):
 
 
 # Built-in scenes in the order in which they are listed.
-LIBRARY = ("level", "cruise", "inclined", "bare")
-
-
-def raise_if(faults: list[str]) -> None:
-    """Raise SceneError when there are faults."""
-    if faults:
-        raise SceneError(faults)
+LIBRARY = ("level", "cruise", "inclined", "bare", "tramway", "zipline", "kevlar")
 
 
 def _hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
@@ -421,7 +427,8 @@ def _hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[st
     """Why these supports and this cable have no catenary, if they have none."""
     span, drop = supports.span, supports.drop
     if abs(drop) > STEEPEST * span:
-        return [f"supports.drop = {drop!r}: must be from {-STEEPEST * span:.6g} to {STEEPEST * span:.6g} ({STEEPEST:g} spans)"]
+        most = STEEPEST * span
+        return [f"supports.drop = {drop!r}: must be from {-most:.6g} to {most:.6g}, {STEEPEST:g} spans"]
     name, value = next((n, v) for n in SHAPES if (v := getattr(cable, n)) is not None)
     low, high = {
         "length": lambda: _catenary.length_range(span, drop),

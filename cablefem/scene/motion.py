@@ -1,0 +1,113 @@
+"""The travel s_o(t) of the mass as a function: a piecewise polynomial with exact derivatives and named phases."""
+
+from __future__ import annotations
+
+import bisect
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import brentq
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """s_o(t) = c0 + c1 x + c2 x^2 + c3 x^3, x = t - origin, in use from `start` on."""
+
+    start: float
+    origin: float
+    c0: float
+    c1: float
+    c2: float
+    c3: float = 0.0
+
+    def __call__(self, t: float) -> tuple[float, float, float]:
+        """Return (s_o, ds_o/dt, d2s_o/dt2) at t."""
+        x = t - self.origin
+        return (
+            self.c0 + x * (self.c1 + x * (self.c2 + x * self.c3)),
+            self.c1 + x * (2.0 * self.c2 + 3.0 * x * self.c3),
+            2.0 * self.c2 + 6.0 * x * self.c3,
+        )
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Where the mass is, how fast and with what acceleration, between jumps of acceleration called phases.
+
+    Units are those it was built in: SI by `Travel.motion`; lengths over l, times over l sqrt(rho/H) in `Groups`.
+    """
+
+    phases: tuple[tuple[float, float], ...]  # consecutive [t0, t1]; the last t1 is the end of travel
+    pieces: tuple[tuple[Piece, ...], ...]  # of each phase; inside a phase the acceleration is continuous
+    end: float  # s_o at the end of travel
+
+    def at(self, t: float, phase: int) -> tuple[float, float, float]:
+        """Return (s_o, ds_o/dt, d2s_o/dt2) at t by the polynomials of that phase, also at and beyond its two ends."""
+        pieces = self.pieces[phase]
+        index = bisect.bisect_right(pieces, t, key=lambda piece: piece.start) - 1 if len(pieces) > 1 else 0
+        s, ds, dds = pieces[max(0, index)](t)
+        if t == self.phases[-1][1]:
+            s = self.end  # exactly, where the polynomial has rounding
+        return s, ds, dds
+
+    def position(self, t) -> np.ndarray:
+        """s_o at times t, same shape; it stays at its first and last value before and after the travel."""
+        stop = self.phases[-1][1]
+        t = np.clip(np.asarray(t, dtype=float), 0.0, stop)
+        start, origin, c0, c1, c2, c3 = self._columns
+        k = np.searchsorted(start[1:], t, side="right")
+        x = t - origin[k]
+        return np.where(t == stop, self.end, c0[k] + x * (c1[k] + x * (c2[k] + x * c3[k])))
+
+    def time_at(self, s_o: float) -> float:
+        """The time at which the mass comes to s_o, to rounding; ValueError where it never comes."""
+        if not 0.0 <= s_o <= self.end:
+            raise ValueError(f"the mass is never at s_o = {s_o!r}: its travel covers [0, {self.end!r}]")
+        times = np.append(self._columns[0], self.phases[-1][1])
+        places = self.position(times)
+        k = int(np.searchsorted(places, s_o, side="left"))
+        if places[k] == s_o:
+            return float(times[k])
+        piece = [piece for pieces in self.pieces for piece in pieces][k - 1]
+        low, high = float(times[k - 1]), float(times[k])
+        if piece(high)[0] <= s_o:  # within the rounding of the piece's end
+            return high
+        return float(brentq(lambda t: piece(t)[0] - s_o, low, high, xtol=1e-300, rtol=1e-15, maxiter=500))
+
+    @property
+    def speeds(self) -> list[tuple[float, float]]:
+        """(t, ds_o/dt) wherever the speed can be largest or least: ends of pieces, and its turns inside a cubic."""
+        samples = []
+        for (_, stop), pieces in zip(self.phases, self.pieces, strict=True):
+            for piece, high in zip(pieces, [*(p.start for p in pieces[1:]), stop], strict=True):
+                times = [piece.start, high]
+                if piece.c3 != 0.0 and piece.start < (turn := piece.origin - piece.c2 / (3.0 * piece.c3)) < high:
+                    times.append(turn)
+                samples += [(t, piece(t)[1]) for t in times]
+        return samples
+
+    @cached_property
+    def top_speed(self) -> float:
+        """Largest ds_o/dt of the travel."""
+        return max(speed for _, speed in self.speeds)
+
+    def scaled(self, length: float, time: float) -> Motion:
+        """The same motion with lengths measured in `length` and times in `time`."""
+        v, a = time / length, time * time / length
+        return Motion(
+            tuple((t0 / time, t1 / time) for t0, t1 in self.phases),
+            tuple(
+                tuple(
+                    Piece(p.start / time, p.origin / time, p.c0 / length, p.c1 * v, p.c2 * a, p.c3 * a * time)
+                    for p in pieces
+                )
+                for pieces in self.pieces
+            ),
+            self.end / length,
+        )
+
+    @cached_property
+    def _columns(self) -> np.ndarray:
+        """start, origin, c0, c1, c2, c3 of all pieces: (6, n)."""
+        return np.array([(p.start, p.origin, p.c0, p.c1, p.c2, p.c3) for pieces in self.pieces for p in pieces]).T
