@@ -84,7 +84,7 @@ def add_catenary(span, dofs, tab, cable, q, r, ab, tangent, c0):
             stretch = math.sqrt(rx * rx + ry * ry)
             eps = (2.0 * (xp * du + yp * dv) + du * du + dv * dv) / (stretch + 1.0)
             N = T + alpha * eps
-            if N < least:
+            if least > N:
                 least, where = N, s
             if law == 1.0 and N <= 0.0:
                 fx, fy, k_geo, k_mat = -1.0, -p, 0.0, 0.0
@@ -207,7 +207,7 @@ def cable_energy(span, dofs, tab, cable, q, v):
             stretch = math.sqrt((xp + du) ** 2 + (yp + dv) ** 2)
             eps = (2.0 * (xp * du + yp * dv) + du * du + dv * dv) / (stretch + 1.0)
             N = T + alpha * eps
-            if N < least:
+            if least > N:
                 least, where = N, s
             # a slack point of the tension-only law has spent its energy at eps = -T/alpha
             stored = T * eps + 0.5 * alpha * eps * eps

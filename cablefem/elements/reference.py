@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import skfem
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
 
 Array = NDArray[np.float64]
 
@@ -69,9 +70,9 @@ class Reference:
     dx: Array  # (n_el, n_q) weights
     value: Array  # (n_el, n_loc, n_q)
     grad: Array  # (n_el, n_loc, n_q) d/dxi
-    M: Array  # (n, n) integral phi_i phi_j
-    G: Array  # (n, n) integral w phi_i phi_j,xi
-    H: Array  # (n, n) integral w^2 phi_i,xi phi_j,xi
+    M: coo_array  # (n, n) integral phi_i phi_j
+    G: coo_array  # (n, n) integral w phi_i phi_j,xi
+    H: coo_array  # (n, n) integral w^2 phi_i,xi phi_j,xi
     shapes: Array  # (n_loc, n_loc) polynomial coefficients, see shape_polynomials
 
     def evaluate(self, xi: Array) -> tuple[NDArray[np.int64], Array, Array]:
@@ -98,18 +99,18 @@ def reference(knots: Array, degree: int, pull_at_end: bool) -> Reference:
     along[basis.element_dofs[1]] = degree * np.arange(1, n_el + 1)
     for k in range(2, n_loc):
         along[basis.element_dofs[k]] = degree * np.arange(n_el) + k - 1
-    order = np.argsort(along)
     pull = xi if pull_at_end else 1.0 - xi
 
-    def dense(form: skfem.BilinearForm) -> Array:
-        return form.assemble(basis, pull=pull).toarray()[np.ix_(order, order)]
+    def operator(form: skfem.BilinearForm) -> coo_array:
+        matrix = form.assemble(basis, pull=pull).tocoo()
+        return coo_array((matrix.data, (along[matrix.row], along[matrix.col])), shape=matrix.shape)
 
     field = [basis.basis[k][0] for k in range(n_loc)]
     return Reference(
         degree=degree, knots=knots, n=int(basis.N), dofs=along[basis.element_dofs].T.copy(), xi=xi, dx=basis.dx,
         value=np.stack([np.broadcast_to(f.value, xi.shape) for f in field], axis=1),
         grad=np.stack([np.broadcast_to(f.grad[0], xi.shape) for f in field], axis=1),
-        M=dense(mass_form), G=dense(transport_form), H=dense(convection_form),
+        M=operator(mass_form), G=operator(transport_form), H=operator(convection_form),
         shapes=shape_polynomials(lagrange_element(degree)),
     )  # fmt: skip
 
