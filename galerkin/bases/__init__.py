@@ -4,9 +4,10 @@ from typing import Protocol
 
 import numpy as np
 
+from galerkin.bases.daubechies import Daubechies
 from galerkin.bases.fourier import Fourier
 
-__all__ = ["Basis", "Fourier"]
+__all__ = ["Basis", "Daubechies", "Fourier"]
 
 
 class Basis(Protocol):

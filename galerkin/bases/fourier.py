@@ -75,7 +75,8 @@ class Fourier:
 
     def quadrature(self) -> tuple[np.ndarray, np.ndarray]:
         """2 n + 40 Gauss points on the cable."""
-        return _unit_gauss(2 * self.n + 40)
+        x, w = _unit_gauss(2 * self.n + 40)
+        return x.copy(), w.copy()
 
     def quadrature_on(self, a: float, b: float) -> tuple[np.ndarray, np.ndarray]:
         """2 n + 20 Gauss points on [a, b]."""
