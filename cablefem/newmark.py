@@ -50,6 +50,7 @@ class System(Protocol):
     @property
     def force_scale(self) -> float:
         """Size of the loads: Newton has converged when max|r| <= newton_tol * force_scale + force_floor."""
+
     @property
     def force_floor(self) -> float:
         """Rounding error of max|r|, below which Newton's method cannot get."""
@@ -172,7 +173,9 @@ class ErrorControl:
     dt_min: float = 0.0
 
 
-def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 1.0, growth: float = 1.15) -> list[Array]:
+def step_times(
+    system: System, steps: int, *, entry: float = 1.0, exit: float = 1.0, growth: float = 1.15
+) -> list[Array]:
     """Return per phase the instants to step on: about `steps` equal steps, whole ones in each phase.
 
     The last instant, where the mass sits on the far support, is left out: the boundary condition would answer there.
@@ -216,7 +219,7 @@ def integrate(
     method: Scheme,
     times: Sequence[Array] | ErrorControl,
     *,
-    newton: Newton = Newton(),  # noqa: B008  (frozen)
+    newton: Newton = Newton(),
     work: Work | None = None,
     start: State | None = None,
 ) -> Iterator[State]:
@@ -244,7 +247,7 @@ def integrate(
         else:
             grid = times[phase]
             advance = _prescribed(system, method, grid[grid > state.t], state, newton, work)
-        for state in advance:  # noqa: B020  (the loop carries the state on)
+        for state in advance:
             yield state
 
 
@@ -253,7 +256,8 @@ def _prescribed(system: System, method: Scheme, grid: Array, state: State, newto
     for t in grid.tolist():
         t0, halvings = state.t, 0
         while state.t < t:
-            t1 = t if halvings == 0 else min(t, state.t + (t - t0) * 0.5**halvings)
+            piece = (t - t0) * 0.5**halvings
+            t1 = state.t + piece if state.t + 1.001 * piece < t else t
             try:
                 state = stepper(state, t1)
                 work.steps += 1
@@ -324,7 +328,8 @@ class _Stepper:
         self._a_mid = None
 
     def __call__(self, x: State, t1: float) -> State:
-        return self._averaged(x, t1) if self.method.average else self._newmark(x, t1)
+        with np.errstate(over="ignore", invalid="ignore"):  # a diverging iteration is caught by its norm
+            return self._averaged(x, t1) if self.method.average else self._newmark(x, t1)
 
     def _newmark(self, x: State, t1: float) -> State:
         m, dt = self.method, t1 - x.t
@@ -410,5 +415,5 @@ class _Stepper:
                 work.factorisations += 1
         raise NewtonStalled(
             t1, f"Newton's method stalled (max|r| = {norm:.2g}, allowed {bound:.2g})",
-            "take more steps, a damped scheme (newmark, generalized-alpha), or the tension-only law if the cable is slack",
+            "take more steps, a damped scheme (newmark, generalized-alpha), or the tension-only law for a slack cable",
         )  # fmt: skip

@@ -56,7 +56,9 @@ def overall(rows: list[Agreement]) -> Verdict:
     return Verdict.AGREE
 
 
-def agree(scene: Scene, a: Estimated, b: Estimated, *, tol: float | None = None, window: Window | None = None) -> list[Agreement]:
+def agree(
+    scene: Scene, a: Estimated, b: Estimated, *, tol: float | None = None, window: Window | None = None
+) -> list[Agreement]:
     """Compare two estimated runs; every allowed gap is the sum of the two solvers' own error bars.
 
     tol : asked of the mass path: where the bars of `path_max` or `path_rms` exceed it, the row is "not comparable".
@@ -64,8 +66,8 @@ def agree(scene: Scene, a: Estimated, b: Estimated, *, tol: float | None = None,
     """
     try:
         window = measures.window_of(*a.runs, *b.runs, window=window or measures.WINDOW)
-    except NotComparable as reason:
-        return [Agreement("path_max", math.nan, math.nan, str(reason))]
+    except NotComparable as error:
+        return [Agreement("path_max", math.nan, math.nan, str(error))]
     rows = []
     max_gap, rms_gap = measures.path_gap(a.response, b.response, window)
     where = measures.place_of_gap(a.response, b.response, window)
@@ -93,7 +95,14 @@ def agree(scene: Scene, a: Estimated, b: Estimated, *, tol: float | None = None,
     return rows
 
 
-def _row(name: str, gap: float, a: Estimated, b: Estimated, of: Callable[[Response, Response], float], where: float | None = None) -> Agreement:
+def _row(
+    name: str,
+    gap: float,
+    a: Estimated,
+    b: Estimated,
+    of: Callable[[Response, Response], float],
+    where: float | None = None,
+) -> Agreement:
     bars = a.bar(of), b.bar(of)
     because = (
         f"sum of both error bars: {a.run.method} {bars[0]:.2g} ({a.basis}), {b.run.method} {bars[1]:.2g} ({b.basis})"
@@ -131,7 +140,10 @@ def _law(name: str, series: Series, a: Estimated, b: Estimated, window: Window) 
 
         bar = e.bar(distance)
         row = Agreement(
-            name, gap, bar, f"{e.run.method}: the law holds exactly, so its defect may be the run's own error, {e.basis}"
+            name,
+            gap,
+            bar,
+            f"{e.run.method}: the law holds exactly, so its defect may be the run's own error, {e.basis}",
         )
         if worst is None or row.gap * worst.allowed > worst.gap * row.allowed:
             worst = row

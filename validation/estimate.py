@@ -10,12 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-
-
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation import measures
-
 from validation.methods import Method, find, refined
 from validation.run import run
 
@@ -102,6 +99,3 @@ def _with_bars(e: Estimated) -> Estimated:
         "error_parts": parts,
     }
     return replace(e, response=replace(e.response, **bars), run=replace(e.run, **bars))  # type: ignore[arg-type]
-
-
-

@@ -51,7 +51,9 @@ def path_gap(a: Response, b: Response, window: Window) -> tuple[float, float]:
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
     within = inside(coarse, window)
     if np.count_nonzero(within) < 5:
-        raise NotComparable(f"{coarse.method} has {np.count_nonzero(within)} steps in the window {window}; 5 are needed")
+        raise NotComparable(
+            f"{coarse.method} has {np.count_nonzero(within)} steps in the window {window}, 5 are needed"
+        )
     size = _distance(coarse, fine)[within] / b.max_deflection
     return float(size.max()), float(np.sqrt(np.mean(size**2)))
 
@@ -155,8 +157,9 @@ def extrapolated(fine: Response, coarse: Response, order: float = 1.0, ratio: fl
 
     names = ("u", "v", "x", "y", "T_behind", "T_ahead", "acceleration", "velocity", "slope_behind", "slope_ahead")
     k = min(fine.fields.t.size, coarse.fields.t.size)
-    fields = replace(fine.fields, **{
-        name: getattr(fine.fields, name)[:k] + factor * (getattr(fine.fields, name)[:k] - getattr(coarse.fields, name)[:k])
-        for name in ("u", "v", "du", "dv", "T", "T_behind", "T_ahead", "mass_u", "mass_v")
-    }, t=fine.fields.t[:k], s_o=fine.fields.s_o[:k])  # fmt: skip
-    return replace(fine, **{name: better(name) for name in names}, fields=fields)
+    sampled = {}
+    for name in ("u", "v", "du", "dv", "T", "T_behind", "T_ahead", "mass_u", "mass_v"):
+        f, c = getattr(fine.fields, name)[:k], getattr(coarse.fields, name)[:k]
+        sampled[name] = f + factor * (f - c)
+    fields = replace(fine.fields, **sampled, t=fine.fields.t[:k], s_o=fine.fields.s_o[:k])
+    return replace(fine, **{name: better(name) for name in names}, fields=fields)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Every named method with its settings and its refinement ladder: the one table that commands, charts and tests read."""
+"""Every named method with its settings: the one table that commands, charts and tests read."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ class Setting:
         """Return the value in the default's type, or raise ValueError naming the admissible range."""
         if isinstance(self.default, str):
             if value not in self.allowed:
-                raise ValueError(f"{name} must be one of {', '.join(self.allowed)}, got {value!r}{_near(value, self.allowed)}")
+                choices = [str(x) for x in self.allowed]
+                raise ValueError(f"{name} must be one of {', '.join(choices)}, got {value!r}{_near(value, choices)}")
             return value
         kind = type(self.default)
         try:
@@ -46,7 +47,7 @@ def _near(name: Any, known: Any) -> str:
 
 _TIME = {
     "steps": Setting(1000, (2, 1_000_000), "equal time steps from entry to exit"),
-    "entry": Setting(1.0, (1e-9, 1.0), "first step as a fraction of the equal ones; steps then grow by 15 percent each"),
+    "entry": Setting(1.0, (1e-9, 1.0), "first step as a fraction of the equal ones; the next grow by 15 percent each"),
     "exit": Setting(1.0, (1e-9, 1.0), "last step as a fraction of the equal ones"),
     "scheme": Setting("trapezoidal", SCHEMES, "time integration"),
     "newmark_gamma": Setting(0.6, (0.5, 1.5), "gamma of scheme=newmark; beta = (gamma + 1/2)^2/4"),
@@ -112,6 +113,7 @@ def _fixed(element: str, coupling: str) -> Build:
 def _galerkin(family: str, kink: bool) -> Build:
     def build(groups: Groups, x: dict[str, Any], **kind: str) -> System:
         from galerkin.abscissa import PositionAbscissa
+
         from galerkin.bases.daubechies import Daubechies
         from galerkin.bases.fourier import Fourier
         from galerkin.equations import GalerkinSystem

@@ -42,8 +42,8 @@ def resolve(
                 _factor(parts["path_space"], 0.5 * tol, space_order(method)),
                 _factor(parts["path_time"], 0.4 * tol, p_time),
             )
-        finer = refined(method, method.settings({k: v for k, v in settings.items() if k not in ("model", "load", "law")}),
-                        space=factors[0], time=factors[1])
+        chosen = method.settings({k: v for k, v in settings.items() if k not in ("model", "load", "law")})
+        finer = refined(method, chosen, space=factors[0], time=factors[1])
         finer[method.resolution] = min(finer[method.resolution], MOST[method.resolution])
         finer["steps"] = min(finer["steps"], MOST["steps"])
         if all(finer[k] == settings.get(k, finer[k]) for k in (method.resolution, "steps")):

@@ -45,9 +45,7 @@ def run(
     if isinstance(method, str):
         method = find(method)
     settings = method.settings(settings)
-    scheme = newmark.scheme(
-        settings["scheme"], newmark_gamma=settings["newmark_gamma"], rho_inf=settings["rho_inf"]
-    )
+    scheme = newmark.scheme(settings["scheme"], newmark_gamma=settings["newmark_gamma"], rho_inf=settings["rho_inf"])
     with threadpool_limits(1):  # the matrices are small: threads cost more than they give
         system = method.build(
             scene.groups, settings, model=model, load=load, law="tension-only" if law == "tension-only" else "elastic"
@@ -124,9 +122,7 @@ def _between(h: States, t: Array) -> States:
     v = (v0 + x * (2.0 * (3.0 * d - 2.0 * v0 - v1) + x * 3.0 * (v0 + v1 - 2.0 * d))) / dt
     a = (1.0 - x) * h.a[i - 1] + x * h.a[i]
     exact = (t == h.t[i])[:, None]
-    return States(
-        t, np.where(exact, h.q[i], q), np.where(exact, h.v[i], v), np.where(exact, h.a[i], a), h.phase[i]
-    )
+    return States(t, np.where(exact, h.q[i], q), np.where(exact, h.v[i], v), np.where(exact, h.a[i], a), h.phase[i])
 
 
 def _frames(scene: Scene, t_last: float) -> Array:
@@ -167,7 +163,7 @@ def _respond(scene, method, settings, model, load, law, system, h: _History) -> 
     return Response(
         scene=scene.name, scene_toml=scene.to_toml(), method=method.name, settings=settings, model=model, load=load,
         law=law, status="complete" if h.complete else "incomplete", reason=h.failure, slack_onset=onset,
-        slack_at=None if onset is None else float(h.onset[1]),
+        slack_at=None if onset is None or h.onset is None else float(h.onset[1]),
         switched=onset if h.system_after is not None else None, length=l, horizontal_tension=H,
         t=tau * states.t, s_o=l * s_o, x=X.x(l * s_o) + l * steps.path[:, 0], y=X.y(l * s_o) + l * steps.path[:, 1],
         u=l * steps.path[:, 0], v=l * steps.path[:, 1], T_behind=H * steps.T_behind, T_ahead=H * steps.T_ahead,

@@ -28,15 +28,15 @@ def lagrange_element(degree: int) -> skfem.Element:
 
 
 def shape_polynomials(element: skfem.Element) -> Array:
-    """Return P (n_loc, n_loc): local shape function k at x in [0, 1] is sum_m P[k, m] x^m.
+    """Return P (n_loc, n_loc): shape function k of the element [0, 1] is sum_m P[k, m] x^m.
 
     The shape functions are polynomials of degree n_loc - 1, so their values at n_loc points determine them.
     """
-    n_loc = element.refdom.nnodes + element.interior_dofs
+    n_loc = element.refdom.nnodes * element.nodal_dofs + element.interior_dofs
     x = 0.5 - 0.5 * np.cos(np.pi * (np.arange(n_loc) + 0.5) / n_loc)
     mesh = skfem.MeshLine(np.array([0.0, 1.0]))
     basis = skfem.Basis(mesh, element, quadrature=(x[None, :], np.ones(n_loc)))
-    values = np.array([basis.basis[k][0].value[0] for k in range(n_loc)])
+    values = np.array([np.asarray(basis.basis[k][0])[0] for k in range(n_loc)])
     return np.linalg.solve(np.vander(x, increasing=True), values.T).T
 
 
@@ -108,7 +108,7 @@ def reference(knots: Array, degree: int, pull_at_end: bool) -> Reference:
     field = [basis.basis[k][0] for k in range(n_loc)]
     return Reference(
         degree=degree, knots=knots, n=int(basis.N), dofs=along[basis.element_dofs].T.copy(), xi=xi, dx=basis.dx,
-        value=np.stack([np.broadcast_to(f.value, xi.shape) for f in field], axis=1),
+        value=np.stack([np.broadcast_to(np.asarray(f), xi.shape) for f in field], axis=1),
         grad=np.stack([np.broadcast_to(f.grad[0], xi.shape) for f in field], axis=1),
         M=operator(mass_form), G=operator(transport_form), H=operator(convection_form),
         shapes=shape_polynomials(lagrange_element(degree)),

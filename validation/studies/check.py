@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -77,10 +78,7 @@ def check(
         raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     # the sum of both bars is held against tol: each solver gets half of it
-    runs = [
-        resolve(scene, m, 0.5 * tol, progress=None if progress is None else lambda x, m=m: progress(m, x))
-        for m in methods
-    ]
+    runs = [resolve(scene, m, 0.5 * tol, progress=None if progress is None else partial(progress, m)) for m in methods]
     try:
         window = measures.window_of(*runs[0].runs, *runs[1].runs)
     except measures.NotComparable:

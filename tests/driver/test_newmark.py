@@ -1,0 +1,294 @@
+"""The driver against exact recurrences, exact solutions, stability limits, and a system that fails."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from cablefem.newmark import (
+    SCHEMES,
+    ErrorControl,
+    Newton,
+    NewtonStalled,
+    Scheme,
+    StepUnderflow,
+    Work,
+    consistent_acceleration,
+    integrate,
+    scheme,
+    step_times,
+)
+from tests.driver.systems import Spring
+
+TIGHT = Newton(tol=1e-13)
+
+
+def last(system, method, times, **kw):
+    return list(integrate(system, method, times, **kw))[-1]
+
+
+def grid(end, n):
+    return [np.linspace(0.0, end, n + 1)]
+
+
+# --- the discrete recurrence -----------------------------------------------------------------------------------
+@pytest.mark.parametrize("gamma", [0.5, 0.6, 0.83])
+def test_newmark_steps_follow_the_closed_amplification_matrix(gamma):
+    """For m a + k q = 0 a step is (q, dt v, dt^2 a)_1 = A (q, dt v, dt^2 a)_0, A known (Hughes 1987, section 9.1)."""
+    spring = Spring(m=1.7, k=5.3)
+    beta, dt, n = 0.25 * (gamma + 0.5) ** 2, 0.17, 23
+    omega2 = 5.3 / 1.7 * dt * dt
+    denominator = 1.0 + beta * omega2
+    a_row = -omega2 / denominator * np.array([1.0, 1.0, 0.5 - beta])
+    A = np.array([[1.0, 1.0, 0.5 - beta] + beta * a_row, [0.0, 1.0, 1.0 - gamma] + gamma * a_row, a_row])
+    x0 = spring.start(0, None)
+    expected = np.linalg.matrix_power(A, n) @ np.array([x0.q[0], dt * x0.v[0], dt * dt * x0.a[0]])
+    x = last(spring, Scheme("any", beta, gamma), grid(n * dt, n), newton=TIGHT)
+    np.testing.assert_allclose([x.q[0], dt * x.v[0], dt * dt * x.a[0]], expected, rtol=0.0, atol=1e-13)
+    # twin: another gamma does not follow that matrix
+    other = last(spring, Scheme("any", beta, gamma + 0.02), grid(n * dt, n), newton=TIGHT)
+    assert abs(other.q[0] - expected[0]) > 1e-4
+
+
+def exact(spring, t):
+    w = math.sqrt(spring.k[0] / spring.m[0])
+    return spring.q0 * math.cos(w * t) + spring.v0 / w * math.sin(w * t)
+
+
+@pytest.mark.parametrize(
+    ("name", "order", "finest"),
+    [
+        ("trapezoidal", 2.0, 5e-6),
+        ("generalized-alpha", 2.0, 1e-5),
+        ("energy", 2.0, 5e-6),
+        ("central-difference", 2.0, 3e-6),
+        ("newmark", 1.0, 5e-3),
+    ],
+)
+def test_order_on_free_vibration(name, order, finest):
+    """Second order to 0.05, the damped rule first order; with an absolute bound at 1600 steps."""
+    spring = Spring()
+    steps = [200, 400, 800, 1600]
+    error = [abs(last(spring, scheme(name), grid(3.0, n), newton=TIGHT).q[0] - exact(spring, 3.0)) for n in steps]
+    slope = -np.polyfit(np.log(steps), np.log(error), 1)[0]
+    assert abs(slope - order) < 0.05, (slope, error)
+    assert error[-1] < finest
+
+
+@pytest.mark.parametrize("name", ["trapezoidal", "generalized-alpha", "energy"])
+def test_order_on_a_forced_damped_nonlinear_spring(name):
+    spring = Spring(d=0.37, k3=11.0, f=1.9)
+    reference = solve_ivp(
+        lambda t, y: [y[1], (1.9 * math.sin(2.1 * t) - 0.37 * y[1] - 5.3 * y[0] - 11.0 * y[0] ** 3) / 1.7],
+        (0.0, 3.0), [spring.q0, spring.v0], method="DOP853", rtol=1e-13, atol=1e-14,
+    ).y[0, -1]  # fmt: skip
+    steps = [200, 400, 800, 1600]
+    error = [abs(last(spring, scheme(name), grid(3.0, n), newton=TIGHT).q[0] - reference) for n in steps]
+    slope = -np.polyfit(np.log(steps), np.log(error), 1)[0]
+    assert abs(slope - 2.0) < 0.05, (slope, error)
+    assert error[-1] < 2e-5
+
+
+# --- stability -------------------------------------------------------------------------------------------------
+def test_central_differences_lose_stability_at_two_over_omega():
+    w = math.sqrt(5.3 / 1.7)
+    for factor, bounded in ((0.99, True), (1.01, False)):
+        dt = factor * 2.0 / w
+        x = last(Spring(end=400 * dt), scheme("central-difference"), grid(400 * dt, 400))
+        assert bool(abs(x.q[0]) < 10.0) is bounded
+
+
+def test_generalized_alpha_annihilates_what_it_cannot_resolve_and_the_trapezoidal_rule_does_not():
+    stiff = Spring(k=5.3e8, q0=0.31, v0=0.0)
+    dying = last(stiff, scheme("generalized-alpha", rho_inf=0.5), grid(3.0, 60))
+    start, ringing = stiff.start(0, None), last(stiff, scheme("trapezoidal"), grid(3.0, 60))
+    assert abs(dying.q[0]) < 1e-9 * 0.31  # 60 steps at spectral radius about 1/2
+    # the trapezoidal rule keeps the energy of a linear system to rounding
+    assert stiff.energy(ringing) == pytest.approx(stiff.energy(start), rel=1e-9)
+
+
+def test_the_energy_rule_keeps_the_energy_of_a_stiff_cubic_spring_that_the_trapezoidal_rule_lets_grow():
+    # four Gauss points integrate a cubic force exactly, so only Newton's tolerance is left
+    spring = Spring(m=1.7, k=0.4, k3=5.3e3, q0=0.9, v0=0.0, end=50.0)
+    energy = {}
+    for name in ("energy", "trapezoidal"):
+        states = list(integrate(spring, scheme(name), grid(50.0, 1000), newton=Newton(tol=1e-11, max_iter=60)))
+        E = np.array([spring.energy(x) for x in states])
+        energy[name] = np.abs(E / E[0] - 1.0).max()
+    assert energy["energy"] < 1e-9
+    assert energy["trapezoidal"] > 1e-2
+
+
+# --- phases, start, error control --------------------------------------------------------------------------------
+class Kicked(Spring):
+    """A force that jumps at the phase boundary."""
+
+    def push(self, t, phase):
+        return np.array([0.0 if phase == 0 else 4.1])
+
+
+@pytest.mark.parametrize("name", ["trapezoidal", "generalized-alpha", "energy"])
+def test_a_jump_of_the_force_on_a_phase_boundary_costs_no_order(name):
+    spring = Kicked(phases=((0.0, 1.3), (1.3, 3.0)))
+    w, q = math.sqrt(5.3 / 1.7), 4.1 / 5.3
+    at = exact(spring, 1.3)
+    speed = -spring.q0 * w * math.sin(w * 1.3) + spring.v0 * math.cos(w * 1.3)
+    truth = q + (at - q) * math.cos(w * 1.7) + speed / w * math.sin(w * 1.7)
+    steps = [200, 400, 800]
+    error = []
+    for n in steps:
+        times = [np.linspace(0.0, 1.3, n // 2), np.linspace(1.3, 3.0, n // 2)]
+        states = list(integrate(spring, scheme(name), times, newton=TIGHT))
+        assert any(x.t == 1.3 for x in states)
+        error.append(abs(states[-1].q[0] - truth))
+    slope = -np.polyfit(np.log(steps), np.log(error), 1)[0]
+    assert abs(slope - 2.0) < 0.1, error
+    # twin: stepping over the jump is first order and much worse
+    over = last(Kicked(end=3.0), scheme(name), grid(3.0, 800))
+    assert abs(over.q[0] - truth) > 10 * error[-1]
+
+
+def test_consistent_acceleration_leaves_no_residual():
+    spring = Spring(d=0.3, k3=2.0, f=1.1)
+    x = consistent_acceleration(spring, 0.7, np.array([0.2]), np.array([-0.4]), 0)
+    assert np.abs(spring.residual(0.7, x.q, x.v, x.a, 0)).max() < 1e-14
+
+
+def test_error_control_meets_a_tighter_tolerance_with_a_smaller_error_and_lands_on_phase_ends():
+    spring = Kicked(phases=((0.0, 1.3), (1.3, 3.0)))
+    fine = last(spring, scheme("trapezoidal"), [np.linspace(0.0, 1.3, 40001), np.linspace(1.3, 3.0, 40001)])
+    errors, counts = [], []
+    for tol in (1e-4, 1e-5, 1e-6):
+        work = Work()
+        states = list(integrate(spring, scheme("trapezoidal"), ErrorControl(tol, 1e-3), work=work))
+        assert any(x.t == 1.3 for x in states)
+        # the last step stops a millionth short of the end, where a following mesh would lose its last side
+        assert 3.0 - states[-1].t < 3e-6
+        errors.append(abs(states[-1].q[0] - fine.q[0]))
+        counts.append(work.steps)
+    # local error of order 3: a tenth of the tolerance, 10^(2/3) of the global error
+    assert errors[1] < 0.5 * errors[0]
+    assert errors[2] < 0.5 * errors[1]
+    assert counts[0] < counts[1] < counts[2]
+    assert errors[2] < 1e-4
+
+
+@pytest.mark.parametrize("steps", [2, 7, 100])
+@pytest.mark.parametrize(("entry", "exit_"), [(1.0, 1.0), (1e-3, 1.0), (0.01, 0.2)])
+def test_step_times_fill_the_phases_without_the_very_last_instant(steps, entry, exit_):
+    spring = Spring(phases=((0.0, 1.3), (1.3, 3.0), (3.0, 3.7)))
+    times = step_times(spring, steps, entry=entry, exit=exit_)
+    assert len(times) == 3
+    assert times[0][0] == 0.0
+    assert times[0][-1] == times[1][0] == 1.3
+    assert times[1][-1] == times[2][0] == 3.0
+    assert times[2][-1] < 3.7
+    lengths = np.diff(np.concatenate([times[0], times[1][1:], times[2][1:]]))
+    assert (lengths > 0.0).all()
+    assert lengths.max() < 2.0 * 3.7 / steps + 1e-12 or steps < 7  # whole steps per phase
+    if entry < 1.0 and steps == 100:
+        assert lengths[0] / np.median(lengths) == pytest.approx(entry, rel=0.1)
+
+
+# --- failure ------------------------------------------------------------------------------------------------------
+class Broken(Spring):
+    """Loses its solution at t = 1: the force becomes NaN, or grows without a root."""
+
+    def __init__(self, kind, **kw):
+        super().__init__(**kw)
+        self.kind = kind
+
+    def residual(self, t, q, v, a, phase):
+        r = super().residual(t, q, v, a, phase)
+        if t >= 1.0:
+            return np.full_like(r, np.nan) if self.kind == "nan" else 1.0 + r * r
+        return r
+
+
+@pytest.mark.parametrize("kind", ["nan", "rootless"])
+@pytest.mark.parametrize("name", [s for s in SCHEMES if s != "central-difference"])
+def test_an_unconverged_state_never_leaves_and_the_failure_says_when_and_why(kind, name):
+    states = []
+    with pytest.raises(NewtonStalled) as caught:
+        states.extend(integrate(Broken(kind), scheme(name), grid(3.0, 100)))
+    assert 0.95 <= states[-1].t <= 1.0
+    assert all(np.isfinite(x.q).all() for x in states)
+    assert 0.95 <= caught.value.t <= 1.03
+    assert "max|r|" in caught.value.cause
+    assert "steps" in caught.value.advice
+
+
+def test_error_control_gives_up_with_underflow_where_no_step_helps():
+    with pytest.raises(StepUnderflow) as caught:
+        list(integrate(Broken("nan"), scheme("trapezoidal"), ErrorControl(1e-5, 1e-2)))
+    assert caught.value.t < 1.0
+
+
+def test_a_step_too_long_for_newton_is_taken_in_pieces():
+    class Touchy(Spring):
+        """Defined only within 0.04 of the last instant that had a residual."""
+
+        reached = candidate = 0.0
+
+        def residual(self, t, q, v, a, phase):
+            if t != self.candidate and t > self.candidate:
+                self.reached = self.candidate
+            if t - self.reached > 0.04:
+                return np.full(1, np.nan)
+            self.candidate = t
+            return super().residual(t, q, v, a, phase)
+
+    work = Work()
+    states = list(integrate(Touchy(end=1.0), scheme("trapezoidal"), grid(1.0, 10), work=work))
+    np.testing.assert_allclose([x.t for x in states], np.linspace(0.0, 1.0, 11))
+    assert work.rejected == 2 * 10  # a tenth, its half, its quarter
+    assert work.steps == 4 * 10
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: scheme("leapfrog"), "unknown scheme"),
+        (lambda: scheme("newmark", newmark_gamma=0.4), r"\[0.5, 1.5\]"),
+        (lambda: scheme("generalized-alpha", rho_inf=1.1), r"\[0, 1\]"),
+        (lambda: Scheme("x", math.nan), "newmark_beta"),
+        (lambda: step_times(Spring(), 1), "at least 2"),
+        (lambda: step_times(Spring(), 10, entry=0.0), r"\(0, 1\]"),
+    ],
+)
+def test_settings_out_of_range_are_named(call, words):
+    with pytest.raises(ValueError, match=words):
+        call()
+
+
+# --- the same semi-discrete cable by an independent integrator ---------------------------------------------------
+def test_the_driver_agrees_with_dop853_on_the_same_elements():
+    """Three digits more than the comparison needs come from scipy's eighth-order rule on identical equations."""
+    from cablefem import Scene
+    from cablefem.elements.following import FollowingElements
+
+    system = FollowingElements(Scene.load("level").groups, elements=2, degree=2)
+    t1 = 0.35 * system.phases[0][1]
+    begin = list(integrate(system, scheme("trapezoidal"), [np.linspace(0.0, 0.02 * t1, 41)]))[-1]
+    n = system.n_dof
+    zero = np.zeros(n)
+
+    def rate(t, y):
+        r, solve = system.linearise(t, y[:n], y[n:], zero, 0, 0.0, 0.0, 1.0)
+        return np.concatenate([y[n:], -solve(r.copy())])
+
+    y0 = np.concatenate([begin.q, begin.v])
+    truth = solve_ivp(rate, (begin.t, t1), y0, method="DOP853", rtol=1e-10, atol=1e-13).y[:n, -1]
+    begin = consistent_acceleration(system, begin.t, begin.q, begin.v, 0)
+    errors = []
+    for steps in (400, 800, 1600):
+        x = last(
+            system, scheme("trapezoidal"), [np.linspace(begin.t, t1, steps + 1)], start=begin, newton=Newton(tol=1e-11)
+        )
+        errors.append(float(np.abs(x.q - truth).max() / np.abs(truth).max()))
+    slope = -np.polyfit(np.log([400, 800, 1600]), np.log(errors), 1)[0]
+    assert abs(slope - 2.0) < 0.1, errors
+    assert errors[-1] < 1e-4
