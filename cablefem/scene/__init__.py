@@ -1,9 +1,10 @@
 """WHAT is simulated: a cable, its supports and the mass that travels along it."""
 
+from cablefem.scene.cable import Cable, Supports
 from cablefem.scene.catenary import Catenary
 from cablefem.scene.errors import SceneError
 from cablefem.scene.motion import Motion, Piece
-from cablefem.scene.scene import Cable, Groups, Mass, Scene, Supports
+from cablefem.scene.scene import Groups, Mass, Scene
 from cablefem.scene.travel import (
     AccelerateCruiseBrake,
     ConstantAcceleration,

@@ -73,7 +73,7 @@ class Motion:
         low, high = float(times[k - 1]), float(times[k])
         if piece(high)[0] <= s_o:  # within the rounding of the piece's end
             return high
-        return float(brentq(lambda t: piece(t)[0] - s_o, low, high, xtol=1e-300, rtol=1e-15, maxiter=500))
+        return float(brentq(lambda t: piece(t)[0] - s_o, low, high, xtol=1e-20 * high, rtol=1e-15, maxiter=500))
 
     @property
     def speeds(self) -> list[tuple[float, float]]:

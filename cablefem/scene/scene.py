@@ -28,7 +28,7 @@ import math
 import re
 import tomllib
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Any, Self
@@ -37,41 +37,12 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from cablefem.scene import catenary as _catenary
+from cablefem.scene.cable import Cable, Supports, hang, hanging_faults
 from cablefem.scene.catenary import Catenary
 from cablefem.scene.errors import SceneError, nearest, shown
-from cablefem.scene.fields import Line, Name, Part, Positive, Real
+from cablefem.scene.fields import Line, Name, Part, Positive
 from cablefem.scene.motion import Motion
 from cablefem.scene.travel import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Travel
-
-SHAPES = ("length", "sag", "horizontal_tension")
-# A support 84 degrees below the other is a hoist, not a ropeway; beyond, y' grows like the slope and digits go.
-STEEPEST = 10.0
-
-
-class Cable(Part):
-    """A uniform elastic cable; exactly one of length, sag and horizontal_tension fixes how deep it hangs."""
-
-    mass_per_length: Positive  # rho [kg/m] per stretched static length
-    EA: Positive  # [N]
-    length: Positive | None = None  # l [m], stretched static arc length
-    sag: Positive | None = None  # [m], largest vertical distance below the chord
-    horizontal_tension: Positive | None = None  # H [N]
-
-    @classmethod
-    def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        """A cable hangs as deep as exactly one number says."""
-        given = [f"{name} = {shown(data[name])}" for name in SHAPES if data.get(name) is not None]
-        one = f"exactly one of {', '.join(SHAPES)} must be given"
-        if not given:
-            return [f"{SHAPES[0]}: missing; {one}"]
-        return [f"{extra}: too much beside {given[0]}; {one}" for extra in given[1:]]
-
-
-class Supports(Part):
-    """Two fixed points; the left one is the origin."""
-
-    span: Positive  # b [m], horizontal
-    drop: Real = 0.0  # h [m], right support below the left one: positive
 
 
 class Mass(Part):
@@ -124,10 +95,10 @@ class Scene(Part):
         cable, supports = (_sound(kind, data.get(kind.__name__.lower())) for kind in (Cable, Supports))
         if gravity is None or cable is None or supports is None:
             return faults
-        hanging = _hanging_faults(gravity, cable, supports)
+        hanging = hanging_faults(gravity, cable, supports)
         if hanging:
             return faults + hanging
-        catenary = _hang(gravity, cable, supports)
+        catenary = hang(gravity, cable, supports)
         if not catenary.max_tension < cable.EA:
             faults.append(
                 f"cable.EA = {cable.EA!r}: must be > {catenary.max_tension:.6g} N, the largest static tension, "
@@ -221,7 +192,7 @@ class Scene(Part):
         """
         supports = Supports(span=span, drop=span * math.tan(math.radians(slope)))
         sag = sag_ratio * span
-        faults = _hanging_faults(gravity, Cable(mass_per_length=rho, EA=1.0, sag=sag), supports)
+        faults = hanging_faults(gravity, Cable(mass_per_length=rho, EA=1.0, sag=sag), supports)
         if faults:
             raise SceneError(faults)
         hanging = Catenary.from_sag(supports.span, supports.drop, rho * gravity, sag)
@@ -278,7 +249,7 @@ class Scene(Part):
     @cached_property
     def catenary(self) -> Catenary:
         """The static cable, eqs (9)-(12)."""
-        return _hang(self.gravity, self.cable, self.supports)
+        return hang(self.gravity, self.cable, self.supports)
 
     @property
     def length(self) -> float:
@@ -413,43 +384,13 @@ class Scene(Part):
 LIBRARY = ("level", "cruise", "inclined", "bare", "tramway", "zipline", "kevlar")
 
 
-def _hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
-    weight = cable.mass_per_length * gravity
-    if cable.length is not None:
-        return Catenary.from_length(supports.span, supports.drop, weight, cable.length)
-    if cable.sag is not None:
-        return Catenary.from_sag(supports.span, supports.drop, weight, cable.sag)
-    assert cable.horizontal_tension is not None
-    return Catenary(supports.span, supports.drop, weight, cable.horizontal_tension)
-
-
-def _hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str]:
-    """Why these supports and this cable have no catenary, if they have none."""
-    span, drop = supports.span, supports.drop
-    if abs(drop) > STEEPEST * span:
-        most = STEEPEST * span
-        return [f"supports.drop = {drop!r}: must be from {-most:.6g} to {most:.6g}, {STEEPEST:g} spans"]
-    name, value = next((n, v) for n in SHAPES if (v := getattr(cable, n)) is not None)
-    low, high = {
-        "length": lambda: _catenary.length_range(span, drop),
-        "sag": lambda: _catenary.sag_range(span, drop),
-        "horizontal_tension": lambda: _catenary.tension_range(span, cable.mass_per_length * gravity),
-    }[name]()
-    if low <= value <= high:
-        return []
-    fault = f"cable.{name} = {value!r}: must be from {low!r} to {high:.6g} with these supports"
-    chord = math.hypot(span, drop)
-    if name == "length" and value <= chord:
-        fault += f" (the supports are {chord!r} m apart)"
-    elif name == "length" and value < low:
-        fault += " (for a cable this taut give sag or horizontal_tension)"
-    return [fault]
+_adapter = cache(TypeAdapter)  # building one takes longer than reading a scene
 
 
 def _sound(kind: Any, value: object) -> Any:
     """The value as a field of that kind; None when it has faults of its own, which are reported where it stands."""
     try:
-        return TypeAdapter(kind).validate_python(value)
+        return _adapter(kind).validate_python(value)
     except ValueError:
         return None
 
