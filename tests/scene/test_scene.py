@@ -40,11 +40,11 @@ def test_level_is_the_paper_s_cable():
     assert scene.mu == pytest.approx(1.0, rel=1e-15)
     assert scene.irvine == pytest.approx(24.08404, rel=2e-6)  # oracles: sigma^2 alpha of the rounded values
     ((t0, t1),) = scene.groups.motion.phases
-    _, V, _ = scene.groups.motion.at(t0, 0)
-    assert V == pytest.approx(math.sqrt(scene.sigma), rel=1e-14)
-    assert V == pytest.approx(0.41095, abs=5e-6)
-    assert t1 == pytest.approx(1.0 / V, rel=1e-14)
-    assert scene.speed_ratio == pytest.approx(V, rel=1e-14)
+    _, ds, _ = scene.groups.motion.at(t0, 0)
+    assert ds == pytest.approx(math.sqrt(scene.sigma), rel=1e-14)
+    assert ds == pytest.approx(0.41095, abs=5e-6)
+    assert t1 == pytest.approx(1.0 / ds, rel=1e-14)
+    assert scene.speed_ratio == pytest.approx(ds, rel=1e-14)
     assert scene.arrival == pytest.approx(t1 * scene.time_scale, rel=1e-14)
 
 

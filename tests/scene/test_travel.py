@@ -29,7 +29,7 @@ LAWS = {
 
 
 def kinematic_defect(motion):
-    """Largest gap between (ds_o, dds_o) of `at` and central differences of s_o and ds_o, relative to the travel's scale.
+    """Largest gap between (ds_o, dds_o) of `at` and central differences of s_o and ds_o, over the mean speed.
 
     Taken inside every polynomial piece, because across a knot of the spline the third derivative jumps;
     `position` must agree with `at`, too.
