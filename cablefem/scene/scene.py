@@ -1,5 +1,7 @@
 """What is simulated: cable, supports, mass and travel in SI, and everything that follows from them.
 
+"Equation" is the paper's first one with the symbol; "list" is its list of scales and groups between (16) and (17).
+
 | symbol  | code                        | unit | equation | meaning                                               |
 |---------|-----------------------------|------|----------|-------------------------------------------------------|
 | l       | scene.length                | m    | (12)     | stretched static arc length; the length scale         |
@@ -10,11 +12,11 @@
 | g       | scene.gravity               | m/s2 | (4)      | gravity                                               |
 | M       | scene.mass.mass             | kg   | (2)      | moving mass                                           |
 | H = T_o | scene.horizontal_tension    | N    | (9)      | horizontal static tension; the force scale            |
-| -       | scene.time_scale            | s    | (18)     | l sqrt(rho/H)                                         |
-| mu      | scene.mu                    | -    | (18)     | M/(rho l)                                             |
-| alpha   | scene.alpha                 | -    | (18)     | EA/H                                                  |
-| beta    | scene.beta                  | -    | (18)     | rho g l/EA = sigma/alpha                              |
-| sigma   | scene.sigma                 | -    | (18)     | rho g l/H                                             |
+| -       | scene.time_scale            | s    | list     | l sqrt(rho/H)                                         |
+| mu      | scene.mu                    | -    | list     | M/(rho l)                                             |
+| alpha   | scene.alpha                 | -    | list     | EA/H                                                  |
+| beta    | scene.beta                  | -    | list     | rho g l/EA = sigma/alpha                              |
+| sigma   | scene.sigma                 | -    | list     | rho g l/H                                             |
 | c       | scene.groups.c              | -    | (10)     | y'/x' at the left support                             |
 | L^2     | scene.irvine                | -    | Irvine   | sigma^2 alpha cos^5(chord slope)                      |
 | s_o(t)  | scene.groups.motion         | -    | (1)      | travel of the mass along the cable, over l            |
@@ -283,22 +285,22 @@ class Scene(Part):
 
     @property
     def mu(self) -> float:
-        """M/(rho l) [-] (18); 0 without a mass."""
+        """M/(rho l) [-] (list before (17)); 0 without a mass."""
         return 0.0 if self.mass is None else self.mass.mass / (self.cable.mass_per_length * self.length)
 
     @property
     def alpha(self) -> float:
-        """EA/H [-] (18)."""
+        """EA/H [-] (list before (17))."""
         return self.cable.EA / self.horizontal_tension
 
     @property
     def beta(self) -> float:
-        """rho g l/EA = sigma/alpha [-] (18)."""
+        """rho g l/EA = sigma/alpha [-] (list before (17))."""
         return self.sigma / self.alpha
 
     @property
     def sigma(self) -> float:
-        """rho g l/H [-] (18)."""
+        """rho g l/H [-] (list before (17))."""
         return self.catenary.sigma
 
     @property
