@@ -1,0 +1,256 @@
+"""Cable elements on a fixed mesh, the mass moving through them.
+
+The cable is M d2q/dt2 + R(q) = 0; the mass in the element at s_o adds N(s_o)^T F, F = mu (d2p/dt2 - sigma j), with
+p = X(s_o) + w(s_o, t), w(s_o, t) = N(s_o) q.  The ways differ in where d2w(s_o(t), t)/dt2 comes from:
+
+chain    N a + 2 ds_o N' v + (ds_o^2 N'' + dds_o N') q, the chain rule: right for C1 (Hermite) elements.  N'' jumps at
+         the nodes: steps must shrink with the square of the element length, or the scheme must damp a little.
+naive    the same inside P1 or P2 elements.  WRONG: N' jumps from element to element, so N'' has deltas at the nodes,
+         and they carry the centrifugal force ds_o^2 w''; without them the path converges to something else, or not at
+         all.  Kept because everybody writes it first.
+path     the mass is a particle of its own, an unknown p with the constraint p = N(s_o) q; its acceleration is what the
+         time scheme makes of p(t).  Right on any elements, but a constraint on positions (index 3): it needs numerical
+         damping (Newmark's gamma = 0.6), the undamped rule blows up.  P1 and P2 moreover need it damped PER ELEMENT,
+         about 25 steps each: with many more steps the blows at the nodes ring on undamped.
+
+Dimensionless: l = H = rho = 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import skfem
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+
+from cablefem.elements import kernels
+from cablefem.elements.cable import CableElements, bands, elements_allowed
+from cablefem.elements.reference import mass_form, shape_polynomials
+from cablefem.newmark import Solve, State, consistent_acceleration
+from cablefem.response import States
+from cablefem.scene import Groups
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """An element of scikit-fem and how its unknowns are numbered along the cable."""
+
+    element: type[skfem.Element]
+    offsets: tuple[int, ...]  # of the local unknowns from the first one of the element
+    step: int  # from element to element
+    couplings: tuple[str, ...]  # the first one is the default
+
+
+_KINDS = {
+    "hermite": _Kind(skfem.ElementLineHermite, (0, 1, 2, 3), 2, ("chain", "path")),
+    "p1": _Kind(skfem.ElementLineP1, (0, 1), 1, ("path", "naive")),
+    "p2": _Kind(skfem.ElementLineP2, (0, 2, 1), 2, ("path", "naive")),
+}
+
+
+class FixedElements(CableElements):
+    """The cable with its moving mass on equal fixed elements; a `cablefem.newmark.System`.
+
+    groups : the scene in dimensionless form, with its motion.
+    elements : on the whole cable.
+    element : "hermite" (C1, cubic), "p1" or "p2".
+    coupling : "chain", "path" or "naive", see above; not every element can have every one.
+    model : "full" for (u, v), or one unknown field normal to the chord: "string", "sagged", "stretching".
+    load : "mass", or "force" for its weight alone.
+    law : "elastic", or "tension-only": N = max(0, T + alpha eps).
+
+    Slopes and tensions behind and ahead of the mass are equal, but at a node: a kink inside an element is not resolved.
+    """
+
+    def __init__(
+        self, groups: Groups, *, elements: int = 40, element: str = "hermite", coupling: str = "chain",
+        model: str = "full", load: str = "mass", law: str = "elastic",
+    ) -> None:  # fmt: skip
+        super().__init__(groups, model, load, law)
+        self.elements = elements_allowed(elements)
+        if element not in _KINDS:
+            raise ValueError(f"element must be one of {', '.join(_KINDS)}, got {element!r}")
+        kind = _KINDS[element]
+        if coupling not in kind.couplings:
+            raise ValueError(f"coupling of {element} elements must be {' or '.join(kind.couplings)}, got {coupling!r}")
+        self.coupling = coupling
+        self._tabulate(kind)
+        self.particle = coupling == "path"
+        self._n_dof = self.fields * (self.n_scalar + self.particle)
+        self._at: tuple[float, int] | None = None
+
+    def start(self, phase: int, state: State | None) -> State:
+        """Return the state at the beginning of a phase.
+
+        At entry everything rests: on the support the mass does not load the cable yet.  Where the drive's
+        acceleration jumps by [dds_o], q and dq/dt go on; the particle and the cable under it jump together,
+        (M + mu N^T N) [a] = -mu N^T [dds_o] (X' + N' q), because the constraint itself does not determine a.
+        """
+        t = self.phases[phase][0]
+        if state is None:
+            zero = np.zeros(self._n_dof)
+            return State(t, zero, zero.copy(), zero.copy(), phase)
+        if not self.particle:
+            return consistent_acceleration(self, t, state.q, state.v, phase)
+        s_o, _, dds = self.motion.at(t, phase)
+        jump = dds - self.motion.at(t, phase - 1)[2]
+        dofs, N, N_s, _ = self._shape(s_o)
+        slope_jump = jump * N_s @ state.q[dofs]
+        band = np.zeros((self.fields * self.n_scalar, 3 * self._band + 1))
+        unused = np.zeros(self._n_dof)
+        kernels.add_banded(
+            self._mass, _ONLY_MASS, self.fields, state.q, state.v, state.a, unused, band, True, 0.0, 0.0, 1.0
+        )
+        self._add_coupling(band, dofs, N, self.inertia * N)
+        load = np.zeros(self.fields * self.n_scalar)
+        load[dofs] = -self.inertia * np.outer(N, self._static_acceleration(s_o, 0.0, jump) + slope_jump)
+        cable = self._solver(band, None, 0.0)(load)
+        return State(t, state.q, state.v, state.a + np.append(cable, N @ cable[dofs] + slope_jump), phase)
+
+    def linearise(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
+    ) -> tuple[Array, Solve]:
+        r, solve = super().linearise(t, q, v, a, phase, c0, c1, c2)
+        if not self.particle:
+            return r, solve
+        if c0 == 0.0:
+            raise ValueError("coupling path needs an implicit scheme: a constraint on positions has no explicit one")
+        f, mu, (dofs, N) = self.fields, self.inertia, self._contact[:2]
+
+        # rows S x + c2 mu N^T y = b, c0 (y - N x) = d: with y from the second, mu c2 N^T N is already in the band of S
+        def solve_with_particle(b: Array) -> Array:
+            d = b[-f:] / c0
+            b[dofs] -= c2 * mu * np.outer(N, d)
+            x = solve(b[:-f])
+            return np.append(x, d + N @ x[dofs])
+
+        return r, solve_with_particle
+
+    # --- assembly --------------------------------------------------------------------------------------
+    def _tabulate(self, kind: _Kind) -> None:
+        """Tabulate ONE element with scikit-fem and repeat it; Hermite slopes are per element length.
+
+        scikit-fem finds global elements such as Hermite's from monomials in the global coordinate (12.0.2): on a mesh
+        of 400 elements they are right to 1e-7 only, on the unit element to rounding.
+        """
+        n = self.elements
+        basis = skfem.Basis(skfem.MeshLine(np.array([0.0, 1.0])), kind.element(), intorder=2 * len(kind.offsets) - 2)
+        x = np.asarray(basis.global_coordinates())[0, 0]
+        n_loc, first = len(kind.offsets), np.arange(n)[:, None]
+        all_dofs = kind.step * first + np.array(kind.offsets)
+        number = np.arange(all_dofs.max() + 1)
+        supports = (number == 0) | (number == kind.step * n)
+        number = np.where(supports, -1, np.cumsum(~supports) - 1)
+        self._dofs = number[all_dofs]
+        self.n_scalar = int(number.max()) + 1
+        self._tab = np.empty((n, x.size, 2 + 2 * n_loc))
+        self._tab[:, :, 0] = (first + x) / n
+        self._tab[:, :, 1] = basis.dx[0] / n
+        for k in range(n_loc):
+            self._tab[:, :, 2 + k] = basis.basis[k][0].value[0]
+            self._tab[:, :, 2 + n_loc + k] = n * basis.basis[k][0].grad[0, 0]
+        self._span = np.tile([0.0, 1.0, 0.0, 0.0], (n, 1))
+        b = max(kind.offsets)
+        self._band = self.fields * b + self.fields - 1
+        of_one = mass_form.assemble(basis).toarray()[np.ix_(basis.element_dofs[:, 0], basis.element_dofs[:, 0])] / n
+        row, col = np.broadcast_arrays(self._dofs[:, :, None], self._dofs[:, None, :])
+        inner = (row >= 0) & (col >= 0)
+        data = np.broadcast_to(of_one, row.shape)[inner]
+        shape = (self.n_scalar, self.n_scalar)
+        self._mass = bands(coo_array((data, (row[inner], col[inner])), shape=shape), b)[None]
+        powers = shape_polynomials(kind.element())
+        order = np.arange(n_loc)
+        once = np.zeros_like(powers)
+        once[:, :-1] = powers[:, 1:] * order[1:]
+        twice = np.zeros_like(powers)
+        twice[:, :-1] = once[:, 1:] * order[1:]
+        self._powers = np.stack([powers, n * once, n * n * twice])  # (3, n_loc, n_loc): N, N', N''
+
+    def _shape(self, s_o: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
+        """Return the unknowns (n_loc, fields) of the element at s_o, and N, N', N'' there; at a node the one ahead."""
+        e = min(int(s_o * self.elements), self.elements - 1)
+        x = s_o * self.elements - e
+        N, N_s, N_ss = self._powers @ x ** np.arange(self._powers.shape[2])
+        keep = self._dofs[e] >= 0
+        dofs = self.fields * self._dofs[e][keep][:, None] + np.arange(self.fields)
+        return dofs, N[keep], N_s[keep], N_ss[keep]
+
+    def _time(self, t: float, phase: int) -> None:
+        """Find the element under the mass and the rows of its force at this instant."""
+        s_o, ds, dds = self.motion.at(t, phase)
+        dofs, N, N_s, N_ss = self._shape(s_o)
+        mu = self.inertia
+        load = mu * self._static_acceleration(s_o, ds, dds) - self._weight()
+        self._contact = (dofs, N, mu * N, 2.0 * mu * ds * N_s, mu * (ds * ds * N_ss + dds * N_s), load)
+        self._at = (t, phase)
+
+    def _assemble(self, t, q, v, a, phase, r, ab, tangent, c0, c1, c2) -> Array | None:
+        if self._at != (t, phase):
+            self._time(t, phase)
+        dofs, N, m_row, c_row, k_row, load = self._contact
+        kernels.add_banded(self._mass, _ONLY_MASS, self.fields, q, v, a, r, ab, tangent, c0, c1, c2)
+        increment = self._add_internal(self._span, self._dofs, self._tab, q, r, ab, tangent, c0)
+        if self.particle:
+            p = slice(-self.fields, None)
+            r[p] = q[p] - N @ q[dofs]
+            r[dofs] += np.outer(N, self.inertia * a[p] + load)
+            row = c2 * m_row
+        else:
+            r[dofs] += np.outer(N, m_row @ a[dofs] + c_row @ v[dofs] + k_row @ q[dofs] + load)
+            row = c2 * m_row + c1 * c_row + c0 * k_row
+        if tangent:
+            self._add_coupling(ab, dofs, N, row)
+        return increment
+
+    def _add_coupling(self, ab: Array, dofs: NDArray[np.int64], N: Array, row: Array) -> None:
+        """Add N^T row for every field."""
+        for d in dofs.T:
+            ab[d, 2 * self._band + d[:, None] - d] += np.outer(N, row)
+
+    # --- observation -----------------------------------------------------------------------------------
+    def _tables(self, s_o: float, ds: float) -> tuple[Array, NDArray[np.int64], Array]:
+        return self._span, self._dofs, self._tab
+
+    def _evaluate(self, s: Array, side: str) -> tuple[NDArray[np.int64], Array]:
+        """Return unknowns (m, n_loc), counted from 1, supports 0, and N, N', N'' (3, n_loc, m); side at a node."""
+        x = s * self.elements
+        e = np.clip(np.ceil(x) - 1 if side == "behind" else np.floor(x), 0, self.elements - 1).astype(int)
+        return self._dofs[e] + 1, self._powers @ (x - e) ** np.arange(self._powers.shape[2])[:, None]
+
+    def _padded(self, x: Array) -> Array:
+        """Return (n, 1 + n_scalar, fields) of a history, zeros for the supports in front."""
+        n = x.shape[0]
+        cable = x[:, : self.fields * self.n_scalar].reshape(n, -1, self.fields)
+        return np.concatenate([np.zeros((n, 1, self.fields)), cable], axis=1)
+
+    def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
+        s_o, ds, dds = kinematics.T
+        row = np.arange(s_o.size)[:, None]
+        dofs, shapes = self._evaluate(s_o, "ahead")
+        q, v, a = (self._padded(x)[row, dofs] for x in (states.q, states.v, states.a))  # (n, n_loc, fields)
+
+        def at(shape: Array, x: Array) -> Array:
+            return np.einsum("ln,nlf->nf", shape, x)
+
+        N, N_s, N_ss = shapes
+        ahead = at(N_s, q)
+        dofs, shapes = self._evaluate(s_o, "behind")
+        behind = at(shapes[1], self._padded(states.q)[row, dofs])
+        if self.particle:
+            f = self.fields
+            return states.q[:, -f:], states.v[:, -f:], states.a[:, -f:], behind, ahead
+        w_t = at(N, v) + ds[:, None] * ahead
+        w_tt = at(N, a) + at(2.0 * ds * N_s, v) + at(ds**2 * N_ss + dds * N_s, q)
+        return at(N, q), w_t, w_tt, behind, ahead
+
+    def _fields(self, states: States, kinematics: Array, s: Array, frames: NDArray[np.intp]) -> Array:
+        dofs, (N, N_s, _) = self._evaluate(s, "behind")
+        q, v = (self._padded(x[frames])[:, dofs] for x in (states.q, states.v))  # (k, m, n_loc, fields)
+        return np.stack([np.einsum("lm,kmlf->kmf", shape, x) for shape, x in ((N, q), (N, v), (N_s, q))])
+
+
+_ONLY_MASS = np.array([[1.0, 0.0, 0.0]])
