@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 MODELS = ("full", "string", "sagged", "stretching")
 
 # lam, kap of the one-field models: whether stretching by the sag, and by the slope squared, raises the tension
-_STRETCHING = {"string": (0.0, 0.0), "sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}
+STRETCHING = {"string": (0.0, 0.0), "sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}
 
 
 def elements_allowed(elements: int) -> int:
@@ -163,7 +163,7 @@ class CableElements:
         self._cable = np.array([g.alpha, g.sigma, g.c, flag])
         if self.model != "full":
             tau = 1.0 / g.chord_cos
-            self._chord = np.array([g.alpha, tau, g.sigma * g.chord_cos / tau, *_STRETCHING[self.model], flag])
+            self._chord = np.array([g.alpha, tau, g.sigma * g.chord_cos / tau, *STRETCHING[self.model], flag])
 
     def _add_internal(
         self, span: Array, dofs: NDArray[np.int64], tab: Array, q: Array, r: Array, ab: Array, tangent: bool, c0: float

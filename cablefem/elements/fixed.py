@@ -135,7 +135,7 @@ class FixedElements(CableElements):
         """Tabulate ONE element with scikit-fem and repeat it; Hermite slopes are per element length.
 
         scikit-fem finds global elements such as Hermite's from monomials in the global coordinate (12.0.2): on a mesh
-        of 400 elements they are right to 1e-7 only, on the unit element to rounding.
+        of 400 elements they are right to 4e-7 only, on the unit element to rounding.
         """
         n = self.elements
         basis = skfem.Basis(skfem.MeshLine(np.array([0.0, 1.0])), kind.element(), intorder=2 * len(kind.offsets) - 2)
