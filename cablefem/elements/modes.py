@@ -37,7 +37,7 @@ def bare_frequencies(
 ) -> Array:
     """Return the n lowest circular frequencies omega l sqrt(rho/H), ascending, shape (n,).
 
-    elements : on the whole cable; degree : 1 to 8.  With the defaults the first ten of the paper's cable are right to 1e-9.
+    elements : on the whole cable; degree : 1 to 8.  The defaults give the paper's first ten to 1e-9.
     model : "full", or "string", "sagged", "stretching" (at rest the same as sagged, Irvine & Caughey's theory).
     """
     elements_allowed(elements)
