@@ -1,0 +1,60 @@
+"""Other codes on the same scenes, as an optional check from outside: ``pip install cablefem[peers]``.
+
+Each is a small function that builds the scene with that code's own elements, mass and time integrator and returns
+the mass path, dimensionless.  Nothing of this package takes part in the solution but the static shape, the static
+tension and the travel.  The other codes are imported when they are run, not before.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from validation.peers import exudyn, opensees
+from validation.peers.path import PeerPath
+
+__all__ = ["PEERS", "Peer", "PeerPath", "available"]
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """Another code: its name here, its package on PyPI, the module to import, how to run it, and how to refine it."""
+
+    name: str
+    package: str
+    module: str
+    run: Callable[..., PeerPath]  # run(groups, *, elements, steps=None); each also documents what `seconds` counts
+    ladder: tuple[Mapping[str, int], ...]  # settings of `run`, coarse to fine
+
+
+PEERS: dict[str, Peer] = {
+    peer.name: peer
+    for peer in (
+        Peer(
+            "opensees", "openseespy", "openseespy.opensees", opensees.run,
+            tuple({"elements": n} for n in (200, 500, 1000, 2000)),
+        ),
+        Peer(
+            "exudyn", "exudyn", "exudyn", exudyn.run,
+            tuple({"elements": n, "steps": 20 * n} for n in (50, 100, 200)),
+        ),
+    )
+}  # fmt: skip
+
+
+def available(name: str) -> str | None:
+    """Return None if that peer can be imported, else the reason in one line."""
+    if name not in PEERS:
+        raise ValueError(f"unknown peer {name!r}; one of {', '.join(PEERS)}")
+    peer = PEERS[name]
+    try:
+        importlib.import_module(peer.module)
+    except Exception as error:  # wheels raise what they like when a system library is missing
+        if isinstance(error, ModuleNotFoundError) and error.name == peer.package:
+            return "not installed"
+        cause: BaseException = error
+        while cause.__cause__ or cause.__context__:  # openseespy hides the missing library behind a general message
+            cause = cause.__cause__ or cause.__context__  # type: ignore[assignment]
+        return str(cause).partition("\n")[0] or type(cause).__name__
+    return None

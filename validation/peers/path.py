@@ -1,0 +1,75 @@
+"""What a run of another code returns: the path of the mass, cut where it stops being an answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cablefem.scene import Groups, Motion
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class PeerPath:
+    """The mass path as another code computes it; dimensionless (lengths over l, time over l sqrt(rho/H))."""
+
+    s_o: Array  # (n,) place of the mass along the static cable; the first row is the entry
+    u: Array  # (n,) horizontal displacement of the mass from the static shape
+    v: Array  # (n,) vertical one, positive down
+    t: Array  # (n,)
+    seconds: float  # wall time of the code's own time loop: without import, model set-up and read-out
+    note: str  # why the path ends early, "" when it does not
+
+    @property
+    def reached(self) -> float:
+        """The last s_o of the path."""
+        return float(self.s_o[-1])
+
+
+def travel(groups: Groups, elements: int) -> Motion:
+    """Return the motion of a scene that has one, or raise ValueError; `elements` is checked on the way."""
+    if groups.motion is None or groups.mu <= 0.0:
+        raise ValueError("only scenes with a travelling mass can be run in another code")
+    if not isinstance(elements, int) or elements < 4:
+        raise ValueError(f"elements must be an integer >= 4, got {elements!r}")
+    return groups.motion
+
+
+def trusted(s_o: Array, place: Array, t: Array, groups: Groups, seconds: float, note: str) -> PeerPath:
+    """Return the path up to the first instant that is not finite or from which it zigzags from step to step.
+
+    place : (n, 2) position of the mass, x right and y down, origin at the left support; equal steps in t.
+    """
+    w = place - np.stack(groups.shape(s_o), axis=1)
+    broken = np.flatnonzero(~np.isfinite(w).all(axis=1))
+    n = int(broken[0]) if broken.size else s_o.size
+    if n < s_o.size:
+        note = f"not finite from s_o/l = {s_o[n]:.4f} on"
+    smooth = before_zigzag(w[:n, 1])
+    if smooth < n:
+        n, note = smooth, f"the mass path zigzags from step to step from s_o/l = {s_o[smooth]:.4f} on"
+    return PeerPath(s_o[:n], w[:n, 0], w[:n, 1], t[:n], seconds, note)
+
+
+def before_zigzag(v: Array, *, window: int = 20) -> int:
+    """Return how many instants of a path come before it zigzags from step to step; v : (n,), equal steps.
+
+    A constraint enforced without enough damping answers with forces of alternating sign, on which Newton's method
+    converges as well as on the truth.  On a resolved path the second difference over one step is 1/16 of the one
+    over four steps; a zigzag has no second difference over four.  The sharpest thing physics allows a finite mass,
+    a jump of its acceleration, keeps the ratio of the rms values near 1; even a kink of the path would give
+    16/sqrt(44) = 2.4.  Cut is where the ratio passes 3 in a window of steps.  Not seen: a zigzag of an amplitude
+    (a quarter of its second difference) below 1e-3 of the largest deflection so far, the size of these codes' errors.
+    """
+    if v.size < window + 9:
+        return v.size
+    one = (v[3:-5] - 2.0 * v[4:-4] + v[5:-3]) ** 2
+    four = ((v[:-8] - 2.0 * v[4:-4] + v[8:]) / 16.0) ** 2
+    mean = np.full(window, 1.0 / window)
+    one, four = np.convolve(one, mean, "valid"), np.convolve(four, mean, "valid")
+    deflection = np.maximum.accumulate(np.abs(v))[window + 3 : window + 3 + one.size]
+    bad = np.flatnonzero((one > 9.0 * four) & (one > (4e-3 * deflection) ** 2))
+    return int(bad[0]) + 4 if bad.size else v.size
