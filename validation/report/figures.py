@@ -1,0 +1,100 @@
+"""One look for every figure: inline SVG, colours that colour-blind readers can tell, lines that differ in print.
+
+Figures are drawn WIDTH wide, so that they fill a phone held upright and two of them fill a desktop's row, at a text
+size that is legible in both.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import re
+from typing import Any
+
+import matplotlib as mpl
+from cycler import cycler
+from markupsafe import Markup, escape
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
+WIDTH = 4.8  # inches
+
+# Okabe and Ito, Color Universal Design (2008); the order puts the most distant ones first, yellow (too pale) left out
+BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
+BLACK, GREY = "#1a1a1a", "#767676"
+PALETTE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
+DASHES = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)), (0, (3, 1)), (0, (8, 2)), (0, (2, 2)))
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+FIELD, DIFFERENCE = "viridis", "RdBu_r"  # colour maps: of a quantity, and of a difference about zero
+
+STYLE: Any = {
+    "svg.fonttype": "none",  # text stays text: small, searchable, in the page's font
+    "svg.hashsalt": "cablefem",  # the same figure gives the same file
+    "font.family": "DejaVu Sans",  # for the layout; wider than the fonts of a page, so that nothing collides
+    "font.size": 10.0,
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 10.0,
+    "axes.edgecolor": GREY,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.formatter.use_mathtext": False,
+    "axes.unicode_minus": True,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.6,
+    "lines.markersize": 5.0,
+    "legend.frameon": True,
+    "legend.framealpha": 0.9,
+    "legend.edgecolor": "#cccccc",
+    "legend.fontsize": 9.0,
+    "legend.handlelength": 2.6,  # long enough to show a dash pattern
+    "xtick.labelsize": 9.0,
+    "ytick.labelsize": 9.0,
+    "image.cmap": FIELD,
+    "savefig.dpi": 110,  # of rasterised fields alone
+    "path.simplify_threshold": 0.3,  # pixels
+    "axes.prop_cycle": cycler(color=list(PALETTE)) + cycler(linestyle=list(DASHES)),
+}
+
+
+def style() -> Any:
+    """Return a context, or decorator of a function that draws, in which matplotlib has the report's look."""
+    return mpl.rc_context(STYLE)
+
+
+def panels(rows: int = 1, columns: int = 1, *, height: float = 2.9, **how: Any) -> tuple[Figure, Any]:
+    """Return a new figure and its axes (one, or an array as from `subplots`); `height` in inches.
+
+    `how` goes to `Figure.subplots` (sharex, height_ratios, ...).  Needs no display and leaves pyplot alone.
+    """
+    with style():
+        fig = Figure(figsize=(WIDTH, height), layout="constrained")
+        return fig, fig.subplots(rows, columns, **how)
+
+
+def svg(fig: Figure, label: str) -> Markup:
+    """Return a figure as inline SVG whose ids clash with those of no other figure; `label` is read aloud.
+
+    Pass rasterized=True to the artists of dense fields: they become one image inside the vectors.
+    """
+    out = io.BytesIO()
+    with style():
+        FigureCanvasSVG(fig).print_svg(out, metadata={"Date": None, "Creator": None})
+    text = out.getvalue().decode("utf-8")
+    mark = "f" + hashlib.sha256((label + text).encode()).hexdigest()[:8]
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
+    text = re.sub(r'\bid="([^"]+)"', rf'id="{mark}-\1"', text)
+    text = re.sub(r'href="#([^"]+)"', rf'href="#{mark}-\1"', text)
+    text = re.sub(r"url\(#([^)]+)\)", rf"url(#{mark}-\1)", text)
+    text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
+    text = re.sub(r'\s(?:xmlns(?::xlink)?|version)="[^"]*"', "", text)  # known to HTML
+    text = text.replace("xlink:href", "href")
+    # the drawn size becomes the largest one; the page may shrink it
+    text = re.sub(
+        r'<svg width="[\d.]+pt" height="[\d.]+pt"', f'<svg role="img" aria-label="{escape(label)}"', text, count=1
+    )
+    return Markup(re.sub(r"\n\s*", "\n", text).strip())
