@@ -70,16 +70,21 @@ def _distance(coarse: Response, fine: Response) -> Array:
     return np.hypot(gap[:, 0], gap[:, 1])
 
 
+def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
+    """Return s_o/l of the frames that both have, and their indices in a and b; the stations must be the same."""
+    if a.fields.s.shape != b.fields.s.shape or not np.allclose(a.fields.s, b.fields.s, rtol=0.0, atol=1e-9 * a.length):
+        raise NotComparable("the tension fields are given at different stations")
+    place_a, place_b = np.round(a.fields.s_o / a.length, 9), np.round(b.fields.s_o / b.length, 9)
+    return np.intersect1d(place_a, place_b, return_indices=True)
+
+
 def tension_gap(a: Response, b: Response, window: Window, *, width: float = JUMP_WIDTH) -> float:
     """Return the rms gap of the tension fields over frames in the window and stations off the mass, relative to H.
 
     Within `width` of the mass each method smears the jump over its own resolution, so that a gap there measures the
     mesh and not the answer; the jump has its own measure.
     """
-    if a.fields.s.shape != b.fields.s.shape or not np.allclose(a.fields.s, b.fields.s, rtol=0.0, atol=1e-9 * a.length):
-        raise NotComparable("the tension fields are given at different stations")
-    place_a, place_b = np.round(a.fields.s_o / a.length, 9), np.round(b.fields.s_o / b.length, 9)
-    place, i, j = np.intersect1d(place_a, place_b, return_indices=True)
+    place, i, j = common_frames(a, b)
     inside = (place >= window[0]) & (place <= window[1])
     if not inside.any():
         raise NotComparable(f"no common frame of the tension fields in the window {window}")
@@ -121,26 +126,36 @@ def energy_gain(r: Response, weight: float, window: Window) -> float:
     return float(gain.max() / (weight * r.max_deflection))
 
 
-def oscillation(r: Response, window: Window, *, width: float = JUMP_WIDTH, reach: float = 0.1) -> float:
+def oscillation(r: Response, window: Window) -> float:
     """Return how far the tension oscillates along the cable, relative to H: the Gibbs overshoot measure.
 
-    At each frame the largest |T - running median over `reach` of the length|, off the mass and off the supports;
-    rms over frames.  The tension itself varies slowly along a cable, apart from its jump at the mass.
+    At each frame the largest |T - running median over a tenth of the length|, off the mass and off the supports; rms
+    over frames.  The tension itself varies slowly along a cable, apart from its jump at the mass.
     """
-    inside = (r.fields.s_o / r.length >= window[0]) & (r.fields.s_o / r.length <= window[1])
-    if not inside.any():
+    place = r.fields.s_o / r.length
+    return _oscillation(r.fields.T / r.horizontal_tension, place, r.fields.s / r.length, window)
+
+
+def oscillation_gap(a: Response, b: Response, window: Window) -> float:
+    """Return the same measure of the difference of two tension fields: oscillations that only one of them has."""
+    place, i, j = common_frames(a, b)
+    return _oscillation((a.fields.T[i] - b.fields.T[j]) / b.horizontal_tension, place, a.fields.s / a.length, window)
+
+
+def _oscillation(T: Array, place: Array, s: Array, window: Window, reach: float = 0.1) -> float:
+    within = (place >= window[0]) & (place <= window[1])
+    if not within.any():
         raise NotComparable(f"no frame of the tension field in the window {window}")
-    s = r.fields.s / r.length
     half = max(1, round(0.5 * reach / (s[1] - s[0])))
     worst = []
-    for T, place in zip(r.fields.T[inside], r.fields.s_o[inside] / r.length, strict=True):
+    for row, s_o in zip(T[within], place[within], strict=True):
         largest = 0.0
-        for side in (s <= place - width, s >= place + width):
+        for side in (s <= s_o - JUMP_WIDTH, s >= s_o + JUMP_WIDTH):
             if np.count_nonzero(side) > 2 * half:
-                part = np.lib.stride_tricks.sliding_window_view(T[side], 2 * half + 1)
+                part = np.lib.stride_tricks.sliding_window_view(row[side], 2 * half + 1)
                 largest = max(largest, float(np.abs(part[:, half] - np.median(part, axis=1)).max()))
         worst.append(largest)
-    return float(np.sqrt(np.mean(np.square(worst))) / r.horizontal_tension)
+    return float(np.sqrt(np.mean(np.square(worst))))
 
 
 def extrapolated(fine: Response, coarse: Response, order: float = 1.0, ratio: float = 2.0) -> Response:

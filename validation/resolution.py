@@ -7,21 +7,21 @@ from typing import Any
 
 from cablefem.scene import Scene
 from validation.estimate import TIME_ORDER, Estimated, estimated, space_order
-from validation.methods import find, refined
+from validation.methods import Method, find, refined
 
 FIRST = {"elements": 6, "terms": 16, "level": 0, "steps": 150}
 MOST = {"elements": 640, "terms": 240, "level": 5, "steps": 64_000}
 
 
 def resolve(
-    scene: Scene, name: str, tol: float, *, progress: Callable[[float], None] | None = None, **kind: Any
+    scene: Scene, method: str | Method, tol: float, *, progress: Callable[[float], None] | None = None, **kind: Any
 ) -> Estimated:
     """Return an estimated run whose path error bar is at most `tol`, or the finest one within reach (its bar says so).
 
     The gaps to the companions with half the resolution and half the steps tell what each contributes; the orders
     predict the next settings, with a little in hand, and the prediction is checked by running it.
     """
-    method = find(name)
+    method = find(method) if isinstance(method, str) else method
     settings = {**kind, method.resolution: FIRST[method.resolution], "steps": FIRST["steps"]}
     best: Estimated | None = None
     for attempt in range(8):

@@ -14,6 +14,7 @@ from cablefem.scene import Scene
 from validation import measures
 from validation.agreement import Agreement, Verdict, agree, overall
 from validation.estimate import Estimated
+from validation.methods import Method, find
 from validation.resolution import resolve
 
 SOLVERS = ("following-p2", "fourier-kink")
@@ -66,7 +67,7 @@ class Check:
 
 
 def check(
-    scene: Scene | str | Path, *, tol: float = 1e-3, methods: tuple[str, str] = SOLVERS,
+    scene: Scene | str | Path, *, tol: float = 1e-3, methods: tuple[str | Method, str | Method] = SOLVERS,
     progress: Callable[[str, float], None] | None = None,
 ) -> Check:  # fmt: skip
     """Run two methods on a scene, each as fine as its own error bar needs to meet `tol`, and compare them.
@@ -78,7 +79,10 @@ def check(
         raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     # the sum of both bars is held against tol: each solver gets half of it
-    runs = [resolve(scene, m, 0.5 * tol, progress=None if progress is None else partial(progress, m)) for m in methods]
+    found = [find(m) if isinstance(m, str) else m for m in methods]
+    runs = [
+        resolve(scene, m, 0.5 * tol, progress=None if progress is None else partial(progress, m.name)) for m in found
+    ]
     try:
         window = measures.window_of(*runs[0].runs, *runs[1].runs)
     except measures.NotComparable:

@@ -1,0 +1,165 @@
+"""The check agrees for right solvers and disagrees when a fault is planted in one of them, by substitution."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from cablefem import Scene
+from cablefem.elements.following import FollowingElements
+from galerkin.bases.fourier import Fourier
+from galerkin.equations import GalerkinSystem
+from validation.agreement import Verdict, agree, overall
+from validation.estimate import Estimated, estimated
+from validation.methods import METHODS
+from validation.studies.check import check
+
+LEVEL = Scene.load("level")
+ELEMENTS = {"elements": 12, "steps": 700}
+SINES = {"terms": 30, "steps": 700}
+
+
+class Altered:
+    """The scene's groups with something changed, for one wing only."""
+
+    def __init__(self, groups, **changes):
+        self._groups, self._changes = groups, changes
+
+    def __getattr__(self, name):
+        return self._changes[name] if name in self._changes else getattr(self._groups, name)
+
+
+class NoCoriolis(GalerkinSystem):
+    """(22) left out."""
+
+    def _instant(self, *kinematics):
+        x = super()._instant(*kinematics)
+        return dataclasses.replace(x, f_v=0.0 * x.f_v)
+
+
+class HalfCentrifugal(GalerkinSystem):
+    """Half of ds_o^2 (phi'' and X'') in (23) and (27)."""
+
+    def _instant(self, s_o, ds_o, dds_o):
+        x = super()._instant(s_o, ds_o, dds_o)
+        _, first, second = self.basis.at_mass(s_o)
+        return dataclasses.replace(x, f_q=dds_o * first + 0.5 * ds_o**2 * second)
+
+    def _load(self, s_o, ds_o, dds_o):
+        _, curvature = self.cable.static_slope(np.float64(s_o))
+        return super()._load(s_o, ds_o, dds_o) - 0.5 * ds_o**2 * curvature
+
+
+class SignOfCurvature(GalerkinSystem):
+    """+y'' where -y'' belongs in the load (27)."""
+
+    def _load(self, s_o, ds_o, dds_o):
+        _, curvature = self.cable.static_slope(np.float64(s_o))
+        return super()._load(s_o, ds_o, dds_o) - np.array([0.0, 2.0 * ds_o**2 * curvature[1]])
+
+
+class StillMesh(FollowingElements):
+    """The mesh moves, but its velocity is left out of the equations."""
+
+    def _time(self, t, phase):
+        super()._time(t, phase)
+        self._coefficients[2:] = 0.0  # G, its transpose, H
+
+
+def sines(kind, groups=lambda g: g):
+    return dataclasses.replace(
+        METHODS["fourier-kink"],
+        builder=lambda g, x, **how: kind(groups(g), Fourier(x["terms"]), kink=True, **how),
+    )
+
+
+def elements(kind, groups=lambda g: g):
+    return dataclasses.replace(
+        METHODS["following-p2"],
+        builder=lambda g, x, **how: kind(groups(g), elements=x["elements"], **how),
+    )
+
+
+FAULTS = {
+    "Coriolis term dropped": sines(NoCoriolis),
+    "centrifugal term halved": sines(HalfCentrifugal),
+    "sign of y''": sines(SignOfCurvature),
+    "mass off by 5 percent, sines": sines(GalerkinSystem, lambda g: Altered(g, mu=1.05 * g.mu)),
+    "EA off by 5 percent, sines": sines(GalerkinSystem, lambda g: Altered(g, alpha=1.05 * g.alpha)),
+    "mesh velocity dropped": elements(StillMesh),
+    "mass off by 5 percent, elements": elements(FollowingElements, lambda g: Altered(g, mu=0.95 * g.mu)),
+    "EA off by 5 percent, elements": elements(FollowingElements, lambda g: Altered(g, alpha=0.95 * g.alpha)),
+}
+
+
+@pytest.fixture(scope="module")
+def right() -> tuple[Estimated, Estimated]:
+    return estimated(LEVEL, "following-p2", **ELEMENTS), estimated(LEVEL, "fourier-kink", **SINES)
+
+
+def test_right_solvers_agree(right):
+    rows = agree(LEVEL, *right)
+    assert overall(rows) is Verdict.AGREE, [(r.quantity, r.gap, r.allowed) for r in rows]
+    assert {r.quantity for r in rows} == {"path_max", "path_rms", "tension", "jump", "energy", "overshoot"}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_planted_fault_turns_the_verdict(right, fault):
+    method = FAULTS[fault]
+    if method.wing == "galerkin":
+        rows = agree(LEVEL, right[0], estimated(LEVEL, method, **SINES))
+    else:
+        rows = agree(LEVEL, estimated(LEVEL, method, **ELEMENTS), right[1])
+    assert overall(rows) is Verdict.DISAGREE, [(r.quantity, r.gap, r.allowed) for r in rows]
+    path = next(r for r in rows if r.quantity == "path_max")
+    assert path.verdict is Verdict.DISAGREE, (path.gap, path.allowed)
+
+
+def test_plain_sines_are_not_hidden_and_their_extrapolation_meets_the_elements(right):
+    """N = 30 is about 3 percent away by the kink at the mass; 2 f(120) - f(60) meets the elements within 2e-3."""
+    from validation import measures
+
+    raw = estimated(LEVEL, "fourier", terms=30, steps=500)
+    window = measures.window_of(raw.run, right[0].run)
+    far = measures.path_gap(raw.run, right[0].run, window)[0]
+    assert 0.02 < far < 0.045
+    fine = estimated(LEVEL, "fourier", terms=120, steps=1400)  # with 700 the time error alone is 3e-3
+    rows = agree(LEVEL, right[0], fine)
+    path = next(r for r in rows if r.quantity == "path_max")
+    assert path.gap < 2e-3
+    assert path.verdict is Verdict.AGREE
+    assert "extrapolated 2 f(120) - f(60)" in path.allowed_because
+
+
+def test_too_coarse_for_the_tolerance_is_not_comparable(right):
+    coarse = estimated(LEVEL, "fourier-kink", terms=10, steps=200)
+    path = agree(LEVEL, right[0], coarse, tol=1e-3)[0]
+    assert path.verdict is Verdict.NOT_COMPARABLE
+    assert "too coarse" in path.allowed_because
+    assert agree(LEVEL, right[0], coarse, tol=0.2)[0].verdict is Verdict.AGREE
+
+
+def test_check_meets_its_tolerance_and_writes_the_contract(tmp_path):
+    import json
+
+    result = check("inclined", tol=5e-3)
+    assert result.verdict is Verdict.AGREE, [(r.quantity, r.gap, r.allowed) for r in result.rows]
+    result.write(tmp_path)
+    content = json.loads((tmp_path / "agreement.json").read_text())
+    assert content["verdict"] == "agree"
+    assert content["range"] == [0.02, 0.8]
+    for row in content["rows"]:
+        assert set(row) >= {"quantity", "gap", "allowed", "allowed_because", "verdict"}
+    for method in content["methods"]:
+        assert {f.name for f in (tmp_path / method).iterdir()} >= {"path.csv", "tension.csv", "summary.json"}
+        assert json.loads((tmp_path / method / "summary.json").read_text())["path_error"] <= 2.5e-3
+    lowest = result.a.run.s_o[np.argmax(result.a.run.y)] / result.a.run.length
+    assert abs(lowest - 0.80) < 0.01  # the paper's figure 8
+
+
+@pytest.mark.parametrize("tol", [0.0, -1e-3, 0.5, float("nan")])
+def test_a_tolerance_out_of_range_is_named(tol):
+    with pytest.raises(ValueError, match="tol must lie in"):
+        check("level", tol=tol)
