@@ -1,0 +1,79 @@
+"""A force that accelerates or brakes through the wave speed leaves a front with a vertical tangent behind it.
+
+    v_tt - v_xx = P(t) delta(x - xi(t)) on the infinite string, at rest at t = 0,  xi = V0 t + a t^2/2.
+
+Flaherty 1968; Sagartz & Forrestal 1975.  D'Alembert:  v(x, t) = 1/2 int P(s) ds over the s in [0, t] with |x -
+xi(s)| < t - s. The ends of these intervals are roots of two quadratics, s - xi(s) = t - x and s + xi(s) = t + x.
+
+Kink at the force: [v_x] = -P/(1 - xi'^2), infinite when xi' = 1, at t_c = (1 - V0)/a.  From there a front runs at
+the wave speed, x_f = xi(t_c) + t - t_c (for V0 = 0: t - 1/(2a)), where the slope stays infinite: speeding up, v(x_f
++ d) - v(x_f) = -P sqrt(2d/a) ahead of it and a finite slope behind it; braking, v(x_f - d) - v(x_f) = +P
+sqrt(2d/|a|) behind it and v = 0 ahead of it.
+
+Validity: any V0, a (also a = 0).  Accuracy: rounding; within d of the front 1e-16/sqrt(d), the square root's own
+conditioning.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V0: float = 0.0, a: float) -> Array:
+    """v(x, t) for a constant force P."""
+    return displacement_of(x, t, lambda s: P * s, V0=V0, a=a)
+
+
+def displacement_of(
+    x: ArrayLike, t: ArrayLike, impulse: Callable[[Array], Array], *, V0: float = 0.0, a: float
+) -> Array:
+    """v(x, t) for a force with the given impulse int_0^s P; the impulse may jump (a blow)."""
+    starts, ends = heard(x, t, V0=V0, a=a)
+    return 0.5 * np.sum(impulse(ends) - impulse(starts), axis=-1)
+
+
+def heard(x: ArrayLike, t: ArrayLike, *, V0: float, a: float) -> tuple[Array, Array]:
+    """Intervals {s in [0, t] : |x - xi(s)| < t - s}, starts and ends of shape (..., 5); empty ones have start = end."""
+    if not (math.isfinite(V0) and math.isfinite(a)):
+        raise ValueError(f"V0 and a must be finite, got {V0!r}, {a!r}")
+    x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
+    if np.any(t < 0.0):
+        raise ValueError("the string is at rest before t = 0; ask for t >= 0")
+    roots = [*_roots(-0.5 * a, 1.0 - V0, x - t), *_roots(0.5 * a, 1.0 + V0, -x - t)]
+    cuts = np.stack([np.zeros_like(t), *(np.clip(np.where(np.isfinite(r), r, 0.0), 0.0, t) for r in roots), t], axis=-1)
+    cuts.sort(axis=-1)
+    starts, ends = cuts[..., :-1], cuts[..., 1:]
+    s = 0.5 * (starts + ends)
+    on = np.abs(x[..., None] - s * (V0 + 0.5 * a * s)) < t[..., None] - s
+    return starts, np.where(on, ends, starts)
+
+
+def kink(P: float, speed: float) -> float:
+    """[v_x] at the force: slope ahead minus slope behind."""
+    if abs(speed) == 1.0:
+        raise ValueError("the kink is infinite at the wave speed")
+    return -P / (1.0 - speed * speed)
+
+
+def front(t: ArrayLike, *, V0: float = 0.0, a: float) -> Array:
+    """Place of the front left behind at the passage of the wave speed, for t >= t_c = (1 - V0)/a."""
+    t = np.asarray(t, float)
+    if not (a != 0.0 and (1.0 - V0) / a >= 0.0):
+        raise ValueError(f"a force with V0 = {V0!r}, a = {a!r} never passes the wave speed")
+    t_c = (1.0 - V0) / a
+    if np.any(t < t_c):
+        raise ValueError(f"the wave speed is passed at t = {t_c}")
+    return t_c * (V0 + 0.5 * a * t_c) + t - t_c
+
+
+def _roots(c2: float, c1: float, c0: Array) -> tuple[Array, Array]:
+    """Real roots of c2 s^2 + c1 s + c0 without cancellation; nan or inf where there are none."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        q = -0.5 * (c1 + math.copysign(1.0, c1) * np.sqrt(c1 * c1 - 4.0 * c2 * c0))
+        return np.divide(q, c2), c0 / q

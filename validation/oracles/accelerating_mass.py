@@ -1,0 +1,66 @@
+"""A mass accelerating through the wave speed retraces its own path backwards, and the passage is a blow.
+
+    v_tt - v_xx = R delta(x - xi(t)),  mu y'' = mu sigma - R,  y = v(xi, t),  xi = a t^2/2, infinite string at rest
+        at t = 0.
+
+Rodeman, Longcope & Shampine 1976.  The mass at t hears the string from the times s with |xi(t) - xi(s)| < t - s,
+that is s + t < 2/a:
+    t < 1/a       : 2y = I(t), I = int R = mu (sigma t - y'):  y = (sigma mu/2) [ t - (mu/2)(1 - e^(-2t/mu)) ]
+        whatever the speed law,
+    1/a < t < 2/a : 2y = I(2/a - t):  y(t) = y(2/a - t);       t > 2/a: y = 0, the mass outruns everything.
+At t = 1/a y' turns from y'_c to -y'_c, so the contact force has a blow 2 mu y'_c, which sends off two opposite
+jumps of height mu y'_c to the points xi(1/a) +- (t - 1/a).  A moving force shows none.
+
+Validity: t >= 0, infinite string (on a finite one until the first wave is back).  Accuracy: rounding of closed forms.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from validation.oracles import accelerating_force
+
+Array = NDArray[np.float64]
+
+
+def path(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
+    """y(t)."""
+    t, u, _ = _mirror(t, mu, sigma, a)
+    return 0.5 * sigma * mu * (u + 0.5 * mu * np.expm1(-2.0 * u / mu))
+
+
+def path_velocity(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
+    """y'(t); at t = 1/a the value before the blow."""
+    _, u, sign = _mirror(t, mu, sigma, a)
+    return -0.5 * sign * sigma * mu * np.expm1(-2.0 * u / mu)
+
+
+def force(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
+    """R(t) = mu (sigma - y''), without the blow 2 mu y'(1/a) at t = 1/a."""
+    t, u, _ = _mirror(t, mu, sigma, a)
+    return mu * sigma * (1.0 - np.where(t * a < 2.0, np.exp(-2.0 * u / mu), 0.0))
+
+
+def impulse(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
+    """I(t) = mu (sigma t - y'), the blow included after t = 1/a."""
+    return mu * (sigma * np.asarray(t, float) - path_velocity(t, mu=mu, sigma=sigma, a=a))
+
+
+def displacement(x: ArrayLike, t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
+    """v(x, t) of the string."""
+    return accelerating_force.displacement_of(x, t, lambda s: impulse(s, mu=mu, sigma=sigma, a=a), a=a)
+
+
+def _mirror(t: ArrayLike, mu: float, sigma: float, a: float) -> tuple[Array, Array, Array]:
+    """t, the subsonic time u whose path is seen at t, and du/dt."""
+    for name, value in (("mu", mu), ("sigma", sigma), ("a", a)):
+        if not (math.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name} must be finite and > 0, got {value!r}")
+    t = np.asarray(t, float)
+    if np.any(t < 0.0):
+        raise ValueError("t >= 0")
+    u = np.where(a * t <= 1.0, t, np.maximum(2.0 / a - t, 0.0))
+    return t, u, np.where(a * t <= 1.0, 1.0, -1.0)

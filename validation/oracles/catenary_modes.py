@@ -1,0 +1,85 @@
+"""The small vibrations of an elastic catenary of any sag and slope come out of one well-conditioned integral operator.
+
+    u_tt = [ T u' + (alpha - T)(x'u' + y'v') x' ]',   v_tt = [ T v' + (alpha - T)(x'u' + y'v') y' ]',   w = (u, v) =
+        0 at s = 0, 1,
+
+the exact linearisation about the catenary (Henghold, Russell & Morgan 1977; Wu & Chen 1989); p = c - sigma s, T =
+sqrt(1 + p^2), x' = 1/T, y' = p/T; c = sigma/2 for a level cable, larger if the right support is lower.  Frequencies
+in units of sqrt(H/rho)/l.
+
+Method: with the tangent e = (x', y') the bracket is n = A w', A = T I + (alpha - T) e e^T, and A^-1 = I/T +
+(1/alpha - 1/T) e e^T is bounded even for alpha = inf, the inextensible cable.  From n' = -W^2 w:  n = n0 - W^2
+int_0^s w,  w = int_0^s A^-1 n, and w(1) = 0 gives n0:
+    w = W^2 [ J A^-1 ( (int A^-1)^-1 (int A^-1 J w) - J w ) ],   J = int_0^s,
+collocated at Chebyshev points.  This operator is bounded (unlike the differential one), so that rounding costs the
+first frequencies nothing.
+
+Accuracy: `error` is the change of the frequencies from n to 3n/2 points, plus W (1e-13 + 1e-15 (W/W_1)^2) for
+rounding (measured scatter over n: 1e-14 W).  With the default n = 48 it is below 1e-11 for the first ten. Validity:
+sigma > 0, alpha > 0 or inf, c any.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.chebyshev import chebint, chebval
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Modes:
+    """First modes of the bare cable."""
+
+    omega: Array  # (count,) ascending
+    error: Array  # (count,) bound on |omega - exact|
+    s: Array  # (n+1,) Chebyshev points, 0 to 1
+    u: Array  # (count, n+1) shapes, largest displacement 1
+    v: Array
+
+
+def solve(sigma: float, alpha: float, c: float | None = None, *, count: int = 10, n: int = 48) -> Modes:
+    """First modes; c = None means a level cable; alpha = inf an inextensible one."""
+    c = 0.5 * sigma if c is None else c
+    if not (math.isfinite(sigma) and sigma > 0.0 and alpha > 0.0 and math.isfinite(c)):
+        raise ValueError(f"sigma > 0, alpha > 0 and a finite c needed, got {sigma!r}, {alpha!r}, {c!r}")
+    if not 1 <= count <= n // 2:
+        raise ValueError(f"1 <= count <= n/2 needed, got count = {count!r}, n = {n!r}")
+    (omega, s, w), (finer, _, _) = _solve(sigma, alpha, c, count, n), _solve(sigma, alpha, c, count, 3 * n // 2)
+    error = np.abs(omega - finer) + omega * (1e-13 + 1e-15 * (omega / omega[0]) ** 2)
+    return Modes(omega, error, s, w[:, : n + 1], w[:, n + 1 :])
+
+
+def _solve(sigma: float, alpha: float, c: float, count: int, n: int) -> tuple[Array, Array, Array]:
+    s, J = _integration(n)
+    total = J[-1]
+    p = c - sigma * s
+    T = np.sqrt(1.0 + p * p)
+    ex, ey, d = 1.0 / T, p / T, 1.0 / alpha - 1.0 / T
+    B = np.array([[1.0 / T + d * ex * ex, d * ex * ey], [d * ex * ey, 1.0 / T + d * ey * ey]])  # A^-1, (2, 2, n+1)
+    BJ = np.block([[B[i, j][:, None] * J for j in range(2)] for i in range(2)])
+    ends = np.kron(np.eye(2), total)  # (2, 2n+2): integral of each component
+    n0 = np.linalg.solve(B @ total, ends @ BJ)
+    K = np.kron(np.eye(2), J) @ (np.concatenate([B[0].T, B[1].T]) @ n0 - BJ)
+    value, vector = np.linalg.eig(K)
+    order = np.argsort(-value.real)[:count]
+    if np.abs(value[order].imag).max() > 1e-9 * value[order[0]].real or value[order[-1]].real <= 0.0:
+        raise ValueError("the frequencies are not resolved: more points (n) are needed")
+    w = vector[:, order].real.T
+    peak = np.abs(w).argmax(axis=1)
+    return 1.0 / np.sqrt(value[order].real), s, w / w[np.arange(count), peak][:, None]
+
+
+def _integration(n: int) -> tuple[Array, Array]:
+    """Chebyshev points on [0, 1], ascending, and the matrix of the integral from 0 to each of them."""
+    x = -np.cos(np.pi * np.arange(n + 1) / n)
+    k = np.arange(n + 1)
+    to_coef = np.cos(np.outer(k, np.pi - np.pi * k / n)) * (2.0 / n)
+    to_coef[:, [0, -1]] *= 0.5
+    to_coef[[0, -1]] *= 0.5
+    integral = np.stack([chebval(x, chebint(e, lbnd=-1.0)) for e in np.eye(n + 1)], axis=1)
+    return 0.5 * (1.0 + x), 0.5 * integral @ to_coef

@@ -1,0 +1,45 @@
+"""On a slightly curved cable an accelerating mass presses with its weight and with the centrifugal force of the sag.
+
+    v_tt - v_xx = P(t) delta(x - xi(t)),  xi = V0 t + a t^2/2,   P = mu sigma + mu sigma xi'^2,  infinite cable at
+        rest at t = 0.
+
+Forrestal, Bickel & Sagartz 1975: the static curvature is rho g/T (= sigma in units of the length), so that the mass
+following it presses with M xi'^2 rho g/T = M g (xi'/c)^2, the second force part; the inertia of the mass against
+the moving cable is left out. Kink at the mass: [v_x] = -mu sigma (1 + xi'^2)/(1 - xi'^2).
+
+Validity: small sag, any V0, a of one sign of motion; meant for |xi'| < 1.  Accuracy: rounding (polynomial impulses
+between the roots of quadratics, see accelerating_force).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from validation.oracles import accelerating_force
+
+Array = NDArray[np.float64]
+
+
+def weight_part(x: ArrayLike, t: ArrayLike, *, mu: float, sigma: float, V0: float = 0.0, a: float) -> Array:
+    """Displacement under the weight mu sigma alone."""
+    return accelerating_force.displacement(x, t, P=mu * sigma, V0=V0, a=a)
+
+
+def centrifugal_part(x: ArrayLike, t: ArrayLike, *, mu: float, sigma: float, V0: float = 0.0, a: float) -> Array:
+    """Displacement under mu sigma xi'^2 alone; int xi'^2 = V0^2 s + V0 a s^2 + a^2 s^3/3."""
+
+    def impulse(s: Array) -> Array:
+        return mu * sigma * s * (V0 * V0 + s * (V0 * a + s * a * a / 3.0))
+
+    return accelerating_force.displacement_of(x, t, impulse, V0=V0, a=a)
+
+
+def displacement(x: ArrayLike, t: ArrayLike, *, mu: float, sigma: float, V0: float = 0.0, a: float) -> Array:
+    """v(x, t): both parts."""
+    return weight_part(x, t, mu=mu, sigma=sigma, V0=V0, a=a) + centrifugal_part(x, t, mu=mu, sigma=sigma, V0=V0, a=a)
+
+
+def kink(*, mu: float, sigma: float, speed: float) -> float:
+    """[v_x] at the mass."""
+    return accelerating_force.kink(mu * sigma * (1.0 + speed * speed), speed)

@@ -1,0 +1,30 @@
+"""On an elastic foundation a force carries a symmetric dent below the wave speed and trails a wave above it.
+
+    v_tt - v_xx + k v = P delta(x - V t) on the infinite string, steady in z = x - V t:  (V^2 - 1) v'' + k v = P
+        delta(z).
+
+Yen & Tang 1970, the linear part (their nonlinear correction near V = 1 is not here).
+    V < 1 :  v = P e^(-|z| sqrt(k/(1-V^2))) / (2 sqrt(k (1-V^2))),
+    V > 1 :  v = P sin(|z| sqrt(k/(V^2-1))) / sqrt(k (V^2-1)) behind, 0 ahead (no wave can run ahead).
+
+Validity: k > 0, V >= 0, V != 1.  Accuracy: rounding.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def deflection(z: ArrayLike, *, P: float, V: float, k: float) -> NDArray[np.float64]:
+    """v(z), z = distance ahead of the force."""
+    if not (math.isfinite(V) and V >= 0.0) or V == 1.0:
+        raise ValueError(f"speed must be >= 0 and not the wave speed 1, got {V!r}")
+    if not (math.isfinite(k) and k > 0.0):
+        raise ValueError(f"foundation stiffness must be > 0, got {k!r}")
+    z, e = np.asarray(z, float), abs(1.0 - V * V)
+    if V < 1.0:
+        return P * np.exp(-np.abs(z) * math.sqrt(k / e)) / (2.0 * math.sqrt(k * e))
+    return np.where(z < 0.0, P * np.sin(-z * math.sqrt(k / e)) / math.sqrt(k * e), 0.0)

@@ -1,0 +1,42 @@
+"""A harmonic force at constant speed sends Doppler-shifted waves; above the wave speed none run ahead of it.
+
+    v_tt - v_xx = P e^(i omega t) delta(x - V t) on the infinite string, acting since ever (steady).
+
+Pierucci (reference 12 of Al-Qassab, Nair & O'Leary 2003).  Half the integral of the force over the times heard:
+    V < 1 :  v = (P/(2 i omega)) e^(i omega tau),  tau = (t-x)/(1-V) ahead, (t+x)/(1+V) behind,
+    V > 1 :  v = (P/(2 i omega)) [ e^(i omega (x+t)/(V+1)) - e^(i omega (x-t)/(V-1)) ] behind (both run left seen
+        from the force), 0 ahead.
+Take the real part for P cos(omega t).  A force switched on at t = 0 has instead int_0^tau inside the waves it has
+sent since then.
+
+Validity: omega > 0, V >= 0, V != 1.  Accuracy: rounding of the phase, 1e-16 omega (|x|+t)/|1-V|.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float, omega: float) -> NDArray[np.complex128]:
+    """Complex v(x, t)."""
+    if not (math.isfinite(V) and V >= 0.0) or V == 1.0:
+        raise ValueError(f"speed must be >= 0 and not the wave speed 1, got {V!r}")
+    if not (math.isfinite(omega) and omega > 0.0):
+        raise ValueError(f"omega must be > 0, got {omega!r}")
+    x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
+    behind = np.exp(1j * omega * (t + x) / (1.0 + V))
+    if V < 1.0:
+        v = np.where(x > V * t, np.exp(1j * omega * (t - x) / (1.0 - V)), behind)
+    else:
+        v = np.where(x < V * t, behind - np.exp(1j * omega * (x - t) / (V - 1.0)), 0.0)
+    return P / (2j * omega) * v
+
+
+def doppler(*, V: float, omega: float) -> tuple[float, float]:
+    """Frequencies heard at rest, ahead of and behind a force with V < 1."""
+    if not 0.0 <= V < 1.0:
+        raise ValueError(f"waves run ahead for 0 <= V < 1 only, got {V!r}")
+    return omega / (1.0 - V), omega / (1.0 + V)

@@ -1,0 +1,59 @@
+"""A flat elastic cable vibrates like a string, except that its symmetric modes feel the stretching of the sag.
+
+    w_tt = w_ss + h y'',  h = alpha int y' w_s ds,  y'' = -sigma,  w(0) = w(1) = 0   (parabola, chord-normal w,
+        uniform h).
+
+Irvine & Caughey 1974, with the arc length in place of the span (no correction to the effective length).
+Frequencies W in units of sqrt(T/rho)/l: antisymmetric W = 2 n pi; symmetric, with L^2 = sigma^2 alpha,  tan(W/2) =
+W/2 - (4/L^2)(W/2)^3. The left side minus the right grows in W on each branch of the tangent, so that each branch
+((n - 1/2) pi, (n + 1/2) pi), n >= 1, of W/2 holds exactly one root, and (0, pi/2) none.  L -> 0: taut string (2n-1)
+pi; L -> inf: inextensible (see inextensible).
+
+Inclined cable (chord at angle theta): the same in the direction normal to the chord, unit sqrt(tau/rho)/l, tau =
+T/cos(theta) the tension along the chord, L^2 = alpha sigma^2 cos(theta)^5 (sigma and alpha being formed with the
+horizontal tension).
+
+Validity: small sag (error against the exact catenary 8e-4 at sigma = 0.17, falling like sigma^2 at fixed L).
+Accuracy: 1e-14 relative.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+Array = NDArray[np.float64]
+
+
+def parameter(sigma: float, alpha: float, chord_cos: float = 1.0) -> float:
+    """L^2, Irvine's parameter."""
+    if not (sigma > 0.0 and alpha > 0.0 and 0.0 < chord_cos <= 1.0):
+        raise ValueError(f"sigma, alpha > 0 and 0 < chord_cos <= 1 needed, got {sigma!r}, {alpha!r}, {chord_cos!r}")
+    return alpha * sigma**2 * chord_cos**5
+
+
+def symmetric(L2: float, count: int) -> Array:
+    """The first symmetric frequencies, ascending."""
+    if not (L2 > 0.0 and count >= 1):
+        raise ValueError(f"L^2 > 0 and count >= 1 needed, got {L2!r}, {count!r}")
+
+    def f(z: float) -> float:  # cos(z) (tan(z) - z + 4 z^3/L^2), written so that L -> 0 does not overflow
+        scale = 1.0 / (1.0 + 4.0 * z * z / L2)
+        return scale * math.sin(z) - z * (scale - (1.0 - scale)) * math.cos(z)
+
+    half = [brentq(f, (n - 0.5) * math.pi, (n + 0.5) * math.pi, xtol=1e-15, rtol=1e-15) for n in range(1, count + 1)]
+    return 2.0 * np.array(half)
+
+
+def frequencies(L2: float, count: int) -> Array:
+    """The first frequencies of both families, ascending."""
+    return np.sort(np.concatenate([symmetric(L2, count), 2.0 * math.pi * np.arange(1, count + 1)]))[:count]
+
+
+def symmetric_mode(s: ArrayLike, W: float) -> Array:
+    """Shape of the symmetric mode of frequency W: 1 - cos(W s) - tan(W/2) sin(W s)."""
+    s = np.asarray(s, float)
+    return 1.0 - np.cos(W * s) - math.tan(0.5 * W) * np.sin(W * s)

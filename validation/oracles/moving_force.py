@@ -1,0 +1,67 @@
+"""A constant force crossing a taut string at constant speed has a closed-form answer at every speed.
+
+    v_tt - v_xx = P delta(x - V t),  v(0, t) = v(1, t) = 0,  at rest at t = 0;  the force has left for t > 1/V.
+
+Fryba 1972.  With Green's function G(x, z) = min(x, z)(1 - max(x, z)) and its odd, 2-periodic extension Go in z:
+
+    0 <= t <= 1/V :  v = P/(1-V^2) [ G(x, Vt) - V Go(x, t) ]                  (both terms satisfy the supports, the
+        second is free)
+    t > 1/V       :  v = P V/(1-V^2) [ Go(x, t - 1/V + 1) - Go(x, t) ]
+    V = 1         :  v = (P/2) [ G(x, t) - t dG/dz(x, t) ],  after the exit -(P/2) dGo/dz(x, t): it jumps at the
+        force.
+
+Validity: 0 <= x <= 1, t >= 0, V > 0.  Accuracy: rounding over |1 - V^2| (the two terms cancel near the wave speed);
+V = 1 itself is exact. The series converges like 1/terms^2 in v and not at all in the slope at the force.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
+    """v(x, t) in closed form, before and after the exit."""
+    x, t = _domain(x, t, V)
+    inside = t * V <= 1.0
+    if V == 1.0:
+        return np.where(inside, 0.5 * P * (green(x, t) - t * _green_slope(x, t)), -0.5 * P * _green_slope(x, t))
+    during = (green(x, V * t) - V * green(x, t)) / (1.0 - V * V)
+    after = V * (green(x, t - 1.0 / V + 1.0) - green(x, t)) / (1.0 - V * V)
+    return P * np.where(inside, during, after)
+
+
+def series(x: ArrayLike, t: ArrayLike, *, P: float, V: float, terms: int) -> Array:
+    """v(x, t) by sine series while the force is on the string; V != 1 (each term is resonant there)."""
+    x, t = _domain(x, t, V)
+    if V == 1.0 or np.any(t * V > 1.0):
+        raise ValueError("the series is for V != 1 and t <= 1/V")
+    k = np.pi * np.arange(1, terms + 1)
+    xk, tk = x[..., None] * k, t[..., None] * k
+    return 2.0 * P / (1.0 - V * V) * np.sum(np.sin(xk) / k**2 * (np.sin(V * tk) - V * np.sin(tk)), axis=-1)
+
+
+def green(x: Array, z: Array) -> Array:
+    """Go(x, z): deflection at x under a unit force at z, continued as an odd function of period 2 in z."""
+    z = np.mod(z, 2.0)
+    sign, z = np.where(z > 1.0, -1.0, 1.0), np.where(z > 1.0, 2.0 - z, z)
+    return sign * np.minimum(x, z) * (1.0 - np.maximum(x, z))
+
+
+def _green_slope(x: Array, z: Array) -> Array:
+    """dGo/dz, even and 2-periodic; at z = x the value ahead of the force."""
+    z = np.mod(z, 2.0)
+    return np.where(np.minimum(z, 2.0 - z) <= x, 1.0 - x, -x)
+
+
+def _domain(x: ArrayLike, t: ArrayLike, V: float) -> tuple[Array, Array]:
+    if not (math.isfinite(V) and V > 0.0):
+        raise ValueError(f"speed must be > 0, got {V!r}")
+    x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
+    if np.any(x < 0.0) or np.any(x > 1.0) or np.any(t < 0.0):
+        raise ValueError("the string is 0 <= x <= 1, t >= 0")
+    return x, t

@@ -1,0 +1,40 @@
+"""Two equal forces running apart on an infinite string leave it in straight pieces.
+
+    v_tt - v_xx = P [ delta(x - V t) + delta(x + V t) ],  at rest at t = 0.
+
+Kanninen & Florence 1967.  One force, running right: half of P times the time for which it was heard,
+    V < 1 :  (P/2) max(0, min((t-x)/(1-V), (t+x)/(1+V))),
+    V >= 1:  (P/2)(t+x)/(1+V) for |x| <= t,   P (V t - x)/(V^2 - 1) for t < x < V t,   0 elsewhere  (V = 1: a jump
+        at x = t);
+the other is its mirror image in x.
+
+Validity: t >= 0, V > 0.  Accuracy: rounding; over |1 - V| between the force and its wave front.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def one_force(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
+    """v(x, t) under the force at x = V t alone."""
+    if not (math.isfinite(V) and V > 0.0):
+        raise ValueError(f"speed must be > 0, got {V!r}")
+    x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
+    if np.any(t < 0.0):
+        raise ValueError("t >= 0")
+    behind = (t + x) / (1.0 + V)
+    if V < 1.0:
+        return 0.5 * P * np.maximum(0.0, np.minimum((t - x) / (1.0 - V), behind))
+    v = np.where(np.abs(x) <= t, 0.5 * P * behind, 0.0)
+    return v if V == 1.0 else np.where((x > t) & (x < V * t), P * (V * t - x) / (V * V - 1.0), v)
+
+
+def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
+    """v(x, t) under both forces."""
+    return one_force(x, t, P=P, V=V) + one_force(-np.asarray(x, float), t, P=P, V=V)
