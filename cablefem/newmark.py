@@ -41,7 +41,9 @@ class System(Protocol):
     and every call names its phase, because at an end the acceleration of the mass has two values.
     """
 
-    tension_min: tuple[float, float]  # least tension at the last residual and its s; watched, not used, by the loop
+    # least tension at the last residual and its s; where it is negative, the least MEAN over what the method resolves
+    # (an element, a shortest wavelength): ripples have none, a slack cable has.  Watched, not used, by the loop.
+    tension_min: tuple[float, float]
 
     @property
     def n_dof(self) -> int: ...
@@ -152,11 +154,12 @@ class Work:
 class Newton:
     """Newton's method on a step: max|r| <= tol * system.force_scale + system.force_floor.
 
-    The tangent is kept while an iteration cuts the residual by `reuse` or more.
+    The tangent is kept while an iteration cuts the residual by `reuse` or more.  From the third iteration on a
+    correction that does not lower the residual is halved, up to five times: a slack cable's tangent jumps.
     """
 
     tol: float = 1e-8
-    max_iter: int = 20
+    max_iter: int = 25
     reuse: float = 0.1
 
 
@@ -336,10 +339,7 @@ class _Stepper:
         wf, wm = 1.0 - m.alpha_f, 1.0 - m.alpha_m
         t = t1 if m.alpha_f == 0.0 else x.t + wf * dt
         c0, c1 = m.newmark_beta * dt * dt, m.newmark_gamma * dt
-        # first guess: the acceleration goes on as it was
-        a1 = x.a.copy()
-        v1 = x.v + dt * x.a
-        q1 = x.q + dt * x.v + (0.5 * dt * dt) * x.a
+        a1, v1, q1 = x.a, x.v, x.q
         plain = wf == 1.0 and wm == 1.0
 
         def at() -> tuple[Array, Array, Array]:
@@ -361,8 +361,17 @@ class _Stepper:
             v1 -= c1 * da
             q1 -= c0 * da
 
-        self._solve(t1, residual, linearise, update)
-        return State(t1, q1, v1, a1, x.phase)
+        # first guess: the acceleration goes on as it was; where unresolved waves make that absurd: it vanishes
+        for guess in (x.a, np.zeros_like(x.a)):
+            a1 = guess.copy()
+            v1 = x.v + (dt - c1) * x.a + c1 * a1
+            q1 = x.q + dt * x.v + (0.5 * dt * dt - c0) * x.a + c0 * a1
+            try:
+                self._solve(t1, residual, linearise, update)
+                return State(t1, q1, v1, a1, x.phase)
+            except NewtonStalled as stalled:
+                failure = stalled
+        raise failure
 
     def _averaged(self, x: State, t1: float) -> State:
         dt = t1 - x.t
@@ -400,12 +409,19 @@ class _Stepper:
         r, solve = linearise()
         work.factorisations += 1
         norm = float(np.abs(r).max())
-        for _ in range(newton.max_iter):
+        for iteration in range(newton.max_iter):
             work.newton_iterations += 1
-            update(solve(r))
-            r = residual()
-            work.residuals += 1
-            before, norm = norm, float(np.abs(r).max())
+            before, correction = norm, solve(r)
+            update(correction)
+            for halving in range(6):
+                if halving:
+                    correction *= 0.5
+                    update(-correction)
+                r = residual()
+                work.residuals += 1
+                norm = float(np.abs(r).max())
+                if norm < before or iteration < 2:
+                    break
             if norm <= bound:
                 return
             if not norm < math.inf:

@@ -70,7 +70,7 @@ class CableElements:
         self.inertia = groups.mu if load == "mass" else 0.0
         # displacement in the plane of each field
         self.direction = np.eye(2) if model == "full" else np.array([[-groups.chord_sin, groups.chord_cos]])
-        self.tension_min = (math.inf, 0.0)  # least tension and its s, at the last residual
+        self.tension_min = (math.inf, 0.0)  # least mean tension of an element and its s, at the last residual
         self._set_law(law)
 
     # --- the System protocol ---------------------------------------------------------------------------
@@ -168,7 +168,7 @@ class CableElements:
     def _add_internal(
         self, span: Array, dofs: NDArray[np.int64], tab: Array, q: Array, r: Array, ab: Array, tangent: bool, c0: float
     ) -> Array | None:
-        """Add the internal force and its tangent; note the least tension."""
+        """Add the internal force and its tangent; note the least tension, element by element."""
         if self.fields == 2:
             self.tension_min = kernels.add_catenary(span, dofs, tab, self._cable, q, r, ab, tangent, c0)
             return None
@@ -197,7 +197,7 @@ class CableElements:
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
         """Measure paths, tensions, energies and fields on a history; see `Observation`."""
         g, n = self.groups, states.t.size
-        kinematics = np.array([self.motion.at(t, p) for t, p in zip(states.t, states.phase, strict=True)])
+        kinematics = np.array([self.motion.at(t, p) for t, p in zip(states.t, states.phase, strict=True)]).reshape(n, 3)
         s_o, ds, dds = kinematics.T
         T, xp, yp, xpp, ypp = g.static(s_o)
         static, bend = np.stack([xp, yp], axis=1), np.stack([xpp, ypp], axis=1)

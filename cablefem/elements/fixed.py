@@ -4,14 +4,15 @@ The cable is M d2q/dt2 + R(q) = 0; the mass in the element at s_o adds N(s_o)^T 
 p = X(s_o) + w(s_o, t), w(s_o, t) = N(s_o) q.  The ways differ in where d2w(s_o(t), t)/dt2 comes from:
 
 chain    N a + 2 ds_o N' v + (ds_o^2 N'' + dds_o N') q, the chain rule: right for C1 (Hermite) elements.  N'' jumps at
-         the nodes: steps must shrink with the square of the element length, or the scheme must damp a little.
+         the nodes, which costs an error of about elements^2/steps: steps must outgrow the square of the elements.
 naive    the same inside P1 or P2 elements.  WRONG: N' jumps from element to element, so N'' has deltas at the nodes,
-         and they carry the centrifugal force ds_o^2 w''; without them the path converges to something else, or not at
-         all.  Kept because everybody writes it first.
+         and they carry the centrifugal force ds_o^2 w''; without them the path converges to something else.  Kept
+         because everybody writes it first.
 path     the mass is a particle of its own, an unknown p with the constraint p = N(s_o) q; its acceleration is what the
          time scheme makes of p(t).  Right on any elements, but a constraint on positions (index 3): it needs numerical
-         damping (Newmark's gamma = 0.6), the undamped rule blows up.  P1 and P2 moreover need it damped PER ELEMENT,
-         about 25 steps each: with many more steps the blows at the nodes ring on undamped.
+         damping and a dozen steps per element, the undamped rule blows up.  Hermite wants generalised-alpha with
+         rho_inf = 0.5; P1 and P2 want Newmark's gamma = 0.6 and no more than some 25 steps per element, because the
+         blow of each node must be damped before the next one.
 
 Dimensionless: l = H = rho = 1.
 """
@@ -224,7 +225,7 @@ class FixedElements(CableElements):
     def _padded(self, x: Array) -> Array:
         """Return (n, 1 + n_scalar, fields) of a history, zeros for the supports in front."""
         n = x.shape[0]
-        cable = x[:, : self.fields * self.n_scalar].reshape(n, -1, self.fields)
+        cable = x[:, : self.fields * self.n_scalar].reshape(n, self.n_scalar, self.fields)
         return np.concatenate([np.zeros((n, 1, self.fields)), cable], axis=1)
 
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:

@@ -52,7 +52,7 @@ def add_banded(kin, coefficients, n_fields, q, v, a, r, ab, tangent, c0, c1, c2)
 
 @njit(cache=True)
 def add_catenary(span, dofs, tab, cable, q, r, ab, tangent, c0):
-    """Add int (N t - T t_static) . phi' ds of the full cable; return the least tension N and its s.
+    """Add int (N t - T t_static) . phi' ds of the full cable; return the least mean tension of an element and its s.
 
     N t = (N/|r'|) r', r' = X' + w', N = T + alpha eps (3)-(4); the static part is taken off under the integral,
     in a form without cancellation, so that the hanging cable is in equilibrium to the last bit.
@@ -64,6 +64,8 @@ def add_catenary(span, dofs, tab, cable, q, r, ab, tangent, c0):
     where = 0.0
     for e in range(n_el):
         s_0, h = span[e, 0], span[e, 1]
+        pull = 0.0
+        length = 0.0
         for g in range(tab.shape[1]):
             s = s_0 + h * tab[e, g, 0]
             weight = tab[e, g, 1]
@@ -84,8 +86,8 @@ def add_catenary(span, dofs, tab, cable, q, r, ab, tangent, c0):
             stretch = math.sqrt(rx * rx + ry * ry)
             eps = (2.0 * (xp * du + yp * dv) + du * du + dv * dv) / (stretch + 1.0)
             N = T + alpha * eps
-            if least > N:
-                least, where = N, s
+            pull += weight * N
+            length += weight
             if law == 1.0 and N <= 0.0:
                 fx, fy, k_geo, k_mat = -1.0, -p, 0.0, 0.0
             else:
@@ -116,6 +118,8 @@ def add_catenary(span, dofs, tab, cable, q, r, ab, tangent, c0):
                         ab[2 * col, at + 1] += gg * j12
                         ab[2 * col + 1, at - 1] += gg * j12
                         ab[2 * col + 1, at] += gg * j22
+        if least * length > pull:
+            least, where = pull / length, s_0 + 0.5 * h * (tab[e, 0, 0] + tab[e, -1, 0])
     return least, where
 
 
