@@ -81,15 +81,20 @@ def test_ladders_refine_and_fit_the_runs():
 
 
 # --- the cut ---------------------------------------------------------------------------------------------
-def test_a_smooth_path_with_a_jump_of_acceleration_is_kept_and_a_zigzag_is_cut():
+def test_a_smooth_path_with_a_jump_of_acceleration_is_kept_and_a_zigzag_is_cut_from_its_beginning():
     t = np.linspace(0.0, 1.3, 261)
-    path = 0.02 * np.sin(3.7 * t) + np.where(t > 0.61, 0.4 * (t - 0.61) ** 2, 0.0)
-    assert before_zigzag(path) == t.size
-    assert before_zigzag(path[:25]) == 25  # too short to tell
-    growing = path + np.where(np.arange(t.size) % 2, 1.0, -1.0) * 1e-6 * np.exp(0.09 * np.arange(t.size))
-    cut = before_zigzag(growing)
-    # 1e-3 of the largest deflection, about 2e-5, is reached at step 34; the 20 steps after the cut have it in them
-    assert cut <= 34 <= cut + 20
+    path = 0.02 * np.sin(3.7 * t) + np.where(t > 0.61, 0.1 * (t - 0.61) ** 2, 0.0)
+    zigzag = (-1.0) ** np.arange(t.size)
+    for failed in (False, True):
+        assert before_zigzag(path, 0.03, failed=failed) == t.size
+    assert before_zigzag((path + 0.01 * zigzag)[:25], 0.03) == 25  # too short to tell
+    # An amplitude of 3e-6 exp(0.09 n) passes 1e-3 of 0.03 at step 26; it dominates the smooth second difference of
+    # 7e-6 or less before.
+    assert before_zigzag(path + 3e-6 * zigzag * np.exp(0.09 * np.arange(t.size)), 0.03) <= 26
+    # One of 1.5e-5 from step 200 on is half of what matters, unless the run breaks in it; the window is 20 steps.
+    small = path + np.where(np.arange(t.size) >= 200, 1.5e-5, 0.0) * zigzag
+    assert before_zigzag(small, 0.03) == t.size
+    assert 180 <= before_zigzag(small, 0.03, failed=True) <= 200
 
 
 def test_what_is_not_finite_or_zigzags_never_leaves():

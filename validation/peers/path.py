@@ -48,21 +48,26 @@ def trusted(s_o: Array, place: Array, t: Array, groups: Groups, seconds: float, 
     n = int(broken[0]) if broken.size else s_o.size
     if n < s_o.size:
         note = f"not finite from s_o/l = {s_o[n]:.4f} on"
-    smooth = before_zigzag(w[:n, 1])
+    # a taut string with the mass at rest in its middle sags by mu sigma / 4
+    smooth = before_zigzag(w[:n, 1], 0.25 * groups.mu * groups.sigma, failed=bool(note))
     if smooth < n:
         n, note = smooth, f"the mass path zigzags from step to step from s_o/l = {s_o[smooth]:.4f} on"
     return PeerPath(s_o[:n], w[:n, 0], w[:n, 1], t[:n], seconds, note)
 
 
-def before_zigzag(v: Array, *, window: int = 20) -> int:
-    """Return how many instants of a path come before it zigzags from step to step; v : (n,), equal steps.
+def before_zigzag(v: Array, scale: float, *, failed: bool = False, window: int = 20) -> int:
+    """Return how many instants of a path come before it zigzags from step to step.
+
+    v : (n,) deflections at equal steps; scale : the size of a deflection that matters; failed : the
+    run ended early.
 
     A constraint enforced without enough damping answers with forces of alternating sign, on which Newton's method
     converges as well as on the truth.  On a resolved path the second difference over one step is 1/16 of the one
     over four steps; a zigzag has no second difference over four.  The sharpest thing physics allows a finite mass,
     a jump of its acceleration, keeps the ratio of the rms values near 1; even a kink of the path would give
-    16/sqrt(44) = 2.4.  Cut is where the ratio passes 3 in a window of steps.  Not seen: a zigzag of an amplitude
-    (a quarter of its second difference) below 1e-3 of the largest deflection so far, the size of these codes' errors.
+    16/sqrt(44) = 2.4.  A ratio above 3 in a window of steps is a zigzag; once its amplitude (a quarter of its second
+    difference) passes 1e-3 of the scale, or a run fails in it, the path is cut where that zigzag began.  Smaller
+    ones, which come and go on coarse meshes, are below the errors of these codes.
     """
     if v.size < window + 9:
         return v.size
@@ -70,6 +75,11 @@ def before_zigzag(v: Array, *, window: int = 20) -> int:
     four = ((v[:-8] - 2.0 * v[4:-4] + v[8:]) / 16.0) ** 2
     mean = np.full(window, 1.0 / window)
     one, four = np.convolve(one, mean, "valid"), np.convolve(four, mean, "valid")
-    deflection = np.maximum.accumulate(np.abs(v))[window + 3 : window + 3 + one.size]
-    bad = np.flatnonzero((one > 9.0 * four) & (one > (4e-3 * deflection) ** 2))
-    return int(bad[0]) + 4 if bad.size else v.size
+    zigzag = one > 9.0 * four
+    large = one > (4e-3 * scale) ** 2
+    large[-1] |= failed
+    serious = np.flatnonzero(zigzag & large)
+    if not serious.size:
+        return v.size
+    calm = np.flatnonzero(~zigzag[: serious[0]])
+    return int(calm[-1]) + 5 if calm.size else 4
