@@ -152,7 +152,7 @@ class FixedElements(CableElements):
         self._tab[:, :, 0] = (first + x) / n
         self._tab[:, :, 1] = basis.dx[0] / n
         for k in range(n_loc):
-            self._tab[:, :, 2 + k] = basis.basis[k][0].value[0]
+            self._tab[:, :, 2 + k] = basis.basis[k][0].get(0)[0]
             self._tab[:, :, 2 + n_loc + k] = n * basis.basis[k][0].grad[0, 0]
         self._span = np.tile([0.0, 1.0, 0.0, 0.0], (n, 1))
         b = max(kind.offsets)

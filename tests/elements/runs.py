@@ -1,0 +1,83 @@
+"""What the tests of the element wing share: cables off the beaten numbers, runs, and the error of a path."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cablefem import Scene
+from cablefem.newmark import integrate, scheme, step_times
+from cablefem.response import States
+from cablefem.scene import ConstantAcceleration, ConstantSpeed, Groups
+
+LEVEL = Scene.load("level").groups
+INCLINED = Scene.load("inclined").groups
+CRUISE = Scene.load("cruise").groups
+
+
+def level_cable(*, mu: float, sigma: float, alpha: float = 323.0, speed=0.0, acceleration=0.0) -> Groups:
+    """Return a level cable whose mass enters with that speed and keeps that acceleration."""
+    accelerated = ConstantAcceleration(acceleration=acceleration, initial_speed=speed)
+    law = accelerated if acceleration else ConstantSpeed(speed=speed)
+    return replace(LEVEL, mu=mu, sigma=sigma, alpha=alpha, c=0.5 * sigma, motion=law.motion(1.0))
+
+
+def steep_cable(*, mu: float, sigma: float, c: float, alpha: float, speed: float) -> Groups:
+    """Return an inclined cable; its chord follows from (sigma, c)."""
+    g = replace(LEVEL, mu=mu, sigma=sigma, alpha=alpha, c=c, motion=ConstantSpeed(speed=speed).motion(1.0))
+    x, y = g.shape(1.0)
+    chord = np.hypot(x, y)
+    return replace(g, chord_cos=float(x / chord), chord_sin=float(y / chord))
+
+
+def march(system, steps, method="trapezoidal", *, until=1.0, **kw):
+    """Return the stacked states of a run up to s_o = until, and s_o."""
+    states = []
+    for x in integrate(system, scheme(method, **kw), step_times(system, steps)):
+        states.append(x)
+        if system.motion.at(x.t, x.phase)[0] > until:
+            break
+    stack = [np.array([getattr(x, name) for x in states]) for name in ("t", "q", "v", "a", "phase")]
+    s_o = np.array([system.motion.at(x.t, x.phase)[0] for x in states])
+    return States(*stack), s_o
+
+
+def observe(system, states, s=(), frames=()):
+    return system.observe(states, np.asarray(s, float), np.asarray(frames, int))
+
+
+def path_error(system, steps, exact, method="trapezoidal", *, until=0.8, **kw):
+    """Return the largest and the rms error of v(s_o) on 0.02 <= s_o <= until over the largest exact v; exact(t)."""
+    states, s_o = march(system, steps, method, until=until, **kw)
+    inside = (s_o >= 0.02) & (s_o <= until)
+    assert inside.sum() > 20
+    v, reference = observe(system, states).path[inside, 1], exact(states.t[inside])
+    error = (v - reference) / np.abs(reference).max()
+    return float(np.abs(error).max()), float(np.sqrt(np.mean(error**2)))
+
+
+def orders(errors):
+    """Return log2 of the ratios of successive errors; a ladder halves its step sizes."""
+    errors = np.asarray(errors)
+    return np.log2(errors[:-1] / errors[1:])
+
+
+def tangent_defect(system, t, rng, *, phase=0, size=0.04):
+    """Return max |S^-1 (difference quotient along x) - x| at a random state, for random x and c0, c1, c2.
+
+    size : of the random unknowns; slopes then are of order size times degree times elements.
+    """
+    n = system.n_dof
+    q, v, a = size * rng.standard_normal((3, n))
+    c = rng.uniform(0.2, 1.8, 3)
+    x = rng.standard_normal(n)
+    r, solve = system.linearise(t, q, v, a, phase, *c)
+    np.testing.assert_allclose(r, system.residual(t, q, v, a, phase), rtol=0.0, atol=1e-13 * np.abs(r).max())
+    e = 1e-6
+
+    def shifted(h):
+        return system.residual(t, q + h * c[0] * x, v + h * c[1] * x, a + h * c[2] * x, phase)
+
+    quotient = (shifted(e) - shifted(-e)) / (2.0 * e)
+    return float(np.abs(solve(quotient) - x).max())

@@ -1,0 +1,292 @@
+"""Tables of scikit-fem and the compiled kernels against quadrature, energies and states whose forces are known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import skfem
+from scipy.integrate import cumulative_simpson
+
+from cablefem.elements import kernels
+from cablefem.elements.cable import bands
+from cablefem.elements.fixed import FixedElements
+from cablefem.elements.reference import graded_knots, lagrange_element, reference, shape_polynomials
+from tests.elements.runs import LEVEL, steep_cable
+
+DEGREES = range(1, 9)
+
+
+# --- reference meshes ----------------------------------------------------------------------------------------------
+def hats(knots, degree, x):
+    """Return values and slopes (n, x) of the nodal P1 or P2 functions, by hand."""
+    nodes = np.sort(np.concatenate([knots, 0.5 * (knots[1:] + knots[:-1])])) if degree == 2 else knots
+    value, slope = np.zeros((nodes.size, x.size)), np.zeros((nodes.size, x.size))
+    for e in range(knots.size - 1):
+        inside = (x > knots[e]) & (x < knots[e + 1])
+        local = nodes[degree * e : degree * e + degree + 1]
+        for k in range(degree + 1):
+            others = np.delete(local, k)
+            p = np.poly(others) / np.prod(local[k] - others)
+            value[degree * e + k, inside] = np.polyval(p, x[inside])
+            slope[degree * e + k, inside] = np.polyval(np.polyder(p), x[inside])
+    return value, slope
+
+
+def gauss(knots, n):
+    x, w = np.polynomial.legendre.leggauss(n)
+    h = np.diff(knots)
+    return (knots[:-1, None] + 0.5 * h[:, None] * (x + 1.0)).ravel(), (0.5 * h[:, None] * w).ravel()
+
+
+@pytest.mark.parametrize("pull_at_end", [True, False])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_reference_matrices_are_the_integrals_they_claim_to_be(degree, pull_at_end):
+    knots = graded_knots(4, 3.7, fine_at_end=pull_at_end)
+    ref = reference(knots, degree, pull_at_end)
+    x, w = gauss(knots, 7)
+    value, slope = hats(knots, degree, x)
+    pull = x if pull_at_end else 1.0 - x
+    exact = {
+        "M": (value * w) @ value.T, "G": (value * w * pull) @ slope.T, "H": (slope * w * pull**2) @ slope.T,
+    }  # fmt: skip
+    for name, integral in exact.items():
+        # rounding of sums of terms up to 1/h = 12
+        np.testing.assert_allclose(getattr(ref, name).toarray(), integral, rtol=0.0, atol=1e-13, err_msg=name)
+    with pytest.raises(AssertionError):  # G is not symmetric: its transpose must not pass for it
+        np.testing.assert_allclose(ref.G.toarray().T, exact["G"], rtol=0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("degree", DEGREES)
+def test_tables_are_those_of_the_very_points(degree):
+    """scikit-fem keeps the polynomials of ElementLinePp by the NUMBER of points; the tables must not fall for it."""
+    ref = reference(graded_knots(3, 2.3, fine_at_end=True), degree, pull_at_end=True)
+    dofs, value, grad = ref.evaluate(ref.xi.ravel())
+    n_loc = degree + 1
+    tabulated = ref.value.transpose(1, 0, 2).reshape(n_loc, -1)
+    slopes = ref.grad.transpose(1, 0, 2).reshape(n_loc, -1)
+    np.testing.assert_array_equal(dofs, np.repeat(ref.dofs, ref.xi.shape[1], axis=0).T)
+    # monomials cancel: the rounding is that of their coefficients, found by solving for them; slopes are degree/h times
+    rounding = 30.0 * np.finfo(float).eps * np.abs(ref.shapes).sum(axis=1).max()
+    np.testing.assert_allclose(value, tabulated, rtol=0.0, atol=rounding)
+    np.testing.assert_allclose(grad, slopes, rtol=0.0, atol=rounding * degree / np.diff(ref.knots).min())
+    other = ref.evaluate(np.clip(ref.xi.ravel() + 1e-6, 0.0, 1.0))[1]
+    assert np.abs(other - tabulated).max() > 1e-7  # the check sees points that are a little off
+
+
+@pytest.mark.parametrize("degree", DEGREES)
+def test_elements_hold_every_polynomial_of_their_degree(degree):
+    ref = reference(graded_knots(3, 2.3, fine_at_end=False), degree, pull_at_end=False)
+    x = np.linspace(0.0, 1.0, 60)
+    dofs, value, grad = ref.evaluate(x)
+    N, N_x = np.zeros((x.size, ref.n)), np.zeros((x.size, ref.n))
+    for k in range(degree + 1):
+        N[np.arange(x.size), dofs[k]] += value[k]
+        N_x[np.arange(x.size), dofs[k]] += grad[k]
+    for power in range(degree + 2):
+        q = np.linalg.lstsq(N, x**power, rcond=None)[0]
+        slope = power * x ** max(power - 1, 0)
+        if power <= degree:
+            np.testing.assert_allclose(N @ q, x**power, rtol=0.0, atol=1e-12)
+            np.testing.assert_allclose(N_x @ q, slope, rtol=0.0, atol=1e-9)
+            # exact integrals 1/(2p+1) of x^p x^p from the assembled matrix
+            assert abs(q @ ref.M @ q - 1.0 / (2 * power + 1)) < 1e-13
+        else:
+            assert np.abs(N @ q - x**power).max() > 1e-9
+
+
+def test_degrees_that_are_none_are_refused():
+    for degree in (0, 9, 2.0):
+        with pytest.raises(ValueError, match="degree must be an integer from 1 to 8"):
+            lagrange_element(degree)
+
+
+def test_bands_hold_the_diagonals_row_by_row():
+    ref = reference(graded_knots(4, 1.9, fine_at_end=True), 3, pull_at_end=True)
+    dense, b = ref.G.toarray(), bands(ref.G, 3)
+    for i in range(ref.n):
+        for j in range(ref.n):
+            stored = b[i, 3 + j - i] if abs(i - j) <= 3 else 0.0
+            assert stored == dense[i, j]
+
+
+@pytest.mark.parametrize("elements", [3, 1000])
+def test_hermite_tables_are_the_cubics_however_many_elements(elements):
+    """Tabulated on a mesh of 1000 elements, scikit-fem's global elements would be off by 6e-6 (12.0.2)."""
+    f = FixedElements(LEVEL, elements=elements)
+    e = elements - 1
+    x = f._tab[e, :, 0] * elements - e
+    cubics = [1 - 3 * x**2 + 2 * x**3, x - 2 * x**2 + x**3, 3 * x**2 - 2 * x**3, x**3 - x**2]
+    slopes = [6 * x**2 - 6 * x, 1 - 4 * x + 3 * x**2, 6 * x - 6 * x**2, 3 * x**2 - 2 * x]
+    # s = 1 - 1/elements carries a rounding of 1e-16, which is 1e-13 of an element
+    np.testing.assert_allclose(f._tab[e, :, 2:6], np.transpose(cubics), rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(f._tab[e, :, 6:] / elements, np.transpose(slopes), rtol=0.0, atol=1e-11)
+    powers = shape_polynomials(skfem.ElementLineHermite())
+    np.testing.assert_allclose(powers, [[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], atol=1e-13)
+
+
+# --- the internal force -----------------------------------------------------------------------------------------------
+def free_mesh(n, degree, length=1.0):
+    """Return span, dofs, tab of n equal elements on [0, length], ends free, and the places of the P1/P2 unknowns."""
+    ref = reference(np.linspace(0.0, 1.0, n + 1), degree, pull_at_end=True)
+    tab = np.concatenate(
+        [ref.xi[:, :, None], ref.dx[:, :, None], ref.value.transpose(0, 2, 1), ref.grad.transpose(0, 2, 1)], axis=2
+    )
+    span = np.tile([0.0, length, 0.0, 0.0], (n, 1))
+    return (span, ref.dofs, tab), length * np.linspace(0.0, 1.0, degree * n + 1)
+
+
+def tensions(mesh, cable, q):
+    """Return N at the quadrature points (n_el, n_q), their places, and the mean of every element."""
+    (span, dofs, tab), (alpha, sigma, c, _) = mesh, cable
+    s, n_loc = span[:, :1] * 0.0 + span[:, 1:2] * tab[:, :, 0], dofs.shape[1]
+    slope = np.einsum("egk,ekf->egf", tab[:, :, 2 + n_loc :], q.reshape(-1, 2)[dofs]) / span[:, 1, None, None]
+    p = c - sigma * s
+    T = np.sqrt(1.0 + p * p)
+    N = T + alpha * (np.hypot(1.0 / T + slope[..., 0], p / T + slope[..., 1]) - 1.0)
+    return N, s, np.sum(tab[:, :, 1] * N, axis=1) / np.sum(tab[:, :, 1], axis=1)
+
+
+def force(mesh, cable, q):
+    r = np.zeros_like(q)
+    least = kernels.add_catenary(*mesh, np.asarray(cable, float), q, r, np.empty((1, 7)), False, 0.0)
+    return r.reshape(-1, 2), least
+
+
+CABLE = (323.7, 0.41, 0.73, 0.0)  # alpha, sigma, c, law
+
+
+@pytest.mark.parametrize("degree", [1, 2, 4])
+def test_the_hanging_cable_is_in_equilibrium_to_the_last_bit(degree):
+    mesh, _ = free_mesh(5, degree)
+    rest = np.zeros(2 * (5 * degree + 1))
+    r, (least, where) = force(mesh, CABLE, rest)
+    assert np.all(r == 0.0)
+    # p = c - sigma s > 0 all along, so T falls: the last element has the least mean, at its middle
+    assert where == pytest.approx(0.9, rel=1e-14)
+    assert least == pytest.approx(tensions(mesh, CABLE, rest)[2][-1], rel=1e-14)
+
+
+def test_a_rigid_shift_costs_nothing():
+    mesh, s = free_mesh(5, 2)
+    q = np.tile([0.31, -0.17], s.size)
+    assert np.abs(force(mesh, CABLE, q)[0]).max() < 1e-12  # rounding of slopes 1e-16/h times alpha
+    q[4] += 1e-9
+    assert np.abs(force(mesh, CABLE, q)[0]).max() > 1e-6  # the check sees one node that lags behind
+
+
+@pytest.mark.parametrize("strain", [0.023, -0.001])
+def test_a_straight_cable_stretches_uniformly(strain):
+    """Without weight, w' = strain X' leaves N t = (T + alpha strain) t constant: forces at the two ends only."""
+    slope, alpha = 0.73, 323.7
+    mesh, s = free_mesh(5, 2)
+    T = math.hypot(1.0, slope)
+    direction = np.array([1.0, slope]) / T
+    q = (strain * s[:, None] * direction).ravel()
+    r, (least, _) = force(mesh, (alpha, 0.0, slope, 0.0), q)
+    np.testing.assert_allclose(r[-1], alpha * strain * direction, rtol=1e-11)
+    np.testing.assert_allclose(r[0], -alpha * strain * direction, rtol=1e-11)
+    assert np.abs(r[1:-1]).max() < 1e-11
+    assert math.isclose(least, T + alpha * strain, rel_tol=1e-12)
+
+
+def unloaded(g, line, n):
+    """Return length and places w of the catenary measured from a straight line of the same tension law.
+
+    The line has horizontal tension 1, slope `line` and length L.  A piece dS of it is a piece ds = stretch dS of the
+    hanging cable, stretch = 1 + (T(s) - T_line)/alpha: so N = T_line + alpha (stretch - 1) is the tension of statics.
+    """
+    T_line = math.hypot(1.0, line)
+    fine = np.linspace(0.0, 1.0, 40001)
+    stretch = 1.0 + (g.static(fine)[0] - T_line) / g.alpha
+    S = cumulative_simpson(1.0 / stretch, x=fine, initial=0.0)
+    L = S[-1]
+    s = np.interp(np.linspace(0.0, L, n), S, fine)
+    s -= (np.interp(s, fine, S) - np.linspace(0.0, L, n)) * np.interp(s, fine, stretch)
+    return L, T_line, s, np.stack(g.shape(s), axis=1) - np.linspace(0.0, L, n)[:, None] * np.array([1.0, line]) / T_line
+
+
+@pytest.mark.parametrize(
+    ("sigma", "c", "line"), [(0.17, 0.085, 0.0), (1.9, 0.95, 0.21), (0.83, 1.37, 0.4)], ids=["level", "deep", "steep"]
+)
+def test_the_catenary_is_in_equilibrium_in_absolute_coordinates(sigma, c, line):
+    """Elements on a straight weightless line, pulled to the places of the catenary, carry its weight.
+
+    Nothing of the catenary is subtracted here: neither its tension nor its slopes enter the elements.
+    """
+    g = steep_cable(mu=0.7, sigma=sigma, c=c, alpha=57.0, speed=0.3)
+    defect = []
+    for n in (20, 40, 80):
+        L, _, s, w = unloaded(g, line, n + 1)
+        mesh, _ = free_mesh(n, 1, L)
+        r, _ = force(mesh, (g.alpha, 0.0, line, 0.0), w.ravel())
+        # weight of the hanging cable between the middles of the two elements beside each node
+        mass = np.diff(s)
+        load = sigma * 0.5 * (mass[1:] + mass[:-1])
+        r[1:-1, 1] -= load
+        defect.append(np.abs(r[1:-1]).max() / load.mean())
+    assert defect[-1] < 2e-3
+    assert np.all(np.abs(np.log2(np.divide(defect[:-1], defect[1:])) - 2.0) < 0.15)  # chords of a smooth curve
+    # twin: a cable of another sag is not in equilibrium, however fine the mesh
+    wrong = replace(g, sigma=1.01 * sigma)
+    L, _, s, w = unloaded(wrong, line, 81)
+    r, _ = force(free_mesh(80, 1, L)[0], (g.alpha, 0.0, line, 0.0), w.ravel())
+    assert np.abs(r[1:-1, 1] - load).max() / load.mean() > 5e-3
+
+
+# --- forces are gradients of energies --------------------------------------------------------------------------------
+def gradient(energy, q):
+    step = 1e-6 * np.eye(q.size)
+    return np.array([(energy(q + e) - energy(q - e)) / 2e-6 for e in step])
+
+
+@pytest.mark.parametrize("law", [0.0, 1.0], ids=["elastic", "tension-only"])
+def test_the_cable_force_is_the_gradient_of_its_energy(law):
+    mesh, s = free_mesh(4, 2)
+    rng = np.random.default_rng(11)
+    q = 0.02 * rng.standard_normal(2 * s.size)
+    q[:2] = q[-2:] = 0.0
+    cable = np.array([83.0, 0.41, 0.73, law])
+    r, (least, _) = force(mesh, cable, q)
+    N, places, means = tensions(mesh, cable, q)
+    assert N.min() < 0.0 < N.max()  # both branches of the law are in it
+    assert least == pytest.approx(means.min(), rel=1e-12)
+    still = np.zeros_like(q)
+    slope = gradient(lambda x: kernels.cable_energy(*mesh, cable, x, still)[0], q).reshape(-1, 2)
+    # central differences: 1e-12 alpha of truncation, 1e-16/1e-6 of rounding
+    np.testing.assert_allclose(r[1:-1], slope[1:-1], rtol=0.0, atol=2e-8 * np.abs(r).max())
+    seen = kernels.cable_energy(*mesh, cable, q, still)[1:]
+    np.testing.assert_allclose(seen, [N.min(), places.ravel()[N.argmin()]], rtol=1e-12)
+    cable[3] = 1.0 - law
+    other = force(mesh, cable, q)[0]
+    assert np.abs(other - r).max() > 1e-3 * np.abs(r).max()  # the two laws differ here
+
+
+@pytest.mark.parametrize(("lam", "kap"), [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)], ids=["string", "sagged", "stretching"])
+def test_the_chord_force_is_the_gradient_of_its_energy(lam, kap):
+    mesh, s = free_mesh(4, 2)
+    q = 0.05 * np.random.default_rng(12).standard_normal(s.size)
+    chord = np.array([83.0, 1.31, 0.37, lam, kap, 0.0])
+    r, increment, still = np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
+    tension = kernels.add_chord(*mesh, chord, q, r, np.empty((1, 4)), increment, False, 0.0)
+    slope = gradient(lambda x: kernels.chord_energy(*mesh, chord, x, still)[0], q)
+    np.testing.assert_allclose(r, slope, rtol=0.0, atol=1e-7 * np.abs(r).max())
+    raised = gradient(lambda x: kernels.chord_energy(*mesh, chord, x, still)[1], q)
+    np.testing.assert_allclose(lam * chord[0] * increment, raised, rtol=0.0, atol=1e-7 * chord[0])
+    assert tension == pytest.approx(kernels.chord_energy(*mesh, chord, q, still)[1], rel=1e-14)
+
+
+def test_a_slack_cable_pulls_nothing_and_resists_nothing():
+    mesh, s = free_mesh(3, 1)
+    # pushed together by 2 percent along its own static shape: N = T - 0.02 alpha < 0
+    g = replace(LEVEL, alpha=83.0, sigma=0.41, c=0.73)
+    q = (-0.02 * np.stack(g.shape(s), axis=1)).ravel()
+    cable = np.array([g.alpha, g.sigma, g.c, 1.0])
+    r, ab = np.zeros_like(q), np.zeros((q.size, 10))
+    least, _ = kernels.add_catenary(*mesh, cable, q, r, ab, True, 1.0)
+    assert least < 0.0
+    assert np.all(ab == 0.0)
+    # all that is left is the static force that the formulation subtracts: int T t phi' = weight of each node
+    np.testing.assert_allclose(r.reshape(-1, 2)[1:-1], [[0.0, -g.sigma / 3.0]] * 2, rtol=0.0, atol=1e-14)
