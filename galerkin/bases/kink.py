@@ -1,0 +1,144 @@
+"""The basis as the mass sees it: standing still, or enriched by one hat that travels with the mass.
+
+A mass bends the cable sharply, and a sum of smooth functions meets that kink at first order only.  One hat function
+with its peak at the mass takes the kink away from the sum.  Since the hat moves, Lagrange's equations for
+w = sum_j Phi_j(s; s_o(t)) q_j read
+
+    M q.. + 2 A q. + (A. - B) q + R(q) = F,
+    M_ij = int Phi_i Phi_j ds,  A_ij = int Phi_i dPhi_j/dt ds,  (A. - B)_ij = int Phi_i d2Phi_j/dt2 ds - ...
+
+(`galerkin.equations`); both classes here answer the same questions, a standing basis has A = B = 0.
+"""
+
+from typing import Protocol
+
+import numpy as np
+
+from galerkin.bases import Basis
+
+Array = np.ndarray
+
+
+class MovingBasis(Protocol):
+    """Functions Phi_1 .. Phi_n of s that may depend on where the mass is; s and s_o in [0, 1]."""
+
+    basis: Basis
+    n: int
+
+    def inertia(self, s_o: float, ds_o: float, dds_o: float) -> tuple[Array, Array, Array]:
+        """M (n, n) and the last columns of 2 A and of A. - B, each (n,); their other columns are zero."""
+
+    def stiffness(self, s_o: float) -> Array:
+        """int Phi_i' Phi_j' ds, (n, n)."""
+
+    def integral(self, s_o: float) -> Array:
+        """int Phi_i ds, (n,)."""
+
+    def at_mass(self, s_o: float) -> tuple[Array, Array, Array]:
+        """Phi_j(s_o) followed along the path: its value, first and second derivative by s_o; each (n,)."""
+
+    def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
+        """Points (n_q,), weights (n_q,) and Phi' there (n_q, n), for integrands that jump at s_o if Phi does."""
+
+
+class Standing:
+    """The given basis unchanged: it does not know the mass."""
+
+    def __init__(self, basis: Basis) -> None:
+        self.basis, self.n = basis, basis.n
+        self._mass, self._stiffness, self._integral = basis.mass(), basis.stiffness(), basis.integral()
+        self._zero = np.zeros(basis.n)
+        s, weights = basis.quadrature()
+        self._slopes = s, weights, basis.d1(s)
+
+    def inertia(self, s_o: float, ds_o: float, dds_o: float) -> tuple[Array, Array, Array]:
+        return self._mass, self._zero, self._zero
+
+    def stiffness(self, s_o: float) -> Array:
+        return self._stiffness
+
+    def integral(self, s_o: float) -> Array:
+        return self._integral
+
+    def at_mass(self, s_o: float) -> tuple[Array, Array, Array]:
+        """phi, phi', phi'' at s_o; the last is zero where the basis has none, and then must not be used."""
+        s = np.array([s_o])
+        second = self.basis.d2(s)[0] if self.basis.smooth else np.zeros(self.n)
+        return self.basis.values(s)[0], self.basis.d1(s)[0], second
+
+    def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
+        return self._slopes
+
+
+class TravellingKink:
+    """Any basis plus the hat that is 1 at the mass and falls linearly to 0 at both supports; the hat comes last.
+
+    All its integrals are in closed form.  hat'' is a delta of weight -1/(s_o (1 - s_o)) at s_o, so with E'' = phi,
+    E(0) = E(1) = 0 (the second primitive less its chord)
+
+        I(s_o) = int hat phi ds = int hat'' E ds = -E(s_o)/(s_o (1 - s_o)),
+        int phi dhat/dt ds = I' ds_o,    int phi d2hat/dt2 ds = I'' ds_o^2 + I' dds_o   (phi stands still),
+        int hat^2 = 1/3,  int hat dhat/dt = 0,  int (dhat/dt)^2 = ds_o^2/(3 s_o (1 - s_o)),
+        int hat' phi' = phi(s_o)/(s_o (1 - s_o)),  int hat'^2 = 1/(s_o (1 - s_o)),  int hat = 1/2.
+
+    The left slope 1/s_o grows without bound towards a support: nothing but `overlap` may be asked for at s_o = 0,
+    and nothing at s_o = 1.
+    """
+
+    def __init__(self, basis: Basis) -> None:
+        self.basis, self.n = basis, basis.n + 1
+        self._mass, self._stiffness = (np.zeros((self.n, self.n)) for _ in range(2))
+        self._mass[:-1, :-1], self._stiffness[:-1, :-1] = basis.mass(), basis.stiffness()
+        self._mass[-1, -1] = 1.0 / 3.0
+        self._integral = np.append(basis.integral(), 0.5)
+        self._left, right = basis.primitive2(np.array([0.0, 1.0]))
+        self._chord = right - self._left
+
+    def overlap(self, s_o: Array) -> tuple[Array, Array, Array]:
+        """I, I', I'' = int hat phi ds and its derivatives by s_o; s_o (m,) in [0, 1), each (m, n - 1).
+
+        At s_o = 0, where E = E'(0) s + O(s^3), the limits are I = I' = -E'(0); I'' there is not needed and is 0.
+        """
+        s = s_o[:, None]
+        phi = self.basis.values(s_o)
+        slope = self.basis.primitive1(s_o) - self._chord
+        entry = s == 0.0
+        w = np.where(entry, 1.0, s * (1.0 - s))
+        dw = 1.0 - 2.0 * s
+        value = -np.where(entry, slope, self.basis.primitive2(s_o) - self._left - s * self._chord) / w
+        first = np.where(entry, value, -(slope + value * dw) / w)  # from I w = -E
+        second = np.where(entry, 0.0, -(phi + 2.0 * first * dw - 2.0 * value) / w)
+        return value, first, second
+
+    def inertia(self, s_o: float, ds_o: float, dds_o: float) -> tuple[Array, Array, Array]:
+        value, first, second = (x[0] for x in self.overlap(np.array([s_o])))
+        matrix = self._mass.copy()
+        matrix[-1, :-1] = matrix[:-1, -1] = value
+        gyroscopic = np.append((2.0 * ds_o) * first, 0.0)
+        centrifugal = np.append(ds_o**2 * second + dds_o * first, -(ds_o**2) / (3.0 * s_o * (1.0 - s_o)))
+        return matrix, gyroscopic, centrifugal
+
+    def stiffness(self, s_o: float) -> Array:
+        matrix, steepness = self._stiffness.copy(), 1.0 / (s_o * (1.0 - s_o))
+        matrix[-1, :-1] = matrix[:-1, -1] = steepness * self.basis.values(np.array([s_o]))[0]
+        matrix[-1, -1] = steepness
+        return matrix
+
+    def integral(self, s_o: float) -> Array:
+        return self._integral
+
+    def at_mass(self, s_o: float) -> tuple[Array, Array, Array]:
+        """phi and its derivatives; the hat rides along and stays 1: that is why its kink costs no phi''."""
+        s = np.array([s_o])
+        second = self.basis.d2(s)[0] if self.basis.smooth else np.zeros(self.n - 1)
+        return np.append(self.basis.values(s)[0], 1.0), np.append(self.basis.d1(s)[0], 0.0), np.append(second, 0.0)
+
+    def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
+        """Points on each side of the mass; each side must resolve the highest phi over the whole cable."""
+        left, w_left = self.basis.quadrature_on(0.0, s_o)
+        right, w_right = self.basis.quadrature_on(s_o, 1.0)
+        s = np.concatenate([left, right])
+        table = np.empty((s.size, self.n))
+        table[:, :-1] = self.basis.d1(s)
+        table[: left.size, -1], table[left.size :, -1] = 1.0 / s_o, -1.0 / (1.0 - s_o)
+        return s, np.concatenate([w_left, w_right]), table

@@ -1,0 +1,249 @@
+"""The equations (17)-(32) of a cable with a travelling mass, over any basis, standing or with a travelling kink.
+
+Unknowns gamma = [U; V] (or the one field normal to the chord).  Dimensionless throughout: length l, force H, time
+l sqrt(rho/H).
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg.lapack import dgetrf, dgetrs
+
+from cablefem.newmark import Solve, State, consistent_acceleration
+from cablefem.response import Observation, States
+from cablefem.scene import Groups
+from galerkin.bases import Basis
+from galerkin.bases.kink import Array, Standing, TravellingKink
+from galerkin.models import cable_model
+from galerkin.observe import observe
+
+LOADS = ("mass", "force")
+
+
+@dataclass(frozen=True, slots=True)
+class Instant:
+    """Everything that depends on the place and the speed of the mass only."""
+
+    s_o: float
+    ds_o: float
+    dds_o: float
+    mass: Array  # int Phi Phi, (n, n)
+    gyroscopic: Array  # last column of 2 A, (n,)
+    centrifugal: Array  # last column of A. - B, (n,)
+    f: Array  # Phi(s_o), (n,)
+    f_v: Array  # 2 ds_o Phi'(s_o), as in (22), (n,)
+    f_q: Array  # dds_o Phi'(s_o) + ds_o^2 Phi''(s_o), as in (23), (n,)
+    load: Array  # acceleration along the static path less gravity, -F/(mu phi) of (27), (fields,)
+    place: Any  # the cable model's own
+
+
+class GalerkinSystem:
+    """M q.. + C q. + K q + R(q) = F of (19), as a `cablefem.newmark.System`.
+
+    The mass enters by the acceleration of its place p = X(s_o) + w(s_o, t), which is (21)-(23) and (27) at once:
+
+        mu Phi_i(s_o) ( p.. - sigma j ),   p.. = Phi q.. + 2 ds_o Phi' q. + (dds_o Phi' + ds_o^2 Phi'') q + X.. .
+
+    Where the basis has no phi'' (`basis.smooth` False) the last term has no meaning.  Then the path form is used: the
+    displacement of the mass, w_p = w(s_o, t), is an unknown of its own (the last `fields` unknowns), p.. uses the
+    scheme's own second derivative of it, and w_p - Phi(s_o) q = 0 is its equation.  A constraint on positions is of
+    index 3: only schemes with numerical damping keep it stable, the trapezoidal rule does not.
+
+    groups : `Scene.groups`;  basis : `galerkin.bases.Basis`
+    kink : enrich the basis by a hat travelling with the mass
+    model : "string" | "sagged" | "stretching" (one field normal to the chord) | "full"
+    load : "mass", or "force" = the weight mu sigma alone, without inertia
+    law : "elastic", or "tension-only" N = max(0, T + alpha eps), for the full model
+
+    Unknowns: all of U, then all of V; the hat comes last in each.
+    """
+
+    def __init__(
+        self, groups: Groups, basis: Basis, *, kink: bool = False, model: str = "full", load: str = "mass",
+        law: str = "elastic",
+    ) -> None:  # fmt: skip
+        if load not in LOADS:
+            raise ValueError(f"unknown load {load!r}; one of {', '.join(LOADS)}")
+        if groups.motion is None:
+            raise ValueError("the scene has no travelling mass; `bare_frequencies` is all a bare cable has")
+        self.groups, self.motion, self.mu, self.kink = groups, groups.motion, groups.mu, kink
+        self.model, self.load, self.law = model, load, law
+        self.basis: TravellingKink | Standing = TravellingKink(basis) if kink else Standing(basis)
+        self.cable = cable_model(groups, model, law)
+        self.inertia = self.mu if load == "mass" else 0.0
+        self.path_form = load == "mass" and not basis.smooth
+        self.fields, self.n = self.cable.fields, self.basis.n
+        self.n_modal = self.fields * self.n
+        self.n_dof = self.n_modal + (self.fields if self.path_form else 0)
+        self.phases: tuple[tuple[float, float], ...] = self.motion.phases
+        self.force_scale = self.mu * groups.sigma
+        # rounding of N = T + alpha eps, summed; ten times what was measured for 10 to 120 terms, alpha 1e3 to 1e6
+        self.force_floor = np.finfo(float).eps * groups.alpha
+        self.tension_min = (np.inf, 0.0)  # least tension at the last residual, and its s
+        self._instants: dict[tuple[float, int], Instant] = {}
+
+    def with_law(self, law: str) -> GalerkinSystem:
+        """The same system, sharing all tables, under another law: to go on with a run whose cable fell slack."""
+        other = copy.copy(self)
+        other.law, other.cable = law, cable_model(self.groups, self.model, law)
+        other._instants = {}
+        return other
+
+    def instant(self, t: float, phase: int) -> Instant:
+        """What a time step asks for again and again; the last few instants are kept (the energy rule visits five)."""
+        key = (t, phase)
+        found = self._instants.get(key)
+        if found is None:
+            if len(self._instants) >= 8:
+                del self._instants[next(iter(self._instants))]
+            found = self._instants[key] = self._instant(*self.motion.at(t, phase))
+        return found
+
+    def _instant(self, s_o: float, ds_o: float, dds_o: float) -> Instant:
+        mass, gyroscopic, centrifugal = self.basis.inertia(s_o, ds_o, dds_o)
+        f, first, second = self.basis.at_mass(s_o)
+        return Instant(
+            s_o, ds_o, dds_o, mass, gyroscopic, centrifugal,
+            f, (2.0 * ds_o) * first, dds_o * first + ds_o**2 * second,
+            self._load(s_o, ds_o, dds_o), self.cable.at(self.basis, s_o),
+        )  # fmt: skip
+
+    def _load(self, s_o: float, ds_o: float, dds_o: float) -> Array:
+        if self.load == "force":
+            return -self.cable.weight
+        slope, curvature = self.cable.static_slope(np.asarray(s_o))
+        return dds_o * slope + ds_o**2 * curvature - self.cable.weight
+
+    def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
+        return self._residual(self.instant(t, phase), q, v, a)
+
+    def _residual(self, x: Instant, q: Array, v: Array, a: Array) -> Array:
+        Q, V, A = (y[: self.n_modal].reshape(self.fields, self.n) for y in (q, v, a))
+        r = np.empty(self.n_dof)
+        R = r[: self.n_modal].reshape(self.fields, self.n)
+        np.matmul(A, x.mass, out=R)
+        force, self.tension_min = self.cable.force(x.place, Q)
+        R += force
+        if self.kink:
+            R += np.multiply.outer(V[:, -1], x.gyroscopic) + np.multiply.outer(Q[:, -1], x.centrifugal)
+        if self.path_form:
+            r[self.n_modal :] = q[self.n_modal :] - Q @ x.f
+            pull = self.mu * (a[self.n_modal :] + x.load)
+        elif self.inertia:
+            pull = self.mu * (A @ x.f + V @ x.f_v + Q @ x.f_q + x.load)
+        else:
+            pull = self.mu * x.load
+        R += np.multiply.outer(pull, x.f)
+        return r
+
+    def tangent(self, t: float, q: Array, phase: int, c0: float, c1: float, c2: float) -> Array:
+        """c0 dr/dq + c1 dr/dv + c2 dr/da, (n_dof, n_dof): (28)-(32) and (21)-(23); r is linear in v and a."""
+        x, n, end = self.instant(t, phase), self.n, self.n_modal
+        K = np.zeros((self.n_dof, self.n_dof))
+        if c0:
+            np.multiply(self.cable.tangent(x.place, q[:end].reshape(self.fields, n)), c0, out=K[:end, :end])
+        block = c2 * x.mass
+        if self.kink:
+            block[:, -1] += c1 * x.gyroscopic + c0 * x.centrifugal
+        if self.path_form:
+            for i in range(self.fields):
+                K[i * n : (i + 1) * n, end + i] = (c2 * self.mu) * x.f
+                K[end + i, i * n : (i + 1) * n] = -c0 * x.f
+                K[end + i, end + i] = c0
+        elif self.inertia:
+            block += np.multiply.outer(self.mu * x.f, c2 * x.f + c1 * x.f_v + c0 * x.f_q)
+        for i in range(self.fields):
+            K[i * n : (i + 1) * n, i * n : (i + 1) * n] += block
+        return K
+
+    def linearise(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
+    ) -> tuple[Array, Solve]:
+        return self.residual(t, q, v, a, phase), factorised(self.tangent(t, q, phase, c0, c1, c2))
+
+    def start(self, phase: int, state: State | None) -> State:
+        """Entry: the limit t -> 0+ of the motion from rest.  Later: q, v go on, a jumps with dds_o."""
+        if state is None:
+            return self._entry()
+        t = self.phases[phase][0]
+        if not self.path_form:
+            return consistent_acceleration(self, t, state.q, state.v, phase)
+        # the jump of the constraint's second derivative and of the balance; neither holds phi''
+        before, x = self.instant(t, state.phase), self.instant(t, phase)
+        Q = state.q[: self.n_modal].reshape(self.fields, self.n)
+        kick = Q @ (x.f_q - before.f_q)
+        balance = np.multiply.outer(self.mu * (kick + x.load - before.load), x.f)
+        if self.kink:
+            balance += np.multiply.outer(Q[:, -1], x.centrifugal - before.centrifugal)
+        jump = -np.linalg.solve(x.mass + self.mu * np.multiply.outer(x.f, x.f), balance.T).T
+        return State(t, state.q, state.v, state.a + np.concatenate([jump.ravel(), jump @ x.f + kick]), phase)
+
+    def _entry(self) -> State:
+        t = self.phases[0][0]
+        s_o, ds_o, dds_o = self.motion.at(t, 0)
+        q, v, a = np.zeros((3, self.n_dof))
+        if isinstance(self.basis, Standing):
+            # phi(0) = 0: the mass on the support moves nothing, and M a = F(0) = 0
+            return State(t, q, v, a, 0)
+        # Near the support q_hat = d s_o + ..., d = slope of the cable behind the mass.  The phi rows of the limit,
+        # M0 a_phi + I a_hat + 2 I' ds_o v_hat = 0 (and M0 v_phi + I v_hat = 0 after the impulse that starts v_hat)
+        # say that the cable at large stays at rest; with them the row of the hat is
+        #   m a_hat - c d + [N t - T t_static](d) + mu (X.. - sigma j) = 0.
+        value, first, _ = (y[0] for y in self.basis.overlap(np.array([0.0])))
+        M0 = self.basis.basis.mass()
+        rest, drag = np.linalg.solve(M0, np.stack([value, first], axis=1)).T
+        m = self.inertia + 1.0 / 3.0 - value @ rest
+        load = self.mu * self._load(s_o, ds_o, dds_o)
+        if self.inertia and ds_o > 0.0:
+            # a mass entering with speed falls freely: it has no time to stretch the short piece behind it, d = 0
+            d, a_hat = np.zeros(self.fields), -load / m
+        else:
+            # a massless force, or a start from rest: the piece behind is strained at once, q_hat = d s_o
+            c = ds_o**2 * (1.0 / 3.0 + 2.0 * value @ drag)
+            d = self._slope_behind(m * dds_o - c, load)
+            a_hat = d * dds_o
+        v_hat = d * ds_o
+        for field in range(self.fields):
+            last = (field + 1) * self.n - 1
+            v[last], v[last - self.n + 1 : last] = v_hat[field], -rest * v_hat[field]
+            a[last] = a_hat[field]
+            a[last - self.n + 1 : last] = -rest * a_hat[field] - drag * (2.0 * ds_o * v_hat[field])
+        if self.path_form:
+            a[self.n_modal :] = a_hat
+        return State(t, q, v, a, 0)
+
+    def _slope_behind(self, m: float, load: Array) -> Array:
+        """Solve m d + [N t - T t_static](X' + d) + load = 0 at the left support for the slope d (fields,) by Newton."""
+
+        def balance(d: Array) -> tuple[Array, Array]:
+            force, stiffness = self.cable.stress(np.asarray(0.0), d)
+            return m * d + force + load, m * np.eye(self.fields) + stiffness
+
+        d = np.zeros(self.fields)
+        r, J = balance(d)
+        for _ in range(50):
+            step, size = -np.linalg.solve(J, r), 1.0
+            while True:
+                new_r, new_J = balance(d + size * step)
+                if np.linalg.norm(new_r) < np.linalg.norm(r) or size < 1e-6:
+                    break
+                size *= 0.5
+            if np.linalg.norm(new_r) >= np.linalg.norm(r):
+                return d  # at rounding
+            d, r, J = d + size * step, new_r, new_J
+        raise ValueError(f"no equilibrium of the cable behind a mass that starts from rest (load {load})")
+
+    def observe(self, states: States, s: Array, frames: Array) -> Observation:
+        return observe(self, states, s, frames)
+
+
+def factorised(K: Array) -> Solve:
+    """r -> K^-1 r by LAPACK's LU; K is overwritten (its transpose is what Fortran sees, hence trans=1)."""
+    lu, pivots, info = dgetrf(K.T, overwrite_a=True)
+    if info:
+        return lambda r: np.full_like(r, np.nan)  # singular: the driver treats NaN as a stalled step
+    return lambda r: dgetrs(lu, pivots, r, trans=1)[0]

@@ -1,0 +1,171 @@
+"""How much of the cable is modelled: internal forces of the full (u, v) cable and of one field normal to the chord.
+
+A model turns coefficients Q (fields, n) over a basis into the internal force R (fields, n), always measured from the
+hanging cable, and into its tangent.  The seam, the same in both classes:
+
+    fields, weight         number of unknown functions; sigma j as each of them sees it, (fields,)
+    at(basis, s_o)         what force and tangent need of a place of the mass, made once per instant
+    force(place, Q)        R (fields, n); the least total tension and its s (see `cablefem.newmark.System`)
+    tangent(place, Q)      dR/dQ, (fields n, fields n), field by field
+    static_slope(s)        X', X'' of the static shape that the load of the mass follows, (..., fields) each
+    stress(s, slope)       the force of one point, (..., fields), for w' = slope, and its derivative by it
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cablefem.scene import Groups
+from galerkin.bases.kink import Array, MovingBasis
+
+MODELS = ("string", "sagged", "stretching", "full")
+LAWS = ("elastic", "tension-only")
+
+
+class FullCable:
+    """The cable of (25)-(26) and (28)-(32): exact strain, both displacements.
+
+    N t - T t_static, t = r'/|r'|, r' = X' + w', replaces N t in (25)-(26).  The static part integrates against phi' to
+    the weight of the cable, which is what -sigma phi_m in (26) takes away, so the equations are the same; but taken at
+    the same points as N t it vanishes with the displacement, and the hanging cable is in equilibrium to rounding.
+    """
+
+    fields = 2
+
+    def __init__(self, groups: Groups, law: str) -> None:
+        self.groups, self.alpha, self.tension_only = groups, groups.alpha, law == "tension-only"
+        self.weight = np.array([0.0, groups.sigma])
+        self._last = (np.empty(0),) * 7
+
+    def at(self, basis: MovingBasis, s_o: float) -> tuple[Array, ...]:
+        """Points s, Phi' there (n_q, n), weights, static T, x', y', and to which wave a point belongs."""
+        s, weights, table = basis.slopes(s_o)
+        if table is not self._last[1]:  # a standing basis has one table for all places
+            waves = np.floor((s - basis.kinks_at(s_o)) * (0.5 * basis.basis.n))
+            self._last = (s, table, weights, *self.groups.static(s)[:3], np.flatnonzero(np.diff(waves, prepend=np.nan)))
+        return self._last
+
+    def response(self, T: Array, xp: Array, yp: Array, ux: Array, vy: Array) -> tuple[Array, ...]:
+        """eps, k = N/|r'|, k - T, d = (N' |r'| - N)/|r'|^3 of (28)-(32), and N, for slopes w' = (ux, vy)."""
+        e = 2.0 * (xp * ux + yp * vy) + ux * ux + vy * vy
+        stretch = np.sqrt(1.0 + e)
+        eps = e / (1.0 + stretch)  # sqrt(1 + e) - 1 without cancellation
+        less = self.alpha - T
+        N = T + self.alpha * eps
+        k, excess, d = N / stretch, less * eps / stretch, less / stretch**3
+        if self.tension_only:
+            slack = N < 0.0
+            if slack.any():
+                N, k, d = (np.where(slack, 0.0, x) for x in (N, k, d))
+                excess = np.where(slack, -T, excess)
+        return eps, k, excess, d, N
+
+    def force(self, place: tuple[Array, ...], Q: Array) -> tuple[Array, tuple[float, float]]:
+        """R of (25)-(26) less its static value, (2, n); least N, and its s."""
+        s, table, weights, T, xp, yp, _ = place
+        ux, vy = Q @ table.T
+        _, k, excess, _, N = self.response(T, xp, yp, ux, vy)
+        R = (weights * np.stack([excess * xp + k * ux, excess * yp + k * vy])) @ table
+        return R, self._least(place, N)
+
+    def _least(self, place: tuple[Array, ...], N: Array) -> tuple[float, float]:
+        """The least N and its s; a negative N must be so in the mean over a shortest wave, 2/n, or it is a ripple."""
+        s, _, weights, _, _, _, waves = place
+        least = N.argmin()
+        if N[least] < 0.0:
+            N, s = (np.add.reduceat(weights * x, waves) / np.add.reduceat(weights, waves) for x in (N, s))
+            least = N.argmin()
+        return float(N[least]), float(s[least])
+
+    def tangent(self, place: tuple[Array, ...], Q: Array) -> Array:
+        """J1, J2, J3 of (28)-(32), (2 n, 2 n)."""
+        _, table, weights, T, xp, yp, _ = place
+        ux, vy = Q @ table.T
+        _, k, _, d, _ = self.response(T, xp, yp, ux, vy)
+        rx, ry = xp + ux, yp + vy
+        k, d = weights * k, weights * d
+        n = table.shape[1]
+        J = np.empty((2 * n, 2 * n))
+        J[:n, :n] = table.T @ ((k + d * rx * rx)[:, None] * table)
+        J[n:, n:] = table.T @ ((k + d * ry * ry)[:, None] * table)
+        J[:n, n:] = table.T @ ((d * rx * ry)[:, None] * table)
+        J[n:, :n] = J[:n, n:]  # symmetric in itself
+        return J
+
+    def static_slope(self, s: Array) -> tuple[Array, Array]:
+        """Of the catenary."""
+        _, xp, yp, xpp, ypp = self.groups.static(s)
+        return np.stack([xp, yp], axis=-1), np.stack([xpp, ypp], axis=-1)
+
+    def stress(self, s: Array, slope: Array) -> tuple[Array, Array]:
+        """N t - T t_static, and k I + d r' r'^T."""
+        T, xp, yp, _, _ = self.groups.static(s)
+        ux, vy = slope[..., 0], slope[..., 1]
+        _, k, excess, d, _ = self.response(T, xp, yp, ux, vy)
+        r = np.stack([xp + ux, yp + vy], axis=-1)
+        force = np.stack([excess * xp + k * ux, excess * yp + k * vy], axis=-1)
+        return force, k[..., None, None] * np.eye(2) + d[..., None, None] * r[..., :, None] * r[..., None, :]
+
+
+class ChordCable:
+    """One displacement w normal to the chord over a parabola: string, sagged (linear), stretching (Kirchhoff-Carrier).
+
+    Internal force tau w' + h (y_n' + kap w'), h = alpha lam int( y_n' w' + kap w'^2/2 ) ds, tau = 1/chord_cos being the
+    tension along the chord, y_n'' = -sigma chord_cos/tau and y_n' = -y_n'' (1/2 - s); (lam, kap) = string (0, 0),
+    sagged (1, 0), stretching (1, 1).  All is quadratic in Q by two closed-form integrals, S = int Phi' Phi' and
+    b = int y_n' Phi' = -y_n'' int Phi (by parts, Phi = 0 at the supports): no quadrature.
+    """
+
+    fields = 1
+
+    def __init__(self, groups: Groups, model: str) -> None:
+        self.lam, self.kap = {"string": (0.0, 0.0), "sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}[model]
+        self.alpha, self.tau = groups.alpha, 1.0 / groups.chord_cos
+        self.weight = np.array([groups.sigma * groups.chord_cos])
+        self.curvature = -self.weight[0] / self.tau  # y_n''
+        # total tension is the static one plus h everywhere: least where the static one is, at y' = 0 or a support
+        self.least_at = min(1.0, max(0.0, groups.c / groups.sigma))
+        self.least = float(groups.static(self.least_at)[0])
+
+    def at(self, basis: MovingBasis, s_o: float) -> tuple[Array, Array]:
+        """S and b."""
+        return basis.stiffness(s_o), -self.curvature * basis.integral(s_o)
+
+    def _increment(self, place: tuple[Array, ...], Q: Array) -> tuple[Array, float, Array]:
+        """S w, h, and (dh/dQ)/(alpha lam)."""
+        S, b = place
+        Sq = Q[0] @ S
+        h = self.alpha * self.lam * (b @ Q[0] + 0.5 * self.kap * (Q[0] @ Sq))
+        return Sq, h, b + self.kap * Sq
+
+    def force(self, place: tuple[Array, ...], Q: Array) -> tuple[Array, tuple[float, float]]:
+        """R (1, n); least T(s) + h and its s."""
+        Sq, h, g = self._increment(place, Q)
+        return (self.tau * Sq + h * g)[None], (self.least + h, self.least_at)
+
+    def tangent(self, place: tuple[Array, ...], Q: Array) -> Array:
+        """(n, n)."""
+        _, h, g = self._increment(place, Q)
+        return (self.tau + self.kap * h) * place[0] + (self.alpha * self.lam) * np.multiply.outer(g, g)
+
+    def static_slope(self, s: Array) -> tuple[Array, Array]:
+        """Of the parabola."""
+        slope = -self.curvature * (0.5 - s)[..., None]
+        return slope, np.full_like(slope, self.curvature)
+
+    def stress(self, s: Array, slope: Array) -> tuple[Array, Array]:
+        """tau w' alone: what one point strains adds nothing to the mean h."""
+        return self.tau * slope, np.full((*slope.shape, 1), self.tau)
+
+
+def cable_model(groups: Groups, model: str, law: str) -> FullCable | ChordCable:
+    """The model by name; a one-field model has one tension for the whole cable and knows no tension-only law."""
+    if law not in LAWS:
+        raise ValueError(f"unknown law {law!r}; one of {', '.join(LAWS)}")
+    if model not in MODELS:
+        raise ValueError(f"unknown model {model!r}; one of {', '.join(MODELS)}")
+    if model == "full":
+        return FullCable(groups, law)
+    if law != "elastic":
+        raise ValueError(f"law {law!r} needs the full model, not {model!r}")
+    return ChordCable(groups, model)

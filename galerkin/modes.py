@@ -1,0 +1,26 @@
+"""Small free vibrations of the bare cable: the tangent at rest against the mass of the cable."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import eigh
+
+from cablefem.scene import Groups
+from galerkin.bases import Basis
+from galerkin.bases.kink import Array, Standing
+from galerkin.models import cable_model
+
+
+def bare_frequencies(groups: Groups, basis: Basis, *, model: str = "full", n: int = 10) -> Array:
+    """First n frequencies omega l sqrt(rho/H), ascending, (n,): (19)-(26) linearised about the hanging cable.
+
+    A Galerkin answer: each is an upper bound to the model's own frequency, up to quadrature.  model : as
+    `GalerkinSystem`; "sagged" is the linear theory of Irvine and Caughey.
+    """
+    cable, moving = cable_model(groups, model, "elastic"), Standing(basis)
+    if not 1 <= n <= cable.fields * basis.n:
+        raise ValueError(f"n must lie in [1, {cable.fields * basis.n}], the number of unknowns, got {n!r}")
+    place = cable.at(moving, 0.5)  # a standing basis is the same wherever the mass is
+    K = cable.tangent(place, np.zeros((cable.fields, basis.n)))
+    M = np.kron(np.eye(cable.fields), basis.mass())
+    return np.sqrt(eigh(K, M, eigvals_only=True, subset_by_index=(0, n - 1)))

@@ -1,0 +1,212 @@
+"""What a Galerkin system measures on its own states: path, tensions, energy, fields; vectorised over the history."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cablefem.response import Observation, States
+from galerkin.bases.kink import Array, TravellingKink
+from galerkin.models import ChordCable, FullCable
+
+if TYPE_CHECKING:
+    from galerkin.equations import GalerkinSystem
+
+# A hat that peaks on a support has an infinite slope; its coefficient is zero there, and 0 x 1e12 is 0 as it should be.
+NEAR_SUPPORT = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class _History:
+    """Coefficients of n instants split into the standing functions and the hat (zero without one)."""
+
+    s_o: Array  # (n,)
+    ds_o: Array
+    dds_o: Array
+    Q: Array  # (n, fields, N) of the standing functions
+    V: Array
+    A: Array
+    q_hat: Array  # (n, fields)
+    v_hat: Array
+    a_hat: Array
+
+
+def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> Observation:
+    """Measure a history; see `Observation`.
+
+    One field w normal to the chord is shown as (u, v) = w (-chord_sin, chord_cos) on the catenary; its energy and
+    power are those of the model itself, motion normal to the chord over the parabola.
+    """
+    groups, cable = system.groups, system.cable
+    x = _history(system, states)
+    n, fields = x.s_o.size, system.fields
+    direction = np.eye(2) if fields == 2 else np.array([[-groups.chord_sin, groups.chord_cos]])
+
+    basis, smooth = system.basis.basis, system.basis.basis.smooth
+    phi, first = basis.values(x.s_o), basis.d1(x.s_o)
+    w_s = _at(x.Q, first)
+    w = _at(x.Q, phi) + x.q_hat
+    w_t = _at(x.V, phi) + x.v_hat + x.ds_o[:, None] * w_s  # along the path
+    if system.path_form:
+        w, w_t, w_tt = (y[:, system.n_modal :] for y in (states.q, states.v, states.a))
+    else:
+        # without phi'' (a moving force on a rough basis) the centrifugal part is left out: it enters no equation then
+        bend = _at(x.Q, basis.d2(x.s_o)) if smooth else np.zeros_like(w)
+        w_tt = (
+            _at(x.A, phi) + x.a_hat + 2.0 * x.ds_o[:, None] * _at(x.V, first)
+            + x.dds_o[:, None] * w_s + x.ds_o[:, None] ** 2 * bend
+        )  # fmt: skip
+    left, right = _hat_slopes(x)
+    behind, ahead = w_s + left, w_s + right
+
+    T_o, xp, yp, xpp, ypp = groups.static(x.s_o)
+    static, curvature = np.stack([xp, yp], axis=1), np.stack([xpp, ypp], axis=1)
+    values = basis.values(s)
+    u_v, du_dv = _displacement(x, s, values, frames)
+    w_s_frames = np.einsum("kfm,sm->kfs", x.Q[frames], basis.d1(s))
+    side = (s[None, :] <= x.s_o[frames, None])[:, None, :]
+    slopes = w_s_frames + np.where(side, left[frames, :, None], right[frames, :, None])
+    T_s = groups.static(s)[0]
+    kinetic = _kinetic(system, x)
+    p = np.stack([x.ds_o, x.dds_o, x.ds_o**2])[:, :, None]
+    if isinstance(cable, FullCable):
+        T_behind, T_ahead, working = _one_sided(cable, x.s_o, behind, ahead)
+        strain, least, least_at = _strain(system, x.s_o, states.q)
+        T = cable.response(*groups.static(s)[:3], slopes[:, 0], slopes[:, 1])[4]
+        place_y = groups.shape(x.s_o)[1] + w[:, 1]
+        velocity, acceleration = w_t + p[0] * static, w_tt + p[1] * static + p[2] * curvature
+        mean_slope = static + 0.5 * (behind + ahead)
+    else:
+        slope, bent = cable.static_slope(x.s_o)
+        strain, h = _chord(cable, x, basis, phi)
+        T_behind = T_ahead = T_o + h
+        working = np.zeros(n)  # all energies are quadratic: mean force times jump of slope is the jump of energy
+        least, least_at, T = cable.least + h, np.full(n, cable.least_at), (T_s + h[frames, None])
+        place_y = (-0.5 * cable.curvature) * x.s_o * (1.0 - x.s_o) + w[:, 0]
+        velocity, acceleration = w_t + p[0] * slope, w_tt + p[1] * slope + p[2] * bent
+        mean_slope = slope + 0.5 * (behind + ahead)
+    contact = system.inertia * acceleration - system.mu * cable.weight
+    energy = (
+        kinetic + strain + 0.5 * system.inertia * np.sum(velocity**2, axis=1)
+        - system.mu * cable.weight[-1] * place_y
+    )  # fmt: skip
+    return Observation(
+        path=w @ direction,
+        path_velocity=w_t @ direction + p[0] * static,
+        path_acceleration=w_tt @ direction + p[1] * static + p[2] * curvature,
+        slope_behind=static + behind @ direction,
+        slope_ahead=static + ahead @ direction,
+        T_behind=np.where(x.s_o > 0.0, T_behind, np.nan),
+        T_ahead=np.where(x.s_o < 1.0, T_ahead, np.nan),
+        energy=energy,
+        power=x.ds_o * (np.sum(contact * mean_slope, axis=1) + working),
+        tension_min=least,
+        tension_min_at=least_at,
+        u=np.einsum("kfs,f->ks", u_v, direction[:, 0]),
+        v=np.einsum("kfs,f->ks", u_v, direction[:, 1]),
+        du=np.einsum("kfs,f->ks", du_dv, direction[:, 0]),
+        dv=np.einsum("kfs,f->ks", du_dv, direction[:, 1]),
+        T=T,
+    )
+
+
+def _at(coefficients: Array, functions: Array) -> Array:
+    """sum_m c_nfm phi_nm: (n, fields)."""
+    return np.einsum("nfm,nm->nf", coefficients, functions)
+
+
+def _history(system: GalerkinSystem, states: States) -> _History:
+    s_o, ds_o, dds_o = np.array(
+        [system.motion.at(t, int(k)) for t, k in zip(states.t.tolist(), states.phase, strict=True)]
+    ).reshape(-1, 3).T  # fmt: skip
+    q, v, a = (y[:, : system.n_modal].reshape(-1, system.fields, system.n) for y in (states.q, states.v, states.a))
+    if system.kink:
+        return _History(s_o, ds_o, dds_o, q[..., :-1], v[..., :-1], a[..., :-1], q[..., -1], v[..., -1], a[..., -1])
+    zero = np.zeros(q.shape[:2])
+    return _History(s_o, ds_o, dds_o, q, v, a, zero, zero, zero)
+
+
+def _hat_slopes(x: _History) -> tuple[Array, Array]:
+    """What the hat adds to w' behind and ahead of the mass, (n, fields) each; on the left support the limit t -> 0+."""
+    s_o, ds_o, dds_o = x.s_o[:, None], x.ds_o[:, None], x.dds_o[:, None]
+    entry = s_o == 0.0
+    moving = entry & (ds_o != 0.0)
+    pulled = entry & (ds_o == 0.0) & (dds_o != 0.0)
+    left = np.where(entry, 0.0, x.q_hat) / np.where(entry, 1.0, s_o)
+    left = left + np.where(moving, x.v_hat, 0.0) / np.where(moving, ds_o, 1.0)
+    left = left + np.where(pulled, x.a_hat, 0.0) / np.where(pulled, dds_o, 1.0)
+    return left, -x.q_hat / np.maximum(1.0 - s_o, NEAR_SUPPORT)
+
+
+def _displacement(x: _History, s: Array, values: Array, frames: Array) -> tuple[Array, Array]:
+    """w and dw/dt at fixed s, (k, fields, m) each; at s = s_o the side behind."""
+    s_o, ds_o = np.maximum(x.s_o[frames], NEAR_SUPPORT)[:, None], x.ds_o[frames, None]
+    rest = np.maximum(1.0 - s_o, NEAR_SUPPORT)
+    behind = s <= s_o
+    hat = np.where(behind, s / s_o, (1.0 - s) / rest)
+    hat_t = ds_o * np.where(behind, -s / s_o**2, (1.0 - s) / rest**2)
+    w = np.einsum("kfm,sm->kfs", x.Q[frames], values) + x.q_hat[frames][:, :, None] * hat[:, None]
+    w_t = np.einsum("kfm,sm->kfs", x.V[frames], values) + x.v_hat[frames][:, :, None] * hat[:, None]
+    return w, w_t + x.q_hat[frames][:, :, None] * hat_t[:, None]
+
+
+def _kinetic(system: GalerkinSystem, x: _History) -> Array:
+    """1/2 int |w.|^2 ds of the cable, (n,), by the closed forms of `TravellingKink`."""
+    twice = np.einsum("nfi,ij,nfj->n", x.V, system.basis.basis.mass(), x.V, optimize=True)
+    if isinstance(system.basis, TravellingKink):
+        value, first, _ = system.basis.overlap(np.minimum(x.s_o, 1.0 - NEAR_SUPPORT))
+        steep = x.ds_o**2 / (3.0 * np.maximum(x.s_o * (1.0 - x.s_o), NEAR_SUPPORT))
+        q, v = x.q_hat, x.v_hat
+        cross = 2.0 * v * _at(x.V, value) + 2.0 * x.ds_o[:, None] * q * _at(x.V, first)
+        twice = twice + np.sum(cross + v**2 / 3.0 + steep[:, None] * q**2, axis=1)
+    return 0.5 * twice
+
+
+def _density(cable: FullCable, T: Array, xp: Array, yp: Array, slope: Array) -> tuple[Array, Array, Array]:
+    """Strain energy W = int N deps from the static state, N, and k = N/|r'|; slope (2, ...)."""
+    eps, k, _, _, N = cable.response(T, xp, yp, *slope)
+    W = T * eps + 0.5 * cable.alpha * eps**2
+    if cable.tension_only:
+        W = np.where(N > 0.0, W, -(T**2) / (2.0 * cable.alpha))  # what the cable gives back on its way to N = 0
+    return W, N, k
+
+
+def _one_sided(cable: FullCable, s_o: Array, behind: Array, ahead: Array) -> tuple[Array, Array, Array]:
+    """Tension behind and ahead of the mass and <N t> . [r'] - [W], all (n,)."""
+    T, xp, yp, _, _ = cable.groups.static(s_o)
+    W, N, force = [], [], []
+    for slope in (behind, ahead):
+        density, tension, k = _density(cable, T, xp, yp, slope.T)
+        W.append(density)
+        N.append(tension)
+        force.append(k[:, None] * (np.stack([xp, yp], axis=1) + slope))
+    mean = 0.5 * (force[0] + force[1])
+    return N[0], N[1], np.sum(mean * (ahead - behind), axis=1) - (W[1] - W[0])
+
+
+def _strain(system: GalerkinSystem, s_o: Array, q: Array) -> tuple[Array, Array, Array]:
+    """int (W - sigma v) ds, least tension and its s, (n,) each, at the points of the internal force."""
+    cable, fields, n = system.cable, system.fields, system.n
+    assert isinstance(cable, FullCable)
+    energy, least, least_at = (np.empty(s_o.size) for _ in range(3))
+    for i, place in enumerate(np.clip(s_o, NEAR_SUPPORT, 1.0 - NEAR_SUPPORT).tolist()):
+        s, table, weights, T, xp, yp, _ = cable.at(system.basis, place)
+        Q = q[i, : system.n_modal].reshape(fields, n)
+        W, N, _ = _density(cable, T, xp, yp, Q @ table.T)
+        energy[i] = weights @ W - cable.weight[1] * (system.basis.integral(place) @ Q[1])
+        k = N.argmin()
+        least[i], least_at[i] = N[k], s[k]
+    return energy, least, least_at
+
+
+def _chord(cable: ChordCable, x: _History, basis, phi: Array) -> tuple[Array, Array]:
+    """Potential energy of the one-field models and their tension increment h, (n,) each."""
+    Q, q = x.Q[:, 0], x.q_hat[:, 0]
+    steep = 1.0 / np.maximum(x.s_o * (1.0 - x.s_o), NEAR_SUPPORT)
+    square = np.einsum("ni,ij,nj->n", Q, basis.stiffness(), Q, optimize=True)
+    square += steep * q * (2.0 * np.sum(Q * phi, axis=1) + q)
+    mean = -cable.curvature * (Q @ basis.integral() + 0.5 * q)
+    h = cable.alpha * cable.lam * (mean + 0.5 * cable.kap * square)
+    return 0.5 * cable.tau * square + 0.5 * h**2 / cable.alpha, h
