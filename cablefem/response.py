@@ -115,6 +115,8 @@ class Response:
     path_error: float | None = None  # estimated, of max |v - v_exact| over the window, relative to max_deflection
     tension_error: float | None = None  # estimated, rms over the window off the jump, relative to H
     error_parts: dict[str, float] | None = None  # the same, split into time and space
+    energy_gain: float | None = None  # largest energy gained without being given, over weight x largest deflection
+    flags: tuple[str, ...] = ()  # what makes the run suspect, one sentence each
 
     @property
     def reached(self) -> float:
@@ -139,7 +141,8 @@ class Response:
             "load": self.load, "law": self.law, "status": self.status, "reason": self.reason,
             "reached": self.reached, "slack_onset": self.slack_onset, "slack_at": self.slack_at,
             "switched": self.switched, "max_deflection": self.max_deflection, "path_error": self.path_error,
-            "tension_error": self.tension_error, "error_parts": self.error_parts, "n_dof": self.n_dof,
+            "tension_error": self.tension_error, "error_parts": self.error_parts,
+            "energy_gain": self.energy_gain, "flags": list(self.flags), "n_dof": self.n_dof,
             **self.work, "seconds": self.seconds,
         }  # fmt: skip
 
