@@ -137,7 +137,7 @@ _PER_SIDE = "elements on each side of the mass"
 _WHOLE = "elements on the whole cable"
 _TERMS = Setting(30, (1, 2000), "sines")
 _WAVELETS = {
-    "order": Setting(4, (2, 12), "Daubechies order p (2p filter taps)"),
+    "order": Setting(4, (2, 10), "Daubechies order p (2p filter taps)"),
     "level": Setting(1, (0, 8), "levels J; the number of wavelets is 2^J (2p - 1) + p - 1"),
     "reading": Setting(
         "literal", ("literal", "scaling", "shifted"), "of the printed index set (37); the other two are known to fail"
