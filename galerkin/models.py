@@ -13,6 +13,8 @@ hanging cable, and into its tangent.  The seam, the same in both classes:
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from cablefem.scene import Groups
@@ -38,11 +40,10 @@ class FullCable:
         self._last = (np.empty(0),) * 7
 
     def at(self, basis: MovingBasis, s_o: float) -> tuple[Array, ...]:
-        """Points s, Phi' there (n_q, n), weights, static T, x', y', and to which wave a point belongs."""
+        """Points s, Phi' there (n_q, n), weights, static T, x', y', and the first point of each wave, see `_least`."""
         s, weights, table = basis.slopes(s_o)
         if table is not self._last[1]:  # a standing basis has one table for all places
-            waves = np.floor((s - basis.kinks_at(s_o)) * (0.5 * basis.basis.n))
-            self._last = (s, table, weights, *self.groups.static(s)[:3], np.flatnonzero(np.diff(waves, prepend=np.nan)))
+            self._last = (s, table, weights, *self.groups.static(s)[:3], _waves(s, basis.sides(s_o), basis.basis.n))
         return self._last
 
     def response(self, T: Array, xp: Array, yp: Array, ux: Array, vy: Array) -> tuple[Array, ...]:
@@ -105,6 +106,12 @@ class FullCable:
         r = np.stack([xp + ux, yp + vy], axis=-1)
         force = np.stack([excess * xp + k * ux, excess * yp + k * vy], axis=-1)
         return force, k[..., None, None] * np.eye(2) + d[..., None, None] * r[..., :, None] * r[..., None, :]
+
+
+def _waves(s: Array, sides: tuple[float, ...], n: int) -> Array:
+    """Index of the first point of each piece, when every side is cut into equal pieces of about a wave 2/n."""
+    edges = [np.linspace(a, b, max(2, round(0.5 * n * (b - a)) + 1))[:-1] for a, b in pairwise(sides)]
+    return np.unique(np.searchsorted(s, np.concatenate(edges)))
 
 
 class ChordCable:

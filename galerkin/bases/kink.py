@@ -37,8 +37,11 @@ class MovingBasis(Protocol):
     def at_mass(self, s_o: float) -> tuple[Array, Array, Array]:
         """Phi_j(s_o) followed along the path: its value, first and second derivative by s_o; each (n,)."""
 
+    def sides(self, s_o: float) -> tuple[float, ...]:
+        """Ends of the pieces on which Phi' is continuous."""
+
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
-        """Points (n_q,), weights (n_q,) and Phi' there (n_q, n), for integrands that jump at s_o if Phi does."""
+        """Points (n_q,), ascending, weights (n_q,) and Phi' there (n_q, n), piece by piece."""
 
 
 class Standing:
@@ -65,6 +68,9 @@ class Standing:
         s = np.array([s_o])
         second = self.basis.d2(s)[0] if self.basis.smooth else np.zeros(self.n)
         return self.basis.values(s)[0], self.basis.d1(s)[0], second
+
+    def sides(self, s_o: float) -> tuple[float, ...]:
+        return 0.0, 1.0
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
         return self._slopes
@@ -132,6 +138,9 @@ class TravellingKink:
         s = np.array([s_o])
         second = self.basis.d2(s)[0] if self.basis.smooth else np.zeros(self.n - 1)
         return np.append(self.basis.values(s)[0], 1.0), np.append(self.basis.d1(s)[0], 0.0), np.append(second, 0.0)
+
+    def sides(self, s_o: float) -> tuple[float, ...]:
+        return 0.0, s_o, 1.0
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
         """Points on each side of the mass; each side must resolve the highest phi over the whole cable."""
