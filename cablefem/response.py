@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -116,7 +116,8 @@ class Response:
     tension_error: float | None = None  # estimated, rms over the window off the jump, relative to H
     error_parts: dict[str, float] | None = None  # the same, split into time and space
     energy_gain: float | None = None  # largest energy gained without being given, over weight x largest deflection
-    flags: tuple[str, ...] = ()  # what makes the run suspect, one sentence each
+    flags: list[str] = field(default_factory=list)  # what makes the run suspect, one sentence each
+    cause: str | None = None  # why incomplete: "Newton stalled", "slack", "unstable", "step underflow", "no start"
 
     @property
     def reached(self) -> float:
@@ -139,10 +140,11 @@ class Response:
         return {
             "scene": self.scene, "method": self.method, "settings": self.settings, "model": self.model,
             "load": self.load, "law": self.law, "status": self.status, "reason": self.reason,
+            "cause": self.cause,
             "reached": self.reached, "slack_onset": self.slack_onset, "slack_at": self.slack_at,
             "switched": self.switched, "max_deflection": self.max_deflection, "path_error": self.path_error,
             "tension_error": self.tension_error, "error_parts": self.error_parts,
-            "energy_gain": self.energy_gain, "flags": list(self.flags), "n_dof": self.n_dof,
+            "energy_gain": self.energy_gain, "flags": self.flags, "n_dof": self.n_dof,
             **self.work, "seconds": self.seconds,
         }  # fmt: skip
 

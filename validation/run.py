@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cablefem import newmark
-from cablefem.newmark import ErrorControl, Scheme, State, StepFailure, Work
+from cablefem.newmark import ErrorControl, NewtonStalled, Scheme, State, StepFailure, StepUnderflow, Work
 from cablefem.response import Array, Fields, Observation, Response, States
 from cablefem.scene import Scene
 from validation import measures
@@ -33,7 +33,8 @@ def run(
     method, settings : a name from `METHODS` and changes to its default settings.
     model : "full", "stretching", "sagged" or "string"; load : "mass" or "force".
     law : "elastic", "tension-only", or "auto": elastic until the cable goes slack, from there on tension-only
-        with Newmark's damping (gamma 0.6), because an elastic law that carries compression is ill-posed.
+        with Newmark's damping (gamma 0.6), because an elastic law that carries compression is ill-posed.  Central
+        differences never switch: their slack is their own instability.
     control : step sizes from local error instead of `steps` equal ones.
 
     A run that cannot go on comes back with status "incomplete" and the reason; what was computed before is kept.
@@ -65,19 +66,19 @@ MOST_GAIN = 0.3
 
 
 def watched(r: Response, scene: Scene) -> Response:
-    """Return the response with the energy it gained without being given it up to the slack onset, and its flags."""
+    """Return the response with its flags, and the energy it gained without being given it before the law changed."""
     assert scene.mass is not None
-    stop = min(measures.WINDOW[1], r.reached, math.inf if r.slack_onset is None else r.slack_onset)
-    if r.t.size < 2 or not r.max_deflection > 0.0:
+    stop = min(measures.WINDOW[1], r.reached, math.inf if r.switched is None else r.switched)
+    if r.t.size < 3 or not r.max_deflection > 0.0:
         return r
     gain = measures.energy_gain(r, scene.mass.mass * scene.gravity, (0.0, stop))
-    flags = list(r.flags)
-    if not gain <= MOST_GAIN:
-        flags.append(
-            f"the run gains energy that nothing gave it ({gain:.2g} of weight x deflection, {MOST_GAIN:g} allowed): "
-            "its answer is not to be used; take more steps, a damped or the energy scheme, or another method"
-        )
-    return replace(r, energy_gain=gain, flags=tuple(flags))
+    if gain <= MOST_GAIN:
+        return replace(r, energy_gain=gain)
+    gained = f"the run gains energy that nothing gave it ({gain:.2g} of weight x deflection, {MOST_GAIN:g} allowed)"
+    advice = "take more steps, a damped or the energy scheme, or another method"
+    if r.cause is not None:
+        r = replace(r, cause="unstable", reason=f"{gained} until it broke; {advice}")
+    return replace(r, energy_gain=gain, flags=[f"{gained}: distrust it, its slack too; {advice}"])
 
 
 @dataclass(slots=True)
@@ -85,16 +86,16 @@ class _History:
     states: list[State]
     work: Work
     seconds: float
-    failure: str | None
+    failure: tuple[str, str] | None  # cause and reason
     onset: tuple[int, float] | None  # index of the state, s/l
     system_after: Any  # the system with the tension-only law, from the onset on
-    complete: bool
 
 
 def _march(system: Any, scheme: Scheme, times: Any, switch: bool, progress: Progress | None) -> _History:
     """Step through the travel, watching the least tension; after the slack onset go on with the other law."""
     work, states, onset, failure, after = Work(), [], None, None, None
     end = system.phases[-1][1]
+    switch = switch and scheme.newmark_beta > 0.0
     begin = time.perf_counter()
     advance: Iterable[State] = newmark.integrate(system, scheme, times, work=work)
     try:
@@ -114,13 +115,27 @@ def _march(system: Any, scheme: Scheme, times: Any, switch: bool, progress: Prog
                 if progress is not None and len(states) % 32 == 0:
                     progress(state.t / end)
     except StepFailure as error:
-        failure = f"{error.cause}; {error.advice}"
-    except (FloatingPointError, np.linalg.LinAlgError) as error:
-        failure = f"the equations of a step became singular ({error}); take more steps or a damped scheme"
+        failure = _cause(error, onset is not None, after is not None)
     seconds = time.perf_counter() - begin
     if progress is not None:
         progress(1.0)
-    return _History(states, work, seconds, failure, onset, after, failure is None)
+    return _History(states, work, seconds, failure, onset, after)
+
+
+def _cause(error: StepFailure, slack: bool, switched: bool) -> tuple[str, str]:
+    """Name what stopped a run, and say what to try."""
+    if isinstance(error, StepUnderflow):
+        return "step underflow", f"{error.cause}; {error.advice}"
+    if not isinstance(error, NewtonStalled):
+        return "no start", f"{error.cause}; {error.advice}"
+    if switched:
+        return "slack", (
+            f"{error.cause} on the slack cable; the answer up to there stands: more steps or a damped scheme may go "
+            "on, but close to the far support refinement does not converge any more"
+        )
+    if slack:
+        return "slack", f"{error.cause}: the cable is slack and its elastic law carries compression; take law = auto"
+    return "Newton stalled", f"{error.cause}; {error.advice}"
 
 
 def _stack(states: list[State]) -> States:
@@ -158,25 +173,29 @@ def _frames(scene: Scene, t_last: float) -> Array:
 
 
 def _respond(scene, method, settings, model, load, law, system, h: _History) -> Response:
-    states = _stack(h.states)
+    states, after = _stack(h.states), h.system_after
+    if hasattr(system, "time_states"):  # s_o was the independent variable
+        states, system = system.time_states(states), system.system
+        after = None if after is None else after.system
     finite = np.isfinite(states.q).all(axis=1) & np.isfinite(states.v).all(axis=1) & np.isfinite(states.a).all(axis=1)
     if not finite.all():
         first = int(np.argmin(finite))
         states = States(states.t[:first], states.q[:first], states.v[:first], states.a[:first], states.phase[:first])
-        h.failure, h.complete = "the solution grew beyond all bounds; take more steps or a damped scheme", False
+        h.failure = "unstable", "the solution grew beyond all bounds; take more steps or a damped scheme"
     motion = scene.groups.motion
     assert motion is not None
     s = np.linspace(0.0, 1.0, STATIONS)
     t_frames = _frames(scene, float(states.t[-1]))
     at_frames = _between(states, t_frames) if states.t.size > 1 else _take(states, slice(0, 0))
-    switch_t = states.t[h.onset[0]] if h.onset is not None and h.system_after is not None else math.inf
+    switch_t = states.t[h.onset[0]] if h.onset is not None and after is not None else math.inf
     none = np.array([], dtype=np.intp)
-    steps = _observe(system, h.system_after, states, switch_t, s, none)
-    frames = _observe(system, h.system_after, at_frames, switch_t, s, np.arange(t_frames.size))
+    steps = _observe(system, after, states, switch_t, s, none)
+    frames = _observe(system, after, at_frames, switch_t, s, np.arange(t_frames.size))
     l, H, tau = scene.length, scene.horizontal_tension, scene.time_scale
     s_o = motion.position(states.t)
     X = scene.catenary
     onset = None if h.onset is None or h.onset[0] >= states.t.size else float(s_o[h.onset[0]])
+    cause, reason = (None, None) if h.failure is None else h.failure
     fields = Fields(
         t=tau * t_frames, s_o=l * motion.position(t_frames), s=l * s, u=l * frames.u, v=l * frames.v,
         du=l / tau * frames.du, dv=l / tau * frames.dv, T=H * frames.T,
@@ -185,9 +204,10 @@ def _respond(scene, method, settings, model, load, law, system, h: _History) -> 
     )  # fmt: skip
     return Response(
         scene=scene.name, scene_toml=scene.to_toml(), method=method.name, settings=settings, model=model, load=load,
-        law=law, status="complete" if h.complete else "incomplete", reason=h.failure, slack_onset=onset,
+        law=law, status="complete" if h.failure is None else "incomplete", cause=cause, reason=reason,
+        slack_onset=onset,
         slack_at=None if onset is None or h.onset is None else float(h.onset[1]),
-        switched=onset if h.system_after is not None else None, length=l, horizontal_tension=H,
+        switched=onset if after is not None else None, length=l, horizontal_tension=H,
         t=tau * states.t, s_o=l * s_o, x=X.x(l * s_o) + l * steps.path[:, 0], y=X.y(l * s_o) + l * steps.path[:, 1],
         u=l * steps.path[:, 0], v=l * steps.path[:, 1], T_behind=H * steps.T_behind, T_ahead=H * steps.T_ahead,
         velocity=l / tau * steps.path_velocity, acceleration=l / tau**2 * steps.path_acceleration,

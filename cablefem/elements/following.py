@@ -26,7 +26,7 @@ from scipy.sparse import coo_array
 from cablefem.elements import kernels
 from cablefem.elements.cable import CableElements, bands, elements_allowed
 from cablefem.elements.reference import graded_knots, reference
-from cablefem.newmark import State, consistent_acceleration
+from cablefem.newmark import State, StepFailure, consistent_acceleration
 from cablefem.response import States
 from cablefem.scene import Groups
 
@@ -152,7 +152,7 @@ class FollowingElements(CableElements):
             b -= step
             if np.abs(step).max() <= 1e-14 * (dds + np.abs(b).max()):
                 return b
-        raise ValueError("no equilibrium of the start from rest was found")
+        raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
 
     def _time(self, t: float, phase: int) -> None:
         """Scale the reference operators to this instant."""
@@ -193,7 +193,7 @@ class FollowingElements(CableElements):
         keep = dofs > 0
         behind = np.tensordot(q[:, dofs[keep] - 1], grad[keep], axes=(1, 0))
         behind /= np.where(s_o > 0.0, s_o, 1.0)[:, None]
-        if s_o[0] == 0.0:  # limit of w(s_o)/s_o as the mass leaves the left support
+        if s_o.size and s_o[0] == 0.0:  # limit of w(s_o)/s_o as the mass leaves the left support
             behind[0] = v[0, self.node] / ds[0] if ds[0] > 0.0 else a[0, self.node] / dds[0]
         dofs, _, grad = self.right.evaluate(np.array(0.0))
         keep = dofs < self.right.n - 1
