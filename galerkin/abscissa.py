@@ -14,7 +14,7 @@ from galerkin.equations import GalerkinSystem
 
 # Where the start from rest is put in balance, over the travel.  The limit d -> 0, (48), holds for d << dds_o/omega^2
 # only: it sets axial modes in motion that no practical step resolves (inclined scene, 30 sines, 500 steps in s_o:
-# the path is 8 percent off, 0.4 percent with this d, where they follow quasi-statically; from 2000 steps on both agree).
+# the path is 8 percent off; 0.4 percent with this d, where they follow quasi-statically; from 2000 steps both agree).
 START = 1e-4
 
 

@@ -28,9 +28,6 @@ LOADS = ("mass", "force")
 class Instant:
     """Everything that depends on the place and the speed of the mass only."""
 
-    s_o: float
-    ds_o: float
-    dds_o: float
     mass: Array  # int Phi Phi, (n, n)
     gyroscopic: Array  # last column of 2 A, (n,)
     centrifugal: Array  # last column of A. - B, (n,)
@@ -107,7 +104,7 @@ class GalerkinSystem:
         mass, gyroscopic, centrifugal = self.basis.inertia(s_o, ds_o, dds_o)
         f, first, second = self.basis.at_mass(s_o)
         return Instant(
-            s_o, ds_o, dds_o, mass, gyroscopic, centrifugal,
+            mass, gyroscopic, centrifugal,
             f, (2.0 * ds_o) * first, dds_o * first + ds_o**2 * second,
             self._load(s_o, ds_o, dds_o), self.cable.at(self.basis, s_o),
         )  # fmt: skip
@@ -206,12 +203,11 @@ class GalerkinSystem:
             c = ds_o**2 * (1.0 / 3.0 + 2.0 * value @ drag)
             d = self._slope_behind(m * dds_o - c, load)
             a_hat = d * dds_o
-        v_hat = d * ds_o
-        for field in range(self.fields):
-            last = (field + 1) * self.n - 1
-            v[last], v[last - self.n + 1 : last] = v_hat[field], -rest * v_hat[field]
-            a[last] = a_hat[field]
-            a[last - self.n + 1 : last] = -rest * a_hat[field] - drag * (2.0 * ds_o * v_hat[field])
+        v_hat, whole = d * ds_o, np.append(-rest, 1.0)
+        v[: self.n_modal] = np.multiply.outer(v_hat, whole).ravel()
+        a[: self.n_modal] = (
+            np.multiply.outer(a_hat, whole) - np.multiply.outer(2.0 * ds_o * v_hat, np.append(drag, 0.0))
+        ).ravel()
         if self.path_form:
             a[self.n_modal :] = a_hat
         return State(t, q, v, a, 0)
@@ -226,13 +222,12 @@ class GalerkinSystem:
         d = np.zeros(self.fields)
         r, J = balance(d)
         for _ in range(50):
-            step, size = -np.linalg.solve(J, r), 1.0
-            while True:
+            step = -np.linalg.solve(J, r)
+            for size in 0.5 ** np.arange(20):
                 new_r, new_J = balance(d + size * step)
-                if np.linalg.norm(new_r) < np.linalg.norm(r) or size < 1e-6:
+                if np.linalg.norm(new_r) < np.linalg.norm(r):
                     break
-                size *= 0.5
-            if np.linalg.norm(new_r) >= np.linalg.norm(r):
+            else:
                 return d  # at rounding
             d, r, J = d + size * step, new_r, new_J
         raise ValueError(f"no equilibrium of the cable behind a mass that starts from rest (load {load})")

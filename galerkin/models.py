@@ -14,6 +14,7 @@ hanging cable, and into its tangent.  The seam, the same in both classes:
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,18 @@ from galerkin.bases.kink import Array, MovingBasis
 
 MODELS = ("string", "sagged", "stretching", "full")
 LAWS = ("elastic", "tension-only")
+
+
+class Points(NamedTuple):
+    """Where the full cable takes its integrals, with the static cable there."""
+
+    s: Array  # (n_q,)
+    table: Array  # Phi', (n_q, n)
+    weights: Array
+    T: Array
+    xp: Array
+    yp: Array
+    waves: Array  # first point of each shortest wave, see `FullCable._least`
 
 
 class FullCable:
@@ -37,13 +50,13 @@ class FullCable:
     def __init__(self, groups: Groups, law: str) -> None:
         self.groups, self.alpha, self.tension_only = groups, groups.alpha, law == "tension-only"
         self.weight = np.array([0.0, groups.sigma])
-        self._last = (np.empty(0),) * 7
+        self._last = Points(*(np.empty(0),) * 7)
 
-    def at(self, basis: MovingBasis, s_o: float) -> tuple[Array, ...]:
-        """Points s, Phi' there (n_q, n), weights, static T, x', y', and the first point of each wave, see `_least`."""
+    def at(self, basis: MovingBasis, s_o: float) -> Points:
         s, weights, table = basis.slopes(s_o)
-        if table is not self._last[1]:  # a standing basis has one table for all places
-            self._last = (s, table, weights, *self.groups.static(s)[:3], _waves(s, basis.sides(s_o), basis.basis.n))
+        if table is not self._last.table:  # a standing basis has one table for all places
+            waves = _waves(s, basis.sides(s_o), basis.basis.n)
+            self._last = Points(s, table, weights, *self.groups.static(s)[:3], waves)
         return self._last
 
     def response(self, T: Array, xp: Array, yp: Array, ux: Array, vy: Array) -> tuple[Array, ...]:
@@ -61,24 +74,24 @@ class FullCable:
                 excess = np.where(slack, -T, excess)
         return eps, k, excess, d, N
 
-    def force(self, place: tuple[Array, ...], Q: Array) -> tuple[Array, tuple[float, float]]:
+    def force(self, place: Points, Q: Array) -> tuple[Array, tuple[float, float]]:
         """R of (25)-(26) less its static value, (2, n); least N, and its s."""
-        s, table, weights, T, xp, yp, _ = place
+        _, table, weights, T, xp, yp, _ = place
         ux, vy = Q @ table.T
         _, k, excess, _, N = self.response(T, xp, yp, ux, vy)
         R = (weights * np.stack([excess * xp + k * ux, excess * yp + k * vy])) @ table
         return R, self._least(place, N)
 
-    def _least(self, place: tuple[Array, ...], N: Array) -> tuple[float, float]:
+    def _least(self, place: Points, N: Array) -> tuple[float, float]:
         """The least N and its s; a negative N must be so in the mean over a shortest wave, 2/n, or it is a ripple."""
-        s, _, weights, _, _, _, waves = place
-        least = N.argmin()
+        s, least = place.s, N.argmin()
         if N[least] < 0.0:
-            N, s = (np.add.reduceat(weights * x, waves) / np.add.reduceat(weights, waves) for x in (N, s))
+            weights = np.add.reduceat(place.weights, place.waves)
+            N, s = (np.add.reduceat(place.weights * x, place.waves) / weights for x in (N, s))
             least = N.argmin()
         return float(N[least]), float(s[least])
 
-    def tangent(self, place: tuple[Array, ...], Q: Array) -> Array:
+    def tangent(self, place: Points, Q: Array) -> Array:
         """J1, J2, J3 of (28)-(32), (2 n, 2 n)."""
         _, table, weights, T, xp, yp, _ = place
         ux, vy = Q @ table.T

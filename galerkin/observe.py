@@ -192,12 +192,12 @@ def _strain(system: GalerkinSystem, s_o: Array, q: Array) -> tuple[Array, Array,
     assert isinstance(cable, FullCable)
     energy, least, least_at = (np.empty(s_o.size) for _ in range(3))
     for i, place in enumerate(np.clip(s_o, NEAR_SUPPORT, 1.0 - NEAR_SUPPORT).tolist()):
-        s, table, weights, T, xp, yp, _ = cable.at(system.basis, place)
+        points = cable.at(system.basis, place)
         Q = q[i, : system.n_modal].reshape(fields, n)
-        W, N, _ = _density(cable, T, xp, yp, Q @ table.T)
-        energy[i] = weights @ W - cable.weight[1] * (system.basis.integral(place) @ Q[1])
+        W, N, _ = _density(cable, points.T, points.xp, points.yp, Q @ points.table.T)
+        energy[i] = points.weights @ W - cable.weight[1] * (system.basis.integral(place) @ Q[1])
         k = N.argmin()
-        least[i], least_at[i] = N[k], s[k]
+        least[i], least_at[i] = N[k], points.s[k]
     return energy, least, least_at
 
 
