@@ -1,0 +1,242 @@
+"""Moving forces: every oracle satisfies the wave equation with its source, its supports and its state of rest."""
+
+import numpy as np
+import pytest
+
+from validation.oracles import (
+    accelerating_force,
+    curved_cable,
+    foundation,
+    harmonic_force,
+    moving_force,
+    running_apart,
+)
+
+from .wave_identity import corners, wave_defect
+
+# All forces here give v of order 1 and everything is a closed form: 1e-12 is rounding with a margin for 1/|1 - V^2|.
+ROUNDING = 1e-12
+
+
+def on_string(V):
+    return corners(np.random.default_rng(3), 60, x=(0.0, 1.0), t=(0.0, 1.6 / V), size=0.7, clip=True)
+
+
+def on_line(seed, span=3.0):
+    return corners(np.random.default_rng(seed), 60, x=(-span, span), t=(0.0, span), size=1.3, clip=False)
+
+
+@pytest.mark.parametrize("V", [0.27, 0.83, 1.0, 1.7])
+def test_fryba_solves_the_wave_equation_between_fixed_ends_from_rest(V):
+    P = 2.3
+
+    def v(x, t):
+        return moving_force.displacement(x, t, P=P, V=V)
+
+    defect = wave_defect(v, lambda s: P * s, lambda s: V * s, on_string(V), 1.0 / V)
+    assert np.abs(defect).max() < ROUNDING
+    t = np.linspace(0.0, 2.7 / V, 200)
+    assert np.abs(v(0.0, t)).max() < ROUNDING
+    assert np.abs(v(1.0, t)).max() < ROUNDING
+    x, t = np.meshgrid(np.linspace(0.0, 1.0, 41), np.linspace(0.0, 0.5, 31))
+    ahead = x > max(V, 1.0) * t + 1e-12
+    assert np.abs(v(x, t)[ahead]).max() < ROUNDING  # at rest until the first wave or the force itself arrives
+
+
+@pytest.mark.parametrize("spoil", ["reflection", "speed", "strength"])
+def test_a_spoiled_moving_force_is_noticed(spoil):
+    P, V = 2.3, 0.27
+
+    def v(x, t):
+        if spoil == "reflection":  # the free wave with the wrong sign: the string is not at rest any more
+            return P / (1.0 - V * V) * (moving_force.green(x, V * t) + V * moving_force.green(x, t))
+        return moving_force.displacement(x, t, P=P * (1.01 if spoil == "strength" else 1.0), V=V)
+
+    xi = (lambda s: 0.3 * s) if spoil == "speed" else (lambda s: V * s)
+    quads = corners(np.random.default_rng(3), 60, x=(0.0, 1.0), t=(0.0, 1.0), size=0.7, clip=True)
+    defect = np.abs(wave_defect(v, lambda s: P * s, xi, quads, 1.0 / V)).max()
+    rest = np.abs(v(np.linspace(0.5, 1.0, 20), 0.3)).max()
+    assert max(defect, rest) > 1e-3
+
+
+def test_series_and_closed_form_agree_up_to_the_tail_of_the_series():
+    P, V, terms = 1.9, 0.61, 4000
+    x, t = np.meshgrid(np.linspace(0.0, 1.0, 23), np.linspace(0.0, 1.0 / V, 29))
+    gap = moving_force.series(x, t, P=P, V=V, terms=terms) - moving_force.displacement(x, t, P=P, V=V)
+    tail = 2.0 * P / (1.0 - V) / np.pi**2 / terms  # sum over n > terms of (1 + V)/n^2, times 2P/(1-V^2)/pi^2
+    assert np.abs(gap).max() < tail
+    short = moving_force.series(x, t, P=P, V=V, terms=7) - moving_force.displacement(x, t, P=P, V=V)
+    assert np.abs(short).max() > 10.0 * tail
+
+
+def test_the_wave_speed_is_the_limit_from_both_sides():
+    x, t = np.meshgrid(np.linspace(0.0, 1.0, 31), np.linspace(0.0, 1.9, 37))
+    off = (np.abs(x - t) > 1e-4) & (np.abs(x + t - 2.0) > 1e-4)  # v jumps at the force and at its reflection
+    sonic = moving_force.displacement(x, t, P=1.3, V=1.0)
+    for V in (1.0 - 1e-5, 1.0 + 1e-5):
+        near = moving_force.displacement(x, t, P=1.3, V=V)
+        assert np.abs(near - sonic)[off].max() < 3e-5  # the difference is of first order in 1 - V
+
+
+def test_kanninen_and_florence_two_forces():
+    P = 1.7
+    for V in (0.37, 1.0, 2.2):
+        defect = wave_defect(
+            lambda x, t, V=V: running_apart.one_force(x, t, P=P, V=V),
+            lambda s: P * s,
+            lambda s, V=V: V * s,
+            on_line(5),
+            9.0,
+        )
+        assert np.abs(defect).max() < ROUNDING
+        x, t = np.linspace(-4.0, 4.0, 81), 1.31
+        both = running_apart.displacement(x, t, P=P, V=V)
+        assert np.abs(both - both[::-1]).max() < ROUNDING
+        assert np.abs(both[np.abs(x) > max(1.0, V) * t + 1e-9]).max() == 0.0
+        same = accelerating_force.displacement(x, t, P=P, V0=V, a=0.0)
+        off = np.abs(x - t) > 1e-9
+        assert np.abs(running_apart.one_force(x, t, P=P, V=V) - same)[off].max() < ROUNDING
+    wrong = wave_defect(
+        lambda x, t: running_apart.one_force(x, t, P=P, V=0.37), lambda s: P * s, lambda s: 0.4 * s, on_line(5), 9.0
+    )
+    assert np.abs(wrong).max() > 1e-3
+
+
+def test_a_force_on_the_finite_string_knows_no_support_before_its_waves_are_back():
+    P, V = 1.1, 0.43
+    x, t = np.linspace(0.0, 1.0, 25)[:, None], np.linspace(0.0, 1.0, 17)  # the far support is reached at t = 1
+    near = running_apart.one_force(x, t, P=P, V=V) - running_apart.one_force(-x, t, P=P, V=V)  # image in x = 0
+    assert np.abs(near - moving_force.displacement(x, t, P=P, V=V)).max() < ROUNDING
+
+
+@pytest.mark.parametrize(("V0", "a"), [(0.0, 0.9), (0.3, 0.55), (1.8, -0.7), (0.6, -0.4), (0.45, 0.0)])
+def test_flaherty_solves_the_wave_equation_through_the_wave_speed(V0, a):
+    P = 1.4
+
+    def v(x, t):
+        return accelerating_force.displacement(x, t, P=P, V0=V0, a=a)
+
+    def xi(s):
+        return s * (V0 + 0.5 * a * s)
+
+    turns = () if a == 0.0 else ((1.0 - V0) / a, (-1.0 - V0) / a)
+    assert np.abs(wave_defect(v, lambda s: P * s, xi, on_line(11), 6.0, turns)).max() < 1e-11  # square roots at fronts
+    assert np.abs(wave_defect(v, lambda s: -P * s, xi, on_line(11), 6.0, turns)).max() > 0.1
+    x = np.linspace(-6.0, 6.0, 200)
+    for t in (0.7, 2.1):
+        s = np.linspace(0.0, t, 999)  # out of reach of every wave, whenever it was sent
+        far = (x > (xi(s) + t - s).max() + 1e-5) | (x < (xi(s) - t + s).min() - 1e-5)
+        assert np.abs(v(x, t)[far]).max() == 0.0
+
+
+@pytest.mark.parametrize(("V0", "a", "t"), [(0.0, 0.8, 0.6), (0.2, 0.5, 1.0), (0.0, 0.8, 2.9), (1.9, -0.5, 0.9)])
+def test_the_kink_at_the_force_follows_sagartz_and_forrestal(V0, a, t):
+    P, h = 1.4, 1e-5
+    at, speed = t * (V0 + 0.5 * a * t), V0 + a * t
+    x = at + h * np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
+    v = accelerating_force.displacement(x, t, P=P, V0=V0, a=a)
+    ahead, behind = (-1.5 * v[2] + 2.0 * v[3] - 0.5 * v[4]) / h, (1.5 * v[2] - 2.0 * v[1] + 0.5 * v[0]) / h
+    expected = accelerating_force.kink(P, speed)
+    assert ahead - behind == pytest.approx(expected, rel=1e-7)  # differences of second order: h^2 v_xxx and 1e-16/h
+    assert ahead - behind != pytest.approx(-P / (1.0 + speed**2), rel=1e-2)
+
+
+@pytest.mark.parametrize(("V0", "a", "side"), [(0.0, 0.8, 1.0), (0.25, 0.6, 1.0), (1.7, -0.5, -1.0)])
+def test_the_front_left_at_the_wave_speed_has_a_square_root(V0, a, side):
+    P, t = 1.4, (1.0 - V0) / a + 0.9
+    front = accelerating_force.front(t, V0=V0, a=a)
+    d = np.array([1e-3, 1e-5])
+    v0 = accelerating_force.displacement(front, t, P=P, V0=V0, a=a)
+    rise = accelerating_force.displacement(front + side * d, t, P=P, V0=V0, a=a) - v0
+    np.testing.assert_allclose(-side * rise / (P * np.sqrt(2.0 * d / abs(a))), 1.0, atol=3e-2)  # next term: sqrt(d)
+    other = accelerating_force.displacement(front - side * d, t, P=P, V0=V0, a=a) - v0
+    assert np.abs(other / np.sqrt(d)).max() < 0.1 * P  # finite slope on the other side
+
+
+def test_forrestal_bickel_sagartz_two_force_parts():
+    mu, sigma, V0, a = 0.8, 0.31, 0.1, 0.35
+
+    def v(x, t):
+        return curved_cable.displacement(x, t, mu=mu, sigma=sigma, V0=V0, a=a)
+
+    def impulse(s):  # int mu sigma (1 + (V0 + a s)^2) ds, integrated as (V0 + a s)^3/(3a)
+        return mu * sigma * (s + ((V0 + a * s) ** 3 - V0**3) / (3.0 * a))
+
+    def xi(s):
+        return s * (V0 + 0.5 * a * s)
+
+    turns = ((1.0 - V0) / a,)
+    assert np.abs(wave_defect(v, impulse, xi, on_line(23), 6.0, turns)).max() < ROUNDING
+    assert np.abs(wave_defect(v, lambda s: mu * sigma * s, xi, on_line(23), 6.0, turns)).max() > 1e-3
+    t, h = 1.7, 1e-5
+    x = xi(t) + h * np.arange(-2.0, 3.0)
+    w = v(x, t)
+    jump = (-1.5 * w[2] + 2.0 * w[3] - 0.5 * w[4] - 1.5 * w[2] + 2.0 * w[1] - 0.5 * w[0]) / h
+    assert jump == pytest.approx(curved_cable.kink(mu=mu, sigma=sigma, speed=V0 + a * t), rel=1e-7)
+    x = np.linspace(-1.0, 1.0, 9)
+    parts = curved_cable.weight_part(x, t, mu=mu, sigma=sigma, V0=V0, a=a)
+    assert np.all(np.abs(v(x, t)) >= np.abs(parts))
+
+
+@pytest.mark.parametrize("V", [0.0, 0.42, 1.6])
+def test_pierucci_solves_the_wave_equation(V):
+    P, omega = 1.2, 3.7
+
+    def v(x, t):
+        return harmonic_force.displacement(x, t, P=P, V=V, omega=omega)
+
+    def impulse(s):
+        return P * np.exp(1j * omega * s) / (1j * omega)
+
+    assert np.abs(wave_defect(v, impulse, lambda s: V * s, on_line(31), 9.0)).max() < ROUNDING
+    assert np.abs(wave_defect(v, lambda s: 1.05 * impulse(s), lambda s: V * s, on_line(31), 9.0)).max() > 1e-3
+
+
+def test_pierucci_is_what_remains_of_a_force_switched_on_long_ago():
+    """Behind the first wave a force switched on at t = 0 differs from the steady one by the constant P/(2 i omega)."""
+    P, V, omega, t = 1.2, 0.42, 3.7, 2.6
+    x = np.linspace(-0.99 * t, 0.99 * t, 41)
+    started = accelerating_force.displacement_of(x, t, lambda s: P * np.sin(omega * s) / omega, V0=V, a=0.0)
+    steady = harmonic_force.displacement(x, t, P=P, V=V, omega=omega).real
+    assert np.abs(started - steady).max() < ROUNDING
+    t1 = np.linspace(0.0, 50.0, 4001)
+    ahead, behind = harmonic_force.doppler(V=V, omega=omega)
+    for x1, f in ((60.0, ahead), (-60.0, behind)):
+        v = harmonic_force.displacement(x1, t1, P=P, V=V, omega=omega)
+        assert np.abs(v - v[0] * np.exp(1j * f * t1)).max() < 1e-10
+
+
+@pytest.mark.parametrize("V", [0.0, 0.55, 1.45])
+def test_yen_and_tang_satisfies_the_steady_equation(V):
+    P, k, h = 1.3, 2.7, 1e-3
+    z = np.array([-2.3, -0.7, 0.4, 1.9])
+    v = foundation.deflection(z[:, None] + h * np.arange(-2.0, 3.0), P=P, V=V, k=k)
+    v_zz = v @ np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / (12.0 * h * h)
+    residual = (V * V - 1.0) * v_zz + k * v[:, 2]
+    assert np.abs(residual).max() < 1e-8  # h^4 v^(6)/90 = 1e-12 and rounding 1e-15/h^2
+    if V < 1.0:
+        assert np.abs((V * V - 1.0) * v_zz - k * v[:, 2]).max() > 0.01
+    h = 1e-5
+    v = foundation.deflection(h * np.arange(-2.0, 3.0), P=P, V=V, k=k)
+    jump = (-1.5 * v[2] + 2.0 * v[3] - 0.5 * v[4] - 1.5 * v[2] + 2.0 * v[1] - 0.5 * v[0]) / h
+    assert jump == pytest.approx(-P / (1.0 - V * V), rel=1e-7)
+    if V > 1.0:
+        assert np.abs(foundation.deflection(np.array([0.1, 5.0]), P=P, V=V, k=k)).max() == 0.0
+
+
+def test_parameters_outside_the_validity_are_refused():
+    for call in (
+        lambda: moving_force.displacement(0.3, 0.2, P=1.0, V=-0.4),
+        lambda: moving_force.displacement(1.3, 0.2, P=1.0, V=0.4),
+        lambda: moving_force.series(0.3, 0.2, P=1.0, V=1.0, terms=9),
+        lambda: running_apart.one_force(0.3, -0.2, P=1.0, V=0.4),
+        lambda: accelerating_force.displacement(0.3, -0.2, P=1.0, a=0.4),
+        lambda: accelerating_force.front(0.3, V0=0.2, a=0.4),
+        lambda: accelerating_force.front(0.3, V0=1.2, a=0.4),
+        lambda: accelerating_force.kink(1.0, 1.0),
+        lambda: harmonic_force.displacement(0.3, 0.2, P=1.0, V=1.0, omega=2.0),
+        lambda: foundation.deflection(0.3, P=1.0, V=1.0, k=2.0),
+        lambda: foundation.deflection(0.3, P=1.0, V=0.3, k=float("nan")),
+    ):
+        with pytest.raises(ValueError, match=r"speed|string|series|t >= 0|rest|wave speed|stiffness"):
+            call()

@@ -1,0 +1,198 @@
+"""Bare cables: every frequency has a shape that satisfies its equation, and the models meet in their limits."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.polynomial import chebyshev
+from scipy.integrate import solve_ivp
+
+from validation.oracles import ORACLES, catenary_modes, inextensible, irvine
+
+SIGMA, ALPHA = 0.1688832, 844.416
+LEVEL = [
+    5.3454766022,
+    6.2761408254,
+    9.5728553824,
+    12.5684220916,
+    15.7413444238,
+    18.8571036040,
+    22.0114146253,
+    25.1448878959,
+    28.2937309199,
+    31.4323118252,
+]
+
+
+def test_catenary_reference_values():
+    modes = catenary_modes.solve(SIGMA, ALPHA)
+    np.testing.assert_allclose(modes.omega, LEVEL, rtol=0.0, atol=6e-11)  # ten digits after the point are printed
+    assert modes.error.max() < 1e-11
+    many = catenary_modes.solve(SIGMA, ALPHA, count=40, n=96)
+    axial = many.omega[np.abs(many.omega - 91.4217).argmin()]
+    assert axial == pytest.approx(91.4217, abs=5e-5)
+    assert np.abs(catenary_modes.solve(SIGMA, 844.0).omega - LEVEL).max() > 1e-4  # a rounded alpha is seen
+
+
+@pytest.mark.parametrize(
+    ("sigma", "alpha", "c"), [(SIGMA, ALPHA, None), (0.9, 210.0, 1.3), (2.2, 75.0, 1.1), (0.06473, 323.7, 0.08)]
+)
+def test_catenary_modes_satisfy_the_differential_equation(sigma, alpha, c):
+    """The shapes, differentiated as Chebyshev series, in the strong form; the n^4 of that bounds the digits left."""
+    modes = catenary_modes.solve(sigma, alpha, c)
+    c = 0.5 * sigma if c is None else c
+    p = c - sigma * modes.s
+    T = np.sqrt(1.0 + p * p)
+    x1, y1 = 1.0 / T, p / T
+
+    def d(f):
+        coef = chebyshev.chebfit(2.0 * modes.s - 1.0, f, len(modes.s) - 1)
+        return 2.0 * chebyshev.chebval(2.0 * modes.s - 1.0, chebyshev.chebder(coef))
+
+    for W, u, v in zip(modes.omega, modes.u, modes.v, strict=True):
+        assert np.abs([u[0], u[-1], v[0], v[-1]]).max() < 1e-12
+        stretch = (alpha - T) * (x1 * d(u) + y1 * d(v))
+        force = d(T * d(u) + stretch * x1), d(T * d(v) + stretch * y1)
+        residual = max(np.abs(force[0] + W * W * u).max(), np.abs(force[1] + W * W * v).max())
+        assert residual < 1e-6 * W * W * max(1.0, alpha / 500.0)
+        wrong = d(T * d(u) - stretch * x1) + W * W * u
+        assert np.abs(wrong).max() > 1e-2 * W * W
+
+
+@pytest.mark.parametrize(("sigma", "alpha", "c"), [(SIGMA, ALPHA, 0.5 * SIGMA), (1.4, 130.0, 1.2)])
+def test_catenary_frequencies_by_shooting(sigma, alpha, c):
+    """Independent: two solutions of the first-order system with w(0) = 0; W is where some mixture has w(1) = 0."""
+    modes = catenary_modes.solve(sigma, alpha, c, count=3)
+
+    def end(W):
+        def rate(s, q):
+            p = c - sigma * s
+            T = math.sqrt(1.0 + p * p)
+            e = np.array([1.0, p]) / T
+            out = np.empty(8)
+            for k in (0, 4):
+                w, n = q[k : k + 2], q[k + 2 : k + 4]
+                out[k : k + 2] = n / T + (1.0 / alpha - 1.0 / T) * (e @ n) * e
+                out[k + 2 : k + 4] = -W * W * w
+            return out
+
+        q = solve_ivp(rate, (0.0, 1.0), [0, 0, 1, 0, 0, 0, 0, 1], method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
+        return q[0] * q[5] - q[1] * q[4]
+
+    for W in modes.omega:
+        h = 1e-4
+        below, above = end(W - h), end(W + h)
+        root = W - h + 2.0 * h * below / (below - above)  # the chord misses by h^2 f''/f' at most, and symmetrically
+        assert below * above < 0.0
+        assert root == pytest.approx(W, abs=1e-7)
+        assert end(W + h) * end(W + 2.0 * h) > 0.0
+
+
+def test_catenary_error_bound_is_honest():
+    """Against three times as many points: the stated bound holds, also where it is not small."""
+    for sigma, alpha, c, n in ((SIGMA, ALPHA, None, 24), (3.0, 60.0, 2.5, 26), (1.3, 500.0, 1.1, 48)):
+        coarse, fine = catenary_modes.solve(sigma, alpha, c, n=n), catenary_modes.solve(sigma, alpha, c, n=96)
+        gap = np.abs(coarse.omega - fine.omega)
+        assert np.all(gap <= 1.1 * coarse.error + fine.error)
+    assert gap.max() > 0.0
+
+
+def test_irvine_reference_and_limits():
+    L2 = irvine.parameter(SIGMA, ALPHA)
+    assert pytest.approx(24.08404, abs=1e-5) == L2
+    assert irvine.frequencies(L2, 1)[0] == pytest.approx(5.3497920, abs=5e-8)
+    np.testing.assert_allclose(irvine.symmetric(1e-9, 4), math.pi * np.array([1.0, 3.0, 5.0, 7.0]), atol=1e-8)
+    for W in irvine.symmetric(L2, 5):
+        z = 0.5 * W
+        assert math.tan(z) == pytest.approx(z - 4.0 / L2 * z**3, rel=1e-10)
+    assert abs(math.tan(2.67489) - (2.67489 + 4.0 / L2 * 2.67489**3)) > 1.0  # the sign of the cubic term matters
+
+
+@pytest.mark.parametrize("L2", [0.7, 24.08404, 39.9, 900.0])
+def test_irvine_modes_satisfy_the_integro_differential_equation(L2):
+    """w'' + W^2 w = L^2 int w, ends fixed (h y'' = L^2 int w times -1 moved to the left)."""
+    node, weight = np.polynomial.legendre.leggauss(60)
+    s, weight = 0.5 * (1.0 + node), 0.5 * weight
+    for W in irvine.symmetric(L2, 4):
+        w = irvine.symmetric_mode(s, W)
+        assert np.abs(irvine.symmetric_mode([0.0, 1.0], W)).max() < 1e-12
+        # w'' = W^2 (cos + tan sin) = W^2 (1 - w): the equation is W^2 = L^2 int w
+        assert L2 * np.sum(weight * w) == pytest.approx(W * W, rel=1e-9)
+        h = 1e-3
+        stencil = irvine.symmetric_mode(s[:, None] + h * np.arange(-1.0, 2.0), W)
+        curvature = stencil @ np.array([1.0, -2.0, 1.0]) / h**2
+        assert np.abs(curvature - W * W * (1.0 - w)).max() < 1e-6 * W**4 * np.abs(w).max()  # h^2 w''''/12
+    assert L2 * np.sum(weight * irvine.symmetric_mode(s, W + 0.1)) != pytest.approx((W + 0.1) ** 2, rel=1e-3)
+
+
+def test_inextensible_reference_and_constraint():
+    W = inextensible.symmetric(5)
+    assert W[0] == pytest.approx(8.986819, abs=5e-7)
+    np.testing.assert_allclose(np.tan(0.5 * W), 0.5 * W, rtol=1e-12)
+    node, weight = np.polynomial.legendre.leggauss(60)
+    for w in W:
+        shape = irvine.symmetric_mode(0.5 * (1.0 + node), w)
+        assert abs(np.sum(weight * shape)) < 1e-12 * np.abs(shape).max()  # the area under the cable stays
+    np.testing.assert_allclose(inextensible.frequencies(4), [2 * math.pi, W[0], 4 * math.pi, W[1]], rtol=1e-15)
+    assert abs(np.sum(weight * irvine.symmetric_mode(0.5 * (1.0 + node), 8.9))) > 1e-2
+
+
+def test_a_stiff_irvine_cable_is_inextensible_like_one_over_L2():
+    gap = [np.abs(irvine.symmetric(L2, 3) - inextensible.symmetric(3)).max() for L2 in (1e5, 2e5, 4e5)]
+    assert gap[0] < 0.1
+    np.testing.assert_allclose([gap[0] / gap[1], gap[1] / gap[2]], 2.0, rtol=0.02)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.5])
+def test_a_flat_catenary_is_irvines_cable_like_sigma_squared(slope):
+    """At fixed L^2, for any inclination, in units of the tension along the chord."""
+    cos = 1.0 / math.hypot(1.0, slope)
+    L2, gap = 17.0, []
+    for sigma in (0.1, 0.05):
+        alpha = L2 / (sigma**2 * cos**5)
+        exact = catenary_modes.solve(sigma, alpha, slope + 0.5 * sigma, count=5).omega * math.sqrt(cos)
+        assert irvine.parameter(sigma, alpha, cos) == pytest.approx(L2)
+        gap.append(np.abs(exact / irvine.frequencies(L2, 5) - 1.0).max())
+    assert gap[0] < 5e-3
+    assert gap[0] / gap[1] == pytest.approx(4.0, rel=0.3)
+    assert np.abs(exact / irvine.frequencies(1.3 * L2, 5) - 1.0).max() > 10.0 * gap[1]
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.7])
+def test_a_flat_catenary_that_cannot_stretch_is_the_inextensible_cable(slope):
+    cos = 1.0 / math.hypot(1.0, slope)
+    gap = [
+        np.abs(
+            catenary_modes.solve(sigma, math.inf, slope + 0.5 * sigma, count=5).omega * math.sqrt(cos)
+            - inextensible.frequencies(5)
+        ).max()
+        for sigma in (0.12, 0.06)
+    ]
+    assert gap[0] < 0.05
+    assert gap[0] / gap[1] == pytest.approx(4.0, rel=0.3)
+    near = catenary_modes.solve(0.12, 1e7, 0.06 + slope, count=5).omega
+    np.testing.assert_allclose(near, catenary_modes.solve(0.12, math.inf, 0.06 + slope, count=5).omega, rtol=1e-3)
+
+
+def test_parameters_outside_the_validity_are_refused():
+    for call in (
+        lambda: catenary_modes.solve(-0.1, 500.0),
+        lambda: catenary_modes.solve(0.1, float("nan")),
+        lambda: catenary_modes.solve(0.1, 500.0, count=40, n=48),
+        lambda: irvine.frequencies(0.0, 3),
+        lambda: irvine.parameter(0.1, 500.0, 1.2),
+        lambda: inextensible.frequencies(0),
+    ):
+        with pytest.raises(ValueError, match="needed"):
+            call()
+
+
+def test_every_oracle_is_listed_once_and_says_what_it_is():
+    assert len({o.name for o in ORACLES}) == len({o.module for o in ORACLES}) == len(ORACLES) == 13
+    for o in ORACLES:
+        doc = o.module.__doc__ or ""
+        assert "Validity:" in doc, o.name
+        assert "Accuracy:" in doc, o.name
+        assert getattr(o.module, o.answer.__name__) is o.answer
+        author = o.source.split()[0].rstrip(",")
+        assert author in doc, o.name

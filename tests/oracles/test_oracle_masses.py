@@ -1,0 +1,466 @@
+"""Moving masses: string, supports and Newton's law hold for each oracle, and the oracles are each other's limits."""
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+
+from validation.oracles import accelerating_mass, coupled_travel, massless_string, moving_force, moving_mass
+
+from .wave_identity import corners, wave_defect
+
+SIGMA = 0.1688832
+
+
+def wavy():
+    """A travel with nothing special about it, which ends inside the string."""
+    return moving_mass.Travel(
+        lambda t: 0.31 * t + 0.08 * np.sin(2.3 * t), lambda t: 0.31 + 0.184 * np.cos(2.3 * t), 2.9
+    )
+
+
+TRAVELS = {
+    "constant": (moving_mass.constant_speed(0.37), 1.3, 0.4),
+    "fast and light": (moving_mass.constant_speed(0.9), 0.15, 0.7),
+    "slow and heavy": (moving_mass.constant_speed(0.14), 7.0, 0.2),
+    "from rest": (moving_mass.from_rest(0.23), 0.6, 0.3),
+    "from rest, heavy": (moving_mass.from_rest(0.44), 12.0, 0.3),
+    "accelerate, cruise, brake": (moving_mass.accelerate_cruise_brake(0.62), 1.7, 0.25),
+    "wavy": (wavy(), 0.8, 0.5),
+}
+
+
+def images(ride, V, t, far_sign=-1.0):
+    """The sum over images of the impulse that constant speed gives, to be compared with 2 y."""
+
+    def impulse(u):
+        return np.where(u > 0.0, ride.impulse(np.clip(u, 0.0, ride.t_last)), 0.0)
+
+    total = impulse(t) - impulse((1.0 - V) * t / (1.0 + V))
+    for k in range(1, math.ceil(1.0 / V) + 2):
+        total += impulse(t - 2.0 * k / (1.0 - V)) + impulse(t - 2.0 * k / (1.0 + V))
+        total -= impulse(((1.0 - V) * t - 2.0 * k) / (1.0 + V))
+        total += far_sign * impulse(((1.0 + V) * t - 2.0 * k) / (1.0 - V))
+    return total
+
+
+def test_reference_path_at_constant_speed():
+    """Printed to 12 digits after the point: 1e-12 allows their rounding."""
+    V = math.sqrt(SIGMA)
+    ride = moving_mass.solve(moving_mass.constant_speed(V), mu=1.0, sigma=SIGMA)
+    s_o = np.array([0.1, 0.3, 0.5, 0.7, 0.9, 0.95, 0.99])
+    y = [
+        0.004134619735,
+        0.026411465563,
+        0.054525087145,
+        0.078275585253,
+        0.064301851647,
+        0.049276119808,
+        0.029455855502,
+    ]
+    np.testing.assert_allclose(ride.path(s_o / V), y, rtol=0.0, atol=1e-12)
+    assert np.abs(ride.path(s_o / V * (1.0 + 1e-9)) - y).max() > 1e-11  # shifted by a billionth
+    s_o = np.linspace(0.74, 0.7412, 241)
+    path = ride.path(s_o / V)
+    assert path.max() == pytest.approx(0.07914088, abs=5e-9)
+    assert s_o[path.argmax()] == pytest.approx(0.74062, abs=1e-5)
+
+
+def test_reference_path_from_rest():
+    ride = moving_mass.solve(moving_mass.from_rest(SIGMA), mu=1.0, sigma=SIGMA)
+    t = np.sqrt(2.0 * np.array([0.25, 0.5, 0.75, 0.9]) / SIGMA)
+    y = [0.030454474334, 0.053712026932, 0.062373293480, 0.055325212080]
+    np.testing.assert_allclose(ride.path(t), y, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("travel", "printed"),
+    [(moving_mass.constant_speed(math.sqrt(SIGMA)), 0.021540187567), (moving_mass.from_rest(SIGMA), 0.035600810433)],
+)
+def test_the_printed_exit_values_belong_to_a_billionth_before_the_exit(travel, printed):
+    """Both printed exit values are y at s = T - t = 1e-9, which exceeds the limit by 1.2e-9 (s ln s)."""
+    ride = moving_mass.solve(travel, mu=1.0, sigma=SIGMA)
+    assert ride.approach(1e-9)[0] == pytest.approx(printed, abs=1e-12)
+    assert ride.exit_path == pytest.approx(printed, abs=1.5e-9)
+    V = float(travel.speed(np.array([travel.t_end]))[0])
+    slope = 2.0 / math.log((1.0 + V) / (1.0 - V))
+    assert printed - ride.exit_path == pytest.approx(
+        -ride.exit_path * slope * 1e-9 * math.log(1e-9), rel=0.2
+    )  # the next term is smaller by 1/ln s = 1/21
+
+
+@pytest.mark.parametrize(("mu", "V"), [(0.3, 0.7), (1.0, 0.41), (8.0, 0.23)])
+def test_path_agrees_with_the_power_series_in_thirty_digits(mu, V):
+    """y = sum a_n t^n until the first far reflection, from y'(t) - y'(q t) + 2 y/mu = sigma (1-q) t."""
+    ride = moving_mass.solve(moving_mass.constant_speed(V), mu=mu, sigma=SIGMA)
+    t = np.linspace(0.0, 2.0 / (1.0 + V), 9)[1:]
+    with mpmath.workdps(40):
+        q, M = (1 - mpmath.mpf(V)) / (1 + mpmath.mpf(V)), mpmath.mpf(mu)
+        exact = []
+        for time in t:
+            term, total, n = mpmath.mpf(SIGMA) / 2 * mpmath.mpf(time) ** 2, mpmath.mpf(0), 2
+            while abs(term) > 1e-40:
+                total += term
+                term *= -2 * mpmath.mpf(time) / (M * (n + 1) * (1 - q**n))
+                n += 1
+            exact.append(float(total))
+    assert np.abs(ride.path(t) / exact - 1.0).max() < 1e-12
+    short = t[t < 6.0 * mu]
+    series = moving_mass.early_series(short, mu=mu, sigma=SIGMA, V=V)
+    assert np.abs(series / exact[: len(short)] - 1.0).max() < 1e-10  # loses e^12 = 1.6e5 of rounding at worst
+
+
+@pytest.mark.parametrize("mu", [0.1, 1.0, 20.0])
+@pytest.mark.parametrize("V", [0.1, 0.5, 0.95])
+def test_path_satisfies_the_sum_over_images(mu, V):
+    """An independent form of the equation, all reflections included; 1e-10 because it adds up to 40 impulses."""
+    ride = moving_mass.solve(moving_mass.constant_speed(V), mu=mu, sigma=SIGMA)
+    t = np.linspace(0.0, 0.999 / V, 601)
+    y = ride.path(t)
+    assert np.abs(images(ride, V, t) - 2.0 * y).max() < 1e-10 * y.max()
+    assert np.abs(images(ride, V, t, far_sign=+1.0) - 2.0 * y).max() > 1e-2 * y.max()  # wrong sign at the far support
+
+
+@pytest.fixture(scope="module", params=TRAVELS)
+def ride(request):
+    travel, mu, sigma = TRAVELS[request.param]
+    return moving_mass.solve(travel, mu=mu, sigma=sigma, reach=0.02)
+
+
+def test_the_string_obeys_the_wave_equation_under_the_mass(ride):
+    T = ride.t_last
+    after = ride.exit_path != 0.0 and ride.t_last > ride.travel.t_end * (1.0 - 1e-12) and ride.travel.to_go(0.0) == 0.0
+    x, t, p, q = corners(np.random.default_rng(17), 60, x=(0.0, 1.0), t=(0.0, 1.5 * T), size=0.6, clip=True)
+    keep = (t + p + q < 0.999 * T) | (after & (t > 1.001 * T))
+    quads = x[keep], t[keep], p[keep], q[keep]
+    assert keep.sum() > 10
+    scale = np.abs(ride.path(np.linspace(0.0, T, 99))).max()
+    defect = wave_defect(ride.displacement, ride.impulse, ride.travel.position, quads, T)
+    assert np.abs(defect).max() < 1e-10 * scale
+    spoiled = wave_defect(ride.displacement, lambda s: 1.001 * ride.impulse(s), ride.travel.position, quads, T)
+    assert np.abs(spoiled).max() > 1e-5 * scale
+
+
+def test_the_mass_obeys_newton_and_sits_on_the_string(ride):
+    T = ride.t_last
+    t = np.linspace(0.0, T, 400)[1:-1]
+    y, scale = ride.path(t), np.abs(ride.path(t)).max()
+    assert np.abs(ride.displacement(ride.travel.position(t), t) - y).max() < 1e-11 * scale
+    # mu y' = mu sigma t - I, y' the derivative of y: integrated over random spans by Gauss's rule within fine panels
+    x, w = np.polynomial.legendre.leggauss(12)
+    edges = np.linspace(0.02 * T, 0.97 * T, 600)
+    mid, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
+    nodes = mid[:, None] + half[:, None] * x
+    velocity = ride.sigma * nodes - ride.impulse(nodes) / ride.mu
+    gap = ride.path(edges[1:]) - ride.path(edges[:-1]) - half * (velocity @ w)
+    assert np.median(np.abs(gap)) < 1e-14 * scale
+    assert np.abs(gap).max() < 1e-8 * scale  # a panel that holds a front integrates over a kink of y'': h^3
+    assert np.abs(ride.path_velocity(nodes) - velocity).max() < 1e-12 * (1.0 + np.abs(velocity).max())
+    pushed = ride.impulse(edges[1:]) - ride.impulse(edges[:-1]) - half * (ride.force(nodes) @ w)
+    assert np.abs(pushed).max() < 1e-4 * np.abs(ride.impulse(edges)).max()  # here the kink is in R itself: h^2
+    assert np.median(np.abs(pushed)) < 1e-11 * np.abs(ride.impulse(edges)).max()
+
+
+def test_the_string_is_fixed_at_its_ends_and_starts_from_rest(ride):
+    t = np.linspace(0.0, ride.t_last, 50)
+    scale = np.abs(ride.path(t)).max()
+    assert np.abs(ride.displacement(0.0, t)).max() < 1e-12 * scale
+    assert np.abs(ride.displacement(1.0, t[:-1])).max() < 1e-12 * scale
+    x = np.linspace(0.0, 1.0, 30)
+    for time in (0.0, 0.1, 0.3):
+        assert np.abs(ride.displacement(x[x > time + 1e-9], time)).max(initial=0.0) == 0.0
+    assert abs(ride.path(0.0)) < 1e-16
+    assert abs(ride.path_velocity(0.0)) < 1e-16
+
+
+def test_jump_law_and_gradient_at_the_mass(ride):
+    """(1 - xi'^2)[v_x] = -R, and v_t + xi' v_x = y' on both sides: the gradient is that of the displacement."""
+    t = np.array([0.31, 0.47, 0.63]) * ride.t_last
+    xi, speed = ride.travel.position(t), ride.travel.speed(t)
+    d = 1e-9
+    behind, ahead = ride.gradient(xi - d, t), ride.gradient(xi + d, t)
+    size = np.abs(ride.force(t)).max() + 1.0
+    np.testing.assert_allclose((1.0 - speed**2) * (ahead[0] - behind[0]), -ride.force(t), atol=1e-6 * size)
+    for v_x, v_t in (behind, ahead):
+        np.testing.assert_allclose(v_t + speed * v_x, ride.path_velocity(t), atol=1e-6 * size)
+    assert np.abs((1.0 + speed**2) * (ahead[0] - behind[0]) + ride.force(t)).max() > 1e-3
+    x, t, h = 0.43, 0.71 * ride.t_last, 1e-6
+    v_x, v_t = ride.gradient(x, t)
+    assert v_x == pytest.approx((ride.displacement(x + h, t) - ride.displacement(x - h, t)) / (2.0 * h), abs=1e-6)
+    assert v_t == pytest.approx((ride.displacement(x, t + h) - ride.displacement(x, t - h)) / (2.0 * h), abs=1e-6)
+
+
+@pytest.mark.parametrize("wave", [1, 2])
+def test_a_reflection_of_the_wrong_sign_is_noticed(wave, monkeypatch):
+    """The march spoiled at one support (1: near, 2: far): the mass does not sit on its string any more."""
+    travel, right = moving_mass.constant_speed(0.37), moving_mass._History.at
+
+    def wrong(self, t, s, derivative=False):
+        out = right(self, t, s, derivative)
+        out[:, wave] *= -1.0
+        return out
+
+    with monkeypatch.context() as patch:
+        patch.setattr(moving_mass._History, "at", wrong)
+        ride = moving_mass.solve(travel, mu=1.3, sigma=0.4)
+    t = np.linspace(0.1, 0.9, 40) / 0.37
+    assert np.abs(ride.displacement(0.37 * t, t) - ride.path(t)).max() > 1e-2 * np.abs(ride.path(t)).max()
+
+
+def test_after_the_exit_the_string_swings_freely():
+    V, mu = 0.6, 0.9
+    ride = moving_mass.solve(moving_mass.constant_speed(V), mu=mu, sigma=SIGMA)
+    x = np.linspace(0.0, 1.0, 203)[1:-1]
+    t = 1.0 / V + 0.37
+    v = ride.displacement(x, t)
+    assert np.abs(v).max() > 0.01
+    np.testing.assert_allclose(ride.displacement(x, t + 2.0), v, atol=1e-12)  # period 2
+    np.testing.assert_allclose(
+        ride.displacement(1.0 - x, t + 1.0), -v, atol=1e-12
+    )  # half a period: upside down, mirrored
+
+
+@pytest.mark.parametrize(("mu", "V"), [(0.7, 0.45), (3.0, 0.75)])
+def test_the_path_jumps_at_the_far_support(mu, V):
+    """y -> w0 (1 - 2/(mu ln Q) s ln s), and the impulse from s to s/Q is 2 w0: R is (2 w0/ln Q)/s on average."""
+    ride = moving_mass.solve(moving_mass.constant_speed(V), mu=mu, sigma=SIGMA)
+    Q, w0 = (1.0 + V) / (1.0 - V), ride.exit_path
+    impulse = ride.approach(1e-9 * np.array([Q, 1.0]))[1]
+    assert impulse[1] - impulse[0] == pytest.approx(2.0 * w0, rel=1e-6)
+    # (y/w0 - 1)/s = -(2/(mu ln Q)) ln s + a function of period ln Q: five periods apart, the difference is 5 x 2/mu
+    s = 1e-6 * Q ** np.array([5.0, 0.0])
+    scaled = (ride.approach(s)[0] / w0 - 1.0) / s
+    assert scaled[1] - scaled[0] == pytest.approx(10.0 / mu, rel=1e-2)  # the next term is s ln^2 s
+    assert abs(w0) > 1e-3
+
+
+def test_from_rest_the_mass_starts_with_a_known_curvature():
+    mu, a, sigma = 0.7, 0.31, 0.45
+    ride = moving_mass.solve(moving_mass.from_rest(a), mu=mu, sigma=sigma)
+    t = np.array([1e-4, 1e-3])
+    np.testing.assert_allclose(ride.path(t) / t**2, sigma / (2.0 * (1.0 + 1.0 / (mu * a))), rtol=1e-3)  # next term: t
+    assert ride.force(0.0) == pytest.approx(mu * sigma / (1.0 + mu * a), rel=1e-9)
+
+
+def test_a_light_mass_is_a_moving_force():
+    V, P, t = 0.55, 0.3, np.linspace(0.3, 0.8, 21) / 0.55
+    limit = moving_force.displacement(V * t, t, P=P, V=V)
+    gap = []
+    for mu in (0.004, 0.008):
+        ride = moving_mass.solve(moving_mass.constant_speed(V), mu=mu, sigma=P / mu)
+        gap.append(np.abs(ride.path(t) - limit).max() / limit.max())
+    assert gap[0] < 0.02
+    assert gap[1] / gap[0] == pytest.approx(2.0, rel=0.1)  # of first order in mu
+
+
+def test_a_heavy_mass_rides_on_a_massless_string():
+    """mu -> inf at a = 1/(2 mu V^2): the difference falls like 1/mu."""
+    a, xi = 2.3, np.linspace(0.05, 0.95, 37)
+    limit = massless_string.path(xi, a=a)
+    gap = []
+    for mu in (25.0, 50.0, 100.0):
+        V = 1.0 / math.sqrt(2.0 * mu * a)
+        ride = moving_mass.solve(moving_mass.constant_speed(V), mu=mu, sigma=4.0 / mu)  # Y = y/(mu sigma/4)
+        gap.append(np.abs(ride.path(xi / V) - limit).max())
+    assert gap[-1] < 0.02
+    assert gap[0] / gap[2] == pytest.approx(4.0, rel=0.25)
+
+
+def test_a_mass_faster_than_its_waves_rides_on_the_string_at_rest():
+    for V in (1.0, 1.7):
+        ride = moving_mass.solve(moving_mass.constant_speed(V), mu=0.8, sigma=0.5)
+        assert np.all(ride.path(np.linspace(0.0, 1.0 / V, 9)) == 0.0)
+        x, t = np.meshgrid(np.linspace(0.02, 0.98, 29), np.linspace(0.01, 2.93, 31))
+        off = np.abs(x - t) > 1e-6
+        gap = ride.displacement(x, t) - moving_force.displacement(x, t, P=0.4, V=V)
+        assert np.abs(gap)[off].max() < 1e-12
+        assert float(ride.force(0.2)) == pytest.approx(0.4, rel=1e-15)
+    faster = moving_mass.Travel(lambda t: 1.2 * t + 0.4 * t * t, lambda t: 1.2 + 0.8 * np.asarray(t), 0.66228)
+    ride = moving_mass.solve(faster, mu=0.8, sigma=0.5)
+    quads = corners(np.random.default_rng(2), 40, x=(0.0, 1.0), t=(0.0, 1.4), size=0.6, clip=True)
+    defect = wave_defect(ride.displacement, ride.impulse, faster.position, quads, faster.t_end)
+    assert np.abs(defect).max() < 1e-12
+    assert np.abs(wave_defect(ride.displacement, ride.impulse, lambda s: 1.2 * s, quads, 0.6)).max() > 1e-3
+
+
+def test_far_from_the_supports_the_path_does_not_depend_on_the_travel():
+    """The infinite string's answer, for a mass put down at mid span, until the first wave is back."""
+    mu, sigma = 0.4, 0.9
+    travel = moving_mass.Travel(lambda t: 0.5 + 0.2 * t - 0.15 * t * t, lambda t: 0.2 - 0.3 * np.asarray(t), 1.3)
+    ride = moving_mass.solve(travel, mu=mu, sigma=sigma)
+    t = np.linspace(0.0, 0.93, 20)
+    np.testing.assert_allclose(ride.path(t), accelerating_mass.path(t, mu=mu, sigma=sigma, a=0.1), atol=1e-13)
+    assert abs(ride.path(1.3) - accelerating_mass.path(1.3, mu=mu, sigma=sigma, a=0.1)) > 1e-2
+
+
+# --- massless string
+
+
+@pytest.mark.parametrize("a", [0.02, 0.8, 1.0, 3.0, 17.3, 640.0])
+def test_massless_string_satisfies_its_differential_equation(a):
+    """xi (1-xi) Y'' + 2aY = 8a xi (1-xi) by differences of sixth order, with a step that follows the wave length.
+
+    Y^(8) ~ a 7!/(1-xi)^7 next to the singular end, so that h^6 Y^(8)/560 is 1e-8 a at xi = 0.7; rounding is 1e-15/h^2.
+    """
+    xi, h = np.linspace(0.1, 0.7, 17), 0.01 / math.sqrt(1.0 + a)
+    Y = massless_string.path(xi[:, None] + h * np.arange(-3.0, 4.0), a=a)
+    Y2 = Y @ (np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / 180.0) / h**2
+    residual = (xi * (1.0 - xi) * Y2 + 2.0 * a * Y[:, 3] - 8.0 * a * xi * (1.0 - xi)) / a
+    assert np.abs(residual).max() < 1e-7
+    assert np.abs(residual - 4.0 * Y[:, 3]).max() > 1e-3  # 2aY with the wrong sign
+    small = 1e-6
+    assert massless_string.path(small, a=a) / small**2 == pytest.approx(4.0 * a, rel=1e-3)  # Y(0) = Y'(0) = 0
+
+
+@pytest.mark.parametrize("a", [0.3, 0.999, 1.7, 3.0, 47.3, 1e4])
+def test_massless_string_in_high_precision(a):
+    xi = np.array([0.05, 0.4, 0.77, 0.96, 0.9999])
+    with mpmath.workdps(60):
+        A = mpmath.mpf(a)
+        r = mpmath.sqrt(1 + 8 * A)
+        exact = [
+            float(4 * A / (A - 1) * (x * (1 - x) - x * mpmath.hyp2f1((1 + r) / 2, (1 - r) / 2, 2, x, zeroprec=300)))
+            for x in map(mpmath.mpf, xi.tolist())
+        ]
+    bound = 2e-15 * max(10.0, math.sqrt(1.0 + 8.0 * a), a / abs(a - 1.0))
+    assert np.abs(massless_string.path(xi, a=a) - exact).max() < bound * np.abs(exact).max()
+
+
+def test_massless_string_end_and_special_case():
+    for a in (0.4, 1.0, 2.5, 6.0, 311.0):
+        assert float(massless_string.path(1.0, a=a)) == pytest.approx(massless_string.end_jump(a), abs=1e-13)
+    for a in (3.0, 6.0, 10.0):
+        assert abs(massless_string.end_jump(a)) < 1e-15
+    xi = np.linspace(0.0, 1.0, 41)
+    near = 0.5 * (massless_string.path(xi, a=1.0 + 1e-4) + massless_string.path(xi, a=1.0 - 1e-4))
+    np.testing.assert_allclose(near, massless_string.path(xi, a=1.0), atol=1e-7)  # second order in 1e-4
+    # weight minus inertia is what the string carries: R/(M g) = 1 - (1/(8a)) Y'' ... from the equation itself
+    h, at = 1e-3, np.array([0.3, 0.8])
+    Y = massless_string.path(at[:, None] + h * np.arange(-1.0, 2.0), a=2.5)
+    inertia = (Y @ np.array([1.0, -2.0, 1.0])) / h**2 / (8.0 * 2.5)
+    np.testing.assert_allclose(massless_string.force(at, a=2.5), 1.0 - inertia, atol=1e-5)
+
+
+# --- accelerating mass
+
+
+@pytest.mark.parametrize(("mu", "a"), [(0.6, 0.7), (2.4, 1.9)])
+def test_accelerating_mass_through_the_wave_speed(mu, a):
+    sigma = 0.35
+    par = {"mu": mu, "sigma": sigma, "a": a}
+
+    def v(x, t):
+        return accelerating_mass.displacement(x, t, **par)
+
+    def xi(s):
+        return 0.5 * a * np.asarray(s) ** 2
+
+    blow = (1.0 / a, 2.0 * mu * float(accelerating_mass.path_velocity(1.0 / a, **par)))
+
+    def smooth(s):  # the impulse without the blow
+        return accelerating_mass.impulse(s, **par) - np.where(s > 1.0 / a, blow[1], 0.0)
+
+    quads = corners(np.random.default_rng(8), 80, x=(-2.0, 4.0), t=(0.0, 2.5 / a), size=1.0, clip=False)
+    assert np.abs(wave_defect(v, smooth, xi, quads, 8.0, (1.0 / a,), (blow,))).max() < 1e-11
+    assert np.abs(wave_defect(v, smooth, xi, quads, 8.0, (1.0 / a,))).max() > 1e-3  # without the blow
+    # the mass is on the string: y is continuous there, the kink has no height
+    t = np.array([0.2, 0.7, 1.3, 1.8, 2.2]) / a
+    np.testing.assert_allclose(v(xi(t), t), accelerating_mass.path(t, **par), atol=1e-12)
+    # Newton's law between t = 0, 1/a, 2/a
+    h = 1e-4
+    y = accelerating_mass.path(t[:, None] + h * np.arange(-1.0, 2.0), **par)
+    acceleration = y @ np.array([1.0, -2.0, 1.0]) / h**2
+    np.testing.assert_allclose(mu * (sigma - acceleration), accelerating_mass.force(t, **par), atol=1e-6)
+    np.testing.assert_allclose((y[:, 2] - y[:, 0]) / (2 * h), accelerating_mass.path_velocity(t, **par), atol=1e-6)
+    # two opposite jumps of height mu y'(1/a) run away from the place of the passage
+    t1, e = 1.4 / a, 1e-9
+    for side in (-1.0, 1.0):
+        x = 0.5 / a + side * (t1 - 1.0 / a)
+        inside, outside = v(x - side * e, t1), v(x + side * e, t1)
+        assert inside - outside == pytest.approx(0.5 * blow[1], rel=1e-3)  # beside it a square root, sqrt(e)
+
+
+# --- travel coupled to the string
+
+
+@pytest.mark.parametrize(("w0", "drive"), [(0.8, 0.0), (0.35, 0.21), (0.0, 0.5)])
+def test_coupled_travel_balances_energy_and_solves_the_wave_equation(w0, drive):
+    mu, sigma, t_end = 0.7, 0.9, 2.4
+    ride = coupled_travel.solve(t_end, mu=mu, sigma=sigma, w0=w0, drive=drive)
+    quads = corners(np.random.default_rng(4), 40, x=(-1.5, 2.0), t=(0.0, 1.2), size=0.6, clip=False)
+
+    def impulse(s):
+        return 2.0 * ride.path(s)
+
+    assert np.abs(wave_defect(ride.displacement, impulse, ride.position, quads, t_end)).max() < 1e-10
+    t = np.linspace(0.1, 2.3, 12)
+    np.testing.assert_allclose(ride.displacement(ride.position(t), t), ride.path(t), atol=1e-11)
+    # energy of string and mass against the work of the drive, by Gauss's rule on both sides of the mass
+    node, weight = np.polynomial.legendre.leggauss(60)
+
+    def energy(t1, drag_sign=1.0):
+        xi, w = float(ride.position(t1)), float(ride.speed(t1))
+        total = 0.0
+        for a, b in ((-t1, xi), (xi, t1)):
+            x = 0.5 * (a + b) + 0.5 * (b - a) * node
+            v_x, v_t = ride.gradient(x, np.full_like(x, t1))
+            total += 0.25 * (b - a) * np.sum(weight * (v_x**2 + v_t**2))
+        fall = sigma * t1 - float(ride.force(0.0)) - 2.0 * float(ride.path(t1)) / mu  # y' = sigma t - I/mu
+        total += 0.5 * mu * (fall**2 + drag_sign * (w * w - w0 * w0)) - mu * sigma * float(ride.path(t1))
+        return total - drive * xi
+
+    for t1 in (0.6, 1.5, 2.4):
+        assert abs(energy(t1)) < 1e-9
+    assert abs(energy(2.4, drag_sign=-1.0)) > 1e-2
+    # along the string: mu xi'' = D + R <v_x>
+    h = 1e-4
+    pull = mu * (ride.speed(t + h) - ride.speed(t - h)) / (2.0 * h)
+    np.testing.assert_allclose(pull, drive + ride.force(t) * ride.mean_slope(t), atol=1e-6)
+    d = 1e-7
+    slopes = [ride.gradient(ride.position(t) + side, t)[0] for side in (-d, d)]
+    np.testing.assert_allclose(0.5 * (slopes[0] + slopes[1]), ride.mean_slope(t), atol=1e-5)
+
+
+def test_coasting_speed_in_closed_form_is_the_integrated_one():
+    mu, sigma, w0 = 0.7, 0.9, 0.8
+    t = np.linspace(0.0, 6.0, 31)
+    ride = coupled_travel.solve(6.0, mu=mu, sigma=sigma, w0=w0)
+    closed = coupled_travel.coasting_speed(t, mu=mu, sigma=sigma, w0=w0)
+    assert np.abs(ride.speed(t) - closed).max() < 1e-10
+    assert np.all(np.diff(closed) < 0.0)
+    assert np.abs(coupled_travel.coasting_speed(t, mu=mu, sigma=1e-4, w0=w0) - w0).max() < 1e-6  # no weight, no drag
+    assert coupled_travel.solve(40.0, mu=mu, sigma=sigma, w0=0.2, drive=3.0).speed(40.0) < 1.0  # stays subsonic
+
+
+def test_parameters_outside_the_validity_are_refused():
+    through = moving_mass.Travel(lambda t: 0.7 * t * t, lambda t: 1.4 * np.asarray(t), math.sqrt(1.0 / 0.7))
+    beyond = moving_mass.Travel(lambda t: 0.3 * t, lambda t: np.full(np.shape(t), 0.3), 4.0)
+    ok = moving_mass.constant_speed(0.5)
+    ride = moving_mass.solve(ok, mu=1.2, sigma=0.2)
+    inside = moving_mass.solve(moving_mass.Travel(ok.position, ok.speed, 1.1), mu=1.2, sigma=0.2)
+    for call in (
+        lambda: moving_mass.solve(through, mu=1.2, sigma=0.2),
+        lambda: moving_mass.solve(beyond, mu=1.2, sigma=0.2),
+        lambda: moving_mass.solve(ok, mu=-1.2, sigma=0.2),
+        lambda: moving_mass.solve(ok, mu=1.2, sigma=float("nan")),
+        lambda: moving_mass.solve(moving_mass.Travel(ok.position, ok.speed, 2.0, (2.0,)), mu=1.2, sigma=0.2),
+        lambda: ride.path(2.1),
+        lambda: ride.approach(0.0),
+        lambda: ride.displacement(1.2, 0.3),
+        lambda: inside.displacement(0.2, 1.3),
+        lambda: moving_mass.early_series(1.5, mu=1.2, sigma=0.2, V=0.5),
+        lambda: moving_mass.early_series(1.0, mu=0.1, sigma=0.2, V=0.5),
+        lambda: moving_mass.constant_speed(0.0),
+        lambda: moving_mass.from_rest(-1.0),
+        lambda: moving_mass.accelerate_cruise_brake(float("inf")),
+        lambda: massless_string.path(0.2, a=0.0),
+        lambda: massless_string.path(1.2, a=2.0),
+        lambda: massless_string.force(1.0, a=2.0),
+        lambda: accelerating_mass.path(-0.1, mu=1.0, sigma=0.2, a=0.4),
+        lambda: accelerating_mass.path(0.1, mu=0.0, sigma=0.2, a=0.4),
+        lambda: coupled_travel.solve(1.0, mu=1.3, sigma=0.2, w0=1.1),
+        lambda: coupled_travel.coasting_speed(1.0, mu=1.3, sigma=-0.2, w0=0.1),
+    ):
+        with pytest.raises(ValueError, match=r"must|holds|string|wave speed|breaks|inside|t >= 0|ended"):
+            call()
