@@ -1,0 +1,304 @@
+"""Fixed elements: what converges and at which order, what does not, and the couplings of the mass."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from cablefem.elements.fixed import FixedElements
+from cablefem.elements.following import FollowingElements
+from cablefem.newmark import NewtonStalled, State, integrate, scheme, step_times
+from cablefem.response import States
+from tests.elements.runs import (
+    CRUISE,
+    INCLINED,
+    LEVEL,
+    level_cable,
+    march,
+    observe,
+    orders,
+    path_error,
+    steep_cable,
+    tangent_defect,
+)
+from validation.oracles import moving_force, moving_mass
+
+MODELS = ("full", "string", "sagged", "stretching")
+PAIRS = (
+    ("hermite", "chain"), ("hermite", "path"), ("p1", "path"), ("p1", "naive"), ("p2", "path"), ("p2", "naive"),
+)  # fmt: skip
+STEEP = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
+DAMPED = {"p1": ("newmark", {}), "p2": ("newmark", {}), "hermite": ("generalized-alpha", {"rho_inf": 0.5})}
+
+
+# --- the equations ------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("law", ["elastic", "tension-only"])
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize(("element", "coupling"), PAIRS)
+def test_the_tangent_is_the_derivative_of_the_residual(element, coupling, model, law):
+    system = FixedElements(STEEP, elements=5, element=element, coupling=coupling, model=model, law=law)
+    rng = np.random.default_rng(31)
+    for t in (0.13, 1.07, 2.15):  # in the first, the third and the last element
+        assert tangent_defect(system, t, rng) < 3e-6  # as for the following elements
+    force = FixedElements(STEEP, elements=5, element=element, coupling=coupling, model=model, load="force")
+    assert tangent_defect(force, 1.07, rng) < 3e-6
+
+
+@pytest.mark.parametrize("element", ["hermite", "p2"])
+def test_the_tangent_check_sees_a_dropped_coriolis_term(element):
+    class Wrong(FixedElements):
+        def linearise(self, *args):
+            self._time(*args[:1], args[4])
+            rows = list(self._contact)
+            rows[3] = 0.0 * rows[3]
+            self._contact = tuple(rows)
+            solve = super().linearise(*args)[1]
+            self._at = None
+            return self.residual(*args[:5]), solve
+
+    coupling = "chain" if element == "hermite" else "naive"
+    wrong = Wrong(STEEP, elements=5, element=element, coupling=coupling)
+    assert tangent_defect(wrong, 1.07, np.random.default_rng(31)) > 1e-3
+
+
+@pytest.mark.parametrize("coupling", ["chain", "path"])
+def test_the_mass_accelerates_by_the_chain_rule(coupling):
+    """A smooth motion w(s, t) that Hermite elements hold exactly: its material acceleration is known."""
+    system = FixedElements(INCLINED, elements=4, coupling=coupling, model="full")
+    t = 0.61 * INCLINED.motion.phases[0][1]
+    s_o, ds, dds = INCLINED.motion.at(t, 0)
+    nodes = np.arange(5) / 4.0
+
+    def unknowns(factor):
+        """w = factor s (1 - s) (0.3 + s): values and slopes per element length, one field after the other."""
+        value, slope = nodes * (1 - nodes) * (0.3 + nodes), 0.3 + 1.4 * nodes - 3 * nodes**2
+        return factor * np.stack([value, slope / 4.0], axis=1).ravel()[[1, 2, 3, 4, 5, 6, 7, 9]]
+
+    u = [unknowns(f) for f in (0.011, 0.019, -0.023)]  # w, w., w.. at this instant
+    q, v, a = (np.stack([x, -2.0 * x], axis=1).ravel() for x in u)
+    w, w_s, w_ss = s_o * (1 - s_o) * (0.3 + s_o), 0.3 + 1.4 * s_o - 3 * s_o**2, 1.4 - 6 * s_o
+    material = -0.023 * w + 2 * ds * 0.019 * w_s + 0.011 * (ds**2 * w_ss + dds * w_s)
+    extra = [np.array([1.0, -2.0]) * x for x in (0.011 * w, 0.019 * w + ds * 0.011 * w_s, material)]
+    history = [np.append(x, p) if coupling == "path" else x for x, p in zip((q, v, a), extra, strict=True)]
+    now = States(np.array([t]), *(x[None] for x in history), np.array([0]))
+    o = observe(system, now, [s_o], [0])
+    _, xp, yp, xpp, ypp = INCLINED.static(s_o)
+    static, bend, both = np.array([xp, yp]), np.array([xpp, ypp]), np.array([1.0, -2.0])
+    np.testing.assert_allclose(o.path[0], extra[0], rtol=1e-12)
+    np.testing.assert_allclose(o.path_velocity[0], extra[1] + ds * static, rtol=1e-12)
+    np.testing.assert_allclose(o.path_acceleration[0], material * both + dds * static + ds**2 * bend, rtol=1e-12)
+    np.testing.assert_allclose(o.slope_ahead[0], static + 0.011 * w_s * both, rtol=1e-12)
+    np.testing.assert_allclose(o.slope_behind, o.slope_ahead, rtol=1e-12)
+    # the residual feels exactly mu (p.. - sigma j) there
+    bare = FixedElements(replace(INCLINED, mu=1e-300), elements=4, coupling=coupling)
+    force = system.residual(t, *history, 0) - bare.residual(t, *history, 0)
+    total = force[: 2 * 8].reshape(-1, 2)[[1, 3, 5]].sum(axis=0)  # the value functions add up to one inside
+    expected = INCLINED.mu * (o.path_acceleration[0] - np.array([0.0, INCLINED.sigma]))
+    np.testing.assert_allclose(total, expected, rtol=1e-11)
+
+
+def test_a_particle_has_no_explicit_scheme():
+    system = FixedElements(STEEP, elements=5, element="p1", coupling="path")
+    with pytest.raises(ValueError, match="needs an implicit scheme"):
+        list(integrate(system, scheme("central-difference"), step_times(system, 50)))
+
+
+def test_settings_that_make_no_sense_are_refused():
+    for faulty, message in (
+        ({"elements": -3}, "elements must be an integer >= 1, got -3"),
+        ({"element": "p3"}, "element must be one of hermite, p1, p2, got 'p3'"),
+        ({"coupling": "naive"}, "coupling of hermite elements must be chain or path, got 'naive'"),
+        ({"element": "p1", "coupling": "chain"}, "coupling of p1 elements must be path or naive, got 'chain'"),
+        ({"model": "rod"}, "model must be one of full, string, sagged, stretching, got 'rod'"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            FixedElements(STEEP, **faulty)
+
+
+@pytest.mark.parametrize("model", ["full", "sagged"])
+@pytest.mark.parametrize(("element", "coupling"), PAIRS)
+def test_a_jump_of_the_drive_is_a_jump_of_forces_in_balance(element, coupling, model):
+    """r is linear in a: what the new drive asks for and what the accelerations give must cancel, q and v kept."""
+    system = FixedElements(CRUISE, elements=7, element=element, coupling=coupling, model=model)
+    t = CRUISE.motion.phases[1][0]
+    q, v, a = 0.01 * np.random.default_rng(32).standard_normal((3, system.n_dof))
+    if coupling == "path":  # a consistent place of the particle
+        dofs, N = system._shape(CRUISE.motion.at(t, 0)[0])[:2]
+        q[-system.fields :] = N @ q[dofs]
+    before = State(t, q, v, a, 0)
+    after = system.start(1, before)
+    assert after.q is q
+    assert after.v is v
+    old, new = (system.residual(x.t, x.q, x.v, x.a, x.phase) for x in (before, after))
+    if coupling == "path":
+        np.testing.assert_allclose(new, old, rtol=0.0, atol=1e-12)
+        # p.. - N a jumps by [dds_o] N' q: the constraint goes on holding
+        N_s = system._shape(CRUISE.motion.at(t, 1)[0])[2]
+        jump = (after.a - a)[-system.fields :] - N @ (after.a - a)[dofs]
+        dds = CRUISE.motion.at(t, 1)[2] - CRUISE.motion.at(t, 0)[2]
+        np.testing.assert_allclose(jump, dds * N_s @ q[dofs], rtol=1e-10)
+    else:
+        np.testing.assert_allclose(new, 0.0, atol=1e-11)
+    kept = system.residual(t, q, v, a, 1)
+    assert np.abs(kept - (old if coupling == "path" else 0.0)).max() > 1e-4
+
+
+# --- the taut string ----------------------------------------------------------------------------------------------
+MU, SIGMA, V = 1.3, 0.12, 0.35
+CROSSING = level_cable(mu=MU, sigma=SIGMA, speed=V)
+RIDE = moving_mass.solve(moving_mass.constant_speed(V), mu=MU, sigma=SIGMA)
+
+
+def ride(t):
+    """Path on the taut string, the mass heavier by 1 + V^2 from the sag's curvature."""
+    return (1.0 + V * V) * RIDE.path(t)
+
+
+@pytest.mark.parametrize(("element", "bound"), [("p1", 2.5e-2), ("p2", 1.1e-2), ("hermite", 8e-3)])
+def test_the_constrained_particle_converges_with_order_one(element, bound):
+    """The kink under the mass lies inside an element: first order, whatever the degree."""
+    method, settings = DAMPED[element]
+    errors = np.array([
+        path_error(
+            FixedElements(CROSSING, elements=e, element=element, coupling="path", model="string"), 25 * e, ride,
+            method, **settings,
+        )
+        for e in (10, 20, 40)
+    ])  # fmt: skip
+    assert errors[-1, 0] < bound
+    assert np.all(np.abs(orders(errors[:, 0]) - 1.0) < 0.15)
+    assert np.all(np.abs(orders(errors[:, 1]) - 1.0) < 0.15)
+
+
+@pytest.mark.parametrize("element", ["p1", "p2"])
+def test_the_chain_rule_inside_p1_and_p2_never_converges(element):
+    errors = [
+        path_error(
+            FixedElements(CROSSING, elements=e, element=element, coupling="naive", model="string"), 25 * e, ride
+        )[0]
+        for e in (10, 20, 40)
+    ]  # fmt: skip
+    assert 0.6 < errors[0] < errors[1] < errors[2] < 1.0
+
+
+def test_hermite_by_the_chain_rule_needs_ever_finer_steps():
+    """Its time error goes like elements^2/steps: 50 steps per element are the worse the finer the mesh.
+
+    In the limit of small steps it solves the same equations as the constrained particle, which needs few.
+    """
+
+    def time_error(elements, steps):
+        particle = FixedElements(CROSSING, elements=elements, coupling="path", model="string")
+        states, _ = march(particle, 25 * elements, "generalized-alpha", until=0.81, rho_inf=0.5)
+        limit = CubicSpline(states.t, observe(particle, states).path[:, 1])
+        return path_error(FixedElements(CROSSING, elements=elements, model="string"), steps, limit)[0]
+
+    assert 0.015 < time_error(8, 400) < 0.6 * time_error(16, 800)
+    assert time_error(16, 6400) < 0.15 * time_error(16, 800)
+
+
+@pytest.mark.parametrize("element", ["p1", "p2", "hermite"])
+def test_the_constrained_particle_blows_up_without_damping(element):
+    system = FixedElements(CROSSING, elements=20, element=element, coupling="path", model="string")
+    try:
+        states, _ = march(system, 500, until=0.8)
+        largest = np.abs(observe(system, states).path[:, 1]).max()
+    except NewtonStalled:  # the numbers have outgrown the tolerance
+        largest = math.inf
+    assert largest > 10.0 * ride(np.linspace(0.0, 0.8 / V, 200)).max()
+
+
+@pytest.mark.parametrize(("element", "coupling"), [("p1", "naive"), ("p2", "path"), ("hermite", "chain")])
+def test_a_massless_load_needs_no_care(element, coupling):
+    """Without inertia there is no acceleration under the load: every coupling is right, first order by the kink."""
+
+    def exact(t):
+        return moving_force.displacement(V * t, t, P=MU * SIGMA, V=V)
+
+    errors = np.array([
+        path_error(
+            FixedElements(CROSSING, elements=e, element=element, coupling=coupling, model="string", load="force"),
+            20 * e, exact,
+        )
+        for e in (20, 40, 80)
+    ])  # fmt: skip
+    assert errors[-1, 0] < 0.03
+    assert np.all(np.abs(orders(errors[:, 1]) - 1.0) < 0.15)
+
+
+# --- the level scene of the paper ------------------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def level_path():
+    """Path on mass-following elements, which know nothing of Coriolis and centrifugal terms; right to 1e-4."""
+    system = FollowingElements(LEVEL, elements=16)
+    states, _ = march(system, 1500, until=0.81)
+    return CubicSpline(states.t, observe(system, states).path[:, 1])
+
+
+@pytest.mark.parametrize(
+    ("element", "coupling", "elements", "steps", "low", "high"),
+    [
+        # formulations: hermite 2.6e-2; path form 2-5e-2 at 40; naive 0.78 (40) and 0.88 (80)
+        ("hermite", "chain", 20, 1000, 2e-2, 3.5e-2),
+        ("hermite", "path", 40, 1000, 1e-2, 1.8e-2),
+        ("p1", "path", 40, 1000, 2e-2, 5.5e-2),
+        ("p2", "path", 40, 1000, 1.5e-2, 3e-2),
+        ("p1", "naive", 40, 1000, 0.7, 0.85),
+        ("p1", "naive", 80, 1000, 0.85, 0.95),
+    ],
+)
+def test_the_level_scene_has_the_known_errors(level_path, element, coupling, elements, steps, low, high):
+    method, settings = DAMPED[element] if coupling == "path" else ("trapezoidal", {})
+    system = FixedElements(LEVEL, elements=elements, element=element, coupling=coupling)
+    assert low < path_error(system, steps, level_path, method, **settings)[0] < high
+
+
+# --- observation --------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("model", ["full", "stretching"])
+def test_energy_is_what_the_drive_puts_in(model):
+    """Chain-rule Hermite is Lagrange's equations of a cable of few unknowns: the power closes but for the time step."""
+    system = FixedElements(INCLINED, elements=6, model=model)
+    states, _ = march(system, 2000, until=0.7)
+    o = observe(system, states)
+    work = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(states.t) * (o.power[1:] + o.power[:-1]))])
+    gained = o.energy - o.energy[0]
+    # the tenth mode, omega = 31, has (omega dt)^2/12 = 6e-4
+    assert np.abs(gained - work).max() < 5e-4 * np.ptp(work)
+    assert np.abs(gained - 1.01 * work).max() > 5e-3 * np.ptp(work)
+
+
+@pytest.mark.parametrize(("element", "coupling"), PAIRS)
+def test_fields_and_paths_belong_together(element, coupling):
+    system = FixedElements(STEEP, elements=8, element=element, coupling=coupling)
+    method, settings = DAMPED[element] if coupling == "path" else ("trapezoidal", {})
+    states, s_o = march(system, 300, method, until=0.4, **settings)
+    i = s_o.size - 1
+    o = observe(system, states, [0.0, 0.25, s_o[i], 1.0], [0, i])
+    # generalised-alpha holds the constraint inside the step, not at its end
+    inside = 1e-3 if method == "generalized-alpha" else 1e-9
+    assert o.v[1, 2] == pytest.approx(o.path[i, 1], rel=inside)
+    assert o.u[1, 2] == pytest.approx(o.path[i, 0], rel=inside)
+    assert np.abs(o.v[:, [0, 3]]).max() < 1e-17  # the supports, to rounding
+    assert np.all(o.v[0] == 0.0)
+    T, xp, yp, _, _ = STEEP.static(np.array([0.25]))
+    step = 1e-6
+    near = observe(system, states, [0.25 - step, 0.25], [i])  # a node: the side behind answers
+    slope = np.array([xp[0] + np.diff(near.u[0])[0] / step, yp[0] + np.diff(near.v[0])[0] / step])
+    assert o.T[1, 1] == pytest.approx(T[0] + STEEP.alpha * (np.hypot(*slope) - 1.0), rel=1e-4)
+    assert np.isfinite(o.T_behind[1:]).all()
+    assert math.isnan(o.T_behind[0])
+
+
+def test_another_law_shares_the_tables():
+    system = FixedElements(STEEP, elements=5, element="p2", coupling="path")
+    other = system.with_law("tension-only")
+    assert (system.law, other.law) == ("elastic", "tension-only")
+    assert other._tab is system._tab
+    q = 0.05 * np.random.default_rng(33).standard_normal(system.n_dof)
+    still = np.zeros_like(q)
+    assert np.abs(system.residual(1.07, q, still, still, 0) - other.residual(1.07, q, still, still, 0)).max() > 0.1
+    assert system.tension_min[0] < 0.0

@@ -1,0 +1,339 @@
+"""Mass-following elements against exact answers, their own tangent, and the balances of energy and momentum."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from cablefem.elements.following import FollowingElements
+from cablefem.newmark import integrate, scheme, step_times
+from tests.elements.runs import (
+    CRUISE,
+    INCLINED,
+    LEVEL,
+    level_cable,
+    march,
+    observe,
+    orders,
+    path_error,
+    steep_cable,
+    tangent_defect,
+)
+from validation.oracles import moving_force, moving_mass
+
+MODELS = ("full", "string", "sagged", "stretching")
+STEEP = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
+
+
+# --- the equations ------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("load", ["mass", "force"])
+@pytest.mark.parametrize("law", ["elastic", "tension-only"])
+@pytest.mark.parametrize("model", MODELS)
+def test_the_tangent_is_the_derivative_of_the_residual(model, law, load):
+    system = FollowingElements(STEEP, elements=2, degree=3, grading=1.7, model=model, law=law, load=load)
+    rng = np.random.default_rng(21)
+    for t in (0.13, 1.07, 2.15):
+        # central differences at 1e-6: 1e-12 times third derivatives of order alpha, through a solve of condition 1e4
+        assert tangent_defect(system, t, rng) < 3e-6
+
+
+def test_the_tangent_check_sees_a_sign():
+    class Wrong(FollowingElements):
+        def _time(self, t, phase):
+            super()._time(t, phase)
+            if self.flip:  # the residual keeps the right sign of C, the tangent does not
+                self._coefficients[:, 1] *= -1.0
+
+        def linearise(self, *args):
+            self.flip, self._at = True, None
+            solve = super().linearise(*args)[1]
+            self.flip, self._at = False, None
+            return self.residual(*args[:5]), solve
+
+        flip = False
+
+    assert tangent_defect(Wrong(STEEP, elements=2, degree=3), 1.07, np.random.default_rng(21)) > 1e-3
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_hanging_cable_feels_the_mass_alone(model):
+    system = FollowingElements(STEEP, elements=3, model=model)
+    zero = np.zeros(system.n_dof)
+    r = system.residual(1.07, zero, zero, zero, 0).reshape(-1, system.fields)
+    ds, s_o = 0.45, 0.45 * 1.07
+    *_, xpp, ypp = STEEP.static(s_o)
+    weight = np.array([0.0, STEEP.mu * STEEP.sigma])
+    if model == "full":
+        expected = STEEP.mu * ds**2 * np.array([xpp, ypp]) - weight
+    else:
+        # parabola of the chord: tau y_n'' = -sigma cos with tension tau = 1/cos along the chord
+        curvature = STEEP.sigma * STEEP.chord_cos**2
+        expected = np.array([-STEEP.mu * ds**2 * curvature - STEEP.mu * STEEP.sigma * STEEP.chord_cos])
+    np.testing.assert_allclose(r[system.node], expected, rtol=1e-13)
+    assert np.all(np.delete(r, system.node, axis=0) == 0.0)
+
+
+def test_a_cable_moved_rigidly_in_time_obeys_newton():
+    """w = b t^2/2 inside the cable: away from the supports every row is the momentum 2b/2 of its node."""
+    system = FollowingElements(STEEP, elements=6, degree=2)
+    t, b = 1.07, np.array([0.013, -0.007])
+    ones = np.ones((system.n_scalar, 1))
+    q, v, a = ((ones * b * f).ravel() for f in (0.5 * t * t, t, 1.0))
+    r = system.residual(t, q, v, a, 0).reshape(-1, 2)
+    still = system.residual(t, 0 * q, 0 * q, 0 * q, 0).reshape(-1, 2)
+    s_o = 0.45 * t
+    h = np.repeat([s_o / 6, (1.0 - s_o) / 6], 12)
+    inner = [2, 3, 4, 5, 16, 17, 18, 19]  # rows of the two elements in the middle of each side
+    weights = np.array([h[i] * (2.0 / 3.0 if i % 2 == 0 else 1.0 / 3.0) for i in inner])  # integrals of P2 functions
+    np.testing.assert_allclose((r - still)[inner], weights[:, None] * b, rtol=0.0, atol=1e-12)
+    with pytest.raises(AssertionError):  # were the nodes moving unnoticed, dh/dt M v would be missing
+        np.testing.assert_allclose((r - still)[inner], 1.01 * weights[:, None] * b, rtol=0.0, atol=1e-12)
+
+
+def test_settings_that_make_no_sense_are_refused():
+    for faulty, message in (
+        ({"elements": 0}, "elements must be an integer >= 1, got 0"),
+        ({"elements": 2.0}, "elements must be an integer >= 1, got 2.0"),
+        ({"degree": 9}, "degree must be an integer from 1 to 8, got 9"),
+        ({"grading": math.nan}, r"grading must lie in \[1, 1e6\], got nan"),
+        ({"model": "beam"}, "model must be one of full, string, sagged, stretching, got 'beam'"),
+        ({"load": "weight"}, "load must be mass or force, got 'weight'"),
+        ({"law": "rubber"}, "law must be elastic or tension-only, got 'rubber'"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            FollowingElements(STEEP, **faulty)
+    with pytest.raises(ValueError, match="no mass that travels"):
+        FollowingElements(replace(STEEP, motion=None))
+
+
+@pytest.mark.parametrize("s_o", [0.0, 1.0])
+def test_a_side_without_length_is_refused(s_o):
+    system = FollowingElements(STEEP, elements=2)
+    zero = np.zeros(system.n_dof)
+    with pytest.raises(ValueError, match="no length"):
+        system.residual(s_o / 0.45, zero, zero, zero, 0)
+
+
+# --- the taut string ----------------------------------------------------------------------------------------------
+MU, SIGMA, V = 0.7, 0.23, 0.55
+CROSSING = level_cable(mu=MU, sigma=SIGMA, speed=V)
+RIDE = moving_mass.solve(moving_mass.constant_speed(V), mu=MU, sigma=SIGMA)
+
+
+def ride(t):
+    """Path on the taut string; the sag's curvature, tau y_n'' = -sigma, makes the mass heavier by 1 + V^2."""
+    return (1.0 + V * V) * RIDE.path(t)
+
+
+@pytest.mark.parametrize(
+    ("degree", "ladder", "order", "rms_order", "bound"),
+    [
+        # theory for smooth solutions would be 2 and 3; a front runs ahead of the mass with a jump in w_ss, where P2
+        # is worth 1.5 locally: 2.3 at its worst passage, 2.7 in the mean
+        (1, [(10, 400), (20, 800), (40, 1600)], 1.8, 1.9, 2.5e-4),
+        (2, [(5, 400), (10, 800), (20, 1600)], 2.3, 2.65, 3e-5),
+    ],
+)
+def test_a_mass_on_a_taut_string_rides_the_exact_path(degree, ladder, order, rms_order, bound):
+    errors = np.array([
+        path_error(FollowingElements(CROSSING, elements=e, degree=degree, model="string"), n, ride) for e, n in ladder
+    ])  # fmt: skip
+    assert errors[-1, 0] < bound
+    assert np.all(np.abs(orders(errors[:, 0]) - order) < 0.15)
+    assert np.all(np.abs(orders(errors[:, 1]) - rms_order) < 0.15)
+
+
+def test_the_path_check_sees_one_percent_of_weight():
+    heavier = level_cable(mu=1.01 * MU, sigma=SIGMA, speed=V)
+    assert path_error(FollowingElements(heavier, model="string"), 800, ride)[0] > 2e-3
+
+
+def test_the_reference_values_of_the_crossing_mass():
+    """Smith; Dyniewicz & Bajer: mu = 1, sigma = 0.1688832, V^2 = sigma, eleven digits."""
+    V = math.sqrt(0.1688832)
+    g = level_cable(mu=1.0, sigma=0.1688832, speed=V)
+    system = FollowingElements(g, elements=20, model="string")
+    states, s_o = march(system, 2000)
+    v = CubicSpline(s_o, observe(system, states).path[:, 1])
+    exact = {0.1: 0.004134619735, 0.3: 0.026411465563, 0.5: 0.054525087145, 0.7: 0.078275585253, 0.9: 0.064301851647}
+    for s, y in exact.items():
+        assert v(s) == pytest.approx((1.0 + V * V) * y, abs=2e-6)  # 2e-5 of the largest, as on the ladder above
+
+
+@pytest.mark.parametrize(("degree", "elements", "bound"), [(1, 20, 1.5e-4), (2, 10, 2e-5), (4, 6, 1.5e-5)])
+def test_a_mass_starting_from_rest_rides_the_exact_path(degree, elements, bound):
+    a = 0.19
+    exact = moving_mass.solve(moving_mass.from_rest(a), mu=MU, sigma=SIGMA)
+    system = FollowingElements(
+        level_cable(mu=MU, sigma=SIGMA, acceleration=a), elements=elements, degree=degree, model="string"
+    )
+    system._chord[2] = 0.0  # a string without sag: the accelerating mass would feel the slope of the parabola
+    assert path_error(system, 800, exact.path)[0] < bound
+    # y/t^2 at once, not only in the end: the start is the right one
+    states, _ = march(system, 800, until=0.001)
+    early = observe(system, states).path[1:, 1] / states.t[1:] ** 2
+    limit = SIGMA / (2.0 * (1.0 + 1.0 / (MU * a)))
+    assert abs(early[5:].mean() / limit - 1.0) < 0.1
+
+
+def test_a_moving_force_on_a_taut_string():
+    """The force sends a front with a jump in slope ahead at once: order one in the mean, whatever the degree."""
+
+    def exact(t):
+        return moving_force.displacement(V * t, t, P=MU * SIGMA, V=V)
+
+    errors = np.array([
+        path_error(FollowingElements(CROSSING, elements=e, model="string", load="force"), n, exact)
+        for e, n in ((5, 400), (10, 800), (20, 1600))
+    ])  # fmt: skip
+    assert errors[-1, 0] < 1.1e-2
+    assert np.all((orders(errors[:, 1]) > 0.95) & (orders(errors[:, 1]) < 1.45))
+    assert path_error(FollowingElements(CROSSING, elements=10, model="string"), 800, exact)[0] > 0.5
+
+
+def test_the_entry_is_consistent_with_the_mass_matrix():
+    """Second order in time from the very start; moving the mass alone, the nodes ahead at rest, costs an order."""
+    right, alone = (FollowingElements(CROSSING, elements=2, degree=6, model="string") for _ in range(2))
+    alone._entrained = 0.0
+    alone._ride = np.where(np.arange(alone.n_scalar) > alone.node, 0.0, alone._ride)
+    states, _ = march(right, 6400, until=0.8)
+    fine = CubicSpline(states.t, observe(right, states).path[:, 1])
+    observed = {
+        name: orders([path_error(system, n, fine)[1] for n in (100, 200, 400)])
+        for name, system in (("right", right), ("alone", alone))
+    }
+    assert np.all(np.abs(observed["right"] - 2.0) < 0.15)
+    assert np.all(np.abs(observed["alone"] - 1.0) < 0.15)
+
+
+# --- balances -----------------------------------------------------------------------------------------------------
+def energy_defect(o, t):
+    work = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (o.power[1:] + o.power[:-1]))])
+    return float(np.abs(o.energy - o.energy[0] - work).max() / np.ptp(work))
+
+
+def jump_defect(system, o, states):
+    """rms of [ N t - ds_o^2 r' ] - mu (p.. - sigma j) over its right side, off the entry."""
+    s_o, ds, _ = np.array([system.motion.at(t, p) for t, p in zip(states.t, states.phase, strict=True)]).T
+    force = system.inertia * o.path_acceleration - np.array([0.0, system.groups.mu * system.groups.sigma])
+
+    def flux(N, slope):
+        return (N / np.hypot(*slope.T) - ds**2)[:, None] * slope
+
+    inside = s_o > 0.05
+    defect = (flux(o.T_ahead, o.slope_ahead) - flux(o.T_behind, o.slope_behind) - force)[inside]
+    return float(np.sqrt(np.mean(defect**2) / np.mean(force[inside] ** 2)))
+
+
+@pytest.mark.parametrize("load", ["mass", "force"])
+@pytest.mark.parametrize("model", MODELS)
+def test_energy_is_what_the_drive_puts_in(model, load):
+    """dE/dt = power; both refined together: order 2 of the trapezoidal rule, and of the slopes of P2 in the power."""
+    defects, jumps = [], []
+    for elements, steps in ((5, 400), (10, 800), (20, 1600)):
+        system = FollowingElements(INCLINED, elements=elements, model=model, load=load)
+        states, _ = march(system, steps, until=0.7)
+        o = observe(system, states)
+        defects.append(energy_defect(o, states.t))
+        jumps.append(jump_defect(system, o, states))
+    assert defects[-1] < 1e-4
+    assert np.all(orders(defects) > 1.75)  # fronts leave kinks in the power; more than 2 is luck, not a fault
+    shifted = energy_defect(replace(o, power=1.01 * o.power), states.t)
+    assert shifted > 5e-3
+    if model == "full":
+        assert jumps[-1] < 1e-3
+        assert np.all(np.abs(orders(jumps) - 2.0) < 0.15)
+        still = jump_defect(system, replace(o, slope_ahead=o.slope_behind, T_ahead=o.T_behind), states)
+        assert still > 0.9
+
+
+def test_a_jump_of_the_drive_keeps_place_and_speed():
+    system = FollowingElements(CRUISE, elements=4)
+    grid = step_times(system, 300)
+    before = [x for x in integrate(system, scheme("trapezoidal"), grid[:2] + grid[2:]) if x.phase == 0][-1]
+    assert before.t == CRUISE.motion.phases[0][1]
+    after = system.start(1, before)
+    assert after.q is before.q
+    assert after.v is before.v
+    assert np.abs(system.residual(after.t, after.q, after.v, after.a, 1)).max() < 1e-11
+    assert np.abs(system.residual(after.t, after.q, after.v, before.a, 1)).max() > 1e-3
+
+
+# --- observation --------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("model", MODELS)
+def test_fields_paths_and_their_rates_belong_together(model):
+    system = FollowingElements(STEEP, elements=5, degree=3, model=model)
+    states, s_o = march(system, 400, until=0.6)
+    i = s_o.size - 2
+    stations = np.array([0.0, 0.2, s_o[i], 0.83, 1.0])
+    o = observe(system, states, stations, [0, i - 1, i, i + 1])
+    for path, field in ((o.path[:, 0], o.u), (o.path[:, 1], o.v)):
+        assert field[2, 2] == pytest.approx(path[i], rel=1e-12)
+        assert np.abs(field[:, [0, -1]]).max() < 1e-17  # the supports, to rounding
+    assert np.all(o.u[0] == 0.0)
+    dt = states.t[i] - states.t[i - 1]
+    for field, rate in ((o.u, o.du), (o.v, o.dv)):
+        # away from the mass fields are smooth in t: Newmark's own differences, of second order
+        quotient = (field[3] - field[1])[[1, 3]] / (2.0 * dt)
+        np.testing.assert_allclose(quotient, rate[2, [1, 3]], rtol=0.02, atol=2e-4)
+    place = o.path + np.stack(STEEP.shape(s_o), axis=1)
+    velocity = np.gradient(place, states.t, axis=0)
+    if model == "full":
+        np.testing.assert_allclose(velocity[50:-5], o.path_velocity[50:-5], rtol=0.0, atol=2e-4)
+    # the rate of the mass is that of the cable under it, carried along the slope: v. + ds_o (y' + v') (1)
+    slope = np.array([o.slope_behind[i], o.slope_ahead[i]])
+    T = STEEP.static(s_o[i])[0]
+    carried = np.array([o.du[2, 2], o.dv[2, 2]]) + 0.45 * slope[0]
+    np.testing.assert_allclose(carried, o.path_velocity[i], rtol=0.0, atol=1e-12)
+    if model == "full":
+        expected = T + STEEP.alpha * (np.hypot(*slope[0]) - 1.0)
+        assert o.T[2, 2] == pytest.approx(expected, rel=1e-12)
+        assert o.T_behind[i] == pytest.approx(expected, rel=1e-12)
+        assert abs(o.T_ahead[i] - expected) > 1e-3
+    assert math.isnan(o.T_behind[0])
+    assert np.all(np.isfinite(o.T_behind[1:]))
+    assert np.all(np.isfinite(o.T_ahead))
+
+
+def test_the_string_hears_nothing_ahead_of_its_waves():
+    """A front of speed 1 runs ahead of the mass; what elements send ahead of it vanishes as they are refined."""
+    ahead = []
+    for elements, steps in ((20, 500), (80, 2000)):
+        system = FollowingElements(CROSSING, elements=elements, model="string")
+        states, s_o = march(system, steps, until=0.3)
+        i = s_o.size - 1
+        o = observe(system, states, states.t[i] + np.array([-0.05, 0.1, 0.15, 0.2, 0.3]), [i])
+        ahead.append(np.abs(o.v[0, 1:]).max() / abs(o.v[0, 0]))
+    assert ahead[0] < 0.03
+    assert ahead[1] < 5e-4
+
+
+# --- slack --------------------------------------------------------------------------------------------------------
+def through_slack(elements, steps):
+    """Return s_o and v of the level scene, elastic until it goes slack, then tension-only with gamma = 0.6."""
+    system = FollowingElements(LEVEL, elements=elements)
+    times, states, onset = step_times(system, steps), [], None
+    for x in integrate(system, scheme("trapezoidal"), times):
+        states.append(x)
+        if len(states) > 1 and system.tension_min[0] < 0.0:
+            onset = system.motion.at(x.t, x.phase)[0]
+            break
+    other = system.with_law("tension-only")
+    assert (system.law, other.law) == ("elastic", "tension-only")
+    states += integrate(other, scheme("newmark"), times, start=states[-1])
+    s_o = np.array([system.motion.at(x.t, x.phase)[0] for x in states])
+    return onset, s_o, np.array([x.q.reshape(-1, 2)[system.node, 1] for x in states])
+
+
+def test_a_cable_that_cannot_push_is_carried_past_its_slack_onset():
+    runs = [through_slack(8, 1000), through_slack(10, 1500)]
+    for onset, s_o, _ in runs:
+        assert 0.82 < onset < 0.93
+        assert s_o[-1] > 0.99
+    common = np.linspace(0.85, 0.97, 25)
+    v = [np.interp(common, s_o, v) for _, s_o, v in runs]
+    assert np.abs(v[0] - v[1]).max() < 0.02 * np.abs(v[1]).max()

@@ -1,0 +1,102 @@
+"""Frequencies of the bare cable against eleven digits of the linearised catenary, Irvine & Caughey, and the string."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from cablefem import Scene
+from cablefem.elements.fixed import FixedElements
+from cablefem.elements.modes import bare_frequencies
+from tests.elements.runs import LEVEL, steep_cable
+from validation.oracles import catenary_modes, irvine
+
+# collocation of the linearised catenary, u and v; sigma = 0.1688832, alpha = 844.416 (Henghold; Wu & Chen)
+EXACT = np.array([
+    5.3454766022, 6.2761408254, 9.5728553824, 12.5684220916, 15.7413444238, 18.8571036040, 22.0114146253,
+    25.1448878959, 28.2937309199, 31.4323118252,
+])  # fmt: skip
+PAPER = replace(LEVEL, sigma=0.1688832, alpha=844.416, c=0.0844416, motion=None)
+STEEP = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
+
+
+def test_the_first_ten_frequencies_of_the_catenary():
+    np.testing.assert_allclose(bare_frequencies(PAPER), EXACT, rtol=1e-9)
+    stiffer = bare_frequencies(replace(PAPER, alpha=844.5))
+    assert np.abs(stiffer / EXACT - 1.0).max() > 1e-5  # the check sees a stiffness off by 1e-4
+
+
+def test_the_bare_scene_is_the_papers_cable():
+    # the scene's own l = 2002.3720103 gives sigma and alpha to 1e-8 of the figures above
+    np.testing.assert_allclose(bare_frequencies(Scene.load("bare").groups), EXACT, rtol=1e-7)
+
+
+def test_the_first_axial_frequency():
+    assert bare_frequencies(PAPER, elements=20, n=30)[-1] == pytest.approx(91.4217, abs=5e-5)
+
+
+@pytest.mark.parametrize(("degree", "elements"), [(1, 60), (2, 20), (4, 6)])
+def test_frequencies_converge_from_above_with_twice_the_degree(degree, elements):
+    coarse, fine = (bare_frequencies(PAPER, elements=e, degree=degree, n=4) for e in (elements, 2 * elements))
+    errors = coarse / EXACT[:4] - 1.0, fine / EXACT[:4] - 1.0
+    assert np.all(errors[1] > 0.0)
+    assert np.all(np.abs(np.log2(errors[0] / errors[1]) - 2.0 * degree) < 0.3)
+
+
+@pytest.mark.parametrize("groups", [STEEP, steep_cable(mu=0.7, sigma=1.9, c=1.1, alpha=57.0, speed=0.3)])
+def test_steep_and_deep_cables(groups):
+    exact = catenary_modes.solve(groups.sigma, groups.alpha, groups.c, count=8).omega
+    np.testing.assert_allclose(bare_frequencies(groups, n=8), exact, rtol=1e-7)  # modes of a deep cable are less smooth
+
+
+@pytest.mark.parametrize("groups", [PAPER, STEEP])
+@pytest.mark.parametrize("model", ["sagged", "stretching"])
+def test_irvine_and_caughey(model, groups):
+    """The parabola along the chord, tension H/cos: L^2 = alpha sigma^2 cos^5."""
+    L2 = irvine.parameter(groups.sigma, groups.alpha, groups.chord_cos)
+    exact = irvine.frequencies(L2, 10) / math.sqrt(groups.chord_cos)
+    np.testing.assert_allclose(bare_frequencies(groups, model=model), exact, rtol=1e-9)
+    assert abs(bare_frequencies(groups)[0] / exact[0] - 1.0) > 5e-4  # the catenary is another cable
+
+
+def test_irvine_and_caugheys_first_frequency_as_printed():
+    assert bare_frequencies(PAPER, model="sagged", n=1)[0] == pytest.approx(5.3497920, abs=5e-8)
+
+
+def test_the_string_is_tight_along_its_chord():
+    exact = np.pi * np.arange(1, 8) / math.sqrt(STEEP.chord_cos)
+    np.testing.assert_allclose(bare_frequencies(STEEP, model="string", n=7), exact, rtol=1e-9)
+    assert STEEP.chord_cos < 0.95
+
+
+@pytest.mark.parametrize("model", ["full", "sagged", "string"])
+def test_the_compiled_tangent_has_the_same_frequencies(model):
+    """The time loop's own matrices at rest, an element and a code of their own."""
+    system = FixedElements(STEEP, elements=24, model=model, load="force")
+    rest = np.zeros(system.n_dof)
+
+    def matrix(*c):
+        solve = system.linearise(0.3, rest, rest, rest, 0, *c)[1]
+        return np.linalg.inv(np.column_stack([solve(e) for e in np.eye(system.n_dof)]))
+
+    K, M = matrix(1.0, 0.0, 0.0), matrix(0.0, 0.0, 1.0)
+    compiled = np.sqrt(eigh(0.5 * (K + K.T), 0.5 * (M + M.T), eigvals_only=True, subset_by_index=(0, 7)))
+    # cubic elements: (omega h/pi)^6/720 or so at the eighth
+    np.testing.assert_allclose(compiled, bare_frequencies(STEEP, model=model, n=8), rtol=2e-5)
+    assert np.abs(compiled / bare_frequencies(replace(STEEP, alpha=1.01 * STEEP.alpha, chord_cos=0.9), model=model, n=8)
+                  - 1.0).max() > 1e-4  # fmt: skip
+
+
+def test_settings_that_make_no_sense_are_refused():
+    for faulty, message in (
+        ({"elements": 0}, "elements must be an integer >= 1, got 0"),
+        ({"degree": 11}, "degree must be an integer from 1 to 8, got 11"),
+        ({"model": "chain"}, "model must be one of full, string, sagged, stretching, got 'chain'"),
+        ({"elements": 2, "degree": 2, "n": 7}, r"n must lie in \[1, 6\], the number of unknowns, got 7"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            bare_frequencies(PAPER, **faulty)
