@@ -15,7 +15,7 @@ from validation import measures
 from validation.agreement import Agreement, Verdict, agree, overall
 from validation.estimate import Estimated
 from validation.methods import Method, find
-from validation.resolution import resolve
+from validation.resolution import resolved
 
 SOLVERS = ("following-p2", "fourier-kink")
 
@@ -81,7 +81,7 @@ def check(
     # the sum of both bars is held against tol: each solver gets half of it
     found = [find(m) if isinstance(m, str) else m for m in methods]
     runs = [
-        resolve(scene, m, 0.5 * tol, progress=None if progress is None else partial(progress, m.name)) for m in found
+        resolved(scene, m, 0.5 * tol, progress=None if progress is None else partial(progress, m.name)) for m in found
     ]
     try:
         window = measures.window_of(*runs[0].runs, *runs[1].runs)
