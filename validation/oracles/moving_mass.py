@@ -5,14 +5,13 @@
 
 Smith 1964 (constant speed); Dyniewicz & Bajer 2009 (the jump of the path at the far support).  Behind the mass the
 string is v = f(t+x) - f(t-x), ahead of it v = g(t-x) - g(t+x-2): the supports are fixed and only two waves per side
-remain.  With A(t) = t - xi(t), B(t) = t + xi(t) (both increase as long as |xi'| < 1), F(t) = f(B(t)) and G(t) =
-g(A(t)),
+remain.  With A = t - xi(t), B = t + xi(t) (both increase as long as |xi'| < 1), F(t) = f(B(t)), G(t) = g(A(t)),
 
     y = F - F(t1) = G - G(t2),   B(t1) = A(t),   A(t2) = B(t) - 2,   F(<0) = G(<0) = 0,                            (1)
 
 t1 and t2 being the times at which the mass sent the waves that now come back to it from the near and from the far
-support.  The jump law (1 - xi'^2)[v_x] = -R turns into R = d/dt (F + F(t1) + G + G(t2)), so that I = int R = mu
-(sigma t - y') gives
+support.  The jump law (1 - xi'^2)[v_x] = -R turns into R = d/dt (F + F(t1) + G + G(t2)), so that with the impulse
+I = int R = mu (sigma t - y')
 
     y' = sigma t - (2/mu) (y + F(t1) + G(t2)).                                                                     (2)
 
@@ -21,7 +20,8 @@ support.  The jump law (1 - xi'^2)[v_x] = -R turns into R = d/dt (F + F(t1) + G 
 
 At the far support the fronts accumulate, at s, s/Q, s/Q^2, ... with s = T - t, Q = (1+V)/(1-V), V the last speed.
 There y -> w0 (1 - (2/(mu ln Q)) s ln s + ...): the path ends at w0, not on the support, and R ~ (2 w0/ln Q)/s times a
-log-periodic factor of mean 1.
+log-periodic factor of mean 1.  For mu = 1, sigma = 0.1688832: w0 = 0.0215401864 for V = sqrt(sigma) and 0.0356008093
+from rest with a = sigma (values 1.2e-9 higher, found in notes, belong to s = 1e-9).
 
 Method: collocation with polynomials of degree 32 in t between the arrivals of the wave fronts at the mass.  The
 delays vanish at both supports (t1 -> t at the near one, t2 -> t at the far one), so t1 and t2 may lie inside the
@@ -35,7 +35,8 @@ infinitely many fronts there; it is marched to `reach` before the support.
 Accuracy: a step is shortened until the last three Chebyshev coefficients of y, F and G are below 1e-13 of the largest
 values (of F and G by less within s < mu of the far support, where they last too short to move the mass).  Measured for
 mass ratios 0.1 to 20 and speeds 0.1 to 0.95, in units of the maxima: path 1e-13, string 1e-10, R 1e-6 (1e-8 for
-V >= 0.2); 10 to 50 ms, a second for mu = V = 0.1.
+V >= 0.2); 10 to 50 ms, a second for mu = V = 0.1.  `tail` of the answer is the largest such coefficient of y.
+
 The limit of a nonlinear sagging cable for sigma -> 0 at fixed V, mu, alpha is this answer for g (1 + V^2) instead of g
 (the sag's curvature rho g/T costs M V^2 rho g/T): scale sigma.
 """
@@ -289,7 +290,7 @@ def _march(travel: Travel, mu: float, sigma: float, reach: float) -> Ride:
     front_t, front_s = _fronts(clock, s_last)
     B0, zeta0 = clock.B(np.zeros(1))[0], T - travel.to_go(np.array([T]))[0]
     scale = 1e-3 * sigma * min(0.25 * mu, 0.5 * T * T)  # a thousandth of what a path can be; grows with the solution
-    y0 = 0.0
+    y0 = worst = 0.0
     for late in (False, True):
         pieces = past.late if late else past.early
         stop = -s_last if late else past.middle
@@ -314,13 +315,13 @@ def _march(travel: Travel, mu: float, sigma: float, reach: float) -> Ride:
                 if excess <= 1.0 or h <= 1e-6 * (abs(z) if late else T):
                     break
                 h *= 0.6
-            scale = size
+            scale, worst = size, max(worst, float(tail[0]) / size)
             end = z + h if h < gap else float(room[0] if room.size else stop)
             pieces.append(end, coef)
             y0 = float(coef[0].sum())
             z = end
             h *= min(2.0, 0.9 * max(excess, 1e-12) ** (-1.0 / DEGREE))
-    return Ride(travel, mu, sigma, T - s_last, y0, clock, past)
+    return Ride(travel, mu, sigma, T - s_last, y0, worst, clock, past)
 
 
 def _first_step(clock: _Clock, mu: float, sigma: float, h: float) -> Array:
@@ -411,6 +412,7 @@ class Ride:
     sigma: float
     t_last: float  # the march went this far; t_end unless the mass comes to rest on the far support
     exit_path: float  # y at t_last; on arrival with speed, the height from which the path jumps to the support
+    tail: float  # largest last Chebyshev coefficients of y over all steps, relative to the largest values
     _clock: _Clock
     _past: _History
 
