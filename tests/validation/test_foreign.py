@@ -1,0 +1,275 @@
+"""Another program's path is read for what it says, compared with what both owe, and refused with the remedy."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cablefem import Scene
+from validation import foreign, measures
+from validation.agreement import Verdict
+from validation.estimate import estimated
+from validation.foreign import ForeignPath, refuse_misnamed
+from validation.run import run
+from validation.store import Refused
+
+DATA = Path(__file__).parent / "data"
+LEVEL = Scene.load("level")
+L = LEVEL.length
+
+
+@pytest.fixture(scope="module")
+def ours():
+    return estimated(LEVEL, "following-p2", elements=16, steps=800)
+
+
+@pytest.fixture(scope="module")
+def coarse():
+    return run(LEVEL, "following-p2", elements=6, steps=200)
+
+
+def rows_of(path, ours, with_tol=5e-3):
+    return {row.quantity: row for row in foreign.rows(path, ours, measures.window_of(*ours.runs), with_tol)}
+
+
+def columns():
+    """Time [s], s_o/l, u/l, v/l of a real file, every third row."""
+    return np.loadtxt(DATA / "opensees_level.csv", delimiter=",", skiprows=1)[::3].T
+
+
+def written(tmp_path, header, *arrays, delimiter=","):
+    file = tmp_path / "other.csv"
+    rows = [delimiter.join(f"{x:.9g}" for x in row) for row in zip(*arrays, strict=True)]
+    file.write_text("\n".join([header, *rows]) + "\n")
+    return file
+
+
+def faults(call, *arguments):
+    with pytest.raises(Refused) as caught:
+        call(*arguments)
+    return caught.value.faults
+
+
+# --- real files -----------------------------------------------------------------------------------------------------
+
+
+# Measured by hand with v alone: 0.26 and 0.21 percent of the largest deflection.
+@pytest.mark.parametrize(("name", "gap"), [("exudyn", 2.6e-3), ("opensees", 2.1e-3)])
+def test_the_two_real_files_agree_with_the_error_they_have(name, gap, ours, coarse):
+    path = ForeignPath.read(DATA / f"{name}_level.csv", LEVEL)
+    refuse_misnamed(path, coarse)
+    row = rows_of(path, ours)["path_max"]
+    assert row.verdict is Verdict.AGREE
+    assert row.gap == pytest.approx(gap, rel=0.1, abs=0.0)  # ours moves by its own error bar, a tenth of it
+    assert row.party == f"{name}_level.csv"
+    assert row.row()["with"] == f"{name}_level.csv"
+    assert "its error bar" in row.allowed_because
+    assert "0.005" in row.allowed_because
+    assert rows_of(path, ours)["path_rms"].verdict is Verdict.AGREE
+
+
+def test_a_planted_error_of_one_percent_is_flagged(ours):
+    path = ForeignPath.read(DATA / "opensees_level.csv", LEVEL)
+    off = ForeignPath("off", L, path.t, path.s_o, 1.01 * path.v, path.u)
+    assert rows_of(off, ours)["path_max"].verdict is Verdict.DISAGREE
+    assert rows_of(off, ours, with_tol=2e-2)["path_max"].verdict is Verdict.AGREE
+
+
+def test_a_late_path_is_flagged(ours):
+    path = ForeignPath.read(DATA / "opensees_level.csv", LEVEL)
+    late = ForeignPath("late", L, path.t + 0.1, path.s_o, path.v, path.u)
+    assert rows_of(late, ours)["path_max"].verdict is Verdict.DISAGREE
+
+
+def test_u_counts_when_it_is_given(ours):
+    path = ForeignPath.read(DATA / "opensees_level.csv", LEVEL)
+    off = ForeignPath("off", L, path.t, path.s_o, path.v, path.u + 0.02 * path.v)
+    assert rows_of(off, ours)["path_max"].verdict is Verdict.DISAGREE
+    without = ForeignPath("without", L, path.t, path.s_o, path.v)
+    row = rows_of(without, ours)["path_max"]
+    assert row.verdict is Verdict.AGREE
+    assert "v alone" in row.allowed_because
+
+
+# --- names of columns -----------------------------------------------------------------------------------------------
+
+t, s, u, v = columns()
+X, Y = LEVEL.catenary.x(L * s), LEVEL.catenary.y(L * s)
+
+
+@pytest.mark.parametrize(
+    ("header", "arrays", "delimiter", "has_u"),
+    [
+        ("t_s,s_o_over_l,u_over_l,v_over_l_down", (t, s, u, v), ",", True),
+        ("t,s_o,u,v", (t, L * s, L * u, L * v), ",", True),
+        ("time;v_mm", (t, 1e3 * L * v), ";", False),
+        ("s_o_over_l\tv_over_l_up", (s, -v), "\t", False),
+        ("# t_ms,v/l,label", (1e3 * t, v, t), ",", False),
+        ("s_o_km,y_m_down,x_m", (1e-3 * L * s, Y + L * v, X + L * u), ",", True),
+        ("V , T", (L * v, t), ",", False),
+    ],
+)
+def test_names_tell_units_and_directions(tmp_path, header, arrays, delimiter, has_u):
+    path = ForeignPath.read(written(tmp_path, header, *arrays, delimiter=delimiter), LEVEL)
+    # nine digits were written, of y a sum of which v may be a hundredth
+    np.testing.assert_allclose(path.v, L * v, rtol=1e-7, atol=1e-6)
+    # the travel of the file is the scene's to its own digits
+    np.testing.assert_allclose(path.s_o, L * s, rtol=0.0, atol=1e-5 * L)
+    np.testing.assert_allclose(path.t, t, rtol=1e-5, atol=1e-6)
+    if has_u:
+        np.testing.assert_allclose(path.u, L * u, rtol=0.0, atol=2e-5)  # nine digits of a place up to 2000 m
+    else:
+        assert path.u is None
+
+
+def test_our_own_path_csv_is_read_as_it_was_computed(tmp_path, coarse):
+    coarse.write(tmp_path)
+    path = ForeignPath.read(tmp_path / "path.csv", LEVEL)
+    for name in ("t", "s_o", "u", "v", "T_behind", "T_ahead"):
+        np.testing.assert_array_equal(getattr(path, name), getattr(coarse, name))
+
+
+def test_a_path_with_tensions_has_a_row_for_them(tmp_path, coarse, ours):
+    coarse.write(tmp_path)
+    path = ForeignPath.read(tmp_path / "path.csv", LEVEL)
+    # Six elements against sixteen: the largest gap is where a front passes, some percent of H.
+    assert rows_of(path, ours, with_tol=0.1)["tension"].verdict is Verdict.AGREE
+    wrong = ForeignPath("w", L, path.t, path.s_o, path.v, path.u, path.T_behind, path.T_ahead * 1.5)
+    assert rows_of(wrong, ours, with_tol=0.1)["tension"].verdict is Verdict.DISAGREE
+
+
+def test_what_is_written_reads_back(tmp_path):
+    path = ForeignPath.read(DATA / "exudyn_level.csv", LEVEL)
+    path.write(tmp_path / "with.csv")
+    back = ForeignPath.read(tmp_path / "with.csv", LEVEL)
+    np.testing.assert_array_equal(back.v, path.v)
+    np.testing.assert_array_equal(back.u, path.u)
+
+
+def test_rows_after_the_travel_are_left_out():
+    end = LEVEL.arrival
+    path = ForeignPath.of(LEVEL, None, np.linspace(0.0, 7.0, 40), t=np.linspace(0.0, 1.5 * end, 40))
+    assert path.t[-1] <= end
+    assert path.t.size == 27  # the last is at 26/39 x 1.5 = 1, the exit itself
+
+
+# --- refused --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", ["the file is empty"]),
+        ("\n  \n", ["the file is empty"]),
+        ("t,v\n", ["no rows below the names of the columns"]),
+        ("0,0\n1,2\n", ["line 1: numbers where the names of the columns should stand"]),
+        ("t,w\n0,0\n", ["no column v (deflection of the mass [m], positive down); it has t, w"]),
+        ("place,v\n0,0\n", ["neither a column t [s] nor s_o [m]; it has place, v"]),
+        ("place,w\n0,0\n", ["no column v", "neither a column t"]),
+        ("t,v,v_mm\n0,0,0\n", ["columns v and v_mm both say v; leave one"]),
+        ("t,v\n0,0\n1\n", ["line 3: 1 cells under 2 names"]),
+        (
+            "# made by hand\nt,v\n0,0\n# half way\n1,abc\n2,nan\n",
+            ["line 5: v = 'abc' is no number", "line 6: v = 'nan'"],
+        ),
+        ("t;v\n0;0\n1;0,5\n", ["line 3: v = '0,5' is no number (a decimal comma? write a point)"]),
+        ("t,v\n0,0\n2,1\n2,1\n", ["line 4: t = 2 s does not come after 2 s in the line before; t must increase"]),
+        ("t,v\n0,0\n2,inf\n", ["line 3: v = 'inf' is no number"]),
+        ("t,v\n0,\n2,1\n", ["line 2: v = '' is no number"]),
+        ("t,v\n0,0\n1,1\n2,2\n", ["2 rows in s_o/l = 0.02 to 0.8", "it covers s_o/l = 0 to 0.14"]),
+    ],
+)
+def test_a_bad_file_is_refused_line_by_line(tmp_path, text, said):
+    file = tmp_path / "bad.csv"
+    file.write_text(text)
+    lines = faults(ForeignPath.read, file, LEVEL)
+    assert all(line.startswith("bad.csv: ") and "\n" not in line for line in lines)
+    for part in said:
+        assert any(part in line for line in lines), (part, lines)
+
+
+def test_many_bad_cells_make_a_few_lines(tmp_path):
+    file = tmp_path / "bad.csv"
+    file.write_text("t,v\n" + "".join(f"{i},x\n" for i in range(30)))
+    lines = faults(ForeignPath.read, file, LEVEL)
+    assert len(lines) == 6
+    assert lines[-1] == "bad.csv: and 25 more cells like these"
+
+
+def test_files_that_cannot_be_read_are_told(tmp_path):
+    assert faults(ForeignPath.read, tmp_path / "no.csv", LEVEL) == [f"{tmp_path / 'no.csv'}: no such file"]
+    assert "cannot be read" in faults(ForeignPath.read, tmp_path, LEVEL)[0]
+    (tmp_path / "b.csv").write_bytes(b"t,v\n0,\xff\n")
+    assert "not text in UTF-8" in faults(ForeignPath.read, tmp_path / "b.csv", LEVEL)[0]
+    (tmp_path / "c.csv").write_text("t,v\n0,0\n")
+    assert "no travelling mass" in faults(ForeignPath.read, tmp_path / "c.csv", Scene.load("bare"))[0]
+
+
+@pytest.mark.parametrize(
+    ("header", "arrays", "said"),
+    [
+        ("t,s_o,v", (1e3 * t, L * s, L * v), "as t_ms and s_o: name"),
+        ("t_ms,s_o,v", (t, L * s, L * v), "as t and s_o: name"),
+        ("t,s_o,v", (t / LEVEL.time_scale, L * s, L * v), "as t over 5.87126 s = l sqrt(rho/H) and s_o: name"),
+        ("t,s_o,v", (t, s, L * v), "as t and s_o_over_l: name"),
+        ("t,s_o,v", (1e3 * t, s, L * v), "as t_ms and s_o_over_l: name"),
+        ("t,s_o_over_l,v", (t, L * s, L * v), "as t and s_o: name"),
+        ("t,s_o_over_l,v", (t, 1e3 * L * s, L * v), "as t and s_o_mm: name"),
+        ("t,s_o,v", (t, L * s**1.2, L * v), "t and s_o are not the scene's travel: at t ="),
+        ("s_o,v", (s, L * v), "on a cable of 2002.37 m; name the column s_o_over_l?"),
+        ("s_o,v", (1e3 * L * s, L * v), "name the column s_o_mm?"),
+        ("s_o_over_l,v", (L * s, L * v), "name the column s_o?"),
+        ("s_o_mm,v", (s, L * v), "name the column s_o_over_l?"),
+        ("s_o,v", (L * s - 300.0, L * v), "s_o runs from -300"),
+    ],
+)
+def test_time_and_place_in_other_units_are_named(tmp_path, header, arrays, said):
+    (line,) = faults(ForeignPath.read, written(tmp_path, header, *arrays), LEVEL)
+    assert said in line
+
+
+@pytest.mark.parametrize(
+    ("header", "values", "said"),
+    [
+        ("v", -L * v, ["v points the other way", "name it v_up"]),
+        ("v_over_l", -v, ["name it v_over_l_up"]),
+        ("v", 1e3 * L * v, ["v is in another unit", "name it v_mm"]),
+        ("v", v, ["as v_over_l it would be 0.1", "name it v_over_l"]),
+        ("v", -v, ["name it v_over_l_up"]),
+        ("v_over_l", L * v, ["name it v"]),
+        ("v_up", L * v, ["v points the other way", "name it v"]),
+        ("v_mm", 1e-3 * L * v, ["name it v_km"]),
+    ],
+)
+def test_deflection_in_another_unit_or_direction_is_named(tmp_path, coarse, header, values, said):
+    path = ForeignPath.read(written(tmp_path, f"t,{header}", t, values), LEVEL)
+    (line,) = faults(refuse_misnamed, path, coarse)
+    assert all(part in line for part in said), line
+    assert line.endswith(said[-1])
+
+
+def test_a_wrong_path_in_the_right_unit_is_left_to_the_verdict(coarse, ours):
+    path = ForeignPath.of(LEVEL, L * s, 1.3 * L * v)
+    refuse_misnamed(path, coarse)
+    assert rows_of(path, ours)["path_max"].verdict is Verdict.DISAGREE
+
+
+def test_a_path_that_ends_early_is_not_comparable_but_told(ours):
+    half = s <= 0.5
+    row = rows_of(ForeignPath.of(LEVEL, L * s[half], L * v[half], name="short"), ours)["path_max"]
+    assert row.verdict is Verdict.NOT_COMPARABLE
+    assert row.gap < 3e-3
+    assert "short covers s_o/l = 0.02 to 0.498 of 0.02 to 0.8" in row.allowed_because
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (([1.0, 2.0], [1.0, 2.0, 3.0]), "columns of one length"),
+        (([1.0, 2.0], [1.0, np.nan]), "v[1] is not a finite number"),
+        ((["a", "b"], [1.0, 2.0]), "could not convert"),
+        ((np.eye(3), np.eye(3)), "columns of one length"),
+    ],
+)
+def test_bad_numbers_of_a_solver_are_refused(arguments, said):
+    assert said in faults(ForeignPath.of, LEVEL, *arguments)[0]
