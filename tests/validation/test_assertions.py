@@ -1,0 +1,126 @@
+"""Agreement as an assertion: right answers pass, planted faults fail with both numbers, the place and the reason."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import validation
+from cablefem import Scene
+from tests.validation import toy
+from validation import check_solver
+from validation.foreign import ForeignPath
+from validation.run import run
+from validation.store import Refused
+
+LEVEL = Scene.load("level")
+INCLINED = Scene.load("inclined")
+OTHER = np.loadtxt(Path(__file__).parent / "data" / "opensees_level.csv", delimiter=",", skiprows=1).T
+
+
+def opensees(scene):
+    """A user's solver in another program: here its stored answer."""
+    _, s, u, v = OTHER
+    return scene.length * s, scene.length * v, scene.length * u
+
+
+@pytest.fixture(scope="module")
+def fine():
+    return run(LEVEL, "following-p2", elements=12, steps=500)
+
+
+@pytest.fixture(scope="module")
+def coarse():
+    return run(LEVEL, "following-p2", elements=6, steps=300)
+
+
+# Forty sines are right to about 1/40 of what one sine misses: 1.3 percent on this scene, 1.5 on the other.
+@pytest.mark.parametrize("scene", [LEVEL, INCLINED], ids=["level", "inclined"])
+def test_a_users_solver_agrees_and_without_coriolis_it_is_told_where_it_parts(scene):
+    ours = run(scene, "following-p2", model="string", law="elastic", elements=12, steps=400)
+    right = ForeignPath.of(scene, *toy.string(scene), name="toy")
+    (row,) = validation.assert_agree(right, ours, path=2e-2)
+    assert 5e-3 < row.gap < 2e-2
+    wrong = ForeignPath.of(scene, *toy.without_coriolis(scene), name="toy")
+    with pytest.raises(AssertionError) as caught:
+        validation.assert_agree(wrong, ours, path=2e-2)
+    title, line = str(caught.value).splitlines()
+    assert title == "toy and following-p2 disagree"
+    assert "path_max: gap" in line
+    assert "allowed 0.02, largest at s_o/l = 0.8" in line or "largest at s_o/l = 0.79" in line
+    assert "asked for by path = 0.02" in line
+    assert "they part from s_o/l = 0.0" in line  # it grows without bound, from the start
+
+
+def test_agreement_is_judged_up_to_the_slack_onset_and_says_so(fine, coarse):
+    # 6 elements and 300 steps: 4e-3, as the run's own ladder says
+    rows = validation.assert_agree(coarse, fine, path=1e-2, tension=0.1)
+    assert [row.quantity for row in rows] == ["path_max", "tension"]
+    early = dataclasses.replace(fine, slack_onset=0.5)
+    (row,) = validation.assert_agree(coarse, early, path=1e-2)
+    assert "over s_o/l 0.02 to 0.5, cut at the slack onset" in row.allowed_because
+
+
+def test_a_shifted_path_is_told_with_both_numbers_and_the_place(fine, coarse):
+    bump = 0.05 * fine.max_deflection * np.exp(-(((fine.s_o / fine.length - 0.4) / 0.05) ** 2))
+    off = dataclasses.replace(fine, v=fine.v + bump, path_error=1e-4)
+    with pytest.raises(AssertionError, match=r"largest at s_o/l = 0\.(39|40|41)") as caught:
+        validation.assert_agree(off, coarse, path=1e-2)
+    line = str(caught.value).splitlines()[1]
+    assert "they part from s_o/l = 0.3" in line
+    assert "error bar of following-p2 0.0001" in line
+
+
+def test_a_wrong_tension_is_told_with_its_place(fine, coarse):
+    T = fine.fields.T.copy()
+    T[59] *= 2.0  # the frame at s_o/l = 0.6
+    off = dataclasses.replace(fine, fields=dataclasses.replace(fine.fields, T=T))
+    with pytest.raises(AssertionError, match=r"tension: gap .* allowed 0\.1, largest at s_o/l = 0\.600"):
+        validation.assert_agree(off, coarse, path=1e-2, tension=0.1)
+
+
+def test_tensions_at_the_mass_are_compared_where_there_is_no_field(fine, coarse):
+    with_tension = ForeignPath("b", fine.length, fine.t, fine.s_o, fine.v, fine.u, fine.T_behind, fine.T_ahead)
+    # fronts pass the mass as spikes: six elements miss some percent of H there
+    rows = validation.assert_agree(with_tension, coarse, path=1e-2, tension=0.2)
+    assert "at the mass" in rows[1].allowed_because
+    without = dataclasses.replace(with_tension, T_behind=None)
+    with pytest.raises(AssertionError, match="tension cannot be compared, b brought none"):
+        validation.assert_agree(without, coarse, path=1e-2, tension=0.2)
+
+
+def test_answers_that_share_nothing_cannot_be_compared(fine):
+    with pytest.raises(AssertionError, match=r"of different cables: 2002\.37 m and 2004\.4 m long"):
+        validation.assert_agree(fine, dataclasses.replace(fine, length=2004.4))
+    with pytest.raises(AssertionError, match="cannot be compared: nothing to compare"):
+        validation.assert_agree(fine, dataclasses.replace(fine, slack_onset=0.01))
+
+
+@pytest.fixture(scope="module")
+def checked():
+    """Both of our solvers at 5 percent, which takes a second, and a third."""
+    return check_solver(LEVEL, opensees, tol=5e-2)
+
+
+def test_check_solver_holds_a_solver_against_both_of_ours(checked):
+    result = checked
+    assert result.verdict.value == "agree"
+    assert [row.row().get("with") for row in result.rows][-2:] == ["opensees", "opensees"]
+    content = result.agreement()
+    assert content["verdict"] == "agree"
+    assert content["rows"][-1]["with"] == "opensees"
+    again = check_solver(LEVEL, toy.string, tol=5e-2, ours=result)  # right, but of the taut string
+    assert again.verdict.value == "disagree"
+    assert [row.row()["with"] for row in again.rows if row.row().get("with") == "string"] == ["string", "string"]
+
+
+@pytest.mark.parametrize("answer", [None, (1.0,), 3.0])
+def test_a_solver_that_returns_no_path_is_told_what_to_return(answer):
+    with pytest.raises(Refused, match=r"mine: must return \(s_o, v\) or \(s_o, v, u\), or a Response; got"):
+        check_solver(LEVEL, lambda scene: answer, name="mine")
+
+
+def test_a_solver_with_v_up_is_told_so(checked):
+    with pytest.raises(Refused, match="v points the other way"):
+        check_solver(LEVEL, lambda scene: (opensees(scene)[0], -opensees(scene)[1]), ours=checked)
