@@ -1,0 +1,95 @@
+"""The pytest plugin: its fixtures judge, its summary tells, and its loading costs nothing."""
+
+import subprocess
+import sys
+
+import pytest
+
+pytest_plugins = ["pytester"]
+
+# Blocked and loaded by name, so that it is the same with and without this package being installed.
+PLUGIN = ("-p", "no:cablefem", "-p", "validation.pytest_plugin")
+
+TESTS = """
+import numpy as np
+import pytest
+from validation.foreign import ForeignPath
+from validation.run import run
+
+
+def solver(scene):
+    r = run(scene, "following-p2", elements=6, steps=200)
+    return r.s_o, r.v, r.u
+
+
+def wrong(scene):
+    s_o, v, u = solver(scene)
+    return s_o, 1.1 * v, u
+
+
+@pytest.fixture(scope="module")
+def ours(cable_scene):
+    return run(cable_scene("level"), "following-p2", elements=8, steps=300)
+
+
+def test_right(cable_scene, assert_agree, ours):
+    level = cable_scene("level")
+    assert_agree(ForeignPath.of(level, *solver(level), name="right"), ours, path=1e-2)
+
+
+def test_wrong(cable_scene, assert_agree, ours):
+    level = cable_scene("level")
+    assert_agree(ForeignPath.of(level, *wrong(level), name="wrong"), ours, path=1e-2)
+
+
+def test_checked(cable_check):
+    assert cable_check("level", solver, tol=5e-2, with_tol=2e-2).verdict.value == "agree"
+
+
+def test_checked_wrong(cable_check):
+    cable_check("level", wrong, tol=5e-2, with_tol=2e-2)
+
+
+def test_ours_alone(cable_check):
+    assert len(cable_check("level", tol=5e-2).rows) == 6
+"""
+
+
+@pytest.fixture
+def outcome(pytester):
+    pytester.makepyfile(TESTS)
+    return pytester.runpytest(*PLUGIN)
+
+
+def test_fixtures_pass_the_right_and_fail_the_wrong_and_the_summary_tells_all(outcome):
+    outcome.assert_outcomes(passed=3, failed=2)
+    outcome.stdout.fnmatch_lines([
+        "*wrong and following-p2 disagree",
+        "*path_max: gap 0.*, allowed 0.01, largest at s_o/l = 0.*; asked for by path = 0.01*",
+        "*level: disagree",
+        "*path_max: gap 0.*, allowed 0.0*; following-p2 * (its error bar) + 0.02 allowed to wrong; u and v",
+        "*= agreement of cable solvers =*",
+    ])  # fmt: skip
+    told = outcome.stdout.str().partition("= agreement of cable solvers =")[2].splitlines()
+    lines = {line.rpartition("::")[2].rstrip(")"): line for line in told if "::" in line and " (" in line}
+    assert lines["test_right"].startswith("agree          right and following-p2: path_max ")
+    assert lines["test_wrong"].startswith("disagree       wrong and following-p2: path_max: gap 0.")
+    assert lines["test_checked"].startswith("agree          level, solver: ")
+    assert lines["test_checked_wrong"].startswith("disagree       level, wrong: path_max 0.")
+    assert lines["test_ours_alone"].startswith("agree          level, following-p2 and fourier-kink: ")
+
+
+def test_a_session_without_agreement_checks_says_nothing(pytester):
+    pytester.makepyfile("def test_nothing(): pass")
+    outcome = pytester.runpytest(*PLUGIN)
+    outcome.assert_outcomes(passed=1)
+    assert "agreement of cable solvers" not in outcome.stdout.str()
+
+
+def test_loading_the_plugin_loads_nothing_heavy():
+    code = (
+        "import pytest, sys; before = set(sys.modules); import validation.pytest_plugin; "
+        "print(sorted(name for name in set(sys.modules) - before))"
+    )
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert loaded.strip() == "['validation', 'validation.pytest_plugin']"
