@@ -1,0 +1,108 @@
+"""What ParaView gets is the response: read back with meshio, frame by frame."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from meshio.xdmf import TimeSeriesReader
+
+from cablefem import Scene
+from validation import paraview
+from validation.run import run
+
+INCLINED = Scene.load("inclined")
+
+
+@pytest.fixture(scope="module")
+def response():
+    return run(INCLINED, "following-p2", elements=4, steps=120)
+
+
+@pytest.fixture(scope="module")
+def folder(response, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("xdmf")
+    paraview.write(response, folder)
+    return folder
+
+
+def frame(file, k):
+    """Points, cells, time and point data of a frame."""
+    with TimeSeriesReader(file) as reader:
+        reader.mesh_grid = reader.collection[k]  # every frame has its own mesh
+        points, cells = reader.read_points_cells()
+        t, data, _ = reader.read_data(k)
+        return points, cells[0], t, data
+
+
+def close(a, b):
+    """Single precision, of places up to 2000 m and tensions up to 4e5 N."""
+    np.testing.assert_allclose(a, b, rtol=3e-7, atol=3e-4)
+
+
+@pytest.mark.parametrize("k", [0, 41, 70])
+def test_the_cable_is_the_response_with_y_up(response, folder, k):
+    f, static = response.fields, INCLINED.catenary
+    points, cells, t, data = frame(folder / paraview.CABLE, k)
+    assert t == f.t[k]
+    close(points[:-2], np.stack([static.x(f.s), -static.y(f.s), 0.0 * f.s], axis=1))
+    close(data["displacement"][:-2], np.stack([f.u[k], -f.v[k], 0.0 * f.s], axis=1))
+    close(data["velocity"][:-2], np.stack([f.du[k], -f.dv[k], 0.0 * f.s], axis=1))
+    close(data["tension"], [*f.T[k], f.T_behind[k], f.T_ahead[k]])
+    assert points[100, 1] < 0.0  # hangs below the left support
+    assert data["displacement"][2 * (k + 1), 1] < 0.0  # and the mass pulls it down
+    assert cells.type == "line"
+
+
+@pytest.mark.parametrize("k", [0, 41, 97])
+def test_the_lines_run_along_the_cable_and_part_at_the_mass_only(response, folder, k):
+    f = response.fields
+    m = f.s.size
+    _, cells, _, _ = frame(folder / paraview.CABLE, k)
+    s = np.append(f.s, [f.s_o[k], f.s_o[k]])
+    begin, end = cells.data.T
+    assert np.all(s[end] >= s[begin])
+    assert (s[end] - s[begin]).sum() == pytest.approx(f.s[-1], rel=1e-12)  # nothing twice, nothing missing
+    assert (begin == m + 1).sum() == 1  # one line starts ahead of the mass,
+    assert (end == m).sum() == 1  # one ends behind it,
+    assert not np.any((begin == m) | (end == m + 1))  # and none joins both
+
+
+def test_a_mass_between_two_stations_has_its_place_in_the_line(response, tmp_path):
+    f = response.fields
+    between = dataclasses.replace(f, s_o=f.s_o + 0.3 * (f.s[1] - f.s[0]))
+    paraview.write(dataclasses.replace(response, fields=between), tmp_path)
+    _, cells, _, _ = frame(tmp_path / paraview.CABLE, 41)
+    s = np.append(f.s, [between.s_o[41], between.s_o[41]])
+    begin, end = cells.data.T
+    assert np.all(s[end] > s[begin])
+    assert (s[end] - s[begin]).sum() == pytest.approx(f.s[-1], rel=1e-12)
+
+
+@pytest.mark.parametrize("k", [3, 66])
+def test_the_mass_is_on_the_cable(response, folder, k):
+    f, static = response.fields, INCLINED.catenary
+    points, cells, t, data = frame(folder / paraview.MASS, k)
+    assert (t, cells.type, points.shape) == (f.t[k], "vertex", (1, 3))
+    close(points[0], [static.x(f.s_o[k]), -static.y(f.s_o[k]), 0.0])
+    close(data["displacement"][0], [f.mass_u[k], -f.mass_v[k], 0.0])
+    close([data["tension_behind"][0], data["tension_ahead"][0]], [f.T_behind[k], f.T_ahead[k]])
+    on_cable = frame(folder / paraview.CABLE, k)
+    np.testing.assert_array_equal(on_cable[0][-2:], np.repeat(points, 2, axis=0))
+    np.testing.assert_array_equal(on_cable[3]["displacement"][-2:], np.repeat(data["displacement"], 2, axis=0))
+
+
+def test_all_frames_are_there_and_the_files_need_no_others(response, folder):
+    for name in (paraview.CABLE, paraview.MASS):
+        with TimeSeriesReader(folder / name) as reader:
+            assert reader.num_steps == response.fields.t.size == 98  # the last step is at 0.983
+    assert sorted(file.name for file in folder.iterdir()) == [paraview.MASS, paraview.CABLE]
+
+
+def test_a_run_that_broke_at_once_still_gives_files(response, tmp_path):
+    none = {
+        field.name: getattr(response.fields, field.name)[:0]
+        for field in dataclasses.fields(response.fields)
+        if field.name != "s"
+    }
+    paraview.write(dataclasses.replace(response, fields=dataclasses.replace(response.fields, **none)), tmp_path)
+    assert (tmp_path / paraview.CABLE).exists()
