@@ -143,6 +143,7 @@ _WAVELETS = {
         "literal", ("literal", "scaling", "shifted"), "of the printed index set (37); the other two are known to fail"
     ),
 }
+_MANY_STEPS = Setting(4000, (2, 1_000_000), _TIME["steps"].meaning)
 _DAMPED = _TIME | {"scheme": Setting("newmark", SCHEMES, _TIME["scheme"].meaning)}
 
 METHODS: dict[str, Method] = {
@@ -165,8 +166,9 @@ METHODS: dict[str, Method] = {
         ),
         Method(
             "fixed-hermite", "elements", "C1 cubic elements, the mass moving through them",
-            {"elements": _elements(40, _WHOLE), **_TIME}, "elements", 1.0, _fixed("hermite", "chain"),
-            trust="converges, slowly; an independent check within the element wing",
+            {"elements": _elements(40, _WHOLE), **_TIME, "steps": _MANY_STEPS}, "elements", 1.0,
+            _fixed("hermite", "chain"),
+            trust="first order, and N'' jumps at the nodes: wants steps like the square of the elements",
         ),
         Method(
             "fixed-p1-path", "elements", "linear elements, the mass a particle constrained to them",
