@@ -40,6 +40,7 @@ STYLE: Any = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
+    "axes.axisbelow": True,
     "axes.formatter.use_mathtext": False,
     "axes.unicode_minus": True,
     "grid.color": "#dddddd",
@@ -91,6 +92,9 @@ def svg(fig: Figure, label: str) -> Markup:
     text = re.sub(r'href="#([^"]+)"', rf'href="#{mark}-\1"', text)
     text = re.sub(r"url\(#([^)]+)\)", rf"url(#{mark}-\1)", text)
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
+    text = re.sub(
+        r'(?<= d=")[^"]+', lambda d: re.sub(r"(\.\d\d)\d+", r"\1", d[0]), text
+    )  # a hundredth of a point will do
     text = re.sub(r'\s(?:xmlns(?::xlink)?|version)="[^"]*"', "", text)  # known to HTML
     text = text.replace("xlink:href", "href")
     # the drawn size becomes the largest one; the page may shrink it

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
@@ -29,18 +30,16 @@ __all__ = [
 # worst first; the sign stands beside the word, so that no verdict depends on colour
 VERDICTS = {"disagree": "✗", "not comparable": "?", "agree": "✓"}
 
-ABSENT = Markup('<span class="absent" title="no value">–</span>')
-
 
 @dataclass(frozen=True, slots=True)
 class Section:
     """One part of a report."""
 
-    id: str  # its anchor; unique in a report
+    id: str  # its anchor; unique in a report, so it begins with the study's name
     title: str
     html: str
     verdict: str | None = None  # "agree" | "disagree" | "not comparable"
-    summary: str = ""  # one sentence: what was found
+    summary: str = ""  # plain text, a sentence or two: what was found
     scripts: tuple[str, ...] = ()  # files of assets/ that it needs
 
 
@@ -86,9 +85,9 @@ def table(
         order = list(VERDICTS)
         rows.sort(key=lambda row: order.index(row["verdict"]) if row.get("verdict") in order else len(order))
     numeric = {
-        key for key in heads if rows and all(isinstance(row.get(key), int | float | None) for row in rows)
+        key for key in heads if rows and all(isinstance(row.get(key), Real | None) for row in rows)
     }  # fmt: skip
-    name = escape(caption or "table")
+    name = escape(Markup(escape(caption)).striptags() or "table")
     out = [f'<div class="scroll" tabindex="0" role="region" aria-label="{name}">', f"<table{' class=stack' * stack}>"]
     if caption:
         out.append(f"<caption>{escape(caption)}</caption>")
@@ -96,7 +95,8 @@ def table(
     out.append(f"<thead><tr>{cells}</tr></thead><tbody>")
     for row in rows:
         cells = "".join(
-            f'<td{_kind(key in numeric)} data-label="{escape(head)}">{_cell(key, row.get(key))}</td>'
+            f'<td{_kind(key in numeric, row.get(key) is None)} data-label="{escape(head)}">'
+            f"<div>{_cell(key, row.get(key))}</div></td>"
             for key, head in heads.items()
         )
         out.append(f"<tr>{cells}</tr>")
@@ -104,8 +104,9 @@ def table(
     return Markup("\n".join(out))
 
 
-def _kind(numeric: bool) -> str:
-    return " class=n" if numeric else ""
+def _kind(numeric: bool, empty: bool = False) -> str:
+    names = ["n"] * numeric + ["none"] * empty
+    return f' class="{" ".join(names)}"' if names else ""
 
 
 def _cell(key: str, value: Any) -> Markup:
@@ -113,29 +114,32 @@ def _cell(key: str, value: Any) -> Markup:
         return badge(value)
     if isinstance(value, bool):
         return escape("yes" if value else "no")
-    if value is None or isinstance(value, int | float):
-        return number(value)
+    if value is None or isinstance(value, Real):
+        return escape(number(value))  # type: ignore[arg-type]
     return escape(value)
 
 
-def number(x: float | None, digits: int = 3) -> Markup:
+def number(x: float | None, digits: int = 3) -> str:
     """Return a number to so many significant digits, 2.1 × 10⁻⁵ style when far from one; a dash if there is none."""
     if x is None or not math.isfinite(x):
-        return ABSENT
-    if isinstance(x, int):
-        return escape(f"{x:,}".replace(",", "\u202f"))
+        return "–"
+    if isinstance(x, Integral):
+        return f"{x:,}".replace(",", "\u202f").replace("-", "−")
     if x == 0.0:
-        return escape("0")
+        return "0"
     mantissa, exponent = f"{x:.{digits - 1}e}".split("e")
     power = int(exponent)
     if -4 < power < 5:
-        return escape(f"{float(f'{x:.{digits - 1}e}'):.{max(0, digits - 1 - power)}f}".replace("-", "−"))
-    return Markup("{} × 10<sup>{}</sup>").format(mantissa.replace("-", "−"), str(power).replace("-", "−"))
+        return f"{float(f'{mantissa}e{power}'):.{max(0, digits - 1 - power)}f}".replace("-", "−")
+    return f"{mantissa} × 10{str(power).translate(_RAISED)}".replace("-", "−")
 
 
-def percent(x: float | None, digits: int = 2) -> Markup:
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def percent(x: float | None, digits: int = 2) -> str:
     """Return a ratio in percent, with its unit."""
-    return number(x) if x is None or not math.isfinite(x) else Markup("{}\u202f%").format(number(100.0 * x, digits))
+    return number(x) if x is None or not math.isfinite(x) else f"{number(100.0 * x, digits)}\u202f%"
 
 
 def figure(fig: Figure, caption: str, *, label: str = "", wide: bool = False) -> Markup:
