@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import os
 from collections.abc import Iterator
@@ -135,6 +136,41 @@ class Response:
             f"largest deflection {self.max_deflection:.5g} m)"
         )
 
+    def to_xarray(self) -> Any:
+        """Return an xarray.Dataset: the mass path over `t`, the fields over (`frame`, `s`), units as attributes.
+
+        Needs the extra `cablefem[xarray]`.
+        """
+        try:
+            import xarray
+        except ImportError:
+            raise ImportError("to_xarray() needs xarray: pip install 'cablefem[xarray]'") from None
+        f = self.fields
+        path = {name: ("t", getattr(self, name), {"units": unit}) for name, unit in _PATH_UNITS.items()}
+        fields = {
+            f"field_{name}": (("frame", "s"), getattr(f, name), {"units": unit}) for name, unit in _FIELD_UNITS.items()
+        }
+        coords = {
+            "t": ("t", self.t, {"units": "s"}),
+            "s": ("s", f.s, {"units": "m"}),
+            "frame": ("frame", f.t, {"units": "s"}),
+        }
+        return xarray.Dataset({**path, **fields}, coords, {k: str(v) for k, v in self.summary().items()})
+
+    def _repr_html_(self) -> str:
+        """Draw the mass path below the chord of its ends, for notebooks."""
+        width, height, x, y = 420.0, 90.0, self.x, self.y
+        drop = max(float(y.max()), 1e-12)
+        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(width * x / x.max(), height * y / drop, strict=True))
+        return (
+            f"<div><p>{html.escape(repr(self))}</p>"
+            f'<svg viewBox="-4 -4 {width + 8:g} {height + 8:g}" width="{width:g}" role="img" '
+            'aria-label="path of the mass, depth exaggerated">'
+            f'<path d="M0 0H{width:g}" stroke="#999" stroke-dasharray="4 3"/>'
+            f'<polyline points="{points}" fill="none" stroke="#0072B2" stroke-width="2"/></svg>'
+            f"<p>deepest {float(y.max()):.4g} m below the left support; depth exaggerated</p></div>"
+        )
+
     def summary(self) -> dict[str, Any]:
         """Return the content of summary.json."""
         return {
@@ -172,6 +208,11 @@ class Response:
             return cls(**json.loads(str(data["_rest"])), **{n: data[n] for n in _ARRAYS}, fields=fields)
 
 
+_PATH_UNITS = {
+    "s_o": "m", "x": "m", "y": "m", "u": "m", "v": "m", "T_behind": "N", "T_ahead": "N", "energy": "J", "power": "W",
+    "tension_min": "N",
+}  # fmt: skip
+_FIELD_UNITS = {"u": "m", "v": "m", "du": "m/s", "dv": "m/s", "T": "N"}
 _FIELDS = tuple(Fields.__dataclass_fields__)
 _ARRAYS = tuple(name for name, f in Response.__dataclass_fields__.items() if f.type == "Array")
 

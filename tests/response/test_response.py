@@ -1,0 +1,108 @@
+"""What a run returns: files whole and readable, labelled arrays, a small picture."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+import re
+
+import numpy as np
+import pytest
+
+from cablefem import Scene
+from cablefem.response import Response, whole, write_csv, write_json
+from validation.run import run
+
+
+@pytest.fixture(scope="module")
+def level() -> Response:
+    return run(Scene.load("level"), "following-p2", elements=4, steps=120)
+
+
+def rows(path):
+    with path.open() as file:
+        return list(csv.reader(file))
+
+
+def test_files_follow_the_contract_and_read_back(level, tmp_path):
+    level.write(tmp_path)
+    path = rows(tmp_path / "path.csv")
+    assert path[0] == ["t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead"]
+    assert len(path) == level.t.size + 1
+    assert float(path[1][0]) == 0.0
+    assert path[1][6] == ""  # nothing behind the mass on the left support
+    assert float(path[1][7]) > 0.0
+    assert [float(x) for x in path[7][:2]] == [level.t[6], level.s_o[6]]  # full precision
+    tension = rows(tmp_path / "tension.csv")
+    assert tension[0] == ["t", "s", "T"]
+    f = level.fields
+    assert len(tension) == f.t.size * (f.s.size + 2) + 1
+    assert f.s.size >= 201
+    behind, ahead = tension[f.s.size + 1], tension[f.s.size + 2]
+    assert float(behind[1]) == float(ahead[1]) == f.s_o[0]
+    assert (float(behind[2]), float(ahead[2])) == (f.T_behind[0], f.T_ahead[0])
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    for key in (
+        "scene", "method", "settings", "model", "load", "law", "status", "reason", "reached", "slack_onset",
+        "max_deflection", "path_error", "tension_error", "n_dof", "steps", "newton_iterations", "seconds",
+    ):  # fmt: skip
+        assert key in summary
+    assert not any("nan" in p.read_text().lower() for p in tmp_path.glob("*.csv"))
+    again = Response.read(tmp_path)
+    for field in dataclasses.fields(Response):
+        a, b = getattr(level, field.name), getattr(again, field.name)
+        if isinstance(a, np.ndarray):
+            np.testing.assert_array_equal(a, b)
+        elif field.name == "fields":
+            np.testing.assert_array_equal(a.T, b.T)
+        else:
+            assert a == b or tuple(a) == tuple(b), field.name
+
+
+def test_the_mass_is_where_the_displaced_cable_is(level):
+    scene = Scene.load("level")
+    np.testing.assert_allclose(level.x, scene.catenary.x(level.s_o) + level.u, rtol=0, atol=1e-9 * level.length)
+    np.testing.assert_allclose(level.y, scene.catenary.y(level.s_o) + level.v, rtol=0, atol=1e-9 * level.length)
+    speed = np.gradient(level.x, level.t, edge_order=2)
+    inner = slice(5, 80)
+    # differences of second order over 120 steps
+    np.testing.assert_allclose(speed[inner], level.velocity[inner, 0], rtol=1e-2)
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path):
+    target = tmp_path / "a.json"
+    write_json(target, {"x": 1})
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        write_json(target, {"x": float("nan")})
+    assert json.loads(target.read_text()) == {"x": 1}
+
+    class Interrupted(Exception):
+        pass
+
+    def interrupted() -> None:
+        with whole(target) as temporary:
+            temporary.write_text("half")
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        interrupted()
+    assert json.loads(target.read_text()) == {"x": 1}
+    assert [p.name for p in tmp_path.iterdir()] == ["a.json"]
+    write_csv(tmp_path / "b.csv", "p,q", np.array([[1.5, np.nan]]))
+    assert (tmp_path / "b.csv").read_text() == "p,q\n1.5,\n"
+
+
+def test_xarray_carries_units_and_the_same_numbers(level):
+    data = level.to_xarray()
+    assert data.v.attrs["units"] == "m"
+    assert data.field_T.dims == ("frame", "s")
+    np.testing.assert_array_equal(data.field_T.values, level.fields.T)
+    assert float(data.v.max()) == level.max_deflection
+
+
+def test_the_picture_is_an_svg_without_nan(level):
+    picture = level._repr_html_()
+    assert "<svg" in picture
+    assert "nan" not in picture
+    assert len(re.findall(r"[\d.]+,[\d.-]+", picture)) >= level.t.size
