@@ -1,0 +1,50 @@
+"""The README tells the truth: its examples run, its commands exist, its scene is a scene."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from cablefem import Scene
+
+README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+PYTHON = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
+EXAMPLES = [code for code in PYTHON if "def test_" not in code]
+MODULES = [code for code in PYTHON if "def test_" in code]
+
+pytest_plugins = ["pytester"]
+
+
+def test_there_are_five_examples_and_a_test_module():
+    assert len(EXAMPLES) == 5
+    assert len(MODULES) == 1
+
+
+@pytest.mark.parametrize("code", EXAMPLES, ids=lambda code: code.strip().splitlines()[-1][:40])
+def test_example_runs(code, capsys):
+    exec(compile(code, "README.md", "exec"), {"__name__": "example"})
+    assert len(code.splitlines()) < 25
+
+
+def test_the_test_module_runs_as_a_user_would_run_it(pytester):
+    pytester.makepyfile(test_my_solver=MODULES[0])
+    result = pytester.runpytest_subprocess("-q", "-p", "no:cacheprovider")
+    result.assert_outcomes(passed=1)
+
+
+def test_the_scene_is_a_scene_and_a_fault_in_it_is_found():
+    text = re.search(r"```toml\n(.*?)```", README, flags=re.DOTALL).group(1)
+    assert Scene.from_toml(text).mass.mass == 95.0
+    with pytest.raises(ValueError, match="speed"):
+        Scene.from_toml(text.replace("speed = 14.0", "speed = -14.0"))
+
+
+def test_every_command_of_the_table_exists_and_none_is_missing():
+    from typer.main import get_command
+
+    from validation.cli import app
+
+    named = set(re.findall(r"`cablefem (\w+)", README))
+    assert named == set(get_command(app).commands)
