@@ -48,13 +48,13 @@ class GalerkinSystem:
     Where the basis has no phi'' (`basis.smooth` False) the last term has no meaning.  Then the path form is used: the
     displacement of the mass, w_p = w(s_o, t), is an unknown of its own (the last `fields` unknowns), p.. uses the
     scheme's own second derivative of it, and w_p - Phi(s_o) q = 0 is its equation.  A constraint on positions is of
-    index 3: only schemes with numerical damping keep it stable, the trapezoidal rule does not.
+    index 3: over a standing basis only schemes with numerical damping keep it stable, the trapezoidal rule does not.
 
     groups : `Scene.groups`;  basis : `galerkin.bases.Basis`
     kink : enrich the basis by a hat travelling with the mass
     model : "string" | "sagged" | "stretching" (one field normal to the chord) | "full"
     load : "mass", or "force" = the weight mu sigma alone, without inertia
-    law : "elastic", or "tension-only" N = max(0, T + alpha eps), for the full model
+    law : "elastic", or "tension-only" N = max(0, T + alpha eps); the one-field models have no use for it
 
     Unknowns: all of U, then all of V; the hat comes last in each.
     """

@@ -179,13 +179,11 @@ class ChordCable:
 
 
 def cable_model(groups: Groups, model: str, law: str) -> FullCable | ChordCable:
-    """The model by name; a one-field model has one tension for the whole cable and knows no tension-only law."""
+    """The model by name; the law is the full cable's: one-field models have one h for the whole cable, slack or not."""
     if law not in LAWS:
         raise ValueError(f"unknown law {law!r}; one of {', '.join(LAWS)}")
     if model not in MODELS:
         raise ValueError(f"unknown model {model!r}; one of {', '.join(MODELS)}")
     if model == "full":
         return FullCable(groups, law)
-    if law != "elastic":
-        raise ValueError(f"law {law!r} needs the full model, not {model!r}")
     return ChordCable(groups, model)

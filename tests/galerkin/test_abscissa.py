@@ -1,0 +1,113 @@
+"""The place of the mass as independent variable gives what time gives."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cablefem import Scene
+from cablefem.newmark import integrate, scheme, step_times
+from cablefem.response import States
+from cablefem.scene.motion import Motion, Piece
+from galerkin.abscissa import PositionAbscissa
+from galerkin.bases import Daubechies, Fourier
+from galerkin.equations import GalerkinSystem
+from tests.elements.runs import CRUISE, INCLINED, LEVEL, march, orders, tangent_defect
+from tests.galerkin.test_equations import PLACE, STEEP
+
+
+def travel(system, steps, until=0.8):
+    """States in s_o up to a place, stacked."""
+    states = []
+    for x in integrate(system, scheme("trapezoidal"), step_times(system, steps)):
+        states.append(x)
+        if x.t > until:
+            break
+    return States(*(np.array([getattr(x, n) for x in states]) for n in ("t", "q", "v", "a", "phase")))
+
+
+@pytest.mark.parametrize("kink", [False, True])
+def test_residual_is_that_of_the_wrapped_system(kink):
+    """Any g, g', g'' at a place against q, dq/dt, d2q/dt2 at its time: (45) is (19) by the chain rule."""
+    system = GalerkinSystem(STEEP, Fourier(4), kink=kink)
+    wrapped = PositionAbscissa(system)
+    g, g1, g2 = 0.02 * np.random.default_rng(2).standard_normal((3, system.n_dof))
+    t = 1.7
+    s_o, ds_o, dds_o = STEEP.motion.at(t, 1)
+    r = wrapped.residual(s_o, g, g1, g2, 1)
+    want = system.residual(t, g, ds_o * g1, ds_o**2 * g2 + dds_o * g1, 1)
+    np.testing.assert_allclose(r, want, rtol=0.0, atol=1e-12)
+    assert np.abs(r - system.residual(t, g, ds_o * g1, ds_o**2 * g2 - dds_o * g1, 1)).max() > 1e-5
+    assert tangent_defect(wrapped, s_o, np.random.default_rng(3), phase=1, size=0.02) < 1e-5
+    np.testing.assert_allclose(wrapped.phases, [(0.0, PLACE), (PLACE, 1.0)], rtol=1e-15)
+
+
+def test_start_from_rest_tends_to_the_papers():
+    """(48), g''(0) = M^-1(0) dF(0)/ds_o / (3 dds_o) with F of (27), is the limit of a balance close to the support."""
+    wrapped = PositionAbscissa(GalerkinSystem(INCLINED, Daubechies(4, 1)))
+    _, xp, yp, _, _ = INCLINED.static(0.0)
+    a, mu, sigma = INCLINED.motion.at(0.0, 0)[2], INCLINED.mu, INCLINED.sigma
+    basis = wrapped.system.basis.basis
+    dF = -mu * np.multiply.outer([a * xp, a * yp - sigma], basis.d1(np.array([0.0]))[0])
+    paper = np.linalg.solve(basis.mass(), dF.T).T.ravel() / (3.0 * a)
+    zero = np.zeros(wrapped.n_dof)
+    defects = [np.abs(wrapped.second_order(zero, d) - paper).max() / np.abs(paper).max() for d in (1e-8, 1e-9, 1e-10)]
+    np.testing.assert_allclose(np.array(defects[:-1]) / defects[1:], 10.0, rtol=0.15)  # first order in d
+    assert defects[-1] < 2e-3
+    start = wrapped.start(0, None)
+    assert np.abs(start.v).max() == 0.0
+    assert np.abs(start.q).max() == 0.0
+
+
+@pytest.mark.parametrize("kink", [False, True])
+@pytest.mark.parametrize("groups", [LEVEL, INCLINED, CRUISE], ids=["level", "inclined", "cruise"])
+def test_path_is_that_of_time(groups, kink):
+    """At speed, from rest, with jumps of acceleration: second order steps of t and of s_o meet in one path."""
+    system = GalerkinSystem(groups, Fourier(8), kink=kink)
+    states, s_o = march(system, 2000, until=0.81)
+    fine = system.observe(states, s_o[:1], np.arange(0)).path[:, 1]
+    wrapped, errors = PositionAbscissa(system), []
+    for steps in (400, 800):
+        x = travel(wrapped, steps)
+        v = wrapped.observe(x, s_o[:1], np.arange(0)).path[:, 1]
+        errors.append(np.sqrt(np.mean((v - np.interp(x.t, s_o, fine)) ** 2)) / np.abs(fine).max())
+    assert errors[1] < 2e-4
+    assert orders(errors)[0] > 1.2  # both have axial waves that steps of this size do not follow
+
+
+def test_states_in_time():
+    wrapped = PositionAbscissa(GalerkinSystem(CRUISE, Fourier(5), kink=True))
+    x = travel(wrapped, 60, until=0.5)
+    y = wrapped.time_states(x)
+    at = [CRUISE.motion.at(t, k) for t, k in zip(y.t, y.phase, strict=True)]
+    s_o, ds_o, dds_o = np.array(at).T
+    np.testing.assert_allclose(s_o, x.t, rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(y.v, ds_o[:, None] * x.v, rtol=1e-12, atol=1e-15)
+    r = [
+        wrapped.system.residual(*(getattr(y, n)[i] for n in ("t", "q", "v", "a")), y.phase[i])
+        for i in range(1, y.t.size)
+    ]
+    assert np.abs(r).max() < 1e-8  # the balance of the steps taken in s_o holds in time, to Newton's tolerance
+    assert y.a[0] == pytest.approx(dds_o[0] * x.v[0])  # from rest ds_o^2 g'' is nothing
+
+
+def test_a_law_is_passed_on():
+    wrapped = PositionAbscissa(GalerkinSystem(INCLINED, Fourier(5)))
+    other = wrapped.with_law("tension-only")
+    assert (other.system.law, wrapped.system.law) == ("tension-only", "elastic")
+    assert other.system.basis is wrapped.system.basis
+    other.residual(0.2, np.zeros(10), np.zeros(10), np.zeros(10), 0)
+    assert other.tension_min == other.system.tension_min
+
+
+def test_a_halt_on_the_way_is_refused():
+    """Where the mass stands still its place cannot tell the time."""
+    halt = Piece(1.0, 1.0, 0.4, 0.0, 0.1)
+    stop = Motion(((0.0, 1.0), (1.0, 2.0)), ((Piece(0.0, 0.0, 0.0, 0.8, -0.4),), (halt,)), 0.5)
+    with pytest.raises(ValueError, match="stands still"):
+        PositionAbscissa(GalerkinSystem(replace(INCLINED, motion=stop), Fourier(3)))
+    lazy = Motion(((0.0, 2.0),), ((Piece(0.0, 0.0, 0.0, 0.0, 0.0, 0.1),),), 0.8)
+    with pytest.raises(ValueError, match="neither speed nor acceleration"):
+        PositionAbscissa(GalerkinSystem(replace(INCLINED, motion=lazy), Fourier(3)))
+    assert Scene.load("level").groups.motion.phases  # a plain travel is not refused
+    PositionAbscissa(GalerkinSystem(LEVEL, Fourier(3)))

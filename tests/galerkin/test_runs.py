@@ -1,0 +1,269 @@
+"""Whole runs: paths against exact strings and against elements, energy, momentum at the mass, slack."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cablefem.elements.following import FollowingElements
+from cablefem.newmark import NewtonStalled, integrate, scheme, step_times
+from cablefem.response import States
+from galerkin.bases import Daubechies, Fourier
+from galerkin.equations import GalerkinSystem
+from tests.elements.runs import CRUISE, INCLINED, LEVEL, level_cable, march, observe, orders, path_error
+from validation.oracles import moving_force, moving_mass
+
+STRING = level_cable(mu=0.7, sigma=0.31, speed=0.45)
+FROM_REST = level_cable(mu=0.7, sigma=0.31, acceleration=0.23)
+
+
+def taut(groups, basis, **kw):
+    """A string without sag: the load follows a straight chord, as in the exact answers."""
+    system = GalerkinSystem(groups, basis, model="string", **kw)
+    system.cable.curvature = 0.0
+    return system
+
+
+# --- exact answers -------------------------------------------------------------------------------------------------
+RIDE = moving_mass.solve(moving_mass.constant_speed(0.45), mu=0.7, sigma=0.31)
+REST = moving_mass.solve(moving_mass.from_rest(0.23), mu=0.7, sigma=0.31)
+
+
+def test_moving_mass_on_a_string_sines_are_first_order():
+    errors = [path_error(taut(STRING, Fourier(n)), 40 * n, RIDE.path)[1] for n in (8, 16, 32)]
+    assert np.all(np.abs(orders(errors) - 1.0) < 0.15)  # the kink at the mass: coefficients fall like 1/n^2
+    assert errors[-1] < 2.2e-2
+
+
+@pytest.mark.parametrize(("groups", "ride"), [(STRING, RIDE), (FROM_REST, REST)], ids=["at speed", "from rest"])
+def test_moving_mass_on_a_string_the_kink_makes_it_second_order(groups, ride):
+    """Second order in the mean or better: jumps of curvature are left, at fronts and at the mass."""
+    errors = [path_error(taut(groups, Fourier(n), kink=True), 100 * n, ride.path)[1] for n in (5, 10, 20)]
+    assert np.all(orders(errors) > 1.85)
+    assert errors[-1] < 2e-4
+
+
+def test_moving_force_on_a_string():
+    """The front that a force sends ahead carries a jump of slope, which no kink at the force takes away: order 1.5."""
+
+    def exact(t):
+        return moving_force.displacement(0.45 * t, t, P=0.7 * 0.31, V=0.45)
+
+    errors = [path_error(taut(STRING, Fourier(n), kink=True, load="force"), 40 * n, exact)[1] for n in (10, 20, 40)]
+    assert np.all((orders(errors) > 1.35) & (orders(errors) < 1.85))
+    assert errors[-1] < 4e-4
+    assert path_error(taut(STRING, Fourier(10), kink=True), 400, exact)[0] > 0.3  # a mass is not a force
+
+
+def test_starting_from_rest_the_cable_behind_is_strained_at_once():
+    """y/t^2 -> sigma/(2 (1 + 1/(mu a))) from the first steps on."""
+    system = taut(FROM_REST, Fourier(10), kink=True)
+    states, _ = march(system, 1000, until=0.0004)
+    early = observe(system, states).path[1:, 1] / states.t[1:] ** 2
+    np.testing.assert_allclose(early, 0.31 / (2.0 * (1.0 + 1.0 / (0.7 * 0.23))), rtol=2e-2)
+
+
+# --- the other wing ------------------------------------------------------------------------------------------------
+def element_path(groups):
+    """Path of mass-following elements, which share no formula with this wing; 3e-4 or better (formulations.md 2)."""
+    system = FollowingElements(groups, elements=12, degree=2)
+    states, _ = march(system, 800, until=0.82)
+    v = observe(system, states).path[:, 1]
+    return lambda t: np.interp(t, states.t, v)
+
+
+@pytest.fixture(scope="module")
+def level_path():
+    return element_path(LEVEL)
+
+
+@pytest.mark.parametrize(
+    ("basis", "kink", "bound"),
+    [
+        (Fourier(10), False, (0.09, 0.11)),
+        (Fourier(30), False, (0.030, 0.037)),
+        (Daubechies(4, 0), False, (0.13, 0.155)),
+        (Daubechies(4, 1), False, (0.075, 0.09)),
+        (Fourier(10), True, (0.0, 6e-3)),
+        (Fourier(30), True, (0.0, 8e-4)),
+        (Daubechies(4, 1), True, (0.0, 6e-3)),
+    ],
+    ids=lambda x: str(x),
+)
+def test_level_scene_against_elements(level_path, basis, kink, bound):
+    """The paper's scene: plain bases are as far off as their kink costs, enriched ones agree with the elements."""
+    error = path_error(GalerkinSystem(LEVEL, basis, kink=kink), 600, level_path)[0]
+    assert bound[0] <= error < bound[1]
+
+
+@pytest.mark.parametrize(("groups", "bound"), [(INCLINED, 4e-4), (CRUISE, 1e-3)], ids=["inclined", "cruise"])
+def test_other_scenes_against_elements(groups, bound):
+    assert path_error(GalerkinSystem(groups, Fourier(20), kink=True), 600, element_path(groups))[0] < bound
+
+
+@pytest.mark.parametrize("model", ["sagged", "stretching"])
+@pytest.mark.parametrize("load", ["mass", "force"])
+def test_one_field_models_against_elements(model, load):
+    elements = FollowingElements(INCLINED, elements=10, degree=2, model=model, load=load)
+    states, s_o = march(elements, 500, until=0.82)
+    system = GalerkinSystem(INCLINED, Fourier(20), kink=True, model=model, load=load)
+    mine, _ = march(system, 500, until=0.82)
+    a, b = observe(elements, states), observe(system, mine)
+    inside, size = s_o > 0.02, np.abs(a.path).max()
+    np.testing.assert_allclose(b.path, a.path, rtol=0.0, atol=2e-3 * size)
+    np.testing.assert_allclose(b.T_ahead[inside], a.T_ahead[inside], rtol=0.0, atol=1e-2)
+
+
+def test_rough_wavelets_need_damping_in_the_path_form(level_path):
+    """A constraint on positions is unstable under the undamped rule; damped, db3 is as good as its number of terms.
+
+    With the travelling kink the hat takes up the constraint, and the undamped rule is stable too.
+    """
+    plain, kink = (GalerkinSystem(LEVEL, Daubechies(3, 1), kink=k) for k in (False, True))
+    assert path_error(plain, 600, level_path, "generalized-alpha")[0] < 0.12
+    with pytest.raises((AssertionError, NewtonStalled)):
+        assert path_error(plain, 600, level_path)[0] < 0.5
+    assert path_error(kink, 600, level_path)[0] < 8e-3
+
+
+# --- balances ------------------------------------------------------------------------------------------------------
+def balances(system, steps, *, power=1.0, until=0.69):
+    """Defects of energy (over its range) and of the jump law at the mass (rms over the largest force)."""
+    states, s_o = march(system, steps, until=until)
+    x = observe(system, states)
+    work = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(states.t) * (x.power[1:] + x.power[:-1]))])
+    energy = np.abs(x.energy - x.energy[0] - power * work).max() / np.ptp(x.energy)
+    ds_o = np.array([system.motion.at(t, k)[1] for t, k in zip(states.t, states.phase, strict=True)])[:, None]
+
+    def flux(slope, T):
+        return T[:, None] * slope / np.hypot(*slope.T)[:, None] - ds_o**2 * slope
+
+    force = system.mu * (x.path_acceleration - [0.0, system.groups.sigma])
+    defect = flux(x.slope_ahead, x.T_ahead) - flux(x.slope_behind, x.T_behind) - force
+    inside = s_o > 0.05
+    return energy, float(np.sqrt(np.mean(defect[inside] ** 2)) / np.abs(force[inside]).max())
+
+
+def test_energy_without_a_kink_is_kept_to_the_order_of_the_rule():
+    """Galerkin's equations over a standing basis satisfy the energy balance exactly; what is left is time stepping."""
+    errors = [balances(GalerkinSystem(INCLINED, Fourier(10)), n)[0] for n in (500, 1000, 2000)]
+    assert np.all(np.abs(orders(errors) - 2.0) < 0.4)
+    assert errors[-1] < 1e-6
+    assert balances(GalerkinSystem(INCLINED, Fourier(10)), 500, power=-1.0)[0] > 0.5
+
+
+def test_energy_and_jump_law_with_the_kink():
+    """The kink is the mass's own, so the jump law holds better with more terms; without it there is no jump at all."""
+    coarse, fine = (balances(GalerkinSystem(INCLINED, Fourier(n), kink=True), 600) for n in (10, 30))
+    assert coarse[0] < 1e-3
+    assert fine[0] < 1e-4
+    assert coarse[1] < 6e-2
+    assert fine[1] < 0.5 * coarse[1]
+    assert balances(GalerkinSystem(INCLINED, Fourier(30)), 600)[1] > 0.3
+
+
+@pytest.mark.parametrize("model", ["string", "sagged", "stretching"])
+@pytest.mark.parametrize("load", ["mass", "force"])
+def test_energy_of_the_one_field_models(model, load):
+    """Second order in time over a standing basis; with the kink it improves with the terms."""
+
+    def defect(n, steps, kink):
+        return balances(GalerkinSystem(INCLINED, Fourier(n), kink=kink, model=model, load=load), steps)[0]
+
+    plain = [defect(12, steps, False) for steps in (300, 600)]
+    assert abs(orders(plain)[0] - 2.0) < 0.15
+    assert plain[-1] < 2e-4
+    kinked = [defect(n, 400, True) for n in (10, 20)]
+    assert kinked[0] < 8e-3
+    assert kinked[1] < 0.6 * kinked[0]
+
+
+# --- observation ---------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("kink", [False, True])
+@pytest.mark.parametrize("basis", [Fourier(12), Daubechies(2, 1)], ids=["sines", "db2"])
+@pytest.mark.parametrize("model", ["full", "stretching"])
+def test_observation_is_consistent(model, basis, kink):
+    """Path, velocities, one-sided tensions and fields measured in different ways say the same."""
+    system = GalerkinSystem(INCLINED, basis, kink=kink, model=model)
+    states, s_o = march(system, 400, "trapezoidal" if basis.smooth else "newmark", until=0.6)
+    k = np.array([100, 200, len(s_o) - 2])
+    x = observe(system, states, [0.0, *s_o[k], 1.0], k)
+    at = np.arange(3), np.arange(1, 4)
+    np.testing.assert_allclose(np.stack([x.u[at], x.v[at]], axis=1), x.path[k], rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(x.T[at], x.T_behind[k], rtol=1e-12)
+    for field in (x.u, x.v, x.du, x.dv):
+        np.testing.assert_allclose(field[:, [0, -1]], 0.0, rtol=0.0, atol=1e-12)
+    # along the path by central differences of the stored steps: dt^2
+    place = np.stack(INCLINED.shape(s_o), axis=1) + x.path
+    dt = states.t[1] - states.t[0]
+    np.testing.assert_allclose((place[2:] - place[:-2]) / (2 * dt), x.path_velocity[1:-1], rtol=0.0, atol=2e-4)
+    # at a fixed s the trapezoidal rule itself says w1 - w0 = dt (w.0 + w.1)/2, but for the moving hat: dt^2
+    near = observe(system, states, [0.3], np.arange(len(s_o)))
+    rate = 0.5 * (near.dv[1:] + near.dv[:-1])[s_o[1:] < 0.29]
+    atol = (1e-12 if basis.smooth and not kink else 2e-2) * np.abs(rate).max()
+    np.testing.assert_allclose((np.diff(near.v, axis=0) / dt)[s_o[1:] < 0.29], rate, rtol=0.0, atol=atol)
+    if model == "full":  # points lie close to the mass, not on it
+        assert np.all((x.tension_min <= np.minimum(x.T_behind, x.T_ahead) + 0.02)[1:])
+    finite = [getattr(x, n) for n in x.__dataclass_fields__ if n != "T_behind"]
+    assert all(np.isfinite(y).all() for y in finite)
+    assert np.isnan(x.T_behind[0])
+    assert np.isfinite(x.T_behind[1:]).all()
+
+
+def test_observation_at_the_entry_is_the_limit():
+    """At t = 0 slopes and tension behind a mass that starts from rest are those of the first steps."""
+    system = GalerkinSystem(INCLINED, Fourier(10), kink=True)
+    states, _ = march(system, 4000, until=1e-6)
+    x = observe(system, states, [0.0, 0.4], [0])
+    np.testing.assert_allclose(x.slope_behind[0], x.slope_behind[1], rtol=1e-4)
+    np.testing.assert_allclose(x.energy[1], x.energy[0], rtol=0.0, atol=1e-7)
+    np.testing.assert_allclose(x.v, 0.0, rtol=0.0, atol=0.0)
+
+
+# --- slack ---------------------------------------------------------------------------------------------------------
+def test_level_scene_goes_slack_and_is_carried_on():
+    """Onset at s_o/l = 0.831; the tension-only law, sharing all tables, carries the run to the end."""
+    system = GalerkinSystem(LEVEL, Fourier(20), kink=True)
+    times = step_times(system, 1000)
+    run = integrate(system, scheme("trapezoidal"), times)
+    x = next(x for x in run if system.tension_min[0] < 0.0)
+    assert abs(LEVEL.motion.position(x.t) - 0.831) < 0.01
+    after = system.with_law("tension-only")
+    assert after.basis is system.basis
+    rest = list(integrate(after, scheme("newmark"), times, start=x))
+    assert LEVEL.motion.position(rest[-1].t) > 0.99
+    stacked = States(*(np.array([getattr(x, n) for x in rest]) for n in ("t", "q", "v", "a", "phase")))
+    least = observe(after, stacked).tension_min
+    assert least.min() == 0.0  # slack somewhere, and never below
+
+
+# --- the package ---------------------------------------------------------------------------------------------------
+def test_a_fine_run_is_stable_to_the_exit():
+    system = GalerkinSystem(replace(INCLINED, mu=0.31), Fourier(60), kink=True)
+    states, s_o = march(system, 500)
+    assert s_o[-1] > 0.99
+    assert np.abs(observe(system, states).path).max() < 0.02
+
+
+def test_each_side_must_resolve_the_highest_sine(level_path):
+    """2 N + 20 Gauss points a side do; with N + 12, enough on the average, the path is garbage."""
+
+    class Coarse(Fourier):
+        def quadrature_on(self, a, b):
+            x, w = np.polynomial.legendre.leggauss(self.n + 12)
+            return a + 0.5 * (b - a) * (1.0 + x), 0.5 * (b - a) * w
+
+    right, wrong = (GalerkinSystem(LEVEL, basis(60), kink=True) for basis in (Fourier, Coarse))
+    assert path_error(right, 200, level_path, until=0.3)[0] < 6e-3  # of the 200 steps
+    assert path_error(wrong, 200, level_path, until=0.3)[0] > 1.0
+
+
+def test_the_wing_stands_alone():
+    """Neither scikit-fem nor the element wing is needed to run it."""
+    code = (
+        "import sys, galerkin, galerkin.observe; "
+        "sys.exit(any(m.startswith(('skfem', 'cablefem.elements', 'validation')) for m in sys.modules))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
