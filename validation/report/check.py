@@ -33,7 +33,7 @@ QUANTITIES = {
     "tension": ("Tension along the cable, rms off the mass", "tension"),
     "jump": ("Force jump at the mass, rms defect", "weight"),
     "energy": ("Energy balance, rms defect", "work"),
-    "overshoot": ("Tension oscillating in one solver only", "tension"),
+    "overshoot": ("Tension oscillation of one solver only", "tension"),
 }
 
 
@@ -137,40 +137,47 @@ def _headline(x: Stored) -> str:
     """Return the verdict in a few sentences of plain text that need no table."""
     if not x.rows:
         return "No verdict: the check did not finish."
-    path = x.row("path_max")
-    gap, allowed, size = path.get("gap"), path.get("allowed"), x.deflection
-    out = []
-    if gap is None:
-        out.append(f"The mass paths cannot be compared: {path.get('allowed_because', 'no reason was stored')}.")
-    elif path["verdict"] == "agree":
-        digits = 2 if percent(gap) != percent(allowed) else 4
-        out.append(
-            f"Both solvers give the same mass path: they differ by at most {percent(gap, digits)} of the largest "
-            f"deflection ({_quantity(gap * size, 'm')} of {_quantity(size, 'm')}); their error bars allow "
-            f"{percent(allowed, digits)}."
-        )
-    elif path["verdict"] == "disagree":
-        out.append(
-            f"The solvers disagree on the mass path: they differ by up to {percent(gap, 3)} of the largest deflection "
-            f"({_quantity(gap * size, 'm')} of {_quantity(size, 'm')}), but their error bars allow only "
-            f"{percent(allowed, 3)}. One of them is wrong, or its error bar is too small."
-        )
-    else:
-        out.append(
-            f"No verdict on the mass path: the solvers differ by {percent(gap)} of the largest deflection, but their "
-            f"error bars, {percent(allowed)}, are wider than the tolerance {percent(x.tol)} asked for."
-        )
-    for row in x.rows:
-        if row.get("verdict") == "disagree" and row is not path and not row.get("with"):
-            words, kind = _words(row)
-            of = f" of the {_references(x)[kind][2]}" if kind else ""
-            out.append(
-                f"Disagreement on {words[0].lower() + words[1:]}: {percent(row.get('gap'), 3)}{of}, allowed "
-                f"{percent(row.get('allowed'), 3)}."
-            )
+    out = [
+        _disagreement(x, row) for row in x.rows
+        if row.get("verdict") == "disagree" and row.get("quantity") != "path_max" and not row.get("with")
+    ]  # fmt: skip
+    path = _path_line(x)
+    out = [path, *out] if x.row("path_max").get("verdict") == "disagree" else [*out, path]
     for party in dict.fromkeys(row["with"] for row in x.rows if row.get("with")):
         out.append(_third(str(party), [row for row in x.rows if row.get("with") == party]))
     return " ".join(out)
+
+
+def _path_line(x: Stored) -> str:
+    row, size = x.row("path_max"), x.deflection
+    gap, allowed = row.get("gap"), row.get("allowed")
+    if gap is None or allowed is None:
+        return f"The mass paths cannot be compared: {row.get('allowed_because', 'no reason was stored')}."
+    digits = 2 if percent(gap) != percent(allowed) else 4
+    far = f"{percent(gap, digits)} of the largest deflection ({_quantity(gap * size, 'm')} of {_quantity(size, 'm')})"
+    if row["verdict"] == "agree":
+        return (
+            f"Both solvers give the same mass path: they differ by at most {far}; their error bars allow "
+            f"{percent(allowed, digits)}."
+        )
+    if row["verdict"] == "disagree":
+        return (
+            f"The solvers disagree on the mass path: they differ by up to {far}, but their error bars allow only "
+            f"{percent(allowed, digits)}. One of them is wrong, or its error bar is too small."
+        )
+    return (
+        f"No verdict on the mass path: the solvers differ by {far}, but their error bars, {percent(allowed, digits)}, "
+        f"are wider than the tolerance {percent(x.tol)} asked for."
+    )
+
+
+def _disagreement(x: Stored, row: dict[str, Any]) -> str:
+    words, kind = _words(row)
+    of = f" of the {_references(x)[kind][2]}" if kind else ""
+    return (
+        f"The solvers disagree on the {words[0].lower() + words[1:]}: {percent(row.get('gap'), 3)}{of}, allowed "
+        f"{percent(row.get('allowed'), 3)}."
+    )
 
 
 def _third(party: str, rows: list[dict[str, Any]]) -> str:
@@ -212,7 +219,8 @@ def _reach(x: Stored) -> Markup:
     }  # fmt: skip
     bars = figure(
         draw.reach(x),
-        "Full colour: compared. Pale: computed, not compared. Cross: the cable goes slack.",
+        "Full colour: compared. Pale: computed, not compared."
+        + ("" if x.onset is None else " Cross: the cable goes slack."),
         label="Bars over the place of the mass: how far each solver got, what is compared, where the cable goes slack.",
     )
     facts = table([_facts(s, x) for s in x.solvers], heads, stack=True)
@@ -235,7 +243,7 @@ def _facts(s: Solver, x: Stored) -> dict[str, str]:
     if r.switched is not None:
         law += f"; tension only from sₒ/l = {r.switched:.3f} on"
     end = f"sₒ/l = {r.reached:.3f} (t = {r.t[-1]:.4g} s)"
-    end += ", the end of the travel" if r.status == "complete" else f", where it stopped: {r.reason}"
+    end += ", complete" if r.status == "complete" else f", where it stopped: {r.reason}"
     inside = f.s_o <= x.window[1] * r.length
     return {
         "solver": s.name, "deflection": f"{deflection}, at sₒ/l = {at:.3f} (t = {_time(r, at):.4g} s)",
@@ -246,8 +254,7 @@ def _facts(s: Solver, x: Stored) -> dict[str, str]:
 
 def _parting(x: Stored) -> str:
     """Say how far past the compared range both paths are still one path."""
-    allowed = x.row("path_max").get("allowed") or 0.0
-    bound = 10.0 * max(x.tol or 0.0, allowed)
+    bound = 10.0 * (x.row("path_max").get("allowed") or x.tol or 0.0)
     if len(x.solvers) < 2 or not x.window[1] > x.window[0] or bound == 0.0:
         return ""
     at, gap = pointwise(x.solvers[0].compared, x.solvers[1].compared)
@@ -256,7 +263,8 @@ def _parting(x: Stored) -> str:
     if far.any():
         return f"At sₒ/l = {at[far][0]:.3f} the two paths part by more than {percent(bound)} of the largest deflection."
     if past.any():
-        return f"The two paths stay within {percent(bound)} of the largest deflection up to sₒ/l = {at[-1]:.3f}."
+        most = percent(float(gap[past].max()) / x.deflection)
+        return f"Up to sₒ/l = {at[-1]:.3f} the two paths differ by at most {most} of the largest deflection."
     return ""
 
 
@@ -276,8 +284,9 @@ def _note(x: Stored) -> str:
 def _path(x: Stored) -> Section:
     both = len(x.solvers) > 1
     beneath = (
-        " Beneath, the distance of the two paths (black) and the error bar of each solver at the same place; the "
-        "verdict asks that the black line stay below the green one, the sum of both largest bars."
+        " Beneath, in percent of the largest deflection v, the distance of the two paths (black) and the error bar of "
+        "each solver at the same place; the verdict asks that the black line stay below the green one, the sum of both "
+        "largest bars."
     )
     figures = gallery(
         figure(
@@ -306,12 +315,12 @@ def _motion(x: Stored) -> list[Section]:
     still = gallery(
         figure(
             cable,
-            "The cable at a few times; the depth is stretched.",
+            "The cable at a few times, below the straight line between its supports; depths are stretched.",
             label=f"The cable with the mass at {len(places)} times, by {x.names}.",
         ),
         figure(
             tension,
-            "Tension along it at the same times, with its jump at the mass.",
+            "Tension along it at the same times, with its jump at the mass; each panel has a scale of its own.",
             label=f"Tension along the cable at {len(places)} times, by {x.names}.",
         ),
     )
@@ -345,8 +354,9 @@ def _tension(x: Stored) -> Section:
 
 def _laws(x: Stored) -> Section:
     text = Markup(
-        "<p>Two laws hold whatever the method, and neither solver enforces them: energy grows by the work of the "
-        "drive, and the cable pulls at the mass with its weight and inertia. They convict a solver even where both agree.</p>"
+        "<p>Two laws hold whatever the method, and neither solver uses them in this form: energy grows by the work of the "
+        "drive, and the cable pulls at the mass with its weight and inertia. They convict a solver even where both "
+        "agree.</p>"
     )
     figures = gallery(
         figure(
@@ -383,14 +393,15 @@ def _refinement(x: Stored) -> Section:
                 refused.append(callout(f"{s.name}, {words[k]}: {reason}.", "not comparable"))
         if s.run.path_error is not None:
             rows.append({
-                "run": Markup("<strong>{}, error bar</strong>").format(s.name),
+                "run": Markup("<strong>{}, error bar</strong>").format(s.name), "path": "", "weight": "", "tension": "",
                 "path_bar": Markup("<strong>{}</strong>").format(percent(s.run.path_error)),
                 "tension_bar": Markup("<strong>{}</strong>").format(percent(s.run.tension_error)),
             })  # fmt: skip
         if s.in_space is not None or s.in_time is not None:
             figures.append(figure(
                 draw.refinement(s, i, x, words),
-                f"{s.name}: distance of its mass path to those of its two coarser companions. {_note(x)}",
+                f"{s.name}: distance of its mass path to those of its two coarser companions, in percent of the "
+                f"largest deflection v. {_note(x)}",
                 label=f"Distance of the mass path of {s.name} to those of its coarser companions.",
             ))  # fmt: skip
     heads = {
@@ -485,14 +496,18 @@ def _scene(x: Stored) -> Markup:
     return table([{"what": what, "value": value} for what, value in facts.items()], {"what": "scene", "value": "value"})
 
 
+_KINDS = {
+    "model": "of the cable; full: u and v everywhere",
+    "load": "mass: with its inertia, force: its weight alone",
+    "law": "of the cable; auto: elastic until it goes slack, tension only from there on",
+}
+
+
 def _settings(r: Response) -> Markup:
     method = METHODS.get(r.method)
-    knobs = {} if method is None else method.knobs
+    known = _KINDS | ({} if method is None else {name: knob.meaning for name, knob in method.knobs.items()})
     used = {**r.settings, "model": r.model, "load": r.load, "law": r.law}
-    rows = [
-        {"name": name, "value": _shown(value), "meaning": knobs[name].meaning if name in knobs else ""}
-        for name, value in used.items()
-    ]
+    rows = [{"name": name, "value": _shown(value), "meaning": known.get(name, "")} for name, value in used.items()]
     title = f"Settings of {r.method}" + ("" if method is None else f": {method.title}")
     return details(title, table(rows, {"name": "setting", "value": "value", "meaning": "meaning"}))
 

@@ -138,7 +138,7 @@ def _distance(ax: Axes, x: Stored) -> None:
     ax.set_yscale("log")
     if top > 0.0:
         ax.set_ylim(100.0 * top * 1e-4, 100.0 * top * 4.0)
-    ax.set_ylabel("% of deflection")
+    ax.set_ylabel("distance [% of v]")
 
 
 @style()
@@ -230,6 +230,7 @@ def tension_fields(solvers: Sequence[Solver], window: Window, onset: float | Non
 
 def _on_field(ax: Axes, r: Response, window: Window, onset: float | None, color: str) -> None:
     """Draw where the mass is, where the compared range ends and where the cable went slack."""
+    ax.set_xlim(r.fields.t[0], r.fields.t[-1])
     ax.grid(visible=False)
     other = BLACK if color == "white" else "white"
     ax.plot(r.t, place(r), color=other, linewidth=2.6, linestyle="-")
@@ -243,9 +244,15 @@ def _on_field(ax: Axes, r: Response, window: Window, onset: float | None, color:
 
 
 def _times_above(ax: Axes, r: Response) -> None:
-    ticks = [x for x in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0) if x <= r.reached + 0.005]
+    """Tell the place of the mass on an axis above that of time, as densely as the numbers have room."""
+    low, high = ax.get_xlim()
+    ticks: list[float] = []
+    for at in (0.2, 0.4, 0.6, 0.8, 1.0, 0.1, 0.05):
+        t = float(np.interp(at, place(r), r.t))
+        if low <= t <= high and all(abs(t - np.interp(x, place(r), r.t)) > 0.1 * (high - low) for x in ticks):
+            ticks.append(at)
     top = ax.secondary_xaxis("top")
-    top.set_xticks(np.interp(ticks, place(r), r.t), [f"{x:g}" for x in ticks])
+    top.set_xticks(np.interp(ticks, place(r), r.t), [f"{at:g}" for at in ticks])
     top.set_xlabel(PLACE)
 
 
@@ -357,7 +364,7 @@ def refinement(solver: Solver, look: int, x: Stored, words: Sequence[str]) -> Fi
     ax.set_yscale("log")
     if most > 0.0:
         ax.set_ylim(100.0 * most / size * 1e-4, 100.0 * most / size * 4.0)
-    ax.set_ylabel("% of largest deflection")
+    ax.set_ylabel("distance [% of v]")
     ax.set_xlabel(PLACE)
     _legend(fig, ax, columns=1)
     return fig
@@ -367,35 +374,36 @@ def refinement(solver: Solver, look: int, x: Stored, words: Sequence[str]) -> Fi
 def snapshots(scene: Scene, solvers: Sequence[Solver], places: Sequence[float]) -> tuple[Figure, Figure]:
     """The cable and its tension at a few times, one panel each, with the mass."""
     X, l = scene.catenary, scene.length
-    high = 1.1 * tension_range(solvers, (0.0, max(places)))[1]
-    factor, unit = scale_of(np.array([high]), "N")
-    s = np.linspace(0.0, l, 201)
+    factor, unit = scale_of(np.array([tension_range(solvers, (0.0, max(places)))[1]]), "N")
+    s, slope = np.linspace(0.0, l, 201), scene.supports.drop / scene.supports.span
     cable, rows = panels(len(places), height=1.0 + 1.05 * len(places), sharex=True, sharey=True, squeeze=False)
-    tension, lines = panels(len(places), height=1.0 + 1.05 * len(places), sharex=True, sharey=True, squeeze=False)
+    tension, lines = panels(len(places), height=1.0 + 1.05 * len(places), sharex=True, squeeze=False)
     for ax, line, at in zip(rows[:, 0], lines[:, 0], places, strict=True):
-        ax.plot(X.x(s), X.y(s), color=GREY, linewidth=1.2, linestyle=(0, (1, 1)), label="cable at rest")
-        line.plot(s / l, factor * X.tension(s), color=GREY, linewidth=1.2, linestyle=(0, (1, 1)), label="cable at rest")
+        ax.plot(
+            X.x(s), X.y(s) - slope * X.x(s), color=GREY, linewidth=1.2, linestyle=(0, (1, 1)), label="cable at rest"
+        )
         for solver, look in zip(solvers, LOOK, strict=False):
             f = solver.compared.fields
             k = int(np.argmin(np.abs(f.s_o / l - at)))
             if abs(f.s_o[k] / l - at) > 0.006:
                 continue
             left, right = f.s < f.s_o[k], f.s > f.s_o[k]
-            mass = float(X.x(f.s_o[k]) + f.mass_u[k]), float(X.y(f.s_o[k]) + f.mass_v[k])
+            at_x, at_y = float(X.x(f.s_o[k]) + f.mass_u[k]), float(X.y(f.s_o[k]) + f.mass_v[k])
             x, y = X.x(f.s) + f.u[k], X.y(f.s) + f.v[k]
-            ax.plot(np.r_[x[left], mass[0], x[right]], np.r_[y[left], mass[1], y[right]], label=solver.name, **look)
+            x, y = np.r_[x[left], at_x, x[right]], np.r_[y[left], at_y, y[right]]
+            ax.plot(x, y - slope * x, label=solver.name, **look)
             filled = look["color"] if look is LOOK[0] else "none"
-            ax.plot(*mass, marker="o", color=look["color"], markersize=8, markerfacecolor=filled)
+            ax.plot(at_x, at_y - slope * at_x, marker="o", color=look["color"], markersize=8, markerfacecolor=filled)
             sides = f.T_behind[k], f.T_ahead[k]
             T = np.r_[f.T[k, left], sides, f.T[k, right]]
+            line.margins(y=0.25)
             line.plot(np.r_[f.s[left], [f.s_o[k]] * 2, f.s[right]] / l, factor * T, label=solver.name, **look)
             ax.set_title(f"t = {f.t[k]:.4g} s, sₒ/l = {at:g}")
             line.set_title(f"t = {f.t[k]:.4g} s, sₒ/l = {at:g}")
     rows[0, 0].invert_yaxis()
-    rows[0, 0].margins(y=0.12)
+    rows[0, 0].margins(y=0.15)
     rows[-1, 0].set_xlabel("distance from the left support x [m]")
-    cable.supylabel("depth below it y [m]", fontsize=10)
-    lines[0, 0].set_ylim(0.0, factor * high)
+    cable.supylabel("depth below the line between the supports [m]", fontsize=10)
     lines[-1, 0].set_xlabel("place along the cable s/l [–]")
     tension.supylabel(f"tension T [{unit}]", fontsize=10)
     _legend(cable, rows[0, 0])

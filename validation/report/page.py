@@ -87,8 +87,9 @@ def table(
     numeric = {
         key for key in heads if rows and all(isinstance(row.get(key), Real | None) for row in rows)
     }  # fmt: skip
+    kind = "stack" if stack else "wide" if len(heads) > 3 else "narrow"
     name = escape(Markup(escape(caption)).striptags() or "table")
-    out = [f'<div class="scroll" tabindex="0" role="region" aria-label="{name}">', f"<table{' class=stack' * stack}>"]
+    out = [f'<div class="scroll" tabindex="0" role="region" aria-label="{name}">', f'<table class="{kind}">']
     if caption:
         out.append(f"<caption>{escape(caption)}</caption>")
     cells = "".join(f"<th scope=col{_kind(key in numeric)}>{escape(head)}</th>" for key, head in heads.items())

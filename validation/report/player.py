@@ -28,7 +28,7 @@ def player(
 
     window : s_o/l between which the runs are compared.  range_T : tensions [N] at the ends of the colour scale.
     """
-    X = scene.catenary
+    X, T_rest = scene.catenary, scene.catenary.tension
     every = max(1, -(-(runs[0].fields.s.size - 1) // (STATIONS - 1)))
     slope = scene.supports.drop / scene.supports.span
     low = high = 0.0
@@ -36,15 +36,20 @@ def player(
     for r, color in zip(runs, (BLUE, VERMILLION), strict=False):
         f = r.fields
         s = f.s[::every]
-        u, v, T = f.u[:, ::every], f.v[:, ::every], f.T[:, ::every]
-        below = X.y(s) + v - slope * (X.x(s) + u)
-        mass = X.y(f.s_o) + f.mass_v - slope * (X.x(f.s_o) + f.mass_u)
+        # the mass enters a cable at rest; frames begin a little later
+        rest, start = np.zeros((1, s.size)), np.zeros(1)
+        u, v = np.concatenate([rest, f.u[:, ::every]]), np.concatenate([rest, f.v[:, ::every]])
+        T = np.concatenate([T_rest(s)[None], f.T[:, ::every]])
+        t, s_o, mass_u, mass_v = (np.concatenate([start, part]) for part in (f.t, f.s_o, f.mass_u, f.mass_v))
+        behind, ahead = (np.concatenate([T_rest(start), part]) for part in (f.T_behind, f.T_ahead))
+        behind, ahead = np.where(np.isnan(behind), ahead, behind), np.where(np.isnan(ahead), behind, ahead)
+        x, y = X.x(s_o) + mass_u, X.y(s_o) + mass_v
+        below, mass = X.y(s) + v - slope * (X.x(s) + u), y - slope * x
         low, high = min(low, below.min(), mass.min()), max(high, below.max(), mass.max())
-        behind, ahead = (np.where(np.isnan(x), y, x) for x, y in ((f.T_behind, f.T_ahead), (f.T_ahead, f.T_behind)))
         cables.append({
-            "name": r.method, "color": color, "t": _packed(f.t), "s_o": _packed(f.s_o / r.length), "u": _packed(u),
-            "v": _packed(v), "T": _packed(np.minimum(T, _TOP * range_T[1])), "mass_x": _packed(X.x(f.s_o) + f.mass_u),
-            "mass_y": _packed(X.y(f.s_o) + f.mass_v), "mass_v": _packed(f.mass_v),
+            "name": r.method, "color": color, "t": _packed(t), "s_o": _packed(s_o / r.length), "u": _packed(u),
+            "v": _packed(v), "T": _packed(np.minimum(T, _TOP * range_T[1])), "mass_x": _packed(x),
+            "mass_y": _packed(y), "mass_v": _packed(mass_v),
             "behind": _packed(np.minimum(behind, _TOP * range_T[1])),
             "ahead": _packed(np.minimum(ahead, _TOP * range_T[1])),
             "slack": r.slack_onset, "reached": r.reached, "complete": r.status == "complete",

@@ -72,12 +72,24 @@ for (const root of document.querySelectorAll(".player")) {
   const inner = () => find("canvas").clientWidth - 28;
   const room = () => Math.max(0.16 * inner(), 0.36 * inner() - Math.abs(slope) * inner());
   const most = () => Math.max(1, Math.floor((room() * data.span) / inner() / (data.below[1] - data.below[0])));
+  // Highest and lowest point of any cable at any time, over the span; smaller exaggerations lie in between.
+  const extent = new Map();
+  function bounds(e) {
+    if (!extent.has(e)) {
+      let low = Math.min(0, data.drop), high = Math.max(0, data.drop);
+      for (const c of cables) for (let k = 0; k < c.u.length; k++) {
+        const x = data.x[k % m] + c.u[k], y = slope * x + e * (data.y[k % m] + c.v[k] - slope * x);
+        if (y < low) low = y; else if (y > high) high = y;
+      }
+      extent.set(e, [low, high]);
+    }
+    return extent.get(e);
+  }
 
   function drawCable(shown) {
     const width = inner(), unit = width / data.span, e = Number(scale.value);
-    const depth = most() * unit;
-    const top = 46 - depth * data.below[0] - Math.min(0, data.drop) * unit;
-    const height = 46 + depth * (data.below[1] - data.below[0]) + Math.abs(data.drop) * unit + 34;
+    const [lowest, deepest] = bounds(most());
+    const top = 54 - lowest * unit, height = top + deepest * unit + 46;
     const { g } = sheet(".cable", Math.round(height));
     const X = (p) => 14 + unit * p.x;
     const Y = (p) => top + unit * (slope * p.x + e * (p.y - slope * p.x));
