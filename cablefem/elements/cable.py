@@ -6,11 +6,10 @@ Dimensionless: l = H = rho = 1.
 from __future__ import annotations
 
 import math
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 from scipy.sparse import coo_array
 
 from cablefem.elements import kernels
@@ -40,11 +39,14 @@ def bands(matrix: coo_array, b: int) -> Array:
     return out
 
 
+_NO_BAND = np.empty((1, 1))  # in place of a tangent that is not asked for
+
+
 class CableElements:
     """A cable on some mesh with its moving mass: a `cablefem.newmark.System` but for `start` and the mesh.
 
-    A mesh sets n_scalar (unknowns per field), _n_dof, _band and the tables of `kernels`, and answers `_assemble`,
-    `_tables`, `_at_mass` and `_fields`.
+    A mesh sets n_scalar (unknowns per field), _n_dof, _band, the tables of `kernels` and _operators, and answers
+    `_time`, `_tables`, `_at_mass` and `_fields`.
 
     model : "full" for (u, v), or one unknown field normal to the chord: "string", "sagged", "stretching".
     load : "mass", or "force" for its weight alone.
@@ -56,6 +58,10 @@ class CableElements:
     _band: int  # half-width, all fields
     _dofs: NDArray[np.int64]
     _tab: Array
+    _operators: Array  # (n_op, n_scalar, 2 b + 1) what M, C and K are made of
+    _coefficients: Array  # (n_op, 3)
+    _span: Array
+    _contact: tuple[Any, ...]
 
     def __init__(self, groups: Groups, model: str, load: str, law: str) -> None:
         if groups.motion is None:
@@ -71,6 +77,8 @@ class CableElements:
         # displacement in the plane of each field
         self.direction = np.eye(2) if model == "full" else np.array([[-groups.chord_sin, groups.chord_cos]])
         self.tension_min = (math.inf, 0.0)  # least mean tension of an element and its s, at the last residual
+        self._at: tuple[float, int] | None = None
+        self._work: tuple[Array, NDArray[np.int64]] | None = None
         self._set_law(law)
 
     # --- the System protocol ---------------------------------------------------------------------------
@@ -94,32 +102,34 @@ class CableElements:
     def with_law(self, law: str) -> Self:
         """Return the same discretisation with another cable law, sharing all tables."""
         twin = object.__new__(type(self))
-        twin.__dict__.update(self.__dict__)
+        twin.__dict__.update(self.__dict__, _work=None)
         twin._set_law(law)
         return twin
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        r = np.zeros(self._n_dof)
-        self._assemble(t, q, v, a, phase, r, np.empty((1, 3 * self._band + 1)), False, 0.0, 0.0, 0.0)
+        r = np.empty(self._n_dof)
+        self._assemble(t, q, v, a, phase, r, _NO_BAND, False, 0.0, 0.0, 0.0)
         return r
 
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
     ) -> tuple[Array, Solve]:
-        r = np.zeros(self._n_dof)
-        ab = np.zeros((self.fields * self.n_scalar, 3 * self._band + 1))
-        increment = self._assemble(t, q, v, a, phase, r, ab, True, c0, c1, c2)
-        return r, self._solver(ab, increment, c0)
+        """As the protocol has it; the factors live in one workspace, so an earlier `solve` is void."""
+        r = np.empty(self._n_dof)
+        n = self.fields * self.n_scalar
+        if self._work is None:
+            self._work = np.empty((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64)
+        increment = self._assemble(t, q, v, a, phase, r, self._work[0], True, c0, c1, c2)
+        return r, self._solver(*self._work, increment, c0)
 
-    def _solver(self, ab: Array, increment: Array | None, c0: float) -> Solve:
+    def _solver(self, ab: Array, pivots: NDArray[np.int64], increment: Array | None, c0: float) -> Solve:
         """Factorise a banded tangent, in place, plus the rank one that a uniform tension increment adds to it."""
-        band = self._band
-        lu, pivots, info = lapack.dgbtrf(ab.T, band, band, overwrite_ab=1)
-        if info > 0:
+        if not kernels.factorise(ab, pivots):
             return lambda b: np.full_like(b, math.nan)  # singular: the driver takes NaN for a stalled step
 
         def solve(b: Array) -> Array:
-            return lapack.dgbtrs(lu, band, band, b, pivots, overwrite_b=1)[0]
+            kernels.solve(ab, pivots, b)
+            return b
 
         if increment is None:
             return solve
@@ -135,11 +145,8 @@ class CableElements:
         return solve_coupled
 
     # --- what a mesh answers ---------------------------------------------------------------------------
-    def _assemble(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, ab: Array, tangent: bool,
-        c0: float, c1: float, c2: float,
-    ) -> Array | None:  # fmt: skip
-        """Add the residual to r and, if asked, the banded tangent to ab; return the increment of `add_chord`."""
+    def _time(self, t: float, phase: int) -> None:
+        """Set _coefficients of the _operators, _span and _contact (the arguments of `add_contact`) at this instant."""
         raise NotImplementedError
 
     def _tables(self, s_o: float, ds: float) -> tuple[Array, NDArray[np.int64], Array]:
@@ -165,17 +172,27 @@ class CableElements:
             tau = 1.0 / g.chord_cos
             self._chord = np.array([g.alpha, tau, g.sigma * g.chord_cos / tau, *STRETCHING[self.model], flag])
 
-    def _add_internal(
-        self, span: Array, dofs: NDArray[np.int64], tab: Array, q: Array, r: Array, ab: Array, tangent: bool, c0: float
-    ) -> Array | None:
-        """Add the internal force and its tangent; note the least tension, element by element."""
+    def _assemble(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, ab: Array, tangent: bool,
+        c0: float, c1: float, c2: float,
+    ) -> Array | None:  # fmt: skip
+        """Set r and, if asked, the banded tangent; note the least tension; return the increment of `add_chord`."""
+        if self._at != (t, phase):
+            self._time(t, phase)
+            self._at = (t, phase)
+            self._bands = np.empty((3, *self._operators.shape[1:]))
+            kernels.combine(self._operators, self._coefficients, self._bands)
+        mesh = self._bands, self._span, self._dofs, self._tab
         if self.fields == 2:
-            self.tension_min = kernels.add_catenary(span, dofs, tab, self._cable, q, r, ab, tangent, c0)
+            self.tension_min = kernels.full_cable(
+                *mesh, self._cable, *self._contact, q, v, a, r, ab, tangent, c0, c1, c2
+            )
             return None
-        increment = np.zeros(self.n_scalar)
-        self.tension_min = (
-            kernels.add_chord(span, dofs, tab, self._chord, q, r, ab, increment, tangent, c0), 0.5,
-        )  # fmt: skip
+        increment = np.empty(self.n_scalar)
+        tension = kernels.chord_cable(
+            *mesh, self._chord, *self._contact, q, v, a, r, ab, increment, tangent, c0, c1, c2
+        )
+        self.tension_min = tension, 0.5
         return increment
 
     def _weight(self) -> Array:

@@ -82,7 +82,6 @@ class FixedElements(CableElements):
         self._tabulate(kind)
         self.particle = coupling == "path"
         self._n_dof = self.fields * (self.n_scalar + self.particle)
-        self._at: tuple[float, int] | None = None
 
     def start(self, phase: int, state: State | None) -> State:
         """Return the state at the beginning of a phase.
@@ -101,15 +100,15 @@ class FixedElements(CableElements):
         jump = dds - self.motion.at(t, phase - 1)[2]
         dofs, N, N_s, _ = self._shape(s_o)
         slope_jump = jump * N_s @ state.q[dofs]
-        band = np.zeros((self.fields * self.n_scalar, 3 * self._band + 1))
-        unused = np.zeros(self._n_dof)
-        kernels.add_banded(
-            self._mass, _ONLY_MASS, self.fields, state.q, state.v, state.a, unused, band, True, 0.0, 0.0, 1.0
-        )
-        self._add_coupling(band, dofs, N, self.inertia * N)
-        load = np.zeros(self.fields * self.n_scalar)
+        n = self.fields * self.n_scalar
+        band, pivots, unused = np.zeros((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64), np.zeros(self._n_dof)
+        of = (state.q, state.v, state.a, unused, band, True, 0.0, 0.0, 1.0)
+        none = np.zeros_like(N)
+        kernels.add_banded(np.concatenate([self._operators, np.zeros((2, *self._operators.shape[1:]))]), self.fields, *of)
+        kernels.add_contact(dofs, N, self.inertia * N, none, none, np.zeros(self.fields), *of)
+        load = np.zeros(n)
         load[dofs] = -self.inertia * np.outer(N, self._static_acceleration(s_o, 0.0, jump) + slope_jump)
-        cable = self._solver(band, None, 0.0)(load)
+        cable = self._solver(band, pivots, None, 0.0)(load)
         return State(t, state.q, state.v, state.a + np.append(cable, N @ cable[dofs] + slope_jump), phase)
 
     def linearise(
@@ -162,7 +161,7 @@ class FixedElements(CableElements):
         inner = (row >= 0) & (col >= 0)
         data = np.broadcast_to(of_one, row.shape)[inner]
         shape = (self.n_scalar, self.n_scalar)
-        self._mass = bands(coo_array((data, (row[inner], col[inner])), shape=shape), b)[None]
+        self._operators, self._coefficients = bands(coo_array((data, (row[inner], col[inner])), shape=shape), b)[None], _ONLY_MASS
         powers = shape_polynomials(kind.element())
         order = np.arange(n_loc)
         once = np.zeros_like(powers)
@@ -186,31 +185,18 @@ class FixedElements(CableElements):
         dofs, N, N_s, N_ss = self._shape(s_o)
         mu = self.inertia
         load = mu * self._static_acceleration(s_o, ds, dds) - self._weight()
-        self._contact = (dofs, N, mu * N, 2.0 * mu * ds * N_s, mu * (ds * ds * N_ss + dds * N_s), load)
-        self._at = (t, phase)
+        carried = 0.0 if self.particle else mu  # a particle feels the Coriolis and centrifugal forces by itself
+        c_row, k_row = 2.0 * carried * ds * N_s, carried * (ds * ds * N_ss + dds * N_s)
+        self._contact = (dofs, N, mu * N, c_row, k_row, load)
 
     def _assemble(self, t, q, v, a, phase, r, ab, tangent, c0, c1, c2) -> Array | None:
-        if self._at != (t, phase):
-            self._time(t, phase)
-        dofs, N, m_row, c_row, k_row, load = self._contact
-        kernels.add_banded(self._mass, _ONLY_MASS, self.fields, q, v, a, r, ab, tangent, c0, c1, c2)
-        increment = self._add_internal(self._span, self._dofs, self._tab, q, r, ab, tangent, c0)
-        if self.particle:
+        increment = super()._assemble(t, q, v, a, phase, r, ab, tangent, c0, c1, c2)
+        if self.particle:  # which has been taken for the cable under it
+            dofs, N, m_row, _, _, _ = self._contact
             p = slice(-self.fields, None)
             r[p] = q[p] - N @ q[dofs]
-            r[dofs] += np.outer(N, self.inertia * a[p] + load)
-            row = c2 * m_row
-        else:
-            r[dofs] += np.outer(N, m_row @ a[dofs] + c_row @ v[dofs] + k_row @ q[dofs] + load)
-            row = c2 * m_row + c1 * c_row + c0 * k_row
-        if tangent:
-            self._add_coupling(ab, dofs, N, row)
+            r[dofs] += np.outer(N, self.inertia * a[p] - m_row @ a[dofs])
         return increment
-
-    def _add_coupling(self, ab: Array, dofs: NDArray[np.int64], N: Array, row: Array) -> None:
-        """Add N^T row for every field."""
-        for d in dofs.T:
-            ab[d, 2 * self._band + d[:, None] - d] += np.outer(N, row)
 
     # --- observation -----------------------------------------------------------------------------------
     def _tables(self, s_o: float, ds: float) -> tuple[Array, NDArray[np.int64], Array]:

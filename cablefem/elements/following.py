@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 from scipy.sparse import coo_array
 
-from cablefem.elements import kernels
 from cablefem.elements.cable import CableElements, bands, elements_allowed
 from cablefem.elements.reference import graded_knots, reference
 from cablefem.newmark import State, StepFailure, consistent_acceleration
@@ -31,6 +30,8 @@ from cablefem.response import States
 from cablefem.scene import Groups
 
 Array = NDArray[np.float64]
+
+_ONE, _ZERO = np.ones(1), np.zeros(1)
 
 
 class FollowingElements(CableElements):
@@ -58,8 +59,8 @@ class FollowingElements(CableElements):
         self.node = self.left.n - 2  # scalar dof of the mass; the supports carry none
         self.n_scalar = self.left.n + self.right.n - 3
         self._n_dof = self.fields * self.n_scalar
+        self._node_dofs = self.fields * self.node + np.arange(self.fields)[None, :]
         self._tabulate()
-        self._at: tuple[float, int] | None = None
 
     def start(self, phase: int, state: State | None) -> State:
         """Return the state at the beginning of a phase.
@@ -113,7 +114,7 @@ class FollowingElements(CableElements):
                 inner = (row >= 0) & (row < self.n_scalar) & (col >= 0) & (col < self.n_scalar)
                 shape = (self.n_scalar, self.n_scalar)
                 operators.append(bands(coo_array((full.data[inner], (row[inner], col[inner])), shape=shape), b))
-        self._kin = np.array(operators)
+        self._operators = np.array(operators)
         linear = np.zeros(self.left.n)  # nodal values of the function xi
         linear[::b] = self.left.knots
         if b == 2:  # Lagrange midpoints; from degree 3 on interior functions are bubbles
@@ -167,19 +168,8 @@ class FollowingElements(CableElements):
             (0.0, 0.0, -ds * ds / h_l), (0.0, 0.0, -ds * ds / h_r),
         ])  # fmt: skip
         self._span = self._spans(s_o, ds)
-        self._load = self.inertia * self._static_acceleration(s_o, ds, dds) - self._weight()
-        self._at = (t, phase)
-
-    def _assemble(self, t, q, v, a, phase, r, ab, tangent, c0, c1, c2) -> Array | None:
-        if self._at != (t, phase):
-            self._time(t, phase)
-        f, m, mu = self.fields, self.node, self.inertia
-        kernels.add_banded(self._kin, self._coefficients, f, q, v, a, r, ab, tangent, c0, c1, c2)
-        increment = self._add_internal(self._span, self._dofs, self._tab, q, r, ab, tangent, c0)
-        r[f * m : f * m + f] += mu * a[f * m : f * m + f] + self._load
-        if tangent:
-            ab[f * m : f * m + f, 2 * self._band] += c2 * mu
-        return increment
+        load = self.inertia * self._static_acceleration(s_o, ds, dds) - self._weight()
+        self._contact = (self._node_dofs, _ONE, self.inertia * _ONE, _ZERO, _ZERO, load)
 
     # --- observation -----------------------------------------------------------------------------------
     def _tables(self, s_o: float, ds: float) -> tuple[Array, NDArray[np.int64], Array]:

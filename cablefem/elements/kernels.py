@@ -9,7 +9,8 @@ Common arguments
     dofs      (n_el, n_loc) scalar dof, -1 on a support
     tab       (n_el, n_q, 2 + 2 n_loc) rows: xi, weight, shape values, shape d/dxi
     cable     (alpha, sigma, c, law)  law 0 elastic, 1 tension-only
-    ab        (n_dof, 3 b + 1) transposed LAPACK band storage: ab[j, 2 b + i - j] = A[i, j]
+    ab        (n_dof, 3 b + 1) rows of a matrix of half-width b: ab[i, b + j - i] = A[i, j]; the last b columns are
+              empty until rows are exchanged
 """
 
 from __future__ import annotations
@@ -19,38 +20,65 @@ import math
 import numpy as np
 from numba import njit
 
+compiled = njit(cache=True, error_model="numpy")  # no test for a zero divisor: NaN and infinity are caught by norms
 
-@njit(cache=True)
-def add_banded(kin, coefficients, n_fields, q, v, a, r, ab, tangent, c0, c1, c2):
-    """Add M a + C v + K q and its tangent for scalar operators shared by all fields.
 
-    kin : (n_op, n, 2 b + 1) bands of the operators; coefficients : (n_op, 3) their factors in M, C, K.
+@compiled
+def combine(operators, coefficients, bands):
+    """Set the bands of M, C and K: sums of operators with their factors at this instant.
+
+    operators : (n_op, n, 2 b + 1);  coefficients : (n_op, 3);  bands : (3, n, 2 b + 1).
     """
-    n_op, n, width = kin.shape
+    bands[:] = 0.0
+    for o in range(operators.shape[0]):
+        for k in range(3):
+            factor = coefficients[o, k]
+            if factor != 0.0:
+                for i in range(bands.shape[1]):
+                    for j in range(bands.shape[2]):
+                        bands[k, i, j] += factor * operators[o, i, j]
+
+
+@compiled
+def add_banded(bands, n_fields, q, v, a, r, ab, tangent, c0, c1, c2):
+    """Add M a + C v + K q and its tangent for scalar operators shared by all fields; bands : (3, n, 2 b + 1)."""
+    _, n, width = bands.shape
     b = width // 2
     band = (ab.shape[1] - 1) // 3
     for i in range(n):
-        for k in range(width):
-            j = i + k - b
-            if j < 0 or j >= n:
-                continue
-            m = 0.0
-            c = 0.0
-            s = 0.0
-            for o in range(n_op):
-                x = kin[o, i, k]
-                m += coefficients[o, 0] * x
-                c += coefficients[o, 1] * x
-                s += coefficients[o, 2] * x
-            t = c2 * m + c1 * c + c0 * s
-            for f in range(n_fields):
-                row, col = i * n_fields + f, j * n_fields + f
-                r[row] += m * a[col] + c * v[col] + s * q[col]
-                if tangent:
-                    ab[col, 2 * band + row - col] += t
+        first, last = max(0, b - i), min(width, n + b - i)
+        for f in range(n_fields):
+            row = i * n_fields + f
+            total = 0.0
+            for k in range(first, last):
+                col = (i + k - b) * n_fields + f
+                total += bands[0, i, k] * a[col] + bands[1, i, k] * v[col] + bands[2, i, k] * q[col]
+            r[row] += total
+            if tangent:
+                for k in range(first, last):
+                    ab[row, band + (k - b) * n_fields] += (
+                        c2 * bands[0, i, k] + c1 * bands[1, i, k] + c0 * bands[2, i, k]
+                    )
 
 
-@njit(cache=True)
+@compiled
+def add_contact(dofs, shape, m_row, c_row, k_row, load, q, v, a, r, ab, tangent, c0, c1, c2):
+    """Add the mass, N^T (m a + c v + k q + load): shape functions N and rows m, c, k over the dofs (n, n_fields)."""
+    band = (ab.shape[1] - 1) // 3
+    for f in range(dofs.shape[1]):
+        force = load[f]
+        for j in range(dofs.shape[0]):
+            d = dofs[j, f]
+            force += m_row[j] * a[d] + c_row[j] * v[d] + k_row[j] * q[d]
+        for i in range(dofs.shape[0]):
+            row = dofs[i, f]
+            r[row] += shape[i] * force
+            if tangent:
+                for j in range(dofs.shape[0]):
+                    ab[row, band + dofs[j, f] - row] += shape[i] * (c2 * m_row[j] + c1 * c_row[j] + c0 * k_row[j])
+
+
+@compiled
 def add_catenary(span, dofs, tab, cable, q, r, ab, tangent, c0):
     """Add int (N t - T t_static) . phi' ds of the full cable; return the least mean tension of an element and its s.
 
@@ -113,17 +141,17 @@ def add_catenary(span, dofs, tab, cable, q, r, ab, tangent, c0):
                         if col < 0:
                             continue
                         gg = gi * tab[e, g, 2 + n_loc + j]
-                        at = 2 * band + 2 * (row - col)
-                        ab[2 * col, at] += gg * j11
-                        ab[2 * col, at + 1] += gg * j12
-                        ab[2 * col + 1, at - 1] += gg * j12
-                        ab[2 * col + 1, at] += gg * j22
+                        at = band + 2 * (col - row)
+                        ab[2 * row, at] += gg * j11
+                        ab[2 * row, at + 1] += gg * j12
+                        ab[2 * row + 1, at - 1] += gg * j12
+                        ab[2 * row + 1, at] += gg * j22
         if least * length > pull:
             least, where = pull / length, s_0 + 0.5 * h * (tab[e, 0, 0] + tab[e, -1, 0])
     return least, where
 
 
-@njit(cache=True)
+@compiled
 def add_chord(span, dofs, tab, chord, q, r, ab, increment, tangent, c0):
     """Add the internal force of the one-field models; return the tension along the chord, tau + h.
 
@@ -174,11 +202,113 @@ def add_chord(span, dofs, tab, chord, q, r, ab, increment, tangent, c0):
                     for j in range(n_loc):
                         col = dofs[e, j]
                         if col >= 0:
-                            ab[col, 2 * band + row - col] += gi * tab[e, g, 2 + n_loc + j] * stiffness
+                            ab[row, band + col - row] += gi * tab[e, g, 2 + n_loc + j] * stiffness
     return tension
 
 
-@njit(cache=True)
+@compiled
+def full_cable(
+    bands, span, dofs, tab, cable, contact, shape, m_row, c_row, k_row, load, q, v, a, r, ab, tangent, c0, c1, c2
+):
+    """Set the residual of the full cable with its mass and, if asked, the tangent; return as `add_catenary`."""
+    r[:] = 0.0
+    if tangent:
+        ab[:] = 0.0
+    add_banded(bands, 2, q, v, a, r, ab, tangent, c0, c1, c2)
+    least = add_catenary(span, dofs, tab, cable, q, r, ab, tangent, c0)
+    add_contact(contact, shape, m_row, c_row, k_row, load, q, v, a, r, ab, tangent, c0, c1, c2)
+    return least
+
+
+@compiled
+def chord_cable(
+    bands, span, dofs, tab, chord, contact, shape, m_row, c_row, k_row, load, q, v, a, r, ab, increment, tangent,
+    c0, c1, c2,
+):  # fmt: skip
+    """Set the residual of a one-field cable with its mass and, if asked, the tangent; return as `add_chord`."""
+    r[:] = 0.0
+    increment[:] = 0.0
+    if tangent:
+        ab[:] = 0.0
+    add_banded(bands, 1, q, v, a, r, ab, tangent, c0, c1, c2)
+    tension = add_chord(span, dofs, tab, chord, q, r, ab, increment, tangent, c0)
+    add_contact(contact, shape, m_row, c_row, k_row, load, q, v, a, r, ab, tangent, c0, c1, c2)
+    return tension
+
+
+KEEP = 0.1  # a diagonal pivot stays while it is at least this part of its column's largest: rows then keep their width
+
+
+@compiled
+def factorise(ab, pivots):
+    """Factorise a banded matrix in place, P A = L U, and return whether it is regular.
+
+    Gaussian elimination with threshold pivoting (Duff, Erisman & Reid 1986, section 5.2): the tangents here are nearly
+    always diagonally strong, and a row that keeps its place brings no new column in.  LAPACK's dgbtrf spends most of
+    its time on calls for bands this narrow.
+
+    pivots : (2, n); row exchanged with each row, and the last column that each row of U reaches.
+    """
+    n, width = ab.shape
+    band = (width - 1) // 3
+    for i in range(n):
+        pivots[1, i] = min(n - 1, i + band)
+    for i in range(n):
+        last = min(n - 1, i + band)
+        largest, at = abs(ab[i, band]), i
+        own = largest
+        for k in range(i + 1, last + 1):
+            size = abs(ab[k, band + i - k])
+            if size > largest:
+                largest, at = size, k
+        if not (largest > 0.0 and largest < math.inf):
+            return False
+        if own >= KEEP * largest:
+            at = i
+        pivots[0, i] = at
+        if at != i:
+            end = max(pivots[1, i], pivots[1, at])
+            for j in range(i, end + 1):
+                x = ab[i, band + j - i]
+                ab[i, band + j - i] = ab[at, band + j - at]
+                ab[at, band + j - at] = x
+            pivots[1, i], pivots[1, at] = pivots[1, at], pivots[1, i]
+        reach = pivots[1, i]
+        inverse = 1.0 / ab[i, band]
+        for k in range(i + 1, last + 1):
+            below = ab[k, band + i - k]
+            if below != 0.0:
+                factor = below * inverse
+                ab[k, band + i - k] = factor
+                shift = band - k
+                for j in range(i + 1, reach + 1):
+                    ab[k, shift + j] -= factor * ab[i, band - i + j]
+                if reach > pivots[1, k]:
+                    pivots[1, k] = reach
+    return True
+
+
+@compiled
+def solve(ab, pivots, b):
+    """Overwrite b (n,) with A^-1 b, A as `factorise` left it."""
+    n, width = ab.shape
+    band = (width - 1) // 3
+    for i in range(n):
+        at = pivots[0, i]
+        x = b[at]
+        if at != i:
+            b[at] = b[i]
+            b[i] = x
+        for k in range(i + 1, min(n, i + band + 1)):
+            b[k] -= ab[k, band + i - k] * x
+    for i in range(n - 1, -1, -1):
+        x = b[i]
+        for j in range(i + 1, pivots[1, i] + 1):
+            x -= ab[i, band + j - i] * b[j]
+        b[i] = x / ab[i, band]
+
+
+@compiled
 def cable_energy(span, dofs, tab, cable, q, v):
     """Return int( |w.|^2/2 + T eps + alpha eps^2/2 - sigma v ) ds, the least tension and its s; full cable.
 
@@ -221,7 +351,7 @@ def cable_energy(span, dofs, tab, cable, q, v):
     return energy, least, where
 
 
-@njit(cache=True)
+@compiled
 def chord_energy(span, dofs, tab, chord, q, v):
     """Return int( w.^2/2 + tau w'^2/2 ) ds + h^2/(2 alpha) of the one-field models, and the tension tau + h."""
     n_el, n_loc = dofs.shape
