@@ -7,7 +7,7 @@ w = sum_j Phi_j(s; s_o(t)) q_j read
     M q.. + 2 A q. + (A. - B) q + R(q) = F,
     M_ij = int Phi_i Phi_j ds,  A_ij = int Phi_i dPhi_j/dt ds,  B_ij = int dPhi_i/dt dPhi_j/dt ds,
 
-with the mass on top (`galerkin.equations`).  Both classes here answer the same questions; a standing basis has A = B = 0.
+with the mass on top (`galerkin.equations`).  Both classes here answer the same questions; one stands, A = B = 0.
 """
 
 from typing import Protocol
