@@ -1,0 +1,115 @@
+"""What commands say about responses and verdicts, in a few lines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from validation import measures, terminal
+from validation.methods import find
+
+if TYPE_CHECKING:
+    from cablefem.response import Response
+    from validation.agreement import Agreement
+    from validation.studies.check import Check
+
+
+def check(result: Check) -> None:
+    """Print the verdict on a check row by row and in one line, the answer, and where it stops being meaningful."""
+    rows(result.rows, (result.a.basis, result.b.basis))
+    third = sorted({row.row()["with"] for row in result.rows if "with" in row.row()})
+    *others, last = [result.a.run.method, result.b.run.method, *third]
+    word = {"agree": "agree", "disagree": "DISAGREE", "not comparable": "are NOT COMPARABLE"}[result.verdict.value]
+    low, high = result.window
+    over = f" over s_o/l = {low:g} to {high:.3g}" if low < high else ""
+    terminal.say()
+    terminal.say(f"{', '.join(others)} and {last} {word}{over}", style=terminal.STYLES[result.verdict.value])
+    run(result.a.run)
+    terminal.say(f"  {_meaning(result)}")
+
+
+def rows(verdicts: Sequence[Agreement], left_out: Sequence[str] = ()) -> None:
+    """Print rows of a verdict; parts of the reasons that are `left_out` stand in the files."""
+    cells = []
+    for row in verdicts:
+        content = row.row()
+        because = row.allowed_because
+        for part in left_out:
+            because = because.replace(f" ({part})", "").replace(f", {part}", "")
+        gap, allowed = (f"{x:.1e}" if math.isfinite(x) else "-" for x in (row.gap, row.allowed))
+        cells.append([
+            " ".join([row.quantity, content.get("with", "")]).strip(), gap, allowed,
+            "-" if row.where is None else f"{row.where:.3f}", row.verdict.value,
+            because,
+        ])  # fmt: skip
+    columns = ["quantity", "gap", "allowed", "at s_o/l", "verdict", "because"]
+    terminal.table(columns, cells, right=columns[1:4])
+
+
+def _meaning(result: Check) -> str:
+    """Say how far past the compared range both answers are still one answer."""
+    a, b, stop = result.a.response, result.b.response, result.window[1]
+    end = min(a.reached, b.reached)
+    allowed = next((row.allowed for row in result.rows if row.quantity == "path_max"), math.nan)
+    bound = 10.0 * max(result.tol, allowed if math.isfinite(allowed) else 0.0)
+    for place in np.arange(stop + 0.005, end, 0.005).tolist():
+        try:
+            if measures.path_gap(a, b, (stop, place))[0] > bound:
+                parted = f"the paths part by {bound:.2g} of the deflection"
+                return f"past s_o/l = {place:.3f} this stops being meaningful: {parted}"
+        except measures.NotComparable:  # too few steps yet
+            continue
+    return f"past that range the paths stay within {bound:.2g} of the deflection, up to s_o/l = {end:.3f}"
+
+
+def run(r: Response) -> None:
+    """Print what a run was asked for and the few numbers one wants first."""
+    at = int(r.v.argmax())
+    error = "" if r.path_error is None else f" +- {r.path_error * r.max_deflection:.2g}"
+    terminal.say(f"{r.scene}, {r.method}: {short(r)}")
+    terminal.say(
+        f"  largest deflection of the mass {r.max_deflection:.5g}{error} m, "
+        f"at s_o/l = {r.s_o[at] / r.length:.3f}, t = {r.t[at]:.4g} s"
+    )
+    f, trusted = r.fields, min(measures.WINDOW[1], r.slack_onset or 1.0)
+    k = int((f.s_o <= trusted * r.length).sum())
+    if k:
+        T = np.column_stack([f.T, f.T_behind, f.T_ahead])[:k]
+        i, j = divmod(int(T.argmax()), T.shape[1])
+        s = f.s[j] if j < f.s.size else f.s_o[i]
+        terminal.say(
+            f"  largest tension {T[i, j]:.4g} N = {T[i, j] / r.horizontal_tension:.3g} H up to s_o/l = {trusted:.3g}, "
+            f"at s/l = {s / r.length:.3f} with the mass at {f.s_o[i] / r.length:.2f}"
+        )
+    if r.slack_onset is not None:
+        after = {
+            "auto": "from there on with the tension-only law",
+            "elastic": "where an elastic law carries compression, and what follows means nothing",
+            "tension-only": "where the tension-only law lets it hang",
+        }[r.law]
+        first = "" if r.slack_at is None else f" at s/l = {r.slack_at:.3f} first,"
+        terminal.say(f"  slack from s_o/l = {r.slack_onset:.3f} on,{first} {after}")
+    terminal.say(f"  {r.status}, to s_o/l = {r.reached:.4g}: {r.work['steps']} steps in {r.seconds:.2g} s")
+    for line in r.flags if r.reason is None else [r.reason]:
+        terminal.say(f"  {line}", style="yellow")
+
+
+def short(r: Response) -> str:
+    """Return what a run was asked for, less what every run has by default."""
+    method = find(r.method)
+    told = {
+        key: value for key, value in r.settings.items()
+        if key in (method.resolution, "steps") or value != method.knobs[key].default
+    }  # fmt: skip
+    kinds = [kind for kind, usual in ((r.model, "full"), (r.load, "mass"), (r.law, "auto")) if kind != usual]
+    return ", ".join([f"{key}={value}" for key, value in told.items()] + kinds)
+
+
+def knob(key: str, setting: Any) -> str:
+    """Return a line on one setting of a method."""
+    named = isinstance(setting.default, str)
+    allowed = "|".join(setting.allowed) if named else f"{setting.allowed[0]:g} to {setting.allowed[1]:g}"
+    return f"{key}={setting.default}  {setting.meaning} ({allowed})"

@@ -1,0 +1,97 @@
+"""What a person sees while a command works: tables, lines and progress; plain text where there is no terminal."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+Progress = Callable[[str, float], None]
+
+STYLES = {"agree": "green", "disagree": "bold red", "not comparable": "yellow"}
+
+
+def say(text: str = "", style: str = "") -> None:
+    """Print a line to standard output, on a terminal wrapped at words and in a style of rich."""
+    console = _console()
+    if console is None:
+        print(text)
+    else:
+        console.print(text, style=style, markup=False, highlight=False)
+
+
+def complain(faults: Sequence[str]) -> None:
+    """Print one line per fault to standard error."""
+    for fault in faults:
+        print(f"cablefem: {fault}", file=sys.stderr)
+
+
+def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str] = ()) -> None:
+    """Print a table; `right` names the columns that are aligned to the right.  In a pipe every row is one line."""
+    console = _console()
+    if console is None:
+        lines = [columns, *rows]
+        widths = [max(len(line[i]) for line in lines) for i in range(len(columns))]
+        for cells in lines:
+            line = [
+                cell.rjust(width) if name in right else cell.ljust(width)
+                for cell, width, name in zip(cells, widths, columns, strict=True)
+            ]
+            print("  ".join(line).rstrip())
+        return
+    # A column can be made no narrower than its longest word, or a number.
+    narrowest = [
+        max(
+            len(word)
+            for cell in (name, *(row[i] for row in rows))
+            for word in ([cell] if name in right else cell.split() or [""])
+        )
+        for i, name in enumerate(columns)
+    ]
+    if sum(narrowest) + 3 * (len(columns) - 1) > console.width:
+        for row in rows:
+            for name, cell in zip(columns, row, strict=True):
+                say(f"{name} {cell}".strip(), style="bold" if name == columns[0] else STYLES.get(cell, ""))
+        return
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    drawn = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for name, width in zip(columns, narrowest, strict=True):
+        drawn.add_column(name, justify="right" if name in right else "left", min_width=width)
+    for row in rows:
+        drawn.add_row(*(Text(cell, style=STYLES.get(cell, "")) for cell in row))
+    console.print(drawn)
+
+
+@contextmanager
+def progress() -> Iterator[Progress]:
+    """Show one bar per label with the time left, on standard error, while the body runs; nothing in a pipe."""
+    if not sys.stderr.isatty():
+        yield lambda label, done: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    tasks: dict[str, TaskID] = {}
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeElapsedColumn(),
+        TextColumn("left"), TimeRemainingColumn(), console=Console(stderr=True), transient=True,
+    ) as bars:  # fmt: skip
+
+        def show(label: str, done: float) -> None:
+            if label not in tasks:
+                tasks[label] = bars.add_task(label, total=1.0)
+            bars.update(tasks[label], completed=done)
+
+        yield show
+
+
+def _console():
+    """Return rich's console where standard output is a terminal."""
+    if not sys.stdout.isatty():
+        return None
+    from rich.console import Console
+
+    return Console()
