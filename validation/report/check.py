@@ -354,8 +354,8 @@ def _tension(x: Stored) -> Section:
 
 def _laws(x: Stored) -> Section:
     text = Markup(
-        "<p>Two laws hold whatever the method, and neither solver uses them in this form: energy grows by the work of the "
-        "drive, and the cable pulls at the mass with its weight and inertia. They convict a solver even where both "
+        "<p>Two laws hold whatever the method, and neither solver uses them in this form: energy grows by the work of "
+        "the drive, and the cable pulls at the mass with its weight and inertia. They convict a solver even where both "
         "agree.</p>"
     )
     figures = gallery(

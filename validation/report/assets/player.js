@@ -237,7 +237,7 @@ for (const root of document.querySelectorAll(".player")) {
   function rescale() {
     scale.max = most();
     find(".scale").hidden = most() < 2;
-    find(".scale output").textContent = `drawn ${scale.value} times too large`;
+    find(".scale output").textContent = Number(scale.value) === 1 ? "drawn to scale" : `drawn ${scale.value} times too large`;
     draw();
   }
   scale.addEventListener("input", rescale);

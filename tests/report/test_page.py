@@ -1,0 +1,180 @@
+"""The page: escaped, self-contained, ids that do not clash, worst first, and refused rather than wrong."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from markupsafe import Markup
+
+from validation.report import page
+from validation.report.page import Section, figure, number, panels, percent, render, style, svg, table
+
+EVIL = '<script>alert(7)</script> & "co"'
+
+
+class Reader(HTMLParser):
+    """What a browser would load, and what points where."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.targets: list[str] = []
+        self.loads: list[str] = []
+        self.scripts = 0
+        self.words: list[str] = []
+        self.feed(text)
+        self.loads += re.findall(r"url\((?!#)([^)]*)\)|@import\s+(\S+)", text)
+        self.targets += re.findall(r"url\(#([^)]+)\)", text)
+
+    def handle_starttag(self, tag, attrs):
+        self.scripts += tag == "script"
+        for name, value in attrs:
+            if name == "id":
+                self.ids.append(value)
+            elif name in ("href", "xlink:href") and value.startswith("#"):
+                self.targets.append(value[1:])
+            elif name in ("src", "href", "xlink:href", "data", "action") and not value.startswith("data:"):
+                self.loads.append(value)
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+
+def drawn(label: str = "a line", marker: str = "o"):
+    with style():
+        fig, ax = panels(height=2.3)
+        ax.plot([0.0, 1.5, 2.5], [3.5, 7.0, 2.0], marker=marker, clip_on=True, label=label)
+        ax.legend()
+    return fig
+
+
+def written(tmp_path: Path, *sections: Section, title: str = "A report") -> str:
+    render(title, sections, tmp_path / "report.html")
+    return (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_text_is_escaped_everywhere(tmp_path):
+    html = (
+        table([{"what": EVIL}], {"what": EVIL}, caption=EVIL)
+        + page.callout(EVIL)
+        + page.details(EVIL, page.missing(EVIL, EVIL))
+        + figure(drawn(EVIL), EVIL, label=EVIL)
+    )
+    text = written(tmp_path, Section("one", EVIL, html, "agree", EVIL), Section("two", "Two", "", None), title=EVIL)
+    read = Reader(text)
+    assert read.scripts == 1  # the page's own
+    assert "alert(7)" in "".join(read.words)
+    assert "<script>alert" not in text
+
+
+def test_ids_of_two_figures_do_not_clash_and_every_reference_has_a_target(tmp_path):
+    html = page.gallery(figure(drawn("first"), "First"), figure(drawn("second"), "Second"))
+    read = Reader(written(tmp_path, Section("one", "One", html), Section("two", "Two", "")))
+    assert len(read.ids) > 30
+    assert len(set(read.ids)) == len(read.ids)
+    assert set(read.targets) <= set(read.ids)
+    assert {"one", "two", "main"} <= set(read.targets)
+
+
+def test_ids_as_matplotlib_writes_them_would_clash(tmp_path):
+    bare = re.sub(r'"f[0-9a-f]{8}-', '"', svg(drawn("first"), "First") + svg(drawn("second"), "Second"))
+    read = Reader(written(tmp_path, Section("one", "One", bare)))
+    assert len(set(read.ids)) < len(read.ids)
+
+
+def test_nothing_is_loaded_from_elsewhere(tmp_path):
+    text = written(tmp_path, Section("one", "One", figure(drawn(), "First"), scripts=("player.js",)))
+    assert Reader(text).loads == []
+    assert "http" not in text.replace("http-equiv", "")
+    assert "default-src 'none'" in text
+
+
+def test_a_load_from_elsewhere_would_be_found(tmp_path):
+    html = '<img src="https://example.org/x.png"><style>@import "x.css"; a { background: url(y.png) }</style>'
+    assert len(Reader(written(tmp_path, Section("one", "One", html))).loads) == 3
+
+
+def test_disagreements_come_first(tmp_path):
+    verdicts = ["agree", "not comparable", None, "disagree"]
+    sections = [Section(f"s{i}", f"Part {i}", "", verdict, f"found {i}") for i, verdict in enumerate(verdicts)]
+    text = written(tmp_path, *sections)
+    contents = text[text.index("<nav") : text.index("</nav>")]
+    assert re.findall(r'href="#(s\d)"', contents) == ["s3", "s1", "s0", "s2"]
+    rows = table([{"verdict": v, "n": i} for i, v in enumerate(verdicts)], {"n": "n", "verdict": "verdict"}, sort=True)
+    assert re.findall(r"<div>(\d)</div>", rows) == ["3", "1", "0", "2"]
+    assert rows.count("badge") == 3
+
+
+def test_a_verdict_has_a_word_and_a_sign_besides_its_colour():
+    assert [Markup(page.badge(v)).striptags() for v in page.VERDICTS] == ["✗ disagree", "? not comparable", "✓ agree"]
+
+
+def test_two_sections_of_one_name_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="'one'"):
+        written(tmp_path, Section("one", "One", ""), Section("one", "Another", ""))
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_an_unknown_verdict_is_refused_and_an_older_report_kept(tmp_path):
+    before = written(tmp_path, Section("one", "One", "", "agree"))
+    with pytest.raises(ValueError, match="perhaps"):
+        written(tmp_path, Section("one", "One", "", "perhaps"))
+    assert (tmp_path / "report.html").read_text(encoding="utf-8") == before
+    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+
+
+@pytest.mark.parametrize(
+    ("x", "digits", "text"),
+    [
+        (37.78661, 3, "37.8"), (2002.372, 3, "2000"), (0.0025329, 3, "0.00253"), (0.00025329, 3, "2.53 × 10⁻⁴"),
+        (2.1195e-5, 2, "2.1 × 10⁻⁵"), (1.5e6, 3, "1.50 × 10⁶"), (-0.73, 2, "−0.73"), (-3e-7, 1, "−3 × 10⁻⁷"),
+        (12345, 3, "12\u202f345"), (0.0, 3, "0"),
+        (9.996, 3, "10.0"), (np.float64(2.5), 3, "2.50"), (np.int64(1101), 3, "1\u202f101"), (None, 3, "–"),
+        (float("nan"), 3, "–"), (float("inf"), 3, "–"),
+    ],
+)  # fmt: skip
+def test_numbers_are_short_and_never_nan(x, digits, text):
+    assert number(x, digits) == text
+
+
+def test_a_ratio_in_percent_has_its_unit():
+    assert percent(0.000253) == "0.025\u202f%"
+    assert percent(None) == "–"
+
+
+def test_cells_of_a_table():
+    rows = [{"a": 1.5, "b": 7, "c": True, "d": Markup("<b>x</b>")}, {"a": None, "b": 3}]
+    html = table(rows, ["a", "b", "c", "d"])
+    cells = re.findall(r'<td([^>]*) data-label="(\w)"><div>(.*?)</div></td>', html)
+    assert [value for _, _, value in cells] == ["1.50", "7", "yes", "<b>x</b>", "–", "3", "–", "–"]
+    assert ["n" in kind.split('"')[1].split() for kind, name, _ in cells[:2]] == [True, True]
+    assert table([], ["a"]).count("<td") == 0
+
+
+def test_figures_are_the_same_every_time_small_and_keep_their_text():
+    first, again = (svg(drawn(), "A line") for _ in range(2))
+    assert first == again
+    assert "<text" in first
+    assert 'aria-label="A line"' in first
+    x = np.linspace(0.0, 1.0, 30_000)
+    with style():
+        fig, ax = panels()
+        ax.plot(x, np.sin(9.0 * x))
+        long = svg(fig, "A long line")
+        fig, ax = panels()
+        ax.pcolormesh(x[::100], x[::150], np.outer(x[::150], x[::100]), rasterized=True)
+        field = svg(fig, "A field")
+    assert len(long) < 40_000
+    assert len(field) < 80_000
+    assert "data:image/png;base64," in field
+
+
+def test_drawing_leaves_the_reader_s_own_figures_alone():
+    before = dict(mpl.rcParams)
+    svg(drawn(), "A line")
+    assert dict(mpl.rcParams) == before
