@@ -17,12 +17,14 @@ if TYPE_CHECKING:
     from validation.studies.adequacy import advise
     from validation.studies.check import check
     from validation.studies.claims import paper
+    from validation.studies.modes import modes
     from validation.studies.stability import atlas
     from validation.studies.workprecision import chart
 
 _HOME = {
     "check": "studies.check",
     "run": "run",
+    "modes": "studies.modes",
     "advise": "studies.adequacy",
     "chart": "studies.workprecision",
     "atlas": "studies.stability",
@@ -32,7 +34,7 @@ _HOME = {
     "ForeignPath": "foreign",
 }
 
-__all__ = ["ForeignPath", "advise", "assert_agree", "atlas", "chart", "check", "check_solver", "paper", "run"]
+__all__ = ["ForeignPath", "advise", "assert_agree", "atlas", "chart", "check", "check_solver", "modes", "paper", "run"]
 
 
 class _Package(ModuleType):

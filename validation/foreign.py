@@ -317,7 +317,8 @@ def _common(path: ForeignPath | Response, window: Window) -> Window:
     """Return the part of the window that the path covers."""
     start, stop = max(window[0], float(path.s_o[0] / path.length)), min(window[1], path.reached)
     if not start < stop:
-        raise NotComparable(f"it covers s_o/l = {path.s_o[0] / path.length:.4g} to {path.reached:.4g}")
+        covered = f"{path.s_o[0] / path.length:.4g} to {path.reached:.4g}"
+        raise NotComparable(f"it covers s_o/l = {covered}, our own answers {window[0]:.4g} to {window[1]:.4g}")
     return start, stop
 
 

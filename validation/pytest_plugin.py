@@ -47,7 +47,7 @@ def cable_check(request: pytest.FixtureRequest) -> Callable[..., Any]:
     are run once per session and scene; cable_check("level") holds these against one another.
     """
     from validation import assertions, foreign
-    from validation.agreement import Verdict
+    from validation.agreement import Verdict, overall
     from validation.studies.check import check
 
     kept = request.config.stash.setdefault(_CHECKS, {})
@@ -62,13 +62,17 @@ def cable_check(request: pytest.FixtureRequest) -> Callable[..., Any]:
         result = kept[key]
         if solver is not None:
             result = assertions.check_solver(scene, solver, tol=tol, with_tol=with_tol, ours=result)
-        party = result.rows[-1].row().get("with", f"{result.a.run.method} and {result.b.run.method}")
-        _tell(request, f"{scene.name}, {party}: {_worst(result.rows)}", result.verdict.value)
-        failed = [row for row in result.rows if row.verdict is not Verdict.AGREE]
+        party, rows = f"{result.a.run.method} and {result.b.run.method}", result.rows
+        if solver is not None:  # its own rows, and whether there is one path to hold it against
+            rows = [row for row in rows if "with" in row.row() or row.quantity == "path_max"]
+            party = rows[-1].row()["with"]
+        verdict = overall(rows)
+        _tell(request, f"{scene.name}, {party}: {_worst(rows)}", verdict.value)
+        failed = [row for row in rows if row.verdict is not Verdict.AGREE]
         if failed:
-            raise AssertionError("\n".join([
-                f"{scene.name}: {result.verdict.value}", *(f"  {assertions.told(row)}" for row in failed)
-            ]))  # fmt: skip
+            raise AssertionError(
+                "\n".join([f"{scene.name}: {verdict.value}", *(f"  {assertions.told(row)}" for row in failed)])
+            )
         return result
 
     return checked

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from validation.agreement import Agreement
     from validation.studies.check import Check
 
+MEANINGFUL = 1e-2  # of the largest deflection: paths further apart are two answers
+
 
 def check(result: Check) -> None:
     """Print the verdict on a check row by row and in one line, the answer, and where it stops being meaningful."""
@@ -46,7 +48,9 @@ def rows(verdicts: Sequence[Agreement], left_out: Sequence[str] = ()) -> None:
             because,
         ])  # fmt: skip
     columns = ["quantity", "gap", "allowed", "at s_o/l", "verdict", "because"]
-    terminal.table(columns, cells, right=columns[1:4])
+    if all(row.where is None for row in verdicts):
+        columns, cells = columns[:3] + columns[4:], [row[:3] + row[4:] for row in cells]
+    terminal.table(columns, cells, right=["gap", "allowed", "at s_o/l"])
 
 
 def _meaning(result: Check) -> str:
@@ -54,7 +58,7 @@ def _meaning(result: Check) -> str:
     a, b, stop = result.a.response, result.b.response, result.window[1]
     end = min(a.reached, b.reached)
     allowed = next((row.allowed for row in result.rows if row.quantity == "path_max"), math.nan)
-    bound = 10.0 * max(result.tol, allowed if math.isfinite(allowed) else 0.0)
+    bound = max(MEANINGFUL, 2.0 * allowed if math.isfinite(allowed) else 0.0)
     for place in np.arange(stop + 0.005, end, 0.005).tolist():
         try:
             if measures.path_gap(a, b, (stop, place))[0] > bound:

@@ -12,12 +12,16 @@ STYLES = {"agree": "green", "disagree": "bold red", "not comparable": "yellow"}
 
 
 def say(text: str = "", style: str = "") -> None:
-    """Print a line to standard output, on a terminal wrapped at words and in a style of rich."""
+    """Print a line to standard output; on a terminal wrapped at words below its own indent, in a style of rich."""
     console = _console()
     if console is None:
         print(text)
-    else:
-        console.print(text, style=style, markup=False, highlight=False)
+        return
+    from rich.padding import Padding
+    from rich.text import Text
+
+    words = text.lstrip(" ")
+    console.print(Padding(Text(words, style=style), (0, 0, 0, len(text) - len(words)), expand=False))
 
 
 def complain(faults: Sequence[str]) -> None:
