@@ -51,11 +51,11 @@ class System(Protocol):
     def phases(self) -> tuple[tuple[float, float], ...]: ...
     @property
     def force_scale(self) -> float:
-        """Size of the loads: Newton has converged when max|r| <= newton_tol * force_scale + force_floor."""
+        """Size of the loads: Newton has converged when |r| <= newton.tol * force_scale + sqrt(n_dof) * force_floor."""
 
     @property
     def force_floor(self) -> float:
-        """Rounding error of max|r|, below which Newton's method cannot get."""
+        """Rounding error of a component of r, below which Newton's method cannot get."""
 
     def start(self, phase: int, state: State | None) -> State:
         """Return a consistent state at the beginning of `phase` (state=None: entry, at rest)."""
@@ -152,13 +152,13 @@ class Work:
 
 @dataclass(frozen=True, slots=True)
 class Newton:
-    """Newton's method on a step: max|r| <= tol * system.force_scale + system.force_floor.
+    """Newton's method on a step: |r| <= tol * system.force_scale + sqrt(n_dof) * system.force_floor, Euclidean norm.
 
     The tangent is kept while an iteration cuts the residual by `reuse` or more.  From the third iteration on a
     correction that does not lower the residual is halved, up to five times: a slack cable's tangent jumps.
     """
 
-    tol: float = 1e-8
+    tol: float = 1e-4
     max_iter: int = 25
     reuse: float = 0.1
 
@@ -326,6 +326,13 @@ class _Stepper:
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         self.system, self.method, self.newton, self.work = system, method, newton, work
         self._a_mid: Array | None = None
+        self._bound = newton.tol * system.force_scale + math.sqrt(system.n_dof) * system.force_floor
+        self._correction = np.empty((3, system.n_dof))
+        # rows q, v, a: all of a step is linear in them but the balance
+        self._free = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
+        self._by_a = np.ones((3, 1))
+        m = method
+        self._inside = np.array([[1.0 - m.alpha_f], [1.0 - m.alpha_f], [1.0 - m.alpha_m]])
 
     def forget(self) -> None:
         self._a_mid = None
@@ -335,40 +342,35 @@ class _Stepper:
             return self._averaged(x, t1) if self.method.average else self._newmark(x, t1)
 
     def _newmark(self, x: State, t1: float) -> State:
-        m, dt = self.method, t1 - x.t
+        m, dt, system, by_a, inside = self.method, t1 - x.t, self.system, self._by_a, self._inside
         wf, wm = 1.0 - m.alpha_f, 1.0 - m.alpha_m
-        t = t1 if m.alpha_f == 0.0 else x.t + wf * dt
-        c0, c1 = m.newmark_beta * dt * dt, m.newmark_gamma * dt
-        a1, v1, q1 = x.a, x.v, x.q
         plain = wf == 1.0 and wm == 1.0
-
-        def at() -> tuple[Array, Array, Array]:
-            if plain:
-                return q1, v1, a1
-            return wf * q1 + (1.0 - wf) * x.q, wf * v1 + (1.0 - wf) * x.v, wm * a1 + (1.0 - wm) * x.a
+        t = t1 if plain else x.t + wf * dt
+        c0, c1 = m.newmark_beta * dt * dt, m.newmark_gamma * dt
+        by_a[0], by_a[1] = c0, c1
+        self._free[0, 1], self._free[0, 2], self._free[1, 2] = dt, 0.5 * dt * dt - c0, dt - c1
+        start = np.array([x.q, x.v, x.a])
+        free = self._free @ start
+        outside = None if plain else (1.0 - inside) * start
 
         def residual() -> Array:
-            q, v, a = at()
-            return self.system.residual(t, q, v, a, x.phase)
+            q, v, a = now if plain else inside * now + outside
+            return system.residual(t, q, v, a, x.phase)
 
         def linearise() -> tuple[Array, Solve]:
-            q, v, a = at()
-            return self.system.linearise(t, q, v, a, x.phase, wf * c0, wf * c1, wm)
+            q, v, a = now if plain else inside * now + outside
+            return system.linearise(t, q, v, a, x.phase, wf * c0, wf * c1, wm)
 
         def update(da: Array) -> None:
-            nonlocal a1, v1, q1
-            a1 -= da
-            v1 -= c1 * da
-            q1 -= c0 * da
+            np.multiply(by_a, da, out=self._correction)
+            np.subtract(now, self._correction, out=now)
 
         # first guess: the acceleration goes on as it was; where unresolved waves make that absurd: it vanishes
-        for guess in (x.a, np.zeros_like(x.a)):
-            a1 = guess.copy()
-            v1 = x.v + (dt - c1) * x.a + c1 * a1
-            q1 = x.q + dt * x.v + (0.5 * dt * dt - c0) * x.a + c0 * a1
+        for guess in (x.a, None):
+            now = free.copy() if guess is None else free + by_a * guess
             try:
                 self._solve(t1, residual, linearise, update)
-                return State(t1, q1, v1, a1, x.phase)
+                return State(t1, now[0], now[1], now[2], x.phase)
             except NewtonStalled as stalled:
                 failure = stalled
         raise failure
@@ -404,11 +406,10 @@ class _Stepper:
         return State(t1, x.q + dt * x.v + (0.5 * dt * dt) * a, x.v + dt * a, a1, x.phase)
 
     def _solve(self, t1: float, residual, linearise, update) -> None:
-        newton, work, system = self.newton, self.work, self.system
-        bound = newton.tol * system.force_scale + system.force_floor
+        newton, work = self.newton, self.work
         r, solve = linearise()
         work.factorisations += 1
-        norm = float(np.abs(r).max())
+        norm = math.sqrt(r @ r)
         for iteration in range(newton.max_iter):
             work.newton_iterations += 1
             before, correction = norm, solve(r)
@@ -419,10 +420,10 @@ class _Stepper:
                     update(-correction)
                 r = residual()
                 work.residuals += 1
-                norm = float(np.abs(r).max())
+                norm = math.sqrt(r @ r)
                 if norm < before or iteration < 2:
                     break
-            if norm <= bound:
+            if norm <= self._bound:
                 return
             if not norm < math.inf:
                 break
@@ -430,6 +431,6 @@ class _Stepper:
                 r, solve = linearise()
                 work.factorisations += 1
         raise NewtonStalled(
-            t1, f"Newton's method stalled (max|r| = {norm:.2g}, allowed {bound:.2g})",
+            t1, f"Newton's method stalled (|r| = {norm:.2g}, allowed {self._bound:.2g})",
             "take more steps, a damped scheme (newmark, generalized-alpha), or the tension-only law for a slack cable",
         )  # fmt: skip

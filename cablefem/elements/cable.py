@@ -77,8 +77,7 @@ class CableElements:
         # displacement in the plane of each field
         self.direction = np.eye(2) if model == "full" else np.array([[-groups.chord_sin, groups.chord_cos]])
         self.tension_min = (math.inf, 0.0)  # least mean tension of an element and its s, at the last residual
-        self._at: tuple[float, int] | None = None
-        self._work: tuple[Array, NDArray[np.int64]] | None = None
+        self._weight = tuple((groups.mu * groups.sigma * self.direction[:, 1]).tolist())  # of the mass, field by field
         self._set_law(law)
 
     # --- the System protocol ---------------------------------------------------------------------------
@@ -102,8 +101,9 @@ class CableElements:
     def with_law(self, law: str) -> Self:
         """Return the same discretisation with another cable law, sharing all tables."""
         twin = object.__new__(type(self))
-        twin.__dict__.update(self.__dict__, _work=None)
+        twin.__dict__.update(self.__dict__)
         twin._set_law(law)
+        twin._fresh()
         return twin
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
@@ -116,9 +116,6 @@ class CableElements:
     ) -> tuple[Array, Solve]:
         """As the protocol has it; the factors live in one workspace, so an earlier `solve` is void."""
         r = np.empty(self._n_dof)
-        n = self.fields * self.n_scalar
-        if self._work is None:
-            self._work = np.empty((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64)
         increment = self._assemble(t, q, v, a, phase, r, self._work[0], True, c0, c1, c2)
         return r, self._solver(*self._work, increment, c0)
 
@@ -145,6 +142,13 @@ class CableElements:
         return solve_coupled
 
     # --- what a mesh answers ---------------------------------------------------------------------------
+    def _fresh(self) -> None:
+        """Make the workspaces, which a twin with another law must not share."""
+        n = self.fields * self.n_scalar
+        self._at: tuple[float, int] | None = None
+        self._work = np.empty((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64)
+        self._bands = np.empty((3, *self._operators.shape[1:]))
+
     def _time(self, t: float, phase: int) -> None:
         """Set _coefficients of the _operators, _span and _contact (the arguments of `add_contact`) at this instant."""
         raise NotImplementedError
@@ -180,35 +184,32 @@ class CableElements:
         if self._at != (t, phase):
             self._time(t, phase)
             self._at = (t, phase)
-            self._bands = np.empty((3, *self._operators.shape[1:]))
             kernels.combine(self._operators, self._coefficients, self._bands)
-        mesh = self._bands, self._span, self._dofs, self._tab
+            cable = self._cable if self.fields == 2 else self._chord
+            self._mesh = self._bands, self._span, self._dofs, self._tab, cable, *self._contact
         if self.fields == 2:
-            self.tension_min = kernels.full_cable(
-                *mesh, self._cable, *self._contact, q, v, a, r, ab, tangent, c0, c1, c2
-            )
+            self.tension_min = kernels.full_cable(*self._mesh, q, v, a, r, ab, tangent, c0, c1, c2)
             return None
         increment = np.empty(self.n_scalar)
-        tension = kernels.chord_cable(
-            *mesh, self._chord, *self._contact, q, v, a, r, ab, increment, tangent, c0, c1, c2
-        )
+        tension = kernels.chord_cable(*self._mesh, q, v, a, r, ab, increment, tangent, c0, c1, c2)
         self.tension_min = tension, 0.5
         return increment
 
-    def _weight(self) -> Array:
-        """Return the weight of the mass in the model's fields."""
-        g = self.groups
-        return g.mu * g.sigma * self.direction[:, 1]
-
-    def _static_acceleration(self, s_o: float, ds: float, dds: float) -> Array:
+    def _static_acceleration(self, s_o: float, ds: float, dds: float) -> tuple[float, ...]:
         """Return d2/dt2 X(s_o(t)) on the static shape (parabola for the one-field models)."""
         if self.fields == 1:
-            curvature = self._chord[2]
-            return np.array([dds * curvature * (0.5 - s_o) - ds * ds * curvature])
+            curvature = float(self._chord[2])
+            return (dds * curvature * (0.5 - s_o) - ds * ds * curvature,)
         p = self.groups.c - self.groups.sigma * s_o
         T = math.sqrt(1.0 + p * p)
         bend = ds * ds * self.groups.sigma / T**3
-        return np.array([dds / T + bend * p, dds * p / T - bend])
+        return dds / T + bend * p, dds * p / T - bend
+
+    def _load(self, s_o: float, ds: float, dds: float) -> tuple[float, ...]:
+        """Return mu d2X/dt2 less the weight: what the mass asks for along the static path."""
+        return tuple(
+            self.inertia * a - w for a, w in zip(self._static_acceleration(s_o, ds, dds), self._weight, strict=True)
+        )
 
     # --- observation -----------------------------------------------------------------------------------
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
@@ -279,7 +280,7 @@ class CableElements:
         Their stored energy is quadratic in w' at a given tension, so <force> [w'] = [W] and only F <r'> is left.
         """
         s_o, ds, dds = kinematics.T
-        curvature, weight = self._chord[2], float(self._weight()[0])
+        curvature, weight = self._chord[2], self._weight[0]
         slope = curvature * (0.5 - s_o)
         p_t = w_t + ds * slope
         p_tt = w_tt + dds * slope - ds**2 * curvature

@@ -82,6 +82,7 @@ class FixedElements(CableElements):
         self._tabulate(kind)
         self.particle = coupling == "path"
         self._n_dof = self.fields * (self.n_scalar + self.particle)
+        self._fresh()
 
     def start(self, phase: int, state: State | None) -> State:
         """Return the state at the beginning of a phase.
@@ -107,7 +108,7 @@ class FixedElements(CableElements):
         kernels.add_banded(np.concatenate([self._operators, np.zeros((2, *self._operators.shape[1:]))]), self.fields, *of)
         kernels.add_contact(dofs, N, self.inertia * N, none, none, np.zeros(self.fields), *of)
         load = np.zeros(n)
-        load[dofs] = -self.inertia * np.outer(N, self._static_acceleration(s_o, 0.0, jump) + slope_jump)
+        load[dofs] = -self.inertia * np.outer(N, np.array(self._static_acceleration(s_o, 0.0, jump)) + slope_jump)
         cable = self._solver(band, pivots, None, 0.0)(load)
         return State(t, state.q, state.v, state.a + np.append(cable, N @ cable[dofs] + slope_jump), phase)
 
@@ -184,7 +185,7 @@ class FixedElements(CableElements):
         s_o, ds, dds = self.motion.at(t, phase)
         dofs, N, N_s, N_ss = self._shape(s_o)
         mu = self.inertia
-        load = mu * self._static_acceleration(s_o, ds, dds) - self._weight()
+        load = np.array(self._load(s_o, ds, dds))
         carried = 0.0 if self.particle else mu  # a particle feels the Coriolis and centrifugal forces by itself
         c_row, k_row = 2.0 * carried * ds * N_s, carried * (ds * ds * N_ss + dds * N_s)
         self._contact = (dofs, N, mu * N, c_row, k_row, load)

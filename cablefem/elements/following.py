@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 from scipy.sparse import coo_array
 
+from cablefem.elements import kernels
 from cablefem.elements.cable import CableElements, bands, elements_allowed
 from cablefem.elements.reference import graded_knots, reference
 from cablefem.newmark import State, StepFailure, consistent_acceleration
@@ -59,8 +60,8 @@ class FollowingElements(CableElements):
         self.node = self.left.n - 2  # scalar dof of the mass; the supports carry none
         self.n_scalar = self.left.n + self.right.n - 3
         self._n_dof = self.fields * self.n_scalar
-        self._node_dofs = self.fields * self.node + np.arange(self.fields)[None, :]
         self._tabulate()
+        self._fresh()
 
     def start(self, phase: int, state: State | None) -> State:
         """Return the state at the beginning of a phase.
@@ -77,8 +78,7 @@ class FollowingElements(CableElements):
             return consistent_acceleration(self, t, state.q, state.v, phase)
         _, ds, dds = self.motion.at(t, phase)
         if ds > 0.0:
-            pull = self._weight() - self.inertia * self._static_acceleration(0.0, ds, dds)
-            node_a = pull / (self.inertia + self._entrained)
+            node_a = -np.array(self._load(0.0, ds, dds)) / (self.inertia + self._entrained)
         elif dds > 0.0:
             node_a = 2.0 * self._strained_start(dds)
         else:
@@ -126,15 +126,9 @@ class FollowingElements(CableElements):
         self._ride = np.concatenate([linear[1:], pushed[1:] / pushed[0]])
         self._entrained = float(1.0 / pushed[0])
 
-    def _spans(self, s_o: float, ds: float) -> Array:
-        span = np.empty((self._dofs.shape[0], 4))
-        span[: self._n_left] = (0.0, s_o, 0.0, ds)
-        span[self._n_left :] = (s_o, 1.0 - s_o, ds, -ds)
-        return span
-
     def _strained_start(self, dds: float) -> Array:
         """Solve m 2b + mu a X' - weight + [N t - T t_static](X' + 2b/a) = 0 for b by Newton's method."""
-        rest = self.inertia * self._static_acceleration(0.0, 0.0, dds) - self._weight()
+        rest = np.array(self._load(0.0, 0.0, dds))
         inertia = self.inertia + self._entrained
         if self.fields == 1:
             return -rest / (2.0 * inertia + 2.0 * self._chord[1] / dds)
@@ -158,23 +152,23 @@ class FollowingElements(CableElements):
     def _time(self, t: float, phase: int) -> None:
         """Scale the reference operators to this instant."""
         s_o, ds, dds = self.motion.at(t, phase)
-        h_l, h_r = s_o, 1.0 - s_o
-        if not (h_l > 0.0 and h_r > 0.0):
+        if not 0.0 < s_o < 1.0:
             raise ValueError(f"s_o = {s_o!r}: a side of the following mesh has no length")
-        self._coefficients = np.array([
-            (h_l, ds, 0.0), (h_r, -ds, 0.0),
-            (0.0, -ds, -dds), (0.0, -ds, -dds),
-            (0.0, ds, 0.0), (0.0, ds, 0.0),
-            (0.0, 0.0, -ds * ds / h_l), (0.0, 0.0, -ds * ds / h_r),
-        ])  # fmt: skip
-        self._span = self._spans(s_o, ds)
-        load = self.inertia * self._static_acceleration(s_o, ds, dds) - self._weight()
-        self._contact = (self._node_dofs, _ONE, self.inertia * _ONE, _ZERO, _ZERO, load)
+        kernels.follow(s_o, ds, dds, self._n_left, self._coefficients, self._span)
+        self._contact[-1][:] = self._load(s_o, ds, dds)
 
     # --- observation -----------------------------------------------------------------------------------
+    def _fresh(self) -> None:
+        super()._fresh()
+        self._coefficients, self._span = np.empty((8, 3)), np.empty((self._dofs.shape[0], 4))
+        node = self.fields * self.node + np.arange(self.fields)[None, :]
+        self._contact = (node, _ONE, self.inertia * _ONE, _ZERO, _ZERO, np.empty(self.fields))
+
     def _tables(self, s_o: float, ds: float) -> tuple[Array, NDArray[np.int64], Array]:
         skip = self._n_left if s_o == 0.0 else 0  # a left part of no length
-        return self._spans(s_o, ds)[skip:], self._dofs[skip:], self._tab[skip:]
+        span = np.empty((self._dofs.shape[0], 4))
+        kernels.follow(s_o, ds, 0.0, self._n_left, np.empty((8, 3)), span)
+        return span[skip:], self._dofs[skip:], self._tab[skip:]
 
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         s_o, ds, dds = kinematics.T

@@ -24,6 +24,26 @@ compiled = njit(cache=True, error_model="numpy")  # no test for a zero divisor: 
 
 
 @compiled
+def follow(s_o, ds, dds, n_left, coefficients, span):
+    """Set the factors of M^, G^, G^T, H^, left and right each, in M, C and K of a following mesh, and its spans."""
+    coefficients[:] = 0.0
+    for side in range(2):
+        h, dh = (s_o, ds) if side == 0 else (1.0 - s_o, -ds)
+        coefficients[side, 0] = h
+        coefficients[side, 1] = dh
+        coefficients[2 + side, 1] = -ds
+        coefficients[2 + side, 2] = -dds
+        coefficients[4 + side, 1] = ds
+        coefficients[6 + side, 2] = -ds * ds / h
+    for e in range(span.shape[0]):
+        left = e < n_left
+        span[e, 0] = 0.0 if left else s_o
+        span[e, 1] = s_o if left else 1.0 - s_o
+        span[e, 2] = 0.0 if left else ds
+        span[e, 3] = ds if left else -ds
+
+
+@compiled
 def combine(operators, coefficients, bands):
     """Set the bands of M, C and K: sums of operators with their factors at this instant.
 
