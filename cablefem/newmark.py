@@ -268,7 +268,7 @@ def _prescribed(system: System, method: Scheme, grid: Array, state: State, newto
                 # a step may be too long for Newton's method (a cable that falls slack): take it in pieces
                 work.rejected += 1
                 halvings += 1
-                if halvings > MOST_HALVINGS:
+                if halvings > MOST_HALVINGS or work.rejected > MOST_CUTS + grid.size // 2:
                     raise
                 stepper.forget()
         yield state
@@ -313,6 +313,7 @@ def _controlled(
 
 
 MOST_HALVINGS = 6  # 1/64 of a step: where that does not converge the equations themselves have lost their solution
+MOST_CUTS = 100  # and half the steps: a run that has to cut more steps than that creeps
 
 # Gauss-Legendre points of the average over a step: the strain energy is not polynomial in q, four points
 # leave a quadrature error far below rounding for slopes that change by a few percent per step.

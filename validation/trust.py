@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
@@ -21,18 +21,18 @@ from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from validation.methods import Method, find
 
-# First step and smallest element as parts of the start-up layer mu (time and width: the wave speed is 1).  With these the
-# path of a mass of 0.01 on the level cable is right to 2e-4 of its largest deflection at s_o/l = 0.02 and 0.05.
+# First step and smallest element as parts of the start-up layer mu (time and width: the wave speed is 1).  With these
+# the path of a mass of 0.01 on the level cable is right to 2e-4 of its largest deflection at s_o/l = 0.02 and 0.05.
 STEPS_PER_LAYER, ELEMENTS_PER_LAYER = 20.0, 4.0
 MOST_GRADING = 30.0  # more takes from the rest of the cable what the start does not need
 LAST_STEP = 0.05  # of the distance that an equal step leaves in front of the far support
 
 
 def recommended(scene: Scene, method: str | Method, **changes: Any) -> dict[str, Any]:
-    """Return a method's settings with entry, exit and grading fit for the scene; `changes` (steps, elements) go first.
+    """Return a method's settings with entry, exit and grading fit for the scene; `changes` (steps, elements) stay.
 
-    entry : first step <= mu/20 of the time unit; exit : the last step takes no more than 1/20 of an equal one, unless the
-    mass arrives at rest, where equal steps shorten by themselves; grading : smallest element <= mu/4.
+    entry : first step <= mu/20 of the time unit; exit : the last step is 1/20 of an equal one, unless the mass arrives
+    at rest, where equal steps shorten the way by themselves; grading : smallest element <= mu/4.
     A heavy mass (mu of order one) gets equal steps and elements at entry.
     """
     method = find(method) if isinstance(method, str) else method
@@ -66,7 +66,7 @@ def grading(elements: int, smallest: float) -> float:
 
 
 def _path(r: Response, place: Array) -> Array:
-    """Displacement of the mass (u, v) over places s_o/l, (n, 2); monotone cubic between the steps, nan beyond the last."""
+    """Displacement of the mass (u, v) at places s_o/l, (n, 2); monotone cubic between steps, nan beyond the last."""
     s = r.s_o / r.length
     rising = np.concatenate([[True], np.diff(s) > 0.0])
     return np.asarray(PchipInterpolator(s[rising], np.stack([r.u, r.v], axis=1)[rising], extrapolate=False)(place))
@@ -100,16 +100,16 @@ CLOSING, FLOOR, STRETCH = 0.8, 1e-3, 0.02
 def convergence_limit(runs: Sequence[Response]) -> float:
     """Return the s_o/l up to which the path converges: beyond it, finer runs do not come closer to one another.
 
-    runs : three or more of one method, each with about twice the resolution and the steps of the one before.  Stretch by
-    stretch of 0.02 the rms gap of the two finest is held against that of the two before; the first stretch where it is
-    neither below 0.8 of it nor below 1e-3 of the largest deflection ends the answer.  At most the shortest run's end.
+    runs : three or more of one method, each with about twice the resolution and the steps of the one before.  In
+    stretches of 0.02 the rms gap of the two finest is held against that of the two before; the first stretch where it
+    is neither below 0.8 of it nor below 1e-3 of the largest deflection ends the answer.  At most the shortest run's end.
     """
     if len(runs) < 3:
         raise ValueError(f"three runs are needed to see a gap close, got {len(runs)}")
     coarse, middle, fine = runs[-3:]
     end = min(r.reached for r in (coarse, middle, fine))
     edges = np.append(np.arange(0.0, end, STRETCH), end)
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges.tolist()):
         place = np.linspace(low, high, 41)[1:]
         before, after = (
             float(np.sqrt(np.nanmean(_gap(a, b, place) ** 2))) for a, b in ((coarse, middle), (middle, fine))
