@@ -83,10 +83,15 @@ def tension_spread(r: Response, low: float, high: float) -> float:
 
 
 def unevenness(r: Response, low: float, high: float, *, sides: bool = False, width: float = 0.05) -> float:
-    """Return rms of T along the cable about its mean (of each side of the mass), over that mean, rms over frames.
+    """Return rms of T along the cable about its mean (of each side of the mass), over that mean: median over frames.
 
     Within `width` of the mass every basis smears the jump: left out.
     """
+    return float(np.median(unevennesses(r, low, high, sides=sides, width=width)))
+
+
+def unevennesses(r: Response, low: float, high: float, *, sides: bool = False, width: float = 0.05) -> Array:
+    """Return the same for every frame with s_o/l in [low, high]."""
     out = []
     s = r.fields.s / r.length
     rows = frames(r, low, high)
@@ -94,7 +99,7 @@ def unevenness(r: Response, low: float, high: float, *, sides: bool = False, wid
         away = np.abs(s - s_o) >= width
         parts = [away & (s < s_o), away & (s > s_o)] if sides else [away]
         out.append(np.mean([np.mean((row[p] / row[p].mean() - 1.0) ** 2) for p in parts if p.any()]))
-    return float(np.sqrt(np.mean(out)))
+    return np.sqrt(out)
 
 
 def ripple(r: Response, reference: Response, near: float, far: float, window: tuple[float, float]) -> float:

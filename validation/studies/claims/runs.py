@@ -37,6 +37,7 @@ PAPER: dict[str, tuple[str, str, dict[str, Any]]] = {
 FURTHER: dict[str, tuple[str, str, dict[str, Any]]] = {
     "level-fourier-30-overdamped": ("level", "fourier", {"terms": 30, "steps": 256, **OVERDAMPED}),
     "level-wavelet-31-overdamped": ("level", "wavelet", {"level": 2, "steps": 256, **OVERDAMPED}),
+    "inclined-wavelet-10-overdamped": ("inclined", "wavelet", {"level": 0, "steps": 512, **OVERDAMPED}),
     "inclined-fourier-10-fine": ("inclined", "fourier", {"terms": 10, "steps": 4096}),
     "inclined-fourier-10-position": ("inclined", "fourier", {"terms": 10, "steps": 4096, "abscissa": "s"}),
     "inclined-fourier-17-coarser": ("inclined", "fourier", {"terms": 17, "steps": 2048, "abscissa": "s"}),

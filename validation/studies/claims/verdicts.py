@@ -55,17 +55,20 @@ class Quantity:
         }  # fmt: skip
 
 
-def around(name: str, centre: float, width: float, reason: str, value: float, bar: float = 0.0, paper=None) -> Quantity:
+def around(
+    name: str, centre: float, width: float, reason: str, value: float, bar: float = 0.0, paper: float | None = None
+) -> Quantity:  # fmt: skip
     """Return a quantity claimed to be `centre`, give or take `width`."""
-    return Quantity(name, f"{centre:g} ± {width:g} ({reason})", centre - width, centre + width, value, bar, paper)
+    return Quantity(name,
+    f"{decimal(centre)} ± {decimal(width)} ({reason})", centre - width, centre + width, value, bar, paper)
 
 
 def at_most(name: str, high: float, reason: str, value: float, bar: float = 0.0, paper=None) -> Quantity:
-    return Quantity(name, f"at most {high:g} ({reason})", -math.inf, high, value, bar, paper)
+    return Quantity(name, f"at most {decimal(high)} ({reason})", -math.inf, high, value, bar, paper)
 
 
 def at_least(name: str, low: float, reason: str, value: float, bar: float = 0.0, paper=None) -> Quantity:
-    return Quantity(name, f"at least {low:g} ({reason})", low, math.inf, value, bar, paper)
+    return Quantity(name, f"at least {decimal(low)} ({reason})", low, math.inf, value, bar, paper)
 
 
 def in_words(name: str, fraction: float, value: float, bar: float = 0.0, paper=None) -> Quantity:
@@ -114,6 +117,17 @@ def any_of(truths: Iterable[bool | None]) -> bool | None:
     """Return the three-valued or."""
     truths = list(truths)
     return True if True in truths else None if None in truths else False
+
+
+def decimal(x: float) -> str:
+    """Return a number without an exponent: 0.000005."""
+    return f"{x:.9f}".rstrip("0").rstrip(".")
+
+
+def power(x: float) -> str:
+    """Return a number to one digit as 2·10⁻⁵."""
+    mantissa, exponent = f"{x:.0e}".split("e")
+    return f"{mantissa}·10{str(int(exponent)).translate(str.maketrans('0123456789-', '⁰¹²³⁴⁵⁶⁷⁸⁹⁻'))}"
 
 
 def _finite(x: float | None) -> float | None:
