@@ -102,7 +102,7 @@ def convergence_limit(runs: Sequence[Response]) -> float:
 
     runs : three or more of one method, each with about twice the resolution and the steps of the one before.  In
     stretches of 0.02 the rms gap of the two finest is held against that of the two before; the first stretch where it
-    is neither below 0.8 of it nor below 1e-3 of the largest deflection ends the answer.  At most the shortest run's end.
+    is neither below 0.8 of it nor below 1e-3 of the largest deflection ends the answer; at most the shortest run's end.
     """
     if len(runs) < 3:
         raise ValueError(f"three runs are needed to see a gap close, got {len(runs)}")

@@ -456,7 +456,7 @@ CATALOGUE: tuple[Row, ...] = (
     Row(
         name="stiff cable", scene="level, alpha = 1e6", method="following-p2, trapezoidal",
         symptom="the path is right, the tension is noise", cause="axial waves 1000 times faster than the crossing",
-        remedy="one quasi-static tension for the whole cable (stretching model): a tenth of the noise, path off by 9 percent",
+        remedy="one quasi-static tension for the whole cable (stretching model): path off by 9 percent",
         failure=_stiff, cure=_quiet,
     ),
     Row(
