@@ -372,17 +372,18 @@ def paper(out: Annotated[Path | None, _to("paper")] = None) -> int:
 
 def _study(command: str, scene: Any, writes: list[str], out: Path | None, *inputs: Any) -> int:
     """Run a study, write its pages and print their one-line findings."""
+    from validation import telling
+
     study = importlib.import_module(f"validation.studies.{STUDIES[command]}")
     call = getattr(study, "oracle_table" if command == "oracles" else command)
     folder = store.claim(out, command, scene, writes)
     with terminal.progress() as progress:
-        call(*inputs, folder, progress)
+        found = call(*inputs, folder, progress)
         _report(folder)
-    sections = _sections(folder, command)
-    terminal.table(["", "verdict", "found"], [[s.title, s.verdict or "", s.summary] for s in sections])
+    telling.pages(_sections(folder, command))
     terminal.say(f"written to {folder}: report.html, {', '.join(writes)}")
-    # What the paper claims, or where a method fails on purpose, is a finding; only oracles put our solvers to the test.
-    return 1 if command == "oracles" and any(s.verdict not in (None, "agree") for s in sections) else 0
+    # What the paper claims, or where a method fails on purpose, is a finding; oracles put our solvers to the test.
+    return 1 if command == "oracles" and found["verdict"] != "agree" else 0
 
 
 @app.command(epilog="Example: cablefem report")
@@ -397,6 +398,7 @@ def report(
     """
     from dataclasses import replace
 
+    from validation import telling
     from validation.report import page
 
     root = store.ROOT if out is None else out
@@ -410,7 +412,7 @@ def report(
     if root not in folders:
         store.claim(root, "report", "report", ["report.html"], among=True)
     page.render("cablefem", sections, root / "report.html")
-    terminal.table(["", "verdict", "found"], [[s.title, s.verdict or "", s.summary] for s in sections])
+    telling.pages(sections)
     terminal.say(f"written to {root}: report.html")
     return 0
 

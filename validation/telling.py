@@ -96,7 +96,7 @@ def run(r: Response) -> None:
         }[r.law]
         first = "" if r.slack_at is None else f" at s/l = {r.slack_at:.3f} first,"
         terminal.say(f"  slack from s_o/l = {r.slack_onset:.3f} on,{first} {after}")
-    terminal.say(f"  {r.status}, to s_o/l = {r.reached:.4g}: {r.work['steps']} steps in {r.seconds:.2g} s")
+    terminal.say(f"  {r.status}, to s_o/l = {r.reached:.5g}: {r.work['steps']} steps in {r.seconds:.2g} s")
     for line in r.flags if r.reason is None else [r.reason]:
         terminal.say(f"  {line}", style="yellow")
 
@@ -117,3 +117,9 @@ def knob(key: str, setting: Any) -> str:
     named = isinstance(setting.default, str)
     allowed = "|".join(setting.allowed) if named else f"{setting.allowed[0]:g} to {setting.allowed[1]:g}"
     return f"{key}={setting.default}  {setting.meaning} ({allowed})"
+
+
+def pages(sections: Sequence[Any]) -> None:
+    """Print what the pages of a report have found, one line for each that found something."""
+    cells = [[s.title, s.verdict or "", s.summary] for s in sections if s.verdict or s.summary]
+    terminal.table(["page", "verdict", "found"], cells)

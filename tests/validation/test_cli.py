@@ -392,7 +392,7 @@ def stand_in(monkeypatch, command, verdict="agree"):
     def study(*inputs):
         calls.append(inputs)
         inputs[-1]("half", 0.5)
-        (inputs[-2] / "found.json").write_text("{}")
+        return {"verdict": verdict}
 
     pages = types.SimpleNamespace(sections=lambda out: [Section("one", "One", "<p>1</p>", verdict, "this was found")])
     monkeypatch.setitem(sys.modules, f"validation.studies.{module}", types.SimpleNamespace(**{function: study}))
