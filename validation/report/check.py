@@ -93,7 +93,7 @@ def _row(row: dict[str, Any], of: dict[str, tuple[float, str, str]]) -> dict[str
         "quantity": f"{words}: {row['with']}" if row.get("with") else words,
         "gap": _both(gap, kind, of),
         "allowed": _both(allowed, kind, of),
-        "used": percent(gap / allowed, 2) if gap is not None and allowed else None,
+        "used": number(gap / allowed, 2) if gap is not None and allowed else None,
         "where": None if row.get("where") is None else f"{row['where']:.3f}",
         "verdict": row.get("verdict"),
         "why": _because(str(row.get("allowed_because", ""))),
@@ -121,6 +121,10 @@ def _because(text: str) -> Markup | str:
     if bars is not None:
         before, a, bar_a, b, bar_b = bars.groups()
         short = f"{before}both error bars: {a} {percent(float(bar_a))} + {b} {percent(float(bar_b))}"
+    wide = re.search(r"the bars ([-+.e\d]+) exceed the tolerance ([-+.e\d]+);", short)
+    if wide is not None:
+        asked = f"the bars {percent(float(wide[1]))} exceed the tolerance {percent(float(wide[2]))};"
+        short = short.replace(wide[0], asked)
     short = re.split(r", (?:gap to|extrapolated)", short)[0]
     if len(short) > 160:
         short = short[: short.rfind(" ", 0, 160)] + " …"
@@ -195,7 +199,9 @@ def _third(party: str, rows: list[dict[str, Any]]) -> str:
 def _reach(x: Stored) -> Markup:
     """Say where each answer ends, where it stops being meaningful, and over what range the solvers were compared."""
     r, (low, high) = x.solvers[0].run, x.window
-    if high > low:
+    if len(x.solvers) < 2:
+        words = [f"Only {x.names} has an answer: there is nothing to compare it with."]
+    elif high > low:
         words = [
             f"The solvers are compared over sₒ/l = {low:.3g} to {high:.3g}, t = {_time(r, low):.3g} to "
             f"{_time(r, high):.4g} s."
@@ -219,7 +225,7 @@ def _reach(x: Stored) -> Markup:
     }  # fmt: skip
     bars = figure(
         draw.reach(x),
-        "Full colour: compared. Pale: computed, not compared."
+        f"Full colour: {_judged(x)}. Pale: computed, but not {_judged(x)}."
         + ("" if x.onset is None else " Cross: the cable goes slack."),
         label="Bars over the place of the mass: how far each solver got, what is compared, where the cable goes slack.",
     )
@@ -274,11 +280,14 @@ def _time(r: Response, at: float) -> float:
 
 # --- both answers ---------------------------------------------------------------------------------------------------
 
-_SHADE = "Grey: not compared."
+
+def _judged(x: Stored) -> str:
+    return "compared" if len(x.solvers) > 1 else "given an error bar"
 
 
 def _note(x: Stored) -> str:
-    return _SHADE if x.onset is None else f"{_SHADE} Dotted vertical line: slack onset."
+    """Return what the shading and the vertical line of a figure mean."""
+    return f"Grey: not {_judged(x)}." + ("" if x.onset is None else " Dotted vertical line: slack onset.")
 
 
 def _path(x: Stored) -> Section:

@@ -206,7 +206,9 @@ def tension_fields(solvers: Sequence[Solver], window: Window, onset: float | Non
         )
         _on_field(ax, r, window, onset, "white")
         ax.set_title(f"tension, {solver.name}")
-    _times_above(axes[0], solvers[0].run)
+    longest = max((s.compared for s in solvers), key=lambda r: float(r.fields.t[-1]))
+    axes[0].set_xlim(longest.fields.t[0], longest.fields.t[-1])
+    _times_above(axes[0], longest)
     fig.colorbar(image, ax=list(axes[:n]), label=f"T [{unit}]", extend="max", fraction=0.06, pad=0.02)
     if n > 1:
         a, b = (s.compared for s in solvers)
@@ -230,7 +232,6 @@ def tension_fields(solvers: Sequence[Solver], window: Window, onset: float | Non
 
 def _on_field(ax: Axes, r: Response, window: Window, onset: float | None, color: str) -> None:
     """Draw where the mass is, where the compared range ends and where the cable went slack."""
-    ax.set_xlim(r.fields.t[0], r.fields.t[-1])
     ax.grid(visible=False)
     other = BLACK if color == "white" else "white"
     ax.plot(r.t, place(r), color=other, linewidth=2.6, linestyle="-")

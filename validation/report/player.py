@@ -32,6 +32,7 @@ def player(
     every = max(1, -(-(runs[0].fields.s.size - 1) // (STATIONS - 1)))
     slope = scene.supports.drop / scene.supports.span
     low = high = 0.0
+    top = range_T[1]
     cables = []
     for r, color in zip(runs, (BLUE, VERMILLION), strict=False):
         f = r.fields
@@ -46,12 +47,13 @@ def player(
         x, y = X.x(s_o) + mass_u, X.y(s_o) + mass_v
         below, mass = X.y(s) + v - slope * (X.x(s) + u), y - slope * x
         low, high = min(low, below.min(), mass.min()), max(high, below.max(), mass.max())
+        top = max(top, float(T.max()), float(behind.max()), float(ahead.max()))
         cables.append({
             "name": r.method, "color": color, "t": _packed(t), "s_o": _packed(s_o / r.length), "u": _packed(u),
-            "v": _packed(v), "T": _packed(np.minimum(T, _TOP * range_T[1])), "mass_x": _packed(x),
+            "v": _packed(v), "T": _packed(T), "mass_x": _packed(x),
             "mass_y": _packed(y), "mass_v": _packed(mass_v),
-            "behind": _packed(np.minimum(behind, _TOP * range_T[1])),
-            "ahead": _packed(np.minimum(ahead, _TOP * range_T[1])),
+            "behind": _packed(behind),
+            "ahead": _packed(ahead),
             "slack": r.slack_onset, "reached": r.reached, "complete": r.status == "complete",
         })  # fmt: skip
     s = runs[0].fields.s[::every]
@@ -59,7 +61,7 @@ def player(
     data = {
         "span": scene.supports.span, "drop": scene.supports.drop, "s": _short(s / scene.length), "x": _short(X.x(s)),
         "y": _short(X.y(s)), "below": [low, high], "static": _short(X.tension(s)), "window": list(window),
-        "T": list(range_T), "unit": unit, "unitName": name, "cables": cables,
+        "T": list(range_T), "top": min(top, _TOP * range_T[1]), "unit": unit, "unitName": name, "cables": cables,
         "colors": [to_hex(mpl.colormaps[FIELD](x)) for x in np.linspace(0.0, 1.0, 48)],
     }  # fmt: skip
     return Markup(_HTML).format(
@@ -76,7 +78,7 @@ def player(
     )
 
 
-_TOP = 4.0  # tensions beyond so many times the scale's end are spikes of the slack cable: no figure shows them
+_TOP = 2.0  # tensions beyond so many times the scale's end are spikes of the slack cable: they leave the frame
 
 
 def _packed(x: Array) -> dict[str, Any]:

@@ -139,7 +139,7 @@ for (const root of document.querySelectorAll(".player")) {
   function drawTension(shown) {
     const height = 210, { g, width } = sheet(".tension", height);
     const [left, right, top, foot] = [48, 10, 24, 36];
-    const high = 1.06 * data.T[1], X = (s) => left + s * (width - left - right);
+    const high = 1.06 * data.top, X = (s) => left + s * (width - left - right);
     const Y = (T) => height - foot - (T / high) * (height - top - foot);
     const rough = high / data.unit / 4, tens = 10 ** Math.floor(Math.log10(rough));
     const tick = data.unit * tens * [1, 2, 5, 10].find((k) => k * tens >= rough);
