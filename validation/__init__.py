@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from validation.studies.check import check
     from validation.studies.claims import paper
     from validation.studies.modes import modes
-    from validation.studies.stability import atlas
+    from validation.studies.stability.atlas import atlas
     from validation.studies.workprecision import chart
 
 _HOME = {
