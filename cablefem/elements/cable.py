@@ -62,6 +62,7 @@ class CableElements:
     _coefficients: Array  # (n_op, 3)
     _span: Array
     _contact: tuple[Any, ...]
+    _mesh: tuple[Any, ...]  # what the kernels want to know before q, v, a
 
     def __init__(self, groups: Groups, model: str, load: str, law: str) -> None:
         if groups.motion is None:
@@ -186,7 +187,7 @@ class CableElements:
             self._at = (t, phase)
             kernels.combine(self._operators, self._coefficients, self._bands)
             cable = self._cable if self.fields == 2 else self._chord
-            self._mesh = self._bands, self._span, self._dofs, self._tab, cable, *self._contact
+            self._mesh = (self._bands, self._span, self._dofs, self._tab, cable, *self._contact)
         if self.fields == 2:
             self.tension_min = kernels.full_cable(*self._mesh, q, v, a, r, ab, tangent, c0, c1, c2)
             return None

@@ -102,10 +102,11 @@ class FixedElements(CableElements):
         dofs, N, N_s, _ = self._shape(s_o)
         slope_jump = jump * N_s @ state.q[dofs]
         n = self.fields * self.n_scalar
-        band, pivots, unused = np.zeros((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64), np.zeros(self._n_dof)
-        of = (state.q, state.v, state.a, unused, band, True, 0.0, 0.0, 1.0)
-        none = np.zeros_like(N)
-        kernels.add_banded(np.concatenate([self._operators, np.zeros((2, *self._operators.shape[1:]))]), self.fields, *of)
+        band, pivots = np.zeros((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64)
+        of = (state.q, state.v, state.a, np.zeros(self._n_dof), band, True, 0.0, 0.0, 1.0)
+        none, bands = np.zeros_like(N), np.zeros_like(self._bands)
+        bands[0] = self._operators[0]
+        kernels.add_banded(bands, self.fields, *of)
         kernels.add_contact(dofs, N, self.inertia * N, none, none, np.zeros(self.fields), *of)
         load = np.zeros(n)
         load[dofs] = -self.inertia * np.outer(N, np.array(self._static_acceleration(s_o, 0.0, jump)) + slope_jump)
@@ -162,7 +163,8 @@ class FixedElements(CableElements):
         inner = (row >= 0) & (col >= 0)
         data = np.broadcast_to(of_one, row.shape)[inner]
         shape = (self.n_scalar, self.n_scalar)
-        self._operators, self._coefficients = bands(coo_array((data, (row[inner], col[inner])), shape=shape), b)[None], _ONLY_MASS
+        self._operators = bands(coo_array((data, (row[inner], col[inner])), shape=shape), b)[None]
+        self._coefficients = _ONLY_MASS
         powers = shape_polynomials(kind.element())
         order = np.arange(n_loc)
         once = np.zeros_like(powers)

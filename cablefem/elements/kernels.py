@@ -16,11 +16,12 @@ Common arguments
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
 
-compiled = njit(cache=True, error_model="numpy")  # no test for a zero divisor: NaN and infinity are caught by norms
+compiled: Any = njit(cache=True, error_model="numpy")  # no test for a zero divisor: norms catch NaN and infinity
 
 
 @compiled
