@@ -78,19 +78,19 @@ def _claims(content: dict[str, Any]) -> Section:
     }  # fmt: skip
     text = Markup(
         "<p>Verdicts are computed. Each claim is turned into one or more numbers with a range (column “True if”) in "
-        "which the "
-        "claim is true. The converged value comes from elements that follow the mass, with companions of half the "
-        "elements "
-        "and half the steps; its ± covers what they leave and the distance to a second solver that shares no formula "
-        "with "
-        "them (sines with a travelling kink). A value whose ± reaches across an end of the range decides nothing. "
-        "“Path” may "
-        "mean the displacement v or the place y + v: where the text leaves it open, one reading that is true is "
-        "enough. "
-        "v and y point down, so that the paper's upward maxima are minima here.</p>"
+        "which the claim is true. The converged value comes from elements that follow the mass, with companions of "
+        "half "
+        "the elements and half the steps; its ± covers what they leave and the distance to a second solver that shares "
+        "no formula with them (sines with a travelling kink). Where a claim is about a basis of so many terms, the "
+        "value "
+        "is that basis's own and its ± what the paper leaves open (steps, damping). A value whose ± reaches across an "
+        "end "
+        "of the range decides nothing. “Path” may mean the displacement v or the place y + v: where the text leaves it "
+        "open, one reading that is true is enough. v and y point down, so the paper's upward maxima are minima "
+        "here.</p>"
     )
-    parts = [text, table(rows, columns, stack=True), Markup('<h3 id="errata">Formulas, errata and time integration</h3>'),
-             table(errata, columns, stack=True)]  # fmt: skip
+    more = Markup('<h3 id="errata">Formulas, errata and time integration</h3>')
+    parts = [text, table(rows, columns, stack=True), more, table(errata, columns, stack=True)]
     plural = {"holds": "hold", "does not hold": "do not hold"}
     found = [f"{n} {plural.get(v, v.replace('holds', 'hold'))}" for v, n in count.items() if n]
     summary = f"Of {sum(count.values())} claims {', '.join(found)}."
@@ -118,6 +118,7 @@ def _row(claim: dict[str, Any]) -> dict[str, Any]:
 
 
 def _symbols(text: str) -> str:
+    """Return the text with the paper's index."""
     return text.replace("s_o", "sₒ").replace("so/l", "sₒ/l").replace("s̈_o", "s̈ₒ")
 
 
@@ -130,7 +131,8 @@ def _value(q: dict[str, Any], x: float | None, bar: float | None = None) -> Mark
     ends = [abs(x - e) for e in (q["low"], q["high"]) if e not in (None, x)]
     needed = np.log10(max(abs(x), 1e-300) / min(ends, default=1.0)) if x else 0.0
     text = number(x, int(np.clip(np.ceil(needed) + 2, 3, 8)))
-    return text if bar is None or bar <= 1e-8 * abs(x) else Markup("{} ± {}").format(text, number(bar, 1))
+    known = bar is None or bar <= 1e-8 * abs(x)
+    return Markup("{}").format(text) if known else Markup("{} ± {}").format(text, number(bar, 1))
 
 
 def _linked(content: dict[str, Any], *ids: str) -> Markup:
@@ -138,7 +140,7 @@ def _linked(content: dict[str, Any], *ids: str) -> Markup:
     found = {c["id"]: c for c in content["claims"]}
     items = [
         Markup('<li>{} <a href="#claim-{}">{}</a></li>').format(
-            badge(KIND[found[i]["verdict"]], found[i]["verdict"]), i, found[i]["claim"]
+            badge(KIND[found[i]["verdict"]], found[i]["verdict"]), i, _symbols(found[i]["claim"])
         )
         for i in ids if i in found
     ]  # fmt: skip
@@ -330,7 +332,7 @@ def _instants(
         axes[0].set_ylim(0.0, top)
     axes[-1].set_xlabel("place on the cable s/l")
     handles, labels = axes[0].get_legend_handles_labels()
-    columns = 4 if len(labels) == 4 else 3
+    columns = 4 if sum(map(len, labels)) < 40 else 3
     fig.legend(handles, labels, loc="outside upper center", ncols=columns, fontsize=8.0)
     return fig
 

@@ -1,0 +1,202 @@
+"""Verdicts follow from numbers; the paper's claims come out as its own errors make them; stored runs are used again."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+
+from cablefem import Scene
+from cablefem.response import Response
+from validation.report import claims as report
+from validation.report import page
+from validation.run import run
+from validation.studies import claims
+from validation.studies.claims import measured, runs, table, verdicts, vibration
+from validation.studies.claims.verdicts import (
+    FAILS,
+    HOLDS,
+    OPEN,
+    PAPER_ONLY,
+    Claim,
+    around,
+    at_least,
+    at_most,
+    in_words,
+)
+
+
+def claim(*quantities, readings=False):
+    return Claim("a", "here", "it is so", quantities, "because", readings)
+
+
+# --- rules ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("value", "bar", "paper", "verdict"),
+    [
+        (0.652, 0.003, 0.70, HOLDS),
+        (0.642, 0.003, 0.70, OPEN),  # the bar reaches across the end of the range, 0.645
+        (0.632, 0.003, 0.70, FAILS),
+        (0.632, 0.003, 0.65, PAPER_ONLY),
+        (0.632, 0.003, None, FAILS),
+        (math.nan, 0.003, 0.65, OPEN),
+        (0.652, math.nan, 0.65, OPEN),
+    ],
+)
+def test_a_verdict_follows_from_value_bar_and_range(value, bar, paper, verdict):
+    assert claim(around("place", 0.655, 0.01, "read off", value, bar, paper)).verdict == verdict
+
+
+def test_one_true_reading_is_enough_and_one_false_condition_too_much():
+    yes, no = at_most("a", 0.3, "", 0.2, 0.01), at_least("b", 0.7, "", 0.2, 0.01)
+    unknown = at_least("c", 0.7, "", 0.69, 0.02)
+    assert claim(yes, no, readings=True).verdict == HOLDS
+    assert claim(yes, no).verdict == FAILS
+    assert claim(yes, unknown).verdict == OPEN
+    assert claim(no, unknown).verdict == FAILS
+    assert claim(no, unknown, readings=True).verdict == OPEN
+    assert claim().verdict == OPEN
+
+
+def test_a_fraction_in_words_is_nearer_than_the_next_one():
+    assert claim(in_words("place", 1 / 3, 0.297)).verdict == HOLDS
+    assert claim(in_words("place", 1 / 3, 0.28)).verdict == FAILS
+    assert claim(in_words("place", 1 / 2, 0.42)).verdict == HOLDS
+
+
+def test_a_row_says_all_and_survives_json():
+    row = claim(at_most("x", 0.3, "why", 0.2, 0.01)).row()
+    assert json.loads(json.dumps(row, allow_nan=False)) == row
+    assert row["quantities"][0]["low"] is None
+    assert set(row) == {"id", "where", "claim", "readings", "quantities", "verdict", "why"}
+
+
+# --- measures -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def level() -> Response:
+    return run(Scene.load("level"), "following-p2", elements=10, steps=600)
+
+
+def test_turning_points_of_a_known_path(level):
+    s = level.s_o / level.length
+    known = dataclasses.replace(level, v=np.cos(2.0 * np.pi * 1.7 * (s - 0.21)), y=np.sin(2.0 * np.pi * 1.1 * s))
+    exact = [(0.21, "max"), (0.21 + 0.5 / 1.7, "min"), (0.21 + 1.0 / 1.7, "max")]
+    found = measured.extrema(known, "v")
+    assert [kind for _, kind, _ in found] == [kind for _, kind in exact]
+    np.testing.assert_allclose([x for x, _, _ in found], [x for x, _ in exact], atol=2e-6)  # spline, 600 steps
+    assert abs(measured.place_of_largest(known, "y + v") - 0.25 / 1.1) < 2e-6
+
+
+def test_a_ripple_of_known_size_is_found_and_none_where_there_is_none(level):
+    s = level.fields.s / level.length
+    T = np.broadcast_to(level.horizontal_tension * (1.0 + 0.07 * np.sin(2.0 * np.pi * 31.0 * s)), level.fields.T.shape)
+    wavy = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T=T))
+    one = np.full_like(T, level.horizontal_tension)
+    flat = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T=one))
+    window = (0.13, 0.77)
+    rms = 0.07 / math.sqrt(2.0)
+    x = np.pi * 31.0 / 200.0
+    left = np.sin(21.0 * x) / (21.0 * np.sin(x))  # what a moving mean of 21 stations leaves of 31 waves
+    assert abs(measured.wiggle(wavy, 0.2, 1.0, window) / rms - (1.0 - left)) < 0.02
+    assert abs(measured.ripple(wavy, flat, 0.2, 1.0, window) / rms - 1.0) < 0.02
+    assert abs(measured.unevenness(wavy, *window) / rms - 1.0) < 0.02
+    assert abs(measured.turns(wavy, window) - 62.0) < 2.0
+    for f in (measured.wiggle, lambda r, *x: measured.ripple(r, flat, *x)):
+        assert f(flat, 0.2, 1.0, window) < 1e-12
+    assert measured.turns(flat, window) == 0.0
+
+
+def test_a_front_in_a_cable_of_static_tension_meets_the_mass_where_a_string_says(level):
+    """2 V/(1 + V) on a taut string; a doubled tension brings it back earlier."""
+    V = Scene.load("level").speed_ratio
+    H = level.horizontal_tension
+    string = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T=np.full_like(level.fields.T, H)))
+    assert abs(measured.meeting(string) - 2.0 * V / (1.0 + V)) < 1e-4
+    twice = np.full_like(level.fields.T, 2.0 * H)
+    tight = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T=twice))
+    assert measured.meeting(tight) < 0.5
+
+
+# --- free vibration -------------------------------------------------------------------------------------------------
+
+
+def test_the_trapezoidal_rule_gains_energy_where_the_energy_rule_keeps_it():
+    groups = Scene.load("level").groups
+    assert vibration.energy_ratio(groups, 12)[0] > 10.0
+    assert abs(vibration.energy_ratio(groups, 80)[0] - 1.0) < 2e-3
+
+
+# --- the study ------------------------------------------------------------------------------------------------------
+
+
+def test_a_stored_run_is_used_again_only_if_it_is_the_same(tmp_path, monkeypatch):
+    made = []
+
+    def counted(scene, method, progress=None, **settings):
+        made.append(settings)
+        return run(scene, method, **settings)
+
+    monkeypatch.setattr(runs, "run", counted)
+    scene = Scene.load("inclined")
+    for settings in ({"terms": 4, "steps": 60}, {"terms": 4, "steps": 60}, {"terms": 5, "steps": 60}):
+        runs.stored(tmp_path / "a", scene, "fourier", settings)
+    assert len(made) == 2
+    runs.stored(tmp_path / "a", scene.variant(mu=0.7), "fourier", {"terms": 5, "steps": 60})
+    assert len(made) == 3
+    (tmp_path / "a" / "response.npz").write_bytes(b"broken")
+    assert runs.stored(tmp_path / "a", scene, "fourier", {"terms": 5, "steps": 60}).status == "complete"
+    assert len(made) == 4
+
+
+def test_every_scene_of_the_plan_is_known_and_every_method_accepts_its_settings():
+    from validation.methods import find
+
+    known = runs.scenes()
+    assert known["heavy"].mu == pytest.approx(2.0, rel=1e-12)
+    assert known["rising"].supports.drop == -90.0
+    for scene, method, settings in runs.plan().values():
+        assert scene in known
+        find(method).settings(settings)
+
+
+def test_a_page_without_results_says_so(tmp_path):
+    section = report.sections(tmp_path)[0]
+    assert "claims.json" in section.html
+
+
+@pytest.mark.slow
+def test_the_paper_redone(tmp_path):
+    """About 80 s. The verdicts that rest on wide margins; then the page."""
+    content = claims.paper(tmp_path)
+    found = {c["id"]: c for c in content["claims"]}
+    assert sum(content["count"].values()) == len(found) == len(content["claims"])
+    holds = (
+        "omega-1", "top-speed", "turn-at-0.655", "wu-chen-0.8", "deepest-at-a-third", "deepest-in-the-middle",
+        "lowest-at-0.8", "jump-at-the-mass", "slow-elsewhere", "sine-oscillations-stay", "position-form", "start-48",
+    )  # fmt: skip
+    fails = (
+        "factor-of-two", "tension-constant", "sign-of-h", "alpha-844", "count", "dyadic-places", "potential-energy",
+        "unconditionally-stable", "dyadic-steps",
+    )  # fmt: skip
+    assert {i: found[i]["verdict"] for i in holds} == dict.fromkeys(holds, HOLDS)
+    assert {i: found[i]["verdict"] for i in fails} == dict.fromkeys(fails, FAILS)
+    assert found["more-accurate"]["verdict"] == OPEN
+    assert all(x["path_bar"] < 5e-4 for x in content["references"].values())
+    turns = {(x["mu"], x["reading"], x["kind"]): x for x in content["wu_and_chen"]}
+    assert abs(turns[1, "v", "min"]["place"] - 0.651) < 1e-3
+    assert abs(turns[2, "y + v", "min"]["place"] - 0.7965) < 1e-3
+    sections = report.sections(tmp_path)
+    page.render("paper", sections, tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert all(f'id="claim-{i}"' in text for i in found)
+    assert not any("Missing" in s.html for s in sections)
+    again = table.claims(runs.all_runs(tmp_path), {k: content[k] for k in ("frequencies", "overshoot", "vibration")})
+    assert [c.row() for c in again] == content["claims"]
+    assert tuple(content["count"]) == verdicts.VERDICTS
