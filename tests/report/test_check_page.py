@@ -91,10 +91,33 @@ def test_a_disagreement_is_said_first_and_stands_on_top(folder):
     doctored(folder, rows=spoil, verdict="disagree")
     told = check._verdict(loaded(folder), Markup(""))
     assert told.verdict == "disagree"
-    assert told.summary.startswith("The solvers disagree on the force jump at the mass")
+    assert told.summary.startswith("The solvers disagree: force jump at the mass, rms defect ")
     assert "Both solvers give the same mass path" in told.summary
     assert re.search(r"<tbody><tr><td[^>]*><div>Force jump", told.html.replace("\n", ""))
     assert "<div>3.0</div>" in told.html  # times what is allowed
+
+
+def test_a_reason_is_short_and_the_whole_of_it_beneath():
+    whole = (
+        "sum of both error bars: fourier 0.018 (extrapolated 2 f(62) - f(31)), following-p2 2.5e-05 (2^1.5 - 1 & co)"
+    )
+    lines = re.fullmatch(r"<details><summary>(.*?)</summary><p>(.*?)</p></details>", check._because(whole))
+    assert lines is not None
+    assert lines[1] == "both error bars: fourier 1.8\u202f% + following-p2 0.0025\u202f%"
+    assert lines[2].endswith("(2<sup>1.5</sup> − 1 &amp; co)")
+    assert check._because("nothing to compare") == "nothing to compare"
+
+
+def test_equal_answers_have_no_logarithm_but_a_page(folder):
+    shutil.rmtree(folder / B)
+    shutil.copytree(folder / A, folder / B)
+    for spare in ("half-steps", "half-resolution"):
+        Response.read(folder / A).write(folder / B / spare)
+    r = Response.read(folder / A)
+    replace(r, method=B).write(folder / B)
+    x = loaded(folder)
+    for section in (check._path(x), check._refinement(x)):
+        assert "<svg" in section.html
 
 
 def test_paths_that_disagree_are_said_plainly(folder):

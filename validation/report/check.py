@@ -115,7 +115,7 @@ def _both(ratio: float | None, kind: str, of: dict[str, tuple[float, str, str]])
 def _because(text: str) -> Markup | str:
     """Return the reason in a line, the whole of it folded beneath."""
     short = text
-    while (less := re.sub(r" \([^()]*\)", "", short)) != short:
+    while (less := re.sub(r" ?\([^()]*\)", "", short)) != short:
         short = less
     bars = re.fullmatch(r"(.*)sum of both error bars: (\S+) ([-+.e\d]+), (\S+) ([-+.e\d]+)", short)
     if bars is not None:
@@ -141,12 +141,12 @@ def _headline(x: Stored) -> str:
     """Return the verdict in a few sentences of plain text that need no table."""
     if not x.rows:
         return "No verdict: the check did not finish."
-    out = [
+    apart = "; ".join(
         _disagreement(x, row) for row in x.rows
         if row.get("verdict") == "disagree" and row.get("quantity") != "path_max" and not row.get("with")
-    ]  # fmt: skip
-    path = _path_line(x)
-    out = [path, *out] if x.row("path_max").get("verdict") == "disagree" else [*out, path]
+    )  # fmt: skip
+    out = [f"The solvers disagree: {apart}."] if apart else []
+    out.insert(0 if x.row("path_max").get("verdict") == "disagree" else len(out), _path_line(x))
     for party in dict.fromkeys(row["with"] for row in x.rows if row.get("with")):
         out.append(_third(str(party), [row for row in x.rows if row.get("with") == party]))
     return " ".join(out)
@@ -178,10 +178,7 @@ def _path_line(x: Stored) -> str:
 def _disagreement(x: Stored, row: dict[str, Any]) -> str:
     words, kind = _words(row)
     of = f" of the {_references(x)[kind][2]}" if kind else ""
-    return (
-        f"The solvers disagree on the {words[0].lower() + words[1:]}: {percent(row.get('gap'), 3)}{of}, allowed "
-        f"{percent(row.get('allowed'), 3)}."
-    )
+    return f"{words[0].lower() + words[1:]} {percent(row.get('gap'), 3)}{of}, allowed {percent(row.get('allowed'), 3)}"
 
 
 def _third(party: str, rows: list[dict[str, Any]]) -> str:

@@ -68,13 +68,20 @@ def limits(ax: Axes, curves: Sequence[tuple[Array, Array]], window: Window, *, z
         ax.set_ylim(low - pad, high + pad)
 
 
+def decades(ax: Axes, most: float) -> None:
+    """Show four decades below the largest value on a logarithmic scale; equal answers have none to show."""
+    if most > 0.0:
+        ax.set_yscale("log")
+        ax.set_ylim(1e-4 * most, 4.0 * most)
+
+
 @style()
 def reach(x: Stored) -> Figure:
     """How far each answer goes: compared, computed, slack."""
     fig, ax = panels(height=0.75 + 0.42 * len(x.solvers))
     for i, (solver, look) in enumerate(zip(x.solvers, LOOK, strict=False)):
         run = solver.run
-        ax.barh(i, run.reached, height=0.28, color=look["color"], alpha=0.35, label=None)
+        ax.barh(i, run.reached, height=0.28, color=look["color"], alpha=0.35)
         stop = min(x.window[1], run.reached)
         ax.barh(i, stop - x.window[0], left=x.window[0], height=0.28, color=look["color"])
         if run.slack_onset is not None:
@@ -135,9 +142,7 @@ def _distance(ax: Axes, x: Stored) -> None:
             100.0 * allowed, *x.window, color=GREEN, linewidth=2.0, linestyle=(0, (6, 2, 1, 2)), label="allowed at most"
         )
     mark_range(ax, x)
-    ax.set_yscale("log")
-    if top > 0.0:
-        ax.set_ylim(100.0 * top * 1e-4, 100.0 * top * 4.0)
+    decades(ax, 100.0 * top)
     ax.set_ylabel("distance [% of v]")
 
 
@@ -332,10 +337,8 @@ def jump(x: Stored) -> Figure:
     mark_range(top, x)
     limits(top, curves, x.window, zero=True)
     mark_range(bottom, x)
-    bottom.set_yscale("log")
     most = max(_largest((at, np.nan_to_num(y)), x.window) for at, y in missing)
-    if most > 0.0:
-        bottom.set_ylim(1e-4 * most, 3.0 * most)
+    decades(bottom, most)
     top.set_ylabel("force up [M g]")
     bottom.set_ylabel("defect [% of M g]")
     bottom.set_xlabel(PLACE)
@@ -362,9 +365,7 @@ def refinement(solver: Solver, look: int, x: Stored, words: Sequence[str]) -> Fi
                 label=f"to the run with {name}",
             )
     mark_range(ax, x)
-    ax.set_yscale("log")
-    if most > 0.0:
-        ax.set_ylim(100.0 * most / size * 1e-4, 100.0 * most / size * 4.0)
+    decades(ax, 100.0 * most / size)
     ax.set_ylabel("distance [% of v]")
     ax.set_xlabel(PLACE)
     _legend(fig, ax, columns=1)
