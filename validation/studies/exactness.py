@@ -202,7 +202,7 @@ MASS_ORDERS: dict[str, tuple[float | None, str]] = {
     "fourier-kink": (2.0, "the hat takes the kink away; the jump of curvature at the mass and at fronts is left"),
     "wavelet": (1.0, _INSIDE),
     "wavelet-kink": (2.0, "as sines with a hat"),
-    "fixed-hermite": (1.0, _INSIDE + "; steps grow like elements^3, because N'' jumps at nodes"),
+    "fixed-hermite": (1.0, _INSIDE + "; steps grow like elements³, because N'' jumps at nodes"),
     "fixed-p1-path": (1.0, _INSIDE),
     "fixed-p2-path": (1.0, _INSIDE),
     "fixed-p1-naive": (None, "none: the centrifugal force is lost at the nodes, it converges to something else"),
@@ -389,7 +389,7 @@ def _path_bar(
     credited = 1.0 if p is None else min(p, CREDITED_SPACE_ORDER)
     gap = path_errors(coarse, CubicSpline(t, v), window, size)[1]
     bar = SAFETY * gap / ((sizes[-1] / sizes[-2]) ** credited - 1.0)
-    return bar, f"own error bar: {SAFETY} x gap to the run before / (ratio^{credited:g} - 1)"
+    return bar, f"own error bar: {SAFETY} x gap to the run before / (ratio to the {credited:g} - 1)"
 
 
 def _told(settings: dict[str, Any]) -> str:
@@ -413,7 +413,7 @@ def _path_tasks() -> list[Task]:
     every, best = tuple(FORCE_ORDERS), ("following-p2", "fourier-kink")
     add("force 0.37", every, FORCE_ORDERS)
     add("force 0.95", every, FORCE_ORDERS)
-    scene_case = "the paper's mass and speed; the sag's curvature makes it heavier by 1 + V^2"
+    scene_case = "the paper's mass and speed, g (1 + V²)"
     for method in LADDERS:
 
         def through_scene(method: str = method) -> Row:
@@ -502,13 +502,13 @@ def small_sag_row(model: str, method: str, *, heavier: bool) -> Row:
         errors.append(path_errors(path, ride.path, WINDOW, size))
     return _limit_row(
         "moving-mass", _sag_case(model, heavier), method, "sag", [f"sigma {x:g}" for x in sags],
-        [1.0 / x for x in sags], errors, 2.0, "the tension that the sag adds goes like alpha sigma^2",
+        [1.0 / x for x in sags], errors, 2.0, "the tension that the sag adds goes like alpha sigma²",
         "agree" if heavier else "disagree",
     )  # fmt: skip
 
 
 def _sag_case(model: str, heavier: bool) -> str:
-    return f"limit of small sag, model {model}, " + ("g (1 + V^2)" if heavier else "plain g instead of g (1 + V^2)")
+    return f"limit of small sag, model {model}, " + ("g (1 + V²)" if heavier else "plain g instead of g (1 + V²)")
 
 
 def _model_path(groups: Groups, model: str, method: str) -> Path_:
@@ -543,7 +543,7 @@ _PAPER = Groups(mu=0.0, alpha=844.416, sigma=0.1688832, c=0.0844416, chord_cos=1
 COUNT = 4
 _MODES: dict[str, tuple[tuple[int, ...], float, str]] = {
     "P2 elements": ((10, 20, 40), 4.0, "twice the degree: frequencies are stationary values"),
-    "sines": ((10, 20, 40), 3.0, "coefficients of symmetric modes fall like 1/n^3 against sines' own ends"),
+    "sines": ((10, 20, 40), 3.0, "coefficients of symmetric modes fall like 1/n³ against sines' own ends"),
     "wavelets": ((0, 1, 2), 3.0, "db4 reproduces cubics: three orders at least"),
 }
 
@@ -571,7 +571,7 @@ def frequency_row(oracle: str, case: str, basis: str, model: str, exact: Array) 
     gap = float(np.abs(omega[-2] / omega[-1] - 1.0).max())
     allowed = SAFETY * gap / ((sizes[-1] / sizes[-2]) ** credited - 1.0) + ROUNDING
     observed = order(sizes, errors)
-    told = f"own error bar: {SAFETY} x gap to the one before / (ratio^{credited:g} - 1), and rounding"
+    told = f"own error bar: {SAFETY} x gap to the one before / (ratio to the {credited:g} - 1), and rounding"
     word = "level" if basis == "wavelets" else "terms" if basis == "sines" else "elements"
     return Row(
         oracle, case, basis, [f"{word} {n}" for n in values], "resolution", sizes, errors, errors[-1], errors[-1],
@@ -589,7 +589,7 @@ def inextensible_row(basis: str) -> Row:
         errors.append((error, error))
     return _limit_row(
         "inextensible", _STIFF, basis, "stiffness", [f"alpha {x:g}" for x in stiff], list(stiff), errors, 1.0,
-        "the stretching that is left is 1/L^2",
+        "the stretching that is left is 1/L²",
     )  # fmt: skip
 
 

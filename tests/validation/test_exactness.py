@@ -1,0 +1,201 @@
+"""The table of exact answers: its rows, its verdicts, its rows that must fail, its page."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from validation.oracles import ORACLES
+from validation.report import exactness as page
+from validation.studies import exactness
+
+EVERY = {task.key: task for task in exactness.tasks()}
+
+
+def row(oracle, case, method):
+    """Compute the one row whose case begins so."""
+    (task,) = [t for key, t in EVERY.items() if key[0] == oracle and key[1].startswith(case) and key[2] == method]
+    return task.compute()
+
+
+def test_every_exact_answer_is_held_against_a_solver_or_said_to_be_out_of_reach():
+    held = {oracle for oracle, _, _ in EVERY} - {"jump-law"}
+    assert held | set(exactness.UNREACHED) == {oracle.name for oracle in ORACLES}
+    assert not held & set(exactness.UNREACHED)
+    assert len(EVERY) == len(exactness.tasks())  # no two rows have the same name
+
+
+@pytest.mark.parametrize(
+    ("method", "low", "high", "error"),
+    [
+        ("following-p1", 1.8, 2.1, 1e-5),
+        ("following-p2", 2.4, 2.8, 1e-6),
+        ("fourier", 0.9, 1.1, 7e-3),
+        ("fourier-kink", 1.8, 2.3, 2e-5),
+        ("wavelet", 0.9, 1.3, 8e-3),
+        ("fixed-p2-path", 0.9, 1.1, 5e-3),
+    ],
+)
+def test_a_moving_mass_has_the_orders_of_the_formulations(method, low, high, error):
+    """Through scene, run and response: their units and their sampling are held against the exact path, too."""
+    found = row("moving-mass", "the paper's mass", method)
+    assert found.verdict == "agree"
+    assert low < found.observed_order < high
+    assert found.error < error
+
+
+@pytest.mark.parametrize("method", ["fixed-p1-naive", "fixed-p2-naive"])
+def test_the_classical_mistake_is_seen(method):
+    found = row("moving-mass", "the paper's mass", method)
+    assert (found.verdict, found.expected) == ("disagree", "disagree")
+    assert math.isnan(found.observed_order)
+    assert found.error > 10.0 * found.allowed
+
+
+@pytest.mark.parametrize(
+    ("oracle", "case"),
+    [
+        ("moving-force", "speed 0.95"), ("moving-mass", "accelerate, cruise"), ("running-apart", "one of"),
+        ("accelerating-mass", "up to"), ("massless-string", "limit"), ("moving-mass", "limit of small sag, model full"),
+    ],
+)  # fmt: skip
+def test_crossings_and_limits_agree(oracle, case):
+    assert row(oracle, case, "following-p2").verdict == "agree"
+
+
+def test_with_plain_gravity_the_limit_of_small_sag_is_not_met():
+    right = row("moving-mass", "limit of small sag, model stretching, g (1", "following-p2")
+    twin = row("moving-mass", "limit of small sag, model stretching, plain", "following-p2")
+    assert right.verdict == "agree"
+    assert twin.verdict == "disagree"
+    assert twin.error > 50.0 * right.error
+    assert 0.12 < twin.error < 0.2  # it sticks at V^2/(1 + V^2) = 0.17 or so
+
+
+def test_what_rides_with_the_load_is_unstable_above_the_wave_speed():
+    found = row("accelerating-force", "through", "following-p2")
+    assert found.verdict == found.expected == "disagree"
+
+
+@pytest.mark.parametrize("oracle", ["irvine", "catenary-modes"])
+@pytest.mark.parametrize("basis", ["P2 elements", "sines", "wavelets"])
+def test_frequencies_of_both_wings(oracle, basis):
+    assert row(oracle, "first four", basis).verdict == "agree"
+
+
+@pytest.mark.parametrize("basis", ["sines", "wavelets", "P2 elements"])
+def test_the_sagged_model_has_irvines_first_frequency(basis):
+    n = {"sines": 160, "wavelets": 3, "P2 elements": 160}[basis]
+    # the sines, slowest of the three, are off by 2e-8 relative at 160 terms
+    assert exactness.frequencies(basis, n, "sagged")[0] == pytest.approx(5.3497920, abs=2e-7)
+
+
+# --- the judge ------------------------------------------------------------------------------------------------------
+def test_an_order_that_cannot_be_read_is_none():
+    assert exactness.order([5.0, 10.0, 20.0], [3e-2, 7.5e-3, 1.875e-3]) == pytest.approx(2.0)
+    assert math.isnan(exactness.order([5.0, 10.0, 20.0], [3e-2, 4e-2, 5e-2]))
+    assert math.isnan(exactness.order([5.0, 10.0, 20.0], [3e-2, math.nan, 1e-3]))
+
+
+@pytest.mark.parametrize(
+    ("error", "allowed", "observed", "verdict"),
+    [
+        (1e-3, 2e-3, 1.9, "agree"),
+        (3e-3, 2e-3, 1.9, "disagree"),  # further away than it says
+        (1e-3, 2e-3, 1.4, "disagree"),  # closer, but an order is missing
+        (1e-3, 2e-3, math.nan, "disagree"),
+        (math.nan, 2e-3, 1.9, "disagree"),
+    ],
+)
+def test_a_verdict_needs_both_the_bar_and_the_order(error, allowed, observed, verdict):
+    assert exactness.judge(error, allowed, observed, 1.9) == verdict
+
+
+def test_the_bar_is_made_without_the_exact_answer():
+    """A path off by a constant factor has the same small bar, and is found out."""
+    crossing, method = exactness.crossings()["heavy"], "following-p2"
+
+    def heavier(name, **settings):
+        t, s_o, v = exactness.straight_path(crossing, name, **settings)
+        return t, s_o, 1.01 * v
+
+    found = exactness.path_row(crossing, method, exactness.MASS_ORDERS, heavier)
+    assert found.verdict == "disagree"
+    assert found.error > 100.0 * found.allowed
+
+
+# --- the file and its page ------------------------------------------------------------------------------------------
+@pytest.fixture
+def few(monkeypatch):
+    """Return tasks that cost nothing, with one that must fail."""
+    calls = []
+
+    def toy(name, error, expected):
+        def compute():
+            calls.append(name)
+            values = {
+                "oracle": "moving-mass", "case": name, "method": "following-p2", "ladder": ["elements 3", "elements 6"],
+                "refined": "resolution", "sizes": [3.0, 6.0], "errors": [4.0 * error, error], "error": error,
+                "worst": 1.7 * error, "observed_order": 2.0 if error < 0.1 else math.nan, "expected_order": 1.9,
+                "because": "x < y & z", "allowed": 0.02, "allowed_because": "its bar",
+                "verdict": exactness.judge(error, 0.02, 2.0, 1.9), "expected": expected,
+            }  # fmt: skip
+            return exactness.Row(**values)
+
+        return exactness.Task("moving-mass", name, "following-p2", compute)
+
+    tasks = [toy("the paper's mass, toy", 0.013, "agree"), toy("second", 0.3, "disagree")]
+    monkeypatch.setattr(exactness, "tasks", lambda: tasks)
+    return tasks, calls
+
+
+def test_the_table_is_written_and_goes_on_where_it_stopped(few, tmp_path):
+    _, calls = few
+    progress = []
+    content = exactness.oracle_table(tmp_path, lambda label, done: progress.append((label, done)))
+    assert content == json.loads((tmp_path / "oracles.json").read_text())
+    assert content["verdict"] == "agree"
+    assert content["rows"][1]["observed_order"] is None
+    assert progress[-1] == ("oracles", 1.0)
+    assert len(content["unreached"]) == len(exactness.UNREACHED)
+    content["rows"], content["verdict"] = content["rows"][:1], "not comparable"
+    (tmp_path / "oracles.json").write_text(json.dumps(content))
+    calls.clear()
+    assert exactness.oracle_table(tmp_path)["verdict"] == "agree"
+    assert calls == ["second"]
+
+
+def test_one_row_that_is_not_as_it_should_be_spoils_the_verdict(few, tmp_path, monkeypatch):
+    tasks, _ = few
+    failing = replace(tasks[1], compute=lambda: replace(tasks[1].compute(), expected="agree"))
+    monkeypatch.setattr(exactness, "tasks", lambda: [tasks[0], failing])
+    assert exactness.oracle_table(tmp_path)["verdict"] == "disagree"
+    first = page.sections(tmp_path)[0]
+    assert first.verdict == "disagree"
+    assert "second" in first.summary
+
+
+def test_the_page_shows_every_row_and_escapes_it(few, tmp_path):
+    assert page.sections(tmp_path)[0].verdict is None  # nothing stored yet: it says so
+    exactness.oracle_table(tmp_path)
+    found = page.sections(tmp_path)
+    html = "".join(str(s.html) for s in found)
+    assert found[0].verdict == "agree"
+    assert "x &lt; y &amp; z" in html
+    assert "fails, as it must" in html
+    assert "<svg" in html
+    assert all(name in html for name in exactness.UNREACHED)
+    assert len({s.id for s in found}) == len(found)
+
+
+def test_exact_paths_of_the_crossings_are_those_of_their_travel():
+    """What a solver is sent along and what the oracle is asked for are the same travel."""
+    for crossing in exactness.crossings().values():
+        motion = crossing.groups.motion
+        t = np.array([motion.time_at(s) for s in np.linspace(crossing.begins, crossing.until, 5)])
+        assert np.all(np.isfinite(crossing.exact(t)))
+        assert crossing.exact(t[:1]) == pytest.approx(0.0, abs=1e-14)
