@@ -56,8 +56,13 @@ TOL_RANGE = (1e-6, 0.2)
 # The module of a command's study, in validation.studies, and of its pages, in validation.report.
 STUDIES = {
     "check": "check", "advise": "adequacy", "chart": "workprecision", "atlas": "stability", "oracles": "exactness",
-    "paper": "claims",
+    "paper": "claims", "modes": "modes",
 }  # fmt: skip
+# What a full report consists of: commands, and the folder of each is its scene or itself.
+PARTS = (
+    ("check", "level"), ("check", "cruise"), ("check", "inclined"), ("modes", "bare"),
+    ("advise", "level", "--tol", "1e-2"), ("chart", "level"), ("oracles",), ("paper",), ("atlas",),
+)  # fmt: skip
 
 
 # --- what there is --------------------------------------------------------------------------------------------------
@@ -281,6 +286,7 @@ def check(
         for e in (result.a, result.b):
             paraview.write(e.run, folder / e.run.method)
         _report(folder)
+        store.finish(folder, "check")
         progress("writing", 1.0)
     telling.check(result)
     terminal.say(f"written to {folder}: report.html, agreement.json, {result.a.run.method}/, {result.b.run.method}/")
@@ -304,6 +310,7 @@ def modes(scene: SceneName, out: Out = None) -> int:
     folder = store.claim(out, "modes", loaded, ["modes.json"])
     found = study.modes(loaded)
     found.write(folder)
+    store.finish(folder, "modes")
     hertz = found.omega[study.EXACT] / (2.0 * math.pi * loaded.time_scale)
     rows = [
         [str(i + 1), f"{hertz[i]:.5g}", *(f"{omega[i]:.7f}" for omega in found.omega.values())]
@@ -380,6 +387,7 @@ def _study(command: str, scene: Any, writes: list[str], out: Path | None, *input
     with terminal.progress() as progress:
         found = call(*inputs, folder, progress)
         _report(folder)
+        store.finish(folder, command)
     telling.pages(_sections(folder, command))
     terminal.say(f"written to {folder}: report.html, {', '.join(writes)}")
     # What the paper claims, or where a method fails on purpose, is a finding; oracles put our solvers to the test.
@@ -389,28 +397,47 @@ def _study(command: str, scene: Any, writes: list[str], out: Path | None, *input
 @app.command(epilog="Example: cablefem report")
 def report(
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help=f"Folder with the results. Default: {store.ROOT}.")
+        Path | None, typer.Option(metavar="DIR", help=f"Folder of all results. Default: {store.ROOT}.")
     ] = None,
 ) -> int:
-    """Gather all results in one HTML file.
+    """Run what is missing and gather all results in one HTML file.
 
-    Reads every result in DIR and in its subfolders; writes DIR/report.html.
+    Each part is a command of its own, with its results in DIR/SCENE; finished parts are taken as they are, so an
+    interrupted report goes on where it stopped. Writes DIR/report.html. DIR may also be the folder of one result: then
+    only this is gathered.
     """
+    root = store.ROOT if out is None else out
+    if not set(store.results(root)) - {"report"}:
+        store.claim(root, "report", "report", ["report.html"], among=True)
+        store.ROOT, before = root, store.ROOT
+        try:
+            missing = [part for part in PARTS if not store.finished(root / part[min(1, len(part) - 1)], part[0])]
+            for i, part in enumerate(missing):
+                terminal.say(f"part {i + 1} of {len(missing)}: cablefem {' '.join(part)}", style="bold")
+                code = main(list(part))
+                if code == 130:
+                    raise KeyboardInterrupt
+                terminal.say()
+        finally:
+            store.ROOT = before
+    return _gathered(root)
+
+
+def _gathered(root: Path) -> int:
+    """Write the report of all finished results in a folder and in its subfolders."""
     from dataclasses import replace
 
     from validation import telling
     from validation.report import page
 
-    root = store.ROOT if out is None else out
-    folders = [folder for folder in [root, *sorted(root.glob("*/"))] if store.results(folder)]
     sections = [
         replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}")
-        for folder in folders for command in store.results(folder) for s in _sections(folder, command)
+        for folder in [root, *sorted(root.glob("*/"))]
+        for command in store.results(folder) if store.finished(folder, command)
+        for s in _sections(folder, command)
     ]  # fmt: skip
     if not sections:
-        raise store.Refused(f"{root} holds no results to report; start with cablefem check level")
-    if root not in folders:
-        store.claim(root, "report", "report", ["report.html"], among=True)
+        raise store.Refused(f"{root} holds no finished results to report")
     page.render("cablefem", sections, root / "report.html")
     telling.pages(sections)
     terminal.say(f"written to {root}: report.html")

@@ -60,6 +60,22 @@ def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str], *, 
     return folder
 
 
+def finish(folder: Path, command: str) -> None:
+    """Mark a command's results as complete, so that a report takes them as they are."""
+    from cablefem.response import write_json
+
+    marker = _marker(folder)
+    if marker is not None:
+        marker["finished"] = sorted({*marker.get("finished", []), command})
+        write_json(folder / MARKER, marker)
+
+
+def finished(folder: Path, command: str) -> bool:
+    """Return whether a folder holds complete results of a command."""
+    marker = _marker(folder)
+    return marker is not None and command in marker.get("finished", [])
+
+
 def results(folder: Path) -> list[str]:
     """Return the commands whose results a folder holds; none if it is not one of ours."""
     marker = _marker(folder)

@@ -420,11 +420,12 @@ def test_only_oracles_put_our_solvers_to_the_test(cablefem, monkeypatch, command
 
 
 @pytest.mark.usefixtures("checked")
-def test_report_gathers_what_is_there(cablefem, monkeypatch):
+def test_report_runs_what_is_missing_and_gathers_what_is_there(cablefem, monkeypatch):
+    monkeypatch.setattr("validation.cli.PARTS", ())
     assert cablefem("report")[0] == 2
     assert cablefem("check", "level")[0] == 0
-    _, arguments, _ = stand_in(monkeypatch, "atlas")
-    assert cablefem(*arguments)[0] == 0
+    calls, _, _ = stand_in(monkeypatch, "atlas")
+    monkeypatch.setattr("validation.cli.PARTS", (("check", "level"), ("atlas",)))
     for _ in range(2):  # also a second time, over the first one
         code, out, _ = cablefem("report")
         assert code == 0
@@ -433,12 +434,31 @@ def test_report_gathers_what_is_there(cablefem, monkeypatch):
         assert "atlas: One" in out
         assert "level: " in out
         assert 'id="atlas-one"' in page
+    assert len(calls) == 1  # a finished part is not run again
     # of one folder
     assert cablefem("report", "--out", "cablefem-out/level")[0] == 0
     assert "this was found" not in Path("cablefem-out/level/report.html").read_text()
 
 
+@pytest.mark.usefixtures("checked")
+def test_an_interrupted_part_is_run_again(cablefem, monkeypatch):
+    stand_in(monkeypatch, "atlas")
+    monkeypatch.setattr("validation.cli.PARTS", (("check", "level"), ("atlas",)))
+    study = sys.modules["validation.studies.stability"]
+
+    def interrupted(*inputs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(study, "atlas", interrupted)
+    assert cablefem("report")[0] == 130
+    assert not Path("cablefem-out/report.html").exists()
+    stand_in(monkeypatch, "atlas")
+    assert cablefem("report")[0] == 0
+    assert "this was found" in Path("cablefem-out/report.html").read_text()
+
+
 def test_report_does_not_write_over_a_strange_file(cablefem, monkeypatch):
+    monkeypatch.setattr("validation.cli.PARTS", ())
     _, arguments, _ = stand_in(monkeypatch, "atlas")
     assert cablefem(*arguments)[0] == 0
     Path("cablefem-out/report.html").write_text("mine")
