@@ -13,7 +13,7 @@ from cablefem.elements.fixed import FixedElements
 from cablefem.elements.following import FollowingElements
 from cablefem.newmark import NewtonStalled, State, integrate, scheme, step_times
 from cablefem.response import States
-from tests.elements.runs import (
+from tests.runs import (
     CRUISE,
     INCLINED,
     LEVEL,

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from cablefem.elements.following import FollowingElements
 from cablefem.newmark import integrate, scheme, step_times
-from tests.elements.runs import (
+from tests.runs import (
     CRUISE,
     INCLINED,
     LEVEL,

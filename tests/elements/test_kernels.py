@@ -14,7 +14,7 @@ from cablefem.elements import kernels
 from cablefem.elements.cable import bands
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.reference import graded_knots, lagrange_element, reference, shape_polynomials
-from tests.elements.runs import LEVEL, steep_cable
+from tests.runs import LEVEL, steep_cable
 
 DEGREES = range(1, 9)
 

@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 from cablefem import Scene
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.modes import bare_frequencies
-from tests.elements.runs import LEVEL, steep_cable
+from tests.runs import LEVEL, steep_cable
 from validation.oracles import catenary_modes, irvine
 
 # collocation of the linearised catenary, u and v; sigma = 0.1688832, alpha = 844.416 (Henghold; Wu & Chen)

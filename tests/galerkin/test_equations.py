@@ -11,7 +11,7 @@ from cablefem.newmark import State
 from cablefem.scene.motion import Motion, Piece
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
-from tests.elements.runs import steep_cable, tangent_defect
+from tests.runs import steep_cable, tangent_defect
 
 # Enters at 0.31, speeds up, at t = 1.3 starts to brake: every term of (22), (23), (27) and a jump of acceleration.
 FIRST = Piece(0.0, 0.0, 0.0, 0.31, 0.07, 0.011)

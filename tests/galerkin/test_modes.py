@@ -7,7 +7,7 @@ import pytest
 
 from cablefem import Scene
 from galerkin import Daubechies, Fourier, bare_frequencies
-from tests.elements.runs import orders, steep_cable
+from tests.runs import orders, steep_cable
 from validation.oracles import catenary_modes, irvine
 
 BARE = replace(Scene.load("bare").groups, sigma=0.1688832, alpha=844.416, c=0.0844416)  # rounded as in oracles.md

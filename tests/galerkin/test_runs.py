@@ -12,7 +12,7 @@ from cablefem.newmark import NewtonStalled, integrate, scheme, step_times
 from cablefem.response import States
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
-from tests.elements.runs import CRUISE, INCLINED, LEVEL, level_cable, march, observe, orders, path_error
+from tests.runs import CRUISE, INCLINED, LEVEL, level_cable, march, observe, orders, path_error
 from validation.oracles import moving_force, moving_mass
 
 STRING = level_cable(mu=0.7, sigma=0.31, speed=0.45)
