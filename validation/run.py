@@ -152,6 +152,9 @@ def _march(
                     break
     except StepFailure as error:
         failure = _cause(error, onset is not None, after is not None)
+        if not states:  # no start: all there is is the hanging cable
+            rest = np.zeros(system.n_dof)
+            states.append(State(system.phases[0][0], rest, rest, rest))
     seconds = time.perf_counter() - begin
     if progress is not None:
         progress(1.0)
