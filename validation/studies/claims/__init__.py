@@ -22,7 +22,7 @@ def paper(out: Path, progress: Progress | None = None) -> dict[str, Any]:
     runs = all_runs(out, progress)
     if progress is not None:
         progress("claims", 0.0)
-    numbers = table.numbers(runs)
+    numbers = table.numbers(runs, out / "numbers.json")
     if progress is not None:
         progress("claims", 0.7)
     rows = [claim.row() for claim in table.claims(runs, numbers)]
