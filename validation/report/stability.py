@@ -149,9 +149,9 @@ def _limits(atlas: dict[str, Any]) -> Section:
         "ratio": "measured over theory",
     }  # fmt: skip
     html = Markup(
-        "<p>Central differences are stable for steps below 2/&omega;<sub>max</sub>, &omega;<sub>max</sub> being that of "
-        "the cable at rest with the mass at mid-span; measured is the fewest equal steps of a crossing that do not gain "
-        "energy, by bisection to 2 percent.</p>{}"
+        "<p>Central differences are stable for steps below 2/&omega;<sub>max</sub>, that of the cable at rest with the "
+        "mass at mid-span; measured is the fewest equal steps of a crossing that do not gain energy, by bisection to "
+        "2 percent.</p>{}"
     ).format(table(rows, columns, caption="Stability limit of central differences, level cable"))
     verdict = "agree" if off <= 0.05 else "disagree"
     return Section("atlas-limits", "Explicit steps", html, verdict, f"Measured and theory differ by at most {off:.1%}.")

@@ -50,8 +50,9 @@ def run_row(row: Row) -> dict[str, Any]:
     failed, cured = row.failure(), row.cure()
     return {
         "name": row.name, "scene": row.scene, "method": row.method, "symptom": row.symptom, "cause": row.cause,
-        "remedy": row.remedy, "failure": failed.values, "cure": cured.values,
-        "failure_shown": failed.shown, "remedy_works": cured.shown,
+        "remedy": row.remedy, "failure": {k: float(x) for k, x in failed.values.items()},
+        "cure": {k: float(x) for k, x in cured.values.items()},
+        "failure_shown": bool(failed.shown), "remedy_works": bool(cured.shown),
     }  # fmt: skip
 
 
