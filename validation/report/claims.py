@@ -174,12 +174,12 @@ def _wu_and_chen(content: dict[str, Any], stored: _Stored) -> Section:
         _linked(content, "turn-at-0.655", "wu-chen-0.8", "factor-of-two"),
     ])  # fmt: skip
     found = {c["id"]: c for c in content["claims"]}["factor-of-two"]
-    return Section("wu-and-chen", "The factor of two", html, None, found["why"])
+    return Section("wu-and-chen", "The factor of two", html, None, f"The claim {found['verdict']}. {found['why']}")
 
 
 def _with_bar(x: float, bar: float) -> Markup:
-    """Return 0.65127 ± 0.00001: as many decimals as the first digit of the bar has, six at most."""
-    decimals = int(np.clip(np.ceil(-np.log10(max(bar, 1e-6))), 1, 6))
+    """Return 0.65127 ± 0.00001: down to the first digit of a small bar, the second of a large one, six at most."""
+    decimals = int(np.clip(np.ceil(-np.log10(max(bar, 1e-6))) + (bar > 1e-3), 1, 6))
     shown = max(round(bar, decimals), 10.0**-decimals)
     return Markup('<span style="white-space:nowrap">{} ± {}</span>').format(
         f"{x:.{decimals}f}".replace("-", "−"), f"{shown:.{decimals}f}"
