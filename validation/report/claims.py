@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup, escape
+from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from cablefem.response import Response
@@ -543,5 +543,5 @@ def _beyond(content: dict[str, Any], stored: _Stored) -> Section:
     html = gallery(figure(fig, caption, label="Overshoot of the tension against the number of terms"))
     html += details("What the converged values rest on", rest)
     return Section(
-        "overshoot", "Beyond the paper: the overshoot beside the mass", html, None, escape(caption).split(". ")[1] + "."
+        "overshoot", "Beyond the paper: the overshoot beside the mass", html, None, caption.split(". ")[1]
     )
