@@ -13,7 +13,7 @@ import numpy as np
 from markupsafe import Markup, escape
 from matplotlib.patches import Patch
 
-from validation.report.figures import BLUE, GREY, ORANGE, PURPLE, SKY, VERMILLION
+from validation.report.figures import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 from validation.report.page import Section, figure, gallery, missing, number, panels, style, table
 
 # class of a cell -> colour, hatch and words; lightness falls from good to wrong, so that print in grey keeps the order
@@ -25,12 +25,12 @@ CLASSES = {
     "no scene": ("#bbbbbb", "--", "no such scene"),
     None: ("#ffffff", "", "not computed"),
 }
-# cause of a failure -> letter in the cell, words
+# cause of a failure -> letter and colour of its badge, words
 CAUSES = {
-    "too coarse": ("c", "too coarse"), "unstable": ("u", "unstable, gains energy"),
-    "slack": ("s", "stopped on the slack cable"), "slack too early": ("e", "slack too early"),
-    "Newton stalled": ("n", "Newton's method stalled"), "step underflow": ("t", "step underflow"),
-    "no start": ("o", "no start"),
+    "too coarse": ("c", "#ffffff", "too coarse"), "unstable": ("u", PURPLE, "unstable: gains energy"),
+    "slack": ("s", BLUE, "stopped on the slack cable"), "slack too early": ("e", GREEN, "slack too early"),
+    "Newton stalled": ("n", BLACK, "Newton's method stalled"), "step underflow": ("t", "#8c6d31", "step underflow"),
+    "no start": ("o", GREY, "no start"),
 }  # fmt: skip
 NAMES = {"mu": "mass ratio mu", "V/c": "speed ratio V/c", "alpha": "stiffness alpha"}
 
@@ -62,12 +62,11 @@ def _map(atlas: dict[str, Any], m: dict[str, Any]) -> Section:
                               for name in counts}}
         for method in m["methods"]
     ]  # fmt: skip
-    explained = "".join(f"<dt>{letter}</dt><dd>{words}</dd>" for letter, words in CAUSES.values())
     html = Markup(
         "<p>Error of the mass path against finer following elements up to s_o/l = 0.80 or the slack onset. In a cell: "
-        "the cause of a failure by its letter, and under it how far the run came (s_o/l), where that is less than "
-        "0.995.</p>{}<dl class=causes>{}</dl>{}"
-    ).format(gallery(*figures), Markup(explained), table(rows, ["method", *counts], caption="Cells by class"))
+        "the cause of a failure as a coloured letter, and under it how far the run came (s_o/l) where it "
+        "stopped.</p>{}{}"
+    ).format(gallery(*figures), table(rows, ["method", *counts], caption="Cells by class"))
     return Section(f"atlas-{m['name']}", m["title"], html, None, summary)
 
 
@@ -75,6 +74,7 @@ def _figure(atlas: dict[str, Any], m: dict[str, Any], method: str, cells: dict[A
     xs, ys = m["x"]["values"], m["y"]["values"]
     fig, ax = panels(height=3.6)
     used: list[Any] = []
+    causes: set[str] = set()
     with style():
         for i, x in enumerate(xs):
             for j, y in enumerate(ys):
@@ -87,16 +87,15 @@ def _figure(atlas: dict[str, Any], m: dict[str, Any], method: str, cells: dict[A
                 if cell is None:
                     ax.text(i, j, "·", ha="center", va="center", color=GREY)
                     continue
-                text = CAUSES.get(cell["cause"], ("",))[0]
-                if (
-                    cell["reached"] is not None
-                    and cell["reached"] < 0.995
-                    and cell["cause"] not in (None, "too coarse")
-                ):
-                    text += f"\n{cell['reached']:.2f}"
-                if text:
-                    ax.text(i, j, text, ha="center", va="center", fontsize=7.5,
-                            bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.6})  # fmt: skip
+                if cell["cause"] is None:
+                    continue
+                letter, badge, _ = CAUSES[cell["cause"]]
+                causes.add(cell["cause"])
+                if cell["reached"] is not None and cell["reached"] < 0.995 and cell["cause"] != "too coarse":
+                    letter += f"\n{cell['reached']:.2f}"
+                ink = BLACK if badge in ("#ffffff", PURPLE) else "white"
+                box = {"facecolor": badge, "edgecolor": "white", "linewidth": 0.5, "pad": 1.2}
+                ax.text(i, j, letter, ha="center", va="center", fontsize=7.5, color=ink, bbox=box)
         _curves(ax, atlas, m, method)
         ax.set_xticks(range(len(xs)), [f"{x:g}" for x in xs], rotation=45)
         ax.set_yticks(range(len(ys)), [f"{y:g}" for y in ys])
@@ -110,6 +109,10 @@ def _figure(atlas: dict[str, Any], m: dict[str, Any], method: str, cells: dict[A
         handles = [
             Patch(facecolor=CLASSES[k][0], hatch=CLASSES[k][1], edgecolor=GREY, label=CLASSES[k][2]) for k in shown
         ]
+        handles += [
+            Patch(facecolor=badge, edgecolor=GREY, label=f"{letter}: {words}")
+            for name, (letter, badge, words) in CAUSES.items() if name in causes
+        ]  # fmt: skip
         handles += ax.get_legend_handles_labels()[0]
         fig.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=7.5)
     tally = ", ".join(f"{used.count(k)} {k or 'not computed'}" for k in shown)

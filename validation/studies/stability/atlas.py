@@ -76,7 +76,7 @@ MAPS: tuple[Map, ...] = (
     ),
     Map(
         "step-resolution", "Step and resolution, level cable",
-        ("steps", (50.0, 100.0, 200.0, 400.0, 800.0, 1600.0)), ("unknowns per field", (8.0, 16.0, 32.0, 64.0)),
+        ("steps", (100.0, 200.0, 400.0, 800.0, 1600.0, 3200.0)), ("unknowns per field", (4.0, 8.0, 16.0, 32.0)),
         (
             ("following-p2", {}), ("fourier-kink", {}), ("fourier", {}), ("fixed-p1-path", {}),
             ("fourier", {"scheme": "central-difference"}), ("fixed-p1-path", {"scheme": "trapezoidal"}),
@@ -162,7 +162,7 @@ def _end_line(path: Path) -> None:
 
 Job = tuple[str, Any, float, float]  # kind, map or name, x, y
 
-LIMIT_TERMS = (8.0, 16.0, 32.0, 64.0)
+LIMIT_TERMS = (4.0, 8.0, 16.0, 32.0)
 
 
 def _jobs(maps: tuple[Map, ...], rows: tuple[catalogue.Row, ...]) -> list[Job]:
