@@ -108,12 +108,12 @@ def _row(
 
 # One-sided slopes at the mass and what oscillates around it converge with first order: the gap to half the resolution
 # and half the steps is what is left.
-_FIRST_ORDER = f"the change from half the resolution and half the steps, times {SAFETY}"
+FIRST_ORDER = f"the change from half the resolution and half the steps, times {SAFETY}"
 
 
 def _first_order(name: str, gap: float, a: Estimated, b: Estimated, window: Window) -> Agreement:
     bars = [SAFETY * sum(measures.oscillation_gap(e.run, c, window) for c in (e.in_space, e.in_time)) for e in (a, b)]
-    because = f"sum of both error bars: {a.run.method} {bars[0]:.2g}, {b.run.method} {bars[1]:.2g} ({_FIRST_ORDER})"
+    because = f"sum of both error bars: {a.run.method} {bars[0]:.2g}, {b.run.method} {bars[1]:.2g} ({FIRST_ORDER})"
     return Agreement(name, gap, sum(bars), because)
 
 
@@ -150,7 +150,7 @@ def _law(name: str, series: Series, a: Estimated, b: Estimated, window: Window) 
             name,
             gap,
             bar,
-            f"{e.run.method}: the law holds exactly, so its defect may be the run's own error, {_FIRST_ORDER}",
+            f"{e.run.method}: the law holds exactly, so its defect may be the run's own error, {FIRST_ORDER}",
         )
         if worst is None or row.gap * worst.allowed > worst.gap * row.allowed:
             worst = row

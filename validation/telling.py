@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from validation import measures, terminal
+from validation.agreement import FIRST_ORDER
 from validation.methods import find
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ MEANINGFUL = 1e-2  # of the largest deflection: paths further apart are two answ
 
 def check(result: Check) -> None:
     """Print the verdict on a check row by row and in one line, the answer, and where it stops being meaningful."""
-    rows(result.rows, (result.a.basis, result.b.basis))
+    rows(result.rows, (result.a.basis, result.b.basis, FIRST_ORDER))
     third = sorted({row.row()["with"] for row in result.rows if "with" in row.row()})
     *others, last = [result.a.run.method, result.b.run.method, *third]
     word = {"agree": "agree", "disagree": "DISAGREE", "not comparable": "are NOT COMPARABLE"}[result.verdict.value]
