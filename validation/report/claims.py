@@ -77,17 +77,14 @@ def _claims(content: dict[str, Any]) -> Section:
         "converged": "Converged", "why": "Why",
     }  # fmt: skip
     text = Markup(
-        "<p>Verdicts are computed. Each claim is turned into one or more numbers with a range (column “True if”) in "
-        "which the claim is true. The converged value comes from elements that follow the mass, with companions of "
-        "half "
-        "the elements and half the steps; its ± covers what they leave and the distance to a second solver that shares "
-        "no formula with them (sines with a travelling kink). Where a claim is about a basis of so many terms, the "
-        "value "
-        "is that basis's own and its ± what the paper leaves open (steps, damping). A value whose ± reaches across an "
-        "end "
-        "of the range decides nothing. “Path” may mean the displacement v or the place y + v: where the text leaves it "
-        "open, one reading that is true is enough. v and y point down, so the paper's upward maxima are minima "
-        "here.</p>"
+        "<p>Verdicts are computed. Each claim is turned into one or more numbers with a range (column “True if”) "
+        "in which the claim is true. The converged value comes from elements that follow the mass, with companions "
+        "of half the elements and half the steps; its ± covers what they leave and the distance to a second solver "
+        "that shares no formula with them (sines with a travelling kink). Where a claim is about a basis of so "
+        "many terms, the value is that basis's own and its ± what the paper leaves open (steps, damping). A value "
+        "whose ± reaches across an end of the range decides nothing. “Path” may mean the displacement v or the "
+        "place y + v: where the text leaves it open, one reading that is true is enough. v and y point down, so "
+        "the paper's upward maxima are minima here.</p>"
     )
     more = Markup('<h3 id="errata">Formulas, errata and time integration</h3>')
     parts = [text, table(rows, columns, stack=True), more, table(errata, columns, stack=True)]
@@ -161,11 +158,10 @@ def _wu_and_chen(content: dict[str, Any], stored: _Stored) -> Section:
     ]  # fmt: skip
     html = Markup("\n").join([
         Markup(
-            "<p>The paper finds a turn of its path at 0.655 for μ = 1, Wu & Chen one at 0.8 for μ = 2, and concludes "
-            "that their "
-            "mass ratio lacks a factor of two. If it did, their curve would be the one for half the mass, and a turn "
-            "at 0.8 "
-            "would have to be found for μ = 1. All turning points of the converged path up to the slack cable:</p>"
+            "<p>The paper finds a turn of its path at 0.655 for μ = 1, Wu & Chen one at 0.8 for μ = 2, and "
+            "concludes that their mass ratio lacks a factor of two. If it did, their curve would be the one for "
+            "half the mass, and a turn at 0.8 would have to be found for μ = 1. All turning points of the "
+            "converged path up to the slack cable:</p>"
         ).replace("Wu & Chen", Markup("Wu &amp; Chen")),
         table(rows, {
             "mu": "μ", "reading": "Reading", "kind": "Turn", "place": "Place of the mass sₒ/l, converged",
@@ -201,11 +197,9 @@ def _figure_2(content: dict[str, Any], stored: _Stored) -> Section:
         ax.legend()
         first = figure(
             fig,
-            "Figure 2. The paper shows both bases against N with the linear theory's line. Here the same, on a scale "
-            "on "
-            "which the linear theory (a parabola) and the exact catenary part: both bases converge to the latter, "
-            "from above. "
-            "N = 1 and 2 sines (6.45, 5.44) lie outside.",
+            "Figure 2. The paper shows both bases against N with the linear theory's line. Here the same, on a "
+            "scale on which the linear theory (a parabola) and the exact catenary part: both bases converge to "
+            "the latter, from above. N = 1 and 2 sines (6.45, 5.44) lie outside.",
             label="First natural frequency against the number of terms",
         )  # fmt: skip
         fig, ax = panels(1, 1, height=3.0)
@@ -270,8 +264,8 @@ def _figure_3(content: dict[str, Any], stored: _Stored) -> Section:
     two = figure(
         shown[1], "Figure 3, read as the displacement alone: for μ = 1 its turn lies at "
         f"{_converged(content, 'turn-at-0.655'):.3f}, the paper's 0.655. Thirty sines are "
-        f"{100 * _converged(content, 'enough-sines'):.0f} percent from the converged path. Shaded: for μ = 1 the cable "
-        "is slack somewhere, and from there on the path rests on a law without compression.",
+        f"{100 * _converged(content, 'enough-sines'):.0f} percent from the converged path. Shaded: for μ = 1 the "
+        "cable is slack somewhere, and from there on the path rests on a law without compression.",
         label="Path of the mass as v for both mass ratios",
     )  # fmt: skip
     html = gallery(one, two) + _linked(
@@ -367,20 +361,21 @@ def _figure_4(content: dict[str, Any], stored: _Stored) -> Section:
         figure(
             tension,
             "Figure 4 (b), the tension. The sines oscillate along the whole cable, the wavelets mostly beside the "
-            "mass, where their ripples are higher and longer. The converged tension is all but a straight line until "
-            "the "
+            "mass, where their ripples are higher and longer. The converged tension is all but a straight line "
+            "until the "
             "mass is past 0.63.", label="Tension along the cable at five instants",
         ),
         figure(
             lines,
-            "The paper's “horizontal straight lines” come with damping: the same bases with Newmark's γ = 1 and 256 "
-            "steps. The lines are straighter, and stand at another height than the true tension; the path is wrong.",
+            "The paper's “horizontal straight lines” come with damping: the same bases with Newmark's γ = 1 and "
+            "256 steps. The lines are straighter, and stand at another height than the true tension; the path is "
+            "wrong.",
             label="Tension with strong numerical damping",
         ),
         figure(
             fig,
-            "The tension over time. It is about 2.6 H from a quarter of the way to the meeting with the reflected wave "
-            f"at {_converged(content, 'meets-half-way'):.3f}, and anything but constant after mid-span.",
+            "The tension over time. It is about 2.6 H from a quarter of the way to the meeting with the reflected "
+            f"wave at {_converged(content, 'meets-half-way'):.3f}, and anything but constant after mid-span.",
             label="Median tension against the place of the mass",
         ),
     )  # fmt: skip
@@ -517,16 +512,13 @@ def _beyond(content: dict[str, Any], stored: _Stored) -> Section:
         )
         ax.legend(fontsize=8.0)
     caption = (
-        "Gibbs' overshoot on the inclined cable, between half a wavelength and two beside the mass, mean over eleven "
-        "instants. "
-        "It does not shrink with N for sines nor, after the first level, for wavelets; one hat that travels with the "
-        "mass "
-        "takes it away."
+        "Gibbs' overshoot on the inclined cable, between half a wavelength and two beside the mass, mean over "
+        "eleven instants. It does not shrink with N for sines nor, after the first level, for wavelets; one hat "
+        "that travels with the mass takes it away."
     )
     references = [
         {
-            "scene":
-            name, "method": f"{x['method']}, {x['settings']['elements']} + {x['settings']['elements']} elements, "
+            "scene": name, "method": f"{x['method']}, {x['settings']['elements']} + {x['settings']['elements']} elements, "
             f"{x['settings']['steps']} steps",
             "cross": x["crossed_by"], "bar": x["path_bar"], "slack": x["slack_onset"],
         }
@@ -536,8 +528,7 @@ def _beyond(content: dict[str, Any], stored: _Stored) -> Section:
     for row in references:
         row["scene"] = names[row["scene"]]
     rest = table(references, {
-        "scene":
-        "Scene", "method": "Converged run", "cross": "Crossed by", "bar": "Error bar of the path (of largest v)",
+        "scene": "Scene", "method": "Converged run", "cross": "Crossed by", "bar": "Error bar of the path (of largest v)",
         "slack": "Slack from sₒ/l",
     })  # fmt: skip
     html = gallery(figure(fig, caption, label="Overshoot of the tension against the number of terms"))

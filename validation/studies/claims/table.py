@@ -151,8 +151,8 @@ def _bare(runs: Runs, frequencies: dict[str, Any]) -> list[Claim]:
         Claim(
             "omega-1", "7.1", "The linear theory of Irvine and Caughey predicts the first natural frequency 5.34979.",
             (around("ω₁ of the linear theory", 5.34979, 5e-6, "the digits printed", linear, 1e-9),),
-            f"With α = σ/β = {g.alpha:.3f} the equation tan(Ω/2) = Ω/2 − (4/λ²)(Ω/2)³ gives {linear:.7f}; the exact "
-            f"catenary has {exact:.7f}, which is {100 * (1 - exact / linear):.2f} percent lower.",
+            f"With α = σ/β = {g.alpha:.3f} the equation tan(Ω/2) = Ω/2 − (4/λ²)(Ω/2)³ gives {linear:.7f}; the "
+            f"exact catenary has {exact:.7f}, which is {100 * (1 - exact / linear):.2f} percent lower.",
         ),
         Claim(
             "fast-convergence", "Figure 2", "Both methods are showing fast convergence with a small number of terms.",
@@ -161,14 +161,14 @@ def _bare(runs: Runs, frequencies: dict[str, Any]) -> list[Claim]:
                 for name, n in (("fourier", 10), ("wavelet", 10), ("wavelet", 17))
             ),
             f"Ten terms come within {power(by_n['fourier'][10] / exact - 1)} (sines) and "
-            f"{power(by_n['wavelet'][10] / exact - 1)} "
-            "(wavelets) of the exact catenary, from above as Galerkin's method must.",
+            f"{power(by_n['wavelet'][10] / exact - 1)} (wavelets) of the exact catenary, from above as Galerkin's "
+            "method must.",
         ),
         Claim(
             "exact-frequencies", "7.2", "Our solution reproduced the exact natural frequencies of a bare cable.",
             tuple(at_most(f"worst of ten, {name}", 1e-3, LINE, x) for name, x in worst.items()),
-            "The first ten frequencies with the terms of figures 3 and 4, against the linearised catenary solved by "
-            "collocation; the limit is not the linear theory's 5.34979 but the exact 5.34548.",
+            "The first ten frequencies with the terms of figures 3 and 4, against the linearised catenary solved "
+            "by collocation; the limit is not the linear theory's 5.34979 but the exact 5.34548.",
         ),
         Claim(
             "sag", "7.2", "This example has a small sag-to-span ratio, about 1 : 47.",
@@ -221,8 +221,8 @@ def _constant_speed(runs: Runs) -> list[Claim]:
                     measures.path_gap(level.cross, level.run, PATH)[0], error,
                 ),
             ),
-            f"Thirty sines leave {100 * error:.1f} percent of the largest displacement, by the kink at the mass, which "
-            "sines meet at first order only; ten sines with a travelling kink leave 0.5 percent.",
+            f"Thirty sines leave {100 * error:.1f} percent of the largest displacement, by the kink at the mass, "
+            "which sines meet at first order only; ten sines with a travelling kink leave 0.5 percent.",
         ),
     ]  # fmt: skip
 
@@ -256,8 +256,8 @@ def _wu_and_chen(runs: Runs) -> list[Claim]:
                 runs["heavy-fourier-30"], 0.8, READ_OFF, "read off the figure",
             ),
             f"With μ = 2 as they say, y + v turns upward at {place:.4f}: their curve is the path y + v of the very "
-            "scene "
-            f"they name (the cable falls slack when the mass is at {heavy.run.slack_onset or math.nan:.3f}, just "
+            f"scene they name (the cable falls slack when the mass is at {heavy.run.slack_onset or math.nan:.3f}, "
+            "just "
             "there).", readings=True,
         ),
         Claim(
@@ -269,8 +269,8 @@ def _wu_and_chen(runs: Runs) -> list[Claim]:
             ),
             f"With half the mass no turn of either reading lies at 0.8 (nearest: v {thin['v'][0]:.4f}, y + v "
             f"{thin['y + v'][0]:.4f} ± {thin['y + v'][1]:.4f}, a downward one; the upward one of y + v is at "
-            f"{low:.3f}), "
-            f"with μ = 2 one does ({place:.4f} ± {thick['y + v'][1]:.4f}); 0.655 against 0.8 compares v for μ = 1 with "
+            f"{low:.3f}), with μ = 2 one does ({place:.4f} ± {thick['y + v'][1]:.4f}); 0.655 against 0.8 compares v "
+            "for μ = 1 with "
             "y + v for μ = 2.", readings=True,
         ),
         Claim(
@@ -298,8 +298,9 @@ def _waves(runs: Runs) -> list[Claim]:
             "Figure 4", "[The wave reflected at the right support] meets with the moving mass when the "
             "mass is half way of the cable span.",
             (in_words("place of the mass", 1 / 2, *meets, m.meeting(runs["level-fourier-30"])),),
-            f"A front running at √(N/ρ) through the computed tension meets the mass at {meets[0]:.3f}; at the static "
-            f"tension it would at 2V/(1+V) = {linear:.3f}, so the tension that the mass itself raises shows in it.",
+            f"A front running at √(N/ρ) through the computed tension meets the mass at {meets[0]:.3f}; at the "
+            f"static tension it would at 2V/(1+V) = {linear:.3f}, so the tension that the mass itself raises shows "
+            "in it.",
         ),
         Claim(
             "partly-transmitted", "Figure 4", "Some of it transmits through the mass and some of it gets reflected.",
@@ -309,8 +310,8 @@ def _waves(runs: Runs) -> list[Claim]:
                     passes,
                 ),
             ),
-            "On a taut string a mass moving towards a wave passes 1/√(1+(μ(1+V)ω/2)²) of it and throws back the rest; "
-            "ω = π is the slowest wave the cable holds, quicker ones pass less.",
+            "On a taut string a mass moving towards a wave passes 1/√(1+(μ(1+V)ω/2)²) of it and throws back the "
+            "rest; ω = π is the slowest wave the cable holds, quicker ones pass less.",
         ),
     ]  # fmt: skip
 
@@ -360,8 +361,8 @@ def _level_tension(runs: Runs) -> list[Claim]:
             ),
             f"N = 30 and 31 are {100 * measures.path_gap(W, F, PATH)[0]:.1f} percent apart, yet "
             f"{100 * measures.path_gap(F, level.run, PATH)[0]:.1f} and "
-            f"{100 * measures.path_gap(W, level.run, PATH)[0]:.1f} "
-            "percent from the converged path: their agreement says nothing about their error.",
+            f"{100 * measures.path_gap(W, level.run, PATH)[0]:.1f} percent from the converged path: their "
+            "agreement says nothing about their error.",
         ),
         Claim(
             "straight-lines",
@@ -372,11 +373,11 @@ def _level_tension(runs: Runs) -> list[Claim]:
                     STRAIGHT, LINE, straight[0], max(abs(x - straight[0]) for x in straight), straight[0],
                 ),
             ),
-            f"It hangs on the damping, which the paper does not name: {straight[1]:.3f} without any, {straight[0]:.3f} "
-            f"with γ = 0.6, {straight[2]:.3f} with γ = 1 and 256 steps, where sines come to "
+            f"It hangs on the damping, which the paper does not name: {straight[1]:.3f} without any, "
+            f"{straight[0]:.3f} with γ = 0.6, {straight[2]:.3f} with γ = 1 and 256 steps, where sines come to "
             f"{far_line(damped['fourier-30']):.3f} and the path is "
-            f"{100 * measures.path_gap(damped['wavelet-31'], level.run, PATH)[0]:.0f} percent off; the true tension "
-            f"has {far_line(level.run):.3f}.",
+            f"{100 * measures.path_gap(damped['wavelet-31'], level.run, PATH)[0]:.0f} percent off; the true "
+            f"tension has {far_line(level.run):.3f}.",
         ),
         Claim(
             "local-oscillations",
@@ -388,11 +389,10 @@ def _level_tension(runs: Runs) -> list[Claim]:
                     abs(wiggle(W) - wiggle(runs["level-wavelet-31-undamped"])) / wiggle(F), wiggle(W) / wiggle(F),
                 ),
             ),
-            f"Oscillations shorter than a tenth of the cable, rms, beyond 0.2 l from the mass: sines {wiggle(F):.3f} "
-            "H, wavelets "
-            f"{wiggle(W):.3f} H with damping γ = 0.6 and {wiggle(runs['level-wavelet-31-undamped']):.3f} H without; "
-            "the paper "
-            f"does not name its γ. They are not small beside the mass: {m.wiggle(W, 0.02, 0.1, MOVING):.2f} H.",
+            "Oscillations shorter than a tenth of the cable, rms, beyond 0.2 l from the mass: sines "
+            f"{wiggle(F):.3f} H, wavelets {wiggle(W):.3f} H with damping γ = 0.6 and "
+            f"{wiggle(runs['level-wavelet-31-undamped']):.3f} H without; the paper does not name its γ. They are "
+            f"not small beside the mass: {m.wiggle(W, 0.02, 0.1, MOVING):.2f} H.",
         ),
         Claim(
             "function-of-time",
@@ -403,8 +403,9 @@ def _level_tension(runs: Runs) -> list[Claim]:
                     STRAIGHT, LINE, *level.measured(lambda r: m.unevenness(r, *MOVING)), m.unevenness(W, *MOVING),
                 ),
             ),
-            f"True of the converged tension at {100 * float(np.mean(uneven <= STRAIGHT)):.0f} percent of the instants; "
-            f"after sₒ/l = 0.63 it departs by up to {uneven.max():.2f}, as the cable comes close to slack.",
+            f"True of the converged tension at {100 * float(np.mean(uneven <= STRAIGHT)):.0f} percent of the "
+            f"instants; after sₒ/l = 0.63 it departs by up to {uneven.max():.2f}, as the cable comes close to "
+            "slack.",
         ),
         Claim(
             "sines-oscillate",
@@ -429,8 +430,7 @@ def _level_tension(runs: Runs) -> list[Claim]:
                 ),
             ),
             f"Against the converged tension, off the mass, rms: wavelets {error(W):.3f} H, sines {error(F):.3f} H, "
-            "sines "
-            f"with a travelling kink {floor:.3f} H.",
+            f"sines with a travelling kink {floor:.3f} H.",
         ),
         Claim(
             "tension-2.6",
@@ -458,9 +458,8 @@ def _level_tension(runs: Runs) -> list[Claim]:
                     *level.measured(lambda r: m.tension_spread(r, 0.5, end)), m.tension_spread(W, 0.5, end),
                 ),
             ),
-            f"It falls to {low[1]:.1f} H when the mass is at {low[0]:.2f}, rises to {top[1]:.1f} H at {top[0]:.2f}, "
-            "falls and rises "
-            f"again, and the cable goes slack when the mass is at {onset:.3f}.",
+            f"It falls to {low[1]:.1f} H when the mass is at {low[0]:.2f}, rises to {top[1]:.1f} H at "
+            f"{top[0]:.2f}, falls and rises again, and the cable goes slack when the mass is at {onset:.3f}.",
         ),
     ]  # fmt: skip
 
@@ -539,8 +538,7 @@ def _inclined(runs: Runs) -> list[Claim]:
                 at_most("the same over the depth that is plotted, y + v", SMALL, "small", plotted, 0.0, plotted),
             ),
             f"Ten terms of either kind are {100 * gap:.0f} percent of the displacement apart, which a plot of the "
-            "cable's "
-            f"place, {m.largest(inclined.run, 'y + v', 0.99):.0f} m deep, hides; they are "
+            f"cable's place, {m.largest(inclined.run, 'y + v', 0.99):.0f} m deep, hides; they are "
             f"{100 * measures.path_gap(F, inclined.run, PATH)[0]:.0f} and "
             f"{100 * measures.path_gap(W, inclined.run, PATH)[0]:.0f} percent from the converged path.", readings=True,
         ),
@@ -555,8 +553,7 @@ def _inclined(runs: Runs) -> list[Claim]:
                 "many more", size[0], abs(size[1] - size[0]), size[0]),
             ),
             f"Ten sines show {m.turns(F, MOVING):.0f} crests and troughs on average, ten wavelets "
-            f"{m.turns(W, MOVING):.0f}, "
-            f"and the wavelets' are {1 / size[0]:.1f} times larger; "
+            f"{m.turns(W, MOVING):.0f}, and the wavelets' are {1 / size[0]:.1f} times larger; "
             f"with γ = 1 in place of 0.6 the two ratios are {turns[1]:.2f} and {size[1]:.2f}.", readings=True,
         ),
         Claim(
@@ -569,16 +566,16 @@ def _inclined(runs: Runs) -> list[Claim]:
                 ),
             ),
             f"The tension ahead of the mass exceeds that behind it by {jump[0]:.4f} H on average; the drive alone "
-            "asks for "
-            f"μ a = {g.mu * g.motion.at(0.0, 0)[2] if g.motion else math.nan:.4f} H.",
+            f"asks for μ a = {g.mu * g.motion.at(0.0, 0)[2] if g.motion else math.nan:.4f} H.",
         ),
         Claim(
             "slow-elsewhere",
             "7.3", "Away from the mass location the cable tension is slowly changing with s and mostly "
             "changes with time.",
             (at_most("departure from the mean of each side (rms over mean)", STRAIGHT, LINE, *even),),
-            "On each side of the mass the converged tension is a horizontal line; ten sines and ten wavelets are not "
-            f"(departures {m.unevenness(F, *MOVING, sides=True):.3f} and {m.unevenness(W, *MOVING, sides=True):.3f}).",
+            "On each side of the mass the converged tension is a horizontal line; ten sines and ten wavelets are "
+            f"not (departures {m.unevenness(F, *MOVING, sides=True):.3f} and "
+            f"{m.unevenness(W, *MOVING, sides=True):.3f}).",
         ),
     ]  # fmt: skip
 
@@ -617,9 +614,8 @@ def _more_terms(runs: Runs, beside: dict[str, list[dict[str, float]]]) -> list[C
                 ),
             ),
             f"Off the mass the wavelets' tension is wrong by {_error(inclined, runs['inclined-wavelet-10']):.3f} H "
-            "(rms) with 10 "
-            f"terms and by {_error(inclined, runs['inclined-wavelet-17']):.3f} H with 17, the sines' by "
-            f"{_error(inclined, runs['inclined-fourier-10']):.3f} and "
+            f"(rms) with 10 terms and by {_error(inclined, runs['inclined-wavelet-17']):.3f} H with 17, the sines' "
+            f"by {_error(inclined, runs['inclined-fourier-10']):.3f} and "
             f"{_error(inclined, runs['inclined-fourier-17']):.3f} H.",
         ),
         Claim(
@@ -628,15 +624,13 @@ def _more_terms(runs: Runs, beside: dict[str, list[dict[str, float]]]) -> list[C
             "diminish.",
             (at_least(name, 0.5, half, *rate("wavelet", -1), rate("wavelet", 1)[0]),),
             "From half a wavelength 1/(2N) to two of them beside the mass the tension is wrong by up to "
-            f"{sizes('wavelet')} H: "
-            "after the first step it stays, wavelets meet the kink as sines do.",
+            f"{sizes('wavelet')} H: after the first step it stays, wavelets meet the kink as sines do.",
         ),
         Claim(
             "sine-oscillations-stay", "Figure 10", "[Oscillations are diminishing] but not from the Fourier solution.",
             (at_most(name, 0.5, half, *rate("fourier", -1), rate("fourier", 1)[0]),),
-            f"Beside the mass up to {sizes('fourier')} H, Gibbs' phenomenon at a kink; with a travelling kink in the "
-            "basis "
-            f"{sizes('fourier-kink')} H.",
+            f"Beside the mass up to {sizes('fourier')} H, Gibbs' phenomenon at a kink; with a travelling kink in "
+            f"the basis {sizes('fourier-kink')} H.",
         ),
         Claim(
             "more-terms-more-oscillations", "7.3", "A larger value of N produces more oscillations (Fourier).",
@@ -646,9 +640,8 @@ def _more_terms(runs: Runs, beside: dict[str, list[dict[str, float]]]) -> list[C
                     counts[17] / counts[10],
                 ),
             ),
-            f"More, not larger: N = 10, 17, 59 show {counts[10]:.0f}, {counts[17]:.0f}, {counts[59]:.0f} crests and "
-            "troughs "
-            "deeper than 0.005 H on average.",
+            f"More, not larger: N = 10, 17, 59 show {counts[10]:.0f}, {counts[17]:.0f}, {counts[59]:.0f} crests "
+            "and troughs deeper than 0.005 H on average.",
         ),
     ]  # fmt: skip
 
@@ -680,9 +673,8 @@ def _errata(runs: Runs) -> list[Claim]:
             "(12), figure 8", "y(l) = −h: with y downward, as in (4) and (10), the right support is the higher one.",
             (around("lowest point of y + v, rising chord", 0.8, ABOUT,
             "about", rising[0], abs(rising[0] - rising[1])),),
-            f"With the right support 90 m higher the path is lowest at {rising[0]:.3f}; the 0.8 of figure 8 needs it "
-            "90 m "
-            "lower, y(l) = +h.",
+            f"With the right support 90 m higher the path is lowest at {rising[0]:.3f}; the 0.8 of figure 8 needs "
+            "it 90 m lower, y(l) = +h.",
         ),
         Claim(
             "alpha-844", "7.1", "α = 844 [and 5.34979].",
@@ -706,9 +698,8 @@ def _errata(runs: Runs) -> list[Claim]:
         Claim(
             "potential-energy", "(4)", "Π = ∫ (T ε + ½EA ε² − ρ g v − M g δ(s − s_o) v) ds.",
             (at_most("energy that nothing gave, over weight × deflection", 0.01, "a hundredth", *lacking),),
-            "−M g y(s_o) is lacking: it drops out of the equations of motion, since s_o is prescribed, but an energy "
-            "account "
-            f"needs it ({power(unaccounted(inclined.run, True))} with it).",
+            "−M g y(s_o) is lacking: it drops out of the equations of motion, since s_o is prescribed, but an "
+            f"energy account needs it ({power(unaccounted(inclined.run, True))} with it).",
         ),
     ]  # fmt: skip
 
@@ -734,9 +725,9 @@ def _time(runs: Runs, swing: dict[str, float]) -> list[Claim]:
                 ),
             ),
             f"For linear equations it is; the bare cable with {vibration.TERMS} sines, swinging freely for "
-            f"{vibration.PERIODS:.0f} periods, reaches about {power(coarse)} times the energy it was given ({fine:.3f} "
-            "times with "
-            f"{vibration.FINE} steps per period, {kept:.6f} times by the energy-keeping rule with {vibration.COARSE}).",
+            f"{vibration.PERIODS:.0f} periods, reaches about {power(coarse)} times the energy it was given "
+            f"({fine:.3f} times with {vibration.FINE} steps per period, {kept:.6f} times by the energy-keeping "
+            f"rule with {vibration.COARSE}).",
         ),
         Claim(
             "start-48", "(48)", "∂²γ/∂s_o² (0) = M⁻¹(0) dF(0)/ds_o / (3 s̈_o).",
@@ -746,10 +737,9 @@ def _time(runs: Runs, swing: dict[str, float]) -> list[Claim]:
                     series[0], abs(series[0] - series[1]),
                 ),
             ),
-            "It is the limit s_o → 0 for a fixed N, tried at s_o/l = 10⁻¹⁰ with ten sines; already at 10⁻⁷ the axial "
-            f"modes have begun to swing and it is {100 * _start_of_48(runs, 1e-7):.0f} percent off, so steps must be "
-            "far shorter or the start "
-            "taken otherwise.",
+            "It is the limit s_o → 0 for a fixed N, tried at s_o/l = 10⁻¹⁰ with ten sines; already at 10⁻⁷ the "
+            f"axial modes have begun to swing and it is {100 * _start_of_48(runs, 1e-7):.0f} percent off, so steps "
+            "must be far shorter or the start taken otherwise.",
         ),
         Claim(
             "position-form", "(45)", "The system of equations in terms of s_o* [is the same motion].",
