@@ -518,7 +518,8 @@ def _beyond(content: dict[str, Any], stored: _Stored) -> Section:
     )
     references = [
         {
-            "scene": name, "method": f"{x['method']}, {x['settings']['elements']} + {x['settings']['elements']} elements, "
+            "scene": name,
+            "method": f"{x['method']}, {x['settings']['elements']} + {x['settings']['elements']} elements, "
             f"{x['settings']['steps']} steps",
             "cross": x["crossed_by"], "bar": x["path_bar"], "slack": x["slack_onset"],
         }
@@ -528,7 +529,8 @@ def _beyond(content: dict[str, Any], stored: _Stored) -> Section:
     for row in references:
         row["scene"] = names[row["scene"]]
     rest = table(references, {
-        "scene": "Scene", "method": "Converged run", "cross": "Crossed by", "bar": "Error bar of the path (of largest v)",
+        "scene": "Scene", "method": "Converged run", "cross": "Crossed by",
+        "bar": "Error bar of the path (of largest v)",
         "slack": "Slack from sₒ/l",
     })  # fmt: skip
     html = gallery(figure(fig, caption, label="Overshoot of the tension against the number of terms"))
