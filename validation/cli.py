@@ -356,7 +356,7 @@ def atlas(out: Annotated[Path | None, _to("atlas")] = None) -> int:
 
     Writes DIR/: atlas.json and report.html.
     """
-    return _study("atlas", "atlas", ["atlas.json"], out)
+    return _study("atlas", "atlas", ["atlas.json", "cells.jsonl"], out)
 
 
 @app.command(epilog="Example: cablefem oracles")
@@ -374,7 +374,7 @@ def paper(out: Annotated[Path | None, _to("paper")] = None) -> int:
 
     Writes DIR/: claims.json and report.html.
     """
-    return _study("paper", "paper", ["claims.json"], out)
+    return _study("paper", "paper", ["claims.json", "numbers.json", "runs"], out)
 
 
 def _study(command: str, scene: Any, writes: list[str], out: Path | None, *inputs: Any) -> int:
