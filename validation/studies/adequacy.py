@@ -140,7 +140,8 @@ def advice(scene: Scene, tol: float, progress: Progress | None = None) -> dict[s
         "scene": scene.name, "scene_toml": scene.to_toml(), "tol": tol,
         **{k: best[k] for k in _CONTRACT},
         "for_path": {k: for_path[k] for k in _CONTRACT},
-        "words": words(climbed) + ([] if best["meets"] else [_short(climbed)]), "range": list(climbed.window), "slack_onset": climbed.finest.slack_onset,
+        "words": words(climbed) + ([] if best["meets"] else [_short(climbed)]),
+        "range": list(climbed.window), "slack_onset": climbed.finest.slack_onset,
         "full": {
             "method": REFERENCE, "settings": climbed.finest.settings, "path_bar": _finite(climbed.bars[0]),
             "tension_bar": _finite(climbed.bars[1]), "seconds": climbed.finest.seconds, "runs": len(climbed.full),
