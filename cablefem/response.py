@@ -116,6 +116,7 @@ class Response:
     path_error: float | None = None  # estimated, of max |v - v_exact| over the window, relative to max_deflection
     tension_error: float | None = None  # estimated, rms over the window off the jump, relative to H
     error_parts: dict[str, float] | None = None  # the same, split into time and space
+    error_window: list[float] | None = None  # s_o/l over which both were estimated: they say nothing outside
     energy_gain: float | None = None  # largest energy gained without being given, over weight x largest deflection
     flags: list[str] = field(default_factory=list)  # what makes the run suspect, one sentence each
     cause: str | None = None  # why incomplete: "Newton stalled", "slack", "unstable", "step underflow", "no start"
@@ -179,7 +180,7 @@ class Response:
             "cause": self.cause,
             "reached": self.reached, "slack_onset": self.slack_onset, "slack_at": self.slack_at,
             "switched": self.switched, "max_deflection": self.max_deflection, "path_error": self.path_error,
-            "tension_error": self.tension_error, "error_parts": self.error_parts,
+            "tension_error": self.tension_error, "error_parts": self.error_parts, "error_window": self.error_window,
             "energy_gain": self.energy_gain, "flags": self.flags, "n_dof": self.n_dof,
             **self.work, "seconds": self.seconds,
         }  # fmt: skip

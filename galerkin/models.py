@@ -78,9 +78,10 @@ class FullCable:
         """R of (25)-(26) less its static value, (2, n); least N, and its s."""
         _, table, weights, T, xp, yp, _ = place
         ux, vy = Q @ table.T
-        _, k, excess, _, N = self.response(T, xp, yp, ux, vy)
+        eps, k, excess, _, _ = self.response(T, xp, yp, ux, vy)
         R = (weights * np.stack([excess * xp + k * ux, excess * yp + k * vy])) @ table
-        return R, self._least(place, N)
+        # under either law slack is where the elastic tension is negative: the tension-only one would show zero
+        return R, self._least(place, T + self.alpha * eps)
 
     def _least(self, place: Points, N: Array) -> tuple[float, float]:
         """The least N and its s; a negative N must be so in the mean over a shortest wave, 2/n, or it is a ripple."""

@@ -1,6 +1,7 @@
 """Random scenes, half of them hostile, against one promise: no traceback, no NaN, no hang, no silent wrong answer.
 
-A silent wrong answer: status complete, no flag, and the true path error above three times the stated one.
+A silent wrong answer: status complete, not flagged as gaining energy, and over the stated range (`error_window`) the
+true path error above three times the stated one.  A range cut short by a coarse companion is itself flagged.
 """
 
 from __future__ import annotations
@@ -118,7 +119,12 @@ def examine(draw: Draw, *, estimate: bool = True, truth: bool = False) -> dict[s
             return out | {"outcome": "not finite", "reason": "; ".join(faults)}
         if time.perf_counter() - begin > SLOW:
             return out | {"outcome": "hang", "reason": f"{time.perf_counter() - begin:.0f} s"}
-        if truth and r.status == "complete" and r.path_error is not None and not r.flags:
+        if (
+            truth
+            and r.status == "complete"
+            and r.path_error is not None
+            and not any("gains energy" in x for x in r.flags)
+        ):
             out |= _truth(scene, r)
     except Exception:  # the one place that must see every exception: it counts them
         return out | {"outcome": "traceback", "reason": traceback.format_exc(limit=-4)}
@@ -128,11 +134,12 @@ def examine(draw: Draw, *, estimate: bool = True, truth: bool = False) -> dict[s
 
 
 def _truth(scene: Scene, r: Response) -> dict[str, Any]:
-    """Compare with a much finer run over the window in which the stated error holds."""
+    """Compare with a much finer run over the range that the response states for its error."""
     fine = run(scene, "following-p2", **FINE)
     half = run(scene, "following-p2", **{k: v // 2 for k, v in FINE.items()})
     try:
-        window = measures.window_of(r, fine, half)
+        assert r.error_window is not None
+        window = measures.window_of(r, fine, half, window=(r.error_window[0], r.error_window[1]))
         true, unsure = (measures.path_gap(x, fine, window)[0] for x in (r, half))
     except measures.NotComparable:
         return {"true": None}
