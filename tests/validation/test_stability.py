@@ -1,0 +1,254 @@
+"""Slack, start and exit, energy, the failure catalogue and the atlas: each with a twin that must fail."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from cablefem import Scene, newmark
+from cablefem.newmark import StepFailure
+from cablefem.response import Response
+from validation import measures
+from validation.methods import METHODS
+from validation.report import stability as pages
+from validation.report.page import render
+from validation.run import MOST_GAIN, run
+from validation.studies.stability import specimens
+from validation.studies.stability.atlas import CELLS, Map, atlas, judged, step_limit, stored
+from validation.studies.stability.catalogue import CATALOGUE, run_row
+from validation.trust import convergence_limit, grading, post_slack_spread, recommended
+
+LEVEL = Scene.load("level")
+LIGHT = LEVEL.variant(mu=0.01)
+
+
+@cache
+def level(method: str, resolution: int, steps: int) -> Response:
+    return run(LEVEL, method, **{METHODS[method].resolution: resolution, "steps": steps})
+
+
+# --- slack ----------------------------------------------------------------------------------------------------------
+FAR = [("following-p2", 10, 1000), ("following-p2", 20, 2000), ("fourier-kink", 30, 1500)]
+
+
+@pytest.mark.parametrize("case", FAR)
+def test_level_reaches_the_far_support_and_finds_the_onset(case):
+    r = level(*case)
+    assert r.reached >= 0.995
+    # 0.831 for undamped elements; the sines agree because ripples are averaged away
+    assert abs(r.slack_onset - 0.831) < 0.003
+    assert r.switched == r.slack_onset
+    assert r.flags == []
+
+
+def test_paths_of_methods_and_resolutions_agree_within_two_percent_up_to_095():
+    assert post_slack_spread([level(*case) for case in FAR], stop=0.95) < 0.02
+
+
+def test_the_spread_sees_a_path_that_is_off_after_the_onset():
+    a, b = level(*FAR[0]), level(*FAR[1])
+    shifted = replace(b, v=b.v + 0.05 * b.max_deflection * (b.s_o > 0.9 * b.length))
+    assert post_slack_spread([a, shifted]) > 0.04
+    never = replace(a, slack_onset=None)
+    assert post_slack_spread([never, never]) is None
+
+
+@pytest.mark.parametrize("scheme", ["trapezoidal", "newmark", "generalized-alpha", "energy"])
+@pytest.mark.parametrize(("method", "resolution"), [("following-p2", 8), ("fourier-kink", 14), ("fixed-hermite", 24)])
+def test_every_scheme_and_solver_goes_on_past_the_onset(method, resolution, scheme):
+    r = run(LEVEL, method, **{METHODS[method].resolution: resolution, "steps": 500, "scheme": scheme})
+    assert r.slack_onset is not None
+    assert r.switched is not None
+    assert r.reached > 0.97
+
+
+def test_an_elastic_run_is_not_switched_and_a_tension_only_one_reports_its_onset():
+    assert run(LEVEL, "following-p2", elements=8, steps=400, law="elastic").switched is None
+    for method, resolution in (("following-p2", {"elements": 10}), ("fourier-kink", {"terms": 20})):
+        r = run(LEVEL, method, steps=800, law="tension-only", **resolution)
+        assert r.switched is None
+        assert abs(r.slack_onset - 0.831) < 0.004  # a step is 0.00125
+
+
+# --- start and exit ---------------------------------------------------------------------------------------------------
+def path_at(r: Response, places) -> np.ndarray:
+    return np.stack([np.interp(places, r.s_o / r.length, x) for x in (r.u, r.v)])
+
+
+def test_a_light_mass_starts_right_with_what_is_recommended_and_not_without():
+    own = recommended(LIGHT, "following-p2", elements=10, steps=600)
+    fine = recommended(LIGHT, "following-p2", elements=40, steps=2400, grading=own["grading"], entry=own["entry"])
+    reference = run(LIGHT, "following-p2", **fine)
+    places = [0.02, 0.05]
+
+    def error(**settings) -> float:
+        gap = path_at(run(LIGHT, "following-p2", **settings), places) - path_at(reference, places)
+        return float(np.hypot(*gap).max() / reference.max_deflection)
+
+    assert error(**own) < 1e-3
+    assert error(elements=10, steps=600) > 1e-3
+
+
+def test_recommended_settings_follow_the_scene():
+    light, heavy = (recommended(scene, "following-p2") for scene in (LIGHT, LEVEL))
+    assert (heavy["entry"], heavy["grading"]) == (1.0, 1.0)
+    assert light["entry"] < 0.3
+    assert light["grading"] > 5.0
+    assert recommended(Scene.load("cruise"), "following-p2")["exit"] == 1.0  # arrives at rest
+    assert recommended(LIGHT, "following-p2", entry=0.5)["entry"] == 0.5
+    assert "grading" not in recommended(LIGHT, "fourier-kink")
+    with pytest.raises(ValueError, match="no travelling mass"):
+        recommended(Scene.load("bare"), "following-p2")
+
+
+def test_grading_gives_the_smallest_element_asked_for():
+    lengths = np.geomspace(1.0, grading(12, 0.03), 12)
+    assert lengths[0] / lengths.sum() == pytest.approx(0.03, rel=1e-9)
+    assert grading(12, 0.2) == 1.0
+    assert grading(1, 0.001) == 1.0
+
+
+def test_the_convergence_limit_is_where_gaps_stop_closing():
+    runs = [level("fourier-kink", n, 40 * n) for n in (8, 16, 32)]
+    limit = convergence_limit(runs)
+    assert 0.80 < limit < runs[-1].reached
+    # twin: noise on the finest from 0.5 on ends the answer there, to a stretch of 0.02
+    finest = runs[-1]
+    noise = 0.1 * finest.max_deflection * np.sin(40.0 * finest.s_o / finest.length) * (finest.s_o > 0.5 * finest.length)
+    assert abs(convergence_limit([*runs[:2], replace(finest, v=finest.v + noise)]) - 0.5) <= 0.04
+    with pytest.raises(ValueError, match="three runs"):
+        convergence_limit(runs[:2])
+
+
+# --- energy and failures ----------------------------------------------------------------------------------------------
+def test_a_run_that_gains_energy_is_flagged_in_its_summary_and_a_sound_one_is_not():
+    sound = level("following-p2", 10, 1000).summary()
+    assert sound["flags"] == []
+    assert sound["energy_gain"] < 0.01
+    r = run(LEVEL, "fixed-p1-path", scheme="trapezoidal", law="elastic", elements=20, steps=500)
+    assert r.energy_gain > 10.0 * MOST_GAIN
+    assert "gains energy" in r.summary()["flags"][0]
+
+
+def test_energy_gained_after_the_onset_is_flagged_apart():
+    # a deep, stiff cable whips once slack: its paths do not agree between resolutions
+    r = run(LEVEL.variant(sag_ratio=0.3), "following-p2")
+    assert r.slack_onset < 0.2
+    assert r.flags[0].startswith("after the slack onset")
+
+
+def test_flags_survive_being_written_and_read(tmp_path):
+    r = run(LEVEL, "fixed-p1-path", scheme="trapezoidal", law="elastic", elements=20, steps=500)
+    r.write(tmp_path)
+    back = Response.read(tmp_path)
+    assert (back.flags, back.energy_gain, back.cause) == (r.flags, r.energy_gain, r.cause)
+    assert json.loads((tmp_path / "summary.json").read_text())["flags"] == r.flags
+
+
+def test_central_differences_blow_up_with_the_right_cause():
+    r = run(LEVEL, "fourier", terms=12, steps=300, scheme="central-difference")
+    assert (r.status, r.cause, r.switched) == ("incomplete", "unstable", None)
+
+
+def test_a_run_without_a_start_is_an_answer_too():
+    sound = METHODS["following-p2"]
+
+    def build(*args, **kind):
+        system = sound.builder(*args, **kind)
+
+        def start(phase, state):
+            raise StepFailure(0.0, "no start", "try another")
+
+        system.start = start
+        return system
+
+    r = run(LEVEL, replace(sound, builder=build))
+    assert (r.status, r.cause, r.reached) == ("incomplete", "no start", 0.0)
+    assert "try another" in r.reason
+
+
+def test_the_energy_rule_keeps_a_free_cable_that_the_trapezoidal_rule_lets_grow():
+    how = {"dt": 0.03, "steps": 1000, "elements": 12, "amplitude": 0.01, "mode": 2}
+    kept = specimens.free_vibration(LEVEL.groups, newmark.scheme("energy"), **how)
+    grown = specimens.free_vibration(LEVEL.groups, newmark.scheme("trapezoidal"), **how)
+    assert kept.size == 1001
+    assert np.abs(kept - 1.0).max() < 1e-9
+    assert grown.max() > 10.0
+
+
+def test_measured_explicit_limit_is_the_predicted_one():
+    limit = step_limit(6)
+    # bisection to 2 percent, and omega_max is that of one instant
+    assert limit["measured_steps"] == pytest.approx(limit["predicted_steps"], rel=0.05)
+
+
+# --- catalogue --------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("row", CATALOGUE, ids=lambda row: row.name)
+def test_failure_shows_and_its_remedy_works(row):
+    found = run_row(row)
+    assert found["failure_shown"], found["failure"]
+    assert found["remedy_works"], found["cure"]
+
+
+# --- atlas ------------------------------------------------------------------------------------------------------------
+SMALL = (
+    Map(
+        "speed-mass", "Speed and mass", ("V/c", (0.3, 0.5)), ("mu", (0.7, 1.3)),
+        (("following-p2", {"elements": 3, "steps": 120}), ("fixed-p1-path", {"elements": 6, "steps": 120})),
+    ),
+)  # fmt: skip
+
+
+def test_an_interrupted_atlas_goes_on_and_loses_nothing(tmp_path):
+    class Interrupted(Exception):
+        pass
+
+    def stop(label, fraction):
+        if fraction >= 0.5:
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        atlas(tmp_path, stop, maps=SMALL, workers=1, rows=())
+    first = (tmp_path / CELLS).read_text()
+    assert len(first.splitlines()) == 2
+    with (tmp_path / CELLS).open("a") as file:
+        file.write('{"key": "cut of')  # killed while writing
+    computed = []
+    atlas(tmp_path, lambda label, fraction: computed.append(label), maps=SMALL, workers=1, rows=())
+    assert sum("left" in label for label in computed) == 2  # the two that were missing
+    assert (tmp_path / CELLS).read_text().startswith(first)
+    assert len(list(stored(tmp_path / CELLS))) == 4
+    result = json.loads((tmp_path / "atlas.json").read_text())
+    assert len(result["cells"]) == 8
+    assert {cell["class"] for cell in result["cells"]} <= set(pages.CLASSES)
+    assert {cell["cause"] for cell in result["cells"]} <= {None, *pages.CAUSES}
+
+
+def test_a_map_tells_computed_cells_from_uncomputed_ones(tmp_path):
+    result = atlas(tmp_path, maps=SMALL, workers=1, rows=CATALOGUE[6:7])
+    found = pages.sections(tmp_path)
+    assert "8 of 8 cells" in found[0].summary
+    assert found[-1].verdict == "agree"
+    render("atlas", found, tmp_path / "report.html")
+    result["cells"] = result["cells"][:5]
+    (tmp_path / "atlas.json").write_text(json.dumps(result))
+    assert "5 of 8 cells" in pages.sections(tmp_path)[0].summary
+    assert "not computed" in pages.sections(tmp_path)[0].html
+    (tmp_path / "atlas.json").unlink()
+    assert pages.sections(tmp_path)[0].verdict == "not comparable"
+
+
+def test_cells_are_judged_by_their_error_and_only_against_a_sure_reference():
+    fine = level("following-p2", 20, 2000)
+    assert judged(level("following-p2", 10, 1000), fine, 1e-4)["class"] == "good"
+    naive = judged(run(LEVEL, "fixed-p1-naive", elements=20, steps=300), fine, 1e-4)
+    assert (naive["class"], naive["cause"]) == ("wrong", "too coarse")
+    assert judged(level("following-p2", 10, 1000), fine, 0.03)["class"] == "not judged"
+    broken = run(LEVEL, "fourier", terms=12, steps=300, scheme="central-difference")
+    assert judged(broken, fine, 1e-4)["class"] == "wrong"
+    assert judged(broken, fine, 1e-4)["cause"] == "unstable"
+    assert measures.WINDOW[1] > broken.reached
