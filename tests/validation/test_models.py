@@ -1,0 +1,96 @@
+"""The cheaper models of both wings: how far from the full cable, how close to one another, how cheap."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cablefem import Scene
+from validation import measures
+from validation.run import run
+from validation.studies.adequacy import LADDER, deflection_gap, distance
+
+LEVEL = Scene.load("level")
+WINDOW = measures.WINDOW
+
+
+def full(scene, elements=20, steps=1200):
+    return run(scene, "following-p2", elements=elements, steps=steps, until=WINDOW[1])
+
+
+# Path errors of the ladder against the full model, converged to two digits with 16 and 32 elements per side, relative
+# to the largest deflection over the window.  Prototypes (formulations) gave 3.3 4.5 1.0 2.3 0.42 0.010 and, with the
+# light mass less converged, 1.4 1.9 0.08 0.18 0.17 0.008.
+MEASURED = {
+    1.0: (3.26, 4.47, 1.015, 2.31, 0.426, 0.0105),
+    0.1: (1.475, 2.026, 0.093, 0.2505, 0.170, 0.0055),
+}
+
+
+@pytest.mark.parametrize("mu", MEASURED)
+def test_the_ladder_of_the_level_scene(mu):
+    scene = LEVEL.variant(mu=mu)
+    best = full(scene)
+    errors = []
+    for model, load in LADDER[:-1]:
+        r = run(scene, "following-p2", model=model, load=load, elements=20, steps=1200, until=WINDOW[1])
+        errors.append(deflection_gap(r, best, WINDOW))
+    # the start-up of the light mass is still off by 2e-3 of its deflection at this resolution, in all models alike
+    np.testing.assert_allclose(errors, MEASURED[mu], rtol=0.015, atol=5e-4)
+
+
+def test_the_ladder_sees_a_mass_that_is_forgotten():
+    r = run(LEVEL, "following-p2", model="stretching", load="force", elements=12, steps=600, until=WINDOW[1])
+    assert deflection_gap(r, full(LEVEL), WINDOW) > 30.0 * MEASURED[1.0][-1]
+
+
+# off the beaten numbers: inclined, neither light nor heavy, from rest
+OTHER = Scene.from_groups(
+    sag_ratio=0.031, slope=23.0, alpha=460.0, mu=0.62, speed_ratio=0.57, travel="accelerate_cruise_brake", name="other"
+)
+
+
+@pytest.mark.parametrize(("model", "load"), LADDER[:-1])
+def test_both_wings_have_the_same_models(model, load):
+    """Two solvers that share no formula; what is left is the front of a massless force, first order in either."""
+    kind = {"model": model, "load": load, "until": WINDOW[1]}
+    a = run(OTHER, "following-p2", elements=16, steps=600, **kind)
+    b = run(OTHER, "fourier-kink", terms=24, steps=600, **kind)
+    path = measures.path_gap(a, b, WINDOW)[0]
+    assert path < 3e-3
+    assert measures.tension_gap(a, b, WINDOW) < 2e-3
+    np.testing.assert_allclose(a.u, -a.v * np.tan(np.radians(OTHER.slope)), rtol=0.0, atol=1e-9 * OTHER.length)
+
+
+def test_models_that_differ_are_seen_to_differ():
+    runs = [
+        run(OTHER, "following-p2", model=model, load=load, elements=10, steps=400, until=WINDOW[1])
+        for model, load in LADDER[:-1]
+    ]
+    for i, a in enumerate(runs):
+        for b in runs[:i]:
+            assert measures.path_gap(a, b, WINDOW)[0] > 2e-2, (a.model, a.load, b.model, b.load)
+
+
+def test_the_stretching_model_costs_a_third_of_the_full_one_at_most():
+    """For a path right to 1e-3 of its own model; the cost is unknowns times Newton iterations, the least on a grid.
+
+    Seconds follow once the arithmetic outweighs the fixed cost of a step (a few hundred unknowns).
+    """
+    cost = {}
+    for model in ("stretching", "full"):
+        fine = run(LEVEL, "following-p2", model=model, elements=24, steps=1800, until=WINDOW[1])
+        for elements in (5, 6, 7, 8):
+            for steps in (300, 350, 400, 450):
+                r = run(LEVEL, "following-p2", model=model, elements=elements, steps=steps, until=WINDOW[1])
+                if deflection_gap(r, fine, WINDOW) <= 1e-3:
+                    work = r.n_dof * r.work["newton_iterations"]
+                    cost[model] = min(work, cost.get(model, work))
+    assert cost["stretching"] <= cost["full"] / 3.0
+
+
+def test_a_run_that_stops_short_has_no_distance():
+    far = full(LEVEL, elements=6, steps=200)
+    short = run(LEVEL, "following-p2", model="string", elements=6, steps=200, until=0.4)
+    assert distance(short, far, WINDOW) == (np.inf, np.inf)
+    assert max(distance(short, far, (0.02, 0.39))) < np.inf
