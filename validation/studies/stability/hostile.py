@@ -99,6 +99,11 @@ def examine(draw: Draw, *, estimate: bool = True, truth: bool = False) -> dict[s
         "not finite", "hang", "silent".
     truth : also against a much finer run; only then can "silent" be seen.
     """
+    begin = time.perf_counter()
+    return _examine(draw, estimate, truth) | {"seconds": time.perf_counter() - begin}
+
+
+def _examine(draw: Draw, estimate: bool, truth: bool) -> dict[str, Any]:
     out: dict[str, Any] = {"number": draw.number, "hostile": draw.hostile, "method": draw.method, "groups": draw.groups}
     begin = time.perf_counter()
     try:
@@ -128,8 +133,6 @@ def examine(draw: Draw, *, estimate: bool = True, truth: bool = False) -> dict[s
             out |= _truth(scene, r)
     except Exception:  # the one place that must see every exception: it counts them
         return out | {"outcome": "traceback", "reason": traceback.format_exc(limit=-4)}
-    finally:
-        out["seconds"] = time.perf_counter() - begin
     return out
 
 
