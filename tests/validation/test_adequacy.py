@@ -170,6 +170,14 @@ def test_the_page_says_the_advice_and_shows_the_ladder(level):
     assert len({s.id for s in found}) == len(found)
 
 
+def test_the_page_never_says_within_of_a_run_that_is_not_sure_to_be(level, tmp_path):
+    content = level[0] | {"meets": False}
+    (tmp_path / "advice.json").write_text(json.dumps(content))
+    first = page.sections(tmp_path)[0]
+    assert first.verdict == "not comparable"
+    assert "not sure to be" in first.summary
+
+
 def test_the_page_of_a_folder_without_an_advice_says_so(tmp_path):
     (only,) = page.sections(tmp_path)
     assert "advice.json" in only.html

@@ -55,12 +55,20 @@ def _settings(line: dict[str, Any]) -> str:
 
 def _advice(x: dict[str, Any]) -> Section:
     tol, path = percent(x["tol"]), x["for_path"]
-    said = f"Within {tol} of the full model in path and tension: {_name(x)}, by {x['method']} with {_settings(x)}"
-    said += f" ({number(x['seconds'], 2)} s)."
+    run = f"by {x['method']} with {_settings(x)} ({number(x['seconds'], 2)} s)"
+    if x["meets"]:
+        said = f"Within {tol} of the full model in path and tension: {_name(x)}, {run}."
+    else:
+        said = (
+            f"No cheaper model than {_name(x)} is within {tol} in path and tension, and its finest run, {run}, is not "
+        )
+        said += "sure to be."
+    enough = f"by {path['method']} with {_settings(path)} ({number(path['seconds'], 2)} s)"
     if _name(path) != _name(x):
-        said += f" For the path alone {_name(path)} is enough, by {path['method']} with {_settings(path)}."
+        said += f" For the path alone {_name(path)} is enough, {enough}."
     elif x["model"] == "full":
-        said += " No cheaper model is enough, not even for the path alone."
+        said += " No cheaper model is enough, not even for the path alone"
+        said += f", which takes it {enough}." if path["meets"] and not x["meets"] else "."
     html = Markup("<h3>What the scene needs</h3><ul>{}</ul>").format(
         Markup("").join(Markup("<li>{}</li>").format(_typeset(word)) for word in x["words"])
     )
