@@ -138,7 +138,7 @@ def test_energy_gained_after_the_onset_is_flagged_apart():
     # a deep, stiff cable whips once slack: its paths do not agree between resolutions
     r = run(LEVEL.variant(sag_ratio=0.3), "following-p2")
     assert r.slack_onset < 0.2
-    assert r.flags[0].startswith("after the slack onset")
+    assert any(flag.startswith("after the slack onset") for flag in r.flags)
 
 
 def test_flags_survive_being_written_and_read(tmp_path):

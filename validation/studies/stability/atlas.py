@@ -291,7 +291,7 @@ def judged(r: Response, reference: Response, unsure: float) -> dict[str, Any]:
 
 def _unstable(r: Response) -> bool:
     """Whether a run gained energy before its slack onset; what it did afterwards is outside the comparison."""
-    return any(not flag.startswith("after the slack onset") for flag in r.flags)
+    return any(flag.startswith("the run gains energy") for flag in r.flags)
 
 
 # --- stability limits -------------------------------------------------------------------------------------------------
@@ -313,7 +313,7 @@ def step_limit(terms: int) -> dict[str, Any]:
 
     def stable(steps: float) -> bool:
         r = run(scene, "fourier", terms=terms, steps=round(steps), scheme="central-difference")
-        return r.reached > 0.3 and not r.flags
+        return r.reached > 0.3 and not _unstable(r)
 
     low, high = 0.7 * predicted, 1.4 * predicted
     while high / low > 1.02:

@@ -128,7 +128,7 @@ def _examine(draw: Draw, estimate: bool, truth: bool) -> dict[str, Any]:
             truth
             and r.status == "complete"
             and r.path_error is not None
-            and not any("gains energy" in x for x in r.flags)
+            and not any(x.startswith("the run gains energy") for x in r.flags)
         ):
             out |= _truth(scene, r)
     except Exception:  # the one place that must see every exception: it counts them
