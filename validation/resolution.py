@@ -52,14 +52,17 @@ class _Rung:
 
 
 def resolve(
-    scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None, **kind: Any
-) -> Response:
+    scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None,
+    runs: list[Response] | None = None, **kind: Any,
+) -> Response:  # fmt: skip
     """Return a run whose path error bar is at most `tol`, at nearly the least cost; `kind` as in `run`.
 
     Two companions of a coarse run (half the resolution, half the steps) give the parts s and t of its error.  Refining
     space by a and time by b leaves s/a^p + t/b^2: a and b between 1.4 and 2, or 1, are chosen for the least cost.
     Space is refined first, while steps are few; the distance to the run before gives the part anew.  Only the run that
     is returned goes beyond the window of comparison.
+
+    runs : receives every run that is made on the way.
 
     Steps are equal.  Step sizes from local error (`ErrorControl`) were measured and are not used: for the same largest
     path error they take 0.8 to 1.1 times the steps on `level`, for the same rms error and on `inclined` more than equal
@@ -77,7 +80,8 @@ def resolve(
         {method.resolution: FIRST[method.resolution], "steps": FIRST["steps"]}
         | {k: v for k, v in kind.items() if k not in (*KIND, method.resolution, "steps")}
     )
-    rung = _first(scene, method, short, settings)
+    made = [] if runs is None else runs
+    rung = _first(scene, method, short, settings, made)
     for attempt in range(ATTEMPTS):
         report(min(0.5, 0.1 + 0.05 * attempt))
         finer = _next(method, rung, settings, tol)
@@ -88,12 +92,14 @@ def resolve(
                 ratio = _ratio(method, name, settings[name], finer[name])
                 settings = settings | {name: finer[name]}
                 response = run(scene, method, **short, **settings)
+                made.append(response)
                 order = space_order(method) if name != "steps" else _time_order(settings)
                 part = _part(response, rung.response, ratio, order)
                 rung = _Rung(response, rung.space if name == "steps" else part, part if name == "steps" else rung.time)
     whole = rung.response
     if how.get("until") != short["until"]:
         whole = run(scene, method, **how, **settings, progress=lambda x: report(0.5 + 0.5 * x))
+        made.append(whole)
     report(1.0)
     if math.isfinite(rung.bar):
         parts = {"path_space": rung.space[0], "path_time": rung.time[0]} | {
@@ -132,11 +138,14 @@ def _companions(scene: Scene, method: Method, finest: Response, kind: dict[str, 
     return estimated(scene, method, finest=finest, **how, **finest.settings)
 
 
-def _first(scene: Scene, method: Method, how: dict[str, Any], settings: dict[str, Any]) -> _Rung:
+def _first(
+    scene: Scene, method: Method, how: dict[str, Any], settings: dict[str, Any], made: list[Response]
+) -> _Rung:  # fmt: skip
     """Run a method with both companions."""
     fine = run(scene, method, **how, **settings)
     in_space = run(scene, method, **how, **refined(method, settings, space=0.5))
     in_time = run(scene, method, **how, **refined(method, settings, time=0.5))
+    made += [fine, in_space, in_time]
     return _Rung(
         fine, _part(fine, in_space, 2.0, space_order(method), UNCONFIRMED),
         _part(fine, in_time, 2.0, _time_order(settings), UNCONFIRMED),

@@ -33,11 +33,11 @@ PEERS: dict[str, Peer] = {
     for peer in (
         Peer(
             "opensees", "openseespy", "openseespy.opensees", opensees.run,
-            tuple({"elements": n} for n in (200, 500, 1000, 2000)),
+            tuple({"elements": n} for n in (50, 100, 200, 500, 1000, 2000)),
         ),
         Peer(
             "exudyn", "exudyn", "exudyn", exudyn.run,
-            tuple({"elements": n, "steps": 20 * n} for n in (50, 100, 200)),
+            tuple({"elements": n, "steps": 20 * n} for n in (25, 50, 100, 200)),
         ),
     )
 }  # fmt: skip

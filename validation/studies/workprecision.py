@@ -561,7 +561,7 @@ def _machine() -> dict[str, str]:
 # --- is the stated error bar true? ------------------------------------------------------------------------------------
 
 # For the survey: finer than any bar it is held against, and a second one that says so.
-SURE = ({"elements": 48, "steps": 20_000}, {"elements": 34, "steps": 14_000})
+SURE: tuple[dict[str, Any], dict[str, Any]] = ({"elements": 48, "steps": 20_000}, {"elements": 34, "steps": 14_000})
 
 
 def random_scene(rng: np.random.Generator, name: str, *, accelerated: bool) -> Scene:
@@ -585,17 +585,15 @@ RANGES = ((0.005, 0.2), (0.05, 5.0), (50.0, 1e4))  # sag/span, mu, alpha; logari
 
 def tolerance_survey(
     n: int = 30, seed: int = 1, *, tols: tuple[float, ...] = DECADES, method: str = BASE, built_in: bool = True,
-    sure: tuple[dict[str, int], dict[str, int]] = SURE, by_hand: bool = True, progress: Progress | None = None,
+    sure: tuple[dict[str, Any], dict[str, Any]] = SURE, by_hand: bool = True, progress: Progress | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Hold the error bars of `resolve` against much finer runs, on the built-in and n random scenes.
 
     Per scene and tolerance: the bar, the true error up to the slack onset, the cost over that of the cheapest equal
     settings of a grid that meet the tolerance (`by_hand`), of the run returned and of all runs made.  Cost is Newton
-    iterations times (1 + elements/15), the measured cost of one.  A row is judged where the two references differ by less
-    than a third of its bar.
+    iterations times (1 + elements/15), the measured cost of one.  A row is judged where the two references differ by
+    less than a third of its bar.
     """
-    from validation import resolution
-
     finest = METHODS[REFERENCE[0]]
     rng = np.random.default_rng(seed)
     scenes = [s for name in Scene.library() if (s := Scene.load(name)).mass is not None] if built_in else []
@@ -608,22 +606,13 @@ def tolerance_survey(
         doubt = measures.path_gap(second, truth, measures.window_of(truth, second))[0]
         hand = _by_hand(scene, method, truth) if by_hand else []
         for tol in tols:
-            spent: list[float] = []
-
-            def counted(*a: Any, spent: list[float] = spent, **k: Any) -> Response:
-                r = run(*a, **k)
-                spent.append(_spent(r))
-                return r
-
+            runs: list[Response] = []
             begin = time.perf_counter()
             try:
-                resolution.run, kept = counted, resolution.run
-                r = resolve(scene, method, tol, until=STOP)
+                r = resolve(scene, method, tol, until=STOP, runs=runs)
                 met = True
             except TooCoarse as error:
                 r, met = error.best, False
-            finally:
-                resolution.run = kept
             row = {
                 "scene": scene.name, "mu": scene.mu, "alpha": scene.alpha, "sigma": scene.sigma, "tol": tol, "met": met,
                 "elements": r.settings["elements"], "steps": r.settings["steps"], "bar": r.path_error,
@@ -633,7 +622,7 @@ def tolerance_survey(
             row |= {
                 "true": measures.path_gap(r, truth, measures.window_of(r, truth))[0],
                 "cost": None if best is None else _spent(r) / best,
-                "cost_all": None if best is None else sum(spent) / best,
+                "cost_all": None if best is None else sum(map(_spent, runs)) / best,
             }  # fmt: skip
             row["judged"] = r.path_error is not None and doubt <= r.path_error / 3.0
             rows.append(row)
@@ -653,14 +642,12 @@ def _by_hand(scene: Scene, method: str, truth: Response) -> list[tuple[float, fl
                 continue
             r = run(scene, method, until=STOP, elements=elements, steps=steps)
             if r.reached >= min(STOP, truth.slack_onset or STOP) * (1.0 - 1e-6):
-                error = _or_none(lambda r=r: measures.path_gap(r, truth, measures.window_of(r, truth))[0])
-                if error is not None:
-                    out.append((_spent(r), error))
+                out.append((_spent(r), measures.path_gap(r, truth, measures.window_of(r, truth))[0]))
     return out
 
 
 def _survey_summary(rows: list[dict[str, Any]], tols: tuple[float, ...]) -> dict[str, Any]:
-    """Return the share of bars that hold, their median over the true error, and the median costs, per tol and for all."""
+    """Return the share of bars that hold, their median over the true error, and median costs, per tol and for all."""
     out = {}
     for name, part in [(f"{tol:g}", [r for r in rows if r["tol"] == tol]) for tol in tols] + [("all", rows)]:
         judged = [r for r in part if r["judged"]]
