@@ -12,17 +12,19 @@ import numpy as np
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation import measures
-from validation.estimate import KIND, SAFETY, TIME_ORDER, Estimated, estimated, gaps, space_order
+from validation.estimate import KIND, TIME_ORDER, Estimated, estimated, gaps, space_order
 from validation.methods import Method, find, refined
 from validation.run import run
 
 # The first run, as coarse as its error can be read at all: what follows costs a multiple of it.
 FIRST = {"elements": 6, "terms": 10, "level": 1, "steps": 110}
-MOST = {"elements": 640, "terms": 240, "level": 5, "steps": 64_000}
+MOST = {"elements": 320, "terms": 160, "level": 5, "steps": 64_000}
+LARGEST = 4e6  # steps x resolution: half a gigabyte of states
 # Between these a refinement tells enough and does not outrun what orders promise (tolerance_survey: with refinements up
 # to 4 the bars of 13 percent of the runs are too small, up to 2 of 3 percent).
 LEAST, FURTHEST = 1.4, 2.0
-UNCONFIRMED = 3.0  # safety of a part read from one refinement only: Roache's factor for two grids
+# Roache's factors: for two grids, and for three where the part fell with refinement as its order says, or nearly so.
+UNCONFIRMED, CONFIRMED, NEARLY = 3.0, 1.25, 1.3
 ATTEMPTS = 20
 AIM = 0.8  # of the tolerance, so that a prediction that is a little short does not cost another run
 UNRESOLVED = 0.05  # of the deflection: while time costs more than that, space is not judged
@@ -38,17 +40,33 @@ class TooCoarse(RuntimeError):
         self.best = best
 
 
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """What one refinement says is left of the errors of path and tension: the estimates, and the factor of safety."""
+
+    left: tuple[float, float]
+    safety: float
+
+    @property
+    def path(self) -> float:
+        return self.safety * self.left[0]
+
+    @property
+    def tension(self) -> float:
+        return self.safety * self.left[1]
+
+
 @dataclass(slots=True)
 class _Rung:
     """A run and what space and time contribute to its error bars, (path, tension) each."""
 
     response: Response
-    space: tuple[float, float]
-    time: tuple[float, float]
+    space: _Part
+    time: _Part
 
     @property
     def bar(self) -> float:
-        return self.space[0] + self.time[0]
+        return self.space.path + self.time.path
 
 
 def resolve(
@@ -59,8 +77,8 @@ def resolve(
 
     Two companions of a coarse run (half the resolution, half the steps) give the parts s and t of its error.  Refining
     space by a and time by b leaves s/a^p + t/b^2: a and b between 1.4 and 2, or 1, are chosen for the least cost.
-    Space is refined first, while steps are few; the distance to the run before gives the part anew.  Only the run that
-    is returned goes beyond the window of comparison.
+    Space is refined first, while steps are few; the distance to the run before gives the part anew, with the smaller
+    factor of safety if it has fallen as predicted.  Only the run that is returned goes beyond the window of comparison.
 
     runs : receives every run that is made on the way.
 
@@ -85,7 +103,7 @@ def resolve(
     for attempt in range(ATTEMPTS):
         report(min(0.5, 0.1 + 0.05 * attempt))
         finer = _next(method, rung, settings, tol)
-        if rung.bar <= tol or finer == settings:
+        if rung.bar <= tol or finer == settings or finer["steps"] * finer[method.resolution] > LARGEST:
             break
         for name in (method.resolution, "steps"):
             if finer[name] != settings[name]:
@@ -94,7 +112,8 @@ def resolve(
                 response = run(scene, method, **short, **settings)
                 made.append(response)
                 order = space_order(method) if name != "steps" else _time_order(settings)
-                part = _part(response, rung.response, ratio, order)
+                before = rung.time if name == "steps" else rung.space
+                part = _part(response, rung.response, ratio, order, before)
                 rung = _Rung(response, rung.space if name == "steps" else part, part if name == "steps" else rung.time)
     whole = rung.response
     if how.get("until") != short["until"]:
@@ -102,10 +121,13 @@ def resolve(
         made.append(whole)
     report(1.0)
     if math.isfinite(rung.bar):
-        parts = {"path_space": rung.space[0], "path_time": rung.time[0]} | {
-            "tension_space": rung.space[1], "tension_time": rung.time[1],
+        parts = {
+            "path_space": rung.space.path, "path_time": rung.time.path,
+            "tension_space": rung.space.tension, "tension_time": rung.time.tension,
         }  # fmt: skip
-        whole = replace(whole, path_error=rung.bar, tension_error=rung.space[1] + rung.time[1], error_parts=parts)
+        whole = replace(
+            whole, path_error=rung.bar, tension_error=rung.space.tension + rung.time.tension, error_parts=parts
+        )
     if rung.bar <= tol:
         return whole
     reached = f"an error bar of {rung.bar:.2g}" if math.isfinite(rung.bar) else "no end of the window"
@@ -147,21 +169,19 @@ def _first(
     in_time = run(scene, method, **how, **refined(method, settings, time=0.5))
     made += [fine, in_space, in_time]
     return _Rung(
-        fine, _part(fine, in_space, 2.0, space_order(method), UNCONFIRMED),
-        _part(fine, in_time, 2.0, _time_order(settings), UNCONFIRMED),
-    )  # fmt: skip
+        fine, _part(fine, in_space, 2.0, space_order(method)), _part(fine, in_time, 2.0, _time_order(settings))
+    )
 
 
-def _part(
-    fine: Response, coarse: Response, ratio: float, order: float, safety: float = SAFETY
-) -> tuple[float, float]:  # fmt: skip
+def _part(fine: Response, coarse: Response, ratio: float, order: float, before: _Part | None = None) -> _Part:
     """Return what a refinement by `ratio` leaves of the path and the tension error, infinite if it cannot be read."""
     try:
         path, tension = gaps(fine, coarse)
     except measures.NotComparable:
-        return math.inf, math.inf
-    left = safety / (ratio**order - 1.0)
-    return left * path, left * tension
+        return _Part((math.inf, math.inf), UNCONFIRMED)
+    left = path / (ratio**order - 1.0), tension / (ratio**order - 1.0)
+    confirmed = before is not None and left[0] <= NEARLY * before.left[0] / ratio**order < math.inf
+    return _Part(left, CONFIRMED if confirmed else UNCONFIRMED)
 
 
 def _time_order(settings: dict[str, Any]) -> float:
@@ -189,7 +209,7 @@ def _next(method: Method, rung: _Rung, settings: dict[str, Any], tol: float) -> 
     With parts s and t, a times the resolution and b times the steps leave s/a^p + t/b^r.
     """
     name = method.resolution
-    p, r, (s, t) = space_order(method), _time_order(settings), (rung.space[0], rung.time[0])
+    p, r, s, t = space_order(method), _time_order(settings), rung.space.path, rung.time.path
     resolution, steps = settings[name], settings["steps"]
     strides = [1.0, *np.geomspace(LEAST, FURTHEST, 8)]
 

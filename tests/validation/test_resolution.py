@@ -9,7 +9,7 @@ from cablefem import Scene
 from cablefem.newmark import ErrorControl
 from validation import measures, resolution
 from validation.methods import METHODS, find
-from validation.resolution import TooCoarse, _next, _Rung, resolve, resolved
+from validation.resolution import CONFIRMED, UNCONFIRMED, TooCoarse, _next, _Part, _part, _Rung, resolve, resolved
 from validation.run import run
 
 LEVEL, INCLINED = Scene.load("level"), Scene.load("inclined")
@@ -66,6 +66,16 @@ def test_what_is_out_of_reach_is_said_so_with_the_best_there_is(monkeypatch):
     assert estimate.run.path_error > 1e-5
 
 
+def test_a_part_that_falls_as_its_order_says_is_trusted_more():
+    coarse, middle, fine = (run(LEVEL, "following-p2", elements=6, steps=n, until=0.8) for n in (300, 600, 1200))
+    first = _part(middle, coarse, 2.0, 2.0)
+    assert first.safety == UNCONFIRMED
+    assert _part(fine, middle, 2.0, 2.0, first).safety == CONFIRMED
+    # twin: the same gap again is no fall
+    assert _part(middle, coarse, 2.0, 2.0, first).safety == UNCONFIRMED
+    assert _part(fine, run(LEVEL, "following-p2", elements=6, steps=600, until=0.4), 2.0, 2.0, first).path == np.inf
+
+
 def test_a_wrong_method_is_refused():
     with pytest.raises(ValueError, match="converges to a wrong answer"):
         resolve(LEVEL, "fixed-p1-naive", 1e-2)
@@ -74,16 +84,20 @@ def test_a_wrong_method_is_refused():
 def test_the_next_step_refines_what_the_error_comes_from():
     method, settings = find("following-p2"), METHODS["following-p2"].settings({"elements": 10, "steps": 300})
     r = run(LEVEL, method, elements=4, steps=60, until=0.3)
-    in_time = _next(method, _Rung(r, (1e-5, 0.0), (4e-3, 0.0)), settings, 2e-3)
+
+    def part(bar):
+        return _Part((bar / 1.25, 0.0), 1.25)
+
+    in_time = _next(method, _Rung(r, part(1e-5), part(4e-3)), settings, 2e-3)
     assert in_time["elements"] == 10
     assert 400 < in_time["steps"] <= 600
-    in_space = _next(method, _Rung(r, (4e-3, 0.0), (1e-5, 0.0)), settings, 2e-3)
+    in_space = _next(method, _Rung(r, part(4e-3), part(1e-5)), settings, 2e-3)
     assert in_space["steps"] == 300
     assert 14 <= in_space["elements"] <= 20
     # while time is unresolved, space is not judged
-    unresolved = _next(method, _Rung(r, (np.inf, 0.0), (0.3, 0.0)), settings, 2e-3)
+    unresolved = _next(method, _Rung(r, part(np.inf), part(0.3)), settings, 2e-3)
     assert (unresolved["elements"], unresolved["steps"]) == (10, 600)
-    no_bar = _next(method, _Rung(r, (np.inf, 0.0), (1e-3, 0.0)), settings, 2e-3)
+    no_bar = _next(method, _Rung(r, part(np.inf), part(1e-3)), settings, 2e-3)
     assert (no_bar["elements"], no_bar["steps"]) == (20, 300)
 
 
