@@ -32,9 +32,7 @@ def sag_form(eta, w):
     return w["slope"] * eta.grad[0]
 
 
-def bare_frequencies(
-    groups: Groups, *, elements: int = 10, degree: int = 8, model: str = "full", n: int = 10
-) -> Array:
+def bare_frequencies(groups: Groups, *, elements: int = 10, degree: int = 8, model: str = "full", n: int = 10) -> Array:
     """Return the n lowest circular frequencies omega l sqrt(rho/H), ascending, shape (n,).
 
     elements : on the whole cable; degree : 1 to 8.  The defaults give the paper's first ten to 1e-9.

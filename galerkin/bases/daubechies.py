@@ -36,10 +36,10 @@ from scipy.linalg import solve_triangular, svd
 
 Reading = Literal["literal", "scaling", "shifted"]
 
-DIGITS = 60        # decimal digits of everything computed once per order
-BLOCK = 5          # binary digits taken at once: 32 products of T_0, T_1 fit the first-level cache
+DIGITS = 60  # decimal digits of everything computed once per order
+BLOCK = 5  # binary digits taken at once: 32 products of T_0, T_1 fit the first-level cache
 RANK_TOLERANCE = 1e-12  # singular values of unit columns: dependent sets fall to 1e-15, literal ones stay above 1e-11
-DEEPEST = -3       # phi_m for m = 1 .. -3: theta'', theta', theta and two primitives
+DEEPEST = -3  # phi_m for m = 1 .. -3: theta'', theta', theta and two primitives
 
 
 # --- the scaling function, once per order ----------------------------------------------------------------------
@@ -107,19 +107,19 @@ class _Walk:
     """One phi_m, ready for the walk along binary digits."""
 
     at_integers: np.ndarray  # v(0) = phi_m(0 .. n_m - 1), (n_m,)
-    blocks: np.ndarray       # (2^BLOCK, n_m, n_m): transposed products T_d1 .. T_dBLOCK
-    T: np.ndarray            # (2, n_m, n_m)
+    blocks: np.ndarray  # (2^BLOCK, n_m, n_m): transposed products T_d1 .. T_dBLOCK
+    T: np.ndarray  # (2, n_m, n_m)
 
 
 @dataclass(frozen=True, slots=True)
 class _Mother:
     """Everything that depends on the order p alone, in float64, each entry right to its own last bits."""
 
-    h: np.ndarray        # (R + 1,) phi(x) = sum h_k phi(2x - k), sum h = 2
-    g: np.ndarray        # (R + 1,) psi(x) = sum g_k phi(2x - k), g_k = (-1)^k h_(R-k)
+    h: np.ndarray  # (R + 1,) phi(x) = sum h_k phi(2x - k), sum h = 2
+    g: np.ndarray  # (R + 1,) psi(x) = sum g_k phi(2x - k), g_k = (-1)^k h_(R-k)
     walks: dict[int, _Walk]
-    left: np.ndarray     # L of L L^T = int_0^inf phi(x-k) phi(x-l) dx, k, l = 1-R .. -1: cut by the left support
-    right: np.ndarray    # the same for int_-inf^0: cut by the right support
+    left: np.ndarray  # L of L L^T = int_0^inf phi(x-k) phi(x-l) dx, k, l = 1-R .. -1: cut by the left support
+    right: np.ndarray  # the same for int_-inf^0: cut by the right support
 
 
 @lru_cache(maxsize=16)
@@ -147,8 +147,9 @@ def _mother(p: int) -> _Mother:
             walks[m] = _Walk(_solve(system, unit).astype(float), np.ascontiguousarray(blocks.transpose(0, 2, 1)), T)
         # Refining both functions: W = (H W H^T + B B^T)/2, H = taps that stay cut, B = taps that come to lie inside.
         # Summed by doubling (Smith 1968); the terms fall by 2 each.
-        taps = np.array([[h[t - 2 * l] if 0 <= t - 2 * l <= R else Decimal(0) for t in range(1 - R, R)]
-                         for l in range(1 - R, 0)])
+        taps = np.array(
+            [[h[t - 2 * l] if 0 <= t - 2 * l <= R else Decimal(0) for t in range(1 - R, R)] for l in range(1 - R, 0)]
+        )
         step, W = taps[:, : R - 1] / Decimal(2).sqrt(), taps[:, R - 1 :] @ taps[:, R - 1 :].T / 2
         for _ in range(8):
             W, step = W + step @ W @ step.T, step @ step
@@ -174,7 +175,7 @@ def _evaluate(s, R, level, at_integers, blocks, c, out):
         low = np.int64((x - top) * 281474976710656.0) * R
         top = top * R + (low >> 48)
         low &= (np.int64(1) << 48) - 1
-        cell = top >> (32 - level)                               # y = cell + (first + second 2^-40) 2^-40
+        cell = top >> (32 - level)  # y = cell + (first + second 2^-40) 2^-40
         first = ((top & ((np.int64(1) << (32 - level)) - 1)) << (8 + level)) | (low >> (40 - level))
         second = (low & ((np.int64(1) << (40 - level)) - 1)) << level
         v[:] = at_integers
@@ -319,8 +320,13 @@ def _orthonormal(order: int, level: int, reading: Reading) -> _Span:
     U = np.concatenate([np.zeros((1, rank)), U[:, :rank]])
     U -= 2.0 * axis * (axis.T @ U)
     cells = 2**level * (2 * order - 1)
-    c = np.concatenate([solve_triangular(mother.left, U[:edge], lower=True, trans="T"), U[edge:-edge],
-                        solve_triangular(mother.right, U[-edge:], lower=True, trans="T")])
+    c = np.concatenate(
+        [
+            solve_triangular(mother.left, U[:edge], lower=True, trans="T"),
+            U[edge:-edge],
+            solve_triangular(mother.right, U[-edge:], lower=True, trans="T"),
+        ]
+    )
     return _Span(_sums(order, level, sqrt(cells) * c), singular, rank)
 
 

@@ -12,8 +12,8 @@ from cablefem.scene.motion import Motion, Piece
 from galerkin.abscissa import PositionAbscissa
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
-from tests.runs import CRUISE, INCLINED, LEVEL, march, orders, tangent_defect
 from tests.galerkin.test_equations import PLACE, STEEP
+from tests.runs import CRUISE, INCLINED, LEVEL, march, orders, tangent_defect
 
 
 def travel(system, steps, until=0.8):

@@ -92,7 +92,8 @@ def witness_psi(p, y, derivative, mirrored=False):
     """theta (-1), psi (0) or psi' (1) at an exact mpf y, psi(y) = sum (-1)^k h_(R-k) phi(2y - k)."""
     h, R = witness_filter(p, mirrored), 2 * p - 1
     return mp.mpf(2) ** derivative * sum(
-        (-1) ** k * h[R - k] * witness_phi(p, 2 * y - k, derivative, mirrored) for k in range(R + 1))
+        (-1) ** k * h[R - k] * witness_phi(p, 2 * y - k, derivative, mirrored) for k in range(R + 1)
+    )
 
 
 def witness_printed(p, j, k, s, derivative, mirrored=False):
@@ -112,16 +113,22 @@ def witness_printed(p, j, k, s, derivative, mirrored=False):
 def printed_places(p, level):
     """(j, k) in the order of the columns, (37)."""
     R = 2 * p - 1
-    return [(-1, k) for k in range(1 - R, p)] + [
-        (j, k) for j in range(level) for k in range(p - R, 2**j * R - p + 1)]
+    return [(-1, k) for k in range(1 - R, p)] + [(j, k) for j in range(level) for k in range(p - R, 2**j * R - p + 1)]
 
 
 def witness_gap(basis, s, derivative, mirrored=False):
     """Largest gap of the printed functions to the witness at s, relative to each function's own maximum."""
     mine = basis.printed(s, derivative)
     size = np.abs(basis.printed(np.linspace(0.0, 1.0, 8 * basis.cells + 1), derivative)).max(axis=0)
-    theirs = np.array([[witness_printed(basis.order, j, k, float(x), derivative, mirrored)
-                        for j, k in printed_places(basis.order, basis.level)] for x in s])
+    theirs = np.array(
+        [
+            [
+                witness_printed(basis.order, j, k, float(x), derivative, mirrored)
+                for j, k in printed_places(basis.order, basis.level)
+            ]
+            for x in s
+        ]
+    )
     return float((np.abs(mine - theirs) / size).max())
 
 
@@ -292,8 +299,11 @@ def test_literal_set_converges_and_scaling_reading_stalls():
 # --- what every basis promises -----------------------------------------------------------------------------------
 
 
-BASES = [Fourier(7), Fourier(23), *(Daubechies(p, level) for p, level in
-         [(2, 0), (2, 3), (3, 1), (4, 0), (4, 1), (4, 3), (6, 1), (8, 0), (10, 0)])]
+BASES = [
+    Fourier(7),
+    Fourier(23),
+    *(Daubechies(p, level) for p, level in [(2, 0), (2, 3), (3, 1), (4, 0), (4, 1), (4, 3), (6, 1), (8, 0), (10, 0)]),
+]
 every_basis = pytest.mark.parametrize("basis", BASES, ids=repr)
 
 
@@ -389,6 +399,7 @@ def test_pieces_of_a_rule_add_up_to_the_cable(cut, which):
 
 def rule_error(basis, rule, fine):
     """|error| of int e^-s f' phi_n' ds in the dual norm over its norm, f = best approximation of sin 2 pi s."""
+
     def load(s, w):
         slope = basis.d1(s)
         return ((w * np.exp(-s) * (slope @ c)) @ slope) / np.sqrt(np.diag(basis.stiffness()))
@@ -403,10 +414,20 @@ def rules_of(basis, cut):
     return basis.quadrature(), (np.concatenate([left[0], right[0]]), np.concatenate([left[1], right[1]]))
 
 
-@pytest.mark.parametrize(("basis", "allowed"), [(Fourier(17), 1e-11), (Fourier(60), 1e-11), (Daubechies(2, 2), 1e-3),
-                                               (Daubechies(3, 1), 3e-4), (Daubechies(4, 0), 5e-4),
-                                               (Daubechies(4, 1), 2e-4), (Daubechies(4, 2), 2e-4),
-                                               (Daubechies(6, 1), 2e-4)], ids=repr)
+@pytest.mark.parametrize(
+    ("basis", "allowed"),
+    [
+        (Fourier(17), 1e-11),
+        (Fourier(60), 1e-11),
+        (Daubechies(2, 2), 1e-3),
+        (Daubechies(3, 1), 3e-4),
+        (Daubechies(4, 0), 5e-4),
+        (Daubechies(4, 1), 2e-4),
+        (Daubechies(4, 2), 2e-4),
+        (Daubechies(6, 1), 2e-4),
+    ],
+    ids=repr,
+)
 def test_rules_resolve_products_of_slopes_wherever_the_mass_is(basis, allowed):
     """Allowed: about twice the worst of 6 places measured; a few hundred points cannot do more for a rough psi."""
     fine = fine_rule(basis, pieces=256)
@@ -421,8 +442,10 @@ def test_sine_rules_are_exact_on_each_side_and_n_plus_12_points_are_not():
     basis = Fourier(60)
 
     def gap(rules):
-        return max(abs(sum(basis.d1(s).T @ (w[:, None] * basis.d1(s)) for s, w in rules) - basis.stiffness()).ravel()
-                   ) / basis.stiffness().max()
+        return (
+            max(abs(sum(basis.d1(s).T @ (w[:, None] * basis.d1(s)) for s, w in rules) - basis.stiffness()).ravel())
+            / basis.stiffness().max()
+        )
 
     for cut in (0.02, 0.4, 0.97):
         assert gap([basis.quadrature_on(0.0, cut), basis.quadrature_on(cut, 1.0)]) < 1e-12
@@ -440,10 +463,16 @@ def test_places_off_the_cable_are_refused(s):
         Daubechies(4, 1).values(np.array([0.5, s]))
 
 
-@pytest.mark.parametrize(("make", "message"), [
-    (lambda: Daubechies(1), "order must be 2 .. 10"), (lambda: Daubechies(4, -1), "level must be 0 .. 8"),
-    (lambda: Daubechies(4, 1.5), "level must be 0 .. 8"), (lambda: Daubechies(4, 0, "mirrored"), "literal, scaling"),
-    (lambda: Fourier(0), "at least 1")])
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Daubechies(1), "order must be 2 .. 10"),
+        (lambda: Daubechies(4, -1), "level must be 0 .. 8"),
+        (lambda: Daubechies(4, 1.5), "level must be 0 .. 8"),
+        (lambda: Daubechies(4, 0, "mirrored"), "literal, scaling"),
+        (lambda: Fourier(0), "at least 1"),
+    ],
+)
 def test_impossible_bases_are_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()

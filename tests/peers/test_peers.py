@@ -273,6 +273,7 @@ if INSTALLED:
         late = replace(path, s_o=path.s_o + 0.01)
         assert path_error(late, exact) > bounds[scene]
 
+
 if "exudyn" in INSTALLED:
 
     def test_exudyns_own_integrator_settings_are_caught(monkeypatch):

@@ -464,7 +464,7 @@ def _figures_8_to_10(content: dict[str, Any], stored: _Stored) -> Section:
             figure(
                 path,
                 "Figure 8, path of the mass on the inclined cable from rest with a = g: lowest at "
-                        f"{_converged(content, 'lowest-at-0.8'):.3f} (dotted: the "
+                f"{_converged(content, 'lowest-at-0.8'):.3f} (dotted: the "
                 "paper's 0.8). Only a right support 90 m lower gives that.",
                 label="Path of the mass on the inclined cable",
             )
@@ -535,6 +535,4 @@ def _beyond(content: dict[str, Any], stored: _Stored) -> Section:
     })  # fmt: skip
     html = gallery(figure(fig, caption, label="Overshoot of the tension against the number of terms"))
     html += details("What the converged values rest on", rest)
-    return Section(
-        "overshoot", "Beyond the paper: the overshoot beside the mass", html, None, caption.split(". ")[1]
-    )
+    return Section("overshoot", "Beyond the paper: the overshoot beside the mass", html, None, caption.split(". ")[1])

@@ -61,9 +61,7 @@ def overshoots(groups: Groups) -> dict[str, list[Overshoot]]:
 
 def overshoot(groups: Groups, method: str, terms: int) -> Overshoot:
     distances = np.linspace(0.5, 2.0, 120) / terms
-    basis: Basis = (
-        Daubechies(order=4, level=LEVEL[terms], reading="literal") if method == "wavelet" else Fourier(terms)
-    )
+    basis: Basis = Daubechies(order=4, level=LEVEL[terms], reading="literal") if method == "wavelet" else Fourier(terms)
     reference = _tensions(FollowingElements(groups, elements=24, degree=2), distances)
     gap = np.abs(_tensions(GalerkinSystem(groups, basis, kink=method.endswith("kink")), distances) - reference)
     sizes = gap.max(axis=1)

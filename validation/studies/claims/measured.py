@@ -162,4 +162,3 @@ def meeting(r: Response) -> float:
     meets.terminal = True  # type: ignore[attr-defined]
     done = solve_ivp(front, (0.0, float(f.t[-1])), [0.0], events=meets, rtol=1e-6, atol=1e-8, max_step=f.t[0])
     return float(mass(done.t_events[0][0])) if done.t_events[0].size else float("nan")
-

@@ -113,6 +113,7 @@ def all_runs(out: Path, progress: Progress | None = None) -> Runs:
     known = scenes()
     jobs, found = plan(), {}
     for i, (name, (scene, method, settings)) in enumerate(jobs.items()):
+
         def show(part: float, i: int = i) -> None:
             if progress is not None:
                 progress("runs", (i + part) / len(jobs))

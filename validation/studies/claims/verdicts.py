@@ -59,8 +59,9 @@ def around(
     name: str, centre: float, width: float, reason: str, value: float, bar: float = 0.0, paper: float | None = None
 ) -> Quantity:  # fmt: skip
     """Return a quantity claimed to be `centre`, give or take `width`."""
-    return Quantity(name,
-    f"{decimal(centre)} ± {decimal(width)} ({reason})", centre - width, centre + width, value, bar, paper)
+    return Quantity(
+        name, f"{decimal(centre)} ± {decimal(width)} ({reason})", centre - width, centre + width, value, bar, paper
+    )
 
 
 def at_most(name: str, high: float, reason: str, value: float, bar: float = 0.0, paper=None) -> Quantity:
