@@ -41,9 +41,13 @@ class System(Protocol):
     and every call names its phase, because at an end the acceleration of the mass has two values.
     """
 
-    # least tension at the last residual and its s; where it is negative, the least MEAN over what the method resolves
-    # (an element, a shortest wavelength): ripples have none, a slack cable has.  Watched, not used, by the loop.
-    tension_min: tuple[float, float]
+    @property
+    def tension_min(self) -> tuple[float, float]:
+        """Least tension at the last residual and its s; watched, not used, by the loop.
+
+        Where it is negative it is the least MEAN over what the method resolves (an element, a shortest wavelength):
+        ripples have none, a slack cable has.
+        """
 
     @property
     def n_dof(self) -> int: ...

@@ -67,7 +67,7 @@ def test_fixtures_pass_the_right_and_fail_the_wrong_and_the_summary_tells_all(ou
         "*wrong and following-p2 disagree",
         "*path_max: gap 0.*, allowed 0.01, largest at s_o/l = 0.*; asked for by path = 0.01*",
         "*level: disagree",
-        "*path_max: gap 0.*, allowed 0.0*; following-p2 * (its error bar) + 0.02 allowed to wrong; u and v",
+        "*path_max: gap 0.*, allowed 0.0*(its error bar) + 0.02 allowed to wrong; u and v",
         "*= agreement of cable solvers =*",
     ])  # fmt: skip
     told = outcome.stdout.str().partition("= agreement of cable solvers =")[2].splitlines()
