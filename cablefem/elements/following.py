@@ -17,6 +17,7 @@ Dimensionless: l = H = rho = 1.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from scipy.sparse import coo_array
 
 from cablefem.elements import kernels
 from cablefem.elements.cable import CableElements, bands, elements_allowed
-from cablefem.elements.reference import graded_knots, reference
+from cablefem.elements.reference import Reference, graded_knots, reference
 from cablefem.newmark import State, StepFailure, consistent_acceleration
 from cablefem.response import States
 from cablefem.scene import Groups
@@ -33,6 +34,12 @@ from cablefem.scene import Groups
 Array = NDArray[np.float64]
 
 _ONE, _ZERO = np.ones(1), np.zeros(1)
+
+
+@lru_cache(maxsize=16)
+def _side(elements: int, degree: int, grading: float, left: bool) -> Reference:
+    """Tabulate one side of the mass; runs that differ in their steps alone share it."""
+    return reference(graded_knots(elements, grading, fine_at_end=left), degree, pull_at_end=left)
 
 
 class FollowingElements(CableElements):
@@ -55,8 +62,7 @@ class FollowingElements(CableElements):
         elements_allowed(elements)
         if not (math.isfinite(grading) and 1.0 <= grading <= 1e6):
             raise ValueError(f"grading must lie in [1, 1e6], got {grading!r}")
-        self.left = reference(graded_knots(elements, grading, fine_at_end=True), degree, pull_at_end=True)
-        self.right = reference(graded_knots(elements, grading, fine_at_end=False), degree, pull_at_end=False)
+        self.left, self.right = (_side(elements, degree, grading, left) for left in (True, False))
         self.node = self.left.n - 2  # scalar dof of the mass; the supports carry none
         self.n_scalar = self.left.n + self.right.n - 3
         self._n_dof = self.fields * self.n_scalar
@@ -185,25 +191,9 @@ class FollowingElements(CableElements):
         return q[:, self.node], v[:, self.node], a[:, self.node], behind, ahead
 
     def _fields(self, states: States, kinematics: Array, s: Array, frames: NDArray[np.intp]) -> Array:
-        out = np.empty((3, frames.size, s.size, self.fields))
-        padded = np.zeros((2, self.n_scalar + 2, self.fields))
-        for row, i in enumerate(frames):
-            padded[0, 1:-1] = states.q[i].reshape(-1, self.fields)
-            padded[1, 1:-1] = states.v[i].reshape(-1, self.fields)
+        out = np.empty((frames.size, 3, s.size, self.fields))
+        knots = np.stack([self.left.knots, self.right.knots])
+        for i, field in zip(frames, out, strict=True):
             s_o, ds, _ = kinematics[i]
-            behind = (s <= s_o) & (s_o > 0.0)
-            for side, mask, s_0, h, offset in (
-                (self.left, behind, 0.0, s_o, 0),
-                (self.right, ~behind, s_o, 1.0 - s_o, self.node + 1),
-            ):
-                if not mask.any():
-                    continue
-                xi = np.clip((s[mask] - s_0) / h, 0.0, 1.0)
-                c = ds * (xi if side is self.left else 1.0 - xi)
-                dofs, value, grad = side.evaluate(xi)
-                local = padded[:, dofs + offset]  # (2, n_loc, points, fields)
-                w_s = np.einsum("lp,lpf->pf", grad, local[0]) / h
-                out[0, row, mask] = np.einsum("lp,lpf->pf", value, local[0])
-                out[1, row, mask] = np.einsum("lp,lpf->pf", value, local[1]) - c[:, None] * w_s
-                out[2, row, mask] = w_s
-        return out
+            kernels.sample(knots, self.left.shapes, self._dofs, s_o, ds, s, states.q[i], states.v[i], field)
+        return out.transpose(1, 0, 2, 3)

@@ -330,6 +330,45 @@ def solve(ab, pivots, b):
 
 
 @compiled
+def sample(knots, shapes, dofs, s_o, ds, s, q, v, out):
+    """Set w, dw/dt at fixed s and w' at the places s (m,) of a following mesh, out (3, m, n_fields); at s_o behind.
+
+    knots : (2, n_el + 1) of the two sides;  shapes : polynomial coefficients, see `reference.shape_polynomials`.
+    """
+    n_el, n_loc = knots.shape[1] - 1, shapes.shape[0]
+    n_fields = out.shape[2]
+    out[:] = 0.0
+    for p in range(s.size):
+        side = 0 if s[p] <= s_o and s_o > 0.0 else 1
+        s_0, h = (0.0, s_o) if side == 0 else (s_o, 1.0 - s_o)
+        xi = min(1.0, max(0.0, (s[p] - s_0) / h))
+        pull = ds * (xi if side == 0 else 1.0 - xi)
+        low, high = 0, n_el  # the element left of a knot answers there
+        while high - low > 1:
+            middle = (low + high) // 2
+            if knots[side, middle] < xi:
+                low = middle
+            else:
+                high = middle
+        length = knots[side, low + 1] - knots[side, low]
+        x = (xi - knots[side, low]) / length
+        for k in range(n_loc):
+            d = dofs[side * n_el + low, k]
+            if d < 0:
+                continue
+            value, slope = 0.0, 0.0
+            for m in range(n_loc - 1, -1, -1):
+                slope = slope * x + value
+                value = value * x + shapes[k, m]
+            slope /= length * h
+            for f in range(n_fields):
+                w = q[n_fields * d + f]
+                out[0, p, f] += value * w
+                out[1, p, f] += value * v[n_fields * d + f] - pull * slope * w
+                out[2, p, f] += slope * w
+
+
+@compiled
 def cable_energy(span, dofs, tab, cable, q, v):
     """Return int( |w.|^2/2 + T eps + alpha eps^2/2 - sigma v ) ds, the least tension and its s; full cable.
 
