@@ -18,16 +18,13 @@ from validation.report.figures import BLACK, DASHES, GREY, MARKERS, PALETTE, pan
 from validation.report.page import Section, details, figure, gallery, missing, number, percent, table
 
 Row = dict[str, Any]
+OURS = ("method", "integrator", "extrapolated")  # rows of the full cable at given settings
 
 ERRORS = {
     "path": "error of the mass path / deflection",
     "tension": "rms error of the tension / H",
 }
 WORK = {"seconds": "seconds of the time loop, one core", "unknown_steps": "steps × unknowns"}
-KINDS = {
-    "method": "method", "model": "model", "integrator": "integrator", "tolerance": "by tolerance", "peer": "other code",
-    "scipy": "scipy on the same equations",
-}  # fmt: skip
 
 
 def sections(folder: Path) -> list[Section]:
@@ -110,7 +107,7 @@ def _series(chart: dict[str, Any], wanted: Callable[[Row], bool]) -> dict[str, l
     return out
 
 
-def _wing(name: str, *, kink: bool | None = None) -> Callable[[Row], bool]:
+def _wing(name: str) -> Callable[[Row], bool]:
     return lambda r: r["kind"] == "method" and METHODS[r["method"]].wing == name
 
 
@@ -120,7 +117,7 @@ def _groups(chart: dict[str, Any]) -> list[tuple[str, dict[str, list[Row]]]]:
         ("elements", _series(chart, lambda r: _wing("elements")(r) and "fixed" not in r["series"])),
         ("elements, fixed mesh", _series(chart, lambda r: _wing("elements")(r) and "fixed" in r["series"])),
         ("Galerkin", _series(chart, _wing("galerkin"))),
-        ("integrators", _series(chart, lambda r: r["kind"] == "integrator")),
+        ("integration in time", _series(chart, lambda r: r["kind"] in ("integrator", "extrapolated"))),
         ("cheaper models", _series(chart, lambda r: r["kind"] == "model")),
         ("by tolerance, and other codes", _series(chart, lambda r: r["kind"] in ("tolerance", "peer"))),
     ]
@@ -152,7 +149,7 @@ def _work(chart: dict[str, Any]) -> Section:
     drawn = []
     for title, lines in _groups(chart):
         known = {k: [r for r in v if r["unknown_steps"] is not None] for k, v in lines.items()}
-        known = {k: v for k, v in known.items() if v and v[0]["kind"] in ("method", "integrator")}
+        known = {k: v for k, v in known.items() if v and v[0]["kind"] in OURS}
         if known:
             caption = (
                 f"{title.capitalize()}: {ERRORS['path']} against {WORK['unknown_steps']}, which no machine changes."
@@ -179,10 +176,10 @@ def draw(chart: dict[str, Any], quantity: str, work: str, title: str, lines: dic
     error = f"{quantity}_error"
     fig, ax = panels(height=4.4)
     dots = [r for r in chart["rows"] if r["status"] == "ok" and r["kind"] != "scipy" and r[error] and r[work]]
-    front = best_of([r for r in dots if r["kind"] in ("method", "integrator")], quantity, work)
+    front = best_of([r for r in dots if r["kind"] in OURS], quantity, work)
     ax.plot(*_columns(front, work, error), color="#c8c8c8", linewidth=6.0, solid_capstyle="round", zorder=1)
     for i, (name, rows) in enumerate(lines.items()):
-        colour, marker, dash = (x[i % len(x)] for x in (PALETTE, MARKERS, DASHES))
+        colour, marker, dash = PALETTE[i % len(PALETTE)], MARKERS[i % len(MARKERS)], DASHES[i % len(DASHES)]
         ax.plot(*_columns(rows, work, error), marker, color=colour, alpha=0.25, markersize=3.5, zorder=2)
         best = best_of(rows, quantity, work)
         ax.plot(*_columns(best, work, error), marker=marker, color=colour, linestyle=dash, label=name, zorder=3)

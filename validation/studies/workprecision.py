@@ -37,6 +37,7 @@ from validation.run import run
 
 STOP = measures.WINDOW[1]
 DECADES = (1e-2, 1e-3, 1e-4)
+OURS = ("method", "integrator", "extrapolated")  # kinds that solve the full cable at given settings
 
 # The reference is of a degree that no charted run comes near in resolution; its companions give its own error.
 REFERENCE: tuple[str, dict[str, Any]] = ("following-p4", {"elements": 24, "steps": 8000})
@@ -56,7 +57,7 @@ class Series:
     """What is charted as one line: a name, what runs, and its rungs from coarse to fine."""
 
     name: str
-    kind: str  # "method" | "model" | "integrator" | "tolerance" | "peer" | "scipy"
+    kind: str  # "method" | "model" | "integrator" | "extrapolated" | "tolerance" | "peer" | "scipy"
     rungs: tuple[dict[str, Any], ...]
     method: str | None = None
     model: str = "full"
@@ -85,7 +86,8 @@ def chart(
     }  # fmt: skip
     for i, line in enumerate(todo):
         report(line.name, 0.05 + 0.85 * i / len(todo))
-        rows += _line(scene, line, truth, rows, repeats, 1.5 * budget / len(todo))
+        share = (6.0 if line.kind == "peer" else 1.5) * budget / len(todo)  # other codes are slow
+        rows += _line(scene, line, truth, rows, repeats, share)
         write_json(path, found)
     report("cost growth", 0.9)
     found["growth"] = before.get("growth") or growth(scene)
@@ -112,6 +114,7 @@ def series(peers: bool = True) -> Iterator[Series]:
         if scheme != base.knobs["scheme"].default:
             rungs = tuple(x | {"scheme": scheme} for x in ladder(base))
             yield Series(f"scheme {scheme}", "integrator", rungs[::3] if scheme == "energy" else rungs[::2], BASE)
+    yield Series(f"{BASE} extrapolated", "extrapolated", tuple(ladder(base)), BASE)
     for name in (BASE, WITNESS[0]):
         yield Series(f"{name} --tol", "tolerance", tuple({"tol": tol} for tol in DECADES), name)
     for rule in ("DOP853", "Radau"):
@@ -216,7 +219,7 @@ def _line(
         row = _RUNNERS[line.kind](scene, line, rung, truth, max(1, repeats), left)
         spent = time.perf_counter() - begin
         left -= spent
-        seconds_per_size = min(1.0, row["repeats"] or 1) * spent / _size(line, rung)
+        seconds_per_size = spent / (row["repeats"] or 1) / _size(line, rung)
         new.append(row)
     return new
 
@@ -280,6 +283,31 @@ def _run_ours(
     except ValueError as error:
         return _row(line, rung, status="failed", reason=str(error))
     return _row(line, rung, **_judged(r, truth), **_timed(r.seconds, lambda: once().seconds, repeats, left))
+
+
+def _run_extrapolated(
+    scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth, repeats: int, left: float
+) -> dict[str, Any]:  # fmt: skip
+    """Two runs, the second with half the steps, and Richardson's extrapolation of second order in time; both count."""
+    assert line.method is not None
+    method = line.method
+
+    def once() -> tuple[Response, Response]:
+        fine = run(scene, method, until=STOP, **rung)
+        return fine, run(scene, method, until=STOP, **rung | {"steps": rung["steps"] // 2})
+
+    def seconds() -> float:
+        return sum(r.seconds for r in once())
+
+    fine, coarse = once()
+    both = {k: fine.work[k] + coarse.work[k] for k in fine.work}
+    if min(fine.reached, coarse.reached) < truth.window[1]:
+        reason = fine.reason or coarse.reason or "one of the two runs ended early"
+        return _row(line, rung, status="failed", reason=reason, reached=min(fine.reached, coarse.reached))
+    better = replace(measures.extrapolated(fine, coarse, 2.0), work=both)
+    return _row(
+        line, rung, **_judged(better, truth), **_timed(fine.seconds + coarse.seconds, seconds, repeats, left)
+    )  # fmt: skip
 
 
 def _run_tolerance(
@@ -400,7 +428,8 @@ def _run_scipy(
 
 
 _RUNNERS: dict[str, Callable[..., dict[str, Any]]] = {
-    "method": _run_ours, "model": _run_ours, "integrator": _run_ours, "tolerance": _run_tolerance, "peer": _run_peer,
+    "method": _run_ours, "model": _run_ours, "integrator": _run_ours,
+    "extrapolated": _run_extrapolated, "tolerance": _run_tolerance, "peer": _run_peer,
     "scipy": _run_scipy,
 }  # fmt: skip
 
@@ -524,7 +553,7 @@ def seconds_at(rows: list[dict[str, Any]], error: float, quantity: str = "path")
 def fastest(rows: list[dict[str, Any]], error: float) -> dict[str, Any]:
     """Return which method reaches a path error first, in what time, and how much longer each peer takes."""
     of = {name: [r for r in rows if r["series"] == name] for name in dict.fromkeys(r["series"] for r in rows)}
-    full = {name: x for name, x in of.items() if x[0]["kind"] in ("method", "integrator")}
+    full = {name: x for name, x in of.items() if x[0]["kind"] in OURS}
     ours = {name: at for name, x in full.items() if (at := seconds_at(x, error)) is not None}
     best = min(ours, key=lambda name: ours[name], default=None)
     peers = {}
