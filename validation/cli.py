@@ -285,7 +285,7 @@ def check(
         progress("writing", 0.5)
         for e in (result.a, result.b):
             paraview.write(e.run, folder / e.run.method)
-        _report(folder)
+        _report(folder, "check")
         store.finish(folder, "check")
         progress("writing", 1.0)
     telling.check(result)
@@ -386,9 +386,9 @@ def _study(command: str, scene: Any, writes: list[str], out: Path | None, *input
     folder = store.claim(out, command, scene, writes)
     with terminal.progress() as progress:
         found = call(*inputs, folder, progress)
-        _report(folder)
+        _report(folder, command)
         store.finish(folder, command)
-    telling.pages(_sections(folder, command))
+    telling.pages(_kept(folder, command))
     terminal.say(f"written to {folder}: report.html, {', '.join(writes)}")
     # What the paper claims, or where a method fails on purpose, is a finding; oracles put our solvers to the test.
     return 1 if command == "oracles" and found["verdict"] != "agree" else 0
@@ -434,7 +434,7 @@ def _gathered(root: Path) -> int:
         replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}")
         for folder in [root, *sorted(root.glob("*/"))]
         for command in store.results(folder) if store.finished(folder, command)
-        for s in _sections(folder, command)
+        for s in _kept(folder, command)
     ]  # fmt: skip
     if not sections:
         raise store.Refused(f"{root} holds no finished results to report")
@@ -475,17 +475,42 @@ def _near(word: str, known: Any) -> str:
 
 
 def _sections(folder: Path, command: str) -> list[Any]:
-    """Return the pages about a command's results; commands without a study have none."""
+    """Return the pages about a command's results, and keep them; commands without a study have none."""
+    from dataclasses import asdict
+
+    from cablefem.response import write_json
+
     if command not in STUDIES:
         return []
-    return importlib.import_module(f"validation.report.{STUDIES[command]}").sections(folder)
+    sections = importlib.import_module(f"validation.report.{STUDIES[command]}").sections(folder)
+    write_json(folder / f".{command}.pages.json", [asdict(section) for section in sections])
+    return sections
 
 
-def _report(folder: Path) -> None:
-    """Write report.html from all results in a folder."""
+def _kept(folder: Path, command: str) -> list[Any]:
+    """Return the pages as they were drawn when the command finished; drawing takes most of a report's time."""
+    import json
+
+    from markupsafe import Markup
+
+    from validation.report.page import Section
+
+    try:
+        kept = json.loads((folder / f".{command}.pages.json").read_text(encoding="utf-8"))
+        return [Section(**page | {"html": Markup(page["html"]), "scripts": tuple(page["scripts"])}) for page in kept]
+    except (OSError, ValueError, TypeError, KeyError):
+        return _sections(folder, command)
+
+
+def _report(folder: Path, command: str) -> None:
+    """Write report.html from all results in a folder, those of this command drawn anew."""
     from validation.report import page
 
-    sections = [section for command in store.results(folder) for section in _sections(folder, command)]
+    sections = [
+        section
+        for other in store.results(folder)
+        for section in (_sections if other == command else _kept)(folder, other)
+    ]
     page.render(f"cablefem: {folder.name}", sections, folder / "report.html")
 
 

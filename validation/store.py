@@ -52,6 +52,7 @@ def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str], *, 
                 raise Refused(f"{what} holds a result of cablefem {other}; {_REMEDY}")
         known = marker["results"].get(command, [])
         marker["results"][command] = sorted({*known, *writes})
+        marker["finished"] = [done for done in marker.get("finished", []) if done != command]
         write_json(folder / MARKER, marker)
     except FileExistsError:
         raise Refused(f"{folder} is a file; --out must be a folder") from None
