@@ -28,7 +28,7 @@ from cablefem.newmark import SCHEMES
 from cablefem.response import Array, Response, write_json
 from cablefem.scene import Groups, Motion, Scene
 from validation import measures
-from validation.estimate import estimated
+from validation.estimate import SAME_ONSET, estimated
 from validation.measures import NotComparable, Window
 from validation.methods import METHODS, Method, refined
 from validation.peers import PEERS, PeerPath, available
@@ -649,13 +649,18 @@ def tolerance_survey(
             }  # fmt: skip
             best = min((cost for cost, error in hand if error <= tol), default=None)
             row |= {
-                "true": measures.path_gap(r, truth, measures.window_of(r, truth))[0],
+                "true": _true(r, truth),
                 "cost": None if best is None else _spent(r) / best,
                 "cost_all": None if best is None else sum(map(_spent, runs)) / best,
             }  # fmt: skip
-            row["judged"] = r.path_error is not None and doubt <= r.path_error / 3.0
+            row["judged"] = None not in (row["true"], r.path_error) and doubt <= row["bar"] / 3.0
             rows.append(row)
     return {"seed": seed, "rows": rows} | _survey_summary(rows, tols)
+
+
+def _true(r: Response, truth: Response) -> float | None:
+    """Return the error of a run up to the slack onset of the truth, or its own; None where that leaves no window."""
+    return _or_none(lambda: measures.path_gap(r, truth, measures.window_of(r, truth))[0])
 
 
 def _spent(r: Response) -> float:
@@ -670,8 +675,11 @@ def _by_hand(scene: Scene, method: str, truth: Response) -> list[tuple[float, fl
             if steps > 150 * elements:
                 continue
             r = run(scene, method, until=STOP, elements=elements, steps=steps)
-            if r.reached >= min(STOP, truth.slack_onset or STOP) * (1.0 - 1e-6):
-                out.append((_spent(r), measures.path_gap(r, truth, measures.window_of(r, truth))[0]))
+            # slack that only coarse steps see would cut the window short
+            if min(r.reached, r.slack_onset or STOP) >= min(STOP, truth.slack_onset or STOP) - SAME_ONSET:
+                error = _true(r, truth)
+                if error is not None:
+                    out.append((_spent(r), error))
     return out
 
 
