@@ -107,11 +107,6 @@ def estimated(
     return _with_bars(estimate)
 
 
-def weighted(e: Estimated, factor: float) -> Estimated:
-    """Return the same runs with all bars times a factor."""
-    return _with_bars(replace(e, weights=(factor * e.weights[0], factor * e.weights[1])))
-
-
 def _with_bars(e: Estimated) -> Estimated:
     try:
         window = measures.window_of(*e.runs)
