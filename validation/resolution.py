@@ -19,7 +19,7 @@ from validation.run import run
 # The first run, as coarse as its error can be read at all: what follows costs a multiple of it.
 FIRST = {"elements": 6, "terms": 10, "level": 1, "steps": 110}
 MOST = {"elements": 320, "terms": 160, "level": 5, "steps": 64_000}
-LARGEST = 4e6  # steps x resolution: half a gigabyte of states
+LARGEST = 2e6  # steps x resolution: half a gigabyte of states
 # Between these a refinement tells enough and does not outrun what orders promise (tolerance_survey: with refinements up
 # to 4 the bars of 13 percent of the runs are too small, up to 2 of 3 percent).
 LEAST, FURTHEST = 1.4, 2.0
