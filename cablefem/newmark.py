@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,7 @@ Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
 
 
-@dataclass(frozen=True, slots=True)
-class State:
+class State(NamedTuple):
     """One instant of a discretised system; `phase` is the interval between events it belongs to."""
 
     t: float
@@ -71,6 +70,16 @@ class System(Protocol):
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
     ) -> tuple[Array, Solve]:
         """Return r and a function that applies (c0 dr/dq + c1 dr/dv + c2 dr/da)^-1; it may overwrite its argument."""
+
+    def settle(
+        self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
+    ) -> Settled:
+        """Find the end of a step by Newton's method; `iterate` does it for any system, compiled code can do it faster.
+
+        start, now : (3, n_dof) rows q, v, a at the beginning, and at the end, which is set.
+        rule : (3, 5) columns P (3, 3), c and w of a step of the Newmark family: now = P start - c da with da such that
+            |r(t, w now + (1 - w) start)| <= bound; w works on rows.
+        """
 
 
 class StepFailure(RuntimeError):
@@ -165,6 +174,15 @@ class Newton:
     tol: float = 1e-4
     max_iter: int = 25
     reuse: float = 0.1
+
+
+class Settled(NamedTuple):
+    """How Newton's method ended: the last |r|, converged if at most the bound, and the work it took."""
+
+    norm: float
+    iterations: int
+    factorisations: int
+    residuals: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -325,6 +343,56 @@ _TAU, _WEIGHT = np.polynomial.legendre.leggauss(4)
 _TAU, _WEIGHT = 0.5 * (_TAU + 1.0), 0.5 * _WEIGHT
 
 
+def iterate(
+    system: System, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
+) -> Settled:
+    """Find the end of a step with the residuals and tangents of a system, as `System.settle` has it."""
+    c, w = rule[:, 3:4], rule[:, 4:5]
+    linear = (w * c)[:, 0].tolist()
+    rest = (1.0 - w) * start
+    now[:] = rule[:, :3] @ start
+    q, v, a = balanced = np.empty_like(now)
+    correction = np.empty_like(now)
+
+    def residual() -> Array:
+        np.add(np.multiply(w, now, out=balanced), rest, out=balanced)
+        return system.residual(t, q, v, a, phase)
+
+    def linearise() -> tuple[Array, Solve]:
+        np.add(np.multiply(w, now, out=balanced), rest, out=balanced)
+        return system.linearise(t, q, v, a, phase, *linear)
+
+    def update(da: Array) -> None:
+        np.subtract(now, np.multiply(c, da, out=correction), out=now)
+
+    with np.errstate(over="ignore", invalid="ignore"):  # a diverging iteration is caught by its norm
+        return _newton(residual, linearise, update, bound, newton)
+
+
+def _newton(residual, linearise, update, bound: float, newton: Newton) -> Settled:
+    norm, factorisations, residuals, anew = math.inf, 0, 0, True
+    for iteration in range(newton.max_iter):
+        if anew:
+            r, solve = linearise()
+            norm = math.sqrt(r.dot(r))
+            factorisations += 1
+        before, correction = norm, solve(r)
+        update(correction)
+        for halving in range(6):
+            if halving:
+                correction *= 0.5
+                update(-correction)
+            r = residual()
+            residuals += 1
+            norm = math.sqrt(r.dot(r))
+            if norm < before or iteration < 2:
+                break
+        if norm <= bound or not norm < math.inf:
+            break
+        anew = norm > newton.reuse * before
+    return Settled(norm, iteration + 1, factorisations, residuals)
+
+
 class _Stepper:
     """One step of one scheme; remembers only what the next step's first guess needs."""
 
@@ -332,53 +400,46 @@ class _Stepper:
         self.system, self.method, self.newton, self.work = system, method, newton, work
         self._a_mid: Array | None = None
         self._bound = newton.tol * system.force_scale + math.sqrt(system.n_dof) * system.force_floor
-        self._correction = np.empty((3, system.n_dof))
-        # rows q, v, a: all of a step is linear in them but the balance
-        self._free = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
-        self._by_a = np.ones((3, 1))
         m = method
-        self._inside = np.array([[1.0 - m.alpha_f], [1.0 - m.alpha_f], [1.0 - m.alpha_m]])
+        self._rule = np.eye(3, 5)  # as `System.settle` has it
+        self._rule[:, 3:] = [[0.0, 1.0 - m.alpha_f], [0.0, 1.0 - m.alpha_f], [1.0, 1.0 - m.alpha_m]]
+        self._last: tuple[State | None, Array] = None, np.empty((3, system.n_dof))  # a state, and its rows in one array
 
     def forget(self) -> None:
         self._a_mid = None
 
     def __call__(self, x: State, t1: float) -> State:
-        with np.errstate(over="ignore", invalid="ignore"):  # a diverging iteration is caught by its norm
-            return self._averaged(x, t1) if self.method.average else self._newmark(x, t1)
+        return self._averaged(x, t1) if self.method.average else self._newmark(x, t1)
 
     def _newmark(self, x: State, t1: float) -> State:
-        m, dt, system, by_a, inside = self.method, t1 - x.t, self.system, self._by_a, self._inside
-        wf, wm = 1.0 - m.alpha_f, 1.0 - m.alpha_m
-        plain = wf == 1.0 and wm == 1.0
-        t = t1 if plain else x.t + wf * dt
+        m, dt, rule = self.method, t1 - x.t, self._rule
+        t = t1 if m.alpha_f == 0.0 else x.t + (1.0 - m.alpha_f) * dt  # of the balance
         c0, c1 = m.newmark_beta * dt * dt, m.newmark_gamma * dt
-        by_a[0], by_a[1] = c0, c1
-        self._free[0, 1], self._free[0, 2], self._free[1, 2] = dt, 0.5 * dt * dt - c0, dt - c1
-        start = np.array([x.q, x.v, x.a])
-        free = self._free @ start
-        outside = None if plain else (1.0 - inside) * start
-
-        def residual() -> Array:
-            q, v, a = now if plain else inside * now + outside
-            return system.residual(t, q, v, a, x.phase)
-
-        def linearise() -> tuple[Array, Solve]:
-            q, v, a = now if plain else inside * now + outside
-            return system.linearise(t, q, v, a, x.phase, wf * c0, wf * c1, wm)
-
-        def update(da: Array) -> None:
-            np.multiply(by_a, da, out=self._correction)
-            np.subtract(now, self._correction, out=now)
-
+        start = self._last[1] if self._last[0] is x else np.array([x.q, x.v, x.a])
+        now = np.empty_like(start)
+        rule[0, 1], rule[0, 3], rule[1, 3] = dt, c0, c1
         # first guess: the acceleration goes on as it was; where unresolved waves make that absurd: it vanishes
-        for guess in (x.a, None):
-            now = free.copy() if guess is None else free + by_a * guess
-            try:
-                self._solve(t1, residual, linearise, update)
-                return State(t1, now[0], now[1], now[2], x.phase)
-            except NewtonStalled as stalled:
-                failure = stalled
-        raise failure
+        for goes_on in (1.0, 0.0):
+            rule[0, 2], rule[1, 2], rule[2, 2] = 0.5 * dt * dt - c0 + goes_on * c0, dt - c1 + goes_on * c1, goes_on
+            done = self.system.settle(t, x.phase, start, now, rule, self._bound, self.newton)
+            if self._settled(done):
+                after = State(t1, now[0], now[1], now[2], x.phase)
+                self._last = after, now
+                return after
+        raise self._stalled(t1, done)
+
+    def _settled(self, done: Settled) -> bool:
+        work = self.work
+        work.newton_iterations += done.iterations
+        work.factorisations += done.factorisations
+        work.residuals += done.residuals
+        return done.norm <= self._bound
+
+    def _stalled(self, t1: float, done: Settled) -> NewtonStalled:
+        return NewtonStalled(
+            t1, f"Newton's method stalled (|r| = {done.norm:.2g}, allowed {self._bound:.2g})",
+            "take more steps, a damped scheme (newmark, generalized-alpha), or the tension-only law for a slack cable",
+        )  # fmt: skip
 
     def _averaged(self, x: State, t1: float) -> State:
         dt = t1 - x.t
@@ -404,38 +465,11 @@ class _Stepper:
             nonlocal a
             a = a - da
 
-        self._solve(t1, residual, linearise, update)
+        with np.errstate(over="ignore", invalid="ignore"):
+            done = _newton(residual, linearise, update, self._bound, self.newton)
+        if not self._settled(done):
+            raise self._stalled(t1, done)
         previous, self._a_mid = self._a_mid, a
         # the scheme knows the acceleration of the middle of the step; carry it to the end with second order
         a1 = a if previous is None else 1.5 * a - 0.5 * previous
         return State(t1, x.q + dt * x.v + (0.5 * dt * dt) * a, x.v + dt * a, a1, x.phase)
-
-    def _solve(self, t1: float, residual, linearise, update) -> None:
-        newton, work = self.newton, self.work
-        r, solve = linearise()
-        work.factorisations += 1
-        norm = math.sqrt(r @ r)
-        for iteration in range(newton.max_iter):
-            work.newton_iterations += 1
-            before, correction = norm, solve(r)
-            update(correction)
-            for halving in range(6):
-                if halving:
-                    correction *= 0.5
-                    update(-correction)
-                r = residual()
-                work.residuals += 1
-                norm = math.sqrt(r @ r)
-                if norm < before or iteration < 2:
-                    break
-            if norm <= self._bound:
-                return
-            if not norm < math.inf:
-                break
-            if norm > newton.reuse * before:
-                r, solve = linearise()
-                work.factorisations += 1
-        raise NewtonStalled(
-            t1, f"Newton's method stalled (|r| = {norm:.2g}, allowed {self._bound:.2g})",
-            "take more steps, a damped scheme (newmark, generalized-alpha), or the tension-only law for a slack cable",
-        )  # fmt: skip

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.newmark import Solve, State
+from cablefem.newmark import Settled, Solve, State, iterate
 from cablefem.response import Observation, States
 from galerkin.bases.kink import Array
 from galerkin.equations import GalerkinSystem
@@ -99,6 +99,9 @@ class PositionAbscissa:
         time, ds_o, dds_o = self._kinematics(t, phase)
         x = in_time(q, v, a, ds_o, dds_o)
         return self.system.linearise(time, *x, phase, c0, c1 * ds_o, c1 * dds_o + c2 * ds_o**2)
+
+    def settle(self, *step: Any) -> Settled:
+        return iterate(self, *step)
 
     def time_states(self, states: States) -> States:
         """The history as a function of time: t, q, dq/dt, d2q/dt2."""

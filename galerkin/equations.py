@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from cablefem.newmark import Solve, State, StepFailure, consistent_acceleration
+from cablefem.newmark import Settled, Solve, State, StepFailure, consistent_acceleration, iterate
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from galerkin.bases import Basis
@@ -161,6 +161,9 @@ class GalerkinSystem:
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
     ) -> tuple[Array, Solve]:
         return self.residual(t, q, v, a, phase), factorised(self.tangent(t, q, phase, c0, c1, c2))
+
+    def settle(self, *step: Any) -> Settled:
+        return iterate(self, *step)
 
     def start(self, phase: int, state: State | None) -> State:
         """Entry: the limit t -> 0+ of the motion from rest.  Later: q, v go on, a jumps with dds_o."""

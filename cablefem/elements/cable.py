@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
 from cablefem.elements import kernels
-from cablefem.newmark import Solve
+from cablefem.newmark import Newton, Settled, Solve
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 
@@ -62,7 +62,7 @@ class CableElements:
     _coefficients: Array  # (n_op, 3)
     _span: Array
     _contact: tuple[Any, ...]
-    _mesh: tuple[Any, ...]  # what the kernels want to know before q, v, a
+    _at: tuple[float, int] | None  # instant and phase that all this is for
 
     def __init__(self, groups: Groups, model: str, load: str, law: str) -> None:
         if groups.motion is None:
@@ -109,7 +109,7 @@ class CableElements:
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self._n_dof)
-        self._assemble(t, q, v, a, phase, r, _NO_BAND, False, 0.0, 0.0, 0.0)
+        self._assemble(t, q, v, a, phase, r, _NO_BAND, np.empty_like(self._work[2]), False, 0.0, 0.0, 0.0)
         return r
 
     def linearise(
@@ -117,37 +117,37 @@ class CableElements:
     ) -> tuple[Array, Solve]:
         """As the protocol has it; the factors live in one workspace, so an earlier `solve` is void."""
         r = np.empty(self._n_dof)
-        increment = self._assemble(t, q, v, a, phase, r, self._work[0], True, c0, c1, c2)
-        return r, self._solver(*self._work, increment, c0)
-
-    def _solver(self, ab: Array, pivots: NDArray[np.int64], increment: Array | None, c0: float) -> Solve:
-        """Factorise a banded tangent, in place, plus the rank one that a uniform tension increment adds to it."""
-        if not kernels.factorise(ab, pivots):
-            return lambda b: np.full_like(b, math.nan)  # singular: the driver takes NaN for a stalled step
+        ab, pivots, increment, coupled = self._work
+        self._assemble(t, q, v, a, phase, r, ab, increment, True, c0, c1, c2)
+        strength = c0 * kernels.coupling(self._cable)
+        if not kernels.factorise_coupled(ab, pivots, increment, coupled, strength):
+            return r, lambda b: np.full_like(b, math.nan)  # singular: the driver takes NaN for a stalled step
 
         def solve(b: Array) -> Array:
-            kernels.solve(ab, pivots, b)
+            kernels.solve_coupled(ab, pivots, increment, coupled, b)
             return b
 
-        if increment is None:
-            return solve
-        # Sherman & Morrison: the tension increment couples all nodes through one vector
-        g = solve(increment.copy())
-        rank_one = c0 * self._chord[0] * self._chord[3]
-        g *= rank_one / (1.0 + rank_one * (increment @ g))
+        return r, solve
 
-        def solve_coupled(b: Array) -> Array:
-            x = solve(b)
-            return x - g * (increment @ x)
-
-        return solve_coupled
+    def settle(
+        self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
+    ) -> Settled:
+        self._time(t, phase)
+        self._at = (t, phase)
+        *done, least, where = kernels.settle(
+            self._operators, self._coefficients, *self._mesh(), *self._work, start, now, rule, bound,
+            newton.max_iter, newton.reuse,
+        )  # fmt: skip
+        self.tension_min = least, where
+        return Settled(*done)
 
     # --- what a mesh answers ---------------------------------------------------------------------------
     def _fresh(self) -> None:
         """Make the workspaces, which a twin with another law must not share."""
         n = self.fields * self.n_scalar
-        self._at: tuple[float, int] | None = None
-        self._work = np.empty((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64)
+        self._at = None
+        increment = np.empty(n if self.fields == 1 else 0)
+        self._work = np.empty((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64), increment, increment.copy()
         self._bands = np.empty((3, *self._operators.shape[1:]))
 
     def _time(self, t: float, phase: int) -> None:
@@ -172,34 +172,31 @@ class CableElements:
             raise ValueError(f"law must be elastic or tension-only, got {law!r}")
         self.law = law
         g, flag = self.groups, float(law == "tension-only")
-        self._cable = np.array([g.alpha, g.sigma, g.c, flag])
-        if self.model != "full":
+        if self.model == "full":
+            self._cable = np.array([g.alpha, g.sigma, g.c, flag])
+        else:
             tau = 1.0 / g.chord_cos
-            self._chord = np.array([g.alpha, tau, g.sigma * g.chord_cos / tau, *STRETCHING[self.model], flag])
+            self._cable = np.array([g.alpha, tau, g.sigma * g.chord_cos / tau, *STRETCHING[self.model], flag])
+
+    def _mesh(self) -> tuple[Any, ...]:
+        """Return what the kernels want to know of the instant before q, v, a."""
+        return (self._bands, self._span, self._dofs, self._tab, self._cable, *self._contact)
 
     def _assemble(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, ab: Array, tangent: bool,
+        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, ab: Array, increment: Array, tangent: bool,
         c0: float, c1: float, c2: float,
-    ) -> Array | None:  # fmt: skip
-        """Set r and, if asked, the banded tangent; note the least tension; return the increment of `add_chord`."""
+    ) -> None:  # fmt: skip
+        """Set r and, if asked, the banded tangent and its increment; note the least tension."""
         if self._at != (t, phase):
             self._time(t, phase)
             self._at = (t, phase)
             kernels.combine(self._operators, self._coefficients, self._bands)
-            cable = self._cable if self.fields == 2 else self._chord
-            self._mesh = (self._bands, self._span, self._dofs, self._tab, cable, *self._contact)
-        if self.fields == 2:
-            self.tension_min = kernels.full_cable(*self._mesh, q, v, a, r, ab, tangent, c0, c1, c2)
-            return None
-        increment = np.empty(self.n_scalar)
-        tension = kernels.chord_cable(*self._mesh, q, v, a, r, ab, increment, tangent, c0, c1, c2)
-        self.tension_min = tension, 0.5
-        return increment
+        self.tension_min = kernels.assemble(*self._mesh(), q, v, a, r, ab, increment, tangent, c0, c1, c2)
 
     def _static_acceleration(self, s_o: float, ds: float, dds: float) -> tuple[float, ...]:
         """Return d2/dt2 X(s_o(t)) on the static shape (parabola for the one-field models)."""
         if self.fields == 1:
-            curvature = float(self._chord[2])
+            curvature = float(self._cable[2])
             return (dds * curvature * (0.5 - s_o) - ds * ds * curvature,)
         p = self.groups.c - self.groups.sigma * s_o
         T = math.sqrt(1.0 + p * p)
@@ -208,9 +205,8 @@ class CableElements:
 
     def _load(self, s_o: float, ds: float, dds: float) -> tuple[float, ...]:
         """Return mu d2X/dt2 less the weight: what the mass asks for along the static path."""
-        return tuple(
-            self.inertia * a - w for a, w in zip(self._static_acceleration(s_o, ds, dds), self._weight, strict=True)
-        )
+        mu, a, weight = self.inertia, self._static_acceleration(s_o, ds, dds), self._weight
+        return (mu * a[0] - weight[0], mu * a[1] - weight[1]) if self.fields == 2 else (mu * a[0] - weight[0],)
 
     # --- observation -----------------------------------------------------------------------------------
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
@@ -231,7 +227,7 @@ class CableElements:
             if self.fields == 2:
                 energy[i], least[i], where[i] = kernels.cable_energy(*tables, self._cable, states.q[i], states.v[i])
             else:
-                energy[i], least[i] = kernels.chord_energy(*tables, self._chord, states.q[i], states.v[i])
+                energy[i], least[i] = kernels.chord_energy(*tables, self._cable, states.q[i], states.v[i])
         if self.fields == 2:
             depth = path[:, 1] + g.shape(s_o)[1]
             energy += 0.5 * self.inertia * np.sum(velocity**2, axis=1) - g.mu * g.sigma * depth
@@ -245,7 +241,7 @@ class CableElements:
             T_behind, T_ahead = self._tension(slope_behind, T), self._tension(slope_ahead, T)
             tension = self._tension(w_s + np.stack([x_s, y_s], axis=1), T_s)
         else:
-            rise = least - self._chord[1]
+            rise = least - self._cable[1]
             T_behind = T_ahead = T + rise
             tension = T_s + rise[frames, None]
         return Observation(
@@ -281,7 +277,7 @@ class CableElements:
         Their stored energy is quadratic in w' at a given tension, so <force> [w'] = [W] and only F <r'> is left.
         """
         s_o, ds, dds = kinematics.T
-        curvature, weight = self._chord[2], self._weight[0]
+        curvature, weight = self._cable[2], self._weight[0]
         slope = curvature * (0.5 - s_o)
         p_t = w_t + ds * slope
         p_tt = w_tt + dds * slope - ds**2 * curvature

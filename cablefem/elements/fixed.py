@@ -29,7 +29,7 @@ from scipy.sparse import coo_array
 from cablefem.elements import kernels
 from cablefem.elements.cable import CableElements, bands, elements_allowed
 from cablefem.elements.reference import mass_form, shape_polynomials
-from cablefem.newmark import Solve, State, consistent_acceleration
+from cablefem.newmark import Newton, Settled, Solve, State, consistent_acceleration, iterate
 from cablefem.response import States
 from cablefem.scene import Groups
 
@@ -110,8 +110,9 @@ class FixedElements(CableElements):
         kernels.add_contact(dofs, N, self.inertia * N, none, none, np.zeros(self.fields), *of)
         load = np.zeros(n)
         load[dofs] = -self.inertia * np.outer(N, np.array(self._static_acceleration(s_o, 0.0, jump)) + slope_jump)
-        cable = self._solver(band, pivots, None, 0.0)(load)
-        return State(t, state.q, state.v, state.a + np.append(cable, N @ cable[dofs] + slope_jump), phase)
+        kernels.factorise(band, pivots)
+        kernels.solve(band, pivots, load)
+        return State(t, state.q, state.v, state.a + np.append(load, N @ load[dofs] + slope_jump), phase)
 
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
@@ -131,6 +132,12 @@ class FixedElements(CableElements):
             return np.append(x, d + N @ x[dofs])
 
         return r, solve_with_particle
+
+    def settle(
+        self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
+    ) -> Settled:
+        of = t, phase, start, now, rule, bound, newton
+        return iterate(self, *of) if self.particle else super().settle(*of)  # the kernels know no particle
 
     # --- assembly --------------------------------------------------------------------------------------
     def _tabulate(self, kind: _Kind) -> None:
@@ -192,14 +199,13 @@ class FixedElements(CableElements):
         c_row, k_row = 2.0 * carried * ds * N_s, carried * (ds * ds * N_ss + dds * N_s)
         self._contact = (dofs, N, mu * N, c_row, k_row, load)
 
-    def _assemble(self, t, q, v, a, phase, r, ab, tangent, c0, c1, c2) -> Array | None:
-        increment = super()._assemble(t, q, v, a, phase, r, ab, tangent, c0, c1, c2)
+    def _assemble(self, t, q, v, a, phase, r, *tangent) -> None:
+        super()._assemble(t, q, v, a, phase, r, *tangent)
         if self.particle:  # which has been taken for the cable under it
             dofs, N, m_row, _, _, _ = self._contact
             p = slice(-self.fields, None)
             r[p] = q[p] - N @ q[dofs]
             r[dofs] += np.outer(N, self.inertia * a[p] - m_row @ a[dofs])
-        return increment
 
     # --- observation -----------------------------------------------------------------------------------
     def _tables(self, s_o: float, ds: float) -> tuple[Array, NDArray[np.int64], Array]:

@@ -137,7 +137,7 @@ class FollowingElements(CableElements):
         rest = np.array(self._load(0.0, 0.0, dds))
         inertia = self.inertia + self._entrained
         if self.fields == 1:
-            return -rest / (2.0 * inertia + 2.0 * self._chord[1] / dds)
+            return -rest / (2.0 * inertia + 2.0 * self._cable[1] / dds)
         b = np.zeros(2)
         p = self.groups.c
         T = math.hypot(1.0, p)

@@ -228,33 +228,26 @@ def add_chord(span, dofs, tab, chord, q, r, ab, increment, tangent, c0):
 
 
 @compiled
-def full_cable(
-    bands, span, dofs, tab, cable, contact, shape, m_row, c_row, k_row, load, q, v, a, r, ab, tangent, c0, c1, c2
-):
-    """Set the residual of the full cable with its mass and, if asked, the tangent; return as `add_catenary`."""
-    r[:] = 0.0
-    if tangent:
-        ab[:] = 0.0
-    add_banded(bands, 2, q, v, a, r, ab, tangent, c0, c1, c2)
-    least = add_catenary(span, dofs, tab, cable, q, r, ab, tangent, c0)
-    add_contact(contact, shape, m_row, c_row, k_row, load, q, v, a, r, ab, tangent, c0, c1, c2)
-    return least
-
-
-@compiled
-def chord_cable(
-    bands, span, dofs, tab, chord, contact, shape, m_row, c_row, k_row, load, q, v, a, r, ab, increment, tangent,
+def assemble(
+    bands, span, dofs, tab, cable, contact, shape, m_row, c_row, k_row, load, q, v, a, r, ab, increment, tangent,
     c0, c1, c2,
 ):  # fmt: skip
-    """Set the residual of a one-field cable with its mass and, if asked, the tangent; return as `add_chord`."""
+    """Set the residual of the cable with its mass and, if asked, the banded tangent; return as `add_catenary`.
+
+    One field per node is a one-field model, `add_chord`, whose tension is least at no place in particular.
+    """
+    n_fields = contact.shape[1]
     r[:] = 0.0
-    increment[:] = 0.0
     if tangent:
         ab[:] = 0.0
-    add_banded(bands, 1, q, v, a, r, ab, tangent, c0, c1, c2)
-    tension = add_chord(span, dofs, tab, chord, q, r, ab, increment, tangent, c0)
+    add_banded(bands, n_fields, q, v, a, r, ab, tangent, c0, c1, c2)
+    if n_fields == 2:
+        least, where = add_catenary(span, dofs, tab, cable, q, r, ab, tangent, c0)
+    else:
+        increment[:] = 0.0
+        least, where = add_chord(span, dofs, tab, cable, q, r, ab, increment, tangent, c0), 0.5
     add_contact(contact, shape, m_row, c_row, k_row, load, q, v, a, r, ab, tangent, c0, c1, c2)
-    return tension
+    return least, where
 
 
 KEEP = 0.1  # a diagonal pivot stays while it is at least this part of its column's largest: rows then keep their width
@@ -327,6 +320,104 @@ def solve(ab, pivots, b):
         for j in range(i + 1, pivots[1, i] + 1):
             x -= ab[i, band + j - i] * b[j]
         b[i] = x / ab[i, band]
+
+
+@compiled
+def coupling(chord):
+    """Return alpha lam, the strength of `add_chord`'s increment in the tangent; meaningless for the full cable."""
+    return chord[0] * chord[3]
+
+
+@compiled
+def factorise_coupled(ab, pivots, increment, coupled, strength):
+    """Factorise A + strength increment increment^T, A banded; return whether it is regular.
+
+    Sherman & Morrison: a uniform tension increment couples all nodes through one vector.  `coupled` receives what
+    `solve_coupled` takes; the full cable has no such vector, its increment is empty.
+    """
+    regular = factorise(ab, pivots)
+    if regular and increment.size > 0:
+        coupled[:] = increment
+        solve(ab, pivots, coupled)
+        coupled *= strength / (1.0 + strength * dot(increment, coupled))
+    return regular
+
+
+@compiled
+def solve_coupled(ab, pivots, increment, coupled, b):
+    """Overwrite b (n,) with the solution for the matrix that `factorise_coupled` has left."""
+    solve(ab, pivots, b)
+    if increment.size > 0:
+        b -= dot(increment, b) * coupled
+
+
+@compiled
+def dot(a, b):
+    """Return the scalar product; a call of BLAS takes longer at this length."""
+    total = 0.0
+    for i in range(a.size):
+        total += a[i] * b[i]
+    return total
+
+
+@compiled
+def correct(start, rule, share, da, now, balanced):
+    """Take share da off the rows q, v, a of the step's end, and set where the balance is taken; (3, n)."""
+    for i in range(3):
+        part, w = share * rule[i, 3], rule[i, 4]
+        for j in range(da.size):
+            now[i, j] -= part * da[j]
+            balanced[i, j] = w * now[i, j] + (1.0 - w) * start[i, j]
+
+
+@compiled
+def settle(
+    operators, coefficients, bands, span, dofs, tab, cable, contact, shape, m_row, c_row, k_row, load,
+    ab, pivots, increment, coupled, start, now, rule, bound, max_iter, reuse,
+):  # fmt: skip
+    """Find the end of a step by Newton's method as `cablefem.newmark.iterate` does, compiled with the balance.
+
+    Return |r|, iterations, factorisations, residuals, the least tension and its s.
+    """
+    n = start.shape[1]
+    balanced, r, da, idle = np.empty((3, n)), np.empty(n), np.zeros(n), np.empty_like(increment)
+    q, v, a = balanced[0], balanced[1], balanced[2]
+    combine(operators, coefficients, bands)
+    for i in range(3):
+        for j in range(n):
+            now[i, j] = rule[i, 0] * start[0, j] + rule[i, 1] * start[1, j] + rule[i, 2] * start[2, j]
+    c0, c1, c2 = rule[0, 3] * rule[0, 4], rule[1, 3] * rule[1, 4], rule[2, 3] * rule[2, 4]
+    norm, factorisations, residuals, anew, regular = 0.0, 0, 0, True, True
+    for iteration in range(max_iter):
+        if anew:
+            correct(start, rule, 0.0, da, now, balanced)
+            assemble(
+                bands, span, dofs, tab, cable, contact, shape, m_row, c_row, k_row, load, q, v, a, r, ab, increment,
+                True, c0, c1, c2,
+            )  # fmt: skip
+            norm = math.sqrt(dot(r, r))
+            regular = factorise_coupled(ab, pivots, increment, coupled, c0 * coupling(cable))
+            factorisations += 1
+        before = norm
+        if regular:
+            solve_coupled(ab, pivots, increment, coupled, r)
+        else:
+            r[:] = math.nan  # the norm will tell
+        da[:] = r
+        for halving in range(6):
+            correct(start, rule, 1.0 if halving == 0 else -(0.5**halving), da, now, balanced)
+            least, where = assemble(
+                bands, span, dofs, tab, cable, contact, shape, m_row, c_row, k_row, load, q, v, a, r, ab, idle,
+                False, c0, c1, c2,
+            )  # fmt: skip
+            residuals += 1
+            norm = math.sqrt(dot(r, r))
+            if norm < before or iteration < 2:
+                break
+        if norm <= bound or not norm < math.inf:
+            break
+        anew = norm > reuse * before
+    return norm, iteration + 1, factorisations, residuals, least, where
 
 
 @compiled

@@ -171,7 +171,7 @@ def test_a_mass_starting_from_rest_rides_the_exact_path(degree, elements, bound)
     system = FollowingElements(
         level_cable(mu=MU, sigma=SIGMA, acceleration=a), elements=elements, degree=degree, model="string"
     )
-    system._chord[2] = 0.0  # a string without sag: the accelerating mass would feel the slope of the parabola
+    system._cable[2] = 0.0  # a string without sag: the accelerating mass would feel the slope of the parabola
     assert path_error(system, 800, exact.path)[0] < bound
     # y/t^2 at once, not only in the end: the start is the right one
     states, _ = march(system, 800, until=0.001)

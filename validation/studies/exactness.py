@@ -318,7 +318,7 @@ def straight_path(crossing: Crossing, method: str, **settings: Any) -> Path_:
     if m.wing == "galerkin":
         system.cable.curvature = 0.0
     else:
-        system._chord[2] = 0.0
+        system._cable[2] = 0.0
     scheme = newmark.scheme(s["scheme"], newmark_gamma=s["newmark_gamma"], rho_inf=s["rho_inf"])
     start = None
     if crossing.begins:

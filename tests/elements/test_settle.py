@@ -1,0 +1,77 @@
+"""The compiled Newton's method of the elements against the driver's own, which knows no mesh and no band."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cablefem.elements.fixed import FixedElements
+from cablefem.elements.following import FollowingElements
+from cablefem.newmark import NewtonStalled, Work, integrate, iterate, scheme, step_times
+from tests.runs import LEVEL, steep_cable
+
+STEEP = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
+
+
+def interpreted(system):
+    """Return the system with nothing compiled but its residuals and tangents."""
+    system.settle = lambda *step: iterate(system, *step)
+    return system
+
+
+def history(system, steps, rule):
+    """Return q at the end of each step up to where the run ends, the work, and the least tensions."""
+    work, q, least = Work(), [], []
+    try:
+        for x in integrate(system, scheme(rule), step_times(system, steps), work=work):
+            q.append(x.q)
+            least.append(system.tension_min[0])
+    except NewtonStalled:
+        pass
+    return np.array(q), work, np.array(least)
+
+
+@pytest.mark.parametrize("rule", ["trapezoidal", "newmark", "generalized-alpha"])
+@pytest.mark.parametrize("model", ["full", "string", "sagged", "stretching"])
+def test_steps_are_those_of_the_interpreted_iteration(model, rule):
+    kind = {"elements": 4, "model": model}
+    one, other = FollowingElements(STEEP, **kind), interpreted(FollowingElements(STEEP, **kind))
+    (q, work, least), (want, same_work, same_least) = history(one, 90, rule), history(other, 90, rule)
+    assert q.shape == want.shape
+    # the same operations in another order; the Newton iterations end at 1e-4 of the load, far above rounding
+    assert np.abs(q - want).max() <= 1e-9 * np.abs(want).max()
+    assert least[1:] == pytest.approx(same_least[1:], rel=1e-7)
+    assert work == same_work
+
+
+def test_a_slack_cable_whose_corrections_are_halved_and_steps_cut_ends_the_same_way():
+    """The elastic law past the slack onset: guesses are dropped, corrections halved, steps cut, and the run stalls."""
+    runs = [history(s, 240, "trapezoidal") for s in (FollowingElements(LEVEL), interpreted(FollowingElements(LEVEL)))]
+    (q, work, _), (want, same_work, _) = runs
+    assert work.residuals > work.newton_iterations, "nothing was halved: the test shows nothing"
+    assert min(work.rejected, same_work.rejected) > 0
+    # compression makes the elastic law ill-posed: from there on rounding grows, so only the end of the run is alike
+    n = len(want) // 2
+    assert np.abs(q[:n] - want[:n]).max() <= 1e-7 * np.abs(want[:n]).max()
+    assert abs(len(q) - len(want)) <= 2
+
+
+@pytest.mark.parametrize("element", ["hermite", "p1"])
+def test_so_are_those_of_elements_the_mass_moves_through(element):
+    kind = {"elements": 9, "element": element, "coupling": "chain" if element == "hermite" else "naive"}
+    one, other = FixedElements(STEEP, **kind), interpreted(FixedElements(STEEP, **kind))
+    (q, work, _), (want, same_work, _) = history(one, 90, "newmark"), history(other, 90, "newmark")
+    assert np.abs(q - want).max() <= 1e-9 * np.abs(want).max()
+    assert work == same_work
+
+
+def test_the_comparison_sees_a_balance_taken_elsewhere():
+    class Elsewhere(FollowingElements):
+        def settle(self, t, phase, start, now, rule, *rest):
+            shifted = rule.copy()
+            shifted[0, 4] = 0.98  # q a little inside the step
+            return super().settle(t, phase, start, now, shifted, *rest)
+
+    q, *_ = history(Elsewhere(STEEP, elements=4), 90, "newmark")
+    want, *_ = history(FollowingElements(STEEP, elements=4), 90, "newmark")
+    assert np.abs(q - want).max() > 1e-5 * np.abs(want).max()
