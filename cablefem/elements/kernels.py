@@ -67,19 +67,16 @@ def add_banded(bands, n_fields, q, v, a, r, ab, tangent, c0, c1, c2):
     b = width // 2
     band = (ab.shape[1] - 1) // 3
     for i in range(n):
-        first, last = max(0, b - i), min(width, n + b - i)
-        for f in range(n_fields):
-            row = i * n_fields + f
-            total = 0.0
-            for k in range(first, last):
-                col = (i + k - b) * n_fields + f
-                total += bands[0, i, k] * a[col] + bands[1, i, k] * v[col] + bands[2, i, k] * q[col]
-            r[row] += total
+        row = i * n_fields
+        for k in range(max(0, b - i), min(width, n + b - i)):
+            away = (k - b) * n_fields
+            m, c, stiffness = bands[0, i, k], bands[1, i, k], bands[2, i, k]
+            for at in range(row, row + n_fields):
+                r[at] += m * a[at + away] + c * v[at + away] + stiffness * q[at + away]
             if tangent:
-                for k in range(first, last):
-                    ab[row, band + (k - b) * n_fields] += (
-                        c2 * bands[0, i, k] + c1 * bands[1, i, k] + c0 * bands[2, i, k]
-                    )
+                x = c2 * m + c1 * c + c0 * stiffness
+                for at in range(row, row + n_fields):
+                    ab[at, band + away] += x
 
 
 @compiled
