@@ -175,7 +175,7 @@ def run(
 
     from validation import paraview, telling
     from validation.resolution import TooCoarse, resolve
-    from validation.run import run as run_method
+    from validation.running import run as run_method
 
     folder = store.claim(out, "run", loaded, [method])
     kind = {"model": model, "load": load, "law": law, **settings}
@@ -266,7 +266,7 @@ def check(
     loaded = _scene(scene, faults, travelling=True)
 
     from validation import foreign, paraview, telling
-    from validation.run import run as run_method
+    from validation.running import run as run_method
     from validation.studies import check as study
 
     path = None

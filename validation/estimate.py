@@ -7,7 +7,7 @@ computed one, over the window, and the tension field within `tension_error` time
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +15,7 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation import measures
 from validation.methods import Method, find, refined
-from validation.run import run
+from validation.running import run
 
 # A gap g between resolutions h and h/2 of order p leaves g/(2^p - 1).  Wave fronts pass the mass as spikes whose
 # order is lower than the path's nominal one, so space is never credited with more than 3/2.
@@ -70,11 +70,13 @@ def space_order(method: Method) -> float:
 
 def estimated(
     scene: Scene, method: str | Method, *, progress: Callable[[float], None] | None = None,
-    finest: Response | None = None, in_time: Response | None = None, **kind: Any,
+    known: Sequence[Response] = (), **kind: Any,
 ) -> Estimated:  # fmt: skip
     """Run a method with its two companions; `kind` holds model, load, law, until and settings as in `run`.
 
     Companions go no further than the window of comparison.
+
+    known : runs of the same kind that need not be made again; of several with the same settings the last counts.
     """
     method = find(method) if isinstance(method, str) else method
     how = {k: kind[k] for k in KIND if k in kind}
@@ -85,10 +87,16 @@ def estimated(
     def part(low: float, high: float) -> Callable[[float], None] | None:
         return None if progress is None else lambda x: progress(low + (high - low) * x)
 
-    fine = finest or run(scene, method, **how, **settings, progress=part(0.0, 0.6))
-    # an extrapolation wants the coarser run all the way
-    c_space = run(scene, method, **(how if method.extrapolate else short), **half_space, progress=part(0.6, 0.8))
-    c_time = in_time or run(scene, method, **short, **half_time, progress=part(0.8, 1.0))
+    def ran(settings: dict[str, Any], how: dict[str, Any], low: float, high: float) -> Response:
+        there = [r for r in known if r.settings == settings]
+        return there[-1] if there else run(scene, method, **how, **settings, progress=part(low, high))
+
+    fine = ran(settings, how, 0.0, 0.6)
+    if method.extrapolate:  # an extrapolation wants the coarser run all the way
+        c_space = run(scene, method, **how, **half_space, progress=part(0.6, 0.8))
+    else:
+        c_space = ran(half_space, short, 0.6, 0.8)
+    c_time = ran(half_time, short, 0.8, 1.0)
     p_time = TIME_ORDER.get(settings["scheme"], 2.0)
     p = space_order(method)
     if method.extrapolate:
@@ -105,6 +113,11 @@ def estimated(
         )
     estimate = Estimated(response, fine, c_space, c_time, (w_space, SAFETY / (2.0**p_time - 1.0)), basis)
     return _with_bars(estimate)
+
+
+def weighted(e: Estimated, factor: float) -> Estimated:
+    """Return the same runs with all bars times a factor."""
+    return _with_bars(replace(e, weights=(factor * e.weights[0], factor * e.weights[1])))
 
 
 def _with_bars(e: Estimated) -> Estimated:

@@ -12,9 +12,9 @@ import numpy as np
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation import measures
-from validation.estimate import KIND, TIME_ORDER, Estimated, estimated, gaps, space_order
+from validation.estimate import KIND, TIME_ORDER, Estimated, estimated, gaps, space_order, weighted
 from validation.methods import Method, find, refined
-from validation.run import run
+from validation.running import run
 
 # The first run, as coarse as its error can be read at all: what follows costs a multiple of it.
 FIRST = {"elements": 6, "terms": 10, "level": 1, "steps": 110}
@@ -99,22 +99,32 @@ def resolve(
         | {k: v for k, v in kind.items() if k not in (*KIND, method.resolution, "steps")}
     )
     made = [] if runs is None else runs
-    rung = _first(scene, method, short, settings, made)
+
+    def ran(settings: dict[str, Any]) -> Response:
+        made.append(run(scene, method, **short, **settings))
+        return made[-1]
+
+    rung, read_at = _first(method, settings, ran), settings["steps"]
     for attempt in range(ATTEMPTS):
         report(min(0.5, 0.1 + 0.05 * attempt))
         finer = _next(method, rung, settings, tol)
         if rung.bar <= tol or finer == settings or finer["steps"] * finer[method.resolution] > LARGEST:
             break
-        for name in (method.resolution, "steps"):
-            if finer[name] != settings[name]:
-                ratio = _ratio(method, name, settings[name], finer[name])
-                settings = settings | {name: finer[name]}
-                response = run(scene, method, **short, **settings)
-                made.append(response)
-                order = space_order(method) if name != "steps" else _time_order(settings)
-                before = rung.time if name == "steps" else rung.space
-                part = _part(response, rung.response, ratio, order, before)
-                rung = _Rung(response, rung.space if name == "steps" else part, part if name == "steps" else rung.time)
+        if finer[method.resolution] != settings[method.resolution]:
+            if settings["steps"] >= 2 * read_at:  # coarse steps may have blown up what space contributes: look again
+                coarse = ran(refined(method, settings, space=0.5))
+                rung.space = _part(rung.response, coarse, 2.0, space_order(method), rung.space, 1.0)
+                read_at = settings["steps"]
+                continue
+            ratio = _ratio(method, settings[method.resolution], finer[method.resolution])
+            settings = settings | {method.resolution: finer[method.resolution]}
+            response, read_at = ran(settings), settings["steps"]
+            rung = _Rung(response, _part(response, rung.response, ratio, space_order(method), rung.space), rung.time)
+        if finer["steps"] != settings["steps"]:
+            ratio = finer["steps"] / settings["steps"]
+            settings = settings | {"steps": finer["steps"]}
+            response = ran(settings)
+            rung = _Rung(response, rung.space, _part(response, rung.response, ratio, _time_order(settings), rung.time))
     whole = rung.response
     if how.get("until") != short["until"]:
         whole = run(scene, method, **how, **settings, progress=lambda x: report(0.5 + 0.5 * x))
@@ -142,45 +152,47 @@ def resolve(
 def resolved(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None, **kind: Any
 ) -> Estimated:
-    """Return the run of `resolve` with companions of its own, or the finest within reach: its bars tell."""
+    """Return the run of `resolve`, or the finest within reach, with companions for the bars of everything else.
+
+    Where its own ladder gives the path a smaller bar than the companions do, it scales theirs: it has seen the orders.
+    """
     method = find(method) if isinstance(method, str) else method
-    for aim in (tol, 0.5 * tol):
-        try:
-            finest = resolve(scene, method, aim, progress=progress, **kind)
-        except TooCoarse as error:
-            return _companions(scene, method, error.best, kind)
-        estimate = _companions(scene, method, finest, kind)
-        if estimate.run.path_error is not None and estimate.run.path_error <= tol:
-            return estimate
-    return estimate
-
-
-def _companions(scene: Scene, method: Method, finest: Response, kind: dict[str, Any]) -> Estimated:
+    made: list[Response] = []
+    try:
+        finest = resolve(scene, method, tol, progress=progress, runs=made, **kind)
+    except TooCoarse as error:
+        finest = error.best
     how = {k: kind[k] for k in KIND if k in kind}
-    return estimated(scene, method, finest=finest, **how, **finest.settings)
+    e = estimated(scene, method, known=made, **how, **finest.settings)
+    if finest.path_error is not None and e.run.path_error is not None and finest.path_error < e.run.path_error:
+        return weighted(e, finest.path_error / e.run.path_error)
+    return e
 
 
-def _first(
-    scene: Scene, method: Method, how: dict[str, Any], settings: dict[str, Any], made: list[Response]
-) -> _Rung:  # fmt: skip
+def _first(method: Method, settings: dict[str, Any], ran: Callable[[dict[str, Any]], Response]) -> _Rung:
     """Run a method with both companions."""
-    fine = run(scene, method, **how, **settings)
-    in_space = run(scene, method, **how, **refined(method, settings, space=0.5))
-    in_time = run(scene, method, **how, **refined(method, settings, time=0.5))
-    made += [fine, in_space, in_time]
+    fine, in_space = ran(settings), ran(refined(method, settings, space=0.5))
+    in_time = ran(refined(method, settings, time=0.5))
     return _Rung(
         fine, _part(fine, in_space, 2.0, space_order(method)), _part(fine, in_time, 2.0, _time_order(settings))
     )
 
 
-def _part(fine: Response, coarse: Response, ratio: float, order: float, before: _Part | None = None) -> _Part:
-    """Return what a refinement by `ratio` leaves of the path and the tension error, infinite if it cannot be read."""
+def _part(
+    fine: Response, coarse: Response, ratio: float, order: float, before: _Part | None = None,
+    since: float | None = None,
+) -> _Part:  # fmt: skip
+    """Return what a refinement by `ratio` leaves of the path and the tension error, infinite if it cannot be read.
+
+    since : how much finer the run is than the one that `before` was read for, if that is not `ratio`.
+    """
     try:
         path, tension = gaps(fine, coarse)
     except measures.NotComparable:
         return _Part((math.inf, math.inf), UNCONFIRMED)
     left = path / (ratio**order - 1.0), tension / (ratio**order - 1.0)
-    confirmed = before is not None and left[0] <= NEARLY * before.left[0] / ratio**order < math.inf
+    fall = (since or ratio) ** order
+    confirmed = before is not None and left[0] <= NEARLY * before.left[0] / fall < math.inf
     return _Part(left, CONFIRMED if confirmed else UNCONFIRMED)
 
 
@@ -188,19 +200,20 @@ def _time_order(settings: dict[str, Any]) -> float:
     return TIME_ORDER.get(settings["scheme"], 2.0)
 
 
-def _ratio(method: Method, name: str, before: int, after: int) -> float:
-    return 2.0 ** (after - before) if name == "level" else after / before
+def _ratio(method: Method, before: int, after: int) -> float:
+    return 2.0 ** (after - before) if method.resolution == "level" else after / before
 
 
 # Resolution whose arithmetic costs as much as what every step costs anyhow, and how the arithmetic grows from there:
 # banded elements linearly, dense bases between their square and their cube.  Measured in time, `cablefem chart`.
-EVEN = {"elements": (15, 1.0), "terms": (25, 2.5), "level": (1, 2.5)}
+EVEN = {"elements": (8, 1.0), "terms": (25, 2.5), "level": (1, 2.5)}
 
 
-def _cost(method: Method, resolution: int, steps: float) -> float:
+def _cost(method: Method, resolution: int, a: float, b: float) -> float:
+    """Return the cost of a times the resolution and b times the steps, up to a factor."""
     even, growth = EVEN[method.resolution]
     ratio = 2.0 ** (resolution - even) if method.resolution == "level" else resolution / even
-    return steps * (1.0 + ratio**growth)
+    return b * (1.0 + (a * ratio) ** growth)
 
 
 def _next(method: Method, rung: _Rung, settings: dict[str, Any], tol: float) -> dict[str, Any]:
@@ -211,7 +224,7 @@ def _next(method: Method, rung: _Rung, settings: dict[str, Any], tol: float) -> 
     name = method.resolution
     p, r, s, t = space_order(method), _time_order(settings), rung.space.path, rung.time.path
     resolution, steps = settings[name], settings["steps"]
-    strides = [1.0, *np.geomspace(LEAST, FURTHEST, 8)]
+    strides = [1.0, *np.geomspace(LEAST, 50.0, 30)]
 
     def at(a: float, b: float) -> dict[str, int]:
         finer = resolution + math.ceil(math.log2(a)) if name == "level" else math.ceil(resolution * a)
@@ -221,7 +234,7 @@ def _next(method: Method, rung: _Rung, settings: dict[str, Any], tol: float) -> 
         return settings | at(1.0, FURTHEST)
     if not math.isfinite(s):
         return settings | at(FURTHEST, 1.0)
-    enough = [(a, b) for a in strides for b in strides if s / a**p + t / b**r <= AIM * tol]
-    if enough:
-        return settings | at(*min(enough, key=lambda x: _cost(method, at(*x)[name], at(*x)["steps"])))
-    return settings | at(*(FURTHEST if part > 0.4 * tol else 1.0 for part in (s, t)))
+    # the cheapest way there, however far, and of it one stride
+    ways = [(a, b) for a in strides for b in strides if s / a**p + t / b**r <= AIM * tol] or [(FURTHEST, FURTHEST)]
+    a, b = min(ways, key=lambda x: _cost(method, resolution, x[0], x[1]))
+    return settings | at(min(a, FURTHEST), min(b, FURTHEST))

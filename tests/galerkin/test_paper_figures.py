@@ -16,7 +16,7 @@ from cablefem.response import Response
 from galerkin import Daubechies, Fourier, bare_frequencies
 from validation import measures
 from validation.oracles import catenary_modes, moving_mass
-from validation.run import run
+from validation.running import run
 from validation.studies.claims import gibbs
 
 WINDOW = (0.02, 0.80)

@@ -12,7 +12,7 @@ import pytest
 
 from cablefem import Scene
 from cablefem.response import Response, whole, write_csv, write_json
-from validation.run import run
+from validation.running import run
 
 
 @pytest.fixture(scope="module")

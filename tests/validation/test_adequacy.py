@@ -11,7 +11,7 @@ import pytest
 from cablefem import Scene
 from validation import measures
 from validation.report import adequacy as page
-from validation.run import run
+from validation.running import run
 from validation.studies import adequacy
 from validation.studies.adequacy import LADDER, Climb, Rung
 

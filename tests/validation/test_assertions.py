@@ -11,7 +11,7 @@ from cablefem import Scene
 from tests.validation import toy
 from validation import check_solver
 from validation.foreign import ForeignPath
-from validation.run import run
+from validation.running import run
 from validation.store import Refused
 
 LEVEL = Scene.load("level")

@@ -13,7 +13,7 @@ from cablefem import Scene
 from cablefem.response import Response
 from validation.report import claims as report
 from validation.report import page
-from validation.run import run
+from validation.running import run
 from validation.studies import claims
 from validation.studies.claims import measured, runs, table, verdicts, vibration
 from validation.studies.claims.verdicts import (

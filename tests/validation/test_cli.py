@@ -1,7 +1,6 @@
 """The command as people meet it: what it prints and writes, how it refuses, and what its exit code says."""
 
 import dataclasses
-import importlib
 import json
 import os
 import re
@@ -16,12 +15,11 @@ import pytest
 
 from cablefem import Scene
 from cablefem.response import Response, write_json
-from validation import cli, resolution, store
+from validation import cli, resolution, running, store
 from validation.report.page import Section
-from validation.run import run
+from validation.running import run
 from validation.studies import check as check_study
 
-run_module = importlib.import_module("validation.run")  # the package's `run` is the function
 DATA = Path(__file__).parent / "data"
 COMMANDS = ("scenes", "check", "run", "methods", "modes", "advise", "chart", "atlas", "oracles", "paper", "report")
 QUICK = ("--method", "following-p2", "--set", "elements=4", "--set", "steps=100")
@@ -240,7 +238,7 @@ def test_the_exit_code_of_a_run_says_whether_it_broke_before_the_slack_onset(
     cablefem, monkeypatch, inclined, changes, code
 ):
     response = dataclasses.replace(inclined, **changes)
-    monkeypatch.setattr(run_module, "run", lambda *names, **how: response)
+    monkeypatch.setattr(running, "run", lambda *names, **how: response)
     found, out, err = cablefem("run", "inclined", *QUICK, "--out", "x")
     assert found == code
     assert Path("x/following-p2/path.csv").exists()  # what was computed is kept
@@ -521,7 +519,7 @@ def test_an_interrupted_result_is_taken_up_again(cablefem, monkeypatch):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(run_module, "run", interrupted)
+        patch.setattr(running, "run", interrupted)
         code, _, err = cablefem("run", "level", *QUICK, "--out", "x")
     assert code == 130
     assert lines(err) == ["interrupted; files that were written are whole, and the command can be given again"]

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
+from validation import estimate as module
 from validation import measures
 from validation.estimate import SAFETY, estimated, gaps
-from validation.run import run
+from validation.running import run
 
 LEVEL = Scene.load("level")
 
@@ -43,6 +44,17 @@ def test_companions_stop_at_the_window_and_have_half_of_one_thing(estimate):
     assert {estimate.in_space.settings["steps"], estimate.in_time.settings["elements"]} == {450, 9}
     for companion in (estimate.in_space, estimate.in_time):
         assert 0.8 <= companion.reached < 0.81
+
+
+def test_runs_that_are_there_are_not_made_again(estimate, monkeypatch):
+    def run(*_, **settings):
+        raise AssertionError(f"ran {settings}")
+
+    monkeypatch.setattr(module, "run", run)
+    again = module.estimated(LEVEL, "following-p2", known=estimate.runs, elements=9, steps=450, until=0.8)
+    assert (again.run.path_error, again.run.tension_error) == (estimate.run.path_error, estimate.run.tension_error)
+    with pytest.raises(AssertionError, match="'steps': 225"):
+        module.estimated(LEVEL, "following-p2", known=estimate.runs[:2], elements=9, steps=450, until=0.8)
 
 
 def test_a_companion_that_does_not_cover_the_window_gives_no_bar(estimate):

@@ -10,7 +10,7 @@ from validation import foreign, measures
 from validation.agreement import Verdict
 from validation.estimate import estimated
 from validation.foreign import ForeignPath, refuse_misnamed
-from validation.run import run
+from validation.running import run
 from validation.store import Refused
 
 DATA = Path(__file__).parent / "data"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from validation.run import run
+from validation.running import run
 from validation.studies.stability import hostile
 from validation.studies.stability.hostile import BROKEN, draws, examine, faults_of, hostile_survey
 

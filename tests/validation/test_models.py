@@ -7,7 +7,7 @@ import pytest
 
 from cablefem import Scene
 from validation import measures
-from validation.run import run
+from validation.running import run
 from validation.studies.adequacy import LADDER, deflection_gap, distance
 
 LEVEL = Scene.load("level")

@@ -14,7 +14,7 @@ TESTS = """
 import numpy as np
 import pytest
 from validation.foreign import ForeignPath
-from validation.run import run
+from validation.running import run
 
 
 def solver(scene):

@@ -10,7 +10,7 @@ from cablefem.newmark import ErrorControl
 from validation import measures, resolution
 from validation.methods import METHODS, find
 from validation.resolution import CONFIRMED, UNCONFIRMED, TooCoarse, _next, _Part, _part, _Rung, resolve, resolved
-from validation.run import run
+from validation.running import run
 
 LEVEL, INCLINED = Scene.load("level"), Scene.load("inclined")
 
@@ -31,6 +31,18 @@ def test_the_true_error_is_within_the_bar_and_the_bar_within_the_tolerance(scene
     assert measures.tension_gap(r, sure[scene.name], window) <= r.tension_error
     assert all(x.reached < 0.86 for x in made)
     assert r.path_error == pytest.approx(r.error_parts["path_space"] + r.error_parts["path_time"])
+
+
+@pytest.mark.parametrize("tol", [1.2e-2, 0.9e-3])
+@pytest.mark.parametrize("scene", [LEVEL, INCLINED], ids=["level", "inclined"])
+def test_the_ladder_has_seen_the_orders_and_says_so_in_all_bars(scene, tol, sure):
+    estimate = resolved(scene, "following-p2", tol, until=0.8)
+    r, truth = estimate.run, sure[scene.name]
+    window = measures.window_of(r, truth)
+    assert measures.path_gap(r, truth, window)[0] <= r.path_error <= tol
+    assert measures.tension_gap(r, truth, window) <= r.tension_error
+    of_gap = estimate.bar(lambda a, b: measures.path_gap(b, a, measures.window_of(*estimate.runs))[0])
+    assert of_gap == pytest.approx(r.path_error, rel=1e-12)
 
 
 def test_the_galerkin_side_meets_a_tolerance_too(sure):

@@ -16,7 +16,7 @@ from validation import measures
 from validation.methods import METHODS
 from validation.report import stability as pages
 from validation.report.page import render
-from validation.run import MOST_GAIN, run
+from validation.running import MOST_GAIN, run
 from validation.studies.stability import specimens
 from validation.studies.stability.atlas import CELLS, Map, atlas, judged, step_limit, stored
 from validation.studies.stability.catalogue import CATALOGUE, run_row

@@ -13,7 +13,7 @@ from validation import measures
 from validation.methods import METHODS
 from validation.peers import PEERS, PeerPath
 from validation.report import workprecision as pages
-from validation.run import run
+from validation.running import run
 from validation.studies import workprecision as study
 
 LEVEL = Scene.load("level")

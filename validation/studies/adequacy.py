@@ -26,7 +26,7 @@ from cablefem.scene import Scene, SceneError
 from validation import measures
 from validation.estimate import SAFETY
 from validation.methods import find
-from validation.run import run
+from validation.running import run
 
 # cheap to full; every rung knows something more than those before
 LADDER = (

@@ -37,7 +37,7 @@ from validation.oracles import (
     moving_mass,
     running_apart,
 )
-from validation.run import run
+from validation.running import run
 
 WINDOW = measures.WINDOW
 # An order read off a ladder of three or four runs scatters by so much: fronts pass the mass at other places of the

@@ -34,7 +34,7 @@ from validation.measures import NotComparable, Window
 from validation.methods import METHODS, Method, refined
 from validation.peers import PEERS, PeerPath, available
 from validation.resolution import TooCoarse, resolve
-from validation.run import run
+from validation.running import run
 
 STOP = measures.WINDOW[1]
 DECADES = (1e-2, 1e-3, 1e-4)
@@ -164,7 +164,7 @@ class _Truth:
             raise ValueError(f"the chart's reference stopped at s_o/l = {reference.reached:.3f}: {reference.reason}")
         window = measures.window_of(reference)
         if told is None:
-            bars = estimated(scene, name, finest=reference, until=STOP, **settings).run
+            bars = estimated(scene, name, known=[reference], until=STOP, **settings).run
             other = run(scene, WITNESS[0], until=STOP, **WITNESS[1])
             told = {
                 "method": name, "settings": settings, "path_error": bars.path_error,
@@ -626,7 +626,7 @@ def tolerance_survey(
 
     Per scene and tolerance: the bar, the true error up to the slack onset, the cost over that of the cheapest equal
     settings of a grid that meet the tolerance (`by_hand`), of the run returned and of all runs made.  Cost is Newton
-    iterations times (1 + elements/15), the measured cost of one.  A row is judged where the two references differ by
+    iterations times (1 + elements/8), the measured cost of one.  A row is judged where the two references differ by
     less than a third of its bar.
     """
     finest = METHODS[REFERENCE[0]]
@@ -670,7 +670,7 @@ def _true(r: Response, truth: Response) -> float | None:
 
 
 def _spent(r: Response) -> float:
-    return r.work["newton_iterations"] * (1.0 + r.settings["elements"] / 15.0)
+    return r.work["newton_iterations"] * (1.0 + r.settings["elements"] / 8.0)
 
 
 def _by_hand(scene: Scene, method: str, truth: Response) -> list[tuple[float, float]]:

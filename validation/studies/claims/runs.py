@@ -13,7 +13,7 @@ from cablefem.scene import Scene
 from validation import measures
 from validation.estimate import SAFETY, Estimated, space_order
 from validation.methods import find, refined
-from validation.run import run
+from validation.running import run
 
 Progress = Callable[[str, float], None]
 

@@ -21,7 +21,7 @@ from cablefem.response import Response, write_json
 from cablefem.scene import Scene
 from validation import measures
 from validation.methods import find
-from validation.run import run
+from validation.running import run
 from validation.studies.stability import catalogue, specimens
 
 CELLS, RESULT = "cells.jsonl", "atlas.json"

@@ -18,7 +18,7 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation import measures
 from validation.methods import Method
-from validation.run import MOST_GAIN, run
+from validation.running import MOST_GAIN, run
 from validation.studies.stability import specimens
 from validation.trust import convergence_limit, post_slack_spread, recommended
 

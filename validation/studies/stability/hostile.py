@@ -20,7 +20,7 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation import measures
 from validation.estimate import estimated
-from validation.run import run
+from validation.running import run
 
 TRAVELS = ("constant_speed", "constant_acceleration", "accelerate_cruise_brake")
 SLOW = 30.0  # [s] of wall time: more than this for a few hundred steps counts as a hang

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -134,6 +135,11 @@ def _march(
     work, states, onset, failure, after = Work(), [], None, None, None
     end = min(stop, system.phases[-1][1])
     switch = switch and scheme.newmark_beta > 0.0
+    with suppress(
+        StepFailure
+    ):  # a step for nothing: compiled code is loaded when first called, which is no step's cost
+        for _ in zip(newmark.integrate(system, scheme, times), range(2), strict=False):
+            pass
     begin = time.perf_counter()
     advance: Iterable[State] = newmark.integrate(system, scheme, times, work=work)
     try:
