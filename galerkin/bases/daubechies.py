@@ -342,6 +342,13 @@ def _cell_gram(T: np.ndarray) -> np.ndarray:
     return G
 
 
+@lru_cache(maxsize=16)
+def _own_table(basis: "Daubechies") -> tuple[np.ndarray, np.ndarray]:
+    """Points of the rule for the whole cable, ascending, and phi' there, (n, n_q)."""
+    s, _ = basis.quadrature()
+    return s, np.ascontiguousarray(basis.d1(s).T)
+
+
 def _composite(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Two Gauss points between any two neighbouring edges; points and weights, each (2 (edges - 1),)."""
     centre, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
@@ -430,6 +437,14 @@ class Daubechies:
         """phi'(s), (n_s, n)."""
         return self._span.functions(s, 0)
 
+    def d1_into(self, s: np.ndarray, out: np.ndarray) -> None:
+        """phi'(s) into `out`, (n_s, n): looked up at points of the own rule, which a cut changes in one part only."""
+        own, table = _own_table(self)
+        i = np.searchsorted(own, s)
+        np.take(table, i, axis=1, out=out.T, mode="clip")
+        new = own.take(i, mode="clip") != s
+        out[new] = self.d1(s[new])
+
     def d2(self, s: np.ndarray) -> np.ndarray:
         """phi''(s), (n_s, n)."""
         return self._span.functions(s, 1)
@@ -441,6 +456,12 @@ class Daubechies:
     def primitive2(self, s: np.ndarray) -> np.ndarray:
         """int_0^s primitive1, (n_s, n)."""
         return self._span.functions(s, -3)
+
+    def gram_into(self, table: np.ndarray, f: np.ndarray, out: np.ndarray) -> None:
+        """sum_q f_abq phi_i'(s_q) phi_j'(s_q) as it stands into out_aibj, (m, n, m, n); f_ab = f_ba."""
+        for a in range(len(f)):
+            for b in range(a + 1):
+                out[a, :, b] = out[b, :, a] = table.T @ (f[a, b][:, None] * table)
 
     def mass(self) -> np.ndarray:
         """int phi_m phi_n ds, (n, n), cell by cell from the Gram matrix of phi_-1 on one cell."""
