@@ -7,7 +7,7 @@ hanging cable, and into its tangent.  The seam, the same in both classes:
     at(basis, s_o)         what force and tangent need of a place of the mass, made once per instant
     force(place, Q)        R (fields, n); the least total tension and its s (see `cablefem.newmark.System`)
     linearise(place, Q)    the same two, and dR/dQ, (fields n, fields n), field by field
-    static_slope(s)        X', X'' of the static shape that the load of the mass follows, (..., fields) each
+    static_slope(s)        X', X'' of the static shape that the load of the mass follows, (..., fields); s () or (n,)
     stress(s, slope)       the force of one point, (..., fields), for w' = slope, and its derivative by it
 """
 
@@ -61,12 +61,13 @@ class FullCable:
 
     def response(self, T: Array, xp: Array, yp: Array, ux: Array, vy: Array) -> tuple[Array, ...]:
         """eps, k = N/|r'|, k - T, d = (N' |r'| - N)/|r'|^3 of (28)-(32), and N, for slopes w' = (ux, vy)."""
-        e = 2.0 * (xp * ux + yp * vy) + ux * ux + vy * vy
-        stretch = np.sqrt(1.0 + e)
+        e = (2.0 * xp + ux) * ux + (2.0 * yp + vy) * vy
+        square = 1.0 + e
+        stretch = np.sqrt(square)
         eps = e / (1.0 + stretch)  # sqrt(1 + e) - 1 without cancellation
         less = self.alpha - T
         N = T + self.alpha * eps
-        k, excess, d = N / stretch, less * eps / stretch, less / stretch**3
+        k, excess, d = N / stretch, less * eps / stretch, less / (square * stretch)
         if self.tension_only:
             slack = N < 0.0
             if slack.any():
@@ -103,13 +104,15 @@ class FullCable:
         R, least, slope, k, d = self._force(place, Q)
         r = place.r_static + slope
         f = (place.weights * d * r)[:, None] * r
-        f[[0, 1], [0, 1]] += place.weights * k
+        k = place.weights * k
+        f[0, 0] += k
+        f[1, 1] += k
         return R, least, place.basis.gram(place.table, f)
 
     def static_slope(self, s: Array) -> tuple[Array, Array]:
         """Of the catenary."""
         _, xp, yp, xpp, ypp = self.groups.static(s)
-        return np.stack([xp, yp], axis=-1), np.stack([xpp, ypp], axis=-1)
+        return np.array([xp, yp]).T, np.array([xpp, ypp]).T
 
     def stress(self, s: Array, slope: Array) -> tuple[Array, Array]:
         """N t - T t_static, and k I + d r' r'^T."""

@@ -15,7 +15,16 @@ def _unit_gauss(n: int) -> tuple[np.ndarray, np.ndarray]:
     return 0.5 * (1.0 + x), 0.5 * w
 
 
-@njit(cache=True)
+@lru_cache(maxsize=32)
+def _wavenumbers(n: int) -> np.ndarray:
+    """k pi, (n,), read-only."""
+    k = np.pi * np.arange(1, n + 1)
+    k.flags.writeable = False
+    return k
+
+
+# Signatures are given so that the kernels are ready when this module is, and the first run is not timed compiling.
+@njit("void(f8[::1], f8[::1], f8[:, ::1])", cache=True)
 def _slopes(c1, s1, out):
     """out[k - 1] = k pi cos(k pi s) by turning (cos, sin) k times by pi s, given cos(pi s) and sin(pi s); out (n, n_s).
 
@@ -28,21 +37,24 @@ def _slopes(c1, s1, out):
             c[q], s[q] = c[q] * c1[q] - s[q] * s1[q], s[q] * c1[q] + c[q] * s1[q]
 
 
-@njit(cache=True)
-def _toeplitz_hankel(c, d, out):
-    """j k pi^2/2 (c_|j-k| + c_(j+k)), j, k = 1 .. n, into out_ajbk of each c_ab; c_(n+m) = 2 d_m - c_(n-m).
+@njit("void(f8[:, ::1], f8[:, :, :, ::1], f8[:, :, :, :])", cache=True)
+def _toeplitz_hankel(total, by_slope, out):
+    """j k pi^2/2 (c_|j-k| + c_(j+k)), j, k = 1 .. n, into out_ajbk of each c_ab, m = 0 .. 2 n; out (m, n, m, n).
 
-    c, d (m, m, n + 1), out (m, n, m, n).
+    total (m, m) : sum_q f_q.  by_slope (2, m, m, n) : sum_q f_q k pi cos(k x_q), and the same of f_q cos(n x_q),
+    which gives c_(n+m) = 2 sum_q f_q cos(n x_q) cos(m x_q) - c_(n-m).
     """
-    n = c.shape[2] - 1
-    even = np.empty(4 * n + 1)  # c_|m|, m = -2n .. 2n
-    for a in range(c.shape[0]):
-        for b in range(c.shape[1]):
-            for m in range(n + 1):
-                even[2 * n + m] = even[2 * n - m] = c[a, b, m]
-                even[3 * n + m] = even[n - m] = 2.0 * d[a, b, m] - c[a, b, n - m]
+    n = out.shape[1]
+    c = np.empty(4 * n + 1)  # c_|m|, m = -2n .. 2n
+    for a in range(out.shape[0]):
+        for b in range(out.shape[0]):
+            c[2 * n] = total[a, b]
+            for m in range(1, n + 1):
+                c[2 * n + m] = c[2 * n - m] = by_slope[0, a, b, m - 1] / (m * np.pi)
+            for m in range(1, n + 1):
+                c[3 * n + m] = c[n - m] = 2.0 * by_slope[1, a, b, m - 1] / (m * np.pi) - c[3 * n - m]
             for j in range(1, n + 1):
-                minus, plus, row = even[2 * n - j :], even[2 * n + j :], out[a, j - 1, b]
+                minus, plus, row = c[2 * n - j :], c[2 * n + j :], out[a, j - 1, b]
                 for k in range(1, n + 1):
                     row[k - 1] = (0.5 * np.pi**2 * j) * k * (minus[k] + plus[k])
 
@@ -71,7 +83,7 @@ class Fourier:
     @property
     def wavenumbers(self) -> np.ndarray:
         """k pi, (n,)."""
-        return np.pi * np.arange(1, self.n + 1)
+        return _wavenumbers(self.n)
 
     def values(self, s: np.ndarray) -> np.ndarray:
         """sin(k pi s), (n_s, n)."""
@@ -103,10 +115,8 @@ class Fourier:
         The table holds the cosines up to m = n; cos((n+m) x) = 2 cos(n x) cos(m x) - cos((n-m) x) gives the others.
         """
         both = np.array([f, f * (table[:, -1] / (self.n * np.pi))])
-        c = np.empty((*both.shape[:-1], self.n + 1))
-        c[..., 0] = both.sum(axis=-1)
-        c[..., 1:] = (both.reshape(-1, len(table)) @ table / self.wavenumbers).reshape(c[..., 1:].shape)
-        _toeplitz_hankel(c[0], c[1], out)
+        by_slope = (both.reshape(-1, len(table)) @ table).reshape(*both.shape[:3], self.n)
+        _toeplitz_hankel(f.sum(axis=-1), by_slope, out)
 
     def mass(self) -> np.ndarray:
         """int phi_m phi_n ds = 1/2 on the diagonal."""
