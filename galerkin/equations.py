@@ -116,51 +116,55 @@ class GalerkinSystem:
         return dds_o * slope + ds_o**2 * curvature - self.cable.weight
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        return self._residual(self.instant(t, phase), q, v, a)
+        x = self.instant(t, phase)
+        force, self.tension_min = self.cable.force(x.place, self._fields(q))
+        return self._residual(x, q, v, a, force)
 
-    def _residual(self, x: Instant, q: Array, v: Array, a: Array) -> Array:
-        Q, V, A = (y[: self.n_modal].reshape(self.fields, self.n) for y in (q, v, a))
-        r = np.empty(self.n_dof)
-        R = r[: self.n_modal].reshape(self.fields, self.n)
-        np.matmul(A, x.mass, out=R)
-        force, self.tension_min = self.cable.force(x.place, Q)
+    def linearise(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
+    ) -> tuple[Array, Solve]:
+        x = self.instant(t, phase)
+        force, self.tension_min, K = self.cable.linearise(x.place, self._fields(q))
+        return self._residual(x, q, v, a, force), factorised(self._tangent(x, K, c0, c1, c2))
+
+    def _fields(self, y: Array) -> Array:
+        """The coefficients among the unknowns, (fields, n)."""
+        return y[: self.n_modal].reshape(self.fields, self.n)
+
+    def _residual(self, x: Instant, q: Array, v: Array, a: Array, force: Array) -> Array:
+        Q, V, A = self._fields(q), self._fields(v), self._fields(a)
+        R = A @ x.mass
         R += force
         if self.kink:
-            R += np.multiply.outer(V[:, -1], x.gyroscopic) + np.multiply.outer(Q[:, -1], x.centrifugal)
+            R += V[:, -1:] * x.gyroscopic + Q[:, -1:] * x.centrifugal
         if self.path_form:
-            r[self.n_modal :] = q[self.n_modal :] - Q @ x.f
             pull = self.mu * (a[self.n_modal :] + x.load)
         elif self.inertia:
             pull = self.mu * (A @ x.f + V @ x.f_v + Q @ x.f_q + x.load)
         else:
             pull = self.mu * x.load
-        R += np.multiply.outer(pull, x.f)
-        return r
+        R += pull[:, None] * x.f
+        return np.concatenate([R.ravel(), q[self.n_modal :] - Q @ x.f]) if self.path_form else R.ravel()
 
     def tangent(self, t: float, q: Array, phase: int, c0: float, c1: float, c2: float) -> Array:
         """c0 dr/dq + c1 dr/dv + c2 dr/da, (n_dof, n_dof): (28)-(32) and (21)-(23); r is linear in v and a."""
-        x, n, end = self.instant(t, phase), self.n, self.n_modal
-        K = np.zeros((self.n_dof, self.n_dof))
-        if c0:
-            np.multiply(self.cable.tangent(x.place, q[:end].reshape(self.fields, n)), c0, out=K[:end, :end])
+        x = self.instant(t, phase)
+        return self._tangent(x, self.cable.linearise(x.place, self._fields(q))[2], c0, c1, c2)
+
+    def _tangent(self, x: Instant, K: Array, c0: float, c1: float, c2: float) -> Array:
+        """The tangent from K = dR/dq, which is overwritten."""
+        K *= c0
         block = c2 * x.mass
         if self.kink:
             block[:, -1] += c1 * x.gyroscopic + c0 * x.centrifugal
-        if self.path_form:
-            for i in range(self.fields):
-                K[i * n : (i + 1) * n, end + i] = (c2 * self.mu) * x.f
-                K[end + i, i * n : (i + 1) * n] = -c0 * x.f
-                K[end + i, end + i] = c0
-        elif self.inertia:
-            block += np.multiply.outer(self.mu * x.f, c2 * x.f + c1 * x.f_v + c0 * x.f_q)
-        for i in range(self.fields):
-            K[i * n : (i + 1) * n, i * n : (i + 1) * n] += block
-        return K
-
-    def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
-    ) -> tuple[Array, Solve]:
-        return self.residual(t, q, v, a, phase), factorised(self.tangent(t, q, phase, c0, c1, c2))
+        if self.inertia and not self.path_form:
+            block += (self.mu * x.f)[:, None] * (c2 * x.f + c1 * x.f_v + c0 * x.f_q)
+        for i in range(0, self.n_modal, self.n):
+            K[i : i + self.n, i : i + self.n] += block
+        if not self.path_form:
+            return K
+        to_mass = np.kron(np.eye(self.fields), x.f)
+        return np.block([[K, (c2 * self.mu) * to_mass.T], [-c0 * to_mass, c0 * np.eye(self.fields)]])
 
     def settle(self, *step: Any) -> Settled:
         return iterate(self, *step)

@@ -6,8 +6,8 @@ hanging cable, and into its tangent.  The seam, the same in both classes:
     fields, weight         number of unknown functions; sigma j as each of them sees it, (fields,)
     at(basis, s_o)         what force and tangent need of a place of the mass, made once per instant
     force(place, Q)        R (fields, n); the least total tension and its s (see `cablefem.newmark.System`)
-    tangent(place, Q)      dR/dQ, (fields n, fields n), field by field
-    static_slope(s)        X', X'' of the static shape that the load of the mass follows, (..., fields) each
+    linearise(place, Q)    the same two, and dR/dQ, (fields n, fields n), field by field
+    static_slope(s)        X', X'' of the static shape that the load of the mass follows, (..., fields); s () or (n,)
     stress(s, slope)       the force of one point, (..., fields), for w' = slope, and its derivative by it
 """
 
@@ -32,9 +32,9 @@ class Points(NamedTuple):
     table: Array  # Phi', (n_q, n)
     weights: Array
     T: Array
-    xp: Array
-    yp: Array
-    waves: Array  # first point of each shortest wave, see `FullCable._least`
+    r_static: Array  # x', y', (2, n_q)
+    basis: MovingBasis
+    sides: tuple[float, ...]  # see `MovingBasis.sides`
 
 
 class FullCable:
@@ -50,23 +50,24 @@ class FullCable:
     def __init__(self, groups: Groups, law: str) -> None:
         self.groups, self.alpha, self.tension_only = groups, groups.alpha, law == "tension-only"
         self.weight = np.array([0.0, groups.sigma])
-        self._last = Points(*(np.empty(0),) * 7)
+        self._last: Points | None = None
 
     def at(self, basis: MovingBasis, s_o: float) -> Points:
         s, weights, table = basis.slopes(s_o)
-        if table is not self._last.table:  # a standing basis has one table for all places
-            waves = _waves(s, basis.sides(s_o), basis.basis.n)
-            self._last = Points(s, table, weights, *self.groups.static(s)[:3], waves)
+        if self._last is None or table is not self._last.table:  # a standing basis has one table for all places
+            T, xp, yp, _, _ = self.groups.static(s)
+            self._last = Points(s, table, weights, T, np.array([xp, yp]), basis, basis.sides(s_o))
         return self._last
 
     def response(self, T: Array, xp: Array, yp: Array, ux: Array, vy: Array) -> tuple[Array, ...]:
         """eps, k = N/|r'|, k - T, d = (N' |r'| - N)/|r'|^3 of (28)-(32), and N, for slopes w' = (ux, vy)."""
-        e = 2.0 * (xp * ux + yp * vy) + ux * ux + vy * vy
-        stretch = np.sqrt(1.0 + e)
+        e = (2.0 * xp + ux) * ux + (2.0 * yp + vy) * vy
+        square = 1.0 + e
+        stretch = np.sqrt(square)
         eps = e / (1.0 + stretch)  # sqrt(1 + e) - 1 without cancellation
         less = self.alpha - T
         N = T + self.alpha * eps
-        k, excess, d = N / stretch, less * eps / stretch, less / stretch**3
+        k, excess, d = N / stretch, less * eps / stretch, less / (square * stretch)
         if self.tension_only:
             slack = N < 0.0
             if slack.any():
@@ -76,41 +77,42 @@ class FullCable:
 
     def force(self, place: Points, Q: Array) -> tuple[Array, tuple[float, float]]:
         """R of (25)-(26) less its static value, (2, n); least N, and its s."""
-        _, table, weights, T, xp, yp, _ = place
-        ux, vy = Q @ table.T
-        eps, k, excess, _, _ = self.response(T, xp, yp, ux, vy)
-        R = (weights * np.stack([excess * xp + k * ux, excess * yp + k * vy])) @ table
+        R, least, _, _, _ = self._force(place, Q)
+        return R, least
+
+    def _force(self, place: Points, Q: Array) -> tuple[Array, tuple[float, float], Array, Array, Array]:
+        """R, the least N and its s, and what the tangent shares with them: w', k, d at the points."""
+        T, r_static = place.T, place.r_static
+        slope = Q @ place.table.T
+        eps, k, excess, d, _ = self.response(T, *r_static, *slope)
+        R = (place.weights * (excess * r_static + k * slope)) @ place.table
         # under either law slack is where the elastic tension is negative: the tension-only one would show zero
-        return R, self._least(place, T + self.alpha * eps)
+        return R, self._least(place, T + self.alpha * eps), slope, k, d
 
     def _least(self, place: Points, N: Array) -> tuple[float, float]:
         """The least N and its s; a negative N must be so in the mean over a shortest wave, 2/n, or it is a ripple."""
         s, least = place.s, N.argmin()
         if N[least] < 0.0:
-            weights = np.add.reduceat(place.weights, place.waves)
-            N, s = (np.add.reduceat(place.weights * x, place.waves) / weights for x in (N, s))
+            waves = _waves(s, place.sides, place.basis.basis.n)
+            weights = np.add.reduceat(place.weights, waves)
+            N, s = (np.add.reduceat(place.weights * x, waves) / weights for x in (N, s))
             least = N.argmin()
         return float(N[least]), float(s[least])
 
-    def tangent(self, place: Points, Q: Array) -> Array:
-        """J1, J2, J3 of (28)-(32), (2 n, 2 n)."""
-        _, table, weights, T, xp, yp, _ = place
-        ux, vy = Q @ table.T
-        _, k, _, d, _ = self.response(T, xp, yp, ux, vy)
-        rx, ry = xp + ux, yp + vy
-        k, d = weights * k, weights * d
-        n = table.shape[1]
-        J = np.empty((2 * n, 2 * n))
-        J[:n, :n] = table.T @ ((k + d * rx * rx)[:, None] * table)
-        J[n:, n:] = table.T @ ((k + d * ry * ry)[:, None] * table)
-        J[:n, n:] = table.T @ ((d * rx * ry)[:, None] * table)
-        J[n:, :n] = J[:n, n:]  # symmetric in itself
-        return J
+    def linearise(self, place: Points, Q: Array) -> tuple[Array, tuple[float, float], Array]:
+        """R, the least N and its s, and J1, J2, J3 of (28)-(32), the gram matrix of k I + d r' r'^T, (2 n, 2 n)."""
+        R, least, slope, k, d = self._force(place, Q)
+        r = place.r_static + slope
+        f = (place.weights * d * r)[:, None] * r
+        k = place.weights * k
+        f[0, 0] += k
+        f[1, 1] += k
+        return R, least, place.basis.gram(place.table, f)
 
     def static_slope(self, s: Array) -> tuple[Array, Array]:
         """Of the catenary."""
         _, xp, yp, xpp, ypp = self.groups.static(s)
-        return np.stack([xp, yp], axis=-1), np.stack([xpp, ypp], axis=-1)
+        return np.array([xp, yp]).T, np.array([xpp, ypp]).T
 
     def stress(self, s: Array, slope: Array) -> tuple[Array, Array]:
         """N t - T t_static, and k I + d r' r'^T."""
@@ -164,10 +166,11 @@ class ChordCable:
         Sq, h, g = self._increment(place, Q)
         return (self.tau * Sq + h * g)[None], (self.least + h, self.least_at)
 
-    def tangent(self, place: tuple[Array, ...], Q: Array) -> Array:
-        """(n, n)."""
+    def linearise(self, place: tuple[Array, ...], Q: Array) -> tuple[Array, tuple[float, float], Array]:
+        """R and the least tension as above; dR/dQ, (n, n)."""
         _, h, g = self._increment(place, Q)
-        return (self.tau + self.kap * h) * place[0] + (self.alpha * self.lam) * np.multiply.outer(g, g)
+        J = (self.tau + self.kap * h) * place[0] + np.multiply.outer(self.alpha * self.lam * g, g)
+        return *self.force(place, Q), J
 
     def static_slope(self, s: Array) -> tuple[Array, Array]:
         """Of the parabola."""

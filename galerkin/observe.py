@@ -164,9 +164,9 @@ def _kinetic(system: GalerkinSystem, x: _History) -> Array:
     return 0.5 * twice
 
 
-def _density(cable: FullCable, T: Array, xp: Array, yp: Array, slope: Array) -> tuple[Array, Array, Array]:
-    """Strain energy W = int N deps from the static state, N, and k = N/|r'|; slope (2, ...)."""
-    eps, k, _, _, N = cable.response(T, xp, yp, *slope)
+def _density(cable: FullCable, T: Array, r_static: Array, slope: Array) -> tuple[Array, Array, Array]:
+    """Strain energy W = int N deps from the static state, N, and k = N/|r'|; r_static = X' and slope = w', (2, n)."""
+    eps, k, _, _, N = cable.response(T, *r_static, *slope)
     W = T * eps + 0.5 * cable.alpha * eps**2
     if cable.tension_only:
         W = np.where(N > 0.0, W, -(T**2) / (2.0 * cable.alpha))  # what the cable gives back on its way to N = 0
@@ -175,15 +175,16 @@ def _density(cable: FullCable, T: Array, xp: Array, yp: Array, slope: Array) -> 
 
 def _one_sided(cable: FullCable, s_o: Array, behind: Array, ahead: Array) -> tuple[Array, Array, Array]:
     """Tension behind and ahead of the mass and <N t> . [r'] - [W], all (n,)."""
-    T, xp, yp, _, _ = cable.groups.static(s_o)
+    T, *static, _, _ = cable.groups.static(s_o)
+    r_static = np.array(static)
     W, N, force = [], [], []
-    for slope in (behind, ahead):
-        density, tension, k = _density(cable, T, xp, yp, slope.T)
+    for slope in (behind.T, ahead.T):
+        density, tension, k = _density(cable, T, r_static, slope)
         W.append(density)
         N.append(tension)
-        force.append(k[:, None] * (np.stack([xp, yp], axis=1) + slope))
+        force.append(k * (r_static + slope))
     mean = 0.5 * (force[0] + force[1])
-    return N[0], N[1], np.sum(mean * (ahead - behind), axis=1) - (W[1] - W[0])
+    return N[0], N[1], np.sum(mean.T * (ahead - behind), axis=1) - (W[1] - W[0])
 
 
 def _strain(system: GalerkinSystem, s_o: Array, q: Array) -> tuple[Array, Array, Array]:
@@ -194,7 +195,7 @@ def _strain(system: GalerkinSystem, s_o: Array, q: Array) -> tuple[Array, Array,
     for i, place in enumerate(np.clip(s_o, NEAR_SUPPORT, 1.0 - NEAR_SUPPORT).tolist()):
         points = cable.at(system.basis, place)
         Q = q[i, : system.n_modal].reshape(fields, n)
-        W, N, _ = _density(cable, points.T, points.xp, points.yp, Q @ points.table.T)
+        W, N, _ = _density(cable, points.T, points.r_static, Q @ points.table.T)
         energy[i] = points.weights @ W - cable.weight[1] * (system.basis.integral(place) @ Q[1])
         k = N.argmin()
         least[i], least_at[i] = N[k], points.s[k]

@@ -14,7 +14,8 @@ class Basis(Protocol):
     """A set phi_1 .. phi_n on 0 <= s <= 1 with phi(0) = phi(1) = 0, evaluated at any real s (float64 in and out).
 
     Everything the Galerkin equations (17)-(32) need of a basis, and nothing about cables. s is the static arc
-    length over the cable length, derivatives are with respect to it. Arrays of functions are (n_s, n), C-contiguous.
+    length over the cable length, derivatives are with respect to it. Arrays of functions are (n_s, n), C-contiguous
+    unless said otherwise.
     """
 
     @property
@@ -31,6 +32,9 @@ class Basis(Protocol):
     def d1(self, s: np.ndarray) -> np.ndarray:
         """phi'(s), (n_s, n)."""
 
+    def d1_into(self, s: np.ndarray, out: np.ndarray) -> None:
+        """phi'(s) for the long tables of the internal force, into `out` (n_s, n) with contiguous columns."""
+
     def d2(self, s: np.ndarray) -> np.ndarray:
         """phi''(s), (n_s, n)."""
 
@@ -39,6 +43,9 @@ class Basis(Protocol):
 
     def primitive2(self, s: np.ndarray) -> np.ndarray:
         """A function whose second derivative is phi, (n_s, n); gives int hat phi ds of any hat in closed form."""
+
+    def gram_into(self, table: np.ndarray, f: np.ndarray, out: np.ndarray) -> None:
+        """sum_q f_abq phi_i'(s_q) phi_j'(s_q) into out_aibj, (m, n, m, n); f_ab = f_ba, table (n_q, n) by `d1_into`."""
 
     def mass(self) -> np.ndarray:
         """int_0^1 phi_m phi_n ds to rounding, (n, n)."""

@@ -342,6 +342,19 @@ def _cell_gram(T: np.ndarray) -> np.ndarray:
     return G
 
 
+@lru_cache(maxsize=16)
+def _own_table(basis: "Daubechies") -> tuple[np.ndarray, np.ndarray]:
+    """Points of the rule for the whole cable, ascending, and phi' there, (n, n_q)."""
+    s, _ = basis.quadrature()
+    return s, np.ascontiguousarray(basis.d1(s).T)
+
+
+@lru_cache(maxsize=16)
+def _edges(cells: int) -> np.ndarray:
+    """Ends of the parts of the rule, 1/8 of a cell each, 1/32 in the first two cells."""
+    return np.concatenate([np.arange(64) / (32 * cells), np.arange(16, 8 * cells + 1) / (8 * cells)])
+
+
 def _composite(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Two Gauss points between any two neighbouring edges; points and weights, each (2 (edges - 1),)."""
     centre, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
@@ -430,6 +443,14 @@ class Daubechies:
         """phi'(s), (n_s, n)."""
         return self._span.functions(s, 0)
 
+    def d1_into(self, s: np.ndarray, out: np.ndarray) -> None:
+        """phi'(s) into `out`, (n_s, n): looked up at points of the own rule, which a cut changes in one part only."""
+        own, table = _own_table(self)
+        i = np.searchsorted(own, s)
+        np.take(table, i, axis=1, out=out.T, mode="clip")
+        new = own.take(i, mode="clip") != s
+        out[new] = self.d1(s[new])
+
     def d2(self, s: np.ndarray) -> np.ndarray:
         """phi''(s), (n_s, n)."""
         return self._span.functions(s, 1)
@@ -441,6 +462,12 @@ class Daubechies:
     def primitive2(self, s: np.ndarray) -> np.ndarray:
         """int_0^s primitive1, (n_s, n)."""
         return self._span.functions(s, -3)
+
+    def gram_into(self, table: np.ndarray, f: np.ndarray, out: np.ndarray) -> None:
+        """sum_q f_abq phi_i'(s_q) phi_j'(s_q) as it stands into out_aibj, (m, n, m, n); f_ab = f_ba."""
+        for a in range(len(f)):
+            for b in range(a + 1):
+                out[a, :, b] = out[b, :, a] = table.T @ (f[a, b][:, None] * table)
 
     def mass(self) -> np.ndarray:
         """int phi_m phi_n ds, (n, n), cell by cell from the Gram matrix of phi_-1 on one cell."""
@@ -472,6 +499,6 @@ class Daubechies:
         points): int e^-s f' phi_n' ds of f = sin 2 pi s to 7e-5, 4e-5, 4e-5 of its norm, any single entry of the
         stiffness to 9e-4, 2e-4, 3e-4 of the diagonal; the first frequency of the level cable to 1e-6, 2e-7, 1e-8.
         """
-        start = np.arange(64) / (32 * self.cells)
-        edges = np.concatenate([start, np.arange(16, 8 * self.cells + 1) / (8 * self.cells)])
-        return _composite(np.concatenate([[a], edges[(edges > a) & (edges < b)], [b]]))
+        edges = _edges(self.cells)
+        inside = slice(np.searchsorted(edges, a, side="right"), np.searchsorted(edges, b))
+        return _composite(np.concatenate([[a], edges[inside], [b]]))

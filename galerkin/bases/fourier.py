@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numba import njit
 from scipy.special import roots_legendre
 
 
@@ -12,6 +13,50 @@ def _unit_gauss(n: int) -> tuple[np.ndarray, np.ndarray]:
     """n Gauss points and weights on [0, 1]."""
     x, w = roots_legendre(n)
     return 0.5 * (1.0 + x), 0.5 * w
+
+
+@lru_cache(maxsize=32)
+def _wavenumbers(n: int) -> np.ndarray:
+    """k pi, (n,), read-only."""
+    k = np.pi * np.arange(1, n + 1)
+    k.flags.writeable = False
+    return k
+
+
+# Signatures are given so that the kernels are ready when this module is, and the first run is not timed compiling.
+@njit("void(f8[::1], f8[::1], f8[:, ::1])", cache=True)
+def _slopes(c1, s1, out):
+    """out[k - 1] = k pi cos(k pi s) by turning (cos, sin) k times by pi s, given cos(pi s) and sin(pi s); out (n, n_s).
+
+    Each turn adds a rounding to the angle: k eps after k of them, no more than rounding the argument k pi s costs.
+    """
+    c, s = c1.copy(), s1.copy()
+    for k in range(out.shape[0]):
+        for q in range(c.size):
+            out[k, q] = (k + 1) * np.pi * c[q]
+            c[q], s[q] = c[q] * c1[q] - s[q] * s1[q], s[q] * c1[q] + c[q] * s1[q]
+
+
+@njit("void(f8[:, ::1], f8[:, :, :, ::1], f8[:, :, :, :])", cache=True)
+def _toeplitz_hankel(total, by_slope, out):
+    """j k pi^2/2 (c_|j-k| + c_(j+k)), j, k = 1 .. n, into out_ajbk of each c_ab, m = 0 .. 2 n; out (m, n, m, n).
+
+    total (m, m) : sum_q f_q.  by_slope (2, m, m, n) : sum_q f_q k pi cos(k x_q), and the same of f_q cos(n x_q),
+    which gives c_(n+m) = 2 sum_q f_q cos(n x_q) cos(m x_q) - c_(n-m).
+    """
+    n = out.shape[1]
+    c = np.empty(4 * n + 1)  # c_|m|, m = -2n .. 2n
+    for a in range(out.shape[0]):
+        for b in range(out.shape[0]):
+            c[2 * n] = total[a, b]
+            for m in range(1, n + 1):
+                c[2 * n + m] = c[2 * n - m] = by_slope[0, a, b, m - 1] / (m * np.pi)
+            for m in range(1, n + 1):
+                c[3 * n + m] = c[n - m] = 2.0 * by_slope[1, a, b, m - 1] / (m * np.pi) - c[3 * n - m]
+            for j in range(1, n + 1):
+                minus, plus, row = c[2 * n - j :], c[2 * n + j :], out[a, j - 1, b]
+                for k in range(1, n + 1):
+                    row[k - 1] = (0.5 * np.pi**2 * j) * k * (minus[k] + plus[k])
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +83,7 @@ class Fourier:
     @property
     def wavenumbers(self) -> np.ndarray:
         """k pi, (n,)."""
-        return np.pi * np.arange(1, self.n + 1)
+        return _wavenumbers(self.n)
 
     def values(self, s: np.ndarray) -> np.ndarray:
         """sin(k pi s), (n_s, n)."""
@@ -47,6 +92,10 @@ class Fourier:
     def d1(self, s: np.ndarray) -> np.ndarray:
         """k pi cos(k pi s), (n_s, n)."""
         return self.wavenumbers * np.cos(np.multiply.outer(s, self.wavenumbers))
+
+    def d1_into(self, s: np.ndarray, out: np.ndarray) -> None:
+        """k pi cos(k pi s) into `out`, (n_s, n), without a cosine per entry."""
+        _slopes(np.cos(np.pi * s), np.sin(np.pi * s), out.T)
 
     def d2(self, s: np.ndarray) -> np.ndarray:
         """-(k pi)^2 sin(k pi s), (n_s, n)."""
@@ -59,6 +108,15 @@ class Fourier:
     def primitive2(self, s: np.ndarray) -> np.ndarray:
         """-sin(k pi s)/(k pi)^2, (n_s, n)."""
         return -self.values(s) / self.wavenumbers**2
+
+    def gram_into(self, table: np.ndarray, f: np.ndarray, out: np.ndarray) -> None:
+        """By c_m = sum_q f_q cos(m pi s_q): phi_j' phi_k' = j k pi^2/2 (cos((j-k) x) + cos((j+k) x)), x = pi s.
+
+        The table holds the cosines up to m = n; cos((n+m) x) = 2 cos(n x) cos(m x) - cos((n-m) x) gives the others.
+        """
+        both = np.array([f, f * (table[:, -1] / (self.n * np.pi))])
+        by_slope = (both.reshape(-1, len(table)) @ table).reshape(*both.shape[:3], self.n)
+        _toeplitz_hankel(f.sum(axis=-1), by_slope, out)
 
     def mass(self) -> np.ndarray:
         """int phi_m phi_n ds = 1/2 on the diagonal."""

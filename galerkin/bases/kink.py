@@ -19,6 +19,13 @@ from galerkin.bases import Basis
 Array = np.ndarray
 
 
+def _with_hat(standing: Array, hat: float) -> Array:
+    """What belongs to the standing functions and, last, to the hat."""
+    out = np.empty(standing.size + 1)
+    out[:-1], out[-1] = standing, hat
+    return out
+
+
 class MovingBasis(Protocol):
     """Functions Phi_1 .. Phi_n of s that may depend on where the mass is; s and s_o in [0, 1]."""
 
@@ -43,6 +50,9 @@ class MovingBasis(Protocol):
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
         """Points (n_q,), ascending, weights (n_q,) and Phi' there (n_q, n), piece by piece."""
 
+    def gram(self, table: Array, f: Array) -> Array:
+        """sum_q f_abq Phi_i'(s_q) Phi_j'(s_q) over the points of `slopes`, (m n, m n) by a i, b j; f_ab = f_ba."""
+
 
 class Standing:
     """The given basis unchanged: it does not know the mass."""
@@ -52,7 +62,9 @@ class Standing:
         self._mass, self._stiffness, self._integral = basis.mass(), basis.stiffness(), basis.integral()
         self._zero = np.zeros(basis.n)
         s, weights = basis.quadrature()
-        self._slopes = s, weights, basis.d1(s)
+        table = np.empty((basis.n, s.size)).T
+        basis.d1_into(s, table)
+        self._slopes = s, weights, table
 
     def inertia(self, s_o: float, ds_o: float, dds_o: float) -> tuple[Array, Array, Array]:
         return self._mass, self._zero, self._zero
@@ -74,6 +86,12 @@ class Standing:
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
         return self._slopes
+
+    def gram(self, table: Array, f: Array) -> Array:
+        m, n = len(f), self.n
+        out = np.empty((m, n, m, n))
+        self.basis.gram_into(table, f, out)
+        return out.reshape(m * n, m * n)
 
 
 class TravellingKink:
@@ -106,22 +124,20 @@ class TravellingKink:
         At s_o = 0, where E = E'(0) s + O(s^3), the limits are I = I' = -E'(0); I'' there is not needed and is 0.
         """
         s = s_o[:, None]
-        phi = self.basis.values(s_o)
-        slope = self.basis.primitive1(s_o) - self._chord
-        entry = s == 0.0
-        w = np.where(entry, 1.0, s * (1.0 - s))
-        dw = 1.0 - 2.0 * s
-        value = -np.where(entry, slope, self.basis.primitive2(s_o) - self._left - s * self._chord) / w
-        first = np.where(entry, value, -(slope + value * dw) / w)  # from I w = -E
-        second = np.where(entry, 0.0, -(phi + 2.0 * first * dw - 2.0 * value) / w)
+        entry = s_o == 0.0
+        w, dw = s * (1.0 - s) + entry[:, None], 1.0 - 2.0 * s
+        value = (self._left + s * self._chord - self.basis.primitive2(s_o)) / w
+        first = (self._chord - self.basis.primitive1(s_o) - dw * value) / w  # from I w = -E; at s_o = 0 its limit
+        second = (2.0 * (value - dw * first) - self.basis.values(s_o)) / w
+        value[entry], second[entry] = first[entry], 0.0
         return value, first, second
 
     def inertia(self, s_o: float, ds_o: float, dds_o: float) -> tuple[Array, Array, Array]:
         value, first, second = (x[0] for x in self.overlap(np.array([s_o])))
         matrix = self._mass.copy()
         matrix[-1, :-1] = matrix[:-1, -1] = value
-        gyroscopic = np.append((2.0 * ds_o) * first, 0.0)
-        centrifugal = np.append(ds_o**2 * second + dds_o * first, -(ds_o**2) / (3.0 * s_o * (1.0 - s_o)))
+        gyroscopic = _with_hat((2.0 * ds_o) * first, 0.0)
+        centrifugal = _with_hat(ds_o**2 * second + dds_o * first, -(ds_o**2) / (3.0 * s_o * (1.0 - s_o)))
         return matrix, gyroscopic, centrifugal
 
     def stiffness(self, s_o: float) -> Array:
@@ -137,7 +153,7 @@ class TravellingKink:
         """phi and its derivatives; the hat rides along and stays 1: that is why its kink costs no phi''."""
         s = np.array([s_o])
         second = self.basis.d2(s)[0] if self.basis.smooth else np.zeros(self.n - 1)
-        return np.append(self.basis.values(s)[0], 1.0), np.append(self.basis.d1(s)[0], 0.0), np.append(second, 0.0)
+        return _with_hat(self.basis.values(s)[0], 1.0), _with_hat(self.basis.d1(s)[0], 0.0), _with_hat(second, 0.0)
 
     def sides(self, s_o: float) -> tuple[float, ...]:
         return 0.0, s_o, 1.0
@@ -147,7 +163,15 @@ class TravellingKink:
         left, w_left = self.basis.quadrature_on(0.0, s_o)
         right, w_right = self.basis.quadrature_on(s_o, 1.0)
         s = np.concatenate([left, right])
-        table = np.empty((s.size, self.n))
-        table[:, :-1] = self.basis.d1(s)
+        table = np.empty((self.n, s.size)).T
+        self.basis.d1_into(s, table[:, :-1])
         table[: left.size, -1], table[left.size :, -1] = 1.0 / s_o, -1.0 / (1.0 - s_o)
         return s, np.concatenate([w_left, w_right]), table
+
+    def gram(self, table: Array, f: Array) -> Array:
+        m, n = len(f), self.n
+        out = np.empty((m, n, m, n))
+        self.basis.gram_into(table[:, :-1], f, out[:, :-1, :, :-1])
+        out[:, -1] = hat = (f * table[:, -1]) @ table
+        out[..., -1] = hat.transpose(0, 2, 1)
+        return out.reshape(m * n, m * n)

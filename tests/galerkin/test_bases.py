@@ -328,6 +328,54 @@ def test_arrays_are_contiguous_floats(basis: Basis):
         assert f(s).dtype == np.float64
 
 
+def cut_table(basis, cut=0.371):
+    """The points on both sides of a mass, and phi' there by `d1_into`."""
+    s = np.concatenate([basis.quadrature_on(0.0, cut)[0], basis.quadrature_on(cut, 1.0)[0]])
+    table = np.full((basis.n, s.size), np.nan).T
+    basis.d1_into(s, table)
+    return s, table
+
+
+long_tables = pytest.mark.parametrize("basis", [*BASES, Fourier(1), Fourier(2), Fourier(400)], ids=repr)
+
+
+@long_tables
+def test_long_tables_of_slopes_are_the_slopes(basis: Basis):
+    """Wavelets: to the bit, also where they are looked up. Sines: to eps of the largest angle, which both sides round.
+
+    An angle that is off by 10 eps of itself is seen.
+    """
+    s, table = cut_table(basis)
+    if isinstance(basis, Daubechies):
+        np.testing.assert_array_equal(table, basis.d1(s))
+        assert np.isin(s, basis.quadrature()[0]).sum() >= s.size - 4  # the lookup is what is tested
+        return
+    k, eps = np.arange(1, basis.n + 1), np.finfo(float).eps
+    allowed = 2.0 * eps * (k * np.pi) ** 2 + eps * k * np.pi
+    assert np.all(abs(table - basis.d1(s)) <= allowed)
+    assert np.any(abs(table - basis.d1(s * (1.0 + 10.0 * eps))) > allowed)
+
+
+@long_tables
+def test_gram_matrices_are_the_plain_products(basis: Basis):
+    """sum_q f_abq phi_i' phi_j' for f of either sign, into part of a larger matrix as `TravellingKink` asks for it."""
+    s, table = cut_table(basis)
+    n, f = basis.n, np.random.default_rng(5).standard_normal((2, 2, s.size))
+    f[0, 1] = f[1, 0]
+    whole = np.full((2, n + 1, 2, n + 1), np.nan)
+    basis.gram_into(table, f, whole[:, :-1, :, :-1])
+    assert np.isnan(whole[:, -1]).all()
+    assert np.isnan(whole[..., -1]).all()
+    slopes = basis.d1(s)
+    # rounding of sums, and 2 n pi eps of the cosines of the highest angle
+    size = np.sqrt(np.sum(f[0, 0] ** 2)) * abs(slopes).max() ** 2
+    allowed = (1e-15 * np.sqrt(s.size) + 4.0 * n * np.pi * np.finfo(float).eps) * size
+    for a, b in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        direct = slopes.T @ (f[a, b][:, None] * slopes)
+        assert abs(whole[a, :-1, b, :-1] - direct).max() < allowed
+        assert abs(whole[a, :-1, b, :-1] - 1.00001 * direct).max() > allowed  # the twin
+
+
 @every_basis
 def test_each_function_is_the_integral_of_the_next(basis: Basis):
     """From primitive2 down to d2 (d1 where theta'' is too rough), over a piece that ends at no special places."""

@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial.legendre import leggauss
 
 from galerkin.bases import Daubechies, Fourier
-from galerkin.bases.kink import TravellingKink
+from galerkin.bases.kink import Standing, TravellingKink
 
 # With what the checks' own quadrature allows: phi is analytic, Hoelder 2.6, Hoelder 1.5, and its cells are 1/448.
 BASES = [
@@ -105,3 +105,17 @@ def test_slopes_stiffness_and_integral(basis, tolerance):
     assert abs(kink.integral(s_o)[-1] - w @ hat(s, s_o)) < 1e-13
     f, first, _ = kink.at_mass(s_o)
     assert (f[-1], first[-1]) == (1.0, 0.0)
+
+
+@pytest.mark.parametrize("moving", [TravellingKink, Standing])
+@pytest.mark.parametrize("basis", [basis.values[0] for basis in BASES], ids=["sines", "db4", "db2"])
+def test_gram_matrix_is_the_plain_product(basis, moving):
+    """The hat's row and column included, block by block."""
+    functions = moving(basis)
+    s, w, table = functions.slopes(0.273)
+    f = w * np.array([[np.exp(s), np.cos(5.0 * s)], [np.cos(5.0 * s), s**2 - 0.3]])
+    direct = np.einsum("abq,qi,qj->aibj", f, table, table, optimize=True).reshape(2 * functions.n, -1)
+    gram = functions.gram(table, f)
+    np.testing.assert_allclose(gram, direct, rtol=0.0, atol=1e-13 * np.abs(direct).max())
+    other = functions.gram(table, f[::-1, ::-1])
+    assert np.abs(other - direct).max() > 0.1 * np.abs(direct).max()  # which block is which
