@@ -141,6 +141,16 @@ def test_energy_gained_after_the_onset_is_flagged_apart():
     assert any(flag.startswith("after the slack onset") for flag in r.flags)
 
 
+def test_compression_of_less_than_an_element_is_flagged_and_slack_is_not():
+    close = Scene.from_groups(sag_ratio=0.03882, slope=2.89, mu=0.1745, alpha=5285.0, speed_ratio=0.5754)
+    r = run(close, "following-p2", elements=40, steps=1400, until=0.8)
+    assert r.slack_onset is None
+    assert any("under compression" in flag for flag in r.flags)
+    # twin: a cable that is under tension all the way, and one that falls slack as a whole
+    for until in (0.8, 0.9):
+        assert run(LEVEL, "following-p2", elements=10, steps=500, until=until).flags == []
+
+
 def test_flags_survive_being_written_and_read(tmp_path):
     r = run(LEVEL, "fixed-p1-path", scheme="trapezoidal", law="elastic", elements=20, steps=500)
     r.write(tmp_path)
