@@ -262,8 +262,11 @@ def factorise(ab, pivots):
     """
     n, width = ab.shape
     band = (width - 1) // 3
-    for i in range(n):
-        pivots[1, i] = min(n - 1, i + band)
+    for i in range(n):  # rows inside an element do not reach as far as the band
+        last = min(n - 1, i + band)
+        while last > i and ab[i, band + last - i] == 0.0:
+            last -= 1
+        pivots[1, i] = last
     for i in range(n):
         last = min(n - 1, i + band)
         largest, at = abs(ab[i, band]), i

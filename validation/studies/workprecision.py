@@ -48,6 +48,7 @@ WITNESS: tuple[str, dict[str, Any]] = ("fourier-kink", {"terms": 60, "steps": 30
 # Resolutions over the default, and steps over those that grow in balance with it.
 FINER = tuple(2.0 ** (0.5 * k) for k in range(-3, 4))
 STEPS = (0.25, 0.5, 1.0)
+DENSE = tuple(2.0 ** (-0.25 * k) for k in range(8, -1, -1))  # for runs of milliseconds
 BASE = "following-p2"  # carries the models, the integrators and the checks of the driver
 
 Progress = Callable[[str, float], None]
@@ -105,9 +106,10 @@ def series(peers: bool = True) -> Iterator[Series]:
     """Yield what is charted; names come from the tables of methods, schemes, models and peers."""
     from cablefem.elements.cable import MODELS
 
-    for method in METHODS.values():
-        yield Series(method.name, "method", tuple(ladder(method)), method.name)
     base = METHODS[BASE]
+    for method in METHODS.values():
+        rungs = ladder(method, DENSE if method is base else STEPS)
+        yield Series(method.name, "method", tuple(rungs), method.name)
     for model in MODELS:
         if model != "full":
             yield Series(f"model {model}", "model", tuple(ladder(base))[::4], BASE, model)
@@ -125,11 +127,11 @@ def series(peers: bool = True) -> Iterator[Series]:
             yield Series(peer.name, "peer", tuple(dict(rung) for rung in peer.ladder))
 
 
-def ladder(method: Method) -> Iterator[dict[str, Any]]:
+def ladder(method: Method, shares: tuple[float, ...] = STEPS) -> Iterator[dict[str, Any]]:
     """Yield a method's settings from coarse to fine, around its defaults.
 
     Steps grow with the resolution so that errors of second order in time keep pace with those in space, at least
-    linearly, and as its square where the method asks for that by its own default.
+    linearly, and as its square where the method asks for that by its own default; `shares` of them are taken.
     """
     settings = method.settings({})
     growth = max(1.0, 0.5 * method.space_order)
@@ -137,7 +139,7 @@ def ladder(method: Method) -> Iterator[dict[str, Any]]:
         growth = 2.0
     seen = set()
     for finer in FINER:
-        for share in STEPS:
+        for share in shares:
             x = refined(method, settings, space=finer, time=share * finer**growth)
             key = (x[method.resolution], x["steps"])
             if key not in seen and x[method.resolution] >= method.knobs[method.resolution].allowed[0]:
