@@ -85,7 +85,7 @@ def test_a_row_holds_errors_work_and_time(small):
         assert 0.0 < r["path_rms"] <= r["path_error"]
         assert r["unknown_steps"] == r["steps"] * r["n_dof"]
         assert r["newton_iterations"] >= r["factorisations"] >= r["steps"]
-        assert r["repeats"] == 2
+        assert 2 <= r["repeats"] <= 6  # quick ones more often
         assert r["spread"] >= 1.0
         assert 0.8 <= r["reached"] < 0.85
     # checked by hand: the same run against the same reference

@@ -48,6 +48,7 @@ WITNESS: tuple[str, dict[str, Any]] = ("fourier-kink", {"terms": 60, "steps": 30
 # Resolutions over the default, and steps over those that grow in balance with it.
 FINER = tuple(2.0 ** (0.5 * k) for k in range(-3, 4))
 STEPS = (0.25, 0.5, 1.0)
+BRIEF = 0.2  # [s]
 DENSE = tuple(2.0 ** (-0.25 * k) for k in range(8, -1, -1))  # for runs of milliseconds
 BASE = "following-p2"  # carries the models, the integrators and the checks of the driver
 
@@ -108,8 +109,8 @@ def series(peers: bool = True) -> Iterator[Series]:
 
     base = METHODS[BASE]
     for method in METHODS.values():
-        rungs = ladder(method, DENSE if method is base else STEPS)
-        yield Series(method.name, "method", tuple(rungs), method.name)
+        shares = DENSE if method is base else STEPS
+        yield Series(method.name, "method", tuple(ladder(method, shares)), method.name)
     for model in MODELS:
         if model != "full":
             yield Series(f"model {model}", "model", tuple(ladder(base))[::4], BASE, model)
@@ -247,9 +248,14 @@ def _row(line: Series, settings: dict[str, Any], **found: Any) -> dict[str, Any]
 
 
 def _timed(first: float, again: Callable[[], float], repeats: int, left: float) -> dict[str, Any]:
-    """Return the best of several separate runs and the spread (slowest over best), as many as there is time for."""
+    """Return the best of several separate runs and the spread (slowest over best), as many as there is time for.
+
+    Runs of milliseconds are repeated more often: the clock of a core may change from one to the next.
+    """
     seconds = [first]
-    while len(seconds) < repeats and sum(seconds) + first < left:
+    while sum(seconds) + first < left:
+        if len(seconds) >= repeats and (len(seconds) >= 3 * repeats or sum(seconds) > BRIEF):
+            break
         seconds.append(again())
     return {
         "seconds": min(seconds), "spread": max(seconds) / min(seconds) if len(seconds) > 1 else None,
