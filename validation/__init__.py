@@ -9,27 +9,27 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from validation.assertions import assert_agree, check_solver
-    from validation.foreign import ForeignPath
-    from validation.running import run
-    from validation.studies.adequacy import advise
-    from validation.studies.check import check
-    from validation.studies.claims import paper
-    from validation.studies.modes import modes
-    from validation.studies.stability.atlas import atlas
-    from validation.studies.workprecision import chart
+    from validation.commands.advise.study import advise
+    from validation.commands.atlas.study import atlas
+    from validation.commands.chart.study import chart
+    from validation.commands.check.study import check
+    from validation.commands.modes.study import modes
+    from validation.commands.paper.study import paper
+    from validation.core.assertions import assert_agree, check_solver
+    from validation.core.foreign import ForeignPath
+    from validation.core.running import run
 
 _HOME = {
-    "check": "studies.check",
-    "run": "running",
-    "modes": "studies.modes",
-    "advise": "studies.adequacy",
-    "chart": "studies.workprecision",
-    "atlas": "studies.stability",
-    "paper": "studies.claims",
-    "assert_agree": "assertions",
-    "check_solver": "assertions",
-    "ForeignPath": "foreign",
+    "check": "commands.check.study",
+    "run": "core.running",
+    "modes": "commands.modes.study",
+    "advise": "commands.advise.study",
+    "chart": "commands.chart.study",
+    "atlas": "commands.atlas.study",
+    "paper": "commands.paper.study",
+    "assert_agree": "core.assertions",
+    "check_solver": "core.assertions",
+    "ForeignPath": "core.foreign",
 }
 
 __all__ = ["ForeignPath", "advise", "assert_agree", "atlas", "chart", "check", "check_solver", "modes", "paper", "run"]

@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from validation import store, terminal
+from validation import terminal
+from validation.core import store
 
 if TYPE_CHECKING:
     from cablefem.response import Response
@@ -53,11 +54,8 @@ CHOICES = {
     "law": ("auto", "elastic", "tension-only"),
 }
 TOL_RANGE = (1e-6, 0.2)
-# The module of a command's study, in validation.studies, and of its pages, in validation.report.
-STUDIES = {
-    "check": "check", "advise": "adequacy", "chart": "workprecision", "atlas": "stability", "oracles": "exactness",
-    "paper": "claims", "modes": "modes",
-}  # fmt: skip
+# Commands with a folder in validation.commands: a study that computes and stores, and pages that draw what is stored.
+STUDIES = ("check", "advise", "chart", "atlas", "oracles", "paper", "modes")
 # What a full report consists of: commands, and the folder of each is its scene or itself.
 PARTS = (
     ("check", "level"), ("check", "cruise"), ("check", "inclined"), ("modes", "bare"),
@@ -110,7 +108,7 @@ def methods(
     """List every method, when to use it, and its settings."""
     from cablefem.response import write_json
     from validation import telling
-    from validation.methods import METHODS
+    from validation.core.methods import METHODS
 
     if out is not None:
         folder = store.claim(out, "methods", "methods", ["methods.json"])
@@ -174,8 +172,8 @@ def run(
     loaded = _scene(scene, faults, travelling=True)
 
     from validation import paraview, telling
-    from validation.resolution import TooCoarse, resolve
-    from validation.running import run as run_method
+    from validation.core.resolution import TooCoarse, resolve
+    from validation.core.running import run as run_method
 
     folder = store.claim(out, "run", loaded, [method])
     kind = {"model": model, "load": load, "law": law, **settings}
@@ -201,7 +199,7 @@ def run(
 
 def _method_with(name: str, pairs: list[str], tol: float | None, faults: list[str]) -> tuple[Any, dict[str, Any]]:
     """Return the method and the settings given; every fault adds a line."""
-    from validation.methods import find
+    from validation.core.methods import find
 
     try:
         method = find(name)
@@ -265,9 +263,10 @@ def check(
         faults.append(f"--with-tol must lie in [0, 1], got {with_tol:g}")
     loaded = _scene(scene, faults, travelling=True)
 
-    from validation import foreign, paraview, telling
-    from validation.running import run as run_method
-    from validation.studies import check as study
+    from validation import paraview, telling
+    from validation.commands.check import study
+    from validation.core import foreign
+    from validation.core.running import run as run_method
 
     path = None
     if other is not None:
@@ -305,7 +304,7 @@ def modes(scene: SceneName, out: Out = None) -> int:
     loaded = _scene(scene)
 
     from validation import telling
-    from validation.studies import modes as study
+    from validation.commands.modes import study
 
     folder = store.claim(out, "modes", loaded, ["modes.json"])
     found = study.modes(loaded)
@@ -381,7 +380,7 @@ def _study(command: str, scene: Any, writes: list[str], out: Path | None, *input
     """Run a study, write its pages and print their one-line findings."""
     from validation import telling
 
-    study = importlib.import_module(f"validation.studies.{STUDIES[command]}")
+    study = importlib.import_module(f"validation.commands.{command}.study")
     call = getattr(study, "oracle_table" if command == "oracles" else command)
     folder = store.claim(out, command, scene, writes)
     with terminal.progress() as progress:
@@ -428,7 +427,7 @@ def _gathered(root: Path) -> int:
     from dataclasses import replace
 
     from validation import telling
-    from validation.report import page
+    from validation.page import page
 
     sections = [
         replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}")
@@ -482,7 +481,7 @@ def _sections(folder: Path, command: str) -> list[Any]:
 
     if command not in STUDIES:
         return []
-    sections = importlib.import_module(f"validation.report.{STUDIES[command]}").sections(folder)
+    sections = importlib.import_module(f"validation.commands.{command}.page").sections(folder)
     write_json(folder / f".{command}.pages.json", [asdict(section) for section in sections])
     return sections
 
@@ -493,7 +492,7 @@ def _kept(folder: Path, command: str) -> list[Any]:
 
     from markupsafe import Markup
 
-    from validation.report.page import Section
+    from validation.page.page import Section
 
     try:
         kept = json.loads((folder / f".{command}.pages.json").read_text(encoding="utf-8"))
@@ -504,7 +503,7 @@ def _kept(folder: Path, command: str) -> list[Any]:
 
 def _report(folder: Path, command: str) -> None:
     """Write report.html from all results in a folder, those of this command drawn anew."""
-    from validation.report import page
+    from validation.page import page
 
     sections = [
         section

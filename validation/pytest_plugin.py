@@ -24,7 +24,7 @@ def cable_scene() -> Callable[[str], Any]:
 @pytest.fixture
 def assert_agree(request: pytest.FixtureRequest) -> Callable[..., Any]:
     """`validation.assert_agree`, told in the summary at the end of the session."""
-    from validation import assertions
+    from validation.core import assertions
 
     def asserted(a: Any, b: Any, **bounds: Any) -> Any:
         names = f"{a.method} and {b.method}"
@@ -46,9 +46,9 @@ def cable_check(request: pytest.FixtureRequest) -> Callable[..., Any]:
     cable_check("level", solver) holds solver(scene) -> (s_o, v) or (s_o, v, u) against both built-in solvers, which
     are run once per session and scene; cable_check("level") holds these against one another.
     """
-    from validation import assertions, foreign
-    from validation.agreement import Verdict, overall
-    from validation.studies.check import check
+    from validation.commands.check.study import check
+    from validation.core import assertions, foreign
+    from validation.core.agreement import Verdict, overall
 
     kept = request.config.stash.setdefault(_CHECKS, {})
 

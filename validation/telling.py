@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from validation import measures, terminal
-from validation.agreement import FIRST_ORDER
-from validation.methods import find
+from validation import terminal
+from validation.core import measures
+from validation.core.agreement import FIRST_ORDER
+from validation.core.methods import find
 
 if TYPE_CHECKING:
     from cablefem.response import Response
-    from validation.agreement import Agreement
-    from validation.studies.check import Check
+    from validation.commands.check.study import Check
+    from validation.core.agreement import Agreement
 
 MEANINGFUL = 1e-2  # of the largest deflection: paths further apart are two answers
 

@@ -14,10 +14,10 @@ import pytest
 from cablefem import Scene
 from cablefem.response import Response
 from galerkin import Daubechies, Fourier, bare_frequencies
-from validation import measures
+from validation.commands.paper import gibbs
+from validation.core import measures
+from validation.core.running import run
 from validation.oracles import catenary_modes, moving_mass
-from validation.running import run
-from validation.studies.claims import gibbs
 
 WINDOW = (0.02, 0.80)
 LEVEL = Scene.load("level")

@@ -19,7 +19,7 @@ def pytest_configure(config: pytest.Config) -> None:
 @pytest.fixture(scope="session")
 def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder as `check` leaves it."""
-    from validation.studies.check import check
+    from validation.commands.check.study import check
 
     folder = tmp_path_factory.mktemp("check") / "level"
     check("level", tol=0.05).write(folder)
@@ -28,7 +28,8 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def report(stored: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from validation.report import check, page
+    from validation.commands.check import page as check
+    from validation.page import page
 
     out = tmp_path_factory.mktemp("report") / "report.html"
     page.render("level <scene>", check.sections(stored), out)

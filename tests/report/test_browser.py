@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cablefem.response import Response
-from validation.report import page
+from validation.page import page
 
 pytestmark = pytest.mark.browser
 PHONE, DESKTOP = 390, 1280

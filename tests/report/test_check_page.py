@@ -17,10 +17,11 @@ from markupsafe import Markup
 
 from cablefem.response import Response
 from cablefem.scene import Scene
-from validation.report import check, page
-from validation.report.check_figures import pointwise, scale_of
-from validation.report.player import player
-from validation.report.stored import read
+from validation.commands.check import page as check
+from validation.commands.check.figures import pointwise, scale_of
+from validation.page import page
+from validation.page.player import player
+from validation.page.stored import read
 
 A, B = "following-p2", "fourier-kink"
 
@@ -214,7 +215,7 @@ def test_a_run_that_broke_at_once_is_told_with_its_reason(folder):
 
 def test_no_solver_is_loaded(stored):
     code = (
-        "import sys; from pathlib import Path; from validation.report import check\n"
+        "import sys; from pathlib import Path; from validation.commands.check import page as check\n"
         f"check.sections(Path({str(stored)!r}))\n"
         "solvers = 'skfem', 'galerkin', 'cablefem.elements', 'matplotlib.pyplot'\n"
         "bad = [m for m in sys.modules if m.startswith(solvers)]\n"

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from markupsafe import Markup
 
-from validation.report import page
-from validation.report.page import Section, figure, number, panels, percent, render, style, svg, table
+from validation.page import page
+from validation.page.page import Section, figure, number, panels, percent, render, style, svg, table
 
 EVIL = '<script>alert(7)</script> & "co"'
 

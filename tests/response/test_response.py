@@ -12,7 +12,7 @@ import pytest
 
 from cablefem import Scene
 from cablefem.response import Response, whole, write_csv, write_json
-from validation.running import run
+from validation.core.running import run
 
 
 @pytest.fixture(scope="module")

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from validation import measures
-from validation.report import adequacy as page
-from validation.running import run
-from validation.studies import adequacy
-from validation.studies.adequacy import LADDER, Climb, Rung
+from validation.commands.advise import page
+from validation.commands.advise import study as adequacy
+from validation.commands.advise.study import LADDER, Climb, Rung
+from validation.core import measures
+from validation.core.running import run
 
 LEVEL = Scene.load("level")
 TAUT = Scene.from_groups(sag_ratio=0.006, slope=7.0, mu=0.13, alpha=147.0, speed_ratio=0.13, name="taut")

@@ -10,9 +10,9 @@ import validation
 from cablefem import Scene
 from tests.validation import toy
 from validation import check_solver
-from validation.foreign import ForeignPath
-from validation.running import run
-from validation.store import Refused
+from validation.core.foreign import ForeignPath
+from validation.core.running import run
+from validation.core.store import Refused
 
 LEVEL = Scene.load("level")
 INCLINED = Scene.load("inclined")

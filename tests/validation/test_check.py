@@ -12,10 +12,10 @@ from cablefem import Scene
 from cablefem.elements.following import FollowingElements
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
-from validation.agreement import Verdict, agree, overall
-from validation.estimate import Estimated, estimated
-from validation.methods import METHODS
-from validation.studies.check import check
+from validation.commands.check.study import check
+from validation.core.agreement import Verdict, agree, overall
+from validation.core.estimate import Estimated, estimated
+from validation.core.methods import METHODS
 
 LEVEL = Scene.load("level")
 ELEMENTS = {"elements": 12, "steps": 700}
@@ -120,7 +120,7 @@ def test_a_planted_fault_turns_the_verdict(right, fault):
 
 def test_plain_sines_are_not_hidden_and_their_extrapolation_meets_the_elements(right):
     """N = 30 is about 3 percent away by the kink at the mass; 2 f(120) - f(60) meets the elements within 2e-3."""
-    from validation import measures
+    from validation.core import measures
 
     raw = estimated(LEVEL, "fourier", terms=30, steps=500)
     window = measures.window_of(raw.run, right[0].run)

@@ -11,12 +11,10 @@ import pytest
 
 from cablefem import Scene
 from cablefem.response import Response
-from validation.report import claims as report
-from validation.report import page
-from validation.running import run
-from validation.studies import claims
-from validation.studies.claims import measured, runs, table, verdicts, vibration
-from validation.studies.claims.verdicts import (
+from validation.commands.paper import measured, runs, table, verdicts, vibration
+from validation.commands.paper import page as report
+from validation.commands.paper import study as claims
+from validation.commands.paper.verdicts import (
     FAILS,
     HOLDS,
     OPEN,
@@ -27,6 +25,8 @@ from validation.studies.claims.verdicts import (
     at_most,
     in_words,
 )
+from validation.core.running import run
+from validation.page import page
 
 
 def claim(*quantities, readings=False):
@@ -156,7 +156,7 @@ def test_a_stored_run_is_used_again_only_if_it_is_the_same(tmp_path, monkeypatch
 
 
 def test_every_scene_of_the_plan_is_known_and_every_method_accepts_its_settings():
-    from validation.methods import find
+    from validation.core.methods import find
 
     known = runs.scenes()
     assert known["heavy"].mu == pytest.approx(2.0, rel=1e-12)

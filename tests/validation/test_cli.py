@@ -15,10 +15,11 @@ import pytest
 
 from cablefem import Scene
 from cablefem.response import Response, write_json
-from validation import cli, resolution, running, store
-from validation.report.page import Section
-from validation.running import run
-from validation.studies import check as check_study
+from validation import cli
+from validation.commands.check import study as check_study
+from validation.core import resolution, running, store
+from validation.core.running import run
+from validation.page.page import Section
 
 DATA = Path(__file__).parent / "data"
 COMMANDS = ("scenes", "check", "run", "methods", "modes", "advise", "chart", "atlas", "oracles", "paper", "report")
@@ -52,7 +53,7 @@ def checked(monkeypatch, level_check):
     Returns a function that changes what it finds.
     """
     from validation import paraview
-    from validation.report import check as pages
+    from validation.commands.check import page as pages
 
     def find(**changes):
         found = dataclasses.replace(level_check, **changes)
@@ -153,7 +154,7 @@ def test_scenes_are_written_to_a_folder_when_asked(cablefem, tmp_path):
 
 
 def test_methods_are_told_with_settings_meanings_and_defaults(cablefem, tmp_path):
-    from validation.methods import METHODS
+    from validation.core.methods import METHODS
 
     code, out, _ = cablefem("methods")
     assert code == 0
@@ -384,7 +385,7 @@ STUDIES = {
 
 def stand_in(monkeypatch, command, verdict="agree"):
     """Put a study and its pages in the place of those of a command; returns what the study was called with."""
-    module, function, arguments, folder = STUDIES[command]
+    _, function, arguments, folder = STUDIES[command]
     calls = []
 
     def study(*inputs):
@@ -393,8 +394,8 @@ def stand_in(monkeypatch, command, verdict="agree"):
         return {"verdict": verdict}
 
     pages = types.SimpleNamespace(sections=lambda out: [Section("one", "One", "<p>1</p>", verdict, "this was found")])
-    monkeypatch.setitem(sys.modules, f"validation.studies.{module}", types.SimpleNamespace(**{function: study}))
-    monkeypatch.setitem(sys.modules, f"validation.report.{module}", pages)
+    monkeypatch.setitem(sys.modules, f"validation.commands.{command}.study", types.SimpleNamespace(**{function: study}))
+    monkeypatch.setitem(sys.modules, f"validation.commands.{command}.page", pages)
     return calls, arguments, Path("cablefem-out") / folder
 
 
@@ -442,7 +443,7 @@ def test_report_runs_what_is_missing_and_gathers_what_is_there(cablefem, monkeyp
 def test_an_interrupted_part_is_run_again(cablefem, monkeypatch):
     stand_in(monkeypatch, "atlas")
     monkeypatch.setattr("validation.cli.PARTS", (("check", "level"), ("atlas",)))
-    study = sys.modules["validation.studies.stability"]
+    study = sys.modules["validation.commands.atlas.study"]
 
     def interrupted(*inputs):
         raise KeyboardInterrupt

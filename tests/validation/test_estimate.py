@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from validation import estimate as module
-from validation import measures
-from validation.estimate import SAFETY, estimated, gaps
-from validation.running import run
+from validation.core import estimate as module
+from validation.core import measures
+from validation.core.estimate import SAFETY, estimated, gaps
+from validation.core.running import run
 
 LEVEL = Scene.load("level")
 

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from validation.commands.oracles import page
+from validation.commands.oracles import study as exactness
 from validation.oracles import ORACLES
-from validation.report import exactness as page
-from validation.studies import exactness
 
 EVERY = {task.key: task for task in exactness.tasks()}
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from validation import foreign, measures
-from validation.agreement import Verdict
-from validation.estimate import estimated
-from validation.foreign import ForeignPath, refuse_misnamed
-from validation.running import run
-from validation.store import Refused
+from validation.core import foreign, measures
+from validation.core.agreement import Verdict
+from validation.core.estimate import estimated
+from validation.core.foreign import ForeignPath, refuse_misnamed
+from validation.core.running import run
+from validation.core.store import Refused
 
 DATA = Path(__file__).parent / "data"
 LEVEL = Scene.load("level")

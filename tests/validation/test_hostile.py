@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from validation.running import run
-from validation.studies.stability import hostile
-from validation.studies.stability.hostile import BROKEN, draws, examine, faults_of, hostile_survey
+from validation.commands.atlas import hostile
+from validation.commands.atlas.hostile import BROKEN, draws, examine, faults_of, hostile_survey
+from validation.core.running import run
 
 SEED = 20031
 SAMPLE = draws(60, SEED)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from validation import measures
-from validation.running import run
-from validation.studies.adequacy import LADDER, deflection_gap, distance
+from validation.commands.advise.study import LADDER, deflection_gap, distance
+from validation.core import measures
+from validation.core.running import run
 
 LEVEL = Scene.load("level")
 WINDOW = measures.WINDOW

@@ -8,7 +8,7 @@ from meshio.xdmf import TimeSeriesReader
 
 from cablefem import Scene
 from validation import paraview
-from validation.running import run
+from validation.core.running import run
 
 INCLINED = Scene.load("inclined")
 

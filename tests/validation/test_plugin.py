@@ -13,8 +13,8 @@ PLUGIN = ("-p", "no:cablefem", "-p", "validation.pytest_plugin")
 TESTS = """
 import numpy as np
 import pytest
-from validation.foreign import ForeignPath
-from validation.running import run
+from validation.core.foreign import ForeignPath
+from validation.core.running import run
 
 
 def solver(scene):

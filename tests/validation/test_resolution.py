@@ -7,10 +7,10 @@ import pytest
 
 from cablefem import Scene
 from cablefem.newmark import ErrorControl
-from validation import measures, resolution
-from validation.methods import METHODS, find
-from validation.resolution import CONFIRMED, UNCONFIRMED, TooCoarse, _next, _Part, _part, _Rung, resolve, resolved
-from validation.running import run
+from validation.core import measures, resolution
+from validation.core.methods import METHODS, find
+from validation.core.resolution import CONFIRMED, UNCONFIRMED, TooCoarse, _next, _Part, _part, _Rung, resolve, resolved
+from validation.core.running import run
 
 LEVEL, INCLINED = Scene.load("level"), Scene.load("inclined")
 

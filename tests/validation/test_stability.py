@@ -12,15 +12,15 @@ import pytest
 from cablefem import Scene, newmark
 from cablefem.newmark import StepFailure
 from cablefem.response import Response
-from validation import measures
-from validation.methods import METHODS
-from validation.report import stability as pages
-from validation.report.page import render
-from validation.running import MOST_GAIN, run
-from validation.studies.stability import specimens
-from validation.studies.stability.atlas import CELLS, Map, atlas, judged, step_limit, stored
-from validation.studies.stability.catalogue import CATALOGUE, run_row
-from validation.trust import convergence_limit, grading, post_slack_spread, recommended
+from validation.commands.atlas import page as pages
+from validation.commands.atlas import specimens
+from validation.commands.atlas.catalogue import CATALOGUE, run_row
+from validation.commands.atlas.study import CELLS, Map, atlas, judged, step_limit, stored
+from validation.core import measures
+from validation.core.methods import METHODS
+from validation.core.running import MOST_GAIN, run
+from validation.core.trust import convergence_limit, grading, post_slack_spread, recommended
+from validation.page.page import render
 
 LEVEL = Scene.load("level")
 LIGHT = LEVEL.variant(mu=0.01)

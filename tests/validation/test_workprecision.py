@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from validation import measures
-from validation.methods import METHODS
+from validation.commands.chart import page as pages
+from validation.commands.chart import study
+from validation.core import measures
+from validation.core.methods import METHODS
+from validation.core.running import run
 from validation.peers import PEERS, PeerPath
-from validation.report import workprecision as pages
-from validation.running import run
-from validation.studies import workprecision as study
 
 LEVEL = Scene.load("level")
 

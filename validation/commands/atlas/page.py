@@ -1,0 +1,185 @@
+"""Pages about where methods fail: maps, step limits against theory, the failure catalogue; from stored cells only.
+
+Read from the folder that `validation.commands.atlas.study` writes; works on an atlas that was interrupted.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup, escape
+from matplotlib.patches import Patch
+
+from validation.page.figures import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
+from validation.page.page import Section, figure, gallery, missing, number, panels, style, table
+
+# class of a cell -> colour, hatch and words; lightness falls from good to wrong, so that print in grey keeps the order
+CLASSES = {
+    "good": (SKY, "", "good: error up to 1 percent"),
+    "poor": (ORANGE, "..", "poor: up to 10 percent"),
+    "wrong": (VERMILLION, "xx", "wrong: more, or no answer"),
+    "not judged": ("#dddddd", "", "not judged: reference unsure"),
+    "no scene": ("#bbbbbb", "--", "no such scene"),
+    None: ("#ffffff", "", "not computed"),
+}
+# cause of a failure -> letter and colour of its badge, words
+CAUSES = {
+    "too coarse": ("c", "#ffffff", "too coarse"), "unstable": ("u", PURPLE, "unstable: gains energy"),
+    "slack": ("s", BLUE, "stopped on the slack cable"), "slack too early": ("e", GREEN, "slack too early"),
+    "Newton stalled": ("n", BLACK, "Newton's method stalled"), "step underflow": ("t", "#8c6d31", "step underflow"),
+    "no start": ("o", GREY, "no start"),
+}  # fmt: skip
+NAMES = {"mu": "mass ratio mu", "V/c": "speed ratio V/c", "alpha": "stiffness alpha"}
+
+
+def sections(folder: Path) -> list[Section]:
+    """Return the pages about the atlas stored in a folder."""
+    try:
+        atlas = json.loads((folder / "atlas.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        gone = missing("atlas.json", "Nothing can be shown; cablefem atlas goes on where it was interrupted.")
+        return [Section("atlas", "Where methods fail", gone, "not comparable", "No finished atlas is stored here.")]
+    pages = [_map(atlas, m) for m in atlas["maps"]]
+    if atlas["limits"]:
+        pages.append(_limits(atlas))
+    if atlas["catalogue"]:
+        pages.append(_catalogue(atlas))
+    return pages
+
+
+def _map(atlas: dict[str, Any], m: dict[str, Any]) -> Section:
+    cells = {(c["method"], c["x"], c["y"]): c for c in atlas["cells"] if c["map"] == m["name"]}
+    figures = [_figure(atlas, m, method, cells) for method in m["methods"]]
+    total = len(m["methods"]) * len(m["x"]["values"]) * len(m["y"]["values"])
+    counts = {name: sum(c["class"] == name for c in cells.values()) for name in CLASSES if name}
+    said = ", ".join(f"{n} {name}" for name, n in counts.items() if n)
+    summary = f"{len(cells)} of {total} cells computed: {said}."
+    rows = [
+        {"method": method, **{name: sum(c["class"] == name for c in cells.values() if c["method"] == method)
+                              for name in counts}}
+        for method in m["methods"]
+    ]  # fmt: skip
+    html = Markup(
+        "<p>Error of the mass path against finer following elements up to s_o/l = 0.80 or the slack onset. In a cell: "
+        "the cause of a failure as a coloured letter, and under it how far the run came (s_o/l) where it "
+        "stopped.</p>{}{}"
+    ).format(gallery(*figures), table(rows, ["method", *counts], caption="Cells by class"))
+    return Section(f"atlas-{m['name']}", m["title"], html, None, summary)
+
+
+def _figure(atlas: dict[str, Any], m: dict[str, Any], method: str, cells: dict[Any, Any]) -> Markup:
+    xs, ys = m["x"]["values"], m["y"]["values"]
+    fig, ax = panels(height=3.6)
+    used: list[Any] = []
+    causes: set[str] = set()
+    with style():
+        for i, x in enumerate(xs):
+            for j, y in enumerate(ys):
+                cell = cells.get((method, x, y))
+                kind = None if cell is None else cell["class"]
+                used.append(kind)
+                colour, hatch, _ = CLASSES[kind]
+                ax.fill_between([i - 0.5, i + 0.5], j - 0.5, j + 0.5, facecolor=colour, hatch=hatch, edgecolor="white",
+                                linewidth=0.5)  # fmt: skip
+                if cell is None:
+                    ax.text(i, j, "·", ha="center", va="center", color=GREY)
+                    continue
+                if cell["cause"] is None:
+                    continue
+                letter, badge, _ = CAUSES[cell["cause"]]
+                causes.add(cell["cause"])
+                if cell["reached"] is not None and cell["reached"] < 0.995 and cell["cause"] != "too coarse":
+                    letter += f"\n{cell['reached']:.2f}"
+                ink = BLACK if badge in ("#ffffff", PURPLE) else "white"
+                box = {"facecolor": badge, "edgecolor": "white", "linewidth": 0.5, "pad": 1.2}
+                ax.text(i, j, letter, ha="center", va="center", fontsize=7.5, color=ink, bbox=box)
+        _curves(ax, atlas, m, method)
+        ax.set_xticks(range(len(xs)), [f"{x:g}" for x in xs], rotation=45)
+        ax.set_yticks(range(len(ys)), [f"{y:g}" for y in ys])
+        ax.set_xlim(-0.5, len(xs) - 0.5)
+        ax.set_ylim(-0.5, len(ys) - 0.5)
+        ax.set_xlabel(NAMES.get(m["x"]["name"], m["x"]["name"]))
+        ax.set_ylabel(NAMES.get(m["y"]["name"], m["y"]["name"]))
+        ax.grid(False)
+        ax.set_title(method)
+        shown = [name for name in CLASSES if name in used]
+        handles = [
+            Patch(facecolor=CLASSES[k][0], hatch=CLASSES[k][1], edgecolor=GREY, label=CLASSES[k][2]) for k in shown
+        ]
+        handles += [
+            Patch(facecolor=badge, edgecolor=GREY, label=f"{letter}: {words}")
+            for name, (letter, badge, words) in CAUSES.items() if name in causes
+        ]  # fmt: skip
+        handles += ax.get_legend_handles_labels()[0]
+        fig.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=7.5)
+    tally = ", ".join(f"{used.count(k)} {k or 'not computed'}" for k in shown)
+    return figure(fig, escape(f"{m['title']}: {method}"), label=f"Map of {method}: {tally}")
+
+
+def _curves(ax: Any, atlas: dict[str, Any], m: dict[str, Any], method: str) -> None:
+    """Draw what theory says: on axes that count cells, between their logarithms."""
+
+    def place(values: list[float], x: Any) -> Any:
+        return np.interp(np.log(x), np.log(values), np.arange(len(values)), left=np.nan, right=np.nan)
+
+    xs, ys = m["x"]["values"], m["y"]["values"]
+    if m["name"] == "speed-mass":
+        ax.axvline(place(xs, 1.0), color=BLUE, linestyle="--", label="V = wave speed")
+    elif m["name"] == "sag-stiffness":
+        # L^2 = sigma^2 alpha = 4 pi^2, sigma = 8 sag/span for a flat parabola
+        sag = np.geomspace(xs[0], xs[-1], 200)
+        stiff = 4.0 * np.pi**2 / (8.0 * sag) ** 2
+        inside = (stiff >= ys[0]) & (stiff <= ys[-1])
+        ax.plot(place(xs, sag[inside]), place(ys, stiff[inside]), color=BLUE, linestyle="--", label="Irvine $L^2=4π^2$")
+    elif method.endswith("central-difference") and atlas["limits"]:
+        terms = [limit["terms"] for limit in atlas["limits"]]
+        for key, colour, dash, words in (
+            ("predicted_steps", BLUE, "--", "limit by theory"), ("measured_steps", PURPLE, ":", "limit measured"),
+        ):  # fmt: skip
+            steps = [limit[key] for limit in atlas["limits"]]
+            how = {"color": colour, "linestyle": dash, "marker": "o", "markersize": 3, "label": words}
+            ax.plot(place(xs, steps), place(ys, terms), **how)
+
+
+def _limits(atlas: dict[str, Any]) -> Section:
+    rows = [{**limit, "ratio": limit["measured_steps"] / limit["predicted_steps"]} for limit in atlas["limits"]]
+    off = max(abs(row["ratio"] - 1.0) for row in rows)
+    columns = {
+        "terms": "sines", "predicted_steps": "least steps, theory", "measured_steps": "least steps, measured",
+        "ratio": "measured over theory",
+    }  # fmt: skip
+    html = Markup(
+        "<p>Central differences are stable for steps below 2/&omega;<sub>max</sub>, that of the cable at rest with the "
+        "mass at mid-span; measured is the fewest equal steps of a crossing that do not gain energy, by bisection to "
+        "2 percent.</p>{}"
+    ).format(table(rows, columns, caption="Stability limit of central differences, level cable"))
+    verdict = "agree" if off <= 0.05 else "disagree"
+    return Section("atlas-limits", "Explicit steps", html, verdict, f"Measured and theory differ by at most {off:.1%}.")
+
+
+def _catalogue(atlas: dict[str, Any]) -> Section:
+    def values(found: dict[str, Any]) -> str:
+        return "; ".join(f"{name}: {number(x)}" for name, x in found.items())
+
+    rows = [
+        {
+            "verdict": "agree" if row["failure_shown"] and row["remedy_works"] else "disagree", "name": row["name"],
+            "case": f"{row['scene']}: {row['method']}", "symptom": row["symptom"], "failure": values(row["failure"]),
+            "cause": row["cause"], "remedy": row["remedy"], "cure": values(row["cure"]),
+        }
+        for row in atlas["catalogue"]
+    ]  # fmt: skip
+    columns = {
+        "verdict": "shown and cured", "name": "failure", "case": "scene and method", "symptom": "symptom",
+        "failure": "measured", "cause": "cause", "remedy": "remedy", "cure": "measured with it",
+    }  # fmt: skip
+    shown = sum(row["verdict"] == "agree" for row in rows)
+    html = table(rows, columns, caption="Known ways to fail, each with a case that shows it", sort=True, stack=True)
+    verdict = "agree" if shown == len(rows) else "disagree"
+    return Section(
+        "atlas-catalogue", "Known ways to fail", html, verdict,
+        f"{shown} of {len(rows)} failures show as described and pass with their remedy.",
+    )  # fmt: skip

@@ -1,0 +1,144 @@
+"""Systems that only the failure catalogue runs: the free cable, planted faults, and what theory says of their steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.linalg import eigvals
+
+from cablefem import newmark
+from cablefem.elements import kernels
+from cablefem.elements.fixed import FixedElements
+from cablefem.newmark import Newton, Scheme, State, consistent_acceleration
+from cablefem.response import Array
+from cablefem.scene import Groups
+from galerkin.equations import GalerkinSystem, Instant
+from validation.core.methods import METHODS, Method
+
+
+@dataclass(frozen=True, slots=True)
+class Standstill:
+    """A motion that stays where it is: for systems that want to know a place of a mass which weighs nothing."""
+
+    end: float
+    place: float = 0.37
+
+    @property
+    def phases(self) -> tuple[tuple[float, float], ...]:
+        return ((0.0, self.end),)
+
+    def at(self, t: float, phase: int) -> tuple[float, float, float]:
+        return self.place, 0.0, 0.0
+
+
+class FreeCable(FixedElements):
+    """The bare cable let go from v = amplitude sin(mode pi s), linear elements; no load, so energy is kept."""
+
+    def __init__(self, groups: Groups, *, elements: int, amplitude: float, mode: int, end: float) -> None:
+        bare: Any = replace(groups, mu=0.0, motion=Standstill(end))  # type: ignore[arg-type]
+        super().__init__(bare, elements=elements, element="p1", coupling="naive")
+        self.shape = amplitude * np.sin(mode * math.pi * np.arange(1, elements) / elements)
+
+    @property
+    def force_scale(self) -> float:
+        return self.groups.sigma
+
+    def start(self, phase: int, state: State | None) -> State:
+        q = np.zeros(self.n_dof)
+        q[1::2] = self.shape
+        return consistent_acceleration(self, 0.0, q, np.zeros_like(q), 0)
+
+    def energy(self, x: State) -> float:
+        """Kinetic and strain energy less the work of gravity; zero for the cable at rest."""
+        return float(kernels.cable_energy(self._span, self._dofs, self._tab, self._cable, x.q, x.v)[0])
+
+
+def free_vibration(groups: Groups, scheme: Scheme, *, dt: float, steps: int, **cable: Any) -> Array:
+    """Return the energy of a free cable after every step over that at the start, (n,); short if the run broke."""
+    system = FreeCable(groups, end=dt * steps, **cable)
+    tol = 1e-12 if scheme.average else 1e-9  # the energy is kept as well as the steps are solved
+    energy: list[float] = []
+    instants: Any = [dt * np.arange(steps + 1)]
+    try:
+        for x in newmark.integrate(system, scheme, instants, newton=Newton(tol=tol, max_iter=40)):
+            energy.append(system.energy(x))
+    except newmark.NewtonStalled:
+        pass
+    return np.array(energy) / energy[0]
+
+
+def largest_frequency(system: FixedElements | GalerkinSystem, t: float, phase: int = 0) -> float:
+    """Return omega_max of M, K frozen at rest at time t, by power iteration on M^-1 K; for symmetric K."""
+    rest, rng = np.zeros(system.n_dof), np.random.default_rng(7)
+    _, by_mass = system.linearise(t, rest, rest, rest, phase, 0.0, 0.0, 1.0)
+    x, value = rng.standard_normal(system.n_dof), 0.0
+    r0, h = system.residual(t, rest, rest, rest, phase), 1e-7
+    for _ in range(2000):
+        x /= np.linalg.norm(x)
+        y = by_mass((system.residual(t, h * x, rest, rest, phase) - r0) / h)
+        before, value = value, float(x @ y)
+        if abs(value - before) < 1e-7 * abs(value):
+            break
+        x = y
+    return math.sqrt(value)
+
+
+def frozen_growth(system: GalerkinSystem, t: float, phase: int = 0) -> float:
+    """Return the largest growth rate, Re lambda, of the cable and mass with M, C, K frozen at time t and at rest."""
+    n, rest = system.n_dof, np.zeros(system.n_dof)
+    K, C, M = (
+        system.tangent(t, rest, phase, *c) for c in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    )  # fmt: skip
+    A = np.zeros((2 * n, 2 * n))
+    A[:n, n:] = np.eye(n)
+    A[n:] = -np.linalg.solve(M, np.hstack([K, C]))
+    return float(eigvals(A).real.max())
+
+
+class _NoCoriolis(GalerkinSystem):
+    """FAULT: 2 ds_o w.' left out of the acceleration of the mass."""
+
+    def _instant(self, *kinematics: float) -> Instant:
+        x = super()._instant(*kinematics)
+        return replace(x, f_v=np.zeros_like(x.f_v))
+
+
+class _NoConvection(_NoCoriolis):
+    """FAULT: every term of the acceleration of the mass that its travel brings left out, (22) and (23)."""
+
+    def _instant(self, *kinematics: float) -> Instant:
+        x = super()._instant(*kinematics)
+        return replace(x, f_q=np.zeros_like(x.f_q))
+
+
+class _RestingStart(GalerkinSystem):
+    """FAULT: at entry the hat accelerates with the mass alone and the sines rest, instead of the limit t -> 0+."""
+
+    def _entry(self) -> State:
+        x = super()._entry()
+        s_o, ds_o, dds_o = self.motion.at(x.t, 0)
+        a = np.zeros_like(x.a)
+        a[self.n - 1 :: self.n] = -self._load(s_o, ds_o, dds_o)
+        return State(x.t, x.q, np.zeros_like(x.v), a, 0)
+
+
+def planted(method: str, fault: type[GalerkinSystem]) -> Method:
+    """Return a Fourier method with a fault in it."""
+    sound = METHODS[method]
+    kink = method.endswith("kink")
+
+    def build(groups: Groups, x: dict[str, Any], **kind: Any) -> Any:
+        from galerkin.bases.fourier import Fourier
+
+        return fault(groups, Fourier(x["terms"]), kink=kink, **kind)
+
+    builder: Callable[..., Any] = build
+    return replace(sound, builder=builder)
+
+
+NO_CORIOLIS, NO_CONVECTION = planted("fourier", _NoCoriolis), planted("fourier", _NoConvection)
+RESTING_START = planted("fourier-kink", _RestingStart)

@@ -1,0 +1,316 @@
+"""Pages of the work-precision chart, drawn from chart.json alone."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup, escape
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
+
+from validation.core.methods import METHODS
+from validation.page.figures import BLACK, DASHES, GREY, MARKERS, PALETTE, panels, style
+from validation.page.page import Section, details, figure, gallery, missing, number, percent, table
+
+Row = dict[str, Any]
+OURS = ("method", "integrator", "extrapolated")  # rows of the full cable at given settings
+
+ERRORS = {
+    "path": "error of the mass path / deflection",
+    "tension": "rms error of the tension / H",
+}
+WORK = {"seconds": "seconds of the time loop, one core", "unknown_steps": "steps × unknowns"}
+
+
+def sections(folder: Path) -> list[Section]:
+    """Return the pages about the chart stored in a folder."""
+    try:
+        chart = json.loads((folder / "chart.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        gone = missing("chart.json", "There is nothing to draw.")
+        return [Section("chart-path", "Speed against accuracy", gone, "not comparable", "The chart was not measured.")]
+    return [
+        _fastest(chart),
+        _charts(chart, "path"),
+        _charts(chart, "tension"),
+        _work(chart),
+        _failures(chart),
+        _cost(chart),
+    ]
+
+
+# --- what is fastest ------------------------------------------------------------------------------------------------
+
+
+def _fastest(chart: dict[str, Any]) -> Section:
+    rows, heads = [], {"error": "path error", "series": "fastest here", "seconds": "its seconds"}
+    for at in chart.get("fastest", []):
+        row: Row = {"error": percent(at["error"]), "series": at["series"] or "none reaches it"}
+        row["seconds"] = _seconds(at["seconds"])
+        for name, peer in at["peers"].items():
+            heads[name] = f"{name} takes"
+            ratio = peer["ratio"]
+            row[name] = (
+                peer["reason"] if ratio is None else f"{number(ratio, 2)} times as long ({_seconds(peer['seconds'])})"
+            )
+        rows.append(row)
+    for name in _absent(chart):
+        heads[name] = f"{name} takes"
+        for row in rows:
+            row[name] = "not measured: not installed"
+    reference, text = chart["reference"], Markup("")
+    bar, witness = reference.get("path_error"), reference.get("witness_path")
+    text += Markup(
+        "<p>Seconds at equal error are read off each line between its best dots, logarithm over logarithm. All "
+        "errors are against {} ({}); its own error is {} of the largest deflection. The finest run of the other "
+        "wing, {} ({}), is {} away from it.</p>"
+    ).format(
+        reference["method"], _told(reference["settings"]), percent(bar), reference["witness"],
+        _told(reference["witness_settings"]), percent(witness),
+    )  # fmt: skip
+    best = [a for a in chart.get("fastest", []) if a["series"]]
+    said = ", ".join(f"{percent(a['error'])}: {a['series']} in {_seconds(a['seconds'])}" for a in best)
+    return Section(
+        "chart-fastest", "Fastest for a given error", table(rows, heads, stack=True) + text, None,
+        f"Fastest to a path error of {said}." if best else "No method reaches the charted errors.",
+    )  # fmt: skip
+
+
+def _absent(chart: dict[str, Any]) -> list[str]:
+    known = {name for at in chart.get("fastest", []) for name in at["peers"] if at["peers"][name]["ratio"] is not None}
+    return [r["series"] for r in chart["rows"] if r["status"] == "not installed" and r["series"] not in known]
+
+
+def _seconds(x: float | None) -> str:
+    if x is None or not math.isfinite(x):
+        return "–"
+    return f"{number(1e3 * x, 2)} ms" if x < 1.0 else f"{number(x, 2)} s"
+
+
+def _told(settings: dict[str, Any]) -> str:
+    return ", ".join(f"{k} {v}" for k, v in settings.items())
+
+
+# --- charts -----------------------------------------------------------------------------------------------------------
+
+
+def _series(chart: dict[str, Any], wanted: Callable[[Row], bool]) -> dict[str, list[Row]]:
+    out: dict[str, list[Row]] = {}
+    for row in chart["rows"]:
+        if row["status"] == "ok" and wanted(row):
+            out.setdefault(row["series"], []).append(row)
+    return out
+
+
+def _wing(name: str) -> Callable[[Row], bool]:
+    return lambda r: r["kind"] == "method" and METHODS[r["method"]].wing == name
+
+
+def _groups(chart: dict[str, Any]) -> list[tuple[str, dict[str, list[Row]]]]:
+    """Return what is drawn side by side: few enough lines in each to be told apart."""
+    groups = [
+        ("elements", _series(chart, lambda r: _wing("elements")(r) and "fixed" not in r["series"])),
+        ("elements, fixed mesh", _series(chart, lambda r: _wing("elements")(r) and "fixed" in r["series"])),
+        ("Galerkin", _series(chart, _wing("galerkin"))),
+        ("integration in time", _series(chart, lambda r: r["kind"] in ("integrator", "extrapolated"))),
+        ("cheaper models", _series(chart, lambda r: r["kind"] == "model")),
+        ("by tolerance, and other codes", _series(chart, lambda r: r["kind"] in ("tolerance", "peer"))),
+    ]
+    return [(title, lines) for title, lines in groups if lines]
+
+
+def _charts(chart: dict[str, Any], quantity: str) -> Section:
+    drawn = []
+    for title, lines in _groups(chart):
+        known = {k: [r for r in v if r[f"{quantity}_error"] is not None] for k, v in lines.items()}
+        known = {k: v for k, v in known.items() if v}
+        if known:
+            caption = (
+                f"{title.capitalize()}: {ERRORS[quantity]} against {WORK['seconds']}. Lines join the best dots "
+                "of each; numbers at their ends: resolution · steps. Grey: the best of all methods. Shaded: the "
+                "reference's own error."
+            )
+            drawn.append(figure(draw(chart, quantity, "seconds", title, known), caption))
+    what = {"path": "mass path", "tension": "tension"}[quantity]
+    fronts = [r["series"] for r in chart["rows"] if r.get(f"pareto_{quantity}")]
+    names = ", ".join(dict.fromkeys(fronts))
+    return Section(
+        f"chart-{quantity}", f"Speed against accuracy: {what}", gallery(*drawn), None,
+        f"Best of all for the {what}, from quick to exact: {names}." if names else f"No run gave the {what}.",
+    )  # fmt: skip
+
+
+def _work(chart: dict[str, Any]) -> Section:
+    drawn = []
+    for title, lines in _groups(chart):
+        known = {k: [r for r in v if r["unknown_steps"] is not None] for k, v in lines.items()}
+        known = {k: v for k, v in known.items() if v and v[0]["kind"] in OURS}
+        if known:
+            caption = (
+                f"{title.capitalize()}: {ERRORS['path']} against {WORK['unknown_steps']}, which no machine changes."
+            )
+            drawn.append(figure(draw(chart, "path", "unknown_steps", title, known), caption))
+    return Section(
+        "chart-work", "Countable work", gallery(*drawn), None,
+        "The same errors against steps times unknowns, which do not depend on the machine.",
+    )  # fmt: skip
+
+
+def best_of(rows: Sequence[Row], quantity: str, work: str) -> list[Row]:
+    """Return the rows that no other one beats in both work and error, from quick to exact."""
+    out: list[Row] = []
+    for row in sorted(rows, key=lambda r: (r[work], r[f"{quantity}_error"])):
+        if not out or row[f"{quantity}_error"] < out[-1][f"{quantity}_error"]:
+            out.append(row)
+    return out
+
+
+@style()
+def draw(chart: dict[str, Any], quantity: str, work: str, title: str, lines: dict[str, list[Row]]) -> Figure:
+    """Draw one work-precision chart: error over work, both logarithmic, the same frame for all of a page."""
+    error = f"{quantity}_error"
+    fig, ax = panels(height=4.4)
+    dots = [r for r in chart["rows"] if r["status"] == "ok" and r["kind"] != "scipy" and r[error] and r[work]]
+    front = best_of([r for r in dots if r["kind"] in OURS], quantity, work)
+    ax.plot(*_columns(front, work, error), color="#c8c8c8", linewidth=6.0, solid_capstyle="round", zorder=1)
+    for i, (name, rows) in enumerate(lines.items()):
+        colour, marker, dash = PALETTE[i % len(PALETTE)], MARKERS[i % len(MARKERS)], DASHES[i % len(DASHES)]
+        ax.plot(*_columns(rows, work, error), marker, color=colour, alpha=0.25, markersize=3.5, zorder=2)
+        best = best_of(rows, quantity, work)
+        ax.plot(*_columns(best, work, error), marker=marker, color=colour, linestyle=dash, label=name, zorder=3)
+        for k in dict.fromkeys((0, len(best) - 1)):
+            _label(ax, best[k], error, work, colour, left=k == 0)
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.yaxis.set_minor_formatter(NullFormatter())
+    low, high = min(r[error] for r in dots), min(max(r[error] for r in dots), 3.0)
+    floor = chart["reference"].get(error)
+    if floor:
+        low = min(low, 1.5 * floor)
+        ax.axhspan(1e-12, floor, color=GREY, alpha=0.18, linewidth=0)
+    ax.set_ylim(0.5 * low, 2.0 * high)
+    ax.set_xlim(0.4 * min(r[work] for r in dots), 3.0 * max(r[work] for r in dots))
+    ax.set_title(title)
+    ax.set_xlabel(WORK[work])
+    ax.set_ylabel(ERRORS[quantity])
+    fig.legend(loc="outside lower center", ncols=2)
+    return fig
+
+
+def _columns(rows: Sequence[Row], *names: str) -> list[list[float]]:
+    return [[row[name] for row in rows] for name in names]
+
+
+def _label(ax: Axes, row: Row, error: str, work: str, colour: str, *, left: bool) -> None:
+    settings = row.get("chosen") or row["settings"]
+    text = f"tol {row['settings']['tol']:g}" if "tol" in row["settings"] else " · ".join(
+        str(v) for v in settings.values() if not isinstance(v, str)
+    )  # fmt: skip
+    ax.annotate(
+        text, (row[work], row[error]), xytext=(-3, 5) if left else (3, -10), textcoords="offset points", fontsize=7.0,
+        color=BLACK, ha="right" if left else "left",
+        bbox={"boxstyle": "round,pad=0.12", "fc": "white", "ec": colour, "lw": 0.5, "alpha": 0.8}, zorder=4,
+    )  # fmt: skip
+
+
+# --- rows that are no dots, and what a step costs -------------------------------------------------------------------
+
+
+def _failures(chart: dict[str, Any]) -> Section:
+    bad = [r for r in chart["rows"] if r["status"] != "ok"]
+    grouped: dict[tuple[str, str, str], list[Row]] = {}
+    for r in bad:
+        kind = "budget" if r["status"] == "not run" else r["reason"] or ""
+        grouped.setdefault((r["series"], r["status"], kind), []).append(r)
+    rows = []
+    for (name, status, kind), those in grouped.items():
+        at = [_told(r["settings"]) for r in those if r["settings"]]
+        rows.append({
+            "series": name, "status": status, "settings": "; ".join(at) or "–",
+            "reason": "would have cost more than its share of the time" if kind == "budget" else kind,
+        })  # fmt: skip
+    failed = sum(r["status"] == "failed" for r in bad)
+    html = table(rows, {"series": "line", "status": "status", "settings": "settings", "reason": "reason"}, stack=True)
+    return Section(
+        "chart-failed", "Runs that gave no dot", html if rows else Markup("<p>None.</p>"), None,
+        f"{failed} runs failed; {len(bad) - failed} were not run, for time or because a code is not installed.",
+    )  # fmt: skip
+
+
+def _cost(chart: dict[str, Any]) -> Section:
+    growth = [
+        {
+            "method": g["method"], "exponent": f"{g['exponent']:.2f}",
+            "unknowns": f"{g['n_dof'][0]} to {g['n_dof'][-1]}",
+            "step": f"{number(1e6 * g['seconds_per_step'][0], 2)} to {number(1e6 * g['seconds_per_step'][-1], 2)} µs",
+        }
+        for g in chart.get("growth", [])
+    ]  # fmt: skip
+    html = [table(
+        growth, {"method": "method", "exponent": "exponent", "unknowns": "unknowns", "step": "one step"},
+        caption="Seconds per step against unknowns: exponent of a power law through all sizes",
+    )]  # fmt: skip
+    floor, said = chart.get("floor"), ""
+    if floor:
+        said = (
+            f"An iteration of {floor['method']} costs {floor['ratio']:.1f} times a bare LAPACK banded solve of its size"
+            f" ({floor['run_ratio']:.1f} times with all of a real run's overhead)."
+        )
+        html.append(Markup("<p>{}</p>").format(
+            f"{floor['n_dof']} unknowns: LAPACK's dgbsv {1e6 * floor['bare_solve']:.1f} µs, one Newton iteration "
+            f"(tangent, factors, solution) {1e6 * floor['iteration']:.1f} µs, mean of a run of {floor['steps']} steps "
+            f"{1e6 * floor['run_iteration']:.1f} µs; medians, one core."
+        ))  # fmt: skip
+    scipy = [r for r in chart["rows"] if r["kind"] == "scipy" and r["status"] == "ok"]
+    if scipy:
+        html.append(table(
+            [
+                {"rule": r["settings"]["rule"], "gap": percent(r["driver_gap"]), "seconds": _seconds(r["seconds"])}
+                for r in scipy
+            ],
+            {"rule": "scipy's rule", "gap": "largest distance from the driver's mass path", "seconds": "its seconds"},
+            caption="The shared driver against scipy on the same semi-discrete equations",
+        ))  # fmt: skip
+    chosen = [r for r in chart["rows"] if r["kind"] == "tolerance" and r["status"] == "ok"]
+    if chosen:
+        html.append(table(
+            [
+                {
+                    "method": r["method"], "tol": percent(r["settings"]["tol"]), "chosen": _told(r["chosen"]),
+                    "bar": percent(r["bar"]), "true": percent(r["path_error"]), "seconds": _seconds(r["seconds"]),
+                }
+                for r in chosen
+            ],
+            {
+                "method": "method", "tol": "asked", "chosen": "chosen", "bar": "stated error bar", "true": "true error",
+                "seconds": "seconds, all trial runs included",
+            },
+            caption="A tolerance instead of a resolution", stack=True,
+        ))  # fmt: skip
+    rows = [r for r in chart["rows"] if r["status"] == "ok"]
+    all_rows = table(
+        [
+            {
+                "series": r["series"], "settings": _told(r["settings"]), "path": percent(r["path_error"]),
+                "tension": percent(r["tension_error"]), "seconds": _seconds(r["seconds"]),
+                "spread": None if not r["spread"] else f"{r['spread']:.2f}", "n": r["n_dof"], "steps": r["steps"],
+                "iterations": r["newton_iterations"], "factors": r["factorisations"],
+            }
+            for r in rows
+        ],
+        {
+            "series": "line", "settings": "settings", "path": "path error", "tension": "tension error",
+            "seconds": "best of repeats", "spread": "slowest / best", "n": "unknowns", "steps": "steps",
+            "iterations": "Newton iterations", "factors": "factorisations",
+        },
+    )  # fmt: skip
+    html.append(details(f"All {len(rows)} dots", all_rows))
+    machine = ", ".join(f"{k} {v}" for k, v in chart.get("machine", {}).items())
+    html.append(Markup("<p><small>{}</small></p>").format(escape(machine)))
+    return Section("chart-cost", "What a step costs", Markup("\n").join(html), None, said or "Cost per step by method.")

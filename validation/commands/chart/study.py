@@ -1,0 +1,713 @@
+"""Speed against accuracy: every method, model and integrator over its ladder, other codes beside them in the same run.
+
+Errors are of the mass path (largest distance over the largest deflection) and of the tension field (rms off the mass,
+over H), in the window of comparison or up to the slack onset, against a reference far finer than anything charted.
+Seconds are those of the time loop alone, up to the end of the window, the best of separate runs on one core.  Our runs
+are short and on the wall clock; of another code's long ones, what other programs took of the core is left out.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import math
+import platform
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.linalg import lapack
+from threadpoolctl import threadpool_limits
+
+from cablefem import newmark
+from cablefem.newmark import SCHEMES
+from cablefem.response import Array, Response, write_json
+from cablefem.scene import Groups, Motion, Scene
+from validation.core import measures
+from validation.core.estimate import SAME_ONSET, estimated
+from validation.core.measures import NotComparable, Window
+from validation.core.methods import METHODS, Method, refined
+from validation.core.resolution import TooCoarse, resolve
+from validation.core.running import run
+from validation.peers import PEERS, PeerPath, available
+
+STOP = measures.WINDOW[1]
+DECADES = (1e-2, 1e-3, 1e-4)
+OURS = ("method", "integrator", "extrapolated")  # kinds that solve the full cable at given settings
+
+# The reference is of a degree that no charted run comes near in resolution; its companions give its own error.
+REFERENCE: tuple[str, dict[str, Any]] = ("following-p4", {"elements": 24, "steps": 8000})
+# The other wing's finest: says how far two solvers that share no formula are from each other.
+WITNESS: tuple[str, dict[str, Any]] = ("fourier-kink", {"terms": 60, "steps": 3000})
+
+# Resolutions over the default, and steps over those that grow in balance with it.
+FINER = tuple(2.0 ** (0.5 * k) for k in range(-3, 4))
+STEPS = (0.25, 0.5, 1.0)
+BRIEF = 0.2  # [s]
+DENSE = tuple(2.0 ** (-0.25 * k) for k in range(8, -1, -1))  # for runs of milliseconds
+BASE = "following-p2"  # carries the models, the integrators and the checks of the driver
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """What is charted as one line: a name, what runs, and its rungs from coarse to fine."""
+
+    name: str
+    kind: str  # "method" | "model" | "integrator" | "extrapolated" | "tolerance" | "peer" | "scipy"
+    rungs: tuple[dict[str, Any], ...]
+    method: str | None = None
+    model: str = "full"
+
+
+def chart(
+    scene: Scene, out: Path, progress: Progress | None = None, *, peers: bool = True, repeats: int = 3,
+    budget: float = 240.0,
+) -> dict[str, Any]:  # fmt: skip
+    """Measure speed against accuracy on a scene and store it as chart.json; go on where an earlier call stopped.
+
+    peers : run other codes as well, where they are installed.
+    repeats : separate timed runs of each setting; the best counts, the spread is kept.
+    budget : [s] for all runs together; what would exceed its share is a row "not run" with the seconds expected.
+    """
+    report = progress or (lambda label, fraction: None)
+    path = out / "chart.json"
+    before = _read(path, scene)
+    report("reference", 0.0)
+    truth = _Truth.of(scene, before.get("reference"))
+    rows: list[dict[str, Any]] = [r for r in before.get("rows", []) if r["status"] not in ("not run", "not installed")]
+    todo = list(series(peers))
+    found = {
+        "scene": scene.name, "scene_toml": scene.to_toml(), "machine": _machine(), "window": list(truth.window),
+        "reference": truth.told, "rows": rows,
+    }  # fmt: skip
+    for i, line in enumerate(todo):
+        report(line.name, 0.05 + 0.85 * i / len(todo))
+        share = (6.0 if line.kind == "peer" else 1.5) * budget / len(todo)  # other codes are slow
+        rows += _line(scene, line, truth, rows, repeats, share)
+        write_json(path, found)
+    report("cost growth", 0.9)
+    found["growth"] = before.get("growth") or growth(scene)
+    found["floor"] = before.get("floor") or implicit_floor(scene)
+    for quantity in ("path", "tension"):
+        front(rows, quantity)
+    found["fastest"] = [fastest(rows, error) for error in DECADES]
+    write_json(path, found)
+    report("done", 1.0)
+    return found
+
+
+def series(peers: bool = True) -> Iterator[Series]:
+    """Yield what is charted; names come from the tables of methods, schemes, models and peers."""
+    from cablefem.elements.cable import MODELS
+
+    base = METHODS[BASE]
+    for method in METHODS.values():
+        shares = DENSE if method is base else STEPS
+        yield Series(method.name, "method", tuple(ladder(method, shares)), method.name)
+    for model in MODELS:
+        if model != "full":
+            yield Series(f"model {model}", "model", tuple(ladder(base))[::4], BASE, model)
+    for scheme in SCHEMES:
+        if scheme != base.knobs["scheme"].default:
+            rungs = tuple(x | {"scheme": scheme} for x in ladder(base))
+            yield Series(f"scheme {scheme}", "integrator", rungs[::3] if scheme == "energy" else rungs[::2], BASE)
+    yield Series(f"{BASE} extrapolated", "extrapolated", tuple(ladder(base)), BASE)
+    for name in (BASE, WITNESS[0]):
+        yield Series(f"{name} --tol", "tolerance", tuple({"tol": tol} for tol in DECADES), name)
+    for rule in ("DOP853", "Radau"):
+        yield Series(f"scipy {rule}", "scipy", ({"elements": 3, "rule": rule},), BASE)
+    if peers:
+        for peer in PEERS.values():
+            yield Series(peer.name, "peer", tuple(dict(rung) for rung in peer.ladder))
+
+
+def ladder(method: Method, shares: tuple[float, ...] = STEPS) -> Iterator[dict[str, Any]]:
+    """Yield a method's settings from coarse to fine, around its defaults.
+
+    Steps grow with the resolution so that errors of second order in time keep pace with those in space, at least
+    linearly, and as its square where the method asks for that by its own default; `shares` of them are taken.
+    """
+    settings = method.settings({})
+    growth = max(1.0, 0.5 * method.space_order)
+    if settings["steps"] > 1000:  # N'' jumps at nodes: an error of elements^2/steps
+        growth = 2.0
+    seen = set()
+    for finer in FINER:
+        for share in shares:
+            x = refined(method, settings, space=finer, time=share * finer**growth)
+            key = (x[method.resolution], x["steps"])
+            if key not in seen and x[method.resolution] >= method.knobs[method.resolution].allowed[0]:
+                seen.add(key)
+                yield {method.resolution: key[0], "steps": key[1]}
+
+
+# --- the truth --------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Truth:
+    """The reference, the window in which it holds, and what is known about its own error."""
+
+    run: Response
+    window: Window
+    told: dict[str, Any]
+
+    @classmethod
+    def of(cls, scene: Scene, told: dict[str, Any] | None) -> _Truth:
+        name, settings = REFERENCE
+        reference = run(scene, name, until=STOP, **settings)
+        if reference.reached < STOP and reference.slack_onset is None:
+            raise ValueError(f"the chart's reference stopped at s_o/l = {reference.reached:.3f}: {reference.reason}")
+        window = measures.window_of(reference)
+        if told is None:
+            bars = estimated(scene, name, known=[reference], until=STOP, **settings).run
+            other = run(scene, WITNESS[0], until=STOP, **WITNESS[1])
+            told = {
+                "method": name, "settings": settings, "path_error": bars.path_error,
+                "tension_error": bars.tension_error, "witness": WITNESS[0], "witness_settings": WITNESS[1],
+                "witness_path": _or_none(lambda: measures.path_gap(other, reference, window)[0]),
+                "witness_tension": _or_none(lambda: measures.tension_gap(other, reference, window)),
+                "max_deflection": reference.max_deflection, "slack_onset": reference.slack_onset,
+            }  # fmt: skip
+        return cls(reference, window, told)
+
+    def errors(self, r: Response) -> dict[str, float]:
+        """Return the errors of a run that covers the window."""
+        path, rms = measures.path_gap(r, self.run, self.window)
+        return {"path_error": path, "path_rms": rms, "tension_error": measures.tension_gap(r, self.run, self.window)}
+
+    def errors_of_path(self, p: PeerPath, scale: float, unit: float) -> dict[str, float]:
+        """Return the errors of another code's path; `scale` [m] and `unit` [s] are those of its numbers."""
+        inside = (p.s_o >= self.window[0]) & (p.s_o <= self.window[1])
+        ours = CubicSpline(self.run.t, np.stack([self.run.u, self.run.v], axis=1))(unit * p.t[inside])
+        gap = np.hypot(*(scale * np.stack([p.u, p.v])[:, inside] - ours.T)) / self.run.max_deflection
+        return {"path_error": float(gap.max()), "path_rms": float(np.sqrt(np.mean(gap**2)))}
+
+
+def _or_none(measure: Callable[[], float]) -> float | None:
+    try:
+        return measure()
+    except NotComparable:
+        return None
+
+
+# --- one line of the chart ------------------------------------------------------------------------------------------
+
+
+def _line(
+    scene: Scene, line: Series, truth: _Truth, rows: list[dict[str, Any]], repeats: int, share: float
+) -> list[dict[str, Any]]:  # fmt: skip
+    """Return the rows of a series that are not there yet; `share` [s] is what it may cost."""
+    done = {(r["series"], json.dumps(r["settings"], sort_keys=True)): r for r in rows}
+    new: list[dict[str, Any]] = []
+    missing = available(line.name) if line.kind == "peer" else None
+    if missing is not None:
+        return [_row(line, {}, status="not installed", reason=missing)]
+    seconds_per_size, left = 0.0, share
+    for rung in line.rungs:
+        if (line.name, json.dumps(rung, sort_keys=True)) in done:
+            continue
+        expected = seconds_per_size * _size(line, rung)
+        if expected > left:
+            reason = f"about {expected:.2g} s, more than its share of the budget"
+            new.append(_row(line, rung, status="not run", reason=reason))
+            continue
+        begin = time.perf_counter()
+        row = _RUNNERS[line.kind](scene, line, rung, truth, max(1, repeats), left)
+        spent = time.perf_counter() - begin
+        left -= spent
+        seconds_per_size = spent / (row["repeats"] or 1) / _size(line, rung)
+        new.append(row)
+    return new
+
+
+def _size(line: Series, rung: dict[str, Any]) -> float:
+    """Return what the seconds of a rung are roughly proportional to."""
+    if line.kind == "tolerance":
+        return float(rung["tol"] ** -0.75)  # steps ~ tol^-1/2, unknowns ~ tol^-1/2 at a part of the cost
+    space = next((2.0**v if k == "level" else v for k, v in rung.items() if k in ("elements", "terms", "level")), 1.0)
+    if line.kind == "peer":
+        return float(rung.get("steps", space) * space)
+    return float(rung.get("steps", 1) * (space + 15.0))
+
+
+def _row(line: Series, settings: dict[str, Any], **found: Any) -> dict[str, Any]:
+    empty = dict.fromkeys((
+        "reason", "reached", "path_error", "path_rms", "tension_error", "seconds", "spread", "repeats", "n_dof",
+        "steps", "newton_iterations", "factorisations", "unknown_steps", "driver_gap",
+    ))  # fmt: skip
+    known = {"series": line.name, "kind": line.kind, "method": line.method, "model": line.model, "settings": settings}
+    return known | empty | found
+
+
+def _timed(first: float, again: Callable[[], float], repeats: int, left: float) -> dict[str, Any]:
+    """Return the best of several separate runs and the spread (slowest over best), as many as there is time for.
+
+    Runs of milliseconds are repeated more often: the clock of a core may change from one to the next.
+    """
+    seconds = [first]
+    while sum(seconds) + first < left:
+        if len(seconds) >= repeats and (len(seconds) >= 3 * repeats or sum(seconds) > BRIEF):
+            break
+        seconds.append(again())
+    return {
+        "seconds": min(seconds), "spread": max(seconds) / min(seconds) if len(seconds) > 1 else None,
+        "repeats": len(seconds),
+    }  # fmt: skip
+
+
+def _alone(call: Callable[[], Any]) -> tuple[Any, float]:
+    """Return what a call returns, and the part of its wall time in which the processor worked for it."""
+    wall, own = time.perf_counter(), time.process_time()
+    found = call()
+    return found, min(1.0, (time.process_time() - own) / (time.perf_counter() - wall))
+
+
+def _judged(r: Response, truth: _Truth) -> dict[str, Any]:
+    """Return the errors and the countable work of a run, or why it has none."""
+    work = {
+        "reached": r.reached, "n_dof": r.n_dof, "steps": r.work["steps"],
+        "newton_iterations": r.work["newton_iterations"], "factorisations": r.work["factorisations"],
+        "unknown_steps": r.work["steps"] * r.n_dof,
+    }  # fmt: skip
+    if r.reached < truth.window[1]:
+        return work | {"status": "failed", "reason": r.reason or f"ended at s_o/l = {r.reached:.3f}"}
+    try:
+        return work | {"status": "ok", **truth.errors(r)}
+    except NotComparable as error:
+        return work | {"status": "failed", "reason": str(error)}
+
+
+def _run_ours(
+    scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth, repeats: int, left: float
+) -> dict[str, Any]:  # fmt: skip
+    assert line.method is not None
+    method = line.method
+
+    def once() -> tuple[Response, float]:
+        r = run(scene, method, model=line.model, until=STOP, **rung)
+        return r, r.seconds
+
+    try:
+        r, seconds = once()
+    except ValueError as error:
+        return _row(line, rung, status="failed", reason=str(error))
+    return _row(line, rung, **_judged(r, truth), **_timed(seconds, lambda: once()[1], repeats, left))
+
+
+def _run_extrapolated(
+    scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth, repeats: int, left: float
+) -> dict[str, Any]:  # fmt: skip
+    """Two runs, the second with half the steps, and Richardson's extrapolation of second order in time; both count."""
+    assert line.method is not None
+    method = line.method
+
+    def once() -> tuple[Response, Response, float]:
+        fine = run(scene, method, until=STOP, **rung)
+        coarse = run(scene, method, until=STOP, **rung | {"steps": rung["steps"] // 2})
+        return fine, coarse, fine.seconds + coarse.seconds
+
+    fine, coarse, seconds = once()
+    work = {k: fine.work[k] + coarse.work[k] for k in fine.work}
+    if min(fine.reached, coarse.reached) < truth.window[1]:
+        reason = fine.reason or coarse.reason or "one of the two runs ended early"
+        return _row(line, rung, status="failed", reason=reason, reached=min(fine.reached, coarse.reached))
+    better = replace(measures.extrapolated(fine, coarse, 2.0), work=work)
+    return _row(line, rung, **_judged(better, truth), **_timed(seconds, lambda: once()[2], repeats, left))
+
+
+def _run_tolerance(
+    scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth, repeats: int, left: float
+) -> dict[str, Any]:  # fmt: skip
+    """A tolerance in place of a resolution: the seconds are those of every run it took to get there."""
+    assert line.method is not None
+    method = line.method
+
+    def once() -> tuple[Response, float]:
+        begin = time.process_time()
+        r = resolve(scene, method, rung["tol"], until=STOP)
+        return r, time.process_time() - begin
+
+    try:
+        r, seconds = once()
+    except TooCoarse as error:
+        return _row(line, rung, status="failed", reason=str(error))
+    return _row(
+        line, rung, **_judged(r, truth), **_timed(seconds, lambda: once()[1], repeats, left), bar=r.path_error,
+        chosen={k: r.settings[k] for k in (METHODS[method].resolution, "steps")},
+    )  # fmt: skip
+
+
+def _run_peer(
+    scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth, repeats: int, left: float
+) -> dict[str, Any]:  # fmt: skip
+    groups = until(scene.groups, STOP)
+
+    def once() -> tuple[PeerPath, float]:
+        with threadpool_limits(1):
+            p, share = _alone(lambda: PEERS[line.name].run(groups, **rung))
+        return p, share * p.seconds
+
+    try:
+        p, seconds = once()
+    except Exception as error:  # another code may fail in its own ways
+        return _row(line, rung, status="failed", reason=f"{type(error).__name__}: {error}")
+    steps = {"steps": p.t.size - 1, "reached": p.reached}
+    if p.reached < truth.window[1] * (1.0 - 1e-9):
+        return _row(line, rung, **steps, status="failed", reason=p.note or f"ended at s_o/l = {p.reached:.3f}")
+    found = truth.errors_of_path(p, scene.length, scene.time_scale)
+    return _row(
+        line, rung, status="ok", **steps, **found, **_timed(seconds, lambda: once()[1], repeats, left)
+    )  # fmt: skip
+
+
+def until(groups: Groups, place: float) -> Groups:
+    """Return the groups with a travel that ends at that place, as it is passed: what another code has to run."""
+    motion = groups.motion
+    assert motion is not None
+    if place >= motion.end:
+        return groups
+    t = motion.time_at(place)
+    n = next(i for i, (_, stop) in enumerate(motion.phases) if t <= stop)
+    phases = (*motion.phases[:n], (motion.phases[n][0], t))
+    return replace(groups, motion=Motion(phases, motion.pieces[: n + 1], place))
+
+
+# --- the shared driver against scipy ----------------------------------------------------------------------------------
+
+RTOL = {"DOP853": 1e-7, "Radau": 1e-6}
+
+
+def _run_scipy(
+    scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth, repeats: int, left: float
+) -> dict[str, Any]:  # fmt: skip
+    """Integrate our own semi-discrete system by scipy, from s_o/l = 0.02 on, and by the driver.
+
+    `driver_gap` is the distance of the two mass paths over the largest deflection; the driver takes so many steps that
+    this is its own time error.
+    """
+    assert line.method is not None
+    system = METHODS[line.method].build(
+        scene.groups, METHODS[line.method].settings({"elements": rung["elements"]}), model="full", load="mass",
+        law="elastic",
+    )  # fmt: skip
+    motion = scene.groups.motion
+    assert motion is not None
+    begin, end = motion.time_at(measures.WINDOW[0]), motion.time_at(truth.window[1])
+    states = []
+    with threadpool_limits(1):
+        for x in newmark.integrate(system, newmark.scheme("trapezoidal"), newmark.step_times(system, 6000)):
+            states.append(x)
+            if x.t >= end:
+                break
+        first = next(i for i, x in enumerate(states) if x.t >= begin)
+        states = states[first:]
+        n, calls, zero = system.n_dof, 0, np.zeros(system.n_dof)
+        seconds, parts = 0.0, [np.concatenate([states[0].q, states[0].v])[None]]
+        for phase, (start, _) in enumerate(motion.phases):
+            at = np.array([x.t for x in states if x.phase == phase])
+            if at.size < 2:
+                continue
+
+            def rate(t: float, y: Array, phase: int = phase) -> Array:
+                nonlocal calls
+                calls += 1
+                r, solve = system.linearise(t, y[:n], y[n:], zero, phase, 0.0, 0.0, 1.0)
+                return np.concatenate([y[n:], -solve(r)])
+
+            clock = time.perf_counter()
+            answer = solve_ivp(
+                rate, (at[0] if len(parts) == 1 else start, at[-1]), parts[-1][-1], method=rung["rule"], t_eval=at,
+                rtol=RTOL[rung["rule"]], atol=1e-10,
+            )  # fmt: skip
+            seconds += time.perf_counter() - clock
+            if not answer.success:
+                return _row(line, rung, status="failed", reason=answer.message)
+            parts.append(answer.y.T if len(parts) > 1 else answer.y.T[1:])
+        theirs = np.concatenate(parts)[:, :n]
+    ours = np.array([x.q for x in states])
+    node = slice(*(2 * system.node + k for k in (0, 2)))  # type: ignore[attr-defined]
+    gap = np.hypot(*(theirs[: ours.shape[0], node] - ours[: theirs.shape[0], node]).T)
+    return _row(
+        line, rung, status="ok", n_dof=n, seconds=seconds, repeats=1, steps=len(states) - 1, calls=calls,
+        reached=truth.window[1], driver_gap=float(gap.max() * scene.length / truth.run.max_deflection),
+    )  # fmt: skip
+
+
+_RUNNERS: dict[str, Callable[..., dict[str, Any]]] = {
+    "method": _run_ours, "model": _run_ours, "integrator": _run_ours,
+    "extrapolated": _run_extrapolated, "tolerance": _run_tolerance, "peer": _run_peer,
+    "scipy": _run_scipy,
+}  # fmt: skip
+
+
+# --- cost -------------------------------------------------------------------------------------------------------------
+
+
+def growth(scene: Scene, *, most: int = 1000, repeats: int = 2) -> list[dict[str, Any]]:
+    """Return per method the seconds per step over the number of unknowns, and the exponent of a power law through them.
+
+    most : elements per side of the largest mesh.  Bases of global functions stop at 80: their matrices are full.
+    """
+    out = []
+    for method in METHODS.values():
+        if method.resolution == "level":
+            sizes: list[int] = [0, 1, 2, 3]
+        elif method.resolution == "terms":
+            sizes = [10, 20, 40, 80]
+        else:
+            sizes = [n for n in (10, 32, 100, 320, 1000) if n <= most]
+        unknowns: list[int] = []
+        cost: list[float] = []
+        for size in sizes:
+            settings: dict[str, Any] = {method.resolution: size, "steps": 1000}
+            runs = [run(scene, method, until=0.04, **settings) for _ in range(repeats)]
+            unknowns.append(runs[0].n_dof)
+            cost.append(min(r.seconds / max(1, r.work["steps"]) for r in runs))
+        exponent = float(np.polyfit(np.log(unknowns), np.log(cost), 1)[0])
+        out.append({"method": method.name, "n_dof": unknowns, "seconds_per_step": cost, "exponent": exponent})
+    return out
+
+
+def implicit_floor(scene: Scene, *, elements: int = 10, steps: int = 480, repeats: int = 9) -> dict[str, Any]:
+    """Return what an iteration of following-p2 costs over LAPACK's bare banded solve of the same size, medians.
+
+    iteration : tangent, factors and solution;  run : a real run's seconds per Newton iteration, everything included.
+    """
+    from cablefem.elements.following import FollowingElements
+
+    system = FollowingElements(scene.groups, elements=elements)
+    n, band = system.n_dof, system._band
+    rng = np.random.default_rng(5)
+    matrix = np.zeros((3 * band + 1, n), order="F")
+    matrix[band:] = rng.standard_normal((2 * band + 1, n))
+    matrix[2 * band] += 20.0
+    b = rng.standard_normal(n)
+    dt = system.phases[-1][1] / steps
+    c = 0.25 * dt * dt, 0.5 * dt, 1.0
+    grid, found = newmark.step_times(system, steps), []
+    with threadpool_limits(1):
+        for _ in range(repeats):
+            work, begin = newmark.Work(), time.perf_counter()
+            advance = newmark.integrate(system, newmark.scheme("trapezoidal"), grid, work=work)
+            x = next(x for x in advance if work.steps >= steps // 2)
+            whole = (time.perf_counter() - begin) / work.newton_iterations
+
+            def iteration(x: newmark.State = x) -> None:
+                r, solve = system.linearise(x.t, x.q, x.v, x.a, x.phase, *c)
+                solve(r)
+
+            def bare() -> None:
+                lapack.dgbsv(band, band, matrix.copy(order="F"), b.copy(), overwrite_ab=1, overwrite_b=1)
+
+            def copies() -> None:
+                matrix.copy(order="F"), b.copy()
+
+            one, lone = _clocked(iteration), _clocked(bare) - _clocked(copies)
+            found.append((lone, one, whole, one / lone, whole / lone))
+    lone, one, whole, ratio, run_ratio = np.median(found, axis=0)
+    return {
+        "method": BASE, "elements": elements, "steps": steps, "n_dof": n, "bare_solve": float(lone),
+        "iteration": float(one), "run_iteration": float(whole), "ratio": float(ratio), "run_ratio": float(run_ratio),
+    }  # fmt: skip
+
+
+def _clocked(job: Callable[[], None], n: int = 200) -> float:
+    job()
+    begin = time.perf_counter()
+    for _ in range(n):
+        job()
+    return (time.perf_counter() - begin) / n
+
+
+# --- what the rows say ------------------------------------------------------------------------------------------------
+
+
+def front(rows: list[dict[str, Any]], quantity: str) -> None:
+    """Mark the rows that no other one beats in both seconds and error: row["pareto_path" or "pareto_tension"]."""
+    error, mark = f"{quantity}_error", f"pareto_{quantity}"
+    known = [r for r in rows if r["status"] == "ok" and r[error] is not None and r["seconds"] is not None]
+    for row in rows:
+        row[mark] = False
+    best = math.inf
+    for row in sorted(known, key=lambda r: (r["seconds"], r[error])):
+        if row[error] < best and row["kind"] != "scipy":
+            row[mark], best = True, row[error]
+
+
+def seconds_at(rows: list[dict[str, Any]], error: float, quantity: str = "path") -> float | None:
+    """Return the seconds at which a set of rows reaches an error, between its own best rows, log over log.
+
+    None where no row reaches it; where the coarsest row is better already, that row's seconds.
+    """
+    name = f"{quantity}_error"
+    usable = (r for r in rows if r["status"] == "ok" and r[name] is not None and r["seconds"] is not None)
+    known = sorted((r["seconds"], r[name]) for r in usable)
+    best: list[tuple[float, float]] = []
+    for seconds, e in known:
+        if not best or e < best[-1][1]:
+            best.append((seconds, e))
+    for i, (seconds, e) in enumerate(best):
+        if e <= error:
+            if i == 0:
+                return seconds
+            s0, e0 = best[i - 1]
+            share = math.log(e0 / error) / math.log(e0 / e)
+            return s0 * (seconds / s0) ** share
+    return None
+
+
+def fastest(rows: list[dict[str, Any]], error: float) -> dict[str, Any]:
+    """Return which method reaches a path error first, in what time, and how much longer each peer takes."""
+    of = {name: [r for r in rows if r["series"] == name] for name in dict.fromkeys(r["series"] for r in rows)}
+    full = {name: x for name, x in of.items() if x[0]["kind"] in OURS}
+    ours = {name: at for name, x in full.items() if (at := seconds_at(x, error)) is not None}
+    best = min(ours, key=lambda name: ours[name], default=None)
+    peers = {}
+    for name, x in of.items():
+        if x[0]["kind"] == "peer":
+            at = seconds_at(x, error)
+            peers[name] = {
+                "seconds": at, "ratio": None if at is None or best is None else at / ours[best],
+                "reason": None if at is not None else _why_not(x),
+            }  # fmt: skip
+    return {"error": error, "series": best, "seconds": None if best is None else ours[best], "peers": peers}
+
+
+def _why_not(rows: list[dict[str, Any]]) -> str:
+    errors = [r["path_error"] for r in rows if r["path_error"] is not None]
+    return f"not measured: comes to {min(errors):.2g} at best" if errors else f"not measured: {rows[0]['reason']}"
+
+
+def _read(path: Path, scene: Scene) -> dict[str, Any]:
+    try:
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        return stored if stored["scene_toml"] == scene.to_toml() else {}
+    except (OSError, ValueError, KeyError):
+        return {}
+
+
+def _machine() -> dict[str, str]:
+    names = ("numpy", "scipy", "numba")
+    return {"python": platform.python_version(), "machine": platform.machine(), "threads": "1"} | {
+        name: importlib.metadata.version(name) for name in names
+    }
+
+
+# --- is the stated error bar true? ------------------------------------------------------------------------------------
+
+# For the survey: finer than any bar it is held against, and a second one that says so.
+SURE: tuple[dict[str, Any], dict[str, Any]] = ({"elements": 48, "steps": 20_000}, {"elements": 34, "steps": 14_000})
+
+
+def random_scene(rng: np.random.Generator, name: str, *, accelerated: bool) -> Scene:
+    """Return a scene over the range in which the solvers are meant to work; refused combinations are drawn again."""
+    from cablefem.scene import SceneError
+
+    while True:
+        sag, mu, alpha = (math.exp(rng.uniform(math.log(a), math.log(b))) for a, b in RANGES)
+        slope, speed = rng.uniform(0.0, 45.0), rng.uniform(0.1, 0.8)
+        try:
+            return Scene.from_groups(
+                sag_ratio=sag, slope=slope, mu=mu, alpha=alpha, speed_ratio=speed, name=name,
+                travel="constant_acceleration" if accelerated else "constant_speed",
+            )  # fmt: skip
+        except (SceneError, ValueError):
+            continue
+
+
+RANGES = ((0.005, 0.2), (0.05, 5.0), (50.0, 1e4))  # sag/span, mu, alpha; logarithmic
+
+
+def tolerance_survey(
+    n: int = 30, seed: int = 1, *, tols: tuple[float, ...] = DECADES, method: str = BASE, built_in: bool = True,
+    sure: tuple[dict[str, Any], dict[str, Any]] = SURE, by_hand: bool = True, progress: Progress | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Hold the error bars of `resolve` against much finer runs, on the built-in and n random scenes.
+
+    Per scene and tolerance: the bar, the true error up to the slack onset, the cost over that of the cheapest equal
+    settings of a grid that meet the tolerance (`by_hand`), of the run returned and of all runs made.  Cost is Newton
+    iterations times (1 + elements/8), the measured cost of one.  A row is judged where the two references differ by
+    less than a third of its bar.
+    """
+    finest = METHODS[REFERENCE[0]]
+    rng = np.random.default_rng(seed)
+    scenes = [s for name in Scene.library() if (s := Scene.load(name)).mass is not None] if built_in else []
+    scenes += [random_scene(rng, f"random-{seed}-{k}", accelerated=k % 3 == 2) for k in range(n)]
+    rows = []
+    for i, scene in enumerate(scenes):
+        if progress is not None:
+            progress(scene.name, i / len(scenes))
+        truth, second = (run(scene, finest, until=STOP, **x) for x in sure)
+        doubt = measures.path_gap(second, truth, measures.window_of(truth, second))[0]
+        hand = _by_hand(scene, method, truth) if by_hand else []
+        for tol in tols:
+            runs: list[Response] = []
+            begin = time.perf_counter()
+            try:
+                r = resolve(scene, method, tol, until=STOP, runs=runs)
+                met = True
+            except TooCoarse as error:
+                r, met = error.best, False
+            row = {
+                "scene": scene.name, "mu": scene.mu, "alpha": scene.alpha, "sigma": scene.sigma, "tol": tol, "met": met,
+                "elements": r.settings["elements"], "steps": r.settings["steps"], "bar": r.path_error,
+                "slack_onset": truth.slack_onset, "doubt": doubt, "seconds": time.perf_counter() - begin,
+            }  # fmt: skip
+            best = min((cost for cost, error in hand if error <= tol), default=None)
+            row |= {
+                "true": _true(r, truth),
+                "cost": None if best is None else _spent(r) / best,
+                "cost_all": None if best is None else sum(map(_spent, runs)) / best,
+            }  # fmt: skip
+            row["judged"] = None not in (row["true"], r.path_error) and doubt <= row["bar"] / 3.0
+            rows.append(row)
+    return {"seed": seed, "rows": rows} | _survey_summary(rows, tols)
+
+
+def _true(r: Response, truth: Response) -> float | None:
+    """Return the error of a run up to the slack onset of the truth, or its own; None where that leaves no window."""
+    return _or_none(lambda: measures.path_gap(r, truth, measures.window_of(r, truth))[0])
+
+
+def _spent(r: Response) -> float:
+    return r.work["newton_iterations"] * (1.0 + r.settings["elements"] / 8.0)
+
+
+def _by_hand(scene: Scene, method: str, truth: Response) -> list[tuple[float, float]]:
+    """Return cost and true error of a grid of equal settings."""
+    out = []
+    for elements in (3, 4, 6, 8, 11, 16, 23, 32):
+        for steps in (57, 80, 113, 160, 226, 320, 453, 640, 905, 1280, 1810, 2560, 3620):
+            if steps > 150 * elements:
+                continue
+            r = run(scene, method, until=STOP, elements=elements, steps=steps)
+            # slack that only coarse steps see would cut the window short
+            if min(r.reached, r.slack_onset or STOP) >= min(STOP, truth.slack_onset or STOP) - SAME_ONSET:
+                error = _true(r, truth)
+                if error is not None:
+                    out.append((_spent(r), error))
+    return out
+
+
+def _survey_summary(rows: list[dict[str, Any]], tols: tuple[float, ...]) -> dict[str, Any]:
+    """Return the share of bars that hold, their median over the true error, and median costs, per tol and for all."""
+    out = {}
+    for name, part in [(f"{tol:g}", [r for r in rows if r["tol"] == tol]) for tol in tols] + [("all", rows)]:
+        judged = [r for r in part if r["judged"]]
+        ratio = [r["bar"] / r["true"] for r in judged]
+        costs = {k: [r[k] for r in part if r[k] is not None and r["met"]] for k in ("cost", "cost_all")}
+        out[name] = {
+            "rows": len(part), "judged": len(judged), "met": sum(r["met"] for r in part),
+            "coverage": sum(x >= 1.0 for x in ratio) / len(ratio) if ratio else None,
+            "bar_over_true": float(np.median(ratio)) if ratio else None,
+            **{k: float(np.median(x)) if x else None for k, x in costs.items()},
+        }  # fmt: skip
+    return {"summary": out}

@@ -1,0 +1,90 @@
+"""The main job: two solvers that share no formula run the same scene, and their answers are held against each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from cablefem.response import write_json
+from cablefem.scene import Scene
+from validation.core import measures
+from validation.core.agreement import Agreement, Verdict, agree, overall
+from validation.core.estimate import Estimated
+from validation.core.methods import Method, find
+from validation.core.resolution import resolved
+
+SOLVERS = ("following-p2", "fourier-kink")
+
+# What both solvers use, so that the check cannot see its faults; each has a check of its own.
+SHARED = (
+    ("scene and its groups", "round trip and identities over random scenes"),
+    ("static catenary", "put into its differential equation; equilibrium of elements in absolute coordinates"),
+    ("travel s_o(t)", "derivatives against differences; events at jumps of acceleration"),
+    ("Newmark driver", "exact recurrence of an oscillator; scipy's Radau and DOP853 on the same system"),
+    ("sampling and units", "responses of both solvers against exact answers (cablefem oracles)"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """Two estimated runs of one scene and the verdict on them."""
+
+    scene: Scene
+    a: Estimated
+    b: Estimated
+    tol: float
+    window: tuple[float, float]
+    rows: list[Agreement]
+
+    @property
+    def verdict(self) -> Verdict:
+        return overall(self.rows)
+
+    def agreement(self) -> dict[str, Any]:
+        """Return the content of agreement.json."""
+        return {
+            "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window), "tol": self.tol,
+            "methods": [self.a.run.method, self.b.run.method], "rows": [row.row() for row in self.rows],
+        }  # fmt: skip
+
+    def write(self, out: Path) -> None:
+        """Write scene.toml, one folder per method (with its companions) and agreement.json."""
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "scene.toml").write_text(self.scene.to_toml(), encoding="utf-8")
+        for e in (self.a, self.b):
+            folder = out / e.run.method
+            e.run.write(folder)
+            write_json(folder / "estimate.json", {"basis": e.basis, "weights": list(e.weights)})
+            if e.response is not e.run and e.basis.startswith("extrapolated"):
+                e.response.write(folder / "extrapolated")
+            for name, companion in (("half-resolution", e.in_space), ("half-steps", e.in_time)):
+                companion.write(folder / name)
+        write_json(out / "agreement.json", self.agreement())
+
+
+def check(
+    scene: Scene | str | Path, *, tol: float = 1e-3, methods: tuple[str | Method, str | Method] = SOLVERS,
+    progress: Callable[[str, float], None] | None = None,
+) -> Check:  # fmt: skip
+    """Run two methods on a scene, each as fine as its own error bar needs to meet `tol`, and compare them.
+
+    tol : asked of the error of the mass path, relative to the largest deflection; in [1e-6, 0.2].
+    progress : called with the method's name and the fraction done.
+    """
+    if not (math.isfinite(tol) and 1e-6 <= tol <= 0.2):
+        raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
+    scene = scene if isinstance(scene, Scene) else Scene.load(scene)
+    # the sum of both bars is held against tol: each solver gets half of it
+    found = [find(m) if isinstance(m, str) else m for m in methods]
+    runs = [
+        resolved(scene, m, 0.5 * tol, progress=None if progress is None else partial(progress, m.name)) for m in found
+    ]
+    try:
+        window = measures.window_of(*runs[0].runs, *runs[1].runs)
+    except measures.NotComparable:
+        window = (measures.WINDOW[0], measures.WINDOW[0])
+    return Check(scene, runs[0], runs[1], tol, window, agree(scene, runs[0], runs[1], tol=tol))

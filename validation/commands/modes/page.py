@@ -1,0 +1,33 @@
+"""Frequencies of the bare cable, from stored results."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from validation.page.page import Section, table
+
+EXACT = "exact"
+
+
+def sections(folder: Path) -> list[Section]:
+    """Return the frequencies of each method beside the exact ones, with the largest relative gap."""
+    omega = json.loads((folder / "modes.json").read_text(encoding="utf-8"))
+    exact = omega[EXACT]
+    gaps = {
+        name: max(abs(x / y - 1.0) for x, y in zip(values, exact, strict=True))
+        for name, values in omega.items()
+        if name != EXACT
+    }
+    rows = [{"mode": i + 1} | {name: f"{values[i]:.7f}" for name, values in omega.items()} for i in range(len(exact))]
+    worst = max(gaps, key=lambda name: gaps[name])
+    caption = "Circular frequencies of the cable without its mass, times l sqrt(rho/H). Exact: linearised catenary."
+    return [
+        Section(
+            "modes-frequencies",
+            "Frequencies of the bare cable",
+            table(rows, ["mode", *omega], caption=caption),
+            None,
+            f"first {len(exact)} frequencies: at most {gaps[worst]:.1g} from the exact ones ({worst})",
+        )
+    ]

@@ -1,0 +1,164 @@
+"""Numbers that the claims speak of, each from one response (or one and its reference)."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline, RegularGridInterpolator
+from scipy.signal import find_peaks
+
+from cablefem.response import Array, Response
+from cablefem.scene import Scene
+from validation.core import measures
+
+READINGS = ("v", "y + v")  # "path" may mean the displacement of the mass or its place
+LATEST = 0.83  # s_o/l: the level cable goes slack from there on
+
+
+def series(r: Response, reading: str) -> Array:
+    """Return the path in one of its READINGS, (n,) [m], positive downward."""
+    return r.v if reading == "v" else r.y
+
+
+def extrema(r: Response, reading: str, window: tuple[float, float] = (0.05, LATEST)) -> list[tuple[float, str, float]]:
+    """Return (s_o/l, "max" | "min", value) of every turning point; downward is positive.
+
+    Turns shallower than half a percent of the largest value are ripples of a run, not of the path.
+    """
+    curve = CubicSpline(r.s_o / r.length, series(r, reading))
+    s = np.linspace(*window, 4000)
+    found = []
+    for sign, kind in ((1.0, "max"), (-1.0, "min")):
+        values = sign * curve(s)
+        for i in find_peaks(values, prominence=0.005 * np.abs(values).max())[0]:
+            h = s[1] - s[0]
+            a, b, c = curve(s[i - 1 : i + 2])
+            place = s[i] + 0.5 * h * (a - c) / (a - 2.0 * b + c)
+            found.append((float(place), kind, float(curve(place))))
+    return sorted(found)
+
+
+def place_of(r: Response, reading: str, near: float, kind: str | None = None) -> float:
+    """Return s_o/l of the turning point nearest to a place; nan without any."""
+    places = [s for s, k, _ in extrema(r, reading) if kind in (None, k)]
+    return min(places, key=lambda s: abs(s - near), default=float("nan"))
+
+
+def place_of_largest(r: Response, reading: str, end: float = LATEST) -> float:
+    """Return s_o/l where the path is lowest, up to `end`."""
+    place = r.s_o / r.length
+    curve = CubicSpline(place, series(r, reading))
+    s = np.linspace(0.0, min(end, float(place[-1])), 4001)
+    values = curve(s)
+    i = int(np.clip(np.argmax(values), 1, s.size - 2))
+    a, b, c = values[i - 1 : i + 2]
+    return float(s[i] + 0.5 * (s[1] - s[0]) * (a - c) / (a - 2.0 * b + c))
+
+
+def largest(r: Response, reading: str, end: float = LATEST) -> float:
+    """Return the largest value of the path [m], up to `end`."""
+    return float(series(r, reading)[r.s_o <= end * r.length].max())
+
+
+def frames(r: Response, low: float, high: float) -> slice:
+    """Return the frames with s_o/l in [low, high]."""
+    inside = np.flatnonzero((r.fields.s_o >= (low - 1e-9) * r.length) & (r.fields.s_o <= (high + 1e-9) * r.length))
+    return slice(int(inside[0]), int(inside[-1]) + 1)
+
+
+def tension_level(r: Response) -> tuple[Array, Array]:
+    """Return s_o/l and the median tension along the cable over H of every frame."""
+    return r.fields.s_o / r.length, np.median(r.fields.T, axis=1) / r.horizontal_tension
+
+
+def highest_tension(r: Response, end: float = 0.5) -> float:
+    place, level = tension_level(r)
+    return float(level[place <= end].max())
+
+
+def tension_spread(r: Response, low: float, high: float) -> float:
+    """Return how far the median tension departs from its mean over those frames, relative to the mean."""
+    level = tension_level(r)[1][frames(r, low, high)]
+    return float(np.abs(level / level.mean() - 1.0).max())
+
+
+def unevenness(r: Response, low: float, high: float, *, sides: bool = False, width: float = 0.05) -> float:
+    """Return rms of T along the cable about its mean (of each side of the mass), over that mean: median over frames.
+
+    Within `width` of the mass every basis smears the jump: left out.
+    """
+    return float(np.median(unevennesses(r, low, high, sides=sides, width=width)))
+
+
+def unevennesses(r: Response, low: float, high: float, *, sides: bool = False, width: float = 0.05) -> Array:
+    """Return the same for every frame with s_o/l in [low, high]."""
+    out = []
+    s = r.fields.s / r.length
+    rows = frames(r, low, high)
+    for row, s_o in zip(r.fields.T[rows], r.fields.s_o[rows] / r.length, strict=True):
+        away = np.abs(s - s_o) >= width
+        parts = [away & (s < s_o), away & (s > s_o)] if sides else [away]
+        out.append(np.mean([np.mean((row[p] / row[p].mean() - 1.0) ** 2) for p in parts if p.any()]))
+    return np.sqrt(out)
+
+
+def ripple(r: Response, reference: Response, near: float, far: float, window: tuple[float, float]) -> float:
+    """Return rms of T - T_reference over H at stations whose distance from the mass lies in [near, far] l."""
+    place, i, j = measures.common_frames(r, reference)
+    inside = (place >= window[0]) & (place <= window[1])
+    distance = np.abs(r.fields.s[None, :] / r.length - place[inside][:, None])
+    gap = (r.fields.T[i[inside]] - reference.fields.T[j[inside]])[(distance >= near) & (distance <= far)]
+    return float(np.sqrt(np.mean((gap / reference.horizontal_tension) ** 2)))
+
+
+def wiggle(r: Response, near: float, far: float, window: tuple[float, float]) -> float:
+    """Return rms of T less its running mean over a tenth of the cable, over H; distances from the mass as in `ripple`.
+
+    Needs no reference: what the eye calls an oscillation.  The mean stops at the mass, where T jumps.
+    """
+    s, half = r.fields.s / r.length, round(0.05 * (r.fields.s.size - 1))
+    parts = []
+    for row, s_o in zip(r.fields.T[frames(r, *window)], r.fields.s_o[frames(r, *window)] / r.length, strict=True):
+        for side in (s < s_o, s > s_o):
+            if np.count_nonzero(side) > 2 * half:
+                T, place = row[side], s[side]
+                smooth = np.convolve(T, np.full(2 * half + 1, 1.0 / (2 * half + 1)), mode="valid")
+                distance = np.abs(place - s_o)[half:-half]
+                parts.append((T[half:-half] - smooth)[(distance >= near) & (distance <= far)])
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)) / r.horizontal_tension)
+
+
+def turns(r: Response, window: tuple[float, float], depth: float = 0.005) -> float:
+    """Return the number of crests and troughs of T along the cable deeper than `depth` H, mean over frames."""
+    rows = r.fields.T[frames(r, *window)] / r.horizontal_tension
+    return float(np.mean([sum(find_peaks(x * sign, prominence=depth)[0].size for sign in (1, -1)) for x in rows]))
+
+
+def tension_jump(r: Response, low: float, high: float) -> float:
+    """Return the mean step of tension across the mass, ahead less behind, over H."""
+    rows = frames(r, low, high)
+    return float(np.mean(r.fields.T_ahead[rows] - r.fields.T_behind[rows]) / r.horizontal_tension)
+
+
+def meeting(r: Response) -> float:
+    """Return s_o/l at which the first wave meets the mass after its reflection at the far support.
+
+    A transverse front runs at sqrt(N/rho): integrated through the computed tension from the instant of entry.
+    """
+    f = r.fields
+    t = np.concatenate([[0.0], f.t])
+    T = np.concatenate([np.ones_like(f.T[:1]), np.maximum(f.T, 0.0) / r.horizontal_tension])
+    tension = RegularGridInterpolator((t, f.s / r.length), T)
+    speed = 1.0 / Scene.from_toml(r.scene_toml).time_scale  # sqrt(H/rho)/l
+    mass = CubicSpline(r.t, r.s_o / r.length)
+
+    def front(t: float, x: Array) -> Array:
+        s = 1.0 - abs(1.0 - x[0])  # unfolded at the far support
+        return np.array([speed * np.sqrt(tension((min(t, f.t[-1]), np.clip(s, 0.0, 1.0))))]).ravel()
+
+    def meets(t: float, x: Array) -> float:
+        return 2.0 - x[0] - float(mass(t))
+
+    meets.terminal = True  # type: ignore[attr-defined]
+    done = solve_ivp(front, (0.0, float(f.t[-1])), [0.0], events=meets, rtol=1e-6, atol=1e-8, max_step=f.t[0])
+    return float(mass(done.t_events[0][0])) if done.t_events[0].size else float("nan")

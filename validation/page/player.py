@@ -1,0 +1,115 @@
+"""The cable in motion: a player that carries its data with it, a few hundred kilobytes at most."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from markupsafe import Markup
+from matplotlib.colors import to_hex
+
+from cablefem.response import Array, Response
+from cablefem.scene import Scene
+from validation.page.figures import BLUE, FIELD, VERMILLION
+from validation.page.page import details
+
+SCRIPT = "player.js"
+STATIONS = 101  # at most; the mass is a point of its own, so that its kink stays sharp
+
+
+def player(
+    scene: Scene, runs: Sequence[Response], *, window: tuple[float, float], range_T: tuple[float, float]
+) -> Markup:
+    """Return the player of one or two runs; its section must name SCRIPT among its scripts.
+
+    window : s_o/l between which the runs are compared.  range_T : tensions [N] at the ends of the colour scale.
+    """
+    X, T_rest = scene.catenary, scene.catenary.tension
+    every = max(1, -(-(runs[0].fields.s.size - 1) // (STATIONS - 1)))
+    slope = scene.supports.drop / scene.supports.span
+    low = high = 0.0
+    top = range_T[1]
+    cables = []
+    for r, color in zip(runs, (BLUE, VERMILLION), strict=False):
+        f = r.fields
+        s = f.s[::every]
+        # the mass enters a cable at rest; frames begin a little later
+        rest, start = np.zeros((1, s.size)), np.zeros(1)
+        u, v = np.concatenate([rest, f.u[:, ::every]]), np.concatenate([rest, f.v[:, ::every]])
+        T = np.concatenate([T_rest(s)[None], f.T[:, ::every]])
+        t, s_o, mass_u, mass_v = (np.concatenate([start, part]) for part in (f.t, f.s_o, f.mass_u, f.mass_v))
+        behind, ahead = (np.concatenate([T_rest(start), part]) for part in (f.T_behind, f.T_ahead))
+        behind, ahead = np.where(np.isnan(behind), ahead, behind), np.where(np.isnan(ahead), behind, ahead)
+        x, y = X.x(s_o) + mass_u, X.y(s_o) + mass_v
+        below, mass = X.y(s) + v - slope * (X.x(s) + u), y - slope * x
+        low, high = min(low, below.min(), mass.min()), max(high, below.max(), mass.max())
+        top = max(top, float(T.max()), float(behind.max()), float(ahead.max()))
+        cables.append({
+            "name": r.method, "color": color, "t": _packed(t), "s_o": _packed(s_o / r.length), "u": _packed(u),
+            "v": _packed(v), "T": _packed(T), "mass_x": _packed(x),
+            "mass_y": _packed(y), "mass_v": _packed(mass_v),
+            "behind": _packed(behind),
+            "ahead": _packed(ahead),
+            "slack": r.slack_onset, "reached": r.reached, "complete": r.status == "complete",
+        })  # fmt: skip
+    s = runs[0].fields.s[::every]
+    unit, name = (1e3, "kN") if range_T[1] >= 2e3 else (1.0, "N")
+    data = {
+        "span": scene.supports.span, "drop": scene.supports.drop, "s": _short(s / scene.length), "x": _short(X.x(s)),
+        "y": _short(X.y(s)), "below": [low, high], "static": _short(X.tension(s)), "window": list(window),
+        "T": list(range_T), "top": min(top, _TOP * range_T[1]), "unit": unit, "unitName": name, "cables": cables,
+        "colors": [to_hex(mpl.colormaps[FIELD](x)) for x in np.linspace(0.0, 1.0, 48)],
+    }  # fmt: skip
+    return Markup(_HTML).format(
+        # "<" cannot end the script early
+        data=Markup(json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")),
+        names=" and ".join(r.method for r in runs),
+        keys=details(
+            "Keys",
+            Markup(
+                "<p>Space plays and pauses; ← and → step by a hundredth of the travel, with Shift by a tenth; Home and "
+                "End go to its ends.</p>"
+            ),
+        ),
+    )
+
+
+_TOP = 2.0  # tensions beyond so many times the scale's end are spikes of the slack cable: they leave the frame
+
+
+def _packed(x: Array) -> dict[str, Any]:
+    """Return an array as 16-bit steps between its extremes, in base64."""
+    low, high = float(x.min()), float(x.max())
+    steps = np.round((x - low) / ((high - low) or 1.0) * 65535.0).astype("<u2")
+    return {"low": low, "high": high, "data": base64.b64encode(steps.tobytes()).decode("ascii")}
+
+
+def _short(x: Array) -> list[float]:
+    return [float(f"{value:.6g}") for value in x]
+
+
+_HTML = """
+<div class="player" role="group" tabindex="0" aria-label="Player: the cable in motion, {names}. Space plays and pauses,
+arrow keys step.">
+<p class="legend"></p>
+<canvas class="cable" role="img" aria-label="The cable with the mass at the chosen time, coloured by tension"></canvas>
+<canvas class="tension" role="img" aria-label="Tension along the cable at the chosen time"></canvas>
+<div class="controls">
+<button type="button" class="play" aria-pressed="false">Play</button>
+<button type="button" class="back" aria-label="One step back">◀</button>
+<button type="button" class="on" aria-label="One step on">▶</button>
+<label class="time">Time <input type="range" min="0" max="1000" step="1" value="0"></label>
+<label>Speed <select></select></label>
+<label class="scale">Sag and deflection <input type="range" min="1" step="1"> <output></output></label>
+</div>
+<p class="now"></p>
+<table class="readout"></table>
+{keys}
+<script type="application/json">{data}</script>
+<noscript><p class="callout open">The animation needs JavaScript; the figures below show some of it.</p></noscript>
+</div>
+"""
