@@ -19,9 +19,9 @@ Array = NDArray[np.float64]
 _NONE: Array = np.empty(0)
 
 
-def _later() -> Any:
-    """A field that may be left out, to be filled in after the others are known."""
-    return field(default_factory=lambda: _NONE)
+def _later() -> Array:
+    """Return what stands in a field that is filled in when the others are known."""
+    return _NONE
 
 
 def _fill(of: Any, name: str, value: Array) -> None:
@@ -64,18 +64,22 @@ class Observation:
     dv: Array  # (k, m)
     T: Array  # (k, m)
     # What an empty array stands for is filled in: pointwise values are those above, anything else is nan.
-    t: Array = _later()  # (n,)
-    s_o: Array = _later()  # (n,) place of the mass on the cable
-    reaction_left: Array = _later()  # (n, 2) force of the left support on the cable
-    reaction_right: Array = _later()  # (n, 2)
-    contact: Array = _later()  # (n, 2) force of the mass on the cable
-    haul: Array = _later()  # (n,) outside force on the mass along the mean tangent; nan where nothing hauls or thrusts
-    T_behind_pointwise: Array = _later()  # (n,) T + alpha eps of the slopes at the mass; T_behind is from equilibrium
-    T_ahead_pointwise: Array = _later()  # (n,)
-    T_pointwise: Array = _later()  # (k, m)
-    kinetic: Array = _later()  # (n,) parts of the energy: cable and mass
-    strain: Array = _later()  # (n,)
-    potential: Array = _later()  # (n,) of weight
+    t: Array = field(default_factory=_later)  # (n,)
+    s_o: Array = field(default_factory=_later)  # (n,) place of the mass on the cable
+    reaction_left: Array = field(default_factory=_later)  # (n, 2) force of the left support on the cable
+    reaction_right: Array = field(default_factory=_later)  # (n, 2)
+    contact: Array = field(default_factory=_later)  # (n, 2) force of the mass on the cable
+    haul: Array = field(
+        default_factory=_later
+    )  # (n,) outside force on the mass along the mean tangent; nan where nothing hauls or thrusts
+    T_behind_pointwise: Array = field(
+        default_factory=_later
+    )  # (n,) T + alpha eps of the slopes at the mass; T_behind is from equilibrium
+    T_ahead_pointwise: Array = field(default_factory=_later)  # (n,)
+    T_pointwise: Array = field(default_factory=_later)  # (k, m)
+    kinetic: Array = field(default_factory=_later)  # (n,) parts of the energy: cable and mass
+    strain: Array = field(default_factory=_later)  # (n,)
+    potential: Array = field(default_factory=_later)  # (n,) of weight
     powers: dict[str, Array] = field(default_factory=dict)  # (n,) each, of outside forces and drive, by name
 
     def __post_init__(self) -> None:
@@ -112,9 +116,9 @@ class Fields:
     mass_u: Array  # (k,) [m] displacement of the mass
     mass_v: Array  # (k,) [m]
     # empty: the same as above
-    T_pointwise: Array = _later()  # (k, m) [N] T + EA eps of the slopes; T is from equilibrium
-    T_behind_pointwise: Array = _later()  # (k,) [N]
-    T_ahead_pointwise: Array = _later()  # (k,) [N]
+    T_pointwise: Array = field(default_factory=_later)  # (k, m) [N] T + EA eps of the slopes; T is from equilibrium
+    T_behind_pointwise: Array = field(default_factory=_later)  # (k,) [N]
+    T_ahead_pointwise: Array = field(default_factory=_later)  # (k,) [N]
 
     def __post_init__(self) -> None:
         for name in ("T", "T_behind", "T_ahead"):
@@ -173,15 +177,19 @@ class Response:
     drive: str = "grip"  # "grip" | "haul" | "free"
     events: list[dict[str, Any]] = field(default_factory=list)  # event, t [s], s_o [m], speed [m/s], in their order
     # empty: pointwise as above, else nan
-    T_behind_pointwise: Array = _later()  # (n,) T + EA eps of the slopes at the mass; T_behind is from equilibrium
-    T_ahead_pointwise: Array = _later()  # (n,)
-    reaction_left: Array = _later()  # (n, 2) force of the left support on the cable
-    reaction_right: Array = _later()  # (n, 2)
-    contact: Array = _later()  # (n, 2) force of the mass on the cable
-    F_haul: Array = _later()  # (n,) outside force on the mass along the mean tangent; nan where there is none
-    kinetic: Array = _later()  # (n,) [J] parts of the energy: cable and mass
-    strain: Array = _later()  # (n,) [J]
-    potential: Array = _later()  # (n,) [J] of weight
+    T_behind_pointwise: Array = field(
+        default_factory=_later
+    )  # (n,) T + EA eps of the slopes at the mass; T_behind is from equilibrium
+    T_ahead_pointwise: Array = field(default_factory=_later)  # (n,)
+    reaction_left: Array = field(default_factory=_later)  # (n, 2) force of the left support on the cable
+    reaction_right: Array = field(default_factory=_later)  # (n, 2)
+    contact: Array = field(default_factory=_later)  # (n, 2) force of the mass on the cable
+    F_haul: Array = field(
+        default_factory=_later
+    )  # (n,) outside force on the mass along the mean tangent; nan where there is none
+    kinetic: Array = field(default_factory=_later)  # (n,) [J] parts of the energy: cable and mass
+    strain: Array = field(default_factory=_later)  # (n,) [J]
+    potential: Array = field(default_factory=_later)  # (n,) [J] of weight
     powers: dict[str, Array] = field(default_factory=dict)  # (n,) [W] each, of outside forces and drive, by name
 
     def __post_init__(self) -> None:
