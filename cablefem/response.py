@@ -115,6 +115,10 @@ class Fields:
     T_ahead: Array  # (k,) [N]
     mass_u: Array  # (k,) [m] displacement of the mass
     mass_v: Array  # (k,) [m]
+    # empty: nan
+    x: Array = field(default_factory=_later)  # (m,) [m] the cable at rest, as the solvers are told it hangs
+    y: Array = field(default_factory=_later)  # (m,) [m] down
+    T_static: Array = field(default_factory=_later)  # (m,) [N] its tension
     # empty: the same as above
     T_pointwise: Array = field(default_factory=_later)  # (k, m) [N] T + EA eps of the slopes; T is from equilibrium
     T_behind_pointwise: Array = field(default_factory=_later)  # (k,) [N]
@@ -123,6 +127,8 @@ class Fields:
     def __post_init__(self) -> None:
         for name in ("T", "T_behind", "T_ahead"):
             _fill(self, f"{name}_pointwise", getattr(self, name))
+        for name in ("x", "y", "T_static"):
+            _fill(self, name, np.full(self.s.size, np.nan))
 
 
 @dataclass(frozen=True, slots=True)

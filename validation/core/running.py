@@ -273,7 +273,9 @@ def _respond(scene, method, settings, model, load, law, system, h: _History) -> 
     X = scene.catenary
     onset = None if h.onset is None or h.onset[0] >= states.t.size else float(s_o[h.onset[0]])
     cause, reason = (None, None) if h.failure is None else h.failure
+    x_rest, y_rest = scene.groups.shape(s)
     fields = Fields(
+        x=l * x_rest, y=l * y_rest, T_static=H * scene.groups.static(s)[0],
         t=tau * t_frames, s_o=l * motion.position(t_frames), s=l * s, u=l * frames.u, v=l * frames.v,
         du=l / tau * frames.du, dv=l / tau * frames.dv, T=H * frames.T,
         T_behind=H * frames.T_behind, T_ahead=H * frames.T_ahead,
