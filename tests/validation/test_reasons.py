@@ -11,8 +11,8 @@ from validation.core.flags import WORDS, flag
 
 
 def test_a_bound_is_the_sum_of_its_parts_and_survives_json():
-    bound = Bound("error bars", (Part("a", 1.25e-3, "how"), Part("b", 2.0e-3)), notes=("over the window",))
-    assert bound.value == 1.25e-3 + 2.0e-3
+    bound = Bound("error bars", (Part("a", 1.2e-3, "how"), Part("b", 2.0e-3)), notes=("over the window",))
+    assert bound.value == 1.2e-3 + 2.0e-3
     assert str(bound) == "both error bars: a 0.0012 (how) + b 0.002; over the window"
     assert bound.line("{:.1e}".format) == "both error bars: a 1.2e-03 + b 2.0e-03; over the window"
     assert Bound.of(json.loads(json.dumps(bound.row(), allow_nan=False))) == bound

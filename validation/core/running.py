@@ -264,11 +264,14 @@ def _respond(scene, method, settings, model, load, law, system, h: _History) -> 
     X = scene.catenary
     onset = None if h.onset is None or h.onset[0] >= states.t.size else float(s_o[h.onset[0]])
     cause, reason = (None, None) if h.failure is None else h.failure
+    x_rest, y_rest = scene.groups.shape(s)
     fields = Fields(
+        x=l * x_rest, y=l * y_rest, T_static=H * scene.groups.static(s)[0],
         t=tau * t_frames, s_o=l * motion.position(t_frames), s=l * s, u=l * frames.u, v=l * frames.v,
         du=l / tau * frames.du, dv=l / tau * frames.dv, T=H * frames.T,
         T_behind=H * frames.T_behind, T_ahead=H * frames.T_ahead,
-        mass_u=l * frames.path[:, 0], mass_v=l * frames.path[:, 1],
+        mass_u=l * frames.path[:, 0], mass_v=l * frames.path[:, 1], T_pointwise=H * frames.T_pointwise,
+        T_behind_pointwise=H * frames.T_behind_pointwise, T_ahead_pointwise=H * frames.T_ahead_pointwise,
     )  # fmt: skip
     return Response(
         scene=scene.name, scene_toml=scene.to_toml(), method=method.name, settings=settings, model=model, load=load,
@@ -281,6 +284,10 @@ def _respond(scene, method, settings, model, load, law, system, h: _History) -> 
         velocity=l / tau * steps.path_velocity, acceleration=l / tau**2 * steps.path_acceleration,
         slope_behind=steps.slope_behind, slope_ahead=steps.slope_ahead, energy=H * l * steps.energy,
         power=H * l / tau * steps.power, tension_min=H * steps.tension_min, tension_min_at=l * steps.tension_min_at,
+        T_behind_pointwise=H * steps.T_behind_pointwise, T_ahead_pointwise=H * steps.T_ahead_pointwise,
+        reaction_left=H * steps.reaction_left, reaction_right=H * steps.reaction_right,
+        contact=H * steps.contact, F_haul=H * steps.haul, kinetic=H * l * steps.kinetic, strain=H * l * steps.strain,
+        potential=H * l * steps.potential, powers={name: H * l / tau * power for name, power in steps.powers.items()},
         fields=fields, n_dof=system.n_dof, seconds=h.seconds,
         work={
             "steps": h.work.steps, "rejected": h.work.rejected, "newton_iterations": h.work.newton_iterations,
@@ -305,6 +312,4 @@ def _observe(system, after, states: States, switch_t: float, s: Array, frames) -
         system.observe(_take(states, slice(0, n)), s, frames[frames < n]),
         after.observe(_take(states, slice(n, None)), s, frames[frames >= n] - n),
     ]
-    return Observation(*(
-        np.concatenate([getattr(p, name) for p in parts]) for name in Observation.__dataclass_fields__
-    ))  # fmt: skip
+    return Observation.joined(parts)
