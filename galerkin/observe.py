@@ -109,6 +109,9 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         du=np.einsum("kfs,f->ks", du_dv, direction[:, 0]),
         dv=np.einsum("kfs,f->ks", du_dv, direction[:, 1]),
         T=T,
+        t=states.t,
+        s_o=x.s_o,
+        contact=-contact @ direction,
     )
 
 

@@ -11,11 +11,16 @@ import pkgutil
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from validation.core.assertions import assert_agree, check_solver
+    from validation.core.assertions import assert_agree
     from validation.core.foreign import ForeignPath
     from validation.core.running import run
 
-_HOME = {"run": "running", "assert_agree": "assertions", "check_solver": "assertions", "ForeignPath": "foreign"}
+_HOME = {
+    "run": "core.running",
+    "assert_agree": "core.assertions",
+    "check_solver": "commands.check.study",
+    "ForeignPath": "core.foreign",
+}
 
 __all__ = ["ForeignPath", "assert_agree", "check_solver", "run"]
 
@@ -23,7 +28,7 @@ __all__ = ["ForeignPath", "assert_agree", "check_solver", "run"]
 def __getattr__(name: str) -> Any:
     """Return a public name, or the function of a command's study that is named as the command."""
     if name in _HOME:
-        return getattr(importlib.import_module(f"validation.core.{_HOME[name]}"), name)
+        return getattr(importlib.import_module(f"validation.{_HOME[name]}"), name)
     if name in _commands() and importlib.util.find_spec(f"validation.{name}") is None:
         return getattr(importlib.import_module(f"validation.commands.{name}.study"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

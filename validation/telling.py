@@ -17,19 +17,15 @@ if TYPE_CHECKING:
     from validation.core.agreement import Agreement
 
 
-def rows(verdicts: Sequence[Agreement], left_out: Sequence[str] = ()) -> None:
-    """Print rows of a verdict; parts of the reasons that are `left_out` stand in the files."""
+def rows(verdicts: Sequence[Agreement]) -> None:
+    """Print rows of a verdict; how bounds came about stands in the files."""
     cells = []
     for row in verdicts:
-        content = row.row()
-        because = row.allowed_because
-        for part in left_out:
-            because = because.replace(f" ({part})", "").replace(f", {part}", "")
         gap, allowed = (f"{x:.1e}" if math.isfinite(x) else "-" for x in (row.gap, row.allowed))
         cells.append([
-            " ".join([row.quantity, content.get("with", "")]).strip(), gap, allowed,
+            f"{row.quantity} {row.party}".strip(), gap, allowed,
             "-" if row.where is None else f"{row.where:.3f}", row.verdict.value,
-            because,
+            row.bound.line(),
         ])  # fmt: skip
     columns = ["quantity", "gap", "allowed", "at s_o/l", "verdict", "because"]
     if all(row.where is None for row in verdicts):
@@ -65,7 +61,7 @@ def answer(r: Response) -> None:
         first = "" if r.slack_at is None else f" at s/l = {r.slack_at:.3f} first,"
         terminal.say(f"  slack from s_o/l = {r.slack_onset:.3f} on,{first} {after}")
     terminal.say(f"  {r.status}, to s_o/l = {r.reached:.5g}: {r.work['steps']} steps in {r.seconds:.2g} s")
-    for line in r.flags if r.reason is None else [r.reason]:
+    for line in map(str, r.flags) if r.reason is None else [r.reason]:
         terminal.say(f"  {line}", style="yellow")
 
 

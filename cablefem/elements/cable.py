@@ -235,6 +235,7 @@ class CableElements:
         else:
             normal_energy, power = self._normal_account(kinematics, *(x[:, 0] for x in at_mass))
             energy += normal_energy
+        force = self.inertia * acceleration @ self.direction.T - np.array(self._weight)  # of the cable on the mass
         w, dw, w_s = (x @ self.direction for x in self._fields(states, kinematics, s, frames))
         T_s, x_s, y_s = g.static(s)[:3]
         if self.fields == 2:
@@ -251,6 +252,7 @@ class CableElements:
             energy=energy, power=power,
             tension_min=least, tension_min_at=where,
             u=w[..., 0], v=w[..., 1], du=dw[..., 0], dv=dw[..., 1], T=tension,
+            t=states.t, s_o=s_o, contact=-force @ self.direction,
         )  # fmt: skip
 
     def _tension(self, slope: Array, T: Array) -> Array:

@@ -83,7 +83,7 @@ def test_the_exit_code_of_a_check_is_its_verdict(cablefem, checked, level_check,
     other = {
         "agree": first,
         "disagree": dataclasses.replace(first, gap=2.0 * first.allowed),
-        "not comparable": dataclasses.replace(first, too_coarse=True),
+        "not comparable": dataclasses.replace(first, bound=dataclasses.replace(first.bound, tol=1e-9)),
     }[verdict]
     checked(rows=[other, *rest])
     found, out, _ = cablefem("check", "level")

@@ -10,6 +10,7 @@ from cablefem import Scene
 from cablefem.response import Response
 from tests.commands.calls import BROKEN, QUICK, lines
 from validation.core import resolution, running
+from validation.core.flags import flag
 from validation.core.running import run
 
 
@@ -70,7 +71,7 @@ def inclined():
         ({**BROKEN, "slack_onset": None, "cause": "Newton stalled"}, 2),
         ({**BROKEN, "slack_onset": 0.7, "cause": "slack"}, 0),
         ({**BROKEN, "slack_onset": 0.2, "cause": "unstable"}, 2),  # its slack is the instability's own
-        ({"flags": ["gains energy that nothing gave it"]}, 1),
+        ({"flags": [flag("energy", gain=0.4, allowed=0.2)]}, 1),
     ],
 )
 def test_the_exit_code_of_a_run_says_whether_it_broke_before_the_slack_onset(

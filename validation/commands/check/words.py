@@ -9,15 +9,14 @@ import numpy as np
 from validation import telling, terminal
 from validation.commands.check.study import Check
 from validation.core import measures
-from validation.core.agreement import FIRST_ORDER
 
 MEANINGFUL = 1e-2  # of the largest deflection: paths further apart are two answers
 
 
 def tell(result: Check) -> None:
     """Print the verdict row by row and in one line, the answer, and where it stops being meaningful."""
-    telling.rows(result.rows, (result.a.basis, result.b.basis, FIRST_ORDER))
-    third = sorted({row.row()["with"] for row in result.rows if "with" in row.row()})
+    telling.rows(result.rows)
+    third = sorted({row.party for row in result.rows} - {""})
     *others, last = [result.a.run.method, result.b.run.method, *third]
     word = {"agree": "agree", "disagree": "DISAGREE", "not comparable": "are NOT COMPARABLE"}[result.verdict.value]
     low, high = result.window
