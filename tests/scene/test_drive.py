@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from tests.scene.test_faults import GOOD, NUMBER, TRAVEL, faults
 
 from cablefem import Scene, SceneError
 from cablefem.scene import Drive
+from tests.scene.test_faults import GOOD, NUMBER, TRAVEL, faults
 
 FREE = GOOD.replace(f"[travel]\n{TRAVEL}", '[drive]\nmode = "free"')
 HAUL = GOOD + '[drive]\nmode = "haul"\n'
@@ -56,14 +56,14 @@ PLACES = "must be from 0.033 to 326.7 m, between the left support and the end of
         (FREE.replace("[mass]\nmass = 75.0", ""), ["mass: missing; must be given with drive.mode = 'free'"]),
         (HAUL.replace("[mass]\nmass = 75.0", "").replace(f"[travel]\n{TRAVEL}", ""),
          ["mass: missing; must be given, and [travel] too, with drive.mode = 'haul'"]),
-        (HAUL + "thrust = 5.0", ["drive.thrust = 5.0: has no meaning with mode = 'haul', where the rope supplies whatever "
-                                 "force the travel needs; leave it out, or take free"]),
+        (HAUL + "thrust = 5.0", ["drive.thrust = 5.0: has no meaning with mode = 'haul', where the rope supplies "
+                                 "whatever force the travel needs; leave it out, or take free"]),
         (HAUL.replace('"haul"', '"grip"') + "start = 5.0",
          ["drive.start = 5.0: has no meaning with mode = 'grip', where the car takes its travel from [travel] and "
           "nothing else; leave it out, or take haul or free"]),
         (HAUL.replace(TRAVEL, 'kind = "constant_acceleration"\nacceleration = -0.3\ninitial_speed = 13.0'),
-         ["travel.acceleration = -0.3: must be >= -0.26128633271490415 m/s^2 with initial_speed = 13.0, or the mass stops "
-          "after 281.667 m of 323.4 m"]),
+         ["travel.acceleration = -0.3: must be >= -0.26128633271490415 m/s^2 with initial_speed = 13.0, or the mass "
+          "stops after 281.667 m of 323.4 m"]),
     ],
 )  # fmt: skip
 def test_a_fault_of_a_drive_is_one_line(text, expected):
