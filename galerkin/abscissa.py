@@ -43,8 +43,6 @@ class PositionAbscissa:
     def least_tension(self) -> tuple[float, float]:
         return self.system.least_tension
 
-    tension_min = least_tension  # the driver's old name
-
     def place(self, x: State) -> float:
         """s_o, the independent variable."""
         return x.t

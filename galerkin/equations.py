@@ -99,8 +99,6 @@ class GalerkinSystem:
         """
         return (np.inf, 0.0) if self._pull is None else self.cable.least(*self._pull)
 
-    tension_min = least_tension  # the driver's old name
-
     def place(self, x: State) -> float:
         """s_o of a state."""
         return self.motion.at(x.t, x.phase)[0]

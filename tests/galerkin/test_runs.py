@@ -123,8 +123,11 @@ def test_rough_wavelets_need_damping_in_the_path_form(level_path):
     """
     plain, kink = (GalerkinSystem(LEVEL, Daubechies(3, 1), kink=k) for k in (False, True))
     assert path_error(plain, 600, level_path, "generalized-alpha")[0] < 0.12
-    with pytest.raises((AssertionError, NewtonStalled)):
-        assert path_error(plain, 600, level_path)[0] < 0.5
+    try:
+        blown_up = path_error(plain, 600, level_path)[0]
+    except NewtonStalled:
+        blown_up = np.inf
+    assert blown_up > 0.5
     assert path_error(kink, 600, level_path)[0] < 8e-3
 
 
