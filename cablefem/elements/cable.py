@@ -72,7 +72,7 @@ class CableElements:
         self.inertia = groups.mu if load == "mass" else 0.0
         # displacement in the plane of each field
         self.direction = np.eye(2) if model == "full" else np.array([[-groups.chord_sin, groups.chord_cos]])
-        self.tension_min = (math.inf, 0.0)  # least mean tension of an element and its s, at the last residual
+        self.least_tension = (math.inf, 0.0)  # least mean tension of an element and its s, at the last residual
         self._weight = (groups.mu * groups.sigma * self.direction[:, 1]).tolist()  # of the mass, field by field
         self._set_law(law)
 
@@ -129,9 +129,9 @@ class CableElements:
         self._at = (t, phase)
         *done, least, where = kernels.settle(
             self._operators, self._coefficients, self._bands, tuple(self._mesh), self._cable, tuple(self._contact),
-            tuple(self._work), start, now, rule, bound, newton.max_iter, newton.reuse,
+            tuple(self._work), start, now, rule, bound, newton.max_iter, newton.reuse, newton.patience,
         )  # fmt: skip
-        self.tension_min = least, where
+        self.least_tension = least, where
         return Settled(*done)
 
     # --- what a mesh answers ---------------------------------------------------------------------------
@@ -181,7 +181,7 @@ class CableElements:
             self._time(t, phase)
             self._at = (t, phase)
             kernels.combine(self._operators, self._coefficients, self._bands)
-        self.tension_min = kernels.assemble(
+        self.least_tension = kernels.assemble(
             self._bands, self._mesh, self._cable, self._contact, q, v, a, r, self._work, tangent, c0, c1, c2
         )
 

@@ -1,4 +1,4 @@
-"""The internal force of the full cable and its tangent as scikit-fem forms: what `kernels` sums fast, in readable lines.
+"""The internal force of the full cable and its tangent as scikit-fem forms, readable where `kernels` is fast.
 
     int (N t - T X') . phi' ds,    r' = X' + w',  t = r'/|r'|,  N = T + alpha (|r'| - 1),
 

@@ -429,7 +429,9 @@ def correct(start, rule, share, da, now, balanced):
 
 
 @compiled
-def settle(operators, coefficients, bands, mesh, cable, contact, work, start, now, rule, bound, max_iter, reuse):
+def settle(
+    operators, coefficients, bands, mesh, cable, contact, work, start, now, rule, bound, max_iter, reuse, patience
+):
     """Find the end of a step by Newton's method as `cablefem.newmark.iterate` does, compiled with the balance.
 
     mesh, contact, work : `Mesh`, `Contact` and `Tangent` as plain tuples: numba is slow to take in named ones.
@@ -463,7 +465,7 @@ def settle(operators, coefficients, bands, mesh, cable, contact, work, start, no
             least, where = assemble(bands, mesh, cable, contact, q, v, a, r, work, False, c0, c1, c2)
             residuals += 1
             norm = math.sqrt(dot(r, r))
-            if norm < before or iteration < 2:
+            if norm < before or (iteration < patience and norm < math.inf):
                 break
         if norm <= bound or not norm < math.inf:
             break

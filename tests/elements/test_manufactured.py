@@ -1,4 +1,4 @@
-"""A chosen motion of cable and mass, kinked at the mass, put into the differential equation; what is missing is applied.
+"""A chosen motion of cable and mass, kinked at the mass, put into the differential equation; the rest is applied.
 
 w = t^2 g(xi), xi the coordinate of the side of the mass: Newmark's rule is exact for it, so the error is that of space.
 The strong form below knows neither moving meshes nor weak forms.
