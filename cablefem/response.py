@@ -7,7 +7,7 @@ import json
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -132,6 +132,18 @@ class Fields:
 
 
 @dataclass(frozen=True, slots=True)
+class Flag:
+    """A reason to distrust a run: of which kind, and its numbers; `words` is a format string that says it."""
+
+    kind: str
+    words: str
+    numbers: dict[str, float | str]
+
+    def __str__(self) -> str:
+        return self.words.format(**self.numbers)
+
+
+@dataclass(frozen=True, slots=True)
 class Response:
     """The answer of one run, in SI units: lengths [m], forces [N], times [s]; v and y point down.
 
@@ -178,7 +190,7 @@ class Response:
     error_parts: dict[str, float] | None = None  # the same, split into time and space
     error_window: list[float] | None = None  # s_o/l over which both were estimated: they say nothing outside
     energy_gain: float | None = None  # largest energy gained without being given, over weight x largest deflection
-    flags: list[str] = field(default_factory=list)  # what makes the run suspect, one sentence each
+    flags: list[Flag] = field(default_factory=list)  # what makes the run suspect
     cause: str | None = None  # why incomplete: "Newton stalled", "slack", "unstable", "step underflow", "no start"
     drive: str = "grip"  # "grip" | "haul" | "free"
     events: list[dict[str, Any]] = field(default_factory=list)  # event, t [s], s_o [m], speed [m/s], in their order
@@ -228,6 +240,10 @@ class Response:
     def max_deflection(self) -> float:
         """Largest v of the mass path [m]."""
         return float(self.v.max())
+
+    @property
+    def flag_kinds(self) -> list[str]:
+        return [flag.kind for flag in self.flags]
 
     def __repr__(self) -> str:
         return (
@@ -279,7 +295,8 @@ class Response:
             "reached": self.reached, "slack_onset": self.slack_onset, "slack_at": self.slack_at,
             "switched": self.switched, "max_deflection": self.max_deflection, "path_error": self.path_error,
             "tension_error": self.tension_error, "error_parts": self.error_parts, "error_window": self.error_window,
-            "events": self.events, "energy_gain": self.energy_gain, "flags": self.flags, "n_dof": self.n_dof,
+            "events": self.events, "energy_gain": self.energy_gain, "flags": [str(flag) for flag in self.flags],
+            "flag_kinds": self.flag_kinds, "n_dof": self.n_dof,
             **self.work, "seconds": self.seconds,
         }  # fmt: skip
 
@@ -297,6 +314,7 @@ class Response:
         arrays |= {f"powers.{n}": power for n, power in self.powers.items()}
         plain = [n for n in self.__dataclass_fields__ if n not in (*_ARRAYS, "fields", "powers")]
         rest = {n: getattr(self, n) for n in plain}
+        rest["flags"] = [asdict(flag) for flag in self.flags]
         with whole(folder / "response.npz") as temporary, temporary.open("wb") as out:
             np.savez_compressed(out, allow_pickle=False, _rest=np.array(json.dumps(rest)), **arrays)
         write_json(folder / "summary.json", self.summary())
@@ -307,7 +325,9 @@ class Response:
         with np.load(folder / "response.npz", allow_pickle=False) as data:
             fields = Fields(**{n: data[f"fields.{n}"] for n in _FIELDS})
             powers = {n.removeprefix("powers."): data[n] for n in data.files if n.startswith("powers.")}
-            return cls(**json.loads(str(data["_rest"])), **{n: data[n] for n in _ARRAYS}, fields=fields, powers=powers)
+            rest = json.loads(str(data["_rest"]))
+            rest["flags"] = [Flag(**flag) for flag in rest["flags"]]
+            return cls(**rest, **{n: data[n] for n in _ARRAYS}, fields=fields, powers=powers)
 
 
 PATH_COLUMNS = ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "speed", "F_haul", "F_contact")  # of path.csv

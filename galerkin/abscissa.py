@@ -40,8 +40,8 @@ class PositionAbscissa:
         self._times: dict[tuple[float, int], float] = {}
 
     @property
-    def tension_min(self) -> tuple[float, float]:
-        return self.system.tension_min
+    def least_tension(self) -> tuple[float, float]:
+        return self.system.least_tension
 
     def with_law(self, law: str) -> PositionAbscissa:
         """The same under another law, as `GalerkinSystem.with_law`."""

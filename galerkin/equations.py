@@ -80,7 +80,7 @@ class GalerkinSystem:
         self.force_scale = self.mu * groups.sigma
         # rounding of N = T + alpha eps, summed; ten times what was measured for 10 to 120 terms, alpha 1e3 to 1e6
         self.force_floor = np.finfo(float).eps * groups.alpha
-        self.tension_min = (np.inf, 0.0)  # least tension at the last residual, and its s
+        self.least_tension = (np.inf, 0.0)  # least tension at the last residual, and its s
         self._instants: dict[tuple[float, int], Instant] = {}
 
     def with_law(self, law: str) -> GalerkinSystem:
@@ -117,14 +117,14 @@ class GalerkinSystem:
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         x = self.instant(t, phase)
-        force, self.tension_min = self.cable.force(x.place, self._fields(q))
+        force, self.least_tension = self.cable.force(x.place, self._fields(q))
         return self._residual(x, q, v, a, force)
 
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
     ) -> tuple[Array, Solve]:
         x = self.instant(t, phase)
-        force, self.tension_min, K = self.cable.linearise(x.place, self._fields(q))
+        force, self.least_tension, K = self.cable.linearise(x.place, self._fields(q))
         return self._residual(x, q, v, a, force), factorised(self._tangent(x, K, c0, c1, c2))
 
     def _fields(self, y: Array) -> Array:

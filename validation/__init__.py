@@ -12,10 +12,10 @@ if TYPE_CHECKING:
     from validation.commands.advise.study import advise
     from validation.commands.atlas.study import atlas
     from validation.commands.chart.study import chart
-    from validation.commands.check.study import check
+    from validation.commands.check.study import check, check_solver
     from validation.commands.modes.study import modes
     from validation.commands.paper.study import paper
-    from validation.core.assertions import assert_agree, check_solver
+    from validation.core.assertions import assert_agree
     from validation.core.foreign import ForeignPath
     from validation.core.running import run
 
@@ -28,7 +28,7 @@ _HOME = {
     "atlas": "commands.atlas.study",
     "paper": "commands.paper.study",
     "assert_agree": "core.assertions",
-    "check_solver": "core.assertions",
+    "check_solver": "commands.check.study",
     "ForeignPath": "core.foreign",
 }
 

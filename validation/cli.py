@@ -278,7 +278,7 @@ def check(
         progress("writing", 0.0)
         (folder / "with.csv").unlink(missing_ok=True)
         if path is not None:
-            result = foreign.joined(result, path, with_tol)
+            result = study.joined(result, path, with_tol)
             path.write(folder / "with.csv")
         result.write(folder)
         progress("writing", 0.5)

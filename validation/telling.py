@@ -10,7 +10,6 @@ import numpy as np
 
 from validation import terminal
 from validation.core import measures
-from validation.core.agreement import FIRST_ORDER
 from validation.core.methods import find
 
 if TYPE_CHECKING:
@@ -23,8 +22,8 @@ MEANINGFUL = 1e-2  # of the largest deflection: paths further apart are two answ
 
 def check(result: Check) -> None:
     """Print the verdict on a check row by row and in one line, the answer, and where it stops being meaningful."""
-    rows(result.rows, (result.a.basis, result.b.basis, FIRST_ORDER))
-    third = sorted({row.row()["with"] for row in result.rows if "with" in row.row()})
+    rows(result.rows)
+    third = sorted({row.party for row in result.rows} - {""})
     *others, last = [result.a.run.method, result.b.run.method, *third]
     word = {"agree": "agree", "disagree": "DISAGREE", "not comparable": "are NOT COMPARABLE"}[result.verdict.value]
     low, high = result.window
@@ -35,19 +34,15 @@ def check(result: Check) -> None:
     terminal.say(f"  {_meaning(result)}")
 
 
-def rows(verdicts: Sequence[Agreement], left_out: Sequence[str] = ()) -> None:
-    """Print rows of a verdict; parts of the reasons that are `left_out` stand in the files."""
+def rows(verdicts: Sequence[Agreement]) -> None:
+    """Print rows of a verdict; how bounds came about stands in the files."""
     cells = []
     for row in verdicts:
-        content = row.row()
-        because = row.allowed_because
-        for part in left_out:
-            because = because.replace(f" ({part})", "").replace(f", {part}", "")
         gap, allowed = (f"{x:.1e}" if math.isfinite(x) else "-" for x in (row.gap, row.allowed))
         cells.append([
-            " ".join([row.quantity, content.get("with", "")]).strip(), gap, allowed,
+            f"{row.quantity} {row.party}".strip(), gap, allowed,
             "-" if row.where is None else f"{row.where:.3f}", row.verdict.value,
-            because,
+            row.bound.line(),
         ])  # fmt: skip
     columns = ["quantity", "gap", "allowed", "at s_o/l", "verdict", "because"]
     if all(row.where is None for row in verdicts):
@@ -99,7 +94,7 @@ def run(r: Response) -> None:
         first = "" if r.slack_at is None else f" at s/l = {r.slack_at:.3f} first,"
         terminal.say(f"  slack from s_o/l = {r.slack_onset:.3f} on,{first} {after}")
     terminal.say(f"  {r.status}, to s_o/l = {r.reached:.5g}: {r.work['steps']} steps in {r.seconds:.2g} s")
-    for line in r.flags if r.reason is None else [r.reason]:
+    for line in map(str, r.flags) if r.reason is None else [r.reason]:
         terminal.say(f"  {line}", style="yellow")
 
 

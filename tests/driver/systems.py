@@ -10,7 +10,6 @@ from cablefem.newmark import State, consistent_acceleration, iterate
 class Spring:
     """m a + d v + k q + k3 q^3 = f sin(w t + phi), one or several independent degrees of freedom; optional phases."""
 
-    tension_min = (1.0, 0.0)
     force_floor = 1e-15
 
     def __init__(self, m=1.7, d=0.0, k=5.3, k3=0.0, f=0.0, w=2.1, q0=0.31, v0=-0.42, end=3.0, phases=None):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from cablefem.newmark import ErrorControl
 from validation.core import measures, resolution
 from validation.core.methods import METHODS, find
 from validation.core.resolution import CONFIRMED, UNCONFIRMED, TooCoarse, _next, _Part, _part, _Rung, resolve, resolved
@@ -111,17 +110,6 @@ def test_the_next_step_refines_what_the_error_comes_from():
     assert (unresolved["elements"], unresolved["steps"]) == (10, 600)
     no_bar = _next(method, _Rung(r, part(np.inf), part(1e-3)), settings, 2e-3)
     assert (no_bar["elements"], no_bar["steps"]) == (20, 300)
-
-
-def test_steps_from_local_error_give_the_same_path(sure):
-    """Usable, though it does not beat equal steps; see `resolve`."""
-    r = run(LEVEL, "following-p2", elements=12, until=0.8, control=ErrorControl(1e-6, 1e-3))
-    assert measures.path_gap(r, sure["level"], (0.02, 0.8))[0] < 1.5e-3
-    steps = np.diff(r.t)
-    assert steps.max() > 3.0 * steps.min()
-    loose = run(LEVEL, "following-p2", elements=12, until=0.8, control=ErrorControl(3e-5, 1e-3))
-    assert loose.work["steps"] < 0.5 * r.work["steps"]
-    assert measures.path_gap(loose, sure["level"], (0.02, 0.8))[0] > 3e-3
 
 
 def test_until_ends_a_run_after_the_first_step_past_it():

@@ -85,7 +85,7 @@ def resolve(
 
     runs : receives every run that is made on the way.
 
-    Steps are equal.  Step sizes from local error (`ErrorControl`) were measured and are not used: for the same largest
+    Steps are equal.  Step sizes from local error were measured and are not used: for the same largest
     path error they take 0.8 to 1.1 times the steps on `level`, for the same rms error and on `inclined` more than equal
     ones do.
 

@@ -291,7 +291,7 @@ def judged(r: Response, reference: Response, unsure: float) -> dict[str, Any]:
 
 def _unstable(r: Response) -> bool:
     """Whether a run gained energy before its slack onset; what it did afterwards is outside the comparison."""
-    return any(flag.startswith("the run gains energy") for flag in r.flags)
+    return "energy" in r.flag_kinds
 
 
 # --- stability limits -------------------------------------------------------------------------------------------------
