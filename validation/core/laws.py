@@ -410,6 +410,6 @@ REST: dict[str, Law] = {
     "ends at rest": ends, "length at rest": length, "shape at rest": shape, "forces at rest": rest_forces,
 }  # fmt: skip
 MOTION: dict[str, Law] = {
-    "travel": travel, "stretch": stretch, "momentum of the mass": momentum_of_the_mass,
+    "travel": travel, "stretch": stretch, "momentum of the mass": momentum_of_the_mass, "impulse": impulse,
     "momentum of the cable": momentum_of_the_cable, "moment of momentum": moment_of_momentum, "energy": energy,
 }  # fmt: skip
