@@ -163,13 +163,13 @@ def shape(r: Response, given: Given, _: Window) -> Defect:
 
 
 def rest_forces(r: Response, given: Given, _: Window) -> Defect:
-    """Forces at rest: T x' = H all along, T y' falls by rho g per metre, the supports carry the weight; over rho g l or H."""
+    """T x' = H all along, over H; T y' falls by rho g per metre, the supports carry the weight, over rho g l."""
     s, curve = _curve(r)
     slope = curve(s, 1)
     T, H = r.fields.T_static[:, None] * slope, r.horizontal_tension
     weight = given.rho * given.gravity * s[-1]
     falls = T[0, 1] - T[:, 1] - given.rho * given.gravity * s
-    return _static(*(np.abs(T[:, 0] - H).max() / H * np.ones(1)), np.abs(falls).max() / weight)
+    return _static(np.abs(T[:, 0] - H).max() / H, np.abs(falls).max() / weight)
 
 
 def _arcs(curve: CubicSpline, s: Array) -> Array:
@@ -213,7 +213,7 @@ def _sides(r: Response, frames: Array) -> list[tuple[_Side, _Side]]:
     for i, k in enumerate(frames):
         mass_rest = rest(at[i])
         place = np.stack([f.x + f.u[k], f.y + f.v[k]], axis=1)
-        mass = mass_rest[:2] + [f.mass_u[k], f.mass_v[k]]
+        mass = mass_rest[:2] + np.array([f.mass_u[k], f.mass_v[k]])
         velocity = np.stack([f.du[k], f.dv[k]], axis=1)
         static = np.stack([f.x, f.y], axis=1)
         sides = []
