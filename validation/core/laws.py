@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid, simpson
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
@@ -26,6 +27,7 @@ ROUNDING = 1e-9  # of the scale: stations and splines of static shapes
 DOWN = np.array([0.0, 1.0])
 
 Window = tuple[float, float]
+Frames = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,14 +198,14 @@ class _Side:
     T: Array  # (m,)
 
 
-def _chosen(r: Response, window: Window) -> Array:
+def _chosen(r: Response, window: Window) -> Frames:
     """Return the indices of the frames at which windows begin and end."""
     at = r.fields.s_o / r.length
     inside = np.flatnonzero((at >= window[0] * (1.0 - 1e-9)) & (at <= window[1] * (1.0 + 1e-9)))
     return inside[:: min(EVERY, max(1, inside.size // 4))]
 
 
-def _sides(r: Response, frames: Array) -> list[tuple[_Side, _Side]]:
+def _sides(r: Response, frames: Frames) -> list[tuple[_Side, _Side]]:
     f = r.fields
     rest = CubicSpline(f.s, np.stack([f.x, f.y, f.T_static], axis=1))
     at, t = f.s_o[frames], f.t[frames]
@@ -277,7 +279,7 @@ def _impulse(r: Response, force: Array, at: Array) -> Array:
     return CubicHermiteSpline(r.t, total, known, axis=0)(at)
 
 
-def _over_windows(r: Response, frames: Array, whole: Array, scale: float) -> Defect:
+def _over_windows(r: Response, frames: Frames, whole: Array, scale: float) -> Defect:
     """Return the change over each window of a quantity (k, c) that ought not to change, over scale times its time."""
     t = r.fields.t[frames]
     middle = 0.5 * (r.fields.s_o[frames][1:] + r.fields.s_o[frames][:-1]) / r.length
