@@ -5,9 +5,9 @@ from __future__ import annotations
 import html
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+_NONE: Array = np.empty(0)
+
+
+def _later() -> Array:
+    """Return what stands in a field that is filled in when the others are known."""
+    return _NONE
+
+
+def _fill(of: Any, name: str, value: Array) -> None:
+    if getattr(of, name) is _NONE:
+        object.__setattr__(of, name, value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +63,40 @@ class Observation:
     du: Array  # (k, m) time derivatives at fixed s
     dv: Array  # (k, m)
     T: Array  # (k, m)
+    # What an empty array stands for is filled in: pointwise values are those above, anything else is nan.
+    t: Array = field(default_factory=_later)  # (n,)
+    s_o: Array = field(default_factory=_later)  # (n,) place of the mass on the cable
+    reaction_left: Array = field(default_factory=_later)  # (n, 2) force of the left support on the cable
+    reaction_right: Array = field(default_factory=_later)  # (n, 2)
+    contact: Array = field(default_factory=_later)  # (n, 2) force of the mass on the cable
+    haul: Array = field(
+        default_factory=_later
+    )  # (n,) outside force on the mass along the mean tangent; nan where nothing hauls or thrusts
+    T_behind_pointwise: Array = field(
+        default_factory=_later
+    )  # (n,) T + alpha eps of the slopes at the mass; T_behind is from equilibrium
+    T_ahead_pointwise: Array = field(default_factory=_later)  # (n,)
+    T_pointwise: Array = field(default_factory=_later)  # (k, m)
+    kinetic: Array = field(default_factory=_later)  # (n,) parts of the energy: cable and mass
+    strain: Array = field(default_factory=_later)  # (n,)
+    potential: Array = field(default_factory=_later)  # (n,) of weight
+    powers: dict[str, Array] = field(default_factory=dict)  # (n,) each, of outside forces and drive, by name
+
+    def __post_init__(self) -> None:
+        n = self.path.shape[0]
+        for name in ("T_behind", "T_ahead", "T"):
+            _fill(self, f"{name}_pointwise", getattr(self, name))
+        for name in ("reaction_left", "reaction_right", "contact"):
+            _fill(self, name, np.full((n, 2), np.nan))
+        for name in ("t", "s_o", "haul", "kinetic", "strain", "potential"):
+            _fill(self, name, np.full(n, np.nan))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Observation]) -> Observation:
+        """Return consecutive observations of one history as one."""
+        powers = {name: np.concatenate([p.powers[name] for p in parts]) for name in parts[0].powers}
+        arrays = [name for name in cls.__dataclass_fields__ if name != "powers"]
+        return cls(**{n: np.concatenate([getattr(p, n) for p in parts]) for n in arrays}, powers=powers)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +115,32 @@ class Fields:
     T_ahead: Array  # (k,) [N]
     mass_u: Array  # (k,) [m] displacement of the mass
     mass_v: Array  # (k,) [m]
+    # empty: nan
+    x: Array = field(default_factory=_later)  # (m,) [m] the cable at rest, as the solvers are told it hangs
+    y: Array = field(default_factory=_later)  # (m,) [m] down
+    T_static: Array = field(default_factory=_later)  # (m,) [N] its tension
+    # empty: the same as above
+    T_pointwise: Array = field(default_factory=_later)  # (k, m) [N] T + EA eps of the slopes; T is from equilibrium
+    T_behind_pointwise: Array = field(default_factory=_later)  # (k,) [N]
+    T_ahead_pointwise: Array = field(default_factory=_later)  # (k,) [N]
+
+    def __post_init__(self) -> None:
+        for name in ("T", "T_behind", "T_ahead"):
+            _fill(self, f"{name}_pointwise", getattr(self, name))
+        for name in ("x", "y", "T_static"):
+            _fill(self, name, np.full(self.s.size, np.nan))
+
+
+@dataclass(frozen=True, slots=True)
+class Flag:
+    """A reason to distrust a run: of which kind, and its numbers; `words` is a format string that says it."""
+
+    kind: str
+    words: str
+    numbers: dict[str, float | str]
+
+    def __str__(self) -> str:
+        return self.words.format(**self.numbers)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,8 +190,46 @@ class Response:
     error_parts: dict[str, float] | None = None  # the same, split into time and space
     error_window: list[float] | None = None  # s_o/l over which both were estimated: they say nothing outside
     energy_gain: float | None = None  # largest energy gained without being given, over weight x largest deflection
-    flags: list[str] = field(default_factory=list)  # what makes the run suspect, one sentence each
+    flags: list[Flag] = field(default_factory=list)  # what makes the run suspect
     cause: str | None = None  # why incomplete: "Newton stalled", "slack", "unstable", "step underflow", "no start"
+    drive: str = "grip"  # "grip" | "haul" | "free"
+    events: list[dict[str, Any]] = field(default_factory=list)  # event, t [s], s_o [m], speed [m/s], in their order
+    # empty: pointwise as above, else nan
+    T_behind_pointwise: Array = field(
+        default_factory=_later
+    )  # (n,) T + EA eps of the slopes at the mass; T_behind is from equilibrium
+    T_ahead_pointwise: Array = field(default_factory=_later)  # (n,)
+    reaction_left: Array = field(default_factory=_later)  # (n, 2) force of the left support on the cable
+    reaction_right: Array = field(default_factory=_later)  # (n, 2)
+    contact: Array = field(default_factory=_later)  # (n, 2) force of the mass on the cable
+    F_haul: Array = field(
+        default_factory=_later
+    )  # (n,) outside force on the mass along the mean tangent; nan where there is none
+    kinetic: Array = field(default_factory=_later)  # (n,) [J] parts of the energy: cable and mass
+    strain: Array = field(default_factory=_later)  # (n,) [J]
+    potential: Array = field(default_factory=_later)  # (n,) [J] of weight
+    powers: dict[str, Array] = field(default_factory=dict)  # (n,) [W] each, of outside forces and drive, by name
+
+    def __post_init__(self) -> None:
+        n = self.t.size
+        for name in ("T_behind", "T_ahead"):
+            _fill(self, f"{name}_pointwise", getattr(self, name))
+        for name in ("reaction_left", "reaction_right", "contact"):
+            _fill(self, name, np.full((n, 2), np.nan))
+        for name in ("F_haul", "kinetic", "strain", "potential"):
+            _fill(self, name, np.full(n, np.nan))
+
+    @property
+    def speed(self) -> Array:
+        """|dp/dt| of the mass (n,) [m/s]."""
+        return np.hypot(self.velocity[:, 0], self.velocity[:, 1])
+
+    @property
+    def F_contact(self) -> Array:
+        """Contact force (n,) [N] normal to the mean tangent at the mass; positive when it presses on the cable."""
+        tangent = self.slope_behind + self.slope_ahead
+        across = self.contact[:, 1] * tangent[:, 0] - self.contact[:, 0] * tangent[:, 1]
+        return across / np.hypot(tangent[:, 0], tangent[:, 1])
 
     @property
     def reached(self) -> float:
@@ -130,6 +240,10 @@ class Response:
     def max_deflection(self) -> float:
         """Largest v of the mass path [m]."""
         return float(self.v.max())
+
+    @property
+    def flag_kinds(self) -> list[str]:
+        return [flag.kind for flag in self.flags]
 
     def __repr__(self) -> str:
         return (
@@ -176,27 +290,31 @@ class Response:
         """Return the content of summary.json."""
         return {
             "scene": self.scene, "method": self.method, "settings": self.settings, "model": self.model,
-            "load": self.load, "law": self.law, "status": self.status, "reason": self.reason,
+            "load": self.load, "law": self.law, "drive": self.drive, "status": self.status, "reason": self.reason,
             "cause": self.cause,
             "reached": self.reached, "slack_onset": self.slack_onset, "slack_at": self.slack_at,
             "switched": self.switched, "max_deflection": self.max_deflection, "path_error": self.path_error,
             "tension_error": self.tension_error, "error_parts": self.error_parts, "error_window": self.error_window,
-            "energy_gain": self.energy_gain, "flags": self.flags, "n_dof": self.n_dof,
+            "events": self.events, "energy_gain": self.energy_gain, "flags": [str(flag) for flag in self.flags],
+            "flag_kinds": self.flag_kinds, "n_dof": self.n_dof,
             **self.work, "seconds": self.seconds,
         }  # fmt: skip
 
     def write(self, folder: Path) -> None:
         """Write path.csv, tension.csv, summary.json and response.npz (everything, for `read`); whole or not at all."""
         f = self.fields
-        path = [self.t, self.s_o, self.x, self.y, self.u, self.v, self.T_behind, self.T_ahead]
+        path = np.stack([getattr(self, name) for name in PATH_COLUMNS], axis=1)
         k, m = f.T.shape
         station = np.concatenate([np.broadcast_to(f.s, (k, m)), f.s_o[:, None], f.s_o[:, None]], axis=1)
         tension = np.concatenate([f.T, f.T_behind[:, None], f.T_ahead[:, None]], axis=1)
         time = np.repeat(f.t, m + 2)
-        write_csv(folder / "path.csv", "t,s_o,x,y,u,v,T_behind,T_ahead", np.stack(path, axis=1))
+        write_csv(folder / "path.csv", ",".join(PATH_COLUMNS), path)
         write_csv(folder / "tension.csv", "t,s,T", np.stack([time, station.ravel(), tension.ravel()], axis=1))
         arrays = {n: getattr(self, n) for n in _ARRAYS} | {f"fields.{n}": getattr(f, n) for n in _FIELDS}
-        rest = {n: getattr(self, n) for n in self.__dataclass_fields__ if n not in _ARRAYS and n != "fields"}
+        arrays |= {f"powers.{n}": power for n, power in self.powers.items()}
+        plain = [n for n in self.__dataclass_fields__ if n not in (*_ARRAYS, "fields", "powers")]
+        rest = {n: getattr(self, n) for n in plain}
+        rest["flags"] = [asdict(flag) for flag in self.flags]
         with whole(folder / "response.npz") as temporary, temporary.open("wb") as out:
             np.savez_compressed(out, allow_pickle=False, _rest=np.array(json.dumps(rest)), **arrays)
         write_json(folder / "summary.json", self.summary())
@@ -206,12 +324,16 @@ class Response:
         """Read back what `write` wrote."""
         with np.load(folder / "response.npz", allow_pickle=False) as data:
             fields = Fields(**{n: data[f"fields.{n}"] for n in _FIELDS})
-            return cls(**json.loads(str(data["_rest"])), **{n: data[n] for n in _ARRAYS}, fields=fields)
+            powers = {n.removeprefix("powers."): data[n] for n in data.files if n.startswith("powers.")}
+            rest = json.loads(str(data["_rest"]))
+            rest["flags"] = [Flag(**flag) for flag in rest["flags"]]
+            return cls(**rest, **{n: data[n] for n in _ARRAYS}, fields=fields, powers=powers)
 
 
+PATH_COLUMNS = ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "speed", "F_haul", "F_contact")  # of path.csv
 _PATH_UNITS = {
     "s_o": "m", "x": "m", "y": "m", "u": "m", "v": "m", "T_behind": "N", "T_ahead": "N", "energy": "J", "power": "W",
-    "tension_min": "N",
+    "tension_min": "N", "speed": "m/s", "F_haul": "N", "F_contact": "N",
 }  # fmt: skip
 _FIELD_UNITS = {"u": "m", "v": "m", "du": "m/s", "dv": "m/s", "T": "N"}
 _FIELDS = tuple(Fields.__dataclass_fields__)

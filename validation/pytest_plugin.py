@@ -46,7 +46,7 @@ def cable_check(request: pytest.FixtureRequest) -> Callable[..., Any]:
     cable_check("level", solver) holds solver(scene) -> (s_o, v) or (s_o, v, u) against both built-in solvers, which
     are run once per session and scene; cable_check("level") holds these against one another.
     """
-    from validation.commands.check.study import check
+    from validation.commands.check.study import check, check_solver
     from validation.core import assertions, foreign
     from validation.core.agreement import Verdict, overall
 
@@ -61,11 +61,11 @@ def cable_check(request: pytest.FixtureRequest) -> Callable[..., Any]:
             kept[key] = check(scene, tol=tol)
         result = kept[key]
         if solver is not None:
-            result = assertions.check_solver(scene, solver, tol=tol, with_tol=with_tol, ours=result)
+            result = check_solver(scene, solver, tol=tol, with_tol=with_tol, ours=result)
         party, rows = f"{result.a.run.method} and {result.b.run.method}", result.rows
         if solver is not None:  # its own rows, and whether there is one path to hold it against
-            rows = [row for row in rows if "with" in row.row() or row.quantity == "path_max"]
-            party = rows[-1].row()["with"]
+            rows = [row for row in rows if row.party or row.quantity == "path_max"]
+            party = rows[-1].party
         verdict = overall(rows)
         _tell(request, f"{scene.name}, {party}: {_worst(rows)}", verdict.value)
         failed = [row for row in rows if row.verdict is not Verdict.AGREE]

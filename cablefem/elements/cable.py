@@ -77,7 +77,7 @@ class CableElements:
         self.inertia = groups.mu if load == "mass" else 0.0
         # displacement in the plane of each field
         self.direction = np.eye(2) if model == "full" else np.array([[-groups.chord_sin, groups.chord_cos]])
-        self.tension_min = (math.inf, 0.0)  # least mean tension of an element and its s, at the last residual
+        self.least_tension = (math.inf, 0.0)  # least mean tension of an element and its s, at the last residual
         self._weight = tuple((groups.mu * groups.sigma * self.direction[:, 1]).tolist())  # of the mass, field by field
         self._set_law(law)
 
@@ -136,9 +136,9 @@ class CableElements:
         self._at = (t, phase)
         *done, least, where = kernels.settle(
             self._operators, self._coefficients, *self._mesh(), *self._work, start, now, rule, bound,
-            newton.max_iter, newton.reuse,
+            newton.max_iter, newton.reuse, newton.patience,
         )  # fmt: skip
-        self.tension_min = least, where
+        self.least_tension = least, where
         return Settled(*done)
 
     # --- what a mesh answers ---------------------------------------------------------------------------
@@ -191,7 +191,7 @@ class CableElements:
             self._time(t, phase)
             self._at = (t, phase)
             kernels.combine(self._operators, self._coefficients, self._bands)
-        self.tension_min = kernels.assemble(*self._mesh(), q, v, a, r, ab, increment, tangent, c0, c1, c2)
+        self.least_tension = kernels.assemble(*self._mesh(), q, v, a, r, ab, increment, tangent, c0, c1, c2)
 
     def _static_acceleration(self, s_o: float, ds: float, dds: float) -> tuple[float, ...]:
         """Return d2/dt2 X(s_o(t)) on the static shape (parabola for the one-field models)."""
@@ -235,6 +235,7 @@ class CableElements:
         else:
             normal_energy, power = self._normal_account(kinematics, *(x[:, 0] for x in at_mass))
             energy += normal_energy
+        force = self.inertia * acceleration @ self.direction.T - np.array(self._weight)  # of the cable on the mass
         w, dw, w_s = (x @ self.direction for x in self._fields(states, kinematics, s, frames))
         T_s, x_s, y_s = g.static(s)[:3]
         if self.fields == 2:
@@ -251,6 +252,7 @@ class CableElements:
             energy=energy, power=power,
             tension_min=least, tension_min_at=where,
             u=w[..., 0], v=w[..., 1], du=dw[..., 0], dv=dw[..., 1], T=tension,
+            t=states.t, s_o=s_o, contact=-force @ self.direction,
         )  # fmt: skip
 
     def _tension(self, slope: Array, T: Array) -> Array:

@@ -43,8 +43,10 @@ def test_the_first_axial_frequency():
 def test_frequencies_converge_from_above_with_twice_the_degree(degree, elements):
     coarse, fine = (bare_frequencies(PAPER, elements=e, degree=degree, n=4) for e in (elements, 2 * elements))
     errors = coarse / EXACT[:4] - 1.0, fine / EXACT[:4] - 1.0
-    assert np.all(errors[1] > 0.0)
-    assert np.all(np.abs(np.log2(errors[0] / errors[1]) - 2.0 * degree) < 0.3)
+    # an eigenvalue solver loses eps times (largest over lowest frequency)^2, 1e-10: read a hundred times above it
+    readable = errors[1] > 1e-8
+    assert readable[2:].all()
+    assert np.all(np.abs(np.log2(errors[0] / errors[1])[readable] - 2.0 * degree) < 0.3)
 
 
 @pytest.mark.parametrize("groups", [STEEP, steep_cable(mu=0.7, sigma=1.9, c=1.1, alpha=57.0, speed=0.3)])

@@ -19,6 +19,7 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.commands.check import page as check
 from validation.commands.check.figures import pointwise, scale_of
+from validation.core.bounds import Bound, Part, nothing
 from validation.page import page
 from validation.page.player import player
 from validation.page.stored import read
@@ -99,14 +100,13 @@ def test_a_disagreement_is_said_first_and_stands_on_top(folder):
 
 
 def test_a_reason_is_short_and_the_whole_of_it_beneath():
-    whole = (
-        "sum of both error bars: fourier 0.018 (extrapolated 2 f(62) - f(31)), following-p2 2.5e-05 (2^1.5 - 1 & co)"
-    )
-    lines = re.fullmatch(r"<details><summary>(.*?)</summary><p>(.*?)</p></details>", check._because(whole))
+    parts = Part("fourier", 0.018, "extrapolated 2 f(62) - f(31)"), Part("following-p2", 2.5e-5, "2^1.5 - 1 & co")
+    told = check._because({"bound": Bound("error bars", parts).row()})
+    lines = re.fullmatch(r"<details><summary>(.*?)</summary><p>(.*?)</p></details>", told)
     assert lines is not None
     assert lines[1] == "both error bars: fourier 1.8\u202f% + following-p2 0.0025\u202f%"
     assert lines[2].endswith("(2<sup>1.5</sup> − 1 &amp; co)")
-    assert check._because("nothing to compare") == "nothing to compare"
+    assert check._because({"bound": nothing("nothing to compare").row()}) == "nothing to compare"
 
 
 def test_equal_answers_have_no_logarithm_but_a_page(folder):

@@ -28,11 +28,14 @@ def rows(path):
 def test_files_follow_the_contract_and_read_back(level, tmp_path):
     level.write(tmp_path)
     path = rows(tmp_path / "path.csv")
-    assert path[0] == ["t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead"]
+    assert path[0] == ["t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "speed", "F_haul", "F_contact"]
     assert len(path) == level.t.size + 1
     assert float(path[1][0]) == 0.0
     assert path[1][6] == ""  # nothing behind the mass on the left support
     assert float(path[1][7]) > 0.0
+    assert float(path[9][8]) == np.hypot(*level.velocity[8])
+    assert path[9][9] == "", "a car that grips has no haul force"
+    assert float(path[9][10]) > 0.0, "the mass presses on the cable"
     assert [float(x) for x in path[7][:2]] == [level.t[6], level.s_o[6]]  # full precision
     tension = rows(tmp_path / "tension.csv")
     assert tension[0] == ["t", "s", "T"]
@@ -49,6 +52,8 @@ def test_files_follow_the_contract_and_read_back(level, tmp_path):
     ):  # fmt: skip
         assert key in summary
     assert not any("nan" in p.read_text().lower() for p in tmp_path.glob("*.csv"))
+    level = dataclasses.replace(level, powers={"haul": 2.5 * level.power}, events=[{"event": "turn", "t": 1.5}])
+    level.write(tmp_path)
     again = Response.read(tmp_path)
     for field in dataclasses.fields(Response):
         a, b = getattr(level, field.name), getattr(again, field.name)
@@ -56,6 +61,9 @@ def test_files_follow_the_contract_and_read_back(level, tmp_path):
             np.testing.assert_array_equal(a, b)
         elif field.name == "fields":
             np.testing.assert_array_equal(a.T, b.T)
+        elif field.name == "powers":
+            assert a.keys() == b.keys()
+            assert all(np.array_equal(a[name], b[name]) for name in a)
         else:
             assert a == b or tuple(a) == tuple(b), field.name
 
@@ -106,3 +114,23 @@ def test_the_picture_is_an_svg_without_nan(level):
     assert "<svg" in picture
     assert "nan" not in picture
     assert len(re.findall(r"[\d.]+,[\d.-]+", picture)) >= level.t.size
+
+
+def test_contact_force_is_taken_normal_to_the_mean_tangent(level):
+    tangent = level.slope_behind + level.slope_ahead
+    along = dataclasses.replace(level, contact=tangent)
+    assert np.abs(along.F_contact).max() <= 1e-15 * np.abs(tangent).max() ** 2
+    down = dataclasses.replace(level, contact=np.broadcast_to([0.0, 3.0], tangent.shape))
+    np.testing.assert_allclose(down.F_contact, 3.0 * tangent[:, 0] / np.hypot(*tangent.T), rtol=1e-14)
+
+
+def test_pieces_of_an_observation_join(level):
+    from cablefem.response import Observation
+
+    n = {"path": (5, 2), "T_behind": (5,), "T_ahead": (5,), "T": (3, 4)}
+    names = [f.name for f in dataclasses.fields(Observation) if f.default is f.default_factory is dataclasses.MISSING]
+    one = Observation(**{k: np.ones(n.get(k, (5,))) for k in names})
+    both = Observation.joined([one, one])
+    assert both.T_pointwise.shape == both.T.shape == (6, 4)
+    assert both.haul.shape == (10,)
+    assert np.isnan(both.reaction_left).all()

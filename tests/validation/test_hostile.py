@@ -10,6 +10,7 @@ import pytest
 from cablefem import Scene
 from validation.commands.atlas import hostile
 from validation.commands.atlas.hostile import BROKEN, draws, examine, faults_of, hostile_survey
+from validation.core import measures
 from validation.core.running import run
 
 SEED = 20031
@@ -40,9 +41,14 @@ def test_hard_scenes_get_an_error_estimate_or_a_diagnosis(name):
         scene = LEVEL.variant(**HARD[name])
     r = hostile.estimated(scene, "following-p2", elements=8, steps=400).run
     assert faults_of(r) == []
-    assert r.path_error is not None or r.cause is not None or r.flags
+    if r.path_error is None:
+        assert r.cause is not None
+    elif not r.flags:  # nothing said against the bar: it has to hold
+        fine = run(scene, "following-p2", elements=32, steps=1600)
+        window = measures.window_of(r, fine, window=tuple(r.error_window))
+        assert measures.path_gap(r, fine, window)[0] <= r.path_error
     # from the wave speed on the bar is no bound, and that is said
-    assert any("outruns the waves" in flag for flag in r.flags) == (scene.speed_ratio >= 1.0)
+    assert ("fast" in r.flag_kinds) == (scene.speed_ratio >= 1.0)
 
 
 def test_the_checker_sees_a_response_that_is_not_finite_or_ends_without_a_reason():
@@ -78,6 +84,6 @@ def test_the_survey_counts_tracebacks_and_silent_wrong_answers(monkeypatch):
 
 
 def test_draws_repeat_with_their_seed_and_half_are_hostile():
-    assert draws(10, 7) == draws(10, 7) or any("nan" in str(d.groups) for d in draws(10, 7))
+    assert str(draws(40, 7)) == str(draws(40, 7))  # as text: nan is among them
     assert draws(10, 7)[0] != draws(10, 8)[0]
     assert sum(d.hostile for d in draws(50, 7)) == 25

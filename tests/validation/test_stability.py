@@ -28,7 +28,7 @@ LIGHT = LEVEL.variant(mu=0.01)
 
 @cache
 def level(method: str, resolution: int, steps: int) -> Response:
-    return run(LEVEL, method, **{METHODS[method].resolution: resolution, "steps": steps})
+    return run(LEVEL, method, **{METHODS[method].resolution.setting: resolution, "steps": steps})
 
 
 # --- slack ----------------------------------------------------------------------------------------------------------
@@ -60,7 +60,7 @@ def test_the_spread_sees_a_path_that_is_off_after_the_onset():
 @pytest.mark.parametrize("scheme", ["trapezoidal", "newmark", "generalized-alpha", "energy"])
 @pytest.mark.parametrize(("method", "resolution"), [("following-p2", 8), ("fourier-kink", 14), ("fixed-hermite", 24)])
 def test_every_scheme_and_solver_goes_on_past_the_onset(method, resolution, scheme):
-    r = run(LEVEL, method, **{METHODS[method].resolution: resolution, "steps": 500, "scheme": scheme})
+    r = run(LEVEL, method, **{METHODS[method].resolution.setting: resolution, "steps": 500, "scheme": scheme})
     assert r.slack_onset is not None
     assert r.switched is not None
     assert r.reached > 0.97
@@ -138,14 +138,14 @@ def test_energy_gained_after_the_onset_is_flagged_apart():
     # a deep, stiff cable whips once slack: its paths do not agree between resolutions
     r = run(LEVEL.variant(sag_ratio=0.3), "following-p2")
     assert r.slack_onset < 0.2
-    assert any(flag.startswith("after the slack onset") for flag in r.flags)
+    assert "slack energy" in r.flag_kinds
 
 
 def test_compression_of_less_than_an_element_is_flagged_and_slack_is_not():
     close = Scene.from_groups(sag_ratio=0.03882, slope=2.89, mu=0.1745, alpha=5285.0, speed_ratio=0.5754)
     r = run(close, "following-p2", elements=40, steps=1400, until=0.8)
     assert r.slack_onset is None
-    assert any("under compression" in flag for flag in r.flags)
+    assert "hidden slack" in r.flag_kinds
     # twin: a cable that is under tension all the way, and one that falls slack as a whole
     for until in (0.8, 0.9):
         assert run(LEVEL, "following-p2", elements=10, steps=500, until=until).flags == []
@@ -156,7 +156,7 @@ def test_flags_survive_being_written_and_read(tmp_path):
     r.write(tmp_path)
     back = Response.read(tmp_path)
     assert (back.flags, back.energy_gain, back.cause) == (r.flags, r.energy_gain, r.cause)
-    assert json.loads((tmp_path / "summary.json").read_text())["flags"] == r.flags
+    assert json.loads((tmp_path / "summary.json").read_text())["flags"] == [str(flag) for flag in r.flags]
 
 
 def test_central_differences_blow_up_with_the_right_cause():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from validation.core import measures
+from validation.core.bounds import Bound, Part, nothing
 from validation.core.estimate import SAFETY, Estimated
 from validation.core.measures import NotComparable, Window
 
@@ -23,18 +24,25 @@ class Verdict(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """One row of a verdict: a gap, the gap allowed, and why that much is allowed."""
+    """One row of a verdict: a gap, and the bound that says how much is allowed and why."""
 
     quantity: str
     gap: float
-    allowed: float
-    allowed_because: str
+    bound: Bound
     where: float | None = None  # s_o/l of the largest gap
-    too_coarse: bool = False  # the bars themselves exceed the tolerance asked for
+    party: str = ""  # the third party that is held against our better solver
+
+    @property
+    def allowed(self) -> float:
+        return self.bound.value
+
+    @property
+    def allowed_because(self) -> str:
+        return str(self.bound)
 
     @property
     def verdict(self) -> Verdict:
-        if self.too_coarse or not (math.isfinite(self.gap) and math.isfinite(self.allowed)):
+        if self.bound.tol is not None or not (math.isfinite(self.gap) and math.isfinite(self.allowed)):
             return Verdict.NOT_COMPARABLE
         return Verdict.AGREE if self.gap <= self.allowed else Verdict.DISAGREE
 
@@ -43,7 +51,8 @@ class Agreement:
         return {
             "quantity": self.quantity, "gap": self.gap if math.isfinite(self.gap) else None,
             "allowed": self.allowed if math.isfinite(self.allowed) else None,
-            "allowed_because": self.allowed_because, "verdict": self.verdict.value, "where": self.where,
+            "allowed_because": self.allowed_because, "bound": self.bound.row(), "verdict": self.verdict.value,
+            "where": self.where, **({"with": self.party} if self.party else {}),
         }  # fmt: skip
 
 
@@ -67,7 +76,7 @@ def agree(
     try:
         window = measures.window_of(*a.runs, *b.runs, window=window or measures.WINDOW)
     except NotComparable as error:
-        return [Agreement("path_max", math.nan, math.nan, str(error))]
+        return [Agreement("path_max", math.nan, nothing(error))]
     rows = []
     max_gap, rms_gap = measures.path_gap(a.response, b.response, window)
     where = measures.place_of_gap(a.response, b.response, window)
@@ -78,8 +87,7 @@ def agree(
 
         row = _row(name, gap, a, b, of_path, where if i == 0 else None)
         if tol is not None and row.allowed > tol:
-            reason = f"too coarse: the bars {row.allowed:.2g} exceed the tolerance {tol:g}; {row.allowed_because}"
-            row = Agreement(name, gap, row.allowed, reason, row.where, too_coarse=True)
+            row = replace(row, bound=replace(row.bound, tol=tol))
         rows.append(row)
     rows.append(_row(
         "tension", measures.tension_gap(a.response, b.response, window), a, b,
@@ -99,11 +107,8 @@ def _row(
     of: Callable[[Response, Response], float],
     where: float | None = None,
 ) -> Agreement:
-    bars = a.bar(of), b.bar(of)
-    because = (
-        f"sum of both error bars: {a.run.method} {bars[0]:.2g} ({a.basis}), {b.run.method} {bars[1]:.2g} ({b.basis})"
-    )
-    return Agreement(name, gap, sum(bars), because, where)
+    bars = tuple(Part(e.run.method, e.bar(of), e.basis) for e in (a, b))
+    return Agreement(name, gap, Bound("error bars", bars), where)
 
 
 # One-sided slopes at the mass and what oscillates around it converge with first order: the gap to half the resolution
@@ -113,8 +118,8 @@ FIRST_ORDER = f"the change from half the resolution and half the steps, times {S
 
 def _first_order(name: str, gap: float, a: Estimated, b: Estimated, window: Window) -> Agreement:
     bars = [SAFETY * sum(measures.oscillation_gap(e.run, c, window) for c in (e.in_space, e.in_time)) for e in (a, b)]
-    because = f"sum of both error bars: {a.run.method} {bars[0]:.2g}, {b.run.method} {bars[1]:.2g} ({FIRST_ORDER})"
-    return Agreement(name, gap, sum(bars), because)
+    parts = tuple(Part(e.run.method, bar, FIRST_ORDER) for e, bar in zip((a, b), bars, strict=True))
+    return Agreement(name, gap, Bound("error bars", parts))
 
 
 Series = Callable[[Response], Array]
@@ -146,12 +151,7 @@ def _law(name: str, series: Series, a: Estimated, b: Estimated, window: Window) 
             return _rms((series(coarse) - measures.at_steps_of(coarse, fine, np.nan_to_num(series(fine))))[inside])
 
         bar = SAFETY * (distance(e.run, e.in_space) + distance(e.run, e.in_time))
-        row = Agreement(
-            name,
-            gap,
-            bar,
-            f"{e.run.method}: the law holds exactly, so its defect may be the run's own error, {FIRST_ORDER}",
-        )
+        row = Agreement(name, gap, Bound("law", (Part(e.run.method, bar, FIRST_ORDER),)))
         if worst is None or row.gap * worst.allowed > worst.gap * row.allowed:
             worst = row
     assert worst is not None

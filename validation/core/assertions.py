@@ -1,24 +1,17 @@
-"""Agreement as an assertion: of two answers, or of a user's own solver with ours."""
+"""Agreement of two answers as an assertion."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from cablefem.response import Response
-from cablefem.scene import Scene
-from validation.commands.check.study import Check, check
 from validation.core import foreign, measures
 from validation.core.agreement import Agreement, Verdict
+from validation.core.bounds import Bound, Part
 from validation.core.foreign import ForeignPath
 from validation.core.measures import WINDOW, NotComparable, Window
-from validation.core.store import Refused
 
 Answer = Response | ForeignPath
-Solver = Callable[[Scene], Any]  # scene -> (s_o [m], v [m] down) or (s_o, v, u [m]), or a Response
 
 
 def assert_agree(
@@ -72,62 +65,31 @@ def _over(window: Window, a: Answer, b: Answer) -> str:
 def _path_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement:
     x, y = foreign.comparable(a, b)
     gap, rms = measures.path_gap(x, y, window)
-    why = f"asked for by path = {allowed:g}, relative to the largest deflection {b.max_deflection:.4g} m"
     # An error of the equations shows from somewhere on, one of the resolution comes and goes.
     steps = x if x.t.size <= y.t.size else y
     places = (steps.s_o / steps.length)[measures.inside(steps, window)]
     first = next((p for p in places[4:] if measures.path_gap(x, y, (window[0], p))[0] > allowed), None)
-    parts = "" if first is None else f"they part from s_o/l = {first:.3f} on; "
-    bars = "".join(
-        f"; error bar of {r.method} {r.path_error:.2g}"
+    notes = () if first is None else (f"they part from s_o/l = {first:.3f} on",)
+    bars = (
+        f"error bar of {r.method} {r.path_error:.2g}"
         for r in (a, b) if isinstance(r, Response) and r.path_error is not None
     )  # fmt: skip
-    return Agreement(
-        "path_max", gap, allowed,
-        f"{why}; {parts}rms gap {rms:.3g}; over {_over(window, a, b)}{bars}",
-        measures.place_of_gap(x, y, window),
-    )  # fmt: skip
+    relative = f"relative to the largest deflection {b.max_deflection:.4g} m"
+    bound = _asked("path", allowed, relative, *notes, f"rms gap {rms:.3g}", f"over {_over(window, a, b)}", *bars)
+    return Agreement("path_max", gap, bound, measures.place_of_gap(x, y, window))
+
+
+def _asked(argument: str, allowed: float, relative: str, *notes: str) -> Bound:
+    return Bound("asked", (Part(argument, allowed),), {"relative": relative}, notes)
 
 
 def _tension_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement:
-    why = f"asked for by tension = {allowed:g}"
     if not (isinstance(a, Response) and isinstance(b, Response)):
         gap = foreign.mass_tension_gap(a, b, window)
-        return Agreement("tension", gap, allowed, f"{why}, rms at the mass, both sides, relative to H")
+        return Agreement("tension", gap, _asked("tension", allowed, "rms at the mass, both sides, relative to H"))
     gap = measures.tension_gap(a, b, window)
     frames = np.intersect1d(np.round(a.fields.s_o / a.length, 9), np.round(b.fields.s_o / b.length, 9))
     frames = frames[(frames >= window[0]) & (frames <= window[1])]
     worst = max(frames.tolist(), key=lambda place: measures.tension_gap(a, b, (place, place)))
-    return Agreement(
-        "tension",
-        gap,
-        allowed,
-        f"{why}, rms of the field off the mass, relative to H; over {_over(window, a, b)}",
-        worst,
-    )
-
-
-def check_solver(
-    scene: Scene | str | Path, solver: Solver, *, name: str | None = None, tol: float = 1e-3,
-    with_tol: float = foreign.WITH_TOL, ours: Check | None = None,
-    progress: Callable[[str, float], None] | None = None,
-) -> Check:  # fmt: skip
-    """Run a user's own solver on a scene and hold it against both of ours; its rows come last in the verdict.
-
-    solver : scene -> (s_o, v) or (s_o, v, u) in [m], v down, along the scene's travel; or a Response.
-    tol, progress : of our own solvers, as in `check`.
-    with_tol : allowed to the solver beside our error bar, relative to the largest deflection.
-    ours : a check of this scene that was made before.
-
-    Raises Refused if what it returns is no path on that scene.
-    """
-    scene = scene if isinstance(scene, Scene) else Scene.load(scene)
-    name = name or str(getattr(solver, "__name__", type(solver).__name__))
-    answer = solver(scene)
-    if not isinstance(answer, Response):
-        if not (isinstance(answer, tuple | list) and len(answer) in (2, 3)):
-            raise Refused(f"{name}: must return (s_o, v) or (s_o, v, u), or a Response; got {type(answer).__name__}")
-        answer = ForeignPath.of(scene, *answer, name=name)
-    ours = ours or check(scene, tol=tol, progress=progress)
-    foreign.refuse_misnamed(answer, ours.a.run)
-    return foreign.joined(ours, answer, with_tol)
+    over = f"over {_over(window, a, b)}"
+    return Agreement("tension", gap, _asked("tension", allowed, "rms of the field off the mass, over H", over), worst)

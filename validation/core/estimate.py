@@ -14,6 +14,7 @@ from typing import Any
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import measures
+from validation.core.flags import flagged
 from validation.core.methods import Method, find, refined
 from validation.core.running import run
 
@@ -39,6 +40,7 @@ class Estimated:
     in_time: Response  # half the steps
     weights: tuple[float, float]  # what is left of the gaps to the companions in the finest run
     basis: str  # one sentence: where the bar comes from
+    extrapolated: bool = False
 
     def bar(self, gap: Callable[[Response, Response], float]) -> float:
         """Return the error bar of a quantity from its gaps to the companions."""
@@ -104,14 +106,16 @@ def estimated(
         # that a next order p + 1/2 would leave
         response = measures.extrapolated(fine, c_space, 1.0)
         w_space = SAFETY / (2.0**1.5 - 1.0) * 0.5
-        basis = f"extrapolated 2 f({settings[method.resolution]}) - f({half_space[method.resolution]})"
+        basis = f"extrapolated 2 f({method.count(settings)}) - f({method.count(half_space)})"
     else:
         response, w_space = fine, SAFETY / (2.0**p - 1.0)
         basis = (
-            f"gap to half the {method.resolution} over 2^{p:g} - 1, gap to half the steps over 2^{p_time:g} - 1, "
-            f"times {SAFETY}"
+            f"gap to half the {method.resolution.setting} over 2^{p:g} - 1, gap to half the steps over "
+            f"2^{p_time:g} - 1, times {SAFETY}"
         )
-    estimate = Estimated(response, fine, c_space, c_time, (w_space, SAFETY / (2.0**p_time - 1.0)), basis)
+    estimate = Estimated(
+        response, fine, c_space, c_time, (w_space, SAFETY / (2.0**p_time - 1.0)), basis, method.extrapolate
+    )
     return _with_bars(estimate)
 
 
@@ -126,7 +130,7 @@ def _with_bars(e: Estimated) -> Estimated:
         gaps = [measures.path_gap(c, e.run, window)[0] for c in (e.in_space, e.in_time)]
         tension = [measures.tension_gap(c, e.run, window) for c in (e.in_space, e.in_time)]
     except measures.NotComparable as error:
-        return _flagged(e, f"no error bar could be made: {error}")
+        return _flagged(e, "no bar", why=str(error))
     parts = {
         "path_space": e.weights[0] * gaps[0], "path_time": e.weights[1] * gaps[1],
         "tension_space": e.weights[0] * tension[0], "tension_time": e.weights[1] * tension[1],
@@ -140,16 +144,12 @@ def _with_bars(e: Estimated) -> Estimated:
     e = replace(e, response=replace(e.response, **bars), run=replace(e.run, **bars))  # type: ignore[arg-type]
     # a coarse companion that goes slack or ends early cuts the window: nobody must read the bar as one to 0.80
     if window[1] < measures.window_of(e.run)[1] - SHORT:
-        return _flagged(
-            e, f"the error bars hold up to s_o/l = {window[1]:.3f} only: with half the resolution or half the steps "
-            "the run goes slack or ends there; more of both make them reach further",
-        )  # fmt: skip
+        return _flagged(e, "short bar", stop=window[1])
     return e
 
 
 SHORT = 0.01  # s_o/l by which a window may be shorter than the run's own before that is said
 
 
-def _flagged(e: Estimated, flag: str) -> Estimated:
-    response, run = (replace(r, flags=[*r.flags, flag]) for r in (e.response, e.run))
-    return replace(e, response=response, run=run)
+def _flagged(e: Estimated, kind: str, **numbers: float | str) -> Estimated:
+    return replace(e, response=flagged(e.response, kind, **numbers), run=flagged(e.run, kind, **numbers))

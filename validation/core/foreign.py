@@ -27,9 +27,9 @@ import numpy as np
 
 from cablefem.response import Array, Response, write_csv
 from cablefem.scene import Scene
-from validation.commands.check.study import Check
 from validation.core import measures
 from validation.core.agreement import Agreement
+from validation.core.bounds import Bound, Part, nothing
 from validation.core.estimate import Estimated
 from validation.core.measures import WINDOW, NotComparable, Window
 from validation.core.store import Refused
@@ -335,24 +335,7 @@ def mass_tension_gap(a: Any, b: Any, window: Window) -> float:
     return math.sqrt(0.5 * total) / b.horizontal_tension
 
 
-@dataclass(frozen=True, slots=True)
-class ForeignAgreement(Agreement):
-    """A row of a verdict that holds a third party against our better solver."""
-
-    party: str = ""
-
-    def row(self) -> dict[str, Any]:
-        """Return the row for agreement.json, with the third party's name."""
-        return {**Agreement.row(self), "with": self.party}
-
-
-def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
-    """Return the check with the rows of a third party, held against whichever of our solvers has the smaller bar."""
-    best = min((check.a, check.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
-    return replace(check, rows=[*check.rows, *rows(path, best, check.window, with_tol)])
-
-
-def rows(path: ForeignPath | Response, ours: Estimated, window: Window, with_tol: float) -> list[ForeignAgreement]:
+def rows(path: ForeignPath | Response, ours: Estimated, window: Window, with_tol: float) -> list[Agreement]:
     """Hold a foreign path against an estimated run: allowed is our error bar plus `with_tol`.
 
     Where it covers less than the window, the gap is told but the row is "not comparable".
@@ -360,28 +343,26 @@ def rows(path: ForeignPath | Response, ours: Estimated, window: Window, with_tol
     return list(_rows(path, ours, window, with_tol))
 
 
-def _rows(path: ForeignPath | Response, ours: Estimated, window: Window, with_tol: float) -> Iterator[ForeignAgreement]:
+def _rows(path: ForeignPath | Response, ours: Estimated, window: Window, with_tol: float) -> Iterator[Agreement]:
     party, run = path.method, ours.run.method
     try:
         part = _common(path, window)
         max_gap, rms_gap = measures.path_gap(*comparable(path, ours.response), part)
         where = measures.place_of_gap(*comparable(path, ours.response), part)
     except NotComparable as reason:
-        yield ForeignAgreement("path_max", math.nan, math.nan, f"{party}: {reason}", party=party)
+        yield Agreement("path_max", math.nan, nothing(f"{party}: {reason}"), party=party)
         return
     step = TRAVEL_TOLERANCE + float(np.diff(path.s_o).max()) / path.length
     short = part[0] > window[0] + step or part[1] < window[1] - step
     components = "u and v" if path.u is not None else "v alone"
 
-    def row(name: str, gap: float, of: Any, where: float | None = None) -> ForeignAgreement:
-        bar = ours.bar(of)
-        because = f"{run} {bar:.2g} (its error bar) + {with_tol:g} allowed to {party}; {components}"
+    def row(name: str, gap: float, of: Any, where: float | None = None) -> Agreement:
+        bars = Part(run, ours.bar(of), "its error bar"), Part(f"allowed to {party}", with_tol)
+        bound = Bound("foreign", bars, {"components": components})
         if short:
-            because = (
-                f"{party} covers s_o/l = {part[0]:.3g} to {part[1]:.3g} of {window[0]:.3g} to {window[1]:.3g}; "
-                f"there {bar + with_tol:.2g} would be allowed"
-            )
-        return ForeignAgreement(name, gap, math.nan if short else bar + with_tol, because, where, party=party)
+            covers = {"party": party, "low": part[0], "high": part[1], "start": window[0], "stop": window[1]}
+            bound = Bound("covers less", bars, covers)
+        return Agreement(name, gap, bound, where, party)
 
     def measured(i: int) -> Any:
         return lambda a, b: measures.path_gap(

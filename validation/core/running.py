@@ -13,10 +13,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cablefem import newmark
-from cablefem.newmark import ErrorControl, NewtonStalled, Scheme, State, StepFailure, StepUnderflow, Work
-from cablefem.response import Array, Fields, Observation, Response, States
+from cablefem.newmark import NewtonStalled, Scheme, State, StepFailure, StepUnderflow, Work
+from cablefem.response import Array, Fields, Flag, Observation, Response, States
 from cablefem.scene import Scene
 from validation.core import measures
+from validation.core.flags import flag
 from validation.core.methods import Method, find
 
 FRAMES = 100  # fields are kept at s_o/l = 0, 1/FRAMES, 2/FRAMES, ... of every run, so that runs can be compared
@@ -31,7 +32,7 @@ Progress = Callable[[float], None]
 
 def run(
     scene: Scene, method: str | Method, *, model: str = "full", load: str = "mass", law: str = "auto",
-    control: ErrorControl | None = None, until: float | None = None, progress: Progress | None = None, **settings: Any,
+    until: float | None = None, progress: Progress | None = None, **settings: Any,
 ) -> Response:  # fmt: skip
     """Run one method on one scene and return its Response.
 
@@ -40,7 +41,6 @@ def run(
     law : "elastic", "tension-only", or "auto": elastic until the cable goes slack, from there on tension-only
         with Newmark's damping (unless the scheme damps by itself), because an elastic law that carries compression is
         ill-posed.  Central differences never switch: their slack is their own instability.
-    control : step sizes from local error instead of `steps` equal ones.
     until : s_o/l; the run is over after the first step at or past it.  Comparisons need no more than
         `measures.WINDOW[1]`, and the steps of a slack cable cost the most.
 
@@ -60,9 +60,7 @@ def run(
         system = method.build(
             scene.groups, settings, model=model, load=load, law="tension-only" if law == "tension-only" else "elastic"
         )
-        times: Any = control or newmark.step_times(
-            system, settings["steps"], entry=settings["entry"], exit=settings["exit"]
-        )
+        times = newmark.step_times(system, settings["steps"], entry=settings["entry"], exit=settings["exit"])
         history = _march(system, scheme, times, law == "auto", _stop(scene, system, until), progress)
         return watched(_respond(scene, method, settings, model, load, law, system, history), scene)
 
@@ -84,27 +82,20 @@ def watched(r: Response, scene: Scene) -> Response:
         return r
     weight = scene.mass.mass * scene.gravity
     unit = max(1.0, float(np.ptp(r.energy[measures.inside(r, (0.0, stop))])) / (weight * r.max_deflection))
-    gain, flags = measures.energy_gain(r, weight, (0.0, stop)), []
+    gain = measures.energy_gain(r, weight, (0.0, stop))
+    flags = []
     if scene.speed_ratio is not None and scene.speed_ratio >= 1.0:
         # level cable: bars are half the true error at V/c = 1.1, and at 1.5 refinement drives the paths apart
-        flags.append(
-            f"the mass outruns the waves in front of it (V/c = {scene.speed_ratio:.2f}): refinement converges slowly "
-            "or not at all, and the error bar is no bound"
-        )
+        flags.append(flag("fast", speed_ratio=scene.speed_ratio))
     flags += _hidden_slack(r)
     if not gain <= MOST_GAIN * unit:
-        gained = f"the run gains energy that nothing gave it ({gain / unit:.2g} of all it has, {MOST_GAIN:g} allowed)"
-        advice = "take more steps, a damped or the energy scheme, or another method"
-        flags.append(f"{gained}: distrust it, its slack too; {advice}")
+        flags.append(flag("energy", gain=gain / unit, allowed=MOST_GAIN))
         if r.cause is not None:
-            r = replace(r, cause="unstable", reason=f"{gained} until it broke; {advice}")
+            r = replace(r, cause="unstable", reason=f"{flags[-1]}; it broke at s_o/l = {r.reached:.3f}")
     elif r.switched is not None and r.switched < SLACK_END:
         later = measures.energy_gain(r, weight, (r.switched, SLACK_END))
         if not later <= MOST_GAIN_SLACK * unit:
-            flags.append(
-                f"after the slack onset the run gains energy that nothing gave it ({later / unit:.2g} of all it had): "
-                f"from s_o/l = {r.switched:.3f} on it is no answer"
-            )
+            flags.append(flag("slack energy", gain=later / unit, since=r.switched))
     return replace(r, energy_gain=gain, flags=flags)
 
 
@@ -113,7 +104,7 @@ def watched(r: Response, scene: Scene) -> Response:
 HIDDEN = 0.03
 
 
-def _hidden_slack(r: Response) -> list[str]:
+def _hidden_slack(r: Response) -> list[Flag]:
     """Return a flag if a piece shorter than an element is under compression and the cable not slack soon after.
 
     For methods that resolve the kink at the mass: the others ripple.
@@ -126,11 +117,8 @@ def _hidden_slack(r: Response) -> list[str]:
     if not pressed.size:
         return []
     first, most = pressed[0], r.tension_min[pressed].min() / r.horizontal_tension
-    return [
-        f"points of the cable are under compression, up to {-most:.2g} H, from s_o/l = {r.s_o[first] / r.length:.3f} "
-        f"(s/l = {r.tension_min_at[first] / r.length:.3f}) on, but no whole element is slack: from there on the error "
-        "bar may be too small"
-    ]
+    since, at = r.s_o[first] / r.length, r.tension_min_at[first] / r.length
+    return [flag("hidden slack", most=float(-most), since=float(since), at=float(at))]
 
 
 @dataclass(slots=True)
@@ -175,8 +163,8 @@ def _march(
                 progress(state.t / end)
             if state.t >= stop:
                 break
-            if onset is None and len(states) > 1 and system.tension_min[0] < 0.0:
-                onset = (len(states) - 1, system.tension_min[1])
+            if onset is None and len(states) > 1 and system.least_tension[0] < 0.0:
+                onset = (len(states) - 1, system.least_tension[1])
                 if switch:
                     break
         if onset is not None and switch:
@@ -212,7 +200,7 @@ def _cause(error: StepFailure, slack: bool, switched: bool) -> tuple[str, str]:
         )
     if slack:
         return "slack", f"{error.cause}: the cable is slack and its elastic law carries compression; take law = auto"
-    return "Newton stalled", f"{error.cause}; {error.advice}"
+    return "Newton stalled", f"{error.cause}; {error.advice}, or the tension-only law for a slack cable"
 
 
 def _stack(states: list[State]) -> States:
@@ -273,11 +261,14 @@ def _respond(scene, method, settings, model, load, law, system, h: _History) -> 
     X = scene.catenary
     onset = None if h.onset is None or h.onset[0] >= states.t.size else float(s_o[h.onset[0]])
     cause, reason = (None, None) if h.failure is None else h.failure
+    x_rest, y_rest = scene.groups.shape(s)
     fields = Fields(
+        x=l * x_rest, y=l * y_rest, T_static=H * scene.groups.static(s)[0],
         t=tau * t_frames, s_o=l * motion.position(t_frames), s=l * s, u=l * frames.u, v=l * frames.v,
         du=l / tau * frames.du, dv=l / tau * frames.dv, T=H * frames.T,
         T_behind=H * frames.T_behind, T_ahead=H * frames.T_ahead,
-        mass_u=l * frames.path[:, 0], mass_v=l * frames.path[:, 1],
+        mass_u=l * frames.path[:, 0], mass_v=l * frames.path[:, 1], T_pointwise=H * frames.T_pointwise,
+        T_behind_pointwise=H * frames.T_behind_pointwise, T_ahead_pointwise=H * frames.T_ahead_pointwise,
     )  # fmt: skip
     return Response(
         scene=scene.name, scene_toml=scene.to_toml(), method=method.name, settings=settings, model=model, load=load,
@@ -290,6 +281,10 @@ def _respond(scene, method, settings, model, load, law, system, h: _History) -> 
         velocity=l / tau * steps.path_velocity, acceleration=l / tau**2 * steps.path_acceleration,
         slope_behind=steps.slope_behind, slope_ahead=steps.slope_ahead, energy=H * l * steps.energy,
         power=H * l / tau * steps.power, tension_min=H * steps.tension_min, tension_min_at=l * steps.tension_min_at,
+        T_behind_pointwise=H * steps.T_behind_pointwise, T_ahead_pointwise=H * steps.T_ahead_pointwise,
+        reaction_left=H * steps.reaction_left, reaction_right=H * steps.reaction_right,
+        contact=H * steps.contact, F_haul=H * steps.haul, kinetic=H * l * steps.kinetic, strain=H * l * steps.strain,
+        potential=H * l * steps.potential, powers={name: H * l / tau * power for name, power in steps.powers.items()},
         fields=fields, n_dof=system.n_dof, seconds=h.seconds,
         work={
             "steps": h.work.steps, "rejected": h.work.rejected, "newton_iterations": h.work.newton_iterations,
@@ -314,6 +309,4 @@ def _observe(system, after, states: States, switch_t: float, s: Array, frames) -
         system.observe(_take(states, slice(0, n)), s, frames[frames < n]),
         after.observe(_take(states, slice(n, None)), s, frames[frames >= n] - n),
     ]
-    return Observation(*(
-        np.concatenate([getattr(p, name) for p in parts]) for name in Observation.__dataclass_fields__
-    ))  # fmt: skip
+    return Observation.joined(parts)

@@ -56,6 +56,18 @@ Array = NDArray[np.float64]
 DEGREE = 32
 TAIL = 1e-13  # allowed size of the last coefficients of a step, relative to the largest values so far
 LAST = 1e-16  # the march stops at s = LAST * T before the far support
+LEAST_STEP = 1e-6  # of T, or of s near the far support: no solution of (1), (2) varies faster between its fronts
+
+
+class MarchStalled(ArithmeticError):
+    """No step of at least LEAST_STEP resolves the solution at time t: equations or travel are not smooth there."""
+
+    def __init__(self, t: float, t_end: float, excess: float) -> None:
+        self.t, self.t_end, self.excess = t, t_end, excess
+        super().__init__(
+            f"the march stalled at t = {t:.6g} of {t_end:.6g}: the last coefficients of its shortest step are "
+            f"{excess:.2g} times what is allowed; is the acceleration of the travel given all its breaks?"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +126,8 @@ def solve(travel: Travel, *, mu: float, sigma: float, reach: float = 1e-3) -> Ri
     """March (1), (2) along the travel; mu = M/(rho l), sigma = rho g l/T.
 
     reach : distance to the far support at which the march ends if the mass comes to rest there.
-    Raises ValueError if mu or sigma is not positive, xi leaves [0, 1], or xi' passes through the wave speed.
+    Raises ValueError if mu or sigma is not positive, xi leaves [0, 1], or xi' passes through the wave speed;
+    MarchStalled where the travel is not smooth between its breaks.
     """
     for name, value in (("mu", mu), ("sigma", sigma), ("reach", reach), ("t_end", travel.t_end)):
         if not (math.isfinite(value) and value > 0.0):
@@ -312,9 +325,11 @@ def _march(travel: Travel, mu: float, sigma: float, reach: float) -> Ride:
                 # an error of G at s moves the path by 2 s/mu times as much
                 slack = min(1e6, max(1.0, min(mu, 1.0) / abs(z))) if late else 1.0
                 excess = max(tail[0], tail[1] / slack, tail[2] / slack) / (TAIL * size)
-                if excess <= 1.0 or h <= 1e-6 * (abs(z) if late else T):
+                if excess <= 1.0:
                     break
                 h *= 0.6
+                if not h > LEAST_STEP * (abs(z) if late else T):  # NaN, too
+                    raise MarchStalled(float(T + z if late else z), T, excess)
             scale, worst = size, max(worst, float(tail[0]) / size)
             end = z + h if h < gap else float(room[0] if room.size else stop)
             pieces.append(end, coef)

@@ -116,7 +116,7 @@ def _examine(draw: Draw, estimate: bool, truth: bool) -> dict[str, Any]:
         else:
             r = run(scene, draw.method, **METHODS[draw.method])
         out |= {
-            "outcome": r.status, "cause": r.cause, "reason": r.reason, "reached": r.reached, "flags": r.flags,
+            "outcome": r.status, "cause": r.cause, "reason": r.reason, "reached": r.reached, "flags": r.flag_kinds,
             "slack_onset": r.slack_onset, "stated": r.path_error,
         }  # fmt: skip
         faults = faults_of(r)
@@ -124,12 +124,7 @@ def _examine(draw: Draw, estimate: bool, truth: bool) -> dict[str, Any]:
             return out | {"outcome": "not finite", "reason": "; ".join(faults)}
         if time.perf_counter() - begin > SLOW:
             return out | {"outcome": "hang", "reason": f"{time.perf_counter() - begin:.0f} s"}
-        if (
-            truth
-            and r.status == "complete"
-            and r.path_error is not None
-            and not any(x.startswith("the run gains energy") for x in r.flags)
-        ):
+        if truth and r.status == "complete" and r.path_error is not None and "energy" not in r.flag_kinds:
             out |= _truth(scene, r)
     except Exception:  # the one place that must see every exception: it counts them
         return out | {"outcome": "traceback", "reason": traceback.format_exc(limit=-4)}

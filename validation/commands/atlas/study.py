@@ -59,7 +59,7 @@ class Map:
             return fixed
         # following-p2 has two sides and two unknowns per element
         resolution = round(y / 4) if method == "following-p2" else round(y)
-        return {**fixed, "steps": round(x), find(method).resolution: resolution}
+        return {**fixed, "steps": round(x), find(method).resolution.setting: resolution}
 
 
 _COMPARED: tuple[tuple[str, dict[str, Any]], ...] = (
@@ -291,7 +291,7 @@ def judged(r: Response, reference: Response, unsure: float) -> dict[str, Any]:
 
 def _unstable(r: Response) -> bool:
     """Whether a run gained energy before its slack onset; what it did afterwards is outside the comparison."""
-    return any(flag.startswith("the run gains energy") for flag in r.flags)
+    return "energy" in r.flag_kinds
 
 
 # --- stability limits -------------------------------------------------------------------------------------------------

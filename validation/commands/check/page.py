@@ -20,6 +20,7 @@ from validation.commands.check import figures as draw
 from validation.commands.check.figures import place, pointwise, scale_of
 from validation.commands.check.study import SHARED
 from validation.core import measures
+from validation.core.bounds import Bound
 from validation.core.measures import NotComparable
 from validation.core.methods import METHODS
 from validation.page.page import Section, callout, details, figure, gallery, missing, number, percent, table
@@ -96,7 +97,7 @@ def _row(row: dict[str, Any], of: dict[str, tuple[float, str, str]]) -> dict[str
         "used": number(gap / allowed, 2) if gap is not None and allowed else None,
         "where": None if row.get("where") is None else f"{row['where']:.3f}",
         "verdict": row.get("verdict"),
-        "why": _because(str(row.get("allowed_because", ""))),
+        "why": _because(row) if "bound" in row else row.get("allowed_because"),
     }
 
 
@@ -112,23 +113,12 @@ def _both(ratio: float | None, kind: str, of: dict[str, tuple[float, str, str]])
     return Markup("{} <small>{}</small>").format(percent(ratio, 3), _quantity(ratio * of[kind][0], of[kind][1]))
 
 
-def _because(text: str) -> Markup | str:
+def _because(row: dict[str, Any]) -> Markup | str:
     """Return the reason in a line, the whole of it folded beneath."""
-    short = text
-    while (less := re.sub(r" ?\([^()]*\)", "", short)) != short:
-        short = less
-    bars = re.fullmatch(r"(.*)sum of both error bars: (\S+) ([-+.e\d]+), (\S+) ([-+.e\d]+)", short)
-    if bars is not None:
-        before, a, bar_a, b, bar_b = bars.groups()
-        short = f"{before}both error bars: {a} {percent(float(bar_a))} + {b} {percent(float(bar_b))}"
-    wide = re.search(r"the bars ([-+.e\d]+) exceed the tolerance ([-+.e\d]+);", short)
-    if wide is not None:
-        asked = f"the bars {percent(float(wide[1]))} exceed the tolerance {percent(float(wide[2]))};"
-        short = short.replace(wide[0], asked)
-    short = re.split(r", (?:gap to|extrapolated)", short)[0]
-    if len(short) > 160:
-        short = short[: short.rfind(" ", 0, 160)] + " …"
-    return short if short == text else details(short, Markup("<p>{}</p>").format(_formula(text)))
+    bound = Bound.of(row["bound"])
+    whole = str(bound)
+    short = bound.line(percent)
+    return short if len(bound.parts) == 0 else details(short, Markup("<p>{}</p>").format(_formula(whole)))
 
 
 def _formula(text: str) -> Markup:
@@ -446,7 +436,7 @@ def _bars(run: Response, companion: Response, weight: float) -> dict[str, str]:
 
 
 def _resolution(r: Response) -> str:
-    return METHODS[r.method].resolution if r.method in METHODS else "resolution"
+    return METHODS[r.method].resolution.setting if r.method in METHODS else "resolution"
 
 
 def _provenance(x: Stored) -> Section:

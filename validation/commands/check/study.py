@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cablefem.response import write_json
+from cablefem.response import Response, write_json
 from cablefem.scene import Scene
-from validation.core import measures
+from validation.core import foreign, measures
 from validation.core.agreement import Agreement, Verdict, agree, overall
 from validation.core.estimate import Estimated
+from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.methods import Method, find
 from validation.core.resolution import resolved
+from validation.core.store import Refused
 
 SOLVERS = ("following-p2", "fourier-kink")
 
@@ -59,7 +61,7 @@ class Check:
             folder = out / e.run.method
             e.run.write(folder)
             write_json(folder / "estimate.json", {"basis": e.basis, "weights": list(e.weights)})
-            if e.response is not e.run and e.basis.startswith("extrapolated"):
+            if e.extrapolated:
                 e.response.write(folder / "extrapolated")
             for name, companion in (("half-resolution", e.in_space), ("half-steps", e.in_time)):
                 companion.write(folder / name)
@@ -88,3 +90,35 @@ def check(
     except measures.NotComparable:
         window = (measures.WINDOW[0], measures.WINDOW[0])
     return Check(scene, runs[0], runs[1], tol, window, agree(scene, runs[0], runs[1], tol=tol))
+
+
+def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
+    """Return the check with the rows of a third party, held against whichever of our solvers has the smaller bar."""
+    best = min((check.a, check.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
+    return replace(check, rows=[*check.rows, *foreign.rows(path, best, check.window, with_tol)])
+
+
+def check_solver(
+    scene: Scene | str | Path, solver: Callable[[Scene], Any], *, name: str | None = None, tol: float = 1e-3,
+    with_tol: float = WITH_TOL, ours: Check | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Check:  # fmt: skip
+    """Run a user's own solver on a scene and hold it against both of ours; its rows come last in the verdict.
+
+    solver : scene -> (s_o, v) or (s_o, v, u) in [m], v down, along the scene's travel; or a Response.
+    tol, progress : of our own solvers, as in `check`.
+    with_tol : allowed to the solver beside our error bar, relative to the largest deflection.
+    ours : a check of this scene that was made before.
+
+    Raises Refused if what it returns is no path on that scene.
+    """
+    scene = scene if isinstance(scene, Scene) else Scene.load(scene)
+    name = name or str(getattr(solver, "__name__", type(solver).__name__))
+    answer = solver(scene)
+    if not isinstance(answer, Response):
+        if not (isinstance(answer, tuple | list) and len(answer) in (2, 3)):
+            raise Refused(f"{name}: must return (s_o, v) or (s_o, v, u), or a Response; got {type(answer).__name__}")
+        answer = ForeignPath.of(scene, *answer, name=name)
+    ours = ours or check(scene, tol=tol, progress=progress)
+    foreign.refuse_misnamed(answer, ours.a.run)
+    return joined(ours, answer, with_tol)

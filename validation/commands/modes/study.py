@@ -10,6 +10,7 @@ import numpy as np
 from cablefem.response import Array, write_json
 from cablefem.scene import Scene
 from validation.core.agreement import Agreement
+from validation.core.bounds import Bound, Part
 
 COUNT = 10
 ROUNDING = 1e-10  # relative; dense eigenvalue solvers lose the ratio of the stiffest axial to the lowest mode
@@ -53,6 +54,6 @@ def modes(scene: Scene | str | Path) -> Modes:
     rows = []
     for name, (fine, coarse) in pairs.items():
         gap, bar = np.abs(fine / exact.omega - 1.0), np.abs(fine / coarse - 1.0)
-        because = "its own error bar, the change from half the resolution, and rounding"
-        rows.append(Agreement(name, float(gap.max()), float(bar.max()) + ROUNDING, because))
+        parts = Part(name, float(bar.max()), "the change from half the resolution"), Part("rounding", ROUNDING)
+        rows.append(Agreement(name, float(gap.max()), Bound("own bar", parts)))
     return Modes({name: fine for name, (fine, _) in pairs.items()} | {EXACT: exact.omega}, rows)

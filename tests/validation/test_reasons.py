@@ -1,0 +1,38 @@
+"""Reasons are objects: kinds and numbers decide, words show; both survive JSON."""
+
+import json
+import string
+
+import pytest
+
+from validation.core.bounds import WORDS as BOUNDS
+from validation.core.bounds import Bound, Part, nothing
+from validation.core.flags import WORDS, flag
+
+
+def test_a_bound_is_the_sum_of_its_parts_and_survives_json():
+    bound = Bound("error bars", (Part("a", 1.2e-3, "how"), Part("b", 2.0e-3)), notes=("over the window",))
+    assert bound.value == 1.2e-3 + 2.0e-3
+    assert str(bound) == "both error bars: a 0.0012 (how) + b 0.002; over the window"
+    assert bound.line("{:.1e}".format) == "both error bars: a 1.2e-03 + b 2.0e-03; over the window"
+    assert Bound.of(json.loads(json.dumps(bound.row(), allow_nan=False))) == bound
+
+
+def test_a_bound_without_a_value_is_none():
+    bound = Bound.of(json.loads(json.dumps(Bound("law", (Part("a", float("inf")),)).row(), allow_nan=False)))
+    for none in (bound, nothing("no common range"), Bound("covers less", (Part("a", 1.0),))):
+        assert none.value != none.value
+
+
+@pytest.mark.parametrize("kind", WORDS)
+def test_every_flag_says_its_numbers(kind):
+    names = {name for _, name, _, _ in string.Formatter().parse(WORDS[kind]) if name}
+    numbers = dict.fromkeys(names, 0.25) if kind != "no bar" else {"why": "0.25"}
+    assert ("0.25" in str(flag(kind, **numbers))) == bool(names)
+    if names:
+        with pytest.raises(KeyError):
+            flag(kind)
+
+
+def test_every_bound_has_words():
+    assert {"error bars", "law", "foreign", "asked", "nothing"} <= BOUNDS.keys()

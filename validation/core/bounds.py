@@ -1,0 +1,88 @@
+"""Why a gap may be as large as it is: the allowed gap with its parts.  Words are made where it is shown.
+
+Decisions and pages read `kind`, `parts` and `numbers`; the words of each kind stand in `WORDS`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+Show = Callable[[float], str]
+
+WORDS = {
+    "error bars": "both error bars: {parts}",
+    "law": "the law holds exactly, so its defect may be the run's own error: {parts}",
+    "own bar": "its own error bar: {parts}",
+    "foreign": "{parts}, of {components}",
+    "covers less": "{party} covers s_o/l = {low:.3g} to {high:.3g} of {start:.3g} to {stop:.3g}; there {sum} would "
+    "be allowed",
+    "asked": "asked for by {parts}, {relative}",
+    "nothing": "{why}",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One contribution to an allowed gap."""
+
+    name: str  # the run, party or law it comes from
+    value: float
+    basis: str = ""  # how the value came about
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """An allowed gap: of which kind, what it is the sum of, and what else its words name."""
+
+    kind: str
+    parts: tuple[Part, ...] = ()
+    numbers: dict[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    tol: float | None = None  # asked for and exceeded: too coarse for a verdict
+
+    @property
+    def value(self) -> float:
+        """The allowed gap; nan where there is none."""
+        return math.nan if self.kind in ("covers less", "nothing") else self.sum
+
+    @property
+    def sum(self) -> float:
+        return sum(part.value for part in self.parts)
+
+    def line(self, show: Show = "{:.2g}".format) -> str:
+        """Return the reason in a line, without how the parts came about; `show` writes a value."""
+        return self._said(show, [f"{part.name} {show(part.value)}" for part in self.parts])
+
+    def __str__(self) -> str:
+        """Return the whole reason."""
+        show = "{:.2g}".format
+        bases = (f" ({part.basis})" if part.basis else "" for part in self.parts)
+        return self._said(
+            show, [f"{p.name} {show(p.value)}{basis}" for p, basis in zip(self.parts, bases, strict=True)]
+        )
+
+    def _said(self, show: Show, parts: list[str]) -> str:
+        said = WORDS[self.kind].format(parts=" + ".join(parts), sum=show(self.sum), **self.numbers)
+        if self.tol is not None:
+            said = f"too coarse: the bars {show(self.sum)} exceed the tolerance {show(self.tol)}; {said}"
+        return "; ".join([said, *self.notes])
+
+    def row(self) -> dict[str, Any]:
+        """Return the bound as JSON holds it, a value that does not exist null; `Bound.of` reads it back."""
+        row = asdict(self)
+        for part in row["parts"]:
+            part["value"] = part["value"] if math.isfinite(part["value"]) else None
+        return row
+
+    @classmethod
+    def of(cls, row: dict[str, Any]) -> Bound:
+        parts = [Part(x["name"], math.nan if x["value"] is None else x["value"], x["basis"]) for x in row["parts"]]
+        return cls(row["kind"], tuple(parts), row["numbers"], tuple(row["notes"]), row["tol"])
+
+
+def nothing(why: object) -> Bound:
+    """Return the bound of what cannot be compared."""
+    return Bound("nothing", numbers={"why": str(why)})

@@ -1,0 +1,33 @@
+"""What makes a run suspect.  Decisions read `Flag.kind`; the words of each kind stand here and nowhere else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from cablefem.response import Flag, Response
+
+WORDS = {
+    "fast": "the mass outruns the waves in front of it (V/c = {speed_ratio:.2f}): refinement converges slowly or not "
+    "at all, and the error bar is no bound",
+    "energy": "the run gains energy that nothing gave it ({gain:.2g} of all it has, {allowed:g} allowed): distrust it, "
+    "its slack too; take more steps, a damped or the energy scheme, or another method",
+    "slack energy": "after the slack onset the run gains energy that nothing gave it ({gain:.2g} of all it had): from "
+    "s_o/l = {since:.3f} on it is no answer",
+    "hidden slack": "points of the cable are under compression, up to {most:.2g} H, from s_o/l = {since:.3f} "
+    "(s/l = {at:.3f}) on, but no whole element is slack: from there on the error bar may be too small",
+    "no bar": "no error bar could be made: {why}",
+    "short bar": "the error bars hold up to s_o/l = {stop:.3f} only: with half the resolution or half the steps the "
+    "run goes slack or ends there; more of both make them reach further",
+}
+
+
+def flag(kind: str, **numbers: float | str) -> Flag:
+    """Return a flag of a kind of `WORDS` with the numbers that its words name."""
+    made = Flag(kind, WORDS[kind], numbers)
+    str(made)  # a number that is missing is missed here
+    return made
+
+
+def flagged(r: Response, kind: str, **numbers: float | str) -> Response:
+    """Return the response with one flag more."""
+    return replace(r, flags=[*r.flags, flag(kind, **numbers)])
