@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cablefem.scene import SceneError
+from cablefem.scene import Scene, SceneError
+from validation import cli
 from validation.commands.sweep import engine, job
+from validation.commands.sweep.page import sections
 from validation.commands.sweep.study import Study, built_in
 from validation.core.store import Refused
 
@@ -23,6 +25,14 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::DeprecationWarning"), pytest.mark.filterwarnings("ignore::UserWarning"),
 ]  # fmt: skip
 
+GRID_TOML = """
+scene = "level"
+method = "following-p2"
+settings = {elements = 3, steps = 30}
+[vary]
+"mass.mass" = [1000, 2000.0, 3000]
+speed_ratio = {from = 0.2, to = 0.4, count = 3}
+"""
 GRID = {
     "scene": "level", "method": "following-p2", "settings": {"elements": 3, "steps": 30},
     "vary": {"mass.mass": [1000, 2000.0, 3000], "speed_ratio": {"from": 0.2, "to": 0.4, "count": 3}},
@@ -89,6 +99,7 @@ def test_a_study_of_groups_needs_no_base_scene():
         ({"vary": {"mass.weight.of": []}}, "vary.mass.weight.of = []"),
         ({"vary": {"moss.mass": [1.0]}}, "moss.mass: must be a field"),
         ({"vary": {"mu": {"from": 2.0, "to": 1.0, "count": 3}}}, "mu: from 2 to 1 must rise"),
+        ({"vary": {"travel.top_speed": [1.0]}}, "travel.top_speed = 1.0: unknown key."),
         ({"sample": SAMPLE}, "exactly one of"),
         ({"seconds": -1}, "seconds = -1: must be"),
         ({"limit": {"tension_max": "high"}}, "limit = "),
@@ -149,24 +160,34 @@ def test_a_scene_that_hangs_is_cut_off(monkeypatch):
 
 
 def stand_in(study, numbered):
-    """Rows of a job of no work; a scene named deadly in the environment kills its worker."""
-    deadly, once = os.environ.get("DEADLY", ""), os.environ.get("ONCE", "")
+    """Rows of a job of no work; the study's title may tell it to kill its worker, always or once."""
+    what, _, at = study.title.partition(" ")
     rows = []
     for i, point in numbered:
-        if str(i) == deadly:
-            os._exit(3)
-        if once and i == 5 and not Path(once).exists():
-            Path(once).touch()
+        if i == 7 and (what == "always" or (what == "once" and not Path(at).exists())):
+            Path(at).touch()
             os._exit(3)
         rows.append({"index": i, **point, "status": "complete", "seconds": 1e-3, "reached": 0.5 * i})
     return rows
 
 
-def wide(count):
-    return Study.of({"scene": "level", "method": "fourier", "sample": {"count": count, "range": {"mu": [0.1, 1.0]}}})
+def wide(count, title=""):
+    sample = {"count": count, "range": {"mu": [0.1, 1.0]}}
+    return Study.of({"scene": "level", "method": "fourier", "sample": sample, "title": title})
 
 
-def test_a_sweep_goes_on_where_it_stopped_and_does_nothing_twice(tmp_path):
+@pytest.fixture(scope="module")
+def cluster():
+    import dask
+
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        distributed.LocalCluster(1, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster,
+    ):
+        yield {"scheduler": cluster.scheduler_address, "work": stand_in}
+
+
+def test_a_sweep_goes_on_where_it_stopped_and_does_nothing_twice(tmp_path, cluster):
     study, seen = wide(60), []
     asked = Counter()
 
@@ -175,10 +196,10 @@ def test_a_sweep_goes_on_where_it_stopped_and_does_nothing_twice(tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        engine.sweep(study, tmp_path, workers=1, work=stand_in, progress=interrupted)
+        engine.sweep(study, tmp_path, progress=interrupted, **cluster)
     before = engine.done(tmp_path)
     assert 10 <= len(before) < 60
-    tally = engine.sweep(study, tmp_path, workers=1, work=stand_in, progress=lambda t: seen.append(t.done))
+    tally = engine.sweep(study, tmp_path, progress=lambda t: seen.append(t.done), **cluster)
     assert tally.status.total() == 60 - len(before)
     for file in engine.files(tmp_path):
         asked.update(engine.parquet_indices(file))
@@ -186,32 +207,52 @@ def test_a_sweep_goes_on_where_it_stopped_and_does_nothing_twice(tmp_path):
     rows = engine.frame(tmp_path)
     assert rows.index.tolist() == list(range(60))
     np.testing.assert_array_equal(rows["mu"], [study.point(i)["mu"] for i in range(60)])
-    again = engine.sweep(study, tmp_path, workers=1, work=stand_in)
+    again = engine.sweep(study, tmp_path, **cluster)
     assert (again.status.total(), again.done) == (0, 60)
 
 
-def test_a_changed_study_in_a_used_folder_is_refused(tmp_path):
-    engine.sweep(wide(2), tmp_path, workers=1, work=stand_in)
+def test_a_changed_study_in_a_used_folder_is_refused(tmp_path, cluster):
+    engine.sweep(wide(2), tmp_path, **cluster)
     with pytest.raises(Refused, match="another study"):
-        engine.sweep(wide(3), tmp_path, workers=1, work=stand_in)
+        engine.sweep(wide(3), tmp_path, **cluster)
 
 
-def test_a_worker_that_dies_takes_its_chunk_along_and_that_is_tried_again(tmp_path, monkeypatch):
-    monkeypatch.setenv("ONCE", str(tmp_path / "died"))
-    tally = engine.sweep(wide(24), tmp_path / "out", workers=1, work=stand_in)
+def test_a_worker_that_dies_takes_its_chunk_along_and_that_is_tried_again(tmp_path, cluster):
+    tally = engine.sweep(wide(24, f"once {tmp_path / 'died'}"), tmp_path / "out", **cluster)
     assert (tmp_path / "died").exists()
     assert dict(tally.status) == {"complete": 24}
 
 
-def test_a_scene_that_kills_workers_twice_is_a_row_that_says_so(tmp_path, monkeypatch):
-    monkeypatch.setenv("DEADLY", "7")
-    engine.sweep(wide(12), tmp_path, workers=1, work=stand_in)
-    rows = engine.frame(tmp_path)
+def test_a_scene_that_kills_workers_twice_is_a_row_that_says_so(tmp_path, cluster):
+    engine.sweep(wide(12, f"always {tmp_path / 'died'}"), tmp_path / "out", **cluster)
+    rows = engine.frame(tmp_path / "out")
     assert rows["status"].value_counts().to_dict() == {"complete": 11, "died": 1}
     assert rows.loc[7, "status"] == "died"
     assert "twice" in rows.loc[7, "reason"]
 
 
+def test_a_cluster_of_its_own_and_the_page(tmp_path):
+    engine.sweep(Study.of(GRID), tmp_path, workers=1)
+    (tmp_path / "study.toml").write_text(GRID_TOML, encoding="utf-8")
+    first, maps, scenes = sections(tmp_path)
+    assert "9 of 9 scenes" in first.summary
+    assert "max_deflection over mass.mass and speed_ratio" in maps.html
+    assert "cablefem sweep study.toml --scene" in scenes.html or '"study": "study.toml"' in scenes.html
+
+
 def test_a_scheduler_that_is_not_there_is_said(tmp_path):
     with pytest.raises(Refused, match=r"--scheduler tcp://127\.0\.0\.1:9"):
         engine.sweep(wide(2), tmp_path, scheduler="tcp://127.0.0.1:9", work=stand_in)
+
+
+def test_the_command_line_lists_studies_and_prints_scenes(capsys, tmp_path):
+    assert cli.main(["sweep"]) == 0
+    assert "throughput" in capsys.readouterr().out
+    assert cli.main(["sweep", "throughput", "--scene", "3"]) == 0
+    printed = capsys.readouterr().out
+    assert Scene.from_toml(printed).mu > 0.0
+    assert cli.main(["sweep", "thruoghput"]) == 2
+    assert "Did you mean throughput?" in capsys.readouterr().err
+    (tmp_path / "mine.txt").touch()
+    assert cli.main(["sweep", "throughput", "--out", str(tmp_path)]) == 2
+    assert "holds no sweep" in capsys.readouterr().err

@@ -17,8 +17,11 @@ from validation.core import store
 if TYPE_CHECKING:
     from validation.commands.sweep.engine import Tally
 
+PLACE = 11
+EXAMPLE = "cablefem sweep throughput --workers 2"
 
-def sweep(
+
+def command(
     study: Annotated[
         str | None, typer.Argument(metavar="STUDY", help="A TOML file, or a built-in study; none lists them.")
     ] = None,
@@ -70,6 +73,9 @@ def sweep(
     page.render(f"cablefem sweep: {asked.title or asked.name}", sections(folder), folder / "report.html")
     counts = engine.statuses(folder)
     terminal.say(", ".join(f"{n} {status}" for status, n in sorted(counts.items(), key=lambda x: -x[1])))
+    if len(rows := engine.frame(folder).query("status not in ('complete', 'incomplete')")):
+        first = rows.iloc[0]
+        terminal.say(f"scene {rows.index[0]}, {first['status']}: {str(first['reason']).splitlines()[-1]}")
     terminal.say(f"{tally.status.total()} scenes in this call, {tally.rate:.3g} per second")
     terminal.say(f"written to {folder}: rows/, study.toml, sweep.json, report.html")
     return 1 if any(counts.get(x) for x in ("failed", "died", "cut off")) else 0

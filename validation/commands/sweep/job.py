@@ -143,8 +143,6 @@ def _advise(study: Study, point: dict[str, Any], scene: Any) -> dict[str, Any]:
 
 def of_response(r: Any, scene: Any) -> dict[str, Any]:
     """Return what a run says, for a row."""
-    from validation.core.design import design
-
     out = {
         "status": r.status, "cause": r.cause, "reason": r.reason, "method": r.method, "model": r.model, "load": r.load,
         "flags": "; ".join(map(str, r.flags)) or None, "settings": json.dumps(r.settings),
@@ -152,6 +150,6 @@ def of_response(r: Any, scene: Any) -> dict[str, Any]:
         "slack_onset": r.slack_onset, "reached": r.reached, "newton_iterations": r.work["newton_iterations"],
         "steps": r.work["steps"],
     }  # fmt: skip
-    for number in design(r):
+    for number in r.summary().get("design") or []:
         out |= {number["quantity"]: number["value"], f"{number['quantity']}_bar": number["bar"]}
     return out

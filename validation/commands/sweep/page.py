@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from validation.commands.sweep.engine import frame
 from validation.commands.sweep.job import BROKEN, DESIGN
-from validation.commands.sweep.study import Study
+from validation.commands.sweep.study import Study, built_in
 from validation.page.page import Section, callout, figure, gallery, number, panels, table
 
 SHOWN = 4000  # rows in the page at most, evenly taken; all are in rows/
@@ -27,7 +27,11 @@ def sections(folder: Path) -> list[Section]:
     study = Study.load(folder / "study.toml")
     told = json.loads((folder / "sweep.json").read_text(encoding="utf-8"))
     rows = frame(folder)
-    return [_outcome(study, told, rows), _maps(study, rows), _explorer(study, told["study"], rows)]
+    return [
+        _outcome(study, told, rows),
+        _maps(study, rows),
+        _explorer(study, told["study"] if told["study"] in built_in() else "study.toml", rows),
+    ]
 
 
 def _outcome(study: Study, told: dict[str, Any], rows: Any) -> Section:

@@ -95,6 +95,8 @@ class Study:
         axes, design = _axes(data, faults)
         for axis in axes:
             _name_fault(axis.name, base, faults)
+            if base is not None and "." in axis.name:
+                faults += [fault for fault in _faults_of(base, axis) if "unknown key" in fault]
         job = data.get("job", "run")
         if job not in JOBS:
             faults.append(f"job = {shown(job)}: unknown.{nearest(str(job), JOBS)}")
@@ -161,7 +163,7 @@ class Study:
         groups = {k: v for k, v in what.items() if "." not in k}
         scene = Scene.from_groups(**groups) if self.scene is None else Scene.from_toml(self.scene)
         if dotted:
-            data = scene.model_dump(exclude_none=True)
+            data = tomllib.loads(scene.to_toml())
             for path, value in dotted.items():
                 _put(data, path, value)
             if data.get("drive", {}).get("mode") == "free":
@@ -203,12 +205,14 @@ def _axes(data: dict[str, Any], faults: list[str]) -> tuple[list[Axis], tuple[st
         return [], None
     if vary is not None:
         axes = [axis for name, given in _table(vary, "vary", faults).items() if (axis := _grid(name, given, faults))]
-        count = math.prod(len(axis.values) for axis in axes)
-        if count > MOST:
-            faults.append(f"vary: {count} scenes; must be at most {MOST}")
+        scenes = math.prod(len(axis.values) for axis in axes)
+        if scenes > MOST:
+            faults.append(f"vary: {scenes} scenes; must be at most {MOST}")
         return axes, None
     sample = _table(sample, "sample", faults)
-    kind, count, seed = sample.get("kind", "sobol"), sample.get("count"), sample.get("seed", 0)
+    kind: Any = sample.get("kind", "sobol")
+    count: Any = sample.get("count")
+    seed: Any = sample.get("seed", 0)
     if kind not in DESIGNS:
         faults.append(f"sample.kind = {shown(kind)}: unknown.{nearest(str(kind), DESIGNS)}")
     for name, value, least in (("count", count, 1), ("seed", seed, 0)):
@@ -217,8 +221,8 @@ def _axes(data: dict[str, Any], faults: list[str]) -> tuple[list[Axis], tuple[st
     ranges = _table(sample.get("range", {}), "sample.range", faults)
     if not ranges:
         faults.append("sample.range: missing; must name at least one axis")
-    axes = [axis for name, given in ranges.items() if (axis := _range(name, given, faults))]
-    return axes, (kind, count, seed) if isinstance(count, int) else None
+    scattered = [axis for name, given in ranges.items() if (axis := _range(name, given, faults))]
+    return scattered, (kind, count, seed) if isinstance(count, int) else None
 
 
 def _table(given: Any, name: str, faults: list[str]) -> dict[str, Any]:
@@ -263,6 +267,17 @@ def _name_fault(name: str, base: Scene | None, faults: list[str]) -> None:
     part, dot, _ = name.partition(".")
     if not dot or part not in Scene.field_names():
         faults.append(f"{name}: must be a field of the scene file (cable.sag) or one of them.{nearest(name, known)}")
+
+
+def _faults_of(base: Scene, axis: Axis) -> list[str]:
+    """Return what the base scene says to the axis' first value."""
+    data = tomllib.loads(base.to_toml())
+    try:
+        _put(data, axis.name, axis.at(0.0))
+        Scene(**data)
+    except SceneError as error:
+        return error.faults
+    return []
 
 
 def _put(data: dict[str, Any], path: str, value: Any) -> None:

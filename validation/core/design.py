@@ -1,2 +1,0 @@
-def design(r):
-    return []
