@@ -200,7 +200,7 @@ def test_a_car_that_friction_holds_stays_until_thrust_moves_it():
     assert (stop.event, stop.t, stop.s_o) == ("stop", 0.0, 0.1)
     most = 0.002
     pushed = Drive(
-        mode="free", start=0.1, mu_r=0.3, end_time=50.0, thrust_table=((2.0, 0.0), (12.0, most), (20.0, most))
+        mode="free", start=0.1, mu_r=0.3, end_time=50.0, thrust_table=((2.0, 0.0), (12.0, most), (12.5, most))
     )
     r = ride(path, FLAT.mu, FLAT.sigma, pushed)
     weight, sin = FLAT.mu * FLAT.sigma, py / p
