@@ -70,7 +70,7 @@ def short(r: Response) -> str:
     method = find(r.method)
     told = {
         key: value for key, value in r.settings.items()
-        if key in (method.resolution, "steps") or value != method.knobs[key].default
+        if key in (method.resolution.setting, "steps") or value != method.knobs[key].default
     }  # fmt: skip
     kinds = [kind for kind, usual in ((r.model, "full"), (r.load, "mass"), (r.law, "auto")) if kind != usual]
     return ", ".join([f"{key}={value}" for key, value in told.items()] + kinds)

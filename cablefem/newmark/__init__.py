@@ -8,24 +8,30 @@ solutions with a tangent; matrix formats stay with the system.  Time and all qua
     stepper   what the rules of a step share; newmark_rule and energy_rule are the rules
     newton    Newton's method
     steps     the instants to step on
-    march     step after step: phases, cut steps
+    events    finding where a watched value falls to zero, and passing it
+    march     step after step: phases, cut steps, events
     failures  how a run may end
 """
 
-from cablefem.newmark.failures import NewtonStalled, StepFailure, StepUnderflow
+from cablefem.newmark.energy_rule import Averaged, average
+from cablefem.newmark.events import Watched
+from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepFailure, StepUnderflow
 from cablefem.newmark.march import integrate
 from cablefem.newmark.newmark_rule import iterate
 from cablefem.newmark.newton import Newton, Settled
 from cablefem.newmark.schemes import SCHEMES, Scheme, scheme
-from cablefem.newmark.stepper import Work
+from cablefem.newmark.stepper import Passed, Work
 from cablefem.newmark.steps import step_times
 from cablefem.newmark.system import Array, Solve, State, System, consistent_acceleration
 
 __all__ = [
     "SCHEMES",
     "Array",
+    "Averaged",
+    "EndlessEvents",
     "Newton",
     "NewtonStalled",
+    "Passed",
     "Scheme",
     "Settled",
     "Solve",
@@ -33,7 +39,9 @@ __all__ = [
     "StepFailure",
     "StepUnderflow",
     "System",
+    "Watched",
     "Work",
+    "average",
     "consistent_acceleration",
     "integrate",
     "iterate",

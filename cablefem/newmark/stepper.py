@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 from cablefem.newmark.failures import NewtonStalled
 from cablefem.newmark.newton import Newton, Settled
@@ -12,15 +12,23 @@ from cablefem.newmark.schemes import Scheme
 from cablefem.newmark.system import State, System
 
 
+class Passed(NamedTuple):
+    """An event that has happened; a state with this very t has been yielded."""
+
+    name: str
+    t: float
+
+
 @dataclass(slots=True)
 class Work:
-    """Countable work of a run."""
+    """Countable work of a run, and the events it has passed."""
 
     steps: int = 0
     rejected: int = 0
     newton_iterations: int = 0
     factorisations: int = 0
     residuals: int = 0
+    events: list[Passed] = field(default_factory=list)
 
 
 class Stepper:

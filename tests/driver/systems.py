@@ -19,7 +19,7 @@ class Spring:
         self.q0, self.v0 = q0, v0
         self.phases = phases or ((0.0, end),)
         self.n_dof = self.k.size
-        self.force_scale = float(self.k.max() * abs(q0) + 1e-3)
+        self.force_scale = float(self.k.max() * np.abs(q0).max() + 1e-3)
         self.seen: list[float] = []
 
     def push(self, t, phase):
@@ -27,7 +27,7 @@ class Spring:
 
     def start(self, phase, state):
         if state is None:
-            q, v = np.full(self.n_dof, self.q0), np.full(self.n_dof, self.v0)
+            q, v = self.q0 + np.zeros(self.n_dof), self.v0 + np.zeros(self.n_dof)
             return consistent_acceleration(self, self.phases[0][0], q, v, 0)
         return consistent_acceleration(self, state.t, state.q, state.v, phase)
 
@@ -44,3 +44,132 @@ class Spring:
 
     def energy(self, x: State):
         return float(np.sum(0.5 * self.m * x.v**2 + 0.5 * self.k * x.q**2 + 0.25 * self.k3 * x.q**4))
+
+
+class Ball(Spring):
+    """Falls under g and comes back from the ground at q = 0 with `restitution` times its speed."""
+
+    events = ("ground",)
+
+    def __init__(self, height=1.3, g=3.7, restitution=0.7, end=3.0):
+        super().__init__(m=1.0, k=0.0, q0=height, v0=0.0, end=end)
+        self.g, self.restitution = g, restitution
+
+    def push(self, t, phase):
+        return np.array([-self.g])
+
+    def watch(self, x):
+        return (x.q[0],)
+
+    def pass_event(self, name, x):
+        # armed again at once: the next contact may come within the same step
+        return State(x.t, np.array([1e-300]), -self.restitution * x.v, np.array([-self.g]), x.phase)
+
+
+class Rubbed(Spring):
+    """Dry friction f: slips against it until it stands still, and sticks while the spring pulls with less."""
+
+    events = ("standstill",)
+
+    def __init__(self, friction=0.8, **kw):
+        super().__init__(**kw)
+        self.friction, self.sign = friction, -1.0  # pulled back from q0 > 0
+
+    def push(self, t, phase):
+        return np.array([-self.friction * self.sign])
+
+    def watch(self, x):
+        return (self.sign * x.v[0] if self.sign else np.inf,)
+
+    def residual(self, t, q, v, a, phase):
+        return super().residual(t, q, v, a, phase) if self.sign else self.m * a + 1e3 * v
+
+    def linearise(self, t, q, v, a, phase, c0, c1, c2):
+        r, solve = super().linearise(t, q, v, a, phase, c0, c1, c2)
+        return (r, solve) if self.sign else (self.residual(t, q, v, a, phase), lambda b: b / (c2 * self.m + c1 * 1e3))
+
+    def pass_event(self, name, x):
+        pull = -self.k[0] * x.q[0]
+        self.sign = np.sign(pull) if abs(pull) > self.friction else 0.0
+        rest = State(x.t, x.q, 1e-300 * np.full(1, self.sign), np.zeros(1), x.phase)
+        return consistent_acceleration(self, x.t, rest.q, rest.v, x.phase)
+
+
+class Pendulum(Spring):
+    """d2q/dt2 + sin q = 0; watched for the turning points."""
+
+    events = ("turn",)
+
+    def __init__(self, q0=1.9, end=9.0):
+        super().__init__(m=1.0, k=1.0, q0=q0, v0=0.0, end=end)
+        self.sign = -1.0
+
+    def residual(self, t, q, v, a, phase):
+        return a + np.sin(q)
+
+    def linearise(self, t, q, v, a, phase, c0, c1, c2):
+        return self.residual(t, q, v, a, phase), lambda r: r / (c2 + c0 * np.cos(q))
+
+    def watch(self, x):
+        return (self.sign * x.v[0],)
+
+    def pass_event(self, name, x):
+        self.sign = -self.sign
+        return x
+
+
+class Alarms(Spring):
+    """Watches functions of t alone, and goes on as if nothing had been; the last event named "over" ends the run."""
+
+    def __init__(self, end=1.0, **alarms):
+        super().__init__(end=end)
+        self.alarms, self.events = alarms, tuple(alarms)
+
+    def watch(self, x):
+        return tuple(alarm(x.t) for alarm in self.alarms.values())
+
+    def pass_event(self, name, x):
+        return None if name == "over" else x
+
+
+class DoublePendulum(Spring):
+    """Two points of mass on two bars, angles from below: a mass matrix that depends on q."""
+
+    def __init__(self, m=(1.7, 0.6), length=(0.9, 1.3), g=3.1, q0=(1.4, -0.7), v0=(0.5, 1.1), end=10.0):
+        (m1, m2), (l1, l2) = m, length
+        super().__init__(m=np.ones(2), k=np.ones(2), q0=np.array(q0), v0=np.array(v0), end=end)
+        self.own, self.both = np.array([(m1 + m2) * l1 * l1, m2 * l2 * l2]), m2 * l1 * l2
+        self.weight = g * np.array([(m1 + m2) * l1, m2 * l2])
+        self.force_scale = float(self.weight.max())
+
+    def mass(self, q):
+        b = self.both * np.cos(q[0] - q[1])
+        return np.array([[self.own[0], b], [b, self.own[1]]])
+
+    def residual(self, t, q, v, a, phase):
+        turning = self.both * np.sin(q[0] - q[1]) * np.array([v[1] ** 2, -(v[0] ** 2)])
+        return self.mass(q) @ a + turning + self.weight * np.sin(q)
+
+    def linearise(self, t, q, v, a, phase, c0, c1, c2):
+        s, c, both = np.sin(q[0] - q[1]), np.cos(q[0] - q[1]), self.both
+        by_difference = both * (c * np.array([v[1] ** 2, -(v[0] ** 2)]) - s * np.array([a[1], a[0]]))
+        by_q = np.outer(by_difference, [1.0, -1.0]) + np.diag(self.weight * np.cos(q))
+        by_v = 2.0 * both * s * np.array([[0.0, v[1]], [-v[0], 0.0]])
+        K = c0 * by_q + c1 * by_v + c2 * self.mass(q)
+        return self.residual(t, q, v, a, phase), lambda r: np.linalg.solve(K, r)
+
+    def energy(self, x):
+        return float(0.5 * x.v @ self.mass(x.q) @ x.v - self.weight @ np.cos(x.q))
+
+
+class MomentumPendulum(DoublePendulum):
+    """The same, with the balance of momenta over a step that keeps the energy."""
+
+    def averaged(self, start, end):
+        tau, weight = np.polynomial.legendre.leggauss(4)
+        pull = np.zeros(2)
+        for x, w in zip(0.5 * (tau + 1.0), 0.5 * weight, strict=True):
+            q = start.q + x * (end.q - start.q)
+            slope = -0.5 * self.both * np.sin(q[0] - q[1]) * (start.v[0] * end.v[1] + start.v[1] * end.v[0])
+            pull += w * (slope * np.array([1.0, -1.0]) - self.weight * np.sin(q))
+        return (self.mass(end.q) @ end.v - self.mass(start.q) @ start.v) / (end.t - start.t) - pull

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cablefem import Scene
 from validation.core import measures, resolution
-from validation.core.methods import METHODS, find
+from validation.core.methods import ELEMENTS, METHODS, find
 from validation.core.resolution import CONFIRMED, UNCONFIRMED, TooCoarse, _next, _Part, _part, _Rung, resolve, resolved
 from validation.core.running import run
 
@@ -67,13 +69,14 @@ def test_only_the_run_that_is_returned_goes_on_to_the_far_support():
 
 
 def test_what_is_out_of_reach_is_said_so_with_the_best_there_is(monkeypatch):
-    monkeypatch.setattr(resolution, "MOST", {"elements": 8, "terms": 12, "level": 1, "steps": 200})
+    monkeypatch.setattr(resolution, "MOST_STEPS", 200)
+    near = replace(find("following-p2"), resolution=replace(ELEMENTS, most=8))
     with pytest.raises(
         TooCoarse, match=r"following-p2 reaches an error bar of .* with elements = .*, not the 1e-05"
     ) as caught:
-        resolve(LEVEL, "following-p2", 1e-5, until=0.8)
+        resolve(LEVEL, near, 1e-5, until=0.8)
     assert caught.value.best.path_error > 1e-5
-    estimate = resolved(LEVEL, "following-p2", 1e-5, until=0.8)
+    estimate = resolved(LEVEL, near, 1e-5, until=0.8)
     assert estimate.run.path_error > 1e-5
 
 

@@ -90,8 +90,8 @@ def _method_with(name: str, pairs: list[str], tol: float | None, faults: list[st
         key, given, value = (part.strip() for part in pair.partition("="))
         if not given:
             faults.append(f"--set must be KEY=VALUE, got {pair!r}")
-        elif tol is not None and key in (method.resolution, "steps"):
-            faults.append(f"--set {key} and --tol exclude each other: --tol chooses {method.resolution} and steps")
+        elif tol is not None and key in (space := method.resolution.setting, "steps"):
+            faults.append(f"--set {key} and --tol exclude each other: --tol chooses {space} and steps")
         else:
             try:
                 settings[key] = method.settings({key: value})[key]
