@@ -8,10 +8,10 @@ mass, weights s on the piece behind and 1 - s on the piece ahead,
     G(s_o+) = (1/(1 - s_o)) [ int_s_o^1 G ds - int_s_o^1 (1 - s) w.. ds ],
     G(s) = G(s_o-) - int_s^s_o w.. ds behind, G(s_o+) + int_s_o^s w.. ds ahead of the mass,
 
-w.. = sum phi a + psi a_hat + 2 psi_t v_hat + psi_tt q_hat at fixed s.  On either piece psi is a ray from its support, so
+w.. = sum phi a + psi a_hat + 2 psi_t v_hat + psi_tt q_hat at fixed s.  On either piece psi is a ray from its support:
 the hat's share of w.. is s or 1 - s times a number; integrals of the standing functions are differences of their
-primitives.  Only int G ds is by quadrature, and it takes means.  At the supports this is the balance of the whole cable
-with weights 1 - s and s and the force of the mass, because the hat's own equation is the difference of the two.
+primitives.  Only int G ds is by quadrature, and it takes means.  At the supports this is the balance of the whole
+cable with weights 1 - s and s and the force of the mass, for the hat's own equation is the difference of the two.
 """
 
 from __future__ import annotations

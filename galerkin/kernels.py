@@ -79,6 +79,6 @@ def survey(phi, weights, T, r_static, Q, alpha, law, internal):
         internal[0, side] += weights[i] * fx
         internal[1, side] += weights[i] * fy
         energy += weights[i] * W
-        if N < least:
+        if least > N:
             least, at = N, i
     return energy, least, at
