@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from cablefem.scene import Scene, SceneError
 
-__all__ = ["Scene", "SceneError"]
+__all__ = ["Scene", "SceneError", "__version__"]
+__version__ = "0.2.0"
 
 
 def __getattr__(name: str) -> Any:
     """Load the scene on first use: `import cablefem` itself costs nothing."""
-    if name in __all__:
+    if name in ("Scene", "SceneError"):
         import cablefem.scene
 
         return getattr(cablefem.scene, name)

@@ -21,7 +21,7 @@ START = 1e-4
 class PositionAbscissa:
     """(45): the wrapped system with s_o for t, r(t, g, ds_o g', ds_o^2 g'' + dds_o g') = 0, prime = d/ds_o.
 
-    A `cablefem.newmark.System` whose states hold t = s_o, q = g, v = g', a = g''; `time_states` turns them back.
+    A `cablefem.newmark.System` whose states hold t = s_o, q = g, v = g', a = g''; `in_time` turns them back.
     From rest ds_o^2 M vanishes at the start, and (45) with g(0) = 0 leaves g'(0) and g''(0) to a limit: g' from the
     consistent start in time, g'' from the next order, see `second_order`.
 
@@ -40,8 +40,12 @@ class PositionAbscissa:
         self._times: dict[tuple[float, int], float] = {}
 
     @property
-    def tension_min(self) -> tuple[float, float]:
-        return self.system.tension_min
+    def least_tension(self) -> tuple[float, float]:
+        return self.system.least_tension
+
+    def place(self, x: State) -> float:
+        """s_o, the independent variable."""
+        return x.t
 
     def with_law(self, law: str) -> PositionAbscissa:
         """The same under another law, as `GalerkinSystem.with_law`."""
@@ -67,7 +71,7 @@ class PositionAbscissa:
             x = self.system.start(phase, None)
         else:
             before = self._kinematics(s_o, state.phase)
-            q, v, a = in_time(state.q, state.v, state.a, *before[1:])
+            q, v, a = chained(state.q, state.v, state.a, *before[1:])
             x = self.system.start(phase, State(t, q, v, a, state.phase))
         if ds_o > 0.0:
             slope = x.v / ds_o
@@ -91,29 +95,32 @@ class PositionAbscissa:
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         """r at the place t = s_o."""
         time, ds_o, dds_o = self._kinematics(t, phase)
-        return self.system.residual(time, *in_time(q, v, a, ds_o, dds_o), phase)
+        return self.system.residual(time, *chained(q, v, a, ds_o, dds_o), phase)
 
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
     ) -> tuple[Array, Solve]:
         time, ds_o, dds_o = self._kinematics(t, phase)
-        x = in_time(q, v, a, ds_o, dds_o)
+        x = chained(q, v, a, ds_o, dds_o)
         return self.system.linearise(time, *x, phase, c0, c1 * ds_o, c1 * dds_o + c2 * ds_o**2)
 
     def settle(self, *step: Any) -> Settled:
         return iterate(self, *step)
 
-    def time_states(self, states: States) -> States:
+    time_states = property(lambda self: self.in_time)  # the core's old name
+
+    def in_time(self, states: States) -> States:
         """The history as a function of time: t, q, dq/dt, d2q/dt2."""
         places = zip(states.t.tolist(), states.phase.tolist(), strict=True)
         t, ds_o, dds_o = np.array([self._kinematics(s_o, phase) for s_o, phase in places]).reshape(-1, 3).T
-        q, v, a = in_time(states.q, states.v, states.a, ds_o[:, None], dds_o[:, None])
+        q, v, a = chained(states.q, states.v, states.a, ds_o[:, None], dds_o[:, None])
         return States(t, q, v, a, states.phase)
 
     def observe(self, states: States, s: Array, frames: Array) -> Observation:
-        return self.system.observe(self.time_states(states), s, frames)
+        """Measure a history as `in_time` gives it."""
+        return self.system.observe(states, s, frames)
 
 
-def in_time(g: Array, g1: Array, g2: Array, ds_o: Any, dds_o: Any) -> tuple[Array, Array, Array]:
+def chained(g: Array, g1: Array, g2: Array, ds_o: Any, dds_o: Any) -> tuple[Array, Array, Array]:
     """q, dq/dt, d2q/dt2 of g(s_o(t)) from g, g', g''."""
     return g, ds_o * g1, ds_o**2 * g2 + dds_o * g1

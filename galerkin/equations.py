@@ -80,15 +80,32 @@ class GalerkinSystem:
         self.force_scale = self.mu * groups.sigma
         # rounding of N = T + alpha eps, summed; ten times what was measured for 10 to 120 terms, alpha 1e3 to 1e6
         self.force_floor = np.finfo(float).eps * groups.alpha
-        self.tension_min = (np.inf, 0.0)  # least tension at the last residual, and its s
+        self._pull: tuple[Any, Any] | None = None  # place and tensions of the last residual
         self._instants: dict[tuple[float, int], Instant] = {}
 
     def with_law(self, law: str) -> GalerkinSystem:
         """The same system, sharing all tables, under another law: to go on with a run whose cable fell slack."""
         other = copy.copy(self)
         other.law, other.cable = law, cable_model(self.groups, self.model, law)
-        other._instants = {}
+        other._instants, other._pull = {}, None
         return other
+
+    @property
+    def least_tension(self) -> tuple[float, float]:
+        """Least MEAN tension over a shortest wave of the basis at the last residual, elastic under any law, and its s.
+
+        Ripples of the highest terms have none below zero, a slack cable has: the slack onset.  The pointwise least is
+        `Observation.tension_min`.
+        """
+        return (np.inf, 0.0) if self._pull is None else self.cable.least(*self._pull)
+
+    def place(self, x: State) -> float:
+        """s_o of a state."""
+        return self.motion.at(x.t, x.phase)[0]
+
+    def in_time(self, states: States) -> States:
+        """The history as a function of time, which it is."""
+        return states
 
     def instant(self, t: float, phase: int) -> Instant:
         """What a time step asks for again and again; the last few instants are kept (the energy rule visits five)."""
@@ -117,14 +134,16 @@ class GalerkinSystem:
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         x = self.instant(t, phase)
-        force, self.tension_min = self.cable.force(x.place, self._fields(q))
+        force, pull = self.cable.force(x.place, self._fields(q))
+        self._pull = x.place, pull
         return self._residual(x, q, v, a, force)
 
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
     ) -> tuple[Array, Solve]:
         x = self.instant(t, phase)
-        force, self.tension_min, K = self.cable.linearise(x.place, self._fields(q))
+        force, pull, K = self.cable.linearise(x.place, self._fields(q))
+        self._pull = x.place, pull
         return self._residual(x, q, v, a, force), factorised(self._tangent(x, K, c0, c1, c2))
 
     def _fields(self, y: Array) -> Array:

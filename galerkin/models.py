@@ -5,8 +5,9 @@ hanging cable, and into its tangent.  The seam, the same in both classes:
 
     fields, weight         number of unknown functions; sigma j as each of them sees it, (fields,)
     at(basis, s_o)         what force and tangent need of a place of the mass, made once per instant
-    force(place, Q)        R (fields, n); the least total tension and its s (see `cablefem.newmark.System`)
+    force(place, Q)        R (fields, n); what `least` needs to know
     linearise(place, Q)    the same two, and dR/dQ, (fields n, fields n), field by field
+    least(place, pull)     the least mean tension and its s, see `GalerkinSystem.least_tension`
     static_slope(s)        X', X'' of the static shape that the load of the mass follows, (..., fields); s () or (n,)
     stress(s, slope)       the force of one point, (..., fields), for w' = slope, and its derivative by it
 """
@@ -14,22 +15,23 @@ hanging cable, and into its tangent.  The seam, the same in both classes:
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cablefem.scene import Groups
+from galerkin import kernels
 from galerkin.bases.kink import Array, MovingBasis
+from galerkin.law import LAWS
 
 MODELS = ("string", "sagged", "stretching", "full")
-LAWS = ("elastic", "tension-only")
 
 
 class Points(NamedTuple):
     """Where the full cable takes its integrals, with the static cable there."""
 
     s: Array  # (n_q,)
-    table: Array  # Phi', (n_q, n)
+    phi: Array  # Phi', (n, n_q)
     weights: Array
     T: Array
     r_static: Array  # x', y', (2, n_q)
@@ -48,80 +50,60 @@ class FullCable:
     fields = 2
 
     def __init__(self, groups: Groups, law: str) -> None:
-        self.groups, self.alpha, self.tension_only = groups, groups.alpha, law == "tension-only"
+        self.groups, self.alpha, self.law = groups, groups.alpha, LAWS.index(law)
         self.weight = np.array([0.0, groups.sigma])
         self._last: Points | None = None
 
     def at(self, basis: MovingBasis, s_o: float) -> Points:
-        s, weights, table = basis.slopes(s_o)
-        if self._last is None or table is not self._last.table:  # a standing basis has one table for all places
+        s, weights, phi = basis.slopes(s_o)
+        if self._last is None or phi is not self._last.phi:  # a standing basis has one table for all places
             T, xp, yp, _, _ = self.groups.static(s)
-            self._last = Points(s, table, weights, T, np.array([xp, yp]), basis, basis.sides(s_o))
+            self._last = Points(s, phi, weights, T, np.array([xp, yp]), basis, basis.sides(s_o))
         return self._last
 
-    def response(self, T: Array, xp: Array, yp: Array, ux: Array, vy: Array) -> tuple[Array, ...]:
-        """eps, k = N/|r'|, k - T, d = (N' |r'| - N)/|r'|^3 of (28)-(32), and N, for slopes w' = (ux, vy)."""
-        e = (2.0 * xp + ux) * ux + (2.0 * yp + vy) * vy
-        square = 1.0 + e
-        stretch = np.sqrt(square)
-        eps = e / (1.0 + stretch)  # sqrt(1 + e) - 1 without cancellation
-        less = self.alpha - T
-        N = T + self.alpha * eps
-        k, excess, d = N / stretch, less * eps / stretch, less / (square * stretch)
-        if self.tension_only:
-            slack = N < 0.0
-            if slack.any():
-                N, k, d = (np.where(slack, 0.0, x) for x in (N, k, d))
-                excess = np.where(slack, -T, excess)
-        return eps, k, excess, d, N
+    def force(self, place: Points, Q: Array) -> tuple[Array, Array]:
+        """R of (25)-(26) less its static value, (2, n); the elastic tension at the points, (n_q,)."""
+        R, pull, _ = self._balance(place, Q)
+        return R, pull
 
-    def force(self, place: Points, Q: Array) -> tuple[Array, tuple[float, float]]:
-        """R of (25)-(26) less its static value, (2, n); least N, and its s."""
-        R, least, _, _, _ = self._force(place, Q)
-        return R, least
+    def linearise(self, place: Points, Q: Array) -> tuple[Array, Array, Array]:
+        """The same two, and J1, J2, J3 of (28)-(32), the gram matrix of k I + d r' r'^T, (2 n, 2 n)."""
+        R, pull, gram = self._balance(place, Q)
+        return R, pull, place.basis.gram(place.phi, gram)
 
-    def _force(self, place: Points, Q: Array) -> tuple[Array, tuple[float, float], Array, Array, Array]:
-        """R, the least N and its s, and what the tangent shares with them: w', k, d at the points."""
-        T, r_static = place.T, place.r_static
-        slope = Q @ place.table.T
-        eps, k, excess, d, _ = self.response(T, *r_static, *slope)
-        R = (place.weights * (excess * r_static + k * slope)) @ place.table
-        # under either law slack is where the elastic tension is negative: the tension-only one would show zero
-        return R, self._least(place, T + self.alpha * eps), slope, k, d
+    def _balance(self, place: Points, Q: Array) -> tuple[Array, Array, Array]:
+        m = place.weights.size
+        R, pull, gram = np.empty(Q.shape), np.empty(m), np.empty((2, 2, m))
+        kernels.balance(
+            place.phi, place.weights, place.T, place.r_static, np.ascontiguousarray(Q), self.alpha, self.law,
+            R, gram, pull,
+        )  # fmt: skip
+        return R, pull, gram
 
-    def _least(self, place: Points, N: Array) -> tuple[float, float]:
-        """The least N and its s; a negative N must be so in the mean over a shortest wave, 2/n, or it is a ripple."""
-        s, least = place.s, N.argmin()
-        if N[least] < 0.0:
+    def least(self, place: Points, pull: Array) -> tuple[float, float]:
+        """A negative tension must be so in the mean over a shortest wave, 2/n, or it is a ripple."""
+        s, at = place.s, int(pull.argmin())
+        if pull[at] < 0.0:
             waves = _waves(s, place.sides, place.basis.basis.n)
             weights = np.add.reduceat(place.weights, waves)
-            N, s = (np.add.reduceat(place.weights * x, waves) / weights for x in (N, s))
-            least = N.argmin()
-        return float(N[least]), float(s[least])
-
-    def linearise(self, place: Points, Q: Array) -> tuple[Array, tuple[float, float], Array]:
-        """R, the least N and its s, and J1, J2, J3 of (28)-(32), the gram matrix of k I + d r' r'^T, (2 n, 2 n)."""
-        R, least, slope, k, d = self._force(place, Q)
-        r = place.r_static + slope
-        f = (place.weights * d * r)[:, None] * r
-        k = place.weights * k
-        f[0, 0] += k
-        f[1, 1] += k
-        return R, least, place.basis.gram(place.table, f)
+            pull, s = (np.add.reduceat(place.weights * x, waves) / weights for x in (pull, s))
+            at = int(pull.argmin())
+        return float(pull[at]), float(s[at])
 
     def static_slope(self, s: Array) -> tuple[Array, Array]:
         """Of the catenary."""
         _, xp, yp, xpp, ypp = self.groups.static(s)
         return np.array([xp, yp]).T, np.array([xpp, ypp]).T
 
-    def stress(self, s: Array, slope: Array) -> tuple[Array, Array]:
-        """N t - T t_static, and k I + d r' r'^T."""
+    def points(self, s: Array, slope: Array) -> Array:
+        """Rows of `kernels.stress` at s (m,) for w' = slope (2, m): N, W, N t - T t_static, its tangent; (7, m)."""
         T, xp, yp, _, _ = self.groups.static(s)
-        ux, vy = slope[..., 0], slope[..., 1]
-        _, k, excess, d, _ = self.response(T, xp, yp, ux, vy)
-        r = np.stack([xp + ux, yp + vy], axis=-1)
-        force = np.stack([excess * xp + k * ux, excess * yp + k * vy], axis=-1)
-        return force, k[..., None, None] * np.eye(2) + d[..., None, None] * r[..., :, None] * r[..., None, :]
+        return kernels.stress(T, np.array([xp, yp]), np.ascontiguousarray(slope), self.alpha, self.law)
+
+    def stress(self, s: Array, slope: Array) -> tuple[Array, Array]:
+        """N t - T t_static, and k I + d r' r'^T, at one point."""
+        _, _, fx, fy, xx, xy, yy = self.points(np.atleast_1d(s), slope[:, None])[:, 0]
+        return np.array([fx, fy]), np.array([[xx, xy], [xy, yy]])
 
 
 def _waves(s: Array, sides: tuple[float, ...], n: int) -> Array:
@@ -148,29 +130,33 @@ class ChordCable:
         self.curvature = -self.weight[0] / self.tau  # y_n''
         # total tension is the static one plus h everywhere: least where the static one is, at y' = 0 or a support
         self.least_at = min(1.0, max(0.0, groups.c / groups.sigma))
-        self.least = float(groups.static(self.least_at)[0])
+        self.at_rest = float(groups.static(self.least_at)[0])
 
     def at(self, basis: MovingBasis, s_o: float) -> tuple[Array, Array]:
         """S and b."""
         return basis.stiffness(s_o), -self.curvature * basis.integral(s_o)
 
-    def _increment(self, place: tuple[Array, ...], Q: Array) -> tuple[Array, float, Array]:
+    def _increment(self, place: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
         """S w, h, and (dh/dQ)/(alpha lam)."""
         S, b = place
         Sq = Q[0] @ S
         h = self.alpha * self.lam * (b @ Q[0] + 0.5 * self.kap * (Q[0] @ Sq))
         return Sq, h, b + self.kap * Sq
 
-    def force(self, place: tuple[Array, ...], Q: Array) -> tuple[Array, tuple[float, float]]:
-        """R (1, n); least T(s) + h and its s."""
+    def force(self, place: tuple[Array, Array], Q: Array) -> tuple[Array, float]:
+        """R (1, n); h."""
         Sq, h, g = self._increment(place, Q)
-        return (self.tau * Sq + h * g)[None], (self.least + h, self.least_at)
+        return (self.tau * Sq + h * g)[None], h
 
-    def linearise(self, place: tuple[Array, ...], Q: Array) -> tuple[Array, tuple[float, float], Array]:
-        """R and the least tension as above; dR/dQ, (n, n)."""
+    def linearise(self, place: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
+        """R and h; dR/dQ, (n, n)."""
         _, h, g = self._increment(place, Q)
         J = (self.tau + self.kap * h) * place[0] + np.multiply.outer(self.alpha * self.lam * g, g)
         return *self.force(place, Q), J
+
+    def least(self, place: Any, h: float) -> tuple[float, float]:
+        """Least T(s) + h."""
+        return self.at_rest + h, self.least_at
 
     def static_slope(self, s: Array) -> tuple[Array, Array]:
         """Of the parabola."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cablefem.response import Observation, States
+from galerkin import kernels
 from galerkin.bases.kink import Array, TravellingKink
 from galerkin.models import ChordCable, FullCable
 
@@ -74,24 +75,23 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     if isinstance(cable, FullCable):
         T_behind, T_ahead, working = _one_sided(cable, x.s_o, behind, ahead)
         strain, least, least_at = _strain(system, x.s_o, states.q)
-        T = cable.response(*groups.static(s)[:3], slopes[:, 0], slopes[:, 1])[4]
+        weight = -cable.weight[1] * (x.Q[:, 1] @ basis.integral() + 0.5 * x.q_hat[:, 1])
+        T = np.array([cable.points(s, slope)[0] for slope in slopes]).reshape(len(frames), s.size)
         place_y = groups.shape(x.s_o)[1] + w[:, 1]
         velocity, acceleration = w_t + p[0] * static, w_tt + p[1] * static + p[2] * curvature
         mean_slope = static + 0.5 * (behind + ahead)
     else:
         slope, bent = cable.static_slope(x.s_o)
-        strain, h = _chord(cable, x, basis, phi)
+        (strain, h), weight = _chord(cable, x, basis, phi), np.zeros(n)
         T_behind = T_ahead = T_o + h
         working = np.zeros(n)  # all energies are quadratic: mean force times jump of slope is the jump of energy
-        least, least_at, T = cable.least + h, np.full(n, cable.least_at), (T_s + h[frames, None])
+        least, least_at, T = cable.at_rest + h, np.full(n, cable.least_at), (T_s + h[frames, None])
         place_y = (-0.5 * cable.curvature) * x.s_o * (1.0 - x.s_o) + w[:, 0]
         velocity, acceleration = w_t + p[0] * slope, w_tt + p[1] * slope + p[2] * bent
         mean_slope = slope + 0.5 * (behind + ahead)
     contact = system.inertia * acceleration - system.mu * cable.weight
-    energy = (
-        kinetic + strain + 0.5 * system.inertia * np.sum(velocity**2, axis=1)
-        - system.mu * cable.weight[-1] * place_y
-    )  # fmt: skip
+    kinetic = kinetic + 0.5 * system.inertia * np.sum(velocity**2, axis=1)
+    potential = weight - system.mu * cable.weight[-1] * place_y
     return Observation(
         path=w @ direction,
         path_velocity=w_t @ direction + p[0] * static,
@@ -100,7 +100,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         slope_ahead=static + ahead @ direction,
         T_behind=np.where(x.s_o > 0.0, T_behind, np.nan),
         T_ahead=np.where(x.s_o < 1.0, T_ahead, np.nan),
-        energy=energy,
+        energy=kinetic + strain + potential,
         power=x.ds_o * (np.sum(contact * mean_slope, axis=1) + working),
         tension_min=least,
         tension_min_at=least_at,
@@ -112,6 +112,9 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         t=states.t,
         s_o=x.s_o,
         contact=-contact @ direction,
+        kinetic=kinetic,
+        strain=strain,
+        potential=potential,
     )
 
 
@@ -167,39 +170,24 @@ def _kinetic(system: GalerkinSystem, x: _History) -> Array:
     return 0.5 * twice
 
 
-def _density(cable: FullCable, T: Array, r_static: Array, slope: Array) -> tuple[Array, Array, Array]:
-    """Strain energy W = int N deps from the static state, N, and k = N/|r'|; r_static = X' and slope = w', (2, n)."""
-    eps, k, _, _, N = cable.response(T, *r_static, *slope)
-    W = T * eps + 0.5 * cable.alpha * eps**2
-    if cable.tension_only:
-        W = np.where(N > 0.0, W, -(T**2) / (2.0 * cable.alpha))  # what the cable gives back on its way to N = 0
-    return W, N, k
-
-
 def _one_sided(cable: FullCable, s_o: Array, behind: Array, ahead: Array) -> tuple[Array, Array, Array]:
     """Tension behind and ahead of the mass and <N t> . [r'] - [W], all (n,)."""
-    T, *static, _, _ = cable.groups.static(s_o)
-    r_static = np.array(static)
-    W, N, force = [], [], []
-    for slope in (behind.T, ahead.T):
-        density, tension, k = _density(cable, T, r_static, slope)
-        W.append(density)
-        N.append(tension)
-        force.append(k * (r_static + slope))
-    mean = 0.5 * (force[0] + force[1])
-    return N[0], N[1], np.sum(mean.T * (ahead - behind), axis=1) - (W[1] - W[0])
+    left, right = (cable.points(s_o, slope.T) for slope in (behind, ahead))
+    T, xp, yp, _, _ = cable.groups.static(s_o)
+    mean = T * np.array([xp, yp]) + 0.5 * (left[2:4] + right[2:4])
+    return left[0], right[0], np.sum(mean * (ahead - behind).T, axis=0) - (right[1] - left[1])
 
 
 def _strain(system: GalerkinSystem, s_o: Array, q: Array) -> tuple[Array, Array, Array]:
-    """int (W - sigma v) ds, least tension and its s, (n,) each, at the points of the internal force."""
+    """int W ds, least tension and its s, (n,) each, at the points of the internal force."""
     cable, fields, n = system.cable, system.fields, system.n
     assert isinstance(cable, FullCable)
     energy, least, least_at = (np.empty(s_o.size) for _ in range(3))
     for i, place in enumerate(np.clip(s_o, NEAR_SUPPORT, 1.0 - NEAR_SUPPORT).tolist()):
         points = cable.at(system.basis, place)
         Q = q[i, : system.n_modal].reshape(fields, n)
-        W, N, _ = _density(cable, points.T, points.r_static, Q @ points.table.T)
-        energy[i] = points.weights @ W - cable.weight[1] * (system.basis.integral(place) @ Q[1])
+        N, W = kernels.stress(points.T, points.r_static, Q @ points.phi, cable.alpha, cable.law)[:2]
+        energy[i] = points.weights @ W
         k = N.argmin()
         least[i], least_at[i] = N[k], points.s[k]
     return energy, least, least_at

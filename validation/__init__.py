@@ -1,4 +1,4 @@
-"""The judge of both solvers: verdicts, studies and reports.  The public names are those of the commands.
+"""The judge of both solvers: verdicts, studies and reports.  `validation.check` is what `cablefem check` computes.
 
 Nothing is loaded before it is used: `import validation` costs nothing.
 """
@@ -6,40 +6,37 @@ Nothing is loaded before it is used: `import validation` costs nothing.
 from __future__ import annotations
 
 import importlib
+import importlib.util
+import pkgutil
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from validation.commands.advise.study import advise
-    from validation.commands.atlas.study import atlas
-    from validation.commands.chart.study import chart
-    from validation.commands.check.study import check, check_solver
-    from validation.commands.modes.study import modes
-    from validation.commands.paper.study import paper
     from validation.core.assertions import assert_agree
     from validation.core.foreign import ForeignPath
     from validation.core.running import run
 
 _HOME = {
-    "check": "commands.check.study",
     "run": "core.running",
-    "modes": "commands.modes.study",
-    "advise": "commands.advise.study",
-    "chart": "commands.chart.study",
-    "atlas": "commands.atlas.study",
-    "paper": "commands.paper.study",
     "assert_agree": "core.assertions",
     "check_solver": "commands.check.study",
     "ForeignPath": "core.foreign",
 }
 
-__all__ = ["ForeignPath", "advise", "assert_agree", "atlas", "chart", "check", "check_solver", "modes", "paper", "run"]
+__all__ = ["ForeignPath", "assert_agree", "check_solver", "run"]
 
 
 def __getattr__(name: str) -> Any:
+    """Return a public name, or the function of a command's study that is named as the command."""
     if name in _HOME:
         return getattr(importlib.import_module(f"validation.{_HOME[name]}"), name)
+    if name in _commands() and importlib.util.find_spec(f"validation.{name}") is None:
+        return getattr(importlib.import_module(f"validation.commands.{name}.study"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
+def _commands() -> list[str]:
+    return [found.name for found in pkgutil.iter_modules([f"{__path__[0]}/commands"])]
+
+
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *__all__, *_commands()})

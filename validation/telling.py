@@ -1,10 +1,10 @@
-"""What commands say about responses and verdicts, in a few lines."""
+"""What several commands say about responses and verdicts, in a few lines."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,24 +14,7 @@ from validation.core.methods import find
 
 if TYPE_CHECKING:
     from cablefem.response import Response
-    from validation.commands.check.study import Check
     from validation.core.agreement import Agreement
-
-MEANINGFUL = 1e-2  # of the largest deflection: paths further apart are two answers
-
-
-def check(result: Check) -> None:
-    """Print the verdict on a check row by row and in one line, the answer, and where it stops being meaningful."""
-    rows(result.rows)
-    third = sorted({row.party for row in result.rows} - {""})
-    *others, last = [result.a.run.method, result.b.run.method, *third]
-    word = {"agree": "agree", "disagree": "DISAGREE", "not comparable": "are NOT COMPARABLE"}[result.verdict.value]
-    low, high = result.window
-    over = f" over s_o/l = {low:g} to {high:.3g}" if low < high else ""
-    terminal.say()
-    terminal.say(f"{', '.join(others)} and {last} {word}{over}", style=terminal.STYLES[result.verdict.value])
-    run(result.a.run)
-    terminal.say(f"  {_meaning(result)}")
 
 
 def rows(verdicts: Sequence[Agreement]) -> None:
@@ -50,23 +33,7 @@ def rows(verdicts: Sequence[Agreement]) -> None:
     terminal.table(columns, cells, right=["gap", "allowed", "at s_o/l"])
 
 
-def _meaning(result: Check) -> str:
-    """Say how far past the compared range both answers are still one answer."""
-    a, b, stop = result.a.response, result.b.response, result.window[1]
-    end = min(a.reached, b.reached)
-    allowed = next((row.allowed for row in result.rows if row.quantity == "path_max"), math.nan)
-    bound = max(MEANINGFUL, 2.0 * allowed if math.isfinite(allowed) else 0.0)
-    for place in np.arange(stop + 0.005, end, 0.005).tolist():
-        try:
-            if measures.path_gap(a, b, (stop, place))[0] > bound:
-                parted = f"the paths part by {bound:.2g} of the deflection"
-                return f"past s_o/l = {place:.3f} this stops being meaningful: {parted}"
-        except measures.NotComparable:  # too few steps yet
-            continue
-    return f"past that range the paths stay within {bound:.2g} of the deflection, up to s_o/l = {end:.3f}"
-
-
-def run(r: Response) -> None:
+def answer(r: Response) -> None:
     """Print what a run was asked for and the few numbers one wants first."""
     at = int(r.v.argmax())
     error = "" if r.path_error is None else f" +- {r.path_error * r.max_deflection:.2g}"
@@ -103,20 +70,14 @@ def short(r: Response) -> str:
     method = find(r.method)
     told = {
         key: value for key, value in r.settings.items()
-        if key in (method.resolution, "steps") or value != method.knobs[key].default
+        if key in (method.resolution.setting, "steps") or value != method.knobs[key].default
     }  # fmt: skip
     kinds = [kind for kind, usual in ((r.model, "full"), (r.load, "mass"), (r.law, "auto")) if kind != usual]
     return ", ".join([f"{key}={value}" for key, value in told.items()] + kinds)
 
 
-def knob(key: str, setting: Any) -> str:
-    """Return a line on one setting of a method."""
-    named = isinstance(setting.default, str)
-    allowed = "|".join(setting.allowed) if named else f"{setting.allowed[0]:g} to {setting.allowed[1]:g}"
-    return f"{key}={setting.default}  {setting.meaning} ({allowed})"
-
-
-def pages(sections: Sequence[Any]) -> None:
-    """Print what the pages of a report have found, one line for each that found something."""
-    cells = [[s.title, s.verdict or "", s.summary] for s in sections if s.verdict or s.summary]
-    terminal.table(["page", "verdict", "found"], cells)
+def broken(*responses: Response) -> int:
+    """Return 2 and say so where a run broke before the slack onset, else 0; an unstable run's slack is no slack."""
+    bad = [r for r in responses if r.status != "complete" and (r.slack_onset is None or r.cause == "unstable")]
+    terminal.complain([f"{r.method} broke at s_o/l = {r.reached:.4g}: {r.reason}" for r in bad])
+    return 2 if bad else 0

@@ -77,7 +77,7 @@ class CableElements:
         self.inertia = groups.mu if load == "mass" else 0.0
         # displacement in the plane of each field
         self.direction = np.eye(2) if model == "full" else np.array([[-groups.chord_sin, groups.chord_cos]])
-        self.tension_min = (math.inf, 0.0)  # least mean tension of an element and its s, at the last residual
+        self.least_tension = (math.inf, 0.0)  # least mean tension of an element and its s, at the last residual
         self._weight = tuple((groups.mu * groups.sigma * self.direction[:, 1]).tolist())  # of the mass, field by field
         self._set_law(law)
 
@@ -136,9 +136,9 @@ class CableElements:
         self._at = (t, phase)
         *done, least, where = kernels.settle(
             self._operators, self._coefficients, *self._mesh(), *self._work, start, now, rule, bound,
-            newton.max_iter, newton.reuse,
+            newton.max_iter, newton.reuse, newton.patience,
         )  # fmt: skip
-        self.tension_min = least, where
+        self.least_tension = least, where
         return Settled(*done)
 
     # --- what a mesh answers ---------------------------------------------------------------------------
@@ -191,7 +191,7 @@ class CableElements:
             self._time(t, phase)
             self._at = (t, phase)
             kernels.combine(self._operators, self._coefficients, self._bands)
-        self.tension_min = kernels.assemble(*self._mesh(), q, v, a, r, ab, increment, tangent, c0, c1, c2)
+        self.least_tension = kernels.assemble(*self._mesh(), q, v, a, r, ab, increment, tangent, c0, c1, c2)
 
     def _static_acceleration(self, s_o: float, ds: float, dds: float) -> tuple[float, ...]:
         """Return d2/dt2 X(s_o(t)) on the static shape (parabola for the one-field models)."""

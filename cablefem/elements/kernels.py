@@ -373,7 +373,7 @@ def correct(start, rule, share, da, now, balanced):
 @compiled
 def settle(
     operators, coefficients, bands, span, dofs, tab, cable, contact, shape, m_row, c_row, k_row, load,
-    ab, pivots, increment, coupled, start, now, rule, bound, max_iter, reuse,
+    ab, pivots, increment, coupled, start, now, rule, bound, max_iter, reuse, patience,
 ):  # fmt: skip
     """Find the end of a step by Newton's method as `cablefem.newmark.iterate` does, compiled with the balance.
 
@@ -412,7 +412,7 @@ def settle(
             )  # fmt: skip
             residuals += 1
             norm = math.sqrt(dot(r, r))
-            if norm < before or iteration < 2:
+            if norm < before or (iteration < patience and norm < math.inf):
                 break
         if norm <= bound or not norm < math.inf:
             break

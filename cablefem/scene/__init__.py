@@ -2,8 +2,10 @@
 
 from cablefem.scene.cable import Cable, Supports
 from cablefem.scene.catenary import Catenary
+from cablefem.scene.drive import Drive, Driving
 from cablefem.scene.errors import SceneError
 from cablefem.scene.motion import Motion, Piece
+from cablefem.scene.ride import LoadPath, NoRest, Ride
 from cablefem.scene.scene import Groups, Mass, Scene
 from cablefem.scene.travel import (
     AccelerateCruiseBrake,
@@ -19,10 +21,15 @@ __all__ = [
     "Catenary",
     "ConstantAcceleration",
     "ConstantSpeed",
+    "Drive",
+    "Driving",
     "Groups",
+    "LoadPath",
     "Mass",
     "Motion",
+    "NoRest",
     "Piece",
+    "Ride",
     "Scene",
     "SceneError",
     "Supports",

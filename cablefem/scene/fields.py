@@ -47,7 +47,8 @@ def _number(admits: Callable[[float], bool]) -> Callable[[object], float | None]
     return convert
 
 
-def _several(value: object) -> tuple | None:
+def several(value: object) -> tuple | None:
+    """The values of a list of at least two, whatever they are; None for anything else."""
     values = value.tolist() if isinstance(value, np.ndarray) else value
     return tuple(values) if isinstance(values, list | tuple) and len(values) > 1 else None
 
@@ -59,12 +60,16 @@ def _matching(pattern: str) -> Callable[[object], str | None]:
 _RANGE = f"{SMALL:g} to {LARGE:g}"
 _POSITIVE = Check(f"a number > 0, from {_RANGE}", _number(lambda x: SMALL <= x <= LARGE))
 _NON_NEGATIVE = Check(f"a number >= 0: 0, or from {_RANGE}", _number(lambda x: x == 0.0 or SMALL <= x <= LARGE))
-_REAL = Check(f"a number from {-LARGE:g} to {LARGE:g}", _number(lambda x: abs(x) <= LARGE))
+_FRACTION = Check("a number from 0 to 1", _number(lambda x: 0.0 <= x <= 1.0))
+REAL = Check(f"a number from {-LARGE:g} to {LARGE:g}", _number(lambda x: abs(x) <= LARGE))
 
 Positive = Annotated[float, BeforeValidator(_POSITIVE)]
 NonNegative = Annotated[float, BeforeValidator(_NON_NEGATIVE)]
-Real = Annotated[float, BeforeValidator(_REAL)]
-Numbers = Annotated[tuple[NonNegative, ...], BeforeValidator(Check("a list of at least two numbers", _several))]
+Real = Annotated[float, BeforeValidator(REAL)]
+Fraction = Annotated[float, BeforeValidator(_FRACTION)]
+_SEVERAL = Check("a list of at least two numbers", several)
+Numbers = Annotated[tuple[NonNegative, ...], BeforeValidator(_SEVERAL)]
+Reals = Annotated[tuple[Real, ...], BeforeValidator(_SEVERAL)]
 Line = Annotated[str, BeforeValidator(Check("text on one line", _matching(r"[^\x00-\x1f\x7f]*")))]
 Name = Annotated[
     str, BeforeValidator(Check("letters, digits, '_', '-' and '.', the first no '-' or '.'", _matching(r"\w[\w.-]*")))
@@ -93,8 +98,8 @@ class Part(BaseModel):
 
     @classmethod
     def field_names(cls) -> list[str]:
-        """Names of the fields, in the order of their definition."""
-        return list(cls.model_fields)
+        """Names of the fields as they are written, in the order of their definition."""
+        return [field.alias or name for name, field in cls.model_fields.items()]
 
     @classmethod
     def _lines(cls, item: Any) -> list[str]:
@@ -102,12 +107,13 @@ class Part(BaseModel):
         name, *inner = item["loc"]
         kind, context = item["type"], item.get("ctx", {})
         cause = context.get("error")
-        if isinstance(cause, SceneError):  # of a part inside this one
-            return [f"{name}.{fault}" for fault in cause.faults]
         where = f"{name}[{inner[0]}]" if inner and isinstance(inner[0], int) else str(name)
+        if isinstance(cause, SceneError):  # of a part inside this one
+            return [f"{where}.{fault}" for fault in cause.faults]
         given = f"{where} = {shown(item['input'])}"
         if kind == "missing":
-            checks = [m.func for m in cls.model_fields[name].metadata if isinstance(m, BeforeValidator)]
+            field = next(field for key, field in cls.model_fields.items() if name in (key, field.alias))
+            checks = [m.func for m in field.metadata if isinstance(m, BeforeValidator)]
             admissible = checks[0].admissible if checks else f"a table [{name}]"  # type: ignore[union-attr]
             return [f"{where}: missing; must be {admissible}"]
         if kind == "extra_forbidden":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import bisect
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -51,6 +51,11 @@ class Motion:
             s = self.end  # exactly, where the polynomial has rounding
         return s, ds, dds
 
+    @property
+    def begin(self) -> float:
+        """s_o at t = 0."""
+        return self.pieces[0][0](0.0)[0]
+
     def position(self, t) -> np.ndarray:
         """s_o at times t, same shape; it stays at its first and last value before and after the travel."""
         stop = self.phases[-1][1]
@@ -62,8 +67,8 @@ class Motion:
 
     def time_at(self, s_o: float) -> float:
         """The time at which the mass comes to s_o, to rounding; ValueError where it never comes."""
-        if not 0.0 <= s_o <= self.end:
-            raise ValueError(f"the mass is never at s_o = {s_o!r}: its travel covers [0, {self.end!r}]")
+        if not self.begin <= s_o <= self.end:
+            raise ValueError(f"the mass is never at s_o = {s_o!r}: its travel covers [{self.begin:g}, {self.end!r}]")
         times = np.append(self._columns[0], self.phases[-1][1])
         places = self.position(times)
         k = int(np.searchsorted(places, s_o, side="left"))
@@ -91,6 +96,18 @@ class Motion:
     def top_speed(self) -> float:
         """Largest ds_o/dt of the travel."""
         return max(speed for _, speed in self.speeds)
+
+    def shifted(self, start: float) -> Motion:
+        """The same motion, begun at `start`."""
+        pieces = tuple(tuple(replace(p, c0=p.c0 + start) for p in pieces) for pieces in self.pieces)
+        return Motion(self.phases, pieces, self.end + start)
+
+    def until(self, t_end: float) -> Motion:
+        """The same motion, broken off at t_end."""
+        if t_end >= self.phases[-1][1]:
+            return self
+        phases = tuple((t0, min(t1, t_end)) for t0, t1 in self.phases if t0 < t_end)
+        return Motion(phases, self.pieces[: len(phases)], self.at(t_end, len(phases) - 1)[0])
 
     def scaled(self, length: float, time: float) -> Motion:
         """The same motion with lengths measured in `length` and times in `time`."""

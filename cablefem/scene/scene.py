@@ -21,30 +21,34 @@
 | L^2     | scene.irvine                | -    | Irvine   | sigma^2 alpha cos^5(chord slope)                      |
 | s_o(t)  | scene.groups.motion         | -    | (1)      | travel of the mass along the cable, over l            |
 | T(s)    | scene.catenary.tension      | N    | (9)      | static tension                                        |
+| k       | scene.groups.drive.k        | -    | -        | rho_air c_d A/(2 rho), drag of the car                |
+| mu_r    | scene.groups.drive.mu_r     | -    | -        | rolling friction over contact force                   |
 """
 
 from __future__ import annotations
 
-import json
 import math
 import re
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+import tomli_w
 from pydantic import TypeAdapter
 
 from cablefem.scene import catenary as _catenary
 from cablefem.scene.cable import Cable, Supports, hang, hanging_faults
 from cablefem.scene.catenary import Catenary
+from cablefem.scene.drive import GRIP, Drive, Driving
 from cablefem.scene.errors import SceneError, nearest, shown
 from cablefem.scene.fields import Line, Name, Part, Positive
 from cablefem.scene.motion import Motion
-from cablefem.scene.travel import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Travel
+from cablefem.scene.ride import NoRest, Ride, quasi_static
+from cablefem.scene.travel import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Table, Travel
 
 
 class Mass(Part):
@@ -63,7 +67,8 @@ class Groups:
     c: float  # y'/x' at s = 0
     chord_cos: float  # direction of the chord, left to right
     chord_sin: float  # > 0: the right support is the lower one
-    motion: Motion | None  # travel of the mass; None for a bare cable
+    motion: Motion | None  # travel of the mass; None for a bare cable and for a free ride
+    drive: Drive = GRIP
 
     def static(self, s) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Static tension and shape (T, x', y', x'', y'') at s in [0, 1], each of the shape of s."""
@@ -84,13 +89,24 @@ class Scene(Part):
     supports: Supports
     mass: Mass | None = None
     travel: Travel | None = None
+    drive: Driving = Driving()
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
         """Faults between the parts, as far as the parts themselves are sound."""
         faults = []
+        given = data.get("drive", Driving())
+        drive = _sound(Driving, given)
+        mode = given.get("mode", "grip") if isinstance(given, dict) else getattr(given, "mode", "grip")
         present = [name for name in ("mass", "travel") if data.get(name) is not None]
-        if len(present) == 1:
+        if mode == "free":
+            if "travel" in present:
+                faults.append("travel: too much beside drive.mode = 'free', whose travel is an answer; leave it out")
+            if "mass" not in present:
+                faults.append("mass: missing; must be given with drive.mode = 'free'")
+        elif mode == "haul" and not present:
+            faults.append("mass: missing; must be given, and [travel] too, with drive.mode = 'haul'")
+        elif len(present) == 1:
             absent = "travel" if present == ["mass"] else "mass"
             faults.append(f"{absent}: missing; must be given with [{present[0]}] (a bare cable has neither)")
         gravity = _sound(Positive, data.get("gravity", cls.model_fields["gravity"].default))
@@ -106,14 +122,17 @@ class Scene(Part):
                 f"cable.EA = {cable.EA!r}: must be > {catenary.max_tension:.6g} N, the largest static tension, "
                 "or the cable hangs at more than twice its unstretched length"
             )
-        travel = _sound(Travel, data["travel"]) if "travel" in present else None
+        broken = [] if drive is None else [f"drive.{fault}" for fault in drive.faults(catenary.length)]
+        faults += broken
+        travel = _sound(Travel, data["travel"]) if "travel" in present and not broken and mode != "free" else None
         if travel is not None:
-            broken = travel.faults(catenary.length)
+            way = _way(travel, drive, catenary.length)
+            broken = travel.faults(way)
             faults += [f"travel.{fault}" for fault in broken]
             axial = math.sqrt(cable.EA / cable.mass_per_length)
-            if not broken and travel.motion(catenary.length).top_speed >= axial:
+            if not broken and travel.motion(way).top_speed >= axial:
                 faults.append(
-                    f"travel: reaches {travel.motion(catenary.length).top_speed:.6g} m/s; must stay < {axial:.6g} m/s, "
+                    f"travel: reaches {travel.motion(way).top_speed:.6g} m/s; must stay < {axial:.6g} m/s, "
                     "the speed sqrt(EA/rho) of longitudinal waves"
                 )
         return faults
@@ -150,12 +169,10 @@ class Scene(Part):
 
     def to_toml(self) -> str:
         """A scene file that reads back as this scene."""
-        data = self.model_dump(exclude_none=True)
-        tables = [key for key, value in data.items() if isinstance(value, dict)]
-        lines = [f"{key} = {_toml(value)}" for key, value in data.items() if key not in tables]
-        for key in tables:
-            lines += ["", f"[{key}]", *(f"{name} = {_toml(value)}" for name, value in data[key].items())]
-        return "\n".join(lines) + "\n"
+        data = self.model_dump(exclude_none=True, exclude={"drive"})
+        if drive := self.drive.model_dump(exclude_none=True, exclude_defaults=True, by_alias=True):
+            data["drive"] = drive
+        return tomli_w.dumps(data)
 
     @classmethod
     def library(cls) -> dict[str, str]:
@@ -239,7 +256,9 @@ class Scene(Part):
             fields["mass"] = Mass(mass=mu * self.cable.mass_per_length * self.length)
         if speed_ratio is not None:
             if self.travel is None or self.speed_ratio is None:
-                raise SceneError([f"speed_ratio = {speed_ratio!r}: a bare cable has no travel"])
+                raise SceneError(
+                    [f"speed_ratio = {speed_ratio!r}: a bare cable has no travel, a free ride finds its own"]
+                )
             fields["travel"] = self.travel.faster(speed_ratio / self.speed_ratio)
         return self._with(**fields)
 
@@ -331,26 +350,69 @@ class Scene(Part):
 
     @property
     def top_speed(self) -> float | None:
-        """Largest ds_o/dt [m/s] of the travel; None for a bare cable."""
+        """Largest speed of the car [m/s]: ds_o/dt of the travel, |dp/dt| of the quasi-static ride; None: no car."""
+        if self.ride is not None:
+            return self.ride.top_speed * self.wave_speed
         return None if self._motion is None else self._motion.top_speed
 
     @property
     def speed_ratio(self) -> float | None:
-        """Largest ds_o/dt over sqrt(H/rho) [-]; None for a bare cable."""
+        """`top_speed` over sqrt(H/rho) [-]; None for a bare cable."""
         return None if self.top_speed is None else self.top_speed / self.wave_speed
 
     @property
     def arrival(self) -> float | None:
-        """Time [s] at which the travel ends, at the far support unless a table stops earlier; None for a bare cable."""
+        """Time [s] at which the ride is over; None for a bare cable.
+
+        A travel ends at the far support (rolling: before it) unless a table stops earlier; a free ride: by the
+        quasi-static model.
+        """
+        if self.ride is not None:
+            return self.ride.duration * self.time_scale
         return None if self._motion is None else self._motion.phases[-1][1]
 
     @cached_property
     def _motion(self) -> Motion | None:
-        return None if self.travel is None else self.travel.motion(self.length)
+        if self.travel is None:
+            return None
+        motion = self.travel.motion(_way(self.travel, self.drive, self.length))
+        if self.drive.mode != "haul":
+            return motion
+        motion, end = motion.shifted(self.drive.start_place(self.length)), self.drive.end_place(self.length)
+        if motion.end > end:
+            motion = replace(motion.until(motion.time_at(end)), end=end)
+        return motion if self.drive.end is None else motion.until(self.drive.end.time or math.inf)
+
+    @property
+    def ride(self) -> Ride | None:
+        """The quasi-static ride of a free car, in the units of `groups`; None for the other drives."""
+        return None if self._free is None else self._free[0]
+
+    @cached_property
+    def _free(self) -> tuple[Ride, Drive] | None:
+        if self.drive.mode != "free":
+            return None
+        try:
+            return quasi_static(self._groups(None, GRIP), self._drive)
+        except NoRest as error:
+            raise SceneError([f"drive.mode = 'free': {error}"]) from None
+
+    @property
+    def _drive(self) -> Drive:
+        return self.drive.scaled(self.length, self.time_scale, self.horizontal_tension, self.cable.mass_per_length)
 
     @cached_property
     def groups(self) -> Groups:
         """The scene in dimensionless form: the one place where SI is left."""
+        motion = None if self._motion is None else self._motion.scaled(self.length, self.time_scale)
+        if self._free is not None:
+            return self._groups(motion, self._free[1])
+        if motion is None or self.drive.mode == "grip":
+            return self._groups(motion, GRIP)
+        end = motion.phases[-1][1]
+        return self._groups(motion, replace(self._drive, end_time=end, end_place=motion.end, nominal=end))
+
+    def _groups(self, motion: Motion | None, drive: Drive) -> Groups:
         return Groups(
             mu=self.mu,
             alpha=self.alpha,
@@ -358,7 +420,8 @@ class Scene(Part):
             c=self.catenary.c,
             chord_cos=self.supports.span / self.chord,
             chord_sin=self.supports.drop / self.chord,
-            motion=None if self._motion is None else self._motion.scaled(self.length, self.time_scale),
+            motion=motion,
+            drive=drive,
         )
 
     def __str__(self) -> str:
@@ -370,11 +433,11 @@ class Scene(Part):
             f"  chord   span {self.supports.span:.6g} m, drop {self.supports.drop:.4g} m, slope {self.slope:.3g} deg",
         ]
         groups = f"sigma = {self.sigma:.5g}, alpha = {self.alpha:.5g}, Irvine L^2 = {self.irvine:.4g}"
-        if self.mass is not None and self.travel is not None:
-            lines.append(
-                f"  mass    {self.mass.mass:.5g} kg, {self.travel.kind}, up to {self.top_speed:.4g} m/s, "
-                f"{self.arrival:.4g} s"
-            )
+        if self.mass is not None:
+            how = "rolls freely" if self.travel is None else self.travel.kind
+            by = "" if self.ride is None else " (quasi-static)"
+            pace = f"up to {self.top_speed:.4g} m/s, {self.arrival:.4g} s"
+            lines += [f"  mass    {self.mass.mass:.5g} kg, {how}, {pace}{by}", f"  drive   {self.drive}"]
             groups = f"mu = {self.mu:.4g}, {groups}, V/c = {self.speed_ratio:.3g}"
         return "\n".join([*lines, f"  groups  {groups}"])
 
@@ -397,9 +460,11 @@ def _sound(kind: Any, value: object) -> Any:
         return None
 
 
-def _toml(value: object) -> str:
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, tuple):
-        return "[" + ", ".join(map(repr, value)) + "]"
-    return repr(value)
+def _way(travel: Any, drive: Driving | None, length: float) -> float:
+    """Length over which a law of travel runs [m]: the cable's, or from start to end of a hauled ride.
+
+    A table says its places itself; hauled, it is broken off where the ride ends.
+    """
+    if drive is None or drive.mode != "haul" or isinstance(travel, Table):
+        return length
+    return drive.end_place(length) - drive.start_place(length)

@@ -33,7 +33,7 @@ class Basis(Protocol):
         """phi'(s), (n_s, n)."""
 
     def d1_into(self, s: np.ndarray, out: np.ndarray) -> None:
-        """phi'(s) for the long tables of the internal force, into `out` (n_s, n) with contiguous columns."""
+        """phi'(s) for the long tables of the internal force, into `out` (n, n_s), C-contiguous."""
 
     def d2(self, s: np.ndarray) -> np.ndarray:
         """phi''(s), (n_s, n)."""
@@ -45,7 +45,7 @@ class Basis(Protocol):
         """A function whose second derivative is phi, (n_s, n); gives int hat phi ds of any hat in closed form."""
 
     def gram_into(self, table: np.ndarray, f: np.ndarray, out: np.ndarray) -> None:
-        """sum_q f_abq phi_i'(s_q) phi_j'(s_q) into out_aibj, (m, n, m, n); f_ab = f_ba, table (n_q, n) by `d1_into`."""
+        """sum_q f_abq phi_i'(s_q) phi_j'(s_q) into out_aibj, (m, n, m, n); f_ab = f_ba, table (n, n_q) by `d1_into`."""
 
     def mass(self) -> np.ndarray:
         """int_0^1 phi_m phi_n ds to rounding, (n, n)."""

@@ -444,12 +444,12 @@ class Daubechies:
         return self._span.functions(s, 0)
 
     def d1_into(self, s: np.ndarray, out: np.ndarray) -> None:
-        """phi'(s) into `out`, (n_s, n): looked up at points of the own rule, which a cut changes in one part only."""
+        """phi'(s) into `out`, (n, n_s): looked up at points of the own rule, which a cut changes in one part only."""
         own, table = _own_table(self)
         i = np.searchsorted(own, s)
-        np.take(table, i, axis=1, out=out.T, mode="clip")
+        np.take(table, i, axis=1, out=out, mode="clip")
         new = own.take(i, mode="clip") != s
-        out[new] = self.d1(s[new])
+        out[:, new] = self.d1(s[new]).T
 
     def d2(self, s: np.ndarray) -> np.ndarray:
         """phi''(s), (n_s, n)."""
@@ -467,7 +467,7 @@ class Daubechies:
         """sum_q f_abq phi_i'(s_q) phi_j'(s_q) as it stands into out_aibj, (m, n, m, n); f_ab = f_ba."""
         for a in range(len(f)):
             for b in range(a + 1):
-                out[a, :, b] = out[b, :, a] = table.T @ (f[a, b][:, None] * table)
+                out[a, :, b] = out[b, :, a] = (f[a, b] * table) @ table.T
 
     def mass(self) -> np.ndarray:
         """int phi_m phi_n ds, (n, n), cell by cell from the Gram matrix of phi_-1 on one cell."""

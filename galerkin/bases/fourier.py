@@ -23,8 +23,7 @@ def _wavenumbers(n: int) -> np.ndarray:
     return k
 
 
-# Signatures are given so that the kernels are ready when this module is, and the first run is not timed compiling.
-@njit("void(f8[::1], f8[::1], f8[:, ::1])", cache=True)
+@njit(cache=True)
 def _slopes(c1, s1, out):
     """out[k - 1] = k pi cos(k pi s) by turning (cos, sin) k times by pi s, given cos(pi s) and sin(pi s); out (n, n_s).
 
@@ -37,7 +36,7 @@ def _slopes(c1, s1, out):
             c[q], s[q] = c[q] * c1[q] - s[q] * s1[q], s[q] * c1[q] + c[q] * s1[q]
 
 
-@njit("void(f8[:, ::1], f8[:, :, :, ::1], f8[:, :, :, :])", cache=True)
+@njit(cache=True)
 def _toeplitz_hankel(total, by_slope, out):
     """j k pi^2/2 (c_|j-k| + c_(j+k)), j, k = 1 .. n, into out_ajbk of each c_ab, m = 0 .. 2 n; out (m, n, m, n).
 
@@ -94,8 +93,8 @@ class Fourier:
         return self.wavenumbers * np.cos(np.multiply.outer(s, self.wavenumbers))
 
     def d1_into(self, s: np.ndarray, out: np.ndarray) -> None:
-        """k pi cos(k pi s) into `out`, (n_s, n), without a cosine per entry."""
-        _slopes(np.cos(np.pi * s), np.sin(np.pi * s), out.T)
+        """k pi cos(k pi s) into `out`, (n, n_s), without a cosine per entry."""
+        _slopes(np.cos(np.pi * s), np.sin(np.pi * s), out)
 
     def d2(self, s: np.ndarray) -> np.ndarray:
         """-(k pi)^2 sin(k pi s), (n_s, n)."""
@@ -114,8 +113,8 @@ class Fourier:
 
         The table holds the cosines up to m = n; cos((n+m) x) = 2 cos(n x) cos(m x) - cos((n-m) x) gives the others.
         """
-        both = np.array([f, f * (table[:, -1] / (self.n * np.pi))])
-        by_slope = (both.reshape(-1, len(table)) @ table).reshape(*both.shape[:3], self.n)
+        both = np.array([f, f * (table[-1] / (self.n * np.pi))])
+        by_slope = (both.reshape(-1, table.shape[1]) @ table.T).reshape(*both.shape[:3], self.n)
         _toeplitz_hankel(f.sum(axis=-1), by_slope, out)
 
     def mass(self) -> np.ndarray:

@@ -48,9 +48,9 @@ class MovingBasis(Protocol):
         """Ends of the pieces on which Phi' is continuous."""
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
-        """Points (n_q,), ascending, weights (n_q,) and Phi' there (n_q, n), piece by piece."""
+        """Points (n_q,), ascending, weights (n_q,) and Phi' there (n, n_q), piece by piece."""
 
-    def gram(self, table: Array, f: Array) -> Array:
+    def gram(self, phi: Array, f: Array) -> Array:
         """sum_q f_abq Phi_i'(s_q) Phi_j'(s_q) over the points of `slopes`, (m n, m n) by a i, b j; f_ab = f_ba."""
 
 
@@ -62,9 +62,9 @@ class Standing:
         self._mass, self._stiffness, self._integral = basis.mass(), basis.stiffness(), basis.integral()
         self._zero = np.zeros(basis.n)
         s, weights = basis.quadrature()
-        table = np.empty((basis.n, s.size)).T
-        basis.d1_into(s, table)
-        self._slopes = s, weights, table
+        phi = np.empty((basis.n, s.size))
+        basis.d1_into(s, phi)
+        self._slopes = s, weights, phi
 
     def inertia(self, s_o: float, ds_o: float, dds_o: float) -> tuple[Array, Array, Array]:
         return self._mass, self._zero, self._zero
@@ -87,10 +87,10 @@ class Standing:
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
         return self._slopes
 
-    def gram(self, table: Array, f: Array) -> Array:
+    def gram(self, phi: Array, f: Array) -> Array:
         m, n = len(f), self.n
         out = np.empty((m, n, m, n))
-        self.basis.gram_into(table, f, out)
+        self.basis.gram_into(phi, f, out)
         return out.reshape(m * n, m * n)
 
 
@@ -163,15 +163,15 @@ class TravellingKink:
         left, w_left = self.basis.quadrature_on(0.0, s_o)
         right, w_right = self.basis.quadrature_on(s_o, 1.0)
         s = np.concatenate([left, right])
-        table = np.empty((self.n, s.size)).T
-        self.basis.d1_into(s, table[:, :-1])
-        table[: left.size, -1], table[left.size :, -1] = 1.0 / s_o, -1.0 / (1.0 - s_o)
-        return s, np.concatenate([w_left, w_right]), table
+        phi = np.empty((self.n, s.size))
+        self.basis.d1_into(s, phi[:-1])
+        phi[-1, : left.size], phi[-1, left.size :] = 1.0 / s_o, -1.0 / (1.0 - s_o)
+        return s, np.concatenate([w_left, w_right]), phi
 
-    def gram(self, table: Array, f: Array) -> Array:
+    def gram(self, phi: Array, f: Array) -> Array:
         m, n = len(f), self.n
         out = np.empty((m, n, m, n))
-        self.basis.gram_into(table[:, :-1], f, out[:, :-1, :, :-1])
-        out[:, -1] = hat = (f * table[:, -1]) @ table
+        self.basis.gram_into(phi[:-1], f, out[:, :-1, :, :-1])
+        out[:, -1] = hat = (f * phi[-1]) @ phi.T
         out[..., -1] = hat.transpose(0, 2, 1)
         return out.reshape(m * n, m * n)

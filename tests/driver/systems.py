@@ -10,7 +10,6 @@ from cablefem.newmark import State, consistent_acceleration, iterate
 class Spring:
     """m a + d v + k q + k3 q^3 = f sin(w t + phi), one or several independent degrees of freedom; optional phases."""
 
-    tension_min = (1.0, 0.0)
     force_floor = 1e-15
 
     def __init__(self, m=1.7, d=0.0, k=5.3, k3=0.0, f=0.0, w=2.1, q0=0.31, v0=-0.42, end=3.0, phases=None):
@@ -45,3 +44,89 @@ class Spring:
 
     def energy(self, x: State):
         return float(np.sum(0.5 * self.m * x.v**2 + 0.5 * self.k * x.q**2 + 0.25 * self.k3 * x.q**4))
+
+
+class Ball(Spring):
+    """Falls under g and comes back from the ground at q = 0 with `restitution` times its speed."""
+
+    events = ("ground",)
+
+    def __init__(self, height=1.3, g=3.7, restitution=0.7, end=3.0):
+        super().__init__(m=1.0, k=0.0, q0=height, v0=0.0, end=end)
+        self.g, self.restitution = g, restitution
+
+    def push(self, t, phase):
+        return np.array([-self.g])
+
+    def watch(self, x):
+        return (x.q[0],)
+
+    def pass_event(self, name, x):
+        # armed again at once: the next contact may come within the same step
+        return State(x.t, np.array([1e-300]), -self.restitution * x.v, np.array([-self.g]), x.phase)
+
+
+class Rubbed(Spring):
+    """Dry friction f: slips against it until it stands still, and sticks while the spring pulls with less."""
+
+    events = ("standstill",)
+
+    def __init__(self, friction=0.8, **kw):
+        super().__init__(**kw)
+        self.friction, self.sign = friction, -1.0  # pulled back from q0 > 0
+
+    def push(self, t, phase):
+        return np.array([-self.friction * self.sign])
+
+    def watch(self, x):
+        return (self.sign * x.v[0] if self.sign else np.inf,)
+
+    def residual(self, t, q, v, a, phase):
+        return super().residual(t, q, v, a, phase) if self.sign else self.m * a + 1e3 * v
+
+    def linearise(self, t, q, v, a, phase, c0, c1, c2):
+        r, solve = super().linearise(t, q, v, a, phase, c0, c1, c2)
+        return (r, solve) if self.sign else (self.residual(t, q, v, a, phase), lambda b: b / (c2 * self.m + c1 * 1e3))
+
+    def pass_event(self, name, x):
+        pull = -self.k[0] * x.q[0]
+        self.sign = np.sign(pull) if abs(pull) > self.friction else 0.0
+        rest = State(x.t, x.q, 1e-300 * np.full(1, self.sign), np.zeros(1), x.phase)
+        return consistent_acceleration(self, x.t, rest.q, rest.v, x.phase)
+
+
+class Pendulum(Spring):
+    """d2q/dt2 + sin q = 0; watched for the turning points."""
+
+    events = ("turn",)
+
+    def __init__(self, q0=1.9, end=9.0):
+        super().__init__(m=1.0, k=1.0, q0=q0, v0=0.0, end=end)
+        self.sign = -1.0
+
+    def residual(self, t, q, v, a, phase):
+        return a + np.sin(q)
+
+    def linearise(self, t, q, v, a, phase, c0, c1, c2):
+        return self.residual(t, q, v, a, phase), lambda r: r / (c2 + c0 * np.cos(q))
+
+    def watch(self, x):
+        return (self.sign * x.v[0],)
+
+    def pass_event(self, name, x):
+        self.sign = -self.sign
+        return x
+
+
+class Alarms(Spring):
+    """Watches functions of t alone, and goes on as if nothing had been; the last event named "over" ends the run."""
+
+    def __init__(self, end=1.0, **alarms):
+        super().__init__(end=end)
+        self.alarms, self.events = alarms, tuple(alarms)
+
+    def watch(self, x):
+        return tuple(alarm(x.t) for alarm in self.alarms.values())
+
+    def pass_event(self, name, x):
+        return None if name == "over" else x

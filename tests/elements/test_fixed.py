@@ -307,4 +307,4 @@ def test_another_law_shares_the_tables():
     q = 0.05 * np.random.default_rng(33).standard_normal(system.n_dof)
     still = np.zeros_like(q)
     assert np.abs(system.residual(1.07, q, still, still, 0) - other.residual(1.07, q, still, still, 0)).max() > 0.1
-    assert system.tension_min[0] < 0.0
+    assert system.least_tension[0] < 0.0

@@ -319,7 +319,7 @@ def through_slack(elements, steps):
     times, states, onset = step_times(system, steps), [], None
     for x in integrate(system, scheme("trapezoidal"), times):
         states.append(x)
-        if len(states) > 1 and system.tension_min[0] < 0.0:
+        if len(states) > 1 and system.least_tension[0] < 0.0:
             onset = system.motion.at(x.t, x.phase)[0]
             break
     other = system.with_law("tension-only")

@@ -25,7 +25,7 @@ def history(system, steps, rule):
     try:
         for x in integrate(system, scheme(rule), step_times(system, steps), work=work):
             q.append(x.q)
-            least.append(system.tension_min[0])
+            least.append(system.least_tension[0])
     except NewtonStalled:
         pass
     return np.array(q), work, np.array(least)

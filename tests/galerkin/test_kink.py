@@ -99,7 +99,7 @@ def test_slopes_stiffness_and_integral(basis, tolerance):
     S = kink.stiffness(s_o)
     # two Gauss points on 1/8 of a cell are what the wavelets' roughness deserves, not what the closed form gives
     coarse = 1e-11 if isinstance(basis, Fourier) else 1e-2
-    np.testing.assert_allclose((w * table.T) @ table, S, rtol=0.0, atol=coarse * np.abs(S).max())
+    np.testing.assert_allclose((w * table) @ table.T, S, rtol=0.0, atol=coarse * np.abs(S).max())
     s, w = pieces(s_o)
     np.testing.assert_allclose(kink.integral(s_o)[:-1], w @ basis.values(s), rtol=0.0, atol=tolerance)
     assert abs(kink.integral(s_o)[-1] - w @ hat(s, s_o)) < 1e-13
@@ -114,7 +114,7 @@ def test_gram_matrix_is_the_plain_product(basis, moving):
     functions = moving(basis)
     s, w, table = functions.slopes(0.273)
     f = w * np.array([[np.exp(s), np.cos(5.0 * s)], [np.cos(5.0 * s), s**2 - 0.3]])
-    direct = np.einsum("abq,qi,qj->aibj", f, table, table, optimize=True).reshape(2 * functions.n, -1)
+    direct = np.einsum("abq,iq,jq->aibj", f, table, table, optimize=True).reshape(2 * functions.n, -1)
     gram = functions.gram(table, f)
     np.testing.assert_allclose(gram, direct, rtol=0.0, atol=1e-13 * np.abs(direct).max())
     other = functions.gram(table, f[::-1, ::-1])

@@ -30,7 +30,7 @@ NUMBER = "from 1e-12 to 1e+15"
 SHAPES = "exactly one of length, sag, horizontal_tension must be given"
 KINDS = "constant_speed, constant_acceleration, accelerate_cruise_brake, table"
 CABLE_KEYS = "Known: mass_per_length, EA, length, sag, horizontal_tension."
-SCENE_KEYS = "Known: name, title, gravity, cable, supports, mass, travel."
+SCENE_KEYS = "Known: name, title, gravity, cable, supports, mass, travel, drive."
 # The bounds below were computed apart, in 30 digits: chord hypot(320, 25), catenaries of z = 1e-9 and z = 5,
 # and H sqrt(1 + c^2) of the good scene.
 CHORD = "320.97507691408066"
@@ -286,13 +286,14 @@ VALUES = st.one_of(
     st.none(),
     st.lists(st.floats(), max_size=4),
     st.dictionaries(st.text(max_size=5), st.floats(), max_size=2),
-    st.sampled_from(["constant_acceleration", "table", 1e-12, 1e15, 1e-3, 320.0, [0.0, 1.0, 2.0]]),
+    st.sampled_from(["constant_acceleration", "table", 1e-12, 1e15, 1e-3, 320.0, [0.0, 1.0, 2.0], "haul", "free"]),
 )
 TABLES = {
     "cable": ("mass_per_length", "EA", "length", "sag", "horizontal_tension"),
     "supports": ("span", "drop"),
     "mass": ("mass",),
     "travel": ("kind", "speed", "acceleration", "initial_speed", "top_speed", "times", "positions"),
+    "drive": ("mode", "start", "release", "rolling_friction", "drag_area", "wind", "thrust", "brake", "end"),
 }
 
 
@@ -305,7 +306,7 @@ def test_whatever_is_in_a_scene_it_is_a_scene_or_a_list_of_lines(data):
         table = data.draw(st.sampled_from([*TABLES, "top"]))
         if table == "top":
             scene[data.draw(st.sampled_from([*TABLES, "gravity", "title", "name", "other"]))] = data.draw(VALUES)
-        elif isinstance(scene.get(table), dict):
+        elif isinstance(scene.setdefault(table, {}), dict):
             scene[table] = {**scene[table], data.draw(st.sampled_from(TABLES[table])): data.draw(VALUES)}
     try:
         made = Scene(**scene)

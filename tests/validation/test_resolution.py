@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cablefem import Scene
-from cablefem.newmark import ErrorControl
 from validation.core import measures, resolution
-from validation.core.methods import METHODS, find
+from validation.core.methods import ELEMENTS, METHODS, find
 from validation.core.resolution import CONFIRMED, UNCONFIRMED, TooCoarse, _next, _Part, _part, _Rung, resolve, resolved
 from validation.core.running import run
 
@@ -68,13 +69,14 @@ def test_only_the_run_that_is_returned_goes_on_to_the_far_support():
 
 
 def test_what_is_out_of_reach_is_said_so_with_the_best_there_is(monkeypatch):
-    monkeypatch.setattr(resolution, "MOST", {"elements": 8, "terms": 12, "level": 1, "steps": 200})
+    monkeypatch.setattr(resolution, "MOST_STEPS", 200)
+    near = replace(find("following-p2"), resolution=replace(ELEMENTS, most=8))
     with pytest.raises(
         TooCoarse, match=r"following-p2 reaches an error bar of .* with elements = .*, not the 1e-05"
     ) as caught:
-        resolve(LEVEL, "following-p2", 1e-5, until=0.8)
+        resolve(LEVEL, near, 1e-5, until=0.8)
     assert caught.value.best.path_error > 1e-5
-    estimate = resolved(LEVEL, "following-p2", 1e-5, until=0.8)
+    estimate = resolved(LEVEL, near, 1e-5, until=0.8)
     assert estimate.run.path_error > 1e-5
 
 
@@ -111,17 +113,6 @@ def test_the_next_step_refines_what_the_error_comes_from():
     assert (unresolved["elements"], unresolved["steps"]) == (10, 600)
     no_bar = _next(method, _Rung(r, part(np.inf), part(1e-3)), settings, 2e-3)
     assert (no_bar["elements"], no_bar["steps"]) == (20, 300)
-
-
-def test_steps_from_local_error_give_the_same_path(sure):
-    """Usable, though it does not beat equal steps; see `resolve`."""
-    r = run(LEVEL, "following-p2", elements=12, until=0.8, control=ErrorControl(1e-6, 1e-3))
-    assert measures.path_gap(r, sure["level"], (0.02, 0.8))[0] < 1.5e-3
-    steps = np.diff(r.t)
-    assert steps.max() > 3.0 * steps.min()
-    loose = run(LEVEL, "following-p2", elements=12, until=0.8, control=ErrorControl(3e-5, 1e-3))
-    assert loose.work["steps"] < 0.5 * r.work["steps"]
-    assert measures.path_gap(loose, sure["level"], (0.02, 0.8))[0] > 3e-3
 
 
 def test_until_ends_a_run_after_the_first_step_past_it():

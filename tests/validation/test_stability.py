@@ -28,7 +28,7 @@ LIGHT = LEVEL.variant(mu=0.01)
 
 @cache
 def level(method: str, resolution: int, steps: int) -> Response:
-    return run(LEVEL, method, **{METHODS[method].resolution: resolution, "steps": steps})
+    return run(LEVEL, method, **{METHODS[method].resolution.setting: resolution, "steps": steps})
 
 
 # --- slack ----------------------------------------------------------------------------------------------------------
@@ -60,7 +60,7 @@ def test_the_spread_sees_a_path_that_is_off_after_the_onset():
 @pytest.mark.parametrize("scheme", ["trapezoidal", "newmark", "generalized-alpha", "energy"])
 @pytest.mark.parametrize(("method", "resolution"), [("following-p2", 8), ("fourier-kink", 14), ("fixed-hermite", 24)])
 def test_every_scheme_and_solver_goes_on_past_the_onset(method, resolution, scheme):
-    r = run(LEVEL, method, **{METHODS[method].resolution: resolution, "steps": 500, "scheme": scheme})
+    r = run(LEVEL, method, **{METHODS[method].resolution.setting: resolution, "steps": 500, "scheme": scheme})
     assert r.slack_onset is not None
     assert r.switched is not None
     assert r.reached > 0.97

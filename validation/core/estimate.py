@@ -106,12 +106,12 @@ def estimated(
         # that a next order p + 1/2 would leave
         response = measures.extrapolated(fine, c_space, 1.0)
         w_space = SAFETY / (2.0**1.5 - 1.0) * 0.5
-        basis = f"extrapolated 2 f({settings[method.resolution]}) - f({half_space[method.resolution]})"
+        basis = f"extrapolated 2 f({method.count(settings)}) - f({method.count(half_space)})"
     else:
         response, w_space = fine, SAFETY / (2.0**p - 1.0)
         basis = (
-            f"gap to half the {method.resolution} over 2^{p:g} - 1, gap to half the steps over 2^{p_time:g} - 1, "
-            f"times {SAFETY}"
+            f"gap to half the {method.resolution.setting} over 2^{p:g} - 1, gap to half the steps over "
+            f"2^{p_time:g} - 1, times {SAFETY}"
         )
     estimate = Estimated(
         response, fine, c_space, c_time, (w_space, SAFETY / (2.0**p_time - 1.0)), basis, method.extrapolate

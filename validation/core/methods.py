@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -60,6 +61,46 @@ Build = Callable[..., System]
 
 
 @dataclass(frozen=True, slots=True)
+class Resolution:
+    """How a method is refined in space: which setting, what it counts, what it costs, where to begin and end."""
+
+    setting: str
+    first: int  # so coarse that its error can just be read; what follows costs a multiple of it
+    most: int
+    even: int  # its arithmetic costs as much as what every step costs anyhow
+    growth: float  # how the arithmetic grows from there
+    doubling: bool = False  # the setting counts powers of two
+    largest: int | None = None  # for measuring the cost of a step; `most` unless costs stay linear
+    count: Callable[[int], float] = float  # how many functions or elements there are
+
+    def ratio(self, before: int, after: int) -> float:
+        """Return how many times finer one value of the setting is than another."""
+        return 2.0 ** (after - before) if self.doubling else after / before
+
+    def nearest(self, value: int, ratio: float) -> int:
+        """Return the value that is nearest to `ratio` times as fine."""
+        return max(0, value + round(math.log2(ratio))) if self.doubling else max(1, round(value * ratio))
+
+    def finer(self, value: int, ratio: float) -> int:
+        """Return the least value that is at least `ratio` times as fine, as far as there is one."""
+        return min(value + math.ceil(math.log2(ratio)) if self.doubling else math.ceil(value * ratio), self.most)
+
+    def cost(self, value: int, ratio: float = 1.0) -> float:
+        """Return what a step costs with `ratio` times the resolution, over what every step costs anyhow."""
+        return 1.0 + (ratio * self.ratio(self.even, value)) ** self.growth
+
+    def grown(self, value: int, ratio: float) -> float:
+        """Return how many times more functions or elements there are with `ratio` times the resolution."""
+        return self.count(self.nearest(value, ratio)) / self.count(value)
+
+
+# Measured in time, `cablefem chart`: banded elements cost linearly, dense bases between their square and their cube.
+ELEMENTS = Resolution("elements", 6, 320, 8, 1.0, largest=1000)
+TERMS = Resolution("terms", 10, 160, 25, 2.5, largest=80)
+LEVELS = Resolution("level", 1, 5, 1, 2.5, doubling=True, largest=3, count=lambda level: 7.0 * 2.0**level + 3.0)
+
+
+@dataclass(frozen=True, slots=True)
 class Method:
     """A discretisation by name, with its settings, and the orders its errors are known to follow."""
 
@@ -67,12 +108,30 @@ class Method:
     wing: str  # "elements" | "galerkin": two methods of different wings share no formula
     title: str
     knobs: dict[str, Setting]
-    resolution: str  # the setting that refines space
+    resolution: Resolution
     space_order: float  # of the path on a cable with a kink at the mass (formulations.md, re-measured in tests)
     builder: Build
     extrapolate: bool = False  # the ladder converges regularly: compare 2 f(2N) - f(N)
+    steps_growth: float | None = None  # steps that keep pace grow like this power of the resolution
+    begins: tuple[int, int] | None = None  # resolution and steps of a coarse run in balance, from which ladders climb
+    races: tuple[tuple[int, int], ...] = ()  # resolutions and steps, coarse to fine, that `cablefem advise` tries
     trust: str = ""  # one line: when to use it
     wrong: bool = False  # converges to a wrong answer or not at all; kept on show
+
+    @property
+    def keeps_pace(self) -> float:
+        """The power of the resolution with which steps grow so that errors of second order in time do not dominate."""
+        return self.steps_growth or max(1.0, 0.5 * self.space_order)
+
+    def ladder(self, rungs: int, finer: float = 1.0) -> list[dict[str, Any]]:
+        """Return settings from coarse to fine, each twice as fine as the one before, with the steps that keep pace.
+
+        finer : how much finer than `begins` the first one is.
+        """
+        space, steps = self.begins or (self.resolution.first, 300)
+        first = {self.resolution.setting: space, "steps": steps}
+        ratios = [finer * 2.0**k for k in range(rungs)]
+        return [refined(self, first, space=x, time=self.resolution.grown(space, x) ** self.keeps_pace) for x in ratios]
 
     def settings(self, changes: dict[str, Any]) -> dict[str, Any]:
         """Return all settings with `changes` applied; raises ValueError for unknown names and values out of range."""
@@ -83,6 +142,14 @@ class Method:
                 f"{_near(unknown[0], self.knobs)}"
             )
         return {k: knob.check(k, changes[k]) if k in changes else knob.default for k, knob in self.knobs.items()}
+
+    def count(self, settings: dict[str, Any]) -> int:
+        """Return the value of the setting that refines space."""
+        return settings[self.resolution.setting]
+
+    def told(self, settings: dict[str, Any]) -> dict[str, Any]:
+        """Return what tells one run of a ladder from another: resolution and steps."""
+        return {k: settings[k] for k in (self.resolution.setting, "steps")}
 
     def build(self, groups: Groups, settings: dict[str, Any], *, model: str, load: str, law: str) -> System:
         """Return the discretised system."""
@@ -150,65 +217,70 @@ METHODS: dict[str, Method] = {
     for m in (
         Method(
             "following-p1", "elements", "linear elements on a mesh that follows the mass",
-            {"elements": _elements(20, _PER_SIDE), "grading": _GRADING, **_TIME}, "elements", 2.0, _following(1),
+            {"elements": _elements(20, _PER_SIDE), "grading": _GRADING, **_TIME}, ELEMENTS, 2.0, _following(1),
+            begins=(10, 400), races=((5, 80), (9, 150), (16, 300), (30, 600), (55, 1200)),
             trust="robust and simple; P2 gives more for the same time",
         ),
         Method(
             "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
-            {"elements": _elements(10, _PER_SIDE), "grading": _GRADING, **_TIME}, "elements", 2.5, _following(2),
+            {"elements": _elements(10, _PER_SIDE), "grading": _GRADING, **_TIME}, ELEMENTS, 2.5, _following(2),
+            begins=(4, 200), races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
             trust="the default: fastest for a given error from 1e-2 to 1e-5",
         ),
         Method(
             "following-p4", "elements", "elements of degree 4 on a mesh that follows the mass",
-            {"elements": _elements(5, _PER_SIDE), "grading": _GRADING, **_TIME}, "elements", 2.5, _following(4),
-            trust="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
+            {"elements": _elements(5, _PER_SIDE), "grading": _GRADING, **_TIME}, ELEMENTS, 2.5, _following(4),
+            begins=(2, 200), trust="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
         ),
         Method(
             "fixed-hermite", "elements", "C1 cubic elements, the mass moving through them",
-            {"elements": _elements(40, _WHOLE), **_TIME, "steps": _MANY_STEPS}, "elements", 1.0,
-            _fixed("hermite", "chain"),
+            {"elements": _elements(40, _WHOLE), **_TIME, "steps": _MANY_STEPS}, ELEMENTS, 1.0,
+            _fixed("hermite", "chain"), steps_growth=3.0, begins=(8, 800),
             trust="first order, and N'' jumps at the nodes: wants steps like the square of the elements",
         ),
         Method(
             "fixed-p1-path", "elements", "linear elements, the mass a particle constrained to them",
-            {"elements": _elements(40, _WHOLE), **_DAMPED}, "elements", 1.0, _fixed("p1", "path"),
-            trust="only with numerical damping: the undamped rule blows up",
+            {"elements": _elements(40, _WHOLE), **_DAMPED}, ELEMENTS, 1.0, _fixed("p1", "path"),
+            begins=(10, 250), trust="only with numerical damping: the undamped rule blows up",
         ),
         Method(
             "fixed-p2-path", "elements", "quadratic elements, the mass a particle constrained to them",
-            {"elements": _elements(40, _WHOLE), **_DAMPED}, "elements", 1.0, _fixed("p2", "path"),
-            trust="only with numerical damping: the undamped rule blows up",
+            {"elements": _elements(40, _WHOLE), **_DAMPED}, ELEMENTS, 1.0, _fixed("p2", "path"),
+            begins=(10, 250), trust="only with numerical damping: the undamped rule blows up",
         ),
         Method(
             "fixed-p1-naive", "elements", "linear elements with chain-rule accelerations: WRONG",
-            {"elements": _elements(40, _WHOLE), **_TIME}, "elements", 0.0, _fixed("p1", "naive"),
+            {"elements": _elements(40, _WHOLE), **_TIME}, ELEMENTS, 0.0, _fixed("p1", "naive"),
+            begins=(10, 250),
             trust="never: the centrifugal force is lost at the nodes; on show because everybody writes it first",
             wrong=True,
         ),
         Method(
             "fixed-p2-naive", "elements", "quadratic elements with chain-rule accelerations: WRONG",
-            {"elements": _elements(40, _WHOLE), **_TIME}, "elements", 0.0, _fixed("p2", "naive"),
-            trust="never, as fixed-p1-naive", wrong=True,
+            {"elements": _elements(40, _WHOLE), **_TIME}, ELEMENTS, 0.0, _fixed("p2", "naive"),
+            begins=(10, 250), trust="never, as fixed-p1-naive", wrong=True,
         ),
         Method(
             "fourier", "galerkin", "the paper's sines (33)-(34)",
-            {"terms": _TERMS, "abscissa": _ABSCISSA, **_TIME}, "terms", 1.0, _galerkin("fourier", False),
-            extrapolate=True, trust="the paper's method; errors of order 1/N, tension with Gibbs oscillations",
+            {"terms": _TERMS, "abscissa": _ABSCISSA, **_TIME}, TERMS, 1.0, _galerkin("fourier", False),
+            begins=(8, 320), extrapolate=True,
+            trust="the paper's method; errors of order 1/N, tension with Gibbs oscillations",
         ),
         Method(
             "fourier-kink", "galerkin", "sines and a hat that travels with the mass",
-            {"terms": _TERMS, "abscissa": _ABSCISSA, **_TIME}, "terms", 2.0, _galerkin("fourier", True),
+            {"terms": _TERMS, "abscissa": _ABSCISSA, **_TIME}, TERMS, 2.0, _galerkin("fourier", True),
+            begins=(5, 500), races=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
             trust="the default of the Galerkin side; ten terms beat two hundred plain ones",
         ),
         Method(
             "wavelet", "galerkin", "the paper's anti-derivatives of Daubechies wavelets (35)-(39)",
-            {**_WAVELETS, "abscissa": _ABSCISSA, **_TIME}, "level", 1.0, _galerkin("wavelet", False),
-            trust="the paper's method; first order like sines, oscillations stay near the mass",
+            {**_WAVELETS, "abscissa": _ABSCISSA, **_TIME}, LEVELS, 1.0, _galerkin("wavelet", False),
+            begins=(0, 400), trust="the paper's method; first order like sines, oscillations stay near the mass",
         ),
         Method(
             "wavelet-kink", "galerkin", "wavelets and a hat that travels with the mass",
-            {**_WAVELETS, "abscissa": _ABSCISSA, **_TIME}, "level", 2.0, _galerkin("wavelet", True),
-            trust="as fourier-kink, slower",
+            {**_WAVELETS, "abscissa": _ABSCISSA, **_TIME}, LEVELS, 2.0, _galerkin("wavelet", True),
+            begins=(0, 1000), trust="as fourier-kink, slower",
         ),
     )
 }  # fmt: skip
@@ -222,14 +294,9 @@ def find(name: str) -> Method:
 
 
 def refined(method: Method, settings: dict[str, Any], *, space: float = 1.0, time: float = 1.0) -> dict[str, Any]:
-    """Return the settings with `space` times the resolution and `time` times the steps (a level counts powers of 2)."""
-    out = dict(settings)
+    """Return the settings with `space` times the resolution and `time` times the steps."""
+    out, least = dict(settings), method.knobs[method.resolution.setting].allowed[0]
     if space != 1.0:
-        if method.resolution == "level":
-            from math import log2
-
-            out["level"] = max(0, settings["level"] + round(log2(space)))
-        else:
-            out[method.resolution] = max(1, round(settings[method.resolution] * space))
+        out[method.resolution.setting] = max(least, method.resolution.nearest(method.count(settings), space))
     out["steps"] = max(2, round(settings["steps"] * time))
     return out

@@ -16,9 +16,7 @@ from validation.core.estimate import KIND, TIME_ORDER, Estimated, estimated, gap
 from validation.core.methods import Method, find, refined
 from validation.core.running import run
 
-# The first run, as coarse as its error can be read at all: what follows costs a multiple of it.
-FIRST = {"elements": 6, "terms": 10, "level": 1, "steps": 110}
-MOST = {"elements": 320, "terms": 160, "level": 5, "steps": 64_000}
+FIRST_STEPS, MOST_STEPS = 110, 64_000
 LARGEST = 2e6  # steps x resolution: half a gigabyte of states
 # Between these a refinement tells enough and does not outrun what orders promise (tolerance_survey: with refinements up
 # to 4 the bars of 13 percent of the runs are too small, up to 2 of 3 percent).
@@ -85,7 +83,7 @@ def resolve(
 
     runs : receives every run that is made on the way.
 
-    Steps are equal.  Step sizes from local error (`ErrorControl`) were measured and are not used: for the same largest
+    Steps are equal.  Step sizes from local error were measured and are not used: for the same largest
     path error they take 0.8 to 1.1 times the steps on `level`, for the same rms error and on `inclined` more than equal
     ones do.
 
@@ -97,10 +95,9 @@ def resolve(
     report = progress or (lambda fraction: None)
     how = {k: kind[k] for k in KIND if k in kind}
     short = how | {"until": min(measures.WINDOW[1], how.get("until") or 1.0)}
-    settings = method.settings(
-        {method.resolution: FIRST[method.resolution], "steps": FIRST["steps"]}
-        | {k: v for k, v in kind.items() if k not in (*KIND, method.resolution, "steps")}
-    )
+    space = method.resolution
+    first = {space.setting: space.first, "steps": FIRST_STEPS}
+    settings = method.settings({k: v for k, v in kind.items() if k not in KIND} | first)
     made = [] if runs is None else runs
 
     def ran(settings: dict[str, Any]) -> Response:
@@ -111,16 +108,16 @@ def resolve(
     for attempt in range(ATTEMPTS):
         report(min(0.5, 0.1 + 0.05 * attempt))
         finer = _next(method, rung, settings, tol, stuck)
-        if rung.bar <= tol or finer == settings or finer["steps"] * finer[method.resolution] > LARGEST:
+        if rung.bar <= tol or finer == settings or finer["steps"] * method.count(finer) > LARGEST:
             break
-        if finer[method.resolution] != settings[method.resolution]:
+        if method.count(finer) != method.count(settings):
             if settings["steps"] >= 2 * read_at:  # coarse steps may have blown up what space contributes: look again
                 coarse = ran(refined(method, settings, space=0.5))
                 rung.space = _part(rung.response, coarse, 2.0, space_order(method), rung.space, 1.0)
                 read_at = settings["steps"]
                 continue
-            ratio = _ratio(method, settings[method.resolution], finer[method.resolution])
-            settings = settings | {method.resolution: finer[method.resolution]}
+            ratio = space.ratio(method.count(settings), method.count(finer))
+            settings = settings | {space.setting: method.count(finer)}
             response, read_at = ran(settings), settings["steps"]
             part = _part(response, rung.response, ratio, space_order(method), rung.space)
             stuck = not part.left[0] < STUCK * rung.space.left[0]
@@ -147,7 +144,7 @@ def resolve(
         return whole
     reached = f"an error bar of {rung.bar:.2g}" if math.isfinite(rung.bar) else "no end of the window"
     raise TooCoarse(
-        f"{method.name} reaches {reached} with {method.resolution} = {settings[method.resolution]}, "
+        f"{method.name} reaches {reached} with {space.setting} = {method.count(settings)}, "
         f"steps = {settings['steps']}, not the {tol:g} asked for; loosen the tolerance or take another method "
         "(cablefem advise)",
         whole,
@@ -205,22 +202,6 @@ def _time_order(settings: dict[str, Any]) -> float:
     return TIME_ORDER.get(settings["scheme"], 2.0)
 
 
-def _ratio(method: Method, before: int, after: int) -> float:
-    return 2.0 ** (after - before) if method.resolution == "level" else after / before
-
-
-# Resolution whose arithmetic costs as much as what every step costs anyhow, and how the arithmetic grows from there:
-# banded elements linearly, dense bases between their square and their cube.  Measured in time, `cablefem chart`.
-EVEN = {"elements": (8, 1.0), "terms": (25, 2.5), "level": (1, 2.5)}
-
-
-def _cost(method: Method, resolution: int, a: float, b: float) -> float:
-    """Return the cost of a times the resolution and b times the steps, up to a factor."""
-    even, growth = EVEN[method.resolution]
-    ratio = 2.0 ** (resolution - even) if method.resolution == "level" else resolution / even
-    return b * (1.0 + (a * ratio) ** growth)
-
-
 def _next(
     method: Method, rung: _Rung, settings: dict[str, Any], tol: float, stuck: bool = False
 ) -> dict[str, Any]:  # fmt: skip
@@ -230,14 +211,12 @@ def _next(
 
     stuck : the last refinement of space did not lower its part.
     """
-    name = method.resolution
+    space, count, steps = method.resolution, method.count(settings), settings["steps"]
     p, r, s, t = space_order(method), _time_order(settings), rung.space.path, rung.time.path
-    resolution, steps = settings[name], settings["steps"]
     strides = [1.0, *np.geomspace(LEAST, 50.0, 30)]
 
     def at(a: float, b: float) -> dict[str, int]:
-        finer = resolution + math.ceil(math.log2(a)) if name == "level" else math.ceil(resolution * a)
-        return {name: min(finer, MOST[name]), "steps": min(math.ceil(steps * b), MOST["steps"])}
+        return {space.setting: space.finer(count, a), "steps": min(math.ceil(steps * b), MOST_STEPS)}
 
     if stuck or not t <= max(UNRESOLVED, tol):
         return settings | at(1.0, FURTHEST)
@@ -245,5 +224,5 @@ def _next(
         return settings | at(FURTHEST, 1.0)
     # the cheapest way there, however far, and of it one stride
     ways = [(a, b) for a in strides for b in strides if s / a**p + t / b**r <= AIM * tol] or [(FURTHEST, FURTHEST)]
-    a, b = min(ways, key=lambda x: _cost(method, resolution, x[0], x[1]))
+    a, b = min(ways, key=lambda x: x[1] * space.cost(count, x[0]))
     return settings | at(min(a, FURTHEST), min(b, FURTHEST))

@@ -13,7 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cablefem import newmark
-from cablefem.newmark import ErrorControl, NewtonStalled, Scheme, State, StepFailure, StepUnderflow, Work
+from cablefem.newmark import NewtonStalled, Scheme, State, StepFailure, StepUnderflow, Work
 from cablefem.response import Array, Fields, Flag, Observation, Response, States
 from cablefem.scene import Scene
 from validation.core import measures
@@ -32,7 +32,7 @@ Progress = Callable[[float], None]
 
 def run(
     scene: Scene, method: str | Method, *, model: str = "full", load: str = "mass", law: str = "auto",
-    control: ErrorControl | None = None, until: float | None = None, progress: Progress | None = None, **settings: Any,
+    until: float | None = None, progress: Progress | None = None, **settings: Any,
 ) -> Response:  # fmt: skip
     """Run one method on one scene and return its Response.
 
@@ -41,7 +41,6 @@ def run(
     law : "elastic", "tension-only", or "auto": elastic until the cable goes slack, from there on tension-only
         with Newmark's damping (unless the scheme damps by itself), because an elastic law that carries compression is
         ill-posed.  Central differences never switch: their slack is their own instability.
-    control : step sizes from local error instead of `steps` equal ones.
     until : s_o/l; the run is over after the first step at or past it.  Comparisons need no more than
         `measures.WINDOW[1]`, and the steps of a slack cable cost the most.
 
@@ -61,9 +60,7 @@ def run(
         system = method.build(
             scene.groups, settings, model=model, load=load, law="tension-only" if law == "tension-only" else "elastic"
         )
-        times: Any = control or newmark.step_times(
-            system, settings["steps"], entry=settings["entry"], exit=settings["exit"]
-        )
+        times = newmark.step_times(system, settings["steps"], entry=settings["entry"], exit=settings["exit"])
         history = _march(system, scheme, times, law == "auto", _stop(scene, system, until), progress)
         return watched(_respond(scene, method, settings, model, load, law, system, history), scene)
 
@@ -166,8 +163,8 @@ def _march(
                 progress(state.t / end)
             if state.t >= stop:
                 break
-            if onset is None and len(states) > 1 and system.tension_min[0] < 0.0:
-                onset = (len(states) - 1, system.tension_min[1])
+            if onset is None and len(states) > 1 and system.least_tension[0] < 0.0:
+                onset = (len(states) - 1, system.least_tension[1])
                 if switch:
                     break
         if onset is not None and switch:
@@ -203,7 +200,7 @@ def _cause(error: StepFailure, slack: bool, switched: bool) -> tuple[str, str]:
         )
     if slack:
         return "slack", f"{error.cause}: the cable is slack and its elastic law carries compression; take law = auto"
-    return "Newton stalled", f"{error.cause}; {error.advice}"
+    return "Newton stalled", f"{error.cause}; {error.advice}, or the tension-only law for a slack cable"
 
 
 def _stack(states: list[State]) -> States:

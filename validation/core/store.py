@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -81,6 +82,12 @@ def results(folder: Path) -> list[str]:
     """Return the commands whose results a folder holds; none if it is not one of ours."""
     marker = _marker(folder)
     return [] if marker is None else list(marker["results"])
+
+
+def title(folder: Path) -> str:
+    """Return what a folder's results are about: the title of its scene, or its name."""
+    text = (_marker(folder) or {}).get("scene", "")
+    return (tomllib.loads(text).get("title") if text else "") or folder.name
 
 
 def _marker(folder: Path) -> dict[str, Any] | None:

@@ -25,7 +25,7 @@ from cablefem.response import Response, write_json
 from cablefem.scene import Scene, SceneError
 from validation.core import measures
 from validation.core.estimate import SAFETY
-from validation.core.methods import find
+from validation.core.methods import METHODS, find
 from validation.core.running import run
 
 # cheap to full; every rung knows something more than those before
@@ -34,13 +34,6 @@ LADDER = (
     ("stretching", "mass"), ("full", "mass"),
 )  # fmt: skip
 REFERENCE = "following-p2"  # runs the ladder; the method advised is found afterwards
-# methods for the model advised, each with resolutions and steps from coarse to fine
-CANDIDATES = {
-    "following-p2": ((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
-    "following-p1": ((5, 80), (9, 150), (16, 300), (30, 600), (55, 1200)),
-    "fourier-kink": ((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
-}
-
 # Elements per side and steps of the full runs, each a quarter of the next one's work; cheaper rungs take the settings
 # before, where their own error is below a quarter of any tolerance that the finer full run can decide.
 FULL = ((8, 300), (16, 600), (32, 1200), (64, 2400), (128, 4800))
@@ -264,13 +257,14 @@ def race(found: Climb, index: int, *, tension: bool, report: Progress) -> dict[s
     # the runs of the climb are there already
     made = found.full if index == len(LADDER) - 1 else [found.rungs[index].run]
     entries = [_entry(found, r, tension=tension) for r in made]
-    for i, (method, ladder) in enumerate(CANDIDATES.items()):
-        report("methods", i / len(CANDIDATES))
-        for resolution, steps in ladder:
+    candidates = [method for method in METHODS.values() if method.races]
+    for i, method in enumerate(candidates):
+        report("methods", i / len(candidates))
+        for resolution, steps in method.races:
             cheapest = min((e["seconds"] for e in entries if e["meets"]), default=math.inf)
-            key = (model, load, method, resolution, steps)
+            key = (model, load, method.name, resolution, steps)
             if key not in found.tried:
-                settings: dict[str, Any] = {find(method).resolution: resolution, "steps": steps}
+                settings: dict[str, Any] = {method.resolution.setting: resolution, "steps": steps}
                 kind: dict[str, Any] = {"model": model, "load": load, "until": measures.WINDOW[1]}
                 found.tried[key] = run(found.scene, method, **kind, **settings)
             entries.append(_entry(found, found.tried[key], tension=tension))
@@ -289,11 +283,9 @@ def _entry(found: Climb, r: Response, *, tension: bool) -> dict[str, Any]:
     if r is found.finest:
         path, rms = found.bars
     meets = path <= found.tol and (not tension or rms <= found.tol)
-    method = find(r.method)
-    told = {method.resolution: r.settings[method.resolution], "steps": r.settings["steps"]}
     return {
-        "model": r.model, "load": r.load, "method": r.method, "settings": told, "path_error": _finite(path),
-        "tension_error": _finite(rms), "seconds": r.seconds, "meets": bool(meets),
+        "model": r.model, "load": r.load, "method": r.method, "settings": find(r.method).told(r.settings),
+        "path_error": _finite(path), "tension_error": _finite(rms), "seconds": r.seconds, "meets": bool(meets),
     }  # fmt: skip
 
 
@@ -321,7 +313,7 @@ def _line(r: Response, path: float, tension: float, step: tuple[float, float] | 
     v = CubicSpline(r.s_o, r.v)(reached * r.length) if r.t.size > 3 else np.zeros(1)
     return {
         "model": r.model, "load": r.load, "method": r.method,
-        "settings": {k: r.settings[k] for k in (find(r.method).resolution, "steps")},
+        "settings": find(r.method).told(r.settings),
         "path_error": _finite(path), "tension_error": _finite(tension), "seconds": r.seconds,
         "path_to_next": None if step is None else _finite(step[0]),
         "tension_to_next": None if step is None else _finite(step[1]),

@@ -59,7 +59,7 @@ class Map:
             return fixed
         # following-p2 has two sides and two unknowns per element
         resolution = round(y / 4) if method == "following-p2" else round(y)
-        return {**fixed, "steps": round(x), find(method).resolution: resolution}
+        return {**fixed, "steps": round(x), find(method).resolution.setting: resolution}
 
 
 _COMPARED: tuple[tuple[str, dict[str, Any]], ...] = (

@@ -31,7 +31,7 @@ from cablefem.scene import Groups, Motion, Scene
 from validation.core import measures
 from validation.core.estimate import SAME_ONSET, estimated
 from validation.core.measures import NotComparable, Window
-from validation.core.methods import METHODS, Method, refined
+from validation.core.methods import METHODS, Method, Resolution, refined
 from validation.core.resolution import TooCoarse, resolve
 from validation.core.running import run
 from validation.peers import PEERS, PeerPath, available
@@ -132,20 +132,16 @@ def ladder(method: Method, shares: tuple[float, ...] = STEPS) -> Iterator[dict[s
     """Yield a method's settings from coarse to fine, around its defaults.
 
     Steps grow with the resolution so that errors of second order in time keep pace with those in space, at least
-    linearly, and as its square where the method asks for that by its own default; `shares` of them are taken.
+    linearly and at most as its square; `shares` of them are taken.
     """
     settings = method.settings({})
-    growth = max(1.0, 0.5 * method.space_order)
-    if settings["steps"] > 1000:  # N'' jumps at nodes: an error of elements^2/steps
-        growth = 2.0
-    seen = set()
+    seen, pace = [], min(2.0, method.keeps_pace)  # more steps than that nobody waits for
     for finer in FINER:
         for share in shares:
-            x = refined(method, settings, space=finer, time=share * finer**growth)
-            key = (x[method.resolution], x["steps"])
-            if key not in seen and x[method.resolution] >= method.knobs[method.resolution].allowed[0]:
-                seen.add(key)
-                yield {method.resolution: key[0], "steps": key[1]}
+            x = method.told(refined(method, settings, space=finer, time=share * finer**pace))
+            if x not in seen:
+                seen.append(x)
+                yield x
 
 
 # --- the truth --------------------------------------------------------------------------------------------------------
@@ -232,10 +228,11 @@ def _size(line: Series, rung: dict[str, Any]) -> float:
     """Return what the seconds of a rung are roughly proportional to."""
     if line.kind == "tolerance":
         return float(rung["tol"] ** -0.75)  # steps ~ tol^-1/2, unknowns ~ tol^-1/2 at a part of the cost
-    space = next((2.0**v if k == "level" else v for k, v in rung.items() if k in ("elements", "terms", "level")), 1.0)
-    if line.kind == "peer":
+    if line.method is None:
+        space = next(iter(rung.values()), 1.0)
         return float(rung.get("steps", space) * space)
-    return float(rung.get("steps", 1) * (space + 15.0))
+    resolution = METHODS[line.method].resolution
+    return float(rung.get("steps", 1) * resolution.cost(rung[resolution.setting]))
 
 
 def _row(line: Series, settings: dict[str, Any], **found: Any) -> dict[str, Any]:
@@ -341,7 +338,7 @@ def _run_tolerance(
         return _row(line, rung, status="failed", reason=str(error))
     return _row(
         line, rung, **_judged(r, truth), **_timed(seconds, lambda: once()[1], repeats, left), bar=r.path_error,
-        chosen={k: r.settings[k] for k in (METHODS[method].resolution, "steps")},
+        chosen=METHODS[method].told(r.settings),
     )  # fmt: skip
 
 
@@ -458,22 +455,25 @@ def growth(scene: Scene, *, most: int = 1000, repeats: int = 2) -> list[dict[str
     """
     out = []
     for method in METHODS.values():
-        if method.resolution == "level":
-            sizes: list[int] = [0, 1, 2, 3]
-        elif method.resolution == "terms":
-            sizes = [10, 20, 40, 80]
-        else:
-            sizes = [n for n in (10, 32, 100, 320, 1000) if n <= most]
+        space = method.resolution
+        sizes = _sizes(space, min(space.most if space.largest is None else space.largest, most))
         unknowns: list[int] = []
         cost: list[float] = []
         for size in sizes:
-            settings: dict[str, Any] = {method.resolution: size, "steps": 1000}
+            settings: dict[str, Any] = {space.setting: size, "steps": 1000}
             runs = [run(scene, method, until=0.04, **settings) for _ in range(repeats)]
             unknowns.append(runs[0].n_dof)
             cost.append(min(r.seconds / max(1, r.work["steps"]) for r in runs))
         exponent = float(np.polyfit(np.log(unknowns), np.log(cost), 1)[0])
         out.append({"method": method.name, "n_dof": unknowns, "seconds_per_step": cost, "exponent": exponent})
     return out
+
+
+def _sizes(space: Resolution, largest: int) -> list[int]:
+    """Return four or five resolutions up to the largest, equally apart in ratio."""
+    if space.doubling:
+        return list(range(largest + 1))
+    return [round(10.0 * (largest / 10.0) ** (k / 4.0)) for k in range(5)]
 
 
 def implicit_floor(scene: Scene, *, elements: int = 10, steps: int = 480, repeats: int = 9) -> dict[str, Any]:
@@ -658,7 +658,7 @@ def tolerance_survey(
                 r, met = error.best, False
             row = {
                 "scene": scene.name, "mu": scene.mu, "alpha": scene.alpha, "sigma": scene.sigma, "tol": tol, "met": met,
-                "elements": r.settings["elements"], "steps": r.settings["steps"], "bar": r.path_error,
+                **METHODS[method].told(r.settings), "bar": r.path_error,
                 "slack_onset": truth.slack_onset, "doubt": doubt, "seconds": time.perf_counter() - begin,
             }  # fmt: skip
             best = min((cost for cost, error in hand if error <= tol), default=None)
@@ -678,7 +678,7 @@ def _true(r: Response, truth: Response) -> float | None:
 
 
 def _spent(r: Response) -> float:
-    return r.work["newton_iterations"] * (1.0 + r.settings["elements"] / 8.0)
+    return r.work["newton_iterations"] * METHODS[r.method].resolution.cost(METHODS[r.method].count(r.settings))
 
 
 def _by_hand(scene: Scene, method: str, truth: Response) -> list[tuple[float, float]]:

@@ -436,7 +436,7 @@ def _bars(run: Response, companion: Response, weight: float) -> dict[str, str]:
 
 
 def _resolution(r: Response) -> str:
-    return METHODS[r.method].resolution if r.method in METHODS else "resolution"
+    return METHODS[r.method].resolution.setting if r.method in METHODS else "resolution"
 
 
 def _provenance(x: Stored) -> Section:

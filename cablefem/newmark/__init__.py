@@ -1,0 +1,47 @@
+"""The one time loop of all solvers; it knows no physics.
+
+A discretised system is r(t, q, v, a) = 0 with v = dq/dt and a = dv/dt.  The loop asks it for residuals and for
+solutions with a tangent; matrix formats stay with the system.  Time and all quantities are the system's own.
+
+    system    what a system answers
+    schemes   every time integration by name
+    stepper   what the rules of a step share; newmark_rule and energy_rule are the rules
+    newton    Newton's method
+    steps     the instants to step on
+    events    finding where a watched value falls to zero, and passing it
+    march     step after step: phases, cut steps, events
+    failures  how a run may end
+"""
+
+from cablefem.newmark.events import Watched
+from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepFailure, StepUnderflow
+from cablefem.newmark.march import integrate
+from cablefem.newmark.newmark_rule import iterate
+from cablefem.newmark.newton import Newton, Settled
+from cablefem.newmark.schemes import SCHEMES, Scheme, scheme
+from cablefem.newmark.stepper import Passed, Work
+from cablefem.newmark.steps import step_times
+from cablefem.newmark.system import Array, Solve, State, System, consistent_acceleration
+
+__all__ = [
+    "SCHEMES",
+    "Array",
+    "EndlessEvents",
+    "Newton",
+    "NewtonStalled",
+    "Passed",
+    "Scheme",
+    "Settled",
+    "Solve",
+    "State",
+    "StepFailure",
+    "StepUnderflow",
+    "System",
+    "Watched",
+    "Work",
+    "consistent_acceleration",
+    "integrate",
+    "iterate",
+    "scheme",
+    "step_times",
+]

@@ -1,0 +1,84 @@
+"""Step after step through the phases and past the events of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Sequence
+
+from cablefem.newmark.energy_rule import EnergyRule
+from cablefem.newmark.events import Watched, first_event, pass_events, rounding
+from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepUnderflow
+from cablefem.newmark.newmark_rule import NewmarkRule
+from cablefem.newmark.newton import STANDARD, Newton
+from cablefem.newmark.schemes import Scheme
+from cablefem.newmark.stepper import Stepper, Work
+from cablefem.newmark.system import Array, State, System
+
+MOST_HALVINGS = 6  # 1/64 of a step: where that does not converge the equations themselves have lost their solution
+MOST_CUTS = 100  # and half the steps: a run that has to cut more steps than that creeps
+MOST_EVENTS = 20  # in one step: more is an event that happens again as soon as it is passed
+
+
+def integrate(
+    system: System, method: Scheme, times: Sequence[Array], *, newton: Newton = STANDARD, work: Work | None = None,
+    start: State | None = None,
+) -> Iterator[State]:  # fmt: skip
+    """Yield the states of a run, the first one included.
+
+    times : per phase the instants to step on, its ends included (`step_times`).
+    start : go on from this state, inside its phase (with another law, say), instead of from the beginning.
+    Events (`events.Watched`) are landed on besides, their states yielded as they are before the change, and noted in
+    `work.events`; the last one may end the run.
+
+    Raises StepFailure; what was yielded before stays valid.  NaN never counts as converged.
+    """
+    work = Work() if work is None else work
+    step = (EnergyRule if method.average else NewmarkRule)(system, method, newton, work)
+    if start is None:
+        state = system.start(0, None)
+        yield state
+    else:
+        state = start
+    for phase in range(state.phase, len(system.phases)):
+        if phase > state.phase:
+            state = system.start(phase, state)
+        after = yield from _through(step, times[phase], state, work)
+        if after is None:
+            return
+        state = after
+
+
+def _through(step: Stepper, grid: Array, state: State, work: Work) -> Generator[State, None, State | None]:
+    """Yield a state for each instant of the grid that lies ahead, and for each event; return the one to go on from."""
+    watched = step.system if isinstance(step.system, Watched) and step.system.events else None
+    shown = state.t  # of the last state yielded
+    for t in grid[grid > state.t].tolist():
+        whole, halvings, passed = t - state.t, 0, 0
+        while t - state.t > rounding(t):
+            piece = whole * 0.5**halvings
+            t1 = state.t + piece if state.t + 1.001 * piece < t else t
+            if not t1 > state.t:
+                raise StepUnderflow(state.t, f"a step of {piece:.2g} is lost in rounding", "take fewer steps")
+            names: list[str] = []
+            try:
+                x = step(state, t1)
+                if watched is not None:
+                    x, names = first_event(watched, step, state, x)
+            except NewtonStalled:
+                # a step may be too long for Newton's method: take it in pieces
+                work.rejected += 1
+                halvings += 1
+                if halvings > MOST_HALVINGS or work.rejected > MOST_CUTS + grid.size // 2:
+                    raise
+                continue
+            work.steps += 1
+            if (names or x.t == t) and x.t - shown > rounding(x.t):
+                shown = x.t
+                yield x
+            passed += len(names)
+            if passed > MOST_EVENTS:
+                raise EndlessEvents(x.t, f"more than {MOST_EVENTS} events in one step, at last {names[-1]!r}")
+            after = x if watched is None else pass_events(watched, names, x, shown, work)
+            if after is None:
+                return None
+            state = after
+    return state

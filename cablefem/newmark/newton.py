@@ -1,0 +1,66 @@
+"""Newton's method with a kept tangent and halved corrections; of what, it does not know."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+MOST_HALVINGS = 5  # of one correction
+
+
+@dataclass(frozen=True, slots=True)
+class Newton:
+    """Newton's method on a step: |r| <= tol * system.force_scale + sqrt(n_dof) * system.force_floor, Euclidean norm.
+
+    The tangent is kept while an iteration cuts the residual by `reuse` or more.  After `patience` iterations a
+    correction that does not lower the residual is halved, up to five times; one that leaves no finite residual is
+    halved from the first iteration on.  (The first two corrections of a stiff system often raise the residual and
+    are right nevertheless: halving them costs more than it saves, unless the start is far off.)
+    """
+
+    tol: float = 1e-4
+    max_iter: int = 25
+    reuse: float = 0.1
+    patience: int = 2
+
+
+STANDARD = Newton()
+
+
+class Settled(NamedTuple):
+    """How Newton's method ended: the last |r|, converged if at most the bound, and the work it took."""
+
+    norm: float
+    iterations: int
+    factorisations: int
+    residuals: int
+
+
+def find_root(
+    residual: Callable[[], Any], linearise: Callable[[], tuple[Any, Callable]], update: Callable[[Any], None],
+    bound: float, newton: Newton,
+) -> Settled:  # fmt: skip
+    """Take corrections, `update(x)` subtracts x, until |residual()| <= bound; NaN never counts as converged."""
+    norm, factorisations, residuals, anew = math.inf, 0, 0, True
+    for iteration in range(newton.max_iter):
+        if anew:
+            r, solve = linearise()
+            norm = math.sqrt(r.dot(r))
+            factorisations += 1
+        before, correction = norm, solve(r)
+        update(correction)
+        for halving in range(MOST_HALVINGS + 1):
+            if halving:
+                correction *= 0.5
+                update(-correction)
+            r = residual()
+            residuals += 1
+            norm = math.sqrt(r.dot(r))
+            if norm < before or (iteration < newton.patience and norm < math.inf):
+                break
+        if norm <= bound or not norm < math.inf:
+            break
+        anew = norm > newton.reuse * before
+    return Settled(norm, iteration + 1, factorisations, residuals)

@@ -1,0 +1,60 @@
+"""Every time integration by name."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Scheme:
+    """A member of the Newmark family; the balance may be taken inside the step.
+
+    newmark_beta, newmark_gamma : Newmark (1959).
+    alpha_m, alpha_f : the balance uses a at 1 - alpha_m and t, q, v at 1 - alpha_f of the step (Chung & Hulbert 1993).
+    average : the balance is averaged over the step along the straight line from q0 to q1 (average vector
+        field: Quispel & McLaren 2008), which keeps the energy of a conservative system.
+    """
+
+    name: str
+    newmark_beta: float = 0.25
+    newmark_gamma: float = 0.5
+    alpha_m: float = 0.0
+    alpha_f: float = 0.0
+    average: bool = False
+
+    def __post_init__(self) -> None:
+        if not (0.0 <= self.newmark_beta <= 2.0 and math.isfinite(self.newmark_beta)):
+            raise ValueError(f"newmark_beta must lie in [0, 2], got {self.newmark_beta!r}")
+        if not (0.0 <= self.newmark_gamma <= 2.0 and math.isfinite(self.newmark_gamma)):
+            raise ValueError(f"newmark_gamma must lie in [0, 2], got {self.newmark_gamma!r}")
+
+
+SCHEMES = ("trapezoidal", "newmark", "generalized-alpha", "energy", "central-difference")
+
+
+def scheme(name: str, *, newmark_gamma: float = 0.6, rho_inf: float = 0.9) -> Scheme:
+    """Return a scheme by name.
+
+    trapezoidal        beta 1/4, gamma 1/2: second order, no dissipation; unconditionally stable for LINEAR systems only
+    newmark            gamma (default 0.6), beta = (gamma + 1/2)^2 / 4: first order, damps what it cannot resolve
+    generalized-alpha  Chung & Hulbert (1993), second order, spectral radius rho_inf at infinite frequency
+    energy             average vector field: second order, keeps the energy of a conservative system
+    central-difference beta 0, gamma 1/2: conditionally stable, dt < 2/omega_max; here as a specimen that fails
+    """
+    if name == "trapezoidal":
+        return Scheme(name)
+    if name == "newmark":
+        if not 0.5 <= newmark_gamma <= 1.5:
+            raise ValueError(f"newmark_gamma must lie in [0.5, 1.5], got {newmark_gamma!r}")
+        return Scheme(name, 0.25 * (newmark_gamma + 0.5) ** 2, newmark_gamma)
+    if name == "generalized-alpha":
+        if not 0.0 <= rho_inf <= 1.0:
+            raise ValueError(f"rho_inf must lie in [0, 1], got {rho_inf!r}")
+        alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
+        return Scheme(name, 0.25 * (1.0 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f, alpha_m, alpha_f)
+    if name == "energy":
+        return Scheme(name, average=True)
+    if name == "central-difference":
+        return Scheme(name, 0.0, 0.5)
+    raise ValueError(f"unknown scheme {name!r}; one of {', '.join(SCHEMES)}")

@@ -1,0 +1,68 @@
+"""What the rules of a step share: when it is in balance, what it cost, and what it remembers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from cablefem.newmark.failures import NewtonStalled
+from cablefem.newmark.newton import Newton, Settled
+from cablefem.newmark.schemes import Scheme
+from cablefem.newmark.system import State, System
+
+
+class Passed(NamedTuple):
+    """An event that has happened; a state with this very t has been yielded."""
+
+    name: str
+    t: float
+
+
+@dataclass(slots=True)
+class Work:
+    """Countable work of a run, and the events it has passed."""
+
+    steps: int = 0
+    rejected: int = 0
+    newton_iterations: int = 0
+    factorisations: int = 0
+    residuals: int = 0
+    events: list[Passed] = field(default_factory=list)
+
+
+class Stepper:
+    """One rule on one system: `stepper(x, t1)` is the state at t1 after a step from x, any number of times.
+
+    What a step leaves for the next one's guess is kept with its state, so that steps may be tried and dropped.
+    """
+
+    def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
+        self.system, self.method, self.newton, self.work = system, method, newton, work
+        self.bound = newton.tol * system.force_scale + math.sqrt(system.n_dof) * system.force_floor
+        self._memory: list[tuple[State, Any]] = []
+
+    def __call__(self, x: State, t1: float) -> State:
+        raise NotImplementedError
+
+    def remembered(self, x: State) -> Any:
+        """Return what was kept with x, None if nothing, and forget all that belongs to other states."""
+        self._memory = [kept for kept in self._memory if kept[0] is x]
+        return self._memory[0][1] if self._memory else None
+
+    def remember(self, x: State, what: Any) -> None:
+        self._memory.append((x, what))
+
+    def balanced(self, done: Settled) -> bool:
+        """Count the work, and return whether Newton's method has found the step's end."""
+        work = self.work
+        work.newton_iterations += done.iterations
+        work.factorisations += done.factorisations
+        work.residuals += done.residuals
+        return done.norm <= self.bound
+
+    def stalled(self, t1: float, done: Settled) -> NewtonStalled:
+        return NewtonStalled(
+            t1, f"Newton's method stalled (|r| = {done.norm:.2g}, allowed {self.bound:.2g})",
+            "take more steps or a damped scheme (newmark, generalized-alpha)",
+        )  # fmt: skip

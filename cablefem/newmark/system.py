@@ -1,0 +1,72 @@
+"""What the time loop asks of a system."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cablefem.newmark.newton import Newton, Settled
+
+Array = NDArray[np.float64]
+Solve = Callable[[Array], Array]
+
+
+class State(NamedTuple):
+    """One instant of a discretised system; `phase` is the interval between events it belongs to."""
+
+    t: float
+    q: Array  # (n_dof,) generalised displacements
+    v: Array  # (n_dof,) dq/dt
+    a: Array  # (n_dof,) d2q/dt2
+    phase: int = 0
+
+
+class System(Protocol):
+    """A second-order system r(t, q, dq/dt, d2q/dt2) = 0, linear in d2q/dt2.
+
+    `phases` are consecutive time intervals within which everything is smooth; steps land on their ends,
+    and every call names its phase, because at an end the accelerations may have two values.
+    """
+
+    @property
+    def n_dof(self) -> int: ...
+    @property
+    def phases(self) -> tuple[tuple[float, float], ...]: ...
+    @property
+    def force_scale(self) -> float:
+        """Size of the loads: Newton has converged when |r| <= newton.tol * force_scale + sqrt(n_dof) * force_floor."""
+
+    @property
+    def force_floor(self) -> float:
+        """Rounding error of a component of r, below which Newton's method cannot get."""
+
+    def start(self, phase: int, state: State | None) -> State:
+        """Return a consistent state at the beginning of `phase` (state=None: of the run)."""
+
+    def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
+        """Return r, shape (n_dof,)."""
+
+    def linearise(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
+    ) -> tuple[Array, Solve]:
+        """Return r and a function that applies (c0 dr/dq + c1 dr/dv + c2 dr/da)^-1; it may overwrite its argument."""
+
+    def settle(
+        self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
+    ) -> Settled:
+        """Find the end of a step of Newmark's family by Newton's method; `iterate` does it for any system.
+
+        start, now : (3, n_dof) rows q, v, a at the beginning, and at the end, which is set.
+        rule : (3, 5) columns predictor (3, 3), corrector c, balance w: now = predictor start - c da with da such that
+            |r(t, w now + (1 - w) start)| <= bound; w works on rows.
+        """
+
+
+def consistent_acceleration(system: System, t: float, q: Array, v: Array, phase: int) -> State:
+    """Solve r(t, q, v, a) = 0 for a: r is linear in a, one solve does it."""
+    zero = np.zeros(system.n_dof)
+    r, solve = system.linearise(t, q, v, zero, phase, 0.0, 0.0, 1.0)
+    return State(t, q, v, -solve(r.copy()), phase)

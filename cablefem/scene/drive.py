@@ -1,0 +1,258 @@
+"""What moves the car along the cable, as written in a scene, and the same without units, as both solvers need it.
+
+grip: the travel is prescribed and the car pushes itself along the cable (the paper). haul: the car rolls, its travel is
+prescribed, a rope from outside supplies the force along the mean tangent. free: the car rolls, its travel is an answer.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, Field, PlainValidator
+
+from cablefem.scene.errors import nearest, shown
+from cablefem.scene.fields import REAL, Check, Fraction, NonNegative, Numbers, Part, Positive, Real, Reals, several
+
+MODES = ("grip", "haul", "free")
+# Contact force and tension grow like one over the distance to a support: no answer converges nearer than this. [l]
+NEAREST_START, FARTHEST_END = 1e-4, 0.99
+START = 0.01  # where a rolling car begins unless the scene says otherwise [l]
+FREE_ONLY = ("release", "thrust", "brake")
+AIR_DENSITY = 1.2  # [kg/m^3]
+
+
+class Thrust(Part):
+    """A force from outside along the mean tangent, linear between its times and nothing before and after them."""
+
+    times: Numbers  # [s], strictly increasing
+    forces: Reals  # [N], positive to the right
+
+    @classmethod
+    def faults_between(cls, data: dict[str, Any]) -> list[str]:
+        """The two columns are of one length, and time runs."""
+        times, forces = several(data.get("times")), several(data.get("forces"))
+        if times is None or forces is None:
+            return []
+        faults = []
+        if len(times) != len(forces):
+            faults.append(f"forces: {len(forces)} values; must be {len(times)}, as times")
+        for i, (before, after) in enumerate(itertools.pairwise(times), start=1):
+            if all(isinstance(t, int | float) for t in (before, after)) and not after > before:
+                faults.append(f"times[{i}] = {after!r}: must be > {before!r}, the one before it")
+                break
+        return faults
+
+
+class Brake(Part):
+    """A shoe on the cable, which holds against the motion wherever s_o >= from; several add up."""
+
+    place: Positive = Field(alias="from")  # [m] along the cable
+    force: Positive  # [N]
+
+
+class End(Part):
+    """Where or when the ride is over: exactly one of the two."""
+
+    time: Positive | None = None  # [s]
+    place: Positive | None = None  # [m] along the cable; it counts as arrival
+
+    @classmethod
+    def faults_between(cls, data: dict[str, Any]) -> list[str]:
+        """One end is enough."""
+        if len([name for name in ("time", "place") if data.get(name) is not None]) == 1:
+            return []
+        return [f"{name} = {shown(data.get(name))}: exactly one of time, place must be given" for name in ("time",)]
+
+
+def _mode(value: object) -> str:
+    if value not in MODES:
+        raise ValueError(f"unknown.{nearest(str(value), MODES)}")
+    return str(value)
+
+
+def _thrust(value: object) -> object:
+    """A number, or a table of times and forces."""
+    if isinstance(value, Thrust):
+        return value
+    if isinstance(value, dict):
+        return Thrust(**value)
+    number = REAL.convert(value)
+    if number is None:
+        raise ValueError(f"must be {REAL.admissible}, or a table {{times, forces}}")
+    return number
+
+
+def _brakes(value: object) -> tuple | None:
+    return tuple(value) if isinstance(value, list | tuple) else None
+
+
+class Driving(Part):
+    """The table [drive] of a scene, in SI."""
+
+    mode: Annotated[str, PlainValidator(_mode)] = "grip"
+    start: Positive | None = None  # [m] along the cable; 1 % of its length unless given
+    release: NonNegative = 0.0  # [s] over which the force that holds a free car goes
+    rolling_friction: Fraction = 0.0  # mu_r [-] of the contact force
+    drag_area: NonNegative = 0.0  # c_d A [m^2]
+    air_density: Positive = AIR_DENSITY  # [kg/m^3]
+    wind: Real = 0.0  # [m/s] along x, on the car only; negative is a headwind for a ride to the right
+    thrust: Annotated[Any, PlainValidator(_thrust)] = 0.0  # [N], a number or Thrust
+    brake: Annotated[
+        tuple[Brake, ...], BeforeValidator(Check("a list of tables {from = ..., force = ...}", _brakes))
+    ] = ()
+    end: End | None = None
+
+    @classmethod
+    def faults_between(cls, data: dict[str, Any]) -> list[str]:
+        """What a drive cannot have, by its mode."""
+        mode = data.get("mode", "grip")
+        given = [name for name in cls.field_names() if name != "mode" and data.get(name) is not None]
+        if mode == "grip":
+            why = "has no meaning with mode = 'grip', where the car takes its travel from [travel] and nothing else"
+            return [f"{name} = {shown(data[name])}: {why}; leave it out, or take haul or free" for name in given]
+        faults = []
+        if mode == "haul":
+            why = "has no meaning with mode = 'haul', where the rope supplies whatever force the travel needs"
+            faults += [
+                f"{name} = {shown(data[name])}: {why}; leave it out, or take free"
+                for name in given
+                if name in FREE_ONLY
+            ]
+        if "drag_area" not in given:
+            why = "acts through drag alone; must be given with drag_area"
+            faults += [f"{name} = {shown(data[name])}: {why}" for name in ("wind", "air_density") if name in given]
+        return faults
+
+    def faults(self, length: float) -> list[str]:
+        """What is wrong with this drive on a cable of that length [m]."""
+        if self.mode == "grip":
+            return []
+        faults = []
+        end, farthest = self.end_place(length), FARTHEST_END * length
+        if end > farthest:
+            faults.append(
+                f"end.place = {end!r}: must be < {farthest:.6g} m, {FARTHEST_END:g} of the length of the cable: "
+                "next to the support no answer converges"
+            )
+        if not NEAREST_START * length <= self.start_place(length) < min(end, farthest):
+            faults.append(
+                f"start = {self.start!r}: must be from {NEAREST_START * length:.6g} to {min(end, farthest):.6g} m, "
+                "between the left support and the end of the ride"
+            )
+        faults += [
+            f"brake[{i}].from = {brake.place!r}: must be < {length:.6g} m, the length of the cable"
+            for i, brake in enumerate(self.brake)
+            if brake.place >= length
+        ]
+        return faults
+
+    def start_place(self, length: float) -> float:
+        """Where the car begins [m]."""
+        return START * length if self.start is None else self.start
+
+    def end_place(self, length: float) -> float:
+        """Where a rolling car arrives [m]."""
+        return FARTHEST_END * length if self.end is None or self.end.place is None else self.end.place
+
+    def scaled(self, length: float, time: float, force: float, rho: float) -> Drive:
+        """The drive of a rolling car in units of a length [m], a time [s] and a force [N]; rho [kg/m] of the cable.
+
+        Its `nominal` and, where the scene gives none, its `end_time` are left open (inf).
+        """
+        if isinstance(self.thrust, Thrust):
+            table = tuple((t / time, f / force) for t, f in zip(self.thrust.times, self.thrust.forces, strict=True))
+        else:
+            table = ((0.0, self.thrust / force), (math.inf, self.thrust / force)) if self.thrust else ()
+        return Drive(
+            mode=self.mode,
+            start=self.start_place(length) / length,
+            release=self.release / time,
+            mu_r=self.rolling_friction,
+            k=self.air_density * self.drag_area / (2.0 * rho),
+            wind=self.wind * time / length,
+            thrust_table=table,
+            brakes=tuple(sorted((brake.place / length, brake.force / force) for brake in self.brake)),
+            end_time=math.inf if self.end is None or self.end.time is None else self.end.time / time,
+            end_place=self.end_place(length) / length,
+        )
+
+    def __str__(self) -> str:
+        parts = [self.mode if self.start is None else f"{self.mode} from {self.start:.4g} m"]
+        if self.release:
+            parts.append(f"let go over {self.release:.4g} s")
+        if self.rolling_friction:
+            parts.append(f"rolling friction {self.rolling_friction:.4g}")
+        if self.drag_area:
+            parts.append(f"drag area {self.drag_area:.4g} m2" + (f", wind {self.wind:+.4g} m/s" if self.wind else ""))
+        if isinstance(self.thrust, Thrust):
+            most, last = max(self.thrust.forces, key=abs), self.thrust.times[-1]
+            parts.append(f"thrust up to {most:.4g} N until {last:.4g} s")
+        elif self.thrust:
+            parts.append(f"thrust {self.thrust:.4g} N")
+        parts += [f"brake {brake.force:.4g} N from {brake.place:.4g} m" for brake in self.brake]
+        if self.end is not None:
+            at = f"{self.end.time:.4g} s" if self.end.place is None else f"{self.end.place:.4g} m"
+            parts.append(f"ends at {at}")
+        return ", ".join(parts)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What moves the car, without units: lengths over l, forces over H, times over l sqrt(rho/H).
+
+    grip: the default, nothing but `mode` counts. haul: `Groups.motion` is the travel from `start` to its end; friction
+    and drag act, too. free: all counts, `Groups.motion` is None.
+    """
+
+    mode: str = "grip"  # "grip" | "haul" | "free"
+    start: float = 0.0  # s_o at t = 0
+    release: float = 0.0  # time over which the holding force goes; 0: at once
+    mu_r: float = 0.0  # rolling friction over contact force
+    k: float = 0.0  # rho_air c_d A/(2 rho): drag is -k |dp - wind i| (dp - wind i)
+    wind: float = 0.0  # along x
+    thrust_table: tuple[tuple[float, float], ...] = ()  # (t, force), linear between; one that lasts ends at inf
+    brakes: tuple[tuple[float, float], ...] = ()  # (place, force), by place
+    end_time: float = math.inf
+    end_place: float = 1.0  # arrival
+    nominal: float = math.inf  # duration of the ride by the quasi-static model; steps are nominal/steps
+
+    @cached_property
+    def phases(self) -> tuple[tuple[float, float], ...]:
+        """Consecutive [t0, t1] of a free ride, inside which forces are smooth in time; the last t1 is `end_time`."""
+        breaks = {self.release, *(t for t, _ in self.thrust_table)}
+        inside = sorted(t for t in breaks if 0.0 < t < self.end_time)
+        return tuple(zip([0.0, *inside], [*inside, self.end_time], strict=True))
+
+    def thrust(self, t, phase):
+        """Thrust at t by the line of that phase, also at its two ends, where the thrust may jump; any shapes."""
+        value, slope, t0 = self._lines[:, phase]
+        return value + slope * (t - t0)
+
+    def hold(self, t: float) -> float:
+        """What is left at t of the force that holds the car at its start: (1 - x)^2 (1 + 2 x), x = t/release."""
+        x = t / self.release if self.release > 0.0 else 1.0
+        return (1.0 - x) ** 2 * (1.0 + 2.0 * x) if x < 1.0 else 0.0
+
+    def brake(self, s_o: float) -> float:
+        """Force of all brakes that reach s_o; it acts against the motion along the cable."""
+        return sum(force for place, force in self.brakes if s_o >= place)
+
+    @cached_property
+    def _lines(self) -> np.ndarray:
+        """Value and slope of the thrust at the start of each phase, and that start: (3, n)."""
+        lines = np.zeros((3, len(self.phases)))
+        for i, (t0, t1) in enumerate(self.phases):
+            lines[2, i] = t0
+            for (a, fa), (b, fb) in itertools.pairwise(self.thrust_table):
+                if a <= t0 and t1 <= b:
+                    slope = (fb - fa) / (b - a) if fa != fb else 0.0
+                    lines[:2, i] = fa + slope * (t0 - a), slope
+        return lines
+
+
+GRIP = Drive()

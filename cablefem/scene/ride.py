@@ -1,0 +1,362 @@
+"""The quasi-static ride: the car on the curve of its own places at rest, its load path.
+
+Without inertia of the cable the car at s has one place P(s), and cable and car together have one energy Pi(s). With the
+car's own inertia (lengths over l, forces over H, times over l sqrt(rho/H))
+
+    mu |P'|^2 dds + mu P'.P'' ds^2 = -Pi'(s) + F_ext.P' + <lam> f,
+
+F_ext thrust and drag, f = -(mu_r N_c + F_b) sign(ds) friction and brake along the cable, N_c the contact force normal
+to P'. Three curves, from the cheapest: the chord; the shape of the empty cable; the loaded cable, an elastic catenary
+of two pieces. The last predicts a timetable to 1e-3 l and the speed to 3e-3 up to 0.4 of the wave speed; what it leaves
+out is the cable's inertia, and with it deflection and tension off the rest state.
+"""
+
+from __future__ import annotations
+
+import bisect
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from cablefem.scene import catenary
+from cablefem.scene.drive import FARTHEST_END, NEAREST_START, Drive
+
+# Nodes are uniform in log(s/(1 - s)): the path turns within about the cable's slack of a support. Cubic interpolation
+# between this many is good to 1e-8.
+NODES = 320
+POINTS = 40  # of Gauss on each side of the car
+HORIZON = 1e3  # a quasi-static ride that has not ended by then is broken off; unit: a wave's way along the cable
+LASTS = 10.0  # times its quasi-static ride: end of a ride that neither arrives nor stops
+STICKS = 1e-13  # forces below, over H, are rounding
+
+
+class NoRest(ArithmeticError):
+    """The loaded cable at rest was not found."""
+
+
+@dataclass(frozen=True)
+class Rest:
+    """The loaded cable at rest, the car held by the cable at each of the places s (n,); all (n,) or (n, 2), y down."""
+
+    s: np.ndarray
+    horizontal: np.ndarray  # of the tension, the same on both sides
+    vertical: np.ndarray  # T_y at the left support
+    place: np.ndarray  # P
+    slope: np.ndarray  # P' = dP/ds
+    bend: np.ndarray  # P''
+    behind: np.ndarray  # tension at the car
+    ahead: np.ndarray
+    hold: np.ndarray  # Pi' = [N lam - W], the force that holds the car along the cable
+    stretch: np.ndarray  # <lam>, mean of both sides
+
+
+def rest(s, *, mu: float, alpha: float, sigma: float, c: float) -> Rest:
+    """The elastic catenary of two pieces under a car at rest: int lam (h, V)/N ds = (span, drop), N = T + alpha eps.
+
+    The horizontal part h of the tension is the same on both sides, the vertical part falls by sigma ds, and by mu sigma
+    at the car. With lam/N = (1 - T/alpha)/N + 1/alpha the equations are the gradient of a convex function of (h, V):
+    Newton's method, all places at once; P' and P'' follow by differentiating them. NoRest where it fails.
+    """
+    s = np.atleast_1d(np.asarray(s, dtype=float))
+    x, w = np.polynomial.legendre.leggauss(POINTS)
+    x, w = 0.5 * (1.0 + x), 0.5 * w
+    points = np.concatenate([s[:, None] * x, s[:, None] + (1.0 - s[:, None]) * x], axis=1)
+    weights = np.concatenate([s[:, None] * w, (1.0 - s[:, None]) * w], axis=1)
+    left = np.arange(2 * POINTS) < POINTS
+    load = sigma * points + np.where(left, 0.0, mu * sigma)
+    q = 1.0 - catenary.static(points, sigma, c)[0] / alpha  # lam = q + N/alpha
+    target = np.stack(catenary.shape(1.0, sigma, c))
+
+    def moments(h, V, part=slice(None)):
+        """int g, int dg/d(h, V) over a part of the points, g = (q/N + 1/alpha) (h, V)."""
+        v, wq, ws = V[:, None] - load[:, part], weights[:, part] * q[:, part], weights[:, part].sum(axis=1)
+        n2 = h[:, None] ** 2 + v * v
+        i1 = wq / np.sqrt(n2)
+        i3 = i1 / n2
+        g = np.stack([h * (i1.sum(1) + ws / alpha), (i1 * v).sum(1) + (weights[:, part] * v).sum(1) / alpha], -1)
+        hv = -h * (i3 * v).sum(1)
+        A = np.stack([(i3 * v * v).sum(1) + ws / alpha, hv, hv, h * h * i3.sum(1) + ws / alpha], -1)
+        return g, A.reshape(-1, 2, 2)
+
+    h, V = np.sqrt(1.0 + 0.5 * mu * np.ones_like(s)), c + mu * sigma * (1.0 - s)
+    for _ in range(60):
+        g, A = moments(h, V)
+        dz = np.linalg.solve(A, (target - g)[..., None])[..., 0]
+        dz *= np.minimum(1.0, 0.5 * np.hypot(h, V) / np.maximum(np.hypot(*dz.T), 1e-300))[:, None]
+        h, V = np.maximum(h + dz[:, 0], 0.2 * h), V + dz[:, 1]
+        if np.all(np.abs(dz) <= 1e-13 * (1.0 + np.hypot(h, V))[:, None]):
+            break
+    else:
+        raise NoRest(f"the cable at rest under the car was not found at s_o = {s[np.argmax(np.abs(dz).max(1))]:.4g}")
+
+    T, _, _, _, _ = catenary.static(s, sigma, c)
+    dT = -sigma * (c - sigma * s) / T
+    q_o = 1.0 - T / alpha
+    sides = []  # at the car: N, lam, r', dr'/d(h, V), dr'/ds at constant (h, V)
+    for v in (V - sigma * s, V - sigma * s - mu * sigma):
+        N = np.hypot(h, v)
+        e = np.stack([h, v], -1) / N[:, None]
+        f = q_o / N + 1.0 / alpha
+        D = f[:, None, None] * np.eye(2) - (q_o / N)[:, None, None] * e[:, :, None] * e[:, None, :]
+        ds = -sigma * D[:, :, 1] - (dT / alpha)[:, None] * e
+        sides.append((N, N * f, e * (N * f)[:, None], D, ds))
+    (N0, lam0, r0, D0, ds0), (N1, lam1, r1, D1, ds1) = sides
+
+    z = -np.linalg.solve(A, (r0 - r1)[..., None])[..., 0]  # d(h, V)/ds
+
+    def second(part):
+        """int d2g/d(h, V)^2 [z, z]."""
+        n = np.stack([np.broadcast_to(h[:, None], load[:, part].shape), V[:, None] - load[:, part]], -1)
+        N, nz = np.linalg.norm(n, axis=-1), n @ z[:, :, None]
+        wq = (weights[:, part] * q[:, part] / N**3)[..., None]
+        return (
+            wq * (-2.0 * nz * z[:, None] - (z**2).sum(1)[:, None, None] * n + 3.0 * nz**2 * n / N[..., None] ** 2)
+        ).sum(1)
+
+    def times(B, y):
+        return (B @ y[..., None])[..., 0]
+
+    part = slice(0, POINTS)
+    place, B = moments(h, V, part)
+    zz = -np.linalg.solve(A, (ds0 - ds1 + 2.0 * times(D0 - D1, z) + second(slice(None)))[..., None])[..., 0]
+    return Rest(
+        s=s, horizontal=h, vertical=V, place=place, slope=r0 + times(B, z),
+        bend=ds0 + 2.0 * times(D0, z) + second(part) + times(B, zz),
+        behind=N0, ahead=N1, hold=N1 - N0 + ((N1 - T) ** 2 - (N0 - T) ** 2) / (2.0 * alpha),
+        stretch=0.5 * (lam0 + lam1),
+    )  # fmt: skip
+
+
+class LoadPath:
+    """A curve on which the car rolls: P, P', P'', the force Pi' that holds it there and the stretch <lam>."""
+
+    def __init__(self, s, place, slope, bend, hold, stretch) -> None:
+        from scipy.interpolate import CubicHermiteSpline, CubicSpline  # not for reading a scene
+
+        self.s = s
+        self.place: Callable = CubicHermiteSpline(s, place, slope)
+        columns = [CubicHermiteSpline(s, slope, bend).c, CubicSpline(s, np.stack([hold, stretch], -1)).c]
+        self._c = np.concatenate(columns, axis=2)
+        self._nodes = s.tolist()
+
+    def __call__(self, s: float) -> tuple[float, float, float, float, float, float]:
+        """Return (P'_x, P'_y, P''_x, P''_y, Pi', <lam>) at s."""
+        i = min(max(bisect.bisect_right(self._nodes, s) - 1, 0), len(self._nodes) - 2)
+        x = s - self._nodes[i]
+        c3, c2, c1, c0 = self._c[:, i]
+        px, py, hold, stretch = (c0 + x * (c1 + x * (c2 + x * c3))).tolist()
+        bx, by = (c1 + x * (2.0 * c2 + 3.0 * x * c3))[:2].tolist()
+        return px, py, bx, by, hold, stretch
+
+    @classmethod
+    def loaded(cls, groups) -> LoadPath:
+        """The elastic catenary of two pieces; groups: anything with mu, alpha, sigma, c."""
+        r = rest(_nodes(), mu=groups.mu, alpha=groups.alpha, sigma=groups.sigma, c=groups.c)
+        return cls(r.s, r.place, r.slope, r.bend, r.hold, r.stretch)
+
+    @classmethod
+    def empty(cls, groups) -> LoadPath:
+        """The shape of the empty cable."""
+        s = _nodes()
+        _, xp, yp, xpp, ypp = catenary.static(s, groups.sigma, groups.c)
+        place = np.stack(catenary.shape(s, groups.sigma, groups.c), -1)
+        hold = -groups.mu * groups.sigma * yp
+        return cls(s, place, np.stack([xp, yp], -1), np.stack([xpp, ypp], -1), hold, np.ones_like(s))
+
+    @classmethod
+    def chord(cls, groups) -> LoadPath:
+        """The straight line between the supports."""
+        s = _nodes()
+        slope = np.stack(catenary.shape(1.0, groups.sigma, groups.c))
+        ones = np.ones_like(s)
+        hold = -groups.mu * groups.sigma * slope[1] * ones
+        return cls(s, s[:, None] * slope, ones[:, None] * slope, np.zeros((s.size, 2)), hold, math.hypot(*slope) * ones)
+
+
+def _nodes() -> np.ndarray:
+    y = np.linspace(math.log(NEAREST_START / 2.0), -math.log(0.5 * (1.0 - FARTHEST_END)), NODES)
+    return 1.0 / (1.0 + np.exp(-y))
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened to the car."""
+
+    event: str  # "brake" | "turn" | "stop" | "arrival" | "thrust_end" | "release"
+    t: float
+    s_o: float
+    speed: float  # |dp/dt|
+
+
+@dataclass(frozen=True)
+class Ride:
+    """A quasi-static ride; times over l sqrt(rho/H), lengths over l."""
+
+    path: LoadPath
+    events: tuple[Event, ...]
+    sections: tuple[tuple[float, float, Callable[[Any], np.ndarray]], ...]  # t0, t1, (s_o, ds_o) at t
+
+    @property
+    def duration(self) -> float:
+        """Time at which the ride is over."""
+        return self.sections[-1][1] if self.sections else 0.0
+
+    def at(self, t) -> tuple[np.ndarray, np.ndarray]:
+        """Return (s_o, ds_o) at times t, each of its shape."""
+        t = np.clip(np.asarray(t, dtype=float), 0.0, self.duration)
+        which = np.clip(np.searchsorted([t0 for t0, _, _ in self.sections], t, side="right") - 1, 0, None)
+        out = np.empty((2, *t.shape))
+        for k in np.unique(which):
+            mine = which == k
+            out[:, mine] = self.sections[k][2](t[mine])
+        return out[0], out[1]
+
+    def speed(self, t) -> np.ndarray:
+        """|dp/dt| = |P'| |ds_o| at times t."""
+        s, v = self.at(t)
+        return np.abs(v) * np.linalg.norm(self.path.place(s, 1), axis=-1)
+
+    @cached_property
+    def top_speed(self) -> float:
+        """Largest |dp/dt|."""
+        return float(np.max(self.speed(np.linspace(0.0, self.duration, 2001)))) if self.sections else 0.0
+
+
+def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = math.inf) -> Ride:
+    """Let the car roll until it arrives, stops for good, has turned `turns` times, or its time is over."""
+    from scipy.integrate import solve_ivp
+
+    begin_hold = path(drive.start)[4]
+    places = [place for place, _ in drive.brakes]
+    level = [0.0, *np.cumsum([force for _, force in drive.brakes]).tolist()]  # brake force after so many brakes
+
+    def force(t: float, s: float, v: float, phase: int) -> tuple[float, float, float, float]:
+        """The generalised force without friction, the normal load without brakes, mu |P'|^2, <lam>."""
+        px, py, bx, by, hold, stretch = path(s)
+        p2 = px * px + py * py
+        p = math.sqrt(p2)
+        rx, ry = px * v - drive.wind, py * v
+        drag = -drive.k * math.hypot(rx, ry)
+        along = float(drive.thrust(t, phase)) * p + drag * (rx * px + ry * py)
+        normal = (mu * (bx * v * v) - drag * rx) * py - (mu * (by * v * v - sigma) - drag * ry) * px
+        free = along - hold + drive.hold(t) * begin_hold - mu * (px * bx + py * by) * v * v
+        return free, abs(normal) / p, mu * p2, stretch
+
+    def stands(t: float, s: float, phase: int, brakes: int) -> float:
+        """Force beyond what friction and brakes hold, with its sign; 0 where they hold."""
+        free, normal, _, stretch = force(t, s, 0.0, phase)
+        most = stretch * (drive.mu_r * normal + level[brakes]) + STICKS
+        return math.copysign(max(0.0, abs(free) - most), free)
+
+    def loose(t: float, s: float, phase: int, brakes: int) -> tuple[float, int] | None:
+        """When and in which phase a car at rest begins to move; None: never."""
+        for k in range(phase, len(drive.phases)):
+            t0, t1 = max(t, drive.phases[k][0]), drive.phases[k][1]
+            if stands(t0, s, k, brakes):
+                return t0, k
+            grid = np.linspace(t0, t1, 33) if math.isfinite(t1) else np.array([t0, t0])
+            for a, b in itertools.pairwise(grid):
+                if stands(b, s, k, brakes):
+                    return float(brentq(lambda t, k=k: abs(stands(t, s, k, brakes)) - 1e-300, a, b, xtol=1e-14)), k
+        return None
+
+    t, s, v, phase, sign, brakes = 0.0, drive.start, 0.0, 0, 0.0, bisect.bisect_right(places, drive.start)
+    events: list[Event] = []
+    sections: list[tuple[float, float, Callable]] = []
+
+    def log(name: str) -> None:
+        px, py, *_ = path(s)
+        events.append(Event(name, t, s, abs(v) * math.hypot(px, py)))
+
+    end = min(drive.end_time, HORIZON)
+    while t < end:
+        if v == 0.0:
+            go = loose(t, s, phase, brakes)
+            if go is None or go[0] >= end:
+                if go is None:
+                    log("stop")
+                break
+            if go[0] > t:
+                sections.append((t, go[0], lambda t, s=s: np.stack([np.full_like(t, s), np.zeros_like(t)])))
+            t, phase = go
+            before, sign = sign, math.copysign(1.0, stands(t, s, phase, brakes) or force(t + 1e-9, s, 0.0, phase)[0])
+            if before * sign < 0.0:
+                log("turn")
+                turns -= 1
+                if turns <= 0:
+                    break
+        watches = {"still": _watch(1, 0.0, -sign), "arrival": _watch(0, drive.end_place, 1.0)}
+        watches["support"] = _watch(0, NEAREST_START, -1.0)
+        if brakes < len(places):
+            watches["brake"] = _watch(0, places[brakes], 1.0)
+        if brakes > 0:
+            watches["back"] = _watch(0, places[brakes - 1], -1.0)
+
+        def rate(t, y, phase=phase, sign=sign, brakes=brakes):
+            free, normal, inertia, stretch = force(t, y[0], y[1], phase)
+            return [y[1], (free - sign * stretch * (drive.mu_r * normal + level[brakes])) / inertia]
+
+        stop = min(end, drive.phases[phase][1])
+        run = solve_ivp(
+            rate, (t, stop), [s, v], "DOP853", rtol=1e-10, atol=1e-12, dense_output=True, events=[*watches.values()]
+        )
+        if not run.success:
+            raise NoRest(f"the quasi-static ride cannot go on at s_o = {run.y[0, -1]:.4g}: {run.message}")
+        sections.append((t, float(run.t[-1]), run.sol))
+        t, (s, v) = float(run.t[-1]), run.y[:, -1].tolist()
+        hit = next((name for name, times in zip(watches, run.t_events, strict=True) if times.size), None)
+        if hit is None:  # the phase is over
+            if t < end:
+                names = {drive.release: "release"} | (
+                    {drive.thrust_table[-1][0]: "thrust_end"} if drive.thrust_table else {}
+                )
+                if t in names:
+                    log(names[t])
+                phase += 1
+        elif hit == "still":
+            v = 0.0
+        elif hit == "brake":
+            s = places[brakes]
+            brakes += 1
+            log("brake")
+        elif hit == "back":
+            s = places[brakes - 1]
+            brakes -= 1
+        else:  # a ride that rolls back into the near support is over, too
+            if hit == "arrival":
+                s = drive.end_place
+                log("arrival")
+            break
+    return Ride(path, tuple(events), tuple(sections))
+
+
+def _watch(component: int, value: float, direction: float) -> Callable:
+    """An event of scipy's integrator that ends a run where (s_o, ds_o)[component] passes a value."""
+
+    def watch(t, y):
+        return y[component] - value
+
+    watch.terminal, watch.direction = True, direction  # type: ignore[attr-defined]
+    return watch
+
+
+def quasi_static(groups, drive: Drive) -> tuple[Ride, Drive]:
+    """The ride on the loaded cable, and the drive with its `nominal` duration and its `end_time`.
+
+    A ride of open end that swings to and fro counts as over where it turns for the second time.
+    """
+    path = LoadPath.loaded(groups)
+    first = ride(path, groups.mu, groups.sigma, drive, math.inf if math.isfinite(drive.end_time) else 2)
+    nominal = first.duration or min(1.0, drive.end_time)  # a car that stays where it is: a wave's way
+    if math.isfinite(drive.end_time):
+        return first, replace(drive, nominal=nominal)
+    drive = replace(drive, nominal=nominal, end_time=LASTS * nominal)
+    if first.events and first.events[-1].event == "turn":
+        first = ride(path, groups.mu, groups.sigma, drive)
+    return first, drive

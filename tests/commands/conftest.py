@@ -1,0 +1,53 @@
+"""The command, called in an empty folder, and a check that is found at once."""
+
+import dataclasses
+
+import pytest
+
+from cablefem.response import write_json
+from validation import cli
+from validation.commands.check import study as check_study
+from validation.page.page import Section
+
+
+@pytest.fixture
+def cablefem(capsys, tmp_path, monkeypatch):
+    """Call the command in an empty folder; returns (exit code, standard output, standard error)."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        code = cli.main([str(argument) for argument in arguments])
+        out, err = capsys.readouterr()
+        assert "Traceback" not in err
+        return code, out, err
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def level_check():
+    """Both solvers at 5 percent: a second."""
+    return check_study.check("level", tol=5e-2)
+
+
+@pytest.fixture
+def checked(monkeypatch, level_check):
+    """Let `check` find at once what it found before, and write the verdict alone: only the command is tested here.
+
+    Returns a function that changes what it finds.
+    """
+    from validation import paraview
+    from validation.commands.check import page as pages
+
+    def find(**changes):
+        found = dataclasses.replace(level_check, **changes)
+        monkeypatch.setattr(check_study, "check", lambda scene, **how: dataclasses.replace(found, tol=how["tol"]))
+
+    find()
+    section = Section("check-verdict", "Verdict", "<p>1</p>", "agree", "both solvers")
+    monkeypatch.setattr(pages, "sections", lambda folder: [section])
+    monkeypatch.setattr(paraview, "write", lambda response, folder: None)
+    monkeypatch.setattr(
+        check_study.Check, "write", lambda check, out: write_json(out / "agreement.json", check.agreement())
+    )
+    return find

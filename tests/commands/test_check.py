@@ -1,0 +1,101 @@
+"""The main job as a command."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cablefem import Scene
+from tests.commands.calls import BROKEN, lines
+from validation.commands.check import study as check_study
+
+DATA = Path(__file__).parents[1] / "validation" / "data"
+
+
+def test_check_agrees_and_leaves_everything_in_its_folder(cablefem, tmp_path):
+    code, out, err = cablefem("check", "level", "--tol", "5e-2")
+    assert (code, err) == (0, "")
+    folder = tmp_path / "cablefem-out" / "level"
+    for method in check_study.SOLVERS:
+        for name in ("path.csv", "tension.csv", "summary.json", "response.xdmf"):
+            assert (folder / method / name).exists()
+        assert json.loads((folder / method / "summary.json").read_text())["path_error"] is not None
+    agreement = json.loads((folder / "agreement.json").read_text())
+    assert agreement["verdict"] == "agree"
+    quantities = ["path_max", "path_rms", "tension", "jump", "energy", "overshoot"]
+    assert [row["quantity"] for row in agreement["rows"]] == quantities
+    assert [line.split()[0] for line in out.splitlines()[1:7]] == quantities
+    assert "following-p2 and fourier-kink agree over s_o/l = 0.02 to 0.8\n" in out
+    assert "slack from s_o/l = 0." in out
+    assert "past" in out  # where the answer stops being meaningful
+    page = (folder / "report.html").read_text()
+    assert page.startswith("<!doctype html>") or page.startswith("<!DOCTYPE html>")
+    assert "fourier-kink" in page
+    assert Scene.from_toml((folder / "scene.toml").read_text()).groups == Scene.load("level").groups
+
+
+@pytest.mark.usefixtures("checked")
+def test_check_holds_a_third_party_against_ours(cablefem):
+    code, out, _ = cablefem("check", "level", "--with", DATA / "exudyn_level.csv", "--tol", "2e-2")
+    assert code == 0
+    assert "following-p2, fourier-kink and exudyn_level.csv agree" in out
+    row = next(line for line in out.splitlines() if line.startswith("path_max exudyn_level.csv"))
+    assert row.split()[-1] == "v"  # u and v
+    rows = json.loads(Path("cablefem-out/level/agreement.json").read_text())["rows"]
+    third = [row for row in rows if row.get("with") == "exudyn_level.csv"]
+    assert [row["quantity"] for row in third] == ["path_max", "path_rms"]
+    assert Path("cablefem-out/level/with.csv").exists()
+    # Without it the second time, nothing of it stays.
+    assert cablefem("check", "level", "--tol", "2e-2")[0] == 0
+    assert not Path("cablefem-out/level/with.csv").exists()
+
+
+def planted(tmp_path, factor):
+    rows = np.loadtxt(DATA / "opensees_level.csv", delimiter=",", skiprows=1)
+    rows[:, 3] *= factor
+    np.savetxt(tmp_path / "off.csv", rows, delimiter=",", header="t_s,s_o_over_l,u_over_l,v_over_l_down")
+    return tmp_path / "off.csv"
+
+
+@pytest.mark.usefixtures("checked")
+def test_a_third_party_that_is_off_is_1_and_flagged(cablefem, tmp_path):
+    code, out, _ = cablefem("check", "level", "--with", planted(tmp_path, 1.05), "--with-tol", "1e-2")
+    assert code == 1
+    assert "DISAGREE" in out
+    row = next(line for line in out.splitlines() if line.startswith("path_max off.csv"))
+    assert "disagree" in row
+
+
+@pytest.mark.usefixtures("checked")
+def test_a_third_party_with_v_up_is_named_and_nothing_is_written(cablefem, tmp_path):
+    code, _, err = cablefem("check", "level", "--with", planted(tmp_path, -1.0))
+    assert code == 2
+    assert "off.csv: v points the other way" in lines(err)[0]
+    assert lines(err)[0].endswith("name it v_over_l_up")
+    assert not Path("cablefem-out").exists()
+
+
+@pytest.mark.parametrize(("verdict", "code"), [("disagree", 1), ("not comparable", 1), ("agree", 0)])
+def test_the_exit_code_of_a_check_is_its_verdict(cablefem, checked, level_check, verdict, code):
+    first, *rest = level_check.rows
+    other = {
+        "agree": first,
+        "disagree": dataclasses.replace(first, gap=2.0 * first.allowed),
+        "not comparable": dataclasses.replace(first, bound=dataclasses.replace(first.bound, tol=1e-9)),
+    }[verdict]
+    checked(rows=[other, *rest])
+    found, out, _ = cablefem("check", "level")
+    assert found == code
+    words = {"agree": "agree", "disagree": "DISAGREE", "not comparable": "are NOT COMPARABLE"}
+    assert f"following-p2 and fourier-kink {words[verdict]} over" in out
+    assert json.loads(Path("cablefem-out/level/agreement.json").read_text())["verdict"] == verdict
+
+
+def test_a_check_with_a_run_that_broke_is_2(cablefem, checked, level_check):
+    run = dataclasses.replace(level_check.b.run, **BROKEN, slack_onset=None, cause="Newton stalled")
+    checked(b=dataclasses.replace(level_check.b, run=run))
+    code, _, err = cablefem("check", "level")
+    assert code == 2
+    assert lines(err)[0].startswith("fourier-kink broke at s_o/l = 0.9")

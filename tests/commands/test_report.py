@@ -1,0 +1,99 @@
+"""Studies, and the report that gathers them."""
+
+import sys
+import types
+from pathlib import Path
+
+import pytest
+
+from validation.page.page import Section
+
+STUDIES = {
+    "advise": ("adequacy", "advise", ["advise", "level", "--tol", "1e-2"], "level"),
+    "chart": ("workprecision", "chart", ["chart", "level"], "level"),
+    "atlas": ("stability", "atlas", ["atlas"], "atlas"),
+    "oracles": ("exactness", "oracle_table", ["oracles"], "oracles"),
+    "paper": ("claims", "paper", ["paper"], "paper"),
+}
+
+
+def stand_in(monkeypatch, command, verdict="agree"):
+    """Put a study and its pages in the place of those of a command; returns what the study was called with."""
+    _, function, arguments, folder = STUDIES[command]
+    calls = []
+
+    def study(*inputs):
+        calls.append(inputs)
+        inputs[-1]("half", 0.5)
+        return {"verdict": verdict}
+
+    pages = types.SimpleNamespace(sections=lambda out: [Section("one", "One", "<p>1</p>", verdict, "this was found")])
+    monkeypatch.setitem(sys.modules, f"validation.commands.{command}.study", types.SimpleNamespace(**{function: study}))
+    monkeypatch.setitem(sys.modules, f"validation.commands.{command}.page", pages)
+    return calls, arguments, Path("cablefem-out") / folder
+
+
+@pytest.mark.parametrize("command", sorted(STUDIES))
+def test_a_study_gets_its_inputs_and_its_findings_are_told(cablefem, monkeypatch, command):
+    calls, arguments, folder = stand_in(monkeypatch, command)
+    code, out, err = cablefem(*arguments)
+    assert (code, err) == (0, "")
+    (inputs,) = calls
+    assert inputs[-2] == folder
+    named = {"advise": ["level", 1e-2], "chart": ["level"]}.get(command, [])
+    assert [getattr(x, "name", x) for x in inputs[:-2]] == named
+    assert "this was found" in out
+    assert "this was found" in (folder / "report.html").read_text()
+
+
+@pytest.mark.parametrize(("command", "code"), [("oracles", 1), ("paper", 0), ("atlas", 0)])
+def test_only_oracles_put_our_solvers_to_the_test(cablefem, monkeypatch, command, code):
+    _, arguments, _ = stand_in(monkeypatch, command, verdict="disagree")
+    assert cablefem(*arguments)[0] == code
+
+
+@pytest.mark.usefixtures("checked")
+def test_report_runs_what_is_missing_and_gathers_what_is_there(cablefem, monkeypatch):
+    monkeypatch.setattr("validation.commands.report.command.PARTS", ())
+    assert cablefem("report")[0] == 2
+    assert cablefem("check", "level")[0] == 0
+    calls, _, _ = stand_in(monkeypatch, "atlas")
+    monkeypatch.setattr("validation.commands.report.command.PARTS", (("check", "level"), ("atlas",)))
+    for _ in range(2):  # also a second time, over the first one
+        code, out, _ = cablefem("report")
+        assert code == 0
+        page = Path("cablefem-out/report.html").read_text()
+        assert "this was found" in page
+        assert "atlas: One" in out
+        assert "level: " in out
+        assert 'id="atlas-one"' in page
+    assert len(calls) == 1  # a finished part is not run again
+    # of one folder
+    assert cablefem("report", "--out", "cablefem-out/level")[0] == 0
+    assert "this was found" not in Path("cablefem-out/level/report.html").read_text()
+
+
+@pytest.mark.usefixtures("checked")
+def test_an_interrupted_part_is_run_again(cablefem, monkeypatch):
+    stand_in(monkeypatch, "atlas")
+    monkeypatch.setattr("validation.commands.report.command.PARTS", (("check", "level"), ("atlas",)))
+    study = sys.modules["validation.commands.atlas.study"]
+
+    def interrupted(*inputs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(study, "atlas", interrupted)
+    assert cablefem("report")[0] == 130
+    assert not Path("cablefem-out/report.html").exists()
+    stand_in(monkeypatch, "atlas")
+    assert cablefem("report")[0] == 0
+    assert "this was found" in Path("cablefem-out/report.html").read_text()
+
+
+def test_report_does_not_write_over_a_strange_file(cablefem, monkeypatch):
+    monkeypatch.setattr("validation.commands.report.command.PARTS", ())
+    _, arguments, _ = stand_in(monkeypatch, "atlas")
+    assert cablefem(*arguments)[0] == 0
+    Path("cablefem-out/report.html").write_text("mine")
+    assert cablefem("report")[0] == 2
+    assert Path("cablefem-out/report.html").read_text() == "mine"

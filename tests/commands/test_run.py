@@ -1,0 +1,94 @@
+"""One method on one scene."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+
+from cablefem import Scene
+from cablefem.response import Response
+from tests.commands.calls import BROKEN, QUICK, lines
+from validation.core import resolution, running
+from validation.core.flags import flag
+from validation.core.running import run
+
+
+def test_run_writes_its_files_and_says_what_came_out(cablefem, tmp_path):
+    code, out, err = cablefem("run", "level", *QUICK)
+    assert (code, err) == (0, "")
+    folder = tmp_path / "cablefem-out" / "level" / "following-p2"
+    assert {path.name for path in folder.iterdir()} == {
+        "path.csv", "tension.csv", "summary.json", "response.npz", "response.xdmf", "mass.xdmf",
+    }  # fmt: skip
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["settings"]["elements"] == 4
+    assert summary["path_error"] is None
+    assert "level, following-p2: elements=4, steps=100\n" in out
+    assert f"largest deflection of the mass {summary['max_deflection']:.5g} m" in out
+    assert f"slack from s_o/l = {summary['slack_onset']:.3f} on" in out
+    assert f"written to {Path('cablefem-out') / 'level' / 'following-p2'}" in out
+
+
+def test_run_takes_model_load_and_law(cablefem):
+    code, out, _ = cablefem(
+        "run", "inclined", *QUICK, "--model", "stretching", "--load", "force", "--law", "elastic", "--out", "x"
+    )
+    assert code == 0
+    assert "elements=4, steps=100, stretching, force, elastic" in out
+    summary = Response.read(Path("x/following-p2")).summary()
+    assert (summary["model"], summary["load"], summary["law"]) == ("stretching", "force", "elastic")
+
+
+def test_run_with_tol_chooses_the_resolution_and_makes_an_estimate(cablefem):
+    code, out, _ = cablefem("run", "inclined", "--method", "following-p2", "--tol", "3e-2", "--out", "x")
+    assert code == 0
+    summary = json.loads(Path("x/following-p2/summary.json").read_text())
+    assert 0.0 < summary["path_error"] <= 3e-2
+    assert " +- " in out
+
+
+def test_a_tolerance_out_of_reach_is_1_and_said(cablefem, monkeypatch, inclined):
+    def too_coarse(scene, method, tol, **how):
+        raise resolution.TooCoarse("following-p2 reaches 1, not 1e-06", inclined)
+
+    monkeypatch.setattr(resolution, "resolve", too_coarse)
+    code, _, err = cablefem("run", "inclined", "--method", "following-p2", "--tol", "1e-6", "--out", "x")
+    assert code == 1
+    assert lines(err) == ["following-p2 reaches 1, not 1e-06"]
+    assert Path("x/following-p2/path.csv").exists()
+
+
+@pytest.fixture(scope="module")
+def inclined():
+    return run(Scene.load("inclined"), "following-p2", elements=4, steps=100)
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({}, 0),
+        ({**BROKEN, "slack_onset": None, "cause": "Newton stalled"}, 2),
+        ({**BROKEN, "slack_onset": 0.7, "cause": "slack"}, 0),
+        ({**BROKEN, "slack_onset": 0.2, "cause": "unstable"}, 2),  # its slack is the instability's own
+        ({"flags": [flag("energy", gain=0.4, allowed=0.2)]}, 1),
+    ],
+)
+def test_the_exit_code_of_a_run_says_whether_it_broke_before_the_slack_onset(
+    cablefem, monkeypatch, inclined, changes, code
+):
+    response = dataclasses.replace(inclined, **changes)
+    monkeypatch.setattr(running, "run", lambda *names, **how: response)
+    found, out, err = cablefem("run", "inclined", *QUICK, "--out", "x")
+    assert found == code
+    assert Path("x/following-p2/path.csv").exists()  # what was computed is kept
+    assert ("following-p2 broke at s_o/l = 0.9" in err) == (code == 2)
+    if changes:
+        assert "stalled" in out or "gains energy" in out
+
+
+def test_a_run_that_really_breaks_is_2(cablefem):
+    code, _, err = cablefem("run", "level", "--method", "fourier", "--set", "scheme=central-difference",
+                            "--set", "terms=20", "--set", "steps=50")  # fmt: skip
+    assert code == 2
+    assert "fourier broke at s_o/l = 0." in err

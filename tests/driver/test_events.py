@@ -1,0 +1,206 @@
+"""Events of small systems whose instants are known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+from cablefem.newmark import EndlessEvents, Newton, StepFailure, Work, integrate, scheme
+from cablefem.newmark.march import MOST_EVENTS
+from tests.driver.systems import Alarms, Ball, Pendulum, Rubbed, Spring
+
+TIGHT = Newton(tol=1e-13)
+TRAPEZOIDAL = scheme("trapezoidal")
+
+
+def run(system, steps, method=TRAPEZOIDAL):
+    """Return the states, and the events."""
+    work = Work()
+    end = system.phases[-1][1]
+    return list(integrate(system, method, [np.linspace(0.0, end, steps + 1)], newton=TIGHT, work=work)), work.events
+
+
+def bounces(ball, end):
+    """The exact instants of contact: sqrt(2 h/g) (1 + 2 e + 2 e^2 + ...)."""
+    t, flight, out = 0.0, math.sqrt(2.0 * ball.q0 / ball.g), []
+    t += flight
+    while t < end:
+        out.append(t)
+        flight *= ball.restitution
+        t += 2.0 * flight
+    return out
+
+
+@pytest.mark.parametrize("name", ["trapezoidal", "generalized-alpha", "energy"])
+def test_a_ball_bounces_when_it_must(name):
+    """Free fall is of second degree in t, which these rules follow exactly: so are the instants, to rounding."""
+    ball = Ball(end=3.6)
+    states, events = run(ball, 17, scheme(name))
+    times = bounces(ball, 3.6)
+    assert len(times) == 4
+    assert [e.name for e in events] == ["ground"] * 4
+    np.testing.assert_allclose([e.t for e in events], times, rtol=0.0, atol=1e-13)
+    # every event's state is there, as it was before the change, and every instant of the grid
+    at = {x.t: x for x in states}
+    assert all(at[e.t].v[0] < 0.0 for e in events)
+    assert set(np.linspace(0.0, 3.6, 18)) < set(at)
+    assert (np.diff([x.t for x in states]) > 0.0).all()
+    assert all(x.q[0] > -1e-14 for x in states)
+
+
+def test_a_bounce_at_the_end_of_a_step_misses_in_first_order(monkeypatch):
+    """The twin: without location the height after the bounce is wrong by O(dt)."""
+
+    def height(steps):
+        ball = Ball(end=1.1)
+        states, _ = run(ball, steps)
+        return states[-1].q[0]
+
+    exact = height(11)
+    assert height(170) == pytest.approx(exact, abs=1e-13)
+    monkeypatch.setattr(
+        "cablefem.newmark.march.first_event",
+        lambda system, step, x0, x1: (x1, ["ground"] if x0.q[0] > 0.0 >= x1.q[0] else []),
+    )
+    errors = [abs(height(n) - exact) for n in (11, 170)]
+    assert errors[0] > 0.03
+    assert 2e-4 < errors[1] < 0.2 * errors[0]
+
+
+def test_a_ball_that_comes_to_rest_by_ever_more_bounces_ends_with_a_typed_error():
+    ball = Ball(restitution=0.5, end=4.0)
+    limit = math.sqrt(2.0 * ball.q0 / ball.g) * (1.0 + 0.5) / (1.0 - 0.5)
+    with pytest.raises(EndlessEvents, match=f"more than {MOST_EVENTS} events") as caught:
+        run(ball, 10)
+    # twenty bounces of the last step are 2^-20 of the time that was left
+    assert caught.value.t == pytest.approx(limit, abs=1e-5)
+
+
+@pytest.mark.parametrize("steps", [60, 160])
+def test_dry_friction_takes_the_same_from_every_swing_and_holds_the_last_one(steps):
+    """Turning points at (-1)^n (q0 - 2 n f/k); the trapezoidal rule keeps the energy of a swing, so they are exact."""
+    rubbed = Rubbed(m=1.7, k=5.3, q0=1.0, v0=-1e-300, friction=0.8, end=6.0)
+    states, events = run(rubbed, steps)
+    drop = 2.0 * 0.8 / 5.3
+    turns = [1.0 - drop, -(1.0 - 2.0 * drop), 1.0 - 3.0 * drop]
+    at = {x.t: x.q[0] for x in states}
+    assert len(events) == 3
+    np.testing.assert_allclose([at[e.t] for e in events], -np.array(turns), rtol=0.0, atol=1e-11)
+    assert abs(turns[-1]) < 0.8 / 5.3  # where the spring is too weak
+    stuck = [x for x in states if x.t > events[-1].t]
+    assert len(stuck) > 5
+    assert max(abs(x.q[0] - at[events[-1].t]) for x in stuck) < 1e-13
+    half_period = math.pi * math.sqrt(1.7 / 5.3)
+    # the rule's period is too long by (omega dt)^2 / 12
+    late = (6.0 / steps) ** 2 * 5.3 / 1.7 / 12.0
+    np.testing.assert_allclose(np.diff([0.0] + [e.t for e in events]), half_period * (1.0 + late), rtol=0.1 * late)
+
+
+def test_a_pendulum_turns_at_its_amplitude_after_half_its_period():
+    half_period = 2.0 * ellipk(math.sin(0.5 * 1.9) ** 2)
+    late = []
+    for steps in (150, 300):
+        states, events = run(Pendulum(), steps, scheme("energy"))
+        at = {x.t: x.q[0] for x in states}
+        # the first turn is the start itself: v = 0 there is no event, nothing was > 0 before
+        assert len(events) == 2 == int(9.0 / half_period)
+        # the energy rule keeps the energy (four Gauss points of a sine: 1e-13 at this step), so the amplitude
+        np.testing.assert_allclose([at[e.t] for e in events], [-1.9, 1.9], rtol=0.0, atol=1e-11)
+        late.append(events[-1].t - 2.0 * half_period)
+    assert late[0] / late[1] == pytest.approx(4.0, rel=0.02)
+    assert abs(late[1]) < 2e-3
+
+
+def test_an_event_at_a_steps_end_costs_no_step():
+    grid = np.linspace(0.0, 1.0, 11)
+    for shift in (0.0, 1e-17, -1e-17, 3e-16, -3e-16):
+        states, events = run(Alarms(bell=lambda t, at=0.3 + shift: at - t), 10)
+        assert len(events) == 1
+        assert len(states) == 11
+        np.testing.assert_allclose([x.t for x in states], grid, rtol=0.0, atol=1e-15)
+        assert events[0].t in [x.t for x in states]
+
+
+def test_events_of_one_step_come_in_their_order():
+    states, events = run(Alarms(late=lambda t: 0.37 - t, early=lambda t: 0.31 - t, between=lambda t: 0.35 - t**1.5), 10)
+    assert [e.name for e in events] == ["early", "late", "between"]  # 0.35^(2/3) = 0.497 is another step's
+    states, events = run(Alarms(late=lambda t: 0.37 - t, early=lambda t: 0.31 - t, between=lambda t: 0.2 - t**1.5), 10)
+    assert [e.name for e in events] == ["early", "between", "late"]
+    np.testing.assert_allclose([e.t for e in events], [0.31, 0.2 ** (2.0 / 3.0), 0.37], rtol=1e-15)
+    assert {e.t for e in events} <= {x.t for x in states}
+
+
+def test_events_at_one_instant_are_passed_one_after_another_while_they_hold():
+    _, events = run(Alarms(a=lambda t: 0.45 - t, b=lambda t: 3.0 * (0.45 - t)), 10)
+    assert sorted(e.name for e in events) == ["a", "b"]
+    assert abs(events[0].t - events[1].t) < 1e-15
+
+    class Either(Alarms):
+        """The first event that is passed calls the other one off."""
+
+        gone = False
+
+        def watch(self, x):
+            return (np.inf, np.inf) if self.gone else super().watch(x)
+
+        def pass_event(self, name, x):
+            self.gone = True
+            return x
+
+    _, events = run(Either(a=lambda t: 0.45 - t, b=lambda t: 0.45 - t), 10)
+    assert len(events) == 1
+
+
+def test_touching_zero_is_an_event_at_the_end_of_a_step_only():
+    """What steps do not see is no event."""
+    _, events = run(Alarms(touch=lambda t: (t - 0.33) ** 2), 10)
+    assert events == []
+    states, events = run(Alarms(touch=lambda t: (10.0 * t - 5.0) ** 2), 10)
+    assert [(e.name, e.t) for e in events] == [("touch", 0.5)]
+    assert len(states) == 11
+
+
+def test_what_is_not_armed_does_not_happen():
+    assert (
+        run(Alarms(low=lambda t: -1.0, off=lambda t: np.inf, fall=lambda t: np.inf if t < 0.5 else -1.0), 10)[1] == []
+    )
+
+
+def test_an_event_may_end_the_run():
+    states, events = run(Alarms(over=lambda t: 0.4321 - t), 10)
+    assert states[-1].t == events[-1].t == pytest.approx(0.4321, rel=1e-15)
+    assert len(states) == 6
+
+
+def test_an_event_that_happens_again_at_once_ends_with_a_typed_error_after_so_many():
+    class Nervous(Alarms):
+        """Armed at every step's beginning, and gone at its end."""
+
+        now = 0.0
+
+        def watch(self, x):
+            return (1.0 if x.t <= self.now else -1.0,)
+
+        def pass_event(self, name, x):
+            self.now = x.t
+            return x
+
+    work = Work()
+    with pytest.raises(EndlessEvents, match="'again'"):
+        list(integrate(Nervous(again=None), TRAPEZOIDAL, [np.linspace(0.0, 1.0, 11)], work=work))
+    assert len(work.events) == MOST_EVENTS
+
+
+def test_an_event_without_a_value_is_a_failure():
+    with pytest.raises(StepFailure, match="'lost' has no value"):
+        run(Alarms(lost=lambda t: math.nan if t > 0.5 else 1.0), 10)
+
+
+def test_a_system_that_watches_nothing_runs_as_ever():
+    plain, watched = Spring(end=1.0), Alarms(never=lambda t: 1.0)
+    for a, b in zip(run(plain, 10)[0], run(watched, 10)[0], strict=True):
+        assert a.t == b.t
+        assert np.array_equal(a.q, b.q)

@@ -1,0 +1,27 @@
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from validation.options import Out, SceneName, real, scene_named, study, tol_faults
+
+PLACE = 6
+EXAMPLE = "cablefem advise inclined --tol 1e-2"
+
+
+def command(
+    scene: SceneName,
+    tol: Annotated[float, typer.Option(parser=real, metavar="X", help="Error of the mass path that is good enough.")],
+    out: Out = None,
+) -> int:
+    """Find the least model and cheapest method for a scene.
+
+    Writes DIR/: advice.json, with the evidence, and report.html.
+    """
+    loaded = scene_named(scene, tol_faults(tol), travelling=True)
+
+    from validation.commands.advise.study import advise
+
+    study("advise", loaded, ["advice.json"], out, advise, loaded, tol)
+    return 0

@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from validation import terminal
+from validation.core import store
+from validation.options import Out, SceneName, real, scene_named, tol_faults
+
+PLACE = 4
+EXAMPLE = "cablefem check my.toml --tol 1e-4 --with other.csv"
+
+
+def command(
+    scene: SceneName,
+    tol: Annotated[
+        float, typer.Option(parser=real, metavar="X", help="Asked of the path's error, over its largest deflection.")
+    ] = 1e-3,
+    other: Annotated[
+        Path | None, typer.Option("--with", metavar="FILE", help="Another program's mass path as CSV, a third party.")
+    ] = None,
+    with_tol: Annotated[
+        float, typer.Option(parser=real, metavar="X", help="Allowed to it beside our own error bar.")
+    ] = 5e-3,
+    out: Out = None,
+) -> int:
+    """Run two solvers that share no formula; do they agree?
+
+    Writes DIR/: report.html, agreement.json, scene.toml and one folder per method.
+
+    Gaps: of the mass paths over the largest deflection (path_max, path_rms); of the tension fields over H (tension);
+    what is missing from the law of the jump at the mass over M g (jump) and from the balance of energy (energy); of
+    the oscillation of the tension along the cable over H (overshoot).
+
+    FILE has columns t [s] or s_o [m], v [m] positive down, and u [m] if known; other units and directions are told by
+    the name: s_o_over_l, t_ms, v_over_l, v_mm, v_up, ...
+    """
+    faults = tol_faults(tol)
+    if not 0.0 <= with_tol <= 1.0:
+        faults.append(f"--with-tol must lie in [0, 1], got {with_tol:g}")
+    loaded = scene_named(scene, faults, travelling=True)
+
+    from validation import paraview, report, telling
+    from validation.commands.check import study, words
+    from validation.core import foreign
+    from validation.core.running import run
+
+    path = None
+    if other is not None:
+        path = foreign.ForeignPath.read(other, loaded)
+        foreign.refuse_misnamed(path, run(loaded, study.SOLVERS[0], elements=6, steps=200))
+    folder = store.claim(out, "check", loaded, ["agreement.json", "scene.toml", "with.csv", *study.SOLVERS])
+    with terminal.progress() as progress:
+        result = study.check(loaded, tol=tol, progress=progress)
+        progress("writing", 0.0)
+        (folder / "with.csv").unlink(missing_ok=True)
+        if path is not None:
+            result = study.joined(result, path, with_tol)
+            path.write(folder / "with.csv")
+        result.write(folder)
+        progress("writing", 0.5)
+        for e in (result.a, result.b):
+            paraview.write(e.run, folder / e.run.method)
+        report.write(folder, "check")
+        store.finish(folder, "check")
+        progress("writing", 1.0)
+    words.tell(result)
+    terminal.say(f"written to {folder}: report.html, agreement.json, {result.a.run.method}/, {result.b.run.method}/")
+    return telling.broken(result.a.run, result.b.run) or (0 if result.verdict.value == "agree" else 1)

@@ -1,0 +1,36 @@
+from __future__ import annotations
+
+import math
+
+from validation import terminal
+from validation.core import store
+from validation.options import Out, SceneName, scene_named
+
+PLACE = 5
+EXAMPLE = "cablefem modes bare"
+
+
+def command(scene: SceneName, out: Out = None) -> int:
+    """Print the first ten frequencies of the cable alone.
+
+    From both solvers and the exact theory, omega l sqrt(rho/H). Writes DIR/modes.json.
+    """
+    loaded = scene_named(scene)
+
+    from validation import telling
+    from validation.commands.modes import study
+
+    folder = store.claim(out, "modes", loaded, ["modes.json"])
+    found = study.modes(loaded)
+    found.write(folder)
+    store.finish(folder, "modes")
+    hertz = found.omega[study.EXACT] / (2.0 * math.pi * loaded.time_scale)
+    rows = [
+        [str(i + 1), f"{hertz[i]:.5g}", *(f"{omega[i]:.7f}" for omega in found.omega.values())]
+        for i in range(study.COUNT)
+    ]
+    terminal.table(["mode", "Hz", *found.omega], rows, right=["mode", "Hz", *found.omega])
+    terminal.say()
+    telling.rows(found.rows)
+    terminal.say(f"written to {folder}: modes.json")
+    return 0 if all(row.verdict.value == "agree" for row in found.rows) else 1

@@ -1,0 +1,20 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from validation.options import study, to
+
+PLACE = 10
+EXAMPLE = "cablefem paper"
+
+
+def command(out: Annotated[Path | None, to("paper")] = None) -> int:
+    """Redo the paper's figures; a verdict on each claim.
+
+    Writes DIR/: claims.json and report.html.
+    """
+    from validation.commands.paper.study import paper
+
+    study("paper", "paper", ["claims.json", "numbers.json", "runs"], out, paper)
+    return 0

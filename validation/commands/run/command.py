@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+from functools import partial
+from typing import Annotated, Any
+
+import typer
+
+from validation import terminal
+from validation.core import store
+from validation.options import Out, SceneName, near, real, scene_named, tol_faults
+
+PLACE = 3
+EXAMPLE = "cablefem run level --method fourier --set terms=60"
+CHOICES = {
+    "model": ("full", "stretching", "sagged", "string"),
+    "load": ("mass", "force"),
+    "law": ("auto", "elastic", "tension-only"),
+}
+
+
+def command(
+    scene: SceneName,
+    method: Annotated[str, typer.Option(metavar="NAME", help="A method (cablefem methods).")],
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A setting of the method; repeatable.")
+    ] = None,
+    model: Annotated[str, typer.Option(metavar="NAME", help="full, stretching, sagged or string.")] = "full",
+    load: Annotated[str, typer.Option(metavar="NAME", help="mass, or force: its weight alone.")] = "mass",
+    law: Annotated[
+        str, typer.Option(metavar="NAME", help="elastic, tension-only, or auto: tension-only from the slack onset on.")
+    ] = "auto",
+    tol: Annotated[
+        float | None,
+        typer.Option(parser=real, metavar="X", help="Choose resolution and steps for a path error of at most X."),
+    ] = None,
+    out: Out = None,
+) -> int:
+    """Run one method on one scene.
+
+    Writes DIR/METHOD/: path.csv, tension.csv, summary.json, response.npz, and response.xdmf and mass.xdmf for ParaView.
+    """
+    faults: list[str] = []
+    for option, given in (("model", model), ("load", load), ("law", law)):
+        known = CHOICES[option]
+        if given not in known:
+            faults.append(f"--{option} must be one of {', '.join(known)}, got {given!r}{near(given, known)}")
+    faults += tol_faults(tol)
+    chosen, settings = _method_with(method, set_ or [], tol, faults)
+    loaded = scene_named(scene, faults, travelling=True)
+
+    from validation import paraview, telling
+    from validation.core.resolution import TooCoarse, resolve
+    from validation.core.running import run as run_method
+
+    folder = store.claim(out, "run", loaded, [method])
+    kind = {"model": model, "load": load, "law": law, **settings}
+    too_coarse = ""
+    with terminal.progress() as progress:
+        if tol is None:
+            response = run_method(loaded, chosen, **kind, progress=partial(progress, method))
+        else:
+            try:
+                response = resolve(loaded, method, tol, **kind, progress=partial(progress, method))
+            except TooCoarse as error:
+                response, too_coarse = error.best, str(error)
+        response.write(folder / method)
+        paraview.write(response, folder / method)
+    telling.answer(response)
+    terminal.say(f"written to {folder / method}")
+    if broken := telling.broken(response):
+        return broken
+    if too_coarse:
+        terminal.complain([too_coarse])
+    return 1 if too_coarse or response.flags else 0
+
+
+def _method_with(name: str, pairs: list[str], tol: float | None, faults: list[str]) -> tuple[Any, dict[str, Any]]:
+    """Return the method and the settings given; every fault adds a line."""
+    from validation.core.methods import find
+
+    try:
+        method = find(name)
+    except ValueError as error:
+        faults.append(str(error))
+        return None, {}
+    if method.wrong and tol is not None:
+        faults.append(f"{name} converges to a wrong answer: no resolution meets --tol")
+    settings: dict[str, Any] = {}
+    for pair in pairs:
+        key, given, value = (part.strip() for part in pair.partition("="))
+        if not given:
+            faults.append(f"--set must be KEY=VALUE, got {pair!r}")
+        elif tol is not None and key in (space := method.resolution.setting, "steps"):
+            faults.append(f"--set {key} and --tol exclude each other: --tol chooses {space} and steps")
+        else:
+            try:
+                settings[key] = method.settings({key: value})[key]
+            except ValueError as error:
+                faults.append(str(error))
+    return method, settings
