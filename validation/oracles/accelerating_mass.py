@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from validation.oracles import accelerating_force
-
 from validation.oracles.case import MU, SIGMA, Crossing, Oracle, inside, level
 
 Array = NDArray[np.float64]

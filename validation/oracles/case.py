@@ -65,7 +65,7 @@ class Solvers(Protocol):
     def order(self, name: str) -> tuple[float | None, str]:
         """Return the order that the path of a mass has with that method, None where it is wrong, and why."""
 
-    def ladder(self, name: str, *, finer: int = 1) -> list[Rung]:
+    def ladder(self, name: str, *, finer: float = 1.0) -> list[Rung]:
         """Return its settings from coarse to fine, steps in balance with the resolution."""
 
     def path(self, crossing: Crossing, name: str, **settings: Any) -> Path:
@@ -131,7 +131,7 @@ class Crossing(Case):
     load: str = "mass"
     model: str = "straight"  # a string without sag, or one of the solvers' models
     scene: str = ""  # run this one through scene, run and response instead
-    finer: int = 1  # a light mass moves in a layer as short as its mass ratio: ladders begin so much finer
+    finer: float = 1.0  # a light mass moves in a layer as short as its mass ratio: ladders begin so much finer
     begins: float = 0.0  # s_o at t = 0; the string rests then, and no wave has come back before `until`
     until: float = WINDOW[1]
     at_most: float = math.inf  # no higher order for any method
@@ -212,7 +212,7 @@ class Law(Case):
     scene: str
     defect: Callable[[Any], Error]
     falls: float  # with this order
-    finer: int = 1
+    finer: float = 1.0
 
     def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
         return solvers.ladder(method, finer=self.finer)

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from validation.oracles import accelerating_force
-
 from validation.oracles.case import Oracle
 
 Array = NDArray[np.float64]

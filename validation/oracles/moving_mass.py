@@ -583,7 +583,7 @@ def _cases() -> list[Crossing | Limit]:
     def ride(name: str, travel: Travel, motion: Motion, mu: float = MU) -> Crossing:
         return Crossing(
             name=name, groups=level(motion, mu), travel=travel.position,
-            exact=solve(travel, mu=mu, sigma=SIGMA).path, finer=3 if mu < 0.5 else 1,
+            exact=solve(travel, mu=mu, sigma=SIGMA).path, finer=3.0 if mu < 0.5 else 1.0,
         )  # fmt: skip
 
     def steady(mu: float, V: float) -> Crossing:
@@ -611,8 +611,8 @@ def _paper() -> Crossing:
     travel = constant_speed(V)
     exact = solve(travel, mu=groups.mu, sigma=_heavier(groups, V)).path
     return Crossing(
-        name="the paper's mass and speed, g (1 + V²)", scene="level", groups=groups, travel=travel.position, exact=exact,
-        methods=None,
+        name="the paper's mass and speed, g (1 + V²)", scene="level", groups=groups, travel=travel.position,
+        exact=exact, methods=None,
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -21,9 +21,10 @@ from cablefem.response import Array, Response, States, write_json
 from cablefem.scene import Groups, Scene
 from validation import oracles
 from validation.core.estimate import CREDITED_SPACE_ORDER, SAFETY
-from validation.core.methods import METHODS, find, refined
+from validation.core.methods import ELEMENTS, LEVELS, METHODS, TERMS, Method, find
 from validation.core.running import run
-from validation.oracles import case
+from validation.oracles.case import WINDOW, Case, Crossing, Rung, Solvers
+from validation.oracles.case import Path as MassPath
 
 # An order read off a ladder of three or four runs scatters by so much: fronts pass the mass at other places of the
 # mesh in each of them.
@@ -59,14 +60,14 @@ class Task:
     """A row still to be computed."""
 
     oracle: str
-    case: case.Case
+    case: Case
     method: str
 
     @property
     def key(self) -> tuple[str, str, str]:
         return self.oracle, self.case.name, self.method
 
-    def compute(self, solvers: case.Solvers | None = None) -> Row:
+    def compute(self, solvers: Solvers | None = None) -> Row:
         """Climb the case's ladder and hold every rung against the exact answer."""
         solvers, case, method = solvers or SOLVERS, self.case, self.method
         rungs = case.ladder(solvers, method)
@@ -173,10 +174,10 @@ def judge(error: float, allowed: float, observed: float, expected: float | None)
 
 # --- the solvers, as cases ask for them -----------------------------------------------------------------------------
 
-BASES = {  # of frequencies: the coarsest, how often it is doubled; order and why
-    "P2 elements": ("elements", 4.0, "twice the degree: frequencies are stationary values"),
-    "sines": ("terms", 3.0, "coefficients of symmetric modes fall like 1/n³ against sines' own ends"),
-    "wavelets": ("level", 3.0, "db4 reproduces cubics: three orders at least"),
+BASES = {  # of frequencies: what is refined; order and why
+    "P2 elements": (ELEMENTS, 4.0, "twice the degree: frequencies are stationary values"),
+    "sines": (TERMS, 3.0, "coefficients of symmetric modes fall like 1/n³ against sines' own ends"),
+    "wavelets": (LEVELS, 3.0, "db4 reproduces cubics: three orders at least"),
 }
 
 
@@ -193,22 +194,26 @@ class _Solvers:
         if method.wrong:
             return None, "none: the centrifugal force is lost at the nodes, it converges to something else"
         if method.space_order <= 1.0:
-            return method.space_order, "the kink under the mass lies inside an element or between the waves of the basis"
+            return (
+                method.space_order,
+                "the kink under the mass lies inside an element or between the waves of the basis",
+            )
         return method.space_order, (
             "a node or a hat rides on the mass, so the kink costs nothing; the jump of curvature at the mass and at "
             "fronts is left"
         )
 
-    def ladder(self, name: str, *, finer: int = 1) -> list[case.Rung]:
-        if name in BASES:
-            knob = BASES[name][0]
-            return [case.Rung({knob: n}, _size(knob, n)) for n in ((0, 1, 2) if knob == "level" else (10, 20, 40))]
-        return list(_ladder(name, finer))
+    def ladder(self, name: str, *, finer: float = 1.0) -> list[Rung]:
+        if name not in BASES:
+            return _rungs(find(name), finer)
+        r = BASES[name][0]
+        values = (0, 1, 2) if r.doubling else (10, 20, 40)
+        return [Rung({r.setting: n}, r.count(n)) for n in values]
 
-    def path(self, crossing: case.Crossing, name: str, **settings: Any) -> case.Path:
+    def path(self, crossing: Crossing, name: str, **settings: Any) -> MassPath:
         if crossing.scene:
             r = run(scene := Scene.load(crossing.scene), name, model="string", until=crossing.until, **settings)
-            return case.Path(r.t / scene.time_scale, r.s_o / r.length, r.v / r.length)
+            return MassPath(r.t / scene.time_scale, r.s_o / r.length, r.v / r.length)
         return _path(crossing, name, settings)
 
     def modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
@@ -224,39 +229,21 @@ class _Solvers:
         return bare_frequencies(groups, chosen, model=model, n=count)
 
     def response(self, scene: str, name: str, **settings: Any) -> Response:
-        return run(Scene.load(scene), name, until=case.WINDOW[1], **settings)
+        return run(Scene.load(scene), name, until=WINDOW[1], **settings)
 
 
-SOLVERS: case.Solvers = _Solvers()
+SOLVERS: Solvers = _Solvers()
 
 
-def _size(knob: str, n: int) -> float:
-    return float(7 * 2**n + 3) if knob == "level" else float(n)  # db4 has 2^J (2p - 1) + p - 1 functions
+def _rungs(method: Method, finer: float) -> list[Rung]:
+    """Return four rungs of a method's ladder; three where one more would cost minutes."""
+    sharp = method.resolution.doubling and method.space_order > 1.0
+    dear = finer > 1.0 or sharp or method.steps_growth is not None
+    settings = method.ladder(3 if dear else 4, finer)
+    return [Rung(method.told(x), method.resolution.count(method.count(x))) for x in settings]
 
 
-def _ladder(name: str, finer: int) -> Iterator[case.Rung]:
-    """Yield four settings around the default (three where that costs much), each twice as fine as the one before.
-
-    Steps keep the error of time, of second order, below that of space: they grow like resolution^(order/2), at least
-    in proportion; with its cube where N'' jumps at nodes.  Functions on the whole cable want three times as many.
-    """
-    method = find(name)
-    base, knob = method.settings({}), method.resolution
-    growth, more, first, n = max(1.0, 0.5 * method.space_order), 1.0, -2, 3 if finer > 1 else 4
-    if knob != "elements":
-        more, n = 3.0, 3
-    elif base["steps"] > 1000:
-        growth, more, first, n = 3.0, 25.0, -3, 3
-    seen: set[int] = set()
-    for k in range(first, first + 6):
-        share = finer * 2.0**k
-        settings = refined(method, base, space=share, time=more * share**growth)
-        if settings[knob] not in seen and len(seen) < n:
-            seen.add(settings[knob])
-            yield case.Rung({knob: settings[knob], "steps": settings["steps"]}, _size(knob, settings[knob]))
-
-
-def _path(crossing: case.Crossing, name: str, settings: dict[str, Any]) -> case.Path:
+def _path(crossing: Crossing, name: str, settings: dict[str, Any]) -> MassPath:
     """Run a crossing by its groups; nan where the run broke.
 
     The solvers' `string` adds the static curvature of the scene to the load of the mass; on a straight string it is
@@ -283,7 +270,7 @@ def _path(crossing: case.Crossing, name: str, settings: dict[str, Any]) -> case.
             if system.motion.at(x.t, x.phase)[0] > crossing.until:
                 break
     except newmark.NewtonStalled:  # numbers have outgrown the tolerance
-        return case.Path(np.zeros(1), np.full(1, crossing.until), np.full(1, math.nan))
+        return MassPath(np.zeros(1), np.full(1, crossing.until), np.full(1, math.nan))
     stacked = States(*(np.array([getattr(x, name) for x in states]) for name in ("t", "q", "v", "a", "phase")))
     seen = system.observe(stacked, np.zeros(0), np.zeros(0, np.intp))
-    return case.Path(stacked.t, system.motion.position(stacked.t), seen.path[:, 1])
+    return MassPath(stacked.t, system.motion.position(stacked.t), seen.path[:, 1])
