@@ -13,6 +13,7 @@ solutions with a tangent; matrix formats stay with the system.  Time and all qua
     failures  how a run may end
 """
 
+from cablefem.newmark.energy_rule import Averaged, average
 from cablefem.newmark.events import Watched
 from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepFailure, StepUnderflow
 from cablefem.newmark.march import integrate
@@ -26,6 +27,7 @@ from cablefem.newmark.system import Array, Solve, State, System, consistent_acce
 __all__ = [
     "SCHEMES",
     "Array",
+    "Averaged",
     "EndlessEvents",
     "Newton",
     "NewtonStalled",
@@ -39,6 +41,7 @@ __all__ = [
     "System",
     "Watched",
     "Work",
+    "average",
     "consistent_acceleration",
     "integrate",
     "iterate",

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Protocol, runtime_checkable
+
 import numpy as np
 
 from cablefem.newmark.newton import find_root
 from cablefem.newmark.stepper import Stepper
-from cablefem.newmark.system import Array, Solve, State
+from cablefem.newmark.system import Array, Solve, State, System
 
 # Gauss-Legendre points of the average over a step: a potential is not polynomial in q in general, four points leave
 # a quadrature error far below rounding for slopes that change by a few percent per step.
@@ -14,28 +16,45 @@ _TAU, _WEIGHT = np.polynomial.legendre.leggauss(4)
 _TAU, _WEIGHT = 0.5 * (_TAU + 1.0), 0.5 * _WEIGHT
 
 
+@runtime_checkable
+class Averaged(Protocol):
+    """What a system answers besides if the average of r along the way does not keep its energy: with a mass M(q).
+
+    There, with momenta M v and the average over q(x) = q0 + x (q1 - q0), the balance that keeps it is
+
+        [ M(q1) v1 - M(q0) v0 ] / dt - average of d/dq { v0 . M(q) v1 / 2 - potential } - other forces = 0 .
+    """
+
+    def averaged(self, start: State, end: State) -> Array:
+        """Return the residual (n_dof,) of a whole step; end.v = start.v + dt end.a, end.q = start.q + dt <v>."""
+
+
+def average(system: System, start: State, end: State) -> Array:
+    """Return the average of r over a step on the straight line from start.q to end.q, with the mean of v and end.a."""
+    dt, v = end.t - start.t, 0.5 * (start.v + end.v)
+    r = np.zeros_like(end.a)
+    for tau, weight in zip(_TAU, _WEIGHT, strict=True):
+        r += weight * system.residual(start.t + tau * dt, start.q + tau * dt * v, v, end.a, start.phase)
+    return r
+
+
 class EnergyRule(Stepper):
-    """v1 = v0 + dt a,  q1 = q0 + dt (v0 + v1)/2,  average of r over the straight line from q0 to q1 = 0."""
+    """v1 = v0 + dt a,  q1 = q0 + dt (v0 + v1)/2,  average of r over the step = 0."""
 
     def __call__(self, x: State, t1: float) -> State:
-        dt = t1 - x.t
-        t_mid = x.t + 0.5 * dt
+        dt, system = t1 - x.t, self.system
         before = self.remembered(x)
-        a = x.a.copy() if before is None else before[0].copy()
+        a = x.a if before is None else before[0]
 
-        def mid() -> tuple[Array, Array]:
-            return x.q + (0.5 * dt) * x.v + (0.25 * dt * dt) * a, x.v + (0.5 * dt) * a
+        def end() -> State:
+            return State(t1, x.q + dt * x.v + (0.5 * dt * dt) * a, x.v + dt * a, a, x.phase)
 
         def residual() -> Array:
-            v = mid()[1]
-            r = np.zeros_like(a)
-            for tau, weight in zip(_TAU, _WEIGHT, strict=True):
-                r += weight * self.system.residual(x.t + tau * dt, x.q + tau * dt * v, v, a, x.phase)
-            return r
+            return system.averaged(x, end()) if isinstance(system, Averaged) else average(system, x, end())
 
         def linearise() -> tuple[Array, Solve]:
-            q, v = mid()
-            _, solve = self.system.linearise(t_mid, q, v, a, x.phase, 0.25 * dt * dt, 0.5 * dt, 1.0)
+            q, v = x.q + (0.5 * dt) * x.v + (0.25 * dt * dt) * a, x.v + (0.5 * dt) * a
+            _, solve = system.linearise(x.t + 0.5 * dt, q, v, a, x.phase, 0.25 * dt * dt, 0.5 * dt, 1.0)
             return residual(), solve
 
         def update(da: Array) -> None:
@@ -47,7 +66,8 @@ class EnergyRule(Stepper):
         if not self.balanced(done):
             raise self.stalled(t1, done)
         # the rule knows the acceleration of the middle of the step; the last two carry it to the end, second order
-        a1 = a if before is None else a + dt / (dt + before[1]) * (a - before[0])
-        after = State(t1, x.q + dt * x.v + (0.5 * dt * dt) * a, x.v + dt * a, a1, x.phase)
+        after = end()
+        if before is not None:
+            after = after._replace(a=a + dt / (dt + before[1]) * (a - before[0]))
         self.remember(after, (a, dt))
         return after

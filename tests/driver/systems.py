@@ -19,7 +19,7 @@ class Spring:
         self.q0, self.v0 = q0, v0
         self.phases = phases or ((0.0, end),)
         self.n_dof = self.k.size
-        self.force_scale = float(self.k.max() * abs(q0) + 1e-3)
+        self.force_scale = float(self.k.max() * np.abs(q0).max() + 1e-3)
         self.seen: list[float] = []
 
     def push(self, t, phase):
@@ -27,7 +27,7 @@ class Spring:
 
     def start(self, phase, state):
         if state is None:
-            q, v = np.full(self.n_dof, self.q0), np.full(self.n_dof, self.v0)
+            q, v = self.q0 + np.zeros(self.n_dof), self.v0 + np.zeros(self.n_dof)
             return consistent_acceleration(self, self.phases[0][0], q, v, 0)
         return consistent_acceleration(self, state.t, state.q, state.v, phase)
 
@@ -130,3 +130,46 @@ class Alarms(Spring):
 
     def pass_event(self, name, x):
         return None if name == "over" else x
+
+
+class DoublePendulum(Spring):
+    """Two points of mass on two bars, angles from below: a mass matrix that depends on q."""
+
+    def __init__(self, m=(1.7, 0.6), length=(0.9, 1.3), g=3.1, q0=(1.4, -0.7), v0=(0.5, 1.1), end=10.0):
+        (m1, m2), (l1, l2) = m, length
+        super().__init__(m=np.ones(2), k=np.ones(2), q0=np.array(q0), v0=np.array(v0), end=end)
+        self.own, self.both = np.array([(m1 + m2) * l1 * l1, m2 * l2 * l2]), m2 * l1 * l2
+        self.weight = g * np.array([(m1 + m2) * l1, m2 * l2])
+        self.force_scale = float(self.weight.max())
+
+    def mass(self, q):
+        b = self.both * np.cos(q[0] - q[1])
+        return np.array([[self.own[0], b], [b, self.own[1]]])
+
+    def residual(self, t, q, v, a, phase):
+        turning = self.both * np.sin(q[0] - q[1]) * np.array([v[1] ** 2, -(v[0] ** 2)])
+        return self.mass(q) @ a + turning + self.weight * np.sin(q)
+
+    def linearise(self, t, q, v, a, phase, c0, c1, c2):
+        s, c, both = np.sin(q[0] - q[1]), np.cos(q[0] - q[1]), self.both
+        by_difference = both * (c * np.array([v[1] ** 2, -(v[0] ** 2)]) - s * np.array([a[1], a[0]]))
+        by_q = np.outer(by_difference, [1.0, -1.0]) + np.diag(self.weight * np.cos(q))
+        by_v = 2.0 * both * s * np.array([[0.0, v[1]], [-v[0], 0.0]])
+        K = c0 * by_q + c1 * by_v + c2 * self.mass(q)
+        return self.residual(t, q, v, a, phase), lambda r: np.linalg.solve(K, r)
+
+    def energy(self, x):
+        return float(0.5 * x.v @ self.mass(x.q) @ x.v - self.weight @ np.cos(x.q))
+
+
+class MomentumPendulum(DoublePendulum):
+    """The same, with the balance of momenta over a step that keeps the energy."""
+
+    def averaged(self, start, end):
+        tau, weight = np.polynomial.legendre.leggauss(4)
+        pull = np.zeros(2)
+        for x, w in zip(0.5 * (tau + 1.0), 0.5 * weight, strict=True):
+            q = start.q + x * (end.q - start.q)
+            slope = -0.5 * self.both * np.sin(q[0] - q[1]) * (start.v[0] * end.v[1] + start.v[1] * end.v[0])
+            pull += w * (slope * np.array([1.0, -1.0]) - self.weight * np.sin(q))
+        return (self.mass(end.q) @ end.v - self.mass(start.q) @ start.v) / (end.t - start.t) - pull
