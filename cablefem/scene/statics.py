@@ -47,7 +47,7 @@ class Rest:
 
 
 def nodes(nearest: float | None = None) -> np.ndarray:
-    """Places at which a ride is tabulated: over all that a rolling car may come to, or to `nearest` of both supports."""
+    """Places at which a ride is tabulated: where a rolling car may come to, or to `nearest` of both supports."""
     near, far = (0.5 * NEAREST_START, 0.5 * (1.0 - FARTHEST_END)) if nearest is None else (nearest, nearest)
     y = np.linspace(math.log(near), -math.log(far), NODES if nearest is None else 2 * NODES)
     return 1.0 / (1.0 + np.exp(-y))
