@@ -15,7 +15,7 @@ from cablefem.response import Array, Fields, Response
 from cablefem.scene import Groups, Scene
 from cablefem.scene.catenary import shape, static
 from cablefem.scene.statics import Rest, gripped, hauled, nodes
-from validation.core import running
+from validation.core.sampling import FRAMES, STATIONS
 
 ROWS = 1001
 POINTS = 4  # of Gauss between two stations
@@ -30,7 +30,7 @@ def quasi_static(scene: Scene) -> Response:
     begin = time.perf_counter()
     g = scene.groups
     t, s_o, ds, dds = _travel(scene)
-    marks = np.arange(1, running.FRAMES) / running.FRAMES
+    marks = np.arange(1, FRAMES) / FRAMES
     if g.motion is None:
         t_frames = marks * g.drive.nominal
         t_frames = t_frames[t_frames <= t[-1]]
@@ -48,7 +48,7 @@ def quasi_static(scene: Scene) -> Response:
     kinetic = 0.5 * g.mu * (moving**2).sum(1)
     rest = at.energy(s_o)
     least, least_at = _least(here, g.sigma)
-    s = np.linspace(0.0, 1.0, running.STATIONS)
+    s = np.linspace(0.0, 1.0, STATIONS)
     fields = _fields(at, g, s, t_frames, np.interp(t_frames, t, s_o), np.interp(t_frames, t, ds))
     f, there = fields["f"], fields["there"]
     events = [] if scene.ride is None else [
