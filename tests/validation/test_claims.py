@@ -117,7 +117,9 @@ def test_a_front_in_a_cable_of_static_tension_meets_the_mass_where_a_string_says
     """2 V/(1 + V) on a taut string; a doubled tension brings it back earlier."""
     V = Scene.load("level").speed_ratio
     H = level.horizontal_tension
-    string = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T_pointwise=np.full_like(level.fields.T, H)))
+    string = dataclasses.replace(
+        level, fields=dataclasses.replace(level.fields, T_pointwise=np.full_like(level.fields.T, H))
+    )
     assert abs(measured.meeting(string) - 2.0 * V / (1.0 + V)) < 1e-4
     twice = np.full_like(level.fields.T, 2.0 * H)
     tight = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T_pointwise=twice))
