@@ -116,6 +116,7 @@ class Method:
     steps_growth: float | None = None  # steps that keep pace grow like this power of the resolution
     begins: tuple[int, int] | None = None  # resolution and steps of a coarse run in balance, from which ladders climb
     races: tuple[tuple[int, int], ...] = ()  # resolutions and steps, coarse to fine, that `cablefem advise` tries
+    survey: tuple[int, int] | None = None  # resolution and steps in the maps of `cablefem atlas`; None: not mapped
     trust: str = ""  # one line: when to use it
     wrong: bool = False  # converges to a wrong answer or not at all; kept on show
 
@@ -225,7 +226,7 @@ METHODS: dict[str, Method] = {
         Method(
             "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
             {"elements": _elements(10, _PER_SIDE), "grading": _GRADING, **TIME}, ELEMENTS, 2.5, _following(2),
-            begins=(4, 200), races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
+            begins=(4, 200), survey=(8, 600), races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
             trust="the default: fastest for a given error from 1e-2 to 1e-5",
         ),
         Method(
@@ -242,7 +243,7 @@ METHODS: dict[str, Method] = {
         Method(
             "fixed-p1-path", "elements", "linear elements, the mass a particle constrained to them",
             {"elements": _elements(40, _WHOLE), **_DAMPED}, ELEMENTS, 1.0, _fixed("p1", "path"),
-            begins=(10, 250), trust="only with numerical damping: the undamped rule blows up",
+            begins=(10, 250), survey=(30, 600), trust="only with numerical damping: the undamped rule blows up",
         ),
         Method(
             "fixed-p2-path", "elements", "quadratic elements, the mass a particle constrained to them",
@@ -264,13 +265,13 @@ METHODS: dict[str, Method] = {
         Method(
             "fourier", "galerkin", "the paper's sines (33)-(34)",
             {"terms": _TERMS, "abscissa": _ABSCISSA, **TIME}, TERMS, 1.0, _galerkin("fourier", False),
-            begins=(8, 320), extrapolate=True,
+            begins=(8, 320), survey=(30, 600), extrapolate=True,
             trust="the paper's method; errors of order 1/N, tension with Gibbs oscillations",
         ),
         Method(
             "fourier-kink", "galerkin", "sines and a hat that travels with the mass",
             {"terms": _TERMS, "abscissa": _ABSCISSA, **TIME}, TERMS, 2.0, _galerkin("fourier", True),
-            begins=(5, 500), races=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
+            begins=(5, 500), survey=(16, 600), races=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
             trust="the default of the Galerkin side; ten terms beat two hundred plain ones",
         ),
         Method(
