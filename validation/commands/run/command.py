@@ -40,7 +40,7 @@ def command(
     """Run one method on one scene.
 
     Writes DIR/METHOD/: path.csv, tension.csv, summary.json, response.npz, and for ParaView response.xdmf, mass.xdmf
-    and their data, response.h5.
+    and their data, response.h5 and mass.h5.
     """
     faults: list[str] = []
     for option, given in (("model", model), ("load", load), ("law", law)):
