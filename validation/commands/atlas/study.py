@@ -63,9 +63,8 @@ class Map:
         """The method's settings in a cell; on the map of resolutions x steps, about y unknowns per field."""
         if self.name != "step-resolution":
             return fixed
-        # following-p2 has two sides and two unknowns per element
-        resolution = round(y / 4) if method == "following-p2" else round(y)
-        return {**fixed, "steps": round(x), find(method).resolution.setting: resolution}
+        space = find(method).resolution
+        return {**fixed, "steps": round(x), space.setting: space.with_unknowns(y)}
 
 
 MAPS: tuple[Map, ...] = (
