@@ -231,6 +231,9 @@ class _Solvers:
     def response(self, scene: str, name: str, **settings: Any) -> Response:
         return run(Scene.load(scene), name, until=WINDOW[1], **settings)
 
+    def ride(self, scene: Scene, name: str, **settings: Any) -> Response:
+        return run(scene, name, **settings)
+
 
 SOLVERS: Solvers = _Solvers()
 
