@@ -47,7 +47,7 @@ class ConstantSpeed(Law):
 
     Entering at full speed sends a kink along the cable at once, which is followed with many steps and fades only by
     reflection. Over a ramp of length L, T = 3 L/(2 V), the mass starts from rest with the acceleration 2 V/T, which
-    falls to zero: s_o = V T (x^2 - x^3/3), x = t/T; neither speed nor acceleration jumps where it meets V. At a tenth of
+    falls to zero: s_o = V T (x^2 - x^3/3), x = t/T; speed and acceleration are smooth where it meets V. At a tenth of
     the wave speed a ramp over a twentieth of the length divides the path's error by 7 at the same cost.
     """
 
