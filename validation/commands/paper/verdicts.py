@@ -183,7 +183,7 @@ def power(x: Value | float) -> str:
 
 
 def _plain(x: Value | float) -> float:
-    return x.value if isinstance(x, Value) else x
+    return float(x.value if isinstance(x, Value) else x)
 
 
 def _finite(x: float | None) -> float | None:
