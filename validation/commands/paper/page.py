@@ -230,7 +230,8 @@ def _with_mass(r: Response, i: int, what: str) -> tuple[np.ndarray, np.ndarray]:
     """Return s/l and a field of one frame with the mass put in between the stations, twice for the tension."""
     f = r.fields
     if what == "T":
-        values, mass = f.T[i] / r.horizontal_tension, np.array([f.T_behind[i], f.T_ahead[i]]) / r.horizontal_tension
+        H, sides = r.horizontal_tension, [f.T_behind_pointwise[i], f.T_ahead_pointwise[i]]
+        values, mass = f.T_pointwise[i] / H, np.array(sides) / H
     else:
         static = Scene.from_toml(r.scene_toml).catenary
         values = (static.y(f.s) + f.v[i]) / r.length
@@ -278,7 +279,7 @@ def _levels(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure
     fig, ax = panels(1, 1, height=3.2)
     _slack(ax, runs[0][0])
     for r, how in runs:
-        ax.plot(r.fields.s_o / r.length, np.median(r.fields.T, axis=1) / r.horizontal_tension, **how)
+        ax.plot(r.fields.s_o / r.length, np.median(r.fields.T_pointwise, axis=1) / r.horizontal_tension, **how)
     ax.axhspan(2.5, 2.7, color="#dbe8f3", zorder=0, label="2.6 ± 0.1")
     ax.set(xlabel="place of the mass sₒ/l", ylabel="median of T/H along the cable", xlim=(0, 1), ylim=(0, 3.4))
     ax.legend(fontsize=8.0)
