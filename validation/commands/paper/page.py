@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from cablefem.response import Response
 from cablefem.scene import Scene
-from validation.page.figures import BLACK, BLUE, GREY, VERMILLION
-from validation.page.page import Section, badge, details, figure, gallery, missing, number, panels, style, table
+from validation.page.figures import BLACK, BLUE, GREY, VERMILLION, panels, style
+from validation.page.page import Section, badge, details, figure, gallery, missing, number, table
 
 KIND = {
     "holds": "agree", "holds at the paper's resolution only": "not comparable", "does not hold": "disagree",
