@@ -19,8 +19,8 @@ from markupsafe import Markup, escape
 from cablefem.response import Array, Response
 from validation.commands.check import figures as draw
 from validation.commands.check.figures import gap_of, path_of, scale_of
+from validation.commands.check.shared import SHARED
 from validation.commands.check.stored import Solver, Stored, read
-from validation.commands.check.study import SHARED
 from validation.core import measures
 from validation.core.bounds import Bound
 from validation.core.measures import NotComparable

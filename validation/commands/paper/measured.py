@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline, RegularGridInterpolator
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import find_peaks
 
 from cablefem.response import Array, Response
@@ -26,15 +27,15 @@ def extrema(r: Response, reading: str, window: tuple[float, float] = (0.05, LATE
     Turns shallower than half a percent of the largest value are ripples of a run, not of the path.
     """
     curve = CubicSpline(r.s_o / r.length, series(r, reading))
-    s = np.linspace(*window, 4000)
-    found = []
-    for sign, kind in ((1.0, "max"), (-1.0, "min")):
-        values = sign * curve(s)
-        for i in find_peaks(values, prominence=0.005 * np.abs(values).max())[0]:
-            h = s[1] - s[0]
-            a, b, c = curve(s[i - 1 : i + 2])
-            place = s[i] + 0.5 * h * (a - c) / (a - 2.0 * b + c)
-            found.append((float(place), kind, float(curve(place))))
+    roots = curve.derivative().roots(extrapolate=False)
+    places = np.array([window[0], *roots[(roots > window[0]) & (roots < window[1])], window[1]])
+    values = curve(places)
+    deep = 0.005 * np.abs(curve(np.linspace(*window, 4000))).max()
+    found = [
+        (float(places[i]), kind, float(values[i]))
+        for sign, kind in ((1.0, "max"), (-1.0, "min"))
+        for i in find_peaks(sign * values, prominence=deep)[0]
+    ]
     return sorted(found)
 
 
@@ -48,11 +49,10 @@ def place_of_largest(r: Response, reading: str, end: float = LATEST) -> float:
     """Return s_o/l where the path is lowest, up to `end`."""
     place = r.s_o / r.length
     curve = CubicSpline(place, series(r, reading))
-    s = np.linspace(0.0, min(end, float(place[-1])), 4001)
-    values = curve(s)
-    i = int(np.clip(np.argmax(values), 1, s.size - 2))
-    a, b, c = values[i - 1 : i + 2]
-    return float(s[i] + 0.5 * (s[1] - s[0]) * (a - c) / (a - 2.0 * b + c))
+    end = min(end, float(place[-1]))
+    roots = curve.derivative().roots(extrapolate=False)
+    candidates = np.array([0.0, *roots[(roots > 0.0) & (roots < end)], end])
+    return float(candidates[np.argmax(curve(candidates))])
 
 
 def largest(r: Response, reading: str, end: float = LATEST) -> float:
@@ -68,7 +68,7 @@ def frames(r: Response, low: float, high: float) -> slice:
 
 def tension_level(r: Response) -> tuple[Array, Array]:
     """Return s_o/l and the median tension along the cable over H of every frame."""
-    return r.fields.s_o / r.length, np.median(r.fields.T, axis=1) / r.horizontal_tension
+    return r.fields.s_o / r.length, np.median(r.fields.T_pointwise, axis=1) / r.horizontal_tension
 
 
 def highest_tension(r: Response, end: float = 0.5) -> float:
@@ -95,7 +95,7 @@ def unevennesses(r: Response, low: float, high: float, *, sides: bool = False, w
     out = []
     s = r.fields.s / r.length
     rows = frames(r, low, high)
-    for row, s_o in zip(r.fields.T[rows], r.fields.s_o[rows] / r.length, strict=True):
+    for row, s_o in zip(r.fields.T_pointwise[rows], r.fields.s_o[rows] / r.length, strict=True):
         away = np.abs(s - s_o) >= width
         parts = [away & (s < s_o), away & (s > s_o)] if sides else [away]
         out.append(np.mean([np.mean((row[p] / row[p].mean() - 1.0) ** 2) for p in parts if p.any()]))
@@ -107,7 +107,9 @@ def ripple(r: Response, reference: Response, near: float, far: float, window: tu
     place, i, j = measures.common_frames(r, reference)
     inside = (place >= window[0]) & (place <= window[1])
     distance = np.abs(r.fields.s[None, :] / r.length - place[inside][:, None])
-    gap = (r.fields.T[i[inside]] - reference.fields.T[j[inside]])[(distance >= near) & (distance <= far)]
+    gap = (r.fields.T_pointwise[i[inside]] - reference.fields.T_pointwise[j[inside]])[
+        (distance >= near) & (distance <= far)
+    ]
     return float(np.sqrt(np.mean((gap / reference.horizontal_tension) ** 2)))
 
 
@@ -118,26 +120,28 @@ def wiggle(r: Response, near: float, far: float, window: tuple[float, float]) ->
     """
     s, half = r.fields.s / r.length, round(0.05 * (r.fields.s.size - 1))
     parts = []
-    for row, s_o in zip(r.fields.T[frames(r, *window)], r.fields.s_o[frames(r, *window)] / r.length, strict=True):
+    for row, s_o in zip(
+        r.fields.T_pointwise[frames(r, *window)], r.fields.s_o[frames(r, *window)] / r.length, strict=True
+    ):
         for side in (s < s_o, s > s_o):
             if np.count_nonzero(side) > 2 * half:
-                T, place = row[side], s[side]
-                smooth = np.convolve(T, np.full(2 * half + 1, 1.0 / (2 * half + 1)), mode="valid")
-                distance = np.abs(place - s_o)[half:-half]
-                parts.append((T[half:-half] - smooth)[(distance >= near) & (distance <= far)])
+                fast = row[side] - uniform_filter1d(row[side], 2 * half + 1)
+                distance = np.abs(s[side] - s_o)
+                whole = slice(half, -half)  # where the mean has all its stations
+                parts.append(fast[whole][(distance[whole] >= near) & (distance[whole] <= far)])
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)) / r.horizontal_tension)
 
 
 def turns(r: Response, window: tuple[float, float], depth: float = 0.005) -> float:
     """Return the number of crests and troughs of T along the cable deeper than `depth` H, mean over frames."""
-    rows = r.fields.T[frames(r, *window)] / r.horizontal_tension
+    rows = r.fields.T_pointwise[frames(r, *window)] / r.horizontal_tension
     return float(np.mean([sum(find_peaks(x * sign, prominence=depth)[0].size for sign in (1, -1)) for x in rows]))
 
 
 def tension_jump(r: Response, low: float, high: float) -> float:
     """Return the mean step of tension across the mass, ahead less behind, over H."""
     rows = frames(r, low, high)
-    return float(np.mean(r.fields.T_ahead[rows] - r.fields.T_behind[rows]) / r.horizontal_tension)
+    return float(np.mean(r.fields.T_ahead_pointwise[rows] - r.fields.T_behind_pointwise[rows]) / r.horizontal_tension)
 
 
 def meeting(r: Response) -> float:
@@ -147,7 +151,7 @@ def meeting(r: Response) -> float:
     """
     f = r.fields
     t = np.concatenate([[0.0], f.t])
-    T = np.concatenate([np.ones_like(f.T[:1]), np.maximum(f.T, 0.0) / r.horizontal_tension])
+    T = np.concatenate([np.ones_like(f.T_pointwise[:1]), np.maximum(f.T_pointwise, 0.0) / r.horizontal_tension])
     tension = RegularGridInterpolator((t, f.s / r.length), T)
     speed = 1.0 / Scene.from_toml(r.scene_toml).time_scale  # sqrt(H/rho)/l
     mass = CubicSpline(r.t, r.s_o / r.length)
