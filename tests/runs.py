@@ -38,9 +38,13 @@ def march(system, steps, method="trapezoidal", *, until=1.0, **kw):
         states.append(x)
         if system.motion.at(x.t, x.phase)[0] > until:
             break
-    stack = [np.array([getattr(x, name) for x in states]) for name in ("t", "q", "v", "a", "phase")]
     s_o = np.array([system.motion.at(x.t, x.phase)[0] for x in states])
-    return States(*stack), s_o
+    return stack(states), s_o
+
+
+def stack(states):
+    """Return a list of states as one history."""
+    return States(*(np.array([getattr(x, name) for x in states]) for name in ("t", "q", "v", "a", "phase")))
 
 
 def observe(system, states, s=(), frames=()):

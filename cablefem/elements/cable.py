@@ -39,14 +39,11 @@ def bands(matrix: coo_array, b: int) -> Array:
     return out
 
 
-_NO_BAND = np.empty((1, 1))  # in place of a tangent that is not asked for
-
-
 class CableElements:
     """A cable on some mesh with its moving mass: a `cablefem.newmark.System` but for `start` and the mesh.
 
-    A mesh sets n_scalar (unknowns per field), _n_dof, _band, the tables of `kernels` and _operators, and answers
-    `_time`, `_tables`, `_at_mass` and `_fields`.
+    A mesh sets n_scalar (unknowns per field), _n_dof, _band, _mesh and _operators, and answers `_time`, `_mesh_at`,
+    `_at_mass` and `_fields`.
 
     model : "full" for (u, v), or one unknown field normal to the chord: "string", "sagged", "stretching".
     load : "mass", or "force" for its weight alone.
@@ -56,12 +53,10 @@ class CableElements:
     n_scalar: int
     _n_dof: int
     _band: int  # half-width, all fields
-    _dofs: NDArray[np.int64]
-    _tab: Array
     _operators: Array  # (n_op, n_scalar, 2 b + 1) what M, C and K are made of
     _coefficients: Array  # (n_op, 3)
-    _span: Array
-    _contact: tuple[Any, ...]
+    _mesh: kernels.Mesh
+    _contact: kernels.Contact
     _at: tuple[float, int] | None  # instant and phase that all this is for
 
     def __init__(self, groups: Groups, model: str, load: str, law: str) -> None:
@@ -78,7 +73,7 @@ class CableElements:
         # displacement in the plane of each field
         self.direction = np.eye(2) if model == "full" else np.array([[-groups.chord_sin, groups.chord_cos]])
         self.least_tension = (math.inf, 0.0)  # least mean tension of an element and its s, at the last residual
-        self._weight = tuple((groups.mu * groups.sigma * self.direction[:, 1]).tolist())  # of the mass, field by field
+        self._weight = (groups.mu * groups.sigma * self.direction[:, 1]).tolist()  # of the mass, field by field
         self._set_law(law)
 
     # --- the System protocol ---------------------------------------------------------------------------
@@ -109,7 +104,7 @@ class CableElements:
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self._n_dof)
-        self._assemble(t, q, v, a, phase, r, _NO_BAND, np.empty_like(self._work[2]), False, 0.0, 0.0, 0.0)
+        self._assemble(t, q, v, a, phase, r, False, 0.0, 0.0, 0.0)
         return r
 
     def linearise(
@@ -117,14 +112,12 @@ class CableElements:
     ) -> tuple[Array, Solve]:
         """As the protocol has it; the factors live in one workspace, so an earlier `solve` is void."""
         r = np.empty(self._n_dof)
-        ab, pivots, increment, coupled = self._work
-        self._assemble(t, q, v, a, phase, r, ab, increment, True, c0, c1, c2)
-        strength = c0 * kernels.coupling(self._cable)
-        if not kernels.factorise_coupled(ab, pivots, increment, coupled, strength):
+        self._assemble(t, q, v, a, phase, r, True, c0, c1, c2)
+        if not kernels.factorise_coupled(self._work, c0 * kernels.coupling(self._cable)):
             return r, lambda b: np.full_like(b, math.nan)  # singular: the driver takes NaN for a stalled step
 
         def solve(b: Array) -> Array:
-            kernels.solve_coupled(ab, pivots, increment, coupled, b)
+            kernels.solve_coupled(self._work, b)
             return b
 
         return r, solve
@@ -135,8 +128,8 @@ class CableElements:
         self._time(t, phase)
         self._at = (t, phase)
         *done, least, where = kernels.settle(
-            self._operators, self._coefficients, *self._mesh(), *self._work, start, now, rule, bound,
-            newton.max_iter, newton.reuse, newton.patience,
+            self._operators, self._coefficients, self._bands, tuple(self._mesh), self._cable, tuple(self._contact),
+            tuple(self._work), start, now, rule, bound, newton.max_iter, newton.reuse, newton.patience,
         )  # fmt: skip
         self.least_tension = least, where
         return Settled(*done)
@@ -147,15 +140,16 @@ class CableElements:
         n = self.fields * self.n_scalar
         self._at = None
         increment = np.empty(n if self.fields == 1 else 0)
-        self._work = np.empty((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64), increment, increment.copy()
+        band, pivots = np.empty((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64)
+        self._work = kernels.Tangent(band, pivots, increment, increment.copy())
         self._bands = np.empty((3, *self._operators.shape[1:]))
 
     def _time(self, t: float, phase: int) -> None:
-        """Set _coefficients of the _operators, _span and _contact (the arguments of `add_contact`) at this instant."""
+        """Set _coefficients of the _operators, _mesh and _contact at this instant."""
         raise NotImplementedError
 
-    def _tables(self, s_o: float, ds: float) -> tuple[Array, NDArray[np.int64], Array]:
-        """Return span, dofs and tab of `kernels` with the mass at s_o."""
+    def _mesh_at(self, s_o: float, ds: float) -> kernels.Mesh:
+        """Return the elements with the mass at s_o."""
         raise NotImplementedError
 
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
@@ -171,42 +165,49 @@ class CableElements:
         if law not in ("elastic", "tension-only"):
             raise ValueError(f"law must be elastic or tension-only, got {law!r}")
         self.law = law
-        g, flag = self.groups, float(law == "tension-only")
+        g, flag = self.groups, kernels.TENSION_ONLY if law == "tension-only" else kernels.ELASTIC
         if self.model == "full":
             self._cable = np.array([g.alpha, g.sigma, g.c, flag])
         else:
             tau = 1.0 / g.chord_cos
             self._cable = np.array([g.alpha, tau, g.sigma * g.chord_cos / tau, *STRETCHING[self.model], flag])
 
-    def _mesh(self) -> tuple[Any, ...]:
-        """Return what the kernels want to know of the instant before q, v, a."""
-        return (self._bands, self._span, self._dofs, self._tab, self._cable, *self._contact)
-
     def _assemble(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, ab: Array, increment: Array, tangent: bool,
+        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, tangent: bool,
         c0: float, c1: float, c2: float,
     ) -> None:  # fmt: skip
-        """Set r and, if asked, the banded tangent and its increment; note the least tension."""
+        """Set r and, if asked, the banded tangent in the workspace; note the least tension."""
         if self._at != (t, phase):
             self._time(t, phase)
             self._at = (t, phase)
             kernels.combine(self._operators, self._coefficients, self._bands)
-        self.least_tension = kernels.assemble(*self._mesh(), q, v, a, r, ab, increment, tangent, c0, c1, c2)
+        self.least_tension = kernels.assemble(
+            self._bands, self._mesh, self._cable, self._contact, q, v, a, r, self._work, tangent, c0, c1, c2
+        )
 
-    def _static_acceleration(self, s_o: float, ds: float, dds: float) -> tuple[float, ...]:
-        """Return d2/dt2 X(s_o(t)) on the static shape (parabola for the one-field models)."""
+    def _static(self, s_o: Any) -> tuple[Array, Array, Array]:
+        """Return place, slope and curvature of the static shape (..., fields); the parabola for one-field models."""
+        s_o = np.asarray(s_o)
+        if self.fields == 2:
+            _, *slope_and_bend = self.groups.static(s_o)
+            xp, yp, xpp, ypp = slope_and_bend
+            return np.stack(self.groups.shape(s_o), -1), np.stack([xp, yp], -1), np.stack([xpp, ypp], -1)
+        bend = -self._cable[2] * np.ones_like(s_o)
+        return -0.5 * (bend * s_o * (1.0 - s_o))[..., None], (bend * (s_o - 0.5))[..., None], bend[..., None]
+
+    def _load(self, s_o: float, ds: float, dds: float) -> tuple[float, ...]:
+        """Return mu d2X/dt2 less the weight: what the mass asks for along the static path.
+
+        Written out: it is asked for in every step.
+        """
+        mu, weight = self.inertia, self._weight
         if self.fields == 1:
             curvature = float(self._cable[2])
-            return (dds * curvature * (0.5 - s_o) - ds * ds * curvature,)
+            return (mu * (dds * curvature * (0.5 - s_o) - ds * ds * curvature) - weight[0],)
         p = self.groups.c - self.groups.sigma * s_o
         T = math.sqrt(1.0 + p * p)
         bend = ds * ds * self.groups.sigma / T**3
-        return dds / T + bend * p, dds * p / T - bend
-
-    def _load(self, s_o: float, ds: float, dds: float) -> tuple[float, ...]:
-        """Return mu d2X/dt2 less the weight: what the mass asks for along the static path."""
-        mu, a, weight = self.inertia, self._static_acceleration(s_o, ds, dds), self._weight
-        return (mu * a[0] - weight[0], mu * a[1] - weight[1]) if self.fields == 2 else (mu * a[0] - weight[0],)
+        return mu * (dds / T + bend * p) - weight[0], mu * (dds * p / T - bend) - weight[1]
 
     # --- observation -----------------------------------------------------------------------------------
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
@@ -214,74 +215,52 @@ class CableElements:
         g, n = self.groups, states.t.size
         kinematics = np.array([self.motion.at(t, p) for t, p in zip(states.t, states.phase, strict=True)]).reshape(n, 3)
         s_o, ds, dds = kinematics.T
+        w, w_t, w_tt, *slopes = self._at_mass(states, kinematics)
+        place, slope, bend = self._static(s_o)  # of the model
+        velocity, acceleration = w_t + ds[:, None] * slope, w_tt + dds[:, None] * slope + (ds**2)[:, None] * bend
+        force = self.inertia * acceleration - self._weight  # of the cable on the mass
+        power = ds * np.sum(force * (slope + 0.5 * (slopes[0] + slopes[1])), axis=1)
+
+        parts, least, where = np.zeros((3, n)), np.empty(n), np.full(n, 0.5)  # kinetic, strain, of weight
+        for i in range(n):
+            mesh = self._mesh_at(s_o[i], ds[i])
+            if self.fields == 2:
+                *parts[:, i], least[i], where[i] = kernels.cable_energy(mesh, self._cable, states.q[i], states.v[i])
+            else:
+                *parts[:2, i], least[i] = kernels.chord_energy(mesh, self._cable, states.q[i], states.v[i])
+        kinetic, strain, potential = parts
+        kinetic += 0.5 * self.inertia * np.sum(velocity**2, axis=1)
+        potential -= (place + w) @ self._weight
+
         T, xp, yp, xpp, ypp = g.static(s_o)
         static, bend = np.stack([xp, yp], axis=1), np.stack([xpp, ypp], axis=1)
-        at_mass = self._at_mass(states, kinematics)
-        path, w_t, w_tt, behind, ahead = (x @ self.direction for x in at_mass)
-        velocity = w_t + ds[:, None] * static
-        acceleration = w_tt + dds[:, None] * static + (ds**2)[:, None] * bend
-        slope_behind, slope_ahead = static + behind, static + ahead
-        energy, least, where = np.empty(n), np.empty(n), np.full(n, 0.5)
-        for i in range(n):
-            tables = self._tables(s_o[i], ds[i])
-            if self.fields == 2:
-                energy[i], least[i], where[i] = kernels.cable_energy(*tables, self._cable, states.q[i], states.v[i])
-            else:
-                energy[i], least[i] = kernels.chord_energy(*tables, self._cable, states.q[i], states.v[i])
-        if self.fields == 2:
-            depth = path[:, 1] + g.shape(s_o)[1]
-            energy += 0.5 * self.inertia * np.sum(velocity**2, axis=1) - g.mu * g.sigma * depth
-            power = self._power(ds, acceleration, slope_behind, slope_ahead, T)
-        else:
-            normal_energy, power = self._normal_account(kinematics, *(x[:, 0] for x in at_mass))
-            energy += normal_energy
-        force = self.inertia * acceleration @ self.direction.T - np.array(self._weight)  # of the cable on the mass
-        w, dw, w_s = (x @ self.direction for x in self._fields(states, kinematics, s, frames))
+        behind, ahead = (static + x @ self.direction for x in slopes)
+        fields, dfields, slopes_s = (x @ self.direction for x in self._fields(states, kinematics, s, frames))
         T_s, x_s, y_s = g.static(s)[:3]
         if self.fields == 2:
-            T_behind, T_ahead = self._tension(slope_behind, T), self._tension(slope_ahead, T)
-            tension = self._tension(w_s + np.stack([x_s, y_s], axis=1), T_s)
-        else:
-            rise = least - self._cable[1]
-            T_behind = T_ahead = T + rise
-            tension = T_s + rise[frames, None]
+            pull_behind, T_behind, W_behind = self._pull(static, T, behind)
+            pull_ahead, T_ahead, W_ahead = self._pull(static, T, ahead)
+            # the kink passes: <N t> . [r'] - [W]
+            power += ds * (0.5 * np.sum((pull_behind + pull_ahead) * (ahead - behind), axis=1) - (W_ahead - W_behind))
+            static_s = np.tile(np.stack([x_s, y_s], axis=1), (frames.size, 1))
+            pointwise = self._pull(static_s, np.tile(T_s, frames.size), static_s + slopes_s.reshape(-1, 2))[1]
+            tension = pointwise.reshape(frames.size, s.size)
+        else:  # the stored energy is quadratic in w' at a given tension: <force> . [w'] = [W]
+            T_behind = T_ahead = T + (least - self._cable[1])
+            tension = T_s + (least - self._cable[1])[frames, None]
         return Observation(
-            path=path, path_velocity=velocity, path_acceleration=acceleration,
-            slope_behind=slope_behind, slope_ahead=slope_ahead,
+            path=w @ self.direction, path_velocity=w_t @ self.direction + ds[:, None] * static,
+            path_acceleration=w_tt @ self.direction + dds[:, None] * static + (ds**2)[:, None] * bend,
+            slope_behind=behind, slope_ahead=ahead,
             T_behind=np.where(s_o > 0.0, T_behind, np.nan), T_ahead=np.where(s_o < 1.0, T_ahead, np.nan),
-            energy=energy, power=power,
+            energy=kinetic + strain + potential, power=power, kinetic=kinetic, strain=strain, potential=potential,
             tension_min=least, tension_min_at=where,
-            u=w[..., 0], v=w[..., 1], du=dw[..., 0], dv=dw[..., 1], T=tension,
+            u=fields[..., 0], v=fields[..., 1], du=dfields[..., 0], dv=dfields[..., 1], T=tension,
             t=states.t, s_o=s_o, contact=-force @ self.direction,
         )  # fmt: skip
 
-    def _tension(self, slope: Array, T: Array) -> Array:
-        N = T + self.groups.alpha * (np.hypot(slope[..., 0], slope[..., 1]) - 1.0)
-        return np.maximum(N, 0.0) if self.law == "tension-only" else N
-
-    def _power(self, ds: Array, acceleration: Array, behind: Array, ahead: Array, T: Array) -> Array:
-        """Return dE/dt = ds_o F . <r'> + ds_o ( <N t> . [r'] - [W] ), F = mu (p.. - sigma j)."""
-        force = self.inertia * acceleration - np.array([0.0, self.groups.mu * self.groups.sigma])
-        mean, jump = 0.5 * (behind + ahead), ahead - behind
-        pull, stored = [], []
-        for slope in (behind, ahead):
-            stretch = np.hypot(slope[:, 0], slope[:, 1])
-            N, eps = self._tension(slope, T), stretch - 1.0
-            pull.append((N / stretch)[:, None] * slope)
-            W = T * eps + 0.5 * self.groups.alpha * eps**2
-            stored.append(np.where(N > 0.0, W, -0.5 * T**2 / self.groups.alpha) if self.law == "tension-only" else W)
-        kink = 0.5 * np.sum((pull[0] + pull[1]) * jump, axis=1) - (stored[1] - stored[0])
-        return ds * (np.sum(force * mean, axis=1) + kink)
-
-    def _normal_account(self, kinematics: Array, w: Array, w_t: Array, w_tt: Array, behind: Array, ahead: Array):
-        """Return energy of the mass and power of the one-field models, p = y_n(s_o) + w on the static parabola.
-
-        Their stored energy is quadratic in w' at a given tension, so <force> [w'] = [W] and only F <r'> is left.
-        """
-        s_o, ds, dds = kinematics.T
-        curvature, weight = self._cable[2], self._weight[0]
-        slope = curvature * (0.5 - s_o)
-        p_t = w_t + ds * slope
-        p_tt = w_tt + dds * slope - ds**2 * curvature
-        energy = 0.5 * self.inertia * p_t**2 - weight * (w + 0.5 * curvature * s_o * (1.0 - s_o))
-        return energy, ds * (self.inertia * p_tt - weight) * (slope + 0.5 * (behind + ahead))
+    def _pull(self, static: Array, T: Array, slope: Array) -> tuple[Array, Array, Array]:
+        """Return N t (n, 2), N and W (n,) where the static slope is X' (n, 2) and the slope r' (n, 2)."""
+        out = np.empty_like(slope), np.empty_like(T), np.empty_like(T)
+        kernels.pulls(static, T, slope, self._cable[0], self._cable[3], *out)
+        return out

@@ -105,11 +105,12 @@ class FixedElements(CableElements):
         band, pivots = np.zeros((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64)
         of = (state.q, state.v, state.a, np.zeros(self._n_dof), band, True, 0.0, 0.0, 1.0)
         none, bands = np.zeros_like(N), np.zeros_like(self._bands)
+        contact = kernels.Contact(dofs, N, self.inertia * N, none, none, np.zeros(self.fields))
         bands[0] = self._operators[0]
         kernels.add_banded(bands, self.fields, *of)
-        kernels.add_contact(dofs, N, self.inertia * N, none, none, np.zeros(self.fields), *of)
+        kernels.add_contact(contact, *of)
         load = np.zeros(n)
-        load[dofs] = -self.inertia * np.outer(N, np.array(self._static_acceleration(s_o, 0.0, jump)) + slope_jump)
+        load[dofs] = -self.inertia * np.outer(N, jump * self._static(s_o)[1] + slope_jump)
         kernels.factorise(band, pivots)
         kernels.solve(band, pivots, load)
         return State(t, state.q, state.v, state.a + np.append(load, N @ load[dofs] + slope_jump), phase)
@@ -154,19 +155,19 @@ class FixedElements(CableElements):
         number = np.arange(all_dofs.max() + 1)
         supports = (number == 0) | (number == kind.step * n)
         number = np.where(supports, -1, np.cumsum(~supports) - 1)
-        self._dofs = number[all_dofs]
+        dofs = number[all_dofs]
         self.n_scalar = int(number.max()) + 1
-        self._tab = np.empty((n, x.size, 2 + 2 * n_loc))
-        self._tab[:, :, 0] = (first + x) / n
-        self._tab[:, :, 1] = basis.dx[0] / n
+        tab = np.empty((n, x.size, 2 + 2 * n_loc))
+        tab[:, :, 0] = (first + x) / n
+        tab[:, :, 1] = basis.dx[0] / n
         for k in range(n_loc):
-            self._tab[:, :, 2 + k] = basis.basis[k][0].get(0)[0]
-            self._tab[:, :, 2 + n_loc + k] = n * basis.basis[k][0].grad[0, 0]
-        self._span = np.tile([0.0, 1.0, 0.0, 0.0], (n, 1))
+            tab[:, :, 2 + k] = basis.basis[k][0].get(0)[0]
+            tab[:, :, 2 + n_loc + k] = n * basis.basis[k][0].grad[0, 0]
+        self._mesh = kernels.Mesh(np.tile([0.0, 1.0, 0.0, 0.0], (n, 1)), dofs, tab)
         b = max(kind.offsets)
         self._band = self.fields * b + self.fields - 1
         of_one = mass_form.assemble(basis).toarray()[np.ix_(basis.element_dofs[:, 0], basis.element_dofs[:, 0])] / n
-        row, col = np.broadcast_arrays(self._dofs[:, :, None], self._dofs[:, None, :])
+        row, col = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
         inner = (row >= 0) & (col >= 0)
         data = np.broadcast_to(of_one, row.shape)[inner]
         shape = (self.n_scalar, self.n_scalar)
@@ -185,8 +186,8 @@ class FixedElements(CableElements):
         e = min(int(s_o * self.elements), self.elements - 1)
         x = s_o * self.elements - e
         N, N_s, N_ss = self._powers @ x ** np.arange(self._powers.shape[2])
-        keep = self._dofs[e] >= 0
-        dofs = self.fields * self._dofs[e][keep][:, None] + np.arange(self.fields)
+        keep = self._mesh.dofs[e] >= 0
+        dofs = self.fields * self._mesh.dofs[e][keep][:, None] + np.arange(self.fields)
         return dofs, N[keep], N_s[keep], N_ss[keep]
 
     def _time(self, t: float, phase: int) -> None:
@@ -197,25 +198,25 @@ class FixedElements(CableElements):
         load = np.array(self._load(s_o, ds, dds))
         carried = 0.0 if self.particle else mu  # a particle feels the Coriolis and centrifugal forces by itself
         c_row, k_row = 2.0 * carried * ds * N_s, carried * (ds * ds * N_ss + dds * N_s)
-        self._contact = (dofs, N, mu * N, c_row, k_row, load)
+        self._contact = kernels.Contact(dofs, N, mu * N, c_row, k_row, load)
 
     def _assemble(self, t, q, v, a, phase, r, *tangent) -> None:
         super()._assemble(t, q, v, a, phase, r, *tangent)
         if self.particle:  # which has been taken for the cable under it
-            dofs, N, m_row, _, _, _ = self._contact
+            dofs, N, m_row, *_ = self._contact
             p = slice(-self.fields, None)
             r[p] = q[p] - N @ q[dofs]
             r[dofs] += np.outer(N, self.inertia * a[p] - m_row @ a[dofs])
 
     # --- observation -----------------------------------------------------------------------------------
-    def _tables(self, s_o: float, ds: float) -> tuple[Array, NDArray[np.int64], Array]:
-        return self._span, self._dofs, self._tab
+    def _mesh_at(self, s_o: float, ds: float) -> kernels.Mesh:
+        return self._mesh
 
     def _evaluate(self, s: Array, side: str) -> tuple[NDArray[np.int64], Array]:
         """Return unknowns (m, n_loc), counted from 1, supports 0, and N, N', N'' (3, n_loc, m); side at a node."""
         x = s * self.elements
         e = np.clip(np.ceil(x) - 1 if side == "behind" else np.floor(x), 0, self.elements - 1).astype(int)
-        return self._dofs[e] + 1, self._powers @ (x - e) ** np.arange(self._powers.shape[2])[:, None]
+        return self._mesh.dofs[e] + 1, self._powers @ (x - e) ** np.arange(self._powers.shape[2])[:, None]
 
     def _padded(self, x: Array) -> Array:
         """Return (n, 1 + n_scalar, fields) of a history, zeros for the supports in front."""

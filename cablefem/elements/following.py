@@ -141,14 +141,13 @@ class FollowingElements(CableElements):
         b = np.zeros(2)
         p = self.groups.c
         T = math.hypot(1.0, p)
-        static = np.array([1.0, p]) / T
+        xp, yp = 1.0 / T, p / T
         for _ in range(50):
-            r = static + 2.0 * b / dds
-            stretch = math.hypot(*r)
-            N = T + self.groups.alpha * (stretch - 1.0)
-            f = 2.0 * inertia * b + rest + N / stretch * r - T * static
-            k_mat = (self.groups.alpha - T) / stretch**3
-            J = (2.0 * inertia + 2.0 / dds * N / stretch) * np.eye(2) + 2.0 / dds * k_mat * np.outer(r, r)
+            du, dv = 2.0 * b / dds
+            fx, fy, k_geo, k_mat, *_ = kernels.pull(xp, yp, T, du, dv, self.groups.alpha, self._cable[3])
+            r = np.array([xp + du, yp + dv])
+            f = 2.0 * inertia * b + rest + [fx, fy]
+            J = (2.0 * inertia + 2.0 / dds * k_geo) * np.eye(2) + 2.0 / dds * k_mat * np.outer(r, r)
             step = np.linalg.solve(J, f)
             b -= step
             if np.abs(step).max() <= 1e-14 * (dds + np.abs(b).max()):
@@ -160,21 +159,22 @@ class FollowingElements(CableElements):
         s_o, ds, dds = self.motion.at(t, phase)
         if not 0.0 < s_o < 1.0:
             raise ValueError(f"s_o = {s_o!r}: a side of the following mesh has no length")
-        kernels.follow(s_o, ds, dds, self._n_left, self._coefficients, self._span)
-        self._contact[-1][:] = self._load(s_o, ds, dds)
+        kernels.follow(s_o, ds, dds, self._n_left, self._coefficients, self._mesh.span)
+        self._contact.load[:] = self._load(s_o, ds, dds)
 
     # --- observation -----------------------------------------------------------------------------------
     def _fresh(self) -> None:
         super()._fresh()
-        self._coefficients, self._span = np.empty((8, 3)), np.empty((self._dofs.shape[0], 4))
+        self._coefficients = np.empty((8, 3))
+        self._mesh = kernels.Mesh(np.empty((self._dofs.shape[0], 4)), self._dofs, self._tab)
         node = self.fields * self.node + np.arange(self.fields)[None, :]
-        self._contact = (node, _ONE, self.inertia * _ONE, _ZERO, _ZERO, np.empty(self.fields))
+        self._contact = kernels.Contact(node, _ONE, self.inertia * _ONE, _ZERO, _ZERO, np.empty(self.fields))
 
-    def _tables(self, s_o: float, ds: float) -> tuple[Array, NDArray[np.int64], Array]:
+    def _mesh_at(self, s_o: float, ds: float) -> kernels.Mesh:
         skip = self._n_left if s_o == 0.0 else 0  # a left part of no length
         span = np.empty((self._dofs.shape[0], 4))
         kernels.follow(s_o, ds, 0.0, self._n_left, np.empty((8, 3)), span)
-        return span[skip:], self._dofs[skip:], self._tab[skip:]
+        return kernels.Mesh(span[skip:], self._dofs[skip:], self._tab[skip:])
 
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         s_o, ds, dds = kinematics.T

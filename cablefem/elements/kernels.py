@@ -1,14 +1,12 @@
-"""Compiled inner loops of the cable elements: forces, banded tangents, energies.
+"""Compiled inner loops of the cable elements: the law, forces, banded tangents, Newton's method, energies.
 
-All take tables that scikit-fem filled on the reference meshes; nothing is assembled symbolically in time.
-Compiled because a step of these small systems costs more in interpreter than in arithmetic otherwise.
+The forces are those of `forms`, which says what they are; here is how they are summed fast, from tables that scikit-fem
+filled on the reference meshes.  A step of these small systems costs more in interpreter than in arithmetic otherwise.
 
 Common arguments
     q, v, a   (n_dof,)  unknowns, field index running fastest: dof * n_fields + field
-    span      (n_el, 4) rows (s at xi = 0, ds/dxi, mesh velocity at xi = 0, d/dxi of it) of the element's side
-    dofs      (n_el, n_loc) scalar dof, -1 on a support
-    tab       (n_el, n_q, 2 + 2 n_loc) rows: xi, weight, shape values, shape d/dxi
-    cable     (alpha, sigma, c, law)  law 0 elastic, 1 tension-only
+    mesh      `Mesh`
+    cable     (alpha, sigma, c, law) of the full cable, see `tension`, or `add_chord`'s
     ab        (n_dof, 3 b + 1) rows of a matrix of half-width b: ab[i, b + j - i] = A[i, j]; the last b columns are
               empty until rows are exchanged
 """
@@ -16,12 +14,84 @@ Common arguments
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
 compiled: Any = njit(cache=True, error_model="numpy")  # no test for a zero divisor: norms catch NaN and infinity
+
+
+class Mesh(NamedTuple):
+    """Elements at an instant, each in the xi of its side of the mass."""
+
+    span: Any  # (n_el, 4) s at xi = 0, ds/dxi, mesh velocity at xi = 0, d/dxi of it
+    dofs: Any  # (n_el, n_loc) scalar unknowns, -1 on a support
+    tab: Any  # (n_el, n_q, 2 + 2 n_loc) xi, weight, shape values, shape d/dxi
+
+
+class Contact(NamedTuple):
+    """The mass on its cable, N^T (m a + c v + k q + load): shape functions N and rows m, c, k over the dofs."""
+
+    dofs: Any  # (n_loc, n_fields)
+    shape: Any  # (n_loc,)
+    m_row: Any
+    c_row: Any
+    k_row: Any
+    load: Any  # (n_fields,)
+
+
+class Tangent(NamedTuple):
+    """Workspace of a banded tangent and its factors; of the one-field models with `add_chord`'s increment."""
+
+    ab: Any
+    pivots: Any  # (2, n_dof) see `factorise`
+    increment: Any  # (n_dof,) or empty
+    coupled: Any
+
+
+ELASTIC, TENSION_ONLY = 0.0, 1.0  # laws in the tables of a cable
+
+
+# --- the law ----------------------------------------------------------------------------------------------------------
+@compiled
+def tension(eps, T, alpha, law):
+    """Return N = T + alpha eps, dN/deps and W = int N deps (3)-(4); tension-only: N >= 0, a cable that cannot push.
+
+    T : static tension, at eps = 0.  Past eps = -T/alpha a slack cable has given back all that it had stored.
+    """
+    N = T + alpha * eps
+    if law == TENSION_ONLY and N <= 0.0:
+        return 0.0, 0.0, -0.5 * T * T / alpha
+    return N, alpha, (T + 0.5 * alpha * eps) * eps
+
+
+@compiled
+def pull(xp, yp, T, du, dv, alpha, law):
+    """Return f = N t - T X' (2,), its derivative (k_geo I + k_mat r' r'^T) by w', N, W, eps; r' = X' + w', t = r'/|r'|.
+
+    N t = (N/|r'|) r'; the static part is taken off without cancellation: f = 0 to the last bit where w' = 0.
+    """
+    rx, ry = xp + du, yp + dv
+    stretch = math.sqrt(rx * rx + ry * ry)
+    eps = (2.0 * (xp * du + yp * dv) + du * du + dv * dv) / (stretch + 1.0)
+    N, dN, W = tension(eps, T, alpha, law)
+    k_geo = N / stretch
+    k_mat = (dN - k_geo) / (stretch * stretch)
+    excess = ((N - T) - T * eps) / stretch
+    return excess * xp + k_geo * du, excess * yp + k_geo * dv, k_geo, k_mat, N, W, eps
+
+
+@compiled
+def pulls(static, T, slope, alpha, law, force, N, W):
+    """Set N t (n, 2), N and W (n,) where the static slope and tension are X' (n, 2), T (n,), the slope r' (n, 2)."""
+    for i in range(T.size):
+        xp, yp = static[i, 0], static[i, 1]
+        fx, fy, _, _, N[i], W[i], _ = pull(xp, yp, T[i], slope[i, 0] - xp, slope[i, 1] - yp, alpha, law)
+        force[i, 0], force[i, 1] = fx + T[i] * xp, fy + T[i] * yp
+
+
+# --- forces and their tangents ----------------------------------------------------------------------------------------
 
 
 @compiled
@@ -80,8 +150,9 @@ def add_banded(bands, n_fields, q, v, a, r, ab, tangent, c0, c1, c2):
 
 
 @compiled
-def add_contact(dofs, shape, m_row, c_row, k_row, load, q, v, a, r, ab, tangent, c0, c1, c2):
-    """Add the mass, N^T (m a + c v + k q + load): shape functions N and rows m, c, k over the dofs (n, n_fields)."""
+def add_contact(contact, q, v, a, r, ab, tangent, c0, c1, c2):
+    """Add the mass, see `Contact`."""
+    dofs, shape, m_row, c_row, k_row, load = contact
     band = (ab.shape[1] - 1) // 3
     for f in range(dofs.shape[1]):
         force = load[f]
@@ -97,12 +168,9 @@ def add_contact(dofs, shape, m_row, c_row, k_row, load, q, v, a, r, ab, tangent,
 
 
 @compiled
-def add_catenary(span, dofs, tab, cable, q, r, ab, tangent, c0):
-    """Add int (N t - T t_static) . phi' ds of the full cable; return the least mean tension of an element and its s.
-
-    N t = (N/|r'|) r', r' = X' + w', N = T + alpha eps (3)-(4); the static part is taken off under the integral,
-    in a form without cancellation, so that the hanging cable is in equilibrium to the last bit.
-    """
+def add_catenary(mesh, cable, q, r, ab, tangent, c0):
+    """Add int (N t - T X') . phi' ds of the full cable; return the least mean tension of an element and its s."""
+    span, dofs, tab = mesh
     n_el, n_loc = dofs.shape
     alpha, sigma, slope, law = cable[0], cable[1], cable[2], cable[3]
     band = (ab.shape[1] - 1) // 3
@@ -110,7 +178,7 @@ def add_catenary(span, dofs, tab, cable, q, r, ab, tangent, c0):
     where = 0.0
     for e in range(n_el):
         s_0, h = span[e, 0], span[e, 1]
-        pull = 0.0
+        total = 0.0
         length = 0.0
         for g in range(tab.shape[1]):
             s = s_0 + h * tab[e, g, 0]
@@ -128,20 +196,11 @@ def add_catenary(span, dofs, tab, cable, q, r, ab, tangent, c0):
                     dv += grad * q[2 * d + 1]
             du /= h
             dv /= h
-            rx, ry = xp + du, yp + dv
-            stretch = math.sqrt(rx * rx + ry * ry)
-            eps = (2.0 * (xp * du + yp * dv) + du * du + dv * dv) / (stretch + 1.0)
-            N = T + alpha * eps
-            pull += weight * N
+            fx, fy, k_geo, k_mat, _, _, eps = pull(xp, yp, T, du, dv, alpha, law)
+            total += weight * tension(eps, T, alpha, ELASTIC)[0]  # below zero where the cable is slack
             length += weight
-            if law == 1.0 and N <= 0.0:
-                fx, fy, k_geo, k_mat = -1.0, -p, 0.0, 0.0
-            else:
-                k_geo = N / stretch
-                k_mat = (alpha - T) / (stretch * stretch * stretch)
-                excess = (alpha - T) * eps / stretch
-                fx, fy = excess * xp + k_geo * du, excess * yp + k_geo * dv
             if tangent:
+                rx, ry = xp + du, yp + dv
                 scale = c0 * weight / h
                 j11 = scale * (k_geo + k_mat * rx * rx)
                 j12 = scale * k_mat * rx * ry
@@ -164,23 +223,24 @@ def add_catenary(span, dofs, tab, cable, q, r, ab, tangent, c0):
                         ab[2 * row, at + 1] += gg * j12
                         ab[2 * row + 1, at - 1] += gg * j12
                         ab[2 * row + 1, at] += gg * j22
-        if least * length > pull:
-            least, where = pull / length, s_0 + 0.5 * h * (tab[e, 0, 0] + tab[e, -1, 0])
+        if least * length > total:
+            least, where = total / length, s_0 + 0.5 * h * (tab[e, 0, 0] + tab[e, -1, 0])
     return least, where
 
 
 @compiled
-def add_chord(span, dofs, tab, chord, q, r, ab, increment, tangent, c0):
-    """Add the internal force of the one-field models; return the tension along the chord, tau + h.
+def add_chord(mesh, chord, q, r, ab, increment, tangent, c0):
+    """Add the internal force of the one-field models; return the tension along the chord, N = tau + h.
 
-    Tested with phi': tau w' + h (y_n' + kap w'), h = alpha lam int (y_n' w' + kap w'^2 / 2) ds;
-    chord = (alpha, tau, curvature, lam, kap, law), y_n' = curvature (1/2 - s).  `increment` (n_dof,) receives
-    int (y_n' + kap w') phi' ds: the tangent is banded plus alpha lam increment increment^T.
+    Tested with phi': tau w' + h (y_n' + kap w'), h = alpha eps, eps = lam int (y_n' w' + kap w'^2 / 2) ds;
+    chord = (alpha, tau, curvature, lam, kap, law), y_n' = curvature (1/2 - s).  With the tangent `increment` (n_dof,)
+    receives int (y_n' + kap w') phi' ds: the tangent is banded plus lam dN/deps increment increment^T.
     """
+    span, dofs, tab = mesh
     n_el, n_loc = dofs.shape
     alpha, tau, curvature, lam, kap, law = chord[0], chord[1], chord[2], chord[3], chord[4], chord[5]
     band = (ab.shape[1] - 1) // 3
-    h_t = 0.0
+    eps = 0.0
     n_q = tab.shape[1]
     slope = np.empty((n_el, n_q))
     for e in range(n_el):
@@ -194,12 +254,12 @@ def add_chord(span, dofs, tab, chord, q, r, ab, increment, tangent, c0):
             w /= h
             slope[e, g] = w
             y = curvature * (0.5 - (s_0 + h * tab[e, g, 0]))
-            h_t += tab[e, g, 1] * h * (y * w + 0.5 * kap * w * w)
-    h_t *= alpha * lam
-    tension = tau + h_t
-    slack = law == 1.0 and tension <= 0.0
-    if slack:
-        h_t = -tau
+            eps += tab[e, g, 1] * h * (y * w + 0.5 * kap * w * w)
+    eps *= lam
+    N, dN, _ = tension(eps, tau, alpha, law)
+    h_t = N - tau
+    if tangent:
+        increment[:] = 0.0
     for e in range(n_el):
         s_0, h = span[e, 0], span[e, 1]
         for g in range(n_q):
@@ -214,39 +274,36 @@ def add_chord(span, dofs, tab, chord, q, r, ab, increment, tangent, c0):
                     continue
                 gi = tab[e, g, 2 + n_loc + i]
                 r[row] += weight * gi * f
-                if not slack:
-                    increment[row] += weight * gi * y
                 if tangent:
+                    if dN > 0.0:
+                        increment[row] += weight * gi * y
                     for j in range(n_loc):
                         col = dofs[e, j]
                         if col >= 0:
                             ab[row, band + col - row] += gi * tab[e, g, 2 + n_loc + j] * stiffness
-    return tension
+    return tension(eps, tau, alpha, ELASTIC)[0]
 
 
 @compiled
-def assemble(
-    bands, span, dofs, tab, cable, contact, shape, m_row, c_row, k_row, load, q, v, a, r, ab, increment, tangent,
-    c0, c1, c2,
-):  # fmt: skip
+def assemble(bands, mesh, cable, contact, q, v, a, r, work, tangent, c0, c1, c2):
     """Set the residual of the cable with its mass and, if asked, the banded tangent; return as `add_catenary`.
 
     One field per node is a one-field model, `add_chord`, whose tension is least at no place in particular.
     """
-    n_fields = contact.shape[1]
+    n_fields = contact.dofs.shape[1]
     r[:] = 0.0
     if tangent:
-        ab[:] = 0.0
-    add_banded(bands, n_fields, q, v, a, r, ab, tangent, c0, c1, c2)
+        work.ab[:] = 0.0
+    add_banded(bands, n_fields, q, v, a, r, work.ab, tangent, c0, c1, c2)
     if n_fields == 2:
-        least, where = add_catenary(span, dofs, tab, cable, q, r, ab, tangent, c0)
+        least, where = add_catenary(mesh, cable, q, r, work.ab, tangent, c0)
     else:
-        increment[:] = 0.0
-        least, where = add_chord(span, dofs, tab, cable, q, r, ab, increment, tangent, c0), 0.5
-    add_contact(contact, shape, m_row, c_row, k_row, load, q, v, a, r, ab, tangent, c0, c1, c2)
+        least, where = add_chord(mesh, cable, q, r, work.ab, work.increment, tangent, c0), 0.5
+    add_contact(contact, q, v, a, r, work.ab, tangent, c0, c1, c2)
     return least, where
 
 
+# --- banded solutions -------------------------------------------------------------------------------------------------
 KEEP = 0.1  # a diagonal pivot stays while it is at least this part of its column's largest: rows then keep their width
 
 
@@ -329,26 +386,26 @@ def coupling(chord):
 
 
 @compiled
-def factorise_coupled(ab, pivots, increment, coupled, strength):
+def factorise_coupled(work, strength):
     """Factorise A + strength increment increment^T, A banded; return whether it is regular.
 
-    Sherman & Morrison: a uniform tension increment couples all nodes through one vector.  `coupled` receives what
-    `solve_coupled` takes; the full cable has no such vector, its increment is empty.
+    Sherman & Morrison: a uniform tension increment couples all nodes through one vector.  The full cable has no such
+    vector, its increment is empty.
     """
-    regular = factorise(ab, pivots)
-    if regular and increment.size > 0:
-        coupled[:] = increment
-        solve(ab, pivots, coupled)
-        coupled *= strength / (1.0 + strength * dot(increment, coupled))
+    regular = factorise(work.ab, work.pivots)
+    if regular and work.increment.size > 0:
+        work.coupled[:] = work.increment
+        solve(work.ab, work.pivots, work.coupled)
+        work.coupled[:] *= strength / (1.0 + strength * dot(work.increment, work.coupled))
     return regular
 
 
 @compiled
-def solve_coupled(ab, pivots, increment, coupled, b):
+def solve_coupled(work, b):
     """Overwrite b (n,) with the solution for the matrix that `factorise_coupled` has left."""
-    solve(ab, pivots, b)
-    if increment.size > 0:
-        b -= dot(increment, b) * coupled
+    solve(work.ab, work.pivots, b)
+    if work.increment.size > 0:
+        b -= dot(work.increment, b) * work.coupled
 
 
 @compiled
@@ -360,6 +417,7 @@ def dot(a, b):
     return total
 
 
+# --- Newton's method --------------------------------------------------------------------------------------------------
 @compiled
 def correct(start, rule, share, da, now, balanced):
     """Take share da off the rows q, v, a of the step's end, and set where the balance is taken; (3, n)."""
@@ -372,15 +430,16 @@ def correct(start, rule, share, da, now, balanced):
 
 @compiled
 def settle(
-    operators, coefficients, bands, span, dofs, tab, cable, contact, shape, m_row, c_row, k_row, load,
-    ab, pivots, increment, coupled, start, now, rule, bound, max_iter, reuse, patience,
-):  # fmt: skip
+    operators, coefficients, bands, mesh, cable, contact, work, start, now, rule, bound, max_iter, reuse, patience
+):
     """Find the end of a step by Newton's method as `cablefem.newmark.iterate` does, compiled with the balance.
 
+    mesh, contact, work : `Mesh`, `Contact` and `Tangent` as plain tuples: numba is slow to take in named ones.
     Return |r|, iterations, factorisations, residuals, the least tension and its s.
     """
+    mesh, contact, work = Mesh(*mesh), Contact(*contact), Tangent(*work)
     n = start.shape[1]
-    balanced, r, da, idle = np.empty((3, n)), np.empty(n), np.zeros(n), np.empty_like(increment)
+    balanced, r, da = np.empty((3, n)), np.empty(n), np.zeros(n)
     q, v, a = balanced[0], balanced[1], balanced[2]
     combine(operators, coefficients, bands)
     for i in range(3):
@@ -391,25 +450,19 @@ def settle(
     for iteration in range(max_iter):
         if anew:
             correct(start, rule, 0.0, da, now, balanced)
-            assemble(
-                bands, span, dofs, tab, cable, contact, shape, m_row, c_row, k_row, load, q, v, a, r, ab, increment,
-                True, c0, c1, c2,
-            )  # fmt: skip
+            assemble(bands, mesh, cable, contact, q, v, a, r, work, True, c0, c1, c2)
             norm = math.sqrt(dot(r, r))
-            regular = factorise_coupled(ab, pivots, increment, coupled, c0 * coupling(cable))
+            regular = factorise_coupled(work, c0 * coupling(cable))
             factorisations += 1
         before = norm
         if regular:
-            solve_coupled(ab, pivots, increment, coupled, r)
+            solve_coupled(work, r)
         else:
             r[:] = math.nan  # the norm will tell
         da[:] = r
         for halving in range(6):
             correct(start, rule, 1.0 if halving == 0 else -(0.5**halving), da, now, balanced)
-            least, where = assemble(
-                bands, span, dofs, tab, cable, contact, shape, m_row, c_row, k_row, load, q, v, a, r, ab, idle,
-                False, c0, c1, c2,
-            )  # fmt: skip
+            least, where = assemble(bands, mesh, cable, contact, q, v, a, r, work, False, c0, c1, c2)
             residuals += 1
             norm = math.sqrt(dot(r, r))
             if norm < before or (iteration < patience and norm < math.inf):
@@ -420,6 +473,7 @@ def settle(
     return norm, iteration + 1, factorisations, residuals, least, where
 
 
+# --- observation ------------------------------------------------------------------------------------------------------
 @compiled
 def sample(knots, shapes, dofs, s_o, ds, s, q, v, out):
     """Set w, dw/dt at fixed s and w' at the places s (m,) of a following mesh, out (3, m, n_fields); at s_o behind.
@@ -460,14 +514,15 @@ def sample(knots, shapes, dofs, s_o, ds, s, q, v, out):
 
 
 @compiled
-def cable_energy(span, dofs, tab, cable, q, v):
-    """Return int( |w.|^2/2 + T eps + alpha eps^2/2 - sigma v ) ds, the least tension and its s; full cable.
+def cable_energy(mesh, cable, q, v):
+    """Return int |w.|^2/2 ds, int W ds, -int sigma v ds, the pointwise least tension and its s; full cable.
 
     w. = dq/dt phi - c q phi', the velocity at fixed s on a mesh that moves with c.
     """
+    span, dofs, tab = mesh
     n_el, n_loc = dofs.shape
-    alpha, sigma, slope = cable[0], cable[1], cable[2]
-    energy = 0.0
+    alpha, sigma, slope, law = cable[0], cable[1], cable[2], cable[3]
+    kinetic, strain, potential = 0.0, 0.0, 0.0
     least = math.inf
     where = 0.0
     for e in range(n_el):
@@ -478,7 +533,6 @@ def cable_energy(span, dofs, tab, cable, q, v):
             c = span[e, 2] + span[e, 3] * xi
             p = slope - sigma * s
             T = math.sqrt(1.0 + p * p)
-            xp, yp = 1.0 / T, p / T
             du, dv, v0, ut, vt = 0.0, 0.0, 0.0, 0.0, 0.0
             for k in range(n_loc):
                 d = dofs[e, k]
@@ -489,26 +543,25 @@ def cable_energy(span, dofs, tab, cable, q, v):
                     v0 += phi * q[2 * d + 1]
                     ut += phi * v[2 * d] - c * grad * q[2 * d]
                     vt += phi * v[2 * d + 1] - c * grad * q[2 * d + 1]
-            stretch = math.sqrt((xp + du) ** 2 + (yp + dv) ** 2)
-            eps = (2.0 * (xp * du + yp * dv) + du * du + dv * dv) / (stretch + 1.0)
-            N = T + alpha * eps
+            _, _, _, _, _, W, eps = pull(1.0 / T, p / T, T, du, dv, alpha, law)
+            N = tension(eps, T, alpha, ELASTIC)[0]
             if least > N:
                 least, where = N, s
-            # a slack point of the tension-only law has spent its energy at eps = -T/alpha
-            stored = T * eps + 0.5 * alpha * eps * eps
-            if cable[3] == 1.0 and N < 0.0:
-                stored = -0.5 * T * T / alpha
-            energy += tab[e, g, 1] * h * (0.5 * (ut * ut + vt * vt) + stored - sigma * v0)
-    return energy, least, where
+            weight = tab[e, g, 1] * h
+            kinetic += weight * 0.5 * (ut * ut + vt * vt)
+            strain += weight * W
+            potential -= weight * sigma * v0
+    return kinetic, strain, potential, least, where
 
 
 @compiled
-def chord_energy(span, dofs, tab, chord, q, v):
-    """Return int( w.^2/2 + tau w'^2/2 ) ds + h^2/(2 alpha) of the one-field models, and the tension tau + h."""
+def chord_energy(mesh, chord, q, v):
+    """Return int w.^2/2 ds, int tau w'^2/2 ds + W - tau eps of the one-field models, and the tension tau + h."""
+    span, dofs, tab = mesh
     n_el, n_loc = dofs.shape
     alpha, tau, curvature, lam, kap = chord[0], chord[1], chord[2], chord[3], chord[4]
-    energy = 0.0
-    h_t = 0.0
+    kinetic, strain = 0.0, 0.0
+    eps = 0.0
     for e in range(n_el):
         s_0, h = span[e, 0], span[e, 1]
         for g in range(tab.shape[1]):
@@ -521,10 +574,10 @@ def chord_energy(span, dofs, tab, chord, q, v):
                     phi, grad = tab[e, g, 2 + k], tab[e, g, 2 + n_loc + k] / h
                     w += grad * q[d]
                     wt += phi * v[d] - c * grad * q[d]
+            weight = tab[e, g, 1] * h
             y = curvature * (0.5 - (s_0 + h * xi))
-            h_t += tab[e, g, 1] * h * (y * w + 0.5 * kap * w * w)
-            energy += tab[e, g, 1] * h * 0.5 * (wt * wt + tau * w * w)
-    h_t *= alpha * lam
-    if lam != 0.0:
-        energy += 0.5 * h_t * h_t / alpha
-    return energy, tau + h_t
+            eps += weight * lam * (y * w + 0.5 * kap * w * w)
+            kinetic += weight * 0.5 * wt * wt
+            strain += weight * 0.5 * tau * w * w
+    W = tension(eps, tau, alpha, chord[5])[2]
+    return kinetic, strain + (W - tau * eps), tension(eps, tau, alpha, ELASTIC)[0]

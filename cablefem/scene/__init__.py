@@ -5,8 +5,9 @@ from cablefem.scene.catenary import Catenary
 from cablefem.scene.drive import Drive, Driving
 from cablefem.scene.errors import SceneError
 from cablefem.scene.motion import Motion, Piece
-from cablefem.scene.ride import LoadPath, NoRest, Ride
+from cablefem.scene.ride import LoadPath, Ride
 from cablefem.scene.scene import Groups, Mass, Scene
+from cablefem.scene.statics import NoRest, Rest
 from cablefem.scene.travel import (
     AccelerateCruiseBrake,
     ConstantAcceleration,
@@ -29,6 +30,7 @@ __all__ = [
     "Motion",
     "NoRest",
     "Piece",
+    "Rest",
     "Ride",
     "Scene",
     "SceneError",

@@ -25,112 +25,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from cablefem.scene import catenary
-from cablefem.scene.drive import FARTHEST_END, NEAREST_START, Drive
+from cablefem.scene.drive import NEAREST_START, Drive
+from cablefem.scene.statics import NoRest, gripped, nodes
 
-# Nodes are uniform in log(s/(1 - s)): the path turns within about the cable's slack of a support. Cubic interpolation
-# between this many is good to 1e-8.
-NODES = 320
-POINTS = 40  # of Gauss on each side of the car
 HORIZON = 1e3  # a quasi-static ride that has not ended by then is broken off; unit: a wave's way along the cable
 LASTS = 10.0  # times its quasi-static ride: end of a ride that neither arrives nor stops
 STICKS = 1e-13  # forces below, over H, are rounding
-
-
-class NoRest(ArithmeticError):
-    """The loaded cable at rest was not found."""
-
-
-@dataclass(frozen=True)
-class Rest:
-    """The loaded cable at rest, the car held by the cable at each of the places s (n,); all (n,) or (n, 2), y down."""
-
-    s: np.ndarray
-    horizontal: np.ndarray  # of the tension, the same on both sides
-    vertical: np.ndarray  # T_y at the left support
-    place: np.ndarray  # P
-    slope: np.ndarray  # P' = dP/ds
-    bend: np.ndarray  # P''
-    behind: np.ndarray  # tension at the car
-    ahead: np.ndarray
-    hold: np.ndarray  # Pi' = [N lam - W], the force that holds the car along the cable
-    stretch: np.ndarray  # <lam>, mean of both sides
-
-
-def rest(s, *, mu: float, alpha: float, sigma: float, c: float) -> Rest:
-    """The elastic catenary of two pieces under a car at rest: int lam (h, V)/N ds = (span, drop), N = T + alpha eps.
-
-    The horizontal part h of the tension is the same on both sides, the vertical part falls by sigma ds, and by mu sigma
-    at the car. With lam/N = (1 - T/alpha)/N + 1/alpha the equations are the gradient of a convex function of (h, V):
-    Newton's method, all places at once; P' and P'' follow by differentiating them. NoRest where it fails.
-    """
-    s = np.atleast_1d(np.asarray(s, dtype=float))
-    x, w = np.polynomial.legendre.leggauss(POINTS)
-    x, w = 0.5 * (1.0 + x), 0.5 * w
-    points = np.concatenate([s[:, None] * x, s[:, None] + (1.0 - s[:, None]) * x], axis=1)
-    weights = np.concatenate([s[:, None] * w, (1.0 - s[:, None]) * w], axis=1)
-    left = np.arange(2 * POINTS) < POINTS
-    load = sigma * points + np.where(left, 0.0, mu * sigma)
-    q = 1.0 - catenary.static(points, sigma, c)[0] / alpha  # lam = q + N/alpha
-    target = np.stack(catenary.shape(1.0, sigma, c))
-
-    def moments(h, V, part=slice(None)):
-        """int g, int dg/d(h, V) over a part of the points, g = (q/N + 1/alpha) (h, V)."""
-        v, wq, ws = V[:, None] - load[:, part], weights[:, part] * q[:, part], weights[:, part].sum(axis=1)
-        n2 = h[:, None] ** 2 + v * v
-        i1 = wq / np.sqrt(n2)
-        i3 = i1 / n2
-        g = np.stack([h * (i1.sum(1) + ws / alpha), (i1 * v).sum(1) + (weights[:, part] * v).sum(1) / alpha], -1)
-        hv = -h * (i3 * v).sum(1)
-        A = np.stack([(i3 * v * v).sum(1) + ws / alpha, hv, hv, h * h * i3.sum(1) + ws / alpha], -1)
-        return g, A.reshape(-1, 2, 2)
-
-    h, V = np.sqrt(1.0 + 0.5 * mu * np.ones_like(s)), c + mu * sigma * (1.0 - s)
-    for _ in range(60):
-        g, A = moments(h, V)
-        dz = np.linalg.solve(A, (target - g)[..., None])[..., 0]
-        dz *= np.minimum(1.0, 0.5 * np.hypot(h, V) / np.maximum(np.hypot(*dz.T), 1e-300))[:, None]
-        h, V = np.maximum(h + dz[:, 0], 0.2 * h), V + dz[:, 1]
-        if np.all(np.abs(dz) <= 1e-13 * (1.0 + np.hypot(h, V))[:, None]):
-            break
-    else:
-        raise NoRest(f"the cable at rest under the car was not found at s_o = {s[np.argmax(np.abs(dz).max(1))]:.4g}")
-
-    T, _, _, _, _ = catenary.static(s, sigma, c)
-    dT = -sigma * (c - sigma * s) / T
-    q_o = 1.0 - T / alpha
-    sides = []  # at the car: N, lam, r', dr'/d(h, V), dr'/ds at constant (h, V)
-    for v in (V - sigma * s, V - sigma * s - mu * sigma):
-        N = np.hypot(h, v)
-        e = np.stack([h, v], -1) / N[:, None]
-        f = q_o / N + 1.0 / alpha
-        D = f[:, None, None] * np.eye(2) - (q_o / N)[:, None, None] * e[:, :, None] * e[:, None, :]
-        ds = -sigma * D[:, :, 1] - (dT / alpha)[:, None] * e
-        sides.append((N, N * f, e * (N * f)[:, None], D, ds))
-    (N0, lam0, r0, D0, ds0), (N1, lam1, r1, D1, ds1) = sides
-
-    z = -np.linalg.solve(A, (r0 - r1)[..., None])[..., 0]  # d(h, V)/ds
-
-    def second(part):
-        """int d2g/d(h, V)^2 [z, z]."""
-        n = np.stack([np.broadcast_to(h[:, None], load[:, part].shape), V[:, None] - load[:, part]], -1)
-        N, nz = np.linalg.norm(n, axis=-1), n @ z[:, :, None]
-        wq = (weights[:, part] * q[:, part] / N**3)[..., None]
-        return (
-            wq * (-2.0 * nz * z[:, None] - (z**2).sum(1)[:, None, None] * n + 3.0 * nz**2 * n / N[..., None] ** 2)
-        ).sum(1)
-
-    def times(B, y):
-        return (B @ y[..., None])[..., 0]
-
-    part = slice(0, POINTS)
-    place, B = moments(h, V, part)
-    zz = -np.linalg.solve(A, (ds0 - ds1 + 2.0 * times(D0 - D1, z) + second(slice(None)))[..., None])[..., 0]
-    return Rest(
-        s=s, horizontal=h, vertical=V, place=place, slope=r0 + times(B, z),
-        bend=ds0 + 2.0 * times(D0, z) + second(part) + times(B, zz),
-        behind=N0, ahead=N1, hold=N1 - N0 + ((N1 - T) ** 2 - (N0 - T) ** 2) / (2.0 * alpha),
-        stretch=0.5 * (lam0 + lam1),
-    )  # fmt: skip
 
 
 class LoadPath:
@@ -157,13 +57,13 @@ class LoadPath:
     @classmethod
     def loaded(cls, groups) -> LoadPath:
         """The elastic catenary of two pieces; groups: anything with mu, alpha, sigma, c."""
-        r = rest(_nodes(), mu=groups.mu, alpha=groups.alpha, sigma=groups.sigma, c=groups.c)
-        return cls(r.s, r.place, r.slope, r.bend, r.hold, r.stretch)
+        r = gripped(nodes(), groups)
+        return cls(r.s, r.place, r.along, r.bend, r.hold, r.stretch)
 
     @classmethod
     def empty(cls, groups) -> LoadPath:
         """The shape of the empty cable."""
-        s = _nodes()
+        s = nodes()
         _, xp, yp, xpp, ypp = catenary.static(s, groups.sigma, groups.c)
         place = np.stack(catenary.shape(s, groups.sigma, groups.c), -1)
         hold = -groups.mu * groups.sigma * yp
@@ -172,16 +72,11 @@ class LoadPath:
     @classmethod
     def chord(cls, groups) -> LoadPath:
         """The straight line between the supports."""
-        s = _nodes()
+        s = nodes()
         slope = np.stack(catenary.shape(1.0, groups.sigma, groups.c))
         ones = np.ones_like(s)
         hold = -groups.mu * groups.sigma * slope[1] * ones
         return cls(s, s[:, None] * slope, ones[:, None] * slope, np.zeros((s.size, 2)), hold, math.hypot(*slope) * ones)
-
-
-def _nodes() -> np.ndarray:
-    y = np.linspace(math.log(NEAREST_START / 2.0), -math.log(0.5 * (1.0 - FARTHEST_END)), NODES)
-    return 1.0 / (1.0 + np.exp(-y))
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,8 @@ from cablefem.scene.drive import GRIP, Drive, Driving
 from cablefem.scene.errors import SceneError, nearest, shown
 from cablefem.scene.fields import Line, Name, Part, Positive
 from cablefem.scene.motion import Motion
-from cablefem.scene.ride import NoRest, Ride, quasi_static
+from cablefem.scene.ride import Ride, quasi_static
+from cablefem.scene.statics import NoRest
 from cablefem.scene.travel import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Table, Travel
 
 

@@ -54,7 +54,7 @@ class FreeCable(FixedElements):
 
     def energy(self, x: State) -> float:
         """Kinetic and strain energy less the work of gravity; zero for the cable at rest."""
-        return float(kernels.cable_energy(self._span, self._dofs, self._tab, self._cable, x.q, x.v)[0])
+        return sum(kernels.cable_energy(self._mesh, self._cable, x.q, x.v)[:3])
 
 
 def free_vibration(groups: Groups, scheme: Scheme, *, dt: float, steps: int, **cable: Any) -> Array:

@@ -1,0 +1,181 @@
+"""The loaded cable at rest: an elastic catenary of two pieces under a car that grips it, or hangs on a rope.
+
+Lengths over l, forces over H. N = T + alpha eps is the tension on top of the empty cable's T; its direction is r'.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cablefem.scene import catenary
+from cablefem.scene.drive import FARTHEST_END, NEAREST_START
+
+# Nodes are uniform in log(s/(1 - s)): the load path turns within about the cable's slack of a support. With so many,
+# and so many points of Gauss on each side of the car, random rides are good to 3e-8 l.
+NODES, POINTS = 160, 24
+ITERATIONS = 60  # of Newton's method, which takes 5 to 10; of the direction of a rolling car, which takes 5 to 20
+
+
+class NoRest(ArithmeticError):
+    """The loaded cable at rest was not found."""
+
+
+@dataclass(frozen=True)
+class Rest:
+    """The loaded cable at rest with the car at each of the places s (n,); all (n,) or (n, 2), y down."""
+
+    s: np.ndarray
+    left: np.ndarray  # N r'/lam at the left support
+    jump: np.ndarray  # of it at the car, ahead minus behind: what the cable exerts on the car
+    place: np.ndarray  # P
+    behind: np.ndarray  # tension at the car
+    ahead: np.ndarray
+    slope_behind: np.ndarray  # r' at the car
+    slope_ahead: np.ndarray
+    along: np.ndarray  # P' = dP/ds
+    bend: np.ndarray  # P''
+    hold: np.ndarray  # Pi' = [N lam - W], what a gripped car exerts along the cable
+    haul: np.ndarray  # what a rope from outside exerts on a rolling car along the mean tangent
+
+    @property
+    def stretch(self) -> np.ndarray:
+        """<lam>, mean of both sides."""
+        return 0.5 * (np.linalg.norm(self.slope_behind, axis=1) + np.linalg.norm(self.slope_ahead, axis=1))
+
+
+def nodes() -> np.ndarray:
+    """Places at which a ride is tabulated, over all that a car may come to."""
+    y = np.linspace(math.log(NEAREST_START / 2.0), -math.log(0.5 * (1.0 - FARTHEST_END)), NODES)
+    return 1.0 / (1.0 + np.exp(-y))
+
+
+def gripped(s, groups) -> Rest:
+    """Rest of a car held by the cable alone: the horizontal part of the tension is the same on both sides.
+
+    groups: anything with mu, alpha, sigma, c. P' and P'' follow by differentiating the equations of `_Pieces`.
+    """
+    s = np.atleast_1d(np.asarray(s, dtype=float))
+    x = _Pieces(s, np.array([0.0, -groups.mu * groups.sigma]) * np.ones((s.size, 1)), groups)
+    (N0, r0, D0, ds0), (N1, r1, D1, ds1) = x.sides
+    A = x.moments()[1]
+    z = -np.linalg.solve(A, (r0 - r1)[..., None])[..., 0]  # d(left)/ds
+    bent = ds0 - ds1 + 2.0 * _times(D0 - D1, z) + x.second(z)
+    zz = -np.linalg.solve(A, bent[..., None])[..., 0]
+    place, B = x.moments(x.behind)
+    T = catenary.static(s, groups.sigma, groups.c)[0]
+    return Rest(
+        s=s, left=x.left, jump=x.jump, place=place, behind=N0, ahead=N1, slope_behind=r0, slope_ahead=r1,
+        along=r0 + _times(B, z), bend=ds0 + 2.0 * _times(D0, z) + x.second(z, x.behind) + _times(B, zz),
+        hold=N1 - N0 + ((N1 - T) ** 2 - (N0 - T) ** 2) / (2.0 * groups.alpha), haul=np.zeros_like(s),
+    )  # fmt: skip
+
+
+def hauled(s, groups) -> Rest:
+    """Rest of a car that rolls and hangs on a rope along the mean tangent tau: tau . jump = 0, haul = -mu sigma tau_y.
+
+    tau is found by substituting it, which contracts; P' and P'' are those of a spline through P.
+    """
+    from scipy.interpolate import CubicSpline
+
+    s = np.atleast_1d(np.asarray(s, dtype=float))
+    weight, x = groups.mu * groups.sigma, None
+    tau = np.stack(catenary.static(s, groups.sigma, groups.c)[1:3], -1)
+    for _ in range(ITERATIONS):
+        jump = -weight * (np.array([0.0, 1.0]) - tau * tau[:, 1:])
+        x = _Pieces(s, jump, groups, None if x is None else x.left)
+        mean = x.sides[0][1] + x.sides[1][1]
+        before, tau = tau, mean / np.linalg.norm(mean, axis=1)[:, None]
+        if np.max(np.abs(tau - before)) <= 1e-12:
+            break
+    else:
+        raise NoRest("the direction of the rope that holds the car was not found")
+    (N0, r0, _, _), (N1, r1, _, _) = x.sides
+    place = x.moments(x.behind)[0]
+    path = CubicSpline(s, place) if s.size > 3 else lambda s, n: np.full((s.size, 2), np.nan)
+    return Rest(
+        s=s, left=x.left, jump=x.jump, place=place, behind=N0, ahead=N1, slope_behind=r0, slope_ahead=r1,
+        along=path(s, 1), bend=path(s, 2), hold=np.zeros_like(s), haul=-weight * tau[:, 1],
+    )  # fmt: skip
+
+
+class _Pieces:
+    """int lam n/N ds = (span, drop), the tension n = left - (0, sigma s) behind the car, plus the jump ahead of it.
+
+    With lam/N = q/N + 1/alpha, q = 1 - T/alpha, the equations are the gradient of the convex function
+    int (q N + N^2/(2 alpha)) ds - left.(span, drop): Newton's method, all places at once, never uphill.
+    """
+
+    def __init__(self, s: np.ndarray, jump: np.ndarray, groups, left: np.ndarray | None = None) -> None:
+        x, w = np.polynomial.legendre.leggauss(POINTS)
+        x, w = 0.5 * (1.0 + x), 0.5 * w
+        self.s, self.jump, self.alpha = s, jump, groups.alpha
+        points = np.concatenate([s[:, None] * x, s[:, None] + (1.0 - s[:, None]) * x], axis=1)
+        self.weights = np.concatenate([s[:, None] * w, (1.0 - s[:, None]) * w], axis=1)
+        self.behind = np.arange(2 * POINTS) < POINTS
+        self.load = np.where(self.behind, 0.0, jump.T[:, :, None])  # n - left: (2, n, points)
+        self.load[1] -= groups.sigma * points
+        self.q = 1.0 - catenary.static(points, groups.sigma, groups.c)[0] / self.alpha
+        ends = np.stack(catenary.shape(1.0, groups.sigma, groups.c))
+        if left is None:  # the empty cable's direction, and a guess of how much tighter
+            left = np.stack([np.full_like(s, math.sqrt(1.0 + 0.5 * groups.mu)), groups.c - jump[:, 1] * (1.0 - s)], -1)
+        self.left = left
+        for _ in range(ITERATIONS):
+            g, A = self.moments()
+            dz = np.linalg.solve(A, (ends - g)[..., None])[..., 0]
+            size = np.linalg.norm(dz, axis=1) / (1.0 + np.linalg.norm(self.left, axis=1))
+            if np.any(size > 0.1):
+                value, step = self._convex(self.left, ends), np.ones_like(s)
+                for _ in range(ITERATIONS):
+                    uphill = (self._convex(self.left + step[:, None] * dz, ends) > value) & (size > 0.1)
+                    if not uphill.any():
+                        break
+                    step = np.where(uphill, 0.5 * step, step)
+                dz *= step[:, None]
+            self.left = self.left + dz
+            if np.all(size <= 1e-9):  # quadratic: what is left is rounding
+                break
+        else:
+            raise NoRest(f"the cable at rest under the car was not found at s_o = {s[np.argmax(size)]:.4g}")
+        self.sides = []  # behind and ahead of the car: N, r', dr'/dn, dr'/ds at constant left
+        T = catenary.static(s, groups.sigma, groups.c)[0]
+        dT = -groups.sigma * (groups.c - groups.sigma * s) / T
+        q = 1.0 - T / self.alpha
+        for n in (self.left - _down(groups.sigma * s), self.left - _down(groups.sigma * s) + jump):
+            N = np.linalg.norm(n, axis=1)
+            e, f = n / N[:, None], q / N + 1.0 / self.alpha
+            D = f[:, None, None] * np.eye(2) - (q / N)[:, None, None] * e[:, :, None] * e[:, None, :]
+            ds = -groups.sigma * D[:, :, 1] - (dT / self.alpha)[:, None] * e
+            self.sides.append((N, f[:, None] * n, D, ds))
+
+    def moments(self, part=slice(None)) -> tuple[np.ndarray, np.ndarray]:
+        """int r' and int dr'/dn over a part of the points: (n, 2), (n, 2, 2)."""
+        nx, ny = self.left.T[:, :, None] + self.load[:, :, part]
+        w, n2 = self.weights[:, part], nx * nx + ny * ny
+        i1 = w * self.q[:, part] / np.sqrt(n2)
+        i3, one = i1 / n2, w.sum(1) / self.alpha
+        g = np.stack([(v * (i1 + w / self.alpha)).sum(1) for v in (nx, ny)], -1)
+        xy = -(i3 * nx * ny).sum(1)
+        A = np.stack([(i3 * ny * ny).sum(1) + one, xy, xy, (i3 * nx * nx).sum(1) + one], -1)
+        return g, A.reshape(-1, 2, 2)
+
+    def second(self, z: np.ndarray, part=slice(None)) -> np.ndarray:
+        """int d2r'/dn^2 [z, z] over a part of the points: (n, 2)."""
+        n = np.moveaxis(self.left.T[:, :, None] + self.load[:, :, part], 0, -1)
+        N, nz = np.linalg.norm(n, axis=-1)[..., None], n @ z[:, :, None]
+        w = (self.weights[:, part] * self.q[:, part])[..., None] / N**3
+        return (w * (-2.0 * nz * z[:, None] - (z**2).sum(1)[:, None, None] * n + 3.0 * nz**2 * n / N**2)).sum(1)
+
+    def _convex(self, left: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        n2 = ((left.T[:, :, None] + self.load) ** 2).sum(0)
+        return (self.weights * (self.q * np.sqrt(n2) + n2 / (2.0 * self.alpha))).sum(1) - left @ ends
+
+
+def _times(B: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return (B @ y[..., None])[..., 0]
+
+
+def _down(y: np.ndarray) -> np.ndarray:
+    return np.stack([np.zeros_like(y), y], -1)
