@@ -98,7 +98,7 @@ class PositionAbscissa:
         return self.system.residual(time, *chained(q, v, a, ds_o, dds_o), phase)
 
     def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         time, ds_o, dds_o = self._kinematics(t, phase)
         x = chained(q, v, a, ds_o, dds_o)

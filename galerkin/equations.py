@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg.lapack import dgetrf, dgetrs
+from scipy.linalg.lapack import dgetrf, dgetrs, zgetrf, zgetrs
 
 from cablefem.newmark import Settled, Solve, State, StepFailure, consistent_acceleration, iterate
 from cablefem.response import Observation, States
@@ -139,7 +139,7 @@ class GalerkinSystem:
         return self._residual(x, q, v, a, force)
 
     def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         x = self.instant(t, phase)
         force, pull, K = self.cable.linearise(x.place, self._fields(q))
@@ -165,15 +165,15 @@ class GalerkinSystem:
         R += pull[:, None] * x.f
         return np.concatenate([R.ravel(), q[self.n_modal :] - Q @ x.f]) if self.path_form else R.ravel()
 
-    def tangent(self, t: float, q: Array, phase: int, c0: float, c1: float, c2: float) -> Array:
+    def tangent(self, t: float, q: Array, phase: int, c0: complex, c1: complex, c2: complex) -> Array:
         """c0 dr/dq + c1 dr/dv + c2 dr/da, (n_dof, n_dof): (28)-(32) and (21)-(23); r is linear in v and a."""
         x = self.instant(t, phase)
         return self._tangent(x, self.cable.linearise(x.place, self._fields(q))[2], c0, c1, c2)
 
-    def _tangent(self, x: Instant, K: Array, c0: float, c1: float, c2: float) -> Array:
+    def _tangent(self, x: Instant, K: Array, c0: complex, c1: complex, c2: complex) -> Array:
         """The tangent from K = dR/dq, which is overwritten."""
-        K *= c0
-        block = c2 * x.mass
+        K = np.multiply(K, c0, out=None if isinstance(c0, complex) else K)
+        block = np.multiply(c2, x.mass, dtype=K.dtype)
         if self.kink:
             block[:, -1] += c1 * x.gyroscopic + c0 * x.centrifugal
         if self.inertia and not self.path_form:
@@ -259,7 +259,8 @@ class GalerkinSystem:
 
 def factorised(K: Array) -> Solve:
     """r -> K^-1 r by LAPACK's LU; K is overwritten (its transpose is what Fortran sees, hence trans=1)."""
-    lu, pivots, info = dgetrf(K.T, overwrite_a=True)
+    getrf, getrs = (zgetrf, zgetrs) if np.iscomplexobj(K) else (dgetrf, dgetrs)
+    lu, pivots, info = getrf(K.T, overwrite_a=True)
     if info:
         return lambda r: np.full_like(r, np.nan)  # singular: the driver treats NaN as a stalled step
-    return lambda r: dgetrs(lu, pivots, r, trans=1)[0]
+    return lambda r: getrs(lu, pivots, r, trans=1)[0]

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
-from cablefem.elements import kernels
-from cablefem.newmark import Newton, Settled, Solve
+from cablefem.elements import collocation, kernels
+from cablefem.newmark import Newton, Settled, Solve, Tableau
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 
@@ -104,20 +104,21 @@ class CableElements:
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self._n_dof)
-        self._assemble(t, q, v, a, phase, r, False, 0.0, 0.0, 0.0)
+        self._assemble(t, q, v, a, phase, r, self._work, False, 0.0, 0.0, 0.0)
         return r
 
     def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        """As the protocol has it; the factors live in one workspace, so an earlier `solve` is void."""
+        """As the protocol has it; factors live in one workspace each, real and complex."""
         r = np.empty(self._n_dof)
-        self._assemble(t, q, v, a, phase, r, True, c0, c1, c2)
-        if not kernels.factorise_coupled(self._work, c0 * kernels.coupling(self._cable)):
+        work = self._complex_work if isinstance(c0, complex) else self._work
+        self._assemble(t, q, v, a, phase, r, work, True, c0, c1, c2)
+        if not kernels.factorise_coupled(work, c0 * kernels.coupling(self._cable)):
             return r, lambda b: np.full_like(b, math.nan)  # singular: the driver takes NaN for a stalled step
 
         def solve(b: Array) -> Array:
-            kernels.solve_coupled(self._work, b)
+            kernels.solve_coupled(work, b)
             return b
 
         return r, solve
@@ -134,6 +135,24 @@ class CableElements:
         self.least_tension = least, where
         return Settled(*done)
 
+    def collocate(
+        self, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
+    ) -> Settled:
+        meshes, contacts, coefficients = [], [], []
+        for instant in t.tolist():
+            self._time(instant, phase)
+            meshes.append((self._mesh.span.copy(), self._mesh.dofs, self._mesh.tab))
+            contacts.append((*self._contact[:-1], self._contact.load.copy()))
+            coefficients.append(self._coefficients.copy())
+        self._at = None
+        *done, least, where = collocation.collocate(
+            self._operators, tuple(coefficients), np.empty((t.size, *self._bands.shape)), tuple(meshes), self._cable,
+            tuple(contacts), tuple(self._work), tuple(self._complex_work), start, dt, rule.numbers, a, bound,
+            newton.max_iter, newton.reuse, newton.patience,
+        )  # fmt: skip
+        self.least_tension = least, where
+        return Settled(*done)
+
     # --- what a mesh answers ---------------------------------------------------------------------------
     def _fresh(self) -> None:
         """Make the workspaces, which a twin with another law must not share."""
@@ -142,6 +161,7 @@ class CableElements:
         increment = np.empty(n if self.fields == 1 else 0)
         band, pivots = np.empty((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64)
         self._work = kernels.Tangent(band, pivots, increment, increment.copy())
+        self._complex_work = kernels.Tangent(band.astype(complex), pivots.copy(), increment, increment.astype(complex))
         self._bands = np.empty((3, *self._operators.shape[1:]))
 
     def _time(self, t: float, phase: int) -> None:
@@ -173,8 +193,8 @@ class CableElements:
             self._cable = np.array([g.alpha, tau, g.sigma * g.chord_cos / tau, *STRETCHING[self.model], flag])
 
     def _assemble(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, tangent: bool,
-        c0: float, c1: float, c2: float,
+        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, work: kernels.Tangent,
+        tangent: bool, c0: complex, c1: complex, c2: complex,
     ) -> None:  # fmt: skip
         """Set r and, if asked, the banded tangent in the workspace; note the least tension."""
         if self._at != (t, phase):
@@ -182,7 +202,7 @@ class CableElements:
             self._at = (t, phase)
             kernels.combine(self._operators, self._coefficients, self._bands)
         self.least_tension = kernels.assemble(
-            self._bands, self._mesh, self._cable, self._contact, q, v, a, r, self._work, tangent, c0, c1, c2
+            self._bands, self._mesh, self._cable, self._contact, q, v, a, r, work, tangent, c0, c1, c2
         )
 
     def _static(self, s_o: Any) -> tuple[Array, Array, Array]:

@@ -25,7 +25,13 @@ class Tableau(NamedTuple):
     values: Complex  # (m,) eigenvalues of A, one of each pair
     to: Complex  # (m, s) from nodes to eigenvectors
     back: Complex  # (s, m) and back, of which the real part counts
+    middle: int  # node next to the middle of the step, for a tangent
     powers: tuple[Array, Array, Array]  # coefficients of l_j, and of its first and second integral from the step's end
+
+    @property
+    def numbers(self) -> tuple[Array, Array, Array, Complex, Complex, Complex, int]:
+        """What compiled code takes for it."""
+        return self.c, self.A, self.AA, self.values, self.to, self.back, self.middle
 
 
 @cache
@@ -33,7 +39,7 @@ def tableau(nodes: tuple[float, ...]) -> Tableau:
     """Return the rule that collocates at these nodes."""
     c = np.array(nodes)
     basis = [Polynomial.fromroots(np.delete(c, j)) / np.prod(x - np.delete(c, j)) for j, x in enumerate(c)]
-    A = np.array([p.integ()(c) for p in basis]).T
+    A = np.array([p.integ()(x) for x in c for p in basis]).reshape(c.size, c.size)
     b = np.array([p.integ()(1.0) for p in basis])
     values, back = np.linalg.eig(A)
     kept = values.imag >= 0.0
@@ -43,15 +49,17 @@ def tableau(nodes: tuple[float, ...]) -> Tableau:
         np.array([p.integ(1, lbnd=1.0).coef for p in basis]).T,
         np.array([p.integ(2, lbnd=1.0).coef for p in basis]).T,
     )
-    to = np.linalg.inv(back).astype(complex)
+    to, back, values = (x.astype(complex) for x in (np.linalg.inv(back), both * back, values))
+    middle = int(np.argmin(np.abs(c - 0.5)))
     return Tableau(
-        c, A, A @ A, b, b @ A, values[kept].astype(complex), to[kept], (both * back)[:, kept].astype(complex), powers
-    )
+        c, A, A @ A, b, b @ A, values[kept], to[kept], np.ascontiguousarray(back[:, kept]), middle, powers
+    )  # fmt: skip
 
 
 def accelerations(inside: Inside, x: Array) -> Array:
     """Return the polynomial through the accelerations of a step at x (k,) in units of the step: (k, n_dof)."""
-    return polynomial.polyval(x, tableau(inside.nodes).powers[0]).T @ inside.a
+    powers = tableau(inside.nodes).powers[0]
+    return (x[:, None] ** np.arange(len(powers)) @ powers) @ inside.a
 
 
 def between(before: State, after: State, t: float) -> State:
