@@ -7,20 +7,40 @@ scale factor for both files.  Single precision: for eyes; response.npz holds eve
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import h5py
 import numpy as np
+from meshio.xdmf import TimeSeriesWriter
 
-from cablefem.response import Array, Response, whole
+from cablefem.response import Array, Response
 from cablefem.scene import Scene
 
 CABLE, MASS = "response.xdmf", "mass.xdmf"
 
 
+class _Writer(TimeSeriesWriter):
+    """meshio's, with a mesh of its own for every frame and the HDF5 file beside the other one."""
+
+    def __enter__(self) -> Any:
+        self.h5_filename = str(self.filename.with_suffix(".h5"))
+        self.h5_file = h5py.File(self.h5_filename, "w", libver="latest")
+        return self
+
+    def frame(self, t: float, points: Array, cells: tuple[str, Array], **data: Array) -> None:
+        grid = ElementTree.SubElement(self.collection, "Grid", Name="frame", GridType="Uniform")
+        ElementTree.SubElement(grid, "Time", Value=repr(t))
+        self.cells([cells], grid)
+        self.points(grid, points.astype(np.float32))
+        self.point_data({name: values.astype(np.float32) for name, values in data.items()}, grid)
+
+
 def write(r: Response, folder: Path) -> None:
-    """Write both files; the data are inside the XML, so that each file needs no other.
+    """Write both files and, beside each, the HDF5 file with its data.
 
     Cable: points (m + 2, 3) [m], first the fixed stations, then the place of the mass twice: the ends of the cable
     behind and ahead of it, where the tension has two values.  Per frame `displacement` (m + 2, 3) [m], `velocity`
@@ -29,39 +49,25 @@ def write(r: Response, folder: Path) -> None:
     """
     shape, f = Scene.from_toml(r.scene_toml).catenary, r.fields
     places, moved = _upward(shape.x(f.s_o), shape.y(f.s_o)), _upward(f.mass_u, f.mass_v)
-    m, stations = f.s.size, _upward(shape.x(f.s), shape.y(f.s))
-    ends = np.arange(m)
-    with whole(folder / CABLE) as temporary, _writer(temporary) as out:
-        for k, t in enumerate(f.t.tolist()):
-            i = min(max(int(np.searchsorted(f.s, f.s_o[k], side="right")) - 1, 0), m - 2)  # the mass is in s_i .. s_i+1
-            lines = np.stack([np.insert(ends[:-1], i + 1, m + 1), np.insert(ends[1:], i, m)], axis=1)
-            du, dv = (np.interp(f.s_o[k], f.s, x[k]) for x in (f.du, f.dv))
-            _add_frame(
-                out, t, np.vstack([stations, places[k], places[k]]), ("line", lines),
-                displacement=np.vstack([_upward(f.u[k], f.v[k]), moved[k], moved[k]]),
-                velocity=_upward(np.append(f.du[k], [du, du]), np.append(f.dv[k], [dv, dv])),
-                tension=np.append(f.T[k], [f.T_behind[k], f.T_ahead[k]]),
-            )  # fmt: skip
-    with whole(folder / MASS) as temporary, _writer(temporary) as out:
-        for k, t in enumerate(f.t.tolist()):
-            at = slice(k, k + 1)
-            sides = {"tension_behind": f.T_behind[at], "tension_ahead": f.T_ahead[at]}
-            _add_frame(out, t, places[at], ("vertex", np.array([[0]])), displacement=moved[at], **sides)
-
-
-def _writer(path: Path) -> Any:
-    from meshio.xdmf import TimeSeriesWriter
-
-    return TimeSeriesWriter(path, data_format="XML")
-
-
-def _add_frame(out: Any, t: float, points: Array, cells: tuple[str, Any], **data: Array) -> None:
-    """Add one instant with points and cells of its own: meshio's writer by itself knows only one mesh for all."""
-    frame = ElementTree.SubElement(out.collection, "Grid", Name="frame", GridType="Uniform")
-    ElementTree.SubElement(frame, "Time", Value=repr(t))
-    out.cells([cells], frame)
-    out.points(frame, points.astype(np.float32))
-    out.point_data({name: values.astype(np.float32) for name, values in data.items()}, frame)
+    m, stations, ends = f.s.size, _upward(shape.x(f.s), shape.y(f.s)), np.arange(f.s.size)
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".paraview") as apart:
+        with _Writer(Path(apart) / CABLE) as cable, _Writer(Path(apart) / MASS) as mass:
+            for k, t in enumerate(f.t.tolist()):
+                i = min(max(int(np.searchsorted(f.s, f.s_o[k], side="right")) - 1, 0), m - 2)  # s_i <= s_o <= s_i+1
+                lines = np.stack([np.insert(ends[:-1], i + 1, m + 1), np.insert(ends[1:], i, m)], axis=1)
+                du, dv = (np.interp(f.s_o[k], f.s, x[k]) for x in (f.du, f.dv))
+                cable.frame(
+                    t, np.vstack([stations, places[k], places[k]]), ("line", lines),
+                    displacement=np.vstack([_upward(f.u[k], f.v[k]), moved[k], moved[k]]),
+                    velocity=_upward(np.append(f.du[k], [du, du]), np.append(f.dv[k], [dv, dv])),
+                    tension=np.append(f.T[k], [f.T_behind[k], f.T_ahead[k]]),
+                )  # fmt: skip
+                at = slice(k, k + 1)
+                sides = {"tension_behind": f.T_behind[at], "tension_ahead": f.T_ahead[at]}
+                mass.frame(t, places[at], ("vertex", np.array([[0]])), displacement=moved[at], **sides)
+        for file in sorted(Path(apart).iterdir(), key=lambda file: file.suffix):  # data first
+            shutil.move(file, folder / file.name)
 
 
 def _upward(x: Array, y: Array) -> Array:
