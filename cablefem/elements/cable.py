@@ -112,16 +112,22 @@ class CableElements:
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self._n_dof)
-        self._assemble(t, q, v, a, phase, r, self._work, False, 0.0, 0.0, 0.0)
+        self._assemble(t, q, v, a, phase, r, False, 0.0, 0.0, 0.0)
         return r
 
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         """As the protocol has it; factors live in one workspace each, real and complex."""
-        r = np.empty(self._n_dof)
-        work = self._complex_work if isinstance(c0, complex) else self._work
-        self._assemble(t, q, v, a, phase, r, work, True, c0, c1, c2)
+        r, work = np.empty(self._n_dof), self._work
+        if isinstance(c0, complex):
+            work = self._complex_work
+            work.ab[:] = 0.0
+            for factor, *one in zip((c0, c1, c2), *np.eye(3).tolist(), strict=True):
+                self._assemble(t, q, v, a, phase, r, True, *one)
+                work.ab[:] += factor * self._work.ab
+        else:
+            self._assemble(t, q, v, a, phase, r, True, c0, float(c1.real), float(c2.real))
         if not kernels.factorise_coupled(work, c0 * kernels.coupling(self._cable)):
             return r, lambda b: np.full_like(b, math.nan)  # singular: the driver takes NaN for a stalled step
 
@@ -147,14 +153,14 @@ class CableElements:
         self, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
     ) -> Settled:
         meshes, contacts, coefficients = [], [], []
-        for instant in t.tolist():
-            self._time(instant, phase)
+        for instant in (*t.tolist(), t[-1])[:3]:  # compiled for three nodes, two are filled up
+            self._time(float(instant), phase)
             meshes.append((self._mesh.span.copy(), self._mesh.dofs, self._mesh.tab))
             contacts.append((*self._contact[:-1], self._contact.load.copy()))
             coefficients.append(self._coefficients.copy())
         self._at = None
         *done, least, where = collocation.collocate(
-            self._operators, tuple(coefficients), np.empty((t.size, *self._bands.shape)), tuple(meshes), self._cable,
+            self._operators, tuple(coefficients), np.empty((3, *self._bands.shape)), tuple(meshes), self._cable,
             tuple(contacts), tuple(self._work), tuple(self._complex_work), start, dt, rule.numbers, a, bound,
             newton.max_iter, newton.reuse, newton.patience,
         )  # fmt: skip
@@ -212,8 +218,8 @@ class CableElements:
             self._cable = np.array([g.alpha, tau, g.sigma * g.chord_cos / tau, *STRETCHING[self.model], flag])
 
     def _assemble(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, work: kernels.Tangent,
-        tangent: bool, c0: complex, c1: complex, c2: complex,
+        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, tangent: bool,
+        c0: float, c1: float, c2: float,
     ) -> None:  # fmt: skip
         """Set r and, if asked, the banded tangent in the workspace; note the least tension."""
         if self._at != (t, phase):
@@ -221,7 +227,7 @@ class CableElements:
             self._at = (t, phase)
             kernels.combine(self._operators, self._coefficients, self._bands)
         self.least_tension = kernels.assemble(
-            self._bands, self._mesh, self._cable, self._contact, q, v, a, r, work, tangent, c0, c1, c2
+            self._bands, self._mesh, self._cable, self._contact, q, v, a, r, self._work, tangent, c0, c1, c2
         )
 
     def _static(self, s_o: Any) -> tuple[Array, Array, Array]:

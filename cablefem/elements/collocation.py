@@ -62,6 +62,8 @@ def collocate(
     m = values.size
     q, v, r, da = np.empty((s, n)), np.empty((s, n)), np.empty((s, n)), np.empty((s, n))
     real, along = np.empty(n), np.empty((m, n), dtype=np.complex128)
+    one = np.eye(3)
+    parts = np.empty((3, *real_work.ab.shape))  # of the tangent: dr/dq, dr/dv, dr/da
     for i in range(s):
         combine(operators, coefficients[i], bands[i])
     factorisations, residuals, anew, regular = 0, 0, True, True
@@ -69,16 +71,18 @@ def collocate(
     norm, least, where = balances(meshes, cable, contacts, bands, q, v, a, r, real_work)
     for iteration in range(max_iter):
         if anew:
+            for k in range(3):
+                at_middle = bands[middle], mesh, cable, contact, q[middle], v[middle], a[middle], da[0], real_work
+                assemble(*at_middle, True, one[k, 0], one[k, 1], one[k, 2])
+                parts[k] = real_work.ab
             for k in range(m):
                 c1 = dt * values[k]
                 c0 = c1 * c1
                 if c1.imag == 0.0:
-                    of = bands[middle], mesh, cable, contact, q[middle], v[middle], a[middle], da[0], real_work
-                    assemble(*of, True, c0.real, c1.real, 1.0)
+                    real_work.ab[:] = c0.real * parts[0] + c1.real * parts[1] + parts[2]
                     regular = factorise_coupled(real_work, c0.real * coupling(cable)) and regular
                 else:
-                    of_pair = bands[middle], mesh, cable, contact, q[middle], v[middle], a[middle], da[0], complex_work
-                    assemble(*of_pair, True, c0, c1, 1.0)
+                    complex_work.ab[:] = c0 * parts[0] + c1 * parts[1] + parts[2]
                     regular = factorise_coupled(complex_work, c0 * coupling(cable)) and regular
             factorisations += 1
         if not regular:

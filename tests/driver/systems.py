@@ -178,6 +178,10 @@ class MomentumPendulum(DoublePendulum):
 class Follower(Spring):
     """m a + d v + k (q - x(t)) + k3 (q - x)^3 = m x'' + d x' with x = sin(w t): q = x(t) however stiff k is."""
 
+    def __init__(self, **kw):
+        super().__init__(**kw)
+        self.force_scale, self.force_floor = self.k.max(), 1e-15 * self.k.max()
+
     def residual(self, t, q, v, a, phase):
         x, dx = np.sin(self.w * t), self.w * np.cos(self.w * t)
         return super().residual(t, q - x, v - dx, a + self.w**2 * x, phase)
@@ -195,6 +199,7 @@ class Guided(Spring):
 
     def __init__(self, **kw):
         super().__init__(m=np.array([1.7, 0.9]), k=np.array([5.3, 5.3]), q0=np.zeros(2), v0=np.zeros(2), **kw)
+        self.force_scale = 5.3
 
     def start(self, phase, state):
         w = self.w[0]
