@@ -25,7 +25,7 @@ from cablefem.newmark.schemes import SCHEMES, Scheme, scheme
 from cablefem.newmark.stepper import Passed, Work
 from cablefem.newmark.steps import step_times
 from cablefem.newmark.system import Array, Inside, Solve, State, System, consistent_acceleration
-from cablefem.newmark.tableau import Tableau, between
+from cablefem.newmark.tableau import Tableau, between, densified
 
 __all__ = [
     "SCHEMES",
@@ -51,6 +51,7 @@ __all__ = [
     "between",
     "collocate",
     "consistent_acceleration",
+    "densified",
     "integrate",
     "iterate",
     "scheme",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -60,6 +62,17 @@ def accelerations(inside: Inside, x: Array) -> Array:
     """Return the polynomial through the accelerations of a step at x (k,) in units of the step: (k, n_dof)."""
     powers = tableau(inside.nodes).powers[0]
     return (x[:, None] ** np.arange(len(powers)) @ powers) @ inside.a
+
+
+def densified(states: Sequence[State], parts: int) -> list[State]:
+    """Return a history with collocation steps in so many parts; what other steps did inside is not known."""
+    out = list(states[:1])
+    for before, after in pairwise(states):
+        if after.inside is not None:
+            t = np.linspace(after.t - after.inside.dt, after.t, parts + 1)[1:-1]
+            out += [between(before, after, x) for x in t[t > before.t].tolist()]
+        out.append(after)
+    return out
 
 
 def between(before: State, after: State, t: float) -> State:
