@@ -29,6 +29,8 @@ class PositionAbscissa:
     """
 
     def __init__(self, system: GalerkinSystem) -> None:
+        if system.groups.drive.mode != "grip":
+            raise ValueError("the place of a car that rolls is no clock; use time")
         self.system, self.motion = system, system.motion
         self.n_dof, self.force_scale, self.force_floor = system.n_dof, system.force_scale, system.force_floor
         at = self.motion.at

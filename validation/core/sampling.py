@@ -122,7 +122,7 @@ def _frames(scene: Scene, t_last: float) -> Array:
 def _passages(motion: Motion) -> Array:
     """Return the instants at which a prescribed travel passes the marks; the runs of a ladder share them."""
     end = motion.position(np.array([motion.phases[-1][1]]))[0]
-    return np.array([motion.time_at(mark) for mark in np.arange(1, FRAMES) / FRAMES if mark < end])
+    return np.array([motion.time_at(mark) for mark in np.arange(1, FRAMES) / FRAMES if motion.begin <= mark < end])
 
 
 def _between(h: States, t: Array) -> States:
