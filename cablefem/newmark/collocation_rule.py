@@ -15,7 +15,7 @@ from cablefem.newmark.failures import StepFailure
 from cablefem.newmark.newton import Newton, Settled, find_root
 from cablefem.newmark.schemes import Scheme
 from cablefem.newmark.stepper import Stepper, Work
-from cablefem.newmark.system import Array, Inside, Solve, State, System, consistent_acceleration
+from cablefem.newmark.system import Array, Collocated, Inside, Solve, State, System, consistent_acceleration
 from cablefem.newmark.tableau import Tableau, accelerations, tableau
 
 # One tangent for all nodes errs by what it changes along the step, and so does a new one: it is kept while it serves.
@@ -51,17 +51,18 @@ class CollocationRule(Stepper):
         if rule.c[-1] == 1.0:
             t[-1] = t1
         a = self._accelerations(x, t, dt)
-        inside = Inside(self.method.nodes, dt, a)
         q, v = x.q + dt * x.v + dt * dt * (rule.bA @ a), x.v + dt * (rule.b @ a)
         if rule.c[-1] == 1.0:
-            return State(t1, q, v, a[-1], x.phase, inside)
-        end = consistent_acceleration(self.system, t1, q, v, x.phase)
+            end = Collocated(t1, q, v, a[-1], x.phase)
+        else:
+            end = Collocated(*consistent_acceleration(self.system, t1, q, v, x.phase))
         if not np.isfinite(end.a).all():
             raise StepFailure(
                 t1, "the balance does not determine the acceleration (a constraint on positions)",
                 "take scheme radau, newmark or generalized-alpha",
             )  # fmt: skip
-        return end._replace(inside=inside)
+        end.inside = Inside(self.method.nodes, dt, a)
+        return end
 
     def _accelerations(self, x: State, t: Array, dt: float) -> Array:
         """Return the accelerations at the nodes t.
@@ -71,7 +72,7 @@ class CollocationRule(Stepper):
         """
         step = dt, x.phase, np.array([x.q, x.v])
         how = self.rule, self.bound, self.newton
-        if x.inside is not None:
+        if isinstance(x, Collocated):
             a = accelerations(x.inside, 1.0 + self.rule.c * (dt / x.inside.dt))
             if self.balanced(self.collocate(t, *step, a, *how)):
                 return a

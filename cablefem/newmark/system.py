@@ -30,7 +30,12 @@ class State(NamedTuple):
     v: Array  # (n_dof,) dq/dt
     a: Array  # (n_dof,) d2q/dt2
     phase: int = 0
-    inside: Inside | None = None  # of the step that ended here
+
+
+class Collocated(State):
+    """The end of a collocation step, which remembers the step."""
+
+    inside: Inside
 
 
 class System(Protocol):

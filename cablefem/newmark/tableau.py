@@ -11,7 +11,7 @@ import numpy as np
 from numpy.polynomial import Polynomial, polynomial
 from numpy.typing import NDArray
 
-from cablefem.newmark.system import Array, Inside, State
+from cablefem.newmark.system import Array, Collocated, Inside, State
 
 Complex = NDArray[np.complex128]
 
@@ -68,7 +68,7 @@ def densified(states: Sequence[State], parts: int) -> list[State]:
     """Return a history with collocation steps in so many parts; what other steps did inside is not known."""
     out = list(states[:1])
     for before, after in pairwise(states):
-        if after.inside is not None:
+        if isinstance(after, Collocated):
             t = np.linspace(after.t - after.inside.dt, after.t, parts + 1)[1:-1]
             out += [between(before, after, x) for x in t[t > before.t].tolist()]
         out.append(after)
@@ -81,7 +81,7 @@ def between(before: State, after: State, t: float) -> State:
     After a collocation step its polynomial: order s + 1 for s nodes, v and a its derivatives.  Else the cubic with the
     values of q and v at both ends, and a straight line for a, which may alternate from step to step.
     """
-    if after.inside is not None:
+    if isinstance(after, Collocated):
         nodes, dt, a = after.inside
         x = (t - after.t) / dt + 1.0
         l0, l1, l2 = (polynomial.polyval(x, p) @ a for p in tableau(nodes).powers)

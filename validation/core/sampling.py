@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from cablefem.newmark import State, Work, densified
+from cablefem.newmark import Collocated, State, Work, densified
 from cablefem.response import Array, Fields, Observation, Response, States
 from cablefem.scene import Motion, Scene
 from validation.core.solver import Solver
@@ -49,7 +49,9 @@ def respond(scene: Scene, h: History, **asked: Any) -> Response:
     onset = h.onset if h.onset is not None and h.onset[0] < n else None
     switch = states.t[onset[0]] if onset is not None and h.after is not None else math.inf
     t = _frames(scene, float(states.t[-1]))
-    within = states if h.states[-1].inside is None else h.solver.in_time(stacked(densified(h.states, WITHIN)))
+    within = (
+        states if not isinstance(h.states[-1], Collocated) else h.solver.in_time(stacked(densified(h.states, WITHIN)))
+    )
     at_frames = _between(within, t) if n > 1 else _rows(states, slice(0, 0))
     s = np.linspace(0.0, 1.0, STATIONS)
     steps = _observe(h, states, switch, s, np.array([], dtype=np.intp))
@@ -101,7 +103,7 @@ def _scales(l: float, H: float, tau: float) -> Callable[..., dict[str, Any]]:
 
 def stacked(states: Sequence[State]) -> States:
     """Return a history as arrays."""
-    return States(*(np.array(column) for column in zip(*(x[:5] for x in states), strict=True)))
+    return States(*(np.array(column) for column in zip(*states, strict=True)))
 
 
 def _rows(states: States, rows: slice) -> States:
