@@ -49,10 +49,9 @@ def respond(scene: Scene, h: History, **asked: Any) -> Response:
     onset = h.onset if h.onset is not None and h.onset[0] < n else None
     switch = states.t[onset[0]] if onset is not None and h.after is not None else math.inf
     t = _frames(scene, float(states.t[-1]))
-    within = (
-        states if not isinstance(h.states[-1], Collocated) else h.solver.in_time(stacked(densified(h.states, WITHIN)))
-    )
-    at_frames = _between(within, t) if n > 1 else _rows(states, slice(0, 0))
+    collocated = isinstance(h.states[-1], Collocated)
+    within = h.solver.in_time(stacked(densified(h.states, WITHIN))) if collocated else states
+    at_frames = _between(within, t) if t.size and n > 1 else _rows(states, slice(0, 0))
     s = np.linspace(0.0, 1.0, STATIONS)
     steps = _observe(h, states, switch, s, np.array([], dtype=np.intp))
     frames = _observe(h, at_frames, switch, s, np.arange(at_frames.t.size))
