@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
 from cablefem.elements import collocation, kernels
-from cablefem.newmark import Newton, Settled, Solve, State, Tableau
+from cablefem.newmark import Newton, Settled, Solve, State, Tableau, collocate
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 
@@ -152,6 +152,8 @@ class CableElements:
     def collocate(
         self, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
     ) -> Settled:
+        if type(self).residual is not CableElements.residual:
+            return collocate(self, t, dt, phase, start, a, rule, bound, newton)  # the kernel knows no other balance
         meshes, contacts, coefficients = [], [], []
         for instant in (*t.tolist(), t[-1])[:3]:  # compiled for three nodes, two are filled up
             self._time(float(instant), phase)
