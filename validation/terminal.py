@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 Progress = Callable[[str, float], None]
 
-STYLES = {"agree": "green", "disagree": "bold red", "not comparable": "yellow"}
+STYLES = {"agree": "green", "disagree": "bold red", "not comparable": "yellow", "too coarse": "yellow"}
 
 
 def say(text: str = "", style: str = "") -> None:

@@ -1,25 +1,39 @@
-"""Verdicts: do two answers agree within what both say of their own errors?"""
+"""Verdicts: do two answers agree within what both say of their own errors, and with mechanics?
+
+Every row can disagree, and a row whose bars are wider than its ceiling says nothing ("too coarse").
+"""
 
 from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from cablefem.response import Array, Response
+from cablefem.response import Array, Flag, Response
 from cablefem.scene import Scene
-from validation.core import measures
+from validation.core import laws, measures, trust
 from validation.core.bounds import Bound, Part, nothing
-from validation.core.estimate import SAFETY, Estimated
+from validation.core.estimate import SAFETY, SLACK_END, Estimated
+from validation.core.flags import flag
 from validation.core.measures import NotComparable, Window
+from validation.core.methods import METHODS
+
+DEFAULT_TOL = 1e-3
+CEILING = 0.05  # of a row's own scale: bars wider than that say nothing
+TENSION = 10.0  # times the tolerance of the path is that of the tension, of H, unless it is given
+# s_o/l by which the compared range may end before 0.80 or both slack onsets
+SHORT_RANGE = 0.05
 
 
 class Verdict(enum.Enum):
-    AGREE, DISAGREE, NOT_COMPARABLE = "agree", "disagree", "not comparable"
+    """In the order in which they decide the whole."""
+
+    DISAGREE, NOT_COMPARABLE, TOO_COARSE, AGREE = "disagree", "not comparable", "too coarse", "agree"
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +45,7 @@ class Agreement:
     bound: Bound
     where: float | None = None  # s_o/l of the largest gap
     party: str = ""  # the third party that is held against our better solver
+    law: str = ""  # of several rows of one quantity, what this one is about
 
     @property
     def allowed(self) -> float:
@@ -42,9 +57,11 @@ class Agreement:
 
     @property
     def verdict(self) -> Verdict:
-        if self.bound.tol is not None or not (math.isfinite(self.gap) and math.isfinite(self.allowed)):
+        if not (math.isfinite(self.gap) and math.isfinite(self.allowed)):
             return Verdict.NOT_COMPARABLE
-        return Verdict.AGREE if self.gap <= self.allowed else Verdict.DISAGREE
+        if self.gap > self.allowed:
+            return Verdict.DISAGREE
+        return Verdict.AGREE if self.bound.tol is None else Verdict.TOO_COARSE
 
     def row(self) -> dict[str, Any]:
         """Return the row for agreement.json; a number that does not exist is null."""
@@ -52,83 +69,186 @@ class Agreement:
             "quantity": self.quantity, "gap": self.gap if math.isfinite(self.gap) else None,
             "allowed": self.allowed if math.isfinite(self.allowed) else None,
             "allowed_because": self.allowed_because, "bound": self.bound.row(), "verdict": self.verdict.value,
-            "where": self.where, **({"with": self.party} if self.party else {}),
+            "where": self.where, **({"law": self.law} if self.law else {}),
+            **({"with": self.party} if self.party else {}),
         }  # fmt: skip
+
+    def at_most(self, ceiling: float) -> Agreement:
+        """Return the row, too coarse where more than the ceiling is allowed."""
+        return replace(self, bound=replace(self.bound, tol=ceiling)) if self.allowed > ceiling else self
 
 
 def overall(rows: list[Agreement]) -> Verdict:
-    """Return disagree if any row disagrees, else not comparable if any row is, else agree."""
-    verdicts = [row.verdict for row in rows]
-    for verdict in (Verdict.DISAGREE, Verdict.NOT_COMPARABLE):
-        if verdict in verdicts or not rows:
-            return verdict if rows else Verdict.NOT_COMPARABLE
-    return Verdict.AGREE
+    """Return the first of disagree, not comparable and too coarse that any row is, else agree; without rows none."""
+    verdicts = {row.verdict for row in rows} or {Verdict.NOT_COMPARABLE}
+    return next(verdict for verdict in Verdict if verdict in verdicts)
+
+
+Gap = Callable[[Response, Response, Window], float]
 
 
 def agree(
-    scene: Scene, a: Estimated, b: Estimated, *, tol: float | None = None, window: Window | None = None
-) -> list[Agreement]:
+    scene: Scene, a: Estimated, b: Estimated, *, tol: float | None = None, tol_tension: float | None = None,
+    window: Window | None = None,
+) -> list[Agreement]:  # fmt: skip
     """Compare two estimated runs; every allowed gap is the sum of the two solvers' own error bars.
 
-    tol : asked of the mass path: where the bars of `path_max` or `path_rms` exceed it, the row is "not comparable".
+    tol : asked of the mass path: where the bars exceed it, the row is "too coarse"; default 5 percent.
+    tol_tension : the same for tension and reactions, over H; default ten times `tol`.
     window : s_o/l; default 0.02 to 0.80 or the slack onset of any of the runs, whichever comes first.
     """
+    if tol is not None and tol_tension is None:
+        tol_tension = TENSION * tol
+    ceiling = max(CEILING, TENSION * (tol or 0.0))
+    rows = [*_independent(a, b), _slack_onset(a, b).at_most(ceiling)]
     try:
         window = measures.window_of(*a.runs, *b.runs, window=window or measures.WINDOW)
     except NotComparable as error:
-        return [Agreement("path_max", math.nan, nothing(error))]
-    rows = []
-    max_gap, rms_gap = measures.path_gap(a.response, b.response, window)
+        return [Agreement("path_max", math.nan, nothing(error)), *rows]
+    compared = partial(_compared, a, b, window)
     where = measures.place_of_gap(a.response, b.response, window)
-    for i, (name, gap) in enumerate((("path_max", max_gap), ("path_rms", rms_gap))):
-
-        def of_path(x: Response, y: Response, i: int = i) -> float:
-            return measures.path_gap(x, y, window)[i]
-
-        row = _row(name, gap, a, b, of_path, where if i == 0 else None)
-        if tol is not None and row.allowed > tol:
-            row = replace(row, bound=replace(row.bound, tol=tol))
-        rows.append(row)
-    rows.append(_row(
-        "tension", measures.tension_gap(a.response, b.response, window), a, b,
-        lambda x, y: measures.tension_gap(x, y, window),
-    ))  # fmt: skip
-    for name, series in (("jump", _jump_series(scene)), ("energy", _energy_series(scene))):
-        rows.append(_law(name, series, a, b, window))
-    rows.append(_first_order("overshoot", measures.oscillation_gap(a.response, b.response, window), a, b, window))
-    return rows
-
-
-def _row(
-    name: str,
-    gap: float,
-    a: Estimated,
-    b: Estimated,
-    of: Callable[[Response, Response], float],
-    where: float | None = None,
-) -> Agreement:
-    bars = tuple(Part(e.run.method, e.bar(of), e.basis) for e in (a, b))
-    return Agreement(name, gap, Bound("error bars", bars), where)
+    H = scene.horizontal_tension
+    axial = 2.0 * scene.length / scene.axial_speed
+    path = [replace(compared("path_max", _path(0)), where=where), compared("path_rms", _path(1))]
+    tension = [compared("tension", measures.tension_gap)]
+    for side in ("behind", "ahead"):
+        of = partial(_series, f"T_{side}", H)
+        tension += [
+            compared(f"tension_{side}", partial(_series_gap, of, 0.0), first_order=True),
+            compared(f"tension_{side}", partial(_series_gap, of, axial), law="mean over an axial round trip"),
+        ]
+    reactions = partial(_series_gap, partial(_series, ("reaction_left", "reaction_right"), H), axial)
+    tension.append(compared("reactions", reactions, law="mean over an axial round trip"))
+    fields = [
+        compared("displacement", lambda x, y, w: measures.field_gap(x, y, w, ("u", "v"))),
+        compared("velocity", lambda x, y, w: measures.field_gap(x, y, w, ("du", "dv"), measures.PIECES)),
+    ]
+    held = [_law("energy", _energy_series(scene), a, b, window), *_laws(a, b, window)]
+    return [
+        *(row.at_most(min(tol or ceiling, ceiling)) for row in path),
+        *(row.at_most(tol_tension or ceiling) for row in tension),
+        *(row.at_most(ceiling) for row in [*fields, *held]),
+        *_range(a, b, window), *rows, *(row.at_most(ceiling) for row in _past_slack(a, b)),
+    ]  # fmt: skip
 
 
-# One-sided slopes at the mass and what oscillates around it converge with first order: the gap to half the resolution
+# --- two answers ----------------------------------------------------------------------------------------------------
+
+# One-sided slopes at the mass and what rings with axial waves converge with first order: the gap to half the resolution
 # and half the steps is what is left.
 FIRST_ORDER = f"the change from half the resolution and half the steps, times {SAFETY}"
 
 
-def _first_order(name: str, gap: float, a: Estimated, b: Estimated, window: Window) -> Agreement:
-    bars = [SAFETY * sum(measures.oscillation_gap(e.run, c, window) for c in (e.in_space, e.in_time)) for e in (a, b)]
-    parts = tuple(Part(e.run.method, bar, FIRST_ORDER) for e, bar in zip((a, b), bars, strict=True))
-    return Agreement(name, gap, Bound("error bars", parts))
+def _compared(
+    a: Estimated, b: Estimated, window: Window, name: str, gap: Gap, *, first_order: bool = False, law: str = ""
+) -> Agreement:
+    """Return the gap of two answers and the sum of their bars; a measure that refuses says why."""
 
+    def bar(e: Estimated) -> Part:
+        if first_order:
+            value = SAFETY * sum(gap(e.run, c, window) for c in (e.in_space, e.in_time))
+            return Part(e.run.method, value, FIRST_ORDER)
+        return Part(e.run.method, e.bar(lambda x, y: gap(x, y, window)), e.basis)
+
+    try:
+        return Agreement(name, gap(a.response, b.response, window), Bound("error bars", (bar(a), bar(b))), law=law)
+    except NotComparable as why:
+        return Agreement(name, math.nan, nothing(why), law=law)
+
+
+def _path(i: int) -> Gap:
+    return lambda x, y, window: measures.path_gap(x, y, window)[i]
+
+
+def _series(names: str | tuple[str, ...], scale: float, r: Response) -> Array:
+    names = (names,) if isinstance(names, str) else names
+    return np.concatenate([getattr(r, name).reshape(r.t.size, -1) for name in names], axis=1) / scale
+
+
+def _series_gap(of: Callable[[Response], Array], axial: float, x: Response, y: Response, window: Window) -> float:
+    return measures.series_gap(x, y, window, of, axial)
+
+
+def _independent(a: Estimated, b: Estimated) -> Iterator[Agreement]:
+    """Give a row where the two answers cannot check each other: of one wing, or the same numbers."""
+    wings = {METHODS[e.run.method].wing for e in (a, b) if e.run.method in METHODS}
+    if len(wings) == 1 and all(e.run.method in METHODS for e in (a, b)):
+        yield Agreement("independence", math.nan, nothing(f"both answers come from the wing {wings.pop()!r}"))
+    if np.array_equal(a.response.v, b.response.v) and a.response.v.any():
+        yield Agreement("independence", math.nan, nothing("both answers are the same numbers"))
+
+
+def _onset(r: Response) -> float:
+    """Return where a cable goes slack, as far as the window of comparison goes."""
+    return min(measures.WINDOW[1], math.inf if r.slack_onset is None else r.slack_onset)
+
+
+def _slack_onset(a: Estimated, b: Estimated) -> Agreement:
+    """Return how far the slack onsets before 0.80 are apart, in s_o/l; no slack before it counts as 0.80."""
+    parts = []
+    for e in (a, b):
+        # an onset is a step, so no better than that
+        step = float(np.diff(e.run.s_o).max()) / e.run.length
+        spread = max(abs(_onset(e.run) - _onset(c)) for c in (e.in_space, e.in_time))
+        parts.append(Part(e.run.method, SAFETY * spread + step, FIRST_ORDER))
+    gap = abs(_onset(a.run) - _onset(b.run))
+    where = min(_onset(a.run), _onset(b.run))
+    return Agreement("slack_onset", gap, Bound("error bars", tuple(parts)), where if gap else None)
+
+
+def _range(a: Estimated, b: Estimated, window: Window) -> Iterator[Agreement]:
+    """Give a row where the compared range ends before both slack onsets, or 0.80."""
+    wanted = max(_onset(a.run), _onset(b.run))
+    if window[1] < wanted - SHORT_RANGE:
+        why = f"compared up to s_o/l = {window[1]:.3f} only, while one of the answers goes on taut to {wanted:.3f}"
+        yield Agreement("range", wanted - window[1], nothing(why), window[1])
+
+
+def _past_slack(a: Estimated, b: Estimated) -> Iterator[Agreement]:
+    """Give the largest gap of the paths from the slack onset on to where both together still know them to 5 percent."""
+    if a.late is None or b.late is None:
+        return
+    onset = min(r.slack_onset or math.inf for r in (a.run, b.run, a.late, b.late))
+    end = min([SLACK_END, *(r.reached for r in (a.run, b.run, a.late, b.late))])
+    if not onset < end:
+        return
+    place = np.linspace(onset, end, 200)[1:-1]
+    bars = [SAFETY * np.maximum.accumulate(trust.gap(e.run, e.late, place)) for e in (a, b)]
+    known = np.flatnonzero(bars[0] + bars[1] <= CEILING)
+    last = known[-1] if known.size else 0
+    gap = trust.gap(a.run, b.run, place[: last + 1])
+    parts = tuple(
+        Part(e.run.method, float(bar[last]), LATE.format(place[last])) for e, bar in zip((a, b), bars, strict=True)
+    )
+    yield Agreement("path_slack", float(gap.max()), Bound("error bars", parts), float(place[gap.argmax()]))
+
+
+LATE = f"the largest change from half of both up to s_o/l = {{:.3f}}, times {SAFETY}"
+
+# A wing whose own time error, brought to as many steps, is so many times its twin's steps at a lower order.
+MOST_UNLIKE = 4.0
+# What says that an error bar may be too small: the verdict stands, but nobody should build on it.
+DOUBTS = ("fast", "energy", "hidden slack", "no bar", "short bar", "time order")
+
+
+def doubts(a: Estimated, b: Estimated) -> list[tuple[str, Flag]]:
+    """Return the methods and flags that say of two answers that their bars may be too small."""
+    found = [(e.run.method, f) for e in (a, b) for f in e.run.flags if f.kind in DOUBTS]
+    try:
+        window = measures.window_of(*a.runs, *b.runs)
+        # of second order, what half the steps change is inverse to their square
+        unit = [measures.path_gap(e.run, e.in_time, window)[1] * e.run.settings["steps"] ** 2 for e in (a, b)]
+    except NotComparable:
+        return found
+    for e, mine, other in ((a, *unit), (b, *unit[::-1])):
+        if mine > MOST_UNLIKE * other > 0.0:
+            found.append((e.run.method, flag("time order", ratio=mine / other)))
+    return found
+
+
+# --- an answer and mechanics ----------------------------------------------------------------------------------------
 
 Series = Callable[[Response], Array]
-
-
-def _jump_series(scene: Scene) -> Series:
-    assert scene.mass is not None
-    mass, rho, g = scene.mass.mass, scene.cable.mass_per_length, scene.gravity
-    return lambda r: measures.jump_defect(r, mass, rho, g) / (mass * g)
 
 
 def _energy_series(scene: Scene) -> Series:
@@ -139,11 +259,10 @@ def _energy_series(scene: Scene) -> Series:
 
 def _law(name: str, series: Series, a: Estimated, b: Estimated, window: Window) -> Agreement:
     """Hold a law of mechanics, whose exact defect is zero, against each run: its defect must be its error bar."""
-    worst: Agreement | None = None
+    found = []
     for e in (a, b):
         defect = series(e.run)
-        inside = measures.inside(e.run, window)
-        gap = _rms(defect[inside])
+        gap = _rms(defect[measures.inside(e.run, window)])
 
         def distance(x: Response, y: Response) -> float:
             coarse, fine = (x, y) if x.t.size <= y.t.size else (y, x)
@@ -151,11 +270,35 @@ def _law(name: str, series: Series, a: Estimated, b: Estimated, window: Window) 
             return _rms((series(coarse) - measures.at_steps_of(coarse, fine, np.nan_to_num(series(fine))))[inside])
 
         bar = SAFETY * (distance(e.run, e.in_space) + distance(e.run, e.in_time))
-        row = Agreement(name, gap, Bound("law", (Part(e.run.method, bar, FIRST_ORDER),)))
-        if worst is None or row.gap * worst.allowed > worst.gap * row.allowed:
-            worst = row
-    assert worst is not None
-    return worst
+        found.append(Agreement(name, gap, Bound("law", (Part(e.run.method, bar, FIRST_ORDER),))))
+    return _worse(found)
+
+
+def _laws(a: Estimated, b: Estimated, window: Window) -> Iterator[Agreement]:
+    """Hold both runs against mechanics in SI, as the judge knows it by itself; a row for each law, of the worse run."""
+    for law in laws.names(a.run):
+        name = "impulse" if law == "impulse" else "laws_si"
+        yield _worse([_held(name, law, e, window) for e in (a, b)])
+
+
+def _held(name: str, law: str, e: Estimated, window: Window) -> Agreement:
+    found = laws.held(law, e.run, window)
+    if not math.isfinite(found.gap):
+        return Agreement(name, math.nan, nothing(f"{e.run.method} lacks what {law} asks for"), law=law)
+    parts = [Part(e.run.method, found.sampling, "sampling of its fields")]
+    if law in laws.MOTION and law != "travel":
+        mine = laws.defect(law, e.run, window).value
+        others = [laws.defect(law, c, window).value for c in (e.in_space, e.in_time)]
+        if any(x.shape != mine.shape for x in others):
+            return Agreement(name, math.nan, nothing(f"a coarser companion of {e.run.method} ends early"), law=law)
+        parts.insert(0, Part(e.run.method, SAFETY * sum(_rms(x - mine) for x in others), FIRST_ORDER))
+    return Agreement(name, found.gap, Bound("law", tuple(parts)), found.where, law=law)
+
+
+def _worse(rows: list[Agreement]) -> Agreement:
+    """Return the row with the worse verdict, of equal ones that which leaves less of what it is allowed."""
+    order = list(Verdict)
+    return min(rows, key=lambda row: (order.index(row.verdict), -row.gap / row.allowed if row.allowed > 0.0 else 0.0))
 
 
 def _rms(x: Array) -> float:

@@ -5,11 +5,13 @@ Each says what it leaves out, and refuses rather than average nothing.  `window`
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from cablefem.response import Array, Response
 
@@ -91,6 +93,57 @@ def tension_gap(a: Response, b: Response, window: Window, *, width: float = JUMP
     away = np.abs(a.fields.s[None, :] / a.length - place[inside][:, None]) >= width
     gap = (a.fields.T[i[inside]] - b.fields.T[j[inside]])[away] / b.horizontal_tension
     return float(np.sqrt(np.mean(gap**2)))
+
+
+def series_gap(a: Response, b: Response, window: Window, of: Callable[[Response], Array], axial: float = 0.0) -> float:
+    """Return the rms distance of two series over time, of(r) (n,) or (n, c), at the steps of the coarser run.
+
+    axial : the time [s] over which both are averaged first: an axial wave's way along the cable and back.
+    """
+    coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
+    within = inside(coarse, window)
+    if not within.any():
+        raise NotComparable(f"{coarse.method} has no step in the window {window}")
+
+    def at(r: Response, t: Array) -> Array:
+        values = of(r).reshape(r.t.size, -1)
+        known = np.isfinite(values).all(axis=1)
+        if not known.any():
+            raise NotComparable(f"{r.method} does not say it")
+        when = r.t[known]
+        if not axial:
+            return CubicSpline(when, values[known], axis=0)(np.clip(t, when[0], when[-1]))
+        total = CubicHermiteSpline(when, cumulative_trapezoid(values[known], when, axis=0, initial=0.0), values[known])
+        low, high = np.clip(t - 0.5 * axial, when[0], when[-1]), np.clip(t + 0.5 * axial, when[0], when[-1])
+        return (total(high) - total(low)) / (high - low)[:, None]
+
+    t = coarse.t[within]
+    return float(np.sqrt(np.mean(np.sum(np.square(at(coarse, t) - at(fine, t)), axis=1))))
+
+
+PIECES = 10  # of the cable, over which velocities are averaged
+
+
+def field_gap(a: Response, b: Response, window: Window, names: tuple[str, ...], pieces: int | None = None) -> float:
+    """Return the rms distance of fields over common frames in the window and stations, over the rms of b's.
+
+    pieces : compare the means over so many equal pieces of the cable: a velocity jumps at every kink that runs along.
+    The station at the mass is left out: which side of it is sampled hangs on rounding.
+    """
+    place, i, j = common_frames(a, b)
+    within = (place >= window[0]) & (place <= window[1])
+    if not within.any():
+        raise NotComparable(f"no common frame of the fields in the window {window}")
+    s = a.fields.s / a.length
+    off = np.abs(s[None, :] - place[within][:, None]) > 1e-6
+    first, second = (
+        np.where(off, np.stack([getattr(r.fields, name)[k[within]] for name in names]), 0.0)
+        for r, k in ((a, i), (b, j))
+    )
+    if pieces is not None:
+        member = np.eye(pieces)[np.minimum((s * pieces).astype(int), pieces - 1)]
+        first, second = (x @ member / (off @ member) for x in (first, second))
+    return float(np.sqrt(np.mean((first - second) ** 2) / np.mean(second**2)))
 
 
 def jump_defect(r: Response, mass: float, mass_per_length: float, gravity: float) -> Array:

@@ -28,7 +28,7 @@ __all__ = [
 ]  # fmt: skip
 
 # worst first; the sign stands beside the word, so that no verdict depends on colour
-VERDICTS = {"disagree": "✗", "not comparable": "?", "agree": "✓"}
+VERDICTS = {"disagree": "✗", "not comparable": "?", "too coarse": "?", "agree": "✓"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +166,9 @@ def details(title: str, html: str) -> Markup:
 
 def callout(text: str, verdict: str | None = None) -> Markup:
     """Return a paragraph that must not be overlooked."""
-    kind = {"agree": "good", "disagree": "bad", "not comparable": "open"}.get(verdict or "", "note")
+    kind = {"agree": "good", "disagree": "bad", "not comparable": "open", "too coarse": "open"}.get(
+        verdict or "", "note"
+    )
     return Markup('<p class="callout {}">{}</p>').format(kind, text)
 
 

@@ -31,10 +31,17 @@ from validation.page.stored import Solver, Stored, read
 QUANTITIES = {
     "path_max": ("Mass path, largest distance", "deflection"),
     "path_rms": ("Mass path, rms distance", "deflection"),
+    "path_slack": ("Mass path past the slack onset, largest distance", "deflection"),
     "tension": ("Tension along the cable, rms off the mass", "tension"),
-    "jump": ("Force jump at the mass, rms defect", "weight"),
+    "tension_behind": ("Tension just behind the mass, rms", "tension"),
+    "tension_ahead": ("Tension just ahead of the mass, rms", "tension"),
+    "reactions": ("Forces of both supports, rms", "tension"),
+    "displacement": ("Displacement field, rms of its own", ""),
+    "velocity": ("Velocity field, rms of its own over tenths of the cable", ""),
+    "slack_onset": ("Slack onset, in sₒ/l", ""),
+    "impulse": ("Momentum of the mass by the cable's pull, rms defect over windows", "weight"),
+    "laws_si": ("Mechanics in SI", ""),
     "energy": ("Energy balance, rms defect", "work"),
-    "overshoot": ("Tension oscillation of one solver only", "tension"),
 }
 
 
@@ -103,7 +110,8 @@ def _row(row: dict[str, Any], of: dict[str, tuple[float, str, str]]) -> dict[str
 
 def _words(row: dict[str, Any]) -> tuple[str, str]:
     name = str(row.get("quantity", "?"))
-    return QUANTITIES.get(name, (name.replace("_", " "), ""))
+    words, kind = QUANTITIES.get(name, (name.replace("_", " "), ""))
+    return (f"{words}: {row['law']}" if row.get("law") and name != "impulse" else words), kind
 
 
 def _both(ratio: float | None, kind: str, of: dict[str, tuple[float, str, str]]) -> Markup | str | None:
@@ -172,7 +180,7 @@ def _disagreement(x: Stored, row: dict[str, Any]) -> str:
 
 
 def _third(party: str, rows: list[dict[str, Any]]) -> str:
-    order = ("disagree", "not comparable", "agree")
+    order = ("disagree", "not comparable", "too coarse", "agree")
     row = min(rows, key=lambda row: order.index(row["verdict"]) if row.get("verdict") in order else 1)
     says = {"agree": "agrees with them", "disagree": "disagrees with them"}.get(row["verdict"], "cannot be compared")
     if row.get("gap") is None:
