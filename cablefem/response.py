@@ -310,13 +310,18 @@ class Response:
         time = np.repeat(f.t, m + 2)
         write_csv(folder / "path.csv", ",".join(PATH_COLUMNS), path)
         write_csv(folder / "tension.csv", "t,s,T", np.stack([time, station.ravel(), tension.ravel()], axis=1))
+        self.store(folder)
+
+    def store(self, folder: Path) -> None:
+        """Write summary.json and response.npz alone."""
+        f = self.fields
         arrays = {n: getattr(self, n) for n in _ARRAYS} | {f"fields.{n}": getattr(f, n) for n in _FIELDS}
         arrays |= {f"powers.{n}": power for n, power in self.powers.items()}
         plain = [n for n in self.__dataclass_fields__ if n not in (*_ARRAYS, "fields", "powers")]
         rest = {n: getattr(self, n) for n in plain}
         rest["flags"] = [asdict(flag) for flag in self.flags]
         with whole(folder / "response.npz") as temporary, temporary.open("wb") as out:
-            np.savez_compressed(out, allow_pickle=False, _rest=np.array(json.dumps(rest)), **arrays)
+            np.savez(out, allow_pickle=False, _rest=np.array(json.dumps(rest)), **arrays)
         write_json(folder / "summary.json", self.summary())
 
     @classmethod
@@ -355,9 +360,8 @@ def whole(path: Path) -> Iterator[Path]:
 def write_csv(path: Path, header: str, rows: Array) -> None:
     """Write rows in full precision; a cell without a value stays empty."""
     with whole(path) as temporary, temporary.open("w", encoding="ascii") as out:
-        out.write(header + "\n")
-        for row in rows.tolist():
-            out.write(",".join("" if x != x else repr(x) for x in row) + "\n")
+        body = repr(rows.tolist())[2:-2].replace("], [", "\n").replace(", ", ",").replace("nan", "")
+        out.write(f"{header}\n{body}\n" if rows.size else f"{header}\n")
 
 
 def write_json(path: Path, content: Any) -> None:

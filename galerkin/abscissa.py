@@ -107,8 +107,6 @@ class PositionAbscissa:
     def settle(self, *step: Any) -> Settled:
         return iterate(self, *step)
 
-    time_states = property(lambda self: self.in_time)  # the core's old name
-
     def in_time(self, states: States) -> States:
         """The history as a function of time: t, q, dq/dt, d2q/dt2."""
         places = zip(states.t.tolist(), states.phase.tolist(), strict=True)

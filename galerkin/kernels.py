@@ -62,3 +62,23 @@ def balance(phi, weights, T, r_static, Q, alpha, law, force, gram, pull):
         gram[0, 1, i] = gram[1, 0, i] = w * (d * rx * ry)
         slope[0, i], slope[1, i] = w * fx, w * fy
     force[:] = slope @ phi.T
+
+
+@compiled
+def survey(phi, weights, T, r_static, Q, alpha, law, internal):
+    """int W ds, the least N and the index of its point; the last row of phi is the hat, rising behind the mass.
+
+    internal : (2, 2) receives int (N t - T t_static) ds behind and ahead of the mass, each a column
+    """
+    slope = Q @ phi
+    energy, least, at = 0.0, math.inf, 0
+    internal[:] = 0.0
+    for i in range(weights.size):
+        N, W, fx, fy, _, _, _ = at_point(T[i], r_static[0, i], r_static[1, i], slope[0, i], slope[1, i], alpha, law)
+        side = 0 if phi[-1, i] > 0.0 else 1
+        internal[0, side] += weights[i] * fx
+        internal[1, side] += weights[i] * fy
+        energy += weights[i] * W
+        if least > N:
+            least, at = N, i
+    return energy, least, at

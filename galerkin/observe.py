@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cablefem.response import Observation, States
-from galerkin import kernels
 from galerkin.bases.kink import Array, TravellingKink
+from galerkin.equilibrium import combined, recover
 from galerkin.models import ChordCable, FullCable
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ NEAR_SUPPORT = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class _History:
+class History:
     """Coefficients of n instants split into the standing functions and the hat (zero without one)."""
 
     s_o: Array  # (n,)
@@ -41,22 +41,22 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     power are those of the model itself, motion normal to the chord over the parabola.
     """
     groups, cable = system.groups, system.cable
-    x = _history(system, states)
+    x = history(system, states)
     n, fields = x.s_o.size, system.fields
     direction = np.eye(2) if fields == 2 else np.array([[-groups.chord_sin, groups.chord_cos]])
 
     basis, smooth = system.basis.basis, system.basis.basis.smooth
     phi, first = basis.values(x.s_o), basis.d1(x.s_o)
-    w_s = _at(x.Q, first)
-    w = _at(x.Q, phi) + x.q_hat
-    w_t = _at(x.V, phi) + x.v_hat + x.ds_o[:, None] * w_s  # along the path
+    w_s = combined(x.Q, first)
+    w = combined(x.Q, phi) + x.q_hat
+    w_t = combined(x.V, phi) + x.v_hat + x.ds_o[:, None] * w_s  # along the path
     if system.path_form:
         w, w_t, w_tt = (y[:, system.n_modal :] for y in (states.q, states.v, states.a))
     else:
         # without phi'' (a moving force on a rough basis) the centrifugal part is left out: it enters no equation then
-        bend = _at(x.Q, basis.d2(x.s_o)) if smooth else np.zeros_like(w)
+        bend = combined(x.Q, basis.d2(x.s_o)) if smooth else np.zeros_like(w)
         w_tt = (
-            _at(x.A, phi) + x.a_hat + 2.0 * x.ds_o[:, None] * _at(x.V, first)
+            combined(x.A, phi) + x.a_hat + 2.0 * x.ds_o[:, None] * combined(x.V, first)
             + x.dds_o[:, None] * w_s + x.ds_o[:, None] ** 2 * bend
         )  # fmt: skip
     left, right = _hat_slopes(x)
@@ -73,19 +73,26 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     kinetic = _kinetic(system, x)
     p = np.stack([x.ds_o, x.dds_o, x.ds_o**2])[:, :, None]
     if isinstance(cable, FullCable):
-        T_behind, T_ahead, working = _one_sided(cable, x.s_o, behind, ahead)
-        strain, least, least_at = _strain(system, x.s_o, states.q)
+        T_behind_pointwise, T_ahead_pointwise, working = _one_sided(cable, x.s_o, behind, ahead)
+        inside = replace(x, s_o=np.clip(x.s_o, NEAR_SUPPORT, 1.0 - NEAR_SUPPORT))
+        forces = recover(system, inside, s, frames)
+        strain, least, least_at = forces.strain, forces.least, forces.least_at
         weight = -cable.weight[1] * (x.Q[:, 1] @ basis.integral() + 0.5 * x.q_hat[:, 1])
-        T = np.array([cable.points(s, slope)[0] for slope in slopes]).reshape(len(frames), s.size)
+        T_pointwise = np.array([cable.points(s, slope)[0] for slope in slopes]).reshape(len(frames), s.size)
+        T_behind, T_ahead = (_tension(*y) for y in ((forces.behind, static + behind), (forces.ahead, static + ahead)))
+        T = _tension(forces.along, np.stack(groups.static(s)[1:3], axis=-1) + slopes.transpose(0, 2, 1))
+        reactions = -forces.left, forces.right
         place_y = groups.shape(x.s_o)[1] + w[:, 1]
         velocity, acceleration = w_t + p[0] * static, w_tt + p[1] * static + p[2] * curvature
         mean_slope = static + 0.5 * (behind + ahead)
     else:
         slope, bent = cable.static_slope(x.s_o)
         (strain, h), weight = _chord(cable, x, basis, phi), np.zeros(n)
-        T_behind = T_ahead = T_o + h
+        T_behind = T_ahead = T_behind_pointwise = T_ahead_pointwise = T_o + h
+        reactions = (np.full((n, 2), np.nan),) * 2
         working = np.zeros(n)  # all energies are quadratic: mean force times jump of slope is the jump of energy
-        least, least_at, T = cable.at_rest + h, np.full(n, cable.least_at), (T_s + h[frames, None])
+        least, least_at, T = cable.at_rest + h, np.full(n, cable.least_at), T_s + h[frames, None]
+        T_pointwise = T
         place_y = (-0.5 * cable.curvature) * x.s_o * (1.0 - x.s_o) + w[:, 0]
         velocity, acceleration = w_t + p[0] * slope, w_tt + p[1] * slope + p[2] * bent
         mean_slope = slope + 0.5 * (behind + ahead)
@@ -100,6 +107,8 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         slope_ahead=static + ahead @ direction,
         T_behind=np.where(x.s_o > 0.0, T_behind, np.nan),
         T_ahead=np.where(x.s_o < 1.0, T_ahead, np.nan),
+        T_behind_pointwise=np.where(x.s_o > 0.0, T_behind_pointwise, np.nan),
+        T_ahead_pointwise=np.where(x.s_o < 1.0, T_ahead_pointwise, np.nan),
         energy=kinetic + strain + potential,
         power=x.ds_o * (np.sum(contact * mean_slope, axis=1) + working),
         tension_min=least,
@@ -109,6 +118,9 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         du=np.einsum("kfs,f->ks", du_dv, direction[:, 0]),
         dv=np.einsum("kfs,f->ks", du_dv, direction[:, 1]),
         T=T,
+        T_pointwise=T_pointwise,
+        reaction_left=reactions[0],
+        reaction_right=reactions[1],
         t=states.t,
         s_o=x.s_o,
         contact=-contact @ direction,
@@ -118,23 +130,18 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     )
 
 
-def _at(coefficients: Array, functions: Array) -> Array:
-    """sum_m c_nfm phi_nm: (n, fields)."""
-    return np.einsum("nfm,nm->nf", coefficients, functions)
-
-
-def _history(system: GalerkinSystem, states: States) -> _History:
+def history(system: GalerkinSystem, states: States) -> History:
     s_o, ds_o, dds_o = np.array(
         [system.motion.at(t, int(k)) for t, k in zip(states.t.tolist(), states.phase, strict=True)]
     ).reshape(-1, 3).T  # fmt: skip
     q, v, a = (y[:, : system.n_modal].reshape(-1, system.fields, system.n) for y in (states.q, states.v, states.a))
     if system.kink:
-        return _History(s_o, ds_o, dds_o, q[..., :-1], v[..., :-1], a[..., :-1], q[..., -1], v[..., -1], a[..., -1])
+        return History(s_o, ds_o, dds_o, q[..., :-1], v[..., :-1], a[..., :-1], q[..., -1], v[..., -1], a[..., -1])
     zero = np.zeros(q.shape[:2])
-    return _History(s_o, ds_o, dds_o, q, v, a, zero, zero, zero)
+    return History(s_o, ds_o, dds_o, q, v, a, zero, zero, zero)
 
 
-def _hat_slopes(x: _History) -> tuple[Array, Array]:
+def _hat_slopes(x: History) -> tuple[Array, Array]:
     """What the hat adds to w' behind and ahead of the mass, (n, fields) each; on the left support the limit t -> 0+."""
     s_o, ds_o, dds_o = x.s_o[:, None], x.ds_o[:, None], x.dds_o[:, None]
     entry = s_o == 0.0
@@ -146,7 +153,7 @@ def _hat_slopes(x: _History) -> tuple[Array, Array]:
     return left, -x.q_hat / np.maximum(1.0 - s_o, NEAR_SUPPORT)
 
 
-def _displacement(x: _History, s: Array, values: Array, frames: Array) -> tuple[Array, Array]:
+def _displacement(x: History, s: Array, values: Array, frames: Array) -> tuple[Array, Array]:
     """w and dw/dt at fixed s, (k, fields, m) each; at s = s_o the side behind."""
     s_o, ds_o = np.maximum(x.s_o[frames], NEAR_SUPPORT)[:, None], x.ds_o[frames, None]
     rest = np.maximum(1.0 - s_o, NEAR_SUPPORT)
@@ -158,14 +165,14 @@ def _displacement(x: _History, s: Array, values: Array, frames: Array) -> tuple[
     return w, w_t + x.q_hat[frames][:, :, None] * hat_t[:, None]
 
 
-def _kinetic(system: GalerkinSystem, x: _History) -> Array:
+def _kinetic(system: GalerkinSystem, x: History) -> Array:
     """1/2 int |w.|^2 ds of the cable, (n,), by the closed forms of `TravellingKink`."""
     twice = np.einsum("nfi,ij,nfj->n", x.V, system.basis.basis.mass(), x.V, optimize=True)
     if isinstance(system.basis, TravellingKink):
         value, first, _ = system.basis.overlap(np.minimum(x.s_o, 1.0 - NEAR_SUPPORT))
         steep = x.ds_o**2 / (3.0 * np.maximum(x.s_o * (1.0 - x.s_o), NEAR_SUPPORT))
         q, v = x.q_hat, x.v_hat
-        cross = 2.0 * v * _at(x.V, value) + 2.0 * x.ds_o[:, None] * q * _at(x.V, first)
+        cross = 2.0 * v * combined(x.V, value) + 2.0 * x.ds_o[:, None] * q * combined(x.V, first)
         twice = twice + np.sum(cross + v**2 / 3.0 + steep[:, None] * q**2, axis=1)
     return 0.5 * twice
 
@@ -178,22 +185,12 @@ def _one_sided(cable: FullCable, s_o: Array, behind: Array, ahead: Array) -> tup
     return left[0], right[0], np.sum(mean * (ahead - behind).T, axis=0) - (right[1] - left[1])
 
 
-def _strain(system: GalerkinSystem, s_o: Array, q: Array) -> tuple[Array, Array, Array]:
-    """int W ds, least tension and its s, (n,) each, at the points of the internal force."""
-    cable, fields, n = system.cable, system.fields, system.n
-    assert isinstance(cable, FullCable)
-    energy, least, least_at = (np.empty(s_o.size) for _ in range(3))
-    for i, place in enumerate(np.clip(s_o, NEAR_SUPPORT, 1.0 - NEAR_SUPPORT).tolist()):
-        points = cable.at(system.basis, place)
-        Q = q[i, : system.n_modal].reshape(fields, n)
-        N, W = kernels.stress(points.T, points.r_static, Q @ points.phi, cable.alpha, cable.law)[:2]
-        energy[i] = points.weights @ W
-        k = N.argmin()
-        least[i], least_at[i] = N[k], points.s[k]
-    return energy, least, least_at
+def _tension(force: Array, r: Array) -> Array:
+    """|N t| with the sign it has along r', (...,)."""
+    return np.copysign(np.hypot(force[..., 0], force[..., 1]), np.sum(force * r, axis=-1))
 
 
-def _chord(cable: ChordCable, x: _History, basis, phi: Array) -> tuple[Array, Array]:
+def _chord(cable: ChordCable, x: History, basis, phi: Array) -> tuple[Array, Array]:
     """Potential energy of the one-field models and their tension increment h, (n,) each."""
     Q, q = x.Q[:, 0], x.q_hat[:, 0]
     steep = 1.0 / np.maximum(x.s_o * (1.0 - x.s_o), NEAR_SUPPORT)

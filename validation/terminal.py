@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
-Progress = Callable[[str, float], None]
+Progress = Callable[..., None]  # of a label, the fraction done and what was reached
 
 STYLES = {"agree": "green", "disagree": "bold red", "not comparable": "yellow", "too coarse": "yellow"}
 
@@ -73,7 +73,7 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence
 def progress() -> Iterator[Progress]:
     """Show one bar per label with the time left, on standard error, while the body runs; nothing in a pipe."""
     if not sys.stderr.isatty():
-        yield lambda label, done: None
+        yield lambda *told: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -81,13 +81,16 @@ def progress() -> Iterator[Progress]:
     tasks: dict[str, TaskID] = {}
     with Progress(
         TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeElapsedColumn(),
-        TextColumn("left"), TimeRemainingColumn(), console=Console(stderr=True), transient=True,
+        TextColumn("left"), TimeRemainingColumn(), TextColumn("{task.fields[note]}"),
+        console=Console(stderr=True), transient=True,
     ) as bars:  # fmt: skip
 
-        def show(label: str, done: float) -> None:
+        def show(label: str, done: float, note: str | None = None) -> None:
             if label not in tasks:
-                tasks[label] = bars.add_task(label, total=1.0)
+                tasks[label] = bars.add_task(label, total=1.0, note="")
             bars.update(tasks[label], completed=done)
+            if note is not None:
+                bars.update(tasks[label], note=note)
 
         yield show
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
 from cablefem.elements import kernels
-from cablefem.newmark import Newton, Settled, Solve
+from cablefem.newmark import Newton, Settled, Solve, State
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 
@@ -101,6 +101,14 @@ class CableElements:
         twin._set_law(law)
         twin._fresh()
         return twin
+
+    def place(self, x: State) -> float:
+        """Return s_o of a state."""
+        return self.motion.at(x.t, x.phase)[0]
+
+    def in_time(self, states: States) -> States:
+        """Return the history itself: time is its independent variable."""
+        return states
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self._n_dof)

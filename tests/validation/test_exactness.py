@@ -5,15 +5,18 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from validation import oracles
 from validation.commands.oracles import page
 from validation.commands.oracles import study as exactness
-from validation.oracles import ORACLES
+from validation.oracles.case import BARE, Crossing
 
 EVERY = {task.key: task for task in exactness.tasks()}
+CROSSINGS = {key[:2]: task.case for key, task in EVERY.items() if isinstance(task.case, Crossing)}
 
 
 def row(oracle, case, method):
@@ -23,10 +26,28 @@ def row(oracle, case, method):
 
 
 def test_every_exact_answer_is_held_against_a_solver_or_said_to_be_out_of_reach():
-    held = {oracle for oracle, _, _ in EVERY} - {"jump-law"}
-    assert held | set(exactness.UNREACHED) == {oracle.name for oracle in ORACLES}
-    assert not held & set(exactness.UNREACHED)
+    held, known = {oracle for oracle, _, _ in EVERY}, oracles.find()
+    assert held | {o.name for o in known if o.unreached} == {o.name for o in known}
+    assert not [o.name for o in known if o.unreached and o.name in held]
     assert len(EVERY) == len(exactness.tasks())  # no two rows have the same name
+
+
+def test_a_file_in_the_folder_is_all_that_an_oracle_needs(tmp_path, monkeypatch):
+    """It is found, held against every method it asks for, and shown, under a heading of its own."""
+    (tmp_path / "brought_along.py").write_text(
+        "from validation.oracles.case import BARE, Modes, Oracle\n"
+        "from validation.oracles.catenary_modes import solve\n"
+        "exact = solve(BARE.sigma, BARE.alpha, BARE.c, count=3).omega\n"
+        "case = Modes(name='first three', groups=BARE, model='full', exact=exact, methods=('sines',))\n"
+        "ORACLE = Oracle(name='brought-along', title='a title', source='a source', validity='', group='A new group',\n"
+        "                answer=solve, cases=lambda: [case])\n"
+    )
+    monkeypatch.setattr(oracles, "__path__", [*oracles.__path__, str(tmp_path)])
+    (task,) = [t for t in exactness.tasks() if t.oracle == "brought-along"]
+    monkeypatch.setattr(exactness, "tasks", lambda: [task])
+    assert exactness.oracle_table(tmp_path)["verdict"] == "agree"
+    html = "".join(str(s.html) for s in page.sections(tmp_path))
+    assert all(word in html for word in ("brought-along", "A new group", "a source", "first three"))
 
 
 @pytest.mark.parametrize(
@@ -91,7 +112,7 @@ def test_frequencies_of_both_wings(oracle, basis):
 def test_the_sagged_model_has_irvines_first_frequency(basis):
     n = {"sines": 160, "wavelets": 3, "P2 elements": 160}[basis]
     # the sines, slowest of the three, are off by 2e-8 relative at 160 terms
-    assert exactness.frequencies(basis, n, "sagged")[0] == pytest.approx(5.3497920, abs=2e-7)
+    assert exactness.SOLVERS.modes(basis, BARE, "sagged", 4, size=n)[0] == pytest.approx(5.3497920, abs=2e-7)
 
 
 # --- the judge ------------------------------------------------------------------------------------------------------
@@ -117,13 +138,13 @@ def test_a_verdict_needs_both_the_bar_and_the_order(error, allowed, observed, ve
 
 def test_the_bar_is_made_without_the_exact_answer():
     """A path off by a constant factor has the same small bar, and is found out."""
-    crossing, method = exactness.crossings()["heavy"], "following-p2"
 
-    def heavier(name, **settings):
-        t, s_o, v = exactness.straight_path(crossing, name, **settings)
-        return t, s_o, 1.01 * v
+    class Heavier(type(exactness.SOLVERS)):
+        def path(self, crossing, name, **settings):
+            found = super().path(crossing, name, **settings)
+            return replace(found, v=1.01 * found.v)
 
-    found = exactness.path_row(crossing, method, exactness.MASS_ORDERS, heavier)
+    found = EVERY["moving-mass", "mass ratio 5, speed 0.37", "following-p2"].compute(Heavier())
     assert found.verdict == "disagree"
     assert found.error > 100.0 * found.allowed
 
@@ -146,7 +167,7 @@ def few(monkeypatch):
             }  # fmt: skip
             return exactness.Row(**values)
 
-        return exactness.Task("moving-mass", name, "following-p2", compute)
+        return SimpleNamespace(key=("moving-mass", name, "following-p2"), compute=compute)
 
     tasks = [toy("the paper's mass, toy", 0.013, "agree"), toy("second", 0.3, "disagree")]
     monkeypatch.setattr(exactness, "tasks", lambda: tasks)
@@ -161,7 +182,7 @@ def test_the_table_is_written_and_goes_on_where_it_stopped(few, tmp_path):
     assert content["verdict"] == "agree"
     assert content["rows"][1]["observed_order"] is None
     assert progress[-1] == ("oracles", 1.0)
-    assert len(content["unreached"]) == len(exactness.UNREACHED)
+    assert [o["name"] for o in content["oracles"]] == [o.name for o in oracles.find()]
     content["rows"], content["verdict"] = content["rows"][:1], "not comparable"
     (tmp_path / "oracles.json").write_text(json.dumps(content))
     calls.clear()
@@ -171,7 +192,7 @@ def test_the_table_is_written_and_goes_on_where_it_stopped(few, tmp_path):
 
 def test_one_row_that_is_not_as_it_should_be_spoils_the_verdict(few, tmp_path, monkeypatch):
     tasks, _ = few
-    failing = replace(tasks[1], compute=lambda: replace(tasks[1].compute(), expected="agree"))
+    failing = SimpleNamespace(key=tasks[1].key, compute=lambda: replace(tasks[1].compute(), expected="agree"))
     monkeypatch.setattr(exactness, "tasks", lambda: [tasks[0], failing])
     assert exactness.oracle_table(tmp_path)["verdict"] == "disagree"
     first = page.sections(tmp_path)[0]
@@ -188,14 +209,20 @@ def test_the_page_shows_every_row_and_escapes_it(few, tmp_path):
     assert "x &lt; y &amp; z" in html
     assert "fails, as it must" in html
     assert "<svg" in html
-    assert all(name in html for name in exactness.UNREACHED)
+    assert all(oracle.name in html for oracle in oracles.find() if oracle.unreached)
     assert len({s.id for s in found}) == len(found)
 
 
-def test_exact_paths_of_the_crossings_are_those_of_their_travel():
-    """What a solver is sent along and what the oracle is asked for are the same travel."""
-    for crossing in exactness.crossings().values():
-        motion = crossing.groups.motion
-        t = np.array([motion.time_at(s) for s in np.linspace(crossing.begins, crossing.until, 5)])
-        assert np.all(np.isfinite(crossing.exact(t)))
-        assert crossing.exact(t[:1]) == pytest.approx(0.0, abs=1e-14)
+def travel_gap(crossing):
+    """Largest distance of the travel sent to the solver and that of the exact answer, on the way."""
+    t = np.linspace(0.0, crossing.motion.time_at(crossing.until), 41)
+    return np.abs(crossing.travel(t) - crossing.motion.position(t)).max()
+
+
+@pytest.mark.parametrize("crossing", CROSSINGS.values(), ids=lambda c: c.name)
+def test_solver_and_oracle_travel_alike(crossing):
+    assert travel_gap(crossing) < 1e-14
+    assert crossing.motion.position(0.0) == crossing.begins
+    faster = replace(crossing, travel=lambda t: crossing.travel(1.01 * t))
+    assert travel_gap(faster) > 1e-3
+    assert crossing.exact(np.zeros(1)) == pytest.approx(0.0, abs=1e-14)

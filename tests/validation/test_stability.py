@@ -18,8 +18,9 @@ from validation.commands.atlas.catalogue import CATALOGUE, run_row
 from validation.commands.atlas.study import CELLS, Map, atlas, judged, step_limit, stored
 from validation.core import measures
 from validation.core.methods import METHODS
-from validation.core.running import MOST_GAIN, run
+from validation.core.running import run
 from validation.core.trust import convergence_limit, grading, post_slack_spread, recommended
+from validation.core.watch import MOST_GAIN
 from validation.page.page import render
 
 LEVEL = Scene.load("level")

@@ -186,13 +186,15 @@ def oscillation(r: Response, window: Window) -> float:
     over frames.  The tension itself varies slowly along a cable, apart from its jump at the mass.
     """
     place = r.fields.s_o / r.length
-    return _oscillation(r.fields.T / r.horizontal_tension, place, r.fields.s / r.length, window)
+    return _oscillation(r.fields.T_pointwise / r.horizontal_tension, place, r.fields.s / r.length, window)
 
 
 def oscillation_gap(a: Response, b: Response, window: Window) -> float:
     """Return the same measure of the difference of two tension fields: oscillations that only one of them has."""
     place, i, j = common_frames(a, b)
-    return _oscillation((a.fields.T[i] - b.fields.T[j]) / b.horizontal_tension, place, a.fields.s / a.length, window)
+    return _oscillation(
+        (a.fields.T_pointwise[i] - b.fields.T_pointwise[j]) / b.horizontal_tension, place, a.fields.s / a.length, window
+    )
 
 
 def _oscillation(T: Array, place: Array, s: Array, window: Window, reach: float = 0.1) -> float:

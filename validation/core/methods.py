@@ -8,8 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from cablefem.newmark import SCHEMES, System
+from cablefem.newmark import SCHEMES
 from cablefem.scene import Groups
+from validation.core.solver import Solver
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +47,7 @@ def _near(name: Any, known: Any) -> str:
     return f"; did you mean {close[0]!r}?" if close else ""
 
 
-_TIME = {
+TIME = {
     "steps": Setting(1000, (2, 1_000_000), "equal time steps from entry to exit"),
     "entry": Setting(1.0, (1e-9, 1.0), "first step as a fraction of the equal ones; the next grow by 15 percent each"),
     "exit": Setting(1.0, (1e-9, 1.0), "last step as a fraction of the equal ones"),
@@ -57,7 +58,7 @@ _TIME = {
 _GRADING = Setting(1.0, (1.0, 1e6), "largest over smallest element; the smallest ones are next to the mass")
 _ABSCISSA = Setting("t", ("t", "s"), "independent variable: time, or place of the mass (45)-(48)")
 
-Build = Callable[..., System]
+Build = Callable[..., Solver]
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +152,7 @@ class Method:
         """Return what tells one run of a ladder from another: resolution and steps."""
         return {k: settings[k] for k in (self.resolution.setting, "steps")}
 
-    def build(self, groups: Groups, settings: dict[str, Any], *, model: str, load: str, law: str) -> System:
+    def build(self, groups: Groups, settings: dict[str, Any], *, model: str, load: str, law: str) -> Solver:
         """Return the discretised system."""
         return self.builder(groups, settings, model=model, load=load, law=law)
 
@@ -160,7 +161,7 @@ class Method:
 
 
 def _following(degree: int) -> Build:
-    def build(groups: Groups, x: dict[str, Any], **kind: str) -> System:
+    def build(groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
         from cablefem.elements.following import FollowingElements
 
         return FollowingElements(groups, elements=x["elements"], degree=degree, grading=x["grading"], **kind)
@@ -169,7 +170,7 @@ def _following(degree: int) -> Build:
 
 
 def _fixed(element: str, coupling: str) -> Build:
-    def build(groups: Groups, x: dict[str, Any], **kind: str) -> System:
+    def build(groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
         from cablefem.elements.fixed import FixedElements
 
         return FixedElements(groups, elements=x["elements"], element=element, coupling=coupling, **kind)
@@ -178,7 +179,7 @@ def _fixed(element: str, coupling: str) -> Build:
 
 
 def _galerkin(family: str, kink: bool) -> Build:
-    def build(groups: Groups, x: dict[str, Any], **kind: str) -> System:
+    def build(groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
         from galerkin.abscissa import PositionAbscissa
         from galerkin.bases.daubechies import Daubechies
         from galerkin.bases.fourier import Fourier
@@ -209,32 +210,32 @@ _WAVELETS = {
         "literal", ("literal", "scaling", "shifted"), "of the printed index set (37); the other two are known to fail"
     ),
 }
-_MANY_STEPS = Setting(4000, (2, 1_000_000), _TIME["steps"].meaning)
-_DAMPED = _TIME | {"scheme": Setting("newmark", SCHEMES, _TIME["scheme"].meaning)}
+_MANY_STEPS = Setting(4000, (2, 1_000_000), TIME["steps"].meaning)
+_DAMPED = TIME | {"scheme": Setting("newmark", SCHEMES, TIME["scheme"].meaning)}
 
 METHODS: dict[str, Method] = {
     m.name: m
     for m in (
         Method(
             "following-p1", "elements", "linear elements on a mesh that follows the mass",
-            {"elements": _elements(20, _PER_SIDE), "grading": _GRADING, **_TIME}, ELEMENTS, 2.0, _following(1),
+            {"elements": _elements(20, _PER_SIDE), "grading": _GRADING, **TIME}, ELEMENTS, 2.0, _following(1),
             begins=(10, 400), races=((5, 80), (9, 150), (16, 300), (30, 600), (55, 1200)),
             trust="robust and simple; P2 gives more for the same time",
         ),
         Method(
             "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
-            {"elements": _elements(10, _PER_SIDE), "grading": _GRADING, **_TIME}, ELEMENTS, 2.5, _following(2),
+            {"elements": _elements(10, _PER_SIDE), "grading": _GRADING, **TIME}, ELEMENTS, 2.5, _following(2),
             begins=(4, 200), races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
             trust="the default: fastest for a given error from 1e-2 to 1e-5",
         ),
         Method(
             "following-p4", "elements", "elements of degree 4 on a mesh that follows the mass",
-            {"elements": _elements(5, _PER_SIDE), "grading": _GRADING, **_TIME}, ELEMENTS, 2.5, _following(4),
+            {"elements": _elements(5, _PER_SIDE), "grading": _GRADING, **TIME}, ELEMENTS, 2.5, _following(4),
             begins=(2, 200), trust="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
         ),
         Method(
             "fixed-hermite", "elements", "C1 cubic elements, the mass moving through them",
-            {"elements": _elements(40, _WHOLE), **_TIME, "steps": _MANY_STEPS}, ELEMENTS, 1.0,
+            {"elements": _elements(40, _WHOLE), **TIME, "steps": _MANY_STEPS}, ELEMENTS, 1.0,
             _fixed("hermite", "chain"), steps_growth=3.0, begins=(8, 800),
             trust="first order, and N'' jumps at the nodes: wants steps like the square of the elements",
         ),
@@ -250,36 +251,36 @@ METHODS: dict[str, Method] = {
         ),
         Method(
             "fixed-p1-naive", "elements", "linear elements with chain-rule accelerations: WRONG",
-            {"elements": _elements(40, _WHOLE), **_TIME}, ELEMENTS, 0.0, _fixed("p1", "naive"),
+            {"elements": _elements(40, _WHOLE), **TIME}, ELEMENTS, 0.0, _fixed("p1", "naive"),
             begins=(10, 250),
             trust="never: the centrifugal force is lost at the nodes; on show because everybody writes it first",
             wrong=True,
         ),
         Method(
             "fixed-p2-naive", "elements", "quadratic elements with chain-rule accelerations: WRONG",
-            {"elements": _elements(40, _WHOLE), **_TIME}, ELEMENTS, 0.0, _fixed("p2", "naive"),
+            {"elements": _elements(40, _WHOLE), **TIME}, ELEMENTS, 0.0, _fixed("p2", "naive"),
             begins=(10, 250), trust="never, as fixed-p1-naive", wrong=True,
         ),
         Method(
             "fourier", "galerkin", "the paper's sines (33)-(34)",
-            {"terms": _TERMS, "abscissa": _ABSCISSA, **_TIME}, TERMS, 1.0, _galerkin("fourier", False),
+            {"terms": _TERMS, "abscissa": _ABSCISSA, **TIME}, TERMS, 1.0, _galerkin("fourier", False),
             begins=(8, 320), extrapolate=True,
             trust="the paper's method; errors of order 1/N, tension with Gibbs oscillations",
         ),
         Method(
             "fourier-kink", "galerkin", "sines and a hat that travels with the mass",
-            {"terms": _TERMS, "abscissa": _ABSCISSA, **_TIME}, TERMS, 2.0, _galerkin("fourier", True),
+            {"terms": _TERMS, "abscissa": _ABSCISSA, **TIME}, TERMS, 2.0, _galerkin("fourier", True),
             begins=(5, 500), races=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
             trust="the default of the Galerkin side; ten terms beat two hundred plain ones",
         ),
         Method(
             "wavelet", "galerkin", "the paper's anti-derivatives of Daubechies wavelets (35)-(39)",
-            {**_WAVELETS, "abscissa": _ABSCISSA, **_TIME}, LEVELS, 1.0, _galerkin("wavelet", False),
+            {**_WAVELETS, "abscissa": _ABSCISSA, **TIME}, LEVELS, 1.0, _galerkin("wavelet", False),
             begins=(0, 400), trust="the paper's method; first order like sines, oscillations stay near the mass",
         ),
         Method(
             "wavelet-kink", "galerkin", "wavelets and a hat that travels with the mass",
-            {**_WAVELETS, "abscissa": _ABSCISSA, **_TIME}, LEVELS, 2.0, _galerkin("wavelet", True),
+            {**_WAVELETS, "abscissa": _ABSCISSA, **TIME}, LEVELS, 2.0, _galerkin("wavelet", True),
             begins=(0, 1000), trust="as fourier-kink, slower",
         ),
     )

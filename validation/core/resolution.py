@@ -29,7 +29,7 @@ AIM = 0.8  # of the tolerance, so that a prediction that is a little short does 
 STUCK = 0.8  # of what it was: where a finer mesh leaves more than that of its part, steps are too long for it
 UNRESOLVED = 0.05  # of the deflection: while time costs more than that, space is not judged
 
-Progress = Callable[[float], None]
+Progress = Callable[..., None]  # of the fraction done, and what was reached
 
 
 class TooCoarse(RuntimeError):
@@ -92,7 +92,7 @@ def resolve(
     method = find(method) if isinstance(method, str) else method
     if method.wrong:
         raise ValueError(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
-    report = progress or (lambda fraction: None)
+    report = progress or (lambda *told: None)
     how = {k: kind[k] for k in KIND if k in kind}
     short = how | {"until": min(measures.WINDOW[1], how.get("until") or 1.0)}
     space = method.resolution
@@ -106,7 +106,7 @@ def resolve(
 
     rung, read_at, stuck = _first(method, settings, ran), settings["steps"], False
     for attempt in range(ATTEMPTS):
-        report(min(0.5, 0.1 + 0.05 * attempt))
+        report(min(0.5, 0.1 + 0.05 * attempt), f"{len(made)} runs, bar {rung.bar:.1g} of {tol:g} wanted")
         finer = _next(method, rung, settings, tol, stuck)
         if rung.bar <= tol or finer == settings or finer["steps"] * method.count(finer) > LARGEST:
             break

@@ -22,6 +22,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from validation.oracles.case import BEST, MU, SIGMA, Crossing, Oracle, inside, level
+
 Array = NDArray[np.float64]
 
 
@@ -77,3 +79,37 @@ def _roots(c2: float, c1: float, c0: Array) -> tuple[Array, Array]:
     with np.errstate(divide="ignore", invalid="ignore"):
         q = -0.5 * (c1 + math.copysign(1.0, c1) * np.sqrt(c1 * c1 - 4.0 * c2 * c0))
         return np.divide(q, c2), c0 / q
+
+
+SUDDEN = "the force begins inside the string: two fronts with a jump of slope"
+A, BEGINS = 2.6, 0.2  # from rest inside the string; no wave is back before s_o = 0.8
+BELOW = BEGINS + 0.8 / (2.0 * A)  # the wave speed is passed at t = 1/a
+
+
+def _cases() -> list[Crossing]:
+    def crossing(name: str, until: float, methods: tuple[str, ...], because: str, p: float, expected: str) -> Crossing:
+        return Crossing(
+            name=name, groups=level(inside(BEGINS, 0.0, A)), travel=lambda t: BEGINS + 0.5 * A * t * t, load="force",
+            exact=lambda t: displacement(0.5 * A * t * t, t, P=MU * SIGMA, a=A), begins=BEGINS, until=until,
+            methods=methods, because=because, at_most=p, expected=expected,
+        )  # fmt: skip
+
+    # the passage leaves a front with a vertical tangent: half an order is lost where it passes
+    front = "the front left behind at the wave speed has a vertical tangent"
+    unstable = "none: faster than its waves, what rides with the load is unstable, the more the finer"
+    return [
+        crossing("up to 0.89 of the wave speed", BELOW, ("fourier", "following-p2"), SUDDEN, 1.0, "agree"),
+        crossing("through the wave speed", 0.8, ("fourier",), front, 0.7, "agree"),
+        crossing("through the wave speed", 0.8, BEST, unstable, 1.0, "disagree"),
+    ]
+
+
+ORACLE = Oracle(
+    name="accelerating-force",
+    title="force accelerating or braking through the wave speed",
+    source="Flaherty 1968; Sagartz & Forrestal 1975",
+    validity="infinite string, constant acceleration",
+    group="A force on a taut string",
+    answer=displacement,
+    cases=_cases,
+)

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from validation.oracles import accelerating_force
+from validation.oracles.case import MU, SIGMA, Crossing, Oracle, inside, level
 
 Array = NDArray[np.float64]
 
@@ -64,3 +65,32 @@ def _mirror(t: ArrayLike, mu: float, sigma: float, a: float) -> tuple[Array, Arr
         raise ValueError("t >= 0")
     u = np.where(a * t <= 1.0, t, np.maximum(2.0 / a - t, 0.0))
     return t, u, np.where(a * t <= 1.0, 1.0, -1.0)
+
+
+def _cases() -> list[Crossing]:
+    A, BEGINS = accelerating_force.A, accelerating_force.BEGINS
+
+    def crossing(name: str, until: float, methods: tuple[str, ...], because: str, p: float, expected: str) -> Crossing:
+        return Crossing(
+            name=name, groups=level(inside(BEGINS, 0.0, A)), travel=lambda t: BEGINS + 0.5 * A * t * t,
+            exact=lambda t: path(t, mu=MU, sigma=SIGMA, a=A), begins=BEGINS, until=until, methods=methods,
+            because=because, at_most=p, expected=expected,
+        )  # fmt: skip
+
+    blow = "none to speak of: the blow at the wave speed sends off two jumps of the string itself"
+    both = ("following-p2", "fourier")
+    return [
+        crossing("up to 0.89 of the wave speed", accelerating_force.BELOW, both, "", math.inf, "agree"),
+        crossing("through the wave speed", 0.8, ("fourier",), blow, 1.0, "disagree"),
+    ]
+
+
+ORACLE = Oracle(
+    name="accelerating-mass",
+    title="mass accelerating from rest through the wave speed",
+    source="Rodeman, Longcope & Shampine 1976",
+    validity="infinite string, any time",
+    group="A mass on a taut string",
+    answer=path,
+    cases=_cases,
+)

@@ -28,6 +28,9 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebint, chebval
 from numpy.typing import NDArray
 
+from validation.oracles.case import BARE, Oracle
+from validation.oracles.case import Modes as ModesCase
+
 Array = NDArray[np.float64]
 
 
@@ -83,3 +86,19 @@ def _integration(n: int) -> tuple[Array, Array]:
     to_coef[[0, -1]] *= 0.5
     integral = np.stack([chebval(x, chebint(e, lbnd=-1.0)) for e in np.eye(n + 1)], axis=1)
     return 0.5 * (1.0 + x), 0.5 * integral @ to_coef
+
+
+def _cases() -> list[ModesCase]:
+    exact = solve(BARE.sigma, BARE.alpha, BARE.c, count=4).omega
+    return [ModesCase(name="first four, model full", groups=BARE, model="full", exact=exact)]
+
+
+ORACLE = Oracle(
+    name="catenary-modes",
+    title="frequencies and modes of an elastic catenary, u and v",
+    source="Henghold, Russell & Morgan 1977; Wu & Chen 1989",
+    validity="any sag, slope and stiffness",
+    group="Frequencies of the bare cable",
+    answer=solve,
+    cases=_cases,
+)

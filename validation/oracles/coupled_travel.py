@@ -34,6 +34,8 @@ from scipy.integrate import OdeSolution, solve_ivp
 from scipy.optimize import brentq
 from scipy.special import lambertw
 
+from validation.oracles.case import Oracle
+
 Array = NDArray[np.float64]
 
 
@@ -125,3 +127,14 @@ def _check(mu: float, sigma: float, w0: float) -> None:
             raise ValueError(f"{name} must be finite and > 0, got {value!r}")
     if not 0.0 <= w0 < 1.0:
         raise ValueError(f"the initial speed must lie in [0, 1), got {w0!r}")
+
+
+ORACLE = Oracle(
+    name="coupled-travel",
+    title="mass sliding freely or driven, its travel coupled to the string",
+    source="D'Acunto (reference 9 of Al-Qassab et al. 2003), solved here",
+    validity="infinite string, start below the wave speed",
+    group="Loads and cables that the solvers do not have",
+    answer=solve,
+    unreached="both solvers prescribe the travel",
+)

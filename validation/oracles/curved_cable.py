@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from validation.oracles import accelerating_force
+from validation.oracles.case import Oracle
 
 Array = NDArray[np.float64]
 
@@ -43,3 +44,14 @@ def displacement(x: ArrayLike, t: ArrayLike, *, mu: float, sigma: float, V0: flo
 def kink(*, mu: float, sigma: float, speed: float) -> float:
     """[v_x] at the mass."""
     return accelerating_force.kink(mu * sigma * (1.0 + speed * speed), speed)
+
+
+ORACLE = Oracle(
+    name="curved-cable",
+    title="weight and centrifugal force of an accelerating mass on a slightly curved cable",
+    source="Forrestal, Bickel & Sagartz 1975",
+    validity="infinite cable of small sag, no inertia of the mass",
+    group="Loads and cables that the solvers do not have",
+    answer=displacement,
+    unreached="a centrifugal force without inertia: the solvers' force is the weight alone",
+)

@@ -17,6 +17,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from validation.oracles.case import Oracle
+
 
 def deflection(z: ArrayLike, *, P: float, V: float, k: float) -> NDArray[np.float64]:
     """v(z), z = distance ahead of the force."""
@@ -28,3 +30,14 @@ def deflection(z: ArrayLike, *, P: float, V: float, k: float) -> NDArray[np.floa
     if V < 1.0:
         return P * np.exp(-np.abs(z) * math.sqrt(k / e)) / (2.0 * math.sqrt(k * e))
     return np.where(z < 0.0, P * np.sin(-z * math.sqrt(k / e)) / math.sqrt(k * e), 0.0)
+
+
+ORACLE = Oracle(
+    name="foundation",
+    title="force at constant speed on a string on an elastic foundation, steady",
+    source="Yen & Tang 1970, linear part",
+    validity="infinite string, not at the wave speed",
+    group="Loads and cables that the solvers do not have",
+    answer=deflection,
+    unreached="the solvers' cables hang free",
+)

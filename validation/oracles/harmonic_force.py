@@ -19,6 +19,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from validation.oracles.case import Oracle
+
 
 def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float, omega: float) -> NDArray[np.complex128]:
     """Complex v(x, t)."""
@@ -40,3 +42,14 @@ def doppler(*, V: float, omega: float) -> tuple[float, float]:
     if not 0.0 <= V < 1.0:
         raise ValueError(f"waves run ahead for 0 <= V < 1 only, got {V!r}")
     return omega / (1.0 - V), omega / (1.0 + V)
+
+
+ORACLE = Oracle(
+    name="harmonic-force",
+    title="harmonic force at constant speed, steady",
+    source="Pierucci (reference 12 of Al-Qassab et al. 2003)",
+    validity="infinite string, not at the wave speed",
+    group="Loads and cables that the solvers do not have",
+    answer=displacement,
+    unreached="the solvers' load is a weight, which does not oscillate",
+)

@@ -14,10 +14,13 @@ Validity: small sag, any inclination.  Accuracy: 1e-14 relative.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
+
+from validation.oracles.case import BARE, Error, Limit, Oracle, Solvers
 
 
 def symmetric(count: int) -> NDArray[np.float64]:
@@ -34,3 +37,30 @@ def symmetric(count: int) -> NDArray[np.float64]:
 def frequencies(count: int) -> NDArray[np.float64]:
     """The first frequencies of both families, ascending."""
     return np.sort(np.concatenate([symmetric(count), 2.0 * math.pi * np.arange(1, count + 1)]))[:count]
+
+
+def _cases() -> list[Limit]:
+    exact = frequencies(4)
+
+    def deviation(solvers: Solvers, basis: str, alpha: float) -> Error:
+        omega = solvers.modes(basis, replace(BARE, alpha=alpha), "sagged", exact.size, size=120)
+        worst = float(np.abs(omega / exact - 1.0).max())
+        return worst, worst
+
+    return [
+        Limit(
+            name="limit of a stiff cable, model sagged", parameter="alpha", values=(1.6e5, 6.4e5, 2.56e6), falls=1.0,
+            because="the stretching that is left is 1/L²", deviation=deviation, methods=("P2 elements", "sines"),
+        )
+    ]  # fmt: skip
+
+
+ORACLE = Oracle(
+    name="inextensible",
+    title="frequencies of a flat inextensible cable",
+    source="Tadjbakhsh & Wang 1994",
+    validity="small sag, no stretch",
+    group="Frequencies of the bare cable",
+    answer=frequencies,
+    cases=_cases,
+)

@@ -25,6 +25,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import xlogy
 
+from cablefem.scene import ConstantSpeed
+from validation.oracles.case import SIGMA, Crossing, Error, Limit, Oracle, Solvers, level
+
 Array = NDArray[np.float64]
 
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
@@ -74,3 +77,33 @@ def _domain(xi: ArrayLike, a: float) -> Array:
     if np.any(xi < 0.0) or np.any(xi > 1.0):
         raise ValueError("the string is 0 <= xi <= 1")
     return xi
+
+
+def _cases() -> list[Limit]:
+    a = 0.7
+
+    def deviation(solvers: Solvers, method: str, mu: float) -> Error:
+        V = 1.0 / math.sqrt(2.0 * mu * a)
+        crossing = Crossing(
+            name="", groups=level(ConstantSpeed(speed=V).motion(1.0), mu), travel=lambda t: V * t,
+            exact=lambda t: 0.25 * mu * SIGMA * path(np.minimum(V * t, 1.0), a=a),
+        )  # fmt: skip
+        return crossing.error(solvers.path(crossing, method, steps=round(150.0 / V)))
+
+    return [
+        Limit(
+            name="limit of a heavy slow mass", parameter="mass ratio", values=(5.0, 20.0, 80.0), falls=1.0,
+            because="the string's own inertia is 1/(mass ratio) of the moving one", deviation=deviation,
+        )
+    ]  # fmt: skip
+
+
+ORACLE = Oracle(
+    name="massless-string",
+    title="mass at constant speed on a string without inertia",
+    source="Fryba 1972; Smith 1964",
+    validity="0 < T l/(2 M V^2) <= 1e4",
+    group="A mass on a taut string",
+    answer=path,
+    cases=_cases,
+)

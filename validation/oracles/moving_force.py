@@ -21,6 +21,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cablefem.scene import ConstantSpeed
+from validation.oracles.case import MU, SIGMA, Crossing, Oracle, level
+
 Array = NDArray[np.float64]
 
 
@@ -65,3 +68,29 @@ def _domain(x: ArrayLike, t: ArrayLike, V: float) -> tuple[Array, Array]:
     if np.any(x < 0.0) or np.any(x > 1.0) or np.any(t < 0.0):
         raise ValueError("the string is 0 <= x <= 1, t >= 0")
     return x, t
+
+
+FRONT = "a force without inertia sends off a front with a jump of slope at once"
+
+
+def _cases() -> list[Crossing]:
+    def at(V: float, told: str = "") -> Crossing:
+        return Crossing(
+            name=f"speed {V:g}{told}", groups=level(ConstantSpeed(speed=V).motion(1.0)), load="force",
+            travel=lambda t: V * t, exact=lambda t: displacement(V * t, t, P=MU * SIGMA, V=V),
+            methods=("following-p1", "following-p2", "fourier", "fourier-kink"), because=FRONT, at_most=1.0,
+            orders={"following-p2": 1.2, "fourier-kink": 1.5},
+        )  # fmt: skip
+
+    return [at(0.37), at(0.95, ", near the wave speed")]
+
+
+ORACLE = Oracle(
+    name="moving-force",
+    title="constant force at constant speed on a taut string",
+    source="Fryba 1972",
+    validity="any speed, before and after the exit",
+    group="A force on a taut string",
+    answer=displacement,
+    cases=_cases,
+)

@@ -51,6 +51,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cablefem.scene import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Groups, Motion, Scene
+from validation.oracles.case import BEST, MU, SIGMA, Crossing, Error, Limit, Oracle, Solvers, level
+
 Array = NDArray[np.float64]
 
 DEGREE = 32
@@ -571,3 +574,72 @@ class SupersonicRide:
         first = _invert(lambda u: xi(u) - u, lambda u: speed(u) - 1.0, x - t, 0.0, T)
         last = _invert(lambda u: xi(u) + u, lambda u: speed(u) + 1.0, x + t, 0.0, T)
         return np.maximum(last - first, 0.0)
+
+
+# --- held against the solvers
+
+
+def _cases() -> list[Crossing | Limit]:
+    def ride(name: str, travel: Travel, motion: Motion, mu: float = MU) -> Crossing:
+        return Crossing(
+            name=name, groups=level(motion, mu), travel=travel.position,
+            exact=solve(travel, mu=mu, sigma=SIGMA).path, finer=3.0 if mu < 0.5 else 1.0,
+        )  # fmt: skip
+
+    def steady(mu: float, V: float) -> Crossing:
+        return ride(f"mass ratio {mu:g}, speed {V:g}", constant_speed(V), ConstantSpeed(speed=V).motion(1.0), mu)
+
+    slow = ConstantAcceleration(acceleration=0.23, initial_speed=0.0).motion(1.0)
+    brake = AccelerateCruiseBrake(top_speed=0.55).motion(1.0)
+    return [
+        _paper(), steady(0.2, 0.6), steady(5.0, 0.37), steady(MU, 0.9),
+        ride("from rest, acceleration 0.23", from_rest(0.23), slow),
+        ride("accelerate, cruise, brake", accelerate_cruise_brake(0.55), brake),
+        *(_small_sag(model) for model in ("sagged", "stretching", "full")), _small_sag("stretching", plain=True),
+    ]  # fmt: skip
+
+
+def _heavier(groups: Groups, V: float) -> float:
+    """sigma of the straight string on which a mass moves as on this cable: its path follows the parabola."""
+    return groups.sigma * (1.0 + V * V)
+
+
+def _paper() -> Crossing:
+    groups = Scene.load("level").groups
+    assert groups.motion is not None
+    V = groups.motion.at(0.0, 0)[1]
+    travel = constant_speed(V)
+    exact = solve(travel, mu=groups.mu, sigma=_heavier(groups, V)).path
+    return Crossing(
+        name="the paper's mass and speed, g (1 + V²)", scene="level", groups=groups, travel=travel.position,
+        exact=exact, methods=None,
+    )  # fmt: skip
+
+
+def _small_sag(model: str, *, plain: bool = False) -> Limit:
+    V = 0.45
+    travel, motion = constant_speed(V), ConstantSpeed(speed=V).motion(1.0)
+
+    def deviation(solvers: Solvers, method: str, sigma: float) -> Error:
+        groups = level(motion, sigma=sigma)
+        exact = solve(travel, mu=groups.mu, sigma=sigma if plain else _heavier(groups, V)).path
+        crossing = Crossing(name="", groups=groups, travel=travel.position, exact=exact, model=model)
+        return crossing.error(solvers.path(crossing, method))
+
+    told = "plain g instead of g (1 + V²)" if plain else "g (1 + V²)"
+    return Limit(
+        name=f"limit of small sag, model {model}, {told}", parameter="sag", values=(0.02, 0.01, 0.005), falls=2.0,
+        because="the tension that the sag adds goes like alpha sigma²", deviation=deviation,
+        methods=("following-p2",) if plain else BEST, expected="disagree" if plain else "agree",
+    )  # fmt: skip
+
+
+ORACLE = Oracle(
+    name="moving-mass",
+    title="mass with any travel below (or above) the wave speed on a taut string, with all reflections",
+    source="Smith 1964; Dyniewicz & Bajer 2009",
+    validity="|xi'| < 1 or xi' >= 1 throughout, any mass",
+    group="A mass on a taut string",
+    answer=solve,
+    cases=_cases,
+)

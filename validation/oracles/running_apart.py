@@ -18,6 +18,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from validation.oracles.accelerating_force import SUDDEN
+from validation.oracles.case import MU, SIGMA, Crossing, Oracle, inside, level
+
 Array = NDArray[np.float64]
 
 
@@ -38,3 +41,25 @@ def one_force(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
 def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
     """v(x, t) under both forces."""
     return one_force(x, t, P=P, V=V) + one_force(-np.asarray(x, float), t, P=P, V=V)
+
+
+def _cases() -> list[Crossing]:
+    V, begins = 0.55, 0.3
+    return [
+        Crossing(
+            name="one of the two forces, until its waves come back", groups=level(inside(begins, V, 0.0)), load="force",
+            travel=lambda t: begins + V * t, exact=lambda t: one_force(V * t, t, P=MU * SIGMA, V=V), begins=begins,
+            until=0.6, methods=("following-p1", "following-p2", "fourier", "fourier-kink"), because=SUDDEN, at_most=1.0,
+        )
+    ]  # fmt: skip
+
+
+ORACLE = Oracle(
+    name="running-apart",
+    title="two equal forces running apart",
+    source="Kanninen & Florence 1967",
+    validity="infinite string, any speed",
+    group="A force on a taut string",
+    answer=displacement,
+    cases=_cases,
+)

@@ -19,8 +19,9 @@ from cablefem.scene import Scene
 from validation.commands.atlas import specimens
 from validation.core import measures
 from validation.core.methods import Method
-from validation.core.running import MOST_GAIN, run
+from validation.core.running import run
 from validation.core.trust import convergence_limit, post_slack_spread, recommended
+from validation.core.watch import MOST_GAIN
 
 
 @dataclass(frozen=True, slots=True)

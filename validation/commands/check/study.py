@@ -17,6 +17,7 @@ from validation.core.estimate import Estimated, past_slack
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.methods import Method, find
 from validation.core.resolution import resolved
+from validation.core.sidebyside import Progress, side_by_side
 from validation.core.store import Refused
 
 SOLVERS = ("following-p2", "fourier-kink")
@@ -70,37 +71,37 @@ class Check:
             if e.extrapolated:
                 e.response.write(folder / "extrapolated")
             for name, companion in (("half-resolution", e.in_space), ("half-steps", e.in_time)):
-                companion.write(folder / name)
+                companion.store(folder / name)
         write_json(out / "agreement.json", self.agreement())
 
 
 def check(
     scene: Scene | str | Path, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None,
-    methods: tuple[str | Method, str | Method] = SOLVERS, progress: Callable[[str, float], None] | None = None,
+    methods: tuple[str | Method, str | Method] = SOLVERS, progress: Progress | None = None,
 ) -> Check:  # fmt: skip
     """Run two methods on a scene, each as fine as its own error bar needs to meet `tol`, and compare them.
 
     tol : asked of the error of the mass path, relative to the largest deflection; in [1e-6, 0.2].
     tol_tension : asked of the tension, relative to H; default ten times `tol`.
-    progress : called with the method's name and the fraction done.
+    progress : called with the method's name, the fraction done and what was reached.
     """
     if not (math.isfinite(tol) and 1e-6 <= tol <= 0.2):
         raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     # the sum of both bars is held against tol: each solver gets half of it
     found = [find(m) if isinstance(m, str) else m for m in methods]
-    runs = [
-        past_slack(
-            scene, m,
-            resolved(scene, m, 0.5 * tol, progress=None if progress is None else partial(progress, m.name)),
-        ) for m in found
-    ]  # fmt: skip
+    runs = side_by_side([partial(_resolved, scene, m, 0.5 * tol) for m in found], progress)
     try:
         window = measures.window_of(*runs[0].runs, *runs[1].runs)
     except measures.NotComparable:
         window = (measures.WINDOW[0], measures.WINDOW[0])
     rows = agree(scene, *runs, tol=tol, tol_tension=tol_tension)
     return Check(scene, runs[0], runs[1], tol, window, rows)
+
+
+def _resolved(scene: Scene, method: Method, tol: float, progress: Progress) -> Estimated:
+    progress(method.name, 0.0)
+    return past_slack(scene, method, resolved(scene, method, tol, progress=partial(progress, method.name)))
 
 
 def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
@@ -112,7 +113,7 @@ def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TO
 def check_solver(
     scene: Scene | str | Path, solver: Callable[[Scene], Any], *, name: str | None = None, tol: float = DEFAULT_TOL,
     with_tol: float = WITH_TOL, ours: Check | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Check:  # fmt: skip
     """Run a user's own solver on a scene and hold it against both of ours; its rows come last in the verdict.
 

@@ -46,7 +46,7 @@ def _tensions(system: GalerkinSystem | FollowingElements, distances: Array) -> A
     stack = States(*(np.array([getattr(x, n) for x in states]) for n in ("t", "q", "v", "a", "phase")))
     s_o = system.motion.position(stack.t)
     return np.array([
-        system.observe(stack, np.concatenate([place - distances[::-1], place + distances]), np.array([i])).T[0]
+        system.observe(stack, np.r_[place - distances[::-1], place + distances], np.array([i])).T_pointwise[0]
         for i, place in enumerate(s_o)
     ])  # fmt: skip
 

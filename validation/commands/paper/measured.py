@@ -68,7 +68,7 @@ def frames(r: Response, low: float, high: float) -> slice:
 
 def tension_level(r: Response) -> tuple[Array, Array]:
     """Return s_o/l and the median tension along the cable over H of every frame."""
-    return r.fields.s_o / r.length, np.median(r.fields.T, axis=1) / r.horizontal_tension
+    return r.fields.s_o / r.length, np.median(r.fields.T_pointwise, axis=1) / r.horizontal_tension
 
 
 def highest_tension(r: Response, end: float = 0.5) -> float:
@@ -95,7 +95,7 @@ def unevennesses(r: Response, low: float, high: float, *, sides: bool = False, w
     out = []
     s = r.fields.s / r.length
     rows = frames(r, low, high)
-    for row, s_o in zip(r.fields.T[rows], r.fields.s_o[rows] / r.length, strict=True):
+    for row, s_o in zip(r.fields.T_pointwise[rows], r.fields.s_o[rows] / r.length, strict=True):
         away = np.abs(s - s_o) >= width
         parts = [away & (s < s_o), away & (s > s_o)] if sides else [away]
         out.append(np.mean([np.mean((row[p] / row[p].mean() - 1.0) ** 2) for p in parts if p.any()]))
@@ -107,7 +107,9 @@ def ripple(r: Response, reference: Response, near: float, far: float, window: tu
     place, i, j = measures.common_frames(r, reference)
     inside = (place >= window[0]) & (place <= window[1])
     distance = np.abs(r.fields.s[None, :] / r.length - place[inside][:, None])
-    gap = (r.fields.T[i[inside]] - reference.fields.T[j[inside]])[(distance >= near) & (distance <= far)]
+    gap = (r.fields.T_pointwise[i[inside]] - reference.fields.T_pointwise[j[inside]])[
+        (distance >= near) & (distance <= far)
+    ]
     return float(np.sqrt(np.mean((gap / reference.horizontal_tension) ** 2)))
 
 
@@ -118,7 +120,9 @@ def wiggle(r: Response, near: float, far: float, window: tuple[float, float]) ->
     """
     s, half = r.fields.s / r.length, round(0.05 * (r.fields.s.size - 1))
     parts = []
-    for row, s_o in zip(r.fields.T[frames(r, *window)], r.fields.s_o[frames(r, *window)] / r.length, strict=True):
+    for row, s_o in zip(
+        r.fields.T_pointwise[frames(r, *window)], r.fields.s_o[frames(r, *window)] / r.length, strict=True
+    ):
         for side in (s < s_o, s > s_o):
             if np.count_nonzero(side) > 2 * half:
                 T, place = row[side], s[side]
@@ -130,14 +134,14 @@ def wiggle(r: Response, near: float, far: float, window: tuple[float, float]) ->
 
 def turns(r: Response, window: tuple[float, float], depth: float = 0.005) -> float:
     """Return the number of crests and troughs of T along the cable deeper than `depth` H, mean over frames."""
-    rows = r.fields.T[frames(r, *window)] / r.horizontal_tension
+    rows = r.fields.T_pointwise[frames(r, *window)] / r.horizontal_tension
     return float(np.mean([sum(find_peaks(x * sign, prominence=depth)[0].size for sign in (1, -1)) for x in rows]))
 
 
 def tension_jump(r: Response, low: float, high: float) -> float:
     """Return the mean step of tension across the mass, ahead less behind, over H."""
     rows = frames(r, low, high)
-    return float(np.mean(r.fields.T_ahead[rows] - r.fields.T_behind[rows]) / r.horizontal_tension)
+    return float(np.mean(r.fields.T_ahead_pointwise[rows] - r.fields.T_behind_pointwise[rows]) / r.horizontal_tension)
 
 
 def meeting(r: Response) -> float:
@@ -147,7 +151,7 @@ def meeting(r: Response) -> float:
     """
     f = r.fields
     t = np.concatenate([[0.0], f.t])
-    T = np.concatenate([np.ones_like(f.T[:1]), np.maximum(f.T, 0.0) / r.horizontal_tension])
+    T = np.concatenate([np.ones_like(f.T_pointwise[:1]), np.maximum(f.T_pointwise, 0.0) / r.horizontal_tension])
     tension = RegularGridInterpolator((t, f.s / r.length), T)
     speed = 1.0 / Scene.from_toml(r.scene_toml).time_scale  # sqrt(H/rho)/l
     mass = CubicSpline(r.t, r.s_o / r.length)

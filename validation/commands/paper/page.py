@@ -286,7 +286,10 @@ def _with_mass(r: Response, i: int, what: str) -> tuple[np.ndarray, np.ndarray]:
     s, s_o = f.s / r.length, f.s_o[i] / r.length
     place = np.concatenate([s[head], [s_o, s_o], s[tail]])
     if what == "T":
-        values, mass = f.T[i] / r.horizontal_tension, np.array([f.T_behind[i], f.T_ahead[i]]) / r.horizontal_tension
+        values, mass = (
+            f.T_pointwise[i] / r.horizontal_tension,
+            np.array([f.T_behind_pointwise[i], f.T_ahead_pointwise[i]]) / r.horizontal_tension,
+        )
     else:
         static = Scene.from_toml(r.scene_toml).catenary
         values = (static.y(f.s) + f.v[i]) / r.length
@@ -348,7 +351,7 @@ def _figure_4(content: dict[str, Any], stored: _Stored) -> Section:
         fig, ax = panels(1, 1, height=3.2)
         _slack(ax, level)
         for r, how in both:
-            ax.plot(r.fields.s_o / r.length, np.median(r.fields.T, axis=1) / r.horizontal_tension, **how)
+            ax.plot(r.fields.s_o / r.length, np.median(r.fields.T_pointwise, axis=1) / r.horizontal_tension, **how)
         ax.axhspan(2.5, 2.7, color="#dbe8f3", zorder=0, label="2.6 ± 0.1")
         ax.set(xlabel="place of the mass sₒ/l", ylabel="median of T/H along the cable", xlim=(0, 1), ylim=(0, 3.4))
         ax.legend(fontsize=8.0)

@@ -37,7 +37,8 @@ def command(
 ) -> int:
     """Run one method on one scene.
 
-    Writes DIR/METHOD/: path.csv, tension.csv, summary.json, response.npz, and response.xdmf and mass.xdmf for ParaView.
+    Writes DIR/METHOD/: path.csv, tension.csv, summary.json, response.npz, and for ParaView response.xdmf, mass.xdmf
+    and their data, response.h5.
     """
     faults: list[str] = []
     for option, given in (("model", model), ("load", load), ("law", law)):

@@ -1,0 +1,105 @@
+"""Tension from equilibrium: the internal force that a history of accelerations needs, instead of T + alpha eps.
+
+The strain at a point is a small difference of the slopes of u and v, each good in the mean only, and alpha multiplies
+what is left of it.  The balance of a piece of cable gives the force back.  With G = N t - T X' and w.. = G' off the
+mass, weights s on the piece behind and 1 - s on the piece ahead,
+
+    G(s_o-) = (1/s_o) [ int_0^s_o G ds + int_0^s_o s w.. ds ],
+    G(s_o+) = (1/(1 - s_o)) [ int_s_o^1 G ds - int_s_o^1 (1 - s) w.. ds ],
+    G(s) = G(s_o-) - int_s^s_o w.. ds behind, G(s_o+) + int_s_o^s w.. ds ahead of the mass,
+
+w.. = sum phi a + psi a_hat + 2 psi_t v_hat + psi_tt q_hat at fixed s.  On either piece psi is a ray from its support:
+the hat's share of w.. is s or 1 - s times a number; integrals of the standing functions are differences of their
+primitives.  Only int G ds is by quadrature, and it takes means.  At the supports this is the balance of the whole
+cable with weights 1 - s and s and the force of the mass, for the hat's own equation is the difference of the two.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from galerkin import kernels
+from galerkin.bases.kink import Array, TravellingKink
+from galerkin.models import FullCable
+
+if TYPE_CHECKING:
+    from galerkin.equations import GalerkinSystem
+    from galerkin.observe import History
+
+
+@dataclass(frozen=True, slots=True)
+class Equilibrium:
+    """Internal forces N t of n instants, and what the same quadrature gives on the way."""
+
+    behind: Array  # (n, 2) at the mass
+    ahead: Array
+    left: Array  # (n, 2) at the supports
+    right: Array
+    along: Array  # (k, m, 2) at frames x stations; at s = s_o the side behind
+    strain: Array  # (n,) int W ds
+    least: Array  # (n,) least N at the points, and its s
+    least_at: Array
+
+
+def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equilibrium:
+    """Solve the balances of both pieces at every instant, and go from the mass along the cable at the frames."""
+    cable, basis = system.cable, system.basis.basis
+    assert isinstance(cable, FullCable)
+    n, s_o, rest = x.s_o.size, x.s_o[:, None], 1.0 - x.s_o[:, None]
+    strain, least, least_at, internal = np.empty(n), np.empty(n), np.empty(n), np.empty((n, 2, 2))
+    moving = system.basis if isinstance(system.basis, TravellingKink) else TravellingKink(basis)
+    Q = np.concatenate([x.Q, x.q_hat[:, :, None]], axis=2)
+    for i, place in enumerate(x.s_o.tolist()):
+        points = cable.at(moving, place)
+        strain[i], least[i], at = kernels.survey(
+            points.phi, points.weights, points.T, points.r_static, Q[i], cable.alpha, cable.law, internal[i]
+        )
+        least_at[i] = points.s[at]
+    first, second = basis.primitive1(x.s_o), basis.primitive2(x.s_o)
+    ends, ends_1 = (f(np.array([0.0, 1.0])) for f in (basis.primitive2, basis.primitive1))
+    ray_behind, ray_ahead = _rays(x)
+    moment_behind = combined(x.A, s_o * first - second + ends[0]) + ray_behind * s_o**3 / 3.0
+    moment_ahead = combined(x.A, ends[1] - second - rest * first) + ray_ahead * rest**3 / 3.0
+    behind = (internal[:, :, 0] + moment_behind) / s_o
+    ahead = (internal[:, :, 1] - moment_ahead) / rest
+    left = behind - combined(x.A, first - ends_1[0]) - ray_behind * s_o**2 / 2.0
+    right = ahead + combined(x.A, ends_1[1] - first) + ray_ahead * rest**2 / 2.0
+    return Equilibrium(
+        behind + _static(cable, x.s_o), ahead + _static(cable, x.s_o),
+        left + _static(cable, np.zeros(1)), right + _static(cable, np.ones(1)),
+        _along(x, basis, behind, ahead, first, s, frames) + _static(cable, s), strain, least, least_at,
+    )  # fmt: skip
+
+
+def _static(cable: FullCable, s: Array) -> Array:
+    """T X', (n, 2)."""
+    T, xp, yp, _, _ = cable.groups.static(s)
+    return np.stack([T * xp, T * yp], axis=1)
+
+
+def _rays(x: History) -> tuple[Array, Array]:
+    """The hat's share of w.. over s behind, and over 1 - s ahead of the mass, (n, fields) each."""
+    s_o, ds_o, dds_o, q = x.s_o[:, None], x.ds_o[:, None], x.dds_o[:, None], x.q_hat
+    rest, drag = 1.0 - s_o, 2.0 * ds_o * x.v_hat + dds_o * q
+    behind = (x.a_hat - (drag - 2.0 * ds_o**2 * q / s_o) / s_o) / s_o
+    return behind, (x.a_hat + (drag + 2.0 * ds_o**2 * q / rest) / rest) / rest
+
+
+def _along(x: History, basis, behind: Array, ahead: Array, first: Array, s: Array, frames: Array) -> Array:
+    """G at the stations, (k, m, 2)."""
+    s_o, rays = x.s_o[frames, None], _rays(x)
+    standing = np.einsum("kfm,sm->ksf", x.A[frames], basis.primitive1(s)) - combined(x.A, first)[frames, None]
+    left, right = (0.5 * (s_o**2 - s**2))[..., None], (0.5 * ((1.0 - s_o) ** 2 - (1.0 - s) ** 2))[..., None]
+    return standing + np.where(
+        (s <= s_o)[..., None],
+        behind[frames, None] - rays[0][frames, None] * left,
+        ahead[frames, None] + rays[1][frames, None] * right,
+    )
+
+
+def combined(coefficients: Array, functions: Array) -> Array:
+    """sum_m c_nfm phi_nm, (n, fields): functionals of the standing functions, or their values."""
+    return np.einsum("nfm,nm->nf", coefficients, functions)

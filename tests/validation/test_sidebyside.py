@@ -1,0 +1,56 @@
+"""Jobs in processes of their own: their results in order, what they report, and how they fail."""
+
+import multiprocessing
+import os
+import signal
+
+import pytest
+
+from validation.core import sidebyside
+from validation.core.sidebyside import side_by_side
+
+forks = pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="nothing can be forked")
+
+
+def job(name):
+    def work(report):
+        report(name, 0.5)
+        return name, os.getpid()
+
+    return work
+
+
+@pytest.mark.parametrize("cores", [1, 2])
+def test_results_come_in_order_and_progress_is_passed_on(monkeypatch, cores):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(cores)), raising=False)
+    told = []
+    names, pids = zip(*side_by_side([job("a"), job("b")], lambda *x: told.append(x)), strict=True)
+    assert names == ("a", "b")
+    assert sorted(told) == [("a", 0.5), ("b", 0.5)]
+    assert (pids == (os.getpid(), os.getpid())) == (cores == 1 or not sidebyside._can_fork())
+
+
+def fails(report):
+    raise ValueError("on purpose")
+
+
+class Odd(RuntimeError):
+    def __init__(self, one, two):
+        super().__init__(one)
+
+
+def fails_oddly(report):
+    raise Odd("cannot be pickled", 2)
+
+
+@pytest.mark.parametrize(("work", "kind"), [(fails, ValueError), (fails_oddly, RuntimeError)])
+def test_an_exception_is_raised_where_the_results_were_wanted(work, kind):
+    with pytest.raises(kind, match=r"on purpose|cannot be pickled"):
+        side_by_side([job("a"), work])
+
+
+@forks
+def test_a_process_that_is_killed_is_an_error_and_nothing_hangs(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
+    with pytest.raises(RuntimeError, match="was killed"):
+        side_by_side([job("a"), lambda report: os.kill(os.getpid(), signal.SIGKILL)])

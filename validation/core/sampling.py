@@ -1,0 +1,137 @@
+"""From a solver's states to a Response: instants and frames, observed and in SI units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+
+from cablefem.newmark import State, Work
+from cablefem.response import Array, Fields, Observation, Response, States
+from cablefem.scene import Scene
+from validation.core.solver import Solver
+
+FRAMES = 100  # fields are kept at s_o/l = 1/FRAMES, 2/FRAMES, ... of every run, so that runs can be compared
+STATIONS = 201  # the file contract's least number of fixed s
+
+
+@dataclass(slots=True)
+class History:
+    """What stepping through a scene left behind."""
+
+    states: list[State]
+    work: Work
+    seconds: float
+    failure: tuple[str, str] | None  # cause and reason
+    onset: tuple[int, float] | None  # index of the first slack state, s/l
+    solver: Solver
+    after: Solver | None  # the solver with the tension-only law, from the onset on
+
+
+def respond(scene: Scene, h: History, **asked: Any) -> Response:
+    """Return the response of a history; `asked` are the fields of `Response` that say what was run.
+
+    A history that outgrew all numbers ends before it did.
+    """
+    states = h.solver.in_time(States(*(np.array(column) for column in zip(*h.states, strict=True))))
+    finite = np.isfinite(np.concatenate([states.q, states.v, states.a], axis=1)).all(axis=1)
+    if not finite.all():
+        states = _rows(states, slice(0, int(np.argmin(finite))))
+        h.failure = "unstable", "the solution grew beyond all bounds; take more steps or a damped scheme"
+    n = states.t.size
+    onset = h.onset if h.onset is not None and h.onset[0] < n else None
+    switch = states.t[onset[0]] if onset is not None and h.after is not None else math.inf
+    t = _frames(scene, float(states.t[-1]))
+    at_frames = _between(states, t) if n > 1 else _rows(states, slice(0, 0))
+    s = np.linspace(0.0, 1.0, STATIONS)
+    steps = _observe(h, states, switch, s, np.array([], dtype=np.intp))
+    frames = _observe(h, at_frames, switch, s, np.arange(at_frames.t.size))
+    l, H, tau, X = scene.length, scene.horizontal_tension, scene.time_scale, scene.catenary
+    si = _scales(l, H, tau)
+    slack = None if onset is None else float(steps.s_o[onset[0]])
+    x_rest, y_rest = scene.groups.shape(s)
+    fields = Fields(
+        **si(frames, "t", "s_o", "u", "v", "du", "dv", *_TENSIONS), s=l * s, mass_u=l * frames.path[:, 0],
+        mass_v=l * frames.path[:, 1], x=l * x_rest, y=l * y_rest, T_static=H * scene.groups.static(s)[0],
+        T=H * frames.T, T_pointwise=H * frames.T_pointwise,
+    )  # fmt: skip
+    u, v, s_o = l * steps.path[:, 0], l * steps.path[:, 1], l * steps.s_o
+    cause, reason = h.failure or (None, None)
+    speed = np.hypot(*steps.path_velocity.T)
+    events = [(e.name, int(np.argmin(np.abs(states.t - e.t)))) for e in h.work.events]
+    return Response(
+        **asked, scene=scene.name, scene_toml=scene.to_toml(), drive=scene.drive.mode,
+        status="complete" if h.failure is None else "incomplete", cause=cause, reason=reason,
+        slack_onset=slack, slack_at=None if onset is None else float(onset[1]),
+        switched=None if h.after is None else slack, length=l, horizontal_tension=H,
+        x=X.x(s_o) + u, y=X.y(s_o) + v, u=u, v=v,
+        velocity=l / tau * steps.path_velocity, acceleration=l / tau**2 * steps.path_acceleration,
+        F_haul=H * steps.haul,
+        **si(steps, "t", "s_o", "slope_behind", "slope_ahead", "energy", "power", "tension_min", "tension_min_at",
+             "reaction_left", "reaction_right", "contact", "kinetic", "strain", "potential", *_TENSIONS),
+        powers={name: H * l / tau * power for name, power in steps.powers.items()},
+        events=[
+            {"event": name, "t": float(tau * states.t[i]), "s_o": float(s_o[i]), "speed": float(l / tau * speed[i])}
+            for name, i in events
+        ],
+        fields=fields, n_dof=h.states[0].q.size, seconds=h.seconds,
+        work={k: getattr(h.work, k) for k in ("steps", "rejected", "newton_iterations", "factorisations", "residuals")},
+    )  # fmt: skip
+
+
+_TENSIONS = ("T_behind", "T_ahead", "T_behind_pointwise", "T_ahead_pointwise")
+_LENGTHS = ("s_o", "u", "v", "tension_min_at")
+_ENERGIES = ("energy", "kinetic", "strain", "potential")
+
+
+def _scales(l: float, H: float, tau: float) -> Callable[..., dict[str, Any]]:
+    """Return what gives arrays of an observation by name in SI units; forces where nothing else is said."""
+    scale = {"t": tau, "slope_behind": 1.0, "slope_ahead": 1.0, "du": l / tau, "dv": l / tau, "power": H * l / tau}
+    scale |= dict.fromkeys(_LENGTHS, l) | dict.fromkeys(_ENERGIES, H * l)
+    return lambda x, *names: {name: scale.get(name, H) * getattr(x, name) for name in names}
+
+
+def _rows(states: States, rows: slice) -> States:
+    return States(states.t[rows], states.q[rows], states.v[rows], states.a[rows], states.phase[rows])
+
+
+def _frames(scene: Scene, t_last: float) -> Array:
+    """Return the instants at which fields are kept: places of a prescribed travel, times of a free ride."""
+    motion, marks = scene.groups.motion, np.arange(1, FRAMES) / FRAMES
+    if motion is None:
+        t = scene.groups.drive.nominal * np.arange(1, math.ceil(FRAMES * t_last / scene.groups.drive.nominal)) / FRAMES
+    else:
+        end = motion.position(np.array([motion.phases[-1][1]]))[0]
+        t = np.array([motion.time_at(mark) for mark in marks[marks < end]])
+    return t[t <= t_last]
+
+
+def _between(h: States, t: Array) -> States:
+    """Return states at instants between the steps, cubic Hermite in (q, v).
+
+    Accelerations stay out of it: those of unresolved axial waves alternate from step to step.  The phase is that of
+    the step's end, so that the drive's acceleration is the one the step was taken with.
+    """
+    i = np.clip(np.searchsorted(h.t, t, side="left"), 1, h.t.size - 1)
+    ends = np.unique([i - 1, i])
+    path = CubicHermiteSpline(h.t[ends], h.q[ends], h.v[ends])
+    x = ((t - h.t[i - 1]) / (h.t[i] - h.t[i - 1]))[:, None]
+    return States(t, path(t), path(t, 1), (1.0 - x) * h.a[i - 1] + x * h.a[i], h.phase[i])
+
+
+def _observe(h: History, states: States, switch: float, s: Array, frames: NDArray[np.intp]) -> Observation:
+    """Observe with the law that was in force: the elastic one up to and including the onset."""
+    n = int(np.count_nonzero(states.t <= switch))
+    if h.after is None or n == states.t.size:
+        return h.solver.observe(states, s, frames)
+    if n == 0:
+        return h.after.observe(states, s, frames)
+    return Observation.joined([
+        h.solver.observe(_rows(states, slice(0, n)), s, frames[frames < n]),
+        h.after.observe(_rows(states, slice(n, None)), s, frames[frames >= n] - n),
+    ])  # fmt: skip

@@ -1,0 +1,58 @@
+"""Across the mass the force on the cable jumps by what the mass needs: force and momentum of the full model.
+
+    [ (N/|r'| - ds_o^2) r' ] = mu (p.. - sigma j),   j down, [ ] = ahead less behind, r' the one-sided slopes,
+in units of rho, H; N tension, p place of the mass.  The cable streams past the mass with ds_o, hence the momentum flux.
+
+Balance of force and momentum across the mass.  It holds in every exact motion, whatever the model of the cable,
+and is an a-posteriori check of any solver.  Validity: 0 < s_o < l.  Accuracy: exact.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cablefem.scene import Scene
+from validation.oracles.case import WINDOW, Error, Law, Oracle
+
+Array = NDArray[np.float64]
+
+
+def force(tension: Array, slope: Array, flux: Array) -> Array:
+    """(n, 2): what one side of the cable transmits; tension (n,), slope r' (n, 2), flux rho ds_o^2 (n,)."""
+    return (tension / np.hypot(*slope.T) - flux)[:, None] * slope
+
+
+def _law(*, flux: bool) -> Law:
+    scene = Scene.load("level")
+    assert scene.mass is not None
+    mass, rho = scene.mass.mass, scene.cable.mass_per_length if flux else 0.0
+
+    def defect(r: Any) -> Error:
+        streams = rho * np.gradient(r.s_o, r.t, edge_order=2) ** 2
+        needs = mass * (r.acceleration - np.array([0.0, scene.gravity]))
+        missing = force(r.T_ahead, r.slope_ahead, streams) - force(r.T_behind, r.slope_behind, streams) - needs
+        inside = (r.s_o >= WINDOW[0] * r.length) & (r.s_o <= WINDOW[1] * r.length)
+        size = np.hypot(*missing[inside].T) / (mass * scene.gravity)
+        return float(size.max()), float(np.sqrt(np.mean(size**2)))
+
+    told = "" if flux else ", without the cable's momentum flux"
+    return Law(
+        name="force and momentum at the mass, model full" + told, scene="level", defect=defect, falls=1.0,
+        because="slopes at the mass, and with them tensions, are worth one order",
+        methods=("following-p1", "following-p2", "fourier-kink") if flux else ("following-p2",),
+        expected="agree" if flux else "disagree", finer=1.6 if flux else 2.5,
+    )  # fmt: skip
+
+
+ORACLE = Oracle(
+    name="jump-law",
+    title="jump of force at the mass",
+    source="Balance of force and momentum",
+    validity="any cable, any travel",
+    group="The jump of force at the mass",
+    answer=force,
+    cases=lambda: [_law(flux=True), _law(flux=False)],
+)
