@@ -43,7 +43,7 @@ def scene_named(name: str, faults: list[str] | None = None, *, travelling: bool 
     scene = None
     try:
         scene = Scene.load(name)
-        if travelling and (scene.mass is None or scene.travel is None):
+        if travelling and scene.mass is None:
             faults.append(f"scene {scene.name} has no [mass] and [travel]: a bare cable is for modes and scenes only")
     except SceneError as error:
         faults += [fault if fault.startswith("scene = ") else f"{name}: {fault}" for fault in error.faults]

@@ -164,6 +164,17 @@ class CableElements:
         """Return w(s_o(t), t), its first and second time derivative, and w' behind and ahead, (n, fields) each."""
         raise NotImplementedError
 
+    def _carried(
+        self, states: States, kinematics: Array, force: Array, rise: Array, s: Array, frames: NDArray[np.intp]
+    ) -> tuple[Array, Array, tuple[Array, Array]]:
+        """Return f - c^2 w' from the balance of momentum, and c, of which the recovered tension is made.
+
+        f is the internal force less its static part, c the speed of the mesh.  First (n, 4, fields): at the left
+        support, behind and ahead of the mass, at the right support; then (k, m, fields): along the cable at the frames.
+        c at the mass (n,) and along the cable (k, m).  `force` of the cable on the mass; `rise` as in `end_forces`.
+        """
+        raise NotImplementedError
+
     def _fields(self, states: States, kinematics: Array, s: Array, frames: NDArray[np.intp]) -> Array:
         """Return w, dw/dt at fixed s, and w' at frames x stations, (3, k, m, fields); at s = s_o the side behind."""
         raise NotImplementedError
@@ -244,31 +255,78 @@ class CableElements:
         static, bend = np.stack([xp, yp], axis=1), np.stack([xpp, ypp], axis=1)
         behind, ahead = (static + x @ self.direction for x in slopes)
         fields, dfields, slopes_s = (x @ self.direction for x in self._fields(states, kinematics, s, frames))
-        T_s, x_s, y_s = g.static(s)[:3]
+        rise = np.maximum(least, 0.0 if self.law == "tension-only" else -math.inf) - self._cable[1]  # of one field
+        ends, along, speed = self._carried(states, kinematics, force, rise, s, frames)
         if self.fields == 2:
-            pull_behind, T_behind, W_behind = self._pull(static, T, behind)
-            pull_ahead, T_ahead, W_ahead = self._pull(static, T, ahead)
-            # the kink passes: <N t> . [r'] - [W]
-            power += ds * (0.5 * np.sum((pull_behind + pull_ahead) * (ahead - behind), axis=1) - (W_ahead - W_behind))
-            static_s = np.tile(np.stack([x_s, y_s], axis=1), (frames.size, 1))
-            pointwise = self._pull(static_s, np.tile(T_s, frames.size), static_s + slopes_s.reshape(-1, 2))[1]
-            tension = pointwise.reshape(frames.size, s.size)
-        else:  # the stored energy is quadratic in w' at a given tension: <force> . [w'] = [W]
-            T_behind = T_ahead = T + (least - self._cable[1])
-            tension = T_s + (least - self._cable[1])[frames, None]
+            tensions, kink = self._tensions(ends, along, speed, static, T, behind, ahead, s, slopes_s)
+            power += ds * kink
+        else:
+            tensions = self._chord_tensions(ends, rise, T, s, frames)
+        for name in [name for name in tensions if "behind" in name]:
+            tensions[name] = np.where(s_o > 0.0, tensions[name], np.nan)
         return Observation(
             path=w @ self.direction, path_velocity=w_t @ self.direction + ds[:, None] * static,
             path_acceleration=w_tt @ self.direction + dds[:, None] * static + (ds**2)[:, None] * bend,
             slope_behind=behind, slope_ahead=ahead,
-            T_behind=np.where(s_o > 0.0, T_behind, np.nan), T_ahead=np.where(s_o < 1.0, T_ahead, np.nan),
             energy=kinetic + strain + potential, power=power, kinetic=kinetic, strain=strain, potential=potential,
             tension_min=least, tension_min_at=where,
-            u=fields[..., 0], v=fields[..., 1], du=dfields[..., 0], dv=dfields[..., 1], T=tension,
-            t=states.t, s_o=s_o, contact=-force @ self.direction,
+            u=fields[..., 0], v=fields[..., 1], du=dfields[..., 0], dv=dfields[..., 1],
+            t=states.t, s_o=s_o, contact=-force @ self.direction, **tensions,
         )  # fmt: skip
 
+    def _tensions(
+        self, ends: Array, along: Array, speed: tuple[Array, Array], static: Array, T: Array, behind: Array,
+        ahead: Array, s: Array, slopes_s: Array,
+    ) -> tuple[dict[str, Any], Array]:  # fmt: skip
+        """Return the tensions and reactions of the full cable, and what a passing kink gives, <N t> . [r'] - [W]."""
+        T_s, x_s, y_s = (np.broadcast_to(x, slopes_s.shape[:2]) for x in self.groups.static(s)[:3])
+        static_s = np.stack([x_s, y_s], axis=-1)
+        (pull_behind, N_behind, W_behind), (pull_ahead, N_ahead, W_ahead) = (
+            self._pull(static, T, slope) for slope in (behind, ahead)
+        )
+        kink = 0.5 * np.sum((pull_behind + pull_ahead) * (ahead - behind), axis=1) - (W_ahead - W_behind)
+        at_ends = self.groups.static(np.array([0.0, 1.0]))[:3]
+        left, right = (ends[:, k] + at_ends[0][i] * np.array([x[i] for x in at_ends[1:]]) for i, k in ((0, 0), (1, 3)))
+        return {
+            "T_behind": self._recovered(ends[:, 1], speed[0], static, T, behind),
+            "T_ahead": self._recovered(ends[:, 2], speed[0], static, T, ahead),
+            "T": self._recovered(along, speed[1], static_s, T_s, static_s + slopes_s),
+            "T_behind_pointwise": N_behind,
+            "T_ahead_pointwise": N_ahead,
+            "T_pointwise": self._pull(static_s, T_s, static_s + slopes_s)[1],
+            "reaction_left": -left,
+            "reaction_right": right,
+        }, kink
+
+    def _chord_tensions(self, ends: Array, rise: Array, T: Array, s: Array, frames: Any) -> dict[str, Any]:
+        """Return the same for one field: its tension rises uniformly, and the stored energy is quadratic in w'."""
+        tau, curvature = self._cable[1:3]
+        chord = np.array([self.groups.chord_cos, self.groups.chord_sin])
+        left, right = (
+            (tau + rise)[:, None] * chord + (ends[:, k] + tau * curvature * y) @ self.direction
+            for k, y in ((0, 0.5), (3, -0.5))
+        )
+        at_mass = T + rise
+        return {
+            "T_behind": at_mass, "T_ahead": at_mass, "T": self.groups.static(s)[0] + rise[frames, None],
+            "reaction_left": -left, "reaction_right": right,
+        }  # fmt: skip
+
+    def _recovered(self, carried: Array, c: Array, static: Array, T: Array, slope: Array) -> Array:
+        """Return N from N t - T X' - c^2 w', which the balance gives; the slope r' tells the sign of N t - c^2 r' only.
+
+        N t - c^2 r' = (N (1 - c^2/alpha) - c^2 (1 - T/alpha)) t, because |r'| = 1 + (N - T)/alpha.
+        """
+        alpha, flux = self._cable[0], c**2
+        known = carried + (T - flux)[..., None] * static
+        size = np.hypot(known[..., 0], known[..., 1])
+        size = np.where(np.sum(known * slope, axis=-1) < 0.0, -size, size)
+        N = (size + flux * (1.0 - T / alpha)) / (1.0 - flux / alpha)
+        return np.maximum(N, 0.0) if self.law == "tension-only" else N
+
     def _pull(self, static: Array, T: Array, slope: Array) -> tuple[Array, Array, Array]:
-        """Return N t (n, 2), N and W (n,) where the static slope is X' (n, 2) and the slope r' (n, 2)."""
-        out = np.empty_like(slope), np.empty_like(T), np.empty_like(T)
-        kernels.pulls(static, T, slope, self._cable[0], self._cable[3], *out)
+        """Return N t (..., 2), N and W (...) where the static slope is X' (..., 2) and the slope r' (..., 2)."""
+        out = np.empty(slope.shape), np.empty(T.shape), np.empty(T.shape)
+        flat = (np.ascontiguousarray(x) for x in (static.reshape(-1, 2), T.reshape(-1), slope.reshape(-1, 2)))
+        kernels.pulls(*flat, self._cable[0], self._cable[3], out[0].reshape(-1, 2), out[1].ravel(), out[2].ravel())
         return out

@@ -20,6 +20,7 @@ Dimensionless: l = H = rho = 1.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import skfem
@@ -243,6 +244,35 @@ class FixedElements(CableElements):
         w_t = at(N, v) + ds[:, None] * ahead
         w_tt = at(N, a) + at(2.0 * ds * N_s, v) + at(ds**2 * N_ss + dds * N_s, q)
         return at(N, q), w_t, w_tt, behind, ahead
+
+    def _carried(self, states, kinematics, force, rise, s, frames):
+        """Momentum tested with 1 - s and s over the whole cable and the mass, then integrated; the mesh rests, c = 0.
+
+        The kink's own momentum, ds_o^2 [r'], is smeared over the element under the mass: half of it is missing there.
+        """
+        n, s_o = states.t.size, kinematics[:, 0]
+        ends, elements = np.zeros((n, 4, self.fields)), self.elements
+        for i in range(n):
+            of = states.q[i], states.v[i], states.a[i]
+            kernels.end_forces(self._mesh, elements, 0, self._cable, 0.0, rise[i], *of, ends[i])
+        ends[:, 0] -= (1.0 - s_o)[:, None] * force
+        ends[:, 3] = ends[:, 1] + s_o[:, None] * force
+        a = self._padded(states.a)
+        once = self._powers[0] / (np.arange(self._powers.shape[2]) + 1.0) / elements  # antiderivatives
+        whole = np.einsum("nelf,l->nef", a[:, self._mesh.dofs + 1], once.sum(axis=1))
+        whole = np.concatenate([np.zeros_like(whole[:, :1]), np.cumsum(whole, axis=1)], axis=1)
+
+        def momentum(rows: Any, s: Array) -> Array:
+            """Return int a ds from 0 to s, rows and s of one shape."""
+            e = np.minimum((s * elements).astype(int), elements - 1)
+            part = (s * elements - e)[..., None] ** np.arange(1, once.shape[1] + 1) @ once.T  # of each function
+            return whole[rows, e] + np.einsum("...l,...lf->...f", part, a[rows[..., None], self._mesh.dofs[e] + 1])
+
+        ends[:, 1] = ends[:, 0] + momentum(np.arange(n), s_o)
+        ends[:, 2] = ends[:, 1] + force
+        ahead = (s > s_o[frames, None])[..., None]
+        along = ends[frames, None, 0] + momentum(frames[:, None], np.broadcast_to(s, (frames.size, s.size)))
+        return ends, along + ahead * force[frames, None], (np.zeros(n), np.zeros((frames.size, s.size)))
 
     def _fields(self, states: States, kinematics: Array, s: Array, frames: NDArray[np.intp]) -> Array:
         dofs, (N, N_s, _) = self._evaluate(s, "behind")

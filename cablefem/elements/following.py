@@ -197,3 +197,25 @@ class FollowingElements(CableElements):
             s_o, ds, _ = kinematics[i]
             kernels.sample(knots, self.left.shapes, self._dofs, s_o, ds, s, states.q[i], states.v[i], field)
         return out.transpose(1, 0, 2, 3)
+
+    def _carried(self, states, kinematics, force, rise, s, frames):
+        n, f = states.t.size, self.fields
+        ends, along = np.empty((n, 4, f)), np.empty((frames.size, s.size, f))
+        for i in range(n):
+            s_o, ds, dds = kinematics[i]
+            kernels.follow(s_o, ds, dds, self._n_left, self._coefficients, self._mesh.span)
+            of = states.q[i], states.v[i], states.a[i]
+            kernels.end_forces(self._mesh, self._n_left, self.node, self._cable, dds, rise[i], *of, ends[i])
+        if n and kinematics[0, 0] == 0.0:  # the left part has no length yet
+            ends[0, :2] = ends[0, 2]
+        knots = np.stack([self.left.knots, self.right.knots])
+        for i, field in zip(frames, along, strict=True):
+            of = states.q[i], states.v[i], states.a[i]
+            kernels.sample_forces(
+                knots, self.left.shapes, self._dofs, self.node, *kinematics[i], s, *of, ends[i], field
+            )
+        s_o, ds, _ = kinematics[frames].T[:, :, None]
+        behind = (s <= s_o) & (s_o > 0.0)
+        c = ds * np.where(behind, s / np.where(s_o > 0.0, s_o, 1.0), (1.0 - s) / (1.0 - s_o))
+        self._at = None  # the mesh is that of another instant now
+        return ends, along, (kinematics[:, 1], c)

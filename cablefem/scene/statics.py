@@ -46,9 +46,10 @@ class Rest:
         return 0.5 * (np.linalg.norm(self.slope_behind, axis=1) + np.linalg.norm(self.slope_ahead, axis=1))
 
 
-def nodes() -> np.ndarray:
-    """Places at which a ride is tabulated, over all that a car may come to."""
-    y = np.linspace(math.log(NEAREST_START / 2.0), -math.log(0.5 * (1.0 - FARTHEST_END)), NODES)
+def nodes(nearest: float | None = None) -> np.ndarray:
+    """Places at which a ride is tabulated: where a rolling car may come to, or to `nearest` of both supports."""
+    near, far = (0.5 * NEAREST_START, 0.5 * (1.0 - FARTHEST_END)) if nearest is None else (nearest, nearest)
+    y = np.linspace(math.log(near), -math.log(far), NODES if nearest is None else 2 * NODES)
     return 1.0 / (1.0 + np.exp(-y))
 
 

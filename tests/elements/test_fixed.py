@@ -292,7 +292,7 @@ def test_fields_and_paths_belong_together(element, coupling):
     step = 1e-6
     near = observe(system, states, [0.25 - step, 0.25], [i])  # a node: the side behind answers
     slope = np.array([xp[0] + np.diff(near.u[0])[0] / step, yp[0] + np.diff(near.v[0])[0] / step])
-    assert o.T[1, 1] == pytest.approx(T[0] + STEEP.alpha * (np.hypot(*slope) - 1.0), rel=1e-4)
+    assert o.T_pointwise[1, 1] == pytest.approx(T[0] + STEEP.alpha * (np.hypot(*slope) - 1.0), rel=1e-4)
     assert np.isfinite(o.T_behind[1:]).all()
     assert math.isnan(o.T_behind[0])
 

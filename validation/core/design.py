@@ -109,7 +109,7 @@ def numbers(e: Estimated, twin: Estimated | None = None) -> list[Number]:
     """
     runs = [x for x in (e, twin) if x is not None]
     try:
-        stop = measures.window_of(*(r for x in runs for r in x.runs))[1] if e.run.drive == "grip" else 1.0
+        stop = measures.window_of(*(r for x in runs for r in x.runs))[1] if e.run.drive == "grip" else math.inf
     except measures.NotComparable:
         return alone(e.run)
     out = []
@@ -127,10 +127,17 @@ def numbers(e: Estimated, twin: Estimated | None = None) -> list[Number]:
     return [*out, *_onset(e, twin)]
 
 
+def design(r: Response) -> list[dict[str, Any]]:
+    """Return the rows of `design` of a run without companions."""
+    return [number.row() for number in alone(r)]
+
+
 def alone(r: Response) -> list[Number]:
     """Return the design numbers of a run without companions: without bars."""
     stop = measures.WINDOW[1] if r.slack_onset is None else min(measures.WINDOW[1], r.slack_onset)
-    found = ((name, _extreme(r, quantity, stop if r.drive == "grip" else 1.0)) for name, quantity in QUANTITIES.items())
+    found = (
+        (name, _extreme(r, quantity, stop if r.drive == "grip" else math.inf)) for name, quantity in QUANTITIES.items()
+    )
     numbers = [replace(x[0], quantity=name) for name, x in found if x is not None]
     if r.slack_onset is not None:
         numbers.append(Number("slack_onset", r.slack_onset, None, "s_o/l", s_o=r.slack_onset * r.length))

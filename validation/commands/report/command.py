@@ -9,7 +9,7 @@ import typer
 from validation import terminal
 from validation.core import store
 
-PLACE = 11
+PLACE = 12
 EXAMPLE = "cablefem report"
 # What a full report consists of, in the order of its pages; the folder of each command is its scene or itself.
 PARTS = (

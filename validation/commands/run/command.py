@@ -12,7 +12,7 @@ from validation.options import Out, SceneName, near, real, scene_named, tol_faul
 PLACE = 3
 EXAMPLE = "cablefem run level --method fourier --set terms=60"
 CHOICES = {
-    "model": ("full", "stretching", "sagged", "string"),
+    "model": ("full", "stretching", "sagged", "string", "quasi-static"),
     "load": ("mass", "force"),
     "law": ("auto", "elastic", "tension-only"),
 }
@@ -20,11 +20,13 @@ CHOICES = {
 
 def command(
     scene: SceneName,
-    method: Annotated[str, typer.Option(metavar="NAME", help="A method (cablefem methods).")],
+    method: Annotated[str | None, typer.Option(metavar="NAME", help="A method (cablefem methods).")] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A setting of the method; repeatable.")
     ] = None,
-    model: Annotated[str, typer.Option(metavar="NAME", help="full, stretching, sagged or string.")] = "full",
+    model: Annotated[
+        str, typer.Option(metavar="NAME", help="full, stretching, sagged or string; quasi-static needs no method.")
+    ] = "full",
     load: Annotated[str, typer.Option(metavar="NAME", help="mass, or force: its weight alone.")] = "mass",
     law: Annotated[
         str, typer.Option(metavar="NAME", help="elastic, tension-only, or auto: tension-only from the slack onset on.")
@@ -38,7 +40,7 @@ def command(
     """Run one method on one scene.
 
     Writes DIR/METHOD/: path.csv, tension.csv, summary.json, response.npz, and for ParaView response.xdmf, mass.xdmf
-    and their data, response.h5.
+    and their data, response.h5 and mass.h5.
     """
     faults: list[str] = []
     for option, given in (("model", model), ("load", load), ("law", law)):
@@ -46,8 +48,14 @@ def command(
         if given not in known:
             faults.append(f"--{option} must be one of {', '.join(known)}, got {given!r}{near(given, known)}")
     faults += tol_faults(tol)
-    chosen, settings = _method_with(method, set_ or [], tol, faults)
+    if model == "quasi-static":
+        return _quasi_static(scene, out, faults)
+    if method is None:
+        faults.append("--method must be given (cablefem methods), or --model quasi-static")
+    chosen, settings = (None, {}) if method is None else _method_with(method, set_ or [], tol, faults)
     loaded = scene_named(scene, faults, travelling=True)
+    assert method is not None
+    assert chosen is not None
 
     from validation import paraview, telling
     from validation.core.resolution import TooCoarse, resolve
@@ -73,6 +81,37 @@ def command(
     if too_coarse:
         terminal.complain([too_coarse])
     return 1 if too_coarse or response.flags else 0
+
+
+def _quasi_static(scene: str, out: Any, faults: list[str]) -> int:
+    """The cable at rest under the car, wherever the ride brings it: milliseconds, for a timetable."""
+    loaded = scene_named(scene, faults, travelling=True)
+
+    from cablefem.response import write_json
+    from validation.core.design import design
+    from validation.core.quasi_static import quasi_static
+
+    folder = store.claim(out, "run", loaded, ["quasi-static"]) / "quasi-static"
+    response = quasi_static(loaded)
+    numbers = design(response)
+    response.write(folder)
+    write_json(folder / "summary.json", {**response.summary(), "design": numbers})
+    terminal.say(f"{loaded.name}, quasi-static: {loaded.drive}")
+    for e in response.events:
+        terminal.say(f"  {e['event']:<12}after {e['t']:.4g} s at {e['s_o']:.4g} m, {_speed(e['speed'])}")
+    if not any(e["event"] in ("arrival", "stop") for e in response.events):
+        end = f"after {response.t[-1]:.4g} s at {response.s_o[-1]:.4g} m"
+        terminal.say(f"  {'end':<12}{end}, {_speed(response.speed[-1])}")
+    for row in numbers:
+        value = _speed(row["value"]) if row["unit"] == "m/s" else f"{row['value']:.5g} {row['unit']}"
+        terminal.say(f"  {row['quantity']:<20}{value}, car at {row['s_o']:.4g} m after {row['t']:.4g} s")
+    terminal.say("  the cable's inertia is left out: see cablefem advise for what that costs")
+    terminal.say(f"written to {folder}")
+    return 0
+
+
+def _speed(v: float) -> str:
+    return f"{v:.4g} m/s = {3.6 * v:.4g} km/h"
 
 
 def _method_with(name: str, pairs: list[str], tol: float | None, faults: list[str]) -> tuple[Any, dict[str, Any]]:

@@ -1,0 +1,258 @@
+"""A sweep: points numbered once and for all, rows written whole, and nothing lost or done twice when something dies."""
+
+import contextlib
+import math
+import os
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cablefem.scene import Scene, SceneError
+from validation import cli
+from validation.commands.sweep import engine, job
+from validation.commands.sweep.page import sections
+from validation.commands.sweep.study import Study, built_in
+from validation.core.store import Refused
+
+distributed = pytest.importorskip("distributed")
+
+# Dask's own: sockets and event loops of clusters that are gone
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::ResourceWarning"), pytest.mark.filterwarnings("ignore::RuntimeWarning"),
+    pytest.mark.filterwarnings("ignore::DeprecationWarning"), pytest.mark.filterwarnings("ignore::UserWarning"),
+]  # fmt: skip
+
+GRID_TOML = """
+scene = "level"
+method = "following-p2"
+settings = {elements = 3, steps = 30}
+[vary]
+"mass.mass" = [1000, 2000.0, 3000]
+speed_ratio = {from = 0.2, to = 0.4, count = 3}
+"""
+GRID = {
+    "scene": "level", "method": "following-p2", "settings": {"elements": 3, "steps": 30},
+    "vary": {"mass.mass": [1000, 2000.0, 3000], "speed_ratio": {"from": 0.2, "to": 0.4, "count": 3}},
+}  # fmt: skip
+SAMPLE = {
+    "kind": "sobol",
+    "count": 12,
+    "seed": 7,
+    "range": {"cable.sag": [50.0, 100.0], "mu": {"from": 0.05, "to": 5.0, "log": True}},
+}
+
+
+def test_a_grid_has_all_combinations_once():
+    study = Study.of(GRID)
+    points = [study.point(i) for i in range(len(study))]
+    assert len(study) == 9
+    assert len({tuple(p.values()) for p in points}) == 9
+    assert sorted({p["speed_ratio"] for p in points}) == pytest.approx([0.2, 0.3, 0.4])
+    with pytest.raises(Refused, match="scenes 0 to 8"):
+        study.point(9)
+
+
+def test_a_sample_stays_in_its_ranges_and_is_the_same_again():
+    for kind in ("sobol", "latin_hypercube", "random"):
+        first, again, other = (
+            Study.of({"scene": "level", "method": "fourier", "sample": SAMPLE | {"kind": kind, "seed": seed}})
+            for seed in (7, 7, 8)
+        )
+        points = [first.point(i) for i in range(12)]
+        assert points == [again.point(i) for i in range(12)]
+        assert points != [other.point(i) for i in range(12)]
+        assert all(50.0 <= p["cable.sag"] < 100.0 and 0.05 <= p["mu"] < 5.0 for p in points)
+        # by the logarithm: half of the points below the geometric mean
+        assert 4 <= sum(p["mu"] < 0.5 for p in points) <= 8
+
+
+def test_a_point_changes_the_scene_and_nothing_else():
+    study = Study.of(GRID | {"sample": SAMPLE, "vary": None})
+    point = study.point(3)
+    scene = study.scene_at(point)
+    assert scene.sag == pytest.approx(point["cable.sag"], rel=1e-9)
+    assert scene.mu == pytest.approx(point["mu"], rel=1e-12)
+    assert pytest.approx(Study.of(GRID).scene_at({"mass.mass": 1000}).cable.EA) == scene.cable.EA
+
+
+def test_a_study_of_groups_needs_no_base_scene():
+    axes = {"sag_ratio": [0.01, 0.2], "alpha": [50, 1e4], "mu": [0.1, 1.0], "speed_ratio": [0.1, 0.8], "slope": [0, 45]}
+    study = Study.of({"method": "following-p2", "tol": 1e-2, "sample": {"count": 3, "range": axes}})
+    for i in range(3):
+        point, scene = study.point(i), study.scene_at(study.point(i))
+        assert scene.slope == pytest.approx(point["slope"], abs=1e-9)
+        assert (scene.mu, scene.alpha) == pytest.approx((point["mu"], point["alpha"]), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"jobb": "run"}, "jobb = 'run': unknown key. Did you mean job?"),
+        ({"job": "walk"}, "job = 'walk': unknown."),
+        ({"method": "following-p3"}, "Did you mean following-p"),
+        ({"method": None}, "tol: missing"),
+        ({"tol": 2.0}, "tol = 2.0: must be a number from 1e-06 to 0.2"),
+        ({"scene": "levle"}, "Did you mean level?"),
+        ({"vary": {"mass.weight.of": []}}, "vary.mass.weight.of = []"),
+        ({"vary": {"moss.mass": [1.0]}}, "moss.mass: must be a field"),
+        ({"vary": {"mu": {"from": 2.0, "to": 1.0, "count": 3}}}, "mu: from 2 to 1 must rise"),
+        ({"vary": {"travel.top_speed": [1.0]}}, "travel.top_speed = 1.0: unknown key."),
+        ({"sample": SAMPLE}, "exactly one of"),
+        ({"seconds": -1}, "seconds = -1: must be"),
+        ({"limit": {"tension_max": "high"}}, "limit = "),
+    ],
+)
+def test_a_faulty_study_says_what_is_wrong(change, said):
+    with pytest.raises(Refused, match=r".") as refused:
+        Study.of({k: v for k, v in (GRID | change).items() if v is not None})
+    assert said in str(refused.value)
+
+
+def test_the_studies_that_come_along_are_sound():
+    for name in built_in():
+        study = Study.load(name)
+        assert study.title
+        for index in range(0, len(study), max(1, len(study) // 7)):
+            with contextlib.suppress(SceneError):  # a hostile scene may be refused
+                assert study.scene_at(study.point(index)).mass is not None
+
+
+# --- rows -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_row_holds_the_run(tmp_path):
+    study = Study.of(GRID)
+    row = job.row(study, 4, study.point(4))
+    assert (row["status"], row["method"], row["index"]) == ("complete", "following-p2", 4)
+    assert row["mass.mass"] == 2000.0
+    assert row["max_deflection"] > 1.0
+    assert math.isfinite(row["mu"])
+    engine.write(tmp_path, study, [row])
+    stored = engine.frame(tmp_path).loc[4]
+    assert stored["max_deflection"] == row["max_deflection"]
+
+
+def test_whatever_happens_to_a_scene_is_a_row(monkeypatch):
+    refused = Study.of(GRID | {"vary": {"cable.EA": [1.0, 2.0]}})
+    assert job.row(refused, 0, refused.point(0))["status"] == "refused"
+    assert "cable.EA" in job.row(refused, 0, refused.point(0))["reason"]
+    monkeypatch.setattr(job, "_run", lambda *given: 1 / 0)
+    failed = job.row(Study.of(GRID), 1, {})
+    assert (failed["status"], failed["cause"]) == ("failed", "ZeroDivisionError")
+
+
+def test_a_scene_that_hangs_is_cut_off(monkeypatch):
+    def endless(*given):
+        while True:
+            time.sleep(0.01)
+
+    monkeypatch.setattr(job, "_run", endless)
+    study = Study.of(GRID | {"seconds": 0.3})
+    row = job.row(study, 2, study.point(2))
+    assert (row["status"], row["cause"]) == ("cut off", "time")
+    assert 0.3 <= row["seconds"] < 30.0
+
+
+# --- the engine -------------------------------------------------------------------------------------------------------
+
+
+def stand_in(study, numbered):
+    """Rows of a job of no work; the study's title may tell it to kill its worker, always or once."""
+    what, _, at = study.title.partition(" ")
+    rows = []
+    for i, point in numbered:
+        if i == 7 and (what == "always" or (what == "once" and not Path(at).exists())):
+            Path(at).touch()
+            os._exit(3)
+        rows.append({"index": i, **point, "status": "complete", "seconds": 1e-3, "reached": 0.5 * i})
+    return rows
+
+
+def wide(count, title=""):
+    sample = {"count": count, "range": {"mu": [0.1, 1.0]}}
+    return Study.of({"scene": "level", "method": "fourier", "sample": sample, "title": title})
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    import dask
+
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        distributed.LocalCluster(1, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster,
+    ):
+        yield {"scheduler": cluster.scheduler_address, "work": stand_in}
+
+
+def test_a_sweep_goes_on_where_it_stopped_and_does_nothing_twice(tmp_path, cluster):
+    study, seen = wide(60), []
+    asked = Counter()
+
+    def interrupted(tally):
+        if tally.status.total() >= 10:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        engine.sweep(study, tmp_path, progress=interrupted, **cluster)
+    before = engine.done(tmp_path)
+    assert 10 <= len(before) < 60
+    tally = engine.sweep(study, tmp_path, progress=lambda t: seen.append(t.done), **cluster)
+    assert tally.status.total() == 60 - len(before)
+    for file in engine.files(tmp_path):
+        asked.update(engine.parquet_indices(file))
+    assert set(asked.values()) == {1}
+    rows = engine.frame(tmp_path)
+    assert rows.index.tolist() == list(range(60))
+    np.testing.assert_array_equal(rows["mu"], [study.point(i)["mu"] for i in range(60)])
+    again = engine.sweep(study, tmp_path, **cluster)
+    assert (again.status.total(), again.done) == (0, 60)
+
+
+def test_a_changed_study_in_a_used_folder_is_refused(tmp_path, cluster):
+    engine.sweep(wide(2), tmp_path, **cluster)
+    with pytest.raises(Refused, match="another study"):
+        engine.sweep(wide(3), tmp_path, **cluster)
+
+
+def test_a_worker_that_dies_takes_its_chunk_along_and_that_is_tried_again(tmp_path, cluster):
+    tally = engine.sweep(wide(24, f"once {tmp_path / 'died'}"), tmp_path / "out", **cluster)
+    assert (tmp_path / "died").exists()
+    assert dict(tally.status) == {"complete": 24}
+
+
+def test_a_scene_that_kills_workers_twice_is_a_row_that_says_so(tmp_path, cluster):
+    engine.sweep(wide(12, f"always {tmp_path / 'died'}"), tmp_path / "out", **cluster)
+    rows = engine.frame(tmp_path / "out")
+    assert rows["status"].value_counts().to_dict() == {"complete": 11, "died": 1}
+    assert rows.loc[7, "status"] == "died"
+    assert "twice" in rows.loc[7, "reason"]
+
+
+def test_a_cluster_of_its_own_and_the_page(tmp_path):
+    engine.sweep(Study.of(GRID), tmp_path, workers=1)
+    (tmp_path / "study.toml").write_text(GRID_TOML, encoding="utf-8")
+    first, maps, scenes = sections(tmp_path)
+    assert "9 of 9 scenes" in first.summary
+    assert "max_deflection over mass.mass and speed_ratio" in maps.html
+    assert "cablefem sweep study.toml --scene" in scenes.html or '"study": "study.toml"' in scenes.html
+
+
+def test_a_scheduler_that_is_not_there_is_said(tmp_path):
+    with pytest.raises(Refused, match=r"--scheduler tcp://127\.0\.0\.1:9"):
+        engine.sweep(wide(2), tmp_path, scheduler="tcp://127.0.0.1:9", work=stand_in)
+
+
+def test_the_command_line_lists_studies_and_prints_scenes(capsys, tmp_path):
+    assert cli.main(["sweep"]) == 0
+    assert "throughput" in capsys.readouterr().out
+    assert cli.main(["sweep", "throughput", "--scene", "3"]) == 0
+    printed = capsys.readouterr().out
+    assert Scene.from_toml(printed).mu > 0.0
+    assert cli.main(["sweep", "thruoghput"]) == 2
+    assert "Did you mean throughput?" in capsys.readouterr().err
+    (tmp_path / "mine.txt").touch()
+    assert cli.main(["sweep", "throughput", "--out", str(tmp_path)]) == 2
+    assert "holds no sweep" in capsys.readouterr().err

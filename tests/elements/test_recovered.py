@@ -1,0 +1,112 @@
+"""Tension and reactions from equilibrium: exact states, the balance of the whole cable, the pointwise tension."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cablefem.elements.fixed import FixedElements
+from cablefem.elements.following import FollowingElements
+from cablefem.newmark import State
+from cablefem.response import States
+from tests.runs import INCLINED, march, observe, stack, steep_cable
+from validation.core.running import _between
+
+MODELS = ("full", "string", "sagged", "stretching")
+STEEP = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
+STATIONS = np.linspace(0.0, 1.0, 2001)
+
+
+def at_rest(system, t):
+    zero = np.zeros((1, system.n_dof))
+    return States(np.array([t]), zero, zero, zero, np.array([0]))
+
+
+@pytest.mark.parametrize("kind", [FollowingElements, FixedElements])
+def test_the_hanging_cable_pulls_at_its_supports(kind):
+    system = kind(replace(STEEP, mu=1e-300), elements=3)
+    o = observe(system, at_rest(system, 1.07), STATIONS, [0])
+    np.testing.assert_allclose(o.reaction_left, [[-1.0, -0.52]], rtol=1e-14)  # H = 1, and p = c - sigma s upwards
+    np.testing.assert_allclose(o.reaction_right, [[1.0, 0.52 - 0.31]], rtol=1e-14)
+    np.testing.assert_allclose(o.T, [STEEP.static(STATIONS)[0]], rtol=1e-14)
+
+
+def momentum_defect(system, states, sigma):
+    """Return the rate of momentum of the whole cable less all forces on it at the last state, over the largest one."""
+    dt, (t, q, v, a) = 1e-4, (x[-1] for x in (states.t, states.q, states.v, states.a))
+    near = stack([State(t + x, q + x * v + 0.5 * x * x * a, v + x * a, a) for x in (-dt, 0.0, dt)])
+    momentum = []
+    for k in range(3):
+        s_o = system.motion.at(near.t[k], 0)[0]
+        s = np.concatenate([np.linspace(0.0, s_o, 4001), np.linspace(s_o + 1e-12, 1.0, 4001)])
+        o = observe(system, near, s, [k])
+        momentum.append(np.trapezoid(np.stack([o.du[0], o.dv[0]]), s, axis=1))
+    forces = np.array([o.reaction_left[1], o.reaction_right[1], o.contact[1], [0.0, sigma]])
+    defect = (momentum[2] - momentum[0]) / (2.0 * dt) - forces.sum(axis=0)
+    if system.fields == 1:  # motion is normal to the chord, and so is the balance
+        defect = system.direction @ defect
+    return np.abs(defect).max() / np.abs(forces).max()
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_reactions_balance_the_whole_cable(model):
+    system = FollowingElements(STEEP, elements=5, degree=3, model=model)
+    states, _ = march(system, 300, until=0.6)
+    assert momentum_defect(system, states, STEEP.sigma) < 3e-4  # differences over 1e-4; steps are solved to 1e-4
+    assert momentum_defect(system, states, 1.01 * STEEP.sigma) > 1e-3
+
+
+@pytest.mark.parametrize("model", ["full", "stretching"])
+@pytest.mark.parametrize(("element", "coupling"), [("hermite", "chain"), ("p2", "path")])
+def test_so_they_do_where_the_mass_moves_through_the_elements(element, coupling, model):
+    system = FixedElements(STEEP, elements=9, element=element, coupling=coupling, model=model)
+    states, _ = march(system, 200, "newmark", until=0.52)  # inside an element
+    assert momentum_defect(system, states, STEEP.sigma) < 3e-3  # w' jumps between P2 elements
+    assert momentum_defect(system, states, 1.1 * STEEP.sigma) > 6e-3
+
+
+def test_the_jump_at_the_mass_is_its_force():
+    """The two sides are tested apart; their difference is the row of the mass."""
+    system = FollowingElements(STEEP, elements=4, degree=2)
+    states, s_o = march(system, 200, until=0.6)
+    kinematics = np.array([system.motion.at(t, 0) for t in states.t])
+    none = np.array([], dtype=int)
+    ends = system._carried(states, kinematics, None, np.zeros(s_o.size), STATIONS, none)[0]
+    *_, xpp, ypp = STEEP.static(s_o)
+    a = states.a.reshape(s_o.size, -1, 2)[:, system.node] + 0.45**2 * np.stack([xpp, ypp], axis=1)
+    force = STEEP.mu * (a - np.array([0.0, STEEP.sigma]))
+    inside = s_o > 0.01  # the residual of a step is 1e-4 of the load at most
+    assert np.abs(ends[:, 2] - ends[:, 1] - force)[inside].max() < 2e-4 * STEEP.mu * STEEP.sigma
+
+
+def test_recovered_tension_is_better_than_pointwise():
+    def tensions(elements, degree, steps):
+        system = FollowingElements(INCLINED, elements=elements, degree=degree)  # enters from rest: no fronts
+        states, s_o = march(system, steps, "generalized-alpha", rho_inf=0.9, until=0.7)
+        o = observe(system, states)
+        t = np.array([0.8 * states.t[-1] // 0.1 * 0.1])
+        along = observe(system, _between(states, t), np.linspace(0.0, 1.0, 51), [0])
+        places = np.linspace(0.1, 0.65, 400)
+        return {
+            name: np.interp(places, s_o, getattr(o, name)) if "h" in name else getattr(along, name)[0]
+            for name in ("T_behind", "T_ahead", "T", "T_behind_pointwise", "T_ahead_pointwise", "T_pointwise")
+        }
+
+    fine, coarse = tensions(12, 5, 2000), tensions(8, 2, 500)
+    error = {name: float(np.sqrt(np.mean((coarse[name] - fine[name]) ** 2))) for name in fine}
+    for name in ("T_behind", "T_ahead", "T"):
+        assert error[name] < 5e-5
+        assert error[name] < 0.4 * error[f"{name}_pointwise"]
+
+
+def test_frames_between_steps_are_as_good():
+    """States between the steps are in balance to the error of their interpolation only."""
+    system = FollowingElements(STEEP, elements=8)
+    states, s_o = march(system, 500, "generalized-alpha", rho_inf=0.9, until=0.7)
+    steps = observe(system, states)
+    k = np.flatnonzero(s_o > 0.1)[:-1]
+    middle = observe(system, _between(states, 0.5 * (states.t[k] + states.t[k + 1])))
+    gap = middle.T_ahead - 0.5 * (steps.T_ahead[k] + steps.T_ahead[k + 1])
+    assert np.sqrt(np.mean(gap**2)) < 2e-3

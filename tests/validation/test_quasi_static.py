@@ -1,0 +1,79 @@
+"""The quasi-static ride as a Response, and its design numbers."""
+
+import json
+
+import numpy as np
+import pytest
+
+from cablefem import Scene
+from tests.scene.test_ride import BRAKED, ZIP
+from validation.cli import main
+from validation.core.design import design
+from validation.core.quasi_static import quasi_static
+
+HAULED = Scene.load("tramway").to_toml() + '\n[drive]\nmode = "haul"\n'
+
+
+@pytest.mark.parametrize("text", [ZIP, HAULED, Scene.library_text("level")], ids=["free", "haul", "grip"])
+def test_supports_carry_cable_car_and_rope_and_the_car_hangs_on_the_cable(text):
+    scene = Scene.from_toml(text)
+    r = quasi_static(scene)
+    inside = (r.s_o > 1e-3 * r.length) & (r.s_o < (1.0 - 1e-3) * r.length)
+    tangent = r.slope_behind + r.slope_ahead
+    tangent /= np.linalg.norm(tangent, axis=1)[:, None]
+    rope = np.nan_to_num(r.F_haul)[:, None] * tangent
+    weight = scene.gravity * (scene.mass.mass + scene.cable.mass_per_length * r.length)
+    balance = r.reaction_left + r.reaction_right + [0.0, weight] + rope
+    assert np.abs(balance[inside]).max() < 1e-6 * weight  # interpolated between nodes
+    if scene.drive.mode == "haul":
+        np.testing.assert_allclose(r.T_behind[inside], r.T_ahead[inside], rtol=2e-6)
+    f = r.fields
+    at_car = np.array([np.interp(s, f.s, v) for s, v in zip(f.s_o, f.v, strict=True)])
+    curved = scene.gravity * r.length / scene.wave_speed**2 * (r.length / 200.0) / 8.0  # sag between two stations
+    assert np.abs(at_car - f.mass_v).max() < 0.02 * r.max_deflection + curved
+    np.testing.assert_allclose(f.v[:, [0, -1]], 0.0, atol=1e-8 * r.length)
+    k = 40
+    np.testing.assert_allclose(f.T[k, 0], np.interp(f.t[k], r.t, np.linalg.norm(r.reaction_left, axis=1)), rtol=1e-5)
+    speed = np.gradient(np.stack([r.x, r.y]), r.t, axis=1)
+    np.testing.assert_allclose(np.hypot(*speed)[inside], r.speed[inside], rtol=0.0, atol=3e-3 * r.speed.max())
+
+
+def test_energy_changes_by_what_the_rope_puts_in():
+    r = quasi_static(Scene.from_toml(HAULED))
+    tangent = r.slope_behind + r.slope_ahead
+    power = r.F_haul * (tangent * r.velocity).sum(1) / np.linalg.norm(tangent, axis=1)
+    work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(r.t))])
+    rest = r.energy - r.kinetic
+    np.testing.assert_allclose(rest - rest[0], work, atol=2e-4 * np.ptp(work))
+    # and that is what lifting car and cable takes: the car alone to a few percent
+    assert np.ptp(work) == pytest.approx(8100.0 * 9.81 * np.ptp(r.y), rel=0.02)
+
+
+def test_design_numbers_stand_where_they_are_said_to_stand():
+    r = quasi_static(Scene.from_toml(BRAKED))
+    rows = {row["quantity"]: row for row in design(r)}
+    assert {"tension_max", "tension_min", "reaction_left_max", "deepest_point", "contact_min", "speed_max"} <= set(rows)
+    assert "haul_force_max" not in rows
+    fastest = rows["speed_max"]
+    assert np.interp(fastest["t"], r.t, r.speed) == pytest.approx(fastest["value"], rel=1e-12)
+    assert rows["tension_max"]["value"] >= max(r.T_behind.max(), r.fields.T.max())
+    assert rows["tension_min"]["value"] <= r.fields.T.min()
+    assert rows["deepest_point"]["value"] >= rows["mass_deepest"]["value"]
+    assert [e["event"] for e in r.events] == ["brake", "stop"]
+
+
+def test_the_command_says_when_and_how_fast(tmp_path, capsys):
+    (tmp_path / "ride.toml").write_text(BRAKED, encoding="utf-8")
+    args = ["run", str(tmp_path / "ride.toml"), "--model", "quasi-static", "--out", str(tmp_path / "out")]
+    assert main(args) == 0
+    said = capsys.readouterr().out
+    assert "brake       after 34.8 s at 280 m, 4.346 m/s = 15.65 km/h" in said
+    assert "stop        after 35.43 s at 281.4 m" in said
+    summary = json.loads((tmp_path / "out/quasi-static/summary.json").read_text())
+    assert summary["drive"] == "free"
+    assert {row["quantity"] for row in summary["design"]} >= {"speed_max", "reaction_left_max"}
+    header, first = (tmp_path / "out/quasi-static/path.csv").read_text().splitlines()[:2]
+    assert header.endswith("speed,F_haul,F_contact")
+    assert first.startswith("0.0,2.0,")
+    assert main(["run", "level", "--out", str(tmp_path / "other")]) == 2
+    assert "--method must be given" in capsys.readouterr().err

@@ -1,0 +1,109 @@
+"""`cablefem sweep`: thousands of scenes on all cores, or on a cluster that runs; killed at any moment, it goes on."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from validation import terminal
+from validation.core import store
+
+if TYPE_CHECKING:
+    from validation.commands.sweep.engine import Tally
+
+PLACE = 11
+EXAMPLE = "cablefem sweep throughput --workers 2"
+
+
+def command(
+    study: Annotated[
+        str | None, typer.Argument(metavar="STUDY", help="A TOML file, or a built-in study; none lists them.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Worker processes on this machine; default one per core.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler that runs, e.g. tcp://host:8786.")
+    ] = None,
+    scene: Annotated[
+        int | None, typer.Option(min=0, metavar="I", help="Print scene I as TOML and what was run on it; run nothing.")
+    ] = None,
+    csv: Annotated[bool, typer.Option("--csv", help="Write rows.csv as well.")] = False,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help=f"Folder for the results. Default: {store.ROOT}/STUDY.")
+    ] = None,
+) -> int:
+    """Run a study of many scenes; given again it goes on where it stopped.
+
+    Writes DIR/: rows/*.parquet, one row per scene; study.toml, sweep.json and report.html.
+    """
+    from validation.commands.sweep.study import Study, built_in
+
+    if study is None:
+        for name in built_in():
+            asked = Study.load(name)
+            terminal.say(f"{name}: {asked.title} ({len(asked)} scenes)")
+        return 0
+    asked = Study.load(study)
+    if scene is not None:
+        point = asked.point(scene)
+        how = " ".join(f"{key}={value}" for key, value in asked.how(point).items())
+        print(f"# scene {scene} of {asked.name}: {asked.job} {how} {'' if asked.tol is None else f'tol={asked.tol:g}'}")
+        print(asked.scene_at(point).to_toml(), end="")
+        return 0
+
+    from validation.commands.sweep import engine
+
+    folder = store.ROOT / asked.name if out is None else out
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / ".study.json").is_file():
+        raise store.Refused(f"{folder} is not empty and holds no sweep; nothing was written; choose another with --out")
+    with _progress() as progress:
+        tally = engine.sweep(asked, folder, workers=workers, scheduler=scheduler, progress=progress)
+    if csv:
+        engine.frame(folder).to_csv(folder / "rows.csv")
+    from validation.commands.sweep.page import sections
+    from validation.page import page
+
+    page.render(f"cablefem sweep: {asked.title or asked.name}", sections(folder), folder / "report.html")
+    counts = engine.statuses(folder)
+    terminal.say(", ".join(f"{n} {status}" for status, n in sorted(counts.items(), key=lambda x: -x[1])))
+    if len(rows := engine.frame(folder).query("status not in ('complete', 'incomplete')")):
+        first = rows.iloc[0]
+        terminal.say(f"scene {rows.index[0]}, {first['status']}: {str(first['reason']).splitlines()[-1]}")
+    terminal.say(f"{tally.status.total()} scenes in this call, {tally.rate:.3g} per second")
+    terminal.say(f"written to {folder}: rows/, study.toml, sweep.json, report.html")
+    return 1 if any(counts.get(x) for x in ("failed", "died", "cut off")) else 0
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[Tally], None]]:
+    """Show done, failed, left, scenes per second and the time left; in a pipe a line every half a minute."""
+    if not sys.stderr.isatty():
+        last = [0.0]
+
+        def line(tally: Tally) -> None:
+            if time.monotonic() - last[0] > 30.0:
+                last[0] = time.monotonic()
+                print(_told(tally), file=sys.stderr, flush=True)
+
+        yield line
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns: list[Any] = [TextColumn("{task.description}"), BarColumn(), TextColumn("left"), TimeRemainingColumn()]
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
+        task = bars.add_task("starting", total=None)
+        yield lambda tally: bars.update(task, total=tally.total, completed=tally.done, description=_told(tally))
+
+
+def _told(tally: Tally) -> str:
+    where = f", {tally.dashboard}" if tally.dashboard else ""
+    left = tally.total - tally.done
+    return f"{tally.done} done, {tally.failed} failed, {left} left, {tally.rate:.3g} scenes/s{where}"

@@ -1,0 +1,265 @@
+"""The loop of a sweep on Dask: chunks of about a second go out, rows come home and are written, whole or not at all."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cablefem.response import whole, write_json
+from validation.commands.sweep import job
+from validation.commands.sweep.study import Study
+from validation.core.store import Refused
+
+CHUNK = 1.0  # [s] of work in a chunk: the way to a worker and back, and a file, cost about 10 ms
+LARGEST = 2000  # scenes in a chunk, however fast they are
+AHEAD = 2  # chunks waiting beside each one that is worked on
+GROWTH = 4  # from one chunk to the next, while their seconds are learnt
+
+Work = Callable[[Study, list[tuple[int, dict[str, Any]]]], list[dict[str, Any]]]
+
+
+@dataclass(slots=True)
+class Tally:
+    """How far a sweep is."""
+
+    total: int
+    before: int  # rows that an earlier call had written
+    begin: float = field(default_factory=time.perf_counter)
+    status: Counter[str] = field(default_factory=Counter)
+    busy: float = 0.0  # [s] of work in the rows, all workers together
+    dashboard: str | None = None
+
+    @property
+    def done(self) -> int:
+        return self.before + self.status.total()
+
+    @property
+    def failed(self) -> int:
+        return sum(self.status[x] for x in job.BROKEN)
+
+    @property
+    def rate(self) -> float:
+        """Scenes per second of this call."""
+        return self.status.total() / max(1e-9, time.perf_counter() - self.begin)
+
+
+def sweep(
+    study: Study, out: Path, *, workers: int | None = None, scheduler: str | None = None,
+    progress: Callable[[Tally], None] | None = None, work: Work = job.rows,
+) -> Tally:  # fmt: skip
+    """Compute every point of a study that has no row in out/rows yet; killed at any moment, the same call goes on.
+
+    workers : processes of a cluster on this machine, one per core by default; scheduler : address of one that runs.
+    A worker that dies takes its chunk along, whose scenes are then tried one by one; a scene at which workers die
+    twice is a row that says so.
+
+    Raises Refused for a folder that holds rows of another study, or without Dask.
+    """
+    report = progress or (lambda tally: None)
+    with _alone(out):
+        _same_study(study, out)
+        known = done(out)
+        todo = deque(i for i in range(len(study)) if i not in known)
+        tally = Tally(len(study), len(known))
+        del known
+        report(tally)
+        if todo:
+            with _client(workers, scheduler, min(len(todo), LARGEST)) as client:
+                tally.dashboard = _dashboard(client)
+                _loop(client, study, out, todo, tally, report, work)
+        seconds = time.perf_counter() - tally.begin
+        write_json(out / "sweep.json", {
+            "study": study.name, "scenes": len(study), "statuses": statuses(out), "seconds": seconds,
+            "busy": tally.busy, "computed": tally.status.total(),
+        })  # fmt: skip
+    return tally
+
+
+def _loop(
+    client: Any, study: Study, out: Path, todo: deque[int], tally: Tally, report: Callable[[Tally], None], work: Work
+) -> None:  # fmt: skip
+    from distributed import as_completed
+
+    capacity = max(1, sum(client.nthreads().values()))
+    deaths: Counter[int] = Counter()
+    suspects: deque[list[int]] = deque()  # were with a worker that died: Dask cannot tell whose fault it was
+    running: dict[Any, list[int]] = {}
+    results = as_completed()
+    size, each, alone = 1, 0.0, False
+
+    def send(indices: list[int]) -> None:
+        future = client.submit(work, study, [(i, study.point(i)) for i in indices], pure=False)
+        running[future] = indices
+        results.add(future)
+
+    def fill() -> None:
+        nonlocal alone
+        alone = bool(suspects) and not running  # one at a time, so that a death tells
+        if alone:
+            send(suspects.popleft())
+        if running and (alone or suspects):
+            return
+        while todo and len(running) < (1 + AHEAD) * capacity:
+            share = max(1, len(todo) // (2 * capacity))  # at the end smaller ones, so that all workers end together
+            send([todo.popleft() for _ in range(min(size, share, len(todo)))])
+
+    fill()
+    for future in results:
+        indices = running.pop(future)
+        rows: list[dict[str, Any]] = []
+        if future.status == "finished":
+            rows = future.result()
+            seconds = sum(row.get("seconds") or 0.0 for row in rows)
+            tally.busy += seconds
+            each = seconds / len(rows) if each == 0.0 else 0.7 * each + 0.3 * seconds / len(rows)
+            size = max(1, min(LARGEST, GROWTH * max(size, len(rows)), int(CHUNK / max(each, 1e-9))))
+        elif not alone:
+            suspects.append(indices)
+        elif len(indices) > 1:
+            suspects.extend([i] for i in indices)
+        else:
+            (index,) = indices
+            deaths[index] += 1
+            if deaths[index] < 2:
+                suspects.append(indices)
+            else:
+                rows = [job.lost(study, index, type(future.exception()).__name__)]
+        future.release()
+        if rows:
+            write(out, study, rows)
+            tally.status.update(row["status"] for row in rows)
+            report(tally)
+        fill()
+
+
+# --- results ----------------------------------------------------------------------------------------------------------
+
+
+def write(out: Path, study: Study, rows: list[dict[str, Any]]) -> None:
+    """Write rows as one Parquet file, whole or not at all; fields of scenes as zarr beside it."""
+    import pyarrow
+    from pyarrow import parquet
+
+    for row in rows:
+        if (dataset := row.pop("fields", None)) is not None:
+            dataset.to_zarr(out / "fields" / f"{row['index']}.zarr", mode="w")
+    first = rows[0]["index"]
+    table = pyarrow.Table.from_pylist(rows, schema(study))
+    with whole(out / "rows" / f"{first:08d}-{len(rows)}.parquet") as temporary:
+        parquet.write_table(table, temporary)
+
+
+def schema(study: Study) -> Any:
+    """Return the columns of a study's rows, the same in every file."""
+    import pyarrow as pa
+
+    inputs = [(axis.name, pa.float64() if axis.numeric else pa.string()) for axis in study.axes]
+    taken = {name for name, _ in inputs}
+    columns = [("index", pa.int64()), *inputs]
+    for names, kind in ((job.WORDS, pa.string()), (job.NUMBERS, pa.float64()), (job.COUNTS, pa.int64())):
+        columns += [(name, kind) for name in names if name not in taken]
+    return pa.schema(columns)
+
+
+def files(out: Path) -> list[Path]:
+    """Return the files of rows."""
+    return sorted((out / "rows").glob("*.parquet"))
+
+
+def done(out: Path) -> set[int]:
+    """Return the indices of the scenes that have a row."""
+    return {i for file in files(out) for i in parquet_indices(file)}
+
+
+def parquet_indices(file: Path) -> list[int]:
+    """Return the indices of the rows in a file."""
+    from pyarrow import parquet
+
+    return parquet.read_table(file, columns=["index"])["index"].to_pylist()
+
+
+def statuses(out: Path) -> dict[str, int]:
+    """Return how many rows have which status."""
+    from pyarrow import parquet
+
+    counts: Counter[str] = Counter()
+    for file in files(out):
+        counts.update(parquet.read_table(file, columns=["status"])["status"].to_pylist())
+    return dict(counts)
+
+
+def frame(out: Path) -> Any:
+    """Return all rows as a pandas.DataFrame, by index."""
+    import pandas
+
+    return pandas.concat([pandas.read_parquet(file) for file in files(out)]).set_index("index").sort_index()
+
+
+# --- folder and cluster -----------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _alone(out: Path) -> Iterator[None]:
+    """Keep a second call out of the folder while this one writes."""
+    out.mkdir(parents=True, exist_ok=True)
+    with (out / ".lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise Refused(f"{out}: another sweep is writing there") from None
+        yield
+
+
+def _same_study(study: Study, out: Path) -> None:
+    """Keep the study beside its rows; raise Refused where another one is kept."""
+    what = {k: v for k, v in vars(study).items() if k not in ("name", "text", "title", "limit", "seconds", "_shares")}
+    kept, told = out / ".study.json", json.dumps(what, default=repr, sort_keys=True)
+    if kept.is_file() and kept.read_text(encoding="utf-8") != told:
+        raise Refused(f"{out} holds rows of another study; nothing was written; choose another folder with --out")
+    with whole(kept) as temporary:
+        temporary.write_text(told, encoding="utf-8")
+    with whole(out / "study.toml") as temporary:
+        temporary.write_text(study.text, encoding="utf-8")
+
+
+@contextmanager
+def _client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator[Any]:
+    """Give a client of a running scheduler, or of worker processes on this machine, one thread each."""
+    try:
+        import dask
+        import pyarrow  # noqa: F401
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise Refused("sweep needs Dask and pyarrow: pip install 'cablefem[sweep]'") from None
+    import logging
+    import os
+
+    if scheduler is not None:
+        try:
+            with Client(scheduler, timeout="5s") as client:
+                client.wait_for_workers(1, timeout=60)
+                yield client
+        except (OSError, ValueError, TimeoutError) as error:
+            raise Refused(f"--scheduler {scheduler}: {error or 'no answer'}") from None
+        return
+    # a chunk that kills its worker is taken apart here at once, not tried again whole
+    calm = {"distributed.scheduler.allowed-failures": 0, "distributed.comm.timeouts.connect": "60s"}
+    with dask.config.set(calm):
+        cluster = LocalCluster(
+            n_workers=min(workers or os.cpu_count() or 1, scenes), threads_per_worker=1, memory_limit=0,
+            dashboard_address=None, silence_logs=logging.CRITICAL,
+        )  # fmt: skip
+        with cluster, Client(cluster) as client:
+            yield client
+
+
+def _dashboard(client: Any) -> str | None:
+    link = client.dashboard_link
+    return link if link and "None" not in link else None

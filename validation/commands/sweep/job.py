@@ -1,0 +1,155 @@
+"""The work of a sweep, one scene at a time: whatever happens, a scene comes back as a row with a status."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import math
+import os
+import threading
+import time
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from validation.commands.sweep.study import Study
+
+# status: "complete" | "incomplete" | "refused" (the scene's own faults) | "cut off" (too long) | "failed" | "died"
+BROKEN = ("cut off", "failed", "died")
+GRACE = 5.0  # [s] between asking a scene to stop and ending its worker: compiled code cannot be asked
+GROUPS = ("mu", "alpha", "sigma", "sag_ratio", "slope", "speed_ratio")
+DESIGN = (
+    "tension_max", "tension_min", "reaction_left_max", "reaction_right_max", "deepest_point", "mass_deepest",
+    "contact_max", "contact_min", "haul_force_max", "speed_max",
+)  # fmt: skip
+NUMBERS = (
+    *GROUPS, *(name for quantity in DESIGN for name in (quantity, f"{quantity}_bar")),
+    "max_deflection", "path_error", "tension_error", "slack_onset", "reached", "seconds", "true_error", "doubt",
+)  # fmt: skip
+COUNTS = ("newton_iterations", "steps")
+WORDS = ("status", "cause", "reason", "flags", "verdict", "method", "model", "load", "settings")
+
+
+class CutOff(BaseException):
+    """Raised inside a scene that has used up its time; no `except Exception` on the way may swallow it."""
+
+
+@contextmanager
+def time_limit(seconds: float) -> Iterator[None]:
+    """Raise CutOff in this thread after that time; if it does not come to be within GRACE, end the process."""
+    thread, done = threading.get_ident(), threading.Event()
+
+    def watch() -> None:
+        if not done.wait(seconds):
+            ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(CutOff))
+            if not done.wait(GRACE):
+                os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        yield
+    finally:
+        done.set()
+
+
+def rows(study: Study, numbered: list[tuple[int, dict[str, Any]]]) -> list[dict[str, Any]]:
+    """Return the rows of some points of a study."""
+    return [row(study, index, point) for index, point in numbered]
+
+
+def row(study: Study, index: int, point: dict[str, Any]) -> dict[str, Any]:
+    """Return the row of one point: index, inputs, groups, status and what the job found."""
+    begin = time.perf_counter()
+    out: dict[str, Any] = {"index": index, **point}
+    try:
+        with time_limit(study.seconds):
+            out |= _row(study, point)
+    except CutOff:
+        out |= {"status": "cut off", "cause": "time", "reason": f"more than {study.seconds:g} s"}
+    except Exception as error:  # the one place that must see every exception: a row says it
+        reason = traceback.format_exc(limit=-4)
+        out |= {"status": "failed", "cause": type(error).__name__, "reason": reason}
+    return out | {"seconds": time.perf_counter() - begin}
+
+
+def lost(study: Study, index: int, cause: str) -> dict[str, Any]:
+    """Return the row of a scene whose workers died."""
+    reason = "the worker died at it twice"
+    return {"index": index, **study.point(index), "status": "died", "cause": cause, "reason": reason}
+
+
+def _row(study: Study, point: dict[str, Any]) -> dict[str, Any]:
+    from threadpoolctl import threadpool_limits
+
+    from cablefem.scene import SceneError
+
+    try:
+        scene = study.scene_at(point)
+    except (SceneError, ValueError) as error:
+        return {"status": "refused", "cause": "scene", "reason": str(error)}
+    out = {name: value for name in GROUPS if (value := getattr(scene, name)) is not None and math.isfinite(value)}
+    with threadpool_limits(1):
+        return out | {"run": _run, "check": _check, "advise": _advise}[study.job](study, point, scene)
+
+
+def _run(study: Study, point: dict[str, Any], scene: Any) -> dict[str, Any]:
+    from validation.core.methods import find
+    from validation.core.resolution import TooCoarse, resolve
+    from validation.core.running import run
+
+    how = study.how(point)
+    if "method" not in how:
+        how |= _cheapest(scene, study.tol)
+    method = how.pop("method")
+    knobs = find(method).knobs
+    settings = {**how.pop("settings", {}), **{k: v for k, v in study.settings.items() if k in knobs}}
+    if study.tol is None:
+        return of_response(run(scene, method, **how, **settings), scene)
+    try:
+        return of_response(resolve(scene, method, study.tol, **how, **settings), scene)
+    except TooCoarse as error:
+        return of_response(error.best, scene) | {"verdict": "too coarse", "reason": str(error)}
+
+
+def _cheapest(scene: Any, tol: float | None) -> dict[str, Any]:
+    """Return the least model and method that `advise` finds for a scene."""
+    from validation.commands.advise.study import advice
+
+    assert tol is not None
+    found = advice(scene, tol)
+    return {k: found[k] for k in ("method", "model", "load")}
+
+
+def _check(study: Study, point: dict[str, Any], scene: Any) -> dict[str, Any]:
+    from validation.commands.check.study import check
+
+    assert study.tol is not None
+    found = check(scene, tol=study.tol)
+    best = min((found.a, found.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
+    worst = [row.quantity for row in found.rows if row.verdict is not found.verdict.AGREE]
+    return of_response(best.run, scene) | {"verdict": found.verdict.value, "cause": ", ".join(worst) or None}
+
+
+def _advise(study: Study, point: dict[str, Any], scene: Any) -> dict[str, Any]:
+    from validation.commands.advise.study import advice
+
+    assert study.tol is not None
+    found = advice(scene, study.tol)
+    told = {k: found[k] for k in ("model", "load", "method", "path_error", "tension_error")}
+    verdict = "meets" if found["meets"] else "too coarse"
+    return told | {"status": "complete", "settings": json.dumps(found["settings"]), "verdict": verdict}
+
+
+def of_response(r: Any, scene: Any) -> dict[str, Any]:
+    """Return what a run says, for a row."""
+    out = {
+        "status": r.status, "cause": r.cause, "reason": r.reason, "method": r.method, "model": r.model, "load": r.load,
+        "flags": "; ".join(map(str, r.flags)) or None, "settings": json.dumps(r.settings),
+        "max_deflection": r.max_deflection, "path_error": r.path_error, "tension_error": r.tension_error,
+        "slack_onset": r.slack_onset, "reached": r.reached, "newton_iterations": r.work["newton_iterations"],
+        "steps": r.work["steps"],
+    }  # fmt: skip
+    for number in r.summary().get("design") or []:
+        out |= {number["quantity"]: number["value"], f"{number['quantity']}_bar": number["bar"]}
+    return out

@@ -1,0 +1,135 @@
+"""Pages of a sweep, from its stored rows: what came out, maps of the design numbers, and every scene to filter."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from validation.commands.sweep.engine import frame
+from validation.commands.sweep.job import BROKEN, DESIGN
+from validation.commands.sweep.study import Study, built_in
+from validation.page.page import Section, callout, figure, gallery, number, panels, table
+
+SHOWN = 4000  # rows in the page at most, evenly taken; all are in rows/
+LARGE = 2500  # dots in a map, evenly taken
+MAPS = ("tension_max", "mass_deepest", "contact_min", "haul_force_max", "max_deflection", "path_error")
+MULTIPLES = 3
+
+
+def sections(folder: Path) -> list[Section]:
+    """Return the pages; each names what it leaves out."""
+    study = Study.load(folder / "study.toml")
+    told = json.loads((folder / "sweep.json").read_text(encoding="utf-8"))
+    rows = frame(folder)
+    return [
+        _outcome(study, told, rows),
+        _maps(study, rows),
+        _explorer(study, told["study"] if told["study"] in built_in() else "study.toml", rows),
+    ]
+
+
+def _outcome(study: Study, told: dict[str, Any], rows: Any) -> Section:
+    counts = rows["status"].value_counts()
+    broken = int(sum(counts.get(x, 0) for x in BROKEN))
+    reasons = rows[rows["status"] != "complete"].groupby(["status", "cause"], dropna=False).size()
+    lines = [
+        {"status": status, "scenes": int(n), "part": f"{100.0 * n / len(rows):.1f} %"} for status, n in counts.items()
+    ]
+    causes = [{"status": s, "cause": c, "scenes": int(n)} for (s, c), n in reasons.items()]
+    html = [table(lines, ["status", "scenes", "part"], caption="What came of the scenes")]
+    if causes:
+        html.append(table(causes, ["status", "cause", "scenes"], caption="Why, where not complete"))
+    verdicts = rows["verdict"].dropna().value_counts()
+    if len(verdicts):
+        said = [{"judged": word, "scenes": int(n)} for word, n in verdicts.items()]
+        html.append(table(said, ["judged", "scenes"], caption="Verdicts"))
+    for name, most in study.limit.items():
+        if name in rows:
+            over = int((rows[name] > most).sum())
+            html.append(callout(f"{over} of {len(rows)} scenes exceed the limit {name} = {number(most)}."))
+    summary = f"{len(rows)} of {len(study)} scenes, {counts.get('complete', 0)} complete, {broken} without an answer"
+    return Section("sweep-outcome", study.title or f"Sweep {told['study']}", Markup("\n").join(html), None, summary)
+
+
+def _maps(study: Study, rows: Any) -> Section:
+    axes = [a.name for a in study.axes if a.numeric and rows[a.name].nunique() > 1]
+    drawn = []
+    for quantity in MAPS:
+        if quantity in rows and rows[quantity].notna().sum() > 2 and len(axes) > 0:
+            drawn.append(_map(study, rows[rows[quantity].notna()], quantity, axes))
+    html = gallery(*drawn) if drawn else callout("No numbers to map.")
+    limits = ", ".join(f"{k} = {number(v)}" for k, v in study.limit.items())
+    said = "One dot a scene. A ring: the cable goes slack on the way. A cross: beyond the limit"
+    return Section("sweep-maps", "Maps", Markup("<p>{}{}.</p>{}").format(said, f" {limits}" if limits else "", html))
+
+
+def _map(study: Study, rows: Any, quantity: str, axes: list[str]) -> Markup:
+    rows = rows.iloc[:: max(1, -(-len(rows) // LARGE))]
+    x, y = axes[0], axes[1] if len(axes) > 1 else quantity
+    third = axes[2] if len(axes) > 2 else None
+    parts = _parts(rows[third]) if third else [("", np.ones(len(rows), bool))]
+    fig, grid = panels(1, len(parts), height=2.9 if len(parts) == 1 else 2.6, sharey=True, squeeze=False)
+    values = rows[quantity].to_numpy(float)
+    low, high = np.percentile(values, [1, 99])
+    logs = {a.name: a.log for a in study.axes}
+    for ax, (title, chosen) in zip(grid[0], parts, strict=True):
+        part = rows[chosen]
+        dots = ax.scatter(part[x], part[y], c=part[quantity], s=14, vmin=low, vmax=high, linewidths=0)
+        dots.set_urls([f"#scene-{i}" for i in part.index])
+        slack = part[part["slack_onset"].notna()]
+        ax.scatter(slack[x], slack[y], s=30, facecolors="none", edgecolors="#d55e00", linewidths=0.7)
+        if (most := study.limit.get(quantity)) is not None:
+            beyond = part[part[quantity] > most]
+            ax.scatter(beyond[x], beyond[y], s=24, marker="x", c="#1a1a1a", linewidths=0.8)
+        ax.set_title(title, fontsize=8)
+        ax.set_xlabel(x)
+        if logs.get(x):
+            ax.set_xscale("log")
+        if logs.get(y):
+            ax.set_yscale("log")
+    grid[0][0].set_ylabel(y)
+    fig.colorbar(dots, ax=list(grid[0]), label=quantity)
+    return figure(fig, f"{quantity} over {x} and {y}" + (f", {third} from left to right" if third else ""))
+
+
+def _parts(values: Any) -> list[tuple[str, Any]]:
+    """Return the third axis in a few parts: its values where they are few, else equal shares of the scenes."""
+    distinct = np.unique(values)
+    if len(distinct) <= MULTIPLES:
+        return [(f"{values.name} = {number(x)}", (values == x).to_numpy()) for x in distinct]
+    edges = np.quantile(values, np.linspace(0.0, 1.0, MULTIPLES + 1))
+    return [
+        (f"{number(a)} to {number(b)}", ((values >= a) & ((values < b) | (b == edges[-1]))).to_numpy())
+        for a, b in pairwise(edges)
+    ]
+
+
+def _explorer(study: Study, name: str, rows: Any) -> Section:
+    """All scenes as lines across their axes, which can be narrowed; below, a table, each row with its command."""
+    taken = rows.iloc[:: max(1, -(-len(rows) // SHOWN))]
+    numbers = [c for c in (*DESIGN, "max_deflection", "slack_onset", "path_error", "seconds") if taken[c].notna().any()]
+    columns = [*(a.name for a in study.axes), *numbers, "status", "verdict", "method"]
+    columns = [c for c in dict.fromkeys(columns) if taken[c].notna().any()]
+    logs = {a.name for a in study.axes if a.log}
+    told = [{"name": c, "log": c in logs, "values": _plain(taken[c])} for c in columns]
+    data = {"study": name, "index": taken.index.tolist(), "columns": told}
+    script = (resources.files(__package__) / "explorer.js").read_text(encoding="utf-8")
+    left_out = "" if len(taken) == len(rows) else f" {len(taken)} of {len(rows)} scenes are shown, evenly taken."
+    html = Markup(
+        "<p>Drag along an axis to narrow it, double-click to free it.{}</p>"
+        '<div class="scroll"><canvas id="sweep-lines" width="1180" height="340" '
+        'aria-label="parallel coordinates of all scenes"></canvas></div><p id="sweep-count" aria-live="polite"></p>'
+        '<div class="scroll" id="sweep-table"></div><script type="application/json" id="sweep-data">{}</script>'
+        "<script>{}</script>"
+    ).format(left_out, Markup(json.dumps(data).replace("<", "\\u003c")), Markup(script))
+    return Section("sweep-scenes", "Scenes", html)
+
+
+def _plain(values: Any) -> list[Any]:
+    return [None if x is None or x != x else x if isinstance(x, str) else float(f"{x:.5g}") for x in values.tolist()]

@@ -1,0 +1,152 @@
+"""The quasi-static ride as a Response: the cable at rest under the car, wherever the ride has brought it.
+
+For gripped and hauled cars the ride is their travel; for free ones it is that of `cablefem.scene.ride`. Milliseconds
+instead of seconds, and no inertia of the cable.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from cablefem.response import Array, Fields, Response
+from cablefem.scene import Groups, Scene
+from cablefem.scene.catenary import shape, static
+from cablefem.scene.statics import Rest, gripped, hauled, nodes
+from validation.core.sampling import FRAMES, STATIONS
+
+ROWS = 1001
+POINTS = 4  # of Gauss between two stations
+# A gripped car starts on one support and ends on the other; that near, its place is known without statics.
+NEAREST = 1e-6
+
+
+def quasi_static(scene: Scene) -> Response:
+    """Return the quasi-static ride of a scene with a car; SceneError where its cable at rest is not found."""
+    if scene.mass is None:
+        raise ValueError(f"scene {scene.name!r} has no car")
+    begin = time.perf_counter()
+    g = scene.groups
+    t, s_o, ds, dds = _travel(scene)
+    marks = np.arange(1, FRAMES) / FRAMES
+    if g.motion is None:
+        t_frames = marks * g.drive.nominal
+        t_frames = t_frames[t_frames <= t[-1]]
+    else:
+        t_frames = np.array([g.motion.time_at(x) for x in marks[(marks >= s_o[0]) & (marks < g.motion.end)]])
+    at = _Table(g)
+    here = at(s_o)
+    l, H, tau = scene.length, scene.horizontal_tension, scene.time_scale
+    moving = here.along * ds[:, None]
+    down = np.array([0.0, 1.0])
+    x, y = (np.asarray(a) for a in shape(s_o, g.sigma, g.c))
+    place = np.where(((s_o > NEAREST) & (s_o < 1.0 - NEAREST))[:, None], here.place, np.stack([x, y], -1))
+    haul = here.haul if g.drive.mode == "haul" else np.full(t.size, np.nan)
+    right = here.left - g.sigma * down + here.jump
+    kinetic = 0.5 * g.mu * (moving**2).sum(1)
+    rest = at.energy(s_o)
+    least, least_at = _least(here, g.sigma)
+    s = np.linspace(0.0, 1.0, STATIONS)
+    fields = _fields(at, g, s, t_frames, np.interp(t_frames, t, s_o), np.interp(t_frames, t, ds))
+    f, there = fields["f"], fields["there"]
+    events = [] if scene.ride is None else [
+        {"event": e.event, "t": e.t * tau, "s_o": e.s_o * l, "speed": e.speed * l / tau} for e in scene.ride.events
+    ]  # fmt: skip
+    xs, ys = shape(s, g.sigma, g.c)
+    return Response(
+        scene=scene.name, scene_toml=scene.to_toml(), method="quasi-static", settings={}, model="quasi-static",
+        load="mass", law="elastic", status="complete", reason=None, slack_onset=None, slack_at=None, switched=None,
+        length=l, horizontal_tension=H, drive=g.drive.mode, events=events,
+        t=tau * t, s_o=l * s_o, x=l * place[:, 0], y=l * place[:, 1], u=l * (place[:, 0] - x), v=l * (place[:, 1] - y),
+        T_behind=H * np.where(s_o > 0.0, here.behind, np.nan), T_ahead=H * np.where(s_o < 1.0, here.ahead, np.nan),
+        velocity=l / tau * moving,
+        acceleration=l / tau**2 * (here.along * dds[:, None] + here.bend * (ds**2)[:, None]),
+        slope_behind=here.slope_behind, slope_ahead=here.slope_ahead,
+        energy=H * l * (kinetic + rest), power=H * l / tau * np.gradient(kinetic + rest, t),
+        tension_min=H * least, tension_min_at=l * least_at,
+        reaction_left=-H * here.left, reaction_right=H * right, contact=-H * here.jump, F_haul=H * haul,
+        kinetic=H * l * kinetic, strain=np.full(t.size, np.nan), potential=np.full(t.size, np.nan),
+        fields=Fields(
+            t=tau * t_frames, s_o=l * there.s, s=l * s, u=l * f[0, ..., 0], v=l * f[0, ..., 1],
+            du=l / tau * f[1, ..., 0], dv=l / tau * f[1, ..., 1], T=H * fields["T"], T_behind=H * there.behind,
+            T_ahead=H * there.ahead, mass_u=l * (there.place[:, 0] - shape(there.s, g.sigma, g.c)[0]),
+            mass_v=l * (there.place[:, 1] - shape(there.s, g.sigma, g.c)[1]), x=l * xs, y=l * ys,
+            T_static=H * static(s, g.sigma, g.c)[0],
+        ),
+        work={"steps": t.size - 1, "rejected": 0, "newton_iterations": 0, "factorisations": 0, "residuals": 0},
+        n_dof=0, seconds=time.perf_counter() - begin,
+    )  # fmt: skip
+
+
+def _travel(scene: Scene) -> tuple[Array, Array, Array, Array]:
+    """Return t, s_o, ds_o, dds_o at ROWS instants."""
+    motion = scene.groups.motion
+    if motion is None:
+        assert scene.ride is not None
+        t = np.linspace(0.0, scene.ride.duration or scene.groups.drive.nominal, ROWS)
+        s_o, ds = scene.ride.at(t) if scene.ride.sections else (np.full(ROWS, scene.groups.drive.start), np.zeros(ROWS))
+        return t, s_o, ds, np.gradient(ds, t)
+    t = np.linspace(0.0, motion.phases[-1][1], ROWS)
+    phase = np.searchsorted([t1 for _, t1 in motion.phases[:-1]], t)
+    found = np.array([motion.at(float(x), int(k)) for x, k in zip(t, phase, strict=True)])
+    return t, found[:, 0], found[:, 1], found[:, 2]
+
+
+class _Table:
+    """The cable at rest over s_o, interpolated between the nodes of `nodes`."""
+
+    def __init__(self, groups: Groups) -> None:
+        if groups.drive.mode == "haul":
+            r = hauled(nodes(), groups)
+        else:
+            r = gripped(nodes(NEAREST if groups.drive.mode == "grip" else None), groups)
+        self._names = [name for name in Rest.__dataclass_fields__ if name != "s"]
+        columns = [np.reshape(getattr(r, name), (r.s.size, -1)) for name in self._names]
+        self._cuts = np.cumsum([c.shape[1] for c in columns])[:-1]
+        self._columns = CubicSpline(r.s, np.concatenate(columns, axis=1))
+        tau = (r.slope_behind + r.slope_ahead) / np.linalg.norm(r.slope_behind + r.slope_ahead, axis=1)[:, None]
+        self.energy = CubicSpline(r.s, r.hold + r.haul * (tau * r.along).sum(1)).antiderivative()
+        self._range = float(r.s[0]), float(r.s[-1])
+
+    def __call__(self, s: Array) -> Rest:
+        s = np.asarray(s, float)
+        parts = np.split(self._columns(np.clip(s, *self._range)), self._cuts, axis=1)
+        return Rest(s=s, **{n: p if p.shape[1] > 1 else p[:, 0] for n, p in zip(self._names, parts, strict=True)})
+
+
+def _least(r: Rest, sigma: float) -> tuple[Array, Array]:
+    """Return the least tension along the cable and its place: where it is level, or beside the car, or at a support."""
+    found = []
+    for n, low, high in ((r.left, 0.0 * r.s, r.s), (r.left + r.jump, r.s, np.ones_like(r.s))):
+        at = np.clip(n[:, 1] / sigma, low, high)
+        found.append((np.hypot(n[:, 0], n[:, 1] - sigma * at), at))
+    (N0, at0), (N1, at1) = found
+    return np.minimum(N0, N1), np.where(N0 <= N1, at0, at1)
+
+
+def _fields(at: _Table, g: Groups, s: Array, t: Array, s_o: Array, ds: Array) -> dict:
+    """Return displacement and velocity at frames x stations (2, k, m, 2), tension (k, m), and the rest at frames."""
+    x, w = np.polynomial.legendre.leggauss(POINTS)
+    X = np.stack(shape(s, g.sigma, g.c), -1)
+
+    def cable(r: Rest) -> Array:
+        """Places of the stations: the integral of r' over all pieces between them and the car."""
+        cuts = np.sort(np.concatenate([np.broadcast_to(s, (r.s.size, s.size)), r.s[:, None]], axis=1), axis=1)
+        half = 0.5 * np.diff(cuts)[..., None]
+        p = cuts[:, :-1, None] + half * (1.0 + x)
+        ahead = p > r.s[:, None, None]
+        nx = r.left[:, 0, None, None] + ahead * r.jump[:, 0, None, None]
+        ny = r.left[:, 1, None, None] + ahead * r.jump[:, 1, None, None] - g.sigma * p
+        f = half * w * ((1.0 - static(p, g.sigma, g.c)[0] / g.alpha) / np.hypot(nx, ny) + 1.0 / g.alpha)
+        steps = np.stack([(f * nx).sum(-1), (f * ny).sum(-1)], -1)
+        places = np.concatenate([np.zeros((r.s.size, 1, 2)), np.cumsum(steps, axis=1)], axis=1)
+        index = np.arange(s.size) + (s > r.s[:, None])
+        return np.take_along_axis(places, index[..., None], axis=1)
+
+    there, step = at(s_o), 1e-5
+    now, later, before = (cable(at(s_o + d)) for d in (0.0, step, -step))
+    n = there.left[:, None] + (s > s_o[:, None])[..., None] * there.jump[:, None]
+    T = np.hypot(n[..., 0], n[..., 1] - g.sigma * s)
+    return {"f": np.stack([now - X, (later - before) / (2.0 * step) * ds[:, None, None]]), "T": T, "there": there}
