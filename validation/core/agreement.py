@@ -78,9 +78,17 @@ class Agreement:
         return replace(self, bound=replace(self.bound, tol=ceiling)) if self.allowed > ceiling else self
 
 
+AXIAL_MEAN = "mean over an axial round trip"  # what a load cell sees: fronts keep the rest from converging pointwise
+
+
 def overall(rows: list[Agreement]) -> Verdict:
-    """Return the first of disagree, not comparable and too coarse that any row is, else agree; without rows none."""
-    verdicts = {row.verdict for row in rows} or {Verdict.NOT_COMPARABLE}
+    """Return the first of disagree, not comparable and too coarse that any row is, else agree; without rows none.
+
+    A row that fronts make too coarse is not asked where the mean of its quantity over their way agrees.
+    """
+    known = {row.quantity for row in rows if row.law == AXIAL_MEAN and row.verdict is Verdict.AGREE}
+    asked = [row for row in rows if not (row.verdict is Verdict.TOO_COARSE and not row.law and row.quantity in known)]
+    verdicts = {row.verdict for row in asked} or {Verdict.NOT_COMPARABLE}
     return next(verdict for verdict in Verdict if verdict in verdicts)
 
 
@@ -94,8 +102,8 @@ def agree(
     """Compare two estimated runs; every allowed gap is the sum of the two solvers' own error bars.
 
     tol : asked of the mass path: where the bars exceed it, the row is "too coarse"; default 5 percent.
-    tol_tension : the same, over H, for the tension along the cable and, averaged over an axial wave's way there and
-        back, at the mass and for the reactions; default ten times `tol`.
+    tol_tension : the same, over H, for tension at the mass and reactions, averaged over an axial wave's way there and
+        back; default ten times `tol`.  Pointwise, where fronts ring, 5 percent or the tolerance if that is more.
     window : s_o/l; default 0.02 to 0.80 or the slack onset of any of the runs, whichever comes first.
     """
     if tol is not None and tol_tension is None:
@@ -106,28 +114,23 @@ def agree(
         window = measures.window_of(*a.runs, *b.runs, window=window or measures.WINDOW)
     except NotComparable as error:
         return [Agreement("path_max", math.nan, nothing(error)), *rows]
-    compared = partial(_compared, a, b, window)
+    H, axial = scene.horizontal_tension, 2.0 * scene.length / scene.axial_speed
+    smooth, ringing, raw = (partial(_compared, a, b, window, orders) for orders in (_own, _ringing(axial), _first))
     where = measures.place_of_gap(a.response, b.response, window)
-    H = scene.horizontal_tension
-    axial = 2.0 * scene.length / scene.axial_speed
-    path = [replace(compared("path_max", _path(0)), where=where), compared("path_rms", _path(1))]
-    tension, raw = [compared("tension", measures.tension_gap)], []
+    path = [replace(smooth("path_max", _path(0)), where=where), smooth("path_rms", _path(1))]
+    pointwise, means = [ringing("tension", measures.tension_gap)], []
     for name, of in (
-        ("tension_behind", partial(_series, "T_behind", H)),
-        ("tension_ahead", partial(_series, "T_ahead", H)),
-        ("reactions", partial(_series, ("reaction_left", "reaction_right"), H)),
-    ):
-        raw.append(compared(name, partial(_series_gap, of, 0.0), first_order=True))
-        tension.append(compared(name, partial(_series_gap, of, axial), law=AXIAL_MEAN))
-    fields = [
-        compared("displacement", lambda x, y, w: measures.field_gap(x, y, w, ("u", "v"))),
-        compared("velocity", lambda x, y, w: measures.field_gap(x, y, w, ("du", "dv"), measures.PIECES)),
-    ]
+        ("tension_behind", partial(_series, "T_behind", H)), ("tension_ahead", partial(_series, "T_ahead", H)),
+        ("reactions", partial(_series, ("reaction_left", "reaction_right"), math.sqrt(2.0) * H)),
+    ):  # fmt: skip
+        pointwise.append(raw(name, partial(_series_gap, of, 0.0)))
+        means.append(ringing(name, partial(_series_gap, of, axial), law=AXIAL_MEAN))
+    fields = [smooth("displacement", measures.displacement_gap), smooth("velocity", measures.velocity_gap)]
     held = [_law("energy", _energy_series(scene), a, b, window), *_laws(a, b, window)]
     return [
         *(row.at_most(min(tol or ceiling, ceiling)) for row in path),
-        *(row.at_most(tol_tension or ceiling) for row in tension),
-        *(row.at_most(max(tol_tension or ceiling, ceiling)) for row in raw),
+        *(row.at_most(tol_tension or ceiling) for row in means),
+        *(row.at_most(max(tol_tension or ceiling, ceiling)) for row in pointwise),
         *(row.at_most(ceiling) for row in [*fields, *held]),
         *_range(a, b, window), *rows, *(row.at_most(ceiling) for row in _past_slack(a, b)),
     ]  # fmt: skip
@@ -137,20 +140,42 @@ def agree(
 
 # One-sided slopes at the mass and what rings with axial waves converge with first order: the gap to half the resolution
 # and half the steps is what is left.
-AXIAL_MEAN = "mean over an axial round trip"  # what a load cell sees: fronts keep the rest from converging pointwise
 FIRST_ORDER = f"the change from half the resolution and half the steps, times {SAFETY}"
+# Steps on an axial wave's way there and back below which halving them does not show what axial waves still ring.
+RESOLVED = 20.0
+
+Weights = Callable[[Estimated], tuple[float, float, str]]
+
+
+def _own(e: Estimated) -> tuple[float, float, str]:
+    """Weights of the changes by half the resolution and half the steps, as for the path."""
+    return (*e.weights, e.basis)
+
+
+def _first(e: Estimated) -> tuple[float, float, str]:
+    return SAFETY, SAFETY, FIRST_ORDER
+
+
+def _ringing(axial: float) -> Weights:
+    """Weights for what rings with axial waves, of period `axial` [s]: first order in time where steps miss them."""
+
+    def weights(e: Estimated) -> tuple[float, float, str]:
+        if axial >= RESOLVED * float(np.median(np.diff(e.run.t))):
+            return _own(e)
+        return e.weights[0], SAFETY, f"{e.basis}; steps do not resolve axial waves: of first order in them"
+
+    return weights
 
 
 def _compared(
-    a: Estimated, b: Estimated, window: Window, name: str, gap: Gap, *, first_order: bool = False, law: str = ""
+    a: Estimated, b: Estimated, window: Window, weights: Weights, name: str, gap: Gap, law: str = ""
 ) -> Agreement:
     """Return the gap of two answers and the sum of their bars; a measure that refuses says why."""
 
     def bar(e: Estimated) -> Part:
-        if first_order:
-            value = SAFETY * sum(gap(e.run, c, window) for c in (e.in_space, e.in_time))
-            return Part(e.run.method, value, FIRST_ORDER)
-        return Part(e.run.method, e.bar(lambda x, y: gap(x, y, window)), e.basis)
+        in_space, in_time, basis = weights(e)
+        value = in_space * gap(e.run, e.in_space, window) + in_time * gap(e.run, e.in_time, window)
+        return Part(e.run.method, value, basis)
 
     try:
         return Agreement(name, gap(a.response, b.response, window), Bound("error bars", (bar(a), bar(b))), law=law)
@@ -244,13 +269,15 @@ def doubts(a: Estimated, b: Estimated) -> list[tuple[str, Flag]]:
     found = [(e.run.method, f) for e in (a, b) for f in e.run.flags if f.kind in DOUBTS]
     try:
         window = measures.window_of(*a.runs, *b.runs)
-        # of second order, what half the steps change is inverse to their square
-        unit = [measures.path_gap(e.run, e.in_time, window)[1] * e.run.settings["steps"] ** 2 for e in (a, b)]
+        change = [measures.path_gap(e.run, e.in_time, window)[1] for e in (a, b)]
     except NotComparable:
         return found
-    for e, mine, other in ((a, *unit), (b, *unit[::-1])):
-        if mine > MOST_UNLIKE * other > 0.0:
-            found.append((e.run.method, flag("time order", ratio=mine / other)))
+    steps = [e.run.settings["steps"] for e in (a, b)]
+    for e, i in ((a, 0), (b, 1)):
+        # brought to as many steps by the scheme's second order, and by the first that unresolved fronts have
+        ratio = min((change[i] * steps[i] ** p) / (change[1 - i] * steps[1 - i] ** p or math.inf) for p in (1, 2))
+        if ratio > MOST_UNLIKE:
+            found.append((e.run.method, flag("time order", ratio=ratio)))
     return found
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,42 +105,57 @@ def series_gap(a: Response, b: Response, window: Window, of: Callable[[Response]
     within = inside(coarse, window)
     if not within.any():
         raise NotComparable(f"{coarse.method} has no step in the window {window}")
+    t, known = coarse.t[within], [np.isfinite(of(r).reshape(r.t.size, -1)).all(axis=1) for r in (coarse, fine)]
+    if not all(k.sum() > 3 for k in known):
+        raise NotComparable("one of the answers does not say it")
+    # over the same time in both: a companion ends with the window
+    last = min(coarse.t[known[0]][-1], fine.t[known[1]][-1])
+    first = max(coarse.t[known[0]][0], fine.t[known[1]][0])
+    low, high = np.clip(t - 0.5 * axial, first, last), np.clip(t + 0.5 * axial, first, last)
 
-    def at(r: Response, t: Array) -> Array:
-        values = of(r).reshape(r.t.size, -1)
-        known = np.isfinite(values).all(axis=1)
-        if not known.any():
-            raise NotComparable(f"{r.method} does not say it")
-        when = r.t[known]
+    def at(r: Response, k: Any) -> Any:
+        when, values = r.t[k], of(r).reshape(r.t.size, -1)[k]
         if not axial:
-            return CubicSpline(when, values[known], axis=0)(np.clip(t, when[0], when[-1]))
-        total = CubicHermiteSpline(when, cumulative_trapezoid(values[known], when, axis=0, initial=0.0), values[known])
-        low, high = np.clip(t - 0.5 * axial, when[0], when[-1]), np.clip(t + 0.5 * axial, when[0], when[-1])
+            return CubicSpline(when, values, axis=0)(low)
+        total = CubicHermiteSpline(when, cumulative_trapezoid(values, when, axis=0, initial=0.0), values)
         return (total(high) - total(low)) / (high - low)[:, None]
 
-    t = coarse.t[within]
-    return float(np.sqrt(np.mean(np.sum(np.square(at(coarse, t) - at(fine, t)), axis=1))))
+    gap: Array = at(coarse, known[0]) - at(fine, known[1])
+    return float(np.sqrt(np.mean(np.sum(np.square(gap), axis=1))))
 
 
-PIECES = 10  # of the cable, over which velocities are averaged
+def displacement_gap(a: Response, b: Response, window: Window) -> float:
+    """Return the rms distance of the displacement fields, over the rms of b's; see `velocity_gap`."""
+    return _field_gap(a, b, window, lambda r: np.stack([r.fields.u, r.fields.v]), None)
 
 
-def field_gap(a: Response, b: Response, window: Window, names: tuple[str, ...], pieces: int | None = None) -> float:
-    """Return the rms distance of fields over common frames in the window and stations, over the rms of b's.
+PIECES = 5  # of the cable, over which velocities are averaged
 
-    pieces : compare the means over so many equal pieces of the cable: a velocity jumps at every kink that runs along.
-    The station at the mass is left out: which side of it is sampled hangs on rounding.
+
+def velocity_gap(a: Response, b: Response, window: Window) -> float:
+    """Return the rms distance of the fields of velocity across the cable, over the rms of b's.
+
+    Means over fifths of the cable, since a velocity jumps at every kink that runs along, and across the cable at rest,
+    since along it axial waves ring.  Over common frames in the window and stations; the one at the mass is left out:
+    which side of it is sampled hangs on rounding.
     """
+
+    def across(r: Response) -> Array:
+        f = r.fields
+        x, y = np.gradient(f.x, f.s), np.gradient(f.y, f.s)
+        return ((x * f.dv - y * f.du) / np.hypot(x, y))[None]
+
+    return _field_gap(a, b, window, across, PIECES)
+
+
+def _field_gap(a: Response, b: Response, window: Window, of: Callable[[Response], Array], pieces: int | None) -> float:
     place, i, j = common_frames(a, b)
     within = (place >= window[0]) & (place <= window[1])
     if not within.any():
         raise NotComparable(f"no common frame of the fields in the window {window}")
     s = a.fields.s / a.length
     off = np.abs(s[None, :] - place[within][:, None]) > 1e-6
-    first, second = (
-        np.where(off, np.stack([getattr(r.fields, name)[k[within]] for name in names]), 0.0)
-        for r, k in ((a, i), (b, j))
-    )
+    first, second = (np.where(off, of(r)[:, k[within]], 0.0) for r, k in ((a, i), (b, j)))
     if pieces is not None:
         member = np.eye(pieces)[np.minimum((s * pieces).astype(int), pieces - 1)]
         first, second = (x @ member / (off @ member) for x in (first, second))

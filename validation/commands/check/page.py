@@ -37,7 +37,7 @@ QUANTITIES = {
     "tension_ahead": ("Tension just ahead of the mass, rms", "tension"),
     "reactions": ("Forces of both supports, rms", "tension"),
     "displacement": ("Displacement field, rms of its own", ""),
-    "velocity": ("Velocity field, rms of its own over tenths of the cable", ""),
+    "velocity": ("Velocity across the cable, rms of its own, over fifths of it", ""),
     "slack_onset": ("Slack onset, in sₒ/l", ""),
     "impulse": ("Momentum of the mass by the cable's pull, rms defect over windows", "weight"),
     "laws_si": ("Mechanics in SI", ""),
