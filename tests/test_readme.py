@@ -11,7 +11,8 @@ from cablefem import Scene
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 PYTHON = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
-EXAMPLES = [code for code in PYTHON if "def test_" not in code]
+METHOD = next(code for code in PYTHON if "METHODS[" in code)  # run by tests/validation/test_conformance.py
+EXAMPLES = [code for code in PYTHON if "def test_" not in code and code != METHOD]
 MODULES = [code for code in PYTHON if "def test_" in code]
 
 pytest_plugins = ["pytester"]

@@ -12,7 +12,7 @@ from cablefem.elements.following import FollowingElements
 from cablefem.newmark import State
 from cablefem.response import States
 from tests.runs import INCLINED, march, observe, stack, steep_cable
-from validation.core.running import _between
+from validation.core.sampling import _between
 
 MODELS = ("full", "string", "sagged", "stretching")
 STEEP = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)

@@ -97,9 +97,9 @@ def test_turning_points_of_a_known_path(level):
 def test_a_ripple_of_known_size_is_found_and_none_where_there_is_none(level):
     s = level.fields.s / level.length
     T = np.broadcast_to(level.horizontal_tension * (1.0 + 0.07 * np.sin(2.0 * np.pi * 31.0 * s)), level.fields.T.shape)
-    wavy = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T=T))
+    wavy = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T_pointwise=T))
     one = np.full_like(T, level.horizontal_tension)
-    flat = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T=one))
+    flat = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T_pointwise=one))
     window = (0.13, 0.77)
     rms = 0.07 / math.sqrt(2.0)
     x = np.pi * 31.0 / 200.0
@@ -117,10 +117,12 @@ def test_a_front_in_a_cable_of_static_tension_meets_the_mass_where_a_string_says
     """2 V/(1 + V) on a taut string; a doubled tension brings it back earlier."""
     V = Scene.load("level").speed_ratio
     H = level.horizontal_tension
-    string = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T=np.full_like(level.fields.T, H)))
+    string = dataclasses.replace(
+        level, fields=dataclasses.replace(level.fields, T_pointwise=np.full_like(level.fields.T, H))
+    )
     assert abs(measured.meeting(string) - 2.0 * V / (1.0 + V)) < 1e-4
     twice = np.full_like(level.fields.T, 2.0 * H)
-    tight = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T=twice))
+    tight = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T_pointwise=twice))
     assert measured.meeting(tight) < 0.5
 
 

@@ -107,7 +107,7 @@ def estimated(
         # that a next order p + 1/2 would leave
         response = measures.extrapolated(fine, c_space, 1.0)
         w_space = SAFETY / (2.0**1.5 - 1.0) * 0.5
-        basis = f"extrapolated 2 f({method.count(settings)}) - f({method.count(half_space)})"
+        basis = f"extrapolated 2 f({method.value(settings)}) - f({method.value(half_space)})"
     else:
         response, w_space = fine, SAFETY / (2.0**p - 1.0)
         basis = (

@@ -108,16 +108,16 @@ def resolve(
     for attempt in range(ATTEMPTS):
         report(min(0.5, 0.1 + 0.05 * attempt), f"{len(made)} runs, bar {rung.bar:.1g} of {tol:g} wanted")
         finer = _next(method, rung, settings, tol, stuck)
-        if rung.bar <= tol or finer == settings or finer["steps"] * method.count(finer) > LARGEST:
+        if rung.bar <= tol or finer == settings or finer["steps"] * method.value(finer) > LARGEST:
             break
-        if method.count(finer) != method.count(settings):
+        if method.value(finer) != method.value(settings):
             if settings["steps"] >= 2 * read_at:  # coarse steps may have blown up what space contributes: look again
                 coarse = ran(refined(method, settings, space=0.5))
                 rung.space = _part(rung.response, coarse, 2.0, space_order(method), rung.space, 1.0)
                 read_at = settings["steps"]
                 continue
-            ratio = space.ratio(method.count(settings), method.count(finer))
-            settings = settings | {space.setting: method.count(finer)}
+            ratio = space.ratio(method.value(settings), method.value(finer))
+            settings = settings | {space.setting: method.value(finer)}
             response, read_at = ran(settings), settings["steps"]
             part = _part(response, rung.response, ratio, space_order(method), rung.space)
             stuck = not part.left[0] < STUCK * rung.space.left[0]
@@ -144,7 +144,7 @@ def resolve(
         return whole
     reached = f"an error bar of {rung.bar:.2g}" if math.isfinite(rung.bar) else "no end of the window"
     raise TooCoarse(
-        f"{method.name} reaches {reached} with {space.setting} = {method.count(settings)}, "
+        f"{method.name} reaches {reached} with {space.setting} = {method.value(settings)}, "
         f"steps = {settings['steps']}, not the {tol:g} asked for; loosen the tolerance or take another method "
         "(cablefem advise)",
         whole,
@@ -211,7 +211,7 @@ def _next(
 
     stuck : the last refinement of space did not lower its part.
     """
-    space, count, steps = method.resolution, method.count(settings), settings["steps"]
+    space, count, steps = method.resolution, method.value(settings), settings["steps"]
     p, r, s, t = space_order(method), _time_order(settings), rung.space.path, rung.time.path
     strides = [1.0, *np.geomspace(LEAST, 50.0, 30)]
 

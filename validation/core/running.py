@@ -6,10 +6,11 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import cache
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from cablefem import newmark
 from cablefem.newmark import EndlessEvents, NewtonStalled, Scheme, State, StepFailure, StepUnderflow, Work
@@ -25,6 +26,8 @@ from validation.core.watch import watched
 SLACK_GAMMA = 0.6
 
 Progress = Callable[[float], None]
+
+_threads = cache(ThreadpoolController)  # finding the libraries takes longer than many a run
 
 
 def run(
@@ -56,7 +59,7 @@ def run(
     settings = method.settings(settings)
     scheme = newmark.scheme(settings["scheme"], newmark_gamma=settings["newmark_gamma"], rho_inf=settings["rho_inf"])
     kind = {"model": model, "load": load}
-    with threadpool_limits(1):  # the matrices are small: threads cost more than they give
+    with _threads().limit(limits=1):  # the matrices are small: threads cost more than they give
         solver = method.build(groups, settings, **kind, law="tension-only" if law == "tension-only" else "elastic")
         steps = settings["steps"]
         if groups.motion is None:  # a ride may last longer than it should

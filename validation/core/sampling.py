@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from cablefem.newmark import State, Work
 from cablefem.response import Array, Fields, Observation, Response, States
-from cablefem.scene import Scene
+from cablefem.scene import Motion, Scene
 from validation.core.solver import Solver
 
 FRAMES = 100  # fields are kept at s_o/l = 1/FRAMES, 2/FRAMES, ... of every run, so that runs can be compared
@@ -102,13 +103,19 @@ def _rows(states: States, rows: slice) -> States:
 
 def _frames(scene: Scene, t_last: float) -> Array:
     """Return the instants at which fields are kept: places of a prescribed travel, times of a free ride."""
-    motion, marks = scene.groups.motion, np.arange(1, FRAMES) / FRAMES
+    motion = scene.groups.motion
     if motion is None:
         t = scene.groups.drive.nominal * np.arange(1, math.ceil(FRAMES * t_last / scene.groups.drive.nominal)) / FRAMES
     else:
-        end = motion.position(np.array([motion.phases[-1][1]]))[0]
-        t = np.array([motion.time_at(mark) for mark in marks[marks < end]])
+        t = _passages(motion)
     return t[t <= t_last]
+
+
+@lru_cache(maxsize=64)
+def _passages(motion: Motion) -> Array:
+    """Return the instants at which a prescribed travel passes the marks; the runs of a ladder share them."""
+    end = motion.position(np.array([motion.phases[-1][1]]))[0]
+    return np.array([motion.time_at(mark) for mark in np.arange(1, FRAMES) / FRAMES if mark < end])
 
 
 def _between(h: States, t: Array) -> States:

@@ -48,7 +48,7 @@ def recommended(scene: Scene, method: str | Method, **changes: Any) -> dict[str,
         speed = motion.at(t_end, len(motion.phases) - 1)[1]
         settings["exit"] = LAST_STEP if speed * t_end > 0.1 else 1.0
     if "grading" in settings and "grading" not in changes:
-        settings["grading"] = grading(method.count(settings), scene.mu / ELEMENTS_PER_LAYER)
+        settings["grading"] = grading(method.value(settings), scene.mu / ELEMENTS_PER_LAYER)
     return settings
 
 

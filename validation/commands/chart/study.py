@@ -678,7 +678,7 @@ def _true(r: Response, truth: Response) -> float | None:
 
 
 def _spent(r: Response) -> float:
-    return r.work["newton_iterations"] * METHODS[r.method].resolution.cost(METHODS[r.method].count(r.settings))
+    return r.work["newton_iterations"] * METHODS[r.method].resolution.cost(METHODS[r.method].value(r.settings))
 
 
 def _by_hand(scene: Scene, method: str, truth: Response) -> list[tuple[float, float]]:

@@ -18,7 +18,7 @@ from markupsafe import Markup, escape
 from cablefem.response import Response
 from validation.commands.check import figures as draw
 from validation.commands.check.figures import place, pointwise, scale_of
-from validation.commands.check.study import SHARED
+from validation.commands.check.shared import SHARED
 from validation.core import measures
 from validation.core.bounds import Bound
 from validation.core.measures import NotComparable

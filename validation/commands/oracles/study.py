@@ -208,7 +208,7 @@ class _Solvers:
             return _rungs(find(name), finer)
         r = BASES[name][0]
         values = (0, 1, 2) if r.doubling else (10, 20, 40)
-        return [Rung({r.setting: n}, r.count(n)) for n in values]
+        return [Rung({r.setting: n}, r.unknowns(n)) for n in values]
 
     def path(self, crossing: Crossing, name: str, **settings: Any) -> MassPath:
         if crossing.scene:
@@ -231,6 +231,9 @@ class _Solvers:
     def response(self, scene: str, name: str, **settings: Any) -> Response:
         return run(Scene.load(scene), name, until=WINDOW[1], **settings)
 
+    def ride(self, scene: Scene, name: str, **settings: Any) -> Response:
+        return run(scene, name, **settings)
+
 
 SOLVERS: Solvers = _Solvers()
 
@@ -240,7 +243,7 @@ def _rungs(method: Method, finer: float) -> list[Rung]:
     sharp = method.resolution.doubling and method.space_order > 1.0
     dear = finer > 1.0 or sharp or method.steps_growth is not None
     settings = method.ladder(3 if dear else 4, finer)
-    return [Rung(method.told(x), method.resolution.count(method.count(x))) for x in settings]
+    return [Rung(method.told(x), method.resolution.unknowns(method.value(x))) for x in settings]
 
 
 def _path(crossing: Crossing, name: str, settings: dict[str, Any]) -> MassPath:
