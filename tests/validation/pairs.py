@@ -10,15 +10,15 @@ from validation.core.estimate import Estimated, estimated, past_slack
 from validation.core.methods import METHODS
 
 LEVEL = Scene.load("level")
-ELEMENTS = {"elements": 16, "steps": 1000}
-SINES = {"terms": 36, "steps": 1000}
+ELEMENTS = {"elements": 18, "steps": 1000}
+SINES = {"terms": 40, "steps": 1000}
 
 
 @cache
 def answer(name: str) -> Estimated:
     """Return an estimated run of the level scene, past its slack onset."""
     settings = ELEMENTS if name == "following-p2" else SINES
-    return past_slack(LEVEL, METHODS[name], estimated(LEVEL, name, until=0.96, **settings))
+    return past_slack(LEVEL, METHODS[name], estimated(LEVEL, name, until=0.95, **settings))
 
 
 def right() -> tuple[Estimated, Estimated]:

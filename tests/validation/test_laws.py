@@ -15,7 +15,7 @@ from validation.core.running import run
 WINDOW = (0.02, 0.40)
 COARSE = {"elements": 10, "steps": 400, "until": 0.42}
 # largest defects, as parts of the laws' scales, of the coarse runs that are judged here
-RIGHT = {"stretch": 2e-3, "momentum of the mass": 1e-5, "energy": 2e-3, "travel": 1e-9}
+RIGHT = {"stretch": 2e-3, "momentum of the mass": 1e-5, "energy": 3e-3, "travel": 1e-9}
 AT_REST = 1e-6
 
 

@@ -10,7 +10,7 @@ import pytest
 from cablefem import Scene
 from cablefem.elements.following import FollowingElements
 from tests.validation.pairs import LEVEL, altered, answer, right
-from validation.core.agreement import Verdict, agree, doubts, overall
+from validation.core.agreement import AXIAL_MEAN, Verdict, agree, doubts, overall
 from validation.core.estimate import SAFETY, Estimated, estimated, past_slack
 from validation.core.methods import METHODS
 from validation.core.running import run
@@ -60,7 +60,9 @@ FAULTS = {
 
 def test_right_answers_agree():
     found = rows(*right())
-    assert {row.verdict for row in found.values()} == {Verdict.AGREE}, {k: (r.gap, r.allowed) for k, r in found.items()}
+    assert overall(list(found.values())) is Verdict.AGREE, {k: (r.gap, r.allowed) for k, r in found.items()}
+    coarse = {key for key, row in found.items() if row.verdict is Verdict.TOO_COARSE}
+    assert coarse <= {("tension_ahead", ""), ("reactions", "")}  # fronts; their means agree
     assert doubts(*right()) == []
     assert {name for name, _ in found} == {
         "path_max", "path_rms", "path_slack", "tension", "tension_behind", "tension_ahead", "reactions",
@@ -68,11 +70,10 @@ def test_right_answers_agree():
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("wing", [0, 1], ids=["elements", "galerkin"])
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_of_one_wing_turns_its_rows(fault, wing):
+def test_a_fault_of_one_wing_turns_its_rows(fault):
     change, expected = FAULTS[fault]
-    pair = list(right())
+    pair, wing = list(right()), list(FAULTS).index(fault) % 2
     pair[wing] = altered(pair[wing], change)
     found = rows(*pair)
     for quantity in expected:
@@ -89,20 +90,35 @@ def test_a_range_that_ends_before_both_onsets_is_not_compared():
     assert rows(*coarse)[("range", "")].verdict is Verdict.NOT_COMPARABLE
 
 
-class Rope(FollowingElements):
+class Rod(FollowingElements):
     """From the onset on an elastic law that carries compression, in the place of one that does not."""
 
     def with_law(self, law):
         return super().with_law("elastic")
 
 
-def test_a_wrong_law_of_the_slack_cable_is_seen():
+class Rubber(FollowingElements):
+    """From the onset on a law of half the stiffness."""
+
+    def with_law(self, law):
+        soft = replace(self.groups, alpha=0.5 * self.groups.alpha)
+        return FollowingElements(soft, elements=self.elements, law=law)
+
+
+@pytest.mark.parametrize(("kind", "row"), [(Rod, ("laws_si", "compression")), (Rubber, ("path_slack", ""))])
+def test_a_wrong_law_of_the_slack_cable_is_seen(kind, row):
+    def build(groups, x, **how):
+        system = kind(groups, elements=x["elements"], **how)
+        system.elements = x["elements"]
+        return system
+
     a, b = right()
-    method = replace(METHODS["following-p2"], builder=lambda g, x, **how: Rope(g, elements=x["elements"], **how))
-    wrong = past_slack(LEVEL, method, estimated(LEVEL, method, known=[a.in_space, a.in_time], until=0.96,
-                                                 **{k: a.run.settings[k] for k in ("elements", "steps")}))  # fmt: skip
-    assert rows(a, b)[("path_slack", "")].verdict is Verdict.AGREE
-    assert rows(wrong, b)[("path_slack", "")].verdict is not Verdict.AGREE
+    method = replace(METHODS["following-p2"], builder=build)
+    settings = {k: a.run.settings[k] for k in ("elements", "steps")}
+    wrong = estimated(LEVEL, method, known=[a.in_space, a.in_time], until=0.95, **settings)
+    wrong = past_slack(LEVEL, method, wrong)
+    assert rows(a, b)[row].verdict is Verdict.AGREE
+    assert rows(wrong, b)[row].verdict is Verdict.DISAGREE
 
 
 def test_a_wing_of_first_order_in_time_is_doubted():
@@ -120,9 +136,10 @@ def test_a_run_compared_with_itself_is_no_check():
 
 def test_bars_wider_than_their_ceiling_are_too_coarse():
     a, b = right()
-    found = rows(a, b, tol=1e-3, tol_tension=1e-3)
-    assert verdict(found, "tension") == {Verdict.TOO_COARSE}
+    found = rows(a, b, tol=5e-3, tol_tension=1e-3)
+    assert found[("tension_ahead", AXIAL_MEAN)].verdict is Verdict.TOO_COARSE
     assert overall(list(found.values())) is Verdict.TOO_COARSE
+    assert rows(a, b, tol=1e-3)[("path_max", "")].verdict is Verdict.TOO_COARSE
     assert rows(a, b, tol=0.2)[("path_max", "")].verdict is Verdict.AGREE
 
 

@@ -23,7 +23,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from cablefem.response import Array, Response
 
-EVERY = 4  # frames from one end of a window to the next: 0.04 of the travel
+EVERY = 6  # frames from one end of a window to the next: 0.06 of the travel
 ROUNDING = 1e-9  # of the scale: stations and splines of static shapes
 DOWN = np.array([0.0, 1.0])
 
@@ -172,7 +172,7 @@ class Mechanics:
     def _length_at_rest(self) -> Defect:
         """Stations count the length of the curve, from none to all of it, and that is the length asked for; over it."""
         s, asked = self.r.fields.s, self.given.asked
-        off = [s[0], float(np.abs(np.cumsum(_arcs(self.curve, s)) - s[1:]).max()), s[-1] - self.r.length]
+        off = [s[0], float(np.abs(np.cumsum(_arcs(self.curve, s)[0]) - s[1:]).max()), s[-1] - self.r.length]
         if asked[0] == "length":
             off.append(s[-1] - asked[1])
         return _static(*(np.array(off) / s[-1]))
@@ -302,7 +302,8 @@ class Mechanics:
             row = []
             for x in pair:
                 l = x.s[-1] - x.s[0]
-                grown = _length(x.s, x.place) - _length(x.s, x.rest)
+                moved, rest = _lengths(x.s, x.place, x.rest)
+                grown = moved - rest
                 row.append((float(simpson(x.T - x.T_static, x=x.s)) - self.given.EA * grown) / l)
             off.append(row)
         at = self.r.fields.s_o[self.frames] / self.r.length
@@ -407,17 +408,19 @@ def _cross(a: Array, b: Array) -> Array:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
+_AT, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+
+
 def _arcs(curve: CubicSpline, s: Array) -> Array:
-    """Return the length of a curve between nodes (m - 1,): three Gauss points each."""
-    x, w = np.polynomial.legendre.leggauss(3)
+    """Return the lengths of curves (x, y, ...) between nodes, (curves, m - 1): three Gauss points each."""
     h = 0.5 * np.diff(s)
-    points = s[:-1, None] + h[:, None] * (1.0 + x)
-    slope = curve(points, 1)
-    return h * (np.hypot(slope[..., 0], slope[..., 1]) @ w)
+    slope = curve(s[:-1, None] + h[:, None] * (1.0 + _AT), 1)
+    return h * (np.hypot(slope[..., ::2], slope[..., 1::2]).transpose(2, 0, 1) @ _WEIGHTS)
 
 
-def _length(s: Array, place: Array) -> float:
-    """Return the length of the curve through nodes, a cubic spline's, or that of chords where they are few."""
+def _lengths(s: Array, *places: Array) -> list[float]:
+    """Return the lengths of curves through nodes, cubic splines', or those of chords where nodes are few."""
     if s.size < 4:
-        return float(np.hypot(*np.diff(place, axis=0).T).sum())
-    return float(_arcs(CubicSpline(s, place), s).sum())
+        return [float(np.hypot(*np.diff(place, axis=0).T).sum()) for place in places]
+    lengths: list[float] = _arcs(CubicSpline(s, np.concatenate(places, axis=1)), s).sum(axis=1).tolist()
+    return lengths

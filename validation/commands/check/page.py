@@ -117,7 +117,7 @@ def _words(row: dict[str, Any]) -> tuple[str, str]:
 def _both(ratio: float | None, kind: str, of: dict[str, tuple[float, str, str]]) -> Markup | str | None:
     """Return a ratio in percent and in its unit."""
     if ratio is None or kind not in of:
-        return None if ratio is None else number(ratio)
+        return None if ratio is None else percent(ratio, 3)
     return Markup("{} <small>{}</small>").format(percent(ratio, 3), _quantity(ratio * of[kind][0], of[kind][1]))
 
 
