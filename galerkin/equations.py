@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dgetrf, dgetrs
+from scipy.linalg.lapack import dgetrf, dgetrs, zgetrf, zgetrs
 
 from cablefem.newmark import Settled, Solve, State, StepFailure, consistent_acceleration, iterate
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
+from cablefem.scene.motion import Motion
 from galerkin.bases import Basis
 from galerkin.bases.kink import Array, Standing, TravellingKink
 from galerkin.models import cable_model
@@ -34,8 +35,21 @@ class Instant:
     f: Array  # Phi(s_o), (n,)
     f_v: Array  # 2 ds_o Phi'(s_o), as in (22), (n,)
     f_q: Array  # dds_o Phi'(s_o) + ds_o^2 Phi''(s_o), as in (23), (n,)
-    load: Array  # acceleration along the static path less gravity, -F/(mu phi) of (27), (fields,)
+    f_s: Array  # Phi'(s_o) along the path, (n,)
+    rays: tuple[float, float]  # what the hat adds to it behind and ahead of the mass; 0, 0 without one
+    slope: Array  # X', (fields,)
+    along: Array  # acceleration X.. along the static path, (fields,)
+    load: Array  # the same less gravity, -F/(mu phi) of (27), (fields,)
     place: Any  # the cable model's own
+
+
+class Drives(NamedTuple):
+    """Forces and powers of what drives the mass, over a history."""
+
+    contact: Array  # of the mass on the cable, (n, fields)
+    haul: Array  # (n,) outside force along the mean tangent; nan where there is none
+    power: Array  # (n,) of all that is not the cable's, the mass's and their weights'
+    powers: dict[str, Array]  # its parts
 
 
 class GalerkinSystem:
@@ -65,9 +79,7 @@ class GalerkinSystem:
     ) -> None:  # fmt: skip
         if load not in LOADS:
             raise ValueError(f"unknown load {load!r}; one of {', '.join(LOADS)}")
-        if groups.motion is None:
-            raise ValueError("the scene has no travelling mass; `bare_frequencies` is all a bare cable has")
-        self.groups, self.motion, self.mu, self.kink = groups, groups.motion, groups.mu, kink
+        self.groups, self.mu, self.kink = groups, groups.mu, kink
         self.model, self.load, self.law = model, load, law
         self.basis: TravellingKink | Standing = TravellingKink(basis) if kink else Standing(basis)
         self.cable = cable_model(groups, model, law)
@@ -76,12 +88,22 @@ class GalerkinSystem:
         self.fields, self.n = self.cable.fields, self.basis.n
         self.n_modal = self.fields * self.n
         self.n_dof = self.n_modal + (self.fields if self.path_form else 0)
-        self.phases: tuple[tuple[float, float], ...] = self.motion.phases
+        self.phases = self._phases()
         self.force_scale = self.mu * groups.sigma
         # rounding of N = T + alpha eps, summed; ten times what was measured for 10 to 120 terms, alpha 1e3 to 1e6
         self.force_floor = np.finfo(float).eps * groups.alpha
         self._pull: tuple[Any, Any] | None = None  # place and tensions of the last residual
         self._instants: dict[tuple[float, int], Instant] = {}
+
+    @property
+    def motion(self) -> Motion:
+        """The prescribed travel; ValueError if there is none."""
+        if self.groups.motion is None:
+            raise ValueError("the scene prescribes no travel of a mass; `bare_frequencies` is all a bare cable has")
+        return self.groups.motion
+
+    def _phases(self) -> tuple[tuple[float, float], ...]:
+        return self.motion.phases
 
     def with_law(self, law: str) -> GalerkinSystem:
         """The same system, sharing all tables, under another law: to go on with a run whose cable fell slack."""
@@ -103,6 +125,20 @@ class GalerkinSystem:
         """s_o of a state."""
         return self.motion.at(x.t, x.phase)[0]
 
+    def kinematics(self, states: States) -> Array:
+        """s_o, ds_o, dds_o of a history, (3, n)."""
+        at = zip(states.t.tolist(), states.phase.tolist(), strict=True)
+        return np.array([self.motion.at(t, phase) for t, phase in at]).reshape(-1, 3).T
+
+    def drives(self, states: States, velocity: Array, acceleration: Array, sides: Array, working: Array) -> Drives:
+        """The mass over a history, which grips: p., p.. (n, fields), r' behind and ahead (2, n, fields).
+
+        working : (n,) <N t> . [r'] - [W], of third order in the jump; its power is ds_o (F . <r'> + working).
+        """
+        contact = self.mu * self.cable.weight - self.inertia * acceleration
+        power = self.kinematics(states)[1] * (working - np.sum(contact * sides.mean(axis=0), axis=1))
+        return Drives(contact, np.full(power.shape, np.nan), power, {})
+
     def in_time(self, states: States) -> States:
         """The history as a function of time, which it is."""
         return states
@@ -120,17 +156,17 @@ class GalerkinSystem:
     def _instant(self, s_o: float, ds_o: float, dds_o: float) -> Instant:
         mass, gyroscopic, centrifugal = self.basis.inertia(s_o, ds_o, dds_o)
         f, first, second = self.basis.at_mass(s_o)
+        slope, curvature = self.cable.static_slope(np.asarray(s_o))
+        along = dds_o * slope + ds_o**2 * curvature
         return Instant(
             mass, gyroscopic, centrifugal,
             f, (2.0 * ds_o) * first, dds_o * first + ds_o**2 * second,
-            self._load(s_o, ds_o, dds_o), self.cable.at(self.basis, s_o),
+            first, (1.0 / s_o, -1.0 / (1.0 - s_o)) if self.kink else (0.0, 0.0), slope, along,
+            self._load(along), self.cable.at(self.basis, s_o),
         )  # fmt: skip
 
-    def _load(self, s_o: float, ds_o: float, dds_o: float) -> Array:
-        if self.load == "force":
-            return -self.cable.weight
-        slope, curvature = self.cable.static_slope(np.asarray(s_o))
-        return dds_o * slope + ds_o**2 * curvature - self.cable.weight
+    def _load(self, along: Array) -> Array:
+        return (along if self.load == "mass" else 0.0 * along) - self.cable.weight
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         x = self.instant(t, phase)
@@ -139,7 +175,7 @@ class GalerkinSystem:
         return self._residual(x, q, v, a, force)
 
     def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         x = self.instant(t, phase)
         force, pull, K = self.cable.linearise(x.place, self._fields(q))
@@ -165,15 +201,15 @@ class GalerkinSystem:
         R += pull[:, None] * x.f
         return np.concatenate([R.ravel(), q[self.n_modal :] - Q @ x.f]) if self.path_form else R.ravel()
 
-    def tangent(self, t: float, q: Array, phase: int, c0: float, c1: float, c2: float) -> Array:
+    def tangent(self, t: float, q: Array, phase: int, c0: complex, c1: complex, c2: complex) -> Array:
         """c0 dr/dq + c1 dr/dv + c2 dr/da, (n_dof, n_dof): (28)-(32) and (21)-(23); r is linear in v and a."""
         x = self.instant(t, phase)
         return self._tangent(x, self.cable.linearise(x.place, self._fields(q))[2], c0, c1, c2)
 
-    def _tangent(self, x: Instant, K: Array, c0: float, c1: float, c2: float) -> Array:
+    def _tangent(self, x: Instant, K: Array, c0: complex, c1: complex, c2: complex) -> Array:
         """The tangent from K = dR/dq, which is overwritten."""
-        K *= c0
-        block = c2 * x.mass
+        K = np.multiply(K, c0, out=None if isinstance(c0, complex) else K)
+        block = np.multiply(c2, x.mass, dtype=K.dtype)
         if self.kink:
             block[:, -1] += c1 * x.gyroscopic + c0 * x.centrifugal
         if self.inertia and not self.path_form:
@@ -220,7 +256,8 @@ class GalerkinSystem:
         M0 = self.basis.basis.mass()
         rest, drag = np.linalg.solve(M0, np.stack([value, first], axis=1)).T
         m = self.inertia + 1.0 / 3.0 - value @ rest
-        load = self.mu * self._load(s_o, ds_o, dds_o)
+        slope, curvature = self.cable.static_slope(np.asarray(s_o))
+        load = self.mu * self._load(dds_o * slope + ds_o**2 * curvature)
         if self.inertia and ds_o > 0.0:
             # a mass entering with speed falls freely: it has no time to stretch the short piece behind it, d = 0
             d, a_hat = np.zeros(self.fields), -load / m
@@ -259,7 +296,8 @@ class GalerkinSystem:
 
 def factorised(K: Array) -> Solve:
     """r -> K^-1 r by LAPACK's LU; K is overwritten (its transpose is what Fortran sees, hence trans=1)."""
-    lu, pivots, info = dgetrf(K.T, overwrite_a=True)
+    getrf, getrs = (zgetrf, zgetrs) if np.iscomplexobj(K) else (dgetrf, dgetrs)
+    lu, pivots, info = getrf(K.T, overwrite_a=True)
     if info:
         return lambda r: np.full_like(r, np.nan)  # singular: the driver treats NaN as a stalled step
-    return lambda r: dgetrs(lu, pivots, r, trans=1)[0]
+    return lambda r: getrs(lu, pivots, r, trans=1)[0]

@@ -82,3 +82,20 @@ def survey(phi, weights, T, r_static, Q, alpha, law, internal):
         if least > N:
             least, at = N, i
     return energy, least, at
+
+
+@compiled
+def car(mu, sigma, drag, wind, thrust, velocity, acceleration, behind, ahead):
+    """What acts on a rolling car; all vectors (2,), r' behind and ahead of it.
+
+    C = mu (p.. - sigma j) - F_ext (2), tau (2), cos(phi), <lam>, and the force of the air (2).
+    """
+    mx, my = 0.5 * (behind[0] + ahead[0]), 0.5 * (behind[1] + ahead[1])
+    size = math.hypot(mx, my)
+    tx, ty = mx / size, my / size
+    stretch = 0.5 * (math.hypot(behind[0], behind[1]) + math.hypot(ahead[0], ahead[1]))
+    x, y = velocity[0] - wind, velocity[1]
+    speed = -drag * math.hypot(x, y)
+    Cx = mu * acceleration[0] - thrust * tx - speed * x
+    Cy = mu * (acceleration[1] - sigma) - thrust * ty - speed * y
+    return Cx, Cy, tx, ty, size / stretch, stretch, speed * x, speed * y

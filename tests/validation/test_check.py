@@ -46,19 +46,18 @@ class HalfCentrifugal(GalerkinSystem):
     def _instant(self, s_o, ds_o, dds_o):
         x = super()._instant(s_o, ds_o, dds_o)
         _, first, second = self.basis.at_mass(s_o)
-        return dataclasses.replace(x, f_q=dds_o * first + 0.5 * ds_o**2 * second)
-
-    def _load(self, s_o, ds_o, dds_o):
         _, curvature = self.cable.static_slope(np.float64(s_o))
-        return super()._load(s_o, ds_o, dds_o) - 0.5 * ds_o**2 * curvature
+        f_q, load = dds_o * first + 0.5 * ds_o**2 * second, x.load - 0.5 * ds_o**2 * curvature
+        return dataclasses.replace(x, f_q=f_q, load=load)
 
 
 class SignOfCurvature(GalerkinSystem):
     """+y'' where -y'' belongs in the load (27)."""
 
-    def _load(self, s_o, ds_o, dds_o):
+    def _instant(self, s_o, ds_o, dds_o):
+        x = super()._instant(s_o, ds_o, dds_o)
         _, curvature = self.cable.static_slope(np.float64(s_o))
-        return super()._load(s_o, ds_o, dds_o) - np.array([0.0, 2.0 * ds_o**2 * curvature[1]])
+        return dataclasses.replace(x, load=x.load - np.array([0.0, 2.0 * ds_o**2 * curvature[1]]))
 
 
 class StillMesh(FollowingElements):

@@ -11,8 +11,9 @@ from cablefem import Scene
 from cablefem.elements.following import FollowingElements
 from tests.validation.pairs import LEVEL, altered, answer, right
 from validation.core.agreement import AXIAL_MEAN, Verdict, agree, doubts, overall
-from validation.core.estimate import SAFETY, Estimated, estimated, past_slack
+from validation.core.estimate import Estimated, estimated, past_slack
 from validation.core.methods import METHODS
+from validation.core.richardson import SAFETY
 from validation.core.running import run
 
 

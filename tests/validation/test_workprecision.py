@@ -240,5 +240,5 @@ def test_a_small_survey_of_error_bars():
         assert row["judged"]
         assert row["true"] <= row["bar"] <= 1e-2
     assert found["summary"]["all"] | {"judged": 2, "coverage": 1.0} == found["summary"]["all"]
-    again = study.random_scene(np.random.default_rng(4), "again", accelerated=False)
+    again = study.random_scene(np.random.default_rng(4), name="again")
     assert again.mu == found["rows"][0]["mu"]

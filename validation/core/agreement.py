@@ -18,13 +18,15 @@ from cablefem.response import Array, Flag, Response
 from cablefem.scene import Scene
 from validation.core import laws, measures, trust
 from validation.core.bounds import Bound, Part, nothing
-from validation.core.estimate import SAFETY, SLACK_END, Estimated
+from validation.core.estimate import SLACK_END, Estimated
 from validation.core.flags import flag
 from validation.core.measures import NotComparable, Window
 from validation.core.methods import METHODS
+from validation.core.richardson import SAFETY
 
 DEFAULT_TOL = 1e-3
-CEILING = 0.05  # of a row's own scale: bars wider than that say nothing
+CEILING = 0.05  # of a row's own scale at the default tolerance: bars wider than that say nothing
+WIDEST = 0.5  # for looser tolerances, to which ceilings are raised in proportion
 TENSION = 10.0  # times the tolerance of the path is that of the tension, of H, unless it is given
 # s_o/l by which the compared range may end before 0.80 or both slack onsets
 SHORT_RANGE = 0.05
@@ -103,12 +105,13 @@ def agree(
 
     tol : asked of the mass path: where the bars exceed it, the row is "too coarse"; default 5 percent.
     tol_tension : the same, over H, for tension at the mass and reactions, averaged over an axial wave's way there and
-        back; default ten times `tol`.  Pointwise, where fronts ring, 5 percent or the tolerance if that is more.
+        back; default ten times `tol`.  Pointwise, where fronts ring, it is the ceiling of all other rows: 5 percent,
+        and for a looser `tol` in proportion more.
     window : s_o/l; default 0.02 to 0.80 or the slack onset of any of the runs, whichever comes first.
     """
     if tol is not None and tol_tension is None:
         tol_tension = TENSION * tol
-    ceiling = max(CEILING, TENSION * (tol or 0.0))
+    ceiling = min(WIDEST, CEILING * max(1.0, (tol or 0.0) / DEFAULT_TOL))
     rows = [*_independent(a, b), _slack_onset(a, b).at_most(ceiling)]
     try:
         window = measures.window_of(*a.runs, *b.runs, window=window or measures.WINDOW)

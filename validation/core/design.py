@@ -15,7 +15,8 @@ import numpy as np
 
 from cablefem.response import Array, Response
 from validation.core import measures
-from validation.core.estimate import SAFETY, Estimated
+from validation.core.estimate import Estimated
+from validation.core.richardson import SAFETY
 
 
 @dataclass(frozen=True, slots=True)

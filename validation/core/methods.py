@@ -190,13 +190,15 @@ def _galerkin(family: str, kink: bool) -> Build:
         from galerkin.bases.daubechies import Daubechies
         from galerkin.bases.fourier import Fourier
         from galerkin.equations import GalerkinSystem
+        from galerkin.rides import RollingSystem
 
         basis: Any = (
             Fourier(x["terms"])
             if family == "fourier"
             else Daubechies(order=x["order"], level=x["level"], reading=x["reading"])
         )
-        system = GalerkinSystem(groups, basis, kink=kink, **kind)
+        rolls = groups.drive.mode != "grip"
+        system = (RollingSystem if rolls else GalerkinSystem)(groups, basis, kink=kink, **kind)
         return PositionAbscissa(system) if x["abscissa"] == "s" else system
 
     return build

@@ -48,7 +48,7 @@ def respond(scene: Scene, h: History, **asked: Any) -> Response:
     onset = h.onset if h.onset is not None and h.onset[0] < n else None
     switch = states.t[onset[0]] if onset is not None and h.after is not None else math.inf
     t = _frames(scene, float(states.t[-1]))
-    at_frames = _between(states, t) if n > 1 else _rows(states, slice(0, 0))
+    at_frames = _between(states, t) if t.size and n > 1 else _rows(states, slice(0, 0))
     s = np.linspace(0.0, 1.0, STATIONS)
     steps = _observe(h, states, switch, s, np.array([], dtype=np.intp))
     frames = _observe(h, at_frames, switch, s, np.arange(at_frames.t.size))
@@ -115,7 +115,7 @@ def _frames(scene: Scene, t_last: float) -> Array:
 def _passages(motion: Motion) -> Array:
     """Return the instants at which a prescribed travel passes the marks; the runs of a ladder share them."""
     end = motion.position(np.array([motion.phases[-1][1]]))[0]
-    return np.array([motion.time_at(mark) for mark in np.arange(1, FRAMES) / FRAMES if mark < end])
+    return np.array([motion.time_at(mark) for mark in np.arange(1, FRAMES) / FRAMES if motion.begin <= mark < end])
 
 
 def _between(h: States, t: Array) -> States:

@@ -7,15 +7,13 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from markupsafe import Markup
-from matplotlib.colors import to_hex
 
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
-from validation.page.figures import BLUE, FIELD, VERMILLION
 from validation.page.page import details
+from validation.page.plot import BLUE, FIELD, VERMILLION, colors
 
 SCRIPT = "player.js"
 STATIONS = 101  # at most; the mass is a point of its own, so that its kink stays sharp
@@ -62,7 +60,7 @@ def player(
         "span": scene.supports.span, "drop": scene.supports.drop, "s": _short(s / scene.length), "x": _short(X.x(s)),
         "y": _short(X.y(s)), "below": [low, high], "static": _short(X.tension(s)), "window": list(window),
         "T": list(range_T), "top": min(top, _TOP * range_T[1]), "unit": unit, "unitName": name, "cables": cables,
-        "colors": [to_hex(mpl.colormaps[FIELD](x)) for x in np.linspace(0.0, 1.0, 48)],
+        "colors": [f"#{bytes(c).hex()}" for c in colors(FIELD, 48).round().astype(np.uint8)],
     }  # fmt: skip
     return Markup(_HTML).format(
         # "<" cannot end the script early

@@ -121,8 +121,9 @@ class _RestingStart(GalerkinSystem):
     def _entry(self) -> State:
         x = super()._entry()
         s_o, ds_o, dds_o = self.motion.at(x.t, 0)
+        slope, curvature = self.cable.static_slope(np.asarray(s_o))
         a = np.zeros_like(x.a)
-        a[self.n - 1 :: self.n] = -self._load(s_o, ds_o, dds_o)
+        a[self.n - 1 :: self.n] = -self._load(dds_o * slope + ds_o**2 * curvature)
         return State(x.t, x.q, np.zeros_like(x.v), a, 0)
 
 
