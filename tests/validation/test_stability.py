@@ -267,3 +267,9 @@ def test_cells_are_judged_by_their_error_and_only_against_a_sure_reference():
     assert judged(broken, fine, 1e-4)["class"] == "wrong"
     assert judged(broken, fine, 1e-4)["cause"] == "unstable"
     assert measures.WINDOW[1] > broken.reached
+
+
+def test_a_run_that_ends_before_its_first_frame_has_none():
+    r = run(LEVEL, "following-p2", elements=3, steps=2000, until=0.004)
+    assert r.fields.t.size == 0
+    assert r.t.size > 3

@@ -170,9 +170,9 @@ def _noise(model: str) -> dict[str, float]:
     scene = _scene(alpha=1e6)
     a, b = (run(scene, "following-p2", model=model, elements=n, steps=50 * n) for n in (8, 16))
     window = (0.02, min(0.2, a.reached, b.reached))
-    pointwise = (replace(r, fields=replace(r.fields, T=r.fields.T_pointwise)) for r in (a, b))
+    c, d = (replace(r, fields=replace(r.fields, T=r.fields.T_pointwise)) for r in (a, b))
     found = {
-        "tension": measures.tension_gap(a, b, window), "pointwise": measures.tension_gap(*pointwise, window),
+        "tension": measures.tension_gap(a, b, window), "pointwise": measures.tension_gap(c, d, window),
         "path": measures.path_gap(a, b, window)[0],
     }  # fmt: skip
     if model != "full":

@@ -20,7 +20,7 @@ from typing import Any
 from cablefem.response import Response, write_json
 from cablefem.scene import Scene
 from validation.commands.atlas import catalogue, specimens
-from validation.core import measures
+from validation.core import measures, store
 from validation.core.methods import METHODS, find
 from validation.core.running import run
 
@@ -211,15 +211,7 @@ def _compute(job: Job) -> dict[str, Any]:
     if kind == "limit":
         return item | {"limit": step_limit(round(x))}
     row = next(row for row in catalogue.CATALOGUE if row["name"] == what)
-    return item | {"row": _plain(catalogue.run_row(row))}
-
-
-def _plain(values: dict[str, Any]) -> dict[str, Any]:
-    """Numbers that JSON knows: one that is not finite becomes null."""
-    return {
-        k: _plain(v) if isinstance(v, dict) else None if isinstance(v, float) and not math.isfinite(v) else v
-        for k, v in values.items()
-    }
+    return item | {"row": store.plain(catalogue.run_row(row))}
 
 
 # --- a cell ---------------------------------------------------------------------------------------------------------
