@@ -18,13 +18,14 @@ from markupsafe import Markup, escape
 
 from cablefem.response import Array, Response
 from validation.commands.check import figures as draw
-from validation.commands.check.figures import gap_of, path_of, scale_of
+from validation.commands.check.figures import scale_of
 from validation.commands.check.shared import SHARED
 from validation.commands.check.stored import Solver, Stored, read
 from validation.core import measures
 from validation.core.bounds import Bound
 from validation.core.measures import NotComparable
 from validation.core.methods import METHODS
+from validation.core.trust import Reach, reach
 from validation.page.page import (
     VERDICTS,
     Section,
@@ -260,20 +261,12 @@ def _facts(s: Solver, x: Stored) -> dict[str, str]:
     }  # fmt: skip
 
 
-def _parting(x: Stored) -> dict[str, float | None] | None:
+def _parting(x: Stored) -> Reach | None:
     """Return where past the compared range both paths part, or by how much they differ up to the end."""
-    bound = 10.0 * (x.row("path_max").get("allowed") or x.tol or 0.0)
-    if len(x.solvers) < 2 or x.free or not x.window[1] > x.window[0] or bound == 0.0:
+    if len(x.solvers) < 2 or x.free or not x.window[1] > x.window[0]:
         return None
     a, b = (s.compared for s in x.solvers)
-    t, gap = gap_of(a, b, path_of)
-    past = t > x.time(a, x.window[1])
-    if not past.any():
-        return None
-    far = past & (gap > bound * x.deflection)
-    place = float(np.interp(t[far][0], a.t, a.s_o) / a.length) if far.any() else None
-    most = bound if far.any() else float(gap[past].max()) / x.deflection
-    return {"place": place, "gap": most, "end": float(np.interp(t[-1], a.t, a.s_o) / a.length)}
+    return reach(a, b, x.window[1], x.row("path_max").get("allowed"))
 
 
 # --- both answers ---------------------------------------------------------------------------------------------------
