@@ -117,7 +117,8 @@ def series(peers: bool = True) -> Iterator[Series]:
             yield Series(f"model {model}", "model", tuple(ladder(base))[::4], BASE, model)
     for scheme in SCHEMES:
         if scheme != base.knobs["scheme"].default:
-            rungs = tuple(x | {"scheme": scheme} for x in ladder(base))
+            few = 6 if newmark.scheme(scheme).nodes else 1  # high order wants few large steps
+            rungs = tuple(x | {"scheme": scheme, "steps": max(20, x["steps"] // few)} for x in ladder(base))
             yield Series(f"scheme {scheme}", "integrator", rungs[::3] if scheme == "energy" else rungs[::2], BASE)
     yield Series(f"{BASE} extrapolated", "extrapolated", tuple(ladder(base)), BASE)
     for name in (BASE, WITNESS[0]):
