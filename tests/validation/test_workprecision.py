@@ -38,7 +38,7 @@ def test_every_method_model_and_scheme_is_charted_and_nothing_else():
     assert {x.name for x in lines if x.kind == "peer"} == set(PEERS)
     assert {x.model for x in lines} == {"full", "string", "sagged", "stretching"}
     schemes = {x.rungs[0]["scheme"] for x in lines if x.kind == "integrator"}
-    assert schemes == {"newmark", "generalized-alpha", "energy", "central-difference"}
+    assert schemes == {"newmark", "generalized-alpha", "energy", "radau", "gauss", "central-difference"}
     assert not [x for x in study.series(peers=False) if x.kind == "peer"]
 
 
@@ -240,5 +240,5 @@ def test_a_small_survey_of_error_bars():
         assert row["judged"]
         assert row["true"] <= row["bar"] <= 1e-2
     assert found["summary"]["all"] | {"judged": 2, "coverage": 1.0} == found["summary"]["all"]
-    again = study.random_scene(np.random.default_rng(4), "again", accelerated=False)
+    again = study.random_scene(np.random.default_rng(4), name="again")
     assert again.mu == found["rows"][0]["mu"]

@@ -14,8 +14,9 @@ from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.bounds import Bound, Part, nothing
-from validation.core.estimate import SAFETY, Estimated
+from validation.core.estimate import Estimated
 from validation.core.measures import NotComparable, Window
+from validation.core.richardson import SAFETY
 
 
 class Verdict(enum.Enum):

@@ -16,14 +16,9 @@ from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.flags import flagged
 from validation.core.methods import Method, find, refined
+from validation.core.richardson import SAFETY, left, space_order, time_order
 from validation.core.running import run
 
-# A gap g between resolutions h and h/2 of order p leaves g/(2^p - 1).  Wave fronts pass the mass as spikes whose
-# order is lower than the path's nominal one, so space is never credited with more than 3/2.
-CREDITED_SPACE_ORDER = 1.5
-TIME_ORDER = {"newmark": 1.0}  # all other schemes: 2
-# More than Roache's 1.25 for three grids, with which 5 percent of the bars of random scenes were too small.
-SAFETY = 1.5
 # Companions that fall slack this much later in s_o/l than the run show that its own slack is not resolved.
 SAME_ONSET = 0.05
 
@@ -66,10 +61,6 @@ def gaps(fine: Response, coarse: Response) -> tuple[float, float]:
     return measures.path_gap(coarse, fine, window)[0], measures.tension_gap(coarse, fine, window)
 
 
-def space_order(method: Method) -> float:
-    return min(method.space_order, CREDITED_SPACE_ORDER) if method.space_order > 1.0 else 1.0
-
-
 def estimated(
     scene: Scene, method: str | Method, *, progress: Callable[[float], None] | None = None,
     known: Sequence[Response] = (), **kind: Any,
@@ -99,23 +90,21 @@ def estimated(
     else:
         c_space = ran(half_space, short, 0.6, 0.8)
     c_time = ran(half_time, short, 0.8, 1.0)
-    p_time = TIME_ORDER.get(settings["scheme"], 2.0)
-    p = space_order(method)
+    p_time = time_order(settings)
+    p = space_order(method.space_order)
     if method.extrapolate:
         # first order, regular: the extrapolation removes it; its own error is bounded by the part of the gap
         # that a next order p + 1/2 would leave
         response = measures.extrapolated(fine, c_space, 1.0)
-        w_space = SAFETY / (2.0**1.5 - 1.0) * 0.5
+        w_space = SAFETY * left(1.5) * 0.5
         basis = f"extrapolated 2 f({method.value(settings)}) - f({method.value(half_space)})"
     else:
-        response, w_space = fine, SAFETY / (2.0**p - 1.0)
+        response, w_space = fine, SAFETY * left(p)
         basis = (
             f"gap to half the {method.resolution.setting} over 2^{p:g} - 1, gap to half the steps over "
             f"2^{p_time:g} - 1, times {SAFETY}"
         )
-    estimate = Estimated(
-        response, fine, c_space, c_time, (w_space, SAFETY / (2.0**p_time - 1.0)), basis, method.extrapolate
-    )
+    estimate = Estimated(response, fine, c_space, c_time, (w_space, SAFETY * left(p_time)), basis, method.extrapolate)
     return _with_bars(estimate)
 
 

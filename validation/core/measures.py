@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from cablefem.response import Array, Response
+from validation.core.richardson import left
 
 WINDOW = (0.02, 0.80)  # s_o/l of the comparison: past the start-up, before the far support's own layer
 JUMP_WIDTH = 0.02  # |s - s_o|/l left out of tension gaps: there each method smears the jump over its own resolution
@@ -165,7 +166,7 @@ def extrapolated(fine: Response, coarse: Response, order: float = 1.0, ratio: fl
 
     Valid for ladders whose error falls regularly with that order (plain sines: 1).
     """
-    factor = 1.0 / (ratio**order - 1.0)
+    factor = left(order, ratio)
 
     def better(name: str) -> Array:
         f = getattr(fine, name)

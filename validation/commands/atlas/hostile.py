@@ -12,6 +12,7 @@ import traceback
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.estimate import estimated
 from validation.core.running import run
+from validation.core.scenes import logarithmic, random_groups
 
 TRAVELS = ("constant_speed", "constant_acceleration", "accelerate_cruise_brake")
 SLOW = 30.0  # [s] of wall time: more than this for a few hundred steps counts as a hang
@@ -48,17 +50,12 @@ def draws(n: int, seed: int) -> list[Draw]:
     """Return n random scenes; every second one hostile: beyond the usual ranges, or no scene at all."""
     rng = np.random.default_rng(seed)
 
-    def between(low: float, high: float) -> float:
-        return float(math.exp(rng.uniform(math.log(low), math.log(high))))
-
+    between = partial(logarithmic, rng)
     out = []
     for number in range(n):
         hostile = number % 2 == 1
-        groups: dict[str, Any] = {
-            "sag_ratio": between(0.005, 0.2), "alpha": between(50.0, 1e4), "slope": float(rng.uniform(-45.0, 45.0)),
-            "mu": between(0.05, 5.0), "speed_ratio": float(rng.uniform(0.1, 0.8)),
-            "travel": TRAVELS[int(rng.integers(3))],
-        }  # fmt: skip
+        groups = random_groups(rng) | {"travel": TRAVELS[int(rng.integers(3))]}
+        groups["slope"] *= float(rng.choice([-1.0, 1.0]))
         if hostile:
             worse: dict[str, Callable[[], Any]] = {
                 "sag_ratio": lambda: between(1e-4, 2.0), "alpha": lambda: between(0.5, 1e8),

@@ -20,7 +20,7 @@ from typing import Any
 from cablefem.response import Response, write_json
 from cablefem.scene import Scene
 from validation.commands.atlas import catalogue, specimens
-from validation.core import measures
+from validation.core import measures, store
 from validation.core.methods import METHODS, find
 from validation.core.running import run
 
@@ -168,7 +168,7 @@ def _jobs(maps: tuple[Map, ...], rows: tuple[catalogue.Row, ...]) -> list[Job]:
     limits: list[Job] = [
         ("limit", "central-difference", n, 0.0) for n in LIMIT_TERMS if any(m.name == "step-resolution" for m in maps)
     ]
-    return cells + limits + [("row", row.name, 0.0, 0.0) for row in rows]
+    return cells + limits + [("row", row["name"], 0.0, 0.0) for row in rows]
 
 
 def _key(job: Job) -> str:
@@ -210,16 +210,8 @@ def _compute(job: Job) -> dict[str, Any]:
         return item | {"cells": cells(what, x, y)}
     if kind == "limit":
         return item | {"limit": step_limit(round(x))}
-    row = next(row for row in catalogue.CATALOGUE if row.name == what)
-    return item | {"row": _plain(catalogue.run_row(row))}
-
-
-def _plain(values: dict[str, Any]) -> dict[str, Any]:
-    """Numbers that JSON knows: one that is not finite becomes null."""
-    return {
-        k: _plain(v) if isinstance(v, dict) else None if isinstance(v, float) and not math.isfinite(v) else v
-        for k, v in values.items()
-    }
+    row = next(row for row in catalogue.CATALOGUE if row["name"] == what)
+    return item | {"row": store.plain(catalogue.run_row(row))}
 
 
 # --- a cell ---------------------------------------------------------------------------------------------------------

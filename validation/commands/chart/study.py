@@ -28,12 +28,13 @@ from cablefem import newmark
 from cablefem.newmark import SCHEMES
 from cablefem.response import Array, Response, write_json
 from cablefem.scene import Groups, Motion, Scene
-from validation.core import measures
+from validation.core import measures, store
 from validation.core.estimate import SAME_ONSET, estimated
 from validation.core.measures import NotComparable, Window
 from validation.core.methods import METHODS, Method, Resolution, refined
 from validation.core.resolution import TooCoarse, resolve
 from validation.core.running import run
+from validation.core.scenes import random_scene
 from validation.peers import PEERS, PeerPath, available
 
 STOP = measures.WINDOW[1]
@@ -78,7 +79,7 @@ def chart(
     """
     report = progress or (lambda label, fraction: None)
     path = out / "chart.json"
-    before = _read(path, scene)
+    before = store.stored(path, scene_toml=scene.to_toml())
     report("reference", 0.0)
     truth = _Truth.of(scene, before.get("reference"))
     rows: list[dict[str, Any]] = [r for r in before.get("rows", []) if r["status"] not in ("not run", "not installed")]
@@ -116,7 +117,8 @@ def series(peers: bool = True) -> Iterator[Series]:
             yield Series(f"model {model}", "model", tuple(ladder(base))[::4], BASE, model)
     for scheme in SCHEMES:
         if scheme != base.knobs["scheme"].default:
-            rungs = tuple(x | {"scheme": scheme} for x in ladder(base))
+            few = 6 if newmark.scheme(scheme).nodes else 1  # high order wants few large steps
+            rungs = tuple(x | {"scheme": scheme, "steps": max(20, x["steps"] // few)} for x in ladder(base))
             yield Series(f"scheme {scheme}", "integrator", rungs[::3] if scheme == "energy" else rungs[::2], BASE)
     yield Series(f"{BASE} extrapolated", "extrapolated", tuple(ladder(base)), BASE)
     for name in (BASE, WITNESS[0]):
@@ -586,14 +588,6 @@ def _why_not(rows: list[dict[str, Any]]) -> str:
     return f"not measured: comes to {min(errors):.2g} at best" if errors else f"not measured: {rows[0]['reason']}"
 
 
-def _read(path: Path, scene: Scene) -> dict[str, Any]:
-    try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
-        return stored if stored["scene_toml"] == scene.to_toml() else {}
-    except (OSError, ValueError, KeyError):
-        return {}
-
-
 def _machine() -> dict[str, str]:
     names = ("numpy", "scipy", "numba")
     return {"python": platform.python_version(), "machine": platform.machine(), "threads": "1"} | {
@@ -603,27 +597,9 @@ def _machine() -> dict[str, str]:
 
 # --- is the stated error bar true? ------------------------------------------------------------------------------------
 
+TRAVELS = "constant_speed", "constant_acceleration"
 # For the survey: finer than any bar it is held against, and a second one that says so.
 SURE: tuple[dict[str, Any], dict[str, Any]] = ({"elements": 48, "steps": 20_000}, {"elements": 34, "steps": 14_000})
-
-
-def random_scene(rng: np.random.Generator, name: str, *, accelerated: bool) -> Scene:
-    """Return a scene over the range in which the solvers are meant to work; refused combinations are drawn again."""
-    from cablefem.scene import SceneError
-
-    while True:
-        sag, mu, alpha = (math.exp(rng.uniform(math.log(a), math.log(b))) for a, b in RANGES)
-        slope, speed = rng.uniform(0.0, 45.0), rng.uniform(0.1, 0.8)
-        try:
-            return Scene.from_groups(
-                sag_ratio=sag, slope=slope, mu=mu, alpha=alpha, speed_ratio=speed, name=name,
-                travel="constant_acceleration" if accelerated else "constant_speed",
-            )  # fmt: skip
-        except (SceneError, ValueError):
-            continue
-
-
-RANGES = ((0.005, 0.2), (0.05, 5.0), (50.0, 1e4))  # sag/span, mu, alpha; logarithmic
 
 
 def tolerance_survey(
@@ -640,7 +616,7 @@ def tolerance_survey(
     finest = METHODS[REFERENCE[0]]
     rng = np.random.default_rng(seed)
     scenes = [s for name in Scene.library() if (s := Scene.load(name)).mass is not None] if built_in else []
-    scenes += [random_scene(rng, f"random-{seed}-{k}", accelerated=k % 3 == 2) for k in range(n)]
+    scenes += [random_scene(rng, name=f"random-{seed}-{k}", travel=TRAVELS[k % 3 == 2]) for k in range(n)]
     rows = []
     for i, scene in enumerate(scenes):
         if progress is not None:

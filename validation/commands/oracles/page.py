@@ -11,7 +11,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from validation.page.figures import DASHES, GREY, MARKERS, PALETTE
+from validation.page.figures import DASHES, GREY, MARKERS, PALETTE, panels, style
 from validation.page.page import (
     Section,
     badge,
@@ -20,9 +20,7 @@ from validation.page.page import (
     gallery,
     missing,
     number,
-    panels,
     percent,
-    style,
     table,
 )
 

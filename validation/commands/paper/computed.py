@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import asdict
@@ -23,7 +22,7 @@ from validation.commands.paper import gibbs, vibration
 from validation.commands.paper import measured as m
 from validation.commands.paper.runs import Reference, Runs
 from validation.commands.paper.verdicts import Value
-from validation.core import measures
+from validation.core import measures, store
 from validation.oracles import catenary_modes, irvine
 
 MOVING = (0.1, 0.8)  # s_o/l over which tensions are looked at
@@ -41,12 +40,8 @@ def stored(runs: Runs, file: Path) -> dict[str, Any]:
     level, inclined = runs.scenes["level"], runs.scenes["inclined"]
     key = [level.to_toml(), inclined.to_toml(), repr((gibbs.TERMS, gibbs.PLACES.tolist(), gibbs.STEPS)),
            repr((vibration.TERMS, vibration.SPEED, vibration.PERIODS, vibration.COARSE, vibration.FINE))]  # fmt: skip
-    try:
-        old = json.loads(file.read_text(encoding="utf-8"))
-        if old["key"] == key:
-            return dict(old["numbers"])
-    except (OSError, ValueError, KeyError, TypeError):
-        pass  # none, or of another version
+    if kept := store.stored(file, key=key):
+        return dict(kept["numbers"])
     g = level.groups
     new = {
         "frequencies": figure_2(runs),

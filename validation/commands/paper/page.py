@@ -20,8 +20,8 @@ from matplotlib.figure import Figure
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.commands.paper.verdicts import FAILS, HOLDS, sentence
-from validation.page.figures import BLACK, BLUE, GREY, VERMILLION
-from validation.page.page import Section, badge, details, figure, gallery, missing, number, panels, style, table
+from validation.page.figures import BLACK, BLUE, GREY, VERMILLION, panels, style
+from validation.page.page import Section, badge, details, figure, gallery, missing, number, table
 
 KIND = {HOLDS: "agree", FAILS: "disagree"}  # all else: not comparable
 STATIC = {"color": GREY, "linestyle": (0, (6, 3)), "linewidth": 1.0, "label": "static"}

@@ -14,7 +14,8 @@ from markupsafe import Markup
 from validation.commands.sweep.engine import frame
 from validation.commands.sweep.job import BROKEN, DESIGN
 from validation.commands.sweep.study import Study, built_in
-from validation.page.page import Section, callout, figure, gallery, number, panels, table
+from validation.page.figures import panels
+from validation.page.page import Section, callout, figure, gallery, number, table
 
 SHOWN = 4000  # rows in the page at most, evenly taken; all are in rows/
 LARGE = 2500  # dots in a map, evenly taken
