@@ -115,7 +115,7 @@ def reach(a: Response, b: Response, start: float, allowed: float | None) -> Reac
     place = np.arange(start + 0.005, end, 0.005)
     if not place.size:
         return None
-    bound, apart = max(MEANINGFUL, 2.0 * (allowed or 0.0)), _gap(a, b, place)
+    bound, apart = max(MEANINGFUL, 2.0 * (allowed or 0.0)), gap(a, b, place)
     far = place[apart > bound]
     return Reach(float(far[0]), bound, end) if far.size else Reach(None, float(np.nanmax(apart)), end)
 
