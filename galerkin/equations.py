@@ -89,7 +89,7 @@ class GalerkinSystem:
         self.n_modal = self.fields * self.n
         self.n_dof = self.n_modal + (self.fields if self.path_form else 0)
         self.phases = self._phases()
-        self.force_scale = self.mu * groups.sigma
+        self.force_scale = (self.mu or 1.0) * groups.sigma  # weight of the mass; of a bare cable: its own
         # rounding of N = T + alpha eps, summed; ten times what was measured for 10 to 120 terms, alpha 1e3 to 1e6
         self.force_floor = np.finfo(float).eps * groups.alpha
         self._pull: tuple[Any, Any] | None = None  # place and tensions of the last residual
