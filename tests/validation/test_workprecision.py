@@ -11,7 +11,7 @@ import pytest
 from cablefem import Scene
 from validation.commands.chart import page as pages
 from validation.commands.chart import study
-from validation.core import measures
+from validation.core import measures, store
 from validation.core.methods import METHODS
 from validation.core.running import run
 from validation.peers import PEERS, PeerPath
@@ -133,8 +133,8 @@ def test_what_is_stored_is_what_was_found_and_a_second_call_measures_nothing_ane
 def test_another_scene_is_not_gone_on_with(small, tmp_path):
     stored = (small[0] / "chart.json").read_text()
     (tmp_path / "chart.json").write_text(stored)
-    assert study._read(tmp_path / "chart.json", LEVEL)["rows"]
-    assert study._read(tmp_path / "chart.json", Scene.load("inclined")) == {}
+    assert store.stored(tmp_path / "chart.json", scene_toml=LEVEL.to_toml())["rows"]
+    assert store.stored(tmp_path / "chart.json", scene_toml=Scene.load("inclined").to_toml()) == {}
 
 
 def test_pages_are_drawn_without_a_solver(small, monkeypatch):
