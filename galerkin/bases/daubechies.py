@@ -420,6 +420,16 @@ class Daubechies:
         mean = _sums(self.order, self.level, c)(np.array([1.0]), -1)
         return _sums(self.order, self.level, c - mean)(s, derivative - 1)
 
+    @property
+    def harmonic(self) -> bool:
+        """No sines."""
+        return False
+
+    def at(self, s: float) -> np.ndarray:
+        """phi, phi', phi'' (0 where there is none), primitive1, primitive2 at one s, (5, n)."""
+        of, x = self._span.functions, np.array([s])
+        return np.concatenate([of(x, m) if m < 1 or self.smooth else np.zeros((1, self.n)) for m in (-1, 0, 1, -2, -3)])
+
     def values(self, s: np.ndarray) -> np.ndarray:
         """phi(s), (n_s, n)."""
         return self._span.functions(s, -1)
@@ -428,13 +438,17 @@ class Daubechies:
         """phi'(s), (n_s, n)."""
         return self._span.functions(s, 0)
 
-    def d1_into(self, s: np.ndarray, out: np.ndarray) -> None:
-        """phi'(s) into `out`, (n, n_s): looked up at points of the own rule, which a cut changes in one part only."""
+    def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Both sides of s_o: phi' is looked up at points of the own rule, which a cut changes in one part."""
+        (left, w_left), (right, w_right) = self.quadrature_on(0.0, s_o), self.quadrature_on(s_o, 1.0)
+        s = np.concatenate([left, right])
         own, table = _own_table(self)
         i = np.searchsorted(own, s)
-        np.take(table, i, axis=1, out=out, mode="clip")
+        phi = np.empty((self.n + 1, s.size))
+        np.take(table, i, axis=1, out=phi[:-1], mode="clip")
         new = own.take(i, mode="clip") != s
-        out[:, new] = self.d1(s[new]).T
+        phi[:-1, new] = self.d1(s[new]).T
+        return s, np.concatenate([w_left, w_right]), phi
 
     def d2(self, s: np.ndarray) -> np.ndarray:
         """phi''(s), (n_s, n)."""
@@ -447,12 +461,6 @@ class Daubechies:
     def primitive2(self, s: np.ndarray) -> np.ndarray:
         """int_0^s primitive1, (n_s, n)."""
         return self._span.functions(s, -3)
-
-    def gram_into(self, table: np.ndarray, f: np.ndarray, out: np.ndarray) -> None:
-        """sum_q f_abq phi_i'(s_q) phi_j'(s_q) as it stands into out_aibj, (m, n, m, n); f_ab = f_ba."""
-        for a in range(len(f)):
-            for b in range(a + 1):
-                out[a, :, b] = out[b, :, a] = (f[a, b] * table) @ table.T
 
     def mass(self) -> np.ndarray:
         """int phi_m phi_n ds, (n, n), cell by cell from the Gram matrix of phi_-1 on one cell."""

@@ -37,7 +37,7 @@ class NoCoriolis(GalerkinSystem):
 
     def _instant(self, *kinematics):
         x = super()._instant(*kinematics)
-        return dataclasses.replace(x, f_v=0.0 * x.f_v)
+        return dataclasses.replace(x, carried=x.carried._replace(f_v=0.0 * x.carried.f_v))
 
 
 class HalfCentrifugal(GalerkinSystem):
@@ -45,8 +45,8 @@ class HalfCentrifugal(GalerkinSystem):
 
     def _instant(self, s_o, ds_o, dds_o):
         x = super()._instant(s_o, ds_o, dds_o)
-        _, first, second = self.basis.at_mass(s_o)
-        return dataclasses.replace(x, f_q=dds_o * first + 0.5 * ds_o**2 * second)
+        f_q = 0.5 * (x.carried.f_q + dds_o * x.carried.f_s)
+        return dataclasses.replace(x, carried=x.carried._replace(f_q=f_q))
 
     def _load(self, s_o, ds_o, dds_o):
         _, curvature = self.cable.static_slope(np.float64(s_o))

@@ -87,7 +87,7 @@ class _NoCoriolis(GalerkinSystem):
 
     def _instant(self, *kinematics: float) -> Instant:
         x = super()._instant(*kinematics)
-        return replace(x, f_v=np.zeros_like(x.f_v))
+        return replace(x, carried=x.carried._replace(f_v=np.zeros_like(x.carried.f_v)))
 
 
 class _NoConvection(_NoCoriolis):
@@ -95,7 +95,7 @@ class _NoConvection(_NoCoriolis):
 
     def _instant(self, *kinematics: float) -> Instant:
         x = super()._instant(*kinematics)
-        return replace(x, f_q=np.zeros_like(x.f_q))
+        return replace(x, carried=x.carried._replace(f_q=np.zeros_like(x.carried.f_q)))
 
 
 class _RestingStart(GalerkinSystem):
@@ -104,9 +104,8 @@ class _RestingStart(GalerkinSystem):
     def _entry(self) -> State:
         x = super()._entry()
         s_o, ds_o, dds_o = self.motion.at(x.t, 0)
-        slope, curvature = self.cable.static_slope(np.asarray(s_o))
         a = np.zeros_like(x.a)
-        a[self.n - 1 :: self.n] = -self._load(dds_o * slope + ds_o**2 * curvature)
+        a[self.n - 1 :: self.n] = -self._load(s_o, ds_o, dds_o)
         return State(x.t, x.q, np.zeros_like(x.v), a, 0)
 
 
