@@ -87,7 +87,7 @@ class CableElements:
 
     @property
     def force_scale(self) -> float:
-        return self.groups.mu * self.groups.sigma
+        return (self.groups.mu or 1.0) * self.groups.sigma  # weight of the mass; of a bare cable: its own
 
     @property
     def force_floor(self) -> float:
