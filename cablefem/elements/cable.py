@@ -40,9 +40,9 @@ def bands(matrix: coo_array, b: int) -> Array:
 
 
 class CableElements:
-    """A cable on some mesh with its moving mass: a `cablefem.newmark.System` but for `start` and the mesh.
+    """A cable on some mesh with its moving mass: a `cablefem.newmark.System` but for the mesh.
 
-    A mesh sets n_scalar (unknowns per field), _n_dof, _band, _mesh and _operators, and answers `_time`, `_mesh_at`,
+    A mesh sets n_scalar (unknowns per field), _n_dof, _band, _mesh and _operators, and answers `start`, `_time`, `_mesh_at`,
     `_at_mass` and `_fields`.
 
     model : "full" for (u, v), or one unknown field normal to the chord: "string", "sagged", "stretching".
@@ -179,6 +179,10 @@ class CableElements:
         self._work = kernels.Tangent(band, pivots, increment, increment.copy())
         self._complex_work = kernels.Tangent(band.astype(complex), pivots.copy(), increment, increment.astype(complex))
         self._bands = np.empty((3, *self._operators.shape[1:]))
+
+    def start(self, phase: int, state: State | None) -> State:
+        """Return the state at the beginning of a phase, as the protocol has it."""
+        raise NotImplementedError
 
     def _time(self, t: float, phase: int) -> None:
         """Set _coefficients of the _operators, _mesh and _contact at this instant."""
