@@ -42,8 +42,8 @@ def bands(matrix: coo_array, b: int) -> Array:
 class CableElements:
     """A cable on some mesh with its moving mass: a `cablefem.newmark.System` but for the mesh.
 
-    A mesh sets n_scalar (unknowns per field), _n_dof, _band, _mesh and _operators, and answers `start`, `_time`, `_mesh_at`,
-    `_at_mass` and `_fields`.
+    A mesh sets n_scalar (unknowns per field), _n_dof, _band, _mesh and _operators, and answers `start`, `_time`,
+    `_mesh_at`, `_at_mass` and `_fields`.
 
     model : "full" for (u, v), or one unknown field normal to the chord: "string", "sagged", "stretching".
     load : "mass", or "force" for its weight alone.
