@@ -14,11 +14,11 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from cablefem.newmark import Solve, State, StepFailure
+from cablefem.newmark import Settled, Solve, State, StepFailure, iterate
 from cablefem.response import States
 from cablefem.scene import Groups
 from galerkin import kernels
@@ -123,8 +123,8 @@ class RollingSystem(GalerkinSystem):
     def car(self, t: float, q: Array, v: Array, a: Array, phase: int, x: Instant) -> Car:
         """What acts on the car in this state."""
         Q, V, A = self._fields(q), self._fields(v), self._fields(a)
-        velocity = V @ x.f + self._travel(t, q, v, a, phase)[1] * (x.slope + Q @ x.f_s)
-        acceleration = A @ x.f + V @ x.f_v + Q @ x.f_q + x.along
+        velocity = V @ x.carried.f + self._travel(t, q, v, a, phase)[1] * (x.slope + Q @ x.carried.f_s)
+        acceleration = kernels.acceleration(x.carried, Q, V, A) + x.load + self.cable.weight
         thrust = self.drive.thrust(t, phase) if self.free else a[-1]
         return self.loaded(velocity, acceleration, self._sides(x, Q), thrust)
 
@@ -138,7 +138,7 @@ class RollingSystem(GalerkinSystem):
 
     def _sides(self, x: Instant, Q: Array) -> Array:
         """r' behind and ahead of the car, its rows."""
-        return x.slope + Q @ x.f_s + np.multiply.outer(x.rays, Q[:, -1])
+        return x.slope + Q @ x.carried.f_s + np.multiply.outer(x.rays, Q[:, -1])
 
     def _rub(self, car: Car) -> float:
         """The largest force of friction and brakes."""
@@ -181,46 +181,43 @@ class RollingSystem(GalerkinSystem):
             return np.full(self.n_dof, np.nan)  # a trial that leaves the cable: Newton's method takes less
         x = self._at(travel)
         force, pull = self.cable.force(x.place, self._fields(q))
-        self._pull = x.place, pull
+        self._pull = self.basis, x.place, pull
         return self._balance(t, q, v, a, phase, x, force)[0]
 
     def _balance(
         self, t: float, q: Array, v: Array, a: Array, phase: int, x: Instant, force: Array
     ) -> tuple[Array, Car]:
-        """The residual given the internal force, and the car."""
+        """The residual given the internal force, which is overwritten, and the car."""
         Q, V, A = self._fields(q), self._fields(v), self._fields(a)
         car = self.car(t, q, v, a, phase, x)
-        R = A @ x.mass
-        R += force
-        R += np.multiply.outer(V[:, -1], x.gyroscopic) + np.multiply.outer(Q[:, -1], x.centrifugal)
-        R += np.multiply.outer(car.C, x.f)
+        kernels.add_inertia(x.carried, Q, V, A, car.C, force)
         sign = self._sign(t, phase)
         row = self.mu * a[-1]
         if sign:
             row = car.cos_phi * (car.along - self.held(t) / car.stretch + sign * self._rub(car))
-        return np.append(R.ravel(), row), car
+        return np.append(force.ravel(), row), car
 
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         """The car's row leaves out how tau turns with q; the column of s_o is a difference of the residual."""
         x, n, sign = self._at(self._travel(t, q, v, a, phase)), self.n_modal, self._sign(t, phase)
-        force, pull, stiffness = self.cable.linearise(x.place, self._fields(q))
+        force, pull, stiffness = self.cable.linearise(self.basis, x.place, self._fields(q))
         r, car = self._balance(t, q, v, a, phase, x, force)
-        block = self._tangent(x, stiffness, c0, c1, c2)
+        block, b = self._tangent(x, stiffness, c0, c1, c2), x.carried
         K = np.zeros((n + 1, n + 1), dtype=block.dtype)
         K[:n, :n] = block
         if sign:
             lean = sign * self.drive.mu_r * car.cos_phi * math.copysign(1.0, car.pressing)
             row = self.mu * (car.tau + lean * np.array([car.tau[1], -car.tau[0]]))
-            K[n, :n] = np.multiply.outer(row, c2 * x.f + c1 * x.f_v + c0 * x.f_q).ravel()
+            K[n, :n] = np.multiply.outer(row, c2 * b.f + c1 * b.f_v + c0 * b.f_q).ravel()
         if not sign:
             K[n, n] = c2 * self.mu
         elif self.free:
             K[:, n] = self._column(t, q, v, a, phase, r, (c0, c1, c2))
         else:
-            K[:n, n], K[n, n] = -c2 * np.multiply.outer(car.tau, x.f).ravel(), -c2
-        self._pull = x.place, pull
+            K[:n, n], K[n, n] = -c2 * np.multiply.outer(car.tau, b.f).ravel(), -c2
+        self._pull = self.basis, x.place, pull
         return r, factorised(K)
 
     def _column(self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, c: tuple) -> Array:
@@ -230,6 +227,9 @@ class RollingSystem(GalerkinSystem):
         h = STEP / sum(c)
         q, v, a = (np.append(y[:-1], y[-1] + h * x) for y, x in zip((q, v, a), c, strict=True))
         return (self.residual(t, q, v, a, phase) - r) / h
+
+    def settle(self, *step: Any) -> Settled:
+        return iterate(self, *step)
 
     # --- start ------------------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
@@ -268,11 +268,12 @@ class RollingSystem(GalerkinSystem):
 
     def _rest(self, x: Instant, Q: Array, tolerance: float) -> tuple[Array, float]:
         """Improve Q until nothing lowers the defect any more; with that defect."""
-        weight, f_m = self.mu * self.cable.weight, x.f_s.copy()
+        f, f_m = x.carried.f, x.carried.f_s.copy()
+        weight = self.mu * self.cable.weight
         f_m[-1] += 0.5 * sum(x.rays)
 
         def linearised(Q: Array) -> tuple[Array, Array]:
-            force, _, K = self.cable.linearise(x.place, Q)
+            force, _, K = self.cable.linearise(self.basis, x.place, Q)
             load = weight
             if not self.free:
                 mean = self._sides(x, Q).mean(axis=0)
@@ -281,8 +282,8 @@ class RollingSystem(GalerkinSystem):
                 n = np.array([-tau[1], tau[0]])
                 load = (weight @ n) * n
                 turn = np.multiply.outer((weight @ n) * tau + (weight @ tau) * n, n) / size
-                K += np.einsum("ab,i,j->aibj", turn, x.f, f_m).reshape(K.shape)
-            return (force - np.multiply.outer(load, x.f)).ravel(), K
+                K += np.einsum("ab,i,j->aibj", turn, f, f_m).reshape(K.shape)
+            return (force - np.multiply.outer(load, f)).ravel(), K
 
         r, K = linearised(Q)
         for _ in range(60):
@@ -309,13 +310,14 @@ class RollingSystem(GalerkinSystem):
         if not ds_o:
             return v
         x = self._instant(self.drive.start, ds_o, 0.0)
+        b = x.carried
         Q, n = self._fields(q), self.n_modal
         mean = self._sides(x, Q).mean(axis=0)
         tau = mean / math.hypot(*mean)
-        normal = np.multiply.outer(np.array([-tau[1], tau[0]]), x.f).ravel()
-        K = np.kron(np.eye(2), x.mass) + self.mu * np.multiply.outer(normal, normal)
-        carried = ds_o * (x.slope + Q @ x.f_s)
-        r = 0.5 * np.multiply.outer(Q[:, -1], x.gyroscopic).ravel() + self.mu * (carried @ [-tau[1], tau[0]]) * normal
+        normal = np.multiply.outer(np.array([-tau[1], tau[0]]), b.f).ravel()
+        K = np.kron(np.eye(2), b.mass) + self.mu * np.multiply.outer(normal, normal)
+        carried = ds_o * (x.slope + Q @ b.f_s)
+        r = 0.5 * np.multiply.outer(Q[:, -1], b.gyroscopic).ravel() + self.mu * (carried @ [-tau[1], tau[0]]) * normal
         v[:n] = -np.linalg.solve(K, r)
         return v
 

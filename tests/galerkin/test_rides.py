@@ -72,7 +72,9 @@ def test_rows_of_the_cable_are_those_of_a_mass_that_grips(kink):
     thrust = Drive(mode="free", start=0.4, thrust_table=((0.0, 0.3), (math.inf, 0.3)))
     pulled = RollingSystem(replace(STEEP, drive=thrust), Fourier(4), kink=kink)
     change = (pulled.residual(0.9, q, v, a, 0) - free.residual(0.9, q, v, a, 0))[:-1].reshape(2, -1)
-    np.testing.assert_allclose(np.hypot(*change), 0.3 * np.abs(free.basis.at_mass(s_o)[0]), rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(
+        np.hypot(*change), 0.3 * np.abs(free.basis.carried(s_o, 0.0, 0.0).f), rtol=0.0, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("drive", [{}, {"mu_r": 0.3, "k": 0.1, "wind": -0.2}], ids=["smooth", "rubbing"])

@@ -148,6 +148,6 @@ ORACLE = Oracle(
     source="Energy and the geometry of the ellipse",
     validity="D < l, no friction",
     group=ROLLS,
-    answer=Ellipse.tension,
+    answer=Ellipse,
     cases=_cases,
 )

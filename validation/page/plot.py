@@ -131,8 +131,11 @@ def _ticks(low: float, high: float, log: bool, most: float) -> list[tuple[float,
     if not (rough > 0.0 and math.isfinite(rough)):
         return []
     tens = 10.0 ** math.floor(math.log10(rough))
-    step = tens * next(k for k in (1.0, 2.0, 5.0, 10.0) if k * tens >= rough * (1.0 - 1e-9))
-    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    for k in (10.0, 5.0, 2.0, 1.0):  # the longest step that leaves three values, if not too many
+        step = k * tens
+        first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+        if last - first >= 2:
+            break
     digits = max(0, -math.floor(math.log10(step) + 1e-9))
     return [(n * step, f"{n * step:.{digits}f}".replace("-", "−")) for n in range(first, last + 1)]
 

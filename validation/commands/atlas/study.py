@@ -168,7 +168,7 @@ def _jobs(maps: tuple[Map, ...], rows: tuple[catalogue.Row, ...]) -> list[Job]:
     limits: list[Job] = [
         ("limit", "central-difference", n, 0.0) for n in LIMIT_TERMS if any(m.name == "step-resolution" for m in maps)
     ]
-    return cells + limits + [("row", row.name, 0.0, 0.0) for row in rows]
+    return cells + limits + [("row", row["name"], 0.0, 0.0) for row in rows]
 
 
 def _key(job: Job) -> str:
@@ -210,7 +210,7 @@ def _compute(job: Job) -> dict[str, Any]:
         return item | {"cells": cells(what, x, y)}
     if kind == "limit":
         return item | {"limit": step_limit(round(x))}
-    row = next(row for row in catalogue.CATALOGUE if row.name == what)
+    row = next(row for row in catalogue.CATALOGUE if row["name"] == what)
     return item | {"row": store.plain(catalogue.run_row(row))}
 
 

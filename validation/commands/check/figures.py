@@ -7,6 +7,7 @@ an answer; `caption` goes below.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -70,7 +71,8 @@ def bar_of(solver: Solver, of: Of) -> tuple[Array, Array] | None:
 def _largest(x: Stored, r: Response, curve: tuple[Array, Array]) -> float:
     """Return the largest finite value of a curve over instants, in the compared range."""
     at, y = curve
-    within = y[(at >= x.time(r, x.window[0])) & (at <= x.time(r, x.window[1])) & np.isfinite(y)]
+    low, high = x.times(r)
+    within = y[(at >= low) & (at <= high) & np.isfinite(y)]
     return float(within.max()) if within.size else 0.0
 
 
@@ -81,16 +83,16 @@ def _over(x: Stored, r: Response, t: Array | None = None) -> Array:
 
 
 def _inside(x: Stored, r: Response, values: Array) -> Array:
-    return values[measures.inside(r, x.window)] if measures.inside(r, x.window).any() else values
+    inside = measures.inside(r, x.window)
+    return values if x.free or not inside.any() else values[inside]
 
 
 def _drawn(x: Stored, panels: Sequence[Panel], caption: str) -> Markup:
     """Shade what is not compared, draw the slack onset and the events of a ride, and plot."""
     r = x.solvers[0].run
-    low, high = (x.time(r, at) for at in x.window) if x.free else x.window
     end = max(float(s.run.t[-1]) for s in x.solvers) if x.free else 1.0
     for p in panels:
-        p.spans += [(0.0, low), (high, end)]
+        p.spans += [] if x.free else [(0.0, x.window[0]), (x.window[1], end)]
         if x.onset is not None:
             p.verticals.append((x.time(r, x.onset) if x.free else x.onset, BLACK, DOTTED))
         p.verticals += [(e["t"] if x.free else e["s_o"] / r.length, GREEN, "") for e in x.events]
@@ -150,7 +152,7 @@ def _distance(x: Stored) -> Panel:
     gap = gap_of(a, b, path_of)
     p.line(_over(x, a, gap[0]), 100.0 * gap[1] / size, BLACK, "", 1.6, "distance of the paths")
     if allowed is not None and x.window[1] > x.window[0]:
-        ends = np.array([x.time(a, at) for at in x.window] if x.free else x.window)
+        ends = np.array(x.times(a) if x.free else x.window)
         p.line(ends, np.full(2, 100.0 * allowed), GREEN, "9 3 2 3", 2.0, "allowed at most")
     p.decades(100.0 * max(most, _largest(x, a, gap), (allowed or 0.0) * size) / size)
     return p
@@ -162,7 +164,7 @@ def tension_range(solvers: Sequence[Solver], window: Window) -> tuple[float, flo
     for solver in solvers:
         f = solver.compared.fields
         inside = f.s_o <= window[1] * solver.compared.length
-        part = f.T[inside] if inside.any() else f.T
+        part = f.T[inside] if inside.any() and solver.run.drive != "free" else f.T
         low, high = min(low, float(part.min())), max(high, float(part.max()))
     return max(0.0, low), high
 
@@ -178,15 +180,23 @@ def tension_fields(x: Stored, solvers: Sequence[Solver], caption: str) -> Markup
         panels.append(p)
     if len(solvers) > 1:
         a, b = (s.compared for s in solvers)
-        at, i, j = measures.common_frames(a, b)
+        at, i, j = _common(x, a, b)
         gap = a.fields.T[i] - b.fields.T[j]
         off = np.abs(a.fields.s[None, :] / a.length - at[:, None]) >= measures.JUMP_WIDTH
-        inside = ((at >= x.window[0]) & (at <= x.window[1]))[:, None] & off
-        most = float(np.percentile(np.abs(gap[inside]), 99.5)) if inside.any() else float(np.abs(gap).max())
+        inside = ((at >= x.window[0]) & (at <= x.window[1]) | x.free)[:, None] & off
+        most = float(np.percentile(np.abs(gap[inside]), 99.5)) if inside.any() else float(np.abs(gap).max(initial=0.0))
         t, most = a.fields.t[i], most or 1.0
         names = f"{solvers[0].name} − {solvers[1].name}"
         panels.append(_field(x, a, names, t, gap, -most, most, end, DIFFERENCE, BLACK))
     return plot(panels, (0.0, end), "time t [s]", caption)
+
+
+def _common(x: Stored, a: Response, b: Response) -> tuple[Array, Any, Any]:
+    """Return s_o/l of the frames that both have, and their indices; those of free rides are at the same instants."""
+    if not x.free:
+        return measures.common_frames(a, b)
+    _, i, j = np.intersect1d(np.round(a.fields.t, 9), np.round(b.fields.t, 9), return_indices=True)
+    return a.fields.s_o[i] / a.length, i, j
 
 
 def _field(
@@ -203,7 +213,8 @@ def _field(
     p.colors = colors or p.colors
     for color, width in ((BLACK if ink != BLACK else "#fff", 2.6), (ink, 1.4)):
         p.line(r.t, r.s_o / r.length, color, "", width)
-    p.verticals.append((x.time(r, x.window[1]), ink, DASHED))
+    if not x.free:
+        p.verticals.append((x.time(r, x.window[1]), ink, DASHED))
     if x.onset is not None:
         p.verticals.append((x.time(r, x.onset), ink, DOTTED))
     if r.t[-1] < end:

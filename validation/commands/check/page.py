@@ -18,13 +18,14 @@ from markupsafe import Markup, escape
 
 from cablefem.response import Array, Response
 from validation.commands.check import figures as draw
-from validation.commands.check.figures import gap_of, path_of, scale_of
+from validation.commands.check.figures import scale_of
 from validation.commands.check.shared import SHARED
 from validation.commands.check.stored import Solver, Stored, read
 from validation.core import measures
 from validation.core.bounds import Bound
 from validation.core.measures import NotComparable
 from validation.core.methods import METHODS
+from validation.core.trust import Reach, reach
 from validation.page.page import (
     VERDICTS,
     Section,
@@ -47,15 +48,25 @@ QUANTITIES = {
     "path_rms": ("Mass path, rms distance", "deflection"),
     "place": ("Place on the cable, largest distance", "length"),
     "speed": ("Speed, largest distance", "speed"),
+    "path_slack": ("Mass path past the slack onset, largest distance", "deflection"),
     "tension": ("Tension along the cable, rms off the mass", "tension"),
     "tension_behind": ("Tension behind the mass, rms", "tension"),
     "tension_ahead": ("Tension ahead of the mass, rms", "tension"),
     "reactions": ("Support reactions, rms", "tension"),
-    "jump": ("Force jump at the mass, rms defect", "weight"),
+    "displacement": ("Displacement field, rms of its own", ""),
+    "velocity": ("Velocity across the cable, rms of its own", ""),
+    "slack_onset": ("Slack onset, in sₒ/l", ""),
+    "impulse": ("Momentum of the mass, rms defect", "weight"),
+    "laws_si": ("Mechanics in SI", ""),
     "energy": ("Energy balance, rms defect", "work"),
-    "overshoot": ("Tension oscillation of one solver only", "tension"),
 }
-LAWS = ("impulse", "laws_si", "energy", "jump")  # rows about one answer and mechanics
+DESIGN = {
+    "tension_max": "largest tension", "tension_min": "least tension", "deepest_point": "deepest point of the cable",
+    "mass_deepest": "deepest place of the mass", "mass_deflection_max": "largest deflection of the mass",
+    "contact_max": "largest force of the mass on the cable", "contact_min": "least force of the mass on the cable",
+    "haul_force_max": "largest haul force", "speed_max": "top speed", "slack_onset": "slack onset",
+}  # fmt: skip
+LAWS = ("impulse", "laws_si", "energy")  # rows about one answer and mechanics
 
 
 def sections(folder: Path) -> list[Section]:
@@ -92,7 +103,7 @@ def _quantity(value: float, unit: str, digits: int = 3) -> str:
 
 def _verdict(x: Stored, gone: Markup) -> Section:
     of = _references(x)
-    html = [gone, _design(x)]
+    html = [gone, *(callout(f"{d['method']}: {d['words']}.", "not comparable") for d in x.doubts), _design(x)]
     if x.rows:
         shown = [row for row in x.rows if row.get("quantity") not in LAWS or row.get("verdict") != "agree"]
         used = dict.fromkeys(kind for row in shown if (kind := _words(row)[1]))
@@ -100,7 +111,7 @@ def _verdict(x: Stored, gone: Markup) -> Section:
             _rows(x, shown), Markup(_SAY.references([(_quantity(*of[kind][:2]), of[kind][2]) for kind in used])),
         ]  # fmt: skip
     r = x.solvers[0].run
-    reach = _SAY.reach(x, x.time(r, x.window[0]), x.time(r, x.window[1]), _parting(x))
+    reach = _SAY.reach(x, *x.times(r), _parting(x))
     heads = {
         "solver": "solver", "deflection": "largest deflection of the mass", "slack": "cable slack",
         "law": "law of the cable", "end": "computed up to",
@@ -117,7 +128,7 @@ def _design(x: Stored) -> Markup:
         unit, value, bar = d["unit"], d["value"], d.get("bar")
         factor, name = (3.6, "km/h") if unit == "m/s" else scale_of(np.array([value]), unit)
         rows.append({
-            "what": d["quantity"].replace("_", " "), "value": _with_bar(factor * value, bar and factor * bar),
+            "what": _named(d["quantity"]), "value": _with_bar(factor * value, bar and factor * bar),
             "unit": name, "t": None if d.get("t") is None else f"{d['t']:.4g} s",
             "where": None if d.get("s_o") is None else f"{d['s_o'] / x.scene.length:.3f}",
             "at": None if d.get("s") is None else f"{d['s'] / x.scene.length:.3f}",
@@ -128,12 +139,16 @@ def _design(x: Stored) -> Markup:
     return table(rows, heads, caption="Design numbers") if rows else Markup("")
 
 
+def _named(quantity: str) -> str:
+    return DESIGN.get(quantity) or re.sub("(.*)_max", r"largest \1", quantity).replace("_", " ")
+
+
 def _with_bar(value: float, bar: float | None) -> str:
     """Return a value to the digits that its error bar leaves."""
     if not bar or not math.isfinite(bar):
         return number(value, 4)
     digits = max(0, 1 - math.floor(math.log10(bar)))
-    return f"{value:.{digits}f} ± {bar:.{digits}f}".replace("-", "−")
+    return f"{value:.{digits}f}\u202f±\u202f{bar:.{digits}f}".replace("-", "−")
 
 
 def _rows(x: Stored, rows: list[dict[str, Any]]) -> Markup:
@@ -244,20 +259,12 @@ def _facts(s: Solver, x: Stored) -> dict[str, str]:
     }  # fmt: skip
 
 
-def _parting(x: Stored) -> dict[str, float | None] | None:
+def _parting(x: Stored) -> Reach | None:
     """Return where past the compared range both paths part, or by how much they differ up to the end."""
-    bound = 10.0 * (x.row("path_max").get("allowed") or x.tol or 0.0)
-    if len(x.solvers) < 2 or not x.window[1] > x.window[0] or bound == 0.0:
+    if len(x.solvers) < 2 or x.free or not x.window[1] > x.window[0]:
         return None
     a, b = (s.compared for s in x.solvers)
-    t, gap = gap_of(a, b, path_of)
-    past = t > x.time(a, x.window[1])
-    if not past.any():
-        return None
-    far = past & (gap > bound * x.deflection)
-    place = float(np.interp(t[far][0], a.t, a.s_o) / a.length) if far.any() else None
-    most = bound if far.any() else float(gap[past].max()) / x.deflection
-    return {"place": place, "gap": most, "end": float(np.interp(t[-1], a.t, a.s_o) / a.length)}
+    return reach(a, b, x.window[1], x.row("path_max").get("allowed"))
 
 
 # --- both answers ---------------------------------------------------------------------------------------------------
