@@ -7,10 +7,10 @@ the empty string's shape, from w = mu sigma s0 (1 - s0), dw = 0:
 
 By d'Alembert's solution of
     w_tt - w_xx = R delta(x - s_o), R = mu sigma - mu p.. + mu a (y' + <w_s>),
-p = y(s_o) + w, y'' = -sigma.  What keeps the string's rest shape is a source mu sigma at s0 that ends at t = 0; so 2 w. = R - mu sigma + mu sigma
-(1 - 2 s0) ds_o, and the slopes on both sides are those of waves running away from s_o and of that source.  A gripped
-car with the same s_o(t) has tensions that differ by mu a between its sides, which changes the waves' speeds: another
-path in first order.
+p = y(s_o) + w, y'' = -sigma.  What keeps the string's rest shape is a source mu sigma at s0 that ends at t = 0; so
+2 w. = R - mu sigma + mu sigma (1 - 2 s0) ds_o, and the slopes on both sides are those of waves running away from s_o
+and of that source.  A gripped car with the same s_o(t) has tensions that differ by mu a between its sides, which
+changes the waves' speeds: another path in first order.
 
 Validity: a t < 1, before the first echo, sigma -> 0 (second order in sigma as long as alpha is not large, too).
 Accuracy: DOP853 at rtol 1e-12.
