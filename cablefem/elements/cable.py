@@ -135,10 +135,9 @@ class CableElements:
     ) -> Settled:
         self._time(t, phase)
         self._at = (t, phase)
-        *done, least, where = kernels.settle(
-            self._operators, self._coefficients, self._bands, tuple(self._mesh), self._cable, tuple(self._contact),
-            tuple(self._work), start, now, rule, bound, newton.max_iter, newton.reuse, newton.patience,
-        )  # fmt: skip
+        grip = self._operators, self._coefficients, self._bands, tuple(self._contact)
+        of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rule, bound
+        *done, least, where = kernels.settle(grip, None, *of, newton.max_iter, newton.reuse, newton.patience)
         self.least_tension = least, where
         return Settled(*done)
 
