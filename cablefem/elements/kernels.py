@@ -429,7 +429,7 @@ class Car(NamedTuple):
     mode: int
     node: int  # its scalar unknown
     mu: float
-    sigma: float
+    sigma: float  # of its weight
     s_o: float
     ds: float
     dds: float
@@ -492,14 +492,15 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, tangent, c0, c1, c2):
 
     With z = dq/dt phi - c q phi', the velocity of the cable at fixed s, the discrete Lagrangian of (q, s_o) is
 
-        L = sum over sides of h int ( z^2/2 - D ) dxi + mu |p.|^2/2 + mu sigma p_y,  D = W - T X'.w',  p = X(s_o) + w_m,
+        L = sum over sides of h int ( z^2/2 - D ) dxi + mu |p.|^2/2 + mu sigma p_y,  D = W - T X'.w',
 
-    c = ds_o chi, chi = xi on the left and 1 - xi on the right; s = s_o xi or s_o + h xi, w' = q phi_,xi/h.  The rows are
-    Lagrange's equations, the last one that of s_o, with the force F_ext on p and F_drive on s_o.  The tangent leaves out
-    what is small: the turning of the mean tangent, and parts of the derivative of the last row by s_o itself.
+    p = X(s_o) + w_m, c = ds_o chi, chi = xi on the left and 1 - xi on the right; s = s_o xi or s_o + h xi, w' = q
+    phi_,xi/h.  The rows are Lagrange's equations, the last one that of s_o, with the force F_ext on p and F_drive on
+    s_o.  The tangent leaves out what is small: the turning of the mean tangent, and parts of the derivative of the last
+    row by s_o itself.
     """
-    n_el, n_loc = mesh.dofs.shape
-    span, dofs, tab = mesh
+    dofs, tab = mesh.dofs, mesh.tab
+    n_el, n_loc = dofs.shape
     alpha, sigma, slope, law = cable[0], cable[1], cable[2], cable[3]
     band = (ab.shape[1] - 1) // 3
     n, m = q.size - 1, car.node
@@ -627,7 +628,7 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, tangent, c0, c1, c2):
     xp, yp, xpp, ypp = 1.0 / T, p / T, sigma * p / (T * T * T), -sigma / (T * T * T)
     px, py = v[2 * m] + xp * ds, v[2 * m + 1] + yp * ds
     fx = car.mu * (a[2 * m] + xp * dds + xpp * ds * ds)
-    fy = car.mu * (a[2 * m + 1] + yp * dds + ypp * ds * ds - sigma)
+    fy = car.mu * (a[2 * m + 1] + yp * dds + ypp * ds * ds - car.sigma)
     tau, stretch = mean_tangent(mesh, rolling, s_o, xp, yp, q)
     ex, ey, normal, drive = car_forces(car, tau, stretch, px, py, fx, fy)
     if car.mode == HAUL:
@@ -675,6 +676,28 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, tangent, c0, c1, c2):
 
 
 @compiled
+def look(mesh, rolling, cable, car, q, v, a):
+    """Return the normal force with which the car presses on the cable, mean |r'|, and p. along the mean tangent.
+
+    And the force of weight, thrust and drag along it, and of weight across it.
+    """
+    mesh, rolling, car = Mesh(*mesh), Rolling(*rolling), Car(*car)  # plain tuples, as in `settle`
+    n, m, sigma = q.size - 1, car.node, cable[1]
+    s_o, ds, dds = (car.s_o, car.ds, car.dds) if car.mode == HAUL else (q[n], v[n], a[n])
+    p = cable[2] - sigma * s_o
+    T = math.sqrt(1.0 + p * p)
+    xp, yp, bend = 1.0 / T, p / T, sigma * ds * ds / (T * T * T)
+    px, py = v[2 * m] + xp * ds, v[2 * m + 1] + yp * ds
+    fx = car.mu * (a[2 * m] + xp * dds + p * bend)
+    fy = car.mu * (a[2 * m + 1] + yp * dds - bend - car.sigma)
+    tau, stretch = mean_tangent(mesh, rolling, s_o, xp, yp, q)
+    ex, ey, normal, _ = car_forces(car, tau, stretch, px, py, fx, fy)
+    weight = car.mu * car.sigma
+    along = ex * tau[0] + (ey + weight) * tau[1]
+    return normal, stretch, px * tau[0] + py * tau[1], along, weight * tau[0]
+
+
+@compiled
 def factorise_bordered(work, rolling):
     """Factorise the banded tangent and its border; return whether it is regular."""
     column, row, solved = rolling.border
@@ -712,7 +735,7 @@ def settle(grip, ride, mesh, cable, work, start, now, rule, bound, max_iter, reu
     """Find the end of a step by Newton's method as `cablefem.newmark.iterate` does, compiled with the balance.
 
     grip : operators, coefficients, bands and `Contact` of a mass whose place is given, or None.
-    ride : `Rolling` and `Car` of one that rolls, or None; numba compiles the one that is there.
+    ride : `Rolling` and `Car` of one that rolls, or None; numba compiles what is there only.
     mesh, work and the rest as plain tuples: it is slow to take in named ones.
     Return |r|, iterations, factorisations, residuals, the least tension and its s.
     """
@@ -720,10 +743,10 @@ def settle(grip, ride, mesh, cable, work, start, now, rule, bound, max_iter, reu
     n = start.shape[1]
     balanced, r, da = np.empty((3, n)), np.empty(n), np.zeros(n)
     q, v, a = balanced[0], balanced[1], balanced[2]
-    if ride is None:
+    if grip is not None:
         bands, contact = grip[2], Contact(*grip[3])
         combine(grip[0], grip[1], bands)
-    else:
+    if ride is not None:
         rolling, car = Rolling(*ride[0]), Car(*ride[1])
     for i in range(3):
         for j in range(n):
@@ -733,10 +756,10 @@ def settle(grip, ride, mesh, cable, work, start, now, rule, bound, max_iter, reu
     for iteration in range(max_iter):
         if anew:
             correct(start, rule, 0.0, da, now, balanced)
-            if ride is None:
+            if grip is not None:
                 assemble(bands, mesh, cable, contact, q, v, a, r, work, True, c0, c1, c2)
                 regular = factorise_coupled(work, c0 * coupling(cable))
-            else:
+            if ride is not None:
                 roll(mesh, rolling, cable, car, q, v, a, r, work.ab, True, c0, c1, c2)
                 regular = factorise_bordered(work, rolling)
             norm = math.sqrt(dot(r, r))
@@ -744,16 +767,16 @@ def settle(grip, ride, mesh, cable, work, start, now, rule, bound, max_iter, reu
         before = norm
         if not regular:
             r[:] = math.nan  # the norm will tell
-        elif ride is None:
+        if grip is not None:
             solve_coupled(work, r)
-        else:
+        if ride is not None:
             solve_bordered(work, rolling, r)
         da[:] = r
         for halving in range(6):
             correct(start, rule, 1.0 if halving == 0 else -(0.5**halving), da, now, balanced)
-            if ride is None:
+            if grip is not None:
                 least, where = assemble(bands, mesh, cable, contact, q, v, a, r, work, False, c0, c1, c2)
-            else:
+            if ride is not None:
                 least, where, _, _, _ = roll(mesh, rolling, cable, car, q, v, a, r, work.ab, False, c0, c1, c2)
             residuals += 1
             norm = math.sqrt(dot(r, r))
