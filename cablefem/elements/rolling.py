@@ -127,7 +127,8 @@ class RollingElements(FollowingElements):
             self._heading = math.copysign(1.0, slip)
         ride = tuple(self._rolling), tuple(self._car(t, phase, slip))
         of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rule, bound
-        *done, least, where = kernels.settle(None, ride, *of, newton.max_iter, newton.reuse, newton.patience)
+        # near a support a correction that overshoots ends on another root: no patience
+        *done, least, where = kernels.settle(None, ride, *of, newton.max_iter, newton.reuse, 0)
         self.least_tension = least, where
         return Settled(*done)
 

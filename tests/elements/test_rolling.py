@@ -12,8 +12,8 @@ from cablefem import Scene
 from cablefem.elements import kernels
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.rolling import RollingElements, following
-from cablefem.newmark import Work, integrate, iterate, scheme
-from tests.runs import INCLINED, LEVEL, observe, stack
+from cablefem.newmark import Newton, Work, integrate, iterate, scheme, step_times
+from tests.runs import CRUISE, INCLINED, LEVEL, observe, stack
 
 
 def zip_line(mass=95.0, **drive):
@@ -31,8 +31,11 @@ DAMPED = {"method": "generalized-alpha", "rho_inf": 0.9}
 def ride(system, t, steps, method="generalized-alpha", **kw):
     """Return the states of a ride up to t, and the work."""
     work, kw = Work(), kw or ({"rho_inf": 0.9} if method == "generalized-alpha" else {})
-    grid = [np.linspace(0.0, t, steps + 1)]
-    return stack(list(integrate(system, scheme(method, **kw), grid, work=work))), work
+    steps_of = [np.array([0.0]) for _ in system.phases]
+    for i, (t0, t1) in enumerate(system.phases):
+        end = min(t1, t)
+        steps_of[i] = np.linspace(t0, end, 1 + max(1, round(steps * (end - t0) / t))) if end > t0 else np.array([t0])
+    return stack(list(integrate(system, scheme(method, **kw), steps_of, work=work))), work
 
 
 # --- the equations ------------------------------------------------------------------------------------------------
@@ -102,7 +105,7 @@ def test_the_tangent_is_the_derivative_of_the_residual(drive):
 
 def test_steps_are_those_of_the_interpreted_iteration():
     one, other = (RollingElements(G, elements=4) for _ in range(2))
-    other.settle = lambda *step: iterate(other, *step)
+    other.settle = lambda *step: iterate(other, *step[:-1], Newton(patience=0))
     (states, work), (want, same) = (ride(s, 3.0, 60) for s in (one, other))
     assert np.abs(states.q - want.q).max() < 1e-9
     assert (work.newton_iterations, work.residuals) == (same.newton_iterations, same.residuals)
@@ -178,10 +181,10 @@ def test_a_rider_is_braked_and_stops():
         "the car slips while it is held"
     )
     o = observe(system, states)
-    brakes = states.t > 34.81 * SECOND
-    moving = brakes & (states.v[:, -1] != 0.0)
-    assert np.all(o.powers["brake"][moving] < 0.0)
+    brakes, moving = o.s_o >= 280.0 * METRE, states.v[:, -1] > 0.0
+    assert np.all(o.powers["brake"][brakes & moving] < 0.0)
     assert np.all(o.powers["brake"][~brakes] == 0.0)
+    assert np.all(o.powers["friction"][moving] < 0.0)
 
 
 def test_a_car_that_friction_holds_stays():
@@ -199,7 +202,7 @@ def test_a_rider_rolls_back_and_turns():
         mass={"mass": 95.0}, drive={"mode": "free", "start": 6.0, "drag_area": 0.6, "end": {"time": 120.0}},
     )  # fmt: skip
     system = RollingElements(scene.groups, elements=6)
-    states, work = ride(system, 50.0 / scene.time_scale, 600)
+    states, work = ride(system, 70.0 / scene.time_scale, 700)
     assert [e.name for e in work.events] == ["turn", "turn"]
     speed = np.hypot(*observe(system, states).path_velocity.T)
     for e in work.events:
@@ -208,8 +211,8 @@ def test_a_rider_rolls_back_and_turns():
         assert speed[i] < 0.02 * speed.max()
 
 
-@pytest.mark.parametrize(("method", "bound", "order"), [("trapezoidal", 3e-7, 2.0), ("newmark", 3e-4, 1.0)])
-def test_a_ride_without_losses_keeps_its_energy(method, bound, order):
+@pytest.mark.parametrize(("method", "bound"), [("trapezoidal", 3e-7), ("newmark", 3e-5)])
+def test_a_ride_without_losses_keeps_its_energy(method, bound):
     groups = replace(G, drive=replace(G.drive, k=0.0, release=0.4))
     drifts = []
     for steps in (200, 400):
@@ -218,5 +221,37 @@ def test_a_ride_without_losses_keeps_its_energy(method, bound, order):
         o = observe(system, states)
         given = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(o.t) * (o.power[1:] + o.power[:-1]))])
         drifts.append(np.abs(o.energy - o.energy[0] - given).max() / (G.mu * G.sigma))
-    print(method, drifts)
     assert drifts[1] < bound
+    assert drifts[1] < 0.6 * drifts[0]
+
+
+def test_both_sides_pull_alike_and_the_contact_is_normal():
+    """Let go gently: pointwise tensions of P2 differ by what the mesh is worth, recovered ones by a tenth of it."""
+    system = RollingElements(zip_line(release=1.0).groups, elements=8)
+    states, _ = ride(system, 20.0 * SECOND, 600)
+    o = observe(system, states)
+    late = o.t > 3.0 * SECOND
+
+    def rms(x):
+        return float(np.sqrt(np.mean(x[late] ** 2)))
+
+    recovered, pointwise = rms(o.T_ahead - o.T_behind), rms(o.T_ahead_pointwise - o.T_behind_pointwise)
+    along = np.sum(o.contact * (o.slope_behind + o.slope_ahead), axis=1) / 2.0
+    assert recovered < 1e-5
+    assert recovered < 0.01 * pointwise
+    assert rms(along) < 1e-4 * rms(o.contact[:, 1])
+    gripped = o.contact - np.array([0.0, G.mu * G.sigma])  # a force with a part along the cable would be seen
+    assert rms(np.sum(gripped * (o.slope_behind + o.slope_ahead), axis=1)) > 1e-3
+
+
+def test_a_hauled_car_costs_what_its_rope_gives():
+    motion = CRUISE.motion.shifted(0.05).until(1.6)  # one phase: the power does not jump
+    groups = replace(CRUISE, motion=motion, drive=replace(G.drive, mode="haul", k=0.3, mu_r=0.02))
+    system = RollingElements(groups, elements=8)
+    states = stack(list(integrate(system, scheme("generalized-alpha", rho_inf=0.9), step_times(system, 400))))
+    o = observe(system, states)
+    given = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(o.t) * (o.power[1:] + o.power[:-1]))])
+    assert np.abs(o.energy - o.energy[0] - given).max() < 1e-3 * np.ptp(given)
+    rope = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(o.t) * (o.powers["haul"][1:] + o.powers["haul"][:-1]))])
+    assert np.abs(o.energy - o.energy[0] - rope).max() > 2e-2 * np.ptp(given), "drag and friction take nothing"
+    np.testing.assert_allclose(o.T_ahead, o.T_behind, rtol=0.0, atol=1e-3)
