@@ -4,5 +4,6 @@ from galerkin.abscissa import PositionAbscissa
 from galerkin.bases import Basis, Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
 from galerkin.modes import bare_frequencies
+from galerkin.rides import RollingSystem
 
-__all__ = ["Basis", "Daubechies", "Fourier", "GalerkinSystem", "PositionAbscissa", "bare_frequencies"]
+__all__ = ["Basis", "Daubechies", "Fourier", "GalerkinSystem", "PositionAbscissa", "RollingSystem", "bare_frequencies"]

@@ -29,6 +29,8 @@ class PositionAbscissa:
     """
 
     def __init__(self, system: GalerkinSystem) -> None:
+        if system.groups.drive.mode != "grip":
+            raise ValueError("the place of a car that rolls is no clock; use time")
         self.system, self.motion = system, system.motion
         self.n_dof, self.force_scale, self.force_floor = system.n_dof, system.force_scale, system.force_floor
         at = self.motion.at
@@ -98,7 +100,7 @@ class PositionAbscissa:
         return self.system.residual(time, *chained(q, v, a, ds_o, dds_o), phase)
 
     def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         time, ds_o, dds_o = self._kinematics(t, phase)
         x = chained(q, v, a, ds_o, dds_o)

@@ -8,17 +8,20 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dgetrf, dgetrs
+from scipy.linalg.lapack import dgetrf, dgetrs, zgetrf, zgetrs
 
-from cablefem.newmark import Settled, Solve, State, StepFailure, consistent_acceleration, iterate
+from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, consistent_acceleration, iterate
+from cablefem.newmark.newton import MOST_HALVINGS
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
+from cablefem.scene.motion import Motion
+from galerkin import kernels
 from galerkin.bases import Basis
-from galerkin.bases.kink import Array, Standing, TravellingKink
-from galerkin.models import cable_model
+from galerkin.bases.kink import Array, Carried, Standing, TravellingKink
+from galerkin.models import FullCable, cable_model
 from galerkin.observe import observe
 
 LOADS = ("mass", "force")
@@ -28,14 +31,20 @@ LOADS = ("mass", "force")
 class Instant:
     """Everything that depends on the place and the speed of the mass only."""
 
-    mass: Array  # int Phi Phi, (n, n)
-    gyroscopic: Array  # last column of 2 A, (n,)
-    centrifugal: Array  # last column of A. - B, (n,)
-    f: Array  # Phi(s_o), (n,)
-    f_v: Array  # 2 ds_o Phi'(s_o), as in (22), (n,)
-    f_q: Array  # dds_o Phi'(s_o) + ds_o^2 Phi''(s_o), as in (23), (n,)
+    carried: Carried  # of the basis
+    rays: tuple[float, float]  # what the hat adds to w' behind and ahead of the mass; 0, 0 without one
+    slope: Array  # X', (fields,)
     load: Array  # acceleration along the static path less gravity, -F/(mu phi) of (27), (fields,)
     place: Any  # the cable model's own
+
+
+class Drives(NamedTuple):
+    """Forces and powers of what drives the mass, over a history."""
+
+    contact: Array  # of the mass on the cable, (n, fields)
+    haul: Array  # (n,) outside force along the mean tangent; nan where there is none
+    power: Array  # (n,) of all that is not the cable's, the mass's and their weights'
+    powers: dict[str, Array]  # its parts
 
 
 class GalerkinSystem:
@@ -65,9 +74,7 @@ class GalerkinSystem:
     ) -> None:  # fmt: skip
         if load not in LOADS:
             raise ValueError(f"unknown load {load!r}; one of {', '.join(LOADS)}")
-        if groups.motion is None:
-            raise ValueError("the scene has no travelling mass; `bare_frequencies` is all a bare cable has")
-        self.groups, self.motion, self.mu, self.kink = groups, groups.motion, groups.mu, kink
+        self.groups, self.mu, self.kink = groups, groups.mu, kink
         self.model, self.load, self.law = model, load, law
         self.basis: TravellingKink | Standing = TravellingKink(basis) if kink else Standing(basis)
         self.cable = cable_model(groups, model, law)
@@ -76,12 +83,22 @@ class GalerkinSystem:
         self.fields, self.n = self.cable.fields, self.basis.n
         self.n_modal = self.fields * self.n
         self.n_dof = self.n_modal + (self.fields if self.path_form else 0)
-        self.phases: tuple[tuple[float, float], ...] = self.motion.phases
-        self.force_scale = self.mu * groups.sigma
+        self.phases = self._phases()
+        self.force_scale = (self.mu or 1.0) * groups.sigma  # weight of the mass; of a bare cable: its own
         # rounding of N = T + alpha eps, summed; ten times what was measured for 10 to 120 terms, alpha 1e3 to 1e6
         self.force_floor = np.finfo(float).eps * groups.alpha
-        self._pull: tuple[Any, Any] | None = None  # place and tensions of the last residual
+        self._pull: tuple[Any, Any, Any] | None = None  # place and tensions of the last residual
         self._instants: dict[tuple[float, int], Instant] = {}
+
+    @property
+    def motion(self) -> Motion:
+        """The prescribed travel; ValueError if there is none."""
+        if self.groups.motion is None:
+            raise ValueError("the scene has no travelling mass; `bare_frequencies` is all a bare cable has")
+        return self.groups.motion
+
+    def _phases(self) -> tuple[tuple[float, float], ...]:
+        return self.motion.phases
 
     def with_law(self, law: str) -> GalerkinSystem:
         """The same system, sharing all tables, under another law: to go on with a run whose cable fell slack."""
@@ -103,6 +120,20 @@ class GalerkinSystem:
         """s_o of a state."""
         return self.motion.at(x.t, x.phase)[0]
 
+    def kinematics(self, states: States) -> Array:
+        """s_o, ds_o, dds_o of a history, (3, n)."""
+        at = zip(states.t.tolist(), states.phase.tolist(), strict=True)
+        return np.array([self.motion.at(t, phase) for t, phase in at]).reshape(-1, 3).T
+
+    def drives(self, states: States, velocity: Array, acceleration: Array, sides: Array, working: Array) -> Drives:
+        """The mass over a history, which grips: p., p.. (n, fields), r' behind and ahead (2, n, fields).
+
+        working : (n,) <N t> . [r'] - [W], of third order in the jump; its power is ds_o (F . <r'> + working).
+        """
+        contact = self.mu * self.cable.weight - self.inertia * acceleration
+        power = self.kinematics(states)[1] * (working - np.sum(contact * sides.mean(axis=0), axis=1))
+        return Drives(contact, np.full(power.shape, np.nan), power, {})
+
     def in_time(self, states: States) -> States:
         """The history as a function of time, which it is."""
         return states
@@ -118,32 +149,29 @@ class GalerkinSystem:
         return found
 
     def _instant(self, s_o: float, ds_o: float, dds_o: float) -> Instant:
-        mass, gyroscopic, centrifugal = self.basis.inertia(s_o, ds_o, dds_o)
-        f, first, second = self.basis.at_mass(s_o)
-        return Instant(
-            mass, gyroscopic, centrifugal,
-            f, (2.0 * ds_o) * first, dds_o * first + ds_o**2 * second,
-            self._load(s_o, ds_o, dds_o), self.cable.at(self.basis, s_o),
-        )  # fmt: skip
+        rays = (1.0 / s_o, -1.0 / (1.0 - s_o)) if self.kink else (0.0, 0.0)
+        slope, _ = self.cable.static_slope(s_o)
+        load, place = self._load(s_o, ds_o, dds_o), self.cable.at(self.basis, s_o)
+        return Instant(self.basis.carried(s_o, ds_o, dds_o), rays, slope, load, place)
 
     def _load(self, s_o: float, ds_o: float, dds_o: float) -> Array:
         if self.load == "force":
             return -self.cable.weight
-        slope, curvature = self.cable.static_slope(np.asarray(s_o))
+        slope, curvature = self.cable.static_slope(s_o)
         return dds_o * slope + ds_o**2 * curvature - self.cable.weight
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         x = self.instant(t, phase)
         force, pull = self.cable.force(x.place, self._fields(q))
-        self._pull = x.place, pull
+        self._pull = self.basis, x.place, pull
         return self._residual(x, q, v, a, force)
 
     def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         x = self.instant(t, phase)
-        force, pull, K = self.cable.linearise(x.place, self._fields(q))
-        self._pull = x.place, pull
+        force, pull, K = self.cable.linearise(self.basis, x.place, self._fields(q))
+        self._pull = self.basis, x.place, pull
         return self._residual(x, q, v, a, force), factorised(self._tangent(x, K, c0, c1, c2))
 
     def _fields(self, y: Array) -> Array:
@@ -151,42 +179,45 @@ class GalerkinSystem:
         return y[: self.n_modal].reshape(self.fields, self.n)
 
     def _residual(self, x: Instant, q: Array, v: Array, a: Array, force: Array) -> Array:
+        """r from the internal force, which is overwritten."""
         Q, V, A = self._fields(q), self._fields(v), self._fields(a)
-        R = A @ x.mass
-        R += force
-        if self.kink:
-            R += V[:, -1:] * x.gyroscopic + Q[:, -1:] * x.centrifugal
+        along = a[self.n_modal :] if self.path_form else kernels.acceleration(x.carried, Q, V, A)
+        kernels.add_inertia(x.carried, Q, V, A, self.inertia * along + self.mu * x.load, force)
         if self.path_form:
-            pull = self.mu * (a[self.n_modal :] + x.load)
-        elif self.inertia:
-            pull = self.mu * (A @ x.f + V @ x.f_v + Q @ x.f_q + x.load)
-        else:
-            pull = self.mu * x.load
-        R += pull[:, None] * x.f
-        return np.concatenate([R.ravel(), q[self.n_modal :] - Q @ x.f]) if self.path_form else R.ravel()
+            return np.concatenate([force.ravel(), q[self.n_modal :] - Q @ x.carried.f])
+        return force.ravel()
 
-    def tangent(self, t: float, q: Array, phase: int, c0: float, c1: float, c2: float) -> Array:
+    def tangent(self, t: float, q: Array, phase: int, c0: complex, c1: complex, c2: complex) -> Array:
         """c0 dr/dq + c1 dr/dv + c2 dr/da, (n_dof, n_dof): (28)-(32) and (21)-(23); r is linear in v and a."""
         x = self.instant(t, phase)
-        return self._tangent(x, self.cable.linearise(x.place, self._fields(q))[2], c0, c1, c2)
+        return self._tangent(x, self.cable.linearise(self.basis, x.place, self._fields(q))[2], c0, c1, c2)
 
-    def _tangent(self, x: Instant, K: Array, c0: float, c1: float, c2: float) -> Array:
+    def _tangent(self, x: Instant, K: Array, c0: complex, c1: complex, c2: complex) -> Array:
         """The tangent from K = dR/dq, which is overwritten."""
-        K *= c0
-        block = c2 * x.mass
-        if self.kink:
-            block[:, -1] += c1 * x.gyroscopic + c0 * x.centrifugal
-        if self.inertia and not self.path_form:
-            block += (self.mu * x.f)[:, None] * (c2 * x.f + c1 * x.f_v + c0 * x.f_q)
-        for i in range(0, self.n_modal, self.n):
-            K[i : i + self.n, i : i + self.n] += block
+        K = K.astype(complex) if isinstance(c0, complex) else K
+        kernels.add_inertia_tangent(x.carried, 0.0 if self.path_form else self.inertia, c0, c1, c2, K)
         if not self.path_form:
             return K
-        to_mass = np.kron(np.eye(self.fields), x.f)
+        to_mass = np.kron(np.eye(self.fields), x.carried.f)
         return np.block([[K, (c2 * self.mu) * to_mass.T], [-c0 * to_mass, c0 * np.eye(self.fields)]])
 
-    def settle(self, *step: Any) -> Settled:
-        return iterate(self, *step)
+    def settle(
+        self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
+    ) -> Settled:
+        """As the protocol has it; compiled for the full cable."""
+        if self.path_form or not isinstance(self.cable, FullCable):
+            return iterate(self, t, phase, start, now, rule, bound, newton)
+        x, cable = self.instant(t, phase), self.cable
+        pull = np.empty(x.place.weights.size)
+        self._pull = self.basis, x.place, pull
+        limits = float(newton.max_iter), newton.reuse, float(newton.patience), float(MOST_HALVINGS)
+        try:
+            return Settled(*kernels.settle(
+                x.place, x.carried, x.load, self.inertia, self.mu, cable.alpha, cable.law,
+                self.basis.basis.harmonic, self.basis.hat, start, now, rule, bound, limits, pull,
+            ))  # fmt: skip
+        except np.linalg.LinAlgError:  # singular: the driver takes NaN for a stalled step
+            return Settled(np.nan, 1, 1, 1)
 
     def start(self, phase: int, state: State | None) -> State:
         """Entry: the limit t -> 0+ of the motion from rest.  Later: q, v go on, a jumps with dds_o."""
@@ -198,12 +229,13 @@ class GalerkinSystem:
         # the jump of the constraint's second derivative and of the balance; neither holds phi''
         before, x = self.instant(t, state.phase), self.instant(t, phase)
         Q = state.q[: self.n_modal].reshape(self.fields, self.n)
-        kick = Q @ (x.f_q - before.f_q)
-        balance = np.multiply.outer(self.mu * (kick + x.load - before.load), x.f)
+        after, earlier = x.carried, before.carried
+        kick = Q @ (after.f_q - earlier.f_q)
+        balance = np.multiply.outer(self.mu * (kick + x.load - before.load), after.f)
         if self.kink:
-            balance += np.multiply.outer(Q[:, -1], x.centrifugal - before.centrifugal)
-        jump = -np.linalg.solve(x.mass + self.mu * np.multiply.outer(x.f, x.f), balance.T).T
-        return State(t, state.q, state.v, state.a + np.concatenate([jump.ravel(), jump @ x.f + kick]), phase)
+            balance += np.multiply.outer(Q[:, -1], after.centrifugal - earlier.centrifugal)
+        jump = -np.linalg.solve(after.mass + self.mu * np.multiply.outer(after.f, after.f), balance.T).T
+        return State(t, state.q, state.v, state.a + np.concatenate([jump.ravel(), jump @ after.f + kick]), phase)
 
     def _entry(self) -> State:
         t = self.phases[0][0]
@@ -259,7 +291,8 @@ class GalerkinSystem:
 
 def factorised(K: Array) -> Solve:
     """r -> K^-1 r by LAPACK's LU; K is overwritten (its transpose is what Fortran sees, hence trans=1)."""
-    lu, pivots, info = dgetrf(K.T, overwrite_a=True)
+    getrf, getrs = (zgetrf, zgetrs) if np.iscomplexobj(K) else (dgetrf, dgetrs)
+    lu, pivots, info = getrf(K.T, overwrite_a=True)
     if info:
         return lambda r: np.full_like(r, np.nan)  # singular: the driver treats NaN as a stalled step
-    return lambda r: dgetrs(lu, pivots, r, trans=1)[0]
+    return lambda r: getrs(lu, pivots, r, trans=1)[0]

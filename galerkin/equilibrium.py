@@ -54,9 +54,7 @@ def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equi
     Q = np.concatenate([x.Q, x.q_hat[:, :, None]], axis=2)
     for i, place in enumerate(x.s_o.tolist()):
         points = cable.at(moving, place)
-        strain[i], least[i], at = kernels.survey(
-            points.phi, points.weights, points.T, points.r_static, Q[i], cable.alpha, cable.law, internal[i]
-        )
+        strain[i], least[i], at = kernels.survey(points, Q[i], cable.alpha, cable.law, internal[i])
         least_at[i] = points.s[at]
     first, second = basis.primitive1(x.s_o), basis.primitive2(x.s_o)
     ends, ends_1 = (f(np.array([0.0, 1.0])) for f in (basis.primitive2, basis.primitive1))

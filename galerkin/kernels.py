@@ -1,20 +1,47 @@
-"""Compiled inner loops of the full cable: stress at points, internal force and what its tangent is made of.
+"""Compiled inner loops of the full cable: stress at points, internal force, tangent, and Newton's method of a step.
+
+Compiled because a step of these small systems costs more in interpreter than in arithmetic otherwise.
 
 Common arguments
     T         (m,) static tension;  r_static (2, m) rows x', y' of the static shape
-    slope     (2, m) w' = (u', v')
+    slope     (2, m) w' = (u', v');  phi (n, m) Phi' at the points, weights (m,) of Gauss' rule
     alpha, law  EA/H, and the index of the law in `galerkin.law.LAWS`
+    x         a `Carried` of the moving basis
+    Q, V, A   (fields, n) coefficients, their velocities and accelerations
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from galerkin.law import compiled, tension
 
+Array = np.ndarray
 ELASTIC = 0
+
+
+class Points(NamedTuple):
+    """Where the full cable takes its integrals, with the static cable there."""
+
+    s: Array  # (n_q,)
+    phi: Array  # Phi', (n, n_q); with a hat its slope is the last row
+    weights: Array
+    T: Array
+    r_static: Array  # x', y', (2, n_q)
+
+
+@compiled
+def static(s, sigma, c):
+    """T, and x', y' as rows, of (9)-(10): T^2 = 1 + p^2, p = c - sigma s."""
+    T, r = np.empty(s.size), np.empty((2, s.size))
+    for i in range(s.size):
+        p = c - sigma * s[i]
+        T[i] = math.sqrt(1.0 + p * p)
+        r[0, i], r[1, i] = 1.0 / T[i], p / T[i]
+    return T, r
 
 
 @compiled
@@ -48,12 +75,13 @@ def stress(T, r_static, slope, alpha, law):
 
 
 @compiled
-def balance(phi, weights, T, r_static, Q, alpha, law, force, gram, pull):
-    """Internal force (2, n) of coefficients Q (2, n) over slopes phi (n, m) with Gauss weights (m,).
+def balance(at, Q, alpha, law, force, gram, pull):
+    """Internal force (2, n) of coefficients Q; at : `Points`.
 
     gram : (2, 2, m) receives the weighted tangent at the points;  pull : (m,) the elastic T + alpha eps
     """
-    slope = Q @ phi
+    T, r_static, weights = at.T, at.r_static, at.weights
+    slope = Q @ at.phi
     for i in range(weights.size):
         xp, yp, ux, vy = r_static[0, i], r_static[1, i], slope[0, i], slope[1, i]
         _, _, fx, fy, k, d, pull[i] = at_point(T[i], xp, yp, ux, vy, alpha, law)
@@ -61,24 +89,162 @@ def balance(phi, weights, T, r_static, Q, alpha, law, force, gram, pull):
         gram[0, 0, i], gram[1, 1, i] = w * (k + d * rx * rx), w * (k + d * ry * ry)
         gram[0, 1, i] = gram[1, 0, i] = w * (d * rx * ry)
         slope[0, i], slope[1, i] = w * fx, w * fy
-    force[:] = slope @ phi.T
+    force[:] = slope @ at.phi.T
 
 
 @compiled
-def survey(phi, weights, T, r_static, Q, alpha, law, internal):
-    """int W ds, the least N and the index of its point; the last row of phi is the hat, rising behind the mass.
+def stiffness(phi, f, harmonic, hat):
+    """sum_q f_ab Phi_i' Phi_j', (2 n, 2 n) by a i, b j; f (2, 2, m), f_ab = f_ba.
+
+    harmonic : phi_j' phi_k' = j k pi^2/2 (cos((j-k) x) + cos((j+k) x)), x = pi s, and c_m = sum_q f_q cos(m x_q).  The
+    table holds the cosines up to m = N; cos((N+m) x) = 2 cos(N x) cos(m x) - cos((N-m) x) gives the others.
+    """
+    n, m = phi.shape
+    N = n - hat
+    out = np.empty((2, n, 2, n))
+    if harmonic:
+        both = np.empty((6, m))
+        for i in range(3):
+            both[i] = f[i // 2, (i + 1) // 2]
+            both[3 + i] = both[i] * (phi[N - 1] / (N * math.pi))
+        sums = both @ phi[:N].T
+        c = np.empty(4 * N + 1)  # c_|m|, m = -2N .. 2N
+        for i in range(3):
+            a, b = i // 2, (i + 1) // 2
+            c[2 * N] = both[i].sum()
+            for k in range(1, N + 1):
+                c[2 * N + k] = c[2 * N - k] = sums[i, k - 1] / (k * math.pi)
+            for k in range(1, N + 1):
+                c[3 * N + k] = c[N - k] = 2.0 * sums[3 + i, k - 1] / (k * math.pi) - c[3 * N - k]
+            for j in range(1, N + 1):
+                minus, plus, row = c[2 * N - j :], c[2 * N + j :], out[a, j - 1, b]
+                for k in range(1, N + 1):
+                    row[k - 1] = (0.5 * math.pi**2 * j) * k * (minus[k] + plus[k])
+    else:
+        for i in range(3):
+            out[i // 2, :N, (i + 1) // 2, :N] = (f[i // 2, (i + 1) // 2] * phi[:N]) @ phi[:N].T
+    if hat:
+        for i in range(3):
+            a, b = i // 2, (i + 1) // 2
+            column = phi @ (f[a, b] * phi[N])
+            out[a, N, b, :] = column
+            out[a, :, b, N] = column
+    out[1, :, 0, :] = out[0, :, 1, :]
+    return out.reshape(2 * n, 2 * n)
+
+
+@compiled
+def acceleration(x, Q, V, A):
+    """d2/dt2 of w(s_o, t) along the path, (fields,)."""
+    return A @ x.f + V @ x.f_v + Q @ x.f_q
+
+
+@compiled
+def add_inertia(x, Q, V, A, C, R):
+    """Add M A + 2 A V + (A. - B) Q of the cable and the force C (fields,) at the mass to R (fields, n)."""
+    last = x.f.size - 1
+    R += A @ x.mass
+    for a in range(R.shape[0]):
+        for i in range(R.shape[1]):
+            R[a, i] += V[a, last] * x.gyroscopic[i] + Q[a, last] * x.centrifugal[i] + C[a] * x.f[i]
+
+
+@compiled
+def add_inertia_tangent(x, mu, c0, c1, c2, K):
+    """Make c0 K, K = dR/dQ (fields n, fields n), the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of all but C's own load."""
+    n = x.f.size
+    last = n - 1
+    for i in range(K.shape[0]):
+        k, first = i % n, (i // n) * n
+        for j in range(K.shape[1]):
+            K[i, j] *= c0
+        for j in range(n):
+            K[i, first + j] += c2 * x.mass[k, j] + mu * x.f[k] * (c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j])
+        K[i, first + last] += c1 * x.gyroscopic[k] + c0 * x.centrifugal[k]
+
+
+@compiled
+def settle(at, x, load, inertia, mu, alpha, law, harmonic, hat, start, now, rule, bound, newton, pull):
+    """`cablefem.newmark.System.settle` for the full cable; return |r| and how often it iterated, factorised, evaluated.
+
+    load : (2,) acceleration of the mass along its static path less gravity
+    newton : max_iter, reuse, patience, most halvings
+    The factors are not kept but made again from the kept tangent: more than one iteration is rare.
+    """
+    n = x.f.size
+    c = rule[:, 3]
+    w = rule[:, 4]
+    c0, c1, c2 = w[0] * c[0], w[1] * c[1], w[2] * c[2]
+    balanced, R, gram = np.empty_like(now), np.empty((2, n)), np.empty((2, 2, at.weights.size))
+    now[:] = rule[:, :3].copy() @ start
+    K = np.empty((2 * n, 2 * n))
+    r = R.reshape(2 * n)
+    norm, factorisations, residuals, anew, iterations = math.inf, 0, 0, True, 0
+    step, before, halving = r.copy(), math.inf, -1  # the first residual follows no correction
+    while True:
+        for k in range(3):
+            balanced[k] = w[k] * now[k] + (1.0 - w[k]) * start[k]
+        Q, V, A = balanced[0].reshape(2, n), balanced[1].reshape(2, n), balanced[2].reshape(2, n)
+        balance(at, Q, alpha, law, R, gram, pull)
+        C = inertia * acceleration(x, Q, V, A) + mu * load
+        add_inertia(x, Q, V, A, C, R)
+        norm = math.sqrt(np.dot(r, r))
+        if halving >= 0:
+            residuals += 1
+            if not (norm < before or (iterations < newton[2] and norm < math.inf)) and halving < newton[3]:
+                halving += 1
+                step *= 0.5
+                for k in range(3):
+                    now[k] += c[k] * step
+                continue
+            iterations += 1
+            if norm <= bound or not norm < math.inf or iterations >= newton[0]:
+                return norm, iterations, factorisations, residuals
+            anew = norm > newton[1] * before
+        if anew:
+            K = stiffness(at.phi, gram, harmonic, hat)
+            add_inertia_tangent(x, inertia, c0, c1, c2, K)
+            factorisations += 1
+        before = norm
+        step = np.linalg.solve(K, r)
+        for k in range(3):
+            now[k] -= c[k] * step
+        halving = 0
+
+
+@compiled
+def survey(at, Q, alpha, law, internal):
+    """int W ds, the least N and the index of its point; at : `Points` with a hat, rising behind the mass.
 
     internal : (2, 2) receives int (N t - T t_static) ds behind and ahead of the mass, each a column
     """
-    slope = Q @ phi
-    energy, least, at = 0.0, math.inf, 0
+    T, r_static, weights = at.T, at.r_static, at.weights
+    slope = Q @ at.phi
+    energy, least, where = 0.0, math.inf, 0
     internal[:] = 0.0
     for i in range(weights.size):
         N, W, fx, fy, _, _, _ = at_point(T[i], r_static[0, i], r_static[1, i], slope[0, i], slope[1, i], alpha, law)
-        side = 0 if phi[-1, i] > 0.0 else 1
+        side = 0 if at.phi[-1, i] > 0.0 else 1
         internal[0, side] += weights[i] * fx
         internal[1, side] += weights[i] * fy
         energy += weights[i] * W
         if least > N:
-            least, at = N, i
-    return energy, least, at
+            least, where = N, i
+    return energy, least, where
+
+
+@compiled
+def car(mu, sigma, drag, wind, thrust, velocity, acceleration, behind, ahead):
+    """What acts on a rolling car; all vectors (2,), r' behind and ahead of it.
+
+    C = mu (p.. - sigma j) - F_ext (2), tau (2), cos(phi), <lam>, and the force of the air (2).
+    """
+    mx, my = 0.5 * (behind[0] + ahead[0]), 0.5 * (behind[1] + ahead[1])
+    size = math.hypot(mx, my)
+    tx, ty = mx / size, my / size
+    stretch = 0.5 * (math.hypot(behind[0], behind[1]) + math.hypot(ahead[0], ahead[1]))
+    x, y = velocity[0] - wind, velocity[1]
+    speed = -drag * math.hypot(x, y)
+    Cx = mu * acceleration[0] - thrust * tx - speed * x
+    Cy = mu * (acceleration[1] - sigma) - thrust * ty - speed * y
+    return Cx, Cy, tx, ty, size / stretch, stretch, speed * x, speed * y

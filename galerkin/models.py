@@ -6,8 +6,8 @@ hanging cable, and into its tangent.  The seam, the same in both classes:
     fields, weight         number of unknown functions; sigma j as each of them sees it, (fields,)
     at(basis, s_o)         what force and tangent need of a place of the mass, made once per instant
     force(place, Q)        R (fields, n); what `least` needs to know
-    linearise(place, Q)    the same two, and dR/dQ, (fields n, fields n), field by field
-    least(place, pull)     the least mean tension and its s, see `GalerkinSystem.least_tension`
+    linearise(basis, place, Q)  the same two, and dR/dQ, (fields n, fields n), field by field
+    least(basis, place, pull)   the least mean tension and its s, see `GalerkinSystem.least_tension`
     static_slope(s)        X', X'' of the static shape that the load of the mass follows, (..., fields); s () or (n,)
     stress(s, slope)       the force of one point, (..., fields), for w' = slope, and its derivative by it
 """
@@ -15,7 +15,7 @@ hanging cable, and into its tangent.  The seam, the same in both classes:
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -25,18 +25,6 @@ from galerkin.bases.kink import Array, MovingBasis
 from galerkin.law import LAWS
 
 MODELS = ("string", "sagged", "stretching", "full")
-
-
-class Points(NamedTuple):
-    """Where the full cable takes its integrals, with the static cable there."""
-
-    s: Array  # (n_q,)
-    phi: Array  # Phi', (n, n_q)
-    weights: Array
-    T: Array
-    r_static: Array  # x', y', (2, n_q)
-    basis: MovingBasis
-    sides: tuple[float, ...]  # see `MovingBasis.sides`
 
 
 class FullCable:
@@ -52,45 +40,43 @@ class FullCable:
     def __init__(self, groups: Groups, law: str) -> None:
         self.groups, self.alpha, self.law = groups, groups.alpha, LAWS.index(law)
         self.weight = np.array([0.0, groups.sigma])
-        self._last: Points | None = None
+        self._last: kernels.Points | None = None
 
-    def at(self, basis: MovingBasis, s_o: float) -> Points:
+    def at(self, basis: MovingBasis, s_o: float) -> kernels.Points:
         s, weights, phi = basis.slopes(s_o)
         if self._last is None or phi is not self._last.phi:  # a standing basis has one table for all places
-            T, xp, yp, _, _ = self.groups.static(s)
-            self._last = Points(s, phi, weights, T, np.array([xp, yp]), basis, basis.sides(s_o))
+            T, r_static = kernels.static(s, self.groups.sigma, self.groups.c)
+            self._last = kernels.Points(s, phi, weights, T, r_static)
         return self._last
 
-    def force(self, place: Points, Q: Array) -> tuple[Array, Array]:
+    def force(self, place: kernels.Points, Q: Array) -> tuple[Array, Array]:
         """R of (25)-(26) less its static value, (2, n); the elastic tension at the points, (n_q,)."""
         R, pull, _ = self._balance(place, Q)
         return R, pull
 
-    def linearise(self, place: Points, Q: Array) -> tuple[Array, Array, Array]:
+    def linearise(self, basis: MovingBasis, place: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:
         """The same two, and J1, J2, J3 of (28)-(32), the gram matrix of k I + d r' r'^T, (2 n, 2 n)."""
         R, pull, gram = self._balance(place, Q)
-        return R, pull, place.basis.gram(place.phi, gram)
+        return R, pull, kernels.stiffness(place.phi, gram, basis.basis.harmonic, basis.hat)
 
-    def _balance(self, place: Points, Q: Array) -> tuple[Array, Array, Array]:
+    def _balance(self, place: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:
         m = place.weights.size
         R, pull, gram = np.empty(Q.shape), np.empty(m), np.empty((2, 2, m))
-        kernels.balance(
-            place.phi, place.weights, place.T, place.r_static, np.ascontiguousarray(Q), self.alpha, self.law,
-            R, gram, pull,
-        )  # fmt: skip
+        kernels.balance(place, np.ascontiguousarray(Q), self.alpha, self.law, R, gram, pull)
         return R, pull, gram
 
-    def least(self, place: Points, pull: Array) -> tuple[float, float]:
+    def least(self, basis: MovingBasis, place: kernels.Points, pull: Array) -> tuple[float, float]:
         """A negative tension must be so in the mean over a shortest wave, 2/n, or it is a ripple."""
         s, at = place.s, int(pull.argmin())
         if pull[at] < 0.0:
-            waves = _waves(s, place.sides, place.basis.basis.n)
+            sides = [0.0, 1.0] if not basis.hat else [0.0, 1.0 / float(place.phi[-1, 0]), 1.0]
+            waves = _waves(s, sides, basis.basis.n)
             weights = np.add.reduceat(place.weights, waves)
             pull, s = (np.add.reduceat(place.weights * x, waves) / weights for x in (pull, s))
             at = int(pull.argmin())
         return float(pull[at]), float(s[at])
 
-    def static_slope(self, s: Array) -> tuple[Array, Array]:
+    def static_slope(self, s: Any) -> tuple[Array, Array]:
         """Of the catenary."""
         _, xp, yp, xpp, ypp = self.groups.static(s)
         return np.array([xp, yp]).T, np.array([xpp, ypp]).T
@@ -106,7 +92,7 @@ class FullCable:
         return np.array([fx, fy]), np.array([[xx, xy], [xy, yy]])
 
 
-def _waves(s: Array, sides: tuple[float, ...], n: int) -> Array:
+def _waves(s: Array, sides: list[float], n: int) -> Array:
     """Index of the first point of each piece, when every side is cut into equal pieces of about a wave 2/n."""
     edges = [np.linspace(a, b, max(2, round(0.5 * n * (b - a)) + 1))[:-1] for a, b in pairwise(sides)]
     return np.unique(np.searchsorted(s, np.concatenate(edges)))
@@ -148,19 +134,19 @@ class ChordCable:
         Sq, h, g = self._increment(place, Q)
         return (self.tau * Sq + h * g)[None], h
 
-    def linearise(self, place: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
+    def linearise(self, basis: MovingBasis, place: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
         """R and h; dR/dQ, (n, n)."""
         _, h, g = self._increment(place, Q)
         J = (self.tau + self.kap * h) * place[0] + np.multiply.outer(self.alpha * self.lam * g, g)
         return *self.force(place, Q), J
 
-    def least(self, place: Any, h: float) -> tuple[float, float]:
+    def least(self, basis: MovingBasis, place: Any, h: float) -> tuple[float, float]:
         """Least T(s) + h."""
         return self.at_rest + h, self.least_at
 
-    def static_slope(self, s: Array) -> tuple[Array, Array]:
+    def static_slope(self, s: Any) -> tuple[Array, Array]:
         """Of the parabola."""
-        slope = -self.curvature * (0.5 - s)[..., None]
+        slope = -self.curvature * (0.5 - np.asarray(s))[..., None]
         return slope, np.full_like(slope, self.curvature)
 
     def stress(self, s: Array, slope: Array) -> tuple[Array, Array]:

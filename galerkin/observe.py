@@ -84,7 +84,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         reactions = -forces.left, forces.right
         place_y = groups.shape(x.s_o)[1] + w[:, 1]
         velocity, acceleration = w_t + p[0] * static, w_tt + p[1] * static + p[2] * curvature
-        mean_slope = static + 0.5 * (behind + ahead)
+        sides = static + np.array([behind, ahead])
     else:
         slope, bent = cable.static_slope(x.s_o)
         (strain, h), weight = _chord(cable, x, basis, phi), np.zeros(n)
@@ -95,8 +95,8 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         T_pointwise = T
         place_y = (-0.5 * cable.curvature) * x.s_o * (1.0 - x.s_o) + w[:, 0]
         velocity, acceleration = w_t + p[0] * slope, w_tt + p[1] * slope + p[2] * bent
-        mean_slope = slope + 0.5 * (behind + ahead)
-    contact = system.inertia * acceleration - system.mu * cable.weight
+        sides = slope + np.array([behind, ahead])
+    drives = system.drives(states, velocity, acceleration, sides, working)
     kinetic = kinetic + 0.5 * system.inertia * np.sum(velocity**2, axis=1)
     potential = weight - system.mu * cable.weight[-1] * place_y
     return Observation(
@@ -110,7 +110,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         T_behind_pointwise=np.where(x.s_o > 0.0, T_behind_pointwise, np.nan),
         T_ahead_pointwise=np.where(x.s_o < 1.0, T_ahead_pointwise, np.nan),
         energy=kinetic + strain + potential,
-        power=x.ds_o * (np.sum(contact * mean_slope, axis=1) + working),
+        power=drives.power,
         tension_min=least,
         tension_min_at=least_at,
         u=np.einsum("kfs,f->ks", u_v, direction[:, 0]),
@@ -123,7 +123,9 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         reaction_right=reactions[1],
         t=states.t,
         s_o=x.s_o,
-        contact=-contact @ direction,
+        contact=drives.contact @ direction,
+        haul=drives.haul,
+        powers=drives.powers,
         kinetic=kinetic,
         strain=strain,
         potential=potential,
@@ -131,9 +133,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
 
 
 def history(system: GalerkinSystem, states: States) -> History:
-    s_o, ds_o, dds_o = np.array(
-        [system.motion.at(t, int(k)) for t, k in zip(states.t.tolist(), states.phase, strict=True)]
-    ).reshape(-1, 3).T  # fmt: skip
+    s_o, ds_o, dds_o = system.kinematics(states)
     q, v, a = (y[:, : system.n_modal].reshape(-1, system.fields, system.n) for y in (states.q, states.v, states.a))
     if system.kink:
         return History(s_o, ds_o, dds_o, q[..., :-1], v[..., :-1], a[..., :-1], q[..., -1], v[..., -1], a[..., -1])

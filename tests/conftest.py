@@ -8,3 +8,10 @@ from threadpoolctl import threadpool_limits
 def one_thread():
     with threadpool_limits(1):
         yield
+
+
+def pytest_collection_modifyitems(items):
+    """Fine ladders take minutes by design; nothing takes an hour."""
+    for item in items:
+        if item.get_closest_marker("slow"):
+            item.add_marker(pytest.mark.timeout(3600))

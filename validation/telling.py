@@ -23,7 +23,7 @@ def rows(verdicts: Sequence[Agreement]) -> None:
     for row in verdicts:
         gap, allowed = (f"{x:.1e}" if math.isfinite(x) else "-" for x in (row.gap, row.allowed))
         cells.append([
-            f"{row.quantity} {row.party}".strip(), gap, allowed,
+            " ".join(x for x in (row.quantity, row.law, row.party) if x), gap, allowed,
             "-" if row.where is None else f"{row.where:.3f}", row.verdict.value,
             row.bound.line(),
         ])  # fmt: skip

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
-from cablefem.elements import kernels
-from cablefem.newmark import Newton, Settled, Solve, State
+from cablefem.elements import collocation, kernels
+from cablefem.newmark import Newton, Settled, Solve, State, Tableau, collocate
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 
@@ -40,10 +40,10 @@ def bands(matrix: coo_array, b: int) -> Array:
 
 
 class CableElements:
-    """A cable on some mesh with its moving mass: a `cablefem.newmark.System` but for `start` and the mesh.
+    """A cable on some mesh with its moving mass: a `cablefem.newmark.System` but for the mesh.
 
-    A mesh sets n_scalar (unknowns per field), _n_dof, _band, _mesh and _operators, and answers `_time`, `_mesh_at`,
-    `_at_mass` and `_fields`.
+    A mesh sets n_scalar (unknowns per field), _n_dof, _band, _mesh and _operators, and answers `start`, `_time`,
+    `_mesh_at`, `_at_mass` and `_fields`.
 
     model : "full" for (u, v), or one unknown field normal to the chord: "string", "sagged", "stretching".
     load : "mass", or "force" for its weight alone.
@@ -92,7 +92,7 @@ class CableElements:
 
     @property
     def force_scale(self) -> float:
-        return self.groups.mu * self.groups.sigma
+        return (self.groups.mu or 1.0) * self.groups.sigma  # weight of the mass; of a bare cable: its own
 
     @property
     def force_floor(self) -> float:
@@ -121,16 +121,23 @@ class CableElements:
         return r
 
     def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        """As the protocol has it; the factors live in one workspace, so an earlier `solve` is void."""
-        r = np.empty(self._n_dof)
-        self._assemble(t, q, v, a, phase, r, True, c0, c1, c2)
-        if not kernels.factorise_coupled(self._work, c0 * kernels.coupling(self._cable)):
+        """As the protocol has it; factors live in one workspace each, real and complex."""
+        r, work = np.empty(self._n_dof), self._work
+        if isinstance(c0, complex):
+            work = self._complex_work
+            work.ab[:] = 0.0
+            for factor, *one in zip((c0, c1, c2), *np.eye(3).tolist(), strict=True):
+                self._assemble(t, q, v, a, phase, r, True, *one)
+                work.ab[:] += factor * self._work.ab
+        else:
+            self._assemble(t, q, v, a, phase, r, True, c0, float(c1.real), float(c2.real))
+        if not kernels.factorise_coupled(work, c0 * kernels.coupling(self._cable)):
             return r, lambda b: np.full_like(b, math.nan)  # singular: the driver takes NaN for a stalled step
 
         def solve(b: Array) -> Array:
-            kernels.solve_coupled(self._work, b)
+            kernels.solve_coupled(work, b)
             return b
 
         return r, solve
@@ -146,6 +153,26 @@ class CableElements:
         self.least_tension = least, where
         return Settled(*done)
 
+    def collocate(
+        self, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
+    ) -> Settled:
+        if type(self).residual is not CableElements.residual:
+            return collocate(self, t, dt, phase, start, a, rule, bound, newton)  # the kernel knows no other balance
+        meshes, contacts, coefficients = [], [], []
+        for instant in (*t.tolist(), t[-1])[:3]:  # compiled for three nodes, two are filled up
+            self._time(float(instant), phase)
+            meshes.append((self._mesh.span.copy(), self._mesh.dofs, self._mesh.tab))
+            contacts.append((*self._contact[:-1], self._contact.load.copy()))
+            coefficients.append(self._coefficients.copy())
+        self._at = None
+        *done, least, where = collocation.collocate(
+            self._operators, tuple(coefficients), np.empty((3, *self._bands.shape)), tuple(meshes), self._cable,
+            tuple(contacts), tuple(self._work), tuple(self._complex_work), start, dt, rule.numbers, a, bound,
+            newton.max_iter, newton.reuse, newton.patience,
+        )  # fmt: skip
+        self.least_tension = least, where
+        return Settled(*done)
+
     # --- what a mesh answers ---------------------------------------------------------------------------
     def _fresh(self) -> None:
         """Make the workspaces, which a twin with another law must not share."""
@@ -154,7 +181,12 @@ class CableElements:
         increment = np.empty(n if self.fields == 1 else 0)
         band, pivots = np.empty((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64)
         self._work = kernels.Tangent(band, pivots, increment, increment.copy())
+        self._complex_work = kernels.Tangent(band.astype(complex), pivots.copy(), increment, increment.astype(complex))
         self._bands = np.empty((3, *self._operators.shape[1:]))
+
+    def start(self, phase: int, state: State | None) -> State:
+        """Return the state at the beginning of a phase, as the protocol has it."""
+        raise NotImplementedError
 
     def _time(self, t: float, phase: int) -> None:
         """Set _coefficients of the _operators, _mesh and _contact at this instant."""

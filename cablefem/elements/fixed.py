@@ -30,7 +30,7 @@ from scipy.sparse import coo_array
 from cablefem.elements import kernels
 from cablefem.elements.cable import CableElements, bands, elements_allowed
 from cablefem.elements.reference import mass_form, shape_polynomials
-from cablefem.newmark import Newton, Settled, Solve, State, consistent_acceleration, iterate
+from cablefem.newmark import Newton, Settled, Solve, State, collocate, consistent_acceleration, iterate
 from cablefem.response import States
 from cablefem.scene import Groups
 
@@ -117,7 +117,7 @@ class FixedElements(CableElements):
         return State(t, state.q, state.v, state.a + np.append(load, N @ load[dofs] + slope_jump), phase)
 
     def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         r, solve = super().linearise(t, q, v, a, phase, c0, c1, c2)
         if not self.particle:
@@ -140,6 +140,9 @@ class FixedElements(CableElements):
     ) -> Settled:
         of = t, phase, start, now, rule, bound, newton
         return iterate(self, *of) if self.particle else super().settle(*of)  # the kernels know no particle
+
+    def collocate(self, *step) -> Settled:
+        return collocate(self, *step) if self.particle else super().collocate(*step)
 
     # --- assembly --------------------------------------------------------------------------------------
     def _tabulate(self, kind: _Kind) -> None:

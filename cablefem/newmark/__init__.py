@@ -5,7 +5,8 @@ solutions with a tangent; matrix formats stay with the system.  Time and all qua
 
     system    what a system answers
     schemes   every time integration by name
-    stepper   what the rules of a step share; newmark_rule and energy_rule are the rules
+    stepper   what the rules of a step share; newmark_rule, energy_rule and
+              collocation_rule (with its tableau) are the rules
     newton    Newton's method
     steps     the instants to step on
     events    finding where a watched value falls to zero, and passing it
@@ -13,6 +14,7 @@ solutions with a tangent; matrix formats stay with the system.  Time and all qua
     failures  how a run may end
 """
 
+from cablefem.newmark.collocation_rule import Collocating, collocate
 from cablefem.newmark.energy_rule import Averaged, average
 from cablefem.newmark.events import Watched
 from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepFailure, StepUnderflow
@@ -22,13 +24,17 @@ from cablefem.newmark.newton import Newton, Settled
 from cablefem.newmark.schemes import SCHEMES, Scheme, scheme
 from cablefem.newmark.stepper import Passed, Work
 from cablefem.newmark.steps import step_times
-from cablefem.newmark.system import Array, Solve, State, System, consistent_acceleration
+from cablefem.newmark.system import Array, Collocated, Inside, Solve, State, System, consistent_acceleration
+from cablefem.newmark.tableau import Tableau, between, densified
 
 __all__ = [
     "SCHEMES",
     "Array",
     "Averaged",
+    "Collocated",
+    "Collocating",
     "EndlessEvents",
+    "Inside",
     "Newton",
     "NewtonStalled",
     "Passed",
@@ -39,10 +45,14 @@ __all__ = [
     "StepFailure",
     "StepUnderflow",
     "System",
+    "Tableau",
     "Watched",
     "Work",
     "average",
+    "between",
+    "collocate",
     "consistent_acceleration",
+    "densified",
     "integrate",
     "iterate",
     "scheme",

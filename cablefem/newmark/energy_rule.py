@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from cablefem.newmark.newton import find_root
-from cablefem.newmark.stepper import Stepper
+from cablefem.newmark.newton import Newton, find_root
+from cablefem.newmark.schemes import Scheme
+from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import Array, Solve, State, System
 
 # Gauss-Legendre points of the average over a step: a potential is not polynomial in q in general, four points leave
@@ -41,6 +43,10 @@ def average(system: System, start: State, end: State) -> Array:
 class EnergyRule(Stepper):
     """v1 = v0 + dt a,  q1 = q0 + dt (v0 + v1)/2,  average of r over the step = 0."""
 
+    def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
+        super().__init__(system, method, newton, work)
+        self.averaged = system.averaged if isinstance(system, Averaged) else partial(average, system)
+
     def __call__(self, x: State, t1: float) -> State:
         dt, system = t1 - x.t, self.system
         before = self.remembered(x)
@@ -50,7 +56,7 @@ class EnergyRule(Stepper):
             return State(t1, x.q + dt * x.v + (0.5 * dt * dt) * a, x.v + dt * a, a, x.phase)
 
         def residual() -> Array:
-            return system.averaged(x, end()) if isinstance(system, Averaged) else average(system, x, end())
+            return self.averaged(x, end())
 
         def linearise() -> tuple[Array, Solve]:
             q, v = x.q + (0.5 * dt) * x.v + (0.25 * dt * dt) * a, x.v + (0.5 * dt) * a

@@ -49,9 +49,12 @@ def pass_events(system: Watched, names: list[str], x: State, t: float, work: Wor
     return x
 
 
+EPS = float(np.finfo(float).eps)
+
+
 def rounding(t: float) -> float:
     """Length of a step that rounding of t does not resolve."""
-    return 16.0 * float(np.finfo(float).eps) * abs(t)
+    return 16.0 * EPS * abs(t)
 
 
 def first_event(system: Watched, step: Stepper, x0: State, x1: State) -> tuple[State, list[str]]:
@@ -83,7 +86,7 @@ def first_event(system: Watched, step: Stepper, x0: State, x1: State) -> tuple[S
             return found
 
         if values(end)[i] <= 0.0:  # not later than the events located so far
-            brentq(value, x0.t, last.t, xtol=rounding(last.t) / 4.0, rtol=4.0 * np.finfo(float).eps, disp=False)
+            brentq(value, x0.t, last.t, xtol=rounding(last.t) / 4.0, rtol=4.0 * EPS, disp=False)
     at_end = values(end) if fallen else after
     names = [system.events[i] for i in fallen if at_end[i] <= 0.0]
     return end, names

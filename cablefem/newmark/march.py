@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Sequence
 
+from cablefem.newmark.collocation_rule import CollocationRule
 from cablefem.newmark.energy_rule import EnergyRule
 from cablefem.newmark.events import Watched, first_event, pass_events, rounding
 from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepUnderflow
@@ -32,7 +33,8 @@ def integrate(
     Raises StepFailure; what was yielded before stays valid.  NaN never counts as converged.
     """
     work = Work() if work is None else work
-    step = (EnergyRule if method.average else NewmarkRule)(system, method, newton, work)
+    rule = CollocationRule if method.nodes else EnergyRule if method.average else NewmarkRule
+    step = rule(system, method, newton, work)
     if start is None:
         state = system.start(0, None)
         yield state

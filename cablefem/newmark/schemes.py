@@ -8,10 +8,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Scheme:
-    """A member of the Newmark family; the balance may be taken inside the step.
+    """A member of the Newmark family, or one of its relatives.
 
     newmark_beta, newmark_gamma : Newmark (1959).
     alpha_m, alpha_f : the balance uses a at 1 - alpha_m and t, q, v at 1 - alpha_f of the step (Chung & Hulbert 1993).
+    nodes : in units of the step, where the balance holds, q and v being integrals of the polynomial through the
+        accelerations there (collocation: Hairer & Wanner 1996, section IV.5); the constants above are not used.
     average : the balance is averaged over the step along the straight line from q0 to q1 (average vector
         field: Quispel & McLaren 2008), which keeps the energy of a conservative system.
     """
@@ -22,6 +24,7 @@ class Scheme:
     alpha_m: float = 0.0
     alpha_f: float = 0.0
     average: bool = False
+    nodes: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not (0.0 <= self.newmark_beta <= 2.0 and math.isfinite(self.newmark_beta)):
@@ -29,8 +32,26 @@ class Scheme:
         if not (0.0 <= self.newmark_gamma <= 2.0 and math.isfinite(self.newmark_gamma)):
             raise ValueError(f"newmark_gamma must lie in [0, 2], got {self.newmark_gamma!r}")
 
+    @property
+    def implicit(self) -> bool:
+        return self.newmark_beta > 0.0
 
-SCHEMES = ("trapezoidal", "newmark", "generalized-alpha", "energy", "central-difference")
+    @property
+    def damps(self) -> bool:
+        """Whether it takes energy out of what it cannot resolve."""
+        return self.nodes[-1] == 1.0 if self.nodes else self.newmark_gamma > 0.5
+
+    @property
+    def order(self) -> int:
+        """Order of q and v in the step for smooth motions."""
+        if self.nodes:
+            return 2 * len(self.nodes) - (self.nodes[-1] == 1.0)
+        return 2 if abs(self.newmark_gamma - 0.5 + self.alpha_m - self.alpha_f) < 1e-12 else 1
+
+
+SCHEMES = ("trapezoidal", "newmark", "generalized-alpha", "energy", "radau", "gauss", "central-difference")
+RADAU = ((4.0 - math.sqrt(6.0)) / 10.0, (4.0 + math.sqrt(6.0)) / 10.0, 1.0)
+GAUSS = ((3.0 - math.sqrt(3.0)) / 6.0, (3.0 + math.sqrt(3.0)) / 6.0)
 
 
 def scheme(name: str, *, newmark_gamma: float = 0.6, rho_inf: float = 0.9) -> Scheme:
@@ -40,6 +61,8 @@ def scheme(name: str, *, newmark_gamma: float = 0.6, rho_inf: float = 0.9) -> Sc
     newmark            gamma (default 0.6), beta = (gamma + 1/2)^2 / 4: first order, damps what it cannot resolve
     generalized-alpha  Chung & Hulbert (1993), second order, spectral radius rho_inf at infinite frequency
     energy             average vector field: second order, keeps the energy of a conservative system
+    radau              Radau IIA with three nodes: fifth order, damps all that it cannot resolve (L-stable)
+    gauss              Gauss with two nodes: fourth order, keeps quadratic energies
     central-difference beta 0, gamma 1/2: conditionally stable, dt < 2/omega_max; here as a specimen that fails
     """
     if name == "trapezoidal":
@@ -55,6 +78,10 @@ def scheme(name: str, *, newmark_gamma: float = 0.6, rho_inf: float = 0.9) -> Sc
         return Scheme(name, 0.25 * (1.0 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f, alpha_m, alpha_f)
     if name == "energy":
         return Scheme(name, average=True)
+    if name == "radau":
+        return Scheme(name, nodes=RADAU)
+    if name == "gauss":
+        return Scheme(name, nodes=GAUSS)
     if name == "central-difference":
         return Scheme(name, 0.0, 0.5)
     raise ValueError(f"unknown scheme {name!r}; one of {', '.join(SCHEMES)}")

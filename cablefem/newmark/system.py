@@ -14,6 +14,14 @@ Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
 
 
+class Inside(NamedTuple):
+    """What a collocation step leaves besides its end: accelerations at its nodes, see `tableau.between`."""
+
+    nodes: tuple[float, ...]  # in units of the step
+    dt: float
+    a: Array  # (len(nodes), n_dof)
+
+
 class State(NamedTuple):
     """One instant of a discretised system; `phase` is the interval between events it belongs to."""
 
@@ -22,6 +30,12 @@ class State(NamedTuple):
     v: Array  # (n_dof,) dq/dt
     a: Array  # (n_dof,) d2q/dt2
     phase: int = 0
+
+
+class Collocated(State):
+    """The end of a collocation step, which remembers the step."""
+
+    inside: Inside
 
 
 class System(Protocol):
@@ -50,9 +64,13 @@ class System(Protocol):
         """Return r, shape (n_dof,)."""
 
     def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        """Return r and a function that applies (c0 dr/dq + c1 dr/dv + c2 dr/da)^-1; it may overwrite its argument."""
+        """Return r and a function that applies (c0 dr/dq + c1 dr/dv + c2 dr/da)^-1; it may overwrite its argument.
+
+        Factors are real or complex, and so is the argument then.  An earlier function may be void, except that one for
+        real and one for complex factors live beside each other.
+        """
 
     def settle(
         self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton

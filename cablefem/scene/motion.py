@@ -128,3 +128,8 @@ class Motion:
     def _columns(self) -> np.ndarray:
         """start, origin, c0, c1, c2, c3 of all pieces: (6, n)."""
         return np.array([(p.start, p.origin, p.c0, p.c1, p.c2, p.c3) for pieces in self.pieces for p in pieces]).T
+
+
+def standing(place: float, end: float) -> Motion:
+    """Return the motion of what stays at its place until `end`; with mu = 0 the cable is bare and moves by itself."""
+    return Motion(((0.0, end),), ((Piece(0.0, 0.0, place, 0.0, 0.0),),), place)

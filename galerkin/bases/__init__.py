@@ -26,14 +26,21 @@ class Basis(Protocol):
     def smooth(self) -> bool:
         """True when phi'' has a meaning at every s, so that the centrifugal term of (23) may be used as printed."""
 
+    @property
+    def harmonic(self) -> bool:
+        """True for phi_k = sin(k pi s), whose products compiled code sums in closed form."""
+
+    def at(self, s: float) -> np.ndarray:
+        """phi, phi', phi'' (0 where there is none), primitive1, primitive2 at one s; (5, n)."""
+
     def values(self, s: np.ndarray) -> np.ndarray:
         """phi(s), (n_s, n)."""
 
     def d1(self, s: np.ndarray) -> np.ndarray:
         """phi'(s), (n_s, n)."""
 
-    def d1_into(self, s: np.ndarray, out: np.ndarray) -> None:
-        """phi'(s) for the long tables of the internal force, into `out` (n, n_s), C-contiguous."""
+    def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Points and weights of both sides of s_o, (n_q,), and phi' there, (n + 1, n_q), the last row left free."""
 
     def d2(self, s: np.ndarray) -> np.ndarray:
         """phi''(s), (n_s, n)."""
@@ -43,9 +50,6 @@ class Basis(Protocol):
 
     def primitive2(self, s: np.ndarray) -> np.ndarray:
         """A function whose second derivative is phi, (n_s, n); gives int hat phi ds of any hat in closed form."""
-
-    def gram_into(self, table: np.ndarray, f: np.ndarray, out: np.ndarray) -> None:
-        """sum_q f_abq phi_i'(s_q) phi_j'(s_q) into out_aibj, (m, n, m, n); f_ab = f_ba, table (n, n_q) by `d1_into`."""
 
     def mass(self) -> np.ndarray:
         """int_0^1 phi_m phi_n ds to rounding, (n, n)."""

@@ -22,13 +22,12 @@ Theta''), at any float s (for Theta'' of p = 3, any from 2^-27 on).
 Source of the construction: Xu & Shann 1992; Chen, Hwang & Shih 1996; index sets as printed in (37).
 """
 
-import decimal
 from dataclasses import dataclass
-from decimal import Decimal
 from functools import lru_cache
 from math import comb, sqrt
 from typing import Literal, get_args
 
+import mpmath as mp
 import numpy as np
 import pywt
 from numba import njit
@@ -46,26 +45,18 @@ DEEPEST = -3  # phi_m for m = 1 .. -3: theta'', theta', theta and two primitives
 
 
 def _solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """A x = b to DIGITS: solved in float64, corrected by residuals in Decimal; A (n, n), b (n,) of Decimal."""
-    inverse = np.linalg.inv(A.astype(float))
-    x = b * 0
-    for _ in range(40):
-        r = b - A @ x
-        size = max(abs(r))
-        if size < Decimal(10) ** (8 - DIGITS):
-            return x
-        x = x + np.array([Decimal(float(d)) for d in inverse @ (r / size).astype(float)]) * size
-    raise ArithmeticError("refinement of a linear system stalled")
+    """A x = b to DIGITS; A (n, n), b (n,) of mpf."""
+    return np.array(list(mp.lu_solve(mp.matrix(A.tolist()), mp.matrix(b.tolist()))))
 
 
 def _factor(p: int) -> np.ndarray:
-    """q of h(z) = 2 ((1 + z)/2)^p q(z), ascending powers, (p,) of Decimal, from PyWavelets' dbp by Newton.
+    """q of h(z) = 2 ((1 + z)/2)^p q(z), ascending powers, (p,) of mpf, from PyWavelets' dbp by Newton.
 
     The p equations are the coefficients of |q|^2 = sum_k binom(p-1+k, k) y^k, y = (2 - z - 1/z)/4 (Daubechies 1988),
     which is orthonormality with the p vanishing moments built in.
     """
-    y = np.array([Decimal("-0.25"), Decimal("0.5"), Decimal("-0.25")])  # times z
-    wanted, power = np.array([Decimal(0)] * (2 * p - 1)), np.array([Decimal(1)])
+    y = np.array([mp.mpf("-0.25"), mp.mpf("0.5"), mp.mpf("-0.25")])  # times z
+    wanted, power = np.array([mp.mpf(0)] * (2 * p - 1)), np.array([mp.mpf(1)])
     for k in range(p):
         wanted[p - 1 - k : p + k] += comb(p - 1 + k, k) * power
         power = np.convolve(power, y)
@@ -74,12 +65,12 @@ def _factor(p: int) -> np.ndarray:
         zeros = np.convolve(zeros, [0.5, 0.5])
     deconvolve = np.array([np.convolve(2.0 * zeros, row) for row in np.eye(p)]).T
     h = sqrt(2.0) * np.array(pywt.Wavelet(f"db{p}").rec_lo)
-    q = np.array([Decimal(float(c)) for c in np.linalg.lstsq(deconvolve, h, rcond=None)[0]])
+    q = np.array([mp.mpf(c) for c in np.linalg.lstsq(deconvolve, h, rcond=None)[0].tolist()])
     for _ in range(12):
         residual = wanted[p - 1 :] - np.array([q[k:] @ q[: p - k] for k in range(p)])
-        if max(abs(residual)) < Decimal(10) ** (10 - DIGITS):
+        if max(abs(residual)) < mp.mpf(10) ** (10 - DIGITS):
             return q
-        pad = np.concatenate([np.full(p, Decimal(0)), q, np.full(p, Decimal(0))])
+        pad = np.concatenate([np.full(p, mp.mpf(0)), q, np.full(p, mp.mpf(0))])
         jacobian = np.array([pad[p + k : 2 * p + k] + pad[p - k : 2 * p - k] for k in range(p)])
         q = q + _solve(jacobian, residual)
     raise ArithmeticError(f"the filter db{p} does not polish")
@@ -93,13 +84,8 @@ def _transition(h: np.ndarray, digit: int) -> np.ndarray:
 
 
 def _cholesky(W: np.ndarray) -> np.ndarray:
-    """Lower L with L L^T = W in Decimal; W (n, n) symmetric positive definite."""
-    L = W * 0
-    for j in range(len(W)):
-        L[j, j] = (W[j, j] - L[j, :j] @ L[j, :j]).sqrt()
-        for i in range(j + 1, len(W)):
-            L[i, j] = (W[i, j] - L[i, :j] @ L[j, :j]) / L[j, j]
-    return L
+    """Lower L with L L^T = W, in float64; W (n, n) of mpf, symmetric positive definite."""
+    return np.array(mp.cholesky(mp.matrix(W.tolist())).tolist()).astype(float)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,20 +112,19 @@ class _Mother:
 def _mother(p: int) -> _Mother:
     """The scaling function of order p."""
     R = 2 * p - 1
-    with decimal.localcontext() as context:
-        context.prec = DIGITS
+    with mp.workdps(DIGITS):
         q = _factor(p)
         walks = {}
         for m in range(DEEPEST, 2 if p > 2 else 1):
             mask = 2 * q
             for _ in range(p - m):
-                mask = np.convolve(mask, np.array([Decimal("0.5")] * 2))
+                mask = np.convolve(mask, np.array([mp.mpf("0.5")] * 2))
             if m == 0:
                 h = mask
             # v(0) = T_0 v(0) with sum 1; phi_m(0) = 0, so its equation gives way to the sum
-            system = _transition(mask, 0) - np.diag([Decimal(1)] * (R - m))
-            system[0] = Decimal(1)
-            unit = np.array([Decimal(1)] + [Decimal(0)] * (R - m - 1))
+            system = _transition(mask, 0) - np.diag([mp.mpf(1)] * (R - m))
+            system[0] = mp.mpf(1)
+            unit = np.array([mp.mpf(1)] + [mp.mpf(0)] * (R - m - 1))
             T = np.array([_transition(mask.astype(float), d) for d in (0, 1)])
             blocks = T
             for _ in range(BLOCK - 1):
@@ -148,14 +133,14 @@ def _mother(p: int) -> _Mother:
         # Refining both functions: W = (H W H^T + B B^T)/2, H = taps that stay cut, B = taps that come to lie inside.
         # Summed by doubling (Smith 1968); the terms fall by 2 each.
         taps = np.array(
-            [[h[t - 2 * l] if 0 <= t - 2 * l <= R else Decimal(0) for t in range(1 - R, R)] for l in range(1 - R, 0)]
+            [[h[t - 2 * l] if 0 <= t - 2 * l <= R else mp.mpf(0) for t in range(1 - R, R)] for l in range(1 - R, 0)]
         )
-        step, W = taps[:, : R - 1] / Decimal(2).sqrt(), taps[:, R - 1 :] @ taps[:, R - 1 :].T / 2
+        step, W = taps[:, : R - 1] / mp.sqrt(2), taps[:, R - 1 :] @ taps[:, R - 1 :].T / 2
         for _ in range(8):
             W, step = W + step @ W @ step.T, step @ step
-        left, right = _cholesky(W), _cholesky(np.diag([Decimal(1)] * (R - 1)) - W)
+        left, right = _cholesky(W), _cholesky(np.diag([mp.mpf(1)] * (R - 1)) - W)
     g = np.array([(-1) ** k for k in range(R + 1)]) * h[::-1]
-    return _Mother(h.astype(float), g.astype(float), walks, left.astype(float), right.astype(float))
+    return _Mother(h.astype(float), g.astype(float), walks, left, right)
 
 
 # --- evaluation ------------------------------------------------------------------------------------------------
@@ -435,6 +420,16 @@ class Daubechies:
         mean = _sums(self.order, self.level, c)(np.array([1.0]), -1)
         return _sums(self.order, self.level, c - mean)(s, derivative - 1)
 
+    @property
+    def harmonic(self) -> bool:
+        """No sines."""
+        return False
+
+    def at(self, s: float) -> np.ndarray:
+        """phi, phi', phi'' (0 where there is none), primitive1, primitive2 at one s, (5, n)."""
+        of, x = self._span.functions, np.array([s])
+        return np.concatenate([of(x, m) if m < 1 or self.smooth else np.zeros((1, self.n)) for m in (-1, 0, 1, -2, -3)])
+
     def values(self, s: np.ndarray) -> np.ndarray:
         """phi(s), (n_s, n)."""
         return self._span.functions(s, -1)
@@ -443,13 +438,17 @@ class Daubechies:
         """phi'(s), (n_s, n)."""
         return self._span.functions(s, 0)
 
-    def d1_into(self, s: np.ndarray, out: np.ndarray) -> None:
-        """phi'(s) into `out`, (n, n_s): looked up at points of the own rule, which a cut changes in one part only."""
+    def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Both sides of s_o: phi' is looked up at points of the own rule, which a cut changes in one part."""
+        (left, w_left), (right, w_right) = self.quadrature_on(0.0, s_o), self.quadrature_on(s_o, 1.0)
+        s = np.concatenate([left, right])
         own, table = _own_table(self)
         i = np.searchsorted(own, s)
-        np.take(table, i, axis=1, out=out, mode="clip")
+        phi = np.empty((self.n + 1, s.size))
+        np.take(table, i, axis=1, out=phi[:-1], mode="clip")
         new = own.take(i, mode="clip") != s
-        out[:, new] = self.d1(s[new]).T
+        phi[:-1, new] = self.d1(s[new]).T
+        return s, np.concatenate([w_left, w_right]), phi
 
     def d2(self, s: np.ndarray) -> np.ndarray:
         """phi''(s), (n_s, n)."""
@@ -462,12 +461,6 @@ class Daubechies:
     def primitive2(self, s: np.ndarray) -> np.ndarray:
         """int_0^s primitive1, (n_s, n)."""
         return self._span.functions(s, -3)
-
-    def gram_into(self, table: np.ndarray, f: np.ndarray, out: np.ndarray) -> None:
-        """sum_q f_abq phi_i'(s_q) phi_j'(s_q) as it stands into out_aibj, (m, n, m, n); f_ab = f_ba."""
-        for a in range(len(f)):
-            for b in range(a + 1):
-                out[a, :, b] = out[b, :, a] = (f[a, b] * table) @ table.T
 
     def mass(self) -> np.ndarray:
         """int phi_m phi_n ds, (n, n), cell by cell from the Gram matrix of phi_-1 on one cell."""

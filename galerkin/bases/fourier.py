@@ -1,5 +1,6 @@
 """Sines (33)-(34): the paper's first basis."""
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -24,38 +25,36 @@ def _wavenumbers(n: int) -> np.ndarray:
 
 
 @njit(cache=True)
-def _slopes(c1, s1, out):
-    """out[k - 1] = k pi cos(k pi s) by turning (cos, sin) k times by pi s, given cos(pi s) and sin(pi s); out (n, n_s).
-
-    Each turn adds a rounding to the angle: k eps after k of them, no more than rounding the argument k pi s costs.
-    """
-    c, s = c1.copy(), s1.copy()
-    for k in range(out.shape[0]):
-        for q in range(c.size):
-            out[k, q] = (k + 1) * np.pi * c[q]
-            c[q], s[q] = c[q] * c1[q] - s[q] * s1[q], s[q] * c1[q] + c[q] * s1[q]
+def _at(s, n):
+    """`Fourier.at`."""
+    out = np.empty((5, n))
+    for k in range(n):
+        wave = (k + 1) * math.pi
+        c, sn = math.cos(wave * s), math.sin(wave * s)
+        out[0, k], out[1, k], out[2, k] = sn, wave * c, -wave * wave * sn
+        out[3, k], out[4, k] = -c / wave, -sn / (wave * wave)
+    return out
 
 
 @njit(cache=True)
-def _toeplitz_hankel(total, by_slope, out):
-    """j k pi^2/2 (c_|j-k| + c_(j+k)), j, k = 1 .. n, into out_ajbk of each c_ab, m = 0 .. 2 n; out (m, n, m, n).
+def _split(s_o, x, w, n):
+    """`Fourier.split` for a rule x, w (m,) on [0, 1]: k pi cos(k pi s) by turning (cos, sin) k times by pi s.
 
-    total (m, m) : sum_q f_q.  by_slope (2, m, m, n) : sum_q f_q k pi cos(k x_q), and the same of f_q cos(n x_q),
-    which gives c_(n+m) = 2 sum_q f_q cos(n x_q) cos(m x_q) - c_(n-m).
+    Each turn adds a rounding to the angle: k eps after k of them, no more than rounding the argument k pi s costs.
     """
-    n = out.shape[1]
-    c = np.empty(4 * n + 1)  # c_|m|, m = -2n .. 2n
-    for a in range(out.shape[0]):
-        for b in range(out.shape[0]):
-            c[2 * n] = total[a, b]
-            for m in range(1, n + 1):
-                c[2 * n + m] = c[2 * n - m] = by_slope[0, a, b, m - 1] / (m * np.pi)
-            for m in range(1, n + 1):
-                c[3 * n + m] = c[n - m] = 2.0 * by_slope[1, a, b, m - 1] / (m * np.pi) - c[3 * n - m]
-            for j in range(1, n + 1):
-                minus, plus, row = c[2 * n - j :], c[2 * n + j :], out[a, j - 1, b]
-                for k in range(1, n + 1):
-                    row[k - 1] = (0.5 * np.pi**2 * j) * k * (minus[k] + plus[k])
+    m = x.size
+    s, weights, phi = np.empty(2 * m), np.empty(2 * m), np.empty((n + 1, 2 * m))
+    for q in range(m):
+        s[q], s[m + q] = s_o * x[q], s_o + (1.0 - s_o) * x[q]
+        weights[q], weights[m + q] = s_o * w[q], (1.0 - s_o) * w[q]
+    c1, s1 = np.cos(math.pi * s), np.sin(math.pi * s)
+    c, sn = c1.copy(), s1.copy()
+    for k in range(n):
+        wave, row = (k + 1) * math.pi, phi[k]
+        for q in range(2 * m):
+            row[q] = wave * c[q]
+            c[q], sn[q] = c[q] * c1[q] - sn[q] * s1[q], sn[q] * c1[q] + c[q] * s1[q]
+    return s, weights, phi
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +79,18 @@ class Fourier:
         return True
 
     @property
+    def harmonic(self) -> bool:
+        """These are the sines."""
+        return True
+
+    @property
     def wavenumbers(self) -> np.ndarray:
         """k pi, (n,)."""
         return _wavenumbers(self.n)
+
+    def at(self, s: float) -> np.ndarray:
+        """phi, phi', phi'', primitive1, primitive2 at one s, (5, n)."""
+        return _at(s, self.n)
 
     def values(self, s: np.ndarray) -> np.ndarray:
         """sin(k pi s), (n_s, n)."""
@@ -91,10 +99,6 @@ class Fourier:
     def d1(self, s: np.ndarray) -> np.ndarray:
         """k pi cos(k pi s), (n_s, n)."""
         return self.wavenumbers * np.cos(np.multiply.outer(s, self.wavenumbers))
-
-    def d1_into(self, s: np.ndarray, out: np.ndarray) -> None:
-        """k pi cos(k pi s) into `out`, (n, n_s), without a cosine per entry."""
-        _slopes(np.cos(np.pi * s), np.sin(np.pi * s), out)
 
     def d2(self, s: np.ndarray) -> np.ndarray:
         """-(k pi)^2 sin(k pi s), (n_s, n)."""
@@ -107,15 +111,6 @@ class Fourier:
     def primitive2(self, s: np.ndarray) -> np.ndarray:
         """-sin(k pi s)/(k pi)^2, (n_s, n)."""
         return -self.values(s) / self.wavenumbers**2
-
-    def gram_into(self, table: np.ndarray, f: np.ndarray, out: np.ndarray) -> None:
-        """By c_m = sum_q f_q cos(m pi s_q): phi_j' phi_k' = j k pi^2/2 (cos((j-k) x) + cos((j+k) x)), x = pi s.
-
-        The table holds the cosines up to m = n; cos((n+m) x) = 2 cos(n x) cos(m x) - cos((n-m) x) gives the others.
-        """
-        both = np.array([f, f * (table[-1] / (self.n * np.pi))])
-        by_slope = (both.reshape(-1, table.shape[1]) @ table.T).reshape(*both.shape[:3], self.n)
-        _toeplitz_hankel(f.sum(axis=-1), by_slope, out)
 
     def mass(self) -> np.ndarray:
         """int phi_m phi_n ds = 1/2 on the diagonal."""
@@ -135,7 +130,16 @@ class Fourier:
         x, w = _unit_gauss(2 * self.n + 40)
         return x.copy(), w.copy()
 
+    @property
+    def side_rule(self) -> tuple[np.ndarray, np.ndarray]:
+        """2 n + 20 Gauss points on [0, 1]."""
+        return _unit_gauss(2 * self.n + 20)
+
     def quadrature_on(self, a: float, b: float) -> tuple[np.ndarray, np.ndarray]:
-        """2 n + 20 Gauss points on [a, b]."""
-        x, w = _unit_gauss(2 * self.n + 20)
+        """`side_rule` on [a, b]."""
+        x, w = self.side_rule
         return a + (b - a) * x, (b - a) * w
+
+    def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Points, weights and phi' on both sides of s_o, without a cosine per entry."""
+        return _split(s_o, *self.side_rule, self.n)

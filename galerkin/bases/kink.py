@@ -10,20 +10,70 @@ w = sum_j Phi_j(s; s_o(t)) q_j read
 with the mass on top (`galerkin.equations`).  Both classes here answer the same questions; one stands, A = B = 0.
 """
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
+from numba import njit
 
 from galerkin.bases import Basis
 
 Array = np.ndarray
 
 
-def _with_hat(standing: Array, hat: float) -> Array:
-    """What belongs to the standing functions and, last, to the hat."""
-    out = np.empty(standing.size + 1)
-    out[:-1], out[-1] = standing, hat
+class Carried(NamedTuple):
+    """What the equations need of a moving basis at an instant; n functions."""
+
+    mass: Array  # M, (n, n)
+    gyroscopic: Array  # last column of 2 A, (n,); its other columns are zero, as are those of A. - B
+    centrifugal: Array  # last column of A. - B, (n,)
+    f: Array  # Phi(s_o), (n,)
+    f_s: Array  # Phi'(s_o) along the path: the hat rides along and stays 1, that is why its kink costs no phi''
+    f_v: Array  # 2 ds_o Phi'(s_o), as in (22), (n,)
+    f_q: Array  # dds_o Phi'(s_o) + ds_o^2 Phi''(s_o), as in (23), (n,)
+
+
+@njit(cache=True, error_model="numpy")
+def _overlap(phi, first, second, left, chord, s_o):
+    """I, I', I'' of `TravellingKink` for one function; first, second : its primitives.
+
+    At s_o = 0, where E = E'(0) s + O(s^3), the limits are I = I' = -E'(0); I'' there is not needed and is 0.
+    """
+    if s_o == 0.0:
+        return chord - first, chord - first, 0.0
+    w, dw = s_o * (1.0 - s_o), 1.0 - 2.0 * s_o
+    value = (left + s_o * chord - second) / w
+    slope = (chord - first - dw * value) / w  # from I w = -E
+    return value, slope, (2.0 * (value - dw * slope) - phi) / w
+
+
+@njit(cache=True)
+def _overlaps(phi, first, second, left, chord, s_o):
+    """The same for all functions (m, n) at m places: (3, m, n)."""
+    out = np.empty((3, *phi.shape))
+    for i in range(s_o.size):
+        for k in range(phi.shape[1]):
+            out[0, i, k], out[1, i, k], out[2, i, k] = _overlap(
+                phi[i, k], first[i, k], second[i, k], left[k], chord[k], s_o[i]
+            )
     return out
+
+
+@njit(cache=True, error_model="numpy")
+def _carry(at, mass, hat, left, chord, s_o, ds_o, dds_o):
+    """M, and the other entries of `Carried` as rows, (6, n); at : `Basis.at`;  left, chord : of `TravellingKink`."""
+    n = at.shape[1]
+    M, rows = mass.copy(), np.zeros((6, n + hat))
+    for k in range(n):
+        phi, first, second = at[0, k], at[1, k], at[2, k]
+        rows[2, k], rows[3, k], rows[4, k] = phi, first, 2.0 * ds_o * first
+        rows[5, k] = dds_o * first + ds_o * ds_o * second
+        if hat:
+            value, slope, bend = _overlap(phi, at[3, k], at[4, k], left[k], chord[k], s_o)
+            M[n, k] = M[k, n] = value
+            rows[0, k], rows[1, k] = 2.0 * ds_o * slope, ds_o * ds_o * bend + dds_o * slope
+    if hat:
+        rows[1, n], rows[2, n] = -ds_o * ds_o / (3.0 * s_o * (1.0 - s_o)), 1.0
+    return M, rows
 
 
 class MovingBasis(Protocol):
@@ -32,8 +82,10 @@ class MovingBasis(Protocol):
     basis: Basis
     n: int
 
-    def inertia(self, s_o: float, ds_o: float, dds_o: float) -> tuple[Array, Array, Array]:
-        """M (n, n) and the last columns of 2 A and of A. - B, each (n,); their other columns are zero."""
+    hat: int  # 1 with a travelling hat, which then comes last
+
+    def carried(self, s_o: float, ds_o: float, dds_o: float) -> Carried:
+        """Its part in the equations at this instant."""
 
     def stiffness(self, s_o: float) -> Array:
         """int Phi_i' Phi_j' ds, (n, n)."""
@@ -41,33 +93,25 @@ class MovingBasis(Protocol):
     def integral(self, s_o: float) -> Array:
         """int Phi_i ds, (n,)."""
 
-    def at_mass(self, s_o: float) -> tuple[Array, Array, Array]:
-        """Phi_j(s_o) followed along the path: its value, first and second derivative by s_o; each (n,)."""
-
-    def sides(self, s_o: float) -> tuple[float, ...]:
-        """Ends of the pieces on which Phi' is continuous."""
-
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
         """Points (n_q,), ascending, weights (n_q,) and Phi' there (n, n_q), piece by piece."""
-
-    def gram(self, phi: Array, f: Array) -> Array:
-        """sum_q f_abq Phi_i'(s_q) Phi_j'(s_q) over the points of `slopes`, (m n, m n) by a i, b j; f_ab = f_ba."""
 
 
 class Standing:
     """The given basis unchanged: it does not know the mass."""
 
+    hat = 0
+
     def __init__(self, basis: Basis) -> None:
         self.basis, self.n = basis, basis.n
         self._mass, self._stiffness, self._integral = basis.mass(), basis.stiffness(), basis.integral()
-        self._zero = np.zeros(basis.n)
         s, weights = basis.quadrature()
-        phi = np.empty((basis.n, s.size))
-        basis.d1_into(s, phi)
-        self._slopes = s, weights, phi
+        self._slopes = s, weights, np.ascontiguousarray(basis.d1(s).T)
 
-    def inertia(self, s_o: float, ds_o: float, dds_o: float) -> tuple[Array, Array, Array]:
-        return self._mass, self._zero, self._zero
+    def carried(self, s_o: float, ds_o: float, dds_o: float) -> Carried:
+        none = self._integral
+        mass, rows = _carry(self.basis.at(s_o), self._mass, 0, none, none, s_o, ds_o, dds_o)
+        return Carried(mass, *rows)
 
     def stiffness(self, s_o: float) -> Array:
         return self._stiffness
@@ -75,23 +119,8 @@ class Standing:
     def integral(self, s_o: float) -> Array:
         return self._integral
 
-    def at_mass(self, s_o: float) -> tuple[Array, Array, Array]:
-        """phi, phi', phi'' at s_o; the last is zero where the basis has none, and then must not be used."""
-        s = np.array([s_o])
-        second = self.basis.d2(s)[0] if self.basis.smooth else np.zeros(self.n)
-        return self.basis.values(s)[0], self.basis.d1(s)[0], second
-
-    def sides(self, s_o: float) -> tuple[float, ...]:
-        return 0.0, 1.0
-
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
         return self._slopes
-
-    def gram(self, phi: Array, f: Array) -> Array:
-        m, n = len(f), self.n
-        out = np.empty((m, n, m, n))
-        self.basis.gram_into(phi, f, out)
-        return out.reshape(m * n, m * n)
 
 
 class TravellingKink:
@@ -109,6 +138,8 @@ class TravellingKink:
     and nothing at s_o = 1.
     """
 
+    hat = 1
+
     def __init__(self, basis: Basis) -> None:
         self.basis, self.n = basis, basis.n + 1
         self._mass, self._stiffness = (np.zeros((self.n, self.n)) for _ in range(2))
@@ -118,27 +149,15 @@ class TravellingKink:
         self._left, right = basis.primitive2(np.array([0.0, 1.0]))
         self._chord = right - self._left
 
-    def overlap(self, s_o: Array) -> tuple[Array, Array, Array]:
-        """I, I', I'' = int hat phi ds and its derivatives by s_o; s_o (m,) in [0, 1), each (m, n - 1).
+    def overlap(self, s_o: Array) -> Array:
+        """I, I', I'' = int hat phi ds and its derivatives by s_o; s_o (m,) in [0, 1), (3, m, n - 1)."""
+        basis = self.basis
+        tables = basis.values(s_o), basis.primitive1(s_o), basis.primitive2(s_o)
+        return _overlaps(*tables, self._left, self._chord, s_o)
 
-        At s_o = 0, where E = E'(0) s + O(s^3), the limits are I = I' = -E'(0); I'' there is not needed and is 0.
-        """
-        s = s_o[:, None]
-        entry = s_o == 0.0
-        w, dw = s * (1.0 - s) + entry[:, None], 1.0 - 2.0 * s
-        value = (self._left + s * self._chord - self.basis.primitive2(s_o)) / w
-        first = (self._chord - self.basis.primitive1(s_o) - dw * value) / w  # from I w = -E; at s_o = 0 its limit
-        second = (2.0 * (value - dw * first) - self.basis.values(s_o)) / w
-        value[entry], second[entry] = first[entry], 0.0
-        return value, first, second
-
-    def inertia(self, s_o: float, ds_o: float, dds_o: float) -> tuple[Array, Array, Array]:
-        value, first, second = (x[0] for x in self.overlap(np.array([s_o])))
-        matrix = self._mass.copy()
-        matrix[-1, :-1] = matrix[:-1, -1] = value
-        gyroscopic = _with_hat((2.0 * ds_o) * first, 0.0)
-        centrifugal = _with_hat(ds_o**2 * second + dds_o * first, -(ds_o**2) / (3.0 * s_o * (1.0 - s_o)))
-        return matrix, gyroscopic, centrifugal
+    def carried(self, s_o: float, ds_o: float, dds_o: float) -> Carried:
+        mass, rows = _carry(self.basis.at(s_o), self._mass, 1, self._left, self._chord, s_o, ds_o, dds_o)
+        return Carried(mass, *rows)
 
     def stiffness(self, s_o: float) -> Array:
         matrix, steepness = self._stiffness.copy(), 1.0 / (s_o * (1.0 - s_o))
@@ -149,29 +168,9 @@ class TravellingKink:
     def integral(self, s_o: float) -> Array:
         return self._integral
 
-    def at_mass(self, s_o: float) -> tuple[Array, Array, Array]:
-        """phi and its derivatives; the hat rides along and stays 1: that is why its kink costs no phi''."""
-        s = np.array([s_o])
-        second = self.basis.d2(s)[0] if self.basis.smooth else np.zeros(self.n - 1)
-        return _with_hat(self.basis.values(s)[0], 1.0), _with_hat(self.basis.d1(s)[0], 0.0), _with_hat(second, 0.0)
-
-    def sides(self, s_o: float) -> tuple[float, ...]:
-        return 0.0, s_o, 1.0
-
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
         """Points on each side of the mass; each side must resolve the highest phi over the whole cable."""
-        left, w_left = self.basis.quadrature_on(0.0, s_o)
-        right, w_right = self.basis.quadrature_on(s_o, 1.0)
-        s = np.concatenate([left, right])
-        phi = np.empty((self.n, s.size))
-        self.basis.d1_into(s, phi[:-1])
-        phi[-1, : left.size], phi[-1, left.size :] = 1.0 / s_o, -1.0 / (1.0 - s_o)
-        return s, np.concatenate([w_left, w_right]), phi
-
-    def gram(self, phi: Array, f: Array) -> Array:
-        m, n = len(f), self.n
-        out = np.empty((m, n, m, n))
-        self.basis.gram_into(phi[:-1], f, out[:, :-1, :, :-1])
-        out[:, -1] = hat = (f * phi[-1]) @ phi.T
-        out[..., -1] = hat.transpose(0, 2, 1)
-        return out.reshape(m * n, m * n)
+        s, weights, phi = self.basis.split(s_o)
+        left = np.searchsorted(s, s_o)
+        phi[-1, :left], phi[-1, left:] = 1.0 / s_o, -1.0 / (1.0 - s_o)
+        return s, weights, phi

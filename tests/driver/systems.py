@@ -173,3 +173,43 @@ class MomentumPendulum(DoublePendulum):
             slope = -0.5 * self.both * np.sin(q[0] - q[1]) * (start.v[0] * end.v[1] + start.v[1] * end.v[0])
             pull += w * (slope * np.array([1.0, -1.0]) - self.weight * np.sin(q))
         return (self.mass(end.q) @ end.v - self.mass(start.q) @ start.v) / (end.t - start.t) - pull
+
+
+class Follower(Spring):
+    """m a + d v + k (q - x(t)) + k3 (q - x)^3 = m x'' + d x' with x = sin(w t): q = x(t) however stiff k is."""
+
+    def __init__(self, **kw):
+        super().__init__(**kw)
+        self.force_scale, self.force_floor = self.k.max(), 1e-15 * self.k.max()
+
+    def residual(self, t, q, v, a, phase):
+        x, dx = np.sin(self.w * t), self.w * np.cos(self.w * t)
+        return super().residual(t, q - x, v - dx, a + self.w**2 * x, phase)
+
+    def linearise(self, t, q, v, a, phase, c0, c1, c2):
+        tangent = c2 * self.m + c1 * self.d + c0 * (self.k + 3.0 * self.k3 * (q - np.sin(self.w * t)) ** 2)
+        return self.residual(t, q, v, a, phase), lambda r: r / tangent
+
+
+class Guided(Spring):
+    """A point guided by a constraint on positions, q1 = sin(w t), beside a spring that pulls it: an index of three.
+
+    Unknowns (q0, q1): m (a0) + k (q0 - q1) = 0 and q1 - sin(w t) = 0 with the reaction on q0 proportional to a1.
+    """
+
+    def __init__(self, **kw):
+        super().__init__(m=np.array([1.7, 0.9]), k=np.array([5.3, 5.3]), q0=np.zeros(2), v0=np.zeros(2), **kw)
+        self.force_scale = 5.3
+
+    def start(self, phase, state):
+        w = self.w[0]
+        q, v = np.zeros(2), np.array([0.3, w])
+        return State(0.0, q, v, np.array([0.0, 0.0]), 0)
+
+    def residual(self, t, q, v, a, phase):
+        return np.array([1.7 * a[0] + 0.4 * a[1] + 5.3 * (q[0] - q[1]), q[1] - np.sin(self.w[0] * t)])
+
+    def linearise(self, t, q, v, a, phase, c0, c1, c2):
+        K = np.array([[1.7 * c2 + 5.3 * c0, 0.4 * c2 - 5.3 * c0], [0.0, c0]])
+        r = self.residual(t, q, v, a, phase)
+        return r, lambda b: np.linalg.solve(K, b) if c0 else np.full_like(b, np.nan)

@@ -7,7 +7,7 @@ import pytest
 from numpy.polynomial.legendre import leggauss
 
 from cablefem import Scene
-from cablefem.newmark import State
+from cablefem.newmark import Newton, State, iterate
 from cablefem.scene.motion import Motion, Piece
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
@@ -97,7 +97,7 @@ def lagrange(system, t, phase, q, v, a):
 def inertia_terms(system, t, phase, q, v, a):
     """The residual without internal force and weight."""
     s_o = system.motion.at(t, phase)[0]
-    weight = np.multiply.outer(system.mu * system.cable.weight, system.basis.at_mass(s_o)[0])
+    weight = np.multiply.outer(system.mu * system.cable.weight, system.basis.carried(s_o, 0.0, 0.0).f)
     return (
         system.residual(t, q, v, a, phase)
         - (system.cable.force(system.instant(t, phase).place, q_of(system, q))[0] - weight).ravel()
@@ -125,7 +125,8 @@ def test_inertia_terms_are_lagranges(model, load, kink):
 def test_lagranges_equations_see_every_velocity_term(term):
     system = GalerkinSystem(STEEP, Fourier(4), kink=True)
     x, right = random_state(system, 5, 0.3), system.instant(0.7, 0)
-    system._instants[0.7, 0] = replace(right, **{term: -getattr(right, term)})
+    wrong = right.carried._replace(**{term: -getattr(right.carried, term)})
+    system._instants[0.7, 0] = replace(right, carried=wrong)
     assert np.abs(inertia_terms(system, 0.7, 0, *x) - lagrange(system, 0.7, 0, *x)).max() > 1e-3
 
 
@@ -136,7 +137,7 @@ def test_path_form_is_the_chain_rule(kink):
     path = GalerkinSystem(STEEP, Rough(Daubechies(4, 0)), kink=kink)
     q, v, a = random_state(smooth, 8)
     t, phase = 0.9, 0
-    x = smooth.instant(t, phase)
+    x = smooth.instant(t, phase).carried
     Q, V, A = (q_of(smooth, y) for y in (q, v, a))
     w_p = Q @ x.f, V @ x.f + 0.5 * Q @ x.f_v, A @ x.f + V @ x.f_v + Q @ x.f_q
     r = path.residual(t, *(np.concatenate([y, z]) for y, z in zip((q, v, a), w_p, strict=True)), phase)
@@ -182,7 +183,7 @@ def test_internal_force_is_the_printed_one(law, kink):
     place = system.instant(0.9, 0).place
     force, pull = system.cable.force(place, q_of(system, q))
     # slack in part of the cable: N has kinks that no rule resolves, hence per mille of the largest force
-    assert system.cable.least(place, pull)[0] < 0.0  # the elastic tension, whatever the law
+    assert system.cable.least(system.basis, place, pull)[0] < 0.0  # the elastic tension, whatever the law
     atol = 1e-11 if law == "elastic" else 1e-2 * np.abs(force).max()
     np.testing.assert_allclose(force, printed_force(system, s_o, q), rtol=0.0, atol=atol)
     assert np.abs(force - printed_force(system, s_o, -q)).max() > 0.1 * np.abs(force).max()
@@ -195,7 +196,7 @@ def test_hanging_cable_is_an_exact_equilibrium(model, kink, basis):
     system = GalerkinSystem(STEEP, basis, kink=kink, model=model)
     place = system.instant(0.4, 0).place
     force, pull = system.cable.force(place, np.zeros((system.fields, system.n)))
-    least, where = system.cable.least(place, pull)
+    least, where = system.cable.least(system.basis, place, pull)
     assert np.abs(force).max() == 0.0
     assert abs(least - STEEP.static(where)[0]) < 1e-15
 
@@ -214,7 +215,7 @@ def test_a_straight_cable_bends_at_the_hat_alone():
         stretch = np.hypot(*r)
         pull.append((1.0 + 57.0 * (stretch - 1.0)) * r / stretch)
     # concentrated at the mass: (N t behind - N t ahead) Phi(s_o)
-    want = np.multiply.outer(pull[0] - pull[1], system.basis.at_mass(s_o)[0])
+    want = np.multiply.outer(pull[0] - pull[1], system.basis.carried(s_o, 0.0, 0.0).f)
     np.testing.assert_allclose(force, want, rtol=0.0, atol=1e-12)
 
 
@@ -230,7 +231,7 @@ def test_one_field_force_by_quadrature(model, kink):
     h = STEEP.alpha * (w @ (y_s * w_s + 0.5 * kap * w_s**2))
     place = system.instant(0.9, 0).place
     force, pull = system.cable.force(place, q[None])
-    least, _ = system.cable.least(place, pull)
+    least, _ = system.cable.least(system.basis, place, pull)
     np.testing.assert_allclose(force[0], (w * (tau * w_s + h * (y_s + kap * w_s))) @ slope, rtol=0.0, atol=1e-11)
     assert abs(least - (STEEP.static(np.linspace(0.0, 1.0, 20001))[0].min() + h)) < 1e-8
 
@@ -244,7 +245,7 @@ def test_ripples_are_not_slack():
     slack[:, 0] = 40.0 * ripple[:, -1]
     pulls = [system.cable.force(place, Q)[1] for Q in (ripple, slack)]
     assert max(pull.min() for pull in pulls) < -0.1
-    least = [system.cable.least(place, pull)[0] for pull in pulls]
+    least = [system.cable.least(system.basis, place, pull)[0] for pull in pulls]
     assert least[0] > 0.0
     assert least[1] < -0.1
 
@@ -306,7 +307,7 @@ def test_acceleration_jumps_with_the_drive(basis, kink):
     """At a jump of dds_o q and dq/dt go on, and if the old acceleration was in balance the new one is."""
     system = GalerkinSystem(STEEP, basis, kink=kink)
     q, v, a = random_state(system, 11)
-    before, after = (system.instant(1.3, k) for k in (0, 1))
+    before, after = (system.instant(1.3, k).carried for k in (0, 1))
     if system.path_form:
         # any a of the cable, with a load at the mass that makes it balance, is as good as another: compare defects
         new = system.start(1, State(1.3, q, v, a, 0))
@@ -332,3 +333,21 @@ def test_faults_are_named():
         GalerkinSystem(STEEP, Fourier(3), law="rubber")
     with pytest.raises(ValueError, match="no travelling mass"):
         GalerkinSystem(Scene.load("bare").groups, Fourier(3))
+
+
+# --- the compiled step -----------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("law", ["elastic", "tension-only"])
+@pytest.mark.parametrize("basis", [Fourier(6), Daubechies(4, 0)], ids=["sines", "db4"])
+@pytest.mark.parametrize("size", [1e-3, 3e-2])
+def test_a_compiled_step_is_the_drivers_own(size, basis, law):
+    """Against `iterate` from a random state, near and far (halved corrections, a tangent made anew): the same way."""
+    system = GalerkinSystem(STEEP, basis, kink=True, law=law)
+    start, dt = random_state(system, 9, size), 0.02
+    rule = np.array([[1, dt, 0.5 * dt**2, 0.25 * dt**2, 0.8], [0, 1, dt, 0.5 * dt, 0.8], [0, 0, 1, 1, 0.9]])
+    ends, ways = np.empty((2, *start.shape)), []
+    for settle, now in ((system.settle, ends[0]), (lambda *x: iterate(system, *x), ends[1])):
+        ways.append(settle(0.93, 0, start, now, rule, 1e-9, Newton(max_iter=12)))
+    assert ways[0][1:] == ways[1][1:]
+    assert ways[0].norm <= 1e-9 or size > 1e-2
+    if ways[0].norm <= 1e-9:
+        np.testing.assert_allclose(ends[0], ends[1], rtol=0.0, atol=1e-10 * np.abs(ends[1]).max())

@@ -6,6 +6,7 @@ from numpy.polynomial.legendre import leggauss
 
 from galerkin.bases import Daubechies, Fourier
 from galerkin.bases.kink import Standing, TravellingKink
+from galerkin.kernels import stiffness
 
 # With what the checks' own quadrature allows: phi is analytic, Hoelder 2.6, Hoelder 1.5, and its cells are 1/448.
 BASES = [
@@ -79,14 +80,14 @@ def test_inertia_against_quadrature(basis, tolerance, s_o):
 
     M, A, B = tables(0.0)
     dA = (tables(h)[1] - tables(-h)[1]) / (2 * h)
-    mass, gyroscopic, centrifugal = TravellingKink(basis).inertia(s_o, ds_o, dds_o)
+    mass, gyroscopic, centrifugal, *_ = TravellingKink(basis).carried(s_o, ds_o, dds_o)
     np.testing.assert_allclose(mass, M, rtol=0.0, atol=10.0 * tolerance)
     np.testing.assert_allclose(gyroscopic, 2.0 * A[:, -1], rtol=0.0, atol=10.0 * tolerance)
     assert np.abs(A[:, :-1]).max() == 0.0
     # differences: h^2 of the third derivative of A, which is of order 1/(1 - s_o)^4
     wanted = (dA - B)[:, -1]
     np.testing.assert_allclose(centrifugal, wanted, rtol=0.0, atol=1e-4 * np.abs(wanted).max())
-    wrong = TravellingKink(basis).inertia(s_o, ds_o, -dds_o)[2]
+    wrong = TravellingKink(basis).carried(s_o, ds_o, -dds_o).centrifugal
     assert np.abs(wrong - wanted).max() > 1e-2 * np.abs(wanted).max()  # the check sees a wrong acceleration
 
 
@@ -103,8 +104,8 @@ def test_slopes_stiffness_and_integral(basis, tolerance):
     s, w = pieces(s_o)
     np.testing.assert_allclose(kink.integral(s_o)[:-1], w @ basis.values(s), rtol=0.0, atol=tolerance)
     assert abs(kink.integral(s_o)[-1] - w @ hat(s, s_o)) < 1e-13
-    f, first, _ = kink.at_mass(s_o)
-    assert (f[-1], first[-1]) == (1.0, 0.0)
+    x = kink.carried(s_o, 0.4, 0.2)
+    assert (x.f[-1], x.f_s[-1], x.f_v[-1], x.f_q[-1]) == (1.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("moving", [TravellingKink, Standing])
@@ -115,7 +116,7 @@ def test_gram_matrix_is_the_plain_product(basis, moving):
     s, w, table = functions.slopes(0.273)
     f = w * np.array([[np.exp(s), np.cos(5.0 * s)], [np.cos(5.0 * s), s**2 - 0.3]])
     direct = np.einsum("abq,iq,jq->aibj", f, table, table, optimize=True).reshape(2 * functions.n, -1)
-    gram = functions.gram(table, f)
+    gram = stiffness(table, f, basis.harmonic, functions.hat)
     np.testing.assert_allclose(gram, direct, rtol=0.0, atol=1e-13 * np.abs(direct).max())
-    other = functions.gram(table, f[::-1, ::-1])
+    other = stiffness(table, f[::-1, ::-1].copy(), basis.harmonic, functions.hat)
     assert np.abs(other - direct).max() > 0.1 * np.abs(direct).max()  # which block is which

@@ -70,7 +70,7 @@ class Made:
             total = total + (acceleration * w * w_tt) @ phi + (w * (N / np.hypot(*r) * r)) @ slope
             total[1] -= g.sigma * (w @ phi)
             jump.append(KINK * self.k * hat_s)
-        f = system.basis.at_mass(s_o)[0]
+        f = system.basis.carried(s_o, 0.0, 0.0).f
         static = np.array(g.static(s_o)[1:])
         _, first, second = smooth(s_o)
         p_tt = SHAPE * (smooth(s_o)[0] * self.ddc + 2 * v * first * self.dc)
@@ -105,7 +105,7 @@ def error(terms, steps, wrong=1.0):
     worst, size = 0.0, 0.0
     for x in integrate(system, scheme("trapezoidal"), [np.linspace(BEGIN, END, steps + 1)], start=start):
         made = Made(system, x.t).path()
-        mine = system._fields(x.q) @ system.basis.at_mass(system.place(x))[0]
+        mine = system._fields(x.q) @ system.basis.carried(system.place(x), 0.0, 0.0).f
         worst, size = max(worst, np.abs(mine - made).max()), max(size, np.abs(made).max())
         if x.t >= END:
             break

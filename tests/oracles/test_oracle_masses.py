@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from validation.oracles import accelerating_mass, coupled_travel, massless_string, moving_force, moving_mass
+from validation.oracles import accelerating_mass, massless_string, moving_force, moving_mass, wave_drag
 
 from .wave_identity import corners, wave_defect
 
@@ -405,9 +405,9 @@ def test_accelerating_mass_through_the_wave_speed(mu, a):
 
 
 @pytest.mark.parametrize(("w0", "drive"), [(0.8, 0.0), (0.35, 0.21), (0.0, 0.5)])
-def test_coupled_travel_balances_energy_and_solves_the_wave_equation(w0, drive):
+def test_wave_drag_balances_energy_and_solves_the_wave_equation(w0, drive):
     mu, sigma, t_end = 0.7, 0.9, 2.4
-    ride = coupled_travel.solve(t_end, mu=mu, sigma=sigma, w0=w0, drive=drive)
+    ride = wave_drag.solve(t_end, mu=mu, sigma=sigma, w0=w0, drive=drive)
     quads = corners(np.random.default_rng(4), 40, x=(-1.5, 2.0), t=(0.0, 1.2), size=0.6, clip=False)
 
     def impulse(s):
@@ -445,12 +445,12 @@ def test_coupled_travel_balances_energy_and_solves_the_wave_equation(w0, drive):
 def test_coasting_speed_in_closed_form_is_the_integrated_one():
     mu, sigma, w0 = 0.7, 0.9, 0.8
     t = np.linspace(0.0, 6.0, 31)
-    ride = coupled_travel.solve(6.0, mu=mu, sigma=sigma, w0=w0)
-    closed = coupled_travel.coasting_speed(t, mu=mu, sigma=sigma, w0=w0)
+    ride = wave_drag.solve(6.0, mu=mu, sigma=sigma, w0=w0)
+    closed = wave_drag.coasting_speed(t, mu=mu, sigma=sigma, w0=w0)
     assert np.abs(ride.speed(t) - closed).max() < 1e-10
     assert np.all(np.diff(closed) < 0.0)
-    assert np.abs(coupled_travel.coasting_speed(t, mu=mu, sigma=1e-4, w0=w0) - w0).max() < 1e-6  # no weight, no drag
-    assert coupled_travel.solve(40.0, mu=mu, sigma=sigma, w0=0.2, drive=3.0).speed(40.0) < 1.0  # stays subsonic
+    assert np.abs(wave_drag.coasting_speed(t, mu=mu, sigma=1e-4, w0=w0) - w0).max() < 1e-6  # no weight, no drag
+    assert wave_drag.solve(40.0, mu=mu, sigma=sigma, w0=0.2, drive=3.0).speed(40.0) < 1.0  # stays subsonic
 
 
 def test_parameters_outside_the_validity_are_refused():
@@ -479,8 +479,8 @@ def test_parameters_outside_the_validity_are_refused():
         lambda: massless_string.force(1.0, a=2.0),
         lambda: accelerating_mass.path(-0.1, mu=1.0, sigma=0.2, a=0.4),
         lambda: accelerating_mass.path(0.1, mu=0.0, sigma=0.2, a=0.4),
-        lambda: coupled_travel.solve(1.0, mu=1.3, sigma=0.2, w0=1.1),
-        lambda: coupled_travel.coasting_speed(1.0, mu=1.3, sigma=-0.2, w0=0.1),
+        lambda: wave_drag.solve(1.0, mu=1.3, sigma=0.2, w0=1.1),
+        lambda: wave_drag.coasting_speed(1.0, mu=1.3, sigma=-0.2, w0=0.1),
     ):
         with pytest.raises(ValueError, match=r"must|holds|string|wave speed|breaks|inside|t >= 0|ended"):
             call()

@@ -12,7 +12,8 @@ import pytest
 from markupsafe import Markup
 
 from validation.page import page
-from validation.page.page import Section, figure, number, panels, percent, render, style, svg, table
+from validation.page.figures import panels, style, svg
+from validation.page.page import Section, figure, number, percent, render, table
 
 EVIL = '<script>alert(7)</script> & "co"'
 
@@ -111,7 +112,12 @@ def test_disagreements_come_first(tmp_path):
 
 
 def test_a_verdict_has_a_word_and_a_sign_besides_its_colour():
-    assert [Markup(page.badge(v)).striptags() for v in page.VERDICTS] == ["✗ disagree", "? not comparable", "✓ agree"]
+    assert [Markup(page.badge(v)).striptags() for v in page.VERDICTS] == [
+        "✗ disagree",
+        "? not comparable",
+        "≈ too coarse",
+        "✓ agree",
+    ]
 
 
 def test_two_sections_of_one_name_are_refused(tmp_path):

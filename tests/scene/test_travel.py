@@ -19,6 +19,7 @@ def table(law, t):
 
 LAWS = {
     "speed": ConstantSpeed(speed=23.0),
+    "ramp": ConstantSpeed(speed=23.0, entry_ramp=90.0),
     "from rest": ConstantAcceleration(acceleration=1.7),
     "faster": ConstantAcceleration(acceleration=0.4, initial_speed=11.0),
     "slower": ConstantAcceleration(acceleration=-0.4, initial_speed=31.0),
@@ -208,3 +209,16 @@ def test_laws_refuse_nonsense_where_they_are_made():
         ConstantSpeed(speed=-3)
     with pytest.raises(SceneError, match=r"^times\[1\] = 0.0: must be > 0.0"):
         Table(times=(0, 0), positions=(0, 1))
+
+
+def test_an_entry_ramp_begins_at_rest_and_meets_the_speed_with_a_smooth_acceleration():
+    law = LAWS["ramp"]
+    motion, T = law.motion(LENGTH), 1.5 * 90.0 / 23.0
+    assert len(motion.phases) == 1
+    assert motion.at(0.0, 0) == (0.0, 0.0, pytest.approx(2.0 * 23.0 / T, rel=1e-14))
+    np.testing.assert_allclose(motion.at(T * (1.0 - 1e-12), 0), (90.0, 23.0, 0.0), rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(motion.at(T, 0), (90.0, 23.0, 0.0), rtol=1e-14, atol=1e-14)
+    assert motion.phases[-1][1] == pytest.approx(T + 640.0 / 23.0, rel=1e-14)
+    assert motion.top_speed == pytest.approx(23.0, rel=1e-14)
+    assert law.faster(2.0).entry_ramp == 90.0
+    assert "entry_ramp = 800.0: must be < 730 m" in ConstantSpeed(speed=3.0, entry_ramp=800.0).faults(LENGTH)[0]

@@ -14,6 +14,7 @@ from validation.commands.advise import study as adequacy
 from validation.commands.advise.study import LADDER, Climb, Rung
 from validation.core import measures
 from validation.core.running import run
+from validation.core.scenes import random_scene
 
 LEVEL = Scene.load("level")
 TAUT = Scene.from_groups(sag_ratio=0.006, slope=7.0, mu=0.13, alpha=147.0, speed_ratio=0.13, name="taut")
@@ -113,7 +114,7 @@ def test_random_advice_is_right():
 def test_random_scenes_lie_in_the_ranges():
     rng = np.random.default_rng(8)
     for _ in range(12):
-        scene = adequacy.random_scene(rng)
+        scene = random_scene(rng)
         assert 0.005 <= scene.sag_ratio <= 0.2
         assert 0.0 <= scene.slope <= 45.0
         assert 0.05 <= scene.mu <= 5.0

@@ -6,27 +6,27 @@ import dataclasses
 import json
 import math
 
+import jinja2
 import numpy as np
 import pytest
 
 from cablefem import Scene
 from cablefem.response import Response
-from validation.commands.paper import measured, runs, table, verdicts, vibration
+from validation.commands.paper import computed, measured, runs, verdicts, vibration
 from validation.commands.paper import page as report
 from validation.commands.paper import study as claims
-from validation.commands.paper.verdicts import (
-    FAILS,
-    HOLDS,
-    OPEN,
-    PAPER_ONLY,
-    Claim,
-    around,
-    at_least,
-    at_most,
-    in_words,
-)
+from validation.commands.paper.verdicts import FAILS, HOLDS, OPEN, PAPER_ONLY, Claim, Value
 from validation.core.running import run
 from validation.page import page
+
+MEANING = {"read off": [0.01, "read off the figure"]}
+
+
+def quantity(value, bar=0.0, paper=None, **entry):
+    """Return one quantity as claims.toml would have it."""
+    numbers = {"x": Value(value, bar, paper)}
+    (found,) = verdicts._quantities({"name": "x", "value": "x", **entry}, MEANING, numbers)
+    return found
 
 
 def claim(*quantities, readings=False):
@@ -49,12 +49,12 @@ def claim(*quantities, readings=False):
     ],
 )
 def test_a_verdict_follows_from_value_bar_and_range(value, bar, paper, verdict):
-    assert claim(around("place", 0.655, 0.01, "read off", value, bar, paper)).verdict == verdict
+    assert claim(quantity(value, bar, paper, around=0.655, within="read off")).verdict == verdict
 
 
 def test_one_true_reading_is_enough_and_one_false_condition_too_much():
-    yes, no = at_most("a", 0.3, "", 0.2, 0.01), at_least("b", 0.7, "", 0.2, 0.01)
-    unknown = at_least("c", 0.7, "", 0.69, 0.02)
+    yes, no = quantity(0.2, 0.01, at_most=0.3), quantity(0.2, 0.01, at_least=0.7)
+    unknown = quantity(0.69, 0.02, at_least=0.7)
     assert claim(yes, no, readings=True).verdict == HOLDS
     assert claim(yes, no).verdict == FAILS
     assert claim(yes, unknown).verdict == OPEN
@@ -64,16 +64,32 @@ def test_one_true_reading_is_enough_and_one_false_condition_too_much():
 
 
 def test_a_fraction_in_words_is_nearer_than_the_next_one():
-    assert claim(in_words("place", 1 / 3, 0.297)).verdict == HOLDS
-    assert claim(in_words("place", 1 / 3, 0.28)).verdict == FAILS
-    assert claim(in_words("place", 1 / 2, 0.42)).verdict == HOLDS
+    assert claim(quantity(0.297, fraction=[1, 3])).verdict == HOLDS
+    assert claim(quantity(0.28, fraction=[1, 3])).verdict == FAILS
+    assert claim(quantity(0.42, fraction=[1, 2])).verdict == HOLDS
 
 
 def test_a_row_says_all_and_survives_json():
-    row = claim(at_most("x", 0.3, "why", 0.2, 0.01)).row()
+    row = claim(quantity(0.2, 0.01, at_most=0.3, reason="why")).row()
     assert json.loads(json.dumps(row, allow_nan=False)) == row
     assert row["quantities"][0]["low"] is None
-    assert set(row) == {"id", "where", "claim", "readings", "quantities", "verdict", "why"}
+    assert set(row) == {"id", "where", "claim", "readings", "erratum", "quantities", "verdict", "why"}
+
+
+def test_a_table_of_numbers_is_a_quantity_for_each_with_its_key_in_the_name():
+    numbers = {"x": {"v": Value(0.2), "y + v": Value(0.4)}, "printed": {"v": 0.2, "y + v": 0.3}}
+    entry = {"name": "{{ key }} at {{ x['v']|d(2) }}", "value": "x", "around": "printed", "within": 0.05}
+    found = list(verdicts._quantities(entry, MEANING, numbers))
+    assert [q.name for q in found] == ["v at 0.20", "y + v at 0.20"]
+    assert [q.true() for q in found] == [True, False]
+
+
+def test_a_sentence_that_asks_for_an_unknown_number_is_an_error():
+    with pytest.raises(jinja2.UndefinedError, match="linaer"):
+        verdicts.sentence("it gives {{ linaer|d(3) }}", {"linear": 5.3})
+    assert (
+        verdicts.sentence("{{ a|power }}, {{ a|pct(1) }}, {{ a|d(3) }}", {"a": Value(0.0213)}) == "2·10⁻², 2.1, 0.021"
+    )
 
 
 # --- measures -------------------------------------------------------------------------------------------------------
@@ -199,6 +215,7 @@ def test_the_paper_redone(tmp_path):
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert all(f'id="claim-{i}"' in text for i in found)
     assert not any("Missing" in s.html for s in sections)
-    again = table.claims(runs.all_runs(tmp_path), {k: content[k] for k in ("frequencies", "overshoot", "vibration")})
+    beyond = {k: content[k] for k in ("frequencies", "overshoot", "vibration")}
+    again = verdicts.claims(computed.numbers(runs.all_runs(tmp_path), beyond))
     assert [c.row() for c in again] == content["claims"]
     assert tuple(content["count"]) == verdicts.VERDICTS

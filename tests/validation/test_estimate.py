@@ -10,7 +10,8 @@ import pytest
 from cablefem import Scene
 from validation.core import estimate as module
 from validation.core import measures
-from validation.core.estimate import SAFETY, estimated, gaps
+from validation.core.estimate import estimated, gaps
+from validation.core.richardson import SAFETY
 from validation.core.running import run
 
 LEVEL = Scene.load("level")

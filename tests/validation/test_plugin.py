@@ -1,14 +1,16 @@
 """The pytest plugin: its fixtures judge, its summary tells, and its loading costs nothing."""
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 pytest_plugins = ["pytester"]
 
 # Blocked and loaded by name, so that it is the same with and without this package being installed.
-PLUGIN = ("-p", "no:cablefem", "-p", "validation.pytest_plugin")
+PLUGIN = ("-p", "no:cablefem", "-p", "cablefem.pytest_plugin")
 
 TESTS = """
 import numpy as np
@@ -65,9 +67,9 @@ def test_fixtures_pass_the_right_and_fail_the_wrong_and_the_summary_tells_all(ou
     outcome.assert_outcomes(passed=3, failed=2)
     outcome.stdout.fnmatch_lines([
         "*wrong and following-p2 disagree",
-        "*path_max: gap 0.*, allowed 0.01, largest at s_o/l = 0.*; asked for by path = 0.01*",
+        "*path_max: gap 0.*, allowed 0.01, largest at s_o/l = 0.*; asked for by path 0.01*",
         "*level: disagree",
-        "*path_max: gap 0.*, allowed 0.0*(its error bar) + 0.02 allowed to wrong; u and v",
+        "*path_max: gap 0.*, allowed 0.0*(its error bar) + allowed to wrong 0.02, of u and v",
         "*= agreement of cable solvers =*",
     ])  # fmt: skip
     told = outcome.stdout.str().partition("= agreement of cable solvers =")[2].splitlines()
@@ -88,8 +90,37 @@ def test_a_session_without_agreement_checks_says_nothing(pytester):
 
 def test_loading_the_plugin_loads_nothing_heavy():
     code = (
-        "import pytest, sys; before = set(sys.modules); import validation.pytest_plugin; "
+        "import pytest, sys; before = set(sys.modules); import cablefem.pytest_plugin; "
         "print(sorted(name for name in set(sys.modules) - before))"
     )
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert loaded.strip() == "['validation', 'validation.pytest_plugin']"
+    assert loaded.strip() == "['cablefem', 'cablefem.pytest_plugin']"
+
+
+@pytest.mark.slow  # builds and installs the wheel
+def test_a_project_with_a_package_called_validation_is_left_alone(tmp_path):
+    root = Path(__file__).parents[2]
+    wheels, venv, project = (tmp_path / name for name in ("wheels", "venv", "project"))
+    subprocess.run(
+        [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", wheels, root], check=True, cwd=tmp_path
+    )
+    subprocess.run([sys.executable, "-m", "venv", venv], check=True)
+    python = venv / "bin" / "python"
+    (site,) = (venv / "lib").glob("python*/site-packages")
+    (site / "theirs.pth").write_text("\n".join(path for path in sys.path if path.endswith("site-packages")))
+    (wheel,) = wheels.glob("*.whl")
+    subprocess.run([python, "-m", "pip", "install", "-q", "--no-deps", wheel], check=True)
+    (project / "validation").mkdir(parents=True)
+    (project / "validation" / "__init__.py").write_text("LIMIT = 3\n")
+    (project / "test_own.py").write_text(
+        "import validation\n\n\ndef test_own():\n    assert validation.LIMIT == 3\n\n\n"
+        "def test_scene(cable_scene):\n    assert cable_scene('level').mass\n\n\n"
+        "def test_hidden(cable_check):\n    pass\n"
+    )
+    env = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    ran = subprocess.run(
+        [python, "-m", "pytest", "-p", "no:cacheprovider"], cwd=project, env=env, capture_output=True, text=True
+    )
+    assert "plugins: cablefem" in ran.stdout or "cablefem-" in ran.stdout
+    assert "2 passed, 1 error" in ran.stdout
+    assert "hides cablefem's own" in ran.stdout

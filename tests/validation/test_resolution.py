@@ -9,7 +9,7 @@ import pytest
 
 from cablefem import Scene
 from validation.core import measures, resolution
-from validation.core.methods import ELEMENTS, METHODS, find
+from validation.core.methods import METHODS, find
 from validation.core.resolution import CONFIRMED, UNCONFIRMED, TooCoarse, _next, _Part, _part, _Rung, resolve, resolved
 from validation.core.running import run
 
@@ -70,7 +70,8 @@ def test_only_the_run_that_is_returned_goes_on_to_the_far_support():
 
 def test_what_is_out_of_reach_is_said_so_with_the_best_there_is(monkeypatch):
     monkeypatch.setattr(resolution, "MOST_STEPS", 200)
-    near = replace(find("following-p2"), resolution=replace(ELEMENTS, most=8))
+    method = find("following-p2")
+    near = replace(method, resolution=replace(method.resolution, most=8))
     with pytest.raises(
         TooCoarse, match=r"following-p2 reaches an error bar of .* with elements = .*, not the 1e-05"
     ) as caught:

@@ -16,14 +16,9 @@ from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.flags import flagged
 from validation.core.methods import Method, find, refined
+from validation.core.richardson import SAFETY, left, space_order, time_order
 from validation.core.running import run
 
-# A gap g between resolutions h and h/2 of order p leaves g/(2^p - 1).  Wave fronts pass the mass as spikes whose
-# order is lower than the path's nominal one, so space is never credited with more than 3/2.
-CREDITED_SPACE_ORDER = 1.5
-TIME_ORDER = {"newmark": 1.0}  # all other schemes: 2
-# More than Roache's 1.25 for three grids, with which 5 percent of the bars of random scenes were too small.
-SAFETY = 1.5
 # Companions that fall slack this much later in s_o/l than the run show that its own slack is not resolved.
 SAME_ONSET = 0.05
 
@@ -41,6 +36,7 @@ class Estimated:
     weights: tuple[float, float]  # what is left of the gaps to the companions in the finest run
     basis: str  # one sentence: where the bar comes from
     extrapolated: bool = False
+    late: Response | None = None  # half of both, to where a slack cable is still compared
 
     def bar(self, gap: Callable[[Response, Response], float]) -> float:
         """Return the error bar of a quantity from its gaps to the companions."""
@@ -64,10 +60,6 @@ def gaps(fine: Response, coarse: Response) -> tuple[float, float]:
         if later > fine.slack_onset + SAME_ONSET:
             raise measures.NotComparable(f"slack at s_o/l = {fine.slack_onset:.3f}, in the coarser companion not yet")
     return measures.path_gap(coarse, fine, window)[0], measures.tension_gap(coarse, fine, window)
-
-
-def space_order(method: Method) -> float:
-    return min(method.space_order, CREDITED_SPACE_ORDER) if method.space_order > 1.0 else 1.0
 
 
 def estimated(
@@ -99,24 +91,36 @@ def estimated(
     else:
         c_space = ran(half_space, short, 0.6, 0.8)
     c_time = ran(half_time, short, 0.8, 1.0)
-    p_time = TIME_ORDER.get(settings["scheme"], 2.0)
-    p = space_order(method)
+    p_time = time_order(settings)
+    p = space_order(method.space_order)
     if method.extrapolate:
         # first order, regular: the extrapolation removes it; its own error is bounded by the part of the gap
         # that a next order p + 1/2 would leave
         response = measures.extrapolated(fine, c_space, 1.0)
-        w_space = SAFETY / (2.0**1.5 - 1.0) * 0.5
-        basis = f"extrapolated 2 f({method.count(settings)}) - f({method.count(half_space)})"
+        w_space = SAFETY * left(1.5) * 0.5
+        basis = f"extrapolated 2 f({method.value(settings)}) - f({method.value(half_space)})"
     else:
-        response, w_space = fine, SAFETY / (2.0**p - 1.0)
+        response, w_space = fine, SAFETY * left(p)
         basis = (
             f"gap to half the {method.resolution.setting} over 2^{p:g} - 1, gap to half the steps over "
             f"2^{p_time:g} - 1, times {SAFETY}"
         )
-    estimate = Estimated(
-        response, fine, c_space, c_time, (w_space, SAFETY / (2.0**p_time - 1.0)), basis, method.extrapolate
-    )
+    estimate = Estimated(response, fine, c_space, c_time, (w_space, SAFETY * left(p_time)), basis, method.extrapolate)
     return _with_bars(estimate)
+
+
+SLACK_END = 0.95  # s_o/l to which an answer is compared once the cable is slack
+
+
+def past_slack(scene: Scene, method: Method, e: Estimated) -> Estimated:
+    """Return the run with a companion of half the resolution and half the steps where it goes slack before 0.95.
+
+    The other companions end with the window of comparison: what bears on the slack cable is first order anyway.
+    """
+    if e.run.slack_onset is None or e.run.slack_onset >= SLACK_END:
+        return e
+    halved = refined(method, e.run.settings, space=0.5, time=0.5)
+    return replace(e, late=run(scene, method, until=SLACK_END, **halved))
 
 
 def weighted(e: Estimated, factor: float) -> Estimated:

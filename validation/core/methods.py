@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from cablefem.newmark import SCHEMES
@@ -72,7 +72,7 @@ class Resolution:
     growth: float  # how the arithmetic grows from there
     doubling: bool = False  # the setting counts powers of two
     largest: int | None = None  # for measuring the cost of a step; `most` unless costs stay linear
-    count: Callable[[int], float] = float  # how many functions or elements there are
+    unknowns: Callable[[int], float] = float  # of one field, about
 
     def ratio(self, before: int, after: int) -> float:
         """Return how many times finer one value of the setting is than another."""
@@ -91,14 +91,19 @@ class Resolution:
         return 1.0 + (ratio * self.ratio(self.even, value)) ** self.growth
 
     def grown(self, value: int, ratio: float) -> float:
-        """Return how many times more functions or elements there are with `ratio` times the resolution."""
-        return self.count(self.nearest(value, ratio)) / self.count(value)
+        """Return how many times more unknowns there are with `ratio` times the resolution."""
+        return self.unknowns(self.nearest(value, ratio)) / self.unknowns(value)
+
+    def with_unknowns(self, unknowns: float) -> int:
+        """Return the value that has about so many unknowns in one field."""
+        values = range(0 if self.doubling else 1, self.most + 1)
+        return min(values, key=lambda value: abs(self.unknowns(value) - unknowns))
 
 
 # Measured in time, `cablefem chart`: banded elements cost linearly, dense bases between their square and their cube.
 ELEMENTS = Resolution("elements", 6, 320, 8, 1.0, largest=1000)
 TERMS = Resolution("terms", 10, 160, 25, 2.5, largest=80)
-LEVELS = Resolution("level", 1, 5, 1, 2.5, doubling=True, largest=3, count=lambda level: 7.0 * 2.0**level + 3.0)
+LEVELS = Resolution("level", 1, 5, 1, 2.5, doubling=True, largest=3, unknowns=lambda level: 7.0 * 2.0**level + 3.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +121,7 @@ class Method:
     steps_growth: float | None = None  # steps that keep pace grow like this power of the resolution
     begins: tuple[int, int] | None = None  # resolution and steps of a coarse run in balance, from which ladders climb
     races: tuple[tuple[int, int], ...] = ()  # resolutions and steps, coarse to fine, that `cablefem advise` tries
+    survey: tuple[int, int] | None = None  # resolution and steps in the maps of `cablefem atlas`; None: not mapped
     trust: str = ""  # one line: when to use it
     wrong: bool = False  # converges to a wrong answer or not at all; kept on show
 
@@ -144,7 +150,7 @@ class Method:
             )
         return {k: knob.check(k, changes[k]) if k in changes else knob.default for k, knob in self.knobs.items()}
 
-    def count(self, settings: dict[str, Any]) -> int:
+    def value(self, settings: dict[str, Any]) -> int:
         """Return the value of the setting that refines space."""
         return settings[self.resolution.setting]
 
@@ -184,16 +190,22 @@ def _galerkin(family: str, kink: bool) -> Build:
         from galerkin.bases.daubechies import Daubechies
         from galerkin.bases.fourier import Fourier
         from galerkin.equations import GalerkinSystem
+        from galerkin.rides import RollingSystem
 
         basis: Any = (
             Fourier(x["terms"])
             if family == "fourier"
             else Daubechies(order=x["order"], level=x["level"], reading=x["reading"])
         )
-        system = GalerkinSystem(groups, basis, kink=kink, **kind)
+        rolls = groups.drive.mode != "grip"
+        system = (RollingSystem if rolls else GalerkinSystem)(groups, basis, kink=kink, **kind)
         return PositionAbscissa(system) if x["abscissa"] == "s" else system
 
     return build
+
+
+def _each(unknowns: int) -> Resolution:
+    return replace(ELEMENTS, unknowns=lambda elements: float(unknowns * elements))
 
 
 def _elements(default: int, meaning: str) -> Setting:
@@ -218,59 +230,59 @@ METHODS: dict[str, Method] = {
     for m in (
         Method(
             "following-p1", "elements", "linear elements on a mesh that follows the mass",
-            {"elements": _elements(20, _PER_SIDE), "grading": _GRADING, **TIME}, ELEMENTS, 2.0, _following(1),
+            {"elements": _elements(20, _PER_SIDE), "grading": _GRADING, **TIME}, _each(2), 2.0, _following(1),
             begins=(10, 400), races=((5, 80), (9, 150), (16, 300), (30, 600), (55, 1200)),
             trust="robust and simple; P2 gives more for the same time",
         ),
         Method(
             "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
-            {"elements": _elements(10, _PER_SIDE), "grading": _GRADING, **TIME}, ELEMENTS, 2.5, _following(2),
-            begins=(4, 200), races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
+            {"elements": _elements(10, _PER_SIDE), "grading": _GRADING, **TIME}, _each(4), 2.5, _following(2),
+            begins=(4, 200), survey=(8, 600), races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
             trust="the default: fastest for a given error from 1e-2 to 1e-5",
         ),
         Method(
             "following-p4", "elements", "elements of degree 4 on a mesh that follows the mass",
-            {"elements": _elements(5, _PER_SIDE), "grading": _GRADING, **TIME}, ELEMENTS, 2.5, _following(4),
+            {"elements": _elements(5, _PER_SIDE), "grading": _GRADING, **TIME}, _each(8), 2.5, _following(4),
             begins=(2, 200), trust="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
         ),
         Method(
             "fixed-hermite", "elements", "C1 cubic elements, the mass moving through them",
-            {"elements": _elements(40, _WHOLE), **TIME, "steps": _MANY_STEPS}, ELEMENTS, 1.0,
+            {"elements": _elements(40, _WHOLE), **TIME, "steps": _MANY_STEPS}, _each(2), 1.0,
             _fixed("hermite", "chain"), steps_growth=3.0, begins=(8, 800),
             trust="first order, and N'' jumps at the nodes: wants steps like the square of the elements",
         ),
         Method(
             "fixed-p1-path", "elements", "linear elements, the mass a particle constrained to them",
-            {"elements": _elements(40, _WHOLE), **_DAMPED}, ELEMENTS, 1.0, _fixed("p1", "path"),
-            begins=(10, 250), trust="only with numerical damping: the undamped rule blows up",
+            {"elements": _elements(40, _WHOLE), **_DAMPED}, _each(1), 1.0, _fixed("p1", "path"),
+            begins=(10, 250), survey=(30, 600), trust="only with numerical damping: the undamped rule blows up",
         ),
         Method(
             "fixed-p2-path", "elements", "quadratic elements, the mass a particle constrained to them",
-            {"elements": _elements(40, _WHOLE), **_DAMPED}, ELEMENTS, 1.0, _fixed("p2", "path"),
+            {"elements": _elements(40, _WHOLE), **_DAMPED}, _each(2), 1.0, _fixed("p2", "path"),
             begins=(10, 250), trust="only with numerical damping: the undamped rule blows up",
         ),
         Method(
             "fixed-p1-naive", "elements", "linear elements with chain-rule accelerations: WRONG",
-            {"elements": _elements(40, _WHOLE), **TIME}, ELEMENTS, 0.0, _fixed("p1", "naive"),
+            {"elements": _elements(40, _WHOLE), **TIME}, _each(1), 0.0, _fixed("p1", "naive"),
             begins=(10, 250),
             trust="never: the centrifugal force is lost at the nodes; on show because everybody writes it first",
             wrong=True,
         ),
         Method(
             "fixed-p2-naive", "elements", "quadratic elements with chain-rule accelerations: WRONG",
-            {"elements": _elements(40, _WHOLE), **TIME}, ELEMENTS, 0.0, _fixed("p2", "naive"),
+            {"elements": _elements(40, _WHOLE), **TIME}, _each(2), 0.0, _fixed("p2", "naive"),
             begins=(10, 250), trust="never, as fixed-p1-naive", wrong=True,
         ),
         Method(
             "fourier", "galerkin", "the paper's sines (33)-(34)",
             {"terms": _TERMS, "abscissa": _ABSCISSA, **TIME}, TERMS, 1.0, _galerkin("fourier", False),
-            begins=(8, 320), extrapolate=True,
+            begins=(8, 320), survey=(30, 600), extrapolate=True,
             trust="the paper's method; errors of order 1/N, tension with Gibbs oscillations",
         ),
         Method(
             "fourier-kink", "galerkin", "sines and a hat that travels with the mass",
             {"terms": _TERMS, "abscissa": _ABSCISSA, **TIME}, TERMS, 2.0, _galerkin("fourier", True),
-            begins=(5, 500), races=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
+            begins=(5, 500), survey=(16, 600), races=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
             trust="the default of the Galerkin side; ten terms beat two hundred plain ones",
         ),
         Method(
@@ -298,6 +310,6 @@ def refined(method: Method, settings: dict[str, Any], *, space: float = 1.0, tim
     """Return the settings with `space` times the resolution and `time` times the steps."""
     out, least = dict(settings), method.knobs[method.resolution.setting].allowed[0]
     if space != 1.0:
-        out[method.resolution.setting] = max(least, method.resolution.nearest(method.count(settings), space))
+        out[method.resolution.setting] = max(least, method.resolution.nearest(method.value(settings), space))
     out["steps"] = max(2, round(settings["steps"] * time))
     return out

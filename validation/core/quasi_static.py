@@ -36,7 +36,7 @@ def quasi_static(scene: Scene) -> Response:
         t_frames = t_frames[t_frames <= t[-1]]
     else:
         t_frames = np.array([g.motion.time_at(x) for x in marks[(marks >= s_o[0]) & (marks < g.motion.end)]])
-    at = _Table(g)
+    at = Statics(g)
     here = at(s_o)
     l, H, tau = scene.length, scene.horizontal_tension, scene.time_scale
     moving = here.along * ds[:, None]
@@ -94,10 +94,11 @@ def _travel(scene: Scene) -> tuple[Array, Array, Array, Array]:
     return t, found[:, 0], found[:, 1], found[:, 2]
 
 
-class _Table:
-    """The cable at rest over s_o, interpolated between the nodes of `nodes`."""
+class Statics:
+    """The cable at rest over s_o, interpolated between the nodes of `nodes`; dimensionless."""
 
     def __init__(self, groups: Groups) -> None:
+        self._sigma = groups.sigma
         if groups.drive.mode == "haul":
             r = hauled(nodes(), groups)
         else:
@@ -109,6 +110,12 @@ class _Table:
         tau = (r.slope_behind + r.slope_ahead) / np.linalg.norm(r.slope_behind + r.slope_ahead, axis=1)[:, None]
         self.energy = CubicSpline(r.s, r.hold + r.haul * (tau * r.along).sum(1)).antiderivative()
         self._range = float(r.s[0]), float(r.s[-1])
+
+    def tension(self, s: Array, s_o: Array) -> Array:
+        """T at stations s (m,) with the car at s_o (k,): (k, m); at s = s_o the side behind."""
+        r = self(s_o)
+        n = r.left[:, None] + (s > s_o[:, None])[..., None] * r.jump[:, None]
+        return np.hypot(n[..., 0], n[..., 1] - self._sigma * s)
 
     def __call__(self, s: Array) -> Rest:
         s = np.asarray(s, float)
@@ -126,7 +133,7 @@ def _least(r: Rest, sigma: float) -> tuple[Array, Array]:
     return np.minimum(N0, N1), np.where(N0 <= N1, at0, at1)
 
 
-def _fields(at: _Table, g: Groups, s: Array, t: Array, s_o: Array, ds: Array) -> dict:
+def _fields(at: Statics, g: Groups, s: Array, t: Array, s_o: Array, ds: Array) -> dict:
     """Return displacement and velocity at frames x stations (2, k, m, 2), tension (k, m), and the rest at frames."""
     x, w = np.polynomial.legendre.leggauss(POINTS)
     X = np.stack(shape(s, g.sigma, g.c), -1)
@@ -147,6 +154,5 @@ def _fields(at: _Table, g: Groups, s: Array, t: Array, s_o: Array, ds: Array) ->
 
     there, step = at(s_o), 1e-5
     now, later, before = (cable(at(s_o + d)) for d in (0.0, step, -step))
-    n = there.left[:, None] + (s > s_o[:, None])[..., None] * there.jump[:, None]
-    T = np.hypot(n[..., 0], n[..., 1] - g.sigma * s)
-    return {"f": np.stack([now - X, (later - before) / (2.0 * step) * ds[:, None, None]]), "T": T, "there": there}
+    moving = (later - before) / (2.0 * step) * ds[:, None, None]
+    return {"f": np.stack([now - X, moving]), "T": at.tension(s, s_o), "there": there}

@@ -11,9 +11,10 @@ import numpy as np
 
 from cablefem.response import Response
 from cablefem.scene import Scene
-from validation.core import measures
-from validation.core.estimate import KIND, TIME_ORDER, Estimated, estimated, gaps, space_order, weighted
+from validation.core import measures, richardson
+from validation.core.estimate import KIND, Estimated, estimated, gaps, weighted
 from validation.core.methods import Method, find, refined
+from validation.core.richardson import space_order, time_order
 from validation.core.running import run
 
 FIRST_STEPS, MOST_STEPS = 110, 64_000
@@ -108,25 +109,25 @@ def resolve(
     for attempt in range(ATTEMPTS):
         report(min(0.5, 0.1 + 0.05 * attempt), f"{len(made)} runs, bar {rung.bar:.1g} of {tol:g} wanted")
         finer = _next(method, rung, settings, tol, stuck)
-        if rung.bar <= tol or finer == settings or finer["steps"] * method.count(finer) > LARGEST:
+        if rung.bar <= tol or finer == settings or finer["steps"] * method.value(finer) > LARGEST:
             break
-        if method.count(finer) != method.count(settings):
+        if method.value(finer) != method.value(settings):
             if settings["steps"] >= 2 * read_at:  # coarse steps may have blown up what space contributes: look again
                 coarse = ran(refined(method, settings, space=0.5))
-                rung.space = _part(rung.response, coarse, 2.0, space_order(method), rung.space, 1.0)
+                rung.space = _part(rung.response, coarse, 2.0, space_order(method.space_order), rung.space, 1.0)
                 read_at = settings["steps"]
                 continue
-            ratio = space.ratio(method.count(settings), method.count(finer))
-            settings = settings | {space.setting: method.count(finer)}
+            ratio = space.ratio(method.value(settings), method.value(finer))
+            settings = settings | {space.setting: method.value(finer)}
             response, read_at = ran(settings), settings["steps"]
-            part = _part(response, rung.response, ratio, space_order(method), rung.space)
+            part = _part(response, rung.response, ratio, space_order(method.space_order), rung.space)
             stuck = not part.left[0] < STUCK * rung.space.left[0]
             rung = _Rung(response, part, rung.time)
         if finer["steps"] != settings["steps"]:
             ratio = finer["steps"] / settings["steps"]
             settings, stuck = settings | {"steps": finer["steps"]}, False
             response = ran(settings)
-            rung = _Rung(response, rung.space, _part(response, rung.response, ratio, _time_order(settings), rung.time))
+            rung = _Rung(response, rung.space, _part(response, rung.response, ratio, time_order(settings), rung.time))
     whole = rung.response
     if how.get("until") != short["until"]:
         whole = run(scene, method, **how, **settings, progress=lambda x: report(0.5 + 0.5 * x))
@@ -144,7 +145,7 @@ def resolve(
         return whole
     reached = f"an error bar of {rung.bar:.2g}" if math.isfinite(rung.bar) else "no end of the window"
     raise TooCoarse(
-        f"{method.name} reaches {reached} with {space.setting} = {method.count(settings)}, "
+        f"{method.name} reaches {reached} with {space.setting} = {method.value(settings)}, "
         f"steps = {settings['steps']}, not the {tol:g} asked for; loosen the tolerance or take another method "
         "(cablefem advise)",
         whole,
@@ -176,7 +177,9 @@ def _first(method: Method, settings: dict[str, Any], ran: Callable[[dict[str, An
     fine, in_space = ran(settings), ran(refined(method, settings, space=0.5))
     in_time = ran(refined(method, settings, time=0.5))
     return _Rung(
-        fine, _part(fine, in_space, 2.0, space_order(method)), _part(fine, in_time, 2.0, _time_order(settings))
+        fine,
+        _part(fine, in_space, 2.0, space_order(method.space_order)),
+        _part(fine, in_time, 2.0, time_order(settings)),
     )
 
 
@@ -192,14 +195,11 @@ def _part(
         path, tension = gaps(fine, coarse)
     except measures.NotComparable:
         return _Part((math.inf, math.inf), UNCONFIRMED)
-    left = path / (ratio**order - 1.0), tension / (ratio**order - 1.0)
+    of_gap = richardson.left(order, ratio)
+    left = of_gap * path, of_gap * tension
     fall = (since or ratio) ** order
     confirmed = before is not None and left[0] <= NEARLY * before.left[0] / fall < math.inf
     return _Part(left, CONFIRMED if confirmed else UNCONFIRMED)
-
-
-def _time_order(settings: dict[str, Any]) -> float:
-    return TIME_ORDER.get(settings["scheme"], 2.0)
 
 
 def _next(
@@ -211,8 +211,8 @@ def _next(
 
     stuck : the last refinement of space did not lower its part.
     """
-    space, count, steps = method.resolution, method.count(settings), settings["steps"]
-    p, r, s, t = space_order(method), _time_order(settings), rung.space.path, rung.time.path
+    space, count, steps = method.resolution, method.value(settings), settings["steps"]
+    p, r, s, t = space_order(method.space_order), time_order(settings), rung.space.path, rung.time.path
     strides = [1.0, *np.geomspace(LEAST, 50.0, 30)]
 
     def at(a: float, b: float) -> dict[str, int]:

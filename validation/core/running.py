@@ -65,7 +65,7 @@ def run(
         if groups.motion is None:  # a ride may last longer than it should
             steps = math.ceil(steps * (solver.phases[-1][1] - solver.phases[0][0]) / groups.drive.nominal)
         times = newmark.step_times(solver, steps, entry=settings["entry"], exit=settings["exit"])
-        switch = law == "auto" and scheme.newmark_beta > 0.0
+        switch = law == "auto" and scheme.implicit
         history = _march(solver, scheme, times, switch, until or math.inf, progress or (lambda done: None))
         response = respond(scene, history, method=method.name, settings=settings, **kind, law=law)
         return watched(response, scene, method)
@@ -83,7 +83,7 @@ def _march(
     try:
         if _advance(h, solver, scheme, times, switch, until, progress):
             h.after = solver.with_law("tension-only")
-            damped = newmark.scheme("newmark", newmark_gamma=SLACK_GAMMA) if scheme.newmark_gamma <= 0.5 else scheme
+            damped = scheme if scheme.damps else newmark.scheme("newmark", newmark_gamma=SLACK_GAMMA)
             _advance(h, h.after, damped, times, False, until, progress)
     except StepFailure as error:
         h.failure = _cause(error, h.onset is not None, h.after is not None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from cablefem.newmark import State, Work
+from cablefem.newmark import Collocated, State, Work, densified
 from cablefem.response import Array, Fields, Observation, Response, States
 from cablefem.scene import Motion, Scene
 from validation.core.solver import Solver
 
 FRAMES = 100  # fields are kept at s_o/l = 1/FRAMES, 2/FRAMES, ... of every run, so that runs can be compared
 STATIONS = 201  # the file contract's least number of fixed s
+WITHIN = 6  # parts of a collocation step between which cubics are as good as its polynomial
 
 
 @dataclass(slots=True)
@@ -39,7 +40,7 @@ def respond(scene: Scene, h: History, **asked: Any) -> Response:
 
     A history that outgrew all numbers ends before it did.
     """
-    states = h.solver.in_time(States(*(np.array(column) for column in zip(*h.states, strict=True))))
+    states = h.solver.in_time(stacked(h.states))
     finite = np.isfinite(np.concatenate([states.q, states.v, states.a], axis=1)).all(axis=1)
     if not finite.all():
         states = _rows(states, slice(0, int(np.argmin(finite))))
@@ -48,7 +49,9 @@ def respond(scene: Scene, h: History, **asked: Any) -> Response:
     onset = h.onset if h.onset is not None and h.onset[0] < n else None
     switch = states.t[onset[0]] if onset is not None and h.after is not None else math.inf
     t = _frames(scene, float(states.t[-1]))
-    at_frames = _between(states, t) if n > 1 else _rows(states, slice(0, 0))
+    collocated = isinstance(h.states[-1], Collocated)
+    within = h.solver.in_time(stacked(densified(h.states, WITHIN))) if collocated else states
+    at_frames = _between(within, t) if t.size and n > 1 else _rows(states, slice(0, 0))
     s = np.linspace(0.0, 1.0, STATIONS)
     steps = _observe(h, states, switch, s, np.array([], dtype=np.intp))
     frames = _observe(h, at_frames, switch, s, np.arange(at_frames.t.size))
@@ -97,6 +100,11 @@ def _scales(l: float, H: float, tau: float) -> Callable[..., dict[str, Any]]:
     return lambda x, *names: {name: scale.get(name, H) * getattr(x, name) for name in names}
 
 
+def stacked(states: Sequence[State]) -> States:
+    """Return a history as arrays."""
+    return States(*(np.array(column) for column in zip(*states, strict=True)))
+
+
 def _rows(states: States, rows: slice) -> States:
     return States(states.t[rows], states.q[rows], states.v[rows], states.a[rows], states.phase[rows])
 
@@ -115,7 +123,7 @@ def _frames(scene: Scene, t_last: float) -> Array:
 def _passages(motion: Motion) -> Array:
     """Return the instants at which a prescribed travel passes the marks; the runs of a ladder share them."""
     end = motion.position(np.array([motion.phases[-1][1]]))[0]
-    return np.array([motion.time_at(mark) for mark in np.arange(1, FRAMES) / FRAMES if mark < end])
+    return np.array([motion.time_at(mark) for mark in np.arange(1, FRAMES) / FRAMES if motion.begin <= mark < end])
 
 
 def _between(h: States, t: Array) -> States:

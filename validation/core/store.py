@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -96,3 +97,21 @@ def _marker(folder: Path) -> dict[str, Any] | None:
         return marker if {"scene", "name", "shared", "results"} <= set(marker) else None
     except (OSError, ValueError, TypeError):
         return None
+
+
+def stored(file: Path, **same: Any) -> dict[str, Any]:
+    """Return the JSON object in a file if these of its entries are the same; an empty one otherwise."""
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        return content if all(content[name] == value for name, value in same.items()) else {}
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+
+
+def plain(x: Any) -> Any:
+    """Return what JSON can hold of it: null for every number that does not exist."""
+    if isinstance(x, dict):
+        return {name: plain(y) for name, y in x.items()}
+    if isinstance(x, list | tuple):
+        return [plain(y) for y in x]
+    return None if isinstance(x, float) and not math.isfinite(x) else x

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import combinations, pairwise
 from typing import Any
 
@@ -48,7 +49,7 @@ def recommended(scene: Scene, method: str | Method, **changes: Any) -> dict[str,
         speed = motion.at(t_end, len(motion.phases) - 1)[1]
         settings["exit"] = LAST_STEP if speed * t_end > 0.1 else 1.0
     if "grading" in settings and "grading" not in changes:
-        settings["grading"] = grading(method.count(settings), scene.mu / ELEMENTS_PER_LAYER)
+        settings["grading"] = grading(method.value(settings), scene.mu / ELEMENTS_PER_LAYER)
     return settings
 
 
@@ -72,7 +73,8 @@ def _path(r: Response, place: Array) -> Array:
     return np.asarray(PchipInterpolator(s[rising], np.stack([r.u, r.v], axis=1)[rising], extrapolate=False)(place))
 
 
-def _gap(a: Response, b: Response, place: Array) -> Array:
+def gap(a: Response, b: Response, place: Array) -> Array:
+    """Return the distance of two mass paths at places s_o/l (n,), over the larger of their largest deflections."""
     difference = _path(a, place) - _path(b, place)
     return np.hypot(difference[:, 0], difference[:, 1]) / max(a.max_deflection, b.max_deflection)
 
@@ -87,9 +89,35 @@ def post_slack_spread(runs: Sequence[Response], stop: float = 0.95) -> float | N
     if not onsets or not min(onsets) < stop:
         return None
     place = np.linspace(min(onsets), stop, 400)
-    gaps = [_gap(a, b, place) for a, b in combinations(runs, 2)]
+    gaps = [gap(a, b, place) for a, b in combinations(runs, 2)]
     known = [float(np.nanmax(g)) for g in gaps if np.isfinite(g).any()]
     return max(known) if known else None
+
+
+MEANINGFUL = 1e-2  # of the largest deflection: paths further apart are two answers
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How far two answers are still one: where they part by more than `gap`, or the most that they differ by."""
+
+    place: float | None  # s_o/l; None where they do not part
+    gap: float  # of the largest deflection
+    end: float  # s_o/l where the shorter one ends
+
+
+def reach(a: Response, b: Response, start: float, allowed: float | None) -> Reach | None:
+    """Return how far past `start` two answers are one: within 1 percent, or twice the gap that was allowed up to there.
+
+    None where there is nothing past it.
+    """
+    end = min(a.reached, b.reached)
+    place = np.arange(start + 0.005, end, 0.005)
+    if not place.size:
+        return None
+    bound, apart = max(MEANINGFUL, 2.0 * (allowed or 0.0)), gap(a, b, place)
+    far = place[apart > bound]
+    return Reach(float(far[0]), bound, end) if far.size else Reach(None, float(np.nanmax(apart)), end)
 
 
 # A gap that refinement by two leaves above this part of itself is not closing (first order leaves 1/2), unless it is
@@ -112,7 +140,7 @@ def convergence_limit(runs: Sequence[Response]) -> float:
     for low, high in pairwise(edges.tolist()):
         place = np.linspace(low, high, 41)[1:]
         before, after = (
-            float(np.sqrt(np.nanmean(_gap(a, b, place) ** 2))) for a, b in ((coarse, middle), (middle, fine))
+            float(np.sqrt(np.nanmean(gap(a, b, place) ** 2))) for a, b in ((coarse, middle), (middle, fine))
         )
         if not after <= max(CLOSING * before, FLOOR):
             return float(low)

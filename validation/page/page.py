@@ -1,12 +1,14 @@
 """A report: sections in one HTML file that needs no network, on a phone, a desktop or paper.
 
-Study pages build `Section`s from stored results with `table`, `figure`, `badge` and the like; text is escaped unless
-it is `Markup`.  Nothing here calls a solver.
+Pages of commands build `Section`s from stored results with `table`, `figure`, `badge` and the like, and keep their
+sentences in templates (`words`); text is escaped unless it is `Markup`.  Nothing here calls a solver.
 """
 
 from __future__ import annotations
 
+import html
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,19 +18,17 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-from markupsafe import Markup, escape
-from matplotlib.figure import Figure
+from markupsafe import Markup
 
 from cablefem.response import whole
-from validation.page.figures import panels, style, svg
 
 __all__ = [
-    "Section", "badge", "callout", "details", "figure", "gallery", "missing", "number", "panels", "percent", "render",
-    "style", "svg", "table",
+    "Section", "badge", "callout", "details", "figure", "gallery", "missing", "number", "percent", "plain", "render",
+    "table", "words",
 ]  # fmt: skip
 
 # worst first; the sign stands beside the word, so that no verdict depends on colour
-VERDICTS = {"disagree": "✗", "not comparable": "?", "agree": "✓"}
+VERDICTS = {"disagree": "✗", "not comparable": "?", "too coarse": "≈", "agree": "✓"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Section:
     id: str  # its anchor; unique in a report, so it begins with the study's name
     title: str
     html: str
-    verdict: str | None = None  # "agree" | "disagree" | "not comparable"
+    verdict: str | None = None  # one of VERDICTS
     summary: str = ""  # plain text, a sentence or two: what was found
     scripts: tuple[str, ...] = ()  # files of assets/ that it needs
 
@@ -61,12 +61,20 @@ def render(title: str, sections: Sequence[Section], out_file: Path) -> None:
         temporary.write_text(page, encoding="utf-8")
 
 
+def words(package: str) -> Any:
+    """Return the macros of `page.html` in a package as functions: the sentences of its pages, escaped, as Markup."""
+    text = (resources.files(package) / "page.html").read_text(encoding="utf-8")
+    return _ENVIRONMENT.from_string(text).module
+
+
+def plain(words: str) -> str:
+    """Return what a macro said as plain text, as summaries and labels want it; narrow spaces stay."""
+    return re.sub(r"[ \n]+", " ", html.unescape(re.sub(r"<[^>]*>", "", str(words)))).strip()
+
+
 def badge(verdict: str, text: str | None = None) -> Markup:
     """Return a verdict as a coloured word with its sign; `text` is said in its place."""
-    kind = {"agree": "good", "disagree": "bad"}.get(verdict, "open")
-    return Markup('<span class="badge {}"><span aria-hidden="true">{}</span> {}</span>').format(
-        kind, VERDICTS.get(verdict, "?"), text or verdict
-    )
+    return Markup(_PARTS.badge(verdict, text))
 
 
 def table(
@@ -76,48 +84,22 @@ def table(
     """Return a table: one line per row, one column per key of `columns` (key -> heading, unit in brackets).
 
     Cells: numbers to three digits, None or a key a row lacks as a dash, a verdict under the key "verdict" as a badge,
-    text escaped, Markup as it is.  sort : put disagreements first, then what is not comparable.  stack : on a phone
-    every row becomes a block of its own, for tables with words in them; others scroll sideways.
+    text escaped, Markup as it is.  sort : put the worst verdicts first.  stack : on a phone every row becomes a block
+    of its own, for tables with words in them; others scroll sideways.
     """
     heads = dict(columns) if isinstance(columns, Mapping) else {name: name for name in columns}
     rows = list(rows)
     if sort:
         order = list(VERDICTS)
         rows.sort(key=lambda row: order.index(row["verdict"]) if row.get("verdict") in order else len(order))
-    numeric = {
-        key for key in heads if rows and all(isinstance(row.get(key), Real | None) for row in rows)
-    }  # fmt: skip
-    kind = "stack" if stack else "wide" if len(heads) > 3 else "narrow"
-    name = escape(Markup(escape(caption)).striptags() or "table")
-    out = [f'<div class="scroll" tabindex="0" role="region" aria-label="{name}">', f'<table class="{kind}">']
-    if caption:
-        out.append(f"<caption>{escape(caption)}</caption>")
-    cells = "".join(f"<th scope=col{_kind(key in numeric)}>{escape(head)}</th>" for key, head in heads.items())
-    out.append(f"<thead><tr>{cells}</tr></thead><tbody>")
-    for row in rows:
-        cells = "".join(
-            f'<td{_kind(key in numeric, row.get(key) is None)} data-label="{escape(head)}">'
-            f"<div>{_cell(key, row.get(key))}</div></td>"
-            for key, head in heads.items()
-        )
-        out.append(f"<tr>{cells}</tr>")
-    out.append("</tbody></table></div>")
-    return Markup("\n".join(out))
+    numeric = [key for key in heads if rows and all(isinstance(row.get(key), Real | None) for row in rows)]
+    return Markup(_PARTS.table(rows, heads, numeric, caption, stack))
 
 
-def _kind(numeric: bool, empty: bool = False) -> str:
-    names = ["n"] * numeric + ["none"] * empty
-    return f' class="{" ".join(names)}"' if names else ""
-
-
-def _cell(key: str, value: Any) -> Markup:
-    if key == "verdict" and value in VERDICTS:
-        return badge(value)
+def _cell(value: Any) -> Any:
     if isinstance(value, bool):
-        return escape("yes" if value else "no")
-    if value is None or isinstance(value, Real):
-        return escape(number(value))  # type: ignore[arg-type]
-    return escape(value)
+        return "yes" if value else "no"
+    return number(value) if value is None or isinstance(value, Real) else value  # type: ignore[arg-type]
 
 
 def number(x: float | None, digits: int = 3) -> str:
@@ -132,7 +114,12 @@ def number(x: float | None, digits: int = 3) -> str:
     power = int(exponent)
     if -4 < power < 5:
         return f"{float(f'{mantissa}e{power}'):.{max(0, digits - 1 - power)}f}".replace("-", "−")
-    return f"{mantissa} × 10{str(power).translate(_RAISED)}".replace("-", "−")
+    return f"{mantissa} × 10{raised(power)}".replace("-", "−")
+
+
+def raised(n: int) -> str:
+    """Return a whole number as an exponent."""
+    return str(n).translate(_RAISED)
 
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -143,36 +130,44 @@ def percent(x: float | None, digits: int = 2) -> str:
     return number(x) if x is None or not math.isfinite(x) else f"{number(100.0 * x, digits)}\u202f%"
 
 
-def figure(fig: Figure, caption: str, *, label: str = "", wide: bool = False) -> Markup:
-    """Return a figure with its caption; `label` says in words what a reader who cannot see it would miss.
+def figure(fig: Any, caption: str, *, label: str = "", wide: bool = False) -> Markup:
+    """Return a figure of matplotlib with its caption; `label` says in words what a reader who cannot see it would miss.
 
     wide : over the whole text width of a desktop; else half of it, side by side in a `gallery`.
     """
-    text = label or Markup(escape(caption)).striptags()
-    return Markup("<figure{}>{}<figcaption>{}</figcaption></figure>").format(
-        Markup(" class=wide") if wide else "", svg(fig, text), caption
-    )
+    from validation.page.figures import svg  # matplotlib takes its time
+
+    return figure_of(svg(fig, plain(label or caption)), caption, wide=wide)
+
+
+def figure_of(svg: str, caption: str, *, wide: bool = False) -> Markup:
+    """Return a drawing with its caption."""
+    return Markup(_PARTS.figure(svg, caption, wide))
+
+
+def rendered(name: str, **content: Any) -> Markup:
+    """Return a template of assets/ with its content."""
+    return Markup(_ENVIRONMENT.get_template(name).render(**content))
 
 
 def gallery(*figures: str) -> Markup:
     """Return figures side by side where the page is wide enough, below one another on a phone."""
-    return Markup('<div class="gallery">{}</div>').format(Markup("\n").join(figures))
+    return Markup(_PARTS.gallery(figures))
 
 
 def details(title: str, html: str) -> Markup:
     """Return a part that opens when its title is clicked, and is open in print."""
-    return Markup("<details><summary>{}</summary>{}</details>").format(title, html)
+    return Markup(_PARTS.details(title, html))
 
 
 def callout(text: str, verdict: str | None = None) -> Markup:
     """Return a paragraph that must not be overlooked."""
-    kind = {"agree": "good", "disagree": "bad", "not comparable": "open"}.get(verdict or "", "note")
-    return Markup('<p class="callout {}">{}</p>').format(kind, text)
+    return Markup(_PARTS.callout(text, verdict))
 
 
 def missing(what: str, consequence: str) -> Markup:
     """Return the place where something would stand if the stored results had it: which file, and what is lost."""
-    return Markup('<p class="callout missing"><strong>Missing: {}.</strong> {}</p>').format(what, consequence)
+    return Markup(_PARTS.missing(what, consequence))
 
 
 def asset(name: str) -> str:
@@ -184,4 +179,7 @@ _ENVIRONMENT = jinja2.Environment(
     loader=jinja2.FunctionLoader(asset), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
     lstrip_blocks=True,
 )  # fmt: skip
-_ENVIRONMENT.globals["badge"] = badge
+_ENVIRONMENT.filters |= {"cell": _cell, "number": number, "percent": percent}
+_ENVIRONMENT.globals["verdicts"] = VERDICTS
+_PARTS: Any = _ENVIRONMENT.get_template("parts.html").module
+_ENVIRONMENT.globals |= {"table": table, "badge": badge, "callout": callout, "details": details, "gallery": gallery}

@@ -7,15 +7,13 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from markupsafe import Markup
-from matplotlib.colors import to_hex
 
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
-from validation.page.figures import BLUE, FIELD, VERMILLION
 from validation.page.page import details
+from validation.page.plot import BLUE, FIELD, VERMILLION, colors
 
 SCRIPT = "player.js"
 STATIONS = 101  # at most; the mass is a point of its own, so that its kink stays sharp
@@ -33,16 +31,21 @@ def player(
     slope = scene.supports.drop / scene.supports.span
     low = high = 0.0
     top = range_T[1]
+    unit, name = (1e3, "kN") if range_T[1] >= 2e3 else (1.0, "N")
     cables = []
     for r, color in zip(runs, (BLUE, VERMILLION), strict=False):
         f = r.fields
         s = f.s[::every]
-        # the mass enters a cable at rest; frames begin a little later
-        rest, start = np.zeros((1, s.size)), np.zeros(1)
-        u, v = np.concatenate([rest, f.u[:, ::every]]), np.concatenate([rest, f.v[:, ::every]])
-        T = np.concatenate([T_rest(s)[None], f.T[:, ::every]])
-        t, s_o, mass_u, mass_v = (np.concatenate([start, part]) for part in (f.t, f.s_o, f.mass_u, f.mass_v))
-        behind, ahead = (np.concatenate([T_rest(start), part]) for part in (f.T_behind, f.T_ahead))
+        # frames begin a little after the start: a gripped mass enters a cable at rest, others hang on it already
+        u, v, T, s_o, mass_u, mass_v, behind, ahead = (
+            np.concatenate([part[:1] if r.drive != "grip" else first, part])
+            for part, first in (
+                (f.u[:, ::every], np.zeros((1, s.size))), (f.v[:, ::every], np.zeros((1, s.size))),
+                (f.T[:, ::every], T_rest(s)[None]), (f.s_o, np.zeros(1)), (f.mass_u, np.zeros(1)),
+                (f.mass_v, np.zeros(1)), (f.T_behind, T_rest(np.zeros(1))), (f.T_ahead, T_rest(np.zeros(1))),
+            )
+        )  # fmt: skip
+        t = np.append(0.0, f.t)
         behind, ahead = np.where(np.isnan(behind), ahead, behind), np.where(np.isnan(ahead), behind, ahead)
         x, y = X.x(s_o) + mass_u, X.y(s_o) + mass_v
         below, mass = X.y(s) + v - slope * (X.x(s) + u), y - slope * x
@@ -54,15 +57,22 @@ def player(
             "mass_y": _packed(y), "mass_v": _packed(mass_v),
             "behind": _packed(behind),
             "ahead": _packed(ahead),
+            "told": [
+                {"name": name, "digits": digits, "data": _packed(factor * np.interp(t, r.t, values))}
+                for name, digits, factor, values in (
+                    ("speed [km/h]", 1, 3.6, r.speed), (f"force across [{name}]", 2, 1.0 / unit, r.F_contact),
+                    (f"force along [{name}]", 2, 1.0 / unit, r.F_haul),
+                ) if np.isfinite(values).all()
+            ],
             "slack": r.slack_onset, "reached": r.reached, "complete": r.status == "complete",
         })  # fmt: skip
     s = runs[0].fields.s[::every]
-    unit, name = (1e3, "kN") if range_T[1] >= 2e3 else (1.0, "N")
     data = {
         "span": scene.supports.span, "drop": scene.supports.drop, "s": _short(s / scene.length), "x": _short(X.x(s)),
         "y": _short(X.y(s)), "below": [low, high], "static": _short(X.tension(s)), "window": list(window),
         "T": list(range_T), "top": min(top, _TOP * range_T[1]), "unit": unit, "unitName": name, "cables": cables,
-        "colors": [to_hex(mpl.colormaps[FIELD](x)) for x in np.linspace(0.0, 1.0, 48)],
+        "free": runs[0].drive == "free",
+        "colors": [f"#{bytes(c).hex()}" for c in colors(FIELD, 48).round().astype(np.uint8)],
     }  # fmt: skip
     return Markup(_HTML).format(
         # "<" cannot end the script early
@@ -107,7 +117,7 @@ arrow keys step.">
 <label class="scale">Sag and deflection <input type="range" min="1" step="1"> <output></output></label>
 </div>
 <p class="now"></p>
-<table class="readout"></table>
+<div class="scroll" tabindex="0"><table class="readout"></table></div>
 {keys}
 <script type="application/json">{data}</script>
 <noscript><p class="callout open">The animation needs JavaScript; the figures below show some of it.</p></noscript>

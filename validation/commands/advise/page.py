@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from validation.page.figures import BLACK, DASHES, GREEN, GREY, MARKERS, ORANGE, SKY
+from validation.page.figures import BLACK, DASHES, GREEN, GREY, MARKERS, ORANGE, SKY, panels, style
 from validation.page.page import (
     Section,
     callout,
@@ -19,9 +19,7 @@ from validation.page.page import (
     gallery,
     missing,
     number,
-    panels,
     percent,
-    style,
     table,
 )
 

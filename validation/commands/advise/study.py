@@ -10,7 +10,6 @@ The one-field models know no displacement along the chord; it is not asked of th
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -22,11 +21,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cablefem.response import Response, write_json
-from cablefem.scene import Scene, SceneError
-from validation.core import measures
-from validation.core.estimate import SAFETY
+from cablefem.scene import Scene
+from validation.core import measures, store
 from validation.core.methods import METHODS, find
+from validation.core.richardson import SAFETY, left
 from validation.core.running import run
+from validation.core.scenes import random_scene
 
 # cheap to full; every rung knows something more than those before
 LADDER = (
@@ -107,12 +107,8 @@ def advise(scene: Scene, tol: float, out: Path, progress: Progress | None = None
     """
     if not (math.isfinite(tol) and 0.0 < tol < 1.0):
         raise ValueError(f"tol must lie in (0, 1), got {tol!r}")
-    try:
-        stored = json.loads((out / "advice.json").read_text(encoding="utf-8"))
-        if (stored["scene_toml"], stored["tol"]) == (scene.to_toml(), tol):
-            return stored
-    except (OSError, ValueError, KeyError, TypeError):
-        pass
+    if kept := store.stored(out / "advice.json", scene_toml=scene.to_toml(), tol=tol):
+        return kept
     content = advice(scene, tol, progress)
     out.mkdir(parents=True, exist_ok=True)
     write_json(out / "advice.json", content)
@@ -193,8 +189,8 @@ def _measure_full(found: Climb) -> bool:
     except measures.NotComparable:
         return False
     found.bars = (
-        SAFETY * gaps[0] / (2.0**PATH_ORDER - 1.0),
-        SAFETY * gaps[1] / (2.0**TENSION_ORDER - 1.0),
+        SAFETY * left(PATH_ORDER) * gaps[0],
+        SAFETY * left(TENSION_ORDER) * gaps[1],
     )
     return True
 
@@ -394,26 +390,6 @@ def _share(x: float, of: str = "the deflection") -> str:
 
 
 # --- is the advice right? ---------------------------------------------------------------------------------------------
-
-
-def random_scene(rng: np.random.Generator) -> Scene:
-    """Return a scene at random: sag/span 0.005-0.2, slope 0-45 degrees, mu 0.05-5, alpha 50-1e4, V/c 0.1-0.8.
-
-    Ratios are uniform in their logarithm, slope and speed as they are.
-    """
-    while True:
-        x = rng.random(5)
-
-        def ratio(low: float, high: float, share: float) -> float:
-            return low * (high / low) ** share
-
-        try:
-            return Scene.from_groups(
-                sag_ratio=ratio(0.005, 0.2, x[0]), slope=45.0 * x[1], mu=ratio(0.05, 5.0, x[2]),
-                alpha=ratio(50.0, 1e4, x[3]), speed_ratio=0.1 + 0.7 * x[4],
-            )  # fmt: skip
-        except SceneError:  # stretched to more than twice its length by its own weight
-            continue
 
 
 def advice_survey(n: int, seed: int, tol: float, progress: Progress | None = None) -> dict[str, Any]:

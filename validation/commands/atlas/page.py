@@ -13,8 +13,8 @@ import numpy as np
 from markupsafe import Markup, escape
 from matplotlib.patches import Patch
 
-from validation.page.figures import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
-from validation.page.page import Section, figure, gallery, missing, number, panels, style, table
+from validation.page.figures import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, panels, style
+from validation.page.page import Section, figure, gallery, missing, number, table
 
 # class of a cell -> colour, hatch and words; lightness falls from good to wrong, so that print in grey keeps the order
 CLASSES = {

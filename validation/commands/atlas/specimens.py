@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,36 +16,19 @@ from cablefem.elements.fixed import FixedElements
 from cablefem.newmark import Newton, Scheme, State, consistent_acceleration
 from cablefem.response import Array
 from cablefem.scene import Groups
+from cablefem.scene.motion import standing
 from galerkin.equations import GalerkinSystem, Instant
 from validation.core.methods import METHODS, Method
-
-
-@dataclass(frozen=True, slots=True)
-class Standstill:
-    """A motion that stays where it is: for systems that want to know a place of a mass which weighs nothing."""
-
-    end: float
-    place: float = 0.37
-
-    @property
-    def phases(self) -> tuple[tuple[float, float], ...]:
-        return ((0.0, self.end),)
-
-    def at(self, t: float, phase: int) -> tuple[float, float, float]:
-        return self.place, 0.0, 0.0
 
 
 class FreeCable(FixedElements):
     """The bare cable let go from v = amplitude sin(mode pi s), linear elements; no load, so energy is kept."""
 
     def __init__(self, groups: Groups, *, elements: int, amplitude: float, mode: int, end: float) -> None:
-        bare: Any = replace(groups, mu=0.0, motion=Standstill(end))  # type: ignore[arg-type]
-        super().__init__(bare, elements=elements, element="p1", coupling="naive")
+        super().__init__(
+            replace(groups, mu=0.0, motion=standing(0.37, end)), elements=elements, element="p1", coupling="naive"
+        )
         self.shape = amplitude * np.sin(mode * math.pi * np.arange(1, elements) / elements)
-
-    @property
-    def force_scale(self) -> float:
-        return self.groups.sigma
 
     def start(self, phase: int, state: State | None) -> State:
         q = np.zeros(self.n_dof)
@@ -104,7 +87,7 @@ class _NoCoriolis(GalerkinSystem):
 
     def _instant(self, *kinematics: float) -> Instant:
         x = super()._instant(*kinematics)
-        return replace(x, f_v=np.zeros_like(x.f_v))
+        return replace(x, carried=x.carried._replace(f_v=np.zeros_like(x.carried.f_v)))
 
 
 class _NoConvection(_NoCoriolis):
@@ -112,7 +95,7 @@ class _NoConvection(_NoCoriolis):
 
     def _instant(self, *kinematics: float) -> Instant:
         x = super()._instant(*kinematics)
-        return replace(x, f_q=np.zeros_like(x.f_q))
+        return replace(x, carried=x.carried._replace(f_q=np.zeros_like(x.carried.f_q)))
 
 
 class _RestingStart(GalerkinSystem):

@@ -20,8 +20,8 @@ from typing import Any
 from cablefem.response import Response, write_json
 from cablefem.scene import Scene
 from validation.commands.atlas import catalogue, specimens
-from validation.core import measures
-from validation.core.methods import find
+from validation.core import measures, store
+from validation.core.methods import METHODS, find
 from validation.core.running import run
 
 CELLS, RESULT = "cells.jsonl", "atlas.json"
@@ -42,7 +42,13 @@ class Map:
     title: str
     x: tuple[str, tuple[float, ...]]
     y: tuple[str, tuple[float, ...]]
-    methods: tuple[tuple[str, dict[str, Any]], ...]
+    given: tuple[tuple[str, dict[str, Any]], ...] = ()  # none: what the table has for maps
+
+    @property
+    def methods(self) -> tuple[tuple[str, dict[str, Any]], ...]:
+        """The methods and their settings where the axes do not set them."""
+        of_table = ((m, m.survey) for m in METHODS.values() if m.survey)
+        return self.given or tuple((m.name, {m.resolution.setting: n, "steps": steps}) for m, (n, steps) in of_table)
 
     def scene(self, x: float, y: float) -> Scene:
         """The scene of a cell: the level cable with two of its groups changed."""
@@ -57,22 +63,14 @@ class Map:
         """The method's settings in a cell; on the map of resolutions x steps, about y unknowns per field."""
         if self.name != "step-resolution":
             return fixed
-        # following-p2 has two sides and two unknowns per element
-        resolution = round(y / 4) if method == "following-p2" else round(y)
-        return {**fixed, "steps": round(x), find(method).resolution.setting: resolution}
+        space = find(method).resolution
+        return {**fixed, "steps": round(x), space.setting: space.with_unknowns(y)}
 
-
-_COMPARED: tuple[tuple[str, dict[str, Any]], ...] = (
-    ("following-p2", {"elements": 8, "steps": 600}),
-    ("fourier-kink", {"terms": 16, "steps": 600}),
-    ("fourier", {"terms": 30, "steps": 600}),
-    ("fixed-p1-path", {"elements": 30, "steps": 600}),
-)
 
 MAPS: tuple[Map, ...] = (
     Map(
         "speed-mass", "Speed and mass",
-        ("V/c", (0.1, 0.2, 0.4, 0.6, 0.8, 0.95, 1.1, 1.5)), ("mu", (0.01, 0.05, 0.2, 1.0, 5.0, 20.0)), _COMPARED,
+        ("V/c", (0.1, 0.2, 0.4, 0.6, 0.8, 0.95, 1.1, 1.5)), ("mu", (0.01, 0.05, 0.2, 1.0, 5.0, 20.0)),
     ),
     Map(
         "step-resolution", "Step and resolution, level cable",
@@ -84,7 +82,7 @@ MAPS: tuple[Map, ...] = (
     ),
     Map(
         "sag-stiffness", "Sag and stiffness",
-        ("sag/span", (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3)), ("alpha", (50.0, 250.0, 1e3, 1e4, 1e5, 1e6)), _COMPARED,
+        ("sag/span", (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3)), ("alpha", (50.0, 250.0, 1e3, 1e4, 1e5, 1e6)),
     ),
 )  # fmt: skip
 
@@ -170,7 +168,7 @@ def _jobs(maps: tuple[Map, ...], rows: tuple[catalogue.Row, ...]) -> list[Job]:
     limits: list[Job] = [
         ("limit", "central-difference", n, 0.0) for n in LIMIT_TERMS if any(m.name == "step-resolution" for m in maps)
     ]
-    return cells + limits + [("row", row.name, 0.0, 0.0) for row in rows]
+    return cells + limits + [("row", row["name"], 0.0, 0.0) for row in rows]
 
 
 def _key(job: Job) -> str:
@@ -212,16 +210,8 @@ def _compute(job: Job) -> dict[str, Any]:
         return item | {"cells": cells(what, x, y)}
     if kind == "limit":
         return item | {"limit": step_limit(round(x))}
-    row = next(row for row in catalogue.CATALOGUE if row.name == what)
-    return item | {"row": _plain(catalogue.run_row(row))}
-
-
-def _plain(values: dict[str, Any]) -> dict[str, Any]:
-    """Numbers that JSON knows: one that is not finite becomes null."""
-    return {
-        k: _plain(v) if isinstance(v, dict) else None if isinstance(v, float) and not math.isfinite(v) else v
-        for k, v in values.items()
-    }
+    row = next(row for row in catalogue.CATALOGUE if row["name"] == what)
+    return item | {"row": store.plain(catalogue.run_row(row))}
 
 
 # --- a cell ---------------------------------------------------------------------------------------------------------

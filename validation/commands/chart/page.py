@@ -107,6 +107,9 @@ def _series(chart: dict[str, Any], wanted: Callable[[Row], bool]) -> dict[str, l
     return out
 
 
+WINGS = ("elements", "galerkin")
+
+
 def _wing(name: str) -> Callable[[Row], bool]:
     return lambda r: r["kind"] == "method" and METHODS[r["method"]].wing == name
 
@@ -117,6 +120,7 @@ def _groups(chart: dict[str, Any]) -> list[tuple[str, dict[str, list[Row]]]]:
         ("elements", _series(chart, lambda r: _wing("elements")(r) and "fixed" not in r["series"])),
         ("elements, fixed mesh", _series(chart, lambda r: _wing("elements")(r) and "fixed" in r["series"])),
         ("Galerkin", _series(chart, _wing("galerkin"))),
+        ("other methods", _series(chart, lambda r: r["kind"] == "method" and METHODS[r["method"]].wing not in WINGS)),
         ("integration in time", _series(chart, lambda r: r["kind"] in ("integrator", "extrapolated"))),
         ("cheaper models", _series(chart, lambda r: r["kind"] == "model")),
         ("by tolerance, and other codes", _series(chart, lambda r: r["kind"] in ("tolerance", "peer"))),

@@ -18,6 +18,10 @@ def command(
     tol: Annotated[
         float, typer.Option(parser=real, metavar="X", help="Asked of the path's error, over its largest deflection.")
     ] = 1e-3,
+    tol_tension: Annotated[
+        float | None,
+        typer.Option(parser=real, metavar="X", help="Asked of the tension, over H. Default: 10 times --tol."),
+    ] = None,
     other: Annotated[
         Path | None, typer.Option("--with", metavar="FILE", help="Another program's mass path as CSV, a third party.")
     ] = None,
@@ -30,14 +34,18 @@ def command(
 
     Writes DIR/: report.html, agreement.json, scene.toml and one folder per method.
 
-    Gaps: of the mass paths over the largest deflection (path_max, path_rms); of the tension fields over H (tension);
-    what is missing from the law of the jump at the mass over M g (jump) and from the balance of energy (energy); of
-    the oscillation of the tension along the cable over H (overshoot).
+    Gaps: of the mass paths over the largest deflection (path_max, path_rms, path_slack past the slack onset); of the
+    tension along the cable, at the mass and of the reactions over H (tension, tension_behind, tension_ahead,
+    reactions); of the fields over their own size (displacement, velocity); of the slack onsets in s_o/l; what is
+    missing from the balance of energy (energy), of momentum at the mass (impulse), and from mechanics as the judge
+    knows it from the scene file alone (laws_si).
 
     FILE has columns t [s] or s_o [m], v [m] positive down, and u [m] if known; other units and directions are told by
     the name: s_o_over_l, t_ms, v_over_l, v_mm, v_up, ...
     """
     faults = tol_faults(tol)
+    if tol_tension is not None and not 0.0 < tol_tension <= 1.0:
+        faults.append(f"--tol-tension must lie in (0, 1], got {tol_tension:g}")
     if not 0.0 <= with_tol <= 1.0:
         faults.append(f"--with-tol must lie in [0, 1], got {with_tol:g}")
     loaded = scene_named(scene, faults, travelling=True)
@@ -53,7 +61,7 @@ def command(
         foreign.refuse_misnamed(path, run(loaded, study.SOLVERS[0], elements=6, steps=200))
     folder = store.claim(out, "check", loaded, ["agreement.json", "scene.toml", "with.csv", *study.SOLVERS])
     with terminal.progress() as progress:
-        result = study.check(loaded, tol=tol, progress=progress)
+        result = study.check(loaded, tol=tol, tol_tension=tol_tension, progress=progress)
         progress("writing", 0.0)
         (folder / "with.csv").unlink(missing_ok=True)
         if path is not None:
@@ -68,4 +76,4 @@ def command(
         progress("writing", 1.0)
     words.tell(result)
     terminal.say(f"written to {folder}: report.html, agreement.json, {result.a.run.method}/, {result.b.run.method}/")
-    return telling.broken(result.a.run, result.b.run) or (0 if result.verdict.value == "agree" else 1)
+    return telling.broken(result.a.run, result.b.run) or (1 if result.verdict.value != "agree" or result.doubts else 0)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import platform
 import re
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -15,38 +16,69 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup, escape
 
-from cablefem.response import Response
+from cablefem.response import Array, Response
 from validation.commands.check import figures as draw
-from validation.commands.check.figures import place, pointwise, scale_of
-from validation.commands.check.study import SHARED
+from validation.commands.check.figures import scale_of
+from validation.commands.check.shared import SHARED
+from validation.commands.check.stored import Solver, Stored, read
 from validation.core import measures
 from validation.core.bounds import Bound
 from validation.core.measures import NotComparable
 from validation.core.methods import METHODS
-from validation.page.page import Section, callout, details, figure, gallery, missing, number, percent, table
+from validation.core.trust import Reach, reach
+from validation.page.page import (
+    VERDICTS,
+    Section,
+    callout,
+    details,
+    gallery,
+    number,
+    percent,
+    plain,
+    table,
+    words,
+)  # fmt: skip
 from validation.page.player import SCRIPT, player
-from validation.page.stored import Solver, Stored, read
+
+_SAY = words(__package__)
 
 # quantity of a row -> what it is, and what its gap is a ratio of
 QUANTITIES = {
     "path_max": ("Mass path, largest distance", "deflection"),
     "path_rms": ("Mass path, rms distance", "deflection"),
+    "place": ("Place on the cable, largest distance", "length"),
+    "speed": ("Speed, largest distance", "speed"),
+    "path_slack": ("Mass path past the slack onset, largest distance", "deflection"),
     "tension": ("Tension along the cable, rms off the mass", "tension"),
-    "jump": ("Force jump at the mass, rms defect", "weight"),
+    "tension_behind": ("Tension behind the mass, rms", "tension"),
+    "tension_ahead": ("Tension ahead of the mass, rms", "tension"),
+    "reactions": ("Support reactions, rms", "tension"),
+    "displacement": ("Displacement field, rms of its own", ""),
+    "velocity": ("Velocity across the cable, rms of its own", ""),
+    "slack_onset": ("Slack onset, in sₒ/l", ""),
+    "impulse": ("Momentum of the mass, rms defect", "weight"),
+    "laws_si": ("Mechanics in SI", ""),
     "energy": ("Energy balance, rms defect", "work"),
-    "overshoot": ("Tension oscillation of one solver only", "tension"),
 }
+DESIGN = {
+    "tension_max": "largest tension", "tension_min": "least tension", "deepest_point": "deepest point of the cable",
+    "mass_deepest": "deepest place of the mass", "mass_deflection_max": "largest deflection of the mass",
+    "contact_max": "largest force of the mass on the cable", "contact_min": "least force of the mass on the cable",
+    "haul_force_max": "largest haul force", "speed_max": "top speed", "slack_onset": "slack onset",
+}  # fmt: skip
+LAWS = ("impulse", "laws_si", "energy")  # rows about one answer and mechanics
 
 
 def sections(folder: Path) -> list[Section]:
     """Return the pages about the check stored in a folder; a folder without any answer gives one that says so."""
     faults: list[str] = []
     x = read(folder, faults)
-    gone = Markup("").join(missing(fault, "What depends on it is left out below.") for fault in faults)
+    gone = Markup(_SAY.gone(faults))
     if x is None:
         text = "No verdict: the folder holds no finished answer of any solver."
         return [Section("check-verdict", "Verdict", gone, "not comparable", text)]
-    return [_verdict(x, gone), _path(x), *_motion(x), _tension(x), _laws(x), _refinement(x), _provenance(x)]
+    ride = [_ride(x)] if x.solvers[0].run.drive != "grip" else []
+    return [_verdict(x, gone), *ride, _path(x), *_motion(x), _tension(x), _laws(x), _refinement(x), _provenance(x)]
 
 
 # --- the verdict ----------------------------------------------------------------------------------------------------
@@ -59,6 +91,8 @@ def _references(x: Stored) -> dict[str, tuple[float, str, str]]:
         "tension": (x.scene.horizontal_tension, "N", "horizontal tension H at rest"),
         "weight": (x.weight, "N", "weight M g of the mass"),
         "work": (x.weight * x.deflection, "J", "weight times the largest deflection"),
+        "length": (x.scene.length, "m", "length of the cable"),
+        "speed": (float(x.solvers[0].run.speed.max()), "m/s", "top speed"),
     }
 
 
@@ -69,29 +103,69 @@ def _quantity(value: float, unit: str, digits: int = 3) -> str:
 
 def _verdict(x: Stored, gone: Markup) -> Section:
     of = _references(x)
-    html = [gone]
+    html = [gone, *(callout(f"{d['method']}: {d['words']}.", "not comparable") for d in x.doubts), _design(x)]
     if x.rows:
-        heads = {
-            "quantity": "quantity", "verdict": "verdict", "gap": "gap", "allowed": "allowed", "used": "gap / allowed",
-            "where": "largest at sₒ/l", "why": "allowed because of",
-        }  # fmt: skip
-        told = (f"{words} {_quantity(value, unit)}" for value, unit, words in of.values())
+        shown = [row for row in x.rows if row.get("quantity") not in LAWS or row.get("verdict") != "agree"]
+        used = dict.fromkeys(kind for row in shown if (kind := _words(row)[1]))
         html += [
-            table([_row(row, of) for row in x.rows], heads, sort=True, stack=True),
-            Markup(
-                "<p><small>Percent of: {} (mass path); {} (tension); {} (force jump); {} (energy). rms: root mean "
-                "square over the compared range.</small></p>"
-            ).format(*told),
-        ]
-    html += [Markup("<h3>How far the answer goes</h3>"), _reach(x)]
+            _rows(x, shown), Markup(_SAY.references([(_quantity(*of[kind][:2]), of[kind][2]) for kind in used])),
+        ]  # fmt: skip
+    r = x.solvers[0].run
+    reach = _SAY.reach(x, *x.times(r), _parting(x))
+    heads = {
+        "solver": "solver", "deflection": "largest deflection of the mass", "slack": "cable slack",
+        "law": "law of the cable", "end": "computed up to",
+    }  # fmt: skip
+    facts = table([_facts(s, x) for s in x.solvers], heads, stack=True)
+    html += [Markup("<h3>How far the answer goes</h3>"), callout(Markup(reach)), facts]
     return Section("check-verdict", "Verdict", Markup("\n").join(html), x.verdict, _headline(x))
 
 
+def _design(x: Stored) -> Markup:
+    """Return the numbers a design asks for, each with its bar, where and when."""
+    rows = []
+    for d in x.design:
+        unit, value, bar = d["unit"], d["value"], d.get("bar")
+        factor, name = (3.6, "km/h") if unit == "m/s" else scale_of(np.array([value]), unit)
+        rows.append({
+            "what": _named(d["quantity"]), "value": _with_bar(factor * value, bar and factor * bar),
+            "unit": name, "t": None if d.get("t") is None else f"{d['t']:.4g} s",
+            "where": None if d.get("s_o") is None else f"{d['s_o'] / x.scene.length:.3f}",
+            "at": None if d.get("s") is None else f"{d['s'] / x.scene.length:.3f}",
+        })  # fmt: skip
+    heads = {
+        "what": "quantity", "value": "value", "unit": "unit", "t": "when", "where": "mass at sₒ/l", "at": "at s/l",
+    }  # fmt: skip
+    return table(rows, heads, caption="Design numbers") if rows else Markup("")
+
+
+def _named(quantity: str) -> str:
+    return DESIGN.get(quantity) or re.sub("(.*)_max", r"largest \1", quantity).replace("_", " ")
+
+
+def _with_bar(value: float, bar: float | None) -> str:
+    """Return a value to the digits that its error bar leaves."""
+    if not bar or not math.isfinite(bar):
+        return number(value, 4)
+    digits = max(0, 1 - math.floor(math.log10(bar)))
+    return f"{value:.{digits}f}\u202f±\u202f{bar:.{digits}f}".replace("-", "−")
+
+
+def _rows(x: Stored, rows: list[dict[str, Any]]) -> Markup:
+    heads = {
+        "quantity": "quantity", "verdict": "verdict", "gap": "gap", "allowed": "allowed", "used": "gap / allowed",
+        "where": "largest at sₒ/l", "why": "allowed because of",
+    }  # fmt: skip
+    of = _references(x)
+    return table([_row(row, of) for row in rows], heads, sort=True, stack=True)
+
+
 def _row(row: dict[str, Any], of: dict[str, tuple[float, str, str]]) -> dict[str, Any]:
-    words, kind = _words(row)
+    name, kind = _words(row)
     gap, allowed = row.get("gap"), row.get("allowed")
+    about = [part for part in (row.get("law"), row.get("with")) if part]
     return {
-        "quantity": f"{words}: {row['with']}" if row.get("with") else words,
+        "quantity": ": ".join([name, *about]),
         "gap": _both(gap, kind, of),
         "allowed": _both(allowed, kind, of),
         "used": number(gap / allowed, 2) if gap is not None and allowed else None,
@@ -103,273 +177,183 @@ def _row(row: dict[str, Any], of: dict[str, tuple[float, str, str]]) -> dict[str
 
 def _words(row: dict[str, Any]) -> tuple[str, str]:
     name = str(row.get("quantity", "?"))
-    return QUANTITIES.get(name, (name.replace("_", " "), ""))
+    return QUANTITIES.get(name, (name.replace("_", " ").capitalize(), ""))
 
 
 def _both(ratio: float | None, kind: str, of: dict[str, tuple[float, str, str]]) -> Markup | str | None:
     """Return a ratio in percent and in its unit."""
     if ratio is None or kind not in of:
-        return None if ratio is None else number(ratio)
+        return None if ratio is None else percent(ratio, 3)
     return Markup("{} <small>{}</small>").format(percent(ratio, 3), _quantity(ratio * of[kind][0], of[kind][1]))
 
 
 def _because(row: dict[str, Any]) -> Markup | str:
     """Return the reason in a line, the whole of it folded beneath."""
     bound = Bound.of(row["bound"])
-    whole = str(bound)
     short = bound.line(percent)
-    return short if len(bound.parts) == 0 else details(short, Markup("<p>{}</p>").format(_formula(whole)))
+    return details(short, Markup("<p>{}</p>").format(_formula(str(bound)))) if bound.parts else short
 
 
 def _formula(text: str) -> Markup:
     """Return text with 2^1.5 - 1 set as a formula."""
-    raised = re.sub(r"(\d)\^([\d.]+)", r"\1<sup>\2</sup>", str(escape(text)))
-    return Markup(raised.replace(" - ", " − "))
+    return Markup(re.sub(r"(\d)\^([\d.]+)", r"\1<sup>\2</sup>", str(escape(text))).replace(" - ", " − "))
 
 
 def _headline(x: Stored) -> str:
     """Return the verdict in a few sentences of plain text that need no table."""
     if not x.rows:
         return "No verdict: the check did not finish."
-    apart = "; ".join(
+    apart = [
         _disagreement(x, row) for row in x.rows
         if row.get("verdict") == "disagree" and row.get("quantity") != "path_max" and not row.get("with")
-    )  # fmt: skip
-    out = [f"The solvers disagree: {apart}."] if apart else []
-    out.insert(0 if x.row("path_max").get("verdict") == "disagree" else len(out), _path_line(x))
-    for party in dict.fromkeys(row["with"] for row in x.rows if row.get("with")):
-        out.append(_third(str(party), [row for row in x.rows if row.get("with") == party]))
-    return " ".join(out)
-
-
-def _path_line(x: Stored) -> str:
+    ]  # fmt: skip
     row, size = x.row("path_max"), x.deflection
     gap, allowed = row.get("gap"), row.get("allowed")
+    path = {"gap": gap, "why": row.get("allowed_because", "no reason was stored"), "verdict": row.get("verdict")}
     if gap is None or allowed is None:
-        return f"The mass paths cannot be compared: {row.get('allowed_because', 'no reason was stored')}."
-    digits = 2 if percent(gap) != percent(allowed) else 4
-    far = f"{percent(gap, digits)} of the largest deflection ({_quantity(gap * size, 'm')} of {_quantity(size, 'm')})"
-    if row["verdict"] == "agree":
-        return (
-            f"Both solvers give the same mass path: they differ by at most {far}; their error bars allow "
-            f"{percent(allowed, digits)}."
+        path["gap"] = None
+    else:
+        digits = 2 if percent(gap) != percent(allowed) else 4
+        far = (
+            f"{percent(gap, digits)} of the largest deflection ({_quantity(gap * size, 'm')} of {_quantity(size, 'm')})"
         )
-    if row["verdict"] == "disagree":
-        return (
-            f"The solvers disagree on the mass path: they differ by up to {far}, but their error bars allow only "
-            f"{percent(allowed, digits)}. One of them is wrong, or its error bar is too small."
-        )
-    return (
-        f"No verdict on the mass path: the solvers differ by {far}, but their error bars, {percent(allowed, digits)}, "
-        f"are wider than the tolerance {percent(x.tol)} asked for."
-    )
+        path |= {"far": far, "allowed": percent(allowed, digits), "tol": percent(x.tol)}
+    return plain(_SAY.headline(apart, path, [_third(x, name) for name in x.parties]))
 
 
 def _disagreement(x: Stored, row: dict[str, Any]) -> str:
-    words, kind = _words(row)
+    name, kind = _words(row)
     of = f" of the {_references(x)[kind][2]}" if kind else ""
-    return f"{words[0].lower() + words[1:]} {percent(row.get('gap'), 3)}{of}, allowed {percent(row.get('allowed'), 3)}"
+    return f"{name[0].lower() + name[1:]} {percent(row.get('gap'), 3)}{of}, allowed {percent(row.get('allowed'), 3)}"
 
 
-def _third(party: str, rows: list[dict[str, Any]]) -> str:
-    order = ("disagree", "not comparable", "agree")
-    row = min(rows, key=lambda row: order.index(row["verdict"]) if row.get("verdict") in order else 1)
-    says = {"agree": "agrees with them", "disagree": "disagrees with them"}.get(row["verdict"], "cannot be compared")
-    if row.get("gap") is None:
-        return f"{party} {says}."
-    words = _words(row)[0]
-    return (
-        f"{party} {says} ({words[0].lower() + words[1:]} {percent(row['gap'])}, allowed {percent(row.get('allowed'))})."
-    )
-
-
-def _reach(x: Stored) -> Markup:
-    """Say where each answer ends, where it stops being meaningful, and over what range the solvers were compared."""
-    r, (low, high) = x.solvers[0].run, x.window
-    if len(x.solvers) < 2:
-        words = [f"Only {x.names} has an answer: there is nothing to compare it with."]
-    elif high > low:
-        words = [
-            f"The solvers are compared over sₒ/l = {low:.3g} to {high:.3g}, t = {_time(r, low):.3g} to "
-            f"{_time(r, high):.4g} s."
-        ]
-    else:
-        words = ["The answers share no range in which they could be compared."]
-    if x.onset is not None:
-        words.append(
-            f"From sₒ/l = {x.onset:.3f} on the cable is slack somewhere. An elastic law has no unique answer there; "
-            "what follows, by a law that carries no compression, is an indication and not a result."
-        )
-    elif high > low:
-        words.append(
-            f"The cable stays taut. Past sₒ/l = {high:.3g} the mass comes near the far support, where its force grows "
-            "like one over the distance; the answers go on, but are not judged there."
-        )
-    heads = {
-        "solver": "solver", "deflection": "largest deflection of the mass",
-        "tension": f"largest tension, sₒ/l ≤ {high:.3g}", "slack": "cable slack", "law": "law of the cable",
-        "end": "computed up to",
+def _third(x: Stored, party: str) -> dict[str, Any]:
+    rows = [row for row in x.rows if row.get("with") == party]
+    row = min(rows, key=lambda row: list(VERDICTS).index(row["verdict"]) if row.get("verdict") in VERDICTS else 1)
+    name = _words(row)[0]
+    gap = None if row.get("gap") is None else percent(row["gap"])
+    return {
+        "name": party, "verdict": row["verdict"], "words": name[0].lower() + name[1:], "gap": gap,
+        "allowed": percent(row.get("allowed")),
     }  # fmt: skip
-    bars = figure(
-        draw.reach(x),
-        f"Full colour: {_judged(x)}. Pale: computed, but not {_judged(x)}."
-        + ("" if x.onset is None else " Cross: the cable goes slack."),
-        label="Bars over the place of the mass: how far each solver got, what is compared, where the cable goes slack.",
-    )
-    facts = table([_facts(s, x) for s in x.solvers], heads, stack=True)
-    return Markup("\n").join([callout(" ".join([*words, _parting(x)])), facts, gallery(bars)])
 
 
 def _facts(s: Solver, x: Stored) -> dict[str, str]:
-    r, f = s.run, s.compared.fields
-    at = float(place(r)[np.argmax(r.v)])
-    deflection = f"{number(r.max_deflection, 5)} m"
-    if r.path_error and x.window[0] <= at <= x.window[1]:
-        error = r.path_error * r.max_deflection
-        digits = max(0, 1 - math.floor(math.log10(error)))
-        deflection = f"{r.max_deflection:.{digits}f} ± {error:.{digits}f} m"
+    r = s.run
+    i = int(np.argmax(r.v))
+    at = float(r.s_o[i] / r.length)
+    inside = r.path_error and x.window[0] <= at <= x.window[1]
+    deflection = _with_bar(r.max_deflection, r.path_error * r.max_deflection if inside and r.path_error else None)
     slack = "never"
     if r.slack_onset is not None:
         first = "" if r.slack_at is None else f", first at s/l = {r.slack_at:.3f}"
-        slack = f"from sₒ/l = {r.slack_onset:.3f} on (t = {_time(r, r.slack_onset):.4g} s){first}"
+        slack = f"from sₒ/l = {r.slack_onset:.3f} on (t = {x.time(r, r.slack_onset):.4g} s){first}"
     law = {"elastic": "elastic, in compression too", "tension-only": "tension only"}.get(r.law, "elastic")
     if r.switched is not None:
         law += f"; tension only from sₒ/l = {r.switched:.3f} on"
     end = f"sₒ/l = {r.reached:.3f} (t = {r.t[-1]:.4g} s)"
     end += ", complete" if r.status == "complete" else f", where it stopped: {r.reason}"
-    inside = f.s_o <= x.window[1] * r.length
     return {
-        "solver": s.name, "deflection": f"{deflection}, at sₒ/l = {at:.3f} (t = {_time(r, at):.4g} s)",
-        "tension": _quantity(float(f.T[inside].max()), "N", 4) if inside.any() else "–", "slack": slack, "law": law,
-        "end": end,
+        "solver": s.name, "deflection": f"{deflection} m, at sₒ/l = {at:.3f} (t = {r.t[i]:.4g} s)", "slack": slack,
+        "law": law, "end": end,
     }  # fmt: skip
 
 
-def _parting(x: Stored) -> str:
-    """Say how far past the compared range both paths are still one path."""
-    bound = 10.0 * (x.row("path_max").get("allowed") or x.tol or 0.0)
-    if len(x.solvers) < 2 or not x.window[1] > x.window[0] or bound == 0.0:
-        return ""
-    at, gap = pointwise(x.solvers[0].compared, x.solvers[1].compared)
-    past = at > x.window[1]
-    far = past & (gap > bound * x.deflection)
-    if far.any():
-        return f"At sₒ/l = {at[far][0]:.3f} the two paths part by more than {percent(bound)} of the largest deflection."
-    if past.any():
-        most = percent(float(gap[past].max()) / x.deflection)
-        return f"Up to sₒ/l = {at[-1]:.3f} the two paths differ by at most {most} of the largest deflection."
-    return ""
-
-
-def _time(r: Response, at: float) -> float:
-    return float(np.interp(at, place(r), r.t))
+def _parting(x: Stored) -> Reach | None:
+    """Return where past the compared range both paths part, or by how much they differ up to the end."""
+    if len(x.solvers) < 2 or x.free or not x.window[1] > x.window[0]:
+        return None
+    a, b = (s.compared for s in x.solvers)
+    return reach(a, b, x.window[1], x.row("path_max").get("allowed"))
 
 
 # --- both answers ---------------------------------------------------------------------------------------------------
 
 
-def _judged(x: Stored) -> str:
-    return "compared" if len(x.solvers) > 1 else "given an error bar"
-
-
-def _note(x: Stored) -> str:
-    """Return what the shading and the vertical line of a figure mean."""
-    return f"Grey: not {_judged(x)}." + ("" if x.onset is None else " Dotted vertical line: slack onset.")
-
-
 def _path(x: Stored) -> Section:
-    both = len(x.solvers) > 1
-    beneath = (
-        " Beneath, in percent of the largest deflection v, the distance of the two paths (black) and the error bar of "
-        "each solver at the same place; the verdict asks that the black line stay below the green one, the sum of both "
-        "largest bars."
-    )
+    rows = [("down v", "m", lambda r: r.v), ("to the right u", "m", lambda r: r.u)]
     figures = gallery(
-        figure(
-            draw.paths(x),
-            f"Depth of the mass below the left support.{beneath if both else ''} {_note(x)}",
-            label=f"Depth of the mass below the left support over its place on the cable, by {x.names}, with the cable "
-            "at rest" + ("; beneath, the distance of both paths and their error bars." if both else "."),
-        ),
-        figure(
-            draw.deflections(x),
-            f"Deflection of the mass from its place on the cable at rest: v down, u to the right. {_note(x)}",
-            label=f"Deflections v and u of the mass over its place on the cable, by {x.names}.",
-        ),
+        draw.paths(x, _SAY.paths(x)),
+        draw.series(x, rows, _SAY.deflections(x), height=152.0),
     )
-    alone = "" if both else f"Only {x.names} has an answer here: there is nothing to compare it with."
+    alone = "" if len(x.solvers) > 1 else f"Only {x.names} has an answer here: there is nothing to compare it with."
     return Section("check-path", "Mass path", figures, None, alone)
+
+
+def _ride(x: Stored) -> Section:
+    r = x.solvers[0].run
+    rows = [
+        ("place on the cable", "m", lambda r: r.s_o), ("speed [km/h]", "km/h", lambda r: 3.6 * r.speed),
+        ("depth down", "m", lambda r: r.y),
+    ]  # fmt: skip
+    forces = [("contact, across the cable", "N", lambda r: r.F_contact)]
+    if np.isfinite(r.F_haul).any():
+        forces.insert(0, ("from outside, along the cable", "N", lambda r: r.F_haul))
+    events = [
+        {
+            "event": e["event"].replace("_", " "), "t": _with_bar(e["t"], e.get("bar_t")),
+            "s_o": _with_bar(e["s_o"], e.get("bar_s_o")),
+            "speed": _with_bar(e["speed"], e.get("bar_speed")),
+            "kmh": _with_bar(3.6 * e["speed"], e.get("bar_speed") and 3.6 * e["bar_speed"]),
+        } for e in x.events
+    ]  # fmt: skip
+    heads = {"event": "event", "t": "time [s]", "s_o": "place sₒ [m]", "speed": "speed [m/s]", "kmh": "speed [km/h]"}
+    html = [
+        table(events, heads, caption="What happens") if events else Markup(""),
+        gallery(
+            draw.series(x, rows, _SAY.motion(x), height=104.0),
+            draw.series(x, forces, _SAY.forces(x), height=128.0),
+            *([draw.energy_split(x, _SAY.split(r.method))] if np.isfinite(r.kinetic).any() else []),
+        ),
+    ]  # fmt: skip
+    return Section("check-ride", "Ride", Markup("\n").join(html))
 
 
 def _motion(x: Stored) -> list[Section]:
     moving = [s for s in x.solvers if s.compared.fields.t.size > 1]
     if not moving:
         return []
-    reached = max(s.compared.fields.s_o[-1] / s.compared.length for s in moving)
+    reached = max(s.compared.fields.s_o.max() / s.compared.length for s in moving)
     places = [p for p in (0.1, 0.3, 0.5, 0.7, 0.9) if p <= reached + 1e-6] or [0.0]
-    cable, tension = draw.snapshots(x.scene, moving, places)
-    still = gallery(
-        figure(
-            cable,
-            "The cable at a few times, below the straight line between its supports; depths are stretched.",
-            label=f"The cable with the mass at {len(places)} times, by {x.names}.",
-        ),
-        figure(
-            tension,
-            "Tension along it at the same times, with its jump at the mass; each panel has a scale of its own.",
-            label=f"Tension along the cable at {len(places)} times, by {x.names}.",
-        ),
-    )
     shown = player(x.scene, [s.compared for s in moving], window=x.window, range_T=draw.tension_range(moving, x.window))
+    still = gallery(draw.snapshots(x.scene, moving, places, _SAY.snapshots()))
     return [Section("check-motion", "The cable in motion", shown + still, scripts=(SCRIPT,))]
 
 
 def _tension(x: Stored) -> Section:
     fields = [s for s in x.solvers if s.compared.fields.t.size > 1]
-    slack = "" if x.onset is None else " Dotted line: slack onset."
     lost, figures = Markup(""), []
     if fields:
         try:
-            figures.append(figure(
-                draw.tension_fields(fields, x.window, x.onset),
-                "Tension over time and place. Slanted line: the mass. Dashed line: end of the compared range."
-                f"{slack} Both solvers on one scale of colours, set by the compared range. Differences within "
-                f"{measures.JUMP_WIDTH:g} l of the mass come from how each resolves the jump and are not judged.",
-                label=f"Tension along the cable over time, by {x.names}, and the difference.",
-            ))  # fmt: skip
+            figures.append(draw.tension_fields(x, fields, _SAY.fields(x, measures.JUMP_WIDTH)))
         except NotComparable as reason:
-            lost = missing("the difference of the tension fields", f"{reason}.")
-    later = "" if x.onset is None else " Values after it may leave the frame."
-    figures.append(figure(
-        draw.tension_at_mass(x),
-        f"Tension just behind and just ahead of the mass, and the least anywhere. {_note(x)}{later}",
-        label=f"Tension behind and ahead of the mass and least tension over the place of the mass, by {x.names}.",
-    ))  # fmt: skip
+            lost = callout(f"The difference of the tension fields: {reason}.", "not comparable")
+    rows = [
+        ("behind the mass", "N", lambda r: r.T_behind), ("ahead of the mass", "N", lambda r: r.T_ahead),
+        ("least in the cable", "N", lambda r: r.tension_min),
+    ]  # fmt: skip
+    figures.append(draw.series(x, rows, _SAY.at_mass(x), height=120.0, bands=True))
     return Section("check-tension", "Tension", lost + gallery(*figures))
 
 
 def _laws(x: Stored) -> Section:
-    text = Markup(
-        "<p>Two laws hold whatever the method, and neither solver uses them in this form: energy grows by the work of "
-        "the drive, and the cable pulls at the mass with its weight and inertia. They convict a solver even where both "
-        "agree.</p>"
-    )
-    figures = gallery(
-        figure(
-            draw.energy(x),
-            "Energy of cable and mass since entry, and the work put in. Beneath, their difference in percent of the "
-            f"weight M g times the largest deflection v. {_note(x)}",
-            label=f"Energy balance over the place of the mass, by {x.names}.",
-        ),
-        figure(
-            draw.jump(x),
-            "Vertical force between cable and mass: from the tensions, slopes and momentum of the cable on both sides, "
-            "and from the acceleration of the mass. Beneath, the size of their difference in percent of the weight "
-            f"M g. {_note(x)}",
-            label=f"Force between cable and mass over the place of the mass, by {x.names}.",
-        ),
-    )
-    return Section("check-laws", "Laws of mechanics", text + figures)
+    held = [row for row in x.rows if row.get("quantity") in LAWS]
+    figures = [draw.energy(x, _SAY.energy(x))]
+    r = x.solvers[0].run
+    if np.isfinite(r.contact).any():
+        rows = [("contact force of the mass", "N", lambda r: r.F_contact)]
+        for side in ("left", "right"):
+            if np.isfinite(getattr(r, f"reaction_{side}")).any():
+                rows.append((f"{side} support", "N", partial(_size, f"reaction_{side}")))
+        figures.append(draw.series(x, rows, _SAY.contact(x), height=104.0))
+    return Section(
+        "check-laws", "Laws of mechanics",
+        Markup("\n").join([Markup(_SAY.laws()), _rows(x, held) if held else Markup(""), gallery(*figures)]),
+    )  # fmt: skip
+
+
+def _size(name: str, r: Response) -> Array:
+    return np.hypot(*getattr(r, name).T)
 
 
 # --- where it comes from --------------------------------------------------------------------------------------------
@@ -377,52 +361,33 @@ def _laws(x: Stored) -> Section:
 
 def _refinement(x: Stored) -> Section:
     rows: list[dict[str, Any]] = []
-    figures, refused = [], []
-    for i, s in enumerate(x.solvers):
-        words = tuple(_coarser(s, key) for key in (_resolution(s.run), "steps"))
-        for k, companion in enumerate((s.in_space, s.in_time)):
+    refused = []
+    for s in x.solvers:
+        for k, (companion, key) in enumerate(((s.in_space, _resolution(s.run)), (s.in_time, "steps"))):
             if companion is None or s.weights is None:
                 continue
+            name = f"{s.name}, {key} {companion.settings.get(key)} for {s.run.settings.get(key)}"
             try:
-                rows.append({"run": f"{s.name}, {words[k]}", **_bars(s.run, companion, s.weights[k])})
+                rows.append({"run": name, **_bars(s.run, companion, s.weights[k])})
             except NotComparable as reason:
-                refused.append(callout(f"{s.name}, {words[k]}: {reason}.", "not comparable"))
+                refused.append(callout(f"{name}: {reason}.", "not comparable"))
         if s.run.path_error is not None:
             rows.append({
                 "run": Markup("<strong>{}, error bar</strong>").format(s.name), "path": "", "weight": "", "tension": "",
                 "path_bar": Markup("<strong>{}</strong>").format(percent(s.run.path_error)),
                 "tension_bar": Markup("<strong>{}</strong>").format(percent(s.run.tension_error)),
             })  # fmt: skip
-        if s.in_space is not None or s.in_time is not None:
-            figures.append(figure(
-                draw.refinement(s, i, x, words),
-                f"{s.name}: distance of its mass path to those of its two coarser companions, in percent of the "
-                f"largest deflection v. {_note(x)}",
-                label=f"Distance of the mass path of {s.name} to those of its coarser companions.",
-            ))  # fmt: skip
     heads = {
         "run": "run", "path": "path, largest gap", "weight": "weight", "path_bar": "bar of the path",
         "tension": "tension, rms gap", "tension_bar": "bar of the tension",
     }  # fmt: skip
-    text = Markup(
-        "<p>Each solver ran twice more, with half the resolution and with half the steps. Its error bar is what these "
-        "gaps leave in the finest run by the order at which they shrink: weight × gap, space and time added. Percent "
-        "of the largest deflection (path) and of the horizontal tension H (tension).</p>"
-    )
-    bases = Markup("").join(Markup("<li>{}: {}</li>").format(s.name, _formula(s.basis)) for s in x.solvers if s.basis)
+    compared = any(s.in_space is not None or s.in_time is not None for s in x.solvers)
     html = [
-        text, table(rows, heads) if rows else Markup(""), *refused,
-        Markup("<p>Where the weights come from:</p><ul>{}</ul>").format(bases) if bases else Markup(""),
-        gallery(*figures),
+        table(rows, heads) if rows else Markup(""), *refused,
+        Markup(_SAY.bars([(s.name, _formula(s.basis)) for s in x.solvers if s.basis])),
+        gallery(draw.refinement(x, _SAY.refinement(x))) if compared else Markup(""),
     ]  # fmt: skip
     return Section("check-refinement", "Error bars", Markup("\n").join(html))
-
-
-def _coarser(s: Solver, key: str) -> str:
-    companion = s.in_time if key == "steps" else s.in_space
-    if companion is None or key not in companion.settings:
-        return f"half the {key}"
-    return f"half the {key}: {companion.settings[key]} for {s.run.settings[key]}"
 
 
 def _bars(run: Response, companion: Response, weight: float) -> dict[str, str]:
@@ -442,11 +407,11 @@ def _resolution(r: Response) -> str:
 def _provenance(x: Stored) -> Section:
     work = [
         {
-            "run": f"{s.name}, {words}", "resolution": _shown(r.settings.get(_resolution(r), "–")),
+            "run": f"{s.name}, {run}", "resolution": _shown(r.settings.get(_resolution(r), "–")),
             "asked": r.settings.get("steps"), "n_dof": r.n_dof, **r.work, "seconds": r.seconds,
         }
         for s in x.solvers
-        for words, r in (("finest", s.run), ("half resolution", s.in_space), ("half steps", s.in_time))
+        for run, r in (("finest", s.run), ("half resolution", s.in_space), ("half steps", s.in_time))
         if r is not None
     ]  # fmt: skip
     heads = {
@@ -455,12 +420,10 @@ def _provenance(x: Stored) -> Section:
         "factorisations": "factori\u00adsations", "residuals": "residuals", "seconds": "time [s]",
     }  # fmt: skip
     html = [
-        Markup("<h3>{}</h3>").format(x.scene.title or x.scene.name), _scene(x),
-        details("Scene file (TOML)", Markup("<pre>{}</pre>").format(x.scene.to_toml())),
+        _scene(x), details("Scene file (TOML)", Markup("<pre>{}</pre>").format(x.scene.to_toml())),
         Markup("<h3>Runs and their work</h3>"),
         table(work, {key: head for key, head in heads.items() if any(key in row for row in work)}),
-        *(_settings(s.run) for s in x.solvers),
-        Markup("<h3>What both solvers share</h3><p>A fault in these would not show as a gap between them.</p>"),
+        *(_settings(s.run) for s in x.solvers), Markup(_SAY.shared()),
         table([{"what": what, "how": how} for what, how in SHARED], {"what": "shared", "how": "checked on its own by"}),
         Markup("<p><small>Page drawn with {}.</small></p>").format(_versions()),
     ]  # fmt: skip
@@ -470,20 +433,22 @@ def _provenance(x: Stored) -> Section:
 def _scene(x: Stored) -> Markup:
     scene = x.scene
     assert scene.mass is not None
-    assert scene.travel is not None
+    drop = scene.supports.drop
     facts = {
         "span": f"{scene.supports.span:.6g} m",
-        "right support": f"{abs(scene.supports.drop):.6g} m "
-        + ("below the left one" if scene.supports.drop >= 0 else "above the left one")
-        if scene.supports.drop else "level with the left one",
+        "right support": "level with the left one" if not drop
+        else f"{abs(drop):.6g} m {'below' if drop > 0 else 'above'} the left one",
         "length of the cable l": f"{scene.length:.6g} m",
         "sag at rest": f"{scene.sag:.4g} m, {percent(scene.sag_ratio)} of the span",
         "horizontal tension at rest H": _quantity(scene.horizontal_tension, "N", 4),
         "mass of the cable per length ρ": f"{scene.cable.mass_per_length:.4g} kg/m",
         "axial stiffness EA": _quantity(scene.cable.EA, "N", 4),
         "moving mass M": f"{scene.mass.mass:.6g} kg",
-        "travel": f"{scene.travel.kind.replace('_', ' ')}, up to {scene.top_speed:.4g} m/s, "
-        f"{percent(scene.speed_ratio)} of the speed of transverse waves",
+        "drive": x.solvers[0].run.drive,
+        **({} if scene.travel is None else {
+            "travel": f"{scene.travel.kind.replace('_', ' ')}, up to {scene.top_speed:.4g} m/s "
+            f"({3.6 * (scene.top_speed or 0.0):.3g} km/h), {percent(scene.speed_ratio)} of that of transverse waves",
+        }),
         "moving mass over cable μ = M/(ρl)": f"{scene.mu:.4g}",
         "stiffness α = EA/H": f"{scene.alpha:.4g}",
         "weight of the cable σ = ρgl/H": f"{scene.sigma:.4g}",

@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-
 from validation import telling, terminal
 from validation.commands.check.study import Check
-from validation.core import measures
-
-MEANINGFUL = 1e-2  # of the largest deflection: paths further apart are two answers
+from validation.core.trust import reach
 
 
 def tell(result: Check) -> None:
@@ -18,26 +12,28 @@ def tell(result: Check) -> None:
     telling.rows(result.rows)
     third = sorted({row.party for row in result.rows} - {""})
     *others, last = [result.a.run.method, result.b.run.method, *third]
-    word = {"agree": "agree", "disagree": "DISAGREE", "not comparable": "are NOT COMPARABLE"}[result.verdict.value]
+    word = {
+        "agree": "agree", "disagree": "DISAGREE", "not comparable": "are NOT COMPARABLE",
+        "too coarse": "are TOO COARSE to tell",
+    }[result.verdict.value]  # fmt: skip
     low, high = result.window
     over = f" over s_o/l = {low:g} to {high:.3g}" if low < high else ""
     terminal.say()
     terminal.say(f"{', '.join(others)} and {last} {word}{over}", style=terminal.STYLES[result.verdict.value])
+    for method, flag in result.doubts:
+        if flag not in result.a.run.flags:  # those are told with the answer
+            terminal.say(f"  {method}: {flag}", style="yellow")
     telling.answer(result.a.run)
     terminal.say(f"  {_meaning(result)}")
 
 
 def _meaning(result: Check) -> str:
     """Say how far past the compared range both answers are still one answer."""
-    a, b, stop = result.a.response, result.b.response, result.window[1]
-    end = min(a.reached, b.reached)
-    allowed = next((row.allowed for row in result.rows if row.quantity == "path_max"), math.nan)
-    bound = max(MEANINGFUL, 2.0 * allowed if math.isfinite(allowed) else 0.0)
-    for place in np.arange(stop + 0.005, end, 0.005).tolist():
-        try:
-            if measures.path_gap(a, b, (stop, place))[0] > bound:
-                parted = f"the paths part by {bound:.2g} of the deflection"
-                return f"past s_o/l = {place:.3f} this stops being meaningful: {parted}"
-        except measures.NotComparable:  # too few steps yet
-            continue
-    return f"past that range the paths stay within {bound:.2g} of the deflection, up to s_o/l = {end:.3f}"
+    allowed = next((row.allowed for row in result.rows if row.quantity == "path_max" and not row.party), None)
+    found = reach(result.a.response, result.b.response, result.window[1], allowed)
+    if found is None:
+        return "past that range there is no answer"
+    if found.place is None:
+        return f"past that range the paths stay within {found.gap:.2g} of the deflection, up to s_o/l = {found.end:.3f}"
+    parted = f"the paths part by {found.gap:.2g} of the deflection"
+    return f"past s_o/l = {found.place:.3f} this stops being meaningful: {parted}"

@@ -11,7 +11,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from validation.page.figures import DASHES, GREY, MARKERS, PALETTE
+from validation.page.figures import DASHES, GREY, MARKERS, PALETTE, panels, style
 from validation.page.page import (
     Section,
     badge,
@@ -20,9 +20,7 @@ from validation.page.page import (
     gallery,
     missing,
     number,
-    panels,
     percent,
-    style,
     table,
 )
 
@@ -79,8 +77,8 @@ def _convergence(rows: Sequence[dict[str, Any]], title: str) -> Markup:
     return figure(
         _draw(rows, title),
         Markup(
-            "{}: error of the mass path on a taut string against the exact answer, over the resolution (elements on "
-            "each side of the mass or on the whole cable, terms of the basis). Grey: slopes of orders 1 and 2."
+            "{}: error of the mass path on a taut string against the exact answer, over the number of "
+            "unknowns of a field. Grey: slopes of orders 1 and 2."
         ).format(title),
         label=f"{title}: errors of the finest runs: {words}",
     )  # fmt: skip

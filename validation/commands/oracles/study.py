@@ -7,7 +7,6 @@ wrong on purpose, a limit that is another one, a law without one of its terms.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -20,8 +19,9 @@ from cablefem import newmark
 from cablefem.response import Array, Response, States, write_json
 from cablefem.scene import Groups, Scene
 from validation import oracles
-from validation.core.estimate import CREDITED_SPACE_ORDER, SAFETY
+from validation.core import store
 from validation.core.methods import ELEMENTS, LEVELS, METHODS, TERMS, Method, find
+from validation.core.richardson import CREDITED_SPACE_ORDER, SAFETY, left
 from validation.core.running import run
 from validation.oracles.case import WINDOW, Case, Crossing, Rung, Solvers
 from validation.oracles.case import Path as MassPath
@@ -82,7 +82,7 @@ class Task:
             told = f"{SAFETY} x the deviation before, fallen with order {p:g}"
         else:
             credited = 1.0 if p is None else min(p, CREDITED_SPACE_ORDER)
-            allowed = SAFETY * gap / (ratio**credited - 1.0)
+            allowed = SAFETY * gap * left(credited, ratio)
             told = f"own error bar: {SAFETY} x gap to the run before / (ratio to the {credited:g} - 1)"
         (worst, error), rms = errors[-1], [rms for _, rms in errors]
         observed = order(sizes, rms)
@@ -131,12 +131,8 @@ def _content(rows: list[dict[str, Any]], total: int) -> dict[str, Any]:
 
 
 def _stored(file: Path) -> dict[tuple[str, str, str], dict[str, Any]]:
-    try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-        rows = content["rows"] if content["verdict"] == "not comparable" else []
-        return {(row["oracle"], row["case"], row["method"]): row for row in rows if set(row) == _ROW}
-    except (OSError, ValueError, KeyError, TypeError):
-        return {}
+    rows = store.stored(file, verdict="not comparable").get("rows", [])
+    return {(row["oracle"], row["case"], row["method"]): row for row in rows if set(row) == _ROW}
 
 
 _ROW = set(Row.__dataclass_fields__)
@@ -144,13 +140,7 @@ _ROW = set(Row.__dataclass_fields__)
 
 def _json(row: Row) -> dict[str, Any]:
     """Return the row with null for every number that does not exist."""
-
-    def finite(x: Any) -> Any:
-        if isinstance(x, list):
-            return [finite(y) for y in x]
-        return None if isinstance(x, float) and not math.isfinite(x) else x
-
-    return {k: finite(v) for k, v in asdict(row).items()}
+    return store.plain(asdict(row))
 
 
 def _told(settings: dict[str, Any]) -> str:
@@ -208,7 +198,7 @@ class _Solvers:
             return _rungs(find(name), finer)
         r = BASES[name][0]
         values = (0, 1, 2) if r.doubling else (10, 20, 40)
-        return [Rung({r.setting: n}, r.count(n)) for n in values]
+        return [Rung({r.setting: n}, r.unknowns(n)) for n in values]
 
     def path(self, crossing: Crossing, name: str, **settings: Any) -> MassPath:
         if crossing.scene:
@@ -231,6 +221,9 @@ class _Solvers:
     def response(self, scene: str, name: str, **settings: Any) -> Response:
         return run(Scene.load(scene), name, until=WINDOW[1], **settings)
 
+    def ride(self, scene: Scene, name: str, **settings: Any) -> Response:
+        return run(scene, name, **settings)
+
 
 SOLVERS: Solvers = _Solvers()
 
@@ -240,7 +233,7 @@ def _rungs(method: Method, finer: float) -> list[Rung]:
     sharp = method.resolution.doubling and method.space_order > 1.0
     dear = finer > 1.0 or sharp or method.steps_growth is not None
     settings = method.ladder(3 if dear else 4, finer)
-    return [Rung(method.told(x), method.resolution.count(method.count(x))) for x in settings]
+    return [Rung(method.told(x), method.resolution.unknowns(method.value(x))) for x in settings]
 
 
 def _path(crossing: Crossing, name: str, settings: dict[str, Any]) -> MassPath:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline, RegularGridInterpolator
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import find_peaks
 
 from cablefem.response import Array, Response
@@ -26,15 +27,15 @@ def extrema(r: Response, reading: str, window: tuple[float, float] = (0.05, LATE
     Turns shallower than half a percent of the largest value are ripples of a run, not of the path.
     """
     curve = CubicSpline(r.s_o / r.length, series(r, reading))
-    s = np.linspace(*window, 4000)
-    found = []
-    for sign, kind in ((1.0, "max"), (-1.0, "min")):
-        values = sign * curve(s)
-        for i in find_peaks(values, prominence=0.005 * np.abs(values).max())[0]:
-            h = s[1] - s[0]
-            a, b, c = curve(s[i - 1 : i + 2])
-            place = s[i] + 0.5 * h * (a - c) / (a - 2.0 * b + c)
-            found.append((float(place), kind, float(curve(place))))
+    roots = curve.derivative().roots(extrapolate=False)
+    places = np.array([window[0], *roots[(roots > window[0]) & (roots < window[1])], window[1]])
+    values = curve(places)
+    deep = 0.005 * np.abs(curve(np.linspace(*window, 4000))).max()
+    found = [
+        (float(places[i]), kind, float(values[i]))
+        for sign, kind in ((1.0, "max"), (-1.0, "min"))
+        for i in find_peaks(sign * values, prominence=deep)[0]
+    ]
     return sorted(found)
 
 
@@ -48,11 +49,10 @@ def place_of_largest(r: Response, reading: str, end: float = LATEST) -> float:
     """Return s_o/l where the path is lowest, up to `end`."""
     place = r.s_o / r.length
     curve = CubicSpline(place, series(r, reading))
-    s = np.linspace(0.0, min(end, float(place[-1])), 4001)
-    values = curve(s)
-    i = int(np.clip(np.argmax(values), 1, s.size - 2))
-    a, b, c = values[i - 1 : i + 2]
-    return float(s[i] + 0.5 * (s[1] - s[0]) * (a - c) / (a - 2.0 * b + c))
+    end = min(end, float(place[-1]))
+    roots = curve.derivative().roots(extrapolate=False)
+    candidates = np.array([0.0, *roots[(roots > 0.0) & (roots < end)], end])
+    return float(candidates[np.argmax(curve(candidates))])
 
 
 def largest(r: Response, reading: str, end: float = LATEST) -> float:
@@ -125,10 +125,10 @@ def wiggle(r: Response, near: float, far: float, window: tuple[float, float]) ->
     ):
         for side in (s < s_o, s > s_o):
             if np.count_nonzero(side) > 2 * half:
-                T, place = row[side], s[side]
-                smooth = np.convolve(T, np.full(2 * half + 1, 1.0 / (2 * half + 1)), mode="valid")
-                distance = np.abs(place - s_o)[half:-half]
-                parts.append((T[half:-half] - smooth)[(distance >= near) & (distance <= far)])
+                fast = row[side] - uniform_filter1d(row[side], 2 * half + 1)
+                distance = np.abs(s[side] - s_o)
+                whole = slice(half, -half)  # where the mean has all its stations
+                parts.append(fast[whole][(distance[whole] >= near) & (distance[whole] <= far)])
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)) / r.horizontal_tension)
 
 

@@ -11,8 +11,9 @@ from typing import Any
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.estimate import SAFETY, Estimated, space_order
+from validation.core.estimate import Estimated
 from validation.core.methods import find, refined
+from validation.core.richardson import SAFETY, left, space_order
 from validation.core.running import run
 
 Progress = Callable[[str, float], None]
@@ -143,7 +144,7 @@ def stored(
 
 def _reference(found: dict[str, Response], scene: str) -> Reference:
     fine, half, slow = (found[f"{scene}-{part}"] for part in ("reference", "half-resolution", "half-steps"))
-    weights = SAFETY / (2.0 ** space_order(find(FINE[0])) - 1.0), SAFETY / (2.0**2 - 1.0)
+    weights = SAFETY * left(space_order(find(FINE[0]).space_order)), SAFETY * left(2.0)
     bars = Estimated(fine, fine, half, slow, weights, "companions with half the elements and half the steps")
     return Reference(bars, found[f"{scene}-cross"])
 

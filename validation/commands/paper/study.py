@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cablefem.response import write_json
-from validation.commands.paper import table
+from validation.commands.paper import computed, verdicts
 from validation.commands.paper.runs import FINE, REFERENCES, Progress, all_runs, path_bar
 from validation.commands.paper.verdicts import VERDICTS
 
@@ -22,15 +22,15 @@ def paper(out: Path, progress: Progress | None = None) -> dict[str, Any]:
     runs = all_runs(out, progress)
     if progress is not None:
         progress("claims", 0.0)
-    numbers = table.numbers(runs, out / "numbers.json")
+    beyond = computed.stored(runs, out / "numbers.json")
     if progress is not None:
         progress("claims", 0.7)
-    rows = [claim.row() for claim in table.claims(runs, numbers)]
+    rows = [claim.row() for claim in verdicts.claims(computed.numbers(runs, beyond))]
     counts = Counter(row["verdict"] for row in rows)
     content = {
         "claims": rows,
         "count": {verdict: counts[verdict] for verdict in VERDICTS},
-        "wu_and_chen": table.wu_and_chen(runs),
+        "wu_and_chen": computed.wu_and_chen(runs),
         "references": {
             scene: {
                 "method": FINE[0], "settings": runs.reference[scene].run.settings,
@@ -39,7 +39,7 @@ def paper(out: Path, progress: Progress | None = None) -> dict[str, Any]:
             }
             for scene in REFERENCES
         },
-        **numbers,
+        **beyond,
     }  # fmt: skip
     write_json(out / "claims.json", content)
     if progress is not None:

@@ -1,25 +1,31 @@
-"""A verdict is computed from a range, a value and its error bar; nobody types it in."""
+"""A verdict is computed from a range, a value and its error bar; nobody types it in.
+
+claims.toml holds the paper's statements, the ranges in which they are true, and sentences with places for numbers.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+import tomllib
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from importlib import resources
+from typing import Any, NamedTuple
+
+import jinja2
 
 HOLDS, PAPER_ONLY = "holds", "holds at the paper's resolution only"
 FAILS, OPEN = "does not hold", "cannot be decided"
 VERDICTS = (HOLDS, PAPER_ONLY, FAILS, OPEN)
-
-# What a printed statement is allowed to mean; printed with each of them.
-READ_OFF = 0.01  # a place read off a figure: a hundredth of the axis
-ABOUT = 0.02  # "about", "around" a printed figure of one digit
-HIGH = 0.10  # "about 2.6 times", read off a figure that goes to 3
-ALMOST = 0.10  # "almost the same", "around a constant value"
-STRAIGHT = 0.02  # "straight line", "constant at this scale": the width of a printed line
-SMALL = 0.05  # "small", "not apparent", of the plotted quantity
-MANY = 1.5  # "many more"
 FRACTIONS = (0.0, 1 / 4, 1 / 3, 1 / 2, 2 / 3, 3 / 4, 1.0)  # places named in words
+
+
+class Value(NamedTuple):
+    """A computed number: the true one is expected within value +- bar (what no refinement can change: exact)."""
+
+    value: float
+    bar: float = 0.0
+    paper: float | None = None  # at the paper's resolution
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,54 +36,29 @@ class Quantity:
     claimed: str  # the range in words, with its reason
     low: float
     high: float
-    value: float  # converged; what no refinement can change: exact
-    bar: float = 0.0  # the true value is expected within value +- bar
-    paper: float | None = None  # at the paper's resolution
+    found: Value
 
     def true(self) -> bool | None:
         """Return whether the converged value lies in the range, None where its bar reaches across an end."""
-        if not (math.isfinite(self.value) and math.isfinite(self.bar)):
+        value, bar, _ = self.found
+        if not (math.isfinite(value) and math.isfinite(bar)):
             return None
-        if self.low <= self.value - self.bar and self.value + self.bar <= self.high:
+        if self.low <= value - bar and value + bar <= self.high:
             return True
-        if self.value + self.bar < self.low or self.value - self.bar > self.high:
+        if value + bar < self.low or value - bar > self.high:
             return False
         return None
 
     def true_in_paper(self) -> bool:
         """Return whether the value at the paper's resolution lies in the range; False where there is none."""
-        return self.paper is not None and self.low <= self.paper <= self.high
+        return self.found.paper is not None and self.low <= self.found.paper <= self.high
 
     def row(self) -> dict[str, Any]:
+        value, bar, paper = self.found
         return {
             "name": self.name, "claimed": self.claimed, "low": _finite(self.low), "high": _finite(self.high),
-            "paper": _finite(self.paper), "converged": _finite(self.value), "uncertainty": _finite(self.bar),
+            "paper": _finite(paper), "converged": _finite(value), "uncertainty": _finite(bar),
         }  # fmt: skip
-
-
-def around(
-    name: str, centre: float, width: float, reason: str, value: float, bar: float = 0.0, paper: float | None = None
-) -> Quantity:  # fmt: skip
-    """Return a quantity claimed to be `centre`, give or take `width`."""
-    return Quantity(
-        name, f"{decimal(centre)} ± {decimal(width)} ({reason})", centre - width, centre + width, value, bar, paper
-    )
-
-
-def at_most(name: str, high: float, reason: str, value: float, bar: float = 0.0, paper=None) -> Quantity:
-    return Quantity(name, f"at most {decimal(high)} ({reason})", -math.inf, high, value, bar, paper)
-
-
-def at_least(name: str, low: float, reason: str, value: float, bar: float = 0.0, paper=None) -> Quantity:
-    return Quantity(name, f"at least {decimal(low)} ({reason})", low, math.inf, value, bar, paper)
-
-
-def in_words(name: str, fraction: float, value: float, bar: float = 0.0, paper=None) -> Quantity:
-    """Return a place claimed in words (a third, the middle): nearer to it than to the next of FRACTIONS."""
-    i = FRACTIONS.index(fraction)
-    low, high = (0.5 * (fraction + FRACTIONS[k]) for k in (i - 1, i + 1))
-    words = f"{low:.3f} to {high:.3f} (nearer to it than to the next simple fraction)"
-    return Quantity(name, words, low, high, value, bar, paper)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +71,7 @@ class Claim:
     quantities: tuple[Quantity, ...]
     why: str
     readings: bool = False  # the quantities are readings of an ambiguous text: one that is true is enough
+    erratum: bool = False  # about a formula, not a figure
 
     @property
     def verdict(self) -> str:
@@ -104,7 +86,8 @@ class Claim:
     def row(self) -> dict[str, Any]:
         return {
             "id": self.id, "where": self.where, "claim": self.says, "readings": self.readings,
-            "quantities": [q.row() for q in self.quantities], "verdict": self.verdict, "why": self.why,
+            "erratum": self.erratum, "quantities": [q.row() for q in self.quantities], "verdict": self.verdict,
+            "why": self.why,
         }  # fmt: skip
 
 
@@ -120,16 +103,92 @@ def any_of(truths: Iterable[bool | None]) -> bool | None:
     return True if True in truths else None if None in truths else False
 
 
+# --- from the file --------------------------------------------------------------------------------------------------
+
+
+def claims(numbers: Mapping[str, Any]) -> list[Claim]:
+    """Return all claims of claims.toml, judged by the computed numbers."""
+    content = tomllib.loads((resources.files(__package__) / "claims.toml").read_text(encoding="utf-8"))
+    return [
+        Claim(
+            claim["id"], claim["where"], claim["says"],
+            tuple(q for entry in claim.get("quantity", ()) for q in _quantities(entry, content["meaning"], numbers)),
+            sentence(claim["why"], numbers), claim.get("readings", False), claim.get("erratum", False),
+        )
+        for claim in content["claim"]
+    ]  # fmt: skip
+
+
+def _quantities(entry: dict[str, Any], meaning: dict[str, Any], numbers: Mapping[str, Any]) -> Iterable[Quantity]:
+    found = numbers[entry["value"]]
+    for key, value in found.items() if isinstance(found, dict) else ((None, found),):
+        name = sentence(entry["name"], {**numbers, "key": key})
+        claimed, low, high = _range(entry, meaning, numbers, key)
+        yield Quantity(name, claimed, low, high, value)
+
+
+def _range(
+    entry: dict[str, Any], meaning: dict[str, Any], numbers: Mapping[str, Any], key: Any
+) -> tuple[str, float, float]:
+    """Return the range in words, its low and its high end."""
+
+    def known(word: Any) -> tuple[float, str]:
+        if word in meaning:
+            size, reason = meaning[word]
+            return size, entry.get("reason", reason)
+        number = numbers[word][key] if isinstance(word, str) else word
+        return number, entry.get("reason", "")
+
+    if "around" in entry:
+        (centre, _), (width, reason) = known(entry["around"]), known(entry["within"])
+        return f"{decimal(centre)} ± {decimal(width)} ({reason})", centre - width, centre + width
+    if "at_most" in entry:
+        high, reason = known(entry["at_most"])
+        return f"at most {decimal(high)} ({reason})", -math.inf, high
+    if "at_least" in entry:
+        low, reason = known(entry["at_least"])
+        return f"at least {decimal(low)} ({reason})", low, math.inf
+    if "between" in entry:
+        low, high = entry["between"]
+        return f"{low:g} to {high:g} ({entry['reason']})", low, high
+    i = FRACTIONS.index(entry["fraction"][0] / entry["fraction"][1])
+    low, high = (0.5 * (FRACTIONS[i] + FRACTIONS[k]) for k in (i - 1, i + 1))
+    return f"{low:.3f} to {high:.3f} (nearer to it than to the next simple fraction)", low, high
+
+
+def sentence(template: str, numbers: Mapping[str, Any]) -> str:
+    """Return a template filled with numbers; a name it does not know is an error."""
+    return _TEMPLATES.from_string(template).render(numbers)
+
+
 def decimal(x: float) -> str:
     """Return a number without an exponent: 0.000005."""
     return f"{x:.9f}".rstrip("0").rstrip(".")
 
 
-def power(x: float) -> str:
+def fixed(x: Value | float, decimals: int = 0) -> str:
+    """Return a number with so many decimals."""
+    return f"{_plain(x):.{decimals}f}"
+
+
+def percent(x: Value | float, decimals: int = 0) -> str:
+    """Return a ratio in percent, without the sign."""
+    return fixed(100.0 * _plain(x), decimals)
+
+
+def power(x: Value | float) -> str:
     """Return a number to one digit as 2·10⁻⁵."""
-    mantissa, exponent = f"{x:.0e}".split("e")
+    mantissa, exponent = f"{_plain(x):.0e}".split("e")
     return f"{mantissa}·10{str(int(exponent)).translate(str.maketrans('0123456789-', '⁰¹²³⁴⁵⁶⁷⁸⁹⁻'))}"
+
+
+def _plain(x: Value | float) -> float:
+    return float(x.value if isinstance(x, Value) else x)
 
 
 def _finite(x: float | None) -> float | None:
     return None if x is None or not math.isfinite(x) else float(x)
+
+
+_TEMPLATES = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
+_TEMPLATES.filters |= {"d": fixed, "pct": percent, "power": power}

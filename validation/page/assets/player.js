@@ -14,6 +14,7 @@ for (const root of document.querySelectorAll(".player")) {
   const cables = data.cables.map((c) => {
     const out = { ...c };
     for (const key of ["t", "s_o", "u", "v", "T", "mass_x", "mass_y", "mass_v", "behind", "ahead"]) out[key] = unpack(c[key]);
+    out.told = c.told.map((x) => ({ ...x, data: unpack(x.data) }));
     return out;
   });
   const longest = cables.reduce((a, b) => (b.t[b.t.length - 1] > a.t[a.t.length - 1] ? b : a));
@@ -39,6 +40,7 @@ for (const root of document.querySelectorAll(".player")) {
       points.push({ s: data.s[i], x: data.x[i] + mix(c.u, a, b), y: data.y[i] + mix(c.v, a, b), T });
     }
     const mass = { s: s_o, x: one("mass_x"), y: one("mass_y"), v: one("mass_v"), behind: one("behind"), ahead: one("ahead") };
+    mass.told = c.told.map((x) => mix(x.data, f, g).toFixed(x.digits));
     const k = points.findIndex((p) => p.s > s_o);
     points.splice(k < 0 ? m : k, 0, { ...mass, T: mass.behind }, { ...mass, T: mass.ahead });
     return { points, mass };
@@ -170,12 +172,13 @@ for (const root of document.querySelectorAll(".player")) {
   find(".legend").querySelectorAll("b").forEach((b, i) => { b.textContent = cables[i].name; });
   const table = find(".readout");
   const row = (cells, kind) => { const tr = table.insertRow(); for (const c of cells) { const td = document.createElement(kind); td.textContent = c; tr.append(td); } return tr; };
-  row(["mass", "deflection v [m]", `T behind [${data.unitName}]`, `T ahead [${data.unitName}]`], "th");
-  const lines = cables.map((c) => row([c.name, "", "", ""], "td"));
+  row(["mass", "deflection v [m]", `T behind [${data.unitName}]`, `T ahead [${data.unitName}]`, ...cables[0].told.map((x) => x.name)], "th");
+  const lines = cables.map((c) => row([c.name, "", "", "", ...c.told.map(() => "")], "td"));
 
   function where(s_o) {
     const slack = cables.map((c) => c.slack).filter((s) => s !== null);
     if (slack.length && s_o > Math.min(...slack)) return "the cable has gone slack: no exact answer to compare with any more";
+    if (data.free) return "";
     if (s_o < data.window[0] || s_o > data.window[1]) return "outside the compared range";
     return "inside the compared range";
   }
@@ -184,11 +187,11 @@ for (const root of document.querySelectorAll(".player")) {
     const shown = cables.map((c) => at(c, now));
     drawCable(shown); drawTension(shown);
     const s_o = (shown[cables.indexOf(longest)] || shown.find(Boolean)).mass.s;
-    find(".now").textContent = `t = ${now.toFixed(2)} s, sₒ/l = ${s_o.toFixed(3)}: ${where(s_o)}`;
+    find(".now").textContent = `t = ${now.toFixed(2)} s, sₒ/l = ${s_o.toFixed(3)}${where(s_o) && ": "}${where(s_o)}`;
     shown.forEach((state, i) => {
       const cells = state
-        ? [state.mass.v.toFixed(2), kilo(state.mass.behind, 1), kilo(state.mass.ahead, 1)]
-        : [`ended at sₒ/l = ${cables[i].reached.toFixed(3)}`, "–", "–"];
+        ? [state.mass.v.toFixed(2), kilo(state.mass.behind, 1), kilo(state.mass.ahead, 1), ...state.mass.told]
+        : [`ended at sₒ/l = ${cables[i].reached.toFixed(3)}`, "–", "–", ...cables[i].told.map(() => "–")];
       cells.forEach((c, k) => { lines[i].cells[k + 1].textContent = c; });
     });
     slider.value = Math.round((1000 * now) / end);

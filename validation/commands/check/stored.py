@@ -16,6 +16,8 @@ from cablefem.scene import Scene, SceneError
 from validation.core import measures
 from validation.core.measures import NotComparable, Window
 
+EVENTS = ("release", "thrust_end", "brake", "turn", "stop", "arrival", "lift_off")
+
 
 @dataclass(frozen=True, slots=True)
 class Solver:
@@ -54,6 +56,8 @@ class Stored:
     tol: float | None
     window: Window  # s_o/l
     party: Party | None
+    design: tuple[dict[str, Any], ...]  # of agreement.json
+    doubts: tuple[dict[str, Any], ...]
 
     @property
     def onset(self) -> float | None:
@@ -65,9 +69,38 @@ class Stored:
         return " and ".join(s.name for s in self.solvers)
 
     @property
+    def parties(self) -> list[str]:
+        """Third parties that are judged."""
+        return list(dict.fromkeys(str(row["with"]) for row in self.rows if row.get("with")))
+
+    @property
     def deflection(self) -> float:
         """Largest deflection of the mass [m], which path gaps are relative to."""
         return self.solvers[-1].compared.max_deflection
+
+    @property
+    def free(self) -> bool:
+        """Whether the travel is an answer: then everything is compared over time."""
+        return self.solvers[0].run.drive == "free"
+
+    @property
+    def events(self) -> list[dict[str, Any]]:
+        """What happened on a ride, by the first solver; a car that rattles before it stops is no event."""
+        return [event for event in self.solvers[0].run.events if event["event"] in EVENTS]
+
+    def times(self, r: Response) -> tuple[float, float]:
+        """Return the instants [s] between which a run is compared: a free ride as a whole."""
+        if self.free:
+            return 0.0, float(r.t[-1])
+        return self.time(r, self.window[0]), self.time(r, self.window[1])
+
+    def time(self, r: Response, at: float) -> float:
+        """Return the instant [s] at which a run first comes to s_o/l = at, or its last one."""
+        there = r.s_o >= at * r.length
+        i = int(np.argmax(there))
+        if not there[i]:
+            return float(r.t[-1])
+        return float(np.interp(at * r.length, r.s_o[max(i - 1, 0) : i + 1], r.t[max(i - 1, 0) : i + 1]))
 
     @property
     def weight(self) -> float:
@@ -91,6 +124,7 @@ def read(folder: Path, faults: list[str]) -> Stored | None:
     return Stored(
         scene, solvers, agreement.get("verdict", "not comparable"), rows, agreement.get("tol"),
         _window(agreement, solvers), _party(folder / "with.csv", rows, scene.length, faults),
+        tuple(agreement.get("design", ())), tuple(agreement.get("doubts", ())),
     )  # fmt: skip
 
 

@@ -10,12 +10,10 @@ infinite string at rest at t = 0, as long as |xi'| < 1, the mass hears nothing b
 R do not depend on xi at all,
     y = (sigma mu/2) [ t - (mu/2)(1 - e^(-2t/mu)) ],   R = 2y' = mu sigma (1 - e^(-2t/mu)).
 The slopes are R/(2(1 + xi')) behind and -R/(2(1 - xi')) ahead, hence the wave drag
-    mu xi'' = D - (R^2/2) xi'/(1 - xi'^2).
-        (1)
-It grows without bound towards the wave speed: the mass stays subsonic.  For D = 0 (1) separates; with w = xi' and
-the Lambert function W
-    w e^(-w^2/2) = w0 e^(-w0^2/2) e^(-E/(2 mu)),  E = int_0^t R^2,    w = sqrt(-W(-(w0 e^(-w0^2/2) e^(-E/(2
-        mu)))^2)).          (2)
+    mu xi'' = D - (R^2/2) xi'/(1 - xi'^2).                                                       (1)
+It grows without bound towards the wave speed: the mass stays subsonic.  At a steady speed V, once R has come to the
+weight P, D = P^2 V/(2 (1 - V^2)).  For D = 0 (1) separates; with w = xi', E = int_0^t R^2 and the Lambert function W
+    w e^(-w^2/2) = z = w0 e^(-w0^2/2) e^(-E/(2 mu)),    w = sqrt(-W(-z^2)).                      (2)
 Not derivable in closed form: the finite string, where the reflected waves make (1) a delay equation with
 state-dependent delays; there this is the answer until the first reflection is back at the mass.
 
@@ -46,6 +44,13 @@ def coasting_speed(t: ArrayLike, *, mu: float, sigma: float, w0: float) -> Array
     # E/mu = mu sigma^2 [ t + mu expm1(-2t/mu) - (mu/4) expm1(-4t/mu) ]
     e = mu * sigma**2 * (t + mu * np.expm1(-2.0 * t / mu) - 0.25 * mu * np.expm1(-4.0 * t / mu))
     return np.sqrt(-lambertw(-(w0**2) * np.exp(-(w0**2) - e)).real)
+
+
+def thrust(V: float, *, P: float) -> float:
+    """Force that keeps a weight P going at a steady speed V < 1 on an infinite string."""
+    if not 0.0 <= V < 1.0:
+        raise ValueError(f"the speed must lie in [0, 1), got {V!r}")
+    return 0.5 * P * P * V / (1.0 - V * V)
 
 
 def solve(t_end: float, *, mu: float, sigma: float, w0: float, drive: float = 0.0) -> CoupledRide:
@@ -130,11 +135,11 @@ def _check(mu: float, sigma: float, w0: float) -> None:
 
 
 ORACLE = Oracle(
-    name="coupled-travel",
-    title="mass sliding freely or driven, its travel coupled to the string",
+    name="wave-drag",
+    title="mass sliding freely or driven along a straight string, braked by its waves",
     source="D'Acunto (reference 9 of Al-Qassab et al. 2003), solved here",
     validity="infinite string, start below the wave speed",
     group="Loads and cables that the solvers do not have",
     answer=solve,
-    unreached="both solvers prescribe the travel",
+    unreached="a ride starts from the loaded string at rest, not from a straight one; rocket has the same waves",
 )

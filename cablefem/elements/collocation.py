@@ -1,0 +1,125 @@
+"""Newton's method of a collocation step, compiled with the balance; see `cablefem.newmark.collocation_rule`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cablefem.elements.kernels import (
+    Contact,
+    Mesh,
+    Tangent,
+    assemble,
+    combine,
+    compiled,
+    coupling,
+    factorise_coupled,
+    solve_coupled,
+)
+
+
+@compiled
+def at_nodes(start, dt, c, A, AA, a, q, v):
+    """Set q and v at the nodes of a step from `start` (2, n) with the accelerations a there, (s, n) each."""
+    for i in range(a.shape[0]):
+        for j in range(a.shape[1]):
+            once, twice = 0.0, 0.0
+            for k in range(a.shape[0]):
+                once += A[i, k] * a[k, j]
+                twice += AA[i, k] * a[k, j]
+            v[i, j] = start[1, j] + dt * once
+            q[i, j] = start[0, j] + dt * (c[i] * start[1, j] + dt * twice)
+
+
+@compiled
+def balances(meshes, cable, contacts, bands, q, v, a, r, work):
+    """Set r (s, n) at all nodes; return |r|, the least tension at the last node, and its s."""
+    least, where, square = math.inf, 0.0, 0.0
+    for i in range(a.shape[0]):
+        least, where = assemble(
+            bands[i], Mesh(*meshes[i]), cable, Contact(*contacts[i]), q[i], v[i], a[i], r[i], work, False, 0.0, 0.0, 0.0
+        )
+        for j in range(a.shape[1]):
+            square += r[i, j] * r[i, j]
+    return math.sqrt(square), least, where
+
+
+@compiled
+def collocate(
+    operators, coefficients, bands, meshes, cable, contacts, real_work, complex_work, start, dt, rule, a, bound,
+    max_iter, reuse, patience,
+):  # fmt: skip
+    """Find the accelerations a (s, n) at the nodes of a step as `cablefem.newmark.collocate` does.
+
+    coefficients, bands, meshes, contacts : of each node;  rule : c, A, AA, eigenvalues, to and back of its tableau.
+    Return |r|, iterations, factorisations, residuals, the least tension at the last node and its s.
+    """
+    c, A, AA, values, to, back, middle = rule
+    real_work, complex_work = Tangent(*real_work), Tangent(*complex_work)
+    mesh, contact = Mesh(*meshes[middle]), Contact(*contacts[middle])
+    s, n = a.shape
+    m = values.size
+    q, v, r, da = np.empty((s, n)), np.empty((s, n)), np.empty((s, n)), np.empty((s, n))
+    real, along = np.empty(n), np.empty((m, n), dtype=np.complex128)
+    one = np.eye(3)
+    parts = np.empty((3, *real_work.ab.shape))  # of the tangent: dr/dq, dr/dv, dr/da
+    for i in range(s):
+        combine(operators, coefficients[i], bands[i])
+    factorisations, residuals, anew, regular = 0, 0, True, True
+    at_nodes(start, dt, c, A, AA, a, q, v)
+    norm, least, where = balances(meshes, cable, contacts, bands, q, v, a, r, real_work)
+    for iteration in range(max_iter):
+        if anew:
+            for k in range(3):
+                at_middle = bands[middle], mesh, cable, contact, q[middle], v[middle], a[middle], da[0], real_work
+                assemble(*at_middle, True, one[k, 0], one[k, 1], one[k, 2])
+                parts[k] = real_work.ab
+            for k in range(m):
+                c1 = dt * values[k]
+                c0 = c1 * c1
+                if c1.imag == 0.0:
+                    real_work.ab[:] = c0.real * parts[0] + c1.real * parts[1] + parts[2]
+                    regular = factorise_coupled(real_work, c0.real * coupling(cable)) and regular
+                else:
+                    complex_work.ab[:] = c0 * parts[0] + c1 * parts[1] + parts[2]
+                    regular = factorise_coupled(complex_work, c0 * coupling(cable)) and regular
+            factorisations += 1
+        if not regular:
+            norm = math.nan
+            break
+        for k in range(m):
+            for j in range(n):
+                x = 0.0j
+                for i in range(s):
+                    x += to[k, i] * r[i, j]
+                along[k, j] = x
+            if values[k].imag == 0.0:
+                for j in range(n):
+                    real[j] = along[k, j].real
+                solve_coupled(real_work, real)
+                for j in range(n):
+                    along[k, j] = real[j]
+            else:
+                solve_coupled(complex_work, along[k])
+        for i in range(s):
+            for j in range(n):
+                x = 0.0j
+                for k in range(m):
+                    x += back[i, k] * along[k, j]
+                da[i, j] = x.real
+        before, share = norm, 1.0
+        for halving in range(6):
+            for i in range(s):
+                for j in range(n):
+                    a[i, j] -= share * da[i, j]
+            share = -(0.5 ** (halving + 1))
+            at_nodes(start, dt, c, A, AA, a, q, v)
+            norm, least, where = balances(meshes, cable, contacts, bands, q, v, a, r, real_work)
+            residuals += 1
+            if norm < before or (iteration < patience and norm < math.inf):
+                break
+        if norm <= bound or not norm < math.inf:
+            break
+        anew = norm > reuse * before
+    return norm, iteration + 1, factorisations, residuals, least, where

@@ -1,0 +1,101 @@
+"""Collocation rules as tables, and the polynomial that a step leaves behind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache, lru_cache
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import Polynomial, polynomial
+from numpy.typing import NDArray
+
+from cablefem.newmark.system import Array, Collocated, Inside, State
+
+Complex = NDArray[np.complex128]
+
+
+class Tableau(NamedTuple):
+    """A collocation rule by its nodes c (s,), in units of the step, with Lagrange polynomials l_j of its nodes."""
+
+    c: Array
+    A: Array  # A_ij = int_0^c_i l_j
+    AA: Array  # A A
+    ends: Array  # (2, s) rows b A and b, b_j = int_0^1 l_j: from accelerations to q and v at the step's end
+    values: Complex  # (m,) eigenvalues of A, one of each pair
+    to: Complex  # (m, s) from nodes to eigenvectors
+    back: Complex  # (s, m) and back, of which the real part counts
+    middle: int  # node next to the middle of the step, for a tangent
+    powers: tuple[Array, Array, Array]  # coefficients of l_j, and of its first and second integral from the step's end
+
+    @property
+    def numbers(self) -> tuple[Array, Array, Array, Complex, Complex, Complex, int]:
+        """What compiled code takes for it."""
+        return self.c, self.A, self.AA, self.values, self.to, self.back, self.middle
+
+
+@cache
+def tableau(nodes: tuple[float, ...]) -> Tableau:
+    """Return the rule that collocates at these nodes."""
+    c = np.array(nodes)
+    basis = [Polynomial.fromroots(np.delete(c, j)) / np.prod(x - np.delete(c, j)) for j, x in enumerate(c)]
+    A = np.array([p.integ()(x) for x in c for p in basis]).reshape(c.size, c.size)
+    b = np.array([p.integ()(1.0) for p in basis])
+    values, back = np.linalg.eig(A)
+    kept = values.imag >= 0.0
+    both = np.where(values.imag > 0.0, 2.0, 1.0)  # the other one of a pair adds the conjugate
+    powers = (
+        np.array([p.coef for p in basis]).T,
+        np.array([p.integ(1, lbnd=1.0).coef for p in basis]).T,
+        np.array([p.integ(2, lbnd=1.0).coef for p in basis]).T,
+    )
+    to, back, values = (x.astype(complex) for x in (np.linalg.inv(back), both * back, values))
+    middle = int(np.argmin(np.abs(c - 0.5)))
+    return Tableau(
+        c, A, A @ A, np.stack([b @ A, b]), values[kept], to[kept], np.ascontiguousarray(back[:, kept]), middle, powers
+    )  # fmt: skip
+
+
+def continued(inside: Inside, dt: float) -> Array:
+    """Return the polynomial through the accelerations of a step at the nodes of the next one, of length dt: (s, n)."""
+    return _further(inside.nodes, round(dt / inside.dt, 9)) @ inside.a  # rounded: a guess is all it is for
+
+
+@lru_cache(maxsize=256)
+def _further(nodes: tuple[float, ...], ratio: float) -> Array:
+    rule = tableau(nodes)
+    return np.vander(1.0 + ratio * rule.c, len(nodes), increasing=True) @ rule.powers[0]
+
+
+def densified(states: Sequence[State], parts: int) -> list[State]:
+    """Return a history with collocation steps in so many parts; what other steps did inside is not known."""
+    out = list(states[:1])
+    for before, after in pairwise(states):
+        if isinstance(after, Collocated):
+            t = np.linspace(after.t - after.inside.dt, after.t, parts + 1)[1:-1]
+            out += [between(before, after, x) for x in t[t > before.t].tolist()]
+        out.append(after)
+    return out
+
+
+def between(before: State, after: State, t: float) -> State:
+    """Return the state at t inside the step from `before` to `after`.
+
+    After a collocation step its polynomial: order s + 1 for s nodes, v and a its derivatives.  Else the cubic with the
+    values of q and v at both ends, and a straight line for a, which may alternate from step to step.
+    """
+    if isinstance(after, Collocated):
+        nodes, dt, a = after.inside
+        x = (t - after.t) / dt + 1.0
+        l0, l1, l2 = (polynomial.polyval(x, p) @ a for p in tableau(nodes).powers)
+        return State(
+            t, after.q + dt * (x - 1.0) * after.v + dt * dt * l2, after.v + dt * l1, l0, after.phase
+        )  # fmt: skip
+    dt = after.t - before.t
+    x = (t - before.t) / dt
+    d, v0, v1 = after.q - before.q, dt * before.v, dt * after.v
+    c2, c3 = 3.0 * d - 2.0 * v0 - v1, v0 + v1 - 2.0 * d
+    q = before.q + x * (v0 + x * (c2 + x * c3))
+    v = (v0 + x * (2.0 * c2 + x * 3.0 * c3)) / dt
+    return State(t, q, v, (1.0 - x) * before.a + x * after.a, after.phase)

@@ -1,0 +1,398 @@
+"""Cars that roll: the balance of the car along the mean tangent gives its travel, or the force that keeps it going.
+
+A car that grips the cable takes s_o(t) from the scene.  One that rolls feels from the cable
+
+    C = mu (p.. - sigma j) - F_ext,    tau . C - f cos(phi) = 0,    tau = <r'>/|<r'>|, cos(phi) = |<r'>|/<lam>,
+
+F_ext what acts on it from outside, f the force along the cable between car and cable (friction, brake, hold), < > the
+mean of both sides, lam = |r'|: but for f the contact is normal to the mean tangent.  This is no Lagrange equation of
+the discrete cable: energy is kept to the error of the discretisation, and checks it.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cablefem.newmark import Settled, Solve, State, StepFailure, iterate
+from cablefem.response import States
+from cablefem.scene import Groups
+from galerkin import kernels
+from galerkin.bases import Basis
+from galerkin.bases.kink import Array
+from galerkin.equations import Drives, GalerkinSystem, Instant, factorised
+
+EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "lift_off", "stop")
+STEP = 1e-6  # of differences by s_o, its speed and acceleration together: rounding of r, 1e-16 alpha, stays below 1e-7
+LEAVING = 1e-12  # ds_o of a car that gets going: a turn back within the step is seen by its sign
+
+
+@dataclass(slots=True)
+class Mode:
+    """What events change: the course of a ride between two of them."""
+
+    sign: float = 1.0  # of ds_o; 0 the car sticks to the cable
+    brakes: int = 0  # that reach the car, counted from the left
+    stuck: float = math.inf  # since when
+    lifted: bool = False
+
+
+class Car(NamedTuple):
+    """The car at one instant."""
+
+    C: Array  # force of the cable on it, (2,)
+    tau: Array
+    cos_phi: float
+    stretch: float  # <lam>
+    drag: Array  # (2,)
+    thrust: float  # or the haul force
+
+    @property
+    def pressing(self) -> float:
+        """The normal part of its force on the cable, downward."""
+        return float(self.tau[1] * self.C[0] - self.tau[0] * self.C[1])
+
+    @property
+    def along(self) -> float:
+        """The force f that it needs along the cable."""
+        return float(self.tau @ self.C) / self.cos_phi
+
+
+class RollingSystem(GalerkinSystem):
+    """The equations (19) with a car that rolls (`Groups.drive`), and one more unknown, the last one.
+
+    free : q[-1], v[-1], a[-1] = s_o, ds_o, dds_o.  haul : a[-1] is the haul force F (q[-1], v[-1] are its integrals,
+    which nothing reads), s_o(t) is prescribed.  The last row is the car's balance; where the car sticks, dds_o = 0.
+
+    Friction and brakes act against the sign of ds_o, which stays what it is from event to event.  A free ride starts in
+    static equilibrium with the car held, a hauled one hanging on its rope, set going by the rope alone.
+
+    ValueError for the models of one field, which have no force along the cable, for a load without inertia, and for
+    bases without phi''.
+    """
+
+    def __init__(
+        self, groups: Groups, basis: Basis, *, kink: bool = True, model: str = "full", load: str = "mass",
+        law: str = "elastic",
+    ) -> None:  # fmt: skip
+        if model != "full":
+            raise ValueError(f"a car that rolls needs model = full: {model!r} has no displacement along the cable")
+        if load != "mass":
+            raise ValueError("a car that rolls needs load = mass: without inertia it has no travel of its own")
+        if not basis.smooth:
+            raise ValueError("a car cannot roll on a basis without second derivatives: take order 4 or more")
+        self.drive, self.free = groups.drive, groups.drive.mode == "free"
+        super().__init__(groups, basis, kink=kink, law=law)
+        self.n_dof += 1
+        self.events = EVENTS if self.free else ("lift_off",)
+        self.mode, self.hold = Mode(), 0.0  # F_hold at the start
+        self._latest: tuple[tuple[float, float, float], Instant] | None = None
+
+    def _phases(self) -> tuple[tuple[float, float], ...]:
+        return self.drive.phases if self.free else super()._phases()
+
+    def with_law(self, law: str) -> RollingSystem:
+        other = super().with_law(law)
+        assert isinstance(other, RollingSystem)
+        other.mode, other._latest = copy.copy(self.mode), None
+        return other
+
+    # --- the travel -------------------------------------------------------------------------------------------------
+    def place(self, x: State) -> float:
+        return float(x.q[-1]) if self.free else super().place(x)
+
+    def kinematics(self, states: States) -> Array:
+        return (
+            np.array([states.q[:, -1], states.v[:, -1], states.a[:, -1]]) if self.free else super().kinematics(states)
+        )
+
+    def _travel(self, t: float, q: Array, v: Array, a: Array, phase: int) -> tuple[float, float, float]:
+        return (float(q[-1]), float(v[-1]), float(a[-1])) if self.free else self.motion.at(t, phase)
+
+    def _at(self, travel: tuple[float, float, float]) -> Instant:
+        """What depends on the travel alone; residual and tangent ask one after the other."""
+        if self._latest is None or self._latest[0] != travel:
+            self._latest = travel, self._instant(*travel)
+        return self._latest[1]
+
+    # --- the car ----------------------------------------------------------------------------------------------------
+    def car(self, t: float, q: Array, v: Array, a: Array, phase: int, x: Instant) -> Car:
+        """What acts on the car in this state."""
+        Q, V, A = self._fields(q), self._fields(v), self._fields(a)
+        velocity = V @ x.carried.f + self._travel(t, q, v, a, phase)[1] * (x.slope + Q @ x.carried.f_s)
+        acceleration = kernels.acceleration(x.carried, Q, V, A) + x.load + self.cable.weight
+        thrust = self.drive.thrust(t, phase) if self.free else a[-1]
+        return self.loaded(velocity, acceleration, self._sides(x, Q), thrust)
+
+    def loaded(self, velocity: Array, acceleration: Array, sides: Array, thrust: float) -> Car:
+        """The same from p., p.. (2,) and r' on both sides (2, 2)."""
+        drive = self.drive
+        Cx, Cy, tx, ty, cos_phi, stretch, dx, dy = kernels.car(
+            self.mu, self.groups.sigma, drive.k, drive.wind, thrust, velocity, acceleration, *sides
+        )
+        return Car(np.array([Cx, Cy]), np.array([tx, ty]), cos_phi, stretch, np.array([dx, dy]), thrust)
+
+    def _sides(self, x: Instant, Q: Array) -> Array:
+        """r' behind and ahead of the car, its rows."""
+        return x.slope + Q @ x.carried.f_s + np.multiply.outer(x.rays, Q[:, -1])
+
+    def _rub(self, car: Car) -> float:
+        """The largest force of friction and brakes."""
+        return self.drive.mu_r * abs(car.pressing) + sum(force for _, force in self.drive.brakes[: self.mode.brakes])
+
+    @property
+    def _rubs(self) -> bool:
+        return self.drive.mu_r > 0.0 or self.mode.brakes > 0
+
+    def held(self, t: float) -> float:
+        """F_hold at t."""
+        return self.hold * self.drive.hold(t) if self.free else 0.0
+
+    def _sign(self, t: float, phase: int) -> float:
+        return self.mode.sign if self.free else math.copysign(1.0, self.motion.at(t, phase)[1])
+
+    def drives(self, states: States, velocity: Array, acceleration: Array, sides: Array, working: Array) -> Drives:
+        """The car over a history; `working`, what a gripping mass takes past its kink, is no work here."""
+        s_o, ds_o, _ = self.kinematics(states)
+        drive, rows = self.drive, list(zip(states.t.tolist(), states.phase.tolist(), strict=True))
+        F = np.array([drive.thrust(t, phase) for t, phase in rows]) if self.free else states.a[:, -1]
+        cars = [self.loaded(*x) for x in zip(velocity, acceleration, sides.transpose(1, 0, 2), F.tolist(), strict=True)]
+        rate = np.abs(ds_o) * np.array([car.stretch for car in cars])
+        pressing = np.abs([car.pressing for car in cars])
+        reach = np.array([drive.brake(place) for place in s_o.tolist()])
+        powers = {
+            "thrust" if self.free else "haul": F * [car.tau @ v for car, v in zip(cars, velocity, strict=True)],
+            "drag": np.array([car.drag @ v for car, v in zip(cars, velocity, strict=True)]),
+            "friction": -drive.mu_r * pressing * rate,
+        }
+        if self.free:
+            powers |= {"brake": -reach * rate, "hold": np.array([self.held(t) for t, _ in rows]) * ds_o}
+        F = F if drive.thrust_table or not self.free else np.full(F.shape, np.nan)
+        return Drives(-np.array([car.C for car in cars]), F, np.sum(list(powers.values()), axis=0), powers)
+
+    # --- the equations ----------------------------------------------------------------------------------------------
+    def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
+        travel = self._travel(t, q, v, a, phase)
+        if not 0.0 < travel[0] < 1.0:
+            return np.full(self.n_dof, np.nan)  # a trial that leaves the cable: Newton's method takes less
+        x = self._at(travel)
+        force, pull = self.cable.force(x.place, self._fields(q))
+        self._pull = self.basis, x.place, pull
+        return self._balance(t, q, v, a, phase, x, force)[0]
+
+    def _balance(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, x: Instant, force: Array
+    ) -> tuple[Array, Car]:
+        """The residual given the internal force, which is overwritten, and the car."""
+        Q, V, A = self._fields(q), self._fields(v), self._fields(a)
+        car = self.car(t, q, v, a, phase, x)
+        kernels.add_inertia(x.carried, Q, V, A, car.C, force)
+        sign = self._sign(t, phase)
+        row = self.mu * a[-1]
+        if sign:
+            row = car.cos_phi * (car.along - self.held(t) / car.stretch + sign * self._rub(car))
+        return np.append(force.ravel(), row), car
+
+    def linearise(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
+    ) -> tuple[Array, Solve]:
+        """The car's row leaves out how tau turns with q; the column of s_o is a difference of the residual."""
+        x, n, sign = self._at(self._travel(t, q, v, a, phase)), self.n_modal, self._sign(t, phase)
+        force, pull, stiffness = self.cable.linearise(self.basis, x.place, self._fields(q))
+        r, car = self._balance(t, q, v, a, phase, x, force)
+        block, b = self._tangent(x, stiffness, c0, c1, c2), x.carried
+        K = np.zeros((n + 1, n + 1), dtype=block.dtype)
+        K[:n, :n] = block
+        if sign:
+            lean = sign * self.drive.mu_r * car.cos_phi * math.copysign(1.0, car.pressing)
+            row = self.mu * (car.tau + lean * np.array([car.tau[1], -car.tau[0]]))
+            K[n, :n] = np.multiply.outer(row, c2 * b.f + c1 * b.f_v + c0 * b.f_q).ravel()
+        if not sign:
+            K[n, n] = c2 * self.mu
+        elif self.free:
+            K[:, n] = self._column(t, q, v, a, phase, r, (c0, c1, c2))
+        else:
+            K[:n, n], K[n, n] = -c2 * np.multiply.outer(car.tau, b.f).ravel(), -c2
+        self._pull = self.basis, x.place, pull
+        return r, factorised(K)
+
+    def _column(self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, c: tuple) -> Array:
+        """c0 dr/ds_o + c1 dr/dds_o + c2 dr/ddds_o: one difference where the c are real, one each where they are not."""
+        if any(isinstance(x, complex) for x in c):
+            return sum(x * self._column(t, q, v, a, phase, r, tuple(e)) for x, e in zip(c, np.eye(3), strict=True))
+        h = STEP / sum(c)
+        q, v, a = (np.append(y[:-1], y[-1] + h * x) for y, x in zip((q, v, a), c, strict=True))
+        return (self.residual(t, q, v, a, phase) - r) / h
+
+    def settle(self, *step: Any) -> Settled:
+        return iterate(self, *step)
+
+    # --- start ------------------------------------------------------------------------------------------------------
+    def start(self, phase: int, state: State | None) -> State:
+        """At first: equilibrium, the car held (free) or on its rope (haul).  Later: q, v go on, a jumps."""
+        if state is not None:
+            return self._go_on(state._replace(phase=phase))
+        s_o, (q, v, a) = self.drive.start, np.zeros((3, self.n_dof))
+        self.mode = Mode(brakes=sum(place <= s_o for place, _ in self.drive.brakes))
+        x = self._at((s_o, 0.0, 0.0))
+        Q = self._equilibrium(x)
+        q[: self.n_modal] = Q.ravel()
+        if not self.free:
+            return self._consistent(0.0, q, self._set_going(q), 0)
+        q[-1] = s_o
+        still = np.zeros(2)
+        car = self.loaded(still, still, self._sides(x, Q), 0.0)  # the wind does not blow yet
+        self.hold = car.along * car.stretch
+        return self._come_to_rest(State(0.0, q, v, a, 0))
+
+    def _equilibrium(self, x: Instant) -> Array:
+        """Coefficients (2, n) of the loaded cable at rest by Newton's method, halved; in parts of the load if it must.
+
+        Held, the cable carries the weight of the car; on a rope, what of it is normal to the mean tangent.
+        """
+        tolerance = 1e-12 * self.force_scale + math.sqrt(self.n_dof) * self.force_floor
+        for parts in (1, 8, 64):
+            Q, defect = np.zeros((2, self.n)), 0.0
+            for part in range(1, parts + 1):
+                Q, defect = self._rest(x, Q, part / parts, tolerance)
+            if defect <= 1e3 * tolerance:
+                return Q
+        raise StepFailure(0.0, "no equilibrium of the car at its start was found", "start farther from the support")
+
+    def _rest(self, x: Instant, Q: Array, part: float, tolerance: float) -> tuple[Array, float]:
+        """Improve Q until nothing lowers the defect any more; with that defect."""
+        f, f_m = x.carried.f, x.carried.f_s.copy()
+        weight = part * self.mu * self.cable.weight
+        f_m[-1] += 0.5 * sum(x.rays)
+
+        def linearised(Q: Array) -> tuple[Array, Array]:
+            force, _, K = self.cable.linearise(self.basis, x.place, Q)
+            load = weight
+            if not self.free:
+                mean = self._sides(x, Q).mean(axis=0)
+                size = math.hypot(*mean)
+                tau = mean / size
+                n = np.array([-tau[1], tau[0]])
+                load = (weight @ n) * n
+                turn = np.multiply.outer((weight @ n) * tau + (weight @ tau) * n, n) / size
+                K += np.einsum("ab,i,j->aibj", turn, f, f_m).reshape(K.shape)
+            return (force - np.multiply.outer(load, f)).ravel(), K
+
+        r, K = linearised(Q)
+        for _ in range(60):
+            if np.linalg.norm(r) <= tolerance:
+                break
+            step = np.linalg.solve(K, r).reshape(Q.shape)
+            for halving in range(12):
+                trial = Q - 0.5**halving * step
+                r_trial, K_trial = linearised(trial)
+                if np.linalg.norm(r_trial) < np.linalg.norm(r):
+                    break
+            else:
+                break  # rounding, or no way down
+            Q, r, K = trial, r_trial, K_trial
+        return Q, float(np.linalg.norm(r))
+
+    def _set_going(self, q: Array) -> Array:
+        """Velocities after the rope's jerk, if the travel starts at speed: an impulse along tau alone, (n_dof,).
+
+        M v + int Phi psi_t q_hat ds + Phi (mu p. - J tau) = 0, and J = mu tau . p., which is the car's balance.
+        """
+        v = np.zeros(self.n_dof)
+        ds_o = self.motion.at(0.0, 0)[1]
+        if not ds_o:
+            return v
+        x = self._instant(self.drive.start, ds_o, 0.0)
+        b = x.carried
+        Q, n = self._fields(q), self.n_modal
+        mean = self._sides(x, Q).mean(axis=0)
+        tau = mean / math.hypot(*mean)
+        normal = np.multiply.outer(np.array([-tau[1], tau[0]]), b.f).ravel()
+        K = np.kron(np.eye(2), b.mass) + self.mu * np.multiply.outer(normal, normal)
+        carried = ds_o * (x.slope + Q @ b.f_s)
+        r = 0.5 * np.multiply.outer(Q[:, -1], b.gyroscopic).ravel() + self.mu * (carried @ [-tau[1], tau[0]]) * normal
+        v[:n] = -np.linalg.solve(K, r)
+        return v
+
+    def _consistent(self, t: float, q: Array, v: Array, phase: int) -> State:
+        """Solve for a; friction has a kink in it where the contact force turns round, hence Newton's method."""
+        a = np.zeros(self.n_dof)
+        if self.free and not self.mode.sign:
+            v[-1] = 0.0
+        for _ in range(20):
+            r, solve = self.linearise(t, q, v, a, phase, 0.0, 0.0, 1.0)
+            step = solve(r.copy())
+            a = a - step
+            if np.abs(step).max() <= 1e-10 * np.abs(a).max():
+                break
+        return State(t, q, v, a, phase)
+
+    def _go_on(self, x: State) -> State:
+        return self._consistent(x.t, x.q, x.v.copy(), x.phase)
+
+    # --- events -----------------------------------------------------------------------------------------------------
+    def watch(self, x: State) -> tuple[float, ...]:
+        """The values of `events`; each is of the mode the car is in, `inf` in others."""
+        mode, drive = self.mode, self.drive
+        car = self.car(*x, self._at(self._travel(*x)))
+        lift = math.inf if mode.lifted else car.pressing
+        if not self.free:
+            return (lift,)
+        s_o, ds_o, brakes = float(x.q[-1]), float(x.v[-1]), drive.brakes
+        stuck = not mode.sign
+        needed, limit = self._needed(x) if stuck else (0.0, 0.0)
+        forward = mode.sign * ds_o
+        # a stop is a standstill of an axial round trip, when neither hold nor thrust is still to change
+        return (
+            forward if self._rubs and not stuck else math.inf,
+            limit - abs(needed) if stuck else math.inf,
+            math.inf if self._rubs or stuck else forward,
+            brakes[mode.brakes][0] - s_o if mode.brakes < len(brakes) else math.inf,
+            s_o - brakes[mode.brakes - 1][0] if mode.brakes else math.inf,
+            drive.end_place - s_o,
+            lift,
+            max(mode.stuck, self.phases[-1][0]) + 2.0 / math.sqrt(self.groups.alpha) - x.t
+            if stuck and x.phase == len(self.phases) - 1 else math.inf,
+        )  # fmt: skip
+
+    def pass_event(self, name: str, x: State) -> State | None:
+        """Change the mode; after a standstill the car sticks where friction and brakes can hold it."""
+        mode = self.mode
+        if name in ("arrival", "stop"):
+            return None
+        if name == "lift_off":
+            mode.lifted = True
+            return x
+        if name == "turn":
+            mode.sign = -mode.sign
+            return x
+        if name == "breaking loose":
+            return self._leave(x)
+        if name == "standstill":
+            return self._come_to_rest(x)
+        mode.brakes += 1 if name == "brake" else -1
+        return self._go_on(x)
+
+    def _come_to_rest(self, x: State) -> State:
+        """At ds_o = 0 the car sticks, or goes where it is pulled."""
+        self.mode.sign, self.mode.stuck = 0.0, x.t
+        state = self._go_on(x)
+        needed, limit = self._needed(state)
+        return state if abs(needed) < limit else self._leave(state)
+
+    def _needed(self, x: State) -> tuple[float, float]:
+        """The force along the cable that keeps a stuck car, and the largest that friction and brakes have."""
+        car = self.car(*x, self._at(self._travel(*x)))
+        return car.along - self.held(x.t) / car.stretch, self._rub(car)
+
+    def _leave(self, x: State) -> State:
+        needed, _ = self._needed(x)
+        pull = needed if abs(needed) > 1e-9 * self.force_scale else self.hold
+        self.mode.sign, self.mode.stuck = -math.copysign(1.0, pull), math.inf
+        v = x.v.copy()
+        v[-1] = self.mode.sign * LEAVING
+        return self._consistent(x.t, x.q, v, x.phase)

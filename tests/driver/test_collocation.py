@@ -1,0 +1,272 @@
+"""Radau IIA and Gauss: orders, stiffness, energy, agreement with scipy's Radau, and where they refuse."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from cablefem import Scene
+from cablefem.elements.fixed import FixedElements
+from cablefem.elements.following import FollowingElements
+from cablefem.newmark import (
+    Newton,
+    Scheme,
+    StepFailure,
+    Work,
+    between,
+    collocate,
+    consistent_acceleration,
+    integrate,
+    scheme,
+    step_times,
+)
+from cablefem.newmark.schemes import GAUSS, RADAU
+from cablefem.newmark.tableau import tableau
+from galerkin.bases.fourier import Fourier
+from galerkin.equations import GalerkinSystem
+from tests.driver.systems import Ball, DoublePendulum, Follower, Guided, Spring
+
+TIGHT = Newton(tol=1e-13)
+LEVEL = Scene.load("level").groups
+
+
+def march(system, method, times, **kw):
+    method = scheme(method) if isinstance(method, str) else method
+    return list(integrate(system, method, times, newton=kw.pop("newton", TIGHT), **kw))
+
+
+def grid(end, n, begin=0.0):
+    return [np.linspace(begin, end, n + 1)]
+
+
+def by_scipy(system, begin, end, rule="DOP853", rtol=1e-12, atol=1e-13):
+    """Return q at the end by one of scipy's rules on the same equations."""
+    n, zero = system.n_dof, np.zeros(system.n_dof)
+
+    def rate(t, y):
+        r, solve = system.linearise(t, y[:n], y[n:], zero, 0, 0.0, 0.0, 1.0)
+        return np.concatenate([y[n:], -solve(r.copy())])
+
+    y0 = np.concatenate([begin.q, begin.v])
+    return solve_ivp(rate, (begin.t, end), y0, method=rule, rtol=rtol, atol=atol).y[:n, -1]
+
+
+# --- the tables -------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(("nodes", "order"), [(RADAU, 5), (GAUSS, 4)])
+def test_tables_fulfil_the_simplifying_assumptions_of_their_order(nodes, order):
+    """B(p): b integrates x^(k-1) for k <= p; C(s): so do the rows of A for k <= s (Hairer & Wanner 1996, IV.5)."""
+    rule, s = tableau(nodes), len(nodes)
+    for k in range(1, order + 1):
+        assert rule.ends[1] @ rule.c ** (k - 1) == pytest.approx(1.0 / k, rel=1e-14)
+    assert rule.ends[1] @ rule.c**order != pytest.approx(1.0 / (order + 1), rel=1e-3)
+    for k in range(1, s + 1):
+        np.testing.assert_allclose(rule.A @ rule.c ** (k - 1), rule.c**k / k, rtol=1e-13, atol=1e-15)
+    # and A comes back from its eigenvalues, one of each pair
+    np.testing.assert_allclose((rule.back * rule.values @ rule.to).real, rule.A, rtol=0.0, atol=1e-14)
+
+
+def test_the_last_row_of_radau_is_the_step_itself():
+    rule = tableau(RADAU)
+    np.testing.assert_allclose(rule.A[-1], rule.ends[1], rtol=1e-14)
+    root = math.sqrt(6.0)  # Hairer & Wanner 1996, table IV.5.6
+    np.testing.assert_allclose(rule.ends[1], [(16.0 - root) / 36.0, (16.0 + root) / 36.0, 1.0 / 9.0], rtol=1e-14)
+
+
+# --- orders -----------------------------------------------------------------------------------------------------------
+SYSTEMS = {
+    "spring": (lambda: Spring(d=0.37, k3=11.0, f=1.9, end=2.0), (10, 20, 40)),
+    "pendulum": (lambda: DoublePendulum(end=1.0), (12, 24, 48)),
+}
+
+
+def observed(system, method, steps, truth):
+    error = [np.abs(march(system, method, grid(system.phases[-1][1], n))[-1].q - truth).max() for n in steps]
+    return -np.polyfit(np.log(steps), np.log(error), 1)[0], error
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize(("method", "order", "finest"), [("radau", 5.0, 3e-9), ("gauss", 4.0, 2e-7)])
+def test_order_on_smooth_nonlinear_systems(name, method, order, finest):
+    make, steps = SYSTEMS[name]
+    system = make()
+    truth = by_scipy(system, system.start(0, None), system.phases[-1][1])
+    slope, error = observed(system, method, steps, truth)
+    assert abs(slope - order) < 0.25, (slope, error)
+    assert error[-1] < finest
+
+
+def test_nodes_a_little_off_lose_two_orders():
+    """The twin: three nodes that are none of Radau's are of order three."""
+    system = Spring(d=0.37, k3=11.0, f=1.9, end=2.0)
+    truth = by_scipy(system, system.start(0, None), 2.0)
+    off = Scheme("off", nodes=(RADAU[0] + 0.05, RADAU[1] + 0.02, 1.0))
+    slope, error = observed(system, off, (10, 20, 40), truth)
+    assert slope < 4.0, (slope, error)
+
+
+@pytest.mark.parametrize(("method", "finest"), [("radau", 1e-8), ("gauss", 3e-7)])
+def test_a_jump_of_the_force_on_a_phase_boundary_costs_no_order(method, finest):
+    class Kicked(Spring):
+        def push(self, t, phase):
+            return np.array([0.0 if phase == 0 else 4.1])
+
+    w, q = math.sqrt(5.3 / 1.7), 4.1 / 5.3
+    at, speed = (0.31 * math.cos(w * 1.3) - 0.42 / w * math.sin(w * 1.3),
+                 -0.31 * w * math.sin(w * 1.3) - 0.42 * math.cos(w * 1.3))  # fmt: skip
+    truth = q + (at - q) * math.cos(w * 1.7) + speed / w * math.sin(w * 1.7)
+    system = Kicked(phases=((0.0, 1.3), (1.3, 3.0)))
+    times = [np.linspace(0.0, 1.3, 26), np.linspace(1.3, 3.0, 35)]
+    assert abs(march(system, method, times)[-1].q[0] - truth) < finest
+    # twin: stepping over the jump
+    assert abs(march(Kicked(end=3.0), method, grid(3.0, 59))[-1].q[0] - truth) > 1e-3
+
+
+@pytest.mark.parametrize("method", ["radau", "gauss"])
+def test_events_are_met_exactly_where_the_motion_is_a_parabola(method):
+    ball, work = Ball(end=2.5), Work()
+    march(ball, method, grid(2.5, 12), work=work)
+    first = math.sqrt(2.0 * 1.3 / 3.7)
+    np.testing.assert_allclose([e.t for e in work.events], [first, first * 2.4], rtol=1e-13)
+
+
+# --- stiffness and energy ---------------------------------------------------------------------------------------------
+def test_radau_annihilates_what_it_cannot_resolve_and_gauss_keeps_it():
+    stiff = Spring(k=5.3e8, q0=0.31, v0=0.0)
+    start = stiff.start(0, None)
+    dying, ringing = march(stiff, "radau", grid(3.0, 20))[-1], march(stiff, "gauss", grid(3.0, 20))[-1]
+    assert abs(dying.q[0]) < 1e-9 * 0.31
+    # quadratic energies are kept to rounding (Cooper 1987), at any step
+    assert stiff.energy(ringing) == pytest.approx(stiff.energy(start), rel=1e-10)
+
+
+def test_gauss_keeps_the_energy_of_a_linear_system_to_rounding_and_radau_does_not():
+    spring = Spring(m=1.7, k=5.3, end=20.0)
+    drift = {}
+    for method in ("gauss", "radau"):
+        E = np.array([spring.energy(x) for x in march(spring, method, grid(20.0, 100))])
+        drift[method] = np.abs(E / E[0] - 1.0).max()
+    assert drift["gauss"] < 1e-13  # a hundred steps of rounding
+    assert drift["radau"] > 1e-6
+
+
+@pytest.mark.parametrize("stiffness", [1e1, 1e4, 1e8, 1e12])
+def test_a_stiff_system_is_followed_at_any_stiffness(stiffness):
+    """Prothero & Robinson (1974) with second derivatives: errors stay those of the smooth solution."""
+    error = {}
+    for method in ("radau", "trapezoidal"):
+        for n in (20, 40):
+            stiff = Follower(m=1.7, d=2.0 * math.sqrt(stiffness), k=stiffness, k3=11.0, w=2.1, q0=0.0, v0=2.1)
+            x = march(stiff, method, grid(3.0, n), newton=Newton(tol=1e-12))[-1]
+            error[method, n] = abs(x.q[0] - math.sin(2.1 * 3.0))
+    assert error["radau", 40] < 1e-6
+    assert error["radau", 40] < 0.2 * error["radau", 20] + 1e-12
+
+
+# --- cables -----------------------------------------------------------------------------------------------------------
+def settled_start(system):
+    """A state early in the travel, where all that the sudden entry excites is resolved."""
+    t1 = 0.02 * system.phases[0][1]
+    x = march(system, "radau", grid(t1, 41), newton=Newton(tol=1e-11))[-1]
+    return consistent_acceleration(system, x.t, x.q, x.v, 0)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_the_same_elements_by_scipys_radau(degree):
+    """To scipy's tolerance: its Radau IIA is the same rule with its own Newton's method and step sizes."""
+    system = FollowingElements(LEVEL, elements=2, degree=degree)
+    begin, end = settled_start(system), 0.15 * system.phases[0][1]
+    scipys = by_scipy(system, begin, end, "Radau", rtol=1e-7, atol=1e-10)
+    q = march(system, "radau", grid(end, 200, begin.t), start=begin, newton=Newton(tol=1e-9))[-1].q
+    assert np.abs(q - scipys).max() < 1e-6 * np.abs(scipys).max()
+    # twin: a step left out is seen
+    late = march(system, "radau", grid(end * 0.999, 300, begin.t), start=begin, newton=Newton(tol=1e-9))[-1].q
+    assert np.abs(late - scipys).max() > 1e-4 * np.abs(scipys).max()
+
+
+def test_galerkin_systems_by_radau_and_by_scipy():
+    system = GalerkinSystem(LEVEL, Fourier(4), kink=True)
+    begin, end = settled_start(system), 0.12 * system.phases[0][1]
+    truth = by_scipy(system, begin, end, rtol=1e-9, atol=1e-12)
+    q = march(system, "radau", grid(end, 150, begin.t), start=begin, newton=Newton(tol=1e-9))[-1].q
+    assert np.abs(q - truth).max() < 1e-6 * np.abs(truth).max()
+
+
+@pytest.mark.parametrize("method", ["radau", "gauss"])
+@pytest.mark.parametrize("model", ["full", "stretching"])
+@pytest.mark.parametrize("kind", [FollowingElements, FixedElements])
+def test_compiled_steps_are_those_of_the_residuals_and_tangents(kind, model, method):
+    class Plain(kind):
+        def collocate(self, *step):
+            return collocate(self, *step)
+
+    ends, works = [], []
+    for cls in (kind, Plain):
+        system, work = cls(LEVEL, elements=4, model=model), Work()
+        times = [step_times(system, 200)[0][:40]]
+        ends.append(march(system, method, times, newton=Newton(tol=1e-6), work=work)[-1])
+        works.append(work)
+    # the same operations in another order
+    assert np.abs(ends[0].q - ends[1].q).max() <= 1e-10 * np.abs(ends[1].q).max()
+    assert works[0] == works[1]
+    assert works[0].newton_iterations >= works[0].steps
+
+
+def test_a_start_from_rest_needs_the_tangents_of_all_nodes(monkeypatch):
+    """Behind a mass that starts from rest all lengths grow like t^2: no one tangent fits all nodes of a first step."""
+    inclined = Scene.load("inclined").groups
+
+    def first_steps():
+        system, work = FollowingElements(inclined, elements=3), Work()
+        try:
+            march(system, "radau", [step_times(system, 40)[0][:4]], newton=Newton(tol=1e-6, max_iter=4), work=work)
+        except StepFailure:
+            return None
+        return work
+
+    assert first_steps().rejected == 0
+    monkeypatch.setattr("cablefem.newmark.collocation_rule.collocate_coupled", collocate)
+    without = first_steps()
+    assert without is None or without.rejected > 0
+
+
+def test_a_constraint_on_positions_is_kept_by_radau_and_refused_by_gauss():
+    guided = Guided(end=2.0)
+    error = []
+    for n in (20, 40, 80):
+        states = march(guided, "radau", grid(2.0, n))
+        assert max(abs(x.q[1] - math.sin(2.1 * x.t)) for x in states) < 1e-12
+        # m q'' + k q = (k + 0.4 w^2) sin(w t)
+        w0, force = math.sqrt(5.3 / 1.7), (5.3 + 0.4 * 2.1**2) / (5.3 - 1.7 * 2.1**2)
+        exact = force * math.sin(2.1 * 2.0) + (0.3 - force * 2.1) / w0 * math.sin(w0 * 2.0)
+        error.append(abs(states[-1].q[0] - exact))
+    assert error[-1] < 1e-5
+    assert error[1] < 0.4 * error[0]
+    with pytest.raises(StepFailure, match="constraint on positions"):
+        march(guided, "gauss", grid(2.0, 20))
+    system = FixedElements(LEVEL, elements=4, element="p1", coupling="path")
+    with pytest.raises(ValueError, match="constraint on positions"):
+        march(system, "gauss", step_times(system, 20))
+
+
+# --- between the steps ------------------------------------------------------------------------------------------------
+def test_between_steps_the_polynomial_of_the_step_answers():
+    system = Spring(d=0.37, k3=11.0, f=1.9, end=2.0)
+    fine = march(system, "radau", grid(2.0, 800))
+    worst = {}
+    for method in ("radau", "gauss", "trapezoidal"):
+        for n in (20, 40):
+            states = march(system, method, grid(2.0, n))
+            found = [
+                between(states[i // (800 // n)], states[i // (800 // n) + 1], x.t) for i, x in enumerate(fine[:-1])
+            ]
+            worst[method, n] = max(abs(x.q[0] - y.q[0]) for x, y in zip(fine[:-1], found, strict=True))
+            ends = between(states[4], states[5], states[5].t)
+            np.testing.assert_allclose([ends.q, ends.v], [states[5].q, states[5].v], rtol=1e-13)
+    # three nodes: degree four in q, error of order five; two: order three within the step
+    assert worst["radau", 40] < 2e-6
+    assert worst["radau", 20] / worst["radau", 40] > 18.0
+    assert worst["gauss", 20] / worst["gauss", 40] > 6.0
+    assert worst["trapezoidal", 40] > 1e-4

@@ -1,0 +1,241 @@
+"""Cars that roll: statics, balances, events, and the figures of two prototypes (rides.md 1, 5, 6)."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicHermiteSpline
+
+from cablefem import Scene
+from cablefem.newmark import Work, integrate, scheme, step_times
+from cablefem.response import States
+from cablefem.scene import ConstantSpeed
+from cablefem.scene.drive import Drive
+from cablefem.scene.motion import Motion, Piece
+from galerkin import Daubechies, Fourier, GalerkinSystem, PositionAbscissa, RollingSystem
+from tests.galerkin.test_equations import STEEP, random_state
+from tests.runs import INCLINED, LEVEL, observe
+
+ZIP = """
+[cable]
+mass_per_length = 1.1
+EA = 1.2e7
+sag = 6.0
+[supports]
+span = 300.0
+drop = 15.0
+[mass]
+mass = 95.0
+[drive]
+mode = "free"
+start = 2.0
+"""
+RIDER = Scene.from_toml(ZIP + "drag_area = 0.6\n")
+BRAKED = Scene.from_toml(ZIP + "drag_area = 0.6\nrolling_friction = 0.02\nbrake = [{from = 280.0, force = 600.0}]\n")
+LENGTH, TIME = RIDER.length, RIDER.time_scale
+TRAMWAY = Scene.load("tramway")
+
+
+def until(groups, seconds):
+    return replace(groups, drive=replace(groups.drive, end_time=seconds / TIME))
+
+
+def ride(groups, basis, steps, method="generalized-alpha", **kw):
+    """A ride as far as it goes: the system, its states, its events."""
+    system, work = RollingSystem(groups, basis, **kw), Work()
+    states = list(integrate(system, scheme(method), step_times(system, steps), work=work))
+    return (
+        system,
+        States(*(np.array([getattr(x, n) for x in states]) for n in ("t", "q", "v", "a", "phase"))),
+        work.events,
+    )
+
+
+def energy_defect(x, t, power=1.0):
+    """Energy that nobody put in, largest, over the weight of the car times the length of the cable."""
+    work = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (x.power[1:] + x.power[:-1]))])
+    return float(np.ptp(x.energy - power * work))
+
+
+# --- the equations -------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("kink", [True, False])
+def test_rows_of_the_cable_are_those_of_a_mass_that_grips(kink):
+    """A travel is a travel, whoever makes it; and the force from outside enters with the mass."""
+    s_o, ds_o, dds_o = STEEP.motion.at(0.9, 0)
+    free = RollingSystem(replace(STEEP, drive=Drive(mode="free", start=0.4)), Fourier(4), kink=kink)
+    grips = GalerkinSystem(STEEP, Fourier(4), kink=kink)
+    q, v, a = (np.append(y, z) for y, z in zip(random_state(grips, 3), (s_o, ds_o, dds_o), strict=True))
+    want = grips.residual(0.9, q[:-1], v[:-1], a[:-1], 0)
+    np.testing.assert_allclose(free.residual(0.9, q, v, a, 0)[:-1], want, rtol=0.0, atol=1e-12)
+    assert np.abs(free.residual(0.9, q, v, -a, 0)[:-1] - want).max() > 1e-3
+    thrust = Drive(mode="free", start=0.4, thrust_table=((0.0, 0.3), (math.inf, 0.3)))
+    pulled = RollingSystem(replace(STEEP, drive=thrust), Fourier(4), kink=kink)
+    change = (pulled.residual(0.9, q, v, a, 0) - free.residual(0.9, q, v, a, 0))[:-1].reshape(2, -1)
+    np.testing.assert_allclose(
+        np.hypot(*change), 0.3 * np.abs(free.basis.carried(s_o, 0.0, 0.0).f), rtol=0.0, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("drive", [{}, {"mu_r": 0.3, "k": 0.1, "wind": -0.2}], ids=["smooth", "rubbing"])
+@pytest.mark.parametrize("mode", ["free", "haul"])
+def test_the_tangent_of_a_step(mode, drive):
+    """With the weights of a step of 0.02: what the row leaves out is of order c0."""
+    drive = Drive(mode=mode, start=0.4, end_time=9.0, **drive)
+    groups = replace(STEEP, drive=drive, motion=ConstantSpeed(speed=0.4).motion(1.0) if mode == "haul" else None)
+    system = RollingSystem(groups, Fourier(4))
+    rng = np.random.default_rng(4)
+    q, v, a = random_state(system, 3)
+    q[-1], v[-1], a[-1] = 0.43, 0.37, 0.21
+    c, x, e = (1e-4, 1e-2, 1.0), rng.standard_normal(system.n_dof), 1e-5
+    _, solve = system.linearise(0.9, q, v, a, 0, *c)
+
+    def moved(h):
+        return system.residual(0.9, *(y + h * weight * x for y, weight in zip((q, v, a), c, strict=True)), 0)
+
+    assert np.abs(solve((moved(e) - moved(-e)) / (2.0 * e)) - x).max() < 2e-2
+    _, solve = system.linearise(0.9, q, v, a, 0, 1e-4, -1e-2, 1.0)
+    assert np.abs(solve((moved(e) - moved(-e)) / (2.0 * e)) - x).max() > 5e-2
+
+
+# --- statics -------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("groups", "hold"), [(RIDER.groups, -0.00571379), (LEVEL, -0.01554625), (INCLINED, -0.00596207)],
+    ids=["zip line", "level", "inclined"],
+)  # fmt: skip
+def test_what_holds_a_car_at_a_tenth(groups, hold):
+    """Against the elastic catenary of two pieces; second order in the terms."""
+    errors = []
+    for terms in (30, 60):
+        system = RollingSystem(replace(groups, drive=Drive(mode="free", start=0.1, end_time=1.0)), Fourier(terms))
+        x = system.start(0, None)
+        errors.append(abs(system.hold - hold))
+    assert errors[1] < 3e-4 * abs(hold)
+    assert errors[1] < 0.5 * errors[0]
+    assert np.abs(system.residual(0.0, x.q, x.v, x.a, 0)).max() < 1e-10
+
+
+@pytest.mark.parametrize(("place", "force", "tension"), [(0.25, 31.0, 766.5), (0.50, 34.9, 822.0), (0.75, 38.6, 767.0)])
+def test_a_car_hanging_on_its_rope(place, force, tension):
+    """The haul force and the tension of rides.md 1, kN; equal on both sides, and nothing moves."""
+    still = Motion(((0.0, 1.0),), ((Piece(0.0, 0.0, place, 0.0, 0.0),),), place)
+    groups = replace(TRAMWAY.groups, drive=Drive(mode="haul", start=place), motion=still)
+    system = RollingSystem(groups, Fourier(20))
+    x, H = system.start(0, None), TRAMWAY.horizontal_tension / 1e3
+    seen = observe(system, States(*(np.array([y]) for y in x)))
+    assert abs(x.a[-1] * H - force) < 0.06
+    assert abs(seen.haul[0] - x.a[-1]) == 0.0
+    np.testing.assert_allclose([seen.T_behind[0] * H, seen.T_ahead[0] * H], tension, rtol=0.0, atol=0.06)
+    assert np.abs(x.a[:-1]).max() < 1e-8
+
+
+# --- rides ---------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("basis", "kink", "bound"),
+    [(Fourier(15), True, 4e-5), (Daubechies(4, 0), True, 2e-4), (Fourier(20), False, 1e-2)],
+    ids=["sines", "wavelets", "no kink"],
+)
+def test_the_rider_after_thirty_seconds(basis, kink, bound):
+    """At 284.744 m (elements of degree 4): over the length."""
+    _, states, _ = ride(until(RIDER.groups, 30.05), basis, 500, kink=kink)
+    place = CubicHermiteSpline(states.t, states.q[:, -1], states.v[:, -1])(30.0 / TIME) * LENGTH
+    assert abs(place - 284.744) / LENGTH < bound
+
+
+def test_brake_and_stop():
+    """Brake at 34.800 s, standstill for an axial round trip from 35.43 s on, at 281.375 m."""
+    system, states, events = ride(until(BRAKED.groups, 45.0), Fourier(15), 1500)
+    at = {name: t * TIME for name, t in events}
+    assert abs(at["brake"] - 34.800) < 0.002
+    assert abs(at["standstill"] - 35.43) < 0.02
+    assert events[-1].name == "stop"
+    assert abs(at["stop"] - at["standstill"] - 2.0 / math.sqrt(BRAKED.groups.alpha) * TIME) < 1e-9
+    assert abs(states.q[-1, -1] * LENGTH - 281.375) < 0.03
+    x = observe(system, states)
+    assert energy_defect(x, states.t) < 1e-3 * system.mu * system.groups.sigma
+    assert energy_defect(x, states.t, power=0.8) > 8e-3 * system.mu * system.groups.sigma
+    assert all(x.powers[name].max() <= 0.0 for name in ("friction", "brake", "drag"))
+
+
+def test_energy_and_equal_tensions_without_friction():
+    """Over mu sigma l; recovered tensions are equal on both sides, pointwise ones are not."""
+    groups = Scene.from_toml(ZIP).groups
+    system, states, _ = ride(until(groups, 20.0), Fourier(10), 400, "trapezoidal")
+    x = observe(system, states)
+    assert energy_defect(x, states.t) < 6e-5 * system.mu * groups.sigma
+    moving = x.s_o > 0.02
+    assert np.sqrt(np.mean((x.T_behind - x.T_ahead)[moving] ** 2)) < 5e-5
+    assert np.sqrt(np.mean((x.T_behind_pointwise - x.T_ahead_pointwise)[moving] ** 2)) > 5e-3
+    tangent = x.slope_behind + x.slope_ahead
+    along = np.sum(tangent * x.contact, axis=1) / np.hypot(*tangent.T)
+    assert np.abs(along).max() < 1e-4 * system.mu * groups.sigma
+
+
+def test_a_rider_who_turns_back():
+    """Between supports of one height he does not arrive; coming back his drag is the other way round."""
+    groups = until(Scene.from_toml(ZIP.replace("drop = 15.0", "drop = 0.0") + "drag_area = 0.6\n").groups, 70.0)
+    system, states, events = ride(groups, Fourier(8), 400)
+    turn = next(t for name, t in events if name == "turn")
+    after = np.interp([turn - 0.5, turn, turn + 0.5], states.t, states.q[:, -1])
+    assert after[1] > max(after[0], after[2])
+    assert energy_defect(observe(system, states), states.t) < 2e-3 * system.mu * groups.sigma
+
+
+def test_friction_alone_can_hold_a_car():
+    """A slope of 1 in 8 against mu_r = 0.3: it never leaves; with 0.02 it does, and with a late release later."""
+    groups = RIDER.groups
+    held = replace(groups, drive=replace(groups.drive, mu_r=0.3))
+    _, states, events = ride(until(held, 10.0), Fourier(6), 100)
+    assert [event.name for event in events] == ["stop"]
+    assert np.ptp(states.q[:, -1]) == 0.0
+    for release, first in ((0.0, None), (1.0, "breaking loose")):
+        loose = replace(groups, drive=replace(groups.drive, mu_r=0.02, release=release / TIME))
+        _, states, events = ride(until(loose, 3.0), Fourier(6), 100)
+        assert states.q[-1, -1] > states.q[0, -1]
+        assert (events[0].name if events else None) == first
+
+
+def test_arrival_ends_a_ride():
+    groups = replace(RIDER.groups, drive=replace(RIDER.groups.drive, end_place=0.2))
+    _, states, events = ride(until(groups, 30.0), Fourier(6), 200)
+    assert [event.name for event in events] == ["arrival"]
+    assert abs(states.q[-1, -1] - 0.2) < 1e-12
+
+
+def test_a_hauled_car():
+    """Energy with the rope's work; a jerk along the rope at the start sends the car along the mean tangent."""
+    text = Scene.library_text("tramway").split("[drive]")[0].split("[travel]")[0]
+    scene = Scene.from_toml(f'{text}\n[travel]\nkind = "constant_speed"\nspeed = 6.0\n[drive]\nmode = "haul"\n')
+    system, states, events = ride(scene.groups, Fourier(10), 300)
+    x, mu = observe(system, states), system.mu
+    assert not events
+    slope = x.slope_behind[0] + x.slope_ahead[0]
+    velocity = x.path_velocity[0]
+    across = abs(slope[0] * velocity[1] - slope[1] * velocity[0]) / np.hypot(*slope) / np.hypot(*velocity)
+    assert across < 0.02
+    inside = states.t < 0.9 * states.t[-1]
+    assert energy_defect(x, states.t) < 5e-3 * np.ptp(x.energy[inside])
+    assert energy_defect(x, states.t, power=0.9) > 5e-2 * np.ptp(x.energy[inside])
+    assert abs(x.haul[inside].mean() / (mu * scene.groups.sigma) - math.sin(math.radians(26.0))) < 0.03
+
+
+def test_the_law_goes_on_in_the_same_mode():
+    system = RollingSystem(BRAKED.groups, Fourier(5))
+    system.start(0, None)
+    system.mode.brakes = 1
+    other = system.with_law("tension-only")
+    assert (other.law, other.mode.brakes, other.hold) == ("tension-only", 1, system.hold)
+    other.mode.brakes = 0
+    assert system.mode.brakes == 1
+
+
+def test_what_cannot_roll():
+    groups = RIDER.groups
+    with pytest.raises(ValueError, match="no displacement along the cable"):
+        RollingSystem(groups, Fourier(5), model="stretching")
+    with pytest.raises(ValueError, match="inertia"):
+        RollingSystem(groups, Fourier(5), load="force")
+    with pytest.raises(ValueError, match="second derivatives"):
+        RollingSystem(groups, Daubechies(2, 1))
+    with pytest.raises(ValueError, match="no clock"):
+        PositionAbscissa(RollingSystem(groups, Fourier(5)))

@@ -1,0 +1,136 @@
+"""Cars that roll: each exact answer in its own equation, with a twin that is wrong on purpose."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
+
+from cablefem import Scene
+from validation.oracles import ellipse, energy, incline, rest, rocket, wave_drag
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.05])
+@pytest.mark.parametrize("factor", [1.0, 1.01])
+def test_the_bead_on_an_ellipse_obeys_newton_with_equal_tensions(slope, factor):
+    """p.. = g j + N (e1 + e2), e1 and e2 towards the supports; with N 1 % off (must fail) it does not."""
+    bead = ellipse.Ellipse(D=0.93, g=1.7, slope=slope)
+    start = 0.22
+    t = np.linspace(0.0, 2.2, 4001)
+    s_o = bead.ride(t, start)
+    p = np.stack(bead.place(s_o), -1)
+    path = CubicSpline(t, p)
+    right = bead.D * np.array([math.cos(slope), math.sin(slope)])
+    np.testing.assert_allclose(np.linalg.norm(p, axis=1), s_o, rtol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(right - p, axis=1), 1.0 - s_o, rtol=1e-9)
+    pull = -p / s_o[:, None] + (right - p) / (1.0 - s_o)[:, None]
+    N = factor * bead.tension(s_o, start)
+    inner = slice(5, -5)
+    missing = np.abs(path(t, 2) - [0.0, bead.g] - N[:, None] * pull)[inner].max()
+    assert (missing < 1e-4 * bead.g) == (factor == 1.0)
+    np.testing.assert_allclose(np.linalg.norm(path(t, 1), axis=1), bead.speed(s_o, start), atol=1e-6)
+    np.testing.assert_allclose(np.abs(CubicSpline(t, s_o)(t, 1)), bead.rate(s_o, start), atol=1e-6)
+
+
+def test_small_swings_of_the_bead():
+    bead = ellipse.Ellipse(D=0.93, g=1.7)
+    assert bead.swing() == pytest.approx(math.sqrt(bead.g * bead.b / 0.25), rel=1e-14)
+    crossing = brentq(lambda t: float(bead.ride(np.array(t), 0.499)) - 0.5, 0.1, 3.0)
+    assert crossing == pytest.approx(0.5 * math.pi / bead.swing(), rel=1e-5)
+    with pytest.raises(ValueError, match="level"):
+        ellipse.Ellipse(D=0.9, g=1.0, slope=0.1).swing()
+    with pytest.raises(ValueError, match="0 < D < 1"):
+        ellipse.Ellipse(D=1.1, g=1.0)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.003])
+def test_drag_on_an_incline_obeys_newton(factor):
+    given = {"mu": 0.31, "g": 0.7, "sin": 0.23, "k": 1.4}
+    t = np.linspace(0.0, 6.0, 3001)
+    s = incline.way(t, **given)
+    v = incline.speed(s, **given)
+    np.testing.assert_allclose(CubicSpline(t, s)(t, 1)[5:-5], v[5:-5], atol=1e-9)
+    a = CubicSpline(t, v)(t, 1)[5:-5]
+    missing = np.abs(a - given["g"] * given["sin"] + factor * given["k"] / given["mu"] * v[5:-5] ** 2).max()
+    assert (missing < 1e-7) == (factor == 1.0)
+    assert incline.terminal(**given) == pytest.approx(v[-1], rel=1e-2)
+
+
+def test_friction_and_brake_take_all_that_the_weight_has_given():
+    mu, g, sin, mu_r, F_b, s_b = 0.31, 0.7, 0.23, 0.06, 0.2, 0.53
+    t, s = incline.stop(s_b, mu=mu, g=g, sin=sin, mu_r=mu_r, F_b=F_b)
+    weight, cos = mu * g, math.sqrt(1.0 - sin**2)
+    assert weight * sin * s == pytest.approx(mu_r * weight * cos * s + F_b * (s - s_b), rel=1e-13)
+    # mean speeds of two uniform motions
+    v_b = 2.0 * s_b / (t - 2.0 * (s - s_b) / math.sqrt(2.0 * g * (sin - mu_r * cos) * s_b))
+    assert v_b == pytest.approx(math.sqrt(2.0 * g * (sin - mu_r * cos) * s_b), rel=1e-12)
+    with pytest.raises(ValueError, match="must hold"):
+        incline.stop(s_b, mu=mu, g=g, sin=sin, mu_r=mu_r, F_b=0.01)
+
+
+@pytest.mark.parametrize("wrong", [False, True], ids=["rocket", "gripped"])
+def test_the_rocket_s_string_carries_what_its_newton_law_needs(wrong):
+    """R from the path by d'Alembert, slopes from the waves on both sides; without the thrust's lift (must fail) not."""
+    mu, sigma, a, s0 = 0.37, 0.011, 0.83, 0.42
+    sled = rocket.solve(0.71, mu=mu, sigma=sigma, a=a, s0=s0)
+    weight = mu * sigma
+    t = np.linspace(0.0, 0.71, 4001)
+    force = CubicSpline(t, sled.force(t))
+    impulse = force.antiderivative()
+
+    def depth(x, now):
+        """w(x, t): the rest shape, what the sled has sent since, less what would have kept that shape."""
+        tent = weight * (x * (1.0 - s0) if x < s0 else s0 * (1.0 - x))
+        left = brentq(lambda u: now - u - abs(x - float(sled.position(u))), -1.0, now, xtol=1e-15)
+        return tent + 0.5 * impulse(max(left, 0.0)) - 0.5 * weight * max(now - abs(x - s0), 0.0)
+
+    for now in (0.2, 0.45, 0.68):
+        x, h = float(sled.position(now)), 1e-5
+        assert depth(x, now) == pytest.approx(float(sled.depth(now)), abs=1e-9 * weight)
+        ahead = (depth(x + 2 * h, now) - depth(x + h, now)) / h
+        behind = (depth(x - h, now) - depth(x - 2 * h, now)) / h
+        mean = 0.5 * (ahead + behind)
+        assert mean == pytest.approx(float(sled.mean_slope(now)), abs=1e-4 * weight)
+        ddw = float(CubicSpline(t, sled.sinking(t))(now, 1))
+        V, y_s = a * now, sigma * (0.5 - x)
+        lift = 0.0 if wrong else mu * a * (y_s + mean)
+        needs = weight - mu * (ddw - sigma * V * V + y_s * a) + lift
+        off = abs(float(force(now)) - needs) / weight
+        assert (off < 1e-4) != wrong
+    with pytest.raises(ValueError, match="echo"):
+        rocket.solve(1.1, mu=mu, sigma=sigma, a=0.1, s0=s0)
+    with pytest.raises(ValueError, match="a t_end < 1"):
+        rocket.solve(0.7, mu=mu, sigma=sigma, a=1.5, s0=s0)
+
+
+def test_beside_a_car_at_rest_the_cable_slopes_alike_on_both_sides():
+    scene = Scene.from_toml(rest.ZIP)
+    g = scene.groups
+    at = rest.place_of_rest(g)
+    assert at == pytest.approx(0.784932735, abs=1e-9)
+    r = rest.held(at, g)
+    down = r.left[0, 1] - g.sigma * at
+    assert down == pytest.approx(0.5 * g.mu * g.sigma, rel=1e-9)
+    assert abs(rest.held(at + 1e-4, g).hold[0]) > 1e-7
+    with pytest.raises(ValueError, match="different signs"):
+        rest.place_of_rest(g, 0.1, 0.2)
+
+
+def test_the_drift_of_energy_is_seen():
+    from types import SimpleNamespace
+
+    quiet = SimpleNamespace(energy=np.full(9, -3.0), length=2.0)
+    assert energy.drift(quiet, 5.0) == (0.0, 0.0)
+    worst, rms = energy.drift(SimpleNamespace(energy=np.linspace(0.0, 1.0, 9), length=2.0), 5.0)
+    assert worst == pytest.approx(0.1)
+    assert 0.0 < rms < worst
+
+
+def test_the_thrust_of_wave_drag_keeps_a_car_going():
+    """Driven by the steady thrust, a car settles at its speed."""
+    P, V, mu = 0.6, 0.45, 0.4
+    ride = wave_drag.solve(60.0, mu=mu, sigma=P / mu, w0=0.2, drive=wave_drag.thrust(V, P=P))
+    assert ride.speed(60.0) == pytest.approx(V, rel=1e-6)
+    with pytest.raises(ValueError, match="speed"):
+        wave_drag.thrust(1.2, P=P)

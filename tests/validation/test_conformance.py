@@ -1,0 +1,156 @@
+"""Every entry of the method table, and the method that README writes, through everything that asks for methods."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from cablefem import Scene
+from cablefem.newmark import integrate, scheme, step_times
+from cablefem.response import Observation, Response
+from tests.test_readme import METHOD
+from validation import assert_agree, check, run
+from validation.commands.atlas import study as atlas
+from validation.commands.chart import study as chart
+from validation.commands.oracles import study as oracles
+from validation.core.methods import METHODS, find, refined
+from validation.core.resolution import TooCoarse, resolve
+from validation.core.sampling import stacked
+from validation.core.trust import recommended
+from validation.oracles.moving_mass import ORACLE
+
+README = "my-sines"
+SCENE = Scene.load("inclined")
+TABLE = [*METHODS, README]
+every = pytest.mark.parametrize("name", TABLE)
+
+
+@pytest.fixture(autouse=True)
+def readme(monkeypatch):
+    """Put README's method into the table, as a user's import would."""
+    monkeypatch.setitem(METHODS, README, None)
+    exec(compile(METHOD, "README.md", "exec"), {"__name__": "my_method"})
+
+
+def coarse(name):
+    """Settings of some milliseconds."""
+    method = find(name)
+    settings = method.settings(refined(method, method.ladder(1)[0], space=0.5)) | {"steps": 120}
+    return method.told(settings)
+
+
+@every
+def test_a_solver_is_what_the_contract_says(name):
+    method = find(name)
+    settings = method.settings(coarse(name))
+    solver = method.build(SCENE.groups, settings, model="full", load="mass", law="elastic")
+    steps = integrate(solver, scheme(settings["scheme"]), step_times(solver, 60))
+    states = [next(steps) for _ in range(4)]
+    assert all(x.q.shape == x.v.shape == x.a.shape == (solver.n_dof,) for x in states)
+    places = [solver.place(x) for x in states]
+    assert places == sorted(places)
+    assert 0.0 <= places[0] < places[-1] < 1.0
+    value, s = solver.least_tension
+    assert np.isfinite(value)
+    assert 0.0 <= s <= 1.0
+    history = solver.in_time(stacked(states))
+    seen = solver.observe(history, np.linspace(0.0, 1.0, 7), np.array([1, 3]))
+    assert isinstance(seen, Observation)
+    np.testing.assert_allclose(seen.s_o, places, rtol=1e-9, atol=1e-12)
+    for values, shape in ((seen.path, (4, 2)), (seen.T_ahead, (4,)), (seen.energy, (4,)), (seen.T, (2, 7))):
+        assert values.shape == shape
+        assert np.isfinite(values).all()
+    np.testing.assert_allclose(seen.u[:, [0, -1]], 0.0, rtol=0.0, atol=1e-15)  # held at the supports
+    other = solver.with_law("tension-only")
+    x = states[-1]
+    same = (y.residual(x.t, x.q, x.v, x.a, x.phase) for y in (solver, other))
+    np.testing.assert_allclose(*same, rtol=0.0, atol=1e-9 * solver.force_scale + 10.0 * solver.force_floor)
+
+
+@every
+def test_a_run_by_name_or_by_object_under_the_default_law(name, tmp_path):
+    response = run(SCENE, name, **coarse(name))
+    assert response.law == "auto"
+    assert (response.status == "complete") != (response.cause is not None)
+    assert np.isfinite(response.v).all()
+    response.write(tmp_path)
+    assert Response.read(tmp_path).summary() == json.loads((tmp_path / "summary.json").read_text())
+    np.testing.assert_array_equal(run(SCENE, find(name), **coarse(name)).v, response.v)
+
+
+@every
+def test_a_tolerance_is_met_or_refused_with_the_best_there_is(name, monkeypatch):
+    monkeypatch.setattr("validation.core.resolution.ATTEMPTS", 2)
+    if find(name).wrong:
+        with pytest.raises(ValueError, match="wrong answer"):
+            resolve(SCENE, name, 0.2, until=0.3)
+        return
+    try:
+        response = resolve(SCENE, name, 0.2, until=0.3)
+        assert response.path_error <= 0.2
+    except TooCoarse as error:
+        response = error.best
+    assert find(name).resolution.setting in response.settings
+
+
+@pytest.mark.parametrize("name", [name for name in TABLE if name == README or not METHODS[name].wrong])
+def test_a_check_holds_it_against_the_other_wing(name, monkeypatch):
+    monkeypatch.setattr("validation.core.resolution.ATTEMPTS", 2 if name == README else 1)
+    other = "fourier-kink" if find(name).wing == "elements" else "following-p2"
+    result = check(SCENE, tol=0.2, methods=(name, other))
+    assert result.a.run.method == name
+    assert {row.quantity for row in result.rows} >= {"path_max"}
+    json.dumps(result.agreement(), allow_nan=False)
+    if name == README:
+        assert next(row for row in result.rows if row.quantity == "path_max").verdict.value == "agree"
+
+
+@every
+def test_a_row_of_the_chart(name, monkeypatch):
+    line = next(x for x in chart.series(peers=False) if x.name == name)
+    monkeypatch.setattr(chart, "REFERENCE", ("following-p2", {"elements": 6, "steps": 200}))
+    monkeypatch.setattr(chart, "WITNESS", ("fourier-kink", {"terms": 6, "steps": 100}))
+    truth = chart._Truth.of(SCENE, {"known": True})
+    row = chart._RUNNERS[line.kind](SCENE, line, coarse(name), truth, 1, 0.0)
+    assert row["status"] == "ok" or row["reason"]
+    assert chart._size(line, coarse(name)) > 0.0
+    assert chart._sizes(find(name).resolution, 80)
+
+
+@every
+def test_a_cell_of_the_atlas(name, monkeypatch):
+    monkeypatch.setattr(atlas, "REFERENCE", {"elements": 6, "steps": 200})
+    drawn = atlas.Map("step-resolution", "", ("steps", (100.0,)), ("unknowns per field", (4.0,)), ((name, {}),))
+    (cell,) = atlas.cells(drawn, 100.0, 4.0)
+    assert cell["class"] in ("good", "poor", "wrong", "not judged")
+    assert (name in dict(atlas.MAPS[0].methods)) == (find(name).survey is not None)
+
+
+@every
+def test_a_case_of_an_oracle(name, monkeypatch):
+    case = next(case for case in ORACLE.cases() if getattr(case, "scene", ""))
+    assert name in case.of(oracles.SOLVERS)
+    two = [find(name).ladder(1)[0], refined(find(name), find(name).ladder(1)[0], space=2.0)]
+    rungs = [oracles.Rung(find(name).told(x | {"steps": 200}), 1.0 + i) for i, x in enumerate(two)]
+    monkeypatch.setattr(oracles, "_rungs", lambda method, finer: rungs)
+    row = oracles.Task(ORACLE.name, case, name).compute()
+    assert row.method == name
+    assert row.verdict in ("agree", "disagree")
+    if name == README:
+        assert row.error < 0.1
+
+
+@every
+def test_recommended_settings_are_settings(name):
+    find(name).settings(recommended(SCENE, name))
+
+
+def test_the_method_of_readme_is_right_and_without_its_coriolis_term_it_is_not():
+    level = Scene.load("level")
+    ours = run(level, "following-p2", elements=6, steps=300, until=0.6)
+    assert_agree(run(level, README, waves=20, steps=300, until=0.6), ours, path=6e-2)
+    exec(compile(METHOD.replace("2.0 * ds * f1 @ V", "0.0 * ds * f1 @ V"), "README.md", "exec"), {"__name__": "twin"})
+    with pytest.raises(AssertionError, match="path_max"):
+        assert_agree(run(level, README, waves=20, steps=300, until=0.6), ours, path=6e-2)

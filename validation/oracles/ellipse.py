@@ -1,0 +1,151 @@
+"""A bead on a string that neither stretches nor weighs anything runs on an ellipse with its supports as foci.
+
+With r1 = s_o and r2 = l - s_o the distances from the supports, D theirs from one another, a = l/2, b^2 = a^2 - D^2/4:
+    v^2 = 2 g (y - y_0),   N = M (v^2 a b/(r1 r2)^(3/2) + g cos(psi)) sqrt(r1 r2)/(2 b)  on both sides,
+    ds_o/dt = v sqrt(1 - b^2/(r1 r2)),
+psi the inclination of the path.  Level supports: small swings about the lowest point have omega^2 = g b/a^2.
+
+Energy; curvature a b/(r1 r2)^(3/2) of the ellipse; equal angles of both parts of the string with its normal, whose
+cosine is b/sqrt(r1 r2).  The limit of a car that rolls freely on a cable for EA >> M g >> rho g l.  Validity: D < l.
+Accuracy: rounding; places over time by DOP853 at rtol 1e-12.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+
+from cablefem.scene import Scene
+from validation.oracles.case import NOT_YET, ROLLS, Error, Limit, Oracle, Solvers
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Ellipse:
+    """Bead of unit mass on a string of length l = 1 between supports that are D apart, under gravity g; y down."""
+
+    D: float
+    g: float
+    slope: float = 0.0  # of the line from the left to the right support, falling [rad]
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.D < 1.0 and self.g > 0.0):
+            raise ValueError(f"needs 0 < D < 1 and g > 0, got {self.D!r}, {self.g!r}")
+
+    @property
+    def b(self) -> float:
+        """Half the minor axis."""
+        return math.sqrt(0.25 - 0.25 * self.D**2)
+
+    def place(self, s_o: ArrayLike) -> tuple[Array, Array]:
+        """(x, y) from the left support; |s_o - 1/2| <= D/2."""
+        r1 = np.asarray(s_o, float)
+        along = (2.0 * r1 - 1.0 + self.D**2) / (2.0 * self.D)
+        across = np.sqrt(np.maximum(r1**2 - along**2, 0.0))
+        cos, sin = math.cos(self.slope), math.sin(self.slope)
+        return along * cos - across * sin, along * sin + across * cos
+
+    def speed(self, s_o: ArrayLike, start: float) -> Array:
+        """v of a bead let go at rest at `start`."""
+        return np.sqrt(np.maximum(2.0 * self.g * (self.place(s_o)[1] - self.place(start)[1]), 0.0))
+
+    def rate(self, s_o: ArrayLike, start: float) -> Array:
+        """|ds_o/dt|."""
+        r1 = np.asarray(s_o, float)
+        return self.speed(r1, start) * np.sqrt(1.0 - self.b**2 / (r1 * (1.0 - r1)))
+
+    def tension(self, s_o: ArrayLike, start: float) -> Array:
+        """N on both sides, for a unit mass."""
+        r1 = np.asarray(s_o, float)
+        product, b = r1 * (1.0 - r1), self.b
+        w = self._angle(r1)
+        # outward normal in the chord's axes, and gravity's part along it
+        along, across = b * np.cos(w), 0.5 * np.sin(w)
+        down = (along * math.sin(self.slope) + across * math.cos(self.slope)) / np.hypot(along, across)
+        press = self.speed(r1, start) ** 2 * 0.5 * b / product**1.5 + self.g * down
+        return press * np.sqrt(product) / (2.0 * b)
+
+    def ride(self, t: ArrayLike, start: float) -> Array:
+        """s_o(t) of a bead let go at rest at `start`: angle w on the ellipse, s_o = 1/2 + (D/2) cos(w)."""
+        t = np.asarray(t, float)
+        b, cos, sin = self.b, math.cos(self.slope), math.sin(self.slope)
+
+        def motion(_: float, q: Array) -> list[float]:
+            c, s = math.cos(q[0]), math.sin(q[0])
+            m = 0.25 * s * s + b * b * c * c
+            fall = -0.5 * s * sin + b * c * cos  # dy/dw
+            return [q[1], (self.g * fall - (0.25 - b * b) * s * c * q[1] ** 2) / m]
+
+        begin = [float(self._angle(np.array(start))), 0.0]
+        run = solve_ivp(
+            motion, (0.0, float(t.max()) + 1e-9), begin, "DOP853", rtol=1e-12, atol=1e-13, dense_output=True
+        )
+        return 0.5 + 0.5 * self.D * np.cos(run.sol(t.ravel())[0].reshape(t.shape))
+
+    def swing(self) -> float:
+        """omega of small swings about the lowest point, level supports."""
+        if self.slope != 0.0:
+            raise ValueError("known for level supports only")
+        return math.sqrt(self.g * self.b) / 0.5
+
+    def _angle(self, s_o: Array) -> Array:
+        return np.arccos(np.clip((2.0 * s_o - 1.0) / self.D, -1.0, 1.0))
+
+
+def _scene(stiffness: float) -> tuple[Scene, Ellipse]:
+    """A cable with EA of so many car's weights, the car of a thousand cables' weight, let go at 0.2 l."""
+    D, mu = 1.0 / 1.05, 1000.0
+    scene = Scene.from_toml(f"""
+        gravity = 1.0
+        [cable]
+        mass_per_length = 1.0
+        EA = {stiffness * mu!r}
+        length = 1.0
+        [supports]
+        span = {D!r}
+        [mass]
+        mass = {mu!r}
+        [drive]
+        mode = "free"
+        start = 0.2
+        end = {{time = 1.7}}
+    """)
+    return scene, Ellipse(D=D, g=1.0)
+
+
+def _deviation(solvers: Solvers, method: str, stiffness: float) -> Error:
+    """Distance of the car from the ellipse at the same s_o, over l."""
+    scene, exact = _scene(stiffness)
+    r = solvers.ride(scene, method, steps=400)
+    x, y = exact.place(r.s_o / r.length)
+    d = np.hypot(r.x / r.length - x, r.y / r.length - y)
+    return float(d.max()), float(np.sqrt(np.mean(d**2)))
+
+
+def _cases() -> list[Limit]:
+    return [
+        Limit(
+            name="limit of a stiff light cable",
+            parameter="stiffness",
+            values=(1e2, 1e3, 1e4),
+            falls=1.0,
+            because="the cable stretches by M g/EA",
+            deviation=_deviation,
+        )
+    ]
+
+
+ORACLE = Oracle(
+    name="ellipse",
+    title="bead on a string without weight or stretch, rolling freely on an ellipse",
+    source="Energy and the geometry of the ellipse",
+    validity="D < l, no friction",
+    group=ROLLS,
+    answer=Ellipse.tension,
+    unreached=NOT_YET,
+)

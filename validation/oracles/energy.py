@@ -1,0 +1,41 @@
+"""A car that rolls without friction, drag and thrust keeps the energy of cable and car.
+
+    E = int rho |r.|^2/2 + W - rho g y ds + M |p.|^2/2 - M g y_p = const,   W = T eps + EA eps^2/2.
+
+Hamilton's principle with s_o as one more coordinate.  Validity: gravity alone acts.  Accuracy: exact.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cablefem.scene import Scene
+from validation.oracles.case import NOT_YET, ROLLS, Error, Law, Oracle
+from validation.oracles.rest import ZIP
+
+
+def drift(r, weight: float) -> Error:
+    """Change of the energy over the car's weight times the cable's length."""
+    off = np.abs(r.energy - r.energy[0]) / (weight * r.length)
+    return float(off.max()), float(np.sqrt(np.mean(off**2)))
+
+
+def _cases() -> list[Law]:
+    scene = Scene.from_toml(ZIP + "start = 20.0\nend = {time = 10.0}")
+    assert scene.mass is not None
+    weight = scene.mass.mass * scene.gravity
+    because = "undamped rule: the error of a step's energy"
+    return [
+        Law(name="ride under gravity alone", scene=scene, defect=lambda r: drift(r, weight), falls=1.0, because=because)
+    ]
+
+
+ORACLE = Oracle(
+    name="energy",
+    title="energy of a free ride under gravity alone",
+    source="Hamilton's principle",
+    validity="no friction, drag or thrust",
+    group=ROLLS,
+    answer=drift,
+    unreached=NOT_YET,
+)

@@ -1,0 +1,113 @@
+"""A car on a straight incline: drag brings it to a terminal speed, friction slows it, a brake stops it.
+
+Gravity g, path length s from rest, sin and cos of the incline.  Drag -k v |v| (mass mu):
+    v_t^2 = mu g sin/k,   v^2 = v_t^2 (1 - exp(-2 k s/mu)),   s = (mu/k) ln cosh(t v_t k/mu).
+Rolling friction mu_r and, from s_b on, a brake of force F_b:
+    a = g (sin - mu_r cos),   v_b^2 = 2 a s_b,   it stops at s_b + v_b^2/(2 (F_b/mu - a)).
+
+Newton's law.  The limit of a car that rolls on a cable for sigma = rho g l/H -> 0, where sag and deflection vanish like
+sigma; then g = sigma.  Validity: sin > mu_r cos; F_b/mu > a.  Accuracy: rounding.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cablefem.scene import Scene
+from validation.oracles.case import NOT_YET, ROLLS, Case, Error, Limit, Oracle, Solvers
+
+Array = NDArray[np.float64]
+
+
+def terminal(*, mu: float, g: float, sin: float, k: float) -> float:
+    """Speed at which drag balances the weight's part along the incline."""
+    return math.sqrt(mu * g * sin / k)
+
+
+def way(t: ArrayLike, *, mu: float, g: float, sin: float, k: float) -> Array:
+    """s(t) from rest with drag; ln cosh written so that nothing overflows."""
+    x = np.asarray(t, float) * terminal(mu=mu, g=g, sin=sin, k=k) * k / mu
+    return mu / k * (x + np.log1p(np.exp(-2.0 * x)) - math.log(2.0))
+
+
+def speed(s: ArrayLike, *, mu: float, g: float, sin: float, k: float) -> Array:
+    """v after the path s with drag."""
+    return terminal(mu=mu, g=g, sin=sin, k=k) * np.sqrt(-np.expm1(-2.0 * k * np.asarray(s, float) / mu))
+
+
+def stop(s_b: float, *, mu: float, g: float, sin: float, mu_r: float, F_b: float) -> tuple[float, float]:
+    """(time, path) at which a brake from s_b on stops a car that started at s = 0, with rolling friction."""
+    a = g * (sin - mu_r * math.sqrt(1.0 - sin * sin))
+    back = F_b / mu - a
+    if not (a > 0.0 and back > 0.0):
+        raise ValueError(f"the car must roll and the brake must hold it, got accelerations {a!r} and {-back!r}")
+    v_b = math.sqrt(2.0 * a * s_b)
+    return v_b / a + v_b / back, s_b + v_b * v_b / (2.0 * back)
+
+
+MU, SIN, K, START, MU_R, SHOE = 0.3, 0.2, 1.5, 0.1, 0.04, 0.6  # of the cases
+HOLDS = 3.0  # times the weight's part along the incline: the brake
+
+
+def _scene(sigma: float, drive: str) -> Scene:
+    """A taut incline of length one in units of l, H, rho."""
+    return Scene.from_toml(f"""
+        gravity = {sigma!r}
+        [cable]
+        mass_per_length = 1.0
+        EA = 500.0
+        horizontal_tension = 1.0
+        [supports]
+        span = {math.sqrt(1.0 - SIN**2)!r}
+        drop = {SIN!r}
+        [mass]
+        mass = {MU!r}
+        [drive]
+        mode = "free"
+        start = {START!r}
+        {drive}
+    """)
+
+
+def _drag(solvers: Solvers, method: str, sigma: float) -> Error:
+    """Error of s_o over time, over l."""
+    t_end = math.acosh(math.exp(0.7 * K / MU)) * MU / K / terminal(mu=MU, g=sigma, sin=SIN, k=K)
+    scene = _scene(sigma, f"air_density = 1.0\ndrag_area = {2.0 * K!r}\nend = {{time = {t_end!r}}}")
+    r = solvers.ride(scene, method, steps=200)
+    error = np.abs(r.s_o - START - way(r.t, mu=MU, g=sigma, sin=SIN, k=K))
+    return float(error.max()), float(np.sqrt(np.mean(error**2)))
+
+
+def _stop(solvers: Solvers, method: str, sigma: float) -> Error:
+    """Error of the place where the ride ends in a stop, over l."""
+    force = HOLDS * MU * sigma * SIN
+    shoe = f"brake = [{{from = {SHOE!r}, force = {force!r}}}]"
+    r = solvers.ride(_scene(sigma, f"rolling_friction = {MU_R}\n{shoe}"), method, steps=200)
+    at = [e["s_o"] for e in r.events if e["event"] == "stop"]
+    exact = START + stop(SHOE - START, mu=MU, g=sigma, sin=SIN, mu_r=MU_R, F_b=force)[1]
+    error = abs(at[-1] - exact) if at else math.nan
+    return error, error
+
+
+def _cases() -> list[Case]:
+    because = "the cable sags and gives way like sigma"
+    return [
+        Limit(name="drag on a taut cable", parameter="sigma", values=(0.03, 0.01, 0.003), falls=1.0, because=because,
+              deviation=_drag),
+        Limit(name="friction and brake on a taut cable", parameter="sigma", values=(0.01, 0.003, 0.001), falls=1.0,
+              because=because, deviation=_stop),
+    ]  # fmt: skip
+
+
+ORACLE = Oracle(
+    name="incline",
+    title="drag, friction and brake on a straight incline",
+    source="Newton's law",
+    validity="a car that starts to roll; a brake that holds",
+    group=ROLLS,
+    answer=way,
+    unreached=NOT_YET,
+)

@@ -1,0 +1,51 @@
+"""A slow car runs along its load path, the curve of its places at rest, whatever waves it leaves behind.
+
+    mu |P'|^2 dds + mu P'.P'' ds^2 = -F_hold(s) + F_ext.P',   P(s) and F_hold(s) of `rest`,
+the limit of a free ride for speeds small against the waves'.
+
+Lagrange's equation for s_o with the cable's inertia left out.  Solved by `cablefem.scene.ride`, the common ground;
+tests hold it against closed forms on the chord and against energy.  Validity: error (V/c)^2; 1e-3 l at V/c = 0.4.
+Accuracy: 3e-8 l.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cablefem.scene import Scene
+from cablefem.scene.ride import quasi_static
+from validation.oracles.case import NOT_YET, ROLLS, Error, Limit, Oracle, Solvers
+from validation.oracles.rest import ZIP
+
+
+def _deviation(solvers: Solvers, method: str, drag: float) -> Error:
+    """Distance of s_o(t) from the quasi-static ride, over l; a car with so much drag, let go over a while."""
+    scene = Scene.from_toml(ZIP + f"start = 60.0\nrelease = 4.0\ndrag_area = {drag!r}\nend = {{place = 110.0}}")
+    assert scene.ride is not None
+    r = solvers.ride(scene, method, steps=400)
+    off = np.abs(r.s_o / r.length - scene.ride.at(r.t / scene.time_scale)[0])
+    return float(off.max()), float(np.sqrt(np.mean(off**2)))
+
+
+def _cases() -> list[Limit]:
+    return [
+        Limit(
+            name="limit of much drag",
+            parameter="drag area",
+            values=(10.0, 40.0, 160.0),
+            falls=1.0,
+            because="the cable's inertia counts like the speed's square, which falls like one over the drag",
+            deviation=_deviation,
+        )
+    ]
+
+
+ORACLE = Oracle(
+    name="quasi-static",
+    title="slow free ride along the load path",
+    source="Lagrange's equation without the cable's inertia",
+    validity="speeds small against the waves'",
+    group=ROLLS,
+    answer=quasi_static,
+    unreached=NOT_YET,
+)

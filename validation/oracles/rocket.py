@@ -1,0 +1,136 @@
+"""A sled driven by steady thrust along a taut level string, from its rest in the loaded string, until waves come back.
+
+The thrust is an outside force along the mean tangent.  s_o = s0 + a t^2/2 with a = thrust/mu, and w, the depth below
+the empty string's shape, from w = mu sigma s0 (1 - s0), dw = 0:
+    mu w.. + 2 w. = mu sigma ds_o^2 + mu sigma (1 - 2 s0) ds_o + mu a <w_s>,
+    <w_s> = mu sigma [ (1 - 2 s0) - ds_o - 2 ds_o w./(mu sigma) ] / (2 (1 - ds_o^2)).
+
+Derivation: w_tt - w_xx = R delta(x - s_o), R = mu sigma - mu p.. + mu a (y' + <w_s>), p = y(s_o) + w, y'' = -sigma.
+What keeps the string's rest shape is a source mu sigma at s0 that ends at t = 0; so 2 w. = R - mu sigma + mu sigma
+(1 - 2 s0) ds_o, and the slopes on both sides are those of waves running away from s_o and of that source.  A gripped
+car with the same s_o(t) has tensions that differ by mu a between its sides, which changes the waves' speeds: another
+path in first order.
+
+Validity: a t < 1, before the first echo, sigma -> 0 (second order in sigma as long as alpha is not large, too).
+Accuracy: DOP853 at rtol 1e-12.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import OdeSolution, solve_ivp
+
+from cablefem.scene import Scene
+from validation.oracles.case import NOT_YET, ROLLS, Error, Limit, Oracle, Solvers
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Sled:
+    """Its travel, its depth and the slopes of the string."""
+
+    mu: float
+    sigma: float
+    a: float
+    s0: float
+    _sol: OdeSolution
+
+    def position(self, t: ArrayLike) -> Array:
+        """s_o(t)."""
+        return self.s0 + 0.5 * self.a * np.asarray(t, float) ** 2
+
+    def depth(self, t: ArrayLike) -> Array:
+        """w(t) below the shape of the empty string."""
+        return self._sol(np.asarray(t, float).ravel())[0].reshape(np.shape(t))
+
+    def sinking(self, t: ArrayLike) -> Array:
+        """dw/dt."""
+        return self._sol(np.asarray(t, float).ravel())[1].reshape(np.shape(t))
+
+    def force(self, t: ArrayLike) -> Array:
+        """R(t), the string's load."""
+        weight, V = self.mu * self.sigma, self.a * np.asarray(t, float)
+        return 2.0 * self.sinking(t) + weight * (1.0 - (1.0 - 2.0 * self.s0) * V)
+
+    def mean_slope(self, t: ArrayLike) -> Array:
+        """<w_s> at the sled."""
+        return _mean_slope(self.a * np.asarray(t, float), self.sinking(t), self.mu * self.sigma, self.s0)
+
+
+def _mean_slope(V, dw, weight: float, s0: float):
+    return (weight * (1.0 - 2.0 * s0 - V) - 2.0 * V * dw) / (2.0 * (1.0 - V * V))
+
+
+def solve(t_end: float, *, mu: float, sigma: float, a: float, s0: float) -> Sled:
+    """Integrate to t_end; ValueError beyond the wave speed or the first echo."""
+    if not (mu > 0.0 and sigma > 0.0 and 0.0 < s0 < 1.0 and 0.0 <= a * t_end < 1.0):
+        raise ValueError(f"needs mu, sigma > 0, 0 < s0 < 1, a t_end < 1, got {mu!r}, {sigma!r}, {s0!r}, {a * t_end!r}")
+    at = s0 + 0.5 * a * t_end**2
+    echo = min(s0 + at, 2.0 - s0 - at)
+    if not t_end <= echo:
+        raise ValueError(f"the first echo is back before t = {t_end!r}")
+    weight = mu * sigma
+
+    def rate(t: float, q: Array) -> list[float]:
+        V = a * t
+        drive = weight * V * V + weight * (1.0 - 2.0 * s0) * V + mu * a * _mean_slope(V, q[1], weight, s0)
+        return [q[1], (drive - 2.0 * q[1]) / mu]
+
+    begin = [weight * s0 * (1.0 - s0), 0.0]
+    run = solve_ivp(rate, (0.0, t_end), begin, "DOP853", rtol=1e-12, atol=1e-15 * weight, dense_output=True)
+    return Sled(mu, sigma, a, s0, run.sol)
+
+
+MU, A, S0, T_END = 0.3, 0.8, 0.4, 0.7  # of the case
+
+
+def _deviation(solvers: Solvers, method: str, sigma: float) -> Error:
+    """Error of w over mu sigma."""
+    exact = solve(T_END * 1.001, mu=MU, sigma=sigma, a=A, s0=S0)
+    scene = Scene.from_toml(f"""
+        gravity = {sigma!r}
+        [cable]
+        mass_per_length = 1.0
+        EA = 300.0
+        horizontal_tension = 1.0
+        [supports]
+        span = 1.0
+        [mass]
+        mass = {MU!r}
+        [drive]
+        mode = "free"
+        start = {S0!r}
+        thrust = {MU * A!r}
+        end = {{time = {T_END!r}}}
+    """)
+    r = solvers.ride(scene, method, steps=400)
+    error = np.abs(r.v / r.length - exact.depth(r.t / scene.time_scale)) / (MU * sigma)
+    return float(error.max()), float(np.sqrt(np.mean(error**2)))
+
+
+def _cases() -> list[Limit]:
+    return [
+        Limit(
+            name="limit of a taut cable",
+            parameter="sigma",
+            values=(1e-1, 3e-2, 1e-2),
+            falls=1.0,
+            because="sag and stretch change the waves like sigma, below sigma alpha = 1 like its square",
+            deviation=_deviation,
+        )
+    ]
+
+
+ORACLE = Oracle(
+    name="rocket",
+    title="sled driven by steady thrust along a taut level string",
+    source="d'Alembert's solution, derived here",
+    validity="below the wave speed, before the first echo",
+    group=ROLLS,
+    answer=solve,
+    unreached=NOT_YET,
+)

@@ -1,0 +1,60 @@
+"""What the fixtures of `cablefem.pytest_plugin` do: assertions that tell how close it was."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from cablefem.scene import Scene
+from validation.commands.check.study import Check, check, check_solver
+from validation.core import assertions
+from validation.core.agreement import Agreement, Verdict, overall
+from validation.core.foreign import WITH_TOL
+
+Tell = Callable[[str, str], None]  # what agreed or did not, and the verdict
+
+
+def asserting(tell: Tell) -> Callable[..., list[Agreement]]:
+    """Return `assert_agree` that tells."""
+
+    def asserted(a: Any, b: Any, **bounds: Any) -> list[Agreement]:
+        names = f"{a.method} and {b.method}"
+        try:
+            rows = assertions.assert_agree(a, b, **bounds)
+        except AssertionError as error:
+            tell(f"{names}: {str(error).splitlines()[-1].strip()}", "disagree")
+            raise
+        tell(f"{names}: {_worst(rows)}", "agree")
+        return rows
+
+    return asserted
+
+
+def checking(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
+    """Return `check`, or `check_solver` with a solver of one's own, that asserts and tells; checks are kept."""
+
+    def checked(scene: Any, solver: Any = None, *, tol: float = 1e-3, with_tol: float = WITH_TOL) -> Check:
+        scene = scene if isinstance(scene, Scene) else Scene.load(scene)
+        key = (scene.to_toml(), tol)
+        if key not in kept:
+            kept[key] = check(scene, tol=tol)
+        result = kept[key]
+        party, rows = f"{result.a.run.method} and {result.b.run.method}", result.rows
+        if solver is not None:  # its own rows, and whether there is one path to hold it against
+            result = check_solver(scene, solver, tol=tol, with_tol=with_tol, ours=result)
+            rows = [row for row in result.rows if row.party or row.quantity == "path_max"]
+            party = rows[-1].party
+        verdict = overall(rows)
+        tell(f"{scene.name}, {party}: {_worst(rows)}", verdict.value)
+        failed = [f"  {assertions.told(row)}" for row in rows if row.verdict is not Verdict.AGREE]
+        if failed:
+            raise AssertionError("\n".join([f"{scene.name}: {verdict.value}", *failed]))
+        return result
+
+    return checked
+
+
+def _worst(rows: Sequence[Agreement]) -> str:
+    """Return the row that uses most of what it was allowed."""
+    row = max(rows, key=lambda row: row.gap / row.allowed if row.allowed > 0.0 else 0.0)
+    return f"{row.quantity} {row.gap:.2g} of {row.allowed:.2g} allowed"
