@@ -65,6 +65,7 @@ class RollingElements(FollowingElements):
         ends = np.stack([self.left.evaluate(np.array(1.0))[2], self.right.evaluate(np.array(0.0))[2]])
         border = np.empty((3, self._n_dof - 1)), np.empty(1)
         self._rolling = kernels.Rolling(self._n_left, ends.reshape(2, -1), *border)
+        self._complex_rolling = self._rolling._replace(border=border[0] + 0j, corner=border[1] + 0j)
         self._rest()
 
     def _rest(self) -> None:
@@ -113,9 +114,9 @@ class RollingElements(FollowingElements):
         return r
 
     def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: float, c1: float, c2: float
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        """As the protocol has it; the factors live in one workspace, so an earlier `solve` is void."""
+        """As the protocol has it; factors live in one workspace each, real and complex."""
         r = np.empty(self._n_dof)
         return r, self._linearised(self._car(t, phase, v[-1]), q, v, a, r, c0, c1, c2)
 
@@ -237,14 +238,24 @@ class RollingElements(FollowingElements):
         self.least_tension = seen[:2]
         return seen
 
-    def _linearised(self, car: kernels.Car, q: Array, v: Array, a: Array, r: Array, *c: float) -> Solve:
+    def _linearised(self, car: kernels.Car, q: Array, v: Array, a: Array, r: Array, *c: complex) -> Solve:
         """Set r and return the solution with the tangent there."""
-        self._roll(car, q, v, a, r, *c)
-        if not kernels.factorise_bordered(self._work, self._rolling):
+        work, rolling = self._work, self._rolling
+        if isinstance(c[0], complex):
+            work, rolling = self._complex_work, self._complex_rolling
+            work.ab[:], rolling.border[:], rolling.corner[:] = 0.0, 0.0, 0.0
+            for factor, *one in zip(c, *np.eye(3).tolist(), strict=True):
+                self._roll(car, q, v, a, r, *one)
+                work.ab[:] += factor * self._work.ab
+                rolling.border[:] += factor * self._rolling.border
+                rolling.corner[:] += factor * self._rolling.corner
+        else:
+            self._roll(car, q, v, a, r, *(float(x.real) for x in c))
+        if not kernels.factorise_bordered(work, rolling):
             return lambda b: np.full_like(b, math.nan)
 
         def solve(b: Array) -> Array:
-            kernels.solve_bordered(self._work, self._rolling, b)
+            kernels.solve_bordered(work, rolling, b)
             return b
 
         return solve
