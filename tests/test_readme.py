@@ -18,8 +18,8 @@ MODULES = [code for code in PYTHON if "def test_" in code]
 pytest_plugins = ["pytester"]
 
 
-def test_there_are_five_examples_and_a_test_module():
-    assert len(EXAMPLES) == 5
+def test_there_are_six_examples_and_a_test_module():
+    assert len(EXAMPLES) == 6
     assert len(MODULES) == 1
 
 
@@ -38,8 +38,8 @@ def test_the_test_module_runs_as_a_user_would_run_it(pytester):
 def test_the_scene_is_a_scene_and_a_fault_in_it_is_found():
     text = re.search(r"```toml\n(.*?)```", README, flags=re.DOTALL).group(1)
     assert Scene.from_toml(text).mass.mass == 95.0
-    with pytest.raises(ValueError, match="speed"):
-        Scene.from_toml(text.replace("speed = 14.0", "speed = -14.0"))
+    with pytest.raises(ValueError, match="rolling_friction"):
+        Scene.from_toml(text.replace("rolling_friction = 0.02", "rolling_friction = -0.02"))
 
 
 def test_every_command_of_the_table_exists_and_none_is_missing():

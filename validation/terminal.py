@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 Progress = Callable[..., None]  # of a label, the fraction done and what was reached
 
-STYLES = {"agree": "green", "disagree": "bold red", "not comparable": "yellow"}
+STYLES = {"agree": "green", "disagree": "bold red", "not comparable": "yellow", "too coarse": "yellow"}
 
 
 def say(text: str = "", style: str = "") -> None:

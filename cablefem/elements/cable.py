@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
 from cablefem.elements import collocation, kernels
-from cablefem.newmark import Newton, Settled, Solve, State, Tableau
+from cablefem.newmark import Newton, Settled, Solve, State, Tableau, collocate
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 
@@ -40,16 +40,17 @@ def bands(matrix: coo_array, b: int) -> Array:
 
 
 class CableElements:
-    """A cable on some mesh with its moving mass: a `cablefem.newmark.System` but for `start` and the mesh.
+    """A cable on some mesh with its moving mass: a `cablefem.newmark.System` but for the mesh.
 
-    A mesh sets n_scalar (unknowns per field), _n_dof, _band, _mesh and _operators, and answers `_time`, `_mesh_at`,
-    `_at_mass` and `_fields`.
+    A mesh sets n_scalar (unknowns per field), _n_dof, _band, _mesh and _operators, and answers `start`, `_time`,
+    `_mesh_at`, `_at_mass` and `_fields`.
 
     model : "full" for (u, v), or one unknown field normal to the chord: "string", "sagged", "stretching".
     load : "mass", or "force" for its weight alone.
     law : "elastic", or "tension-only": N = max(0, T + alpha eps).
     """
 
+    drives: tuple[str, ...] = ("grip",)
     n_scalar: int
     _n_dof: int
     _band: int  # half-width, all fields
@@ -60,14 +61,18 @@ class CableElements:
     _at: tuple[float, int] | None  # instant and phase that all this is for
 
     def __init__(self, groups: Groups, model: str, load: str, law: str) -> None:
-        if groups.motion is None:
+        if groups.drive.mode not in self.drives:
+            raise ValueError(
+                f"a car that rolls (drive {groups.drive.mode}) needs mass-following elements of the full model"
+            )
+        if groups.motion is None and groups.drive.mode != "free":
             raise ValueError("the scene has no mass that travels")
         if model not in MODELS:
             raise ValueError(f"model must be one of {', '.join(MODELS)}, got {model!r}")
         if load not in ("mass", "force"):
             raise ValueError(f"load must be mass or force, got {load!r}")
         self.groups, self.model, self.load = groups, model, load
-        self.motion = groups.motion
+        self.motion: Any = groups.motion  # none of a free ride
         self.fields = 2 if model == "full" else 1
         self.inertia = groups.mu if load == "mass" else 0.0
         # displacement in the plane of each field
@@ -142,16 +147,17 @@ class CableElements:
     ) -> Settled:
         self._time(t, phase)
         self._at = (t, phase)
-        *done, least, where = kernels.settle(
-            self._operators, self._coefficients, self._bands, tuple(self._mesh), self._cable, tuple(self._contact),
-            tuple(self._work), start, now, rule, bound, newton.max_iter, newton.reuse, newton.patience,
-        )  # fmt: skip
+        grip = self._operators, self._coefficients, self._bands, tuple(self._contact)
+        of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rule, bound
+        *done, least, where = kernels.settle(grip, None, *of, newton.max_iter, newton.reuse, newton.patience)
         self.least_tension = least, where
         return Settled(*done)
 
     def collocate(
         self, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
     ) -> Settled:
+        if type(self).residual is not CableElements.residual:
+            return collocate(self, t, dt, phase, start, a, rule, bound, newton)  # the kernel knows no other balance
         meshes, contacts, coefficients = [], [], []
         for instant in (*t.tolist(), t[-1])[:3]:  # compiled for three nodes, two are filled up
             self._time(float(instant), phase)
@@ -178,6 +184,10 @@ class CableElements:
         self._complex_work = kernels.Tangent(band.astype(complex), pivots.copy(), increment, increment.astype(complex))
         self._bands = np.empty((3, *self._operators.shape[1:]))
 
+    def start(self, phase: int, state: State | None) -> State:
+        """Return the state at the beginning of a phase, as the protocol has it."""
+        raise NotImplementedError
+
     def _time(self, t: float, phase: int) -> None:
         """Set _coefficients of the _operators, _mesh and _contact at this instant."""
         raise NotImplementedError
@@ -185,6 +195,11 @@ class CableElements:
     def _mesh_at(self, s_o: float, ds: float) -> kernels.Mesh:
         """Return the elements with the mass at s_o."""
         raise NotImplementedError
+
+    def _split(self, states: States) -> tuple[States, Array]:
+        """Return the history of the cable's unknowns, and s_o, ds_o, dds_o (n, 3)."""
+        at = [self.motion.at(t, p) for t, p in zip(states.t, states.phase, strict=True)]
+        return states, np.array(at).reshape(states.t.size, 3)
 
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Return w(s_o(t), t), its first and second time derivative, and w' behind and ahead, (n, fields) each."""
@@ -258,7 +273,7 @@ class CableElements:
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
         """Measure paths, tensions, energies and fields on a history; see `Observation`."""
         g, n = self.groups, states.t.size
-        kinematics = np.array([self.motion.at(t, p) for t, p in zip(states.t, states.phase, strict=True)]).reshape(n, 3)
+        states, kinematics = self._split(states)
         s_o, ds, dds = kinematics.T
         w, w_t, w_tt, *slopes = self._at_mass(states, kinematics)
         place, slope, bend = self._static(s_o)  # of the model

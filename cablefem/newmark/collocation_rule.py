@@ -16,10 +16,11 @@ from cablefem.newmark.newton import Newton, Settled, find_root
 from cablefem.newmark.schemes import Scheme
 from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import Array, Collocated, Inside, Solve, State, System, consistent_acceleration
-from cablefem.newmark.tableau import Tableau, accelerations, tableau
+from cablefem.newmark.tableau import Tableau, continued, tableau
 
 # One tangent for all nodes errs by what it changes along the step, and so does a new one: it is kept while it serves.
 REUSE = 0.8
+PATIENT = 4  # times the iterations of a step: they converge linearly
 
 
 @runtime_checkable
@@ -41,7 +42,7 @@ class CollocationRule(Stepper):
     """
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
-        super().__init__(system, method, replace(newton, reuse=max(newton.reuse, REUSE)), work)
+        super().__init__(system, method, replace(newton, reuse=REUSE, max_iter=PATIENT * newton.max_iter), work)
         self.rule = tableau(method.nodes)
         self.collocate = system.collocate if isinstance(system, Collocating) else partial(collocate, system)
 
@@ -51,12 +52,13 @@ class CollocationRule(Stepper):
         if rule.c[-1] == 1.0:
             t[-1] = t1
         a = self._accelerations(x, t, dt)
-        q, v = x.q + dt * x.v + dt * dt * (rule.bA @ a), x.v + dt * (rule.b @ a)
+        twice, once = rule.ends @ a
+        q, v = x.q + dt * (x.v + dt * twice), x.v + dt * once
         if rule.c[-1] == 1.0:
             end = Collocated(t1, q, v, a[-1], x.phase)
         else:
             end = Collocated(*consistent_acceleration(self.system, t1, q, v, x.phase))
-        if not np.isfinite(end.a).all():
+        if not np.isfinite(end.a.sum()):
             raise StepFailure(
                 t1, "the balance does not determine the acceleration (a constraint on positions)",
                 "take scheme radau, newmark or generalized-alpha",
@@ -73,7 +75,7 @@ class CollocationRule(Stepper):
         step = dt, x.phase, np.array([x.q, x.v])
         how = self.rule, self.bound, self.newton
         if isinstance(x, Collocated):
-            a = accelerations(x.inside, 1.0 + self.rule.c * (dt / x.inside.dt))
+            a = continued(x.inside, dt)
             if self.balanced(self.collocate(t, *step, a, *how)):
                 return a
         for solver in (self.collocate, partial(collocate_coupled, self.system)):

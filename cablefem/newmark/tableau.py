@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -22,8 +22,7 @@ class Tableau(NamedTuple):
     c: Array
     A: Array  # A_ij = int_0^c_i l_j
     AA: Array  # A A
-    b: Array  # b_j = int_0^1 l_j
-    bA: Array
+    ends: Array  # (2, s) rows b A and b, b_j = int_0^1 l_j: from accelerations to q and v at the step's end
     values: Complex  # (m,) eigenvalues of A, one of each pair
     to: Complex  # (m, s) from nodes to eigenvectors
     back: Complex  # (s, m) and back, of which the real part counts
@@ -54,14 +53,19 @@ def tableau(nodes: tuple[float, ...]) -> Tableau:
     to, back, values = (x.astype(complex) for x in (np.linalg.inv(back), both * back, values))
     middle = int(np.argmin(np.abs(c - 0.5)))
     return Tableau(
-        c, A, A @ A, b, b @ A, values[kept], to[kept], np.ascontiguousarray(back[:, kept]), middle, powers
+        c, A, A @ A, np.stack([b @ A, b]), values[kept], to[kept], np.ascontiguousarray(back[:, kept]), middle, powers
     )  # fmt: skip
 
 
-def accelerations(inside: Inside, x: Array) -> Array:
-    """Return the polynomial through the accelerations of a step at x (k,) in units of the step: (k, n_dof)."""
-    powers = tableau(inside.nodes).powers[0]
-    return (x[:, None] ** np.arange(len(powers)) @ powers) @ inside.a
+def continued(inside: Inside, dt: float) -> Array:
+    """Return the polynomial through the accelerations of a step at the nodes of the next one, of length dt: (s, n)."""
+    return _further(inside.nodes, round(dt / inside.dt, 9)) @ inside.a  # rounded: a guess is all it is for
+
+
+@lru_cache(maxsize=256)
+def _further(nodes: tuple[float, ...], ratio: float) -> Array:
+    rule = tableau(nodes)
+    return np.vander(1.0 + ratio * rule.c, len(nodes), increasing=True) @ rule.powers[0]
 
 
 def densified(states: Sequence[State], parts: int) -> list[State]:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from cablefem import Scene
 from tests.commands.calls import BROKEN, lines
 from validation.commands.check import study as check_study
+from validation.core.flags import flagged
 
 DATA = Path(__file__).parents[1] / "validation" / "data"
 
@@ -24,9 +26,13 @@ def test_check_agrees_and_leaves_everything_in_its_folder(cablefem, tmp_path):
         assert json.loads((folder / method / "summary.json").read_text())["path_error"] is not None
     agreement = json.loads((folder / "agreement.json").read_text())
     assert agreement["verdict"] == "agree"
-    quantities = ["path_max", "path_rms", "tension", "jump", "energy", "overshoot"]
-    assert [row["quantity"] for row in agreement["rows"]] == quantities
-    assert [line.split()[0] for line in out.splitlines()[1:7]] == quantities
+    quantities = [row["quantity"] for row in agreement["rows"]]
+    assert set(quantities) - {"path_slack"} == {  # where coarse companions reach beyond the onset
+        "path_max", "path_rms", "tension", "tension_behind", "tension_ahead", "reactions",
+        "displacement", "velocity", "slack_onset", "energy", "impulse", "laws_si",
+    }  # fmt: skip
+    assert [line.split()[0] for line in out.splitlines()[1 : 1 + len(quantities)]] == quantities
+    assert agreement["doubts"] == []
     assert "following-p2 and fourier-kink agree over s_o/l = 0.02 to 0.8\n" in out
     assert "slack from s_o/l = 0." in out
     assert "past" in out  # where the answer stops being meaningful
@@ -77,20 +83,38 @@ def test_a_third_party_with_v_up_is_named_and_nothing_is_written(cablefem, tmp_p
     assert not Path("cablefem-out").exists()
 
 
-@pytest.mark.parametrize(("verdict", "code"), [("disagree", 1), ("not comparable", 1), ("agree", 0)])
+@pytest.mark.parametrize(("verdict", "code"), [("disagree", 1), ("not comparable", 1), ("too coarse", 1), ("agree", 0)])
 def test_the_exit_code_of_a_check_is_its_verdict(cablefem, checked, level_check, verdict, code):
     first, *rest = level_check.rows
     other = {
         "agree": first,
         "disagree": dataclasses.replace(first, gap=2.0 * first.allowed),
-        "not comparable": dataclasses.replace(first, bound=dataclasses.replace(first.bound, tol=1e-9)),
+        "not comparable": dataclasses.replace(first, gap=math.nan),
+        "too coarse": dataclasses.replace(first, bound=dataclasses.replace(first.bound, tol=1e-9)),
     }[verdict]
     checked(rows=[other, *rest])
     found, out, _ = cablefem("check", "level")
     assert found == code
-    words = {"agree": "agree", "disagree": "DISAGREE", "not comparable": "are NOT COMPARABLE"}
+    words = {
+        "agree": "agree", "disagree": "DISAGREE", "not comparable": "are NOT COMPARABLE",
+        "too coarse": "are TOO COARSE to tell",
+    }  # fmt: skip
     assert f"following-p2 and fourier-kink {words[verdict]} over" in out
     assert json.loads(Path("cablefem-out/level/agreement.json").read_text())["verdict"] == verdict
+
+
+def test_a_bar_that_may_be_too_small_is_1_and_said(cablefem, checked, level_check):
+    run = flagged(level_check.b.run, "hidden slack", most=0.02, since=0.3, at=0.9)
+    checked(b=dataclasses.replace(level_check.b, run=run))
+    code, out, _ = cablefem("check", "level")
+    assert code == 1
+    assert "fourier-kink: points of the cable are under compression" in out
+    agreement = json.loads(Path("cablefem-out/level/agreement.json").read_text())
+    assert (agreement["verdict"], [x["kind"] for x in agreement["doubts"]]) == ("agree", ["hidden slack"])
+
+
+def test_a_tolerance_of_the_tension_is_asked(cablefem):
+    assert cablefem("check", "level", "--tol-tension", "0")[0] == 2
 
 
 def test_a_check_with_a_run_that_broke_is_2(cablefem, checked, level_check):

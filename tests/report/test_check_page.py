@@ -83,19 +83,21 @@ def test_every_row_is_there_with_its_reason(stored):
         assert check.QUANTITIES[row["quantity"]][0] in html
         assert page.percent(row["gap"], 3) in html
         assert page.percent(row["allowed"], 3) in html
-    assert html.count("badge good") == len(rows)
+    assert html.count("badge good") == sum(row["verdict"] == "agree" for row in rows)
 
 
 def test_a_disagreement_is_said_first_and_stands_on_top(folder):
     def spoil(rows):
-        return [r | {"gap": 3.0 * r["allowed"], "verdict": "disagree"} if r["quantity"] == "jump" else r for r in rows]
+        return [
+            r | {"gap": 3.0 * r["allowed"], "verdict": "disagree"} if r["quantity"] == "impulse" else r for r in rows
+        ]
 
     doctored(folder, rows=spoil, verdict="disagree")
     told = check._verdict(loaded(folder), Markup(""))
     assert told.verdict == "disagree"
-    assert told.summary.startswith("The solvers disagree: force jump at the mass, rms defect ")
+    assert told.summary.startswith("The solvers disagree: momentum of the mass, rms defect ")
     assert "Both solvers give the same mass path" in told.summary
-    assert re.search(r"<tbody><tr><td[^>]*><div>Force jump", told.html.replace("\n", ""))
+    assert re.search(r"<tbody><tr><td[^>]*><div>Momentum of the mass, rms", told.html.replace("\n", ""))
     assert "<div>3.0</div>" in told.html  # times what is allowed
 
 

@@ -11,7 +11,7 @@ import pytest
 from cablefem import Scene
 from validation.commands.chart import page as pages
 from validation.commands.chart import study
-from validation.core import measures
+from validation.core import measures, store
 from validation.core.methods import METHODS
 from validation.core.running import run
 from validation.peers import PEERS, PeerPath
@@ -133,8 +133,8 @@ def test_what_is_stored_is_what_was_found_and_a_second_call_measures_nothing_ane
 def test_another_scene_is_not_gone_on_with(small, tmp_path):
     stored = (small[0] / "chart.json").read_text()
     (tmp_path / "chart.json").write_text(stored)
-    assert study._read(tmp_path / "chart.json", LEVEL)["rows"]
-    assert study._read(tmp_path / "chart.json", Scene.load("inclined")) == {}
+    assert store.stored(tmp_path / "chart.json", scene_toml=LEVEL.to_toml())["rows"]
+    assert store.stored(tmp_path / "chart.json", scene_toml=Scene.load("inclined").to_toml()) == {}
 
 
 def test_pages_are_drawn_without_a_solver(small, monkeypatch):
@@ -213,7 +213,7 @@ def test_another_codes_path_is_measured_like_ours():
     assert known.errors_of_path(shifted, l, tau)["path_error"] > 0.09
 
 
-# --- cost and survey --------------------------------------------------------------------------------------------------
+# --- cost ------------------------------------------------------------------------------------------------------------
 def test_what_an_iteration_costs_is_measured_beside_a_bare_banded_solve():
     """Ratios of seconds are for `cablefem chart`, on a quiet machine; here only what is measured."""
     found = study.implicit_floor(LEVEL, repeats=1)
@@ -228,17 +228,3 @@ def test_growth_is_measured_over_a_hundredfold_of_unknowns(monkeypatch):
     assert found["n_dof"] == [78, 254, 798, 2526, 7998]
     slope = np.polyfit(np.log(found["n_dof"]), np.log(found["seconds_per_step"]), 1)[0]
     assert found["exponent"] == pytest.approx(slope)
-
-
-def test_a_small_survey_of_error_bars():
-    """The survey itself takes half an hour; two scenes say that it works."""
-    sure = {"elements": 20, "steps": 5000}, {"elements": 14, "steps": 3500}
-    found = study.tolerance_survey(2, seed=4, tols=(1e-2,), built_in=False, sure=sure, by_hand=False)
-    assert [r["scene"] for r in found["rows"]] == ["random-4-0", "random-4-1"]
-    for row in found["rows"]:
-        assert row["met"]
-        assert row["judged"]
-        assert row["true"] <= row["bar"] <= 1e-2
-    assert found["summary"]["all"] | {"judged": 2, "coverage": 1.0} == found["summary"]["all"]
-    again = study.random_scene(np.random.default_rng(4), name="again")
-    assert again.mu == found["rows"][0]["mu"]

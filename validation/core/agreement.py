@@ -1,26 +1,41 @@
-"""Verdicts: do two answers agree within what both say of their own errors?"""
+"""Verdicts: do two answers agree within what both say of their own errors, and with mechanics?
+
+Every row can disagree, and a row whose bars are wider than its ceiling says nothing ("too coarse").
+"""
 
 from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from cablefem.response import Array, Response
+from cablefem.response import Array, Flag, Response
 from cablefem.scene import Scene
-from validation.core import measures
+from validation.core import laws, measures, trust
 from validation.core.bounds import Bound, Part, nothing
-from validation.core.estimate import Estimated
+from validation.core.estimate import SLACK_END, Estimated
+from validation.core.flags import flag
 from validation.core.measures import NotComparable, Window
+from validation.core.methods import METHODS
 from validation.core.richardson import SAFETY
+
+DEFAULT_TOL = 1e-3
+CEILING = 0.05  # of a row's own scale at the default tolerance: bars wider than that say nothing
+WIDEST = 0.5  # for looser tolerances, to which ceilings are raised in proportion
+TENSION = 10.0  # times the tolerance of the path is that of the tension, of H, unless it is given
+# s_o/l by which the compared range may end before 0.80 or both slack onsets
+SHORT_RANGE = 0.05
 
 
 class Verdict(enum.Enum):
-    AGREE, DISAGREE, NOT_COMPARABLE = "agree", "disagree", "not comparable"
+    """In the order in which they decide the whole."""
+
+    DISAGREE, NOT_COMPARABLE, TOO_COARSE, AGREE = "disagree", "not comparable", "too coarse", "agree"
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +47,7 @@ class Agreement:
     bound: Bound
     where: float | None = None  # s_o/l of the largest gap
     party: str = ""  # the third party that is held against our better solver
+    law: str = ""  # of several rows of one quantity, what this one is about
 
     @property
     def allowed(self) -> float:
@@ -43,9 +59,11 @@ class Agreement:
 
     @property
     def verdict(self) -> Verdict:
-        if self.bound.tol is not None or not (math.isfinite(self.gap) and math.isfinite(self.allowed)):
+        if not (math.isfinite(self.gap) and math.isfinite(self.allowed)):
             return Verdict.NOT_COMPARABLE
-        return Verdict.AGREE if self.gap <= self.allowed else Verdict.DISAGREE
+        if self.gap > self.allowed:
+            return Verdict.DISAGREE
+        return Verdict.AGREE if self.bound.tol is None else Verdict.TOO_COARSE
 
     def row(self) -> dict[str, Any]:
         """Return the row for agreement.json; a number that does not exist is null."""
@@ -53,83 +71,222 @@ class Agreement:
             "quantity": self.quantity, "gap": self.gap if math.isfinite(self.gap) else None,
             "allowed": self.allowed if math.isfinite(self.allowed) else None,
             "allowed_because": self.allowed_because, "bound": self.bound.row(), "verdict": self.verdict.value,
-            "where": self.where, **({"with": self.party} if self.party else {}),
+            "where": self.where, **({"law": self.law} if self.law else {}),
+            **({"with": self.party} if self.party else {}),
         }  # fmt: skip
+
+    def at_most(self, ceiling: float) -> Agreement:
+        """Return the row, too coarse where more than the ceiling is allowed."""
+        return replace(self, bound=replace(self.bound, tol=ceiling)) if self.allowed > ceiling else self
+
+
+AXIAL_MEAN = "mean over an axial round trip"  # what a load cell sees: fronts keep the rest from converging pointwise
 
 
 def overall(rows: list[Agreement]) -> Verdict:
-    """Return disagree if any row disagrees, else not comparable if any row is, else agree."""
-    verdicts = [row.verdict for row in rows]
-    for verdict in (Verdict.DISAGREE, Verdict.NOT_COMPARABLE):
-        if verdict in verdicts or not rows:
-            return verdict if rows else Verdict.NOT_COMPARABLE
-    return Verdict.AGREE
+    """Return the first of disagree, not comparable and too coarse that any row is, else agree; without rows none.
+
+    A row that fronts make too coarse is not asked where the mean of its quantity over their way agrees.
+    """
+    known = {row.quantity for row in rows if row.law == AXIAL_MEAN and row.verdict is Verdict.AGREE}
+    asked = [row for row in rows if not (row.verdict is Verdict.TOO_COARSE and not row.law and row.quantity in known)]
+    verdicts = {row.verdict for row in asked} or {Verdict.NOT_COMPARABLE}
+    return next(verdict for verdict in Verdict if verdict in verdicts)
+
+
+Gap = Callable[[Response, Response, Window], float]
 
 
 def agree(
-    scene: Scene, a: Estimated, b: Estimated, *, tol: float | None = None, window: Window | None = None
-) -> list[Agreement]:
+    scene: Scene, a: Estimated, b: Estimated, *, tol: float | None = None, tol_tension: float | None = None,
+    window: Window | None = None,
+) -> list[Agreement]:  # fmt: skip
     """Compare two estimated runs; every allowed gap is the sum of the two solvers' own error bars.
 
-    tol : asked of the mass path: where the bars of `path_max` or `path_rms` exceed it, the row is "not comparable".
+    tol : asked of the mass path: where the bars exceed it, the row is "too coarse"; default 5 percent.
+    tol_tension : the same, over H, for tension at the mass and reactions, averaged over an axial wave's way there and
+        back; default ten times `tol`.  Pointwise, where fronts ring, it is the ceiling of all other rows: 5 percent,
+        and for a looser `tol` in proportion more.
     window : s_o/l; default 0.02 to 0.80 or the slack onset of any of the runs, whichever comes first.
     """
+    if tol is not None and tol_tension is None:
+        tol_tension = TENSION * tol
+    ceiling = min(WIDEST, CEILING * max(1.0, (tol or 0.0) / DEFAULT_TOL))
+    rows = [*_independent(a, b), _slack_onset(a, b).at_most(ceiling)]
     try:
         window = measures.window_of(*a.runs, *b.runs, window=window or measures.WINDOW)
     except NotComparable as error:
-        return [Agreement("path_max", math.nan, nothing(error))]
-    rows = []
-    max_gap, rms_gap = measures.path_gap(a.response, b.response, window)
+        return [Agreement("path_max", math.nan, nothing(error)), *rows]
+    H, axial = scene.horizontal_tension, 2.0 * scene.length / scene.axial_speed
+    smooth, ringing, raw = (partial(_compared, a, b, window, orders) for orders in (_own, _ringing(axial), _first))
     where = measures.place_of_gap(a.response, b.response, window)
-    for i, (name, gap) in enumerate((("path_max", max_gap), ("path_rms", rms_gap))):
-
-        def of_path(x: Response, y: Response, i: int = i) -> float:
-            return measures.path_gap(x, y, window)[i]
-
-        row = _row(name, gap, a, b, of_path, where if i == 0 else None)
-        if tol is not None and row.allowed > tol:
-            row = replace(row, bound=replace(row.bound, tol=tol))
-        rows.append(row)
-    rows.append(_row(
-        "tension", measures.tension_gap(a.response, b.response, window), a, b,
-        lambda x, y: measures.tension_gap(x, y, window),
-    ))  # fmt: skip
-    for name, series in (("jump", _jump_series(scene)), ("energy", _energy_series(scene))):
-        rows.append(_law(name, series, a, b, window))
-    rows.append(_first_order("overshoot", measures.oscillation_gap(a.response, b.response, window), a, b, window))
-    return rows
-
-
-def _row(
-    name: str,
-    gap: float,
-    a: Estimated,
-    b: Estimated,
-    of: Callable[[Response, Response], float],
-    where: float | None = None,
-) -> Agreement:
-    bars = tuple(Part(e.run.method, e.bar(of), e.basis) for e in (a, b))
-    return Agreement(name, gap, Bound("error bars", bars), where)
+    path = [replace(smooth("path_max", _path(0)), where=where), smooth("path_rms", _path(1))]
+    pointwise, means = [ringing("tension", measures.tension_gap)], []
+    for name, of in (
+        ("tension_behind", partial(_series, "T_behind", H)), ("tension_ahead", partial(_series, "T_ahead", H)),
+        ("reactions", partial(_series, ("reaction_left", "reaction_right"), math.sqrt(2.0) * H)),
+    ):  # fmt: skip
+        pointwise.append(raw(name, partial(_series_gap, of, 0.0)))
+        means.append(ringing(name, partial(_series_gap, of, axial), law=AXIAL_MEAN))
+    fields = [smooth("displacement", measures.displacement_gap), smooth("velocity", measures.velocity_gap)]
+    held = [_law("energy", _energy_series(scene), a, b, window), *_laws(a, b, window)]
+    return [
+        *(row.at_most(min(tol or ceiling, ceiling)) for row in path),
+        *(row.at_most(tol_tension or ceiling) for row in means),
+        *(row.at_most(max(tol_tension or ceiling, ceiling)) for row in pointwise),
+        *(row.at_most(ceiling) for row in [*fields, *held]),
+        *_range(a, b, window), *rows, *(row.at_most(ceiling) for row in _past_slack(a, b)),
+    ]  # fmt: skip
 
 
-# One-sided slopes at the mass and what oscillates around it converge with first order: the gap to half the resolution
+# --- two answers ----------------------------------------------------------------------------------------------------
+
+# One-sided slopes at the mass and what rings with axial waves converge with first order: the gap to half the resolution
 # and half the steps is what is left.
 FIRST_ORDER = f"the change from half the resolution and half the steps, times {SAFETY}"
+# Steps on an axial wave's way there and back below which halving them does not show what axial waves still ring.
+RESOLVED = 20.0
+
+Weights = Callable[[Estimated], tuple[float, float, str]]
 
 
-def _first_order(name: str, gap: float, a: Estimated, b: Estimated, window: Window) -> Agreement:
-    bars = [SAFETY * sum(measures.oscillation_gap(e.run, c, window) for c in (e.in_space, e.in_time)) for e in (a, b)]
-    parts = tuple(Part(e.run.method, bar, FIRST_ORDER) for e, bar in zip((a, b), bars, strict=True))
-    return Agreement(name, gap, Bound("error bars", parts))
+def _own(e: Estimated) -> tuple[float, float, str]:
+    """Weights of the changes by half the resolution and half the steps, as for the path."""
+    return (*e.weights, e.basis)
 
+
+def _first(e: Estimated) -> tuple[float, float, str]:
+    return SAFETY, SAFETY, FIRST_ORDER
+
+
+def _ringing(axial: float) -> Weights:
+    """Weights for what rings with axial waves, of period `axial` [s]: first order in time where steps miss them."""
+
+    def weights(e: Estimated) -> tuple[float, float, str]:
+        if axial >= RESOLVED * float(np.median(np.diff(e.run.t))):
+            return _own(e)
+        return e.weights[0], SAFETY, f"{e.basis}; steps do not resolve axial waves: of first order in them"
+
+    return weights
+
+
+def _compared(
+    a: Estimated, b: Estimated, window: Window, weights: Weights, name: str, gap: Gap, law: str = ""
+) -> Agreement:
+    """Return the gap of two answers and the sum of their bars; a measure that refuses says why."""
+
+    def bar(e: Estimated) -> Part:
+        in_space, in_time, basis = weights(e)
+        value = in_space * gap(e.run, e.in_space, window) + in_time * gap(e.run, e.in_time, window)
+        return Part(e.run.method, value, basis)
+
+    try:
+        return Agreement(name, gap(a.response, b.response, window), Bound("error bars", (bar(a), bar(b))), law=law)
+    except NotComparable as why:
+        return Agreement(name, math.nan, nothing(why), law=law)
+
+
+def _path(i: int) -> Gap:
+    return lambda x, y, window: measures.path_gap(x, y, window)[i]
+
+
+def _series(names: str | tuple[str, ...], scale: float, r: Response) -> Array:
+    names = (names,) if isinstance(names, str) else names
+    return np.concatenate([getattr(r, name).reshape(r.t.size, -1) for name in names], axis=1) / scale
+
+
+def _series_gap(of: Callable[[Response], Array], axial: float, x: Response, y: Response, window: Window) -> float:
+    return measures.series_gap(x, y, window, of, axial)
+
+
+def _independent(a: Estimated, b: Estimated) -> Iterator[Agreement]:
+    """Give a row where the two answers cannot check each other: of one wing, or the same numbers."""
+    wings = {METHODS[e.run.method].wing for e in (a, b) if e.run.method in METHODS}
+    if len(wings) == 1 and all(e.run.method in METHODS for e in (a, b)):
+        yield Agreement("independence", math.nan, nothing(f"both answers come from the wing {wings.pop()!r}"))
+    if np.array_equal(a.response.v, b.response.v) and a.response.v.any():
+        yield Agreement("independence", math.nan, nothing("both answers are the same numbers"))
+
+
+def _onset(r: Response) -> float:
+    """Return where a cable goes slack, as far as the window of comparison goes."""
+    return min(measures.WINDOW[1], math.inf if r.slack_onset is None else r.slack_onset)
+
+
+def _slack_onset(a: Estimated, b: Estimated) -> Agreement:
+    """Return how far the slack onsets before 0.80 are apart, in s_o/l; no slack before it counts as 0.80."""
+    parts = []
+    for e in (a, b):
+        # an onset is a step, so no better than that
+        step = float(np.diff(e.run.s_o).max()) / e.run.length
+        spread = max(abs(_onset(e.run) - _onset(c)) for c in (e.in_space, e.in_time))
+        parts.append(Part(e.run.method, SAFETY * spread + step, FIRST_ORDER))
+    gap = abs(_onset(a.run) - _onset(b.run))
+    where = min(_onset(a.run), _onset(b.run))
+    return Agreement("slack_onset", gap, Bound("error bars", tuple(parts)), where if gap else None)
+
+
+def _range(a: Estimated, b: Estimated, window: Window) -> Iterator[Agreement]:
+    """Give a row where the compared range ends before both slack onsets, or 0.80."""
+    wanted = max(_onset(a.run), _onset(b.run))
+    if window[1] < wanted - SHORT_RANGE:
+        why = f"compared up to s_o/l = {window[1]:.3f} only, while one of the answers goes on taut to {wanted:.3f}"
+        yield Agreement("range", wanted - window[1], nothing(why), window[1])
+
+
+def _past_slack(a: Estimated, b: Estimated) -> Iterator[Agreement]:
+    """Give the gap of the paths past the slack onset, where it is largest against what is allowed up to there.
+
+    It is looked for as far as both answers together still know the path to 5 percent.
+    """
+    if a.late is None or b.late is None:
+        return
+    pairs = [(a.run, a.late), (b.run, b.late)]
+    onset = min(r.slack_onset or math.inf for pair in pairs for r in pair)
+    end = min([SLACK_END, *(r.reached for pair in pairs for r in pair)])
+    if not onset < end:
+        return
+    place = np.linspace(onset, end, 200)[1:-1]
+    bars = [SAFETY * np.maximum.accumulate(trust.gap(run, late, place)) for run, late in pairs]
+    allowed = bars[0] + bars[1]
+    known = max(1, int(np.count_nonzero(allowed <= CEILING)))
+    gaps = np.maximum.accumulate(trust.gap(a.run, b.run, place))
+    worst = int(np.argmax((gaps / allowed)[:known]))
+    parts = tuple(
+        Part(run.method, float(bar[worst]), LATE.format(place[worst]))
+        for (run, _), bar in zip(pairs, bars, strict=True)
+    )
+    yield Agreement("path_slack", float(gaps[worst]), Bound("error bars", parts), float(place[worst]))
+
+
+LATE = f"the largest change from half of both up to s_o/l = {{:.3f}}, times {SAFETY}"
+
+# A wing whose own time error, brought to as many steps, is so many times its twin's steps at a lower order.
+MOST_UNLIKE = 4.0
+# What says that an error bar may be too small: the verdict stands, but nobody should build on it.
+DOUBTS = ("fast", "energy", "hidden slack", "no bar", "short bar", "time order")
+
+
+def doubts(a: Estimated, b: Estimated) -> list[tuple[str, Flag]]:
+    """Return the methods and flags that say of two answers that their bars may be too small."""
+    found = [(e.run.method, f) for e in (a, b) for f in e.run.flags if f.kind in DOUBTS]
+    try:
+        window = measures.window_of(*a.runs, *b.runs)
+        change = [measures.path_gap(e.run, e.in_time, window)[1] for e in (a, b)]
+    except NotComparable:
+        return found
+    steps = [e.run.settings["steps"] for e in (a, b)]
+    for e, i in ((a, 0), (b, 1)):
+        # brought to as many steps by the scheme's second order, and by the first that unresolved fronts have
+        ratio = min((change[i] * steps[i] ** p) / (change[1 - i] * steps[1 - i] ** p or math.inf) for p in (1, 2))
+        if ratio > MOST_UNLIKE:
+            found.append((e.run.method, flag("time order", ratio=ratio)))
+    return found
+
+
+# --- an answer and mechanics ----------------------------------------------------------------------------------------
 
 Series = Callable[[Response], Array]
-
-
-def _jump_series(scene: Scene) -> Series:
-    assert scene.mass is not None
-    mass, rho, g = scene.mass.mass, scene.cable.mass_per_length, scene.gravity
-    return lambda r: measures.jump_defect(r, mass, rho, g) / (mass * g)
 
 
 def _energy_series(scene: Scene) -> Series:
@@ -140,11 +297,10 @@ def _energy_series(scene: Scene) -> Series:
 
 def _law(name: str, series: Series, a: Estimated, b: Estimated, window: Window) -> Agreement:
     """Hold a law of mechanics, whose exact defect is zero, against each run: its defect must be its error bar."""
-    worst: Agreement | None = None
+    found = []
     for e in (a, b):
         defect = series(e.run)
-        inside = measures.inside(e.run, window)
-        gap = _rms(defect[inside])
+        gap = _rms(defect[measures.inside(e.run, window)])
 
         def distance(x: Response, y: Response) -> float:
             coarse, fine = (x, y) if x.t.size <= y.t.size else (y, x)
@@ -152,11 +308,33 @@ def _law(name: str, series: Series, a: Estimated, b: Estimated, window: Window) 
             return _rms((series(coarse) - measures.at_steps_of(coarse, fine, np.nan_to_num(series(fine))))[inside])
 
         bar = SAFETY * (distance(e.run, e.in_space) + distance(e.run, e.in_time))
-        row = Agreement(name, gap, Bound("law", (Part(e.run.method, bar, FIRST_ORDER),)))
-        if worst is None or row.gap * worst.allowed > worst.gap * row.allowed:
-            worst = row
-    assert worst is not None
-    return worst
+        found.append(Agreement(name, gap, Bound("law", (Part(e.run.method, bar, FIRST_ORDER),))))
+    return _worse(found)
+
+
+def _laws(a: Estimated, b: Estimated, window: Window) -> Iterator[Agreement]:
+    """Hold both runs against mechanics in SI, as the judge knows it by itself; a row for each law, of the worse run."""
+    found: dict[str, list[Agreement]] = {}
+    for e in (a, b):
+        for x in laws.hold(e.run, window, (e.in_space, e.in_time)):
+            found.setdefault(x.law, []).append(_held(e.run.method, x))
+    yield from map(_worse, found.values())
+
+
+def _held(method: str, x: laws.Held) -> Agreement:
+    name = "impulse" if x.law == "impulse" else "laws_si"
+    if not math.isfinite(x.gap + x.changed):
+        return Agreement(name, math.nan, nothing(f"{method} or a companion does not say what it asks for"), law=x.law)
+    parts = [Part(method, x.sampling, "sampling of its fields")]
+    if x.changed:
+        parts.insert(0, Part(method, SAFETY * x.changed, FIRST_ORDER))
+    return Agreement(name, x.gap, Bound("law", tuple(parts)), x.where, law=x.law)
+
+
+def _worse(rows: list[Agreement]) -> Agreement:
+    """Return the row with the worse verdict, of equal ones that which leaves less of what it is allowed."""
+    order = list(Verdict)
+    return min(rows, key=lambda row: (order.index(row.verdict), -row.gap / row.allowed if row.allowed > 0.0 else 0.0))
 
 
 def _rms(x: Array) -> float:

@@ -1,53 +1,203 @@
-"""The numbers a ropeway is built by: extremes of a response with the instant and the place where they stand."""
+"""The numbers a ropeway is designed with, in SI, each with its bar: extremes over a ride, where and when they occur.
+
+Over the range in which bars exist: gripped up to the window of comparison, other rides as far as they go.  A bar is
+what half the resolution and half the steps change, in the extreme itself or at its instant, whichever is more.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from cablefem.response import Array, Response
+from validation.core import measures
+from validation.core.estimate import Estimated
+from validation.core.richardson import SAFETY
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A design number; t [s] and s_o [m] when it occurs, s [m] where on the cable; bar in its unit, None: unknown."""
+
+    quantity: str
+    value: float
+    bar: float | None
+    unit: str
+    t: float | None = None
+    s_o: float | None = None
+    s: float | None = None
+
+    def row(self) -> dict[str, Any]:
+        """Return the row of `design` in summary.json and agreement.json."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, slots=True)
+class _Track:
+    """An extreme over the cable at each instant: value and place s [m], (n,) each."""
+
+    t: Array
+    value: Array
+    s: Array
+
+
+@dataclass(frozen=True, slots=True)
+class _Quantity:
+    unit: str
+    sign: float  # +1: the largest is wanted, -1: the least
+    tracks: Callable[[Response], list[_Track]]
+    force: bool  # of first order, by the axial fronts in it
+    settled: bool = False  # the start-up of a gripped entry is left out: its forces begin at zero
+
+
+def _at_mass(r: Response, value: Array) -> _Track:
+    return _Track(r.t, value, r.s_o)
+
+
+def _of_field(r: Response, values: Array, sign: float) -> _Track:
+    at = (sign * values).argmax(axis=1)
+    return _Track(r.fields.t, values[np.arange(at.size), at], r.fields.s[at])
+
+
+def _at_support(r: Response, force: Array, right: bool) -> _Track:
+    return _Track(r.t, force, np.full(r.t.size, r.length if right else 0.0))
+
+
+def _tension(sign: float) -> Callable[[Response], list[_Track]]:
+    return lambda r: [
+        _at_mass(r, r.T_behind), _at_mass(r, r.T_ahead), _of_field(r, r.fields.T, sign),
+        _at_support(r, np.hypot(*r.reaction_left.T), False), _at_support(r, np.hypot(*r.reaction_right.T), True),
+    ]  # fmt: skip
+
+
+def _reaction(side: str, of: Callable[[Array], Array]) -> Callable[[Response], list[_Track]]:
+    return lambda r: [_at_support(r, of(getattr(r, f"reaction_{side}")), side == "right")]
+
+
+def _depth(r: Response) -> list[_Track]:
+    return [_at_mass(r, r.y), _of_field(r, r.fields.y + r.fields.v, 1.0)]
+
+
+QUANTITIES: dict[str, _Quantity] = {
+    "tension_max": _Quantity("N", 1.0, _tension(1.0), True),
+    "tension_min": _Quantity("N", -1.0, _tension(-1.0), True),
+    **{
+        f"reaction_{side}_{part}max": _Quantity("N", 1.0, _reaction(side, of), True)
+        for side in ("left", "right")
+        for part, of in (
+            ("", lambda x: np.hypot(x[:, 0], x[:, 1])), ("horizontal_", lambda x: np.abs(x[:, 0])),
+            ("vertical_", lambda x: np.abs(x[:, 1])),
+        )
+    },
+    "deepest_point": _Quantity("m", 1.0, _depth, False),
+    "mass_deepest": _Quantity("m", 1.0, lambda r: [_at_mass(r, r.y)], False),
+    "mass_deflection_max": _Quantity("m", 1.0, lambda r: [_at_mass(r, r.v)], False),
+    "contact_max": _Quantity("N", 1.0, lambda r: [_at_mass(r, r.F_contact)], True, settled=True),
+    "contact_min": _Quantity("N", -1.0, lambda r: [_at_mass(r, r.F_contact)], True, settled=True),
+    "haul_force_max": _Quantity("N", 1.0, lambda r: [_at_mass(r, np.abs(r.F_haul))], True),
+    "speed_max": _Quantity("m/s", 1.0, lambda r: [_at_mass(r, r.speed)], False),
+}  # fmt: skip
+
+
+def numbers(e: Estimated, twin: Estimated | None = None) -> list[Number]:
+    """Return the design numbers of a run with the bars of its companions, and no less than the gap to its twin.
+
+    twin : the run of the other wing, where there is one.  A quantity that a run does not know is left out.
+    """
+    runs = [x for x in (e, twin) if x is not None]
+    try:
+        stop = measures.window_of(*(r for x in runs for r in x.runs))[1] if e.run.drive == "grip" else math.inf
+    except measures.NotComparable:
+        return alone(e.run)
+    out = []
+    for name, quantity in QUANTITIES.items():
+        found = _extreme(e.run, quantity, stop)
+        if found is None:
+            continue
+        weights = (SAFETY, SAFETY) if quantity.force else e.weights
+        changes = [_change(e.run, c, quantity, stop) for c in (e.in_space, e.in_time)]
+        bar = weights[0] * changes[0] + weights[1] * changes[1]
+        if twin is not None:
+            bar = max(bar, _change(e.run, twin.run, quantity, stop))
+        bar += found.between
+        out.append(replace(found.number, quantity=name, bar=bar if math.isfinite(bar) else None))
+    return [*out, *_onset(e, twin)]
 
 
 def design(r: Response) -> list[dict[str, Any]]:
-    """Return rows {quantity, value, bar, unit, t, s_o, s} of what the response knows; SI, no bars yet (None)."""
-    f = r.fields
-    rows: list[dict[str, Any]] = []
-
-    def row(quantity: str, unit: str, value: float, t: float, s_o: float, s: float | None) -> None:
-        at = None if s is None else float(s)
-        rows.append({"quantity": quantity, "value": float(value), "bar": None, "unit": unit, "t": float(t),
-                     "s_o": float(s_o), "s": at})  # fmt: skip
-
-    def extreme(quantity: str, unit: str, values: Array, sign: float, s: Array | float | None = None) -> None:
-        """The largest of sign times the values, over the steps."""
-        if np.all(np.isnan(values)):
-            return
-        i = int(np.nanargmax(sign * values))
-        place = s[i] if isinstance(s, np.ndarray) else s
-        row(quantity, unit, values[i], r.t[i], r.s_o[i], place)
-
-    at_car = np.fmax(r.T_behind, r.T_ahead)
-    i = int(np.nanargmax(at_car))
-    most = (at_car[i], r.t[i], r.s_o[i], r.s_o[i])
-    if f.T.size:
-        k, m = np.unravel_index(int(np.argmax(f.T)), f.T.shape)
-        most = max(most, (f.T[k, m], f.t[k], f.s_o[k], f.s[m]))
-    row("tension_max", "N", *most)
-    extreme("tension_min", "N", r.tension_min, -1.0, r.tension_min_at)
-    extreme("reaction_left_max", "N", np.linalg.norm(r.reaction_left, axis=1), 1.0, 0.0)
-    extreme("reaction_right_max", "N", np.linalg.norm(r.reaction_right, axis=1), 1.0, r.length)
-    if f.T.size and not np.isnan(f.y).all():
-        y = f.y + f.v
-        k, m = np.unravel_index(int(np.argmax(y)), y.shape)
-        row("deepest_point", "m", *max((y[k, m], f.t[k], f.s_o[k], f.s[m]), (r.y.max(), *_at(r, int(r.y.argmax())))))
-    extreme("mass_deepest", "m", r.y, 1.0, r.s_o)
-    extreme("contact_max", "N", r.F_contact, 1.0, r.s_o)
-    extreme("contact_min", "N", r.F_contact, -1.0, r.s_o)
-    extreme("haul_force_max", "N", r.F_haul, 1.0, r.s_o)
-    extreme("speed_max", "m/s", r.speed, 1.0, r.s_o)
-    return rows
+    """Return the rows of `design` of a run without companions."""
+    return [number.row() for number in alone(r)]
 
 
-def _at(r: Response, i: int) -> tuple[float, float, float]:
-    return float(r.t[i]), float(r.s_o[i]), float(r.s_o[i])
+def alone(r: Response) -> list[Number]:
+    """Return the design numbers of a run without companions: without bars."""
+    stop = measures.WINDOW[1] if r.slack_onset is None else min(measures.WINDOW[1], r.slack_onset)
+    found = (
+        (name, _extreme(r, quantity, stop if r.drive == "grip" else math.inf)) for name, quantity in QUANTITIES.items()
+    )
+    numbers = [replace(x.number, quantity=name) for name, x in found if x is not None]
+    if r.slack_onset is not None:
+        numbers.append(Number("slack_onset", r.slack_onset, None, "s_o/l", s_o=r.slack_onset * r.length))
+    return numbers
+
+
+@dataclass(frozen=True, slots=True)
+class _Extreme:
+    number: Number
+    track: int
+    k: int
+    between: float  # what may lie between two instants of its track
+
+
+def _extreme(r: Response, quantity: _Quantity, stop: float) -> _Extreme | None:
+    """Return the extreme up to s_o/l = stop; None where nothing is known."""
+    place = r.length * (measures.WINDOW[0] if quantity.settled and r.drive == "grip" else -1.0)
+    best: _Extreme | None = None
+    for i, track in enumerate(quantity.tracks(r)):
+        s_o = np.interp(track.t, r.t, r.s_o)
+        value = np.where((s_o >= place) & (s_o <= stop * r.length * (1.0 + 1e-9)), track.value, math.nan)
+        if not np.isfinite(value).any():
+            continue
+        k = int(np.nanargmax(quantity.sign * value))
+        if best is None or quantity.sign * value[k] > quantity.sign * best.number.value:
+            at = float(track.t[k]), float(s_o[k]), float(track.s[k])
+            beside = np.abs(value[max(0, k - 1) : k + 2] - value[k])
+            # inside, a parabola's top is at most a quarter of the larger step above its highest sample
+            ends = beside.size < 3 or not np.isfinite(beside).all()
+            between = (1.0 if ends else 0.25) * float(np.nanmax(beside))
+            best = _Extreme(Number("", float(value[k]), None, quantity.unit, *at), i, k, between)
+    return best
+
+
+NEAR = (
+    5  # steps about an extreme over which runs are compared: it sits on axial waves that come a little sooner or later
+)
+
+
+def _change(r: Response, other: Response, quantity: _Quantity, stop: float) -> float:
+    """Return how far an extreme is from that of another run, and from its values thereabouts."""
+    here, there = _extreme(r, quantity, stop), _extreme(other, quantity, stop)
+    if here is None or there is None:
+        return math.inf
+    mine, track = quantity.tracks(r)[here.track], quantity.tracks(other)[here.track]
+    known, near = np.isfinite(track.value), slice(max(0, here.k - NEAR), here.k + NEAR + 1)
+    apart = mine.value[near] - np.interp(mine.t[near], track.t[known], track.value[known])
+    inside = (mine.t[near] <= min(r.t[-1], other.t[-1])) & np.isfinite(apart)
+    return max(abs(here.number.value - there.number.value), float(np.abs(apart[inside]).max(initial=0.0)))
+
+
+def _onset(e: Estimated, twin: Estimated | None) -> list[Number]:
+    """Return the slack onset; companions that end before it say nothing of it, half of both or the twin does."""
+    r = e.run
+    if r.slack_onset is None:
+        return []
+    others = [c for c in (e.in_space, e.in_time, e.late, None if twin is None else twin.run) if c is not None]
+    apart = [abs(r.slack_onset - c.slack_onset) for c in others if c.slack_onset is not None]
+    bar = SAFETY * max(apart) + float(np.diff(r.s_o).max()) / r.length if apart else None
+    at = r.slack_onset * r.length
+    where = None if r.slack_at is None else r.slack_at * r.length
+    return [Number("slack_onset", r.slack_onset, bar, "s_o/l", float(np.interp(at, r.s_o, r.t)), at, where)]

@@ -36,6 +36,7 @@ class Estimated:
     weights: tuple[float, float]  # what is left of the gaps to the companions in the finest run
     basis: str  # one sentence: where the bar comes from
     extrapolated: bool = False
+    late: Response | None = None  # half of both, to where a slack cable is still compared
 
     def bar(self, gap: Callable[[Response, Response], float]) -> float:
         """Return the error bar of a quantity from its gaps to the companions."""
@@ -106,6 +107,20 @@ def estimated(
         )
     estimate = Estimated(response, fine, c_space, c_time, (w_space, SAFETY * left(p_time)), basis, method.extrapolate)
     return _with_bars(estimate)
+
+
+SLACK_END = 0.95  # s_o/l to which an answer is compared once the cable is slack
+
+
+def past_slack(scene: Scene, method: Method, e: Estimated) -> Estimated:
+    """Return the run with a companion of half the resolution and half the steps where it goes slack before 0.95.
+
+    The other companions end with the window of comparison: what bears on the slack cable is first order anyway.
+    """
+    if e.run.slack_onset is None or e.run.slack_onset >= SLACK_END:
+        return e
+    halved = refined(method, e.run.settings, space=0.5, time=0.5)
+    return replace(e, late=run(scene, method, until=SLACK_END, **halved))
 
 
 def weighted(e: Estimated, factor: float) -> Estimated:

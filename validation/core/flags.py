@@ -16,6 +16,8 @@ WORDS = {
     "hidden slack": "points of the cable are under compression, up to {most:.2g} H, from s_o/l = {since:.3f} "
     "(s/l = {at:.3f}) on, but no whole element is slack: from there on the error bar may be too small",
     "no bar": "no error bar could be made: {why}",
+    "time order": "with half the steps its path changes {ratio:.2g} times as much as its twin's would with as many "
+    "steps: its order in time may be below its scheme's, and its error bar too small",
     "short bar": "the error bars hold up to s_o/l = {stop:.3f} only: with half the resolution or half the steps the "
     "run goes slack or ends there; more of both make them reach further",
 }

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,12 +23,11 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from cablefem.response import Array, Response
 
-EVERY = 4  # frames from one end of a window to the next: 0.04 of the travel
+EVERY = 6  # frames from one end of a window to the next: 0.06 of the travel
 ROUNDING = 1e-9  # of the scale: stations and splines of static shapes
 DOWN = np.array([0.0, 1.0])
 
 Window = tuple[float, float]
-Frames = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,112 +78,54 @@ class Defect:
         return math.sqrt(float(np.mean(self.size**2)))
 
 
-Law = Callable[[Response, Given, Window], Defect]
-
-
 @dataclass(frozen=True, slots=True)
 class Held:
-    """A law held against a run: the rms defect, what may be left of it, and where it is largest (s_o/l)."""
+    """A law held against a run: its rms defect, what may be left of it, and where it is largest (s_o/l)."""
 
     law: str
-    gap: float
-    sampling: float
+    gap: float  # nan where the response does not say what the law asks for
+    sampling: float  # what the stations leave: twice what every second one changes
+    changed: float  # by half the resolution and half the steps together; nan where a companion ends early
     where: float | None
 
 
-def thinned(r: Response) -> Response:
+def hold(r: Response, window: Window, companions: Sequence[Response] = ()) -> Iterator[Held]:
+    """Hold every law that a response can be held against, over a window of s_o/l, the cable at rest first."""
+    case, sparse = Mechanics(r, window), Mechanics(_thinned(r), window)
+    others = [Mechanics(c, window) for c in companions]
+    for law, kind in LAWS.items():
+        if not case.concerns(law):
+            continue
+        found = case.defect(law)
+        size = found.size
+        if not size.size or not np.isfinite(size).all():
+            yield Held(law, math.nan, math.nan, math.nan, None)
+            continue
+        sampling = 2.0 * Defect(found.place, found.value - sparse.defect(law).value).rms + ROUNDING
+        changed, at = 0.0, float(found.place[size.argmax()])
+        if kind == "resolved":
+            for other in others:
+                coarse = other.defect(law).value
+                same = coarse.shape == found.value.shape
+                changed += Defect(found.place, coarse - found.value).rms if same else math.nan
+        yield Held(law, found.rms, sampling, changed, at if math.isfinite(at) else None)
+
+
+# What a law asks of a run: nothing of its resolution, or that it be resolved.
+LAWS = {
+    "ends at rest": "exact", "length at rest": "exact", "shape at rest": "exact", "forces at rest": "exact",
+    "travel": "exact", "compression": "exact", "stretch": "resolved", "momentum of the mass": "resolved",
+    "impulse": "resolved", "momentum of the cable": "resolved", "moment of momentum": "resolved",
+    "energy": "resolved",
+}  # fmt: skip
+
+
+def _thinned(r: Response) -> Response:
     """Return the response with every second station of its fields."""
     f = r.fields
     rows = {name: getattr(f, name)[::2] for name in ("s", "x", "y", "T_static")}
     columns = {name: getattr(f, name)[:, ::2] for name in ("u", "v", "du", "dv", "T", "T_pointwise")}
     return replace(r, fields=replace(f, **rows, **columns))
-
-
-def names(r: Response) -> list[str]:
-    """Return the laws that a response can be held against, the cable at rest first."""
-    return [*REST, *(name for name in MOTION if name != "travel" or r.drive != "free")]
-
-
-def defect(law: str, r: Response, window: Window) -> Defect:
-    """Return the defect of a law over a window of s_o/l."""
-    return {**REST, **MOTION}[law](r, Given.read(r.scene_toml), window)
-
-
-def held(law: str, r: Response, window: Window) -> Held:
-    """Hold a law against a run alone; `sampling` is what the stations leave, twice what thinning them changes."""
-    found = defect(law, r, window)
-    size = found.size
-    if not size.size or not np.isfinite(size).all():
-        return Held(law, math.nan, math.nan, None)
-    coarse = defect(law, thinned(r), window)
-    sampling = 2.0 * Defect(found.place, found.value - coarse.value).rms + ROUNDING
-    at = float(found.place[size.argmax()])
-    return Held(law, found.rms, sampling, at if math.isfinite(at) else None)
-
-
-def _static(*values: float) -> Defect:
-    return Defect(np.array([math.nan]), np.array([values]))
-
-
-# --- the cable at rest ----------------------------------------------------------------------------------------------
-
-
-def _curve(r: Response) -> tuple[Array, CubicSpline]:
-    f = r.fields
-    return f.s, CubicSpline(f.s, np.stack([f.x, f.y], axis=1))
-
-
-def ends(r: Response, given: Given, _: Window) -> Defect:
-    """The cable ends at its supports; over the span."""
-    f = r.fields
-    first, last = np.array([f.x[0], f.y[0]]), np.array([f.x[-1] - given.span, f.y[-1] - given.drop])
-    return _static(*(np.concatenate([first, last]) / given.span))
-
-
-def length(r: Response, given: Given, _: Window) -> Defect:
-    """Stations count the length of the curve, from none to all of it, and that is the length asked for; over it."""
-    s, curve = _curve(r)
-    arcs = _arcs(curve, s)
-    off = [s[0], float(np.abs(np.cumsum(arcs) - s[1:]).max()), s[-1] - r.length]
-    if given.asked[0] == "length":
-        off.append(s[-1] - given.asked[1])
-    return _static(*(np.array(off) / s[-1]))
-
-
-def shape(r: Response, given: Given, _: Window) -> Defect:
-    """Sag below the chord, or horizontal tension, as asked for; over itself."""
-    name, value = given.asked
-    if name == "horizontal_tension":
-        return _static(r.horizontal_tension / value - 1.0)
-    if name == "length":
-        return _static(0.0)  # `length` has it
-    s, curve = _curve(r)
-    below = CubicSpline(s, curve(s)[:, 1] - given.drop / given.span * curve(s)[:, 0])
-    turns = below.derivative().roots(extrapolate=False)
-    deepest = max([0.0, *(float(below(t)) for t in turns if np.isfinite(t))])
-    return _static(deepest / value - 1.0)
-
-
-def rest_forces(r: Response, given: Given, _: Window) -> Defect:
-    """T x' = H all along, over H; T y' falls by rho g per metre, the supports carry the weight, over rho g l."""
-    s, curve = _curve(r)
-    slope = curve(s, 1)
-    T, H = r.fields.T_static[:, None] * slope, r.horizontal_tension
-    weight = given.rho * given.gravity * s[-1]
-    falls = T[0, 1] - T[:, 1] - given.rho * given.gravity * s
-    return _static(np.abs(T[:, 0] - H).max() / H, np.abs(falls).max() / weight)
-
-
-def _arcs(curve: CubicSpline, s: Array) -> Array:
-    """Return the length of a curve between nodes (m - 1,): three Gauss points each."""
-    x, w = np.polynomial.legendre.leggauss(3)
-    h = 0.5 * np.diff(s)
-    points = s[:-1, None] + h[:, None] * (1.0 + x)
-    slope = curve(points, 1)
-    return h * (np.hypot(slope[..., 0], slope[..., 1]) @ w)
-
-
-# --- the cable in motion --------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,220 +140,287 @@ class _Side:
     T: Array  # (m,)
 
 
-def _chosen(r: Response, window: Window) -> Frames:
-    """Return the indices of the frames at which windows begin and end."""
-    at = r.fields.s_o / r.length
-    inside = np.flatnonzero((at >= window[0] * (1.0 - 1e-9)) & (at <= window[1] * (1.0 + 1e-9)))
-    return inside[:: min(EVERY, max(1, inside.size // 4))]
+class Mechanics:
+    """The laws, held against one response over a window of s_o/l; each returns its defect."""
+
+    def __init__(self, r: Response, window: Window) -> None:
+        self.r, self.window, self.given = r, window, Given.read(r.scene_toml)
+
+    def concerns(self, law: str) -> bool:
+        """Return whether a law says anything about the response."""
+        if law == "compression":
+            return self.r.switched is not None or self.r.law == "tension-only"
+        return law != "travel" or self.r.drive != "free"
+
+    def defect(self, law: str) -> Defect:
+        found: Defect = getattr(self, "_" + law.replace(" ", "_"))()
+        return found
+
+    # --- the cable at rest -----------------------------------------------------------------------------
+    @cached_property
+    def curve(self) -> CubicSpline:
+        """Place (x, y) of the cable at rest over s."""
+        f = self.r.fields
+        return CubicSpline(f.s, np.stack([f.x, f.y], axis=1))
+
+    def _ends_at_rest(self) -> Defect:
+        """The cable ends at its supports; over the span."""
+        f, given = self.r.fields, self.given
+        off = np.array([f.x[0], f.y[0], f.x[-1] - given.span, f.y[-1] - given.drop])
+        return _static(*(off / given.span))
+
+    def _length_at_rest(self) -> Defect:
+        """Stations count the length of the curve, from none to all of it, and that is the length asked for; over it."""
+        s, asked = self.r.fields.s, self.given.asked
+        off = [s[0], float(np.abs(np.cumsum(_arcs(self.curve, s)[0]) - s[1:]).max()), s[-1] - self.r.length]
+        if asked[0] == "length":
+            off.append(s[-1] - asked[1])
+        return _static(*(np.array(off) / s[-1]))
+
+    def _shape_at_rest(self) -> Defect:
+        """Sag below the chord, or horizontal tension, as asked for; over itself."""
+        name, value = self.given.asked
+        if name == "horizontal_tension":
+            return _static(self.r.horizontal_tension / value - 1.0)
+        if name == "length":
+            return _static(0.0)  # the length has its own law
+        f = self.r.fields
+        below = CubicSpline(f.s, f.y - self.given.drop / self.given.span * f.x)
+        turns = below.derivative().roots(extrapolate=False)
+        return _static(max([0.0, *below(turns).tolist()]) / value - 1.0)
+
+    def _forces_at_rest(self) -> Defect:
+        """T x' = H all along, over H; T y' falls by rho g per metre, the supports carry the weight, over rho g l."""
+        s, H, weight = self.r.fields.s, self.r.horizontal_tension, self.given.rho * self.given.gravity
+        force = self.r.fields.T_static[:, None] * self.curve(s, 1)
+        falls = force[0, 1] - force[:, 1] - weight * s
+        return _static(np.abs(force[:, 0] - H).max() / H, np.abs(falls).max() / (weight * s[-1]))
+
+    # --- the cable in motion ---------------------------------------------------------------------------
+    @cached_property
+    def frames(self) -> NDArray[np.intp]:
+        """Indices of the frames at which windows begin and end."""
+        at, (low, high) = self.r.fields.s_o / self.r.length, self.window
+        inside = np.flatnonzero((at >= low * (1.0 - 1e-9)) & (at <= high * (1.0 + 1e-9)))
+        return inside[:: min(EVERY, max(1, inside.size // 4))]
+
+    @property
+    def t(self) -> Array:
+        """Instants of the frames."""
+        return self.r.fields.t[self.frames]
+
+    @property
+    def middle(self) -> Array:
+        """s_o/l in the middle of each window."""
+        at = self.r.fields.s_o[self.frames] / self.r.length
+        return 0.5 * (at[1:] + at[:-1])
+
+    @cached_property
+    def pace(self) -> Array:
+        """ds_o/dt at every step (n,)."""
+        return CubicSpline(self.r.t, self.r.s_o)(self.r.t, 1)
+
+    @cached_property
+    def sides(self) -> list[tuple[_Side, _Side]]:
+        """Both sides of the mass at the frames."""
+        r, f, frames = self.r, self.r.fields, self.frames
+        at = f.s_o[frames]
+        rest = CubicSpline(f.s, np.stack([f.x, f.y, f.T_static], axis=1))(at)
+        mass = rest[:, :2] + np.stack([f.mass_u[frames], f.mass_v[frames]], axis=1)
+        # the material at the mass: dp/dt = r_t + ds_o r' on either side
+        behind, ahead = (
+            self._at_frames(r.velocity - self.pace[:, None] * slope) for slope in (r.slope_behind, r.slope_ahead)
+        )
+        static, out = np.stack([f.x, f.y], axis=1), []
+        for i, k in enumerate(frames):
+            place = static + np.stack([f.u[k], f.v[k]], axis=1)
+            velocity = np.stack([f.du[k], f.dv[k]], axis=1)
+            pair = []
+            for keep, moves, T, last in (
+                (f.s < at[i] * (1.0 - 1e-9), behind[i], f.T_behind[k], True),
+                (f.s > at[i] * (1.0 + 1e-9), ahead[i], f.T_ahead[k], False),
+            ):
+                inner = [f.s, place, velocity, static, f.T_static, f.T[k]]
+                here = [at[i], mass[i], moves, rest[i, :2], rest[i, 2], T]
+                columns = [
+                    np.concatenate([x[keep], [y]] if last else [[y], x[keep]])
+                    for x, y in zip(inner, here, strict=True)
+                ]  # fmt: skip
+                pair.append(_Side(*columns))
+            out.append((pair[0], pair[1]))
+        return out
+
+    def _at_frames(self, values: Array) -> Array:
+        """Interpolate what is given at every step (n, c) to the frames (k, c)."""
+        return np.stack([np.interp(self.t, self.r.t, column) for column in values.T], axis=1)
+
+    def _over_windows(self, kept: Array, scale: float) -> Defect:
+        """Return the change over each window of what ought not to change (k, c), over scale times its time."""
+        return Defect(self.middle, np.diff(kept, axis=0) / (scale * np.mean(np.diff(self.t))))
+
+    def _impulse_of(self, force: Array) -> Array:
+        """Return the integral of a force (n, c) over time up to the frames (k, c); nan if it is not known."""
+        if not np.isfinite(force[1:-1]).all():
+            return np.full((self.t.size, force.shape[1]), math.nan)
+        force = np.nan_to_num(force)  # on the supports
+        total = cumulative_trapezoid(force, self.r.t, axis=0, initial=0.0)
+        return CubicHermiteSpline(self.r.t, total, force, axis=0)(self.t)
+
+    def _travel(self) -> Defect:
+        """s_o(t) is the travel that the TOML asks for; over the length."""
+        r, law, l = self.r, self.given.travel, self.r.fields.s[-1]
+        start = self.given.drive.get("start", 0.01 * l) if r.drive == "haul" else 0.0
+        inside = (r.s_o / r.length >= self.window[0]) & (r.s_o / r.length <= self.window[1])
+        t, s = r.t[inside], r.s_o[inside]
+        if law["kind"] == "table":
+            times, places = np.array(law["times"]), np.array(law["positions"]) + start
+            known = (times >= t[0]) & (times <= t[-1])
+            off = CubicSpline(r.t, r.s_o)(times[known]) - places[known]
+            return Defect(places[known] / l, off[:, None] / l)
+        if law["kind"] == "constant_speed":
+            want = law["speed"] * t
+        elif law["kind"] == "constant_acceleration":
+            want = law.get("initial_speed", 0.0) * t + 0.5 * law["acceleration"] * t**2
+        else:
+            V, third = law["top_speed"], l / 3.0
+            a, t1 = 0.5 * V * V / third, 2.0 * third / V
+            t2 = t1 + third / V
+            left = np.clip(t2 + t1 - t, 0.0, t1)
+            want = np.where(t < t1, 0.5 * a * t**2, np.where(t < t2, third + V * (t - t1), l - 0.5 * a * left**2))
+        return Defect(s / l, (s - start - want)[:, None] / l)
+
+    def _compression(self) -> Defect:
+        """A cable that carries none is under none; over H."""
+        f = self.r.fields
+        T = f.T_pointwise[f.s_o / self.r.length > (self.r.switched or 0.0)]
+        return _static(min(0.0, float(T.min(initial=0.0))) / self.r.horizontal_tension)
+
+    def _stretch(self) -> Defect:
+        """Mean tension of each side is that at rest plus EA times the side's strain by the sampled curve; over H."""
+        off = []
+        for pair in self.sides:
+            row = []
+            for x in pair:
+                l = x.s[-1] - x.s[0]
+                moved, rest = _lengths(x.s, x.place, x.rest)
+                grown = moved - rest
+                row.append((float(simpson(x.T - x.T_static, x=x.s)) - self.given.EA * grown) / l)
+            off.append(row)
+        at = self.r.fields.s_o[self.frames] / self.r.length
+        return Defect(at, np.array(off).reshape(-1, 2) / self.r.horizontal_tension)
+
+    def _of_mass(self, pull: Array) -> Defect:
+        """Return what is missing from the momentum of the mass under the cable's pull (n, 2)."""
+        r, force = self.r, pull + self._outside()
+        if not np.isfinite(force[1:-1]).all():
+            return Defect(self.middle, np.full((self.middle.size, 2), math.nan))
+        kept = self.given.mass * r.velocity - cumulative_trapezoid(np.nan_to_num(force), r.t, axis=0, initial=0.0)
+        return self._over_windows(self._at_frames(kept), self.given.weight)
+
+    def _outside(self) -> Array:
+        """Return what acts on the mass besides the cable, (n, 2) [N]: weight, haul rope or thrust, drag of the TOML."""
+        r, drive = self.r, self.given.drive
+        force = self.given.weight * DOWN + np.zeros((r.t.size, 2))
+        if r.drive != "grip":
+            mean = r.slope_behind + r.slope_ahead
+            force += np.nan_to_num(r.F_haul)[:, None] * mean / np.hypot(mean[:, 0], mean[:, 1])[:, None]
+            k = 0.5 * drive.get("air_density", 1.2) * drive.get("drag_area", 0.0)
+            past = r.velocity - [drive.get("wind", 0.0), 0.0]
+            force -= k * np.hypot(past[:, 0], past[:, 1])[:, None] * past
+        return force
+
+    def _momentum_of_the_mass(self) -> Defect:
+        """M (v_2 - v_1) is the impulse of weight, contact force and what acts from outside; over M g times window."""
+        return self._of_mass(-self.r.contact)
+
+    def _impulse(self) -> Defect:
+        """M (v_2 - v_1) with the cable's pull [ N t - rho ds_o^2 r' ] by both tensions; over M g times the window."""
+        pull = np.zeros((self.r.t.size, 2))
+        for sign, T, slope in self._both():
+            tangent = slope / np.hypot(slope[:, 0], slope[:, 1])[:, None]
+            pull += sign * (T[:, None] * tangent - (self.given.rho * self.pace**2)[:, None] * slope)
+        return self._of_mass(pull)
+
+    def _both(self) -> Iterator[tuple[float, Array, Array]]:
+        """Give sign, tension and slope behind and ahead of the mass, so that the sum is what is ahead less behind."""
+        yield -1.0, self.r.T_behind, self.r.slope_behind
+        yield 1.0, self.r.T_ahead, self.r.slope_ahead
+
+    def _momentum_of_the_cable(self) -> Defect:
+        """rho int r. ds changes by the impulse of reactions, weight and mass; over all weight times the window."""
+        r, rho = self.r, self.given.rho
+        weight = rho * self.given.gravity * r.fields.s[-1]
+        held = np.array([rho * sum(simpson(x.velocity, x=x.s, axis=0) for x in pair) for pair in self.sides])
+        force = r.reaction_left + r.reaction_right + r.contact + weight * DOWN
+        return self._over_windows(held.reshape(-1, 2) - self._impulse_of(force), weight + self.given.weight)
+
+    def _moment_of_momentum(self) -> Defect:
+        """rho int r x r. ds about the left support changes by the moments' impulse; over all weight, span, window."""
+        r, given, t = self.r, self.given, self.t
+        weight = given.rho * given.gravity
+        spin, lever = (
+            np.array([sum(float(simpson(of(x), x=x.s)) for x in pair) for pair in self.sides])
+            for of in (lambda x: given.rho * _cross(x.place, x.velocity), lambda x: weight * x.place[:, 0])
+        )
+        right = np.array([given.span, given.drop])
+        moment = _cross(right, r.reaction_right) + _cross(np.stack([r.x, r.y], axis=1), r.contact)
+        own = CubicSpline(t, lever).antiderivative()(t) if t.size > 3 else cumulative_trapezoid(lever, t, initial=0.0)
+        kept = (spin - own)[:, None] - self._impulse_of(moment[:, None])
+        return self._over_windows(kept, (weight * r.fields.s[-1] + given.weight) * given.span)
+
+    def _energy(self) -> Defect:
+        """Energy of cable and mass changes by the work of the drive; over weight times largest deflection.
+
+        Strain energy from the tension: W = (N^2 - T^2)/(2 EA).
+        """
+        r, given = self.r, self.given
+        rest = 0.5 * given.mass * np.sum(r.velocity**2, axis=1) - given.weight * r.y
+        whole = self._at_frames(rest[:, None])[:, 0]
+        for i, pair in enumerate(self.sides):
+            for x in pair:
+                density = 0.5 * given.rho * np.sum(x.velocity**2, axis=1)
+                density += (x.T**2 - x.T_static**2) / (2.0 * given.EA) - given.rho * given.gravity * x.place[:, 1]
+                whole[i] += float(simpson(density, x=x.s))
+        kept = whole[:, None] - self._impulse_of(self._power()[:, None])
+        return Defect(self.middle, np.diff(kept, axis=0) / (given.weight * r.max_deflection))
+
+    def _power(self) -> Array:
+        """Return what drive and outside forces put in (n,) [W].
+
+        That of a grip is ds_o (-contact . <r'> + <N t> . [r'] - [W]); of other drives as the response says.
+        """
+        r = self.r
+        if r.drive != "grip":
+            return np.sum(list(r.powers.values()), axis=0) if r.powers else np.full(r.t.size, math.nan)
+        mean, jump = 0.5 * (r.slope_behind + r.slope_ahead), r.slope_ahead - r.slope_behind
+        work = -np.sum(r.contact * mean, axis=1)
+        for sign, T, slope in self._both():
+            work += 0.5 * T / np.hypot(slope[:, 0], slope[:, 1]) * np.sum(slope * jump, axis=1)
+            work -= sign * T**2 / (2.0 * self.given.EA)  # that at rest is the same on both sides
+        return self.pace * work
 
 
-def _sides(r: Response, frames: Frames) -> list[tuple[_Side, _Side]]:
-    f = r.fields
-    rest = CubicSpline(f.s, np.stack([f.x, f.y, f.T_static], axis=1))
-    at, t = f.s_o[frames], f.t[frames]
-    pace = CubicSpline(r.t, r.s_o)(t, 1)
-    of_mass = np.stack([np.interp(t, r.t, r.velocity[:, i]) for i in (0, 1)], axis=1)
-    out = []
-    for i, k in enumerate(frames):
-        mass_rest = rest(at[i])
-        place = np.stack([f.x + f.u[k], f.y + f.v[k]], axis=1)
-        mass = mass_rest[:2] + np.array([f.mass_u[k], f.mass_v[k]])
-        velocity = np.stack([f.du[k], f.dv[k]], axis=1)
-        static = np.stack([f.x, f.y], axis=1)
-        sides = []
-        for keep, slope, T, behind in (
-            (f.s < at[i] * (1.0 - 1e-9), r.slope_behind, f.T_behind[k], True),
-            (f.s > at[i] * (1.0 + 1e-9), r.slope_ahead, f.T_ahead[k], False),
-        ):
-            # the material at the mass: dp/dt = r_t + ds_o r' on either side
-            at_mass = of_mass[i] - pace[i] * np.array([np.interp(t[i], r.t, slope[:, j]) for j in (0, 1)])
-
-            def whole(inner: Array, here: Any, behind: bool = behind) -> Array:
-                here = np.asarray(here)[None]
-                return np.concatenate([inner, here] if behind else [here, inner])
-
-            sides.append(_Side(
-                whole(f.s[keep], at[i]), whole(place[keep], mass), whole(velocity[keep], at_mass),
-                whole(static[keep], mass_rest[:2]), whole(f.T_static[keep], mass_rest[2]), whole(f.T[k, keep], T),
-            ))  # fmt: skip
-        out.append((sides[0], sides[1]))
-    return out
-
-
-def stretch(r: Response, given: Given, window: Window) -> Defect:
-    """Mean tension of each side is that at rest plus EA times the side's strain, from the sampled curve; over H."""
-    frames = _chosen(r, window)
-    off = []
-    for sides in _sides(r, frames):
-        row = []
-        for x in sides:
-            l = x.s[-1] - x.s[0]
-            grown = _length(x.s, x.place) - _length(x.s, x.rest)
-            mean = float(simpson(x.T - x.T_static, x=x.s)) / l
-            row.append(mean - given.EA * grown / l)
-        off.append(row)
-    return Defect(r.fields.s_o[frames] / r.length, np.array(off).reshape(-1, 2) / r.horizontal_tension)
-
-
-def _length(s: Array, place: Array) -> float:
-    """Return the length of the curve through nodes of distance h: a cubic spline's, a chord where there are two."""
-    if s.size < 4:
-        return float(np.hypot(*np.diff(place, axis=0).T).sum())
-    return float(_arcs(CubicSpline(s, place), s).sum())
-
-
-def _outside(r: Response, given: Given) -> Array:
-    """Return what acts on the mass besides the cable, (n, 2) [N]: weight, haul rope or thrust, drag of the TOML."""
-    force = given.weight * DOWN + np.zeros((r.t.size, 2))
-    if r.drive != "grip":
-        mean = r.slope_behind + r.slope_ahead
-        force += np.nan_to_num(r.F_haul)[:, None] * mean / np.hypot(mean[:, 0], mean[:, 1])[:, None]
-        k = 0.5 * given.drive.get("air_density", 1.2) * given.drive.get("drag_area", 0.0)
-        past = r.velocity - [given.drive.get("wind", 0.0), 0.0]
-        force -= k * np.hypot(past[:, 0], past[:, 1])[:, None] * past
-    return force
-
-
-def _impulse(r: Response, force: Array, at: Array) -> Array:
-    """Return the integral of a force (n, c) over time, from the first step to instants `at`."""
-    known = np.nan_to_num(force)
-    total = cumulative_trapezoid(known, r.t, axis=0, initial=0.0)
-    return CubicHermiteSpline(r.t, total, known, axis=0)(at)
-
-
-def _over_windows(r: Response, frames: Frames, whole: Array, scale: float) -> Defect:
-    """Return the change over each window of a quantity (k, c) that ought not to change, over scale times its time."""
-    t = r.fields.t[frames]
-    middle = 0.5 * (r.fields.s_o[frames][1:] + r.fields.s_o[frames][:-1]) / r.length
-    return Defect(middle, np.diff(whole, axis=0) / (scale * np.mean(np.diff(t))))
-
-
-def _of_mass(r: Response, given: Given, window: Window, pull: Array) -> Defect:
-    """Return what is missing from the momentum of the mass; pull (n, 2): force of the cable on it."""
-    frames = _chosen(r, window)
-    kept = given.mass * r.velocity - cumulative_trapezoid(
-        np.nan_to_num(pull) + _outside(r, given), r.t, axis=0, initial=0.0
-    )
-    at = np.stack([np.interp(r.fields.t[frames], r.t, kept[:, i]) for i in (0, 1)], axis=1)
-    return _over_windows(r, frames, at, given.weight)
-
-
-def momentum_of_the_mass(r: Response, given: Given, window: Window) -> Defect:
-    """M (v_2 - v_1) is the impulse of weight, contact force and what acts from outside; over M g times the window."""
-    return _of_mass(r, given, window, -r.contact)
-
-
-def impulse(r: Response, given: Given, window: Window) -> Defect:
-    """M (v_2 - v_1) with the cable's pull [ N t - rho ds_o^2 r' ] from both tensions; over M g times the window."""
-    pace = CubicSpline(r.t, r.s_o)(r.t, 1)
-    pull = np.zeros((r.t.size, 2))
-    for sign, T, slope in ((-1.0, r.T_behind, r.slope_behind), (1.0, r.T_ahead, r.slope_ahead)):
-        tangent = slope / np.hypot(slope[:, 0], slope[:, 1])[:, None]
-        pull += sign * (T[:, None] * tangent - given.rho * (pace**2)[:, None] * slope)
-    return _of_mass(r, given, window, pull)
-
-
-def momentum_of_the_cable(r: Response, given: Given, window: Window) -> Defect:
-    """rho int r. ds changes by the impulse of reactions, weight and mass; over all weight times the window."""
-    frames = _chosen(r, window)
-    kept = np.array([given.rho * sum(simpson(x.velocity, x=x.s, axis=0) for x in sides) for sides in _sides(r, frames)])
-    weight = given.rho * given.gravity * r.fields.s[-1]
-    force = r.reaction_left + r.reaction_right + r.contact + weight * DOWN
-    kept = kept.reshape(-1, 2) - _impulse(r, force, r.fields.t[frames])
-    return _known(_over_windows(r, frames, kept, weight + given.weight), force)
-
-
-def moment_of_momentum(r: Response, given: Given, window: Window) -> Defect:
-    """rho int r x r. ds about the left support changes by the moments' impulse; over all weight, span and window."""
-    frames = _chosen(r, window)
-    weight = given.rho * given.gravity
-    spin, lever = [], []
-    for sides in _sides(r, frames):
-        spin.append(given.rho * sum(float(simpson(_cross(x.place, x.velocity), x=x.s)) for x in sides))
-        lever.append(weight * sum(float(simpson(x.place[:, 0], x=x.s)) for x in sides))
-    right = np.array([given.span, given.drop])
-    place = np.stack([r.x, r.y], axis=1)
-    moment = (_cross(right, r.reaction_right) + _cross(place, r.contact))[:, None]
-    t = r.fields.t[frames]
-    own = CubicSpline(t, lever).antiderivative()(t) if t.size > 3 else cumulative_trapezoid(lever, t, initial=0.0)
-    kept = np.array(spin) - own - _impulse(r, moment, t)[:, 0]
-    scale = (weight * r.fields.s[-1] + given.weight) * given.span
-    return _known(_over_windows(r, frames, kept[:, None], scale), moment)
+def _static(*values: float) -> Defect:
+    return Defect(np.array([math.nan]), np.array([values]))
 
 
 def _cross(a: Array, b: Array) -> Array:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
-def _known(found: Defect, force: Array) -> Defect:
-    """Return the defect, nan if a force in it is unknown."""
-    return found if np.isfinite(force[1:-1]).all() else Defect(found.place, np.full_like(found.value, math.nan))
+_AT, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
-def energy(r: Response, given: Given, window: Window) -> Defect:
-    """Energy of cable and mass changes by the work of the drive; over weight times largest deflection.
-
-    Strain energy from the tension, W = (N^2 - T^2)/(2 EA); power of a grip ds_o (-contact . <r'> + <N t> . [r'] - [W]).
-    """
-    frames = _chosen(r, window)
-    f, weight = r.fields, given.rho * given.gravity
-    v = np.stack([np.interp(f.t[frames], r.t, r.velocity[:, i]) for i in (0, 1)], axis=1)
-    y = np.interp(f.t[frames], r.t, r.y)
-    whole = 0.5 * given.mass * np.sum(v**2, axis=1) - given.weight * y
-    for i, sides in enumerate(_sides(r, frames)):
-        for x in sides:
-            density = 0.5 * given.rho * np.sum(x.velocity**2, axis=1) - weight * x.place[:, 1]
-            density += (x.T**2 - x.T_static**2) / (2.0 * given.EA)
-            whole[i] += float(simpson(density, x=x.s))
-    power = _power(r, given)
-    kept = whole[:, None] - _impulse(r, power[:, None], f.t[frames])
-    middle = 0.5 * (f.s_o[frames][1:] + f.s_o[frames][:-1]) / r.length
-    return _known(Defect(middle, np.diff(kept, axis=0) / (given.weight * r.max_deflection)), power)
+def _arcs(curve: CubicSpline, s: Array) -> Array:
+    """Return the lengths of curves (x, y, ...) between nodes, (curves, m - 1): three Gauss points each."""
+    h = 0.5 * np.diff(s)
+    slope = curve(s[:-1, None] + h[:, None] * (1.0 + _AT), 1)
+    return h * (np.hypot(slope[..., ::2], slope[..., 1::2]).transpose(2, 0, 1) @ _WEIGHTS)
 
 
-def _power(r: Response, given: Given) -> Array:
-    """Return what drive and outside forces put in (n,) [W], for a grip from forces and slopes, else as reported."""
-    if r.drive != "grip":
-        return np.sum(list(r.powers.values()), axis=0) if r.powers else np.full(r.t.size, math.nan)
-    pace = CubicSpline(r.t, r.s_o)(r.t, 1)
-    mean, jump = 0.5 * (r.slope_behind + r.slope_ahead), r.slope_ahead - r.slope_behind
-    pull, stored = np.zeros((r.t.size, 2)), np.zeros(r.t.size)
-    for sign, T, slope in ((-1.0, r.T_behind, r.slope_behind), (1.0, r.T_ahead, r.slope_ahead)):
-        pull += 0.5 * (T / np.hypot(slope[:, 0], slope[:, 1]))[:, None] * slope
-        stored += sign * T**2 / (2.0 * given.EA)  # that at rest is the same on both sides
-    return pace * (-np.sum(r.contact * mean, axis=1) + np.sum(pull * jump, axis=1) - stored)
-
-
-def travel(r: Response, given: Given, window: Window) -> Defect:
-    """s_o(t) is the travel that the TOML asks for; over the length."""
-    inside = (r.s_o / r.length >= window[0]) & (r.s_o / r.length <= window[1])
-    t, s = r.t[inside], r.s_o[inside]
-    law, l, start = given.travel, r.fields.s[-1], 0.0
-    if r.drive == "haul":
-        start = given.drive.get("start", 0.01 * l)
-    kind = law["kind"]
-    if kind == "table":
-        times, places = np.array(law["times"]), np.array(law["positions"]) + start
-        known = (times >= t[0]) & (times <= t[-1])
-        off = CubicSpline(r.t, r.s_o)(times[known]) - places[known]
-        return Defect(places[known] / l, off[:, None] / l)
-    if kind == "constant_speed":
-        want = law["speed"] * t
-    elif kind == "constant_acceleration":
-        want = law.get("initial_speed", 0.0) * t + 0.5 * law["acceleration"] * t**2
-    else:
-        V, third = law["top_speed"], l / 3.0
-        a, t1 = 0.5 * V * V / third, 2.0 * third / V
-        t2 = t1 + third / V
-        left = np.clip(t2 + t1 - t, 0.0, t1)
-        want = np.where(t < t1, 0.5 * a * t**2, np.where(t < t2, third + V * (t - t1), l - 0.5 * a * left**2))
-    return Defect(s / l, (s - start - want)[:, None] / l)
-
-
-REST: dict[str, Law] = {
-    "ends at rest": ends, "length at rest": length, "shape at rest": shape, "forces at rest": rest_forces,
-}  # fmt: skip
-MOTION: dict[str, Law] = {
-    "travel": travel, "stretch": stretch, "momentum of the mass": momentum_of_the_mass, "impulse": impulse,
-    "momentum of the cable": momentum_of_the_cable, "moment of momentum": moment_of_momentum, "energy": energy,
-}  # fmt: skip
+def _lengths(s: Array, *places: Array) -> list[float]:
+    """Return the lengths of curves through nodes, cubic splines', or those of chords where nodes are few."""
+    if s.size < 4:
+        return [float(np.hypot(*np.diff(place, axis=0).T).sum()) for place in places]
+    lengths: list[float] = _arcs(CubicSpline(s, np.concatenate(places, axis=1)), s).sum(axis=1).tolist()
+    return lengths

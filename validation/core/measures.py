@@ -5,11 +5,14 @@ Each says what it leaves out, and refuses rather than average nothing.  `window`
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from cablefem.response import Array, Response
 from validation.core.richardson import left
@@ -92,6 +95,72 @@ def tension_gap(a: Response, b: Response, window: Window, *, width: float = JUMP
     away = np.abs(a.fields.s[None, :] / a.length - place[inside][:, None]) >= width
     gap = (a.fields.T[i[inside]] - b.fields.T[j[inside]])[away] / b.horizontal_tension
     return float(np.sqrt(np.mean(gap**2)))
+
+
+def series_gap(a: Response, b: Response, window: Window, of: Callable[[Response], Array], axial: float = 0.0) -> float:
+    """Return the rms distance of two series over time, of(r) (n,) or (n, c), at the steps of the coarser run.
+
+    axial : the time [s] over which both are averaged first: an axial wave's way along the cable and back.
+    """
+    coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
+    within = inside(coarse, window)
+    if not within.any():
+        raise NotComparable(f"{coarse.method} has no step in the window {window}")
+    t, known = coarse.t[within], [np.isfinite(of(r).reshape(r.t.size, -1)).all(axis=1) for r in (coarse, fine)]
+    if not all(k.sum() > 3 for k in known):
+        raise NotComparable("one of the answers does not say it")
+    # over the same time in both: a companion ends with the window
+    last = min(coarse.t[known[0]][-1], fine.t[known[1]][-1])
+    first = max(coarse.t[known[0]][0], fine.t[known[1]][0])
+    low, high = np.clip(t - 0.5 * axial, first, last), np.clip(t + 0.5 * axial, first, last)
+
+    def at(r: Response, k: Any) -> Any:
+        when, values = r.t[k], of(r).reshape(r.t.size, -1)[k]
+        if not axial:
+            return CubicSpline(when, values, axis=0)(low)
+        total = CubicHermiteSpline(when, cumulative_trapezoid(values, when, axis=0, initial=0.0), values)
+        return (total(high) - total(low)) / (high - low)[:, None]
+
+    gap: Array = at(coarse, known[0]) - at(fine, known[1])
+    return float(np.sqrt(np.mean(np.sum(np.square(gap), axis=1))))
+
+
+def displacement_gap(a: Response, b: Response, window: Window) -> float:
+    """Return the rms distance of the displacement fields, over the rms of b's; see `velocity_gap`."""
+    return _field_gap(a, b, window, lambda r: np.stack([r.fields.u, r.fields.v]), None)
+
+
+PIECES = 5  # of the cable, over which velocities are averaged
+
+
+def velocity_gap(a: Response, b: Response, window: Window) -> float:
+    """Return the rms distance of the fields of velocity across the cable, over the rms of b's.
+
+    Means over fifths of the cable, since a velocity jumps at every kink that runs along, and across the cable at rest,
+    since along it axial waves ring.  Over common frames in the window and stations; the one at the mass is left out:
+    which side of it is sampled hangs on rounding.
+    """
+
+    def across(r: Response) -> Array:
+        f = r.fields
+        x, y = np.gradient(f.x, f.s), np.gradient(f.y, f.s)
+        return ((x * f.dv - y * f.du) / np.hypot(x, y))[None]
+
+    return _field_gap(a, b, window, across, PIECES)
+
+
+def _field_gap(a: Response, b: Response, window: Window, of: Callable[[Response], Array], pieces: int | None) -> float:
+    place, i, j = common_frames(a, b)
+    within = (place >= window[0]) & (place <= window[1])
+    if not within.any():
+        raise NotComparable(f"no common frame of the fields in the window {window}")
+    s = a.fields.s / a.length
+    off = np.abs(s[None, :] - place[within][:, None]) > 1e-6
+    first, second = (np.where(off, of(r)[:, k[within]], 0.0) for r, k in ((a, i), (b, j)))
+    if pieces is not None:
+        member = np.eye(pieces)[np.minimum((s * pieces).astype(int), pieces - 1)]
+        first, second = (x @ member / (off @ member) for x in (first, second))
+    return float(np.sqrt(np.mean((first - second) ** 2) / np.mean(second**2)))
 
 
 def jump_defect(r: Response, mass: float, mass_per_length: float, gravity: float) -> Array:

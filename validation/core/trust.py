@@ -73,7 +73,8 @@ def _path(r: Response, place: Array) -> Array:
     return np.asarray(PchipInterpolator(s[rising], np.stack([r.u, r.v], axis=1)[rising], extrapolate=False)(place))
 
 
-def _gap(a: Response, b: Response, place: Array) -> Array:
+def gap(a: Response, b: Response, place: Array) -> Array:
+    """Return the distance of two mass paths at places s_o/l (n,), over the larger of their largest deflections."""
     difference = _path(a, place) - _path(b, place)
     return np.hypot(difference[:, 0], difference[:, 1]) / max(a.max_deflection, b.max_deflection)
 
@@ -88,7 +89,7 @@ def post_slack_spread(runs: Sequence[Response], stop: float = 0.95) -> float | N
     if not onsets or not min(onsets) < stop:
         return None
     place = np.linspace(min(onsets), stop, 400)
-    gaps = [_gap(a, b, place) for a, b in combinations(runs, 2)]
+    gaps = [gap(a, b, place) for a, b in combinations(runs, 2)]
     known = [float(np.nanmax(g)) for g in gaps if np.isfinite(g).any()]
     return max(known) if known else None
 
@@ -114,7 +115,7 @@ def reach(a: Response, b: Response, start: float, allowed: float | None) -> Reac
     place = np.arange(start + 0.005, end, 0.005)
     if not place.size:
         return None
-    bound, apart = max(MEANINGFUL, 2.0 * (allowed or 0.0)), _gap(a, b, place)
+    bound, apart = max(MEANINGFUL, 2.0 * (allowed or 0.0)), gap(a, b, place)
     far = place[apart > bound]
     return Reach(float(far[0]), bound, end) if far.size else Reach(None, float(np.nanmax(apart)), end)
 
@@ -139,7 +140,7 @@ def convergence_limit(runs: Sequence[Response]) -> float:
     for low, high in pairwise(edges.tolist()):
         place = np.linspace(low, high, 41)[1:]
         before, after = (
-            float(np.sqrt(np.nanmean(_gap(a, b, place) ** 2))) for a, b in ((coarse, middle), (middle, fine))
+            float(np.sqrt(np.nanmean(gap(a, b, place) ** 2))) for a, b in ((coarse, middle), (middle, fine))
         )
         if not after <= max(CLOSING * before, FLOOR):
             return float(low)

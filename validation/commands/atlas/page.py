@@ -14,7 +14,9 @@ from markupsafe import Markup, escape
 from matplotlib.patches import Patch
 
 from validation.page.figures import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, panels, style
-from validation.page.page import Section, figure, gallery, missing, number, table
+from validation.page.page import Section, figure, missing, plain, words
+
+_SAY = words(__package__)
 
 # class of a cell -> colour, hatch and words; lightness falls from good to wrong, so that print in grey keeps the order
 CLASSES = {
@@ -40,8 +42,8 @@ def sections(folder: Path) -> list[Section]:
     try:
         atlas = json.loads((folder / "atlas.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        gone = missing("atlas.json", "Nothing can be shown; cablefem atlas goes on where it was interrupted.")
-        return [Section("atlas", "Where methods fail", gone, "not comparable", "No finished atlas is stored here.")]
+        gone = missing("atlas.json", plain(_SAY.resumes()))
+        return [Section("atlas", "Where methods fail", gone, "not comparable", plain(_SAY.gone()))]
     pages = [_map(atlas, m) for m in atlas["maps"]]
     if atlas["limits"]:
         pages.append(_limits(atlas))
@@ -55,19 +57,13 @@ def _map(atlas: dict[str, Any], m: dict[str, Any]) -> Section:
     figures = [_figure(atlas, m, method, cells) for method in m["methods"]]
     total = len(m["methods"]) * len(m["x"]["values"]) * len(m["y"]["values"])
     counts = {name: sum(c["class"] == name for c in cells.values()) for name in CLASSES if name}
-    said = ", ".join(f"{n} {name}" for name, n in counts.items() if n)
-    summary = f"{len(cells)} of {total} cells computed: {said}."
     rows = [
         {"method": method, **{name: sum(c["class"] == name for c in cells.values() if c["method"] == method)
                               for name in counts}}
         for method in m["methods"]
     ]  # fmt: skip
-    html = Markup(
-        "<p>Error of the mass path against finer following elements up to s_o/l = 0.80 or the slack onset. In a cell: "
-        "the cause of a failure as a coloured letter, and under it how far the run came (s_o/l) where it "
-        "stopped.</p>{}{}"
-    ).format(gallery(*figures), table(rows, ["method", *counts], caption="Cells by class"))
-    return Section(f"atlas-{m['name']}", m["title"], html, None, summary)
+    found = plain(_SAY.computed(len(cells), total, counts))
+    return Section(f"atlas-{m['name']}", m["title"], _SAY.map(figures, rows, counts), None, found)
 
 
 def _figure(atlas: dict[str, Any], m: dict[str, Any], method: str, cells: dict[Any, Any]) -> Markup:
@@ -147,39 +143,19 @@ def _curves(ax: Any, atlas: dict[str, Any], m: dict[str, Any], method: str) -> N
 def _limits(atlas: dict[str, Any]) -> Section:
     rows = [{**limit, "ratio": limit["measured_steps"] / limit["predicted_steps"]} for limit in atlas["limits"]]
     off = max(abs(row["ratio"] - 1.0) for row in rows)
-    columns = {
-        "terms": "sines", "predicted_steps": "least steps, theory", "measured_steps": "least steps, measured",
-        "ratio": "measured over theory",
-    }  # fmt: skip
-    html = Markup(
-        "<p>Central differences are stable for steps below 2/&omega;<sub>max</sub>, that of the cable at rest with the "
-        "mass at mid-span; measured is the fewest equal steps of a crossing that do not gain energy, by bisection to "
-        "2 percent.</p>{}"
-    ).format(table(rows, columns, caption="Stability limit of central differences, level cable"))
     verdict = "agree" if off <= 0.05 else "disagree"
-    return Section("atlas-limits", "Explicit steps", html, verdict, f"Measured and theory differ by at most {off:.1%}.")
+    return Section("atlas-limits", "Explicit steps", _SAY.limits(rows), verdict, plain(_SAY.off(off)))
 
 
 def _catalogue(atlas: dict[str, Any]) -> Section:
-    def values(found: dict[str, Any]) -> str:
-        return "; ".join(f"{name}: {number(x)}" for name, x in found.items())
-
     rows = [
-        {
-            "verdict": "agree" if row["failure_shown"] and row["remedy_works"] else "disagree", "name": row["name"],
-            "case": f"{row['scene']}: {row['method']}", "symptom": row["symptom"], "failure": values(row["failure"]),
-            "cause": row["cause"], "remedy": row["remedy"], "cure": values(row["cure"]),
+        row | {
+            "verdict": "agree" if row["failure_shown"] and row["remedy_works"] else "disagree",
+            "case": f"{row['scene']}: {row['method']}", "failure": _SAY.values(row["failure"]),
+            "cure": _SAY.values(row["cure"]),
         }
         for row in atlas["catalogue"]
     ]  # fmt: skip
-    columns = {
-        "verdict": "shown and cured", "name": "failure", "case": "scene and method", "symptom": "symptom",
-        "failure": "measured", "cause": "cause", "remedy": "remedy", "cure": "measured with it",
-    }  # fmt: skip
     shown = sum(row["verdict"] == "agree" for row in rows)
-    html = table(rows, columns, caption="Known ways to fail, each with a case that shows it", sort=True, stack=True)
-    verdict = "agree" if shown == len(rows) else "disagree"
-    return Section(
-        "atlas-catalogue", "Known ways to fail", html, verdict,
-        f"{shown} of {len(rows)} failures show as described and pass with their remedy.",
-    )  # fmt: skip
+    verdict, found = "agree" if shown == len(rows) else "disagree", plain(_SAY.shown(shown, len(rows)))
+    return Section("atlas-catalogue", "Known ways to fail", _SAY.catalogue(rows), verdict, found)

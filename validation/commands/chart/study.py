@@ -29,12 +29,11 @@ from cablefem.newmark import SCHEMES
 from cablefem.response import Array, Response, write_json
 from cablefem.scene import Groups, Motion, Scene
 from validation.core import measures, store
-from validation.core.estimate import SAME_ONSET, estimated
+from validation.core.estimate import estimated
 from validation.core.measures import NotComparable, Window
 from validation.core.methods import METHODS, Method, Resolution, refined
 from validation.core.resolution import TooCoarse, resolve
 from validation.core.running import run
-from validation.core.scenes import random_scene
 from validation.peers import PEERS, PeerPath, available
 
 STOP = measures.WINDOW[1]
@@ -593,97 +592,3 @@ def _machine() -> dict[str, str]:
     return {"python": platform.python_version(), "machine": platform.machine(), "threads": "1"} | {
         name: importlib.metadata.version(name) for name in names
     }
-
-
-# --- is the stated error bar true? ------------------------------------------------------------------------------------
-
-TRAVELS = "constant_speed", "constant_acceleration"
-# For the survey: finer than any bar it is held against, and a second one that says so.
-SURE: tuple[dict[str, Any], dict[str, Any]] = ({"elements": 48, "steps": 20_000}, {"elements": 34, "steps": 14_000})
-
-
-def tolerance_survey(
-    n: int = 30, seed: int = 1, *, tols: tuple[float, ...] = DECADES, method: str = BASE, built_in: bool = True,
-    sure: tuple[dict[str, Any], dict[str, Any]] = SURE, by_hand: bool = True, progress: Progress | None = None,
-) -> dict[str, Any]:  # fmt: skip
-    """Hold the error bars of `resolve` against much finer runs, on the built-in and n random scenes.
-
-    Per scene and tolerance: the bar, the true error up to the slack onset, the cost over that of the cheapest equal
-    settings of a grid that meet the tolerance (`by_hand`), of the run returned and of all runs made.  Cost is Newton
-    iterations times (1 + elements/8), the measured cost of one.  A row is judged where the two references differ by
-    less than a third of its bar.
-    """
-    finest = METHODS[REFERENCE[0]]
-    rng = np.random.default_rng(seed)
-    scenes = [s for name in Scene.library() if (s := Scene.load(name)).mass is not None] if built_in else []
-    scenes += [random_scene(rng, name=f"random-{seed}-{k}", travel=TRAVELS[k % 3 == 2]) for k in range(n)]
-    rows = []
-    for i, scene in enumerate(scenes):
-        if progress is not None:
-            progress(scene.name, i / len(scenes))
-        truth, second = (run(scene, finest, until=STOP, **x) for x in sure)
-        doubt = measures.path_gap(second, truth, measures.window_of(truth, second))[0]
-        hand = _by_hand(scene, method, truth) if by_hand else []
-        for tol in tols:
-            runs: list[Response] = []
-            begin = time.perf_counter()
-            try:
-                r = resolve(scene, method, tol, until=STOP, runs=runs)
-                met = True
-            except TooCoarse as error:
-                r, met = error.best, False
-            row = {
-                "scene": scene.name, "mu": scene.mu, "alpha": scene.alpha, "sigma": scene.sigma, "tol": tol, "met": met,
-                **METHODS[method].told(r.settings), "bar": r.path_error,
-                "slack_onset": truth.slack_onset, "doubt": doubt, "seconds": time.perf_counter() - begin,
-            }  # fmt: skip
-            best = min((cost for cost, error in hand if error <= tol), default=None)
-            row |= {
-                "true": _true(r, truth),
-                "cost": None if best is None else _spent(r) / best,
-                "cost_all": None if best is None else sum(map(_spent, runs)) / best,
-            }  # fmt: skip
-            row["judged"] = None not in (row["true"], r.path_error) and doubt <= row["bar"] / 3.0
-            rows.append(row)
-    return {"seed": seed, "rows": rows} | _survey_summary(rows, tols)
-
-
-def _true(r: Response, truth: Response) -> float | None:
-    """Return the error of a run up to the slack onset of the truth, or its own; None where that leaves no window."""
-    return _or_none(lambda: measures.path_gap(r, truth, measures.window_of(r, truth))[0])
-
-
-def _spent(r: Response) -> float:
-    return r.work["newton_iterations"] * METHODS[r.method].resolution.cost(METHODS[r.method].value(r.settings))
-
-
-def _by_hand(scene: Scene, method: str, truth: Response) -> list[tuple[float, float]]:
-    """Return cost and true error of a grid of equal settings."""
-    out = []
-    for elements in (3, 4, 6, 8, 11, 16, 23, 32):
-        for steps in (57, 80, 113, 160, 226, 320, 453, 640, 905, 1280, 1810, 2560, 3620):
-            if steps > 150 * elements:
-                continue
-            r = run(scene, method, until=STOP, elements=elements, steps=steps)
-            # slack that only coarse steps see would cut the window short
-            if min(r.reached, r.slack_onset or STOP) >= min(STOP, truth.slack_onset or STOP) - SAME_ONSET:
-                error = _true(r, truth)
-                if error is not None:
-                    out.append((_spent(r), error))
-    return out
-
-
-def _survey_summary(rows: list[dict[str, Any]], tols: tuple[float, ...]) -> dict[str, Any]:
-    """Return the share of bars that hold, their median over the true error, and median costs, per tol and for all."""
-    out = {}
-    for name, part in [(f"{tol:g}", [r for r in rows if r["tol"] == tol]) for tol in tols] + [("all", rows)]:
-        judged = [r for r in part if r["judged"]]
-        ratio = [r["bar"] / r["true"] for r in judged]
-        costs = {k: [r[k] for r in part if r[k] is not None and r["met"]] for k in ("cost", "cost_all")}
-        out[name] = {
-            "rows": len(part), "judged": len(judged), "met": sum(r["met"] for r in part),
-            "coverage": sum(x >= 1.0 for x in ratio) / len(ratio) if ratio else None,
-            "bar_over_true": float(np.median(ratio)) if ratio else None,
-            **{k: float(np.median(x)) if x else None for k, x in costs.items()},
-        }  # fmt: skip
-    return {"summary": out}

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -18,6 +20,10 @@ def command(
     tol: Annotated[
         float, typer.Option(parser=real, metavar="X", help="Asked of the path's error, over its largest deflection.")
     ] = 1e-3,
+    tol_tension: Annotated[
+        float | None,
+        typer.Option(parser=real, metavar="X", help="Asked of the tension, over H. Default: 10 times --tol."),
+    ] = None,
     other: Annotated[
         Path | None, typer.Option("--with", metavar="FILE", help="Another program's mass path as CSV, a third party.")
     ] = None,
@@ -30,14 +36,18 @@ def command(
 
     Writes DIR/: report.html, agreement.json, scene.toml and one folder per method.
 
-    Gaps: of the mass paths over the largest deflection (path_max, path_rms); of the tension fields over H (tension);
-    what is missing from the law of the jump at the mass over M g (jump) and from the balance of energy (energy); of
-    the oscillation of the tension along the cable over H (overshoot).
+    Gaps: of the mass paths over the largest deflection (path_max, path_rms, path_slack past the slack onset); of the
+    tension along the cable, at the mass and of the reactions over H (tension, tension_behind, tension_ahead,
+    reactions); of the fields over their own size (displacement, velocity); of the slack onsets in s_o/l; what is
+    missing from the balance of energy (energy), of momentum at the mass (impulse), and from mechanics as the judge
+    knows it from the scene file alone (laws_si).
 
     FILE has columns t [s] or s_o [m], v [m] positive down, and u [m] if known; other units and directions are told by
     the name: s_o_over_l, t_ms, v_over_l, v_mm, v_up, ...
     """
     faults = tol_faults(tol)
+    if tol_tension is not None and not 0.0 < tol_tension <= 1.0:
+        faults.append(f"--tol-tension must lie in (0, 1], got {tol_tension:g}")
     if not 0.0 <= with_tol <= 1.0:
         faults.append(f"--with-tol must lie in [0, 1], got {with_tol:g}")
     loaded = scene_named(scene, faults, travelling=True)
@@ -46,6 +56,7 @@ def command(
     from validation.commands.check import study, words
     from validation.core import foreign
     from validation.core.running import run
+    from validation.core.sidebyside import side_by_side
 
     path = None
     if other is not None:
@@ -53,19 +64,23 @@ def command(
         foreign.refuse_misnamed(path, run(loaded, study.SOLVERS[0], elements=6, steps=200))
     folder = store.claim(out, "check", loaded, ["agreement.json", "scene.toml", "with.csv", *study.SOLVERS])
     with terminal.progress() as progress:
-        result = study.check(loaded, tol=tol, progress=progress)
+        result = study.check(loaded, tol=tol, tol_tension=tol_tension, progress=progress)
         progress("writing", 0.0)
         (folder / "with.csv").unlink(missing_ok=True)
         if path is not None:
             result = study.joined(result, path, with_tol)
             path.write(folder / "with.csv")
         result.write(folder)
-        progress("writing", 0.5)
-        for e in (result.a, result.b):
-            paraview.write(e.run, folder / e.run.method)
-        report.write(folder, "check")
+        progress("writing", 0.3)
+        runs = result.a.run, result.b.run
+        writers = [partial(paraview.write, run, folder / run.method) for run in runs]
+        side_by_side([_alone(write) for write in (*writers, partial(report.write, folder, "check"))])
         store.finish(folder, "check")
         progress("writing", 1.0)
     words.tell(result)
     terminal.say(f"written to {folder}: report.html, agreement.json, {result.a.run.method}/, {result.b.run.method}/")
-    return telling.broken(result.a.run, result.b.run) or (0 if result.verdict.value == "agree" else 1)
+    return telling.broken(result.a.run, result.b.run) or (1 if result.verdict.value != "agree" or result.doubts else 0)
+
+
+def _alone(write: Callable[[], None]) -> Callable[..., None]:
+    return lambda progress: write()

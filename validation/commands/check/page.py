@@ -48,19 +48,17 @@ QUANTITIES = {
     "path_rms": ("Mass path, rms distance", "deflection"),
     "place": ("Place on the cable, largest distance", "length"),
     "speed": ("Speed, largest distance", "speed"),
+    "path_slack": ("Mass path past the slack onset, largest distance", "deflection"),
     "tension": ("Tension along the cable, rms off the mass", "tension"),
     "tension_behind": ("Tension behind the mass, rms", "tension"),
     "tension_ahead": ("Tension ahead of the mass, rms", "tension"),
     "reactions": ("Support reactions, rms", "tension"),
-    "path_slack": ("Mass path past the slack onset, largest distance", "deflection"),
     "displacement": ("Displacement field, rms of its own", ""),
     "velocity": ("Velocity across the cable, rms of its own", ""),
     "slack_onset": ("Slack onset, in sₒ/l", ""),
     "impulse": ("Momentum of the mass, rms defect", "weight"),
     "laws_si": ("Mechanics in SI", ""),
-    "jump": ("Force jump at the mass, rms defect", "weight"),
     "energy": ("Energy balance, rms defect", "work"),
-    "overshoot": ("Tension oscillation of one solver only", "tension"),
 }
 DESIGN = {
     "tension_max": "largest tension", "tension_min": "least tension", "deepest_point": "deepest point of the cable",
@@ -68,7 +66,7 @@ DESIGN = {
     "contact_max": "largest force of the mass on the cable", "contact_min": "least force of the mass on the cable",
     "haul_force_max": "largest haul force", "speed_max": "top speed", "slack_onset": "slack onset",
 }  # fmt: skip
-LAWS = ("impulse", "laws_si", "energy", "jump")  # rows about one answer and mechanics
+LAWS = ("impulse", "laws_si", "energy")  # rows about one answer and mechanics
 
 
 def sections(folder: Path) -> list[Section]:

@@ -9,11 +9,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cablefem.response import Response, write_json
+from cablefem.response import Flag, Response, write_json
 from cablefem.scene import Scene
 from validation.core import foreign, measures
-from validation.core.agreement import Agreement, Verdict, agree, overall
-from validation.core.estimate import Estimated
+from validation.core.agreement import DEFAULT_TOL, Agreement, Verdict, agree, doubts, overall
+from validation.core.design import numbers
+from validation.core.estimate import Estimated, past_slack
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.methods import Method, find
 from validation.core.resolution import resolved
@@ -38,20 +39,33 @@ class Check:
     def verdict(self) -> Verdict:
         return overall(self.rows)
 
+    @property
+    def design(self) -> list[dict[str, Any]]:
+        """The design numbers of the answer with the smaller bar, with bars no less than the gap to the other."""
+        best, other = sorted((self.a, self.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
+        return [number.row() for number in numbers(best, other)]
+
+    @property
+    def doubts(self) -> list[tuple[str, Flag]]:
+        """Methods and flags that say that a bar may be too small."""
+        return doubts(self.a, self.b)
+
     def agreement(self) -> dict[str, Any]:
         """Return the content of agreement.json."""
         return {
             "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window), "tol": self.tol,
             "methods": [self.a.run.method, self.b.run.method], "rows": [row.row() for row in self.rows],
+            "design": self.design,
+            "doubts": [{"method": name, "kind": flag.kind, "words": str(flag)} for name, flag in self.doubts],
         }  # fmt: skip
 
     def write(self, out: Path) -> None:
         """Write scene.toml, one folder per method (with its companions) and agreement.json."""
         out.mkdir(parents=True, exist_ok=True)
         (out / "scene.toml").write_text(self.scene.to_toml(), encoding="utf-8")
-        for e in (self.a, self.b):
+        for e, twin in ((self.a, self.b), (self.b, self.a)):
             folder = out / e.run.method
-            e.run.write(folder)
+            replace(e.run, design=[number.row() for number in numbers(e, twin)]).write(folder)
             write_json(folder / "estimate.json", {"basis": e.basis, "weights": list(e.weights)})
             if e.extrapolated:
                 e.response.write(folder / "extrapolated")
@@ -61,12 +75,13 @@ class Check:
 
 
 def check(
-    scene: Scene | str | Path, *, tol: float = 1e-3, methods: tuple[str | Method, str | Method] = SOLVERS,
-    progress: Progress | None = None,
+    scene: Scene | str | Path, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None,
+    methods: tuple[str | Method, str | Method] = SOLVERS, progress: Progress | None = None,
 ) -> Check:  # fmt: skip
     """Run two methods on a scene, each as fine as its own error bar needs to meet `tol`, and compare them.
 
     tol : asked of the error of the mass path, relative to the largest deflection; in [1e-6, 0.2].
+    tol_tension : asked of the tension, relative to H; default ten times `tol`.
     progress : called with the method's name, the fraction done and what was reached.
     """
     if not (math.isfinite(tol) and 1e-6 <= tol <= 0.2):
@@ -79,12 +94,13 @@ def check(
         window = measures.window_of(*runs[0].runs, *runs[1].runs)
     except measures.NotComparable:
         window = (measures.WINDOW[0], measures.WINDOW[0])
-    return Check(scene, runs[0], runs[1], tol, window, agree(scene, runs[0], runs[1], tol=tol))
+    rows = agree(scene, *runs, tol=tol, tol_tension=tol_tension)
+    return Check(scene, runs[0], runs[1], tol, window, rows)
 
 
 def _resolved(scene: Scene, method: Method, tol: float, progress: Progress) -> Estimated:
     progress(method.name, 0.0)
-    return resolved(scene, method, tol, progress=partial(progress, method.name))
+    return past_slack(scene, method, resolved(scene, method, tol, progress=partial(progress, method.name)))
 
 
 def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
@@ -94,7 +110,7 @@ def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TO
 
 
 def check_solver(
-    scene: Scene | str | Path, solver: Callable[[Scene], Any], *, name: str | None = None, tol: float = 1e-3,
+    scene: Scene | str | Path, solver: Callable[[Scene], Any], *, name: str | None = None, tol: float = DEFAULT_TOL,
     with_tol: float = WITH_TOL, ours: Check | None = None,
     progress: Progress | None = None,
 ) -> Check:  # fmt: skip

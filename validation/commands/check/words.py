@@ -12,11 +12,17 @@ def tell(result: Check) -> None:
     telling.rows(result.rows)
     third = sorted({row.party for row in result.rows} - {""})
     *others, last = [result.a.run.method, result.b.run.method, *third]
-    word = {"agree": "agree", "disagree": "DISAGREE", "not comparable": "are NOT COMPARABLE"}[result.verdict.value]
+    word = {
+        "agree": "agree", "disagree": "DISAGREE", "not comparable": "are NOT COMPARABLE",
+        "too coarse": "are TOO COARSE to tell",
+    }[result.verdict.value]  # fmt: skip
     low, high = result.window
     over = f" over s_o/l = {low:g} to {high:.3g}" if low < high else ""
     terminal.say()
     terminal.say(f"{', '.join(others)} and {last} {word}{over}", style=terminal.STYLES[result.verdict.value])
+    for method, flag in result.doubts:
+        if flag not in result.a.run.flags:  # those are told with the answer
+            terminal.say(f"  {method}: {flag}", style="yellow")
     telling.answer(result.a.run)
     terminal.say(f"  {_meaning(result)}")
 

@@ -125,7 +125,10 @@ def oracle_table(out: Path, progress: Progress | None = None) -> dict[str, Any]:
 
 def _content(rows: list[dict[str, Any]], total: int) -> dict[str, Any]:
     as_expected = all(row["verdict"] == row["expected"] for row in rows)
-    known = [{k: getattr(o, k) for k in ("name", "title", "source", "group", "unreached")} for o in oracles.find()]
+    known = [
+        {k: getattr(o, k) for k in ("name", "title", "source", "validity", "group", "unreached")}
+        for o in oracles.find()
+    ]
     verdict = "not comparable" if len(rows) < total else "agree" if as_expected else "disagree"
     return {"verdict": verdict, "rows": rows, "oracles": known}
 

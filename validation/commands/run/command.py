@@ -1,13 +1,17 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from validation import terminal
 from validation.core import store
 from validation.options import Out, SceneName, near, real, scene_named, tol_faults
+
+if TYPE_CHECKING:
+    from cablefem.response import Response
 
 PLACE = 3
 EXAMPLE = "cablefem run level --method fourier --set terms=60"
@@ -35,6 +39,9 @@ def command(
         float | None,
         typer.Option(parser=real, metavar="X", help="Choose resolution and steps for a path error of at most X."),
     ] = None,
+    bars: Annotated[
+        bool, typer.Option("--bars/--no-bars", help="Error bars from two coarser runs, half the resolution and steps.")
+    ] = True,
     out: Out = None,
 ) -> int:
     """Run one method on one scene.
@@ -58,20 +65,30 @@ def command(
     assert chosen is not None
 
     from validation import paraview, telling
+    from validation.core.design import design, numbers
+    from validation.core.estimate import estimated
     from validation.core.resolution import TooCoarse, resolve
     from validation.core.running import run as run_method
 
     folder = store.claim(out, "run", loaded, [method])
     kind = {"model": model, "load": load, "law": law, **settings}
     too_coarse = ""
+    made: list[Response] = []
     with terminal.progress() as progress:
-        if tol is None:
-            response = run_method(loaded, chosen, **kind, progress=partial(progress, method))
-        else:
+        report = partial(progress, method)
+        if tol is not None:
             try:
-                response = resolve(loaded, method, tol, **kind, progress=partial(progress, method))
+                response = resolve(loaded, method, tol, **kind, progress=report, runs=made)
             except TooCoarse as error:
                 response, too_coarse = error.best, str(error)
+            kind |= response.settings
+        elif not bars:
+            response = run_method(loaded, chosen, **kind, progress=report)
+        if bars:
+            e = estimated(loaded, chosen, known=made, **kind, progress=report)
+            response = replace(e.run if tol is None else response, design=[number.row() for number in numbers(e)])
+        else:
+            response = replace(response, design=design(response))
         response.write(folder / method)
         paraview.write(response, folder / method)
     telling.answer(response)
@@ -80,7 +97,8 @@ def command(
         return broken
     if too_coarse:
         terminal.complain([too_coarse])
-    return 1 if too_coarse or response.flags else 0
+    # a bar that could not be made, or not all the way, is no fault of the run
+    return 1 if too_coarse or any(flag.kind not in ("no bar", "short bar") for flag in response.flags) else 0
 
 
 def _quasi_static(scene: str, out: Any, faults: list[str]) -> int:

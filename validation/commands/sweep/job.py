@@ -64,7 +64,7 @@ def row(study: Study, index: int, point: dict[str, Any]) -> dict[str, Any]:
     out: dict[str, Any] = {"index": index, **point}
     try:
         with time_limit(study.seconds):
-            out |= _row(study, point)
+            out |= _row(study, point, index)
     except CutOff:
         out |= {"status": "cut off", "cause": "time", "reason": f"more than {study.seconds:g} s"}
     except Exception as error:  # the one place that must see every exception: a row says it
@@ -79,7 +79,7 @@ def lost(study: Study, index: int, cause: str) -> dict[str, Any]:
     return {"index": index, **study.point(index), "status": "died", "cause": cause, "reason": reason}
 
 
-def _row(study: Study, point: dict[str, Any]) -> dict[str, Any]:
+def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
     from threadpoolctl import threadpool_limits
 
     from cablefem.scene import SceneError
@@ -90,26 +90,77 @@ def _row(study: Study, point: dict[str, Any]) -> dict[str, Any]:
         return {"status": "refused", "cause": "scene", "reason": str(error)}
     out = {name: value for name in GROUPS if (value := getattr(scene, name)) is not None and math.isfinite(value)}
     with threadpool_limits(1):
-        return out | {"run": _run, "check": _check, "advise": _advise}[study.job](study, point, scene)
+        return out | {"run": _run, "check": _check, "advise": _advise}[study.job](study, point, scene, index)
 
 
-def _run(study: Study, point: dict[str, Any], scene: Any) -> dict[str, Any]:
+def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
     from validation.core.methods import find
     from validation.core.resolution import TooCoarse, resolve
     from validation.core.running import run
 
     how = study.how(point)
+    tol = how.pop("tol", None)
     if "method" not in how:
-        how |= _cheapest(scene, study.tol)
+        how |= _cheapest(scene, tol)
     method = how.pop("method")
     knobs = find(method).knobs
-    settings = {**how.pop("settings", {}), **{k: v for k, v in study.settings.items() if k in knobs}}
-    if study.tol is None:
-        return of_response(run(scene, method, **how, **settings), scene)
+    settings = {k: v for k, v in study.settings.items() if k in knobs}
+    too_coarse: dict[str, Any] = {}
+    if tol is None:
+        r = run(scene, method, **how, **settings)
+    else:
+        try:
+            r = resolve(scene, method, tol, **how, **settings)
+        except TooCoarse as error:
+            r, too_coarse = error.best, {"verdict": "too coarse", "reason": str(error)}
+    out = of_response(r, scene) | too_coarse
+    if faults := faults_of(r):
+        return out | {"status": "failed", "cause": "not finite", "reason": "; ".join(faults)}
+    if study.truth and index % study.truth[0] == 0 and r.path_error is not None:
+        out |= truth(scene, r, study.truth[1])
+    return out
+
+
+# A reference no coarser than this, and no larger: steps x elements.
+LEAST, MOST = {"elements": 32, "steps": 2400}, 2e6
+
+
+def truth(scene: Any, r: Any, finer: int) -> dict[str, Any]:
+    """Return the error of a run against one so many times finer in space and time, and what half of that is off.
+
+    Over the range for which the run states its bar.  The reference is of the element wing's default method, whatever
+    the run is of.
+    """
+    from validation.core import measures
+    from validation.core.running import run
+
+    fine = {k: max(least, finer * r.settings.get(k, 0)) for k, least in LEAST.items()}
+    if fine["steps"] * fine["elements"] > MOST:
+        return {}
+    how = {"model": r.model, "load": r.load, "until": measures.WINDOW[1]}
+    best, half = (run(scene, "following-p2", **how, **{k: v // n for k, v in fine.items()}) for n in (1, 2))
     try:
-        return of_response(resolve(scene, method, study.tol, **how, **settings), scene)
-    except TooCoarse as error:
-        return of_response(error.best, scene) | {"verdict": "too coarse", "reason": str(error)}
+        window = measures.window_of(r, best, half, window=tuple(r.error_window or measures.WINDOW))
+        true, doubt = (measures.path_gap(x, best, window)[0] for x in (r, half))
+    except measures.NotComparable:
+        return {}
+    return {"true_error": true, "doubt": doubt}
+
+
+def faults_of(r: Any) -> list[str]:
+    """Return what no response may have: numbers that are none, an end without a reason."""
+    import numpy as np
+
+    whole = ("t", "s_o", "x", "y", "u", "v", "velocity", "acceleration", "energy", "power", "tension_min")
+    out = [f"{name} is not finite" for name in whole if not np.isfinite(getattr(r, name)).all()]
+    fields = ("T", "u", "v", "du", "dv")
+    out += [f"fields.{name} is not finite" for name in fields if not np.isfinite(getattr(r.fields, name)).all()]
+    inner = (r.s_o > 0.0) & (r.s_o < r.length)
+    if not (np.isfinite(r.T_behind[inner]).all() and np.isfinite(r.T_ahead[inner]).all()):
+        out.append("a tension at the mass is not finite")
+    if r.status == "incomplete" and not (r.reason and r.cause):
+        out.append("incomplete without a reason")
+    return out
 
 
 def _cheapest(scene: Any, tol: float | None) -> dict[str, Any]:
@@ -121,21 +172,19 @@ def _cheapest(scene: Any, tol: float | None) -> dict[str, Any]:
     return {k: found[k] for k in ("method", "model", "load")}
 
 
-def _check(study: Study, point: dict[str, Any], scene: Any) -> dict[str, Any]:
+def _check(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
     from validation.commands.check.study import check
 
-    assert study.tol is not None
-    found = check(scene, tol=study.tol)
+    found = check(scene, tol=study.how(point)["tol"])
     best = min((found.a, found.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
     worst = [row.quantity for row in found.rows if row.verdict is not found.verdict.AGREE]
     return of_response(best.run, scene) | {"verdict": found.verdict.value, "cause": ", ".join(worst) or None}
 
 
-def _advise(study: Study, point: dict[str, Any], scene: Any) -> dict[str, Any]:
+def _advise(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
     from validation.commands.advise.study import advice
 
-    assert study.tol is not None
-    found = advice(scene, study.tol)
+    found = advice(scene, study.how(point)["tol"])
     told = {k: found[k] for k in ("model", "load", "method", "path_error", "tension_error")}
     verdict = "meets" if found["meets"] else "too coarse"
     return told | {"status": "complete", "settings": json.dumps(found["settings"]), "verdict": verdict}

@@ -54,8 +54,24 @@ def _outcome(study: Study, told: dict[str, Any], rows: Any) -> Section:
         if name in rows:
             over = int((rows[name] > most).sum())
             html.append(callout(f"{over} of {len(rows)} scenes exceed the limit {name} = {number(most)}."))
+    if rows["true_error"].notna().any():
+        html.append(_coverage(rows))
     summary = f"{len(rows)} of {len(study)} scenes, {counts.get('complete', 0)} complete, {broken} without an answer"
     return Section("sweep-outcome", study.title or f"Sweep {told['study']}", Markup("\n").join(html), None, summary)
+
+
+def _coverage(rows: Any) -> Markup:
+    """Do the bars hold?  Judged where the two finer runs differ by less than a third of the bar."""
+    judged = rows[rows["true_error"].notna() & (rows["doubt"] <= rows["path_error"] / 3.0)]
+    lines = []
+    for name, part in [*judged.groupby("method"), ("all", judged)]:
+        short = part[part["true_error"] > part["path_error"]]
+        lines.append({
+            "method": name, "held against": len(part), "bar holds": f"{100.0 * (1.0 - len(short) / len(part)):.1f} %",
+            "too small and unflagged": int(short["flags"].isna().sum()),
+            "bar over true, median": float((part["path_error"] / part["true_error"]).median()),
+        })  # fmt: skip
+    return table(lines, list(lines[0]), caption="Error bars against finer runs") if len(judged) else Markup("")
 
 
 def _maps(study: Study, rows: Any) -> Section:

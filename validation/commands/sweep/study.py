@@ -21,8 +21,10 @@ JOBS = ("run", "check", "advise")
 DESIGNS = ("sobol", "latin_hypercube", "random")
 GROUPS = ("sag_ratio", "mu", "alpha", "speed_ratio")  # of `Scene.variant`
 FREE = ("slope", "travel", "span", "rho", "gravity")  # besides them, of `Scene.from_groups`: without a base scene
-HOW = ("method", "model", "load", "law")  # of the run, not of the scene
-KEYS = ("title", "scene", "job", "method", "settings", "tol", "seconds", "vary", "sample", "keep", "limit")
+HOW = ("method", "model", "load", "law", "tol")  # of the run, not of the scene
+KEYS = (
+    "title", "scene", "job", "method", "settings", "tol", "seconds", "truth", "vary", "sample", "keep", "limit",
+)  # fmt: skip
 MOST = 10_000_000  # points
 SECONDS = 120.0  # a scene may take, unless the study says otherwise
 
@@ -64,6 +66,7 @@ class Study:
     settings: dict[str, Any] = field(default_factory=dict)
     tol: float | None = None
     seconds: float = SECONDS
+    truth: tuple[int, int] | None = None  # every so-manieth scene, against a run so many times finer
     design: tuple[str, int, int] | None = None  # kind, count, seed; None: the full grid
     fields: bool = False
     limit: dict[str, float] = field(default_factory=dict)
@@ -104,7 +107,8 @@ class Study:
         if tol is not None and not (_number(tol) and 1e-6 <= tol <= 0.2):
             faults.append(f"tol = {shown(tol)}: must be a number from 1e-06 to 0.2")
         method = data.get("method")
-        if tol is None and (job != "run" or (method is None and "method" not in [a.name for a in axes])):
+        named = [axis.name for axis in axes]
+        if tol is None and "tol" not in named and (job != "run" or (method is None and "method" not in named)):
             faults.append(f"tol: missing; job {shown(job)} without a method of its own needs one")
         if method is not None:
             from validation.core.methods import METHODS
@@ -114,6 +118,12 @@ class Study:
         seconds = data.get("seconds", SECONDS)
         if not (_number(seconds) and 0.1 <= seconds <= 86_400.0):
             faults.append(f"seconds = {shown(seconds)}: must be a number from 0.1 to 86400, the time a scene may take")
+        truth = data.get("truth")
+        if truth is not None and not (
+            isinstance(truth, dict) and set(truth) == {"every", "finer"}
+            and all(isinstance(n, int) and 1 <= n <= 1000 for n in truth.values())
+        ):  # fmt: skip
+            faults.append(f"truth = {shown(truth)}: must be a table like {{every = 10, finer = 4}} of whole numbers")
         keep, limit = data.get("keep", {}), data.get("limit", {})
         if not (isinstance(keep, dict) and set(keep) <= {"fields"} and isinstance(keep.get("fields", False), bool)):
             faults.append(f"keep = {shown(keep)}: must be a table with fields = true or false")
@@ -123,7 +133,8 @@ class Study:
             raise Refused([f"{name}: {fault}" for fault in faults])
         return cls(
             name, text, tuple(axes), str(data.get("title", "")), None if base is None else base.to_toml(), job, method,
-            dict(data.get("settings", {})), tol, float(seconds), design, bool(keep.get("fields", False)), dict(limit),
+            dict(data.get("settings", {})), tol, float(seconds), truth and (truth["every"], truth["finer"]), design,
+            bool(keep.get("fields", False)), dict(limit),
         )  # fmt: skip
 
     def __getstate__(self) -> dict[str, Any]:
@@ -172,8 +183,8 @@ class Study:
         return scene.variant(**groups) if groups and self.scene is not None else scene
 
     def how(self, point: dict[str, Any]) -> dict[str, Any]:
-        """Return method, model, load and law of a point, as far as the study names them."""
-        named = {"method": self.method} if self.method else {}
+        """Return method, model, load, law and tol of a point, as far as the study names them."""
+        named = {key: x for key, x in (("method", self.method), ("tol", self.tol)) if x is not None}
         return named | {k: v for k, v in point.items() if k in HOW}
 
 

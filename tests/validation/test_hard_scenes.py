@@ -1,0 +1,71 @@
+"""Hard and hostile scenes: no traceback, no NaN, no hang, no silent wrong answer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cablefem import Scene
+from validation.commands.sweep import job
+from validation.commands.sweep.study import Study
+from validation.core import measures
+from validation.core.estimate import estimated
+from validation.core.running import run
+
+LEVEL = Scene.load("level")
+# the campaign itself takes an hour: some of its scenes, at coarse settings
+HOSTILE = replace(
+    Study.load("reliability"), tol=None, settings={"elements": 8, "terms": 12, "level": 1, "steps": 300}
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("index", range(0, len(HOSTILE), 250))
+def test_a_hostile_scene_gets_an_answer_or_a_diagnosis(index):
+    row = job.row(HOSTILE, index, HOSTILE.point(index))
+    assert row["status"] in ("complete", "incomplete", "refused"), row
+    assert row["status"] == "complete" or (row["cause"] and row["reason"])
+
+
+HARD = {
+    "V/c 0.9": {"speed_ratio": 0.9}, "V/c 1.0": {"speed_ratio": 1.0}, "V/c 1.1": {"speed_ratio": 1.1},
+    "V/c 1.5": {"speed_ratio": 1.5}, "mu 20": {"mu": 20.0}, "alpha 1e6": {"alpha": 1e6},
+    "sag 0.3": {"sag_ratio": 0.3, "alpha": 844.416, "mu": 1.0, "speed_ratio": 0.41},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [*HARD, "slope 45"])
+def test_hard_scenes_get_an_error_estimate_or_a_diagnosis(name):
+    if name == "slope 45":
+        scene = Scene.from_groups(sag_ratio=0.05, alpha=844.0, slope=45.0, mu=1.1, speed_ratio=0.41)
+    else:
+        scene = LEVEL.variant(**HARD[name])
+    r = estimated(scene, "following-p2", elements=8, steps=400).run
+    assert job.faults_of(r) == []
+    if r.path_error is None:
+        assert r.cause is not None
+    elif not r.flags:  # nothing said against the bar: it has to hold
+        fine = run(scene, "following-p2", elements=32, steps=1600)
+        window = measures.window_of(r, fine, window=tuple(r.error_window))
+        assert measures.path_gap(r, fine, window)[0] <= r.path_error
+    # from the wave speed on the bar is no bound, and that is said
+    assert ("fast" in r.flag_kinds) == (scene.speed_ratio >= 1.0)
+
+
+def test_the_checker_sees_a_response_that_is_not_finite_or_ends_without_a_reason(monkeypatch):
+    r = run(LEVEL, "following-p2", elements=4, steps=100)
+    assert job.faults_of(r) == []
+    v = r.v.copy()
+    v[7] = np.nan
+    broken = replace(r, v=v)
+    assert job.faults_of(broken) == ["v is not finite"]
+    assert job.faults_of(replace(r, status="incomplete", reason=None)) == ["incomplete without a reason"]
+
+
+def test_a_bar_that_is_too_small_is_seen():
+    r = estimated(LEVEL, "following-p2", elements=6, steps=200).run
+    found = job.truth(LEVEL, r, 4)
+    assert found["doubt"] < found["true_error"] / 3.0
+    assert found["true_error"] <= r.path_error
+    assert found["true_error"] > 1e-9  # and a run so sure of itself would be found out

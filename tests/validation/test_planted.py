@@ -1,0 +1,223 @@
+"""Faults that a check once passed, planted one at a time: each turns the row it concerns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cablefem import Scene
+from cablefem.elements.following import FollowingElements
+from tests.validation.pairs import LEVEL, altered, answer, right
+from validation.core.agreement import AXIAL_MEAN, Verdict, agree, doubts, overall
+from validation.core.estimate import Estimated, estimated, past_slack
+from validation.core.methods import METHODS
+from validation.core.richardson import SAFETY
+from validation.core.running import run
+
+
+def rows(a, b, **kind):
+    return {(row.quantity, row.law): row for row in agree(LEVEL, a, b, **kind)}
+
+
+def verdict(found, quantity):
+    return {row.verdict for (name, _), row in found.items() if name == quantity}
+
+
+def fields(**factors):
+    def change(r):
+        return replace(r, fields=replace(r.fields, **{n: k * getattr(r.fields, n) for n, k in factors.items()}))
+
+    return change
+
+
+def at_mass(r):
+    return replace(r, T_behind=1.05 * r.T_behind, T_ahead=1.05 * r.T_ahead)
+
+
+def slack_at_40(r):
+    return replace(r, slack_onset=0.40, slack_at=0.5, switched=0.40)
+
+
+def one_step_late(r):
+    return replace(r, u=np.r_[0.0, r.u[:-1]], v=np.r_[0.0, r.v[:-1]])
+
+
+# what is wrong in one wing alone -> the quantities whose rows must disagree
+FAULTS = {
+    "slack falsely called at 40 %": (slack_at_40, {"slack_onset"}),
+    "tension at the mass 5 % wrong": (at_mass, {"tension_behind", "tension_ahead"}),
+    "displacement field 10 % wrong": (fields(u=1.1, v=1.1), {"displacement"}),
+    "velocity field 10 % wrong": (fields(du=1.1, dv=1.1), {"velocity"}),
+    "tension field 5 % wrong": (fields(T=1.05), {"tension"}),
+    "reactions 5 % wrong": (
+        lambda r: replace(r, reaction_left=1.05 * r.reaction_left, reaction_right=1.05 * r.reaction_right),
+        {"reactions"},
+    ),
+    "path one step late": (one_step_late, {"path_max", "path_rms"}),
+}
+
+
+def test_right_answers_agree():
+    found = rows(*right())
+    assert overall(list(found.values())) is Verdict.AGREE, {k: (r.gap, r.allowed) for k, r in found.items()}
+    coarse = {key for key, row in found.items() if row.verdict is Verdict.TOO_COARSE}
+    assert coarse <= {("tension_ahead", ""), ("reactions", "")}  # fronts; their means agree
+    assert doubts(*right()) == []
+    assert {name for name, _ in found} == {
+        "path_max", "path_rms", "path_slack", "tension", "tension_behind", "tension_ahead", "reactions",
+        "displacement", "velocity", "energy", "impulse", "laws_si", "slack_onset",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_of_one_wing_turns_its_rows(fault):
+    change, expected = FAULTS[fault]
+    pair, wing = list(right()), list(FAULTS).index(fault) % 2
+    pair[wing] = altered(pair[wing], change)
+    found = rows(*pair)
+    for quantity in expected:
+        assert Verdict.DISAGREE in verdict(found, quantity), [
+            (row.law, row.gap, row.allowed) for (name, _), row in found.items() if name == quantity
+        ]
+    assert overall(list(found.values())) is Verdict.DISAGREE
+
+
+def test_a_range_that_ends_before_both_onsets_is_not_compared():
+    a, b = (altered(e, slack_at_40) for e in right())
+    coarse = [replace(e, in_space=slack_at_40(e.in_space)) for e in right()]
+    assert ("range", "") not in rows(a, b)  # both say so
+    assert rows(*coarse)[("range", "")].verdict is Verdict.NOT_COMPARABLE
+
+
+class Rod(FollowingElements):
+    """From the onset on an elastic law that carries compression, in the place of one that does not."""
+
+    def with_law(self, law):
+        return super().with_law("elastic")
+
+
+class Rubber(FollowingElements):
+    """From the onset on a law of half the stiffness."""
+
+    def with_law(self, law):
+        soft = replace(self.groups, alpha=0.5 * self.groups.alpha)
+        return FollowingElements(soft, elements=self.elements, law=law)
+
+
+@pytest.mark.parametrize(("kind", "row"), [(Rod, ("laws_si", "compression")), (Rubber, ("path_slack", ""))])
+def test_a_wrong_law_of_the_slack_cable_is_seen(kind, row):
+    def build(groups, x, **how):
+        system = kind(groups, elements=x["elements"], **how)
+        system.elements = x["elements"]
+        return system
+
+    a, b = right()
+    method = replace(METHODS["following-p2"], builder=build)
+    settings = {k: a.run.settings[k] for k in ("elements", "steps")}
+    wrong = estimated(LEVEL, method, known=[a.in_space, a.in_time], until=0.95, **settings)
+    wrong = past_slack(LEVEL, method, wrong)
+    assert rows(a, b)[row].verdict is Verdict.AGREE
+    assert rows(wrong, b)[row].verdict is Verdict.DISAGREE
+
+
+def test_a_wing_of_first_order_in_time_is_doubted():
+    a, b = right()
+    found = doubts(altered(a, one_step_late), b)
+    assert [(method, flag.kind) for method, flag in found] == [("following-p2", "time order")]
+
+
+def test_a_run_compared_with_itself_is_no_check():
+    a, _ = right()
+    found = agree(LEVEL, a, a)
+    assert overall(found) is Verdict.NOT_COMPARABLE
+    assert [row.quantity for row in found].count("independence") == 2  # one wing, and the same numbers
+
+
+def test_bars_wider_than_their_ceiling_are_too_coarse():
+    a, b = right()
+    found = rows(a, b, tol=5e-3, tol_tension=1e-3)
+    assert found[("tension_ahead", AXIAL_MEAN)].verdict is Verdict.TOO_COARSE
+    assert overall(list(found.values())) is Verdict.TOO_COARSE
+    assert rows(a, b, tol=1e-3)[("path_max", "")].verdict is Verdict.TOO_COARSE
+    assert rows(a, b, tol=0.2)[("path_max", "")].verdict is Verdict.AGREE
+
+
+# --- what both wings share: rows of the laws in SI -----------------------------------------------------------------
+
+INCLINED = Scene.load("inclined")
+SAG = Scene.from_groups(sag_ratio=0.03, alpha=700.0, mu=0.4, speed_ratio=0.3, slope=4.0)
+WINDOW = (0.02, 0.40)
+
+
+def wrong(scene, *, catenary=None, **groups):
+    """Return a scene whose groups or hanging cable are wrong: both wings get them."""
+    other = scene.variant()
+    if catenary:
+        other.__dict__["catenary"] = replace(scene.catenary, **catenary)
+    else:
+        other.__dict__["groups"] = replace(scene.groups, **groups)
+    return other
+
+
+def pair(scene, claims, change=lambda r: r):
+    """Run both wings coarsely on one scene; the responses claim to be of another, and are changed."""
+
+    def estimate(method, space, count):
+        def ran(factor, steps):
+            r = run(scene, method, until=0.42, **{space: count // factor, "steps": steps})
+            return change(replace(r, scene_toml=claims.to_toml()))
+
+        fine = ran(1, 400)
+        return Estimated(fine, fine, ran(2, 400), ran(1, 200), (SAFETY / (2.0**1.5 - 1.0), SAFETY / 3.0), "halved")
+
+    return estimate("following-p2", "elements", 10), estimate("fourier-kink", "terms", 20)
+
+
+def tension_in_newtons(r):
+    f = r.fields
+    names = ("T", "T_behind", "T_ahead", "T_static")
+    f = replace(f, **{n: 1.01 * getattr(f, n) for n in names})
+    return replace(r, fields=f, T_behind=1.01 * r.T_behind, T_ahead=1.01 * r.T_ahead)
+
+
+H = LEVEL.horizontal_tension
+SHARED = {
+    "H from the length 0.5 % off": (LEVEL, wrong(LEVEL, catenary={"horizontal_tension": 1.005 * H}), None),
+    "mu 1 % off": (LEVEL, wrong(LEVEL, mu=1.01 * LEVEL.mu), None),
+    "alpha 5 % off": (LEVEL, wrong(LEVEL, alpha=1.05 * LEVEL.alpha), None),
+    "sigma 1 % off": (LEVEL, wrong(LEVEL, sigma=1.01 * LEVEL.sigma), None),
+    "EA 5 % off": (LEVEL, LEVEL.variant(alpha=0.95 * LEVEL.alpha), None),
+    "sag 2 % off": (SAG, wrong(SAG, catenary={"horizontal_tension": SAG.horizontal_tension / 1.02}), None),
+    "sign of the drop": (INCLINED, wrong(INCLINED, catenary={"drop": -INCLINED.supports.drop}), None),
+    "tensions in N 1 % too large": (LEVEL, LEVEL, tension_in_newtons),
+}
+
+
+def laws_of(a, b, scene):
+    return [row for row in agree(scene, a, b, window=WINDOW) if row.quantity == "laws_si"]
+
+
+def test_right_answers_keep_the_laws():
+    assert {row.verdict for row in laws_of(*pair(LEVEL, LEVEL), LEVEL)} == {Verdict.AGREE}
+
+
+@pytest.mark.parametrize("fault", SHARED)
+def test_what_both_wings_share_turns_a_law(fault):
+    scene, other, change = SHARED[fault]
+    found = laws_of(*pair(other, scene, change or (lambda r: r)), scene)
+    assert Verdict.DISAGREE in {row.verdict for row in found}, [(row.law, row.gap, row.allowed) for row in found]
+
+
+def test_a_wrong_unit_of_time_turns_a_law(monkeypatch):
+    scale = Scene.time_scale.fget
+    monkeypatch.setattr(Scene, "time_scale", property(lambda self: 1.01 * scale(self)))
+    found = laws_of(*pair(LEVEL.variant(), LEVEL), LEVEL)
+    assert Verdict.DISAGREE in {row.verdict for row in found}
+
+
+def test_the_level_answers_are_those_of_the_methods_in_the_check():
+    from validation.commands.check.study import SOLVERS
+
+    assert tuple(answer(name).run.method for name in SOLVERS) == SOLVERS
