@@ -23,6 +23,7 @@ from validation.commands.check.shared import SHARED
 from validation.commands.check.stored import Solver, Stored, read
 from validation.core import measures
 from validation.core.bounds import Bound
+from validation.core.design import design
 from validation.core.measures import NotComparable
 from validation.core.methods import METHODS
 from validation.core.trust import Reach, reach
@@ -299,14 +300,33 @@ def _ride(x: Stored) -> Section:
     ]  # fmt: skip
     heads = {"event": "event", "t": "time [s]", "s_o": "place sₒ [m]", "speed": "speed [m/s]", "kmh": "speed [km/h]"}
     html = [
-        table(events, heads, caption="What happens") if events else Markup(""),
+        table(events, heads, caption="What happens") if events else Markup(""), _gripped(x),
         gallery(
             draw.series(x, rows, _SAY.motion(x), height=104.0),
             draw.series(x, forces, _SAY.forces(x), height=128.0),
+            *([draw.gripped(x, _SAY.gripped(x))] if x.grip is not None else []),
             *([draw.energy_split(x, _SAY.split(r.method))] if np.isfinite(r.kinetic).any() else []),
         ),
     ]  # fmt: skip
     return Section("check-ride", "Ride", Markup("\n").join(html))
+
+
+def _gripped(x: Stored) -> Markup:
+    """Return the design numbers of a rolling car beside those of one that grips."""
+    if x.grip is None:
+        return Markup("")
+    other = {d["quantity"]: d["value"] for d in design(x.grip)}
+    rows = []
+    for d in x.design:
+        if d["quantity"] in other and d["value"]:
+            factor, unit = scale_of(np.array([d["value"]]), d["unit"])
+            rows.append({
+                "what": _named(d["quantity"]), "rolls": _with_bar(factor * d["value"], d["bar"] and factor * d["bar"]),
+                "grips": number(factor * other[d["quantity"]], 4), "unit": unit,
+                "off": percent(other[d["quantity"]] / d["value"] - 1.0),
+            })  # fmt: skip
+    heads = {"what": "quantity", "rolls": "rolling", "grips": "gripping", "unit": "unit", "off": "off by"}
+    return table(rows, heads, caption="What a car that grips the cable would say")
 
 
 def _motion(x: Stored) -> list[Section]:
