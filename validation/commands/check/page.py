@@ -23,7 +23,6 @@ from validation.commands.check.shared import SHARED
 from validation.commands.check.stored import Solver, Stored, read
 from validation.core import measures
 from validation.core.bounds import Bound
-from validation.core.design import design
 from validation.core.measures import NotComparable
 from validation.core.methods import METHODS
 from validation.core.trust import Reach, reach
@@ -324,7 +323,7 @@ def _gripped(x: Stored) -> Markup:
     """Return the design numbers of a rolling car beside those of one that grips."""
     if x.grip is None:
         return Markup("")
-    other = {d["quantity"]: d["value"] for d in design(x.grip)}
+    other = {d["quantity"]: d["value"] for d in x.grip.design}
     rows = []
     for d in x.design:
         if d["quantity"] in other and d["value"]:

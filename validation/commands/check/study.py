@@ -14,7 +14,7 @@ from cablefem.response import Flag, Response, write_json
 from cablefem.scene import Scene
 from validation.core import foreign, measures
 from validation.core.agreement import DEFAULT_TOL, Agreement, Verdict, agree, doubts, overall
-from validation.core.design import numbers
+from validation.core.design import design, numbers
 from validation.core.estimate import Estimated, past_slack
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.methods import Method, find
@@ -111,7 +111,7 @@ def _gripped(scene: Scene, method: Method, progress: Progress) -> Response:
     data = tomllib.loads(scene.to_toml())
     del data["drive"]
     response = run(Scene(**{"name": scene.name, **data}), method, progress=partial(progress, "gripped"))
-    return replace(response, method="gripped car")
+    return replace(response, method="gripped car", design=design(response))
 
 
 def _resolved(scene: Scene, method: Method, tol: float, progress: Progress) -> Estimated:
