@@ -35,6 +35,9 @@ def command(
         float | None,
         typer.Option(parser=real, metavar="X", help="Choose resolution and steps for a path error of at most X."),
     ] = None,
+    extrapolate: Annotated[
+        bool, typer.Option("--extrapolate", help="Extrapolate in time where three nested runs show the order.")
+    ] = False,
     out: Out = None,
 ) -> int:
     """Run one method on one scene.
@@ -48,6 +51,8 @@ def command(
         if given not in known:
             faults.append(f"--{option} must be one of {', '.join(known)}, got {given!r}{near(given, known)}")
     faults += tol_faults(tol)
+    if extrapolate and tol is not None:
+        faults.append("--extrapolate and --tol exclude each other: --tol chooses the steps")
     if model == "quasi-static":
         return _quasi_static(scene, out, faults)
     if method is None:
@@ -58,6 +63,7 @@ def command(
     assert chosen is not None
 
     from validation import paraview, telling
+    from validation.core.extrapolation import extrapolated
     from validation.core.resolution import TooCoarse, resolve
     from validation.core.running import run as run_method
 
@@ -65,7 +71,10 @@ def command(
     kind = {"model": model, "load": load, "law": law, **settings}
     too_coarse = ""
     with terminal.progress() as progress:
-        if tol is None:
+        if extrapolate:
+            answer = extrapolated(loaded, chosen, **kind, progress=partial(progress, method))
+            response = answer.response
+        elif tol is None:
             response = run_method(loaded, chosen, **kind, progress=partial(progress, method))
         else:
             try:
@@ -75,6 +84,9 @@ def command(
         response.write(folder / method)
         paraview.write(response, folder / method)
     telling.answer(response)
+    if extrapolate and answer.seen:
+        seen = f"order {answer.observed[1]:.2f} seen, bar of time alone {answer.path_bar:.1e} of the largest deflection"
+        terminal.say(f"extrapolated in time: {seen}, tension {answer.tension_bar:.1e} H")
     terminal.say(f"written to {folder / method}")
     if broken := telling.broken(response):
         return broken
