@@ -194,6 +194,7 @@ class Response:
     cause: str | None = None  # why incomplete: "Newton stalled", "slack", "unstable", "step underflow", "no start"
     drive: str = "grip"  # "grip" | "haul" | "free"
     events: list[dict[str, Any]] = field(default_factory=list)  # event, t [s], s_o [m], speed [m/s], in their order
+    design: list[dict[str, Any]] = field(default_factory=list)  # quantity, value, bar, unit, t, s_o, s
     # empty: pointwise as above, else nan
     T_behind_pointwise: Array = field(
         default_factory=_later
@@ -295,7 +296,8 @@ class Response:
             "reached": self.reached, "slack_onset": self.slack_onset, "slack_at": self.slack_at,
             "switched": self.switched, "max_deflection": self.max_deflection, "path_error": self.path_error,
             "tension_error": self.tension_error, "error_parts": self.error_parts, "error_window": self.error_window,
-            "events": self.events, "energy_gain": self.energy_gain, "flags": [str(flag) for flag in self.flags],
+            "events": self.events, "design": self.design,
+            "energy_gain": self.energy_gain, "flags": [str(flag) for flag in self.flags],
             "flag_kinds": self.flag_kinds, "n_dof": self.n_dof,
             **self.work, "seconds": self.seconds,
         }  # fmt: skip

@@ -6,10 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from validation import terminal
-from validation.core import measures
 from validation.core.methods import find
 
 if TYPE_CHECKING:
@@ -42,16 +39,12 @@ def answer(r: Response) -> None:
         f"  largest deflection of the mass {r.max_deflection:.5g}{error} m, "
         f"at s_o/l = {r.s_o[at] / r.length:.3f}, t = {r.t[at]:.4g} s"
     )
-    f, trusted = r.fields, min(measures.WINDOW[1], r.slack_onset or 1.0)
-    k = int((f.s_o <= trusted * r.length).sum())
-    if k:
-        T = np.column_stack([f.T, f.T_behind, f.T_ahead])[:k]
-        i, j = divmod(int(T.argmax()), T.shape[1])
-        s = f.s[j] if j < f.s.size else f.s_o[i]
-        terminal.say(
-            f"  largest tension {T[i, j]:.4g} N = {T[i, j] / r.horizontal_tension:.3g} H up to s_o/l = {trusted:.3g}, "
-            f"at s/l = {s / r.length:.3f} with the mass at {f.s_o[i] / r.length:.2f}"
-        )
+    for row in r.design:
+        if row["quantity"] != "slack_onset":
+            bar = "" if row["bar"] is None else f" +- {row['bar']:.2g}"
+            value = f"{row['quantity'].replace('_', ' '):<30}{row['value']:.5g}{bar} {row['unit']}"
+            where = f"at s/l = {row['s'] / r.length:.3f} with the mass at {row['s_o'] / r.length:.3f}"
+            terminal.say(f"  {value}, {where}")
     if r.slack_onset is not None:
         after = {
             "auto": "from there on with the tension-only law",

@@ -24,11 +24,20 @@ def test_run_writes_its_files_and_says_what_came_out(cablefem, tmp_path):
     }  # fmt: skip
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["settings"]["elements"] == 4
-    assert summary["path_error"] is None
+    assert 0.0 < summary["path_error"] < 0.5
+    assert all(row["bar"] > 0.0 for row in summary["design"] if row["quantity"] == "tension_max")
     assert "level, following-p2: elements=4, steps=100\n" in out
-    assert f"largest deflection of the mass {summary['max_deflection']:.5g} m" in out
+    assert f"largest deflection of the mass {summary['max_deflection']:.5g} +- " in out
+    assert "  tension max  " in out
     assert f"slack from s_o/l = {summary['slack_onset']:.3f} on" in out
     assert f"written to {Path('cablefem-out') / 'level' / 'following-p2'}" in out
+
+
+def test_run_without_bars_makes_one_run(cablefem):
+    assert cablefem("run", "inclined", *QUICK, "--no-bars", "--out", "x")[0] == 0
+    summary = json.loads(Path("x/following-p2/summary.json").read_text())
+    assert summary["path_error"] is None
+    assert {row["bar"] for row in summary["design"]} == {None}
 
 
 def test_run_takes_model_load_and_law(cablefem):
@@ -80,7 +89,7 @@ def test_the_exit_code_of_a_run_says_whether_it_broke_before_the_slack_onset(
 ):
     response = dataclasses.replace(inclined, **changes)
     monkeypatch.setattr(running, "run", lambda *names, **how: response)
-    found, out, err = cablefem("run", "inclined", *QUICK, "--out", "x")
+    found, out, err = cablefem("run", "inclined", *QUICK, "--no-bars", "--out", "x")
     assert found == code
     assert Path("x/following-p2/path.csv").exists()  # what was computed is kept
     assert ("following-p2 broke at s_o/l = 0.9" in err) == (code == 2)

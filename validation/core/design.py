@@ -123,8 +123,8 @@ def numbers(e: Estimated, twin: Estimated | None = None) -> list[Number]:
         bar = weights[0] * changes[0] + weights[1] * changes[1]
         if twin is not None:
             bar = max(bar, _change(e.run, twin.run, quantity, stop))
-        number, _ = found
-        out.append(replace(number, quantity=name, bar=bar if math.isfinite(bar) else None))
+        bar += found.between
+        out.append(replace(found.number, quantity=name, bar=bar if math.isfinite(bar) else None))
     return [*out, *_onset(e, twin)]
 
 
@@ -139,38 +139,55 @@ def alone(r: Response) -> list[Number]:
     found = (
         (name, _extreme(r, quantity, stop if r.drive == "grip" else math.inf)) for name, quantity in QUANTITIES.items()
     )
-    numbers = [replace(x[0], quantity=name) for name, x in found if x is not None]
+    numbers = [replace(x.number, quantity=name) for name, x in found if x is not None]
     if r.slack_onset is not None:
         numbers.append(Number("slack_onset", r.slack_onset, None, "s_o/l", s_o=r.slack_onset * r.length))
     return numbers
 
 
-def _extreme(r: Response, quantity: _Quantity, stop: float) -> tuple[Number, int] | None:
-    """Return the extreme up to s_o/l = stop and the track it is on; None where nothing is known."""
+@dataclass(frozen=True, slots=True)
+class _Extreme:
+    number: Number
+    track: int
+    k: int
+    between: float  # what may lie between two instants of its track
+
+
+def _extreme(r: Response, quantity: _Quantity, stop: float) -> _Extreme | None:
+    """Return the extreme up to s_o/l = stop; None where nothing is known."""
     place = r.length * (measures.WINDOW[0] if quantity.settled and r.drive == "grip" else -1.0)
-    best: tuple[Number, int] | None = None
+    best: _Extreme | None = None
     for i, track in enumerate(quantity.tracks(r)):
         s_o = np.interp(track.t, r.t, r.s_o)
         value = np.where((s_o >= place) & (s_o <= stop * r.length * (1.0 + 1e-9)), track.value, math.nan)
         if not np.isfinite(value).any():
             continue
         k = int(np.nanargmax(quantity.sign * value))
-        if best is None or quantity.sign * value[k] > quantity.sign * best[0].value:
+        if best is None or quantity.sign * value[k] > quantity.sign * best.number.value:
             at = float(track.t[k]), float(s_o[k]), float(track.s[k])
-            best = Number("", float(value[k]), None, quantity.unit, *at), i
+            beside = np.abs(value[max(0, k - 1) : k + 2] - value[k])
+            # inside, a parabola's top is at most a quarter of the larger step above its highest sample
+            ends = beside.size < 3 or not np.isfinite(beside).all()
+            between = (1.0 if ends else 0.25) * float(np.nanmax(beside))
+            best = _Extreme(Number("", float(value[k]), None, quantity.unit, *at), i, k, between)
     return best
 
 
+NEAR = (
+    5  # steps about an extreme over which runs are compared: it sits on axial waves that come a little sooner or later
+)
+
+
 def _change(r: Response, other: Response, quantity: _Quantity, stop: float) -> float:
-    """Return how far an extreme is from that of another run, and from its value there at the same instant."""
+    """Return how far an extreme is from that of another run, and from its values thereabouts."""
     here, there = _extreme(r, quantity, stop), _extreme(other, quantity, stop)
     if here is None or there is None:
         return math.inf
-    number, i = here
-    track = quantity.tracks(other)[i]
-    known = np.isfinite(track.value)
-    at = float(np.interp(number.t or 0.0, track.t[known], track.value[known]))
-    return max(abs(number.value - there[0].value), abs(number.value - at))
+    mine, track = quantity.tracks(r)[here.track], quantity.tracks(other)[here.track]
+    known, near = np.isfinite(track.value), slice(max(0, here.k - NEAR), here.k + NEAR + 1)
+    apart = mine.value[near] - np.interp(mine.t[near], track.t[known], track.value[known])
+    inside = (mine.t[near] <= min(r.t[-1], other.t[-1])) & np.isfinite(apart)
+    return max(abs(here.number.value - there.number.value), float(np.abs(apart[inside]).max(initial=0.0)))
 
 
 def _onset(e: Estimated, twin: Estimated | None) -> list[Number]:

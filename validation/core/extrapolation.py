@@ -16,7 +16,7 @@ from cablefem import newmark
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.estimate import KIND
+from validation.core.estimate import KIND, Estimated
 from validation.core.flags import flagged
 from validation.core.methods import Method, find, refined
 from validation.core.running import run
@@ -24,6 +24,7 @@ from validation.core.running import run
 # The gaps' ratio must be that of the order to so much, in the largest and in the root mean square: the second order of
 # the trapezoidal rule is then seen between 1.7 and 2.3.
 SEEN = 0.3
+UNSEEN = "not extrapolated"  # kind of the flag
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +37,19 @@ class Extrapolated:
     observed: tuple[float, float]  # from the largest and the root mean square gap of the path
     path_bar: float  # relative to the largest deflection, of time alone; infinite where the order was not seen
     tension_bar: float  # relative to H
+
+    def with_bars(self, e: Estimated) -> Response:
+        """Return the answer with what space contributes by an estimate of the same run, time by the extrapolants."""
+        if not self.seen:
+            return replace(e.run, flags=[*e.run.flags, *(f for f in self.response.flags if f.kind == UNSEEN)])
+        if e.run.error_parts is None:
+            return replace(self.response, flags=e.run.flags)
+        parts = e.run.error_parts | {"path_time": self.path_bar, "tension_time": self.tension_bar}
+        return replace(
+            self.response, flags=e.run.flags, error_parts=parts, error_window=e.run.error_window,
+            path_error=parts["path_space"] + parts["path_time"],
+            tension_error=parts["tension_space"] + parts["tension_time"],
+        )  # fmt: skip
 
     @property
     def seen(self) -> bool:
@@ -70,7 +84,7 @@ def of_runs(runs: tuple[Response, Response, Response], order: float) -> Extrapol
     fine, half, quarter = runs
 
     def unseen(observed: tuple[float, float], why: str) -> Extrapolated:
-        kept = flagged(fine, "not extrapolated", why=why)
+        kept = flagged(fine, UNSEEN, why=why)
         return Extrapolated(kept, runs, order, observed, math.inf, math.inf)
 
     try:
@@ -88,5 +102,4 @@ def of_runs(runs: tuple[Response, Response, Response], order: float) -> Extrapol
         return unseen(observed, told)
     better, worse = measures.extrapolated(fine, half, order), measures.extrapolated(half, quarter, order)
     path, tension = measures.path_gap(worse, better, window)[0], measures.tension_gap(worse, better, window)
-    parts = {"path_time": path, "tension_time": tension}
-    return Extrapolated(replace(better, error_parts=parts), runs, order, observed, path, tension)
+    return Extrapolated(better, runs, order, observed, path, tension)

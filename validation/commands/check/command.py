@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -54,6 +56,7 @@ def command(
     from validation.commands.check import study, words
     from validation.core import foreign
     from validation.core.running import run
+    from validation.core.sidebyside import side_by_side
 
     path = None
     if other is not None:
@@ -68,12 +71,16 @@ def command(
             result = study.joined(result, path, with_tol)
             path.write(folder / "with.csv")
         result.write(folder)
-        progress("writing", 0.5)
-        for e in (result.a, result.b):
-            paraview.write(e.run, folder / e.run.method)
-        report.write(folder, "check")
+        progress("writing", 0.3)
+        runs = result.a.run, result.b.run
+        writers = [partial(paraview.write, run, folder / run.method) for run in runs]
+        side_by_side([_alone(write) for write in (*writers, partial(report.write, folder, "check"))])
         store.finish(folder, "check")
         progress("writing", 1.0)
     words.tell(result)
     terminal.say(f"written to {folder}: report.html, agreement.json, {result.a.run.method}/, {result.b.run.method}/")
     return telling.broken(result.a.run, result.b.run) or (1 if result.verdict.value != "agree" or result.doubts else 0)
+
+
+def _alone(write: Callable[[], None]) -> Callable[..., None]:
+    return lambda progress: write()

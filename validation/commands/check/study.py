@@ -13,6 +13,7 @@ from cablefem.response import Flag, Response, write_json
 from cablefem.scene import Scene
 from validation.core import foreign, measures
 from validation.core.agreement import DEFAULT_TOL, Agreement, Verdict, agree, doubts, overall
+from validation.core.design import numbers
 from validation.core.estimate import Estimated, past_slack
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.methods import Method, find
@@ -39,6 +40,12 @@ class Check:
         return overall(self.rows)
 
     @property
+    def design(self) -> list[dict[str, Any]]:
+        """The design numbers of the answer with the smaller bar, with bars no less than the gap to the other."""
+        best, other = sorted((self.a, self.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
+        return [number.row() for number in numbers(best, other)]
+
+    @property
     def doubts(self) -> list[tuple[str, Flag]]:
         """Methods and flags that say that a bar may be too small."""
         return doubts(self.a, self.b)
@@ -48,6 +55,7 @@ class Check:
         return {
             "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window), "tol": self.tol,
             "methods": [self.a.run.method, self.b.run.method], "rows": [row.row() for row in self.rows],
+            "design": self.design,
             "doubts": [{"method": name, "kind": flag.kind, "words": str(flag)} for name, flag in self.doubts],
         }  # fmt: skip
 
@@ -55,9 +63,9 @@ class Check:
         """Write scene.toml, one folder per method (with its companions) and agreement.json."""
         out.mkdir(parents=True, exist_ok=True)
         (out / "scene.toml").write_text(self.scene.to_toml(), encoding="utf-8")
-        for e in (self.a, self.b):
+        for e, twin in ((self.a, self.b), (self.b, self.a)):
             folder = out / e.run.method
-            e.run.write(folder)
+            replace(e.run, design=[number.row() for number in numbers(e, twin)]).write(folder)
             write_json(folder / "estimate.json", {"basis": e.basis, "weights": list(e.weights)})
             if e.extrapolated:
                 e.response.write(folder / "extrapolated")

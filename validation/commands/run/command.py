@@ -1,7 +1,8 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -9,7 +10,11 @@ from validation import terminal
 from validation.core import store
 from validation.options import Out, SceneName, near, real, scene_named, tol_faults
 
+if TYPE_CHECKING:
+    from cablefem.response import Response
+
 PLACE = 3
+MOST_COARSE = 8  # steps that can be halved twice
 EXAMPLE = "cablefem run level --method fourier --set terms=60"
 CHOICES = {
     "model": ("full", "stretching", "sagged", "string", "quasi-static"),
@@ -35,6 +40,9 @@ def command(
         float | None,
         typer.Option(parser=real, metavar="X", help="Choose resolution and steps for a path error of at most X."),
     ] = None,
+    bars: Annotated[
+        bool, typer.Option("--bars/--no-bars", help="Error bars from two coarser runs, half the resolution and steps.")
+    ] = True,
     extrapolate: Annotated[
         bool, typer.Option("--extrapolate", help="Extrapolate in time where three nested runs show the order.")
     ] = False,
@@ -61,8 +69,13 @@ def command(
     loaded = scene_named(scene, faults, travelling=True)
     assert method is not None
     assert chosen is not None
+    if extrapolate and (steps := chosen.settings(settings)["steps"]) < MOST_COARSE:
+        terminal.complain([f"--extrapolate halves the steps twice: at least {MOST_COARSE}, got {steps}"])
+        return 2
 
     from validation import paraview, telling
+    from validation.core.design import design, numbers
+    from validation.core.estimate import estimated
     from validation.core.extrapolation import extrapolated
     from validation.core.resolution import TooCoarse, resolve
     from validation.core.running import run as run_method
@@ -70,29 +83,46 @@ def command(
     folder = store.claim(out, "run", loaded, [method])
     kind = {"model": model, "load": load, "law": law, **settings}
     too_coarse = ""
+    made: list[Response] = []
     with terminal.progress() as progress:
-        if extrapolate:
-            answer = extrapolated(loaded, chosen, **kind, progress=partial(progress, method))
-            response = answer.response
-        elif tol is None:
-            response = run_method(loaded, chosen, **kind, progress=partial(progress, method))
-        else:
+        report = partial(progress, method)
+        if tol is not None:
             try:
-                response = resolve(loaded, method, tol, **kind, progress=partial(progress, method))
+                response = resolve(loaded, method, tol, **kind, progress=report, runs=made)
             except TooCoarse as error:
                 response, too_coarse = error.best, str(error)
+            kind |= response.settings
+        elif extrapolate:
+            better = extrapolated(loaded, chosen, **kind, progress=report)
+            response, made = better.response, list(better.runs)
+        elif not bars:
+            response = run_method(loaded, chosen, **kind, progress=report)
+        if bars:
+            e = estimated(loaded, chosen, known=made, **kind, progress=report)
+            if extrapolate:
+                response = better.with_bars(e)
+            elif tol is None:
+                response = e.run
+            response = replace(response, design=[number.row() for number in numbers(e)])
+        else:
+            response = replace(response, design=design(response))
         response.write(folder / method)
         paraview.write(response, folder / method)
     telling.answer(response)
-    if extrapolate and answer.seen:
-        seen = f"order {answer.observed[1]:.2f} seen, bar of time alone {answer.path_bar:.1e} of the largest deflection"
-        terminal.say(f"extrapolated in time: {seen}, tension {answer.tension_bar:.1e} H")
+    if extrapolate and better.seen:
+        seen = f"order {better.observed[1]:.2f} seen, bar of time alone {better.path_bar:.1e} of the largest deflection"
+        terminal.say(f"extrapolated in time: {seen}, tension {better.tension_bar:.1e} H")
     terminal.say(f"written to {folder / method}")
     if broken := telling.broken(response):
         return broken
     if too_coarse:
         terminal.complain([too_coarse])
-    return 1 if too_coarse or response.flags else 0
+    # a bar that could not be made, or not all the way, is no fault of the run
+    return (
+        1
+        if too_coarse or any(flag.kind not in ("no bar", "short bar", "not extrapolated") for flag in response.flags)
+        else 0
+    )
 
 
 def _quasi_static(scene: str, out: Any, faults: list[str]) -> int:
