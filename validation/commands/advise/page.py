@@ -40,7 +40,21 @@ def sections(folder: Path) -> list[Section]:
     if not path.exists():
         return [Section("advise", "Least model", missing("advice.json", "Run cablefem advise SCENE --tol X."))]
     x = json.loads(path.read_text(encoding="utf-8"))
-    return [_advice(x), _ladder(x), _methods(x)]
+    return [_rolling(x)] if "least" in x else [_advice(x), _ladder(x), _methods(x)]
+
+
+def _rolling(x: dict[str, Any]) -> Section:
+    """What a car that rolls needs: a sentence each, and the ladder."""
+    html = Markup("<ul>{}</ul>").format(Markup("").join(Markup("<li>{}</li>").format(word) for word in x["words"]))
+    heads = {"model": "model"} | {need: f"{need} off by" for need in x["least"]} | {"seconds": "time [s]"}
+    rows = [
+        {"model": r["model"], "seconds": r["seconds"]} | {need: percent(r["gaps"][need]) for need in x["least"]}
+        for r in x["rungs"]
+    ]
+    said = f"Least model within {percent(x['tol'])}: "
+    said += "; ".join(f"{need}, {model}" for need, model in x["least"].items()) + "."
+    verdict = "agree" if x["meets"] else "not comparable"
+    return Section("advise", "Least model", html + table(rows, heads), verdict, said)
 
 
 def _name(line: dict[str, Any]) -> str:

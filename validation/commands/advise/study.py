@@ -22,6 +22,7 @@ from scipy.interpolate import CubicSpline
 
 from cablefem.response import Response, write_json
 from cablefem.scene import Scene
+from validation.commands.advise import rolling
 from validation.core import measures, store
 from validation.core.methods import METHODS, find
 from validation.core.richardson import SAFETY, left
@@ -109,7 +110,7 @@ def advise(scene: Scene, tol: float, out: Path, progress: Progress | None = None
         raise ValueError(f"tol must lie in (0, 1), got {tol!r}")
     if kept := store.stored(out / "advice.json", scene_toml=scene.to_toml(), tol=tol):
         return kept
-    content = advice(scene, tol, progress)
+    content = (advice if scene.drive.mode == "grip" else rolling.advice)(scene, tol, progress)
     out.mkdir(parents=True, exist_ok=True)
     write_json(out / "advice.json", content)
     return content
