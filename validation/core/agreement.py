@@ -114,7 +114,7 @@ def agree(
     ceiling = min(WIDEST, CEILING * max(1.0, (tol or 0.0) / DEFAULT_TOL))
     rows = [*_independent(a, b), _slack_onset(a, b).at_most(ceiling)]
     try:
-        window = measures.window_of(*a.runs, *b.runs, window=window or measures.WINDOW)
+        window = measures.window_of(*a.runs, *b.runs, window=window)
     except NotComparable as error:
         return [Agreement("path_max", math.nan, nothing(error)), *rows]
     H, axial = scene.horizontal_tension, 2.0 * scene.length / scene.axial_speed
@@ -210,7 +210,7 @@ def _independent(a: Estimated, b: Estimated) -> Iterator[Agreement]:
 
 def _onset(r: Response) -> float:
     """Return where a cable goes slack, as far as the window of comparison goes."""
-    return min(measures.WINDOW[1], math.inf if r.slack_onset is None else r.slack_onset)
+    return min(measures.WINDOWS[r.drive][1], math.inf if r.slack_onset is None else r.slack_onset)
 
 
 def _slack_onset(a: Estimated, b: Estimated) -> Agreement:
@@ -328,7 +328,7 @@ def _held(method: str, x: laws.Held) -> Agreement:
     parts = [Part(method, x.sampling, "sampling of its fields")]
     if x.changed:
         parts.insert(0, Part(method, SAFETY * x.changed, FIRST_ORDER))
-    return Agreement(name, x.gap, Bound("law", tuple(parts)), x.where, law=x.law)
+    return Agreement(name, x.gap, Bound("law", tuple(parts)), x.where, law="" if name == x.law else x.law)
 
 
 def _worse(rows: list[Agreement]) -> Agreement:
