@@ -50,6 +50,7 @@ class CableElements:
     law : "elastic", or "tension-only": N = max(0, T + alpha eps).
     """
 
+    drives: tuple[str, ...] = ("grip",)
     n_scalar: int
     _n_dof: int
     _band: int  # half-width, all fields
@@ -60,14 +61,18 @@ class CableElements:
     _at: tuple[float, int] | None  # instant and phase that all this is for
 
     def __init__(self, groups: Groups, model: str, load: str, law: str) -> None:
-        if groups.motion is None:
+        if groups.drive.mode not in self.drives:
+            raise ValueError(
+                f"a car that rolls (drive {groups.drive.mode}) needs mass-following elements of the full model"
+            )
+        if groups.motion is None and groups.drive.mode != "free":
             raise ValueError("the scene has no mass that travels")
         if model not in MODELS:
             raise ValueError(f"model must be one of {', '.join(MODELS)}, got {model!r}")
         if load not in ("mass", "force"):
             raise ValueError(f"load must be mass or force, got {load!r}")
         self.groups, self.model, self.load = groups, model, load
-        self.motion = groups.motion
+        self.motion: Any = groups.motion  # none of a free ride
         self.fields = 2 if model == "full" else 1
         self.inertia = groups.mu if load == "mass" else 0.0
         # displacement in the plane of each field
@@ -142,10 +147,9 @@ class CableElements:
     ) -> Settled:
         self._time(t, phase)
         self._at = (t, phase)
-        *done, least, where = kernels.settle(
-            self._operators, self._coefficients, self._bands, tuple(self._mesh), self._cable, tuple(self._contact),
-            tuple(self._work), start, now, rule, bound, newton.max_iter, newton.reuse, newton.patience,
-        )  # fmt: skip
+        grip = self._operators, self._coefficients, self._bands, tuple(self._contact)
+        of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rule, bound
+        *done, least, where = kernels.settle(grip, None, *of, newton.max_iter, newton.reuse, newton.patience)
         self.least_tension = least, where
         return Settled(*done)
 
@@ -191,6 +195,11 @@ class CableElements:
     def _mesh_at(self, s_o: float, ds: float) -> kernels.Mesh:
         """Return the elements with the mass at s_o."""
         raise NotImplementedError
+
+    def _split(self, states: States) -> tuple[States, Array]:
+        """Return the history of the cable's unknowns, and s_o, ds_o, dds_o (n, 3)."""
+        at = [self.motion.at(t, p) for t, p in zip(states.t, states.phase, strict=True)]
+        return states, np.array(at).reshape(states.t.size, 3)
 
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Return w(s_o(t), t), its first and second time derivative, and w' behind and ahead, (n, fields) each."""
@@ -264,7 +273,7 @@ class CableElements:
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
         """Measure paths, tensions, energies and fields on a history; see `Observation`."""
         g, n = self.groups, states.t.size
-        kinematics = np.array([self.motion.at(t, p) for t, p in zip(states.t, states.phase, strict=True)]).reshape(n, 3)
+        states, kinematics = self._split(states)
         s_o, ds, dds = kinematics.T
         w, w_t, w_tt, *slopes = self._at_mass(states, kinematics)
         place, slope, bend = self._static(s_o)  # of the model

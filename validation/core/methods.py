@@ -168,9 +168,9 @@ class Method:
 
 def _following(degree: int) -> Build:
     def build(groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
-        from cablefem.elements.following import FollowingElements
+        from cablefem.elements.rolling import following
 
-        return FollowingElements(groups, elements=x["elements"], degree=degree, grading=x["grading"], **kind)
+        return following(groups, elements=x["elements"], degree=degree, grading=x["grading"], **kind)
 
     return build
 

@@ -1,0 +1,326 @@
+"""A car that rolls on mass-following elements: its place s_o is one more coordinate of the discrete Lagrangian.
+
+With the mesh hung on s_o the Lagrangian of the cable is one of the unknowns (q, s_o), see `kernels.roll`; its last row
+is the balance of the car along the cable: no one-sided tangent enters it, and no multiplier.
+
+free : the last unknown is s_o(t); `HELD` while friction and brakes hold the car on the cable.
+haul : s_o(t) is given, and the last acceleration is the force F of the rope along the mean tangent; it makes the row
+       vanish.  (Its place and velocity are idle.)
+
+Outside forces on the car: thrust or rope along the mean tangent, drag.  Between car and cable, along the cable: rolling
+friction and brakes against the motion, what is left of the force that held the car at its start.
+
+Dimensionless: l = H = rho = 1.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cablefem.elements import kernels
+from cablefem.elements.cable import Array
+from cablefem.elements.following import FollowingElements
+from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, consistent_acceleration
+from cablefem.newmark.newton import find_root
+from cablefem.response import Observation, States
+from cablefem.scene import Groups
+
+EVENTS = ("turn", "standstill", "breaking loose", "brake", "brake off", "arrival", "stop", "lift_off")
+AT_REST = 1e-6  # speeds below have no direction yet
+STATIC = 1e-30  # weight of accelerations in a tangent of statics: nothing but the last unknown feels it
+
+
+def following(groups: Groups, **kind: Any) -> FollowingElements:
+    """Return the mass-following elements that the drive of a scene asks for."""
+    return (FollowingElements if groups.drive.mode == "grip" else RollingElements)(groups, **kind)
+
+
+class RollingElements(FollowingElements):
+    """The cable with a car that rolls; a `cablefem.newmark.System` with events.
+
+    groups : with the drive "free" or "haul"; the rest as for `FollowingElements`, of the full model with a mass.
+
+    Raises ValueError for the one-field models: their car has no motion along the chord, and nothing to balance there.
+    """
+
+    drives = ("free", "haul")
+
+    def __init__(self, groups: Groups, **kind: Any) -> None:
+        super().__init__(groups, **kind)
+        self.drive = groups.drive
+        if self.fields == 1 or self.load == "force":
+            what = f"model {self.model}" if self.fields == 1 else "a moving force without mass"
+            raise ValueError(f"{what} has no balance along the cable: a car that rolls needs the full model and a mass")
+        self.free = self.drive.mode == "free"
+        self.events: tuple[str, ...] = EVENTS if self.free else ("lift_off",)
+        # forces along the cable that may hold the car there
+        self._grips = self.free and bool(self.drive.mu_r > 0.0 or self.drive.brakes)
+        self._settled = 2.0 / math.sqrt(groups.alpha)  # an axial wave's way to and fro: a standstill that lasts
+        self._n_dof += 1
+        ends = np.stack([self.left.evaluate(np.array(1.0))[2], self.right.evaluate(np.array(0.0))[2]])
+        border = np.empty((3, self._n_dof - 1)), np.empty(1)
+        self._rolling = kernels.Rolling(self._n_left, ends.reshape(2, -1), *border)
+        self._complex_rolling = self._rolling._replace(border=border[0] + 0j, corner=border[1] + 0j)
+        self._rest()
+
+    def _rest(self) -> None:
+        """Forget what has happened on a ride."""
+        self._mode = kernels.FREE if self.free else kernels.HAUL
+        self._heading = 0.0  # of the slip that friction and brakes work against, where it has none yet
+        self._forward = 0.0  # direction of the car, once it has one
+        self._brakes = sum(place <= self.drive.start for place, _ in self.drive.brakes)  # that have been reached
+        self._since = math.inf  # when it came to hold
+        self._lifted = False
+        self._hold = 0.0  # force along the cable that holds the car at its start
+        self._watched: tuple[State | None, float, tuple[float, ...]] = None, 0.0, ()
+
+    # --- the System protocol ---------------------------------------------------------------------------
+    @property
+    def phases(self) -> tuple[tuple[float, float], ...]:
+        return self.drive.phases if self.free else super().phases
+
+    def place(self, x: State) -> float:
+        return float(x.q[-1]) if self.free else super().place(x)
+
+    def start(self, phase: int, state: State | None) -> State:
+        """Return the state at the beginning of a phase.
+
+        free : the car held on the loaded cable at rest, let go; friction and brakes may hold it there at once.
+        haul : the car hangs on its rope; the cable moves as statics has it at the speed the travel begins with.
+        """
+        t = self.phases[phase][0]
+        if state is not None:
+            return self._consistent(t, state.q, state.v, phase)
+        self._rest()
+        if not self.free:
+            s_o, ds, _ = self.motion.at(t, 0)
+            q = self._statics(s_o)[0]
+            v, d = np.zeros_like(q), 1e-4 * min(s_o, 1.0 - s_o)
+            if ds != 0.0:
+                v[:-1] = (self._statics(s_o + d)[0] - self._statics(s_o - d)[0])[:-1] * (ds / (2.0 * d))
+            q[-1] = 0.0
+            return self._consistent(t, q, v, 0)
+        q, self._hold = self._statics(self.drive.start)
+        return self._halt(State(t, q, np.zeros_like(q), np.zeros_like(q), 0))
+
+    def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
+        r = np.empty(self._n_dof)
+        self._roll(self._car(t, phase, v[-1]), q, v, a, r)
+        return r
+
+    def linearise(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
+    ) -> tuple[Array, Solve]:
+        """As the protocol has it; factors live in one workspace each, real and complex."""
+        r = np.empty(self._n_dof)
+        return r, self._linearised(self._car(t, phase, v[-1]), q, v, a, r, c0, c1, c2)
+
+    def settle(
+        self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
+    ) -> Settled:
+        slip = float(start[1, -1])  # its sign holds for the step: friction that turns within one has no balance
+        if slip != 0.0:
+            self._heading = math.copysign(1.0, slip)
+        ride = tuple(self._rolling), tuple(self._car(t, phase, slip))
+        of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rule, bound
+        # near a support a correction that overshoots ends on another root: no patience
+        *done, least, where = kernels.settle(None, ride, *of, newton.max_iter, newton.reuse, 0)
+        self.least_tension = least, where
+        return Settled(*done)
+
+    # --- events ----------------------------------------------------------------------------------------
+    def watch(self, x: State) -> tuple[float, ...]:
+        """Return what is positive until an event happens, in the order of `events`."""
+        if self._watched[0] is x and self._watched[1] == self._heading:
+            return self._watched[2]
+        normal, stretch, speed, along, across = self._look(x)
+        lift_off = math.inf if self._lifted else normal
+        if not self.free:
+            return (lift_off,)
+        if self._forward == 0.0 and abs(speed) > AT_REST:
+            self._forward = math.copysign(1.0, speed)
+        s_o, held, n = float(x.q[-1]), self._mode == kernels.HELD, self._brakes
+        places = [place for place, _ in self.drive.brakes]
+        # one that friction and brakes will hold does not turn
+        rolls = not held and self._forward != 0.0 and abs(along) > self._most(across)
+        values = (
+            self._forward * speed if rolls else math.inf,
+            self._heading * float(x.v[-1]) if self._grips and not held else math.inf,
+            self._margin(x, normal, stretch) if held else math.inf,
+            places[n] - s_o if n < len(places) else math.inf,
+            s_o - places[n - 1] if n else math.inf,
+            self.drive.end_place - s_o,
+            self._since + self._settled - x.t if held else math.inf,
+            lift_off,
+        )
+        self._watched = x, self._heading, values
+        return values
+
+    def pass_event(self, name: str, x: State) -> State | None:
+        """Change over to what holds after the event."""
+        self._watched = None, 0.0, ()
+        if name in ("arrival", "stop"):
+            return None
+        if name == "standstill":
+            return self._halt(x)
+        if name == "turn":
+            self._forward = -self._forward
+        elif name == "lift_off":
+            self._lifted = True
+        else:
+            if name == "breaking loose":
+                self._let_go(x)
+            else:
+                self._brakes += 1 if name == "brake" else -1
+            return self._consistent(x.t, x.q, x.v, x.phase)
+        return x
+
+    def _halt(self, x: State) -> State:
+        """Return the state with a car that does not slip: held by friction and brakes if they can, else let go."""
+        v = x.v.copy()
+        v[-1] = 0.0
+        if self._grips:
+            self._mode, self._since = kernels.HELD, x.t
+            held = self._consistent(x.t, x.q, v, x.phase)
+            if self._margin(held, *self._look(held)[:2]) > 0.0:
+                return held
+            self._let_go(held)
+        return self._consistent(x.t, x.q, v, x.phase)
+
+    def _margin(self, x: State, normal: float, stretch: float) -> float:
+        """Return what friction and brakes could hold more than they do."""
+        return self._most(normal) - abs(self._needed(x)) / stretch
+
+    def _most(self, normal: float) -> float:
+        return self.drive.mu_r * abs(normal) + self._brake
+
+    def _needed(self, x: State) -> float:
+        """Return the force on s_o that keeps the car where it is: what its row lacks."""
+        r = np.empty(self._n_dof)
+        return self._roll(self._car(x.t, x.phase, 0.0), x.q, x.v, x.a, r)[2]
+
+    def _let_go(self, x: State) -> None:
+        self._heading = -math.copysign(1.0, self._needed(x))
+        self._mode, self._since = kernels.FREE, math.inf
+
+    # --- the car ---------------------------------------------------------------------------------------
+    def _car(self, t: float, phase: int, slip: float) -> kernels.Car:
+        """Return the car at an instant; slip : ds_o of a free one, as far as it tells where friction works."""
+        drive, fixed = self.drive, (self.inertia, self.groups.sigma)
+        air = drive.k, drive.wind, drive.mu_r
+        if not self.free:
+            s_o, ds, dds = self.motion.at(t, phase)
+            return kernels.Car(self._mode, self.node, *fixed, s_o, ds, dds, 0.0, 0.0, *air, 0.0, float(np.sign(ds)))
+        heading = math.copysign(1.0, slip) if slip != 0.0 else self._heading
+        if self._mode == kernels.HELD:
+            heading = 0.0
+        forces = self._hold * drive.hold(t), float(drive.thrust(t, phase)) if drive.thrust_table else 0.0
+        return kernels.Car(self._mode, self.node, *fixed, 0.0, 0.0, 0.0, *forces, *air, self._brake, heading)
+
+    @property
+    def _brake(self) -> float:
+        return sum((force for _, force in self.drive.brakes[: self._brakes]), 0.0)
+
+    def _look(self, x: State) -> tuple[float, ...]:
+        """Return what `kernels.look` sees."""
+        of = tuple(self._mesh), tuple(self._rolling), self._cable, tuple(self._car(x.t, x.phase, float(x.v[-1])))
+        return kernels.look(*of, x.q, x.v, x.a)
+
+    def _roll(self, car: kernels.Car, q: Array, v: Array, a: Array, r: Array, *c: float) -> tuple[float, ...]:
+        """Set r and, given c, the tangent; return what `kernels.roll` does."""
+        of = self._mesh, self._rolling, self._cable, car, q, v, a, r, self._work.ab
+        seen = kernels.roll(*of, bool(c), *(c or (0.0, 0.0, 0.0)))
+        self.least_tension = seen[:2]
+        return seen
+
+    def _linearised(self, car: kernels.Car, q: Array, v: Array, a: Array, r: Array, *c: complex) -> Solve:
+        """Set r and return the solution with the tangent there."""
+        work, rolling = self._work, self._rolling
+        if isinstance(c[0], complex):
+            work, rolling = self._complex_work, self._complex_rolling
+            work.ab[:], rolling.border[:], rolling.corner[:] = 0.0, 0.0, 0.0
+            for factor, *one in zip(c, *np.eye(3).tolist(), strict=True):
+                self._roll(car, q, v, a, r, *one)
+                work.ab[:] += factor * self._work.ab
+                rolling.border[:] += factor * self._rolling.border
+                rolling.corner[:] += factor * self._rolling.corner
+        else:
+            self._roll(car, q, v, a, r, *(float(x.real) for x in c))
+        if not kernels.factorise_bordered(work, rolling):
+            return lambda b: np.full_like(b, math.nan)
+
+        def solve(b: Array) -> Array:
+            kernels.solve_bordered(work, rolling, b)
+            return b
+
+        return solve
+
+    def _consistent(self, t: float, q: Array, v: Array, phase: int) -> State:
+        return consistent_acceleration(self, t, q, v, phase)
+
+    def _statics(self, s_o: float) -> tuple[Array, float]:
+        """Return the unknowns of the cable at rest with the car at s_o, and the force that holds it there.
+
+        free : the last unknown is s_o, the force one between car and cable, along the cable; haul : it is the rope's.
+        """
+        mode = kernels.HELD if self.free else kernels.HAUL
+        car = self._car(0.0, 0, 0.0)._replace(
+            mode=mode, s_o=s_o, ds=0.0, dds=0.0, hold=0.0, thrust=0.0, drag=0.0, friction=0.0, brake=0.0
+        )
+        x = np.zeros((3, self._n_dof))
+        x[0, -1] = s_o if self.free else 0.0
+        r, c = np.empty(self._n_dof), np.array([[1.0], [0.0], [STATIC]])
+
+        def residual() -> Array:
+            self._roll(car, x[0], x[1], x[2], r)
+            return r
+
+        def linearise() -> tuple[Array, Solve]:
+            solve = self._linearised(car, x[0], x[1], x[2], r, 1.0, 0.0, STATIC)
+            return r.copy(), solve
+
+        def update(dx: Array) -> None:
+            x[:] -= c * dx
+
+        bound = math.sqrt(self._n_dof) * self.force_floor
+        with np.errstate(over="ignore", invalid="ignore"):
+            done = find_root(residual, linearise, update, bound, Newton(max_iter=60, patience=0, reuse=0.0))
+        if not done.norm <= bound:
+            raise StepFailure(
+                0.0, f"no rest of the loaded cable was found (|r| = {done.norm:.2g})", "start the car elsewhere"
+            )
+        return x[0], float(self._roll(car, x[0], x[1], x[2], r)[2] if self.free else x[2, -1])
+
+    # --- observation -----------------------------------------------------------------------------------
+    def _split(self, states: States) -> tuple[States, Array]:
+        cable = States(states.t, states.q[:, :-1], states.v[:, :-1], states.a[:, :-1], states.phase)
+        if not self.free:
+            return super()._split(cable)[0], super()._split(states)[1]
+        return cable, np.stack([states.q[:, -1], states.v[:, -1], states.a[:, -1]], axis=1)
+
+    def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
+        """Measure a history; the power is that of the forces on the car, one by one."""
+        o, drive, ds = super().observe(states, s, frames), self.drive, self._split(states)[1][:, 1]
+        mean = 0.5 * (o.slope_behind + o.slope_ahead)
+        tau = mean / np.linalg.norm(mean, axis=1)[:, None]
+        stretch = 0.5 * (np.linalg.norm(o.slope_behind, axis=1) + np.linalg.norm(o.slope_ahead, axis=1))
+        pull = drive.thrust(states.t, states.phase) if self.free else states.a[:, -1]
+        air = o.path_velocity - np.array([drive.wind, 0.0])
+        outside = {
+            "thrust" if self.free else "haul": pull[:, None] * tau,
+            "drag": -drive.k * np.linalg.norm(air, axis=1)[:, None] * air,
+        }
+        contact = o.contact + sum(outside.values())
+        normal = np.abs(contact[:, 1] * tau[:, 0] - contact[:, 0] * tau[:, 1])
+        powers = {name: np.sum(force * o.path_velocity, axis=1) for name, force in outside.items()}
+        powers["friction"] = -stretch * drive.mu_r * normal * np.abs(ds)
+        if self.free:
+            powers["brake"] = -stretch * np.array([drive.brake(x) for x in o.s_o]) * np.abs(ds)
+            powers["hold"] = self._hold * np.array([drive.hold(t) for t in states.t]) * ds
+        pulled = not self.free or bool(drive.thrust_table)
+        return replace(o, contact=contact, powers=powers, power=sum(powers.values()), haul=pull if pulled else o.haul)

@@ -1,0 +1,264 @@
+"""Cars that roll: the row of s_o against the Lagrangian it is made of, places of rest, rides with known ends."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from cablefem import Scene
+from cablefem.elements import kernels
+from cablefem.elements.fixed import FixedElements
+from cablefem.elements.rolling import RollingElements, following
+from cablefem.newmark import Newton, Work, integrate, iterate, scheme, step_times
+from tests.runs import CRUISE, INCLINED, LEVEL, observe, stack
+
+
+def zip_line(mass=95.0, **drive):
+    """Return the zip line of 300 m; drag throughout unless said otherwise."""
+    drive = {"mode": "free", "start": 2.0, "drag_area": 0.6, "end": {"time": 60.0}} | drive
+    cable = {"mass_per_length": 1.1, "EA": 1.2e7, "sag": 6.0}
+    return Scene(cable=cable, supports={"span": 300.0, "drop": 15.0}, mass={"mass": mass}, drive=drive)
+
+
+ZIP = zip_line()
+G = ZIP.groups
+DAMPED = {"method": "generalized-alpha", "rho_inf": 0.9}
+
+
+def ride(system, t, steps, method="generalized-alpha", **kw):
+    """Return the states of a ride up to t, and the work."""
+    work, kw = Work(), kw or ({"rho_inf": 0.9} if method == "generalized-alpha" else {})
+    steps_of = [np.array([0.0]) for _ in system.phases]
+    for i, (t0, t1) in enumerate(system.phases):
+        end = min(t1, t)
+        steps_of[i] = np.linspace(t0, end, 1 + max(1, round(steps * (end - t0) / t))) if end > t0 else np.array([t0])
+    return stack(list(integrate(system, scheme(method, **kw), steps_of, work=work))), work
+
+
+# --- the equations ------------------------------------------------------------------------------------------------
+def lagrangian(system, q, v):
+    """L of cable and car at unknowns (q, s_o) and their rates, from the energies."""
+    g, s_o, ds = system.groups, q[-1], v[-1]
+    kinetic, strain, potential, *_ = kernels.cable_energy(system._mesh_at(s_o, ds), system._cable, q[:-1], v[:-1])
+    _, xp, yp, _, _ = g.static(s_o)
+    m = 2 * system.node
+    velocity = v[m : m + 2] + ds * np.array([xp, yp])
+    depth = g.shape(s_o)[1] + q[m + 1]
+    return kinetic - strain - potential + 0.5 * g.mu * velocity @ velocity + g.mu * g.sigma * depth
+
+
+def by_differences(system, q, v, a):
+    """Return d/dt dL/dv - dL/dq by central differences, along q + t v + t^2 a/2."""
+
+    def gradient(f, x, h):
+        return np.array([(f(x + h * e) - f(x - h * e)) / (2.0 * h) for e in np.eye(x.size)])
+
+    h = 1e-4
+    momentum = [
+        gradient(lambda x, t=t: lagrangian(system, q + t * v + 0.5 * t * t * a, x), v + t * a, 1.0) for t in (h, -h)
+    ]  # exact: L is quadratic in v
+    return (momentum[0] - momentum[1]) / (2.0 * h) - gradient(lambda x: lagrangian(system, x, v), q, 1e-6)
+
+
+def some_state(system, size=0.004):
+    rng = np.random.default_rng(61)
+    q, v, a = (f * rng.standard_normal(system.n_dof) for f in (size, 0.1, 0.7))
+    q[-1], v[-1], a[-1] = 0.37, 0.31, -0.23
+    return q, v, a
+
+
+@pytest.mark.parametrize("law", ["elastic", "tension-only"])
+def test_the_rows_are_lagranges_equations(law):
+    groups = replace(G, alpha=83.0, drive=replace(G.drive, k=0.0))
+    system = RollingElements(groups, elements=3, degree=2, grading=1.4, law=law)
+    q, v, a = some_state(system, 0.01)
+    r, want = system.residual(0.4, q, v, a, 0), by_differences(system, q, v, a)
+    if law == "tension-only":
+        assert np.abs(r - RollingElements(groups, elements=3, grading=1.4).residual(0.4, q, v, a, 0)).max() > 1e-2
+    # differences of second order at 1e-4 and rounding of 1e-16/1e-6 in L
+    np.testing.assert_allclose(r, want, rtol=0.0, atol=3e-7 * np.abs(want).max())
+    assert abs(r[-1]) > 1e-3 * np.abs(r).max(), "the last row vanishes: the test shows nothing"
+    a[-1] *= 1.001  # the row feels its own acceleration, 0.1 % of it
+    assert abs(system.residual(0.4, q, v, a, 0)[-1] - want[-1]) > 1e-5
+
+
+@pytest.mark.parametrize("drive", ["free", "haul"])
+def test_the_tangent_is_the_derivative_of_the_residual(drive):
+    forces = replace(G.drive, mode=drive, k=0.7, wind=0.2, thrust_table=((0.0, 0.02), (9.0, 0.05)))
+    groups = replace(G if drive == "free" else Scene.load("level").groups, drive=forces)
+    rng = np.random.default_rng(62)
+    # left out: friction by velocity; by place the turning of the tangent and parts of the corner
+    for mu_r, c, bound in ((0.3, (0.0, 0.0, 1.3), 1e-6), (0.0, (0.0, 0.9, 1.3), 1e-6), (0.0, (1e-4, 0.05, 1.3), 1e-3)):
+        system = RollingElements(replace(groups, drive=replace(forces, mu_r=mu_r)), elements=3, degree=3, grading=1.4)
+        q, v, a = some_state(system, 1e-4)
+        x = rng.standard_normal(system.n_dof)
+        _, solve = system.linearise(0.9, q, v, a, 0, *c)
+        near = [system.residual(0.9, q + h * c[0] * x, v + h * c[1] * x, a + h * c[2] * x, 0) for h in (1e-6, -1e-6)]
+        quotient = (near[0] - near[1]) / 2e-6
+        assert np.abs(solve(quotient.copy()) - x).max() < bound * np.abs(x).max()
+        system._rolling.border[1] *= -1.0
+        assert np.abs(solve(quotient.copy()) - x).max() > 1e-2
+
+
+def test_steps_are_those_of_the_interpreted_iteration():
+    one, other = (RollingElements(G, elements=4) for _ in range(2))
+    other.settle = lambda *step: iterate(other, *step[:-1], Newton(patience=0))
+    (states, work), (want, same) = (ride(s, 3.0, 60) for s in (one, other))
+    assert np.abs(states.q - want.q).max() < 1e-9
+    assert (work.newton_iterations, work.residuals) == (same.newton_iterations, same.residuals)
+
+
+def test_what_cannot_roll_says_so():
+    with pytest.raises(ValueError, match="model stretching has no balance along the cable"):
+        RollingElements(G, model="stretching")
+    with pytest.raises(ValueError, match="needs the full model and a mass"):
+        RollingElements(G, load="force")
+    with pytest.raises(ValueError, match="needs mass-following elements"):
+        FixedElements(G)
+    with pytest.raises(ValueError, match="drive grip"):
+        RollingElements(LEVEL)
+    assert type(following(G, elements=2)) is RollingElements
+    assert type(following(LEVEL, elements=2)) is not RollingElements
+
+
+# --- statics ------------------------------------------------------------------------------------------------------
+def rolling(groups, mode="free"):
+    return replace(
+        groups, motion=None if mode == "free" else groups.motion, drive=replace(G.drive, mode=mode, end_time=9.0)
+    )
+
+
+@pytest.mark.parametrize(
+    ("groups", "rest", "hold"),
+    [(G, 0.784932735, -0.00571379), (rolling(LEVEL), 0.5, -0.01554625), (rolling(INCLINED), 0.883770533, -0.00596207)],
+    ids=["zip line", "level", "inclined"],
+)
+def test_a_car_rests_where_the_elastic_catenary_says(groups, rest, hold):
+    coarse, fine = (RollingElements(groups, elements=4, degree=degree) for degree in (2, 4))
+    assert fine._statics(0.1)[1] == pytest.approx(hold, abs=1e-8)  # digits of the reference
+    for system, bound in ((coarse, 6e-6), (fine, 1e-9)):
+        found = brentq(lambda s, x=system: x._statics(s)[1], rest - 0.07, rest + 0.06, xtol=1e-13)
+        assert abs(found - rest) < bound
+    other = RollingElements(replace(groups, alpha=1.02 * groups.alpha), elements=4, degree=4)
+    assert abs(other._statics(0.1)[1] - hold) > 1e-6
+
+
+@pytest.mark.parametrize(("place", "force"), [(0.25, 31.0), (0.5, 34.9), (0.75, 38.6)])
+def test_the_rope_holds_a_tramway_car(place, force):
+    scene = Scene.load("tramway")
+    system = RollingElements(rolling(scene.groups, "haul"), elements=6)
+    q, F = system._statics(place)
+    assert 1e-3 * scene.horizontal_tension * F == pytest.approx(force, abs=0.05)  # kN, digits of the table
+    assert np.abs(q[:-1]).max() > 0.0
+
+
+# --- rides --------------------------------------------------------------------------------------------------------
+SECOND, METRE = 1.0 / ZIP.time_scale, 1.0 / ZIP.length
+
+
+def test_a_rider_is_where_the_reference_has_him_after_half_a_minute():
+    system = RollingElements(G, elements=6)
+    states, _ = ride(system, 30.0 * SECOND, 300)
+    assert abs(states.q[-1, -1] - 284.744 * METRE) < 1e-5  # P4 20 + 20, 16000 steps; digits of it: 1.7e-6
+    heavier = RollingElements(zip_line(96.0).groups, elements=6)
+    assert abs(ride(heavier, 30.0 * SECOND, 300)[0].q[-1, -1] - 284.744 * METRE) > 1e-4
+
+
+def test_a_rider_is_braked_and_stops():
+    groups = zip_line(rolling_friction=0.02, brake=[{"from": 280.0, "force": 600.0}]).groups
+    system = RollingElements(groups, elements=6)
+    states, work = ride(system, 40.0 * SECOND, 500)
+    events = {e.name: e.t / SECOND for e in work.events}
+    assert list(events) == ["brake", "standstill", "stop"]
+    assert events["brake"] == pytest.approx(34.800, abs=2e-3)
+    assert events["standstill"] == pytest.approx(35.43, abs=0.02)  # the cable rings: 10 ms is what it is worth
+    assert states.q[-1, -1] / METRE == pytest.approx(281.375, abs=2e-3)
+    assert states.t[-1] == work.events[-1].t, "the run goes on after the stop"
+    assert np.all(np.abs(states.v[states.t > events["standstill"] * SECOND, -1]) == 0.0), (
+        "the car slips while it is held"
+    )
+    o = observe(system, states)
+    brakes, moving = o.s_o >= 280.0 * METRE, states.v[:, -1] > 0.0
+    assert np.all(o.powers["brake"][brakes & moving] < 0.0)
+    assert np.all(o.powers["brake"][~brakes] == 0.0)
+    assert np.all(o.powers["friction"][moving] < 0.0)
+
+
+def test_a_car_that_friction_holds_stays():
+    groups = zip_line(rolling_friction=0.5).groups
+    states, work = ride(RollingElements(groups, elements=3), 5.0, 100)
+    assert [e.name for e in work.events] == ["stop"]
+    assert np.all(states.q[:, -1] == states.q[0, -1])
+    assert np.abs(states.q - states.q[0]).max() < 1e-9  # steps are solved to 1e-4 of the load
+
+
+def test_a_rider_rolls_back_and_turns():
+    """The far end is too high for him: he turns there, and again at the near one."""
+    scene = Scene(
+        cable={"mass_per_length": 1.1, "EA": 1.2e7, "sag": 12.0}, supports={"span": 300.0, "drop": -2.0},
+        mass={"mass": 95.0}, drive={"mode": "free", "start": 6.0, "drag_area": 0.6, "end": {"time": 120.0}},
+    )  # fmt: skip
+    system = RollingElements(scene.groups, elements=6)
+    states, work = ride(system, 70.0 / scene.time_scale, 700)
+    assert [e.name for e in work.events] == ["turn", "turn"]
+    speed = np.hypot(*observe(system, states).path_velocity.T)
+    for e in work.events:
+        i = int(np.argmin(np.abs(states.t - e.t)))
+        assert states.t[i] == e.t
+        assert speed[i] < 0.02 * speed.max()
+
+
+@pytest.mark.parametrize(("method", "bound"), [("trapezoidal", 3e-7), ("newmark", 3e-5)])
+def test_a_ride_without_losses_keeps_its_energy(method, bound):
+    groups = replace(G, drive=replace(G.drive, k=0.0, release=0.4))
+    drifts = []
+    for steps in (200, 400):
+        system = RollingElements(groups, elements=4)
+        states, _ = ride(system, 8.0, steps, method)
+        o = observe(system, states)
+        given = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(o.t) * (o.power[1:] + o.power[:-1]))])
+        drifts.append(np.abs(o.energy - o.energy[0] - given).max() / (G.mu * G.sigma))
+    assert drifts[1] < bound
+    assert drifts[1] < 0.6 * drifts[0]
+
+
+def test_both_sides_pull_alike_and_the_contact_is_normal():
+    """Let go gently: pointwise tensions of P2 differ by what the mesh is worth, recovered ones by a tenth of it."""
+    system = RollingElements(zip_line(release=1.0).groups, elements=8)
+    states, _ = ride(system, 20.0 * SECOND, 600)
+    o = observe(system, states)
+    late = o.t > 3.0 * SECOND
+
+    def rms(x):
+        return float(np.sqrt(np.mean(x[late] ** 2)))
+
+    recovered, pointwise = rms(o.T_ahead - o.T_behind), rms(o.T_ahead_pointwise - o.T_behind_pointwise)
+    along = np.sum(o.contact * (o.slope_behind + o.slope_ahead), axis=1) / 2.0
+    assert recovered < 1e-5
+    assert recovered < 0.01 * pointwise
+    assert rms(along) < 1e-4 * rms(o.contact[:, 1])
+    gripped = o.contact - np.array([0.0, G.mu * G.sigma])  # a force with a part along the cable would be seen
+    assert rms(np.sum(gripped * (o.slope_behind + o.slope_ahead), axis=1)) > 1e-3
+
+
+def test_a_hauled_car_costs_what_its_rope_gives():
+    motion = CRUISE.motion.shifted(0.05).until(1.6)  # one phase: the power does not jump
+    groups = replace(CRUISE, motion=motion, drive=replace(G.drive, mode="haul", k=0.3, mu_r=0.02))
+    system = RollingElements(groups, elements=8)
+    states = stack(list(integrate(system, scheme("generalized-alpha", rho_inf=0.9), step_times(system, 400))))
+    o = observe(system, states)
+    given = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(o.t) * (o.power[1:] + o.power[:-1]))])
+    assert np.abs(o.energy - o.energy[0] - given).max() < 1e-3 * np.ptp(given)
+    rope = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(o.t) * (o.powers["haul"][1:] + o.powers["haul"][:-1]))])
+    assert np.abs(o.energy - o.energy[0] - rope).max() > 2e-2 * np.ptp(given), "drag and friction take nothing"
+    friction = np.mean(o.T_behind - o.T_ahead)  # the car drags the cable along
+    assert friction == pytest.approx(0.02 * np.mean(np.hypot(*o.contact.T)), rel=0.02)
+
+
+def test_a_ride_by_collocation():
+    states, work = ride(RollingElements(G, elements=6), 30.0 * SECOND, 60, "radau")
+    assert abs(states.q[-1, -1] - 284.744 * METRE) < 1e-5
+    assert work.steps < 70
