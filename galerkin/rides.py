@@ -250,23 +250,26 @@ class RollingSystem(GalerkinSystem):
         return self._come_to_rest(State(0.0, q, v, a, 0))
 
     def _equilibrium(self, x: Instant) -> Array:
-        """Coefficients (2, n) of the loaded cable at rest by Newton's method, halved; in parts of the load if it must.
+        """Coefficients (2, n) of the loaded cable at rest by Newton's method, halved; from soft to stiff if it must.
 
-        Held, the cable carries the weight of the car; on a rope, what of it is normal to the mean tangent.
+        Held, the cable carries the weight of the car; on a rope, what of it is normal to the mean tangent.  A stiff
+        cable under a heavy car is too crooked a way for one march from the empty shape: a soft one first shows where
+        it goes, and its strain shrinks as it is made stiffer.
         """
         tolerance = 1e-12 * self.force_scale + math.sqrt(self.n_dof) * self.force_floor
-        for parts in (1, 8, 64):
+        alpha, softest = self.groups.alpha, min(self.groups.alpha, 4.0 * (1.0 + self.mu * self.groups.sigma))
+        for count in (1, 8, 40):
             Q, defect = np.zeros((2, self.n)), 0.0
-            for part in range(1, parts + 1):
-                Q, defect = self._rest(x, Q, part / parts, tolerance)
+            for self.cable.alpha in np.geomspace(softest, alpha, count) if count > 1 else [alpha]:
+                Q, defect = self._rest(x, Q, tolerance)
             if defect <= 1e3 * tolerance:
                 return Q
         raise StepFailure(0.0, "no equilibrium of the car at its start was found", "start farther from the support")
 
-    def _rest(self, x: Instant, Q: Array, part: float, tolerance: float) -> tuple[Array, float]:
+    def _rest(self, x: Instant, Q: Array, tolerance: float) -> tuple[Array, float]:
         """Improve Q until nothing lowers the defect any more; with that defect."""
         f, f_m = x.carried.f, x.carried.f_s.copy()
-        weight = part * self.mu * self.cable.weight
+        weight = self.mu * self.cable.weight
         f_m[-1] += 0.5 * sum(x.rays)
 
         def linearised(Q: Array) -> tuple[Array, Array]:

@@ -127,10 +127,11 @@ class _Pieces:
             g, A = self.moments()
             dz = np.linalg.solve(A, (ends - g)[..., None])[..., 0]
             size = np.linalg.norm(dz, axis=1) / (1.0 + np.linalg.norm(self.left, axis=1))
-            if np.any(size > 0.1):
+            far = size > 1e-4  # nearer, differences of the function are rounding
+            if far.any():
                 value, step = self._convex(self.left, ends), np.ones_like(s)
                 for _ in range(ITERATIONS):
-                    uphill = (self._convex(self.left + step[:, None] * dz, ends) > value) & (size > 0.1)
+                    uphill = (self._convex(self.left + step[:, None] * dz, ends) > value) & far
                     if not uphill.any():
                         break
                     step = np.where(uphill, 0.5 * step, step)

@@ -65,6 +65,13 @@ def test_friction_and_brake_take_all_that_the_weight_has_given():
     # mean speeds of two uniform motions
     v_b = 2.0 * s_b / (t - 2.0 * (s - s_b) / math.sqrt(2.0 * g * (sin - mu_r * cos) * s_b))
     assert v_b == pytest.approx(math.sqrt(2.0 * g * (sin - mu_r * cos) * s_b), rel=1e-12)
+    given = {"mu": mu, "g": g, "sin": sin, "mu_r": mu_r, "F_b": F_b}
+    s_t = incline.braked(np.array([0.6 * t, t, t + 1.0]), s_b, **given)
+    assert s_t[1] == s_t[2] == pytest.approx(s, rel=1e-14)
+    at = v_b / (g * (sin - mu_r * cos))  # of the brake: place and speed on both sides
+    both = incline.braked(at + np.array([-2e-6, -1e-6, 1e-6, 2e-6]), s_b, **given)
+    assert both[1] == pytest.approx(s_b, abs=2e-6) == both[2]
+    np.testing.assert_allclose([both[1] - both[0], both[3] - both[2]], 1e-6 * v_b, rtol=1e-4)
     with pytest.raises(ValueError, match="must hold"):
         incline.stop(s_b, mu=mu, g=g, sin=sin, mu_r=mu_r, F_b=0.01)
 

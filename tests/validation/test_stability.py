@@ -9,11 +9,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cablefem import Scene, newmark
+from cablefem import Scene
 from cablefem.newmark import StepFailure
 from cablefem.response import Response
 from validation.commands.atlas import page as pages
-from validation.commands.atlas import specimens
 from validation.commands.atlas.catalogue import CATALOGUE, holds, run_row
 from validation.commands.atlas.study import CELLS, Map, atlas, judged, step_limit, stored
 from validation.core import measures
@@ -180,15 +179,6 @@ def test_a_run_without_a_start_is_an_answer_too():
     r = run(LEVEL, replace(sound, builder=build))
     assert (r.status, r.cause, r.reached) == ("incomplete", "no start", 0.0)
     assert "try another" in r.reason
-
-
-def test_the_energy_rule_keeps_a_free_cable_that_the_trapezoidal_rule_lets_grow():
-    how = {"dt": 0.03, "steps": 1000, "elements": 12, "amplitude": 0.01, "mode": 2}
-    kept = specimens.free_vibration(LEVEL.groups, newmark.scheme("energy"), **how)
-    grown = specimens.free_vibration(LEVEL.groups, newmark.scheme("trapezoidal"), **how)
-    assert kept.size == 1001
-    assert np.abs(kept - 1.0).max() < 1e-9
-    assert grown.max() > 10.0
 
 
 def test_measured_explicit_limit_is_the_predicted_one():

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from cablefem.scene import Scene
-from validation.oracles.case import NOT_YET, ROLLS, Error, Law, Oracle
+from validation.oracles.case import RIDERS, ROLLS, Error, Law, Oracle
 from validation.oracles.rest import ZIP
 
 
@@ -26,7 +26,14 @@ def _cases() -> list[Law]:
     weight = scene.mass.mass * scene.gravity
     because = "undamped rule: the error of a step's energy"
     return [
-        Law(name="ride under gravity alone", scene=scene, defect=lambda r: drift(r, weight), falls=1.0, because=because)
+        Law(
+            name="ride under gravity alone",
+            scene=scene,
+            defect=lambda r: drift(r, weight),
+            falls=1.0,
+            because=because,
+            methods=RIDERS,
+        )
     ]
 
 
@@ -37,5 +44,5 @@ ORACLE = Oracle(
     validity="no friction, drag or thrust",
     group=ROLLS,
     answer=drift,
-    unreached=NOT_YET,
+    cases=_cases,
 )

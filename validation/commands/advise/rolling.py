@@ -1,0 +1,219 @@
+"""How little model is enough for a car that rolls: for its timetable, for its deflection, for the tension.
+
+free: the ride on the chord, on the empty cable's shape, on the loaded cable (quasi-static), the full dynamics.
+hauled: the cable at rest under the car (statics), the full dynamics of a car that grips, the full dynamics.
+
+What a tolerance means.  Timetable: largest distance in place, over the length, and in speed |dp/dt|, over its largest,
+at the same time.  Deflection: largest distance in v of the car at the same place on the cable, over the largest v.
+Tension: rms of T over cable and frames at the same place of the car, off the car, over H.  Haul force: largest
+distance at the same place over the largest force, averaged over an axial wave's way.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from cablefem.response import Array, Response
+from cablefem.scene import LoadPath, Scene
+from cablefem.scene.ride import ride
+from validation.core.estimate import SAFETY
+from validation.core.measures import JUMP_WIDTH
+from validation.core.quasi_static import Statics, quasi_static
+from validation.core.running import run
+
+REFERENCE = "following-p2"
+# Elements per side and steps of the full runs: each about a quarter of the next one's work.
+FULL = ((8, 500), (16, 1000), (32, 2000))
+ORDER = 1.5  # of the path between two of them; gap/(2^p - 1) is left
+SHARE = 0.25  # of the tolerance that the full run's own error may take
+NEEDS = {"free": ("timetable", "deflection", "tension"), "haul": ("deflection", "tension", "haul force")}
+EDGE = 0.05  # s_o/l next to a support where a gripped car, which enters there, is not compared
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(slots=True)
+class Rung:
+    """One model, and how far it is from the full one in what is needed; inf where it says nothing about it."""
+
+    model: str
+    seconds: float
+    gaps: dict[str, float] = field(default_factory=dict)
+    arrival: tuple[str, float, float] | None = None  # last event, its time [s] and speed [m/s]
+
+
+def advice(scene: Scene, tol: float, progress: Progress | None = None) -> dict[str, Any]:
+    """Return the content of advice.json for a scene whose car rolls."""
+    report = progress or (lambda label, done: None)
+    full: list[Response] = []
+    bars = dict.fromkeys(NEEDS[scene.drive.mode], math.inf)
+    for i, (elements, steps) in enumerate(FULL):
+        report("full model", i / len(FULL))
+        full.append(run(scene, REFERENCE, elements=elements, steps=steps))
+        if i:
+            bars = {k: SAFETY * gap / (2.0**ORDER - 1.0) for k, gap in _gaps(scene, full[-2], full[-1]).items()}
+            if all(bar <= SHARE * tol for bar in bars.values()):
+                break
+    report("full model", 1.0)
+    finest = full[-1]
+    rungs = _free(scene, finest) if scene.drive.mode == "free" else _hauled(scene, finest)
+    rungs.append(Rung("full" if scene.drive.mode == "free" else "haul", finest.seconds, bars, _last(finest)))
+    least = {need: next(r.model for r in [*rungs[:-1], rungs[-1]] if r.gaps[need] <= tol or r is rungs[-1])
+             for need in NEEDS[scene.drive.mode]}  # fmt: skip
+    order = [r.model for r in rungs]
+    best = rungs[max(order.index(model) for model in least.values())]
+    meets = all(gap <= tol for gap in best.gaps.values())
+    return {
+        "scene": scene.name, "scene_toml": scene.to_toml(), "tol": tol, "drive": scene.drive.mode,
+        "model": best.model, "load": "mass", "method": REFERENCE if best.model in ("full", "grip", "haul") else None,
+        "settings": {k: finest.settings[k] for k in ("elements", "steps")},
+        "path_error": _finite(best.gaps["deflection"]), "tension_error": _finite(best.gaps["tension"]),
+        "seconds": best.seconds, "meets": meets, "least": least,
+        "words": _words(scene, tol, rungs, least),
+        "rungs": [
+            {"model": r.model, "load": "mass", "seconds": r.seconds, "path_error": _finite(r.gaps["deflection"]),
+             "tension_error": _finite(r.gaps["tension"]), "gaps": {k: _finite(x) for k, x in r.gaps.items()},
+             "last": r.arrival} for r in rungs
+        ],
+    }  # fmt: skip
+
+
+def _finite(x: float) -> float | None:
+    return x if math.isfinite(x) else None
+
+
+def _last(r: Response) -> tuple[str, float, float]:
+    if r.events and r.events[-1]["event"] in ("arrival", "stop"):
+        e = r.events[-1]
+        return str(e["event"]), float(e["t"]), float(e["speed"])
+    return "end", float(r.t[-1]), float(r.speed[-1])
+
+
+# --- the rungs --------------------------------------------------------------------------------------------------------
+
+
+def _free(scene: Scene, full: Response) -> list[Rung]:
+    g, l, tau = scene.groups, scene.length, scene.time_scale
+    rungs = []
+    for model, kind in (("chord", LoadPath.chord), ("empty cable", LoadPath.empty), ("quasi-static", LoadPath.loaded)):
+        begin = time.perf_counter()
+        rolled = ride(kind(g), g.mu, g.sigma, g.drive)
+        rung = Rung(model, time.perf_counter() - begin)
+        t = full.t / tau
+        place = np.abs(rolled.at(t)[0] - full.s_o / l)
+        speed = np.where(t <= rolled.duration, rolled.speed(t) if rolled.sections else 0.0, 0.0) * l / tau
+        rung.gaps = {"timetable": float(max(place.max(), np.abs(speed - full.speed).max() / full.speed.max())),
+                     "deflection": math.inf, "tension": math.inf}  # fmt: skip
+        last = rolled.events[-1] if rolled.events else None
+        if last is not None and last.event in ("arrival", "stop"):
+            rung.arrival = last.event, last.t * tau, last.speed * l / tau
+        rungs.append(rung)
+    rungs[-1].gaps |= _statics(scene, full)
+    return rungs
+
+
+def _hauled(scene: Scene, full: Response) -> list[Rung]:
+    begin = time.perf_counter()
+    r = quasi_static(scene)
+    statics = Rung("statics", time.perf_counter() - begin, _statics(scene, full))
+    size = np.nanmax(np.abs(full.F_haul))
+    force = np.interp(full.s_o, r.s_o, r.F_haul)
+    statics.gaps["haul force"] = float(np.nanmax(np.abs(_averaged(scene, full, full.F_haul) - force))) / size
+    grip = scene.variant(drive={"mode": "grip"})
+    settings = {k: full.settings[k] for k in ("elements", "steps")}
+    gripped = run(grip, REFERENCE, **settings)
+    return [statics, Rung("grip", gripped.seconds, _places(scene, gripped, full) | {"haul force": math.inf})]
+
+
+def _averaged(scene: Scene, r: Response, values: Array) -> Array:
+    """Return the running mean over an axial wave's way to and fro."""
+    step = (r.t[-1] - r.t[0]) / (r.t.size - 1)
+    return uniform_filter1d(values, max(1, round(2.0 * scene.length / scene.axial_speed / step)), mode="nearest")
+
+
+def _statics(scene: Scene, full: Response) -> dict[str, float]:
+    """Return how far the cable at rest is from the full run at the same places of the car."""
+    l, H, g, f = scene.length, scene.horizontal_tension, scene.groups, full.fields
+    at = Statics(g)
+    here = at(full.s_o / l)
+    v = l * (here.place[:, 1] - g.shape(here.s)[1])
+    return {
+        "deflection": float(np.abs(v - full.v).max() / np.abs(full.v).max()),
+        "tension": _rms(f.s / l, f.s_o / l, (H * at.tension(f.s / l, f.s_o / l) - f.T) / H),
+    }
+
+
+def _rms(s: Array, s_o: Array, gap: Array) -> float:
+    off = np.abs(s - s_o[:, None]) > JUMP_WIDTH
+    return float(np.sqrt(np.mean(gap[off] ** 2)))
+
+
+def _places(scene: Scene, a: Response, b: Response) -> dict[str, float]:
+    """Return the distance of two prescribed rides at the same places of the car, away from the supports."""
+    l, H = scene.length, scene.horizontal_tension
+    low, high = EDGE * l, (1.0 - EDGE) * min(l, a.s_o[-1], b.s_o[-1])
+    inside = (b.s_o >= low) & (b.s_o <= high)
+    v = np.interp(b.s_o[inside], a.s_o, a.v)
+    marks = (b.fields.s_o >= low) & (b.fields.s_o <= high)
+    s_o = b.fields.s_o[marks]
+    T = np.stack([np.interp(s_o, a.fields.s_o, column) for column in a.fields.T.T], axis=1)
+    return {
+        "deflection": float(np.abs(v - b.v[inside]).max() / np.abs(b.v).max()),
+        "tension": _rms(b.fields.s / l, s_o / l, (T - b.fields.T[marks]) / H),
+    }
+
+
+def _gaps(scene: Scene, a: Response, b: Response) -> dict[str, float]:
+    """Return the distance of two full runs of one scene in all that is needed."""
+    found = _places(scene, a, b) if scene.drive.mode == "haul" else _times(scene, a, b)
+    if scene.drive.mode == "haul":
+        force = np.interp(b.t, a.t, _averaged(scene, a, a.F_haul)) - _averaged(scene, b, b.F_haul)
+        found["haul force"] = float(np.nanmax(np.abs(force)) / np.nanmax(np.abs(b.F_haul)))
+    return found
+
+
+def _times(scene: Scene, a: Response, b: Response) -> dict[str, float]:
+    l, H = scene.length, scene.horizontal_tension
+    both = b.t <= a.t[-1]
+    t = b.t[both]
+    place = np.abs(np.interp(t, a.t, a.s_o) - b.s_o[both]) / l
+    speed = np.abs(np.interp(t, a.t, a.speed) - b.speed[both]) / b.speed.max()
+    v = np.abs(np.interp(t, a.t, a.v) - b.v[both]) / np.abs(b.v).max()
+    n = min(a.fields.t.size, b.fields.t.size)
+    T = (a.fields.T[:n] - b.fields.T[:n]) / H
+    return {
+        "timetable": float(max(place.max(), speed.max())), "deflection": float(v.max()),
+        "tension": _rms(b.fields.s / l, b.fields.s_o[:n] / l, T),
+    }  # fmt: skip
+
+
+# --- words ------------------------------------------------------------------------------------------------------------
+
+TOLD = {
+    "chord": "the straight chord", "empty cable": "the empty cable's shape", "full": "the full dynamics",
+    "quasi-static": "the quasi-static ride on the loaded cable", "statics": "the cable at rest under the car",
+    "grip": "the dynamics of a car that grips the cable", "haul": "the dynamics of the hauled car",
+}  # fmt: skip
+
+
+def _words(scene: Scene, tol: float, rungs: list[Rung], least: dict[str, str]) -> list[str]:
+    """Return a sentence for each need, with what the models below are off by, and one on the end of the ride."""
+    said = []
+    for need, model in least.items():
+        known = [r for r in rungs if math.isfinite(r.gaps[need])]
+        off = ", ".join(f"{TOLD[r.model]} {100.0 * r.gaps[need]:.2g} percent" for r in known[:-1])
+        own = f"its own error bar is {100.0 * known[-1].gaps[need]:.2g} percent"
+        short = "" if rungs[-1].gaps[need] <= tol or model != rungs[-1].model else ": none is sure to be within it"
+        said.append(f"The {need} needs {TOLD[model]}{short}. Off by: {off}; {TOLD[known[-1].model]}: {own}.")
+    ends = [f"{TOLD[r.model]} {r.arrival[0]} after {r.arrival[1]:.2f} s with {r.arrival[2]:.2f} m/s"
+            for r in rungs if r.arrival is not None]  # fmt: skip
+    if scene.drive.mode == "free" and ends:
+        said.append("End of the ride: " + "; ".join(ends) + ".")
+    return said
