@@ -268,8 +268,11 @@ class Mechanics:
 
     def _travel(self) -> Defect:
         """s_o(t) is the travel that the TOML asks for; over the length."""
-        r, law, l = self.r, self.given.travel, self.r.fields.s[-1]
-        start = self.given.drive.get("start", 0.01 * l) if r.drive == "haul" else 0.0
+        r, law, drive, l = self.r, self.given.travel, self.given.drive, self.r.fields.s[-1]
+        start, way = 0.0, l
+        if r.drive == "haul":
+            start = drive.get("start", 0.01 * l)
+            way = drive.get("end", {}).get("place", 0.99 * l) - start
         inside = (r.s_o / r.length >= self.window[0]) & (r.s_o / r.length <= self.window[1])
         t, s = r.t[inside], r.s_o[inside]
         if law["kind"] == "table":
@@ -279,14 +282,18 @@ class Mechanics:
             return Defect(places[known] / l, off[:, None] / l)
         if law["kind"] == "constant_speed":
             want = law["speed"] * t
+            if "entry_ramp" in law:  # from rest with an acceleration that falls to zero at its end
+                T = 1.5 * law["entry_ramp"] / law["speed"]
+                x = np.minimum(t / T, 1.0)
+                want = law["speed"] * (T * (x**2 - x**3 / 3.0) + np.maximum(t - T, 0.0))
         elif law["kind"] == "constant_acceleration":
             want = law.get("initial_speed", 0.0) * t + 0.5 * law["acceleration"] * t**2
         else:
-            V, third = law["top_speed"], l / 3.0
+            V, third = law["top_speed"], way / 3.0
             a, t1 = 0.5 * V * V / third, 2.0 * third / V
             t2 = t1 + third / V
             left = np.clip(t2 + t1 - t, 0.0, t1)
-            want = np.where(t < t1, 0.5 * a * t**2, np.where(t < t2, third + V * (t - t1), l - 0.5 * a * left**2))
+            want = np.where(t < t1, 0.5 * a * t**2, np.where(t < t2, third + V * (t - t1), way - 0.5 * a * left**2))
         return Defect(s / l, (s - start - want)[:, None] / l)
 
     def _compression(self) -> Defect:
