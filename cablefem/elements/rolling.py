@@ -95,7 +95,9 @@ class RollingElements(FollowingElements):
         """
         t = self.phases[phase][0]
         if state is not None:
-            return self._consistent(t, state.q, state.v, phase)
+            state = state._replace(t=t, phase=phase)
+            held = self._mode == kernels.HELD  # a thrust that sets in may tear it off
+            return self._halt(state) if held else self._consistent(t, state.q, state.v, phase)
         self._rest()
         if not self.free:
             s_o, ds, _ = self.motion.at(t, 0)
@@ -145,7 +147,7 @@ class RollingElements(FollowingElements):
         if self._forward == 0.0 and abs(speed) > AT_REST:
             self._forward = math.copysign(1.0, speed)
         s_o, held, n = float(x.q[-1]), self._mode == kernels.HELD, self._brakes
-        places = [place for place, _ in self.drive.brakes]
+        places, last = [place for place, _ in self.drive.brakes], x.phase == len(self.phases) - 1
         # one that friction and brakes will hold does not turn
         rolls = not held and self._forward != 0.0 and abs(along) > self._most(across)
         values = (
@@ -155,7 +157,7 @@ class RollingElements(FollowingElements):
             places[n] - s_o if n < len(places) else math.inf,
             s_o - places[n - 1] if n else math.inf,
             self.drive.end_place - s_o,
-            self._since + self._settled - x.t if held else math.inf,
+            max(self._since, self.phases[-1][0]) + self._settled - x.t if held and last else math.inf,
             lift_off,
         )
         self._watched = x, self._heading, values
@@ -185,7 +187,7 @@ class RollingElements(FollowingElements):
         v = x.v.copy()
         v[-1] = 0.0
         if self._grips:
-            self._mode, self._since = kernels.HELD, x.t
+            self._mode, self._since = kernels.HELD, min(x.t, self._since)
             held = self._consistent(x.t, x.q, v, x.phase)
             if self._margin(held, *self._look(held)[:2]) > 0.0:
                 return held

@@ -67,7 +67,7 @@ def respond(scene: Scene, h: History, **asked: Any) -> Response:
     u, v, s_o = l * steps.path[:, 0], l * steps.path[:, 1], l * steps.s_o
     cause, reason = h.failure or (None, None)
     speed = np.hypot(*steps.path_velocity.T)
-    events = [(e.name, int(np.argmin(np.abs(states.t - e.t)))) for e in h.work.events]
+    events = [(name, int(np.argmin(np.abs(states.t - t)))) for name, t in _events(scene, h.work, float(states.t[-1]))]
     return Response(
         **asked, scene=scene.name, scene_toml=scene.to_toml(), drive=scene.drive.mode,
         status="complete" if h.failure is None else "incomplete", cause=cause, reason=reason,
@@ -86,6 +86,22 @@ def respond(scene: Scene, h: History, **asked: Any) -> Response:
         fields=fields, n_dof=h.states[0].q.size, seconds=h.seconds,
         work={k: getattr(h.work, k) for k in ("steps", "rejected", "newton_iterations", "factorisations", "residuals")},
     )  # fmt: skip
+
+
+def _events(scene: Scene, work: Work, t_last: float) -> list[tuple[str, float]]:
+    """Return what happened to the car, and when; that it sticks and slips around a standstill is left out.
+
+    A stop is when the standstill began that lasted.
+    """
+    drive, still = scene.groups.drive, 0.0
+    phases = [("release", drive.release), *[("thrust_end", t) for t, _ in drive.thrust_table[-1:]]]
+    told = [(name, t) for name, t in phases if 0.0 < t <= t_last]
+    for e in work.events:
+        if e.name == "standstill":
+            still = e.t
+        elif e.name not in ("breaking loose", "brake off"):
+            told.append((e.name, still if e.name == "stop" else e.t))
+    return sorted(told, key=lambda event: event[1])
 
 
 _TENSIONS = ("T_behind", "T_ahead", "T_behind_pointwise", "T_ahead_pointwise")

@@ -114,7 +114,7 @@ def number(x: float | None, digits: int = 3) -> str:
     power = int(exponent)
     if -4 < power < 5:
         return f"{float(f'{mantissa}e{power}'):.{max(0, digits - 1 - power)}f}".replace("-", "−")
-    return f"{mantissa} × 10{raised(power)}".replace("-", "−")
+    return f"{mantissa}\u202f×\u202f10{raised(power)}".replace("-", "−")
 
 
 def raised(n: int) -> str:

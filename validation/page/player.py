@@ -38,14 +38,14 @@ def player(
         s = f.s[::every]
         # frames begin a little after the start: a gripped mass enters a cable at rest, others hang on it already
         u, v, T, s_o, mass_u, mass_v, behind, ahead = (
-            np.concatenate([part[:1] if r.drive != "grip" else first, part])
+            np.concatenate([part[:1] if r.drive != "grip" else first, part] if f.t[0] > 0.0 else [part])
             for part, first in (
                 (f.u[:, ::every], np.zeros((1, s.size))), (f.v[:, ::every], np.zeros((1, s.size))),
                 (f.T[:, ::every], T_rest(s)[None]), (f.s_o, np.zeros(1)), (f.mass_u, np.zeros(1)),
                 (f.mass_v, np.zeros(1)), (f.T_behind, T_rest(np.zeros(1))), (f.T_ahead, T_rest(np.zeros(1))),
             )
         )  # fmt: skip
-        t = np.append(0.0, f.t)
+        t = np.append(0.0, f.t) if f.t[0] > 0.0 else f.t
         behind, ahead = np.where(np.isnan(behind), ahead, behind), np.where(np.isnan(ahead), behind, ahead)
         x, y = X.x(s_o) + mass_u, X.y(s_o) + mass_v
         below, mass = X.y(s) + v - slope * (X.x(s) + u), y - slope * x

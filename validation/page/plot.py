@@ -131,11 +131,10 @@ def _ticks(low: float, high: float, log: bool, most: float) -> list[tuple[float,
     if not (rough > 0.0 and math.isfinite(rough)):
         return []
     tens = 10.0 ** math.floor(math.log10(rough))
-    for k in (10.0, 5.0, 2.0, 1.0):  # the longest step that leaves three values, if not too many
-        step = k * tens
-        first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-        if last - first >= 2:
-            break
+    step = tens * next(k for k in (1.0, 2.0, 5.0, 10.0) if k * tens >= rough * (1.0 - 1e-9))
+    if math.floor(high / step) - math.ceil(low / step) < 2:  # fewer than three values: one step less
+        step /= 2.5 if 4.9 < step / tens < 5.1 else 2.0
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     digits = max(0, -math.floor(math.log10(step) + 1e-9))
     return [(n * step, f"{n * step:.{digits}f}".replace("-", "−")) for n in range(first, last + 1)]
 

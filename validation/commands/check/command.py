@@ -62,7 +62,7 @@ def command(
     if other is not None:
         path = foreign.ForeignPath.read(other, loaded)
         foreign.refuse_misnamed(path, run(loaded, study.SOLVERS[0], elements=6, steps=200))
-    folder = store.claim(out, "check", loaded, ["agreement.json", "scene.toml", "with.csv", *study.SOLVERS])
+    folder = store.claim(out, "check", loaded, ["agreement.json", "scene.toml", "with.csv", "grip", *study.SOLVERS])
     with terminal.progress() as progress:
         result = study.check(loaded, tol=tol, tol_tension=tol_tension, progress=progress)
         progress("writing", 0.0)

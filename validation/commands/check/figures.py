@@ -239,6 +239,20 @@ def energy(x: Stored, caption: str) -> Markup:
     return _drawn(x, [top, bottom], caption)
 
 
+def gripped(x: Stored, caption: str) -> Markup:
+    """Tension at a car that rolls, and on both sides of one that grips."""
+    assert x.grip is not None
+    r, g = x.solvers[0].run, x.grip
+    inside = [_inside(x, r, r.T_behind), _inside(x, g, g.T_behind), _inside(x, g, g.T_ahead)]
+    factor, unit = scale_of(np.concatenate(inside), "N")
+    p = Panel(f"[{unit}]", "tension at the car", 200.0)
+    p.fit([factor * part for part in inside])
+    p.line(_over(x, r), factor * r.T_behind, BLUE, name="rolling, both sides")
+    p.line(_over(x, g), factor * g.T_behind, ORANGE, DASHED, 1.6, "gripping, behind")
+    p.line(_over(x, g), factor * g.T_ahead, PURPLE, DASHED, 1.6, "gripping, ahead")
+    return _drawn(x, [p], caption)
+
+
 # part of the energy of a ride -> look
 PARTS = {
     "motion": (BLUE, ""), "height": (VERMILLION, DASHED), "stretch": (GREEN, ""), "drag": (PURPLE, ""),

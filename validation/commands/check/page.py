@@ -125,8 +125,8 @@ def _design(x: Stored) -> Markup:
     """Return the numbers a design asks for, each with its bar, where and when."""
     rows = []
     for d in x.design:
-        unit, value, bar = d["unit"], d["value"], d.get("bar")
-        factor, name = (3.6, "km/h") if unit == "m/s" else scale_of(np.array([value]), unit)
+        value, bar = d["value"], d.get("bar")
+        factor, name = _units(d)
         rows.append({
             "what": _named(d["quantity"]), "value": _with_bar(factor * value, bar and factor * bar),
             "unit": name, "t": None if d.get("t") is None else f"{d['t']:.4g} s",
@@ -139,12 +139,18 @@ def _design(x: Stored) -> Markup:
     return table(rows, heads, caption="Design numbers") if rows else Markup("")
 
 
+def _units(d: dict[str, Any]) -> tuple[float, str]:
+    return (3.6, "km/h") if d["unit"] == "m/s" else scale_of(np.array([d["value"]]), d["unit"])
+
+
 def _named(quantity: str) -> str:
     return DESIGN.get(quantity) or re.sub("(.*)_max", r"largest \1", quantity).replace("_", " ")
 
 
 def _with_bar(value: float, bar: float | None) -> str:
     """Return a value to the digits that its error bar leaves."""
+    if abs(value) < 1e-9:
+        return "0"
     if not bar or not math.isfinite(bar):
         return number(value, 4)
     digits = max(0, 1 - math.floor(math.log10(bar)))
@@ -190,7 +196,10 @@ def _both(ratio: float | None, kind: str, of: dict[str, tuple[float, str, str]])
 def _because(row: dict[str, Any]) -> Markup | str:
     """Return the reason in a line, the whole of it folded beneath."""
     bound = Bound.of(row["bound"])
-    short = bound.line(percent)
+    # a law's defect is zero for the exact answer: what counts is how much of it each error may explain
+    parts = [part for part in bound.parts if part.value > 0.01 * bound.sum]
+    law = bound.kind == "law" and parts and bound.tol is None
+    short = " + ".join(f"{part.name} {percent(part.value)}" for part in parts) if law else bound.line(percent)
     return details(short, Markup("<p>{}</p>").format(_formula(str(bound)))) if bound.parts else short
 
 
@@ -203,10 +212,9 @@ def _headline(x: Stored) -> str:
     """Return the verdict in a few sentences of plain text that need no table."""
     if not x.rows:
         return "No verdict: the check did not finish."
-    apart = [
-        _disagreement(x, row) for row in x.rows
-        if row.get("verdict") == "disagree" and row.get("quantity") != "path_max" and not row.get("with")
-    ]  # fmt: skip
+    bad = [row for row in x.rows if row.get("verdict") == "disagree" and not row.get("with")]
+    apart = [_disagreement(x, row) for row in bad if row.get("quantity") not in (*LAWS, "path_max")]
+    broken = [_disagreement(x, row) for row in bad if row.get("quantity") in LAWS]
     row, size = x.row("path_max"), x.deflection
     gap, allowed = row.get("gap"), row.get("allowed")
     path = {"gap": gap, "why": row.get("allowed_because", "no reason was stored"), "verdict": row.get("verdict")}
@@ -218,11 +226,12 @@ def _headline(x: Stored) -> str:
             f"{percent(gap, digits)} of the largest deflection ({_quantity(gap * size, 'm')} of {_quantity(size, 'm')})"
         )
         path |= {"far": far, "allowed": percent(allowed, digits), "tol": percent(x.tol)}
-    return plain(_SAY.headline(apart, path, [_third(x, name) for name in x.parties]))
+    return plain(_SAY.headline(apart, broken, path, [_third(x, name) for name in x.parties]))
 
 
 def _disagreement(x: Stored, row: dict[str, Any]) -> str:
     name, kind = _words(row)
+    name = ": ".join(part for part in (name, row.get("law")) if part)
     of = f" of the {_references(x)[kind][2]}" if kind else ""
     return f"{name[0].lower() + name[1:]} {percent(row.get('gap'), 3)}{of}, allowed {percent(row.get('allowed'), 3)}"
 
@@ -299,14 +308,33 @@ def _ride(x: Stored) -> Section:
     ]  # fmt: skip
     heads = {"event": "event", "t": "time [s]", "s_o": "place sₒ [m]", "speed": "speed [m/s]", "kmh": "speed [km/h]"}
     html = [
-        table(events, heads, caption="What happens") if events else Markup(""),
+        table(events, heads, caption="What happens") if events else Markup(""), _gripped(x),
         gallery(
             draw.series(x, rows, _SAY.motion(x), height=104.0),
             draw.series(x, forces, _SAY.forces(x), height=128.0),
+            *([draw.gripped(x, _SAY.gripped(x))] if x.grip is not None else []),
             *([draw.energy_split(x, _SAY.split(r.method))] if np.isfinite(r.kinetic).any() else []),
         ),
     ]  # fmt: skip
     return Section("check-ride", "Ride", Markup("\n").join(html))
+
+
+def _gripped(x: Stored) -> Markup:
+    """Return the design numbers of a rolling car beside those of one that grips."""
+    if x.grip is None:
+        return Markup("")
+    other = {d["quantity"]: d["value"] for d in x.grip.design}
+    rows = []
+    for d in x.design:
+        if d["quantity"] in other and d["value"]:
+            factor, unit = _units(d)
+            rows.append({
+                "what": _named(d["quantity"]), "rolls": _with_bar(factor * d["value"], d["bar"] and factor * d["bar"]),
+                "grips": number(factor * other[d["quantity"]], 4), "unit": unit,
+                "off": percent(other[d["quantity"]] / d["value"] - 1.0),
+            })  # fmt: skip
+    heads = {"what": "quantity", "rolls": "rolling", "grips": "gripping", "unit": "unit", "off": "off by"}
+    return table(rows, heads, caption="What a car that grips the cable would say")
 
 
 def _motion(x: Stored) -> list[Section]:

@@ -58,6 +58,7 @@ class Stored:
     party: Party | None
     design: tuple[dict[str, Any], ...]  # of agreement.json
     doubts: tuple[dict[str, Any], ...]
+    grip: Response | None = None  # of a hauled car: what a car that grips the cable would have said
 
     @property
     def onset(self) -> float | None:
@@ -125,6 +126,7 @@ def read(folder: Path, faults: list[str]) -> Stored | None:
         scene, solvers, agreement.get("verdict", "not comparable"), rows, agreement.get("tol"),
         _window(agreement, solvers), _party(folder / "with.csv", rows, scene.length, faults),
         tuple(agreement.get("design", ())), tuple(agreement.get("doubts", ())),
+        _response(folder / "grip", faults) if solvers[0].run.drive == "haul" else None,
     )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,11 +14,12 @@ from cablefem.response import Flag, Response, write_json
 from cablefem.scene import Scene
 from validation.core import foreign, measures
 from validation.core.agreement import DEFAULT_TOL, Agreement, Verdict, agree, doubts, overall, with_bars
-from validation.core.design import numbers
+from validation.core.design import design, numbers
 from validation.core.estimate import Estimated, past_slack
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.methods import Method, find
 from validation.core.resolution import resolved
+from validation.core.running import run
 from validation.core.sidebyside import Progress, side_by_side
 from validation.core.store import Refused
 
@@ -34,6 +36,7 @@ class Check:
     tol: float
     window: tuple[float, float]
     rows: list[Agreement]
+    grip: Response | None = None  # of a hauled car: what a car that grips the cable would have said
 
     @property
     def verdict(self) -> Verdict:
@@ -71,6 +74,8 @@ class Check:
                 e.response.write(folder / "extrapolated")
             for name, companion in (("half-resolution", e.in_space), ("half-steps", e.in_time)):
                 companion.store(folder / name)
+        if self.grip is not None:
+            self.grip.store(out / "grip")
         write_json(out / "agreement.json", self.agreement())
 
 
@@ -89,20 +94,31 @@ def check(
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     # the sum of both bars is held against tol: each solver gets half of it
     found = [find(m) if isinstance(m, str) else m for m in methods]
-    runs = side_by_side([partial(_resolved, scene, m, 0.5 * tol) for m in found], progress)
+    jobs: list[Callable[[Progress], Any]] = [partial(_resolved, scene, m, 0.5 * tol) for m in found]
+    if scene.drive.mode == "haul":
+        jobs.append(partial(_gripped, scene, found[0]))
+    *runs, grip = [*side_by_side(jobs, progress), None][:3]
     try:
         window = measures.window_of(*runs[0].runs, *runs[1].runs)
     except measures.NotComparable:
         window = (measures.WINDOW[0], measures.WINDOW[0])
     rows = agree(scene, *runs, tol=tol, tol_tension=tol_tension)
     a, b = (_told(scene, e, twin) for e, twin in (runs, runs[::-1]))
-    return Check(scene, a, b, tol, window, rows)
+    return Check(scene, a, b, tol, window, rows, grip)
 
 
 def _told(scene: Scene, e: Estimated, twin: Estimated) -> Estimated:
     """Return the run with its design numbers and events, and their bars."""
-    design = [number.row() for number in numbers(e, twin)]
-    return replace(e, run=replace(e.run, design=design, events=with_bars(scene, e)))
+    rows = [number.row() for number in numbers(e, twin)]
+    return replace(e, run=replace(e.run, design=rows, events=with_bars(scene, e)))
+
+
+def _gripped(scene: Scene, method: Method, progress: Progress) -> Response:
+    """Return the answer for a car that grips the cable, by the defaults of the method: for the eye."""
+    data = tomllib.loads(scene.to_toml())
+    del data["drive"]
+    response = run(Scene(**{"name": scene.name, **data}), method, progress=partial(progress, "gripped"))
+    return replace(response, method="gripped car", design=design(response))
 
 
 def _resolved(scene: Scene, method: Method, tol: float, progress: Progress) -> Estimated:

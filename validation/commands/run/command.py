@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from cablefem.response import Response
 
 PLACE = 3
+MOST_COARSE = 8  # steps that can be halved twice
 EXAMPLE = "cablefem run level --method fourier --set terms=60"
 CHOICES = {
     "model": ("full", "stretching", "sagged", "string", "quasi-static"),
@@ -42,6 +43,9 @@ def command(
     bars: Annotated[
         bool, typer.Option("--bars/--no-bars", help="Error bars from two coarser runs, half the resolution and steps.")
     ] = True,
+    extrapolate: Annotated[
+        bool, typer.Option("--extrapolate", help="Extrapolate in time where three nested runs show the order.")
+    ] = False,
     out: Out = None,
 ) -> int:
     """Run one method on one scene.
@@ -55,6 +59,8 @@ def command(
         if given not in known:
             faults.append(f"--{option} must be one of {', '.join(known)}, got {given!r}{near(given, known)}")
     faults += tol_faults(tol)
+    if extrapolate and tol is not None:
+        faults.append("--extrapolate and --tol exclude each other: --tol chooses the steps")
     if model == "quasi-static":
         return _quasi_static(scene, out, faults)
     if method is None:
@@ -63,10 +69,14 @@ def command(
     loaded = scene_named(scene, faults, travelling=True)
     assert method is not None
     assert chosen is not None
+    if extrapolate and (steps := chosen.settings(settings)["steps"]) < MOST_COARSE:
+        terminal.complain([f"--extrapolate halves the steps twice: at least {MOST_COARSE}, got {steps}"])
+        return 2
 
     from validation import paraview, telling
     from validation.core.design import design, numbers
     from validation.core.estimate import estimated
+    from validation.core.extrapolation import extrapolated
     from validation.core.resolution import TooCoarse, resolve
     from validation.core.running import run as run_method
 
@@ -82,23 +92,37 @@ def command(
             except TooCoarse as error:
                 response, too_coarse = error.best, str(error)
             kind |= response.settings
+        elif extrapolate:
+            better = extrapolated(loaded, chosen, **kind, progress=report)
+            response, made = better.response, list(better.runs)
         elif not bars:
             response = run_method(loaded, chosen, **kind, progress=report)
         if bars:
             e = estimated(loaded, chosen, known=made, **kind, progress=report)
-            response = replace(e.run if tol is None else response, design=[number.row() for number in numbers(e)])
+            if extrapolate:
+                response = better.with_bars(e)
+            elif tol is None:
+                response = e.run
+            response = replace(response, design=[number.row() for number in numbers(e)])
         else:
             response = replace(response, design=design(response))
         response.write(folder / method)
         paraview.write(response, folder / method)
     telling.answer(response)
+    if extrapolate and better.seen:
+        seen = f"order {better.observed[1]:.2f} seen, bar of time alone {better.path_bar:.1e} of the largest deflection"
+        terminal.say(f"extrapolated in time: {seen}, tension {better.tension_bar:.1e} H")
     terminal.say(f"written to {folder / method}")
     if broken := telling.broken(response):
         return broken
     if too_coarse:
         terminal.complain([too_coarse])
     # a bar that could not be made, or not all the way, is no fault of the run
-    return 1 if too_coarse or any(flag.kind not in ("no bar", "short bar") for flag in response.flags) else 0
+    return (
+        1
+        if too_coarse or any(flag.kind not in ("no bar", "short bar", "not extrapolated") for flag in response.flags)
+        else 0
+    )
 
 
 def _quasi_static(scene: str, out: Any, faults: list[str]) -> int:
