@@ -148,10 +148,11 @@ class GalerkinSystem:
             found = self._instants[key] = self._instant(*self.motion.at(t, phase))
         return found
 
-    def _instant(self, s_o: float, ds_o: float, dds_o: float) -> Instant:
+    def _instant(self, s_o: float, ds_o: float, dds_o: float, place: Any = None) -> Instant:
+        """What depends on the travel alone; place : do without the points of the cable."""
         rays = (1.0 / s_o, -1.0 / (1.0 - s_o)) if self.kink else (0.0, 0.0)
         slope, _ = self.cable.static_slope(s_o)
-        load, place = self._load(s_o, ds_o, dds_o), self.cable.at(self.basis, s_o)
+        load, place = self._load(s_o, ds_o, dds_o), place or self.cable.at(self.basis, s_o)
         return Instant(self.basis.carried(s_o, ds_o, dds_o), rays, slope, load, place)
 
     def _load(self, s_o: float, ds_o: float, dds_o: float) -> Array:
@@ -207,13 +208,17 @@ class GalerkinSystem:
         """As the protocol has it; compiled for the full cable."""
         if self.path_form or not isinstance(self.cable, FullCable):
             return iterate(self, t, phase, start, now, rule, bound, newton)
-        x, cable = self.instant(t, phase), self.cable
-        pull = np.empty(x.place.weights.size)
+        return self._settle(self.instant(t, phase), None, start, now, rule, bound, newton)
+
+    def _settle(self, x: Instant, ride: Any, *step: Any) -> Settled:
+        start, now, rule, bound, newton = step
+        cable, pull = self.cable, np.empty(x.place.weights.size)
+        assert isinstance(cable, FullCable)
         self._pull = self.basis, x.place, pull
         limits = float(newton.max_iter), newton.reuse, float(newton.patience), float(MOST_HALVINGS)
         try:
             return Settled(*kernels.settle(
-                x.place, x.carried, x.load, self.inertia, self.mu, cable.alpha, cable.law,
+                x.place, x.carried, x.slope, x.load, ride, self.inertia, self.mu, cable.alpha, cable.law,
                 self.basis.basis.harmonic, self.basis.hat, start, now, rule, bound, limits, pull,
             ))  # fmt: skip
         except np.linalg.LinAlgError:  # singular: the driver takes NaN for a stalled step

@@ -17,6 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from galerkin.bases.fourier import split, values_at
+from galerkin.bases.kink import Carried, carry
 from galerkin.law import compiled, tension
 
 Array = np.ndarray
@@ -42,6 +44,14 @@ def static(s, sigma, c):
         T[i] = math.sqrt(1.0 + p * p)
         r[0, i], r[1, i] = 1.0 / T[i], p / T[i]
     return T, r
+
+
+@compiled
+def static_at(s, sigma, c):
+    """X' and X'' at one place, rows (2, 2)."""
+    p = c - sigma * s
+    T = math.sqrt(1.0 + p * p)
+    return np.array([[1.0 / T, p / T], [sigma * p / T**3, -sigma / T**3]])
 
 
 @compiled
@@ -164,55 +174,6 @@ def add_inertia_tangent(x, mu, c0, c1, c2, K):
 
 
 @compiled
-def settle(at, x, load, inertia, mu, alpha, law, harmonic, hat, start, now, rule, bound, newton, pull):
-    """`cablefem.newmark.System.settle` for the full cable; return |r| and how often it iterated, factorised, evaluated.
-
-    load : (2,) acceleration of the mass along its static path less gravity
-    newton : max_iter, reuse, patience, most halvings
-    The factors are not kept but made again from the kept tangent: more than one iteration is rare.
-    """
-    n = x.f.size
-    c = rule[:, 3]
-    w = rule[:, 4]
-    c0, c1, c2 = w[0] * c[0], w[1] * c[1], w[2] * c[2]
-    balanced, R, gram = np.empty_like(now), np.empty((2, n)), np.empty((2, 2, at.weights.size))
-    now[:] = rule[:, :3].copy() @ start
-    K = np.empty((2 * n, 2 * n))
-    r = R.reshape(2 * n)
-    norm, factorisations, residuals, anew, iterations = math.inf, 0, 0, True, 0
-    step, before, halving = r.copy(), math.inf, -1  # the first residual follows no correction
-    while True:
-        for k in range(3):
-            balanced[k] = w[k] * now[k] + (1.0 - w[k]) * start[k]
-        Q, V, A = balanced[0].reshape(2, n), balanced[1].reshape(2, n), balanced[2].reshape(2, n)
-        balance(at, Q, alpha, law, R, gram, pull)
-        C = inertia * acceleration(x, Q, V, A) + mu * load
-        add_inertia(x, Q, V, A, C, R)
-        norm = math.sqrt(np.dot(r, r))
-        if halving >= 0:
-            residuals += 1
-            if not (norm < before or (iterations < newton[2] and norm < math.inf)) and halving < newton[3]:
-                halving += 1
-                step *= 0.5
-                for k in range(3):
-                    now[k] += c[k] * step
-                continue
-            iterations += 1
-            if norm <= bound or not norm < math.inf or iterations >= newton[0]:
-                return norm, iterations, factorisations, residuals
-            anew = norm > newton[1] * before
-        if anew:
-            K = stiffness(at.phi, gram, harmonic, hat)
-            add_inertia_tangent(x, inertia, c0, c1, c2, K)
-            factorisations += 1
-        before = norm
-        step = np.linalg.solve(K, r)
-        for k in range(3):
-            now[k] -= c[k] * step
-        halving = 0
-
-
-@compiled
 def survey(at, Q, alpha, law, internal):
     """int W ds, the least N and the index of its point; at : `Points` with a hat, rising behind the mass.
 
@@ -233,18 +194,180 @@ def survey(at, Q, alpha, law, internal):
     return energy, least, where
 
 
-@compiled
-def car(mu, sigma, drag, wind, thrust, velocity, acceleration, behind, ahead):
-    """What acts on a rolling car; all vectors (2,), r' behind and ahead of it.
+class Rolling(NamedTuple):
+    """What acts on a rolling car at an instant."""
 
-    C = mu (p.. - sigma j) - F_ext (2), tau (2), cos(phi), <lam>, and the force of the air (2).
+    mu: float
+    sigma: float
+    drag: float  # of the air
+    wind: float
+    rub: float  # mu_r sign(ds_o)
+    hold: float  # F_hold
+    brake: float  # of brakes, with the sign it acts in
+
+
+@compiled
+def car(on, thrust, velocity, acceleration, behind, ahead):
+    """The car by its p., p.. and r' behind and ahead (2,); on : `Rolling`;  thrust, or the haul force.
+
+    C = mu (p.. - sigma j) - F_ext (2), tau (2), cos(phi), <lam>, the force of the air (2), the normal part of the force
+    on the cable, downward, and the defect tau . C - f cos(phi).
     """
     mx, my = 0.5 * (behind[0] + ahead[0]), 0.5 * (behind[1] + ahead[1])
     size = math.hypot(mx, my)
     tx, ty = mx / size, my / size
     stretch = 0.5 * (math.hypot(behind[0], behind[1]) + math.hypot(ahead[0], ahead[1]))
-    x, y = velocity[0] - wind, velocity[1]
-    speed = -drag * math.hypot(x, y)
-    Cx = mu * acceleration[0] - thrust * tx - speed * x
-    Cy = mu * (acceleration[1] - sigma) - thrust * ty - speed * y
-    return Cx, Cy, tx, ty, size / stretch, stretch, speed * x, speed * y
+    x, y = velocity[0] - on.wind, velocity[1]
+    air = -on.drag * math.hypot(x, y)
+    Cx = on.mu * acceleration[0] - thrust * tx - air * x
+    Cy = on.mu * (acceleration[1] - on.sigma) - thrust * ty - air * y
+    pressing, cos_phi = ty * Cx - tx * Cy, size / stretch
+    defect = tx * Cx + ty * Cy - cos_phi * (on.hold / stretch + on.brake - on.rub * abs(pressing))
+    return Cx, Cy, tx, ty, cos_phi, stretch, air * x, air * y, pressing, defect
+
+
+@compiled
+def roll(x, slope, load, rays, Q, V, A, ds_o, on, thrust, R):
+    """Add the cable's inertia and the car to R (2, n), and return `car`; slope, rays, load : of an `Instant`."""
+    along, last = slope + Q @ x.f_s, x.f.size - 1
+    velocity = V @ x.f + ds_o * along
+    p = acceleration(x, Q, V, A) + load
+    p[1] += on.sigma
+    out = car(on, thrust, velocity, p, along + rays[0] * Q[:, last], along + rays[1] * Q[:, last])
+    add_inertia(x, Q, V, A, np.array([out[0], out[1]]), R)
+    return out
+
+
+@compiled
+def row(x, out, rub, mu, c0, c1, c2, into):
+    """The car's row of the tangent, (2 n + 1,), by its `car`; how tau and the force of the air turn is left out."""
+    n = x.f.size
+    lean = math.copysign(rub * out[4], out[8])
+    for j in range(n):
+        own = mu * (c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j])
+        into[j], into[n + j] = (out[2] + lean * out[3]) * own, (out[3] - lean * out[2]) * own
+
+
+NO_CAR = (0.0,) * 10
+STUCK, FREE, HAULED = 0, 1, 2
+STEP = 1e-6  # of differences by s_o, ds_o and dds_o together: rounding of r, 1e-16 alpha, stays below 1e-7
+
+
+class Ride(NamedTuple):
+    """A rolling car in a step, over sines with a hat."""
+
+    mode: int  # FREE: the last unknown is s_o; STUCK: it stays; HAULED: its acceleration is the haul force
+    on: Rolling
+    thrust: float
+    ds_o: float  # of a hauled car
+    slope: Array  # X', of a hauled car
+    rule: tuple[Array, Array]  # of a side
+    mass: Array  # M without the moving overlaps, and what `_carry` wants to know
+    left: Array
+    chord: Array
+    c: float
+
+
+@compiled
+def moment(ride, s_o, ds_o, dds_o):
+    """Points, what the basis carries, X' and the load of a free car at an instant."""
+    n, sigma = ride.left.size, ride.on.sigma
+    M, rows = carry(values_at(s_o, n), ride.mass, 1, ride.left, ride.chord, s_o, ds_o, dds_o)
+    x = Carried(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5])
+    s, weights, phi = split(s_o, ride.rule[0], ride.rule[1], n)
+    T, r_static = static(s, sigma, ride.c)
+    rest = static_at(s_o, sigma, ride.c)
+    load = dds_o * rest[0] + ds_o * ds_o * rest[1]
+    load[1] -= sigma
+    return Points(s, phi, weights, T, r_static), x, rest[0], load
+
+
+@compiled
+def evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull):
+    """Set the residual of a state, rows q, v, a; return the car where it rolls."""
+    n = x.f.size
+    R = r[: 2 * n].reshape(2, n)
+    Q, V, A = balanced[0, : 2 * n].reshape(2, n), balanced[1, : 2 * n].reshape(2, n), balanced[2, : 2 * n].reshape(2, n)
+    balance(at, Q, alpha, law, R, gram, pull)
+    if ride is None:
+        add_inertia(x, Q, V, A, inertia * acceleration(x, Q, V, A) + mu * load, R)
+        return NO_CAR
+    hauled = ride.mode == HAULED
+    ds_o, thrust = (ride.ds_o, balanced[2, 2 * n]) if hauled else (balanced[1, 2 * n], ride.thrust)
+    rays = at.phi[n - 1, 0], at.phi[n - 1, at.s.size - 1]
+    out = roll(x, slope, load, rays, Q, V, A, ds_o, ride.on, thrust, R)
+    r[2 * n] = mu * balanced[2, 2 * n] if ride.mode == STUCK else out[9]
+    return out
+
+
+@compiled
+def settle(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, start, now, rule, bound, newton, pull):
+    """`cablefem.newmark.System.settle` for the full cable; return |r| and how often it iterated, factorised, evaluated.
+
+    load : (2,) acceleration of the mass along its static path less gravity
+    ride : `Ride` or None;  newton : max_iter, reuse, patience, most halvings.
+    The factors are not kept but made again from the kept tangent: more than one iteration is rare.
+    """
+    n, size = x.f.size, start.shape[1]
+    c = rule[:, 3]
+    w = rule[:, 4]
+    c0, c1, c2 = w[0] * c[0], w[1] * c[1], w[2] * c[2]
+    balanced, r, gram = np.empty_like(now), np.empty(size), np.empty((2, 2, at.weights.size))
+    now[:] = rule[:, :3].copy() @ start
+    K, beyond, moved = np.empty((size, size)), np.empty(size), np.empty_like(now)
+    factorisations, residuals, anew, iterations = 0, 0, True, 0
+    step, before, halving = r.copy(), math.inf, -1  # the first residual follows no correction
+    while True:
+        for k in range(3):
+            balanced[k] = w[k] * now[k] + (1.0 - w[k]) * start[k]
+        if ride is None:  # a type of its own: no ride is compiled into the step of a mass that grips
+            lost = False
+        else:
+            lost = ride.mode != HAULED and not 0.0 < balanced[0, size - 1] < 1.0  # a trial that leaves the cable
+            if ride.mode != HAULED and not lost:
+                made = moment(ride, balanced[0, size - 1], balanced[1, size - 1], balanced[2, size - 1])
+                at, x, slope, load = made
+        out = evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull)
+        norm = math.nan if lost else math.sqrt(np.dot(r, r))
+        if halving >= 0:
+            residuals += 1
+            if not (norm < before or (iterations < newton[2] and norm < math.inf)) and halving < newton[3]:
+                halving += 1
+                step *= 0.5
+                for k in range(3):
+                    now[k] += c[k] * step
+                continue
+            iterations += 1
+            if norm <= bound or not norm < math.inf or iterations >= newton[0]:
+                return norm, iterations, factorisations, residuals
+            anew = norm > newton[1] * before
+        if anew:
+            block = stiffness(at.phi, gram, harmonic, hat)
+            add_inertia_tangent(x, inertia, c0, c1, c2, block)
+            K[: 2 * n, : 2 * n] = block
+            if ride is not None:
+                K[2 * n], K[:, 2 * n] = 0.0, 0.0
+                if ride.mode == STUCK:
+                    K[2 * n, 2 * n] = c2 * mu
+                else:
+                    row(x, out, ride.on.rub, mu, c0, c1, c2, K[2 * n])
+                if ride.mode == HAULED:
+                    K[:n, 2 * n], K[n : 2 * n, 2 * n], K[2 * n, 2 * n] = -c2 * out[2] * x.f, -c2 * out[3] * x.f, -c2
+                if ride.mode == FREE:
+                    moved[:] = balanced
+                    h = STEP / (c0 + c1 + c2)
+                    moved[0, 2 * n] += h * c0
+                    moved[1, 2 * n] += h * c1
+                    moved[2, 2 * n] += h * c2
+                    there = moment(ride, moved[0, 2 * n], moved[1, 2 * n], moved[2, 2 * n])
+                    evaluate(
+                        there[0], there[1], there[2], there[3], ride, inertia, mu, alpha, law, moved, beyond,
+                        np.empty_like(gram), np.empty_like(pull),
+                    )  # fmt: skip
+                    K[:, 2 * n] = (beyond - r) / h
+            factorisations += 1
+        before = norm
+        step = np.linalg.solve(K, r)
+        for k in range(3):
+            now[k] -= c[k] * step
+        halving = 0

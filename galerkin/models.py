@@ -78,6 +78,9 @@ class FullCable:
 
     def static_slope(self, s: Any) -> tuple[Array, Array]:
         """Of the catenary."""
+        if isinstance(s, float):
+            slope, curvature = kernels.static_at(s, self.groups.sigma, self.groups.c)
+            return slope, curvature
         _, xp, yp, xpp, ypp = self.groups.static(s)
         return np.array([xp, yp]).T, np.array([xpp, ypp]).T
 

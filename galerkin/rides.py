@@ -14,20 +14,19 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from cablefem.newmark import Settled, Solve, State, StepFailure, iterate
+from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, iterate
 from cablefem.response import States
 from cablefem.scene import Groups
 from galerkin import kernels
-from galerkin.bases import Basis
-from galerkin.bases.kink import Array
+from galerkin.bases import Basis, Fourier
+from galerkin.bases.kink import Array, TravellingKink
 from galerkin.equations import Drives, GalerkinSystem, Instant, factorised
 
 EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "lift_off", "stop")
-STEP = 1e-6  # of differences by s_o, its speed and acceleration together: rounding of r, 1e-16 alpha, stays below 1e-7
 LEAVING = 1e-12  # ds_o of a car that gets going: a turn back within the step is seen by its sign
 
 
@@ -42,24 +41,23 @@ class Mode:
 
 
 class Car(NamedTuple):
-    """The car at one instant."""
+    """The car at one instant, as `kernels.car` has it."""
 
-    C: Array  # force of the cable on it, (2,)
-    tau: Array
+    Cx: float  # force of the cable on it
+    Cy: float
+    tx: float  # tau
+    ty: float
     cos_phi: float
     stretch: float  # <lam>
-    drag: Array  # (2,)
-    thrust: float  # or the haul force
-
-    @property
-    def pressing(self) -> float:
-        """The normal part of its force on the cable, downward."""
-        return float(self.tau[1] * self.C[0] - self.tau[0] * self.C[1])
+    drag_x: float
+    drag_y: float
+    pressing: float  # the normal part of its force on the cable, downward
+    defect: float  # tau . C - f cos(phi)
 
     @property
     def along(self) -> float:
         """The force f that it needs along the cable."""
-        return float(self.tau @ self.C) / self.cos_phi
+        return (self.tx * self.Cx + self.ty * self.Cy) / self.cos_phi
 
 
 class RollingSystem(GalerkinSystem):
@@ -91,6 +89,8 @@ class RollingSystem(GalerkinSystem):
         self.events = EVENTS if self.free else ("lift_off",)
         self.mode, self.hold = Mode(), 0.0  # F_hold at the start
         self._latest: tuple[tuple[float, float, float], Instant] | None = None
+        self._watched: tuple[State, tuple[float, ...]] | None = None
+        self._moved: tuple[float, Array] | None = None  # s_o and the tensions of the last compiled residual
 
     def _phases(self) -> tuple[tuple[float, float], ...]:
         return self.drive.phases if self.free else super()._phases()
@@ -99,7 +99,15 @@ class RollingSystem(GalerkinSystem):
         other = super().with_law(law)
         assert isinstance(other, RollingSystem)
         other.mode, other._latest = copy.copy(self.mode), None
+        other._watched = None
         return other
+
+    @property
+    def least_tension(self) -> tuple[float, float]:
+        if self._moved is not None:
+            s_o, pull = self._moved
+            self._pull, self._moved = (self.basis, self.cable.at(self.basis, s_o), pull), None
+        return super().least_tension
 
     # --- the travel -------------------------------------------------------------------------------------------------
     def place(self, x: State) -> float:
@@ -120,21 +128,25 @@ class RollingSystem(GalerkinSystem):
         return self._latest[1]
 
     # --- the car ----------------------------------------------------------------------------------------------------
-    def car(self, t: float, q: Array, v: Array, a: Array, phase: int, x: Instant) -> Car:
-        """What acts on the car in this state."""
-        Q, V, A = self._fields(q), self._fields(v), self._fields(a)
-        velocity = V @ x.carried.f + self._travel(t, q, v, a, phase)[1] * (x.slope + Q @ x.carried.f_s)
-        acceleration = kernels.acceleration(x.carried, Q, V, A) + x.load + self.cable.weight
-        thrust = self.drive.thrust(t, phase) if self.free else a[-1]
-        return self.loaded(velocity, acceleration, self._sides(x, Q), thrust)
+    def _on(self, t: float, phase: int) -> kernels.Rolling:
+        """What acts on the car."""
+        drive, sign = self.drive, self._sign(t, phase)
+        brake = -sign * sum(force for _, force in drive.brakes[: self.mode.brakes])
+        return kernels.Rolling(self.mu, self.groups.sigma, drive.k, drive.wind, sign * drive.mu_r, self.held(t), brake)
 
-    def loaded(self, velocity: Array, acceleration: Array, sides: Array, thrust: float) -> Car:
-        """The same from p., p.. (2,) and r' on both sides (2, 2)."""
-        drive = self.drive
-        Cx, Cy, tx, ty, cos_phi, stretch, dx, dy = kernels.car(
-            self.mu, self.groups.sigma, drive.k, drive.wind, thrust, velocity, acceleration, *sides
-        )
-        return Car(np.array([Cx, Cy]), np.array([tx, ty]), cos_phi, stretch, np.array([dx, dy]), thrust)
+    def _thrust(self, t: float, phase: int, a: Array) -> float:
+        return float(self.drive.thrust(t, phase)) if self.free else float(a[-1])
+
+    def car(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Car:
+        """The car in this state."""
+        x = self._instant(*self._travel(t, q, v, a, phase), place="nowhere")
+        return self._roll(t, q, v, a, phase, x, np.zeros((2, self.n)))
+
+    def _roll(self, t: float, q: Array, v: Array, a: Array, phase: int, x: Instant, force: Array) -> Car:
+        """The car; the inertia of the cable and its own are added to the internal force."""
+        Q, V, A = (self._fields(y) for y in (q, v, a))
+        ds_o, on, thrust = self._travel(t, q, v, a, phase)[1], self._on(t, phase), self._thrust(t, phase, a)
+        return Car(*kernels.roll(x.carried, x.slope, x.load, x.rays, Q, V, A, ds_o, on, thrust, force))
 
     def _sides(self, x: Instant, Q: Array) -> Array:
         """r' behind and ahead of the car, its rows."""
@@ -160,19 +172,21 @@ class RollingSystem(GalerkinSystem):
         s_o, ds_o, _ = self.kinematics(states)
         drive, rows = self.drive, list(zip(states.t.tolist(), states.phase.tolist(), strict=True))
         F = np.array([drive.thrust(t, phase) for t, phase in rows]) if self.free else states.a[:, -1]
-        cars = [self.loaded(*x) for x in zip(velocity, acceleration, sides.transpose(1, 0, 2), F.tolist(), strict=True)]
-        rate = np.abs(ds_o) * np.array([car.stretch for car in cars])
-        pressing = np.abs([car.pressing for car in cars])
+        cars = np.empty((s_o.size, len(Car._fields)))
+        for i, (t, phase) in enumerate(rows):
+            cars[i] = kernels.car(self._on(t, phase), F[i], velocity[i], acceleration[i], sides[0, i], sides[1, i])
+        car = Car(*cars.T)
+        rate = np.abs(ds_o) * car.stretch
         reach = np.array([drive.brake(place) for place in s_o.tolist()])
         powers = {
-            "thrust" if self.free else "haul": F * [car.tau @ v for car, v in zip(cars, velocity, strict=True)],
-            "drag": np.array([car.drag @ v for car, v in zip(cars, velocity, strict=True)]),
-            "friction": -drive.mu_r * pressing * rate,
+            "thrust" if self.free else "haul": F * (car.tx * velocity[:, 0] + car.ty * velocity[:, 1]),
+            "drag": car.drag_x * velocity[:, 0] + car.drag_y * velocity[:, 1],
+            "friction": -drive.mu_r * np.abs(car.pressing) * rate,
         }
         if self.free:
             powers |= {"brake": -reach * rate, "hold": np.array([self.held(t) for t, _ in rows]) * ds_o}
-        F = F if drive.thrust_table or not self.free else np.full(F.shape, np.nan)
-        return Drives(-np.array([car.C for car in cars]), F, np.sum(list(powers.values()), axis=0), powers)
+        haul = F if drive.thrust_table or not self.free else np.full(F.shape, np.nan)
+        return Drives(-np.stack([car.Cx, car.Cy], axis=1), haul, np.sum(list(powers.values()), axis=0), powers)
 
     # --- the equations ----------------------------------------------------------------------------------------------
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
@@ -181,55 +195,68 @@ class RollingSystem(GalerkinSystem):
             return np.full(self.n_dof, np.nan)  # a trial that leaves the cable: Newton's method takes less
         x = self._at(travel)
         force, pull = self.cable.force(x.place, self._fields(q))
-        self._pull = self.basis, x.place, pull
-        return self._balance(t, q, v, a, phase, x, force)[0]
+        self._pull, self._moved = (self.basis, x.place, pull), None
+        return self._balance(a, self._roll(t, q, v, a, phase, x, force), force)
 
-    def _balance(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, x: Instant, force: Array
-    ) -> tuple[Array, Car]:
-        """The residual given the internal force, which is overwritten, and the car."""
-        Q, V, A = self._fields(q), self._fields(v), self._fields(a)
-        car = self.car(t, q, v, a, phase, x)
-        kernels.add_inertia(x.carried, Q, V, A, car.C, force)
-        sign = self._sign(t, phase)
-        row = self.mu * a[-1]
-        if sign:
-            row = car.cos_phi * (car.along - self.held(t) / car.stretch + sign * self._rub(car))
-        return np.append(force.ravel(), row), car
+    def _balance(self, a: Array, car: Car, force: Array) -> Array:
+        r = np.empty(self.n_dof)
+        r[:-1], r[-1] = force.ravel(), car.defect if self._rolls else self.mu * a[-1]
+        return r
+
+    @property
+    def _rolls(self) -> bool:
+        return self.mode.sign != 0.0 or not self.free
 
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        """The car's row leaves out how tau turns with q; the column of s_o is a difference of the residual."""
-        x, n, sign = self._at(self._travel(t, q, v, a, phase)), self.n_modal, self._sign(t, phase)
+        """The column of s_o is a difference of the residual."""
+        x, n = self._at(self._travel(t, q, v, a, phase)), self.n_modal
         force, pull, stiffness = self.cable.linearise(self.basis, x.place, self._fields(q))
-        r, car = self._balance(t, q, v, a, phase, x, force)
-        block, b = self._tangent(x, stiffness, c0, c1, c2), x.carried
+        car = self._roll(t, q, v, a, phase, x, force)
+        r = self._balance(a, car, force)
+        block = self._tangent(x, stiffness, c0, c1, c2)
         K = np.zeros((n + 1, n + 1), dtype=block.dtype)
         K[:n, :n] = block
-        if sign:
-            lean = sign * self.drive.mu_r * car.cos_phi * math.copysign(1.0, car.pressing)
-            row = self.mu * (car.tau + lean * np.array([car.tau[1], -car.tau[0]]))
-            K[n, :n] = np.multiply.outer(row, c2 * b.f + c1 * b.f_v + c0 * b.f_q).ravel()
-        if not sign:
+        if not self._rolls:
             K[n, n] = c2 * self.mu
-        elif self.free:
+            return r, factorised(K)
+        kernels.row(x.carried, car, self._on(t, phase).rub, self.mu, c0, c1, c2, K[n])
+        if self.free:
             K[:, n] = self._column(t, q, v, a, phase, r, (c0, c1, c2))
         else:
-            K[:n, n], K[n, n] = -c2 * np.multiply.outer(car.tau, b.f).ravel(), -c2
-        self._pull = self.basis, x.place, pull
+            f = x.carried.f
+            K[: self.n, n], K[self.n : n, n], K[n, n] = -c2 * car.tx * f, -c2 * car.ty * f, -c2
+        self._pull, self._moved = (self.basis, x.place, pull), None
         return r, factorised(K)
 
     def _column(self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, c: tuple) -> Array:
         """c0 dr/ds_o + c1 dr/dds_o + c2 dr/ddds_o: one difference where the c are real, one each where they are not."""
         if any(isinstance(x, complex) for x in c):
             return sum(x * self._column(t, q, v, a, phase, r, tuple(e)) for x, e in zip(c, np.eye(3), strict=True))
-        h = STEP / sum(c)
+        h = kernels.STEP / sum(c)
         q, v, a = (np.append(y[:-1], y[-1] + h * x) for y, x in zip((q, v, a), c, strict=True))
         return (self.residual(t, q, v, a, phase) - r) / h
 
-    def settle(self, *step: Any) -> Settled:
-        return iterate(self, *step)
+    def settle(
+        self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
+    ) -> Settled:
+        """As the protocol has it; compiled for sines with a hat."""
+        basis, sines = self.basis, self.basis.basis
+        if not isinstance(basis, TravellingKink) or not isinstance(sines, Fourier):
+            return iterate(self, t, phase, start, now, rule, bound, newton)
+        mode = kernels.HAULED if not self.free else kernels.FREE if self._rolls else kernels.STUCK
+        travel = self._travel(t, start[0], start[1], start[2], phase)
+        x = self._at(travel) if self._latest is None or not self.free else self._latest[1]  # a free car makes its own
+        ride = kernels.Ride(
+            mode, self._on(t, phase), 0.0 if not self.free else self._thrust(t, phase, start[2]), travel[1], x.slope,
+            sines.side_rule, basis.at_rest, basis.left, basis.chord, self.groups.c,
+        )  # fmt: skip
+        done = self._settle(x, ride, start, now, rule, bound, newton)
+        if self.free and self._pull is not None:
+            w = float(rule[0, 4])
+            self._moved = w * float(now[0, -1]) + (1.0 - w) * float(start[0, -1]), self._pull[2]
+        return done
 
     # --- start ------------------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
@@ -244,8 +271,8 @@ class RollingSystem(GalerkinSystem):
         if not self.free:
             return self._consistent(0.0, q, self._set_going(q), 0)
         q[-1] = s_o
-        still = np.zeros(2)
-        car = self.loaded(still, still, self._sides(x, Q), 0.0)  # the wind does not blow yet
+        weight = kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0)  # no wind, no thrust yet
+        car = Car(*kernels.car(weight, 0.0, np.zeros(2), np.zeros(2), *self._sides(x, Q)))
         self.hold = car.along * car.stretch
         return self._come_to_rest(State(0.0, q, v, a, 0))
 
@@ -340,8 +367,13 @@ class RollingSystem(GalerkinSystem):
     # --- events -----------------------------------------------------------------------------------------------------
     def watch(self, x: State) -> tuple[float, ...]:
         """The values of `events`; each is of the mode the car is in, `inf` in others."""
+        if self._watched is None or self._watched[0] is not x:
+            self._watched = x, self._watch(x)
+        return self._watched[1]
+
+    def _watch(self, x: State) -> tuple[float, ...]:
         mode, drive = self.mode, self.drive
-        car = self.car(*x, self._at(self._travel(*x)))
+        car = self.car(*x)
         lift = math.inf if mode.lifted else car.pressing
         if not self.free:
             return (lift,)
@@ -364,7 +396,7 @@ class RollingSystem(GalerkinSystem):
 
     def pass_event(self, name: str, x: State) -> State | None:
         """Change the mode; after a standstill the car sticks where friction and brakes can hold it."""
-        mode = self.mode
+        mode, self._watched = self.mode, None
         if name in ("arrival", "stop"):
             return None
         if name == "lift_off":
@@ -389,7 +421,7 @@ class RollingSystem(GalerkinSystem):
 
     def _needed(self, x: State) -> tuple[float, float]:
         """The force along the cable that keeps a stuck car, and the largest that friction and brakes have."""
-        car = self.car(*x, self._at(self._travel(*x)))
+        car = self.car(*x)
         return car.along - self.held(x.t) / car.stretch, self._rub(car)
 
     def _leave(self, x: State) -> State:

@@ -40,7 +40,7 @@ class Basis(Protocol):
         """phi'(s), (n_s, n)."""
 
     def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points and weights of both sides of s_o, (n_q,), and phi' there, (n + 1, n_q), the last row left free."""
+        """Points and weights of both sides of s_o, (n_q,), phi' and, last, the hat's slope, (n + 1, n_q)."""
 
     def d2(self, s: np.ndarray) -> np.ndarray:
         """phi''(s), (n_s, n)."""

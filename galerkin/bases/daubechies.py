@@ -448,6 +448,7 @@ class Daubechies:
         np.take(table, i, axis=1, out=phi[:-1], mode="clip")
         new = own.take(i, mode="clip") != s
         phi[:-1, new] = self.d1(s[new]).T
+        phi[-1, : left.size], phi[-1, left.size :] = 1.0 / s_o, -1.0 / (1.0 - s_o)
         return s, np.concatenate([w_left, w_right]), phi
 
     def d2(self, s: np.ndarray) -> np.ndarray:

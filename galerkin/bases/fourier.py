@@ -25,7 +25,7 @@ def _wavenumbers(n: int) -> np.ndarray:
 
 
 @njit(cache=True)
-def _at(s, n):
+def values_at(s, n):
     """`Fourier.at`."""
     out = np.empty((5, n))
     for k in range(n):
@@ -37,7 +37,7 @@ def _at(s, n):
 
 
 @njit(cache=True)
-def _split(s_o, x, w, n):
+def split(s_o, x, w, n):
     """`Fourier.split` for a rule x, w (m,) on [0, 1]: k pi cos(k pi s) by turning (cos, sin) k times by pi s.
 
     Each turn adds a rounding to the angle: k eps after k of them, no more than rounding the argument k pi s costs.
@@ -54,6 +54,7 @@ def _split(s_o, x, w, n):
         for q in range(2 * m):
             row[q] = wave * c[q]
             c[q], sn[q] = c[q] * c1[q] - sn[q] * s1[q], sn[q] * c1[q] + c[q] * s1[q]
+    phi[n, :m], phi[n, m:] = 1.0 / s_o, -1.0 / (1.0 - s_o)
     return s, weights, phi
 
 
@@ -90,7 +91,7 @@ class Fourier:
 
     def at(self, s: float) -> np.ndarray:
         """phi, phi', phi'', primitive1, primitive2 at one s, (5, n)."""
-        return _at(s, self.n)
+        return values_at(s, self.n)
 
     def values(self, s: np.ndarray) -> np.ndarray:
         """sin(k pi s), (n_s, n)."""
@@ -141,5 +142,5 @@ class Fourier:
         return a + (b - a) * x, (b - a) * w
 
     def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points, weights and phi' on both sides of s_o, without a cosine per entry."""
-        return _split(s_o, *self.side_rule, self.n)
+        """Points, weights, phi' and the hat's slope on both sides of s_o, without a cosine per entry."""
+        return split(s_o, *self.side_rule, self.n)

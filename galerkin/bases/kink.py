@@ -59,7 +59,7 @@ def _overlaps(phi, first, second, left, chord, s_o):
 
 
 @njit(cache=True, error_model="numpy")
-def _carry(at, mass, hat, left, chord, s_o, ds_o, dds_o):
+def carry(at, mass, hat, left, chord, s_o, ds_o, dds_o):
     """M, and the other entries of `Carried` as rows, (6, n); at : `Basis.at`;  left, chord : of `TravellingKink`."""
     n = at.shape[1]
     M, rows = mass.copy(), np.zeros((6, n + hat))
@@ -104,13 +104,13 @@ class Standing:
 
     def __init__(self, basis: Basis) -> None:
         self.basis, self.n = basis, basis.n
-        self._mass, self._stiffness, self._integral = basis.mass(), basis.stiffness(), basis.integral()
+        self.at_rest, self._stiffness, self._integral = basis.mass(), basis.stiffness(), basis.integral()
         s, weights = basis.quadrature()
         self._slopes = s, weights, np.ascontiguousarray(basis.d1(s).T)
 
     def carried(self, s_o: float, ds_o: float, dds_o: float) -> Carried:
         none = self._integral
-        mass, rows = _carry(self.basis.at(s_o), self._mass, 0, none, none, s_o, ds_o, dds_o)
+        mass, rows = carry(self.basis.at(s_o), self.at_rest, 0, none, none, s_o, ds_o, dds_o)
         return Carried(mass, *rows)
 
     def stiffness(self, s_o: float) -> Array:
@@ -142,21 +142,21 @@ class TravellingKink:
 
     def __init__(self, basis: Basis) -> None:
         self.basis, self.n = basis, basis.n + 1
-        self._mass, self._stiffness = (np.zeros((self.n, self.n)) for _ in range(2))
-        self._mass[:-1, :-1], self._stiffness[:-1, :-1] = basis.mass(), basis.stiffness()
-        self._mass[-1, -1] = 1.0 / 3.0
+        self.at_rest, self._stiffness = (np.zeros((self.n, self.n)) for _ in range(2))
+        self.at_rest[:-1, :-1], self._stiffness[:-1, :-1] = basis.mass(), basis.stiffness()
+        self.at_rest[-1, -1] = 1.0 / 3.0
         self._integral = np.append(basis.integral(), 0.5)
-        self._left, right = basis.primitive2(np.array([0.0, 1.0]))
-        self._chord = right - self._left
+        self.left, right = basis.primitive2(np.array([0.0, 1.0]))
+        self.chord = right - self.left
 
     def overlap(self, s_o: Array) -> Array:
         """I, I', I'' = int hat phi ds and its derivatives by s_o; s_o (m,) in [0, 1), (3, m, n - 1)."""
         basis = self.basis
         tables = basis.values(s_o), basis.primitive1(s_o), basis.primitive2(s_o)
-        return _overlaps(*tables, self._left, self._chord, s_o)
+        return _overlaps(*tables, self.left, self.chord, s_o)
 
     def carried(self, s_o: float, ds_o: float, dds_o: float) -> Carried:
-        mass, rows = _carry(self.basis.at(s_o), self._mass, 1, self._left, self._chord, s_o, ds_o, dds_o)
+        mass, rows = carry(self.basis.at(s_o), self.at_rest, 1, self.left, self.chord, s_o, ds_o, dds_o)
         return Carried(mass, *rows)
 
     def stiffness(self, s_o: float) -> Array:
@@ -170,7 +170,4 @@ class TravellingKink:
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
         """Points on each side of the mass; each side must resolve the highest phi over the whole cable."""
-        s, weights, phi = self.basis.split(s_o)
-        left = np.searchsorted(s, s_o)
-        phi[-1, :left], phi[-1, left:] = 1.0 / s_o, -1.0 / (1.0 - s_o)
-        return s, weights, phi
+        return self.basis.split(s_o)
