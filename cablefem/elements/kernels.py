@@ -467,17 +467,17 @@ def car_forces(car, tau, stretch, px, py, fx, fy):
 
 
 @compiled
-def mean_tangent(mesh, rolling, s_o, xp, yp, q):
+def mean_tangent(dofs, ends, n_left, s_o, xp, yp, q):
     """Return the unit tangent along the mean of the slopes r' behind and ahead of the car, and the mean of |r'|."""
     mx, my, stretch = 0.0, 0.0, 0.0
     for side in range(2):
-        e, h = (rolling.n_left - 1, s_o) if side == 0 else (rolling.n_left, 1.0 - s_o)
+        e, h = (n_left - 1, s_o) if side == 0 else (n_left, 1.0 - s_o)
         x, y = xp, yp
-        for k in range(mesh.dofs.shape[1]):
-            d = mesh.dofs[e, k]
+        for k in range(dofs.shape[1]):
+            d = dofs[e, k]
             if d >= 0:
-                x += rolling.ends[side, k] * q[2 * d] / h
-                y += rolling.ends[side, k] * q[2 * d + 1] / h
+                x += ends[side, k] * q[2 * d] / h
+                y += ends[side, k] * q[2 * d + 1] / h
         mx, my, stretch = mx + 0.5 * x, my + 0.5 * y, stretch + 0.5 * math.sqrt(x * x + y * y)
     size = math.sqrt(mx * mx + my * my)
     return (mx / size, my / size), stretch
@@ -515,6 +515,7 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, tangent, c0, c1, c2):
     column, row = rolling.border[0], rolling.border[1]
     of_s, corner = 0.0, 0.0
     least, where = math.inf, 0.0
+    z_of, zt_of = np.empty(n_loc), np.empty(n_loc)
     for e in range(n_el):
         left = e < rolling.n_left
         s_0, h, sign = (0.0, s_o, 1.0) if left else (s_o, 1.0 - s_o, -1.0)
@@ -590,31 +591,33 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, tangent, c0, c1, c2):
             j11 = c0 / h * (k_geo + k_mat * rx * rx)
             j12 = c0 / h * k_mat * rx * ry
             j22 = c0 / h * (k_geo + k_mat * ry * ry)
+            k_q = c0 * k_t + c1 * ds * k_s
+            for i in range(n_loc):
+                phi, grad = tab[e, g, 2 + i], tab[e, g, 2 + n_loc + i]
+                z_of[i], zt_of[i] = c1 * phi - c0 * ds * k_s * grad, c2 * phi - k_q * grad
             for i in range(n_loc):
                 d = dofs[e, i]
                 if d < 0:
                     continue
-                phi, grad = tab[e, g, 2 + i], tab[e, g, 2 + n_loc + i]
-                z_i, zt_i = c1 * phi - c0 * ds * k_s * grad, c2 * phi - (c0 * k_t + c1 * ds * k_s) * grad
-                column[2 * d] += weight * (phi * g_x + grad * h_x)
-                column[2 * d + 1] += weight * (phi * g_y + grad * h_y)
-                of_z = chi * c1 * grad + sign * ds * k_s * c0 * grad
-                row[2 * d] += weight * (
-                    c0 * grad * (f_sx - chi * ztx) - of_z * zx - chi * (dvx * z_i + ux * zt_i)
-                    - sign * (zx + ds * k_s * ux) * z_i
+                phi, grad = weight * tab[e, g, 2 + i], weight * tab[e, g, 2 + n_loc + i]
+                column[2 * d] += phi * g_x + grad * h_x
+                column[2 * d + 1] += phi * g_y + grad * h_y
+                by_z, by_zt, by_grad = weight * z_of[i], weight * chi * zt_of[i], chi * c1 + sign * ds * k_s * c0
+                row[2 * d] += (
+                    grad * (c0 * (f_sx - chi * ztx) - by_grad * zx) - by_zt * ux
+                    - by_z * (chi * dvx + sign * (zx + ds * k_s * ux))
                 )  # fmt: skip
-                row[2 * d + 1] += weight * (
-                    c0 * grad * (f_sy - chi * zty) - of_z * zy - chi * (dvy * z_i + uy * zt_i)
-                    - sign * (zy + ds * k_s * uy) * z_i
+                row[2 * d + 1] += (
+                    grad * (c0 * (f_sy - chi * zty) - by_grad * zy) - by_zt * uy
+                    - by_z * (chi * dvy + sign * (zy + ds * k_s * uy))
                 )  # fmt: skip
+                of_z, of_zt = phi * sign * ds + grad * ds * chi, phi * h
                 for j in range(n_loc):
                     d_j = dofs[e, j]
                     if d_j < 0:
                         continue
-                    phi_j, grad_j = tab[e, g, 2 + j], tab[e, g, 2 + n_loc + j]
-                    z_j, zt_j = c1 * phi_j - c0 * ds * k_s * grad_j, c2 * phi_j - (c0 * k_t + c1 * ds * k_s) * grad_j
-                    same = weight * (phi * (sign * ds * z_j + h * zt_j) + ds * chi * grad * z_j)
-                    gg = weight * grad * grad_j
+                    same = of_z * z_of[j] + of_zt * zt_of[j]
+                    gg = grad * tab[e, g, 2 + n_loc + j]
                     at = band + 2 * (d_j - d)
                     ab[2 * d, at] += same + gg * j11
                     ab[2 * d, at + 1] += gg * j12
@@ -629,7 +632,7 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, tangent, c0, c1, c2):
     px, py = v[2 * m] + xp * ds, v[2 * m + 1] + yp * ds
     fx = car.mu * (a[2 * m] + xp * dds + xpp * ds * ds)
     fy = car.mu * (a[2 * m + 1] + yp * dds + ypp * ds * ds - car.sigma)
-    tau, stretch = mean_tangent(mesh, rolling, s_o, xp, yp, q)
+    tau, stretch = mean_tangent(dofs, rolling.ends, rolling.n_left, s_o, xp, yp, q)
     ex, ey, normal, drive = car_forces(car, tau, stretch, px, py, fx, fy)
     if car.mode == HAUL:
         ex, ey = ex + a[n] * tau[0], ey + a[n] * tau[1]
@@ -676,12 +679,12 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, tangent, c0, c1, c2):
 
 
 @compiled
-def look(mesh, rolling, cable, car, q, v, a):
+def look(dofs, ends, n_left, cable, car, q, v, a):
     """Return the normal force with which the car presses on the cable, mean |r'|, and p. along the mean tangent.
 
     And the force of weight, thrust and drag along it, and of weight across it.
     """
-    mesh, rolling, car = Mesh(*mesh), Rolling(*rolling), Car(*car)  # plain tuples, as in `settle`
+    car = Car(*car)  # a plain tuple, as in `settle`
     n, m, sigma = q.size - 1, car.node, cable[1]
     s_o, ds, dds = (car.s_o, car.ds, car.dds) if car.mode == HAUL else (q[n], v[n], a[n])
     p = cable[2] - sigma * s_o
@@ -690,7 +693,7 @@ def look(mesh, rolling, cable, car, q, v, a):
     px, py = v[2 * m] + xp * ds, v[2 * m + 1] + yp * ds
     fx = car.mu * (a[2 * m] + xp * dds + p * bend)
     fy = car.mu * (a[2 * m + 1] + yp * dds - bend - car.sigma)
-    tau, stretch = mean_tangent(mesh, rolling, s_o, xp, yp, q)
+    tau, stretch = mean_tangent(dofs, ends, n_left, s_o, xp, yp, q)
     ex, ey, normal, _ = car_forces(car, tau, stretch, px, py, fx, fy)
     weight = car.mu * car.sigma
     along = ex * tau[0] + (ey + weight) * tau[1]

@@ -58,8 +58,10 @@ class RollingElements(FollowingElements):
             raise ValueError(f"{what} has no balance along the cable: a car that rolls needs the full model and a mass")
         self.free = self.drive.mode == "free"
         self.events: tuple[str, ...] = EVENTS if self.free else ("lift_off",)
+        self._last = len(self.phases) - 1
         # forces along the cable that may hold the car there
         self._grips = self.free and bool(self.drive.mu_r > 0.0 or self.drive.brakes)
+        self._air = self.drive.k, self.drive.wind, self.drive.mu_r
         self._settled = 2.0 / math.sqrt(groups.alpha)  # an axial wave's way to and fro: a standstill that lasts
         self._n_dof += 1
         ends = np.stack([self.left.evaluate(np.array(1.0))[2], self.right.evaluate(np.array(0.0))[2]])
@@ -146,18 +148,17 @@ class RollingElements(FollowingElements):
             return (lift_off,)
         if self._forward == 0.0 and abs(speed) > AT_REST:
             self._forward = math.copysign(1.0, speed)
-        s_o, held, n = float(x.q[-1]), self._mode == kernels.HELD, self._brakes
-        places, last = [place for place, _ in self.drive.brakes], x.phase == len(self.phases) - 1
+        s_o, held, brakes, n = float(x.q[-1]), self._mode == kernels.HELD, self.drive.brakes, self._brakes
         # one that friction and brakes will hold does not turn
         rolls = not held and self._forward != 0.0 and abs(along) > self._most(across)
         values = (
             self._forward * speed if rolls else math.inf,
             self._heading * float(x.v[-1]) if self._grips and not held else math.inf,
             self._margin(x, normal, stretch) if held else math.inf,
-            places[n] - s_o if n < len(places) else math.inf,
-            s_o - places[n - 1] if n else math.inf,
+            brakes[n][0] - s_o if n < len(brakes) else math.inf,
+            s_o - brakes[n - 1][0] if n else math.inf,
             self.drive.end_place - s_o,
-            max(self._since, self.phases[-1][0]) + self._settled - x.t if held and last else math.inf,
+            max(self._since, self.phases[-1][0]) + self._settled - x.t if held and x.phase == self._last else math.inf,
             lift_off,
         )
         self._watched = x, self._heading, values
@@ -213,25 +214,26 @@ class RollingElements(FollowingElements):
     # --- the car ---------------------------------------------------------------------------------------
     def _car(self, t: float, phase: int, slip: float) -> kernels.Car:
         """Return the car at an instant; slip : ds_o of a free one, as far as it tells where friction works."""
-        drive, fixed = self.drive, (self.inertia, self.groups.sigma)
-        air = drive.k, drive.wind, drive.mu_r
+        drive, fixed = self.drive, (self._mode, self.node, self.inertia, self.groups.sigma)
         if not self.free:
             s_o, ds, dds = self.motion.at(t, phase)
-            return kernels.Car(self._mode, self.node, *fixed, s_o, ds, dds, 0.0, 0.0, *air, 0.0, float(np.sign(ds)))
+            return kernels.Car(*fixed, s_o, ds, dds, 0.0, 0.0, *self._air, 0.0, float(np.sign(ds)))
         heading = math.copysign(1.0, slip) if slip != 0.0 else self._heading
         if self._mode == kernels.HELD:
             heading = 0.0
-        forces = self._hold * drive.hold(t), float(drive.thrust(t, phase)) if drive.thrust_table else 0.0
-        return kernels.Car(self._mode, self.node, *fixed, 0.0, 0.0, 0.0, *forces, *air, self._brake, heading)
+        hold = self._hold * drive.hold(t) if t < drive.release else 0.0
+        thrust = float(drive.thrust(t, phase)) if drive.thrust_table else 0.0
+        return kernels.Car(*fixed, 0.0, 0.0, 0.0, hold, thrust, *self._air, self._brake, heading)
 
     @property
     def _brake(self) -> float:
-        return sum((force for _, force in self.drive.brakes[: self._brakes]), 0.0)
+        """Force of the brakes that have been reached."""
+        return sum([force for _, force in self.drive.brakes[: self._brakes]], 0.0) if self._brakes else 0.0
 
     def _look(self, x: State) -> tuple[float, ...]:
         """Return what `kernels.look` sees."""
-        of = tuple(self._mesh), tuple(self._rolling), self._cable, tuple(self._car(x.t, x.phase, float(x.v[-1])))
-        return kernels.look(*of, x.q, x.v, x.a)
+        car = self._car(x.t, x.phase, float(x.v[-1]))
+        return kernels.look(self._mesh.dofs, self._rolling.ends, self._n_left, self._cable, tuple(car), x.q, x.v, x.a)
 
     def _roll(self, car: kernels.Car, q: Array, v: Array, a: Array, r: Array, *c: float) -> tuple[float, ...]:
         """Set r and, given c, the tangent; return what `kernels.roll` does."""
