@@ -112,9 +112,14 @@ class RollingElements(FollowingElements):
         q, self._hold = self._statics(self.drive.start)
         return self._halt(State(t, q, np.zeros_like(q), np.zeros_like(q), 0))
 
+    def begin_step(self, x: State) -> None:
+        slip = float(x.v[-1])  # its sign holds for the step: friction that turns within one has no balance
+        if slip != 0.0:
+            self._heading = math.copysign(1.0, slip)
+
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self._n_dof)
-        self._roll(self._car(t, phase, v[-1]), q, v, a, r)
+        self._roll(self._car(t, phase, self._heading or v[-1]), q, v, a, r)
         return r
 
     def linearise(
@@ -122,15 +127,12 @@ class RollingElements(FollowingElements):
     ) -> tuple[Array, Solve]:
         """As the protocol has it; factors live in one workspace each, real and complex."""
         r = np.empty(self._n_dof)
-        return r, self._linearised(self._car(t, phase, v[-1]), q, v, a, r, c0, c1, c2)
+        return r, self._linearised(self._car(t, phase, self._heading or v[-1]), q, v, a, r, c0, c1, c2)
 
     def settle(
         self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
     ) -> Settled:
-        slip = float(start[1, -1])  # its sign holds for the step: friction that turns within one has no balance
-        if slip != 0.0:
-            self._heading = math.copysign(1.0, slip)
-        ride = tuple(self._rolling), tuple(self._car(t, phase, slip))
+        ride = tuple(self._rolling), tuple(self._car(t, phase, self._heading or start[1, -1]))
         of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rule, bound
         # near a support a correction that overshoots ends on another root: no patience
         *done, least, where = kernels.settle(None, ride, *of, newton.max_iter, newton.reuse, 0)
@@ -277,7 +279,6 @@ class RollingElements(FollowingElements):
             mode=mode, s_o=s_o, ds=0.0, dds=0.0, hold=0.0, thrust=0.0, drag=0.0, friction=0.0, brake=0.0
         )
         x = np.zeros((3, self._n_dof))
-        x[0, -1] = s_o if self.free else 0.0
         r, c = np.empty(self._n_dof), np.array([[1.0], [0.0], [STATIC]])
 
         def residual() -> Array:
@@ -292,9 +293,17 @@ class RollingElements(FollowingElements):
             x[:] -= c * dx
 
         bound = math.sqrt(self._n_dof) * self.force_floor
-        with np.errstate(over="ignore", invalid="ignore"):
-            done = find_root(residual, linearise, update, bound, Newton(max_iter=60, patience=0, reuse=0.0))
-        if not done.norm <= bound:
+        # A stiff cable under a heavy car: Newton's method loses its way unless a soft cable has shown the shape first.
+        stiff, soft = self._cable[0], min(self._cable[0], 4.0 * (1.0 + self.groups.mu * self.groups.sigma))
+        for count in (1, 12, 60):
+            x[:] = 0.0
+            x[0, -1] = s_o if self.free else 0.0
+            for self._cable[0] in [stiff] if count == 1 else np.geomspace(soft, stiff, count):
+                with np.errstate(over="ignore", invalid="ignore"):
+                    done = find_root(residual, linearise, update, bound, Newton(max_iter=60, patience=0, reuse=0.0))
+            if done.norm <= bound:
+                break
+        else:
             raise StepFailure(
                 0.0, f"no rest of the loaded cable was found (|r| = {done.norm:.2g})", "start the car elsewhere"
             )
