@@ -1,5 +1,9 @@
 """One BLAS thread: the matrices are small, and threads that wait for each other cost tenfold on a shared machine."""
 
+import fcntl
+import tempfile
+from pathlib import Path
+
 import pytest
 from threadpoolctl import threadpool_limits
 
@@ -8,6 +12,19 @@ from threadpoolctl import threadpool_limits
 def one_thread():
     with threadpool_limits(1):
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled():
+    """On a fresh machine the first calls compile for half a minute: once, by one worker, and in no test's time."""
+    from cablefem import Scene
+    from validation.core.running import run
+
+    with (Path(tempfile.gettempdir()) / "cablefem-compiles.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        for scene in ("level", "zipline"):
+            for method, how in (("following-p2", {"elements": 2}), ("fourier-kink", {"terms": 3})):
+                run(Scene.load(scene), method, steps=20, until=0.3, **how)
 
 
 def pytest_collection_modifyitems(items):

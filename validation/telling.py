@@ -41,10 +41,14 @@ def answer(r: Response) -> None:
     )
     for row in r.design:
         if row["quantity"] != "slack_onset":
-            bar = "" if row["bar"] is None else f" +- {row['bar']:.2g}"
-            value = f"{row['quantity'].replace('_', ' '):<30}{row['value']:.5g}{bar} {row['unit']}"
+            value = f"{row['quantity'].replace('_', ' '):<30}{_barred(row['value'], row['bar'])} {row['unit']}"
             where = f"at s/l = {row['s'] / r.length:.3f} with the mass at {row['s_o'] / r.length:.3f}"
             terminal.say(f"  {value}, {where}")
+    for x in r.events:
+        if x["event"] in ("brake", "arrival", "stop", "turn", "thrust_end", "lift_off"):
+            t, s_o, v = (_barred(x[name], x.get(f"bar_{name}")) for name in ("t", "s_o", "speed"))
+            speed = f", {v} m/s = {3.6 * x['speed']:.4g} km/h" if x["event"] not in ("stop", "turn") else ""
+            terminal.say(f"  {x['event'].replace('_', ' '):<12}after {t} s at {s_o} m{speed}")
     if r.slack_onset is not None:
         after = {
             "auto": "from there on with the tension-only law",
@@ -56,6 +60,10 @@ def answer(r: Response) -> None:
     terminal.say(f"  {r.status}, to s_o/l = {r.reached:.5g}: {r.work['steps']} steps in {r.seconds:.2g} s")
     for line in map(str, r.flags) if r.reason is None else [r.reason]:
         terminal.say(f"  {line}", style="yellow")
+
+
+def _barred(value: float, bar: float | None) -> str:
+    return f"{value:.5g}" if bar is None else f"{value:.5g} +- {bar:.2g}"
 
 
 def short(r: Response) -> str:

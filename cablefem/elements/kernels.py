@@ -813,11 +813,11 @@ def settle(grip, ride, mesh, cable, work, start, now, rule, bound, max_iter, reu
             norm = math.sqrt(dot(r, r))
             factorisations += 1
         before = norm
-        if not regular:
+        if not regular:  # pivots may never have been set
             r[:] = math.nan  # the norm will tell
-        if grip is not None:
+        elif grip is not None:
             solve_coupled(work, r)
-        if ride is not None:
+        elif ride is not None:
             solve_bordered(work, rolling, r)
         da[:] = r
         for halving in range(6):

@@ -314,7 +314,6 @@ class RollingElements(FollowingElements):
             mode=mode, s_o=s_o, ds=0.0, dds=0.0, hold=0.0, thrust=0.0, drag=0.0, friction=0.0, brake=0.0
         )
         x = np.zeros((3, self._n_dof))
-        x[0, -1] = s_o if self.free else 0.0
         r, c = np.empty(self._n_dof), np.array([[1.0], [0.0], [STATIC]])
 
         def residual() -> Array:
@@ -329,9 +328,17 @@ class RollingElements(FollowingElements):
             x[:] -= c * dx
 
         bound = math.sqrt(self._n_dof) * self.force_floor
-        with np.errstate(over="ignore", invalid="ignore"):
-            done = find_root(residual, linearise, update, bound, Newton(max_iter=60, patience=0, reuse=0.0))
-        if not done.norm <= bound:
+        # A stiff cable under a heavy car: Newton's method loses its way unless a soft cable has shown the shape first.
+        stiff, soft = self._cable[0], min(self._cable[0], 4.0 * (1.0 + self.groups.mu * self.groups.sigma))
+        for count in (1, 12, 60):
+            x[:] = 0.0
+            x[0, -1] = s_o if self.free else 0.0
+            for self._cable[0] in [stiff] if count == 1 else np.geomspace(soft, stiff, count):
+                with np.errstate(over="ignore", invalid="ignore"):
+                    done = find_root(residual, linearise, update, bound, Newton(max_iter=60, patience=0, reuse=0.0))
+            if done.norm <= bound:
+                break
+        else:
             raise StepFailure(
                 0.0, f"no rest of the loaded cable was found (|r| = {done.norm:.2g})", "start the car elsewhere"
             )

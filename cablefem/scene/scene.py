@@ -447,7 +447,7 @@ class Scene(Part):
 
 
 # Built-in scenes in the order in which they are listed.
-LIBRARY = ("level", "cruise", "inclined", "bare", "tramway", "zipline", "kevlar")
+LIBRARY = ("level", "cruise", "inclined", "bare", "tramway", "zipline", "kevlar", "rocket", "rollback")
 
 
 _adapter = cache(TypeAdapter)  # building one takes longer than reading a scene

@@ -106,7 +106,7 @@ class _Pieces:
     """int lam n/N ds = (span, drop), the tension n = left - (0, sigma s) behind the car, plus the jump ahead of it.
 
     With lam/N = q/N + 1/alpha, q = 1 - T/alpha, the equations are the gradient of the convex function
-    int (q N + N^2/(2 alpha)) ds - left.(span, drop): Newton's method, all places at once, never uphill.
+    int (q N + N^2/(2 alpha)) ds - left.(span, drop): Newton's method, no step so long that it climbs.
     """
 
     def __init__(self, s: np.ndarray, jump: np.ndarray, groups, left: np.ndarray | None = None) -> None:
@@ -127,14 +127,15 @@ class _Pieces:
             g, A = self.moments()
             dz = np.linalg.solve(A, (ends - g)[..., None])[..., 0]
             size = np.linalg.norm(dz, axis=1) / (1.0 + np.linalg.norm(self.left, axis=1))
-            far = size > 1e-4  # nearer, differences of the function are rounding
-            if far.any():
-                value, step = self._convex(self.left, ends), np.ones_like(s)
+            if np.any(size > 1e-4):  # nearer, Newton's steps are safe
+                here, slope, step = self.left, ((ends - g) * dz).sum(1), np.ones_like(s)
                 for _ in range(ITERATIONS):
-                    uphill = (self._convex(self.left + step[:, None] * dz, ends) > value) & far
+                    self.left = here + step[:, None] * dz
+                    uphill = ((self.moments()[0] - ends) * dz).sum(1) > 0.5 * slope
                     if not uphill.any():
                         break
                     step = np.where(uphill, 0.5 * step, step)
+                self.left = here
                 dz *= step[:, None]
             self.left = self.left + dz
             if np.all(size <= 1e-9):  # quadratic: what is left is rounding
@@ -169,10 +170,6 @@ class _Pieces:
         N, nz = np.linalg.norm(n, axis=-1)[..., None], n @ z[:, :, None]
         w = (self.weights[:, part] * self.q[:, part])[..., None] / N**3
         return (w * (-2.0 * nz * z[:, None] - (z**2).sum(1)[:, None, None] * n + 3.0 * nz**2 * n / N**2)).sum(1)
-
-    def _convex(self, left: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        n2 = ((left.T[:, :, None] + self.load) ** 2).sum(0)
-        return (self.weights * (self.q * np.sqrt(n2) + n2 / (2.0 * self.alpha))).sum(1) - left @ ends
 
 
 def _times(B: np.ndarray, y: np.ndarray) -> np.ndarray:

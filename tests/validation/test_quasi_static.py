@@ -11,7 +11,7 @@ from validation.cli import main
 from validation.core.design import design
 from validation.core.quasi_static import quasi_static
 
-HAULED = Scene.load("tramway").to_toml() + '\n[drive]\nmode = "haul"\n'
+HAULED = Scene.library_text("tramway")
 
 
 @pytest.mark.parametrize("text", [ZIP, HAULED, Scene.library_text("level")], ids=["free", "haul", "grip"])

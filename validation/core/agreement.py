@@ -114,7 +114,7 @@ def agree(
     ceiling = min(WIDEST, CEILING * max(1.0, (tol or 0.0) / DEFAULT_TOL))
     rows = [*_independent(a, b), _slack_onset(a, b).at_most(ceiling)]
     try:
-        window = measures.window_of(*a.runs, *b.runs, window=window or measures.WINDOW)
+        window = measures.window_of(*a.runs, *b.runs, window=window)
     except NotComparable as error:
         return [Agreement("path_max", math.nan, nothing(error)), *rows]
     H, axial = scene.horizontal_tension, 2.0 * scene.length / scene.axial_speed
@@ -130,6 +130,7 @@ def agree(
         means.append(ringing(name, partial(_series_gap, of, axial), law=AXIAL_MEAN))
     fields = [smooth("displacement", measures.displacement_gap), smooth("velocity", measures.velocity_gap)]
     held = [_law("energy", _energy_series(scene), a, b, window), *_laws(a, b, window)]
+    fields += _ride(scene, a, b, smooth, ringing, axial)
     return [
         *(row.at_most(min(tol or ceiling, ceiling)) for row in path),
         *(row.at_most(tol_tension or ceiling) for row in means),
@@ -143,7 +144,10 @@ def agree(
 
 # One-sided slopes at the mass and what rings with axial waves converge with first order: the gap to half the resolution
 # and half the steps is what is left.
-FIRST_ORDER = f"the change from half the resolution and half the steps, times {SAFETY}"
+CHANGED = "the change from half the resolution and half the steps"
+FIRST_ORDER = f"{CHANGED}, times {SAFETY}"
+# A law's defect, which falls with an order between 1/2 and 1 where a ride begins or changes of a sudden.
+LAW_SAFETY = 2.5
 # Steps on an axial wave's way there and back below which halving them does not show what axial waves still ring.
 RESOLVED = 20.0
 
@@ -199,6 +203,83 @@ def _series_gap(of: Callable[[Response], Array], axial: float, x: Response, y: R
     return measures.series_gap(x, y, window, of, axial)
 
 
+def _ride(
+    scene: Scene, a: Estimated, b: Estimated, smooth: Callable[..., Agreement], ringing: Callable[..., Agreement],
+    axial: float,
+) -> list[Agreement]:  # fmt: skip
+    """Return the rows of a car that rolls: place and speed over time, contact and haul force, events.
+
+    Never ds_o/dt, which rings with axial waves whatever the resolution; |dp/dt| is smooth.
+    """
+    if a.run.drive == "grip":
+        return []
+    assert scene.mass is not None
+    weight = scene.mass.mass * scene.gravity
+    out = []
+    for name in ("F_contact", "F_haul"):
+        if all(np.isfinite(getattr(e.run, name)).sum() > 3 for e in (a, b)):
+            of = partial(_series, name, weight)
+            quantity = {"F_contact": "contact", "F_haul": "haul_force"}[name]
+            out.append(ringing(quantity, partial(_series_gap, of, axial), law=AXIAL_MEAN))
+    if a.run.drive == "free":
+        top = float(b.run.speed.max())
+
+        def largest(name: str, scale: float) -> Gap:
+            of = partial(_series, name, scale)
+            return lambda x, y, window: measures.series_gap(x, y, window, of, largest=True)
+
+        out += [smooth("place", largest("s_o", scene.length)), smooth("speed", largest("speed", top))]
+        out += [row for event in sorted({x["event"] for e in (a, b) for x in e.run.events} & set(EVENTS))
+                for row in _event(event, a, b, axial, top)]  # fmt: skip
+    return out
+
+
+EVENTS = ("brake", "arrival", "stop", "turn")  # whose first happening both answers must tell
+
+
+def _event(event: str, a: Estimated, b: Estimated, axial: float, top: float) -> Iterator[Agreement]:
+    """Give the gaps of an event's time, over that of the ride, and of the car's speed there, over its largest."""
+    for name, scale in (("t", float(b.run.t[-1])), ("speed", top)):
+        if name == "speed" and event in ("stop", "turn"):
+            continue
+        values = [happened(event, e.run) for e in (a, b)]
+        law = f"{event}: {'time' if name == 't' else 'speed'}"
+        if any(x is None for x in values):
+            told = Bound("error bars", tuple(Part(e.run.method, 0.0, "an event of one answer alone") for e in (a, b)))
+            yield Agreement("events", 1.0, told, law=law)
+            continue
+        parts = tuple(Part(e.run.method, _bar(event, e, axial)[name] / scale, FIRST_ORDER) for e in (a, b))
+        first, second = (x[name] for x in values if x is not None)
+        yield Agreement("events", abs(first - second) / scale, Bound("error bars", parts), law=law)
+
+
+def happened(event: str, r: Response) -> dict[str, Any] | None:
+    """Return the first happening of an event."""
+    return next((x for x in r.events if x["event"] == event), None)
+
+
+def _bar(event: str, e: Estimated, axial: float) -> dict[str, float]:
+    """Return the bars of an event's t, s_o and speed; a stop comes when axial waves let it, no better."""
+    mine, others = happened(event, e.run), [happened(event, c) for c in (e.in_space, e.in_time)]
+    assert mine is not None
+    bars = {}
+    for name in ("t", "s_o", "speed"):
+        apart = [math.inf if x is None else abs(x[name] - mine[name]) for x in others]
+        bars[name] = SAFETY * sum(apart) + (axial if name == "t" and event in ("stop", "turn") else 0.0)
+    return bars
+
+
+def with_bars(scene: Scene, e: Estimated) -> list[dict[str, Any]]:
+    """Return the events of a run with bars: bar_t [s], bar_s_o [m], bar_speed [m/s], None where none can be made."""
+    axial, out, seen = 2.0 * scene.length / scene.axial_speed, [], set()
+    for x in e.run.events:
+        known = _bar(x["event"], e, axial) if x["event"] not in seen else {}
+        seen.add(x["event"])
+        bars = {f"bar_{n}": v if math.isfinite(v := known.get(n, math.inf)) else None for n in ("t", "s_o", "speed")}
+        out.append({**x, **bars})
+    return out
+
+
 def _independent(a: Estimated, b: Estimated) -> Iterator[Agreement]:
     """Give a row where the two answers cannot check each other: of one wing, or the same numbers."""
     wings = {METHODS[e.run.method].wing for e in (a, b) if e.run.method in METHODS}
@@ -210,7 +291,7 @@ def _independent(a: Estimated, b: Estimated) -> Iterator[Agreement]:
 
 def _onset(r: Response) -> float:
     """Return where a cable goes slack, as far as the window of comparison goes."""
-    return min(measures.WINDOW[1], math.inf if r.slack_onset is None else r.slack_onset)
+    return min(measures.WINDOWS[r.drive][1], math.inf if r.slack_onset is None else r.slack_onset)
 
 
 def _slack_onset(a: Estimated, b: Estimated) -> Agreement:
@@ -327,8 +408,8 @@ def _held(method: str, x: laws.Held) -> Agreement:
         return Agreement(name, math.nan, nothing(f"{method} or a companion does not say what it asks for"), law=x.law)
     parts = [Part(method, x.sampling, "sampling of its fields")]
     if x.changed:
-        parts.insert(0, Part(method, SAFETY * x.changed, FIRST_ORDER))
-    return Agreement(name, x.gap, Bound("law", tuple(parts)), x.where, law=x.law)
+        parts.insert(0, Part(method, LAW_SAFETY * x.changed, f"{CHANGED}, times {LAW_SAFETY}"))
+    return Agreement(name, x.gap, Bound("law", tuple(parts)), x.where, law="" if name == x.law else x.law)
 
 
 def _worse(rows: list[Agreement]) -> Agreement:

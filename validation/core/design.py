@@ -1,6 +1,6 @@
 """The numbers a ropeway is designed with, in SI, each with its bar: extremes over a ride, where and when they occur.
 
-Over the range in which bars exist: gripped up to the window of comparison, other rides as far as they go.  A bar is
+Over the range in which bars exist: up to the end of the window of comparison, of a free ride all of it.  A bar is
 what half the resolution and half the steps change, in the extreme itself or at its instant, whichever is more.
 """
 
@@ -110,7 +110,7 @@ def numbers(e: Estimated, twin: Estimated | None = None) -> list[Number]:
     """
     runs = [x for x in (e, twin) if x is not None]
     try:
-        stop = measures.window_of(*(r for x in runs for r in x.runs))[1] if e.run.drive == "grip" else math.inf
+        stop = measures.window_of(*(r for x in runs for r in x.runs))[1]
     except measures.NotComparable:
         return alone(e.run)
     out = []
@@ -135,10 +135,8 @@ def design(r: Response) -> list[dict[str, Any]]:
 
 def alone(r: Response) -> list[Number]:
     """Return the design numbers of a run without companions: without bars."""
-    stop = measures.WINDOW[1] if r.slack_onset is None else min(measures.WINDOW[1], r.slack_onset)
-    found = (
-        (name, _extreme(r, quantity, stop if r.drive == "grip" else math.inf)) for name, quantity in QUANTITIES.items()
-    )
+    stop = min(measures.WINDOWS[r.drive][1], math.inf if r.slack_onset is None else r.slack_onset)
+    found = ((name, _extreme(r, quantity, stop)) for name, quantity in QUANTITIES.items())
     numbers = [replace(x.number, quantity=name) for name, x in found if x is not None]
     if r.slack_onset is not None:
         numbers.append(Number("slack_onset", r.slack_onset, None, "s_o/l", s_o=r.slack_onset * r.length))

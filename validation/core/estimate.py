@@ -21,6 +21,7 @@ from validation.core.running import run
 
 # Companions that fall slack this much later in s_o/l than the run show that its own slack is not resolved.
 SAME_ONSET = 0.05
+SAME_END = 0.9  # of the time of a free ride that a coarser companion's must last
 
 KIND = ("model", "load", "law", "until")  # what a run is told besides the method's own settings
 
@@ -53,13 +54,20 @@ def gaps(fine: Response, coarse: Response) -> tuple[float, float]:
     The companion's slack does not cut the window: where it is too coarse to be right, the gap must say so.
     """
     window = measures.window_of(fine)
-    if coarse.reached < window[1] * (1.0 - 1e-6):
+    if fine.drive == "free" and coarse.t[-1] < SAME_END * fine.t[-1]:
+        raise measures.NotComparable(f"the coarser companion's ride ends after {coarse.t[-1]:.4g} s")
+    if fine.drive != "free" and coarse.reached < window[1] * (1.0 - 1e-6):
         raise measures.NotComparable(f"the coarser companion ends at s_o/l = {coarse.reached:.3f}")
-    if fine.slack_onset is not None and window[1] < measures.WINDOW[1] - SAME_ONSET:
+    if fine.slack_onset is not None and window[1] < measures.WINDOWS[fine.drive][1] - SAME_ONSET:
         later = math.inf if coarse.slack_onset is None else coarse.slack_onset
         if later > fine.slack_onset + SAME_ONSET:
             raise measures.NotComparable(f"slack at s_o/l = {fine.slack_onset:.3f}, in the coarser companion not yet")
     return measures.path_gap(coarse, fine, window)[0], measures.tension_gap(coarse, fine, window)
+
+
+def until(scene: Scene) -> float | None:
+    """Return the s_o/l beyond which companions need not go; None where a ride is compared to its end."""
+    return None if scene.drive.mode == "free" else measures.WINDOWS[scene.drive.mode][1]
 
 
 def estimated(
@@ -75,7 +83,7 @@ def estimated(
     method = find(method) if isinstance(method, str) else method
     how = {k: kind[k] for k in KIND if k in kind}
     settings = method.settings({k: v for k, v in kind.items() if k not in KIND})
-    short = how | {"until": measures.WINDOW[1]}
+    short = how | {"until": until(scene)}
     half_space, half_time = refined(method, settings, space=0.5), refined(method, settings, time=0.5)
 
     def part(low: float, high: float) -> Callable[[float], None] | None:
@@ -117,7 +125,7 @@ def past_slack(scene: Scene, method: Method, e: Estimated) -> Estimated:
 
     The other companions end with the window of comparison: what bears on the slack cable is first order anyway.
     """
-    if e.run.slack_onset is None or e.run.slack_onset >= SLACK_END:
+    if e.run.drive != "grip" or e.run.slack_onset is None or e.run.slack_onset >= SLACK_END:
         return e
     halved = refined(method, e.run.settings, space=0.5, time=0.5)
     return replace(e, late=run(scene, method, until=SLACK_END, **halved))

@@ -57,6 +57,7 @@ class ForeignPath:
     T_ahead: Array | None = None
     v_factor: float = 1.0  # what the numbers given for v were multiplied by
     slack_onset: float | None = None  # s_o/l, as in `Response`; foreign files do not say
+    drive: str = "grip"
 
     @property
     def reached(self) -> float:

@@ -25,6 +25,7 @@ from cablefem.response import Array, Response
 
 EVERY = 6  # frames from one end of a window to the next: 0.06 of the travel
 ROUNDING = 1e-9  # of the scale: stations and splines of static shapes
+TRAPEZOIDS = 1e-4  # of the scale: impulses over steps across which an acceleration jumps
 DOWN = np.array([0.0, 1.0])
 
 Window = tuple[float, float]
@@ -102,6 +103,7 @@ def hold(r: Response, window: Window, companions: Sequence[Response] = ()) -> It
             yield Held(law, math.nan, math.nan, math.nan, None)
             continue
         sampling = 2.0 * Defect(found.place, found.value - sparse.defect(law).value).rms + ROUNDING
+        sampling += TRAPEZOIDS if kind == "resolved" else 0.0
         changed, at = 0.0, float(found.place[size.argmax()])
         if kind == "resolved":
             for other in others:
@@ -116,7 +118,7 @@ LAWS = {
     "ends at rest": "exact", "length at rest": "exact", "shape at rest": "exact", "forces at rest": "exact",
     "travel": "exact", "compression": "exact", "stretch": "resolved", "momentum of the mass": "resolved",
     "impulse": "resolved", "momentum of the cable": "resolved", "moment of momentum": "resolved",
-    "energy": "resolved",
+    "energy": "resolved", "tension on both sides": "resolved",
 }  # fmt: skip
 
 
@@ -150,6 +152,8 @@ class Mechanics:
         """Return whether a law says anything about the response."""
         if law == "compression":
             return self.r.switched is not None or self.r.law == "tension-only"
+        if law == "tension on both sides":
+            return self.r.drive != "grip"
         return law != "travel" or self.r.drive != "free"
 
     def defect(self, law: str) -> Defect:
@@ -268,8 +272,11 @@ class Mechanics:
 
     def _travel(self) -> Defect:
         """s_o(t) is the travel that the TOML asks for; over the length."""
-        r, law, l = self.r, self.given.travel, self.r.fields.s[-1]
-        start = self.given.drive.get("start", 0.01 * l) if r.drive == "haul" else 0.0
+        r, law, drive, l = self.r, self.given.travel, self.given.drive, self.r.fields.s[-1]
+        start, way = 0.0, l
+        if r.drive == "haul":
+            start = drive.get("start", 0.01 * l)
+            way = drive.get("end", {}).get("place", 0.99 * l) - start
         inside = (r.s_o / r.length >= self.window[0]) & (r.s_o / r.length <= self.window[1])
         t, s = r.t[inside], r.s_o[inside]
         if law["kind"] == "table":
@@ -279,14 +286,18 @@ class Mechanics:
             return Defect(places[known] / l, off[:, None] / l)
         if law["kind"] == "constant_speed":
             want = law["speed"] * t
+            if "entry_ramp" in law:  # from rest with an acceleration that falls to zero at its end
+                T = 1.5 * law["entry_ramp"] / law["speed"]
+                x = np.minimum(t / T, 1.0)
+                want = law["speed"] * (T * (x**2 - x**3 / 3.0) + np.maximum(t - T, 0.0))
         elif law["kind"] == "constant_acceleration":
             want = law.get("initial_speed", 0.0) * t + 0.5 * law["acceleration"] * t**2
         else:
-            V, third = law["top_speed"], l / 3.0
+            V, third = law["top_speed"], way / 3.0
             a, t1 = 0.5 * V * V / third, 2.0 * third / V
             t2 = t1 + third / V
             left = np.clip(t2 + t1 - t, 0.0, t1)
-            want = np.where(t < t1, 0.5 * a * t**2, np.where(t < t2, third + V * (t - t1), l - 0.5 * a * left**2))
+            want = np.where(t < t1, 0.5 * a * t**2, np.where(t < t2, third + V * (t - t1), way - 0.5 * a * left**2))
         return Defect(s / l, (s - start - want)[:, None] / l)
 
     def _compression(self) -> Defect:
@@ -345,6 +356,22 @@ class Mechanics:
         """Give sign, tension and slope behind and ahead of the mass, so that the sum is what is ahead less behind."""
         yield -1.0, self.r.T_behind, self.r.slope_behind
         yield 1.0, self.r.T_ahead, self.r.slope_ahead
+
+    def _tension_on_both_sides(self) -> Defect:
+        """A car that rolls has the same tension on both sides but for friction and brakes; over M g times the window.
+
+        [N] (1 - rho ds_o^2/EA) = -(mu_r |contact| + brakes) sign(ds_o); while it is held or stands it may differ.
+        """
+        r, given, drive = self.r, self.given, self.given.drive
+        grip = drive.get("rolling_friction", 0.0) * np.abs(r.F_contact)
+        for brake in drive.get("brake", []):
+            grip = grip + brake["force"] * (r.s_o >= brake["from"])
+        apart = (r.T_ahead - r.T_behind) * (1.0 - given.rho * self.pace**2 / given.EA) + grip * np.sign(self.pace)
+        kept = self._over_windows(self._impulse_of(apart[:, None]), given.weight)
+        rolls = np.abs(np.interp(self.t, r.t, self.pace)) > 0.05 * np.abs(self.pace).max()
+        rolls &= self.t >= drive.get("release", 0.0)
+        moving = (rolls[1:] & rolls[:-1])[:, None]
+        return Defect(kept.place, np.where(moving, kept.value, 0.0))
 
     def _momentum_of_the_cable(self) -> Defect:
         """rho int r. ds changes by the impulse of reactions, weight and mass; over all weight times the window."""

@@ -18,6 +18,8 @@ from cablefem.response import Array, Response
 from validation.core.richardson import left
 
 WINDOW = (0.02, 0.80)  # s_o/l of the comparison: past the start-up, before the far support's own layer
+# A hauled car begins in equilibrium and never grips; where the travel is an answer, time is compared, and all of it.
+WINDOWS = {"grip": WINDOW, "haul": (0.02, 0.95), "free": (0.0, 1.0)}
 JUMP_WIDTH = 0.02  # |s - s_o|/l left out of tension gaps: there each method smears the jump over its own resolution
 
 Window = tuple[float, float]
@@ -27,10 +29,16 @@ class NotComparable(ValueError):
     """The responses share no range in which the measure has a meaning; the text says why."""
 
 
-def window_of(*responses: Response, window: Window = WINDOW) -> Window:
-    """Return the window cut at the earliest slack onset and at the shortest run."""
+def window_of(*responses: Response, window: Window | None = None) -> Window:
+    """Return the window, by default that of the drive, cut at the earliest slack onset and at the shortest run.
+
+    A free ride may turn back or end early: its window is all the places it comes to.
+    """
+    drive = responses[0].drive
+    window = window or WINDOWS[drive]
     stop = min([window[1]] + [r.slack_onset for r in responses if r.slack_onset is not None])
-    stop = min([stop] + [r.reached for r in responses])
+    if drive != "free":
+        stop = min([stop] + [r.reached for r in responses])
     if not stop > window[0]:
         raise NotComparable(f"nothing to compare: s_o/l ends at {stop:.4f}, the window starts at {window[0]}")
     return window[0], stop
@@ -50,10 +58,12 @@ def at_steps_of(a: Response, b: Response, values: Array) -> Array:
 def path_gap(a: Response, b: Response, window: Window) -> tuple[float, float]:
     """Return (max, rms) of |w_a - w_b| of the mass path over the window, relative to the largest deflection of b.
 
+    Of a free ride the places themselves are compared: its w hangs on where along the cable the car is.
+
     Taken at the steps of the response that has fewer; the other is interpolated by a cubic spline in time.
     """
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
-    within = inside(coarse, window)
+    within = inside(coarse, window) & (coarse.t <= fine.t[-1] * (1.0 + 1e-12))
     if np.count_nonzero(within) < 5:
         raise NotComparable(
             f"{coarse.method} has {np.count_nonzero(within)} steps in the window {window}, 5 are needed"
@@ -65,12 +75,14 @@ def path_gap(a: Response, b: Response, window: Window) -> tuple[float, float]:
 def place_of_gap(a: Response, b: Response, window: Window) -> float:
     """Return s_o/l of the largest gap of the mass paths in the window."""
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
-    size = np.where(inside(coarse, window), _distance(coarse, fine), 0.0)
+    size = np.where(inside(coarse, window) & (coarse.t <= fine.t[-1]), _distance(coarse, fine), 0.0)
     return float(coarse.s_o[np.argmax(size)] / coarse.length)
 
 
 def _distance(coarse: Response, fine: Response) -> Array:
-    gap = np.stack([coarse.u, coarse.v], axis=1) - at_steps_of(coarse, fine, np.stack([fine.u, fine.v], axis=1))
+    names = ("x", "y") if coarse.drive == "free" else ("u", "v")
+    c, f = (np.stack([getattr(r, name) for name in names], axis=1) for r in (coarse, fine))
+    gap = c - at_steps_of(coarse, fine, f)
     return np.hypot(gap[:, 0], gap[:, 1])
 
 
@@ -78,6 +90,10 @@ def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], ND
     """Return s_o/l of the frames that both have, and their indices in a and b; the stations must be the same."""
     if a.fields.s.shape != b.fields.s.shape or not np.allclose(a.fields.s, b.fields.s, rtol=0.0, atol=1e-9 * a.length):
         raise NotComparable("the tension fields are given at different stations")
+    if a.drive == "free":  # the same instants
+        unit = max(a.fields.t[-1], b.fields.t[-1])
+        _, i, j = np.intersect1d(np.round(a.fields.t / unit, 9), np.round(b.fields.t / unit, 9), return_indices=True)
+        return a.fields.s_o[i] / a.length, i, j
     place_a, place_b = np.round(a.fields.s_o / a.length, 9), np.round(b.fields.s_o / b.length, 9)
     return np.intersect1d(place_a, place_b, return_indices=True)
 
@@ -97,8 +113,11 @@ def tension_gap(a: Response, b: Response, window: Window, *, width: float = JUMP
     return float(np.sqrt(np.mean(gap**2)))
 
 
-def series_gap(a: Response, b: Response, window: Window, of: Callable[[Response], Array], axial: float = 0.0) -> float:
-    """Return the rms distance of two series over time, of(r) (n,) or (n, c), at the steps of the coarser run.
+def series_gap(
+    a: Response, b: Response, window: Window, of: Callable[[Response], Array], axial: float = 0.0,
+    largest: bool = False,
+) -> float:  # fmt: skip
+    """Return the rms, or largest, distance of two series over time, of(r) (n,) or (n, c), at the coarser run's steps.
 
     axial : the time [s] over which both are averaged first: an axial wave's way along the cable and back.
     """
@@ -106,6 +125,7 @@ def series_gap(a: Response, b: Response, window: Window, of: Callable[[Response]
     within = inside(coarse, window)
     if not within.any():
         raise NotComparable(f"{coarse.method} has no step in the window {window}")
+    within &= coarse.t <= fine.t[-1]
     t, known = coarse.t[within], [np.isfinite(of(r).reshape(r.t.size, -1)).all(axis=1) for r in (coarse, fine)]
     if not all(k.sum() > 3 for k in known):
         raise NotComparable("one of the answers does not say it")
@@ -121,8 +141,8 @@ def series_gap(a: Response, b: Response, window: Window, of: Callable[[Response]
         total = CubicHermiteSpline(when, cumulative_trapezoid(values, when, axis=0, initial=0.0), values)
         return (total(high) - total(low)) / (high - low)[:, None]
 
-    gap: Array = at(coarse, known[0]) - at(fine, known[1])
-    return float(np.sqrt(np.mean(np.sum(np.square(gap), axis=1))))
+    gap: Array = np.sum(np.square(at(coarse, known[0]) - at(fine, known[1])), axis=1)
+    return float(np.sqrt(gap.max() if largest else np.mean(gap)))
 
 
 def displacement_gap(a: Response, b: Response, window: Window) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import measures, richardson
-from validation.core.estimate import KIND, Estimated, estimated, gaps, weighted
+from validation.core.estimate import KIND, Estimated, estimated, gaps, until, weighted
 from validation.core.methods import Method, find, refined
 from validation.core.richardson import space_order, time_order
 from validation.core.running import run
@@ -95,7 +95,8 @@ def resolve(
         raise ValueError(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
     report = progress or (lambda *told: None)
     how = {k: kind[k] for k in KIND if k in kind}
-    short = how | {"until": min(measures.WINDOW[1], how.get("until") or 1.0)}
+    stop = until(scene)
+    short = how if stop is None else how | {"until": min(stop, how.get("until") or 1.0)}
     space = method.resolution
     first = {space.setting: space.first, "steps": FIRST_STEPS}
     settings = method.settings({k: v for k, v in kind.items() if k not in KIND} | first)
@@ -129,7 +130,7 @@ def resolve(
             response = ran(settings)
             rung = _Rung(response, rung.space, _part(response, rung.response, ratio, time_order(settings), rung.time))
     whole = rung.response
-    if how.get("until") != short["until"]:
+    if how != short:
         whole = run(scene, method, **how, **settings, progress=lambda x: report(0.5 + 0.5 * x))
         made.append(whole)
     report(1.0)

@@ -65,6 +65,8 @@ def run(
         if groups.motion is None:  # a ride may last longer than it should
             steps = math.ceil(steps * (solver.phases[-1][1] - solver.phases[0][0]) / groups.drive.nominal)
         times = newmark.step_times(solver, steps, entry=settings["entry"], exit=settings["exit"])
+        if groups.drive.mode != "grip":  # a ride ends off the support, where all has its meaning
+            times[-1] = np.append(times[-1], solver.phases[-1][1])
         switch = law == "auto" and scheme.implicit
         history = _march(solver, scheme, times, switch, until or math.inf, progress or (lambda done: None))
         response = respond(scene, history, method=method.name, settings=settings, **kind, law=law)

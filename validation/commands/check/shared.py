@@ -1,9 +1,15 @@
-"""What both solvers use, so that the check cannot see its faults; each has a check of its own."""
+"""What both solvers use, so that their gap cannot show its faults; each has a check of its own."""
 
 SHARED = (
-    ("scene and its groups", "round trip and identities over random scenes"),
-    ("static catenary", "put into its differential equation; equilibrium of elements in absolute coordinates"),
-    ("travel s_o(t)", "derivatives against differences; events at jumps of acceleration"),
-    ("Newmark driver", "exact recurrence of an oscillator; scipy's Radau and DOP853 on the same system"),
-    ("sampling and units", "responses of both solvers against exact answers (cablefem oracles)"),
+    ("scene and its groups", "laws in SI, from the numbers of the scene file alone; round trip over random scenes"),
+    ("static catenary", "laws in SI: ends, length, sag, forces at rest; equilibrium of elements in the plane"),
+    ("travel s_o(t)", "laws in SI: the travel of the scene file; derivatives against differences"),
+    ("time driver", "momentum and energy in SI; scipy's Radau on the same system; recurrence of an oscillator"),
+    ("sampling and units", "laws in SI: momentum in N s, work in J; exact answers (cablefem oracles)"),
+    ("entry: free fall with speed, a strained start from rest", "momentum over the first windows; an entry ramp"),
+    ("chord models of one field", "the full cable (cablefem advise); exact answers of the taut string"),
+    ("slack: switch of the law and its damping", "paths past the onset with bars of their own; no compression then"),
+    ("drive: grip, haul or free", "equal tensions and work in SI; a hauled car is shown beside a gripping one"),
+    ("window of comparison", "a range that ends early is a verdict of its own; paths past it while both know them"),
+    ("how bars are made: half the resolution, half the steps", "much finer runs of random scenes (cablefem sweep)"),
 )

@@ -13,7 +13,7 @@ from typing import Any
 from cablefem.response import Flag, Response, write_json
 from cablefem.scene import Scene
 from validation.core import foreign, measures
-from validation.core.agreement import DEFAULT_TOL, Agreement, Verdict, agree, doubts, overall
+from validation.core.agreement import DEFAULT_TOL, Agreement, Verdict, agree, doubts, overall, with_bars
 from validation.core.design import design, numbers
 from validation.core.estimate import Estimated, past_slack
 from validation.core.foreign import WITH_TOL, ForeignPath
@@ -45,8 +45,8 @@ class Check:
     @property
     def design(self) -> list[dict[str, Any]]:
         """The design numbers of the answer with the smaller bar, with bars no less than the gap to the other."""
-        best, other = sorted((self.a, self.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
-        return [number.row() for number in numbers(best, other)]
+        best = min((self.a.run, self.b.run), key=lambda r: math.inf if r.path_error is None else r.path_error)
+        return best.design
 
     @property
     def doubts(self) -> list[tuple[str, Flag]]:
@@ -58,7 +58,7 @@ class Check:
         return {
             "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window), "tol": self.tol,
             "methods": [self.a.run.method, self.b.run.method], "rows": [row.row() for row in self.rows],
-            "design": self.design,
+            "design": self.design, "events": self.a.run.events,
             "doubts": [{"method": name, "kind": flag.kind, "words": str(flag)} for name, flag in self.doubts],
         }  # fmt: skip
 
@@ -66,9 +66,9 @@ class Check:
         """Write scene.toml, one folder per method (with its companions) and agreement.json."""
         out.mkdir(parents=True, exist_ok=True)
         (out / "scene.toml").write_text(self.scene.to_toml(), encoding="utf-8")
-        for e, twin in ((self.a, self.b), (self.b, self.a)):
+        for e in (self.a, self.b):
             folder = out / e.run.method
-            replace(e.run, design=[number.row() for number in numbers(e, twin)]).write(folder)
+            e.run.write(folder)
             write_json(folder / "estimate.json", {"basis": e.basis, "weights": list(e.weights)})
             if e.extrapolated:
                 e.response.write(folder / "extrapolated")
@@ -103,7 +103,14 @@ def check(
     except measures.NotComparable:
         window = (measures.WINDOW[0], measures.WINDOW[0])
     rows = agree(scene, *runs, tol=tol, tol_tension=tol_tension)
-    return Check(scene, runs[0], runs[1], tol, window, rows, grip)
+    a, b = (_told(scene, e, twin) for e, twin in (runs, runs[::-1]))
+    return Check(scene, a, b, tol, window, rows, grip)
+
+
+def _told(scene: Scene, e: Estimated, twin: Estimated) -> Estimated:
+    """Return the run with its design numbers and events, and their bars."""
+    rows = [number.row() for number in numbers(e, twin)]
+    return replace(e, run=replace(e.run, design=rows, events=with_bars(scene, e)))
 
 
 def _gripped(scene: Scene, method: Method, progress: Progress) -> Response:

@@ -18,13 +18,15 @@ def tell(result: Check) -> None:
     }[result.verdict.value]  # fmt: skip
     low, high = result.window
     over = f" over s_o/l = {low:g} to {high:.3g}" if low < high else ""
+    over = f" over {result.a.run.t[-1]:.4g} s" if result.a.run.drive == "free" else over
     terminal.say()
     terminal.say(f"{', '.join(others)} and {last} {word}{over}", style=terminal.STYLES[result.verdict.value])
     for method, flag in result.doubts:
         if flag not in result.a.run.flags:  # those are told with the answer
             terminal.say(f"  {method}: {flag}", style="yellow")
     telling.answer(result.a.run)
-    terminal.say(f"  {_meaning(result)}")
+    if result.a.run.drive != "free":  # one is compared to its end
+        terminal.say(f"  {_meaning(result)}")
 
 
 def _meaning(result: Check) -> str:

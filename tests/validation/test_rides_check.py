@@ -1,0 +1,81 @@
+"""Free rides are compared over time: right answers agree, a fault of one wing turns the row it concerns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from cablefem import Scene
+from tests.scene.test_ride import ZIP
+from tests.validation.pairs import altered
+from validation.core.agreement import AXIAL_MEAN, Verdict, agree, with_bars
+from validation.core.design import numbers
+from validation.core.estimate import estimated
+
+RIDE = Scene.from_toml(ZIP + "rolling_friction = 0.02\nbrake = [{from = 25.0, force = 40.0}]\nend = {place = 45.0}")
+
+
+@cache
+def pair():
+    return (
+        estimated(RIDE, "following-p2", elements=8, steps=500),
+        estimated(RIDE, "fourier-kink", terms=16, steps=500),
+    )
+
+
+def rows(a, b):
+    return {(row.quantity, row.law): row for row in agree(RIDE, a, b)}
+
+
+def test_both_wings_ride_alike_and_keep_the_laws():
+    found = rows(*pair())
+    verdicts = {key: row.verdict for key, row in found.items() if row.verdict is not Verdict.AGREE}
+    assert verdicts in ({}, {("impulse", ""): Verdict.TOO_COARSE}), {key: (found[key].gap, found[key].allowed)
+                                                                     for key in verdicts}  # fmt: skip
+    quantities = {name for name, _ in found}
+    assert quantities >= {"place", "speed", "events", "contact", "tension_behind", "laws_si", "impulse"}
+    assert found[("place", "")].gap < 1e-4
+    assert found[("speed", "")].gap < 2e-3
+    assert {law for name, law in found if name == "events"} == {
+        "brake: time", "brake: speed", "arrival: time", "arrival: speed",
+    }  # fmt: skip
+
+
+def event(r, name, **changes):
+    return [x | changes if x["event"] == name else x for x in r.events]
+
+
+FAULTS = {
+    "place 1 % ahead": (lambda r: replace(r, s_o=1.01 * r.s_o), ("place", "")),
+    "speed 2 % off": (lambda r: replace(r, velocity=1.02 * r.velocity), ("speed", "")),
+    "contact 5 % off": (lambda r: replace(r, contact=1.05 * r.contact), ("contact", AXIAL_MEAN)),
+    "arrival a second late": (
+        lambda r: replace(r, events=event(r, "arrival", t=r.events[-1]["t"] + 1.0)), ("events", "arrival: time"),
+    ),
+    "no brake": (
+        lambda r: replace(r, events=[x for x in r.events if x["event"] != "brake"]), ("events", "brake: time"),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_of_one_wing_turns_its_row(fault):
+    change, row = FAULTS[fault]
+    a, b = pair()
+    assert rows(a, altered(b, change))[row].verdict is Verdict.DISAGREE
+
+
+def test_events_and_design_numbers_have_bars():
+    a, b = pair()
+    told = {x["event"]: x for x in with_bars(RIDE, a)}
+    for name in ("brake", "arrival"):
+        assert 0.0 < told[name]["bar_t"] < 0.05
+        assert 0.0 < told[name]["bar_speed"] < 0.05
+        other = next(x for x in b.run.events if x["event"] == name)
+        assert abs(other["speed"] - told[name]["speed"]) < 0.05
+    speed = next(number for number in numbers(a, b) if number.quantity == "speed_max")
+    assert speed.value == pytest.approx(float(np.max(a.run.speed)))
+    assert 0.0 < speed.bar < 0.05
