@@ -211,7 +211,7 @@ def car(on, thrust, velocity, acceleration, behind, ahead):
     """The car by its p., p.. and r' behind and ahead (2,); on : `Rolling`;  thrust, or the haul force.
 
     C = mu (p.. - sigma j) - F_ext (2), tau (2), cos(phi), <lam>, the force of the air (2), the normal part of the force
-    on the cable, downward, and the defect tau . C - f cos(phi).
+    on the cable, downward, the defect tau . C - f cos(phi), and the speed tau . p. .
     """
     mx, my = 0.5 * (behind[0] + ahead[0]), 0.5 * (behind[1] + ahead[1])
     size = math.hypot(mx, my)
@@ -223,7 +223,8 @@ def car(on, thrust, velocity, acceleration, behind, ahead):
     Cy = on.mu * (acceleration[1] - on.sigma) - thrust * ty - air * y
     pressing, cos_phi = ty * Cx - tx * Cy, size / stretch
     defect = tx * Cx + ty * Cy - cos_phi * (on.hold / stretch + on.brake - on.rub * abs(pressing))
-    return Cx, Cy, tx, ty, cos_phi, stretch, air * x, air * y, pressing, defect
+    speed = tx * velocity[0] + ty * velocity[1]
+    return Cx, Cy, tx, ty, cos_phi, stretch, air * x, air * y, pressing, defect, speed
 
 
 @compiled
@@ -248,7 +249,7 @@ def row(x, out, rub, mu, c0, c1, c2, into):
         into[j], into[n + j] = (out[2] + lean * out[3]) * own, (out[3] - lean * out[2]) * own
 
 
-NO_CAR = (0.0,) * 10
+NO_CAR = (0.0,) * 11
 STUCK, FREE, HAULED = 0, 1, 2
 STEP = 1e-6  # of differences by s_o, ds_o and dds_o together: rounding of r, 1e-16 alpha, stays below 1e-7
 

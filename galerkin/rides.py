@@ -27,6 +27,7 @@ from galerkin.bases.kink import Array, TravellingKink
 from galerkin.equations import Drives, GalerkinSystem, Instant, factorised
 
 EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "lift_off", "stop")
+AT_REST = 1e-6  # speeds below have no direction yet
 LEAVING = 1e-12  # ds_o of a car that gets going: a turn back within the step is seen by its sign
 
 
@@ -35,6 +36,7 @@ class Mode:
     """What events change: the course of a ride between two of them."""
 
     sign: float = 1.0  # of ds_o; 0 the car sticks to the cable
+    forward: float = 0.0  # sign of its speed, once it has one: ds_o rings, the car does not
     brakes: int = 0  # that reach the car, counted from the left
     stuck: float = math.inf  # since when
     lifted: bool = False
@@ -53,6 +55,7 @@ class Car(NamedTuple):
     drag_y: float
     pressing: float  # the normal part of its force on the cable, downward
     defect: float  # tau . C - f cos(phi)
+    speed: float  # tau . p.
 
     @property
     def along(self) -> float:
@@ -67,7 +70,7 @@ class RollingSystem(GalerkinSystem):
     which nothing reads), s_o(t) is prescribed.  The last row is the car's balance; where the car sticks, dds_o = 0.
 
     Friction and brakes act against the sign of ds_o, which stays what it is from event to event.  A free ride starts in
-    static equilibrium with the car held, a hauled one hanging on its rope, set going by the rope alone.
+    static equilibrium with the car held, a hauled one hanging on its rope.
 
     ValueError for the models of one field, which have no force along the cable, for a load without inertia, and for
     bases without phi''.
@@ -152,9 +155,9 @@ class RollingSystem(GalerkinSystem):
         """r' behind and ahead of the car, its rows."""
         return x.slope + Q @ x.carried.f_s + np.multiply.outer(x.rays, Q[:, -1])
 
-    def _rub(self, car: Car) -> float:
+    def _rub(self, pressing: float) -> float:
         """The largest force of friction and brakes."""
-        return self.drive.mu_r * abs(car.pressing) + sum(force for _, force in self.drive.brakes[: self.mode.brakes])
+        return self.drive.mu_r * abs(pressing) + sum(force for _, force in self.drive.brakes[: self.mode.brakes])
 
     @property
     def _rubs(self) -> bool:
@@ -260,7 +263,10 @@ class RollingSystem(GalerkinSystem):
 
     # --- start ------------------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
-        """At first: equilibrium, the car held (free) or on its rope (haul).  Later: q, v go on, a jumps."""
+        """At first equilibrium, the car held (free) or on its rope (haul), later q, v go on and a jumps.
+
+        A travel that starts at speed starts with the velocities of equilibrium places: the rope does not jerk.
+        """
         if state is not None:
             return self._go_on(state._replace(phase=phase))
         s_o, (q, v, a) = self.drive.start, np.zeros((3, self.n_dof))
@@ -269,7 +275,11 @@ class RollingSystem(GalerkinSystem):
         Q = self._equilibrium(x)
         q[: self.n_modal] = Q.ravel()
         if not self.free:
-            return self._consistent(0.0, q, self._set_going(q), 0)
+            d, speed = 1e-4 * min(s_o, 1.0 - s_o), self.motion.at(0.0, 0)[1]
+            if speed:
+                ends = [self._equilibrium(self._at((s_o + x, 0.0, 0.0))) for x in (-d, d)]
+                v[: self.n_modal] = (speed / (2.0 * d)) * (ends[1] - ends[0]).ravel()
+            return self._consistent(0.0, q, v, 0)
         q[-1] = s_o
         weight = kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0)  # no wind, no thrust yet
         car = Car(*kernels.car(weight, 0.0, np.zeros(2), np.zeros(2), *self._sides(x, Q)))
@@ -327,27 +337,6 @@ class RollingSystem(GalerkinSystem):
             Q, r, K = trial, r_trial, K_trial
         return Q, float(np.linalg.norm(r))
 
-    def _set_going(self, q: Array) -> Array:
-        """Velocities after the rope's jerk, if the travel starts at speed: an impulse along tau alone, (n_dof,).
-
-        M v + int Phi psi_t q_hat ds + Phi (mu p. - J tau) = 0, and J = mu tau . p., which is the car's balance.
-        """
-        v = np.zeros(self.n_dof)
-        ds_o = self.motion.at(0.0, 0)[1]
-        if not ds_o:
-            return v
-        x = self._instant(self.drive.start, ds_o, 0.0)
-        b = x.carried
-        Q, n = self._fields(q), self.n_modal
-        mean = self._sides(x, Q).mean(axis=0)
-        tau = mean / math.hypot(*mean)
-        normal = np.multiply.outer(np.array([-tau[1], tau[0]]), b.f).ravel()
-        K = np.kron(np.eye(2), b.mass) + self.mu * np.multiply.outer(normal, normal)
-        carried = ds_o * (x.slope + Q @ b.f_s)
-        r = 0.5 * np.multiply.outer(Q[:, -1], b.gyroscopic).ravel() + self.mu * (carried @ [-tau[1], tau[0]]) * normal
-        v[:n] = -np.linalg.solve(K, r)
-        return v
-
     def _consistent(self, t: float, q: Array, v: Array, phase: int) -> State:
         """Solve for a; friction has a kink in it where the contact force turns round, hence Newton's method."""
         a = np.zeros(self.n_dof)
@@ -378,21 +367,26 @@ class RollingSystem(GalerkinSystem):
         if not self.free:
             return (lift,)
         s_o, ds_o, brakes = float(x.q[-1]), float(x.v[-1]), drive.brakes
-        stuck = not mode.sign
+        stuck, last = not mode.sign, x.phase == len(self.phases) - 1
         needed, limit = self._needed(x) if stuck else (0.0, 0.0)
-        forward = mode.sign * ds_o
+        if not mode.forward and abs(car.speed) > AT_REST:
+            mode.forward = math.copysign(1.0, car.speed)
+        # what friction and brakes will hold does not turn
+        weight = self.mu * self.groups.sigma
+        pulled = self._thrust(x.t, x.phase, x.a) + car.tx * car.drag_x + car.ty * (car.drag_y + weight)
+        turns = not stuck and abs(pulled) > self._rub(weight * car.tx)
         # a stop is a standstill of an axial round trip, when neither hold nor thrust is still to change
+        lasts = max(mode.stuck, self.phases[-1][0]) + 2.0 / math.sqrt(self.groups.alpha) - x.t
         return (
-            forward if self._rubs and not stuck else math.inf,
+            mode.sign * ds_o if self._rubs and not stuck else math.inf,
             limit - abs(needed) if stuck else math.inf,
-            math.inf if self._rubs or stuck else forward,
+            mode.forward * car.speed if turns and mode.forward else math.inf,
             brakes[mode.brakes][0] - s_o if mode.brakes < len(brakes) else math.inf,
             s_o - brakes[mode.brakes - 1][0] if mode.brakes else math.inf,
             drive.end_place - s_o,
             lift,
-            max(mode.stuck, self.phases[-1][0]) + 2.0 / math.sqrt(self.groups.alpha) - x.t
-            if stuck and x.phase == len(self.phases) - 1 else math.inf,
-        )  # fmt: skip
+            lasts if stuck and last else math.inf,
+        )
 
     def pass_event(self, name: str, x: State) -> State | None:
         """Change the mode; after a standstill the car sticks where friction and brakes can hold it."""
@@ -403,7 +397,7 @@ class RollingSystem(GalerkinSystem):
             mode.lifted = True
             return x
         if name == "turn":
-            mode.sign = -mode.sign
+            mode.forward = -mode.forward
             return x
         if name == "breaking loose":
             return self._leave(x)
@@ -422,7 +416,7 @@ class RollingSystem(GalerkinSystem):
     def _needed(self, x: State) -> tuple[float, float]:
         """The force along the cable that keeps a stuck car, and the largest that friction and brakes have."""
         car = self.car(*x)
-        return car.along - self.held(x.t) / car.stretch, self._rub(car)
+        return car.along - self.held(x.t) / car.stretch, self._rub(car.pressing)
 
     def _leave(self, x: State) -> State:
         needed, _ = self._needed(x)

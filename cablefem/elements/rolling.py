@@ -112,9 +112,14 @@ class RollingElements(FollowingElements):
         q, self._hold = self._statics(self.drive.start)
         return self._halt(State(t, q, np.zeros_like(q), np.zeros_like(q), 0))
 
+    def begin_step(self, x: State) -> None:
+        slip = float(x.v[-1])  # its sign holds for the step: friction that turns within one has no balance
+        if slip != 0.0:
+            self._heading = math.copysign(1.0, slip)
+
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self._n_dof)
-        self._roll(self._car(t, phase, v[-1]), q, v, a, r)
+        self._roll(self._car(t, phase, self._heading or v[-1]), q, v, a, r)
         return r
 
     def linearise(
@@ -122,15 +127,12 @@ class RollingElements(FollowingElements):
     ) -> tuple[Array, Solve]:
         """As the protocol has it; factors live in one workspace each, real and complex."""
         r = np.empty(self._n_dof)
-        return r, self._linearised(self._car(t, phase, v[-1]), q, v, a, r, c0, c1, c2)
+        return r, self._linearised(self._car(t, phase, self._heading or v[-1]), q, v, a, r, c0, c1, c2)
 
     def settle(
         self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
     ) -> Settled:
-        slip = float(start[1, -1])  # its sign holds for the step: friction that turns within one has no balance
-        if slip != 0.0:
-            self._heading = math.copysign(1.0, slip)
-        ride = tuple(self._rolling), tuple(self._car(t, phase, slip))
+        ride = tuple(self._rolling), tuple(self._car(t, phase, self._heading or start[1, -1]))
         of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rule, bound
         # near a support a correction that overshoots ends on another root: no patience
         *done, least, where = kernels.settle(None, ride, *of, newton.max_iter, newton.reuse, 0)

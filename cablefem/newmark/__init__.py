@@ -24,7 +24,7 @@ from cablefem.newmark.newton import Newton, Settled
 from cablefem.newmark.schemes import SCHEMES, Scheme, scheme
 from cablefem.newmark.stepper import Passed, Work
 from cablefem.newmark.steps import step_times
-from cablefem.newmark.system import Array, Collocated, Inside, Solve, State, System, consistent_acceleration
+from cablefem.newmark.system import Array, Collocated, Inside, Prepared, Solve, State, System, consistent_acceleration
 from cablefem.newmark.tableau import Tableau, between, densified
 
 __all__ = [
@@ -38,6 +38,7 @@ __all__ = [
     "Newton",
     "NewtonStalled",
     "Passed",
+    "Prepared",
     "Scheme",
     "Settled",
     "Solve",

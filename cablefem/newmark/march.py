@@ -12,7 +12,7 @@ from cablefem.newmark.newmark_rule import NewmarkRule
 from cablefem.newmark.newton import STANDARD, Newton
 from cablefem.newmark.schemes import Scheme
 from cablefem.newmark.stepper import Stepper, Work
-from cablefem.newmark.system import Array, State, System
+from cablefem.newmark.system import Array, Prepared, State, System
 
 MOST_HALVINGS = 6  # 1/64 of a step: where that does not converge the equations themselves have lost their solution
 MOST_CUTS = 100  # and half the steps: a run that has to cut more steps than that creeps
@@ -52,6 +52,7 @@ def integrate(
 def _through(step: Stepper, grid: Array, state: State, work: Work) -> Generator[State, None, State | None]:
     """Yield a state for each instant of the grid that lies ahead, and for each event; return the one to go on from."""
     watched = step.system if isinstance(step.system, Watched) and step.system.events else None
+    prepared = step.system if isinstance(step.system, Prepared) else None
     shown = state.t  # of the last state yielded
     for t in grid[grid > state.t].tolist():
         whole, halvings, passed = t - state.t, 0, 0
@@ -61,6 +62,8 @@ def _through(step: Stepper, grid: Array, state: State, work: Work) -> Generator[
             if not t1 > state.t:
                 raise StepUnderflow(state.t, f"a step of {piece:.2g} is lost in rounding", "take fewer steps")
             names: list[str] = []
+            if prepared is not None:
+                prepared.begin_step(state)
             try:
                 x = step(state, t1)
                 if watched is not None:

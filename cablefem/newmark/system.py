@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +81,14 @@ class System(Protocol):
         rule : (3, 5) columns predictor (3, 3), corrector c, balance w: now = predictor start - c da with da such that
             |r(t, w now + (1 - w) start)| <= bound; w works on rows.
         """
+
+
+@runtime_checkable
+class Prepared(Protocol):
+    """What a system answers besides if signs are kept for a step: friction that turns within one has no balance."""
+
+    def begin_step(self, x: State) -> None:
+        """Be ready for steps from x: what depends on a sign goes by the one at x, until the next call."""
 
 
 def consistent_acceleration(system: System, t: float, q: Array, v: Array, phase: int) -> State:

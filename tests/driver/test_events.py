@@ -204,3 +204,26 @@ def test_a_system_that_watches_nothing_runs_as_ever():
     for a, b in zip(run(plain, 10)[0], run(watched, 10)[0], strict=True):
         assert a.t == b.t
         assert np.array_equal(a.q, b.q)
+
+
+@pytest.mark.parametrize("name", ["trapezoidal", "energy", "radau"])
+def test_a_sign_that_holds_for_the_step_is_told_at_its_beginning(name):
+    """Friction by the sign of v at a step's beginning: the standstill inside the step is then met by every rule."""
+
+    class Untold(Rubbed):
+        def start(self, phase, state):
+            x = super().start(phase, state)
+            self.sign = 1.0  # forgotten
+            return x
+
+    class Told(Untold):
+        def begin_step(self, x):
+            if self.sign:
+                self.sign = np.sign(x.v[0]) or self.sign
+
+    kind = {"m": 1.7, "k": 5.3, "q0": 1.0, "v0": -1e-300, "friction": 0.8, "end": 2.5}
+    states, events = run(Told(**kind), 60, scheme(name))
+    at = {x.t: x.q[0] for x in states}
+    # the first two rules keep the energy of a linear swing, the third to its order
+    assert at[events[0].t] == pytest.approx(-(1.0 - 2.0 * 0.8 / 5.3), abs=1e-7 if name == "radau" else 1e-11)
+    assert run(Untold(**kind), 60, scheme(name))[1] == []  # the twin: pushed on by its friction

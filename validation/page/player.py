@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
-from validation.page.page import details
+from validation.page.page import rendered
 from validation.page.plot import BLUE, FIELD, VERMILLION, colors
 
 SCRIPT = "player.js"
@@ -74,18 +74,9 @@ def player(
         "free": runs[0].drive == "free",
         "colors": [f"#{bytes(c).hex()}" for c in colors(FIELD, 48).round().astype(np.uint8)],
     }  # fmt: skip
-    return Markup(_HTML).format(
-        # "<" cannot end the script early
-        data=Markup(json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")),
-        names=" and ".join(r.method for r in runs),
-        keys=details(
-            "Keys",
-            Markup(
-                "<p>Space plays and pauses; ← and → step by a hundredth of the travel, with Shift by a tenth; Home and "
-                "End go to its ends.</p>"
-            ),
-        ),
-    )
+    # "<" cannot end the script early
+    packed = Markup(json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"))
+    return rendered("player.html", data=packed, names=" and ".join(r.method for r in runs))
 
 
 _TOP = 2.0  # tensions beyond so many times the scale's end are spikes of the slack cable: they leave the frame
@@ -100,26 +91,3 @@ def _packed(x: Array) -> dict[str, Any]:
 
 def _short(x: Array) -> list[float]:
     return [float(f"{value:.6g}") for value in x]
-
-
-_HTML = """
-<div class="player" role="group" tabindex="0" aria-label="Player: the cable in motion, {names}. Space plays and pauses,
-arrow keys step.">
-<p class="legend"></p>
-<canvas class="cable" role="img" aria-label="The cable with the mass at the chosen time, coloured by tension"></canvas>
-<canvas class="tension" role="img" aria-label="Tension along the cable at the chosen time"></canvas>
-<div class="controls">
-<button type="button" class="play" aria-pressed="false">Play</button>
-<button type="button" class="back" aria-label="One step back">◀</button>
-<button type="button" class="on" aria-label="One step on">▶</button>
-<label class="time">Time <input type="range" min="0" max="1000" step="1" value="0"></label>
-<label>Speed <select></select></label>
-<label class="scale">Sag and deflection <input type="range" min="1" step="1"> <output></output></label>
-</div>
-<p class="now"></p>
-<div class="scroll" tabindex="0"><table class="readout"></table></div>
-{keys}
-<script type="application/json">{data}</script>
-<noscript><p class="callout open">The animation needs JavaScript; the figures below show some of it.</p></noscript>
-</div>
-"""

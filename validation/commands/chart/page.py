@@ -15,8 +15,9 @@ from matplotlib.ticker import NullFormatter
 
 from validation.core.methods import METHODS
 from validation.page.figures import BLACK, DASHES, GREY, MARKERS, PALETTE, panels, style
-from validation.page.page import Section, details, figure, gallery, missing, number, percent, table
+from validation.page.page import Section, details, figure, gallery, missing, number, percent, plain, table, words
 
+_SAY = words(__package__)
 Row = dict[str, Any]
 OURS = ("method", "integrator", "extrapolated")  # rows of the full cable at given settings
 
@@ -65,14 +66,8 @@ def _fastest(chart: dict[str, Any]) -> Section:
             row[name] = "not measured: not installed"
     reference, text = chart["reference"], Markup("")
     bar, witness = reference.get("path_error"), reference.get("witness_path")
-    text += Markup(
-        "<p>Seconds at equal error are read off each line between its best dots, logarithm over logarithm. All "
-        "errors are against {} ({}); its own error is {} of the largest deflection. The finest run of the other "
-        "wing, {} ({}), is {} away from it.</p>"
-    ).format(
-        reference["method"], _told(reference["settings"]), percent(bar), reference["witness"],
-        _told(reference["witness_settings"]), percent(witness),
-    )  # fmt: skip
+    told = {key: _told(reference[key]) for key in ("settings", "witness_settings")}
+    text += Markup(_SAY.reference(reference | told, bar, witness))
     best = [a for a in chart.get("fastest", []) if a["series"]]
     said = ", ".join(f"{percent(a['error'])}: {a['series']} in {_seconds(a['seconds'])}" for a in best)
     return Section(
@@ -134,12 +129,8 @@ def _charts(chart: dict[str, Any], quantity: str) -> Section:
         known = {k: [r for r in v if r[f"{quantity}_error"] is not None] for k, v in lines.items()}
         known = {k: v for k, v in known.items() if v}
         if known:
-            caption = (
-                f"{title.capitalize()}: {ERRORS[quantity]} against {WORK['seconds']}. Lines join the best dots "
-                "of each; numbers at their ends: resolution · steps. Grey: the best of all methods. Shaded: the "
-                "reference's own error."
-            )
-            drawn.append(figure(draw(chart, quantity, "seconds", title, known), caption))
+            caption = _SAY.chart(title.capitalize(), ERRORS[quantity], WORK["seconds"])
+            drawn.append(figure(draw(chart, quantity, "seconds", title, known), Markup(caption)))
     what = {"path": "mass path", "tension": "tension"}[quantity]
     fronts = [r["series"] for r in chart["rows"] if r.get(f"pareto_{quantity}")]
     names = ", ".join(dict.fromkeys(fronts))
@@ -155,10 +146,8 @@ def _work(chart: dict[str, Any]) -> Section:
         known = {k: [r for r in v if r["unknown_steps"] is not None] for k, v in lines.items()}
         known = {k: v for k, v in known.items() if v and v[0]["kind"] in OURS}
         if known:
-            caption = (
-                f"{title.capitalize()}: {ERRORS['path']} against {WORK['unknown_steps']}, which no machine changes."
-            )
-            drawn.append(figure(draw(chart, "path", "unknown_steps", title, known), caption))
+            caption = _SAY.work(title.capitalize(), ERRORS["path"], WORK["unknown_steps"])
+            drawn.append(figure(draw(chart, "path", "unknown_steps", title, known), Markup(caption)))
     return Section(
         "chart-work", "Countable work", gallery(*drawn), None,
         "The same errors against steps times unknowns, which do not depend on the machine.",
@@ -262,15 +251,8 @@ def _cost(chart: dict[str, Any]) -> Section:
     )]  # fmt: skip
     floor, said = chart.get("floor"), ""
     if floor:
-        said = (
-            f"An iteration of {floor['method']} costs {floor['ratio']:.1f} times a bare LAPACK banded solve of its size"
-            f" ({floor['run_ratio']:.1f} times with all of a real run's overhead)."
-        )
-        html.append(Markup("<p>{}</p>").format(
-            f"{floor['n_dof']} unknowns: LAPACK's dgbsv {1e6 * floor['bare_solve']:.1f} µs, one Newton iteration "
-            f"(tangent, factors, solution) {1e6 * floor['iteration']:.1f} µs, mean of a run of {floor['steps']} steps "
-            f"{1e6 * floor['run_iteration']:.1f} µs; medians, one core."
-        ))  # fmt: skip
+        said = plain(_SAY.iteration(floor))
+        html.append(Markup(_SAY.floor(floor)))
     scipy = [r for r in chart["rows"] if r["kind"] == "scipy" and r["status"] == "ok"]
     if scipy:
         html.append(table(
