@@ -11,14 +11,27 @@ from cablefem import Scene
 from tests.commands.calls import QUICK, lines, tree
 from validation import cli
 
-COMMANDS = ("scenes", "check", "run", "methods", "modes", "advise", "chart", "atlas", "oracles", "paper", "report")
+COMMANDS = (
+    "scenes",
+    "check",
+    "run",
+    "methods",
+    "modes",
+    "advise",
+    "chart",
+    "atlas",
+    "oracles",
+    "paper",
+    "sweep",
+    "report",
+)
 
 
 def test_help_lists_every_command_of_the_design_and_so_does_no_argument_at_all(cablefem):
     code, out, err = cablefem("--help")
     assert (code, err) == (0, "")
     assert [line.split()[0] for line in out.partition("Commands:\n")[2].splitlines()[: len(COMMANDS)]] == [
-        "scenes", "methods", "run", "check", "modes", "advise", "chart", "atlas", "oracles", "paper", "report",
+        "scenes", "methods", "run", "check", "modes", "advise", "chart", "atlas", "oracles", "paper", "sweep", "report",
     ]  # fmt: skip
     assert cablefem() == (0, out, "")
 
@@ -74,7 +87,7 @@ def test_help_loads_nothing_that_takes_its_time():
         (["chart", "bare"], ["scene bare has no [mass] and [travel]"]),
         (["check", "level", "--with", "no.csv"], ["no.csv: no such file"]),
         (["scenes", "levle"], ["Did you mean level?"]),
-        (["run", "level"], ["Missing option '--method'"]),
+        (["run", "level"], ["--method must be given (cablefem methods), or --model quasi-static"]),
         (["run", "level", "--method", "fourir"], ["unknown method 'fourir'; did you mean 'fourier'?"]),
         (["run", "level", "--method", "fourier", "--set", "trms=3"], ["fourier has no setting 'trms'"]),
         (["run", "level", "--method", "fourier", "--set", "trms=3"], ["did you mean 'terms'?"]),
@@ -87,7 +100,7 @@ def test_help_loads_nothing_that_takes_its_time():
         (["run", "level", "--method", "fixed-p1-naive", "--tol", "1e-2"], ["converges to a wrong answer"]),
         (
             ["run", "levl", "--method", "fourir", "--model", "ful", "--load", "masse", "--law", "x", "--tol", "9"],
-            ["--model must be one of full, stretching, sagged, string, got 'ful'; did you mean full?",
+            ["--model must be one of full, stretching, sagged, string, quasi-static, got 'ful'; did you mean full?",
              "--load must be one of", "--law must be one of", "--tol must lie in", "unknown method", "scene = 'levl'"],
         ),
     ],

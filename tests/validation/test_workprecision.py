@@ -64,10 +64,10 @@ def small(tmp_path_factory):
         patch.setattr(study, "available", lambda name: "not installed")
         patch.setattr(study, "growth", lambda scene: [])
         labels = []
-        found = study.chart(LEVEL, out, lambda label, done: labels.append((label, done)), repeats=2, budget=30.0)
+        found = study.chart(LEVEL, out, lambda label, done: labels.append((label, done)), repeats=2, budget=3000.0)
         runs = []
         patch.setattr(study, "run", lambda *a, **k: runs.append(a[1]) or run(*a, **k))
-        again = study.chart(LEVEL, out, repeats=2, budget=30.0)
+        again = study.chart(LEVEL, out, repeats=2, budget=3000.0)
     return out, found, again, labels, runs
 
 
