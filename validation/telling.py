@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from validation import terminal
+from validation.core import measures
 from validation.core.methods import find
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ def rows(verdicts: Sequence[Agreement]) -> None:
 def answer(r: Response) -> None:
     """Print what a run was asked for and the few numbers one wants first."""
     at = int(r.v.argmax())
-    error = "" if r.path_error is None else f" +- {r.path_error * r.max_deflection:.2g}"
+    error = "" if r.path_error is None else f" +- {r.path_error * measures.path_scale(r):.2g}"
     terminal.say(f"{r.scene}, {r.method}: {short(r)}")
     terminal.say(
         f"  largest deflection of the mass {r.max_deflection:.5g}{error} m, "

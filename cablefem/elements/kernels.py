@@ -682,7 +682,7 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, tangent, c0, c1, c2):
 def look(dofs, ends, n_left, cable, car, q, v, a):
     """Return the normal force with which the car presses on the cable, mean |r'|, and p. along the mean tangent.
 
-    And the force of weight, thrust and drag along it, and of weight across it.
+    And the force of weight, thrust and drag along it, of weight across it, F_ext and the force on s_o.
     """
     car = Car(*car)  # a plain tuple, as in `settle`
     n, m, sigma = q.size - 1, car.node, cable[1]
@@ -694,10 +694,55 @@ def look(dofs, ends, n_left, cable, car, q, v, a):
     fx = car.mu * (a[2 * m] + xp * dds + p * bend)
     fy = car.mu * (a[2 * m + 1] + yp * dds - bend - car.sigma)
     tau, stretch = mean_tangent(dofs, ends, n_left, s_o, xp, yp, q)
-    ex, ey, normal, _ = car_forces(car, tau, stretch, px, py, fx, fy)
+    ex, ey, normal, drive = car_forces(car, tau, stretch, px, py, fx, fy)
     weight = car.mu * car.sigma
     along = ex * tau[0] + (ey + weight) * tau[1]
-    return normal, stretch, px * tau[0] + py * tau[1], along, weight * tau[0]
+    return normal, stretch, px * tau[0] + py * tau[1], along, weight * tau[0], ex, ey, xp * ex + yp * ey + drive
+
+
+@compiled
+def kinetic(mesh, n_left, node, mu, cable, q, v, w, momentum, gradient):
+    """Set M(q) v and the gradient by q of v . M(q) w / 2 at fixed v and w, cable and car; all (n + 1,), s_o last."""
+    dofs, tab = mesh.dofs, mesh.tab
+    n_el, n_loc = dofs.shape
+    n = q.size - 1
+    s_o, dv, dw = q[n], v[n], w[n]
+    momentum[:] = 0.0
+    gradient[:] = 0.0
+    u, z, y = np.empty(2), np.empty(2), np.empty(2)
+    for e in range(n_el):
+        left = e < n_left
+        h, sign = (s_o, 1.0) if left else (1.0 - s_o, -1.0)
+        for g in range(tab.shape[1]):
+            xi, weight = tab[e, g, 0], tab[e, g, 1]
+            chi = xi if left else 1.0 - xi
+            u[:] = 0.0
+            z[:] = 0.0
+            y[:] = 0.0
+            for k in range(n_loc):
+                d = dofs[e, k]
+                if d >= 0:
+                    phi, grad = tab[e, g, 2 + k], tab[e, g, 2 + n_loc + k]
+                    for i in range(2):
+                        u[i] += grad * q[2 * d + i]
+                        z[i] += phi * v[2 * d + i] - dv * chi / h * grad * q[2 * d + i]
+                        y[i] += phi * w[2 * d + i] - dw * chi / h * grad * q[2 * d + i]
+            for i in range(2):  # velocities z, y at fixed s
+                momentum[n] -= weight * chi * u[i] * z[i]
+                gradient[n] += 0.5 * weight * sign * (z[i] * y[i] + chi / h * u[i] * (dv * y[i] + dw * z[i]))
+                for k in range(n_loc):
+                    d = dofs[e, k]
+                    if d >= 0:
+                        momentum[2 * d + i] += weight * h * tab[e, g, 2 + k] * z[i]
+                        gradient[2 * d + i] -= 0.5 * weight * chi * tab[e, g, 2 + n_loc + k] * (dv * y[i] + dw * z[i])
+    p = cable[2] - cable[1] * s_o
+    T = math.sqrt(1.0 + p * p)
+    slope, bend = (1.0 / T, p / T), (cable[1] * p / (T * T * T), -cable[1] / (T * T * T))
+    for i in range(2):
+        pv, pw = v[2 * node + i] + slope[i] * dv, w[2 * node + i] + slope[i] * dw
+        momentum[2 * node + i] += mu * pv
+        momentum[n] += mu * slope[i] * pv
+        gradient[n] += 0.5 * mu * bend[i] * (dv * pw + dw * pv)
 
 
 @compiled

@@ -26,11 +26,13 @@ from cablefem.elements import kernels
 from cablefem.elements.cable import Array
 from cablefem.elements.following import FollowingElements
 from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, consistent_acceleration
+from cablefem.newmark.energy_rule import average
 from cablefem.newmark.newton import find_root
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 
 EVENTS = ("turn", "standstill", "breaking loose", "brake", "brake off", "arrival", "stop", "lift_off")
+AVERAGE = tuple(0.5 * (x + (1.0, 0.0)[i]) for i, x in enumerate(np.polynomial.legendre.leggauss(4)))  # over [0, 1]
 AT_REST = 1e-6  # speeds below have no direction yet
 STATIC = 1e-30  # weight of accelerations in a tangent of statics: nothing but the last unknown feels it
 
@@ -139,12 +141,47 @@ class RollingElements(FollowingElements):
         self.least_tension = least, where
         return Settled(*done)
 
+    def averaged(self, start: State, end: State) -> Array:
+        """Return the residual of a step of the energy rule, see `cablefem.newmark.energy_rule.Averaged`."""
+        if not self.free:
+            return average(self, start, end)
+        dt, r, gradient = end.t - start.t, np.empty(self._n_dof), np.empty(self._n_dof)
+        momentum = [np.empty(self._n_dof), np.empty(self._n_dof)]
+        of = self._mesh, self._n_left, self.node, self.inertia, self._cable
+        for x, p in ((start, momentum[0]), (end, momentum[1])):
+            kernels.kinetic(*of, x.q, x.v, x.v, p, gradient)
+        total, still = (momentum[1] - momentum[0]) / dt, np.zeros(self._n_dof)
+        m = 2 * self.node
+        for x, share in zip(*AVERAGE, strict=True):
+            q, force = start.q + x * (end.q - start.q), self._force(start, end, x)
+            kernels.kinetic(*of, q, start.v, end.v, momentum[0], gradient)
+            weight = self._car(start.t, start.phase, 0.0)._replace(
+                mode=kernels.FREE, hold=0.0, thrust=0.0, drag=0.0, heading=0.0
+            )
+            self._roll(weight, q, still, still, r)
+            total += share * (r - gradient)
+            total[m : m + 2] -= share * force[:2]
+            total[-1] -= share * force[2]
+        if self._mode == kernels.HELD:
+            total[-1] = self.inertia * end.a[-1]
+        return total
+
+    def _force(self, start: State, end: State, x: float) -> Array:
+        """Return the forces on p and on s_o (3,) at the part x of a step, for its mean velocity and acceleration."""
+        dt = end.t - start.t
+        slip = float(start.v[-1])
+        if slip != 0.0:
+            self._heading = math.copysign(1.0, slip)
+        car = tuple(self._car(start.t + x * dt, start.phase, slip))
+        of = start.q + x * (end.q - start.q), 0.5 * (start.v + end.v), (end.v - start.v) / dt
+        return np.array(kernels.look(self._mesh.dofs, self._rolling.ends, self._n_left, self._cable, car, *of)[5:])
+
     # --- events ----------------------------------------------------------------------------------------
     def watch(self, x: State) -> tuple[float, ...]:
         """Return what is positive until an event happens, in the order of `events`."""
         if self._watched[0] is x and self._watched[1] == self._heading:
             return self._watched[2]
-        normal, stretch, speed, along, across = self._look(x)
+        normal, stretch, speed, along, across = self._look(x)[:5]
         lift_off = math.inf if self._lifted else normal
         if not self.free:
             return (lift_off,)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,8 +13,9 @@ from scipy.optimize import brentq
 from cablefem import Scene
 from cablefem.elements import kernels
 from cablefem.elements.fixed import FixedElements
-from cablefem.elements.rolling import RollingElements, following
-from cablefem.newmark import Newton, Work, integrate, iterate, scheme, step_times
+from cablefem.elements.rolling import AVERAGE, RollingElements, following
+from cablefem.newmark import Newton, State, Work, integrate, iterate, scheme, step_times
+from cablefem.newmark.energy_rule import average
 from tests.runs import CRUISE, INCLINED, LEVEL, observe, stack
 
 
@@ -262,3 +265,29 @@ def test_a_ride_by_collocation():
     states, work = ride(RollingElements(G, elements=6), 30.0 * SECOND, 60, "radau")
     assert abs(states.q[-1, -1] - 284.744 * METRE) < 1e-5
     assert work.steps < 70
+
+
+def given(system, states):
+    """Work of the forces on the car over each step, as the energy rule has them."""
+    x, share = AVERAGE
+    work, m = [0.0], 2 * system.node
+    rows = [State(*row) for row in zip(*(getattr(states, k) for k in ("t", "q", "v", "a", "phase")), strict=True)]
+    for start, end in itertools.pairwise(rows):
+        dz = (end.q - start.q)[[m, m + 1, -1]]
+        work.append(float(sum(w * system._force(start, end, y) for y, w in zip(x, share, strict=True)) @ dz))
+    return np.cumsum(work)
+
+
+@pytest.mark.parametrize("mu_r", [0.0, 0.02])
+def test_the_energy_rule_accounts_for_a_ride_to_rounding(mu_r):
+    groups = zip_line(release=1.0, rolling_friction=mu_r).groups
+    grids = [np.linspace(0.0, SECOND, 11), np.linspace(SECOND, 8.0 * SECOND, 71)]
+    drifts = []
+    for rule in (RollingElements.averaged, average):
+        system = RollingElements(groups, elements=3)
+        system.averaged = partial(rule, system)
+        states = stack(list(integrate(system, scheme("energy"), grids, newton=Newton(tol=1e-11, max_iter=60))))
+        energy, work = observe(system, states).energy, given(system, states)
+        drifts.append(np.abs(energy - energy[0] - work).max() / (G.mu * G.sigma))
+    assert drifts[0] < 1e-13
+    assert drifts[1] > 1e-11, "an average of the balance with the mean velocity would do: the test shows nothing"

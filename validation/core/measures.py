@@ -55,10 +55,15 @@ def at_steps_of(a: Response, b: Response, values: Array) -> Array:
     return CubicSpline(b.t, values, axis=0)(np.clip(a.t, b.t[0], b.t[-1]))
 
 
+def path_scale(r: Response) -> float:
+    """Return what gaps of the mass path are relative to [m]."""
+    return 0.1 * r.length if r.drive == "free" else r.max_deflection
+
+
 def path_gap(a: Response, b: Response, window: Window) -> tuple[float, float]:
     """Return (max, rms) of |w_a - w_b| of the mass path over the window, relative to the largest deflection of b.
 
-    Of a free ride the places themselves are compared: its w hangs on where along the cable the car is.
+    Of a free ride the places themselves are compared, relative to a tenth of the length, so that 1e-3 is 1e-4 l.
 
     Taken at the steps of the response that has fewer; the other is interpolated by a cubic spline in time.
     """
@@ -68,7 +73,7 @@ def path_gap(a: Response, b: Response, window: Window) -> tuple[float, float]:
         raise NotComparable(
             f"{coarse.method} has {np.count_nonzero(within)} steps in the window {window}, 5 are needed"
         )
-    size = _distance(coarse, fine)[within] / b.max_deflection
+    size = _distance(coarse, fine)[within] / path_scale(b)
     return float(size.max()), float(np.sqrt(np.mean(size**2)))
 
 
