@@ -23,9 +23,9 @@ from scipy.ndimage import uniform_filter1d
 from cablefem.response import Array, Response
 from cablefem.scene import LoadPath, Scene
 from cablefem.scene.ride import ride
-from validation.core.richardson import SAFETY
 from validation.core.measures import JUMP_WIDTH
 from validation.core.quasi_static import Statics, quasi_static
+from validation.core.richardson import SAFETY
 from validation.core.running import run
 
 REFERENCE = "following-p2"
