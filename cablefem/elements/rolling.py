@@ -42,6 +42,9 @@ def following(groups: Groups, **kind: Any) -> FollowingElements:
     return (FollowingElements if groups.drive.mode == "grip" else RollingElements)(groups, **kind)
 
 
+ABRUPT = 1e-5  # of the length: a slip at such an acceleration over a whole step; the car itself goes a hundredth as far
+
+
 class RollingElements(FollowingElements):
     """The cable with a car that rolls; a `cablefem.newmark.System` with events.
 
@@ -118,6 +121,10 @@ class RollingElements(FollowingElements):
         slip = float(x.v[-1])  # its sign holds for the step: friction that turns within one has no balance
         if slip != 0.0:
             self._heading = math.copysign(1.0, slip)
+
+    def abrupt(self, x: State, dt: float) -> bool:
+        """After a jump of force the car slips at once, and is stopped by an axial wave that few steps resolve."""
+        return self.free and 0.5 * dt * dt * abs(float(x.a[-1])) > ABRUPT
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self._n_dof)

@@ -24,11 +24,22 @@ from cablefem.newmark.newton import Newton, Settled
 from cablefem.newmark.schemes import SCHEMES, Scheme, scheme
 from cablefem.newmark.stepper import Passed, Work
 from cablefem.newmark.steps import step_times
-from cablefem.newmark.system import Array, Collocated, Inside, Prepared, Solve, State, System, consistent_acceleration
+from cablefem.newmark.system import (
+    Abrupt,
+    Array,
+    Collocated,
+    Inside,
+    Prepared,
+    Solve,
+    State,
+    System,
+    consistent_acceleration,
+)
 from cablefem.newmark.tableau import Tableau, between, densified
 
 __all__ = [
     "SCHEMES",
+    "Abrupt",
     "Array",
     "Averaged",
     "Collocated",

@@ -12,8 +12,12 @@ from cablefem.newmark.newmark_rule import NewmarkRule
 from cablefem.newmark.newton import STANDARD, Newton
 from cablefem.newmark.schemes import Scheme
 from cablefem.newmark.stepper import Stepper, Work
-from cablefem.newmark.system import Array, Prepared, State, System
+from cablefem.newmark.system import Abrupt, Array, Prepared, State, System
 
+# Where an unresolved jump has left an acceleration that soon is gone, steps of Newmark's family start anew with that
+# many pieces of the rule that does not use it, beta = 1/2 and gamma = 1; so few of first order leave the second one
+# intact (Rannacher 1984; Luskin & Rannacher 1982).
+GENTLE, GENTLY = 4, Scheme("gentle", 0.5, 1.0)
 MOST_HALVINGS = 6  # 1/64 of a step: where that does not converge the equations themselves have lost their solution
 MOST_CUTS = 100  # and half the steps: a run that has to cut more steps than that creeps
 MOST_EVENTS = 20  # in one step: more is an event that happens again as soon as it is passed
@@ -43,21 +47,30 @@ def integrate(
     for phase in range(state.phase, len(system.phases)):
         if phase > state.phase:
             state = system.start(phase, state)
-        after = yield from _through(step, times[phase], state, work)
+        gentle = NewmarkRule(system, GENTLY, newton, work) if rule is NewmarkRule else None
+        after = yield from _through(step, gentle, times[phase], state, work)
         if after is None:
             return
         state = after
 
 
-def _through(step: Stepper, grid: Array, state: State, work: Work) -> Generator[State, None, State | None]:
+def _through(
+    step: Stepper, gentle: Stepper | None, grid: Array, state: State, work: Work
+) -> Generator[State, None, State | None]:
     """Yield a state for each instant of the grid that lies ahead, and for each event; return the one to go on from."""
+    jumpy = step.system if gentle is not None and isinstance(step.system, Abrupt) else None
+    fresh, pieces = True, 0  # whether a jump was just passed, and what is left of a gentle start
     watched = step.system if isinstance(step.system, Watched) and step.system.events else None
     prepared = step.system if isinstance(step.system, Prepared) else None
     shown = state.t  # of the last state yielded
     for t in grid[grid > state.t].tolist():
         whole, halvings, passed = t - state.t, 0, 0
         while t - state.t > rounding(t):
-            piece = whole * 0.5**halvings
+            if fresh and jumpy is not None and jumpy.abrupt(state, t - state.t):
+                pieces = GENTLE
+            fresh = False
+            piece = whole * 0.5**halvings if not pieces else (t - state.t) / pieces * 0.5**halvings
+            rule = gentle if pieces and gentle is not None else step
             t1 = state.t + piece if state.t + 1.001 * piece < t else t
             if not t1 > state.t:
                 raise StepUnderflow(state.t, f"a step of {piece:.2g} is lost in rounding", "take fewer steps")
@@ -65,9 +78,9 @@ def _through(step: Stepper, grid: Array, state: State, work: Work) -> Generator[
             if prepared is not None:
                 prepared.begin_step(state)
             try:
-                x = step(state, t1)
+                x = rule(state, t1)
                 if watched is not None:
-                    x, names = first_event(watched, step, state, x)
+                    x, names = first_event(watched, rule, state, x)
             except NewtonStalled:
                 # a step may be too long for Newton's method: take it in pieces
                 work.rejected += 1
@@ -76,6 +89,7 @@ def _through(step: Stepper, grid: Array, state: State, work: Work) -> Generator[
                     raise
                 continue
             work.steps += 1
+            pieces, fresh = max(0, pieces - 1), bool(names)
             if (names or x.t == t) and x.t - shown > rounding(x.t):
                 shown = x.t
                 yield x

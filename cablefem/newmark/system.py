@@ -91,6 +91,14 @@ class Prepared(Protocol):
         """Be ready for steps from x: what depends on a sign goes by the one at x, until the next call."""
 
 
+@runtime_checkable
+class Abrupt(Protocol):
+    """What a system answers besides if its acceleration may be too short-lived to carry it over a step."""
+
+    def abrupt(self, x: State, dt: float) -> bool:
+        """Return whether the acceleration at x, kept for dt, would carry the system where it never goes."""
+
+
 def consistent_acceleration(system: System, t: float, q: Array, v: Array, phase: int) -> State:
     """Solve r(t, q, v, a) = 0 for a: r is linear in a, one solve does it."""
     zero = np.zeros(system.n_dof)
