@@ -82,7 +82,7 @@ def estimated(
     """
     method = find(method) if isinstance(method, str) else method
     how = {k: kind[k] for k in KIND if k in kind}
-    settings = method.settings({k: v for k, v in kind.items() if k not in KIND})
+    settings = method.settings_on(scene.groups, {k: v for k, v in kind.items() if k not in KIND})
     short = how | {"until": until(scene)}
     half_space, half_time = refined(method, settings, space=0.5), refined(method, settings, time=0.5)
 

@@ -65,7 +65,7 @@ def extrapolated(
     """
     method = find(method) if isinstance(method, str) else method
     how = {k: kind[k] for k in KIND if k in kind}
-    settings = method.settings({k: v for k, v in kind.items() if k not in KIND})
+    settings = method.settings_on(scene.groups, {k: v for k, v in kind.items() if k not in KIND})
     if settings["steps"] < 8:
         raise ValueError(f"steps must be at least 8 to be halved twice, got {settings['steps']}")
     report = progress or (lambda done: None)

@@ -140,6 +140,11 @@ class Method:
         ratios = [finer * 2.0**k for k in range(rungs)]
         return [refined(self, first, space=x, time=self.resolution.grown(space, x) ** self.keeps_pace) for x in ratios]
 
+    def settings_on(self, groups: Groups, changes: dict[str, Any]) -> dict[str, Any]:
+        """Return the settings for a scene: a free ride is marched by a rule that damps, its jumps of force ring on."""
+        free = groups.drive.mode == "free" and self.knobs["scheme"].default == "trapezoidal"
+        return self.settings(({"scheme": "generalized-alpha"} if free else {}) | changes)
+
     def settings(self, changes: dict[str, Any]) -> dict[str, Any]:
         """Return all settings with `changes` applied; raises ValueError for unknown names and values out of range."""
         unknown = [k for k in changes if k not in self.knobs]

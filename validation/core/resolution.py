@@ -99,7 +99,7 @@ def resolve(
     short = how if stop is None else how | {"until": min(stop, how.get("until") or 1.0)}
     space = method.resolution
     first = {space.setting: space.first, "steps": FIRST_STEPS}
-    settings = method.settings({k: v for k, v in kind.items() if k not in KIND} | first)
+    settings = method.settings_on(scene.groups, {k: v for k, v in kind.items() if k not in KIND} | first)
     made = [] if runs is None else runs
 
     def ran(settings: dict[str, Any]) -> Response:

@@ -56,7 +56,7 @@ def run(
     if groups.motion is None and groups.drive.mode != "free":
         raise ValueError(f"scene {scene.name!r} has no travelling mass: only its frequencies can be computed")
     method = find(method) if isinstance(method, str) else method
-    settings = method.settings(settings)
+    settings = method.settings_on(groups, settings)
     scheme = newmark.scheme(settings["scheme"], newmark_gamma=settings["newmark_gamma"], rho_inf=settings["rho_inf"])
     kind = {"model": model, "load": load}
     with _threads().limit(limits=1):  # the matrices are small: threads cost more than they give
