@@ -46,8 +46,8 @@ def checking(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
             party = rows[-1].party
         verdict = overall(rows)
         tell(f"{scene.name}, {party}: {_worst(rows)}", verdict.value)
-        failed = [f"  {assertions.told(row)}" for row in rows if row.verdict is not Verdict.AGREE]
-        if failed:
+        if verdict is not Verdict.AGREE:
+            failed = [f"  {assertions.told(row)}" for row in rows if row.verdict is not Verdict.AGREE]
             raise AssertionError("\n".join([f"{scene.name}: {verdict.value}", *failed]))
         return result
 

@@ -63,7 +63,7 @@ def test_an_interrupted_result_is_taken_up_again(cablefem, monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(running, "run", interrupted)
-        code, _, err = cablefem("run", "level", *QUICK, "--out", "x")
+        code, _, err = cablefem("run", "level", *QUICK, "--no-bars", "--out", "x")
     assert code == 130
     assert lines(err) == ["interrupted; files that were written are whole, and the command can be given again"]
     assert cablefem("run", "level", *QUICK, "--out", "x")[0] == 0
