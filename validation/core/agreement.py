@@ -86,9 +86,12 @@ AXIAL_MEAN = "mean over an axial round trip"  # what a load cell sees: fronts ke
 def overall(rows: list[Agreement]) -> Verdict:
     """Return the first of disagree, not comparable and too coarse that any row is, else agree; without rows none.
 
-    A row that fronts make too coarse is not asked where the mean of its quantity over their way agrees.
+    A row that fronts make too coarse is not asked where the mean of its quantity over their way agrees; the mean of
+    the velocity over time is the displacement.
     """
-    known = {row.quantity for row in rows if row.law == AXIAL_MEAN and row.verdict is Verdict.AGREE}
+    agreed = [row for row in rows if row.verdict is Verdict.AGREE]
+    known = {row.quantity for row in agreed if row.law == AXIAL_MEAN}
+    known |= {"velocity" for row in agreed if row.quantity == "displacement"}
     asked = [row for row in rows if not (row.verdict is Verdict.TOO_COARSE and not row.law and row.quantity in known)]
     verdicts = {row.verdict for row in asked} or {Verdict.NOT_COMPARABLE}
     return next(verdict for verdict in Verdict if verdict in verdicts)
