@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from cablefem.compiled import compiler
 
-from numba import njit
-
-compiled: Any = njit(cache=True, error_model="numpy")  # no test for a zero divisor: norms catch NaN and infinity
+compiled = compiler(__file__)
 
 LAWS = ("elastic", "tension-only")  # a law is its index to compiled code
 

@@ -12,7 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
-from cablefem.elements import collocation, kernels
+from cablefem.elements.kernels import collocation
+from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, coupling
+from cablefem.elements.kernels.banded import Tangent, factorise_coupled, solve_coupled
+from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY, pulls
+from cablefem.elements.kernels.newton import settle
+from cablefem.elements.kernels.observe import cable_energy, chord_energy
 from cablefem.newmark import Newton, Settled, Solve, State, Tableau, collocate
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
@@ -56,8 +61,8 @@ class CableElements:
     _band: int  # half-width, all fields
     _operators: Array  # (n_op, n_scalar, 2 b + 1) what M, C and K are made of
     _coefficients: Array  # (n_op, 3)
-    _mesh: kernels.Mesh
-    _contact: kernels.Contact
+    _mesh: Mesh
+    _contact: Contact
     _at: tuple[float, int] | None  # instant and phase that all this is for
 
     def __init__(self, groups: Groups, model: str, load: str, law: str) -> None:
@@ -133,11 +138,11 @@ class CableElements:
                 work.ab[:] += factor * self._work.ab
         else:
             self._assemble(t, q, v, a, phase, r, True, c0, float(c1.real), float(c2.real))
-        if not kernels.factorise_coupled(work, c0 * kernels.coupling(self._cable)):
+        if not factorise_coupled(work, c0 * coupling(self._cable)):
             return r, lambda b: np.full_like(b, math.nan)  # singular: the driver takes NaN for a stalled step
 
         def solve(b: Array) -> Array:
-            kernels.solve_coupled(work, b)
+            solve_coupled(work, b)
             return b
 
         return r, solve
@@ -149,7 +154,7 @@ class CableElements:
         self._at = (t, phase)
         grip = self._operators, self._coefficients, self._bands, tuple(self._contact)
         of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rule, bound
-        *done, least, where = kernels.settle(grip, None, *of, newton.max_iter, newton.reuse, newton.patience)
+        *done, least, where = settle(grip, None, *of, newton.max_iter, newton.reuse, newton.patience)
         self.least_tension = least, where
         return Settled(*done)
 
@@ -180,8 +185,8 @@ class CableElements:
         self._at = None
         increment = np.empty(n if self.fields == 1 else 0)
         band, pivots = np.empty((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64)
-        self._work = kernels.Tangent(band, pivots, increment, increment.copy())
-        self._complex_work = kernels.Tangent(band.astype(complex), pivots.copy(), increment, increment.astype(complex))
+        self._work = Tangent(band, pivots, increment, increment.copy())
+        self._complex_work = Tangent(band.astype(complex), pivots.copy(), increment, increment.astype(complex))
         self._bands = np.empty((3, *self._operators.shape[1:]))
 
     def start(self, phase: int, state: State | None) -> State:
@@ -192,7 +197,7 @@ class CableElements:
         """Set _coefficients of the _operators, _mesh and _contact at this instant."""
         raise NotImplementedError
 
-    def _mesh_at(self, s_o: float, ds: float) -> kernels.Mesh:
+    def _mesh_at(self, s_o: float, ds: float) -> Mesh:
         """Return the elements with the mass at s_o."""
         raise NotImplementedError
 
@@ -225,7 +230,7 @@ class CableElements:
         if law not in ("elastic", "tension-only"):
             raise ValueError(f"law must be elastic or tension-only, got {law!r}")
         self.law = law
-        g, flag = self.groups, kernels.TENSION_ONLY if law == "tension-only" else kernels.ELASTIC
+        g, flag = self.groups, TENSION_ONLY if law == "tension-only" else ELASTIC
         if self.model == "full":
             self._cable = np.array([g.alpha, g.sigma, g.c, flag])
         else:
@@ -240,8 +245,8 @@ class CableElements:
         if self._at != (t, phase):
             self._time(t, phase)
             self._at = (t, phase)
-            kernels.combine(self._operators, self._coefficients, self._bands)
-        self.least_tension = kernels.assemble(
+            combine(self._operators, self._coefficients, self._bands)
+        self.least_tension = assemble(
             self._bands, self._mesh, self._cable, self._contact, q, v, a, r, self._work, tangent, c0, c1, c2
         )
 
@@ -285,9 +290,9 @@ class CableElements:
         for i in range(n):
             mesh = self._mesh_at(s_o[i], ds[i])
             if self.fields == 2:
-                *parts[:, i], least[i], where[i] = kernels.cable_energy(mesh, self._cable, states.q[i], states.v[i])
+                *parts[:, i], least[i], where[i] = cable_energy(mesh, self._cable, states.q[i], states.v[i])
             else:
-                *parts[:2, i], least[i] = kernels.chord_energy(mesh, self._cable, states.q[i], states.v[i])
+                *parts[:2, i], least[i] = chord_energy(mesh, self._cable, states.q[i], states.v[i])
         kinetic, strain, potential = parts
         kinetic += 0.5 * self.inertia * np.sum(velocity**2, axis=1)
         potential -= (place + w) @ self._weight
@@ -369,5 +374,5 @@ class CableElements:
         """Return N t (..., 2), N and W (...) where the static slope is X' (..., 2) and the slope r' (..., 2)."""
         out = np.empty(slope.shape), np.empty(T.shape), np.empty(T.shape)
         flat = (np.ascontiguousarray(x) for x in (static.reshape(-1, 2), T.reshape(-1), slope.reshape(-1, 2)))
-        kernels.pulls(*flat, self._cable[0], self._cable[3], out[0].reshape(-1, 2), out[1].ravel(), out[2].ravel())
+        pulls(*flat, self._cable[0], self._cable[3], out[0].reshape(-1, 2), out[1].ravel(), out[2].ravel())
         return out

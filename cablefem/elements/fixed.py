@@ -27,8 +27,10 @@ import skfem
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
-from cablefem.elements import kernels
 from cablefem.elements.cable import CableElements, bands, elements_allowed
+from cablefem.elements.kernels.balance import Contact, Mesh, add_banded, add_contact
+from cablefem.elements.kernels.banded import factorise, solve
+from cablefem.elements.kernels.observe import end_forces
 from cablefem.elements.reference import mass_form, shape_polynomials
 from cablefem.newmark import Newton, Settled, Solve, State, collocate, consistent_acceleration, iterate
 from cablefem.response import States
@@ -106,14 +108,14 @@ class FixedElements(CableElements):
         band, pivots = np.zeros((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64)
         of = (state.q, state.v, state.a, np.zeros(self._n_dof), band, True, 0.0, 0.0, 1.0)
         none, bands = np.zeros_like(N), np.zeros_like(self._bands)
-        contact = kernels.Contact(dofs, N, self.inertia * N, none, none, np.zeros(self.fields))
+        contact = Contact(dofs, N, self.inertia * N, none, none, np.zeros(self.fields))
         bands[0] = self._operators[0]
-        kernels.add_banded(bands, self.fields, *of)
-        kernels.add_contact(contact, *of)
+        add_banded(bands, self.fields, *of)
+        add_contact(contact, *of)
         load = np.zeros(n)
         load[dofs] = -self.inertia * np.outer(N, jump * self._static(s_o)[1] + slope_jump)
-        kernels.factorise(band, pivots)
-        kernels.solve(band, pivots, load)
+        factorise(band, pivots)
+        solve(band, pivots, load)
         return State(t, state.q, state.v, state.a + np.append(load, N @ load[dofs] + slope_jump), phase)
 
     def linearise(
@@ -167,7 +169,7 @@ class FixedElements(CableElements):
         for k in range(n_loc):
             tab[:, :, 2 + k] = basis.basis[k][0].get(0)[0]
             tab[:, :, 2 + n_loc + k] = n * basis.basis[k][0].grad[0, 0]
-        self._mesh = kernels.Mesh(np.tile([0.0, 1.0, 0.0, 0.0], (n, 1)), dofs, tab)
+        self._mesh = Mesh(np.tile([0.0, 1.0, 0.0, 0.0], (n, 1)), dofs, tab)
         b = max(kind.offsets)
         self._band = self.fields * b + self.fields - 1
         of_one = mass_form.assemble(basis).toarray()[np.ix_(basis.element_dofs[:, 0], basis.element_dofs[:, 0])] / n
@@ -202,7 +204,7 @@ class FixedElements(CableElements):
         load = np.array(self._load(s_o, ds, dds))
         carried = 0.0 if self.particle else mu  # a particle feels the Coriolis and centrifugal forces by itself
         c_row, k_row = 2.0 * carried * ds * N_s, carried * (ds * ds * N_ss + dds * N_s)
-        self._contact = kernels.Contact(dofs, N, mu * N, c_row, k_row, load)
+        self._contact = Contact(dofs, N, mu * N, c_row, k_row, load)
 
     def _assemble(self, t, q, v, a, phase, r, *tangent) -> None:
         super()._assemble(t, q, v, a, phase, r, *tangent)
@@ -213,7 +215,7 @@ class FixedElements(CableElements):
             r[dofs] += np.outer(N, self.inertia * a[p] - m_row @ a[dofs])
 
     # --- observation -----------------------------------------------------------------------------------
-    def _mesh_at(self, s_o: float, ds: float) -> kernels.Mesh:
+    def _mesh_at(self, s_o: float, ds: float) -> Mesh:
         return self._mesh
 
     def _evaluate(self, s: Array, side: str) -> tuple[NDArray[np.int64], Array]:
@@ -257,7 +259,7 @@ class FixedElements(CableElements):
         ends, elements = np.zeros((n, 4, self.fields)), self.elements
         for i in range(n):
             of = states.q[i], states.v[i], states.a[i]
-            kernels.end_forces(self._mesh, elements, 0, self._cable, 0.0, rise[i], *of, ends[i])
+            end_forces(self._mesh, elements, 0, self._cable, 0.0, rise[i], *of, ends[i])
         ends[:, 0] -= (1.0 - s_o)[:, None] * force
         ends[:, 3] = ends[:, 1] + s_o[:, None] * force
         a = self._padded(states.a)

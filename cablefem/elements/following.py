@@ -24,8 +24,10 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 from scipy.sparse import coo_array
 
-from cablefem.elements import kernels
 from cablefem.elements.cable import CableElements, bands, elements_allowed
+from cablefem.elements.kernels.balance import Contact, Mesh, follow
+from cablefem.elements.kernels.law import pull
+from cablefem.elements.kernels.observe import end_forces, sample, sample_forces
 from cablefem.elements.reference import Reference, graded_knots, reference
 from cablefem.newmark import State, StepFailure, consistent_acceleration
 from cablefem.response import States
@@ -144,7 +146,7 @@ class FollowingElements(CableElements):
         xp, yp = 1.0 / T, p / T
         for _ in range(50):
             du, dv = 2.0 * b / dds
-            fx, fy, k_geo, k_mat, *_ = kernels.pull(xp, yp, T, du, dv, self.groups.alpha, self._cable[3])
+            fx, fy, k_geo, k_mat, *_ = pull(xp, yp, T, du, dv, self.groups.alpha, self._cable[3])
             r = np.array([xp + du, yp + dv])
             f = 2.0 * inertia * b + rest + [fx, fy]
             J = (2.0 * inertia + 2.0 / dds * k_geo) * np.eye(2) + 2.0 / dds * k_mat * np.outer(r, r)
@@ -159,22 +161,22 @@ class FollowingElements(CableElements):
         s_o, ds, dds = self.motion.at(t, phase)
         if not 0.0 < s_o < 1.0:
             raise ValueError(f"s_o = {s_o!r}: a side of the following mesh has no length")
-        kernels.follow(s_o, ds, dds, self._n_left, self._coefficients, self._mesh.span)
+        follow(s_o, ds, dds, self._n_left, self._coefficients, self._mesh.span)
         self._contact.load[:] = self._load(s_o, ds, dds)
 
     # --- observation -----------------------------------------------------------------------------------
     def _fresh(self) -> None:
         super()._fresh()
         self._coefficients = np.empty((8, 3))
-        self._mesh = kernels.Mesh(np.empty((self._dofs.shape[0], 4)), self._dofs, self._tab)
+        self._mesh = Mesh(np.empty((self._dofs.shape[0], 4)), self._dofs, self._tab)
         node = self.fields * self.node + np.arange(self.fields)[None, :]
-        self._contact = kernels.Contact(node, _ONE, self.inertia * _ONE, _ZERO, _ZERO, np.empty(self.fields))
+        self._contact = Contact(node, _ONE, self.inertia * _ONE, _ZERO, _ZERO, np.empty(self.fields))
 
-    def _mesh_at(self, s_o: float, ds: float) -> kernels.Mesh:
+    def _mesh_at(self, s_o: float, ds: float) -> Mesh:
         skip = self._n_left if s_o == 0.0 else 0  # a left part of no length
         span = np.empty((self._dofs.shape[0], 4))
-        kernels.follow(s_o, ds, 0.0, self._n_left, np.empty((8, 3)), span)
-        return kernels.Mesh(span[skip:], self._dofs[skip:], self._tab[skip:])
+        follow(s_o, ds, 0.0, self._n_left, np.empty((8, 3)), span)
+        return Mesh(span[skip:], self._dofs[skip:], self._tab[skip:])
 
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         s_o, ds, dds = kinematics.T
@@ -195,7 +197,7 @@ class FollowingElements(CableElements):
         knots = np.stack([self.left.knots, self.right.knots])
         for i, field in zip(frames, out, strict=True):
             s_o, ds, _ = kinematics[i]
-            kernels.sample(knots, self.left.shapes, self._dofs, s_o, ds, s, states.q[i], states.v[i], field)
+            sample(knots, self.left.shapes, self._dofs, s_o, ds, s, states.q[i], states.v[i], field)
         return out.transpose(1, 0, 2, 3)
 
     def _carried(self, states, kinematics, force, rise, s, frames):
@@ -203,17 +205,15 @@ class FollowingElements(CableElements):
         ends, along = np.empty((n, 4, f)), np.empty((frames.size, s.size, f))
         for i in range(n):
             s_o, ds, dds = kinematics[i]
-            kernels.follow(s_o, ds, dds, self._n_left, self._coefficients, self._mesh.span)
+            follow(s_o, ds, dds, self._n_left, self._coefficients, self._mesh.span)
             of = states.q[i], states.v[i], states.a[i]
-            kernels.end_forces(self._mesh, self._n_left, self.node, self._cable, dds, rise[i], *of, ends[i])
+            end_forces(self._mesh, self._n_left, self.node, self._cable, dds, rise[i], *of, ends[i])
         if n and kinematics[0, 0] == 0.0:  # the left part has no length yet
             ends[0, :2] = ends[0, 2]
         knots = np.stack([self.left.knots, self.right.knots])
         for i, field in zip(frames, along, strict=True):
             of = states.q[i], states.v[i], states.a[i]
-            kernels.sample_forces(
-                knots, self.left.shapes, self._dofs, self.node, *kinematics[i], s, *of, ends[i], field
-            )
+            sample_forces(knots, self.left.shapes, self._dofs, self.node, *kinematics[i], s, *of, ends[i], field)
         s_o, ds, _ = kinematics[frames].T[:, :, None]
         behind = (s <= s_o) & (s_o > 0.0)
         c = ds * np.where(behind, s / np.where(s_o > 0.0, s_o, 1.0), (1.0 - s) / (1.0 - s_o))

@@ -3,7 +3,7 @@
     int (N t - T X') . phi' ds,    r' = X' + w',  t = r'/|r'|,  N = T + alpha (|r'| - 1),
 
 to be assembled on elements of two components, `skfem.ElementVector(element, 2)`, over 0 <= s <= 1; fields by name:
-`T`, `alpha`, the static slope `X_s` (2, ...), the slope of the displacement `w_s` (2, ...), `law` as in `kernels`.
+`T`, `alpha`, the static slope `X_s` (2, ...), the slope of the displacement `w_s` (2, ...), `law` as in `kernels.law`.
 The inertia of a following mesh is `reference.mass_form`, `transport_form` and `convection_form`.
 """
 
@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 import skfem
 
-from cablefem.elements.kernels import TENSION_ONLY
+from cablefem.elements.kernels.law import TENSION_ONLY
 
 
 def _tension(stretch, w):

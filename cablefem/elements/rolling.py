@@ -1,7 +1,7 @@
 """A car that rolls on mass-following elements: its place s_o is one more coordinate of the discrete Lagrangian.
 
-With the mesh hung on s_o the Lagrangian of the cable is one of the unknowns (q, s_o), see `kernels.roll`; its last row
-is the balance of the car along the cable: no one-sided tangent enters it, and no multiplier.
+With the mesh hung on s_o the Lagrangian of the cable is one of the unknowns (q, s_o), see `kernels.car.roll`; its last
+row is the balance of the car along the cable: no one-sided tangent enters it, and no multiplier.
 
 free : the last unknown is s_o(t); `HELD` while friction and brakes hold the car on the cable.
 haul : s_o(t) is given, and the last acceleration is the force F of the rope along the mean tangent; it makes the row
@@ -22,9 +22,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.elements import kernels
 from cablefem.elements.cable import Array
 from cablefem.elements.following import FollowingElements
+from cablefem.elements.kernels import car as kernels
+from cablefem.elements.kernels.newton import settle
 from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, consistent_acceleration
 from cablefem.newmark.energy_rule import average
 from cablefem.newmark.newton import find_root
@@ -144,7 +145,7 @@ class RollingElements(FollowingElements):
         ride = tuple(self._rolling), tuple(self._car(t, phase, self._heading or start[1, -1]))
         of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rule, bound
         # near a support a correction that overshoots ends on another root: no patience
-        *done, least, where = kernels.settle(None, ride, *of, newton.max_iter, newton.reuse, 0)
+        *done, least, where = settle(None, ride, *of, newton.max_iter, newton.reuse, 0)
         self.least_tension = least, where
         return Settled(*done)
 

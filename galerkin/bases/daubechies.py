@@ -30,8 +30,9 @@ from typing import Literal, get_args
 import mpmath as mp
 import numpy as np
 import pywt
-from numba import njit
 from scipy.linalg import solve_triangular, svd
+
+from galerkin.law import compiled
 
 Reading = Literal["literal", "scaling", "shifted"]
 
@@ -146,7 +147,7 @@ def _mother(p: int) -> _Mother:
 # --- evaluation ------------------------------------------------------------------------------------------------
 
 
-@njit(cache=True)
+@compiled
 def _evaluate(s, R, level, at_integers, blocks, c, out):
     """out[q] = sum_l c_l phi_m(2^level R s_q - l), rows of c starting at l = 1 - n_m; s in [0, 1].
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from scipy.special import roots_legendre
+
+from galerkin.law import compiled
 
 
 @lru_cache(maxsize=32)
@@ -24,7 +25,7 @@ def _wavenumbers(n: int) -> np.ndarray:
     return k
 
 
-@njit(cache=True)
+@compiled
 def values_at(s, n):
     """`Fourier.at`."""
     out = np.empty((5, n))
@@ -36,7 +37,7 @@ def values_at(s, n):
     return out
 
 
-@njit(cache=True)
+@compiled
 def split(s_o, x, w, n):
     """`Fourier.split` for a rule x, w (m,) on [0, 1]: k pi cos(k pi s) by turning (cos, sin) k times by pi s.
 

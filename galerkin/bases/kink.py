@@ -13,9 +13,9 @@ with the mass on top (`galerkin.equations`).  Both classes here answer the same 
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numba import njit
 
 from galerkin.bases import Basis
+from galerkin.law import compiled
 
 Array = np.ndarray
 
@@ -32,7 +32,7 @@ class Carried(NamedTuple):
     f_q: Array  # dds_o Phi'(s_o) + ds_o^2 Phi''(s_o), as in (23), (n,)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _overlap(phi, first, second, left, chord, s_o):
     """I, I', I'' of `TravellingKink` for one function; first, second : its primitives.
 
@@ -46,7 +46,7 @@ def _overlap(phi, first, second, left, chord, s_o):
     return value, slope, (2.0 * (value - dw * slope) - phi) / w
 
 
-@njit(cache=True)
+@compiled
 def _overlaps(phi, first, second, left, chord, s_o):
     """The same for all functions (m, n) at m places: (3, m, n)."""
     out = np.empty((3, *phi.shape))
@@ -58,7 +58,7 @@ def _overlaps(phi, first, second, left, chord, s_o):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def carry(at, mass, hat, left, chord, s_o, ds_o, dds_o):
     """M, and the other entries of `Carried` as rows, (6, n); at : `Basis.at`;  left, chord : of `TravellingKink`."""
     n = at.shape[1]

@@ -10,9 +10,10 @@ import pytest
 import skfem
 from scipy.integrate import cumulative_simpson
 
-from cablefem.elements import kernels
 from cablefem.elements.cable import bands
 from cablefem.elements.fixed import FixedElements
+from cablefem.elements.kernels.balance import Mesh, add_catenary, add_chord
+from cablefem.elements.kernels.observe import cable_energy, chord_energy
 from cablefem.elements.reference import graded_knots, lagrange_element, reference, shape_polynomials
 from tests.runs import LEVEL, steep_cable
 
@@ -135,7 +136,7 @@ def free_mesh(n, degree, length=1.0):
         [ref.xi[:, :, None], ref.dx[:, :, None], ref.value.transpose(0, 2, 1), ref.grad.transpose(0, 2, 1)], axis=2
     )
     span = np.tile([0.0, length, 0.0, 0.0], (n, 1))
-    return kernels.Mesh(span, ref.dofs, tab), length * np.linspace(0.0, 1.0, degree * n + 1)
+    return Mesh(span, ref.dofs, tab), length * np.linspace(0.0, 1.0, degree * n + 1)
 
 
 def tensions(mesh, cable, q):
@@ -151,7 +152,7 @@ def tensions(mesh, cable, q):
 
 def force(mesh, cable, q):
     r = np.zeros_like(q)
-    least = kernels.add_catenary(mesh, np.asarray(cable, float), q, r, np.empty((1, 7)), False, 0.0)
+    least = add_catenary(mesh, np.asarray(cable, float), q, r, np.empty((1, 7)), False, 0.0)
     return r.reshape(-1, 2), least
 
 
@@ -254,10 +255,10 @@ def test_the_cable_force_is_the_gradient_of_its_energy(law):
     assert N.min() < 0.0 < N.max()  # both branches of the law are in it
     assert least == pytest.approx(means.min(), rel=1e-12)
     still = np.zeros_like(q)
-    slope = gradient(lambda x: sum(kernels.cable_energy(mesh, cable, x, still)[:3]), q).reshape(-1, 2)
+    slope = gradient(lambda x: sum(cable_energy(mesh, cable, x, still)[:3]), q).reshape(-1, 2)
     # central differences: 1e-12 alpha of truncation, 1e-16/1e-6 of rounding
     np.testing.assert_allclose(r[1:-1], slope[1:-1], rtol=0.0, atol=2e-8 * np.abs(r).max())
-    seen = kernels.cable_energy(mesh, cable, q, still)[3:]
+    seen = cable_energy(mesh, cable, q, still)[3:]
     np.testing.assert_allclose(seen, [N.min(), places.ravel()[N.argmin()]], rtol=1e-12)
     cable[3] = 1.0 - law
     other = force(mesh, cable, q)[0]
@@ -270,12 +271,12 @@ def test_the_chord_force_is_the_gradient_of_its_energy(lam, kap):
     q = 0.05 * np.random.default_rng(12).standard_normal(s.size)
     chord = np.array([83.0, 1.31, 0.37, lam, kap, 0.0])
     r, increment, still = np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
-    tension = kernels.add_chord(mesh, chord, q, r, np.zeros((q.size, 7)), increment, True, 0.0)
-    slope = gradient(lambda x: sum(kernels.chord_energy(mesh, chord, x, still)[:2]), q)
+    tension = add_chord(mesh, chord, q, r, np.zeros((q.size, 7)), increment, True, 0.0)
+    slope = gradient(lambda x: sum(chord_energy(mesh, chord, x, still)[:2]), q)
     np.testing.assert_allclose(r, slope, rtol=0.0, atol=1e-7 * np.abs(r).max())
-    raised = gradient(lambda x: kernels.chord_energy(mesh, chord, x, still)[2], q)
+    raised = gradient(lambda x: chord_energy(mesh, chord, x, still)[2], q)
     np.testing.assert_allclose(lam * chord[0] * increment, raised, rtol=0.0, atol=1e-7 * chord[0])
-    assert tension == pytest.approx(kernels.chord_energy(mesh, chord, q, still)[2], rel=1e-14)
+    assert tension == pytest.approx(chord_energy(mesh, chord, q, still)[2], rel=1e-14)
 
 
 def test_a_slack_cable_pulls_nothing_and_resists_nothing():
@@ -285,7 +286,7 @@ def test_a_slack_cable_pulls_nothing_and_resists_nothing():
     q = (-0.02 * np.stack(g.shape(s), axis=1)).ravel()
     cable = np.array([g.alpha, g.sigma, g.c, 1.0])
     r, ab = np.zeros_like(q), np.zeros((q.size, 10))
-    least, _ = kernels.add_catenary(mesh, cable, q, r, ab, True, 1.0)
+    least, _ = add_catenary(mesh, cable, q, r, ab, True, 1.0)
     assert least < 0.0
     assert np.all(ab == 0.0)
     # all that is left is the static force that the formulation subtracts: int T t phi' = weight of each node

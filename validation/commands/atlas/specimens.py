@@ -11,8 +11,8 @@ import numpy as np
 from scipy.linalg import eigvals
 
 from cablefem import newmark
-from cablefem.elements import kernels
 from cablefem.elements.fixed import FixedElements
+from cablefem.elements.kernels.observe import cable_energy
 from cablefem.newmark import Newton, Scheme, State, consistent_acceleration
 from cablefem.response import Array
 from cablefem.scene import Groups
@@ -37,7 +37,7 @@ class FreeCable(FixedElements):
 
     def energy(self, x: State) -> float:
         """Kinetic and strain energy less the work of gravity; zero for the cable at rest."""
-        return sum(kernels.cable_energy(self._mesh, self._cable, x.q, x.v)[:3])
+        return sum(cable_energy(self._mesh, self._cable, x.q, x.v)[:3])
 
 
 def free_vibration(groups: Groups, scheme: Scheme, *, dt: float, steps: int, **cable: Any) -> Array:

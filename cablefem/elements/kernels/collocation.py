@@ -6,17 +6,9 @@ import math
 
 import numpy as np
 
-from cablefem.elements.kernels import (
-    Contact,
-    Mesh,
-    Tangent,
-    assemble,
-    combine,
-    compiled,
-    coupling,
-    factorise_coupled,
-    solve_coupled,
-)
+from cablefem.elements.kernels import compiled
+from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, coupling
+from cablefem.elements.kernels.banded import Tangent, factorise_coupled, solve_coupled
 
 
 @compiled

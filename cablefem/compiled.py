@@ -1,0 +1,28 @@
+"""How inner loops are compiled, and kept in a cache that knows all files they are made of."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from numba import njit
+
+
+def compiler(file: str) -> Callable[[Callable], Any]:
+    """Return the decorator of the compiled functions in the folder of a file, and below.
+
+    numba's cache forgets a function when its own file changes, not when one does whose functions it has taken in: the
+    stamp of every function is therefore that of all sources together.
+    """
+    sources = sorted(Path(file).parent.rglob("*.py"))
+    stamp = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).digest()
+
+    def compiled(function: Callable) -> Any:
+        fast = njit(cache=True, error_model="numpy")(function)  # no test for a zero divisor: norms catch NaN, infinity
+        if hasattr(fast, "_cache"):  # not where numba is told to compile nothing
+            fast._cache._cache_file._source_stamp = stamp
+        return fast
+
+    return compiled

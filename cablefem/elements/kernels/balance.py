@@ -1,0 +1,245 @@
+"""The balance of a cable on its mesh with a mass whose place is given: forces and their banded tangent."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cablefem.elements.kernels import compiled
+from cablefem.elements.kernels.law import ELASTIC, pull, tension
+
+
+class Mesh(NamedTuple):
+    """Elements at an instant, each in the xi of its side of the mass."""
+
+    span: Any  # (n_el, 4) s at xi = 0, ds/dxi, mesh velocity at xi = 0, d/dxi of it
+    dofs: Any  # (n_el, n_loc) scalar unknowns, -1 on a support
+    tab: Any  # (n_el, n_q, 2 + 2 n_loc) xi, weight, shape values, shape d/dxi
+
+
+class Contact(NamedTuple):
+    """The mass on its cable, N^T (m a + c v + k q + load): shape functions N and rows m, c, k over the dofs."""
+
+    dofs: Any  # (n_loc, n_fields)
+    shape: Any  # (n_loc,)
+    m_row: Any
+    c_row: Any
+    k_row: Any
+    load: Any  # (n_fields,)
+
+
+@compiled
+def follow(s_o, ds, dds, n_left, coefficients, span):
+    """Set the factors of M^, G^, G^T, H^, left and right each, in M, C and K of a following mesh, and its spans."""
+    coefficients[:] = 0.0
+    for side in range(2):
+        h, dh = (s_o, ds) if side == 0 else (1.0 - s_o, -ds)
+        coefficients[side, 0] = h
+        coefficients[side, 1] = dh
+        coefficients[2 + side, 1] = -ds
+        coefficients[2 + side, 2] = -dds
+        coefficients[4 + side, 1] = ds
+        coefficients[6 + side, 2] = -ds * ds / h
+    for e in range(span.shape[0]):
+        left = e < n_left
+        span[e, 0] = 0.0 if left else s_o
+        span[e, 1] = s_o if left else 1.0 - s_o
+        span[e, 2] = 0.0 if left else ds
+        span[e, 3] = ds if left else -ds
+
+
+@compiled
+def combine(operators, coefficients, bands):
+    """Set the bands of M, C and K: sums of operators with their factors at this instant.
+
+    operators : (n_op, n, 2 b + 1);  coefficients : (n_op, 3);  bands : (3, n, 2 b + 1).
+    """
+    bands[:] = 0.0
+    for o in range(operators.shape[0]):
+        for k in range(3):
+            factor = coefficients[o, k]
+            if factor != 0.0:
+                for i in range(bands.shape[1]):
+                    for j in range(bands.shape[2]):
+                        bands[k, i, j] += factor * operators[o, i, j]
+
+
+@compiled
+def add_banded(bands, n_fields, q, v, a, r, ab, tangent, c0, c1, c2):
+    """Add M a + C v + K q and its tangent for scalar operators shared by all fields; bands : (3, n, 2 b + 1)."""
+    _, n, width = bands.shape
+    b = width // 2
+    band = (ab.shape[1] - 1) // 3
+    for i in range(n):
+        row = i * n_fields
+        for k in range(max(0, b - i), min(width, n + b - i)):
+            away = (k - b) * n_fields
+            m, c, stiffness = bands[0, i, k], bands[1, i, k], bands[2, i, k]
+            for at in range(row, row + n_fields):
+                r[at] += m * a[at + away] + c * v[at + away] + stiffness * q[at + away]
+            if tangent:
+                x = c2 * m + c1 * c + c0 * stiffness
+                for at in range(row, row + n_fields):
+                    ab[at, band + away] += x
+
+
+@compiled
+def add_contact(contact, q, v, a, r, ab, tangent, c0, c1, c2):
+    """Add the mass, see `Contact`."""
+    dofs, shape, m_row, c_row, k_row, load = contact
+    band = (ab.shape[1] - 1) // 3
+    for f in range(dofs.shape[1]):
+        force = load[f]
+        for j in range(dofs.shape[0]):
+            d = dofs[j, f]
+            force += m_row[j] * a[d] + c_row[j] * v[d] + k_row[j] * q[d]
+        for i in range(dofs.shape[0]):
+            row = dofs[i, f]
+            r[row] += shape[i] * force
+            if tangent:
+                for j in range(dofs.shape[0]):
+                    ab[row, band + dofs[j, f] - row] += shape[i] * (c2 * m_row[j] + c1 * c_row[j] + c0 * k_row[j])
+
+
+@compiled
+def add_catenary(mesh, cable, q, r, ab, tangent, c0):
+    """Add int (N t - T X') . phi' ds of the full cable; return the least mean tension of an element and its s."""
+    span, dofs, tab = mesh
+    n_el, n_loc = dofs.shape
+    alpha, sigma, slope, law = cable[0], cable[1], cable[2], cable[3]
+    band = (ab.shape[1] - 1) // 3
+    least = math.inf
+    where = 0.0
+    for e in range(n_el):
+        s_0, h = span[e, 0], span[e, 1]
+        total = 0.0
+        length = 0.0
+        for g in range(tab.shape[1]):
+            s = s_0 + h * tab[e, g, 0]
+            weight = tab[e, g, 1]
+            p = slope - sigma * s
+            T = math.sqrt(1.0 + p * p)
+            xp, yp = 1.0 / T, p / T
+            du = 0.0
+            dv = 0.0
+            for k in range(n_loc):
+                d = dofs[e, k]
+                if d >= 0:
+                    grad = tab[e, g, 2 + n_loc + k]
+                    du += grad * q[2 * d]
+                    dv += grad * q[2 * d + 1]
+            du /= h
+            dv /= h
+            fx, fy, k_geo, k_mat, _, _, eps = pull(xp, yp, T, du, dv, alpha, law)
+            total += weight * tension(eps, T, alpha, ELASTIC)[0]  # below zero where the cable is slack
+            length += weight
+            if tangent:
+                rx, ry = xp + du, yp + dv
+                scale = c0 * weight / h
+                j11 = scale * (k_geo + k_mat * rx * rx)
+                j12 = scale * k_mat * rx * ry
+                j22 = scale * (k_geo + k_mat * ry * ry)
+            for i in range(n_loc):
+                row = dofs[e, i]
+                if row < 0:
+                    continue
+                gi = tab[e, g, 2 + n_loc + i]
+                r[2 * row] += weight * gi * fx
+                r[2 * row + 1] += weight * gi * fy
+                if tangent:
+                    for j in range(n_loc):
+                        col = dofs[e, j]
+                        if col < 0:
+                            continue
+                        gg = gi * tab[e, g, 2 + n_loc + j]
+                        at = band + 2 * (col - row)
+                        ab[2 * row, at] += gg * j11
+                        ab[2 * row, at + 1] += gg * j12
+                        ab[2 * row + 1, at - 1] += gg * j12
+                        ab[2 * row + 1, at] += gg * j22
+        if least * length > total:
+            least, where = total / length, s_0 + 0.5 * h * (tab[e, 0, 0] + tab[e, -1, 0])
+    return least, where
+
+
+@compiled
+def add_chord(mesh, chord, q, r, ab, increment, tangent, c0):
+    """Add the internal force of the one-field models; return the tension along the chord, N = tau + h.
+
+    Tested with phi': tau w' + h (y_n' + kap w'), h = alpha eps, eps = lam int (y_n' w' + kap w'^2 / 2) ds;
+    chord = (alpha, tau, curvature, lam, kap, law), y_n' = curvature (1/2 - s).  With the tangent `increment` (n_dof,)
+    receives int (y_n' + kap w') phi' ds: the tangent is banded plus lam dN/deps increment increment^T.
+    """
+    span, dofs, tab = mesh
+    n_el, n_loc = dofs.shape
+    alpha, tau, curvature, lam, kap, law = chord[0], chord[1], chord[2], chord[3], chord[4], chord[5]
+    band = (ab.shape[1] - 1) // 3
+    eps = 0.0
+    n_q = tab.shape[1]
+    slope = np.empty((n_el, n_q))
+    for e in range(n_el):
+        s_0, h = span[e, 0], span[e, 1]
+        for g in range(n_q):
+            w = 0.0
+            for k in range(n_loc):
+                d = dofs[e, k]
+                if d >= 0:
+                    w += tab[e, g, 2 + n_loc + k] * q[d]
+            w /= h
+            slope[e, g] = w
+            y = curvature * (0.5 - (s_0 + h * tab[e, g, 0]))
+            eps += tab[e, g, 1] * h * (y * w + 0.5 * kap * w * w)
+    eps *= lam
+    N, dN, _ = tension(eps, tau, alpha, law)
+    h_t = N - tau
+    if tangent:
+        increment[:] = 0.0
+    for e in range(n_el):
+        s_0, h = span[e, 0], span[e, 1]
+        for g in range(n_q):
+            weight = tab[e, g, 1]
+            w = slope[e, g]
+            y = curvature * (0.5 - (s_0 + h * tab[e, g, 0])) + kap * w
+            f = tau * w + h_t * y
+            stiffness = c0 * weight / h * (tau + kap * h_t)
+            for i in range(n_loc):
+                row = dofs[e, i]
+                if row < 0:
+                    continue
+                gi = tab[e, g, 2 + n_loc + i]
+                r[row] += weight * gi * f
+                if tangent:
+                    if dN > 0.0:
+                        increment[row] += weight * gi * y
+                    for j in range(n_loc):
+                        col = dofs[e, j]
+                        if col >= 0:
+                            ab[row, band + col - row] += gi * tab[e, g, 2 + n_loc + j] * stiffness
+    return tension(eps, tau, alpha, ELASTIC)[0]
+
+
+@compiled
+def coupling(chord):
+    """Return alpha lam, the strength of `add_chord`'s increment in the tangent; meaningless for the full cable."""
+    return chord[0] * chord[3]
+
+
+@compiled
+def assemble(bands, mesh, cable, contact, q, v, a, r, work, tangent, c0, c1, c2):
+    """Set the residual of the cable with its mass and, if asked, the banded tangent; return as `add_catenary`.
+
+    One field per node is a one-field model, `add_chord`, whose tension is least at no place in particular.
+    """
+    n_fields = contact.dofs.shape[1]
+    r[:] = 0.0
+    if tangent:
+        work.ab[:] = 0.0
+    add_banded(bands, n_fields, q, v, a, r, work.ab, tangent, c0, c1, c2)
+    if n_fields == 2:
+        least, where = add_catenary(mesh, cable, q, r, work.ab, tangent, c0)
+    else:
+        least, where = add_chord(mesh, cable, q, r, work.ab, work.increment, tangent, c0), 0.5
+    add_contact(contact, q, v, a, r, work.ab, tangent, c0, c1, c2)
+    return least, where

@@ -1,0 +1,43 @@
+"""The cache of compiled functions: kept from run to run, and forgotten when any file of the folder changes."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import pytest
+
+USER = (
+    "from {package} import compiled\nfrom {package}.law import law\n\n@compiled\ndef twice(x):\n    return 2 * law(x)\n"
+)
+
+
+def fresh(name):
+    """Return the function as a new process would import it."""
+    for module in [module for module in sys.modules if module.partition(".")[0] == name]:
+        del sys.modules[module]
+    importlib.invalidate_caches()
+    return importlib.import_module(f"{name}.user").twice
+
+
+@pytest.mark.parametrize("whole", [True, False], ids=["all sources", "own source alone"])
+def test_a_law_that_changes_is_not_missed_by_who_has_taken_it_in(tmp_path, monkeypatch, whole):
+    name = f"house_{whole}".lower()
+    monkeypatch.syspath_prepend(tmp_path)
+    folder = tmp_path / name
+    folder.mkdir()
+    decorator = (
+        "from cablefem.compiled import compiler\ncompiled = compiler(__file__)\n"
+        if whole
+        else "from numba import njit\ncompiled = njit(cache=True)\n"
+    )
+    (folder / "__init__.py").write_text(decorator)
+    (folder / "user.py").write_text(USER.format(package=name))
+    law = f"from {name} import compiled\n\n@compiled\ndef law(x):\n    return x + {{}}\n"
+    (folder / "law.py").write_text(law.format(1))
+    assert fresh(name)(3) == 8
+    again = fresh(name)
+    assert again(3) == 8
+    assert again.stats.cache_hits
+    (folder / "law.py").write_text(law.format("10  # changed"))
+    assert (fresh(name)(3) == 26) is whole
