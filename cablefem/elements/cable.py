@@ -122,7 +122,7 @@ class CableElements:
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self._n_dof)
-        self._assemble(t, q, v, a, phase, r, False, 0.0, 0.0, 0.0)
+        self._assemble(t, q, v, a, phase, r, 0.0, 0.0, 0.0)
         return r
 
     def linearise(
@@ -134,10 +134,10 @@ class CableElements:
             work = self._complex_work
             work.ab[:] = 0.0
             for factor, *one in zip((c0, c1, c2), *np.eye(3).tolist(), strict=True):
-                self._assemble(t, q, v, a, phase, r, True, *one)
+                self._assemble(t, q, v, a, phase, r, *one)
                 work.ab[:] += factor * self._work.ab
         else:
-            self._assemble(t, q, v, a, phase, r, True, c0, float(c1.real), float(c2.real))
+            self._assemble(t, q, v, a, phase, r, c0, float(c1.real), float(c2.real))
         if not factorise_coupled(work, c0 * coupling(self._cable)):
             return r, lambda b: np.full_like(b, math.nan)  # singular: the driver takes NaN for a stalled step
 
@@ -238,16 +238,15 @@ class CableElements:
             self._cable = np.array([g.alpha, tau, g.sigma * g.chord_cos / tau, *STRETCHING[self.model], flag])
 
     def _assemble(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, tangent: bool,
-        c0: float, c1: float, c2: float,
-    ) -> None:  # fmt: skip
-        """Set r and, if asked, the banded tangent in the workspace; note the least tension."""
+        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, c0: float, c1: float, c2: float
+    ) -> None:
+        """Set r and, unless c0, c1, c2 vanish, the banded tangent in the workspace; note the least tension."""
         if self._at != (t, phase):
             self._time(t, phase)
             self._at = (t, phase)
             combine(self._operators, self._coefficients, self._bands)
         self.least_tension = assemble(
-            self._bands, self._mesh, self._cable, self._contact, q, v, a, r, self._work, tangent, c0, c1, c2
+            self._bands, self._mesh, self._cable, self._contact, q, v, a, r, self._work, c0, c1, c2
         )
 
     def _static(self, s_o: Any) -> tuple[Array, Array, Array]:

@@ -285,7 +285,7 @@ class RollingElements(FollowingElements):
     def _roll(self, car: kernels.Car, q: Array, v: Array, a: Array, r: Array, *c: float) -> tuple[float, ...]:
         """Set r and, given c, the tangent; return what `kernels.roll` does."""
         of = self._mesh, self._rolling, self._cable, car, q, v, a, r, self._work.ab
-        seen = kernels.roll(*of, bool(c), *(c or (0.0, 0.0, 0.0)))
+        seen = kernels.roll(*of, *(c or (0.0, 0.0, 0.0)))
         self.least_tension = seen[:2]
         return seen
 

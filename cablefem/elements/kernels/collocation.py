@@ -30,7 +30,7 @@ def balances(meshes, cable, contacts, bands, q, v, a, r, work):
     least, where, square = math.inf, 0.0, 0.0
     for i in range(a.shape[0]):
         least, where = assemble(
-            bands[i], Mesh(*meshes[i]), cable, Contact(*contacts[i]), q[i], v[i], a[i], r[i], work, False, 0.0, 0.0, 0.0
+            bands[i], Mesh(*meshes[i]), cable, Contact(*contacts[i]), q[i], v[i], a[i], r[i], work, 0.0, 0.0, 0.0
         )
         for j in range(a.shape[1]):
             square += r[i, j] * r[i, j]
@@ -65,7 +65,7 @@ def collocate(
         if anew:
             for k in range(3):
                 at_middle = bands[middle], mesh, cable, contact, q[middle], v[middle], a[middle], da[0], real_work
-                assemble(*at_middle, True, one[k, 0], one[k, 1], one[k, 2])
+                assemble(*at_middle, one[k, 0], one[k, 1], one[k, 2])
                 parts[k] = real_work.ab
             for k in range(m):
                 c1 = dt * values[k]
