@@ -18,7 +18,7 @@ from cablefem.elements.kernels.banded import Tangent, factorise_coupled, solve_c
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY, pulls
 from cablefem.elements.kernels.newton import settle
 from cablefem.elements.kernels.observe import cable_energy, chord_energy
-from cablefem.newmark import Newton, Settled, Solve, State, Tableau, collocate
+from cablefem.newmark import Newton, Settled, Solve, State, Tableau
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 
@@ -161,8 +161,6 @@ class CableElements:
     def collocate(
         self, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
     ) -> Settled:
-        if type(self).residual is not CableElements.residual:
-            return collocate(self, t, dt, phase, start, a, rule, bound, newton)  # the kernel knows no other balance
         meshes, contacts, coefficients = [], [], []
         for instant in (*t.tolist(), t[-1])[:3]:  # compiled for three nodes, two are filled up
             self._time(float(instant), phase)
@@ -170,10 +168,16 @@ class CableElements:
             contacts.append((*self._contact[:-1], self._contact.load.copy()))
             coefficients.append(self._coefficients.copy())
         self._at = None
+        bands = np.empty((3, *self._bands.shape))
+        grip = self._operators, tuple(coefficients), bands, tuple(meshes), tuple(contacts)
+        return self._collocated(grip, None, dt, start, a, rule, bound, newton)
+
+    def _collocated(
+        self, grip: Any, ride: Any, dt: float, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
+    ) -> Settled:
         *done, least, where = collocation.collocate(
-            self._operators, tuple(coefficients), np.empty((3, *self._bands.shape)), tuple(meshes), self._cable,
-            tuple(contacts), tuple(self._work), tuple(self._complex_work), start, dt, rule.numbers, a, bound,
-            newton.max_iter, newton.reuse, newton.patience,
+            grip, ride, tuple(self._mesh), self._cable, tuple(self._work), tuple(self._complex_work), start, dt,
+            rule.numbers, a, bound, newton.max_iter, newton.reuse, newton.patience,
         )  # fmt: skip
         self.least_tension = least, where
         return Settled(*done)

@@ -26,7 +26,7 @@ from cablefem.elements.cable import Array
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels import car as kernels
 from cablefem.elements.kernels.newton import settle
-from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, consistent_acceleration
+from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, Tableau, consistent_acceleration
 from cablefem.newmark.energy_rule import average
 from cablefem.newmark.newton import find_root
 from cablefem.response import Observation, States
@@ -148,6 +148,14 @@ class RollingElements(FollowingElements):
         *done, least, where = settle(None, ride, *of, newton.max_iter, newton.reuse, 0)
         self.least_tension = least, where
         return Settled(*done)
+
+    def collocate(
+        self, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
+    ) -> Settled:
+        instants = (*t.tolist(), float(t[-1]))[:3]  # compiled for three nodes, two are filled up
+        cars = tuple(tuple(self._car(x, phase, self._heading or start[1, -1])) for x in instants)
+        ride = tuple(self._rolling), tuple(self._complex_rolling), cars
+        return self._collocated(None, ride, dt, start, a, rule, bound, newton)
 
     def averaged(self, start: State, end: State) -> Array:
         """Return the residual of a step of the energy rule, see `cablefem.newmark.energy_rule.Averaged`."""
