@@ -71,7 +71,7 @@ class RollingElements(FollowingElements):
         self._settled = 2.0 / math.sqrt(groups.alpha)  # an axial wave's way to and fro: a standstill that lasts
         self._n_dof += 1
         ends = np.stack([self.left.evaluate(np.array(1.0))[2], self.right.evaluate(np.array(0.0))[2]])
-        border = np.empty((3, self._n_dof - 1)), np.empty(1)
+        border = np.zeros((3, self._n_dof - 1)), np.zeros(1)
         self._rolling = kernels.Rolling(self._n_left, ends.reshape(2, -1), *border)
         self._complex_rolling = self._rolling._replace(border=border[0] + 0j, corner=border[1] + 0j)
         self._rest()
