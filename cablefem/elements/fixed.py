@@ -215,9 +215,6 @@ class FixedElements(CableElements):
             r[dofs] += np.outer(N, self.inertia * a[p] - m_row @ a[dofs])
 
     # --- observation -----------------------------------------------------------------------------------
-    def _mesh_at(self, s_o: float, ds: float) -> Mesh:
-        return self._mesh
-
     def _evaluate(self, s: Array, side: str) -> tuple[NDArray[np.int64], Array]:
         """Return unknowns (m, n_loc), counted from 1, supports 0, and N, N', N'' (3, n_loc, m); side at a node."""
         x = s * self.elements

@@ -356,7 +356,8 @@ class RollingElements(FollowingElements):
 
     # --- observation -----------------------------------------------------------------------------------
     def _split(self, states: States) -> tuple[States, Array]:
-        cable = States(states.t, states.q[:, :-1], states.v[:, :-1], states.a[:, :-1], states.phase)
+        q, v, a = (np.ascontiguousarray(x[:, :-1]) for x in (states.q, states.v, states.a))
+        cable = States(states.t, q, v, a, states.phase)
         if not self.free:
             return super()._split(cable)[0], super()._split(states)[1]
         return cable, np.stack([states.q[:, -1], states.v[:, -1], states.a[:, -1]], axis=1)

@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 from cablefem import Scene
 from cablefem.elements.fixed import FixedElements
+from cablefem.elements.kernels.balance import follow
 from cablefem.elements.kernels.observe import cable_energy
 from cablefem.elements.rolling import AVERAGE, RollingElements, following
 from cablefem.newmark import Newton, State, Work, integrate, iterate, scheme, step_times
@@ -45,7 +46,8 @@ def ride(system, t, steps, method="generalized-alpha", **kw):
 def lagrangian(system, q, v):
     """L of cable and car at unknowns (q, s_o) and their rates, from the energies."""
     g, s_o, ds = system.groups, q[-1], v[-1]
-    kinetic, strain, potential, *_ = cable_energy(system._mesh_at(s_o, ds), system._cable, q[:-1], v[:-1])
+    follow(s_o, ds, 0.0, system._n_left, np.empty((8, 3)), system._mesh.span)
+    kinetic, strain, potential, *_ = cable_energy(system._mesh, system._cable, q[:-1], v[:-1])
     _, xp, yp, _, _ = g.static(s_o)
     m = 2 * system.node
     velocity = v[m : m + 2] + ds * np.array([xp, yp])

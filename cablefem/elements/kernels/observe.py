@@ -1,4 +1,7 @@
-"""What is seen of a state: fields and recovered forces along a following mesh, energies, pointwise tension."""
+"""What is seen of states: fields and recovered forces along a following mesh, energies, pointwise tension.
+
+A history is q, v, a (n, n_dof) and kinematics (n, 3): s_o, ds_o, dds_o; `frames` are rows of it.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import math
 import numpy as np
 
 from cablefem.elements.kernels import compiled
+from cablefem.elements.kernels.balance import follow
 from cablefem.elements.kernels.law import ELASTIC, pull, tension
 
 
@@ -53,6 +57,14 @@ def sample(knots, shapes, dofs, s_o, ds, s, q, v, out):
                 out[0, p, f] += value * w
                 out[1, p, f] += value * v[n_fields * d + f] - pull * slope * w
                 out[2, p, f] += slope * w
+
+
+@compiled
+def samples(knots, shapes, dofs, kinematics, frames, s, q, v, out):
+    """Set `sample` of the frames of a history, out (k, 3, m, n_fields)."""
+    for k in range(frames.size):
+        i = frames[k]
+        sample(knots, shapes, dofs, kinematics[i, 0], kinematics[i, 1], s, q[i], v[i], out[k])
 
 
 @compiled
@@ -170,6 +182,40 @@ def sample_forces(knots, shapes, dofs, node, s_o, ds, dds, s, q, v, a, ends, out
 
 
 @compiled
+def carried(mesh, n_left, node, cable, knots, shapes, kinematics, rise, frames, s, q, v, a, ends, along):
+    """Set `end_forces` of a history, ends (n, 4, n_fields), and `sample_forces` of its frames, along (k, m, n_fields).
+
+    mesh : following; its span is overwritten.
+    """
+    unused = np.empty((8, 3))
+    for i in range(rise.size):
+        follow(kinematics[i, 0], kinematics[i, 1], kinematics[i, 2], n_left, unused, mesh.span)
+        end_forces(mesh, n_left, node, cable, kinematics[i, 2], rise[i], q[i], v[i], a[i], ends[i])
+        if kinematics[i, 0] == 0.0:  # the left part has no length yet
+            ends[i, 0], ends[i, 1] = ends[i, 2], ends[i, 2]
+    for k in range(frames.size):
+        i = frames[k]
+        s_o, ds, dds = kinematics[i]
+        sample_forces(knots, shapes, mesh.dofs, node, s_o, ds, dds, s, q[i], v[i], a[i], ends[i], along[k])
+
+
+@compiled
+def energies(mesh, n_left, cable, n_fields, kinematics, q, v, parts, least, where):
+    """Set energies (3, n): kinetic, of strain, of weight; least tension and its s (n,) of a history.
+
+    n_left : None where the mesh rests; else its span is overwritten.
+    """
+    unused = np.empty((8, 3))
+    for i in range(least.size):
+        if n_left is not None:
+            follow(kinematics[i, 0], kinematics[i, 1], 0.0, n_left, unused, mesh.span)
+        if n_fields == 2:
+            parts[0, i], parts[1, i], parts[2, i], least[i], where[i] = cable_energy(mesh, cable, q[i], v[i])
+        else:
+            parts[0, i], parts[1, i], least[i] = chord_energy(mesh, cable, q[i], v[i])
+
+
+@compiled
 def cable_energy(mesh, cable, q, v):
     """Return int |w.|^2/2 ds, int W ds, -int sigma v ds, the pointwise least tension and its s; full cable.
 
@@ -183,6 +229,8 @@ def cable_energy(mesh, cable, q, v):
     where = 0.0
     for e in range(n_el):
         s_0, h = span[e, 0], span[e, 1]
+        if h == 0.0:  # the left part has no length yet
+            continue
         for g in range(tab.shape[1]):
             xi = tab[e, g, 0]
             s = s_0 + h * xi
@@ -220,6 +268,8 @@ def chord_energy(mesh, chord, q, v):
     eps = 0.0
     for e in range(n_el):
         s_0, h = span[e, 0], span[e, 1]
+        if h == 0.0:  # the left part has no length yet
+            continue
         for g in range(tab.shape[1]):
             xi = tab[e, g, 0]
             c = span[e, 2] + span[e, 3] * xi
