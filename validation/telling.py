@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from validation import terminal
 from validation.core import measures
 from validation.core.methods import find
+from validation.core.quantities import told, with_bar
 
 if TYPE_CHECKING:
     from cablefem.response import Response
@@ -16,39 +17,51 @@ if TYPE_CHECKING:
 
 
 def rows(verdicts: Sequence[Agreement]) -> None:
-    """Print rows of a verdict; how bounds came about stands in the files."""
+    """Print rows of a verdict, laws that hold as one, and below the table why a bound is what it is where one bites."""
     cells = []
-    for row in verdicts:
+    for row, name in _condensed(verdicts):
         gap, allowed = (f"{x:.1e}" if math.isfinite(x) else "-" for x in (row.gap, row.allowed))
-        cells.append([
-            " ".join(x for x in (row.quantity, row.law, row.party) if x), gap, allowed,
-            "-" if row.where is None else f"{row.where:.3f}", row.verdict.value,
-            row.bound.line(),
-        ])  # fmt: skip
-    columns = ["quantity", "gap", "allowed", "at s_o/l", "verdict", "because"]
+        cells.append([name, gap, allowed, "-" if row.where is None else f"{row.where:.3f}", row.verdict.value])
+    columns = ["quantity", "gap", "allowed", "at s_o/l", "verdict"]
     if all(row.where is None for row in verdicts):
         columns, cells = columns[:3] + columns[4:], [row[:3] + row[4:] for row in cells]
     terminal.table(columns, cells, right=["gap", "allowed", "at s_o/l"])
+    for row in verdicts:
+        if row.verdict.value != "agree":
+            terminal.say(f"  {_name(row)}: {row.bound.line()}", style=terminal.STYLES[row.verdict.value])
+
+
+def _condensed(verdicts: Sequence[Agreement]) -> list[tuple[Agreement, str]]:
+    """Return rows and their names; of the laws in SI that hold only the one nearest to its limit."""
+    held = [row for row in verdicts if row.quantity == "laws_si" and row.verdict.value == "agree"]
+    nearest = max(held, key=lambda row: row.gap / row.allowed if row.allowed else 0.0, default=None)
+    return [
+        (row, _name(row) if row is not nearest or len(held) < 2 else f"{_name(row)}; {len(held) - 1} more hold")
+        for row in verdicts
+        if row not in held or row is nearest
+    ]
+
+
+def _name(row: Agreement) -> str:
+    return " ".join(x for x in (row.quantity, row.law, row.party) if x)
 
 
 def answer(r: Response) -> None:
-    """Print what a run was asked for and the few numbers one wants first."""
-    at = int(r.v.argmax())
-    error = "" if r.path_error is None else f" +- {r.path_error * measures.path_scale(r):.2g}"
+    """Print what a run was asked for, its design numbers, what happened on the way, and how far it went."""
     terminal.say(f"{r.scene}, {r.method}: {short(r)}")
-    terminal.say(
-        f"  largest deflection of the mass {r.max_deflection:.5g}{error} m, "
-        f"at s_o/l = {r.s_o[at] / r.length:.3f}, t = {r.t[at]:.4g} s"
-    )
-    for row in r.design:
-        if row["quantity"] != "slack_onset":
-            value = f"{row['quantity'].replace('_', ' '):<30}{_barred(row['value'], row['bar'])} {row['unit']}"
-            where = f"at s/l = {row['s'] / r.length:.3f} with the mass at {row['s_o'] / r.length:.3f}"
-            terminal.say(f"  {value}, {where}")
+    numbers = [told(row, r.length) for row in r.design if row["quantity"] != "slack_onset"]
+    columns = ["what", "value", "t", "mass", "at"]
+    heads = ["design number", "value", "when", "mass at s_o/l", "at s/l"]
+    terminal.table(heads, [[row[key] for key in columns] for row in numbers], right=heads[2:])
+    if r.path_error is not None:
+        everywhere = "" if r.drive == "free" else " wherever paths are compared"
+        terminal.say(f"  mass path ± {r.path_error * measures.path_scale(r):.2g} m{everywhere}")
     for x in r.events:
         if x["event"] in ("brake", "arrival", "stop", "turn", "thrust_end", "lift_off"):
-            t, s_o, v = (_barred(x[name], x.get(f"bar_{name}")) for name in ("t", "s_o", "speed"))
-            speed = f", {v} m/s = {3.6 * x['speed']:.4g} km/h" if x["event"] not in ("stop", "turn") else ""
+            t, s_o = (with_bar(x[name], x.get(f"bar_{name}")) for name in ("t", "s_o"))
+            v, bar = x["speed"], x.get("bar_speed")
+            speed = f", {with_bar(v, bar)} m/s = {with_bar(3.6 * v, bar and 3.6 * bar)} km/h"
+            speed = "" if x["event"] in ("stop", "turn") else speed
             terminal.say(f"  {x['event'].replace('_', ' '):<12}after {t} s at {s_o} m{speed}")
     if r.slack_onset is not None:
         after = {
@@ -57,14 +70,11 @@ def answer(r: Response) -> None:
             "tension-only": "where the tension-only law lets it hang",
         }[r.law]
         first = "" if r.slack_at is None else f" at s/l = {r.slack_at:.3f} first,"
-        terminal.say(f"  slack from s_o/l = {r.slack_onset:.3f} on,{first} {after}")
+        bar = next((row["bar"] for row in r.design if row["quantity"] == "slack_onset"), None)
+        terminal.say(f"  slack from s_o/l = {with_bar(r.slack_onset, bar)} on,{first} {after}")
     terminal.say(f"  {r.status}, to s_o/l = {r.reached:.5g}: {r.work['steps']} steps in {r.seconds:.2g} s")
     for line in map(str, r.flags) if r.reason is None else [r.reason]:
         terminal.say(f"  {line}", style="yellow")
-
-
-def _barred(value: float, bar: float | None) -> str:
-    return f"{value:.5g}" if bar is None else f"{value:.5g} +- {bar:.2g}"
 
 
 def short(r: Response) -> str:

@@ -18,7 +18,7 @@ from cablefem.elements.kernels.banded import Tangent, factorise_coupled, solve_c
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY, pulls
 from cablefem.elements.kernels.newton import settle
 from cablefem.elements.kernels.observe import energies
-from cablefem.newmark import Newton, Settled, Solve, State, Tableau, collocate
+from cablefem.newmark import Newton, Settled, Solve, State, Tableau
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 
@@ -123,7 +123,7 @@ class CableElements:
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self._n_dof)
-        self._assemble(t, q, v, a, phase, r, False, 0.0, 0.0, 0.0)
+        self._assemble(t, q, v, a, phase, r, 0.0, 0.0, 0.0)
         return r
 
     def linearise(
@@ -135,10 +135,10 @@ class CableElements:
             work = self._complex_work
             work.ab[:] = 0.0
             for factor, *one in zip((c0, c1, c2), *np.eye(3).tolist(), strict=True):
-                self._assemble(t, q, v, a, phase, r, True, *one)
+                self._assemble(t, q, v, a, phase, r, *one)
                 work.ab[:] += factor * self._work.ab
         else:
-            self._assemble(t, q, v, a, phase, r, True, c0, float(c1.real), float(c2.real))
+            self._assemble(t, q, v, a, phase, r, c0, float(c1.real), float(c2.real))
         if not factorise_coupled(work, c0 * coupling(self._cable)):
             return r, lambda b: np.full_like(b, math.nan)  # singular: the driver takes NaN for a stalled step
 
@@ -162,8 +162,6 @@ class CableElements:
     def collocate(
         self, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
     ) -> Settled:
-        if type(self).residual is not CableElements.residual:
-            return collocate(self, t, dt, phase, start, a, rule, bound, newton)  # the kernel knows no other balance
         meshes, contacts, coefficients = [], [], []
         for instant in (*t.tolist(), t[-1])[:3]:  # compiled for three nodes, two are filled up
             self._time(float(instant), phase)
@@ -171,10 +169,16 @@ class CableElements:
             contacts.append((*self._contact[:-1], self._contact.load.copy()))
             coefficients.append(self._coefficients.copy())
         self._at = None
+        bands = np.empty((3, *self._bands.shape))
+        grip = self._operators, tuple(coefficients), bands, tuple(meshes), tuple(contacts)
+        return self._collocated(grip, None, dt, start, a, rule, bound, newton)
+
+    def _collocated(
+        self, grip: Any, ride: Any, dt: float, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
+    ) -> Settled:
         *done, least, where = collocation.collocate(
-            self._operators, tuple(coefficients), np.empty((3, *self._bands.shape)), tuple(meshes), self._cable,
-            tuple(contacts), tuple(self._work), tuple(self._complex_work), start, dt, rule.numbers, a, bound,
-            newton.max_iter, newton.reuse, newton.patience,
+            grip, ride, tuple(self._mesh), self._cable, tuple(self._work), tuple(self._complex_work), start, dt,
+            rule.numbers, a, bound, newton.max_iter, newton.reuse, newton.patience,
         )  # fmt: skip
         self.least_tension = least, where
         return Settled(*done)
@@ -235,16 +239,15 @@ class CableElements:
             self._cable = np.array([g.alpha, tau, g.sigma * g.chord_cos / tau, *STRETCHING[self.model], flag])
 
     def _assemble(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, tangent: bool,
-        c0: float, c1: float, c2: float,
-    ) -> None:  # fmt: skip
-        """Set r and, if asked, the banded tangent in the workspace; note the least tension."""
+        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, c0: float, c1: float, c2: float
+    ) -> None:
+        """Set r and, unless c0, c1, c2 vanish, the banded tangent in the workspace; note the least tension."""
         if self._at != (t, phase):
             self._time(t, phase)
             self._at = (t, phase)
             combine(self._operators, self._coefficients, self._bands)
         self.least_tension = assemble(
-            self._bands, self._mesh, self._cable, self._contact, q, v, a, r, self._work, tangent, c0, c1, c2
+            self._bands, self._mesh, self._cable, self._contact, q, v, a, r, self._work, c0, c1, c2
         )
 
     def _static(self, s_o: Any) -> tuple[Array, Array, Array]:

@@ -18,9 +18,10 @@ from markupsafe import Markup
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.commands.check import page as check
-from validation.commands.check.figures import gap_of, path_of, scale_of
+from validation.commands.check.figures import gap_of, path_of
 from validation.commands.check.stored import read
 from validation.core.bounds import Bound, Part, nothing
+from validation.core.quantities import scale_of
 from validation.page import page
 from validation.page.player import player
 

@@ -121,9 +121,10 @@ def agree(
     except NotComparable as error:
         return [Agreement("path_max", math.nan, nothing(error)), *rows]
     H, axial = scene.horizontal_tension, 2.0 * scene.length / scene.axial_speed
-    smooth, ringing, raw = (partial(_compared, a, b, window, orders) for orders in (_own, _ringing(axial), _first))
+    kinds = _of_path, _own, _ringing(axial), _first
+    on_path, smooth, ringing, raw = (partial(_compared, a, b, window, orders) for orders in kinds)
     where = measures.place_of_gap(a.response, b.response, window)
-    path = [replace(smooth("path_max", _path(0)), where=where), smooth("path_rms", _path(1))]
+    path = [replace(on_path("path_max", _path(0)), where=where), on_path("path_rms", _path(1))]
     pointwise, means = [ringing("tension", measures.tension_gap)], []
     for name, of in (
         ("tension_behind", partial(_series, "T_behind", H)), ("tension_ahead", partial(_series, "T_ahead", H)),
@@ -157,8 +158,12 @@ RESOLVED = 20.0
 Weights = Callable[[Estimated], tuple[float, float, str]]
 
 
+def _of_path(e: Estimated) -> tuple[float, float, str]:
+    return (*e.path_weights, e.basis)
+
+
 def _own(e: Estimated) -> tuple[float, float, str]:
-    """Weights of the changes by half the resolution and half the steps, as for the path."""
+    """Weights of the changes by half the resolution and half the steps, as for the path where no ladder tells more."""
     return (*e.weights, e.basis)
 
 

@@ -38,10 +38,16 @@ class Estimated:
     basis: str  # one sentence: where the bar comes from
     extrapolated: bool = False
     late: Response | None = None  # half of both, to where a slack cable is still compared
+    of_path: float = 1.0  # how much more the path's own ladder says than the companions do
 
     def bar(self, gap: Callable[[Response, Response], float]) -> float:
         """Return the error bar of a quantity from its gaps to the companions."""
         return self.weights[0] * gap(self.run, self.in_space) + self.weights[1] * gap(self.run, self.in_time)
+
+    @property
+    def path_weights(self) -> tuple[float, float]:
+        """What is left of the gaps to the companions in the path of the finest run."""
+        return self.of_path * self.weights[0], self.of_path * self.weights[1]
 
     @property
     def runs(self) -> tuple[Response, ...]:
@@ -132,7 +138,9 @@ def past_slack(scene: Scene, method: Method, e: Estimated) -> Estimated:
 
 
 def weighted(e: Estimated, factor: float) -> Estimated:
-    """Return the same runs with all bars times a factor."""
+    """Return the same runs with all bars times a factor; above 1 those of the path alone."""
+    if factor > 1.0:
+        return _with_bars(replace(e, of_path=factor))
     return _with_bars(replace(e, weights=(factor * e.weights[0], factor * e.weights[1])))
 
 
@@ -144,7 +152,7 @@ def _with_bars(e: Estimated) -> Estimated:
     except measures.NotComparable as error:
         return _flagged(e, "no bar", why=str(error))
     parts = {
-        "path_space": e.weights[0] * gaps[0], "path_time": e.weights[1] * gaps[1],
+        "path_space": e.path_weights[0] * gaps[0], "path_time": e.path_weights[1] * gaps[1],
         "tension_space": e.weights[0] * tension[0], "tension_time": e.weights[1] * tension[1],
     }  # fmt: skip
     bars = {

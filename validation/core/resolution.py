@@ -172,7 +172,8 @@ def resolved(
 ) -> Estimated:
     """Return the run of `resolve`, or the finest within reach, with companions for the bars of everything else.
 
-    The path's bar is that of its own ladder, which has seen the orders, and the companions' bars are scaled with it.
+    The path's bar is that of its own ladder, which has seen the orders; where it is smaller than the companions say,
+    theirs of everything else are scaled with it.
     """
     method = find(method) if isinstance(method, str) else method
     made: list[Response] = []

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cablefem.elements.kernels import compiled
-from cablefem.elements.kernels.banded import dot, factorise, solve
+from cablefem.elements.kernels.banded import copy, dot, factorise, solve, subtract
 from cablefem.elements.kernels.law import ELASTIC, pull, tension
 
 FREE, HAUL, HELD = 0, 1, 2
@@ -77,8 +77,8 @@ def mean_tangent(dofs, ends, n_left, s_o, xp, yp, q):
 
 
 @compiled
-def roll(mesh, rolling, cable, car, q, v, a, r, ab, tangent, c0, c1, c2):
-    """Set the residual of the cable with a car that rolls and, if asked, its bordered tangent.
+def roll(mesh, rolling, cable, car, q, v, a, r, ab, c0, c1, c2):
+    """Set the residual of the cable with a car that rolls and, unless c0, c1, c2 vanish, its bordered tangent.
 
     Return the least mean tension of an element and its s, the left side of the row of s_o, the normal force with which
     the car presses on the cable, and the mean |r'| at the car.
@@ -99,6 +99,7 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, tangent, c0, c1, c2):
     n, m = q.size - 1, car.node
     s_o, ds, dds = (car.s_o, car.ds, car.dds) if car.mode == HAUL else (q[n], v[n], a[n])
     r[:] = 0.0
+    tangent = c0 != 0.0 or c1 != 0.0 or c2 != 0.0
     if tangent:
         ab[:] = 0.0
         rolling.border[:] = 0.0
@@ -344,7 +345,7 @@ def factorise_bordered(work, rolling):
     column, row, solved = rolling.border
     regular = factorise(work.ab, work.pivots)
     if regular:
-        solved[:] = column
+        copy(column, solved)
         solve(work.ab, work.pivots, solved)
         rolling.corner[0] -= dot(row, solved)
     return regular and rolling.corner[0] != 0.0
@@ -356,5 +357,5 @@ def solve_bordered(work, rolling, b):
     x = b[:-1]
     solve(work.ab, work.pivots, x)
     last = (b[-1] - dot(rolling.border[1], x)) / rolling.corner[0]
-    x -= last * rolling.border[2]
+    subtract(last, rolling.border[2], x)
     b[-1] = last

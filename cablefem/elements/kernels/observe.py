@@ -157,8 +157,9 @@ def sample_forces(knots, shapes, dofs, node, s_o, ds, dds, s, q, v, a, ends, out
     for p in range(s.size):
         side, h, xi, low, length, x = locate(knots, s_o, s[p])
         chi, sign = (xi, 1.0) if side == 0 else (1.0 - xi, -1.0)
-        at[0] = 0.0
-        at[1] = total[side, low]
+        for j in range(3):
+            for i in range(n_fields):
+                at[0, j, i], at[1, j, i] = 0.0, total[side, low, j, i]
         for k in range(n_loc):
             d = dofs[side * n_el + low, k]
             if d < 0:

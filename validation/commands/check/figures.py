@@ -17,6 +17,7 @@ from cablefem.scene import Scene
 from validation.commands.check.stored import Solver, Stored
 from validation.core import measures
 from validation.core.measures import Window
+from validation.core.quantities import scale_of
 from validation.page.plot import (
     BLACK,
     BLUE,
@@ -35,17 +36,6 @@ from validation.page.plot import (
 
 LOOK = ((BLUE, ""), (VERMILLION, DASHED))
 Of = Callable[[Response], Array]  # a series of a run, (n,) or (n, c)
-
-
-def scale_of(values: Array, unit: str) -> tuple[float, str]:
-    """Return a factor and the unit's name with its prefix, so that the largest value has one to four digits."""
-    largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
-    if unit == "m":
-        return (1.0, "m") if largest >= 0.1 or largest == 0.0 else (1e3, "mm")
-    for factor, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")) if unit in ("N", "J") else ():
-        if largest >= 2.0 * factor:
-            return 1.0 / factor, prefix + unit
-    return 1.0, unit
 
 
 def gap_of(a: Response, b: Response, of: Of) -> tuple[Array, Array]:

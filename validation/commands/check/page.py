@@ -5,7 +5,6 @@ Read from the folder that `study.Check.write` wrote; what is missing there is na
 
 from __future__ import annotations
 
-import math
 import platform
 import re
 from functools import partial
@@ -18,13 +17,13 @@ from markupsafe import Markup, escape
 
 from cablefem.response import Array, Response
 from validation.commands.check import figures as draw
-from validation.commands.check.figures import scale_of
 from validation.commands.check.shared import SHARED
 from validation.commands.check.stored import Solver, Stored, read
 from validation.core import measures
 from validation.core.bounds import Bound
 from validation.core.measures import NotComparable
 from validation.core.methods import METHODS
+from validation.core.quantities import named, scale_of, told, with_bar
 from validation.core.trust import Reach, reach
 from validation.page.page import (
     VERDICTS,
@@ -60,12 +59,6 @@ QUANTITIES = {
     "laws_si": ("Mechanics in SI", ""),
     "energy": ("Energy balance, rms defect", "work"),
 }
-DESIGN = {
-    "tension_max": "largest tension", "tension_min": "least tension", "deepest_point": "deepest point of the cable",
-    "mass_deepest": "deepest place of the mass", "mass_deflection_max": "largest deflection of the mass",
-    "contact_max": "largest force of the mass on the cable", "contact_min": "least force of the mass on the cable",
-    "haul_force_max": "largest haul force", "speed_max": "top speed", "slack_onset": "slack onset",
-}  # fmt: skip
 LAWS = ("impulse", "laws_si", "energy")  # rows about one answer and mechanics
 
 
@@ -123,38 +116,14 @@ def _verdict(x: Stored, gone: Markup) -> Section:
 
 def _design(x: Stored) -> Markup:
     """Return the numbers a design asks for, each with its bar, where and when."""
-    rows = []
-    for d in x.design:
-        value, bar = d["value"], d.get("bar")
-        factor, name = _units(d)
-        rows.append({
-            "what": _named(d["quantity"]), "value": _with_bar(factor * value, bar and factor * bar),
-            "unit": name, "t": None if d.get("t") is None else f"{d['t']:.4g} s",
-            "where": None if d.get("s_o") is None else f"{d['s_o'] / x.scene.length:.3f}",
-            "at": None if d.get("s") is None else f"{d['s'] / x.scene.length:.3f}",
-        })  # fmt: skip
-    heads = {
-        "what": "quantity", "value": "value", "unit": "unit", "t": "when", "where": "mass at sₒ/l", "at": "at s/l",
-    }  # fmt: skip
-    return table(rows, heads, caption="Design numbers") if rows else Markup("")
+    rows = [(row := told(d, x.scene.length)) | {"value": _set(row["value"])} for d in x.design]
+    heads = {"what": "quantity", "value": "value", "t": "when", "mass": "mass at sₒ/l", "at": "at s/l"}
+    return table(rows, heads, caption="Design numbers", stack=True) if rows else Markup("")
 
 
-def _units(d: dict[str, Any]) -> tuple[float, str]:
-    return (3.6, "km/h") if d["unit"] == "m/s" else scale_of(np.array([d["value"]]), d["unit"])
-
-
-def _named(quantity: str) -> str:
-    return DESIGN.get(quantity) or re.sub("(.*)_max", r"largest \1", quantity).replace("_", " ")
-
-
-def _with_bar(value: float, bar: float | None) -> str:
-    """Return a value to the digits that its error bar leaves."""
-    if abs(value) < 1e-9:
-        return "0"
-    if not bar or not math.isfinite(bar):
-        return number(value, 4)
-    digits = max(0, 1 - math.floor(math.log10(bar)))
-    return f"{value:.{digits}f}\u202f±\u202f{bar:.{digits}f}".replace("-", "−")
+def _set(text: str) -> str:
+    """Return a number with its bar and unit as it is set: a minus sign, no line break within."""
+    return text.replace(" ± ", "\u202f±\u202f").replace("-", "−")
 
 
 def _rows(x: Stored, rows: list[dict[str, Any]]) -> Markup:
@@ -252,7 +221,7 @@ def _facts(s: Solver, x: Stored) -> dict[str, str]:
     i = int(np.argmax(r.v))
     at = float(r.s_o[i] / r.length)
     inside = r.path_error and x.window[0] <= at <= x.window[1]
-    deflection = _with_bar(r.max_deflection, r.path_error * r.max_deflection if inside and r.path_error else None)
+    deflection = _set(with_bar(r.max_deflection, r.path_error * r.max_deflection if inside and r.path_error else None))
     slack = "never"
     if r.slack_onset is not None:
         first = "" if r.slack_at is None else f", first at s/l = {r.slack_at:.3f}"
@@ -298,17 +267,17 @@ def _ride(x: Stored) -> Section:
     forces = [("contact, across the cable", "N", lambda r: r.F_contact)]
     if np.isfinite(r.F_haul).any():
         forces.insert(0, ("from outside, along the cable", "N", lambda r: r.F_haul))
-    events = [
-        {
-            "event": e["event"].replace("_", " "), "t": _with_bar(e["t"], e.get("bar_t")),
-            "s_o": _with_bar(e["s_o"], e.get("bar_s_o")),
-            "speed": _with_bar(e["speed"], e.get("bar_speed")),
-            "kmh": _with_bar(3.6 * e["speed"], e.get("bar_speed") and 3.6 * e["bar_speed"]),
-        } for e in x.events
-    ]  # fmt: skip
+    events = []
+    for e in x.events:
+        t, s_o, speed = (e.get(f"bar_{key}") for key in ("t", "s_o", "speed"))
+        events.append({
+            "event": e["event"].replace("_", " "), "t": _set(with_bar(e["t"], t)),
+            "s_o": _set(with_bar(e["s_o"], s_o)), "speed": _set(with_bar(e["speed"], speed)),
+            "kmh": _set(with_bar(3.6 * e["speed"], speed and 3.6 * speed)),
+        })  # fmt: skip
     heads = {"event": "event", "t": "time [s]", "s_o": "place sₒ [m]", "speed": "speed [m/s]", "kmh": "speed [km/h]"}
     html = [
-        table(events, heads, caption="What happens") if events else Markup(""), _gripped(x),
+        table(events, heads, caption="What happens", stack=True) if events else Markup(""), _gripped(x),
         gallery(
             draw.series(x, rows, _SAY.motion(x), height=104.0),
             draw.series(x, forces, _SAY.forces(x), height=128.0),
@@ -327,13 +296,13 @@ def _gripped(x: Stored) -> Markup:
     rows = []
     for d in x.design:
         if d["quantity"] in other and d["value"]:
-            factor, unit = _units(d)
+            factor, unit = scale_of(np.array([d["value"]]), d["unit"])
             rows.append({
-                "what": _named(d["quantity"]), "rolls": _with_bar(factor * d["value"], d["bar"] and factor * d["bar"]),
-                "grips": number(factor * other[d["quantity"]], 4), "unit": unit,
+                "what": named(d["quantity"]), "rolls": _set(told(d, x.scene.length)["value"]),
+                "grips": f"{number(factor * other[d['quantity']], 4)} {unit}",
                 "off": percent(other[d["quantity"]] / d["value"] - 1.0),
             })  # fmt: skip
-    heads = {"what": "quantity", "rolls": "rolling", "grips": "gripping", "unit": "unit", "off": "off by"}
+    heads = {"what": "quantity", "rolls": "rolling", "grips": "gripping", "off": "off by"}
     return table(rows, heads, caption="What a car that grips the cable would say")
 
 

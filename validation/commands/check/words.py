@@ -8,7 +8,11 @@ from validation.core.trust import reach
 
 
 def tell(result: Check) -> None:
-    """Print the verdict row by row and in one line, the answer, and where it stops being meaningful."""
+    """Print the answer, where it stops being meaningful, and the verdict row by row and in one line."""
+    telling.answer(result.a.run)
+    if result.a.run.drive != "free":  # one is compared to its end
+        terminal.say(f"  {_meaning(result)}")
+    terminal.say()
     telling.rows(result.rows)
     third = sorted({row.party for row in result.rows} - {""})
     *others, last = [result.a.run.method, result.b.run.method, *third]
@@ -24,9 +28,6 @@ def tell(result: Check) -> None:
     for method, flag in result.doubts:
         if flag not in result.a.run.flags:  # those are told with the answer
             terminal.say(f"  {method}: {flag}", style="yellow")
-    telling.answer(result.a.run)
-    if result.a.run.drive != "free":  # one is compared to its end
-        terminal.say(f"  {_meaning(result)}")
 
 
 def _meaning(result: Check) -> str:

@@ -131,6 +131,7 @@ def _quasi_static(scene: str, out: Any, faults: list[str]) -> int:
 
     from cablefem.response import write_json
     from validation.core.design import design
+    from validation.core.quantities import told
     from validation.core.quasi_static import quasi_static
 
     folder = store.claim(out, "run", loaded, ["quasi-static"]) / "quasi-static"
@@ -144,9 +145,9 @@ def _quasi_static(scene: str, out: Any, faults: list[str]) -> int:
     if not any(e["event"] in ("arrival", "stop") for e in response.events):
         end = f"after {response.t[-1]:.4g} s at {response.s_o[-1]:.4g} m"
         terminal.say(f"  {'end':<12}{end}, {_speed(response.speed[-1])}")
-    for row in numbers:
-        value = _speed(row["value"]) if row["unit"] == "m/s" else f"{row['value']:.5g} {row['unit']}"
-        terminal.say(f"  {row['quantity']:<20}{value}, car at {row['s_o']:.4g} m after {row['t']:.4g} s")
+    for number in numbers:
+        row = told(number, response.length)
+        terminal.say(f"  {row['what']:<30}{row['value']}, car at {number['s_o']:.4g} m after {row['t']}")
     terminal.say("  the cable's inertia is left out: see cablefem advise for what that costs")
     terminal.say(f"written to {folder}")
     return 0

@@ -1,0 +1,64 @@
+"""Design numbers as people read them: names, units with a prefix, digits that the error bar leaves."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+import numpy as np
+
+from cablefem.response import Array
+
+_NAMES = {
+    "tension_max": "largest tension", "tension_min": "least tension", "deepest_point": "deepest point of the cable",
+    "mass_deepest": "deepest place of the mass", "mass_deflection_max": "largest deflection of the mass",
+    "contact_max": "largest force of the mass on the cable", "contact_min": "least force of the mass on the cable",
+    "haul_force_max": "largest haul force", "speed_max": "top speed", "slack_onset": "slack onset",
+}  # fmt: skip
+
+
+def told(number: dict[str, Any], length: float) -> dict[str, str]:
+    """Return what, value, t, mass and at of a row of `design` as text; the last two are places over l, "" unknown."""
+    value, bar = number["value"], number.get("bar")
+    factor, unit = scale_of(np.array([value]), number["unit"])
+    text = f"{with_bar(factor * value, bar and factor * bar)} {'' if unit == 's_o/l' else unit}".rstrip()
+    if unit == "m/s":
+        text += f" = {with_bar(3.6 * value, bar and 3.6 * bar)} km/h"
+
+    def place(key: str) -> str:
+        return "" if number.get(key) is None else f"{number[key] / length:.3f}"
+
+    return {
+        "what": named(number["quantity"]), "value": text,
+        "t": "" if number.get("t") is None else f"{number['t']:.4g} s", "mass": place("s_o"), "at": place("s"),
+    }  # fmt: skip
+
+
+def named(quantity: str) -> str:
+    """Return the name of a design number."""
+    return _NAMES.get(quantity) or re.sub("(.*)_max", r"largest \1", quantity).replace("_", " ")
+
+
+def scale_of(values: Array, unit: str) -> tuple[float, str]:
+    """Return a factor and the unit's name with its prefix, so that the largest value has one to four digits."""
+    largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
+    if unit == "m":
+        return (1.0, "m") if largest >= 0.1 or largest == 0.0 else (1e3, "mm")
+    for factor, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")) if unit in ("N", "J") else ():
+        if largest >= 2.0 * factor:
+            return 1.0 / factor, prefix + unit
+    return 1.0, unit
+
+
+def with_bar(value: float, bar: float | None) -> str:
+    """Return a value to the digits that its error bar leaves, the bar's own two; to five where it has none.
+
+    A bar that is rounding (a place where a run was told to land) is none.
+    """
+    if abs(value) < 1e-9:
+        return "0"
+    if not bar or not math.isfinite(bar) or bar < 1e-9 * abs(value):
+        return f"{value:.5g}"
+    digits = max(0, 1 - math.floor(math.log10(bar)))
+    return f"{value:.{digits}f} ± {bar:.{digits}f}"
