@@ -62,6 +62,7 @@ class CableElements:
     _operators: Array  # (n_op, n_scalar, 2 b + 1) what M, C and K are made of
     _coefficients: Array  # (n_op, 3)
     _mesh: Mesh
+    _fine: Array  # tab of the mesh with the points of inertia
     _n_left: int | None = None  # elements behind the mass; none are where the mesh rests
     _contact: Contact
     _at: tuple[float, int] | None  # instant and phase that all this is for
@@ -288,7 +289,7 @@ class CableElements:
 
         parts, least, where = np.zeros((3, n)), np.empty(n), np.full(n, 0.5)  # kinetic, strain, of weight
         of = self._cable, self.fields, kinematics, states.q, states.v
-        energies(self._mesh, self._n_left, *of, parts, least, where)
+        energies(self._mesh, self._fine, self._n_left, *of, parts, least, where)
         self._at = None  # the mesh is that of another instant now
         kinetic, strain, potential = parts
         kinetic += 0.5 * self.inertia * np.sum(velocity**2, axis=1)

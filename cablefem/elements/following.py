@@ -100,18 +100,13 @@ class FollowingElements(CableElements):
     def _tabulate(self) -> None:
         sides = (self.left, self.right)
         shift = (-1, self.node)
-        n_loc = self.left.dofs.shape[1]
-        dofs, tab = [], []
+        dofs = []
         for side, offset in zip(sides, shift, strict=True):
             d = side.dofs + offset
             d[(d < 0) | (d >= self.n_scalar)] = -1
             dofs.append(d)
-            rows = np.empty((*side.xi.shape, 2 + 2 * n_loc))
-            rows[:, :, 0], rows[:, :, 1] = side.xi, side.dx
-            rows[:, :, 2 : 2 + n_loc] = side.value.transpose(0, 2, 1)
-            rows[:, :, 2 + n_loc :] = side.grad.transpose(0, 2, 1)
-            tab.append(rows)
-        self._dofs, self._tab = np.concatenate(dofs), np.concatenate(tab)
+        self._dofs = np.concatenate(dofs)
+        self._tab, self._fine = (np.concatenate([getattr(x, of) for x in sides]) for of in ("forces", "inertia"))
         self._n_left = self.left.dofs.shape[0]
         b = self.left.degree
         self._band = self.fields * b + self.fields - 1

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from cablefem.elements.kernels import compiled
-from cablefem.elements.kernels.balance import follow
+from cablefem.elements.kernels.balance import Mesh, follow
 from cablefem.elements.kernels.law import ELASTIC, pull, tension
 
 
@@ -201,31 +201,53 @@ def carried(mesh, n_left, node, cable, knots, shapes, kinematics, rise, frames, 
 
 
 @compiled
-def energies(mesh, n_left, cable, n_fields, kinematics, q, v, parts, least, where):
+def energies(mesh, fine, n_left, cable, n_fields, kinematics, q, v, parts, least, where):
     """Set energies (3, n): kinetic, of strain, of weight; least tension and its s (n,) of a history.
 
+    mesh : with the points of the forces; fine : tab with those of inertia.
     n_left : None where the mesh rests; else its span is overwritten.
     """
     unused = np.empty((8, 3))
+    inert = Mesh(mesh.span, mesh.dofs, fine)
     for i in range(least.size):
         if n_left is not None:
             follow(kinematics[i, 0], kinematics[i, 1], 0.0, n_left, unused, mesh.span)
+        parts[0, i] = kinetic_energy(inert, n_fields, q[i], v[i])
         if n_fields == 2:
-            parts[0, i], parts[1, i], parts[2, i], least[i], where[i] = cable_energy(mesh, cable, q[i], v[i])
+            parts[1, i], parts[2, i], least[i], where[i] = cable_energy(mesh, cable, q[i])
         else:
-            parts[0, i], parts[1, i], least[i] = chord_energy(mesh, cable, q[i], v[i])
+            parts[1, i], least[i] = chord_energy(mesh, cable, q[i])
 
 
 @compiled
-def cable_energy(mesh, cable, q, v):
-    """Return int |w.|^2/2 ds, int W ds, -int sigma v ds, the pointwise least tension and its s; full cable.
+def kinetic_energy(mesh, n_fields, q, v):
+    """Return int |w.|^2/2 ds, w. = dq/dt phi - c q phi' the velocity at fixed s on a mesh that moves with c."""
+    span, dofs, tab = mesh
+    n_el, n_loc = dofs.shape
+    twice = 0.0
+    for e in range(n_el):
+        h = span[e, 1]
+        if h == 0.0:  # the left part has no length yet
+            continue
+        for g in range(tab.shape[1]):
+            c = span[e, 2] + span[e, 3] * tab[e, g, 0]
+            for i in range(n_fields):
+                rate = 0.0
+                for k in range(n_loc):
+                    d = n_fields * dofs[e, k] + i
+                    if d >= 0:
+                        rate += tab[e, g, 2 + k] * v[d] - c / h * tab[e, g, 2 + n_loc + k] * q[d]
+                twice += h * tab[e, g, 1] * rate * rate
+    return 0.5 * twice
 
-    w. = dq/dt phi - c q phi', the velocity at fixed s on a mesh that moves with c.
-    """
+
+@compiled
+def cable_energy(mesh, cable, q):
+    """Return int W ds, -int sigma v ds, the pointwise least tension and its s; full cable."""
     span, dofs, tab = mesh
     n_el, n_loc = dofs.shape
     alpha, sigma, slope, law = cable[0], cable[1], cable[2], cable[3]
-    kinetic, strain, potential = 0.0, 0.0, 0.0
+    strain, potential = 0.0, 0.0
     least = math.inf
     where = 0.0
     for e in range(n_el):
@@ -233,58 +255,47 @@ def cable_energy(mesh, cable, q, v):
         if h == 0.0:  # the left part has no length yet
             continue
         for g in range(tab.shape[1]):
-            xi = tab[e, g, 0]
-            s = s_0 + h * xi
-            c = span[e, 2] + span[e, 3] * xi
+            s = s_0 + h * tab[e, g, 0]
             p = slope - sigma * s
             T = math.sqrt(1.0 + p * p)
-            du, dv, v0, ut, vt = 0.0, 0.0, 0.0, 0.0, 0.0
+            du, dv, v0 = 0.0, 0.0, 0.0
             for k in range(n_loc):
                 d = dofs[e, k]
                 if d >= 0:
-                    phi, grad = tab[e, g, 2 + k], tab[e, g, 2 + n_loc + k] / h
+                    grad = tab[e, g, 2 + n_loc + k] / h
                     du += grad * q[2 * d]
                     dv += grad * q[2 * d + 1]
-                    v0 += phi * q[2 * d + 1]
-                    ut += phi * v[2 * d] - c * grad * q[2 * d]
-                    vt += phi * v[2 * d + 1] - c * grad * q[2 * d + 1]
+                    v0 += tab[e, g, 2 + k] * q[2 * d + 1]
             _, _, _, _, _, W, eps = pull(1.0 / T, p / T, T, du, dv, alpha, law)
             N = tension(eps, T, alpha, ELASTIC)[0]
             if least > N:
                 least, where = N, s
             weight = tab[e, g, 1] * h
-            kinetic += weight * 0.5 * (ut * ut + vt * vt)
             strain += weight * W
             potential -= weight * sigma * v0
-    return kinetic, strain, potential, least, where
+    return strain, potential, least, where
 
 
 @compiled
-def chord_energy(mesh, chord, q, v):
-    """Return int w.^2/2 ds, int tau w'^2/2 ds + W - tau eps of the one-field models, and the tension tau + h."""
+def chord_energy(mesh, chord, q):
+    """Return int tau w'^2/2 ds + W - tau eps of the one-field models, and the tension tau + h."""
     span, dofs, tab = mesh
     n_el, n_loc = dofs.shape
     alpha, tau, curvature, lam, kap = chord[0], chord[1], chord[2], chord[3], chord[4]
-    kinetic, strain = 0.0, 0.0
-    eps = 0.0
+    strain, eps = 0.0, 0.0
     for e in range(n_el):
         s_0, h = span[e, 0], span[e, 1]
         if h == 0.0:  # the left part has no length yet
             continue
         for g in range(tab.shape[1]):
-            xi = tab[e, g, 0]
-            c = span[e, 2] + span[e, 3] * xi
-            w, wt = 0.0, 0.0
+            w = 0.0
             for k in range(n_loc):
                 d = dofs[e, k]
                 if d >= 0:
-                    phi, grad = tab[e, g, 2 + k], tab[e, g, 2 + n_loc + k] / h
-                    w += grad * q[d]
-                    wt += phi * v[d] - c * grad * q[d]
+                    w += tab[e, g, 2 + n_loc + k] / h * q[d]
             weight = tab[e, g, 1] * h
-            y = curvature * (0.5 - (s_0 + h * xi))
+            y = curvature * (0.5 - (s_0 + h * tab[e, g, 0]))
             eps += weight * lam * (y * w + 0.5 * kap * w * w)
-            kinetic += weight * 0.5 * wt * wt
             strain += weight * 0.5 * tau * w * w
     W = tension(eps, tau, alpha, chord[5])[2]
-    return kinetic, strain + (W - tau * eps), tension(eps, tau, alpha, ELASTIC)[0]
+    return strain + (W - tau * eps), tension(eps, tau, alpha, ELASTIC)[0]
