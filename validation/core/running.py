@@ -15,7 +15,7 @@ from threadpoolctl import ThreadpoolController
 from cablefem import newmark
 from cablefem.newmark import EndlessEvents, NewtonStalled, Scheme, State, StepFailure, StepUnderflow, Work
 from cablefem.response import Array, Response
-from cablefem.scene import Scene
+from cablefem.scene import Groups, Scene
 from validation.core.methods import Method, find
 from validation.core.sampling import History, respond
 from validation.core.solver import Solver
@@ -61,16 +61,22 @@ def run(
     kind = {"model": model, "load": load}
     with _threads().limit(limits=1):  # the matrices are small: threads cost more than they give
         solver = method.build(groups, settings, **kind, law="tension-only" if law == "tension-only" else "elastic")
-        steps = settings["steps"]
-        if groups.motion is None:  # a ride may last longer than it should
-            steps = math.ceil(steps * (solver.phases[-1][1] - solver.phases[0][0]) / groups.drive.nominal)
-        times = newmark.step_times(solver, steps, entry=settings["entry"], exit=settings["exit"])
-        if groups.drive.mode != "grip":  # a ride ends off the support, where all has its meaning
-            times[-1] = np.append(times[-1], solver.phases[-1][1])
+        times = steps_of(solver, groups, settings)
         switch = law == "auto" and scheme.implicit
         history = _march(solver, scheme, times, switch, until or math.inf, progress or (lambda done: None))
         response = respond(scene, history, method=method.name, settings=settings, **kind, law=law)
         return watched(response, scene, method)
+
+
+def steps_of(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[Array]:
+    """Return the instants to step on, phase by phase."""
+    steps = settings["steps"]
+    if groups.motion is None:  # a ride may last longer than it should
+        steps = math.ceil(steps * (solver.phases[-1][1] - solver.phases[0][0]) / groups.drive.nominal)
+    times = newmark.step_times(solver, steps, entry=settings["entry"], exit=settings["exit"])
+    if groups.drive.mode != "grip":  # a ride ends off the support, where all has its meaning
+        times[-1] = np.append(times[-1], solver.phases[-1][1])
+    return times
 
 
 def _march(
