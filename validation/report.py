@@ -20,7 +20,8 @@ from validation.page.page import Section
 def write(folder: Path, command: str) -> None:
     """Write report.html from all results in a folder, those of this command drawn anew."""
     sections = [s for other in store.results(folder) for s in (drawn if other == command else kept)(folder, other)]
-    page.render(store.title(folder), sections, folder / "report.html")
+    title = store.title(folder) or next((s.title for s in sections), folder.name)
+    page.render(title, sections, folder / "report.html")
 
 
 def drawn(folder: Path, command: str) -> list[Section]:

@@ -17,7 +17,7 @@ from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, 
 from cablefem.elements.kernels.banded import Tangent, factorise_coupled, solve_coupled
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY, pulls
 from cablefem.elements.kernels.newton import settle
-from cablefem.elements.kernels.observe import cable_energy, chord_energy
+from cablefem.elements.kernels.observe import cable_energy, chord_energy, kinetic_energy
 from cablefem.newmark import Newton, Settled, Solve, State, Tableau
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
@@ -48,7 +48,7 @@ class CableElements:
     """A cable on some mesh with its moving mass: a `cablefem.newmark.System` but for the mesh.
 
     A mesh sets n_scalar (unknowns per field), _n_dof, _band, _mesh and _operators, and answers `start`, `_time`,
-    `_mesh_at`, `_at_mass` and `_fields`.
+    `_meshes_at`, `_at_mass` and `_fields`.
 
     model : "full" for (u, v), or one unknown field normal to the chord: "string", "sagged", "stretching".
     load : "mass", or "force" for its weight alone.
@@ -122,7 +122,7 @@ class CableElements:
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self._n_dof)
-        self._assemble(t, q, v, a, phase, r, False, 0.0, 0.0, 0.0)
+        self._assemble(t, q, v, a, phase, r, 0.0, 0.0, 0.0)
         return r
 
     def linearise(
@@ -134,10 +134,10 @@ class CableElements:
             work = self._complex_work
             work.ab[:] = 0.0
             for factor, *one in zip((c0, c1, c2), *np.eye(3).tolist(), strict=True):
-                self._assemble(t, q, v, a, phase, r, True, *one)
+                self._assemble(t, q, v, a, phase, r, *one)
                 work.ab[:] += factor * self._work.ab
         else:
-            self._assemble(t, q, v, a, phase, r, True, c0, float(c1.real), float(c2.real))
+            self._assemble(t, q, v, a, phase, r, c0, float(c1.real), float(c2.real))
         if not factorise_coupled(work, c0 * coupling(self._cable)):
             return r, lambda b: np.full_like(b, math.nan)  # singular: the driver takes NaN for a stalled step
 
@@ -201,8 +201,8 @@ class CableElements:
         """Set _coefficients of the _operators, _mesh and _contact at this instant."""
         raise NotImplementedError
 
-    def _mesh_at(self, s_o: float, ds: float) -> Mesh:
-        """Return the elements with the mass at s_o."""
+    def _meshes_at(self, s_o: float, ds: float) -> list[Mesh]:
+        """Return the elements with the mass at s_o, first with the points of the forces, then with those of inertia."""
         raise NotImplementedError
 
     def _split(self, states: States) -> tuple[States, Array]:
@@ -242,16 +242,15 @@ class CableElements:
             self._cable = np.array([g.alpha, tau, g.sigma * g.chord_cos / tau, *STRETCHING[self.model], flag])
 
     def _assemble(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, tangent: bool,
-        c0: float, c1: float, c2: float,
-    ) -> None:  # fmt: skip
-        """Set r and, if asked, the banded tangent in the workspace; note the least tension."""
+        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, c0: float, c1: float, c2: float
+    ) -> None:
+        """Set r and, unless c0, c1, c2 vanish, the banded tangent in the workspace; note the least tension."""
         if self._at != (t, phase):
             self._time(t, phase)
             self._at = (t, phase)
             combine(self._operators, self._coefficients, self._bands)
         self.least_tension = assemble(
-            self._bands, self._mesh, self._cable, self._contact, q, v, a, r, self._work, tangent, c0, c1, c2
+            self._bands, self._mesh, self._cable, self._contact, q, v, a, r, self._work, c0, c1, c2
         )
 
     def _static(self, s_o: Any) -> tuple[Array, Array, Array]:
@@ -292,11 +291,12 @@ class CableElements:
 
         parts, least, where = np.zeros((3, n)), np.empty(n), np.full(n, 0.5)  # kinetic, strain, of weight
         for i in range(n):
-            mesh = self._mesh_at(s_o[i], ds[i])
+            q, v, (mesh, fine) = states.q[i], states.v[i], self._meshes_at(s_o[i], ds[i])
+            parts[0, i] = kinetic_energy(fine, self.fields, q, v)
             if self.fields == 2:
-                *parts[:, i], least[i], where[i] = cable_energy(mesh, self._cable, states.q[i], states.v[i])
+                *parts[1:, i], least[i], where[i] = cable_energy(mesh, self._cable, q)
             else:
-                *parts[:2, i], least[i] = chord_energy(mesh, self._cable, states.q[i], states.v[i])
+                parts[1, i], least[i] = chord_energy(mesh, self._cable, q)
         kinetic, strain, potential = parts
         kinetic += 0.5 * self.inertia * np.sum(velocity**2, axis=1)
         potential -= (place + w) @ self._weight

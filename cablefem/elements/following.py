@@ -98,18 +98,13 @@ class FollowingElements(CableElements):
     def _tabulate(self) -> None:
         sides = (self.left, self.right)
         shift = (-1, self.node)
-        n_loc = self.left.dofs.shape[1]
-        dofs, tab = [], []
+        dofs = []
         for side, offset in zip(sides, shift, strict=True):
             d = side.dofs + offset
             d[(d < 0) | (d >= self.n_scalar)] = -1
             dofs.append(d)
-            rows = np.empty((*side.xi.shape, 2 + 2 * n_loc))
-            rows[:, :, 0], rows[:, :, 1] = side.xi, side.dx
-            rows[:, :, 2 : 2 + n_loc] = side.value.transpose(0, 2, 1)
-            rows[:, :, 2 + n_loc :] = side.grad.transpose(0, 2, 1)
-            tab.append(rows)
-        self._dofs, self._tab = np.concatenate(dofs), np.concatenate(tab)
+        self._dofs = np.concatenate(dofs)
+        self._tabs = tuple(np.concatenate([getattr(x, of) for x in sides]) for of in ("forces", "inertia"))
         self._n_left = self.left.dofs.shape[0]
         b = self.left.degree
         self._band = self.fields * b + self.fields - 1
@@ -168,15 +163,15 @@ class FollowingElements(CableElements):
     def _fresh(self) -> None:
         super()._fresh()
         self._coefficients = np.empty((8, 3))
-        self._mesh = Mesh(np.empty((self._dofs.shape[0], 4)), self._dofs, self._tab)
+        self._mesh = Mesh(np.empty((self._dofs.shape[0], 4)), self._dofs, self._tabs[0])
         node = self.fields * self.node + np.arange(self.fields)[None, :]
         self._contact = Contact(node, _ONE, self.inertia * _ONE, _ZERO, _ZERO, np.empty(self.fields))
 
-    def _mesh_at(self, s_o: float, ds: float) -> Mesh:
+    def _meshes_at(self, s_o: float, ds: float) -> list[Mesh]:
         skip = self._n_left if s_o == 0.0 else 0  # a left part of no length
         span = np.empty((self._dofs.shape[0], 4))
         follow(s_o, ds, 0.0, self._n_left, np.empty((8, 3)), span)
-        return Mesh(span[skip:], self._dofs[skip:], self._tab[skip:])
+        return [Mesh(span[skip:], self._dofs[skip:], tab[skip:]) for tab in self._tabs]
 
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         s_o, ds, dds = kinematics.T

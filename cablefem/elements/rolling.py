@@ -71,8 +71,8 @@ class RollingElements(FollowingElements):
         self._settled = 2.0 / math.sqrt(groups.alpha)  # an axial wave's way to and fro: a standstill that lasts
         self._n_dof += 1
         ends = np.stack([self.left.evaluate(np.array(1.0))[2], self.right.evaluate(np.array(0.0))[2]])
-        border = np.empty((3, self._n_dof - 1)), np.empty(1)
-        self._rolling = kernels.Rolling(self._n_left, ends.reshape(2, -1), *border)
+        border = np.zeros((3, self._n_dof - 1)), np.zeros(1)
+        self._rolling = kernels.Rolling(self._n_left, self._tabs[1], ends.reshape(2, -1), *border)
         self._complex_rolling = self._rolling._replace(border=border[0] + 0j, corner=border[1] + 0j)
         self._rest()
 
@@ -163,7 +163,7 @@ class RollingElements(FollowingElements):
             return average(self, start, end)
         dt, r, gradient = end.t - start.t, np.empty(self._n_dof), np.empty(self._n_dof)
         momentum = [np.empty(self._n_dof), np.empty(self._n_dof)]
-        of = self._mesh, self._n_left, self.node, self.inertia, self._cable
+        of = self._dofs, self._tabs[1], self._n_left, self.node, self.inertia, self._cable
         for x, p in ((start, momentum[0]), (end, momentum[1])):
             kernels.kinetic(*of, x.q, x.v, x.v, p, gradient)
         total, still = (momentum[1] - momentum[0]) / dt, np.zeros(self._n_dof)
@@ -293,7 +293,7 @@ class RollingElements(FollowingElements):
     def _roll(self, car: kernels.Car, q: Array, v: Array, a: Array, r: Array, *c: float) -> tuple[float, ...]:
         """Set r and, given c, the tangent; return what `kernels.roll` does."""
         of = self._mesh, self._rolling, self._cable, car, q, v, a, r, self._work.ab
-        seen = kernels.roll(*of, bool(c), *(c or (0.0, 0.0, 0.0)))
+        seen = kernels.roll(*of, *(c or (0.0, 0.0, 0.0)))
         self.least_tension = seen[:2]
         return seen
 

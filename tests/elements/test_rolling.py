@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from cablefem import Scene
 from cablefem.elements.fixed import FixedElements
-from cablefem.elements.kernels.observe import cable_energy
+from cablefem.elements.kernels.observe import cable_energy, kinetic_energy
 from cablefem.elements.rolling import AVERAGE, RollingElements, following
 from cablefem.newmark import Newton, State, Work, collocate, integrate, iterate, scheme, step_times
 from cablefem.newmark.energy_rule import average
@@ -45,7 +45,9 @@ def ride(system, t, steps, method="generalized-alpha", **kw):
 def lagrangian(system, q, v):
     """L of cable and car at unknowns (q, s_o) and their rates, from the energies."""
     g, s_o, ds = system.groups, q[-1], v[-1]
-    kinetic, strain, potential, *_ = cable_energy(system._mesh_at(s_o, ds), system._cable, q[:-1], v[:-1])
+    mesh, fine = system._meshes_at(s_o, ds)
+    kinetic = kinetic_energy(fine, 2, q[:-1], v[:-1])
+    strain, potential, *_ = cable_energy(mesh, system._cable, q[:-1])
     _, xp, yp, _, _ = g.static(s_o)
     m = 2 * system.node
     velocity = v[m : m + 2] + ds * np.array([xp, yp])

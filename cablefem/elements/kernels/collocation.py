@@ -33,13 +33,29 @@ def balances(grip, ride, mesh, cable, q, v, a, r, work):
         at = q[i], v[i], a[i], r[i]
         if grip is not None:
             of = grip[2][i], Mesh(*grip[3][i]), cable, Contact(*grip[4][i])
-            least, where = assemble(*of, *at, work, False, 0.0, 0.0, 0.0)
+            least, where = assemble(*of, *at, work, 0.0, 0.0, 0.0)
         if ride is not None:
             rolling, car = Rolling(*ride[0]), Car(*ride[2][i])
-            least, where, _, _, _ = roll(Mesh(*mesh), rolling, cable, car, *at, work.ab, False, 0.0, 0.0, 0.0)
+            least, where, _, _, _ = roll(Mesh(*mesh), rolling, cable, car, *at, work.ab, 0.0, 0.0, 0.0)
         for j in range(a.shape[1]):
             square += r[i, j] * r[i, j]
     return math.sqrt(square), least, where
+
+
+@compiled
+def keep(x, out):
+    """Copy a matrix; loops, as in `banded`."""
+    for i in range(x.shape[0]):
+        for j in range(x.shape[1]):
+            out[i, j] = x[i, j]
+
+
+@compiled
+def blend(c0, c1, parts, out):
+    """Set the tangent of a node from its parts, dr/dq, dr/dv and dr/da."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = c0 * parts[0, i, j] + c1 * parts[1, i, j] + parts[2, i, j]
 
 
 @compiled
@@ -76,31 +92,30 @@ def collocate(
             for k in range(3):
                 if grip is not None:
                     of = grip[2][middle], Mesh(*grip[3][middle]), cable, Contact(*grip[4][middle])
-                    assemble(*of, *at, real_work, True, one[k, 0], one[k, 1], one[k, 2])
+                    assemble(*of, *at, real_work, one[k, 0], one[k, 1], one[k, 2])
                 if ride is not None:
                     car = Car(*ride[2][middle])
-                    roll(
-                        Mesh(*mesh), rolling, cable, car, *at, real_work.ab, True, one[k, 0], one[k, 1], one[k, 2]
-                    )  # fmt: skip
-                    borders[k], corners[k] = rolling.border, rolling.corner[0]
-                parts[k] = real_work.ab
+                    roll(Mesh(*mesh), rolling, cable, car, *at, real_work.ab, one[k, 0], one[k, 1], one[k, 2])
+                    keep(rolling.border, borders[k])
+                    corners[k] = rolling.corner[0]
+                keep(real_work.ab, parts[k])
             for k in range(m):
                 c1 = dt * values[k]
                 c0 = c1 * c1
                 if c1.imag == 0.0:
-                    real_work.ab[:] = c0.real * parts[0] + c1.real * parts[1] + parts[2]
+                    blend(c0.real, c1.real, parts, real_work.ab)
                     if grip is not None:
                         regular = factorise_coupled(real_work, c0.real * coupling(cable)) and regular
                     if ride is not None:
-                        rolling.border[:] = c0.real * borders[0] + c1.real * borders[1] + borders[2]
+                        blend(c0.real, c1.real, borders, rolling.border)
                         rolling.corner[0] = c0.real * corners[0] + c1.real * corners[1] + corners[2]
                         regular = factorise_bordered(real_work, rolling) and regular
                 else:
-                    complex_work.ab[:] = c0 * parts[0] + c1 * parts[1] + parts[2]
+                    blend(c0, c1, parts, complex_work.ab)
                     if grip is not None:
                         regular = factorise_coupled(complex_work, c0 * coupling(cable)) and regular
                     if ride is not None:
-                        complex_rolling.border[:] = c0 * borders[0] + c1 * borders[1] + borders[2]
+                        blend(c0, c1, borders, complex_rolling.border)
                         complex_rolling.corner[0] = c0 * corners[0] + c1 * corners[1] + corners[2]
                         regular = factorise_bordered(complex_work, complex_rolling) and regular
             factorisations += 1

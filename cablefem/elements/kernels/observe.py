@@ -145,8 +145,9 @@ def sample_forces(knots, shapes, dofs, node, s_o, ds, dds, s, q, v, a, ends, out
     for p in range(s.size):
         side, h, xi, low, length, x = locate(knots, s_o, s[p])
         chi, sign = (xi, 1.0) if side == 0 else (1.0 - xi, -1.0)
-        at[0] = 0.0
-        at[1] = total[side, low]
+        for j in range(3):
+            for i in range(n_fields):
+                at[0, j, i], at[1, j, i] = 0.0, total[side, low, j, i]
         for k in range(n_loc):
             d = dofs[side * n_el + low, k]
             if d < 0:
@@ -170,70 +171,76 @@ def sample_forces(knots, shapes, dofs, node, s_o, ds, dds, s, q, v, a, ends, out
 
 
 @compiled
-def cable_energy(mesh, cable, q, v):
-    """Return int |w.|^2/2 ds, int W ds, -int sigma v ds, the pointwise least tension and its s; full cable.
+def kinetic_energy(mesh, n_fields, q, v):
+    """Return int |w.|^2/2 ds, w. = dq/dt phi - c q phi' the velocity at fixed s on a mesh that moves with c."""
+    span, dofs, tab = mesh
+    n_el, n_loc = dofs.shape
+    twice = 0.0
+    for e in range(n_el):
+        h = span[e, 1]
+        for g in range(tab.shape[1]):
+            c = span[e, 2] + span[e, 3] * tab[e, g, 0]
+            for i in range(n_fields):
+                rate = 0.0
+                for k in range(n_loc):
+                    d = n_fields * dofs[e, k] + i
+                    if d >= 0:
+                        rate += tab[e, g, 2 + k] * v[d] - c / h * tab[e, g, 2 + n_loc + k] * q[d]
+                twice += h * tab[e, g, 1] * rate * rate
+    return 0.5 * twice
 
-    w. = dq/dt phi - c q phi', the velocity at fixed s on a mesh that moves with c.
-    """
+
+@compiled
+def cable_energy(mesh, cable, q):
+    """Return int W ds, -int sigma v ds, the pointwise least tension and its s; full cable."""
     span, dofs, tab = mesh
     n_el, n_loc = dofs.shape
     alpha, sigma, slope, law = cable[0], cable[1], cable[2], cable[3]
-    kinetic, strain, potential = 0.0, 0.0, 0.0
+    strain, potential = 0.0, 0.0
     least = math.inf
     where = 0.0
     for e in range(n_el):
         s_0, h = span[e, 0], span[e, 1]
         for g in range(tab.shape[1]):
-            xi = tab[e, g, 0]
-            s = s_0 + h * xi
-            c = span[e, 2] + span[e, 3] * xi
+            s = s_0 + h * tab[e, g, 0]
             p = slope - sigma * s
             T = math.sqrt(1.0 + p * p)
-            du, dv, v0, ut, vt = 0.0, 0.0, 0.0, 0.0, 0.0
+            du, dv, v0 = 0.0, 0.0, 0.0
             for k in range(n_loc):
                 d = dofs[e, k]
                 if d >= 0:
-                    phi, grad = tab[e, g, 2 + k], tab[e, g, 2 + n_loc + k] / h
+                    grad = tab[e, g, 2 + n_loc + k] / h
                     du += grad * q[2 * d]
                     dv += grad * q[2 * d + 1]
-                    v0 += phi * q[2 * d + 1]
-                    ut += phi * v[2 * d] - c * grad * q[2 * d]
-                    vt += phi * v[2 * d + 1] - c * grad * q[2 * d + 1]
+                    v0 += tab[e, g, 2 + k] * q[2 * d + 1]
             _, _, _, _, _, W, eps = pull(1.0 / T, p / T, T, du, dv, alpha, law)
             N = tension(eps, T, alpha, ELASTIC)[0]
             if least > N:
                 least, where = N, s
             weight = tab[e, g, 1] * h
-            kinetic += weight * 0.5 * (ut * ut + vt * vt)
             strain += weight * W
             potential -= weight * sigma * v0
-    return kinetic, strain, potential, least, where
+    return strain, potential, least, where
 
 
 @compiled
-def chord_energy(mesh, chord, q, v):
-    """Return int w.^2/2 ds, int tau w'^2/2 ds + W - tau eps of the one-field models, and the tension tau + h."""
+def chord_energy(mesh, chord, q):
+    """Return int tau w'^2/2 ds + W - tau eps of the one-field models, and the tension tau + h."""
     span, dofs, tab = mesh
     n_el, n_loc = dofs.shape
     alpha, tau, curvature, lam, kap = chord[0], chord[1], chord[2], chord[3], chord[4]
-    kinetic, strain = 0.0, 0.0
-    eps = 0.0
+    strain, eps = 0.0, 0.0
     for e in range(n_el):
         s_0, h = span[e, 0], span[e, 1]
         for g in range(tab.shape[1]):
-            xi = tab[e, g, 0]
-            c = span[e, 2] + span[e, 3] * xi
-            w, wt = 0.0, 0.0
+            w = 0.0
             for k in range(n_loc):
                 d = dofs[e, k]
                 if d >= 0:
-                    phi, grad = tab[e, g, 2 + k], tab[e, g, 2 + n_loc + k] / h
-                    w += grad * q[d]
-                    wt += phi * v[d] - c * grad * q[d]
+                    w += tab[e, g, 2 + n_loc + k] / h * q[d]
             weight = tab[e, g, 1] * h
-            y = curvature * (0.5 - (s_0 + h * xi))
+            y = curvature * (0.5 - (s_0 + h * tab[e, g, 0]))
             eps += weight * lam * (y * w + 0.5 * kap * w * w)
-            kinetic += weight * 0.5 * wt * wt
             strain += weight * 0.5 * tau * w * w
     W = tension(eps, tau, alpha, chord[5])[2]
-    return kinetic, strain + (W - tau * eps), tension(eps, tau, alpha, ELASTIC)[0]
+    return strain + (W - tau * eps), tension(eps, tau, alpha, ELASTIC)[0]
