@@ -275,8 +275,8 @@ def test_a_sudden_release_does_not_send_a_long_step_to_another_root(known):
     system = RollingElements(Scene.load("zipline").groups, elements=16, degree=4)
     if not known:
         system.abrupt = lambda x, dt: False
-    states = integrate(system, scheme("radau"), step_times(system, 1600))
-    least = [system.least_tension[0] for _ in itertools.islice(states, 4)][1:]
+    states = integrate(system, scheme("radau"), [0.00788 * np.arange(4)])
+    least = [system.least_tension[0] for _ in states][1:]
     assert (min(least) > 0.9) is known
 
 
