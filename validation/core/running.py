@@ -13,8 +13,8 @@ from threadpoolctl import ThreadpoolController
 
 from cablefem import newmark
 from cablefem.newmark import EndlessEvents, NewtonStalled, Scheme, State, StepFailure, StepUnderflow, Work
-from cablefem.response import Response
-from cablefem.scene import Scene
+from cablefem.response import Array, Response
+from cablefem.scene import Groups, Scene
 from validation.core.methods import Method, find
 from validation.core.sampling import History, respond
 from validation.core.solver import Solver
@@ -67,12 +67,7 @@ class Run:
         solver = self.method.build(
             groups, settings, model=model, load=load, law="tension-only" if law == "tension-only" else "elastic"
         )
-        steps = settings["steps"]
-        if groups.motion is None:  # a ride may last longer than it should
-            steps = math.ceil(steps * (solver.phases[-1][1] - solver.phases[0][0]) / groups.drive.nominal)
-        self.times = newmark.step_times(solver, steps, entry=settings["entry"], exit=settings["exit"])
-        if groups.drive.mode != "grip":  # a ride ends off the support, where all has its meaning
-            self.times[-1] = np.append(self.times[-1], solver.phases[-1][1])
+        self.times = steps_of(solver, groups, settings)
         self.history = History([], Work(), 0.0, None, None, solver, None)
 
     def to(self, until: float | None = None, progress: Progress | None = None) -> Response:
@@ -87,6 +82,17 @@ class Run:
             _march(self, until or math.inf, progress or (lambda done: None))
             response = respond(self.scene, self.history, method=self.method.name, settings=self.settings, **self.kind)
             return watched(response, self.scene, self.method)
+
+
+def steps_of(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[Array]:
+    """Return the instants to step on, phase by phase."""
+    steps = settings["steps"]
+    if groups.motion is None:  # a ride may last longer than it should
+        steps = math.ceil(steps * (solver.phases[-1][1] - solver.phases[0][0]) / groups.drive.nominal)
+    times = newmark.step_times(solver, steps, entry=settings["entry"], exit=settings["exit"])
+    if groups.drive.mode != "grip":  # a ride ends off the support, where all has its meaning
+        times[-1] = np.append(times[-1], solver.phases[-1][1])
+    return times
 
 
 def _march(x: Run, until: float, progress: Progress) -> None:
