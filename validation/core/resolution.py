@@ -12,6 +12,7 @@ import numpy as np
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import measures, richardson
+from validation.core.design import Refinement, of_ladder
 from validation.core.estimate import KIND, Estimated, estimated, gaps, until, weighted
 from validation.core.methods import Method, find, refined
 from validation.core.richardson import space_order, time_order
@@ -53,6 +54,16 @@ class _Part:
 
     left: tuple[float, float]
     safety: float
+    read: tuple[Response, Response, float, float] | None = None  # from the finer and the coarser run, ratio, order
+
+    @property
+    def refinement(self) -> list[Refinement]:
+        """What the same two runs say of everything else."""
+        if self.read is None:
+            return []
+        fine, coarse, ratio, order = self.read
+        of_path, of_force = (richardson.left(p, ratio) for p in (order, 1.0))
+        return [Refinement(fine, coarse, self.safety * of_path, richardson.SAFETY * of_force)]
 
     @property
     def path(self) -> float:
@@ -80,7 +91,7 @@ def resolve(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None,
     runs: list[Response] | None = None, **kind: Any,
 ) -> Response:  # fmt: skip
-    """Return a run whose path error bar is at most `tol`, at nearly the least cost; `kind` as in `run`.
+    """Return a run whose path error bar is at most `tol`, at nearly the least cost, with its design numbers.
 
     Two companions of a coarse run (half the resolution, half the steps) give the parts s and t of its error.  Refining
     space by a and time by b leaves s/a^p + t/b^2: a and b between 1.4 and 2, or 1, are chosen for the least cost.
@@ -88,7 +99,7 @@ def resolve(
     distance to the run before gives the part anew, with the smaller factor of safety if it has fallen as predicted.
     Only the run that is returned goes beyond the window of comparison.
 
-    runs : receives every run that is made on the way.
+    kind : as in `run`;  runs : receives every run that is made on the way.
 
     Steps are equal.  Step sizes from local error were measured and are not used: for the same largest
     path error they take 0.8 to 1.1 times the steps on `level`, for the same rms error and on `inclined` more than equal
@@ -147,6 +158,8 @@ def resolve(
         whole = finest.to(end, lambda x: report(0.5 + 0.5 * x))
         made.append(whole)
     report(1.0)
+    design = of_ladder(whole, rung.space.refinement + rung.time.refinement)
+    whole = replace(whole, design=[number.row() for number in design])
     if math.isfinite(rung.bar):
         parts = {
             "path_space": rung.space.path, "path_time": rung.time.path,
@@ -210,15 +223,16 @@ def _part(
 
     since : how much finer the run is than the one that `before` was read for, if that is not `ratio`.
     """
+    read = fine, coarse, ratio, order
     try:
         path, tension = gaps(fine, coarse)
     except measures.NotComparable:
-        return _Part((math.inf, math.inf), UNCONFIRMED)
+        return _Part((math.inf, math.inf), UNCONFIRMED, read)
     of_gap = richardson.left(order, ratio)
     left = of_gap * path, of_gap * tension
     fall = (since or ratio) ** order
     confirmed = before is not None and left[0] <= NEARLY * before.left[0] / fall < math.inf
-    return _Part(left, CONFIRMED if confirmed else UNCONFIRMED)
+    return _Part(left, CONFIRMED if confirmed else UNCONFIRMED, read)
 
 
 def _next(
