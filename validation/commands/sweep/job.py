@@ -171,7 +171,7 @@ def faults_of(r: Any) -> list[str]:
 
 def _cheapest(scene: Any, tol: float | None) -> dict[str, Any]:
     """Return the least model and method that `advise` finds for a scene."""
-    from validation.commands.advise.study import advice
+    from validation import advice
 
     assert tol is not None
     found = advice(scene, tol)
@@ -179,7 +179,7 @@ def _cheapest(scene: Any, tol: float | None) -> dict[str, Any]:
 
 
 def _check(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
-    from validation.commands.check.study import check
+    from validation import check
 
     found = check(scene, tol=study.how(point)["tol"])
     best = min((found.a, found.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
@@ -188,7 +188,7 @@ def _check(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[
 
 
 def _advise(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
-    from validation.commands.advise.study import advice
+    from validation import advice
 
     found = advice(scene, study.how(point)["tol"])
     told = {k: found[k] for k in ("model", "load", "method", "path_error", "tension_error")}
