@@ -30,6 +30,7 @@ ATTEMPTS = 20
 AIM = 0.8  # of the tolerance, so that a prediction that is a little short does not cost another run
 STUCK = 0.8  # of what it was: where a finer mesh leaves more than that of its part, steps are too long for it
 UNRESOLVED = 0.05  # of the deflection: while time costs more than that, space is not judged
+SPARSE = 4  # every so-manieth frame is enough of trial runs that nobody else will look at
 
 # Where steps are chosen, so is the rule: axial waves run some sqrt(alpha) times faster than the answer moves, and steps
 # that do not resolve them must damp them, or they gain energy by the nonlinearity until Newton's method ends in folded
@@ -119,14 +120,14 @@ def resolve(
     named = {k: v for k, v in kind.items() if k not in KIND}
     first = {space.setting: space.first, "steps": FIRST_STEPS}
     settings = method.settings_on(scene.groups, _rule(scene, method, named) | first)
-    made = [] if runs is None else runs
+    made, every = ([], SPARSE) if runs is None else (runs, 1)
     finest: Run | None = None  # that of the rung, to go on with
 
     def ran(settings: dict[str, Any], keep: bool = True) -> Response:
         nonlocal finest
         marched = Run(scene, method, **how, **settings)
         finest = marched if keep else finest
-        made.append(marched.to(short))
+        made.append(marched.to(short, every=every))
         return made[-1]
 
     rung, read_at, stuck = _first(method, settings, ran), settings["steps"], False
@@ -153,7 +154,7 @@ def resolve(
             response = ran(settings)
             rung = _Rung(response, rung.space, _part(response, rung.response, ratio, time_order(settings), rung.time))
     whole = rung.response
-    if end != short:
+    if end != short or every > 1:
         assert finest is not None
         whole = finest.to(end, lambda x: report(0.5 + 0.5 * x))
         made.append(whole)
