@@ -240,20 +240,12 @@ def _rungs(method: Method, finer: float) -> list[Rung]:
 
 
 def _path(crossing: Crossing, name: str, settings: dict[str, Any]) -> MassPath:
-    """Run a crossing by its groups; nan where the run broke.
-
-    The solvers' `string` adds the static curvature of the scene to the load of the mass; on a straight string it is
-    taken out, while the weight stays.
-    """
+    """Run a crossing by its groups; nan where the run broke."""
     method = find(name)
     s = method.settings(settings)
-    straight = crossing.model == "straight"
-    model = "string" if straight else crossing.model
-    system: Any = method.build(crossing.groups, s, model=model, load=crossing.load, law="elastic")
-    if straight and method.wing == "galerkin":
-        system.cable.curvature = 0.0
-    elif straight:
-        system._cable[2] = 0.0
+    motion = crossing.groups.motion
+    assert motion is not None
+    system = method.build(crossing.groups, s, model=crossing.model, load=crossing.load, law="elastic")
     scheme = newmark.scheme(s["scheme"], newmark_gamma=s["newmark_gamma"], rho_inf=s["rho_inf"])
     start = None
     if crossing.begins:
@@ -263,10 +255,10 @@ def _path(crossing: Crossing, name: str, settings: dict[str, Any]) -> MassPath:
     try:
         for x in newmark.integrate(system, scheme, newmark.step_times(system, s["steps"]), start=start):
             states.append(x)
-            if system.motion.at(x.t, x.phase)[0] > crossing.until:
+            if motion.at(x.t, x.phase)[0] > crossing.until:
                 break
     except newmark.NewtonStalled:  # numbers have outgrown the tolerance
         return MassPath(np.zeros(1), np.full(1, crossing.until), np.full(1, math.nan))
     stacked = States(*(np.array([getattr(x, name) for x in states]) for name in ("t", "q", "v", "a", "phase")))
     seen = system.observe(stacked, np.zeros(0), np.zeros(0, np.intp))
-    return MassPath(stacked.t, system.motion.position(stacked.t), seen.path[:, 1])
+    return MassPath(stacked.t, motion.position(stacked.t), seen.path[:, 1])
