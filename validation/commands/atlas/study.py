@@ -57,6 +57,8 @@ class Map:
             return level.variant(mu=y, speed_ratio=x)
         if self.name == "sag-stiffness":
             return level.variant(sag_ratio=x, alpha=y, mu=1.0, speed_ratio=0.4)
+        if self.name == "schemes":
+            return level.variant(sag_ratio=x, alpha=y, mu=0.5, speed_ratio=0.4)
         return level
 
     def settings(self, x: float, y: float, method: str, fixed: dict[str, Any]) -> dict[str, Any]:
@@ -83,6 +85,16 @@ MAPS: tuple[Map, ...] = (
     Map(
         "sag-stiffness", "Sag and stiffness",
         ("sag/span", (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3)), ("alpha", (50.0, 250.0, 1e3, 1e4, 1e5, 1e6)),
+    ),
+    Map(
+        "schemes", "Schemes on deep and stiff cables",
+        ("sag/span", (0.05, 0.1, 0.2, 0.3)), ("alpha", (1e3, 2e4, 4e5)),
+        tuple(
+            ("following-p2", {"elements": 12, "steps": steps, "scheme": scheme})
+            for scheme, steps in (
+                ("trapezoidal", 600), ("energy", 600), ("generalized-alpha", 600), ("gauss", 300), ("radau", 200)
+            )
+        ),
     ),
 )  # fmt: skip
 
