@@ -17,7 +17,7 @@ from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, 
 from cablefem.elements.kernels.banded import Tangent, factorise_coupled, solve_coupled
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY, pulls
 from cablefem.elements.kernels.newton import settle
-from cablefem.elements.kernels.observe import cable_energy, chord_energy, kinetic_energy
+from cablefem.elements.kernels.observe import energies
 from cablefem.newmark import Newton, Settled, Solve, State, Tableau
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
@@ -48,7 +48,7 @@ class CableElements:
     """A cable on some mesh with its moving mass: a `cablefem.newmark.System` but for the mesh.
 
     A mesh sets n_scalar (unknowns per field), _n_dof, _band, _mesh and _operators, and answers `start`, `_time`,
-    `_meshes_at`, `_at_mass` and `_fields`.
+    `_at_mass` and `_fields`.
 
     model : "full" for (u, v), or one unknown field normal to the chord: "string", "sagged", "stretching".
     load : "mass", or "force" for its weight alone.
@@ -62,6 +62,8 @@ class CableElements:
     _operators: Array  # (n_op, n_scalar, 2 b + 1) what M, C and K are made of
     _coefficients: Array  # (n_op, 3)
     _mesh: Mesh
+    _fine: Array  # tab of the mesh with the points of inertia
+    _n_left: int | None = None  # elements behind the mass; none are where the mesh rests
     _contact: Contact
     _at: tuple[float, int] | None  # instant and phase that all this is for
 
@@ -201,10 +203,6 @@ class CableElements:
         """Set _coefficients of the _operators, _mesh and _contact at this instant."""
         raise NotImplementedError
 
-    def _meshes_at(self, s_o: float, ds: float) -> list[Mesh]:
-        """Return the elements with the mass at s_o, first with the points of the forces, then with those of inertia."""
-        raise NotImplementedError
-
     def _split(self, states: States) -> tuple[States, Array]:
         """Return the history of the cable's unknowns, and s_o, ds_o, dds_o (n, 3)."""
         at = [self.motion.at(t, p) for t, p in zip(states.t, states.phase, strict=True)]
@@ -290,13 +288,9 @@ class CableElements:
         power = ds * np.sum(force * (slope + 0.5 * (slopes[0] + slopes[1])), axis=1)
 
         parts, least, where = np.zeros((3, n)), np.empty(n), np.full(n, 0.5)  # kinetic, strain, of weight
-        for i in range(n):
-            q, v, (mesh, fine) = states.q[i], states.v[i], self._meshes_at(s_o[i], ds[i])
-            parts[0, i] = kinetic_energy(fine, self.fields, q, v)
-            if self.fields == 2:
-                *parts[1:, i], least[i], where[i] = cable_energy(mesh, self._cable, q)
-            else:
-                parts[1, i], least[i] = chord_energy(mesh, self._cable, q)
+        of = self._cable, self.fields, kinematics, states.q, states.v
+        energies(self._mesh, self._fine, self._n_left, *of, parts, least, where)
+        self._at = None  # the mesh is that of another instant now
         kinetic, strain, potential = parts
         kinetic += 0.5 * self.inertia * np.sum(velocity**2, axis=1)
         potential -= (place + w) @ self._weight

@@ -165,14 +165,12 @@ class FixedElements(CableElements):
         number = np.where(supports, -1, np.cumsum(~supports) - 1)
         dofs = number[all_dofs]
         self.n_scalar = int(number.max()) + 1
-        self._meshes = []
-        for one in (tabulated(of_forces), tabulated(basis)):
-            tab = np.tile(one, (n, 1, 1))
-            tab[:, :, 0] += first
-            tab[:, :, :2] /= n
-            tab[:, :, 2 + n_loc :] *= n
-            self._meshes.append(Mesh(np.tile([0.0, 1.0, 0.0, 0.0], (n, 1)), dofs, tab))
-        self._mesh = self._meshes[0]
+        tab, self._fine = (np.tile(tabulated(x), (n, 1, 1)) for x in (of_forces, basis))
+        for x in (tab, self._fine):
+            x[:, :, 0] += first
+            x[:, :, :2] /= n
+            x[:, :, 2 + n_loc :] *= n
+        self._mesh = Mesh(np.tile([0.0, 1.0, 0.0, 0.0], (n, 1)), dofs, tab)
         b = max(kind.offsets)
         self._band = self.fields * b + self.fields - 1
         of_one = mass_form.assemble(basis).toarray()[np.ix_(basis.element_dofs[:, 0], basis.element_dofs[:, 0])] / n
@@ -218,9 +216,6 @@ class FixedElements(CableElements):
             r[dofs] += np.outer(N, self.inertia * a[p] - m_row @ a[dofs])
 
     # --- observation -----------------------------------------------------------------------------------
-    def _meshes_at(self, s_o: float, ds: float) -> list[Mesh]:
-        return self._meshes
-
     def _evaluate(self, s: Array, side: str) -> tuple[NDArray[np.int64], Array]:
         """Return unknowns (m, n_loc), counted from 1, supports 0, and N, N', N'' (3, n_loc, m); side at a node."""
         x = s * self.elements

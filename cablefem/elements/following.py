@@ -27,7 +27,7 @@ from scipy.sparse import coo_array
 from cablefem.elements.cable import CableElements, bands, elements_allowed
 from cablefem.elements.kernels.balance import Contact, Mesh, follow
 from cablefem.elements.kernels.law import pull
-from cablefem.elements.kernels.observe import end_forces, sample, sample_forces
+from cablefem.elements.kernels.observe import carried, samples
 from cablefem.elements.reference import Reference, graded_knots, reference
 from cablefem.newmark import State, StepFailure, consistent_acceleration
 from cablefem.response import States
@@ -55,6 +55,8 @@ class FollowingElements(CableElements):
     load : "mass", or "force" for its weight alone.
     law : "elastic", or "tension-only": N = max(0, T + alpha eps).
     """
+
+    _n_left: int
 
     def __init__(
         self, groups: Groups, *, elements: int = 10, degree: int = 2, grading: float = 1.0, model: str = "full",
@@ -104,7 +106,7 @@ class FollowingElements(CableElements):
             d[(d < 0) | (d >= self.n_scalar)] = -1
             dofs.append(d)
         self._dofs = np.concatenate(dofs)
-        self._tabs = tuple(np.concatenate([getattr(x, of) for x in sides]) for of in ("forces", "inertia"))
+        self._tab, self._fine = (np.concatenate([getattr(x, of) for x in sides]) for of in ("forces", "inertia"))
         self._n_left = self.left.dofs.shape[0]
         b = self.left.degree
         self._band = self.fields * b + self.fields - 1
@@ -163,15 +165,9 @@ class FollowingElements(CableElements):
     def _fresh(self) -> None:
         super()._fresh()
         self._coefficients = np.empty((8, 3))
-        self._mesh = Mesh(np.empty((self._dofs.shape[0], 4)), self._dofs, self._tabs[0])
+        self._mesh = Mesh(np.empty((self._dofs.shape[0], 4)), self._dofs, self._tab)
         node = self.fields * self.node + np.arange(self.fields)[None, :]
         self._contact = Contact(node, _ONE, self.inertia * _ONE, _ZERO, _ZERO, np.empty(self.fields))
-
-    def _meshes_at(self, s_o: float, ds: float) -> list[Mesh]:
-        skip = self._n_left if s_o == 0.0 else 0  # a left part of no length
-        span = np.empty((self._dofs.shape[0], 4))
-        follow(s_o, ds, 0.0, self._n_left, np.empty((8, 3)), span)
-        return [Mesh(span[skip:], self._dofs[skip:], tab[skip:]) for tab in self._tabs]
 
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         s_o, ds, dds = kinematics.T
@@ -190,25 +186,17 @@ class FollowingElements(CableElements):
     def _fields(self, states: States, kinematics: Array, s: Array, frames: NDArray[np.intp]) -> Array:
         out = np.empty((frames.size, 3, s.size, self.fields))
         knots = np.stack([self.left.knots, self.right.knots])
-        for i, field in zip(frames, out, strict=True):
-            s_o, ds, _ = kinematics[i]
-            sample(knots, self.left.shapes, self._dofs, s_o, ds, s, states.q[i], states.v[i], field)
+        samples(knots, self.left.shapes, self._dofs, kinematics, frames, s, states.q, states.v, out)
         return out.transpose(1, 0, 2, 3)
 
     def _carried(self, states, kinematics, force, rise, s, frames):
         n, f = states.t.size, self.fields
         ends, along = np.empty((n, 4, f)), np.empty((frames.size, s.size, f))
-        for i in range(n):
-            s_o, ds, dds = kinematics[i]
-            follow(s_o, ds, dds, self._n_left, self._coefficients, self._mesh.span)
-            of = states.q[i], states.v[i], states.a[i]
-            end_forces(self._mesh, self._n_left, self.node, self._cable, dds, rise[i], *of, ends[i])
-        if n and kinematics[0, 0] == 0.0:  # the left part has no length yet
-            ends[0, :2] = ends[0, 2]
         knots = np.stack([self.left.knots, self.right.knots])
-        for i, field in zip(frames, along, strict=True):
-            of = states.q[i], states.v[i], states.a[i]
-            sample_forces(knots, self.left.shapes, self._dofs, self.node, *kinematics[i], s, *of, ends[i], field)
+        carried(
+            self._mesh, self._n_left, self.node, self._cable, knots, self.left.shapes, kinematics, rise, frames, s,
+            states.q, states.v, states.a, ends, along,
+        )  # fmt: skip
         s_o, ds, _ = kinematics[frames].T[:, :, None]
         behind = (s <= s_o) & (s_o > 0.0)
         c = ds * np.where(behind, s / np.where(s_o > 0.0, s_o, 1.0), (1.0 - s) / (1.0 - s_o))

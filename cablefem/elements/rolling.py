@@ -72,7 +72,7 @@ class RollingElements(FollowingElements):
         self._n_dof += 1
         ends = np.stack([self.left.evaluate(np.array(1.0))[2], self.right.evaluate(np.array(0.0))[2]])
         border = np.zeros((3, self._n_dof - 1)), np.zeros(1)
-        self._rolling = kernels.Rolling(self._n_left, self._tabs[1], ends.reshape(2, -1), *border)
+        self._rolling = kernels.Rolling(self._n_left, self._fine, ends.reshape(2, -1), *border)
         self._complex_rolling = self._rolling._replace(border=border[0] + 0j, corner=border[1] + 0j)
         self._rest()
 
@@ -163,7 +163,7 @@ class RollingElements(FollowingElements):
             return average(self, start, end)
         dt, r, gradient = end.t - start.t, np.empty(self._n_dof), np.empty(self._n_dof)
         momentum = [np.empty(self._n_dof), np.empty(self._n_dof)]
-        of = self._dofs, self._tabs[1], self._n_left, self.node, self.inertia, self._cable
+        of = self._dofs, self._fine, self._n_left, self.node, self.inertia, self._cable
         for x, p in ((start, momentum[0]), (end, momentum[1])):
             kernels.kinetic(*of, x.q, x.v, x.v, p, gradient)
         total, still = (momentum[1] - momentum[0]) / dt, np.zeros(self._n_dof)
@@ -364,7 +364,8 @@ class RollingElements(FollowingElements):
 
     # --- observation -----------------------------------------------------------------------------------
     def _split(self, states: States) -> tuple[States, Array]:
-        cable = States(states.t, states.q[:, :-1], states.v[:, :-1], states.a[:, :-1], states.phase)
+        q, v, a = (np.ascontiguousarray(x[:, :-1]) for x in (states.q, states.v, states.a))
+        cable = States(states.t, q, v, a, states.phase)
         if not self.free:
             return super()._split(cable)[0], super()._split(states)[1]
         return cable, np.stack([states.q[:, -1], states.v[:, -1], states.a[:, -1]], axis=1)

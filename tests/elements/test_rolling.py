@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 from cablefem import Scene
 from cablefem.elements.fixed import FixedElements
+from cablefem.elements.kernels.balance import Mesh, follow
 from cablefem.elements.kernels.observe import cable_energy, kinetic_energy
 from cablefem.elements.rolling import AVERAGE, RollingElements, following
 from cablefem.newmark import Newton, State, Work, collocate, integrate, iterate, scheme, step_times
@@ -45,8 +46,9 @@ def ride(system, t, steps, method="generalized-alpha", **kw):
 def lagrangian(system, q, v):
     """L of cable and car at unknowns (q, s_o) and their rates, from the energies."""
     g, s_o, ds = system.groups, q[-1], v[-1]
-    mesh, fine = system._meshes_at(s_o, ds)
-    kinetic = kinetic_energy(fine, 2, q[:-1], v[:-1])
+    mesh = system._mesh
+    follow(s_o, ds, 0.0, system._n_left, np.empty((8, 3)), mesh.span)
+    kinetic = kinetic_energy(Mesh(mesh.span, mesh.dofs, system._fine), 2, q[:-1], v[:-1])
     strain, potential, *_ = cable_energy(mesh, system._cable, q[:-1])
     _, xp, yp, _, _ = g.static(s_o)
     m = 2 * system.node

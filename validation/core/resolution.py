@@ -15,7 +15,7 @@ from validation.core import measures, richardson
 from validation.core.estimate import KIND, Estimated, estimated, gaps, until, weighted
 from validation.core.methods import Method, find, refined
 from validation.core.richardson import space_order, time_order
-from validation.core.running import run
+from validation.core.running import Run
 
 FIRST_STEPS, MOST_STEPS = 110, 64_000
 LARGEST = 2e6  # steps x resolution: half a gigabyte of states
@@ -29,6 +29,12 @@ ATTEMPTS = 20
 AIM = 0.8  # of the tolerance, so that a prediction that is a little short does not cost another run
 STUCK = 0.8  # of what it was: where a finer mesh leaves more than that of its part, steps are too long for it
 UNRESOLVED = 0.05  # of the deflection: while time costs more than that, space is not judged
+
+# Where steps are chosen, so is the rule: axial waves run some sqrt(alpha) times faster than the answer moves, and steps
+# that do not resolve them must damp them, or they gain energy by the nonlinearity until Newton's method ends in folded
+# elements.  On 30 random scenes with tol 1e-2 the trapezoidal rule took 1.6 times the work of this one; on the hardest
+# of 128 it took 4 times and more.  Of 51 bars 50 hold with rho_inf 0.8 and 48 with 0.6, at three quarters of the work.
+QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 
 Progress = Callable[..., None]  # of the fraction done, and what was reached
 
@@ -95,15 +101,21 @@ def resolve(
         raise ValueError(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
     report = progress or (lambda *told: None)
     how = {k: kind[k] for k in KIND if k in kind}
-    stop = until(scene)
-    short = how if stop is None else how | {"until": min(stop, how.get("until") or 1.0)}
+    end = how.pop("until", None)
+    ends = [x for x in (until(scene), end) if x is not None]
+    short = min(ends) if ends else None
     space = method.resolution
+    named = {k: v for k, v in kind.items() if k not in KIND}
     first = {space.setting: space.first, "steps": FIRST_STEPS}
-    settings = method.settings_on(scene.groups, {k: v for k, v in kind.items() if k not in KIND} | first)
+    settings = method.settings_on(scene.groups, _rule(scene, method, named) | first)
     made = [] if runs is None else runs
+    finest: Run | None = None  # that of the rung, to go on with
 
-    def ran(settings: dict[str, Any]) -> Response:
-        made.append(run(scene, method, **short, **settings))
+    def ran(settings: dict[str, Any], keep: bool = True) -> Response:
+        nonlocal finest
+        marched = Run(scene, method, **how, **settings)
+        finest = marched if keep else finest
+        made.append(marched.to(short))
         return made[-1]
 
     rung, read_at, stuck = _first(method, settings, ran), settings["steps"], False
@@ -114,7 +126,7 @@ def resolve(
             break
         if method.value(finer) != method.value(settings):
             if settings["steps"] >= 2 * read_at:  # coarse steps may have blown up what space contributes: look again
-                coarse = ran(refined(method, settings, space=0.5))
+                coarse = ran(refined(method, settings, space=0.5), keep=False)
                 rung.space = _part(rung.response, coarse, 2.0, space_order(method.space_order), rung.space, 1.0)
                 read_at = settings["steps"]
                 continue
@@ -130,8 +142,9 @@ def resolve(
             response = ran(settings)
             rung = _Rung(response, rung.space, _part(response, rung.response, ratio, time_order(settings), rung.time))
     whole = rung.response
-    if how != short:
-        whole = run(scene, method, **how, **settings, progress=lambda x: report(0.5 + 0.5 * x))
+    if end != short:
+        assert finest is not None
+        whole = finest.to(end, lambda x: report(0.5 + 0.5 * x))
         made.append(whole)
     report(1.0)
     if math.isfinite(rung.bar):
@@ -158,7 +171,8 @@ def resolved(
 ) -> Estimated:
     """Return the run of `resolve`, or the finest within reach, with companions for the bars of everything else.
 
-    Where its own ladder gives the path a smaller bar than the companions do, it scales theirs: it has seen the orders.
+    The path's bar is that of its own ladder, which has seen the orders; where it is smaller than the companions say,
+    theirs of everything else are scaled with it.
     """
     method = find(method) if isinstance(method, str) else method
     made: list[Response] = []
@@ -168,15 +182,19 @@ def resolved(
         finest = error.best
     how = {k: kind[k] for k in KIND if k in kind}
     e = estimated(scene, method, known=made, **how, **finest.settings)
-    if finest.path_error is not None and e.run.path_error is not None and finest.path_error < e.run.path_error:
-        return weighted(e, finest.path_error / e.run.path_error)
-    return e
+    return weighted(e, finest.path_error / e.run.path_error) if finest.path_error and e.run.path_error else e
+
+
+def _rule(scene: Scene, method: Method, named: dict[str, Any]) -> dict[str, Any]:
+    """Return the settings that are named, with a rule that damps where none is and scene and method bring none."""
+    damps = scene.drive.mode == "free" or method.knobs["scheme"].default != "trapezoidal"
+    return ({} if damps or "scheme" in named else QUIET) | named
 
 
 def _first(method: Method, settings: dict[str, Any], ran: Callable[[dict[str, Any]], Response]) -> _Rung:
-    """Run a method with both companions."""
-    fine, in_space = ran(settings), ran(refined(method, settings, space=0.5))
-    in_time = ran(refined(method, settings, time=0.5))
+    """Run a method with both companions, itself last."""
+    in_space, in_time = (ran(refined(method, settings, **half)) for half in ({"space": 0.5}, {"time": 0.5}))
+    fine = ran(settings)
     return _Rung(
         fine,
         _part(fine, in_space, 2.0, space_order(method.space_order)),

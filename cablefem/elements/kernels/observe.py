@@ -1,4 +1,7 @@
-"""What is seen of a state: fields and recovered forces along a following mesh, energies, pointwise tension."""
+"""What is seen of states: fields and recovered forces along a following mesh, energies, pointwise tension.
+
+A history is q, v, a (n, n_dof) and kinematics (n, 3): s_o, ds_o, dds_o; `frames` are rows of it.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import math
 import numpy as np
 
 from cablefem.elements.kernels import compiled
+from cablefem.elements.kernels.balance import Mesh, follow
 from cablefem.elements.kernels.law import ELASTIC, pull, tension
 
 
@@ -53,6 +57,14 @@ def sample(knots, shapes, dofs, s_o, ds, s, q, v, out):
                 out[0, p, f] += value * w
                 out[1, p, f] += value * v[n_fields * d + f] - pull * slope * w
                 out[2, p, f] += slope * w
+
+
+@compiled
+def samples(knots, shapes, dofs, kinematics, frames, s, q, v, out):
+    """Set `sample` of the frames of a history, out (k, 3, m, n_fields)."""
+    for k in range(frames.size):
+        i = frames[k]
+        sample(knots, shapes, dofs, kinematics[i, 0], kinematics[i, 1], s, q[i], v[i], out[k])
 
 
 @compiled
@@ -171,6 +183,43 @@ def sample_forces(knots, shapes, dofs, node, s_o, ds, dds, s, q, v, a, ends, out
 
 
 @compiled
+def carried(mesh, n_left, node, cable, knots, shapes, kinematics, rise, frames, s, q, v, a, ends, along):
+    """Set `end_forces` of a history, ends (n, 4, n_fields), and `sample_forces` of its frames, along (k, m, n_fields).
+
+    mesh : following; its span is overwritten.
+    """
+    unused = np.empty((8, 3))
+    for i in range(rise.size):
+        follow(kinematics[i, 0], kinematics[i, 1], kinematics[i, 2], n_left, unused, mesh.span)
+        end_forces(mesh, n_left, node, cable, kinematics[i, 2], rise[i], q[i], v[i], a[i], ends[i])
+        if kinematics[i, 0] == 0.0:  # the left part has no length yet
+            ends[i, 0], ends[i, 1] = ends[i, 2], ends[i, 2]
+    for k in range(frames.size):
+        i = frames[k]
+        s_o, ds, dds = kinematics[i]
+        sample_forces(knots, shapes, mesh.dofs, node, s_o, ds, dds, s, q[i], v[i], a[i], ends[i], along[k])
+
+
+@compiled
+def energies(mesh, fine, n_left, cable, n_fields, kinematics, q, v, parts, least, where):
+    """Set energies (3, n): kinetic, of strain, of weight; least tension and its s (n,) of a history.
+
+    mesh : with the points of the forces; fine : tab with those of inertia.
+    n_left : None where the mesh rests; else its span is overwritten.
+    """
+    unused = np.empty((8, 3))
+    inert = Mesh(mesh.span, mesh.dofs, fine)
+    for i in range(least.size):
+        if n_left is not None:
+            follow(kinematics[i, 0], kinematics[i, 1], 0.0, n_left, unused, mesh.span)
+        parts[0, i] = kinetic_energy(inert, n_fields, q[i], v[i])
+        if n_fields == 2:
+            parts[1, i], parts[2, i], least[i], where[i] = cable_energy(mesh, cable, q[i])
+        else:
+            parts[1, i], least[i] = chord_energy(mesh, cable, q[i])
+
+
+@compiled
 def kinetic_energy(mesh, n_fields, q, v):
     """Return int |w.|^2/2 ds, w. = dq/dt phi - c q phi' the velocity at fixed s on a mesh that moves with c."""
     span, dofs, tab = mesh
@@ -178,6 +227,8 @@ def kinetic_energy(mesh, n_fields, q, v):
     twice = 0.0
     for e in range(n_el):
         h = span[e, 1]
+        if h == 0.0:  # the left part has no length yet
+            continue
         for g in range(tab.shape[1]):
             c = span[e, 2] + span[e, 3] * tab[e, g, 0]
             for i in range(n_fields):
@@ -201,6 +252,8 @@ def cable_energy(mesh, cable, q):
     where = 0.0
     for e in range(n_el):
         s_0, h = span[e, 0], span[e, 1]
+        if h == 0.0:  # the left part has no length yet
+            continue
         for g in range(tab.shape[1]):
             s = s_0 + h * tab[e, g, 0]
             p = slope - sigma * s
@@ -232,6 +285,8 @@ def chord_energy(mesh, chord, q):
     strain, eps = 0.0, 0.0
     for e in range(n_el):
         s_0, h = span[e, 0], span[e, 1]
+        if h == 0.0:  # the left part has no length yet
+            continue
         for g in range(tab.shape[1]):
             w = 0.0
             for k in range(n_loc):

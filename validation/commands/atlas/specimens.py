@@ -37,7 +37,7 @@ class FreeCable(FixedElements):
 
     def energy(self, x: State) -> float:
         """Kinetic and strain energy less the work of gravity; zero for the cable at rest."""
-        mesh, fine = self._meshes
+        mesh, fine = self._mesh, self._mesh._replace(tab=self._fine)
         return kinetic_energy(fine, 2, x.q, x.v) + sum(cable_energy(mesh, self._cable, x.q)[:2])
 
 
