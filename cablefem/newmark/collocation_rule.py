@@ -15,7 +15,7 @@ from cablefem.newmark.failures import StepFailure
 from cablefem.newmark.newton import Newton, Settled, find_root
 from cablefem.newmark.schemes import Scheme
 from cablefem.newmark.stepper import Stepper, Work
-from cablefem.newmark.system import Abrupt, Array, Collocated, Inside, Solve, State, System, consistent_acceleration
+from cablefem.newmark.system import Array, Collocated, Inside, Solve, State, System, consistent_acceleration
 from cablefem.newmark.tableau import Tableau, continued, tableau
 
 # One tangent for all nodes errs by what it changes along the step, and so does a new one: it is kept while it serves.
@@ -70,8 +70,7 @@ class CollocationRule(Stepper):
         """Return the accelerations at the nodes t.
 
         First guess: the polynomial of the step before goes on; where unresolved waves make that absurd: a stays as it
-        was, none where it is `Abrupt`; where the tangent changes too much along the step: the same, with all nodes' own
-        tangents.
+        was; where the tangent changes too much along the step: the same, with all nodes' own tangents.
         """
         step = dt, x.phase, np.array([x.q, x.v])
         how = self.rule, self.bound, self.newton
@@ -79,9 +78,8 @@ class CollocationRule(Stepper):
             a = continued(x.inside, dt)
             if self.balanced(self.collocate(t, *step, a, *how)):
                 return a
-        abrupt = isinstance(self.system, Abrupt) and self.system.abrupt(x, dt)
         for solver in (self.collocate, partial(collocate_coupled, self.system)):
-            a = np.tile(np.zeros_like(x.a) if abrupt else x.a, (t.size, 1))
+            a = np.tile(x.a, (t.size, 1))
             done = solver(t, *step, a, *how)
             if self.balanced(done):
                 return a

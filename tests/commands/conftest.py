@@ -36,8 +36,8 @@ def checked(monkeypatch, level_check):
 
     Returns a function that changes what it finds.
     """
-    from validation import paraview
     from validation.commands.check import page as pages
+    from validation.page import paraview
 
     def find(**changes):
         found = dataclasses.replace(level_check, **changes)

@@ -271,17 +271,6 @@ def test_a_ride_by_collocation():
     assert work.steps < 70
 
 
-@pytest.mark.parametrize("known", [True, False], ids=["abrupt", "twin"])
-def test_a_sudden_release_does_not_send_a_long_step_to_another_root(known):
-    """The acceleration at release lives a fraction of the step; as a guess for all of it, it folds the cable."""
-    system = RollingElements(Scene.load("zipline").groups, elements=16, degree=4)
-    if not known:
-        system.abrupt = lambda x, dt: False
-    states = integrate(system, scheme("radau"), [0.00788 * np.arange(4)])
-    least = [system.least_tension[0] for _ in states][1:]
-    assert (min(least) > 0.9) is known
-
-
 @pytest.mark.parametrize("method", ["radau", "gauss"])
 @pytest.mark.parametrize("mode", ["free", "haul"])
 def test_compiled_collocation_of_a_ride_is_that_of_its_residuals_and_tangents(mode, method):

@@ -12,6 +12,7 @@ import numpy as np
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import measures, richardson
+from validation.core.design import Refinement, of_ladder
 from validation.core.estimate import KIND, Estimated, estimated, gaps, until, weighted
 from validation.core.methods import Method, find, refined
 from validation.core.richardson import space_order, time_order
@@ -29,6 +30,7 @@ ATTEMPTS = 20
 AIM = 0.8  # of the tolerance, so that a prediction that is a little short does not cost another run
 STUCK = 0.8  # of what it was: where a finer mesh leaves more than that of its part, steps are too long for it
 UNRESOLVED = 0.05  # of the deflection: while time costs more than that, space is not judged
+SPARSE = 4  # every so-manieth frame is enough of trial runs that nobody else will look at
 
 # Where steps are chosen, so is the rule: axial waves run some sqrt(alpha) times faster than the answer moves, and steps
 # that do not resolve them must damp them, or they gain energy by the nonlinearity until Newton's method ends in folded
@@ -59,6 +61,16 @@ class _Part:
 
     left: tuple[float, float]
     safety: float
+    read: tuple[Response, Response, float, float] | None = None  # from the finer and the coarser run, ratio, order
+
+    @property
+    def refinement(self) -> list[Refinement]:
+        """What the same two runs say of everything else."""
+        if self.read is None:
+            return []
+        fine, coarse, ratio, order = self.read
+        of_path, of_force = (richardson.left(p, ratio) for p in (order, 1.0))
+        return [Refinement(fine, coarse, self.safety * of_path, richardson.SAFETY * of_force)]
 
     @property
     def path(self) -> float:
@@ -86,7 +98,7 @@ def resolve(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None,
     runs: list[Response] | None = None, **kind: Any,
 ) -> Response:  # fmt: skip
-    """Return a run whose path error bar is at most `tol`, at nearly the least cost; `kind` as in `run`.
+    """Return a run whose path error bar is at most `tol`, at nearly the least cost, with its design numbers.
 
     Two companions of a coarse run (half the resolution, half the steps) give the parts s and t of its error.  Refining
     space by a and time by b leaves s/a^p + t/b^2: a and b between 1.4 and 2, or 1, are chosen for the least cost.
@@ -94,7 +106,7 @@ def resolve(
     distance to the run before gives the part anew, with the smaller factor of safety if it has fallen as predicted.
     Only the run that is returned goes beyond the window of comparison.
 
-    runs : receives every run that is made on the way.
+    kind : as in `run`;  runs : receives every run that is made on the way.
 
     Steps are equal.  Step sizes from local error were measured and are not used: for the same largest
     path error they take 0.8 to 1.1 times the steps on `level`, for the same rms error and on `inclined` more than equal
@@ -113,14 +125,14 @@ def resolve(
     space = method.resolution
     named = {k: v for k, v in kind.items() if k not in KIND}
     settings = method.settings_on(scene.groups, _rule(scene, method, named) | _begin(scene, method))
-    made = [] if runs is None else runs
+    made, every = ([], SPARSE) if runs is None else (runs, 1)
     finest: Run | None = None  # that of the rung, to go on with
 
     def ran(settings: dict[str, Any], keep: bool = True) -> Response:
         nonlocal finest
         marched = Run(scene, method, **how, **settings)
         finest = marched if keep else finest
-        made.append(marched.to(short))
+        made.append(marched.to(short, every=every))
         return made[-1]
 
     rung, read_at, stuck = _first(method, settings, ran), settings["steps"], False
@@ -149,11 +161,13 @@ def resolve(
             response = ran(settings)
             rung = _Rung(response, rung.space, _part(response, rung.response, ratio, time_order(settings), rung.time))
     whole = rung.response
-    if end != short:
+    if end != short or every > 1:
         assert finest is not None
         whole = finest.to(end, lambda x: report(0.5 + 0.5 * x))
         made.append(whole)
     report(1.0)
+    design = of_ladder(whole, rung.space.refinement + rung.time.refinement)
+    whole = replace(whole, design=[number.row() for number in design])
     if math.isfinite(rung.bar):
         parts = {
             "path_space": rung.space.path, "path_time": rung.time.path,
@@ -232,15 +246,16 @@ def _part(
 
     since : how much finer the run is than the one that `before` was read for, if that is not `ratio`.
     """
+    read = fine, coarse, ratio, order
     try:
         path, tension = gaps(fine, coarse)
     except measures.NotComparable:
-        return _Part((math.inf, math.inf), UNCONFIRMED)
+        return _Part((math.inf, math.inf), UNCONFIRMED, read)
     of_gap = richardson.left(order, ratio)
     left = of_gap * path, of_gap * tension
     fall = (since or ratio) ** order
     confirmed = before is not None and left[0] <= NEARLY * before.left[0] / fall < math.inf
-    return _Part(left, CONFIRMED if confirmed else UNCONFIRMED)
+    return _Part(left, CONFIRMED if confirmed else UNCONFIRMED, read)
 
 
 def _next(

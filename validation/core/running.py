@@ -70,17 +70,20 @@ class Run:
         self.times = steps_of(solver, groups, settings)
         self.history = History([], Work(), 0.0, None, None, solver, None)
 
-    def to(self, until: float | None = None, progress: Progress | None = None) -> Response:
+    def to(self, until: float | None = None, progress: Progress | None = None, *, every: int = 1) -> Response:
         """March on to the first step at or past s_o/l = until, by default to the end; return the response so far.
 
         Comparisons need no more than `measures.WINDOW[1]`.  A run that cannot go on comes back with status "incomplete"
         and the reason; what was computed before is kept.  A run that gains energy it was not given comes back flagged.
+
+        every : so-manieth frame of the fields is kept.
         """
         if until is not None and not until > 0.0:
             raise ValueError(f"until must be a place s_o/l > 0, got {until!r}")
         with _threads().limit(limits=1):  # the matrices are small: threads cost more than they give
             _march(self, until or math.inf, progress or (lambda done: None))
-            response = respond(self.scene, self.history, method=self.method.name, settings=self.settings, **self.kind)
+            told = {"method": self.method.name, "settings": self.settings, **self.kind}
+            response = respond(self.scene, self.history, every=every, **told)
             return watched(response, self.scene, self.method)
 
 

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
-from validation import terminal
-from validation.options import Out, SceneName, scene_named, study
+from validation.page import terminal
+from validation.page.options import Out, SceneName, scene_named, study
 
 PLACE = 6
 EXAMPLE = "cablefem certify level"
@@ -16,8 +16,8 @@ def command(scene: SceneName, out: Out = None) -> int:
     """
     loaded = scene_named(scene, travelling=True)
 
-    from validation import telling
     from validation.commands.certify import study as certificates
+    from validation.page import telling
 
     made = study("certify", loaded, ["certificate.csv", "certify.json"], out, certificates.certify, loaded)
     columns = ["way", "resolution", "steps", "space", "time", "to 1e-4", "1e-5", "1e-6", "ends"]

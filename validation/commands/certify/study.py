@@ -53,7 +53,7 @@ class Way:
     method: str
     scheme: str
     first: tuple[int, int]  # resolution and steps
-    most: float  # steps x resolution to the power that its arithmetic grows with
+    most: float  # steps, times what each costs (`Resolution.cost`)
 
     @property
     def name(self) -> str:
@@ -61,9 +61,9 @@ class Way:
 
 
 WAYS = (  # half a minute each for the largest run
-    Way("following-p4", "radau", (8, 400), 64 * 12_800),
-    Way("following-p2", "gauss", (16, 1000), 128 * 32_000),
-    Way("fourier-kink", "trapezoidal", (10, 1000), 160**2.5 * 8000),
+    Way("following-p4", "radau", (8, 400), 120e3),
+    Way("following-p2", "gauss", (16, 1000), 600e3),
+    Way("fourier-kink", "trapezoidal", (10, 1000), 420e3),
 )
 FREE = 8.0  # times the work of a step: slip that rings crosses zero, and every crossing is an event
 
@@ -171,7 +171,7 @@ def joined(scene: Scene, found: tuple[Found, ...]) -> Certificate:
 def climb(scene: Scene, way: Way, progress: Progress = lambda *told: None) -> Found:
     """Refine what leaves more, space or steps, until all bars but those near the end are met, as far as it may go."""
     method = find(way.method)
-    space, grows = method.resolution.setting, {method.resolution.setting: method.resolution.growth, "steps": 1.0}
+    space = method.resolution.setting
     settings = method.settings({space: way.first[0], "steps": way.first[1], "scheme": way.scheme})
     most = way.most / (FREE if scene.drive.mode == "free" else 1.0)
     run = partial(track, scene, method)
@@ -182,19 +182,18 @@ def climb(scene: Scene, way: Way, progress: Progress = lambda *told: None) -> Fo
         found = _found(scene, way, settings, fine, in_space, in_time)
         parts = dict(zip((space, "steps"), (x if math.isfinite(x) else math.inf for x in found.parts), strict=True))
         progress(way.name, 0.5, f"{settings[space]}/{settings['steps']}: {sum(found.parts):.1g}")
-        work = settings[space] ** grows[space] * settings["steps"]
         # a part far below the other is not worth a run
-        may = [k for k in parts if work * 2.0 ** grows[k] <= most and parts[k] >= 0.1 * max(parts.values())]
+        finer = {k: settings | {k: 2 * settings[k]} for k in parts if parts[k] >= 0.1 * max(parts.values())}
+        may = [k for k, x in finer.items() if x["steps"] * method.resolution.cost(x[space]) <= most]
         if sum(found.parts) <= AIM * TOL or not may:
             break
         which = max(may, key=lambda k: parts[k])
-        settings = settings | {which: 2 * settings[which]}
-        finer = run(settings)
+        settings = finer[which]
+        before, fine = fine, run(settings)
         if which == space:
-            in_space, in_time = _left(finer, fine, space_order(method.space_order)), _moved(in_time, fine, finer)
+            in_space, in_time = _left(fine, before, space_order(method.space_order)), _moved(in_time, before, fine)
         else:
-            in_space, in_time = _moved(in_space, fine, finer), _left(finer, fine, TIME_ORDER)
-        fine = finer
+            in_space, in_time = _moved(in_space, before, fine), _left(fine, before, TIME_ORDER)
     progress(way.name, 1.0)
     return found
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import importlib
 import json
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from markupsafe import Markup
 
 from cablefem.response import write_json
-from validation import terminal
 from validation.core import store
-from validation.page import page
+from validation.page import page, terminal
 from validation.page.page import Section
 
 
@@ -44,6 +44,52 @@ def kept(folder: Path, command: str) -> list[Section]:
         return [Section(**page | {"html": Markup(page["html"]), "scripts": tuple(page["scripts"])}) for page in pages]
     except (OSError, ValueError, TypeError, KeyError):
         return drawn(folder, command)
+
+
+Part = tuple[str, ...]  # a command and its arguments; its results are in the folder of its scene, or its own
+
+
+@contextmanager
+def missing(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, list[Part]]]:
+    """Give the folder of all results and the parts that it lacks, and make it the default folder meanwhile.
+
+    A folder that holds the results of one scene lacks nothing.
+    """
+    root = store.ROOT if root is None else root
+    if set(store.results(root)) - {"report"}:
+        yield root, []
+        return
+    store.claim(root, "report", "report", ["report.html"], among=True)
+    store.ROOT, before = root, store.ROOT
+    try:
+        yield root, [part for part in parts if not store.finished(root / _place(part)[1], part[0])]
+    finally:
+        store.ROOT = before
+
+
+def gather(root: Path, parts: Sequence[Part]) -> None:
+    """Write the report of all finished results in a folder and in its subfolders, these parts first."""
+    order = [_place(part) for part in parts]
+    done = [
+        (command, folder)
+        for folder in [root, *sorted(root.glob("*/"))]
+        for command in store.results(folder)
+        if store.finished(folder, command)
+    ]
+    done.sort(key=lambda x: order.index((x[0], x[1].name)) if (x[0], x[1].name) in order else len(order))
+    sections = [
+        replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}")
+        for command, folder in done for s in kept(folder, command)
+    ]  # fmt: skip
+    if not sections:
+        raise store.Refused(f"{root} holds no finished results to report")
+    page.render("cablefem", sections, root / "report.html")
+    tell(sections)
+    terminal.say(f"written to {root}: report.html")
+
+
+def _place(part: Part) -> tuple[str, str]:
+    return part[0], part[min(1, len(part) - 1)]
 
 
 def tell(sections: Sequence[Section]) -> None:
