@@ -41,7 +41,7 @@ def cable_check(request: pytest.FixtureRequest) -> Callable[..., Any]:
 
 def _judge() -> Any:
     try:
-        return importlib.import_module("validation.testing")
+        return importlib.import_module("validation.commands.check.testing")
     except ModuleNotFoundError as error:
         if not (error.name or "").startswith("validation"):
             raise

@@ -8,6 +8,8 @@ Common arguments
     alpha, law  EA/H, and the index of the law in `galerkin.law.LAWS`
     x         a `Carried` of the moving basis
     Q, V, A   (fields, n) coefficients, their velocities and accelerations
+
+Loops stand where numpy would have an expression of arrays: numba takes seconds to compile the latter.
 """
 
 from __future__ import annotations
@@ -51,7 +53,9 @@ def static_at(s, sigma, c):
     """X' and X'' at one place, rows (2, 2)."""
     p = c - sigma * s
     T = math.sqrt(1.0 + p * p)
-    return np.array([[1.0 / T, p / T], [sigma * p / T**3, -sigma / T**3]])
+    out = np.empty((2, 2))
+    out[0, 0], out[0, 1], out[1, 0], out[1, 1] = 1.0 / T, p / T, sigma * p / T**3, -sigma / T**3
+    return out
 
 
 @compiled
@@ -91,7 +95,7 @@ def balance(at, Q, alpha, law, force, gram, pull):
     gram : (2, 2, m) receives the weighted tangent at the points;  pull : (m,) the elastic T + alpha eps
     """
     T, r_static, weights = at.T, at.r_static, at.weights
-    slope = Q @ at.phi
+    slope = np.dot(Q, at.phi)
     for i in range(weights.size):
         xp, yp, ux, vy = r_static[0, i], r_static[1, i], slope[0, i], slope[1, i]
         _, _, fx, fy, k, d, pull[i] = at_point(T[i], xp, yp, ux, vy, alpha, law)
@@ -99,7 +103,7 @@ def balance(at, Q, alpha, law, force, gram, pull):
         gram[0, 0, i], gram[1, 1, i] = w * (k + d * rx * rx), w * (k + d * ry * ry)
         gram[0, 1, i] = gram[1, 0, i] = w * (d * rx * ry)
         slope[0, i], slope[1, i] = w * fx, w * fy
-    force[:] = slope @ at.phi.T
+    np.dot(slope, at.phi.T, force)
 
 
 @compiled
@@ -115,13 +119,16 @@ def stiffness(phi, f, harmonic, hat):
     if harmonic:
         both = np.empty((6, m))
         for i in range(3):
-            both[i] = f[i // 2, (i + 1) // 2]
-            both[3 + i] = both[i] * (phi[N - 1] / (N * math.pi))
-        sums = both @ phi[:N].T
+            for q in range(m):
+                both[i, q] = f[i // 2, (i + 1) // 2, q]
+                both[3 + i, q] = both[i, q] * (phi[N - 1, q] / (N * math.pi))
+        sums = np.dot(both, phi[:N].T)
         c = np.empty(4 * N + 1)  # c_|m|, m = -2N .. 2N
         for i in range(3):
             a, b = i // 2, (i + 1) // 2
-            c[2 * N] = both[i].sum()
+            c[2 * N] = 0.0
+            for q in range(m):
+                c[2 * N] += both[i, q]
             for k in range(1, N + 1):
                 c[2 * N + k] = c[2 * N - k] = sums[i, k - 1] / (k * math.pi)
             for k in range(1, N + 1):
@@ -131,30 +138,48 @@ def stiffness(phi, f, harmonic, hat):
                 for k in range(1, N + 1):
                     row[k - 1] = (0.5 * math.pi**2 * j) * k * (minus[k] + plus[k])
     else:
+        scaled = np.empty((N, m))
         for i in range(3):
-            out[i // 2, :N, (i + 1) // 2, :N] = (f[i // 2, (i + 1) // 2] * phi[:N]) @ phi[:N].T
+            a, b = i // 2, (i + 1) // 2
+            for k in range(N):
+                for q in range(m):
+                    scaled[k, q] = f[a, b, q] * phi[k, q]
+            products = np.dot(scaled, phi[:N].T)
+            for j in range(N):
+                for k in range(N):
+                    out[a, j, b, k] = products[j, k]
     if hat:
         for i in range(3):
             a, b = i // 2, (i + 1) // 2
-            column = phi @ (f[a, b] * phi[N])
-            out[a, N, b, :] = column
-            out[a, :, b, N] = column
-    out[1, :, 0, :] = out[0, :, 1, :]
+            for k in range(n):
+                total = 0.0
+                for q in range(m):
+                    total += phi[k, q] * (f[a, b, q] * phi[N, q])
+                out[a, N, b, k] = out[a, k, b, N] = total
+    for j in range(n):
+        for k in range(n):
+            out[1, j, 0, k] = out[0, j, 1, k]
     return out.reshape(2 * n, 2 * n)
 
 
 @compiled
 def acceleration(x, Q, V, A):
     """d2/dt2 of w(s_o, t) along the path, (fields,)."""
-    return A @ x.f + V @ x.f_v + Q @ x.f_q
+    out = np.zeros(A.shape[0])
+    for a in range(out.size):
+        for i in range(x.f.size):
+            out[a] += A[a, i] * x.f[i] + V[a, i] * x.f_v[i] + Q[a, i] * x.f_q[i]
+    return out
 
 
 @compiled
 def add_inertia(x, Q, V, A, C, R):
     """Add M A + 2 A V + (A. - B) Q of the cable and the force C (fields,) at the mass to R (fields, n)."""
     last = x.f.size - 1
-    R += A @ x.mass
     for a in range(R.shape[0]):
+        for k in range(last + 1):
+            for i in range(R.shape[1]):
+                R[a, i] += A[a, k] * x.mass[k, i]
         for i in range(R.shape[1]):
             R[a, i] += V[a, last] * x.gyroscopic[i] + Q[a, last] * x.centrifugal[i] + C[a] * x.f[i]
 
@@ -180,7 +205,7 @@ def survey(at, Q, alpha, law, internal):
     internal : (2, 2) receives int (N t - T t_static) ds behind and ahead of the mass, each a column
     """
     T, r_static, weights = at.T, at.r_static, at.weights
-    slope = Q @ at.phi
+    slope = np.dot(Q, at.phi)
     energy, least, where = 0.0, math.inf, 0
     internal[:] = 0.0
     for i in range(weights.size):
@@ -236,12 +261,20 @@ def car(on, thrust, velocity, acceleration, behind, ahead):
 @compiled
 def roll(x, slope, load, rays, Q, V, A, ds_o, on, thrust, R):
     """Add the cable's inertia and the car to R (2, n), and return `car`; slope, rays, load : of an `Instant`."""
-    along, last = slope + Q @ x.f_s, x.f.size - 1
-    velocity = V @ x.f + ds_o * along
-    p = acceleration(x, Q, V, A) + load
+    last = x.f.size - 1
+    velocity, behind, ahead, p = np.empty(2), np.empty(2), np.empty(2), acceleration(x, Q, V, A)
+    for a in range(2):
+        along, speed = slope[a], 0.0
+        for i in range(last + 1):
+            along += Q[a, i] * x.f_s[i]
+            speed += V[a, i] * x.f[i]
+        velocity[a] = speed + ds_o * along
+        behind[a], ahead[a] = along + rays[0] * Q[a, last], along + rays[1] * Q[a, last]
+        p[a] += load[a]
     p[1] += on.sigma
-    out = car(on, thrust, velocity, p, along + rays[0] * Q[:, last], along + rays[1] * Q[:, last])
-    add_inertia(x, Q, V, A, np.array([out[0], out[1]]), R)
+    out = car(on, thrust, velocity, p, behind, ahead)
+    p[0], p[1] = out[0], out[1]
+    add_inertia(x, Q, V, A, p, R)
     return out
 
 
@@ -283,8 +316,9 @@ def moment(ride, s_o, ds_o, dds_o):
     s, weights, phi = split(s_o, ride.rule[0], ride.rule[1], n)
     T, r_static = static(s, sigma, ride.c)
     rest = static_at(s_o, sigma, ride.c)
-    load = dds_o * rest[0] + ds_o * ds_o * rest[1]
-    load[1] -= sigma
+    load = np.empty(2)
+    for a in range(2):
+        load[a] = dds_o * rest[0, a] + ds_o * ds_o * rest[1, a] - a * sigma
     return Points(s, phi, weights, T, r_static), x, rest[0], load
 
 
@@ -296,7 +330,10 @@ def evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gra
     Q, V, A = balanced[0, : 2 * n].reshape(2, n), balanced[1, : 2 * n].reshape(2, n), balanced[2, : 2 * n].reshape(2, n)
     balance(at, Q, alpha, law, R, gram, pull)
     if ride is None:
-        add_inertia(x, Q, V, A, inertia * acceleration(x, Q, V, A) + mu * load, R)
+        C = acceleration(x, Q, V, A)
+        for a in range(2):
+            C[a] = inertia * C[a] + mu * load[a]
+        add_inertia(x, Q, V, A, C, R)
         return NO_CAR
     hauled = ride.mode == HAULED
     ds_o, thrust = (ride.ds_o, balanced[2, 2 * n]) if hauled else (balanced[1, 2 * n], ride.thrust)
@@ -304,6 +341,14 @@ def evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gra
     out = roll(x, slope, load, rays, Q, V, A, ds_o, ride.on, thrust, R)
     r[2 * n] = mu * balanced[2, 2 * n] if ride.mode == STUCK else out[9]
     return out
+
+
+@compiled
+def correct(now, c, share, step):
+    """Take share step off the rows q, v, a of the step's end."""
+    for k in range(3):
+        for i in range(step.size):
+            now[k, i] -= share * c[k] * step[i]
 
 
 @compiled
@@ -315,17 +360,19 @@ def settle(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, sta
     The factors are not kept but made again from the kept tangent: more than one iteration is rare.
     """
     n, size = x.f.size, start.shape[1]
-    c = rule[:, 3]
-    w = rule[:, 4]
+    c, w = rule[:, 3], rule[:, 4]
     c0, c1, c2 = w[0] * c[0], w[1] * c[1], w[2] * c[2]
-    balanced, r, gram = np.empty_like(now), np.empty(size), np.empty((2, 2, at.weights.size))
-    now[:] = rule[:, :3].copy() @ start
-    K, beyond, moved = np.empty((size, size)), np.empty(size), np.empty_like(now)
+    balanced, r, gram = np.empty((3, size)), np.empty(size), np.empty((2, 2, at.weights.size))
+    for k in range(3):
+        for i in range(size):
+            now[k, i] = rule[k, 0] * start[0, i] + rule[k, 1] * start[1, i] + rule[k, 2] * start[2, i]
+    K, beyond, moved = np.empty((size, size)), np.empty(size), np.empty((3, size))
     factorisations, residuals, anew, iterations = 0, 0, True, 0
-    step, before, halving = r.copy(), math.inf, -1  # the first residual follows no correction
+    step, before, halving = np.empty(size), math.inf, -1  # the first residual follows no correction
     while True:
         for k in range(3):
-            balanced[k] = w[k] * now[k] + (1.0 - w[k]) * start[k]
+            for i in range(size):
+                balanced[k, i] = w[k] * now[k, i] + (1.0 - w[k]) * start[k, i]
         if ride is None:  # a type of its own: no ride is compiled into the step of a mass that grips
             lost = False
         else:
@@ -334,14 +381,17 @@ def settle(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, sta
                 made = moment(ride, balanced[0, size - 1], balanced[1, size - 1], balanced[2, size - 1])
                 at, x, slope, load = made
         out = evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull)
-        norm = math.nan if lost else math.sqrt(np.dot(r, r))
+        square = math.nan if lost else 0.0
+        for i in range(size):
+            square += r[i] * r[i]
+        norm = math.sqrt(square)
         if halving >= 0:
             residuals += 1
             if not (norm < before or (iterations < newton[2] and norm < math.inf)) and halving < newton[3]:
                 halving += 1
-                step *= 0.5
-                for k in range(3):
-                    now[k] += c[k] * step
+                for i in range(size):
+                    step[i] *= 0.5
+                correct(now, c, -1.0, step)
                 continue
             iterations += 1
             if norm <= bound or not norm < math.inf or iterations >= newton[0]:
@@ -350,7 +400,9 @@ def settle(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, sta
         if anew:
             block = stiffness(at.phi, gram, harmonic, hat)
             add_inertia_tangent(x, inertia, c0, c1, c2, block)
-            K[: 2 * n, : 2 * n] = block
+            for i in range(2 * n):
+                for k in range(2 * n):
+                    K[i, k] = block[i, k]
             if ride is not None:
                 K[2 * n], K[:, 2 * n] = 0.0, 0.0
                 if ride.mode == STUCK:
@@ -358,9 +410,13 @@ def settle(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, sta
                 else:
                     row(x, out, mu, c0, c1, c2, K[2 * n])
                 if ride.mode == HAULED:
-                    K[:n, 2 * n], K[n : 2 * n, 2 * n], K[2 * n, 2 * n] = -c2 * out[2] * x.f, -c2 * out[3] * x.f, -c2
+                    for i in range(n):
+                        K[i, 2 * n], K[n + i, 2 * n] = -c2 * out[2] * x.f[i], -c2 * out[3] * x.f[i]
+                    K[2 * n, 2 * n] = -c2
                 if ride.mode == FREE:
-                    moved[:] = balanced
+                    for k in range(3):
+                        for i in range(size):
+                            moved[k, i] = balanced[k, i]
                     h = STEP / (c0 + c1 + c2)
                     moved[0, 2 * n] += h * c0
                     moved[1, 2 * n] += h * c1
@@ -368,12 +424,12 @@ def settle(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, sta
                     there = moment(ride, moved[0, 2 * n], moved[1, 2 * n], moved[2, 2 * n])
                     evaluate(
                         there[0], there[1], there[2], there[3], ride, inertia, mu, alpha, law, moved, beyond,
-                        np.empty_like(gram), np.empty_like(pull),
+                        np.empty(gram.shape), np.empty(pull.size),
                     )  # fmt: skip
-                    K[:, 2 * n] = (beyond - r) / h
+                    for i in range(size):
+                        K[i, 2 * n] = (beyond[i] - r[i]) / h
             factorisations += 1
         before = norm
         step = np.linalg.solve(K, r)
-        for k in range(3):
-            now[k] -= c[k] * step
+        correct(now, c, 1.0, step)
         halving = 0

@@ -23,7 +23,10 @@ def compiled():
     with (Path(tempfile.gettempdir()) / "cablefem-compiles.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         for scene in ("level", "zipline"):
-            for method, how in (("following-p2", {"elements": 2}), ("fourier-kink", {"terms": 3})):
+            for method, how in (
+                ("following-p2", {"elements": 2}), ("following-p2", {"elements": 2, "scheme": "radau"}),
+                ("fourier-kink", {"terms": 3}),
+            ):  # fmt: skip
                 run(Scene.load(scene), method, steps=20, until=0.3, **how)
 
 

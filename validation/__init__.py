@@ -19,6 +19,7 @@ _HOME = {
     "run": "core.running",
     "assert_agree": "core.assertions",
     "check_solver": "commands.check.study",
+    "advice": "commands.advise.study",
     "ForeignPath": "core.foreign",
 }
 
@@ -29,14 +30,15 @@ def __getattr__(name: str) -> Any:
     """Return a public name, or the function of a command's study that is named as the command."""
     if name in _HOME:
         return getattr(importlib.import_module(f"validation.{_HOME[name]}"), name)
-    if name in _commands() and importlib.util.find_spec(f"validation.{name}") is None:
+    if name in command_names() and importlib.util.find_spec(f"validation.{name}") is None:
         return getattr(importlib.import_module(f"validation.commands.{name}.study"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-def _commands() -> list[str]:
-    return [found.name for found in pkgutil.iter_modules([f"{__path__[0]}/commands"])]
+def command_names() -> list[str]:
+    """Return the names of the commands: the folders of validation/commands."""
+    return [found.name for found in pkgutil.iter_modules([f"{__path__[0]}/commands"]) if found.ispkg]
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, *_commands()})
+    return sorted({*globals(), *__all__, *command_names()})

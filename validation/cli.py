@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import importlib
 import os
-import pkgutil
 import sys
 import traceback
 from typing import Annotated, Any
 
 import typer
 
-from validation import commands, terminal
+from validation import command_names
+from validation.page import terminal
 
 
 def _app() -> typer.Typer:
@@ -28,8 +28,7 @@ def _app() -> typer.Typer:
         invoke_without_command=True,
     )
     app.callback()(_version)
-    names = [found.name for found in pkgutil.iter_modules(commands.__path__) if found.ispkg]
-    parts = {name: importlib.import_module(f"validation.commands.{name}.command") for name in names}
+    parts = {name: importlib.import_module(f"validation.commands.{name}.command") for name in command_names()}
     for name, part in sorted(parts.items(), key=lambda entry: entry[1].PLACE):
         app.command(name, epilog=f"Example: {part.EXAMPLE}")(part.command)
     return app
@@ -52,7 +51,7 @@ def main(argv: list[str] | None = None) -> int:
     usage_error: Any = typer.BadParameter.__mro__[1]
     try:
         arguments = sys.argv[1:] if argv is None else argv
-        with command.make_context("cablefem", list(arguments) or ["--help"]) as context:
+        with command.make_context("cablefem", list(arguments) or ["--help"], obj=main) as context:
             return int(command.invoke(context) or 0)
     except typer.Exit as done:
         return done.exit_code

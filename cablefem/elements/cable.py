@@ -17,8 +17,8 @@ from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, 
 from cablefem.elements.kernels.banded import Tangent, factorise_coupled, solve_coupled
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY, pulls
 from cablefem.elements.kernels.newton import settle
-from cablefem.elements.kernels.observe import cable_energy, chord_energy
-from cablefem.newmark import Newton, Settled, Solve, State, Tableau, collocate
+from cablefem.elements.kernels.observe import energies
+from cablefem.newmark import Newton, Settled, Solve, State, Tableau
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 
@@ -26,8 +26,9 @@ Array = NDArray[np.float64]
 
 MODELS = ("full", "string", "sagged", "stretching")
 
-# lam, kap of the one-field models: whether stretching by the sag, and by the slope squared, raises the tension
-STRETCHING = {"string": (0.0, 0.0), "sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}
+# lam, kap of the one-field models: whether stretching by the sag, and by the slope squared, raises the tension; the
+# straight string of textbooks has no sag whose curvature would load the mass
+STRETCHING = {"straight": (0.0, 0.0), "string": (0.0, 0.0), "sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}
 
 
 def elements_allowed(elements: int) -> int:
@@ -48,7 +49,7 @@ class CableElements:
     """A cable on some mesh with its moving mass: a `cablefem.newmark.System` but for the mesh.
 
     A mesh sets n_scalar (unknowns per field), _n_dof, _band, _mesh and _operators, and answers `start`, `_time`,
-    `_mesh_at`, `_at_mass` and `_fields`.
+    `_at_mass` and `_fields`.
 
     model : "full" for (u, v), or one unknown field normal to the chord: "string", "sagged", "stretching".
     load : "mass", or "force" for its weight alone.
@@ -62,6 +63,8 @@ class CableElements:
     _operators: Array  # (n_op, n_scalar, 2 b + 1) what M, C and K are made of
     _coefficients: Array  # (n_op, 3)
     _mesh: Mesh
+    _fine: Array  # tab of the mesh with the points of inertia
+    _n_left: int | None = None  # elements behind the mass; none are where the mesh rests
     _contact: Contact
     _at: tuple[float, int] | None  # instant and phase that all this is for
 
@@ -72,7 +75,7 @@ class CableElements:
             )
         if groups.motion is None and groups.drive.mode != "free":
             raise ValueError("the scene has no mass that travels")
-        if model not in MODELS:
+        if model not in (*MODELS, "straight"):
             raise ValueError(f"model must be one of {', '.join(MODELS)}, got {model!r}")
         if load not in ("mass", "force"):
             raise ValueError(f"load must be mass or force, got {load!r}")
@@ -122,7 +125,7 @@ class CableElements:
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self._n_dof)
-        self._assemble(t, q, v, a, phase, r, False, 0.0, 0.0, 0.0)
+        self._assemble(t, q, v, a, phase, r, 0.0, 0.0, 0.0)
         return r
 
     def linearise(
@@ -134,10 +137,10 @@ class CableElements:
             work = self._complex_work
             work.ab[:] = 0.0
             for factor, *one in zip((c0, c1, c2), *np.eye(3).tolist(), strict=True):
-                self._assemble(t, q, v, a, phase, r, True, *one)
+                self._assemble(t, q, v, a, phase, r, *one)
                 work.ab[:] += factor * self._work.ab
         else:
-            self._assemble(t, q, v, a, phase, r, True, c0, float(c1.real), float(c2.real))
+            self._assemble(t, q, v, a, phase, r, c0, float(c1.real), float(c2.real))
         if not factorise_coupled(work, c0 * coupling(self._cable)):
             return r, lambda b: np.full_like(b, math.nan)  # singular: the driver takes NaN for a stalled step
 
@@ -161,8 +164,6 @@ class CableElements:
     def collocate(
         self, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
     ) -> Settled:
-        if type(self).residual is not CableElements.residual:
-            return collocate(self, t, dt, phase, start, a, rule, bound, newton)  # the kernel knows no other balance
         meshes, contacts, coefficients = [], [], []
         for instant in (*t.tolist(), t[-1])[:3]:  # compiled for three nodes, two are filled up
             self._time(float(instant), phase)
@@ -170,10 +171,16 @@ class CableElements:
             contacts.append((*self._contact[:-1], self._contact.load.copy()))
             coefficients.append(self._coefficients.copy())
         self._at = None
+        bands = np.empty((3, *self._bands.shape))
+        grip = self._operators, tuple(coefficients), bands, tuple(meshes), tuple(contacts)
+        return self._collocated(grip, None, dt, start, a, rule, bound, newton)
+
+    def _collocated(
+        self, grip: Any, ride: Any, dt: float, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
+    ) -> Settled:
         *done, least, where = collocation.collocate(
-            self._operators, tuple(coefficients), np.empty((3, *self._bands.shape)), tuple(meshes), self._cable,
-            tuple(contacts), tuple(self._work), tuple(self._complex_work), start, dt, rule.numbers, a, bound,
-            newton.max_iter, newton.reuse, newton.patience,
+            grip, ride, tuple(self._mesh), self._cable, tuple(self._work), tuple(self._complex_work), start, dt,
+            rule.numbers, a, bound, newton.max_iter, newton.reuse, newton.patience,
         )  # fmt: skip
         self.least_tension = least, where
         return Settled(*done)
@@ -195,10 +202,6 @@ class CableElements:
 
     def _time(self, t: float, phase: int) -> None:
         """Set _coefficients of the _operators, _mesh and _contact at this instant."""
-        raise NotImplementedError
-
-    def _mesh_at(self, s_o: float, ds: float) -> Mesh:
-        """Return the elements with the mass at s_o."""
         raise NotImplementedError
 
     def _split(self, states: States) -> tuple[States, Array]:
@@ -235,19 +238,19 @@ class CableElements:
             self._cable = np.array([g.alpha, g.sigma, g.c, flag])
         else:
             tau = 1.0 / g.chord_cos
-            self._cable = np.array([g.alpha, tau, g.sigma * g.chord_cos / tau, *STRETCHING[self.model], flag])
+            curvature = 0.0 if self.model == "straight" else g.sigma * g.chord_cos / tau
+            self._cable = np.array([g.alpha, tau, curvature, *STRETCHING[self.model], flag])
 
     def _assemble(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, tangent: bool,
-        c0: float, c1: float, c2: float,
-    ) -> None:  # fmt: skip
-        """Set r and, if asked, the banded tangent in the workspace; note the least tension."""
+        self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, c0: float, c1: float, c2: float
+    ) -> None:
+        """Set r and, unless c0, c1, c2 vanish, the banded tangent in the workspace; note the least tension."""
         if self._at != (t, phase):
             self._time(t, phase)
             self._at = (t, phase)
             combine(self._operators, self._coefficients, self._bands)
         self.least_tension = assemble(
-            self._bands, self._mesh, self._cable, self._contact, q, v, a, r, self._work, tangent, c0, c1, c2
+            self._bands, self._mesh, self._cable, self._contact, q, v, a, r, self._work, c0, c1, c2
         )
 
     def _static(self, s_o: Any) -> tuple[Array, Array, Array]:
@@ -287,12 +290,9 @@ class CableElements:
         power = ds * np.sum(force * (slope + 0.5 * (slopes[0] + slopes[1])), axis=1)
 
         parts, least, where = np.zeros((3, n)), np.empty(n), np.full(n, 0.5)  # kinetic, strain, of weight
-        for i in range(n):
-            mesh = self._mesh_at(s_o[i], ds[i])
-            if self.fields == 2:
-                *parts[:, i], least[i], where[i] = cable_energy(mesh, self._cable, states.q[i], states.v[i])
-            else:
-                *parts[:2, i], least[i] = chord_energy(mesh, self._cable, states.q[i], states.v[i])
+        of = self._cable, self.fields, kinematics, states.q, states.v
+        energies(self._mesh, self._fine, self._n_left, *of, parts, least, where)
+        self._at = None  # the mesh is that of another instant now
         kinetic, strain, potential = parts
         kinetic += 0.5 * self.inertia * np.sum(velocity**2, axis=1)
         potential -= (place + w) @ self._weight

@@ -31,7 +31,7 @@ from cablefem.elements.cable import CableElements, bands, elements_allowed
 from cablefem.elements.kernels.balance import Contact, Mesh, add_banded, add_contact
 from cablefem.elements.kernels.banded import factorise, solve
 from cablefem.elements.kernels.observe import end_forces
-from cablefem.elements.reference import mass_form, shape_polynomials
+from cablefem.elements.reference import force_order, mass_form, shape_polynomials, tabulated
 from cablefem.newmark import Newton, Settled, Solve, State, collocate, consistent_acceleration, iterate
 from cablefem.response import States
 from cablefem.scene import Groups
@@ -154,8 +154,10 @@ class FixedElements(CableElements):
         of 400 elements they are right to 4e-7 only, on the unit element to rounding.
         """
         n = self.elements
-        basis = skfem.Basis(skfem.MeshLine(np.array([0.0, 1.0])), kind.element(), intorder=2 * len(kind.offsets) - 2)
-        x = np.asarray(basis.global_coordinates())[0, 0]
+        degree, unit = len(kind.offsets) - 1, skfem.MeshLine(np.array([0.0, 1.0]))
+        basis, of_forces = (
+            skfem.Basis(unit, kind.element(), intorder=order) for order in (2 * degree, force_order(degree))
+        )
         n_loc, first = len(kind.offsets), np.arange(n)[:, None]
         all_dofs = kind.step * first + np.array(kind.offsets)
         number = np.arange(all_dofs.max() + 1)
@@ -163,12 +165,11 @@ class FixedElements(CableElements):
         number = np.where(supports, -1, np.cumsum(~supports) - 1)
         dofs = number[all_dofs]
         self.n_scalar = int(number.max()) + 1
-        tab = np.empty((n, x.size, 2 + 2 * n_loc))
-        tab[:, :, 0] = (first + x) / n
-        tab[:, :, 1] = basis.dx[0] / n
-        for k in range(n_loc):
-            tab[:, :, 2 + k] = basis.basis[k][0].get(0)[0]
-            tab[:, :, 2 + n_loc + k] = n * basis.basis[k][0].grad[0, 0]
+        tab, self._fine = (np.tile(tabulated(x), (n, 1, 1)) for x in (of_forces, basis))
+        for x in (tab, self._fine):
+            x[:, :, 0] += first
+            x[:, :, :2] /= n
+            x[:, :, 2 + n_loc :] *= n
         self._mesh = Mesh(np.tile([0.0, 1.0, 0.0, 0.0], (n, 1)), dofs, tab)
         b = max(kind.offsets)
         self._band = self.fields * b + self.fields - 1
@@ -215,9 +216,6 @@ class FixedElements(CableElements):
             r[dofs] += np.outer(N, self.inertia * a[p] - m_row @ a[dofs])
 
     # --- observation -----------------------------------------------------------------------------------
-    def _mesh_at(self, s_o: float, ds: float) -> Mesh:
-        return self._mesh
-
     def _evaluate(self, s: Array, side: str) -> tuple[NDArray[np.int64], Array]:
         """Return unknowns (m, n_loc), counted from 1, supports 0, and N, N', N'' (3, n_loc, m); side at a node."""
         x = s * self.elements

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ from scipy.sparse import coo_array
 from cablefem.elements.cable import CableElements, bands, elements_allowed
 from cablefem.elements.kernels.balance import Contact, Mesh, follow
 from cablefem.elements.kernels.law import pull
-from cablefem.elements.kernels.observe import end_forces, sample, sample_forces
+from cablefem.elements.kernels.observe import carried, samples
 from cablefem.elements.reference import Reference, graded_knots, reference
 from cablefem.newmark import State, StepFailure, consistent_acceleration
 from cablefem.response import States
@@ -38,10 +39,59 @@ Array = NDArray[np.float64]
 _ONE, _ZERO = np.ones(1), np.zeros(1)
 
 
+class Tables(NamedTuple):
+    """What both sides have on their reference meshes, whatever the scene."""
+
+    left: Reference
+    right: Reference
+    dofs: NDArray[np.int64]
+    forces: Array
+    inertia: Array
+    operators: Array  # bands of M^, G^, G^T, H^, left and right each
+    ride: Array  # d2q/dt2 of all nodes when that of the mass is one, at entry
+    entrained: float  # the inertia of the elements that it entrains then
+    slopes: tuple[tuple[NDArray[np.int64], Array], ...]  # unknowns and d/dxi of them, behind and ahead of the mass
+
+
 @lru_cache(maxsize=16)
-def _side(elements: int, degree: int, grading: float, left: bool) -> Reference:
-    """Tabulate one side of the mass; runs that differ in their steps alone share it."""
-    return reference(graded_knots(elements, grading, fine_at_end=left), degree, pull_at_end=left)
+def _tables(elements: int, degree: int, grading: float) -> Tables:
+    """Tabulate both sides of the mass; runs that differ in their steps or scenes alone share it."""
+    sides = tuple(
+        reference(graded_knots(elements, grading, fine_at_end=x), degree, pull_at_end=x) for x in (True, False)
+    )
+    left, right = sides
+    node, n = left.n - 2, left.n + right.n - 3
+    shift, b = (-1, node), degree
+    dofs = []
+    for side, offset in zip(sides, shift, strict=True):
+        d = side.dofs + offset
+        d[(d < 0) | (d >= n)] = -1
+        dofs.append(d)
+    operators = []
+    for name in ("M", "G", "GT", "H"):
+        for side, offset in zip(sides, shift, strict=True):
+            full = getattr(side, name[0])
+            full = full.T if name == "GT" else full
+            row, col = full.row + offset, full.col + offset
+            inner = (row >= 0) & (row < n) & (col >= 0) & (col < n)
+            operators.append(bands(coo_array((full.data[inner], (row[inner], col[inner])), shape=(n, n)), b))
+    linear = np.zeros(left.n)  # nodal values of the function xi
+    linear[::b] = left.knots
+    if b == 2:  # Lagrange midpoints; from degree 3 on interior functions are bubbles
+        linear[1::2] = 0.5 * (left.knots[1:] + left.knots[:-1])
+    # ahead of the mass, with M x = e at the mass: its node moves with x/x_mass and weighs 1/x_mass
+    M = bands(right.M, b)[:-1, b:].T.copy()
+    pushed = solveh_banded(M, np.eye(M.shape[1], 1)[:, 0], lower=True)
+    forces, inertia = (np.concatenate([getattr(x, of) for x in sides]) for of in ("forces", "inertia"))
+    ride, entrained = np.concatenate([linear[1:], pushed[1:] / pushed[0]]), float(1.0 / pushed[0])
+    slopes = []
+    for side, xi, offset in zip(sides, (1.0, 0.0), shift, strict=True):
+        at, _, slope = side.evaluate(np.array(xi))
+        keep = (at + offset >= 0) & (at + offset < n)
+        slopes.append((at[keep] + offset, slope[keep]))
+    return Tables(
+        left, right, np.concatenate(dofs), forces, inertia, np.array(operators), ride, entrained, tuple(slopes)
+    )
 
 
 class FollowingElements(CableElements):
@@ -56,6 +106,8 @@ class FollowingElements(CableElements):
     law : "elastic", or "tension-only": N = max(0, T + alpha eps).
     """
 
+    _n_left: int
+
     def __init__(
         self, groups: Groups, *, elements: int = 10, degree: int = 2, grading: float = 1.0, model: str = "full",
         load: str = "mass", law: str = "elastic",
@@ -64,11 +116,14 @@ class FollowingElements(CableElements):
         elements_allowed(elements)
         if not (math.isfinite(grading) and 1.0 <= grading <= 1e6):
             raise ValueError(f"grading must lie in [1, 1e6], got {grading!r}")
-        self.left, self.right = (_side(elements, degree, grading, left) for left in (True, False))
+        of = _tables(elements, degree, grading)
+        self.left, self.right, self._dofs, self._operators = of.left, of.right, of.dofs, of.operators
+        self._tab, self._fine, self._slopes = of.forces, of.inertia, of.slopes
+        self._ride, self._entrained = of.ride, of.entrained
         self.node = self.left.n - 2  # scalar dof of the mass; the supports carry none
         self.n_scalar = self.left.n + self.right.n - 3
-        self._n_dof = self.fields * self.n_scalar
-        self._tabulate()
+        self._n_dof, self._n_left = self.fields * self.n_scalar, elements
+        self._band = self.fields * degree + self.fields - 1
         self._fresh()
 
     def start(self, phase: int, state: State | None) -> State:
@@ -95,45 +150,6 @@ class FollowingElements(CableElements):
         return State(t, zero, zero.copy(), (self._ride[:, None] * node_a).ravel(), phase)
 
     # --- assembly --------------------------------------------------------------------------------------
-    def _tabulate(self) -> None:
-        sides = (self.left, self.right)
-        shift = (-1, self.node)
-        n_loc = self.left.dofs.shape[1]
-        dofs, tab = [], []
-        for side, offset in zip(sides, shift, strict=True):
-            d = side.dofs + offset
-            d[(d < 0) | (d >= self.n_scalar)] = -1
-            dofs.append(d)
-            rows = np.empty((*side.xi.shape, 2 + 2 * n_loc))
-            rows[:, :, 0], rows[:, :, 1] = side.xi, side.dx
-            rows[:, :, 2 : 2 + n_loc] = side.value.transpose(0, 2, 1)
-            rows[:, :, 2 + n_loc :] = side.grad.transpose(0, 2, 1)
-            tab.append(rows)
-        self._dofs, self._tab = np.concatenate(dofs), np.concatenate(tab)
-        self._n_left = self.left.dofs.shape[0]
-        b = self.left.degree
-        self._band = self.fields * b + self.fields - 1
-        operators = []
-        for name in ("M", "G", "GT", "H"):
-            for side, offset in zip(sides, shift, strict=True):
-                full = getattr(side, name[0])
-                full = full.T if name == "GT" else full
-                row, col = full.row + offset, full.col + offset
-                inner = (row >= 0) & (row < self.n_scalar) & (col >= 0) & (col < self.n_scalar)
-                shape = (self.n_scalar, self.n_scalar)
-                operators.append(bands(coo_array((full.data[inner], (row[inner], col[inner])), shape=shape), b))
-        self._operators = np.array(operators)
-        linear = np.zeros(self.left.n)  # nodal values of the function xi
-        linear[::b] = self.left.knots
-        if b == 2:  # Lagrange midpoints; from degree 3 on interior functions are bubbles
-            linear[1::2] = 0.5 * (self.left.knots[1:] + self.left.knots[:-1])
-        # ahead of the mass, with M x = e at the mass: its node moves with x/x_mass and weighs 1/x_mass
-        M = bands(self.right.M, b)[:-1, b:].T.copy()
-        pushed = solveh_banded(M, np.eye(M.shape[1], 1)[:, 0], lower=True)
-        # d2q/dt2 of all nodes when that of the mass is one, at entry, and the inertia of the elements it entrains
-        self._ride = np.concatenate([linear[1:], pushed[1:] / pushed[0]])
-        self._entrained = float(1.0 / pushed[0])
-
     def _strained_start(self, dds: float) -> Array:
         """Solve m 2b + mu a X' - weight + [N t - T t_static](X' + 2b/a) = 0 for b by Newton's method."""
         rest = np.array(self._load(0.0, 0.0, dds))
@@ -172,48 +188,30 @@ class FollowingElements(CableElements):
         node = self.fields * self.node + np.arange(self.fields)[None, :]
         self._contact = Contact(node, _ONE, self.inertia * _ONE, _ZERO, _ZERO, np.empty(self.fields))
 
-    def _mesh_at(self, s_o: float, ds: float) -> Mesh:
-        skip = self._n_left if s_o == 0.0 else 0  # a left part of no length
-        span = np.empty((self._dofs.shape[0], 4))
-        follow(s_o, ds, 0.0, self._n_left, np.empty((8, 3)), span)
-        return Mesh(span[skip:], self._dofs[skip:], self._tab[skip:])
-
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         s_o, ds, dds = kinematics.T
         q, v, a = (x.reshape(s_o.size, self.n_scalar, self.fields) for x in (states.q, states.v, states.a))
-        dofs, _, grad = self.left.evaluate(np.array(1.0))
-        keep = dofs > 0
-        behind = np.tensordot(q[:, dofs[keep] - 1], grad[keep], axes=(1, 0))
+        behind, ahead = (np.tensordot(q[:, dofs], grad, axes=(1, 0)) for dofs, grad in self._slopes)
         behind /= np.where(s_o > 0.0, s_o, 1.0)[:, None]
+        ahead /= (1.0 - s_o)[:, None]
         if s_o.size and s_o[0] == 0.0:  # limit of w(s_o)/s_o as the mass leaves the left support
             behind[0] = v[0, self.node] / ds[0] if ds[0] > 0.0 else a[0, self.node] / dds[0]
-        dofs, _, grad = self.right.evaluate(np.array(0.0))
-        keep = dofs < self.right.n - 1
-        ahead = np.tensordot(q[:, dofs[keep] + self.node], grad[keep], axes=(1, 0)) / (1.0 - s_o)[:, None]
         return q[:, self.node], v[:, self.node], a[:, self.node], behind, ahead
 
     def _fields(self, states: States, kinematics: Array, s: Array, frames: NDArray[np.intp]) -> Array:
         out = np.empty((frames.size, 3, s.size, self.fields))
         knots = np.stack([self.left.knots, self.right.knots])
-        for i, field in zip(frames, out, strict=True):
-            s_o, ds, _ = kinematics[i]
-            sample(knots, self.left.shapes, self._dofs, s_o, ds, s, states.q[i], states.v[i], field)
+        samples(knots, self.left.shapes, self._dofs, kinematics, frames, s, states.q, states.v, out)
         return out.transpose(1, 0, 2, 3)
 
     def _carried(self, states, kinematics, force, rise, s, frames):
         n, f = states.t.size, self.fields
         ends, along = np.empty((n, 4, f)), np.empty((frames.size, s.size, f))
-        for i in range(n):
-            s_o, ds, dds = kinematics[i]
-            follow(s_o, ds, dds, self._n_left, self._coefficients, self._mesh.span)
-            of = states.q[i], states.v[i], states.a[i]
-            end_forces(self._mesh, self._n_left, self.node, self._cable, dds, rise[i], *of, ends[i])
-        if n and kinematics[0, 0] == 0.0:  # the left part has no length yet
-            ends[0, :2] = ends[0, 2]
         knots = np.stack([self.left.knots, self.right.knots])
-        for i, field in zip(frames, along, strict=True):
-            of = states.q[i], states.v[i], states.a[i]
-            sample_forces(knots, self.left.shapes, self._dofs, self.node, *kinematics[i], s, *of, ends[i], field)
+        carried(
+            self._mesh, self._n_left, self.node, self._cable, knots, self.left.shapes, kinematics, rise, frames, s,
+            states.q, states.v, states.a, ends, along,
+        )  # fmt: skip
         s_o, ds, _ = kinematics[frames].T[:, :, None]
         behind = (s <= s_o) & (s_o > 0.0)
         c = ds * np.where(behind, s / np.where(s_o > 0.0, s_o, 1.0), (1.0 - s) / (1.0 - s_o))

@@ -58,6 +58,24 @@ def convection_form(phi, eta, w):
     return w["pull"] ** 2 * eta.grad[0] * phi.grad[0]
 
 
+def force_order(degree: int) -> int:
+    """Return the degree of polynomials to integrate for internal forces: as many Gauss points as the degree, but two.
+
+    They are the points where u' of the degree below can follow v'^2/2.  With one more the elements lock: a stiff, deep
+    cable is then stretched for want of a u that goes with its v (Stolarski & Belytschko 1982).  phi_i' phi_j' is
+    integrated exactly, so no motion goes unseen.
+    """
+    return max(2, 2 * degree - 1)
+
+
+def tabulated(basis: skfem.Basis) -> Array:
+    """Return xi, weight, shape values and slopes of a basis at its points, (n_el, n_q, 2 + 2 n_loc)."""
+    xi = np.asarray(basis.global_coordinates())[0]
+    fields = [basis.basis[k][0] for k in range(basis.Nbfun)]
+    columns = [xi, basis.dx, *(f.get(0) for f in fields), *(f.grad[0] for f in fields)]
+    return np.stack([np.broadcast_to(np.asarray(x), xi.shape) for x in columns], axis=2)
+
+
 @dataclass(frozen=True, slots=True)
 class Reference:
     """One side of the mass on its reference mesh; dofs are numbered along xi, ends included."""
@@ -66,10 +84,8 @@ class Reference:
     knots: Array  # (n_el + 1,) element ends in xi
     n: int  # scalar dofs, both ends included
     dofs: NDArray[np.int64]  # (n_el, n_loc)
-    xi: Array  # (n_el, n_q) quadrature points
-    dx: Array  # (n_el, n_q) weights
-    value: Array  # (n_el, n_loc, n_q)
-    grad: Array  # (n_el, n_loc, n_q) d/dxi
+    forces: Array  # (n_el, n_q, 2 + 2 n_loc) xi, weight, shape values, shape d/dxi at the points of `force_order`
+    inertia: Array  # the same at points that integrate phi_i phi_j
     M: coo_array  # (n, n) integral phi_i phi_j
     G: coo_array  # (n, n) integral w phi_i phi_j,xi
     H: coo_array  # (n, n) integral w^2 phi_i,xi phi_j,xi
@@ -90,7 +106,9 @@ class Reference:
 def reference(knots: Array, degree: int, pull_at_end: bool) -> Reference:
     """Tabulate one side: w(xi) = xi when the mass is at xi = 1 (pull_at_end), else 1 - xi."""
     mesh = skfem.MeshLine(knots)
-    basis = skfem.Basis(mesh, lagrange_element(degree), intorder=2 * degree)
+    basis, of_forces = (
+        skfem.Basis(mesh, lagrange_element(degree), intorder=order) for order in (2 * degree, force_order(degree))
+    )
     n_loc, n_el = basis.Nbfun, mesh.nelements
     xi = np.asarray(basis.global_coordinates())[0]
     # scikit-fem numbers the vertices first, then element interiors; a narrow band wants them along xi.
@@ -105,11 +123,9 @@ def reference(knots: Array, degree: int, pull_at_end: bool) -> Reference:
         matrix = form.assemble(basis, pull=pull).tocoo()
         return coo_array((matrix.data, (along[matrix.row], along[matrix.col])), shape=matrix.shape)
 
-    field = [basis.basis[k][0] for k in range(n_loc)]
     return Reference(
-        degree=degree, knots=knots, n=int(basis.N), dofs=along[basis.element_dofs].T.copy(), xi=xi, dx=basis.dx,
-        value=np.stack([np.broadcast_to(np.asarray(f), xi.shape) for f in field], axis=1),
-        grad=np.stack([np.broadcast_to(f.grad[0], xi.shape) for f in field], axis=1),
+        degree=degree, knots=knots, n=int(basis.N), dofs=along[basis.element_dofs].T.copy(),
+        forces=tabulated(of_forces), inertia=tabulated(basis),
         M=operator(mass_form), G=operator(transport_form), H=operator(convection_form),
         shapes=shape_polynomials(lagrange_element(degree)),
     )  # fmt: skip

@@ -26,7 +26,7 @@ from cablefem.elements.cable import Array
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels import car as kernels
 from cablefem.elements.kernels.newton import settle
-from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, consistent_acceleration, part_of_ride
+from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, Tableau, consistent_acceleration, part_of_ride
 from cablefem.newmark.energy_rule import average
 from cablefem.newmark.newton import find_root
 from cablefem.response import Observation, States
@@ -72,8 +72,8 @@ class RollingElements(FollowingElements):
         self._settled = 2.0 / math.sqrt(groups.alpha)  # an axial wave's way to and fro: a standstill that lasts
         self._n_dof += 1
         ends = np.stack([self.left.evaluate(np.array(1.0))[2], self.right.evaluate(np.array(0.0))[2]])
-        border = np.empty((3, self._n_dof - 1)), np.empty(1)
-        self._rolling = kernels.Rolling(self._n_left, ends.reshape(2, -1), *border)
+        border = np.zeros((3, self._n_dof - 1)), np.zeros(1)
+        self._rolling = kernels.Rolling(self._n_left, self._fine, ends.reshape(2, -1), *border)
         self._complex_rolling = self._rolling._replace(border=border[0] + 0j, corner=border[1] + 0j)
         self._rest()
 
@@ -158,13 +158,21 @@ class RollingElements(FollowingElements):
         self.least_tension = least, where
         return Settled(*done)
 
+    def collocate(
+        self, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
+    ) -> Settled:
+        instants = (*t.tolist(), float(t[-1]))[:3]  # compiled for three nodes, two are filled up
+        cars = tuple(tuple(self._car(x, phase, self._heading or start[1, -1])) for x in instants)
+        ride = tuple(self._rolling), tuple(self._complex_rolling), cars
+        return self._collocated(None, ride, dt, start, a, rule, bound, newton)
+
     def averaged(self, start: State, end: State) -> Array:
         """Return the residual of a step of the energy rule, see `cablefem.newmark.energy_rule.Averaged`."""
         if not self.free:
             return average(self, start, end)
         dt, r, gradient = end.t - start.t, np.empty(self._n_dof), np.empty(self._n_dof)
         momentum = [np.empty(self._n_dof), np.empty(self._n_dof)]
-        of = self._mesh, self._n_left, self.node, self.inertia, self._cable
+        of = self._dofs, self._fine, self._n_left, self.node, self.inertia, self._cable
         for x, p in ((start, momentum[0]), (end, momentum[1])):
             kernels.kinetic(*of, x.q, x.v, x.v, p, gradient)
         total, still = (momentum[1] - momentum[0]) / dt, np.zeros(self._n_dof)
@@ -301,7 +309,7 @@ class RollingElements(FollowingElements):
     def _roll(self, car: kernels.Car, q: Array, v: Array, a: Array, r: Array, *c: float) -> tuple[float, ...]:
         """Set r and, given c, the tangent; return what `kernels.roll` does."""
         of = self._mesh, self._rolling, self._cable, car, q, v, a, r, self._work.ab
-        seen = kernels.roll(*of, bool(c), *(c or (0.0, 0.0, 0.0)))
+        seen = kernels.roll(*of, *(c or (0.0, 0.0, 0.0)))
         self.least_tension = seen[:2]
         return seen
 
@@ -372,7 +380,8 @@ class RollingElements(FollowingElements):
 
     # --- observation -----------------------------------------------------------------------------------
     def _split(self, states: States) -> tuple[States, Array]:
-        cable = States(states.t, states.q[:, :-1], states.v[:, :-1], states.a[:, :-1], states.phase)
+        q, v, a = (np.ascontiguousarray(x[:, :-1]) for x in (states.q, states.v, states.a))
+        cable = States(states.t, q, v, a, states.phase)
         if not self.free:
             return super()._split(cable)[0], super()._split(states)[1]
         return cable, np.stack([states.q[:, -1], states.v[:, -1], states.a[:, -1]], axis=1)

@@ -65,6 +65,13 @@ class Motion:
         x = t - origin[k]
         return np.where(t == stop, self.end, c0[k] + x * (c1[k] + x * (c2[k] + x * c3[k])))
 
+    def speed(self, t) -> np.ndarray:
+        """ds_o/dt at times t within the travel, same shape; at a jump the later one."""
+        start, origin, _, c1, c2, c3 = self._columns
+        k = np.searchsorted(start[1:], t, side="right")
+        x = np.asarray(t, dtype=float) - origin[k]
+        return c1[k] + x * (2.0 * c2[k] + 3.0 * x * c3[k])
+
     def time_at(self, s_o: float) -> float:
         """The time at which the mass comes to s_o, to rounding; ValueError where it never comes."""
         if not self.begin <= s_o <= self.end:

@@ -48,8 +48,10 @@ def split(s_o, x, w, n):
     for q in range(m):
         s[q], s[m + q] = s_o * x[q], s_o + (1.0 - s_o) * x[q]
         weights[q], weights[m + q] = s_o * w[q], (1.0 - s_o) * w[q]
-    c1, s1 = np.cos(math.pi * s), np.sin(math.pi * s)
-    c, sn = c1.copy(), s1.copy()
+    c1, s1, c, sn = np.empty(2 * m), np.empty(2 * m), np.empty(2 * m), np.empty(2 * m)
+    for q in range(2 * m):
+        c1[q] = c[q] = math.cos(math.pi * s[q])
+        s1[q] = sn[q] = math.sin(math.pi * s[q])
     for k in range(n):
         wave, row = (k + 1) * math.pi, phi[k]
         for q in range(2 * m):

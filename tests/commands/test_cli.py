@@ -18,6 +18,7 @@ COMMANDS = (
     "methods",
     "modes",
     "advise",
+    "certify",
     "chart",
     "atlas",
     "oracles",
@@ -31,7 +32,8 @@ def test_help_lists_every_command_of_the_design_and_so_does_no_argument_at_all(c
     code, out, err = cablefem("--help")
     assert (code, err) == (0, "")
     assert [line.split()[0] for line in out.partition("Commands:\n")[2].splitlines()[: len(COMMANDS)]] == [
-        "scenes", "methods", "run", "check", "modes", "advise", "chart", "atlas", "oracles", "paper", "sweep", "report",
+        "scenes", "methods", "run", "check", "modes", "advise", "certify", "chart", "atlas", "oracles", "paper",
+        "sweep", "report",
     ]  # fmt: skip
     assert cablefem() == (0, out, "")
 

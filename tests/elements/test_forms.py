@@ -9,7 +9,7 @@ import skfem
 from cablefem.elements.forms import internal_force, internal_tangent
 from cablefem.elements.kernels.balance import Mesh, add_catenary
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
-from cablefem.elements.reference import lagrange_element, reference
+from cablefem.elements.reference import force_order, lagrange_element, reference
 
 CABLE = (323.7, 0.41, 0.73)  # alpha, sigma, c
 KNOTS = np.array([0.0, 0.13, 0.4, 0.55, 1.0])
@@ -19,8 +19,8 @@ def by_forms(degree, q, law):
     """Return force and tangent of `forms` at q (n, 2), unknowns along s; law as in `kernels`."""
     alpha, sigma, c = CABLE
     mesh = skfem.MeshLine(KNOTS)
-    scalar = skfem.Basis(mesh, lagrange_element(degree), intorder=2 * degree)
-    basis = skfem.Basis(mesh, skfem.ElementVector(lagrange_element(degree), 2), intorder=2 * degree)
+    scalar = skfem.Basis(mesh, lagrange_element(degree), intorder=force_order(degree))
+    basis = skfem.Basis(mesh, skfem.ElementVector(lagrange_element(degree), 2), intorder=force_order(degree))
     s = np.asarray(scalar.global_coordinates())[0]
     along = np.empty(scalar.N, dtype=int)  # as in `reference`
     n = mesh.nelements
@@ -45,9 +45,8 @@ def by_forms(degree, q, law):
 
 def by_kernel(degree, q, law):
     ref = reference(KNOTS, degree, pull_at_end=True)
-    rows = [ref.xi[:, :, None], ref.dx[:, :, None], ref.value.transpose(0, 2, 1), ref.grad.transpose(0, 2, 1)]
     span = np.tile([0.0, 1.0, 0.0, 0.0], (KNOTS.size - 1, 1))
-    mesh = Mesh(span, ref.dofs, np.concatenate(rows, axis=2))
+    mesh = Mesh(span, ref.dofs, ref.forces)
     n, band = q.size, 2 * degree + 1
     r, ab = np.zeros(n), np.zeros((n, 3 * band + 1))
     add_catenary(mesh, np.array([*CABLE, law]), q.ravel(), r, ab, True, 1.0)

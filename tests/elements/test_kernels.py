@@ -60,20 +60,21 @@ def test_reference_matrices_are_the_integrals_they_claim_to_be(degree, pull_at_e
         np.testing.assert_allclose(ref.G.toarray().T, exact["G"], rtol=0.0, atol=1e-13)
 
 
+@pytest.mark.parametrize("of", ["forces", "inertia"])
 @pytest.mark.parametrize("degree", DEGREES)
-def test_tables_are_those_of_the_very_points(degree):
+def test_tables_are_those_of_the_very_points(degree, of):
     """scikit-fem keeps the polynomials of ElementLinePp by the NUMBER of points; the tables must not fall for it."""
     ref = reference(graded_knots(3, 2.3, fine_at_end=True), degree, pull_at_end=True)
-    dofs, value, grad = ref.evaluate(ref.xi.ravel())
-    n_loc = degree + 1
-    tabulated = ref.value.transpose(1, 0, 2).reshape(n_loc, -1)
-    slopes = ref.grad.transpose(1, 0, 2).reshape(n_loc, -1)
-    np.testing.assert_array_equal(dofs, np.repeat(ref.dofs, ref.xi.shape[1], axis=0).T)
+    tab = getattr(ref, of)
+    xi, n_loc = tab[:, :, 0].ravel(), degree + 1
+    dofs, value, grad = ref.evaluate(xi)
+    tabulated, slopes = (tab[:, :, at : at + n_loc].reshape(-1, n_loc).T for at in (2, 2 + n_loc))
+    np.testing.assert_array_equal(dofs, np.repeat(ref.dofs, tab.shape[1], axis=0).T)
     # monomials cancel: the rounding is that of their coefficients, found by solving for them; slopes are degree/h times
     rounding = 30.0 * np.finfo(float).eps * np.abs(ref.shapes).sum(axis=1).max()
     np.testing.assert_allclose(value, tabulated, rtol=0.0, atol=rounding)
     np.testing.assert_allclose(grad, slopes, rtol=0.0, atol=rounding * degree / np.diff(ref.knots).min())
-    other = ref.evaluate(np.clip(ref.xi.ravel() + 1e-6, 0.0, 1.0))[1]
+    other = ref.evaluate(np.clip(xi + 1e-6, 0.0, 1.0))[1]
     assert np.abs(other - tabulated).max() > 1e-7  # the check sees points that are a little off
 
 
@@ -132,11 +133,8 @@ def test_hermite_tables_are_the_cubics_however_many_elements(elements):
 def free_mesh(n, degree, length=1.0):
     """Return span, dofs, tab of n equal elements on [0, length], ends free, and the places of the P1/P2 unknowns."""
     ref = reference(np.linspace(0.0, 1.0, n + 1), degree, pull_at_end=True)
-    tab = np.concatenate(
-        [ref.xi[:, :, None], ref.dx[:, :, None], ref.value.transpose(0, 2, 1), ref.grad.transpose(0, 2, 1)], axis=2
-    )
     span = np.tile([0.0, length, 0.0, 0.0], (n, 1))
-    return Mesh(span, ref.dofs, tab), length * np.linspace(0.0, 1.0, degree * n + 1)
+    return Mesh(span, ref.dofs, ref.forces), length * np.linspace(0.0, 1.0, degree * n + 1)
 
 
 def tensions(mesh, cable, q):
@@ -254,11 +252,10 @@ def test_the_cable_force_is_the_gradient_of_its_energy(law):
     N, places, means = tensions(mesh, cable, q)
     assert N.min() < 0.0 < N.max()  # both branches of the law are in it
     assert least == pytest.approx(means.min(), rel=1e-12)
-    still = np.zeros_like(q)
-    slope = gradient(lambda x: sum(cable_energy(mesh, cable, x, still)[:3]), q).reshape(-1, 2)
+    slope = gradient(lambda x: sum(cable_energy(mesh, cable, x)[:2]), q).reshape(-1, 2)
     # central differences: 1e-12 alpha of truncation, 1e-16/1e-6 of rounding
     np.testing.assert_allclose(r[1:-1], slope[1:-1], rtol=0.0, atol=2e-8 * np.abs(r).max())
-    seen = cable_energy(mesh, cable, q, still)[3:]
+    seen = cable_energy(mesh, cable, q)[2:]
     np.testing.assert_allclose(seen, [N.min(), places.ravel()[N.argmin()]], rtol=1e-12)
     cable[3] = 1.0 - law
     other = force(mesh, cable, q)[0]
@@ -270,13 +267,13 @@ def test_the_chord_force_is_the_gradient_of_its_energy(lam, kap):
     mesh, s = free_mesh(4, 2)
     q = 0.05 * np.random.default_rng(12).standard_normal(s.size)
     chord = np.array([83.0, 1.31, 0.37, lam, kap, 0.0])
-    r, increment, still = np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
+    r, increment = np.zeros_like(q), np.zeros_like(q)
     tension = add_chord(mesh, chord, q, r, np.zeros((q.size, 7)), increment, True, 0.0)
-    slope = gradient(lambda x: sum(chord_energy(mesh, chord, x, still)[:2]), q)
+    slope = gradient(lambda x: chord_energy(mesh, chord, x)[0], q)
     np.testing.assert_allclose(r, slope, rtol=0.0, atol=1e-7 * np.abs(r).max())
-    raised = gradient(lambda x: chord_energy(mesh, chord, x, still)[2], q)
+    raised = gradient(lambda x: chord_energy(mesh, chord, x)[1], q)
     np.testing.assert_allclose(lam * chord[0] * increment, raised, rtol=0.0, atol=1e-7 * chord[0])
-    assert tension == pytest.approx(chord_energy(mesh, chord, q, still)[2], rel=1e-14)
+    assert tension == pytest.approx(chord_energy(mesh, chord, q)[1], rel=1e-14)
 
 
 def test_a_slack_cable_pulls_nothing_and_resists_nothing():

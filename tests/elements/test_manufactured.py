@@ -118,7 +118,7 @@ def error(elements, degree, wrong=0.0):
 
 
 @pytest.mark.parametrize(
-    ("degree", "ladder", "bound"), [(1, (4, 8, 16), 7e-4), (2, (6, 12, 24), 1e-6), (3, (4, 8, 16), 1e-8)]
+    ("degree", "ladder", "bound"), [(1, (4, 8, 16), 7e-4), (2, (6, 12, 24), 1e-6), (3, (5, 10, 20), 3e-9)]
 )
 def test_a_chosen_motion_is_found_with_the_order_of_the_elements(degree, ladder, bound):
     errors = [error(n, degree) for n in ladder]

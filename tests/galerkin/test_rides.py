@@ -16,21 +16,9 @@ from cablefem.scene.motion import Motion, Piece
 from galerkin import Daubechies, Fourier, GalerkinSystem, PositionAbscissa, RollingSystem
 from tests.galerkin.test_equations import STEEP, random_state
 from tests.runs import INCLINED, LEVEL, observe
+from validation.oracles.rest import ZIP as ROPE
 
-ZIP = """
-[cable]
-mass_per_length = 1.1
-EA = 1.2e7
-sag = 6.0
-[supports]
-span = 300.0
-drop = 15.0
-[mass]
-mass = 95.0
-[drive]
-mode = "free"
-start = 2.0
-"""
+ZIP = ROPE + "start = 2.0\n"
 RIDER = Scene.from_toml(ZIP + "drag_area = 0.6\n")
 BRAKED = Scene.from_toml(ZIP + "drag_area = 0.6\nrolling_friction = 0.02\nbrake = [{from = 280.0, force = 600.0}]\n")
 LENGTH, TIME = RIDER.length, RIDER.time_scale

@@ -16,23 +16,10 @@ from cablefem.scene.catenary import static
 from cablefem.scene.ride import quasi_static, ride
 from cablefem.scene.statics import gripped, hauled
 from tests.scene.test_scene import choices
+from validation.oracles.rest import ZIP as ROPE
 
 # The zip line of the shared reference figures: 300 m, 95 kg, drag throughout.
-ZIP = """
-[cable]
-mass_per_length = 1.1
-EA = 1.2e7
-sag = 6.0
-[supports]
-span = 300.0
-drop = 15.0
-[mass]
-mass = 95.0
-[drive]
-mode = "free"
-start = 2.0
-drag_area = 0.6
-"""
+ZIP = ROPE + "start = 2.0\ndrag_area = 0.6\n"
 BRAKED = ZIP + "rolling_friction = 0.02\nbrake = [{from = 280.0, force = 600.0}]\nend = {time = 60.0}"
 
 

@@ -7,8 +7,8 @@ import pytest
 from meshio.xdmf import TimeSeriesReader
 
 from cablefem import Scene
-from validation import paraview
 from validation.core.running import run
+from validation.page import paraview
 
 INCLINED = Scene.load("inclined")
 

@@ -121,9 +121,10 @@ def agree(
     except NotComparable as error:
         return [Agreement("path_max", math.nan, nothing(error)), *rows]
     H, axial = scene.horizontal_tension, 2.0 * scene.length / scene.axial_speed
-    smooth, ringing, raw = (partial(_compared, a, b, window, orders) for orders in (_own, _ringing(axial), _first))
+    kinds = _of_path, _own, _ringing, _first
+    on_path, smooth, ringing, raw = (partial(_compared, a, b, window, orders) for orders in kinds)
     where = measures.place_of_gap(a.response, b.response, window)
-    path = [replace(smooth("path_max", _path(0)), where=where), smooth("path_rms", _path(1))]
+    path = [replace(on_path("path_max", _path(0)), where=where), on_path("path_rms", _path(1))]
     pointwise, means = [ringing("tension", measures.tension_gap)], []
     for name, of in (
         ("tension_behind", partial(_series, "T_behind", H)), ("tension_ahead", partial(_series, "T_ahead", H)),
@@ -151,14 +152,16 @@ CHANGED = "the change from half the resolution and half the steps"
 FIRST_ORDER = f"{CHANGED}, times {SAFETY}"
 # A law's defect, which falls with an order between 1/2 and 1 where a ride begins or changes of a sudden.
 LAW_SAFETY = 2.5
-# Steps on an axial wave's way there and back below which halving them does not show what axial waves still ring.
-RESOLVED = 20.0
 
 Weights = Callable[[Estimated], tuple[float, float, str]]
 
 
+def _of_path(e: Estimated) -> tuple[float, float, str]:
+    return (*e.path_weights, e.basis)
+
+
 def _own(e: Estimated) -> tuple[float, float, str]:
-    """Weights of the changes by half the resolution and half the steps, as for the path."""
+    """Weights of the changes by half the resolution and half the steps, as for the path where no ladder tells more."""
     return (*e.weights, e.basis)
 
 
@@ -166,15 +169,10 @@ def _first(e: Estimated) -> tuple[float, float, str]:
     return SAFETY, SAFETY, FIRST_ORDER
 
 
-def _ringing(axial: float) -> Weights:
-    """Weights for what rings with axial waves, of period `axial` [s]: first order in time where steps miss them."""
-
-    def weights(e: Estimated) -> tuple[float, float, str]:
-        if axial >= RESOLVED * float(np.median(np.diff(e.run.t))):
-            return _own(e)
-        return e.weights[0], SAFETY, f"{e.basis}; steps do not resolve axial waves: of first order in them"
-
-    return weights
+def _ringing(e: Estimated) -> tuple[float, float, str]:
+    """Weights for what rings with axial waves: first order in time where steps miss them."""
+    missed = "; steps do not resolve axial waves: of first order in them" if e.rings else ""
+    return (*e.tension_weights, f"{e.basis}{missed}")
 
 
 def _compared(

@@ -7,7 +7,7 @@ what half the resolution and half the steps change, in the extreme itself or at 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -103,6 +103,16 @@ QUANTITIES: dict[str, _Quantity] = {
 }  # fmt: skip
 
 
+@dataclass(frozen=True, slots=True)
+class Refinement:
+    """A run, a coarser one, and what is left of their gap in the finer: as the path converges, and of first order."""
+
+    fine: Response
+    coarse: Response
+    of_path: float
+    of_force: float
+
+
 def numbers(e: Estimated, twin: Estimated | None = None) -> list[Number]:
     """Return the design numbers of a run with the bars of its companions, and no less than the gap to its twin.
 
@@ -113,19 +123,38 @@ def numbers(e: Estimated, twin: Estimated | None = None) -> list[Number]:
         stop = measures.window_of(*(r for x in runs for r in x.runs))[1]
     except measures.NotComparable:
         return alone(e.run)
+    companions = zip((e.in_space, e.in_time), e.weights, strict=True)
+    pairs = [Refinement(e.run, coarse, weight, SAFETY) for coarse, weight in companions]
+    return [*_numbers(e.run, pairs, stop, None if twin is None else twin.run), *_onset(e, twin)]
+
+
+def of_ladder(r: Response, pairs: Sequence[Refinement]) -> list[Number]:
+    """Return the design numbers of a run with the bars of the refinements that led to it."""
+    try:
+        stop = measures.window_of(r)[1]
+    except measures.NotComparable:
+        return alone(r)
+    found = _numbers(r, pairs, stop)
+    if r.slack_onset is None:
+        return found
+    onsets = [(x.fine.slack_onset, x.coarse.slack_onset) for x in pairs]
+    apart = [abs(fine - coarse) for fine, coarse in onsets if fine is not None and coarse is not None]
+    return [*found, _onset_of(r, apart)]
+
+
+def _numbers(r: Response, pairs: Sequence[Refinement], stop: float, twin: Response | None = None) -> list[Number]:
     out = []
     for name, quantity in QUANTITIES.items():
-        found = _extreme(e.run, quantity, stop)
+        found = _extreme(r, quantity, stop)
         if found is None:
             continue
-        weights = (SAFETY, SAFETY) if quantity.force else e.weights
-        changes = [_change(e.run, c, quantity, stop) for c in (e.in_space, e.in_time)]
-        bar = weights[0] * changes[0] + weights[1] * changes[1]
+        weights = [x.of_force if quantity.force else x.of_path for x in pairs]
+        bar = sum(w * _change(x.fine, x.coarse, quantity, stop) for w, x in zip(weights, pairs, strict=True))
         if twin is not None:
-            bar = max(bar, _change(e.run, twin.run, quantity, stop))
+            bar = max(bar, _change(r, twin, quantity, stop))
         bar += found.between
         out.append(replace(found.number, quantity=name, bar=bar if math.isfinite(bar) else None))
-    return [*out, *_onset(e, twin)]
+    return out
 
 
 def design(r: Response) -> list[dict[str, Any]]:
@@ -194,8 +223,12 @@ def _onset(e: Estimated, twin: Estimated | None) -> list[Number]:
     if r.slack_onset is None:
         return []
     others = [c for c in (e.in_space, e.in_time, e.late, None if twin is None else twin.run) if c is not None]
-    apart = [abs(r.slack_onset - c.slack_onset) for c in others if c.slack_onset is not None]
+    return [_onset_of(r, [abs(r.slack_onset - c.slack_onset) for c in others if c.slack_onset is not None])]
+
+
+def _onset_of(r: Response, apart: Sequence[float]) -> Number:
+    assert r.slack_onset is not None
     bar = SAFETY * max(apart) + float(np.diff(r.s_o).max()) / r.length if apart else None
     at = r.slack_onset * r.length
     where = None if r.slack_at is None else r.slack_at * r.length
-    return [Number("slack_onset", r.slack_onset, bar, "s_o/l", float(np.interp(at, r.s_o, r.t)), at, where)]
+    return Number("slack_onset", r.slack_onset, bar, "s_o/l", float(np.interp(at, r.s_o, r.t)), at, where)

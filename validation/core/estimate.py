@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import measures
@@ -22,6 +24,9 @@ from validation.core.running import run
 # Companions that fall slack this much later in s_o/l than the run show that its own slack is not resolved.
 SAME_ONSET = 0.05
 SAME_END = 0.9  # of the time of a free ride that a coarser companion's must last
+
+# Steps on an axial wave's way there and back below which halving them does not show what axial waves still ring.
+RESOLVED = 20.0
 
 KIND = ("model", "load", "law", "until")  # what a run is told besides the method's own settings
 
@@ -38,10 +43,22 @@ class Estimated:
     basis: str  # one sentence: where the bar comes from
     extrapolated: bool = False
     late: Response | None = None  # half of both, to where a slack cable is still compared
+    of_path: float = 1.0  # how much more the path's own ladder says than the companions do
+    rings: bool = False  # steps miss axial waves, so that what rings with them is of first order in time
 
     def bar(self, gap: Callable[[Response, Response], float]) -> float:
         """Return the error bar of a quantity from its gaps to the companions."""
         return self.weights[0] * gap(self.run, self.in_space) + self.weights[1] * gap(self.run, self.in_time)
+
+    @property
+    def path_weights(self) -> tuple[float, float]:
+        """What is left of the gaps to the companions in the path of the finest run."""
+        return self.of_path * self.weights[0], self.of_path * self.weights[1]
+
+    @property
+    def tension_weights(self) -> tuple[float, float]:
+        """What is left of the gaps to the companions in what rings with axial waves."""
+        return self.weights[0], SAFETY if self.rings else self.weights[1]
 
     @property
     def runs(self) -> tuple[Response, ...]:
@@ -114,7 +131,8 @@ def estimated(
             f"2^{p_time:g} - 1, times {SAFETY}"
         )
     estimate = Estimated(response, fine, c_space, c_time, (w_space, SAFETY * left(p_time)), basis, method.extrapolate)
-    return _with_bars(estimate)
+    period = 2.0 * scene.length / scene.axial_speed
+    return _with_bars(replace(estimate, rings=period < RESOLVED * float(np.median(np.diff(fine.t)))))
 
 
 SLACK_END = 0.95  # s_o/l to which an answer is compared once the cable is slack
@@ -132,7 +150,9 @@ def past_slack(scene: Scene, method: Method, e: Estimated) -> Estimated:
 
 
 def weighted(e: Estimated, factor: float) -> Estimated:
-    """Return the same runs with all bars times a factor."""
+    """Return the same runs with all bars times a factor; above 1 those of the path alone."""
+    if factor > 1.0:
+        return _with_bars(replace(e, of_path=factor))
     return _with_bars(replace(e, weights=(factor * e.weights[0], factor * e.weights[1])))
 
 
@@ -144,8 +164,8 @@ def _with_bars(e: Estimated) -> Estimated:
     except measures.NotComparable as error:
         return _flagged(e, "no bar", why=str(error))
     parts = {
-        "path_space": e.weights[0] * gaps[0], "path_time": e.weights[1] * gaps[1],
-        "tension_space": e.weights[0] * tension[0], "tension_time": e.weights[1] * tension[1],
+        "path_space": e.path_weights[0] * gaps[0], "path_time": e.path_weights[1] * gaps[1],
+        "tension_space": e.tension_weights[0] * tension[0], "tension_time": e.tension_weights[1] * tension[1],
     }  # fmt: skip
     bars = {
         "path_error": parts["path_space"] + parts["path_time"],

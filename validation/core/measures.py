@@ -188,21 +188,6 @@ def _field_gap(a: Response, b: Response, window: Window, of: Callable[[Response]
     return float(np.sqrt(np.mean((first - second) ** 2) / np.mean(second**2)))
 
 
-def jump_defect(r: Response, mass: float, mass_per_length: float, gravity: float) -> Array:
-    """Return (n, 2) [N]: what is missing from [ N t - rho ds_o^2 r' ] = M (p.. - g j) at every step.
-
-    [ ] is the value ahead of the mass less that behind, t the unit tangent, r' the one-sided slope; the cable's
-    momentum flux belongs into it (formulations.md section 8).  Nan at a support.
-    """
-    # ds_o from the mass's own velocity: the cable is not asked
-    speed = np.gradient(r.s_o, r.t, edge_order=2)
-    sides = []
-    for tension, slope in ((r.T_behind, r.slope_behind), (r.T_ahead, r.slope_ahead)):
-        tangent = slope / np.hypot(slope[:, 0], slope[:, 1])[:, None]
-        sides.append(tension[:, None] * tangent - (mass_per_length * speed**2)[:, None] * slope)
-    return sides[1] - sides[0] - mass * (r.acceleration - np.array([0.0, gravity]))
-
-
 def energy_defect(r: Response) -> Array:
     """Return (n,) [J]: E(t) - E(0) less the work that the drive has put in up to then (trapezoids in time).
 
@@ -238,14 +223,6 @@ def oscillation(r: Response, window: Window) -> float:
     """
     place = r.fields.s_o / r.length
     return _oscillation(r.fields.T_pointwise / r.horizontal_tension, place, r.fields.s / r.length, window)
-
-
-def oscillation_gap(a: Response, b: Response, window: Window) -> float:
-    """Return the same measure of the difference of two tension fields: oscillations that only one of them has."""
-    place, i, j = common_frames(a, b)
-    return _oscillation(
-        (a.fields.T_pointwise[i] - b.fields.T_pointwise[j]) / b.horizontal_tension, place, a.fields.s / a.length, window
-    )
 
 
 def _oscillation(T: Array, place: Array, s: Array, window: Window, reach: float = 0.1) -> float:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -15,7 +14,7 @@ from threadpoolctl import ThreadpoolController
 from cablefem import newmark
 from cablefem.newmark import EndlessEvents, NewtonStalled, Scheme, State, StepFailure, StepUnderflow, Work
 from cablefem.response import Array, Response
-from cablefem.scene import Scene
+from cablefem.scene import Groups, Scene
 from validation.core.methods import Method, find
 from validation.core.sampling import History, respond
 from validation.core.solver import Solver
@@ -31,89 +30,112 @@ _threads = cache(ThreadpoolController)  # finding the libraries takes longer tha
 
 
 def run(
-    scene: Scene, method: str | Method, *, model: str = "full", load: str = "mass", law: str = "auto",
-    until: float | None = None, progress: Progress | None = None, **settings: Any,
-) -> Response:  # fmt: skip
-    """Run one method on one scene and return its Response.
+    scene: Scene, method: str | Method, *, until: float | None = None, progress: Progress | None = None, **kind: Any
+) -> Response:
+    """Run one method on one scene and return its Response: `Run` in one go."""
+    return Run(scene, method, **kind).to(until, progress)
+
+
+class Run:
+    """One method on one scene, marched as far as is asked for, and further when it is asked again.
 
     method, settings : a name from `METHODS` and changes to its default settings.
     model : "full", "stretching", "sagged" or "string"; load : "mass" or "force".
     law : "elastic", "tension-only", or "auto": elastic until the cable goes slack, from there on tension-only
-        with Newmark's damping (unless the scheme damps by itself), because an elastic law that carries compression is
-        ill-posed.  Central differences never switch: their slack is their own instability.
-    until : s_o/l; the run is over after the first step at or past it.  Comparisons need no more than
-        `measures.WINDOW[1]`, and the steps of a slack cable cost the most.
+        with Newmark's damping (unless the scheme damps by itself; not by collocation), because an elastic law that
+        carries compression is ill-posed.  Central differences never switch: their slack is their own instability.
 
-    A run that cannot go on comes back with status "incomplete" and the reason; what was computed before is kept.
-    A run that gains energy it was not given comes back flagged.
     Raises ValueError for settings that make no sense.
     """
-    if law not in ("elastic", "tension-only", "auto"):
-        raise ValueError(f"law must be elastic, tension-only or auto, got {law!r}")
-    if until is not None and not until > 0.0:
-        raise ValueError(f"until must be a place s_o/l > 0, got {until!r}")
-    groups = scene.groups
-    if groups.motion is None and groups.drive.mode != "free":
-        raise ValueError(f"scene {scene.name!r} has no travelling mass: only its frequencies can be computed")
-    method = find(method) if isinstance(method, str) else method
-    settings = method.settings_on(groups, settings)
-    scheme = newmark.scheme(settings["scheme"], newmark_gamma=settings["newmark_gamma"], rho_inf=settings["rho_inf"])
-    kind = {"model": model, "load": load}
-    with _threads().limit(limits=1):  # the matrices are small: threads cost more than they give
-        solver = method.build(groups, settings, **kind, law="tension-only" if law == "tension-only" else "elastic")
-        steps = settings["steps"]
-        if groups.motion is None:  # a ride may last longer than it should
-            steps = math.ceil(steps * (solver.phases[-1][1] - solver.phases[0][0]) / groups.drive.nominal)
-        times = newmark.step_times(solver, steps, entry=settings["entry"], exit=settings["exit"])
-        if groups.drive.mode != "grip":  # a ride ends off the support, where all has its meaning
-            times[-1] = np.append(times[-1], solver.phases[-1][1])
-        switch = law == "auto" and scheme.implicit
-        history = _march(solver, scheme, times, switch, until or math.inf, progress or (lambda done: None))
-        response = respond(scene, history, method=method.name, settings=settings, **kind, law=law)
-        return watched(response, scene, method)
+
+    def __init__(
+        self, scene: Scene, method: str | Method, *, model: str = "full", load: str = "mass", law: str = "auto",
+        **settings: Any,
+    ) -> None:  # fmt: skip
+        if law not in ("elastic", "tension-only", "auto"):
+            raise ValueError(f"law must be elastic, tension-only or auto, got {law!r}")
+        groups = scene.groups
+        if groups.motion is None and groups.drive.mode != "free":
+            raise ValueError(f"scene {scene.name!r} has no travelling mass: only its frequencies can be computed")
+        self.scene, self.method = scene, find(method) if isinstance(method, str) else method
+        self.settings = settings = self.method.settings_on(groups, settings)
+        self.kind = {"model": model, "load": load, "law": law}
+        self.scheme = newmark.scheme(
+            settings["scheme"], newmark_gamma=settings["newmark_gamma"], rho_inf=settings["rho_inf"]
+        )
+        self.switches = law == "auto" and self.scheme.implicit
+        solver = self.method.build(
+            groups, settings, model=model, load=load, law="tension-only" if law == "tension-only" else "elastic"
+        )
+        self.times = steps_of(solver, groups, settings)
+        self.history = History([], Work(), 0.0, None, None, solver, None)
+
+    def to(self, until: float | None = None, progress: Progress | None = None, *, every: int = 1) -> Response:
+        """March on to the first step at or past s_o/l = until, by default to the end; return the response so far.
+
+        Comparisons need no more than `measures.WINDOW[1]`.  A run that cannot go on comes back with status "incomplete"
+        and the reason; what was computed before is kept.  A run that gains energy it was not given comes back flagged.
+
+        every : so-manieth frame of the fields is kept.
+        """
+        if until is not None and not until > 0.0:
+            raise ValueError(f"until must be a place s_o/l > 0, got {until!r}")
+        with _threads().limit(limits=1):  # the matrices are small: threads cost more than they give
+            _march(self, until or math.inf, progress or (lambda done: None))
+            told = {"method": self.method.name, "settings": self.settings, **self.kind}
+            response = respond(self.scene, self.history, every=every, **told)
+            return watched(response, self.scene, self.method)
 
 
-def _march(
-    solver: Solver, scheme: Scheme, times: Sequence[Array], switch: bool, until: float, progress: Progress
-) -> History:  # fmt: skip
-    """Step through the travel, watching the least tension; after the slack onset go on with the other law."""
-    h = History([], Work(), 0.0, None, None, solver, None)
-    with suppress(StepFailure):  # compiled code is loaded when first called, which is no step's cost
-        for _ in zip(newmark.integrate(solver, scheme, times), range(2), strict=False):
-            pass
+def steps_of(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[Array]:
+    """Return the instants to step on, phase by phase."""
+    steps = settings["steps"]
+    if groups.motion is None:  # a ride may last longer than it should
+        steps = math.ceil(steps * (solver.phases[-1][1] - solver.phases[0][0]) / groups.drive.nominal)
+    times = newmark.step_times(solver, steps, entry=settings["entry"], exit=settings["exit"])
+    if groups.drive.mode != "grip":  # a ride ends off the support, where all has its meaning
+        times[-1] = np.append(times[-1], solver.phases[-1][1])
+    return times
+
+
+def _march(x: Run, until: float, progress: Progress) -> None:
+    """Step on through the travel, watching the least tension; after the slack onset go on with the other law."""
+    h = x.history
     begin = time.perf_counter()
     try:
-        if _advance(h, solver, scheme, times, switch, until, progress):
-            h.after = solver.with_law("tension-only")
-            damped = scheme if scheme.damps else newmark.scheme("newmark", newmark_gamma=SLACK_GAMMA)
-            _advance(h, h.after, damped, times, False, until, progress)
+        if h.failure is None and h.after is None and _advance(x, h.solver, x.scheme, x.switches, until, progress):
+            h.after = h.solver.with_law("tension-only")
+        if h.failure is None and h.after is not None:
+            # collocation has no order left across the law's kink, and one tangent does not fit its step
+            goes_on = x.scheme.damps and not x.scheme.nodes
+            damped = x.scheme if goes_on else newmark.scheme("newmark", newmark_gamma=SLACK_GAMMA)
+            _advance(x, h.after, damped, False, until, progress)
     except StepFailure as error:
         h.failure = _cause(error, h.onset is not None, h.after is not None)
         if not h.states:  # no start: all there is is the hanging cable
-            rest = np.zeros(solver.n_dof)
-            h.states.append(State(solver.phases[0][0], rest, rest, rest))
-    h.seconds = time.perf_counter() - begin
+            rest = np.zeros(h.solver.n_dof)
+            h.states.append(State(h.solver.phases[0][0], rest, rest, rest))
+    h.seconds += time.perf_counter() - begin
     progress(1.0)
-    return h
 
 
-def _advance(
-    h: History, solver: Solver, scheme: Scheme, times: Sequence[Array], switch: bool, until: float, progress: Progress
-) -> bool:  # fmt: skip
+def _advance(x: Run, solver: Solver, scheme: Scheme, switch: bool, until: float, progress: Progress) -> bool:
     """Append states up to the end, to `until` or, if the law is to switch, to the slack onset; return whether it is."""
-    t0, t1 = solver.phases[0][0], solver.phases[-1][1]
+    h, (t0, t1) = x.history, (solver.phases[0][0], solver.phases[-1][1])
     start = h.states[-1] if h.states else None
-    for state in newmark.integrate(solver, scheme, times, work=h.work, start=start):
+    if start is not None and solver.place(start) >= until:
+        return False
+    for state in newmark.integrate(solver, scheme, x.times, work=h.work, start=start):
         h.states.append(state)
         place = solver.place(state)
         if len(h.states) % 32 == 0:
             progress(max((state.t - t0) / (t1 - t0), place / until))
-        if place >= until:
-            return False
         if h.onset is None and len(h.states) > 1 and solver.least_tension[0] < 0.0:
             h.onset = len(h.states) - 1, solver.least_tension[1]
             if switch:
                 return True
+        if place >= until:
+            return False
     return False
 
 

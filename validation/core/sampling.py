@@ -35,9 +35,10 @@ class History:
     after: Solver | None  # the solver with the tension-only law, from the onset on
 
 
-def respond(scene: Scene, h: History, **asked: Any) -> Response:
+def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Response:
     """Return the response of a history; `asked` are the fields of `Response` that say what was run.
 
+    every : so-manieth frame is kept.
     A history that outgrew all numbers ends before it did.
     """
     states = h.solver.in_time(stacked(h.states))
@@ -48,7 +49,7 @@ def respond(scene: Scene, h: History, **asked: Any) -> Response:
     n = states.t.size
     onset = h.onset if h.onset is not None and h.onset[0] < n else None
     switch = states.t[onset[0]] if onset is not None and h.after is not None else math.inf
-    t = _frames(scene, float(states.t[-1]))
+    t = _frames(scene, float(states.t[-1]))[every - 1 :: every]
     collocated = isinstance(h.states[-1], Collocated)
     within = h.solver.in_time(stacked(densified(h.states, WITHIN))) if collocated else states
     at_frames = _between(within, t) if t.size and n > 1 else _rows(states, slice(0, 0))

@@ -86,9 +86,9 @@ def results(folder: Path) -> list[str]:
 
 
 def title(folder: Path) -> str:
-    """Return what a folder's results are about: the title of its scene, or its name."""
+    """Return the title of the scene that a folder's results are about, else its name; "" without a scene."""
     text = (_marker(folder) or {}).get("scene", "")
-    return (tomllib.loads(text).get("title") if text else "") or folder.name
+    return (tomllib.loads(text).get("title") or folder.name) if text else ""
 
 
 def _marker(folder: Path) -> dict[str, Any] | None:

@@ -125,6 +125,12 @@ def accelerate_cruise_brake(V: float) -> Travel:
     return Travel(position, speed, T, (ta, tb))
 
 
+def travel_of(motion: Motion) -> Travel:
+    """Return the travel of a scene; its acceleration may jump between pieces."""
+    starts = sorted({piece.start for pieces in motion.pieces for piece in pieces})
+    return Travel(motion.position, motion.speed, motion.phases[-1][1], tuple(starts[1:]))
+
+
 def solve(travel: Travel, *, mu: float, sigma: float, reach: float = 1e-3) -> Ride | SupersonicRide:
     """March (1), (2) along the travel; mu = M/(rho l), sigma = rho g l/T.
 

@@ -227,11 +227,13 @@ def coupling(chord):
 
 
 @compiled
-def assemble(bands, mesh, cable, contact, q, v, a, r, work, tangent, c0, c1, c2):
-    """Set the residual of the cable with its mass and, if asked, the banded tangent; return as `add_catenary`.
+def assemble(bands, mesh, cable, contact, q, v, a, r, work, c0, c1, c2):
+    """Set the residual of the cable with its mass and, unless c0, c1, c2 vanish, its banded tangent.
 
-    One field per node is a one-field model, `add_chord`, whose tension is least at no place in particular.
+    Return as `add_catenary`.  One field per node is a one-field model, `add_chord`, whose tension is least at no place
+    in particular.
     """
+    tangent = c0 != 0.0 or c1 != 0.0 or c2 != 0.0  # no argument: numba would compile all this for each of its values
     n_fields = contact.dofs.shape[1]
     r[:] = 0.0
     if tangent:

@@ -91,13 +91,30 @@ def solve(ab, pivots, b):
         b[i] = x / ab[i, band]
 
 
+# written out: a call of BLAS takes longer at this length, and numba compiles all that an assignment of arrays may raise
+
+
 @compiled
 def dot(a, b):
-    """Return the scalar product; a call of BLAS takes longer at this length."""
+    """Return the scalar product."""
     total = 0.0
     for i in range(a.size):
         total += a[i] * b[i]
     return total
+
+
+@compiled
+def copy(a, b):
+    """Set b to a."""
+    for i in range(a.size):
+        b[i] = a[i]
+
+
+@compiled
+def subtract(factor, a, b):
+    """Take factor a off b."""
+    for i in range(a.size):
+        b[i] -= factor * a[i]
 
 
 @compiled
@@ -109,9 +126,11 @@ def factorise_coupled(work, strength):
     """
     regular = factorise(work.ab, work.pivots)
     if regular and work.increment.size > 0:
-        work.coupled[:] = work.increment
+        copy(work.increment, work.coupled)
         solve(work.ab, work.pivots, work.coupled)
-        work.coupled[:] *= strength / (1.0 + strength * dot(work.increment, work.coupled))
+        share = strength / (1.0 + strength * dot(work.increment, work.coupled))
+        for i in range(work.coupled.size):
+            work.coupled[i] *= share
     return regular
 
 
@@ -120,4 +139,4 @@ def solve_coupled(work, b):
     """Overwrite b (n,) with the solution for the matrix that `factorise_coupled` has left."""
     solve(work.ab, work.pivots, b)
     if work.increment.size > 0:
-        b -= dot(work.increment, b) * work.coupled
+        subtract(dot(work.increment, b), work.coupled, b)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cablefem.elements.kernels import compiled
-from cablefem.elements.kernels.banded import dot, factorise, solve
+from cablefem.elements.kernels.banded import copy, dot, factorise, solve, subtract
 from cablefem.elements.kernels.law import ELASTIC, pull, tension
 
 FREE, HAUL, HELD = 0, 1, 2
@@ -39,6 +39,7 @@ class Rolling(NamedTuple):
     """What a car that rolls adds to the tangent: a border, column and row of the last unknown, and their solution."""
 
     n_left: int  # elements left of the car
+    inertia: Any  # as `Mesh.tab`, at the points of the inertia
     ends: Any  # (2, n_loc) slopes d/dxi of the functions of the last element behind the car, the first ahead
     border: Any  # (3, n) column, row, and the column solved
     corner: Any  # (1,)
@@ -77,8 +78,8 @@ def mean_tangent(dofs, ends, n_left, s_o, xp, yp, q):
 
 
 @compiled
-def roll(mesh, rolling, cable, car, q, v, a, r, ab, tangent, c0, c1, c2):
-    """Set the residual of the cable with a car that rolls and, if asked, its bordered tangent.
+def roll(mesh, rolling, cable, car, q, v, a, r, ab, c0, c1, c2):
+    """Set the residual of the cable with a car that rolls and, unless c0, c1, c2 vanish, its bordered tangent.
 
     Return the least mean tension of an element and its s, the left side of the row of s_o, the normal force with which
     the car presses on the cable, and the mean |r'| at the car.
@@ -92,13 +93,14 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, tangent, c0, c1, c2):
     s_o.  The tangent leaves out what is small: the turning of the mean tangent, and parts of the derivative of the last
     row by s_o itself.
     """
-    dofs, tab = mesh.dofs, mesh.tab
+    dofs, tab, fine = mesh.dofs, mesh.tab, rolling.inertia
     n_el, n_loc = dofs.shape
     alpha, sigma, slope, law = cable[0], cable[1], cable[2], cable[3]
     band = (ab.shape[1] - 1) // 3
     n, m = q.size - 1, car.node
     s_o, ds, dds = (car.s_o, car.ds, car.dds) if car.mode == HAUL else (q[n], v[n], a[n])
     r[:] = 0.0
+    tangent = c0 != 0.0 or c1 != 0.0 or c2 != 0.0
     if tangent:
         ab[:] = 0.0
         rolling.border[:] = 0.0
@@ -113,7 +115,7 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, tangent, c0, c1, c2):
         left = e < rolling.n_left
         s_0, h, sign = (0.0, s_o, 1.0) if left else (s_o, 1.0 - s_o, -1.0)
         total, length = 0.0, 0.0
-        for g in range(tab.shape[1]):
+        for g in range(tab.shape[1]):  # the cable's forces
             xi, weight = tab[e, g, 0], tab[e, g, 1]
             chi = xi if left else 1.0 - xi
             s = s_0 + h * xi
@@ -121,11 +123,60 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, tangent, c0, c1, c2):
             T = math.sqrt(1.0 + p * p)
             xp, yp = 1.0 / T, p / T
             T_s, xpp, ypp = -sigma * yp, sigma * p / (T * T * T), -sigma / (T * T * T)
+            du, dv = 0.0, 0.0
+            for k in range(n_loc):
+                d = dofs[e, k]
+                if d >= 0:
+                    grad = tab[e, g, 2 + n_loc + k] / h
+                    du += grad * q[2 * d]
+                    dv += grad * q[2 * d + 1]
+            rx, ry = xp + du, yp + dv
+            fx, fy, k_geo, k_mat, N, W, eps = pull(xp, yp, T, du, dv, alpha, law)
+            total += weight * tension(eps, T, alpha, ELASTIC)[0]
+            length += weight
+            # D and its derivative by s at fixed w'; W depends on s through T and |X' + w'|
+            D = W - T * (xp * du + yp * dv)
+            bend = rx * xpp + ry * ypp
+            D_s = (N - T) / alpha * T_s + k_geo * bend - T_s * (xp * du + yp * dv) - T * (xpp * du + ypp * dv)
+            of_s += weight * (sign * (D - fx * du - fy * dv) + h * chi * D_s)
+            if tangent:  # what f gains with s_o at fixed q
+                yx, yy = chi * xpp - sign / h * du, chi * ypp - sign / h * dv
+                along = k_mat * (rx * yx + ry * yy) + (0.0 if N == 0.0 else chi * T_s / (1.0 + eps))
+                f_sx = c0 * (k_geo * yx + along * rx - chi * (T_s * xp + T * xpp))
+                f_sy = c0 * (k_geo * yy + along * ry - chi * (T_s * yp + T * ypp))
+                corner += weight * c0 * h * (k_geo * (yx * yx + yy * yy) + k_mat * (rx * yx + ry * yy) ** 2)
+                j11 = c0 / h * (k_geo + k_mat * rx * rx)
+                j12 = c0 / h * k_mat * rx * ry
+                j22 = c0 / h * (k_geo + k_mat * ry * ry)
+            for i in range(n_loc):
+                d = dofs[e, i]
+                if d < 0:
+                    continue
+                grad = weight * tab[e, g, 2 + n_loc + i]
+                r[2 * d] += grad * fx
+                r[2 * d + 1] += grad * fy
+                if tangent:
+                    column[2 * d] += grad * f_sx
+                    column[2 * d + 1] += grad * f_sy
+                    row[2 * d] += grad * f_sx
+                    row[2 * d + 1] += grad * f_sy
+                    for j in range(n_loc):
+                        d_j = dofs[e, j]
+                        if d_j >= 0:
+                            gg = grad * tab[e, g, 2 + n_loc + j]
+                            at = band + 2 * (d_j - d)
+                            ab[2 * d, at] += gg * j11
+                            ab[2 * d, at + 1] += gg * j12
+                            ab[2 * d + 1, at - 1] += gg * j12
+                            ab[2 * d + 1, at] += gg * j22
+        for g in range(fine.shape[1]):  # its inertia
+            xi, weight = fine[e, g, 0], fine[e, g, 1]
+            chi = xi if left else 1.0 - xi
             ux, uy, vx, vy, dvx, dvy, ax, ay = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for k in range(n_loc):
                 d = dofs[e, k]
                 if d >= 0:
-                    phi, grad = tab[e, g, 2 + k], tab[e, g, 2 + n_loc + k]
+                    phi, grad = fine[e, g, 2 + k], fine[e, g, 2 + n_loc + k]
                     ux += grad * q[2 * d]
                     uy += grad * q[2 * d + 1]
                     vx += phi * v[2 * d]
@@ -138,71 +189,52 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, tangent, c0, c1, c2):
             k_t = k_s * (dds - sign * ds * ds / h)
             zx, zy = vx - ds * k_s * ux, vy - ds * k_s * uy
             ztx, zty = ax - k_t * ux - ds * k_s * dvx, ay - k_t * uy - ds * k_s * dvy
-            du, dv = ux / h, uy / h
-            rx, ry = xp + du, yp + dv
-            fx, fy, k_geo, k_mat, N, W, eps = pull(xp, yp, T, du, dv, alpha, law)
-            total += weight * tension(eps, T, alpha, ELASTIC)[0]
-            length += weight
-            # D and its derivative by s at fixed w'; W depends on s through T and |X' + w'|
-            D = W - T * (xp * du + yp * dv)
-            bend = rx * xpp + ry * ypp
-            D_s = (N - T) / alpha * T_s + k_geo * bend - T_s * (xp * du + yp * dv) - T * (xpp * du + ypp * dv)
-            of_s += weight * (
-                sign * (D - fx * du - fy * dv) + h * chi * D_s
-                - chi * (dvx * zx + dvy * zy + ux * ztx + uy * zty)
-                - sign * (0.5 * (zx * zx + zy * zy) + ds * k_s * (ux * zx + uy * zy))
+            of_s -= weight * (
+                chi * (dvx * zx + dvy * zy + ux * ztx + uy * zty)
+                + sign * (0.5 * (zx * zx + zy * zy) + ds * k_s * (ux * zx + uy * zy))
             )  # fmt: skip
             gx, gy = sign * ds * zx + h * ztx, sign * ds * zy + h * zty
-            hx, hy = ds * chi * zx + fx, ds * chi * zy + fy
+            hx, hy = ds * chi * zx, ds * chi * zy
             for i in range(n_loc):
                 d = dofs[e, i]
                 if d >= 0:
-                    phi, grad = weight * tab[e, g, 2 + i], weight * tab[e, g, 2 + n_loc + i]
+                    phi, grad = weight * fine[e, g, 2 + i], weight * fine[e, g, 2 + n_loc + i]
                     r[2 * d] += phi * gx + grad * hx
                     r[2 * d + 1] += phi * gy + grad * hy
             if not tangent:
                 continue
-            # what z, dz/dt and f gain with s_o, ds_o, dds_o at fixed q
+            # what z and dz/dt gain with s_o, ds_o, dds_o at fixed q
             k_1 = sign * k_s / h
-            yx, yy = chi * xpp - sign / h * du, chi * ypp - sign / h * dv
-            along = k_mat * (rx * yx + ry * yy) + (0.0 if N == 0.0 else chi * T_s / (1.0 + eps))
-            f_sx = k_geo * yx + along * rx - chi * (T_s * xp + T * xpp)
-            f_sy = k_geo * yy + along * ry - chi * (T_s * yp + T * ypp)
             z_x, z_y = (c0 * ds * k_1 - c1 * k_s) * ux, (c0 * ds * k_1 - c1 * k_s) * uy
             by_u = c1 * 2.0 * ds * k_1 - c2 * k_s - c0 * (ds * ds * k_s / (h * h) - k_1 * (dds - sign * ds * ds / h))
             by_du = c0 * ds * k_1 - c1 * k_s
             zt_x, zt_y = by_u * ux + by_du * dvx, by_u * uy + by_du * dvy
-            corner += weight * (
-                c0 * h * (k_geo * (yx * yx + yy * yy) + k_mat * (rx * yx + ry * yy) ** 2)
-                - chi * (dvx * z_x + dvy * z_y + ux * zt_x + uy * zt_y)
-                - sign * (zx * z_x + zy * z_y + ds * k_s * (ux * z_x + uy * z_y) + c1 * k_s * (ux * zx + uy * zy))
+            corner -= weight * (
+                chi * (dvx * z_x + dvy * z_y + ux * zt_x + uy * zt_y)
+                + sign * (zx * z_x + zy * z_y + ds * k_s * (ux * z_x + uy * z_y) + c1 * k_s * (ux * zx + uy * zy))
             )  # fmt: skip
             g_x = sign * (c1 * zx + ds * z_x + c0 * ztx) + h * zt_x
             g_y = sign * (c1 * zy + ds * z_y + c0 * zty) + h * zt_y
-            h_x = chi * (c1 * zx + ds * z_x) + c0 * f_sx
-            h_y = chi * (c1 * zy + ds * z_y) + c0 * f_sy
-            j11 = c0 / h * (k_geo + k_mat * rx * rx)
-            j12 = c0 / h * k_mat * rx * ry
-            j22 = c0 / h * (k_geo + k_mat * ry * ry)
+            h_x, h_y = chi * (c1 * zx + ds * z_x), chi * (c1 * zy + ds * z_y)
             k_q = c0 * k_t + c1 * ds * k_s
             for i in range(n_loc):
-                phi, grad = tab[e, g, 2 + i], tab[e, g, 2 + n_loc + i]
+                phi, grad = fine[e, g, 2 + i], fine[e, g, 2 + n_loc + i]
                 z_of[i], zt_of[i] = c1 * phi - c0 * ds * k_s * grad, c2 * phi - k_q * grad
             for i in range(n_loc):
                 d = dofs[e, i]
                 if d < 0:
                     continue
-                phi, grad = weight * tab[e, g, 2 + i], weight * tab[e, g, 2 + n_loc + i]
+                phi, grad = weight * fine[e, g, 2 + i], weight * fine[e, g, 2 + n_loc + i]
                 column[2 * d] += phi * g_x + grad * h_x
                 column[2 * d + 1] += phi * g_y + grad * h_y
                 by_z, by_zt, by_grad = weight * z_of[i], weight * chi * zt_of[i], chi * c1 + sign * ds * k_s * c0
-                row[2 * d] += (
-                    grad * (c0 * (f_sx - chi * ztx) - by_grad * zx) - by_zt * ux
-                    - by_z * (chi * dvx + sign * (zx + ds * k_s * ux))
+                row[2 * d] -= (
+                    grad * (c0 * chi * ztx + by_grad * zx) + by_zt * ux
+                    + by_z * (chi * dvx + sign * (zx + ds * k_s * ux))
                 )  # fmt: skip
-                row[2 * d + 1] += (
-                    grad * (c0 * (f_sy - chi * zty) - by_grad * zy) - by_zt * uy
-                    - by_z * (chi * dvy + sign * (zy + ds * k_s * uy))
+                row[2 * d + 1] -= (
+                    grad * (c0 * chi * zty + by_grad * zy) + by_zt * uy
+                    + by_z * (chi * dvy + sign * (zy + ds * k_s * uy))
                 )  # fmt: skip
                 of_z, of_zt = phi * sign * ds + grad * ds * chi, phi * h
                 for j in range(n_loc):
@@ -210,12 +242,9 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, tangent, c0, c1, c2):
                     if d_j < 0:
                         continue
                     same = of_z * z_of[j] + of_zt * zt_of[j]
-                    gg = grad * tab[e, g, 2 + n_loc + j]
                     at = band + 2 * (d_j - d)
-                    ab[2 * d, at] += same + gg * j11
-                    ab[2 * d, at + 1] += gg * j12
-                    ab[2 * d + 1, at - 1] += gg * j12
-                    ab[2 * d + 1, at] += same + gg * j22
+                    ab[2 * d, at] += same
+                    ab[2 * d + 1, at] += same
         if least * length > total:
             least, where = total / length, s_0 + 0.5 * h * (tab[e, 0, 0] + tab[e, -1, 0])
 
@@ -294,9 +323,8 @@ def look(dofs, ends, n_left, cable, car, q, v, a):
 
 
 @compiled
-def kinetic(mesh, n_left, node, mu, cable, q, v, w, momentum, gradient):
+def kinetic(dofs, tab, n_left, node, mu, cable, q, v, w, momentum, gradient):
     """Set M(q) v and the gradient by q of v . M(q) w / 2 at fixed v and w, cable and car; all (n + 1,), s_o last."""
-    dofs, tab = mesh.dofs, mesh.tab
     n_el, n_loc = dofs.shape
     n = q.size - 1
     s_o, dv, dw = q[n], v[n], w[n]
@@ -344,7 +372,7 @@ def factorise_bordered(work, rolling):
     column, row, solved = rolling.border
     regular = factorise(work.ab, work.pivots)
     if regular:
-        solved[:] = column
+        copy(column, solved)
         solve(work.ab, work.pivots, solved)
         rolling.corner[0] -= dot(row, solved)
     return regular and rolling.corner[0] != 0.0
@@ -356,5 +384,5 @@ def solve_bordered(work, rolling, b):
     x = b[:-1]
     solve(work.ab, work.pivots, x)
     last = (b[-1] - dot(rolling.border[1], x)) / rolling.corner[0]
-    x -= last * rolling.border[2]
+    subtract(last, rolling.border[2], x)
     b[-1] = last

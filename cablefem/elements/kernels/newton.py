@@ -8,7 +8,7 @@ import numpy as np
 
 from cablefem.elements.kernels import compiled
 from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, coupling
-from cablefem.elements.kernels.banded import Tangent, dot, factorise_coupled, solve_coupled
+from cablefem.elements.kernels.banded import Tangent, copy, dot, factorise_coupled, solve_coupled
 from cablefem.elements.kernels.car import Car, Rolling, factorise_bordered, roll, solve_bordered
 
 
@@ -49,10 +49,10 @@ def settle(grip, ride, mesh, cable, work, start, now, rule, bound, max_iter, reu
         if anew:
             correct(start, rule, 0.0, da, now, balanced)
             if grip is not None:
-                assemble(bands, mesh, cable, contact, q, v, a, r, work, True, c0, c1, c2)
+                assemble(bands, mesh, cable, contact, q, v, a, r, work, c0, c1, c2)
                 regular = factorise_coupled(work, c0 * coupling(cable))
             if ride is not None:
-                roll(mesh, rolling, cable, car, q, v, a, r, work.ab, True, c0, c1, c2)
+                roll(mesh, rolling, cable, car, q, v, a, r, work.ab, c0, c1, c2)
                 regular = factorise_bordered(work, rolling)
             norm = math.sqrt(dot(r, r))
             factorisations += 1
@@ -63,13 +63,13 @@ def settle(grip, ride, mesh, cable, work, start, now, rule, bound, max_iter, reu
             solve_coupled(work, r)
         elif ride is not None:
             solve_bordered(work, rolling, r)
-        da[:] = r
+        copy(r, da)
         for halving in range(6):
             correct(start, rule, 1.0 if halving == 0 else -(0.5**halving), da, now, balanced)
             if grip is not None:
-                least, where = assemble(bands, mesh, cable, contact, q, v, a, r, work, False, c0, c1, c2)
+                least, where = assemble(bands, mesh, cable, contact, q, v, a, r, work, 0.0, 0.0, 0.0)
             if ride is not None:
-                least, where, _, _, _ = roll(mesh, rolling, cable, car, q, v, a, r, work.ab, False, c0, c1, c2)
+                least, where, _, _, _ = roll(mesh, rolling, cable, car, q, v, a, r, work.ab, 0.0, 0.0, 0.0)
             residuals += 1
             norm = math.sqrt(dot(r, r))
             if norm < before or (iteration < patience and norm < math.inf):

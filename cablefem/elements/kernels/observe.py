@@ -1,4 +1,7 @@
-"""What is seen of a state: fields and recovered forces along a following mesh, energies, pointwise tension."""
+"""What is seen of states: fields and recovered forces along a following mesh, energies, pointwise tension.
+
+A history is q, v, a (n, n_dof) and kinematics (n, 3): s_o, ds_o, dds_o; `frames` are rows of it.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import math
 import numpy as np
 
 from cablefem.elements.kernels import compiled
+from cablefem.elements.kernels.balance import Mesh, follow
 from cablefem.elements.kernels.law import ELASTIC, pull, tension
 
 
@@ -53,6 +57,14 @@ def sample(knots, shapes, dofs, s_o, ds, s, q, v, out):
                 out[0, p, f] += value * w
                 out[1, p, f] += value * v[n_fields * d + f] - pull * slope * w
                 out[2, p, f] += slope * w
+
+
+@compiled
+def samples(knots, shapes, dofs, kinematics, frames, s, q, v, out):
+    """Set `sample` of the frames of a history, out (k, 3, m, n_fields)."""
+    for k in range(frames.size):
+        i = frames[k]
+        sample(knots, shapes, dofs, kinematics[i, 0], kinematics[i, 1], s, q[i], v[i], out[k])
 
 
 @compiled
@@ -145,8 +157,9 @@ def sample_forces(knots, shapes, dofs, node, s_o, ds, dds, s, q, v, a, ends, out
     for p in range(s.size):
         side, h, xi, low, length, x = locate(knots, s_o, s[p])
         chi, sign = (xi, 1.0) if side == 0 else (1.0 - xi, -1.0)
-        at[0] = 0.0
-        at[1] = total[side, low]
+        for j in range(3):
+            for i in range(n_fields):
+                at[0, j, i], at[1, j, i] = 0.0, total[side, low, j, i]
         for k in range(n_loc):
             d = dofs[side * n_el + low, k]
             if d < 0:
@@ -170,70 +183,119 @@ def sample_forces(knots, shapes, dofs, node, s_o, ds, dds, s, q, v, a, ends, out
 
 
 @compiled
-def cable_energy(mesh, cable, q, v):
-    """Return int |w.|^2/2 ds, int W ds, -int sigma v ds, the pointwise least tension and its s; full cable.
+def carried(mesh, n_left, node, cable, knots, shapes, kinematics, rise, frames, s, q, v, a, ends, along):
+    """Set `end_forces` of a history, ends (n, 4, n_fields), and `sample_forces` of its frames, along (k, m, n_fields).
 
-    w. = dq/dt phi - c q phi', the velocity at fixed s on a mesh that moves with c.
+    mesh : following; its span is overwritten.
     """
+    unused = np.empty((8, 3))
+    for i in range(rise.size):
+        follow(kinematics[i, 0], kinematics[i, 1], kinematics[i, 2], n_left, unused, mesh.span)
+        end_forces(mesh, n_left, node, cable, kinematics[i, 2], rise[i], q[i], v[i], a[i], ends[i])
+        if kinematics[i, 0] == 0.0:  # the left part has no length yet
+            ends[i, 0], ends[i, 1] = ends[i, 2], ends[i, 2]
+    for k in range(frames.size):
+        i = frames[k]
+        s_o, ds, dds = kinematics[i]
+        sample_forces(knots, shapes, mesh.dofs, node, s_o, ds, dds, s, q[i], v[i], a[i], ends[i], along[k])
+
+
+@compiled
+def energies(mesh, fine, n_left, cable, n_fields, kinematics, q, v, parts, least, where):
+    """Set energies (3, n): kinetic, of strain, of weight; least tension and its s (n,) of a history.
+
+    mesh : with the points of the forces; fine : tab with those of inertia.
+    n_left : None where the mesh rests; else its span is overwritten.
+    """
+    unused = np.empty((8, 3))
+    inert = Mesh(mesh.span, mesh.dofs, fine)
+    for i in range(least.size):
+        if n_left is not None:
+            follow(kinematics[i, 0], kinematics[i, 1], 0.0, n_left, unused, mesh.span)
+        parts[0, i] = kinetic_energy(inert, n_fields, q[i], v[i])
+        if n_fields == 2:
+            parts[1, i], parts[2, i], least[i], where[i] = cable_energy(mesh, cable, q[i])
+        else:
+            parts[1, i], least[i] = chord_energy(mesh, cable, q[i])
+
+
+@compiled
+def kinetic_energy(mesh, n_fields, q, v):
+    """Return int |w.|^2/2 ds, w. = dq/dt phi - c q phi' the velocity at fixed s on a mesh that moves with c."""
+    span, dofs, tab = mesh
+    n_el, n_loc = dofs.shape
+    twice = 0.0
+    for e in range(n_el):
+        h = span[e, 1]
+        if h == 0.0:  # the left part has no length yet
+            continue
+        for g in range(tab.shape[1]):
+            c = span[e, 2] + span[e, 3] * tab[e, g, 0]
+            for i in range(n_fields):
+                rate = 0.0
+                for k in range(n_loc):
+                    d = n_fields * dofs[e, k] + i
+                    if d >= 0:
+                        rate += tab[e, g, 2 + k] * v[d] - c / h * tab[e, g, 2 + n_loc + k] * q[d]
+                twice += h * tab[e, g, 1] * rate * rate
+    return 0.5 * twice
+
+
+@compiled
+def cable_energy(mesh, cable, q):
+    """Return int W ds, -int sigma v ds, the pointwise least tension and its s; full cable."""
     span, dofs, tab = mesh
     n_el, n_loc = dofs.shape
     alpha, sigma, slope, law = cable[0], cable[1], cable[2], cable[3]
-    kinetic, strain, potential = 0.0, 0.0, 0.0
+    strain, potential = 0.0, 0.0
     least = math.inf
     where = 0.0
     for e in range(n_el):
         s_0, h = span[e, 0], span[e, 1]
+        if h == 0.0:  # the left part has no length yet
+            continue
         for g in range(tab.shape[1]):
-            xi = tab[e, g, 0]
-            s = s_0 + h * xi
-            c = span[e, 2] + span[e, 3] * xi
+            s = s_0 + h * tab[e, g, 0]
             p = slope - sigma * s
             T = math.sqrt(1.0 + p * p)
-            du, dv, v0, ut, vt = 0.0, 0.0, 0.0, 0.0, 0.0
+            du, dv, v0 = 0.0, 0.0, 0.0
             for k in range(n_loc):
                 d = dofs[e, k]
                 if d >= 0:
-                    phi, grad = tab[e, g, 2 + k], tab[e, g, 2 + n_loc + k] / h
+                    grad = tab[e, g, 2 + n_loc + k] / h
                     du += grad * q[2 * d]
                     dv += grad * q[2 * d + 1]
-                    v0 += phi * q[2 * d + 1]
-                    ut += phi * v[2 * d] - c * grad * q[2 * d]
-                    vt += phi * v[2 * d + 1] - c * grad * q[2 * d + 1]
+                    v0 += tab[e, g, 2 + k] * q[2 * d + 1]
             _, _, _, _, _, W, eps = pull(1.0 / T, p / T, T, du, dv, alpha, law)
             N = tension(eps, T, alpha, ELASTIC)[0]
             if least > N:
                 least, where = N, s
             weight = tab[e, g, 1] * h
-            kinetic += weight * 0.5 * (ut * ut + vt * vt)
             strain += weight * W
             potential -= weight * sigma * v0
-    return kinetic, strain, potential, least, where
+    return strain, potential, least, where
 
 
 @compiled
-def chord_energy(mesh, chord, q, v):
-    """Return int w.^2/2 ds, int tau w'^2/2 ds + W - tau eps of the one-field models, and the tension tau + h."""
+def chord_energy(mesh, chord, q):
+    """Return int tau w'^2/2 ds + W - tau eps of the one-field models, and the tension tau + h."""
     span, dofs, tab = mesh
     n_el, n_loc = dofs.shape
     alpha, tau, curvature, lam, kap = chord[0], chord[1], chord[2], chord[3], chord[4]
-    kinetic, strain = 0.0, 0.0
-    eps = 0.0
+    strain, eps = 0.0, 0.0
     for e in range(n_el):
         s_0, h = span[e, 0], span[e, 1]
+        if h == 0.0:  # the left part has no length yet
+            continue
         for g in range(tab.shape[1]):
-            xi = tab[e, g, 0]
-            c = span[e, 2] + span[e, 3] * xi
-            w, wt = 0.0, 0.0
+            w = 0.0
             for k in range(n_loc):
                 d = dofs[e, k]
                 if d >= 0:
-                    phi, grad = tab[e, g, 2 + k], tab[e, g, 2 + n_loc + k] / h
-                    w += grad * q[d]
-                    wt += phi * v[d] - c * grad * q[d]
+                    w += tab[e, g, 2 + n_loc + k] / h * q[d]
             weight = tab[e, g, 1] * h
-            y = curvature * (0.5 - (s_0 + h * xi))
+            y = curvature * (0.5 - (s_0 + h * tab[e, g, 0]))
             eps += weight * lam * (y * w + 0.5 * kap * w * w)
-            kinetic += weight * 0.5 * wt * wt
             strain += weight * 0.5 * tau * w * w
     W = tension(eps, tau, alpha, chord[5])[2]
-    return kinetic, strain + (W - tau * eps), tension(eps, tau, alpha, ELASTIC)[0]
+    return strain + (W - tau * eps), tension(eps, tau, alpha, ELASTIC)[0]

@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,6 @@ from validation.core import measures, store
 from validation.core.methods import METHODS, find
 from validation.core.richardson import SAFETY, left
 from validation.core.running import run
-from validation.core.scenes import random_scene
 
 # cheap to full; every rung knows something more than those before
 LADDER = (
@@ -388,67 +386,3 @@ def _short(found: Climb) -> str:
 
 def _share(x: float, of: str = "the deflection") -> str:
     return f"{100.0 * x:.2g} percent of {of}" if x < 0.995 else f"{x:.2g} times {of}"
-
-
-# --- is the advice right? ---------------------------------------------------------------------------------------------
-
-
-def advice_survey(n: int, seed: int, tol: float, progress: Progress | None = None) -> dict[str, Any]:
-    """Ask for advice on random scenes and hold it against finer runs of the full model and the other solver's rungs.
-
-    An advice is right if the rung it chose is within the tolerance of the full model and the next cheaper one is not;
-    judged twice, for the path and for path and tension.
-    """
-    rng = np.random.default_rng(seed)
-    report = progress or (lambda label, done: None)
-    scenes = []
-    for i in range(n):
-        report("scenes", i / n)
-        scenes.append(_judged(random_scene(rng), tol))
-    report("scenes", 1.0)
-    out: dict[str, Any] = {"n": n, "seed": seed, "tol": tol, "scenes": scenes}
-    for kind in ("path", "path_and_tension"):
-        judged = [s[kind] for s in scenes if s[kind]["right"] is not None]
-        out[f"right_{kind}"] = sum(x["right"] for x in judged)
-        out[f"judged_{kind}"] = len(judged)
-    return out
-
-
-def _judged(scene: Scene, tol: float) -> dict[str, Any]:
-    found = advice(scene, tol)
-    elements, steps = found["full"]["settings"]["elements"], found["full"]["settings"]["steps"]
-    until = measures.WINDOW[1]
-    truth = run(scene, REFERENCE, elements=round(1.5 * elements), steps=2 * steps, until=until)
-    groups = {
-        "sag_ratio": scene.sag_ratio, "slope": scene.slope, "mu": scene.mu, "alpha": scene.alpha,
-        "speed_ratio": scene.speed_ratio, "window": found["range"][1], "cost": found["cost_in_full_runs"],
-    }  # fmt: skip
-    gap = partial(_true_distance, scene, truth, (found["range"][0], found["range"][1]))
-    result: dict[str, Any] = {"groups": groups}
-    for kind, line in (("path", found["for_path"]), ("path_and_tension", found)):
-        index = LADDER.index((line["model"], line["load"]))
-        if found["full"]["path_bar"] is None:
-            result[kind] = {"model": line["model"], "load": line["load"], "right": None}
-            continue
-        tension = kind != "path"
-        chosen = (0.0, 0.0) if index == len(LADDER) - 1 else gap(*LADDER[index])
-        below = (math.inf, math.inf) if index == 0 else gap(*LADDER[index - 1])
-
-        def meets(x: tuple[float, float], tension: bool = tension) -> bool:
-            return x[0] <= tol and (not tension or x[1] <= tol)
-
-        delivered = run(
-            scene, line["method"], model=line["model"], load=line["load"], until=until, **line["settings"]
-        )  # fmt: skip
-        result[kind] = {
-            "model": line["model"], "load": line["load"], "chosen": [_finite(x) for x in chosen],
-            "below": [_finite(x) for x in below], "right": meets(chosen) and not meets(below),
-            "delivered": [_finite(x) for x in distance(delivered, truth, (found["range"][0], found["range"][1]))],
-        }  # fmt: skip
-    return result
-
-
-def _true_distance(scene: Scene, truth: Response, window: Window, model: str, load: str) -> tuple[float, float]:
-    """Return a rung's distance to the full model by the other solver, which shares no formula with the ladder's."""
-    r = run(scene, "fourier-kink", model=model, load=load, terms=30, steps=1500, until=measures.WINDOW[1])
-    return distance(r, truth, window)

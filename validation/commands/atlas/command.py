@@ -3,7 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from validation.options import study, to
+from validation.page.options import study, to
 
 PLACE = 8
 EXAMPLE = "cablefem atlas"

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from validation.options import Out, SceneName, scene_named, study
+from validation.page.options import Out, SceneName, scene_named, study
 
 PLACE = 7
 EXAMPLE = "cablefem chart level"

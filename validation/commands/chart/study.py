@@ -15,6 +15,7 @@ import platform
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -76,7 +77,7 @@ def chart(
     repeats : separate timed runs of each setting; the best counts, the spread is kept.
     budget : [s] for all runs together; what would exceed its share is a row "not run" with the seconds expected.
     """
-    report = progress or (lambda label, fraction: None)
+    report = progress or (lambda label, done: None)
     path = out / "chart.json"
     before = store.stored(path, scene_toml=scene.to_toml())
     report("reference", 0.0)
@@ -217,7 +218,7 @@ def _line(
             new.append(_row(line, rung, status="not run", reason=reason))
             continue
         begin = time.perf_counter()
-        row = _RUNNERS[line.kind](scene, line, rung, truth, max(1, repeats), left)
+        row = (_run_scipy if line.kind == "scipy" else _repeated)(scene, line, rung, truth, max(1, repeats), left)
         spent = time.perf_counter() - begin
         left -= spent
         seconds_per_size = spent / (row["repeats"] or 1) / _size(line, rung)
@@ -283,87 +284,69 @@ def _judged(r: Response, truth: _Truth) -> dict[str, Any]:
         return work | {"status": "failed", "reason": str(error)}
 
 
-def _run_ours(
+class _Failed(ValueError):
+    """A run that came to nothing; `found` is what is known of it."""
+
+    def __init__(self, reason: str, **found: Any) -> None:
+        super().__init__(reason)
+        self.found = found
+
+
+def _repeated(
     scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth, repeats: int, left: float
 ) -> dict[str, Any]:  # fmt: skip
-    assert line.method is not None
-    method = line.method
-
-    def once() -> tuple[Response, float]:
-        r = run(scene, method, model=line.model, until=STOP, **rung)
-        return r, r.seconds
-
+    """Return the row of a rung that is run again and again for its seconds."""
+    once = partial(_ONCE[line.kind], scene, line, rung, truth)
     try:
-        r, seconds = once()
-    except ValueError as error:
-        return _row(line, rung, status="failed", reason=str(error))
-    return _row(line, rung, **_judged(r, truth), **_timed(seconds, lambda: once()[1], repeats, left))
+        found, seconds = once()
+    except (ValueError, TooCoarse) as error:
+        return _row(line, rung, status="failed", reason=str(error), **getattr(error, "found", {}))
+    return _row(line, rung, **found, **_timed(seconds, lambda: once()[1], repeats, left))
 
 
-def _run_extrapolated(
-    scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth, repeats: int, left: float
-) -> dict[str, Any]:  # fmt: skip
+Once = tuple[dict[str, Any], float]  # what a run is found to be, and its seconds
+
+
+def _ours(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> Once:
+    assert line.method is not None
+    r = run(scene, line.method, model=line.model, until=STOP, **rung)
+    return _judged(r, truth), r.seconds
+
+
+def _pair(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> Once:
     """Two runs, the second with half the steps, and Richardson's extrapolation of second order in time; both count."""
     assert line.method is not None
-    method = line.method
-
-    def once() -> tuple[Response, Response, float]:
-        fine = run(scene, method, until=STOP, **rung)
-        coarse = run(scene, method, until=STOP, **rung | {"steps": rung["steps"] // 2})
-        return fine, coarse, fine.seconds + coarse.seconds
-
-    fine, coarse, seconds = once()
+    fine, coarse = (
+        run(scene, line.method, until=STOP, **rung | {"steps": steps}) for steps in (rung["steps"], rung["steps"] // 2)
+    )
+    if (reached := min(fine.reached, coarse.reached)) < truth.window[1]:
+        raise _Failed(fine.reason or coarse.reason or "one of the two runs ended early", reached=reached)
     work = {k: fine.work[k] + coarse.work[k] for k in fine.work}
-    if min(fine.reached, coarse.reached) < truth.window[1]:
-        reason = fine.reason or coarse.reason or "one of the two runs ended early"
-        return _row(line, rung, status="failed", reason=reason, reached=min(fine.reached, coarse.reached))
     better = replace(measures.extrapolated(fine, coarse, 2.0), work=work)
-    return _row(line, rung, **_judged(better, truth), **_timed(seconds, lambda: once()[2], repeats, left))
+    return _judged(better, truth), fine.seconds + coarse.seconds
 
 
-def _run_tolerance(
-    scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth, repeats: int, left: float
-) -> dict[str, Any]:  # fmt: skip
+def _to_tolerance(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> Once:
     """A tolerance in place of a resolution: the seconds are those of every run it took to get there."""
     assert line.method is not None
-    method = line.method
-
-    def once() -> tuple[Response, float]:
-        begin = time.process_time()
-        r = resolve(scene, method, rung["tol"], until=STOP)
-        return r, time.process_time() - begin
-
-    try:
-        r, seconds = once()
-    except TooCoarse as error:
-        return _row(line, rung, status="failed", reason=str(error))
-    return _row(
-        line, rung, **_judged(r, truth), **_timed(seconds, lambda: once()[1], repeats, left), bar=r.path_error,
-        chosen=METHODS[method].told(r.settings),
-    )  # fmt: skip
+    begin = time.process_time()
+    r = resolve(scene, line.method, rung["tol"], until=STOP)
+    seconds = time.process_time() - begin
+    chosen = METHODS[line.method].told(r.settings)
+    return _judged(r, truth) | {"bar": r.path_error, "chosen": chosen}, seconds
 
 
-def _run_peer(
-    scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth, repeats: int, left: float
-) -> dict[str, Any]:  # fmt: skip
+def _of_peer(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> Once:
     groups = until(scene.groups, STOP)
-
-    def once() -> tuple[PeerPath, float]:
+    try:
         with threadpool_limits(1):
             p, share = _alone(lambda: PEERS[line.name].run(groups, **rung))
-        return p, share * p.seconds
-
-    try:
-        p, seconds = once()
     except Exception as error:  # another code may fail in its own ways
-        return _row(line, rung, status="failed", reason=f"{type(error).__name__}: {error}")
+        raise _Failed(f"{type(error).__name__}: {error}") from error
     steps = {"steps": p.t.size - 1, "reached": p.reached}
     if p.reached < truth.window[1] * (1.0 - 1e-9):
-        return _row(line, rung, **steps, status="failed", reason=p.note or f"ended at s_o/l = {p.reached:.3f}")
-    found = truth.errors_of_path(p, scene.length, scene.time_scale)
-    return _row(
-        line, rung, status="ok", **steps, **found, **_timed(seconds, lambda: once()[1], repeats, left)
-    )  # fmt: skip
+        raise _Failed(p.note or f"ended at s_o/l = {p.reached:.3f}", **steps)
+    return {"status": "ok", **steps, **truth.errors_of_path(p, scene.length, scene.time_scale)}, share * p.seconds
 
 
 def until(groups: Groups, place: float) -> Groups:
@@ -439,10 +422,9 @@ def _run_scipy(
     )  # fmt: skip
 
 
-_RUNNERS: dict[str, Callable[..., dict[str, Any]]] = {
-    "method": _run_ours, "model": _run_ours, "integrator": _run_ours,
-    "extrapolated": _run_extrapolated, "tolerance": _run_tolerance, "peer": _run_peer,
-    "scipy": _run_scipy,
+_ONCE: dict[str, Callable[..., Once]] = {
+    "method": _ours, "model": _ours, "integrator": _ours, "extrapolated": _pair, "tolerance": _to_tolerance,
+    "peer": _of_peer,
 }  # fmt: skip
 
 

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from validation import terminal
 from validation.core import store
-from validation.options import Out, SceneName, real, scene_named, tol_faults
+from validation.page import terminal
+from validation.page.options import Out, SceneName, real, scene_named, tol_faults
 
 PLACE = 4
 EXAMPLE = "cablefem check my.toml --tol 1e-4 --with other.csv"
@@ -52,11 +52,11 @@ def command(
         faults.append(f"--with-tol must lie in [0, 1], got {with_tol:g}")
     loaded = scene_named(scene, faults, travelling=True)
 
-    from validation import paraview, report, telling
     from validation.commands.check import study, words
     from validation.core import foreign
     from validation.core.running import run
     from validation.core.sidebyside import side_by_side
+    from validation.page import paraview, report, telling
 
     path = None
     if other is not None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from validation import telling, terminal
 from validation.commands.check.study import Check
 from validation.core.trust import reach
+from validation.page import telling, terminal
 
 
 def tell(result: Check) -> None:

@@ -5,8 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
-from validation import terminal
-from validation.core import store
+from validation.page import terminal
+from validation.page.options import written
 
 PLACE = 2
 EXAMPLE = "cablefem methods"
@@ -20,17 +20,16 @@ def command(
     from validation.core.methods import METHODS
 
     if out is not None:
-        folder = store.claim(out, "methods", "methods", ["methods.json"])
-        write_json(folder / "methods.json", {
-            name: {
-                "title": method.title, "use": method.trust, "wrong": method.wrong,
-                "settings": {
-                    key: {"default": knob.default, "allowed": list(knob.allowed), "meaning": knob.meaning}
-                    for key, knob in method.knobs.items()
-                },
-            } for name, method in METHODS.items()
-        })  # fmt: skip
-        terminal.say(f"written to {folder}: methods.json")
+        with written(out, "methods", "methods", ["methods.json"]) as folder:
+            write_json(folder / "methods.json", {
+                name: {
+                    "title": method.title, "use": method.trust, "wrong": method.wrong,
+                    "settings": {
+                        key: {"default": knob.default, "allowed": list(knob.allowed), "meaning": knob.meaning}
+                        for key, knob in method.knobs.items()
+                    },
+                } for name, method in METHODS.items()
+            })  # fmt: skip
         return 0
     first = next(iter(METHODS.values()))
     common = {key: knob for key, knob in first.knobs.items() if all(key in m.knobs for m in METHODS.values())}

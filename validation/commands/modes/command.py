@@ -2,9 +2,8 @@ from __future__ import annotations
 
 import math
 
-from validation import terminal
-from validation.core import store
-from validation.options import Out, SceneName, scene_named
+from validation.page import terminal
+from validation.page.options import Out, SceneName, scene_named, written
 
 PLACE = 5
 EXAMPLE = "cablefem modes bare"
@@ -17,20 +16,18 @@ def command(scene: SceneName, out: Out = None) -> int:
     """
     loaded = scene_named(scene)
 
-    from validation import telling
     from validation.commands.modes import study
+    from validation.page import telling
 
-    folder = store.claim(out, "modes", loaded, ["modes.json"])
-    found = study.modes(loaded)
-    found.write(folder)
-    store.finish(folder, "modes")
-    hertz = found.omega[study.EXACT] / (2.0 * math.pi * loaded.time_scale)
-    rows = [
-        [str(i + 1), f"{hertz[i]:.5g}", *(f"{omega[i]:.7f}" for omega in found.omega.values())]
-        for i in range(study.COUNT)
-    ]
-    terminal.table(["mode", "Hz", *found.omega], rows, right=["mode", "Hz", *found.omega])
-    terminal.say()
-    telling.rows(found.rows)
-    terminal.say(f"written to {folder}: modes.json")
+    with written(out, "modes", loaded, ["modes.json"]) as folder:
+        found = study.modes(loaded)
+        found.write(folder)
+        hertz = found.omega[study.EXACT] / (2.0 * math.pi * loaded.time_scale)
+        rows = [
+            [str(i + 1), f"{hertz[i]:.5g}", *(f"{omega[i]:.7f}" for omega in found.omega.values())]
+            for i in range(study.COUNT)
+        ]
+        terminal.table(["mode", "Hz", *found.omega], rows, right=["mode", "Hz", *found.omega])
+        terminal.say()
+        telling.rows(found.rows)
     return 0 if all(row.verdict.value == "agree" for row in found.rows) else 1

@@ -95,7 +95,7 @@ def _draw(rows: Sequence[dict[str, Any]], title: str) -> Figure:
         seen = "" if row["observed_order"] is None else f", order {row['observed_order']:.1f}"
         if row["expected"] != "agree":
             seen = ", wrong"
-        look = {"color": PALETTE[i % 7], "linestyle": DASHES[i % 7], "marker": MARKERS[i % 7]}
+        look = {"color": PALETTE[i % 7], "linestyle": DASHES[(i + i // 7) % 7], "marker": MARKERS[(i + i // 7) % 7]}
         ax.loglog(n, e, label=row["method"] + seen, **look)
     sizes = np.array([min(ax.get_xlim()), max(ax.get_xlim())])
     bottom, top = ax.get_ylim()

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from validation import terminal
 from validation.core import store
-from validation.options import Out, SceneName, near, real, scene_named, tol_faults
+from validation.page import terminal
+from validation.page.options import Out, SceneName, near, real, scene_named, tol_faults
 
 if TYPE_CHECKING:
     from cablefem.response import Response
@@ -73,12 +73,12 @@ def command(
         terminal.complain([f"--extrapolate halves the steps twice: at least {MOST_COARSE}, got {steps}"])
         return 2
 
-    from validation import paraview, telling
     from validation.core.design import design, numbers
     from validation.core.estimate import estimated
     from validation.core.extrapolation import extrapolated
     from validation.core.resolution import TooCoarse, resolve
     from validation.core.running import run as run_method
+    from validation.page import paraview, telling
 
     folder = store.claim(out, "run", loaded, [method])
     kind = {"model": model, "load": load, "law": law, **settings}

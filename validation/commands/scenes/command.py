@@ -5,9 +5,8 @@ from typing import Annotated
 
 import typer
 
-from validation import terminal
-from validation.core import store
-from validation.options import scene_named
+from validation.page import terminal
+from validation.page.options import scene_named, written
 
 PLACE = 1
 EXAMPLE = "cablefem scenes level > my.toml"
@@ -39,9 +38,8 @@ def command(
     if out is None:
         print("".join(texts.values()), end="")
         return 0
-    folder = store.claim(out, "scenes", "scenes", [f"{key}.toml" for key in texts])
-    for key, text in texts.items():
-        with whole(folder / f"{key}.toml") as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    terminal.say(f"written to {folder}: {', '.join(f'{key}.toml' for key in texts)}")
+    with written(out, "scenes", "scenes", [f"{key}.toml" for key in texts]) as folder:
+        for key, text in texts.items():
+            with whole(folder / f"{key}.toml") as temporary:
+                temporary.write_text(text, encoding="utf-8")
     return 0

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from validation import terminal
 from validation.core import store
+from validation.page import terminal
 
 if TYPE_CHECKING:
     from validation.commands.sweep.engine import Tally

@@ -11,6 +11,7 @@ import time
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 from validation.commands.sweep.study import Study
@@ -21,11 +22,11 @@ GRACE = 5.0  # [s] between asking a scene to stop and ending its worker: compile
 GROUPS = ("mu", "alpha", "sigma", "sag_ratio", "slope", "speed_ratio")
 DESIGN = (
     "tension_max", "tension_min", "reaction_left_max", "reaction_right_max", "deepest_point", "mass_deepest",
-    "contact_max", "contact_min", "haul_force_max", "speed_max",
+    "contact_max", "contact_min", "haul_force_max", "speed_max", "slack_onset",
 )  # fmt: skip
 NUMBERS = (
     *GROUPS, *(name for quantity in DESIGN for name in (quantity, f"{quantity}_bar")),
-    "max_deflection", "path_error", "tension_error", "slack_onset", "reached", "seconds", "true_error", "doubt",
+    "max_deflection", "path_error", "tension_error", "reached", "seconds", "true_error", "doubt",
 )  # fmt: skip
 COUNTS = ("newton_iterations", "steps")
 WORDS = ("status", "cause", "reason", "flags", "verdict", "method", "model", "load", "settings")
@@ -94,6 +95,8 @@ def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
 
 
 def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
+    from validation.core.design import design
+    from validation.core.estimate import SLACK_END
     from validation.core.methods import find
     from validation.core.resolution import TooCoarse, resolve
     from validation.core.running import run
@@ -106,8 +109,11 @@ def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[st
     knobs = find(method).knobs
     settings = {k: v for k, v in study.settings.items() if k in knobs}
     too_coarse: dict[str, Any] = {}
+    if scene.drive.mode == "grip":  # what is told of a scene lies before, and steps of a slack cable cost the most
+        how["until"] = SLACK_END
     if tol is None:
         r = run(scene, method, **how, **settings)
+        r = replace(r, design=design(r))
     else:
         try:
             r = resolve(scene, method, tol, **how, **settings)
@@ -165,7 +171,7 @@ def faults_of(r: Any) -> list[str]:
 
 def _cheapest(scene: Any, tol: float | None) -> dict[str, Any]:
     """Return the least model and method that `advise` finds for a scene."""
-    from validation.commands.advise.study import advice
+    from validation import advice
 
     assert tol is not None
     found = advice(scene, tol)
@@ -173,7 +179,7 @@ def _cheapest(scene: Any, tol: float | None) -> dict[str, Any]:
 
 
 def _check(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
-    from validation.commands.check.study import check
+    from validation import check
 
     found = check(scene, tol=study.how(point)["tol"])
     best = min((found.a, found.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
@@ -182,7 +188,7 @@ def _check(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[
 
 
 def _advise(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
-    from validation.commands.advise.study import advice
+    from validation import advice
 
     found = advice(scene, study.how(point)["tol"])
     told = {k: found[k] for k in ("model", "load", "method", "path_error", "tension_error")}
@@ -199,6 +205,7 @@ def of_response(r: Any, scene: Any) -> dict[str, Any]:
         "slack_onset": r.slack_onset, "reached": r.reached, "newton_iterations": r.work["newton_iterations"],
         "steps": r.work["steps"],
     }  # fmt: skip
-    for number in r.summary().get("design") or []:
-        out |= {number["quantity"]: number["value"], f"{number['quantity']}_bar": number["bar"]}
+    for number in r.design:
+        if number["quantity"] in DESIGN:
+            out |= {number["quantity"]: number["value"], f"{number['quantity']}_bar": number["bar"]}
     return out

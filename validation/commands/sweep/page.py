@@ -130,7 +130,7 @@ def _parts(values: Any) -> list[tuple[str, Any]]:
 def _explorer(study: Study, name: str, rows: Any) -> Section:
     """All scenes as lines across their axes, which can be narrowed; below, a table, each row with its command."""
     taken = rows.iloc[:: max(1, -(-len(rows) // SHOWN))]
-    numbers = [c for c in (*DESIGN, "max_deflection", "slack_onset", "path_error", "seconds") if taken[c].notna().any()]
+    numbers = [c for c in (*DESIGN, "max_deflection", "path_error", "seconds") if taken[c].notna().any()]
     columns = [*(a.name for a in study.axes), *numbers, "status", "verdict", "method"]
     columns = [c for c in dict.fromkeys(columns) if taken[c].notna().any()]
     logs = {a.name for a in study.axes if a.log}

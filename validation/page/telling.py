@@ -6,10 +6,10 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from validation import terminal
 from validation.core import measures
 from validation.core.methods import find
 from validation.core.quantities import told, with_bar
+from validation.page import terminal
 
 if TYPE_CHECKING:
     from cablefem.response import Response

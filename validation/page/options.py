@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from validation import terminal
 from validation.core import store
+from validation.page import terminal
 
 if TYPE_CHECKING:
     from cablefem.scene import Scene
@@ -28,7 +29,7 @@ def real(text: str) -> float:
 
 def to(folder: str) -> Any:
     """Return the option for a folder that is `folder` by default."""
-    return typer.Option("--out", metavar="DIR", help=f"Folder for the results. Default: {store.ROOT}/{folder}.")
+    return typer.Option("--out", metavar="DIR", help=f"Folder for the results. Default: {store.ROOT / folder}.")
 
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scene (cablefem scenes) or a TOML file.")]
@@ -63,6 +64,15 @@ def near(word: str, known: Iterable[str]) -> str:
     return f"; did you mean {close[0]}?" if close else ""
 
 
+@contextmanager
+def written(out: Path | None, command: str, scene: Scene | str, names: list[str]) -> Iterator[Path]:
+    """Claim the folder of a command that writes these files at once, mark it finished, and tell of it."""
+    folder = store.claim(out, command, scene, names)
+    yield folder
+    store.finish(folder, command)
+    terminal.say(f"written to {folder}: {', '.join(names)}")
+
+
 def study(
     command: str, scene: Scene | str, writes: list[str], out: Path | None, run: Callable[..., Any], *inputs: Any
 ) -> Any:
@@ -70,7 +80,7 @@ def study(
 
     run : called with `inputs`, the folder and the progress.
     """
-    from validation import report
+    from validation.page import report
 
     folder = store.claim(out, command, scene, writes)
     with terminal.progress() as progress:

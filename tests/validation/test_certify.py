@@ -1,0 +1,106 @@
+"""Shipped tables against cheap runs of every way, and the machinery that makes them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from cablefem import Scene
+from validation.commands.certify import study
+from validation.commands.certify.study import Found, Track, Way, against, joined, measured, nearby, read_table
+from validation.oracles import moving_mass
+
+TABLES = study.tables()
+CHEAP = (
+    Way("following-p4", "radau", (4, 200), 0.0),
+    Way("following-p2", "gauss", (8, 400), 0.0),
+    Way("fourier-kink", "trapezoidal", (10, 800), 0.0),
+)
+
+
+def filling(found: Found, table: study.Table) -> float:
+    """Return the largest part of what is allowed that a run's distance from a table takes."""
+    t = found.track
+    gap, bar = t.gap(table.track), study._moved(table.bar, table.track, t)
+    return float(np.nanmax((gap / (found.bar + bar))[(t.k > 0) & (t.k <= 0.9 * table.track.k[-1])]))
+
+
+@pytest.mark.parametrize("way", CHEAP, ids=lambda way: way.name)
+@pytest.mark.parametrize("file", TABLES, ids=lambda file: file.stem)
+def test_cheap_runs_lie_within_their_own_bar_of_the_shipped_table(file, way):
+    table = read_table(file)
+    scene = Scene.from_toml(table.scene)
+    assert scene.to_toml() == table.scene
+    found = measured(scene, way)
+    assert filling(found, table) <= 1.0
+    # twin: the same table of a mass that came a little later
+    widest = np.nanmax(found.bar[found.track.k <= 0.9 * table.track.k[-1]])
+    late = dataclasses.replace(table.track, place=table.track.place + np.array([0.0, 2.5 * widest]))
+    assert filling(found, dataclasses.replace(table, track=late)) > 1.0
+
+
+@pytest.mark.parametrize("file", TABLES, ids=lambda file: file.stem)
+def test_shipped_tables_say_how_deep_they_go(file):
+    table = read_table(file)
+    assert np.all(np.diff(table.track.k) == 1.0)
+    assert np.isfinite(table.bar).all()
+    assert table.track.t[0] >= 0.0
+    assert np.all(np.diff(table.track.t) > 0.0)
+    # seven digits of the deflection: rounding is below the bar
+    assert table.bar.min() > 0.5e-8 * table.scale
+
+
+def some_found(shift: float = 0.0, way: Way = CHEAP[0]) -> Found:
+    k = np.arange(101.0)
+    moved = np.stack([0.1 * np.sin(0.03 * k), 2.0 * np.sin(math.pi * k / 110.0) + shift], axis=1)
+    place = moved + np.stack([3.7 * k, 0.2 * k], axis=1)
+    t = Track(k, 0.31 * k, 3.8 * k, place, moved, np.full((101, 2), 1.3), "it arrives")
+    return Found(way, {"elements": 3, "steps": 7, "scheme": "radau"}, t, np.full(101, 3e-6), (1e-6, 5e-7), 2.0)
+
+
+def test_a_table_reads_back_as_it_was_written(tmp_path):
+    scene = Scene.load("level")
+    made = joined(scene, (some_found(), some_found(1e-6), some_found(1e-4)))
+    study.write_table(tmp_path / "x.csv", made)
+    table = read_table(tmp_path / "x.csv")
+    assert table.scene == scene.to_toml()
+    np.testing.assert_allclose(table.track.place, made.answer.track.place, rtol=0.0, atol=1e-8 * made.answer.scale)
+    np.testing.assert_allclose(table.bar, made.bar, rtol=0.06)
+    assert against(table, made).verdict.value == "agree"
+    shifted = joined(scene, (some_found(1e-5), some_found(1e-5)))
+    assert against(table, shifted).verdict.value == "disagree"
+
+
+def test_the_bar_is_no_less_than_the_distance_of_two_ways():
+    near, far = (joined(Scene.load("level"), (some_found(), some_found(shift))) for shift in (1e-6, 1e-4))
+    assert np.array_equal(near.bar, near.answer.bar)
+    np.testing.assert_allclose(far.bar, 1e-4, rtol=1e-9)
+    assert far.depth(1e-6) == 0.0
+    assert near.depth(3e-6 / 2.0) == 1.0
+
+
+def test_the_same_ride_a_little_later_is_the_same_path():
+    early = some_found().track
+    late = dataclasses.replace(early, t=early.t + 0.01, place=early.place + 0.01 * early.velocity)
+    np.testing.assert_allclose(early.gap(late), 0.0, atol=1e-12)
+    assert np.all(early.gap(dataclasses.replace(early, t=early.t + 0.01)) > 0.01)
+
+
+def test_gaps_nearby_count_and_places_without_one_have_none():
+    gap = np.zeros(20)
+    gap[10], gap[0] = 3.0, math.nan
+    wide = nearby(gap)
+    assert math.isnan(wide[0])
+    assert np.array_equal(np.flatnonzero(wide > 0.0), np.arange(5, 16))
+
+
+def test_the_travel_of_a_scene_is_that_of_the_exact_answers():
+    motion = Scene.load("cruise").groups.motion
+    travel, known = moving_mass.travel_of(motion), moving_mass.accelerate_cruise_brake(motion.top_speed)
+    t = np.linspace(0.0, known.t_end, 400)[1:-1]
+    np.testing.assert_allclose(travel.position(t), known.position(t), atol=1e-13)
+    np.testing.assert_allclose(travel.speed(t), known.speed(t), atol=1e-13)
+    np.testing.assert_allclose([travel.t_end, *travel.breaks], [known.t_end, *known.breaks], rtol=1e-13)

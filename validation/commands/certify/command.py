@@ -1,0 +1,26 @@
+from __future__ import annotations
+
+from validation.page import terminal
+from validation.page.options import Out, SceneName, scene_named, study
+
+PLACE = 6
+EXAMPLE = "cablefem certify level"
+
+
+def command(scene: SceneName, out: Out = None) -> int:
+    """Compute the mass path as deep as it goes, with a bar at 101 places.
+
+    Two element discretisations that differ in degree and scheme, the Galerkin wing, and the exact taut string; held
+    against the shipped table of the scene, if there is one. Minutes. Writes DIR/: certificate.csv, certify.json and
+    report.html.
+    """
+    loaded = scene_named(scene, travelling=True)
+
+    from validation.commands.certify import study as certificates
+    from validation.page import telling
+
+    made = study("certify", loaded, ["certificate.csv", "certify.json"], out, certificates.certify, loaded)
+    columns = ["way", "resolution", "steps", "space", "time", "to 1e-4", "1e-5", "1e-6", "ends"]
+    terminal.table(columns, certificates.shown(made), right=columns[1:-1])
+    telling.rows(made.rows)
+    return 0 if made.verdict == "agree" else 1

@@ -1,0 +1,401 @@
+"""The path of the mass as deep as it goes, place by place: three ways to it, and a table for others to compare with.
+
+Two discretisations of the element wing differ in degree and in scheme; the Galerkin wing shares nothing with them but
+scene and time driver.  Each is refined until its own bars are met or its limit of work is reached.  Where the car grips
+the cable, the same settings are put on a taut string under the same mass and travel, whose exact answer is known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from cablefem import newmark
+from cablefem.newmark import Newton, State, StepFailure, between
+from cablefem.response import Array, whole, write_json
+from cablefem.scene import Scene
+from validation.core import store
+from validation.core.agreement import Agreement, overall
+from validation.core.bounds import Bound, Part, nothing
+from validation.core.crossing import crossed
+from validation.core.methods import Method, find, refined
+from validation.core.richardson import SAFETY, left, space_order
+from validation.core.running import steps_of
+from validation.core.sampling import stacked
+from validation.core.sidebyside import side_by_side
+from validation.oracles import moving_mass
+from validation.oracles.case import Crossing, level
+from validation.oracles.case import Path as MassPath
+
+TOL = 1e-6  # of the largest deflection; of a free ride, of a tenth of the length
+PLACES = 101  # s_o/l = 0, 0.01, ... 1
+NEWTON = Newton(tol=1e-8)  # what Newton's method leaves adds up over the steps
+# Waves that a jump of the drive leaves are resolved one after the other as steps shrink: over the last doublings errors
+# fell with an order between 2 and 3.
+TIME_ORDER = 2.0
+AIM = 0.4  # of the tolerance: two ways' bars
+NEARBY = 5  # places on either side whose gaps count too: a gap that passes through zero is no small error
+
+Progress = Callable[..., None]
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A method with a scheme, where its ladder begins, and the most work of one run."""
+
+    method: str
+    scheme: str
+    first: tuple[int, int]  # resolution and steps
+    most: float  # steps, times what each costs (`Resolution.cost`)
+
+    @property
+    def name(self) -> str:
+        return f"{self.method} {self.scheme}"
+
+
+WAYS = (  # half a minute each for the largest run
+    Way("following-p4", "radau", (8, 400), 120e3),
+    Way("following-p2", "gauss", (16, 1000), 600e3),
+    Way("fourier-kink", "trapezoidal", (10, 1000), 420e3),
+)
+FREE = 8.0  # times the work of a step: slip that rings crosses zero, and every crossing is an event
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Where a run has the mass as it passes the places, and where it ended."""
+
+    k: Array  # (n,) places, in hundredths of the length
+    t: Array  # (n,) [s]
+    s_o: Array  # (n,) [m]
+    place: Array  # (n, 2) [m] x and y
+    moved: Array  # (n, 2) [m] u and v
+    velocity: Array  # (n, 2) [m/s]
+    end: str  # why it goes no further
+
+    def gap(self, other: Track) -> Array:
+        """Return (n,) [m] how far apart the masses are at the same instants; nan where the other did not come."""
+        out = np.full(self.k.size, np.nan)
+        _, i, j = np.intersect1d(self.k, other.k, return_indices=True)
+        late = (self.t[i] - other.t[j])[:, None]
+        out[i] = np.linalg.norm(self.place[i] - other.place[j] - late * self.velocity[i], axis=1)
+        return out
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The finest run of a way and its own bar at every place."""
+
+    way: Way
+    settings: dict[str, Any]
+    track: Track
+    bar: Array  # (n,) [m]; nan where its companions did not come
+    parts: tuple[float, float]  # the largest over `scale`, of space and time, over nine tenths of the way
+    scale: float  # [m]
+
+    def to(self, tol: float) -> float:
+        """Return s_o/l to which all bars are within a tolerance."""
+        return reach(self.track.k, self.bar / self.scale, tol)
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """The table, and what it was made of."""
+
+    scene: Scene
+    found: tuple[Found, ...]  # the first is the answer
+    bar: Array  # (n,) [m] of the answer: its own, or the distance to the second way where that is larger
+    gaps: tuple[Array, ...]  # (n,) [m] from the answer to each of the other ways
+    rows: list[Agreement] = field(default_factory=list)
+
+    @property
+    def answer(self) -> Found:
+        return self.found[0]
+
+    @property
+    def verdict(self) -> str:
+        return overall(self.rows).value
+
+    def depth(self, tol: float) -> float:
+        """Return s_o/l to which the bar is within a tolerance."""
+        return reach(self.answer.track.k, self.bar / self.answer.scale, tol)
+
+    def write(self, folder: Path) -> None:
+        """Write certificate.csv and certify.json."""
+        write_table(folder / "certificate.csv", self)
+        ways = [
+            {"name": f.way.name, "settings": f.settings, "space": f.parts[0], "time": f.parts[1], "to": f.to(TOL),
+             "reaches": f.track.k[-1] / 100.0, "end": f.track.end}
+            for f in self.found
+        ]  # fmt: skip
+        table = {
+            "s_o": (self.answer.track.k / 100.0).tolist(), "bar": (self.bar / self.answer.scale).tolist(),
+            "gaps": [(gap / self.answer.scale).tolist() for gap in self.gaps],
+        }  # fmt: skip
+        content = {
+            "verdict": self.verdict, "tol": TOL, "to": self.depth(TOL), "scale": self.answer.scale, "ways": ways,
+            "table": table, "rows": [row.row() for row in self.rows],
+        }  # fmt: skip
+        write_json(folder / "certify.json", store.plain(content))
+
+
+def certify(scene: Scene, out: Path | None = None, progress: Progress | None = None) -> Certificate:
+    """Compute the path of the mass by all ways, with bars, and hold them against each other and the shipped table."""
+    found = side_by_side([partial(climb, scene, way) for way in WAYS], progress)
+    made = joined(scene, tuple(found))
+    rows = [_row(f, made.answer, gap) for f, gap in zip(made.found[1:], made.gaps, strict=True)]
+    rows += [_string(scene, made.answer, f) for f in made.found if scene.drive.mode == "grip"]
+    shipped = next((t for t in map(read_table, tables()) if t.scene == scene.to_toml()), None)
+    if shipped is not None:
+        rows.append(against(shipped, made))
+    made = replace(made, rows=rows)
+    if out is not None:
+        made.write(out)
+    return made
+
+
+def joined(scene: Scene, found: tuple[Found, ...]) -> Certificate:
+    """Return the certificate: the first way's answer, its bar no less than its distance to the second one."""
+    gaps = tuple(found[0].track.gap(f.track) for f in found[1:])
+    return Certificate(scene, found, np.maximum(found[0].bar, nearby(gaps[0])), gaps)
+
+
+# --- one way ----------------------------------------------------------------------------------------------------------
+def climb(scene: Scene, way: Way, progress: Progress = lambda *told: None) -> Found:
+    """Refine what leaves more, space or steps, until all bars but those near the end are met, as far as it may go."""
+    method = find(way.method)
+    space = method.resolution.setting
+    settings = method.settings({space: way.first[0], "steps": way.first[1], "scheme": way.scheme})
+    most = way.most / (FREE if scene.drive.mode == "free" else 1.0)
+    run = partial(track, scene, method)
+    fine = run(settings)
+    in_space = _left(fine, run(refined(method, settings, space=0.5)), space_order(method.space_order))
+    in_time = _left(fine, run(refined(method, settings, time=0.5)), TIME_ORDER)
+    while True:
+        found = _found(scene, way, settings, fine, in_space, in_time)
+        parts = dict(zip((space, "steps"), (x if math.isfinite(x) else math.inf for x in found.parts), strict=True))
+        progress(way.name, 0.5, f"{settings[space]}/{settings['steps']}: {sum(found.parts):.1g}")
+        # a part far below the other is not worth a run
+        finer = {k: settings | {k: 2 * settings[k]} for k in parts if parts[k] >= 0.1 * max(parts.values())}
+        may = [k for k, x in finer.items() if x["steps"] * method.resolution.cost(x[space]) <= most]
+        if sum(found.parts) <= AIM * TOL or not may:
+            break
+        which = max(may, key=lambda k: parts[k])
+        settings = finer[which]
+        before, fine = fine, run(settings)
+        if which == space:
+            in_space, in_time = _left(fine, before, space_order(method.space_order)), _moved(in_time, before, fine)
+        else:
+            in_space, in_time = _moved(in_space, before, fine), _left(fine, before, TIME_ORDER)
+    progress(way.name, 1.0)
+    return found
+
+
+def measured(scene: Scene, way: Way) -> Found:
+    """Return the first run of a way with its bar, no refinement."""
+    return climb(scene, replace(way, most=0.0))
+
+
+def _found(scene: Scene, way: Way, settings: dict[str, Any], fine: Track, *lefts: Array) -> Found:
+    free = scene.drive.mode == "free"
+    scale = 0.1 * scene.length if free else float(np.linalg.norm(fine.moved, axis=1).max())
+    near = fine.k <= 0.9 * fine.k[-1]
+    parts = [float(np.max(part[near]) / scale) for part in lefts]
+    kept = {k: settings[k] for k in (find(way.method).resolution.setting, "steps", "scheme")}
+    return Found(way, kept, fine, lefts[0] + lefts[1], (parts[0], parts[1]), scale)
+
+
+def _left(fine: Track, coarse: Track, order: float) -> Array:
+    return SAFETY * left(order) * nearby(fine.gap(coarse))
+
+
+def _moved(part: Array, old: Track, new: Track) -> Array:
+    """Return what was found at the places of one run at those of another; nan where it had none."""
+    out = np.full(new.k.size, np.nan)
+    _, i, j = np.intersect1d(old.k, new.k, return_indices=True)
+    out[j] = part[i]
+    return out
+
+
+def nearby(gap: Array) -> Array:
+    """Return at each place the largest value of the places around it; nan where that place has none."""
+    padded = np.pad(np.nan_to_num(gap), NEARBY)
+    largest = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEARBY + 1).max(axis=1)
+    return np.where(np.isfinite(gap), largest, np.nan)
+
+
+def reach(k: Array, bar: Array, tol: float) -> float:
+    """Return the last place, over the length, to which all bars are within a tolerance; 0 if none is."""
+    good = np.logical_and.accumulate(bar <= tol)
+    return float(k[good][-1] / 100.0) if good.any() else 0.0
+
+
+def track(scene: Scene, method: Method, settings: dict[str, Any]) -> Track:
+    """March up to the slack onset, keeping the passages of the places only; elastic law."""
+    groups = scene.groups
+    solver = method.build(groups, settings, model="full", load="mass", law="elastic")
+    scheme = newmark.scheme(settings["scheme"])
+    states: list[State] = []
+    mark, before, end = 0, None, "it arrives"
+    try:
+        for x in newmark.integrate(solver, scheme, steps_of(solver, groups, settings), newton=NEWTON):
+            place = solver.place(x)
+            if before is not None and solver.least_tension[0] < 0.0:
+                end = f"slack cable at s_o/l = {place:.3f}"
+                break
+            while mark < PLACES and 100.0 * place >= mark:
+                if before is not None and 100.0 * solver.place(before) < mark:
+                    states.append(_passage(solver, before, x, mark / 100.0))
+                elif 100.0 * place == mark:
+                    states.append(x)
+                mark += 1
+            before = x
+    except StepFailure as error:
+        end = f"{error.cause} at s_o/l = {solver.place(before) if before else 0.0:.3f}"
+        if not states:
+            raise
+    seen = solver.observe(stacked(states), np.zeros(0), np.zeros(0, np.intp))
+    l, tau, X = scene.length, scene.time_scale, scene.catenary
+    s_o, moved = l * seen.s_o, l * seen.path
+    return Track(
+        np.round(100.0 * seen.s_o), tau * seen.t, s_o, np.stack([X.x(s_o), X.y(s_o)], axis=1) + moved, moved,
+        l / tau * seen.path_velocity, end,
+    )  # fmt: skip
+
+
+def _passage(solver: Any, before: State, after: State, s_o: float) -> State:
+    def ahead(t: float) -> float:
+        return float(solver.place(between(before, after, t)) - s_o)
+
+    if not ahead(after.t) > 0.0:
+        return after
+    return between(before, after, brentq(ahead, before.t, after.t, xtol=1e-15, rtol=1e-15))
+
+
+# --- verdicts ---------------------------------------------------------------------------------------------------------
+def _worst(k: Array, gap: Array, allowed: Array) -> tuple[float, float, float]:
+    """Return the gap that fills most of what is allowed, that, and its s_o/l; nan where there is none."""
+    both = np.isfinite(gap) & np.isfinite(allowed) & (k > 0)
+    if not both.any():
+        return math.nan, math.nan, math.nan
+    i = int(np.argmax(np.where(both, gap / np.maximum(allowed, 1e-300), -1.0)))
+    return float(gap[i]), float(allowed[i]), float(k[i] / 100.0)
+
+
+def _row(other: Found, answer: Found, gap: Array) -> Agreement:
+    """Return the verdict on another way, at the place where it is tightest."""
+    bar = _moved(other.bar, other.track, answer.track)
+    size, _, where = _worst(answer.track.k, gap, answer.bar + bar)
+    if not math.isfinite(size):
+        return Agreement("path", math.nan, nothing("no place that both reach"), party=other.way.name)
+    at = int(np.flatnonzero(answer.track.k == round(100.0 * where))[0])
+    parts = tuple(Part(f.way.name, float(b[at] / answer.scale)) for f, b in ((answer, answer.bar), (other, bar)))
+    return Agreement("path", size / answer.scale, Bound("error bars", parts), where, party=other.way.name)
+
+
+def _string(scene: Scene, answer: Found, found: Found) -> Agreement:
+    """Hold a way's settings, on a taut string under the same mass and travel, against the exact answer."""
+    law, groups = "taut string", scene.groups
+    motion = groups.motion
+    assert motion is not None
+    try:
+        travel = moving_mass.travel_of(motion)
+        exact = moving_mass.solve(travel, mu=groups.mu, sigma=groups.sigma).path
+        crossing = Crossing(
+            name="", groups=level(motion, groups.mu, groups.sigma), travel=travel.position, exact=exact, until=0.95
+        )  # fmt: skip
+        path = crossed(crossing.groups, found.way.method, found.settings, **crossing.how)
+        error = crossing.error(MassPath(*path))[0]
+    except (ValueError, ArithmeticError) as why:
+        return Agreement("path", math.nan, nothing(why), party=found.way.name, law=law)
+    parts = (Part(f"{found.way.name} claims", max(TOL, sum(found.parts))),)
+    return Agreement("path", error, Bound("own bar", parts), party=found.way.name, law=law)
+
+
+# --- tables -----------------------------------------------------------------------------------------------------------
+COLUMNS = "s_o/l,t,x,y,u,v,bar"
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table that was written."""
+
+    name: str
+    scene: str  # its TOML
+    track: Track
+    bar: Array  # (n,) [m]
+    scale: float  # [m]
+
+
+def tables() -> list[Path]:
+    """Return the tables that are shipped."""
+    folder = resources.files("validation.commands.certify") / "tables"
+    return sorted(Path(str(file)) for file in folder.iterdir() if file.name.endswith(".csv"))
+
+
+def write_table(file: Path, made: Certificate) -> None:
+    """Write x, y (down), u, v at s_o/l = k/100 with their bar [m], and before them all that they are made of.
+
+    Digits end a hundredth below the tolerance.
+    """
+    a = made.answer
+    digits = max(0, math.ceil(-math.log10(0.01 * TOL * a.scale)))
+    lines = [
+        f"path of the mass, certified to {TOL:g} of {a.scale:.6g} m for s_o/l up to {made.depth(TOL):.2f}",
+        f"{'; '.join(_told(f) for f in made.found)}",
+        f"ends: {a.track.end}", "t in s, lengths in m, y and v down; bar: all within it at that t", "scene:",
+        *made.scene.to_toml().splitlines(),
+    ]  # fmt: skip
+    with whole(file) as temporary, temporary.open("w", encoding="utf-8") as out:
+        out.writelines(f"# {line}".rstrip() + "\n" for line in lines)
+        out.write(COLUMNS + "\n")
+        for k, t, xy, uv, bar in zip(a.track.k, a.track.t, a.track.place, a.track.moved, made.bar, strict=True):
+            if np.isfinite(bar):
+                values = ",".join(f"{x:.{digits}f}" for x in (*xy, *uv))
+                out.write(f"{k / 100.0:.2f},{t:.{digits + 3}f},{values},{bar:.1e}\n")
+
+
+def _told(f: Found) -> str:
+    return f"{f.way.method} {', '.join(f'{k} {v}' for k, v in f.settings.items())}"
+
+
+def read_table(file: Path) -> Table:
+    """Read what `write_table` wrote."""
+    lines = file.read_text(encoding="utf-8").splitlines()
+    notes = [line[1:].removeprefix(" ") for line in lines if line.startswith("#")]
+    toml = "\n".join(notes[notes.index("scene:") + 1 :]) + "\n"
+    data = np.array([[float(x) for x in line.split(",")] for line in lines[len(notes) + 1 :]])
+    place, t, bar = np.round(100.0 * data[:, 0]), data[:, 1], data[:, 6]
+    velocity = np.gradient(data[:, 2:4], t, axis=0)
+    scale = float(notes[0].split(" of ")[2].split()[0])
+    end = next(note.removeprefix("ends: ") for note in notes if note.startswith("ends: "))
+    return Table(
+        file.stem, toml, Track(place, t, place * np.nan, data[:, 2:4], data[:, 4:6], velocity, end), bar, scale
+    )
+
+
+def against(table: Table, made: Certificate) -> Agreement:
+    """Hold a certificate against a table: no place may differ by more than both bars."""
+    answer = made.answer
+    bar, gap = _moved(table.bar, table.track, answer.track), answer.track.gap(table.track)
+    size, allowed, where = _worst(answer.track.k, gap, made.bar + bar)
+    parts = (Part("both bars", allowed / answer.scale),)
+    return Agreement("path", size / answer.scale, Bound("error bars", parts), where, party="shipped table")
+
+
+def shown(made: Certificate, tols: Sequence[float] = (1e-4, 1e-5, 1e-6)) -> list[list[str]]:
+    """Return how far each way gets, and the answer."""
+    rows = [
+        [f.way.name, *(str(v) for v in list(f.settings.values())[:2]), *(f"{p:.1e}" for p in f.parts),
+         *(f"{reach(f.track.k, f.bar / f.scale, tol):.2f}" for tol in tols), f.track.end]
+        for f in made.found
+    ]  # fmt: skip
+    return [*rows, ["table", "", "", "", "", *(f"{made.depth(tol):.2f}" for tol in tols), made.answer.track.end]]

@@ -1,0 +1,102 @@
+"""Pages of commands gathered in one file: each command draws its own (`page.sections`), and they are kept as drawn."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from pathlib import Path
+
+from markupsafe import Markup
+
+from cablefem.response import write_json
+from validation.core import store
+from validation.page import page, terminal
+from validation.page.page import Section
+
+
+def write(folder: Path, command: str) -> None:
+    """Write report.html from all results in a folder, those of this command drawn anew."""
+    sections = [s for other in store.results(folder) for s in (drawn if other == command else kept)(folder, other)]
+    title = store.title(folder) or next((s.title for s in sections), folder.name)
+    page.render(title, sections, folder / "report.html")
+
+
+def drawn(folder: Path, command: str) -> list[Section]:
+    """Return the pages about a command's results, and keep them; some commands have none."""
+    home = f"validation.commands.{command}.page"
+    try:
+        sections: list[Section] = importlib.import_module(home).sections(folder)
+    except ModuleNotFoundError as error:
+        if error.name != home:
+            raise
+        return []
+    write_json(_file(folder, command), [asdict(section) for section in sections])
+    return sections
+
+
+def kept(folder: Path, command: str) -> list[Section]:
+    """Return the pages as they were drawn when the command finished: drawing takes most of a report's time."""
+    try:
+        pages = json.loads(_file(folder, command).read_text(encoding="utf-8"))
+        return [Section(**page | {"html": Markup(page["html"]), "scripts": tuple(page["scripts"])}) for page in pages]
+    except (OSError, ValueError, TypeError, KeyError):
+        return drawn(folder, command)
+
+
+Part = tuple[str, ...]  # a command and its arguments; its results are in the folder of its scene, or its own
+
+
+@contextmanager
+def missing(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, list[Part]]]:
+    """Give the folder of all results and the parts that it lacks, and make it the default folder meanwhile.
+
+    A folder that holds the results of one scene lacks nothing.
+    """
+    root = store.ROOT if root is None else root
+    if set(store.results(root)) - {"report"}:
+        yield root, []
+        return
+    store.claim(root, "report", "report", ["report.html"], among=True)
+    store.ROOT, before = root, store.ROOT
+    try:
+        yield root, [part for part in parts if not store.finished(root / _place(part)[1], part[0])]
+    finally:
+        store.ROOT = before
+
+
+def gather(root: Path, parts: Sequence[Part]) -> None:
+    """Write the report of all finished results in a folder and in its subfolders, these parts first."""
+    order = [_place(part) for part in parts]
+    done = [
+        (command, folder)
+        for folder in [root, *sorted(root.glob("*/"))]
+        for command in store.results(folder)
+        if store.finished(folder, command)
+    ]
+    done.sort(key=lambda x: order.index((x[0], x[1].name)) if (x[0], x[1].name) in order else len(order))
+    sections = [
+        replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}")
+        for command, folder in done for s in kept(folder, command)
+    ]  # fmt: skip
+    if not sections:
+        raise store.Refused(f"{root} holds no finished results to report")
+    page.render("cablefem", sections, root / "report.html")
+    tell(sections)
+    terminal.say(f"written to {root}: report.html")
+
+
+def _place(part: Part) -> tuple[str, str]:
+    return part[0], part[min(1, len(part) - 1)]
+
+
+def tell(sections: Sequence[Section]) -> None:
+    """Print what pages have found, one line for each that found something."""
+    cells = [[s.title, s.verdict or "", s.summary] for s in sections if s.verdict or s.summary]
+    terminal.table(["page", "verdict", "found"], cells)
+
+
+def _file(folder: Path, command: str) -> Path:
+    return folder / f".{command}.pages.json"
