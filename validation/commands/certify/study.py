@@ -63,7 +63,7 @@ class Way:
 
 WAYS = (  # ten seconds each for the largest run
     Way("following-p4", "radau", (8, 1600), 48e3),
-    Way("following-p2", "gauss", (16, 1000), 160e3),
+    Way("following-p2", "gauss", (16, 4000), 160e3),
     Way("fourier-kink", "trapezoidal", (10, 1000), 100e3),
 )
 FREE = 4.0  # times the work of a step: slip that rings crosses zero, and every crossing is an event
