@@ -32,7 +32,7 @@ def test_check_agrees_and_leaves_everything_in_its_folder(cablefem, tmp_path):
         "displacement", "velocity", "slack_onset", "energy", "impulse", "laws_si",
     }  # fmt: skip
     table = out[out.index("\nquantity ") + 1 :].split("\n\n")[0]
-    told = [line.split()[0] for line in table.splitlines()[1:] if line[0] != " "]  # less reasons
+    told = [line.split()[0] for line in table.splitlines()[1:] if line[0] != " "]
     assert set(told) == set(quantities)  # laws that hold share a line
     assert agreement["doubts"] == []
     assert "following-p2 and fourier-kink agree over s_o/l = 0.02 to 0.8\n" in out
