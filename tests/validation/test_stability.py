@@ -137,13 +137,13 @@ def test_a_run_that_gains_energy_is_flagged_in_its_summary_and_a_sound_one_is_no
 def test_energy_gained_after_the_onset_is_flagged_apart():
     # a deep, stiff cable whips once slack: its paths do not agree between resolutions
     r = run(LEVEL.variant(sag_ratio=0.3), "following-p2")
-    assert r.slack_onset < 0.2
+    assert abs(r.slack_onset - 0.396) < 0.005  # four times finer: 0.3958
     assert "slack energy" in r.flag_kinds
 
 
 def test_compression_of_less_than_an_element_is_flagged_and_slack_is_not():
     close = Scene.from_groups(sag_ratio=0.03882, slope=2.89, mu=0.1745, alpha=5285.0, speed_ratio=0.5754)
-    r = run(close, "following-p2", elements=40, steps=1400, until=0.8)
+    r = run(close, "following-p1", elements=40, steps=1400, until=0.8)
     assert r.slack_onset is None
     assert "hidden slack" in r.flag_kinds
     # twin: a cable that is under tension all the way, and one that falls slack as a whole

@@ -42,8 +42,8 @@ class Run:
     method, settings : a name from `METHODS` and changes to its default settings.
     model : "full", "stretching", "sagged" or "string"; load : "mass" or "force".
     law : "elastic", "tension-only", or "auto": elastic until the cable goes slack, from there on tension-only
-        with Newmark's damping (unless the scheme damps by itself), because an elastic law that carries compression is
-        ill-posed.  Central differences never switch: their slack is their own instability.
+        with Newmark's damping (unless the scheme damps by itself; not by collocation), because an elastic law that
+        carries compression is ill-posed.  Central differences never switch: their slack is their own instability.
 
     Raises ValueError for settings that make no sense.
     """
@@ -106,7 +106,9 @@ def _march(x: Run, until: float, progress: Progress) -> None:
         if h.failure is None and h.after is None and _advance(x, h.solver, x.scheme, x.switches, until, progress):
             h.after = h.solver.with_law("tension-only")
         if h.failure is None and h.after is not None:
-            damped = x.scheme if x.scheme.damps else newmark.scheme("newmark", newmark_gamma=SLACK_GAMMA)
+            # collocation has no order left across the law's kink, and one tangent does not fit its step
+            goes_on = x.scheme.damps and not x.scheme.nodes
+            damped = x.scheme if goes_on else newmark.scheme("newmark", newmark_gamma=SLACK_GAMMA)
             _advance(x, h.after, damped, False, until, progress)
     except StepFailure as error:
         h.failure = _cause(error, h.onset is not None, h.after is not None)

@@ -11,92 +11,48 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from validation.page.figures import BLACK, DASHES, GREEN, GREY, MARKERS, ORANGE, SKY, panels, style
-from validation.page.page import (
-    Section,
-    callout,
-    details,
-    figure,
-    gallery,
-    missing,
-    number,
-    percent,
-    table,
-)
+from validation.page.page import Section, details, figure, gallery, missing, percent, plain, table, words
+
+_SAY = words(__package__)
 
 # one colour per cable, one line per load
 COLOURS = {"string": ORANGE, "sagged": SKY, "stretching": GREEN, "full": BLACK}
 LOADS = {"force": DASHES[1], "mass": "-"}
-ABOUT = {
-    "string": "taut string, constant tension",
-    "sagged": "linear sagging cable, one tension for the whole cable",
-    "stretching": "sagging cable with finite slopes, one tension for the whole cable",
-    "full": "both displacements, tension varies along the cable",
-}
 
 
 def sections(folder: Path) -> list[Section]:
     """Return the advice, the ladder with its figures, and the methods tried for the model advised."""
     path = folder / "advice.json"
     if not path.exists():
-        return [Section("advise", "Least model", missing("advice.json", "Run cablefem advise SCENE --tol X."))]
+        return [Section("advise", "Least model", missing("advice.json", plain(_SAY.gone())))]
     x = json.loads(path.read_text(encoding="utf-8"))
     return [_rolling(x)] if "least" in x else [_advice(x), _ladder(x), _methods(x)]
 
 
 def _rolling(x: dict[str, Any]) -> Section:
     """What a car that rolls needs: a sentence each, and the ladder."""
-    html = Markup("<ul>{}</ul>").format(Markup("").join(Markup("<li>{}</li>").format(word) for word in x["words"]))
     heads = {"model": "model"} | {need: f"{need} off by" for need in x["least"]} | {"seconds": "time [s]"}
     rows = [
         {"model": r["model"], "seconds": r["seconds"]} | {need: percent(r["gaps"][need]) for need in x["least"]}
         for r in x["rungs"]
     ]
-    said = f"Least model within {percent(x['tol'])}: "
-    said += "; ".join(f"{need}, {model}" for need, model in x["least"].items()) + "."
     verdict = "agree" if x["meets"] else "not comparable"
-    return Section("advise", "Least model", html + table(rows, heads), verdict, said)
+    return Section(
+        "advise", "Least model", Markup(_SAY.needs(x["words"])) + table(rows, heads), verdict, plain(_SAY.rolling(x))
+    )
 
 
 def _name(line: dict[str, Any]) -> str:
-    return f"{line['model']} + {line['load']}"
+    return plain(_SAY.name(line))
 
 
 def _settings(line: dict[str, Any]) -> str:
-    return ", ".join(f"{v} {k}" for k, v in line["settings"].items())
+    return plain(_SAY.settings(line["settings"]))
 
 
 def _advice(x: dict[str, Any]) -> Section:
-    tol, path = percent(x["tol"]), x["for_path"]
-    run = f"by {x['method']} with {_settings(x)} ({number(x['seconds'], 2)} s)"
-    if x["meets"]:
-        said = f"Within {tol} of the full model in path and tension: {_name(x)}, {run}."
-    else:
-        said = (
-            f"No cheaper model than {_name(x)} is within {tol} in path and tension, and its finest run, {run}, is not "
-        )
-        said += "sure to be."
-    enough = f"by {path['method']} with {_settings(path)} ({number(path['seconds'], 2)} s)"
-    if _name(path) != _name(x):
-        said += f" For the path alone {_name(path)} is enough, {enough}."
-    elif x["model"] == "full":
-        said += " No cheaper model is enough, not even for the path alone"
-        said += f", which takes it {enough}." if path["meets"] and not x["meets"] else "."
-    html = Markup("<h3>What the scene needs</h3><ul>{}</ul>").format(
-        Markup("").join(Markup("<li>{}</li>").format(_typeset(word)) for word in x["words"])
-    )
-    if not x["meets"]:
-        html += callout("The tolerance is not met with certainty: see the last sentence above.", "not comparable")
-    html += Markup("<p><small>{}</small></p>").format(
-        f"Tolerance of the path: of the largest deflection of the mass over sₒ/l = {x['range'][0]:.2f} to "
-        f"{x['range'][1]:.2f}. Tension: rms over cable and time, off the mass, of the horizontal tension H at rest. "
-        f"All runs of this advice together took as long as {number(x['cost_in_full_runs'], 2)} of the finest full one."
-    )
     verdict = "agree" if x["meets"] else "not comparable"
-    return Section("advise", "Least model", html, verdict, said)
-
-
-def _typeset(text: str) -> str:
-    return text.replace("s_o/l", "sₒ/l")
+    return Section("advise", "Least model", Markup(_SAY.advice(x)), verdict, plain(_SAY.said(x, x["for_path"])))
 
 
 def _ladder(x: dict[str, Any]) -> Section:
@@ -116,33 +72,13 @@ def _ladder(x: dict[str, Any]) -> Section:
         "tension": "tension error",
         "path_only": "enough for the path", "both": "enough for path and tension", "seconds": "time [s]",
     }  # fmt: skip
-    about = "; ".join(f"{model}: {text}" for model, text in ABOUT.items())
-    html = Markup("<p><small>{}.</small></p>").format(
-        f"{about}. A force is the weight of the mass without its inertia. Errors against the finest full run; the line "
-        "of the full model shows its own error at the next coarser resolution"
-    )
-    html += table(rows, heads)
+    html = Markup(_SAY.ladder()) + table(rows, heads)
     if x["full"]["path_bar"] is not None:
-        html += gallery(_cost_figure(x), _path_figure(x))
-    tried = len(x["rungs"])
-    summary = f"{tried} models tried, from a taut string under a force to the full cable." if tried > 1 else (
-        "Nothing could be compared: only the full model was run."
-    )  # fmt: skip
-    return Section("advise-ladder", "The ladder of models", html, None, summary)
-
-
-def _cost_figure(x: dict[str, Any]) -> Markup:
-    return figure(
-        _draw_cost(x),
-        Markup(
-            "Distance of every model to the full one over its computing time. Circles: path; squares: tension. Hollow: "
-            "force; filled: mass. Grey line: the tolerance. The full model stands at its own error. A model far off is "
-            "run no finer than it takes to see that."
-        ),
-        label="error against cost: " + ", ".join(
-            f"{_name(r)} {percent(r['path_error'])} in {number(r['seconds'], 2)} s" for r in x["rungs"]
-        ),
-    )  # fmt: skip
+        html += gallery(
+            figure(_draw_cost(x), _SAY.cost(), label=plain(_SAY.cost_label(x["rungs"]))),
+            figure(_draw_paths(x), _SAY.paths(), label="paths of the mass by all models"),
+        )
+    return Section("advise-ladder", "The ladder of models", html, None, plain(_SAY.tried(x["rungs"])))
 
 
 @style()
@@ -179,15 +115,6 @@ def _ticks(low: float, high: float) -> list[float]:
     steps = [m * 10.0**e for e in range(-5, 4) for m in (1.0, 2.0, 5.0)]
     inside = [s for s in steps if low <= s <= high]
     return inside if len(inside) <= 3 else inside[:: (len(inside) + 2) // 3]
-
-
-def _path_figure(x: dict[str, Any]) -> Markup:
-    return figure(
-        _draw_paths(x),
-        "What each model says of the path of the mass: its deflection from the static cable, over the largest one of "
-        "the full model. Past the end of the range (grey) nothing is compared.",
-        label="paths of the mass by all models",
-    )
 
 
 @style()
@@ -228,17 +155,7 @@ def _methods(x: dict[str, Any]) -> Section:
         "seconds": "time [s]", "meets": "meets the tolerance",
     }  # fmt: skip
     full = x["full"]
-    html = table(rows, heads, stack=True) + details(
-        "What the errors are held against",
-        Markup("<p>{}</p>").format(
-            f"The finest full run: {full['method']} with {_settings(full | {'settings': _told(full)})}, known to "
-            f"{percent(full['path_bar'])} of the deflection and {percent(full['tension_bar'])} of H, from its gap to a "
-            "run with half the resolution and half the steps."
-        ),
-    )
-    found = f"{len(rows)} runs of {_name(x)}; the cheapest one that meets the tolerance is advised."
-    return Section("advise-methods", "Method, resolution and step", html, None, found)
-
-
-def _told(full: dict[str, Any]) -> dict[str, Any]:
-    return {k: full["settings"][k] for k in ("elements", "steps")}
+    told = {k: full["settings"][k] for k in ("elements", "steps")}
+    against = details("What the errors are held against", Markup(_SAY.against(full, told)))
+    html = table(rows, heads, stack=True) + against
+    return Section("advise-methods", "Method, resolution and step", html, None, plain(_SAY.candidates(rows, x)))

@@ -159,8 +159,16 @@ def _negative(method: str, **how: Any) -> float:
     return float(r.s_o[np.argmax(r.tension_min < 0.0)] / r.length)
 
 
-def _onset(method: str, **how: Any) -> float:
-    onset = _run(method, **how).slack_onset
+def _front(**how: Any) -> float:
+    """Path error of a mass of a hundredth where its own front meets it, come back from the far support."""
+    scene, window = _scene(mu=0.01), (0.5, 0.65)
+    how, fine = ({"elements": 40, "until": window[1]} | x for x in (how, {"steps": 1000, "scheme": "radau"}))
+    return measures.path_gap(run(scene, "following-p4", **how), run(scene, "following-p4", **fine), window)[0]
+
+
+def _onset(method: str, *, scene: dict[str, float] | None = None, **how: Any) -> float:
+    """Place s_o/l of the mass where a run says that the cable goes slack."""
+    onset = run(_scene(**(scene or {})), method, **how).slack_onset
     return float("nan") if onset is None else onset
 
 
@@ -200,5 +208,5 @@ def _explicit(terms: int, factor: float) -> dict[str, float]:
 MEASURES: dict[str, Callable[..., float | dict[str, float]]] = {
     "path": _path, "energy": _energy, "ripple": _ripple, "vibration": _vibration, "left": _left,
     "frequency": _frequency, "end": _end, "start": _start, "slack": _slack, "negative": _negative, "onset": _onset,
-    "noise": _noise, "frozen": _frozen, "explicit": _explicit,
+    "front": _front, "noise": _noise, "frozen": _frozen, "explicit": _explicit,
 }  # fmt: skip

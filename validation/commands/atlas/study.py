@@ -21,13 +21,13 @@ from cablefem.response import Response, write_json
 from cablefem.scene import Scene
 from validation.commands.atlas import catalogue, specimens
 from validation.core import measures, store
-from validation.core.methods import METHODS, find
+from validation.core.methods import METHODS, find, refined
 from validation.core.running import run
 
 CELLS, RESULT = "cells.jsonl", "atlas.json"
 
 GOOD, WRONG = 0.01, 0.1  # path error, over the largest deflection: good up to the first, wrong from the second on
-REFERENCE: dict[str, Any] = {"elements": 24, "steps": 2400}
+REFERENCE: dict[str, Any] = {"elements": 24, "steps": 2400, "scheme": "generalized-alpha"}
 # Half the reference's resolution is run as well: no cell is judged by a reference that moves by more than this part of
 # the bound it is held against.
 UNSURE = 0.5
@@ -57,6 +57,8 @@ class Map:
             return level.variant(mu=y, speed_ratio=x)
         if self.name == "sag-stiffness":
             return level.variant(sag_ratio=x, alpha=y, mu=1.0, speed_ratio=0.4)
+        if self.name == "schemes":
+            return level.variant(sag_ratio=x, alpha=y, mu=0.5, speed_ratio=0.4)
         return level
 
     def settings(self, x: float, y: float, method: str, fixed: dict[str, Any]) -> dict[str, Any]:
@@ -83,6 +85,16 @@ MAPS: tuple[Map, ...] = (
     Map(
         "sag-stiffness", "Sag and stiffness",
         ("sag/span", (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3)), ("alpha", (50.0, 250.0, 1e3, 1e4, 1e5, 1e6)),
+    ),
+    Map(
+        "schemes", "Schemes on deep and stiff cables",
+        ("sag/span", (0.05, 0.1, 0.2, 0.3)), ("alpha", (1e3, 2e4, 4e5)),
+        tuple(
+            ("following-p2", {"elements": 12, "steps": steps, "scheme": scheme})
+            for scheme, steps in (
+                ("trapezoidal", 600), ("energy", 600), ("generalized-alpha", 600), ("gauss", 300), ("radau", 200)
+            )
+        ),
     ),
 )  # fmt: skip
 
@@ -222,7 +234,7 @@ def _reference(toml: str) -> tuple[Response, float]:
     """The run that cells are held against, and how far half its resolution is from it."""
     scene = Scene.from_toml(toml)
     fine = run(scene, "following-p2", **REFERENCE)
-    half = run(scene, "following-p2", **{k: v // 2 for k, v in REFERENCE.items()})
+    half = run(scene, "following-p2", **refined(find("following-p2"), REFERENCE, space=0.5, time=0.5))
     try:
         moved = measures.path_gap(half, fine, measures.window_of(half, fine))[0]
     except measures.NotComparable:
