@@ -226,9 +226,11 @@ class Rolling(NamedTuple):
     sigma: float
     drag: float  # of the air
     wind: float
-    rub: float  # mu_r sign(ds_o)
     hold: float  # F_hold
-    brake: float  # of brakes, with the sign it acts in
+    rub: float  # mu_r, with the sign that friction acts in
+    brake: float  # of brakes, with the sign they act in
+    ax: float = 0.0  # p.. as friction goes by it
+    ay: float = 0.0
 
 
 @compiled
@@ -236,7 +238,8 @@ def car(on, thrust, velocity, acceleration, behind, ahead):
     """The car by its p., p.. and r' behind and ahead (2,); on : `Rolling`;  thrust, or the haul force.
 
     C = mu (p.. - sigma j) - F_ext (2), tau (2), cos(phi), <lam>, the force of the air (2), the normal part of the force
-    on the cable, downward, the defect tau . C - f cos(phi), and the speed tau . p. .
+    on the cable, downward, the defect tau . C - f cos(phi), the speed tau . p., p. (2), and what friction takes for the
+    normal part.
     """
     mx, my = 0.5 * (behind[0] + ahead[0]), 0.5 * (behind[1] + ahead[1])
     size = math.hypot(mx, my)
@@ -247,9 +250,12 @@ def car(on, thrust, velocity, acceleration, behind, ahead):
     Cx = on.mu * acceleration[0] - thrust * tx - air * x
     Cy = on.mu * (acceleration[1] - on.sigma) - thrust * ty - air * y
     pressing, cos_phi = ty * Cx - tx * Cy, size / stretch
-    defect = tx * Cx + ty * Cy - cos_phi * (on.hold / stretch + on.brake - on.rub * abs(pressing))
+    normal = ty * (on.mu * on.ax - air * x) - tx * (on.mu * (on.ay - on.sigma) - air * y)
+    defect = tx * Cx + ty * Cy - cos_phi * (on.hold / stretch + on.brake + on.rub * abs(normal))
     speed = tx * velocity[0] + ty * velocity[1]
-    return Cx, Cy, tx, ty, cos_phi, stretch, air * x, air * y, pressing, defect, speed
+    return (
+        Cx, Cy, tx, ty, cos_phi, stretch, air * x, air * y, pressing, defect, speed, velocity[0], velocity[1], normal
+    )  # fmt: skip
 
 
 @compiled
@@ -273,16 +279,15 @@ def roll(x, slope, load, rays, Q, V, A, ds_o, on, thrust, R):
 
 
 @compiled
-def row(x, out, rub, mu, c0, c1, c2, into):
+def row(x, out, mu, c0, c1, c2, into):
     """The car's row of the tangent, (2 n + 1,), by its `car`; how tau and the force of the air turn is left out."""
     n = x.f.size
-    lean = math.copysign(rub * out[4], out[8])
     for j in range(n):
         own = mu * (c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j])
-        into[j], into[n + j] = (out[2] + lean * out[3]) * own, (out[3] - lean * out[2]) * own
+        into[j], into[n + j] = out[2] * own, out[3] * own
 
 
-NO_CAR = (0.0,) * 11
+NO_CAR = (0.0,) * 14
 STUCK, FREE, HAULED = 0, 1, 2
 STEP = 1e-6  # of differences by s_o, ds_o and dds_o together: rounding of r, 1e-16 alpha, stays below 1e-7
 
@@ -403,7 +408,7 @@ def settle(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, sta
                 if ride.mode == STUCK:
                     K[2 * n, 2 * n] = c2 * mu
                 else:
-                    row(x, out, ride.on.rub, mu, c0, c1, c2, K[2 * n])
+                    row(x, out, mu, c0, c1, c2, K[2 * n])
                 if ride.mode == HAULED:
                     for i in range(n):
                         K[i, 2 * n], K[n + i, 2 * n] = -c2 * out[2] * x.f[i], -c2 * out[3] * x.f[i]

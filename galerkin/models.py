@@ -106,17 +106,18 @@ class ChordCable:
 
     Internal force tau w' + h (y_n' + kap w'), h = alpha lam int( y_n' w' + kap w'^2/2 ) ds, tau = 1/chord_cos being the
     tension along the chord, y_n'' = -sigma chord_cos/tau and y_n' = -y_n'' (1/2 - s); (lam, kap) = string (0, 0),
-    sagged (1, 0), stretching (1, 1).  All is quadratic in Q by two closed-form integrals, S = int Phi' Phi' and
-    b = int y_n' Phi' = -y_n'' int Phi (by parts, Phi = 0 at the supports): no quadrature.
+    sagged (1, 0), stretching (1, 1); straight: a string with y_n'' = 0, for the theory of straight strings.  All is
+    quadratic in Q by two closed-form integrals, S = int Phi' Phi' and b = int y_n' Phi' = -y_n'' int Phi (by parts,
+    Phi = 0 at the supports): no quadrature.
     """
 
     fields = 1
 
     def __init__(self, groups: Groups, model: str) -> None:
-        self.lam, self.kap = {"string": (0.0, 0.0), "sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}[model]
+        self.lam, self.kap = {"sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}.get(model, (0.0, 0.0))
         self.alpha, self.tau = groups.alpha, 1.0 / groups.chord_cos
         self.weight = np.array([groups.sigma * groups.chord_cos])
-        self.curvature = -self.weight[0] / self.tau  # y_n''
+        self.curvature = 0.0 if model == "straight" else -self.weight[0] / self.tau  # y_n''
         # total tension is the static one plus h everywhere: least where the static one is, at y' = 0 or a support
         self.least_at = min(1.0, max(0.0, groups.c / groups.sigma))
         self.at_rest = float(groups.static(self.least_at)[0])
@@ -161,7 +162,7 @@ def cable_model(groups: Groups, model: str, law: str) -> FullCable | ChordCable:
     """The model by name; the law is the full cable's: one-field models have one h for the whole cable, slack or not."""
     if law not in LAWS:
         raise ValueError(f"unknown law {law!r}; one of {', '.join(LAWS)}")
-    if model not in MODELS:
+    if model not in (*MODELS, "straight"):
         raise ValueError(f"unknown model {model!r}; one of {', '.join(MODELS)}")
     if model == "full":
         return FullCable(groups, law)

@@ -18,9 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, iterate
+from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, iterate, part_of_ride
 from cablefem.response import States
-from cablefem.scene import Groups
+from cablefem.scene import RATTLE, Groups
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
 from galerkin.bases.kink import Array, TravellingKink
@@ -28,6 +28,8 @@ from galerkin.equations import Drives, GalerkinSystem, Instant, factorised
 
 EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "lift_off", "stop")
 AT_REST = 1e-6  # speeds below have no direction yet
+LEAST_WINDOW = 6.0  # steps over which the car's acceleration is averaged for friction, where they are long
+AT_LEAST = 0.03  # of an axial round trip that the standstill without a rattle lasts that ends a ride
 LEAVING = 1e-12  # ds_o of a car that gets going: a turn back within the step is seen by its sign
 
 
@@ -38,7 +40,9 @@ class Mode:
     sign: float = 1.0  # of ds_o; 0 the car sticks to the cable
     forward: float = 0.0  # sign of its speed, once it has one: ds_o rings, the car does not
     brakes: int = 0  # that reach the car, counted from the left
-    stuck: float = math.inf  # since when
+    rests: float = math.inf  # where it came to rest, whatever it rattles
+    since: float = math.inf  # and when
+    stuck: float = math.inf  # since when it sticks without a rattle
     lifted: bool = False
 
 
@@ -56,6 +60,9 @@ class Car(NamedTuple):
     pressing: float  # the normal part of its force on the cable, downward
     defect: float  # tau . C - f cos(phi)
     speed: float  # tau . p.
+    vx: float  # p.
+    vy: float
+    normal: float  # `pressing` as friction goes by it
 
     @property
     def along(self) -> float:
@@ -93,6 +100,8 @@ class RollingSystem(GalerkinSystem):
         self.mode, self.hold = Mode(), 0.0  # F_hold at the start
         self._latest: tuple[tuple[float, float, float], Instant] | None = None
         self._watched: tuple[State, tuple[float, ...]] | None = None
+        self._past: list[tuple[float, float, float]] = []  # t and p. of the car, for a while
+        self._smooth = 0.0, 0.0, 0.0, 0.0, 0.0  # t, p.. and its rate, see `begin_step`
         self._moved: tuple[float, Array] | None = None  # s_o and the tensions of the last compiled residual
 
     def _phases(self) -> tuple[tuple[float, float], ...]:
@@ -102,7 +111,7 @@ class RollingSystem(GalerkinSystem):
         other = super().with_law(law)
         assert isinstance(other, RollingSystem)
         other.mode, other._latest = copy.copy(self.mode), None
-        other._watched = None
+        other._watched, other._past, other._smooth = None, self._past.copy(), self._smooth
         return other
 
     @property
@@ -133,9 +142,11 @@ class RollingSystem(GalerkinSystem):
     # --- the car ----------------------------------------------------------------------------------------------------
     def _on(self, t: float, phase: int) -> kernels.Rolling:
         """What acts on the car."""
-        drive, sign = self.drive, self._sign(t, phase)
-        brake = -sign * sum(force for _, force in drive.brakes[: self.mode.brakes])
-        return kernels.Rolling(self.mu, self.groups.sigma, drive.k, drive.wind, sign * drive.mu_r, self.held(t), brake)
+        drive, against = self.drive, -self._sign(t, phase)
+        brake = against * sum(force for _, force in drive.brakes[: self.mode.brakes])
+        of = self.mu, self.groups.sigma, drive.k, drive.wind, self.held(t), against * drive.mu_r, brake
+        since, ax, ay, jx, jy = self._smooth
+        return kernels.Rolling(*of, ax + (t - since) * jx, ay + (t - since) * jy)
 
     def _thrust(self, t: float, phase: int, a: Array) -> float:
         return float(self.drive.thrust(t, phase)) if self.free else float(a[-1])
@@ -158,6 +169,31 @@ class RollingSystem(GalerkinSystem):
     def _rub(self, pressing: float) -> float:
         """The largest force of friction and brakes."""
         return self.drive.mu_r * abs(pressing) + sum(force for _, force in self.drive.brakes[: self.mode.brakes])
+
+    def begin_step(self, x: State) -> None:
+        """Take the car's acceleration, as friction goes by it, from its velocities so far: their change over a while.
+
+        The one within a step closes an algebraic loop: slip has hardly any inertia, and as sines have it, it pushes the
+        car across the cable, too; where steps are short, friction then has no solution (Painleve).  What rings is left
+        out, and friction is the same without it, which works against ds_o whatever rings.
+        """
+        if not self.drive.mu_r or (self._past and x.t <= self._past[-1][0]):
+            return
+        past, car = self._past, self.car(*x)
+        window = max(2.0 / math.sqrt(self.groups.alpha), LEAST_WINDOW * (x.t - past[-1][0]) if past else 0.0)
+        past.append((x.t, car.vx, car.vy))
+        while len(past) > 2 and past[1][0] <= x.t - window:
+            past.pop(0)
+        t, *v = np.array(past).T
+        if t[0] > x.t - window:  # from rest
+            ax, ay = [(y[-1] - y[0]) / (x.t - t[0]) if x.t > t[0] else 0.0 for y in v]
+            self._smooth = x.t, ax, ay, 0.0, 0.0
+            return
+        half = 0.5 * window
+        at = np.array([np.interp([x.t - window, x.t - half, x.t], t, y) for y in v])
+        before, after = (at[:, 1:] - at[:, :-1]).T / half
+        jx, jy = (after - before) / half
+        self._smooth = x.t, after[0] + 0.5 * half * jx, after[1] + 0.5 * half * jy, jx, jy
 
     @property
     def _rubs(self) -> bool:
@@ -224,7 +260,7 @@ class RollingSystem(GalerkinSystem):
         if not self._rolls:
             K[n, n] = c2 * self.mu
             return r, factorised(K)
-        kernels.row(x.carried, car, self._on(t, phase).rub, self.mu, c0, c1, c2, K[n])
+        kernels.row(x.carried, car, self.mu, c0, c1, c2, K[n])
         if self.free:
             K[:, n] = self._column(t, q, v, a, phase, r, (c0, c1, c2))
         else:
@@ -274,6 +310,9 @@ class RollingSystem(GalerkinSystem):
         x = self._at((s_o, 0.0, 0.0))
         Q = self._equilibrium(x)
         q[: self.n_modal] = Q.ravel()
+        self._past, self._smooth = [], (0.0, 0.0, 0.0, 0.0, 0.0)
+        weight = kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0)  # no wind, no thrust yet
+        car = Car(*kernels.car(weight, 0.0, np.zeros(2), np.zeros(2), *self._sides(x, Q)))
         if not self.free:
             d, speed = 1e-4 * min(s_o, 1.0 - s_o), self.motion.at(0.0, 0)[1]
             if speed:
@@ -281,8 +320,6 @@ class RollingSystem(GalerkinSystem):
                 v[: self.n_modal] = (speed / (2.0 * d)) * (ends[1] - ends[0]).ravel()
             return self._consistent(0.0, q, v, 0)
         q[-1] = s_o
-        weight = kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0)  # no wind, no thrust yet
-        car = Car(*kernels.car(weight, 0.0, np.zeros(2), np.zeros(2), *self._sides(x, Q)))
         self.hold = car.along * car.stretch
         return self._come_to_rest(State(0.0, q, v, a, 0))
 
@@ -338,11 +375,11 @@ class RollingSystem(GalerkinSystem):
         return Q, float(np.linalg.norm(r))
 
     def _consistent(self, t: float, q: Array, v: Array, phase: int) -> State:
-        """Solve for a; friction has a kink in it where the contact force turns round, hence Newton's method."""
+        """Solve for a; a second time for what rounding and the difference by s_o have left."""
         a = np.zeros(self.n_dof)
         if self.free and not self.mode.sign:
             v[-1] = 0.0
-        for _ in range(20):
+        for _ in range(3):
             r, solve = self.linearise(t, q, v, a, phase, 0.0, 0.0, 1.0)
             step = solve(r.copy())
             a = a - step
@@ -352,6 +389,15 @@ class RollingSystem(GalerkinSystem):
 
     def _go_on(self, x: State) -> State:
         return self._consistent(x.t, x.q, x.v.copy(), x.phase)
+
+    def part(self, x: State, since: float) -> float:
+        """Which part of a step to take; what rings matters to friction and brakes alone."""
+        if not self.free:
+            return 1.0
+        hears = self.drive.mu_r > 0.0 or bool(self.drive.brakes)
+        rubs = hears and (self.mode.brakes > 0 or self.mode.sign == 0.0)
+        of = self.drive.nominal, 2.0 / math.sqrt(self.groups.alpha), self.place(x), float(x.v[-1])
+        return part_of_ride(*of, since if hears else math.inf, rubs)
 
     # --- events -----------------------------------------------------------------------------------------------------
     def watch(self, x: State) -> tuple[float, ...]:
@@ -375,8 +421,9 @@ class RollingSystem(GalerkinSystem):
         weight = self.mu * self.groups.sigma
         pulled = self._thrust(x.t, x.phase, x.a) + car.tx * car.drag_x + car.ty * (car.drag_y + weight)
         turns = not stuck and abs(pulled) > self._rub(weight * car.tx)
-        # a stop is a standstill of an axial round trip, when neither hold nor thrust is still to change
-        lasts = max(mode.stuck, self.phases[-1][0]) + 2.0 / math.sqrt(self.groups.alpha) - x.t
+        # a stop is a standstill of an axial round trip but for rattling, when neither hold nor thrust is to change
+        round_trip = 2.0 / math.sqrt(self.groups.alpha)
+        lasts = max(max(mode.since, self.phases[-1][0]) + round_trip, mode.stuck + AT_LEAST * round_trip) - x.t
         return (
             mode.sign * ds_o if self._rubs and not stuck else math.inf,
             limit - abs(needed) if stuck else math.inf,
@@ -408,7 +455,10 @@ class RollingSystem(GalerkinSystem):
 
     def _come_to_rest(self, x: State) -> State:
         """At ds_o = 0 the car sticks, or goes where it is pulled."""
-        self.mode.sign, self.mode.stuck = 0.0, x.t
+        mode = self.mode
+        if abs(self.place(x) - mode.rests) > RATTLE:
+            mode.rests, mode.since = self.place(x), x.t
+        mode.sign, mode.stuck = 0.0, x.t
         state = self._go_on(x)
         needed, limit = self._needed(state)
         return state if abs(needed) < limit else self._leave(state)
@@ -416,12 +466,12 @@ class RollingSystem(GalerkinSystem):
     def _needed(self, x: State) -> tuple[float, float]:
         """The force along the cable that keeps a stuck car, and the largest that friction and brakes have."""
         car = self.car(*x)
-        return car.along - self.held(x.t) / car.stretch, self._rub(car.pressing)
+        return car.along - self.held(x.t) / car.stretch, self._rub(car.normal)
 
     def _leave(self, x: State) -> State:
         needed, _ = self._needed(x)
         pull = needed if abs(needed) > 1e-9 * self.force_scale else self.hold
-        self.mode.sign, self.mode.stuck = -math.copysign(1.0, pull), math.inf
+        self.mode.sign = -math.copysign(1.0, pull)
         v = x.v.copy()
         v[-1] = self.mode.sign * LEAVING
         return self._consistent(x.t, x.q, v, x.phase)

@@ -26,8 +26,9 @@ Array = NDArray[np.float64]
 
 MODELS = ("full", "string", "sagged", "stretching")
 
-# lam, kap of the one-field models: whether stretching by the sag, and by the slope squared, raises the tension
-STRETCHING = {"string": (0.0, 0.0), "sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}
+# lam, kap of the one-field models: whether stretching by the sag, and by the slope squared, raises the tension; the
+# straight string of textbooks has no sag whose curvature would load the mass
+STRETCHING = {"straight": (0.0, 0.0), "string": (0.0, 0.0), "sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}
 
 
 def elements_allowed(elements: int) -> int:
@@ -74,7 +75,7 @@ class CableElements:
             )
         if groups.motion is None and groups.drive.mode != "free":
             raise ValueError("the scene has no mass that travels")
-        if model not in MODELS:
+        if model not in (*MODELS, "straight"):
             raise ValueError(f"model must be one of {', '.join(MODELS)}, got {model!r}")
         if load not in ("mass", "force"):
             raise ValueError(f"load must be mass or force, got {load!r}")
@@ -237,7 +238,8 @@ class CableElements:
             self._cable = np.array([g.alpha, g.sigma, g.c, flag])
         else:
             tau = 1.0 / g.chord_cos
-            self._cable = np.array([g.alpha, tau, g.sigma * g.chord_cos / tau, *STRETCHING[self.model], flag])
+            curvature = 0.0 if self.model == "straight" else g.sigma * g.chord_cos / tau
+            self._cable = np.array([g.alpha, tau, curvature, *STRETCHING[self.model], flag])
 
     def _assemble(
         self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, c0: float, c1: float, c2: float

@@ -26,15 +26,16 @@ from cablefem.elements.cable import Array
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels import car as kernels
 from cablefem.elements.kernels.newton import settle
-from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, Tableau, consistent_acceleration
+from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, Tableau, consistent_acceleration, part_of_ride
 from cablefem.newmark.energy_rule import average
 from cablefem.newmark.newton import find_root
 from cablefem.response import Observation, States
-from cablefem.scene import Groups
+from cablefem.scene import RATTLE, Groups
 
 EVENTS = ("turn", "standstill", "breaking loose", "brake", "brake off", "arrival", "stop", "lift_off")
 AVERAGE = tuple(0.5 * (x + (1.0, 0.0)[i]) for i, x in enumerate(np.polynomial.legendre.leggauss(4)))  # over [0, 1]
 AT_REST = 1e-6  # speeds below have no direction yet
+HOLDS = 0.03  # of an axial wave's way to and fro: the hold of a car that rattles, which ends its ride
 STATIC = 1e-30  # weight of accelerations in a tangent of statics: nothing but the last unknown feels it
 
 
@@ -82,7 +83,7 @@ class RollingElements(FollowingElements):
         self._heading = 0.0  # of the slip that friction and brakes work against, where it has none yet
         self._forward = 0.0  # direction of the car, once it has one
         self._brakes = sum(place <= self.drive.start for place, _ in self.drive.brakes)  # that have been reached
-        self._since = math.inf  # when it came to hold
+        self._rests = self._since = self._held_at = math.inf  # where and when it came to rest, and last to hold
         self._lifted = False
         self._hold = 0.0  # force along the cable that holds the car at its start
         self._watched: tuple[State | None, float, tuple[float, ...]] = None, 0.0, ()
@@ -126,6 +127,14 @@ class RollingElements(FollowingElements):
     def abrupt(self, x: State, dt: float) -> bool:
         """After a jump of force the car slips at once, and is stopped by an axial wave that few steps resolve."""
         return self.free and 0.5 * dt * dt * abs(float(x.a[-1])) > ABRUPT
+
+    def part(self, x: State, since: float) -> float:
+        """Return the part of a step to take: short near a support, and where friction or a brake hears a jump ring."""
+        if not self.free:
+            return 1.0
+        rubs = self._grips and (self._brakes > 0 or self._mode == kernels.HELD)
+        place, slip = float(x.q[-1]), float(x.v[-1])
+        return part_of_ride(self.drive.nominal, self._settled, place, slip, since if self._grips else math.inf, rubs)
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self._n_dof)
@@ -213,7 +222,7 @@ class RollingElements(FollowingElements):
             brakes[n][0] - s_o if n < len(brakes) else math.inf,
             s_o - brakes[n - 1][0] if n else math.inf,
             self.drive.end_place - s_o,
-            max(self._since, self.phases[-1][0]) + self._settled - x.t if held and x.phase == self._last else math.inf,
+            self._over - x.t if held and x.phase == self._last else math.inf,
             lift_off,
         )
         self._watched = x, self._heading, values
@@ -243,7 +252,9 @@ class RollingElements(FollowingElements):
         v = x.v.copy()
         v[-1] = 0.0
         if self._grips:
-            self._mode, self._since = kernels.HELD, min(x.t, self._since)
+            if abs(float(x.q[-1]) - self._rests) > RATTLE:
+                self._rests, self._since = float(x.q[-1]), x.t
+            self._mode, self._held_at = kernels.HELD, x.t
             held = self._consistent(x.t, x.q, v, x.phase)
             if self._margin(held, *self._look(held)[:2]) > 0.0:
                 return held
@@ -264,7 +275,7 @@ class RollingElements(FollowingElements):
 
     def _let_go(self, x: State) -> None:
         self._heading = -math.copysign(1.0, self._needed(x))
-        self._mode, self._since = kernels.FREE, math.inf
+        self._mode = kernels.FREE
 
     # --- the car ---------------------------------------------------------------------------------------
     def _car(self, t: float, phase: int, slip: float) -> kernels.Car:
@@ -279,6 +290,11 @@ class RollingElements(FollowingElements):
         hold = self._hold * drive.hold(t) if t < drive.release else 0.0
         thrust = float(drive.thrust(t, phase)) if drive.thrust_table else 0.0
         return kernels.Car(*fixed, 0.0, 0.0, 0.0, hold, thrust, *self._air, self._brake, heading)
+
+    @property
+    def _over(self) -> float:
+        """When a car that is held has stopped: a while after it came to rest, and held for a part of it."""
+        return max(max(self._since, self.phases[-1][0]) + self._settled, self._held_at + HOLDS * self._settled)
 
     @property
     def _brake(self) -> float:

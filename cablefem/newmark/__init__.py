@@ -23,13 +23,14 @@ from cablefem.newmark.newmark_rule import iterate
 from cablefem.newmark.newton import Newton, Settled
 from cablefem.newmark.schemes import SCHEMES, Scheme, scheme
 from cablefem.newmark.stepper import Passed, Work
-from cablefem.newmark.steps import step_times
+from cablefem.newmark.steps import part_of_ride, step_times
 from cablefem.newmark.system import (
     Abrupt,
     Array,
     Collocated,
     Inside,
     Prepared,
+    Ringing,
     Solve,
     State,
     System,
@@ -50,6 +51,7 @@ __all__ = [
     "NewtonStalled",
     "Passed",
     "Prepared",
+    "Ringing",
     "Scheme",
     "Settled",
     "Solve",
@@ -67,6 +69,7 @@ __all__ = [
     "densified",
     "integrate",
     "iterate",
+    "part_of_ride",
     "scheme",
     "step_times",
 ]

@@ -12,7 +12,7 @@ from cablefem.newmark.newmark_rule import NewmarkRule
 from cablefem.newmark.newton import STANDARD, Newton
 from cablefem.newmark.schemes import Scheme
 from cablefem.newmark.stepper import Stepper, Work
-from cablefem.newmark.system import Abrupt, Array, Prepared, State, System
+from cablefem.newmark.system import Abrupt, Array, Prepared, Ringing, State, System
 
 # Where an unresolved jump has left an acceleration that soon is gone, steps of Newmark's family start anew with that
 # many pieces of the rule that does not use it, beta = 1/2 and gamma = 1; so few of first order leave the second one
@@ -20,7 +20,7 @@ from cablefem.newmark.system import Abrupt, Array, Prepared, State, System
 GENTLE, GENTLY = 4, Scheme("gentle", 0.5, 1.0)
 MOST_HALVINGS = 6  # 1/64 of a step: where that does not converge the equations themselves have lost their solution
 MOST_CUTS = 100  # and half the steps: a run that has to cut more steps than that creeps
-MOST_EVENTS = 20  # in one step: more is an event that happens again as soon as it is passed
+MOST_EVENTS = 20  # without a whole step between them: more is an event that happens again as soon as it is passed
 
 
 def integrate(
@@ -62,14 +62,17 @@ def _through(
     fresh, pieces = True, 0  # whether a jump was just passed, and what is left of a gentle start
     watched = step.system if isinstance(step.system, Watched) and step.system.events else None
     prepared = step.system if isinstance(step.system, Prepared) else None
-    shown = state.t  # of the last state yielded
+    # rules of collocation damp what rings, and their steps are long on purpose
+    ringing = step.system if isinstance(step.system, Ringing) and not isinstance(step, CollocationRule) else None
+    shown = jumped = state.t  # of the last state yielded, of the last event
     for t in grid[grid > state.t].tolist():
         whole, halvings, passed = t - state.t, 0, 0
         while t - state.t > rounding(t):
-            if fresh and jumpy is not None and jumpy.abrupt(state, t - state.t):
+            piece = whole if ringing is None else min(t - state.t, whole * ringing.part(state, state.t - jumped))
+            if fresh and jumpy is not None and jumpy.abrupt(state, piece):
                 pieces = GENTLE
             fresh = False
-            piece = whole * 0.5**halvings if not pieces else (t - state.t) / pieces * 0.5**halvings
+            piece *= 0.5**halvings / (GENTLE if pieces else 1)
             rule = gentle if pieces and gentle is not None else step
             t1 = state.t + piece if state.t + 1.001 * piece < t else t
             if not t1 > state.t:
@@ -90,12 +93,16 @@ def _through(
                 continue
             work.steps += 1
             pieces, fresh = max(0, pieces - 1), bool(names)
-            if (names or x.t == t) and x.t - shown > rounding(x.t):
+            if names:
+                jumped = x.t
+            if (names or ringing is not None or x.t == t) and x.t - shown > rounding(x.t):
                 shown = x.t
                 yield x
-            passed += len(names)
+            passed = passed + len(names) if names else 0
             if passed > MOST_EVENTS:
-                raise EndlessEvents(x.t, f"more than {MOST_EVENTS} events in one step, at last {names[-1]!r}")
+                raise EndlessEvents(
+                    x.t, f"more than {MOST_EVENTS} events without a step between them, at last {names[-1]!r}"
+                )
             after = x if watched is None else pass_events(watched, names, x, shown, work)
             if after is None:
                 return None

@@ -99,6 +99,17 @@ class Abrupt(Protocol):
         """Return whether the acceleration at x, kept for dt, would carry the system where it never goes."""
 
 
+@runtime_checkable
+class Ringing(Protocol):
+    """What a system answers besides if a jump of force rings faster than the steps of a run are long."""
+
+    def part(self, x: State, since: float) -> float:
+        """Return which part of a step of the grid to take from x, `since` after the last event; in (0, 1].
+
+        A function of time alone, whatever the steps: then all of them shrink together where a run is refined.
+        """
+
+
 def consistent_acceleration(system: System, t: float, q: Array, v: Array, phase: int) -> State:
     """Solve r(t, q, v, a) = 0 for a: r is linear in a, one solve does it."""
     zero = np.zeros(system.n_dof)

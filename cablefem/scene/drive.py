@@ -22,6 +22,8 @@ MODES = ("grip", "haul", "free")
 # Contact force and tension grow like one over the distance to a support: no answer converges nearer than this. [l]
 NEAREST_START, FARTHEST_END = 1e-4, 0.99
 START = 0.01  # where a rolling car begins unless the scene says otherwise [l]
+# A car that rests rattles while axial waves ring: a slip below that is none. [l]
+RATTLE = 1e-5
 FREE_ONLY = ("release", "thrust", "brake")
 AIR_DENSITY = 1.2  # [kg/m^3]
 

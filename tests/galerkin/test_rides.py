@@ -133,11 +133,13 @@ def test_the_rider_after_thirty_seconds(basis, kink, bound):
 def test_brake_and_stop():
     """Brake at 34.800 s, standstill for an axial round trip from 35.43 s on, at 281.375 m."""
     system, states, events = ride(until(BRAKED.groups, 45.0), Fourier(15), 1500)
-    at = {name: t * TIME for name, t in events}
-    assert abs(at["brake"] - 34.800) < 0.002
-    assert abs(at["standstill"] - 35.43) < 0.02
+    brake = next(t * TIME for name, t in events if name == "brake")
+    assert abs(brake - 34.800) < 0.002
+    still = next(t * TIME for name, t in events if name == "standstill" and t * TIME > brake)
+    assert abs(still - 35.43) < 0.02
     assert events[-1].name == "stop"
-    assert abs(at["stop"] - at["standstill"] - 2.0 / math.sqrt(BRAKED.groups.alpha) * TIME) < 1e-9
+    lasted, round_trip = events[-1].t * TIME - still, 2.0 / math.sqrt(BRAKED.groups.alpha) * TIME
+    assert round_trip - 1e-9 < lasted < 2.0 * round_trip, "it rattles, and stops as soon as it holds"
     assert abs(states.q[-1, -1] * LENGTH - 281.375) < 0.03
     x = observe(system, states)
     assert energy_defect(x, states.t) < 1e-3 * system.mu * system.groups.sigma
@@ -170,17 +172,20 @@ def test_a_rider_who_turns_back():
 
 
 def test_friction_alone_can_hold_a_car():
-    """A slope of 1 in 8 against mu_r = 0.3: it never leaves; with 0.02 it does, and with a late release later."""
+    """A slope of 1 in 8 against mu_r = 0.3: it never leaves; with 0.02 it does, and with a late release later.
+
+    Let go of a sudden it slips to and fro at first, while axial waves ring between it and the support.
+    """
     groups = RIDER.groups
     held = replace(groups, drive=replace(groups.drive, mu_r=0.3))
     _, states, events = ride(until(held, 10.0), Fourier(6), 100)
     assert [event.name for event in events] == ["stop"]
     assert np.ptp(states.q[:, -1]) == 0.0
-    for release, first in ((0.0, None), (1.0, "breaking loose")):
+    for release, first in ((0.0, (None, "standstill")), (1.0, ("breaking loose",))):
         loose = replace(groups, drive=replace(groups.drive, mu_r=0.02, release=release / TIME))
         _, states, events = ride(until(loose, 3.0), Fourier(6), 100)
         assert states.q[-1, -1] > states.q[0, -1]
-        assert (events[0].name if events else None) == first
+        assert (events[0].name if events else None) in first
 
 
 def test_arrival_ends_a_ride():

@@ -25,6 +25,7 @@ from cablefem.response import Array, Response
 
 EVERY = 6  # frames from one end of a window to the next: 0.06 of the travel
 ROUNDING = 1e-9  # of the scale: stations and splines of static shapes
+SIDE = 1e-6  # of a step, beside an event
 TRAPEZOIDS = 1e-4  # of the scale: impulses over steps across which an acceleration jumps
 DOWN = np.array([0.0, 1.0])
 
@@ -266,9 +267,23 @@ class Mechanics:
         """Return the integral of a force (n, c) over time up to the frames (k, c); nan if it is not known."""
         if not np.isfinite(force[1:-1]).all():
             return np.full((self.t.size, force.shape[1]), math.nan)
-        force = np.nan_to_num(force)  # on the supports
-        total = cumulative_trapezoid(force, self.r.t, axis=0, initial=0.0)
-        return CubicHermiteSpline(self.r.t, total, force, axis=0)(self.t)
+        t, force = self._on_both_sides(np.nan_to_num(force))  # nan on the supports
+        total = cumulative_trapezoid(force, t, axis=0, initial=0.0)
+        return CubicHermiteSpline(t, total, force, axis=0)(self.t)
+
+    def _on_both_sides(self, force: Array) -> tuple[Array, Array]:
+        """Return times and force with a second value at events, where it may jump: the step there has but one."""
+        t = self.r.t
+        for event in self.r.events:
+            i = int(np.argmin(np.abs(t - event["t"])))
+            if not 1 < i < t.size - 2:
+                continue
+            before, after = (np.abs(np.diff(force[[i, j]], axis=0)).max() for j in (i - 1, i + 1))
+            # the smaller change is that of the side the value is from
+            other, at = (i - 1, i) if after < before else (i + 1, i + 1)
+            beside = t[i] + SIDE * (t[other] - t[i])
+            t, force = np.insert(t, at, beside), np.insert(force, at, force[other], axis=0)
+        return t, force
 
     def _travel(self) -> Defect:
         """s_o(t) is the travel that the TOML asks for; over the length."""

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from cablefem.newmark import Collocated, State, Work, densified
 from cablefem.response import Array, Fields, Observation, Response, States
-from cablefem.scene import Motion, Scene
+from cablefem.scene import RATTLE, Motion, Scene
 from validation.core.solver import Solver
 
 FRAMES = 100  # fields are kept at s_o/l = 1/FRAMES, 2/FRAMES, ... of every run, so that runs can be compared
@@ -68,7 +68,7 @@ def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Respon
     u, v, s_o = l * steps.path[:, 0], l * steps.path[:, 1], l * steps.s_o
     cause, reason = h.failure or (None, None)
     speed = np.hypot(*steps.path_velocity.T)
-    events = [(name, int(np.argmin(np.abs(states.t - t)))) for name, t in _events(scene, h.work, float(states.t[-1]))]
+    events = [(name, _at(states.t, t)) for name, t in _events(scene, h.work, states.t, steps.s_o)]
     return Response(
         **asked, scene=scene.name, scene_toml=scene.to_toml(), drive=scene.drive.mode,
         status="complete" if h.failure is None else "incomplete", cause=cause, reason=reason,
@@ -89,17 +89,23 @@ def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Respon
     )  # fmt: skip
 
 
-def _events(scene: Scene, work: Work, t_last: float) -> list[tuple[str, float]]:
+def _at(times: Array, t: float) -> int:
+    return int(np.argmin(np.abs(times - t)))
+
+
+def _events(scene: Scene, work: Work, t: Array, s_o: Array) -> list[tuple[str, float]]:
     """Return what happened to the car, and when; that it sticks and slips around a standstill is left out.
 
-    A stop is when the standstill began that lasted.
+    A stop is when the standstill began that lasted but for rattling.
     """
-    drive, still = scene.groups.drive, 0.0
+    drive, still, rests = scene.groups.drive, 0.0, math.inf
     phases = [("release", drive.release), *[("thrust_end", t) for t, _ in drive.thrust_table[-1:]]]
-    told = [(name, t) for name, t in phases if 0.0 < t <= t_last]
+    told = [(name, at) for name, at in phases if 0.0 < at <= t[-1]]
     for e in work.events:
         if e.name == "standstill":
-            still = e.t
+            place = float(s_o[_at(t, e.t)])
+            if abs(place - rests) > RATTLE:
+                rests, still = place, e.t
         elif e.name not in ("breaking loose", "brake off"):
             told.append((e.name, still if e.name == "stop" else e.t))
     return sorted(told, key=lambda event: event[1])

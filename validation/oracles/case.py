@@ -151,6 +151,11 @@ class Crossing(Case):
         assert self.groups.motion is not None
         return self.groups.motion
 
+    @property
+    def how(self) -> dict[str, Any]:
+        """What a solver has to run over the groups."""
+        return {"model": self.model, "load": self.load, "until": self.until, "begun": self.begins > 0.0}
+
     def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
         return solvers.ladder(method, finer=self.finer)
 

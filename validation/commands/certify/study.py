@@ -22,10 +22,10 @@ from cablefem import newmark
 from cablefem.newmark import Newton, State, StepFailure, between
 from cablefem.response import Array, whole, write_json
 from cablefem.scene import Scene
-from validation.commands.oracles.study import SOLVERS
 from validation.core import store
 from validation.core.agreement import Agreement, overall
 from validation.core.bounds import Bound, Part, nothing
+from validation.core.crossing import crossed
 from validation.core.methods import Method, find, refined
 from validation.core.richardson import SAFETY, left, space_order
 from validation.core.running import steps_of
@@ -33,6 +33,7 @@ from validation.core.sampling import stacked
 from validation.core.sidebyside import side_by_side
 from validation.oracles import moving_mass
 from validation.oracles.case import Crossing, level
+from validation.oracles.case import Path as MassPath
 
 TOL = 1e-6  # of the largest deflection; of a free ride, of a tenth of the length
 PLACES = 101  # s_o/l = 0, 0.01, ... 1
@@ -311,7 +312,8 @@ def _string(scene: Scene, answer: Found, found: Found) -> Agreement:
         crossing = Crossing(
             name="", groups=level(motion, groups.mu, groups.sigma), travel=travel.position, exact=exact, until=0.95
         )  # fmt: skip
-        error = crossing.error(SOLVERS.path(crossing, found.way.method, **found.settings))[0]
+        path = crossed(crossing.groups, found.way.method, found.settings, **crossing.how)
+        error = crossing.error(MassPath(*path))[0]
     except (ValueError, ArithmeticError) as why:
         return Agreement("path", math.nan, nothing(why), party=found.way.name, law=law)
     parts = (Part(f"{found.way.name} claims", max(TOL, sum(found.parts))),)

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from cablefem import newmark
-from cablefem.response import Array, Response, States, write_json
+from cablefem.response import Array, Response, write_json
 from cablefem.scene import Groups, Scene
 from validation import oracles
 from validation.core import store
+from validation.core.crossing import crossed
 from validation.core.methods import ELEMENTS, LEVELS, METHODS, TERMS, Method, find
 from validation.core.richardson import CREDITED_SPACE_ORDER, SAFETY, left
 from validation.core.running import run
@@ -207,7 +207,7 @@ class _Solvers:
         if crossing.scene:
             r = run(scene := Scene.load(crossing.scene), name, model="string", until=crossing.until, **settings)
             return MassPath(r.t / scene.time_scale, r.s_o / r.length, r.v / r.length)
-        return _path(crossing, name, settings)
+        return MassPath(*crossed(crossing.groups, name, settings, **crossing.how))
 
     def modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
         (n,) = settings.values()
@@ -237,36 +237,3 @@ def _rungs(method: Method, finer: float) -> list[Rung]:
     dear = finer > 1.0 or sharp or method.steps_growth is not None
     settings = method.ladder(3 if dear else 4, finer)
     return [Rung(method.told(x), method.resolution.unknowns(method.value(x))) for x in settings]
-
-
-def _path(crossing: Crossing, name: str, settings: dict[str, Any]) -> MassPath:
-    """Run a crossing by its groups; nan where the run broke.
-
-    The solvers' `string` adds the static curvature of the scene to the load of the mass; on a straight string it is
-    taken out, while the weight stays.
-    """
-    method = find(name)
-    s = method.settings(settings)
-    straight = crossing.model == "straight"
-    model = "string" if straight else crossing.model
-    system: Any = method.build(crossing.groups, s, model=model, load=crossing.load, law="elastic")
-    if straight and method.wing == "galerkin":
-        system.cable.curvature = 0.0
-    elif straight:
-        system._cable[2] = 0.0
-    scheme = newmark.scheme(s["scheme"], newmark_gamma=s["newmark_gamma"], rho_inf=s["rho_inf"])
-    start = None
-    if crossing.begins:
-        rest = np.zeros(system.n_dof)
-        start = newmark.consistent_acceleration(system, 0.0, rest, rest.copy(), 0)
-    states: list[newmark.State] = []
-    try:
-        for x in newmark.integrate(system, scheme, newmark.step_times(system, s["steps"]), start=start):
-            states.append(x)
-            if system.motion.at(x.t, x.phase)[0] > crossing.until:
-                break
-    except newmark.NewtonStalled:  # numbers have outgrown the tolerance
-        return MassPath(np.zeros(1), np.full(1, crossing.until), np.full(1, math.nan))
-    stacked = States(*(np.array([getattr(x, name) for x in states]) for name in ("t", "q", "v", "a", "phase")))
-    seen = system.observe(stacked, np.zeros(0), np.zeros(0, np.intp))
-    return MassPath(stacked.t, system.motion.position(stacked.t), seen.path[:, 1])

@@ -1,0 +1,44 @@
+"""The path of a mass over a cable that is given by its groups: what exact answers of strings are held against."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from cablefem import newmark
+from cablefem.response import Array
+from cablefem.scene import Groups
+from validation.core.methods import find
+from validation.core.sampling import stacked
+
+
+def crossed(
+    groups: Groups, name: str, settings: dict[str, Any], *, model: str = "straight", load: str = "mass", until: float,
+    begun: bool = False,
+) -> tuple[Array, Array, Array]:  # fmt: skip
+    """Return t, s_o and v (n,) of the mass, dimensionless, up to s_o = until; v is nan where the run broke.
+
+    begun : the mass starts on the cable, which rests, instead of at the support.
+    """
+    method, motion = find(name), groups.motion
+    assert motion is not None
+    s = method.settings(settings)
+    system = method.build(groups, s, model=model, load=load, law="elastic")
+    scheme = newmark.scheme(s["scheme"], newmark_gamma=s["newmark_gamma"], rho_inf=s["rho_inf"])
+    start = None
+    if begun:
+        rest = np.zeros(system.n_dof)
+        start = newmark.consistent_acceleration(system, 0.0, rest, rest.copy(), 0)
+    states: list[newmark.State] = []
+    try:
+        for x in newmark.integrate(system, scheme, newmark.step_times(system, s["steps"]), start=start):
+            states.append(x)
+            if motion.at(x.t, x.phase)[0] > until:
+                break
+    except newmark.NewtonStalled:  # numbers have outgrown the tolerance
+        return np.zeros(1), np.full(1, until), np.full(1, math.nan)
+    history = stacked(states)
+    seen = system.observe(history, np.zeros(0), np.zeros(0, np.intp))
+    return history.t, motion.position(history.t), seen.path[:, 1]
