@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from cablefem.elements.following import FollowingElements
 from cablefem.newmark import integrate, scheme, step_times
+from cablefem.scene import Scene
 from tests.runs import (
     CRUISE,
     INCLINED,
@@ -341,3 +342,21 @@ def test_a_cable_that_cannot_push_is_carried_past_its_slack_onset():
     common = np.linspace(0.85, 0.97, 25)
     v = [np.interp(common, s_o, v) for _, s_o, v in runs]
     assert np.abs(v[0] - v[1]).max() < 0.02 * np.abs(v[1]).max()
+
+
+# --- locking ------------------------------------------------------------------------------------------------------
+def test_a_deep_stiff_cable_does_not_lock():
+    # length 1000 over a span of 900: sag/span 0.21
+    deep = Scene.from_groups(sag_ratio=0.2119, alpha=2e4, mu=0.5, speed_ratio=0.4).groups
+
+    def path(elements, degree, locks=False):
+        system = FollowingElements(deep, elements=elements, degree=degree)
+        if locks:  # forces at the points of the inertia, one more an element
+            system._tab = system._fine
+            system._fresh()
+        return observe(system, march(system, 800, until=0.45)[0]).path
+
+    fine = path(16, 4)
+    size = np.abs(fine).max()
+    assert np.abs(path(8, 2) - fine).max() < 1e-2 * size
+    assert np.abs(path(8, 2, locks=True) - fine).max() > 2e-2 * size

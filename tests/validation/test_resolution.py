@@ -10,7 +10,18 @@ import pytest
 from cablefem import Scene
 from validation.core import measures, resolution
 from validation.core.methods import METHODS, find
-from validation.core.resolution import CONFIRMED, UNCONFIRMED, TooCoarse, _next, _Part, _part, _Rung, resolve, resolved
+from validation.core.resolution import (
+    CONFIRMED,
+    UNCONFIRMED,
+    TooCoarse,
+    _doubtful,
+    _next,
+    _Part,
+    _part,
+    _Rung,
+    resolve,
+    resolved,
+)
 from validation.core.running import run
 
 LEVEL, INCLINED = Scene.load("level"), Scene.load("inclined")
@@ -67,6 +78,22 @@ def test_only_the_run_that_is_returned_goes_on_to_the_far_support():
     assert made[-2].settings == r.settings
     assert r.work["steps"] == r.t.size - 1
     np.testing.assert_array_equal(r.v[: made[-2].t.size], made[-2].v)
+
+
+def test_a_light_car_is_resolved_where_its_front_meets_it():
+    light = LEVEL.variant(mu=0.053)
+    r = resolve(light, "following-p4", 1.1e-3, until=0.8)
+    fine = run(light, "following-p4", elements=40, steps=700, scheme="radau", until=0.8)
+    assert r.settings["scheme"] == "radau"
+    assert measures.path_gap(r, fine, (0.02, 0.8))[0] <= r.path_error <= 1.1e-3
+
+
+def test_slack_that_moves_with_the_resolution_does_not_end_the_search():
+    r = run(INCLINED, "following-p2", elements=3, steps=60, until=0.8)
+    early, same, earlier = (replace(r, slack_onset=x) for x in (0.3, 0.33, 0.2))
+    assert all(_doubtful(early, other) for other in (None, r, earlier))
+    assert not _doubtful(early, same)
+    assert not _doubtful(r, None)
 
 
 def test_what_is_out_of_reach_is_said_so_with_the_best_there_is(monkeypatch):

@@ -13,7 +13,7 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import measures, richardson
 from validation.core.design import Refinement, of_ladder
-from validation.core.estimate import KIND, Estimated, estimated, gaps, until, weighted
+from validation.core.estimate import KIND, SAME_ONSET, Estimated, estimated, gaps, until, weighted
 from validation.core.methods import Method, find, refined
 from validation.core.richardson import space_order, time_order
 from validation.core.running import Run
@@ -136,9 +136,12 @@ def resolve(
         return made[-1]
 
     rung, read_at, stuck = _first(method, settings, ran), settings["steps"], False
+    coarser: Response | None = None  # the run before space was refined last
     for attempt in range(ATTEMPTS):
         report(min(0.5, 0.1 + 0.05 * attempt), f"{len(made)} runs, bar {rung.bar:.1g} of {tol:g} wanted")
         finer = _next(method, rung, settings, tol, stuck)
+        if rung.bar <= tol and _doubtful(rung.response, coarser):
+            finer = settings | {space.setting: space.finer(method.value(settings), FURTHEST)}
         in_space = method.value(finer) != method.value(settings)
         if settings["steps"] >= 2 * read_at and (in_space or rung.bar <= tol):
             # coarse steps may have blown up what space contributes, or smeared the fronts that tell it: look again
@@ -146,10 +149,10 @@ def resolve(
             rung.space = _part(rung.response, coarse, 2.0, space_order(method.space_order), rung.space, 1.0)
             read_at = settings["steps"]
             continue
-        if rung.bar <= tol or finer == settings or finer["steps"] * method.value(finer) > LARGEST:
+        if (rung.bar <= tol and not in_space) or finer == settings or finer["steps"] * method.value(finer) > LARGEST:
             break
         if in_space:
-            ratio = space.ratio(method.value(settings), method.value(finer))
+            ratio, coarser = space.ratio(method.value(settings), method.value(finer)), rung.response
             settings = settings | {space.setting: method.value(finer)}
             response, read_at = ran(settings), settings["steps"]
             part = _part(response, rung.response, ratio, space_order(method.space_order), rung.space)
@@ -210,6 +213,14 @@ def _rule(scene: Scene, method: Method, named: dict[str, Any]) -> dict[str, Any]
     """Return the settings that are named, with a rule that damps where none is and scene and method bring none."""
     damps = scene.drive.mode == "free" or method.knobs["scheme"].default != "trapezoidal"
     return ({} if damps or "scheme" in named else SHARP if scene.mu <= LIGHT else QUIET) | named
+
+
+def _doubtful(r: Response, coarser: Response | None) -> bool:
+    """Return whether slack cuts the window where one of half the resolution has not: coarse bases fake slack."""
+    stop = measures.WINDOWS[r.drive][1]
+    if r.drive == "free" or r.slack_onset is None or r.slack_onset > stop - SAME_ONSET:
+        return False
+    return coarser is None or coarser.slack_onset is None or abs(coarser.slack_onset - r.slack_onset) > SAME_ONSET
 
 
 def _begin(scene: Scene, method: Method) -> dict[str, int]:

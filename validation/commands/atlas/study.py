@@ -88,7 +88,7 @@ MAPS: tuple[Map, ...] = (
     ),
     Map(
         "schemes", "Schemes on deep and stiff cables",
-        ("sag/span", (0.05, 0.1, 0.2, 0.3)), ("alpha", (1e3, 2e4, 4e5)),
+        ("sag/span", (0.05, 0.2)), ("alpha", (1e3, 2e4, 1e5)),
         tuple(
             ("following-p2", {"elements": 12, "steps": steps, "scheme": scheme})
             for scheme, steps in (
