@@ -79,3 +79,19 @@ def test_events_and_design_numbers_have_bars():
     speed = next(number for number in numbers(a, b) if number.quantity == "speed_max")
     assert speed.value == pytest.approx(float(np.max(a.run.speed)))
     assert 0.0 < speed.bar < 0.05
+
+
+def test_events_after_the_first_of_their_kind_have_bars_where_all_runs_have_them():
+    a, _ = pair()
+
+    def turning(r, *times):
+        return replace(r, events=[{"event": "turn", "t": t, "s_o": 20.0, "speed": 0.0} for t in times])
+
+    def told(*times):
+        fine, in_time = turning(a.run, 1.0, 3.0), turning(a.in_time, 1.0, 3.0)
+        e = replace(a, run=fine, in_space=turning(a.in_space, *times), in_time=in_time)
+        return [x["bar_t"] for x in with_bars(RIDE, e)]
+
+    first, second = told(1.0, 3.1)
+    assert second > first + 0.1
+    assert told(1.0)[1] is None, "a bar of an event that a companion does not know"

@@ -6,7 +6,9 @@ Every row can disagree, and a row whose bars are wider than its ceiling says not
 from __future__ import annotations
 
 import enum
+import itertools
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -254,28 +256,39 @@ def _event(event: str, a: Estimated, b: Estimated, axial: float, top: float) -> 
         yield Agreement("events", abs(first - second) / scale, Bound("error bars", parts), law=law)
 
 
-def happened(event: str, r: Response) -> dict[str, Any] | None:
-    """Return the first happening of an event."""
-    return next((x for x in r.events if x["event"] == event), None)
+def happened(event: str, r: Response, after: int = 0) -> dict[str, Any] | None:
+    """Return the first happening of an event, or that after so many."""
+    return next(itertools.islice((x for x in r.events if x["event"] == event), after, None), None)
 
 
-def _bar(event: str, e: Estimated, axial: float) -> dict[str, float]:
-    """Return the bars of an event's t, s_o and speed; a stop comes when axial waves let it, no better."""
-    mine, others = happened(event, e.run), [happened(event, c) for c in (e.in_space, e.in_time)]
+def _bar(event: str, e: Estimated, axial: float, after: int = 0) -> dict[str, float]:
+    """Return the bars of an event's t, s_o and speed; a stop comes when axial waves let it, no better.
+
+    A companion in which it does not happen as often says nothing of the others: their bars are infinite.
+    """
+    mine, *others = (happened(event, r, after) for r in e.runs)
+    count = [sum(x["event"] == event for x in r.events) for r in e.runs]
+    if after and len(set(count)) > 1:
+        others = [None]
     assert mine is not None
     bars = {}
     for name in ("t", "s_o", "speed"):
         apart = [math.inf if x is None else abs(x[name] - mine[name]) for x in others]
         bars[name] = SAFETY * sum(apart) + (axial if name == "t" and event in ("stop", "turn") else 0.0)
+    if event in ("brake", "arrival"):  # it comes when the car does: changes of its place up to there may cancel, there
+        before = e.run.t <= mine["t"]
+        t, s_o = e.run.t[before], e.run.s_o[before]
+        apart = [float(np.abs(np.interp(t, c.t, c.s_o) - s_o).max()) for c in (e.in_space, e.in_time)]
+        bars["t"] = max(bars["t"], SAFETY * sum(apart) / mine["speed"] if mine["speed"] else math.inf)
     return bars
 
 
 def with_bars(scene: Scene, e: Estimated) -> list[dict[str, Any]]:
     """Return the events of a run with bars: bar_t [s], bar_s_o [m], bar_speed [m/s], None where none can be made."""
-    axial, out, seen = 2.0 * scene.length / scene.axial_speed, [], set()
+    axial, out, seen = 2.0 * scene.length / scene.axial_speed, [], Counter[str]()
     for x in e.run.events:
-        known = _bar(x["event"], e, axial) if x["event"] not in seen else {}
-        seen.add(x["event"])
+        known = _bar(x["event"], e, axial, seen[x["event"]])
+        seen[x["event"]] += 1
         bars = {f"bar_{n}": v if math.isfinite(v := known.get(n, math.inf)) else None for n in ("t", "s_o", "speed")}
         out.append({**x, **bars})
     return out
