@@ -75,7 +75,8 @@ def test_models_that_differ_are_seen_to_differ():
 def test_the_stretching_model_costs_half_of_the_full_one_at_most():
     """For a path right to 1e-3 of its own model; the cost is unknowns times Newton iterations, the least on a grid.
 
-    0.40 was measured: half of the unknowns, and a balance that is nearer to linear.  Seconds follow once the arithmetic outweighs the fixed cost of a step (a few hundred unknowns).
+    0.40 was measured: half of the unknowns, and a balance that is nearer to linear.  Seconds follow once the
+    arithmetic outweighs the fixed cost of a step (a few hundred unknowns).
     """
     cost = {}
     for model in ("stretching", "full"):
