@@ -100,7 +100,8 @@ def check(
     while True:
         # the sum of both bars is held against tol: each solver gets half of it
         jobs: list[Callable[[Progress], Any]] = [partial(_resolved, scene, m, 0.5 * aim) for m in found]
-        *runs, gripped = [*side_by_side([*jobs, *grip], progress), None][:3]
+        first, second, *gripped = side_by_side([*jobs, *grip], progress)
+        runs: tuple[Estimated, Estimated] = first, second
         rows = agree(scene, *runs, tol=tol, tol_tension=tol_tension)
         reached = all(e.run.path_error is not None and e.run.path_error <= 0.5 * aim for e in runs)
         if overall(rows) is not Verdict.TOO_COARSE or not reached or aim < FINER_FROM:
@@ -111,7 +112,7 @@ def check(
     except measures.NotComparable:
         window = (measures.WINDOW[0], measures.WINDOW[0])
     a, b = (_told(scene, e, twin) for e, twin in (runs, runs[::-1]))
-    return Check(scene, a, b, tol, window, rows, gripped)
+    return Check(scene, a, b, tol, window, rows, gripped[0] if gripped else None)
 
 
 def _told(scene: Scene, e: Estimated, twin: Estimated) -> Estimated:
