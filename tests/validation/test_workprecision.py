@@ -162,7 +162,7 @@ def test_a_missing_chart_is_named(tmp_path):
 # --- what is read off -------------------------------------------------------------------------------------------------
 def rows_at(points, series="a", kind="method", status="ok"):
     row = {"series": series, "kind": kind, "model": "full", "status": status, "reason": "r"}
-    return [row | {"seconds": s, "path_error": e} for s, e in points]
+    return [row | {"seconds": s, "path_error": e, "tension_error": 0.1 * e} for s, e in points]
 
 
 def test_seconds_at_an_error_follow_the_power_law_between_the_best_dots():
@@ -183,6 +183,7 @@ def test_ratios_to_other_codes_are_at_equal_error():
     rows = rows_at([(0.01, 1e-2), (0.1, 1e-4)]) + rows_at([(2.0, 1e-2), (50.0, 1e-3)], "b", "peer")
     at = study.fastest(rows, 1e-3)
     assert at["series"] == "a"
+    assert at["tension"] == {"series": "a", "seconds": pytest.approx(0.01)}  # at its coarsest already
     assert at["seconds"] == pytest.approx(0.01 * math.sqrt(10.0))
     assert at["peers"]["b"]["ratio"] == pytest.approx(50.0 / (0.01 * math.sqrt(10.0)))
     beyond = study.fastest(rows, 1e-4)["peers"]["b"]

@@ -49,7 +49,7 @@ def sections(folder: Path) -> list[Section]:
 
 
 def _fastest(chart: dict[str, Any]) -> Section:
-    rows, heads = [], {"error": "path error", "series": "fastest here", "seconds": "its seconds"}
+    rows, heads = [], {"error": "error", "series": "mass path: fastest here", "seconds": "its seconds"}
     for at in chart.get("fastest", []):
         row: Row = {"error": percent(at["error"]), "series": at["series"] or "none reaches it"}
         row["seconds"] = _seconds(at["seconds"])
@@ -59,11 +59,14 @@ def _fastest(chart: dict[str, Any]) -> Section:
             row[name] = (
                 peer["reason"] if ratio is None else f"{number(ratio, 2)} times as long ({_seconds(peer['seconds'])})"
             )
+        tension = at["tension"]
+        row |= {"tension": tension["series"] or "none reaches it", "tension_seconds": _seconds(tension["seconds"])}
         rows.append(row)
     for name in _absent(chart):
         heads[name] = f"{name} takes"
         for row in rows:
             row[name] = "not measured: not installed"
+    heads |= {"tension": "tension: fastest here", "tension_seconds": "its seconds"}
     reference, text = chart["reference"], Markup("")
     bar, witness = reference.get("path_error"), reference.get("witness_path")
     told = {key: _told(reference[key]) for key in ("settings", "witness_settings")}
