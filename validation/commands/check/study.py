@@ -95,7 +95,7 @@ def check(
         raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     found = [find(m) if isinstance(m, str) else m for m in methods]
-    grip = [partial(_gripped, scene, found[0])] if scene.drive.mode == "haul" else []
+    grip: list[Callable[[Progress], Any]] = [partial(_gripped, scene, found[0])] if scene.drive.mode == "haul" else []
     aim = tol
     while True:
         # the sum of both bars is held against tol: each solver gets half of it
