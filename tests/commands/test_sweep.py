@@ -3,6 +3,8 @@
 import contextlib
 import math
 import os
+import subprocess
+import sys
 import time
 from collections import Counter
 from pathlib import Path
@@ -135,6 +137,19 @@ def test_a_row_holds_the_run(tmp_path):
     assert stored["max_deflection"] == row["max_deflection"]
 
 
+def test_fields_are_kept_when_asked_for(tmp_path):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("zarr")
+    study = Study.of(GRID | {"keep": {"fields": True}})
+    row = job.row(study, 4, study.point(4))
+    deflection = row["max_deflection"]
+    engine.write(tmp_path, study, [row])
+    kept = xarray.open_zarr(tmp_path / "fields" / "4.zarr")
+    assert float(kept["v"].max()) == deflection
+    assert kept["field_T"].dims == ("frame", "s")
+    assert "fields" not in engine.frame(tmp_path).columns
+
+
 def test_whatever_happens_to_a_scene_is_a_row(monkeypatch):
     refused = Study.of(GRID | {"vary": {"cable.EA": [1.0, 2.0]}})
     assert job.row(refused, 0, refused.point(0))["status"] == "refused"
@@ -142,6 +157,14 @@ def test_whatever_happens_to_a_scene_is_a_row(monkeypatch):
     monkeypatch.setattr(job, "_run", lambda *given: 1 / 0)
     failed = job.row(Study.of(GRID), 1, {})
     assert (failed["status"], failed["cause"]) == ("failed", "ZeroDivisionError")
+
+
+def test_a_method_that_cannot_roll_is_a_row():
+    study = Study.load("reliability")
+    point = study.point(3)
+    assert point["drive.mode"] == "free"
+    row = job.row(study, 3, point | {"method": "fixed-hermite"})
+    assert (row["status"], row["cause"]) == ("refused", "method")
 
 
 def test_a_scene_that_hangs_is_cut_off(monkeypatch):
@@ -238,6 +261,52 @@ def test_a_cluster_of_its_own_and_the_page(tmp_path):
     assert "9 of 9 scenes" in first.summary
     assert "max_deflection over mass.mass and speed_ratio" in maps.html
     assert "cablefem sweep study.toml --scene" in scenes.html or '"study": "study.toml"' in scenes.html
+
+
+@pytest.fixture
+def machines(tmp_path):
+    """A scheduler and two workers in processes of their own, as on a cluster; kills the given worker when called."""
+    import socket
+
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    address = f"tcp://127.0.0.1:{port}"
+    worker = "dask_worker", address, "--nthreads", "1", "--no-dashboard", "--no-nanny"
+    commands = [("dask_scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"), worker, worker]
+    quiet = {"cwd": tmp_path, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    started = [
+        subprocess.Popen([sys.executable, "-m", f"distributed.cli.{name}", *given], **quiet)
+        for name, *given in commands
+    ]
+    try:
+        yield address, started[1:]
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+@pytest.mark.slow
+def test_a_worker_killed_half_way_changes_no_row(tmp_path, machines):
+    address, workers = machines
+    study = Study.of(GRID | {"vary": GRID["vary"] | {"speed_ratio": {"from": 0.2, "to": 0.4, "count": 20}}})
+    engine.sweep(study, tmp_path / "calm", workers=1)
+
+    def half_way(tally):
+        if tally.done >= 30 and workers[0].poll() is None:
+            workers[0].kill()
+
+    tally = engine.sweep(study, tmp_path / "disturbed", scheduler=address, progress=half_way)
+    assert workers[0].poll() is not None
+    assert tally.done == len(study) == 60
+    calm, disturbed = (engine.frame(tmp_path / name) for name in ("calm", "disturbed"))
+    assert calm.index.tolist() == disturbed.index.tolist() == list(range(60))
+    inputs = [axis.name for axis in study.axes]
+    np.testing.assert_array_equal(calm[inputs], disturbed[inputs])  # to the last bit
+    numbers = [c for c in calm.columns if calm[c].dtype.kind == "f" and c not in (*inputs, "seconds")]
+    np.testing.assert_allclose(disturbed[numbers], calm[numbers], rtol=1e-12, atol=0.0)
+    assert (calm["status"] == disturbed["status"]).all()
 
 
 def test_a_scheduler_that_is_not_there_is_said(tmp_path):

@@ -14,6 +14,7 @@ from tests.validation.pairs import altered
 from validation.core.agreement import AXIAL_MEAN, Verdict, agree, with_bars
 from validation.core.design import numbers
 from validation.core.estimate import estimated
+from validation.core.sampling import _turns
 
 RIDE = Scene.from_toml(ZIP + "rolling_friction = 0.02\nbrake = [{from = 25.0, force = 40.0}]\nend = {place = 45.0}")
 
@@ -95,3 +96,9 @@ def test_events_after_the_first_of_their_kind_have_bars_where_all_runs_have_them
     first, second = told(1.0, 3.1)
     assert second > first + 0.1
     assert told(1.0)[1] is None, "a bar of an event that a companion does not know"
+
+
+def test_a_turn_is_one_after_which_the_car_goes_back_and_no_rattle():
+    t = np.linspace(0.0, 4.0 * np.pi, 4001)
+    assert list(_turns(t, 0.5 - 0.3 * np.cos(t))) == pytest.approx([np.pi, 2.0 * np.pi, 3.0 * np.pi], abs=0.01)
+    assert not list(_turns(t, 0.1 + 0.05 * t + 4e-4 * np.sin(300.0 * t)))

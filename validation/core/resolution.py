@@ -40,7 +40,7 @@ QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 
 # A car of at most this mass sends a front of width mu over the cable and meets it again: what counts is how little the
 # front disperses on all its way, in space and time.  Measured on `level` with mu = 0.01, path errors: 3520
-# trapezoidal steps 1.1e-3, 300 of Radau 7.9e-4 in a seventh of the time; steps cut eightfold only where the front meets
+# trapezoidal steps 1.1e-3, 300 of Radau 7.9e-4 in a third of the time; steps cut eightfold only where the front meets
 # the car take 3.9e-3 to 3.5e-3, and elements graded towards the car make it worse (2.1e-3 to 2.6e-3).
 LIGHT, SHARP = 0.1, {"scheme": "radau"}
 

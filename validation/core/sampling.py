@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -106,9 +106,25 @@ def _events(scene: Scene, work: Work, t: Array, s_o: Array) -> list[tuple[str, f
             place = float(s_o[_at(t, e.t)])
             if abs(place - rests) > RATTLE:
                 rests, still = place, e.t
-        elif e.name not in ("breaking loose", "brake off"):
+        elif e.name not in ("breaking loose", "brake off", "turn"):
             told.append((e.name, still if e.name == "stop" else e.t))
-    return sorted(told, key=lambda event: event[1])
+    return sorted([*told, *(("turn", x) for x in _turns(t, s_o) if drive.mode == "free")], key=lambda event: event[1])
+
+
+SWING = 1e-3  # of the length, that a car goes back after a turn
+
+
+def _turns(t: Array, s_o: Array) -> Iterator[float]:
+    """Give the instants at which a car turns for good; what rings and rattles turns nobody."""
+    way, far = 0.0, 0
+    for i, place in enumerate(s_o.tolist()):
+        gone = place - s_o[far]
+        if way * gone < -SWING:
+            yield float(t[far])
+        if abs(gone) > SWING and way * gone <= 0.0:
+            way, far = math.copysign(1.0, gone), i
+        elif way * gone > 0.0:
+            far = i
 
 
 _TENSIONS = ("T_behind", "T_ahead", "T_behind_pointwise", "T_ahead_pointwise")

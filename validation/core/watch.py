@@ -25,8 +25,9 @@ SLACK_END = 0.95  # s_o/l to which the energy is watched after the onset
 def watched(r: Response, scene: Scene, method: Method) -> Response:
     """Return the response with the energy it gained without being given it before the law changed, and its flags."""
     assert scene.mass is not None
-    stop = min(measures.WINDOW[1], r.reached, math.inf if r.switched is None else r.switched)
-    if r.t.size < 3 or not r.max_deflection > 0.0:
+    reached = math.inf if r.drive == "free" else r.reached  # a ride may roll back
+    stop = min(measures.WINDOW[1], reached, math.inf if r.switched is None else r.switched)
+    if r.t.size < 3 or not r.max_deflection > 0.0 or not measures.inside(r, (0.0, stop)).any():
         return r
     weight = scene.mass.mass * scene.gravity
     unit = max(1.0, float(np.ptp(r.energy[measures.inside(r, (0.0, stop))])) / (weight * r.max_deflection))

@@ -193,10 +193,11 @@ def carried(mesh, n_left, node, cable, knots, shapes, kinematics, rise, frames, 
         follow(kinematics[i, 0], kinematics[i, 1], kinematics[i, 2], n_left, unused, mesh.span)
         end_forces(mesh, n_left, node, cable, kinematics[i, 2], rise[i], q[i], v[i], a[i], ends[i])
         if kinematics[i, 0] == 0.0:  # the left part has no length yet
-            ends[i, 0], ends[i, 1] = ends[i, 2], ends[i, 2]
+            for f in range(ends.shape[2]):
+                ends[i, 0, f] = ends[i, 1, f] = ends[i, 2, f]
     for k in range(frames.size):
         i = frames[k]
-        s_o, ds, dds = kinematics[i]
+        s_o, ds, dds = kinematics[i, 0], kinematics[i, 1], kinematics[i, 2]
         sample_forces(knots, shapes, mesh.dofs, node, s_o, ds, dds, s, q[i], v[i], a[i], ends[i], along[k])
 
 

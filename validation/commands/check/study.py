@@ -24,6 +24,7 @@ from validation.core.sidebyside import Progress, side_by_side
 from validation.core.store import Refused
 
 SOLVERS = ("following-p2", "fourier-kink")
+FINER, FINER_FROM = 3.0, 1e-3  # what too coarse rows divide the aim by, and the last aim that they may divide
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,25 +87,32 @@ def check(
     """Run two methods on a scene, each as fine as its own error bar needs to meet `tol`, and compare them.
 
     tol : asked of the error of the mass path, relative to the largest deflection; in [1e-6, 0.2].
-    tol_tension : asked of the tension, relative to H; default ten times `tol`.
+    tol_tension : asked of the tension, relative to H; default ten times `tol`.  Where the path's bar is met but
+        tension, fields or laws are too coarse to tell, both solvers are refined further.
     progress : called with the method's name, the fraction done and what was reached.
     """
     if not (math.isfinite(tol) and 1e-6 <= tol <= 0.2):
         raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
-    # the sum of both bars is held against tol: each solver gets half of it
     found = [find(m) if isinstance(m, str) else m for m in methods]
-    jobs: list[Callable[[Progress], Any]] = [partial(_resolved, scene, m, 0.5 * tol) for m in found]
-    if scene.drive.mode == "haul":
-        jobs.append(partial(_gripped, scene, found[0]))
-    *runs, grip = [*side_by_side(jobs, progress), None][:3]
+    grip: list[Callable[[Progress], Any]] = [partial(_gripped, scene, found[0])] if scene.drive.mode == "haul" else []
+    aim = tol
+    while True:
+        # the sum of both bars is held against tol: each solver gets half of it
+        jobs: list[Callable[[Progress], Any]] = [partial(_resolved, scene, m, 0.5 * aim) for m in found]
+        first, second, *gripped = side_by_side([*jobs, *grip], progress)
+        runs: tuple[Estimated, Estimated] = first, second
+        rows = agree(scene, *runs, tol=tol, tol_tension=tol_tension)
+        reached = all(e.run.path_error is not None and e.run.path_error <= 0.5 * aim for e in runs)
+        if overall(rows) is not Verdict.TOO_COARSE or not reached or aim < FINER_FROM:
+            break
+        aim /= FINER
     try:
         window = measures.window_of(*runs[0].runs, *runs[1].runs)
     except measures.NotComparable:
         window = (measures.WINDOW[0], measures.WINDOW[0])
-    rows = agree(scene, *runs, tol=tol, tol_tension=tol_tension)
     a, b = (_told(scene, e, twin) for e, twin in (runs, runs[::-1]))
-    return Check(scene, a, b, tol, window, rows, grip)
+    return Check(scene, a, b, tol, window, rows, gripped[0] if gripped else None)
 
 
 def _told(scene: Scene, e: Estimated, twin: Estimated) -> Estimated:

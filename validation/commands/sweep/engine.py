@@ -254,7 +254,7 @@ def _client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator
     with dask.config.set(calm):
         cluster = LocalCluster(
             n_workers=min(workers or os.cpu_count() or 1, scenes), threads_per_worker=1, memory_limit=0,
-            dashboard_address=None, silence_logs=logging.CRITICAL,
+            dashboard_address=":0", silence_logs=logging.CRITICAL,
         )  # fmt: skip
         with cluster, Client(cluster) as client:
             yield client

@@ -99,7 +99,7 @@ def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[st
     from validation.core.estimate import SLACK_END
     from validation.core.methods import find
     from validation.core.resolution import TooCoarse, resolve
-    from validation.core.running import run
+    from validation.core.running import Run, run
 
     how = study.how(point)
     tol = how.pop("tol", None)
@@ -109,6 +109,10 @@ def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[st
     knobs = find(method).knobs
     settings = {k: v for k, v in study.settings.items() if k in knobs}
     too_coarse: dict[str, Any] = {}
+    try:
+        Run(scene, method, **how, **settings)
+    except ValueError as error:  # a method that cannot do what the scene asks for
+        return {"status": "refused", "cause": "method", "reason": str(error)}
     if scene.drive.mode == "grip":  # what is told of a scene lies before, and steps of a slack cable cost the most
         how["until"] = SLACK_END
     if tol is None:
@@ -122,6 +126,8 @@ def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[st
     out = of_response(r, scene) | too_coarse
     if faults := faults_of(r):
         return out | {"status": "failed", "cause": "not finite", "reason": "; ".join(faults)}
+    if study.fields:
+        out["fields"] = r.to_xarray()
     if study.truth and index % study.truth[0] == 0 and r.path_error is not None:
         out |= truth(scene, r, study.truth[1])
     return out
