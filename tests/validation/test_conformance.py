@@ -113,7 +113,7 @@ def test_a_row_of_the_chart(name, monkeypatch):
     monkeypatch.setattr(chart, "REFERENCE", ("following-p2", {"elements": 6, "steps": 200}))
     monkeypatch.setattr(chart, "WITNESS", ("fourier-kink", {"terms": 6, "steps": 100}))
     truth = chart._Truth.of(SCENE, {"known": True})
-    row = chart._RUNNERS[line.kind](SCENE, line, coarse(name), truth, 1, 0.0)
+    row = chart._repeated(SCENE, line, coarse(name), truth, 1, 0.0)
     assert row["status"] == "ok" or row["reason"]
     assert chart._size(line, coarse(name)) > 0.0
     assert chart._sizes(find(name).resolution, 80)
