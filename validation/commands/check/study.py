@@ -45,9 +45,10 @@ class Check:
 
     @property
     def design(self) -> list[dict[str, Any]]:
-        """The design numbers of the answer with the smaller bar, with bars no less than the gap to the other."""
-        best = min((self.a.run, self.b.run), key=lambda r: math.inf if r.path_error is None else r.path_error)
-        return best.design
+        """The design numbers, each by the solver that knows it better; its bar is no less than the gap to the other."""
+        other = {row["quantity"]: row for row in self.b.run.design}
+        pairs = [(row, other.get(row["quantity"], row)) for row in self.a.run.design]
+        return [min(pair, key=lambda row: math.inf if row["bar"] is None else row["bar"]) for pair in pairs]
 
     @property
     def doubts(self) -> list[tuple[str, Flag]]:

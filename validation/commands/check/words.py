@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from validation.commands.check.study import Check
 from validation.core.trust import reach
 from validation.page import telling, terminal
@@ -9,7 +11,7 @@ from validation.page import telling, terminal
 
 def tell(result: Check) -> None:
     """Print the answer, where it stops being meaningful, and the verdict row by row and in one line."""
-    telling.answer(result.a.run)
+    telling.answer(replace(result.a.run, design=result.design))
     if result.a.run.drive != "free":  # one is compared to its end
         terminal.say(f"  {_meaning(result)}")
     terminal.say()
