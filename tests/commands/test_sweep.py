@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray
 
 from cablefem.scene import Scene, SceneError
 from validation import cli
@@ -138,8 +139,6 @@ def test_a_row_holds_the_run(tmp_path):
 
 
 def test_fields_are_kept_when_asked_for(tmp_path):
-    xarray = pytest.importorskip("xarray")
-    pytest.importorskip("zarr")
     study = Study.of(GRID | {"keep": {"fields": True}})
     row = job.row(study, 4, study.point(4))
     deflection = row["max_deflection"]
