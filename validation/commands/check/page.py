@@ -96,7 +96,8 @@ def _quantity(value: float, unit: str, digits: int = 3) -> str:
 
 def _verdict(x: Stored, gone: Markup) -> Section:
     of = _references(x)
-    html = [gone, *(callout(f"{d['method']}: {d['words']}.", "not comparable") for d in x.doubts), _design(x)]
+    doubts = (callout(f"{d['method']}: {d['words']}.", "not comparable") for d in x.doubts)
+    html = [gone, *doubts, Markup(_SAY.happened(_events(x))), _design(x)]
     if x.rows:
         shown = [row for row in x.rows if row.get("quantity") not in LAWS or row.get("verdict") != "agree"]
         used = dict.fromkeys(kind for row in shown if (kind := _words(row)[1]))
@@ -267,17 +268,9 @@ def _ride(x: Stored) -> Section:
     forces = [("contact, across the cable", "N", lambda r: r.F_contact)]
     if np.isfinite(r.F_haul).any():
         forces.insert(0, ("from outside, along the cable", "N", lambda r: r.F_haul))
-    events = []
-    for e in x.events:
-        t, s_o, speed = (e.get(f"bar_{key}") for key in ("t", "s_o", "speed"))
-        events.append({
-            "event": e["event"].replace("_", " "), "t": _set(with_bar(e["t"], t)),
-            "s_o": _set(with_bar(e["s_o"], s_o)), "speed": _set(with_bar(e["speed"], speed)),
-            "kmh": _set(with_bar(3.6 * e["speed"], speed and 3.6 * speed)),
-        })  # fmt: skip
     heads = {"event": "event", "t": "time [s]", "s_o": "place sₒ [m]", "speed": "speed [m/s]", "kmh": "speed [km/h]"}
     html = [
-        table(events, heads, caption="What happens", stack=True) if events else Markup(""), _gripped(x),
+        table(_events(x), heads, caption="What happens", stack=True) if x.events else Markup(""), _gripped(x),
         gallery(
             draw.series(x, rows, _SAY.motion(x), height=104.0),
             draw.series(x, forces, _SAY.forces(x), height=128.0),
@@ -286,6 +279,19 @@ def _ride(x: Stored) -> Section:
         ),
     ]  # fmt: skip
     return Section("check-ride", "Ride", Markup("\n").join(html))
+
+
+def _events(x: Stored) -> list[dict[str, str]]:
+    """Return what happens on a ride, as text with bars."""
+    events = []
+    for e in x.events:
+        t, s_o, speed = (e.get(f"bar_{key}") for key in ("t", "s_o", "speed"))
+        events.append({
+            "event": e["event"].replace("_", " "), "t": _set(with_bar(e["t"], t)),
+            "s_o": _set(with_bar(e["s_o"], s_o)), "speed": _set(with_bar(e["speed"], speed)),
+            "kmh": _set(with_bar(3.6 * e["speed"], speed and 3.6 * speed)),
+        })  # fmt: skip
+    return events
 
 
 def _gripped(x: Stored) -> Markup:
