@@ -15,6 +15,7 @@ _NAMES = {
     "mass_deepest": "deepest place of the mass", "mass_deflection_max": "largest deflection of the mass",
     "contact_max": "largest force of the mass on the cable", "contact_min": "least force of the mass on the cable",
     "haul_force_max": "largest haul force", "speed_max": "top speed", "slack_onset": "slack onset",
+    "max_deflection": "largest deflection of the mass", "path_error": "error bar of the mass path",
 }  # fmt: skip
 
 
@@ -38,6 +39,20 @@ def told(number: dict[str, Any], length: float) -> dict[str, str]:
 def named(quantity: str) -> str:
     """Return the name of a design number."""
     return _NAMES.get(quantity) or re.sub("(.*)_max", r"largest \1", quantity).replace("_", " ")
+
+
+def unit_of(quantity: str) -> str:
+    """Return the SI unit of a design number; "" of a ratio."""
+    kinds = {
+        "tension": "N",
+        "reaction": "N",
+        "contact": "N",
+        "haul": "N",
+        "deep": "m",
+        "deflection": "m",
+        "speed": "m/s",
+    }
+    return next((unit for kind, unit in kinds.items() if kind in quantity), "")
 
 
 def scale_of(values: Array, unit: str) -> tuple[float, str]:

@@ -14,6 +14,7 @@ from markupsafe import Markup
 from validation.commands.sweep.engine import frame
 from validation.commands.sweep.job import BROKEN, DESIGN
 from validation.commands.sweep.study import Study, built_in
+from validation.core.quantities import named, scale_of, unit_of
 from validation.page.figures import panels
 from validation.page.page import Section, callout, figure, gallery, number, table
 
@@ -88,6 +89,9 @@ def _maps(study: Study, rows: Any) -> Section:
 
 def _map(study: Study, rows: Any, quantity: str, axes: list[str]) -> Markup:
     rows = rows.iloc[:: max(1, -(-len(rows) // LARGE))]
+    factor, unit = scale_of(rows[quantity].to_numpy(float), unit_of(quantity))
+    rows = rows.assign(**{quantity: factor * rows[quantity]})
+    called = f"{named(quantity)} [{unit or '–'}]"
     x, y = axes[0], axes[1] if len(axes) > 1 else quantity
     third = axes[2] if len(axes) > 2 else None
     parts = _parts(rows[third]) if third else [("", np.ones(len(rows), bool))]
@@ -102,7 +106,7 @@ def _map(study: Study, rows: Any, quantity: str, axes: list[str]) -> Markup:
         slack = part[part["slack_onset"].notna()]
         ax.scatter(slack[x], slack[y], s=30, facecolors="none", edgecolors="#d55e00", linewidths=0.7)
         if (most := study.limit.get(quantity)) is not None:
-            beyond = part[part[quantity] > most]
+            beyond = part[part[quantity] > factor * most]
             ax.scatter(beyond[x], beyond[y], s=24, marker="x", c="#1a1a1a", linewidths=0.8)
         ax.set_title(title, fontsize=8)
         ax.set_xlabel(x)
@@ -110,9 +114,13 @@ def _map(study: Study, rows: Any, quantity: str, axes: list[str]) -> Markup:
             ax.set_xscale("log")
         if logs.get(y):
             ax.set_yscale("log")
-    grid[0][0].set_ylabel(y)
-    fig.colorbar(dots, ax=list(grid[0]), label=quantity)
-    return figure(fig, f"{quantity} over {x} and {y}" + (f", {third} from left to right" if third else ""))
+    grid[0][0].set_ylabel(called if y == quantity else y)
+    fig.colorbar(dots, ax=list(grid[0]), label=called)
+    return figure(
+        fig,
+        f"{named(quantity)[0].upper()}{named(quantity)[1:]} over {x} and {y}"
+        + (f", {third} from left to right" if third else ""),
+    )
 
 
 def _parts(values: Any) -> list[tuple[str, Any]]:
