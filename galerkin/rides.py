@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, iterate, part_of_ride
+from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, iterate
 from cablefem.response import States
 from cablefem.scene import RATTLE, Groups
 from galerkin import kernels
@@ -396,8 +396,8 @@ class RollingSystem(GalerkinSystem):
             return 1.0
         hears = self.drive.mu_r > 0.0 or bool(self.drive.brakes)
         rubs = hears and (self.mode.brakes > 0 or self.mode.sign == 0.0)
-        of = self.drive.nominal, 2.0 / math.sqrt(self.groups.alpha), self.place(x), float(x.v[-1])
-        return part_of_ride(*of, since if hears else math.inf, rubs)
+        of = 2.0 / math.sqrt(self.groups.alpha), self.place(x), float(x.v[-1])
+        return self.drive.part_of_step(*of, since if hears else math.inf, rubs)
 
     # --- events -----------------------------------------------------------------------------------------------------
     def watch(self, x: State) -> tuple[float, ...]:

@@ -26,7 +26,7 @@ from cablefem.elements.cable import Array
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels import car as kernels
 from cablefem.elements.kernels.newton import settle
-from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, Tableau, consistent_acceleration, part_of_ride
+from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, Tableau, consistent_acceleration
 from cablefem.newmark.energy_rule import average
 from cablefem.newmark.newton import find_root
 from cablefem.response import Observation, States
@@ -134,7 +134,7 @@ class RollingElements(FollowingElements):
             return 1.0
         rubs = self._grips and (self._brakes > 0 or self._mode == kernels.HELD)
         place, slip = float(x.q[-1]), float(x.v[-1])
-        return part_of_ride(self.drive.nominal, self._settled, place, slip, since if self._grips else math.inf, rubs)
+        return self.drive.part_of_step(self._settled, place, slip, since if self._grips else math.inf, rubs)
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self._n_dof)

@@ -23,7 +23,7 @@ from cablefem.newmark.newmark_rule import iterate
 from cablefem.newmark.newton import Newton, Settled
 from cablefem.newmark.schemes import SCHEMES, Scheme, scheme
 from cablefem.newmark.stepper import Passed, Work
-from cablefem.newmark.steps import part_of_ride, step_times
+from cablefem.newmark.steps import step_times
 from cablefem.newmark.system import (
     Abrupt,
     Array,
@@ -69,7 +69,6 @@ __all__ = [
     "densified",
     "integrate",
     "iterate",
-    "part_of_ride",
     "scheme",
     "step_times",
 ]

@@ -41,22 +41,3 @@ def step_times(
         grids.append(grid)
     grids[-1] = grids[-1][:-1]
     return grids
-
-
-# At a thousand steps a ride, steps are these parts of the time since a jump of force and of that to a support, and of
-# an axial wave's way while something reacts to it.
-SINCE, RINGS, STANDARD = 12.0, 60.0, 1000.0
-
-
-def part_of_ride(duration: float, axial: float, s_o: float, speed: float, since: float, rubs: bool) -> float:
-    """Return which part of a step a rolling car takes at s_o, 0 < s_o < 1: a function of where it is, not of the steps.
-
-    duration : of the ride.  axial : time of axial waves to and fro over the cable; next to a support they come sooner.
-    since : after a jump of a force along the cable, which rings; inf where nothing hears that.
-    rubs : whether a brake or a hold reacts to what rings as long as it does.
-    """
-    step, near = duration / STANDARD, min(s_o, 1.0 - s_o)
-    there = near / abs(speed) if speed else math.inf
-    return min(
-        1.0, (since + axial * near) / (SINCE * step), there / (SINCE * step), axial / (RINGS * step) if rubs else 1.0
-    )
