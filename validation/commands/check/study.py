@@ -97,11 +97,13 @@ def check(
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     found = [find(m) if isinstance(m, str) else m for m in methods]
     grip: list[Callable[[Progress], Any]] = [partial(_gripped, scene, found[0])] if scene.drive.mode == "haul" else []
+    gripped: list[Response] = []
     aim = tol
     while True:
         # the sum of both bars is held against tol: each solver gets half of it
         jobs: list[Callable[[Progress], Any]] = [partial(_resolved, scene, m, 0.5 * aim) for m in found]
-        first, second, *gripped = side_by_side([*jobs, *grip], progress)
+        first, second, *once = side_by_side([*jobs, *grip], progress)
+        gripped, grip = gripped or once, []
         runs: tuple[Estimated, Estimated] = first, second
         rows = agree(scene, *runs, tol=tol, tol_tension=tol_tension)
         reached = all(e.run.path_error is not None and e.run.path_error <= 0.5 * aim for e in runs)
