@@ -16,6 +16,7 @@ import numpy as np
 from cablefem.response import Array, Response
 from validation.core import measures
 from validation.core.estimate import Estimated
+from validation.core.quantities import unit_of
 from validation.core.richardson import SAFETY
 
 
@@ -47,7 +48,6 @@ class _Track:
 
 @dataclass(frozen=True, slots=True)
 class _Quantity:
-    unit: str
     sign: float  # +1: the largest is wanted, -1: the least
     tracks: Callable[[Response], list[_Track]]
     force: bool  # of first order, by the axial fronts in it
@@ -83,23 +83,23 @@ def _depth(r: Response) -> list[_Track]:
 
 
 QUANTITIES: dict[str, _Quantity] = {
-    "tension_max": _Quantity("N", 1.0, _tension(1.0), True),
-    "tension_min": _Quantity("N", -1.0, _tension(-1.0), True),
+    "tension_max": _Quantity(1.0, _tension(1.0), True),
+    "tension_min": _Quantity(-1.0, _tension(-1.0), True),
     **{
-        f"reaction_{side}_{part}max": _Quantity("N", 1.0, _reaction(side, of), True)
+        f"reaction_{side}_{part}max": _Quantity(1.0, _reaction(side, of), True)
         for side in ("left", "right")
         for part, of in (
             ("", lambda x: np.hypot(x[:, 0], x[:, 1])), ("horizontal_", lambda x: np.abs(x[:, 0])),
             ("vertical_", lambda x: np.abs(x[:, 1])),
         )
     },
-    "deepest_point": _Quantity("m", 1.0, _depth, False),
-    "mass_deepest": _Quantity("m", 1.0, lambda r: [_at_mass(r, r.y)], False),
-    "mass_deflection_max": _Quantity("m", 1.0, lambda r: [_at_mass(r, r.v)], False),
-    "contact_max": _Quantity("N", 1.0, lambda r: [_at_mass(r, r.F_contact)], True, settled=True),
-    "contact_min": _Quantity("N", -1.0, lambda r: [_at_mass(r, r.F_contact)], True, settled=True),
-    "haul_force_max": _Quantity("N", 1.0, lambda r: [_at_mass(r, np.abs(r.F_haul))], True),
-    "speed_max": _Quantity("m/s", 1.0, lambda r: [_at_mass(r, r.speed)], False),
+    "deepest_point": _Quantity(1.0, _depth, False),
+    "mass_deepest": _Quantity(1.0, lambda r: [_at_mass(r, r.y)], False),
+    "mass_deflection_max": _Quantity(1.0, lambda r: [_at_mass(r, r.v)], False),
+    "contact_max": _Quantity(1.0, lambda r: [_at_mass(r, r.F_contact)], True, settled=True),
+    "contact_min": _Quantity(-1.0, lambda r: [_at_mass(r, r.F_contact)], True, settled=True),
+    "haul_force_max": _Quantity(1.0, lambda r: [_at_mass(r, np.abs(r.F_haul))], True),
+    "speed_max": _Quantity(1.0, lambda r: [_at_mass(r, r.speed)], False),
 }  # fmt: skip
 
 
@@ -153,7 +153,7 @@ def _numbers(r: Response, pairs: Sequence[Refinement], stop: float, twin: Respon
         if twin is not None:
             bar = max(bar, _change(r, twin, quantity, stop))
         bar += found.between
-        out.append(replace(found.number, quantity=name, bar=bar if math.isfinite(bar) else None))
+        out.append(replace(found.number, quantity=name, unit=unit_of(name), bar=bar if math.isfinite(bar) else None))
     return out
 
 
@@ -166,7 +166,7 @@ def alone(r: Response) -> list[Number]:
     """Return the design numbers of a run without companions: without bars."""
     stop = min(measures.WINDOWS[r.drive][1], math.inf if r.slack_onset is None else r.slack_onset)
     found = ((name, _extreme(r, quantity, stop)) for name, quantity in QUANTITIES.items())
-    numbers = [replace(x.number, quantity=name) for name, x in found if x is not None]
+    numbers = [replace(x.number, quantity=name, unit=unit_of(name)) for name, x in found if x is not None]
     if r.slack_onset is not None:
         numbers.append(Number("slack_onset", r.slack_onset, None, "s_o/l", s_o=r.slack_onset * r.length))
     return numbers
@@ -196,7 +196,7 @@ def _extreme(r: Response, quantity: _Quantity, stop: float) -> _Extreme | None:
             # inside, a parabola's top is at most a quarter of the larger step above its highest sample
             ends = beside.size < 3 or not np.isfinite(beside).all()
             between = (1.0 if ends else 0.25) * float(np.nanmax(beside))
-            best = _Extreme(Number("", float(value[k]), None, quantity.unit, *at), i, k, between)
+            best = _Extreme(Number("", float(value[k]), None, "", *at), i, k, between)
     return best
 
 
