@@ -7,7 +7,6 @@ an answer; `caption` goes below.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -170,7 +169,7 @@ def tension_fields(x: Stored, solvers: Sequence[Solver], caption: str) -> Markup
         panels.append(p)
     if len(solvers) > 1:
         a, b = (s.compared for s in solvers)
-        at, i, j = _common(x, a, b)
+        at, i, j = measures.common_frames(a, b)
         gap = a.fields.T[i] - b.fields.T[j]
         off = np.abs(a.fields.s[None, :] / a.length - at[:, None]) >= measures.JUMP_WIDTH
         inside = ((at >= x.window[0]) & (at <= x.window[1]) | x.free)[:, None] & off
@@ -179,14 +178,6 @@ def tension_fields(x: Stored, solvers: Sequence[Solver], caption: str) -> Markup
         names = f"{solvers[0].name} − {solvers[1].name}"
         panels.append(_field(x, a, names, t, gap, -most, most, end, DIFFERENCE, BLACK))
     return plot(panels, (0.0, end), "time t [s]", caption)
-
-
-def _common(x: Stored, a: Response, b: Response) -> tuple[Array, Any, Any]:
-    """Return s_o/l of the frames that both have, and their indices; those of free rides are at the same instants."""
-    if not x.free:
-        return measures.common_frames(a, b)
-    _, i, j = np.intersect1d(np.round(a.fields.t, 9), np.round(b.fields.t, 9), return_indices=True)
-    return a.fields.s_o[i] / a.length, i, j
 
 
 def _field(
