@@ -104,12 +104,53 @@ def add_contact(contact, q, v, a, r, ab, tangent, c0, c1, c2):
 
 
 @compiled
+def at_rest(cable, s):
+    """Return x', y' and T of the hanging cable at s."""
+    p = cable[2] - cable[1] * s
+    T = math.sqrt(1.0 + p * p)
+    return 1.0 / T, p / T, T
+
+
+@compiled
+def bend_at_rest(cable, yp, T):
+    """Return x'' and y'' of the hanging cable where y' and T are these."""
+    return cable[1] * yp / (T * T), -cable[1] / (T * T * T)
+
+
+@compiled
+def slopes(dofs, tab, q, e, g):
+    """Return d/dxi of u and v at a point of an element."""
+    du, dv = 0.0, 0.0
+    for k in range(dofs.shape[1]):
+        d = dofs[e, k]
+        if d >= 0:
+            grad = tab[e, g, 2 + dofs.shape[1] + k]
+            du += grad * q[2 * d]
+            dv += grad * q[2 * d + 1]
+    return du, dv
+
+
+@compiled
+def add_stiffness(dofs, tab, e, g, row, gi, j11, j12, j22, ab):
+    """Add gi j phi_k' of all functions k of an element at a point to two rows of the band; j of 2 fields, symmetric."""
+    band = (ab.shape[1] - 1) // 3
+    for k in range(dofs.shape[1]):
+        col = dofs[e, k]
+        if col >= 0:
+            gg = gi * tab[e, g, 2 + dofs.shape[1] + k]
+            at = band + 2 * (col - row)
+            ab[2 * row, at] += gg * j11
+            ab[2 * row, at + 1] += gg * j12
+            ab[2 * row + 1, at - 1] += gg * j12
+            ab[2 * row + 1, at] += gg * j22
+
+
+@compiled
 def add_catenary(mesh, cable, q, r, ab, tangent, c0):
     """Add int (N t - T X') . phi' ds of the full cable; return the least mean tension of an element and its s."""
     span, dofs, tab = mesh
     n_el, n_loc = dofs.shape
-    alpha, sigma, slope, law = cable[0], cable[1], cable[2], cable[3]
-    band = (ab.shape[1] - 1) // 3
+    alpha, law = cable[0], cable[3]
     least = math.inf
     where = 0.0
     for e in range(n_el):
@@ -119,17 +160,8 @@ def add_catenary(mesh, cable, q, r, ab, tangent, c0):
         for g in range(tab.shape[1]):
             s = s_0 + h * tab[e, g, 0]
             weight = tab[e, g, 1]
-            p = slope - sigma * s
-            T = math.sqrt(1.0 + p * p)
-            xp, yp = 1.0 / T, p / T
-            du = 0.0
-            dv = 0.0
-            for k in range(n_loc):
-                d = dofs[e, k]
-                if d >= 0:
-                    grad = tab[e, g, 2 + n_loc + k]
-                    du += grad * q[2 * d]
-                    dv += grad * q[2 * d + 1]
+            xp, yp, T = at_rest(cable, s)
+            du, dv = slopes(dofs, tab, q, e, g)
             du /= h
             dv /= h
             fx, fy, k_geo, k_mat, _, _, eps = pull(xp, yp, T, du, dv, alpha, law)
@@ -149,16 +181,7 @@ def add_catenary(mesh, cable, q, r, ab, tangent, c0):
                 r[2 * row] += weight * gi * fx
                 r[2 * row + 1] += weight * gi * fy
                 if tangent:
-                    for j in range(n_loc):
-                        col = dofs[e, j]
-                        if col < 0:
-                            continue
-                        gg = gi * tab[e, g, 2 + n_loc + j]
-                        at = band + 2 * (col - row)
-                        ab[2 * row, at] += gg * j11
-                        ab[2 * row, at + 1] += gg * j12
-                        ab[2 * row + 1, at - 1] += gg * j12
-                        ab[2 * row + 1, at] += gg * j22
+                    add_stiffness(dofs, tab, e, g, row, gi, j11, j12, j22, ab)
         if least * length > total:
             least, where = total / length, s_0 + 0.5 * h * (tab[e, 0, 0] + tab[e, -1, 0])
     return least, where

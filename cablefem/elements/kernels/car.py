@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cablefem.elements.kernels import compiled
+from cablefem.elements.kernels.balance import add_stiffness, at_rest, bend_at_rest, slopes
 from cablefem.elements.kernels.banded import copy, dot, factorise, solve, subtract
 from cablefem.elements.kernels.law import ELASTIC, pull, tension
 
@@ -61,6 +62,16 @@ def car_forces(car, tau, stretch, px, py, fx, fy):
 
 
 @compiled
+def motion(car, xp, yp, xpp, ypp, ds, dds, v, a):
+    """Return p. and mu (p.. - sigma j), p = X(s_o) + w of the car's node."""
+    m = car.node
+    px, py = v[2 * m] + xp * ds, v[2 * m + 1] + yp * ds
+    fx = car.mu * (a[2 * m] + xp * dds + xpp * ds * ds)
+    fy = car.mu * (a[2 * m + 1] + yp * dds + ypp * ds * ds - car.sigma)
+    return px, py, fx, fy
+
+
+@compiled
 def mean_tangent(dofs, ends, n_left, s_o, xp, yp, q):
     """Return the unit tangent along the mean of the slopes r' behind and ahead of the car, and the mean of |r'|."""
     mx, my, stretch = 0.0, 0.0, 0.0
@@ -95,7 +106,7 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, c0, c1, c2):
     """
     dofs, tab, fine = mesh.dofs, mesh.tab, rolling.inertia
     n_el, n_loc = dofs.shape
-    alpha, sigma, slope, law = cable[0], cable[1], cable[2], cable[3]
+    alpha, law = cable[0], cable[3]
     band = (ab.shape[1] - 1) // 3
     n, m = q.size - 1, car.node
     s_o, ds, dds = (car.s_o, car.ds, car.dds) if car.mode == HAUL else (q[n], v[n], a[n])
@@ -119,17 +130,11 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, c0, c1, c2):
             xi, weight = tab[e, g, 0], tab[e, g, 1]
             chi = xi if left else 1.0 - xi
             s = s_0 + h * xi
-            p = slope - sigma * s
-            T = math.sqrt(1.0 + p * p)
-            xp, yp = 1.0 / T, p / T
-            T_s, xpp, ypp = -sigma * yp, sigma * p / (T * T * T), -sigma / (T * T * T)
-            du, dv = 0.0, 0.0
-            for k in range(n_loc):
-                d = dofs[e, k]
-                if d >= 0:
-                    grad = tab[e, g, 2 + n_loc + k] / h
-                    du += grad * q[2 * d]
-                    dv += grad * q[2 * d + 1]
+            xp, yp, T = at_rest(cable, s)
+            xpp, ypp = bend_at_rest(cable, yp, T)
+            T_s = -cable[1] * yp
+            du, dv = slopes(dofs, tab, q, e, g)
+            du, dv = du / h, dv / h
             rx, ry = xp + du, yp + dv
             fx, fy, k_geo, k_mat, N, W, eps = pull(xp, yp, T, du, dv, alpha, law)
             total += weight * tension(eps, T, alpha, ELASTIC)[0]
@@ -160,15 +165,7 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, c0, c1, c2):
                     column[2 * d + 1] += grad * f_sy
                     row[2 * d] += grad * f_sx
                     row[2 * d + 1] += grad * f_sy
-                    for j in range(n_loc):
-                        d_j = dofs[e, j]
-                        if d_j >= 0:
-                            gg = grad * tab[e, g, 2 + n_loc + j]
-                            at = band + 2 * (d_j - d)
-                            ab[2 * d, at] += gg * j11
-                            ab[2 * d, at + 1] += gg * j12
-                            ab[2 * d + 1, at - 1] += gg * j12
-                            ab[2 * d + 1, at] += gg * j22
+                    add_stiffness(dofs, tab, e, g, d, grad, j11, j12, j22, ab)
         for g in range(fine.shape[1]):  # its inertia
             xi, weight = fine[e, g, 0], fine[e, g, 1]
             chi = xi if left else 1.0 - xi
@@ -248,12 +245,9 @@ def roll(mesh, rolling, cable, car, q, v, a, r, ab, c0, c1, c2):
         if least * length > total:
             least, where = total / length, s_0 + 0.5 * h * (tab[e, 0, 0] + tab[e, -1, 0])
 
-    p = slope - sigma * s_o
-    T = math.sqrt(1.0 + p * p)
-    xp, yp, xpp, ypp = 1.0 / T, p / T, sigma * p / (T * T * T), -sigma / (T * T * T)
-    px, py = v[2 * m] + xp * ds, v[2 * m + 1] + yp * ds
-    fx = car.mu * (a[2 * m] + xp * dds + xpp * ds * ds)
-    fy = car.mu * (a[2 * m + 1] + yp * dds + ypp * ds * ds - car.sigma)
+    xp, yp, T = at_rest(cable, s_o)
+    xpp, ypp = bend_at_rest(cable, yp, T)
+    px, py, fx, fy = motion(car, xp, yp, xpp, ypp, ds, dds, v, a)
     tau, stretch = mean_tangent(dofs, rolling.ends, rolling.n_left, s_o, xp, yp, q)
     ex, ey, normal, drive = car_forces(car, tau, stretch, px, py, fx, fy)
     if car.mode == HAUL:
@@ -307,14 +301,11 @@ def look(dofs, ends, n_left, cable, car, q, v, a):
     And the force of weight, thrust and drag along it, of weight across it, F_ext and the force on s_o.
     """
     car = Car(*car)  # a plain tuple, as in `settle`
-    n, m, sigma = q.size - 1, car.node, cable[1]
+    n = q.size - 1
     s_o, ds, dds = (car.s_o, car.ds, car.dds) if car.mode == HAUL else (q[n], v[n], a[n])
-    p = cable[2] - sigma * s_o
-    T = math.sqrt(1.0 + p * p)
-    xp, yp, bend = 1.0 / T, p / T, sigma * ds * ds / (T * T * T)
-    px, py = v[2 * m] + xp * ds, v[2 * m + 1] + yp * ds
-    fx = car.mu * (a[2 * m] + xp * dds + p * bend)
-    fy = car.mu * (a[2 * m + 1] + yp * dds - bend - car.sigma)
+    xp, yp, T = at_rest(cable, s_o)
+    xpp, ypp = bend_at_rest(cable, yp, T)
+    px, py, fx, fy = motion(car, xp, yp, xpp, ypp, ds, dds, v, a)
     tau, stretch = mean_tangent(dofs, ends, n_left, s_o, xp, yp, q)
     ex, ey, normal, drive = car_forces(car, tau, stretch, px, py, fx, fy)
     weight = car.mu * car.sigma
@@ -356,9 +347,8 @@ def kinetic(dofs, tab, n_left, node, mu, cable, q, v, w, momentum, gradient):
                     if d >= 0:
                         momentum[2 * d + i] += weight * h * tab[e, g, 2 + k] * z[i]
                         gradient[2 * d + i] -= 0.5 * weight * chi * tab[e, g, 2 + n_loc + k] * (dv * y[i] + dw * z[i])
-    p = cable[2] - cable[1] * s_o
-    T = math.sqrt(1.0 + p * p)
-    slope, bend = (1.0 / T, p / T), (cable[1] * p / (T * T * T), -cable[1] / (T * T * T))
+    xp, yp, T = at_rest(cable, s_o)
+    slope, bend = (xp, yp), bend_at_rest(cable, yp, T)
     for i in range(2):
         pv, pw = v[2 * node + i] + slope[i] * dv, w[2 * node + i] + slope[i] * dw
         momentum[2 * node + i] += mu * pv

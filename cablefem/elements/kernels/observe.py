@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from cablefem.elements.kernels import compiled
-from cablefem.elements.kernels.balance import Mesh, follow
+from cablefem.elements.kernels.balance import Mesh, at_rest, follow, slopes
 from cablefem.elements.kernels.law import ELASTIC, pull, tension
 
 
@@ -79,7 +79,7 @@ def end_forces(mesh, n_left, node, cable, dds, rise, q, v, a, out):
     span, dofs, tab = mesh
     n_el, n_loc = dofs.shape
     n_fields = out.shape[1]
-    alpha, sigma, slope, law = cable[0], cable[1], cable[2], cable[3]
+    alpha, law = cable[0], cable[3]
     out[:] = 0.0
     value, grad = np.empty((3, 2)), np.empty((3, 2))
     f = np.empty(2)
@@ -106,9 +106,8 @@ def end_forces(mesh, n_left, node, cable, dds, rise, q, v, a, out):
                         grad[1, i] += phi_x * v[at]
             s = s_0 + h * xi
             if n_fields == 2:
-                p = slope - sigma * s
-                T = math.sqrt(1.0 + p * p)
-                f[0], f[1], _, _, _, _, _ = pull(1.0 / T, p / T, T, grad[0, 0] / h, grad[0, 1] / h, alpha, law)
+                xp, yp, T = at_rest(cable, s)
+                f[0], f[1], _, _, _, _, _ = pull(xp, yp, T, grad[0, 0] / h, grad[0, 1] / h, alpha, law)
             else:  # cable = (alpha, tau, curvature, lam, kap, law)
                 w_s = grad[0, 0] / h
                 f[0] = cable[1] * w_s + rise * (cable[2] * (0.5 - s) + cable[4] * w_s)
@@ -247,7 +246,7 @@ def cable_energy(mesh, cable, q):
     """Return int W ds, -int sigma v ds, the pointwise least tension and its s; full cable."""
     span, dofs, tab = mesh
     n_el, n_loc = dofs.shape
-    alpha, sigma, slope, law = cable[0], cable[1], cable[2], cable[3]
+    alpha, sigma, law = cable[0], cable[1], cable[3]
     strain, potential = 0.0, 0.0
     least = math.inf
     where = 0.0
@@ -257,17 +256,13 @@ def cable_energy(mesh, cable, q):
             continue
         for g in range(tab.shape[1]):
             s = s_0 + h * tab[e, g, 0]
-            p = slope - sigma * s
-            T = math.sqrt(1.0 + p * p)
-            du, dv, v0 = 0.0, 0.0, 0.0
+            xp, yp, T = at_rest(cable, s)
+            du, dv = slopes(dofs, tab, q, e, g)
+            v0 = 0.0
             for k in range(n_loc):
-                d = dofs[e, k]
-                if d >= 0:
-                    grad = tab[e, g, 2 + n_loc + k] / h
-                    du += grad * q[2 * d]
-                    dv += grad * q[2 * d + 1]
-                    v0 += tab[e, g, 2 + k] * q[2 * d + 1]
-            _, _, _, _, _, W, eps = pull(1.0 / T, p / T, T, du, dv, alpha, law)
+                if dofs[e, k] >= 0:
+                    v0 += tab[e, g, 2 + k] * q[2 * dofs[e, k] + 1]
+            _, _, _, _, _, W, eps = pull(xp, yp, T, du / h, dv / h, alpha, law)
             N = tension(eps, T, alpha, ELASTIC)[0]
             if least > N:
                 least, where = N, s
