@@ -14,7 +14,7 @@ import pkgutil
 from validation.oracles.case import Oracle
 
 
-def find() -> tuple[Oracle, ...]:
-    """Return all oracles, ordered by their files' names."""
-    files = [importlib.import_module(f"{__name__}.{file.name}") for file in pkgutil.iter_modules(__path__)]
-    return tuple(file.ORACLE for file in files if hasattr(file, "ORACLE"))
+def find() -> dict[str, Oracle]:
+    """Return all oracles by the names of their files."""
+    files = {file.name: importlib.import_module(f"{__name__}.{file.name}") for file in pkgutil.iter_modules(__path__)}
+    return {name.replace("_", "-"): file.ORACLE for name, file in files.items() if hasattr(file, "ORACLE")}

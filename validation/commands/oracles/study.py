@@ -96,8 +96,8 @@ class Task:
 def tasks() -> list[Task]:
     """Return the rows of the table, in its order: every case of every oracle with every method it asks for."""
     return [
-        Task(oracle.name, one, method)
-        for oracle in sorted(oracles.find(), key=lambda oracle: oracle.group)
+        Task(name, one, method)
+        for name, oracle in sorted(oracles.find().items(), key=lambda entry: entry[1].group)
         for one in oracle.cases()
         for method in one.of(SOLVERS)
     ]
@@ -126,8 +126,8 @@ def oracle_table(out: Path, progress: Progress | None = None) -> dict[str, Any]:
 def _content(rows: list[dict[str, Any]], total: int) -> dict[str, Any]:
     as_expected = all(row["verdict"] == row["expected"] for row in rows)
     known = [
-        {k: getattr(o, k) for k in ("name", "title", "source", "validity", "group", "unreached")}
-        for o in oracles.find()
+        {"name": name} | {k: getattr(o, k) for k in ("title", "source", "validity", "group", "unreached")}
+        for name, o in oracles.find().items()
     ]
     verdict = "not comparable" if len(rows) < total else "agree" if as_expected else "disagree"
     return {"verdict": verdict, "rows": rows, "oracles": known}
