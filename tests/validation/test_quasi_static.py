@@ -75,5 +75,3 @@ def test_the_command_says_when_and_how_fast(tmp_path, capsys):
     header, first = (tmp_path / "out/quasi-static/path.csv").read_text().splitlines()[:2]
     assert header.endswith("speed,F_haul,F_contact")
     assert first.startswith("0.0,2.0,")
-    assert main(["run", "level", "--out", str(tmp_path / "other")]) == 2
-    assert "--method must be given" in capsys.readouterr().err

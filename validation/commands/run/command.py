@@ -25,7 +25,7 @@ CHOICES = {
 
 def command(
     scene: SceneName,
-    method: Annotated[str | None, typer.Option(metavar="NAME", help="A method (cablefem methods).")] = None,
+    method: Annotated[str, typer.Option(metavar="NAME", help="A method (cablefem methods).")] = "following-p2",
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A setting of the method; repeatable.")
     ] = None,
@@ -63,11 +63,8 @@ def command(
         faults.append("--extrapolate and --tol exclude each other: --tol chooses the steps")
     if model == "quasi-static":
         return _quasi_static(scene, out, faults)
-    if method is None:
-        faults.append("--method must be given (cablefem methods), or --model quasi-static")
-    chosen, settings = (None, {}) if method is None else _method_with(method, set_ or [], tol, faults)
+    chosen, settings = _method_with(method, set_ or [], tol, faults)
     loaded = scene_named(scene, faults, travelling=True)
-    assert method is not None
     assert chosen is not None
     if extrapolate and (steps := chosen.settings(settings)["steps"]) < MOST_COARSE:
         terminal.complain([f"--extrapolate halves the steps twice: at least {MOST_COARSE}, got {steps}"])
