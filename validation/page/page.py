@@ -22,11 +22,6 @@ from markupsafe import Markup
 
 from cablefem.response import whole
 
-__all__ = [
-    "Section", "badge", "callout", "details", "figure", "gallery", "missing", "number", "percent", "plain", "render",
-    "table", "words",
-]  # fmt: skip
-
 # worst first; the sign stands beside the word, so that no verdict depends on colour
 VERDICTS = {"disagree": "✗", "not comparable": "?", "too coarse": "≈", "agree": "✓"}
 

@@ -14,8 +14,6 @@ from dataclasses import dataclass
 from validation.peers import exudyn, opensees
 from validation.peers.path import PeerPath
 
-__all__ = ["PEERS", "Peer", "PeerPath", "available"]
-
 
 @dataclass(frozen=True, slots=True)
 class Peer:
