@@ -9,7 +9,7 @@ import skfem
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
-Array = NDArray[np.float64]
+from cablefem.newmark import Array
 
 
 def lagrange_element(degree: int) -> skfem.Element:

@@ -125,18 +125,18 @@ def percent(x: float | None, digits: int = 2) -> str:
     return number(x) if x is None or not math.isfinite(x) else f"{number(100.0 * x, digits)}\u202f%"
 
 
-def figure(fig: Any, caption: str, *, label: str = "", wide: bool = False) -> Markup:
-    """Return a figure of matplotlib with its caption; `label` says in words what a reader who cannot see it would miss.
-
-    wide : over the whole text width of a desktop; else half of it, side by side in a `gallery`.
-    """
+def figure(fig: Any, caption: str, *, label: str = "") -> Markup:
+    """Return a figure of matplotlib with its caption; `label` says in words what one who cannot see it would miss."""
     from validation.page.figures import svg  # matplotlib takes its time
 
-    return figure_of(svg(fig, plain(label or caption)), caption, wide=wide)
+    return figure_of(svg(fig, plain(label or caption)), caption)
 
 
 def figure_of(svg: str, caption: str, *, wide: bool = False) -> Markup:
-    """Return a drawing with its caption."""
+    """Return a drawing with its caption.
+
+    wide : over the whole text width of a desktop; else half of it, side by side in a `gallery`.
+    """
     return Markup(_PARTS.figure(svg, caption, wide))
 
 

@@ -19,7 +19,7 @@ from cablefem.response import Array
 from validation.page.page import figure_of, plain, raised, rendered
 
 WIDTH, LEFT, RIGHT, BELOW = 480, 70, 14, 42  # user units, as large as a pixel on a desktop
-# Okabe and Ito, Color Universal Design (2008)
+# Okabe and Ito, Color Universal Design (2008); yellow (too pale) left out
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
 BLACK, GREY = "#1a1a1a", "#767676"
 DASHED, DOTTED = "8 4", "2 3"
