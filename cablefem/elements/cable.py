@@ -3,8 +3,6 @@
 Dimensionless: l = H = rho = 1.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, Self
 

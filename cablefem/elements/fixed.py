@@ -17,8 +17,6 @@ path     the mass is a particle of its own, an unknown p with the constraint p =
 Dimensionless: l = H = rho = 1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

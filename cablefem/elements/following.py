@@ -14,8 +14,6 @@ None of the paper's three acceleration terms (21)-(23) appears: they are checked
 Dimensionless: l = H = rho = 1.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from typing import NamedTuple

@@ -5,8 +5,6 @@
 the linearised catenary; independent of the compiled tangent of the time loop.  Dimensionless: l = H = rho = 1.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import skfem
 from scipy.linalg import eigh

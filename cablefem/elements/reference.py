@@ -1,7 +1,5 @@
 """Reference meshes on 0 <= xi <= 1 and what scikit-fem tabulates on them, once per run."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The instants to step on."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -25,8 +25,6 @@
 | mu_r    | scene.groups.drive.mu_r     | -    | -        | rolling friction over contact force                   |
 """
 
-from __future__ import annotations
-
 import math
 import re
 import tomllib

@@ -12,8 +12,6 @@ Endings: _over_l (of the length of the cable), _mm, _km, _ms, _kN, and _up; also
 nothing.  A name and its numbers that contradict one another are refused with the name that would fit.
 """
 
-from __future__ import annotations
-
 import csv
 import itertools
 import math

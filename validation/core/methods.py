@@ -1,7 +1,5 @@
 """Every named method with its settings: the one table that commands, charts and tests read."""
 
-from __future__ import annotations
-
 import difflib
 import math
 from collections.abc import Callable

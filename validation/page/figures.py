@@ -4,8 +4,6 @@ Figures are drawn WIDTH wide, so that they fill a phone held upright and two of 
 size that is legible in both.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import re

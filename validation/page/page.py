@@ -4,8 +4,6 @@ Pages of commands build `Section`s from stored results with `table`, `figure`, `
 sentences in templates (`words`); text is escaped unless it is `Markup`.  Nothing here calls a solver.
 """
 
-from __future__ import annotations
-
 import html
 import math
 import re

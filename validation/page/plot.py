@@ -3,8 +3,6 @@
 A check's figures are drawn while somebody waits for its verdict.  Studies of minutes draw with `figures`.
 """
 
-from __future__ import annotations
-
 import base64
 import math
 import struct

@@ -1,7 +1,5 @@
 """What a run of another code returns: the path of the mass, cut where it stops being an answer."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The page of `cablefem advise`: what to run, why nothing less will do, and the whole ladder as evidence."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

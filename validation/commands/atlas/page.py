@@ -3,8 +3,6 @@
 Read from the folder that `validation.commands.atlas.study` writes; works on an atlas that was interrupted.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Pages of the work-precision chart, drawn from chart.json alone."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The page of `cablefem oracles`: what was held against what, how fast errors fall, and which rows had to fail."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

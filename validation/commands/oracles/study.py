@@ -5,8 +5,6 @@ the exact answer AND the errors fall with the order that the case has in theory.
 wrong on purpose, a limit that is another one, a law without one of its terms.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass

@@ -1,7 +1,5 @@
 """Numbers that the claims speak of, each from one response (or one and its reference)."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline, RegularGridInterpolator

@@ -3,8 +3,6 @@
 figures.toml holds its words and says which stored runs each figure shows; here they are drawn.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable
 from functools import cache

@@ -1,7 +1,5 @@
 """The runs behind the figures: the paper's own resolution, and a converged reference with its error bar."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The paper redone: the runs behind figures 2 to 10, and a verdict on each claim."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 from typing import Any
