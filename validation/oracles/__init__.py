@@ -6,8 +6,6 @@ M/(rho l), sigma = rho g l/T, alpha = EA/T; v and y down; speeds over the wave s
 A file of this folder that holds an `ORACLE` is one; its cases say how solvers are held against it.
 """
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 

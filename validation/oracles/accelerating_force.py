@@ -14,8 +14,6 @@ Validity: any V0, a (also a = 0).  Accuracy: rounding; within d of the front 1e-
 conditioning.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -14,8 +14,6 @@ jumps of height mu y'_c to the points xi(1/a) +- (t - 1/a).  A moving force show
 Validity: t >= 0, infinite string (on a finite one until the first wave is back).  Accuracy: rounding of closed forms.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

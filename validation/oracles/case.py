@@ -256,7 +256,6 @@ class Limit(Case):
     values: tuple[float, ...]
     falls: float  # with this power of the parameter, or of its inverse where values fall
     deviation: Callable[[Solvers, str, float], Error]
-    bases: bool = False  # of frequencies; else of paths
 
     @property
     def refined(self) -> str:  # type: ignore[override]

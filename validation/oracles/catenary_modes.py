@@ -19,8 +19,6 @@ rounding (measured scatter over n: 1e-14 W).  With the default n = 48 it is belo
 sigma > 0, alpha > 0 or inf, c any.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -11,8 +11,6 @@ Validity: small sag, any V0, a of one sign of motion; meant for |xi'| < 1.  Accu
 between the roots of quadratics, see accelerating_force).
 """
 
-from __future__ import annotations
-
 from numpy.typing import ArrayLike
 
 from validation.oracles import accelerating_force

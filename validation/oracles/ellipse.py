@@ -10,8 +10,6 @@ cosine is b/sqrt(r1 r2).  The limit of a car that rolls freely on a cable for EA
 Accuracy: rounding; places over time by DOP853 at rtol 1e-12.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

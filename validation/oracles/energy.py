@@ -5,8 +5,6 @@
 Hamilton's principle with s_o as one more coordinate.  Validity: gravity alone acts.  Accuracy: exact.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from cablefem.scene import Scene

@@ -10,8 +10,6 @@ Yen & Tang 1970, the linear part (their nonlinear correction near V = 1 is not h
 Validity: k > 0, V >= 0, V != 1.  Accuracy: rounding.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -12,8 +12,6 @@ sent since then.
 Validity: omega > 0, V >= 0, V != 1.  Accuracy: rounding of the phase, 1e-16 omega (|x|+t)/|1-V|.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

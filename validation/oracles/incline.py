@@ -9,8 +9,6 @@ Newton's law.  The limit of a car that rolls on a cable for sigma = rho g l/H ->
 sigma; then g = sigma.  Validity: sin > mu_r cos; F_b/mu > a.  Accuracy: rounding.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

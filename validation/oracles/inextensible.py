@@ -11,8 +11,6 @@ O(sigma^2).
 Validity: small sag, any inclination.  Accuracy: 1e-14 relative.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

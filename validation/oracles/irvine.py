@@ -17,8 +17,6 @@ Validity: small sag (error against the exact catenary 8e-4 at sigma = 0.17, fall
 Accuracy: 1e-14 relative.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

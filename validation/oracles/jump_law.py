@@ -7,8 +7,6 @@ Balance of force and momentum across the mass.  It holds in every exact motion, 
 and is an a-posteriori check of any solver.  Validity: 0 < s_o < l.  Accuracy: exact.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -17,8 +17,6 @@ evaluated by Gauss panels graded towards psi = pi/2, where beta has a branch poi
 Validity: 0 <= xi <= 1, 0 < a <= 1e4.  Accuracy: 2e-15 max(10, r, a/|a-1|), measured against mpmath, of the largest Y.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

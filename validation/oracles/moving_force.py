@@ -14,8 +14,6 @@ Validity: 0 <= x <= 1, t >= 0, V > 0.  Accuracy: rounding over |1 - V^2| (the tw
 V = 1 itself is exact. The series converges like 1/terms^2 in v and not at all in the slope at the force.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -8,8 +8,6 @@ tests hold it against closed forms on the chord and against energy.  Validity: e
 Accuracy: 3e-8 l.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from cablefem.scene import Scene

@@ -9,8 +9,6 @@ differential equation; both wings find their start by their own statics.  Validi
 Accuracy: 1e-10.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import brentq
 

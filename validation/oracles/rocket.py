@@ -16,8 +16,6 @@ Validity: a t < 1, before the first echo, sigma -> 0 (second order in sigma as l
 Accuracy: DOP853 at rtol 1e-12.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -11,8 +11,6 @@ the other is its mirror image in x.
 Validity: t >= 0, V > 0.  Accuracy: rounding; over |1 - V| between the force and its wave front.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -5,8 +5,6 @@ the exact answer AND the errors fall with the order that the case has in theory.
 wrong on purpose, a limit that is another one, a law without one of its terms.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -109,17 +107,16 @@ def oracle_table(out: Path, progress: Progress | None = None) -> dict[str, Any]:
     A table that was interrupted goes on where it stopped; one that is complete is made anew.
     """
     out.mkdir(parents=True, exist_ok=True)
+    report = progress or (lambda label, done: None)
     todo, rows = tasks(), _stored(out / "oracles.json")
     for i, task in enumerate(todo):
-        if progress is not None:
-            progress("oracles", i / len(todo))
+        report("oracles", i / len(todo))
         if task.key not in rows:
-            rows[task.key] = _json(task.compute())
+            rows[task.key] = store.plain(asdict(task.compute()))
             write_json(out / "oracles.json", _content([rows[t.key] for t in todo if t.key in rows], len(todo)))
     content = _content([rows[t.key] for t in todo], len(todo))
     write_json(out / "oracles.json", content)
-    if progress is not None:
-        progress("oracles", 1.0)
+    report("oracles", 1.0)
     return content
 
 
@@ -139,11 +136,6 @@ def _stored(file: Path) -> dict[tuple[str, str, str], dict[str, Any]]:
 
 
 _ROW = set(Row.__dataclass_fields__)
-
-
-def _json(row: Row) -> dict[str, Any]:
-    """Return the row with null for every number that does not exist."""
-    return store.plain(asdict(row))
 
 
 def _told(settings: dict[str, Any]) -> str:
@@ -187,10 +179,7 @@ class _Solvers:
         if method.wrong:
             return None, "none: the centrifugal force is lost at the nodes, it converges to something else"
         if method.space_order <= 1.0:
-            return (
-                method.space_order,
-                "the kink under the mass lies inside an element or between the waves of the basis",
-            )
+            return method.space_order, "the kink under the mass lies inside an element or between the basis's waves"
         return method.space_order, (
             "a node or a hat rides on the mass, so the kink costs nothing; the jump of curvature at the mass and at "
             "fronts is left"
