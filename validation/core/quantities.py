@@ -1,7 +1,5 @@
 """Design numbers as people read them: names, units with a prefix, digits that the error bar leaves."""
 
-from __future__ import annotations
-
 import math
 import re
 from typing import Any

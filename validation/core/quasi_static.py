@@ -4,8 +4,6 @@ For gripped and hauled cars the ride is their travel; for free ones it is that o
 instead of seconds, and no inertia of the cable.
 """
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

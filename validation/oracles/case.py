@@ -29,16 +29,26 @@ RIDERS = BEST  # methods whose cars roll
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Oracle:
-    """One exact answer. A file of this folder with one in the name ORACLE is found; nothing else has to be told."""
+    """One exact answer, named as its file: one of this folder that calls it ORACLE is found, with nothing else told."""
 
-    name: str
     title: str
     source: str
     validity: str
     group: str  # heading under which tables list it
-    answer: Callable[..., Any]  # its main function
     cases: Callable[[], Sequence[Case]] = tuple  # made when asked for
     unreached: str = ""  # where there are none: why no solver can be held against it
+
+
+def positive(**numbers: float) -> None:
+    """Raise ValueError unless all are finite and > 0."""
+    for name, value in numbers.items():
+        if not (math.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name} must be finite and > 0, got {value!r}")
+
+
+def largest_and_rms(error: Array) -> Error:
+    """Return both measures of an error (n,)."""
+    return float(np.abs(error).max()), float(np.sqrt(np.mean(error**2)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,8 +195,7 @@ class Crossing(Case):
 
     def _distance(self, path: Path, v: Callable[[Array], Array]) -> Error:
         inside = (path.s_o >= self.window[0]) & (path.s_o <= self.window[1])
-        error = np.abs(path.v[inside] - v(path.t[inside])) / self.size
-        return float(error.max()), float(np.sqrt(np.mean(error**2)))
+        return largest_and_rms((path.v[inside] - v(path.t[inside])) / self.size)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,7 +256,6 @@ class Limit(Case):
     values: tuple[float, ...]
     falls: float  # with this power of the parameter, or of its inverse where values fall
     deviation: Callable[[Solvers, str, float], Error]
-    bases: bool = False  # of frequencies; else of paths
 
     @property
     def refined(self) -> str:  # type: ignore[override]

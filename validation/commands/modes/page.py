@@ -1,7 +1,5 @@
 """Frequencies of the bare cable, from stored results."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
