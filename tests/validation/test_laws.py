@@ -20,8 +20,8 @@ COARSE = {"elements": 10, "steps": 400, "until": 0.42}
 RIGHT = {
     "stretch": 2e-3, "tension on both sides": 2e-3, "momentum of the mass": 1e-5, "energy": 3e-3, "travel": 1e-9,
     "drive": 1e-9, "place of the mass": 1e-9, "strain at the mass": 1e-9, "speed of the mass": 1e-4,
-    "fields at the mass": 5e-4, "tension up to the mass": 5e-3, "velocity of the cable": 2e-2, "parts of the energy": 1e-3, "power": 3e-3,
-    "momentum of the cable": 1e-3, "moment of momentum": 1e-3,
+    "fields at the mass": 5e-4, "tension up to the mass": 5e-3, "velocity of the cable": 2e-2,
+    "parts of the energy": 1e-3, "power": 3e-3, "momentum of the cable": 1e-3, "moment of momentum": 1e-3,
 }  # fmt: skip
 AT_REST = 1e-6
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_simpson, cumulative_trapezoid, simpson
+from scipy.integrate import cumulative_trapezoid, simpson
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from cablefem.response import Array, Response
@@ -162,8 +162,11 @@ class Mechanics:
             return self.r.switched is not None or self.r.law == "tension-only"
         if law in ("drive", "tension on both sides"):
             return self.r.drive != "grip"
-        if law in ("parts of the energy", "strain at the mass") and self.r.model != "full":
-            return False
+        if law == "strain at the mass":
+            own = not np.array_equal(self.r.T_behind, self.r.T_behind_pointwise, equal_nan=True)
+            return own and self.r.model == "full"  # a solver may know the one tension alone
+        if law == "parts of the energy":
+            return bool(np.isfinite(self.r.kinetic).any())
         if law == "velocity of the cable":
             between = float(np.diff(self.r.fields.t[self.frames[0] : self.frames[-1]]).max(initial=0.0))
             return between <= OFTEN * self.r.length * math.sqrt(self.given.rho / self.r.horizontal_tension)
@@ -421,9 +424,9 @@ class Mechanics:
         return _static(*(off.mean(axis=0) / self.r.horizontal_tension))
 
     def _velocity_of_the_cable(self) -> Defect:
-        """What the cable moves across itself at rest, weighted by half a sine, is the integral of its velocity; over its rms.
+        """What the cable moves across itself at rest is the integral of its velocity, both weighted by half a sine.
 
-        Along it, and in shorter waves, it swings to and fro between two frames.
+        Over the rms of that.  Along it, and in shorter waves, it swings to and fro between two frames.
         """
         f, last = self.r.fields, (self.frames.size - 1) // 2 * 2
         of, step = np.arange(self.frames[0], self.frames[last] + 1), 2 * int(self.frames[1] - self.frames[0])
