@@ -6,6 +6,8 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import lambertw
 
+from validation.oracles import moving_mass
+
 
 def displacement(ride, x, t):
     """v(x, t) of a `moving_mass.Ride` for t >= 0, also after the mass has left over the far support."""
@@ -61,6 +63,27 @@ def _g(ride, zeta, derivative):
     if derivative:
         out[on] /= 1.0 - ride.travel.speed(T - rest)
     return out.reshape(zeta.shape)
+
+
+# --- travels in closed form
+
+
+def from_rest(a):
+    """xi = a t^2/2; below the wave speed all along for a < 1/2."""
+    return moving_mass.Travel(lambda t: 0.5 * a * t * t, lambda t: a * np.asarray(t), math.sqrt(2.0 / a))
+
+
+def accelerate_cruise_brake(V):
+    """In closed form: from rest to V on the first third, at V on the second, to rest on the last (the paper's (40))."""
+    ta, tb, T, a = 2.0 / (3.0 * V), 1.0 / V, 5.0 / (3.0 * V), 1.5 * V * V
+
+    def position(t):
+        return np.where(t < ta, 0.5 * a * t * t, np.where(t < tb, V * t - 1.0 / 3.0, 1.0 - 0.5 * a * (T - t) ** 2))
+
+    def speed(t):
+        return np.where(t < ta, a * t, np.where(t < tb, V, a * (T - t)))
+
+    return moving_mass.Travel(position, speed, T, (ta, tb))
 
 
 # --- a mass that slides on an infinite string, `wave_drag`

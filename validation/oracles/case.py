@@ -101,6 +101,8 @@ class Case:
     because: str = ""
     methods: tuple[str, ...] | None = BEST  # None: every one
     expected: str = "agree"
+    finer: float = 1.0  # a light mass moves in a layer as short as its mass ratio: ladders begin so much finer
+    falls: float | None = None  # with this order, or power of the parameter (of its inverse where values fall)
 
     kind = "path"
     refined = "resolution"
@@ -110,11 +112,11 @@ class Case:
         return solvers.names(self.kind) if self.methods is None else self.methods
 
     def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
-        return solvers.ladder(method)
+        return solvers.ladder(method, finer=self.finer)
 
     def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
         """Return the least order with which errors must fall, None where no order is asked for, and why."""
-        raise NotImplementedError
+        return self.falls, self.because
 
     def must(self, solvers: Solvers, method: str) -> str:
         """Return the verdict that this row must have."""
@@ -146,7 +148,6 @@ class Crossing(Case):
     load: str = "mass"
     model: str = "straight"  # a string without sag, or one of the solvers' models
     scene: str = ""  # run this one through scene, run and response instead
-    finer: float = 1.0  # a light mass moves in a layer as short as its mass ratio: ladders begin so much finer
     begins: float = 0.0  # s_o at t = 0; the string rests then, and no wave has come back before `until`
     until: float = WINDOW[1]
     at_most: float = math.inf  # no higher order for any method
@@ -165,9 +166,6 @@ class Crossing(Case):
     def how(self) -> dict[str, Any]:
         """What a solver has to run over the groups."""
         return {"model": self.model, "load": self.load, "until": self.until, "begun": self.begins > 0.0}
-
-    def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
-        return solvers.ladder(method, finer=self.finer)
 
     def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
         p, because = solvers.order(method)
@@ -230,14 +228,6 @@ class Law(Case):
 
     scene: str | Scene  # built in, up to the end of the window; or a scene of its own, to its end
     defect: Callable[[Any], Error]
-    falls: float  # with this order
-    finer: float = 1.0
-
-    def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
-        return solvers.ladder(method, finer=self.finer)
-
-    def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
-        return self.falls, self.because
 
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Any:
         if isinstance(self.scene, Scene):
@@ -254,7 +244,6 @@ class Limit(Case):
 
     parameter: str
     values: tuple[float, ...]
-    falls: float  # with this power of the parameter, or of its inverse where values fall
     deviation: Callable[[Solvers, str, float], Error]
 
     @property
@@ -264,9 +253,6 @@ class Limit(Case):
     def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
         rising = self.values[-1] > self.values[0]
         return [Rung({self.parameter: x}, x if rising else 1.0 / x) for x in self.values]
-
-    def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
-        return self.falls, self.because
 
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Error:
         return self.deviation(solvers, method, rung.settings[self.parameter])

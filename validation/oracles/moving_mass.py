@@ -43,7 +43,6 @@ The limit of a nonlinear sagging cable for sigma -> 0 at fixed V, mu, alpha is t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -98,26 +97,6 @@ def constant_speed(V: float) -> Travel:
     """xi = V t."""
     positive(speed=V)
     return Travel(lambda t: V * t, lambda t: np.full(np.shape(t), V), 1.0 / V)
-
-
-def from_rest(a: float) -> Travel:
-    """xi = a t^2/2; below the wave speed all along for a < 1/2."""
-    positive(acceleration=a)
-    return Travel(lambda t: 0.5 * a * t * t, lambda t: a * np.asarray(t), math.sqrt(2.0 / a))
-
-
-def accelerate_cruise_brake(V: float) -> Travel:
-    """From rest to V on the first third of the string, at V on the second, to rest on the last (the paper's (40))."""
-    positive(top_speed=V)
-    ta, tb, T, a = 2.0 / (3.0 * V), 1.0 / V, 5.0 / (3.0 * V), 1.5 * V * V
-
-    def position(t: Array) -> Array:
-        return np.where(t < ta, 0.5 * a * t * t, np.where(t < tb, V * t - 1.0 / 3.0, 1.0 - 0.5 * a * (T - t) ** 2))
-
-    def speed(t: Array) -> Array:
-        return np.where(t < ta, a * t, np.where(t < tb, V, a * (T - t)))
-
-    return Travel(position, speed, T, (ta, tb))
 
 
 def travel_of(motion: Motion) -> Travel:
@@ -433,22 +412,20 @@ class SupersonicRide:
 
 
 def _cases() -> list[Crossing | Limit]:
-    def ride(name: str, travel: Travel, motion: Motion, mu: float = MU) -> Crossing:
-        return Crossing(
-            name=name, groups=level(motion, mu), travel=travel.position,
-            exact=solve(travel, mu=mu, sigma=SIGMA).path, finer=3.0 if mu < 0.5 else 1.0,
-        )  # fmt: skip
+    def ride(name: str, motion: Motion, mu: float = MU) -> Crossing:
+        exact = solve(travel_of(motion), mu=mu, sigma=SIGMA).path
+        groups, finer = level(motion, mu), 3.0 if mu < 0.5 else 1.0
+        return Crossing(name=name, groups=groups, travel=motion.position, exact=exact, finer=finer)
 
     def steady(mu: float, V: float) -> Crossing:
-        return ride(f"mass ratio {mu:g}, speed {V:g}", constant_speed(V), ConstantSpeed(speed=V).motion(1.0), mu)
+        return ride(f"mass ratio {mu:g}, speed {V:g}", ConstantSpeed(speed=V).motion(1.0), mu)
 
-    slow = ConstantAcceleration(acceleration=0.23, initial_speed=0.0).motion(1.0)
+    slow = ConstantAcceleration(acceleration=0.23).motion(1.0)
     brake = AccelerateCruiseBrake(top_speed=0.55).motion(1.0)
     return [
-        _paper(), steady(0.2, 0.6), steady(5.0, 0.37), steady(MU, 0.9),
-        ride("from rest, acceleration 0.23", from_rest(0.23), slow),
-        ride("accelerate, cruise, brake", accelerate_cruise_brake(0.55), brake),
-        *(_small_sag(model) for model in ("sagged", "stretching", "full")), _small_sag("stretching", plain=True),
+        _paper(), steady(0.2, 0.6), steady(5.0, 0.37), steady(MU, 0.9), ride("from rest, acceleration 0.23", slow),
+        ride("accelerate, cruise, brake", brake), *(_small_sag(model) for model in ("sagged", "stretching", "full")),
+        _small_sag("stretching", plain=True),
     ]  # fmt: skip
 
 
@@ -460,23 +437,21 @@ def _heavier(groups: Groups, V: float) -> float:
 def _paper() -> Crossing:
     groups = Scene.load("level").groups
     assert groups.motion is not None
-    V = groups.motion.at(0.0, 0)[1]
-    travel = constant_speed(V)
-    exact = solve(travel, mu=groups.mu, sigma=_heavier(groups, V)).path
+    sigma = _heavier(groups, groups.motion.at(0.0, 0)[1])
     return Crossing(
-        name="the paper's mass and speed, g (1 + V²)", scene="level", groups=groups, travel=travel.position,
-        exact=exact, methods=None,
+        name="the paper's mass and speed, g (1 + V²)", scene="level", groups=groups, travel=groups.motion.position,
+        exact=solve(travel_of(groups.motion), mu=groups.mu, sigma=sigma).path, methods=None,
     )  # fmt: skip
 
 
 def _small_sag(model: str, *, plain: bool = False) -> Limit:
     V = 0.45
-    travel, motion = constant_speed(V), ConstantSpeed(speed=V).motion(1.0)
+    motion = ConstantSpeed(speed=V).motion(1.0)
 
     def deviation(solvers: Solvers, method: str, sigma: float) -> Error:
         groups = level(motion, sigma=sigma)
-        exact = solve(travel, mu=groups.mu, sigma=sigma if plain else _heavier(groups, V)).path
-        crossing = Crossing(name="", groups=groups, travel=travel.position, exact=exact, model=model)
+        exact = solve(travel_of(motion), mu=groups.mu, sigma=sigma if plain else _heavier(groups, V)).path
+        crossing = Crossing(name="", groups=groups, travel=motion.position, exact=exact, model=model)
         return crossing.error(solvers.path(crossing, method))
 
     told = "plain g instead of g (1 + V²)" if plain else "g (1 + V²)"

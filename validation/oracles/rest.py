@@ -12,7 +12,7 @@ Accuracy: 1e-10.
 import numpy as np
 from scipy.optimize import brentq
 
-from cablefem.scene import Groups, Rest, Scene
+from cablefem.scene import Groups, Scene
 from cablefem.scene.statics import gripped
 from validation.oracles.case import RIDERS, ROLLS, Error, Law, Oracle, largest_and_rms
 
@@ -31,20 +31,15 @@ ZIP = """
 """
 
 
-def held(s_o: float, groups: Groups) -> Rest:
-    """The cable with the car held at s_o."""
-    return gripped(s_o, groups)
-
-
 def place_of_rest(groups: Groups, low: float = 0.05, high: float = 0.95) -> float:
     """s_o at which a car that rolls stays; ValueError where there is none between low and high."""
-    return float(brentq(lambda s: held(s, groups).hold[0], low, high, xtol=1e-14))
+    return float(brentq(lambda s: gripped(s, groups).hold[0], low, high, xtol=1e-14))
 
 
 def _cases() -> list[Law]:
     start = 30.0
     scene = Scene.from_toml(ZIP + f"start = {start}\nrelease = 5.0\nend = {{time = 0.02}}")
-    exact = held(start / scene.length, scene.groups)
+    exact = gripped(start / scene.length, scene.groups)
     l, H = scene.length, scene.horizontal_tension
     (x, y), N = exact.place[0] * l, np.array([exact.behind[0], exact.ahead[0]]) * H
     sag = y - float(scene.catenary.y(start))
