@@ -355,8 +355,8 @@ def settle(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, sta
 
     load : (2,) acceleration of the mass along its static path less gravity
     ride : `Ride` or None;  newton : max_iter, reuse, patience, most halvings.
-    The factors are not kept but made again from the kept tangent: more than one iteration is rare.  (What keeps the
-    tangent from serving further steps is the mass: it moves by a part of the highest sine's wave, and its kink turns r'.)
+    The factors are not kept but made again from the kept tangent: more than one iteration is rare, and for further
+    steps the tangent does not do: the mass has gone a part of the highest sine's wave by then, and its kink turns r'.
     """
     n, size = x.f.size, start.shape[1]
     c, w = rule[:, 3], rule[:, 4]
