@@ -1,7 +1,5 @@
 """Dynamics of an elastic cable that carries a moving mass; `from cablefem import Scene` is where one starts."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:

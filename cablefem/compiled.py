@@ -1,7 +1,5 @@
 """How inner loops are compiled, and kept in a cache that knows all files they are made of."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from pathlib import Path

@@ -3,8 +3,6 @@
 Loaded by every pytest run of an environment that has this package, so nothing is imported before a fixture is used.
 """
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable
 from typing import Any

@@ -69,12 +69,10 @@ class Observation:
     reaction_left: Array = field(default_factory=_later)  # (n, 2) force of the left support on the cable
     reaction_right: Array = field(default_factory=_later)  # (n, 2)
     contact: Array = field(default_factory=_later)  # (n, 2) force of the mass on the cable
-    haul: Array = field(
-        default_factory=_later
-    )  # (n,) outside force on the mass along the mean tangent; nan where nothing hauls or thrusts
-    T_behind_pointwise: Array = field(
-        default_factory=_later
-    )  # (n,) T + alpha eps of the slopes at the mass; T_behind is from equilibrium
+    # (n,) outside force on the mass along the mean tangent; nan where nothing hauls or thrusts
+    haul: Array = field(default_factory=_later)
+    # (n,) T + alpha eps of the slopes at the mass; T_behind is from equilibrium
+    T_behind_pointwise: Array = field(default_factory=_later)
     T_ahead_pointwise: Array = field(default_factory=_later)  # (n,)
     T_pointwise: Array = field(default_factory=_later)  # (k, m)
     kinetic: Array = field(default_factory=_later)  # (n,) parts of the energy: cable and mass
@@ -196,16 +194,14 @@ class Response:
     events: list[dict[str, Any]] = field(default_factory=list)  # event, t [s], s_o [m], speed [m/s], in their order
     design: list[dict[str, Any]] = field(default_factory=list)  # quantity, value, bar, unit, t, s_o, s
     # empty: pointwise as above, else nan
-    T_behind_pointwise: Array = field(
-        default_factory=_later
-    )  # (n,) T + EA eps of the slopes at the mass; T_behind is from equilibrium
+    # (n,) T + EA eps of the slopes at the mass; T_behind is from equilibrium
+    T_behind_pointwise: Array = field(default_factory=_later)
     T_ahead_pointwise: Array = field(default_factory=_later)  # (n,)
     reaction_left: Array = field(default_factory=_later)  # (n, 2) force of the left support on the cable
     reaction_right: Array = field(default_factory=_later)  # (n, 2)
     contact: Array = field(default_factory=_later)  # (n, 2) force of the mass on the cable
-    F_haul: Array = field(
-        default_factory=_later
-    )  # (n,) outside force on the mass along the mean tangent; nan where there is none
+    # (n,) outside force on the mass along the mean tangent; nan where there is none
+    F_haul: Array = field(default_factory=_later)
     kinetic: Array = field(default_factory=_later)  # (n,) [J] parts of the energy: cable and mass
     strain: Array = field(default_factory=_later)  # (n,) [J]
     potential: Array = field(default_factory=_later)  # (n,) [J] of weight

@@ -1,7 +1,5 @@
 """The constitutive law: what tension a strain brings, how it grows, and what it stores.  The only place it stands."""
 
-from __future__ import annotations
-
 from cablefem.compiled import compiler
 
 compiled = compiler(__file__)

@@ -1,7 +1,5 @@
 """Small free vibrations of the bare cable: the tangent at rest against the mass of the cable."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -99,37 +99,23 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     drives = system.drives(states, velocity, acceleration, sides, working)
     kinetic = kinetic + 0.5 * system.inertia * np.sum(velocity**2, axis=1)
     potential = weight - system.mu * cable.weight[-1] * place_y
+    at_left, at_right = x.s_o > 0.0, x.s_o < 1.0
+    fields_at = {name: np.einsum("kfs,f->ks", y, e) for name, y, e in (
+        ("u", u_v, direction[:, 0]), ("v", u_v, direction[:, 1]),
+        ("du", du_dv, direction[:, 0]), ("dv", du_dv, direction[:, 1]),
+    )}  # fmt: skip
     return Observation(
-        path=w @ direction,
-        path_velocity=w_t @ direction + p[0] * static,
+        path=w @ direction, path_velocity=w_t @ direction + p[0] * static,
         path_acceleration=w_tt @ direction + p[1] * static + p[2] * curvature,
-        slope_behind=static + behind @ direction,
-        slope_ahead=static + ahead @ direction,
-        T_behind=np.where(x.s_o > 0.0, T_behind, np.nan),
-        T_ahead=np.where(x.s_o < 1.0, T_ahead, np.nan),
-        T_behind_pointwise=np.where(x.s_o > 0.0, T_behind_pointwise, np.nan),
-        T_ahead_pointwise=np.where(x.s_o < 1.0, T_ahead_pointwise, np.nan),
-        energy=kinetic + strain + potential,
-        power=drives.power,
-        tension_min=least,
-        tension_min_at=least_at,
-        u=np.einsum("kfs,f->ks", u_v, direction[:, 0]),
-        v=np.einsum("kfs,f->ks", u_v, direction[:, 1]),
-        du=np.einsum("kfs,f->ks", du_dv, direction[:, 0]),
-        dv=np.einsum("kfs,f->ks", du_dv, direction[:, 1]),
-        T=T,
-        T_pointwise=T_pointwise,
-        reaction_left=reactions[0],
-        reaction_right=reactions[1],
-        t=states.t,
-        s_o=x.s_o,
-        contact=drives.contact @ direction,
-        haul=drives.haul,
-        powers=drives.powers,
-        kinetic=kinetic,
-        strain=strain,
-        potential=potential,
-    )
+        slope_behind=static + behind @ direction, slope_ahead=static + ahead @ direction,
+        T_behind=np.where(at_left, T_behind, np.nan), T_ahead=np.where(at_right, T_ahead, np.nan),
+        T_behind_pointwise=np.where(at_left, T_behind_pointwise, np.nan),
+        T_ahead_pointwise=np.where(at_right, T_ahead_pointwise, np.nan),
+        energy=kinetic + strain + potential, power=drives.power, tension_min=least, tension_min_at=least_at,
+        **fields_at, T=T, T_pointwise=T_pointwise, reaction_left=reactions[0], reaction_right=reactions[1],
+        t=states.t, s_o=x.s_o, contact=drives.contact @ direction, haul=drives.haul, powers=drives.powers,
+        kinetic=kinetic, strain=strain, potential=potential,
+    )  # fmt: skip
 
 
 def history(system: GalerkinSystem, states: States) -> History:

@@ -20,13 +20,13 @@ import numpy as np
 
 from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, iterate
 from cablefem.response import States
-from cablefem.scene import RATTLE, Groups
+from cablefem.scene import NEAREST_START, RATTLE, Groups
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
 from galerkin.bases.kink import Array, TravellingKink
 from galerkin.equations import Drives, GalerkinSystem, Instant, factorised
 
-EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "lift_off", "stop")
+EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "support", "lift_off", "stop")
 AT_REST = 1e-6  # speeds below have no direction yet
 LEAST_WINDOW = 6.0  # steps over which the car's acceleration is averaged for friction, where they are long
 AT_LEAST = 0.03  # of an axial round trip that the standstill without a rattle lasts that ends a ride
@@ -250,7 +250,10 @@ class RollingSystem(GalerkinSystem):
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         """The column of s_o is a difference of the residual."""
-        x, n = self._at(self._travel(t, q, v, a, phase)), self.n_modal
+        travel, n = self._travel(t, q, v, a, phase), self.n_modal
+        if not 0.0 < travel[0] < 1.0:
+            return np.full(self.n_dof, np.nan), lambda r: r
+        x = self._at(travel)
         force, pull, stiffness = self.cable.linearise(self.basis, x.place, self._fields(q))
         car = self._roll(t, q, v, a, phase, x, force)
         r = self._balance(a, car, force)
@@ -408,6 +411,9 @@ class RollingSystem(GalerkinSystem):
 
     def _watch(self, x: State) -> tuple[float, ...]:
         mode, drive = self.mode, self.drive
+        if self.free and not 0.0 < x.q[-1] < 1.0:  # a step's balance, taken before its end, knows no car beyond
+            ends = {"arrival": drive.end_place - float(x.q[-1]), "support": float(x.q[-1]) - NEAREST_START}
+            return tuple(ends.get(name, math.inf) for name in EVENTS)
         car = self.car(*x)
         lift = math.inf if mode.lifted else car.pressing
         if not self.free:
@@ -431,6 +437,7 @@ class RollingSystem(GalerkinSystem):
             brakes[mode.brakes][0] - s_o if mode.brakes < len(brakes) else math.inf,
             s_o - brakes[mode.brakes - 1][0] if mode.brakes else math.inf,
             drive.end_place - s_o,
+            s_o - NEAREST_START,
             lift,
             lasts if stuck and last else math.inf,
         )
@@ -438,7 +445,7 @@ class RollingSystem(GalerkinSystem):
     def pass_event(self, name: str, x: State) -> State | None:
         """Change the mode; after a standstill the car sticks where friction and brakes can hold it."""
         mode, self._watched = self.mode, None
-        if name in ("arrival", "stop"):
+        if name in ("arrival", "support", "stop"):
             return None
         if name == "lift_off":
             mode.lifted = True

@@ -3,8 +3,6 @@
 Nothing is loaded before it is used: `import validation` costs nothing.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import pkgutil

@@ -4,8 +4,6 @@ Exit codes: 0 fine; 1 the solvers disagree, are not comparable, or a check faile
 before the slack onset.  Everything heavy is imported inside the commands, so that help comes at once.
 """
 
-from __future__ import annotations
-
 import importlib
 import os
 import sys

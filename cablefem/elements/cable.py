@@ -3,8 +3,6 @@
 Dimensionless: l = H = rho = 1.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, Self
 
@@ -18,11 +16,9 @@ from cablefem.elements.kernels.banded import Tangent, factorise_coupled, solve_c
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY, pulls
 from cablefem.elements.kernels.newton import settle
 from cablefem.elements.kernels.observe import energies
-from cablefem.newmark import Newton, Settled, Solve, State, Tableau
+from cablefem.newmark import Array, Newton, Settled, Solve, State, Tableau
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
-
-Array = NDArray[np.float64]
 
 MODELS = ("full", "string", "sagged", "stretching")
 

@@ -17,8 +17,6 @@ path     the mass is a particle of its own, an unknown p with the constraint p =
 Dimensionless: l = H = rho = 1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,11 +30,9 @@ from cablefem.elements.kernels.balance import Contact, Mesh, add_banded, add_con
 from cablefem.elements.kernels.banded import factorise, solve
 from cablefem.elements.kernels.observe import end_forces
 from cablefem.elements.reference import force_order, mass_form, shape_polynomials, tabulated
-from cablefem.newmark import Newton, Settled, Solve, State, collocate, consistent_acceleration, iterate
+from cablefem.newmark import Array, Newton, Settled, Solve, State, collocate, consistent_acceleration, iterate
 from cablefem.response import States
 from cablefem.scene import Groups
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,8 +14,6 @@ None of the paper's three acceleration terms (21)-(23) appears: they are checked
 Dimensionless: l = H = rho = 1.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from typing import NamedTuple
@@ -30,11 +28,9 @@ from cablefem.elements.kernels.balance import Contact, Mesh, follow
 from cablefem.elements.kernels.law import pull
 from cablefem.elements.kernels.observe import carried, samples
 from cablefem.elements.reference import Reference, graded_knots, reference
-from cablefem.newmark import State, StepFailure, consistent_acceleration
+from cablefem.newmark import Array, State, StepFailure, consistent_acceleration
 from cablefem.response import States
 from cablefem.scene import Groups
-
-Array = NDArray[np.float64]
 
 _ONE, _ZERO = np.ones(1), np.zeros(1)
 

@@ -7,8 +7,6 @@ to be assembled on elements of two components, `skfem.ElementVector(element, 2)`
 The inertia of a following mesh is `reference.mass_form`, `transport_form` and `convection_form`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import skfem
 

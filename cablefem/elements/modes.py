@@ -5,19 +5,15 @@
 the linearised catenary; independent of the compiled tangent of the time loop.  Dimensionless: l = H = rho = 1.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import skfem
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.sparse import block_array, csr_array
 
 from cablefem.elements.cable import MODELS, STRETCHING, elements_allowed
 from cablefem.elements.reference import lagrange_element, mass_form
+from cablefem.newmark import Array
 from cablefem.scene import Groups
-
-Array = NDArray[np.float64]
 
 
 @skfem.BilinearForm

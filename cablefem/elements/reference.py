@@ -1,7 +1,5 @@
 """Reference meshes on 0 <= xi <= 1 and what scikit-fem tabulates on them, once per run."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +7,7 @@ import skfem
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
-Array = NDArray[np.float64]
+from cablefem.newmark import Array
 
 
 def lagrange_element(degree: int) -> skfem.Element:

@@ -1,7 +1,5 @@
 """A step by collocation: the balance holds at several nodes of the step (Radau IIA, Gauss)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import partial

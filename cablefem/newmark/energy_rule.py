@@ -1,7 +1,5 @@
 """A step whose balance is averaged along the way (average vector field): the energy is kept."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Protocol, runtime_checkable
 

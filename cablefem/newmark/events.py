@@ -1,7 +1,5 @@
 """Events: a value of the system falls to zero inside a step, and the system goes on as another one."""
 
-from __future__ import annotations
-
 import math
 from typing import Protocol, runtime_checkable
 

@@ -1,7 +1,5 @@
 """How a run may end before its end."""
 
-from __future__ import annotations
-
 
 class StepFailure(RuntimeError):
     """A step could not be taken; `t` [system's time], `cause`, and what to try."""

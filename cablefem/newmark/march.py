@@ -69,7 +69,7 @@ def _through(
     for t in grid[grid > state.t].tolist():
         whole, halvings, passed = t - state.t, 0, 0
         while t - state.t > rounding(t):
-            piece = whole if ringing is None else min(t - state.t, whole * ringing.part(state, state.t - jumped))
+            piece = whole if ringing is None else whole * ringing.part(state, state.t - jumped)
             if fresh and jumpy is not None and jumpy.abrupt(state, piece):
                 pieces = GENTLE
             fresh = False

@@ -1,7 +1,5 @@
 """A step of Newmark's family, generalised-alpha included."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from cablefem.newmark.newton import Newton, Settled, find_root

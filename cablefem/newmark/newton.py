@@ -1,7 +1,5 @@
 """Newton's method with a kept tangent and halved corrections; of what, it does not know."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

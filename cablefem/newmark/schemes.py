@@ -1,7 +1,5 @@
 """Every time integration by name."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

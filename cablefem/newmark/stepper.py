@@ -1,7 +1,5 @@
 """What the rules of a step share: when it is in balance, what it cost, and what it remembers."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple

@@ -1,22 +1,20 @@
 """The instants to step on."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
 from cablefem.newmark.system import Array, System
 
+GROWTH = 1.15  # of each step of a ramp over the one before
 
-def step_times(
-    system: System, steps: int, *, entry: float = 1.0, exit: float = 1.0, growth: float = 1.15
-) -> list[Array]:
+
+def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 1.0) -> list[Array]:
     """Return per phase the instants to step on: about `steps` equal steps, whole ones in each phase.
 
     The very last instant is left out: a system may lose its meaning there.
 
-    entry, exit : first and last step as fractions of the uniform one; from there steps grow by `growth` each, up to
+    entry, exit : first and last step as fractions of the uniform one; from there steps grow by GROWTH each, up to
         the uniform step.  The ramps come on top of `steps`.
     """
     if steps < 2:
@@ -30,8 +28,8 @@ def step_times(
     for i, (t0, t1) in enumerate(phases):
         ramps = []
         for ramped, fraction in ((i == 0, entry), (i == len(phases) - 1, exit)):
-            count = math.ceil(-math.log(fraction) / math.log(growth)) if ramped else 0
-            ramps.append(np.minimum(dt, fraction * dt * growth ** np.arange(count)))
+            count = math.ceil(-math.log(fraction) / math.log(GROWTH)) if ramped else 0
+            ramps.append(np.minimum(dt, fraction * dt * GROWTH ** np.arange(count)))
         length = sum(float(r.sum()) for r in ramps)
         inner = max(2, round((t1 - t0 - length) / dt)) if length < t1 - t0 else 2
         lengths = np.concatenate([ramps[0], np.full(inner, max((t1 - t0 - length) / inner, dt)), ramps[1][::-1]])

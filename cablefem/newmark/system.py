@@ -1,7 +1,5 @@
 """What the time loop asks of a system."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple, Protocol, runtime_checkable
 

@@ -1,7 +1,5 @@
 """Collocation rules as tables, and the polynomial that a step leaves behind."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache, lru_cache
 from itertools import pairwise

@@ -2,40 +2,10 @@
 
 from cablefem.scene.cable import Cable, Supports
 from cablefem.scene.catenary import Catenary
-from cablefem.scene.drive import RATTLE, Drive, Driving
+from cablefem.scene.drive import NEAREST_START, RATTLE, Drive, Driving
 from cablefem.scene.errors import SceneError
 from cablefem.scene.motion import Motion, Piece
 from cablefem.scene.ride import LoadPath, Ride
 from cablefem.scene.scene import Groups, Mass, Scene
 from cablefem.scene.statics import NoRest, Rest
-from cablefem.scene.travel import (
-    AccelerateCruiseBrake,
-    ConstantAcceleration,
-    ConstantSpeed,
-    Table,
-    Travel,
-)
-
-__all__ = [
-    "RATTLE",
-    "AccelerateCruiseBrake",
-    "Cable",
-    "Catenary",
-    "ConstantAcceleration",
-    "ConstantSpeed",
-    "Drive",
-    "Driving",
-    "Groups",
-    "LoadPath",
-    "Mass",
-    "Motion",
-    "NoRest",
-    "Piece",
-    "Rest",
-    "Ride",
-    "Scene",
-    "SceneError",
-    "Supports",
-    "Table",
-    "Travel",
-]
+from cablefem.scene.travel import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Table, Travel

@@ -1,7 +1,5 @@
 """The cable and its two supports, and the catenary that they define together."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -120,11 +120,6 @@ class Catenary:
         return _sag(self.span, self.drop, self.z)
 
     @property
-    def lowest(self) -> float:
-        """Arc length of the lowest point [m]; a support when the cable falls or rises all the way."""
-        return self.length * min(max(self.c / self.sigma, 0.0), 1.0)
-
-    @property
     def max_tension(self) -> float:
         """Largest tension [N]; it is at the upper support."""
         return float(np.max(self.tension(np.array([0.0, self.length]))))

@@ -97,6 +97,12 @@ def _brakes(value: object) -> tuple | None:
     return tuple(value) if isinstance(value, list | tuple) else None
 
 
+def of_mode(mode: str) -> tuple[str, ...]:
+    """Return the names of the table [drive] that have a meaning in a mode."""
+    names = Driving.field_names()
+    return ("mode",) if mode == "grip" else tuple(x for x in names if mode != "haul" or x not in FREE_ONLY)
+
+
 class Driving(Part):
     """The table [drive] of a scene, in SI."""
 

@@ -1,7 +1,5 @@
 """What is wrong with a scene, said in whole lines."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable
 

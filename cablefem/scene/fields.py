@@ -1,7 +1,5 @@
 """Fields with their admissible values, and the model base that turns every fault into one line."""
 
-from __future__ import annotations
-
 import math
 import numbers
 import re

@@ -119,17 +119,12 @@ class Motion:
     def scaled(self, length: float, time: float) -> Motion:
         """The same motion with lengths measured in `length` and times in `time`."""
         v, a = time / length, time * time / length
-        return Motion(
-            tuple((t0 / time, t1 / time) for t0, t1 in self.phases),
-            tuple(
-                tuple(
-                    Piece(p.start / time, p.origin / time, p.c0 / length, p.c1 * v, p.c2 * a, p.c3 * a * time)
-                    for p in pieces
-                )
-                for pieces in self.pieces
-            ),
-            self.end / length,
-        )
+
+        def piece(p: Piece) -> Piece:
+            return Piece(p.start / time, p.origin / time, p.c0 / length, p.c1 * v, p.c2 * a, p.c3 * a * time)
+
+        phases = tuple((t0 / time, t1 / time) for t0, t1 in self.phases)
+        return Motion(phases, tuple(tuple(map(piece, pieces)) for pieces in self.pieces), self.end / length)
 
     @cached_property
     def _columns(self) -> np.ndarray:

@@ -25,8 +25,6 @@
 | mu_r    | scene.groups.drive.mu_r     | -    | -        | rolling friction over contact force                   |
 """
 
-from __future__ import annotations
-
 import math
 import re
 import tomllib
@@ -414,16 +412,8 @@ class Scene(Part):
         return self._groups(motion, replace(self._drive, end_time=end, end_place=motion.end, nominal=end))
 
     def _groups(self, motion: Motion | None, drive: Drive) -> Groups:
-        return Groups(
-            mu=self.mu,
-            alpha=self.alpha,
-            sigma=self.sigma,
-            c=self.catenary.c,
-            chord_cos=self.supports.span / self.chord,
-            chord_sin=self.supports.drop / self.chord,
-            motion=motion,
-            drive=drive,
-        )
+        cos, sin = self.supports.span / self.chord, self.supports.drop / self.chord
+        return Groups(self.mu, self.alpha, self.sigma, self.catenary.c, cos, sin, motion, drive)
 
     def __str__(self) -> str:
         lines = [

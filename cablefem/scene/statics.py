@@ -3,8 +3,6 @@
 Lengths over l, forces over H. N = T + alpha eps is the tension on top of the empty cable's T; its direction is r'.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

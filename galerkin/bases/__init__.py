@@ -7,8 +7,6 @@ import numpy as np
 from galerkin.bases.daubechies import Daubechies
 from galerkin.bases.fourier import Fourier
 
-__all__ = ["Basis", "Daubechies", "Fourier"]
-
 
 class Basis(Protocol):
     """A set phi_1 .. phi_n on 0 <= s <= 1 with phi(0) = phi(1) = 0, evaluated at any real s (float64 in and out).
@@ -62,6 +60,3 @@ class Basis(Protocol):
 
     def quadrature(self) -> tuple[np.ndarray, np.ndarray]:
         """Points and weights on [0, 1] for products of first derivatives with smooth coefficients, each (n_q,)."""
-
-    def quadrature_on(self, a: float, b: float) -> tuple[np.ndarray, np.ndarray]:
-        """The same on the piece [a, b], for coefficients that jump at a or b; n_q may depend on the piece."""

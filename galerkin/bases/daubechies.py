@@ -271,17 +271,8 @@ def _printed(order: int, level: int, reading: Reading) -> np.ndarray:
     return c
 
 
-@dataclass(frozen=True, slots=True)
-class _Span:
-    """The printed functions made orthonormal."""
-
-    functions: _Sums
-    singular: np.ndarray  # singular values of the printed derivatives, each scaled to unit norm, descending
-    rank: int
-
-
 @lru_cache(maxsize=16)
-def _orthonormal(order: int, level: int, reading: Reading) -> _Span:
+def _orthonormal(order: int, level: int, reading: Reading) -> _Sums:
     """Orthonormal functions (in int f' g' ds) with the span of the printed ones.
 
     In the coordinates A of Theta' along the orthonormalised phi(y - l) the inner product is the plain dot product, and
@@ -302,18 +293,13 @@ def _orthonormal(order: int, level: int, reading: Reading) -> _Span:
     A = (A - 2.0 * axis * (axis.T @ A))[1:]
     norm = np.linalg.norm(A, axis=0)
     U, singular, _ = svd(A / np.where(norm > 0.0, norm, 1.0), full_matrices=False)
-    rank = int(np.count_nonzero(singular > RANK_TOLERANCE * singular[0]))
-    U = np.concatenate([np.zeros((1, rank)), U[:, :rank]])
+    U = U[:, singular > RANK_TOLERANCE * singular[0]]
+    U = np.concatenate([np.zeros((1, U.shape[1])), U])
     U -= 2.0 * axis * (axis.T @ U)
+    left = solve_triangular(mother.left, U[:edge], lower=True, trans="T")
+    right = solve_triangular(mother.right, U[-edge:], lower=True, trans="T")
     cells = 2**level * (2 * order - 1)
-    c = np.concatenate(
-        [
-            solve_triangular(mother.left, U[:edge], lower=True, trans="T"),
-            U[edge:-edge],
-            solve_triangular(mother.right, U[-edge:], lower=True, trans="T"),
-        ]
-    )
-    return _Span(_sums(order, level, sqrt(cells) * c), singular, rank)
+    return _sums(order, level, sqrt(cells) * np.concatenate([left, U[edge:-edge], right]))
 
 
 def _cell_gram(T: np.ndarray) -> np.ndarray:
@@ -356,19 +342,21 @@ class Daubechies:
         1-R <= k <= order-1 for j = -1,   order-R <= k <= 2^j R - order for j >= 0                                (37)
 
     The functions handed out are not the Theta_jk but an orthonormal set (in int f' g' ds) with the same span, because
-    the Gram matrix of the Theta_jk is nearly singular; `printed` gives the Theta_jk themselves.
+    the Gram matrix of the Theta_jk is nearly singular.
 
     order : p, number of vanishing moments, 2 .. 10. theta' is Hoelder continuous with exponent 0.55, 1.09, 1.62 for
         p = 2, 3, 4, so theta'' does not exist for p = 2 (`d2` refuses) and is hardly continuous for p = 3; `smooth`
         tells (23) from the path form.
-    level : number of levels after j = -1; count = 2^level R + order - 1 (the paper prints 2^(level+1) R + R - order).
+    level : number of levels after j = -1; 2^level R + order - 1 functions (the paper prints 2^(level+1) R + R - order).
     reading : "literal" as above. Two misreadings fail instructively: "scaling" takes phi(x - k) for j = -1 and does
-        not converge, for functions at the right end are missing; "shifted" puts psi on [1-p, p] and has rank < count.
+        not converge, for functions at the right end are missing; "shifted" puts psi on [1-p, p] and loses rank.
     """
 
     order: int = 4
     level: int = 0
     reading: Reading = "literal"
+
+    harmonic = False
 
     def __post_init__(self) -> None:
         if self.order not in range(2, 11):
@@ -384,60 +372,35 @@ class Daubechies:
         return 2**self.level * (2 * self.order - 1)
 
     @property
-    def count(self) -> int:
-        """Number of printed functions Theta_jk."""
-        return self.cells + self.order - 1
-
-    @property
-    def _span(self) -> _Span:
+    def _functions(self) -> _Sums:
         return _orthonormal(self.order, self.level, self.reading)
 
     @property
-    def rank(self) -> int:
-        """Number of independent Theta_jk, literal: all of them (rounding hides one for order 10 from level 5 on).
-
-        Shifted: 7 of 10, 13 of 17, 25 of 31 for order 4, as exact elimination confirms.
-        """
-        return self._span.rank
-
-    @property
     def n(self) -> int:
-        """Number of functions handed out, the rank."""
-        return self.rank
+        """Number of functions handed out: of the independent Theta_jk.
 
-    @property
-    def condition(self) -> float:
-        """Condition number of the H1 Gram matrix of the Theta_jk, each scaled to norm 1, on its range."""
-        return float((self._span.singular[0] / self._span.singular[self.rank - 1]) ** 2)
+        Literal: all of them (rounding hides one for order 10 from level 5 on). Shifted: 7 of 10, 13 of 17, 25 of 31
+        for order 4, as exact elimination confirms.
+        """
+        return self._functions.c[0].shape[1]
 
     @property
     def smooth(self) -> bool:
         """True from order 4 on: theta'' exists and is Hoelder continuous with exponent 0.6 or more."""
         return self.order >= 4
 
-    def printed(self, s: np.ndarray, derivative: int = 0) -> np.ndarray:
-        """Theta_jk(R s) as printed in (39) or its derivative with respect to s, (n_s, count), by j, then k."""
-        c = _printed(self.order, self.level, self.reading)
-        mean = _sums(self.order, self.level, c)(np.array([1.0]), -1)
-        return _sums(self.order, self.level, c - mean)(s, derivative - 1)
-
-    @property
-    def harmonic(self) -> bool:
-        """No sines."""
-        return False
-
     def at(self, s: float) -> np.ndarray:
         """phi, phi', phi'' (0 where there is none), primitive1, primitive2 at one s, (5, n)."""
-        of, x = self._span.functions, np.array([s])
+        of, x = self._functions, np.array([s])
         return np.concatenate([of(x, m) if m < 1 or self.smooth else np.zeros((1, self.n)) for m in (-1, 0, 1, -2, -3)])
 
     def values(self, s: np.ndarray) -> np.ndarray:
         """phi(s), (n_s, n)."""
-        return self._span.functions(s, -1)
+        return self._functions(s, -1)
 
     def d1(self, s: np.ndarray) -> np.ndarray:
         """phi'(s), (n_s, n)."""
-        return self._span.functions(s, 0)
+        return self._functions(s, 0)
 
     def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Both sides of s_o: phi' is looked up at points of the own rule, which a cut changes in one part."""
@@ -454,19 +417,19 @@ class Daubechies:
 
     def d2(self, s: np.ndarray) -> np.ndarray:
         """phi''(s), (n_s, n)."""
-        return self._span.functions(s, 1)
+        return self._functions(s, 1)
 
     def primitive1(self, s: np.ndarray) -> np.ndarray:
         """int_0^s phi, (n_s, n)."""
-        return self._span.functions(s, -2)
+        return self._functions(s, -2)
 
     def primitive2(self, s: np.ndarray) -> np.ndarray:
         """int_0^s primitive1, (n_s, n)."""
-        return self._span.functions(s, -3)
+        return self._functions(s, -3)
 
     def mass(self) -> np.ndarray:
         """int phi_m phi_n ds, (n, n), cell by cell from the Gram matrix of phi_-1 on one cell."""
-        T, c = _mother(self.order).walks[-1].T, self._span.functions.c[-1]
+        T, c = _mother(self.order).walks[-1].T, self._functions.c[-1]
         G, n = _cell_gram(T), T.shape[1]
         M = np.zeros((self.n, self.n))
         for cell in range(self.cells):

@@ -17,14 +17,6 @@ def _unit_gauss(n: int) -> tuple[np.ndarray, np.ndarray]:
     return 0.5 * (1.0 + x), 0.5 * w
 
 
-@lru_cache(maxsize=32)
-def _wavenumbers(n: int) -> np.ndarray:
-    """k pi, (n,), read-only."""
-    k = np.pi * np.arange(1, n + 1)
-    k.flags.writeable = False
-    return k
-
-
 @compiled
 def values_at(s, n):
     """`Fourier.at`."""
@@ -77,20 +69,12 @@ class Fourier:
         if self.n < 1:
             raise ValueError(f"Fourier.n must be at least 1, got {self.n!r}")
 
-    @property
-    def smooth(self) -> bool:
-        """Sines have every derivative."""
-        return True
-
-    @property
-    def harmonic(self) -> bool:
-        """These are the sines."""
-        return True
+    smooth = harmonic = True
 
     @property
     def wavenumbers(self) -> np.ndarray:
         """k pi, (n,)."""
-        return _wavenumbers(self.n)
+        return np.pi * np.arange(1, self.n + 1)
 
     def at(self, s: float) -> np.ndarray:
         """phi, phi', phi'', primitive1, primitive2 at one s, (5, n)."""
@@ -126,23 +110,16 @@ class Fourier:
 
     def integral(self) -> np.ndarray:
         """int phi_k ds = (1 - (-1)^k)/(k pi)."""
-        k = np.arange(1, self.n + 1)
-        return (k % 2) * 2.0 / self.wavenumbers
+        return np.arange(1, self.n + 1) % 2 * 2.0 / self.wavenumbers
 
     def quadrature(self) -> tuple[np.ndarray, np.ndarray]:
         """2 n + 40 Gauss points on the cable."""
-        x, w = _unit_gauss(2 * self.n + 40)
-        return x.copy(), w.copy()
+        return _unit_gauss(2 * self.n + 40)
 
     @property
     def side_rule(self) -> tuple[np.ndarray, np.ndarray]:
         """2 n + 20 Gauss points on [0, 1]."""
         return _unit_gauss(2 * self.n + 20)
-
-    def quadrature_on(self, a: float, b: float) -> tuple[np.ndarray, np.ndarray]:
-        """`side_rule` on [a, b]."""
-        x, w = self.side_rule
-        return a + (b - a) * x, (b - a) * w
 
     def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points, weights, phi' and the hat's slope on both sides of s_o, without a cosine per entry."""

@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 from cablefem.elements.following import FollowingElements
 from cablefem.newmark import integrate, scheme, step_times
 from cablefem.scene import Scene
+from tests.oracles.strings import from_rest
 from tests.runs import (
     CRUISE,
     INCLINED,
@@ -168,7 +169,7 @@ def test_the_reference_values_of_the_crossing_mass():
 @pytest.mark.parametrize(("degree", "elements", "bound"), [(1, 20, 1.5e-4), (2, 10, 2e-5), (4, 6, 1.5e-5)])
 def test_a_mass_starting_from_rest_rides_the_exact_path(degree, elements, bound):
     a = 0.19
-    exact = moving_mass.solve(moving_mass.from_rest(a), mu=MU, sigma=SIGMA)
+    exact = moving_mass.solve(from_rest(a), mu=MU, sigma=SIGMA)
     system = FollowingElements(
         level_cable(mu=MU, sigma=SIGMA, acceleration=a), elements=elements, degree=degree, model="string"
     )

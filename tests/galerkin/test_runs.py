@@ -12,6 +12,7 @@ from cablefem.newmark import NewtonStalled, integrate, scheme, step_times
 from cablefem.response import States
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
+from tests.oracles.strings import from_rest
 from tests.runs import CRUISE, INCLINED, LEVEL, level_cable, march, observe, orders, path_error
 from validation.oracles import moving_force, moving_mass
 
@@ -28,7 +29,7 @@ def taut(groups, basis, **kw):
 
 # --- exact answers -------------------------------------------------------------------------------------------------
 RIDE = moving_mass.solve(moving_mass.constant_speed(0.45), mu=0.7, sigma=0.31)
-REST = moving_mass.solve(moving_mass.from_rest(0.23), mu=0.7, sigma=0.31)
+REST = moving_mass.solve(from_rest(0.23), mu=0.7, sigma=0.31)
 
 
 def test_moving_mass_on_a_string_sines_are_first_order():

@@ -1,13 +1,22 @@
 """Moving masses: string, supports and Newton's law hold for each oracle, and the oracles are each other's limits."""
 
 import math
+from functools import partial
 
 import mpmath
 import numpy as np
 import pytest
 
-from validation.oracles import accelerating_mass, massless_string, moving_force, moving_mass, wave_drag
+from validation.oracles import (
+    accelerating_force,
+    accelerating_mass,
+    massless_string,
+    moving_force,
+    moving_mass,
+    wave_drag,
+)
 
+from . import strings
 from .wave_identity import corners, wave_defect
 
 SIGMA = 0.1688832
@@ -24,9 +33,9 @@ TRAVELS = {
     "constant": (moving_mass.constant_speed(0.37), 1.3, 0.4),
     "fast and light": (moving_mass.constant_speed(0.9), 0.15, 0.7),
     "slow and heavy": (moving_mass.constant_speed(0.14), 7.0, 0.2),
-    "from rest": (moving_mass.from_rest(0.23), 0.6, 0.3),
-    "from rest, heavy": (moving_mass.from_rest(0.44), 12.0, 0.3),
-    "accelerate, cruise, brake": (moving_mass.accelerate_cruise_brake(0.62), 1.7, 0.25),
+    "from rest": (strings.from_rest(0.23), 0.6, 0.3),
+    "from rest, heavy": (strings.from_rest(0.44), 12.0, 0.3),
+    "accelerate, cruise, brake": (strings.accelerate_cruise_brake(0.62), 1.7, 0.25),
     "wavy": (wavy(), 0.8, 0.5),
 }
 
@@ -68,7 +77,7 @@ def test_reference_path_at_constant_speed():
 
 
 def test_reference_path_from_rest():
-    ride = moving_mass.solve(moving_mass.from_rest(SIGMA), mu=1.0, sigma=SIGMA)
+    ride = moving_mass.solve(strings.from_rest(SIGMA), mu=1.0, sigma=SIGMA)
     t = np.sqrt(2.0 * np.array([0.25, 0.5, 0.75, 0.9]) / SIGMA)
     y = [0.030454474334, 0.053712026932, 0.062373293480, 0.055325212080]
     np.testing.assert_allclose(ride.path(t), y, rtol=0.0, atol=1e-12)
@@ -76,12 +85,12 @@ def test_reference_path_from_rest():
 
 @pytest.mark.parametrize(
     ("travel", "printed"),
-    [(moving_mass.constant_speed(math.sqrt(SIGMA)), 0.021540187567), (moving_mass.from_rest(SIGMA), 0.035600810433)],
+    [(moving_mass.constant_speed(math.sqrt(SIGMA)), 0.021540187567), (strings.from_rest(SIGMA), 0.035600810433)],
 )
 def test_the_printed_exit_values_belong_to_a_billionth_before_the_exit(travel, printed):
     """Both printed exit values are y at s = T - t = 1e-9, which exceeds the limit by 1.2e-9 (s ln s)."""
     ride = moving_mass.solve(travel, mu=1.0, sigma=SIGMA)
-    assert ride.approach(1e-9)[0] == pytest.approx(printed, abs=1e-12)
+    assert strings.approach(ride, 1e-9)[0] == pytest.approx(printed, abs=1e-12)
     assert ride.exit_path == pytest.approx(printed, abs=1.5e-9)
     V = float(travel.speed(np.array([travel.t_end]))[0])
     slope = 2.0 / math.log((1.0 + V) / (1.0 - V))
@@ -106,13 +115,9 @@ def test_path_agrees_with_the_power_series_in_thirty_digits(mu, V):
                 n += 1
             exact.append(float(total))
     assert np.abs(ride.path(t) / exact - 1.0).max() < 1e-12
-    short = t[t < 6.0 * mu]
-    series = moving_mass.early_series(short, mu=mu, sigma=SIGMA, V=V)
-    assert np.abs(series / exact[: len(short)] - 1.0).max() < 1e-10  # loses e^12 = 1.6e5 of rounding at worst
 
 
-@pytest.mark.parametrize("mu", [0.1, 1.0, 20.0])
-@pytest.mark.parametrize("V", [0.1, 0.5, 0.95])
+@pytest.mark.parametrize(("mu", "V"), [(1.0, 0.1), (20.0, 0.1), (0.1, 0.5), (20.0, 0.5), (0.1, 0.95), (1.0, 0.95)])
 def test_path_satisfies_the_sum_over_images(mu, V):
     """An independent form of the equation, all reflections included; 1e-10 because it adds up to 40 impulses."""
     ride = moving_mass.solve(moving_mass.constant_speed(V), mu=mu, sigma=SIGMA)
@@ -125,7 +130,7 @@ def test_path_satisfies_the_sum_over_images(mu, V):
 def lift_off(ride, t):
     """Largest distance of the mass from the string behind and ahead of it (a slope away: 1e-14)."""
     xi, y = ride.travel.position(t), ride.path(t)
-    return max(np.abs(ride.displacement(xi + side, t) - y).max() for side in (0.0, 1e-14))
+    return max(np.abs(strings.displacement(ride, xi + side, t) - y).max() for side in (0.0, 1e-14))
 
 
 @pytest.fixture(scope="module", params=TRAVELS)
@@ -142,9 +147,11 @@ def test_the_string_obeys_the_wave_equation_under_the_mass(ride):
     quads = x[keep], t[keep], p[keep], q[keep]
     assert keep.sum() > 10
     scale = np.abs(ride.path(np.linspace(0.0, T, 99))).max()
-    defect = wave_defect(ride.displacement, ride.impulse, ride.travel.position, quads, T)
+    defect = wave_defect(partial(strings.displacement, ride), ride.impulse, ride.travel.position, quads, T)
     assert np.abs(defect).max() < 1e-10 * scale
-    spoiled = wave_defect(ride.displacement, lambda s: 1.001 * ride.impulse(s), ride.travel.position, quads, T)
+    spoiled = wave_defect(
+        partial(strings.displacement, ride), lambda s: 1.001 * ride.impulse(s), ride.travel.position, quads, T
+    )
     assert np.abs(spoiled).max() > 1e-5 * scale
 
 
@@ -172,11 +179,11 @@ def test_the_mass_obeys_newton_and_sits_on_the_string(ride):
 def test_the_string_is_fixed_at_its_ends_and_starts_from_rest(ride):
     t = np.linspace(0.0, ride.t_last, 50)
     scale = np.abs(ride.path(t)).max()
-    assert np.abs(ride.displacement(0.0, t)).max() < 1e-12 * scale
-    assert np.abs(ride.displacement(1.0, t[:-1])).max() < 1e-12 * scale
+    assert np.abs(strings.displacement(ride, 0.0, t)).max() < 1e-12 * scale
+    assert np.abs(strings.displacement(ride, 1.0, t[:-1])).max() < 1e-12 * scale
     x = np.linspace(0.0, 1.0, 30)
     for time in (0.0, 0.1, 0.3):
-        assert np.abs(ride.displacement(x[x > time + 1e-9], time)).max(initial=0.0) == 0.0
+        assert np.abs(strings.displacement(ride, x[x > time + 1e-9], time)).max(initial=0.0) == 0.0
     assert abs(ride.path(0.0)) < 1e-16
     assert abs(ride.path_velocity(0.0)) < 1e-16
 
@@ -186,16 +193,20 @@ def test_jump_law_and_gradient_at_the_mass(ride):
     t = np.array([0.31, 0.47, 0.63]) * ride.t_last
     xi, speed = ride.travel.position(t), ride.travel.speed(t)
     d = 1e-9
-    behind, ahead = ride.gradient(xi - d, t), ride.gradient(xi + d, t)
+    behind, ahead = strings.gradient(ride, xi - d, t), strings.gradient(ride, xi + d, t)
     size = np.abs(ride.force(t)).max() + 1.0
     np.testing.assert_allclose((1.0 - speed**2) * (ahead[0] - behind[0]), -ride.force(t), atol=1e-6 * size)
     for v_x, v_t in (behind, ahead):
         np.testing.assert_allclose(v_t + speed * v_x, ride.path_velocity(t), atol=1e-6 * size)
     assert np.abs((1.0 + speed**2) * (ahead[0] - behind[0]) + ride.force(t)).max() > 1e-3
     x, t, h = 0.43, 0.71 * ride.t_last, 1e-6
-    v_x, v_t = ride.gradient(x, t)
-    assert v_x == pytest.approx((ride.displacement(x + h, t) - ride.displacement(x - h, t)) / (2.0 * h), abs=1e-6)
-    assert v_t == pytest.approx((ride.displacement(x, t + h) - ride.displacement(x, t - h)) / (2.0 * h), abs=1e-6)
+    v_x, v_t = strings.gradient(ride, x, t)
+    assert v_x == pytest.approx(
+        (strings.displacement(ride, x + h, t) - strings.displacement(ride, x - h, t)) / (2.0 * h), abs=1e-6
+    )
+    assert v_t == pytest.approx(
+        (strings.displacement(ride, x, t + h) - strings.displacement(ride, x, t - h)) / (2.0 * h), abs=1e-6
+    )
 
 
 @pytest.mark.parametrize("wave", [1, 2])
@@ -233,11 +244,11 @@ def test_after_the_exit_the_string_swings_freely():
     ride = moving_mass.solve(moving_mass.constant_speed(V), mu=mu, sigma=SIGMA)
     x = np.linspace(0.0, 1.0, 203)[1:-1]
     t = 1.0 / V + 0.37
-    v = ride.displacement(x, t)
+    v = strings.displacement(ride, x, t)
     assert np.abs(v).max() > 0.01
-    np.testing.assert_allclose(ride.displacement(x, t + 2.0), v, atol=1e-12)  # period 2
+    np.testing.assert_allclose(strings.displacement(ride, x, t + 2.0), v, atol=1e-12)  # period 2
     np.testing.assert_allclose(
-        ride.displacement(1.0 - x, t + 1.0), -v, atol=1e-12
+        strings.displacement(ride, 1.0 - x, t + 1.0), -v, atol=1e-12
     )  # half a period: upside down, mirrored
 
 
@@ -246,18 +257,18 @@ def test_the_path_jumps_at_the_far_support(mu, V):
     """y -> w0 (1 - 2/(mu ln Q) s ln s), and the impulse from s to s/Q is 2 w0: R is (2 w0/ln Q)/s on average."""
     ride = moving_mass.solve(moving_mass.constant_speed(V), mu=mu, sigma=SIGMA)
     Q, w0 = (1.0 + V) / (1.0 - V), ride.exit_path
-    impulse = ride.approach(1e-9 * np.array([Q, 1.0]))[1]
+    impulse = strings.approach(ride, 1e-9 * np.array([Q, 1.0]))[1]
     assert impulse[1] - impulse[0] == pytest.approx(2.0 * w0, rel=1e-6)
     # (y/w0 - 1)/s = -(2/(mu ln Q)) ln s + a function of period ln Q: five periods apart, the difference is 5 x 2/mu
     s = 1e-6 * Q ** np.array([5.0, 0.0])
-    scaled = (ride.approach(s)[0] / w0 - 1.0) / s
+    scaled = (strings.approach(ride, s)[0] / w0 - 1.0) / s
     assert scaled[1] - scaled[0] == pytest.approx(10.0 / mu, rel=1e-2)  # the next term is s ln^2 s
     assert abs(w0) > 1e-3
 
 
 def test_from_rest_the_mass_starts_with_a_known_curvature():
     mu, a, sigma = 0.7, 0.31, 0.45
-    ride = moving_mass.solve(moving_mass.from_rest(a), mu=mu, sigma=sigma)
+    ride = moving_mass.solve(strings.from_rest(a), mu=mu, sigma=sigma)
     t = np.array([1e-4, 1e-3])
     np.testing.assert_allclose(ride.path(t) / t**2, sigma / (2.0 * (1.0 + 1.0 / (mu * a))), rtol=1e-3)  # next term: t
     assert ride.force(0.0) == pytest.approx(mu * sigma / (1.0 + mu * a), rel=1e-9)
@@ -291,17 +302,10 @@ def test_a_mass_faster_than_its_waves_rides_on_the_string_at_rest():
     for V in (1.0, 1.7):
         ride = moving_mass.solve(moving_mass.constant_speed(V), mu=0.8, sigma=0.5)
         assert np.all(ride.path(np.linspace(0.0, 1.0 / V, 9)) == 0.0)
-        x, t = np.meshgrid(np.linspace(0.02, 0.98, 29), np.linspace(0.01, 2.93, 31))
-        off = np.abs(x - t) > 1e-6
-        gap = ride.displacement(x, t) - moving_force.displacement(x, t, P=0.4, V=V)
-        assert np.abs(gap)[off].max() < 1e-12
-        assert float(ride.force(0.2)) == pytest.approx(0.4, rel=1e-15)
-    faster = moving_mass.Travel(lambda t: 1.2 * t + 0.4 * t * t, lambda t: 1.2 + 0.8 * np.asarray(t), 0.66228)
-    ride = moving_mass.solve(faster, mu=0.8, sigma=0.5)
-    quads = corners(np.random.default_rng(2), 40, x=(0.0, 1.0), t=(0.0, 1.4), size=0.6, clip=True)
-    defect = wave_defect(ride.displacement, ride.impulse, faster.position, quads, faster.t_end)
-    assert np.abs(defect).max() < 1e-12
-    assert np.abs(wave_defect(ride.displacement, ride.impulse, lambda s: 1.2 * s, quads, 0.6)).max() > 1e-3
+        P, t = float(ride.force(0.2)), np.linspace(0.0, 1.0 / V, 9)[1:-1]
+        assert pytest.approx(0.4, rel=1e-15) == P
+        on_string = moving_force.displacement(np.minimum(V * t + 1e-9, 1.0), t, P=P, V=V)
+        assert np.abs(on_string).max() < 1e-8  # v(xi, t) = 0 under that force: the mass sits on the string
 
 
 def test_far_from_the_supports_the_path_does_not_depend_on_the_travel():
@@ -348,10 +352,15 @@ def test_massless_string_in_high_precision(a):
 
 
 def test_massless_string_end_and_special_case():
+    def end_jump(a):
+        return (
+            4.0 / 3.0 if a == 1.0 else 2.0 * math.cos(0.5 * math.pi * math.sqrt(1.0 + 8.0 * a)) / (math.pi * (a - 1.0))
+        )
+
     for a in (0.4, 1.0, 2.5, 6.0, 311.0):
-        assert float(massless_string.path(1.0, a=a)) == pytest.approx(massless_string.end_jump(a), abs=1e-13)
+        assert float(massless_string.path(1.0, a=a)) == pytest.approx(end_jump(a), abs=1e-13)
     for a in (3.0, 6.0, 10.0):
-        assert abs(massless_string.end_jump(a)) < 1e-15
+        assert abs(end_jump(a)) < 1e-15
     xi = np.linspace(0.0, 1.0, 41)
     near = 0.5 * (massless_string.path(xi, a=1.0 + 1e-4) + massless_string.path(xi, a=1.0 - 1e-4))
     np.testing.assert_allclose(near, massless_string.path(xi, a=1.0), atol=1e-7)  # second order in 1e-4
@@ -371,15 +380,18 @@ def test_accelerating_mass_through_the_wave_speed(mu, a):
     par = {"mu": mu, "sigma": sigma, "a": a}
 
     def v(x, t):
-        return accelerating_mass.displacement(x, t, **par)
+        return accelerating_force.displacement_of(x, t, impulse, a=a)
 
     def xi(s):
         return 0.5 * a * np.asarray(s) ** 2
 
     blow = (1.0 / a, 2.0 * mu * float(accelerating_mass.path_velocity(1.0 / a, **par)))
 
-    def smooth(s):  # the impulse without the blow
-        return accelerating_mass.impulse(s, **par) - np.where(s > 1.0 / a, blow[1], 0.0)
+    def impulse(s):
+        return mu * (sigma * np.asarray(s) - accelerating_mass.path_velocity(s, **par))
+
+    def smooth(s):  # without the blow
+        return impulse(s) - np.where(s > 1.0 / a, blow[1], 0.0)
 
     quads = corners(np.random.default_rng(8), 80, x=(-2.0, 4.0), t=(0.0, 2.5 / a), size=1.0, clip=False)
     assert np.abs(wave_defect(v, smooth, xi, quads, 8.0, (1.0 / a,), (blow,))).max() < 1e-11
@@ -413,9 +425,9 @@ def test_wave_drag_balances_energy_and_solves_the_wave_equation(w0, drive):
     def impulse(s):
         return 2.0 * ride.path(s)
 
-    assert np.abs(wave_defect(ride.displacement, impulse, ride.position, quads, t_end)).max() < 1e-10
+    assert np.abs(wave_defect(partial(strings.sliding, ride), impulse, ride.position, quads, t_end)).max() < 1e-10
     t = np.linspace(0.1, 2.3, 12)
-    np.testing.assert_allclose(ride.displacement(ride.position(t), t), ride.path(t), atol=1e-11)
+    np.testing.assert_allclose(strings.sliding(ride, ride.position(t), t), ride.path(t), atol=1e-11)
     # energy of string and mass against the work of the drive, by Gauss's rule on both sides of the mass
     node, weight = np.polynomial.legendre.leggauss(60)
 
@@ -424,7 +436,7 @@ def test_wave_drag_balances_energy_and_solves_the_wave_equation(w0, drive):
         total = 0.0
         for a, b in ((-t1, xi), (xi, t1)):
             x = 0.5 * (a + b) + 0.5 * (b - a) * node
-            v_x, v_t = ride.gradient(x, np.full_like(x, t1))
+            v_x, v_t = strings.sliding_gradient(ride, x, np.full_like(x, t1))
             total += 0.25 * (b - a) * np.sum(weight * (v_x**2 + v_t**2))
         fall = sigma * t1 - float(ride.force(0.0)) - 2.0 * float(ride.path(t1)) / mu  # y' = sigma t - I/mu
         total += 0.5 * mu * (fall**2 + drag_sign * (w * w - w0 * w0)) - mu * sigma * float(ride.path(t1))
@@ -436,20 +448,21 @@ def test_wave_drag_balances_energy_and_solves_the_wave_equation(w0, drive):
     # along the string: mu xi'' = D + R <v_x>
     h = 1e-4
     pull = mu * (ride.speed(t + h) - ride.speed(t - h)) / (2.0 * h)
-    np.testing.assert_allclose(pull, drive + ride.force(t) * ride.mean_slope(t), atol=1e-6)
+    mean_slope = -0.5 * ride.force(t) * ride.speed(t) / (1.0 - ride.speed(t) ** 2)
+    np.testing.assert_allclose(pull, drive + ride.force(t) * mean_slope, atol=1e-6)
     d = 1e-7
-    slopes = [ride.gradient(ride.position(t) + side, t)[0] for side in (-d, d)]
-    np.testing.assert_allclose(0.5 * (slopes[0] + slopes[1]), ride.mean_slope(t), atol=1e-5)
+    slopes = [strings.sliding_gradient(ride, ride.position(t) + side, t)[0] for side in (-d, d)]
+    np.testing.assert_allclose(0.5 * (slopes[0] + slopes[1]), mean_slope, atol=1e-5)
 
 
 def test_coasting_speed_in_closed_form_is_the_integrated_one():
     mu, sigma, w0 = 0.7, 0.9, 0.8
     t = np.linspace(0.0, 6.0, 31)
     ride = wave_drag.solve(6.0, mu=mu, sigma=sigma, w0=w0)
-    closed = wave_drag.coasting_speed(t, mu=mu, sigma=sigma, w0=w0)
+    closed = strings.coasting_speed(t, mu=mu, sigma=sigma, w0=w0)
     assert np.abs(ride.speed(t) - closed).max() < 1e-10
     assert np.all(np.diff(closed) < 0.0)
-    assert np.abs(wave_drag.coasting_speed(t, mu=mu, sigma=1e-4, w0=w0) - w0).max() < 1e-6  # no weight, no drag
+    assert np.abs(strings.coasting_speed(t, mu=mu, sigma=1e-4, w0=w0) - w0).max() < 1e-6  # no weight, no drag
     assert wave_drag.solve(40.0, mu=mu, sigma=sigma, w0=0.2, drive=3.0).speed(40.0) < 1.0  # stays subsonic
 
 
@@ -458,7 +471,6 @@ def test_parameters_outside_the_validity_are_refused():
     beyond = moving_mass.Travel(lambda t: 0.3 * t, lambda t: np.full(np.shape(t), 0.3), 4.0)
     ok = moving_mass.constant_speed(0.5)
     ride = moving_mass.solve(ok, mu=1.2, sigma=0.2)
-    inside = moving_mass.solve(moving_mass.Travel(ok.position, ok.speed, 1.1), mu=1.2, sigma=0.2)
     for call in (
         lambda: moving_mass.solve(through, mu=1.2, sigma=0.2),
         lambda: moving_mass.solve(beyond, mu=1.2, sigma=0.2),
@@ -466,21 +478,14 @@ def test_parameters_outside_the_validity_are_refused():
         lambda: moving_mass.solve(ok, mu=1.2, sigma=float("nan")),
         lambda: moving_mass.solve(moving_mass.Travel(ok.position, ok.speed, 2.0, (2.0,)), mu=1.2, sigma=0.2),
         lambda: ride.path(2.1),
-        lambda: ride.approach(0.0),
-        lambda: ride.displacement(1.2, 0.3),
-        lambda: inside.displacement(0.2, 1.3),
-        lambda: moving_mass.early_series(1.5, mu=1.2, sigma=0.2, V=0.5),
-        lambda: moving_mass.early_series(1.0, mu=0.1, sigma=0.2, V=0.5),
         lambda: moving_mass.constant_speed(0.0),
-        lambda: moving_mass.from_rest(-1.0),
-        lambda: moving_mass.accelerate_cruise_brake(float("inf")),
         lambda: massless_string.path(0.2, a=0.0),
         lambda: massless_string.path(1.2, a=2.0),
         lambda: massless_string.force(1.0, a=2.0),
         lambda: accelerating_mass.path(-0.1, mu=1.0, sigma=0.2, a=0.4),
         lambda: accelerating_mass.path(0.1, mu=0.0, sigma=0.2, a=0.4),
         lambda: wave_drag.solve(1.0, mu=1.3, sigma=0.2, w0=1.1),
-        lambda: wave_drag.coasting_speed(1.0, mu=1.3, sigma=-0.2, w0=0.1),
+        lambda: wave_drag.solve(1.0, mu=1.3, sigma=-0.2, w0=0.1),
     ):
         with pytest.raises(ValueError, match=r"must|holds|string|wave speed|breaks|inside|t >= 0|ended"):
             call()

@@ -141,7 +141,13 @@ def test_no_point_hangs_deeper_below_the_chord_than_the_sag(cable):
     # x and y are rounded to l eps, steep chords multiply that by their slope < 2; the grid misses (1/4000)^2 of the top
     assert np.max(depth) == pytest.approx(cable.sag, rel=1e-6, abs=1e-12 * cable.length)
     assert cable.slack > 0.0
-    lowest = cable.y(np.clip(cable.lowest + np.array([-1e-3, 0.0, 1e-3]) * cable.length, 0.0, cable.length))
+    lowest = cable.y(
+        np.clip(
+            cable.length * min(max(cable.c / cable.sigma, 0.0), 1.0) + np.array([-1e-3, 0.0, 1e-3]) * cable.length,
+            0.0,
+            cable.length,
+        )
+    )
     assert lowest[1] >= max(lowest) - 1e-13 * cable.length
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
+from tests.oracles.strings import accelerate_cruise_brake
 from validation.commands.certify import study
 from validation.commands.certify.study import Found, Track, Way, against, joined, measured, nearby, read_table
 from validation.oracles import moving_mass
@@ -95,7 +96,7 @@ def test_gaps_nearby_count_and_places_without_one_have_none():
 
 def test_the_travel_of_a_scene_is_that_of_the_exact_answers():
     motion = Scene.load("cruise").groups.motion
-    travel, known = moving_mass.travel_of(motion), moving_mass.accelerate_cruise_brake(motion.top_speed)
+    travel, known = moving_mass.travel_of(motion), accelerate_cruise_brake(motion.top_speed)
     t = np.linspace(0.0, known.t_end, 400)[1:-1]
     np.testing.assert_allclose(travel.position(t), known.position(t), atol=1e-13)
     np.testing.assert_allclose(travel.speed(t), known.speed(t), atol=1e-13)

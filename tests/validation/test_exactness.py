@@ -27,8 +27,8 @@ def row(oracle, case, method):
 
 def test_every_exact_answer_is_held_against_a_solver_or_said_to_be_out_of_reach():
     held, known = {oracle for oracle, _, _ in EVERY}, oracles.find()
-    assert held | {o.name for o in known if o.unreached} == {o.name for o in known}
-    assert not [o.name for o in known if o.unreached and o.name in held]
+    assert held | {name for name, o in known.items() if o.unreached} == set(known)
+    assert not [name for name, o in known.items() if o.unreached and name in held]
     assert len(EVERY) == len(exactness.tasks())  # no two rows have the same name
 
 
@@ -39,8 +39,8 @@ def test_a_file_in_the_folder_is_all_that_an_oracle_needs(tmp_path, monkeypatch)
         "from validation.oracles.catenary_modes import solve\n"
         "exact = solve(BARE.sigma, BARE.alpha, BARE.c, count=3).omega\n"
         "case = Modes(name='first three', groups=BARE, model='full', exact=exact, methods=('sines',))\n"
-        "ORACLE = Oracle(name='brought-along', title='a title', source='a source', validity='', group='A new group',\n"
-        "                answer=solve, cases=lambda: [case])\n"
+        "ORACLE = Oracle(title='a title', source='a source', validity='', group='A new group',\n"
+        "                cases=lambda: [case])\n"
     )
     monkeypatch.setattr(oracles, "__path__", [*oracles.__path__, str(tmp_path)])
     (task,) = [t for t in exactness.tasks() if t.oracle == "brought-along"]
@@ -182,7 +182,7 @@ def test_the_table_is_written_and_goes_on_where_it_stopped(few, tmp_path):
     assert content["verdict"] == "agree"
     assert content["rows"][1]["observed_order"] is None
     assert progress[-1] == ("oracles", 1.0)
-    assert [o["name"] for o in content["oracles"]] == [o.name for o in oracles.find()]
+    assert [o["name"] for o in content["oracles"]] == [*oracles.find()]
     content["rows"], content["verdict"] = content["rows"][:1], "not comparable"
     (tmp_path / "oracles.json").write_text(json.dumps(content))
     calls.clear()
@@ -209,7 +209,7 @@ def test_the_page_shows_every_row_and_escapes_it(few, tmp_path):
     assert "x &lt; y &amp; z" in html
     assert "fails, as it must" in html
     assert "<svg" in html
-    assert all(oracle.name in html for oracle in oracles.find() if oracle.unreached)
+    assert all(name in html for name, oracle in oracles.find().items() if oracle.unreached)
     assert len({s.id for s in found}) == len(found)
 
 

@@ -85,6 +85,9 @@ class Agreement:
 AXIAL_MEAN = "mean over an axial round trip"  # what a load cell sees: fronts keep the rest from converging pointwise
 
 
+ALONG = "along the cable"
+
+
 def overall(rows: list[Agreement]) -> Verdict:
     """Return the first of disagree, not comparable and too coarse that any row is, else agree; without rows none.
 
@@ -94,7 +97,8 @@ def overall(rows: list[Agreement]) -> Verdict:
     agreed = [row for row in rows if row.verdict is Verdict.AGREE]
     known = {row.quantity for row in agreed if row.law == AXIAL_MEAN}
     known |= {"velocity" for row in agreed if row.quantity == "displacement"}
-    asked = [row for row in rows if not (row.verdict is Verdict.TOO_COARSE and not row.law and row.quantity in known)]
+    pointwise = [row for row in rows if row.verdict is Verdict.TOO_COARSE and row.law in ("", ALONG)]
+    asked = [row for row in rows if row not in pointwise or row.quantity not in known]
     verdicts = {row.verdict for row in asked} or {Verdict.NOT_COMPARABLE}
     return next(verdict for verdict in Verdict if verdict in verdicts)
 
@@ -135,6 +139,8 @@ def agree(
         pointwise.append(raw(name, partial(_series_gap, of, 0.0)))
         means.append(ringing(name, partial(_series_gap, of, axial), law=AXIAL_MEAN))
     fields = [smooth("displacement", measures.displacement_gap), smooth("velocity", measures.velocity_gap)]
+    fields.append(smooth("displacement", partial(measures.displacement_gap, along=True), law=ALONG))
+    fields.append(smooth("velocity", partial(measures.velocity_gap, along=True), law=ALONG))
     held = [_law("energy", _energy_series(scene), a, b, window), *_laws(a, b, window)]
     fields += _ride(scene, a, b, smooth, ringing, axial)
     return [

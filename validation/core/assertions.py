@@ -1,7 +1,5 @@
 """Agreement of two answers as an assertion."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from cablefem.response import Response

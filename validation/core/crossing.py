@@ -1,7 +1,5 @@
 """The path of a mass over a cable that is given by its groups: what exact answers of strings are held against."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -5,8 +5,6 @@ are f_1 + (f_1 - f_2)/(2^p - 1) and f_2 + (f_2 - f_4)/(2^p - 1).  The first is t
 have lost the same order, so what is left in the better one is a part of what they differ by.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

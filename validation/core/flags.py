@@ -1,7 +1,5 @@
 """What makes a run suspect.  Decisions read `Flag.kind`; the words of each kind stand here and nowhere else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from cablefem.response import Flag, Response

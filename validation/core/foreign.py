@@ -12,8 +12,6 @@ Endings: _over_l (of the length of the cable), _mm, _km, _ms, _kN, and _up; also
 nothing.  A name and its numbers that contradict one another are refused with the name that would fit.
 """
 
-from __future__ import annotations
-
 import csv
 import itertools
 import math
@@ -101,13 +99,11 @@ class ForeignPath:
         faults: list[str] = []
         place: dict[str, int] = {}  # quantity -> its column
         for i, column in enumerate(header):
-            found = _NAME.fullmatch(column.lower())
-            if found:
+            if found := _NAME.fullmatch(column.lower()):
                 quantity = {"time": "t"}.get(found[1], found[1])
                 if quantity in place:
-                    faults.append(
-                        f"{name}: columns {header[place[quantity]]} and {column} both say {quantity}; leave one"
-                    )
+                    both = f"{header[place[quantity]]} and {column}"
+                    faults.append(f"{name}: columns {both} both say {quantity}; leave one")
                 place[quantity] = i
         have = ", ".join(header)
         if not place.keys() & {"v", "y"}:
@@ -336,15 +332,11 @@ def mass_tension_gap(a: Any, b: Any, window: Window) -> float:
     return math.sqrt(0.5 * total) / b.horizontal_tension
 
 
-def rows(path: ForeignPath | Response, ours: Estimated, window: Window, with_tol: float) -> list[Agreement]:
+def rows(path: ForeignPath | Response, ours: Estimated, window: Window, with_tol: float) -> Iterator[Agreement]:
     """Hold a foreign path against an estimated run: allowed is our error bar plus `with_tol`.
 
     Where it covers less than the window, the gap is told but the row is "not comparable".
     """
-    return list(_rows(path, ours, window, with_tol))
-
-
-def _rows(path: ForeignPath | Response, ours: Estimated, window: Window, with_tol: float) -> Iterator[Agreement]:
     party, run = path.method, ours.run.method
     try:
         part = _common(path, window)
@@ -366,9 +358,8 @@ def _rows(path: ForeignPath | Response, ours: Estimated, window: Window, with_to
         return Agreement(name, gap, bound, where, party)
 
     def measured(i: int) -> Any:
-        return lambda a, b: measures.path_gap(
-            *(comparable(a, b) if path.u is not None else (_vertical(a), _vertical(b))), part
-        )[i]
+        known = comparable if path.u is not None else lambda a, b: (_vertical(a), _vertical(b))
+        return lambda a, b: measures.path_gap(*known(a, b), part)[i]
 
     yield row("path_max", max_gap, measured(0), where)
     yield row("path_rms", rms_gap, measured(1))

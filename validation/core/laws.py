@@ -23,6 +23,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from cablefem.response import Array, Response
 
+OFTEN = 0.2  # of the time a transverse wave takes along the cable, that may lie between frames which tell velocities
 EVERY = 6  # frames from one end of a window to the next: 0.06 of the travel
 ROUNDING = 1e-9  # of the scale: stations and splines of static shapes
 SIDE = 1e-6  # of a step, beside an event
@@ -93,7 +94,7 @@ class Held:
 
 def hold(r: Response, window: Window, companions: Sequence[Response] = ()) -> Iterator[Held]:
     """Hold every law that a response can be held against, over a window of s_o/l, the cable at rest first."""
-    case, sparse = Mechanics(r, window), Mechanics(_thinned(r), window)
+    case, sparse = Mechanics(r, window), Mechanics(_thinned(r), window, every=2)
     others = [Mechanics(c, window) for c in companions]
     for law, kind in LAWS.items():
         if not case.concerns(law):
@@ -117,9 +118,12 @@ def hold(r: Response, window: Window, companions: Sequence[Response] = ()) -> It
 # What a law asks of a run: nothing of its resolution, or that it be resolved.
 LAWS = {
     "ends at rest": "exact", "length at rest": "exact", "shape at rest": "exact", "forces at rest": "exact",
-    "travel": "exact", "compression": "exact", "stretch": "resolved", "momentum of the mass": "resolved",
+    "travel": "exact", "drive": "exact", "compression": "exact", "place of the mass": "exact",
+    "strain at the mass": "exact", "speed of the mass": "resolved", "fields at the mass": "resolved",
+    "tension up to the mass": "resolved",
+    "velocity of the cable": "resolved", "stretch": "resolved", "momentum of the mass": "resolved",
     "impulse": "resolved", "momentum of the cable": "resolved", "moment of momentum": "resolved",
-    "energy": "resolved", "tension on both sides": "resolved",
+    "energy": "resolved", "parts of the energy": "resolved", "power": "resolved", "tension on both sides": "resolved",
 }  # fmt: skip
 
 
@@ -144,17 +148,28 @@ class _Side:
 
 
 class Mechanics:
-    """The laws, held against one response over a window of s_o/l; each returns its defect."""
+    """The laws, held against one response over a window of s_o/l; each returns its defect.
 
-    def __init__(self, r: Response, window: Window) -> None:
-        self.r, self.window, self.given = r, window, Given.read(r.scene_toml)
+    every : so-manieth frame of the velocity of the cable is looked at.
+    """
+
+    def __init__(self, r: Response, window: Window, every: int = 1) -> None:
+        self.r, self.window, self.every, self.given = r, window, every, Given.read(r.scene_toml)
 
     def concerns(self, law: str) -> bool:
         """Return whether a law says anything about the response."""
         if law == "compression":
             return self.r.switched is not None or self.r.law == "tension-only"
-        if law == "tension on both sides":
+        if law in ("drive", "tension on both sides"):
             return self.r.drive != "grip"
+        if law == "strain at the mass":
+            own = not np.array_equal(self.r.T_behind, self.r.T_behind_pointwise, equal_nan=True)
+            return own and self.r.model == "full"  # a solver may know the one tension alone
+        if law == "parts of the energy":
+            return bool(np.isfinite(self.r.kinetic).any())
+        if law == "velocity of the cable":
+            between = float(np.diff(self.r.fields.t[self.frames[0] : self.frames[-1]]).max(initial=0.0))
+            return between <= OFTEN * self.r.length * math.sqrt(self.given.rho / self.r.horizontal_tension)
         return law != "travel" or self.r.drive != "free"
 
     def defect(self, law: str) -> Defect:
@@ -321,6 +336,108 @@ class Mechanics:
         T = f.T_pointwise[f.s_o / self.r.length > (self.r.switched or 0.0)]
         return _static(min(0.0, float(T.min(initial=0.0))) / self.r.horizontal_tension)
 
+    @cached_property
+    def inside(self) -> NDArray[np.bool_]:
+        """Which steps lie in the window, off the supports."""
+        r, (low, high) = self.r, self.window
+        return (r.s_o >= max(low, ROUNDING) * r.length) & (r.s_o <= min(high, 1.0 - ROUNDING) * r.length)
+
+    def _drive(self) -> Defect:
+        """The car begins, brakes and arrives where the TOML says, is let go and driven as long and as hard as it says.
+
+        Each event is where and as fast as the car is then; over length, time, top speed and largest thrust.
+        """
+        r, drive, l, T = self.r, self.given.drive, self.r.fields.s[-1], self.r.t[-1]
+        times, forces = self._thrust
+        off = [(r.s_o[0] - drive.get("start", 0.01 * l)) / l]
+        told = {"release": [drive.get("release", 0.0)], "thrust_end": times[-1:].tolist()}
+        where = {
+            "brake": [brake["from"] for brake in drive.get("brake", [])],
+            "arrival": [drive.get("end", {}).get("place", 0.99 * l)],
+        }
+        for x in r.events:
+            off.append((np.interp(x["t"], r.t, r.s_o) - x["s_o"]) / l)
+            off.append((np.interp(x["t"], r.t, r.speed) - x["speed"]) / float(r.speed.max()))
+            for value, wanted, scale in ((x["t"], told, T), (x["s_o"], where, l)):
+                near = [abs(value - y) / scale for y in wanted.get(x["event"], [])]
+                off += [min(near)] if near else []
+        if r.drive == "free" and times.size:
+            smooth = np.abs(r.t[:, None] - times).min(axis=1) > SIDE * T
+            off.append(np.abs(r.F_haul - self._pull)[smooth].max() / float(np.abs(forces).max()))
+        return _static(*off)
+
+    @cached_property
+    def _thrust(self) -> tuple[Array, Array]:
+        """Times and forces of the TOML's thrust, none where there is none."""
+        thrust = self.given.drive.get("thrust", 0.0)
+        if not isinstance(thrust, dict):
+            thrust = {"times": [0.0, math.inf], "forces": 2 * [thrust]} if thrust else {"times": [], "forces": []}
+        return np.array(thrust["times"], float), np.array(thrust["forces"], float)
+
+    @cached_property
+    def _pull(self) -> Array:
+        """Force from outside along the mean tangent (n,): the TOML's thrust on a free car, else what the run says."""
+        times, forces = self._thrust
+        if self.r.drive != "free" or not times.size:
+            return np.nan_to_num(self.r.F_haul) if self.r.drive == "haul" else np.zeros(self.r.t.size)
+        if math.isinf(times[-1]):
+            return np.full(self.r.t.size, forces[0])
+        return np.interp(self.r.t, times, forces, left=0.0, right=0.0)
+
+    def _place_of_the_mass(self) -> Defect:
+        """p = X(s_o) + w; over the largest deflection."""
+        r, k = self.r, self.inside
+        off = np.stack([r.x - r.u, r.y - r.v], axis=1)[k] - self.curve(r.s_o[k])
+        return Defect(r.s_o[k] / r.length, off / r.max_deflection)
+
+    def _strain_at_the_mass(self) -> Defect:
+        """Pointwise tension is that at rest plus EA (|r'| - 1), and not below none where the law says so; over H."""
+        r, k, f = self.r, self.inside, self.r.fields
+        T, off = CubicSpline(f.s, f.T_static)(r.s_o[k]), []
+        for slope, told in ((r.slope_behind, r.T_behind_pointwise), (r.slope_ahead, r.T_ahead_pointwise)):
+            N = T + self.given.EA * (np.hypot(slope[k, 0], slope[k, 1]) - 1.0)
+            off.append(told[k] - (np.maximum(N, 0.0) if r.law == "tension-only" else N))
+        return Defect(r.s_o[k] / r.length, np.stack(off, axis=1) / r.horizontal_tension)
+
+    def _speed_of_the_mass(self) -> Defect:
+        """The way of the mass is the integral of its velocity; over top speed times the window."""
+        r = self.r
+        kept = self._at_frames(np.stack([r.x, r.y], axis=1)) - self._impulse_of(r.velocity)
+        return self._over_windows(kept, float(r.speed.max()))
+
+    def _fields_at_the_mass(self) -> Defect:
+        """What frames say of the mass is what steps do; over the largest deflection."""
+        r, f = self.r, self.r.fields
+        steps = CubicSpline(r.t, np.stack([r.s_o, r.u, r.v], axis=1))(self.t)
+        off = np.stack([f.s_o, f.mass_u, f.mass_v], axis=1)[self.frames] - steps
+        return Defect(f.s_o[self.frames] / r.length, off / r.max_deflection)
+
+    def _tension_up_to_the_mass(self) -> Defect:
+        """Tension along the cable goes on to that at the mass, in the mean over the frames; over H."""
+        off = np.zeros((0, 2))
+        for behind, ahead in self.sides:
+            if min(behind.s.size, ahead.s.size) > 2:
+                rows = [(x.s[::way][:3], x.T[::way][:3]) for x, way in ((behind, -1), (ahead, 1))]
+                off = np.append(
+                    off, [[T[0] - T[1] - (T[1] - T[2]) * (s[0] - s[1]) / (s[1] - s[2]) for s, T in rows]], axis=0
+                )
+        return _static(*(off.mean(axis=0) / self.r.horizontal_tension))
+
+    def _velocity_of_the_cable(self) -> Defect:
+        """What the cable moves across itself at rest is the integral of its velocity, both weighted by half a sine.
+
+        Over the rms of that.  Along it, and in shorter waves, it swings to and fro between two frames.
+        """
+        f, last = self.r.fields, (self.frames.size - 1) // 2 * 2
+        of, step = np.arange(self.frames[0], self.frames[last] + 1), 2 * int(self.frames[1] - self.frames[0])
+        tangent = self.curve(f.s, 1)
+        sine = np.sin(math.pi / f.s[-1] * f.s)
+        w, dw = ((tangent[:, 0] * b[of] - tangent[:, 1] * a[of]) @ sine for a, b in ((f.u, f.v), (f.du, f.dv)))
+        way = cumulative_trapezoid(dw[:: self.every], f.t[of[:: self.every]], axis=0, initial=0.0)
+        time, at = np.diff(f.t[of[::step]]), f.s_o[of[::step]] / self.r.length
+        off = np.diff(w[::step] - way[:: step // self.every], axis=0) / np.mean(time)
+        return Defect(0.5 * (at[1:] + at[:-1]), off[:, None] / math.sqrt(float(np.mean(dw**2))))
+
     def _stretch(self) -> Defect:
         """Mean tension of each side is that at rest plus EA times the side's strain by the sampled curve; over H."""
         off = []
@@ -345,15 +462,20 @@ class Mechanics:
 
     def _outside(self) -> Array:
         """Return what acts on the mass besides the cable, (n, 2) [N]: weight, haul rope or thrust, drag of the TOML."""
-        r, drive = self.r, self.given.drive
+        r = self.r
         force = self.given.weight * DOWN + np.zeros((r.t.size, 2))
         if r.drive != "grip":
             mean = r.slope_behind + r.slope_ahead
-            force += np.nan_to_num(r.F_haul)[:, None] * mean / np.hypot(mean[:, 0], mean[:, 1])[:, None]
-            k = 0.5 * drive.get("air_density", 1.2) * drive.get("drag_area", 0.0)
-            past = r.velocity - [drive.get("wind", 0.0), 0.0]
-            force -= k * np.hypot(past[:, 0], past[:, 1])[:, None] * past
+            force += self._pull[:, None] * mean / np.hypot(mean[:, 0], mean[:, 1])[:, None] + self._drag
         return force
+
+    @cached_property
+    def _drag(self) -> Array:
+        """Drag of the TOML (n, 2) [N]."""
+        drive = self.given.drive
+        k = 0.5 * drive.get("air_density", 1.2) * drive.get("drag_area", 0.0)
+        past = self.r.velocity - [drive.get("wind", 0.0), 0.0]
+        return -k * np.hypot(past[:, 0], past[:, 1])[:, None] * past
 
     def _momentum_of_the_mass(self) -> Defect:
         """M (v_2 - v_1) is the impulse of weight, contact force and what acts from outside; over M g times window."""
@@ -378,15 +500,20 @@ class Mechanics:
         [N] (1 - rho ds_o^2/EA) = -(mu_r |contact| + brakes) sign(ds_o); while it is held or stands it may differ.
         """
         r, given, drive = self.r, self.given, self.given.drive
-        grip = drive.get("rolling_friction", 0.0) * np.abs(r.F_contact)
-        for brake in drive.get("brake", []):
-            grip = grip + brake["force"] * (r.s_o >= brake["from"])
-        apart = (r.T_ahead - r.T_behind) * (1.0 - given.rho * self.pace**2 / given.EA) + grip * np.sign(self.pace)
+        rubs = np.sum(self._rub, axis=0) * np.sign(self.pace)
+        apart = (r.T_ahead - r.T_behind) * (1.0 - given.rho * self.pace**2 / given.EA) + rubs
         kept = self._over_windows(self._impulse_of(apart[:, None]), given.weight)
         rolls = np.abs(np.interp(self.t, r.t, self.pace)) > 0.05 * np.abs(self.pace).max()
         rolls &= self.t >= drive.get("release", 0.0)
         moving = (rolls[1:] & rolls[:-1])[:, None]
         return Defect(kept.place, np.where(moving, kept.value, 0.0))
+
+    @cached_property
+    def _rub(self) -> tuple[Array, Array]:
+        """Rolling friction and brakes (n,) [N], against the motion along the cable."""
+        r, drive = self.r, self.given.drive
+        shoes = [x["force"] * (r.s_o >= x["from"]) for x in drive.get("brake", [])]
+        return drive.get("rolling_friction", 0.0) * np.abs(r.F_contact), np.sum([np.zeros(r.t.size), *shoes], axis=0)
 
     def _momentum_of_the_cable(self) -> Defect:
         """rho int r. ds changes by the impulse of reactions, weight and mass; over all weight times the window."""
@@ -410,36 +537,67 @@ class Mechanics:
         kept = (spin - own)[:, None] - self._impulse_of(moment[:, None])
         return self._over_windows(kept, (weight * r.fields.s[-1] + given.weight) * given.span)
 
-    def _energy(self) -> Defect:
-        """Energy of cable and mass changes by the work of the drive; over weight times largest deflection.
-
-        Strain energy from the tension: W = (N^2 - T^2)/(2 EA).
-        """
+    @cached_property
+    def _energies(self) -> Array:
+        """Kinetic energy, that of weight and that of strain at the frames (k, 3) [J], W = (N^2 - T^2)/(2 EA)."""
         r, given = self.r, self.given
-        rest = 0.5 * given.mass * np.sum(r.velocity**2, axis=1) - given.weight * r.y
-        whole = self._at_frames(rest[:, None])[:, 0]
+        of_mass = [0.5 * given.mass * np.sum(r.velocity**2, axis=1), -given.weight * r.y, np.zeros(r.t.size)]
+        parts = self._at_frames(np.stack(of_mass, axis=1))
         for i, pair in enumerate(self.sides):
             for x in pair:
-                density = 0.5 * given.rho * np.sum(x.velocity**2, axis=1)
-                density += (x.T**2 - x.T_static**2) / (2.0 * given.EA) - given.rho * given.gravity * x.place[:, 1]
-                whole[i] += float(simpson(density, x=x.s))
-        kept = whole[:, None] - self._impulse_of(self._power()[:, None])
-        return Defect(self.middle, np.diff(kept, axis=0) / (given.weight * r.max_deflection))
+                kinetic = 0.5 * given.rho * np.sum(x.velocity**2, axis=1)
+                strain = (x.T**2 - x.T_static**2) / (2.0 * given.EA)
+                density = np.stack([kinetic, -given.rho * given.gravity * x.place[:, 1], strain], axis=1)
+                parts[i] += simpson(density, x=x.s, axis=0)
+        return parts
 
-    def _power(self) -> Array:
-        """Return what drive and outside forces put in (n,) [W].
+    def _of_energy(self, kept: Array) -> Defect:
+        """Return the change over each window of an energy (k, c), over weight times largest deflection."""
+        return Defect(self.middle, np.diff(kept, axis=0) / (self.given.weight * self.r.max_deflection))
 
-        That of a grip is ds_o (-contact . <r'> + <N t> . [r'] - [W]); of other drives as the response says.
-        """
+    def _energy(self) -> Defect:
+        """Energy of cable and mass changes by the work of the drive; over weight times largest deflection."""
+        return self._of_energy(self._energies.sum(axis=1)[:, None] - self._impulse_of(self._power_of_all[:, None]))
+
+    def _parts_of_the_energy(self) -> Defect:
+        """Energies change as the run says, and their sum is that of all; over weight times largest deflection."""
         r = self.r
-        if r.drive != "grip":
-            return np.sum(list(r.powers.values()), axis=0) if r.powers else np.full(r.t.size, math.nan)
+        told = np.stack([r.kinetic, r.potential, r.strain, r.energy], axis=1)
+        own = np.concatenate([self._energies, self._at_frames(np.sum(told[:, :3], axis=1)[:, None])], axis=1)
+        return self._of_energy(self._at_frames(told) - own)
+
+    def _power(self) -> Defect:
+        """Work of drive and outside forces is what the run says, each and all; over weight times largest deflection."""
+        r, own = self.r, self._powers
+        apart = [r.power - self._power_of_all, *(r.powers[name] - own[name] for name in own if name in r.powers)]
+        return self._of_energy(self._impulse_of(np.stack(apart, axis=1)))
+
+    @property
+    def _power_of_all(self) -> Array:
+        return np.sum(list(self._powers.values()), axis=0)
+
+    @cached_property
+    def _powers(self) -> dict[str, Array]:
+        """What drive and outside forces put in, by name (n,) [W].
+
+        That of a grip is ds_o (-contact . <r'> + <N t> . [r'] - [W]).  Rolling friction and brakes take their force
+        times |ds_o| times the mean stretch; what holds a car at its start is then the difference of tensions there.
+        """
+        r, drive = self.r, self.given.drive
         mean, jump = 0.5 * (r.slope_behind + r.slope_ahead), r.slope_ahead - r.slope_behind
-        work = -np.sum(r.contact * mean, axis=1)
-        for sign, T, slope in self._both():
-            work += 0.5 * T / np.hypot(slope[:, 0], slope[:, 1]) * np.sum(slope * jump, axis=1)
-            work -= sign * T**2 / (2.0 * self.given.EA)  # that at rest is the same on both sides
-        return self.pace * work
+        if r.drive == "grip":
+            work = -np.sum(r.contact * mean, axis=1)
+            for sign, T, slope in self._both():
+                work += 0.5 * T / np.hypot(slope[:, 0], slope[:, 1]) * np.sum(slope * jump, axis=1)
+                work -= sign * T**2 / (2.0 * self.given.EA)  # that at rest is the same on both sides
+            return {"grip": self.pace * work}
+        stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
+        along = np.sum(mean * r.velocity, axis=1) / np.hypot(mean[:, 0], mean[:, 1])
+        friction, brakes = (-rub * stretch * np.abs(self.pace) for rub in self._rub)
+        found = {"thrust" if r.drive == "free" else "haul": self._pull * along, "friction": friction, "brake": brakes}
+        found["drag"] = np.sum(self._drag * r.velocity, axis=1)
+        x = np.minimum(r.t / drive["release"], 1.0) if drive.get("release") else np.ones(r.t.size)
+        return found | {"hold": (r.T_ahead - r.T_behind)[0] * stretch * (1.0 - x) ** 2 * (1.0 + 2.0 * x) * self.pace}
 
 
 def _static(*values: float) -> Defect:

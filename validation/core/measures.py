@@ -95,7 +95,7 @@ def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], ND
     """Return s_o/l of the frames that both have, and their indices in a and b; the stations must be the same."""
     if a.fields.s.shape != b.fields.s.shape or not np.allclose(a.fields.s, b.fields.s, rtol=0.0, atol=1e-9 * a.length):
         raise NotComparable("the tension fields are given at different stations")
-    if a.drive == "free":  # the same instants
+    if a.drive == "free" and a.fields.t.size and b.fields.t.size:  # the same instants
         unit = max(a.fields.t[-1], b.fields.t[-1])
         _, i, j = np.intersect1d(np.round(a.fields.t / unit, 9), np.round(b.fields.t / unit, 9), return_indices=True)
         return a.fields.s_o[i] / a.length, i, j
@@ -150,42 +150,61 @@ def series_gap(
     return float(np.sqrt(gap.max() if largest else np.mean(gap)))
 
 
-def displacement_gap(a: Response, b: Response, window: Window) -> float:
-    """Return the rms distance of the displacement fields, over the rms of b's; see `velocity_gap`."""
-    return _field_gap(a, b, window, lambda r: np.stack([r.fields.u, r.fields.v]), None)
+def displacement_gap(a: Response, b: Response, window: Window, *, along: bool = False) -> float:
+    """Return the rms distance of the displacement fields across the cable at rest, or along it, over the rms of b's.
+
+    Over common frames in the window and stations; the one at the mass is left out, see `velocity_gap`.
+    """
+    return _field_gap(a, b, window, lambda r: _component(r, r.fields.u, r.fields.v, along), None)
+
+
+def _component(r: Response, x: Array, y: Array, along: bool) -> Array:
+    """Return the part of a field along the cable at rest, or across it."""
+    i, j = np.gradient(r.fields.x, r.fields.s), np.gradient(r.fields.y, r.fields.s)
+    return (i * x + j * y if along else i * y - j * x) / np.hypot(i, j)
 
 
 PIECES = 5  # of the cable, over which velocities are averaged
 
 
-def velocity_gap(a: Response, b: Response, window: Window) -> float:
-    """Return the rms distance of the fields of velocity across the cable, over the rms of b's.
+FRAMES = 6  # in whose mean axial waves that ring along the cable are a lesser part
 
-    Means over fifths of the cable, since a velocity jumps at every kink that runs along, and across the cable at rest,
-    since along it axial waves ring.  Over common frames in the window and stations; the one at the mass is left out:
-    which side of it is sampled hangs on rounding.
+
+def velocity_gap(a: Response, b: Response, window: Window, *, along: bool = False) -> float:
+    """Return the rms distance of the fields of velocity across the cable at rest, or along it, over the rms of b's.
+
+    Means over fifths of the cable, since a velocity jumps at every kink that runs along, and along it over frames,
+    since there axial waves ring.  Over common frames in the window and stations; the one at the mass is left out: which
+    side of it is sampled hangs on rounding.
     """
 
-    def across(r: Response) -> Array:
-        f = r.fields
-        x, y = np.gradient(f.x, f.s), np.gradient(f.y, f.s)
-        return ((x * f.dv - y * f.du) / np.hypot(x, y))[None]
+    def of(r: Response) -> Array:
+        return _component(r, r.fields.du, r.fields.dv, along)
 
-    return _field_gap(a, b, window, across, PIECES)
+    return _field_gap(a, b, window, of, PIECES, FRAMES if along else 1)
 
 
-def _field_gap(a: Response, b: Response, window: Window, of: Callable[[Response], Array], pieces: int | None) -> float:
+def _field_gap(
+    a: Response, b: Response, window: Window, of: Callable[[Response], Array], pieces: int | None, frames: int = 1
+) -> float:
     place, i, j = common_frames(a, b)
     within = (place >= window[0]) & (place <= window[1])
     if not within.any():
         raise NotComparable(f"no common frame of the fields in the window {window}")
     s = a.fields.s / a.length
     off = np.abs(s[None, :] - place[within][:, None]) > 1e-6
-    first, second = (np.where(off, of(r)[:, k[within]], 0.0) for r, k in ((a, i), (b, j)))
+    first, second = (np.where(off, of(r)[k[within]], 0.0) for r, k in ((a, i), (b, j)))
     if pieces is not None:
         member = np.eye(pieces)[np.minimum((s * pieces).astype(int), pieces - 1)]
-        first, second = (x @ member / (off @ member) for x in (first, second))
+        first, second = (_means(x @ member / (off @ member), frames) for x in (first, second))
     return float(np.sqrt(np.mean((first - second) ** 2) / np.mean(second**2)))
+
+
+def _means(x: Array, frames: int) -> Array:
+    """Return running means over so many rows (k, m)."""
+    total = np.cumsum(np.concatenate([np.zeros_like(x[:1]), x]), axis=0)
+    frames = min(frames, x.shape[0])
+    return (total[frames:] - total[:-frames]) / frames
 
 
 def energy_defect(r: Response) -> Array:

@@ -1,7 +1,5 @@
 """Every named method with its settings: the one table that commands, charts and tests read."""
 
-from __future__ import annotations
-
 import difflib
 import math
 from collections.abc import Callable
@@ -26,7 +24,7 @@ class Setting:
         if isinstance(self.default, str):
             if value not in self.allowed:
                 choices = [str(x) for x in self.allowed]
-                raise ValueError(f"{name} must be one of {', '.join(choices)}, got {value!r}{_near(value, choices)}")
+                raise ValueError(f"{name} must be one of {', '.join(choices)}, got {value!r}{near(value, choices)}")
             return value
         kind = type(self.default)
         try:
@@ -42,7 +40,8 @@ class Setting:
         return number
 
 
-def _near(name: Any, known: Any) -> str:
+def near(name: Any, known: Any) -> str:
+    """Return a question for the known word that is meant, if one is near."""
     close = difflib.get_close_matches(str(name), list(known), n=1)
     return f"; did you mean {close[0]!r}?" if close else ""
 
@@ -152,7 +151,7 @@ class Method:
         if unknown:
             raise ValueError(
                 f"{self.name} has no setting {unknown[0]!r}; it has {', '.join(self.knobs)}"
-                f"{_near(unknown[0], self.knobs)}"
+                f"{near(unknown[0], self.knobs)}"
             )
         return {k: knob.check(k, changes[k]) if k in changes else knob.default for k, knob in self.knobs.items()}
 
@@ -310,7 +309,7 @@ METHODS: dict[str, Method] = {
 def find(name: str) -> Method:
     """Return a method by name; raises ValueError with the nearest known name."""
     if name not in METHODS:
-        raise ValueError(f"unknown method {name!r}{_near(name, METHODS)} (cablefem methods lists them)")
+        raise ValueError(f"unknown method {name!r}{near(name, METHODS)} (cablefem methods lists them)")
     return METHODS[name]
 
 

@@ -1,7 +1,5 @@
 """Design numbers as people read them: names, units with a prefix, digits that the error bar leaves."""
 
-from __future__ import annotations
-
 import math
 import re
 from typing import Any
@@ -43,15 +41,8 @@ def named(quantity: str) -> str:
 
 def unit_of(quantity: str) -> str:
     """Return the SI unit of a design number; "" of a ratio."""
-    kinds = {
-        "tension": "N",
-        "reaction": "N",
-        "contact": "N",
-        "haul": "N",
-        "deep": "m",
-        "deflection": "m",
-        "speed": "m/s",
-    }
+    kinds = dict.fromkeys(("tension", "reaction", "contact", "haul"), "N") | {"deep": "m", "deflection": "m"}
+    kinds["speed"] = "m/s"
     return next((unit for kind, unit in kinds.items() if kind in quantity), "")
 
 

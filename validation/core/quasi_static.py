@@ -4,8 +4,6 @@ For gripped and hauled cars the ride is their travel; for free ones it is that o
 instead of seconds, and no inertia of the cable.
 """
 
-from __future__ import annotations
-
 import time
 
 import numpy as np
@@ -15,7 +13,7 @@ from cablefem.response import Array, Fields, Response
 from cablefem.scene import Groups, Scene
 from cablefem.scene.catenary import shape, static
 from cablefem.scene.statics import Rest, gripped, hauled, nodes
-from validation.core.sampling import FRAMES, STATIONS
+from validation.core.sampling import STATIONS, frame_times
 
 ROWS = 1001
 POINTS = 4  # of Gauss between two stations
@@ -30,12 +28,7 @@ def quasi_static(scene: Scene) -> Response:
     begin = time.perf_counter()
     g = scene.groups
     t, s_o, ds, dds = _travel(scene)
-    marks = np.arange(1, FRAMES) / FRAMES
-    if g.motion is None:
-        t_frames = marks * g.drive.nominal
-        t_frames = t_frames[t_frames <= t[-1]]
-    else:
-        t_frames = np.array([g.motion.time_at(x) for x in marks[(marks >= s_o[0]) & (marks < g.motion.end)]])
+    t_frames = frame_times(scene, float(t[-1]))
     at = Statics(g)
     here = at(s_o)
     l, H, tau = scene.length, scene.horizontal_tension, scene.time_scale

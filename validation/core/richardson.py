@@ -3,8 +3,6 @@
 An error that falls like h^p and a refinement by `ratio` leave gap/(ratio^p - 1) of the gap between the two runs.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 # Wave fronts pass the mass as spikes whose order is lower than the path's nominal one: space is credited with no more.

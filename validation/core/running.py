@@ -1,7 +1,5 @@
 """One run of one method on one scene: from names and settings to a Response in SI units."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -49,7 +49,7 @@ def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Respon
     n = states.t.size
     onset = h.onset if h.onset is not None and h.onset[0] < n else None
     switch = states.t[onset[0]] if onset is not None and h.after is not None else math.inf
-    t = _frames(scene, float(states.t[-1]))[every - 1 :: every]
+    t = frame_times(scene, float(states.t[-1]))[every - 1 :: every]
     collocated = isinstance(h.states[-1], Collocated)
     within = h.solver.in_time(stacked(densified(h.states, WITHIN))) if collocated else states
     at_frames = _between(within, t) if t.size and n > 1 else _rows(states, slice(0, 0))
@@ -106,7 +106,7 @@ def _events(scene: Scene, work: Work, t: Array, s_o: Array) -> list[tuple[str, f
             place = float(s_o[_at(t, e.t)])
             if abs(place - rests) > RATTLE:
                 rests, still = place, e.t
-        elif e.name not in ("breaking loose", "brake off", "turn"):
+        elif e.name not in ("breaking loose", "brake off", "turn", "support"):
             told.append((e.name, still if e.name == "stop" else e.t))
     return sorted([*told, *(("turn", x) for x in _turns(t, s_o) if drive.mode == "free")], key=lambda event: event[1])
 
@@ -148,7 +148,7 @@ def _rows(states: States, rows: slice) -> States:
     return States(states.t[rows], states.q[rows], states.v[rows], states.a[rows], states.phase[rows])
 
 
-def _frames(scene: Scene, t_last: float) -> Array:
+def frame_times(scene: Scene, t_last: float) -> Array:
     """Return the instants at which fields are kept: places of a prescribed travel, times of a free ride."""
     motion = scene.groups.motion
     if motion is None:

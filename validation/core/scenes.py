@@ -1,7 +1,5 @@
 """Scenes drawn at random, over the range in which the solvers are meant to work."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

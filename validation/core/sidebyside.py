@@ -1,7 +1,5 @@
 """Jobs that need nothing of one another, run in processes where there are cores for them: same results, sooner."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import pickle

@@ -1,7 +1,5 @@
 """Where results go: a folder is refused unless it is empty or holds a result of the same command on the same scene."""
 
-from __future__ import annotations
-
 import json
 import math
 import tomllib

@@ -6,8 +6,6 @@ ahead of it; uniform steps and elements that suit the crossing miss both.  Far s
 should agree leave between them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What a run's own answer says against it: energy from nowhere, compression that no element sees, waves outrun."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

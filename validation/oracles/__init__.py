@@ -6,15 +6,13 @@ M/(rho l), sigma = rho g l/T, alpha = EA/T; v and y down; speeds over the wave s
 A file of this folder that holds an `ORACLE` is one; its cases say how solvers are held against it.
 """
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 
 from validation.oracles.case import Oracle
 
 
-def find() -> tuple[Oracle, ...]:
-    """Return all oracles, ordered by their files' names."""
-    files = [importlib.import_module(f"{__name__}.{file.name}") for file in pkgutil.iter_modules(__path__)]
-    return tuple(file.ORACLE for file in files if hasattr(file, "ORACLE"))
+def find() -> dict[str, Oracle]:
+    """Return all oracles by the names of their files."""
+    files = {file.name: importlib.import_module(f"{__name__}.{file.name}") for file in pkgutil.iter_modules(__path__)}
+    return {name.replace("_", "-"): file.ORACLE for name, file in files.items() if hasattr(file, "ORACLE")}

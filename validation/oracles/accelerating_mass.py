@@ -14,17 +14,11 @@ jumps of height mu y'_c to the points xi(1/a) +- (t - 1/a).  A moving force show
 Validity: t >= 0, infinite string (on a finite one until the first wave is back).  Accuracy: rounding of closed forms.
 """
 
-from __future__ import annotations
-
-import math
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from validation.oracles import accelerating_force
-from validation.oracles.case import MU, SIGMA, Crossing, Oracle, inside, level
-
-Array = NDArray[np.float64]
+from validation.oracles.case import MU, SIGMA, Array, Crossing, Oracle, positive
 
 
 def path(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
@@ -45,21 +39,9 @@ def force(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
     return mu * sigma * (1.0 - np.where(t * a < 2.0, np.exp(-2.0 * u / mu), 0.0))
 
 
-def impulse(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
-    """I(t) = mu (sigma t - y'), the blow included after t = 1/a."""
-    return mu * (sigma * np.asarray(t, float) - path_velocity(t, mu=mu, sigma=sigma, a=a))
-
-
-def displacement(x: ArrayLike, t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
-    """v(x, t) of the string."""
-    return accelerating_force.displacement_of(x, t, lambda s: impulse(s, mu=mu, sigma=sigma, a=a), a=a)
-
-
 def _mirror(t: ArrayLike, mu: float, sigma: float, a: float) -> tuple[Array, Array, Array]:
     """t, the subsonic time u whose path is seen at t, and du/dt."""
-    for name, value in (("mu", mu), ("sigma", sigma), ("a", a)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} must be finite and > 0, got {value!r}")
+    positive(mu=mu, sigma=sigma, a=a)
     t = np.asarray(t, float)
     if np.any(t < 0.0):
         raise ValueError("t >= 0")
@@ -68,29 +50,21 @@ def _mirror(t: ArrayLike, mu: float, sigma: float, a: float) -> tuple[Array, Arr
 
 
 def _cases() -> list[Crossing]:
-    A, BEGINS = accelerating_force.A, accelerating_force.BEGINS
-
-    def crossing(name: str, until: float, methods: tuple[str, ...], because: str, p: float, expected: str) -> Crossing:
-        return Crossing(
-            name=name, groups=level(inside(BEGINS, 0.0, A)), travel=lambda t: BEGINS + 0.5 * A * t * t,
-            exact=lambda t: path(t, mu=MU, sigma=SIGMA, a=A), begins=BEGINS, until=until, methods=methods,
-            because=because, at_most=p, expected=expected,
-        )  # fmt: skip
+    def exact(t: Array) -> Array:
+        return path(t, mu=MU, sigma=SIGMA, a=accelerating_force.A)
 
     blow = "none to speak of: the blow at the wave speed sends off two jumps of the string itself"
-    both = ("following-p2", "fourier")
+    both, case = ("following-p2", "fourier"), accelerating_force.accelerated
     return [
-        crossing("up to 0.89 of the wave speed", accelerating_force.BELOW, both, "", math.inf, "agree"),
-        crossing("through the wave speed", 0.8, ("fourier",), blow, 1.0, "disagree"),
+        case("up to 0.89 of the wave speed", exact, accelerating_force.BELOW, both),
+        case("through the wave speed", exact, 0.8, ("fourier",), because=blow, at_most=1.0, expected="disagree"),
     ]
 
 
 ORACLE = Oracle(
-    name="accelerating-mass",
     title="mass accelerating from rest through the wave speed",
     source="Rodeman, Longcope & Shampine 1976",
     validity="infinite string, any time",
     group="A mass on a taut string",
-    answer=path,
     cases=_cases,
 )

@@ -29,16 +29,26 @@ RIDERS = BEST  # methods whose cars roll
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Oracle:
-    """One exact answer. A file of this folder with one in the name ORACLE is found; nothing else has to be told."""
+    """One exact answer, named as its file: one of this folder that calls it ORACLE is found, with nothing else told."""
 
-    name: str
     title: str
     source: str
     validity: str
     group: str  # heading under which tables list it
-    answer: Callable[..., Any]  # its main function
     cases: Callable[[], Sequence[Case]] = tuple  # made when asked for
     unreached: str = ""  # where there are none: why no solver can be held against it
+
+
+def positive(**numbers: float) -> None:
+    """Raise ValueError unless all are finite and > 0."""
+    for name, value in numbers.items():
+        if not (math.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name} must be finite and > 0, got {value!r}")
+
+
+def largest_and_rms(error: Array) -> Error:
+    """Return both measures of an error (n,)."""
+    return float(np.abs(error).max()), float(np.sqrt(np.mean(error**2)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +101,8 @@ class Case:
     because: str = ""
     methods: tuple[str, ...] | None = BEST  # None: every one
     expected: str = "agree"
+    finer: float = 1.0  # a light mass moves in a layer as short as its mass ratio: ladders begin so much finer
+    falls: float | None = None  # with this order, or power of the parameter (of its inverse where values fall)
 
     kind = "path"
     refined = "resolution"
@@ -100,11 +112,11 @@ class Case:
         return solvers.names(self.kind) if self.methods is None else self.methods
 
     def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
-        return solvers.ladder(method)
+        return solvers.ladder(method, finer=self.finer)
 
     def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
         """Return the least order with which errors must fall, None where no order is asked for, and why."""
-        raise NotImplementedError
+        return self.falls, self.because
 
     def must(self, solvers: Solvers, method: str) -> str:
         """Return the verdict that this row must have."""
@@ -136,7 +148,6 @@ class Crossing(Case):
     load: str = "mass"
     model: str = "straight"  # a string without sag, or one of the solvers' models
     scene: str = ""  # run this one through scene, run and response instead
-    finer: float = 1.0  # a light mass moves in a layer as short as its mass ratio: ladders begin so much finer
     begins: float = 0.0  # s_o at t = 0; the string rests then, and no wave has come back before `until`
     until: float = WINDOW[1]
     at_most: float = math.inf  # no higher order for any method
@@ -155,9 +166,6 @@ class Crossing(Case):
     def how(self) -> dict[str, Any]:
         """What a solver has to run over the groups."""
         return {"model": self.model, "load": self.load, "until": self.until, "begun": self.begins > 0.0}
-
-    def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
-        return solvers.ladder(method, finer=self.finer)
 
     def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
         p, because = solvers.order(method)
@@ -185,8 +193,7 @@ class Crossing(Case):
 
     def _distance(self, path: Path, v: Callable[[Array], Array]) -> Error:
         inside = (path.s_o >= self.window[0]) & (path.s_o <= self.window[1])
-        error = np.abs(path.v[inside] - v(path.t[inside])) / self.size
-        return float(error.max()), float(np.sqrt(np.mean(error**2)))
+        return largest_and_rms((path.v[inside] - v(path.t[inside])) / self.size)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,14 +228,6 @@ class Law(Case):
 
     scene: str | Scene  # built in, up to the end of the window; or a scene of its own, to its end
     defect: Callable[[Any], Error]
-    falls: float  # with this order
-    finer: float = 1.0
-
-    def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
-        return solvers.ladder(method, finer=self.finer)
-
-    def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
-        return self.falls, self.because
 
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Any:
         if isinstance(self.scene, Scene):
@@ -245,9 +244,7 @@ class Limit(Case):
 
     parameter: str
     values: tuple[float, ...]
-    falls: float  # with this power of the parameter, or of its inverse where values fall
     deviation: Callable[[Solvers, str, float], Error]
-    bases: bool = False  # of frequencies; else of paths
 
     @property
     def refined(self) -> str:  # type: ignore[override]
@@ -256,9 +253,6 @@ class Limit(Case):
     def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
         rising = self.values[-1] > self.values[0]
         return [Rung({self.parameter: x}, x if rising else 1.0 / x) for x in self.values]
-
-    def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
-        return self.falls, self.because
 
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Error:
         return self.deviation(solvers, method, rung.settings[self.parameter])

@@ -11,47 +11,25 @@ Validity: small sag, any V0, a of one sign of motion; meant for |xi'| < 1.  Accu
 between the roots of quadratics, see accelerating_force).
 """
 
-from __future__ import annotations
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from validation.oracles import accelerating_force
-from validation.oracles.case import Oracle
-
-Array = NDArray[np.float64]
+from validation.oracles.case import Array, Oracle
 
 
-def weight_part(x: ArrayLike, t: ArrayLike, *, mu: float, sigma: float, V0: float = 0.0, a: float) -> Array:
-    """Displacement under the weight mu sigma alone."""
-    return accelerating_force.displacement(x, t, P=mu * sigma, V0=V0, a=a)
-
-
-def centrifugal_part(x: ArrayLike, t: ArrayLike, *, mu: float, sigma: float, V0: float = 0.0, a: float) -> Array:
-    """Displacement under mu sigma xi'^2 alone; int xi'^2 = V0^2 s + V0 a s^2 + a^2 s^3/3."""
+def displacement(x: ArrayLike, t: ArrayLike, *, mu: float, sigma: float, V0: float = 0.0, a: float) -> Array:
+    """v(x, t); int xi'^2 = V0^2 s + V0 a s^2 + a^2 s^3/3."""
 
     def impulse(s: Array) -> Array:
-        return mu * sigma * s * (V0 * V0 + s * (V0 * a + s * a * a / 3.0))
+        return mu * sigma * s * (1.0 + V0 * V0 + s * (V0 * a + s * a * a / 3.0))
 
     return accelerating_force.displacement_of(x, t, impulse, V0=V0, a=a)
 
 
-def displacement(x: ArrayLike, t: ArrayLike, *, mu: float, sigma: float, V0: float = 0.0, a: float) -> Array:
-    """v(x, t): both parts."""
-    return weight_part(x, t, mu=mu, sigma=sigma, V0=V0, a=a) + centrifugal_part(x, t, mu=mu, sigma=sigma, V0=V0, a=a)
-
-
-def kink(*, mu: float, sigma: float, speed: float) -> float:
-    """[v_x] at the mass."""
-    return accelerating_force.kink(mu * sigma * (1.0 + speed * speed), speed)
-
-
 ORACLE = Oracle(
-    name="curved-cable",
     title="weight and centrifugal force of an accelerating mass on a slightly curved cable",
     source="Forrestal, Bickel & Sagartz 1975",
     validity="infinite cable of small sag, no inertia of the mass",
     group="Loads and cables that the solvers do not have",
-    answer=displacement,
     unreached="a centrifugal force without inertia: the solvers' force is the weight alone",
 )

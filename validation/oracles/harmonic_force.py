@@ -12,22 +12,19 @@ sent since then.
 Validity: omega > 0, V >= 0, V != 1.  Accuracy: rounding of the phase, 1e-16 omega (|x|+t)/|1-V|.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from validation.oracles.case import Oracle
+from validation.oracles.case import Oracle, positive
 
 
 def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float, omega: float) -> NDArray[np.complex128]:
     """Complex v(x, t)."""
     if not (math.isfinite(V) and V >= 0.0) or V == 1.0:
         raise ValueError(f"speed must be >= 0 and not the wave speed 1, got {V!r}")
-    if not (math.isfinite(omega) and omega > 0.0):
-        raise ValueError(f"omega must be > 0, got {omega!r}")
+    positive(omega=omega)
     x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
     behind = np.exp(1j * omega * (t + x) / (1.0 + V))
     if V < 1.0:
@@ -37,19 +34,10 @@ def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float, omega: float
     return P / (2j * omega) * v
 
 
-def doppler(*, V: float, omega: float) -> tuple[float, float]:
-    """Frequencies heard at rest, ahead of and behind a force with V < 1."""
-    if not 0.0 <= V < 1.0:
-        raise ValueError(f"waves run ahead for 0 <= V < 1 only, got {V!r}")
-    return omega / (1.0 - V), omega / (1.0 + V)
-
-
 ORACLE = Oracle(
-    name="harmonic-force",
     title="harmonic force at constant speed, steady",
     source="Pierucci (reference 12 of Al-Qassab et al. 2003)",
     validity="infinite string, not at the wave speed",
     group="Loads and cables that the solvers do not have",
-    answer=displacement,
     unreached="the solvers' load is a weight, which does not oscillate",
 )

@@ -9,17 +9,13 @@ Newton's law.  The limit of a car that rolls on a cable for sigma = rho g l/H ->
 sigma; then g = sigma.  Validity: sin > mu_r cos; F_b/mu > a.  Accuracy: rounding.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cablefem.scene import Scene
-from validation.oracles.case import RIDERS, ROLLS, Case, Error, Limit, Oracle, Solvers
-
-Array = NDArray[np.float64]
+from validation.oracles.case import RIDERS, ROLLS, Array, Case, Error, Limit, Oracle, Solvers, largest_and_rms
 
 
 def terminal(*, mu: float, g: float, sin: float, k: float) -> float:
@@ -87,7 +83,7 @@ def _drag(solvers: Solvers, method: str, sigma: float) -> Error:
     scene = _scene(sigma, f"air_density = 1.0\ndrag_area = {2.0 * K!r}\nend = {{time = {t_end!r}}}")
     r = solvers.ride(scene, method, steps=200, scheme="generalized-alpha")
     error = np.abs(r.s_o - START - way(r.t, mu=MU, g=sigma, sin=SIN, k=K))
-    return float(error.max()), float(np.sqrt(np.mean(error**2)))
+    return largest_and_rms(error)
 
 
 def _stop(solvers: Solvers, method: str, sigma: float) -> Error:
@@ -96,7 +92,7 @@ def _stop(solvers: Solvers, method: str, sigma: float) -> Error:
     shoe = f"brake = [{{from = {SHOE!r}, force = {force!r}}}]"
     r = solvers.ride(_scene(sigma, f"rolling_friction = {MU_R}\n{shoe}"), method, steps=200, scheme="generalized-alpha")
     error = np.abs(r.s_o - START - braked(r.t, SHOE - START, mu=MU, g=sigma, sin=SIN, mu_r=MU_R, F_b=force))
-    return float(error.max()), float(np.sqrt(np.mean(error**2)))
+    return largest_and_rms(error)
 
 
 def _cases() -> list[Case]:
@@ -110,11 +106,9 @@ def _cases() -> list[Case]:
 
 
 ORACLE = Oracle(
-    name="incline",
     title="drag, friction and brake on a straight incline",
     source="Newton's law",
     validity="a car that starts to roll; a brake that holds",
     group=ROLLS,
-    answer=way,
     cases=_cases,
 )

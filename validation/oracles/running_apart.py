@@ -11,23 +11,16 @@ the other is its mirror image in x.
 Validity: t >= 0, V > 0.  Accuracy: rounding; over |1 - V| between the force and its wave front.
 """
 
-from __future__ import annotations
-
-import math
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from validation.oracles.accelerating_force import SUDDEN
-from validation.oracles.case import MU, SIGMA, Crossing, Oracle, inside, level
-
-Array = NDArray[np.float64]
+from validation.oracles.case import MU, SIGMA, Array, Crossing, Oracle, inside, level, positive
 
 
 def one_force(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
     """v(x, t) under the force at x = V t alone."""
-    if not (math.isfinite(V) and V > 0.0):
-        raise ValueError(f"speed must be > 0, got {V!r}")
+    positive(speed=V)
     x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
     if np.any(t < 0.0):
         raise ValueError("t >= 0")
@@ -55,11 +48,9 @@ def _cases() -> list[Crossing]:
 
 
 ORACLE = Oracle(
-    name="running-apart",
     title="two equal forces running apart",
     source="Kanninen & Florence 1967",
     validity="infinite string, any speed",
     group="A force on a taut string",
-    answer=displacement,
     cases=_cases,
 )

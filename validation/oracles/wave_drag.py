@@ -27,37 +27,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import OdeSolution, solve_ivp
-from scipy.optimize import brentq
-from scipy.special import lambertw
 
-from validation.oracles.case import Oracle
-
-Array = NDArray[np.float64]
-
-
-def coasting_speed(t: ArrayLike, *, mu: float, sigma: float, w0: float) -> Array:
-    """xi'(t) without drive, (2)."""
-    _check(mu, sigma, w0)
-    t = np.asarray(t, float)
-    # E/mu = mu sigma^2 [ t + mu expm1(-2t/mu) - (mu/4) expm1(-4t/mu) ]
-    e = mu * sigma**2 * (t + mu * np.expm1(-2.0 * t / mu) - 0.25 * mu * np.expm1(-4.0 * t / mu))
-    return np.sqrt(-lambertw(-(w0**2) * np.exp(-(w0**2) - e)).real)
-
-
-def thrust(V: float, *, P: float) -> float:
-    """Force that keeps a weight P going at a steady speed V < 1 on an infinite string."""
-    if not 0.0 <= V < 1.0:
-        raise ValueError(f"the speed must lie in [0, 1), got {V!r}")
-    return 0.5 * P * P * V / (1.0 - V * V)
+from validation.oracles.case import Array, Oracle, positive
 
 
 def solve(t_end: float, *, mu: float, sigma: float, w0: float, drive: float = 0.0) -> CoupledRide:
     """Integrate (1) from xi(0) = 0, xi'(0) = w0 to t_end."""
-    _check(mu, sigma, w0)
-    if not (math.isfinite(t_end) and t_end > 0.0 and math.isfinite(drive)):
-        raise ValueError(f"t_end must be > 0 and drive finite, got {t_end!r}, {drive!r}")
+    positive(mu=mu, sigma=sigma, t_end=t_end)
+    if not (0.0 <= w0 < 1.0 and math.isfinite(drive)):
+        raise ValueError(f"the initial speed must lie in [0, 1) and the drive be finite, got {w0!r}, {drive!r}")
 
     def rate(t: float, q: Array) -> list[float]:
         R = -mu * sigma * math.expm1(-2.0 * t / mu)
@@ -66,7 +46,7 @@ def solve(t_end: float, *, mu: float, sigma: float, w0: float, drive: float = 0.
     run = solve_ivp(rate, (0.0, t_end), [0.0, w0], method="DOP853", rtol=1e-12, atol=1e-14, dense_output=True)
     if not run.success or not np.all(np.abs(run.y[1]) < 1.0):
         raise ValueError(f"the mass comes too close to the wave speed for the integrator: {run.message}")
-    return CoupledRide(mu, sigma, t_end, run.sol)
+    return CoupledRide(mu, sigma, run.sol)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +55,6 @@ class CoupledRide:
 
     mu: float
     sigma: float
-    t_end: float
     _sol: OdeSolution
 
     def position(self, t: ArrayLike) -> Array:
@@ -95,51 +74,11 @@ class CoupledRide:
         """R(t)."""
         return -self.mu * self.sigma * np.expm1(-2.0 * np.asarray(t, float) / self.mu)
 
-    def mean_slope(self, t: ArrayLike) -> Array:
-        """<v_x> at the mass."""
-        w = self.speed(t)
-        return -0.5 * self.force(t) * w / (1.0 - w * w)
-
-    def displacement(self, x: ArrayLike, t: ArrayLike) -> Array:
-        """v(x, t) = y(tau), tau the time at which the wave now at x left the mass; 0 <= t <= t_end."""
-        return np.where((tau := self._left_at(x, t)) > 0.0, self.path(tau), 0.0)
-
-    def gradient(self, x: ArrayLike, t: ArrayLike) -> tuple[Array, Array]:
-        """(v_x, v_t) off the mass."""
-        x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
-        tau, w = (tau := self._left_at(x, t)), self.speed(np.maximum(tau, 0.0))
-        half = np.where(tau > 0.0, 0.5 * self.force(np.maximum(tau, 0.0)), 0.0)
-        ahead = x > self.position(t)
-        v_t = half / np.where(ahead, 1.0 - w, 1.0 + w)
-        return np.where(ahead, -v_t, v_t), v_t
-
-    def _left_at(self, x: ArrayLike, t: ArrayLike) -> Array:
-        x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
-        if np.any(t < 0.0) or np.any(t > self.t_end):
-            raise ValueError(f"t must lie in [0, {self.t_end}]")
-        out = np.zeros(x.size)
-        for i, (xi, ti) in enumerate(zip(x.flat, t.flat, strict=True)):
-            sign = 1.0 if xi > self._sol(ti)[0] else -1.0  # ahead: tau - xi(tau) = t - x, behind: tau + xi(tau) = t + x
-            target = ti - sign * xi
-            if target > 0.0:
-                out[i] = brentq(lambda u, s=sign, c=target: u - s * self._sol(u)[0] - c, 0.0, ti, rtol=1e-14)
-        return out.reshape(x.shape)
-
-
-def _check(mu: float, sigma: float, w0: float) -> None:
-    for name, value in (("mu", mu), ("sigma", sigma)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} must be finite and > 0, got {value!r}")
-    if not 0.0 <= w0 < 1.0:
-        raise ValueError(f"the initial speed must lie in [0, 1), got {w0!r}")
-
 
 ORACLE = Oracle(
-    name="wave-drag",
     title="mass sliding freely or driven along a straight string, braked by its waves",
     source="D'Acunto (reference 9 of Al-Qassab et al. 2003), solved here",
     validity="infinite string, start below the wave speed",
     group="Loads and cables that the solvers do not have",
-    answer=solve,
     unreached="a ride starts from the loaded string at rest, not from a straight one; rocket has the same waves",
 )

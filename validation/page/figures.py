@@ -4,8 +4,6 @@ Figures are drawn WIDTH wide, so that they fill a phone held upright and two of 
 size that is legible in both.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import re
@@ -17,11 +15,10 @@ from markupsafe import Markup, escape
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
+from validation.page.plot import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
+
 WIDTH = 4.8  # inches
 
-# Okabe and Ito, Color Universal Design (2008); the order puts the most distant ones first, yellow (too pale) left out
-BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
-BLACK, GREY = "#1a1a1a", "#767676"
 PALETTE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 DASHES = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)), (0, (3, 1)), (0, (8, 2)), (0, (2, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
@@ -41,13 +38,10 @@ STYLE: Any = {
     "axes.spines.right": False,
     "axes.grid": True,
     "axes.axisbelow": True,
-    "axes.formatter.use_mathtext": False,
-    "axes.unicode_minus": True,
     "grid.color": "#dddddd",
     "grid.linewidth": 0.6,
     "lines.linewidth": 1.6,
     "lines.markersize": 5.0,
-    "legend.frameon": True,
     "legend.framealpha": 0.9,
     "legend.edgecolor": "#cccccc",
     "legend.fontsize": 9.0,
@@ -92,9 +86,8 @@ def svg(fig: Figure, label: str) -> Markup:
     text = re.sub(r'href="#([^"]+)"', rf'href="#{mark}-\1"', text)
     text = re.sub(r"url\(#([^)]+)\)", rf"url(#{mark}-\1)", text)
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
-    text = re.sub(
-        r'(?<= d=")[^"]+', lambda d: re.sub(r"(\.\d\d)\d+", r"\1", d[0]), text
-    )  # a hundredth of a point will do
+    # a hundredth of a point will do
+    text = re.sub(r'(?<= d=")[^"]+', lambda d: re.sub(r"(\.\d\d)\d+", r"\1", d[0]), text)
     text = re.sub(r'\s(?:xmlns(?::xlink)?|version)="[^"]*"', "", text)  # known to HTML
     text = text.replace("xlink:href", "href")
     # the drawn size becomes the largest one; the page may shrink it

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -56,12 +55,6 @@ def scene_named(name: str, faults: list[str] | None = None, *, travelling: bool 
 def tol_faults(tol: float | None) -> list[str]:
     low, high = TOL_RANGE
     return [] if tol is None or low <= tol <= high else [f"--tol must lie in [{low:g}, {high:g}], got {tol:g}"]
-
-
-def near(word: str, known: Iterable[str]) -> str:
-    """Return a question for the known word that is meant, if one is near."""
-    close = difflib.get_close_matches(word, list(known), n=1)
-    return f"; did you mean {close[0]}?" if close else ""
 
 
 @contextmanager

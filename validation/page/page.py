@@ -4,8 +4,6 @@ Pages of commands build `Section`s from stored results with `table`, `figure`, `
 sentences in templates (`words`); text is escaped unless it is `Markup`.  Nothing here calls a solver.
 """
 
-from __future__ import annotations
-
 import html
 import math
 import re
@@ -21,11 +19,6 @@ import jinja2
 from markupsafe import Markup
 
 from cablefem.response import whole
-
-__all__ = [
-    "Section", "badge", "callout", "details", "figure", "gallery", "missing", "number", "percent", "plain", "render",
-    "table", "words",
-]  # fmt: skip
 
 # worst first; the sign stands beside the word, so that no verdict depends on colour
 VERDICTS = {"disagree": "✗", "not comparable": "?", "too coarse": "≈", "agree": "✓"}
@@ -130,18 +123,18 @@ def percent(x: float | None, digits: int = 2) -> str:
     return number(x) if x is None or not math.isfinite(x) else f"{number(100.0 * x, digits)}\u202f%"
 
 
-def figure(fig: Any, caption: str, *, label: str = "", wide: bool = False) -> Markup:
-    """Return a figure of matplotlib with its caption; `label` says in words what a reader who cannot see it would miss.
-
-    wide : over the whole text width of a desktop; else half of it, side by side in a `gallery`.
-    """
+def figure(fig: Any, caption: str, *, label: str = "") -> Markup:
+    """Return a figure of matplotlib with its caption; `label` says in words what one who cannot see it would miss."""
     from validation.page.figures import svg  # matplotlib takes its time
 
-    return figure_of(svg(fig, plain(label or caption)), caption, wide=wide)
+    return figure_of(svg(fig, plain(label or caption)), caption)
 
 
 def figure_of(svg: str, caption: str, *, wide: bool = False) -> Markup:
-    """Return a drawing with its caption."""
+    """Return a drawing with its caption.
+
+    wide : over the whole text width of a desktop; else half of it, side by side in a `gallery`.
+    """
     return Markup(_PARTS.figure(svg, caption, wide))
 
 

@@ -5,8 +5,6 @@ y, v in path.csv.  Points stand on the static cable; "Warp By Vector" with `disp
 scale factor for both files.  Single precision: for eyes; response.npz holds everything in full.
 """
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 from pathlib import Path

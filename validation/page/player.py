@@ -1,7 +1,5 @@
 """The cable in motion: a player that carries its data with it, a few hundred kilobytes at most."""
 
-from __future__ import annotations
-
 import base64
 import json
 from collections.abc import Sequence

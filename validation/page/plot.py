@@ -3,8 +3,6 @@
 A check's figures are drawn while somebody waits for its verdict.  Studies of minutes draw with `figures`.
 """
 
-from __future__ import annotations
-
 import base64
 import math
 import struct
@@ -19,7 +17,7 @@ from cablefem.response import Array
 from validation.page.page import figure_of, plain, raised, rendered
 
 WIDTH, LEFT, RIGHT, BELOW = 480, 70, 14, 42  # user units, as large as a pixel on a desktop
-# Okabe and Ito, Color Universal Design (2008)
+# Okabe and Ito, Color Universal Design (2008); yellow (too pale) left out
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
 BLACK, GREY = "#1a1a1a", "#767676"
 DASHED, DOTTED = "8 4", "2 3"

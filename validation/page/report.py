@@ -1,7 +1,5 @@
 """Pages of commands gathered in one file: each command draws its own (`page.sections`), and they are kept as drawn."""
 
-from __future__ import annotations
-
 import importlib
 import json
 from collections.abc import Iterator, Sequence

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from validation.core import measures
 from validation.core.methods import find
@@ -49,20 +49,11 @@ def _name(row: Agreement) -> str:
 def answer(r: Response) -> None:
     """Print what a run was asked for, its design numbers, what happened on the way, and how far it went."""
     terminal.say(f"{r.scene}, {r.method}: {short(r)}")
-    numbers = [told(row, r.length) for row in r.design if row["quantity"] != "slack_onset"]
-    columns = ["what", "value", "t", "mass", "at"]
-    heads = ["design number", "value", "when", "mass at s_o/l", "at s/l"]
-    terminal.table(heads, [[row[key] for key in columns] for row in numbers], right=heads[2:])
+    numbers([row for row in r.design if row["quantity"] != "slack_onset"], r.length)
     if r.path_error is not None:
         everywhere = "" if r.drive == "free" else " wherever paths are compared"
         terminal.say(f"  mass path ± {r.path_error * measures.path_scale(r):.2g} m{everywhere}")
-    for x in r.events:
-        if x["event"] in ("brake", "arrival", "stop", "turn", "thrust_end", "lift_off"):
-            t, s_o = (with_bar(x[name], x.get(f"bar_{name}")) for name in ("t", "s_o"))
-            v, bar = x["speed"], x.get("bar_speed")
-            speed = f", {with_bar(v, bar)} m/s = {with_bar(3.6 * v, bar and 3.6 * bar)} km/h"
-            speed = "" if x["event"] in ("stop", "turn") else speed
-            terminal.say(f"  {x['event'].replace('_', ' '):<12}after {t} s at {s_o} m{speed}")
+    events([x for x in r.events if x["event"] != "release"])
     if r.slack_onset is not None:
         after = {
             "auto": "from there on with the tension-only law",
@@ -75,6 +66,23 @@ def answer(r: Response) -> None:
     terminal.say(f"  {r.status}, to s_o/l = {r.reached:.5g}: {r.work['steps']} steps in {r.seconds:.2g} s")
     for line in map(str, r.flags) if r.reason is None else [r.reason]:
         terminal.say(f"  {line}", style="yellow")
+
+
+def numbers(rows: Sequence[dict[str, Any]], length: float) -> None:
+    """Print design numbers."""
+    heads = {"what": "design number", "value": "value", "t": "when", "mass": "mass at s_o/l", "at": "at s/l"}
+    cells = [[row[key] for key in heads] for row in (told(x, length) for x in rows)]
+    terminal.table(list(heads.values()), cells, right=list(heads.values())[2:])
+
+
+def events(happened: Sequence[dict[str, Any]]) -> None:
+    """Print what happened on the way, a line each."""
+    for x in happened:
+        t, s_o = (with_bar(x[name], x.get(f"bar_{name}")) for name in ("t", "s_o"))
+        v, bar = x["speed"], x.get("bar_speed")
+        speed = f", {with_bar(v, bar)} m/s = {with_bar(3.6 * v, bar and 3.6 * bar)} km/h"
+        speed = "" if x["event"] in ("stop", "turn") else speed
+        terminal.say(f"  {x['event'].replace('_', ' '):<12}after {t} s at {s_o} m{speed}")
 
 
 def short(r: Response) -> str:

@@ -1,7 +1,5 @@
 """What a person sees while a command works: tables, lines and progress; plain text where there is no terminal."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

@@ -5,16 +5,12 @@ the mass path, dimensionless.  Nothing of this package takes part in the solutio
 tension and the travel.  The other codes are imported when they are run, not before.
 """
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from validation.peers import exudyn, opensees
 from validation.peers.path import PeerPath
-
-__all__ = ["PEERS", "Peer", "PeerPath", "available"]
 
 
 @dataclass(frozen=True, slots=True)

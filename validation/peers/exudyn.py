@@ -11,8 +11,6 @@ it zigzag, and adaptive steps then go on with the zigzag.  Here the radius is 0.
 what zigzags all the same is cut off.
 """
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -10,8 +10,6 @@ so the nodal mass and the load  M g - M (X_k - p* + u*) / (beta dt^2)  together 
 over l, forces over H, y is up in OpenSees.  The trusses carry compression once the cable goes slack.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import time

@@ -1,15 +1,11 @@
 """What a run of another code returns: the path of the mass, cut where it stops being an answer."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cablefem.newmark import Array
 from cablefem.scene import Groups, Motion
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +51,10 @@ def trusted(s_o: Array, place: Array, t: Array, groups: Groups, seconds: float, 
     return PeerPath(s_o[:n], w[:n, 0], w[:n, 1], t[:n], seconds, note)
 
 
-def before_zigzag(v: Array, scale: float, *, failed: bool = False, window: int = 20) -> int:
+WINDOW = 20
+
+
+def before_zigzag(v: Array, scale: float, *, failed: bool = False) -> int:
     """Return how many instants of a path come before it zigzags from step to step.
 
     v : (n,) deflections at equal steps; scale : the size of a deflection that matters; failed : the
@@ -65,15 +64,15 @@ def before_zigzag(v: Array, scale: float, *, failed: bool = False, window: int =
     converges as well as on the truth.  On a resolved path the second difference over one step is 1/16 of the one
     over four steps; a zigzag has no second difference over four.  The sharpest thing physics allows a finite mass,
     a jump of its acceleration, keeps the ratio of the rms values near 1; even a kink of the path would give
-    16/sqrt(44) = 2.4.  A ratio above 3 in a window of steps is a zigzag; once its amplitude (a quarter of its second
+    16/sqrt(44) = 2.4.  A ratio above 3 in a WINDOW of steps is a zigzag; once its amplitude (a quarter of its second
     difference) passes 1e-3 of the scale, or a run fails in it, the path is cut where that zigzag began.  Smaller
     ones, which come and go on coarse meshes, are below the errors of these codes.
     """
-    if v.size < window + 9:
+    if v.size < WINDOW + 9:
         return v.size
     one = (v[3:-5] - 2.0 * v[4:-4] + v[5:-3]) ** 2
     four = ((v[:-8] - 2.0 * v[4:-4] + v[8:]) / 16.0) ** 2
-    mean = np.full(window, 1.0 / window)
+    mean = np.full(WINDOW, 1.0 / WINDOW)
     one, four = np.convolve(one, mean, "valid"), np.convolve(four, mean, "valid")
     zigzag = one > 9.0 * four
     large = one > (4e-3 * scale) ** 2

@@ -1,7 +1,5 @@
 """The balance of a cable on its mesh with a mass whose place is given: forces and their banded tangent."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Banded matrices: factors, solutions, and those of a matrix that a uniform tension couples."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """A car that rolls: its place is one more coordinate of the cable's Lagrangian, and a border of the banded tangent."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Newton's method of a collocation step, compiled with the balance; see `cablefem.newmark.collocation_rule`."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The constitutive law: what tension a strain brings, how it grows, what it stores; and the pull that follows."""
 
-from __future__ import annotations
-
 import math
 
 from cablefem.elements.kernels import compiled

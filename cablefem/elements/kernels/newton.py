@@ -1,7 +1,5 @@
 """Newton's method of a step of Newmark's family, compiled with the balance."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -3,8 +3,6 @@
 A history is q, v, a (n, n_dof) and kinematics (n, 3): s_o, ds_o, dds_o; `frames` are rows of it.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

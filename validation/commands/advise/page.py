@@ -1,8 +1,5 @@
 """The page of `cablefem advise`: what to run, why nothing less will do, and the whole ladder as evidence."""
 
-from __future__ import annotations
-
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +7,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from validation.core import store
 from validation.page.figures import BLACK, DASHES, GREEN, GREY, MARKERS, ORANGE, SKY, panels, style
 from validation.page.page import Section, details, figure, gallery, missing, percent, plain, table, words
 
@@ -22,10 +20,8 @@ LOADS = {"force": DASHES[1], "mass": "-"}
 
 def sections(folder: Path) -> list[Section]:
     """Return the advice, the ladder with its figures, and the methods tried for the model advised."""
-    path = folder / "advice.json"
-    if not path.exists():
+    if not (x := store.stored(folder / "advice.json")):
         return [Section("advise", "Least model", missing("advice.json", plain(_SAY.gone())))]
-    x = json.loads(path.read_text(encoding="utf-8"))
     return [_rolling(x)] if "least" in x else [_advice(x), _ladder(x), _methods(x)]
 
 

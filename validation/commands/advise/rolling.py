@@ -9,8 +9,6 @@ the largest v.  Tension: rms of T over cable and frames at the same place of the
 largest distance at the same place over the largest force, averaged over an axial wave's way.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -8,8 +8,6 @@ multiple of H, that is a strict demand, so the least model for the path alone is
 The one-field models know no displacement along the chord; it is not asked of them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field

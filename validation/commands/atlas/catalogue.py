@@ -3,8 +3,6 @@
 Here are the measures that the cases name; `run_row` runs one row, `tests/validation` all of them.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable
 from dataclasses import replace

@@ -3,9 +3,6 @@
 Read from the folder that `validation.commands.atlas.study` writes; works on an atlas that was interrupted.
 """
 
-from __future__ import annotations
-
-import json
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +10,7 @@ import numpy as np
 from markupsafe import Markup, escape
 from matplotlib.patches import Patch
 
+from validation.core import store
 from validation.page.figures import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, panels, style
 from validation.page.page import Section, figure, missing, plain, words
 
@@ -39,9 +37,7 @@ NAMES = {"mu": "mass ratio mu", "V/c": "speed ratio V/c", "alpha": "stiffness al
 
 def sections(folder: Path) -> list[Section]:
     """Return the pages about the atlas stored in a folder."""
-    try:
-        atlas = json.loads((folder / "atlas.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    if not (atlas := store.stored(folder / "atlas.json")):
         gone = missing("atlas.json", plain(_SAY.resumes()))
         return [Section("atlas", "Where methods fail", gone, "not comparable", plain(_SAY.gone()))]
     pages = [_map(atlas, m) for m in atlas["maps"]]

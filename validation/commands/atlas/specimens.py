@@ -1,7 +1,5 @@
 """Systems that only the failure catalogue runs: the free cable, planted faults, and what theory says of their steps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

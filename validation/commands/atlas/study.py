@@ -3,8 +3,6 @@
 Cells are appended to `cells.jsonl` as they finish, one JSON object a line; what is there is never computed again.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import multiprocessing

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from validation.page import terminal
 from validation.page.options import Out, SceneName, scene_named, study
 

@@ -1,7 +1,5 @@
 """How deep a certificate goes, place by place, from stored results."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,8 +1,5 @@
 """Pages of the work-precision chart, drawn from chart.json alone."""
 
-from __future__ import annotations
-
-import json
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -13,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
+from validation.core import store
 from validation.core.methods import METHODS
 from validation.page.figures import BLACK, DASHES, GREY, MARKERS, PALETTE, panels, style
 from validation.page.page import Section, details, figure, gallery, missing, number, percent, plain, table, words
@@ -30,19 +28,11 @@ WORK = {"seconds": "seconds of the time loop, one core", "unknown_steps": "steps
 
 def sections(folder: Path) -> list[Section]:
     """Return the pages about the chart stored in a folder."""
-    try:
-        chart = json.loads((folder / "chart.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    if not (chart := store.stored(folder / "chart.json")):
         gone = missing("chart.json", "There is nothing to draw.")
         return [Section("chart-path", "Speed against accuracy", gone, "not comparable", "The chart was not measured.")]
-    return [
-        _fastest(chart),
-        _charts(chart, "path"),
-        _charts(chart, "tension"),
-        _work(chart),
-        _failures(chart),
-        _cost(chart),
-    ]
+    charts = _charts(chart, "path"), _charts(chart, "tension")
+    return [_fastest(chart), *charts, _work(chart), _failures(chart), _cost(chart)]
 
 
 # --- what is fastest ------------------------------------------------------------------------------------------------

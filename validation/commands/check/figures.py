@@ -4,8 +4,6 @@ Every function takes stored answers and draws what they have, over the place of 
 an answer; `caption` goes below.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

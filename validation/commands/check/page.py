@@ -3,8 +3,6 @@
 Read from the folder that `study.Check.write` wrote; what is missing there is named, the rest shown.
 """
 
-from __future__ import annotations
-
 import platform
 import re
 from functools import partial

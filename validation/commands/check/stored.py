@@ -1,7 +1,5 @@
 """What a check left in its folder, as far as it is there; what is not is named."""
 
-from __future__ import annotations
-
 import csv
 import json
 import zipfile

@@ -1,7 +1,5 @@
 """The main job: two solvers that share no formula run the same scene, and their answers are held against each other."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Callable

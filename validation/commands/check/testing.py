@@ -1,7 +1,5 @@
 """What the fixtures of `cablefem.pytest_plugin` do: assertions that tell how close it was."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

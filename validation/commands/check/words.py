@@ -1,7 +1,5 @@
 """What a check says in the terminal."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from validation.commands.check.study import Check

@@ -1,7 +1,5 @@
 """Frequencies of the bare cable, from stored results."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -22,12 +20,6 @@ def sections(folder: Path) -> list[Section]:
     rows = [{"mode": i + 1} | {name: f"{values[i]:.7f}" for name, values in omega.items()} for i in range(len(exact))]
     worst = max(gaps, key=lambda name: gaps[name])
     caption = "Circular frequencies of the cable without its mass, times l sqrt(rho/H). Exact: linearised catenary."
-    return [
-        Section(
-            "modes-frequencies",
-            "Frequencies of the bare cable",
-            table(rows, ["mode", *omega], caption=caption),
-            None,
-            f"first {len(exact)} frequencies: at most {gaps[worst]:.1g} from the exact ones ({worst})",
-        )
-    ]
+    found = f"first {len(exact)} frequencies: at most {gaps[worst]:.1g} from the exact ones ({worst})"
+    html = table(rows, ["mode", *omega], caption=caption)
+    return [Section("modes-frequencies", "Frequencies of the bare cable", html, None, found)]

@@ -1,7 +1,5 @@
 """Frequencies of the cable without its mass, from both solvers and the exact theory."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,8 +1,5 @@
 """The page of `cablefem oracles`: what was held against what, how fast errors fall, and which rows had to fail."""
 
-from __future__ import annotations
-
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +8,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from validation.core import store
 from validation.page.figures import DASHES, GREY, MARKERS, PALETTE, panels, style
 from validation.page.page import Section, details, figure, gallery, missing, number, plain, words
 
@@ -19,10 +17,8 @@ _SAY = words(__package__)
 
 def sections(folder: Path) -> list[Section]:
     """Return the table with its figure, the rows that must fail, and the oracles out of reach."""
-    path = folder / "oracles.json"
-    if not path.exists():
+    if not (content := store.stored(folder / "oracles.json")):
         return [Section("oracles", "Exact answers", missing("oracles.json", "Run cablefem oracles."))]
-    content = json.loads(path.read_text(encoding="utf-8"))
     rows, oracles = content["rows"], content["oracles"]
     right = [row for row in rows if row["expected"] == "agree"]
     wrong = [row for row in rows if row["expected"] != "agree"]

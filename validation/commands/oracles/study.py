@@ -5,8 +5,6 @@ the exact answer AND the errors fall with the order that the case has in theory.
 wrong on purpose, a limit that is another one, a law without one of its terms.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -96,8 +94,8 @@ class Task:
 def tasks() -> list[Task]:
     """Return the rows of the table, in its order: every case of every oracle with every method it asks for."""
     return [
-        Task(oracle.name, one, method)
-        for oracle in sorted(oracles.find(), key=lambda oracle: oracle.group)
+        Task(name, one, method)
+        for name, oracle in sorted(oracles.find().items(), key=lambda entry: entry[1].group)
         for one in oracle.cases()
         for method in one.of(SOLVERS)
     ]
@@ -109,25 +107,24 @@ def oracle_table(out: Path, progress: Progress | None = None) -> dict[str, Any]:
     A table that was interrupted goes on where it stopped; one that is complete is made anew.
     """
     out.mkdir(parents=True, exist_ok=True)
+    report = progress or (lambda label, done: None)
     todo, rows = tasks(), _stored(out / "oracles.json")
     for i, task in enumerate(todo):
-        if progress is not None:
-            progress("oracles", i / len(todo))
+        report("oracles", i / len(todo))
         if task.key not in rows:
-            rows[task.key] = _json(task.compute())
+            rows[task.key] = store.plain(asdict(task.compute()))
             write_json(out / "oracles.json", _content([rows[t.key] for t in todo if t.key in rows], len(todo)))
     content = _content([rows[t.key] for t in todo], len(todo))
     write_json(out / "oracles.json", content)
-    if progress is not None:
-        progress("oracles", 1.0)
+    report("oracles", 1.0)
     return content
 
 
 def _content(rows: list[dict[str, Any]], total: int) -> dict[str, Any]:
     as_expected = all(row["verdict"] == row["expected"] for row in rows)
     known = [
-        {k: getattr(o, k) for k in ("name", "title", "source", "validity", "group", "unreached")}
-        for o in oracles.find()
+        {"name": name} | {k: getattr(o, k) for k in ("title", "source", "validity", "group", "unreached")}
+        for name, o in oracles.find().items()
     ]
     verdict = "not comparable" if len(rows) < total else "agree" if as_expected else "disagree"
     return {"verdict": verdict, "rows": rows, "oracles": known}
@@ -139,11 +136,6 @@ def _stored(file: Path) -> dict[tuple[str, str, str], dict[str, Any]]:
 
 
 _ROW = set(Row.__dataclass_fields__)
-
-
-def _json(row: Row) -> dict[str, Any]:
-    """Return the row with null for every number that does not exist."""
-    return store.plain(asdict(row))
 
 
 def _told(settings: dict[str, Any]) -> str:
@@ -187,10 +179,7 @@ class _Solvers:
         if method.wrong:
             return None, "none: the centrifugal force is lost at the nodes, it converges to something else"
         if method.space_order <= 1.0:
-            return (
-                method.space_order,
-                "the kink under the mass lies inside an element or between the waves of the basis",
-            )
+            return method.space_order, "the kink under the mass lies inside an element or between the basis's waves"
         return method.space_order, (
             "a node or a hat rides on the mass, so the kink costs nothing; the jump of curvature at the mass and at "
             "fronts is left"

@@ -1,7 +1,5 @@
 """The numbers that claims.toml speaks of, by name: each from the stored runs, with its bar where it has one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import asdict

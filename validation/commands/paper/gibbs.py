@@ -4,8 +4,6 @@ A sum of N smooth functions meets the kink at the mass with ripples one waveleng
 times their square is left, and its size does not depend on N: Gibbs' phenomenon.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Numbers that the claims speak of, each from one response (or one and its reference)."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline, RegularGridInterpolator
@@ -21,12 +19,12 @@ def series(r: Response, reading: str) -> Array:
     return r.v if reading == "v" else r.y
 
 
-def extrema(r: Response, reading: str, window: tuple[float, float] = (0.05, LATEST)) -> list[tuple[float, str, float]]:
+def extrema(r: Response, reading: str) -> list[tuple[float, str, float]]:
     """Return (s_o/l, "max" | "min", value) of every turning point; downward is positive.
 
     Turns shallower than half a percent of the largest value are ripples of a run, not of the path.
     """
-    curve = CubicSpline(r.s_o / r.length, series(r, reading))
+    curve, window = CubicSpline(r.s_o / r.length, series(r, reading)), (0.05, LATEST)
     roots = curve.derivative().roots(extrapolate=False)
     places = np.array([window[0], *roots[(roots > window[0]) & (roots < window[1])], window[1]])
     values = curve(places)
@@ -71,9 +69,9 @@ def tension_level(r: Response) -> tuple[Array, Array]:
     return r.fields.s_o / r.length, np.median(r.fields.T_pointwise, axis=1) / r.horizontal_tension
 
 
-def highest_tension(r: Response, end: float = 0.5) -> float:
+def highest_tension(r: Response) -> float:
     place, level = tension_level(r)
-    return float(level[place <= end].max())
+    return float(level[place <= 0.5].max())
 
 
 def tension_spread(r: Response, low: float, high: float) -> float:
@@ -132,10 +130,10 @@ def wiggle(r: Response, near: float, far: float, window: tuple[float, float]) ->
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)) / r.horizontal_tension)
 
 
-def turns(r: Response, window: tuple[float, float], depth: float = 0.005) -> float:
-    """Return the number of crests and troughs of T along the cable deeper than `depth` H, mean over frames."""
+def turns(r: Response, window: tuple[float, float]) -> float:
+    """Return the number of crests and troughs of T along the cable deeper than 0.005 H, mean over frames."""
     rows = r.fields.T_pointwise[frames(r, *window)] / r.horizontal_tension
-    return float(np.mean([sum(find_peaks(x * sign, prominence=depth)[0].size for sign in (1, -1)) for x in rows]))
+    return float(np.mean([sum(find_peaks(x * sign, prominence=0.005)[0].size for sign in (1, -1)) for x in rows]))
 
 
 def tension_jump(r: Response, low: float, high: float) -> float:

@@ -3,9 +3,6 @@
 figures.toml holds its words and says which stored runs each figure shows; here they are drawn.
 """
 
-from __future__ import annotations
-
-import json
 import tomllib
 from collections.abc import Callable
 from functools import cache
@@ -20,6 +17,7 @@ from matplotlib.figure import Figure
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.commands.paper.verdicts import FAILS, HOLDS, sentence
+from validation.core import store
 from validation.page.figures import BLACK, BLUE, GREY, VERMILLION, panels, style
 from validation.page.page import Section, badge, details, figure, gallery, missing, number, table
 
@@ -43,10 +41,8 @@ Shown = list[tuple[Response, dict[str, Any]]]  # runs and their looks
 
 def sections(folder: Path) -> list[Section]:
     """Return the claims table and one section per figure; what was not stored is named."""
-    path = folder / "claims.json"
-    if not path.exists():
+    if not (content := store.stored(folder / "claims.json")):
         return [Section("claims", "Claims of the paper", missing("claims.json", "Run cablefem paper."))]
-    content = json.loads(path.read_text(encoding="utf-8"))
     said = tomllib.loads((resources.files(__package__) / "figures.toml").read_text(encoding="utf-8"))
 
     @cache

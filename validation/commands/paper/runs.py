@@ -1,10 +1,9 @@
 """The runs behind the figures: the paper's own resolution, and a converged reference with its error bar."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -109,20 +108,15 @@ def plan() -> dict[str, tuple[str, str, dict[str, Any]]]:
     return jobs | FURTHER
 
 
-def all_runs(out: Path, progress: Progress | None = None) -> Runs:
+def all_runs(out: Path, report: Progress) -> Runs:
     """Return all runs, each read from out/runs/NAME if it was stored there by the same scene and settings."""
     known = scenes()
     jobs, found = plan(), {}
     for i, (name, (scene, method, settings)) in enumerate(jobs.items()):
-
-        def show(part: float, i: int = i) -> None:
-            if progress is not None:
-                progress("runs", (i + part) / len(jobs))
-
+        show = partial(lambda i, part: report("runs", (i + part) / len(jobs)), i)
         show(0.0)
         found[name] = stored(out / "runs" / name, known[scene], method, settings, show)
-    if progress is not None:
-        progress("runs", 1.0)
+    report("runs", 1.0)
     return Runs(known, found, {scene: _reference(found, scene) for scene in REFERENCES})
 
 

@@ -1,7 +1,5 @@
 """The paper redone: the runs behind figures 2 to 10, and a verdict on each claim."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -19,12 +17,11 @@ def paper(out: Path, progress: Progress | None = None) -> dict[str, Any]:
     `wu_and_chen` (turning points of the path for both mass ratios), `references` (what the converged values rest on),
     `frequencies` (figure 2), `overshoot` beside the mass and energy in free `vibration`.
     """
-    runs = all_runs(out, progress)
-    if progress is not None:
-        progress("claims", 0.0)
+    report = progress or (lambda label, done: None)
+    runs = all_runs(out, report)
+    report("claims", 0.0)
     beyond = computed.stored(runs, out / "numbers.json")
-    if progress is not None:
-        progress("claims", 0.7)
+    report("claims", 0.7)
     rows = [claim.row() for claim in verdicts.claims(computed.numbers(runs, beyond))]
     counts = Counter(row["verdict"] for row in rows)
     content = {
@@ -42,6 +39,5 @@ def paper(out: Path, progress: Progress | None = None) -> dict[str, Any]:
         **beyond,
     }  # fmt: skip
     write_json(out / "claims.json", content)
-    if progress is not None:
-        progress("claims", 1.0)
+    report("claims", 1.0)
     return content

@@ -3,8 +3,6 @@
 claims.toml holds the paper's statements, the ranges in which they are true, and sentences with places for numbers.
 """
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Iterable, Mapping

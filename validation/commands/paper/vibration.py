@@ -4,8 +4,6 @@ A linear system under the trapezoidal rule keeps it whatever the step ("uncondit
 (19)-(26) are not linear.
 """
 
-from __future__ import annotations
-
 import contextlib
 from dataclasses import replace
 

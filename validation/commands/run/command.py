@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,7 +6,7 @@ import typer
 
 from validation.core import store
 from validation.page import terminal
-from validation.page.options import Out, SceneName, near, real, scene_named, tol_faults
+from validation.page.options import Out, SceneName, real, scene_named, tol_faults
 
 if TYPE_CHECKING:
     from cablefem.response import Response
@@ -25,7 +23,7 @@ CHOICES = {
 
 def command(
     scene: SceneName,
-    method: Annotated[str | None, typer.Option(metavar="NAME", help="A method (cablefem methods).")] = None,
+    method: Annotated[str, typer.Option(metavar="NAME", help="A method (cablefem methods).")] = "following-p2",
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A setting of the method; repeatable.")
     ] = None,
@@ -53,6 +51,8 @@ def command(
     Writes DIR/METHOD/: path.csv, tension.csv, summary.json, response.npz, and for ParaView response.xdmf, mass.xdmf
     and their data, response.h5 and mass.h5.
     """
+    from validation.core.methods import near
+
     faults: list[str] = []
     for option, given in (("model", model), ("load", load), ("law", law)):
         known = CHOICES[option]
@@ -63,11 +63,8 @@ def command(
         faults.append("--extrapolate and --tol exclude each other: --tol chooses the steps")
     if model == "quasi-static":
         return _quasi_static(scene, out, faults)
-    if method is None:
-        faults.append("--method must be given (cablefem methods), or --model quasi-static")
-    chosen, settings = (None, {}) if method is None else _method_with(method, set_ or [], tol, faults)
+    chosen, settings = _method_with(method, set_ or [], tol, faults)
     loaded = scene_named(scene, faults, travelling=True)
-    assert method is not None
     assert chosen is not None
     if extrapolate and (steps := chosen.settings(settings)["steps"]) < MOST_COARSE:
         terminal.complain([f"--extrapolate halves the steps twice: at least {MOST_COARSE}, got {steps}"])
@@ -131,8 +128,8 @@ def _quasi_static(scene: str, out: Any, faults: list[str]) -> int:
 
     from cablefem.response import write_json
     from validation.core.design import design
-    from validation.core.quantities import told
     from validation.core.quasi_static import quasi_static
+    from validation.page import telling
 
     folder = store.claim(out, "run", loaded, ["quasi-static"]) / "quasi-static"
     response = quasi_static(loaded)
@@ -140,21 +137,13 @@ def _quasi_static(scene: str, out: Any, faults: list[str]) -> int:
     response.write(folder)
     write_json(folder / "summary.json", {**response.summary(), "design": numbers})
     terminal.say(f"{loaded.name}, quasi-static: {loaded.drive}")
-    for e in response.events:
-        terminal.say(f"  {e['event']:<12}after {e['t']:.4g} s at {e['s_o']:.4g} m, {_speed(e['speed'])}")
-    if not any(e["event"] in ("arrival", "stop") for e in response.events):
-        end = f"after {response.t[-1]:.4g} s at {response.s_o[-1]:.4g} m"
-        terminal.say(f"  {'end':<12}{end}, {_speed(response.speed[-1])}")
-    for number in numbers:
-        row = told(number, response.length)
-        terminal.say(f"  {row['what']:<30}{row['value']}, car at {number['s_o']:.4g} m after {row['t']}")
+    end = {"event": "end", "t": response.t[-1], "s_o": response.s_o[-1], "speed": response.speed[-1]}
+    over = any(e["event"] in ("arrival", "stop") for e in response.events)
+    telling.events([*response.events, *(() if over else (end,))])
+    telling.numbers(numbers, response.length)
     terminal.say("  the cable's inertia is left out: see cablefem advise for what that costs")
     terminal.say(f"written to {folder}")
     return 0
-
-
-def _speed(v: float) -> str:
-    return f"{v:.4g} m/s = {3.6 * v:.4g} km/h"
 
 
 def _method_with(name: str, pairs: list[str], tol: float | None, faults: list[str]) -> tuple[Any, dict[str, Any]]:

@@ -1,7 +1,5 @@
 """The loop of a sweep on Dask: chunks of about a second go out, rows come home and are written, whole or not at all."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import time

@@ -1,7 +1,5 @@
 """Pages of a sweep, from its stored rows: what came out, maps of the design numbers, and every scene to filter."""
 
-from __future__ import annotations
-
 import json
 from importlib import resources
 from itertools import pairwise
