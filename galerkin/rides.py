@@ -20,13 +20,14 @@ import numpy as np
 
 from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, iterate
 from cablefem.response import States
-from cablefem.scene import RATTLE, Groups
+from cablefem.scene import NEAREST_START, RATTLE, Groups
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
+from galerkin.bases.fourier import split
 from galerkin.bases.kink import Array, TravellingKink
 from galerkin.equations import Drives, GalerkinSystem, Instant, factorised
 
-EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "lift_off", "stop")
+EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "support", "lift_off", "stop")
 AT_REST = 1e-6  # speeds below have no direction yet
 LEAST_WINDOW = 6.0  # steps over which the car's acceleration is averaged for friction, where they are long
 AT_LEAST = 0.03  # of an axial round trip that the standstill without a rattle lasts that ends a ride
@@ -102,7 +103,7 @@ class RollingSystem(GalerkinSystem):
         self._watched: tuple[State, tuple[float, ...]] | None = None
         self._past: list[tuple[float, float, float]] = []  # t and p. of the car, for a while
         self._smooth = 0.0, 0.0, 0.0, 0.0, 0.0  # t, p.. and its rate, see `begin_step`
-        self._moved: tuple[float, Array] | None = None  # s_o and the tensions of the last compiled residual
+        self._moved: tuple[float, Array, Array, Array] | None = None  # s_o, tensions, rules of a compiled residual
 
     def _phases(self) -> tuple[tuple[float, float], ...]:
         return self.drive.phases if self.free else super()._phases()
@@ -117,8 +118,10 @@ class RollingSystem(GalerkinSystem):
     @property
     def least_tension(self) -> tuple[float, float]:
         if self._moved is not None:
-            s_o, pull = self._moved
-            self._pull, self._moved = (self.basis, self.cable.at(self.basis, s_o), pull), None
+            s_o, pull, behind, ahead = self._moved
+            s, weights, phi = split(s_o, behind, ahead, self.basis.basis.n)
+            place = kernels.Points(s, phi, weights, *kernels.static(s, self.groups.sigma, self.groups.c))
+            self._pull, self._moved = (self.basis, place, pull), None
         return super().least_tension
 
     # --- the travel -------------------------------------------------------------------------------------------------
@@ -250,7 +253,10 @@ class RollingSystem(GalerkinSystem):
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         """The column of s_o is a difference of the residual."""
-        x, n = self._at(self._travel(t, q, v, a, phase)), self.n_modal
+        travel, n = self._travel(t, q, v, a, phase), self.n_modal
+        if not 0.0 < travel[0] < 1.0:
+            return np.full(self.n_dof, np.nan), lambda r: r
+        x = self._at(travel)
         force, pull, stiffness = self.cable.linearise(self.basis, x.place, self._fields(q))
         car = self._roll(t, q, v, a, phase, x, force)
         r = self._balance(a, car, force)
@@ -289,12 +295,14 @@ class RollingSystem(GalerkinSystem):
         x = self._at(travel) if self._latest is None or not self.free else self._latest[1]  # a free car makes its own
         ride = kernels.Ride(
             mode, self._on(t, phase), 0.0 if not self.free else self._thrust(t, phase, start[2]), travel[1], x.slope,
-            sines.side_rule, basis.at_rest, basis.left, basis.chord, self.groups.c,
+            sines.side_rule(travel[0]), sines.side_rule(1.0 - travel[0]), basis.at_rest, basis.left, basis.chord,
+            self.groups.c,
         )  # fmt: skip
         done = self._settle(x, ride, start, now, rule, bound, newton)
         if self.free and self._pull is not None:
             w = float(rule[0, 4])
-            self._moved = w * float(now[0, -1]) + (1.0 - w) * float(start[0, -1]), self._pull[2]
+            s_o = w * float(now[0, -1]) + (1.0 - w) * float(start[0, -1])
+            self._moved = s_o, self._pull[2], ride.behind, ride.ahead
         return done
 
     # --- start ------------------------------------------------------------------------------------------------------
@@ -408,6 +416,9 @@ class RollingSystem(GalerkinSystem):
 
     def _watch(self, x: State) -> tuple[float, ...]:
         mode, drive = self.mode, self.drive
+        if self.free and not 0.0 < x.q[-1] < 1.0:  # a step's balance, taken before its end, knows no car beyond
+            ends = {"arrival": drive.end_place - float(x.q[-1]), "support": float(x.q[-1]) - NEAREST_START}
+            return tuple(ends.get(name, math.inf) for name in EVENTS)
         car = self.car(*x)
         lift = math.inf if mode.lifted else car.pressing
         if not self.free:
@@ -431,6 +442,7 @@ class RollingSystem(GalerkinSystem):
             brakes[mode.brakes][0] - s_o if mode.brakes < len(brakes) else math.inf,
             s_o - brakes[mode.brakes - 1][0] if mode.brakes else math.inf,
             drive.end_place - s_o,
+            s_o - NEAREST_START,
             lift,
             lasts if stuck and last else math.inf,
         )
@@ -438,7 +450,7 @@ class RollingSystem(GalerkinSystem):
     def pass_event(self, name: str, x: State) -> State | None:
         """Change the mode; after a standstill the car sticks where friction and brakes can hold it."""
         mode, self._watched = self.mode, None
-        if name in ("arrival", "stop"):
+        if name in ("arrival", "support", "stop"):
             return None
         if name == "lift_off":
             mode.lifted = True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator, Iterator, Sequence
 
 from cablefem.newmark.collocation_rule import CollocationRule
@@ -68,13 +69,15 @@ def _through(
     for t in grid[grid > state.t].tolist():
         whole, halvings, passed = t - state.t, 0, 0
         while t - state.t > rounding(t):
-            piece = whole if ringing is None else min(t - state.t, whole * ringing.part(state, state.t - jumped))
+            piece = whole if ringing is None else whole * ringing.part(state, state.t - jumped)
             if fresh and jumpy is not None and jumpy.abrupt(state, piece):
                 pieces = GENTLE
             fresh = False
             piece *= 0.5**halvings / (GENTLE if pieces else 1)
             rule = gentle if pieces and gentle is not None else step
-            t1 = state.t + piece if state.t + 1.001 * piece < t else t
+            # equal pieces of what is left: a short last one would leave an acceleration that means nothing
+            count = math.ceil((t - state.t) / piece - 1e-3)
+            t1 = state.t + (t - state.t) / count if count > 1 else t
             if not t1 > state.t:
                 raise StepUnderflow(state.t, f"a step of {piece:.2g} is lost in rounding", "take fewer steps")
             names: list[str] = []

@@ -25,8 +25,9 @@ START = 0.01  # where a rolling car begins unless the scene says otherwise [l]
 # A car that rests rattles while axial waves ring: a slip below that is none. [l]
 RATTLE = 1e-5
 # At a thousand steps a ride, steps are these parts of the time since a jump of force and of that to a support, and of
-# an axial wave's way while something reacts to it.
-SINCE, RINGS, STANDARD = 12.0, 60.0, 1000.0
+# an axial wave's way while something reacts to it: around a brake's stop the speed is then good to 1e-3 of the largest,
+# with a quarter of those steps to 5e-3, as the car that is held swings on the cable's stiffness out of phase.
+SINCE, RINGS, STANDARD = 12.0, 240.0, 1000.0
 FREE_ONLY = ("release", "thrust", "brake")
 AIR_DENSITY = 1.2  # [kg/m^3]
 
@@ -94,6 +95,12 @@ def _thrust(value: object) -> object:
 
 def _brakes(value: object) -> tuple | None:
     return tuple(value) if isinstance(value, list | tuple) else None
+
+
+def of_mode(mode: str) -> tuple[str, ...]:
+    """Return the names of the table [drive] that have a meaning in a mode."""
+    names = Driving.field_names()
+    return ("mode",) if mode == "grip" else tuple(x for x in names if mode != "haul" or x not in FREE_ONLY)
 
 
 class Driving(Part):

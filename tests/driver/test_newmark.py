@@ -230,7 +230,10 @@ def test_an_unconverged_state_never_leaves_and_the_failure_says_when_and_why(kin
     assert "steps" in caught.value.advice
 
 
-def test_a_step_too_long_for_newton_is_taken_in_pieces():
+@pytest.mark.parametrize("part", [None, 1.0])
+def test_a_step_too_long_for_newton_is_taken_in_pieces(part):
+    """Also where the system may take a part of each step: pieces are of the step, not of what is left of it."""
+
     class Touchy(Spring):
         """Defined only within 0.04 of the last instant that had a residual."""
 
@@ -244,9 +247,11 @@ def test_a_step_too_long_for_newton_is_taken_in_pieces():
             self.candidate = t
             return super().residual(t, q, v, a, phase)
 
-    work = Work()
-    states = list(integrate(Touchy(end=1.0), scheme("trapezoidal"), grid(1.0, 10), work=work))
-    np.testing.assert_allclose([x.t for x in states], np.linspace(0.0, 1.0, 11))
+    work, system = Work(), Touchy(end=1.0)
+    if part is not None:
+        system.part = lambda x, since: part
+    states = list(integrate(system, scheme("trapezoidal"), grid(1.0, 10), work=work))
+    np.testing.assert_allclose([x.t for x in states], np.linspace(0.0, 1.0, 11 if part is None else 41))
     assert work.rejected == 2 * 10  # a tenth, its half, its quarter
     assert work.steps == 4 * 10
 

@@ -386,7 +386,8 @@ def test_gram_matrices_are_the_plain_products(basis: Basis):
     s, table = cut_table(basis)
     n, f = basis.n, np.random.default_rng(5).standard_normal((2, 2, s.size))
     f[0, 1] = f[1, 0]
-    whole = stiffness(table, f, basis.harmonic, 0).reshape(2, n, 2, n)
+    whole = np.empty((2, n, 2, n))
+    stiffness(table, f, basis.harmonic, 0, whole.reshape(2 * n, 2 * n))
     slopes = basis.d1(s)
     # rounding of sums, and 2 n pi eps of the cosines of the highest angle
     size = np.sqrt(np.sum(f[0, 0] ** 2)) * abs(slopes).max() ** 2

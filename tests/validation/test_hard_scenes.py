@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
+from cablefem.scene import NEAREST_START
 from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
 from validation.core import measures
@@ -15,10 +16,8 @@ from validation.core.estimate import estimated
 from validation.core.running import run
 
 LEVEL = Scene.load("level")
-# the campaign itself takes an hour: some of its scenes, at coarse settings
-HOSTILE = replace(
-    Study.load("reliability"), tol=None, settings={"elements": 8, "terms": 12, "level": 1, "steps": 300}
-)  # fmt: skip
+# the campaign itself takes an hour: some of its scenes
+HOSTILE = Study.load("reliability")
 
 
 @pytest.mark.parametrize("index", range(0, len(HOSTILE), 250))
@@ -69,3 +68,28 @@ def test_a_bar_that_is_too_small_is_seen():
     assert found["doubt"] < found["true_error"] / 3.0
     assert found["true_error"] <= r.path_error
     assert found["true_error"] > 1e-9  # and a run so sure of itself would be found out
+
+
+@pytest.mark.parametrize("method", ["following-p1", "fourier-kink", "wavelet-kink"])
+def test_a_ride_that_rolls_back_ends_by_the_support_it_came_from(method):
+    """Nothing converges nearer: a run that went on would creep."""
+    point = {"sag_ratio": 0.02, "alpha": 500.0, "slope": -20.0, "mu": 0.3, "speed_ratio": 0.2, "drive.mode": "free"}
+    scene = HOSTILE.scene_at(point)
+    r = run(scene, method, steps=60)
+    assert (r.status, r.events) == ("complete", [])
+    assert r.s_o[-1] == pytest.approx(NEAREST_START * r.length, rel=1e-9)
+    assert r.work["steps"] < 5 * 60
+
+
+def test_fourier_bars_are_of_the_run_and_not_of_its_extrapolation():
+    e = estimated(LEVEL, "fourier", terms=12, steps=200)
+    fine = run(LEVEL, "following-p2", elements=24, steps=1200, until=0.8)
+    for r in (e.run, e.response):
+        assert measures.path_gap(r, fine, tuple(r.error_window))[0] <= r.path_error
+    assert e.run.path_error > 2.0 * e.response.path_error
+
+
+def test_the_coarsest_resolution_has_no_bar():
+    """Its companion of half the resolution would be the run itself, and the bar without a part in space."""
+    r = estimated(LEVEL, "wavelet", level=0, steps=100).run
+    assert (r.path_error, r.flag_kinds) == (None, ["no bar"])

@@ -123,7 +123,7 @@ def numbers(e: Estimated, twin: Estimated | None = None) -> list[Number]:
         stop = measures.window_of(*(r for x in runs for r in x.runs))[1]
     except measures.NotComparable:
         return alone(e.run)
-    companions = zip((e.in_space, e.in_time), e.weights, strict=True)
+    companions = zip((e.in_space, e.in_time), (e.own * e.weights[0], e.weights[1]), strict=True)
     pairs = [Refinement(e.run, coarse, weight, SAFETY) for coarse, weight in companions]
     return [*_numbers(e.run, pairs, stop, None if twin is None else twin.run), *_onset(e, twin)]
 

@@ -28,6 +28,9 @@ SAME_END = 0.9  # of the time of a free ride that a coarser companion's must las
 # Steps on an axial wave's way there and back below which halving them does not show what axial waves still ring.
 RESOLVED = 20.0
 
+# of the gap to half the resolution: what a next order p + 1/2 leaves of it after an extrapolation of first order
+EXTRAPOLATED = 0.5 * left(1.5)
+
 KIND = ("model", "load", "law", "until")  # what a run is told besides the method's own settings
 
 
@@ -54,6 +57,11 @@ class Estimated:
     def path_weights(self) -> tuple[float, float]:
         """What is left of the gaps to the companions in the path of the finest run."""
         return self.of_path * self.weights[0], self.of_path * self.weights[1]
+
+    @property
+    def own(self) -> float:
+        """How much more of the gap in space is left in the finest run than in what is compared."""
+        return left(1.0) / EXTRAPOLATED if self.extrapolated else 1.0
 
     @property
     def tension_weights(self) -> tuple[float, float]:
@@ -119,10 +127,8 @@ def estimated(
     p_time = time_order(settings)
     p = space_order(method.space_order)
     if method.extrapolate:
-        # first order, regular: the extrapolation removes it; its own error is bounded by the part of the gap
-        # that a next order p + 1/2 would leave
         response = measures.extrapolated(fine, c_space, 1.0)
-        w_space = SAFETY * left(1.5) * 0.5
+        w_space = SAFETY * EXTRAPOLATED
         basis = f"extrapolated 2 f({method.value(settings)}) - f({method.value(half_space)})"
     else:
         response, w_space = fine, SAFETY * left(p)
@@ -157,23 +163,28 @@ def weighted(e: Estimated, factor: float) -> Estimated:
 
 
 def _with_bars(e: Estimated) -> Estimated:
+    if e.in_space.settings == e.run.settings:
+        return _flagged(e, "no bar", why="there is no coarser resolution to compare with")
     try:
         window = measures.window_of(*e.runs)
         gaps = [measures.path_gap(c, e.run, window)[0] for c in (e.in_space, e.in_time)]
         tension = [measures.tension_gap(c, e.run, window) for c in (e.in_space, e.in_time)]
     except measures.NotComparable as error:
         return _flagged(e, "no bar", why=str(error))
-    parts = {
-        "path_space": e.path_weights[0] * gaps[0], "path_time": e.path_weights[1] * gaps[1],
-        "tension_space": e.tension_weights[0] * tension[0], "tension_time": e.tension_weights[1] * tension[1],
-    }  # fmt: skip
-    bars = {
-        "path_error": parts["path_space"] + parts["path_time"],
-        "tension_error": parts["tension_space"] + parts["tension_time"],
-        "error_parts": parts,
-        "error_window": list(window),
-    }
-    e = replace(e, response=replace(e.response, **bars), run=replace(e.run, **bars))  # type: ignore[arg-type]
+
+    def bars(own: float) -> dict[str, Any]:
+        parts = {
+            "path_space": own * e.path_weights[0] * gaps[0], "path_time": e.path_weights[1] * gaps[1],
+            "tension_space": own * e.tension_weights[0] * tension[0], "tension_time": e.tension_weights[1] * tension[1],
+        }  # fmt: skip
+        return {
+            "path_error": parts["path_space"] + parts["path_time"],
+            "tension_error": parts["tension_space"] + parts["tension_time"],
+            "error_parts": parts,
+            "error_window": list(window),
+        }
+
+    e = replace(e, response=replace(e.response, **bars(1.0)), run=replace(e.run, **bars(e.own)))
     # a coarse companion that goes slack or ends early cuts the window: nobody must read the bar as one to 0.80
     if window[1] < measures.window_of(e.run)[1] - SHORT:
         return _flagged(e, "short bar", stop=window[1])

@@ -95,7 +95,7 @@ def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], ND
     """Return s_o/l of the frames that both have, and their indices in a and b; the stations must be the same."""
     if a.fields.s.shape != b.fields.s.shape or not np.allclose(a.fields.s, b.fields.s, rtol=0.0, atol=1e-9 * a.length):
         raise NotComparable("the tension fields are given at different stations")
-    if a.drive == "free":  # the same instants
+    if a.drive == "free" and a.fields.t.size and b.fields.t.size:  # the same instants
         unit = max(a.fields.t[-1], b.fields.t[-1])
         _, i, j = np.intersect1d(np.round(a.fields.t / unit, 9), np.round(b.fields.t / unit, 9), return_indices=True)
         return a.fields.s_o[i] / a.length, i, j

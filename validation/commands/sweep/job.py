@@ -38,11 +38,15 @@ class CutOff(BaseException):
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Raise CutOff in this thread after that time; if it does not come to be within GRACE, end the process."""
-    thread, done = threading.get_ident(), threading.Event()
+    """Raise CutOff in this thread after that time; if it does not come to be within GRACE, end the process.
+
+    Compiled code may make another exception of it.
+    """
+    thread, done, late = threading.get_ident(), threading.Event(), threading.Event()
 
     def watch() -> None:
         if not done.wait(seconds):
+            late.set()
             ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(CutOff))
             if not done.wait(GRACE):
                 os._exit(1)
@@ -50,6 +54,10 @@ def time_limit(seconds: float) -> Iterator[None]:
     threading.Thread(target=watch, daemon=True).start()
     try:
         yield
+    except Exception:
+        if late.is_set():
+            raise CutOff from None
+        raise
     finally:
         done.set()
 
@@ -95,11 +103,11 @@ def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
 
 
 def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
-    from validation.core.design import design
-    from validation.core.estimate import SLACK_END
+    from validation.core.design import numbers
+    from validation.core.estimate import SLACK_END, estimated
     from validation.core.methods import find
     from validation.core.resolution import TooCoarse, resolve
-    from validation.core.running import Run, run
+    from validation.core.running import Run
 
     how = study.how(point)
     tol = how.pop("tol", None)
@@ -116,8 +124,8 @@ def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[st
     if scene.drive.mode == "grip":  # what is told of a scene lies before, and steps of a slack cable cost the most
         how["until"] = SLACK_END
     if tol is None:
-        r = run(scene, method, **how, **settings)
-        r = replace(r, design=design(r))
+        e = estimated(scene, method, **how, **settings)
+        r = replace(e.run, design=[number.row() for number in numbers(e)])
     else:
         try:
             r = resolve(scene, method, tol, **how, **settings)

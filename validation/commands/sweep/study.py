@@ -14,6 +14,7 @@ import numpy as np
 
 from cablefem.scene import Scene, SceneError
 from cablefem.scene.cable import SHAPES
+from cablefem.scene.drive import of_mode
 from cablefem.scene.errors import nearest, shown
 from validation.core.store import Refused
 
@@ -177,8 +178,10 @@ class Study:
             data = tomllib.loads(scene.to_toml())
             for path, value in dotted.items():
                 _put(data, path, value)
-            if data.get("drive", {}).get("mode") == "free":
-                data.pop("travel", None)  # a free ride's travel is its answer
+            if "drive.mode" in dotted:  # what has no meaning in that mode gives way
+                data["drive"] = {k: x for k, x in data["drive"].items() if k in of_mode(data["drive"]["mode"])}
+                if data["drive"]["mode"] == "free":
+                    data.pop("travel", None)
             scene = Scene(**data)
         return scene.variant(**groups) if groups and self.scene is not None else scene
 
