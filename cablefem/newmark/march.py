@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator, Iterator, Sequence
 
 from cablefem.newmark.collocation_rule import CollocationRule
@@ -74,7 +75,9 @@ def _through(
             fresh = False
             piece *= 0.5**halvings / (GENTLE if pieces else 1)
             rule = gentle if pieces and gentle is not None else step
-            t1 = state.t + piece if state.t + 1.001 * piece < t else t
+            # equal pieces of what is left: a short last one would leave an acceleration that means nothing
+            count = math.ceil((t - state.t) / piece - 1e-3)
+            t1 = state.t + (t - state.t) / count if count > 1 else t
             if not t1 > state.t:
                 raise StepUnderflow(state.t, f"a step of {piece:.2g} is lost in rounding", "take fewer steps")
             names: list[str] = []

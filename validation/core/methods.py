@@ -149,10 +149,8 @@ class Method:
         """Return all settings with `changes` applied; raises ValueError for unknown names and values out of range."""
         unknown = [k for k in changes if k not in self.knobs]
         if unknown:
-            raise ValueError(
-                f"{self.name} has no setting {unknown[0]!r}; it has {', '.join(self.knobs)}"
-                f"{near(unknown[0], self.knobs)}"
-            )
+            known = f"it has {', '.join(self.knobs)}{near(unknown[0], self.knobs)}"
+            raise ValueError(f"{self.name} has no setting {unknown[0]!r}; {known}")
         return {k: knob.check(k, changes[k]) if k in changes else knob.default for k, knob in self.knobs.items()}
 
     def value(self, settings: dict[str, Any]) -> int:
@@ -197,11 +195,8 @@ def _galerkin(family: str, kink: bool) -> Build:
         from galerkin.equations import GalerkinSystem
         from galerkin.rides import RollingSystem
 
-        basis: Any = (
-            Fourier(x["terms"])
-            if family == "fourier"
-            else Daubechies(order=x["order"], level=x["level"], reading=x["reading"])
-        )
+        wavelets = {key: x[key] for key in _WAVELETS if key in x}
+        basis: Any = Daubechies(**wavelets) if family == "wavelet" else Fourier(x["terms"])
         rolls = groups.drive.mode != "grip"
         system = (RollingSystem if rolls else GalerkinSystem)(groups, basis, kink=kink, **kind)
         return PositionAbscissa(system) if x["abscissa"] == "s" else system
@@ -242,7 +237,8 @@ METHODS: dict[str, Method] = {
         Method(
             "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
             {"elements": _elements(10, _PER_SIDE), "grading": _GRADING, **TIME}, _each(4), 2.5, _following(2),
-            begins=(4, 200), survey=(8, 600), races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
+            on_rides={"elements": 16}, begins=(4, 200), survey=(8, 600),
+            races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
             trust="the default: fastest for a given error from 1e-2 to 1e-5",
         ),
         Method(
@@ -287,7 +283,7 @@ METHODS: dict[str, Method] = {
         Method(
             "fourier-kink", "galerkin", "sines and a hat that travels with the mass",
             {"terms": _TERMS, "abscissa": _ABSCISSA, **TIME}, TERMS, 2.0, _galerkin("fourier", True),
-            on_rides={"terms": 45}, begins=(5, 500), survey=(16, 600),
+            on_rides={"terms": 45, "rho_inf": 0.5}, begins=(5, 500), survey=(16, 600),
             races=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
             trust="the default of the Galerkin side; ten terms beat two hundred plain ones",
         ),
