@@ -20,13 +20,13 @@ import numpy as np
 
 from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, iterate
 from cablefem.response import States
-from cablefem.scene import NEAREST_START, RATTLE, Groups
+from cablefem.scene import RATTLE, Groups
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
 from galerkin.bases.kink import Array, TravellingKink
 from galerkin.equations import Drives, GalerkinSystem, Instant, factorised
 
-EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "support", "lift_off", "stop")
+EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "back", "lift_off", "stop")
 AT_REST = 1e-6  # speeds below have no direction yet
 LEAST_WINDOW = 6.0  # steps over which the car's acceleration is averaged for friction, where they are long
 AT_LEAST = 0.03  # of an axial round trip that the standstill without a rattle lasts that ends a ride
@@ -412,7 +412,7 @@ class RollingSystem(GalerkinSystem):
     def _watch(self, x: State) -> tuple[float, ...]:
         mode, drive = self.mode, self.drive
         if self.free and not 0.0 < x.q[-1] < 1.0:  # a step's balance, taken before its end, knows no car beyond
-            ends = {"arrival": drive.end_place - float(x.q[-1]), "support": float(x.q[-1]) - NEAREST_START}
+            ends = {"arrival": drive.end_place - float(x.q[-1]), "back": float(x.q[-1]) - drive.back_place}
             return tuple(ends.get(name, math.inf) for name in EVENTS)
         car = self.car(*x)
         lift = math.inf if mode.lifted else car.pressing
@@ -437,7 +437,7 @@ class RollingSystem(GalerkinSystem):
             brakes[mode.brakes][0] - s_o if mode.brakes < len(brakes) else math.inf,
             s_o - brakes[mode.brakes - 1][0] if mode.brakes else math.inf,
             drive.end_place - s_o,
-            s_o - NEAREST_START,
+            s_o - drive.back_place,
             lift,
             lasts if stuck and last else math.inf,
         )
@@ -445,7 +445,7 @@ class RollingSystem(GalerkinSystem):
     def pass_event(self, name: str, x: State) -> State | None:
         """Change the mode; after a standstill the car sticks where friction and brakes can hold it."""
         mode, self._watched = self.mode, None
-        if name in ("arrival", "support", "stop"):
+        if name in ("arrival", "back", "stop"):
             return None
         if name == "lift_off":
             mode.lifted = True
