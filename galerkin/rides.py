@@ -100,6 +100,7 @@ class RollingSystem(GalerkinSystem):
         self.mode, self.hold = Mode(), 0.0  # F_hold at the start
         self._latest: tuple[tuple[float, float, float], Instant] | None = None
         self._watched: tuple[State, tuple[float, ...]] | None = None
+        self._seen: tuple[State, Car] | None = None
         self._past: list[tuple[float, float, float]] = []  # t and p. of the car, for a while
         self._smooth = 0.0, 0.0, 0.0, 0.0, 0.0  # t, p.. and its rate, see `begin_step`
         self._moved: tuple[float, Array] | None = None  # s_o and the tensions of the last compiled residual
@@ -156,6 +157,12 @@ class RollingSystem(GalerkinSystem):
         x = self._instant(*self._travel(t, q, v, a, phase), place="nowhere")
         return self._roll(t, q, v, a, phase, x, np.zeros((2, self.n)))
 
+    def _car_at(self, x: State) -> Car:
+        """The car at a state, which more than one asks for."""
+        if self._seen is None or self._seen[0] is not x:
+            self._seen = x, self.car(*x)
+        return self._seen[1]
+
     def _roll(self, t: float, q: Array, v: Array, a: Array, phase: int, x: Instant, force: Array) -> Car:
         """The car; the inertia of the cable and its own are added to the internal force."""
         Q, V, A = (self._fields(y) for y in (q, v, a))
@@ -171,15 +178,15 @@ class RollingSystem(GalerkinSystem):
         return self.drive.mu_r * abs(pressing) + sum(force for _, force in self.drive.brakes[: self.mode.brakes])
 
     def begin_step(self, x: State) -> None:
-        """Take the car's acceleration, as friction goes by it, from its velocities so far: their change over a while.
+        """Take the car's acceleration, as friction and lift-off go by it, from its velocities so far: over a while.
 
         The one within a step closes an algebraic loop: slip has hardly any inertia, and as sines have it, it pushes the
         car across the cable, too; where steps are short, friction then has no solution (Painleve).  What rings is left
         out, and friction is the same without it, which works against ds_o whatever rings.
         """
-        if not self.drive.mu_r or (self._past and x.t <= self._past[-1][0]):
+        if self._past and x.t <= self._past[-1][0]:
             return
-        past, car = self._past, self.car(*x)
+        past, car = self._past, self._car_at(x)
         window = max(2.0 / math.sqrt(self.groups.alpha), LEAST_WINDOW * (x.t - past[-1][0]) if past else 0.0)
         past.append((x.t, car.vx, car.vy))
         while len(past) > 2 and past[1][0] <= x.t - window:
@@ -414,8 +421,9 @@ class RollingSystem(GalerkinSystem):
         if self.free and not 0.0 < x.q[-1] < 1.0:  # a step's balance, taken before its end, knows no car beyond
             ends = {"arrival": drive.end_place - float(x.q[-1]), "back": float(x.q[-1]) - drive.back_place}
             return tuple(ends.get(name, math.inf) for name in EVENTS)
-        car = self.car(*x)
-        lift = math.inf if mode.lifted else car.pressing
+        car = self._car_at(x)
+        # at an instant it rings next to a support, whose side sines do not resolve; over a while it lags behind
+        lift = math.inf if mode.lifted else max(car.pressing, car.normal)
         if not self.free:
             return (lift,)
         s_o, ds_o, brakes = float(x.q[-1]), float(x.v[-1]), drive.brakes
