@@ -212,8 +212,9 @@ class GalerkinSystem:
 
     def _settle(self, x: Instant, ride: Any, *step: Any) -> Settled:
         start, now, rule, bound, newton = step
-        cable, pull = self.cable, np.empty(x.place.weights.size)
+        cable, m = self.cable, x.place.weights.size if ride is None else ride.behind.shape[1] + ride.ahead.shape[1]
         assert isinstance(cable, FullCable)
+        pull = np.empty(m)
         self._pull = self.basis, x.place, pull
         limits = float(newton.max_iter), newton.reuse, float(newton.patience), float(MOST_HALVINGS)
         try:

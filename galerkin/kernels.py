@@ -107,22 +107,23 @@ def balance(at, Q, alpha, law, force, gram, pull):
 
 
 @compiled
-def stiffness(phi, f, harmonic, hat):
-    """sum_q f_ab Phi_i' Phi_j', (2 n, 2 n) by a i, b j; f (2, 2, m), f_ab = f_ba.
+def stiffness(phi, f, harmonic, hat, out):
+    """Set out[:2 n, :2 n] to sum_q f_ab Phi_i' Phi_j', by a i, b j; f (2, 2, m), f_ab = f_ba.
 
     harmonic : phi_j' phi_k' = j k pi^2/2 (cos((j-k) x) + cos((j+k) x)), x = pi s, and c_m = sum_q f_q cos(m x_q).  The
     table holds the cosines up to m = N; cos((N+m) x) = 2 cos(N x) cos(m x) - cos((N-m) x) gives the others.
     """
     n, m = phi.shape
     N = n - hat
-    out = np.empty((2, n, 2, n))
+    both = np.empty((9, m))
+    for i in range(3):
+        for q in range(m):
+            value = f[i // 2, (i + 1) // 2, q]
+            both[i, q] = value
+            both[3 + i, q] = value * (phi[N - 1, q] / (N * math.pi))
+            both[6 + i, q] = value * phi[n - 1, q]
+    sums = np.dot(both, phi.T)
     if harmonic:
-        both = np.empty((6, m))
-        for i in range(3):
-            for q in range(m):
-                both[i, q] = f[i // 2, (i + 1) // 2, q]
-                both[3 + i, q] = both[i, q] * (phi[N - 1, q] / (N * math.pi))
-        sums = np.dot(both, phi[:N].T)
         c = np.empty(4 * N + 1)  # c_|m|, m = -2N .. 2N
         for i in range(3):
             a, b = i // 2, (i + 1) // 2
@@ -134,7 +135,7 @@ def stiffness(phi, f, harmonic, hat):
             for k in range(1, N + 1):
                 c[3 * N + k] = c[N - k] = 2.0 * sums[3 + i, k - 1] / (k * math.pi) - c[3 * N - k]
             for j in range(1, N + 1):
-                minus, plus, row = c[2 * N - j :], c[2 * N + j :], out[a, j - 1, b]
+                minus, plus, row = c[2 * N - j :], c[2 * N + j :], out[a * n + j - 1, b * n :]
                 for k in range(1, N + 1):
                     row[k - 1] = (0.5 * math.pi**2 * j) * k * (minus[k] + plus[k])
     else:
@@ -147,19 +148,15 @@ def stiffness(phi, f, harmonic, hat):
             products = np.dot(scaled, phi[:N].T)
             for j in range(N):
                 for k in range(N):
-                    out[a, j, b, k] = products[j, k]
+                    out[a * n + j, b * n + k] = products[j, k]
     if hat:
         for i in range(3):
             a, b = i // 2, (i + 1) // 2
             for k in range(n):
-                total = 0.0
-                for q in range(m):
-                    total += phi[k, q] * (f[a, b, q] * phi[N, q])
-                out[a, N, b, k] = out[a, k, b, N] = total
+                out[a * n + N, b * n + k] = out[a * n + k, b * n + N] = sums[6 + i, k]
     for j in range(n):
         for k in range(n):
-            out[1, j, 0, k] = out[0, j, 1, k]
-    return out.reshape(2 * n, 2 * n)
+            out[n + j, k] = out[j, n + k]
 
 
 @compiled
@@ -300,7 +297,8 @@ class Ride(NamedTuple):
     thrust: float
     ds_o: float  # of a hauled car
     slope: Array  # X', of a hauled car
-    rule: tuple[Array, Array]  # of a side
+    behind: Array  # rules of both sides, (2, m)
+    ahead: Array
     mass: Array  # M without the moving overlaps, and what `_carry` wants to know
     left: Array
     chord: Array
@@ -313,7 +311,7 @@ def moment(ride, s_o, ds_o, dds_o):
     n, sigma = ride.left.size, ride.on.sigma
     M, rows = carry(values_at(s_o, n), ride.mass, 1, ride.left, ride.chord, s_o, ds_o, dds_o)
     x = Carried(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5])
-    s, weights, phi = split(s_o, ride.rule[0], ride.rule[1], n)
+    s, weights, phi = split(s_o, ride.behind, ride.ahead, n)
     T, r_static = static(s, sigma, ride.c)
     rest = static_at(s_o, sigma, ride.c)
     load = np.empty(2)
@@ -357,12 +355,13 @@ def settle(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, sta
 
     load : (2,) acceleration of the mass along its static path less gravity
     ride : `Ride` or None;  newton : max_iter, reuse, patience, most halvings.
-    The factors are not kept but made again from the kept tangent: more than one iteration is rare.
+    The factors are not kept but made again from the kept tangent: more than one iteration is rare, and for further
+    steps the tangent does not do: the mass has gone a part of the highest sine's wave by then, and its kink turns r'.
     """
     n, size = x.f.size, start.shape[1]
     c, w = rule[:, 3], rule[:, 4]
     c0, c1, c2 = w[0] * c[0], w[1] * c[1], w[2] * c[2]
-    balanced, r, gram = np.empty((3, size)), np.empty(size), np.empty((2, 2, at.weights.size))
+    balanced, r, gram = np.empty((3, size)), np.empty(size), np.empty((2, 2, pull.size))
     for k in range(3):
         for i in range(size):
             now[k, i] = rule[k, 0] * start[0, i] + rule[k, 1] * start[1, i] + rule[k, 2] * start[2, i]
@@ -398,11 +397,9 @@ def settle(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, sta
                 return norm, iterations, factorisations, residuals
             anew = norm > newton[1] * before
         if anew:
-            block = stiffness(at.phi, gram, harmonic, hat)
+            block = K[: 2 * n, : 2 * n]
+            stiffness(at.phi, gram, harmonic, hat, block)
             add_inertia_tangent(x, inertia, c0, c1, c2, block)
-            for i in range(2 * n):
-                for k in range(2 * n):
-                    K[i, k] = block[i, k]
             if ride is not None:
                 K[2 * n], K[:, 2 * n] = 0.0, 0.0
                 if ride.mode == STUCK:

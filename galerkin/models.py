@@ -57,7 +57,9 @@ class FullCable:
     def linearise(self, basis: MovingBasis, place: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:
         """The same two, and J1, J2, J3 of (28)-(32), the gram matrix of k I + d r' r'^T, (2 n, 2 n)."""
         R, pull, gram = self._balance(place, Q)
-        return R, pull, kernels.stiffness(place.phi, gram, basis.basis.harmonic, basis.hat)
+        K = np.empty((Q.size, Q.size))
+        kernels.stiffness(place.phi, gram, basis.basis.harmonic, basis.hat, K)
+        return R, pull, K
 
     def _balance(self, place: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:
         m = place.weights.size

@@ -23,6 +23,7 @@ from cablefem.response import States
 from cablefem.scene import RATTLE, Groups
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
+from galerkin.bases.fourier import split
 from galerkin.bases.kink import Array, TravellingKink
 from galerkin.equations import Drives, GalerkinSystem, Instant, factorised
 
@@ -103,7 +104,7 @@ class RollingSystem(GalerkinSystem):
         self._seen: tuple[State, Car] | None = None
         self._past: list[tuple[float, float, float]] = []  # t and p. of the car, for a while
         self._smooth = 0.0, 0.0, 0.0, 0.0, 0.0  # t, p.. and its rate, see `begin_step`
-        self._moved: tuple[float, Array] | None = None  # s_o and the tensions of the last compiled residual
+        self._moved: tuple[float, Array, Array, Array] | None = None  # s_o, tensions, rules of a compiled residual
 
     def _phases(self) -> tuple[tuple[float, float], ...]:
         return self.drive.phases if self.free else super()._phases()
@@ -118,8 +119,10 @@ class RollingSystem(GalerkinSystem):
     @property
     def least_tension(self) -> tuple[float, float]:
         if self._moved is not None:
-            s_o, pull = self._moved
-            self._pull, self._moved = (self.basis, self.cable.at(self.basis, s_o), pull), None
+            s_o, pull, behind, ahead = self._moved
+            s, weights, phi = split(s_o, behind, ahead, self.basis.basis.n)
+            place = kernels.Points(s, phi, weights, *kernels.static(s, self.groups.sigma, self.groups.c))
+            self._pull, self._moved = (self.basis, place, pull), None
         return super().least_tension
 
     # --- the travel -------------------------------------------------------------------------------------------------
@@ -299,12 +302,14 @@ class RollingSystem(GalerkinSystem):
         x = self._at(travel) if self._latest is None or not self.free else self._latest[1]  # a free car makes its own
         ride = kernels.Ride(
             mode, self._on(t, phase), 0.0 if not self.free else self._thrust(t, phase, start[2]), travel[1], x.slope,
-            sines.side_rule, basis.at_rest, basis.left, basis.chord, self.groups.c,
+            sines.side_rule(travel[0]), sines.side_rule(1.0 - travel[0]), basis.at_rest, basis.left, basis.chord,
+            self.groups.c,
         )  # fmt: skip
         done = self._settle(x, ride, start, now, rule, bound, newton)
         if self.free and self._pull is not None:
             w = float(rule[0, 4])
-            self._moved = w * float(now[0, -1]) + (1.0 - w) * float(start[0, -1]), self._pull[2]
+            s_o = w * float(now[0, -1]) + (1.0 - w) * float(start[0, -1])
+            self._moved = s_o, self._pull[2], ride.behind, ride.ahead
         return done
 
     # --- start ------------------------------------------------------------------------------------------------------

@@ -10,11 +10,11 @@ from scipy.special import roots_legendre
 from galerkin.law import compiled
 
 
-@lru_cache(maxsize=32)
-def _unit_gauss(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """n Gauss points and weights on [0, 1]."""
+@lru_cache(maxsize=256)
+def _unit_gauss(n: int) -> np.ndarray:
+    """n Gauss points and weights on [0, 1], (2, n)."""
     x, w = roots_legendre(n)
-    return 0.5 * (1.0 + x), 0.5 * w
+    return np.array([0.5 * (1.0 + x), 0.5 * w])
 
 
 @compiled
@@ -30,23 +30,24 @@ def values_at(s, n):
 
 
 @compiled
-def split(s_o, x, w, n):
-    """`Fourier.split` for a rule x, w (m,) on [0, 1]: k pi cos(k pi s) by turning (cos, sin) k times by pi s.
+def split(s_o, behind, ahead, n):
+    """`Fourier.split` for rules (2, m) on [0, 1] of both sides: k pi cos(k pi s) by turning (cos, sin) k times by pi s.
 
     Each turn adds a rounding to the angle: k eps after k of them, no more than rounding the argument k pi s costs.
     """
-    m = x.size
-    s, weights, phi = np.empty(2 * m), np.empty(2 * m), np.empty((n + 1, 2 * m))
+    m, both = behind.shape[1], behind.shape[1] + ahead.shape[1]
+    s, weights, phi = np.empty(both), np.empty(both), np.empty((n + 1, both))
     for q in range(m):
-        s[q], s[m + q] = s_o * x[q], s_o + (1.0 - s_o) * x[q]
-        weights[q], weights[m + q] = s_o * w[q], (1.0 - s_o) * w[q]
-    c1, s1, c, sn = np.empty(2 * m), np.empty(2 * m), np.empty(2 * m), np.empty(2 * m)
-    for q in range(2 * m):
+        s[q], weights[q] = s_o * behind[0, q], s_o * behind[1, q]
+    for q in range(both - m):
+        s[m + q], weights[m + q] = s_o + (1.0 - s_o) * ahead[0, q], (1.0 - s_o) * ahead[1, q]
+    c1, s1, c, sn = np.empty(both), np.empty(both), np.empty(both), np.empty(both)
+    for q in range(both):
         c1[q] = c[q] = math.cos(math.pi * s[q])
         s1[q] = sn[q] = math.sin(math.pi * s[q])
     for k in range(n):
         wave, row = (k + 1) * math.pi, phi[k]
-        for q in range(2 * m):
+        for q in range(both):
             row[q] = wave * c[q]
             c[q], sn[q] = c[q] * c1[q] - sn[q] * s1[q], sn[q] * c1[q] + c[q] * s1[q]
     phi[n, :m], phi[n, m:] = 1.0 / s_o, -1.0 / (1.0 - s_o)
@@ -114,13 +115,13 @@ class Fourier:
 
     def quadrature(self) -> tuple[np.ndarray, np.ndarray]:
         """2 n + 40 Gauss points on the cable."""
-        return _unit_gauss(2 * self.n + 40)
+        x, w = _unit_gauss(2 * self.n + 40)
+        return x, w
 
-    @property
-    def side_rule(self) -> tuple[np.ndarray, np.ndarray]:
-        """2 n + 20 Gauss points on [0, 1]."""
-        return _unit_gauss(2 * self.n + 20)
+    def side_rule(self, length: float) -> np.ndarray:
+        """Gauss points and weights on [0, 1] for a piece of this length, (2, m), m in steps of 16."""
+        return _unit_gauss(20 + 16 * math.ceil(self.n * length / 8.0))
 
     def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points, weights, phi' and the hat's slope on both sides of s_o, without a cosine per entry."""
-        return split(s_o, *self.side_rule, self.n)
+        return split(s_o, self.side_rule(s_o), self.side_rule(1.0 - s_o), self.n)

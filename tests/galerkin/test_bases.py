@@ -237,7 +237,7 @@ def test_wavelets_inside_the_cable_have_vanishing_moments(p):
 def test_printed_functions_and_derivatives_equal_the_witness_at_random_places(p):
     """(39) and its derivatives to 2e-14 of each function's own maximum (5e-15 measured), tails of 1e-19 included."""
     s = np.random.default_rng(100 + p).random(2)
-    for level in (0, 1):
+    for level in (0, 1) if p < 7 else (0,):  # the witness takes its time with long filters
         for derivative in range(3 if p > 2 else 2):
             assert witness_gap(Daubechies(p, level), s, derivative) < 2e-14
 
@@ -386,7 +386,8 @@ def test_gram_matrices_are_the_plain_products(basis: Basis):
     s, table = cut_table(basis)
     n, f = basis.n, np.random.default_rng(5).standard_normal((2, 2, s.size))
     f[0, 1] = f[1, 0]
-    whole = stiffness(table, f, basis.harmonic, 0).reshape(2, n, 2, n)
+    whole = np.empty((2, n, 2, n))
+    stiffness(table, f, basis.harmonic, 0, whole.reshape(2 * n, 2 * n))
     slopes = basis.d1(s)
     # rounding of sums, and 2 n pi eps of the cosines of the highest angle
     size = np.sqrt(np.sum(f[0, 0] ** 2)) * abs(slopes).max() ** 2

@@ -1,5 +1,6 @@
 """Whole runs: paths against exact strings and against elements, energy, momentum at the mass, slack."""
 
+import math
 import subprocess
 import sys
 from dataclasses import replace
@@ -253,17 +254,20 @@ def test_a_fine_run_is_stable_to_the_exit():
 
 
 def test_each_side_must_resolve_the_highest_sine(level_path):
-    """2 N + 20 Gauss points a side do; with N + 12, enough on the average, the path is garbage."""
+    """2 N times its length + 20 Gauss points a side do; with half as many the path is garbage."""
 
     class Coarse(Fourier):
-        @property
-        def side_rule(self):
-            x, w = np.polynomial.legendre.leggauss(self.n + 12)
-            return 0.5 * (1.0 + x), 0.5 * w
+        def side_rule(self, length):
+            x, w = np.polynomial.legendre.leggauss(math.ceil(self.n * length) + 10)
+            return np.array([0.5 * (1.0 + x), 0.5 * w])
 
     right, wrong = (GalerkinSystem(LEVEL, basis(60), kink=True) for basis in (Fourier, Coarse))
     assert path_error(right, 200, level_path, until=0.3)[0] < 6e-3  # of the 200 steps
-    assert path_error(wrong, 200, level_path, until=0.3)[0] > 1.0
+    try:
+        garbage = path_error(wrong, 200, level_path, until=0.3)[0]
+    except NewtonStalled:
+        garbage = np.inf
+    assert garbage > 1.0
 
 
 def test_the_wing_stands_alone():
