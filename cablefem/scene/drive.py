@@ -230,6 +230,11 @@ class Drive:
     end_place: float = 1.0  # arrival
     nominal: float = math.inf  # duration of the ride by the quasi-static model; steps are nominal/steps
 
+    @property
+    def back_place(self) -> float:
+        """Where a ride that rolls back to the left support is over: half its start, 0.5 % of the length at most."""
+        return 0.5 * min(self.start, START)
+
     @cached_property
     def phases(self) -> tuple[tuple[float, float], ...]:
         """Consecutive [t0, t1] of a free ride, inside which forces are smooth in time; the last t1 is `end_time`."""
