@@ -243,7 +243,7 @@ def _ride(
     return out
 
 
-EVENTS = ("brake", "arrival", "stop", "turn")  # whose first happening both answers must tell
+EVENTS = ("brake", "arrival", "back", "stop", "turn")  # whose first happening both answers must tell
 
 
 def _event(event: str, a: Estimated, b: Estimated, axial: float, top: float) -> Iterator[Agreement]:
@@ -281,7 +281,7 @@ def _bar(event: str, e: Estimated, axial: float, after: int = 0) -> dict[str, fl
     for name in ("t", "s_o", "speed"):
         apart = [math.inf if x is None else abs(x[name] - mine[name]) for x in others]
         bars[name] = SAFETY * sum(apart) + (axial if name == "t" and event in ("stop", "turn") else 0.0)
-    if event in ("brake", "arrival"):  # it comes when the car does: changes of its place up to there may cancel, there
+    if event in ("brake", "arrival", "back"):  # it comes when the car does: changes of its place may cancel, there
         before = e.run.t <= mine["t"]
         t, s_o = e.run.t[before], e.run.s_o[before]
         apart = [float(np.abs(np.interp(t, c.t, c.s_o) - s_o).max()) for c in (e.in_space, e.in_time)]
