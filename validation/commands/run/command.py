@@ -117,7 +117,8 @@ def command(
     # a bar that could not be made, or not all the way, is no fault of the run
     return (
         1
-        if too_coarse or any(flag.kind not in ("no bar", "short bar", "not extrapolated") for flag in response.flags)
+        if too_coarse
+        or any(flag.kind not in ("no bar", "short bar", "coarse", "not extrapolated") for flag in response.flags)
         else 0
     )
 
