@@ -102,8 +102,9 @@ def resolve(
 
     Two companions of a coarse run (half the resolution, half the steps) give the parts s and t of its error.  Refining
     space by a and time by b leaves s/a^p + t/b^2: a and b between 1.4 and 2, or 1, are chosen for the least cost.
-    Space is refined first, while steps are few, and after steps have doubled it is read again before it is refined; the
-    distance to the run before gives the part anew, with the smaller factor of safety if it has fallen as predicted.
+    Steps are refined first, on the coarser mesh, and after steps alone have doubled space is read again before it is
+    refined; the distance to the run before gives the part anew, with the smaller factor of safety if it has fallen as
+    predicted.
     Only the run that is returned goes beyond the window of comparison.
 
     kind : as in `run`;  runs : receives every run that is made on the way.
@@ -151,6 +152,11 @@ def resolve(
             continue
         if (rung.bar <= tol and not in_space) or finer == settings or finer["steps"] * method.value(finer) > LARGEST:
             break
+        if finer["steps"] != settings["steps"]:  # first, on the coarser mesh: that costs less and tells as much
+            ratio = finer["steps"] / settings["steps"]
+            settings, stuck = settings | {"steps": finer["steps"]}, False
+            response = ran(settings)
+            rung = _Rung(response, rung.space, _part(response, rung.response, ratio, time_order(settings), rung.time))
         if in_space:
             ratio, coarser = space.ratio(method.value(settings), method.value(finer)), rung.response
             settings = settings | {space.setting: method.value(finer)}
@@ -158,11 +164,6 @@ def resolve(
             part = _part(response, rung.response, ratio, space_order(method.space_order), rung.space)
             stuck = not part.left[0] < STUCK * rung.space.left[0]
             rung = _Rung(response, part, rung.time)
-        if finer["steps"] != settings["steps"]:
-            ratio = finer["steps"] / settings["steps"]
-            settings, stuck = settings | {"steps": finer["steps"]}, False
-            response = ran(settings)
-            rung = _Rung(response, rung.space, _part(response, rung.response, ratio, time_order(settings), rung.time))
     whole = rung.response
     if end != short or every > 1:
         assert finest is not None
