@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,8 @@ from validation.core.design import Refinement, of_ladder
 from validation.core.estimate import KIND, SAME_ONSET, Estimated, estimated, gaps, until, weighted
 from validation.core.methods import Method, find, refined
 from validation.core.richardson import space_order, time_order
-from validation.core.running import Run
+from validation.core.running import Run, run
+from validation.core.sidebyside import Progress, side_by_side
 
 FIRST_STEPS, MOST_STEPS = 110, 64_000
 LARGEST = 2e6  # steps x resolution: half a gigabyte of states
@@ -43,8 +45,6 @@ QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 # trapezoidal steps 1.1e-3, 300 of Radau 7.9e-4 in a third of the time; steps cut eightfold only where the front meets
 # the car take 3.9e-3 to 3.5e-3, and elements graded towards the car make it worse (2.1e-3 to 2.6e-3).
 LIGHT, SHARP = 0.1, {"scheme": "radau"}
-
-Progress = Callable[..., None]  # of the fraction done, and what was reached
 
 
 class TooCoarse(RuntimeError):
@@ -164,11 +164,16 @@ def resolve(
             part = _part(response, rung.response, ratio, space_order(method.space_order), rung.space)
             stuck = not part.left[0] < STUCK * rung.space.left[0]
             rung = _Rung(response, part, rung.time)
-    whole = rung.response
+    jobs: list[Callable[[Progress], Response]] = []
     if end != short or every > 1:
         assert finest is not None
-        whole = finest.to(end, lambda x: report(0.5 + 0.5 * x))
-        made.append(whole)
+        jobs.append(lambda told: finest.to(end, lambda x: told(0.5 + 0.5 * x)))
+    if runs is not None:  # who wants all runs wants the companions of the last one
+        halves = (refined(method, settings, **half) for half in ({"space": 0.5}, {"time": 0.5}))
+        missing = (half for half in halves if all(r.settings != half for r in made))
+        jobs += [partial(_companion, scene, method, how | {"until": short}, half) for half in missing]
+    made += reversed(side_by_side(jobs, report))
+    whole = made[-1] if end != short or every > 1 else rung.response
     report(1.0)
     design = of_ladder(whole, rung.space.refinement + rung.time.refinement)
     whole = replace(whole, design=[number.row() for number in design])
@@ -208,6 +213,12 @@ def resolved(
     how = {k: kind[k] for k in KIND if k in kind}
     e = estimated(scene, method, known=made, **how, **finest.settings)
     return weighted(e, finest.path_error / e.run.path_error) if finest.path_error and e.run.path_error else e
+
+
+def _companion(
+    scene: Scene, method: Method, how: dict[str, Any], settings: dict[str, Any], told: Progress
+) -> Response:  # fmt: skip
+    return run(scene, method, **how, **settings)
 
 
 def _rule(scene: Scene, method: Method, named: dict[str, Any]) -> dict[str, Any]:
