@@ -258,16 +258,12 @@ class Response:
         except ImportError:
             raise ImportError("to_xarray() needs xarray: pip install 'cablefem[xarray]'") from None
         f = self.fields
-        path = {name: ("t", getattr(self, name), {"units": unit}) for name, unit in _PATH_UNITS.items()}
-        fields = {
-            f"field_{name}": (("frame", "s"), getattr(f, name), {"units": unit}) for name, unit in _FIELD_UNITS.items()
-        }
-        coords = {
-            "t": ("t", self.t, {"units": "s"}),
-            "s": ("s", f.s, {"units": "m"}),
-            "frame": ("frame", f.t, {"units": "s"}),
-        }
-        return xarray.Dataset({**path, **fields}, coords, {k: str(v) for k, v in self.summary().items()})
+        path: dict[str, Any] = {n: ("t", getattr(self, n), {"units": unit}) for n, unit in _PATH_UNITS.items()}
+        for name, unit in _FIELD_UNITS.items():
+            path[f"field_{name}"] = ("frame", "s"), getattr(f, name), {"units": unit}
+        along = (("t", self.t, "s"), ("s", f.s, "m"), ("frame", f.t, "s"))
+        coords = {name: (name, values, {"units": unit}) for name, values, unit in along}
+        return xarray.Dataset(path, coords, {k: str(v) for k, v in self.summary().items()})
 
     def _repr_html_(self) -> str:
         """Draw the mass path below the chord of its ends, for notebooks."""
@@ -285,18 +281,8 @@ class Response:
 
     def summary(self) -> dict[str, Any]:
         """Return the content of summary.json."""
-        return {
-            "scene": self.scene, "method": self.method, "settings": self.settings, "model": self.model,
-            "load": self.load, "law": self.law, "drive": self.drive, "status": self.status, "reason": self.reason,
-            "cause": self.cause,
-            "reached": self.reached, "slack_onset": self.slack_onset, "slack_at": self.slack_at,
-            "switched": self.switched, "max_deflection": self.max_deflection, "path_error": self.path_error,
-            "tension_error": self.tension_error, "error_parts": self.error_parts, "error_window": self.error_window,
-            "events": self.events, "design": self.design,
-            "energy_gain": self.energy_gain, "flags": [str(flag) for flag in self.flags],
-            "flag_kinds": self.flag_kinds, "n_dof": self.n_dof,
-            **self.work, "seconds": self.seconds,
-        }  # fmt: skip
+        told = {name: getattr(self, name) for name in _SUMMARY} | {"flags": [str(flag) for flag in self.flags]}
+        return told | self.work | {"seconds": self.seconds}
 
     def write(self, folder: Path) -> None:
         """Write path.csv, tension.csv, summary.json and response.npz (everything, for `read`); whole or not at all."""
@@ -333,6 +319,11 @@ class Response:
             return cls(**rest, **{n: data[n] for n in _ARRAYS}, fields=fields, powers=powers)
 
 
+_SUMMARY = (
+    "scene", "method", "settings", "model", "load", "law", "drive", "status", "reason", "cause", "reached",
+    "slack_onset", "slack_at", "switched", "max_deflection", "path_error", "tension_error", "error_parts",
+    "error_window", "events", "design", "energy_gain", "flags", "flag_kinds", "n_dof",
+)  # fmt: skip
 PATH_COLUMNS = ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "speed", "F_haul", "F_contact")  # of path.csv
 _PATH_UNITS = {
     "s_o": "m", "x": "m", "y": "m", "u": "m", "v": "m", "T_behind": "N", "T_ahead": "N", "energy": "J", "power": "W",

@@ -20,14 +20,14 @@ import numpy as np
 
 from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, iterate
 from cablefem.response import States
-from cablefem.scene import NEAREST_START, RATTLE, Groups
+from cablefem.scene import RATTLE, Groups
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
 from galerkin.bases.fourier import split
 from galerkin.bases.kink import Array, TravellingKink
 from galerkin.equations import Drives, GalerkinSystem, Instant, factorised
 
-EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "support", "lift_off", "stop")
+EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "back", "lift_off", "stop")
 AT_REST = 1e-6  # speeds below have no direction yet
 LEAST_WINDOW = 6.0  # steps over which the car's acceleration is averaged for friction, where they are long
 AT_LEAST = 0.03  # of an axial round trip that the standstill without a rattle lasts that ends a ride
@@ -101,6 +101,7 @@ class RollingSystem(GalerkinSystem):
         self.mode, self.hold = Mode(), 0.0  # F_hold at the start
         self._latest: tuple[tuple[float, float, float], Instant] | None = None
         self._watched: tuple[State, tuple[float, ...]] | None = None
+        self._seen: tuple[State, Car] | None = None
         self._past: list[tuple[float, float, float]] = []  # t and p. of the car, for a while
         self._smooth = 0.0, 0.0, 0.0, 0.0, 0.0  # t, p.. and its rate, see `begin_step`
         self._moved: tuple[float, Array, Array, Array] | None = None  # s_o, tensions, rules of a compiled residual
@@ -159,6 +160,12 @@ class RollingSystem(GalerkinSystem):
         x = self._instant(*self._travel(t, q, v, a, phase), place="nowhere")
         return self._roll(t, q, v, a, phase, x, np.zeros((2, self.n)))
 
+    def _car_at(self, x: State) -> Car:
+        """The car at a state, which more than one asks for."""
+        if self._seen is None or self._seen[0] is not x:
+            self._seen = x, self.car(*x)
+        return self._seen[1]
+
     def _roll(self, t: float, q: Array, v: Array, a: Array, phase: int, x: Instant, force: Array) -> Car:
         """The car; the inertia of the cable and its own are added to the internal force."""
         Q, V, A = (self._fields(y) for y in (q, v, a))
@@ -174,15 +181,15 @@ class RollingSystem(GalerkinSystem):
         return self.drive.mu_r * abs(pressing) + sum(force for _, force in self.drive.brakes[: self.mode.brakes])
 
     def begin_step(self, x: State) -> None:
-        """Take the car's acceleration, as friction goes by it, from its velocities so far: their change over a while.
+        """Take the car's acceleration, as friction and lift-off go by it, from its velocities so far: over a while.
 
         The one within a step closes an algebraic loop: slip has hardly any inertia, and as sines have it, it pushes the
         car across the cable, too; where steps are short, friction then has no solution (Painleve).  What rings is left
         out, and friction is the same without it, which works against ds_o whatever rings.
         """
-        if not self.drive.mu_r or (self._past and x.t <= self._past[-1][0]):
+        if self._past and x.t <= self._past[-1][0]:
             return
-        past, car = self._past, self.car(*x)
+        past, car = self._past, self._car_at(x)
         window = max(2.0 / math.sqrt(self.groups.alpha), LEAST_WINDOW * (x.t - past[-1][0]) if past else 0.0)
         past.append((x.t, car.vx, car.vy))
         while len(past) > 2 and past[1][0] <= x.t - window:
@@ -417,10 +424,11 @@ class RollingSystem(GalerkinSystem):
     def _watch(self, x: State) -> tuple[float, ...]:
         mode, drive = self.mode, self.drive
         if self.free and not 0.0 < x.q[-1] < 1.0:  # a step's balance, taken before its end, knows no car beyond
-            ends = {"arrival": drive.end_place - float(x.q[-1]), "support": float(x.q[-1]) - NEAREST_START}
+            ends = {"arrival": drive.end_place - float(x.q[-1]), "back": float(x.q[-1]) - drive.back_place}
             return tuple(ends.get(name, math.inf) for name in EVENTS)
-        car = self.car(*x)
-        lift = math.inf if mode.lifted else car.pressing
+        car = self._car_at(x)
+        # at an instant it rings next to a support, whose side sines do not resolve; over a while it lags behind
+        lift = math.inf if mode.lifted else max(car.pressing, car.normal)
         if not self.free:
             return (lift,)
         s_o, ds_o, brakes = float(x.q[-1]), float(x.v[-1]), drive.brakes
@@ -442,7 +450,7 @@ class RollingSystem(GalerkinSystem):
             brakes[mode.brakes][0] - s_o if mode.brakes < len(brakes) else math.inf,
             s_o - brakes[mode.brakes - 1][0] if mode.brakes else math.inf,
             drive.end_place - s_o,
-            s_o - NEAREST_START,
+            s_o - drive.back_place,
             lift,
             lasts if stuck and last else math.inf,
         )
@@ -450,7 +458,7 @@ class RollingSystem(GalerkinSystem):
     def pass_event(self, name: str, x: State) -> State | None:
         """Change the mode; after a standstill the car sticks where friction and brakes can hold it."""
         mode, self._watched = self.mode, None
-        if name in ("arrival", "support", "stop"):
+        if name in ("arrival", "back", "stop"):
             return None
         if name == "lift_off":
             mode.lifted = True

@@ -30,9 +30,9 @@ from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, Tableau
 from cablefem.newmark.energy_rule import average
 from cablefem.newmark.newton import find_root
 from cablefem.response import Observation, States
-from cablefem.scene import NEAREST_START, RATTLE, Groups
+from cablefem.scene import RATTLE, Groups
 
-EVENTS = ("turn", "standstill", "breaking loose", "brake", "brake off", "arrival", "support", "stop", "lift_off")
+EVENTS = ("turn", "standstill", "breaking loose", "brake", "brake off", "arrival", "back", "stop", "lift_off")
 AVERAGE = tuple(0.5 * (x + (1.0, 0.0)[i]) for i, x in enumerate(np.polynomial.legendre.leggauss(4)))  # over [0, 1]
 AT_REST = 1e-6  # speeds below have no direction yet
 HOLDS = 0.03  # of an axial wave's way to and fro: the hold of a car that rattles, which ends its ride
@@ -222,7 +222,7 @@ class RollingElements(FollowingElements):
             brakes[n][0] - s_o if n < len(brakes) else math.inf,
             s_o - brakes[n - 1][0] if n else math.inf,
             self.drive.end_place - s_o,
-            s_o - NEAREST_START,
+            s_o - self.drive.back_place,
             self._over - x.t if held and x.phase == self._last else math.inf,
             lift_off,
         )
@@ -232,7 +232,7 @@ class RollingElements(FollowingElements):
     def pass_event(self, name: str, x: State) -> State | None:
         """Change over to what holds after the event."""
         self._watched = None, 0.0, ()
-        if name in ("arrival", "support", "stop"):
+        if name in ("arrival", "back", "stop"):
             return None
         if name == "standstill":
             return self._halt(x)

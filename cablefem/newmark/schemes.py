@@ -24,12 +24,6 @@ class Scheme:
     average: bool = False
     nodes: tuple[float, ...] = ()
 
-    def __post_init__(self) -> None:
-        if not (0.0 <= self.newmark_beta <= 2.0 and math.isfinite(self.newmark_beta)):
-            raise ValueError(f"newmark_beta must lie in [0, 2], got {self.newmark_beta!r}")
-        if not (0.0 <= self.newmark_gamma <= 2.0 and math.isfinite(self.newmark_gamma)):
-            raise ValueError(f"newmark_gamma must lie in [0, 2], got {self.newmark_gamma!r}")
-
     @property
     def implicit(self) -> bool:
         return self.newmark_beta > 0.0
@@ -53,7 +47,7 @@ GAUSS = ((3.0 - math.sqrt(3.0)) / 6.0, (3.0 + math.sqrt(3.0)) / 6.0)
 
 
 def scheme(name: str, *, newmark_gamma: float = 0.6, rho_inf: float = 0.9) -> Scheme:
-    """Return a scheme by name.
+    """Return a scheme by name; the method table says what its constants may be.
 
     trapezoidal        beta 1/4, gamma 1/2: second order, no dissipation; unconditionally stable for LINEAR systems only
     newmark            gamma (default 0.6), beta = (gamma + 1/2)^2 / 4: first order, damps what it cannot resolve
@@ -66,12 +60,8 @@ def scheme(name: str, *, newmark_gamma: float = 0.6, rho_inf: float = 0.9) -> Sc
     if name == "trapezoidal":
         return Scheme(name)
     if name == "newmark":
-        if not 0.5 <= newmark_gamma <= 1.5:
-            raise ValueError(f"newmark_gamma must lie in [0.5, 1.5], got {newmark_gamma!r}")
         return Scheme(name, 0.25 * (newmark_gamma + 0.5) ** 2, newmark_gamma)
     if name == "generalized-alpha":
-        if not 0.0 <= rho_inf <= 1.0:
-            raise ValueError(f"rho_inf must lie in [0, 1], got {rho_inf!r}")
         alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
         return Scheme(name, 0.25 * (1.0 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f, alpha_m, alpha_f)
     if name == "energy":

@@ -70,9 +70,9 @@ class End(Part):
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
         """One end is enough."""
-        if len([name for name in ("time", "place") if data.get(name) is not None]) == 1:
+        if (data.get("time") is None) != (data.get("place") is None):
             return []
-        return [f"{name} = {shown(data.get(name))}: exactly one of time, place must be given" for name in ("time",)]
+        return [f"time = {shown(data.get('time'))}: exactly one of time, place must be given"]
 
 
 def _mode(value: object) -> str:
@@ -130,11 +130,8 @@ class Driving(Part):
         faults = []
         if mode == "haul":
             why = "has no meaning with mode = 'haul', where the rope supplies whatever force the travel needs"
-            faults += [
-                f"{name} = {shown(data[name])}: {why}; leave it out, or take free"
-                for name in given
-                if name in FREE_ONLY
-            ]
+            only = [name for name in given if name in FREE_ONLY]
+            faults += [f"{name} = {shown(data[name])}: {why}; leave it out, or take free" for name in only]
         if "drag_area" not in given:
             why = "acts through drag alone; must be given with drag_area"
             faults += [f"{name} = {shown(data[name])}: {why}" for name in ("wind", "air_density") if name in given]
@@ -232,6 +229,11 @@ class Drive:
     end_time: float = math.inf
     end_place: float = 1.0  # arrival
     nominal: float = math.inf  # duration of the ride by the quasi-static model; steps are nominal/steps
+
+    @property
+    def back_place(self) -> float:
+        """Where a ride that rolls back to the left support is over: half its start, 0.5 % of the length at most."""
+        return 0.5 * min(self.start, START)
 
     @cached_property
     def phases(self) -> tuple[tuple[float, float], ...]:

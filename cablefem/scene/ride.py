@@ -24,8 +24,12 @@ from typing import Any
 import numpy as np
 
 from cablefem.scene import catenary
+<<<<<<< HEAD
 from cablefem.scene.bisection import bisected
 from cablefem.scene.drive import NEAREST_START, Drive
+=======
+from cablefem.scene.drive import Drive
+>>>>>>> main
 from cablefem.scene.statics import NoRest, gripped, nodes
 
 HORIZON = 1e3  # a quasi-static ride that has not ended by then is broken off; unit: a wave's way along the cable
@@ -83,7 +87,7 @@ class LoadPath:
 class Event:
     """Something that happened to the car."""
 
-    event: str  # "brake" | "turn" | "stop" | "arrival" | "thrust_end" | "release"
+    event: str  # "brake" | "turn" | "stop" | "arrival" | "back" | "thrust_end" | "release"
     t: float
     s_o: float
     speed: float  # |dp/dt|
@@ -187,11 +191,11 @@ def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = m
                 if turns <= 0:
                     break
         watches = {"still": _watch(1, 0.0, -sign), "arrival": _watch(0, drive.end_place, 1.0)}
-        watches["support"] = _watch(0, NEAREST_START, -1.0)
+        watches["back"] = _watch(0, drive.back_place, -1.0)
         if brakes < len(places):
             watches["brake"] = _watch(0, places[brakes], 1.0)
         if brakes > 0:
-            watches["back"] = _watch(0, places[brakes - 1], -1.0)
+            watches["brake off"] = _watch(0, places[brakes - 1], -1.0)
 
         def rate(t, y, phase=phase, sign=sign, brakes=brakes):
             free, normal, inertia, stretch = force(t, y[0], y[1], phase)
@@ -220,13 +224,12 @@ def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = m
             s = places[brakes]
             brakes += 1
             log("brake")
-        elif hit == "back":
+        elif hit == "brake off":
             s = places[brakes - 1]
             brakes -= 1
-        else:  # a ride that rolls back into the near support is over, too
-            if hit == "arrival":
-                s = drive.end_place
-                log("arrival")
+        else:
+            s = drive.end_place if hit == "arrival" else drive.back_place
+            log(hit)
             break
     return Ride(path, tuple(events), tuple(sections))
 

@@ -138,3 +138,31 @@ def test_the_thrust_of_wave_drag_keeps_a_car_going():
     P, V, mu = 0.6, 0.45, 0.4
     ride = wave_drag.solve(60.0, mu=mu, sigma=P / mu, w0=0.2, drive=0.5 * P * P * V / (1.0 - V * V))
     assert ride.speed(60.0) == pytest.approx(V, rel=1e-6)
+
+
+@pytest.mark.parametrize("drag", [True, False], ids=["waves", "forgotten"])
+def test_a_hauled_sled_feels_the_waves_that_it_sends(drag):
+    """R and its slopes from d'Alembert's field at both sides of the sled; without the drag (must fail) not."""
+    mu, sigma, V, s0, now = 0.37, 0.011, 0.43, 0.36, 0.31
+    weight, t = mu * sigma, np.linspace(0.0, 0.5, 2001)
+    load = weight * (1.0 + V * V * (1.0 + 2.0 * mu) - 2.0 * V * V * (1.0 + mu) * np.exp(-2.0 * t / mu))
+    impulse = CubicSpline(t, load).antiderivative()
+
+    def depth(x, now):
+        """w(x, t): the tent at rest and its motion, what the sled has sent since, less what would keep the tent."""
+        tent = weight * (x * (1.0 - s0) if x < s0 else s0 * (1.0 - x))
+        a, b = x - now, x + now  # int of V dtent/ds_o between them
+        moved = 0.5 * V * weight * (-0.5 * (s0**2 - a**2) + (b - s0) - 0.5 * (b**2 - s0**2))
+        left = brentq(lambda u: now - u - abs(x - s0 - V * u), -1.0, now, xtol=1e-15)
+        return tent + moved + 0.5 * impulse(max(left, 0.0)) - 0.5 * weight * max(now - abs(x - s0), 0.0)
+
+    def along(now):
+        return depth(s0 + V * now, now)
+
+    x, h = s0 + V * now, 1e-4
+    ddw = (along(now + h) - 2.0 * along(now) + along(now - h)) / h**2
+    R = float(np.interp(now, t, load))
+    assert weight - mu * (ddw - sigma * V * V) == pytest.approx(R, abs=1e-4 * weight)
+    mean = (depth(x + 2 * h, now) - depth(x + h, now) + depth(x - h, now) - depth(x - 2 * h, now)) / (2.0 * h)
+    force = -R * (mean + sigma * (0.5 - x)) / weight**2
+    assert (abs(wave_drag.resistance(now, mu=mu, sigma=sigma, V=V, s0=s0, drag=drag) - force) < 1e-3) == drag

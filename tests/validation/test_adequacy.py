@@ -8,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cablefem import Scene
+from cablefem import Scene, SceneError
 from validation.commands.advise import page
 from validation.commands.advise import study as adequacy
 from validation.commands.advise.study import LADDER, Climb, Rung
 from validation.core import measures
 from validation.core.running import run
-from validation.core.scenes import random_scene
 
 LEVEL = Scene.load("level")
 TAUT = Scene.from_groups(sag_ratio=0.006, slope=7.0, mu=0.13, alpha=147.0, speed_ratio=0.13, name="taut")
@@ -133,6 +132,17 @@ def test_random_advice_is_right(kind, advised):
 TOL = 0.07
 
 
+def random_scene(rng):
+    """A scene in the range in which the solvers are meant to work; refused combinations are drawn again."""
+    ratios = {"sag_ratio": (0.005, 0.2), "mu": (0.05, 5.0), "alpha": (50.0, 1e4)}
+    while True:
+        drawn = {name: float(np.exp(rng.uniform(*np.log(ends)))) for name, ends in ratios.items()}
+        try:
+            return Scene.from_groups(**drawn, slope=rng.uniform(0.0, 45.0), speed_ratio=rng.uniform(0.1, 0.8))
+        except SceneError:
+            continue
+
+
 @pytest.fixture(scope="module")
 def advised():
     """Random scenes, the advice on each, and the full model finer than the advice has seen it."""
@@ -143,17 +153,6 @@ def advised():
         finer = {"elements": round(1.5 * full["elements"]), "steps": 2 * full["steps"]}
         out.append((scene, found, run(scene, adequacy.REFERENCE, **finer, until=measures.WINDOW[1])))
     return out
-
-
-def test_random_scenes_lie_in_the_ranges():
-    rng = np.random.default_rng(8)
-    for _ in range(12):
-        scene = random_scene(rng)
-        assert 0.005 <= scene.sag_ratio <= 0.2
-        assert 0.0 <= scene.slope <= 45.0
-        assert 0.05 <= scene.mu <= 5.0
-        assert 50.0 <= scene.alpha * (1 + 1e-12) <= 1e4 * (1 + 1e-9)
-        assert 0.1 <= scene.speed_ratio * (1 + 1e-12) <= 0.8 * (1 + 1e-9)
 
 
 # --- the decision, without runs -------------------------------------------------------------------------------------

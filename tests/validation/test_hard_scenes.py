@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from cablefem.scene import NEAREST_START
 from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
 from validation.core import measures
-from validation.core.estimate import estimated
+from validation.core.estimate import COARSE, estimated
 from validation.core.running import run
 
 LEVEL = Scene.load("level")
@@ -76,8 +75,8 @@ def test_a_ride_that_rolls_back_ends_by_the_support_it_came_from(method):
     point = {"sag_ratio": 0.02, "alpha": 500.0, "slope": -20.0, "mu": 0.3, "speed_ratio": 0.2, "drive.mode": "free"}
     scene = HOSTILE.scene_at(point)
     r = run(scene, method, steps=60)
-    assert (r.status, r.events) == ("complete", [])
-    assert r.s_o[-1] == pytest.approx(NEAREST_START * r.length, rel=1e-9)
+    assert (r.status, [x["event"] for x in r.events]) == ("complete", ["back"])
+    assert r.s_o[-1] == pytest.approx(scene.groups.drive.back_place * r.length, rel=1e-9)
     assert r.work["steps"] < 5 * 60
 
 
@@ -93,3 +92,15 @@ def test_the_coarsest_resolution_has_no_bar():
     """Its companion of half the resolution would be the run itself, and the bar without a part in space."""
     r = estimated(LEVEL, "wavelet", level=0, steps=100).run
     assert (r.path_error, r.flag_kinds) == (None, ["no bar"])
+
+
+def test_a_bar_too_large_for_an_order_says_so():
+    coarse, fine = (estimated(LEVEL, "following-p1", elements=n, steps=300).run for n in (2, 12))
+    assert coarse.path_error > COARSE > fine.path_error
+    assert ("coarse" in coarse.flag_kinds, "coarse" in fine.flag_kinds) == (True, False)
+
+
+def test_a_coarse_companion_of_which_nothing_is_known_leaves_no_bar():
+    study = replace(HOSTILE, truth=None)
+    row = job.row(study, 589, HOSTILE.point(589))
+    assert row["status"] in ("complete", "incomplete"), row["reason"]

@@ -212,6 +212,8 @@ def _change(r: Response, other: Response, quantity: _Quantity, stop: float) -> f
         return math.inf
     mine, track = quantity.tracks(r)[here.track], quantity.tracks(other)[here.track]
     known, near = np.isfinite(track.value), slice(max(0, here.k - NEAR), here.k + NEAR + 1)
+    if not known.any():
+        return math.inf
     apart = mine.value[near] - np.interp(mine.t[near], track.t[known], track.value[known])
     inside = (mine.t[near] <= min(r.t[-1], other.t[-1])) & np.isfinite(apart)
     return max(abs(here.number.value - there.number.value), float(np.abs(apart[inside]).max(initial=0.0)))

@@ -47,6 +47,7 @@ class Estimated:
     extrapolated: bool = False
     late: Response | None = None  # half of both, to where a slack cable is still compared
     of_path: float = 1.0  # how much more the path's own ladder says than the companions do
+    order: float | None = None  # in time, as a ladder has shown it
     rings: bool = False  # steps miss axial waves, so that what rings with them is of first order in time
 
     def bar(self, gap: Callable[[Response, Response], float]) -> float:
@@ -138,7 +139,8 @@ def estimated(
         )
     estimate = Estimated(response, fine, c_space, c_time, (w_space, SAFETY * left(p_time)), basis, method.extrapolate)
     period = 2.0 * scene.length / scene.axial_speed
-    return _with_bars(replace(estimate, rings=period < RESOLVED * float(np.median(np.diff(fine.t)))))
+    rings = fine.t.size > 1 and period < RESOLVED * float(np.median(np.diff(fine.t)))
+    return _with_bars(replace(estimate, rings=rings))
 
 
 SLACK_END = 0.95  # s_o/l to which an answer is compared once the cable is slack
@@ -187,10 +189,13 @@ def _with_bars(e: Estimated) -> Estimated:
     e = replace(e, response=replace(e.response, **bars(1.0)), run=replace(e.run, **bars(e.own)))
     # a coarse companion that goes slack or ends early cuts the window: nobody must read the bar as one to 0.80
     if window[1] < measures.window_of(e.run)[1] - SHORT:
-        return _flagged(e, "short bar", stop=window[1])
-    return e
+        e = _flagged(e, "short bar", stop=window[1])
+    assert e.run.path_error is not None
+    return e if e.run.path_error <= COARSE else _flagged(e, "coarse", bar=e.run.path_error)
 
 
+# Of the largest deflection: companions then are half as much again apart, and show no order.
+COARSE = 0.1
 SHORT = 0.01  # s_o/l by which a window may be shorter than the run's own before that is said
 
 

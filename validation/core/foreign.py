@@ -70,7 +70,7 @@ class ForeignPath:
     @classmethod
     def of(
         cls, scene: Scene, s_o: Any, v: Any, u: Any = None, *, t: Any = None, name: str = "the other solver"
-    ) -> Self:  # fmt: skip
+    ) -> Self:
         """Return the path v(s_o) in [m], v down; t [s] from the scene's travel unless given.
 
         Raises Refused with one line per fault.

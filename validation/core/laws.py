@@ -354,6 +354,7 @@ class Mechanics:
         where = {
             "brake": [brake["from"] for brake in drive.get("brake", [])],
             "arrival": [drive.get("end", {}).get("place", 0.99 * l)],
+            "back": [0.5 * min(drive.get("start", 0.01 * l), 0.01 * l)],
         }
         for x in r.events:
             off.append((np.interp(x["t"], r.t, r.s_o) - x["s_o"]) / l)

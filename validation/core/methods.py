@@ -149,10 +149,8 @@ class Method:
         """Return all settings with `changes` applied; raises ValueError for unknown names and values out of range."""
         unknown = [k for k in changes if k not in self.knobs]
         if unknown:
-            raise ValueError(
-                f"{self.name} has no setting {unknown[0]!r}; it has {', '.join(self.knobs)}"
-                f"{near(unknown[0], self.knobs)}"
-            )
+            known = f"it has {', '.join(self.knobs)}{near(unknown[0], self.knobs)}"
+            raise ValueError(f"{self.name} has no setting {unknown[0]!r}; {known}")
         return {k: knob.check(k, changes[k]) if k in changes else knob.default for k, knob in self.knobs.items()}
 
     def value(self, settings: dict[str, Any]) -> int:
@@ -197,11 +195,8 @@ def _galerkin(family: str, kink: bool) -> Build:
         from galerkin.equations import GalerkinSystem
         from galerkin.rides import RollingSystem
 
-        basis: Any = (
-            Fourier(x["terms"])
-            if family == "fourier"
-            else Daubechies(order=x["order"], level=x["level"], reading=x["reading"])
-        )
+        wavelets = {key: x[key] for key in _WAVELETS if key in x}
+        basis: Any = Daubechies(**wavelets) if family == "wavelet" else Fourier(x["terms"])
         rolls = groups.drive.mode != "grip"
         system = (RollingSystem if rolls else GalerkinSystem)(groups, basis, kink=kink, **kind)
         return PositionAbscissa(system) if x["abscissa"] == "s" else system

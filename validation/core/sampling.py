@@ -105,7 +105,7 @@ def _events(scene: Scene, work: Work, t: Array, s_o: Array) -> list[tuple[str, f
             place = float(s_o[_at(t, e.t)])
             if abs(place - rests) > RATTLE:
                 rests, still = place, e.t
-        elif e.name not in ("breaking loose", "brake off", "turn", "support"):
+        elif e.name not in ("breaking loose", "brake off", "turn"):
             told.append((e.name, still if e.name == "stop" else e.t))
     return sorted([*told, *(("turn", x) for x in _turns(t, s_o) if drive.mode == "free")], key=lambda event: event[1])
 

@@ -8,7 +8,7 @@ import html
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from numbers import Integral, Real
@@ -87,6 +87,11 @@ def table(
         rows.sort(key=lambda row: order.index(row["verdict"]) if row.get("verdict") in order else len(order))
     numeric = [key for key in heads if rows and all(isinstance(row.get(key), Real | None) for row in rows)]
     return Markup(_PARTS.table(rows, heads, numeric, caption, stack))
+
+
+def listed(rows: Iterable[Any], columns: Mapping[str, Callable[[Any], Any]], **how: Any) -> Markup:
+    """Return a table of what functions say of each row, by their headings; `how` as in `table`."""
+    return table([{head: of(row) for head, of in columns.items()} for row in rows], list(columns), **how)
 
 
 def _cell(value: Any) -> Any:

@@ -88,7 +88,7 @@ def _finite(x: float) -> float | None:
 
 
 def _last(r: Response) -> tuple[str, float, float]:
-    if r.events and r.events[-1]["event"] in ("arrival", "stop"):
+    if r.events and r.events[-1]["event"] in ("arrival", "back", "stop"):
         e = r.events[-1]
         return str(e["event"]), float(e["t"]), float(e["speed"])
     return "end", float(r.t[-1]), float(r.speed[-1])
@@ -112,7 +112,7 @@ def _free(scene: Scene, full: Response) -> list[Rung]:
             late = abs(rolled.duration * tau / full.t[-1] - 1.0)
             rung.gaps["timetable"] = float(max(place, speed, late))
         last = rolled.events[-1] if rolled.events else None
-        if last is not None and last.event in ("arrival", "stop"):
+        if last is not None and last.event in ("arrival", "back", "stop"):
             rung.arrival = last.event, last.t * tau, last.speed * l / tau
         rungs.append(rung)
     rungs[-1].gaps |= _statics(scene, full)

@@ -13,16 +13,25 @@ from matplotlib.ticker import NullFormatter
 from validation.core import store
 from validation.core.methods import METHODS
 from validation.page.figures import BLACK, DASHES, GREY, MARKERS, PALETTE, panels, style
-from validation.page.page import Section, details, figure, gallery, missing, number, percent, plain, table, words
+from validation.page.page import (
+    Section,
+    details,
+    figure,
+    gallery,
+    listed,
+    missing,
+    number,
+    percent,
+    plain,
+    table,
+    words,
+)
 
 _SAY = words(__package__)
 Row = dict[str, Any]
 OURS = ("method", "integrator", "extrapolated")  # rows of the full cable at given settings
 
-ERRORS = {
-    "path": "error of the mass path / deflection",
-    "tension": "rms error of the tension / H",
-}
+ERRORS = {"path": "error of the mass path / deflection", "tension": "rms error of the tension / H"}
 WORK = {"seconds": "seconds of the time loop, one core", "unknown_steps": "steps × unknowns"}
 
 
@@ -46,9 +55,8 @@ def _fastest(chart: dict[str, Any]) -> Section:
         for name, peer in at["peers"].items():
             heads[name] = f"{name} takes"
             ratio = peer["ratio"]
-            row[name] = (
-                peer["reason"] if ratio is None else f"{number(ratio, 2)} times as long ({_seconds(peer['seconds'])})"
-            )
+            times = f"{number(ratio, 2)} times as long ({_seconds(peer['seconds'])})"
+            row[name] = peer["reason"] if ratio is None else times
         tension = at["tension"]
         row |= {"tension": tension["series"] or "none reaches it", "tension_seconds": _seconds(tension["seconds"])}
         rows.append(row)
@@ -230,65 +238,49 @@ def _failures(chart: dict[str, Any]) -> Section:
 
 
 def _cost(chart: dict[str, Any]) -> Section:
-    growth = [
+    html = [listed(
+        chart.get("growth", []),
         {
-            "method": g["method"], "exponent": f"{g['exponent']:.2f}",
-            "unknowns": f"{g['n_dof'][0]} to {g['n_dof'][-1]}",
-            "step": f"{number(1e6 * g['seconds_per_step'][0], 2)} to {number(1e6 * g['seconds_per_step'][-1], 2)} µs",
-        }
-        for g in chart.get("growth", [])
-    ]  # fmt: skip
-    html = [table(
-        growth, {"method": "method", "exponent": "exponent", "unknowns": "unknowns", "step": "one step"},
+            "method": lambda g: g["method"], "exponent": lambda g: f"{g['exponent']:.2f}",
+            "unknowns": lambda g: f"{g['n_dof'][0]} to {g['n_dof'][-1]}",
+            "one step": lambda g: " to ".join(number(1e6 * g["seconds_per_step"][i], 2) for i in (0, -1)) + " µs",
+        },
         caption="Seconds per step against unknowns: exponent of a power law through all sizes",
     )]  # fmt: skip
     floor, said = chart.get("floor"), ""
     if floor:
         said = plain(_SAY.iteration(floor))
         html.append(Markup(_SAY.floor(floor)))
-    scipy = [r for r in chart["rows"] if r["kind"] == "scipy" and r["status"] == "ok"]
-    if scipy:
-        html.append(table(
-            [
-                {"rule": r["settings"]["rule"], "gap": percent(r["driver_gap"]), "seconds": _seconds(r["seconds"])}
-                for r in scipy
-            ],
-            {"rule": "scipy's rule", "gap": "largest distance from the driver's mass path", "seconds": "its seconds"},
+    rows = [r for r in chart["rows"] if r["status"] == "ok"]
+    if scipy := [r for r in rows if r["kind"] == "scipy"]:
+        html.append(listed(
+            scipy,
+            {
+                "scipy's rule": lambda r: r["settings"]["rule"],
+                "largest distance from the driver's mass path": lambda r: percent(r["driver_gap"]),
+                "its seconds": lambda r: _seconds(r["seconds"]),
+            },
             caption="The shared driver against scipy on the same semi-discrete equations",
         ))  # fmt: skip
-    chosen = [r for r in chart["rows"] if r["kind"] == "tolerance" and r["status"] == "ok"]
-    if chosen:
-        html.append(table(
-            [
-                {
-                    "method": r["method"], "tol": percent(r["settings"]["tol"]), "chosen": _told(r["chosen"]),
-                    "bar": percent(r["bar"]), "true": percent(r["path_error"]), "seconds": _seconds(r["seconds"]),
-                }
-                for r in chosen
-            ],
+    if chosen := [r for r in rows if r["kind"] == "tolerance"]:
+        html.append(listed(
+            chosen,
             {
-                "method": "method", "tol": "asked", "chosen": "chosen", "bar": "stated error bar", "true": "true error",
-                "seconds": "seconds, all trial runs included",
+                "method": lambda r: r["method"], "asked": lambda r: percent(r["settings"]["tol"]),
+                "chosen": lambda r: _told(r["chosen"]), "stated error bar": lambda r: percent(r["bar"]),
+                "true error": lambda r: percent(r["path_error"]),
+                "seconds, all trial runs included": lambda r: _seconds(r["seconds"]),
             },
             caption="A tolerance instead of a resolution", stack=True,
         ))  # fmt: skip
-    rows = [r for r in chart["rows"] if r["status"] == "ok"]
-    all_rows = table(
-        [
-            {
-                "series": r["series"], "settings": _told(r["settings"]), "path": percent(r["path_error"]),
-                "tension": percent(r["tension_error"]), "seconds": _seconds(r["seconds"]),
-                "spread": None if not r["spread"] else f"{r['spread']:.2f}", "n": r["n_dof"], "steps": r["steps"],
-                "iterations": r["newton_iterations"], "factors": r["factorisations"],
-            }
-            for r in rows
-        ],
-        {
-            "series": "line", "settings": "settings", "path": "path error", "tension": "tension error",
-            "seconds": "best of repeats", "spread": "slowest / best", "n": "unknowns", "steps": "steps",
-            "iterations": "Newton iterations", "factors": "factorisations",
-        },
-    )  # fmt: skip
+    all_rows = listed(rows, {
+        "line": lambda r: r["series"], "settings": lambda r: _told(r["settings"]),
+        "path error": lambda r: percent(r["path_error"]), "tension error": lambda r: percent(r["tension_error"]),
+        "best of repeats": lambda r: _seconds(r["seconds"]),
+        "slowest / best": lambda r: None if not r["spread"] else f"{r['spread']:.2f}",
+        "unknowns": lambda r: r["n_dof"], "steps": lambda r: r["steps"],
+        "Newton iterations": lambda r: r["newton_iterations"], "factorisations": lambda r: r["factorisations"],
+    })  # fmt: skip
     html.append(details(f"All {len(rows)} dots", all_rows))
     machine = ", ".join(f"{k} {v}" for k, v in chart.get("machine", {}).items())
     html.append(Markup("<p><small>{}</small></p>").format(escape(machine)))

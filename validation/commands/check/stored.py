@@ -14,7 +14,7 @@ from cablefem.scene import Scene, SceneError
 from validation.core import measures
 from validation.core.measures import NotComparable, Window
 
-EVENTS = ("release", "thrust_end", "brake", "turn", "stop", "arrival", "lift_off")
+EVENTS = ("release", "thrust_end", "brake", "turn", "stop", "arrival", "back", "lift_off")
 
 
 @dataclass(frozen=True, slots=True)

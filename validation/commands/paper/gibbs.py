@@ -10,12 +10,13 @@ import numpy as np
 
 from cablefem.elements.following import FollowingElements
 from cablefem.newmark import integrate, scheme, step_times
-from cablefem.response import Array, States
+from cablefem.response import Array
 from cablefem.scene import Groups
 from galerkin.bases import Basis
 from galerkin.bases.daubechies import Daubechies
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
+from validation.core.sampling import stacked
 
 PLACES = np.linspace(0.25, 0.75, 11)  # s_o/l at which the tension is looked at
 STEPS = 1000
@@ -41,7 +42,7 @@ def _tensions(system: GalerkinSystem | FollowingElements, distances: Array) -> A
             del wanted[0]
             if not wanted:
                 break
-    stack = States(*(np.array([getattr(x, n) for x in states]) for n in ("t", "q", "v", "a", "phase")))
+    stack = stacked(states)
     s_o = system.motion.position(stack.t)
     return np.array([
         system.observe(stack, np.r_[place - distances[::-1], place + distances], np.array([i])).T_pointwise[0]
@@ -51,10 +52,7 @@ def _tensions(system: GalerkinSystem | FollowingElements, distances: Array) -> A
 
 def overshoots(groups: Groups) -> dict[str, list[Overshoot]]:
     """Return the overshoot of every method for every number of terms; the scene must stay taut."""
-    found: dict[str, list[Overshoot]] = {}
-    for method, ladder in TERMS.items():
-        found[method] = [overshoot(groups, method, terms) for terms in ladder]
-    return found
+    return {method: [overshoot(groups, method, terms) for terms in ladder] for method, ladder in TERMS.items()}
 
 
 def overshoot(groups: Groups, method: str, terms: int) -> Overshoot:

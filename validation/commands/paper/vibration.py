@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 from cablefem.newmark import State, StepFailure, consistent_acceleration, integrate, scheme
-from cablefem.response import States
 from cablefem.scene import Groups
 from cablefem.scene.motion import standing
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
+from validation.core.sampling import stacked
 
 TERMS = 30  # as in figure 3
 SPEED = 0.1  # first sine's dv/dt at the start: it swings as far as the cable of figure 3 is deflected
@@ -34,18 +34,12 @@ def energy_ratio(groups: Groups, per_period: float, name: str = "trapezoidal") -
     v[TERMS] = SPEED
     start = consistent_acceleration(system, 0.0, np.zeros(system.n_dof), v, 0)
     grid = np.arange(0.0, end, period / per_period)
-    states: list[State] = [start]
+    states, none = [start], np.zeros(0)
     with contextlib.suppress(StepFailure):
         for state in integrate(system, scheme(name), [grid], start=start):
             states.append(state)
-    stack = States(*(np.array([getattr(x, n) for x in states]) for n in ("t", "q", "v", "a", "phase")))
+    stack, still = stacked(states), stacked([State(0.0, *np.zeros((3, system.n_dof)))])
     with np.errstate(over="ignore", invalid="ignore"):
-        energy = system.observe(stack, np.array([]), np.array([], dtype=int)).energy
-    rest = system.observe(_rest(start), np.array([]), np.array([], dtype=int)).energy[0]
+        energy, (rest,) = (system.observe(x, none, none.astype(int)).energy for x in (stack, still))
     given = energy[0] - rest
     return float(np.nanmax((energy - rest) / given)), float(stack.t[-1] / period)
-
-
-def _rest(start: State) -> States:
-    zero = np.zeros_like(start.q)[None]
-    return States(np.array([start.t]), zero, zero, zero, np.array([0]))

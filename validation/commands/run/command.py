@@ -120,7 +120,8 @@ def command(
     # a bar that could not be made, or not all the way, is no fault of the run
     return (
         1
-        if too_coarse or any(flag.kind not in ("no bar", "short bar", "not extrapolated") for flag in response.flags)
+        if too_coarse
+        or any(flag.kind not in ("no bar", "short bar", "coarse", "not extrapolated") for flag in response.flags)
         else 0
     )
 
@@ -151,7 +152,7 @@ def _quasi_static(scene: str, out: Any, faults: list[str]) -> int:
     write_json(folder / "summary.json", {**response.summary(), "design": numbers})
     terminal.say(f"{loaded.name}, quasi-static: {loaded.drive}")
     end = {"event": "end", "t": response.t[-1], "s_o": response.s_o[-1], "speed": response.speed[-1]}
-    over = any(e["event"] in ("arrival", "stop") for e in response.events)
+    over = any(e["event"] in ("arrival", "back", "stop") for e in response.events)
     telling.events([*response.events, *(() if over else (end,))])
     telling.numbers(numbers, response.length)
     terminal.say("  the cable's inertia is left out: see cablefem advise for what that costs")
