@@ -53,10 +53,6 @@ class Sled:
         weight, V = self.mu * self.sigma, self.a * np.asarray(t, float)
         return 2.0 * self.sinking(t) + weight * (1.0 - (1.0 - 2.0 * self.s0) * V)
 
-    def mean_slope(self, t: ArrayLike) -> Array:
-        """<w_s> at the sled."""
-        return _mean_slope(self.a * np.asarray(t, float), self.sinking(t), self.mu * self.sigma, self.s0)
-
 
 def _mean_slope(V, dw, weight: float, s0: float):
     return (weight * (1.0 - 2.0 * s0 - V) - 2.0 * V * dw) / (2.0 * (1.0 - V * V))
