@@ -24,12 +24,8 @@ from typing import Any
 import numpy as np
 
 from cablefem.scene import catenary
-<<<<<<< HEAD
 from cablefem.scene.bisection import bisected
-from cablefem.scene.drive import NEAREST_START, Drive
-=======
 from cablefem.scene.drive import Drive
->>>>>>> main
 from cablefem.scene.statics import NoRest, gripped, nodes
 
 HORIZON = 1e3  # a quasi-static ride that has not ended by then is broken off; unit: a wave's way along the cable
