@@ -36,4 +36,4 @@ from cablefem.newmark.system import (
     System,
     consistent_acceleration,
 )
-from cablefem.newmark.tableau import Tableau, between, densified
+from cablefem.newmark.tableau import Tableau, between, cubic, densified

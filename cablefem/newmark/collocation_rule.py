@@ -6,8 +6,6 @@ from functools import partial
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from scipy.optimize import NoConvergence, newton_krylov
-from scipy.sparse.linalg import LinearOperator
 
 from cablefem.newmark.failures import StepFailure
 from cablefem.newmark.newton import Newton, Settled, find_root
@@ -139,6 +137,9 @@ def collocate_coupled(
 
     For steps along which the tangent itself changes as a whole, as a start where it is proportional to a power of t.
     """
+    from scipy.optimize import NoConvergence, newton_krylov  # rarely needed, long to load
+    from scipy.sparse.linalg import LinearOperator
+
     nodes, count = _Nodes(system, t, dt, phase, start, a, rule), 0
 
     def residual(y: Array) -> Array:

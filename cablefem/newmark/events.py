@@ -4,7 +4,6 @@ import math
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from scipy.optimize import brentq
 
 from cablefem.newmark.failures import StepFailure
 from cablefem.newmark.stepper import Passed, Stepper, Work
@@ -70,6 +69,9 @@ def first_event(system: Watched, step: Stepper, x0: State, x1: State) -> tuple[S
 
     before, after, end = values(x0), values(x1), x1
     fallen = [i for i, value in enumerate(after) if 0.0 < before[i] < math.inf and value <= 0.0]
+    if fallen:
+        from scipy.optimize import brentq  # not for runs without events: it takes longer to load than many a run
+
     for i in fallen:
         last = end
 

@@ -63,8 +63,7 @@ def _through(
     fresh, pieces = True, 0  # whether a jump was just passed, and what is left of a gentle start
     watched = step.system if isinstance(step.system, Watched) and step.system.events else None
     prepared = step.system if isinstance(step.system, Prepared) else None
-    # rules of collocation damp what rings, and their steps are long on purpose
-    ringing = step.system if isinstance(step.system, Ringing) and not isinstance(step, CollocationRule) else None
+    ringing = step.system if isinstance(step.system, Ringing) else None
     shown = jumped = state.t  # of the last state yielded, of the last event
     for t in grid[grid > state.t].tolist():
         whole, halvings, passed = t - state.t, 0, 0

@@ -92,8 +92,11 @@ def between(before: State, after: State, t: float) -> State:
         )  # fmt: skip
     dt = after.t - before.t
     x = (t - before.t) / dt
+    return State(t, *cubic(x, dt, before, after), (1.0 - x) * before.a + x * after.a, after.phase)
+
+
+def cubic(x, dt, before, after) -> tuple[Array, Array]:
+    """q and v at x in [0, 1] of a step dt: the cubic with the q and v of both ends, states or histories of them."""
     d, v0, v1 = after.q - before.q, dt * before.v, dt * after.v
     c2, c3 = 3.0 * d - 2.0 * v0 - v1, v0 + v1 - 2.0 * d
-    q = before.q + x * (v0 + x * (c2 + x * c3))
-    v = (v0 + x * (2.0 * c2 + x * 3.0 * c3)) / dt
-    return State(t, q, v, (1.0 - x) * before.a + x * after.a, after.phase)
+    return before.q + x * (v0 + x * (c2 + x * c3)), (v0 + x * (2.0 * c2 + x * 3.0 * c3)) / dt

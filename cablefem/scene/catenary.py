@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import brentq
+
+from cablefem.scene.bisection import bisected
 
 # z = rho g b/(2H) measures how deep a cable hangs: sag/span is z/4 when shallow and 7.3 at z = 5 (level supports).
 # Below 1e-9 the arc length equals the chord to all 16 digits; above 5 the cable is a plumb line down and up again.
@@ -182,6 +183,6 @@ def _sag(span: float, drop: float, z: float) -> float:
 
 
 def _root(f: Callable[[float], float]) -> float:
-    """The z in [Z_MIN, Z_MAX] with f(z) = 0 to 4 units of rounding; f is monotone there."""
+    """The z in [Z_MIN, Z_MAX] with f(z) = 0 to rounding; f is monotone there."""
     low, high = Z_MIN * (1.0 - 1e-6), Z_MAX * (1.0 + 1e-6)  # so that the ends themselves are bracketed
-    return float(brentq(f, low, high, xtol=1e-30, rtol=4.0 * np.finfo(float).eps, maxiter=300))
+    return bisected(f, low, high)

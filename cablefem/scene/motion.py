@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import brentq
+
+from cablefem.scene.bisection import bisected
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +86,7 @@ class Motion:
         low, high = float(times[k - 1]), float(times[k])
         if piece(high)[0] <= s_o:  # within the rounding of the piece's end
             return high
-        return float(brentq(lambda t: piece(t)[0] - s_o, low, high, xtol=1e-20 * high, rtol=1e-15, maxiter=500))
+        return bisected(lambda t: piece(t)[0] - s_o, low, high)
 
     @property
     def speeds(self) -> list[tuple[float, float]]:

@@ -22,9 +22,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from cablefem.scene import catenary
+from cablefem.scene.bisection import bisected
 from cablefem.scene.drive import Drive
 from cablefem.scene.statics import NoRest, gripped, nodes
 
@@ -158,7 +158,7 @@ def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = m
             grid = np.linspace(t0, t1, 33) if math.isfinite(t1) else np.array([t0, t0])
             for a, b in itertools.pairwise(grid):
                 if stands(b, s, k, brakes):
-                    return float(brentq(lambda t, k=k: abs(stands(t, s, k, brakes)) - 1e-300, a, b, xtol=1e-14)), k
+                    return bisected(lambda t: abs(stands(t, s, k, brakes)) - 1e-300, a, b), k  # noqa: B023
         return None
 
     t, s, v, phase, sign, brakes = 0.0, drive.start, 0.0, 0, 0.0, bisect.bisect_right(places, drive.start)

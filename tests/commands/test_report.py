@@ -1,11 +1,14 @@
 """Studies, and the report that gathers them."""
 
+import json
 import sys
 import types
 from pathlib import Path
 
 import pytest
 
+from validation.core import store
+from validation.page import report
 from validation.page.page import Section
 
 STUDIES = {
@@ -97,3 +100,20 @@ def test_report_does_not_write_over_a_strange_file(cablefem, monkeypatch):
     Path("cablefem-out/report.html").write_text("mine")
     assert cablefem("report")[0] == 2
     assert Path("cablefem-out/report.html").read_text() == "mine"
+
+
+def test_verdicts_of_all_scenes_come_before_what_is_behind_them(tmp_path, monkeypatch):
+    parts = (("check", "level"), ("check", "tramway"), ("paper",))
+    for command, name in (("paper", "paper"), ("check", "tramway"), ("check", "level")):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / store.MARKER).write_text(
+            json.dumps({"scene": "", "name": name, "shared": True, "results": {command: []}, "finished": [command]})
+        )
+    two = [Section(name, name.capitalize(), "<p>1</p>") for name in ("verdict", "path")]
+    monkeypatch.setattr(report, "kept", lambda folder, command: two)
+    report.gather(tmp_path, parts)
+    page = (tmp_path / "report.html").read_text()
+    order = ["level-verdict", "tramway-verdict", "level-path", "tramway-path", "paper-verdict", "paper-path"]
+    places = [page.index(f'id="{name}"') for name in order]
+    assert places == sorted(places)

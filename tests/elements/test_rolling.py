@@ -17,8 +17,9 @@ from cablefem.elements.kernels.observe import cable_energy, kinetic_energy
 from cablefem.elements.rolling import AVERAGE, RollingElements, following
 from cablefem.newmark import Newton, State, Work, collocate, integrate, iterate, scheme, step_times
 from cablefem.newmark.energy_rule import average
-from cablefem.scene import RATTLE
+from cablefem.scene import RATTLE, Drive
 from tests.runs import CRUISE, INCLINED, LEVEL, observe, stack
+from validation import run
 
 
 def zip_line(mass=95.0, **drive):
@@ -288,7 +289,9 @@ def test_compiled_collocation_of_a_ride_is_that_of_its_residuals_and_tangents(mo
     # the same operations in another order; the last unknown of a hauled car is idle
     assert np.abs(ends[0].q - ends[1].q)[:-1].max() <= 1e-9 * np.abs(ends[1].q[:-1]).max()
     assert abs(ends[0].q[-1] - ends[1].q[-1]) <= 1e-9
-    assert works[0] == works[1]
+    steps, iterations = ([getattr(w, name) for w in works] for name in ("steps", "newton_iterations"))
+    assert steps[0] == steps[1]
+    assert iterations[0] == pytest.approx(iterations[1], rel=0.05)  # rounding decides one that is near its bound
     assert works[0].newton_iterations >= works[0].steps
 
 
@@ -316,3 +319,19 @@ def test_the_energy_rule_accounts_for_a_ride_to_rounding(mu_r):
         drifts.append(np.abs(energy - energy[0] - work).max() / (G.mu * G.sigma))
     assert drifts[0] < 1e-13
     assert drifts[1] > 1e-11, "an average of the balance with the mean velocity would do: the test shows nothing"
+
+
+@pytest.mark.parametrize("graded", [True, False])
+def test_rules_agree_on_friction_where_slip_rings_after_a_sudden_start(graded, monkeypatch):
+    """Friction's sign holds for a step: with steps as long as the ringing (must fail) the start is missed by 2e-5 l."""
+    scene, at = Scene.load("zipline"), [4.0, 9.0]
+    how = {"elements": 5, "until": 0.2}
+    fine = run(scene, "following-p2", steps=1000, **how)
+    if not graded:
+        monkeypatch.setattr(Drive, "part_of_step", lambda *a: 1.0)
+    apart = []
+    for rule in ("radau", "gauss", "trapezoidal", "generalized-alpha"):
+        r = run(scene, "following-p2", steps=500, scheme=rule, **how)
+        apart.append(np.abs(np.interp(at, r.t, r.s_o) - np.interp(at, fine.t, fine.s_o)).max() / r.length)
+    assert (max(apart) < 6e-6) == graded
+    assert (min(apart) > 1e-5) != graded

@@ -20,21 +20,14 @@ def probe(code):
     return set(json.loads(run.stdout))
 
 
-def test_import_cablefem_loads_no_solver():
-    modules = probe("import cablefem")
+def test_the_package_a_scene_and_its_groups_need_no_solver():
+    modules = probe("from cablefem import Scene; scene = Scene.load('zipline'); str(scene), scene.groups.motion")
     assert "cablefem" in modules
     assert not modules & HEAVY
 
 
-def test_a_scene_and_its_groups_need_no_solver_either():
-    modules = probe("from cablefem import Scene; scene = Scene.load('zipline'); str(scene), scene.groups.motion")
-    assert not modules & HEAVY
-
-
-@pytest.mark.parametrize("name", sorted(HEAVY))
-def test_the_probe_sees_a_heavy_import(name):
-    modules = probe(f"import {name}")
-    assert name in modules
+def test_the_probe_sees_a_heavy_import():
+    assert "matplotlib" in probe("import matplotlib")
 
 
 def test_unknown_names_of_the_package_are_attribute_errors():

@@ -136,6 +136,13 @@ def test_a_wing_of_first_order_in_time_is_doubted():
     assert [(method, flag.kind) for method, flag in found] == [("following-p2", "time order")]
 
 
+@pytest.mark.parametrize(("order", "found"), [(1.1, ["time order"]), (1.9, [])])
+def test_a_ladder_that_shows_the_order_of_its_scheme_is_not_doubted(order, found):
+    a, b = right()
+    late = replace(altered(a, one_step_late), order=order)
+    assert [flag.kind for _, flag in doubts(late, b)] == found
+
+
 def test_a_run_compared_with_itself_is_no_check():
     a, _ = right()
     found = agree(LEVEL, a, a)

@@ -9,6 +9,7 @@ import pytest
 
 from cablefem import Scene
 from validation.core import measures, resolution
+from validation.core.estimate import Estimated
 from validation.core.methods import METHODS, find
 from validation.core.resolution import (
     CONFIRMED,
@@ -16,6 +17,7 @@ from validation.core.resolution import (
     TooCoarse,
     _doubtful,
     _next,
+    _order_in_time,
     _Part,
     _part,
     _Rung,
@@ -60,6 +62,18 @@ def test_the_ladder_has_seen_the_orders_and_says_so_in_all_bars(scene, tol, sure
 def test_the_galerkin_side_meets_a_tolerance_too(sure):
     r = resolve(LEVEL, "fourier-kink", 1.3e-2, until=0.8)
     assert measures.path_gap(r, sure["level"], (0.02, 0.8))[0] <= r.path_error <= 1.3e-2
+
+
+def test_the_order_in_time_is_read_from_the_ladder():
+    def late(r):
+        return replace(r, u=np.r_[0.0, r.u[:-1]], v=np.r_[0.0, r.v[:-1]])
+
+    made = [run(INCLINED, "following-p2", elements=6, steps=n, until=0.8) for n in (100, 200, 400)]
+    for change, low, high in ((lambda r: r, 1.6, 2.4), (late, 0.8, 1.3)):
+        quarter, half, fine = map(change, made)
+        e = Estimated(fine, fine, fine, half, (0.5, 0.5), "halved")
+        assert low < _order_in_time(e, [quarter, half, fine]) < high
+        assert _order_in_time(e, [half, fine]) is None  # nothing with a third of the steps or less
 
 
 def test_a_finer_tolerance_takes_a_finer_run():

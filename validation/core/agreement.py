@@ -24,7 +24,7 @@ from validation.core.estimate import SLACK_END, Estimated
 from validation.core.flags import flag
 from validation.core.measures import NotComparable, Window
 from validation.core.methods import METHODS
-from validation.core.richardson import SAFETY
+from validation.core.richardson import SAFETY, time_order
 
 DEFAULT_TOL = 1e-3
 CEILING = 0.05  # of a row's own scale at the default tolerance: bars wider than that say nothing
@@ -364,6 +364,7 @@ LATE = f"the largest change from half of both up to s_o/l = {{:.3f}}, times {SAF
 
 # A wing whose own time error, brought to as many steps, is so many times its twin's steps at a lower order.
 MOST_UNLIKE = 4.0
+SHORT_OF = 0.5  # by which the order that a ladder shows may fall short of the scheme's
 # What says that an error bar may be too small: the verdict stands, but nobody should build on it.
 DOUBTS = ("fast", "energy", "hidden slack", "no bar", "short bar", "time order")
 
@@ -380,7 +381,7 @@ def doubts(a: Estimated, b: Estimated) -> list[tuple[str, Flag]]:
     for e, i in ((a, 0), (b, 1)):
         # brought to as many steps by the scheme's second order, and by the first that unresolved fronts have
         ratio = min((change[i] * steps[i] ** p) / (change[1 - i] * steps[1 - i] ** p or math.inf) for p in (1, 2))
-        if ratio > MOST_UNLIKE:
+        if ratio > MOST_UNLIKE and (e.order is None or e.order < time_order(e.run.settings) - SHORT_OF):
             found.append((e.run.method, flag("time order", ratio=ratio)))
     return found
 

@@ -47,6 +47,7 @@ class Estimated:
     extrapolated: bool = False
     late: Response | None = None  # half of both, to where a slack cable is still compared
     of_path: float = 1.0  # how much more the path's own ladder says than the companions do
+    order: float | None = None  # in time, as a ladder has shown it
     rings: bool = False  # steps miss axial waves, so that what rings with them is of first order in time
 
     def bar(self, gap: Callable[[Response, Response], float]) -> float:

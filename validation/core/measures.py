@@ -11,8 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from cablefem.response import Array, Response
 from validation.core.richardson import left
@@ -52,6 +50,8 @@ def inside(r: Response, window: Window) -> NDArray[np.bool_]:
 
 def at_steps_of(a: Response, b: Response, values: Array) -> Array:
     """Interpolate `values` (n_b, ...), given at the steps of b, to the instants of a; cubic spline in time."""
+    from scipy.interpolate import CubicSpline  # not for a run alone: long to load
+
     return CubicSpline(b.t, values, axis=0)(np.clip(a.t, b.t[0], b.t[-1]))
 
 
@@ -126,6 +126,9 @@ def series_gap(
 
     axial : the time [s] over which both are averaged first: an axial wave's way along the cable and back.
     """
+    from scipy.integrate import cumulative_trapezoid
+    from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
     within = inside(coarse, window)
     if not within.any():

@@ -5,18 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from cablefem.response import Response
 from cablefem.scene import Scene
+from cablefem.scene.bisection import bisected
 from validation.core import measures, richardson
 from validation.core.design import Refinement, of_ladder
 from validation.core.estimate import KIND, SAME_ONSET, Estimated, estimated, gaps, until, weighted
 from validation.core.methods import Method, find, refined
 from validation.core.richardson import space_order, time_order
-from validation.core.running import Run
+from validation.core.running import Run, run
+from validation.core.sidebyside import Progress, side_by_side
 
 FIRST_STEPS, MOST_STEPS = 110, 64_000
 LARGEST = 2e6  # steps x resolution: half a gigabyte of states
@@ -26,6 +29,7 @@ LEAST, FURTHEST = 1.4, 2.0
 # Factors of safety: Roache's 1.25 where the part fell with refinement as its order says, or nearly so.  Otherwise 2.5,
 # not his 3 for two grids, credited orders being low: with 2 just 95 percent of the bars hold, and each part costs runs.
 UNCONFIRMED, CONFIRMED, NEARLY = 2.5, 1.25, 1.3
+LOWEST, HIGHEST = 0.01, 8.0  # orders between which one is looked for
 ATTEMPTS = 20
 AIM = 0.8  # of the tolerance, so that a prediction that is a little short does not cost another run
 STUCK = 0.8  # of what it was: where a finer mesh leaves more than that of its part, steps are too long for it
@@ -43,8 +47,6 @@ QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 # trapezoidal steps 1.1e-3, 300 of Radau 7.9e-4 in a third of the time; steps cut eightfold only where the front meets
 # the car take 3.9e-3 to 3.5e-3, and elements graded towards the car make it worse (2.1e-3 to 2.6e-3).
 LIGHT, SHARP = 0.1, {"scheme": "radau"}
-
-Progress = Callable[..., None]  # of the fraction done, and what was reached
 
 
 class TooCoarse(RuntimeError):
@@ -102,8 +104,9 @@ def resolve(
 
     Two companions of a coarse run (half the resolution, half the steps) give the parts s and t of its error.  Refining
     space by a and time by b leaves s/a^p + t/b^2: a and b between 1.4 and 2, or 1, are chosen for the least cost.
-    Space is refined first, while steps are few, and after steps have doubled it is read again before it is refined; the
-    distance to the run before gives the part anew, with the smaller factor of safety if it has fallen as predicted.
+    Steps are refined first, on the coarser mesh, and after steps alone have doubled space is read again before it is
+    refined; the distance to the run before gives the part anew, with the smaller factor of safety if it has fallen as
+    predicted.
     Only the run that is returned goes beyond the window of comparison.
 
     kind : as in `run`;  runs : receives every run that is made on the way.
@@ -151,6 +154,11 @@ def resolve(
             continue
         if (rung.bar <= tol and not in_space) or finer == settings or finer["steps"] * method.value(finer) > LARGEST:
             break
+        if finer["steps"] != settings["steps"]:  # first, on the coarser mesh: that costs less and tells as much
+            ratio = finer["steps"] / settings["steps"]
+            settings, stuck = settings | {"steps": finer["steps"]}, False
+            response = ran(settings)
+            rung = _Rung(response, rung.space, _part(response, rung.response, ratio, time_order(settings), rung.time))
         if in_space:
             ratio, coarser = space.ratio(method.value(settings), method.value(finer)), rung.response
             settings = settings | {space.setting: method.value(finer)}
@@ -158,16 +166,16 @@ def resolve(
             part = _part(response, rung.response, ratio, space_order(method.space_order), rung.space)
             stuck = not part.left[0] < STUCK * rung.space.left[0]
             rung = _Rung(response, part, rung.time)
-        if finer["steps"] != settings["steps"]:
-            ratio = finer["steps"] / settings["steps"]
-            settings, stuck = settings | {"steps": finer["steps"]}, False
-            response = ran(settings)
-            rung = _Rung(response, rung.space, _part(response, rung.response, ratio, time_order(settings), rung.time))
-    whole = rung.response
+    jobs: list[Callable[[Progress], Response]] = []
     if end != short or every > 1:
         assert finest is not None
-        whole = finest.to(end, lambda x: report(0.5 + 0.5 * x))
-        made.append(whole)
+        jobs.append(lambda told: finest.to(end, lambda x: told(0.5 + 0.5 * x)))
+    if runs is not None:  # who wants all runs wants the companions of the last one
+        halves = (refined(method, settings, **half) for half in ({"space": 0.5}, {"time": 0.5}))
+        missing = (half for half in halves if all(r.settings != half for r in made))
+        jobs += [partial(_companion, scene, method, how | {"until": short}, half) for half in missing]
+    made += reversed(side_by_side(jobs, report))
+    whole = made[-1] if end != short or every > 1 else rung.response
     report(1.0)
     design = of_ladder(whole, rung.space.refinement + rung.time.refinement)
     whole = replace(whole, design=[number.row() for number in design])
@@ -206,7 +214,39 @@ def resolved(
         finest = error.best
     how = {k: kind[k] for k in KIND if k in kind}
     e = estimated(scene, method, known=made, **how, **finest.settings)
+    e = replace(e, order=_order_in_time(e, made))
     return weighted(e, finest.path_error / e.run.path_error) if finest.path_error and e.run.path_error else e
+
+
+def _companion(
+    scene: Scene, method: Method, how: dict[str, Any], settings: dict[str, Any], told: Progress
+) -> Response:  # fmt: skip
+    return run(scene, method, **how, **settings)
+
+
+def _order_in_time(e: Estimated, made: list[Response]) -> float | None:
+    """Return the order in time that half the steps and fewer show together, None where no run has a quarter or less.
+
+    What a coarser mesh adds to the distance of the run with fewer makes it seem higher, never lower.
+    """
+    steps = e.run.settings["steps"]
+    fewer = [r for r in made if 3.0 * r.settings["steps"] <= steps and r.reached >= e.in_time.reached]
+    if not fewer:
+        return None
+    r = max(fewer, key=lambda r: r.settings["steps"])
+    ratio = steps / r.settings["steps"]
+    try:
+        window = measures.window_of(r, *e.runs)
+        less, half = (measures.path_gap(e.run, x, window)[1] for x in (r, e.in_time))
+    except measures.NotComparable:
+        return None
+    if not half > 0.0:
+        return None
+
+    def over(p: float) -> float:
+        return (ratio**p - 1.0) / (2.0**p - 1.0) - less / half
+
+    return 0.0 if over(LOWEST) > 0.0 else HIGHEST if over(HIGHEST) < 0.0 else bisected(over, LOWEST, HIGHEST)
 
 
 def _rule(scene: Scene, method: Method, named: dict[str, Any]) -> dict[str, Any]:

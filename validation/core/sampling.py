@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
-from cablefem.newmark import Collocated, State, Work, densified
+from cablefem.newmark import Collocated, State, Work, cubic, densified
 from cablefem.response import Array, Fields, Observation, Response, States
 from cablefem.scene import RATTLE, Motion, Scene
 from validation.core.solver import Solver
@@ -144,7 +143,7 @@ def stacked(states: Sequence[State]) -> States:
     return States(*(np.array(column) for column in zip(*states, strict=True)))
 
 
-def _rows(states: States, rows: slice) -> States:
+def _rows(states: States, rows: slice | NDArray[np.intp]) -> States:
     return States(states.t[rows], states.q[rows], states.v[rows], states.a[rows], states.phase[rows])
 
 
@@ -172,10 +171,10 @@ def _between(h: States, t: Array) -> States:
     the step's end, so that the drive's acceleration is the one the step was taken with.
     """
     i = np.clip(np.searchsorted(h.t, t, side="left"), 1, h.t.size - 1)
-    ends = np.unique([i - 1, i])
-    path = CubicHermiteSpline(h.t[ends], h.q[ends], h.v[ends])
-    x = ((t - h.t[i - 1]) / (h.t[i] - h.t[i - 1]))[:, None]
-    return States(t, path(t), path(t, 1), (1.0 - x) * h.a[i - 1] + x * h.a[i], h.phase[i])
+    before, after = _rows(h, i - 1), _rows(h, i)
+    dt = (after.t - before.t)[:, None]
+    x = (t - before.t)[:, None] / dt
+    return States(t, *cubic(x, dt, before, after), (1.0 - x) * before.a + x * after.a, after.phase)
 
 
 def _observe(h: History, states: States, switch: float, s: Array, frames: NDArray[np.intp]) -> Observation:

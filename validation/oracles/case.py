@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from cablefem.scene import Groups, Scene
+from cablefem.scene import Cable, Groups, Mass, Scene, Supports
 from cablefem.scene.motion import Motion, Piece
 
 Array = NDArray[np.float64]
@@ -270,6 +270,14 @@ BARE = Groups(mu=0.0, alpha=844.416, sigma=0.1688832, c=0.0844416, chord_cos=1.0
 def level(motion: Motion, mu: float = MU, sigma: float = SIGMA) -> Groups:
     """Return a level cable."""
     return Groups(mu=mu, alpha=323.0, sigma=sigma, c=0.5 * sigma, chord_cos=1.0, chord_sin=0.0, motion=motion)
+
+
+def hung(gravity: float, EA: float, mass: float, drive: dict[str, Any], travel: Any = None, **hangs: float) -> Scene:
+    """Return a scene with a cable of rho = 1; span 1, drop 0 and H = 1 unless `hangs` says otherwise."""
+    supports = Supports(span=hangs.pop("span", 1.0), drop=hangs.pop("drop", 0.0))
+    cable = Cable(mass_per_length=1.0, EA=EA, **(hangs or {"horizontal_tension": 1.0}))
+    parts: dict[str, Any] = {"mass": Mass(mass=mass), "travel": travel, "drive": drive}
+    return Scene(gravity=gravity, cable=cable, supports=supports, **parts)
 
 
 def inside(s_o: float, V: float, a: float) -> Motion:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
 from cablefem.scene import Scene
-from validation.oracles.case import RIDERS, ROLLS, Array, Error, Limit, Oracle, Solvers, largest_and_rms
+from validation.oracles.case import RIDERS, ROLLS, Array, Error, Limit, Oracle, Solvers, hung, largest_and_rms
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,22 +85,8 @@ class Ellipse:
 def _scene(stiffness: float) -> tuple[Scene, Ellipse]:
     """A cable with EA of so many car's weights, the car of a thousand cables' weight, let go at 0.2 l."""
     D, mu = 1.0 / 1.05, 1000.0
-    scene = Scene.from_toml(f"""
-        gravity = 1.0
-        [cable]
-        mass_per_length = 1.0
-        EA = {stiffness * mu!r}
-        length = 1.0
-        [supports]
-        span = {D!r}
-        [mass]
-        mass = {mu!r}
-        [drive]
-        mode = "free"
-        start = 0.2
-        release = 0.6
-        end = {{time = 1.7}}
-    """)
+    drive = {"mode": "free", "start": 0.2, "release": 0.6, "end": {"time": 1.7}}
+    scene = hung(1.0, stiffness * mu, mu, drive, span=D, length=1.0)
     return scene, Ellipse(D=D, g=1.0)
 
 

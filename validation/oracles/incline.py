@@ -10,12 +10,13 @@ sigma; then g = sigma.  Validity: sin > mu_r cos; F_b/mu > a.  Accuracy: roundin
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cablefem.scene import Scene
-from validation.oracles.case import RIDERS, ROLLS, Array, Case, Error, Limit, Oracle, Solvers, largest_and_rms
+from validation.oracles.case import RIDERS, ROLLS, Array, Case, Error, Limit, Oracle, Solvers, hung, largest_and_rms
 
 
 def terminal(*, mu: float, g: float, sin: float, k: float) -> float:
@@ -57,30 +58,16 @@ MU, SIN, K, START, MU_R, SHOE = 0.3, 0.2, 1.5, 0.1, 0.04, 0.6  # of the cases
 HOLDS = 3.0  # times the weight's part along the incline: the brake
 
 
-def _scene(sigma: float, drive: str) -> Scene:
+def _scene(sigma: float, **drive: Any) -> Scene:
     """A taut incline of length one in units of l, H, rho."""
-    return Scene.from_toml(f"""
-        gravity = {sigma!r}
-        [cable]
-        mass_per_length = 1.0
-        EA = 500.0
-        horizontal_tension = 1.0
-        [supports]
-        span = {math.sqrt(1.0 - SIN**2)!r}
-        drop = {SIN!r}
-        [mass]
-        mass = {MU!r}
-        [drive]
-        mode = "free"
-        start = {START!r}
-        {drive}
-    """)
+    drive = {"mode": "free", "start": START} | drive
+    return hung(sigma, 500.0, MU, drive, span=math.sqrt(1.0 - SIN**2), drop=SIN)
 
 
 def _drag(solvers: Solvers, method: str, sigma: float) -> Error:
     """Error of s_o over time, over l."""
     t_end = math.acosh(math.exp(0.7 * K / MU)) * MU / K / terminal(mu=MU, g=sigma, sin=SIN, k=K)
-    scene = _scene(sigma, f"air_density = 1.0\ndrag_area = {2.0 * K!r}\nend = {{time = {t_end!r}}}")
+    scene = _scene(sigma, air_density=1.0, drag_area=2.0 * K, end={"time": t_end})
     r = solvers.ride(scene, method, steps=200, scheme="generalized-alpha")
     error = np.abs(r.s_o - START - way(r.t, mu=MU, g=sigma, sin=SIN, k=K))
     return largest_and_rms(error)
@@ -89,8 +76,8 @@ def _drag(solvers: Solvers, method: str, sigma: float) -> Error:
 def _stop(solvers: Solvers, method: str, sigma: float) -> Error:
     """Error of s_o over time up to the stop, over l."""
     force = HOLDS * MU * sigma * SIN
-    shoe = f"brake = [{{from = {SHOE!r}, force = {force!r}}}]"
-    r = solvers.ride(_scene(sigma, f"rolling_friction = {MU_R}\n{shoe}"), method, steps=200, scheme="generalized-alpha")
+    scene = _scene(sigma, rolling_friction=MU_R, brake=[{"from": SHOE, "force": force}])
+    r = solvers.ride(scene, method, steps=200, scheme="generalized-alpha")
     error = np.abs(r.s_o - START - braked(r.t, SHOE - START, mu=MU, g=sigma, sin=SIN, mu_r=MU_R, F_b=force))
     return largest_and_rms(error)
 

@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import OdeSolution, solve_ivp
 
-from cablefem.scene import Scene
-from validation.oracles.case import RIDERS, ROLLS, Array, Error, Limit, Oracle, Solvers, largest_and_rms
+from validation.oracles.case import RIDERS, ROLLS, Array, Error, Limit, Oracle, Solvers, hung, largest_and_rms
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +51,6 @@ class Sled:
         """R(t), the string's load."""
         weight, V = self.mu * self.sigma, self.a * np.asarray(t, float)
         return 2.0 * self.sinking(t) + weight * (1.0 - (1.0 - 2.0 * self.s0) * V)
-
-    def mean_slope(self, t: ArrayLike) -> Array:
-        """<w_s> at the sled."""
-        return _mean_slope(self.a * np.asarray(t, float), self.sinking(t), self.mu * self.sigma, self.s0)
 
 
 def _mean_slope(V, dw, weight: float, s0: float):
@@ -88,22 +83,8 @@ MU, A, S0, T_END = 0.3, 0.8, 0.4, 0.7  # of the case
 def _deviation(solvers: Solvers, method: str, sigma: float) -> Error:
     """Error of w over mu sigma."""
     exact = solve(T_END * 1.001, mu=MU, sigma=sigma, a=A, s0=S0)
-    scene = Scene.from_toml(f"""
-        gravity = {sigma!r}
-        [cable]
-        mass_per_length = 1.0
-        EA = 300.0
-        horizontal_tension = 1.0
-        [supports]
-        span = 1.0
-        [mass]
-        mass = {MU!r}
-        [drive]
-        mode = "free"
-        start = {S0!r}
-        thrust = {MU * A!r}
-        end = {{time = {T_END!r}}}
-    """)
+    drive = {"mode": "free", "start": S0, "thrust": MU * A, "end": {"time": T_END}}
+    scene = hung(sigma, 300.0, MU, drive)
     r = solvers.ride(scene, method, steps=400, scheme="generalized-alpha")
     error = np.abs(r.v / r.length - exact.depth(r.t / scene.time_scale)) / (MU * sigma)
     return largest_and_rms(error)

@@ -39,8 +39,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import OdeSolution, solve_ivp
 
-from cablefem.scene import Scene
-from validation.oracles.case import RIDERS, ROLLS, Array, Error, Limit, Oracle, Solvers, largest_and_rms, positive
+from cablefem.scene import ConstantSpeed
+from validation.oracles.case import RIDERS, ROLLS, Array, Error, Limit, Oracle, Solvers, hung, largest_and_rms, positive
 
 
 def solve(t_end: float, *, mu: float, sigma: float, w0: float, drive: float = 0.0) -> CoupledRide:
@@ -98,24 +98,8 @@ MU, V, S0, T_END = 0.3, 0.4, 0.35, 0.45  # of the case
 
 def _deviation(solvers: Solvers, method: str, sigma: float, drag: bool = True) -> Error:
     """Error of F - mu x.. over W^2."""
-    scene = Scene.from_toml(f"""
-        gravity = {sigma!r}
-        [cable]
-        mass_per_length = 1.0
-        EA = 300.0
-        horizontal_tension = 1.0
-        [supports]
-        span = 1.0
-        [mass]
-        mass = {MU!r}
-        [travel]
-        kind = "constant_speed"
-        speed = {V!r}
-        [drive]
-        mode = "haul"
-        start = {S0!r}
-        end = {{place = {S0 + V * T_END!r}}}
-    """)
+    drive = {"mode": "haul", "start": S0, "end": {"place": S0 + V * T_END}}
+    scene = hung(sigma, 300.0, MU, drive, travel=ConstantSpeed(speed=V))
     r = solvers.ride(scene, method, steps=400, scheme="generalized-alpha")
     exact = resistance(r.t / scene.time_scale, mu=MU, sigma=sigma, V=V, s0=S0, drag=drag)
     return largest_and_rms((r.F_haul - MU * r.acceleration[:, 0]) / (MU * sigma) ** 2 - exact)

@@ -66,7 +66,10 @@ def missing(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, li
 
 
 def gather(root: Path, parts: Sequence[Part]) -> None:
-    """Write the report of all finished results in a folder and in its subfolders, these parts first."""
+    """Write the report of all finished results in a folder and in its subfolders, these parts first.
+
+    Where several scenes went through one command, the first pages of all of them come before the rest.
+    """
     order = [_place(part) for part in parts]
     done = [
         (command, folder)
@@ -75,10 +78,13 @@ def gather(root: Path, parts: Sequence[Part]) -> None:
         if store.finished(folder, command)
     ]
     done.sort(key=lambda x: order.index((x[0], x[1].name)) if (x[0], x[1].name) in order else len(order))
-    sections = [
-        replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}")
-        for command, folder in done for s in kept(folder, command)
+    pages = [
+        (command, i > 0, replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}"))
+        for command, folder in done for i, s in enumerate(kept(folder, command))
     ]  # fmt: skip
+    commands = list(dict.fromkeys(command for command, _ in done))
+    pages.sort(key=lambda x: (commands.index(x[0]), x[1]))
+    sections = [section for _, _, section in pages]
     if not sections:
         raise store.Refused(f"{root} holds no finished results to report")
     page.render("cablefem", sections, root / "report.html")

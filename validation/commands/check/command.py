@@ -28,6 +28,9 @@ def command(
     with_tol: Annotated[
         float, typer.Option(parser=real, metavar="X", help="Allowed to it beside our own error bar.")
     ] = 5e-3,
+    deep: Annotated[
+        bool, typer.Option("--deep", help="Hold what both solvers share against third parties, too.")
+    ] = False,
     out: Out = None,
 ) -> int:
     """Run two solvers that share no formula; do they agree?
@@ -38,7 +41,8 @@ def command(
     tension along the cable, at the mass and of the reactions over H (tension, tension_behind, tension_ahead,
     reactions); of the fields over their own size (displacement, velocity); of the slack onsets in s_o/l; what is
     missing from the balance of energy (energy), of momentum at the mass (impulse), and from mechanics as the judge
-    knows it from the scene file alone (laws_si).
+    knows it from the scene file alone (laws_si). With --deep: of both from exact frequencies, statics of the loaded
+    cable, scipy on the same system, another method with a bar of its own, another damping of the slack cable (deep).
 
     FILE has columns t [s] or s_o [m], v [m] positive down, and u [m] if known; other units and directions are told by
     the name: s_o_over_l, t_ms, v_over_l, v_mm, v_up, ...
@@ -62,7 +66,7 @@ def command(
         foreign.refuse_misnamed(path, run(loaded, study.SOLVERS[0], elements=6, steps=200))
     folder = store.claim(out, "check", loaded, ["agreement.json", "scene.toml", "with.csv", "grip", *study.SOLVERS])
     with terminal.progress() as progress:
-        result = study.check(loaded, tol=tol, tol_tension=tol_tension, progress=progress)
+        result = study.check(loaded, tol=tol, tol_tension=tol_tension, deep=deep, progress=progress)
         progress("writing", 0.0)
         (folder / "with.csv").unlink(missing_ok=True)
         if path is not None:

@@ -36,6 +36,7 @@ class Check:
     window: tuple[float, float]
     rows: list[Agreement]
     grip: Response | None = None  # of a hauled car: what a car that grips the cable would have said
+    entry: dict[str, float] | None = None  # what a smooth entry would change, where that was asked for
 
     @property
     def verdict(self) -> Verdict:
@@ -58,7 +59,7 @@ class Check:
         return {
             "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window), "tol": self.tol,
             "methods": [self.a.run.method, self.b.run.method], "rows": [row.row() for row in self.rows],
-            "design": self.design, "events": self.a.run.events,
+            "design": self.design, "events": self.a.run.events, **({"entry": self.entry} if self.entry else {}),
             "doubts": [{"method": name, "kind": flag.kind, "words": str(flag)} for name, flag in self.doubts],
         }  # fmt: skip
 
@@ -81,13 +82,14 @@ class Check:
 
 def check(
     scene: Scene | str | Path, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None,
-    methods: tuple[str | Method, str | Method] = SOLVERS, progress: Progress | None = None,
+    methods: tuple[str | Method, str | Method] = SOLVERS, deep: bool = False, progress: Progress | None = None,
 ) -> Check:  # fmt: skip
     """Run two methods on a scene, each as fine as its own error bar needs to meet `tol`, and compare them.
 
     tol : asked of the error of the mass path, relative to the largest deflection; in [1e-6, 0.2].
     tol_tension : asked of the tension, relative to H; default ten times `tol`.  Where the path's bar is met but
         tension, fields or laws are too coarse to tell, both solvers are refined further.
+    deep : hold what both share against third parties, too.
     progress : called with the method's name, the fraction done and what was reached.
     """
     if not (math.isfinite(tol) and 1e-6 <= tol <= 0.2):
@@ -113,7 +115,13 @@ def check(
     except measures.NotComparable:
         window = (measures.WINDOW[0], measures.WINDOW[0])
     a, b = (_told(scene, e, twin) for e, twin in (runs, runs[::-1]))
-    return Check(scene, a, b, tol, window, rows, gripped[0] if gripped else None)
+    smooth = None
+    if deep:
+        from validation.commands.check import deep as third
+
+        rows += third.deep(scene, runs[0], rows)
+        smooth = third.entry(scene, runs[0].run)
+    return Check(scene, a, b, tol, window, rows, gripped[0] if gripped else None, smooth)
 
 
 def _told(scene: Scene, e: Estimated, twin: Estimated) -> Estimated:

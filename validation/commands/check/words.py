@@ -12,6 +12,12 @@ def tell(result: Check) -> None:
     telling.answer(replace(result.a.run, design=result.design))
     if result.a.run.drive != "free":  # one is compared to its end
         terminal.say(f"  {_meaning(result)}")
+    if result.entry is not None:
+        path, *tensions = result.entry.values()
+        terminal.say(
+            f"  a smooth entry over the first 2 % would move the path by {path:.2g} of the deflection, tension at the "
+            f"mass by {max(tensions):.2g} H (rms)"
+        )
     terminal.say()
     telling.rows(result.rows)
     third = sorted({row.party for row in result.rows} - {""})

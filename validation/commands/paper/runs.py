@@ -21,7 +21,7 @@ Progress = Callable[[str, float], None]
 # Figure 3 has N = 30 sines; figure 4 names no N: the wavelet basis of nearest size has 31.
 DAMPED = {"scheme": "newmark"}
 OVERDAMPED = {"scheme": "newmark", "newmark_gamma": 1.0}  # what strong damping and long steps do to the tension
-PAPER: dict[str, tuple[str, str, dict[str, Any]]] = {
+RUNS: dict[str, tuple[str, str, dict[str, Any]]] = {
     "level-fourier-30": ("level", "fourier", {"terms": 30, "steps": 2000}),
     "level-wavelet-31": ("level", "wavelet", {"level": 2, "steps": 2000, **DAMPED}),
     "heavy-fourier-30": ("heavy", "fourier", {"terms": 30, "steps": 2000}),
@@ -31,10 +31,7 @@ PAPER: dict[str, tuple[str, str, dict[str, Any]]] = {
     "inclined-wavelet-10": ("inclined", "wavelet", {"level": 0, "steps": 512, **DAMPED}),
     "inclined-fourier-17": ("inclined", "fourier", {"terms": 17, "steps": 4096, "abscissa": "s"}),
     "inclined-wavelet-17": ("inclined", "wavelet", {"level": 1, "steps": 4096, "abscissa": "s", **DAMPED}),
-}
-
-# What else the claims ask for: the same bases with other steps, another independent variable, more terms.
-FURTHER: dict[str, tuple[str, str, dict[str, Any]]] = {
+    # what else the claims ask for: the same bases with other steps, another independent variable, more terms
     "level-fourier-30-overdamped": ("level", "fourier", {"terms": 30, "steps": 256, **OVERDAMPED}),
     "level-wavelet-31-overdamped": ("level", "wavelet", {"level": 2, "steps": 256, **OVERDAMPED}),
     "inclined-wavelet-10-overdamped": ("inclined", "wavelet", {"level": 0, "steps": 512, **OVERDAMPED}),
@@ -97,7 +94,7 @@ class Runs:
 
 def plan() -> dict[str, tuple[str, str, dict[str, Any]]]:
     """Return every run by its folder's name: scene, method, settings."""
-    jobs = dict(PAPER)
+    jobs = dict(RUNS)
     for scene in REFERENCES:
         method, settings = FINE
         fine = find(method).settings(settings)
@@ -105,7 +102,7 @@ def plan() -> dict[str, tuple[str, str, dict[str, Any]]]:
         jobs[f"{scene}-half-resolution"] = (scene, method, refined(find(method), fine, space=0.5))
         jobs[f"{scene}-half-steps"] = (scene, method, refined(find(method), fine, time=0.5))
         jobs[f"{scene}-cross"] = (scene, *CROSS)
-    return jobs | FURTHER
+    return jobs
 
 
 def all_runs(out: Path, report: Progress) -> Runs:

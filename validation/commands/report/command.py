@@ -10,8 +10,8 @@ PLACE = 12
 EXAMPLE = "cablefem report"
 # What a full report consists of, in the order of its pages.
 PARTS = (
-    ("check", "level"), ("check", "cruise"), ("check", "inclined"), ("paper",), ("oracles",), ("chart", "level"),
-    ("advise", "level", "--tol", "1e-2"), ("modes", "bare"), ("atlas",),
+    ("check", "level"), ("check", "inclined"), ("check", "tramway"), ("check", "zipline"), ("paper",), ("oracles",),
+    ("chart", "level"), ("advise", "level", "--tol", "1e-2"), ("modes", "bare"), ("atlas",),
 )  # fmt: skip
 
 

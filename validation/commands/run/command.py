@@ -1,5 +1,7 @@
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -75,7 +77,8 @@ def command(
     from validation.core.extrapolation import extrapolated
     from validation.core.resolution import TooCoarse, resolve
     from validation.core.running import run as run_method
-    from validation.page import paraview, telling
+    from validation.core.sidebyside import side_by_side
+    from validation.page import telling
 
     folder = store.claim(out, "run", loaded, [method])
     kind = {"model": model, "load": load, "law": law, **settings}
@@ -103,8 +106,8 @@ def command(
             response = replace(response, design=[number.row() for number in numbers(e)])
         else:
             response = replace(response, design=design(response))
-        response.write(folder / method)
-        paraview.write(response, folder / method)
+        writers = _write, _write_animation  # loading what the latter needs takes as long as the run
+        side_by_side([partial(write, response, folder / method) for write in writers])
     telling.answer(response)
     if extrapolate and better.seen:
         seen = f"order {better.observed[1]:.2f} seen, bar of time alone {better.path_bar:.1e} of the largest deflection"
@@ -121,6 +124,16 @@ def command(
         or any(flag.kind not in ("no bar", "short bar", "coarse", "not extrapolated") for flag in response.flags)
         else 0
     )
+
+
+def _write(response: "Response", folder: Path, progress: Callable[..., None]) -> None:
+    response.write(folder)
+
+
+def _write_animation(response: "Response", folder: Path, progress: Callable[..., None]) -> None:
+    from validation.page import paraview
+
+    paraview.write(response, folder)
 
 
 def _quasi_static(scene: str, out: Any, faults: list[str]) -> int:

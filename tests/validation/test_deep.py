@@ -1,0 +1,84 @@
+"""Third parties of `check --deep`: right answers agree with each, and each sees a fault of what it checks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cablefem.elements import modes
+from cablefem.newmark.newmark_rule import NewmarkRule
+from tests.validation import test_rides_check
+from tests.validation.pairs import LEVEL, altered, right
+from validation.commands.check.deep import THIRD, deep, entry
+from validation.core.agreement import Verdict, agree
+from validation.core.running import run
+
+PARTIES = dict(zip(("frequencies", "rest", "driver", "bars", "slack"), THIRD, strict=True))
+RIDE = test_rides_check.RIDE
+
+
+def verdict(which, scene, a, rows=()):
+    row = THIRD[PARTIES[which]](scene, a, list(rows))
+    return None if row is None else row.verdict
+
+
+def level_rows():
+    return [row for row in agree(LEVEL, *right()) if row.quantity == "path_slack"]
+
+
+def test_right_answers_agree_with_all_third_parties_that_their_scene_has():
+    (a, _), (free, _) = right(), test_rides_check.pair()
+    gripped = list(deep(LEVEL, a, level_rows()))
+    assert [row.law for row in gripped] == [PARTIES[x] for x in ("frequencies", "driver", "bars", "slack")]
+    rolling = [THIRD[PARTIES["rest"]](RIDE, free, [])]
+    assert {row.verdict for row in [*gripped, *rolling]} == {Verdict.AGREE}, [*gripped, *rolling]
+
+
+def test_a_stiffer_cable_is_seen_in_its_frequencies(monkeypatch):
+    frequencies = modes.bare_frequencies
+    monkeypatch.setattr(modes, "bare_frequencies", lambda *a, **k: 1.001 * frequencies(*a, **k))
+    assert verdict("frequencies", LEVEL, right()[0]) is Verdict.DISAGREE
+
+
+def test_a_car_that_starts_elsewhere_is_seen():
+    free, _ = test_rides_check.pair()
+    lower = altered(free, lambda r: replace(r, y=r.y + 1e-3 * r.max_deflection))
+    assert verdict("rest", RIDE, lower) is Verdict.DISAGREE
+
+
+def test_a_driver_whose_velocities_lag_is_seen(monkeypatch):
+    step = NewmarkRule.__call__
+
+    def lagging(self, x, t1):
+        after = step(self, x, t1)
+        after.v[:] = after.v - 1e-4 * (after.v - x.v)
+        return after
+
+    monkeypatch.setattr(NewmarkRule, "__call__", lagging)
+    assert verdict("driver", LEVEL, right()[0]) is Verdict.DISAGREE
+
+
+def test_a_path_outside_its_bar_is_seen():
+    a, _ = right()
+    wrong = altered(a, lambda r: replace(r, v=r.v + 4.0 * a.run.path_error * r.max_deflection * np.sign(r.s_o)))
+    assert verdict("bars", LEVEL, wrong) is Verdict.DISAGREE
+
+
+def test_a_slack_cable_that_moves_otherwise_is_seen():
+    a, _ = right()
+
+    def lower(r):
+        past = np.maximum(r.s_o / r.length - a.run.slack_onset, 0.0)
+        return replace(r, v=r.v + 20.0 * past * r.max_deflection)
+
+    assert verdict("slack", LEVEL, replace(a, run=lower(a.run)), level_rows()) is Verdict.DISAGREE
+
+
+def test_a_smooth_entry_tells_how_much_the_sudden_one_matters():
+    slow = LEVEL.variant(speed_ratio=0.1)
+    r = run(slow, "following-p2", elements=8, steps=300, until=0.8)
+    changed = entry(slow, r)
+    assert set(changed) == {"path", "T_behind", "T_ahead"}
+    assert 1e-4 < changed["path"] < 0.2
+    assert entry(slow, replace(r, drive="haul")) is None

@@ -1,0 +1,180 @@
+"""What both wings share, held against third parties that do not share it: `check --deep`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from cablefem import newmark
+from cablefem.newmark import State, Work
+from cablefem.response import Array, Response
+from cablefem.scene import Scene
+from cablefem.scene.statics import gripped, hauled
+from validation.core import measures, trust
+from validation.core.agreement import Agreement
+from validation.core.bounds import Bound, Part, nothing
+from validation.core.estimate import SLACK_END, Estimated, estimated, until
+from validation.core.methods import METHODS
+from validation.core.richardson import SAFETY
+from validation.core.running import run
+from validation.oracles import catenary_modes
+
+COUNT = 5  # frequencies
+ROUNDING = 1e-8
+COARSE, STEPS = 6, 2000  # elements a side, and driver's steps over the part of the way below
+FROM, PART = 0.1, 0.05  # s_o/l from which the driver is held against scipy, and the part of the travel over which
+HALVED = "the change from half the resolution"
+
+
+def deep(scene: Scene, a: Estimated, rows: list[Agreement]) -> Iterator[Agreement]:
+    """Give a row for each third party that has something to say of the scene; a : the estimated run of the elements."""
+    for what, third in THIRD.items():
+        try:
+            row = third(scene, a, rows)
+        except (measures.NotComparable, newmark.StepFailure) as error:
+            row = Agreement("deep", math.nan, nothing(error))
+        if row is not None:
+            yield replace(row, quantity="deep", law=what)
+
+
+def _row(gap: float, *parts: Part) -> Agreement:
+    return Agreement("deep", gap, Bound("error bars", parts))
+
+
+def _frequencies(scene: Scene, a: Estimated, rows: list[Agreement]) -> Agreement:
+    """Hold both wings' bare cable against the exact linearised catenary."""
+    from cablefem.elements import modes as elements
+    from galerkin import modes as galerkin
+    from galerkin.bases.fourier import Fourier
+
+    g = scene.groups
+    exact = catenary_modes.solve(g.sigma, g.alpha, g.c, count=COUNT).omega
+    found = []
+    for name, (fine, coarse) in {
+        "elements": [elements.bare_frequencies(g, elements=n, n=COUNT) for n in (8, 4)],
+        "sines": [galerkin.bare_frequencies(g, Fourier(n), n=COUNT) for n in (80, 40)],
+    }.items():
+        bar = float(np.abs(fine / coarse - 1.0).max())
+        found.append(_row(float(np.abs(fine / exact - 1.0).max()), Part(name, bar, HALVED), Part("rounding", ROUNDING)))
+    return max(found, key=lambda row: row.gap / row.allowed)
+
+
+def _rest(scene: Scene, a: Estimated, rows: list[Agreement]) -> Agreement | None:
+    """Hold the start of a car that rolls against the elastic catenary of two pieces."""
+    if a.run.drive == "grip":
+        return None
+    r, l = a.run, scene.length
+    statics = (hauled if r.drive == "haul" else gripped)([r.s_o[0] / l], scene.groups)
+    at = statics.place[0] * l
+    off, coarse = (math.hypot(x.x[0] - at[0], x.y[0] - at[1]) / r.max_deflection for x in (r, a.in_space))
+    return _row(off, Part(r.method, SAFETY * abs(coarse - off), HALVED), Part("rounding", ROUNDING))
+
+
+def _driver(scene: Scene, a: Estimated, rows: list[Agreement]) -> Agreement | None:
+    """Hold the time driver against scipy's DOP853 on the same coarse semi-discrete system, from one of its states."""
+    method = METHODS["following-p2"]
+    settings = method.settings_on(scene.groups, {"elements": COARSE, "steps": STEPS // 2})
+    system: Any = method.build(scene.groups, settings, model="full", load="mass", law="elastic")
+    scheme, first = newmark.scheme("trapezoidal"), None
+    for first in newmark.integrate(system, scheme, newmark.step_times(system, settings["steps"])):
+        if system.place(first) >= FROM:
+            break
+    assert first is not None
+    t0, t1 = first.t, system.phases[first.phase][1]
+    t1 = min(t1, t0 + PART * min(system.phases[-1][1], scene.groups.drive.nominal))
+    if not t1 > t0:
+        return None
+
+    def marched(steps: int) -> tuple[State, int]:
+        work, grid = Work(), [np.linspace(t0, t1, steps + 1)] * len(system.phases)
+        x = first
+        for x in newmark.integrate(system, scheme, grid, work=work, start=first):
+            if x.t >= t1:
+                break
+        return x, len(work.events)
+
+    (fine, events), (coarse, _) = marched(STEPS), marched(STEPS // 2)
+    if events or fine.t < t1:
+        return None  # the system changes on the way
+    n, zero = system.n_dof, np.zeros(system.n_dof)
+
+    def rate(t: float, y: Array) -> Array:
+        r, solve = system.linearise(t, y[:n], y[n:], zero, first.phase, 0.0, 0.0, 1.0)
+        return np.concatenate([y[n:], -solve(r)])
+
+    theirs = solve_ivp(rate, (t0, t1), np.concatenate([first.q, first.v]), "DOP853", rtol=1e-7, atol=1e-10)
+    last = n - (a.run.drive == "haul")  # the place of a rope is idle
+    size = float(np.abs(fine.q[:last]).max())
+    gap, change = (
+        float(np.abs(q[:last] - fine.q[:last]).max()) / size for q in (theirs.y[:n, -1], coarse.q)
+    )  # fmt: skip
+    return _row(gap, Part("driver", SAFETY * change, "the change from half the steps"), Part("scipy", ROUNDING))
+
+
+def _bars(scene: Scene, a: Estimated, rows: list[Agreement]) -> Agreement:
+    """Hold the elements' path against elements of degree 4 in twice the steps, with a bar of their own.
+
+    Not against Radau's rule: it damps what rings, and the change from half its steps does not tell.
+    """
+    finer = a.run.settings | {"elements": max(4, a.run.settings["elements"] // 2), "steps": 2 * a.run.settings["steps"]}
+    other = estimated(scene, "following-p4", until=until(scene), **finer)
+    window = measures.window_of(*a.runs, *other.runs)
+    gap = measures.path_gap(other.run, a.response, window)[0]
+    parts = [Part(x.run.method, x.run.path_error or math.nan, x.basis) for x in (a, other)]
+    return _row(gap, *parts)
+
+
+def _slack(scene: Scene, a: Estimated, rows: list[Agreement]) -> Agreement | None:
+    """Hold the slack cable's path against one of another damping, as far as both answers know it."""
+    known = next((row for row in rows if row.quantity == "path_slack" and row.where is not None), None)
+    if known is None or known.where is None or a.run.slack_onset is None:
+        return None
+    damped = {"scheme": "newmark", "newmark_gamma": 0.6}
+    other: Response = run(scene, a.run.method, until=SLACK_END, **(a.run.settings | damped))
+    place = np.linspace(a.run.slack_onset, min(known.where, other.reached), 100)[1:-1]
+    first_order = replace(other, settings=a.run.settings)
+    gap = float(np.nanmax(trust.gap(a.run, first_order, place), initial=0.0))
+    before = float(np.nanmax(trust.gap(a.run, first_order, place - (place[-1] - place[0])), initial=0.0))
+    return _row(gap, *known.bound.parts, Part("newmark", SAFETY * before, "what its damping changes before the onset"))
+
+
+def entry(scene: Scene, r: Response, length: float = 0.02) -> dict[str, float] | None:
+    """Return what a smooth entry changes of a gripped car at constant speed: path over deflection, tensions over H.
+
+    length : of the ramp, over the cable's: all of it lies before the window of comparison.
+    """
+    travel = scene.travel
+    if r.drive != "grip" or travel is None or travel.kind != "constant_speed" or travel.entry_ramp is not None:
+        return None
+    kind = 'kind = "constant_speed"'
+    smooth = Scene.from_toml(scene.to_toml().replace(kind, f"{kind}\nentry_ramp = {length * scene.length!r}"))
+    ramped = run(smooth, r.method, until=until(scene), **r.settings)
+    try:
+        place = np.linspace(*measures.window_of(r, ramped), 400)
+    except measures.NotComparable:
+        return None  # too hard a start: the cable falls slack at once
+
+    def at(x: Response, name: str) -> Array:
+        return np.interp(place, x.s_o / x.length, getattr(x, name))
+
+    moved = np.hypot(*(at(ramped, name) - at(r, name) for name in ("u", "v")))
+    changed = {"path": float(moved.max()) / r.max_deflection}
+    for name in ("T_behind", "T_ahead"):
+        changed[name] = float(np.sqrt(np.mean((at(ramped, name) - at(r, name)) ** 2))) / r.horizontal_tension
+    return changed
+
+
+Third = Callable[[Scene, Estimated, list[Agreement]], Agreement | None]
+# what is shared, and who checks it
+THIRD: dict[str, Third] = {
+    "static catenary and groups: exact frequencies": _frequencies,
+    "start of a car that rolls: catenary of two pieces": _rest,
+    "time driver: scipy's DOP853 on the same system": _driver,
+    "error bars: degree 4 in twice the steps": _bars,
+    "damping of the slack cable: Newmark's": _slack,
+}
