@@ -140,7 +140,7 @@ def agree(
         means.append(ringing(name, partial(_series_gap, of, axial), law=AXIAL_MEAN))
     fields = [smooth("displacement", measures.displacement_gap), smooth("velocity", measures.velocity_gap)]
     fields.append(smooth("displacement", partial(measures.displacement_gap, along=True), law=ALONG))
-    fields.append(smooth("velocity", partial(measures.velocity_gap, along=True), law=ALONG))
+    fields.append(ringing("velocity", partial(measures.velocity_gap, along=True), law=ALONG))
     held = [_law("energy", _energy_series(scene), a, b, window), *_laws(a, b, window)]
     fields += _ride(scene, a, b, smooth, ringing, axial)
     return [

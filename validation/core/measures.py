@@ -5,8 +5,9 @@ Each says what it leaves out, and refuses rather than average nothing.  `window`
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -127,7 +128,7 @@ def series_gap(
     axial : the time [s] over which both are averaged first: an axial wave's way along the cable and back.
     """
     from scipy.integrate import cumulative_trapezoid
-    from scipy.interpolate import CubicHermiteSpline, CubicSpline
+    from scipy.interpolate import CubicHermiteSpline
 
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
     within = inside(coarse, window)
@@ -145,12 +146,24 @@ def series_gap(
     def at(r: Response, k: Any) -> Any:
         when, values = r.t[k], of(r).reshape(r.t.size, -1)[k]
         if not axial:
-            return CubicSpline(when, values, axis=0)(low)
+            return _spline(when, values, [x["t"] for x in r.events], low)
         total = CubicHermiteSpline(when, cumulative_trapezoid(values, when, axis=0, initial=0.0), values)
         return (total(high) - total(low)) / (high - low)[:, None]
 
     gap: Array = np.sum(np.square(at(coarse, known[0]) - at(fine, known[1])), axis=1)
     return float(np.sqrt(gap.max() if largest else np.mean(gap)))
+
+
+def _spline(t: Array, values: Array, kinks: Sequence[float], at: Array) -> Array:
+    """Return splines through values (n, c) at times `at`, a new one from every kink on: across it one overshoots."""
+    from scipy.interpolate import CubicSpline
+
+    out = np.empty((at.size, values.shape[1]))
+    ends = np.unique([0, *np.searchsorted(t, kinks).clip(0, t.size - 1), t.size - 1])
+    for a, b in pairwise(ends.tolist()):
+        piece = (at >= t[a]) & (at <= t[b])
+        out[piece] = CubicSpline(t[a : b + 1], values[a : b + 1], axis=0)(at[piece])
+    return out
 
 
 def displacement_gap(a: Response, b: Response, window: Window, *, along: bool = False) -> float:
