@@ -85,19 +85,19 @@ class Agreement:
 AXIAL_MEAN = "mean over an axial round trip"  # what a load cell sees: fronts keep the rest from converging pointwise
 
 
-ALONG = "along the cable"
+ALONG, INTEGRAL = "along the cable", "velocity of the cable"
 
 
 def overall(rows: list[Agreement]) -> Verdict:
     """Return the first of disagree, not comparable and too coarse that any row is, else agree; without rows none.
 
     A row that fronts make too coarse is not asked where the mean of its quantity over their way agrees; the mean of
-    the velocity over time is the displacement.
+    the velocity over time is the displacement, and frames that are far apart say little of its integral.
     """
     agreed = [row for row in rows if row.verdict is Verdict.AGREE]
     known = {row.quantity for row in agreed if row.law == AXIAL_MEAN}
     known |= {"velocity" for row in agreed if row.quantity == "displacement"}
-    pointwise = [row for row in rows if row.verdict is Verdict.TOO_COARSE and row.law in ("", ALONG)]
+    pointwise = [row for row in rows if row.verdict is Verdict.TOO_COARSE and row.law in ("", ALONG, INTEGRAL)]
     asked = [row for row in rows if row not in pointwise or row.quantity not in known]
     verdicts = {row.verdict for row in asked} or {Verdict.NOT_COMPARABLE}
     return next(verdict for verdict in Verdict if verdict in verdicts)
@@ -424,7 +424,7 @@ def _laws(a: Estimated, b: Estimated, window: Window) -> Iterator[Agreement]:
 
 
 def _held(method: str, x: laws.Held) -> Agreement:
-    name = "impulse" if x.law == "impulse" else "laws_si"
+    name = {"impulse": "impulse", INTEGRAL: "velocity"}.get(x.law, "laws_si")
     if not math.isfinite(x.gap + x.changed):
         return Agreement(name, math.nan, nothing(f"{method} or a companion does not say what it asks for"), law=x.law)
     parts = [Part(method, x.sampling, "sampling of its fields")]

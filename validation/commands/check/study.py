@@ -88,7 +88,8 @@ def check(
 
     tol : asked of the error of the mass path, relative to the largest deflection; in [1e-6, 0.2].
     tol_tension : asked of the tension, relative to H; default ten times `tol`.  Where the path's bar is met but
-        tension, fields or laws are too coarse to tell, both solvers are refined further.
+        tension, fields or laws are too coarse to tell, or the bars cover less than the range, both solvers are
+        refined further.
     deep : hold what both share against third parties, too.
     progress : called with the method's name, the fraction done and what was reached.
     """
@@ -107,7 +108,9 @@ def check(
         runs: tuple[Estimated, Estimated] = first, second
         rows = agree(scene, *runs, tol=tol, tol_tension=tol_tension)
         reached = all(e.run.path_error is not None and e.run.path_error <= 0.5 * aim for e in runs)
-        if overall(rows) is not Verdict.TOO_COARSE or not reached or aim < FINER_FROM:
+        # a companion that breaks or falls slack early cuts the range, and what is compared there says little
+        short = any(flag.kind in ("short bar", "no bar") for e in runs for flag in e.run.flags)
+        if not (overall(rows) is Verdict.TOO_COARSE or short) or not reached or aim < FINER_FROM:
             break
         aim /= FINER
     try:
