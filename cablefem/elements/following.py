@@ -77,7 +77,7 @@ def _tables(elements: int, degree: int, grading: float) -> Tables:
         linear[1::2] = 0.5 * (left.knots[1:] + left.knots[:-1])
     # ahead of the mass, with M x = e at the mass: its node moves with x/x_mass and weighs 1/x_mass
     M = bands(right.M, b)[:-1, b:].T.copy()
-    pushed = solveh_banded(M, np.eye(M.shape[1], 1)[:, 0], lower=True)
+    pushed = solveh_banded(M[: M.shape[1]], np.eye(M.shape[1], 1)[:, 0], lower=True)  # one element: no band
     forces, inertia = (np.concatenate([getattr(x, of) for x in sides]) for of in ("forces", "inertia"))
     ride, entrained = np.concatenate([linear[1:], pushed[1:] / pushed[0]]), float(1.0 / pushed[0])
     slopes = []

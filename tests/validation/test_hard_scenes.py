@@ -95,7 +95,7 @@ def test_the_coarsest_resolution_has_no_bar():
 
 
 def test_a_bar_too_large_for_an_order_says_so():
-    coarse, fine = (estimated(LEVEL, "following-p1", elements=n, steps=300).run for n in (2, 12))
+    coarse, fine = (estimated(LEVEL, m, elements=12, steps=300).run for m in ("fixed-p1-path", "following-p1"))
     assert coarse.path_error > COARSE > fine.path_error
     assert ("coarse" in coarse.flag_kinds, "coarse" in fine.flag_kinds) == (True, False)
 
@@ -104,6 +104,12 @@ def test_a_coarse_companion_of_which_nothing_is_known_leaves_no_bar():
     study = replace(HOSTILE, truth=None)
     row = job.row(study, 589, HOSTILE.point(589))
     assert row["status"] in ("complete", "incomplete"), row["reason"]
+
+
+@pytest.mark.parametrize("method", ["following-p1", "following-p2"])
+def test_one_element_on_each_side_is_enough_to_run(method):
+    r = run(LEVEL, method, elements=1, steps=40)
+    assert (r.status, job.faults_of(r)) == ("complete", [])
 
 
 @pytest.mark.parametrize("told", [True, False], ids=["told", "hidden"])
