@@ -422,7 +422,10 @@ class Mechanics:
                 off = np.append(
                     off, [[T[0] - T[1] - (T[1] - T[2]) * (s[0] - s[1]) / (s[1] - s[2]) for s, T in rows]], axis=0
                 )
-        return _static(*(off.mean(axis=0) / self.r.horizontal_tension))
+        mean = (
+            off.mean(axis=0) if off.size else np.zeros(2)
+        )  # next to a support there are no two stations to go on from
+        return _static(*(mean / self.r.horizontal_tension))
 
     def _velocity_of_the_cable(self) -> Defect:
         """What the cable moves across itself at rest is the integral of its velocity, both weighted by half a sine.
