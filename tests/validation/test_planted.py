@@ -10,8 +10,10 @@ import pytest
 from cablefem import Scene
 from cablefem.elements.following import FollowingElements
 from tests.validation.pairs import LEVEL, altered, answer, right
+from validation.commands.check import study
 from validation.core.agreement import ALONG, AXIAL_MEAN, Verdict, agree, doubts, overall
 from validation.core.estimate import Estimated, estimated, past_slack
+from validation.core.flags import flag
 from validation.core.methods import METHODS
 from validation.core.richardson import SAFETY
 from validation.core.running import run
@@ -236,3 +238,19 @@ def test_the_level_answers_are_those_of_the_methods_in_the_check():
     from validation.commands.check.study import SOLVERS
 
     assert tuple(answer(name).run.method for name in SOLVERS) == SOLVERS
+
+
+@pytest.mark.parametrize(("flagged", "rounds"), [(False, 1), (True, 2)])
+def test_a_check_goes_on_where_bars_cover_less_than_the_range(monkeypatch, flagged, rounds):
+    answers, asked = dict(zip(study.SOLVERS, right(), strict=True)), []
+
+    def resolved(scene, method, tol, progress):
+        asked.append(tol)
+        e = answers[method.name]
+        short = [flag("short bar", stop=0.3)] if flagged and len(asked) <= 2 else []
+        return replace(e, run=replace(e.run, path_error=0.5 * tol, flags=short))
+
+    monkeypatch.setattr(study, "_resolved", resolved)
+    monkeypatch.setattr(study, "side_by_side", lambda jobs, progress: [job(lambda *told: None) for job in jobs])
+    assert study.check(LEVEL, tol=0.05).verdict is Verdict.AGREE
+    assert len(asked) == 2 * rounds
