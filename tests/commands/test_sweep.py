@@ -160,9 +160,7 @@ def test_whatever_happens_to_a_scene_is_a_row(monkeypatch):
 
 def test_a_method_that_cannot_roll_is_a_row():
     study = Study.load("reliability")
-    point = study.point(3)
-    assert point["drive.mode"] == "free"
-    row = job.row(study, 3, point | {"method": "fixed-hermite"})
+    row = job.row(study, 3, study.point(3) | {"drive.mode": "free", "method": "fixed-hermite"})
     assert (row["status"], row["cause"]) == ("refused", "method")
 
 

@@ -268,10 +268,11 @@ def test_the_player_carries_the_stored_answer(stored):
     cable = data["cables"][0]
     assert len(data["s"]) == 101
     assert misfit(data, r) < 0.51
-    assert misfit(data, replace(r, fields=replace(r.fields, v=r.fields.v + 0.01))) > 5.0
+    assert misfit(data, replace(r, fields=replace(r.fields, v=r.fields.v + 1e-4 * np.ptp(r.fields.v)))) > 5.0
     assert unpacked(cable["t"])[0] == 0.0
     np.testing.assert_allclose(unpacked(cable["mass_v"])[1:], r.fields.mass_v, rtol=0.0, atol=1e-3)
-    assert np.abs(unpacked(cable["u"])[: len(data["s"])]).max() < 1e-3  # at rest before the entry
+    step = (cable["u"]["high"] - cable["u"]["low"]) / 65535.0
+    assert np.abs(unpacked(cable["u"])[: len(data["s"])]).max() < 0.51 * step  # at rest before the entry
     assert cable["slack"] == r.slack_onset
 
 

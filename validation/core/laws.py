@@ -104,8 +104,9 @@ def hold(r: Response, window: Window, companions: Sequence[Response] = ()) -> It
         if not size.size or not np.isfinite(size).all():
             yield Held(law, math.nan, math.nan, math.nan, None)
             continue
-        sampling = 2.0 * Defect(found.place, found.value - sparse.defect(law).value).rms + ROUNDING
-        sampling += TRAPEZOIDS if kind == "resolved" else 0.0
+        sampling = ROUNDING + (TRAPEZOIDS if kind == "resolved" else 0.0)
+        if kind != "found":
+            sampling += 2.0 * Defect(found.place, found.value - sparse.defect(law).value).rms
         changed, at = 0.0, float(found.place[size.argmax()])
         if kind == "resolved":
             for other in others:
@@ -115,10 +116,11 @@ def hold(r: Response, window: Window, companions: Sequence[Response] = ()) -> It
         yield Held(law, found.rms, sampling, changed, at if math.isfinite(at) else None)
 
 
-# What a law asks of a run: nothing of its resolution, or that it be resolved.
+# What a law asks of a run: nothing of its resolution, not even of its stations where a fault is found, or that it be
+# resolved.
 LAWS = {
     "ends at rest": "exact", "length at rest": "exact", "shape at rest": "exact", "forces at rest": "exact",
-    "travel": "exact", "drive": "exact", "compression": "exact", "place of the mass": "exact",
+    "travel": "exact", "drive": "exact", "compression": "found", "place of the mass": "exact",
     "strain at the mass": "exact", "speed of the mass": "resolved", "fields at the mass": "resolved",
     "tension up to the mass": "resolved",
     "velocity of the cable": "resolved", "stretch": "resolved", "momentum of the mass": "resolved",

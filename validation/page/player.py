@@ -27,7 +27,8 @@ def player(
     X, T_rest = scene.catenary, scene.catenary.tension
     every = max(1, -(-(runs[0].fields.s.size - 1) // (STATIONS - 1)))
     slope = scene.supports.drop / scene.supports.span
-    low = high = 0.0
+    low = high = 0.0  # depths below the chord, of all frames and of those that are compared
+    inner = [0.0, 0.0]
     top = range_T[1]
     unit, name = (1e3, "kN") if range_T[1] >= 2e3 else (1.0, "N")
     cables = []
@@ -48,6 +49,8 @@ def player(
         x, y = X.x(s_o) + mass_u, X.y(s_o) + mass_v
         below, mass = X.y(s) + v - slope * (X.x(s) + u), y - slope * x
         low, high = min(low, below.min(), mass.min()), max(high, below.max(), mass.max())
+        compared = below[s_o <= window[1] * r.length] if r.drive != "free" else below
+        inner = [min(inner[0], compared.min()), max(inner[1], compared.max())]
         top = max(top, float(T.max()), float(behind.max()), float(ahead.max()))
         cables.append({
             "name": r.method, "color": color, "t": _packed(t), "s_o": _packed(s_o / r.length), "u": _packed(u),
@@ -64,11 +67,12 @@ def player(
             ],
             "slack": r.slack_onset, "reached": r.reached, "complete": r.status == "complete",
         })  # fmt: skip
-    s = runs[0].fields.s[::every]
+    s, room = runs[0].fields.s[::every], _ROOM * (inner[1] - inner[0])
     data = {
         "span": scene.supports.span, "drop": scene.supports.drop, "s": _short(s / scene.length), "x": _short(X.x(s)),
-        "y": _short(X.y(s)), "below": [low, high], "static": _short(X.tension(s)), "window": list(window),
-        "T": list(range_T), "top": min(top, _TOP * range_T[1]), "unit": unit, "unitName": name, "cables": cables,
+        "y": _short(X.y(s)), "below": [max(low, inner[0] - room), min(high, inner[1] + room)],
+        "static": _short(X.tension(s)), "window": list(window), "T": list(range_T),
+        "top": min(top, _TOP * range_T[1]), "unit": unit, "unitName": name, "cables": cables,
         "free": runs[0].drive == "free",
         "colors": [f"#{bytes(c).hex()}" for c in colors(FIELD, 48).round().astype(np.uint8)],
     }  # fmt: skip
@@ -77,6 +81,7 @@ def player(
     return rendered("player.html", data=packed, names=" and ".join(r.method for r in runs))
 
 
+_ROOM = 0.25  # of the depths that are compared: a slack cable that swings further leaves the frame
 _TOP = 2.0  # tensions beyond so many times the scale's end are spikes of the slack cable: they leave the frame
 
 
