@@ -21,7 +21,7 @@ from validation.commands.check import page as check
 from validation.commands.check.figures import gap_of, path_of
 from validation.commands.check.stored import read
 from validation.core.bounds import Bound, Part, nothing
-from validation.core.quantities import scale_of
+from validation.core.quantities import scale_of, told
 from validation.page import page
 from validation.page.player import player
 
@@ -239,6 +239,18 @@ def test_the_distance_of_paths_is_what_was_planted(stored):
                                                  (7.4e6, "J", (1e-6, "MJ")), (0.0, "J", (1.0, "J"))])  # fmt: skip
 def test_units_suit_their_numbers(x, unit, told):
     assert scale_of(np.array([x]), unit) == told
+
+
+@pytest.mark.parametrize(
+    ("value", "bar", "shown"),
+    [
+        (-1705.3, 9531.0, "-1.7 ± 9.5 kN"), (1163.0, 131.0, "1160 ± 130 N"), (319468.0, 172.0, "319.47 ± 0.17 kN"),
+        (591.2, 17.3, "591 ± 17 N"), (591.2, None, "591.2 N"),
+    ],
+)  # fmt: skip
+def test_a_number_has_the_digits_that_its_bar_leaves(value, bar, shown):
+    number = {"quantity": "contact_min", "value": value, "bar": bar, "unit": "N"}
+    assert told(number, 100.0)["value"] == shown
 
 
 # --- the player's data ----------------------------------------------------------------------------------------------

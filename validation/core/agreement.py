@@ -85,7 +85,7 @@ class Agreement:
 AXIAL_MEAN = "mean over an axial round trip"  # what a load cell sees: fronts keep the rest from converging pointwise
 
 
-ALONG, INTEGRAL = "along the cable", "velocity of the cable"
+ALONG, INTEGRAL = "along the cable", "integral of the velocity"
 
 
 def overall(rows: list[Agreement]) -> Verdict:

@@ -123,7 +123,7 @@ LAWS = {
     "travel": "exact", "drive": "exact", "compression": "found", "place of the mass": "exact",
     "strain at the mass": "exact", "speed of the mass": "resolved", "fields at the mass": "resolved",
     "tension up to the mass": "resolved",
-    "velocity of the cable": "resolved", "stretch": "resolved", "momentum of the mass": "resolved",
+    "integral of the velocity": "resolved", "stretch": "resolved", "momentum of the mass": "resolved",
     "impulse": "resolved", "momentum of the cable": "resolved", "moment of momentum": "resolved",
     "energy": "resolved", "parts of the energy": "resolved", "power": "resolved", "tension on both sides": "resolved",
 }  # fmt: skip
@@ -169,7 +169,7 @@ class Mechanics:
             return own and self.r.model == "full"  # a solver may know the one tension alone
         if law == "parts of the energy":
             return bool(np.isfinite(self.r.kinetic).any())
-        if law == "velocity of the cable":
+        if law == "integral of the velocity":
             between = float(np.diff(self.r.fields.t[self.frames[0] : self.frames[-1]]).max(initial=0.0))
             return between <= OFTEN * self.r.length * math.sqrt(self.given.rho / self.r.horizontal_tension)
         return law != "travel" or self.r.drive != "free"
@@ -429,7 +429,7 @@ class Mechanics:
         )  # next to a support there are no two stations to go on from
         return _static(*(mean / self.r.horizontal_tension))
 
-    def _velocity_of_the_cable(self) -> Defect:
+    def _integral_of_the_velocity(self) -> Defect:
         """What the cable moves across itself at rest is the integral of its velocity, both weighted by half a sine.
 
         Over the rms of that.  Along it, and in shorter waves, it swings to and fro between two frames.

@@ -20,7 +20,7 @@ _NAMES = {
 def told(number: dict[str, Any], length: float) -> dict[str, str]:
     """Return what, value, t, mass and at of a row of `design` as text; the last two are places over l, "" unknown."""
     value, bar = number["value"], number.get("bar")
-    factor, unit = scale_of(np.array([value]), number["unit"])
+    factor, unit = scale_of(np.array([value, bar or 0.0]), number["unit"])
     text = f"{with_bar(factor * value, bar and factor * bar)} {'' if unit == 's_o/l' else unit}".rstrip()
     if unit == "m/s":
         text += f" = {with_bar(3.6 * value, bar and 3.6 * bar)} km/h"
@@ -66,5 +66,6 @@ def with_bar(value: float, bar: float | None) -> str:
         return "0"
     if not bar or not math.isfinite(bar) or bar < 1e-9 * abs(value):
         return f"{value:.5g}"
-    digits = max(0, 1 - math.floor(math.log10(bar)))
-    return f"{value:.{digits}f} ± {bar:.{digits}f}"
+    digits = 1 - math.floor(math.log10(bar))
+    value, bar, shown = round(value, digits), round(bar, digits), max(0, digits)
+    return f"{value:.{shown}f} ± {bar:.{shown}f}"

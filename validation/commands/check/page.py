@@ -100,9 +100,9 @@ def _verdict(x: Stored, gone: Markup) -> Section:
     if x.rows:
         shown = [row for row in x.rows if row.get("quantity") not in LAWS or row.get("verdict") != "agree"]
         used = dict.fromkeys(kind for row in shown if (kind := _words(row)[1]))
-        html += [
-            _rows(x, shown), Markup(_SAY.references([(_quantity(*of[kind][:2]), of[kind][2]) for kind in used])),
-        ]  # fmt: skip
+        excused = x.verdict == "agree" and any(row.get("verdict") == "too coarse" for row in shown)
+        scales = [(_quantity(*of[kind][:2]), of[kind][2]) for kind in used]
+        html += [_rows(x, shown), Markup(_SAY.references(scales, excused))]
     r = x.solvers[0].run
     reach = _SAY.reach(x, *x.times(r), _parting(x))
     heads = {
