@@ -51,7 +51,6 @@ class _Quantity:
     sign: float  # +1: the largest is wanted, -1: the least
     tracks: Callable[[Response], list[_Track]]
     force: bool  # of first order, by the axial fronts in it
-    settled: bool = False  # the start-up of a gripped entry is left out: its forces begin at zero
 
 
 def _at_mass(r: Response, value: Array) -> _Track:
@@ -96,8 +95,8 @@ QUANTITIES: dict[str, _Quantity] = {
     "deepest_point": _Quantity(1.0, _depth, False),
     "mass_deepest": _Quantity(1.0, lambda r: [_at_mass(r, r.y)], False),
     "mass_deflection_max": _Quantity(1.0, lambda r: [_at_mass(r, r.v)], False),
-    "contact_max": _Quantity(1.0, lambda r: [_at_mass(r, r.F_contact)], True, settled=True),
-    "contact_min": _Quantity(-1.0, lambda r: [_at_mass(r, r.F_contact)], True, settled=True),
+    "contact_max": _Quantity(1.0, lambda r: [_at_mass(r, r.F_contact)], True),
+    "contact_min": _Quantity(-1.0, lambda r: [_at_mass(r, r.F_contact)], True),
     "haul_force_max": _Quantity(1.0, lambda r: [_at_mass(r, np.abs(r.F_haul))], True),
     "speed_max": _Quantity(1.0, lambda r: [_at_mass(r, r.speed)], False),
 }  # fmt: skip
@@ -181,8 +180,12 @@ class _Extreme:
 
 
 def _extreme(r: Response, quantity: _Quantity, stop: float) -> _Extreme | None:
-    """Return the extreme up to s_o/l = stop; None where nothing is known."""
-    place = r.length * (measures.WINDOW[0] if quantity.settled and r.drive == "grip" else -1.0)
+    """Return the extreme up to s_o/l = stop; None where nothing is known.
+
+    A mass that grips enters a cable at rest: where its side is a few steps long, a rule that balances within the step
+    is off at its end by as much as the tension itself.  A car that rolls hangs there in equilibrium.
+    """
+    place = r.length * (measures.WINDOW[0] if r.drive == "grip" else -1.0)
     best: _Extreme | None = None
     for i, track in enumerate(quantity.tracks(r)):
         s_o = np.interp(track.t, r.t, r.s_o)
@@ -200,9 +203,7 @@ def _extreme(r: Response, quantity: _Quantity, stop: float) -> _Extreme | None:
     return best
 
 
-NEAR = (
-    5  # steps about an extreme over which runs are compared: it sits on axial waves that come a little sooner or later
-)
+NEAR = 5  # steps about an extreme over which runs are compared: axial waves that it sits on come sooner or later
 
 
 def _change(r: Response, other: Response, quantity: _Quantity, stop: float) -> float:

@@ -59,7 +59,7 @@ def _hidden_slack(r: Response, method: Method) -> list[Flag]:
     if method.wing != "elements" or method.space_order < 2.0:
         return []
     end = min(measures.WINDOW[1], r.reached, math.inf if r.slack_onset is None else r.slack_onset - HIDDEN)
-    pressed = np.flatnonzero(measures.inside(r, (0.0, end)) & (r.tension_min < 0.0))
+    pressed = np.flatnonzero(measures.inside(r, (measures.WINDOW[0], end)) & (r.tension_min < 0.0))
     if not pressed.size:
         return []
     first, most = pressed[0], r.tension_min[pressed].min() / r.horizontal_tension
