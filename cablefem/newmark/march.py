@@ -75,7 +75,7 @@ def _through(
             piece *= 0.5**halvings / (GENTLE if pieces else 1)
             rule = gentle if pieces and gentle is not None else step
             # equal pieces of what is left: a short last one would leave an acceleration that means nothing
-            count = math.ceil((t - state.t) / piece - 1e-3)
+            count = math.ceil((t - state.t) / piece - 1e-3) if piece > 0.0 else math.inf
             t1 = state.t + (t - state.t) / count if count > 1 else t
             if not t1 > state.t:
                 raise StepUnderflow(state.t, f"a step of {piece:.2g} is lost in rounding", "take fewer steps")
