@@ -291,7 +291,8 @@ def test_compiled_collocation_of_a_ride_is_that_of_its_residuals_and_tangents(mo
     assert abs(ends[0].q[-1] - ends[1].q[-1]) <= 1e-9
     steps, iterations = ([getattr(w, name) for w in works] for name in ("steps", "newton_iterations"))
     assert steps[0] == steps[1]
-    assert iterations[0] == pytest.approx(iterations[1], rel=0.05)  # rounding decides one that is near its bound
+    # rounding decides iterations that are near their bound; a tangent that is off costs one more in each of 25 steps
+    assert abs(iterations[0] - iterations[1]) < 0.5 * 25
     assert works[0].newton_iterations >= works[0].steps
 
 
