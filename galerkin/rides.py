@@ -190,6 +190,7 @@ class RollingSystem(GalerkinSystem):
         if self._past and x.t <= self._past[-1][0]:
             return
         past, car = self._past, self._car_at(x)
+        self._seen = None  # what comes now changes its friction
         window = max(2.0 / math.sqrt(self.groups.alpha), LEAST_WINDOW * (x.t - past[-1][0]) if past else 0.0)
         past.append((x.t, car.vx, car.vy))
         while len(past) > 2 and past[1][0] <= x.t - window:
@@ -457,7 +458,7 @@ class RollingSystem(GalerkinSystem):
 
     def pass_event(self, name: str, x: State) -> State | None:
         """Change the mode; after a standstill the car sticks where friction and brakes can hold it."""
-        mode, self._watched = self.mode, None
+        mode, self._watched, self._seen = self.mode, None, None
         if name in ("arrival", "back", "stop"):
             return None
         if name == "lift_off":
