@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
@@ -151,8 +152,9 @@ def entry(scene: Scene, r: Response, length: float = 0.02) -> dict[str, float] |
     travel = scene.travel
     if r.drive != "grip" or travel is None or travel.kind != "constant_speed" or travel.entry_ramp is not None:
         return None
-    kind = 'kind = "constant_speed"'
-    smooth = Scene.from_toml(scene.to_toml().replace(kind, f"{kind}\nentry_ramp = {length * scene.length!r}"))
+    data = tomllib.loads(scene.to_toml())
+    data["travel"]["entry_ramp"] = length * scene.length
+    smooth = Scene(**{"name": scene.name, **data})
     ramped = run(smooth, r.method, until=until(scene), **r.settings)
     try:
         place = np.linspace(*measures.window_of(r, ramped), 400)
