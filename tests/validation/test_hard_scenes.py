@@ -11,7 +11,7 @@ from cablefem import Scene
 from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
 from validation.core import measures
-from validation.core.estimate import COARSE, estimated
+from validation.core.estimate import COARSE, estimated, weighted
 from validation.core.running import run
 
 LEVEL = Scene.load("level")
@@ -98,6 +98,12 @@ def test_a_bar_too_large_for_an_order_says_so():
     coarse, fine = (estimated(LEVEL, m, elements=12, steps=300).run for m in ("fixed-p1-path", "following-p1"))
     assert coarse.path_error > COARSE > fine.path_error
     assert ("coarse" in coarse.flag_kinds, "coarse" in fine.flag_kinds) == (True, False)
+
+
+def test_a_bar_that_is_told_anew_says_of_itself_what_holds_now():
+    e = estimated(LEVEL, "fixed-p1-path", elements=6, steps=200)
+    assert weighted(e, 0.9).run.flag_kinds.count("coarse") == 1
+    assert "coarse" not in weighted(e, 0.01).run.flag_kinds
 
 
 def test_a_coarse_companion_of_which_nothing_is_known_leaves_no_bar():

@@ -16,7 +16,7 @@ import numpy as np
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.flags import flagged
+from validation.core.flags import flagged, without
 from validation.core.methods import Method, find, refined
 from validation.core.richardson import SAFETY, left, space_order, time_order
 from validation.core.running import run
@@ -164,7 +164,11 @@ def weighted(e: Estimated, factor: float) -> Estimated:
     return _with_bars(replace(e, weights=(factor * e.weights[0], factor * e.weights[1])))
 
 
+OF_BARS = ("no bar", "short bar", "coarse")  # what bars say of themselves
+
+
 def _with_bars(e: Estimated) -> Estimated:
+    e = replace(e, response=without(e.response, OF_BARS), run=without(e.run, OF_BARS))
     if e.in_space.settings == e.run.settings:
         return _flagged(e, "no bar", why="there is no coarser resolution to compare with")
     try:

@@ -1,5 +1,6 @@
 """What makes a run suspect.  Decisions read `Flag.kind`; the words of each kind stand here and nowhere else."""
 
+from collections.abc import Collection
 from dataclasses import replace
 
 from cablefem.response import Flag, Response
@@ -34,3 +35,8 @@ def flag(kind: str, **numbers: float | str) -> Flag:
 def flagged(r: Response, kind: str, **numbers: float | str) -> Response:
     """Return the response with one flag more."""
     return replace(r, flags=[*r.flags, flag(kind, **numbers)])
+
+
+def without(r: Response, kinds: Collection[str]) -> Response:
+    """Return the response without flags of these kinds."""
+    return replace(r, flags=[x for x in r.flags if x.kind not in kinds])
