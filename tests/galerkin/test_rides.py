@@ -196,37 +196,35 @@ def test_arrival_ends_a_ride():
     assert abs(states.q[-1, -1] - 0.2) < 1e-12
 
 
-SHORT = """
-title = "Zip line, 100 m"
-gravity = 9.81
-cable = {mass_per_length = 0.6, EA = 6.6e6, sag = 2.0}
-supports = {span = 100.0, drop = 6.0}
-mass = {mass = 80.0}
-drive = {mode = "free", start = 1.0, rolling_friction = 0.02, drag_area = 0.6}
-"""
-LIFTED = """
-title = "Thrust up a deep rope against a storm from ahead"
-gravity = 9.81
-cable = {mass_per_length = 1.1, EA = 1.2e7, sag = 15.0}
-supports = {span = 100.0, drop = 0.0}
-mass = {mass = 40.0}
-drive = {mode = "free", start = 5.0, release = 0.5, drag_area = 0.6, wind = -45.0, thrust = 1200.0, end = {place = 80}}
-"""
+def hundred_metres(cable, drop, mass, drive):
+    return Scene(
+        title="A ride of 100 m", gravity=9.81, cable=cable, supports={"span": 100.0, "drop": drop},
+        mass={"mass": mass}, drive={"mode": "free", "drag_area": 0.6} | drive,
+    )  # fmt: skip
+
+
+def up_a_deep_rope(**drive):
+    """Against the wind, let go softly."""
+    cable = {"mass_per_length": 1.1, "EA": 1.2e7, "sag": 15.0}
+    return hundred_metres(cable, 0.0, 40.0, {"start": 5.0, "release": 0.5} | drive)
 
 
 def test_ringing_by_the_far_support_is_no_lift_off():
     """There the car's force rings through zero from step to step, and the one over a while does not."""
-    r = run(Scene.from_toml(SHORT), "fourier-kink", rho_inf=0.9)
+    cable = {"mass_per_length": 0.6, "EA": 6.6e6, "sag": 2.0}
+    short = hundred_metres(cable, 6.0, 80.0, {"start": 1.0, "rolling_friction": 0.02})
+    r = run(short, "fourier-kink", rho_inf=0.9)
     assert np.nanmin(r.F_contact) < 0.0
     assert [x["event"] for x in r.events] == ["arrival"]
 
 
 def test_a_car_that_lifts_off():
-    a, b = (run(Scene.from_toml(LIFTED), *how, steps=400) for how in (["following-p2"], ["fourier-kink"]))
+    storm = up_a_deep_rope(wind=-45.0, thrust=1200.0, end={"place": 80.0})
+    a, b = (run(storm, method, steps=400) for method in ("following-p2", "fourier-kink"))
     first, second = (next(x["t"] for x in r.events if x["event"] == "lift_off") for r in (a, b))
     assert first == pytest.approx(second, rel=0.05)
-    calm = LIFTED.replace("-45.0", "-5.0").replace("1200.0", "0.0").replace("place = 80", "time = 8.0")
-    assert [x["event"] for x in run(Scene.from_toml(calm), "fourier-kink", steps=400).events] == ["release"]
+    calm = up_a_deep_rope(wind=-5.0, end={"time": 8.0})
+    assert [x["event"] for x in run(calm, "fourier-kink", steps=400).events] == ["release"]
 
 
 def test_a_hauled_car():

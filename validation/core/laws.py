@@ -417,17 +417,12 @@ class Mechanics:
 
     def _tension_up_to_the_mass(self) -> Defect:
         """Tension along the cable goes on to that at the mass, in the mean over the frames; over H."""
-        off = np.zeros((0, 2))
+        off = []
         for behind, ahead in self.sides:
-            if min(behind.s.size, ahead.s.size) > 2:
+            if min(behind.s.size, ahead.s.size) > 2:  # next to a support there are no two stations to go on from
                 rows = [(x.s[::way][:3], x.T[::way][:3]) for x, way in ((behind, -1), (ahead, 1))]
-                off = np.append(
-                    off, [[T[0] - T[1] - (T[1] - T[2]) * (s[0] - s[1]) / (s[1] - s[2]) for s, T in rows]], axis=0
-                )
-        mean = (
-            off.mean(axis=0) if off.size else np.zeros(2)
-        )  # next to a support there are no two stations to go on from
-        return _static(*(mean / self.r.horizontal_tension))
+                off.append([T[0] - T[1] - (T[1] - T[2]) * (s[0] - s[1]) / (s[1] - s[2]) for s, T in rows])
+        return _static(*(np.mean(off or np.zeros((1, 2)), axis=0) / self.r.horizontal_tension))
 
     def _integral_of_the_velocity(self) -> Defect:
         """What the cable moves across itself at rest is the integral of its velocity, both weighted by half a sine.

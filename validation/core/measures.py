@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -181,8 +182,6 @@ def _component(r: Response, x: Array, y: Array, along: bool) -> Array:
 
 
 PIECES = 5  # of the cable, over which velocities are averaged
-
-
 FRAMES = 6  # in whose mean axial waves that ring along the cable are a lesser part
 
 
@@ -212,15 +211,10 @@ def _field_gap(
     first, second = (np.where(off, of(r)[k[within]], 0.0) for r, k in ((a, i), (b, j)))
     if pieces is not None:
         member = np.eye(pieces)[np.minimum((s * pieces).astype(int), pieces - 1)]
-        first, second = (_means(x @ member / (off @ member), frames) for x in (first, second))
+        first, second = (x @ member / (off @ member) for x in (first, second))
+        windows = partial(np.lib.stride_tricks.sliding_window_view, window_shape=min(frames, len(first)), axis=0)
+        first, second = (windows(x).mean(axis=-1) for x in (first, second))
     return float(np.sqrt(np.mean((first - second) ** 2) / np.mean(second**2)))
-
-
-def _means(x: Array, frames: int) -> Array:
-    """Return running means over so many rows (k, m)."""
-    total = np.cumsum(np.concatenate([np.zeros_like(x[:1]), x]), axis=0)
-    frames = min(frames, x.shape[0])
-    return (total[frames:] - total[:-frames]) / frames
 
 
 def energy_defect(r: Response) -> Array:

@@ -13,6 +13,11 @@ Progress = Callable[..., None]
 Job = Callable[[Progress], Result]
 
 
+def alone(work: Callable[[], Result]) -> Job[Result]:
+    """Return work that has no progress to report as a job."""
+    return lambda progress: work()
+
+
 def side_by_side(jobs: Sequence[Job[Result]], progress: Progress | None = None) -> list[Result]:
     """Return what each job returns, in their order; an exception in one is raised here and ends the others.
 

@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -57,7 +56,7 @@ def command(
     from validation.commands.check import study, words
     from validation.core import foreign
     from validation.core.running import run
-    from validation.core.sidebyside import side_by_side
+    from validation.core.sidebyside import alone, side_by_side
     from validation.page import paraview, report, telling
 
     path = None
@@ -76,13 +75,9 @@ def command(
         progress("writing", 0.3)
         runs = result.a.run, result.b.run
         writers = [partial(paraview.write, run, folder / run.method) for run in runs]
-        side_by_side([_alone(write) for write in (*writers, partial(report.write, folder, "check"))])
+        side_by_side([alone(write) for write in (*writers, partial(report.write, folder, "check"))])
         store.finish(folder, "check")
         progress("writing", 1.0)
     words.tell(result)
     terminal.say(f"written to {folder}: report.html, agreement.json, {result.a.run.method}/, {result.b.run.method}/")
     return telling.broken(result.a.run, result.b.run) or (1 if result.verdict.value != "agree" or result.doubts else 0)
-
-
-def _alone(write: Callable[[], None]) -> Callable[..., None]:
-    return lambda progress: write()

@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -77,7 +76,7 @@ def command(
     from validation.core.extrapolation import extrapolated
     from validation.core.resolution import TooCoarse, resolve
     from validation.core.running import run as run_method
-    from validation.core.sidebyside import side_by_side
+    from validation.core.sidebyside import alone, side_by_side
     from validation.page import telling
 
     folder = store.claim(out, "run", loaded, [method])
@@ -106,8 +105,8 @@ def command(
             response = replace(response, design=[number.row() for number in numbers(e)])
         else:
             response = replace(response, design=design(response))
-        writers = _write, _write_animation  # loading what the latter needs takes as long as the run
-        side_by_side([partial(write, response, folder / method) for write in writers])
+        writers = partial(response.write, folder / method), partial(_write_animation, response, folder / method)
+        side_by_side([alone(write) for write in writers])
     telling.answer(response)
     if extrapolate and better.seen:
         seen = f"order {better.observed[1]:.2f} seen, bar of time alone {better.path_bar:.1e} of the largest deflection"
@@ -126,12 +125,8 @@ def command(
     )
 
 
-def _write(response: "Response", folder: Path, progress: Callable[..., None]) -> None:
-    response.write(folder)
-
-
-def _write_animation(response: "Response", folder: Path, progress: Callable[..., None]) -> None:
-    from validation.page import paraview
+def _write_animation(response: "Response", folder: Path) -> None:
+    from validation.page import paraview  # loading what it needs takes as long as the run
 
     paraview.write(response, folder)
 
