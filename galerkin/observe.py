@@ -73,9 +73,10 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     kinetic = _kinetic(system, x)
     p = np.stack([x.ds_o, x.dds_o, x.ds_o**2])[:, :, None]
     if isinstance(cable, FullCable):
-        T_behind_pointwise, T_ahead_pointwise, working = _one_sided(cable, x.s_o, behind, ahead)
         inside = replace(x, s_o=np.clip(x.s_o, NEAR_SUPPORT, 1.0 - NEAR_SUPPORT))
         forces = recover(system, inside, s, frames)
+        sides = system.sides(static + np.array([behind, ahead]), forces, x.s_o)
+        T_behind_pointwise, T_ahead_pointwise, working = _one_sided(cable, x.s_o, *(sides - static))
         strain, least, least_at = forces.strain, forces.least, forces.least_at
         weight = -cable.weight[1] * (x.Q[:, 1] @ basis.integral() + 0.5 * x.q_hat[:, 1])
         T_pointwise = np.array([cable.points(s, slope)[0] for slope in slopes]).reshape(len(frames), s.size)
@@ -84,7 +85,6 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         reactions = -forces.left, forces.right
         place_y = groups.shape(x.s_o)[1] + w[:, 1]
         velocity, acceleration = w_t + p[0] * static, w_tt + p[1] * static + p[2] * curvature
-        sides = system.sides(static + np.array([behind, ahead]), forces, x.s_o)
     else:
         slope, bent = cable.static_slope(x.s_o)
         (strain, h), weight = _chord(cable, x, basis, phi), np.zeros(n)

@@ -266,10 +266,13 @@ def _doubtful(r: Response, coarser: Response | None) -> bool:
 def _begin(scene: Scene, method: Method) -> dict[str, int]:
     """Return the resolution and the steps to begin with: for a light car an unknown and a step per width of its front.
 
-    Coarser ones would only show that they do not see it.
+    Coarser ones would only show that they do not see it.  So for a ride: where friction turns round, half of too few
+    steps err by as much as they do.
     """
     space, motion = method.resolution, scene.groups.motion
-    if motion is None or scene.mu > LIGHT:
+    if motion is None:
+        return {space.setting: space.first, "steps": max(FIRST_STEPS, method.on_rides.get("steps", 0) // 2)}
+    if scene.mu > LIGHT:
         return {space.setting: space.first, "steps": FIRST_STEPS}
     fine = min(space.with_unknowns(2.0 / scene.mu), space.most // 2)  # both sides of the mass
     return {
