@@ -195,21 +195,15 @@ class FollowingElements(CableElements):
         return q[:, self.node], v[:, self.node], a[:, self.node], behind, ahead
 
     def _along(self, states, kinematics, force, rise, s, frames):
-        """Momentum tested with phi = 1 from the support or the mass to s, see `kernels.observe.end_forces`."""
-        n, f, node = states.t.size, self.fields, self.node
-        ends, out = np.empty((n, 4, f)), np.empty((3, 3, frames.size, s.size, f))
+        n, f = states.t.size, self.fields
+        ends, out = np.empty((n, 4, f)), np.empty((4, frames.size, s.size, f))
         of = states.q, states.v, states.a
-        followed(self._mesh, self._n_left, node, self._cable, kinematics, rise, *of, ends)
+        followed(self._mesh, self._n_left, self.node, self._cable, kinematics, rise, *of, ends)
         self._at = None  # the mesh is that of another instant now
-        history, knots = np.stack([x[frames] for x in of]), np.stack([self.left.knots, self.right.knots])
-        along(knots, self.left.shapes, self._dofs, kinematics[frames, 0], s, history, out)
-        (q, q_s, int_q), (v, _, int_v), (_, _, int_a) = out
-        s_o, ds, dds = kinematics[frames].T[:, :, None, None]
-        x = s[:, None]
-        behind = (x <= s_o) & (s_o > 0.0)
-        h, sign = np.where(behind, s_o, 1.0 - s_o), np.where(behind, 1.0, -1.0)
-        chi = np.where(behind, x, 1.0 - x) / h  # mesh velocity over that of the mass
-        q_o, v_o, _ = history.reshape(3, frames.size, 1, self.n_scalar, f)[..., node, :]
-        start = np.where(behind, ends[frames, None, 0], ends[frames, None, 2] + 2.0 * ds * v_o + dds * q_o)
-        forces = start + h * int_a + sign * (2.0 * ds * int_v + dds * int_q) - chi * (2.0 * ds * v + dds * q)
-        return (q, v - ds * chi * q_s, q_s), ends, forces, (kinematics[:, 1], (ds * chi)[..., 0])
+        knots, places = np.stack([self.left.knots, self.right.knots]), kinematics[frames]
+        history = np.stack([x[frames] for x in of])
+        along(knots, self.left.shapes, self._dofs, self.node, places, s, history, ends[frames], out)
+        s_o, ds, _ = places.T[:, :, None]
+        behind = (s <= s_o) & (s_o > 0.0)
+        c = ds * np.where(behind, s / np.where(s_o > 0.0, s_o, 1.0), (1.0 - s) / (1.0 - s_o))
+        return out[:3], ends, out[3], (kinematics[:, 1], c)

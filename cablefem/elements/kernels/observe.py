@@ -13,63 +13,64 @@ from cablefem.elements.kernels.law import ELASTIC, pull, tension
 
 
 @compiled
-def along(knots, shapes, dofs, places, s, history, out):
-    """Set value, d/ds and integral over xi from the start of its side of fields at s (m,) on a following mesh.
+def along(knots, shapes, dofs, node, kinematics, s, history, ends, out):
+    """Set w, dw/dt at fixed s, w' and f - c^2 w' at s (m,) of a following mesh, out (4, k, m, n_fields); at s_o behind.
+
+    The last is the momentum tested with phi = 1 from the support or the mass up to s, see `end_forces`.
 
     knots : (2, n_el + 1) of the two sides;  shapes : polynomial coefficients, see `reference.shape_polynomials`;
-    places : (k,) of the mass;  history : (h, k, n_dof);  out : (h, 3, k, m, n_fields), at s_o and knots from behind.
+    kinematics : (k, 3);  history : q, v, a, (3, k, n_dof);  ends : (k, 4, n_fields) of `end_forces`.
     """
-    n_el, n_loc = knots.shape[1] - 1, shapes.shape[0]
-    n_h, n_fields = out.shape[0], out.shape[4]
-    begin = np.zeros((2 * n_el + 1, n_h, n_fields))  # integral up to each element
-    out[:] = 0.0
-    for frame in range(places.size):
-        s_o = places[frame]
+    n_el, n_loc, n_fields = knots.shape[1] - 1, shapes.shape[0], out.shape[3]
+    once = shapes / np.arange(1.0, n_loc + 1.0)  # coefficients of the antiderivatives
+    begin = np.zeros((2 * n_el + 1, 3, n_fields))  # int q, v, a dxi from the start of the side up to each element
+    value, slope, total = np.empty((3, n_fields)), np.empty((3, n_fields)), np.empty((3, n_fields))
+    for frame in range(kinematics.shape[0]):
+        s_o, ds, dds = kinematics[frame]
         for e in range(2 * n_el):
             side, at = e // n_el, e % n_el
-            length = knots[side, at + 1] - knots[side, at]
-            for j in range(n_h):
-                for i in range(n_fields):
-                    begin[e + 1, j, i] = begin[e, j, i] if at + 1 < n_el else 0.0
-                    for k in range(n_loc if at + 1 < n_el else 0):
+            begin[e + 1] = begin[e] if at + 1 < n_el else 0.0 * begin[e]
+            for k in range(n_loc if at + 1 < n_el else 0):
+                whole = once[k].sum() * (knots[side, at + 1] - knots[side, at])
+                for j in range(3):
+                    for i in range(n_fields):
                         d = n_fields * dofs[e, k] + i
                         if d >= 0:
-                            begin[e + 1, j, i] += length * integral(shapes[k], 1.0) * history[j, frame, d]
+                            begin[e + 1, j, i] += whole * history[j, frame, d]
         for p in range(s.size):
-            side = 0 if s[p] <= s_o and s_o > 0.0 else 1
-            h = s_o if side == 0 else 1.0 - s_o
-            xi = min(1.0, max(0.0, (s[p] - (0.0 if side == 0 else s_o)) / h))
+            behind = s[p] <= s_o and s_o > 0.0
+            side, s_0, h, sign = (0, 0.0, s_o, 1.0) if behind else (1, s_o, 1.0 - s_o, -1.0)
+            xi = min(1.0, max(0.0, (s[p] - s_0) / h))
             at = max(0, np.searchsorted(knots[side], xi) - 1)
             e, length = side * n_el + at, knots[side, at + 1] - knots[side, at]
-            x = (xi - knots[side, at]) / length
-            for j in range(n_h):
-                for i in range(n_fields):
-                    out[j, 2, frame, p, i] = begin[e, j, i]
+            x, chi = (xi - knots[side, at]) / length, xi if behind else 1.0 - xi
+            value[:], slope[:], total[:] = 0.0, 0.0, begin[e]
             for k in range(n_loc):
-                d = dofs[e, k]
+                d = n_fields * dofs[e, k]
                 if d < 0:
                     continue
-                value, slope = 0.0, 0.0
+                phi, phi_x, part = 0.0, 0.0, 0.0
                 for m in range(n_loc - 1, -1, -1):
-                    slope = slope * x + value
-                    value = value * x + shapes[k, m]
-                slope /= length * h
-                part = length * integral(shapes[k], x)
-                for j in range(n_h):
+                    phi_x = phi_x * x + phi
+                    phi = phi * x + shapes[k, m]
+                    part = part * x + once[k, m]
+                for j in range(3):
                     for i in range(n_fields):
-                        y = history[j, frame, n_fields * d + i]
-                        out[j, 0, frame, p, i] += value * y
-                        out[j, 1, frame, p, i] += slope * y
-                        out[j, 2, frame, p, i] += part * y
-
-
-@compiled
-def integral(powers, x):
-    """Return the integral from 0 to x of the polynomial with these coefficients."""
-    total = 0.0
-    for m in range(powers.size - 1, -1, -1):
-        total = total * x + powers[m] / (m + 1.0)
-    return total * x
+                        value[j, i] += phi * history[j, frame, d + i]
+                        slope[j, i] += phi_x / (length * h) * history[j, frame, d + i]
+                        total[j, i] += part * x * length * history[j, frame, d + i]
+            for i in range(n_fields):
+                moved = chi * (2.0 * ds * value[1, i] + dds * value[0, i])
+                if behind:
+                    start = ends[frame, 0, i]
+                else:
+                    d = n_fields * node + i
+                    start = ends[frame, 2, i] + 2.0 * ds * history[1, frame, d] + dds * history[0, frame, d]
+                rate = h * total[2, i] + sign * (2.0 * ds * total[1, i] + dds * total[0, i])
+                out[0, frame, p, i] = value[0, i]
+                out[1, frame, p, i] = value[1, i] - ds * chi * slope[0, i]
+                out[2, frame, p, i] = slope[0, i]
+                out[3, frame, p, i] = start + rate - moved
 
 
 @compiled
