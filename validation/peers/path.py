@@ -26,7 +26,7 @@ class PeerPath:
 
 
 def travel(groups: Groups, elements: int) -> Motion:
-    """Return the motion of a scene whose mass grips the cable, or raise ValueError; `elements` is checked on the way."""
+    """Return the motion of a mass that grips the cable, or raise ValueError; `elements` is checked on the way."""
     if groups.drive.mode != "grip":
         raise ValueError(f"a car that rolls (drive {groups.drive.mode}) cannot be run there: it would grip the cable")
     if groups.motion is None or groups.mu <= 0.0:
