@@ -188,7 +188,7 @@ def test_ratios_to_other_codes_are_at_equal_error():
     assert at["peers"]["b"]["ratio"] == pytest.approx(50.0 / (0.01 * math.sqrt(10.0)))
     beyond = study.fastest(rows, 1e-4)["peers"]["b"]
     assert beyond["ratio"] is None
-    assert beyond["reason"] == "not measured: comes to 0.001 at best"
+    assert beyond["reason"] == "not measured: comes to 0.1 % at best"
 
 
 def test_another_code_runs_the_travel_up_to_the_end_of_the_window():

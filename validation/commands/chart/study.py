@@ -616,7 +616,8 @@ def fastest(rows: list[dict[str, Any]], error: float) -> dict[str, Any]:
 
 def _why_not(rows: list[dict[str, Any]]) -> str:
     errors = [r["path_error"] for r in rows if r["path_error"] is not None]
-    return f"not measured: comes to {100.0 * min(errors):.2g} % at best" if errors else f"not measured: {rows[0]['reason']}"
+    why = f"comes to {100.0 * min(errors):.2g} % at best" if errors else rows[0]["reason"]
+    return f"not measured: {why}"
 
 
 def _machine() -> dict[str, str]:
