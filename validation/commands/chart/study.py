@@ -139,8 +139,8 @@ def series(peers: bool = True, groups: Groups | None = None) -> Iterator[Series]
         yield Series(f"scipy {rule}", "scipy", ({"elements": 3, "rule": rule},), BASE)
     if peers:
         for peer in PEERS.values():
-            rungs = peer.rides if mode == "free" and peer.rides else peer.ladder
-            yield Series(peer.name, "peer", tuple(dict(rung) for rung in rungs))
+            ours = (mode == "free" and peer.rides) or peer.ladder
+            yield Series(peer.name, "peer", tuple(dict(rung) for rung in ours))
 
 
 def ladder(method: Method, shares: tuple[float, ...] = STEPS) -> Iterator[dict[str, Any]]:
