@@ -73,7 +73,6 @@ def command(
 
     from validation.core.design import design, numbers
     from validation.core.estimate import companions, estimated
-    from validation.core.extrapolation import extrapolated
     from validation.core.resolution import TooCoarse, resolve
     from validation.core.running import run as run_method
     from validation.core.sidebyside import alone, side_by_side
@@ -92,6 +91,8 @@ def command(
                 response, too_coarse = error.best, str(error)
             kind |= response.settings
         elif extrapolate:
+            from validation.core.extrapolation import extrapolated
+
             better = extrapolated(loaded, chosen, **kind, progress=report)
             response, made = better.response, list(better.runs)
         elif not bars:
