@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from matplotlib.transforms import Bbox
 
+from validation.commands.chart.front import Row, best_of
 from validation.core import store
 from validation.core.methods import METHODS
 from validation.page.figures import BLACK, DASHES, GREY, MARKERS, PALETTE, panels, style
@@ -30,7 +31,6 @@ from validation.page.page import (
 )
 
 _SAY = words(__package__)
-Row = dict[str, Any]
 OURS = ("method", "integrator", "extrapolated")  # rows of the full cable at given settings
 
 WORK = {"seconds": "seconds of the time loop, one core", "unknown_steps": "steps × unknowns"}
@@ -166,15 +166,6 @@ def _work(chart: dict[str, Any]) -> Section:
         "chart-work", "Countable work", gallery(*drawn), None,
         "The same errors against steps times unknowns, which do not depend on the machine.",
     )  # fmt: skip
-
-
-def best_of(rows: Sequence[Row], quantity: str, work: str) -> list[Row]:
-    """Return the rows that no other one beats in both work and error, from quick to exact."""
-    out: list[Row] = []
-    for row in sorted(rows, key=lambda r: (r[work], r[f"{quantity}_error"])):
-        if not out or row[f"{quantity}_error"] < out[-1][f"{quantity}_error"]:
-            out.append(row)
-    return out
 
 
 @style()
