@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import math
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -235,8 +236,9 @@ class Response:
 
     @property
     def max_deflection(self) -> float:
-        """Largest v of the mass path [m]."""
-        return float(self.v.max())
+        """Largest v of the mass path [m], on the second half as far as the cable is taut: slack, it flings the mass."""
+        taut = math.inf if self.slack_onset is None else max(self.slack_onset, 0.5)
+        return float(self.v[self.s_o <= taut * self.length].max())
 
     @property
     def flag_kinds(self) -> list[str]:

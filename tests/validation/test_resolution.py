@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +24,7 @@ from validation.core.resolution import (
     _Rung,
     resolve,
     resolved,
+    work,
 )
 from validation.core.running import run
 
@@ -166,3 +168,27 @@ def test_until_ends_a_run_after_the_first_step_past_it():
     np.testing.assert_array_equal(part.v, whole.v[: part.v.size])
     with pytest.raises(ValueError, match="until must be a place"):
         run(LEVEL, "following-p2", until=-0.1)
+
+
+def test_a_budget_ends_a_ladder_with_the_finest_run_within_it():
+    slow, made = LEVEL.variant(speed_ratio=0.1), []
+    with pytest.raises(TooCoarse) as spent:
+        resolve(slow, "following-p2", 1e-4, until=0.8, runs=made, budget=2e4)
+    ladder = made[: made.index(spent.value.best) + 1] if spent.value.best in made else made
+    assert sum(work(find("following-p2"), r) for r in ladder) <= 2.5e4
+    assert 1e-4 < spent.value.best.path_error < 0.1
+
+
+def test_a_run_with_half_the_steps_that_is_wanted_makes_strides_of_two():
+    made = []
+    r = resolve(INCLINED, "following-p2", 1e-3, until=0.8, runs=made)
+    assert math.log2(r.settings["steps"] / resolution.FIRST_STEPS).is_integer()
+    assert len({(x.settings["elements"], x.settings["steps"]) for x in made}) == len(made)
+
+
+def test_the_largest_deflection_of_a_slack_cable_is_that_before_it_flings_the_mass():
+    r = run(LEVEL, "following-p2", elements=8, steps=200)
+    flung = replace(r, v=np.where(r.s_o > 0.99 * r.length, 100.0, r.v))
+    assert r.slack_onset < 0.95
+    assert flung.max_deflection == r.max_deflection
+    assert replace(flung, slack_onset=None).max_deflection == 100.0
