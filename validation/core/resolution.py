@@ -206,7 +206,7 @@ def resolved(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None, budget: float = math.inf,
     **kind: Any,
 ) -> Estimated:  # fmt: skip
-    """Return the run of `resolve`, or the finest within reach and budget, with companions for the bars of everything else.
+    """Return the run of `resolve`, or the finest within reach and budget, with companions for all other bars.
 
     The path's bar is that of its own ladder, which has seen the orders; where it is smaller than the companions say,
     theirs of everything else are scaled with it.
