@@ -94,8 +94,19 @@ class Observation:
     def joined(cls, parts: Sequence[Observation]) -> Observation:
         """Return consecutive observations of one history as one."""
         powers = {name: np.concatenate([p.powers[name] for p in parts]) for name in parts[0].powers}
-        arrays = [name for name in cls.__dataclass_fields__ if name != "powers"]
-        return cls(**{n: np.concatenate([getattr(p, n) for p in parts]) for n in arrays}, powers=powers)
+        return cls(**{n: np.concatenate([getattr(p, n) for p in parts]) for n in _OBSERVED}, powers=powers)
+
+    def parted(self, n: int) -> tuple[Observation, Observation]:
+        """Return the first n instants without fields, and the others with all of them."""
+        fields = ("u", "v", "du", "dv", "T", "T_pointwise")
+        parts = []
+        for rows, some in ((slice(n), slice(0)), (slice(n, None), slice(None))):
+            arrays = {name: getattr(self, name)[some if name in fields else rows] for name in _OBSERVED}
+            parts.append(Observation(**arrays, powers={name: power[rows] for name, power in self.powers.items()}))
+        return parts[0], parts[1]
+
+
+_OBSERVED = tuple(name for name in Observation.__dataclass_fields__ if name != "powers")
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,6 @@ from cablefem.newmark.tableau import Tableau, continued, tableau
 
 # One tangent for all nodes errs by what it changes along the step, and so does a new one: it is kept while it serves.
 REUSE = 0.8
-PATIENT = 4  # times the iterations of a step: they converge linearly
 
 
 @runtime_checkable
@@ -38,7 +37,7 @@ class CollocationRule(Stepper):
     """
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
-        super().__init__(system, method, replace(newton, reuse=REUSE, max_iter=PATIENT * newton.max_iter), work)
+        super().__init__(system, method, replace(newton, reuse=REUSE), work)
         self.rule = tableau(method.nodes)
         self.collocate = system.collocate if isinstance(system, Collocating) else partial(collocate, system)
 
@@ -65,17 +64,18 @@ class CollocationRule(Stepper):
     def _accelerations(self, x: State, t: Array, dt: float) -> Array:
         """Return the accelerations at the nodes t.
 
-        First guess: the polynomial of the step before goes on; where unresolved waves make that absurd: a stays as it
-        was; where the tangent changes too much along the step: the same, with all nodes' own tangents.
+        First guess: the polynomial of the step before goes on; where unresolved waves make that absurd, or there is
+        none: a stays as it was; at a start, where the tangent may change too much along the step: the same, with all
+        nodes' own tangents.
         """
         step = dt, x.phase, np.array([x.q, x.v])
         how = self.rule, self.bound, self.newton
+        tries = [(self.collocate, np.tile(x.a, (t.size, 1)))]
         if isinstance(x, Collocated):
-            a = continued(x.inside, dt)
-            if self.balanced(self.collocate(t, *step, a, *how)):
-                return a
-        for solver in (self.collocate, partial(collocate_coupled, self.system)):
-            a = np.tile(x.a, (t.size, 1))
+            tries.insert(0, (self.collocate, continued(x.inside, dt)))
+        else:
+            tries.append((partial(collocate_coupled, self.system), np.tile(x.a, (t.size, 1))))
+        for solver, a in tries:
             done = solver(t, *step, a, *how)
             if self.balanced(done):
                 return a

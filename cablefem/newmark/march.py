@@ -31,7 +31,8 @@ def integrate(
     """Yield the states of a run, the first one included.
 
     times : per phase the instants to step on, its ends included (`step_times`).
-    start : go on from this state, inside its phase (with another law, say), instead of from the beginning.
+    start : go on from this state, inside its phase (with another law, say), instead of from the beginning; events that
+        are due there happen first.
     Events (`events.Watched`) are landed on besides, their states yielded as they are before the change, and noted in
     `work.events`; the last one may end the run.
 
@@ -45,6 +46,13 @@ def integrate(
         yield state
     else:
         state = start
+        # who stops at an event's state has not seen the change
+        if isinstance(system, Watched) and system.events:
+            due = [name for name, value in zip(system.events, system.watch(state), strict=True) if value <= 0.0]
+            after = pass_events(system, due, state, state.t, work)
+            if after is None:
+                return
+            state = after
     for phase in range(state.phase, len(system.phases)):
         if phase > state.phase:
             state = system.start(phase, state)

@@ -221,7 +221,7 @@ def test_a_start_from_rest_needs_the_tangents_of_all_nodes(monkeypatch):
     def first_steps():
         system, work = FollowingElements(inclined, elements=3), Work()
         try:
-            march(system, "radau", [step_times(system, 40)[0][:4]], newton=Newton(tol=1e-6, max_iter=4), work=work)
+            march(system, "radau", [step_times(system, 40)[0][:4]], newton=Newton(tol=1e-6, max_iter=16), work=work)
         except StepFailure:
             return None
         return work

@@ -51,6 +51,20 @@ def test_a_ball_bounces_when_it_must(name):
     assert all(x.q[0] > -1e-14 for x in states)
 
 
+def test_who_stops_at_an_event_and_goes_on_has_it_happen():
+    """A law that switches at the instant of an arrival must not leave the car running on."""
+    whole, events = run(Ball(end=3.6), 17)
+    ball, work, times = Ball(end=3.6), Work(), [np.linspace(0.0, 3.6, 18)]
+    begun = []
+    for x in integrate(ball, TRAPEZOIDAL, times, newton=TIGHT, work=work):
+        begun.append(x)
+        if x.t == events[1].t:
+            break
+    begun += integrate(ball, TRAPEZOIDAL, times, newton=TIGHT, work=work, start=begun[-1])
+    assert work.events == events
+    assert [(x.t, *x.q, *x.v) for x in begun] == [(x.t, *x.q, *x.v) for x in whole]
+
+
 def test_a_bounce_at_the_end_of_a_step_misses_in_first_order(monkeypatch):
     """The twin: without location the height after the bounce is wrong by O(dt)."""
 

@@ -18,8 +18,10 @@ from cablefem.elements.rolling import AVERAGE, RollingElements, following
 from cablefem.newmark import Newton, State, Work, collocate, integrate, iterate, scheme, step_times
 from cablefem.newmark.energy_rule import average
 from cablefem.scene import RATTLE, Drive
+from cablefem.scene.statics import gripped
 from tests.runs import CRUISE, INCLINED, LEVEL, observe, stack
 from validation import run
+from validation.oracles import ellipse
 
 
 def zip_line(mass=95.0, **drive):
@@ -153,6 +155,16 @@ def test_a_car_rests_where_the_elastic_catenary_says(groups, rest, hold):
         assert abs(found - rest) < bound
     other = RollingElements(replace(groups, alpha=1.02 * groups.alpha), elements=4, degree=4)
     assert abs(other._statics(0.1)[1] - hold) > 1e-6
+
+
+@pytest.mark.parametrize(("stiffness", "elements"), [(1e2, 8), (1e4, 12), (1e5, 16)])
+def test_under_a_car_of_a_thousand_cables_weight_the_cable_rests_without_folds(stiffness, elements):
+    """Newton's method from the empty cable's shape finds folds there, 0.1 l off."""
+    groups = ellipse._scene(stiffness)[0].groups
+    system = RollingElements(groups, elements=elements)
+    q = system._statics(0.2)[0]
+    place = np.ravel(groups.shape(0.2)) + q[2 * system.node : 2 * system.node + 2]
+    np.testing.assert_allclose(place, gripped(0.2, groups).place[0], rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize(("place", "force"), [(0.25, 31.0), (0.5, 34.9), (0.75, 38.6)])

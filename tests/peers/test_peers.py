@@ -15,6 +15,7 @@ from scipy.interpolate import CubicSpline
 from cablefem.elements.following import FollowingElements
 from cablefem.newmark import integrate, scheme, step_times
 from cablefem.scene import Scene
+from validation.core.running import run
 from validation.peers import PEERS, PeerPath, available
 from validation.peers.path import before_zigzag, trusted
 
@@ -292,6 +293,22 @@ if "exudyn" in INSTALLED:
         path = PEERS["exudyn"].run(groups, **settings)
         assert path.note == ""
         assert path_error(path, reference(groups)) > 1.0
+
+    @pytest.mark.parametrize("friction", [1.0, 0.5])
+    def test_exudyns_sliding_joint_lets_a_rider_go_as_ours(friction):
+        """The first 150 m of the built-in zip line, over time; with half the friction (must fail) he is ahead."""
+        scene = Scene.load("zipline")
+        text = scene.to_toml().replace('mode = "free"', 'mode = "free"\nend = {place = 150.0}')
+        scene = Scene.from_toml(text.replace("friction = 0.02", f"friction = {0.02 * friction!r}"))
+        ours = run(Scene.from_toml(text), "following-p2", elements=8, steps=200)  # 1e-4 of the length
+        path = PEERS["exudyn"].run(scene.groups, elements=20, steps=300)
+        assert path.note == ""
+        assert path.reached >= 150.0 / scene.length
+        t = path.t[path.t * scene.time_scale <= ours.t[-1]] * scene.time_scale
+        place = np.stack(scene.groups.shape(path.s_o), 1) + np.stack([path.u, path.v], 1)
+        gap = scene.length * place[: t.size] - CubicSpline(ours.t, np.stack([ours.x, ours.y], 1))(t)
+        # 3.6e-3 with these settings, 1e-3 with twice as many elements and 13 times the steps
+        assert (np.hypot(*gap.T).max() < 5e-3 * scene.length) == (friction == 1.0)
 
 
 def _install(monkeypatch, modules):

@@ -12,7 +12,7 @@ from cablefem.elements.following import FollowingElements
 from tests.validation.pairs import LEVEL, altered, answer, right
 from validation.commands.check import study
 from validation.core.agreement import ALONG, AXIAL_MEAN, Verdict, agree, doubts, overall
-from validation.core.estimate import Estimated, estimated, past_slack
+from validation.core.estimate import Estimated, companions, past_slack
 from validation.core.flags import flag
 from validation.core.methods import METHODS
 from validation.core.richardson import SAFETY
@@ -126,7 +126,7 @@ def test_a_wrong_law_of_the_slack_cable_is_seen(kind, row):
     a, b = right()
     method = replace(METHODS["following-p2"], builder=build)
     settings = {k: a.run.settings[k] for k in ("elements", "steps")}
-    wrong = estimated(LEVEL, method, known=[a.in_space, a.in_time], until=0.95, **settings)
+    wrong = companions(LEVEL, method, known=[a.in_space, a.in_time], until=0.95, **settings)
     wrong = past_slack(LEVEL, method, wrong)
     assert rows(a, b)[row].verdict is Verdict.AGREE
     assert rows(wrong, b)[row].verdict is Verdict.DISAGREE

@@ -57,8 +57,9 @@ def test_the_ladder_has_seen_the_orders_and_says_so_in_all_bars(scene, tol, sure
     window = measures.window_of(r, truth)
     assert measures.path_gap(r, truth, window)[0] <= r.path_error <= tol
     assert measures.tension_gap(r, truth, window) <= r.tension_error
-    of_gap = estimate.bar(lambda a, b: measures.path_gap(b, a, measures.window_of(*estimate.runs))[0])
-    assert of_gap * max(1.0, estimate.of_path) == pytest.approx(r.path_error, rel=1e-12)
+    companions = estimate.in_space, estimate.in_time
+    gaps = [measures.path_gap(c, r, measures.window_of(*estimate.runs))[0] for c in companions]
+    assert np.dot(estimate.path_weights, gaps) == pytest.approx(r.path_error, rel=1e-12)
 
 
 def test_the_galerkin_side_meets_a_tolerance_too(sure):

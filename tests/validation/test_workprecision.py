@@ -52,8 +52,8 @@ def small(tmp_path_factory):
         names = ("following-p2", "fixed-p1-naive", "model string", "scheme central-difference", "scipy DOP853", *PEERS)
         names = (*names, "following-p2 --tol", "following-p2 extrapolated")
 
-        def few(peers=True):
-            for x in all_series(peers):
+        def few(peers=True, groups=None):
+            for x in all_series(peers, groups):
                 if x.name in names:
                     rungs = x.rungs[:2] if x.kind == "tolerance" else x.rungs[:8:3]
                     yield study.Series(x.name, x.kind, rungs, x.method, x.model)
@@ -188,7 +188,7 @@ def test_ratios_to_other_codes_are_at_equal_error():
     assert at["peers"]["b"]["ratio"] == pytest.approx(50.0 / (0.01 * math.sqrt(10.0)))
     beyond = study.fastest(rows, 1e-4)["peers"]["b"]
     assert beyond["ratio"] is None
-    assert beyond["reason"] == "not measured: comes to 0.001 at best"
+    assert beyond["reason"] == "not measured: comes to 0.1 % at best"
 
 
 def test_another_code_runs_the_travel_up_to_the_end_of_the_window():
@@ -207,11 +207,11 @@ def test_another_codes_path_is_measured_like_ours():
     known = study._Truth(truth, (0.02, 0.8), {})
     l, tau = LEVEL.length, LEVEL.time_scale
     path = PeerPath(r.s_o / l, r.u / l, r.v / l, r.t / tau, 1.0, "")
-    seen = known.errors_of_path(path, l, tau)
+    seen = known.errors_of_path(path, LEVEL)
     ours = known.errors(r)
     assert seen["path_error"] == pytest.approx(ours["path_error"], rel=1e-9)
     shifted = PeerPath(path.s_o, path.u, path.v + 0.1 * path.v.max(), path.t, 1.0, "")
-    assert known.errors_of_path(shifted, l, tau)["path_error"] > 0.09
+    assert known.errors_of_path(shifted, LEVEL)["path_error"] > 0.09
 
 
 # --- cost ------------------------------------------------------------------------------------------------------------

@@ -143,14 +143,16 @@ def of_ladder(r: Response, pairs: Sequence[Refinement]) -> list[Number]:
 
 def _numbers(r: Response, pairs: Sequence[Refinement], stop: float, twin: Response | None = None) -> list[Number]:
     out = []
+    runs = [r, *(y for x in pairs for y in (x.fine, x.coarse)), *([] if twin is None else [twin])]
     for name, quantity in QUANTITIES.items():
-        found = _extreme(r, quantity, stop)
+        known = {id(x): _Known(x, quantity, stop) for x in runs}  # of the same runs once
+        found = known[id(r)].extreme
         if found is None:
             continue
         weights = [x.of_force if quantity.force else x.of_path for x in pairs]
-        bar = sum(w * _change(x.fine, x.coarse, quantity, stop) for w, x in zip(weights, pairs, strict=True))
+        bar = sum(w * _change(known[id(x.fine)], known[id(x.coarse)]) for w, x in zip(weights, pairs, strict=True))
         if twin is not None:
-            bar = max(bar, _change(r, twin, quantity, stop))
+            bar = max(bar, _change(known[id(r)], known[id(twin)]))
         bar += found.between
         out.append(replace(found.number, quantity=name, unit=unit_of(name), bar=bar if math.isfinite(bar) else None))
     return out
@@ -164,7 +166,7 @@ def design(r: Response) -> list[dict[str, Any]]:
 def alone(r: Response) -> list[Number]:
     """Return the design numbers of a run without companions: without bars."""
     stop = min(measures.WINDOWS[r.drive][1], math.inf if r.slack_onset is None else r.slack_onset)
-    found = ((name, _extreme(r, quantity, stop)) for name, quantity in QUANTITIES.items())
+    found = ((name, _Known(r, quantity, stop).extreme) for name, quantity in QUANTITIES.items())
     numbers = [replace(x.number, quantity=name, unit=unit_of(name)) for name, x in found if x is not None]
     if r.slack_onset is not None:
         numbers.append(Number("slack_onset", r.slack_onset, None, "s_o/l", s_o=r.slack_onset * r.length))
@@ -179,44 +181,46 @@ class _Extreme:
     between: float  # what may lie between two instants of its track
 
 
-def _extreme(r: Response, quantity: _Quantity, stop: float) -> _Extreme | None:
-    """Return the extreme up to s_o/l = stop; None where nothing is known.
+class _Known:
+    """The tracks of a quantity in a run, and its extreme up to s_o/l = stop; None where nothing is known.
 
     A mass that grips enters a cable at rest: where its side is a few steps long, a rule that balances within the step
     is off at its end by as much as the tension itself.  A car that rolls hangs there in equilibrium.
     """
-    place = r.length * (measures.WINDOW[0] if r.drive == "grip" else -1.0)
-    best: _Extreme | None = None
-    for i, track in enumerate(quantity.tracks(r)):
-        s_o = np.interp(track.t, r.t, r.s_o)
-        value = np.where((s_o >= place) & (s_o <= stop * r.length * (1.0 + 1e-9)), track.value, math.nan)
-        if not np.isfinite(value).any():
-            continue
-        k = int(np.nanargmax(quantity.sign * value))
-        if best is None or quantity.sign * value[k] > quantity.sign * best.number.value:
-            at = float(track.t[k]), float(s_o[k]), float(track.s[k])
-            beside = np.abs(value[max(0, k - 1) : k + 2] - value[k])
-            # inside, a parabola's top is at most a quarter of the larger step above its highest sample
-            ends = beside.size < 3 or not np.isfinite(beside).all()
-            between = (1.0 if ends else 0.25) * float(np.nanmax(beside))
-            best = _Extreme(Number("", float(value[k]), None, "", *at), i, k, between)
-    return best
+
+    def __init__(self, r: Response, quantity: _Quantity, stop: float) -> None:
+        self.t, self.tracks = r.t, quantity.tracks(r)
+        self.extreme: _Extreme | None = None
+        place = r.length * (measures.WINDOW[0] if r.drive == "grip" else -1.0)
+        for i, track in enumerate(self.tracks):
+            s_o = r.s_o if track.t is r.t else np.interp(track.t, r.t, r.s_o)
+            inside = (s_o >= place) & (s_o <= stop * r.length * (1.0 + 1e-9)) & np.isfinite(track.value)
+            if not inside.any():
+                continue
+            k = int(np.where(inside, quantity.sign * track.value, -math.inf).argmax())
+            if self.extreme is None or quantity.sign * track.value[k] > quantity.sign * self.extreme.number.value:
+                at = float(track.t[k]), float(s_o[k]), float(track.s[k])
+                near = slice(max(0, k - 1), k + 2)
+                beside = np.abs(track.value[near] - track.value[k])[inside[near]]
+                # inside, a parabola's top is at most a quarter of the larger step above its highest sample
+                between = (0.25 if beside.size == 3 else 1.0) * float(beside.max())
+                self.extreme = _Extreme(Number("", float(track.value[k]), None, "", *at), i, k, between)
 
 
 NEAR = 5  # steps about an extreme over which runs are compared: axial waves that it sits on come sooner or later
 
 
-def _change(r: Response, other: Response, quantity: _Quantity, stop: float) -> float:
+def _change(a: _Known, b: _Known) -> float:
     """Return how far an extreme is from that of another run, and from its values thereabouts."""
-    here, there = _extreme(r, quantity, stop), _extreme(other, quantity, stop)
+    here, there = a.extreme, b.extreme
     if here is None or there is None:
         return math.inf
-    mine, track = quantity.tracks(r)[here.track], quantity.tracks(other)[here.track]
+    mine, track = a.tracks[here.track], b.tracks[here.track]
     known, near = np.isfinite(track.value), slice(max(0, here.k - NEAR), here.k + NEAR + 1)
     if not known.any():
         return math.inf
     apart = mine.value[near] - np.interp(mine.t[near], track.t[known], track.value[known])
-    inside = (mine.t[near] <= min(r.t[-1], other.t[-1])) & np.isfinite(apart)
+    inside = (mine.t[near] <= min(a.t[-1], b.t[-1])) & np.isfinite(apart)
     return max(abs(here.number.value - there.number.value), float(np.abs(apart[inside]).max(initial=0.0)))
 
 

@@ -15,9 +15,9 @@ from cablefem.scene import Scene
 from cablefem.scene.bisection import bisected
 from validation.core import measures, richardson
 from validation.core.design import Refinement, of_ladder
-from validation.core.estimate import KIND, SAME_ONSET, Estimated, estimated, gaps, until, weighted
+from validation.core.estimate import KIND, SAME_ONSET, Estimated, companions, gaps, until, weighted
 from validation.core.methods import Method, find, refined
-from validation.core.richardson import space_order, time_order
+from validation.core.richardson import UNCONFIRMED, space_order, time_order
 from validation.core.running import Run, run
 from validation.core.sidebyside import Progress, side_by_side
 
@@ -26,9 +26,8 @@ LARGEST = 2e6  # steps x resolution: half a gigabyte of states
 # Between these a refinement tells enough and does not outrun what orders promise (tolerance_survey: with refinements up
 # to 4 the bars of 13 percent of the runs are too small, up to 2 of 3 percent).
 LEAST, FURTHEST = 1.4, 2.0
-# Factors of safety: Roache's 1.25 where the part fell with refinement as its order says, or nearly so.  Otherwise 2.5,
-# not his 3 for two grids, credited orders being low: with 2 just 95 percent of the bars hold, and each part costs runs.
-UNCONFIRMED, CONFIRMED, NEARLY = 2.5, 1.25, 1.3
+# Roache's factor of safety where the part fell with refinement as its order says, or nearly so.
+CONFIRMED, NEARLY = 1.25, 1.3
 LOWEST, HIGHEST = 0.01, 8.0  # orders between which one is looked for
 ATTEMPTS = 20
 AIM = 0.8  # of the tolerance, so that a prediction that is a little short does not cost another run
@@ -218,7 +217,7 @@ def resolved(
     except TooCoarse as error:
         finest = error.best
     how = {k: kind[k] for k in KIND if k in kind}
-    e = estimated(scene, method, known=made, **how, **finest.settings)
+    e = companions(scene, method, known=made, **how, **finest.settings)
     e = replace(e, order=_order_in_time(e, made))
     return weighted(e, finest.path_error / e.run.path_error) if finest.path_error and e.run.path_error else e
 

@@ -22,6 +22,7 @@ class Peer:
     module: str
     run: Callable[..., PeerPath]  # run(groups, *, elements, steps=None); each also documents what `seconds` counts
     ladder: tuple[Mapping[str, int], ...]  # settings of `run`, coarse to fine
+    rides: tuple[Mapping[str, int], ...] = ()  # the same of free rides; none: its mass cannot roll
 
 
 PEERS: dict[str, Peer] = {
@@ -34,6 +35,7 @@ PEERS: dict[str, Peer] = {
         Peer(
             "exudyn", "exudyn", "exudyn", exudyn.run,
             tuple({"elements": n, "steps": 20 * n} for n in (25, 50, 100, 200)),
+            tuple({"elements": n, "steps": 100 * n} for n in (10, 20, 40, 80)),
         ),
     )
 }  # fmt: skip

@@ -26,12 +26,20 @@ class PeerPath:
 
 
 def travel(groups: Groups, elements: int) -> Motion:
-    """Return the motion of a scene that has one, or raise ValueError; `elements` is checked on the way."""
+    """Return the motion of a mass that grips the cable, or raise ValueError; `elements` is checked on the way."""
+    if groups.drive.mode != "grip":
+        raise ValueError(f"a car that rolls (drive {groups.drive.mode}) cannot be run there: it would grip the cable")
     if groups.motion is None or groups.mu <= 0.0:
         raise ValueError("only scenes with a travelling mass can be run in another code")
+    counted(elements)
+    return groups.motion
+
+
+def counted(elements: int) -> int:
+    """Return the number of elements, or raise ValueError."""
     if not isinstance(elements, int) or elements < 4:
         raise ValueError(f"elements must be an integer >= 4, got {elements!r}")
-    return groups.motion
+    return elements
 
 
 def trusted(s_o: Array, place: Array, t: Array, groups: Groups, seconds: float, note: str) -> PeerPath:

@@ -31,7 +31,6 @@ _SAY = words(__package__)
 Row = dict[str, Any]
 OURS = ("method", "integrator", "extrapolated")  # rows of the full cable at given settings
 
-ERRORS = {"path": "error of the mass path / deflection", "tension": "rms error of the tension / H"}
 WORK = {"seconds": "seconds of the time loop, one core", "unknown_steps": "steps × unknowns"}
 
 
@@ -42,6 +41,17 @@ def sections(folder: Path) -> list[Section]:
         return [Section("chart-path", "Speed against accuracy", gone, "not comparable", "The chart was not measured.")]
     charts = _charts(chart, "path"), _charts(chart, "tension")
     return [_fastest(chart), *charts, _work(chart), _failures(chart), _cost(chart)]
+
+
+def _error(chart: dict[str, Any], quantity: str) -> str:
+    """Return what the errors of a quantity are."""
+    if quantity == "tension":
+        return "rms error of the tension / H"
+    return "distance of the rider / (length / 10)" if _free(chart) else "error of the mass path / deflection"
+
+
+def _free(chart: dict[str, Any]) -> bool:
+    return chart.get("drive") == "free"
 
 
 # --- what is fastest ------------------------------------------------------------------------------------------------
@@ -68,7 +78,8 @@ def _fastest(chart: dict[str, Any]) -> Section:
     reference, text = chart["reference"], Markup("")
     bar, witness = reference.get("path_error"), reference.get("witness_path")
     told = {key: _told(reference[key]) for key in ("settings", "witness_settings")}
-    text += Markup(_SAY.reference(reference | told, bar, witness))
+    of = "a tenth of the length" if _free(chart) else "the largest deflection"
+    text += Markup(_SAY.reference(reference | told, bar, witness, of, _free(chart)))
     best = [a for a in chart.get("fastest", []) if a["series"]]
     said = ", ".join(f"{percent(a['error'])}: {a['series']} in {_seconds(a['seconds'])}" for a in best)
     return Section(
@@ -130,7 +141,7 @@ def _charts(chart: dict[str, Any], quantity: str) -> Section:
         known = {k: [r for r in v if r[f"{quantity}_error"] is not None] for k, v in lines.items()}
         known = {k: v for k, v in known.items() if v}
         if known:
-            caption = _SAY.chart(title.capitalize(), ERRORS[quantity], WORK["seconds"])
+            caption = _SAY.chart(title.capitalize(), _error(chart, quantity), WORK["seconds"])
             drawn.append(figure(draw(chart, quantity, "seconds", title, known), Markup(caption)))
     what = {"path": "mass path", "tension": "tension"}[quantity]
     fronts = [r["series"] for r in chart["rows"] if r.get(f"pareto_{quantity}")]
@@ -147,7 +158,7 @@ def _work(chart: dict[str, Any]) -> Section:
         known = {k: [r for r in v if r["unknown_steps"] is not None] for k, v in lines.items()}
         known = {k: v for k, v in known.items() if v and v[0]["kind"] in OURS}
         if known:
-            caption = _SAY.work(title.capitalize(), ERRORS["path"], WORK["unknown_steps"])
+            caption = _SAY.work(title.capitalize(), _error(chart, "path"), WORK["unknown_steps"])
             drawn.append(figure(draw(chart, "path", "unknown_steps", title, known), Markup(caption)))
     return Section(
         "chart-work", "Countable work", gallery(*drawn), None,
@@ -192,7 +203,7 @@ def draw(chart: dict[str, Any], quantity: str, work: str, title: str, lines: dic
     ax.set_xlim(0.4 * min(r[work] for r in dots), 3.0 * max(r[work] for r in dots))
     ax.set_title(title)
     ax.set_xlabel(WORK[work])
-    ax.set_ylabel(ERRORS[quantity])
+    ax.set_ylabel(_error(chart, quantity))
     fig.legend(loc="outside lower center", ncols=2)
     return fig
 
@@ -238,15 +249,17 @@ def _failures(chart: dict[str, Any]) -> Section:
 
 
 def _cost(chart: dict[str, Any]) -> Section:
-    html = [listed(
-        chart.get("growth", []),
-        {
-            "method": lambda g: g["method"], "exponent": lambda g: f"{g['exponent']:.2f}",
-            "unknowns": lambda g: f"{g['n_dof'][0]} to {g['n_dof'][-1]}",
-            "one step": lambda g: " to ".join(number(1e6 * g["seconds_per_step"][i], 2) for i in (0, -1)) + " µs",
-        },
-        caption="Seconds per step against unknowns: exponent of a power law through all sizes",
-    )]  # fmt: skip
+    html = []
+    if grown := chart.get("growth"):
+        html.append(listed(
+            grown,
+            {
+                "method": lambda g: g["method"], "exponent": lambda g: f"{g['exponent']:.2f}",
+                "unknowns": lambda g: f"{g['n_dof'][0]} to {g['n_dof'][-1]}",
+                "one step": lambda g: " to ".join(number(1e6 * g["seconds_per_step"][i], 2) for i in (0, -1)) + " µs",
+            },
+            caption="Seconds per step against unknowns: exponent of a power law through all sizes",
+        ))  # fmt: skip
     floor, said = chart.get("floor"), ""
     if floor:
         said = plain(_SAY.iteration(floor))

@@ -1,7 +1,8 @@
 """Speed against accuracy: every method, model and integrator over its ladder, other codes beside them in the same run.
 
-Errors are of the mass path (largest distance over the largest deflection) and of the tension field (rms off the mass,
-over H), in the window of comparison or up to the slack onset, against a reference far finer than anything charted.
+Errors are of the mass path (largest distance over the largest deflection; of a free ride, where place is the answer, at
+the same times and over a tenth of the length) and of the tension field (rms off the mass, over H), in the window of
+comparison or up to the slack onset, against a reference far finer than anything charted.
 Seconds are those of the time loop alone, up to the end of the window, the best of separate runs on one core.  Our runs
 are short and on the wall clock; of another code's long ones, what other programs took of the core is left out.
 """
@@ -34,7 +35,7 @@ from validation.core.estimate import estimated
 from validation.core.measures import NotComparable, Window
 from validation.core.methods import METHODS, Method, Resolution, refined
 from validation.core.resolution import TooCoarse, resolve
-from validation.core.running import run
+from validation.core.running import Run, run
 from validation.peers import PEERS, PeerPath, available
 
 STOP = measures.WINDOW[1]
@@ -44,6 +45,8 @@ OURS = ("method", "integrator", "extrapolated")  # kinds that solve the full cab
 
 # The reference is of a degree that no charted run comes near in resolution; its companions give its own error.
 REFERENCE: tuple[str, dict[str, Any]] = ("following-p4", {"elements": 48, "steps": 3200, "scheme": "radau"})
+# Of a free ride, which rings: its own rule.
+REFERENCE_OF_RIDES: tuple[str, dict[str, Any]] = ("following-p4", {"elements": 16, "steps": 8000})
 # The other wing's finest: says how far two solvers that share no formula are from each other.
 WITNESS: tuple[str, dict[str, Any]] = ("fourier-kink", {"terms": 60, "steps": 3000})
 
@@ -86,19 +89,20 @@ def chart(
     report("reference", 0.0)
     truth = _Truth.of(scene, before.get("reference"))
     rows: list[dict[str, Any]] = [r for r in before.get("rows", []) if r["status"] not in ("not run", "not installed")]
-    todo = list(series(peers))
+    todo = list(series(peers, scene.groups))
     found = {
-        "scene": scene.name, "scene_toml": scene.to_toml(), "machine": _machine(), "window": list(truth.window),
-        "reference": truth.told, "rows": rows,
+        "scene": scene.name, "scene_toml": scene.to_toml(), "drive": scene.groups.drive.mode,
+        "machine": _machine(), "window": list(truth.window), "reference": truth.told, "rows": rows,
     }  # fmt: skip
     for i, line in enumerate(todo):
         report(line.name, 0.05 + 0.85 * i / len(todo))
         share = (6.0 if line.kind == "peer" else 1.5) * budget / len(todo)  # other codes are slow
         rows += _line(scene, line, truth, rows, repeats, share)
         write_json(path, found)
-    report("cost growth", 0.9)
-    found["growth"] = before.get("growth") or growth(scene)
-    found["floor"] = before.get("floor") or implicit_floor(scene)
+    if scene.groups.drive.mode == "grip":
+        report("cost growth", 0.9)
+        found["growth"] = before.get("growth") or growth(scene)
+        found["floor"] = before.get("floor") or implicit_floor(scene)
     for quantity in ("path", "tension"):
         front(rows, quantity)
     found["fastest"] = [fastest(rows, error) for error in DECADES]
@@ -107,11 +111,12 @@ def chart(
     return found
 
 
-def series(peers: bool = True) -> Iterator[Series]:
+def series(peers: bool = True, groups: Groups | None = None) -> Iterator[Series]:
     """Yield what is charted; names come from the tables of methods, schemes, models and peers."""
     from cablefem.elements.cable import MODELS
 
-    base = METHODS[BASE]
+    base, mode = METHODS[BASE], groups.drive.mode if groups else "grip"
+    usual = (base.settings_on(groups, {}) if groups else base.settings({}))["scheme"]
     for method in METHODS.values():
         shares = DENSE if method is base else STEPS
         yield Series(method.name, "method", tuple(ladder(method, shares)), method.name)
@@ -119,7 +124,7 @@ def series(peers: bool = True) -> Iterator[Series]:
         if model != "full":
             yield Series(f"model {model}", "model", tuple(ladder(base))[::4], BASE, model)
     for scheme in SCHEMES:
-        if scheme != base.knobs["scheme"].default:
+        if scheme != usual:
             # High order wants few large steps; with fewer than that, Newton's method is lost at wave fronts.
             few, least = (4, 150) if newmark.scheme(scheme).nodes else (1, 20)
             all_ = [x | {"scheme": scheme, "steps": max(least, x["steps"] // few)} for x in ladder(base)]
@@ -130,11 +135,12 @@ def series(peers: bool = True) -> Iterator[Series]:
     yield Series(f"{BASE} extrapolated", "extrapolated", tuple(ladder(base)), BASE)
     for name in (BASE, WITNESS[0]):
         yield Series(f"{name} --tol", "tolerance", tuple({"tol": tol} for tol in ASKED), name)
-    for rule in ("DOP853", "Radau"):
+    for rule in ("DOP853", "Radau") if mode == "grip" else ():
         yield Series(f"scipy {rule}", "scipy", ({"elements": 3, "rule": rule},), BASE)
     if peers:
         for peer in PEERS.values():
-            yield Series(peer.name, "peer", tuple(dict(rung) for rung in peer.ladder))
+            ours = (mode == "free" and peer.rides) or peer.ladder
+            yield Series(peer.name, "peer", tuple(dict(rung) for rung in ours))
 
 
 def ladder(method: Method, shares: tuple[float, ...] = STEPS) -> Iterator[dict[str, Any]]:
@@ -166,14 +172,15 @@ class _Truth:
 
     @classmethod
     def of(cls, scene: Scene, told: dict[str, Any] | None) -> _Truth:
-        name, settings = REFERENCE
-        reference = run(scene, name, until=STOP, **settings)
-        if reference.reached < STOP and reference.slack_onset is None:
+        stop = stop_of(scene)
+        name, settings = REFERENCE if stop else REFERENCE_OF_RIDES
+        reference = run(scene, name, until=stop, **settings)
+        if (reference.reason if stop is None else reference.reached < stop) and reference.slack_onset is None:
             raise ValueError(f"the chart's reference stopped at s_o/l = {reference.reached:.3f}: {reference.reason}")
         window = measures.window_of(reference)
         if told is None:
-            bars = estimated(scene, name, known=[reference], until=STOP, **settings).run
-            other = run(scene, WITNESS[0], until=STOP, **WITNESS[1])
+            bars = estimated(scene, name, known=[reference], until=stop, **settings).run
+            other = run(scene, WITNESS[0], until=stop, **WITNESS[1])
             told = {
                 "method": name, "settings": settings, "path_error": bars.path_error,
                 "tension_error": bars.tension_error, "witness": WITNESS[0], "witness_settings": WITNESS[1],
@@ -188,12 +195,22 @@ class _Truth:
         path, rms = measures.path_gap(r, self.run, self.window)
         return {"path_error": path, "path_rms": rms, "tension_error": measures.tension_gap(r, self.run, self.window)}
 
-    def errors_of_path(self, p: PeerPath, scale: float, unit: float) -> dict[str, float]:
-        """Return the errors of another code's path; `scale` [m] and `unit` [s] are those of its numbers."""
-        inside = (p.s_o >= self.window[0]) & (p.s_o <= self.window[1])
-        ours = CubicSpline(self.run.t, np.stack([self.run.u, self.run.v], axis=1))(unit * p.t[inside])
-        gap = np.hypot(*(scale * np.stack([p.u, p.v])[:, inside] - ours.T)) / self.run.max_deflection
+    def errors_of_path(self, p: PeerPath, scene: Scene) -> dict[str, float]:
+        """Return the errors of another code's path, which has no units."""
+        t, place = scene.time_scale * p.t, np.stack(scene.groups.shape(p.s_o)) + np.stack([p.u, p.v])
+        inside = (p.s_o >= self.window[0]) & (p.s_o <= self.window[1]) & (t <= self.run.t[-1])
+        ours = CubicSpline(self.run.t, np.stack([self.run.x, self.run.y], axis=1))(t[inside])
+        gap = np.hypot(*(scene.length * place[:, inside] - ours.T)) / measures.path_scale(self.run)
         return {"path_error": float(gap.max()), "path_rms": float(np.sqrt(np.mean(gap**2)))}
+
+    def short(self, reached: float, reason: str | None) -> bool:
+        """Whether a run broke before the end of the window; where and when a free ride ends is an answer."""
+        return bool(reason) if self.run.drive == "free" else reached < self.window[1] * (1.0 - 1e-9)
+
+
+def stop_of(scene: Scene) -> float | None:
+    """Return s_o/l to which runs go; None: a free ride goes to its end."""
+    return None if scene.groups.drive.mode == "free" else STOP
 
 
 def _or_none(measure: Callable[[], float]) -> float | None:
@@ -215,6 +232,8 @@ def _line(
     missing = available(line.name) if line.kind == "peer" else None
     if missing is not None:
         return [_row(line, {}, status="not installed", reason=missing)]
+    if (refused := _refused(scene, line)) is not None:
+        return [] if (line.name, "{}") in done else [_row(line, {}, status="failed", reason=refused)]
     seconds_per_size, left = 0.0, share
     for rung in line.rungs:
         if (line.name, json.dumps(rung, sort_keys=True)) in done:
@@ -231,6 +250,18 @@ def _line(
         seconds_per_size = spent / (row["repeats"] or 1) / _size(line, rung)
         new.append(row)
     return new
+
+
+def _refused(scene: Scene, line: Series) -> str | None:
+    """Return why a method or model, or a code whose mass grips the cable, cannot run the scene at all; None: it can."""
+    try:
+        if line.method is not None:
+            Run(scene, line.method, model=line.model)
+        elif scene.groups.drive.mode != "grip" and not (scene.groups.drive.mode == "free" and PEERS[line.name].rides):
+            return f"its mass grips the cable: it has no car that rolls (drive {scene.groups.drive.mode})"
+    except ValueError as error:
+        return str(error)
+    return None
 
 
 def _size(line: Series, rung: dict[str, Any]) -> float:
@@ -283,7 +314,7 @@ def _judged(r: Response, truth: _Truth) -> dict[str, Any]:
         "newton_iterations": r.work["newton_iterations"], "factorisations": r.work["factorisations"],
         "unknown_steps": r.work["steps"] * r.n_dof,
     }  # fmt: skip
-    if r.reached < truth.window[1]:
+    if truth.short(r.reached, r.reason):
         return work | {"status": "failed", "reason": r.reason or f"ended at s_o/l = {r.reached:.3f}"}
     try:
         return work | {"status": "ok", **truth.errors(r)}
@@ -316,18 +347,20 @@ Once = tuple[dict[str, Any], float]  # what a run is found to be, and its second
 
 def _ours(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> Once:
     assert line.method is not None
-    r = run(scene, line.method, model=line.model, until=STOP, **rung)
+    r = run(scene, line.method, model=line.model, until=stop_of(scene), **rung)
     return _judged(r, truth), r.seconds
 
 
 def _pair(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> Once:
     """Two runs, the second with half the steps, and Richardson's extrapolation of second order in time; both count."""
     assert line.method is not None
+    until = stop_of(scene)
     fine, coarse = (
-        run(scene, line.method, until=STOP, **rung | {"steps": steps}) for steps in (rung["steps"], rung["steps"] // 2)
+        run(scene, line.method, until=until, **rung | {"steps": steps}) for steps in (rung["steps"], rung["steps"] // 2)
     )
-    if (reached := min(fine.reached, coarse.reached)) < truth.window[1]:
-        raise _Failed(fine.reason or coarse.reason or "one of the two runs ended early", reached=reached)
+    if any(truth.short(r.reached, r.reason) for r in (fine, coarse)):
+        reason = fine.reason or coarse.reason or "one of the two runs ended early"
+        raise _Failed(reason, reached=min(fine.reached, coarse.reached))
     work = {k: fine.work[k] + coarse.work[k] for k in fine.work}
     better = replace(measures.extrapolated(fine, coarse, 2.0), work=work)
     return _judged(better, truth), fine.seconds + coarse.seconds
@@ -337,23 +370,24 @@ def _to_tolerance(scene: Scene, line: Series, rung: dict[str, Any], truth: _Trut
     """A tolerance in place of a resolution: the seconds are those of every run it took to get there."""
     assert line.method is not None
     begin = time.process_time()
-    r = resolve(scene, line.method, rung["tol"], until=STOP)
+    r = resolve(scene, line.method, rung["tol"], until=stop_of(scene))
     seconds = time.process_time() - begin
     chosen = METHODS[line.method].told(r.settings)
     return _judged(r, truth) | {"bar": r.path_error, "chosen": chosen}, seconds
 
 
 def _of_peer(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> Once:
-    groups = until(scene.groups, STOP)
+    stop = stop_of(scene)
+    groups = scene.groups if stop is None else until(scene.groups, stop)
     try:
         with threadpool_limits(1):
             p, share = _alone(lambda: PEERS[line.name].run(groups, **rung))
     except Exception as error:  # another code may fail in its own ways
         raise _Failed(f"{type(error).__name__}: {error}") from error
     steps = {"steps": p.t.size - 1, "reached": p.reached}
-    if p.reached < truth.window[1] * (1.0 - 1e-9):
+    if truth.short(p.reached, p.note):
         raise _Failed(p.note or f"ended at s_o/l = {p.reached:.3f}", **steps)
-    return {"status": "ok", **steps, **truth.errors_of_path(p, scene.length, scene.time_scale)}, share * p.seconds
+    return {"status": "ok", **steps, **truth.errors_of_path(p, scene)}, share * p.seconds
 
 
 def until(groups: Groups, place: float) -> Groups:
@@ -582,7 +616,8 @@ def fastest(rows: list[dict[str, Any]], error: float) -> dict[str, Any]:
 
 def _why_not(rows: list[dict[str, Any]]) -> str:
     errors = [r["path_error"] for r in rows if r["path_error"] is not None]
-    return f"not measured: comes to {min(errors):.2g} at best" if errors else f"not measured: {rows[0]['reason']}"
+    why = f"comes to {100.0 * min(errors):.2g} % at best" if errors else rows[0]["reason"]
+    return f"not measured: {why}"
 
 
 def _machine() -> dict[str, str]:

@@ -72,8 +72,7 @@ def command(
         return 2
 
     from validation.core.design import design, numbers
-    from validation.core.estimate import estimated
-    from validation.core.extrapolation import extrapolated
+    from validation.core.estimate import companions, estimated
     from validation.core.resolution import TooCoarse, resolve
     from validation.core.running import run as run_method
     from validation.core.sidebyside import alone, side_by_side
@@ -92,12 +91,15 @@ def command(
                 response, too_coarse = error.best, str(error)
             kind |= response.settings
         elif extrapolate:
+            from validation.core.extrapolation import extrapolated
+
             better = extrapolated(loaded, chosen, **kind, progress=report)
             response, made = better.response, list(better.runs)
         elif not bars:
             response = run_method(loaded, chosen, **kind, progress=report)
         if bars:
-            e = estimated(loaded, chosen, known=made, **kind, progress=report)
+            of = companions if tol is not None else estimated  # a ladder has told the bar of the path
+            e = of(loaded, chosen, known=made, **kind, progress=report)
             if extrapolate:
                 response = better.with_bars(e)
             elif tol is None:
@@ -120,7 +122,10 @@ def command(
     return (
         1
         if too_coarse
-        or any(flag.kind not in ("no bar", "short bar", "coarse", "not extrapolated") for flag in response.flags)
+        or any(
+            flag.kind not in ("no bar", "short bar", "coarse", "no order", "not extrapolated")
+            for flag in response.flags
+        )
         else 0
     )
 

@@ -89,8 +89,6 @@ def lost(study: Study, index: int, cause: str) -> dict[str, Any]:
 
 
 def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
-    from threadpoolctl import threadpool_limits
-
     from cablefem.scene import SceneError
 
     try:
@@ -98,8 +96,7 @@ def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
     except (SceneError, ValueError) as error:
         return {"status": "refused", "cause": "scene", "reason": str(error)}
     out = {name: value for name in GROUPS if (value := getattr(scene, name)) is not None and math.isfinite(value)}
-    with threadpool_limits(1):
-        return out | {"run": _run, "check": _check, "advise": _advise}[study.job](study, point, scene, index)
+    return out | {"run": _run, "check": _check, "advise": _advise}[study.job](study, point, scene, index)
 
 
 def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
