@@ -247,9 +247,14 @@ class Response:
 
     @property
     def max_deflection(self) -> float:
-        """Largest v of the mass path [m], on the second half as far as the cable is taut: slack, it flings the mass."""
-        taut = math.inf if self.slack_onset is None else max(self.slack_onset, 0.5)
-        return float(self.v[self.s_o <= taut * self.length].max())
+        """Largest v of the mass path [m]; of a car whose place is given, past midspan only while the cable is taut.
+
+        Slack, it flings the mass.  The first row always counts, wherever a car starts; a free ride may turn back, so
+        that its place tells nothing of before and after: all of it counts.
+        """
+        onset = math.inf if self.slack_onset is None or self.drive == "free" else self.slack_onset
+        kept = self.v[self.s_o <= max(onset, 0.5) * self.length]
+        return float(kept.max(initial=self.v[0]))
 
     @property
     def flag_kinds(self) -> list[str]:

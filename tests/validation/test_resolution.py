@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from cablefem import Scene
 from validation.core import measures, resolution
@@ -193,3 +196,22 @@ def test_the_largest_deflection_of_a_slack_cable_is_that_before_it_flings_the_ma
     assert r.slack_onset < 0.95
     assert flung.max_deflection == r.max_deflection
     assert replace(flung, slack_onset=None).max_deflection == 100.0
+
+
+@cache
+def deflected():
+    return run(INCLINED, "following-p2", elements=4, steps=60)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    start=st.floats(0.0, 0.99), turns=st.booleans(), onset=st.none() | st.floats(0.0, 1.0),
+    drive=st.sampled_from(["grip", "haul", "free"]),
+)  # fmt: skip
+def test_there_is_a_largest_deflection_wherever_a_car_starts_and_the_cable_falls_slack(start, turns, onset, drive):
+    r = deflected()
+    place = np.linspace(start, 0.2 * start if turns else 1.0, r.t.size) * r.length
+    most = replace(r, s_o=place, slack_onset=onset, drive=drive).max_deflection
+    assert r.v[0] <= most <= r.v.max()
+    if onset is None or drive == "free":
+        assert most == r.v.max()
