@@ -222,7 +222,7 @@ def _label(ax: Axes, row: Row, error: str, work: str, colour: str, up: int, take
     note.set_in_layout(False)
     for y, right in product((9, -9, 20, -20, 31, -31, 42, -42), (True, False)):
         note.xyann = (3 if right else -3, up * y)
-        note.set_ha("left" if right else "right")
+        note.set_horizontalalignment("left" if right else "right")
         box = note.get_window_extent().padded(2.0)
         if all(ax.bbox.contains(*corner) for corner in (box.p0, box.p1)) and not box.count_overlaps(taken):
             break
