@@ -46,10 +46,10 @@ SPARSE = 4  # every so-manieth frame is enough of trial runs that nobody else wi
 QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 
 # A car of at most this mass sends a front of width mu over the cable and meets it again: what counts is how little the
-# front disperses on all its way, in space and time.  Measured on `level` with mu = 0.01, path errors of Radau: 342 steps
-# 1.1e-3 on 200 elements a side, 684 steps 5.4e-4; 342 with those at the start, those where the front meets the car, or
-# both cut to a quarter 0.8e-3 to 1.0e-3; elements graded towards the car make it worse, and degree 4, 6 or 8 with as many
-# unknowns is no better: the front bends sharply inside some element.  Only nodes that travel with it would help.
+# front disperses on all its way, in space and time.  Measured on `level` with mu = 0.01, path errors of Radau: 342
+# steps 1.1e-3 on 200 elements a side, 684 steps 5.4e-4; 342 with those at the start, those where the front meets the
+# car, or both cut to a quarter 0.8e-3 to 1.0e-3.  Elements graded towards the car make it worse, and degree 6 or 8 with
+# as many unknowns is no better: only nodes that travel with the front would help.
 LIGHT, SHARP = 0.1, {"scheme": "radau"}
 
 
