@@ -41,7 +41,7 @@ SPARSE = 4  # every so-manieth frame is enough of trial runs that nobody else wi
 # one.  Of 51 bars 50 hold with rho_inf 0.8 and 48 with 0.6, at three quarters of the work.
 # Radau needs less: with tol 1e-4 all trial runs of following-p2 take 5.7 times less on `tramway`, 3.6 on `cruise`, 2.8
 # on `kevlar`, 1.3 on `inclined` and `level`, at the same true error of the path.  But axial waves are gone from such
-# steps and from their companions alike: the least contact force of `tramway` is then off by four of its bars.  So who
+# steps and from their companions alike: the least contact force of `tramway` is then off by six of its bars.  So who
 # asks for the path alone may name it.
 QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 
