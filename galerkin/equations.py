@@ -20,7 +20,7 @@ from cablefem.scene import Groups
 from cablefem.scene.motion import Motion
 from galerkin import kernels
 from galerkin.bases import Basis
-from galerkin.bases.kink import Array, Carried, Standing, TravellingKink
+from galerkin.bases.kink import Array, Carried, MovingBasis, Standing, TravellingKink
 from galerkin.models import FullCable, cable_model
 from galerkin.observe import observe
 
@@ -76,7 +76,7 @@ class GalerkinSystem:
             raise ValueError(f"unknown load {load!r}; one of {', '.join(LOADS)}")
         self.groups, self.mu, self.kink = groups, groups.mu, kink
         self.model, self.load, self.law = model, load, law
-        self.basis: TravellingKink | Standing = TravellingKink(basis) if kink else Standing(basis)
+        self.basis: MovingBasis = TravellingKink(basis) if kink else Standing(basis)
         self.cable = cable_model(groups, model, law)
         self.inertia = self.mu if load == "mass" else 0.0
         self.path_form = load == "mass" and not basis.smooth
