@@ -52,13 +52,13 @@ def command(
     Writes DIR/METHOD/: path.csv, tension.csv, summary.json, response.npz, and for ParaView response.xdmf, mass.xdmf
     and their data, response.h5 and mass.h5.
     """
-    from validation.core.methods import near
+    from cablefem.scene.errors import nearest, shown
 
     faults: list[str] = []
     for option, given in (("model", model), ("load", load), ("law", law)):
         known = CHOICES[option]
         if given not in known:
-            faults.append(f"--{option} must be one of {', '.join(known)}, got {given!r}{near(given, known)}")
+            faults.append(f"--{option} = {shown(given)}: unknown.{nearest(given, known)}")
     faults += tol_faults(tol)
     if extrapolate and tol is not None:
         faults.append("--extrapolate and --tol exclude each other: --tol chooses the steps")
