@@ -97,7 +97,7 @@ class _Rung:
 
 def resolve(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None,
-    runs: list[Response] | None = None, **kind: Any,
+    runs: list[Response] | None = None, budget: float = math.inf, **kind: Any,
 ) -> Response:  # fmt: skip
     """Return a run whose path error bar is at most `tol`, at nearly the least cost, with its design numbers.
 
@@ -108,7 +108,7 @@ def resolve(
     predicted.
     Only the run that is returned goes beyond the window of comparison.
 
-    kind : as in `run`;  runs : receives every run that is made on the way.
+    kind : as in `run`;  runs : receives every run that is made on the way;  budget : of the `work` on the way.
 
     Steps are equal.  Step sizes from local error were measured and are not used: for the same largest
     path error they take 0.8 to 1.1 times the steps on `level`, for the same rms error and on `inclined` more than equal
@@ -141,7 +141,7 @@ def resolve(
     coarser: Response | None = None  # the run before space was refined last
     for attempt in range(ATTEMPTS):
         report(min(0.5, 0.1 + 0.05 * attempt), f"{len(made)} runs, bar {rung.bar:.1g} of {tol:g} wanted")
-        finer = _next(method, rung, settings, tol, stuck)
+        finer = _next(method, rung, settings, tol, stuck, runs is not None)
         if rung.bar <= tol and _doubtful(rung.response, coarser):
             finer = settings | {space.setting: space.finer(method.value(settings), FURTHEST)}
         in_space = method.value(finer) != method.value(settings)
@@ -152,6 +152,10 @@ def resolve(
             read_at = settings["steps"]
             continue
         if (rung.bar <= tol and not in_space) or finer == settings or finer["steps"] * method.value(finer) > LARGEST:
+            break
+        ahead = work(method, rung.response) * finer["steps"] / settings["steps"]
+        ahead *= space.cost(method.value(finer)) / space.cost(method.value(settings))
+        if sum(work(method, r) for r in made) + ahead > budget:
             break
         if finer["steps"] != settings["steps"]:  # first, on the coarser mesh: that costs less and tells as much
             ratio = finer["steps"] / settings["steps"]
@@ -198,9 +202,10 @@ def resolve(
 
 
 def resolved(
-    scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None, **kind: Any
-) -> Estimated:
-    """Return the run of `resolve`, or the finest within reach, with companions for the bars of everything else.
+    scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None, budget: float = math.inf,
+    **kind: Any,
+) -> Estimated:  # fmt: skip
+    """Return the run of `resolve`, or the finest within reach and budget, with companions for all other bars.
 
     The path's bar is that of its own ladder, which has seen the orders; where it is smaller than the companions say,
     theirs of everything else are scaled with it.
@@ -208,13 +213,18 @@ def resolved(
     method = find(method) if isinstance(method, str) else method
     made: list[Response] = []
     try:
-        finest = resolve(scene, method, tol, progress=progress, runs=made, **kind)
+        finest = resolve(scene, method, tol, progress=progress, runs=made, budget=budget, **kind)
     except TooCoarse as error:
         finest = error.best
     how = {k: kind[k] for k in KIND if k in kind}
     e = companions(scene, method, known=made, **how, **finest.settings)
     e = replace(e, order=_order_in_time(e, made))
     return weighted(e, finest.path_error / e.run.path_error) if finest.path_error and e.run.path_error else e
+
+
+def work(method: Method, r: Response) -> float:
+    """Return what a run has cost: Newton's iterations, each times what the resolution makes of it."""
+    return r.work["newton_iterations"] * method.resolution.cost(method.value(r.settings))
 
 
 def _companion(
@@ -309,13 +319,14 @@ def _part(
 
 
 def _next(
-    method: Method, rung: _Rung, settings: dict[str, Any], tol: float, stuck: bool = False
+    method: Method, rung: _Rung, settings: dict[str, Any], tol: float, stuck: bool = False, halves: bool = False
 ) -> dict[str, Any]:  # fmt: skip
     """Return the settings that are predicted to meet AIM * tol at the least cost, as far as they go in one stride.
 
     With parts s and t, a times the resolution and b times the steps leave s/a^p + t/b^r.
 
     stuck : the last refinement of space did not lower its part.
+    halves : the run with half the steps is wanted too, so that doubling costs less than a shorter stride.
     """
     space, count, steps = method.resolution, method.value(settings), settings["steps"]
     p, r, s, t = space_order(method.space_order), time_order(settings), rung.space.path, rung.time.path
@@ -331,4 +342,6 @@ def _next(
     # the cheapest way there, however far, and of it one stride
     ways = [(a, b) for a in strides for b in strides if s / a**p + t / b**r <= AIM * tol] or [(FURTHEST, FURTHEST)]
     a, b = min(ways, key=lambda x: x[1] * space.cost(count, x[0]))
-    return settings | at(min(a, FURTHEST), min(b, FURTHEST))
+    # what is a stride further from its end than the other goes alone
+    a, b = (a if b <= FURTHEST * a else 1.0), (b if a <= FURTHEST * b else 1.0)
+    return settings | at(min(a, FURTHEST), FURTHEST if halves and b > 1.0 else min(b, FURTHEST))
