@@ -121,6 +121,11 @@ class GalerkinSystem:
         """s_o of a state."""
         return self.motion.at(x.t, x.phase)[0]
 
+    def between(self, t0: float, t1: float, w: float, phase: int) -> float:
+        """The instant that goes with means of the unknowns at t0 and t1; a free ride's place is one of them."""
+        travel = self.groups.motion
+        return (1.0 - w) * t0 + w * t1 if travel is None else travel.between(t0, t1, w, phase)
+
     def kinematics(self, states: States) -> Array:
         """s_o, ds_o, dds_o of a history, (3, n)."""
         at = zip(states.t.tolist(), states.phase.tolist(), strict=True)

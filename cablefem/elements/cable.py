@@ -116,6 +116,10 @@ class CableElements:
         """Return s_o of a state."""
         return self.motion.at(x.t, x.phase)[0]
 
+    def between(self, t0: float, t1: float, w: float, phase: int) -> float:
+        """Return the instant that goes with means of the unknowns at t0 and t1; a free ride's place is one of them."""
+        return (1.0 - w) * t0 + w * t1 if self.motion is None else self.motion.between(t0, t1, w, phase)
+
     def in_time(self, states: States) -> States:
         """Return the history itself: time is its independent variable."""
         return states

@@ -244,7 +244,7 @@ def test_the_level_answers_are_those_of_the_methods_in_the_check():
 def test_a_check_goes_on_where_bars_cover_less_than_the_range(monkeypatch, flagged, rounds):
     answers, asked = dict(zip(study.SOLVERS, right(), strict=True)), []
 
-    def resolved(scene, method, tol, progress):
+    def resolved(scene, method, tol, budget, progress):
         asked.append(tol)
         e = answers[method.name]
         short = [flag("short bar", stop=0.3)] if flagged and len(asked) <= 2 else []
