@@ -437,14 +437,8 @@ class Scene(Part):
 
 
 _FILES = resources.files("cablefem.scene") / "library"
-_FIRST = (
-    "level",
-    "cruise",
-    "inclined",
-    "bare",
-    "tramway",
-    "zipline",
-)  # of a list: the paper's, then what is asked most
+# first in a list: the paper's scenes, then what is asked most
+_FIRST = ("level", "cruise", "inclined", "bare", "tramway", "zipline")
 _FOUND = sorted(file.name.removesuffix(".toml") for file in _FILES.iterdir() if file.name.endswith(".toml"))
 LIBRARY = (*_FIRST, *(name for name in _FOUND if name not in _FIRST))
 
