@@ -54,7 +54,7 @@ LIGHT, SHARP, FINE = 0.1, {"scheme": "radau"}, 2e-3
 # and 23 (alpha sigma/mu)^0.25 T^4/3 steps, T the time of the travel over l sqrt(rho/H), each within a factor of 1.5
 # (standard deviation of the logarithm 0.42 and 0.44).  Begun there, no part has been seen to fall and keeps the larger
 # factor of safety: beginning with 1.0 and 20, `Method.meets` and these steps, took least work and 5.8 runs for 7.8.
-MEETS, MEETING_STEPS = 1e-2, 20.0
+MEETS, MEETING_STEPS, SLOWEST = 1e-2, 20.0, 11.0
 
 
 class TooCoarse(RuntimeError):
@@ -284,14 +284,18 @@ def _begin(scene: Scene, method: Method, tol: float) -> dict[str, int]:
     space, motion, g = method.resolution, scene.groups.motion, scene.groups
     if motion is None:
         return {space.setting: space.first, "steps": FIRST_STEPS}
-    last, stiff = motion.phases[-1][1], (g.alpha * g.sigma) or 1.0
-    count = (method.meets or 0.0) * stiff**0.15 * g.mu**-0.6 * (MEETS / tol) ** (1.0 / space_order(method.space_order))
-    steps = MEETING_STEPS * (stiff / g.mu) ** 0.25 * last ** (4.0 / 3.0) * math.sqrt(MEETS / tol)
+    (_, last), count, steps = motion.phases[-1], 0.0, 0.0
     if _light(scene, tol):
         count, steps = space.with_unknowns(2.0 / scene.mu), last / scene.mu
+    elif scene.drive.mode == "grip" and last <= SLOWEST and motion.at(0.0, 0)[1] > 0.0:  # what enters with speed
+        stiff = g.alpha * g.sigma
+        count = (
+            (method.meets or 0.0) * stiff**0.15 * g.mu**-0.6 * (MEETS / tol) ** (1 / space_order(method.space_order))
+        )
+        steps = MEETING_STEPS * (stiff / g.mu) ** 0.25 * last ** (4.0 / 3.0) * math.sqrt(MEETS / tol)
     return {
         space.setting: min(max(space.first, round(count)), space.most // 2),
-        "steps": min(max(FIRST_STEPS, round(steps)), MOST_STEPS // 8),
+        "steps": min(max(FIRST_STEPS, math.ceil(steps)), MOST_STEPS // 8),
     }
 
 
