@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import math
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -246,8 +247,14 @@ class Response:
 
     @property
     def max_deflection(self) -> float:
-        """Largest v of the mass path [m]."""
-        return float(self.v.max())
+        """Largest v of the mass path [m]; of a car whose place is given, past midspan only while the cable is taut.
+
+        Slack, it flings the mass.  The first row always counts, wherever a car starts; a free ride may turn back, so
+        that its place tells nothing of before and after: all of it counts.
+        """
+        onset = math.inf if self.slack_onset is None or self.drive == "free" else self.slack_onset
+        kept = self.v[self.s_o <= max(onset, 0.5) * self.length]
+        return float(kept.max(initial=self.v[0]))
 
     @property
     def flag_kinds(self) -> list[str]:

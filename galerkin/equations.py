@@ -20,7 +20,7 @@ from cablefem.scene import Groups
 from cablefem.scene.motion import Motion
 from galerkin import kernels
 from galerkin.bases import Basis
-from galerkin.bases.kink import Array, Carried, Standing, TravellingKink
+from galerkin.bases.kink import Array, Carried, MovingBasis, Standing, TravellingKink
 from galerkin.models import FullCable, cable_model
 from galerkin.observe import observe
 
@@ -76,7 +76,7 @@ class GalerkinSystem:
             raise ValueError(f"unknown load {load!r}; one of {', '.join(LOADS)}")
         self.groups, self.mu, self.kink = groups, groups.mu, kink
         self.model, self.load, self.law = model, load, law
-        self.basis: TravellingKink | Standing = TravellingKink(basis) if kink else Standing(basis)
+        self.basis: MovingBasis = TravellingKink(basis) if kink else Standing(basis)
         self.cable = cable_model(groups, model, law)
         self.inertia = self.mu if load == "mass" else 0.0
         self.path_form = load == "mass" and not basis.smooth
@@ -119,6 +119,11 @@ class GalerkinSystem:
     def place(self, x: State) -> float:
         """s_o of a state."""
         return self.motion.at(x.t, x.phase)[0]
+
+    def between(self, t0: float, t1: float, w: float, phase: int) -> float:
+        """The instant that goes with means of the unknowns at t0 and t1; a free ride's place is one of them."""
+        travel = self.groups.motion
+        return (1.0 - w) * t0 + w * t1 if travel is None else travel.between(t0, t1, w, phase)
 
     def kinematics(self, states: States) -> Array:
         """s_o, ds_o, dds_o of a history, (3, n)."""

@@ -56,8 +56,8 @@ def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equi
         points = cable.at(moving, place)
         strain[i], least[i], at = kernels.survey(points, Q[i], cable.alpha, cable.law, internal[i])
         least_at[i] = points.s[at]
-    first, second = basis.primitive1(x.s_o), basis.primitive2(x.s_o)
-    ends, ends_1 = (f(np.array([0.0, 1.0])) for f in (basis.primitive2, basis.primitive1))
+    first, second = basis.phi(x.s_o, -1), basis.phi(x.s_o, -2)
+    ends, ends_1 = (basis.phi(np.array([0.0, 1.0]), m) for m in (-2, -1))
     ray_behind, ray_ahead = _rays(x)
     moment_behind = combined(x.A, s_o * first - second + ends[0]) + ray_behind * s_o**3 / 3.0
     moment_ahead = combined(x.A, ends[1] - second - rest * first) + ray_ahead * rest**3 / 3.0
@@ -89,7 +89,7 @@ def _rays(x: History) -> tuple[Array, Array]:
 def _along(x: History, basis, behind: Array, ahead: Array, first: Array, s: Array, frames: Array) -> Array:
     """G at the stations, (k, m, 2)."""
     s_o, rays = x.s_o[frames, None], _rays(x)
-    standing = np.einsum("kfm,sm->ksf", x.A[frames], basis.primitive1(s)) - combined(x.A, first)[frames, None]
+    standing = np.einsum("kfm,sm->ksf", x.A[frames], basis.phi(s, -1)) - combined(x.A, first)[frames, None]
     left, right = (0.5 * (s_o**2 - s**2))[..., None], (0.5 * ((1.0 - s_o) ** 2 - (1.0 - s) ** 2))[..., None]
     return standing + np.where(
         (s <= s_o)[..., None],

@@ -46,7 +46,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     direction = np.eye(2) if fields == 2 else np.array([[-groups.chord_sin, groups.chord_cos]])
 
     basis, smooth = system.basis.basis, system.basis.basis.smooth
-    phi, first = basis.values(x.s_o), basis.d1(x.s_o)
+    phi, first = basis.phi(x.s_o), basis.phi(x.s_o, 1)
     w_s = combined(x.Q, first)
     w = combined(x.Q, phi) + x.q_hat
     w_t = combined(x.V, phi) + x.v_hat + x.ds_o[:, None] * w_s  # along the path
@@ -54,7 +54,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         w, w_t, w_tt = (y[:, system.n_modal :] for y in (states.q, states.v, states.a))
     else:
         # without phi'' (a moving force on a rough basis) the centrifugal part is left out: it enters no equation then
-        bend = combined(x.Q, basis.d2(x.s_o)) if smooth else np.zeros_like(w)
+        bend = combined(x.Q, basis.phi(x.s_o, 2)) if smooth else np.zeros_like(w)
         w_tt = (
             combined(x.A, phi) + x.a_hat + 2.0 * x.ds_o[:, None] * combined(x.V, first)
             + x.dds_o[:, None] * w_s + x.ds_o[:, None] ** 2 * bend
@@ -64,9 +64,9 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
 
     T_o, xp, yp, xpp, ypp = groups.static(x.s_o)
     static, curvature = np.stack([xp, yp], axis=1), np.stack([xpp, ypp], axis=1)
-    values = basis.values(s)
+    values = basis.phi(s)
     u_v, du_dv = _displacement(x, s, values, frames)
-    w_s_frames = np.einsum("kfm,sm->kfs", x.Q[frames], basis.d1(s))
+    w_s_frames = np.einsum("kfm,sm->kfs", x.Q[frames], basis.phi(s, 1))
     side = (s[None, :] <= x.s_o[frames, None])[:, None, :]
     slopes = w_s_frames + np.where(side, left[frames, :, None], right[frames, :, None])
     T_s = groups.static(s)[0]

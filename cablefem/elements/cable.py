@@ -4,6 +4,7 @@ Dimensionless: l = H = rho = 1.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -45,7 +46,7 @@ class CableElements:
     """A cable on some mesh with its moving mass: a `cablefem.newmark.System` but for the mesh.
 
     A mesh sets n_scalar (unknowns per field), _n_dof, _band, _mesh and _operators, and answers `start`, `_time`,
-    `_at_mass` and `_fields`.
+    `_at_mass` and `_along`.
 
     model : "full" for (u, v), or one unknown field normal to the chord: "string", "sagged", "stretching".
     load : "mass", or "force" for its weight alone.
@@ -114,6 +115,10 @@ class CableElements:
     def place(self, x: State) -> float:
         """Return s_o of a state."""
         return self.motion.at(x.t, x.phase)[0]
+
+    def between(self, t0: float, t1: float, w: float, phase: int) -> float:
+        """Return the instant that goes with means of the unknowns at t0 and t1; a free ride's place is one of them."""
+        return (1.0 - w) * t0 + w * t1 if self.motion is None else self.motion.between(t0, t1, w, phase)
 
     def in_time(self, states: States) -> States:
         """Return the history itself: time is its independent variable."""
@@ -209,19 +214,17 @@ class CableElements:
         """Return w(s_o(t), t), its first and second time derivative, and w' behind and ahead, (n, fields) each."""
         raise NotImplementedError
 
-    def _carried(
+    def _along(
         self, states: States, kinematics: Array, force: Array, rise: Array, s: Array, frames: NDArray[np.intp]
-    ) -> tuple[Array, Array, tuple[Array, Array]]:
-        """Return f - c^2 w' from the balance of momentum, and c, of which the recovered tension is made.
+    ) -> tuple[Sequence[Array], Array, Array, tuple[Array, Array]]:
+        """Return what is seen along the cable: fields, and f - c^2 w' from the balance of momentum.
 
-        f is the internal force less its static part, c the speed of the mesh.  First (n, 4, fields): at the left
-        support, behind and ahead of the mass, at the right support; then (k, m, fields): along the cable at the frames.
-        c at the mass (n,) and along the cable (k, m).  `force` of the cable on the mass; `rise` as in `end_forces`.
+        Fields: w, dw/dt at fixed s, and w' at frames x stations, (k, m, fields) each; at s = s_o the side behind.
+        f is the internal force less its static part, c the speed of the mesh; recovered tensions are made of them.
+        First (n, 4, fields): at the left support, behind and ahead of the mass, at the right support; then
+        (k, m, fields): along the cable at the frames.  Then c at the mass (n,) and along the cable (k, m).
+        `force` of the cable on the mass; `rise` as in `end_forces`.
         """
-        raise NotImplementedError
-
-    def _fields(self, states: States, kinematics: Array, s: Array, frames: NDArray[np.intp]) -> Array:
-        """Return w, dw/dt at fixed s, and w' at frames x stations, (3, k, m, fields); at s = s_o the side behind."""
         raise NotImplementedError
 
     # --- the cable -------------------------------------------------------------------------------------
@@ -296,9 +299,9 @@ class CableElements:
         T, xp, yp, xpp, ypp = g.static(s_o)
         static, bend = np.stack([xp, yp], axis=1), np.stack([xpp, ypp], axis=1)
         behind, ahead = (static + x @ self.direction for x in slopes)
-        fields, dfields, slopes_s = (x @ self.direction for x in self._fields(states, kinematics, s, frames))
         rise = np.maximum(least, 0.0 if self.law == "tension-only" else -math.inf) - self._cable[1]  # of one field
-        ends, along, speed = self._carried(states, kinematics, force, rise, s, frames)
+        seen, ends, along, speed = self._along(states, kinematics, force, rise, s, frames)
+        fields, dfields, slopes_s = (x @ self.direction for x in seen)
         if self.fields == 2:
             tensions, kink = self._tensions(ends, along, speed, static, T, behind, ahead, s, slopes_s)
             power += ds * kink

@@ -244,7 +244,7 @@ class FixedElements(CableElements):
         w_tt = at(N, a) + at(2.0 * ds * N_s, v) + at(ds**2 * N_ss + dds * N_s, q)
         return at(N, q), w_t, w_tt, behind, ahead
 
-    def _carried(self, states, kinematics, force, rise, s, frames):
+    def _along(self, states, kinematics, force, rise, s, frames):
         """Momentum tested with 1 - s and s over the whole cable and the mass, then integrated; the mesh rests, c = 0.
 
         The kink's own momentum, ds_o^2 [r'], is smeared over the element under the mass: half of it is missing there.
@@ -271,12 +271,10 @@ class FixedElements(CableElements):
         ends[:, 2] = ends[:, 1] + force
         ahead = (s > s_o[frames, None])[..., None]
         along = ends[frames, None, 0] + momentum(frames[:, None], np.broadcast_to(s, (frames.size, s.size)))
-        return ends, along + ahead * force[frames, None], (np.zeros(n), np.zeros((frames.size, s.size)))
-
-    def _fields(self, states: States, kinematics: Array, s: Array, frames: NDArray[np.intp]) -> Array:
         dofs, (N, N_s, _) = self._evaluate(s, "behind")
         q, v = (self._padded(x[frames])[:, dofs] for x in (states.q, states.v))  # (k, m, n_loc, fields)
-        return np.stack([np.einsum("lm,kmlf->kmf", shape, x) for shape, x in ((N, q), (N, v), (N_s, q))])
+        seen = [np.einsum("lm,kmlf->kmf", shape, x) for shape, x in ((N, q), (N, v), (N_s, q))]
+        return seen, ends, along + ahead * force[frames, None], (np.zeros(n), np.zeros((frames.size, s.size)))
 
 
 _ONLY_MASS = np.array([[1.0, 0.0, 0.0]])

@@ -26,7 +26,7 @@ from scipy.sparse import coo_array
 from cablefem.elements.cable import CableElements, bands, elements_allowed
 from cablefem.elements.kernels.balance import Contact, Mesh, follow
 from cablefem.elements.kernels.law import pull
-from cablefem.elements.kernels.observe import carried, samples
+from cablefem.elements.kernels.observe import along, followed
 from cablefem.elements.reference import Reference, graded_knots, reference
 from cablefem.newmark import Array, State, StepFailure, consistent_acceleration
 from cablefem.response import States
@@ -194,22 +194,16 @@ class FollowingElements(CableElements):
             behind[0] = v[0, self.node] / ds[0] if ds[0] > 0.0 else a[0, self.node] / dds[0]
         return q[:, self.node], v[:, self.node], a[:, self.node], behind, ahead
 
-    def _fields(self, states: States, kinematics: Array, s: Array, frames: NDArray[np.intp]) -> Array:
-        out = np.empty((frames.size, 3, s.size, self.fields))
-        knots = np.stack([self.left.knots, self.right.knots])
-        samples(knots, self.left.shapes, self._dofs, kinematics, frames, s, states.q, states.v, out)
-        return out.transpose(1, 0, 2, 3)
-
-    def _carried(self, states, kinematics, force, rise, s, frames):
+    def _along(self, states, kinematics, force, rise, s, frames):
         n, f = states.t.size, self.fields
-        ends, along = np.empty((n, 4, f)), np.empty((frames.size, s.size, f))
-        knots = np.stack([self.left.knots, self.right.knots])
-        carried(
-            self._mesh, self._n_left, self.node, self._cable, knots, self.left.shapes, kinematics, rise, frames, s,
-            states.q, states.v, states.a, ends, along,
-        )  # fmt: skip
-        s_o, ds, _ = kinematics[frames].T[:, :, None]
+        ends, out = np.empty((n, 4, f)), np.empty((4, frames.size, s.size, f))
+        of = states.q, states.v, states.a
+        followed(self._mesh, self._n_left, self.node, self._cable, kinematics, rise, *of, ends)
+        self._at = None  # the mesh is that of another instant now
+        knots, places = np.stack([self.left.knots, self.right.knots]), kinematics[frames]
+        history = np.stack([x[frames] for x in of])
+        along(knots, self.left.shapes, self._dofs, self.node, places, s, history, ends[frames], out)
+        s_o, ds, _ = places.T[:, :, None]
         behind = (s <= s_o) & (s_o > 0.0)
         c = ds * np.where(behind, s / np.where(s_o > 0.0, s_o, 1.0), (1.0 - s) / (1.0 - s_o))
-        self._at = None  # the mesh is that of another instant now
-        return ends, along, (kinematics[:, 1], c)
+        return out[:3], ends, out[3], (kinematics[:, 1], c)

@@ -34,6 +34,7 @@ from cablefem.newmark.system import (
     Solve,
     State,
     System,
+    Travelling,
     consistent_acceleration,
 )
 from cablefem.newmark.tableau import Tableau, between, cubic, densified

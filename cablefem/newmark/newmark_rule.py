@@ -5,7 +5,7 @@ import numpy as np
 from cablefem.newmark.newton import Newton, Settled, find_root
 from cablefem.newmark.schemes import Scheme
 from cablefem.newmark.stepper import Stepper, Work
-from cablefem.newmark.system import Array, Solve, State, System
+from cablefem.newmark.system import Array, Solve, State, System, Travelling
 
 
 class NewmarkRule(Stepper):
@@ -13,6 +13,7 @@ class NewmarkRule(Stepper):
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         super().__init__(system, method, newton, work)
+        self._travels = system if isinstance(system, Travelling) else None
         self._rule = np.eye(3, 5)  # as `System.settle` has it
         self._predictor, self._corrector, balance = self._rule[:, :3], self._rule[:, 3], self._rule[:, 4]
         balance[0] = 1.0 - method.alpha_f
@@ -21,7 +22,10 @@ class NewmarkRule(Stepper):
 
     def __call__(self, x: State, t1: float) -> State:
         dt, beta, gamma = t1 - x.t, self.method.newmark_beta, self.method.newmark_gamma
-        t = t1 if self.method.alpha_f == 0.0 else x.t + (1.0 - self.method.alpha_f) * dt  # of the balance
+        t = t1  # of the balance
+        if self.method.alpha_f != 0.0:
+            w = 1.0 - self.method.alpha_f
+            t = x.t + w * dt if self._travels is None else self._travels.between(x.t, t1, w, x.phase)
         rows = self.remembered(x)
         start = np.array([x.q, x.v, x.a]) if rows is None else rows
         now = np.empty_like(start)

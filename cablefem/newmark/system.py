@@ -90,6 +90,14 @@ class Prepared(Protocol):
 
 
 @runtime_checkable
+class Travelling(Protocol):
+    """What a system answers besides if time enters it as the place of something that travels."""
+
+    def between(self, t0: float, t1: float, w: float, phase: int) -> float:
+        """Return the instant that goes with unknowns which are means, weighted 1 - w and w, of those at t0 and t1."""
+
+
+@runtime_checkable
 class Abrupt(Protocol):
     """What a system answers besides if its acceleration may be too short-lived to carry it over a step."""
 

@@ -10,6 +10,8 @@ import numpy as np
 
 from cablefem.scene.bisection import bisected
 
+MOST, SAME = 20, 1e-9  # Newton's steps towards a mean place, and of the way between how exact it is
+
 
 @dataclass(frozen=True, slots=True)
 class Piece:
@@ -51,6 +53,21 @@ class Motion:
         if t == self.phases[-1][1]:
             s = self.end  # exactly, where the polynomial has rounding
         return s, ds, dds
+
+    def between(self, t0: float, t1: float, w: float, phase: int) -> float:
+        """Return the instant at which the place is the mean of those at t0 and t1, weighted 1 - w and w.
+
+        Where a step takes means of its unknowns it must be balanced there: from rest at a support, where the strain of
+        the short side is what they are over s_o ~ t^2, the mean instant has 1.8 times that strain.
+        """
+        first, last = self.at(t0, phase)[0], self.at(t1, phase)[0]
+        want, t = (1.0 - w) * first + w * last, (1.0 - w) * t0 + w * t1
+        for _ in range(MOST):
+            place, pace, _ = self.at(t, phase)
+            if abs(want - place) <= SAME * (last - first) or pace <= 0.0:
+                break
+            t = min(max(t + (want - place) / pace, t0), t1)
+        return t
 
     @property
     def begin(self) -> float:

@@ -183,7 +183,7 @@ class Scene(Part):
         """The TOML of a built-in scene, with its comments, to copy."""
         if name not in LIBRARY:
             raise SceneError([f"scene = {shown(name)}: no built-in scene.{nearest(name, LIBRARY)}"])
-        return (resources.files("cablefem.scene") / "library" / f"{name}.toml").read_text(encoding="utf-8")
+        return (_FILES / f"{name}.toml").read_text(encoding="utf-8")
 
     # --- other scenes -----------------------------------------------------------------------------------------------
 
@@ -436,8 +436,17 @@ class Scene(Part):
         return f"<Scene {self}>"
 
 
-# Built-in scenes in the order in which they are listed.
-LIBRARY = ("level", "cruise", "inclined", "bare", "tramway", "zipline", "kevlar", "rocket", "rollback")
+_FILES = resources.files("cablefem.scene") / "library"
+_FIRST = (
+    "level",
+    "cruise",
+    "inclined",
+    "bare",
+    "tramway",
+    "zipline",
+)  # of a list: the paper's, then what is asked most
+_FOUND = sorted(file.name.removesuffix(".toml") for file in _FILES.iterdir() if file.name.endswith(".toml"))
+LIBRARY = (*_FIRST, *(name for name in _FOUND if name not in _FIRST))
 
 
 _adapter = cache(TypeAdapter)  # building one takes longer than reading a scene

@@ -29,25 +29,13 @@ class Basis(Protocol):
         """True for phi_k = sin(k pi s), whose products compiled code sums in closed form."""
 
     def at(self, s: float) -> np.ndarray:
-        """phi, phi', phi'' (0 where there is none), primitive1, primitive2 at one s; (5, n)."""
+        """phi, phi', phi'' (0 where there is none) and both primitives at one s; (5, n)."""
 
-    def values(self, s: np.ndarray) -> np.ndarray:
-        """phi(s), (n_s, n)."""
-
-    def d1(self, s: np.ndarray) -> np.ndarray:
-        """phi'(s), (n_s, n)."""
+    def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:
+        """The m-th derivative of phi, (n_s, n); m = -1 and -2 are a primitive of phi and one of that."""
 
     def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points and weights of both sides of s_o, (n_q,), phi' and, last, the hat's slope, (n + 1, n_q)."""
-
-    def d2(self, s: np.ndarray) -> np.ndarray:
-        """phi''(s), (n_s, n)."""
-
-    def primitive1(self, s: np.ndarray) -> np.ndarray:
-        """First derivative of primitive2, so its own derivative is phi; (n_s, n)."""
-
-    def primitive2(self, s: np.ndarray) -> np.ndarray:
-        """A function whose second derivative is phi, (n_s, n); gives int hat phi ds of any hat in closed form."""
 
     def mass(self) -> np.ndarray:
         """int_0^1 phi_m phi_n ds to rounding, (n, n)."""

@@ -318,19 +318,13 @@ def _cell_gram(T: np.ndarray) -> np.ndarray:
 def _own_table(basis: "Daubechies") -> tuple[np.ndarray, np.ndarray]:
     """Points of the rule for the whole cable, ascending, and phi' there, (n, n_q)."""
     s, _ = basis.quadrature()
-    return s, np.ascontiguousarray(basis.d1(s).T)
+    return s, np.ascontiguousarray(basis.phi(s, 1).T)
 
 
 @lru_cache(maxsize=16)
 def _edges(cells: int) -> np.ndarray:
     """Ends of the parts of the rule, 1/8 of a cell each, 1/32 in the first two cells."""
     return np.concatenate([np.arange(64) / (32 * cells), np.arange(16, 8 * cells + 1) / (8 * cells)])
-
-
-def _composite(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two Gauss points between any two neighbouring edges; points and weights, each (2 (edges - 1),)."""
-    centre, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
-    return (centre[:, None] + half[:, None] * np.array([-1.0, 1.0]) / sqrt(3.0)).ravel(), np.repeat(half, 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -345,7 +339,7 @@ class Daubechies:
     the Gram matrix of the Theta_jk is nearly singular.
 
     order : p, number of vanishing moments, 2 .. 10. theta' is Hoelder continuous with exponent 0.55, 1.09, 1.62 for
-        p = 2, 3, 4, so theta'' does not exist for p = 2 (`d2` refuses) and is hardly continuous for p = 3; `smooth`
+        p = 2, 3, 4, so theta'' does not exist for p = 2 (`phi` refuses) and is hardly continuous for p = 3; `smooth`
         tells (23) from the path form.
     level : number of levels after j = -1; 2^level R + order - 1 functions (the paper prints 2^(level+1) R + R - order).
     reading : "literal" as above. Two misreadings fail instructively: "scaling" takes phi(x - k) for j = -1 and does
@@ -390,17 +384,13 @@ class Daubechies:
         return self.order >= 4
 
     def at(self, s: float) -> np.ndarray:
-        """phi, phi', phi'' (0 where there is none), primitive1, primitive2 at one s, (5, n)."""
-        of, x = self._functions, np.array([s])
-        return np.concatenate([of(x, m) if m < 1 or self.smooth else np.zeros((1, self.n)) for m in (-1, 0, 1, -2, -3)])
+        """phi, phi', phi'' (0 where there is none) and both primitives at one s, (5, n)."""
+        none, x = np.zeros((1, self.n)), np.array([s])
+        return np.concatenate([none if m == 2 and not self.smooth else self.phi(x, m) for m in (0, 1, 2, -1, -2)])
 
-    def values(self, s: np.ndarray) -> np.ndarray:
-        """phi(s), (n_s, n)."""
-        return self._functions(s, -1)
-
-    def d1(self, s: np.ndarray) -> np.ndarray:
-        """phi'(s), (n_s, n)."""
-        return self._functions(s, 0)
+    def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:
+        """The m-th derivative of phi, (n_s, n); primitives from s = 0 on for m < 0."""
+        return self._functions(s, m - 1)
 
     def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Both sides of s_o: phi' is looked up at points of the own rule, which a cut changes in one part."""
@@ -411,21 +401,9 @@ class Daubechies:
         phi = np.empty((self.n + 1, s.size))
         np.take(table, i, axis=1, out=phi[:-1], mode="clip")
         new = own.take(i, mode="clip") != s
-        phi[:-1, new] = self.d1(s[new]).T
+        phi[:-1, new] = self.phi(s[new], 1).T
         phi[-1, : left.size], phi[-1, left.size :] = 1.0 / s_o, -1.0 / (1.0 - s_o)
         return s, np.concatenate([w_left, w_right]), phi
-
-    def d2(self, s: np.ndarray) -> np.ndarray:
-        """phi''(s), (n_s, n)."""
-        return self._functions(s, 1)
-
-    def primitive1(self, s: np.ndarray) -> np.ndarray:
-        """int_0^s phi, (n_s, n)."""
-        return self._functions(s, -2)
-
-    def primitive2(self, s: np.ndarray) -> np.ndarray:
-        """int_0^s primitive1, (n_s, n)."""
-        return self._functions(s, -3)
 
     def mass(self) -> np.ndarray:
         """int phi_m phi_n ds, (n, n), cell by cell from the Gram matrix of phi_-1 on one cell."""
@@ -443,7 +421,7 @@ class Daubechies:
 
     def integral(self) -> np.ndarray:
         """int phi ds, (n,)."""
-        return self.primitive1(np.array([1.0]))[0]
+        return self.phi(np.array([1.0]), -1)[0]
 
     def quadrature(self) -> tuple[np.ndarray, np.ndarray]:
         """The rule of `quadrature_on` for the whole cable."""
@@ -459,4 +437,6 @@ class Daubechies:
         """
         edges = _edges(self.cells)
         inside = slice(np.searchsorted(edges, a, side="right"), np.searchsorted(edges, b))
-        return _composite(np.concatenate([[a], edges[inside], [b]]))
+        edges = np.concatenate([[a], edges[inside], [b]])
+        centre, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
+        return (centre[:, None] + half[:, None] * np.array([-1.0, 1.0]) / sqrt(3.0)).ravel(), np.repeat(half, 2)

@@ -78,28 +78,13 @@ class Fourier:
         return np.pi * np.arange(1, self.n + 1)
 
     def at(self, s: float) -> np.ndarray:
-        """phi, phi', phi'', primitive1, primitive2 at one s, (5, n)."""
+        """phi, phi', phi'' and both primitives at one s, (5, n)."""
         return values_at(s, self.n)
 
-    def values(self, s: np.ndarray) -> np.ndarray:
-        """sin(k pi s), (n_s, n)."""
-        return np.sin(np.multiply.outer(s, self.wavenumbers))
-
-    def d1(self, s: np.ndarray) -> np.ndarray:
-        """k pi cos(k pi s), (n_s, n)."""
-        return self.wavenumbers * np.cos(np.multiply.outer(s, self.wavenumbers))
-
-    def d2(self, s: np.ndarray) -> np.ndarray:
-        """-(k pi)^2 sin(k pi s), (n_s, n)."""
-        return -(self.wavenumbers**2) * self.values(s)
-
-    def primitive1(self, s: np.ndarray) -> np.ndarray:
-        """-cos(k pi s)/(k pi), (n_s, n)."""
-        return -np.cos(np.multiply.outer(s, self.wavenumbers)) / self.wavenumbers
-
-    def primitive2(self, s: np.ndarray) -> np.ndarray:
-        """-sin(k pi s)/(k pi)^2, (n_s, n)."""
-        return -self.values(s) / self.wavenumbers**2
+    def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:
+        """The m-th derivative of sin(k pi s), (n_s, n); primitives for m < 0."""
+        x, sign = np.multiply.outer(s, self.wavenumbers), (1.0, 1.0, -1.0, -1.0)[m % 4]
+        return sign * self.wavenumbers**m * (np.cos(x) if m % 2 else np.sin(x))
 
     def mass(self) -> np.ndarray:
         """int phi_m phi_n ds = 1/2 on the diagonal."""

@@ -10,7 +10,7 @@ w = sum_j Phi_j(s; s_o(t)) q_j read
 with the mass on top (`galerkin.equations`).  Both classes here answer the same questions; one stands, A = B = 0.
 """
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -76,50 +76,33 @@ def carry(at, mass, hat, left, chord, s_o, ds_o, dds_o):
     return M, rows
 
 
-class MovingBasis(Protocol):
-    """Functions Phi_1 .. Phi_n of s that may depend on where the mass is; s and s_o in [0, 1]."""
-
-    basis: Basis
-    n: int
-
-    hat: int  # 1 with a travelling hat, which then comes last
-
-    def carried(self, s_o: float, ds_o: float, dds_o: float) -> Carried:
-        """Its part in the equations at this instant."""
-
-    def stiffness(self, s_o: float) -> Array:
-        """int Phi_i' Phi_j' ds, (n, n)."""
-
-    def integral(self, s_o: float) -> Array:
-        """int Phi_i ds, (n,)."""
-
-    def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
-        """Points (n_q,), ascending, weights (n_q,) and Phi' there (n, n_q), piece by piece."""
-
-
 class Standing:
     """The given basis unchanged: it does not know the mass."""
 
-    hat = 0
+    hat = 0  # of a travelling hat, which comes last
 
     def __init__(self, basis: Basis) -> None:
         self.basis, self.n = basis, basis.n
         self.at_rest, self._stiffness, self._integral = basis.mass(), basis.stiffness(), basis.integral()
         s, weights = basis.quadrature()
-        self._slopes = s, weights, np.ascontiguousarray(basis.d1(s).T)
+        self._slopes = s, weights, np.ascontiguousarray(basis.phi(s, 1).T)
 
     def carried(self, s_o: float, ds_o: float, dds_o: float) -> Carried:
+        """Its part in the equations at this instant."""
         none = self._integral
         mass, rows = carry(self.basis.at(s_o), self.at_rest, 0, none, none, s_o, ds_o, dds_o)
         return Carried(mass, *rows)
 
     def stiffness(self, s_o: float) -> Array:
+        """int Phi_i' Phi_j' ds, (n, n)."""
         return self._stiffness
 
     def integral(self, s_o: float) -> Array:
+        """int Phi_i ds, (n,)."""
         return self._integral
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
+        """Points (n_q,), ascending, weights (n_q,) and Phi' there (n, n_q), piece by piece."""
         return self._slopes
 
 
@@ -146,13 +129,12 @@ class TravellingKink:
         self.at_rest[:-1, :-1], self._stiffness[:-1, :-1] = basis.mass(), basis.stiffness()
         self.at_rest[-1, -1] = 1.0 / 3.0
         self._integral = np.append(basis.integral(), 0.5)
-        self.left, right = basis.primitive2(np.array([0.0, 1.0]))
+        self.left, right = basis.phi(np.array([0.0, 1.0]), -2)
         self.chord = right - self.left
 
     def overlap(self, s_o: Array) -> Array:
         """I, I', I'' = int hat phi ds and its derivatives by s_o; s_o (m,) in [0, 1), (3, m, n - 1)."""
-        basis = self.basis
-        tables = basis.values(s_o), basis.primitive1(s_o), basis.primitive2(s_o)
+        tables = (self.basis.phi(s_o, m) for m in (0, -1, -2))
         return _overlaps(*tables, self.left, self.chord, s_o)
 
     def carried(self, s_o: float, ds_o: float, dds_o: float) -> Carried:
@@ -161,7 +143,7 @@ class TravellingKink:
 
     def stiffness(self, s_o: float) -> Array:
         matrix, steepness = self._stiffness.copy(), 1.0 / (s_o * (1.0 - s_o))
-        matrix[-1, :-1] = matrix[:-1, -1] = steepness * self.basis.values(np.array([s_o]))[0]
+        matrix[-1, :-1] = matrix[:-1, -1] = steepness * self.basis.phi(np.array([s_o]))[0]
         matrix[-1, -1] = steepness
         return matrix
 
@@ -171,3 +153,6 @@ class TravellingKink:
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
         """Points on each side of the mass; each side must resolve the highest phi over the whole cable."""
         return self.basis.split(s_o)
+
+
+MovingBasis = Standing | TravellingKink

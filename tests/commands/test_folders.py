@@ -1,5 +1,6 @@
 """Where results go, and what is refused."""
 
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -7,7 +8,16 @@ import pytest
 from cablefem import Scene
 from cablefem.response import Response
 from tests.commands.calls import QUICK, lines, tree
+from validation.commands.modes import study
 from validation.core import running, store
+
+_modes = cache(lambda toml, modes=study.modes: modes(Scene.from_toml(toml)))
+
+
+@pytest.fixture(autouse=True)
+def found_once(monkeypatch):
+    """Let `modes` find the frequencies of a cable once: where they go is tested here."""
+    monkeypatch.setattr(study, "modes", lambda scene: _modes(scene.to_toml()))
 
 
 def test_a_folder_with_anything_else_in_it_is_refused_and_left_alone(cablefem, tmp_path):

@@ -73,7 +73,7 @@ def test_the_jump_at_the_mass_is_its_force():
     states, s_o = march(system, 200, until=0.6)
     kinematics = np.array([system.motion.at(t, 0) for t in states.t])
     none = np.array([], dtype=int)
-    ends = system._carried(states, kinematics, None, np.zeros(s_o.size), STATIONS, none)[0]
+    ends = system._along(states, kinematics, None, np.zeros(s_o.size), STATIONS, none)[1]
     *_, xpp, ypp = STEEP.static(s_o)
     a = states.a.reshape(s_o.size, -1, 2)[:, system.node] + 0.45**2 * np.stack([xpp, ypp], axis=1)
     force = STEEP.mu * (a - np.array([0.0, STEEP.sigma]))

@@ -36,7 +36,7 @@ def hat(s, s_o):
 def shapes(system, s, s_o):
     """Phi (n_s, n), Phi' and dPhi/ds_o, from the definition."""
     basis = system.basis.basis
-    phi, slope, rate = basis.values(s), basis.d1(s), np.zeros((s.size, basis.n))
+    phi, slope, rate = basis.phi(s), basis.phi(s, 1), np.zeros((s.size, basis.n))
     if system.kink:
         left = s <= s_o
         phi = np.column_stack([phi, hat(s, s_o)])

@@ -43,7 +43,7 @@ def test_overlap_and_its_derivatives(basis, tolerance, s_o):
     kink = TravellingKink(basis)
     value, first, second = (x[0] for x in kink.overlap(np.array([s_o])))
     s, w = pieces(s_o)
-    np.testing.assert_allclose(value, (w * hat(s, s_o)) @ basis.values(s), rtol=0.0, atol=tolerance)
+    np.testing.assert_allclose(value, (w * hat(s, s_o)) @ basis.phi(s), rtol=0.0, atol=tolerance)
     h = 1e-4 * s_o
     around = [kink.overlap(np.array([s_o + k * h])) for k in (-2, -1, 1, 2)]
     for order, derivative in ((0, first), (1, second)):
@@ -74,7 +74,7 @@ def test_inertia_against_quadrature(basis, tolerance, s_o):
     def tables(t):
         at, speed = place(t)
         s, w = pieces(at)
-        Phi = np.column_stack([basis.values(s), hat(s, at)])
+        Phi = np.column_stack([basis.phi(s), hat(s, at)])
         rate = np.column_stack([np.zeros((s.size, basis.n)), hat_rate(s, at, speed)])
         return (w * Phi.T) @ Phi, (w * Phi.T) @ rate, (w * rate.T) @ rate
 
@@ -102,7 +102,7 @@ def test_slopes_stiffness_and_integral(basis, tolerance):
     coarse = 1e-11 if isinstance(basis, Fourier) else 1e-2
     np.testing.assert_allclose((w * table) @ table.T, S, rtol=0.0, atol=coarse * np.abs(S).max())
     s, w = pieces(s_o)
-    np.testing.assert_allclose(kink.integral(s_o)[:-1], w @ basis.values(s), rtol=0.0, atol=tolerance)
+    np.testing.assert_allclose(kink.integral(s_o)[:-1], w @ basis.phi(s), rtol=0.0, atol=tolerance)
     assert abs(kink.integral(s_o)[-1] - w @ hat(s, s_o)) < 1e-13
     x = kink.carried(s_o, 0.4, 0.2)
     assert (x.f[-1], x.f_s[-1], x.f_v[-1], x.f_q[-1]) == (1.0, 0.0, 0.0, 0.0)

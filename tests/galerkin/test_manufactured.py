@@ -36,7 +36,7 @@ class Made:
     def coefficients(self, basis):
         """Coefficients (2, n) of w and of dw/dt: the smooth part by its best approximation in H1."""
         s, w = 0.5 * (1 + X), 0.5 * W
-        g = np.linalg.solve(basis.stiffness(), basis.d1(s).T @ (w * smooth(s)[1]))
+        g = np.linalg.solve(basis.stiffness(), basis.phi(s, 1).T @ (w * smooth(s)[1]))
         q = [np.outer(SHAPE * c, np.append(g, 0.0)) for c in (self.c, self.dc)]
         q[0][:, -1], q[1][:, -1] = KINK * self.k, KINK * self.dk
         return [x.ravel() for x in q]

@@ -56,6 +56,18 @@ def test_drag_on_an_incline_obeys_newton(factor):
     assert incline.terminal(**given) == pytest.approx(v[-1], rel=1e-2)
 
 
+@pytest.mark.parametrize("factor", [1.0, 1.003])
+def test_a_car_with_friction_and_a_brake_obeys_newton(factor):
+    """mu s.. = mu g (sin - mu_r cos) - F_b [s > s_b] but at the brake; with F_b 0.3 % off (must fail) not."""
+    given = {"mu": 0.31, "g": 0.7, "sin": 0.23, "mu_r": 0.06, "F_b": 0.2}
+    t = np.linspace(0.0, incline.stop(0.53, **given)[0], 4001)[1:-1]
+    s, h = incline.braked(t, 0.53, **given), t[1] - t[0]
+    a = (s[2:] - 2.0 * s[1:-1] + s[:-2]) / h**2
+    away = np.abs(s[1:-1] - 0.53) > 1e-3
+    force = 0.31 * 0.7 * (0.23 - 0.06 * math.sqrt(1.0 - 0.23**2)) - factor * 0.2 * (s[1:-1] > 0.53)
+    assert (np.abs(0.31 * a - force)[away].max() < 1e-6) == (factor == 1.0)
+
+
 def test_friction_and_brake_take_all_that_the_weight_has_given():
     mu, g, sin, mu_r, F_b, s_b = 0.31, 0.7, 0.23, 0.06, 0.2, 0.53
     t, s = incline.stop(s_b, mu=mu, g=g, sin=sin, mu_r=mu_r, F_b=F_b)

@@ -6,7 +6,7 @@ import dataclasses
 from functools import cache
 
 from cablefem import Scene
-from validation.core.estimate import Estimated, estimated, past_slack
+from validation.core.estimate import Estimated, companions, past_slack
 from validation.core.methods import METHODS
 
 LEVEL = Scene.load("level")
@@ -18,7 +18,7 @@ SINES = {"terms": 40, "steps": 1000}
 def answer(name: str) -> Estimated:
     """Return an estimated run of the level scene, past its slack onset."""
     settings = ELEMENTS if name == "following-p2" else SINES
-    return past_slack(LEVEL, METHODS[name], estimated(LEVEL, name, until=0.95, **settings))
+    return past_slack(LEVEL, METHODS[name], companions(LEVEL, METHODS[name], until=0.95, **settings))
 
 
 def right() -> tuple[Estimated, Estimated]:

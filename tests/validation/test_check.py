@@ -14,7 +14,7 @@ from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
 from validation.commands.check.study import check
 from validation.core.agreement import Verdict, agree, overall
-from validation.core.estimate import Estimated, estimated
+from validation.core.estimate import Estimated, companions, estimated
 from validation.core.methods import METHODS
 
 LEVEL = Scene.load("level")
@@ -97,16 +97,17 @@ FAULTS = {
 
 @pytest.fixture(scope="module")
 def right() -> tuple[Estimated, Estimated]:
-    return estimated(LEVEL, "following-p2", **ELEMENTS), estimated(LEVEL, "fourier-kink", **SINES)
+    """What the check's ladders end with."""
+    return tuple(companions(LEVEL, METHODS[m], **x) for m, x in (("following-p2", ELEMENTS), ("fourier-kink", SINES)))
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_planted_fault_turns_the_verdict(right, fault):
     method = FAULTS[fault]
     if method.wing == "galerkin":
-        rows = agree(LEVEL, right[0], estimated(LEVEL, method, **SINES))
+        rows = agree(LEVEL, right[0], companions(LEVEL, method, **SINES))
     else:
-        rows = agree(LEVEL, estimated(LEVEL, method, **ELEMENTS), right[1])
+        rows = agree(LEVEL, companions(LEVEL, method, **ELEMENTS), right[1])
     assert overall(rows) is Verdict.DISAGREE, [(r.quantity, r.gap, r.allowed) for r in rows]
     path = next(r for r in rows if r.quantity == "path_max")
     assert path.verdict is Verdict.DISAGREE, (path.gap, path.allowed)

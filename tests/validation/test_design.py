@@ -59,12 +59,11 @@ def test_without_companions_there_are_no_bars():
     assert {number.bar for number in alone(a.run)} == {None}
 
 
-def test_the_first_steps_of_a_mass_that_enters_make_no_design_number():
-    """A rule that balances within the step is off at its end where one side of the mass is a few steps long."""
+def test_the_first_steps_of_a_mass_that_enters_from_rest_are_right():
     r = run(
         Scene.load("cruise"), "following-p2", elements=8, steps=300, scheme="generalized-alpha", rho_inf=0.8, until=0.1
     )
-    assert r.T_behind[1] < -r.horizontal_tension  # of no meaning
+    assert r.T_behind[1:].min() > 0.7 * r.horizontal_tension
     least = next(x for x in alone(r) if x.quantity == "tension_min")
     assert least.value > 0.5 * r.horizontal_tension
     assert "hidden slack" not in r.flag_kinds

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +11,9 @@ import pytest
 from cablefem import Scene
 from validation.core import estimate as module
 from validation.core import measures
-from validation.core.estimate import estimated, gaps
-from validation.core.richardson import SAFETY
+from validation.core.estimate import confirmed, estimated, gaps, weighted
+from validation.core.methods import find
+from validation.core.richardson import LEAST_ORDER, NO_ORDER, SAFETY, UNCONFIRMED, left, weight
 from validation.core.running import run
 
 LEVEL = Scene.load("level")
@@ -34,8 +36,14 @@ def test_the_bar_holds_the_true_error_and_is_made_of_the_two_gaps(estimate, sure
     assert measures.tension_gap(r, sure, window) <= r.tension_error
     space = measures.path_gap(estimate.in_space, r, window)[0]
     time = measures.path_gap(estimate.in_time, r, window)[0]
-    # orders 3/2 and 2 between h and h/2
-    assert r.path_error == pytest.approx(SAFETY * (space / (2.0**1.5 - 1.0) + time / 3.0), rel=1e-12)
+    # at most the orders 3/2 and 2 between h and h/2
+    quarters = [run(LEVEL, "following-p2", elements=n, steps=m, until=0.8) for n, m in ((2, 450), (9, 112))]
+    falls = []
+    for quarter, half in zip(quarters, (estimate.in_space, estimate.in_time), strict=True):
+        before, after = (measures.path_gap(*pair, window)[1] for pair in ((quarter, half), (half, r)))
+        falls.append(before / after)
+    assert r.path_error == pytest.approx(weight(1.5, falls[0]) * space + weight(2.0, falls[1]) * time, rel=1e-12)
+    assert estimate.order == pytest.approx(math.log2(falls[1]))
     assert r.error_parts["path_space"] + r.error_parts["path_time"] == pytest.approx(r.path_error, rel=1e-12)
 
 
@@ -52,10 +60,10 @@ def test_runs_that_are_there_are_not_made_again(estimate, monkeypatch):
         raise AssertionError(f"ran {settings}")
 
     monkeypatch.setattr(module, "run", run)
-    again = module.estimated(LEVEL, "following-p2", known=estimate.runs, elements=9, steps=450, until=0.8)
-    assert (again.run.path_error, again.run.tension_error) == (estimate.run.path_error, estimate.run.tension_error)
+    again = module.companions(LEVEL, find("following-p2"), known=estimate.runs, elements=9, steps=450, until=0.8)
+    assert again.run.tension_error == estimate.run.tension_error
     with pytest.raises(AssertionError, match="'steps': 225"):
-        module.estimated(LEVEL, "following-p2", known=estimate.runs[:2], elements=9, steps=450, until=0.8)
+        module.companions(LEVEL, find("following-p2"), known=estimate.runs[:2], elements=9, steps=450, until=0.8)
 
 
 def test_a_companion_that_does_not_cover_the_window_gives_no_bar(estimate):
@@ -77,3 +85,39 @@ def test_a_companions_own_slack_does_not_cut_the_window(estimate):
     early = replace(estimate.in_time, slack_onset=0.1)
     assert gaps(estimate.run, early) == gaps(estimate.run, estimate.in_time)
     assert np.isfinite(gaps(estimate.run, early)[0])
+
+
+@pytest.mark.parametrize(
+    ("fall", "expected"),
+    [
+        (None, UNCONFIRMED * left(2.0)), (40.0, SAFETY * left(2.0)), (3.1, SAFETY / 2.1),
+        (1.01 * 2.0**LEAST_ORDER, NO_ORDER), (0.7, NO_ORDER), (0.0, NO_ORDER),
+    ],
+)  # fmt: skip
+def test_what_three_runs_show_of_an_order_makes_the_bar(fall, expected):
+    assert weight(2.0, fall) == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_path_that_shows_no_order_says_so(estimate):
+    """Its gap to half the elements twice what it was before: three times that is the bar, and no bound."""
+    method, steps = find("following-p2"), measures.path_gap(estimate.in_time, estimate.run, (0.02, 0.8))[0]
+    elements = measures.path_gap(estimate.in_space, estimate.run, (0.02, 0.8))[0]
+    shown, lost = confirmed(estimate, method, (2.0, 4.0)).run, confirmed(estimate, method, (0.5, 4.0)).run
+    assert ("no order" in shown.flag_kinds, "no order" in lost.flag_kinds) == (False, True)
+    assert lost.path_error == pytest.approx(NO_ORDER * elements + SAFETY * steps / 3.0, rel=1e-12)
+
+
+def test_bars_beyond_a_tenth_credit_no_order(estimate):
+    method = find("following-p2")
+    far = replace(estimate, in_space=replace(estimate.in_space, v=estimate.in_space.v + 0.2 * estimate.run.v))
+    gaps = [measures.path_gap(c, far.run, (0.02, 0.8))[0] for c in (far.in_space, far.in_time)]
+    found = confirmed(far, method, (1e3, 1e3)).run
+    assert found.path_error == pytest.approx(NO_ORDER * sum(gaps), rel=1e-12)
+    assert "coarse" in found.flag_kinds
+
+
+def test_a_companion_whose_ride_breaks_off_gives_no_bar(estimate):
+    """Up to its end it may be as near as it likes."""
+    short = run(LEVEL, "following-p2", elements=4, steps=450, until=0.5)
+    free = replace(estimate, run=replace(estimate.run, drive="free"), in_space=replace(short, drive="free"))
+    assert weighted(free, 1.0).run.flag_kinds == ["no bar"]

@@ -127,8 +127,7 @@ UNHELD = {
     "fields.T_pointwise": "the paper's, ripples and all; an answer's tension is T",
     "fields.T_behind_pointwise": "the same",
     "fields.T_ahead_pointwise": "the same",
-    "fields.u": "one wing's is seen by the other's; axial waves between two frames hide the integral of du",
-    "fields.du": "the same",
+    "fields.du": "one wing's is seen by the other's; axial waves between two frames hide its integral",
 }
 RIDE_NUMBERS = [
     "F_haul", "powers.thrust", "powers.drag", "powers.friction", "powers.brake", "powers.hold", "event.t", "event.s_o",

@@ -12,7 +12,7 @@ from cablefem.elements.following import FollowingElements
 from tests.validation.pairs import LEVEL, altered, answer, right
 from validation.commands.check import study
 from validation.core.agreement import ALONG, AXIAL_MEAN, Verdict, agree, doubts, overall
-from validation.core.estimate import Estimated, estimated, past_slack
+from validation.core.estimate import Estimated, companions, past_slack
 from validation.core.flags import flag
 from validation.core.methods import METHODS
 from validation.core.richardson import SAFETY
@@ -126,7 +126,7 @@ def test_a_wrong_law_of_the_slack_cable_is_seen(kind, row):
     a, b = right()
     method = replace(METHODS["following-p2"], builder=build)
     settings = {k: a.run.settings[k] for k in ("elements", "steps")}
-    wrong = estimated(LEVEL, method, known=[a.in_space, a.in_time], until=0.95, **settings)
+    wrong = companions(LEVEL, method, known=[a.in_space, a.in_time], until=0.95, **settings)
     wrong = past_slack(LEVEL, method, wrong)
     assert rows(a, b)[row].verdict is Verdict.AGREE
     assert rows(wrong, b)[row].verdict is Verdict.DISAGREE
@@ -244,7 +244,7 @@ def test_the_level_answers_are_those_of_the_methods_in_the_check():
 def test_a_check_goes_on_where_bars_cover_less_than_the_range(monkeypatch, flagged, rounds):
     answers, asked = dict(zip(study.SOLVERS, right(), strict=True)), []
 
-    def resolved(scene, method, tol, progress):
+    def resolved(scene, method, tol, budget, progress):
         asked.append(tol)
         e = answers[method.name]
         short = [flag("short bar", stop=0.3)] if flagged and len(asked) <= 2 else []

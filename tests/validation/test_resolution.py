@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from cablefem import Scene
 from validation.core import measures, resolution
@@ -23,6 +27,7 @@ from validation.core.resolution import (
     _Rung,
     resolve,
     resolved,
+    work,
 )
 from validation.core.running import run
 
@@ -55,8 +60,9 @@ def test_the_ladder_has_seen_the_orders_and_says_so_in_all_bars(scene, tol, sure
     window = measures.window_of(r, truth)
     assert measures.path_gap(r, truth, window)[0] <= r.path_error <= tol
     assert measures.tension_gap(r, truth, window) <= r.tension_error
-    of_gap = estimate.bar(lambda a, b: measures.path_gap(b, a, measures.window_of(*estimate.runs))[0])
-    assert of_gap * max(1.0, estimate.of_path) == pytest.approx(r.path_error, rel=1e-12)
+    companions = estimate.in_space, estimate.in_time
+    gaps = [measures.path_gap(c, r, measures.window_of(*estimate.runs))[0] for c in companions]
+    assert np.dot(estimate.path_weights, gaps) == pytest.approx(r.path_error, rel=1e-12)
 
 
 def test_the_galerkin_side_meets_a_tolerance_too(sure):
@@ -166,3 +172,46 @@ def test_until_ends_a_run_after_the_first_step_past_it():
     np.testing.assert_array_equal(part.v, whole.v[: part.v.size])
     with pytest.raises(ValueError, match="until must be a place"):
         run(LEVEL, "following-p2", until=-0.1)
+
+
+def test_a_budget_ends_a_ladder_with_the_finest_run_within_it():
+    slow, made = LEVEL.variant(speed_ratio=0.1), []
+    with pytest.raises(TooCoarse) as spent:
+        resolve(slow, "following-p2", 1e-4, until=0.8, runs=made, budget=2e4)
+    ladder = made[: made.index(spent.value.best) + 1] if spent.value.best in made else made
+    assert sum(work(find("following-p2"), r) for r in ladder) <= 2.5e4
+    assert 1e-4 < spent.value.best.path_error < 0.1
+
+
+def test_a_run_with_half_the_steps_that_is_wanted_makes_strides_of_two():
+    made = []
+    r = resolve(INCLINED, "following-p2", 1e-3, until=0.8, runs=made)
+    assert math.log2(r.settings["steps"] / resolution.FIRST_STEPS).is_integer()
+    assert len({(x.settings["elements"], x.settings["steps"]) for x in made}) == len(made)
+
+
+def test_the_largest_deflection_of_a_slack_cable_is_that_before_it_flings_the_mass():
+    r = run(LEVEL, "following-p2", elements=8, steps=200)
+    flung = replace(r, v=np.where(r.s_o > 0.99 * r.length, 100.0, r.v))
+    assert r.slack_onset < 0.95
+    assert flung.max_deflection == r.max_deflection
+    assert replace(flung, slack_onset=None).max_deflection == 100.0
+
+
+@cache
+def deflected():
+    return run(INCLINED, "following-p2", elements=4, steps=60)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    start=st.floats(0.0, 0.99), turns=st.booleans(), onset=st.none() | st.floats(0.0, 1.0),
+    drive=st.sampled_from(["grip", "haul", "free"]),
+)  # fmt: skip
+def test_there_is_a_largest_deflection_wherever_a_car_starts_and_the_cable_falls_slack(start, turns, onset, drive):
+    r = deflected()
+    place = np.linspace(start, 0.2 * start if turns else 1.0, r.t.size) * r.length
+    most = replace(r, s_o=place, slack_onset=onset, drive=drive).max_deflection
+    assert r.v[0] <= most <= r.v.max()
+    if onset is None or drive == "free":
+        assert most == r.v.max()

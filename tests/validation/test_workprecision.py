@@ -59,7 +59,7 @@ def small(tmp_path_factory):
                     yield study.Series(x.name, x.kind, rungs, x.method, x.model)
 
         patch.setattr(study, "series", few)
-        patch.setattr(study, "REFERENCE", ("following-p4", {"elements": 10, "steps": 2500}))
+        patch.setattr(study, "REFERENCE", ("following-p4", {"elements": 10, "steps": 1250}))
         patch.setattr(study, "WITNESS", ("fourier-kink", {"terms": 12, "steps": 200}))
         patch.setattr(study, "available", lambda name: "not installed")
         patch.setattr(study, "growth", lambda scene: [])
@@ -89,7 +89,7 @@ def test_a_row_holds_errors_work_and_time(small):
         assert r["spread"] >= 1.0
         assert 0.8 <= r["reached"] < 0.85
     # checked by hand: the same run against the same reference
-    truth = run(LEVEL, "following-p4", elements=10, steps=2500, until=0.8)
+    truth = run(LEVEL, "following-p4", elements=10, steps=1250, until=0.8)
     again = run(LEVEL, "following-p2", until=0.8, **rows[0]["settings"])
     assert rows[0]["path_error"] == measures.path_gap(again, truth, (0.02, 0.8))[0]
 

@@ -18,7 +18,7 @@ from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.flags import flagged, without
 from validation.core.methods import Method, find, refined
-from validation.core.richardson import SAFETY, left, space_order, time_order
+from validation.core.richardson import LEAST_ORDER, NO_ORDER, SAFETY, left, space_order, time_order, weight
 from validation.core.running import run
 
 # Companions that fall slack this much later in s_o/l than the run show that its own slack is not resolved.
@@ -46,7 +46,7 @@ class Estimated:
     basis: str  # one sentence: where the bar comes from
     extrapolated: bool = False
     late: Response | None = None  # half of both, to where a slack cable is still compared
-    of_path: float = 1.0  # how much more the path's own ladder says than the companions do
+    of_path: tuple[float, float] = (1.0, 1.0)  # how much more the path's own ladder says, in space and time
     order: float | None = None  # in time, as a ladder has shown it
     rings: bool = False  # steps miss axial waves, so that what rings with them is of first order in time
 
@@ -57,7 +57,7 @@ class Estimated:
     @property
     def path_weights(self) -> tuple[float, float]:
         """What is left of the gaps to the companions in the path of the finest run."""
-        return self.of_path * self.weights[0], self.of_path * self.weights[1]
+        return self.of_path[0] * self.weights[0], self.of_path[1] * self.weights[1]
 
     @property
     def own(self) -> float:
@@ -80,7 +80,7 @@ def gaps(fine: Response, coarse: Response) -> tuple[float, float]:
     The companion's slack does not cut the window: where it is too coarse to be right, the gap must say so.
     """
     window = measures.window_of(fine)
-    if fine.drive == "free" and coarse.t[-1] < SAME_END * fine.t[-1]:
+    if not _lasts(coarse, fine):
         raise measures.NotComparable(f"the coarser companion's ride ends after {coarse.t[-1]:.4g} s")
     if fine.drive != "free" and coarse.reached < window[1] * (1.0 - 1e-6):
         raise measures.NotComparable(f"the coarser companion ends at s_o/l = {coarse.reached:.3f}")
@@ -100,13 +100,56 @@ def estimated(
     scene: Scene, method: str | Method, *, progress: Callable[[float], None] | None = None,
     known: Sequence[Response] = (), **kind: Any,
 ) -> Estimated:  # fmt: skip
-    """Run a method with its two companions; `kind` holds model, load, law, until and settings as in `run`.
+    """Run a method with its companions; `kind` holds model, load, law, until and settings as in `run`.
 
     Companions go no further than the window of comparison.
 
     known : runs of the same kind that need not be made again; of several with the same settings the last counts.
     """
     method = find(method) if isinstance(method, str) else method
+    report = progress or (lambda done: None)
+    e = companions(scene, method, progress=lambda done: report(0.8 * done), known=known, **kind)
+    short = {k: kind[k] for k in KIND if k in kind} | {"until": until(scene)}
+    fall = []
+    for i, (half, share) in enumerate(((e.in_space, {"space": 0.25}), (e.in_time, {"time": 0.25}))):
+        report(0.8 + 0.1 * i)
+        quarter = refined(method, e.run.settings, **share)
+        worth = quarter not in (half.settings, e.run.settings) and e.run.path_error is not None
+        fall.append(_fall(e, half, _ran(scene, method, quarter, short, known)) if worth else None)
+    report(1.0)
+    return confirmed(e, method, (fall[0], fall[1]))
+
+
+def _ran(
+    scene: Scene, method: Method, settings: dict[str, Any], how: dict[str, Any], known: Sequence[Response],
+    progress: Callable[[float], None] | None = None,
+) -> Response:  # fmt: skip
+    there = [r for r in known if r.settings == settings]
+    return there[-1] if there else run(scene, method, **how, **settings, progress=progress)
+
+
+def _fall(e: Estimated, half: Response, quarter: Response) -> float | None:
+    """Return how the path's rms gap falls from a quarter to half on to the run; None if no quarter has the window."""
+    try:
+        window = measures.window_of(*e.runs)
+        if measures.window_of(quarter, *e.runs)[1] < window[1] - SHORT or not _lasts(quarter, half):
+            return None
+        before, gap = (measures.path_gap(*pair, window)[1] for pair in ((quarter, half), (half, e.run)))
+        return before / gap if gap > 0.0 else None
+    except measures.NotComparable:
+        return None
+
+
+def _lasts(coarse: Response, fine: Response) -> bool:
+    """Return whether a coarser companion's free ride is long enough to be compared."""
+    return fine.drive != "free" or coarse.t[-1] >= SAME_END * fine.t[-1]
+
+
+def companions(
+    scene: Scene, method: Method, *, progress: Callable[[float], None] | None = None,
+    known: Sequence[Response] = (), **kind: Any,
+) -> Estimated:  # fmt: skip
+    """Run a method with half the resolution and half the steps besides; nothing confirms the orders."""
     how = {k: kind[k] for k in KIND if k in kind}
     settings = method.settings_on(scene.groups, {k: v for k, v in kind.items() if k not in KIND})
     short = how | {"until": until(scene)}
@@ -115,16 +158,12 @@ def estimated(
     def part(low: float, high: float) -> Callable[[float], None] | None:
         return None if progress is None else lambda x: progress(low + (high - low) * x)
 
-    def ran(settings: dict[str, Any], how: dict[str, Any], low: float, high: float) -> Response:
-        there = [r for r in known if r.settings == settings]
-        return there[-1] if there else run(scene, method, **how, **settings, progress=part(low, high))
-
-    fine = ran(settings, how, 0.0, 0.6)
+    fine = _ran(scene, method, settings, how, known, part(0.0, 0.6))
     if method.extrapolate:  # an extrapolation wants the coarser run all the way
         c_space = run(scene, method, **how, **half_space, progress=part(0.6, 0.8))
     else:
-        c_space = ran(half_space, short, 0.6, 0.8)
-    c_time = ran(half_time, short, 0.8, 1.0)
+        c_space = _ran(scene, method, half_space, short, known, part(0.6, 0.8))
+    c_time = _ran(scene, method, half_time, short, known, part(0.8, 1.0))
     p_time = time_order(settings)
     p = space_order(method.space_order)
     if method.extrapolate:
@@ -137,10 +176,30 @@ def estimated(
             f"gap to half the {method.resolution.setting} over 2^{p:g} - 1, gap to half the steps over "
             f"2^{p_time:g} - 1, times {SAFETY}"
         )
-    estimate = Estimated(response, fine, c_space, c_time, (w_space, SAFETY * left(p_time)), basis, method.extrapolate)
+    weights = w_space, SAFETY * left(p_time)
+    estimate = Estimated(response, fine, c_space, c_time, weights, basis, method.extrapolate)
     period = 2.0 * scene.length / scene.axial_speed
     rings = fine.t.size > 1 and period < RESOLVED * float(np.median(np.diff(fine.t)))
     return _with_bars(replace(estimate, rings=rings))
+
+
+def confirmed(e: Estimated, method: Method, fall: tuple[float | None, float | None]) -> Estimated:
+    """Return the same runs with the path's bar by the orders that the falls of its gaps in space and time show."""
+    if e.run.path_error is None:
+        return e
+    window = tuple(e.run.error_window or ())
+    gaps = [measures.path_gap(c, e.run, (window[0], window[1]))[0] for c in (e.in_space, e.in_time)]
+    orders = space_order(method.space_order), time_order(e.run.settings)
+    in_space, in_time = (weight(p, x) for p, x in zip(orders, fall, strict=True))
+    if in_space * gaps[0] + in_time * gaps[1] > COARSE:
+        in_space = in_time = NO_ORDER
+    e = _with_bars(replace(e, of_path=(in_space / (e.own * e.weights[0]), in_time / e.weights[1])))
+    e = replace(e, order=math.log2(fall[1]) if fall[1] else None)
+    parts = in_space * gaps[0], in_time * gaps[1]
+    for what, part, x in zip((method.resolution.setting, "steps"), parts, fall, strict=True):
+        if x is not None and x < 2.0**LEAST_ORDER and part > 0.5 * sum(parts):
+            e = _flagged(e, "no order", what=what, fall=x)
+    return e
 
 
 SLACK_END = 0.95  # s_o/l to which an answer is compared once the cable is slack
@@ -160,17 +219,19 @@ def past_slack(scene: Scene, method: Method, e: Estimated) -> Estimated:
 def weighted(e: Estimated, factor: float) -> Estimated:
     """Return the same runs with all bars times a factor; above 1 those of the path alone."""
     if factor > 1.0:
-        return _with_bars(replace(e, of_path=factor))
+        return _with_bars(replace(e, of_path=(factor * e.of_path[0], factor * e.of_path[1])))
     return _with_bars(replace(e, weights=(factor * e.weights[0], factor * e.weights[1])))
 
 
-OF_BARS = ("no bar", "short bar", "coarse")  # what bars say of themselves
+OF_BARS = ("no bar", "short bar", "coarse", "no order")  # what bars say of themselves
 
 
 def _with_bars(e: Estimated) -> Estimated:
     e = replace(e, response=without(e.response, OF_BARS), run=without(e.run, OF_BARS))
     if e.in_space.settings == e.run.settings:
         return _flagged(e, "no bar", why="there is no coarser resolution to compare with")
+    if ends := [r.t[-1] for r in (e.in_space, e.in_time) if not _lasts(r, e.run)]:
+        return _flagged(e, "no bar", why=f"the coarser companion's ride ends after {ends[0]:.4g} s")
     try:
         window = measures.window_of(*e.runs)
         gaps = [measures.path_gap(c, e.run, window)[0] for c in (e.in_space, e.in_time)]

@@ -18,6 +18,8 @@ WORDS = {
     "time order": "with half the steps its path changes {ratio:.2g} times as much as its twin's would with as many "
     "steps: its order in time may be below its scheme's, and its error bar too small",
     "not extrapolated": "the order is not seen, nothing was extrapolated: {why}",
+    "no order": "from a quarter to half of its {what} the path changes only {fall:.2g} times as much as from half to "
+    "all: no order is seen, and the error bar is no bound",
     "coarse": "the error bar is {bar:.2g} of the largest deflection: runs so far apart show no order yet, and it is no "
     "bound",
     "short bar": "the error bars hold up to s_o/l = {stop:.3f} only: with half the resolution or half the steps the "

@@ -241,7 +241,7 @@ def _fits_travel(scene: Scene, x: dict[str, Array], factor: dict[str, float], na
     if off.max() <= TRAVEL_TOLERANCE:
         return
     times = {**_TIMES, f"t over {tau:.6g} s = l sqrt(rho/H)": tau}
-    for (as_t, time), (as_s, place) in itertools.product(times.items(), _places(l).items()):
+    for (as_t, time), (as_s, place) in itertools.product(times.items(), _units("s_o", l).items()):
         time, place = time / factor.get("t", 1.0), place / factor.get("s_o", 1.0)
         # a mass that hardly moves, or has arrived, fits any travel
         moving = np.count_nonzero((place * s_o > WINDOW[0] * l) & (time * t < tau * motion.phases[-1][1]))
@@ -259,7 +259,7 @@ def _on_cable(s_o: Array, factor: float, l: float, name: str) -> None:
     last = float(s_o[-1]) / l
     if s_o[0] / l >= -TRAVEL_TOLERANCE and WINDOW[0] < last <= 1.0 + TRAVEL_TOLERANCE:
         return
-    ends = {column: unit / factor * last for column, unit in _places(l).items()}
+    ends = {column: unit / factor * last for column, unit in _units("s_o", l).items()}
     fits = [column for column, end in ends.items() if 0.1 < end <= 1.0 + TRAVEL_TOLERANCE]
     hint = f"; name the column {max(fits, key=lambda column: ends[column])}?" if fits else ""
     raise Refused(f"{name}: s_o runs from {s_o[0]:.6g} to {s_o[-1]:.6g} m on a cable of {l:.6g} m{hint}")
@@ -268,8 +268,9 @@ def _on_cable(s_o: Array, factor: float, l: float, name: str) -> None:
 _TIMES = {"t": 1.0, "t_ms": 1e-3}
 
 
-def _places(l: float) -> dict[str, float]:
-    return {"s_o": 1.0, "s_o_over_l": l, "s_o_mm": 1e-3, "s_o_km": 1e3}
+def _units(column: str, l: float) -> dict[str, float]:
+    """Return what a column of lengths may be named, and what its numbers are then multiplied by."""
+    return {column: 1.0, f"{column}_over_l": l, f"{column}_mm": 1e-3, f"{column}_km": 1e3}
 
 
 def refuse_misnamed(path: ForeignPath | Response, ours: Response) -> None:
@@ -278,7 +279,7 @@ def refuse_misnamed(path: ForeignPath | Response, ours: Response) -> None:
     ours : any run that is good to a few percent.
     """
     named = getattr(path, "v_factor", 1.0)
-    units = {"v": 1.0, "v_over_l": path.length, "v_mm": 1e-3, "v_km": 1e3}
+    units = _units("v", path.length)
     units |= {f"{column}_up": -factor for column, factor in units.items()}
     try:
         window = _common(path, measures.window_of(ours))

@@ -28,6 +28,7 @@ EVERY = 6  # frames from one end of a window to the next: 0.06 of the travel
 ROUNDING = 1e-9  # of the scale: stations and splines of static shapes
 SIDE = 1e-6  # of a step, beside an event
 TRAPEZOIDS = 1e-4  # of the scale: impulses over steps across which an acceleration jumps
+PIECES = 4  # of either side of the mass, between whose ends its stretch is counted
 DOWN = np.array([0.0, 1.0])
 
 Window = tuple[float, float]
@@ -440,18 +441,24 @@ class Mechanics:
         return Defect(0.5 * (at[1:] + at[:-1]), off[:, None] / math.sqrt(float(np.mean(dw**2))))
 
     def _stretch(self) -> Defect:
-        """Mean tension of each side is that at rest plus EA times the side's strain by the sampled curve; over H."""
+        """Mean tension of a piece is that at rest plus EA times the piece's strain by the sampled curve; over H.
+
+        Pieces of each side, not sides alone: their ends lie on supports and mass, whatever the fields are between.
+        """
         off = []
         for pair in self.sides:
             row = []
             for x in pair:
-                l = x.s[-1] - x.s[0]
                 moved, rest = _lengths(x.s, x.place, x.rest)
-                grown = moved - rest
-                row.append((float(simpson(x.T - x.T_static, x=x.s)) - self.given.EA * grown) / l)
-            off.append(row)
+                strain = np.cumsum(np.append(0.0, moved - rest))
+                rise = CubicSpline(x.s, x.T - x.T_static).antiderivative()(x.s)
+                ends = np.linspace(0, x.s.size - 1, PIECES + 1).astype(int)
+                row.append(
+                    np.diff((rise - self.given.EA * strain)[ends]) / np.maximum(np.diff(x.s[ends]), x.s[1] - x.s[0])
+                )
+            off.append(np.concatenate(row))
         at = self.r.fields.s_o[self.frames] / self.r.length
-        return Defect(at, np.array(off).reshape(-1, 2) / self.r.horizontal_tension)
+        return Defect(at, np.reshape(off, (-1, 2 * PIECES)) / (math.sqrt(PIECES) * self.r.horizontal_tension))
 
     def _of_mass(self, pull: Array) -> Defect:
         """Return what is missing from the momentum of the mass under the cable's pull (n, 2)."""
@@ -619,9 +626,8 @@ def _arcs(curve: CubicSpline, s: Array) -> Array:
     return h * (np.hypot(slope[..., ::2], slope[..., 1::2]).transpose(2, 0, 1) @ _WEIGHTS)
 
 
-def _lengths(s: Array, *places: Array) -> list[float]:
-    """Return the lengths of curves through nodes, cubic splines', or those of chords where nodes are few."""
+def _lengths(s: Array, *places: Array) -> Array:
+    """Return the lengths of curves between their nodes, (curves, m - 1): cubic splines', or chords' where few."""
     if s.size < 4:
-        return [float(np.hypot(*np.diff(place, axis=0).T).sum()) for place in places]
-    lengths: list[float] = _arcs(CubicSpline(s, np.concatenate(places, axis=1)), s).sum(axis=1).tolist()
-    return lengths
+        return np.array([np.hypot(*np.diff(place, axis=0).T) for place in places])
+    return _arcs(CubicSpline(s, np.concatenate(places, axis=1)), s)

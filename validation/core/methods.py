@@ -1,6 +1,5 @@
 """Every named method with its settings: the one table that commands, charts and tests read."""
 
-import difflib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -8,6 +7,7 @@ from typing import Any
 
 from cablefem.newmark import SCHEMES
 from cablefem.scene import Groups
+from cablefem.scene.errors import nearest, shown
 from validation.core.solver import Solver
 
 
@@ -23,8 +23,7 @@ class Setting:
         """Return the value in the default's type, or raise ValueError naming the admissible range."""
         if isinstance(self.default, str):
             if value not in self.allowed:
-                choices = [str(x) for x in self.allowed]
-                raise ValueError(f"{name} must be one of {', '.join(choices)}, got {value!r}{near(value, choices)}")
+                raise ValueError(f"{name} = {shown(value)}: unknown.{nearest(str(value), map(str, self.allowed))}")
             return value
         kind = type(self.default)
         try:
@@ -38,12 +37,6 @@ class Setting:
         if not least <= number <= largest:
             raise ValueError(f"{name} must lie in [{least:g}, {largest:g}], got {value!r}")
         return number
-
-
-def near(name: Any, known: Any) -> str:
-    """Return a question for the known word that is meant, if one is near."""
-    close = difflib.get_close_matches(str(name), list(known), n=1)
-    return f"; did you mean {close[0]!r}?" if close else ""
 
 
 TIME = {
@@ -148,10 +141,8 @@ class Method:
 
     def settings(self, changes: dict[str, Any]) -> dict[str, Any]:
         """Return all settings with `changes` applied; raises ValueError for unknown names and values out of range."""
-        unknown = [k for k in changes if k not in self.knobs]
-        if unknown:
-            known = f"it has {', '.join(self.knobs)}{near(unknown[0], self.knobs)}"
-            raise ValueError(f"{self.name} has no setting {unknown[0]!r}; {known}")
+        for unknown in changes.keys() - self.knobs:
+            raise ValueError(f"{self.name} has no setting {unknown!r}.{nearest(unknown, self.knobs)}")
         return {k: knob.check(k, changes[k]) if k in changes else knob.default for k, knob in self.knobs.items()}
 
     def value(self, settings: dict[str, Any]) -> int:
@@ -305,7 +296,7 @@ METHODS: dict[str, Method] = {
 def find(name: str) -> Method:
     """Return a method by name; raises ValueError with the nearest known name."""
     if name not in METHODS:
-        raise ValueError(f"unknown method {name!r}{near(name, METHODS)} (cablefem methods lists them)")
+        raise ValueError(f"unknown method {name!r}.{nearest(str(name), METHODS)}")
     return METHODS[name]
 
 

@@ -15,9 +15,9 @@ from cablefem.scene import Scene
 from cablefem.scene.bisection import bisected
 from validation.core import measures, richardson
 from validation.core.design import Refinement, of_ladder
-from validation.core.estimate import KIND, SAME_ONSET, Estimated, estimated, gaps, until, weighted
+from validation.core.estimate import KIND, SAME_ONSET, Estimated, companions, gaps, until, weighted
 from validation.core.methods import Method, find, refined
-from validation.core.richardson import space_order, time_order
+from validation.core.richardson import UNCONFIRMED, space_order, time_order
 from validation.core.running import Run, run
 from validation.core.sidebyside import Progress, side_by_side
 
@@ -26,9 +26,8 @@ LARGEST = 2e6  # steps x resolution: half a gigabyte of states
 # Between these a refinement tells enough and does not outrun what orders promise (tolerance_survey: with refinements up
 # to 4 the bars of 13 percent of the runs are too small, up to 2 of 3 percent).
 LEAST, FURTHEST = 1.4, 2.0
-# Factors of safety: Roache's 1.25 where the part fell with refinement as its order says, or nearly so.  Otherwise 2.5,
-# not his 3 for two grids, credited orders being low: with 2 just 95 percent of the bars hold, and each part costs runs.
-UNCONFIRMED, CONFIRMED, NEARLY = 2.5, 1.25, 1.3
+# Roache's factor of safety where the part fell with refinement as its order says, or nearly so.
+CONFIRMED, NEARLY = 1.25, 1.3
 LOWEST, HIGHEST = 0.01, 8.0  # orders between which one is looked for
 ATTEMPTS = 20
 AIM = 0.8  # of the tolerance, so that a prediction that is a little short does not cost another run
@@ -106,7 +105,7 @@ class _Rung:
 
 def resolve(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None,
-    runs: list[Response] | None = None, **kind: Any,
+    runs: list[Response] | None = None, budget: float = math.inf, **kind: Any,
 ) -> Response:  # fmt: skip
     """Return a run whose path error bar is at most `tol`, at nearly the least cost, with its design numbers.
 
@@ -117,7 +116,7 @@ def resolve(
     predicted.
     Only the run that is returned goes beyond the window of comparison.
 
-    kind : as in `run`;  runs : receives every run that is made on the way.
+    kind : as in `run`;  runs : receives every run that is made on the way;  budget : of the `work` on the way.
 
     Steps are equal.  Step sizes from local error were measured and are not used: for the same largest
     path error they take 0.8 to 1.1 times the steps on `level`, for the same rms error and on `inclined` more than equal
@@ -150,7 +149,7 @@ def resolve(
     coarser: Response | None = None  # the run before space was refined last
     for attempt in range(ATTEMPTS):
         report(min(0.5, 0.1 + 0.05 * attempt), f"{len(made)} runs, bar {rung.bar:.1g} of {tol:g} wanted")
-        finer = _next(method, rung, settings, tol, stuck)
+        finer = _next(method, rung, settings, tol, stuck, runs is not None)
         if rung.bar <= tol and _doubtful(rung.response, coarser):
             finer = settings | {space.setting: space.finer(method.value(settings), FURTHEST)}
         in_space = method.value(finer) != method.value(settings)
@@ -161,6 +160,10 @@ def resolve(
             read_at = settings["steps"]
             continue
         if (rung.bar <= tol and not in_space) or finer == settings or finer["steps"] * method.value(finer) > LARGEST:
+            break
+        ahead = work(method, rung.response) * finer["steps"] / settings["steps"]
+        ahead *= space.cost(method.value(finer)) / space.cost(method.value(settings))
+        if sum(work(method, r) for r in made) + ahead > budget:
             break
         if finer["steps"] != settings["steps"]:  # first, on the coarser mesh: that costs less and tells as much
             ratio = finer["steps"] / settings["steps"]
@@ -207,9 +210,10 @@ def resolve(
 
 
 def resolved(
-    scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None, **kind: Any
-) -> Estimated:
-    """Return the run of `resolve`, or the finest within reach, with companions for the bars of everything else.
+    scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None, budget: float = math.inf,
+    **kind: Any,
+) -> Estimated:  # fmt: skip
+    """Return the run of `resolve`, or the finest within reach and budget, with companions for all other bars.
 
     The path's bar is that of its own ladder, which has seen the orders; where it is smaller than the companions say,
     theirs of everything else are scaled with it.
@@ -217,13 +221,18 @@ def resolved(
     method = find(method) if isinstance(method, str) else method
     made: list[Response] = []
     try:
-        finest = resolve(scene, method, tol, progress=progress, runs=made, **kind)
+        finest = resolve(scene, method, tol, progress=progress, runs=made, budget=budget, **kind)
     except TooCoarse as error:
         finest = error.best
     how = {k: kind[k] for k in KIND if k in kind}
-    e = estimated(scene, method, known=made, **how, **finest.settings)
+    e = companions(scene, method, known=made, **how, **finest.settings)
     e = replace(e, order=_order_in_time(e, made))
     return weighted(e, finest.path_error / e.run.path_error) if finest.path_error and e.run.path_error else e
+
+
+def work(method: Method, r: Response) -> float:
+    """Return what a run has cost: Newton's iterations, each times what the resolution makes of it."""
+    return r.work["newton_iterations"] * method.resolution.cost(method.value(r.settings))
 
 
 def _companion(
@@ -331,13 +340,14 @@ def _part(
 
 
 def _next(
-    method: Method, rung: _Rung, settings: dict[str, Any], tol: float, stuck: bool = False
+    method: Method, rung: _Rung, settings: dict[str, Any], tol: float, stuck: bool = False, halves: bool = False
 ) -> dict[str, Any]:  # fmt: skip
     """Return the settings that are predicted to meet AIM * tol at the least cost, as far as they go in one stride.
 
     With parts s and t, a times the resolution and b times the steps leave s/a^p + t/b^r.
 
     stuck : the last refinement of space did not lower its part.
+    halves : the run with half the steps is wanted too, so that doubling costs less than a shorter stride.
     """
     space, count, steps = method.resolution, method.value(settings), settings["steps"]
     p, r, s, t = space_order(method.space_order), time_order(settings), rung.space.path, rung.time.path
@@ -353,4 +363,6 @@ def _next(
     # the cheapest way there, however far, and of it one stride
     ways = [(a, b) for a in strides for b in strides if s / a**p + t / b**r <= AIM * tol] or [(FURTHEST, FURTHEST)]
     a, b = min(ways, key=lambda x: x[1] * space.cost(count, x[0]))
-    return settings | at(min(a, FURTHEST), min(b, FURTHEST))
+    # what is a stride further from its end than the other goes alone
+    a, b = (a if b <= FURTHEST * a else 1.0), (b if a <= FURTHEST * b else 1.0)
+    return settings | at(min(a, FURTHEST), FURTHEST if halves and b > 1.0 else min(b, FURTHEST))

@@ -102,7 +102,7 @@ def _deviation(solvers: Solvers, method: str, stiffness: float) -> Error:
 def _cases() -> list[Limit]:
     return [
         Limit(
-            name="limit of a stiff light cable", parameter="stiffness", values=(1e2, 1e3, 1e4), falls=1.0,
+            name="stiff light cable: distance from it over l", parameter="stiffness", values=(1e2, 1e3, 1e4), falls=1.0,
             because="the cable stretches by M g/EA", deviation=_deviation, methods=RIDERS,
         )
     ]  # fmt: skip

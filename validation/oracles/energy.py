@@ -28,7 +28,7 @@ def _deviation(solvers: Solvers, method: str, steps: float) -> Error:
 def _cases() -> list[Limit]:
     return [
         Limit(
-            name="ride under gravity alone, damped rule", parameter="steps", values=(125.0, 250.0, 500.0), falls=1.0,
+            name="damped rule: drift over M g l", parameter="steps", values=(125.0, 250.0, 500.0), falls=1.0,
             because="the rule's own damping is of first order", deviation=_deviation, methods=RIDERS,
         )
     ]  # fmt: skip

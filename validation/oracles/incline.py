@@ -85,10 +85,10 @@ def _stop(solvers: Solvers, method: str, sigma: float) -> Error:
 def _cases() -> list[Case]:
     because = "the cable sags and gives way like sigma"
     return [
-        Limit(name="drag on a taut cable", parameter="sigma", values=(0.03, 0.01, 0.003), falls=1.0, because=because,
-              deviation=_drag, methods=RIDERS),
-        Limit(name="friction and brake on a taut cable", parameter="sigma", values=(0.01, 0.003, 0.001), falls=1.0,
-              because=because, deviation=_stop, methods=RIDERS),
+        Limit(name="drag, taut cable: place over l", parameter="sigma", values=(0.03, 0.01, 0.003), falls=1.0,
+              because=because, deviation=_drag, methods=RIDERS),
+        Limit(name="friction and brake, taut cable: place over l", parameter="sigma", values=(0.01, 0.003, 0.001),
+              falls=1.0, because=because, deviation=_stop, methods=RIDERS),
     ]  # fmt: skip
 
 

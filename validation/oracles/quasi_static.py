@@ -33,8 +33,8 @@ def _deviation(solvers: Solvers, method: str, drag: float) -> Error:
 def _cases() -> list[Limit]:
     return [
         Limit(
-            name="limit of much drag", parameter="drag area", values=(2.5, 10.0, 40.0), falls=1.0, deviation=_deviation,
-            methods=RIDERS,
+            name="much drag: place over l", parameter="drag area", values=(2.5, 10.0, 40.0), falls=1.0,
+            deviation=_deviation, methods=RIDERS,
             because="the cable's inertia counts like the speed's square, which falls like one over the drag",
         )
     ]  # fmt: skip

@@ -59,7 +59,10 @@ def _cases() -> list[Law]:
 
     return [
         Law(name=name, scene=at, defect=law, falls=1.9, because="statics alone", methods=RIDERS)
-        for name, at, law in (("held car at rest", scene, defect), ("car at its place of rest stays", still, moved))
+        for name, at, law in (
+            ("held car: place over deflection, tension over H", scene, defect),
+            ("car at its place of rest stays: way over l", still, moved),
+        )
     ]
 
 

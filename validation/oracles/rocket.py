@@ -93,8 +93,8 @@ def _deviation(solvers: Solvers, method: str, sigma: float) -> Error:
 def _cases() -> list[Limit]:
     return [
         Limit(
-            name="limit of a taut cable", parameter="sigma", values=(1e-1, 3e-2, 1e-2), falls=1.0, deviation=_deviation,
-            methods=RIDERS,
+            name="taut cable: depth over mu sigma", parameter="sigma", values=(1e-1, 3e-2, 1e-2), falls=1.0,
+            deviation=_deviation, methods=RIDERS,
             because="sag and stretch change the waves like sigma, below sigma alpha = 1 like its square",
         )
     ]  # fmt: skip

@@ -114,7 +114,7 @@ def _case(name: str, drag: bool) -> Limit:
 
 
 def _cases() -> list[Limit]:
-    return [_case("hauled along a taut string", True), _case("the same without wave drag", False)]
+    return [_case("hauled, taut string: force over (mu sigma)²", True), _case("the same without wave drag", False)]
 
 
 ORACLE = Oracle(

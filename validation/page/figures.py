@@ -7,6 +7,7 @@ size that is legible in both.
 import hashlib
 import io
 import re
+from importlib import resources
 from typing import Any
 
 import matplotlib as mpl
@@ -22,37 +23,11 @@ WIDTH = 4.8  # inches
 PALETTE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 DASHES = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)), (0, (3, 1)), (0, (8, 2)), (0, (2, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-FIELD, DIFFERENCE = "viridis", "RdBu_r"  # colour maps: of a quantity, and of a difference about zero
 
-STYLE: Any = {
-    "svg.fonttype": "none",  # text stays text: small, searchable, in the page's font
-    "svg.hashsalt": "cablefem",  # the same figure gives the same file
-    "font.family": "DejaVu Sans",  # for the layout; wider than the fonts of a page, so that nothing collides
-    "font.size": 10.0,
-    "axes.titlesize": 10.0,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.labelsize": 10.0,
-    "axes.edgecolor": GREY,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#dddddd",
-    "grid.linewidth": 0.6,
-    "lines.linewidth": 1.6,
-    "lines.markersize": 5.0,
-    "legend.framealpha": 0.9,
-    "legend.edgecolor": "#cccccc",
-    "legend.fontsize": 9.0,
-    "legend.handlelength": 2.6,  # long enough to show a dash pattern
-    "xtick.labelsize": 9.0,
-    "ytick.labelsize": 9.0,
-    "image.cmap": FIELD,
-    "savefig.dpi": 110,  # of rasterised fields alone
-    "path.simplify_threshold": 0.3,  # pixels
-    "axes.prop_cycle": cycler(color=list(PALETTE)) + cycler(linestyle=list(DASHES)),
-}
+_FILE = resources.files("validation.page") / "assets" / "report.mplstyle"
+STYLE: Any = mpl.rc_params_from_file(str(_FILE), use_default_template=False) | {
+    "axes.edgecolor": GREY, "axes.prop_cycle": cycler(color=list(PALETTE)) + cycler(linestyle=list(DASHES)),
+}  # fmt: skip
 
 
 def style() -> Any:

@@ -1,6 +1,6 @@
-"""What is seen of states: fields and recovered forces along a following mesh, energies, pointwise tension.
+"""What is seen of states: fields along a following mesh, forces at its ends, energies, pointwise tension.
 
-A history is q, v, a (n, n_dof) and kinematics (n, 3): s_o, ds_o, dds_o; `frames` are rows of it.
+A history is q, v, a (n, n_dof) and kinematics (n, 3): s_o, ds_o, dds_o.
 """
 
 import math
@@ -13,56 +13,64 @@ from cablefem.elements.kernels.law import ELASTIC, pull, tension
 
 
 @compiled
-def locate(knots, s_o, s):
-    """Return side, its length, xi, element, its length in xi and the place in it of s; the element behind at a knot."""
-    side = 0 if s <= s_o and s_o > 0.0 else 1
-    s_0, h = (0.0, s_o) if side == 0 else (s_o, 1.0 - s_o)
-    xi = min(1.0, max(0.0, (s - s_0) / h))
-    low, high = 0, knots.shape[1] - 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        if knots[side, middle] < xi:
-            low = middle
-        else:
-            high = middle
-    length = knots[side, low + 1] - knots[side, low]
-    return side, h, xi, low, length, (xi - knots[side, low]) / length
+def along(knots, shapes, dofs, node, kinematics, s, history, ends, out):
+    """Set w, dw/dt at fixed s, w' and f - c^2 w' at s (m,) of a following mesh, out (4, k, m, n_fields); at s_o behind.
 
+    The last is the momentum tested with phi = 1 from the support or the mass up to s, see `end_forces`.
 
-@compiled
-def sample(knots, shapes, dofs, s_o, ds, s, q, v, out):
-    """Set w, dw/dt at fixed s and w' at the places s (m,) of a following mesh, out (3, m, n_fields); at s_o behind.
-
-    knots : (2, n_el + 1) of the two sides;  shapes : polynomial coefficients, see `reference.shape_polynomials`.
+    knots : (2, n_el + 1) of the two sides;  shapes : polynomial coefficients, see `reference.shape_polynomials`;
+    kinematics : (k, 3);  history : q, v, a, (3, k, n_dof);  ends : (k, 4, n_fields) of `end_forces`.
     """
-    n_el, n_loc = knots.shape[1] - 1, shapes.shape[0]
-    n_fields = out.shape[2]
-    out[:] = 0.0
-    for p in range(s.size):
-        side, h, xi, low, length, x = locate(knots, s_o, s[p])
-        pull = ds * (xi if side == 0 else 1.0 - xi)
-        for k in range(n_loc):
-            d = dofs[side * n_el + low, k]
-            if d < 0:
-                continue
-            value, slope = 0.0, 0.0
-            for m in range(n_loc - 1, -1, -1):
-                slope = slope * x + value
-                value = value * x + shapes[k, m]
-            slope /= length * h
-            for f in range(n_fields):
-                w = q[n_fields * d + f]
-                out[0, p, f] += value * w
-                out[1, p, f] += value * v[n_fields * d + f] - pull * slope * w
-                out[2, p, f] += slope * w
-
-
-@compiled
-def samples(knots, shapes, dofs, kinematics, frames, s, q, v, out):
-    """Set `sample` of the frames of a history, out (k, 3, m, n_fields)."""
-    for k in range(frames.size):
-        i = frames[k]
-        sample(knots, shapes, dofs, kinematics[i, 0], kinematics[i, 1], s, q[i], v[i], out[k])
+    n_el, n_loc, n_fields = knots.shape[1] - 1, shapes.shape[0], out.shape[3]
+    once = shapes / np.arange(1.0, n_loc + 1.0)  # coefficients of the antiderivatives
+    begin = np.zeros((2 * n_el + 1, 3, n_fields))  # int q, v, a dxi from the start of the side up to each element
+    value, slope, total = np.empty((3, n_fields)), np.empty((3, n_fields)), np.empty((3, n_fields))
+    for frame in range(kinematics.shape[0]):
+        s_o, ds, dds = kinematics[frame]
+        for e in range(2 * n_el):
+            side, at = e // n_el, e % n_el
+            begin[e + 1] = begin[e] if at + 1 < n_el else 0.0 * begin[e]
+            for k in range(n_loc if at + 1 < n_el else 0):
+                whole = once[k].sum() * (knots[side, at + 1] - knots[side, at])
+                for j in range(3):
+                    for i in range(n_fields):
+                        d = n_fields * dofs[e, k] + i
+                        if d >= 0:
+                            begin[e + 1, j, i] += whole * history[j, frame, d]
+        for p in range(s.size):
+            behind = s[p] <= s_o and s_o > 0.0
+            side, s_0, h, sign = (0, 0.0, s_o, 1.0) if behind else (1, s_o, 1.0 - s_o, -1.0)
+            xi = min(1.0, max(0.0, (s[p] - s_0) / h))
+            at = max(0, np.searchsorted(knots[side], xi) - 1)
+            e, length = side * n_el + at, knots[side, at + 1] - knots[side, at]
+            x, chi = (xi - knots[side, at]) / length, xi if behind else 1.0 - xi
+            value[:], slope[:], total[:] = 0.0, 0.0, begin[e]
+            for k in range(n_loc):
+                d = n_fields * dofs[e, k]
+                if d < 0:
+                    continue
+                phi, phi_x, part = 0.0, 0.0, 0.0
+                for m in range(n_loc - 1, -1, -1):
+                    phi_x = phi_x * x + phi
+                    phi = phi * x + shapes[k, m]
+                    part = part * x + once[k, m]
+                for j in range(3):
+                    for i in range(n_fields):
+                        value[j, i] += phi * history[j, frame, d + i]
+                        slope[j, i] += phi_x / (length * h) * history[j, frame, d + i]
+                        total[j, i] += part * x * length * history[j, frame, d + i]
+            for i in range(n_fields):
+                moved = chi * (2.0 * ds * value[1, i] + dds * value[0, i])
+                if behind:
+                    start = ends[frame, 0, i]
+                else:
+                    d = n_fields * node + i
+                    start = ends[frame, 2, i] + 2.0 * ds * history[1, frame, d] + dds * history[0, frame, d]
+                rate = h * total[2, i] + sign * (2.0 * ds * total[1, i] + dds * total[0, i])
+                out[0, frame, p, i] = value[0, i]
+                out[1, frame, p, i] = value[1, i] - ds * chi * slope[0, i]
+                out[2, frame, p, i] = slope[0, i]
+                out[3, frame, p, i] = start + rate - moved
 
 
 @compiled
@@ -126,65 +134,8 @@ def end_forces(mesh, n_left, node, cable, dds, rise, q, v, a, out):
 
 
 @compiled
-def sample_forces(knots, shapes, dofs, node, s_o, ds, dds, s, q, v, a, ends, out):
-    """Set f - c^2 w' (m, n_fields) at the places s (m,) of a following mesh: the balance with phi = 1 up to there.
-
-    ends : of `end_forces`.
-    """
-    n_el, n_loc = knots.shape[1] - 1, shapes.shape[0]
-    n_fields = out.shape[1]
-    total = np.zeros((2, n_el + 1, 3, n_fields))  # int of q, v, a from the start of the side to each knot, over h
-    history = (q, v, a)
-    for side in range(2):
-        for e in range(n_el):
-            length = knots[side, e + 1] - knots[side, e]
-            for j in range(3):
-                for i in range(n_fields):
-                    total[side, e + 1, j, i] = total[side, e, j, i]
-            for k in range(n_loc):
-                d = dofs[side * n_el + e, k]
-                whole = 0.0
-                for m in range(n_loc):
-                    whole += shapes[k, m] / (m + 1.0)
-                if d >= 0:
-                    for j in range(3):
-                        for i in range(n_fields):
-                            total[side, e + 1, j, i] += whole * length * history[j][n_fields * d + i]
-    at = np.empty((2, 3, n_fields))
-    for p in range(s.size):
-        side, h, xi, low, length, x = locate(knots, s_o, s[p])
-        chi, sign = (xi, 1.0) if side == 0 else (1.0 - xi, -1.0)
-        for j in range(3):
-            for i in range(n_fields):
-                at[0, j, i], at[1, j, i] = 0.0, total[side, low, j, i]
-        for k in range(n_loc):
-            d = dofs[side * n_el + low, k]
-            if d < 0:
-                continue
-            value, part = 0.0, 0.0
-            for m in range(n_loc - 1, -1, -1):
-                value = value * x + shapes[k, m]
-                part = part * x + shapes[k, m] / (m + 1.0)
-            part *= x * length
-            for j in range(3):
-                for i in range(n_fields):
-                    at[0, j, i] += value * history[j][n_fields * d + i]
-                    at[1, j, i] += part * history[j][n_fields * d + i]
-        for i in range(n_fields):
-            carried = chi * (dds * at[0, 0, i] + ds * at[0, 1, i])
-            if side == 1:
-                carried -= dds * q[n_fields * node + i] + ds * v[n_fields * node + i]
-            rate = h * at[1, 2, i] + sign * (2.0 * ds * at[1, 1, i] + dds * at[1, 0, i]) - carried
-            start = ends[0, i] if side == 0 else ends[2, i] + ds * v[n_fields * node + i]
-            out[p, i] = start + rate - ds * chi * at[0, 1, i]
-
-
-@compiled
-def carried(mesh, n_left, node, cable, knots, shapes, kinematics, rise, frames, s, q, v, a, ends, along):
-    """Set `end_forces` of a history, ends (n, 4, n_fields), and `sample_forces` of its frames, along (k, m, n_fields).
-
-    mesh : following; its span is overwritten.
-    """
+def followed(mesh, n_left, node, cable, kinematics, rise, q, v, a, ends):
+    """Set `end_forces` of a history, ends (n, 4, n_fields); the span of the mesh, which follows, is overwritten."""
     unused = np.empty((8, 3))
     for i in range(rise.size):
         follow(kinematics[i, 0], kinematics[i, 1], kinematics[i, 2], n_left, unused, mesh.span)
@@ -192,10 +143,6 @@ def carried(mesh, n_left, node, cable, knots, shapes, kinematics, rise, frames, 
         if kinematics[i, 0] == 0.0:  # the left part has no length yet
             for f in range(ends.shape[2]):
                 ends[i, 0, f] = ends[i, 1, f] = ends[i, 2, f]
-    for k in range(frames.size):
-        i = frames[k]
-        s_o, ds, dds = kinematics[i, 0], kinematics[i, 1], kinematics[i, 2]
-        sample_forces(knots, shapes, mesh.dofs, node, s_o, ds, dds, s, q[i], v[i], a[i], ends[i], along[k])
 
 
 @compiled

@@ -29,7 +29,7 @@ from threadpoolctl import threadpool_limits
 from cablefem import newmark
 from cablefem.newmark import SCHEMES
 from cablefem.response import Array, Response, write_json
-from cablefem.scene import Groups, Motion, Scene
+from cablefem.scene import Groups, Scene
 from validation.core import measures, store
 from validation.core.estimate import estimated
 from validation.core.measures import NotComparable, Window
@@ -396,10 +396,7 @@ def until(groups: Groups, place: float) -> Groups:
     assert motion is not None
     if place >= motion.end:
         return groups
-    t = motion.time_at(place)
-    n = next(i for i, (_, stop) in enumerate(motion.phases) if t <= stop)
-    phases = (*motion.phases[:n], (motion.phases[n][0], t))
-    return replace(groups, motion=Motion(phases, motion.pieces[: n + 1], place))
+    return replace(groups, motion=replace(motion.until(motion.time_at(place)), end=place))
 
 
 # --- the shared driver against scipy ----------------------------------------------------------------------------------

@@ -16,13 +16,17 @@ from validation.core.design import design, numbers
 from validation.core.estimate import Estimated, past_slack
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.methods import Method, find
-from validation.core.resolution import resolved
+from validation.core.resolution import resolved, work
 from validation.core.running import run
 from validation.core.sidebyside import Progress, side_by_side
 from validation.core.store import Refused
 
 SOLVERS = ("following-p2", "fourier-kink")
 FINER, FINER_FROM = 3.0, 1e-3  # what too coarse rows divide the aim by, and the last aim that they may divide
+# Of `work` for each solver at the default tolerance, in proportion more for a smaller one: three times what `level`
+# needs.  A slow ride after a sudden entry at full speed may want ten times as much.
+BUDGET = 4e5
+LADDER = 2.0  # times the work of the run that is returned, at least, is that of all before it
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,10 +103,10 @@ def check(
     found = [find(m) if isinstance(m, str) else m for m in methods]
     grip: list[Callable[[Progress], Any]] = [partial(_gripped, scene, found[0])] if scene.drive.mode == "haul" else []
     gripped: list[Response] = []
-    aim = tol
+    aim, budget = tol, BUDGET * max(1.0, DEFAULT_TOL / tol)
     while True:
         # the sum of both bars is held against tol: each solver gets half of it
-        jobs: list[Callable[[Progress], Any]] = [partial(_resolved, scene, m, 0.5 * aim) for m in found]
+        jobs: list[Callable[[Progress], Any]] = [partial(_resolved, scene, m, 0.5 * aim, budget) for m in found]
         first, second, *once = side_by_side([*jobs, *grip], progress)
         gripped, grip = gripped or once, []
         runs: tuple[Estimated, Estimated] = first, second
@@ -112,6 +116,8 @@ def check(
         short = any(flag.kind in ("short bar", "no bar") for e in runs for flag in e.run.flags)
         if not (overall(rows) is Verdict.TOO_COARSE or short) or not reached or aim < FINER_FROM:
             break
+        if any(FINER * LADDER * work(m, e.run) > budget for m, e in zip(found, runs, strict=True)):
+            break
         aim /= FINER
     try:
         window = measures.window_of(*runs[0].runs, *runs[1].runs)
@@ -119,10 +125,11 @@ def check(
         window = (measures.WINDOW[0], measures.WINDOW[0])
     a, b = (_told(scene, e, twin) for e, twin in (runs, runs[::-1]))
     smooth = None
-    if deep:
-        from validation.commands.check import deep as third
+    from validation.commands.check import deep as third
 
+    if deep:
         rows += third.deep(scene, runs[0], rows)
+    if deep or overall(rows) is Verdict.TOO_COARSE:
         smooth = third.entry(scene, runs[0].run)
     return Check(scene, a, b, tol, window, rows, gripped[0] if gripped else None, smooth)
 
@@ -141,9 +148,10 @@ def _gripped(scene: Scene, method: Method, progress: Progress) -> Response:
     return replace(response, method="gripped car", design=design(response))
 
 
-def _resolved(scene: Scene, method: Method, tol: float, progress: Progress) -> Estimated:
+def _resolved(scene: Scene, method: Method, tol: float, budget: float, progress: Progress) -> Estimated:
     progress(method.name, 0.0)
-    return past_slack(scene, method, resolved(scene, method, tol, progress=partial(progress, method.name)))
+    told = partial(progress, method.name)
+    return past_slack(scene, method, resolved(scene, method, tol, budget=budget, progress=told))
 
 
 def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:

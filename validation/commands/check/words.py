@@ -15,8 +15,8 @@ def tell(result: Check) -> None:
     if result.entry is not None:
         path, *tensions = result.entry.values()
         terminal.say(
-            f"  a smooth entry over the first 2 % would move the path by {path:.2g} of the deflection, tension at the "
-            f"mass by {max(tensions):.2g} H (rms)"
+            f"  a smooth entry over the first 2 % (entry_ramp in [travel]) would move the path by {path:.2g} of the "
+            f"deflection, tension at the mass by {max(tensions):.2g} H (rms)"
         )
     terminal.say()
     telling.rows(result.rows)

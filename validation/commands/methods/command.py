@@ -1,3 +1,4 @@
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,10 +23,7 @@ def command(
             write_json(folder / "methods.json", {
                 name: {
                     "title": method.title, "use": method.trust, "wrong": method.wrong,
-                    "settings": {
-                        key: {"default": knob.default, "allowed": list(knob.allowed), "meaning": knob.meaning}
-                        for key, knob in method.knobs.items()
-                    },
+                    "settings": {key: asdict(knob) for key, knob in method.knobs.items()},
                 } for name, method in METHODS.items()
             })  # fmt: skip
         return 0

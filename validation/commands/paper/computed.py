@@ -352,7 +352,7 @@ def _start_of_48(runs: Runs, d: float) -> float:
     assert groups.motion is not None
     a = groups.motion.at(0.0, 0)[2]
     _, xp, yp, _, _ = groups.static(np.zeros(1))
-    slope = system.basis.basis.d1(np.zeros(1))[0]
+    slope = system.basis.basis.phi(np.zeros(1), 1)[0]
     pull = np.array([a * xp[0], a * yp[0] - groups.sigma])
     printed = np.linalg.solve(system.basis.basis.mass(), -groups.mu * np.outer(slope, pull)).T.ravel() / (3.0 * a)
     balanced = position.second_order(np.zeros(system.n_dof), d)

@@ -52,13 +52,13 @@ def command(
     Writes DIR/METHOD/: path.csv, tension.csv, summary.json, response.npz, and for ParaView response.xdmf, mass.xdmf
     and their data, response.h5 and mass.h5.
     """
-    from validation.core.methods import near
+    from cablefem.scene.errors import nearest, shown
 
     faults: list[str] = []
     for option, given in (("model", model), ("load", load), ("law", law)):
         known = CHOICES[option]
         if given not in known:
-            faults.append(f"--{option} must be one of {', '.join(known)}, got {given!r}{near(given, known)}")
+            faults.append(f"--{option} = {shown(given)}: unknown.{nearest(given, known)}")
     faults += tol_faults(tol)
     if extrapolate and tol is not None:
         faults.append("--extrapolate and --tol exclude each other: --tol chooses the steps")
@@ -72,7 +72,7 @@ def command(
         return 2
 
     from validation.core.design import design, numbers
-    from validation.core.estimate import estimated
+    from validation.core.estimate import companions, estimated
     from validation.core.resolution import TooCoarse, resolve
     from validation.core.running import run as run_method
     from validation.core.sidebyside import alone, side_by_side
@@ -98,7 +98,8 @@ def command(
         elif not bars:
             response = run_method(loaded, chosen, **kind, progress=report)
         if bars:
-            e = estimated(loaded, chosen, known=made, **kind, progress=report)
+            of = companions if tol is not None else estimated  # a ladder has told the bar of the path
+            e = of(loaded, chosen, known=made, **kind, progress=report)
             if extrapolate:
                 response = better.with_bars(e)
             elif tol is None:
@@ -121,7 +122,10 @@ def command(
     return (
         1
         if too_coarse
-        or any(flag.kind not in ("no bar", "short bar", "coarse", "not extrapolated") for flag in response.flags)
+        or any(
+            flag.kind not in ("no bar", "short bar", "coarse", "no order", "not extrapolated")
+            for flag in response.flags
+        )
         else 0
     )
 

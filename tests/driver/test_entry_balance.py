@@ -1,0 +1,35 @@
+"""Rules that balance inside a step, from rest at a support where one side of the mass has no length yet."""
+
+import numpy as np
+import pytest
+
+from cablefem import Scene
+from cablefem.scene import Motion
+from validation.core.running import run
+
+SCENES = {name: Scene.load(name) for name in ("cruise", "inclined")}
+SETTINGS = {"following-p2": {"elements": 6}, "fourier-kink": {"terms": 10}}
+
+
+def behind(scene, method, **scheme):
+    r = run(SCENES[scene], method, until=0.002, steps=300, **SETTINGS[method], **scheme)
+    return r.T_behind[1:] / r.horizontal_tension
+
+
+@pytest.mark.parametrize("method", SETTINGS)
+@pytest.mark.parametrize("scene", SCENES)
+def test_tension_behind_the_mass_is_right_from_the_first_step_on(scene, method, monkeypatch):
+    exact = behind(scene, method, scheme="trapezoidal")
+    assert exact.size > 5
+    assert np.abs(behind(scene, method, scheme="generalized-alpha", rho_inf=0.8) - exact).max() < 0.02
+    monkeypatch.setattr(Motion, "between", lambda self, t0, t1, w, phase: (1.0 - w) * t0 + w * t1)
+    assert np.abs(behind(scene, method, scheme="generalized-alpha", rho_inf=0.8) - exact).max() > 0.1
+
+
+@pytest.mark.parametrize("scene", ["cruise", "level"])
+def test_the_place_between_two_instants_is_the_mean_of_their_places(scene):
+    motion = Scene.load(scene).groups.motion
+    t0, t1 = motion.phases[0]
+    for begin, end in ((t0, 0.1 * t1), (0.3 * t1, 0.4 * t1)):
+        s = [motion.at(t, 0)[0] for t in (begin, motion.between(begin, end, 0.3, 0), end)]
+        assert s[1] == pytest.approx(0.7 * s[0] + 0.3 * s[2], rel=1e-8)
