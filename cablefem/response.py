@@ -6,7 +6,7 @@ import html
 import json
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -20,14 +20,30 @@ Array = NDArray[np.float64]
 _NONE: Array = np.empty(0)
 
 
-def _later() -> Array:
-    """Return what stands in a field that is filled in when the others are known."""
-    return _NONE
+def _else(of: Callable[[Any], Array]) -> Any:
+    """Return a field that holds what this function makes of the others where nothing was given."""
+    return field(default_factory=lambda: _NONE, metadata={"else": of})
 
 
-def _fill(of: Any, name: str, value: Array) -> None:
-    if getattr(of, name) is _NONE:
-        object.__setattr__(of, name, value)
+def _as(name: str) -> Any:
+    """Return a field that is another one where nothing was given."""
+    return _else(lambda x: getattr(x, name))
+
+
+def _nan(each: str, *more: int) -> Any:
+    """Return a field (n, *more) that is nan where nothing was given, n as many as another one has."""
+    return _else(lambda x: np.full((len(getattr(x, each)), *more), np.nan))
+
+
+class _Filled:
+    """A record that fills in what it was not given."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        for name, f in self.__dataclass_fields__.items():  # type: ignore[attr-defined]
+            if getattr(self, name) is _NONE:
+                object.__setattr__(self, name, f.metadata["else"](self))
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +58,7 @@ class States:
 
 
 @dataclass(frozen=True, slots=True)
-class Observation:
+class Observation(_Filled):
     """What every system measures on its own states, with the same meaning in both solvers; dimensionless.
 
     Lengths over l, forces over H, time over l sqrt(rho/H).  n instants, k frames, m stations.
@@ -64,31 +80,21 @@ class Observation:
     du: Array  # (k, m) time derivatives at fixed s
     dv: Array  # (k, m)
     T: Array  # (k, m)
-    # What an empty array stands for is filled in: pointwise values are those above, anything else is nan.
-    t: Array = field(default_factory=_later)  # (n,)
-    s_o: Array = field(default_factory=_later)  # (n,) place of the mass on the cable
-    reaction_left: Array = field(default_factory=_later)  # (n, 2) force of the left support on the cable
-    reaction_right: Array = field(default_factory=_later)  # (n, 2)
-    contact: Array = field(default_factory=_later)  # (n, 2) force of the mass on the cable
+    t: Array = _nan("path")  # (n,)
+    s_o: Array = _nan("path")  # (n,) place of the mass on the cable
+    reaction_left: Array = _nan("path", 2)  # (n, 2) force of the left support on the cable
+    reaction_right: Array = _nan("path", 2)  # (n, 2)
+    contact: Array = _nan("path", 2)  # (n, 2) force of the mass on the cable
     # (n,) outside force on the mass along the mean tangent; nan where nothing hauls or thrusts
-    haul: Array = field(default_factory=_later)
+    haul: Array = _nan("path")
     # (n,) T + alpha eps of the slopes at the mass; T_behind is from equilibrium
-    T_behind_pointwise: Array = field(default_factory=_later)
-    T_ahead_pointwise: Array = field(default_factory=_later)  # (n,)
-    T_pointwise: Array = field(default_factory=_later)  # (k, m)
-    kinetic: Array = field(default_factory=_later)  # (n,) parts of the energy: cable and mass
-    strain: Array = field(default_factory=_later)  # (n,)
-    potential: Array = field(default_factory=_later)  # (n,) of weight
+    T_behind_pointwise: Array = _as("T_behind")
+    T_ahead_pointwise: Array = _as("T_ahead")  # (n,)
+    T_pointwise: Array = _as("T")  # (k, m)
+    kinetic: Array = _nan("path")  # (n,) parts of the energy: cable and mass
+    strain: Array = _nan("path")  # (n,)
+    potential: Array = _nan("path")  # (n,) of weight
     powers: dict[str, Array] = field(default_factory=dict)  # (n,) each, of outside forces and drive, by name
-
-    def __post_init__(self) -> None:
-        n = self.path.shape[0]
-        for name in ("T_behind", "T_ahead", "T"):
-            _fill(self, f"{name}_pointwise", getattr(self, name))
-        for name in ("reaction_left", "reaction_right", "contact"):
-            _fill(self, name, np.full((n, 2), np.nan))
-        for name in ("t", "s_o", "haul", "kinetic", "strain", "potential"):
-            _fill(self, name, np.full(n, np.nan))
 
     @classmethod
     def joined(cls, parts: Sequence[Observation]) -> Observation:
@@ -110,7 +116,7 @@ _OBSERVED = tuple(name for name in Observation.__dataclass_fields__ if name != "
 
 
 @dataclass(frozen=True, slots=True)
-class Fields:
+class Fields(_Filled):
     """Fields of a run at its frames (k) and stations (m); SI."""
 
     t: Array  # (k,) [s]
@@ -125,20 +131,12 @@ class Fields:
     T_ahead: Array  # (k,) [N]
     mass_u: Array  # (k,) [m] displacement of the mass
     mass_v: Array  # (k,) [m]
-    # empty: nan
-    x: Array = field(default_factory=_later)  # (m,) [m] the cable at rest, as the solvers are told it hangs
-    y: Array = field(default_factory=_later)  # (m,) [m] down
-    T_static: Array = field(default_factory=_later)  # (m,) [N] its tension
-    # empty: the same as above
-    T_pointwise: Array = field(default_factory=_later)  # (k, m) [N] T + EA eps of the slopes; T is from equilibrium
-    T_behind_pointwise: Array = field(default_factory=_later)  # (k,) [N]
-    T_ahead_pointwise: Array = field(default_factory=_later)  # (k,) [N]
-
-    def __post_init__(self) -> None:
-        for name in ("T", "T_behind", "T_ahead"):
-            _fill(self, f"{name}_pointwise", getattr(self, name))
-        for name in ("x", "y", "T_static"):
-            _fill(self, name, np.full(self.s.size, np.nan))
+    x: Array = _nan("s")  # (m,) [m] the cable at rest, as the solvers are told it hangs
+    y: Array = _nan("s")  # (m,) [m] down
+    T_static: Array = _nan("s")  # (m,) [N] its tension
+    T_pointwise: Array = _as("T")  # (k, m) [N] T + EA eps of the slopes; T is from equilibrium
+    T_behind_pointwise: Array = _as("T_behind")  # (k,) [N]
+    T_ahead_pointwise: Array = _as("T_ahead")  # (k,) [N]
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +152,7 @@ class Flag:
 
 
 @dataclass(frozen=True, slots=True)
-class Response:
+class Response(_Filled):
     """The answer of one run, in SI units: lengths [m], forces [N], times [s]; v and y point down.
 
     Comparisons between solvers use this alone, never coefficients.  T is total tension and has two values at the
@@ -205,28 +203,18 @@ class Response:
     drive: str = "grip"  # "grip" | "haul" | "free"
     events: list[dict[str, Any]] = field(default_factory=list)  # event, t [s], s_o [m], speed [m/s], in their order
     design: list[dict[str, Any]] = field(default_factory=list)  # quantity, value, bar, unit, t, s_o, s
-    # empty: pointwise as above, else nan
     # (n,) T + EA eps of the slopes at the mass; T_behind is from equilibrium
-    T_behind_pointwise: Array = field(default_factory=_later)
-    T_ahead_pointwise: Array = field(default_factory=_later)  # (n,)
-    reaction_left: Array = field(default_factory=_later)  # (n, 2) force of the left support on the cable
-    reaction_right: Array = field(default_factory=_later)  # (n, 2)
-    contact: Array = field(default_factory=_later)  # (n, 2) force of the mass on the cable
+    T_behind_pointwise: Array = _as("T_behind")
+    T_ahead_pointwise: Array = _as("T_ahead")  # (n,)
+    reaction_left: Array = _nan("t", 2)  # (n, 2) force of the left support on the cable
+    reaction_right: Array = _nan("t", 2)  # (n, 2)
+    contact: Array = _nan("t", 2)  # (n, 2) force of the mass on the cable
     # (n,) outside force on the mass along the mean tangent; nan where there is none
-    F_haul: Array = field(default_factory=_later)
-    kinetic: Array = field(default_factory=_later)  # (n,) [J] parts of the energy: cable and mass
-    strain: Array = field(default_factory=_later)  # (n,) [J]
-    potential: Array = field(default_factory=_later)  # (n,) [J] of weight
+    F_haul: Array = _nan("t")
+    kinetic: Array = _nan("t")  # (n,) [J] parts of the energy: cable and mass
+    strain: Array = _nan("t")  # (n,) [J]
+    potential: Array = _nan("t")  # (n,) [J] of weight
     powers: dict[str, Array] = field(default_factory=dict)  # (n,) [W] each, of outside forces and drive, by name
-
-    def __post_init__(self) -> None:
-        n = self.t.size
-        for name in ("T_behind", "T_ahead"):
-            _fill(self, f"{name}_pointwise", getattr(self, name))
-        for name in ("reaction_left", "reaction_right", "contact"):
-            _fill(self, name, np.full((n, 2), np.nan))
-        for name in ("F_haul", "kinetic", "strain", "potential"):
-            _fill(self, name, np.full(n, np.nan))
 
     @property
     def speed(self) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -212,6 +213,26 @@ def test_another_codes_path_is_measured_like_ours():
     assert seen["path_error"] == pytest.approx(ours["path_error"], rel=1e-9)
     shifted = PeerPath(path.s_o, path.u, path.v + 0.1 * path.v.max(), path.t, 1.0, "")
     assert known.errors_of_path(shifted, LEVEL)["path_error"] > 0.09
+
+
+def test_a_free_ride_is_charted_over_time_by_what_can_roll():
+    text = Scene.load("zipline").to_toml().replace('mode = "free"', 'mode = "free"\nend = {place = 40.0}')
+    ride = Scene.from_toml(text)
+    lines = {x.name: x for x in study.series(groups=ride.groups)}
+    assert "scheme trapezoidal" in lines
+    assert not {"scheme generalized-alpha", "scipy DOP853"} & set(lines)
+    for name, why in {"fixed-p1-path": "rolls", "model string": "rolls", "opensees": "grips", "exudyn": None}.items():
+        found = study._refused(ride, lines[name])
+        assert found is None if why is None else why in found
+    truth, r = run(ride, "following-p4", elements=4, steps=400), run(ride, "following-p2", elements=4, steps=150)
+    known = study._Truth(truth, measures.window_of(truth), {})
+    assert not known.short(r.reached, r.reason)
+    l, tau = ride.length, ride.time_scale
+    path = PeerPath(r.s_o / l, r.u / l, r.v / l, r.t / tau, 1.0, "")
+    ours = known.errors(r)["path_error"]
+    assert known.errors_of_path(path, ride)["path_error"] == pytest.approx(ours, rel=1e-6)
+    late = replace(path, t=1.01 * path.t)
+    assert known.errors_of_path(late, ride)["path_error"] > 10.0 * ours
 
 
 # --- cost ------------------------------------------------------------------------------------------------------------

@@ -67,7 +67,7 @@ class Estimated:
     @property
     def tension_weights(self) -> tuple[float, float]:
         """What is left of the gaps to the companions in what rings with axial waves."""
-        return self.weights[0], SAFETY if self.rings else self.weights[1]
+        return self.weights[0], max(self.weights[1], SAFETY if self.rings else 0.0)
 
     @property
     def runs(self) -> tuple[Response, ...]:
@@ -193,6 +193,7 @@ def confirmed(e: Estimated, method: Method, fall: tuple[float | None, float | No
     in_space, in_time = (weight(p, x) for p, x in zip(orders, fall, strict=True))
     if in_space * gaps[0] + in_time * gaps[1] > COARSE:
         in_space = in_time = NO_ORDER
+        e = replace(e, weights=(NO_ORDER / e.own, NO_ORDER))
     e = _with_bars(replace(e, of_path=(in_space / (e.own * e.weights[0]), in_time / e.weights[1])))
     e = replace(e, order=math.log2(fall[1]) if fall[1] else None)
     parts = in_space * gaps[0], in_time * gaps[1]

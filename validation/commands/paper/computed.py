@@ -45,9 +45,9 @@ def stored(runs: Runs, file: Path) -> dict[str, Any]:
         "frequencies": figure_2(runs),
         "overshoot": {method: [asdict(x) for x in rows] for method, rows in gibbs.overshoots(inclined.groups).items()},
         "vibration": {
-            "coarse": vibration.energy_ratio(g, vibration.COARSE)[0],
-            "fine": vibration.energy_ratio(g, vibration.FINE)[0],
-            "kept": vibration.energy_ratio(g, vibration.COARSE, "energy")[0],
+            "coarse": vibration.energy_ratio(g, vibration.COARSE),
+            "fine": vibration.energy_ratio(g, vibration.FINE),
+            "kept": vibration.energy_ratio(g, vibration.COARSE, "energy"),
         },
     }  # fmt: skip
     write_json(file, {"key": key, "numbers": new})

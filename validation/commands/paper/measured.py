@@ -24,17 +24,22 @@ def extrema(r: Response, reading: str) -> list[tuple[float, str, float]]:
 
     Turns shallower than half a percent of the largest value are ripples of a run, not of the path.
     """
-    curve, window = CubicSpline(r.s_o / r.length, series(r, reading)), (0.05, LATEST)
-    roots = curve.derivative().roots(extrapolate=False)
-    places = np.array([window[0], *roots[(roots > window[0]) & (roots < window[1])], window[1]])
+    curve, places = _level_places(r, reading, 0.05, LATEST)
     values = curve(places)
-    deep = 0.005 * np.abs(curve(np.linspace(*window, 4000))).max()
+    deep = 0.005 * np.abs(curve(np.linspace(0.05, LATEST, 4000))).max()
     found = [
         (float(places[i]), kind, float(values[i]))
         for sign, kind in ((1.0, "max"), (-1.0, "min"))
         for i in find_peaks(sign * values, prominence=deep)[0]
     ]
     return sorted(found)
+
+
+def _level_places(r: Response, reading: str, start: float, end: float) -> tuple[CubicSpline, Array]:
+    """Return the path as a function of s_o/l, and where it may be extreme between two places, both included."""
+    curve = CubicSpline(r.s_o / r.length, series(r, reading))
+    roots = curve.derivative().roots(extrapolate=False)
+    return curve, np.array([start, *roots[(roots > start) & (roots < end)], end])
 
 
 def place_of(r: Response, reading: str, near: float, kind: str | None = None) -> float:
@@ -45,12 +50,8 @@ def place_of(r: Response, reading: str, near: float, kind: str | None = None) ->
 
 def place_of_largest(r: Response, reading: str, end: float = LATEST) -> float:
     """Return s_o/l where the path is lowest, up to `end`."""
-    place = r.s_o / r.length
-    curve = CubicSpline(place, series(r, reading))
-    end = min(end, float(place[-1]))
-    roots = curve.derivative().roots(extrapolate=False)
-    candidates = np.array([0.0, *roots[(roots > 0.0) & (roots < end)], end])
-    return float(candidates[np.argmax(curve(candidates))])
+    curve, places = _level_places(r, reading, 0.0, min(end, r.reached))
+    return float(places[np.argmax(curve(places))])
 
 
 def largest(r: Response, reading: str, end: float = LATEST) -> float:

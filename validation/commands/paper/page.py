@@ -176,8 +176,8 @@ def _figure(
 def _frequencies(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     f = content["frequencies"]
     fig, ax = panels(1, 1, height=3.0)
-    ax.axhline(f["linear_theory"], **{**STATIC, "label": "linear theory 5.34979"})
-    ax.axhline(f["exact"], color=BLACK, linewidth=1.0, linestyle="-", label="exact catenary 5.34548")
+    ax.axhline(f["linear_theory"], **{**STATIC, "label": f"linear theory {f['linear_theory']:.5f}"})
+    ax.axhline(f["exact"], color=BLACK, linewidth=1.0, linestyle="-", label=f"exact catenary {f['exact']:.5f}")
     ax.plot(f["fourier"]["terms"], f["fourier"]["omega_1"], "o-", color=BLUE, label="Fourier")
     ax.plot(f["wavelet"]["terms"], f["wavelet"]["omega_1"], "s-", color=VERMILLION, label="wavelets, p = 4")
     ax.set(xlabel="number of terms N", ylabel="ω₁ l √(ρ/H)", xlim=(0, 62), ylim=(5.343, 5.375))

@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 
 import jinja2
 
+from validation.page.page import raised
+
 HOLDS, PAPER_ONLY = "holds", "holds at the paper's resolution only"
 FAILS, OPEN = "does not hold", "cannot be decided"
 VERDICTS = (HOLDS, PAPER_ONLY, FAILS, OPEN)
@@ -177,7 +179,7 @@ def percent(x: Value | float, decimals: int = 0) -> str:
 def power(x: Value | float) -> str:
     """Return a number to one digit as 2·10⁻⁵."""
     mantissa, exponent = f"{_plain(x):.0e}".split("e")
-    return f"{mantissa}·10{str(int(exponent)).translate(str.maketrans('0123456789-', '⁰¹²³⁴⁵⁶⁷⁸⁹⁻'))}"
+    return f"{mantissa}·10{raised(int(exponent))}"
 
 
 def _plain(x: Value | float) -> float:

@@ -26,7 +26,8 @@ DESIGN = (
 )  # fmt: skip
 NUMBERS = (
     *GROUPS, *(name for quantity in DESIGN for name in (quantity, f"{quantity}_bar")),
-    "max_deflection", "path_error", "tension_error", "reached", "seconds", "true_error", "doubt",
+    "max_deflection", "path_error", "tension_error", "reached", "seconds", "true_error", "doubt", "true_tension",
+    "doubt_tension",
 )  # fmt: skip
 COUNTS = ("newton_iterations", "steps")
 WORDS = ("status", "cause", "reason", "flags", "verdict", "method", "model", "load", "settings")
@@ -143,7 +144,7 @@ LEAST, MOST = {"elements": 32, "steps": 2400}, 2e6
 
 
 def truth(scene: Any, r: Any, finer: int) -> dict[str, Any]:
-    """Return the error of a run against one so many times finer in space and time, and what half of that is off.
+    """Return the errors of a run against one so many times finer in space and time, and what half of that is off.
 
     Over the range for which the run states its bar.  The reference is of the element wing's default method, whatever
     the run is of.
@@ -159,9 +160,10 @@ def truth(scene: Any, r: Any, finer: int) -> dict[str, Any]:
     try:
         window = measures.window_of(r, best, half, window=tuple(r.error_window or measures.WINDOW))
         true, doubt = (measures.path_gap(x, best, window)[0] for x in (r, half))
+        tension, unsure = (measures.tension_gap(x, best, window) for x in (r, half))
     except measures.NotComparable:
         return {}
-    return {"true_error": true, "doubt": doubt}
+    return {"true_error": true, "doubt": doubt, "true_tension": tension, "doubt_tension": unsure}
 
 
 def faults_of(r: Any) -> list[str]:

@@ -54,24 +54,31 @@ def _outcome(study: Study, told: dict[str, Any], rows: Any) -> Section:
             over = int((rows[name] > most).sum())
             html.append(callout(f"{over} of {len(rows)} scenes exceed the limit {name} = {number(most)}."))
     if rows["true_error"].notna().any():
-        html.append(_coverage(rows))
+        lines = coverage(rows)
+        html.append(table(lines, list(lines[0]), caption="Error bars against finer runs"))
     summary = f"{len(rows)} of {len(study)} scenes, {counts.get('complete', 0)} complete, {broken} without an answer"
     return Section("sweep-outcome", study.title or f"Sweep {told['study']}", Markup("\n").join(html), None, summary)
 
 
-def _coverage(rows: Any) -> Markup:
+OF = {"path": ("path_error", "true_error", "doubt"), "tension": ("tension_error", "true_tension", "doubt_tension")}
+
+
+def coverage(rows: Any) -> list[dict[str, Any]]:
     """Do the bars hold?  Judged where the two finer runs differ by less than a third of the bar or of the error."""
-    known = rows[rows["true_error"].notna()]
-    judged = known[known["doubt"] <= known[["path_error", "true_error"]].max(axis=1) / 3.0]
     lines = []
-    for name, part in [*judged.groupby("method"), ("all", judged)]:
-        short = part[part["true_error"] > part["path_error"]]
-        lines.append({
-            "method": name, "held against": len(part), "bar holds": f"{100.0 * (1.0 - len(short) / len(part)):.1f} %",
-            "too small and unflagged": int(short["flags"].isna().sum()),
-            "bar over true, median": float((part["path_error"] / part["true_error"]).median()),
-        })  # fmt: skip
-    return table(lines, list(lines[0]), caption="Error bars against finer runs") if len(judged) else Markup("")
+    for quantity, (bar, true, doubt) in OF.items():
+        known = rows[rows[true].notna()]
+        judged = known[known[doubt] <= known[[bar, true]].max(axis=1) / 3.0]
+        for name, part in [*judged.groupby("method"), ("all", judged)]:
+            short, plain = part[part[true] > part[bar]], part[part["flags"].isna()]
+            lines.append({
+                "bar of": quantity, "method": name, "held against": len(part),
+                "bar holds": f"{100.0 * (1.0 - len(short) / len(part)):.1f} %" if len(part) else "",
+                "unflagged": len(plain), "too small and unflagged": int(short["flags"].isna().sum()),
+                "bar over true, median": float((part[bar] / part[true]).median()),
+                "the same, unflagged": float((plain[bar] / plain[true]).median()),
+            })  # fmt: skip
+    return lines
 
 
 def _maps(study: Study, rows: Any) -> Section:
