@@ -113,7 +113,6 @@ class Method:
     extrapolate: bool = False  # the ladder converges regularly: compare 2 f(2N) - f(N)
     steps_growth: float | None = None  # steps that keep pace grow like this power of the resolution
     begins: tuple[int, int] | None = None  # resolution and steps of a coarse run in balance, from which ladders climb
-    meets: float | None = None  # of the resolution from which `resolve` climbs, see there; None: from the first one
     races: tuple[tuple[int, int], ...] = ()  # resolutions and steps, coarse to fine, that `cablefem advise` tries
     survey: tuple[int, int] | None = None  # resolution and steps in the maps of `cablefem atlas`; None: not mapped
     trust: str = ""  # one line: when to use it
@@ -229,7 +228,7 @@ METHODS: dict[str, Method] = {
         Method(
             "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
             {"elements": _elements(10, _PER_SIDE), "grading": _GRADING, **TIME}, _each(4), 2.5, _following(2),
-            on_rides={"elements": 16}, begins=(4, 200), survey=(8, 600), meets=1.0,
+            on_rides={"elements": 16}, begins=(4, 200), survey=(8, 600),
             races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
             trust="the default: fastest for a given error from 1e-2 to 1e-5",
         ),

@@ -49,12 +49,6 @@ QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 # random scenes with mu = 0.05 to 0.09; at 5e-4 it took 1.7 times as much, and with mu = 0.015 at 5e-3 5 times.
 LIGHT, SHARP, FINE = 0.1, {"scheme": "radau"}, 2e-3
 
-# Ladders of 140 random scenes (`cablefem sweep throughput`, tol 1e-2) ended at 2.5 (alpha sigma)^0.15 mu^-0.6 elements
-# and 23 (alpha sigma/mu)^0.25 T^4/3 steps, T the time of the travel over l sqrt(rho/H), each within a factor of 1.5
-# (standard deviation of the logarithm 0.42 and 0.44).  Begun there, no part has been seen to fall and keeps the larger
-# factor of safety: beginning with 1.0 and 20, `Method.meets` and these steps, took least work and 5.8 runs for 7.8.
-MEETS, MEETING_STEPS, SLOWEST = 1e-2, 20.0, 11.0
-
 
 class TooCoarse(RuntimeError):
     """No resolution within reach meets the tolerance; `best` is the finest run made, with its error bar."""
@@ -285,26 +279,17 @@ def _doubtful(r: Response, coarser: Response | None) -> bool:
 
 
 def _begin(scene: Scene, method: Method, tol: float) -> dict[str, int]:
-    """Return the resolution and the steps to begin with, somewhat short of the tolerance, see `MEETS`.
+    """Return the resolution and the steps to begin with: for a light car an unknown and a step per width of its front.
 
-    For a light car no less than an unknown and a step per width of its front: coarser ones would only show that they
-    do not see it.
+    Coarser ones would only show that they do not see it.
     """
-    space, motion, g = method.resolution, scene.groups.motion, scene.groups
-    if motion is None:
+    space, motion = method.resolution, scene.groups.motion
+    if motion is None or not _light(scene, tol):
         return {space.setting: space.first, "steps": FIRST_STEPS}
-    (_, last), count, steps = motion.phases[-1], 0.0, 0.0
-    if _light(scene, tol):
-        count, steps = space.with_unknowns(2.0 / scene.mu), last / scene.mu
-    elif scene.drive.mode == "grip" and last <= SLOWEST and motion.at(0.0, 0)[1] > 0.0:  # what enters with speed
-        stiff = g.alpha * g.sigma
-        count = (
-            (method.meets or 0.0) * stiff**0.15 * g.mu**-0.6 * (MEETS / tol) ** (1 / space_order(method.space_order))
-        )
-        steps = MEETING_STEPS * (stiff / g.mu) ** 0.25 * last ** (4.0 / 3.0) * math.sqrt(MEETS / tol)
+    fine = min(space.with_unknowns(2.0 / scene.mu), space.most // 2)  # both sides of the mass
     return {
-        space.setting: min(max(space.first, round(count)), space.most // 2),
-        "steps": min(max(FIRST_STEPS, math.ceil(steps)), MOST_STEPS // 8),
+        space.setting: max(space.first, fine),
+        "steps": max(FIRST_STEPS, math.ceil(motion.phases[-1][1] / scene.mu)),
     }
 
 
