@@ -70,12 +70,15 @@ class CollocationRule(Stepper):
         """
         step = dt, x.phase, np.array([x.q, x.v])
         how = self.rule, self.bound, self.newton
-        tries = [(self.collocate, np.tile(x.a, (t.size, 1)))]
         if isinstance(x, Collocated):
-            tries.insert(0, (self.collocate, continued(x.inside, dt)))
-        else:
-            tries.append((partial(collocate_coupled, self.system), np.tile(x.a, (t.size, 1))))
-        for solver, a in tries:
+            a = continued(x.inside, dt)
+            if self.balanced(self.collocate(t, *step, a, *how)):
+                return a
+        solvers = [self.collocate]
+        if not isinstance(x, Collocated):
+            solvers.append(partial(collocate_coupled, self.system))
+        for solver in solvers:
+            a = np.repeat(x.a[None, :], t.size, axis=0)
             done = solver(t, *step, a, *how)
             if self.balanced(done):
                 return a

@@ -9,7 +9,7 @@ import pytest
 
 from cablefem import Scene
 from cablefem.response import Fields, Response
-from cablefem.scene import Catenary
+from cablefem.scene import Catenary, catenary
 from tests.scene.test_ride import ZIP
 from validation.core import laws
 from validation.core.running import run
@@ -94,6 +94,13 @@ def test_what_both_wings_share_is_seen(fault):
 def test_a_wrong_unit_of_time_is_seen(monkeypatch):
     scale = Scene.time_scale.fget
     monkeypatch.setattr(Scene, "time_scale", property(lambda self: 1.01 * scale(self)))
+    assert "momentum of the mass" in broken(answer(LEVEL.variant()))
+
+
+def test_a_wrong_curvature_of_the_shared_catenary_is_seen(monkeypatch):
+    """Both wings have one of their own in their equations; what they observe goes by this one."""
+    static = catenary.static
+    monkeypatch.setattr(catenary, "static", lambda *at: (*static(*at)[:3], *(1.02 * bend for bend in static(*at)[3:])))
     assert "momentum of the mass" in broken(answer(LEVEL.variant()))
 
 

@@ -254,3 +254,39 @@ def test_a_check_goes_on_where_bars_cover_less_than_the_range(monkeypatch, flagg
     monkeypatch.setattr(study, "side_by_side", lambda jobs, progress: [job(lambda *told: None) for job in jobs])
     assert study.check(LEVEL, tol=0.05).verdict is Verdict.AGREE
     assert len(asked) == 2 * rounds
+
+
+def late(x):
+    return np.concatenate([x[:1], x[:-1]])
+
+
+def changed(**of):
+    def change(r):
+        return replace(r, fields=replace(r.fields, **{name: f(getattr(r.fields, name)) for name, f in of.items()}))
+
+    return change
+
+
+def mean_slopes(r):
+    mean = 0.5 * (r.slope_behind + r.slope_ahead)
+    return replace(r, slope_behind=mean, slope_ahead=mean)
+
+
+# what is wrong in both wings at once, which no row between them can show
+OF_BOTH = {
+    "displacement along x 5 % wrong": fields(u=1.05),
+    "displacement and its velocity along x 5 % wrong": fields(u=1.05, du=1.05),
+    "all fields one frame late": changed(u=late, v=late, du=late, dv=late, T=late),
+    "sides of the mass exchanged": lambda r: replace(r, T_behind=r.T_ahead, T_ahead=r.T_behind),
+    "one slope for both sides": mean_slopes,
+    "vertical reaction on the right 5 % wrong": lambda r: replace(r, reaction_right=r.reaction_right * [1.0, 1.05]),
+}
+
+
+@pytest.mark.parametrize("fault", OF_BOTH)
+def test_a_fault_of_both_wings_turns_a_law(fault):
+    a, b = (altered(e, OF_BOTH[fault]) for e in right())
+    found = agree(LEVEL, a, b)
+    laws = [row for row in found if row.verdict is Verdict.DISAGREE]
+    assert {row.quantity for row in laws} <= {"laws_si", "impulse", "energy", "velocity"}
+    assert laws, [(row.law, row.gap, row.allowed) for row in found if row.quantity == "laws_si"]

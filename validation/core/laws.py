@@ -28,7 +28,6 @@ EVERY = 6  # frames from one end of a window to the next: 0.06 of the travel
 ROUNDING = 1e-9  # of the scale: stations and splines of static shapes
 SIDE = 1e-6  # of a step, beside an event
 TRAPEZOIDS = 1e-4  # of the scale: impulses over steps across which an acceleration jumps
-PIECES = 4  # of either side of the mass, between whose ends its stretch is counted
 DOWN = np.array([0.0, 1.0])
 
 Window = tuple[float, float]
@@ -443,22 +442,21 @@ class Mechanics:
     def _stretch(self) -> Defect:
         """Mean tension of a piece is that at rest plus EA times the piece's strain by the sampled curve; over H.
 
-        Pieces of each side, not sides alone: their ends lie on supports and mass, whatever the fields are between.
+        Pieces are the shorter side and both halves of the longer one: the ends of a side lie on support and mass,
+        whatever the fields are between, and in shorter pieces the ripples of a basis have no mean.
         """
         off = []
         for pair in self.sides:
-            row = []
+            row, longer = [], max(pair, key=lambda x: x.s[-1] - x.s[0])
             for x in pair:
                 moved, rest = _lengths(x.s, x.place, x.rest)
                 strain = np.cumsum(np.append(0.0, moved - rest))
                 rise = CubicSpline(x.s, x.T - x.T_static).antiderivative()(x.s)
-                ends = np.linspace(0, x.s.size - 1, PIECES + 1).astype(int)
-                row.append(
-                    np.diff((rise - self.given.EA * strain)[ends]) / np.maximum(np.diff(x.s[ends]), x.s[1] - x.s[0])
-                )
-            off.append(np.concatenate(row))
+                ends = [0, x.s.size // 2, -1] if x is longer else [0, -1]
+                row += (np.diff((rise - self.given.EA * strain)[ends]) / np.diff(x.s[ends])).tolist()
+            off.append(row)
         at = self.r.fields.s_o[self.frames] / self.r.length
-        return Defect(at, np.reshape(off, (-1, 2 * PIECES)) / (math.sqrt(PIECES) * self.r.horizontal_tension))
+        return Defect(at, np.reshape(off, (-1, 3)) / self.r.horizontal_tension)
 
     def _of_mass(self, pull: Array) -> Defect:
         """Return what is missing from the momentum of the mass under the cable's pull (n, 2)."""

@@ -261,7 +261,7 @@ def assemble(bands, mesh, cable, contact, q, v, a, r, work, c0, c1, c2):
         work.ab[:] = 0.0
     add_banded(bands, n_fields, q, v, a, r, work.ab, tangent, c0, c1, c2)
     if n_fields == 2:
-        least, where = add_catenary(mesh, cable, q, r, work.ab, tangent, c0)
+        least, where = add_catenary(mesh, cable, q, r, work.ab, c0 != 0.0, c0)
     else:
         least, where = add_chord(mesh, cable, q, r, work.ab, work.increment, tangent, c0), 0.5
     add_contact(contact, q, v, a, r, work.ab, tangent, c0, c1, c2)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,9 @@ from markupsafe import Markup, escape
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
+from matplotlib.transforms import Bbox
 
+from validation.commands.chart.front import Row, best_of
 from validation.core import store
 from validation.core.methods import METHODS
 from validation.page.figures import BLACK, DASHES, GREY, MARKERS, PALETTE, panels, style
@@ -28,7 +31,6 @@ from validation.page.page import (
 )
 
 _SAY = words(__package__)
-Row = dict[str, Any]
 OURS = ("method", "integrator", "extrapolated")  # rows of the full cable at given settings
 
 WORK = {"seconds": "seconds of the time loop, one core", "unknown_steps": "steps × unknowns"}
@@ -166,15 +168,6 @@ def _work(chart: dict[str, Any]) -> Section:
     )  # fmt: skip
 
 
-def best_of(rows: Sequence[Row], quantity: str, work: str) -> list[Row]:
-    """Return the rows that no other one beats in both work and error, from quick to exact."""
-    out: list[Row] = []
-    for row in sorted(rows, key=lambda r: (r[work], r[f"{quantity}_error"])):
-        if not out or row[f"{quantity}_error"] < out[-1][f"{quantity}_error"]:
-            out.append(row)
-    return out
-
-
 @style()
 def draw(chart: dict[str, Any], quantity: str, work: str, title: str, lines: dict[str, list[Row]]) -> Figure:
     """Draw one work-precision chart: error over work, both logarithmic, the same frame for all of a page."""
@@ -183,13 +176,13 @@ def draw(chart: dict[str, Any], quantity: str, work: str, title: str, lines: dic
     dots = [r for r in chart["rows"] if r["status"] == "ok" and r["kind"] != "scipy" and r[error] and r[work]]
     front = best_of([r for r in dots if r["kind"] in OURS], quantity, work)
     ax.plot(*_columns(front, work, error), color="#c8c8c8", linewidth=6.0, solid_capstyle="round", zorder=1)
+    labels: list[tuple[Row, str, int]] = []
     for i, (name, rows) in enumerate(lines.items()):
         colour, marker, dash = PALETTE[i % len(PALETTE)], MARKERS[i % len(MARKERS)], DASHES[i % len(DASHES)]
         ax.plot(*_columns(rows, work, error), marker, color=colour, alpha=0.25, markersize=3.5, zorder=2)
         best = best_of(rows, quantity, work)
         ax.plot(*_columns(best, work, error), marker=marker, color=colour, linestyle=dash, label=name, zorder=3)
-        for k in dict.fromkeys((0, len(best) - 1)):
-            _label(ax, best[k], error, work, colour, left=k == 0)
+        labels += [(best[k], colour, 1 if k == 0 else -1) for k in dict.fromkeys((0, len(best) - 1))]
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.xaxis.set_minor_formatter(NullFormatter())
@@ -205,6 +198,10 @@ def draw(chart: dict[str, Any], quantity: str, work: str, title: str, lines: dic
     ax.set_xlabel(WORK[work])
     ax.set_ylabel(_error(chart, quantity))
     fig.legend(loc="outside lower center", ncols=2)
+    fig.draw_without_rendering()  # from here on all is in its place
+    taken: list[Bbox] = []
+    for row, colour, up in labels:
+        _label(ax, row, error, work, colour, up, taken)
     return fig
 
 
@@ -212,16 +209,24 @@ def _columns(rows: Sequence[Row], *names: str) -> list[list[float]]:
     return [[row[name] for row in rows] for name in names]
 
 
-def _label(ax: Axes, row: Row, error: str, work: str, colour: str, *, left: bool) -> None:
+def _label(ax: Axes, row: Row, error: str, work: str, colour: str, up: int, taken: list[Bbox]) -> None:
+    """Put a dot's settings above it or, up = -1, below it, where no other label is."""
     settings = row.get("chosen") or row["settings"]
     text = f"tol {row['settings']['tol']:g}" if "tol" in row["settings"] else " · ".join(
         str(v) for v in settings.values() if not isinstance(v, str)
     )  # fmt: skip
-    ax.annotate(
-        text, (row[work], row[error]), xytext=(-3, 5) if left else (3, -10), textcoords="offset points", fontsize=7.0,
-        color=BLACK, ha="right" if left else "left",
+    note = ax.annotate(
+        text, (row[work], row[error]), (3, -9), textcoords="offset points", fontsize=7.0, color=BLACK, va="center",
         bbox={"boxstyle": "round,pad=0.12", "fc": "white", "ec": colour, "lw": 0.5, "alpha": 0.8}, zorder=4,
     )  # fmt: skip
+    note.set_in_layout(False)
+    for y, right in product((9, -9, 20, -20, 31, -31, 42, -42), (True, False)):
+        note.xyann = (3 if right else -3, up * y)
+        note.set_horizontalalignment("left" if right else "right")
+        box = note.get_window_extent().padded(2.0)
+        if all(ax.bbox.contains(*corner) for corner in (box.p0, box.p1)) and not box.count_overlaps(taken):
+            break
+    taken.append(box)
 
 
 # --- rows that are no dots, and what a step costs -------------------------------------------------------------------
