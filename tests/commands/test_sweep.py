@@ -170,6 +170,7 @@ def test_a_scene_that_hangs_is_cut_off(monkeypatch):
             time.sleep(0.01)
 
     monkeypatch.setattr(job, "_run", endless)
+    monkeypatch.setattr(job, "FRESH", 0.0)
     study = Study.of(GRID | {"seconds": 0.3})
     row = job.row(study, 2, study.point(2))
     assert (row["status"], row["cause"]) == ("cut off", "time")

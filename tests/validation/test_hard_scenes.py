@@ -12,7 +12,9 @@ from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
 from validation.core import measures
 from validation.core.estimate import COARSE, estimated, weighted
+from validation.core.methods import METHODS
 from validation.core.running import run
+from validation.core.watch import watched
 
 LEVEL = Scene.load("level")
 # the campaign itself takes an hour: some of its scenes
@@ -59,6 +61,12 @@ def test_the_checker_sees_a_response_that_is_not_finite_or_ends_without_a_reason
     broken = replace(r, v=v)
     assert job.faults_of(broken) == ["v is not finite"]
     assert job.faults_of(replace(r, status="incomplete", reason=None)) == ["incomplete without a reason"]
+
+
+def test_a_run_that_breaks_where_the_cable_goes_slack_has_no_energy_after_it():
+    r = run(LEVEL, "following-p2", elements=4, steps=100, until=0.5)
+    broken = replace(r, switched=r.reached * (1.0 + 1e-15) + 1e-15)
+    assert watched(broken, LEVEL, METHODS["following-p2"]).flag_kinds == r.flag_kinds
 
 
 def test_a_bar_that_is_too_small_is_seen():

@@ -286,10 +286,13 @@ def _doubtful(r: Response, coarser: Response | None) -> bool:
 def _begin(scene: Scene, method: Method, tol: float) -> dict[str, int]:
     """Return the resolution and the steps to begin with: for a light car an unknown and a step per width of its front.
 
-    Coarser ones would only show that they do not see it.
+    Coarser ones would only show that they do not see it.  A ride begins with half its default steps: where brakes
+    set in and friction turns round, half of too few err by as much as they do.
     """
     space, motion = method.resolution, scene.groups.motion
-    if motion is None or not _light(scene, tol):
+    if motion is None:
+        return {space.setting: space.first, "steps": method.settings_on(scene.groups, {})["steps"] // 2}
+    if not _light(scene, tol):
         return {space.setting: space.first, "steps": FIRST_STEPS}
     fine = min(space.with_unknowns(2.0 / scene.mu), space.most // 2)  # both sides of the mass
     return {

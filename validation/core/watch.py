@@ -39,7 +39,7 @@ def watched(r: Response, scene: Scene, method: Method) -> Response:
         flags.append(flag("energy", gain=gain / unit, allowed=MOST_GAIN))
         if r.cause is not None:
             r = replace(r, cause="unstable", reason=f"{flags[-1]}; it broke at s_o/l = {r.reached:.3f}")
-    elif r.switched is not None and r.switched < SLACK_END:
+    elif r.switched is not None and measures.inside(r, (r.switched, SLACK_END)).any():
         later = measures.energy_gain(r, weight, (r.switched, SLACK_END))
         if not later <= MOST_GAIN_SLACK * unit:
             flags.append(flag("slack energy", gain=later / unit, since=r.switched))

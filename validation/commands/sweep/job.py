@@ -19,6 +19,7 @@ from validation.commands.sweep.study import Study
 # status: "complete" | "incomplete" | "refused" (the scene's own faults) | "cut off" (too long) | "failed" | "died"
 BROKEN = ("cut off", "failed", "died")
 GRACE = 5.0  # [s] between asking a scene to stop and ending its worker: compiled code cannot be asked
+FRESH = 120.0  # [s] of work in which a process that has just begun may still load and compile what no cache holds
 GROUPS = ("mu", "alpha", "sigma", "sag_ratio", "slope", "speed_ratio")
 DESIGN = (
     "tension_max", "tension_min", "reaction_left_max", "reaction_right_max", "deepest_point", "mass_deepest",
@@ -73,7 +74,7 @@ def row(study: Study, index: int, point: dict[str, Any]) -> dict[str, Any]:
     begin = time.perf_counter()
     out: dict[str, Any] = {"index": index, **point}
     try:
-        with time_limit(study.seconds):
+        with time_limit(study.seconds + max(0.0, FRESH - time.process_time())):
             out |= _row(study, point, index)
     except CutOff:
         out |= {"status": "cut off", "cause": "time", "reason": f"more than {study.seconds:g} s"}
