@@ -21,6 +21,7 @@ from cablefem.scene.motion import Motion
 from galerkin import kernels
 from galerkin.bases import Basis
 from galerkin.bases.kink import Array, Carried, MovingBasis, Standing, TravellingKink
+from galerkin.equilibrium import Equilibrium
 from galerkin.models import FullCable, cable_model
 from galerkin.observe import observe
 
@@ -138,6 +139,10 @@ class GalerkinSystem:
         contact = self.mu * self.cable.weight - self.inertia * acceleration
         power = self.kinematics(states)[1] * (working - np.sum(contact * sides.mean(axis=0), axis=1))
         return Drives(contact, np.full(power.shape, np.nan), power, {})
+
+    def sides(self, pointwise: Array, forces: Equilibrium, s_o: Array) -> Array:
+        """r' behind and ahead of the mass over a history, (2, n, 2), of those of the basis and recovered forces."""
+        return pointwise
 
     def in_time(self, states: States) -> States:
         """The history as a function of time, which it is."""

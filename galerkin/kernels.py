@@ -89,13 +89,15 @@ def stress(T, r_static, slope, alpha, law):
 
 
 @compiled
-def balance(at, Q, alpha, law, force, gram, pull):
+def balance(at, Q, alpha, law, force, gram, pull, sides):
     """Internal force (2, n) of coefficients Q; at : `Points`.
 
     gram : (2, 2, m) receives the weighted tangent at the points;  pull : (m,) the elastic T + alpha eps
+    sides : (2, 2) receives int (N t - T t_static) ds behind and ahead of the mass, each a row, where there is a hat
     """
     T, r_static, weights = at.T, at.r_static, at.weights
     slope = np.dot(Q, at.phi)
+    sides[:] = 0.0
     for i in range(weights.size):
         xp, yp, ux, vy = r_static[0, i], r_static[1, i], slope[0, i], slope[1, i]
         _, _, fx, fy, k, d, pull[i] = at_point(T[i], xp, yp, ux, vy, alpha, law)
@@ -103,6 +105,9 @@ def balance(at, Q, alpha, law, force, gram, pull):
         gram[0, 0, i], gram[1, 1, i] = w * (k + d * rx * rx), w * (k + d * ry * ry)
         gram[0, 1, i] = gram[1, 0, i] = w * (d * rx * ry)
         slope[0, i], slope[1, i] = w * fx, w * fy
+        side = 0 if at.phi[-1, i] > 0.0 else 1
+        sides[side, 0] += w * fx
+        sides[side, 1] += w * fy
     np.dot(slope, at.phi.T, force)
 
 
@@ -256,8 +261,55 @@ def car(on, thrust, velocity, acceleration, behind, ahead):
 
 
 @compiled
-def roll(x, slope, load, rays, Q, V, A, ds_o, on, thrust, R):
-    """Add the cable's inertia and the car to R (2, n), and return `car`; slope, rays, load : of an `Instant`."""
+def taut(force, slope, T, alpha):
+    """Turn r' at a point (2,), as the basis has it, into that of the force N t; return lam/N.
+
+    Where the cable is slack r' stays, and the return is 0.
+    """
+    N = math.hypot(force[0], force[1])
+    if not (N > LEAST_PULL and force[0] * slope[0] + force[1] * slope[1] > 0.0):
+        return 0.0
+    size = (1.0 + (N - T) / alpha) / N
+    slope[0], slope[1] = size * force[0], size * force[1]
+    return size
+
+
+@compiled
+def recover(x, slope, rays, sides, alpha, Q, V, A, ds_o, dds_o, behind, ahead):
+    """Turn r' behind and ahead of the mass (2,) into that of the tension from equilibrium; return lam/N there.
+
+    See `galerkin.equilibrium`.
+    sides : int (N t - T t_static) ds behind and ahead, rows (2, 2); the hat's two rays weigh the balances.
+    """
+    last, T, force = x.f.size - 1, 1.0 / slope[0], np.empty((2, 2))
+    for a in range(2):
+        v, q = 2.0 / 3.0 * ds_o * V[a, last], Q[a, last] / 3.0
+        force[0, a] = T * slope[a] + rays[0] * sides[0, a] - v + q * (2.0 * ds_o * ds_o * rays[0] - dds_o)
+        force[1, a] = T * slope[a] - rays[1] * sides[1, a] - v + q * (2.0 * ds_o * ds_o * rays[1] - dds_o)
+        for i in range(last + 1):
+            force[0, a] += A[a, i] * x.behind[i]
+            force[1, a] -= A[a, i] * (x.mass[last, i] - x.behind[i])
+    return taut(force[0], behind, T, alpha), taut(force[1], ahead, T, alpha)
+
+
+@compiled
+def across(slope, tx, ty, turn):
+    """What r' = slope (2,) gains across tau with the force there: two weights of dF; turn : lam/N."""
+    size = math.hypot(slope[0], slope[1])
+    x, y = slope[0] / size, slope[1] / size
+    off = tx * y - ty * x
+    return turn * (-ty - off * x), turn * (tx - off * y)
+
+
+@compiled
+def roll(x, slope, load, rays, sides, alpha, Q, V, A, ds_o, dds_o, on, thrust, R):
+    """Add the cable's inertia and the car to R (2, n), and return `car`, and `across` of both sides.
+
+    slope, rays, load : of an `Instant`
+
+    sides : as for `recover`, or None.  With it tau is that of the tension from equilibrium: sines do not resolve a side
+        that is shorter than their waves, and the balance of the car by their slopes errs by a hundred times as much.
+    """
     last = x.f.size - 1
     velocity, behind, ahead, p = np.empty(2), np.empty(2), np.empty(2), acceleration(x, Q, V, A)
     for a in range(2):
@@ -269,23 +321,32 @@ def roll(x, slope, load, rays, Q, V, A, ds_o, on, thrust, R):
         behind[a], ahead[a] = along + rays[0] * Q[a, last], along + rays[1] * Q[a, last]
         p[a] += load[a]
     p[1] += on.sigma
+    turns = 0.0, 0.0
+    if sides is not None:
+        turns = recover(x, slope, rays, sides, alpha, Q, V, A, ds_o, dds_o, behind, ahead)
     out = car(on, thrust, velocity, p, behind, ahead)
     p[0], p[1] = out[0], out[1]
     add_inertia(x, Q, V, A, p, R)
-    return out
+    bx, by = across(behind, out[2], out[3], turns[0])
+    ax, ay = across(ahead, out[2], out[3], turns[1])
+    return (*out, bx, by, ax, ay)
 
 
 @compiled
 def row(x, out, mu, c0, c1, c2, into):
-    """The car's row of the tangent, (2 n + 1,), by its `car`; how tau and the force of the air turn is left out."""
+    """The car's row of the tangent, (2 n + 1,), by `roll`; tau turns with accelerations, how else is left out."""
     n = x.f.size
+    turn = -0.5 * c2 * out[8] / (out[4] * out[5])
     for j in range(n):
         own = mu * (c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j])
-        into[j], into[n + j] = out[2] * own, out[3] * own
+        behind, ahead = turn * x.behind[j], turn * (x.mass[n - 1, j] - x.behind[j])
+        into[j] = out[2] * own + behind * out[14] - ahead * out[16]
+        into[n + j] = out[3] * own + behind * out[15] - ahead * out[17]
 
 
-NO_CAR = (0.0,) * 14
+NO_CAR = (0.0,) * 18
 STUCK, FREE, HAULED = 0, 1, 2
+LEAST_PULL = 1e-3  # of a cable that is not slack, over H
 STEP = 1e-6  # of differences by s_o, ds_o and dds_o together: rounding of r, 1e-16 alpha, stays below 1e-7
 
 
@@ -296,6 +357,7 @@ class Ride(NamedTuple):
     on: Rolling
     thrust: float
     ds_o: float  # of a hauled car
+    dds_o: float
     slope: Array  # X', of a hauled car
     behind: Array  # rules of both sides, (2, m)
     ahead: Array
@@ -310,7 +372,7 @@ def moment(ride, s_o, ds_o, dds_o):
     """Points, what the basis carries, X' and the load of a free car at an instant."""
     n, sigma = ride.left.size, ride.on.sigma
     M, rows = carry(values_at(s_o, n), ride.mass, 1, ride.left, ride.chord, s_o, ds_o, dds_o)
-    x = Carried(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5])
+    x = Carried(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
     s, weights, phi = split(s_o, ride.behind, ride.ahead, n)
     T, r_static = static(s, sigma, ride.c)
     rest = static_at(s_o, sigma, ride.c)
@@ -326,7 +388,8 @@ def evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gra
     n = x.f.size
     R = r[: 2 * n].reshape(2, n)
     Q, V, A = balanced[0, : 2 * n].reshape(2, n), balanced[1, : 2 * n].reshape(2, n), balanced[2, : 2 * n].reshape(2, n)
-    balance(at, Q, alpha, law, R, gram, pull)
+    sides = np.empty((2, 2))
+    balance(at, Q, alpha, law, R, gram, pull, sides)
     if ride is None:
         C = acceleration(x, Q, V, A)
         for a in range(2):
@@ -334,9 +397,10 @@ def evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gra
         add_inertia(x, Q, V, A, C, R)
         return NO_CAR
     hauled = ride.mode == HAULED
-    ds_o, thrust = (ride.ds_o, balanced[2, 2 * n]) if hauled else (balanced[1, 2 * n], ride.thrust)
+    ds_o, dds_o = (ride.ds_o, ride.dds_o) if hauled else (balanced[1, 2 * n], balanced[2, 2 * n])
+    thrust = balanced[2, 2 * n] if hauled else ride.thrust
     rays = at.phi[n - 1, 0], at.phi[n - 1, at.s.size - 1]
-    out = roll(x, slope, load, rays, Q, V, A, ds_o, ride.on, thrust, R)
+    out = roll(x, slope, load, rays, sides, alpha, Q, V, A, ds_o, dds_o, ride.on, thrust, R)
     r[2 * n] = mu * balanced[2, 2 * n] if ride.mode == STUCK else out[9]
     return out
 

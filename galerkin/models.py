@@ -41,6 +41,8 @@ class FullCable:
         self.groups, self.alpha, self.law = groups, groups.alpha, LAWS.index(law)
         self.weight = np.array([0.0, groups.sigma])
         self._last: kernels.Points | None = None
+        # int (N t - T t_static) ds behind and ahead of the mass, rows, at the last force; of a basis with a hat
+        self.sides = np.zeros((2, 2))
 
     def at(self, basis: MovingBasis, s_o: float) -> kernels.Points:
         s, weights, phi = basis.slopes(s_o)
@@ -64,7 +66,7 @@ class FullCable:
     def _balance(self, place: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:
         m = place.weights.size
         R, pull, gram = np.empty(Q.shape), np.empty(m), np.empty((2, 2, m))
-        kernels.balance(place, np.ascontiguousarray(Q), self.alpha, self.law, R, gram, pull)
+        kernels.balance(place, np.ascontiguousarray(Q), self.alpha, self.law, R, gram, pull, self.sides)
         return R, pull, gram
 
     def least(self, basis: MovingBasis, place: kernels.Points, pull: Array) -> tuple[float, float]:

@@ -73,9 +73,10 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     kinetic = _kinetic(system, x)
     p = np.stack([x.ds_o, x.dds_o, x.ds_o**2])[:, :, None]
     if isinstance(cable, FullCable):
-        T_behind_pointwise, T_ahead_pointwise, working = _one_sided(cable, x.s_o, behind, ahead)
         inside = replace(x, s_o=np.clip(x.s_o, NEAR_SUPPORT, 1.0 - NEAR_SUPPORT))
         forces = recover(system, inside, s, frames)
+        sides = system.sides(static + np.array([behind, ahead]), forces, x.s_o)
+        T_behind_pointwise, T_ahead_pointwise, working = _one_sided(cable, x.s_o, *(sides - static))
         strain, least, least_at = forces.strain, forces.least, forces.least_at
         weight = -cable.weight[1] * (x.Q[:, 1] @ basis.integral() + 0.5 * x.q_hat[:, 1])
         T_pointwise = np.array([cable.points(s, slope)[0] for slope in slopes]).reshape(len(frames), s.size)
@@ -84,7 +85,6 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         reactions = -forces.left, forces.right
         place_y = groups.shape(x.s_o)[1] + w[:, 1]
         velocity, acceleration = w_t + p[0] * static, w_tt + p[1] * static + p[2] * curvature
-        sides = static + np.array([behind, ahead])
     else:
         slope, bent = cable.static_slope(x.s_o)
         (strain, h), weight = _chord(cable, x, basis, phi), np.zeros(n)
@@ -96,6 +96,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         place_y = (-0.5 * cable.curvature) * x.s_o * (1.0 - x.s_o) + w[:, 0]
         velocity, acceleration = w_t + p[0] * slope, w_tt + p[1] * slope + p[2] * bent
         sides = slope + np.array([behind, ahead])
+    seen = sides if fields == 2 else static + np.array([behind, ahead]) @ direction
     drives = system.drives(states, velocity, acceleration, sides, working)
     kinetic = kinetic + 0.5 * system.inertia * np.sum(velocity**2, axis=1)
     potential = weight - system.mu * cable.weight[-1] * place_y
@@ -107,7 +108,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     return Observation(
         path=w @ direction, path_velocity=w_t @ direction + p[0] * static,
         path_acceleration=w_tt @ direction + p[1] * static + p[2] * curvature,
-        slope_behind=static + behind @ direction, slope_ahead=static + ahead @ direction,
+        slope_behind=seen[0], slope_ahead=seen[1],
         T_behind=np.where(at_left, T_behind, np.nan), T_ahead=np.where(at_right, T_ahead, np.nan),
         T_behind_pointwise=np.where(at_left, T_behind_pointwise, np.nan),
         T_ahead_pointwise=np.where(at_right, T_ahead_pointwise, np.nan),

@@ -26,6 +26,8 @@ from galerkin.bases import Basis, Fourier
 from galerkin.bases.fourier import split
 from galerkin.bases.kink import Array, TravellingKink
 from galerkin.equations import Drives, GalerkinSystem, Instant, factorised
+from galerkin.equilibrium import Equilibrium
+from galerkin.models import FullCable
 
 EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "back", "lift_off", "stop")
 AT_REST = 1e-6  # speeds below have no direction yet
@@ -64,6 +66,10 @@ class Car(NamedTuple):
     vx: float  # p.
     vy: float
     normal: float  # `pressing` as friction goes by it
+    bx: float = 0.0  # `kernels.across` behind and ahead
+    by: float = 0.0
+    ax: float = 0.0
+    ay: float = 0.0
 
     @property
     def along(self) -> float:
@@ -157,24 +163,48 @@ class RollingSystem(GalerkinSystem):
 
     def car(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Car:
         """The car in this state."""
-        x = self._instant(*self._travel(t, q, v, a, phase), place="nowhere")
+        x = self._at(self._travel(t, q, v, a, phase))
+        self.cable.force(x.place, self._fields(q))
         return self._roll(t, q, v, a, phase, x, np.zeros((2, self.n)))
 
     def _car_at(self, x: State) -> Car:
-        """The car at a state, which more than one asks for."""
+        """The car at a state as the slopes of the basis show it, which more than one asks for."""
         if self._seen is None or self._seen[0] is not x:
-            self._seen = x, self.car(*x)
+            at = self._instant(*self._travel(*x), place="nowhere")
+            self._seen = x, self._roll(*x, at, np.zeros((2, self.n)), look=True)
         return self._seen[1]
 
-    def _roll(self, t: float, q: Array, v: Array, a: Array, phase: int, x: Instant, force: Array) -> Car:
-        """The car; the inertia of the cable and its own are added to the internal force."""
+    def _roll(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, x: Instant, force: Array, look: bool = False
+    ) -> Car:
+        """The car; the inertia of the cable and its own are added to the internal force, which was the last one."""
         Q, V, A = (self._fields(y) for y in (q, v, a))
-        ds_o, on, thrust = self._travel(t, q, v, a, phase)[1], self._on(t, phase), self._thrust(t, phase, a)
-        return Car(*kernels.roll(x.carried, x.slope, x.load, x.rays, Q, V, A, ds_o, on, thrust, force))
+        _, *rates = self._travel(t, q, v, a, phase)
+        cable, on, thrust = self._full, self._on(t, phase), self._thrust(t, phase, a)
+        sides = cable.sides if self.kink and not look else None
+        of = x.carried, x.slope, x.load, x.rays, sides, cable.alpha
+        return Car(*kernels.roll(*of, Q, V, A, *rates, on, thrust, force))
+
+    @property
+    def _full(self) -> FullCable:
+        assert isinstance(self.cable, FullCable)
+        return self.cable
 
     def _sides(self, x: Instant, Q: Array) -> Array:
-        """r' behind and ahead of the car, its rows."""
-        return x.slope + Q @ x.carried.f_s + np.multiply.outer(x.rays, Q[:, -1])
+        """r' behind and ahead of the car, its rows, of a cable at rest whose force was the last one."""
+        sides = x.slope + Q @ x.carried.f_s + np.multiply.outer(x.rays, Q[:, -1])
+        if self.kink:
+            rest, cable = np.zeros_like(Q), self._full
+            kernels.recover(x.carried, x.slope, x.rays, cable.sides, cable.alpha, Q, rest, rest, 0.0, 0.0, *sides)
+        return sides
+
+    def sides(self, pointwise: Array, forces: Equilibrium, s_o: Array) -> Array:
+        if self.kink:
+            T = self.groups.static(s_o)[0].tolist()
+            for side, force in zip(pointwise, (forces.behind, forces.ahead), strict=True):
+                for slope, pull, here in zip(side, force, T, strict=True):
+                    kernels.taut(pull, slope, here, self._full.alpha)
+        return pointwise
 
     def _rub(self, pressing: float) -> float:
         """The largest force of friction and brakes."""
@@ -222,7 +252,7 @@ class RollingSystem(GalerkinSystem):
         s_o, ds_o, _ = self.kinematics(states)
         drive, rows = self.drive, list(zip(states.t.tolist(), states.phase.tolist(), strict=True))
         F = np.array([drive.thrust(t, phase) for t, phase in rows]) if self.free else states.a[:, -1]
-        cars = np.empty((s_o.size, len(Car._fields)))
+        cars = np.empty((s_o.size, 14))
         for i, (t, phase) in enumerate(rows):
             cars[i] = kernels.car(self._on(t, phase), F[i], velocity[i], acceleration[i], sides[0, i], sides[1, i])
         car = Car(*cars.T)
@@ -302,7 +332,7 @@ class RollingSystem(GalerkinSystem):
         travel = self._travel(t, start[0], start[1], start[2], phase)
         x = self._at(travel) if self._latest is None or not self.free else self._latest[1]  # a free car makes its own
         ride = kernels.Ride(
-            mode, self._on(t, phase), 0.0 if not self.free else self._thrust(t, phase, start[2]), travel[1], x.slope,
+            mode, self._on(t, phase), 0.0 if not self.free else self._thrust(t, phase, start[2]), *travel[1:], x.slope,
             sines.side_rule(travel[0]), sines.side_rule(1.0 - travel[0]), basis.at_rest, basis.left, basis.chord,
             self.groups.c,
         )  # fmt: skip
@@ -412,8 +442,10 @@ class RollingSystem(GalerkinSystem):
             return 1.0
         hears = self.drive.mu_r > 0.0 or bool(self.drive.brakes)
         rubs = hears and (self.mode.brakes > 0 or self.mode.sign == 0.0)
-        of = 2.0 / math.sqrt(self.groups.alpha), self.place(x), float(x.v[-1])
-        return self.drive.part_of_step(*of, since if hears else math.inf, rubs)
+        s_o, slip = self.place(x), float(x.v[-1])
+        halt = abs(slip) / self.groups.sigma if self.drive.mu_r > 0.0 else math.inf
+        of = 2.0 / math.sqrt(self.groups.alpha), s_o, slip, since if hears else math.inf, rubs, halt
+        return self.drive.part_of_step(*of)
 
     # --- events -----------------------------------------------------------------------------------------------------
     def watch(self, x: State) -> tuple[float, ...]:

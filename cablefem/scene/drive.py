@@ -24,10 +24,10 @@ NEAREST_START, FARTHEST_END = 1e-4, 0.99
 START = 0.01  # where a rolling car begins unless the scene says otherwise [l]
 # A car that rests rattles while axial waves ring: a slip below that is none. [l]
 RATTLE = 1e-5
-# At a thousand steps a ride, steps are these parts of the time since a jump of force and of that to a support, and of
-# an axial wave's way while something reacts to it: around a brake's stop the speed is then good to 1e-3 of the largest,
-# with a quarter of those steps to 5e-3, as the car that is held swings on the cable's stiffness out of phase.
-SINCE, RINGS, STANDARD = 12.0, 240.0, 1000.0
+# At a thousand steps a ride, steps are these parts of the time since a jump of force and of that to a support, of an
+# axial wave's way while something reacts to it, and of the time in which friction may turn round (an error of velocity
+# there is carried through all the way back).
+SINCE, RINGS, HALT, STANDARD = 12.0, 240.0, 2.0, 1000.0
 FREE_ONLY = ("release", "thrust", "brake")
 AIR_DENSITY = 1.2  # [kg/m^3]
 
@@ -256,16 +256,20 @@ class Drive:
         """Force of all brakes that reach s_o; it acts against the motion along the cable."""
         return sum(force for place, force in self.brakes if s_o >= place)
 
-    def part_of_step(self, axial: float, s_o: float, speed: float, since: float, rubs: bool) -> float:
+    def part_of_step(
+        self, axial: float, s_o: float, speed: float, since: float, rubs: bool, halt: float = math.inf
+    ) -> float:
         """Return which part of a step a rolling car takes at s_o, 0 < s_o < 1: by where it is, not by the steps.
 
         axial : time of axial waves to and fro over the cable; next to a support they come sooner.
         since : after a jump of a force along the cable, which rings; inf where nothing hears that.
         rubs : whether a brake or a hold reacts to what rings as long as it does.
+        halt : time in which its weight would bring the car to rest, where friction turns round; inf without friction.
         """
         step, near = self.nominal / STANDARD, min(s_o, 1.0 - s_o)
         there = near / abs(speed) if speed else math.inf
-        parts = (since + axial * near) / SINCE, there / SINCE, axial / RINGS if rubs else math.inf
+        rings = axial / RINGS
+        parts = (since + axial * near) / SINCE, there / SINCE, rings if rubs else max(halt / HALT, rings)
         return min(1.0, min(parts) / step)
 
     @cached_property

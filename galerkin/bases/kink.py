@@ -30,6 +30,7 @@ class Carried(NamedTuple):
     f_s: Array  # Phi'(s_o) along the path: the hat rides along and stays 1, that is why its kink costs no phi''
     f_v: Array  # 2 ds_o Phi'(s_o), as in (22), (n,)
     f_q: Array  # dds_o Phi'(s_o) + ds_o^2 Phi''(s_o), as in (23), (n,)
+    behind: Array  # int_0^s_o hat Phi ds, (n,); 0 without a hat
 
 
 @compiled
@@ -60,9 +61,9 @@ def _overlaps(phi, first, second, left, chord, s_o):
 
 @compiled
 def carry(at, mass, hat, left, chord, s_o, ds_o, dds_o):
-    """M, and the other entries of `Carried` as rows, (6, n); at : `Basis.at`;  left, chord : of `TravellingKink`."""
+    """M, and the other entries of `Carried` as rows, (7, n); at : `Basis.at`;  left, chord : of `TravellingKink`."""
     n = at.shape[1]
-    M, rows = mass.copy(), np.zeros((6, n + hat))
+    M, rows = mass.copy(), np.zeros((7, n + hat))
     for k in range(n):
         phi, first, second = at[0, k], at[1, k], at[2, k]
         rows[2, k], rows[3, k], rows[4, k] = phi, first, 2.0 * ds_o * first
@@ -71,8 +72,9 @@ def carry(at, mass, hat, left, chord, s_o, ds_o, dds_o):
             value, slope, bend = _overlap(phi, at[3, k], at[4, k], left[k], chord[k], s_o)
             M[n, k] = M[k, n] = value
             rows[0, k], rows[1, k] = 2.0 * ds_o * slope, ds_o * ds_o * bend + dds_o * slope
+            rows[6, k] = at[3, k] + (left[k] - at[4, k]) / s_o
     if hat:
-        rows[1, n], rows[2, n] = -ds_o * ds_o / (3.0 * s_o * (1.0 - s_o)), 1.0
+        rows[1, n], rows[2, n], rows[6, n] = -ds_o * ds_o / (3.0 * s_o * (1.0 - s_o)), 1.0, s_o / 3.0
     return M, rows
 
 

@@ -13,6 +13,7 @@ from cablefem.response import States
 from cablefem.scene import ConstantSpeed
 from cablefem.scene.drive import Drive
 from cablefem.scene.motion import Motion, Piece
+from cablefem.scene.statics import gripped
 from galerkin import Daubechies, Fourier, GalerkinSystem, PositionAbscissa, RollingSystem
 from tests.galerkin.test_equations import STEEP, random_state
 from tests.runs import INCLINED, LEVEL, observe
@@ -69,7 +70,7 @@ def test_rows_of_the_cable_are_those_of_a_mass_that_grips(kink):
 @pytest.mark.parametrize("drive", [{}, {"mu_r": 0.3, "k": 0.1, "wind": -0.2}], ids=["smooth", "rubbing"])
 @pytest.mark.parametrize("mode", ["free", "haul"])
 def test_the_tangent_of_a_step(mode, drive):
-    """With the weights of a step of 0.02: what the row leaves out is of order c0."""
+    """With the weights of a step of 0.02: what the row leaves out, tau turning with q, is of order c0 alpha."""
     drive = Drive(mode=mode, start=0.4, end_time=9.0, **drive)
     groups = replace(STEEP, drive=drive, motion=ConstantSpeed(speed=0.4).motion(1.0) if mode == "haul" else None)
     system = RollingSystem(groups, Fourier(4))
@@ -82,9 +83,9 @@ def test_the_tangent_of_a_step(mode, drive):
     def moved(h):
         return system.residual(0.9, *(y + h * weight * x for y, weight in zip((q, v, a), c, strict=True)), 0)
 
-    assert np.abs(solve((moved(e) - moved(-e)) / (2.0 * e)) - x).max() < 2e-2
+    assert np.abs(solve((moved(e) - moved(-e)) / (2.0 * e)) - x).max() < 3e-2
     _, solve = system.linearise(0.9, q, v, a, 0, 1e-4, -1e-2, 1.0)
-    assert np.abs(solve((moved(e) - moved(-e)) / (2.0 * e)) - x).max() > 5e-2
+    assert np.abs(solve((moved(e) - moved(-e)) / (2.0 * e)) - x).max() > 0.5
 
 
 # --- statics -------------------------------------------------------------------------------------------------------
@@ -93,15 +94,25 @@ def test_the_tangent_of_a_step(mode, drive):
     ids=["zip line", "level", "inclined"],
 )  # fmt: skip
 def test_what_holds_a_car_at_a_tenth(groups, hold):
-    """Against the elastic catenary of two pieces; second order in the terms."""
+    """Against the elastic catenary of two pieces; second order in the terms, down to what (3) leaves out."""
     errors = []
-    for terms in (30, 60):
+    for terms in (8, 16):
         system = RollingSystem(replace(groups, drive=Drive(mode="free", start=0.1, end_time=1.0)), Fourier(terms))
         x = system.start(0, None)
         errors.append(abs(system.hold - hold))
-    assert errors[1] < 3e-4 * abs(hold)
+    assert errors[1] < 1e-4 * abs(hold)
     assert errors[1] < 0.5 * errors[0]
     assert np.abs(system.residual(0.0, x.q, x.v, x.a, 0)).max() < 1e-10
+
+
+def test_a_short_side_that_sines_do_not_resolve():
+    """What holds the car there, and its twin: the slopes of the sines at the car err a hundred times as much."""
+    groups = replace(LEVEL, drive=Drive(mode="free", start=0.02, end_time=1.0))
+    system, hold = RollingSystem(groups, Fourier(30)), gripped(0.02, groups).hold[0]
+    x = system.start(0, None)
+    assert abs(system.hold - hold) < 5e-5 * abs(hold)
+    seen = system._car_at(x._replace(a=np.zeros_like(x.a)))
+    assert abs(seen.along * seen.stretch - hold) > 2e-3 * abs(hold)
 
 
 @pytest.mark.parametrize(("place", "force", "tension"), [(0.25, 31.0, 766.5), (0.50, 34.9, 822.0), (0.75, 38.6, 767.0)])
@@ -148,18 +159,21 @@ def test_brake_and_stop():
     assert all(x.powers[name].max() <= 0.0 for name in ("friction", "brake", "drag"))
 
 
-def test_energy_and_equal_tensions_without_friction():
-    """Over mu sigma l; recovered tensions are equal on both sides, pointwise ones are not."""
+def test_energy_and_equal_tensions_without_friction(monkeypatch):
+    """Over mu sigma l; recovered tensions are equal on both sides, those of the sines' own slopes are not."""
     groups = Scene.from_toml(ZIP).groups
     system, states, _ = ride(until(groups, 20.0), Fourier(10), 400, "trapezoidal")
     x = observe(system, states)
     assert energy_defect(x, states.t) < 6e-5 * system.mu * groups.sigma
     moving = x.s_o > 0.02
     assert np.sqrt(np.mean((x.T_behind - x.T_ahead)[moving] ** 2)) < 5e-5
-    assert np.sqrt(np.mean((x.T_behind_pointwise - x.T_ahead_pointwise)[moving] ** 2)) > 5e-3
+    assert np.sqrt(np.mean((x.T_behind_pointwise - x.T_ahead_pointwise)[moving] ** 2)) < 5e-5
     tangent = x.slope_behind + x.slope_ahead
     along = np.sum(tangent * x.contact, axis=1) / np.hypot(*tangent.T)
     assert np.abs(along).max() < 1e-4 * system.mu * groups.sigma
+    monkeypatch.setattr(RollingSystem, "sides", GalerkinSystem.sides)
+    x = observe(system, states)
+    assert np.sqrt(np.mean((x.T_behind_pointwise - x.T_ahead_pointwise)[moving] ** 2)) > 5e-3
 
 
 def test_a_rider_who_turns_back():

@@ -503,7 +503,8 @@ class Mechanics:
     def _tension_on_both_sides(self) -> Defect:
         """A car that rolls has the same tension on both sides but for friction and brakes; over M g times the window.
 
-        [N] (1 - rho ds_o^2/EA) = -(mu_r |contact| + brakes) sign(ds_o); while it is held or stands it may differ.
+        [N] (1 - rho ds_o^2/EA) = -(mu_r |contact| + brakes) sign(ds_o); while it is held or stands it may differ.  A
+        window in which a brake or a thrust jumps is left out: the step there has but one of the two values.
         """
         r, given, drive = self.r, self.given, self.given.drive
         rubs = np.sum(self._rub, axis=0) * np.sign(self.pace)
@@ -511,7 +512,8 @@ class Mechanics:
         kept = self._over_windows(self._impulse_of(apart[:, None]), given.weight)
         rolls = np.abs(np.interp(self.t, r.t, self.pace)) > 0.05 * np.abs(self.pace).max()
         rolls &= self.t >= drive.get("release", 0.0)
-        moving = (rolls[1:] & rolls[:-1])[:, None]
+        jumps = np.histogram([x["t"] for x in r.events], self.t)[0] > 0
+        moving = (rolls[1:] & rolls[:-1] & ~jumps)[:, None]
         return Defect(kept.place, np.where(moving, kept.value, 0.0))
 
     @cached_property

@@ -228,7 +228,7 @@ METHODS: dict[str, Method] = {
         Method(
             "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
             {"elements": _elements(10, _PER_SIDE), "grading": _GRADING, **TIME}, _each(4), 2.5, _following(2),
-            on_rides={"elements": 16}, begins=(4, 200), survey=(8, 600),
+            on_rides={"elements": 16, "scheme": "radau"}, begins=(4, 200), survey=(8, 600),
             races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
             trust="the default: fastest for a given error from 1e-2 to 1e-5",
         ),
@@ -274,7 +274,7 @@ METHODS: dict[str, Method] = {
         Method(
             "fourier-kink", "galerkin", "sines and a hat that travels with the mass",
             {"terms": _TERMS, "abscissa": _ABSCISSA, **TIME}, TERMS, 2.0, _galerkin("fourier", True),
-            on_rides={"terms": 45, "rho_inf": 0.5}, begins=(5, 500), survey=(16, 600),
+            on_rides={"terms": 45, "steps": 2000, "rho_inf": 0.5}, begins=(5, 500), survey=(16, 600),
             races=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
             trust="the default of the Galerkin side; ten terms beat two hundred plain ones",
         ),
