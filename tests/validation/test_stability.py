@@ -219,9 +219,9 @@ def test_an_interrupted_atlas_goes_on_and_loses_nothing(tmp_path):
     with pytest.raises(Interrupted):
         atlas(tmp_path, stop, maps=SMALL, workers=1, rows=())
     first = (tmp_path / CELLS).read_text()
-    assert len(first.splitlines()) == 2
+    assert len(list(stored(tmp_path / CELLS))) == 2
     with (tmp_path / CELLS).open("a") as file:
-        file.write('{"key": "cut of')  # killed while writing
+        file.write('\n{"key": "cut of')  # killed while writing
     computed = []
     atlas(tmp_path, lambda label, fraction: computed.append(label), maps=SMALL, workers=1, rows=())
     assert sum("left" in label for label in computed) == 2  # the two that were missing

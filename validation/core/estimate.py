@@ -195,7 +195,8 @@ def confirmed(e: Estimated, method: Method, fall: tuple[float | None, float | No
         in_space = in_time = NO_ORDER
         e = replace(e, weights=(NO_ORDER / e.own, NO_ORDER))
     e = _with_bars(replace(e, of_path=(in_space / (e.own * e.weights[0]), in_time / e.weights[1])))
-    e = replace(e, order=math.log2(fall[1]) if fall[1] else None)
+    basis = f"{e.basis}; as a quarter shows, of the path {in_space / e.own:.2g} and {in_time:.2g} times the gaps"
+    e = replace(e, basis=basis, order=math.log2(fall[1]) if fall[1] else None)
     parts = in_space * gaps[0], in_time * gaps[1]
     for what, part, x in zip((method.resolution.setting, "steps"), parts, fall, strict=True):
         if x is not None and x < 2.0**LEAST_ORDER and part > 0.5 * sum(parts):

@@ -72,18 +72,19 @@ def advice(scene: Scene, tol: float, progress: Progress | None = None) -> dict[s
         "scene": scene.name, "scene_toml": scene.to_toml(), "tol": tol, "drive": scene.drive.mode,
         "model": best.model, "load": "mass", "method": REFERENCE if best.model in ("full", "grip", "haul") else None,
         "settings": {k: finest.settings[k] for k in ("elements", "steps", "scheme")},
-        "path_error": _finite(best.gaps["deflection"]), "tension_error": _finite(best.gaps["tension"]),
+        "path_error": finite(best.gaps["deflection"]), "tension_error": finite(best.gaps["tension"]),
         "seconds": best.seconds, "meets": meets, "least": least,
         "words": _words(scene, tol, rungs, least),
         "rungs": [
-            {"model": r.model, "load": "mass", "seconds": r.seconds, "path_error": _finite(r.gaps["deflection"]),
-             "tension_error": _finite(r.gaps["tension"]), "gaps": {k: _finite(x) for k, x in r.gaps.items()},
+            {"model": r.model, "load": "mass", "seconds": r.seconds, "path_error": finite(r.gaps["deflection"]),
+             "tension_error": finite(r.gaps["tension"]), "gaps": {k: finite(x) for k, x in r.gaps.items()},
              "last": r.arrival} for r in rungs
         ],
     }  # fmt: skip
 
 
-def _finite(x: float) -> float | None:
+def finite(x: float) -> float | None:
+    """Return a number as JSON holds it."""
     return x if math.isfinite(x) else None
 
 

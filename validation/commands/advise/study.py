@@ -20,6 +20,7 @@ from scipy.interpolate import CubicSpline
 from cablefem.response import Response, write_json
 from cablefem.scene import Scene
 from validation.commands.advise import rolling
+from validation.commands.advise.rolling import finite
 from validation.core import measures, store
 from validation.core.methods import METHODS, find
 from validation.core.richardson import SAFETY, left
@@ -129,8 +130,8 @@ def advice(scene: Scene, tol: float, progress: Progress | None = None) -> dict[s
         "words": words(climbed) + ([] if best["meets"] else [_short(climbed)]),
         "range": list(climbed.window), "slack_onset": climbed.finest.slack_onset,
         "full": {
-            "method": REFERENCE, "settings": climbed.finest.settings, "path_bar": _finite(climbed.bars[0]),
-            "tension_bar": _finite(climbed.bars[1]), "seconds": climbed.finest.seconds, "runs": len(climbed.full),
+            "method": REFERENCE, "settings": climbed.finest.settings, "path_bar": finite(climbed.bars[0]),
+            "tension_bar": finite(climbed.bars[1]), "seconds": climbed.finest.seconds, "runs": len(climbed.full),
         },
         "seconds_spent": spent, "cost_in_full_runs": spent / climbed.finest.seconds,
         "candidates": best["candidates"], "rungs": _rungs(climbed), "place": _PLACE.tolist(),
@@ -139,10 +140,6 @@ def advice(scene: Scene, tol: float, progress: Progress | None = None) -> dict[s
 
 _CONTRACT = ("model", "load", "method", "settings", "path_error", "tension_error", "seconds", "meets")
 _PLACE = np.linspace(0.0, measures.WINDOW[1], 81)
-
-
-def _finite(x: float) -> float | None:
-    return x if math.isfinite(x) else None
 
 
 # --- climbing -------------------------------------------------------------------------------------------------------
@@ -278,7 +275,7 @@ def _entry(found: Climb, r: Response, *, tension: bool) -> dict[str, Any]:
     meets = path <= found.tol and (not tension or rms <= found.tol)
     return {
         "model": r.model, "load": r.load, "method": r.method, "settings": find(r.method).told(r.settings),
-        "path_error": _finite(path), "tension_error": _finite(rms), "seconds": r.seconds, "meets": bool(meets),
+        "path_error": finite(path), "tension_error": finite(rms), "seconds": r.seconds, "meets": bool(meets),
     }  # fmt: skip
 
 
@@ -307,9 +304,9 @@ def _line(r: Response, path: float, tension: float, step: tuple[float, float] | 
     return {
         "model": r.model, "load": r.load, "method": r.method,
         "settings": find(r.method).told(r.settings),
-        "path_error": _finite(path), "tension_error": _finite(tension), "seconds": r.seconds,
-        "path_to_next": None if step is None else _finite(step[0]),
-        "tension_to_next": None if step is None else _finite(step[1]),
+        "path_error": finite(path), "tension_error": finite(tension), "seconds": r.seconds,
+        "path_to_next": None if step is None else finite(step[0]),
+        "tension_to_next": None if step is None else finite(step[1]),
         "status": r.status, "reason": r.reason, "newton_iterations": r.work["newton_iterations"], "n_dof": r.n_dof,
         "v": [float(f"{x:.6g}") for x in v],
     }  # fmt: skip

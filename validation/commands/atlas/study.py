@@ -9,7 +9,7 @@ import multiprocessing
 import os
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -115,10 +115,9 @@ def atlas(
     done = {item["key"]: item for item in stored(store)}
     jobs = [job for job in _jobs(maps, rows) if _key(job) not in done]
     begin = time.perf_counter()
-    _end_line(store)
     with store.open("a", encoding="utf-8") as file:
         for count, item in enumerate(_results(jobs, workers), start=1):
-            file.write(json.dumps(item, allow_nan=False) + "\n")
+            file.write("\n" + json.dumps(item, allow_nan=False))  # a line cut off must not swallow the next one
             file.flush()
             os.fsync(file.fileno())
             done[item["key"]] = item
@@ -159,13 +158,6 @@ def stored(path: Path) -> Iterator[dict[str, Any]]:
             yield item
 
 
-def _end_line(path: Path) -> None:
-    """A line cut off by an interruption must not swallow the next one."""
-    if path.exists() and path.stat().st_size and not path.read_bytes().endswith(b"\n"):
-        with path.open("a", encoding="utf-8") as file:
-            file.write("\n")
-
-
 # --- jobs -----------------------------------------------------------------------------------------------------------
 
 Job = tuple[str, Any, float, float]  # kind, map or name, x, y
@@ -196,19 +188,8 @@ def _results(jobs: list[Job], workers: int) -> Iterator[dict[str, Any]]:
         return
     # a fresh interpreter each: a forked one would inherit the threads of whoever shows the progress
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        waiting: set[Future[dict[str, Any]]] = set()
-        todo = iter(jobs)
         try:
-            while True:
-                for job in todo:
-                    waiting.add(pool.submit(_compute, job))
-                    if len(waiting) >= 2 * workers:
-                        break
-                if not waiting:
-                    return
-                finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    yield future.result()
+            yield from (future.result() for future in as_completed([pool.submit(_compute, job) for job in jobs]))
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
 
