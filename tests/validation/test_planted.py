@@ -138,6 +138,18 @@ def test_a_wing_of_first_order_in_time_is_doubted():
     assert [(method, flag.kind) for method, flag in found] == [("following-p2", "time order")]
 
 
+def test_a_twin_by_a_rule_of_higher_order_is_no_measure():
+    """Beside Radau IIA any other rule has many times the error; the other way round the doubt stays."""
+    a, b = right()
+    late = altered(a, one_step_late)
+
+    def by_radau(e):
+        return replace(e, run=replace(e.run, settings=e.run.settings | {"scheme": "radau"}))
+
+    assert doubts(late, by_radau(b)) == []
+    assert [flag.kind for _, flag in doubts(by_radau(late), b)] == ["time order"]
+
+
 @pytest.mark.parametrize(("order", "found"), [(1.1, ["time order"]), (1.9, [])])
 def test_a_ladder_that_shows_the_order_of_its_scheme_is_not_doubted(order, found):
     a, b = right()

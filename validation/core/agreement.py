@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from cablefem.newmark import scheme
 from cablefem.response import Array, Flag, Response
 from cablefem.scene import Scene
 from validation.core import laws, measures, trust
@@ -378,7 +379,10 @@ def doubts(a: Estimated, b: Estimated) -> list[tuple[str, Flag]]:
     except NotComparable:
         return found
     steps = [e.run.settings["steps"] for e in (a, b)]
+    orders = [scheme(e.run.settings["scheme"]).order for e in (a, b)]
     for e, i in ((a, 0), (b, 1)):
+        if orders[i] < orders[1 - i]:
+            continue  # a twin of higher order is no measure
         # brought to as many steps by the scheme's second order, and by the first that unresolved fronts have
         ratio = min((change[i] * steps[i] ** p) / (change[1 - i] * steps[1 - i] ** p or math.inf) for p in (1, 2))
         if ratio > MOST_UNLIKE and (e.order is None or e.order < time_order(e.run.settings) - SHORT_OF):
