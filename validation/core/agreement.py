@@ -25,7 +25,7 @@ from validation.core.estimate import SLACK_END, Estimated
 from validation.core.flags import flag
 from validation.core.measures import NotComparable, Window
 from validation.core.methods import METHODS
-from validation.core.richardson import SAFETY, time_order
+from validation.core.richardson import SAFETY, UNCONFIRMED, time_order
 
 DEFAULT_TOL = 1e-3
 CEILING = 0.05  # of a row's own scale at the default tolerance: bars wider than that say nothing
@@ -349,7 +349,7 @@ def _past_slack(a: Estimated, b: Estimated) -> Iterator[Agreement]:
     if not onset < end:
         return
     place = np.linspace(onset, end, 200)[1:-1]
-    bars = [SAFETY * np.maximum.accumulate(trust.gap(run, late, place)) for run, late in pairs]
+    bars = [UNCONFIRMED * np.maximum.accumulate(trust.gap(run, late, place)) for run, late in pairs]
     allowed = bars[0] + bars[1]
     known = max(1, int(np.count_nonzero(allowed <= CEILING)))
     gaps = np.maximum.accumulate(trust.gap(a.run, b.run, place))
@@ -361,7 +361,7 @@ def _past_slack(a: Estimated, b: Estimated) -> Iterator[Agreement]:
     yield Agreement("path_slack", float(gaps[worst]), Bound("error bars", parts), float(place[worst]))
 
 
-LATE = f"the largest change from half of both up to s_o/l = {{:.3f}}, times {SAFETY}"
+LATE = f"the largest change from half of both up to s_o/l = {{:.3f}}, times {UNCONFIRMED}"
 
 # A wing whose own time error, brought to as many steps, is so many times its twin's steps at a lower order.
 MOST_UNLIKE = 4.0

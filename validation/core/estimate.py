@@ -1,4 +1,4 @@
-"""Error bars from a run's own coarser companions: one with half the resolution in space, one with half the steps.
+"""Error bars from a run's own coarser companions: half the resolution, half the steps, and a quarter of either.
 
 What the bar means: the true mass path is expected to lie within `path_error` times the largest deflection of the
 computed one, over the window, and the tension field within `tension_error` times H (rms off the jump).

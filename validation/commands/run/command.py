@@ -40,7 +40,7 @@ def command(
         typer.Option(parser=real, metavar="X", help="Choose resolution and steps for a path error of at most X."),
     ] = None,
     bars: Annotated[
-        bool, typer.Option("--bars/--no-bars", help="Error bars from two coarser runs, half the resolution and steps.")
+        bool, typer.Option("--bars/--no-bars", help="Error bars from coarser runs, in space and in time.")
     ] = True,
     extrapolate: Annotated[
         bool, typer.Option("--extrapolate", help="Extrapolate in time where three nested runs show the order.")
