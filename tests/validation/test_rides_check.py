@@ -69,6 +69,18 @@ def test_a_fault_of_one_wing_turns_its_row(fault):
     assert rows(a, altered(b, change))[row].verdict is Verdict.DISAGREE
 
 
+@pytest.mark.parametrize(("wrong_from", "verdict"), [(0.9, Verdict.AGREE), (0.5, Verdict.DISAGREE)])
+def test_speed_is_compared_until_a_lasting_stop(wrong_from, verdict):
+    def stopped(r, factor):
+        stop = {"event": "stop", "t": 0.9 * r.t[-1], "s_o": float(r.s_o[-1]), "speed": 0.0}
+        late = r.t[:, None] > wrong_from * r.t[-1]
+        return replace(r, events=[*r.events, stop], velocity=np.where(late, factor, 1.0) * r.velocity)
+
+    a, b = pair()
+    a, b = altered(a, lambda r: stopped(r, 1.02)), altered(b, lambda r: stopped(r, 1.0))
+    assert rows(a, b)[("speed", "")].verdict is verdict
+
+
 def test_events_and_design_numbers_have_bars():
     a, b = pair()
     told = {x["event"]: x for x in with_bars(RIDE, a)}

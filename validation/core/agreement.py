@@ -234,14 +234,20 @@ def _ride(
     if a.run.drive == "free":
         top = float(b.run.speed.max())
 
-        def largest(name: str, scale: float) -> Gap:
-            of = partial(_series, name, scale)
+        def largest(of: Callable[[Response], Array]) -> Gap:
             return lambda x, y, window: measures.series_gap(x, y, window, of, largest=True)
 
-        out += [smooth("place", largest("s_o", scene.length)), smooth("speed", largest("speed", top))]
+        out.append(smooth("place", largest(partial(_series, "s_o", scene.length))))
+        out.append(smooth("speed", largest(lambda r: _until_stop(r, r.speed / top))))
         out += [row for event in sorted({x["event"] for e in (a, b) for x in e.run.events} & set(EVENTS))
                 for row in _event(event, a, b, axial, top)]  # fmt: skip
     return out
+
+
+def _until_stop(r: Response, values: Array) -> Array:
+    """Return values (n,) with nan past a lasting stop: braking ends at once, at a time that axial waves decide."""
+    stop = happened("stop", r)
+    return values if stop is None else np.where(r.t <= stop["t"], values, math.nan)
 
 
 EVENTS = ("brake", "arrival", "back", "stop", "turn")  # whose first happening both answers must tell
