@@ -252,7 +252,7 @@ class RollingSystem(GalerkinSystem):
         s_o, ds_o, _ = self.kinematics(states)
         drive, rows = self.drive, list(zip(states.t.tolist(), states.phase.tolist(), strict=True))
         F = np.array([drive.thrust(t, phase) for t, phase in rows]) if self.free else states.a[:, -1]
-        cars = np.empty((s_o.size, 14))
+        cars = np.empty((s_o.size, len(Car._fields) - len(Car._field_defaults)))
         for i, (t, phase) in enumerate(rows):
             cars[i] = kernels.car(self._on(t, phase), F[i], velocity[i], acceleration[i], sides[0, i], sides[1, i])
         car = Car(*cars.T)
@@ -442,10 +442,8 @@ class RollingSystem(GalerkinSystem):
             return 1.0
         hears = self.drive.mu_r > 0.0 or bool(self.drive.brakes)
         rubs = hears and (self.mode.brakes > 0 or self.mode.sign == 0.0)
-        s_o, slip = self.place(x), float(x.v[-1])
-        halt = abs(slip) / self.groups.sigma if self.drive.mu_r > 0.0 else math.inf
-        of = 2.0 / math.sqrt(self.groups.alpha), s_o, slip, since if hears else math.inf, rubs, halt
-        return self.drive.part_of_step(*of)
+        of = 2.0 / math.sqrt(self.groups.alpha), self.groups.sigma, self.place(x), float(x.v[-1])
+        return self.drive.part_of_step(*of, since if hears else math.inf, rubs)
 
     # --- events -----------------------------------------------------------------------------------------------------
     def watch(self, x: State) -> tuple[float, ...]:

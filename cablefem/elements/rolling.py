@@ -133,9 +133,8 @@ class RollingElements(FollowingElements):
         if not self.free:
             return 1.0
         rubs = self._grips and (self._brakes > 0 or self._mode == kernels.HELD)
-        place, slip = float(x.q[-1]), float(x.v[-1])
-        halt = abs(slip) / self.groups.sigma if self.drive.mu_r > 0.0 else math.inf
-        return self.drive.part_of_step(self._settled, place, slip, since if self._grips else math.inf, rubs, halt)
+        of = self._settled, self.groups.sigma, float(x.q[-1]), float(x.v[-1])
+        return self.drive.part_of_step(*of, since if self._grips else math.inf, rubs)
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self._n_dof)

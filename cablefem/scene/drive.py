@@ -256,18 +256,16 @@ class Drive:
         """Force of all brakes that reach s_o; it acts against the motion along the cable."""
         return sum(force for place, force in self.brakes if s_o >= place)
 
-    def part_of_step(
-        self, axial: float, s_o: float, speed: float, since: float, rubs: bool, halt: float = math.inf
-    ) -> float:
+    def part_of_step(self, axial: float, sigma: float, s_o: float, speed: float, since: float, rubs: bool) -> float:
         """Return which part of a step a rolling car takes at s_o, 0 < s_o < 1: by where it is, not by the steps.
 
         axial : time of axial waves to and fro over the cable; next to a support they come sooner.
         since : after a jump of a force along the cable, which rings; inf where nothing hears that.
         rubs : whether a brake or a hold reacts to what rings as long as it does.
-        halt : time in which its weight would bring the car to rest, where friction turns round; inf without friction.
         """
         step, near = self.nominal / STANDARD, min(s_o, 1.0 - s_o)
         there = near / abs(speed) if speed else math.inf
+        halt = abs(speed) / sigma if self.mu_r > 0.0 else math.inf  # in which weight alone would bring it to rest
         rings = axial / RINGS
         parts = (since + axial * near) / SINCE, there / SINCE, rings if rubs else max(halt / HALT, rings)
         return min(1.0, min(parts) / step)

@@ -184,3 +184,13 @@ def test_a_free_ride_has_no_pace_of_its_own():
     with pytest.raises(SceneError, match="a free ride finds its own"):
         Scene.from_toml(FREE).variant(speed_ratio=0.2)
     assert math.isfinite(Scene.from_toml(FREE).arrival)
+
+
+@pytest.mark.parametrize(("mu_r", "speed", "part"), [
+    (0.02, 1e-3, 0.5), (0.02, 1e-4, 0.05), (0.02, 1e-9, 1.0 / 240.0), (0.02, 1e-2, 1.0), (0.0, 1e-4, 1.0),
+])  # fmt: skip
+def test_steps_are_short_where_friction_may_turn_round(mu_r, speed, part):
+    """Half the time in which weight alone stops the car, and no less than axial waves ask for; only with friction."""
+    sigma, axial = 0.1, 0.01
+    drive = Drive(mode="free", mu_r=mu_r, nominal=10.0)  # steps of 0.01
+    assert drive.part_of_step(axial, sigma, 0.5, speed, math.inf, False) == pytest.approx(part, rel=1e-12)
