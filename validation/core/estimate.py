@@ -80,8 +80,7 @@ def gaps(fine: Response, coarse: Response) -> tuple[float, float]:
     The companion's slack does not cut the window: where it is too coarse to be right, the gap must say so.
     """
     window = measures.window_of(fine)
-    if not _lasts(coarse, fine):
-        raise measures.NotComparable(f"the coarser companion's ride ends after {coarse.t[-1]:.4g} s")
+    _must_last(coarse, fine)
     if fine.drive != "free" and coarse.reached < window[1] * (1.0 - 1e-6):
         raise measures.NotComparable(f"the coarser companion ends at s_o/l = {coarse.reached:.3f}")
     if fine.slack_onset is not None and window[1] < measures.WINDOWS[fine.drive][1] - SAME_ONSET:
@@ -132,17 +131,19 @@ def _fall(e: Estimated, half: Response, quarter: Response) -> float | None:
     """Return how the path's rms gap falls from a quarter to half on to the run; None if no quarter has the window."""
     try:
         window = measures.window_of(*e.runs)
-        if measures.window_of(quarter, *e.runs)[1] < window[1] - SHORT or not _lasts(quarter, half):
+        if measures.window_of(quarter, *e.runs)[1] < window[1] - SHORT:
             return None
+        _must_last(quarter, half)
         before, gap = (measures.path_gap(*pair, window)[1] for pair in ((quarter, half), (half, e.run)))
         return before / gap if gap > 0.0 else None
     except measures.NotComparable:
         return None
 
 
-def _lasts(coarse: Response, fine: Response) -> bool:
-    """Return whether a coarser companion's free ride is long enough to be compared."""
-    return fine.drive != "free" or coarse.t[-1] >= SAME_END * fine.t[-1]
+def _must_last(coarse: Response, fine: Response) -> None:
+    """Raise NotComparable if the free ride of a coarser companion is too short to be compared."""
+    if fine.drive == "free" and coarse.t[-1] < SAME_END * fine.t[-1]:
+        raise measures.NotComparable(f"the coarser companion's ride ends after {coarse.t[-1]:.4g} s")
 
 
 def companions(
@@ -232,9 +233,9 @@ def _with_bars(e: Estimated) -> Estimated:
     e = replace(e, response=without(e.response, OF_BARS), run=without(e.run, OF_BARS))
     if e.in_space.settings == e.run.settings:
         return _flagged(e, "no bar", why="there is no coarser resolution to compare with")
-    if ends := [r.t[-1] for r in (e.in_space, e.in_time) if not _lasts(r, e.run)]:
-        return _flagged(e, "no bar", why=f"the coarser companion's ride ends after {ends[0]:.4g} s")
     try:
+        for companion in (e.in_space, e.in_time):
+            _must_last(companion, e.run)
         window = measures.window_of(*e.runs)
         gaps = [measures.path_gap(c, e.run, window)[0] for c in (e.in_space, e.in_time)]
         tension = [measures.tension_gap(c, e.run, window) for c in (e.in_space, e.in_time)]
