@@ -184,8 +184,8 @@ class _Extreme:
 class _Known:
     """The tracks of a quantity in a run, and its extreme up to s_o/l = stop; None where nothing is known.
 
-    A mass that grips enters a cable at rest: where its side is a few steps long, a rule that balances within the step
-    is off at its end by as much as the tension itself.  A car that rolls hangs there in equilibrium.
+    A mass that grips enters a cable at rest: while its side is a few steps long, nothing is resolved there, and
+    extremes begin where paths are compared.  A car that rolls hangs there in equilibrium.
     """
 
     def __init__(self, r: Response, quantity: _Quantity, stop: float) -> None:

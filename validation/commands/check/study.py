@@ -125,11 +125,10 @@ def check(
         window = (measures.WINDOW[0], measures.WINDOW[0])
     a, b = (_told(scene, e, twin) for e, twin in (runs, runs[::-1]))
     smooth = None
-    from validation.commands.check import deep as third
-
-    if deep:
-        rows += third.deep(scene, runs[0], rows)
     if deep or overall(rows) is Verdict.TOO_COARSE:
+        from validation.commands.check import deep as third
+
+        rows += third.deep(scene, runs[0], rows) if deep else []
         smooth = third.entry(scene, runs[0].run)
     return Check(scene, a, b, tol, window, rows, gripped[0] if gripped else None, smooth)
 

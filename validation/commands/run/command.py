@@ -72,7 +72,7 @@ def command(
         return 2
 
     from validation.core.design import design, numbers
-    from validation.core.estimate import companions, estimated
+    from validation.core.estimate import OF_BARS, companions, estimated
     from validation.core.resolution import TooCoarse, resolve
     from validation.core.running import run as run_method
     from validation.core.sidebyside import alone, side_by_side
@@ -119,15 +119,7 @@ def command(
     if too_coarse:
         terminal.complain([too_coarse])
     # a bar that could not be made, or not all the way, is no fault of the run
-    return (
-        1
-        if too_coarse
-        or any(
-            flag.kind not in ("no bar", "short bar", "coarse", "no order", "not extrapolated")
-            for flag in response.flags
-        )
-        else 0
-    )
+    return 1 if too_coarse or any(flag.kind not in (*OF_BARS, "not extrapolated") for flag in response.flags) else 0
 
 
 def _write_animation(response: "Response", folder: Path) -> None:
