@@ -191,8 +191,11 @@ class FollowingElements(CableElements):
         behind, ahead = (np.tensordot(q[:, dofs], grad, axes=(1, 0)) for dofs, grad in self._slopes)
         behind /= np.where(s_o > 0.0, s_o, 1.0)[:, None]
         ahead /= (1.0 - s_o)[:, None]
-        if s_o.size and s_o[0] == 0.0:  # limit of w(s_o)/s_o as the mass leaves the left support
-            behind[0] = v[0, self.node] / ds[0] if ds[0] > 0.0 else a[0, self.node] / dds[0]
+        if (
+            s_o.size and s_o[0] == 0.0
+        ):  # limit of w(s_o)/s_o as the mass leaves the left support; 0 of one at rest there
+            gone, way = (v, ds) if ds[0] > 0.0 else (a, dds)
+            behind[0] = gone[0, self.node] / way[0] if way[0] > 0.0 else 0.0
         return q[:, self.node], v[:, self.node], a[:, self.node], behind, ahead
 
     def _along(self, states, kinematics, force, rise, s, frames):

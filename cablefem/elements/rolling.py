@@ -366,7 +366,7 @@ class RollingElements(FollowingElements):
         def update(dx: Array) -> None:
             x[:] -= c * dx
 
-        bound = math.sqrt(self._n_dof) * self.force_floor
+        bound = 1e-13 * self.force_scale + math.sqrt(self._n_dof) * self.force_floor  # rounding of both
         # A stiff cable under a heavy car: Newton loses its way, or finds a rest with folds, unless a soft cable
         # has shown the shape first.  A load raises the horizontal tension, 1 without it; a fold carries less.
         stiff, soft = self._cable[0], min(self._cable[0], 4.0 * (1.0 + self.groups.mu * self.groups.sigma))
