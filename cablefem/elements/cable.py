@@ -197,7 +197,7 @@ class CableElements:
 
     def _workspace(self, kind: type) -> Tangent:
         n = self.fields * self.n_scalar
-        coupled = np.empty(n if self.fields == 1 else 0, kind)
+        coupled: Any = np.empty(n if self.fields == 1 else 0, kind)
         return Tangent(
             np.empty((n, 3 * self._band + 1), kind), np.empty((2, n), dtype=np.int64), coupled.real.copy(), coupled
         )
