@@ -76,7 +76,7 @@ def _tables(elements: int, degree: int, grading: float) -> Tables:
     if b == 2:  # Lagrange midpoints; from degree 3 on interior functions are bubbles
         linear[1::2] = 0.5 * (left.knots[1:] + left.knots[:-1])
     # ahead of the mass, with M x = e at the mass: its node moves with x/x_mass and weighs 1/x_mass
-    M = bands(right.M, b)[:-1, b:].T.copy()
+    M = bands(right.M, b)[b:, :-1].copy()
     pushed = solveh_banded(M[: M.shape[1]], np.eye(M.shape[1], 1)[:, 0], lower=True)  # one element: no band
     forces, inertia = (np.concatenate([getattr(x, of) for x in sides]) for of in ("forces", "inertia"))
     ride, entrained = np.concatenate([linear[1:], pushed[1:] / pushed[0]]), float(1.0 / pushed[0])
@@ -113,7 +113,8 @@ class FollowingElements(CableElements):
         if not (math.isfinite(grading) and 1.0 <= grading <= 1e6):
             raise ValueError(f"grading must lie in [1, 1e6], got {grading!r}")
         of = _tables(elements, degree, grading)
-        self.left, self.right, self._dofs, self._operators = of.left, of.right, of.dofs, of.operators
+        self.left, self.right, self._dofs = of.left, of.right, of.dofs
+        self._operators = np.repeat(of.operators, self.fields, axis=2)
         self._tab, self._fine, self._slopes = of.forces, of.inertia, of.slopes
         self._ride, self._entrained = of.ride, of.entrained
         self.node = self.left.n - 2  # scalar dof of the mass; the supports carry none
