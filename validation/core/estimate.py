@@ -167,7 +167,8 @@ def companions(
     c_time = _ran(scene, method, half_time, short, known, part(0.8, 1.0))
     p_time = time_order(settings)
     p = space_order(method.space_order)
-    if method.extrapolate:
+    extrapolate = method.extrapolate and min(fine.t.size, c_space.t.size) > 1  # not a run that found no start
+    if extrapolate:
         response = measures.extrapolated(fine, c_space, 1.0)
         w_space = SAFETY * EXTRAPOLATED
         basis = f"extrapolated 2 f({method.value(settings)}) - f({method.value(half_space)})"
@@ -178,7 +179,7 @@ def companions(
             f"2^{p_time:g} - 1, times {SAFETY}"
         )
     weights = w_space, SAFETY * left(p_time)
-    estimate = Estimated(response, fine, c_space, c_time, weights, basis, method.extrapolate)
+    estimate = Estimated(response, fine, c_space, c_time, weights, basis, extrapolate)
     period = 2.0 * scene.length / scene.axial_speed
     rings = fine.t.size > 1 and period < RESOLVED * float(np.median(np.diff(fine.t)))
     return _with_bars(replace(estimate, rings=rings))

@@ -235,7 +235,8 @@ METHODS: dict[str, Method] = {
         Method(
             "following-p4", "elements", "elements of degree 4 on a mesh that follows the mass",
             {"elements": _elements(5, _PER_SIDE), "grading": _GRADING, **TIME}, _each(8), 2.5, _following(4),
-            begins=(2, 200), trust="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
+            on_rides={"scheme": "radau"}, begins=(2, 200),
+            trust="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
         ),
         Method(
             "fixed-hermite", "elements", "C1 cubic elements, the mass moving through them",
