@@ -128,8 +128,7 @@ class GalerkinSystem:
 
     def kinematics(self, states: States) -> Array:
         """s_o, ds_o, dds_o of a history, (3, n)."""
-        at = zip(states.t.tolist(), states.phase.tolist(), strict=True)
-        return np.array([self.motion.at(t, phase) for t, phase in at]).reshape(-1, 3).T
+        return self.motion.along(states.t, states.phase)
 
     def drives(self, states: States, velocity: Array, acceleration: Array, sides: Array, working: Array) -> Drives:
         """The mass over a history, which grips: p., p.. (n, fields), r' behind and ahead (2, n, fields).
