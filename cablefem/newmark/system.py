@@ -99,7 +99,10 @@ class Travelling(Protocol):
 
 @runtime_checkable
 class Striding(Protocol):
-    """What a system without events answers besides if it takes many steps in one go: less of them is spent on calls."""
+    """What a system without events answers besides if it takes many steps in one go.
+
+    Who changes `settle` changes this.
+    """
 
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
