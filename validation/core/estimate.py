@@ -220,10 +220,8 @@ def past_slack(scene: Scene, method: Method, e: Estimated) -> Estimated:
 
 
 def weighted(e: Estimated, factor: float) -> Estimated:
-    """Return the same runs with all bars times a factor; above 1 those of the path alone."""
-    if factor > 1.0:
-        return _with_bars(replace(e, of_path=(factor * e.of_path[0], factor * e.of_path[1])))
-    return _with_bars(replace(e, weights=(factor * e.weights[0], factor * e.weights[1])))
+    """Return the same runs with the path's bars times a factor: what a ladder says of the path says nothing else."""
+    return _with_bars(replace(e, of_path=(factor * e.of_path[0], factor * e.of_path[1])))
 
 
 OF_BARS = ("no bar", "short bar", "coarse", "no order")  # what bars say of themselves

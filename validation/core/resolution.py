@@ -214,8 +214,7 @@ def resolved(
 ) -> Estimated:  # fmt: skip
     """Return the run of `resolve`, or the finest within reach and budget, with companions for all other bars.
 
-    The path's bar is that of its own ladder, which has seen the orders; where it is smaller than the companions say,
-    theirs of everything else are scaled with it.
+    The path's bar is that of its own ladder, which has seen its orders; all others are those of the companions.
     """
     method = find(method) if isinstance(method, str) else method
     made: list[Response] = []
