@@ -436,18 +436,21 @@ def settle(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, sta
         for k in range(3):
             for i in range(size):
                 balanced[k, i] = w[k] * now[k, i] + (1.0 - w[k]) * start[k, i]
-        if ride is None:  # a type of its own: no ride is compiled into the step of a mass that grips
-            lost = False
-        else:
+        lost = False
+        if ride is not None:  # a type of its own: no ride is compiled into the step of a mass that grips
             lost = ride.mode != HAULED and not 0.0 < balanced[0, size - 1] < 1.0  # a trial that leaves the cable
             if ride.mode != HAULED and not lost:
                 made = moment(ride, balanced[0, size - 1], balanced[1, size - 1], balanced[2, size - 1])
                 at, x, slope, load = made
-        out = evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull)
-        square = math.nan if lost else 0.0
-        for i in range(size):
-            square += r[i] * r[i]
-        norm = math.sqrt(square)
+        norm = math.nan
+        if not lost:
+            out = evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull)
+            square = 0.0
+            for i in range(size):
+                square += r[i] * r[i]
+            norm = math.sqrt(square)
+        elif halving < 0:
+            return norm, 1, 0, 1
         if halving >= 0:
             residuals += 1
             if not (norm < before or (iterations < newton[2] and norm < math.inf)) and halving < newton[3]:
