@@ -52,7 +52,8 @@ def test_right_answers_keep_every_law(name):
     # sums by trapezoids are exact for the trapezoidal rule, of first order for one that takes its balance inside a step
     how = {"steps": 1500, "scheme": "trapezoidal"} if free else {"steps": 300}
     r = run(scene, "following-p2", elements=8, until=0.3, **how)
-    assert broken(r) == set()
+    # the undamped rule rings along the cable after a sudden release
+    assert broken(r, RIGHT | ({"velocity up to the mass": 0.1} if free else {})) == set()
     others = {"compression", *({"tension on both sides", "drive"} if scene.drive.mode == "grip" else ())}
     others |= {"travel"} if free else set()
     others |= {"integral of the velocity"} if name in ("tramway", "kevlar") else set()  # slow: few frames in a swing
@@ -201,7 +202,7 @@ def test_a_wrong_drive_of_both_wings_is_seen(fault):
 
 
 def test_the_judge_reads_the_toml_by_itself(level):
-    given = laws.Given.read(level.scene_toml)
+    given = laws.Given(level.scene_toml)
     assert (given.rho, given.mass, given.span) == (1.0, 2002.3720103, 2000.0)
     assert given.asked == ("length", 2002.3720103)
     hanging = Catenary.from_length(given.span, given.drop, given.rho * given.gravity, given.asked[1])

@@ -14,7 +14,6 @@ import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,41 +26,28 @@ OFTEN = 0.2  # of the time a transverse wave takes along the cable, that may lie
 EVERY = 6  # frames from one end of a window to the next: 0.06 of the travel
 ROUNDING = 1e-9  # of the scale: stations and splines of static shapes
 SIDE = 1e-6  # of a step, beside an event
+NEXT = 0.01  # of the length, next to a support
 TRAPEZOIDS = 1e-4  # of the scale: impulses over steps across which an acceleration jumps
 DOWN = np.array([0.0, 1.0])
 
 Window = tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
 class Given:
     """A scene's own numbers, SI, as its TOML has them."""
 
-    gravity: float
-    rho: float
-    EA: float
-    span: float
-    drop: float
-    mass: float
-    asked: tuple[str, float]  # "length", "sag" or "horizontal_tension" and its value
-    travel: dict[str, Any]
-    drive: dict[str, Any]
-
-    @classmethod
-    def read(cls, toml: str) -> Given:
-        """Return the numbers in a scene file."""
+    def __init__(self, toml: str) -> None:
         x = tomllib.loads(toml)
         cable, supports = x["cable"], x["supports"]
-        asked = next(name for name in ("length", "sag", "horizontal_tension") if name in cable)
-        return cls(
-            x.get("gravity", 9.81), cable["mass_per_length"], cable["EA"], supports["span"], supports["drop"],
-            x["mass"]["mass"], (asked, cable[asked]), x.get("travel", {}), x.get("drive", {}),
-        )  # fmt: skip
-
-    @property
-    def weight(self) -> float:
-        """M g [N]."""
-        return self.mass * self.gravity
+        self.gravity: float = x.get("gravity", 9.81)
+        self.rho: float = cable["mass_per_length"]
+        self.EA: float = cable["EA"]
+        self.span, self.drop = supports["span"], supports["drop"]
+        self.mass: float = x["mass"]["mass"]
+        self.weight = self.mass * self.gravity
+        # "length", "sag" or "horizontal_tension" and its value
+        self.asked = next((name, cable[name]) for name in ("length", "sag", "horizontal_tension") if name in cable)
+        self.travel, self.drive = x.get("travel", {}), x.get("drive", {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,11 +106,14 @@ def hold(r: Response, window: Window, companions: Sequence[Response] = ()) -> It
         yield Held(name, rms, sampled, left, None if math.isnan(at) else at)
 
 
+Finds = Callable[["Mechanics"], Defect]
+
+
 @dataclass(frozen=True, slots=True)
 class Law:
     """One law of mechanics: its defect, what a right answer's defect depends on, and whom it concerns."""
 
-    defect: Callable[[Mechanics], Defect]
+    defect: Finds
     asks: str  # "nothing" of a run, its "stations", or its "resolution"
     concerns: Callable[[Mechanics], bool]
 
@@ -132,10 +121,8 @@ class Law:
 LAWS: dict[str, Law] = {}
 
 
-def _law(
-    asks: str, concerns: Callable[[Mechanics], bool] = lambda m: True
-) -> Callable[[Callable[[Mechanics], Defect]], Callable[[Mechanics], Defect]]:
-    def listed(defect: Callable[[Mechanics], Defect]) -> Callable[[Mechanics], Defect]:
+def _law(asks: str, concerns: Callable[[Mechanics], bool] = lambda m: True) -> Callable[[Finds], Finds]:
+    def listed(defect: Finds) -> Finds:
         LAWS[defect.__name__.replace("_", " ")] = Law(defect, asks, concerns)
         return defect
 
@@ -189,7 +176,7 @@ class Mechanics:
     """
 
     def __init__(self, r: Response, window: Window, every: int = 1) -> None:
-        self.r, self.window, self.every, self.given = r, window, every, Given.read(r.scene_toml)
+        self.r, self.window, self.every, self.given = r, window, every, Given(r.scene_toml)
 
     # --- the cable at rest -----------------------------------------------------------------------------
     @cached_property
@@ -495,12 +482,12 @@ class Mechanics:
     def _up_to_the_mass(self, of: Callable[[_Side], Array]) -> tuple[Array, ...]:
         """Return what a field (m,) or (m, c) is at the mass and what it misses when it goes on to there, (k, 2 c).
 
-        Next to a support, where there are no two stations to go on from, none of either.
+        Next to a support, where stations are few and waves from there not yet apart, none of either.
         """
         found = []
         for pair in self.sides:
             rows = [(x.s[::way][:3], of(x)[::way][:3]) for x, way in zip(pair, (-1, 1), strict=True)]
-            far = min(s.size for s, _ in rows) > 2
+            far = min(s.size for s, _ in rows) > 2 and min(np.ptp(x.s) for x in pair) > NEXT * self.r.length
             told = [far * y[0] for _, y in rows]
             goes_on = [y[1] + (y[1] - y[2]) * (s[0] - s[1]) / (s[1] - s[2]) if far else 0.0 * y[0] for s, y in rows]
             found.append((told, np.subtract(told, goes_on)))

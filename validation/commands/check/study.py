@@ -23,6 +23,7 @@ from validation.core.store import Refused
 
 SOLVERS = ("following-p2", "fourier-kink")
 FINER, FINER_FROM = 3.0, 1e-3  # what too coarse rows divide the aim by, and the last aim that they may divide
+CONFIRMS = 2.0  # what a disagreement divides both errors by, to see whether it stays
 # Of `work` for each solver at the default tolerance, in proportion more for a smaller one: three times what `level`
 # needs.  A slow ride after a sudden entry at full speed may want ten times as much.
 BUDGET = 4e5
@@ -121,11 +122,12 @@ def check(
         short = any(flag.kind in ("short bar", "no bar") for e in runs for flag in e.run.flags)
         doubted = told is Verdict.DISAGREE and (before is None or verdict is not Verdict.DISAGREE)
         coarse = (verdict is Verdict.TOO_COARSE or short) and max(aims) >= 0.5 * FINER_FROM
-        dear = any(FINER * LADDER * work(m, e.run) > budget for m, e in zip(found, runs, strict=True))
+        finer = CONFIRMS if doubted else FINER
+        dear = any(finer * LADDER * work(m, e.run) > budget for m, e in zip(found, runs, strict=True))
         if not (doubted or coarse) or not reached or dear:
             break
         # who is finer than it was asked to be is refined, too, where a disagreement wants it
-        aims = [(min(aim, error) if doubted else aim) / FINER for aim, error in zip(aims, errors, strict=True)]
+        aims = [(min(aim, error) if doubted else aim) / finer for aim, error in zip(aims, errors, strict=True)]
         before = rows
     rows = settled(rows, before)
     try:
