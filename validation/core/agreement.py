@@ -185,8 +185,6 @@ def agree(
 # and half the steps is what is left.
 CHANGED = "the change from half the resolution and half the steps"
 FIRST_ORDER = f"{CHANGED}, times {SAFETY}"
-# A law's defect, which falls with an order between 1/2 and 1 where a ride begins or changes of a sudden.
-LAW_SAFETY = 2.5
 
 Weights = Callable[[Estimated], tuple[float, float, str]]
 
@@ -465,7 +463,7 @@ def _held(method: str, x: laws.Held) -> Agreement:
         return Agreement(name, math.nan, nothing(f"{method} or a companion does not say what it asks for"), law=x.law)
     parts = [Part(method, x.sampling, "sampling of its fields")]
     if x.changed:
-        parts.insert(0, Part(method, LAW_SAFETY * x.changed, f"{CHANGED}, times {LAW_SAFETY}"))
+        parts.insert(0, Part(method, laws.SAFETY * x.changed, f"{CHANGED}, times {laws.SAFETY}"))
     return Agreement(name, x.gap, Bound("law", tuple(parts)), x.where, law="" if name == x.law else x.law)
 
 

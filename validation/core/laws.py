@@ -28,6 +28,9 @@ ROUNDING = 1e-9  # of the scale: stations and splines of static shapes
 SIDE = 1e-6  # of a step, beside an event
 NEXT = 0.01  # of the length, next to a support
 TRAPEZOIDS = 1e-4  # of the scale: impulses over steps across which an acceleration jumps
+# Times what half the resolution and half the steps change: a defect falls with an order between 1/2 and 1 where a ride
+# begins or changes of a sudden.
+SAFETY = 2.5
 DOWN = np.array([0.0, 1.0])
 
 Window = tuple[float, float]
@@ -59,14 +62,14 @@ class Defect:
 
     @property
     def rms(self) -> Array:
-        """Of each component over the places, (c,)."""
-        return np.sqrt(np.mean(self.value**2, axis=0))
+        """Of all components together and of each, over the places, (1 + c,)."""
+        each = np.mean(self.value**2, axis=0)
+        return np.sqrt(np.append(each.sum(), each))
 
     def changed(self, other: Defect) -> Array:
-        """Return the rms of its distance to another run's, (c,); nan where that ends early."""
-        if other.value.shape != self.value.shape:
-            return np.full(self.value.shape[1], math.nan)
-        return Defect(self.place, other.value - self.value).rms
+        """Return the rms of its distance to another run's, (1 + c,); nan where that ends early."""
+        same = other.value.shape == self.value.shape
+        return Defect(self.place, other.value - self.value).rms if same else math.nan * self.rms
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +86,8 @@ class Held:
 def hold(r: Response, window: Window, companions: Sequence[Response] = ()) -> Iterator[Held]:
     """Hold every law that a response can be held against, over a window of s_o/l, the cable at rest first.
 
-    Of several components that counts which has most for what may be left of it: a sharp one shows what a blunt one
-    would hide.
+    Where one of several components by itself is more than what may be left of it, that is told: a sharp one shows what
+    blunt ones would hide.
     """
     case, sparse = Mechanics(r, window), Mechanics(_thinned(r), window, every=2)
     others = [Mechanics(c, window) for c in companions]
@@ -100,8 +103,9 @@ def hold(r: Response, window: Window, companions: Sequence[Response] = ()) -> It
         sampling = ROUNDING + (TRAPEZOIDS if resolved else 0.0) + 0.0 * found.rms
         if law.asks != "nothing":
             sampling += 2.0 * found.changed(law.defect(sparse))
-        worst = int(np.argmax(np.nan_to_num(found.rms / (sampling + changed), nan=math.inf)))
-        at = float(found.place[np.abs(found.value[:, worst]).argmax()])
+        over = found.rms / (sampling + SAFETY * changed)
+        worst = int(over.argmax()) if over.max() > 1.0 else 0
+        at = float(found.place[np.sum(found.value**2, axis=1).argmax()])
         rms, sampled, left = (float(x[worst]) for x in (found.rms, sampling, changed))
         yield Held(name, rms, sampled, left, None if math.isnan(at) else at)
 
