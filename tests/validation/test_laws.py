@@ -150,6 +150,7 @@ RODE = {"elements": 8, "steps": 600, "scheme": "trapezoidal"}
 RIGHT_RIDE = RIGHT | {
     "momentum of the mass": 5e-4, "energy": 1e-4, "power": 2e-5, "parts of the energy": 1e-4,
     "tension on both sides": 3e-4, "momentum of the cable": 1e-4, "fields at the mass": 2e-4,
+    "velocity up to the mass": 0.1,  # the undamped rule rings along the cable
 }  # fmt: skip
 
 
