@@ -83,7 +83,7 @@ def test_the_order_in_time_is_read_from_the_ladder():
 
 
 def test_a_finer_tolerance_takes_a_finer_run():
-    coarse, fine = (resolve(INCLINED, "following-p2", tol, until=0.8) for tol in (1e-2, 1e-4))
+    coarse, fine = (resolve(INCLINED, "following-p2", tol, until=0.8) for tol in (1e-2, 1e-5))
     assert fine.work["steps"] > coarse.work["steps"]
     assert fine.n_dof > coarse.n_dof
 
