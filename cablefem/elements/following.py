@@ -76,7 +76,7 @@ def _tables(elements: int, degree: int, grading: float) -> Tables:
     if b == 2:  # Lagrange midpoints; from degree 3 on interior functions are bubbles
         linear[1::2] = 0.5 * (left.knots[1:] + left.knots[:-1])
     # ahead of the mass, with M x = e at the mass: its node moves with x/x_mass and weighs 1/x_mass
-    M = bands(right.M, b)[:-1, b:].T.copy()
+    M = bands(right.M, b)[b:, :-1].copy()
     pushed = solveh_banded(M[: M.shape[1]], np.eye(M.shape[1], 1)[:, 0], lower=True)  # one element: no band
     forces, inertia = (np.concatenate([getattr(x, of) for x in sides]) for of in ("forces", "inertia"))
     ride, entrained = np.concatenate([linear[1:], pushed[1:] / pushed[0]]), float(1.0 / pushed[0])
@@ -113,7 +113,8 @@ class FollowingElements(CableElements):
         if not (math.isfinite(grading) and 1.0 <= grading <= 1e6):
             raise ValueError(f"grading must lie in [1, 1e6], got {grading!r}")
         of = _tables(elements, degree, grading)
-        self.left, self.right, self._dofs, self._operators = of.left, of.right, of.dofs, of.operators
+        self.left, self.right, self._dofs = of.left, of.right, of.dofs
+        self._operators = np.repeat(of.operators, self.fields, axis=2)
         self._tab, self._fine, self._slopes = of.forces, of.inertia, of.slopes
         self._ride, self._entrained = of.ride, of.entrained
         self.node = self.left.n - 2  # scalar dof of the mass; the supports carry none
@@ -190,8 +191,11 @@ class FollowingElements(CableElements):
         behind, ahead = (np.tensordot(q[:, dofs], grad, axes=(1, 0)) for dofs, grad in self._slopes)
         behind /= np.where(s_o > 0.0, s_o, 1.0)[:, None]
         ahead /= (1.0 - s_o)[:, None]
-        if s_o.size and s_o[0] == 0.0:  # limit of w(s_o)/s_o as the mass leaves the left support
-            behind[0] = v[0, self.node] / ds[0] if ds[0] > 0.0 else a[0, self.node] / dds[0]
+        if (
+            s_o.size and s_o[0] == 0.0
+        ):  # limit of w(s_o)/s_o as the mass leaves the left support; 0 of one at rest there
+            gone, way = (v, ds) if ds[0] > 0.0 else (a, dds)
+            behind[0] = gone[0, self.node] / way[0] if way[0] > 0.0 else 0.0
         return q[:, self.node], v[:, self.node], a[:, self.node], behind, ahead
 
     def _along(self, states, kinematics, force, rise, s, frames):

@@ -66,8 +66,7 @@ class System(Protocol):
     ) -> tuple[Array, Solve]:
         """Return r and a function that applies (c0 dr/dq + c1 dr/dv + c2 dr/da)^-1; it may overwrite its argument.
 
-        Factors are real or complex, and so is the argument then.  An earlier function may be void, except that one for
-        real and one for complex factors live beside each other.
+        Factors are real or complex, and so is the argument then.  An earlier function may be void.
         """
 
     def settle(
