@@ -3,6 +3,7 @@
 Two discretisations of the element wing differ in degree and in scheme; the Galerkin wing shares nothing with them but
 scene and time driver.  Each is refined until its own bars are met or its limit of work is reached.  Where the car grips
 the cable, the same settings are put on a taut string under the same mass and travel, whose exact answer is known.
+A free ride's path is compared over place too; when it passes a place is an answer of its own, with its own bar.
 """
 
 from __future__ import annotations
