@@ -212,8 +212,7 @@ class CableElements:
 
     def _split(self, states: States) -> tuple[States, Array]:
         """Return the history of the cable's unknowns, and s_o, ds_o, dds_o (n, 3)."""
-        at = [self.motion.at(t, p) for t, p in zip(states.t, states.phase, strict=True)]
-        return states, np.array(at).reshape(states.t.size, 3)
+        return states, np.ascontiguousarray(self.motion.along(states.t, states.phase).T)
 
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Return w(s_o(t), t), its first and second time derivative, and w' behind and ahead, (n, fields) each."""

@@ -15,6 +15,7 @@ Dimensionless: l = H = rho = 1.
 """
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -26,9 +27,10 @@ from scipy.sparse import coo_array
 from cablefem.elements.cable import CableElements, bands, elements_allowed
 from cablefem.elements.kernels.balance import Contact, Mesh, follow
 from cablefem.elements.kernels.law import pull
+from cablefem.elements.kernels.newton import stride
 from cablefem.elements.kernels.observe import along, followed
 from cablefem.elements.reference import Reference, graded_knots, reference
-from cablefem.newmark import Array, State, StepFailure, consistent_acceleration
+from cablefem.newmark import Array, Newton, Settled, State, StepFailure, consistent_acceleration
 from cablefem.response import States
 from cablefem.scene import Groups
 
@@ -176,6 +178,40 @@ class FollowingElements(CableElements):
             raise ValueError(f"s_o = {s_o!r}: a side of the following mesh has no length")
         follow(s_o, ds, dds, self._n_left, self._coefficients, self._mesh.span)
         self._contact.load[:] = self._load(s_o, ds, dds)
+
+    def stride(
+        self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
+    ) -> Iterator[tuple[Array, Settled]]:
+        """As the protocol has it; a slack cable is looked at step by step."""
+        now, told, taken = self._stride(t, phase, start, rules, bound, newton)
+        for end, (*done, least, where) in zip(now[:taken], told.tolist(), strict=False):
+            self.least_tension = least, where
+            yield end, Settled(*done)
+
+    def settle(
+        self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
+    ) -> Settled:
+        (now[:],), told, _ = self._stride(np.array([t]), phase, start, rule[None], bound, newton)
+        *done, least, where = told[0].tolist()
+        self.least_tension = least, where
+        return Settled(*done)
+
+    def _stride(
+        self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
+    ) -> tuple[Array, Array, int]:
+        """Return the ends of steps (m, 3, n_dof), what is told of each (m, 6), and how many are good."""
+        self._at = None  # the mesh is that of another instant now
+        places = np.ascontiguousarray(self.motion.along(t, np.full(t.shape, phase)).T)
+        if not (places[:, 0].min() > 0.0 and places[:, 0].max() < 1.0):
+            raise ValueError("a side of the following mesh has no length at an end of the travel")
+        loads = np.array([self._load(*place) for place in places.tolist()])
+        now, told = np.empty((t.size, *start.shape)), np.empty((t.size, 6))
+        grip = self._operators, self._coefficients, self._bands, tuple(self._contact)
+        of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rules, told, bound
+        taken = stride(
+            grip, self._n_left, places, loads, *of, newton.max_iter, newton.reuse, newton.patience
+        )  # fmt: skip
+        return now, told, taken
 
     # --- observation -----------------------------------------------------------------------------------
     def _fresh(self) -> None:
