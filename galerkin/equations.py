@@ -7,6 +7,8 @@ l sqrt(rho/H).
 from __future__ import annotations
 
 import copy
+import operator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -20,6 +22,7 @@ from cablefem.scene import Groups
 from cablefem.scene.motion import Motion
 from galerkin import kernels
 from galerkin.bases import Basis
+from galerkin.bases.fourier import Fourier
 from galerkin.bases.kink import Array, Carried, MovingBasis, Standing, TravellingKink
 from galerkin.equilibrium import Equilibrium
 from galerkin.models import FullCable, cable_model
@@ -88,7 +91,8 @@ class GalerkinSystem:
         self.force_scale = (self.mu or 1.0) * groups.sigma  # weight of the mass; of a bare cable: its own
         # rounding of N = T + alpha eps, summed; ten times what was measured for 10 to 120 terms, alpha 1e3 to 1e6
         self.force_floor = np.finfo(float).eps * groups.alpha
-        self._pull: tuple[Any, Any, Any] | None = None  # place and tensions of the last residual
+        # place and tensions of the last residual, or the least of them and its s
+        self._pull: tuple[Any, ...] | None = None
         self._instants: dict[tuple[float, int], Instant] = {}
 
     @property
@@ -115,7 +119,9 @@ class GalerkinSystem:
         Ripples of the highest terms have none below zero, a slack cable has: the slack onset.  The pointwise least is
         `Observation.tension_min`.
         """
-        return (np.inf, 0.0) if self._pull is None else self.cable.least(*self._pull)
+        if self._pull is None or len(self._pull) == 2:
+            return self._pull or (np.inf, 0.0)
+        return self.cable.least(*self._pull)
 
     def place(self, x: State) -> float:
         """s_o of a state."""
@@ -128,8 +134,7 @@ class GalerkinSystem:
 
     def kinematics(self, states: States) -> Array:
         """s_o, ds_o, dds_o of a history, (3, n)."""
-        at = zip(states.t.tolist(), states.phase.tolist(), strict=True)
-        return np.array([self.motion.at(t, phase) for t, phase in at]).reshape(-1, 3).T
+        return self.motion.along(states.t, states.phase)
 
     def drives(self, states: States, velocity: Array, acceleration: Array, sides: Array, working: Array) -> Drives:
         """The mass over a history, which grips: p., p.. (n, fields), r' behind and ahead (2, n, fields).
@@ -218,7 +223,51 @@ class GalerkinSystem:
         """As the protocol has it; compiled for the full cable."""
         if self.path_form or not isinstance(self.cable, FullCable):
             return iterate(self, t, phase, start, now, rule, bound, newton)
-        return self._settle(self.instant(t, phase), None, start, now, rule, bound, newton)
+        if not self._strides:
+            return self._settle(self.instant(t, phase), None, start, now, rule, bound, newton)
+        (now[:],), told, _, pull = self._stride(np.array([t]), phase, start, rule[None], bound, newton)
+        self._pull = self.basis, self.instant(t, phase).place, pull
+        return Settled(*told[0].tolist()[:4])
+
+    @property
+    def _strides(self) -> bool:
+        """Whether an instant is made in compiled code: of the full cable over sines with a hat."""
+        full = isinstance(self.cable, FullCable) and not self.path_form
+        return full and self.kink and isinstance(self.basis.basis, Fourier)
+
+    def stride(
+        self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
+    ) -> Iterator[tuple[Array, Settled]]:
+        """As the protocol has it, while the rules of both sides stay; ripples below zero are looked at step by step."""
+        if not self._strides:
+            return
+        now, told, taken, _ = self._stride(t, phase, start, rules, bound, newton)
+        for end, (*done, least, where) in zip(now[:taken], told.tolist(), strict=False):
+            self._pull = least, where
+            yield end, Settled(*done)
+
+    def _stride(
+        self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
+    ) -> tuple[Array, Array, int, Array]:
+        """Ends of steps (m, 3, n_dof), what is told of each (m, 6), how many are good; tensions of the last."""
+        kink, cable = self.basis, self.cable
+        assert isinstance(kink, TravellingKink)
+        assert isinstance(cable, FullCable)
+        assert isinstance(kink.basis, Fourier)
+        places, rule = self.motion.along(t, np.full(t.shape, phase)).T, kink.basis.side_rule
+        sides = [(rule(s), rule(1.0 - s)) for s in places[:, 0].tolist()]
+        same = next((k for k, side in enumerate(sides) if any(map(operator.is_not, side, sides[0]))), t.size)
+        grip = kernels.Grip(*sides[0], kink.at_rest, kink.left, kink.chord, self.groups.c)
+        now, told = np.empty((same, *start.shape)), np.full((same, 6), np.nan)
+        pull, limits = np.empty(grip.behind.shape[1] + grip.ahead.shape[1]), _limits(newton)
+        try:
+            taken = kernels.stride(
+                grip, self.groups.sigma, np.ascontiguousarray(places[:same]), self.inertia, self.mu, cable.alpha,
+                cable.law, start, now, told, rules, bound, limits, pull,
+            )  # fmt: skip
+        except np.linalg.LinAlgError:  # singular: the driver takes NaN for a stalled step
+            told[0], taken = (np.nan, 1.0, 1.0, 1.0, np.nan, np.nan), 0
+        return now, told, taken, pull
 
     @property
     def _constants(self) -> tuple[Any, ...]:
@@ -231,10 +280,9 @@ class GalerkinSystem:
         start, now, rule, bound, newton = step
         pull = np.empty(x.place.weights.size if ride is None else ride.behind.shape[1] + ride.ahead.shape[1])
         self._pull = self.basis, x.place, pull
-        limits = float(newton.max_iter), newton.reuse, float(newton.patience), float(MOST_HALVINGS)
         try:
             return Settled(*kernels.settle(
-                x.place, x.carried, x.slope, x.load, ride, *self._constants, start, now, rule, bound, limits, pull,
+                x.place, x.carried, x.slope, x.load, ride, *self._constants, start, now, rule, bound, _limits(newton), pull,
             ))  # fmt: skip
         except np.linalg.LinAlgError:  # singular: the driver takes NaN for a stalled step
             return Settled(np.nan, 1, 1, 1)
@@ -307,6 +355,11 @@ class GalerkinSystem:
 
     def observe(self, states: States, s: Array, frames: Array) -> Observation:
         return observe(self, states, s, frames)
+
+
+def _limits(newton: Newton) -> tuple[float, ...]:
+    """Of Newton's method, as compiled code takes them."""
+    return float(newton.max_iter), newton.reuse, float(newton.patience), float(MOST_HALVINGS)
 
 
 def factorised(K: Array) -> Solve:

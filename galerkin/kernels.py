@@ -395,15 +395,26 @@ class Ride(NamedTuple):
     c: float
 
 
+class Grip(NamedTuple):
+    """A mass that grips the cable, over sines with a hat; see `Ride`."""
+
+    behind: Array
+    ahead: Array
+    mass: Array
+    left: Array
+    chord: Array
+    c: float
+
+
 @compiled
-def moment(ride, s_o, ds_o, dds_o):
-    """Points, what the basis carries, X' and the load of a free car at an instant."""
-    n, sigma = ride.left.size, ride.on.sigma
-    M, rows = carry(values_at(s_o, n), ride.mass, 1, ride.left, ride.chord, s_o, ds_o, dds_o)
+def moment(on, sigma, s_o, ds_o, dds_o):
+    """Points, what the basis carries, X' and the load of the mass at an instant; on : `Ride` or `Grip`."""
+    n = on.left.size
+    M, rows = carry(values_at(s_o, n), on.mass, 1, on.left, on.chord, s_o, ds_o, dds_o)
     x = Carried(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
-    s, weights, phi = split(s_o, ride.behind, ride.ahead, n)
-    T, r_static = static(s, sigma, ride.c)
-    rest = static_at(s_o, sigma, ride.c)
+    s, weights, phi = split(s_o, on.behind, on.ahead, n)
+    T, r_static = static(s, sigma, on.c)
+    rest = static_at(s_o, sigma, on.c)
     load = np.empty(2)
     for a in range(2):
         load[a] = dds_o * rest[0, a] + ds_o * ds_o * rest[1, a] - a * sigma
@@ -461,7 +472,7 @@ def tangent(
     moved[0, 2 * n] += h * c0
     moved[1, 2 * n] += h * c1
     moved[2, 2 * n] += h * c2
-    there = moment(ride, moved[0, 2 * n], moved[1, 2 * n], moved[2, 2 * n])
+    there = moment(ride, ride.on.sigma, moved[0, 2 * n], moved[1, 2 * n], moved[2, 2 * n])
     evaluate(
         there[0], there[1], there[2], there[3], ride, inertia, mu, alpha, law, moved, beyond,
         np.empty(gram.shape), np.empty(at.s.size),
@@ -475,7 +486,7 @@ def look(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, balan
     """Set the residual of a state, rows q, v, a, and what there is room for of dr/dq, dr/dv, dr/da, parts (3 or 0)."""
     if ride.mode != HAULED:
         last = balanced.shape[1] - 1
-        at, x, slope, load = moment(ride, balanced[0, last], balanced[1, last], balanced[2, last])
+        at, x, slope, load = moment(ride, ride.on.sigma, balanced[0, last], balanced[1, last], balanced[2, last])
     gram, one = np.empty((2, 2, at.s.size)), np.eye(3)
     out = evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull)
     for k in range(parts.shape[0]):
@@ -514,18 +525,21 @@ def settle(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, sta
         for k in range(3):
             for i in range(size):
                 balanced[k, i] = w[k] * now[k, i] + (1.0 - w[k]) * start[k, i]
-        if ride is None:  # a type of its own: no ride is compiled into the step of a mass that grips
-            lost = False
-        else:
+        lost = False
+        if ride is not None:  # a type of its own: no ride is compiled into the step of a mass that grips
             lost = ride.mode != HAULED and not 0.0 < balanced[0, size - 1] < 1.0  # a trial that leaves the cable
             if ride.mode != HAULED and not lost:
-                made = moment(ride, balanced[0, size - 1], balanced[1, size - 1], balanced[2, size - 1])
+                made = moment(ride, ride.on.sigma, balanced[0, size - 1], balanced[1, size - 1], balanced[2, size - 1])
                 at, x, slope, load = made
-        out = evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull)
-        square = math.nan if lost else 0.0
-        for i in range(size):
-            square += r[i] * r[i]
-        norm = math.sqrt(square)
+        norm = math.nan
+        if not lost:
+            out = evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull)
+            square = 0.0
+            for i in range(size):
+                square += r[i] * r[i]
+            norm = math.sqrt(square)
+        elif halving < 0:
+            return norm, 1, 0, 1
         if halving >= 0:
             residuals += 1
             if not (norm < before or (iterations < newton[2] and norm < math.inf)) and halving < newton[3]:
@@ -547,3 +561,26 @@ def settle(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, sta
         step = np.linalg.solve(K, r)
         correct(now, c, 1.0, step)
         halving = 0
+
+
+@compiled
+def stride(grip, sigma, places, inertia, mu, alpha, law, start, now, told, rules, bound, newton, pull):
+    """Settle steps of a mass that grips one after another; return how many came to be in balance with no point slack.
+
+    places : (m, 3) s_o, ds_o, dds_o;  now : (m, 3, size) receives the ends;  told : (m, 6) what `settle` returns, the
+    least tension and its s;  pull : of the last step.
+    """
+    for k in range(places.shape[0]):
+        at, x, slope, load = moment(grip, sigma, places[k, 0], places[k, 1], places[k, 2])
+        if inertia == 0.0:  # the weight alone
+            load[0], load[1] = 0.0, -sigma
+        norm, iterations, factorisations, residuals = settle(
+            at, x, slope, load, None, inertia, mu, alpha, law, True, 1, start if k == 0 else now[k - 1], now[k],
+            rules[k], bound, newton, pull,
+        )  # fmt: skip
+        least = pull.argmin()
+        told[k, 0], told[k, 1], told[k, 2] = norm, iterations, factorisations
+        told[k, 3], told[k, 4], told[k, 5] = residuals, pull[least], at.s[least]
+        if not (norm <= bound and pull[least] >= 0.0):
+            return k
+    return places.shape[0]

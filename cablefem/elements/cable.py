@@ -36,9 +36,9 @@ def elements_allowed(elements: int) -> int:
 
 
 def bands(matrix: coo_array, b: int) -> Array:
-    """Return the diagonals of a square matrix, row by row: bands[i, b + j - i] = matrix[i, j], |i - j| <= b."""
-    out = np.zeros((matrix.shape[0], 2 * b + 1))
-    np.add.at(out, (matrix.row, b + matrix.col - matrix.row), matrix.data)
+    """Return the diagonals of a square matrix, row by row of it: bands[b + j - i, i] = matrix[i, j], |i - j| <= b."""
+    out = np.zeros((2 * b + 1, matrix.shape[0]))
+    np.add.at(out, (b + matrix.col - matrix.row, matrix.row), matrix.data)
     return out
 
 
@@ -57,7 +57,7 @@ class CableElements:
     n_scalar: int
     _n_dof: int
     _band: int  # half-width, all fields
-    _operators: Array  # (n_op, n_scalar, 2 b + 1) what M, C and K are made of
+    _operators: Array  # (n_op, 2 b + 1, n_scalar fields) what M, C and K are made of, see `bands`
     _coefficients: Array  # (n_op, 3)
     _mesh: Mesh
     _fine: Array  # tab of the mesh with the points of inertia
@@ -132,10 +132,10 @@ class CableElements:
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        """As the protocol has it; factors live in one workspace each, real and complex."""
+        """As the protocol has it; real factors live in one workspace."""
         r, work = np.empty(self._n_dof), self._work
         if isinstance(c0, complex):
-            work = self._complex_work
+            work = self._workspace(complex)._replace(increment=self._work.increment)
             work.ab[:] = 0.0
             for factor, *one in zip((c0, c1, c2), *np.eye(3).tolist(), strict=True):
                 self._assemble(t, q, v, a, phase, r, *one)
@@ -165,23 +165,22 @@ class CableElements:
     def collocate(
         self, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
     ) -> Settled:
-        meshes, contacts, coefficients = [], [], []
-        for instant in (*t.tolist(), t[-1])[:3]:  # compiled for three nodes, two are filled up
-            self._time(float(instant), phase)
-            meshes.append((self._mesh.span.copy(), self._mesh.dofs, self._mesh.tab))
+        coefficients, spans = (np.empty((3, *x.shape)) for x in (self._coefficients, self._mesh.span))
+        contacts = []
+        for i, instant in enumerate((*t.tolist(), float(t[-1]))[:3]):  # compiled for three nodes, two are filled up
+            self._time(instant, phase)
+            coefficients[i], spans[i] = self._coefficients, self._mesh.span
             contacts.append((*self._contact[:-1], self._contact.load.copy()))
-            coefficients.append(self._coefficients.copy())
         self._at = None
-        bands = np.empty((3, *self._bands.shape))
-        grip = self._operators, tuple(coefficients), bands, tuple(meshes), tuple(contacts)
+        grip = self._operators, coefficients, np.empty((3, *self._bands.shape)), spans, tuple(contacts)
         return self._collocated(grip, None, dt, start, a, rule, bound, newton)
 
     def _collocated(
         self, grip: Any, ride: Any, dt: float, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
     ) -> Settled:
         *done, least, where = collocation.collocate(
-            grip, ride, tuple(self._mesh), self._cable, tuple(self._work), tuple(self._complex_work), start, dt,
-            rule.numbers, a, bound, newton.max_iter, newton.reuse, newton.patience,
+            grip, ride, tuple(self._mesh), self._cable, self._works, self._kept, start, dt, rule.numbers, a, bound,
+            newton.max_iter, newton.reuse, newton.patience,
         )  # fmt: skip
         self.least_tension = least, where
         return Settled(*done)
@@ -189,13 +188,19 @@ class CableElements:
     # --- what a mesh answers ---------------------------------------------------------------------------
     def _fresh(self) -> None:
         """Make the workspaces, which a twin with another law must not share."""
-        n = self.fields * self.n_scalar
         self._at = None
-        increment = np.empty(n if self.fields == 1 else 0)
-        band, pivots = np.empty((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64)
-        self._work = Tangent(band, pivots, increment, increment.copy())
-        self._complex_work = Tangent(band.astype(complex), pivots.copy(), increment, increment.astype(complex))
+        self._work = self._workspace(float)
+        real = self._workspace(float)
+        pair = self._workspace(complex)._replace(increment=real.increment)
+        self._works, self._kept = (tuple(real), tuple(pair)), np.full(1, math.nan)  # for `collocation.collocate`
         self._bands = np.empty((3, *self._operators.shape[1:]))
+
+    def _workspace(self, kind: type) -> Tangent:
+        n = self.fields * self.n_scalar
+        coupled: Any = np.empty(n if self.fields == 1 else 0, kind)
+        return Tangent(
+            np.empty((n, 3 * self._band + 1), kind), np.empty((2, n), dtype=np.int64), coupled.real.copy(), coupled
+        )
 
     def start(self, phase: int, state: State | None) -> State:
         """Return the state at the beginning of a phase, as the protocol has it."""
@@ -207,8 +212,7 @@ class CableElements:
 
     def _split(self, states: States) -> tuple[States, Array]:
         """Return the history of the cable's unknowns, and s_o, ds_o, dds_o (n, 3)."""
-        at = [self.motion.at(t, p) for t, p in zip(states.t, states.phase, strict=True)]
-        return states, np.array(at).reshape(states.t.size, 3)
+        return states, np.ascontiguousarray(self.motion.along(states.t, states.phase).T)
 
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Return w(s_o(t), t), its first and second time derivative, and w' behind and ahead, (n, fields) each."""

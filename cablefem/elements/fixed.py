@@ -174,7 +174,9 @@ class FixedElements(CableElements):
         inner = (row >= 0) & (col >= 0)
         data = np.broadcast_to(of_one, row.shape)[inner]
         shape = (self.n_scalar, self.n_scalar)
-        self._operators = bands(coo_array((data, (row[inner], col[inner])), shape=shape), b)[None]
+        self._operators = np.repeat(
+            bands(coo_array((data, (row[inner], col[inner])), shape=shape), b)[None], self.fields, axis=2
+        )
         self._coefficients = _ONLY_MASS
         powers = shape_polynomials(kind.element())
         order = np.arange(n_loc)

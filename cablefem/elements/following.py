@@ -15,6 +15,7 @@ Dimensionless: l = H = rho = 1.
 """
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -26,9 +27,10 @@ from scipy.sparse import coo_array
 from cablefem.elements.cable import CableElements, bands, elements_allowed
 from cablefem.elements.kernels.balance import Contact, Mesh, follow
 from cablefem.elements.kernels.law import pull
+from cablefem.elements.kernels.newton import stride
 from cablefem.elements.kernels.observe import along, followed
 from cablefem.elements.reference import Reference, graded_knots, reference
-from cablefem.newmark import Array, State, StepFailure, consistent_acceleration
+from cablefem.newmark import Array, Newton, Settled, State, StepFailure, consistent_acceleration
 from cablefem.response import States
 from cablefem.scene import Groups
 
@@ -76,7 +78,7 @@ def _tables(elements: int, degree: int, grading: float) -> Tables:
     if b == 2:  # Lagrange midpoints; from degree 3 on interior functions are bubbles
         linear[1::2] = 0.5 * (left.knots[1:] + left.knots[:-1])
     # ahead of the mass, with M x = e at the mass: its node moves with x/x_mass and weighs 1/x_mass
-    M = bands(right.M, b)[:-1, b:].T.copy()
+    M = bands(right.M, b)[b:, :-1].copy()
     pushed = solveh_banded(M[: M.shape[1]], np.eye(M.shape[1], 1)[:, 0], lower=True)  # one element: no band
     forces, inertia = (np.concatenate([getattr(x, of) for x in sides]) for of in ("forces", "inertia"))
     ride, entrained = np.concatenate([linear[1:], pushed[1:] / pushed[0]]), float(1.0 / pushed[0])
@@ -113,7 +115,8 @@ class FollowingElements(CableElements):
         if not (math.isfinite(grading) and 1.0 <= grading <= 1e6):
             raise ValueError(f"grading must lie in [1, 1e6], got {grading!r}")
         of = _tables(elements, degree, grading)
-        self.left, self.right, self._dofs, self._operators = of.left, of.right, of.dofs, of.operators
+        self.left, self.right, self._dofs = of.left, of.right, of.dofs
+        self._operators = np.repeat(of.operators, self.fields, axis=2)
         self._tab, self._fine, self._slopes = of.forces, of.inertia, of.slopes
         self._ride, self._entrained = of.ride, of.entrained
         self.node = self.left.n - 2  # scalar dof of the mass; the supports carry none
@@ -176,6 +179,40 @@ class FollowingElements(CableElements):
         follow(s_o, ds, dds, self._n_left, self._coefficients, self._mesh.span)
         self._contact.load[:] = self._load(s_o, ds, dds)
 
+    def stride(
+        self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
+    ) -> Iterator[tuple[Array, Settled]]:
+        """As the protocol has it; a slack cable is looked at step by step."""
+        now, told, taken = self._stride(t, phase, start, rules, bound, newton)
+        for end, (*done, least, where) in zip(now[:taken], told.tolist(), strict=False):
+            self.least_tension = least, where
+            yield end, Settled(*done)
+
+    def settle(
+        self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
+    ) -> Settled:
+        (now[:],), told, _ = self._stride(np.array([t]), phase, start, rule[None], bound, newton)
+        *done, least, where = told[0].tolist()
+        self.least_tension = least, where
+        return Settled(*done)
+
+    def _stride(
+        self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
+    ) -> tuple[Array, Array, int]:
+        """Return the ends of steps (m, 3, n_dof), what is told of each (m, 6), and how many are good."""
+        self._at = None  # the mesh is that of another instant now
+        places = np.ascontiguousarray(self.motion.along(t, np.full(t.shape, phase)).T)
+        if not (places[:, 0].min() > 0.0 and places[:, 0].max() < 1.0):
+            raise ValueError("a side of the following mesh has no length at an end of the travel")
+        loads = np.array([self._load(*place) for place in places.tolist()])
+        now, told = np.empty((t.size, *start.shape)), np.empty((t.size, 6))
+        grip = self._operators, self._coefficients, self._bands, tuple(self._contact)
+        of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rules, told, bound
+        taken = stride(
+            grip, self._n_left, places, loads, *of, newton.max_iter, newton.reuse, newton.patience
+        )  # fmt: skip
+        return now, told, taken
+
     # --- observation -----------------------------------------------------------------------------------
     def _fresh(self) -> None:
         super()._fresh()
@@ -190,8 +227,11 @@ class FollowingElements(CableElements):
         behind, ahead = (np.tensordot(q[:, dofs], grad, axes=(1, 0)) for dofs, grad in self._slopes)
         behind /= np.where(s_o > 0.0, s_o, 1.0)[:, None]
         ahead /= (1.0 - s_o)[:, None]
-        if s_o.size and s_o[0] == 0.0:  # limit of w(s_o)/s_o as the mass leaves the left support
-            behind[0] = v[0, self.node] / ds[0] if ds[0] > 0.0 else a[0, self.node] / dds[0]
+        if (
+            s_o.size and s_o[0] == 0.0
+        ):  # limit of w(s_o)/s_o as the mass leaves the left support; 0 of one at rest there
+            gone, way = (v, ds) if ds[0] > 0.0 else (a, dds)
+            behind[0] = gone[0, self.node] / way[0] if way[0] > 0.0 else 0.0
         return q[:, self.node], v[:, self.node], a[:, self.node], behind, ahead
 
     def _along(self, states, kinematics, force, rise, s, frames):

@@ -74,7 +74,10 @@ class RollingElements(FollowingElements):
         ends = np.stack([self.left.evaluate(np.array(1.0))[2], self.right.evaluate(np.array(0.0))[2]])
         border = np.zeros((3, self._n_dof - 1)), np.zeros(1)
         self._rolling = kernels.Rolling(self._n_left, self._fine, ends.reshape(2, -1), *border)
-        self._complex_rolling = self._rolling._replace(border=border[0] + 0j, corner=border[1] + 0j)
+        self._rollings = tuple(  # for `collocation.collocate`, as `_works`
+            tuple(self._rolling._replace(border=border[0].astype(x), corner=border[1].astype(x)))
+            for x in (float, complex)
+        )
         self._rest()
 
     def _rest(self) -> None:
@@ -144,7 +147,7 @@ class RollingElements(FollowingElements):
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        """As the protocol has it; factors live in one workspace each, real and complex."""
+        """As the protocol has it; real factors live in one workspace."""
         r = np.empty(self._n_dof)
         return r, self._linearised(self._car(t, phase, self._heading or v[-1]), q, v, a, r, c0, c1, c2)
 
@@ -163,7 +166,7 @@ class RollingElements(FollowingElements):
     ) -> Settled:
         instants = (*t.tolist(), float(t[-1]))[:3]  # compiled for three nodes, two are filled up
         cars = tuple(tuple(self._car(x, phase, self._heading or start[1, -1])) for x in instants)
-        ride = tuple(self._rolling), tuple(self._complex_rolling), cars
+        ride = *self._rollings, cars
         return self._collocated(None, ride, dt, start, a, rule, bound, newton)
 
     def averaged(self, start: State, end: State) -> Array:
@@ -318,8 +321,9 @@ class RollingElements(FollowingElements):
         """Set r and return the solution with the tangent there."""
         work, rolling = self._work, self._rolling
         if isinstance(c[0], complex):
-            work, rolling = self._complex_work, self._complex_rolling
-            work.ab[:], rolling.border[:], rolling.corner[:] = 0.0, 0.0, 0.0
+            work = self._workspace(complex)
+            rolling = rolling._replace(border=0j * rolling.border, corner=0j * rolling.corner)
+            work.ab[:] = 0.0
             for factor, *one in zip(c, *np.eye(3).tolist(), strict=True):
                 self._roll(car, q, v, a, r, *one)
                 work.ab[:] += factor * self._work.ab
@@ -362,7 +366,7 @@ class RollingElements(FollowingElements):
         def update(dx: Array) -> None:
             x[:] -= c * dx
 
-        bound = math.sqrt(self._n_dof) * self.force_floor
+        bound = 1e-13 * self.force_scale + math.sqrt(self._n_dof) * self.force_floor  # rounding of both
         # A stiff cable under a heavy car: Newton loses its way, or finds a rest with folds, unless a soft cable
         # has shown the shape first.  A load raises the horizontal tension, 1 without it; a fold carries less.
         stiff, soft = self._cable[0], min(self._cable[0], 4.0 * (1.0 + self.groups.mu * self.groups.sigma))

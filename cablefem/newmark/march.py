@@ -21,6 +21,7 @@ from cablefem.newmark.system import Abrupt, Array, Prepared, Ringing, State, Sys
 GENTLE, GENTLY = 4, Scheme("gentle", 0.5, 1.0)
 MOST_HALVINGS = 6  # 1/64 of a step: where that does not converge the equations themselves have lost their solution
 MOST_CUTS = 100  # and half the steps: a run that has to cut more steps than that creeps
+STRIDE, ALONE = 64, 16  # most steps in one go; how many to take one by one after the first of them would not do
 MOST_EVENTS = 20  # without a whole step between them: more is an event that happens again as soon as it is passed
 
 
@@ -73,7 +74,17 @@ def _through(
     prepared = step.system if isinstance(step.system, Prepared) else None
     ringing = step.system if isinstance(step.system, Ringing) else None
     shown = jumped = state.t  # of the last state yielded, of the last event
-    for t in grid[grid > state.t].tolist():
+    ahead, alone = grid[grid > state.t], 0  # steps to take one by one
+    for i, t in enumerate(ahead.tolist()):
+        if t > state.t and alone == 0 and isinstance(step, NewmarkRule):
+            alone = ALONE
+            for x in step.stride(state, ahead[i : i + STRIDE]):
+                work.steps += 1
+                state, alone, shown = x, 0, x.t
+                yield x
+        if t <= state.t:
+            continue
+        alone = max(0, alone - 1)
         whole, halvings, passed = t - state.t, 0, 0
         while t - state.t > rounding(t):
             piece = whole if ringing is None else whole * ringing.part(state, state.t - jumped)

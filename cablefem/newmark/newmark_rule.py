@@ -1,11 +1,15 @@
 """A step of Newmark's family, generalised-alpha included."""
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
 
+from cablefem.newmark.events import Watched
 from cablefem.newmark.newton import Newton, Settled, find_root
 from cablefem.newmark.schemes import Scheme
 from cablefem.newmark.stepper import Stepper, Work
-from cablefem.newmark.system import Array, Solve, State, System, Travelling
+from cablefem.newmark.system import Array, Solve, State, Striding, System, Travelling
 
 
 class NewmarkRule(Stepper):
@@ -14,29 +18,48 @@ class NewmarkRule(Stepper):
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         super().__init__(system, method, newton, work)
         self._travels = system if isinstance(system, Travelling) else None
+        self._strides = system if isinstance(system, Striding) and not isinstance(system, Watched) else None
         self._rule = np.eye(3, 5)  # as `System.settle` has it
-        self._predictor, self._corrector, balance = self._rule[:, :3], self._rule[:, 3], self._rule[:, 4]
-        balance[0] = 1.0 - method.alpha_f
-        balance[1] = 1.0 - method.alpha_f
-        balance[2] = 1.0 - method.alpha_m
+        self._rule[:, 4] = 1.0 - method.alpha_f, 1.0 - method.alpha_f, 1.0 - method.alpha_m
+
+    def _set(self, rule: Array, dt: Any, goes_on: float) -> None:
+        """Set predictor and corrector of steps dt, () or (m,), in rules (..., 3, 5)."""
+        beta, gamma = self.method.newmark_beta, self.method.newmark_gamma
+        rule[..., 0, 1], rule[..., 0, 2] = dt, dt * dt * (0.5 - beta + goes_on * beta)
+        rule[..., 1, 2] = dt * (1.0 - gamma + goes_on * gamma)
+        rule[..., 2, 2] = goes_on
+        rule[..., 0, 3], rule[..., 1, 3], rule[..., 2, 3] = dt * dt * beta, dt * gamma, 1.0
+
+    def _instant(self, t0: float, t1: float, phase: int) -> float:
+        """Return when a step is in balance."""
+        if self.method.alpha_f == 0.0:
+            return t1
+        w = 1.0 - self.method.alpha_f
+        return (1.0 - w) * t0 + w * t1 if self._travels is None else self._travels.between(t0, t1, w, phase)
+
+    def stride(self, x: State, times: Array) -> Iterator[State]:
+        """Give the states at times ahead, each after a step from the one before, as far as the system strides."""
+        if self._strides is None:
+            return
+        rows, begin = self.remembered(x), np.concatenate([[x.t], times[:-1]])
+        t = np.array([self._instant(t0, t1, x.phase) for t0, t1 in zip(begin.tolist(), times.tolist(), strict=True)])
+        rules = np.repeat(self._rule[None], times.size, axis=0)
+        self._set(rules, times - begin, 1.0)
+        start = np.array([x.q, x.v, x.a]) if rows is None else rows
+        steps = self._strides.stride(t, x.phase, start, rules, self.bound, self.newton)
+        for t1, (now, done) in zip(times.tolist(), steps, strict=False):
+            self.balanced(done)
+            after = State(t1, now[0], now[1], now[2], x.phase)
+            self._memory = [(after, now)]
+            yield after
 
     def __call__(self, x: State, t1: float) -> State:
-        dt, beta, gamma = t1 - x.t, self.method.newmark_beta, self.method.newmark_gamma
-        t = t1  # of the balance
-        if self.method.alpha_f != 0.0:
-            w = 1.0 - self.method.alpha_f
-            t = x.t + w * dt if self._travels is None else self._travels.between(x.t, t1, w, x.phase)
-        rows = self.remembered(x)
+        dt, t, rows = t1 - x.t, self._instant(x.t, t1, x.phase), self.remembered(x)
         start = np.array([x.q, x.v, x.a]) if rows is None else rows
         now = np.empty_like(start)
         # first guess: the acceleration goes on as it was; where unresolved waves make that absurd: it vanishes
         for goes_on in (1.0, 0.0):
-            self._predictor[0, 1:] = dt, dt * dt * (0.5 - beta + goes_on * beta)
-            self._predictor[1, 2] = dt * (1.0 - gamma + goes_on * gamma)
-            self._predictor[2, 2] = goes_on
-            self._corrector[0] = dt * dt * beta
-            self._corrector[1] = dt * gamma
-            self._corrector[2] = 1.0
+            self._set(self._rule, dt, goes_on)
             done = self.system.settle(t, x.phase, start, now, self._rule, self.bound, self.newton)
             if self.balanced(done):
                 after = State(t1, now[0], now[1], now[2], x.phase)

@@ -1,6 +1,6 @@
 """What the time loop asks of a system."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -66,8 +66,7 @@ class System(Protocol):
     ) -> tuple[Array, Solve]:
         """Return r and a function that applies (c0 dr/dq + c1 dr/dv + c2 dr/da)^-1; it may overwrite its argument.
 
-        Factors are real or complex, and so is the argument then.  An earlier function may be void, except that one for
-        real and one for complex factors live beside each other.
+        Factors are real or complex, and so is the argument then.  An earlier function may be void.
         """
 
     def settle(
@@ -95,6 +94,23 @@ class Travelling(Protocol):
 
     def between(self, t0: float, t1: float, w: float, phase: int) -> float:
         """Return the instant that goes with unknowns which are means, weighted 1 - w and w, of those at t0 and t1."""
+
+
+@runtime_checkable
+class Striding(Protocol):
+    """What a system without events answers besides if it takes many steps in one go.
+
+    Who changes `settle` changes this.
+    """
+
+    def stride(
+        self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
+    ) -> Iterator[tuple[Array, Settled]]:
+        """Give the ends of steps, each from the one before, as `settle` finds them.
+
+        t, rules : of each step, (m,) and (m, 3, 5).  Ends before the first step that Newton's method does not settle,
+        or after which something is to be looked at: who asks takes that one by `settle`.
+        """
 
 
 @runtime_checkable

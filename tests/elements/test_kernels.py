@@ -110,7 +110,7 @@ def test_bands_hold_the_diagonals_row_by_row():
     dense, b = ref.G.toarray(), bands(ref.G, 3)
     for i in range(ref.n):
         for j in range(ref.n):
-            stored = b[i, 3 + j - i] if abs(i - j) <= 3 else 0.0
+            stored = b[3 + j - i, i] if abs(i - j) <= 3 else 0.0
             assert stored == dense[i, j]
 
 

@@ -87,6 +87,9 @@ class Forced(FollowingElements):
     def settle(self, *step):
         return iterate(self, *step)
 
+    def stride(self, *steps):
+        return iter(())
+
     def held(self, side):
         """Return the values of side's functions (m, n) at m points, and the chosen g there (m, 2)."""
         ref, xi = (self.left, self.right)[side], np.linspace(0.0, 1.0 - 1e-12, 201)

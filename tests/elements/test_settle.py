@@ -8,14 +8,16 @@ import pytest
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.following import FollowingElements
 from cablefem.newmark import NewtonStalled, Work, integrate, iterate, scheme, step_times
+from cablefem.scene import Scene
 from tests.runs import LEVEL, steep_cable
+from validation.core.running import Run
 
 STEEP = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
 
 
 def interpreted(system):
     """Return the system with nothing compiled but its residuals and tangents."""
-    system.settle = lambda *step: iterate(system, *step)
+    system.settle, system.stride = lambda *step: iterate(system, *step), lambda *steps: iter(())
     return system
 
 
@@ -67,11 +69,23 @@ def test_so_are_those_of_elements_the_mass_moves_through(element):
 
 def test_the_comparison_sees_a_balance_taken_elsewhere():
     class Elsewhere(FollowingElements):
-        def settle(self, t, phase, start, now, rule, *rest):
-            shifted = rule.copy()
-            shifted[0, 4] = 0.98  # q a little inside the step
-            return super().settle(t, phase, start, now, shifted, *rest)
+        def stride(self, t, phase, start, rules, *rest):
+            shifted = rules.copy()
+            shifted[:, 0, 4] = 0.98  # q a little inside the step
+            return super().stride(t, phase, start, shifted, *rest)
 
     q, *_ = history(Elsewhere(STEEP, elements=4), 90, "newmark")
     want, *_ = history(FollowingElements(STEEP, elements=4), 90, "newmark")
     assert np.abs(q - want).max() > 1e-5 * np.abs(want).max()
+
+
+@pytest.mark.parametrize("end", [0.3, 0.31, 1.0])
+def test_a_run_ends_at_the_same_step_whether_steps_are_taken_in_one_go_or_not(end):
+    run = Run(Scene.load("level"), "following-p2", elements=3, steps=150)
+    alone = Run(Scene.load("level"), "following-p2", elements=3, steps=150)
+    alone.history.solver.stride = lambda *steps: iter(())
+    one, other = run.to(end), alone.to(end)
+    assert np.array_equal(one.t, other.t)
+    assert np.array_equal(one.v, other.v)
+    assert one.work == other.work
+    assert one.slack_onset == other.slack_onset

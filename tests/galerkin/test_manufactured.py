@@ -95,6 +95,9 @@ class Loaded(GalerkinSystem):
     def settle(self, *step):
         return iterate(self, *step)
 
+    def stride(self, *steps):
+        return iter(())
+
 
 def error(terms, steps, wrong=1.0):
     """Largest error of the path over the largest displacement, up to END."""

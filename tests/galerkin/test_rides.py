@@ -8,7 +8,8 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from cablefem import Scene
-from cablefem.newmark import Work, integrate, scheme, step_times
+from cablefem.newmark import Newton, NewtonStalled, Work, integrate, scheme, step_times
+from cablefem.newmark.newmark_rule import NewmarkRule
 from cablefem.response import States
 from cablefem.scene import ConstantSpeed
 from cablefem.scene.drive import Drive
@@ -228,6 +229,23 @@ def test_arrival_ends_a_ride():
     _, states, events = ride(until(groups, 30.0), Fourier(6), 200)
     assert [event.name for event in events] == ["arrival"]
     assert abs(states.q[-1, -1] - 0.2) < 1e-12
+
+
+def test_a_first_guess_beyond_the_cable_is_a_stalled_step():
+    """Nothing is evaluated there: the points of the place asked for last may be more than the step has room for."""
+    system = RollingSystem(RIDER.groups, Fourier(8))
+    x = system.start(0, None)
+    x.q[-1], x.v[-1], x.a[-1] = 0.999, 0.5, 0.0
+    system.residual(x.t, np.append(x.q[:-1], 0.5), x.v, x.a, 0)
+    for t1, on_it in ((1e-3, True), (0.1, False)):
+        work = Work()
+        step = NewmarkRule(system, scheme("trapezoidal"), Newton(), work)
+        if on_it:
+            assert 0.999 < step(x, t1).q[-1] < 1.0
+        else:
+            with pytest.raises(NewtonStalled):
+                step(x, t1)
+        assert (work.factorisations > 0) == on_it
 
 
 def hundred_metres(cable, drop, mass, drive):

@@ -15,6 +15,7 @@ from cablefem.response import Response
 from validation.commands.atlas import page as pages
 from validation.commands.atlas.catalogue import CATALOGUE, holds, run_row
 from validation.commands.atlas.study import CELLS, Map, atlas, judged, step_limit, stored
+from validation.commands.sweep.job import faults_of
 from validation.core import measures
 from validation.core.methods import METHODS
 from validation.core.running import run
@@ -164,8 +165,10 @@ def test_central_differences_blow_up_with_the_right_cause():
     assert (r.status, r.cause, r.switched) == ("incomplete", "unstable", None)
 
 
-def test_a_run_without_a_start_is_an_answer_too():
-    sound = METHODS["following-p2"]
+@pytest.mark.parametrize("method", ["following-p2", "fourier-kink", "wavelet"])
+@pytest.mark.parametrize("scene", ["level", "zipline", "tramway"])
+def test_a_run_without_a_start_is_an_answer_too(scene, method):
+    sound = METHODS[method]
 
     def build(*args, **kind):
         system = sound.builder(*args, **kind)
@@ -176,9 +179,11 @@ def test_a_run_without_a_start_is_an_answer_too():
         system.start = start
         return system
 
-    r = run(LEVEL, replace(sound, builder=build))
-    assert (r.status, r.cause, r.reached) == ("incomplete", "no start", 0.0)
+    r = run(Scene.load(scene), replace(sound, builder=build))
+    assert (r.status, r.cause) == ("incomplete", "no start")
+    assert r.reached < 0.02
     assert "try another" in r.reason
+    assert faults_of(r) == []
 
 
 def test_measured_explicit_limit_is_the_predicted_one():

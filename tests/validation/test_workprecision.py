@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
+from validation.commands.chart import cost, front, study
 from validation.commands.chart import page as pages
-from validation.commands.chart import study
 from validation.core import measures, store
 from validation.core.methods import METHODS, find
 from validation.core.running import run
@@ -168,26 +168,26 @@ def rows_at(points, series="a", kind="method", status="ok"):
 
 def test_seconds_at_an_error_follow_the_power_law_between_the_best_dots():
     rows = rows_at([(0.3, 1e-1), (3.0, 1e-3), (1.0, 0.5)])  # error ~ seconds^-2, and one dot that is no use
-    assert study.seconds_at(rows, 1e-2) == pytest.approx(0.3 * math.sqrt(10.0), rel=1e-12)
-    assert study.seconds_at(rows, 1e-4) is None
-    assert study.seconds_at(rows, 0.4) == 0.3
-    assert study.seconds_at(rows_at([(1.0, 1e-3)], status="failed"), 1e-2) is None
+    assert front.seconds_at(rows, 1e-2) == pytest.approx(0.3 * math.sqrt(10.0), rel=1e-12)
+    assert front.seconds_at(rows, 1e-4) is None
+    assert front.seconds_at(rows, 0.4) == 0.3
+    assert front.seconds_at(rows_at([(1.0, 1e-3)], status="failed"), 1e-2) is None
 
 
 def test_the_front_holds_what_nothing_else_beats():
     rows = rows_at([(1.0, 1e-1), (2.0, 2e-1), (3.0, 1e-2), (3.0, 5e-2)]) + rows_at([(0.5, 1e-3)], kind="scipy")
-    study.front(rows, "path")
+    front.front(rows, "path")
     assert [r["pareto_path"] for r in rows] == [True, False, True, False, False]
 
 
 def test_ratios_to_other_codes_are_at_equal_error():
     rows = rows_at([(0.01, 1e-2), (0.1, 1e-4)]) + rows_at([(2.0, 1e-2), (50.0, 1e-3)], "b", "peer")
-    at = study.fastest(rows, 1e-3)
+    at = front.fastest(rows, 1e-3)
     assert at["series"] == "a"
     assert at["tension"] == {"series": "a", "seconds": pytest.approx(0.01)}  # at its coarsest already
     assert at["seconds"] == pytest.approx(0.01 * math.sqrt(10.0))
     assert at["peers"]["b"]["ratio"] == pytest.approx(50.0 / (0.01 * math.sqrt(10.0)))
-    beyond = study.fastest(rows, 1e-4)["peers"]["b"]
+    beyond = front.fastest(rows, 1e-4)["peers"]["b"]
     assert beyond["ratio"] is None
     assert beyond["reason"] == "not measured: comes to 0.1 % at best"
 
@@ -239,15 +239,15 @@ def test_a_free_ride_is_charted_over_time_by_what_can_roll():
 # --- cost ------------------------------------------------------------------------------------------------------------
 def test_what_an_iteration_costs_is_measured_beside_a_bare_banded_solve():
     """Ratios of seconds are for `cablefem chart`, on a quiet machine; here only what is measured."""
-    found = study.implicit_floor(LEVEL, repeats=1)
+    found = cost.implicit_floor(LEVEL, repeats=1)
     assert found["n_dof"] == 78
     assert found["ratio"] == pytest.approx(found["iteration"] / found["bare_solve"])
     assert found["run_ratio"] == pytest.approx(found["run_iteration"] / found["bare_solve"])
 
 
 def test_growth_is_measured_over_a_hundredfold_of_unknowns(monkeypatch):
-    monkeypatch.setattr(study, "METHODS", {"following-p2": METHODS["following-p2"]})
-    (found,) = study.growth(LEVEL, repeats=1)
+    monkeypatch.setattr(cost, "METHODS", {"following-p2": METHODS["following-p2"]})
+    (found,) = cost.growth(LEVEL, repeats=1)
     assert found["n_dof"] == [78, 254, 798, 2526, 7998]
     slope = np.polyfit(np.log(found["n_dof"]), np.log(found["seconds_per_step"]), 1)[0]
     assert found["exponent"] == pytest.approx(slope)

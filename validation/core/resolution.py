@@ -33,6 +33,8 @@ ATTEMPTS = 20
 AIM = 0.8  # of the tolerance, so that a prediction that is a little short does not cost another run
 STUCK = 0.8  # of what it was: where a finer mesh leaves more than that of its part, steps are too long for it
 UNRESOLVED = 0.05  # of the deflection: while time costs more than that, space is not judged
+# s_o/l that trial runs go on past their slack onset: no comparison goes beyond the finer run's, whose may be later
+PAST = 2.0 * SAME_ONSET
 SPARSE = 4  # every so-manieth frame is enough of trial runs that nobody else will look at
 
 # Where steps are chosen, so is the rule: axial waves run some sqrt(alpha) times faster than the answer moves, and steps
@@ -104,7 +106,7 @@ class _Rung:
 
 def resolve(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None,
-    runs: list[Response] | None = None, budget: float = math.inf, **kind: Any,
+    runs: list[Response] | None = None, budget: float = math.inf, past: float = math.inf, **kind: Any,
 ) -> Response:  # fmt: skip
     """Return a run whose path error bar is at most `tol`, at nearly the least cost, with its design numbers.
 
@@ -115,7 +117,8 @@ def resolve(
     predicted.
     Only the run that is returned goes beyond the window of comparison.
 
-    kind : as in `run`;  runs : receives every run that is made on the way;  budget : of the `work` on the way.
+    kind : as in `run`;  runs : receives every run that is made on the way;  budget : of the `work` on the way;
+    past : how far in s_o/l the run that is returned goes on once its cable is slack.
 
     Steps are equal.  Step sizes from local error were measured and are not used: for the same largest
     path error they take 0.8 to 1.1 times the steps on `level`, for the same rms error and on `inclined` more than equal
@@ -141,7 +144,7 @@ def resolve(
         nonlocal finest
         marched = Run(scene, method, **how, **settings)
         finest = marched if keep else finest
-        made.append(marched.to(short, every=every))
+        made.append(marched.to(short, every=every, past=PAST))
         return made[-1]
 
     rung, read_at, stuck = _first(method, settings, ran), settings["steps"], False
@@ -179,7 +182,7 @@ def resolve(
     jobs: list[Callable[[Progress], Response]] = []
     if end != short or every > 1:
         assert finest is not None
-        jobs.append(lambda told: finest.to(end, lambda x: told(0.5 + 0.5 * x)))
+        jobs.append(lambda told: finest.to(end, lambda x: told(0.5 + 0.5 * x), past=past))
     if runs is not None:  # who wants all runs wants the companions of the last one
         halves = (refined(method, settings, **half) for half in ({"space": 0.5}, {"time": 0.5}))
         missing = (half for half in halves if all(r.settings != half for r in made))

@@ -1,9 +1,10 @@
 """One run of one method on one scene: from names and settings to a Response in SI units."""
 
+import bisect
 import math
 import time
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from validation.core.watch import watched
 SLACK_GAMMA = 0.6
 
 Progress = Callable[[float], None]
+_NONE = np.empty(0)
 
 _threads = cache(ThreadpoolController)  # finding the libraries takes longer than many a run
 
@@ -68,21 +70,34 @@ class Run:
         self.times = steps_of(solver, groups, settings)
         self.history = History([], Work(), 0.0, None, None, solver, None)
 
-    def to(self, until: float | None = None, progress: Progress | None = None, *, every: int = 1) -> Response:
+    def to(
+        self, until: float | None = None, progress: Progress | None = None, *, every: int = 1, past: float = math.inf
+    ) -> Response:  # fmt: skip
         """March on to the first step at or past s_o/l = until, by default to the end; return the response so far.
 
         Comparisons need no more than `measures.WINDOW[1]`.  A run that cannot go on comes back with status "incomplete"
         and the reason; what was computed before is kept.  A run that gains energy it was not given comes back flagged.
 
-        every : so-manieth frame of the fields is kept.
+        every : so-manieth frame of the fields is kept;  past : how far to go on in s_o/l once the cable is slack.
         """
         if until is not None and not until > 0.0:
             raise ValueError(f"until must be a place s_o/l > 0, got {until!r}")
         with _threads().limit(limits=1):  # the matrices are small: threads cost more than they give
-            _march(self, until or math.inf, progress or (lambda done: None))
+            _march(self, until or math.inf, past, progress or (lambda done: None))
             told = {"method": self.method.name, "settings": self.settings, **self.kind}
             response = respond(self.scene, self.history, every=every, **told)
             return watched(response, self.scene, self.method)
+
+    def times_to(self, until: float) -> list[Array]:
+        """Return the instants to step on up to s_o/l = until: of steps taken in one go none is for nothing."""
+        if self.scene.groups.motion is None or until >= 1.0:
+            return self.times
+
+        def place(t: float, phase: int) -> float:
+            return self.history.solver.place(State(t, _NONE, _NONE, _NONE, phase))
+
+        ends = [bisect.bisect_left(t, until, key=partial(place, phase=k)) for k, t in enumerate(self.times)]
+        return [t[: end + 1] for t, end in zip(self.times, ends, strict=True)]
 
 
 def steps_of(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[Array]:
@@ -96,7 +111,7 @@ def steps_of(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[A
     return times
 
 
-def _march(x: Run, until: float, progress: Progress) -> None:
+def _march(x: Run, until: float, past: float, progress: Progress) -> None:
     """Step on through the travel, watching the least tension; after the slack onset go on with the other law."""
     h = x.history
     begin = time.perf_counter()
@@ -107,6 +122,8 @@ def _march(x: Run, until: float, progress: Progress) -> None:
             # collocation has no order left across the law's kink, and one tangent does not fit its step
             goes_on = x.scheme.damps and not x.scheme.nodes
             damped = x.scheme if goes_on else newmark.scheme("newmark", newmark_gamma=SLACK_GAMMA)
+            assert h.onset is not None
+            until = min(until, h.after.place(h.states[h.onset[0]]) + past)
             _advance(x, h.after, damped, False, until, progress)
     except StepFailure as error:
         h.failure = _cause(error, h.onset is not None, h.after is not None)
@@ -123,7 +140,7 @@ def _advance(x: Run, solver: Solver, scheme: Scheme, switch: bool, until: float,
     start = h.states[-1] if h.states else None
     if start is not None and solver.place(start) >= until:
         return False
-    for state in newmark.integrate(solver, scheme, x.times, work=h.work, start=start):
+    for state in newmark.integrate(solver, scheme, x.times_to(until), work=h.work, start=start):
         h.states.append(state)
         place = solver.place(state)
         if len(h.states) % 32 == 0:

@@ -106,7 +106,8 @@ def _events(scene: Scene, work: Work, t: Array, s_o: Array) -> list[tuple[str, f
                 rests, still = place, e.t
         elif e.name not in ("breaking loose", "brake off", "turn"):
             told.append((e.name, still if e.name == "stop" else e.t))
-    return sorted([*told, *(("turn", x) for x in _turns(t, s_o) if drive.mode == "free")], key=lambda event: event[1])
+    turns = _turns(t, s_o) if drive.mode == "free" else ()
+    return sorted([*told, *(("turn", x) for x in turns)], key=lambda event: event[1])
 
 
 SWING = 1e-3  # of the length, that a car goes back after a turn

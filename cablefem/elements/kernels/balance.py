@@ -50,37 +50,37 @@ def follow(s_o, ds, dds, n_left, coefficients, span):
 
 @compiled
 def combine(operators, coefficients, bands):
-    """Set the bands of M, C and K: sums of operators with their factors at this instant.
+    """Set the diagonals of M, C and K: sums of operators with their factors at this instant.
 
-    operators : (n_op, n, 2 b + 1);  coefficients : (n_op, 3);  bands : (3, n, 2 b + 1).
+    operators : (n_op, 2 b + 1, n);  coefficients : (n_op, 3);  bands : (3, 2 b + 1, n).
     """
     bands[:] = 0.0
     for o in range(operators.shape[0]):
         for k in range(3):
             factor = coefficients[o, k]
             if factor != 0.0:
-                for i in range(bands.shape[1]):
-                    for j in range(bands.shape[2]):
-                        bands[k, i, j] += factor * operators[o, i, j]
+                for d in range(bands.shape[1]):
+                    of, to = operators[o, d], bands[k, d]
+                    for i in range(to.size):
+                        to[i] += factor * of[i]
 
 
 @compiled
 def add_banded(bands, n_fields, q, v, a, r, ab, tangent, c0, c1, c2):
-    """Add M a + C v + K q and its tangent for scalar operators shared by all fields; bands : (3, n, 2 b + 1)."""
-    _, n, width = bands.shape
-    b = width // 2
+    """Add M a + C v + K q and its tangent; bands : (3, 2 b + 1, n) as `cable.bands` has them, of all fields."""
+    width, n = bands.shape[1:]
     band = (ab.shape[1] - 1) // 3
-    for i in range(n):
-        row = i * n_fields
-        for k in range(max(0, b - i), min(width, n + b - i)):
-            away = (k - b) * n_fields
-            m, c, stiffness = bands[0, i, k], bands[1, i, k], bands[2, i, k]
-            for at in range(row, row + n_fields):
-                r[at] += m * a[at + away] + c * v[at + away] + stiffness * q[at + away]
-            if tangent:
-                x = c2 * m + c1 * c + c0 * stiffness
-                for at in range(row, row + n_fields):
-                    ab[at, band + away] += x
+    for d in range(width):
+        away = (d - width // 2) * n_fields
+        first, last = max(0, -away), min(n, n - away)
+        m, c, k = bands[0, d, first:last], bands[1, d, first:last], bands[2, d, first:last]
+        of_q, of_v, of_a = q[first + away : last + away], v[first + away : last + away], a[first + away : last + away]
+        to = r[first:last]
+        for i in range(to.size):  # slices without a stride: compiled to vectors
+            to[i] += m[i] * of_a[i] + c[i] * of_v[i] + k[i] * of_q[i]
+        if tangent:
+            for i in range(to.size):
+                ab[first + i, band + away] += c2 * m[i] + c1 * c[i] + c0 * k[i]
 
 
 @compiled
@@ -145,43 +145,49 @@ def add_stiffness(dofs, tab, e, g, row, gi, j11, j12, j22, ab):
 
 @compiled
 def add_catenary(mesh, cable, q, r, ab, tangent, c0):
-    """Add int (N t - T X') . phi' ds of the full cable; return the least mean tension of an element and its s."""
+    """Add int (N t - T X') . phi' ds of the full cable; return the least mean tension of an element and its s.
+
+    Loops over all points that only compute are compiled to vectors, gathering and scattering have loops of their own.
+    """
     span, dofs, tab = mesh
-    n_el, n_loc = dofs.shape
+    (n_el, n_loc), n_q = dofs.shape, tab.shape[1]
     alpha, law = cable[0], cable[3]
-    least = math.inf
-    where = 0.0
+    at = np.empty((7, n_el * n_q))
+    s, du, dv, N, j11, j12, j22 = at[0], at[1], at[2], at[3], at[4], at[5], at[6]
     for e in range(n_el):
-        s_0, h = span[e, 0], span[e, 1]
-        total = 0.0
-        length = 0.0
-        for g in range(tab.shape[1]):
-            s = s_0 + h * tab[e, g, 0]
-            weight = tab[e, g, 1]
-            xp, yp, T = at_rest(cable, s)
-            du, dv = slopes(dofs, tab, q, e, g)
-            du /= h
-            dv /= h
-            fx, fy, k_geo, k_mat, _, _, eps = pull(xp, yp, T, du, dv, alpha, law)
-            total += weight * tension(eps, T, alpha, ELASTIC)[0]  # below zero where the cable is slack
+        per_h = 1.0 / span[e, 1]
+        for g in range(n_q):
+            p = e * n_q + g
+            x, y = slopes(dofs, tab, q, e, g)
+            s[p], du[p], dv[p] = span[e, 0] + span[e, 1] * tab[e, g, 0], x * per_h, y * per_h
+    for p in range(s.size):
+        xp, yp, T = at_rest(cable, s[p])
+        rx, ry = xp + du[p], yp + dv[p]
+        fx, fy, k_geo, k_mat, _, _, eps = pull(xp, yp, T, du[p], dv[p], alpha, law)
+        N[p] = tension(eps, T, alpha, ELASTIC)[0]  # below zero where the cable is slack
+        du[p], dv[p] = fx, fy
+        j11[p], j12[p], j22[p] = k_geo + k_mat * rx * rx, k_mat * rx * ry, k_geo + k_mat * ry * ry
+    least, where = math.inf, 0.0
+    for e in range(n_el):
+        total, length = 0.0, 0.0
+        for g in range(n_q):
+            p, weight = e * n_q + g, tab[e, g, 1]
+            total += weight * N[p]
             length += weight
-            if tangent:
-                rx, ry = xp + du, yp + dv
-                scale = c0 * weight / h
-                j11 = scale * (k_geo + k_mat * rx * rx)
-                j12 = scale * k_mat * rx * ry
-                j22 = scale * (k_geo + k_mat * ry * ry)
-            for i in range(n_loc):
-                row = dofs[e, i]
-                if row < 0:
-                    continue
-                gi = tab[e, g, 2 + n_loc + i]
-                r[2 * row] += weight * gi * fx
-                r[2 * row + 1] += weight * gi * fy
-                if tangent:
-                    add_stiffness(dofs, tab, e, g, row, gi, j11, j12, j22, ab)
+            scale = c0 * weight / span[e, 1]
+            j11[p], j12[p], j22[p] = scale * j11[p], scale * j12[p], scale * j22[p]
         if least * length > total:
-            least, where = total / length, s_0 + 0.5 * h * (tab[e, 0, 0] + tab[e, -1, 0])
+            least, where = total / length, span[e, 0] + 0.5 * span[e, 1] * (tab[e, 0, 0] + tab[e, -1, 0])
+        for i in range(n_loc):
+            row = dofs[e, i]
+            if row < 0:
+                continue
+            for g in range(n_q):
+                p, gi = e * n_q + g, tab[e, g, 2 + n_loc + i]
+                r[2 * row] += tab[e, g, 1] * gi * du[p]
+                r[2 * row + 1] += tab[e, g, 1] * gi * dv[p]
+                if tangent:
+                    add_stiffness(dofs, tab, e, g, row, gi, j11[p], j12[p], j22[p], ab)
     return least, where
 
 

@@ -18,6 +18,12 @@ class Tangent(NamedTuple):
 
 
 @compiled
+def size_of(x):
+    """Return |x|, of a complex number that of its parts together, as LAPACK does: no root."""
+    return abs(x.real) + abs(x.imag)
+
+
+@compiled
 def factorise(ab, pivots):
     """Factorise a banded matrix in place, P A = L U, and return whether it is regular.
 
@@ -36,10 +42,10 @@ def factorise(ab, pivots):
         pivots[1, i] = last
     for i in range(n):
         last = min(n - 1, i + band)
-        largest, at = abs(ab[i, band]), i
+        largest, at = size_of(ab[i, band]), i
         own = largest
         for k in range(i + 1, last + 1):
-            size = abs(ab[k, band + i - k])
+            size = size_of(ab[k, band + i - k])
             if size > largest:
                 largest, at = size, k
         if not (largest > 0.0 and largest < math.inf):

@@ -9,18 +9,24 @@ from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, 
 from cablefem.elements.kernels.banded import Tangent, factorise_coupled, solve_coupled
 from cablefem.elements.kernels.car import Car, Rolling, factorise_bordered, roll, solve_bordered
 
+SAME = 1e-6  # relative difference of step lengths for which factors are kept
+SERVES = 0.03  # what the last correction of a step must leave of the residual, or the next one gets factors of its own
+
 
 @compiled
 def at_nodes(start, dt, c, A, AA, a, q, v):
     """Set q and v at the nodes of a step from `start` (2, n) with the accelerations a there, (s, n) each."""
+    q0, v0 = start[0], start[1]
     for i in range(a.shape[0]):
-        for j in range(a.shape[1]):
-            once, twice = 0.0, 0.0
-            for k in range(a.shape[0]):
-                once += A[i, k] * a[k, j]
-                twice += AA[i, k] * a[k, j]
-            v[i, j] = start[1, j] + dt * once
-            q[i, j] = start[0, j] + dt * (c[i] * start[1, j] + dt * twice)
+        to_q, to_v = q[i], v[i]
+        for j in range(to_q.size):
+            to_v[j] = v0[j]
+            to_q[j] = q0[j] + dt * c[i] * v0[j]
+        for k in range(a.shape[0]):
+            x, once, twice = a[k], dt * A[i, k], dt * dt * AA[i, k]
+            for j in range(to_q.size):
+                to_v[j] += once * x[j]
+                to_q[j] += twice * x[j]
 
 
 @compiled
@@ -30,7 +36,7 @@ def balances(grip, ride, mesh, cable, q, v, a, r, work):
     for i in range(a.shape[0]):
         at = q[i], v[i], a[i], r[i]
         if grip is not None:
-            of = grip[2][i], Mesh(*grip[3][i]), cable, Contact(*grip[4][i])
+            of = grip[2][i], Mesh(grip[3][i], mesh[1], mesh[2]), cable, Contact(*grip[4][i])
             least, where = assemble(*of, *at, work, 0.0, 0.0, 0.0)
         if ride is not None:
             rolling, car = Rolling(*ride[0]), Car(*ride[2][i])
@@ -41,123 +47,151 @@ def balances(grip, ride, mesh, cable, q, v, a, r, work):
 
 
 @compiled
-def keep(x, out):
-    """Copy a matrix; loops, as in `banded`."""
-    for i in range(x.shape[0]):
-        for j in range(x.shape[1]):
-            out[i, j] = x[i, j]
-
-
-@compiled
 def blend(c0, c1, parts, out):
-    """Set the tangent of a node from its parts, dr/dq, dr/dv and dr/da."""
+    """Set the tangent of a node from its parts, dr/dq, dr/dv and dr/da; loops, as in `banded`."""
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             out[i, j] = c0 * parts[0, i, j] + c1 * parts[1, i, j] + parts[2, i, j]
 
 
 @compiled
-def collocate(
-    grip, ride, mesh, cable, real_work, complex_work, start, dt, rule, a, bound, max_iter, reuse, patience
-):  # fmt: skip
-    """Find the accelerations a (s, n) at the nodes of a step as `cablefem.newmark.collocate` does.
-
-    grip : operators, and of each node coefficients, bands, meshes and `Contact`s, or None.
-    ride : `Rolling`, real and complex, and `Car`s of each node, or None; mesh is theirs.  As in `newton.settle`.
-    rule : c, A, AA, eigenvalues, to and back of its tableau, and the node next to the middle.
-    Return |r|, iterations, factorisations, residuals, the least tension at the last node and its s.
-    """
-    c, A, AA, values, to, back, middle = rule
-    real_work, complex_work = Tangent(*real_work), Tangent(*complex_work)
-    s, n = a.shape
-    m = values.size
-    q, v, r, da = np.empty((s, n)), np.empty((s, n)), np.empty((s, n)), np.empty((s, n))
-    real, along = np.empty(n), np.empty((m, n), dtype=np.complex128)
-    one = np.eye(3)
+def factorise_all(grip, ride, mesh, cable, works, q, v, a, dt, values, middle):
+    """Factorise the tangent at the node `middle` for all eigenvalues; return whether all are regular."""
+    real_work, complex_work = Tangent(*works[0]), Tangent(*works[1])
     parts = np.empty((3, *real_work.ab.shape))  # of the tangent: dr/dq, dr/dv, dr/da
-    if grip is not None:
-        for i in range(s):
-            combine(grip[0], grip[1][i], grip[2][i])
+    at = q[middle], v[middle], a[middle], np.empty(a.shape[1])
+    one, regular = np.eye(3), True
     if ride is not None:
         rolling, complex_rolling = Rolling(*ride[0]), Rolling(*ride[1])
         borders, corners = np.empty((3, *rolling.border.shape)), np.empty(3)
-    factorisations, residuals, anew, regular = 0, 0, True, True
+    for k in range(3):
+        c0, c1, c2 = one[k]
+        if grip is not None:
+            of = grip[2][middle], Mesh(grip[3][middle], mesh[1], mesh[2]), cable, Contact(*grip[4][middle])
+            work = Tangent(parts[k], real_work.pivots, real_work.increment, real_work.coupled)
+            assemble(*of, *at, work, c0, c1, c2)
+        if ride is not None:
+            part = Rolling(rolling.n_left, rolling.inertia, rolling.ends, borders[k], corners[k : k + 1])
+            roll(Mesh(*mesh), part, cable, Car(*ride[2][middle]), *at, parts[k], c0, c1, c2)
+    for k in range(values.size):
+        c1 = dt * values[k]
+        c0 = c1 * c1
+        if c1.imag == 0.0:
+            blend(c0.real, c1.real, parts, real_work.ab)
+            if grip is not None:
+                regular = factorise_coupled(real_work, c0.real * coupling(cable)) and regular
+            if ride is not None:
+                blend(c0.real, c1.real, borders, rolling.border)
+                rolling.corner[0] = c0.real * corners[0] + c1.real * corners[1] + corners[2]
+                regular = factorise_bordered(real_work, rolling) and regular
+        else:
+            blend(c0, c1, parts, complex_work.ab)
+            if grip is not None:
+                regular = factorise_coupled(complex_work, c0 * coupling(cable)) and regular
+            if ride is not None:
+                blend(c0, c1, borders, complex_rolling.border)
+                complex_rolling.corner[0] = c0 * corners[0] + c1 * corners[1] + corners[2]
+                regular = factorise_bordered(complex_work, complex_rolling) and regular
+    return regular
+
+
+@compiled
+def solve_all(grip, ride, works, values, to, back, r, da, real, along):
+    """Set da (s, n) to the solution for r with the factors of `factorise_all`; real, along : (n,) workspaces."""
+    real_work, complex_work = Tangent(*works[0]), Tangent(*works[1])
+    if ride is not None:
+        rolling, complex_rolling = Rolling(*ride[0]), Rolling(*ride[1])
+    s, n = r.shape
+    da[:] = 0.0
+    for k in range(values.size):
+        if values[k].imag == 0.0:
+            real[:] = 0.0
+            for i in range(s):
+                x, of = to[k, i].real, r[i]
+                for j in range(n):
+                    real[j] += x * of[j]
+            if grip is not None:
+                solve_coupled(real_work, real)
+            if ride is not None:
+                solve_bordered(real_work, rolling, real)
+            for i in range(s):
+                x, out = back[i, k].real, da[i]
+                for j in range(n):
+                    out[j] += x * real[j]
+        else:
+            for j in range(n):
+                x, y = 0.0, 0.0
+                for i in range(s):
+                    x += to[k, i].real * r[i, j]
+                    y += to[k, i].imag * r[i, j]
+                along[j] = complex(x, y)
+            if grip is not None:
+                solve_coupled(complex_work, along)
+            if ride is not None:
+                solve_bordered(complex_work, complex_rolling, along)
+            for i in range(s):
+                x, y, out = back[i, k].real, back[i, k].imag, da[i]
+                for j in range(n):
+                    out[j] += x * along[j].real - y * along[j].imag
+
+
+@compiled
+def collocate(
+    grip, ride, mesh, cable, works, kept, start, dt, rule, a, bound, max_iter, reuse, patience
+):  # fmt: skip
+    """Find the accelerations a (s, n) at the nodes of a step as `cablefem.newmark.collocate` does.
+
+    grip : operators, and of each node coefficients, bands, spans and `Contact`s, or None.
+    ride : `Rolling`, real and complex, and `Car`s of each node, or None.  As in `newton.settle`.
+    rule : c, A, AA, eigenvalues, to and back of its tableau, and the node next to the middle.
+    works : `Tangent`s, real and complex, for this alone: factors serve the next step as well, as in RADAU5 (Hairer &
+        Wanner 1996, section IV.8).  kept : (1,) the length of the step that they are for.
+    Return |r|, iterations, factorisations, residuals, the least tension at the last node and its s.
+    """
+    c, A, AA, values, to, back, middle = rule
+    s, n = a.shape
+    q, v, r, da = np.empty((s, n)), np.empty((s, n)), np.empty((s, n)), np.empty((s, n))
+    real, along = np.empty(n), np.empty(n, dtype=np.complex128)
+    work = Tangent(*works[0])
+    if grip is not None:
+        for i in range(s):
+            combine(grip[0], grip[1][i], grip[2][i])
+    anew = not abs(kept[0] - dt) <= SAME * dt
+    old, factorisations, residuals, regular = not anew, 0, 0, True
     at_nodes(start, dt, c, A, AA, a, q, v)
-    norm, least, where = balances(grip, ride, mesh, cable, q, v, a, r, real_work)
+    norm, least, where = balances(grip, ride, mesh, cable, q, v, a, r, work)
     for iteration in range(max_iter):
         if anew:
-            at = q[middle], v[middle], a[middle], da[0]
-            for k in range(3):
-                if grip is not None:
-                    of = grip[2][middle], Mesh(*grip[3][middle]), cable, Contact(*grip[4][middle])
-                    assemble(*of, *at, real_work, one[k, 0], one[k, 1], one[k, 2])
-                if ride is not None:
-                    car = Car(*ride[2][middle])
-                    roll(Mesh(*mesh), rolling, cable, car, *at, real_work.ab, one[k, 0], one[k, 1], one[k, 2])
-                    keep(rolling.border, borders[k])
-                    corners[k] = rolling.corner[0]
-                keep(real_work.ab, parts[k])
-            for k in range(m):
-                c1 = dt * values[k]
-                c0 = c1 * c1
-                if c1.imag == 0.0:
-                    blend(c0.real, c1.real, parts, real_work.ab)
-                    if grip is not None:
-                        regular = factorise_coupled(real_work, c0.real * coupling(cable)) and regular
-                    if ride is not None:
-                        blend(c0.real, c1.real, borders, rolling.border)
-                        rolling.corner[0] = c0.real * corners[0] + c1.real * corners[1] + corners[2]
-                        regular = factorise_bordered(real_work, rolling) and regular
-                else:
-                    blend(c0, c1, parts, complex_work.ab)
-                    if grip is not None:
-                        regular = factorise_coupled(complex_work, c0 * coupling(cable)) and regular
-                    if ride is not None:
-                        blend(c0, c1, borders, complex_rolling.border)
-                        complex_rolling.corner[0] = c0 * corners[0] + c1 * corners[1] + corners[2]
-                        regular = factorise_bordered(complex_work, complex_rolling) and regular
+            regular = factorise_all(grip, ride, mesh, cable, works, q, v, a, dt, values, middle)
+            old, kept[0] = False, dt
             factorisations += 1
         if not regular:
             norm = math.nan
             break
-        for k in range(m):
-            for j in range(n):
-                x = 0.0j
-                for i in range(s):
-                    x += to[k, i] * r[i, j]
-                along[k, j] = x
-            if values[k].imag == 0.0:
-                for j in range(n):
-                    real[j] = along[k, j].real
-                if grip is not None:
-                    solve_coupled(real_work, real)
-                if ride is not None:
-                    solve_bordered(real_work, rolling, real)
-                for j in range(n):
-                    along[k, j] = real[j]
-            else:
-                if grip is not None:
-                    solve_coupled(complex_work, along[k])
-                if ride is not None:
-                    solve_bordered(complex_work, complex_rolling, along[k])
-        for i in range(s):
-            for j in range(n):
-                x = 0.0j
-                for k in range(m):
-                    x += back[i, k] * along[k, j]
-                da[i, j] = x.real
+        solve_all(grip, ride, works, values, to, back, r, da, real, along)
         before, share = norm, 1.0
         for halving in range(6):
             for i in range(s):
+                x, of = a[i], da[i]
                 for j in range(n):
-                    a[i, j] -= share * da[i, j]
+                    x[j] -= share * of[j]
             share = -(0.5 ** (halving + 1))
             at_nodes(start, dt, c, A, AA, a, q, v)
-            norm, least, where = balances(grip, ride, mesh, cable, q, v, a, r, real_work)
+            norm, least, where = balances(grip, ride, mesh, cable, q, v, a, r, work)
             residuals += 1
-            if norm < before or (iteration < patience and norm < math.inf):
+            if old or norm < before or (iteration < patience and norm < math.inf):
                 break
-        if norm <= bound or not norm < math.inf:
+        if norm <= bound or not (old or norm < math.inf):
             break
-        anew = norm > reuse * before
+        anew = not norm <= reuse * before
+        if old and not norm < before:  # a correction by a tangent that is out of date is not worth halving
+            for i in range(s):
+                x, of = a[i], da[i]
+                for j in range(n):
+                    x[j] += of[j]
+            at_nodes(start, dt, c, A, AA, a, q, v)
+            norm, least, where = balances(grip, ride, mesh, cable, q, v, a, r, work)
+            residuals += 1
+    if not (norm <= bound and norm <= SERVES * before):
+        kept[0] = math.nan
     return norm, iteration + 1, factorisations, residuals, least, where

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from cablefem.elements.kernels import compiled
-from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, coupling
+from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, coupling, follow
 from cablefem.elements.kernels.banded import Tangent, copy, dot, factorise_coupled, solve_coupled
 from cablefem.elements.kernels.car import Car, Rolling, factorise_bordered, roll, solve_bordered
 
@@ -76,3 +76,24 @@ def settle(grip, ride, mesh, cable, work, start, now, rule, bound, max_iter, reu
             break
         anew = norm > reuse * before
     return norm, iteration + 1, factorisations, residuals, least, where
+
+
+@compiled
+def stride(grip, n_left, places, loads, mesh, cable, work, start, now, rules, told, bound, max_iter, reuse, patience):
+    """Settle steps on a following mesh one after another; return how many came to be in balance with no element slack.
+
+    places : (m, 3) s_o, ds_o, dds_o;  loads : (m, n_fields) of `Contact`;  now : (m, 3, n) receives the ends;
+    told : (m, 6) what `settle` returns.
+    """
+    for k in range(places.shape[0]):
+        follow(places[k, 0], places[k, 1], places[k, 2], n_left, grip[1], mesh[0])
+        copy(loads[k], grip[3][5])
+        before = start if k == 0 else now[k - 1]
+        norm, iterations, factorisations, residuals, least, where = settle(
+            grip, None, mesh, cable, work, before, now[k], rules[k], bound, max_iter, reuse, patience
+        )
+        told[k, 0], told[k, 1], told[k, 2] = norm, iterations, factorisations
+        told[k, 3], told[k, 4], told[k, 5] = residuals, least, where
+        if not (norm <= bound and least >= 0.0):
+            return k
+    return places.shape[0]

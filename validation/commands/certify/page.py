@@ -30,7 +30,7 @@ def sections(folder: Path) -> list[Section]:
     p.log, p.low, p.high = True, 10.0 ** np.floor(np.log10(seen.min())), 2.0 * max(seen.max(), x["tol"])
     figure = plot(
         [p], (0.0, 1.0), "place of the mass sₒ/l [–]",
-        f"Over {number(x['scale'], 5)} m, the largest deflection (of a free ride, a tenth of the length).", wide=True,
+        f"Over {number(x['scale'], 5)} m, the largest deflection.", wide=True,
     )  # fmt: skip
     columns = {
         "name": "way", "finest": "finest run", "space": "left by space", "time": "left by time",
@@ -38,7 +38,7 @@ def sections(folder: Path) -> list[Section]:
     }  # fmt: skip
     ways = [w | {"finest": ", ".join(f"{k} {v}" for k, v in w["settings"].items() if k != "scheme")} for w in x["ways"]]
     verdicts = [
-        {"what": " ".join(y for y in (row.get("law"), row.get("with")) if y), **row,
+        {"what": " ".join(row[y] for y in ("quantity", "law", "with") if y in row), **row,
          "because": Bound.of(row["bound"]).line()}
         for row in x["rows"]
     ]  # fmt: skip

@@ -1,9 +1,11 @@
-"""The rows of a chart that no other one beats."""
+"""What the rows of a chart say: which no other one beats, and which is fastest to an error."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 Row = dict[str, Any]
+OURS = ("method", "integrator", "extrapolated")  # kinds that solve the full cable at given settings
 
 
 def best_of(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:
@@ -13,3 +15,65 @@ def best_of(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[R
         if not out or row[f"{quantity}_error"] < out[-1][f"{quantity}_error"]:
             out.append(row)
     return out
+
+
+def front(rows: list[Row], quantity: str) -> None:
+    """Mark the rows that no other one beats in both seconds and error: row["pareto_path" or "pareto_tension"]."""
+    known = [r for r in rows if r["kind"] != "scipy" and _known(r, quantity)]
+    best = best_of(known, quantity)
+    for row in rows:
+        row[f"pareto_{quantity}"] = any(row is x for x in best)
+
+
+def _known(row: Row, quantity: str) -> bool:
+    return row["status"] == "ok" and row[f"{quantity}_error"] is not None and row["seconds"] is not None
+
+
+def seconds_at(rows: list[Row], error: float, quantity: str = "path") -> float | None:
+    """Return the seconds at which a set of rows reaches an error, between its own best rows, log over log.
+
+    None where no row reaches it; where the coarsest row is better already, that row's seconds.
+    """
+    best = [
+        (r["seconds"], r[f"{quantity}_error"]) for r in best_of([r for r in rows if _known(r, quantity)], quantity)
+    ]  # fmt: skip
+    for i, (seconds, e) in enumerate(best):
+        if e <= error:
+            if i == 0:
+                return seconds
+            s0, e0 = best[i - 1]
+            share = math.log(e0 / error) / math.log(e0 / e)
+            return s0 * (seconds / s0) ** share
+    return None
+
+
+def fastest(rows: list[Row], error: float) -> Row:
+    """Return which method reaches an error of path and of tension first, in what time, and each peer's time (path).
+
+    "tension" is for the tension what "series" and "seconds" are for the path.
+    """
+    of = {name: [r for r in rows if r["series"] == name] for name in dict.fromkeys(r["series"] for r in rows)}
+    full = {name: x for name, x in of.items() if x[0]["kind"] in OURS}
+
+    def first(quantity: str) -> tuple[str | None, float | None]:
+        at = {name: t for name, x in full.items() if (t := seconds_at(x, error, quantity)) is not None}
+        name = min(at, key=lambda name: at[name], default=None)
+        return name, None if name is None else at[name]
+
+    best, seconds = first("path")
+    tension = dict(zip(("series", "seconds"), first("tension"), strict=True))
+    peers = {}
+    for name, x in of.items():
+        if x[0]["kind"] == "peer":
+            at = seconds_at(x, error)
+            peers[name] = {
+                "seconds": at, "ratio": None if at is None or seconds is None else at / seconds,
+                "reason": None if at is not None else _why_not(x),
+            }  # fmt: skip
+    return {"error": error, "series": best, "seconds": seconds, "tension": tension, "peers": peers}
+
+
+def _why_not(rows: list[Row]) -> str:
+    errors = [r["path_error"] for r in rows if r["path_error"] is not None]
+    why = f"comes to {100.0 * min(errors):.2g} % at best" if errors else rows[0]["reason"]
+    return f"not measured: {why}"

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from matplotlib.transforms import Bbox
 
-from validation.commands.chart.front import Row, best_of
+from validation.commands.chart.front import OURS, Row, best_of
 from validation.core import store
 from validation.core.methods import METHODS
 from validation.page.figures import BLACK, DASHES, GREY, MARKERS, PALETTE, panels, style
@@ -31,7 +31,6 @@ from validation.page.page import (
 )
 
 _SAY = words(__package__)
-OURS = ("method", "integrator", "extrapolated")  # rows of the full cable at given settings
 
 WORK = {"seconds": "seconds of the time loop, one core", "unknown_steps": "steps × unknowns"}
 

@@ -10,8 +10,8 @@ are short and on the wall clock; of another code's long ones, what other program
 from __future__ import annotations
 
 import importlib.metadata
+import itertools
 import json
-import math
 import platform
 import time
 from collections.abc import Callable, Iterator
@@ -21,28 +21,28 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
-from scipy.linalg import lapack
 from threadpoolctl import threadpool_limits
 
 from cablefem import newmark
 from cablefem.newmark import SCHEMES
-from cablefem.response import Array, Response, write_json
+from cablefem.response import Response, write_json
 from cablefem.scene import Groups, Scene
-from validation.commands.chart.front import best_of
+from validation.commands.chart.cost import growth, implicit_floor
+from validation.commands.chart.front import fastest, front
 from validation.core import measures, store
 from validation.core.estimate import estimated
 from validation.core.measures import NotComparable, Window
-from validation.core.methods import METHODS, Method, Resolution, refined
+from validation.core.methods import METHODS, Method, refined
 from validation.core.resolution import TooCoarse, resolve
 from validation.core.running import Run, run
+from validation.core.scipys import integrated
 from validation.peers import PEERS, PeerPath, available
 
 STOP = measures.WINDOW[1]
 DECADES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 ASKED = DECADES[:3]  # tolerances: what each run tries out on the way counts
-OURS = ("method", "integrator", "extrapolated")  # kinds that solve the full cable at given settings
+
 
 # The reference is of a degree that no charted run comes near in resolution; its companions give its own error.
 REFERENCE: tuple[str, dict[str, Any]] = ("following-p4", {"elements": 48, "steps": 3200, "scheme": "radau"})
@@ -414,49 +414,32 @@ def _run_scipy(
     this is its own time error.
     """
     assert line.method is not None
-    system = METHODS[line.method].build(
-        scene.groups, METHODS[line.method].settings({"elements": rung["elements"]}), model="full", load="mass",
-        law="elastic",
-    )  # fmt: skip
-    motion = scene.groups.motion
+    method, motion = METHODS[line.method], scene.groups.motion
     assert motion is not None
+    settings = method.settings({"elements": rung["elements"]})
+    system: Any = method.build(scene.groups, settings, model="full", load="mass", law="elastic")
     begin, end = motion.time_at(measures.WINDOW[0]), motion.time_at(truth.window[1])
-    states = []
+    states, theirs, seconds, n = [], [], 0.0, system.n_dof
     with threadpool_limits(1):
         for x in newmark.integrate(system, newmark.scheme("trapezoidal"), newmark.step_times(system, 6000)):
-            states.append(x)
+            states += [x] * (x.t >= begin)
             if x.t >= end:
                 break
-        first = next(i for i, x in enumerate(states) if x.t >= begin)
-        states = states[first:]
-        n, calls, zero = system.n_dof, 0, np.zeros(system.n_dof)
-        seconds, parts = 0.0, [np.concatenate([states[0].q, states[0].v])[None]]
-        for phase, (start, _) in enumerate(motion.phases):
-            at = np.array([x.t for x in states if x.phase == phase])
-            if at.size < 2:
-                continue
-
-            def rate(t: float, y: Array, phase: int = phase) -> Array:
-                nonlocal calls
-                calls += 1
-                r, solve = system.linearise(t, y[:n], y[n:], zero, phase, 0.0, 0.0, 1.0)
-                return np.concatenate([y[n:], -solve(r)])
-
+        first, *states = states
+        for phase, those in itertools.groupby(states, key=lambda x: x.phase):
             clock = time.perf_counter()
-            answer = solve_ivp(
-                rate, (at[0] if len(parts) == 1 else start, at[-1]), parts[-1][-1], method=rung["rule"], t_eval=at,
-                rtol=RTOL[rung["rule"]], atol=1e-10,
-            )  # fmt: skip
+            try:
+                t = np.array([x.t for x in those])
+                y = integrated(system, first._replace(phase=phase), t, rung["rule"], rtol=RTOL[rung["rule"]])
+            except ArithmeticError as error:
+                return _row(line, rung, status="failed", reason=str(error))
             seconds += time.perf_counter() - clock
-            if not answer.success:
-                return _row(line, rung, status="failed", reason=answer.message)
-            parts.append(answer.y.T if len(parts) > 1 else answer.y.T[1:])
-        theirs = np.concatenate(parts)[:, :n]
-    ours = np.array([x.q for x in states])
-    node = slice(*(2 * system.node + k for k in (0, 2)))  # type: ignore[attr-defined]
-    gap = np.hypot(*(theirs[: ours.shape[0], node] - ours[: theirs.shape[0], node]).T)
+            first = first._replace(t=t[-1], q=y[-1, :n], v=y[-1, n:])
+            theirs.append(y)
+    node = slice(*(2 * system.node + k for k in (0, 2)))
+    gap = np.hypot(*(np.concatenate(theirs)[:, node] - np.array([x.q for x in states])[:, node]).T)
     return _row(
-        line, rung, status="ok", n_dof=n, seconds=seconds, repeats=1, steps=len(states) - 1, calls=calls,
+        line, rung, status="ok", n_dof=n, seconds=seconds, repeats=1, steps=len(states),
         reached=truth.window[1], driver_gap=float(gap.max() * scene.length / truth.run.max_deflection),
     )  # fmt: skip
 
@@ -465,153 +448,6 @@ _ONCE: dict[str, Callable[..., Once]] = {
     "method": _ours, "model": _ours, "integrator": _ours, "extrapolated": _pair, "tolerance": _to_tolerance,
     "peer": _of_peer,
 }  # fmt: skip
-
-
-# --- cost -------------------------------------------------------------------------------------------------------------
-
-
-def growth(scene: Scene, *, most: int = 1000, repeats: int = 2) -> list[dict[str, Any]]:
-    """Return per method the seconds per step over the number of unknowns, and the exponent of a power law through them.
-
-    most : elements per side of the largest mesh.  Bases of global functions stop at 80: their matrices are full.
-    """
-    out = []
-    for method in METHODS.values():
-        space = method.resolution
-        sizes = _sizes(space, min(space.most if space.largest is None else space.largest, most))
-        unknowns: list[int] = []
-        cost: list[float] = []
-        for size in sizes:
-            settings: dict[str, Any] = {space.setting: size, "steps": 1000}
-            runs = [run(scene, method, until=0.04, **settings) for _ in range(repeats)]
-            unknowns.append(runs[0].n_dof)
-            cost.append(min(r.seconds / max(1, r.work["steps"]) for r in runs))
-        exponent = float(np.polyfit(np.log(unknowns), np.log(cost), 1)[0])
-        out.append({"method": method.name, "n_dof": unknowns, "seconds_per_step": cost, "exponent": exponent})
-    return out
-
-
-def _sizes(space: Resolution, largest: int) -> list[int]:
-    """Return four or five resolutions up to the largest, equally apart in ratio."""
-    if space.doubling:
-        return list(range(largest + 1))
-    return [round(10.0 * (largest / 10.0) ** (k / 4.0)) for k in range(5)]
-
-
-def implicit_floor(scene: Scene, *, elements: int = 10, steps: int = 480, repeats: int = 9) -> dict[str, Any]:
-    """Return what an iteration of following-p2 costs over LAPACK's bare banded solve of the same size, medians.
-
-    iteration : tangent, factors and solution;  run : a real run's seconds per Newton iteration, everything included.
-    """
-    from cablefem.elements.following import FollowingElements
-
-    system = FollowingElements(scene.groups, elements=elements)
-    n, band = system.n_dof, system._band
-    rng = np.random.default_rng(5)
-    matrix = np.zeros((3 * band + 1, n), order="F")
-    matrix[band:] = rng.standard_normal((2 * band + 1, n))
-    matrix[2 * band] += 20.0
-    b = rng.standard_normal(n)
-    dt = system.phases[-1][1] / steps
-    c = 0.25 * dt * dt, 0.5 * dt, 1.0
-    grid, found = newmark.step_times(system, steps), []
-    with threadpool_limits(1):
-        for _ in range(repeats):
-            work, begin = newmark.Work(), time.perf_counter()
-            advance = newmark.integrate(system, newmark.scheme("trapezoidal"), grid, work=work)
-            x = next(x for x in advance if work.steps >= steps // 2)
-            whole = (time.perf_counter() - begin) / work.newton_iterations
-
-            def iteration(x: newmark.State = x) -> None:
-                r, solve = system.linearise(x.t, x.q, x.v, x.a, x.phase, *c)
-                solve(r)
-
-            def bare() -> None:
-                lapack.dgbsv(band, band, matrix.copy(order="F"), b.copy(), overwrite_ab=1, overwrite_b=1)
-
-            def copies() -> None:
-                matrix.copy(order="F"), b.copy()
-
-            one, lone = _clocked(iteration), _clocked(bare) - _clocked(copies)
-            found.append((lone, one, whole, one / lone, whole / lone))
-    lone, one, whole, ratio, run_ratio = np.median(found, axis=0)
-    return {
-        "method": BASE, "elements": elements, "steps": steps, "n_dof": n, "bare_solve": float(lone),
-        "iteration": float(one), "run_iteration": float(whole), "ratio": float(ratio), "run_ratio": float(run_ratio),
-    }  # fmt: skip
-
-
-def _clocked(job: Callable[[], None], n: int = 200) -> float:
-    job()
-    begin = time.perf_counter()
-    for _ in range(n):
-        job()
-    return (time.perf_counter() - begin) / n
-
-
-# --- what the rows say ------------------------------------------------------------------------------------------------
-
-
-def front(rows: list[dict[str, Any]], quantity: str) -> None:
-    """Mark the rows that no other one beats in both seconds and error: row["pareto_path" or "pareto_tension"]."""
-    known = [r for r in rows if r["kind"] != "scipy" and _known(r, quantity)]
-    best = best_of(known, quantity)
-    for row in rows:
-        row[f"pareto_{quantity}"] = any(row is x for x in best)
-
-
-def _known(row: dict[str, Any], quantity: str) -> bool:
-    return row["status"] == "ok" and row[f"{quantity}_error"] is not None and row["seconds"] is not None
-
-
-def seconds_at(rows: list[dict[str, Any]], error: float, quantity: str = "path") -> float | None:
-    """Return the seconds at which a set of rows reaches an error, between its own best rows, log over log.
-
-    None where no row reaches it; where the coarsest row is better already, that row's seconds.
-    """
-    best = [
-        (r["seconds"], r[f"{quantity}_error"]) for r in best_of([r for r in rows if _known(r, quantity)], quantity)
-    ]  # fmt: skip
-    for i, (seconds, e) in enumerate(best):
-        if e <= error:
-            if i == 0:
-                return seconds
-            s0, e0 = best[i - 1]
-            share = math.log(e0 / error) / math.log(e0 / e)
-            return s0 * (seconds / s0) ** share
-    return None
-
-
-def fastest(rows: list[dict[str, Any]], error: float) -> dict[str, Any]:
-    """Return which method reaches an error of path and of tension first, in what time, and each peer's time (path).
-
-    "tension" is for the tension what "series" and "seconds" are for the path.
-    """
-    of = {name: [r for r in rows if r["series"] == name] for name in dict.fromkeys(r["series"] for r in rows)}
-    full = {name: x for name, x in of.items() if x[0]["kind"] in OURS}
-
-    def first(quantity: str) -> tuple[str | None, float | None]:
-        at = {name: t for name, x in full.items() if (t := seconds_at(x, error, quantity)) is not None}
-        name = min(at, key=lambda name: at[name], default=None)
-        return name, None if name is None else at[name]
-
-    best, seconds = first("path")
-    tension = dict(zip(("series", "seconds"), first("tension"), strict=True))
-    peers = {}
-    for name, x in of.items():
-        if x[0]["kind"] == "peer":
-            at = seconds_at(x, error)
-            peers[name] = {
-                "seconds": at, "ratio": None if at is None or seconds is None else at / seconds,
-                "reason": None if at is not None else _why_not(x),
-            }  # fmt: skip
-    return {"error": error, "series": best, "seconds": seconds, "tension": tension, "peers": peers}
-
-
-def _why_not(rows: list[dict[str, Any]]) -> str:
-    errors = [r["path_error"] for r in rows if r["path_error"] is not None]
-    why = f"comes to {100.0 * min(errors):.2g} % at best" if errors else rows[0]["reason"]
-    return f"not measured: {why}"
 
 
 def _machine() -> dict[str, str]:

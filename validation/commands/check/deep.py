@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from cablefem import newmark
 from cablefem.newmark import State, Work
@@ -23,6 +22,7 @@ from validation.core.estimate import SLACK_END, Estimated, estimated, until
 from validation.core.methods import METHODS
 from validation.core.richardson import SAFETY
 from validation.core.running import run
+from validation.core.scipys import integrated
 from validation.oracles import catenary_modes
 
 COUNT = 5  # frequencies
@@ -102,17 +102,11 @@ def _driver(scene: Scene, a: Estimated, rows: list[Agreement]) -> Agreement | No
     (fine, events), (coarse, _) = marched(STEPS), marched(STEPS // 2)
     if events or fine.t < t1:
         return None  # the system changes on the way
-    n, zero = system.n_dof, np.zeros(system.n_dof)
-
-    def rate(t: float, y: Array) -> Array:
-        r, solve = system.linearise(t, y[:n], y[n:], zero, first.phase, 0.0, 0.0, 1.0)
-        return np.concatenate([y[n:], -solve(r)])
-
-    theirs = solve_ivp(rate, (t0, t1), np.concatenate([first.q, first.v]), "DOP853", rtol=1e-7, atol=1e-10)
+    n, theirs = system.n_dof, integrated(system, first, np.array([t1]), "DOP853", rtol=1e-7)
     last = n - (a.run.drive == "haul")  # the place of a rope is idle
     size = float(np.abs(fine.q[:last]).max())
     gap, change = (
-        float(np.abs(q[:last] - fine.q[:last]).max()) / size for q in (theirs.y[:n, -1], coarse.q)
+        float(np.abs(q[:last] - fine.q[:last]).max()) / size for q in (theirs[0, :n], coarse.q)
     )  # fmt: skip
     return _row(gap, Part("driver", SAFETY * change, "the change from half the steps"), Part("scipy", ROUNDING))
 

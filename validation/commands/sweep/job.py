@@ -120,14 +120,14 @@ def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[st
         Run(scene, method, **how, **settings)
     except ValueError as error:  # a method that cannot do what the scene asks for
         return {"status": "refused", "cause": "method", "reason": str(error)}
-    if scene.drive.mode == "grip":  # what is told of a scene lies before, and steps of a slack cable cost the most
+    if scene.drive.mode == "grip":  # what is told of a scene lies before; nothing is of the slack cable, and it costs
         how["until"] = SLACK_END
     if tol is None:
         e = estimated(scene, method, **how, **settings)
         r = replace(e.run, design=[number.row() for number in numbers(e)])
     else:
         try:
-            r = resolve(scene, method, tol, **how, **settings)
+            r = resolve(scene, method, tol, past=0.0, **how, **settings)
         except TooCoarse as error:
             r, too_coarse = error.best, {"verdict": "too coarse", "reason": str(error)}
     out = of_response(r, scene) | too_coarse
