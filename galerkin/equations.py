@@ -282,7 +282,8 @@ class GalerkinSystem:
         self._pull = self.basis, x.place, pull
         try:
             return Settled(*kernels.settle(
-                x.place, x.carried, x.slope, x.load, ride, *self._constants, start, now, rule, bound, _limits(newton), pull,
+                x.place, x.carried, x.slope, x.load, ride, *self._constants, start, now, rule, bound, _limits(newton),
+                pull,
             ))  # fmt: skip
         except np.linalg.LinAlgError:  # singular: the driver takes NaN for a stalled step
             return Settled(np.nan, 1, 1, 1)
