@@ -25,7 +25,7 @@ from validation.core.estimate import SLACK_END, Estimated
 from validation.core.flags import flag
 from validation.core.measures import NotComparable, Window
 from validation.core.methods import METHODS
-from validation.core.richardson import SAFETY, UNCONFIRMED, time_order
+from validation.core.richardson import NO_ORDER, SAFETY, UNCONFIRMED, time_order
 
 DEFAULT_TOL = 1e-3
 CEILING = 0.05  # of a row's own scale at the default tolerance: bars wider than that say nothing
@@ -64,8 +64,8 @@ class Agreement:
     def verdict(self) -> Verdict:
         if not (math.isfinite(self.gap) and math.isfinite(self.allowed)):
             return Verdict.NOT_COMPARABLE
-        if self.gap > self.allowed:
-            return Verdict.DISAGREE
+        if self.gap > self.allowed * (1.0 if self.bound.tol is None else NO_ORDER):
+            return Verdict.DISAGREE  # of bars beyond a ceiling nobody knows the order: see `settled`
         return Verdict.AGREE if self.bound.tol is None else Verdict.TOO_COARSE
 
     def row(self) -> dict[str, Any]:
@@ -86,22 +86,48 @@ class Agreement:
 AXIAL_MEAN = "mean over an axial round trip"  # what a load cell sees: fronts keep the rest from converging pointwise
 
 
-ALONG, INTEGRAL = "along the cable", "integral of the velocity"
+ALONG, INTEGRAL, UP_TO = "along the cable", "integral of the velocity", "velocity up to the mass"
 
 
 def overall(rows: list[Agreement]) -> Verdict:
     """Return the first of disagree, not comparable and too coarse that any row is, else agree; without rows none.
 
     A row that fronts make too coarse is not asked where the mean of its quantity over their way agrees; the mean of
-    the velocity over time is the displacement, and frames that are far apart say little of its integral.
+    the velocity over time is the displacement, frames that are far apart say little of its integral, and where fronts
+    pass the mass, stations of where it goes to there.
     """
     agreed = [row for row in rows if row.verdict is Verdict.AGREE]
     known = {row.quantity for row in agreed if row.law == AXIAL_MEAN}
     known |= {"velocity" for row in agreed if row.quantity == "displacement"}
-    pointwise = [row for row in rows if row.verdict is Verdict.TOO_COARSE and row.law in ("", ALONG, INTEGRAL)]
+    pointwise = [row for row in rows if row.verdict is Verdict.TOO_COARSE and row.law in ("", ALONG, INTEGRAL, UP_TO)]
     asked = [row for row in rows if row not in pointwise or row.quantity not in known]
     verdicts = {row.verdict for row in asked} or {Verdict.NOT_COMPARABLE}
     return next(verdict for verdict in Verdict if verdict in verdicts)
+
+
+def settled(rows: list[Agreement], before: list[Agreement] | None) -> list[Agreement]:
+    """Return rows in which only such gaps disagree as stay when both answers are refined.
+
+    Of many bars from two grids each some are too small by chance.  A gap that refinement takes away is the answers'
+    own: where it falls, three times what the last refinement took is its bar, and where nothing was refined, three
+    times the bars are (Eca & Hoekstra, for whatever shows no order); within either a row is too coarse to tell.
+
+    before : the rows of the same two methods before both were refined; None: they were not.
+    """
+    earlier = {(row.quantity, row.law): row for row in before or []}
+    return [_settled(row, before is None, earlier.get((row.quantity, row.law))) for row in rows]
+
+
+def _settled(row: Agreement, alone: bool, earlier: Agreement | None) -> Agreement:
+    if row.verdict is not Verdict.DISAGREE:
+        return row
+    if alone:
+        parts = tuple(replace(part, value=NO_ORDER * part.value) for part in row.bound.parts)
+        wider = replace(row.bound, parts=parts, notes=(*row.bound.notes, f"{NO_ORDER:g} times: nothing is confirmed"))
+    else:
+        taken = max(0.0, earlier.gap - row.gap) if earlier is not None else 0.0
+        wider = Bound("taken", (Part("refinement", NO_ORDER * taken),), {"bars": row.allowed})
+    return replace(row, bound=replace(wider, tol=row.allowed)) if row.gap <= wider.value else row
 
 
 Gap = Callable[[Response, Response, Window], float]
@@ -159,8 +185,6 @@ def agree(
 # and half the steps is what is left.
 CHANGED = "the change from half the resolution and half the steps"
 FIRST_ORDER = f"{CHANGED}, times {SAFETY}"
-# A law's defect, which falls with an order between 1/2 and 1 where a ride begins or changes of a sudden.
-LAW_SAFETY = 2.5
 
 Weights = Callable[[Estimated], tuple[float, float, str]]
 
@@ -434,12 +458,12 @@ def _laws(a: Estimated, b: Estimated, window: Window) -> Iterator[Agreement]:
 
 
 def _held(method: str, x: laws.Held) -> Agreement:
-    name = {"impulse": "impulse", INTEGRAL: "velocity"}.get(x.law, "laws_si")
+    name = {"impulse": "impulse", INTEGRAL: "velocity", UP_TO: "velocity"}.get(x.law, "laws_si")
     if not math.isfinite(x.gap + x.changed):
         return Agreement(name, math.nan, nothing(f"{method} or a companion does not say what it asks for"), law=x.law)
     parts = [Part(method, x.sampling, "sampling of its fields")]
     if x.changed:
-        parts.insert(0, Part(method, LAW_SAFETY * x.changed, f"{CHANGED}, times {LAW_SAFETY}"))
+        parts.insert(0, Part(method, laws.SAFETY * x.changed, f"{CHANGED}, times {laws.SAFETY}"))
     return Agreement(name, x.gap, Bound("law", tuple(parts)), x.where, law="" if name == x.law else x.law)
 
 

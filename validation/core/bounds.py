@@ -20,6 +20,7 @@ WORDS = {
     "covers less": "{party} covers s_o/l = {low:.3g} to {high:.3g} of {start:.3g} to {stop:.3g}; there {sum} would "
     "be allowed",
     "asked": "asked for by {parts}, {relative}",
+    "taken": "refining both answers took so much of the gap, three times ({parts}); both error bars are {bars:.2g}",
     "nothing": "{why}",
 }
 

@@ -124,6 +124,7 @@ def numbers(e: Estimated, twin: Estimated | None = None) -> list[Number]:
         return alone(e.run)
     companions = zip((e.in_space, e.in_time), (e.own * e.weights[0], e.weights[1]), strict=True)
     pairs = [Refinement(e.run, coarse, weight, SAFETY) for coarse, weight in companions]
+    pairs += [Refinement(e.run, e.loud, 0.0, SAFETY)] if e.loud is not None else []
     return [*_numbers(e.run, pairs, stop, None if twin is None else twin.run), *_onset(e, twin)]
 
 

@@ -46,6 +46,7 @@ class Estimated:
     basis: str  # one sentence: where the bar comes from
     extrapolated: bool = False
     late: Response | None = None  # half of both, to where a slack cable is still compared
+    loud: Response | None = None  # by a rule and with steps that let axial waves ring, where the run's damp them
     of_path: tuple[float, float] = (1.0, 1.0)  # how much more the path's own ladder says, in space and time
     order: float | None = None  # in time, as a ladder has shown it
     rings: bool = False  # steps miss axial waves, so that what rings with them is of first order in time
@@ -179,9 +180,13 @@ def companions(
         )
     weights = w_space, SAFETY * left(p_time)
     estimate = Estimated(response, fine, c_space, c_time, weights, basis, method.extrapolate)
+    return _with_bars(replace(estimate, rings=rings(scene, fine)))
+
+
+def rings(scene: Scene, r: Response) -> bool:
+    """Return whether the steps of a run miss axial waves, so that tensions are of first order in time."""
     period = 2.0 * scene.length / scene.axial_speed
-    rings = fine.t.size > 1 and period < RESOLVED * float(np.median(np.diff(fine.t)))
-    return _with_bars(replace(estimate, rings=rings))
+    return r.t.size > 1 and period < RESOLVED * float(np.median(np.diff(r.t)))
 
 
 def confirmed(e: Estimated, method: Method, fall: tuple[float | None, float | None]) -> Estimated:
@@ -220,10 +225,8 @@ def past_slack(scene: Scene, method: Method, e: Estimated) -> Estimated:
 
 
 def weighted(e: Estimated, factor: float) -> Estimated:
-    """Return the same runs with all bars times a factor; above 1 those of the path alone."""
-    if factor > 1.0:
-        return _with_bars(replace(e, of_path=(factor * e.of_path[0], factor * e.of_path[1])))
-    return _with_bars(replace(e, weights=(factor * e.weights[0], factor * e.weights[1])))
+    """Return the same runs with the path's bars times a factor: what a ladder says of the path says nothing else."""
+    return _with_bars(replace(e, of_path=(factor * e.of_path[0], factor * e.of_path[1])))
 
 
 OF_BARS = ("no bar", "short bar", "coarse", "no order")  # what bars say of themselves

@@ -119,6 +119,11 @@ class Method:
     wrong: bool = False  # converges to a wrong answer or not at all; kept on show
 
     @property
+    def follows(self) -> bool:
+        """Whether its mesh follows the mass: nothing but waves limits its order in time then."""
+        return "grading" in self.knobs
+
+    @property
     def keeps_pace(self) -> float:
         """The power of the resolution with which steps grow so that errors of second order in time do not dominate."""
         return self.steps_growth or max(1.0, 0.5 * self.space_order)

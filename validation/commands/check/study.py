@@ -11,7 +11,7 @@ from typing import Any
 from cablefem.response import Flag, Response, write_json
 from cablefem.scene import Scene
 from validation.core import foreign, measures
-from validation.core.agreement import DEFAULT_TOL, Agreement, Verdict, agree, doubts, overall, with_bars
+from validation.core.agreement import DEFAULT_TOL, Agreement, Verdict, agree, doubts, overall, settled, with_bars
 from validation.core.design import design, numbers
 from validation.core.estimate import Estimated, past_slack
 from validation.core.foreign import WITH_TOL, ForeignPath
@@ -23,6 +23,7 @@ from validation.core.store import Refused
 
 SOLVERS = ("following-p2", "fourier-kink")
 FINER, FINER_FROM = 3.0, 1e-3  # what too coarse rows divide the aim by, and the last aim that they may divide
+CONFIRMS = 2.0  # what a disagreement divides both errors by, to see whether it stays
 # Of `work` for each solver at the default tolerance, in proportion more for a smaller one: three times what `level`
 # needs.  A slow ride after a sudden entry at full speed may want ten times as much.
 BUDGET = 4e5
@@ -103,22 +104,32 @@ def check(
     found = [find(m) if isinstance(m, str) else m for m in methods]
     grip: list[Callable[[Progress], Any]] = [partial(_gripped, scene, found[0])] if scene.drive.mode == "haul" else []
     gripped: list[Response] = []
-    aim, budget = tol, BUDGET * max(1.0, DEFAULT_TOL / tol)
+    budget = BUDGET * max(1.0, DEFAULT_TOL / tol)
+    # the sum of both bars is held against tol: each solver gets half of it
+    aims, rows, before = [0.5 * tol] * 2, [], None
     while True:
-        # the sum of both bars is held against tol: each solver gets half of it
-        jobs: list[Callable[[Progress], Any]] = [partial(_resolved, scene, m, 0.5 * aim, budget) for m in found]
+        jobs: list[Callable[[Progress], Any]] = [
+            partial(_resolved, scene, m, aim, budget) for m, aim in zip(found, aims, strict=True)
+        ]
         first, second, *once = side_by_side([*jobs, *grip], progress)
         gripped, grip = gripped or once, []
         runs: tuple[Estimated, Estimated] = first, second
         rows = agree(scene, *runs, tol=tol, tol_tension=tol_tension)
-        reached = all(e.run.path_error is not None and e.run.path_error <= 0.5 * aim for e in runs)
+        verdict, told = overall(settled(rows, before)), overall(rows)
+        errors = [math.inf if e.run.path_error is None else e.run.path_error for e in runs]
+        reached = all(error <= aim for error, aim in zip(errors, aims, strict=True))
         # a companion that breaks or falls slack early cuts the range, and what is compared there says little
         short = any(flag.kind in ("short bar", "no bar") for e in runs for flag in e.run.flags)
-        if not (overall(rows) is Verdict.TOO_COARSE or short) or not reached or aim < FINER_FROM:
+        doubted = told is Verdict.DISAGREE and (before is None or verdict is not Verdict.DISAGREE)
+        coarse = (verdict is Verdict.TOO_COARSE or short) and max(aims) >= 0.5 * FINER_FROM
+        finer = CONFIRMS if doubted else FINER
+        dear = any(finer * LADDER * work(m, e.run) > budget for m, e in zip(found, runs, strict=True))
+        if not (doubted or coarse) or not reached or dear:
             break
-        if any(FINER * LADDER * work(m, e.run) > budget for m, e in zip(found, runs, strict=True)):
-            break
-        aim /= FINER
+        # who is finer than it was asked to be is refined, too, where a disagreement wants it
+        aims = [(min(aim, error) if doubted else aim) / finer for aim, error in zip(aims, errors, strict=True)]
+        before = rows
+    rows = settled(rows, before)
     try:
         window = measures.window_of(*runs[0].runs, *runs[1].runs)
     except measures.NotComparable:
