@@ -269,16 +269,21 @@ class GalerkinSystem:
             told[0], taken = (np.nan, 1.0, 1.0, 1.0, np.nan, np.nan), 0
         return now, told, taken, pull
 
+    @property
+    def _constants(self) -> tuple[Any, ...]:
+        """What compiled steps of the full cable take: mass, EA/H, law, and how tangents are made."""
+        cable, basis = self.cable, self.basis
+        assert isinstance(cable, FullCable)
+        return self.inertia, self.mu, cable.alpha, cable.law, basis.basis.harmonic, basis.hat
+
     def _settle(self, x: Instant, ride: Any, *step: Any) -> Settled:
         start, now, rule, bound, newton = step
-        cable, m = self.cable, x.place.weights.size if ride is None else ride.behind.shape[1] + ride.ahead.shape[1]
-        assert isinstance(cable, FullCable)
-        pull = np.empty(m)
+        pull = np.empty(x.place.weights.size if ride is None else ride.behind.shape[1] + ride.ahead.shape[1])
         self._pull = self.basis, x.place, pull
         try:
             return Settled(*kernels.settle(
-                x.place, x.carried, x.slope, x.load, ride, self.inertia, self.mu, cable.alpha, cable.law,
-                self.basis.basis.harmonic, self.basis.hat, start, now, rule, bound, _limits(newton), pull,
+                x.place, x.carried, x.slope, x.load, ride, *self._constants, start, now, rule, bound, _limits(newton),
+                pull,
             ))  # fmt: skip
         except np.linalg.LinAlgError:  # singular: the driver takes NaN for a stalled step
             return Settled(np.nan, 1, 1, 1)

@@ -333,15 +333,44 @@ def roll(x, slope, load, rays, sides, alpha, Q, V, A, ds_o, dds_o, on, thrust, R
 
 
 @compiled
-def row(x, out, mu, c0, c1, c2, into):
-    """The car's row of the tangent, (2 n + 1,), by `roll`; tau turns with accelerations, how else is left out."""
+def pulls(phi, gram):
+    """How int (N t - T t_static) ds behind and ahead of the mass follow Q, (2, 2, 2, n): side, its field, Q's.
+
+    gram : as `balance` leaves it
+    """
+    n, m = phi.shape
+    out, middle = np.zeros((2, 2, 2, n)), 0
+    while middle < m and phi[n - 1, middle] > 0.0:
+        middle += 1
+    for side in range(2):
+        first, last = (0, middle) if side == 0 else (middle, m)
+        for a in range(2):
+            for b in range(2):
+                for k in range(n):
+                    total = 0.0
+                    for q in range(first, last):
+                        total += gram[a, b, q] * phi[k, q]
+                    out[side, a, b, k] = total
+    return out
+
+
+@compiled
+def row(x, out, rays, pulls, ds_o, dds_o, mu, c0, c1, c2, into):
+    """The car's row of the tangent, (2 n + 1,), by `roll`; tau turns with the forces of `recover`."""
     n = x.f.size
-    turn = -0.5 * c2 * out[8] / (out[4] * out[5])
-    for j in range(n):
-        own = mu * (c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j])
-        behind, ahead = turn * x.behind[j], turn * (x.mass[n - 1, j] - x.behind[j])
-        into[j] = out[2] * own + behind * out[14] - ahead * out[16]
-        into[n + j] = out[3] * own + behind * out[15] - ahead * out[17]
+    turn = -0.5 * out[8] / (out[4] * out[5])
+    for b in range(2):
+        for j in range(n):
+            own = out[2 + b] * mu * (c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j])
+            by_a = out[14 + b] * x.behind[j] - out[16 + b] * (x.mass[n - 1, j] - x.behind[j])
+            by_q = 0.0
+            for a in range(2):
+                by_q += out[14 + a] * rays[0] * pulls[0, a, b, j] - out[16 + a] * rays[1] * pulls[1, a, b, j]
+            into[b * n + j] = own + turn * (c2 * by_a + c0 * by_q)
+        by_v = -2.0 / 3.0 * ds_o * (out[14 + b] + out[16 + b])
+        by_q = 2.0 * ds_o * ds_o * (out[14 + b] * rays[0] + out[16 + b] * rays[1])
+        by_q -= dds_o * (out[14 + b] + out[16 + b])
+        into[b * n + n - 1] += turn * (c1 * by_v + c0 * by_q / 3.0)
 
 
 NO_CAR = (0.0,) * 18
@@ -358,7 +387,6 @@ class Ride(NamedTuple):
     thrust: float
     ds_o: float  # of a hauled car
     dds_o: float
-    slope: Array  # X', of a hauled car
     behind: Array  # rules of both sides, (2, m)
     ahead: Array
     mass: Array  # M without the moving overlaps, and what `_carry` wants to know
@@ -417,6 +445,56 @@ def evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gra
 
 
 @compiled
+def tangent(
+    at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, balanced, r, out, gram, c0, c1, c2, K
+):  # fmt: skip
+    """Set K to c0 dr/dq + c1 dr/dv + c2 dr/da where `evaluate` has been; the column of s_o is a difference."""
+    n, size = x.f.size, r.size
+    block = K[: 2 * n, : 2 * n]
+    stiffness(at.phi, gram, harmonic, hat, block)
+    add_inertia_tangent(x, inertia, c0, c1, c2, block)
+    if ride is None:
+        return
+    hauled = ride.mode == HAULED
+    K[2 * n], K[:, 2 * n] = 0.0, 0.0
+    if ride.mode == STUCK:
+        K[2 * n, 2 * n] = c2 * mu
+        return
+    ds_o, dds_o = (ride.ds_o, ride.dds_o) if hauled else (balanced[1, 2 * n], balanced[2, 2 * n])
+    rays = at.phi[n - 1, 0], at.phi[n - 1, at.s.size - 1]
+    row(x, out, rays, pulls(at.phi, gram), ds_o, dds_o, mu, c0, c1, c2, K[2 * n])
+    if hauled:
+        for i in range(n):
+            K[i, 2 * n], K[n + i, 2 * n] = -c2 * out[2] * x.f[i], -c2 * out[3] * x.f[i]
+        K[2 * n, 2 * n] = -c2
+        return
+    h, moved, beyond = STEP / (c0 + c1 + c2), balanced.copy(), np.empty(size)
+    moved[0, 2 * n] += h * c0
+    moved[1, 2 * n] += h * c1
+    moved[2, 2 * n] += h * c2
+    there = moment(ride, ride.on.sigma, moved[0, 2 * n], moved[1, 2 * n], moved[2, 2 * n])
+    evaluate(
+        there[0], there[1], there[2], there[3], ride, inertia, mu, alpha, law, moved, beyond,
+        np.empty(gram.shape), np.empty(at.s.size),
+    )  # fmt: skip
+    for i in range(size):
+        K[i, 2 * n] = (beyond[i] - r[i]) / h
+
+
+@compiled
+def look(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, balanced, r, pull, parts):
+    """Set the residual of a state, rows q, v, a, and what there is room for of dr/dq, dr/dv, dr/da, parts (3 or 0)."""
+    if ride.mode != HAULED:
+        last = balanced.shape[1] - 1
+        at, x, slope, load = moment(ride, ride.on.sigma, balanced[0, last], balanced[1, last], balanced[2, last])
+    gram, one = np.empty((2, 2, at.s.size)), np.eye(3)
+    out = evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull)
+    for k in range(parts.shape[0]):
+        c = one[k, 0], one[k, 1], one[k, 2]
+        tangent(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, balanced, r, out, gram, *c, parts[k])
+
+
+@compiled
 def correct(now, c, share, step):
     """Take share step off the rows q, v, a of the step's end."""
     for k in range(3):
@@ -433,14 +511,14 @@ def settle(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, sta
     The factors are not kept but made again from the kept tangent: more than one iteration is rare, and for further
     steps the tangent does not do: the mass has gone a part of the highest sine's wave by then, and its kink turns r'.
     """
-    n, size = x.f.size, start.shape[1]
+    size = start.shape[1]
     c, w = rule[:, 3], rule[:, 4]
     c0, c1, c2 = w[0] * c[0], w[1] * c[1], w[2] * c[2]
     balanced, r, gram = np.empty((3, size)), np.empty(size), np.empty((2, 2, pull.size))
     for k in range(3):
         for i in range(size):
             now[k, i] = rule[k, 0] * start[0, i] + rule[k, 1] * start[1, i] + rule[k, 2] * start[2, i]
-    K, beyond, moved = np.empty((size, size)), np.empty(size), np.empty((3, size))
+    K = np.empty((size, size))
     factorisations, residuals, anew, iterations = 0, 0, True, 0
     step, before, halving = np.empty(size), math.inf, -1  # the first residual follows no correction
     while True:
@@ -475,34 +553,9 @@ def settle(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, sta
                 return norm, iterations, factorisations, residuals
             anew = norm > newton[1] * before
         if anew:
-            block = K[: 2 * n, : 2 * n]
-            stiffness(at.phi, gram, harmonic, hat, block)
-            add_inertia_tangent(x, inertia, c0, c1, c2, block)
-            if ride is not None:
-                K[2 * n], K[:, 2 * n] = 0.0, 0.0
-                if ride.mode == STUCK:
-                    K[2 * n, 2 * n] = c2 * mu
-                else:
-                    row(x, out, mu, c0, c1, c2, K[2 * n])
-                if ride.mode == HAULED:
-                    for i in range(n):
-                        K[i, 2 * n], K[n + i, 2 * n] = -c2 * out[2] * x.f[i], -c2 * out[3] * x.f[i]
-                    K[2 * n, 2 * n] = -c2
-                if ride.mode == FREE:
-                    for k in range(3):
-                        for i in range(size):
-                            moved[k, i] = balanced[k, i]
-                    h = STEP / (c0 + c1 + c2)
-                    moved[0, 2 * n] += h * c0
-                    moved[1, 2 * n] += h * c1
-                    moved[2, 2 * n] += h * c2
-                    there = moment(ride, ride.on.sigma, moved[0, 2 * n], moved[1, 2 * n], moved[2, 2 * n])
-                    evaluate(
-                        there[0], there[1], there[2], there[3], ride, inertia, mu, alpha, law, moved, beyond,
-                        np.empty(gram.shape), np.empty(pull.size),
-                    )  # fmt: skip
-                    for i in range(size):
-                        K[i, 2 * n] = (beyond[i] - r[i]) / h
+            tangent(
+                at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, balanced, r, out, gram, c0, c1, c2, K
+            )
             factorisations += 1
         before = norm
         step = np.linalg.solve(K, r)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -111,6 +111,8 @@ class RollingSystem(GalerkinSystem):
         self._past: list[tuple[float, float, float]] = []  # t and p. of the car, for a while
         self._smooth = 0.0, 0.0, 0.0, 0.0, 0.0  # t, p.. and its rate, see `begin_step`
         self._moved: tuple[float, Array, Array, Array] | None = None  # s_o, tensions, rules of a compiled residual
+        self._parts: tuple[Any, Array, Array] | None = None  # the last state of `_seen_at`, its residual and tangents
+        self._compiled = kink and isinstance(basis, Fourier)
 
     def _phases(self) -> tuple[tuple[float, float], ...]:
         return self.drive.phases if self.free else super()._phases()
@@ -270,73 +272,85 @@ class RollingSystem(GalerkinSystem):
 
     # --- the equations ----------------------------------------------------------------------------------------------
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        travel = self._travel(t, q, v, a, phase)
-        if not 0.0 < travel[0] < 1.0:
-            return np.full(self.n_dof, np.nan)  # a trial that leaves the cable: Newton's method takes less
-        x = self._at(travel)
-        force, pull = self.cable.force(x.place, self._fields(q))
-        self._pull, self._moved = (self.basis, x.place, pull), None
-        return self._balance(a, self._roll(t, q, v, a, phase, x, force), force)
-
-    def _balance(self, a: Array, car: Car, force: Array) -> Array:
-        r = np.empty(self.n_dof)
-        r[:-1], r[-1] = force.ravel(), car.defect if self._rolls else self.mu * a[-1]
-        return r
-
-    @property
-    def _rolls(self) -> bool:
-        return self.mode.sign != 0.0 or not self.free
+        return self._seen_at(t, q, v, a, phase, False)[0]
 
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         """The column of s_o is a difference of the residual."""
-        travel, n = self._travel(t, q, v, a, phase), self.n_modal
-        if not 0.0 < travel[0] < 1.0:
-            return np.full(self.n_dof, np.nan), lambda r: r
-        x = self._at(travel)
-        force, pull, stiffness = self.cable.linearise(self.basis, x.place, self._fields(q))
-        car = self._roll(t, q, v, a, phase, x, force)
-        r = self._balance(a, car, force)
-        block = self._tangent(x, stiffness, c0, c1, c2)
-        K = np.zeros((n + 1, n + 1), dtype=block.dtype)
-        K[:n, :n] = block
-        if not self._rolls:
-            K[n, n] = c2 * self.mu
-            return r, factorised(K)
-        kernels.row(x.carried, car, self.mu, c0, c1, c2, K[n])
-        if self.free:
-            K[:, n] = self._column(t, q, v, a, phase, r, (c0, c1, c2))
-        else:
-            f = x.carried.f
-            K[: self.n, n], K[self.n : n, n], K[n, n] = -c2 * car.tx * f, -c2 * car.ty * f, -c2
-        self._pull, self._moved = (self.basis, x.place, pull), None
-        return r, factorised(K)
+        r, parts = self._seen_at(t, q, v, a, phase, True)
+        return r, factorised(c0 * parts[0] + c1 * parts[1] + c2 * parts[2])
 
-    def _column(self, t: float, q: Array, v: Array, a: Array, phase: int, r: Array, c: tuple) -> Array:
-        """c0 dr/ds_o + c1 dr/dds_o + c2 dr/ddds_o: one difference where the c are real, one each where they are not."""
-        if any(isinstance(x, complex) for x in c):
-            return sum(x * self._column(t, q, v, a, phase, r, tuple(e)) for x, e in zip(c, np.eye(3), strict=True))
-        h = kernels.STEP / sum(c)
-        q, v, a = (np.append(y[:-1], y[-1] + h * x) for y, x in zip((q, v, a), c, strict=True))
-        return (self.residual(t, q, v, a, phase) - r) / h
+    def _seen_at(self, t: float, q: Array, v: Array, a: Array, phase: int, tangent: bool) -> tuple[Array, Array]:
+        """r, and dr/dq, dr/dv, dr/da if they are wanted; compiled for sines with a hat."""
+        travel, n, size = self._travel(t, q, v, a, phase), self.n_modal, self.n_dof
+        parts = np.zeros((3 if tangent else 0, size, size))
+        if not 0.0 < travel[0] < 1.0:  # a trial that leaves the cable: Newton's method takes less
+            return np.full(size, np.nan), parts
+        if self._compiled:
+            ride, rows, r = self._ride(t, travel, a, phase), np.array([q, v, a]), np.empty(size)
+            key = ride.mode, ride.on, ride.thrust, travel, rows.tobytes()
+            if tangent and self._parts is not None and self._parts[0] == key:
+                return self._parts[1].copy(), self._parts[2]
+            x, pull = self._anywhere(travel), np.empty(ride.behind.shape[1] + ride.ahead.shape[1])
+            kernels.look(x.place, x.carried, x.slope, x.load, ride, *self._constants, rows, r, pull, parts)
+            self._moved = travel[0], pull, ride.behind, ride.ahead
+            if tangent:
+                self._parts = key, r.copy(), parts
+            return r, parts
+        x = self._at(travel)
+        r, car = self._balance(t, q, v, a, phase, x)
+        if not tangent:
+            return r, parts
+        stiffness = self.cable.linearise(self.basis, x.place, self._fields(q))[2]
+        for part, c in zip(parts, np.eye(3).tolist(), strict=True):
+            part[:n, :n] = self._tangent(x, stiffness.copy(), *c)
+            if not self._rolls:
+                part[n, n] = c[2] * self.mu
+                continue
+            kernels.row(x.carried, car, x.rays, self._full.pulls, *travel[1:], self.mu, *c, part[n])
+            if not self.free:
+                f = c[2] * x.carried.f
+                part[: self.n, n], part[self.n : n, n], part[n, n] = -car.tx * f, -car.ty * f, -c[2]
+                continue
+            Q, V, A = (np.append(y[:-1], y[-1] + kernels.STEP * e) for y, e in zip((q, v, a), c, strict=True))
+            part[:, n] = (self.residual(t, Q, V, A, phase) - r) / kernels.STEP
+        return r, parts
+
+    def _balance(self, t: float, q: Array, v: Array, a: Array, phase: int, x: Instant) -> tuple[Array, Car]:
+        force, pull = self.cable.force(x.place, self._fields(q))
+        self._pull, self._moved = (self.basis, x.place, pull), None
+        car = self._roll(t, q, v, a, phase, x, force)
+        return np.append(force.ravel(), car.defect if self._rolls else self.mu * a[-1]), car
+
+    @property
+    def _rolls(self) -> bool:
+        return self.mode.sign != 0.0 or not self.free
+
+    def _anywhere(self, travel: tuple[float, float, float]) -> Instant:
+        """The instant of a hauled car; a free one makes its own, compiled, and any will do."""
+        return self._latest[1] if self.free and self._latest is not None else self._at(travel)
+
+    def _ride(self, t: float, travel: tuple[float, float, float], a: Array, phase: int) -> kernels.Ride:
+        basis, sines = self.basis, self.basis.basis
+        assert isinstance(basis, TravellingKink)
+        assert isinstance(sines, Fourier)
+        mode = kernels.HAULED if not self.free else kernels.FREE if self._rolls else kernels.STUCK
+        return kernels.Ride(
+            mode, self._on(t, phase), self._thrust(t, phase, a) if self.free else 0.0, *travel[1:],
+            sines.side_rule(travel[0]), sines.side_rule(1.0 - travel[0]), basis.at_rest, basis.left, basis.chord,
+            self.groups.c,
+        )  # fmt: skip
 
     def settle(
         self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
     ) -> Settled:
         """As the protocol has it; compiled for sines with a hat."""
-        basis, sines = self.basis, self.basis.basis
-        if not isinstance(basis, TravellingKink) or not isinstance(sines, Fourier):
+        if not self._compiled:
             return iterate(self, t, phase, start, now, rule, bound, newton)
-        mode = kernels.HAULED if not self.free else kernels.FREE if self._rolls else kernels.STUCK
         travel = self._travel(t, start[0], start[1], start[2], phase)
-        x = self._at(travel) if self._latest is None or not self.free else self._latest[1]  # a free car makes its own
-        ride = kernels.Ride(
-            mode, self._on(t, phase), 0.0 if not self.free else self._thrust(t, phase, start[2]), *travel[1:], x.slope,
-            sines.side_rule(travel[0]), sines.side_rule(1.0 - travel[0]), basis.at_rest, basis.left, basis.chord,
-            self.groups.c,
-        )  # fmt: skip
-        done = self._settle(x, ride, start, now, rule, bound, newton)
+        ride = self._ride(t, travel, start[2], phase)
+        done = self._settle(self._anywhere(travel), ride, start, now, rule, bound, newton)
         if self.free and self._pull is not None:
             w = float(rule[0, 4])
             s_o = w * float(now[0, -1]) + (1.0 - w) * float(start[0, -1])
