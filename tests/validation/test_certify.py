@@ -21,7 +21,7 @@ CHEAP = (Way("following-p4", "radau", (3, 1600), 0.0), Way("fourier-kink", "trap
 def filling(found: Found, table: study.Table) -> float:
     """Return the largest part of what is allowed that a run's distance from a table takes."""
     t = found.track
-    gap, bar = t.gap(table.track)[0], study._moved(table.bar, table.track, t)[0]
+    gap, bar = t.gap(table.track)[0], study.at(t.k, table.bar, table.track.k)[0]
     return float(np.nanmax((gap / (found.bar[0] + bar))[(t.k > 0) & (t.k <= 0.9 * table.track.k[-1])]))
 
 

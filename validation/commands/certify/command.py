@@ -9,7 +9,8 @@ def command(scene: SceneName, out: Out = None) -> int:
     """Compute the mass path as deep as it goes, with a bar at 101 places.
 
     Two element discretisations that differ in degree and scheme, the Galerkin wing, and the exact taut string; held
-    against the shipped table of the scene, if there is one. Minutes. Writes DIR/: certificate.csv, certify.json and
+    against the shipped table of the scene, if there is one. Of a free ride, when it passes a place has a bar as well.
+    Minutes. Writes DIR/: certificate.csv, certify.json and
     report.html.
     """
     loaded = scene_named(scene, travelling=True)

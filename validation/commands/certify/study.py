@@ -3,6 +3,7 @@
 Two discretisations of the element wing differ in degree and in scheme; the Galerkin wing shares nothing with them but
 scene and time driver.  Each is refined until its own bars are met or its limit of work is reached.  Where the car grips
 the cable, the same settings are put on a taut string under the same mass and travel, whose exact answer is known.
+A free ride's path is compared over place too; when it passes a place is an answer of its own, with its own bar.
 """
 
 from __future__ import annotations
@@ -84,10 +85,16 @@ class Track:
 
     def gap(self, other: Track) -> Array:
         """Return (2, n) how far apart the masses are at the places [m], and when [s]; nan where the other is not."""
-        out = np.full((2, self.k.size), np.nan)
-        _, i, j = np.intersect1d(self.k, other.k, return_indices=True)
-        out[:, i] = np.linalg.norm(self.place[i] - other.place[j], axis=1), np.abs(self.t[i] - other.t[j])
-        return out
+        x, y, t = at(self.k, np.vstack([other.place.T, other.t]), other.k)
+        return np.stack([np.hypot(self.place[:, 0] - x, self.place[:, 1] - y), np.abs(self.t - t)])
+
+
+def at(k: Array, values: Array, known: Array) -> Array:
+    """Return at places k what is known (m, n) at others; nan where it is not."""
+    out = np.full((values.shape[0], k.size), np.nan)
+    _, i, j = np.intersect1d(k, known, return_indices=True)
+    out[:, i] = values[:, j]
+    return out
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,8 +158,8 @@ def certify(scene: Scene, out: Path | None = None, progress: Progress | None = N
     """Compute the path of the mass by all ways, with bars, and hold them against each other and the shipped table."""
     found = side_by_side([partial(climb, scene, way) for way in WAYS], progress)
     made = joined(scene, tuple(found))
-    free = scene.drive.mode == "free"
-    rows = [row for f, gap in zip(made.found[1:], made.gaps, strict=True) for row in _rows(f, made.answer, gap, free)]
+    own = {found[0].way.name: found[0].bar}
+    rows = [row for f in found[1:] for row in _rows(made, own, f.track, f.way.name, f.bar)]
     rows += [_string(scene, made.answer, f) for f in made.found if scene.drive.mode == "grip"]
     shipped = next((t for t in map(read_table, tables()) if t.scene == scene.to_toml()), None)
     if shipped is not None:
@@ -192,7 +199,9 @@ def climb(scene: Scene, way: Way, progress: Progress = lambda *told: None) -> Fo
     while True:
         fine = ran(settings)
         gaps = [fine.gap(ran(refined(method, settings, **half))) for half in ({"space": 0.5}, {"time": 0.5})]
-        found = _found(fine, gaps, way, {k: settings[k] for k in first}, space_order(method.space_order))
+        # a free ride's path changed by 5e-6 and then by 4e-6 of the deflection as steps were halved: no order
+        weights = SAFETY * left(space_order(method.space_order)), NO_ORDER if free else SAFETY * left(TIME_ORDER)
+        found = _found(fine, gaps, way, {k: settings[k] for k in first}, weights)
         parts = dict(zip((space, "steps"), (x if math.isfinite(x) else math.inf for x in found.parts), strict=True))
         progress(way.name, 0.5, f"{settings[space]}/{settings['steps']}: {sum(found.parts):.1g}")
         # a part far below the other is not worth a run
@@ -210,24 +219,18 @@ def measured(scene: Scene, way: Way) -> Found:
     return climb(scene, replace(way, most=0.0))
 
 
-def _found(fine: Track, gaps: list[Array], way: Way, settings: dict[str, Any], order: float) -> Found:
+def _found(
+    fine: Track, gaps: list[Array], way: Way, settings: dict[str, Any], weights: tuple[float, float]
+) -> Found:  # fmt: skip
     """Return a run with its bars, by its gaps from half the space and half the steps."""
     scale = float(np.linalg.norm(fine.moved, axis=1).max())
     lefts = [
-        np.stack([SAFETY * left(p) * nearby(gap[0]), NO_ORDER * nearby(gap[1])])
-        for p, gap in zip((order, TIME_ORDER), gaps, strict=True)
+        np.stack([weight * nearby(gap[0]), NO_ORDER * nearby(gap[1])])
+        for weight, gap in zip(weights, gaps, strict=True)
     ]
     near = fine.k <= 0.9 * fine.k[-1]
     in_space, in_time = (float(np.max(part[0, near]) / scale) for part in lefts)
     return Found(way, settings, fine, lefts[0] + lefts[1], (in_space, in_time), scale)
-
-
-def _moved(bar: Array, old: Track, new: Track) -> Array:
-    """Return bars (2, n) at the places of one run at those of another; nan where it had none."""
-    out = np.full((2, new.k.size), np.nan)
-    _, i, j = np.intersect1d(old.k, new.k, return_indices=True)
-    out[:, j] = bar[:, i]
-    return out
 
 
 def nearby(gap: Array) -> Array:
@@ -284,31 +287,24 @@ def _passage(solver: Any, before: State, after: State, s_o: float) -> State:
 
 
 # --- verdicts ---------------------------------------------------------------------------------------------------------
-def _worst(k: Array, gap: Array, allowed: Array) -> tuple[float, float, float]:
-    """Return the gap that fills most of what is allowed, that, and its s_o/l; nan where there is none."""
-    both = np.isfinite(gap) & np.isfinite(allowed) & (k > 0)
-    if not both.any():
-        return math.nan, math.nan, math.nan
-    i = int(np.argmax(np.where(both, gap / np.maximum(allowed, 1e-300), -1.0)))
-    return float(gap[i]), float(allowed[i]), float(k[i] / 100.0)
+def _rows(made: Certificate, own: dict[str, Array], other: Track, party: str, bar: Array) -> Iterator[Agreement]:
+    """Give the verdicts on another path and, of a free ride, its instants [s], where they fill most of what is allowed.
 
-
-def _rows(other: Found, answer: Found, gap: Array, free: bool) -> Iterator[Agreement]:
-    """Give the verdicts on another way, at the places where they are tightest."""
-    bar = _moved(other.bar, other.track, answer.track)
-    for i, (quantity, unit) in enumerate(_asked(answer.scale, free)):
-        size, _, where = _worst(answer.track.k, gap[i], answer.bar[i] + bar[i])
-        bound = nothing("no place that both reach")
-        if math.isfinite(size):
-            at = int(np.flatnonzero(answer.track.k == round(100.0 * where))[0])
-            parts = tuple(Part(f.way.name, float(b[i, at] / unit)) for f, b in ((answer, answer.bar), (other, bar)))
-            bound = Bound("error bars", parts)
-        yield Agreement(quantity, size / unit, bound, where, party=other.way.name)
-
-
-def _asked(scale: float, free: bool) -> list[tuple[str, float]]:
-    """Return what is compared and its unit; instants [s] are an answer of free rides."""
-    return [("path", scale), ("instants", 1.0)][: 1 + free]
+    own : the bar that counts of the answer, by its name; bar : the other's.
+    """
+    answer = made.answer
+    bars, gap = own | {party: at(answer.track.k, bar, other.k)}, answer.track.gap(other)
+    asked = [("path", answer.scale), ("instants", 1.0)][: 1 + (made.scene.drive.mode == "free")]
+    for i, (quantity, unit) in enumerate(asked):
+        allowed = np.sum([x[i] for x in bars.values()], axis=0)
+        both = np.isfinite(gap[i]) & np.isfinite(allowed) & (answer.track.k > 0)
+        if not both.any():
+            yield Agreement(quantity, math.nan, nothing("no place that both reach"), party=party)
+            continue
+        at_most = int(np.argmax(np.where(both, gap[i] / np.maximum(allowed, 1e-300), -1.0)))
+        parts = tuple(Part(name, float(x[i, at_most] / unit)) for name, x in bars.items())
+        where = float(answer.track.k[at_most] / 100.0)
+        yield Agreement(quantity, float(gap[i, at_most] / unit), Bound("error bars", parts), where, party=party)
 
 
 def _string(scene: Scene, answer: Found, found: Found) -> Agreement:
@@ -393,13 +389,7 @@ def read_table(file: Path) -> Table:
 
 def against(table: Table, made: Certificate) -> list[Agreement]:
     """Hold a certificate against a table: no place, nor when it is passed, may differ by more than both bars."""
-    answer, rows = made.answer, []
-    allowed, gap = made.bar + _moved(table.bar, table.track, answer.track), answer.track.gap(table.track)
-    for i, (quantity, unit) in enumerate(_asked(answer.scale, made.scene.drive.mode == "free")):
-        size, most, where = _worst(answer.track.k, gap[i], allowed[i])
-        bound = Bound("error bars", (Part("both bars", most / unit),))
-        rows.append(Agreement(quantity, size / unit, bound, where, party="shipped table"))
-    return rows
+    return list(_rows(made, {"answer": made.bar}, table.track, "shipped table", table.bar))
 
 
 def shown(made: Certificate, tols: Sequence[float] = (1e-4, 1e-5, 1e-6)) -> list[list[str]]:

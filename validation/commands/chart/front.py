@@ -10,23 +10,18 @@ OURS = ("method", "integrator", "extrapolated")  # kinds that solve the full cab
 
 def best_of(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:
     """Return the rows that no other one beats in both work and error, from quick to exact."""
+    error = f"{quantity}_error"
     out: list[Row] = []
-    for row in sorted(rows, key=lambda r: (r[work], r[f"{quantity}_error"])):
-        if not out or row[f"{quantity}_error"] < out[-1][f"{quantity}_error"]:
+    known = [r for r in rows if r["status"] == "ok" and r[error] is not None and r[work] is not None]
+    for row in sorted(known, key=lambda r: (r[work], r[error])):
+        if not out or row[error] < out[-1][error]:
             out.append(row)
     return out
 
 
-def front(rows: list[Row], quantity: str) -> None:
-    """Mark the rows that no other one beats in both seconds and error: row["pareto_path" or "pareto_tension"]."""
-    known = [r for r in rows if r["kind"] != "scipy" and _known(r, quantity)]
-    best = best_of(known, quantity)
-    for row in rows:
-        row[f"pareto_{quantity}"] = any(row is x for x in best)
-
-
-def _known(row: Row, quantity: str) -> bool:
-    return row["status"] == "ok" and row[f"{quantity}_error"] is not None and row["seconds"] is not None
+def front(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:
+    """Return the best of all methods that solve the full cable."""
+    return best_of([r for r in rows if r["kind"] in OURS], quantity, work)
 
 
 def seconds_at(rows: list[Row], error: float, quantity: str = "path") -> float | None:
@@ -34,9 +29,7 @@ def seconds_at(rows: list[Row], error: float, quantity: str = "path") -> float |
 
     None where no row reaches it; where the coarsest row is better already, that row's seconds.
     """
-    best = [
-        (r["seconds"], r[f"{quantity}_error"]) for r in best_of([r for r in rows if _known(r, quantity)], quantity)
-    ]  # fmt: skip
+    best = [(r["seconds"], r[f"{quantity}_error"]) for r in best_of(rows, quantity)]
     for i, (seconds, e) in enumerate(best):
         if e <= error:
             if i == 0:
@@ -75,5 +68,4 @@ def fastest(rows: list[Row], error: float) -> Row:
 
 def _why_not(rows: list[Row]) -> str:
     errors = [r["path_error"] for r in rows if r["path_error"] is not None]
-    why = f"comes to {100.0 * min(errors):.2g} % at best" if errors else rows[0]["reason"]
-    return f"not measured: {why}"
+    return f"comes to {100.0 * min(errors):.2g} % at best" if errors else f"not measured: {rows[0]['reason']}"

@@ -1,6 +1,7 @@
 """Pages of the work-precision chart, drawn from chart.json alone."""
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from itertools import product
 from pathlib import Path
@@ -12,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from matplotlib.transforms import Bbox
 
-from validation.commands.chart.front import OURS, Row, best_of
+from validation.commands.chart.front import OURS, Row, best_of, front
 from validation.core import store
 from validation.core.methods import METHODS
 from validation.page.figures import BLACK, DASHES, GREY, MARKERS, PALETTE, panels, style
@@ -142,15 +143,17 @@ def _charts(chart: dict[str, Any], quantity: str) -> Section:
         known = {k: [r for r in v if r[f"{quantity}_error"] is not None] for k, v in lines.items()}
         known = {k: v for k, v in known.items() if v}
         if known:
-            caption = _SAY.chart(title.capitalize(), _error(chart, quantity), WORK["seconds"])
-            drawn.append(figure(draw(chart, quantity, "seconds", title, known), Markup(caption)))
+            drawn.append(figure(draw(chart, quantity, "seconds", title, known), _caption(chart, title, quantity)))
     what = {"path": "mass path", "tension": "tension"}[quantity]
-    fronts = [r["series"] for r in chart["rows"] if r.get(f"pareto_{quantity}")]
-    names = ", ".join(dict.fromkeys(fronts))
+    names = ", ".join(dict.fromkeys(r["series"] for r in front(chart["rows"], quantity)))
     return Section(
-        f"chart-{quantity}", f"Speed against accuracy: {what}", gallery(*drawn), None,
+        f"chart-{quantity}", f"Speed against accuracy: {what}", Markup(_SAY.legend()) + gallery(*drawn), None,
         f"Best of all for the {what}, from quick to exact: {names}." if names else f"No run gave the {what}.",
     )  # fmt: skip
+
+
+def _caption(chart: dict[str, Any], title: str, quantity: str) -> str:
+    return f"{title.capitalize()}: {_error(chart, quantity)}"
 
 
 def _work(chart: dict[str, Any]) -> Section:
@@ -159,8 +162,7 @@ def _work(chart: dict[str, Any]) -> Section:
         known = {k: [r for r in v if r["unknown_steps"] is not None] for k, v in lines.items()}
         known = {k: v for k, v in known.items() if v and v[0]["kind"] in OURS}
         if known:
-            caption = _SAY.work(title.capitalize(), _error(chart, "path"), WORK["unknown_steps"])
-            drawn.append(figure(draw(chart, "path", "unknown_steps", title, known), Markup(caption)))
+            drawn.append(figure(draw(chart, "path", "unknown_steps", title, known), _caption(chart, title, "path")))
     return Section(
         "chart-work", "Countable work", gallery(*drawn), None,
         "The same errors against steps times unknowns, which do not depend on the machine.",
@@ -173,8 +175,8 @@ def draw(chart: dict[str, Any], quantity: str, work: str, title: str, lines: dic
     error = f"{quantity}_error"
     fig, ax = panels(height=4.4)
     dots = [r for r in chart["rows"] if r["status"] == "ok" and r["kind"] != "scipy" and r[error] and r[work]]
-    front = best_of([r for r in dots if r["kind"] in OURS], quantity, work)
-    ax.plot(*_columns(front, work, error), color="#c8c8c8", linewidth=6.0, solid_capstyle="round", zorder=1)
+    best = front(dots, quantity, work)
+    ax.plot(*_columns(best, work, error), color="#c8c8c8", linewidth=6.0, solid_capstyle="round", zorder=1)
     labels: list[tuple[Row, str, int]] = []
     for i, (name, rows) in enumerate(lines.items()):
         colour, marker, dash = PALETTE[i % len(PALETTE)], MARKERS[i % len(MARKERS)], DASHES[i % len(DASHES)]
@@ -234,15 +236,15 @@ def _label(ax: Axes, row: Row, error: str, work: str, colour: str, up: int, take
 def _failures(chart: dict[str, Any]) -> Section:
     bad = [r for r in chart["rows"] if r["status"] != "ok"]
     grouped: dict[tuple[str, str, str], list[Row]] = {}
-    for r in bad:
-        kind = "budget" if r["status"] == "not run" else r["reason"] or ""
+    for r in bad:  # reasons that differ in numbers only are one
+        kind = "budget" if r["status"] == "not run" else re.sub(r"[0-9.]+", "", r["reason"] or "")
         grouped.setdefault((r["series"], r["status"], kind), []).append(r)
     rows = []
     for (name, status, kind), those in grouped.items():
-        at = [_told(r["settings"]) for r in those if r["settings"]]
+        at = [_told({k: v for k, v in r["settings"].items() if str(v) not in name}) for r in those if r["settings"]]
         rows.append({
             "series": name, "status": status, "settings": "; ".join(at) or "–",
-            "reason": "would have cost more than its share of the time" if kind == "budget" else kind,
+            "reason": "would have cost more than its share of the time" if kind == "budget" else those[0]["reason"],
         })  # fmt: skip
     failed = sum(r["status"] == "failed" for r in bad)
     html = table(rows, {"series": "line", "status": "status", "settings": "settings", "reason": "reason"}, stack=True)

@@ -29,7 +29,7 @@ from cablefem.newmark import SCHEMES
 from cablefem.response import Response, write_json
 from cablefem.scene import Groups, Scene
 from validation.commands.chart.cost import growth, implicit_floor
-from validation.commands.chart.front import fastest, front
+from validation.commands.chart.front import fastest
 from validation.core import measures, store
 from validation.core.estimate import estimated
 from validation.core.measures import NotComparable, Window
@@ -104,8 +104,6 @@ def chart(
         report("cost growth", 0.9)
         found["growth"] = before.get("growth") or growth(scene)
         found["floor"] = before.get("floor") or implicit_floor(scene)
-    for quantity in ("path", "tension"):
-        front(rows, quantity)
     found["fastest"] = [fastest(rows, error) for error in DECADES]
     write_json(path, found)
     report("done", 1.0)

@@ -15,6 +15,7 @@ from cablefem.newmark import State, Work
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from cablefem.scene.statics import gripped, hauled
+from validation.commands.modes.study import modes
 from validation.core import measures, trust
 from validation.core.agreement import Agreement
 from validation.core.bounds import Bound, Part, nothing
@@ -23,9 +24,7 @@ from validation.core.methods import METHODS
 from validation.core.richardson import SAFETY
 from validation.core.running import run
 from validation.core.scipys import integrated
-from validation.oracles import catenary_modes
 
-COUNT = 5  # frequencies
 ROUNDING = 1e-8
 COARSE, STEPS = 6, 2000  # elements a side, and driver's steps over the part of the way below
 FROM, PART = 0.1, 0.05  # s_o/l from which the driver is held against scipy, and the part of the travel over which
@@ -49,20 +48,7 @@ def _row(gap: float, *parts: Part) -> Agreement:
 
 def _frequencies(scene: Scene, a: Estimated, rows: list[Agreement]) -> Agreement:
     """Hold both wings' bare cable against the exact linearised catenary."""
-    from cablefem.elements import modes as elements
-    from galerkin import modes as galerkin
-    from galerkin.bases.fourier import Fourier
-
-    g = scene.groups
-    exact = catenary_modes.solve(g.sigma, g.alpha, g.c, count=COUNT).omega
-    found = []
-    for name, (fine, coarse) in {
-        "elements": [elements.bare_frequencies(g, elements=n, n=COUNT) for n in (8, 4)],
-        "sines": [galerkin.bare_frequencies(g, Fourier(n), n=COUNT) for n in (80, 40)],
-    }.items():
-        bar = float(np.abs(fine / coarse - 1.0).max())
-        found.append(_row(float(np.abs(fine / exact - 1.0).max()), Part(name, bar, HALVED), Part("rounding", ROUNDING)))
-    return max(found, key=lambda row: row.gap / row.allowed)
+    return max(modes(scene).rows, key=lambda row: row.gap / row.allowed)
 
 
 def _rest(scene: Scene, a: Estimated, rows: list[Agreement]) -> Agreement | None:
