@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from cablefem import Scene
 from cablefem.elements.following import FollowingElements
+from cablefem.newmark import iterate
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
 from validation.commands.check.study import check
@@ -32,7 +33,17 @@ class Altered:
         return self._changes[name] if name in self._changes else getattr(self._groups, name)
 
 
-class NoCoriolis(GalerkinSystem):
+class Interpreted:
+    """Steps by residuals and tangents of the system itself: compiled ones would not know the fault."""
+
+    def settle(self, *step):
+        return iterate(self, *step)
+
+    def stride(self, *steps):
+        return iter(())
+
+
+class NoCoriolis(Interpreted, GalerkinSystem):
     """(22) left out."""
 
     def _instant(self, *kinematics):
@@ -40,7 +51,7 @@ class NoCoriolis(GalerkinSystem):
         return dataclasses.replace(x, carried=x.carried._replace(f_v=0.0 * x.carried.f_v))
 
 
-class HalfCentrifugal(GalerkinSystem):
+class HalfCentrifugal(Interpreted, GalerkinSystem):
     """Half of ds_o^2 (phi'' and X'') in (23) and (27)."""
 
     def _instant(self, s_o, ds_o, dds_o):
@@ -53,7 +64,7 @@ class HalfCentrifugal(GalerkinSystem):
         return super()._load(s_o, ds_o, dds_o) - 0.5 * ds_o**2 * curvature
 
 
-class SignOfCurvature(GalerkinSystem):
+class SignOfCurvature(Interpreted, GalerkinSystem):
     """+y'' where -y'' belongs in the load (27)."""
 
     def _load(self, s_o, ds_o, dds_o):
@@ -61,7 +72,7 @@ class SignOfCurvature(GalerkinSystem):
         return super()._load(s_o, ds_o, dds_o) - np.array([0.0, 2.0 * ds_o**2 * curvature[1]])
 
 
-class StillMesh(FollowingElements):
+class StillMesh(Interpreted, FollowingElements):
     """The mesh moves, but its velocity is left out of the equations."""
 
     def _time(self, t, phase):

@@ -13,6 +13,7 @@ from cablefem.response import Observation, Response
 from tests.test_readme import METHOD
 from validation import assert_agree, check, run
 from validation.commands.atlas import study as atlas
+from validation.commands.chart import cost
 from validation.commands.chart import study as chart
 from validation.commands.oracles import study as oracles
 from validation.core.methods import METHODS, find, refined
@@ -116,7 +117,7 @@ def test_a_row_of_the_chart(name, monkeypatch):
     row = chart._repeated(SCENE, line, coarse(name), truth, 1, 0.0)
     assert row["status"] == "ok" or row["reason"]
     assert chart._size(line, coarse(name)) > 0.0
-    assert chart._sizes(find(name).resolution, 80)
+    assert cost._sizes(find(name).resolution, 80)
 
 
 @every
