@@ -84,9 +84,9 @@ def results(folder: Path) -> list[str]:
 
 
 def title(folder: Path) -> str:
-    """Return the title of the scene that a folder's results are about, else its name; "" without a scene."""
-    text = (_marker(folder) or {}).get("scene", "")
-    return (tomllib.loads(text).get("title") or folder.name) if text else ""
+    """Return the title of the scene that a folder's results are about, else the scene's name; "" without a scene."""
+    scene = tomllib.loads((_marker(folder) or {}).get("scene", ""))
+    return scene.get("title") or scene.get("name") or ""
 
 
 def _marker(folder: Path) -> dict[str, Any] | None:
