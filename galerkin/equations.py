@@ -223,14 +223,14 @@ class GalerkinSystem:
         """As the protocol has it; compiled for the full cable."""
         if self.path_form or not isinstance(self.cable, FullCable):
             return iterate(self, t, phase, start, now, rule, bound, newton)
-        if not self._strides:
+        if not self._compiled:
             return self._settle(self.instant(t, phase), None, start, now, rule, bound, newton)
         (now[:],), told, _, pull = self._stride(np.array([t]), phase, start, rule[None], bound, newton)
         self._pull = self.basis, self.instant(t, phase).place, pull
         return Settled(*told[0].tolist()[:4])
 
     @property
-    def _strides(self) -> bool:
+    def _compiled(self) -> bool:
         """Whether an instant is made in compiled code: of the full cable over sines with a hat."""
         full = isinstance(self.cable, FullCable) and not self.path_form
         return full and self.kink and isinstance(self.basis.basis, Fourier)
@@ -239,7 +239,7 @@ class GalerkinSystem:
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> Iterator[tuple[Array, Settled]]:
         """As the protocol has it, while the rules of both sides stay; ripples below zero are looked at step by step."""
-        if not self._strides:
+        if not self._compiled:
             return
         now, told, taken, _ = self._stride(t, phase, start, rules, bound, newton)
         for end, (*done, least, where) in zip(now[:taken], told.tolist(), strict=False):

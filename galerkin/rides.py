@@ -112,7 +112,6 @@ class RollingSystem(GalerkinSystem):
         self._smooth = 0.0, 0.0, 0.0, 0.0, 0.0  # t, p.. and its rate, see `begin_step`
         self._moved: tuple[float, Array, Array, Array] | None = None  # s_o, tensions, rules of a compiled residual
         self._parts: tuple[Any, Array, Array] | None = None  # the last state of `_seen_at`, its residual and tangents
-        self._compiled = kink and isinstance(basis, Fourier)
 
     def _phases(self) -> tuple[tuple[float, float], ...]:
         return self.drive.phases if self.free else super()._phases()

@@ -91,7 +91,8 @@ def test_the_tangent_of_a_step(mode, rubs, monkeypatch):
 
     assert off(*c) < (0.1 if rubs else 0.03)
     assert off(1e-2, -1e-1, 1.0) > 0.3
-    compiled, system._compiled = system.linearise(0.9, q, v, a, 0, *c), False
+    compiled = system.linearise(0.9, q, v, a, 0, *c)
+    monkeypatch.setattr(RollingSystem, "_compiled", False)
     plain = system.linearise(0.9, q, v, a, 0, *c)
     np.testing.assert_allclose(compiled[0], plain[0], rtol=0.0, atol=1e-10 * np.abs(plain[0]).max())
     np.testing.assert_allclose(compiled[1](x.copy()), plain[1](x.copy()), rtol=0.0, atol=1e-6)

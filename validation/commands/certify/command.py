@@ -10,8 +10,7 @@ def command(scene: SceneName, out: Out = None) -> int:
 
     Two element discretisations that differ in degree and scheme, the Galerkin wing, and the exact taut string; held
     against the shipped table of the scene, if there is one. Of a free ride, when it passes a place has a bar as well.
-    Minutes. Writes DIR/: certificate.csv, certify.json and
-    report.html.
+    Minutes. Writes DIR/: certificate.csv, certify.json and report.html.
     """
     loaded = scene_named(scene, travelling=True)
 

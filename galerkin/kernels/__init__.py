@@ -1,0 +1,38 @@
+"""Compiled inner loops of the full cable.
+
+Compiled because a step of these small systems costs more in interpreter than in arithmetic otherwise.
+
+    cable     stress, forces, tangent, inertia
+    rolling   a car that rolls
+    steps     a step, and many in one go
+
+Common arguments
+    T         (m,) static tension;  r_static (2, m) rows x', y' of the static shape
+    slope     (2, m) w' = (u', v');  phi (n, m) Phi' at the points, weights (m,) of Gauss' rule
+    alpha, law  EA/H, and the index of the law in `galerkin.law.LAWS`
+    x         a `Carried` of the moving basis
+    Q, V, A   (fields, n) coefficients, their velocities and accelerations
+
+Loops stand where numpy would have an expression of arrays: numba takes seconds to compile the latter.
+"""
+
+from galerkin.kernels.cable import (
+    Points,
+    acceleration,
+    add_inertia,
+    add_inertia_tangent,
+    balance,
+    static,
+    static_at,
+    stiffness,
+    stress,
+    survey,
+)
+from galerkin.kernels.rolling import Rolling, across, car, pulls, recover, roll, row, taut
+from galerkin.kernels.steps import FREE, HAULED, STEP, STUCK, Grip, Ride, look, settle, stride
+
+__all__ = [
+    "FREE", "HAULED", "STEP", "STUCK", "Grip", "Points", "Ride", "Rolling", "acceleration", "across", "add_inertia",
+    "add_inertia_tangent", "balance", "car", "look", "pulls", "recover", "roll", "row", "settle", "static", "static_at",
+    "stiffness", "stress", "stride", "survey", "taut",
+]  # fmt: skip

@@ -1,0 +1,207 @@
+"""Stress at points of the full cable, its internal force and tangent, and the inertia that the basis carries."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from galerkin.law import compiled, tension
+
+Array = np.ndarray
+ELASTIC = 0
+
+
+class Points(NamedTuple):
+    """Where the full cable takes its integrals, with the static cable there."""
+
+    s: Array  # (n_q,)
+    phi: Array  # Phi', (n, n_q); with a hat its slope is the last row
+    weights: Array
+    T: Array
+    r_static: Array  # x', y', (2, n_q)
+
+
+@compiled
+def static(s, sigma, c):
+    """T, and x', y' as rows, of (9)-(10): T^2 = 1 + p^2, p = c - sigma s."""
+    T, r = np.empty(s.size), np.empty((2, s.size))
+    for i in range(s.size):
+        p = c - sigma * s[i]
+        T[i] = math.sqrt(1.0 + p * p)
+        r[0, i], r[1, i] = 1.0 / T[i], p / T[i]
+    return T, r
+
+
+@compiled
+def static_at(s, sigma, c):
+    """X' and X'' at one place, rows (2, 2)."""
+    p = c - sigma * s
+    T = math.sqrt(1.0 + p * p)
+    out = np.empty((2, 2))
+    out[0, 0], out[0, 1], out[1, 0], out[1, 1] = 1.0 / T, p / T, sigma * p / T**3, -sigma / T**3
+    return out
+
+
+@compiled
+def at_point(T, xp, yp, ux, vy, alpha, law):
+    """N, W, N t - T t_static (2), k, d, |r'| and the elastic T + alpha eps, whatever the law.
+
+    The tangent of N t is k I + d r' r'^T, k = N/|r'|, d = (dN/deps |r'| - N)/|r'|^3 of (28)-(32).  The force is formed
+    as (k - T) X' + k w', k - T = ((N - T) - T eps)/|r'|: nothing cancels next to the hanging cable.
+    """
+    e = (2.0 * xp + ux) * ux + (2.0 * yp + vy) * vy
+    stretch = math.sqrt(1.0 + e)
+    eps = e / (1.0 + stretch)  # sqrt(1 + e) - 1 without cancellation
+    N, dN, W = tension(eps, T, alpha, law)
+    k = N / stretch
+    d = (dN - k) / (stretch * stretch)
+    excess = (N - T - T * eps) / stretch
+    return N, W, excess * xp + k * ux, excess * yp + k * vy, k, d, tension(eps, T, alpha, ELASTIC)[0]
+
+
+@compiled
+def stress(T, r_static, slope, alpha, law):
+    """Rows N, W, N t - T t_static (2), and the three entries of its tangent, xx, xy, yy: (7, m)."""
+    out = np.empty((7, T.size))
+    for i in range(T.size):
+        xp, yp, ux, vy = r_static[0, i], r_static[1, i], slope[0, i], slope[1, i]
+        N, W, fx, fy, k, d, _ = at_point(T[i], xp, yp, ux, vy, alpha, law)
+        rx, ry = xp + ux, yp + vy
+        out[0, i], out[1, i], out[2, i], out[3, i] = N, W, fx, fy
+        out[4, i], out[5, i], out[6, i] = k + d * rx * rx, d * rx * ry, k + d * ry * ry
+    return out
+
+
+@compiled
+def balance(at, Q, alpha, law, force, gram, pull, sides):
+    """Internal force (2, n) of coefficients Q; at : `Points`.
+
+    gram : (2, 2, m) receives the weighted tangent at the points;  pull : (m,) the elastic T + alpha eps
+    sides : (2, 2) receives int (N t - T t_static) ds behind and ahead of the mass, each a row, where there is a hat
+    """
+    T, r_static, weights = at.T, at.r_static, at.weights
+    slope = np.dot(Q, at.phi)
+    sides[:] = 0.0
+    for i in range(weights.size):
+        xp, yp, ux, vy = r_static[0, i], r_static[1, i], slope[0, i], slope[1, i]
+        _, _, fx, fy, k, d, pull[i] = at_point(T[i], xp, yp, ux, vy, alpha, law)
+        rx, ry, w = xp + ux, yp + vy, weights[i]
+        gram[0, 0, i], gram[1, 1, i] = w * (k + d * rx * rx), w * (k + d * ry * ry)
+        gram[0, 1, i] = gram[1, 0, i] = w * (d * rx * ry)
+        slope[0, i], slope[1, i] = w * fx, w * fy
+        side = 0 if at.phi[-1, i] > 0.0 else 1
+        sides[side, 0] += w * fx
+        sides[side, 1] += w * fy
+    np.dot(slope, at.phi.T, force)
+
+
+@compiled
+def stiffness(phi, f, harmonic, hat, out):
+    """Set out[:2 n, :2 n] to sum_q f_ab Phi_i' Phi_j', by a i, b j; f (2, 2, m), f_ab = f_ba.
+
+    harmonic : phi_j' phi_k' = j k pi^2/2 (cos((j-k) x) + cos((j+k) x)), x = pi s, and c_m = sum_q f_q cos(m x_q).  The
+    table holds the cosines up to m = N; cos((N+m) x) = 2 cos(N x) cos(m x) - cos((N-m) x) gives the others.
+    """
+    n, m = phi.shape
+    N = n - hat
+    both = np.empty((9, m))
+    for i in range(3):
+        for q in range(m):
+            value = f[i // 2, (i + 1) // 2, q]
+            both[i, q] = value
+            both[3 + i, q] = value * (phi[N - 1, q] / (N * math.pi))
+            both[6 + i, q] = value * phi[n - 1, q]
+    sums = np.dot(both, phi.T)
+    if harmonic:
+        c = np.empty(4 * N + 1)  # c_|m|, m = -2N .. 2N
+        for i in range(3):
+            a, b = i // 2, (i + 1) // 2
+            c[2 * N] = 0.0
+            for q in range(m):
+                c[2 * N] += both[i, q]
+            for k in range(1, N + 1):
+                c[2 * N + k] = c[2 * N - k] = sums[i, k - 1] / (k * math.pi)
+            for k in range(1, N + 1):
+                c[3 * N + k] = c[N - k] = 2.0 * sums[3 + i, k - 1] / (k * math.pi) - c[3 * N - k]
+            for j in range(1, N + 1):
+                minus, plus, row = c[2 * N - j :], c[2 * N + j :], out[a * n + j - 1, b * n :]
+                for k in range(1, N + 1):
+                    row[k - 1] = (0.5 * math.pi**2 * j) * k * (minus[k] + plus[k])
+    else:
+        scaled = np.empty((N, m))
+        for i in range(3):
+            a, b = i // 2, (i + 1) // 2
+            for k in range(N):
+                for q in range(m):
+                    scaled[k, q] = f[a, b, q] * phi[k, q]
+            products = np.dot(scaled, phi[:N].T)
+            for j in range(N):
+                for k in range(N):
+                    out[a * n + j, b * n + k] = products[j, k]
+    if hat:
+        for i in range(3):
+            a, b = i // 2, (i + 1) // 2
+            for k in range(n):
+                out[a * n + N, b * n + k] = out[a * n + k, b * n + N] = sums[6 + i, k]
+    for j in range(n):
+        for k in range(n):
+            out[n + j, k] = out[j, n + k]
+
+
+@compiled
+def acceleration(x, Q, V, A):
+    """d2/dt2 of w(s_o, t) along the path, (fields,)."""
+    out = np.zeros(A.shape[0])
+    for a in range(out.size):
+        for i in range(x.f.size):
+            out[a] += A[a, i] * x.f[i] + V[a, i] * x.f_v[i] + Q[a, i] * x.f_q[i]
+    return out
+
+
+@compiled
+def add_inertia(x, Q, V, A, C, R):
+    """Add M A + 2 A V + (A. - B) Q of the cable and the force C (fields,) at the mass to R (fields, n)."""
+    last = x.f.size - 1
+    for a in range(R.shape[0]):
+        for k in range(last + 1):
+            for i in range(R.shape[1]):
+                R[a, i] += A[a, k] * x.mass[k, i]
+        for i in range(R.shape[1]):
+            R[a, i] += V[a, last] * x.gyroscopic[i] + Q[a, last] * x.centrifugal[i] + C[a] * x.f[i]
+
+
+@compiled
+def add_inertia_tangent(x, mu, c0, c1, c2, K):
+    """Make c0 K, K = dR/dQ (fields n, fields n), the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of all but C's own load."""
+    n = x.f.size
+    last = n - 1
+    for i in range(K.shape[0]):
+        k, first = i % n, (i // n) * n
+        for j in range(K.shape[1]):
+            K[i, j] *= c0
+        for j in range(n):
+            K[i, first + j] += c2 * x.mass[k, j] + mu * x.f[k] * (c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j])
+        K[i, first + last] += c1 * x.gyroscopic[k] + c0 * x.centrifugal[k]
+
+
+@compiled
+def survey(at, Q, alpha, law, internal):
+    """int W ds, the least N and the index of its point; at : `Points` with a hat, rising behind the mass.
+
+    internal : (2, 2) receives int (N t - T t_static) ds behind and ahead of the mass, each a column
+    """
+    T, r_static, weights = at.T, at.r_static, at.weights
+    slope = np.dot(Q, at.phi)
+    energy, least, where = 0.0, math.inf, 0
+    internal[:] = 0.0
+    for i in range(weights.size):
+        N, W, fx, fy, _, _, _ = at_point(T[i], r_static[0, i], r_static[1, i], slope[0, i], slope[1, i], alpha, law)
+        side = 0 if at.phi[-1, i] > 0.0 else 1
+        internal[0, side] += weights[i] * fx
+        internal[1, side] += weights[i] * fy
+        energy += weights[i] * W
+        if least > N:
+            least, where = N, i
+    return energy, least, where

@@ -1,0 +1,165 @@
+"""A car that rolls: its balance along the mean tangent, and the row of the tangent that goes with it."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from galerkin.kernels.cable import acceleration, add_inertia
+from galerkin.law import compiled
+
+LEAST_PULL = 1e-3  # of a cable that is not slack, over H
+
+
+class Rolling(NamedTuple):
+    """What acts on a rolling car at an instant."""
+
+    mu: float
+    sigma: float
+    drag: float  # of the air
+    wind: float
+    hold: float  # F_hold
+    rub: float  # mu_r, with the sign that friction acts in
+    brake: float  # of brakes, with the sign they act in
+    ax: float = 0.0  # p.. as friction goes by it
+    ay: float = 0.0
+
+
+@compiled
+def car(on, thrust, velocity, acceleration, behind, ahead):
+    """The car by its p., p.. and r' behind and ahead (2,); on : `Rolling`;  thrust, or the haul force.
+
+    C = mu (p.. - sigma j) - F_ext (2), tau (2), cos(phi), <lam>, the force of the air (2), the normal part of the force
+    on the cable, downward, the defect tau . C - f cos(phi), the speed tau . p., p. (2), and what friction takes for the
+    normal part.
+    """
+    mx, my = 0.5 * (behind[0] + ahead[0]), 0.5 * (behind[1] + ahead[1])
+    size = math.hypot(mx, my)
+    tx, ty = mx / size, my / size
+    stretch = 0.5 * (math.hypot(behind[0], behind[1]) + math.hypot(ahead[0], ahead[1]))
+    x, y = velocity[0] - on.wind, velocity[1]
+    air = -on.drag * math.hypot(x, y)
+    Cx = on.mu * acceleration[0] - thrust * tx - air * x
+    Cy = on.mu * (acceleration[1] - on.sigma) - thrust * ty - air * y
+    pressing, cos_phi = ty * Cx - tx * Cy, size / stretch
+    normal = ty * (on.mu * on.ax - air * x) - tx * (on.mu * (on.ay - on.sigma) - air * y)
+    defect = tx * Cx + ty * Cy - cos_phi * (on.hold / stretch + on.brake + on.rub * abs(normal))
+    speed = tx * velocity[0] + ty * velocity[1]
+    return (
+        Cx, Cy, tx, ty, cos_phi, stretch, air * x, air * y, pressing, defect, speed, velocity[0], velocity[1], normal
+    )  # fmt: skip
+
+
+@compiled
+def taut(force, slope, T, alpha):
+    """Turn r' at a point (2,), as the basis has it, into that of the force N t; return lam/N.
+
+    Where the cable is slack r' stays, and the return is 0.
+    """
+    N = math.hypot(force[0], force[1])
+    if not (N > LEAST_PULL and force[0] * slope[0] + force[1] * slope[1] > 0.0):
+        return 0.0
+    size = (1.0 + (N - T) / alpha) / N
+    slope[0], slope[1] = size * force[0], size * force[1]
+    return size
+
+
+@compiled
+def recover(x, slope, rays, sides, alpha, Q, V, A, ds_o, dds_o, behind, ahead):
+    """Turn r' behind and ahead of the mass (2,) into that of the tension from equilibrium; return lam/N there.
+
+    See `galerkin.equilibrium`.
+    sides : int (N t - T t_static) ds behind and ahead, rows (2, 2); the hat's two rays weigh the balances.
+    """
+    last, T, force = x.f.size - 1, 1.0 / slope[0], np.empty((2, 2))
+    for a in range(2):
+        v, q = 2.0 / 3.0 * ds_o * V[a, last], Q[a, last] / 3.0
+        force[0, a] = T * slope[a] + rays[0] * sides[0, a] - v + q * (2.0 * ds_o * ds_o * rays[0] - dds_o)
+        force[1, a] = T * slope[a] - rays[1] * sides[1, a] - v + q * (2.0 * ds_o * ds_o * rays[1] - dds_o)
+        for i in range(last + 1):
+            force[0, a] += A[a, i] * x.behind[i]
+            force[1, a] -= A[a, i] * (x.mass[last, i] - x.behind[i])
+    return taut(force[0], behind, T, alpha), taut(force[1], ahead, T, alpha)
+
+
+@compiled
+def across(slope, tx, ty, turn):
+    """What r' = slope (2,) gains across tau with the force there: two weights of dF; turn : lam/N."""
+    size = math.hypot(slope[0], slope[1])
+    x, y = slope[0] / size, slope[1] / size
+    off = tx * y - ty * x
+    return turn * (-ty - off * x), turn * (tx - off * y)
+
+
+@compiled
+def roll(x, slope, load, rays, sides, alpha, Q, V, A, ds_o, dds_o, on, thrust, R):
+    """Add the cable's inertia and the car to R (2, n), and return `car`, and `across` of both sides.
+
+    slope, rays, load : of an `Instant`
+
+    sides : as for `recover`, or None.  With it tau is that of the tension from equilibrium: sines do not resolve a side
+        that is shorter than their waves, and the balance of the car by their slopes errs by a hundred times as much.
+    """
+    last = x.f.size - 1
+    velocity, behind, ahead, p = np.empty(2), np.empty(2), np.empty(2), acceleration(x, Q, V, A)
+    for a in range(2):
+        along, speed = slope[a], 0.0
+        for i in range(last + 1):
+            along += Q[a, i] * x.f_s[i]
+            speed += V[a, i] * x.f[i]
+        velocity[a] = speed + ds_o * along
+        behind[a], ahead[a] = along + rays[0] * Q[a, last], along + rays[1] * Q[a, last]
+        p[a] += load[a]
+    p[1] += on.sigma
+    turns = 0.0, 0.0
+    if sides is not None:
+        turns = recover(x, slope, rays, sides, alpha, Q, V, A, ds_o, dds_o, behind, ahead)
+    out = car(on, thrust, velocity, p, behind, ahead)
+    p[0], p[1] = out[0], out[1]
+    add_inertia(x, Q, V, A, p, R)
+    bx, by = across(behind, out[2], out[3], turns[0])
+    ax, ay = across(ahead, out[2], out[3], turns[1])
+    return (*out, bx, by, ax, ay)
+
+
+@compiled
+def pulls(phi, gram):
+    """How int (N t - T t_static) ds behind and ahead of the mass follow Q, (2, 2, 2, n): side, its field, Q's.
+
+    gram : as `balance` leaves it
+    """
+    n, m = phi.shape
+    out, middle = np.zeros((2, 2, 2, n)), 0
+    while middle < m and phi[n - 1, middle] > 0.0:
+        middle += 1
+    for side in range(2):
+        first, last = (0, middle) if side == 0 else (middle, m)
+        for a in range(2):
+            for b in range(2):
+                for k in range(n):
+                    total = 0.0
+                    for q in range(first, last):
+                        total += gram[a, b, q] * phi[k, q]
+                    out[side, a, b, k] = total
+    return out
+
+
+@compiled
+def row(x, out, rays, pulls, ds_o, dds_o, mu, c0, c1, c2, into):
+    """The car's row of the tangent, (2 n + 1,), by `roll`; tau turns with the forces of `recover`."""
+    n = x.f.size
+    turn = -0.5 * out[8] / (out[4] * out[5])
+    for b in range(2):
+        for j in range(n):
+            own = out[2 + b] * mu * (c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j])
+            by_a = out[14 + b] * x.behind[j] - out[16 + b] * (x.mass[n - 1, j] - x.behind[j])
+            by_q = 0.0
+            for a in range(2):
+                by_q += out[14 + a] * rays[0] * pulls[0, a, b, j] - out[16 + a] * rays[1] * pulls[1, a, b, j]
+            into[b * n + j] = own + turn * (c2 * by_a + c0 * by_q)
+        by_v = -2.0 / 3.0 * ds_o * (out[14 + b] + out[16 + b])
+        by_q = 2.0 * ds_o * ds_o * (out[14 + b] * rays[0] + out[16 + b] * rays[1])
+        by_q -= dds_o * (out[14 + b] + out[16 + b])
+        into[b * n + n - 1] += turn * (c1 * by_v + c0 * by_q / 3.0)

@@ -1,0 +1,235 @@
+"""Newton's method of a step, with a mass that grips or a car that rolls; sines with a hat make their own instants."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from galerkin.bases.fourier import split, values_at
+from galerkin.bases.kink import Carried, carry
+from galerkin.kernels.cable import (
+    Array,
+    Points,
+    acceleration,
+    add_inertia,
+    add_inertia_tangent,
+    balance,
+    static,
+    static_at,
+    stiffness,
+)
+from galerkin.kernels.rolling import Rolling, pulls, roll, row
+from galerkin.law import compiled
+
+NO_CAR = (0.0,) * 18
+STUCK, FREE, HAULED = 0, 1, 2
+STEP = 1e-6  # of differences by s_o, ds_o and dds_o together: rounding of r, 1e-16 alpha, stays below 1e-7
+
+
+class Ride(NamedTuple):
+    """A rolling car in a step, over sines with a hat."""
+
+    mode: int  # FREE: the last unknown is s_o; STUCK: it stays; HAULED: its acceleration is the haul force
+    on: Rolling
+    thrust: float
+    ds_o: float  # of a hauled car
+    dds_o: float
+    behind: Array  # rules of both sides, (2, m)
+    ahead: Array
+    mass: Array  # M without the moving overlaps, and what `_carry` wants to know
+    left: Array
+    chord: Array
+    c: float
+
+
+class Grip(NamedTuple):
+    """A mass that grips the cable, over sines with a hat; see `Ride`."""
+
+    behind: Array
+    ahead: Array
+    mass: Array
+    left: Array
+    chord: Array
+    c: float
+
+
+@compiled
+def moment(on, sigma, s_o, ds_o, dds_o):
+    """Points, what the basis carries, X' and the load of the mass at an instant; on : `Ride` or `Grip`."""
+    n = on.left.size
+    M, rows = carry(values_at(s_o, n), on.mass, 1, on.left, on.chord, s_o, ds_o, dds_o)
+    x = Carried(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
+    s, weights, phi = split(s_o, on.behind, on.ahead, n)
+    T, r_static = static(s, sigma, on.c)
+    rest = static_at(s_o, sigma, on.c)
+    load = np.empty(2)
+    for a in range(2):
+        load[a] = dds_o * rest[0, a] + ds_o * ds_o * rest[1, a] - a * sigma
+    return Points(s, phi, weights, T, r_static), x, rest[0], load
+
+
+@compiled
+def evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull):
+    """Set the residual of a state, rows q, v, a; return the car where it rolls."""
+    n = x.f.size
+    R = r[: 2 * n].reshape(2, n)
+    Q, V, A = balanced[0, : 2 * n].reshape(2, n), balanced[1, : 2 * n].reshape(2, n), balanced[2, : 2 * n].reshape(2, n)
+    sides = np.empty((2, 2))
+    balance(at, Q, alpha, law, R, gram, pull, sides)
+    if ride is None:
+        C = acceleration(x, Q, V, A)
+        for a in range(2):
+            C[a] = inertia * C[a] + mu * load[a]
+        add_inertia(x, Q, V, A, C, R)
+        return NO_CAR
+    hauled = ride.mode == HAULED
+    ds_o, dds_o = (ride.ds_o, ride.dds_o) if hauled else (balanced[1, 2 * n], balanced[2, 2 * n])
+    thrust = balanced[2, 2 * n] if hauled else ride.thrust
+    rays = at.phi[n - 1, 0], at.phi[n - 1, at.s.size - 1]
+    out = roll(x, slope, load, rays, sides, alpha, Q, V, A, ds_o, dds_o, ride.on, thrust, R)
+    r[2 * n] = mu * balanced[2, 2 * n] if ride.mode == STUCK else out[9]
+    return out
+
+
+@compiled
+def tangent(
+    at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, balanced, r, out, gram, c0, c1, c2, K
+):  # fmt: skip
+    """Set K to c0 dr/dq + c1 dr/dv + c2 dr/da where `evaluate` has been; the column of s_o is a difference."""
+    n, size = x.f.size, r.size
+    block = K[: 2 * n, : 2 * n]
+    stiffness(at.phi, gram, harmonic, hat, block)
+    add_inertia_tangent(x, inertia, c0, c1, c2, block)
+    if ride is None:
+        return
+    hauled = ride.mode == HAULED
+    K[2 * n], K[:, 2 * n] = 0.0, 0.0
+    if ride.mode == STUCK:
+        K[2 * n, 2 * n] = c2 * mu
+        return
+    ds_o, dds_o = (ride.ds_o, ride.dds_o) if hauled else (balanced[1, 2 * n], balanced[2, 2 * n])
+    rays = at.phi[n - 1, 0], at.phi[n - 1, at.s.size - 1]
+    row(x, out, rays, pulls(at.phi, gram), ds_o, dds_o, mu, c0, c1, c2, K[2 * n])
+    if hauled:
+        for i in range(n):
+            K[i, 2 * n], K[n + i, 2 * n] = -c2 * out[2] * x.f[i], -c2 * out[3] * x.f[i]
+        K[2 * n, 2 * n] = -c2
+        return
+    h, moved, beyond = STEP / (c0 + c1 + c2), balanced.copy(), np.empty(size)
+    moved[0, 2 * n] += h * c0
+    moved[1, 2 * n] += h * c1
+    moved[2, 2 * n] += h * c2
+    there = moment(ride, ride.on.sigma, moved[0, 2 * n], moved[1, 2 * n], moved[2, 2 * n])
+    evaluate(
+        there[0], there[1], there[2], there[3], ride, inertia, mu, alpha, law, moved, beyond,
+        np.empty(gram.shape), np.empty(at.s.size),
+    )  # fmt: skip
+    for i in range(size):
+        K[i, 2 * n] = (beyond[i] - r[i]) / h
+
+
+@compiled
+def look(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, balanced, r, pull, parts):
+    """Set the residual of a state, rows q, v, a, and what there is room for of dr/dq, dr/dv, dr/da, parts (3 or 0)."""
+    if ride.mode != HAULED:
+        last = balanced.shape[1] - 1
+        at, x, slope, load = moment(ride, ride.on.sigma, balanced[0, last], balanced[1, last], balanced[2, last])
+    gram, one = np.empty((2, 2, at.s.size)), np.eye(3)
+    out = evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull)
+    for k in range(parts.shape[0]):
+        c = one[k, 0], one[k, 1], one[k, 2]
+        tangent(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, balanced, r, out, gram, *c, parts[k])
+
+
+@compiled
+def correct(now, c, share, step):
+    """Take share step off the rows q, v, a of the step's end."""
+    for k in range(3):
+        for i in range(step.size):
+            now[k, i] -= share * c[k] * step[i]
+
+
+@compiled
+def settle(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, start, now, rule, bound, newton, pull):
+    """`cablefem.newmark.System.settle` for the full cable; return |r| and how often it iterated, factorised, evaluated.
+
+    load : (2,) acceleration of the mass along its static path less gravity
+    ride : `Ride` or None;  newton : max_iter, reuse, patience, most halvings.
+    The factors are not kept but made again from the kept tangent: more than one iteration is rare, and for further
+    steps the tangent does not do: the mass has gone a part of the highest sine's wave by then, and its kink turns r'.
+    """
+    size = start.shape[1]
+    c, w = rule[:, 3], rule[:, 4]
+    c0, c1, c2 = w[0] * c[0], w[1] * c[1], w[2] * c[2]
+    balanced, r, gram = np.empty((3, size)), np.empty(size), np.empty((2, 2, pull.size))
+    for k in range(3):
+        for i in range(size):
+            now[k, i] = rule[k, 0] * start[0, i] + rule[k, 1] * start[1, i] + rule[k, 2] * start[2, i]
+    K = np.empty((size, size))
+    factorisations, residuals, anew, iterations = 0, 0, True, 0
+    step, before, halving = np.empty(size), math.inf, -1  # the first residual follows no correction
+    while True:
+        for k in range(3):
+            for i in range(size):
+                balanced[k, i] = w[k] * now[k, i] + (1.0 - w[k]) * start[k, i]
+        lost = False
+        if ride is not None:  # a type of its own: no ride is compiled into the step of a mass that grips
+            lost = ride.mode != HAULED and not 0.0 < balanced[0, size - 1] < 1.0  # a trial that leaves the cable
+            if ride.mode != HAULED and not lost:
+                made = moment(ride, ride.on.sigma, balanced[0, size - 1], balanced[1, size - 1], balanced[2, size - 1])
+                at, x, slope, load = made
+        norm = math.nan
+        if not lost:
+            out = evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull)
+            square = 0.0
+            for i in range(size):
+                square += r[i] * r[i]
+            norm = math.sqrt(square)
+        elif halving < 0:
+            return norm, 1, 0, 1
+        if halving >= 0:
+            residuals += 1
+            if not (norm < before or (iterations < newton[2] and norm < math.inf)) and halving < newton[3]:
+                halving += 1
+                for i in range(size):
+                    step[i] *= 0.5
+                correct(now, c, -1.0, step)
+                continue
+            iterations += 1
+            if norm <= bound or not norm < math.inf or iterations >= newton[0]:
+                return norm, iterations, factorisations, residuals
+            anew = norm > newton[1] * before
+        if anew:
+            tangent(
+                at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, balanced, r, out, gram, c0, c1, c2, K
+            )
+            factorisations += 1
+        before = norm
+        step = np.linalg.solve(K, r)
+        correct(now, c, 1.0, step)
+        halving = 0
+
+
+@compiled
+def stride(grip, sigma, places, inertia, mu, alpha, law, start, now, told, rules, bound, newton, pull):
+    """Settle steps of a mass that grips one after another; return how many came to be in balance with no point slack.
+
+    places : (m, 3) s_o, ds_o, dds_o;  now : (m, 3, size) receives the ends;  told : (m, 6) what `settle` returns, the
+    least tension and its s;  pull : of the last step.
+    """
+    for k in range(places.shape[0]):
+        at, x, slope, load = moment(grip, sigma, places[k, 0], places[k, 1], places[k, 2])
+        if inertia == 0.0:  # the weight alone
+            load[0], load[1] = 0.0, -sigma
+        norm, iterations, factorisations, residuals = settle(
+            at, x, slope, load, None, inertia, mu, alpha, law, True, 1, start if k == 0 else now[k - 1], now[k],
+            rules[k], bound, newton, pull,
+        )  # fmt: skip
+        least = pull.argmin()
+        told[k, 0], told[k, 1], told[k, 2] = norm, iterations, factorisations
+        told[k, 3], told[k, 4], told[k, 5] = residuals, pull[least], at.s[least]
+        if not (norm <= bound and pull[least] >= 0.0):
+            return k
+    return places.shape[0]
