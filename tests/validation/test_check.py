@@ -125,19 +125,19 @@ def test_a_planted_fault_turns_the_verdict(right, fault):
 
 
 def test_plain_sines_are_not_hidden_and_their_extrapolation_meets_the_elements(right):
-    """N = 30 is about 3 percent away by the kink at the mass; 2 f(120) - f(60) meets the elements within 2e-3."""
+    """N = 30 is about 3 percent away by the kink at the mass; 2 f(60) - f(30) meets the elements within 2e-3."""
     from validation.core import measures
 
     raw = estimated(LEVEL, "fourier", terms=30, steps=500)
     window = measures.window_of(raw.run, right[0].run)
     far = measures.path_gap(raw.run, right[0].run, window)[0]
     assert 0.02 < far < 0.045
-    fine = estimated(LEVEL, "fourier", terms=120, steps=1400)  # with 700 the time error alone is 3e-3
+    fine = estimated(LEVEL, "fourier", terms=60, steps=700)
     rows = agree(LEVEL, right[0], fine)
     path = next(r for r in rows if r.quantity == "path_max")
     assert path.gap < 2e-3
     assert path.verdict is Verdict.AGREE
-    assert "extrapolated 2 f(120) - f(60)" in path.allowed_because
+    assert "extrapolated 2 f(60) - f(30)" in path.allowed_because
 
 
 def test_bars_beyond_the_tolerance_are_too_coarse(right):
