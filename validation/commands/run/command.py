@@ -49,8 +49,8 @@ def command(
 ) -> int:
     """Run one method on one scene.
 
-    Writes DIR/METHOD/: path.csv, tension.csv, summary.json, response.npz, and for ParaView response.xdmf, mass.xdmf
-    and their data, response.h5 and mass.h5.
+    Writes DIR/METHOD/: path.csv, tension.csv, summary.json, response.npz, and for ParaView response.xdmf with
+    its data, response.h5, and mass.xdmf.
     """
     from cablefem.scene.errors import nearest, shown
 
