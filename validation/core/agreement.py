@@ -86,7 +86,7 @@ class Agreement:
 AXIAL_MEAN = "mean over an axial round trip"  # what a load cell sees: fronts keep the rest from converging pointwise
 
 
-ALONG, INTEGRAL, UP_TO = "along the cable", "integral of the velocity", "velocity up to the mass"
+ALONG, SUMMED, UP_TO = "along the cable", "summed over time", "up to the mass"
 
 
 def overall(rows: list[Agreement]) -> Verdict:
@@ -99,7 +99,7 @@ def overall(rows: list[Agreement]) -> Verdict:
     agreed = [row for row in rows if row.verdict is Verdict.AGREE]
     known = {row.quantity for row in agreed if row.law == AXIAL_MEAN}
     known |= {"velocity" for row in agreed if row.quantity == "displacement"}
-    pointwise = [row for row in rows if row.verdict is Verdict.TOO_COARSE and row.law in ("", ALONG, INTEGRAL, UP_TO)]
+    pointwise = [row for row in rows if row.verdict is Verdict.TOO_COARSE and row.law in ("", ALONG, SUMMED, UP_TO)]
     asked = [row for row in rows if row not in pointwise or row.quantity not in known]
     verdicts = {row.verdict for row in asked} or {Verdict.NOT_COMPARABLE}
     return next(verdict for verdict in Verdict if verdict in verdicts)
@@ -458,13 +458,13 @@ def _laws(a: Estimated, b: Estimated, window: Window) -> Iterator[Agreement]:
 
 
 def _held(method: str, x: laws.Held) -> Agreement:
-    name = {"impulse": "impulse", INTEGRAL: "velocity", UP_TO: "velocity"}.get(x.law, "laws_si")
+    name, law = x.quantity, "" if x.law == x.quantity else x.law
     if not math.isfinite(x.gap + x.changed):
-        return Agreement(name, math.nan, nothing(f"{method} or a companion does not say what it asks for"), law=x.law)
+        return Agreement(name, math.nan, nothing(f"{method} or a companion does not say what it asks for"), law=law)
     parts = [Part(method, x.sampling, "sampling of its fields")]
     if x.changed:
         parts.insert(0, Part(method, laws.SAFETY * x.changed, f"{CHANGED}, times {laws.SAFETY}"))
-    return Agreement(name, x.gap, Bound("law", tuple(parts)), x.where, law="" if name == x.law else x.law)
+    return Agreement(name, x.gap, Bound("law", tuple(parts)), x.where, law=law)
 
 
 def _worse(rows: list[Agreement]) -> Agreement:

@@ -1,0 +1,274 @@
+"""What the laws of mechanics are held against: a response, and its scene's own numbers, in SI.
+
+Nothing of the solvers, nothing of the scene package: the numbers are read with tomllib, the rest is in the response.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid, simpson
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
+from cablefem.response import Array, Response
+
+EVERY = 6  # frames from one end of a window to the next: 0.06 of the travel
+ROUNDING = 1e-9  # of the scale: stations and splines of static shapes
+SIDE = 1e-6  # of a step, beside an event
+
+Window = tuple[float, float]
+
+
+class Given:
+    """A scene's own numbers, SI, as its TOML has them."""
+
+    def __init__(self, toml: str) -> None:
+        x = tomllib.loads(toml)
+        cable, supports = x["cable"], x["supports"]
+        self.gravity: float = x.get("gravity", 9.81)
+        self.rho: float = cable["mass_per_length"]
+        self.EA: float = cable["EA"]
+        self.span, self.drop = supports["span"], supports["drop"]
+        self.mass: float = x["mass"]["mass"]
+        self.weight = self.mass * self.gravity
+        # "length", "sag" or "horizontal_tension" and its value
+        self.asked = next((name, cable[name]) for name in ("length", "sag", "horizontal_tension") if name in cable)
+        self.travel, self.drive = x.get("travel", {}), x.get("drive", {})
+
+
+@dataclass(frozen=True, slots=True)
+class Defect:
+    """What is missing from a law: at places s_o/l (nan where there is none), part of the law's scale."""
+
+    place: Array  # (k,)
+    value: Array  # (k, c)
+
+    @property
+    def rms(self) -> Array:
+        """Of all components together and of each, over the places, (1 + c,)."""
+        each = np.mean(self.value**2, axis=0)
+        return np.sqrt(np.append(each.sum(), each))
+
+    def changed(self, other: Defect) -> Array:
+        """Return the rms of its distance to another run's, (1 + c,); nan where that ends early."""
+        same = other.value.shape == self.value.shape
+        return Defect(self.place, other.value - self.value).rms if same else math.nan * self.rms
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """One side of the mass at one frame, from support to mass or from mass to support; m nodes."""
+
+    s: Array
+    place: Array  # (m, 2)
+    velocity: Array  # (m, 2) at fixed s
+    rest: Array  # (m, 2) place at rest
+    T_static: Array  # (m,)
+    T: Array  # (m,)
+
+    @classmethod
+    def of(cls, rows: Array) -> Side:
+        s, place, velocity, rest, T_static, T = np.split(rows, [1, 3, 5, 7, 8], axis=1)
+        return cls(s[:, 0], place, velocity, rest, T_static[:, 0], T[:, 0])
+
+
+class Evidence:
+    """One response over a window of s_o/l, and what its scene asks for, in SI.
+
+    every : one frame in how many is looked at for the velocity of the cable.
+    """
+
+    def __init__(self, r: Response, window: Window, every: int = 1) -> None:
+        self.r, self.window, self.every, self.given = r, window, every, Given(r.scene_toml)
+
+    # --- the cable at rest -----------------------------------------------------------------------------
+
+    @cached_property
+    def curve(self) -> CubicSpline:
+        """Place (x, y) of the cable at rest over s."""
+        f = self.r.fields
+        return CubicSpline(f.s, np.stack([f.x, f.y], axis=1))
+
+    # --- windows -----------------------------------------------------------------------------------------
+
+    @cached_property
+    def inside(self) -> NDArray[np.bool_]:
+        """Which steps lie in the window, off the supports."""
+        r, (low, high) = self.r, self.window
+        return (r.s_o >= max(low, ROUNDING) * r.length) & (r.s_o <= min(high, 1.0 - ROUNDING) * r.length)
+
+    @cached_property
+    def frames(self) -> NDArray[np.intp]:
+        """Indices of the frames at which windows begin and end."""
+        at, (low, high) = self.r.fields.s_o / self.r.length, self.window
+        inside = np.flatnonzero((at >= low * (1.0 - 1e-9)) & (at <= high * (1.0 + 1e-9)))
+        return inside[:: min(EVERY, max(1, inside.size // 4))]
+
+    @property
+    def t(self) -> Array:
+        """Instants of the frames."""
+        return self.r.fields.t[self.frames]
+
+    @property
+    def lasts(self) -> float:
+        """Mean time of a window."""
+        return float(np.mean(np.diff(self.t)))
+
+    def at_frames(self, values: Array) -> Array:
+        """Interpolate what is given at every step (n, c) to the frames (k, c)."""
+        return np.stack([np.interp(self.t, self.r.t, column) for column in values.T], axis=1)
+
+    def over_windows(self, kept: Array, scale: float) -> Defect:
+        """Return the change over each window of what ought not to change (k, c), over a scale."""
+        at = self.r.fields.s_o[self.frames] / self.r.length
+        return Defect(0.5 * (at[1:] + at[:-1]), np.diff(kept, axis=0) / scale)
+
+    def impulse_of(self, force: Array) -> Array:
+        """Return the integral of a force (n, c) over time up to the frames (k, c); nan if it is not known."""
+        if not np.isfinite(force[1:-1]).all():
+            return np.full((self.t.size, force.shape[1]), math.nan)
+        t, force = self._on_both_sides(np.nan_to_num(force))  # nan on the supports
+        total = cumulative_trapezoid(force, t, axis=0, initial=0.0)
+        return CubicHermiteSpline(t, total, force, axis=0)(self.t)
+
+    def _on_both_sides(self, force: Array) -> tuple[Array, Array]:
+        """Return times and force with a second value at events, where it may jump: the step there has but one."""
+        t = self.r.t
+        for event in self.r.events:
+            i = int(np.argmin(np.abs(t - event["t"])))
+            if not 1 < i < t.size - 2:
+                continue
+            before, after = (np.abs(np.diff(force[[i, j]], axis=0)).max() for j in (i - 1, i + 1))
+            # the smaller change is that of the side the value is from
+            other, at = (i - 1, i) if after < before else (i + 1, i + 1)
+            beside = t[i] + SIDE * (t[other] - t[i])
+            t, force = np.insert(t, at, beside), np.insert(force, at, force[other], axis=0)
+        return t, force
+
+    # --- travel and drive --------------------------------------------------------------------------------
+
+    @cached_property
+    def pace(self) -> Array:
+        """ds_o/dt at every step (n,)."""
+        return CubicSpline(self.r.t, self.r.s_o)(self.r.t, 1)
+
+    @cached_property
+    def thrust(self) -> tuple[Array, Array]:
+        """Times and forces of the TOML's thrust, none where there is none."""
+        thrust = self.given.drive.get("thrust", 0.0)
+        if not isinstance(thrust, dict):
+            thrust = {"times": [0.0, math.inf], "forces": 2 * [thrust]} if thrust else {"times": [], "forces": []}
+        return np.array(thrust["times"], float), np.array(thrust["forces"], float)
+
+    @cached_property
+    def pull(self) -> Array:
+        """Force from outside along the mean tangent (n,): the TOML's thrust on a free car, else what the run says."""
+        times, forces = self.thrust
+        if self.r.drive != "free" or not times.size:
+            return np.nan_to_num(self.r.F_haul) if self.r.drive == "haul" else np.zeros(self.r.t.size)
+        if math.isinf(times[-1]):
+            return np.full(self.r.t.size, forces[0])
+        return np.interp(self.r.t, times, forces, left=0.0, right=0.0)
+
+    @cached_property
+    def drag(self) -> Array:
+        """Drag of the TOML (n, 2) [N]."""
+        drive = self.given.drive
+        k = 0.5 * drive.get("air_density", 1.2) * drive.get("drag_area", 0.0)
+        past = self.r.velocity - [drive.get("wind", 0.0), 0.0]
+        return -k * np.hypot(past[:, 0], past[:, 1])[:, None] * past
+
+    @cached_property
+    def rub(self) -> tuple[Array, Array]:
+        """Rolling friction and brakes (n,) [N], against the motion along the cable."""
+        r, drive = self.r, self.given.drive
+        shoes = [x["force"] * (r.s_o >= x["from"]) for x in drive.get("brake", [])]
+        return drive.get("rolling_friction", 0.0) * np.abs(r.F_contact), np.sum([np.zeros(r.t.size), *shoes], axis=0)
+
+    # --- the mass, at steps --------------------------------------------------------------------------------
+
+    def both(self) -> Iterator[tuple[float, Array, Array]]:
+        """Give sign, tension and slope behind and ahead of the mass, so that the sum is what is ahead less behind."""
+        yield -1.0, self.r.T_behind, self.r.slope_behind
+        yield 1.0, self.r.T_ahead, self.r.slope_ahead
+
+    # --- the cable, at frames ------------------------------------------------------------------------------
+
+    @cached_property
+    def sides(self) -> list[tuple[Side, Side]]:
+        """Both sides of the mass at the frames."""
+        r, f, at = self.r, self.r.fields, self.r.fields.s_o[self.frames]
+        static = np.stack([f.x, f.y, f.T_static], axis=1)
+        rest = CubicSpline(f.s, static)(at)
+        place = rest[:, :2] + np.stack([f.mass_u, f.mass_v], axis=1)[self.frames]
+        # the material at the mass: dp/dt = r_t + ds_o r' on either side
+        moves = [self.at_frames(r.velocity - self.pace[:, None] * slope) for slope in (r.slope_behind, r.slope_ahead)]
+        out = []
+        for i, k in enumerate(self.frames):
+            columns = f.s, f.x + f.u[k], f.y + f.v[k], f.du[k], f.dv[k], *static.T, f.T[k]
+            rows = np.stack(columns, axis=1)
+            behind, ahead = (
+                np.concatenate([[at[i]], place[i], moves[side][i], rest[i], [T[k]]])[None]
+                for side, T in enumerate((f.T_behind, f.T_ahead))
+            )
+            pair = [rows[f.s < at[i] * (1.0 - 1e-9)], behind], [ahead, rows[f.s > at[i] * (1.0 + 1e-9)]]
+            out.append((Side.of(np.concatenate(pair[0])), Side.of(np.concatenate(pair[1]))))
+        return out
+
+    def along(self, of: Callable[[Side], Array]) -> Array:
+        """Return the integral over both sides of a density (m,) or (m, c), at the frames (k, ...)."""
+        return np.array([sum(simpson(of(x), x=x.s, axis=0) for x in pair) for pair in self.sides])
+
+    # --- energy; all over weight times largest deflection ---------------------------------------------------
+
+    @cached_property
+    def energies(self) -> Array:
+        """Kinetic energy, that of weight and that of strain at the frames (k, 3) [J], W = (N^2 - T^2)/(2 EA)."""
+        r, given = self.r, self.given
+
+        def density(x: Side) -> Array:
+            kinetic = 0.5 * given.rho * np.sum(x.velocity**2, axis=1)
+            strain = (x.T**2 - x.T_static**2) / (2.0 * given.EA)
+            return np.stack([kinetic, -given.rho * given.gravity * x.place[:, 1], strain], axis=1)
+
+        of_mass = [0.5 * given.mass * np.sum(r.velocity**2, axis=1), -given.weight * r.y, np.zeros(r.t.size)]
+        return self.at_frames(np.stack(of_mass, axis=1)) + self.along(density)
+
+    @property
+    def work(self) -> float:
+        return self.given.weight * self.r.max_deflection
+
+    @property
+    def power_of_all(self) -> Array:
+        return np.sum(list(self.powers.values()), axis=0)
+
+    @cached_property
+    def powers(self) -> dict[str, Array]:
+        """What drive and outside forces put in, by name (n,) [W].
+
+        That of a grip is ds_o (-contact . <r'> + <N t> . [r'] - [W]).  Rolling friction and brakes take their force
+        times |ds_o| times the mean stretch; what holds a car at its start is then the difference of tensions there.
+        """
+        r, drive = self.r, self.given.drive
+        mean, jump = 0.5 * (r.slope_behind + r.slope_ahead), r.slope_ahead - r.slope_behind
+        if r.drive == "grip":
+            work = -np.sum(r.contact * mean, axis=1)
+            for sign, T, slope in self.both():
+                work += 0.5 * T / np.hypot(*slope.T) * np.sum(slope * jump, axis=1)
+                work -= sign * T**2 / (2.0 * self.given.EA)  # that at rest is the same on both sides
+            return {"grip": self.pace * work}
+        stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
+        along = np.sum(mean * r.velocity, axis=1) / np.hypot(*mean.T)
+        friction, brakes = (-rub * stretch * np.abs(self.pace) for rub in self.rub)
+        x = np.minimum(r.t / drive["release"], 1.0) if drive.get("release") else np.ones(r.t.size)
+        return {
+            "thrust" if r.drive == "free" else "haul": self.pull * along, "friction": friction, "brake": brakes,
+            "drag": np.sum(self.drag * r.velocity, axis=1),
+            "hold": (r.T_ahead - r.T_behind)[0] * stretch * (1.0 - x) ** 2 * (1.0 + 2.0 * x) * self.pace,
+        }  # fmt: skip
