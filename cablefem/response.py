@@ -292,6 +292,11 @@ class Response(_Filled):
 
     def write(self, folder: Path) -> None:
         """Write path.csv, tension.csv, summary.json and response.npz (everything, for `read`); whole or not at all."""
+        self.write_tables(folder)
+        self.store(folder)
+
+    def write_tables(self, folder: Path) -> None:
+        """Write path.csv and tension.csv alone."""
         f = self.fields
         path = np.stack([getattr(self, name) for name in PATH_COLUMNS], axis=1)
         k, m = f.T.shape
@@ -300,7 +305,6 @@ class Response(_Filled):
         time = np.repeat(f.t, m + 2)
         write_csv(folder / "path.csv", ",".join(PATH_COLUMNS), path)
         write_csv(folder / "tension.csv", "t,s,T", np.stack([time, station.ravel(), tension.ravel()], axis=1))
-        self.store(folder)
 
     def store(self, folder: Path) -> None:
         """Write summary.json and response.npz alone."""

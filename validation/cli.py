@@ -4,6 +4,7 @@ Exit codes: 0 fine; 1 the solvers disagree, are not comparable, or a check faile
 before the slack onset.  Everything heavy is imported inside the commands, so that help comes at once.
 """
 
+import atexit
 import gc
 import importlib
 import os
@@ -47,6 +48,7 @@ app = _app()
 def main(argv: list[str] | None = None) -> int:
     """Run one command and return its exit code; a user's mistake ends in lines on standard error, never in a trace."""
     gc.set_threshold(100_000, 50, 50)  # what is loaded stays, and looking for garbage in it takes a tenth of a start
+    atexit.register(gc.freeze)  # the interpreter's own last look takes another two
     command = typer.main.get_command(app)
     usage_error: Any = typer.BadParameter.__mro__[1]
     try:

@@ -7,7 +7,7 @@ import signal
 import pytest
 
 from validation.core import sidebyside
-from validation.core.sidebyside import side_by_side
+from validation.core.sidebyside import aside, side_by_side
 
 forks = pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="nothing can be forked")
 
@@ -54,3 +54,13 @@ def test_a_process_that_is_killed_is_an_error_and_nothing_hangs(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
     with pytest.raises(RuntimeError, match="was killed"):
         side_by_side([job("a"), lambda report: os.kill(os.getpid(), signal.SIGKILL)])
+
+
+@pytest.mark.parametrize("cores", [1, 2])
+def test_work_done_aside_is_done_at_the_end_and_says_why_not(monkeypatch, tmp_path, cores):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(cores)), raising=False)
+    with aside(lambda: (tmp_path / "file").write_text("there")):
+        pass
+    assert (tmp_path / "file").read_text() == "there"
+    with pytest.raises(ValueError, match="on purpose"), aside(lambda: fails(None)):
+        pass

@@ -4,7 +4,8 @@ import multiprocessing
 import os
 import pickle
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from multiprocessing import connection
 from typing import Any, TypeVar
 
@@ -27,19 +28,46 @@ def side_by_side(jobs: Sequence[Job[Result]], progress: Progress | None = None) 
     report = progress or (lambda *told: None)
     if len(jobs) < 2 or not _can_fork():
         return [job(report) for job in jobs]
+    return _found(_started(jobs), report)
+
+
+@contextmanager
+def aside(work: Callable[[], object]) -> Iterator[None]:
+    """Do work in a process of its own while the body runs, or before it; an exception in it is raised at the end."""
+    if not _can_fork():
+        work()
+        yield
+        return
+    started = _started([alone(work)])
+    try:
+        yield
+        _found(started, lambda *told: None)
+    finally:
+        _end(started)
+
+
+Started = list[tuple[connection.Connection, Any]]
+
+
+def _started(jobs: Sequence[Job[Any]]) -> Started:
+    """Return the end of a pipe and the process of each job."""
     context = multiprocessing.get_context("fork")
-    found: dict[Any, Any] = {}
+    ends: Started = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of threads at a fork: ours only draw on the terminal
-        ends = []
         for job in jobs:
             ours, theirs = context.Pipe(duplex=False)
             process = context.Process(target=_work, args=(job, theirs))
             process.start()
             theirs.close()
             ends.append((ours, process))
+    return ends
+
+
+def _found(started: Started, report: Progress) -> list[Any]:
+    found: dict[Any, Any] = {}
+    waiting = [end for end, _ in started]
     try:
-        waiting = [end for end, _ in ends]
         while waiting:
             for end in connection.wait(waiting):
                 assert isinstance(end, connection.Connection)
@@ -55,10 +83,14 @@ def side_by_side(jobs: Sequence[Job[Result]], progress: Progress | None = None) 
                     found[end] = content
                     waiting.remove(end)
     finally:
-        for _, process in ends:
-            process.terminate()
-            process.join()
-    return [found[end] for end, _ in ends]
+        _end(started)
+    return [found[end] for end, _ in started]
+
+
+def _end(started: Started) -> None:
+    for _, process in started:
+        process.terminate()
+        process.join()
 
 
 def _can_fork() -> bool:

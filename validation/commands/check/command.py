@@ -1,12 +1,16 @@
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from validation.core import store
 from validation.page import terminal
 from validation.page.options import Out, SceneName, real, scene_named, tol_faults
+
+if TYPE_CHECKING:
+    from cablefem.response import Response
 
 PLACE = 4
 EXAMPLE = "cablefem check my.toml --tol 1e-4 --with other.csv"
@@ -56,28 +60,40 @@ def command(
     from validation.commands.check import study, words
     from validation.core import foreign
     from validation.core.running import run
-    from validation.core.sidebyside import alone, side_by_side
-    from validation.page import paraview, report, telling
+    from validation.core.sidebyside import aside
+    from validation.page import report, telling
 
     path = None
     if other is not None:
         path = foreign.ForeignPath.read(other, loaded)
         foreign.refuse_misnamed(path, run(loaded, study.SOLVERS[0], elements=6, steps=200))
     folder = store.claim(out, "check", loaded, ["agreement.json", "scene.toml", "with.csv", "grip", *study.SOLVERS])
-    with terminal.progress() as progress:
-        result = study.check(loaded, tol=tol, tol_tension=tol_tension, deep=deep, progress=progress)
+    with terminal.progress() as progress, ExitStack() as writing:
+
+        def made(*runs: "Response") -> None:
+            writing.close()
+            writing.enter_context(aside(partial(_write_tables, folder, runs)))
+
+        result = study.check(loaded, tol=tol, tol_tension=tol_tension, deep=deep, progress=progress, made=made)
         progress("writing", 0.0)
         (folder / "with.csv").unlink(missing_ok=True)
         if path is not None:
             result = study.joined(result, path, with_tol)
             path.write(folder / "with.csv")
-        result.write(folder)
+        result.store(folder)
         progress("writing", 0.3)
-        runs = result.a.run, result.b.run
-        writers = [partial(paraview.write, run, folder / run.method) for run in runs]
-        side_by_side([alone(write) for write in (*writers, partial(report.write, folder, "check"))])
+        report.write(folder, "check")
+        writing.close()
         store.finish(folder, "check")
         progress("writing", 1.0)
     words.tell(result)
     terminal.say(f"written to {folder}: report.html, agreement.json, {result.a.run.method}/, {result.b.run.method}/")
     return telling.broken(result.a.run, result.b.run) or (1 if result.verdict.value != "agree" or result.doubts else 0)
+
+
+def _write_tables(folder: Path, runs: "tuple[Response, ...]") -> None:
+    from validation.page import paraview  # loading what it needs takes as long as it does
+
+    for run in runs:
+        run.write_tables(folder / run.method)
+        paraview.write(run, folder / run.method)

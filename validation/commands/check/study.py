@@ -70,11 +70,17 @@ class Check:
 
     def write(self, out: Path) -> None:
         """Write scene.toml, one folder per method (with its companions) and agreement.json."""
+        for e in (self.a, self.b):
+            e.run.write_tables(out / e.run.method)
+        self.store(out)
+
+    def store(self, out: Path) -> None:
+        """Write the same but the tables of both runs."""
         out.mkdir(parents=True, exist_ok=True)
         (out / "scene.toml").write_text(self.scene.to_toml(), encoding="utf-8")
         for e in (self.a, self.b):
             folder = out / e.run.method
-            e.run.write(folder)
+            e.run.store(folder)
             write_json(folder / "estimate.json", {"basis": e.basis, "weights": list(e.weights)})
             if e.extrapolated:
                 e.response.write(folder / "extrapolated")
@@ -88,6 +94,7 @@ class Check:
 def check(
     scene: Scene | str | Path, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None,
     methods: tuple[str | Method, str | Method] = SOLVERS, deep: bool = False, progress: Progress | None = None,
+    made: Callable[..., None] | None = None,
 ) -> Check:  # fmt: skip
     """Run two methods on a scene, each as fine as its own error bar needs to meet `tol`, and compare them.
 
@@ -97,6 +104,7 @@ def check(
         refined further.
     deep : hold what both share against third parties, too.
     progress : called with the method's name, the fraction done and what was reached.
+    made : called with both runs before they are judged, again where that makes them finer.
     """
     if not (math.isfinite(tol) and 1e-6 <= tol <= 0.2):
         raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
@@ -114,6 +122,8 @@ def check(
         first, second, *once = side_by_side([*jobs, *grip], progress)
         gripped, grip = gripped or once, []
         runs: tuple[Estimated, Estimated] = first, second
+        if made is not None:
+            made(first.run, second.run)
         rows = agree(scene, *runs, tol=tol, tol_tension=tol_tension)
         verdict, told = overall(settled(rows, before)), overall(rows)
         errors = [math.inf if e.run.path_error is None else e.run.path_error for e in runs]

@@ -49,8 +49,8 @@ def command(
 ) -> int:
     """Run one method on one scene.
 
-    Writes DIR/METHOD/: path.csv, tension.csv, summary.json, response.npz, and for ParaView response.xdmf, mass.xdmf
-    and their data, response.h5 and mass.h5.
+    Writes DIR/METHOD/: path.csv, tension.csv, summary.json, response.npz, and for ParaView response.xdmf with
+    its data, response.h5, and mass.xdmf.
     """
     from cablefem.scene.errors import nearest, shown
 
@@ -75,7 +75,7 @@ def command(
     from validation.core.estimate import OF_BARS, companions, estimated
     from validation.core.resolution import TooCoarse, resolve
     from validation.core.running import run as run_method
-    from validation.core.sidebyside import alone, side_by_side
+    from validation.core.sidebyside import aside
     from validation.page import telling
 
     folder = store.claim(out, "run", loaded, [method])
@@ -107,8 +107,8 @@ def command(
             response = replace(response, design=[number.row() for number in numbers(e)])
         else:
             response = replace(response, design=design(response))
-        writers = partial(response.write, folder / method), partial(_write_animation, response, folder / method)
-        side_by_side([alone(write) for write in writers])
+        with aside(partial(_write_animation, response, folder / method)):
+            response.write(folder / method)
     telling.answer(response)
     if extrapolate and better.seen:
         seen = f"order {better.observed[1]:.2f} seen, bar of time alone {better.path_bar:.1e} of the largest deflection"
