@@ -54,11 +54,11 @@ class Motion:
             s = self.end  # exactly, where the polynomial has rounding
         return s, ds, dds
 
-    def along(self, t: np.ndarray, phase: np.ndarray) -> np.ndarray:
-        """Return `at` for many instants, each by the polynomials of its phase: rows s_o, ds_o, dds_o, (3, n)."""
-        out, c = np.empty((3, t.size)), self._columns
-        for p in np.unique(phase).tolist():
-            rows, first = phase == p, sum(map(len, self.pieces[:p]))
+    def along(self, t: np.ndarray, phase: np.ndarray | int) -> np.ndarray:
+        """Return `at` for many instants, by the polynomials of their or of one phase: rows s_o, ds_o, dds_o, (3, n)."""
+        out, c, one = np.empty((3, t.size)), self._columns, isinstance(phase, int)
+        for p in (phase,) if one else np.unique(phase).tolist():
+            rows, first = slice(None) if one else phase == p, sum(map(len, self.pieces[:p]))
             start = c[0, first : first + len(self.pieces[p])]
             _, origin, c0, c1, c2, c3 = c[:, first + np.searchsorted(start[1:], t[rows], side="right")]
             x = t[rows] - origin
@@ -68,19 +68,20 @@ class Motion:
         out[0, t == self.phases[-1][1]] = self.end
         return out
 
-    def between(self, t0: float, t1: float, w: float, phase: int) -> float:
-        """Return the instant at which the place is the mean of those at t0 and t1, weighted 1 - w and w.
+    def between(self, t0: np.ndarray, t1: np.ndarray, w: float, phase: int) -> np.ndarray:
+        """Return the instants (n,) at which the place is the mean of those at t0 and t1, weighted 1 - w and w.
 
         Where a step takes means of its unknowns it must be balanced there: from rest at a support, where the strain of
         the short side is what they are over s_o ~ t^2, the mean instant has 1.8 times that strain.
         """
-        first, last = self.at(t0, phase)[0], self.at(t1, phase)[0]
+        first, last = self.along(t0, phase)[0], self.along(t1, phase)[0]
         want, t = (1.0 - w) * first + w * last, (1.0 - w) * t0 + w * t1
         for _ in range(MOST):
-            place, pace, _ = self.at(t, phase)
-            if abs(want - place) <= SAME * (last - first) or pace <= 0.0:
+            place, pace, _ = self.along(t, phase)
+            far = (np.abs(want - place) > SAME * (last - first)) & (pace > 0.0)
+            if not far.any():
                 break
-            t = min(max(t + (want - place) / pace, t0), t1)
+            t[far] = np.clip(t + (want - place) / np.where(far, pace, 1.0), t0, t1)[far]
         return t
 
     @property
