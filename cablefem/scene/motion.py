@@ -8,8 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from cablefem.scene.bisection import bisected
-
 MOST, SAME = 20, 1e-9  # Newton's steps towards a mean place, and of the way between how exact it is
 
 
@@ -107,18 +105,31 @@ class Motion:
 
     def time_at(self, s_o: float) -> float:
         """The time at which the mass comes to s_o, to rounding; ValueError where it never comes."""
-        if not self.begin <= s_o <= self.end:
-            raise ValueError(f"the mass is never at s_o = {s_o!r}: its travel covers [{self.begin:g}, {self.end!r}]")
+        return float(self.times_at(np.array([s_o]))[0])
+
+    def times_at(self, places: np.ndarray) -> np.ndarray:
+        """Return `time_at` of many places (n,), by bisection of all of them together."""
+        never = [s for s in places.tolist() if not self.begin <= s <= self.end]
+        if never:
+            raise ValueError(
+                f"the mass is never at s_o = {never[0]!r}: its travel covers [{self.begin:g}, {self.end!r}]"
+            )
         times = np.append(self._columns[0], self.phases[-1][1])
-        places = self.position(times)
-        k = int(np.searchsorted(places, s_o, side="left"))
-        if places[k] == s_o:
-            return float(times[k])
-        piece = [piece for pieces in self.pieces for piece in pieces][k - 1]
-        low, high = float(times[k - 1]), float(times[k])
-        if piece(high)[0] <= s_o:  # within the rounding of the piece's end
-            return high
-        return bisected(lambda t: piece(t)[0] - s_o, low, high)
+        known = self.position(times)
+        k = np.searchsorted(known, places, side="left")
+        piece = np.maximum(k - 1, 0)
+        _, origin, c0, c1, c2, c3 = self._columns[:, piece]
+
+        def before(t: np.ndarray) -> np.ndarray:
+            x = t - origin
+            return c0 + x * (c1 + x * (c2 + x * c3)) < places
+
+        low, high = times[piece], times[k]
+        low = np.where((known[k] == places) | before(high), high, low)  # at the piece's end, or within its rounding
+        while ((low < (middle := 0.5 * (low + high))) & (middle < high)).any():
+            late = before(middle)
+            low, high = np.where(late, middle, low), np.where(late, high, middle)
+        return high
 
     @property
     def speeds(self) -> list[tuple[float, float]]:
