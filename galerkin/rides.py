@@ -33,6 +33,7 @@ EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival
 AT_REST = 1e-6  # speeds below have no direction yet
 LEAST_WINDOW = 6.0  # steps over which the car's acceleration is averaged for friction, where they are long
 AT_LEAST = 0.03  # of an axial round trip that the standstill without a rattle lasts that ends a ride
+SHEDS = 6.0  # times pi N |ds_o|, the rate of `kernels.shed`: 4 leave a ringing of 1e-3 in speed, 16 damp what is meant
 LEAVING = 1e-12  # ds_o of a car that gets going: a turn back within the step is seen by its sign
 
 
@@ -157,7 +158,9 @@ class RollingSystem(GalerkinSystem):
         brake = against * sum(force for _, force in drive.brakes[: self.mode.brakes])
         of = self.mu, self.groups.sigma, drive.k, drive.wind, self.held(t), against * drive.mu_r, brake
         since, ax, ay, jx, jy = self._smooth
-        return kernels.Rolling(*of, ax + (t - since) * jx, ay + (t - since) * jy)
+        sines = self.kink and isinstance(self.basis.basis, Fourier)
+        sheds = SHEDS * math.pi * (self.n - 1) if sines else 0.0
+        return kernels.Rolling(*of, ax + (t - since) * jx, ay + (t - since) * jy, sheds)
 
     def _thrust(self, t: float, phase: int, a: Array) -> float:
         return float(self.drive.thrust(t, phase)) if self.free else float(a[-1])
@@ -304,6 +307,7 @@ class RollingSystem(GalerkinSystem):
         stiffness = self.cable.linearise(self.basis, x.place, self._fields(q))[2]
         for part, c in zip(parts, np.eye(3).tolist(), strict=True):
             part[:n, :n] = self._tangent(x, stiffness.copy(), *c)
+            kernels.add_shed_tangent(x.carried, x.rays, travel[1], self._on(t, phase), c[0], c[1], part[:n, :n])
             if not self._rolls:
                 part[n, n] = c[2] * self.mu
                 continue

@@ -171,7 +171,7 @@ class Driving(Part):
     def scaled(self, length: float, time: float, force: float, rho: float) -> Drive:
         """The drive of a rolling car in units of a length [m], a time [s] and a force [N]; rho [kg/m] of the cable.
 
-        Its `nominal` and, where the scene gives none, its `end_time` are left open (inf).
+        Its `nominal`, `turns` and, where the scene gives none, its `end_time` are left open.
         """
         if isinstance(self.thrust, Thrust):
             table = tuple((t / time, f / force) for t, f in zip(self.thrust.times, self.thrust.forces, strict=True))
@@ -229,6 +229,7 @@ class Drive:
     end_time: float = math.inf
     end_place: float = 1.0  # arrival
     nominal: float = math.inf  # duration of the ride by the quasi-static model; steps are nominal/steps
+    turns: bool = False  # whether it turns back by that model
 
     @property
     def back_place(self) -> float:

@@ -241,13 +241,14 @@ def _watch(component: int, value: float, direction: float) -> Callable:
 
 
 def quasi_static(groups, drive: Drive) -> tuple[Ride, Drive]:
-    """The ride on the loaded cable, and the drive with its `nominal` duration and its `end_time`.
+    """The ride on the loaded cable, and the drive with its `nominal` duration, whether it `turns`, and its `end_time`.
 
     A ride of open end that swings to and fro counts as over where it turns for the second time.
     """
     path = LoadPath.loaded(groups)
     first = ride(path, groups.mu, groups.sigma, drive, math.inf if math.isfinite(drive.end_time) else 2)
     nominal = first.duration or min(1.0, drive.end_time)  # a car that stays where it is: a wave's way
+    drive = replace(drive, turns=any(event.event == "turn" for event in first.events))
     if math.isfinite(drive.end_time):
         return first, replace(drive, nominal=nominal)
     drive = replace(drive, nominal=nominal, end_time=LASTS * nominal)

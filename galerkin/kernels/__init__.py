@@ -28,11 +28,11 @@ from galerkin.kernels.cable import (
     stress,
     survey,
 )
-from galerkin.kernels.rolling import Rolling, across, car, pulls, recover, roll, row, taut
+from galerkin.kernels.rolling import Rolling, across, add_shed_tangent, car, pulls, recover, roll, row, taut
 from galerkin.kernels.steps import FREE, HAULED, STEP, STUCK, Grip, Ride, look, settle, stride
 
 __all__ = [
     "FREE", "HAULED", "STEP", "STUCK", "Grip", "Points", "Ride", "Rolling", "acceleration", "across", "add_inertia",
-    "add_inertia_tangent", "balance", "car", "look", "pulls", "recover", "roll", "row", "settle", "static", "static_at",
-    "stiffness", "stress", "stride", "survey", "taut",
+    "add_inertia_tangent", "add_shed_tangent", "balance", "car", "look", "pulls", "recover", "roll", "row", "settle",
+    "static", "static_at", "stiffness", "stress", "stride", "survey", "taut",
 ]  # fmt: skip

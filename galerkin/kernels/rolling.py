@@ -25,6 +25,7 @@ class Rolling(NamedTuple):
     brake: float  # of brakes, with the sign they act in
     ax: float = 0.0  # p.. as friction goes by it
     ay: float = 0.0
+    sheds: float = 0.0  # how fast a kink that changes loses what sines cannot carry, over |ds_o|
 
 
 @compiled
@@ -94,6 +95,30 @@ def across(slope, tx, ty, turn):
 
 
 @compiled
+def shed(x, ds_o, on):
+    """Weight of the rate of the kink in the hat's own rows.
+
+    What the N sines leave of the hat, of mass 1/3 - 2 sum I_k^2, is a mode that moves neither them nor the car, several
+    times as fast as the highest sine.  A car that runs over the sines excites it; where its side shortens, its waves
+    gain energy as all waves there, and unlike those have no physics to lose it: a dashpot lets it go.  The mass falls
+    like N^-3, and a steady kink, q_hat ~ s_o (1 - s_o), feels nothing.
+    """
+    last = x.f.size - 1
+    left = x.mass[last, last]
+    for k in range(last):
+        left -= 2.0 * x.mass[last, k] * x.mass[last, k]
+    return on.sheds * abs(ds_o) * left
+
+
+@compiled
+def add_shed_tangent(x, rays, ds_o, on, c0, c1, K):
+    """Add the rates of kinks to c0 dr/dq + c1 dr/dv, (2 n, 2 n)."""
+    n, weight = x.f.size, shed(x, ds_o, on)
+    for last in (n - 1, 2 * n - 1):
+        K[last, last] += weight * (c1 - c0 * ds_o * (rays[0] + rays[1]))
+
+
+@compiled
 def roll(x, slope, load, rays, sides, alpha, Q, V, A, ds_o, dds_o, on, thrust, R):
     """Add the cable's inertia and the car to R (2, n), and return `car`, and `across` of both sides.
 
@@ -119,6 +144,9 @@ def roll(x, slope, load, rays, sides, alpha, Q, V, A, ds_o, dds_o, on, thrust, R
     out = car(on, thrust, velocity, p, behind, ahead)
     p[0], p[1] = out[0], out[1]
     add_inertia(x, Q, V, A, p, R)
+    weight = shed(x, ds_o, on)
+    for a in range(2):
+        R[a, last] += weight * (V[a, last] - Q[a, last] * ds_o * (rays[0] + rays[1]))
     bx, by = across(behind, out[2], out[3], turns[0])
     ax, ay = across(ahead, out[2], out[3], turns[1])
     return (*out, bx, by, ax, ay)

@@ -20,7 +20,7 @@ from galerkin.kernels.cable import (
     static_at,
     stiffness,
 )
-from galerkin.kernels.rolling import Rolling, pulls, roll, row
+from galerkin.kernels.rolling import Rolling, add_shed_tangent, pulls, roll, row
 from galerkin.law import compiled
 
 NO_CAR = (0.0,) * 18
@@ -105,12 +105,13 @@ def tangent(
     if ride is None:
         return
     hauled = ride.mode == HAULED
+    ds_o, dds_o = (ride.ds_o, ride.dds_o) if hauled else (balanced[1, 2 * n], balanced[2, 2 * n])
+    rays = at.phi[n - 1, 0], at.phi[n - 1, at.s.size - 1]
+    add_shed_tangent(x, rays, ds_o, ride.on, c0, c1, block)
     K[2 * n], K[:, 2 * n] = 0.0, 0.0
     if ride.mode == STUCK:
         K[2 * n, 2 * n] = c2 * mu
         return
-    ds_o, dds_o = (ride.ds_o, ride.dds_o) if hauled else (balanced[1, 2 * n], balanced[2, 2 * n])
-    rays = at.phi[n - 1, 0], at.phi[n - 1, at.s.size - 1]
     row(x, out, rays, pulls(at.phi, gram), ds_o, dds_o, mu, c0, c1, c2, K[2 * n])
     if hauled:
         for i in range(n):
