@@ -14,6 +14,7 @@ from tests.validation.pairs import altered
 from validation.core.agreement import ALONG, AXIAL_MEAN, UP_TO, Verdict, agree, with_bars
 from validation.core.design import numbers
 from validation.core.estimate import estimated
+from validation.core.methods import find
 from validation.core.sampling import _turns
 
 RIDE = Scene.from_toml(ZIP + "rolling_friction = 0.02\nbrake = [{from = 25.0, force = 40.0}]\nend = {place = 45.0}")
@@ -114,3 +115,18 @@ def test_a_turn_is_one_after_which_the_car_goes_back_and_no_rattle():
     t = np.linspace(0.0, 4.0 * np.pi, 4001)
     assert list(_turns(t, 0.5 - 0.3 * np.cos(t))) == pytest.approx([np.pi, 2.0 * np.pi, 3.0 * np.pi], abs=0.01)
     assert not list(_turns(t, 0.1 + 0.05 * t + 4e-4 * np.sin(300.0 * t)))
+
+
+def test_heavy_cars_that_turn_against_friction_take_more_steps():
+    """By the waves they make, up to three times; the others' steps are those of the table."""
+    groups, method = RIDE.groups, find("fourier-kink")
+    usual = method.settings_on(groups, {})["steps"]
+
+    def steps(mu, method=method, **drive):
+        return method.settings_on(replace(groups, mu=mu, drive=replace(groups.drive, **drive)), {})["steps"]
+
+    assert Scene.load("rollback").groups.drive.turns
+    assert not groups.drive.turns
+    assert [steps(mu, turns=True) / usual for mu in (0.3, 1.0, 9.0)] == pytest.approx([1.0, 2.4, 3.0])
+    assert steps(1.0) == steps(1.0, turns=True, mu_r=0.0) == usual
+    assert len({steps(mu, find("following-p2"), turns=True) for mu in (0.3, 9.0)}) == 1
