@@ -127,8 +127,8 @@ class GalerkinSystem:
         """s_o of a state."""
         return self.motion.at(x.t, x.phase)[0]
 
-    def between(self, t0: float, t1: float, w: float, phase: int) -> float:
-        """The instant that goes with means of the unknowns at t0 and t1; a free ride's place is one of them."""
+    def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
+        """The instants that go with means of the unknowns at t0 and t1; a free ride's place is one of them."""
         travel = self.groups.motion
         return (1.0 - w) * t0 + w * t1 if travel is None else travel.between(t0, t1, w, phase)
 
@@ -254,7 +254,7 @@ class GalerkinSystem:
         assert isinstance(kink, TravellingKink)
         assert isinstance(cable, FullCable)
         assert isinstance(kink.basis, Fourier)
-        places, rule = self.motion.along(t, np.full(t.shape, phase)).T, kink.basis.side_rule
+        places, rule = self.motion.along(t, phase).T, kink.basis.side_rule
         sides = [(rule(s), rule(1.0 - s)) for s in places[:, 0].tolist()]
         same = next((k for k, side in enumerate(sides) if any(map(operator.is_not, side, sides[0]))), t.size)
         grip = kernels.Grip(*sides[0], kink.at_rest, kink.left, kink.chord, self.groups.c)

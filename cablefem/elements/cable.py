@@ -118,8 +118,8 @@ class CableElements:
         """Return s_o of a state."""
         return self.motion.at(x.t, x.phase)[0]
 
-    def between(self, t0: float, t1: float, w: float, phase: int) -> float:
-        """Return the instant that goes with means of the unknowns at t0 and t1; a free ride's place is one of them."""
+    def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
+        """Return the instants that go with means of the unknowns at t0 and t1; a free ride's place is one of them."""
         return (1.0 - w) * t0 + w * t1 if self.motion is None else self.motion.between(t0, t1, w, phase)
 
     def in_time(self, states: States) -> States:
@@ -281,17 +281,14 @@ class CableElements:
         bend = -self._cable[2] * np.ones_like(s_o)
         return -0.5 * (bend * s_o * (1.0 - s_o))[..., None], (bend * (s_o - 0.5))[..., None], bend[..., None]
 
-    def _load(self, s_o: float, ds: float, dds: float) -> tuple[float, ...]:
-        """Return mu d2X/dt2 less the weight: what the mass asks for along the static path.
-
-        Written out: it is asked for in every step.
-        """
+    def _load(self, s_o: Any, ds: Any, dds: Any) -> tuple[Any, ...]:
+        """Return mu d2X/dt2 less the weight, of each field: what the mass asks for along its path, () or (n,)."""
         mu, weight = self.inertia, self._weight
         if self.fields == 1:
             curvature = float(self._cable[2])
             return (mu * (dds * curvature * (0.5 - s_o) - ds * ds * curvature) - weight[0],)
         p = self.groups.c - self.groups.sigma * s_o
-        T = math.sqrt(1.0 + p * p)
+        T = np.sqrt(1.0 + p * p)
         bend = ds * ds * self.groups.sigma / T**3
         return mu * (dds / T + bend * p) - weight[0], mu * (dds * p / T - bend) - weight[1]
 

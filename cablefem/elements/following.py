@@ -199,10 +199,10 @@ class FollowingElements(CableElements):
     ) -> tuple[Array, Array, int]:
         """Return the ends of steps (m, 3, n_dof), what is told of each (m, 6), and how many are good."""
         self._at = None  # the mesh is that of another instant now
-        places = np.ascontiguousarray(self.motion.along(t, np.full(t.shape, phase)).T)
+        places = np.ascontiguousarray(self.motion.along(t, phase).T)
         if not (places[:, 0].min() > 0.0 and places[:, 0].max() < 1.0):
             raise ValueError("a side of the following mesh has no length at an end of the travel")
-        loads = np.array([self._load(*place) for place in places.tolist()])
+        loads = np.stack(self._load(*places.T), axis=1)
         now, told = np.empty((t.size, *start.shape)), np.empty((t.size, 6))
         grip = self._operators, self._coefficients, self._bands, tuple(self._contact)
         of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rules, told, bound

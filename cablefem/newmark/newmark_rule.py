@@ -30,8 +30,8 @@ class NewmarkRule(Stepper):
         rule[..., 2, 2] = goes_on
         rule[..., 0, 3], rule[..., 1, 3], rule[..., 2, 3] = dt * dt * beta, dt * gamma, 1.0
 
-    def _instant(self, t0: float, t1: float, phase: int) -> float:
-        """Return when a step is in balance."""
+    def _instants(self, t0: Array, t1: Array, phase: int) -> Array:
+        """Return when steps are in balance, (m,)."""
         if self.method.alpha_f == 0.0:
             return t1
         w = 1.0 - self.method.alpha_f
@@ -42,7 +42,7 @@ class NewmarkRule(Stepper):
         if self._strides is None:
             return
         rows, begin = self.remembered(x), np.concatenate([[x.t], times[:-1]])
-        t = np.array([self._instant(t0, t1, x.phase) for t0, t1 in zip(begin.tolist(), times.tolist(), strict=True)])
+        t = self._instants(begin, times, x.phase)
         rules = np.repeat(self._rule[None], times.size, axis=0)
         self._set(rules, times - begin, 1.0)
         start = np.array([x.q, x.v, x.a]) if rows is None else rows
@@ -54,7 +54,8 @@ class NewmarkRule(Stepper):
             yield after
 
     def __call__(self, x: State, t1: float) -> State:
-        dt, t, rows = t1 - x.t, self._instant(x.t, t1, x.phase), self.remembered(x)
+        dt, rows = t1 - x.t, self.remembered(x)
+        t = float(self._instants(np.array([x.t]), np.array([t1]), x.phase)[0])
         start = np.array([x.q, x.v, x.a]) if rows is None else rows
         now = np.empty_like(start)
         # first guess: the acceleration goes on as it was; where unresolved waves make that absurd: it vanishes

@@ -92,8 +92,8 @@ class Prepared(Protocol):
 class Travelling(Protocol):
     """What a system answers besides if time enters it as the place of something that travels."""
 
-    def between(self, t0: float, t1: float, w: float, phase: int) -> float:
-        """Return the instant that goes with unknowns which are means, weighted 1 - w and w, of those at t0 and t1."""
+    def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
+        """Return the instants (n,) that go with unknowns which are means, weighted 1 - w and w, of those at t0, t1."""
 
 
 @runtime_checkable

@@ -8,8 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from cablefem.scene.bisection import bisected
-
 MOST, SAME = 20, 1e-9  # Newton's steps towards a mean place, and of the way between how exact it is
 
 
@@ -54,11 +52,11 @@ class Motion:
             s = self.end  # exactly, where the polynomial has rounding
         return s, ds, dds
 
-    def along(self, t: np.ndarray, phase: np.ndarray) -> np.ndarray:
-        """Return `at` for many instants, each by the polynomials of its phase: rows s_o, ds_o, dds_o, (3, n)."""
-        out, c = np.empty((3, t.size)), self._columns
-        for p in np.unique(phase).tolist():
-            rows, first = phase == p, sum(map(len, self.pieces[:p]))
+    def along(self, t: np.ndarray, phase: np.ndarray | int) -> np.ndarray:
+        """Return `at` for many instants, by the polynomials of their or of one phase: rows s_o, ds_o, dds_o, (3, n)."""
+        out, c, one = np.empty((3, t.size)), self._columns, isinstance(phase, int)
+        for p in (phase,) if one else np.unique(phase).tolist():
+            rows, first = slice(None) if one else phase == p, sum(map(len, self.pieces[:p]))
             start = c[0, first : first + len(self.pieces[p])]
             _, origin, c0, c1, c2, c3 = c[:, first + np.searchsorted(start[1:], t[rows], side="right")]
             x = t[rows] - origin
@@ -68,19 +66,20 @@ class Motion:
         out[0, t == self.phases[-1][1]] = self.end
         return out
 
-    def between(self, t0: float, t1: float, w: float, phase: int) -> float:
-        """Return the instant at which the place is the mean of those at t0 and t1, weighted 1 - w and w.
+    def between(self, t0: np.ndarray, t1: np.ndarray, w: float, phase: int) -> np.ndarray:
+        """Return the instants (n,) at which the place is the mean of those at t0 and t1, weighted 1 - w and w.
 
         Where a step takes means of its unknowns it must be balanced there: from rest at a support, where the strain of
         the short side is what they are over s_o ~ t^2, the mean instant has 1.8 times that strain.
         """
-        first, last = self.at(t0, phase)[0], self.at(t1, phase)[0]
+        first, last = self.along(t0, phase)[0], self.along(t1, phase)[0]
         want, t = (1.0 - w) * first + w * last, (1.0 - w) * t0 + w * t1
         for _ in range(MOST):
-            place, pace, _ = self.at(t, phase)
-            if abs(want - place) <= SAME * (last - first) or pace <= 0.0:
+            place, pace, _ = self.along(t, phase)
+            far = (np.abs(want - place) > SAME * (last - first)) & (pace > 0.0)
+            if not far.any():
                 break
-            t = min(max(t + (want - place) / pace, t0), t1)
+            t[far] = np.clip(t + (want - place) / np.where(far, pace, 1.0), t0, t1)[far]
         return t
 
     @property
@@ -106,18 +105,31 @@ class Motion:
 
     def time_at(self, s_o: float) -> float:
         """The time at which the mass comes to s_o, to rounding; ValueError where it never comes."""
-        if not self.begin <= s_o <= self.end:
-            raise ValueError(f"the mass is never at s_o = {s_o!r}: its travel covers [{self.begin:g}, {self.end!r}]")
+        return float(self.times_at(np.array([s_o]))[0])
+
+    def times_at(self, places: np.ndarray) -> np.ndarray:
+        """Return `time_at` of many places (n,), by bisection of all of them together."""
+        never = [s for s in places.tolist() if not self.begin <= s <= self.end]
+        if never:
+            raise ValueError(
+                f"the mass is never at s_o = {never[0]!r}: its travel covers [{self.begin:g}, {self.end!r}]"
+            )
         times = np.append(self._columns[0], self.phases[-1][1])
-        places = self.position(times)
-        k = int(np.searchsorted(places, s_o, side="left"))
-        if places[k] == s_o:
-            return float(times[k])
-        piece = [piece for pieces in self.pieces for piece in pieces][k - 1]
-        low, high = float(times[k - 1]), float(times[k])
-        if piece(high)[0] <= s_o:  # within the rounding of the piece's end
-            return high
-        return bisected(lambda t: piece(t)[0] - s_o, low, high)
+        known = self.position(times)
+        k = np.searchsorted(known, places, side="left")
+        piece = np.maximum(k - 1, 0)
+        _, origin, c0, c1, c2, c3 = self._columns[:, piece]
+
+        def before(t: np.ndarray) -> np.ndarray:
+            x = t - origin
+            return c0 + x * (c1 + x * (c2 + x * c3)) < places
+
+        low, high = times[piece], times[k]
+        low = np.where((known[k] == places) | before(high), high, low)  # at the piece's end, or within its rounding
+        while ((low < (middle := 0.5 * (low + high))) & (middle < high)).any():
+            late = before(middle)
+            low, high = np.where(late, middle, low), np.where(late, high, middle)
+        return high
 
     @property
     def speeds(self) -> list[tuple[float, float]]:

@@ -152,7 +152,7 @@ class ForeignPath:
             x["s_o"] = l * motion.position(x["t"] / tau)
         else:
             _on_cable(x["s_o"], factor.get("s_o", 1.0), l, name)
-            x["t"] = tau * np.array([motion.time_at(min(max(s, 0.0), motion.end)) for s in x["s_o"] / l])
+            x["t"] = tau * motion.times_at(np.clip(x["s_o"] / l, 0.0, motion.end))
         on_the_way = x["t"] <= tau * end * (1.0 + 1e-9)
         x = {k: a[on_the_way] for k, a in x.items()}
         static = scene.catenary

@@ -161,7 +161,8 @@ def frame_times(scene: Scene, t_last: float) -> Array:
 def _passages(motion: Motion) -> Array:
     """Return the instants at which a prescribed travel passes the marks; the runs of a ladder share them."""
     end = motion.position(np.array([motion.phases[-1][1]]))[0]
-    return np.array([motion.time_at(mark) for mark in np.arange(1, FRAMES) / FRAMES if motion.begin <= mark < end])
+    marks = np.arange(1, FRAMES) / FRAMES
+    return motion.times_at(marks[(motion.begin <= marks) & (marks < end)])
 
 
 def _between(h: States, t: Array) -> States:

@@ -106,7 +106,7 @@ class Found:
     settings: dict[str, Any]
     track: Track
     bar: Array  # (2, n) of the place [m] and its instant [s]; nan where its companions did not come
-    parts: tuple[float, float]  # the largest over `scale`, of space and time, over nine tenths of the way
+    parts: tuple[float, float]  # the largest over `scale`, of space and time, over 0.95 of the way
     scale: float  # [m]
 
     def to(self, tol: float) -> float:
@@ -229,7 +229,7 @@ def _found(
         np.stack([np.where(fine.k > LAST, NO_ORDER, weight) * nearby(gap[0]), NO_ORDER * nearby(gap[1])])
         for weight, gap in zip(weights, gaps, strict=True)
     ]
-    near = fine.k <= 0.9 * fine.k[-1]
+    near = fine.k <= 0.95 * fine.k[-1]
     in_space, in_time = (float(np.max(part[0, near]) / scale) for part in lefts)
     return Found(way, settings, fine, lefts[0] + lefts[1], (in_space, in_time), scale)
 
