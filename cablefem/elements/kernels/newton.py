@@ -19,9 +19,9 @@ def settle(
     grip : operators, coefficients, bands and `Contact` of a mass whose place is given, or None.
     ride : `Rolling` and `Car` of one that rolls, or None; numba compiles what is there only.
     mesh, work and the rest as plain tuples: it is slow to take in named ones.
-    places : (m, 3) s_o, ds_o, dds_o of a following mesh;  loads : (m, n_fields) of `Contact`;  else empty, for one step.
-    now : (m, 3, n) receives the ends;  rules : (m, 3, 5);  told : (m, 6) |r|, iterations, factorisations, residuals, the
-    least tension and its s.
+    places : (m, 3) s_o, ds_o, dds_o of a following mesh;  loads : (m, n_fields) of `Contact`;  else empty.
+    now : (m, 3, n) receives the ends;  rules : (m, 3, 5)
+    told : (m, 6) |r|, iterations, factorisations, residuals, the least tension and its s.
     Return how many came to be in balance with no element slack.
     """
     mesh, work = Mesh(*mesh), Tangent(*work)
