@@ -23,6 +23,9 @@ from validation.core.store import Refused
 
 SOLVERS = ("following-p2", "fourier-kink")
 FINER, FINER_FROM = 3.0, 1e-3  # what too coarse rows divide the aim by, and the last aim that they may divide
+# Parts of the tolerance: dense bases cost more than elements do, and grow faster.  With half of it `level` takes 80 terms
+# and a third more work than with this much; of less than this, `tramway` makes elements dearer than terms.
+SHARE = {"elements": 2.0, "galerkin": 3.0}
 CONFIRMS = 2.0  # what a disagreement divides both errors by, to see whether it stays
 # Of `work` for each solver at the default tolerance, in proportion more for a smaller one: three times what `level`
 # needs.  A slow ride after a sudden entry at full speed may want ten times as much.
@@ -113,8 +116,9 @@ def check(
     grip: list[Callable[[Progress], Any]] = [partial(_gripped, scene, found[0])] if scene.drive.mode == "haul" else []
     gripped: list[Response] = []
     budget = BUDGET * max(1.0, DEFAULT_TOL / tol)
-    # the sum of both bars is held against tol: each solver gets half of it
-    aims, rows, before = [0.5 * tol] * 2, [], None
+    # the sum of both bars is held against tol
+    shares = [SHARE[m.wing] for m in found]
+    aims, rows, before = [tol * share / sum(shares) for share in shares], [], None
     while True:
         jobs: list[Callable[[Progress], Any]] = [
             partial(_resolved, scene, m, aim, budget) for m, aim in zip(found, aims, strict=True)
@@ -131,7 +135,7 @@ def check(
         # a companion that breaks or falls slack early cuts the range, and what is compared there says little
         short = any(flag.kind in ("short bar", "no bar") for e in runs for flag in e.run.flags)
         doubted = told is Verdict.DISAGREE and (before is None or verdict is not Verdict.DISAGREE)
-        coarse = (verdict is Verdict.TOO_COARSE or short) and max(aims) >= 0.5 * FINER_FROM
+        coarse = (verdict is Verdict.TOO_COARSE or short) and sum(aims) > 0.99 * FINER_FROM
         finer = CONFIRMS if doubted else FINER
         dear = any(finer * LADDER * work(m, e.run) > budget for m, e in zip(found, runs, strict=True))
         if not (doubted or coarse) or not reached or dear:
