@@ -292,7 +292,7 @@ def test_a_check_refines_both_before_it_says_disagree(monkeypatch, left, told, r
         return replace(e, run=replace(e.run, path_error=0.9 * tol, flags=[]))
 
     monkeypatch.setattr(study, "_resolved", resolved)
-    monkeypatch.setattr(study, "side_by_side", lambda jobs, progress: [job(lambda *told: None) for job in jobs])
+    monkeypatch.setattr(study, "side_by_side", lambda jobs, progress, load: [job(lambda *told: None) for job in jobs])
     assert study.check(LEVEL, tol=0.05).verdict is told
     assert len(asked) == 2 * rounds
     assert asked[2:] == pytest.approx([0.9 * part * 0.05 / study.CONFIRMS for part in (0.4, 0.6)], rel=1e-12)
@@ -309,7 +309,7 @@ def test_a_check_goes_on_where_bars_cover_less_than_the_range(monkeypatch, flagg
         return replace(e, run=replace(e.run, path_error=0.5 * tol, flags=short))
 
     monkeypatch.setattr(study, "_resolved", resolved)
-    monkeypatch.setattr(study, "side_by_side", lambda jobs, progress: [job(lambda *told: None) for job in jobs])
+    monkeypatch.setattr(study, "side_by_side", lambda jobs, progress, load: [job(lambda *told: None) for job in jobs])
     assert study.check(LEVEL, tol=0.05).verdict is Verdict.AGREE
     assert len(asked) == 2 * rounds
 

@@ -1,5 +1,6 @@
 """The main job: two solvers that share no formula run the same scene, and their answers are held against each other."""
 
+import importlib
 import math
 import tomllib
 from collections.abc import Callable
@@ -23,8 +24,8 @@ from validation.core.store import Refused
 
 SOLVERS = ("following-p2", "fourier-kink")
 FINER, FINER_FROM = 3.0, 1e-3  # what too coarse rows divide the aim by, and the last aim that they may divide
-# Parts of the tolerance: dense bases cost more than elements do, and grow faster.  With half of it `level` takes 80 terms
-# and a third more work than with this much; of less than this, `tramway` makes elements dearer than terms.
+# Parts of the tolerance: dense bases cost more than elements do, and grow faster.  With half of it `level` takes 80
+# terms and a third more work than with this much; of less than this, `tramway` makes elements dearer than terms.
 SHARE = {"elements": 2.0, "galerkin": 3.0}
 CONFIRMS = 2.0  # what a disagreement divides both errors by, to see whether it stays
 # Of `work` for each solver at the default tolerance, in proportion more for a smaller one: three times what `level`
@@ -123,7 +124,7 @@ def check(
         jobs: list[Callable[[Progress], Any]] = [
             partial(_resolved, scene, m, aim, budget) for m, aim in zip(found, aims, strict=True)
         ]
-        first, second, *once = side_by_side([*jobs, *grip], progress)
+        first, second, *once = side_by_side([*jobs, *grip], progress, _load)
         gripped, grip = gripped or once, []
         runs: tuple[Estimated, Estimated] = first, second
         if made is not None:
@@ -156,6 +157,12 @@ def check(
         rows += third.deep(scene, runs[0], rows) if deep else []
         smooth = third.entry(scene, runs[0].run)
     return Check(scene, a, b, tol, window, rows, gripped[0] if gripped else None, smooth)
+
+
+def _load() -> None:
+    """Load what judging and drawing need: that takes as long as they do, and a core is idle while one solver runs."""
+    for name in ("core.laws", "core.trust", "commands.check.page"):
+        importlib.import_module(f"validation.{name}")
 
 
 def _told(scene: Scene, e: Estimated, twin: Estimated) -> Estimated:
