@@ -284,7 +284,7 @@ def test_a_check_refines_both_before_it_says_disagree(monkeypatch, left, told, r
     """A wing that is wrong stays so; one that seems wrong by chance does not."""
     answers, asked = dict(zip(study.SOLVERS, right(), strict=True)), []
 
-    def resolved(scene, method, tol, budget, progress):
+    def resolved(scene, method, tol, budget, past, before, progress):
         asked.append(tol)
         off = 1.0 if len(asked) <= 2 else left
         wrong = fields(u=1.0 + 0.1 * off, v=1.0 + 0.1 * off)
@@ -302,7 +302,7 @@ def test_a_check_refines_both_before_it_says_disagree(monkeypatch, left, told, r
 def test_a_check_goes_on_where_bars_cover_less_than_the_range(monkeypatch, flagged, rounds):
     answers, asked = dict(zip(study.SOLVERS, right(), strict=True)), []
 
-    def resolved(scene, method, tol, budget, progress):
+    def resolved(scene, method, tol, budget, past, before, progress):
         asked.append(tol)
         e = answers[method.name]
         short = [flag("short bar", stop=0.3)] if flagged and len(asked) <= 2 else []

@@ -98,7 +98,7 @@ class Check:
 def check(
     scene: Scene | str | Path, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None,
     methods: tuple[str | Method, str | Method] = SOLVERS, deep: bool = False, progress: Progress | None = None,
-    made: Callable[..., None] | None = None,
+    made: Callable[..., None] | None = None, past: float = math.inf,
 ) -> Check:  # fmt: skip
     """Run two methods on a scene, each as fine as its own error bar needs to meet `tol`, and compare them.
 
@@ -109,6 +109,7 @@ def check(
     deep : hold what both share against third parties, too.
     progress : called with the method's name, the fraction done and what was reached.
     made : called with both runs before they are judged, again where that makes them finer.
+    past : how far in s_o/l both runs go on once their cable is slack.
     """
     if not (math.isfinite(tol) and 1e-6 <= tol <= 0.2):
         raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
@@ -119,14 +120,16 @@ def check(
     budget = BUDGET * max(1.0, DEFAULT_TOL / tol)
     # the sum of both bars is held against tol
     shares = [SHARE[m.wing] for m in found]
+    known: tuple[Estimated | None, Estimated | None] = None, None
     aims, rows, before = [tol * share / sum(shares) for share in shares], [], None
     while True:
         jobs: list[Callable[[Progress], Any]] = [
-            partial(_resolved, scene, m, aim, budget) for m, aim in zip(found, aims, strict=True)
+            partial(_resolved, scene, m, aim, budget, past, e) for m, aim, e in zip(found, aims, known, strict=True)
         ]
         first, second, *once = side_by_side([*jobs, *grip], progress, _load)
         gripped, grip = gripped or once, []
         runs: tuple[Estimated, Estimated] = first, second
+        known = runs
         if made is not None:
             made(first.run, second.run)
         rows = agree(scene, *runs, tol=tol, tol_tension=tol_tension)
@@ -179,10 +182,13 @@ def _gripped(scene: Scene, method: Method, progress: Progress) -> Response:
     return replace(response, method="gripped car", design=design(response))
 
 
-def _resolved(scene: Scene, method: Method, tol: float, budget: float, progress: Progress) -> Estimated:
+def _resolved(
+    scene: Scene, method: Method, tol: float, budget: float, past: float, before: Estimated | None, progress: Progress
+) -> Estimated:
     progress(method.name, 0.0)
     told = partial(progress, method.name)
-    return past_slack(scene, method, resolved(scene, method, tol, budget=budget, progress=told))
+    e = resolved(scene, method, tol, budget=budget, past=past, before=before, progress=told)
+    return e if e is before or past < math.inf else past_slack(scene, method, e)
 
 
 def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
