@@ -284,7 +284,7 @@ def test_a_check_refines_both_before_it_says_disagree(monkeypatch, left, told, r
     """A wing that is wrong stays so; one that seems wrong by chance does not."""
     answers, asked = dict(zip(study.SOLVERS, right(), strict=True)), []
 
-    def resolved(scene, method, tol, budget, progress):
+    def resolved(scene, method, tol, budget, past, before, progress):
         asked.append(tol)
         off = 1.0 if len(asked) <= 2 else left
         wrong = fields(u=1.0 + 0.1 * off, v=1.0 + 0.1 * off)
@@ -292,24 +292,24 @@ def test_a_check_refines_both_before_it_says_disagree(monkeypatch, left, told, r
         return replace(e, run=replace(e.run, path_error=0.9 * tol, flags=[]))
 
     monkeypatch.setattr(study, "_resolved", resolved)
-    monkeypatch.setattr(study, "side_by_side", lambda jobs, progress: [job(lambda *told: None) for job in jobs])
+    monkeypatch.setattr(study, "side_by_side", lambda jobs, progress, load: [job(lambda *told: None) for job in jobs])
     assert study.check(LEVEL, tol=0.05).verdict is told
     assert len(asked) == 2 * rounds
-    assert asked[2:] == [0.9 * 0.025 / study.CONFIRMS] * 2
+    assert asked[2:] == pytest.approx([0.9 * part * 0.05 / study.CONFIRMS for part in (0.4, 0.6)], rel=1e-12)
 
 
 @pytest.mark.parametrize(("flagged", "rounds"), [(False, 1), (True, 2)])
 def test_a_check_goes_on_where_bars_cover_less_than_the_range(monkeypatch, flagged, rounds):
     answers, asked = dict(zip(study.SOLVERS, right(), strict=True)), []
 
-    def resolved(scene, method, tol, budget, progress):
+    def resolved(scene, method, tol, budget, past, before, progress):
         asked.append(tol)
         e = answers[method.name]
         short = [flag("short bar", stop=0.3)] if flagged and len(asked) <= 2 else []
         return replace(e, run=replace(e.run, path_error=0.5 * tol, flags=short))
 
     monkeypatch.setattr(study, "_resolved", resolved)
-    monkeypatch.setattr(study, "side_by_side", lambda jobs, progress: [job(lambda *told: None) for job in jobs])
+    monkeypatch.setattr(study, "side_by_side", lambda jobs, progress, load: [job(lambda *told: None) for job in jobs])
     assert study.check(LEVEL, tol=0.05).verdict is Verdict.AGREE
     assert len(asked) == 2 * rounds
 
