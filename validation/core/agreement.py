@@ -99,13 +99,26 @@ def overall(rows: list[Agreement]) -> Verdict:
     the velocity over time is the displacement, frames that are far apart say little of its integral, and where fronts
     pass the mass, stations of where it goes to there.
     """
+    verdicts = {row.verdict for row in _asked(rows)} or {Verdict.NOT_COMPARABLE}
+    return next(verdict for verdict in Verdict if verdict in verdicts)
+
+
+def _asked(rows: list[Agreement]) -> list[Agreement]:
     agreed = [row for row in rows if row.verdict is Verdict.AGREE]
     known = {row.quantity for row in agreed if row.law == AXIAL_MEAN}
     known |= {"velocity" for row in agreed if row.quantity == "displacement"}
     pointwise = [row for row in rows if row.verdict is Verdict.TOO_COARSE and row.law in ("", ALONG, SUMMED, UP_TO)]
-    asked = [row for row in rows if row not in pointwise or row.quantity not in known]
-    verdicts = {row.verdict for row in asked} or {Verdict.NOT_COMPARABLE}
-    return next(verdict for verdict in Verdict if verdict in verdicts)
+    return [row for row in rows if row not in pointwise or row.quantity not in known]
+
+
+def wanting(rows: list[Agreement], methods: list[str]) -> list[str]:
+    """Return the methods whose own bars are more than half of what a row too coarse may allow; all where none is."""
+    coarse = [row.bound for row in _asked(rows) if row.verdict is Verdict.TOO_COARSE]
+    found = [
+        name for name in methods
+        if any(sum(part.value for part in x.parts if part.name == name) > 0.5 * (x.tol or 0.0) for x in coarse)
+    ]  # fmt: skip
+    return found or methods
 
 
 def settled(rows: list[Agreement], before: list[Agreement] | None) -> list[Agreement]:

@@ -12,7 +12,17 @@ from typing import Any
 from cablefem.response import Flag, Response, write_json
 from cablefem.scene import Scene
 from validation.core import foreign, measures
-from validation.core.agreement import DEFAULT_TOL, Agreement, Verdict, agree, doubts, overall, settled, with_bars
+from validation.core.agreement import (
+    DEFAULT_TOL,
+    Agreement,
+    Verdict,
+    agree,
+    doubts,
+    overall,
+    settled,
+    wanting,
+    with_bars,
+)
 from validation.core.design import design, numbers
 from validation.core.estimate import Estimated, past_slack
 from validation.core.foreign import WITH_TOL, ForeignPath
@@ -121,7 +131,7 @@ def check(
     # the sum of both bars is held against tol
     shares = [SHARE[m.wing] for m in found]
     known: tuple[Estimated | None, Estimated | None] = None, None
-    aims, rows, before = [tol * share / sum(shares) for share in shares], [], None
+    aims, rows = [tol * share / sum(shares) for share in shares], list[Agreement]()
     while True:
         jobs: list[Callable[[Progress], Any]] = [
             partial(_resolved, scene, m, aim, budget, past, e) for m, aim, e in zip(found, aims, known, strict=True)
@@ -129,7 +139,8 @@ def check(
         first, second, *once = side_by_side([*jobs, *grip], progress, _load)
         gripped, grip = gripped or once, []
         runs: tuple[Estimated, Estimated] = first, second
-        known = runs
+        both = all(k is not None and k.run.settings != e.run.settings for k, e in zip(known, runs, strict=True))
+        before, known = rows if both else None, runs
         if made is not None:
             made(first.run, second.run)
         rows = agree(scene, *runs, tol=tol, tol_tension=tol_tension)
@@ -141,12 +152,18 @@ def check(
         doubted = told is Verdict.DISAGREE and (before is None or verdict is not Verdict.DISAGREE)
         coarse = (verdict is Verdict.TOO_COARSE or short) and sum(aims) > 0.99 * FINER_FROM
         finer = CONFIRMS if doubted else FINER
-        dear = any(finer * LADDER * work(m, e.run) > budget for m, e in zip(found, runs, strict=True))
+        names = [m.name for m in found]
+        which = names if doubted or short else wanting(settled(rows, before), names)
+        dear = any(
+            m.name in which and finer * LADDER * work(m, e.run) > budget for m, e in zip(found, runs, strict=True)
+        )
         if not (doubted or coarse) or not reached or dear:
             break
-        # who is finer than it was asked to be is refined, too, where a disagreement wants it
-        aims = [(min(aim, error) if doubted else aim) / finer for aim, error in zip(aims, errors, strict=True)]
-        before = rows
+        # who is finer than it was asked to be is refined, too, where rows want it
+        aims = [
+            min(aim / finer, error / CONFIRMS) if m.name in which else aim
+            for m, aim, error in zip(found, aims, errors, strict=True)
+        ]
     rows = settled(rows, before)
     try:
         window = measures.window_of(*runs[0].runs, *runs[1].runs)
