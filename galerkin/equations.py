@@ -260,13 +260,10 @@ class GalerkinSystem:
         grip = kernels.Grip(*sides[0], kink.at_rest, kink.left, kink.chord, self.groups.c)
         now, told = np.empty((same, *start.shape)), np.full((same, 6), np.nan)
         pull, limits = np.empty(grip.behind.shape[1] + grip.ahead.shape[1]), _limits(newton)
-        try:
-            taken = kernels.stride(
-                grip, self.groups.sigma, np.ascontiguousarray(places[:same]), self.inertia, self.mu, cable.alpha,
-                cable.law, start, now, told, rules, bound, limits, pull,
-            )  # fmt: skip
-        except np.linalg.LinAlgError:  # singular: the driver takes NaN for a stalled step
-            told[0], taken = (np.nan, 1.0, 1.0, 1.0, np.nan, np.nan), 0
+        taken = kernels.settle(
+            grip, self.groups.sigma, np.ascontiguousarray(places[:same]), None, None, None, None, None,
+            *self._constants, start, now, told, rules[:same], bound, limits, pull,
+        )  # fmt: skip
         return now, told, taken, pull
 
     @property
@@ -280,13 +277,12 @@ class GalerkinSystem:
         start, now, rule, bound, newton = step
         pull = np.empty(x.place.weights.size if ride is None else ride.behind.shape[1] + ride.ahead.shape[1])
         self._pull = self.basis, x.place, pull
-        try:
-            return Settled(*kernels.settle(
-                x.place, x.carried, x.slope, x.load, ride, *self._constants, start, now, rule, bound, _limits(newton),
-                pull,
-            ))  # fmt: skip
-        except np.linalg.LinAlgError:  # singular: the driver takes NaN for a stalled step
-            return Settled(np.nan, 1, 1, 1)
+        told = np.empty((1, 6))
+        kernels.settle(
+            None, self.groups.sigma, None, x.place, x.carried, x.slope, x.load, ride, *self._constants, start,
+            now[None], told, rule[None], bound, _limits(newton), pull,
+        )  # fmt: skip
+        return Settled(*told[0].tolist()[:4])
 
     def start(self, phase: int, state: State | None) -> State:
         """Entry: the limit t -> 0+ of the motion from rest.  Later: q, v go on, a jumps with dds_o."""

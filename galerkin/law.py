@@ -9,12 +9,12 @@ LAWS = ("elastic", "tension-only")  # a law is its index to compiled code
 
 @compiled
 def tension(strain, T, alpha, law):
-    """N, dN/deps and the energy int N deps from the static state, where N = T; all at one point.
+    """N, dN/deps and the energy int N deps from the static state, where N = T, and the elastic N; all at one point.
 
     elastic       N = T + alpha eps
     tension-only  N = max(0, T + alpha eps); slack, the energy is what the cable gave back on its way to N = 0
     """
     N = T + alpha * strain
     if law == 1 and N < 0.0:
-        return 0.0, 0.0, -0.5 * T * T / alpha
-    return N, alpha, (T + 0.5 * alpha * strain) * strain
+        return 0.0, 0.0, -0.5 * T * T / alpha, N
+    return N, alpha, (T + 0.5 * alpha * strain) * strain, N

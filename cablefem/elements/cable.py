@@ -27,6 +27,8 @@ MODELS = ("full", "string", "sagged", "stretching")
 # straight string of textbooks has no sag whose curvature would load the mass
 STRETCHING = {"straight": (0.0, 0.0), "string": (0.0, 0.0), "sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}
 
+_NOWHERE = np.empty((0, 3))
+
 
 def elements_allowed(elements: int) -> int:
     """Return the number of elements if it is one, else raise ValueError."""
@@ -61,7 +63,7 @@ class CableElements:
     _coefficients: Array  # (n_op, 3)
     _mesh: Mesh
     _fine: Array  # tab of the mesh with the points of inertia
-    _n_left: int | None = None  # elements behind the mass; none are where the mesh rests
+    _n_left: int  # elements behind the mass; all are where the mesh rests
     _contact: Contact
     _at: tuple[float, int] | None  # instant and phase that all this is for
 
@@ -157,8 +159,17 @@ class CableElements:
         self._time(t, phase)
         self._at = (t, phase)
         grip = self._operators, self._coefficients, self._bands, tuple(self._contact)
-        of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rule, bound
-        *done, least, where = settle(grip, None, *of, newton.max_iter, newton.reuse, newton.patience)
+        return self._step(grip, None, start, now, rule, bound, newton, newton.patience)
+
+    def _step(
+        self, grip: Any, ride: Any, start: Array, now: Array, rule: Array, bound: float, newton: Newton, patience: int
+    ) -> Settled:
+        told = np.empty((1, 6))
+        settle(
+            grip, ride, 0, _NOWHERE, _NOWHERE, tuple(self._mesh), self._cable, tuple(self._work), start, now[None],
+            rule[None], told, bound, newton.max_iter, newton.reuse, patience,
+        )  # fmt: skip
+        *done, least, where = told[0].tolist()
         self.least_tension = least, where
         return Settled(*done)
 
@@ -213,6 +224,10 @@ class CableElements:
     def _split(self, states: States) -> tuple[States, Array]:
         """Return the history of the cable's unknowns, and s_o, ds_o, dds_o (n, 3)."""
         return states, np.ascontiguousarray(self.motion.along(states.t, states.phase).T)
+
+    def _mesh_at(self, kinematics: Array) -> Array:
+        """Return the s_o, ds_o, dds_o that the mesh has."""
+        return kinematics
 
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Return w(s_o(t), t), its first and second time derivative, and w' behind and ahead, (n, fields) each."""
@@ -290,7 +305,7 @@ class CableElements:
         power = ds * np.sum(force * (slope + 0.5 * (slopes[0] + slopes[1])), axis=1)
 
         parts, least, where = np.zeros((3, n)), np.empty(n), np.full(n, 0.5)  # kinetic, strain, of weight
-        of = self._cable, self.fields, kinematics, states.q, states.v
+        of = self._cable, self.fields, self._mesh_at(kinematics), states.q, states.v
         energies(self._mesh, self._fine, self._n_left, *of, parts, least, where)
         self._at = None  # the mesh is that of another instant now
         kinetic, strain, potential = parts

@@ -81,6 +81,7 @@ class FixedElements(CableElements):
         self._tabulate(kind)
         self.particle = coupling == "path"
         self._n_dof = self.fields * (self.n_scalar + self.particle)
+        self._n_left = elements
         self._fresh()
 
     def start(self, phase: int, state: State | None) -> State:
@@ -220,6 +221,9 @@ class FixedElements(CableElements):
         e = np.clip(np.ceil(x) - 1 if side == "behind" else np.floor(x), 0, self.elements - 1).astype(int)
         return self._mesh.dofs[e] + 1, self._powers @ (x - e) ** np.arange(self._powers.shape[2])[:, None]
 
+    def _mesh_at(self, kinematics: Array) -> Array:
+        return np.tile([1.0, 0.0, 0.0], (len(kinematics), 1))  # all of it is behind a place that does not move
+
     def _padded(self, x: Array) -> Array:
         """Return (n, 1 + n_scalar, fields) of a history, zeros for the supports in front."""
         n = x.shape[0]
@@ -253,9 +257,8 @@ class FixedElements(CableElements):
         """
         n, s_o = states.t.size, kinematics[:, 0]
         ends, elements = np.zeros((n, 4, self.fields)), self.elements
-        for i in range(n):
-            of = states.q[i], states.v[i], states.a[i]
-            end_forces(self._mesh, elements, 0, self._cable, 0.0, rise[i], *of, ends[i])
+        of = states.q, states.v, states.a, ends
+        end_forces(self._mesh, elements, 0, self._cable, self._mesh_at(kinematics), rise, *of)
         ends[:, 0] -= (1.0 - s_o)[:, None] * force
         ends[:, 3] = ends[:, 1] + s_o[:, None] * force
         a = self._padded(states.a)

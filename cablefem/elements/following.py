@@ -27,8 +27,8 @@ from scipy.sparse import coo_array
 from cablefem.elements.cable import CableElements, bands, elements_allowed
 from cablefem.elements.kernels.balance import Contact, Mesh, follow
 from cablefem.elements.kernels.law import pull
-from cablefem.elements.kernels.newton import stride
-from cablefem.elements.kernels.observe import along, followed
+from cablefem.elements.kernels.newton import settle
+from cablefem.elements.kernels.observe import along, end_forces
 from cablefem.elements.reference import Reference, graded_knots, reference
 from cablefem.newmark import Array, Newton, Settled, State, StepFailure, consistent_acceleration
 from cablefem.response import States
@@ -103,8 +103,6 @@ class FollowingElements(CableElements):
     load : "mass", or "force" for its weight alone.
     law : "elastic", or "tension-only": N = max(0, T + alpha eps).
     """
-
-    _n_left: int
 
     def __init__(
         self, groups: Groups, *, elements: int = 10, degree: int = 2, grading: float = 1.0, model: str = "full",
@@ -208,8 +206,8 @@ class FollowingElements(CableElements):
         now, told = np.empty((t.size, *start.shape)), np.empty((t.size, 6))
         grip = self._operators, self._coefficients, self._bands, tuple(self._contact)
         of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rules, told, bound
-        taken = stride(
-            grip, self._n_left, places, loads, *of, newton.max_iter, newton.reuse, newton.patience
+        taken = settle(
+            grip, None, self._n_left, places, loads, *of, newton.max_iter, newton.reuse, newton.patience
         )  # fmt: skip
         return now, told, taken
 
@@ -236,7 +234,7 @@ class FollowingElements(CableElements):
         n, f = states.t.size, self.fields
         ends, out = np.empty((n, 4, f)), np.empty((4, frames.size, s.size, f))
         of = states.q, states.v, states.a
-        followed(self._mesh, self._n_left, self.node, self._cable, kinematics, rise, *of, ends)
+        end_forces(self._mesh, self._n_left, self.node, self._cable, kinematics, rise, *of, ends)
         self._at = None  # the mesh is that of another instant now
         knots, places = np.stack([self.left.knots, self.right.knots]), kinematics[frames]
         history = np.stack([x[frames] for x in of])

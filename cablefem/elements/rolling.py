@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from cablefem.elements.cable import Array
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels import car as kernels
-from cablefem.elements.kernels.newton import settle
 from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, Tableau, consistent_acceleration
 from cablefem.newmark.energy_rule import average
 from cablefem.newmark.newton import find_root
@@ -155,11 +154,8 @@ class RollingElements(FollowingElements):
         self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
     ) -> Settled:
         ride = tuple(self._rolling), tuple(self._car(t, phase, self._heading or start[1, -1]))
-        of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rule, bound
         # near a support a correction that overshoots ends on another root: no patience
-        *done, least, where = settle(None, ride, *of, newton.max_iter, newton.reuse, 0)
-        self.least_tension = least, where
-        return Settled(*done)
+        return self._step(None, ride, start, now, rule, bound, newton, 0)
 
     def collocate(
         self, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton

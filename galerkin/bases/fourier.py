@@ -50,7 +50,8 @@ def split(s_o, behind, ahead, n):
         for q in range(both):
             row[q] = wave * c[q]
             c[q], sn[q] = c[q] * c1[q] - sn[q] * s1[q], sn[q] * c1[q] + c[q] * s1[q]
-    phi[n, :m], phi[n, m:] = 1.0 / s_o, -1.0 / (1.0 - s_o)
+    for q in range(both):
+        phi[n, q] = 1.0 / s_o if q < m else -1.0 / (1.0 - s_o)
     return s, weights, phi
 
 

@@ -60,10 +60,15 @@ def _overlaps(phi, first, second, left, chord, s_o):
 
 
 @compiled
-def carry(at, mass, hat, left, chord, s_o, ds_o, dds_o):
+def carry(at, mass, left, chord, s_o, ds_o, dds_o):
     """M, and the other entries of `Carried` as rows, (7, n); at : `Basis.at`;  left, chord : of `TravellingKink`."""
-    n = at.shape[1]
-    M, rows = mass.copy(), np.zeros((7, n + hat))
+    n, size = at.shape[1], mass.shape[0]
+    hat, M, rows = size > n, np.empty((size, size)), np.empty((7, size))
+    for k in range(size):
+        for i in range(size):
+            M[k, i] = mass[k, i]
+        for i in range(7):
+            rows[i, k] = 0.0
     for k in range(n):
         phi, first, second = at[0, k], at[1, k], at[2, k]
         rows[2, k], rows[3, k], rows[4, k] = phi, first, 2.0 * ds_o * first
@@ -92,7 +97,7 @@ class Standing:
     def carried(self, s_o: float, ds_o: float, dds_o: float) -> Carried:
         """Its part in the equations at this instant."""
         none = self._integral
-        mass, rows = carry(self.basis.at(s_o), self.at_rest, 0, none, none, s_o, ds_o, dds_o)
+        mass, rows = carry(self.basis.at(s_o), self.at_rest, none, none, s_o, ds_o, dds_o)
         return Carried(mass, *rows)
 
     def stiffness(self, s_o: float) -> Array:
@@ -140,7 +145,7 @@ class TravellingKink:
         return _overlaps(*tables, self.left, self.chord, s_o)
 
     def carried(self, s_o: float, ds_o: float, dds_o: float) -> Carried:
-        mass, rows = carry(self.basis.at(s_o), self.at_rest, 1, self.left, self.chord, s_o, ds_o, dds_o)
+        mass, rows = carry(self.basis.at(s_o), self.at_rest, self.left, self.chord, s_o, ds_o, dds_o)
         return Carried(mass, *rows)
 
     def stiffness(self, s_o: float) -> Array:

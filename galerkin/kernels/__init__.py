@@ -3,6 +3,7 @@
 Compiled because a step of these small systems costs more in interpreter than in arithmetic otherwise.
 
     cable     stress, forces, tangent, inertia
+    dense     BLAS and LAPACK
     rolling   a car that rolls
     steps     a step, and many in one go
 
@@ -29,10 +30,10 @@ from galerkin.kernels.cable import (
     survey,
 )
 from galerkin.kernels.rolling import Rolling, across, add_shed_tangent, car, pulls, recover, roll, row, taut
-from galerkin.kernels.steps import FREE, HAULED, STEP, STUCK, Grip, Ride, look, settle, stride
+from galerkin.kernels.steps import FREE, HAULED, STEP, STUCK, Grip, Ride, look, settle
 
 __all__ = [
     "FREE", "HAULED", "STEP", "STUCK", "Grip", "Points", "Ride", "Rolling", "acceleration", "across", "add_inertia",
     "add_inertia_tangent", "add_shed_tangent", "balance", "car", "look", "pulls", "recover", "roll", "row", "settle",
-    "static", "static_at", "stiffness", "stress", "stride", "survey", "taut",
+    "static", "static_at", "stiffness", "stress", "survey", "taut",
 ]  # fmt: skip

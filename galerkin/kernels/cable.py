@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from galerkin.kernels.dense import multiply
 from galerkin.law import compiled, tension
 
 Array = np.ndarray
-ELASTIC = 0
 
 
 class Points(NamedTuple):
@@ -54,11 +54,11 @@ def at_point(T, xp, yp, ux, vy, alpha, law):
     e = (2.0 * xp + ux) * ux + (2.0 * yp + vy) * vy
     stretch = math.sqrt(1.0 + e)
     eps = e / (1.0 + stretch)  # sqrt(1 + e) - 1 without cancellation
-    N, dN, W = tension(eps, T, alpha, law)
+    N, dN, W, elastic = tension(eps, T, alpha, law)
     k = N / stretch
     d = (dN - k) / (stretch * stretch)
     excess = (N - T - T * eps) / stretch
-    return N, W, excess * xp + k * ux, excess * yp + k * vy, k, d, tension(eps, T, alpha, ELASTIC)[0]
+    return N, W, excess * xp + k * ux, excess * yp + k * vy, k, d, elastic
 
 
 @compiled
@@ -82,7 +82,8 @@ def balance(at, Q, alpha, law, force, gram, pull, sides):
     sides : (2, 2) receives int (N t - T t_static) ds behind and ahead of the mass, each a row, where there is a hat
     """
     T, r_static, weights = at.T, at.r_static, at.weights
-    slope = np.dot(Q, at.phi)
+    slope = np.empty((2, weights.size))
+    multiply(Q, at.phi, False, slope)
     sides[:] = 0.0
     for i in range(weights.size):
         xp, yp, ux, vy = r_static[0, i], r_static[1, i], slope[0, i], slope[1, i]
@@ -94,7 +95,7 @@ def balance(at, Q, alpha, law, force, gram, pull, sides):
         side = 0 if at.phi[-1, i] > 0.0 else 1
         sides[side, 0] += w * fx
         sides[side, 1] += w * fy
-    np.dot(slope, at.phi.T, force)
+    multiply(slope, at.phi, True, force)
 
 
 @compiled
@@ -113,7 +114,8 @@ def stiffness(phi, f, harmonic, hat, out):
             both[i, q] = value
             both[3 + i, q] = value * (phi[N - 1, q] / (N * math.pi))
             both[6 + i, q] = value * phi[n - 1, q]
-    sums = np.dot(both, phi.T)
+    sums = np.empty((9, n))
+    multiply(both, phi, True, sums)
     if harmonic:
         c = np.empty(4 * N + 1)  # c_|m|, m = -2N .. 2N
         for i in range(3):
@@ -130,13 +132,13 @@ def stiffness(phi, f, harmonic, hat, out):
                 for k in range(1, N + 1):
                     row[k - 1] = (0.5 * math.pi**2 * j) * k * (minus[k] + plus[k])
     else:
-        scaled = np.empty((N, m))
+        scaled, products = np.empty((N, m)), np.empty((N, N))
         for i in range(3):
             a, b = i // 2, (i + 1) // 2
             for k in range(N):
                 for q in range(m):
                     scaled[k, q] = f[a, b, q] * phi[k, q]
-            products = np.dot(scaled, phi[:N].T)
+            multiply(scaled, phi, True, products)
             for j in range(N):
                 for k in range(N):
                     out[a * n + j, b * n + k] = products[j, k]
@@ -153,8 +155,9 @@ def stiffness(phi, f, harmonic, hat, out):
 @compiled
 def acceleration(x, Q, V, A):
     """d2/dt2 of w(s_o, t) along the path, (fields,)."""
-    out = np.zeros(A.shape[0])
+    out = np.empty(A.shape[0])
     for a in range(out.size):
+        out[a] = 0.0
         for i in range(x.f.size):
             out[a] += A[a, i] * x.f[i] + V[a, i] * x.f_v[i] + Q[a, i] * x.f_q[i]
     return out
@@ -193,7 +196,8 @@ def survey(at, Q, alpha, law, internal):
     internal : (2, 2) receives int (N t - T t_static) ds behind and ahead of the mass, each a column
     """
     T, r_static, weights = at.T, at.r_static, at.weights
-    slope = np.dot(Q, at.phi)
+    slope = np.empty((2, weights.size))
+    multiply(Q, at.phi, False, slope)
     energy, least, where = 0.0, math.inf, 0
     internal[:] = 0.0
     for i in range(weights.size):

@@ -1,4 +1,4 @@
-"""Newton's method of a step, with a mass that grips or a car that rolls; sines with a hat make their own instants."""
+"""Newton's method of steps, with a mass that grips or a car that rolls; sines with a hat make their own instants."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from galerkin.kernels.cable import (
     static_at,
     stiffness,
 )
+from galerkin.kernels.dense import solve
 from galerkin.kernels.rolling import Rolling, add_shed_tangent, pulls, roll, row
 from galerkin.law import compiled
 
@@ -59,7 +60,7 @@ class Grip(NamedTuple):
 def moment(on, sigma, s_o, ds_o, dds_o):
     """Points, what the basis carries, X' and the load of the mass at an instant; on : `Ride` or `Grip`."""
     n = on.left.size
-    M, rows = carry(values_at(s_o, n), on.mass, 1, on.left, on.chord, s_o, ds_o, dds_o)
+    M, rows = carry(values_at(s_o, n), on.mass, on.left, on.chord, s_o, ds_o, dds_o)
     x = Carried(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
     s, weights, phi = split(s_o, on.behind, on.ahead, n)
     T, r_static = static(s, sigma, on.c)
@@ -108,7 +109,8 @@ def tangent(
     ds_o, dds_o = (ride.ds_o, ride.dds_o) if hauled else (balanced[1, 2 * n], balanced[2, 2 * n])
     rays = at.phi[n - 1, 0], at.phi[n - 1, at.s.size - 1]
     add_shed_tangent(x, rays, ds_o, ride.on, c0, c1, block)
-    K[2 * n], K[:, 2 * n] = 0.0, 0.0
+    for i in range(size):
+        K[2 * n, i] = K[i, 2 * n] = 0.0
     if ride.mode == STUCK:
         K[2 * n, 2 * n] = c2 * mu
         return
@@ -118,7 +120,10 @@ def tangent(
             K[i, 2 * n], K[n + i, 2 * n] = -c2 * out[2] * x.f[i], -c2 * out[3] * x.f[i]
         K[2 * n, 2 * n] = -c2
         return
-    h, moved, beyond = STEP / (c0 + c1 + c2), balanced.copy(), np.empty(size)
+    h, moved, beyond = STEP / (c0 + c1 + c2), np.empty((3, size)), np.empty(size)
+    for k in range(3):
+        for i in range(size):
+            moved[k, i] = balanced[k, i]
     moved[0, 2 * n] += h * c0
     moved[1, 2 * n] += h * c1
     moved[2, 2 * n] += h * c2
@@ -137,100 +142,98 @@ def look(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, balan
     if ride.mode != HAULED:
         last = balanced.shape[1] - 1
         at, x, slope, load = moment(ride, ride.on.sigma, balanced[0, last], balanced[1, last], balanced[2, last])
-    gram, one = np.empty((2, 2, at.s.size)), np.eye(3)
+    gram = np.empty((2, 2, at.s.size))
     out = evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull)
     for k in range(parts.shape[0]):
-        c = one[k, 0], one[k, 1], one[k, 2]
+        c = 1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0
         tangent(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, balanced, r, out, gram, *c, parts[k])
 
 
 @compiled
-def correct(now, c, share, step):
-    """Take share step off the rows q, v, a of the step's end."""
-    for k in range(3):
-        for i in range(step.size):
-            now[k, i] -= share * c[k] * step[i]
+def settle(
+    grip, sigma, places, at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, start, now, told, rules,
+    bound, newton, pull,
+):  # fmt: skip
+    """`cablefem.newmark.System.settle` for the full cable, of steps one after another.
 
+    Return how many came to be in balance with no point slack.
 
-@compiled
-def settle(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, start, now, rule, bound, newton, pull):
-    """`cablefem.newmark.System.settle` for the full cable; return |r| and how often it iterated, factorised, evaluated.
-
-    load : (2,) acceleration of the mass along its static path less gravity
-    ride : `Ride` or None;  newton : max_iter, reuse, patience, most halvings.
+    grip : `Grip`, and places (m, 3) s_o, ds_o, dds_o; or None and instead of it the instant, for one step:
+        load : (2,) acceleration of the mass along its static path less gravity
+        ride : `Ride` or None
+    now : (m, 3, size) receives the ends;  rules : (m, 3, 5);  newton : max_iter, reuse, patience, most halvings.
+    told : (m, 6) |r|, how often it iterated, factorised, evaluated, the least tension and its s.
+    pull : of the last step.
     The factors are not kept but made again from the kept tangent: more than one iteration is rare, and for further
     steps the tangent does not do: the mass has gone a part of the highest sine's wave by then, and its kink turns r'.
     """
     size = start.shape[1]
-    c, w = rule[:, 3], rule[:, 4]
-    c0, c1, c2 = w[0] * c[0], w[1] * c[1], w[2] * c[2]
     balanced, r, gram = np.empty((3, size)), np.empty(size), np.empty((2, 2, pull.size))
-    for k in range(3):
-        for i in range(size):
-            now[k, i] = rule[k, 0] * start[0, i] + rule[k, 1] * start[1, i] + rule[k, 2] * start[2, i]
-    K = np.empty((size, size))
-    factorisations, residuals, anew, iterations = 0, 0, True, 0
-    step, before, halving = np.empty(size), math.inf, -1  # the first residual follows no correction
-    while True:
+    K, step = np.empty((size, size)), np.empty(size)
+    for count in range(rules.shape[0]):
+        begin, end, rule = start if count == 0 else now[count - 1], now[count], rules[count]
+        if grip is not None:
+            at, x, slope, load = moment(grip, sigma, places[count, 0], places[count, 1], places[count, 2])
+            if inertia == 0.0:  # the weight alone
+                load[0], load[1] = 0.0, -sigma
+        c0, c1, c2 = rule[0, 4] * rule[0, 3], rule[1, 4] * rule[1, 3], rule[2, 4] * rule[2, 3]
         for k in range(3):
             for i in range(size):
-                balanced[k, i] = w[k] * now[k, i] + (1.0 - w[k]) * start[k, i]
-        lost = False
-        if ride is not None:  # a type of its own: no ride is compiled into the step of a mass that grips
-            lost = ride.mode != HAULED and not 0.0 < balanced[0, size - 1] < 1.0  # a trial that leaves the cable
-            if ride.mode != HAULED and not lost:
-                made = moment(ride, ride.on.sigma, balanced[0, size - 1], balanced[1, size - 1], balanced[2, size - 1])
-                at, x, slope, load = made
-        norm = math.nan
-        if not lost:
-            out = evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull)
-            square = 0.0
-            for i in range(size):
-                square += r[i] * r[i]
-            norm = math.sqrt(square)
-        elif halving < 0:
-            return norm, 1, 0, 1
-        if halving >= 0:
-            residuals += 1
-            if not (norm < before or (iterations < newton[2] and norm < math.inf)) and halving < newton[3]:
-                halving += 1
+                end[k, i] = rule[k, 0] * begin[0, i] + rule[k, 1] * begin[1, i] + rule[k, 2] * begin[2, i]
+        factorisations, residuals, anew, iterations = 0, 0, True, 0
+        share, before, halving = 0.0, math.inf, -1  # the first residual follows no correction
+        while True:
+            for k in range(3):
+                part, w = share * rule[k, 3], rule[k, 4]
                 for i in range(size):
-                    step[i] *= 0.5
-                correct(now, c, -1.0, step)
-                continue
-            iterations += 1
-            if norm <= bound or not norm < math.inf or iterations >= newton[0]:
-                return norm, iterations, factorisations, residuals
-            anew = norm > newton[1] * before
-        if anew:
-            tangent(
-                at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, balanced, r, out, gram, c0, c1, c2, K
-            )
-            factorisations += 1
-        before = norm
-        step = np.linalg.solve(K, r)
-        correct(now, c, 1.0, step)
-        halving = 0
-
-
-@compiled
-def stride(grip, sigma, places, inertia, mu, alpha, law, start, now, told, rules, bound, newton, pull):
-    """Settle steps of a mass that grips one after another; return how many came to be in balance with no point slack.
-
-    places : (m, 3) s_o, ds_o, dds_o;  now : (m, 3, size) receives the ends;  told : (m, 6) what `settle` returns, the
-    least tension and its s;  pull : of the last step.
-    """
-    for k in range(places.shape[0]):
-        at, x, slope, load = moment(grip, sigma, places[k, 0], places[k, 1], places[k, 2])
-        if inertia == 0.0:  # the weight alone
-            load[0], load[1] = 0.0, -sigma
-        norm, iterations, factorisations, residuals = settle(
-            at, x, slope, load, None, inertia, mu, alpha, law, True, 1, start if k == 0 else now[k - 1], now[k],
-            rules[k], bound, newton, pull,
-        )  # fmt: skip
-        least = pull.argmin()
-        told[k, 0], told[k, 1], told[k, 2] = norm, iterations, factorisations
-        told[k, 3], told[k, 4], told[k, 5] = residuals, pull[least], at.s[least]
+                    if halving >= 0:
+                        end[k, i] -= part * step[i]
+                    balanced[k, i] = w * end[k, i] + (1.0 - w) * begin[k, i]
+            lost = False
+            if ride is not None:  # a type of its own: no ride is compiled into the step of a mass that grips
+                last = size - 1
+                lost = ride.mode != HAULED and not 0.0 < balanced[0, last] < 1.0  # a trial that leaves the cable
+                if ride.mode != HAULED and not lost:
+                    at, x, slope, load = moment(
+                        ride, ride.on.sigma, balanced[0, last], balanced[1, last], balanced[2, last]
+                    )
+            norm = math.nan
+            if not lost:
+                out = evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull)
+                square = 0.0
+                for i in range(size):
+                    square += r[i] * r[i]
+                norm = math.sqrt(square)
+            elif halving < 0:
+                iterations, residuals = 1, 1
+                break
+            if halving >= 0:
+                residuals += 1
+                if not (norm < before or (iterations < newton[2] and norm < math.inf)) and halving < newton[3]:
+                    halving += 1
+                    for i in range(size):
+                        step[i] *= 0.5
+                    share = -1.0
+                    continue
+                iterations += 1
+                if norm <= bound or not norm < math.inf or iterations >= newton[0]:
+                    break
+                anew = norm > newton[1] * before
+            if anew:
+                tangent(
+                    at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, balanced, r, out, gram, c0, c1,
+                    c2, K,
+                )  # fmt: skip
+                factorisations += 1
+            before = norm
+            solve(K, r, step)
+            share, halving = 1.0, 0
+        least = 0
+        for i in range(pull.size):
+            if pull[i] < pull[least]:
+                least = i
+        told[count, 0], told[count, 1], told[count, 2] = norm, iterations, factorisations
+        told[count, 3], told[count, 4], told[count, 5] = residuals, pull[least], at.s[least]
         if not (norm <= bound and pull[least] >= 0.0):
-            return k
-    return places.shape[0]
+            return count
+    return rules.shape[0]

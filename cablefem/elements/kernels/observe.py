@@ -22,29 +22,44 @@ def along(knots, shapes, dofs, node, kinematics, s, history, ends, out):
     kinematics : (k, 3);  history : q, v, a, (3, k, n_dof);  ends : (k, 4, n_fields) of `end_forces`.
     """
     n_el, n_loc, n_fields = knots.shape[1] - 1, shapes.shape[0], out.shape[3]
-    once = shapes / np.arange(1.0, n_loc + 1.0)  # coefficients of the antiderivatives
-    begin = np.zeros((2 * n_el + 1, 3, n_fields))  # int q, v, a dxi from the start of the side up to each element
+    once, whole = np.empty(shapes.shape), np.empty(n_loc)  # coefficients of the antiderivatives, and those at xi = 1
+    for k in range(n_loc):
+        whole[k] = 0.0
+        for m in range(n_loc):
+            once[k, m] = shapes[k, m] / (m + 1.0)
+            whole[k] += once[k, m]
+    begin = np.empty((2 * n_el, 3, n_fields))  # int q, v, a dxi from the start of the side up to each element
     value, slope, total = np.empty((3, n_fields)), np.empty((3, n_fields)), np.empty((3, n_fields))
     for frame in range(kinematics.shape[0]):
-        s_o, ds, dds = kinematics[frame]
+        s_o, ds, dds = kinematics[frame, 0], kinematics[frame, 1], kinematics[frame, 2]
         for e in range(2 * n_el):
             side, at = e // n_el, e % n_el
-            begin[e + 1] = begin[e] if at + 1 < n_el else 0.0 * begin[e]
-            for k in range(n_loc if at + 1 < n_el else 0):
-                whole = once[k].sum() * (knots[side, at + 1] - knots[side, at])
+            for j in range(3):
+                for i in range(n_fields):
+                    begin[e, j, i] = 0.0 if at == 0 else begin[e - 1, j, i]
+            for k in range(n_loc if at > 0 else 0):
+                part = whole[k] * (knots[side, at] - knots[side, at - 1])
                 for j in range(3):
                     for i in range(n_fields):
-                        d = n_fields * dofs[e, k] + i
+                        d = n_fields * dofs[e - 1, k] + i
                         if d >= 0:
-                            begin[e + 1, j, i] += whole * history[j, frame, d]
+                            begin[e, j, i] += part * history[j, frame, d]
         for p in range(s.size):
             behind = s[p] <= s_o and s_o > 0.0
             side, s_0, h, sign = (0, 0.0, s_o, 1.0) if behind else (1, s_o, 1.0 - s_o, -1.0)
             xi = min(1.0, max(0.0, (s[p] - s_0) / h))
-            at = max(0, np.searchsorted(knots[side], xi) - 1)
+            at, last = 0, n_el - 1
+            while at < last:
+                half = (at + last) // 2
+                if knots[side, half + 1] < xi:
+                    at = half + 1
+                else:
+                    last = half
             e, length = side * n_el + at, knots[side, at + 1] - knots[side, at]
             x, chi = (xi - knots[side, at]) / length, xi if behind else 1.0 - xi
-            value[:], slope[:], total[:] = 0.0, 0.0, begin[e]
+            for j in range(3):
+                for i in range(n_fields):
+                    value[j, i], slope[j, i], total[j, i] = 0.0, 0.0, begin[e, j, i]
             for k in range(n_loc):
                 d = n_fields * dofs[e, k]
                 if d < 0:
@@ -74,89 +89,82 @@ def along(knots, shapes, dofs, node, kinematics, s, history, ends, out):
 
 
 @compiled
-def end_forces(mesh, n_left, node, cable, dds, rise, q, v, a, out):
-    """Set f - c^2 w' at the left support, behind and ahead of the mass and at the right support; out (4, n_fields).
+def end_forces(mesh, n_left, node, cable, kinematics, rise, q, v, a, ends):
+    """Set f - c^2 w' at the left support, behind and ahead of the mass and at the right support, of a history.
 
     Momentum of a side of a following mesh, tested with any phi(xi):
     d/dt int w. phi + int c w. phi' + int f phi' = [(f + c w.) phi], w. = dq/dt phi_k - c w'; here with phi = 1 and with
     the phi that is 1 at the mass and 0 at the support.  f is the internal force less its static part, of the one-field
     models with N - tau = rise; c is 0 at the supports and ds_o at the mass.
+
+    ends : (n, 4, n_fields);  the span of the mesh, which follows, is overwritten: one at rest is all left of s_o = 1.
     """
     span, dofs, tab = mesh
     n_el, n_loc = dofs.shape
-    n_fields = out.shape[1]
+    n_fields = ends.shape[2]
     alpha, law = cable[0], cable[3]
-    out[:] = 0.0
-    value, grad = np.empty((3, 2)), np.empty((3, 2))
-    f = np.empty(2)
-    for e in range(n_el):
-        left = e < n_left
-        s_0, h = span[e, 0], span[e, 1]
-        if h == 0.0:
-            continue
-        ds, sign = (span[e, 3], 1.0) if left else (span[e, 2], -1.0)
-        for g in range(tab.shape[1]):
-            xi, weight = tab[e, g, 0], tab[e, g, 1]
-            chi = xi if left else 1.0 - xi
-            value[:] = 0.0
-            grad[:] = 0.0
-            for k in range(n_loc):
-                d = dofs[e, k]
-                if d >= 0:
-                    phi, phi_x = tab[e, g, 2 + k], tab[e, g, 2 + n_loc + k]
-                    for i in range(n_fields):
-                        at = n_fields * d + i
-                        value[1, i] += phi * v[at]
-                        value[2, i] += phi * a[at]
-                        grad[0, i] += phi_x * q[at]
-                        grad[1, i] += phi_x * v[at]
-            s = s_0 + h * xi
-            if n_fields == 2:
-                xp, yp, T = at_rest(cable, s)
-                f[0], f[1], _, _, _, _, _ = pull(xp, yp, T, grad[0, 0] / h, grad[0, 1] / h, alpha, law)
-            else:  # cable = (alpha, tau, curvature, lam, kap, law)
-                w_s = grad[0, 0] / h
-                f[0] = cable[1] * w_s + rise * (cable[2] * (0.5 - s) + cable[4] * w_s)
-            for i in range(n_fields):
-                w_t = value[1, i] - ds * chi / h * grad[0, i]
-                momentum = h * value[2, i] + sign * ds * value[1, i] - chi * (dds * grad[0, i] + ds * grad[1, i])
-                force = weight * (sign * chi * momentum + ds * chi * w_t + f[i])
-                if left:
-                    out[1, i] += force
-                    out[0, i] += force - weight * momentum
-                else:
-                    out[2, i] += force
-                    out[3, i] += force + weight * momentum
-    ds = span[-1, 2]
-    for i in range(n_fields):
-        out[1, i] -= ds * v[n_fields * node + i]
-        out[2, i] -= ds * v[n_fields * node + i]
-
-
-@compiled
-def followed(mesh, n_left, node, cable, kinematics, rise, q, v, a, ends):
-    """Set `end_forces` of a history, ends (n, 4, n_fields); the span of the mesh, which follows, is overwritten."""
     unused = np.empty((8, 3))
-    for i in range(rise.size):
-        follow(kinematics[i, 0], kinematics[i, 1], kinematics[i, 2], n_left, unused, mesh.span)
-        end_forces(mesh, n_left, node, cable, kinematics[i, 2], rise[i], q[i], v[i], a[i], ends[i])
-        if kinematics[i, 0] == 0.0:  # the left part has no length yet
-            for f in range(ends.shape[2]):
-                ends[i, 0, f] = ends[i, 1, f] = ends[i, 2, f]
+    value, grad, f = np.empty((3, 2)), np.empty((3, 2)), np.empty(2)
+    for n in range(rise.size):
+        out, dds = ends[n], kinematics[n, 2]
+        follow(kinematics[n, 0], kinematics[n, 1], dds, n_left, unused, span)
+        out[:] = 0.0
+        for e in range(n_el):
+            left = e < n_left
+            s_0, h = span[e, 0], span[e, 1]
+            if h == 0.0:
+                continue
+            ds, sign = (span[e, 3], 1.0) if left else (span[e, 2], -1.0)
+            for g in range(tab.shape[1]):
+                xi, weight = tab[e, g, 0], tab[e, g, 1]
+                chi = xi if left else 1.0 - xi
+                value[:] = 0.0
+                grad[:] = 0.0
+                for k in range(n_loc):
+                    d = dofs[e, k]
+                    if d >= 0:
+                        phi, phi_x = tab[e, g, 2 + k], tab[e, g, 2 + n_loc + k]
+                        for i in range(n_fields):
+                            at = n_fields * d + i
+                            value[1, i] += phi * v[n, at]
+                            value[2, i] += phi * a[n, at]
+                            grad[0, i] += phi_x * q[n, at]
+                            grad[1, i] += phi_x * v[n, at]
+                s = s_0 + h * xi
+                if n_fields == 2:
+                    xp, yp, T = at_rest(cable, s)
+                    f[0], f[1], _, _, _, _, _ = pull(xp, yp, T, grad[0, 0] / h, grad[0, 1] / h, alpha, law)
+                else:  # cable = (alpha, tau, curvature, lam, kap, law)
+                    w_s = grad[0, 0] / h
+                    f[0] = cable[1] * w_s + rise[n] * (cable[2] * (0.5 - s) + cable[4] * w_s)
+                for i in range(n_fields):
+                    w_t = value[1, i] - ds * chi / h * grad[0, i]
+                    momentum = h * value[2, i] + sign * ds * value[1, i] - chi * (dds * grad[0, i] + ds * grad[1, i])
+                    force = weight * (sign * chi * momentum + ds * chi * w_t + f[i])
+                    if left:
+                        out[1, i] += force
+                        out[0, i] += force - weight * momentum
+                    else:
+                        out[2, i] += force
+                        out[3, i] += force + weight * momentum
+        for i in range(n_fields):
+            moved = kinematics[n, 1] * v[n, n_fields * node + i]
+            out[1, i] -= moved
+            out[2, i] -= moved
+            if kinematics[n, 0] == 0.0:  # the left part has no length yet
+                out[0, i] = out[1, i] = out[2, i]
 
 
 @compiled
 def energies(mesh, fine, n_left, cable, n_fields, kinematics, q, v, parts, least, where):
     """Set energies (3, n): kinetic, of strain, of weight; least tension and its s (n,) of a history.
 
-    mesh : with the points of the forces; fine : tab with those of inertia.
-    n_left : None where the mesh rests; else its span is overwritten.
+    mesh : with the points of the forces, its span as in `end_forces`; fine : tab with those of inertia.
     """
     unused = np.empty((8, 3))
     inert = Mesh(mesh.span, mesh.dofs, fine)
     for i in range(least.size):
-        if n_left is not None:
-            follow(kinematics[i, 0], kinematics[i, 1], 0.0, n_left, unused, mesh.span)
+        follow(kinematics[i, 0], kinematics[i, 1], 0.0, n_left, unused, mesh.span)
         parts[0, i] = kinetic_energy(inert, n_fields, q[i], v[i])
         if n_fields == 2:
             parts[1, i], parts[2, i], least[i], where[i] = cable_energy(mesh, cable, q[i])

@@ -1,0 +1,54 @@
+"""Dense products and solutions by BLAS and LAPACK, through what numba has of them for its own np.dot and np.linalg.
+
+Called directly: what numba makes of np.dot and np.linalg.solve takes seconds to compile, for its tests and messages.
+Arrays are in C order; column by column, as the libraries read them, they are their transposes.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.np.linalg import F_INT_nbtype, F_INT_nptype
+
+from galerkin.law import compiled
+
+_real, _size, _char = types.CPointer(types.float64), types.intp, types.char
+_gemm: Any = types.ExternalFunction(
+    "numba_xxgemm",
+    types.intc(
+        _char, _char, _char, _size, _size, _size, _real, _real, _size, _real, _size, _real, _real, _size
+    ),
+)  # fmt: skip
+_gesv: Any = types.ExternalFunction(
+    "numba_xgesv", types.intc(_char, _size, _size, _real, _size, types.CPointer(F_INT_nbtype), _real, _size)
+)
+DOUBLE, PLAIN, TRANSPOSED = ord("d"), ord("n"), ord("t")
+
+
+@compiled
+def multiply(a, b, flip, out):
+    """Set out (m, n) to a b, or where `flip` to a b^T; a (m, k)."""
+    if not (a.flags.c_contiguous and b.flags.c_contiguous and out.flags.c_contiguous):
+        raise ValueError("arrays in C order are wanted")
+    factors = np.empty(2)
+    factors[0], factors[1] = 1.0, 0.0
+    m, k, n = a.shape[0], a.shape[1], out.shape[1]
+    way = TRANSPOSED if flip else PLAIN
+    _gemm(
+        DOUBLE, way, PLAIN, n, m, k, factors.ctypes, b.ctypes, b.shape[1], a.ctypes, k, factors[1:].ctypes, out.ctypes,
+        n,
+    )  # fmt: skip
+
+
+@compiled
+def solve(K, b, x):
+    """Set x (n,) to K^-1 b, to NaN if K is singular."""
+    n = b.size
+    columns, pivots = np.empty((n, n)), np.empty(n, dtype=F_INT_nptype)
+    for i in range(n):
+        x[i] = b[i]
+        for j in range(n):
+            columns[j, i] = K[i, j]
+    if _gesv(DOUBLE, n, 1, columns.ctypes, n, pivots.ctypes, x.ctypes, n) != 0:
+        x[:] = math.nan
