@@ -18,7 +18,8 @@ def compiler(file: str) -> Callable[[Callable], Any]:
     stamp = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).digest()
 
     def compiled(function: Callable) -> Any:
-        fast = njit(cache=True, error_model="numpy")(function)  # no test for a zero divisor: norms catch NaN, infinity
+        # no test for a zero divisor: norms catch NaN, infinity; no entry for C, which would be compiled with each
+        fast = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)
         if hasattr(fast, "_cache"):  # not where numba is told to compile nothing
             fast._cache._cache_file._source_stamp = stamp
         return fast
