@@ -6,6 +6,20 @@ from pathlib import Path
 from typing import Any
 
 from numba import njit
+from numba.core.caching import FunctionCache
+from numba.core.runtime import rtsys
+
+# no test for a zero divisor: norms catch NaN, infinity; no entry for C, which would be compiled with each function
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
+
+
+class _Cache(FunctionCache):
+    """numba's, but for what it loads to compile other functions: that takes longer than to load one that is there."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
 
 
 def compiler(file: str) -> Callable[[Callable], Any]:
@@ -18,9 +32,9 @@ def compiler(file: str) -> Callable[[Callable], Any]:
     stamp = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).digest()
 
     def compiled(function: Callable) -> Any:
-        # no test for a zero divisor: norms catch NaN, infinity; no entry for C, which would be compiled with each
-        fast = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)
+        fast = njit(**OPTIONS)(function)
         if hasattr(fast, "_cache"):  # not where numba is told to compile nothing
+            fast._cache = _Cache(function)
             fast._cache._cache_file._source_stamp = stamp
         return fast
 

@@ -11,7 +11,18 @@ from cablefem import Scene
 from cablefem.elements.following import FollowingElements
 from tests.validation.pairs import LEVEL, altered, answer, right
 from validation.commands.check import study
-from validation.core.agreement import ALONG, AXIAL_MEAN, UP_TO, Agreement, Verdict, agree, doubts, overall, settled
+from validation.core.agreement import (
+    ALONG,
+    AXIAL_MEAN,
+    UP_TO,
+    Agreement,
+    Verdict,
+    agree,
+    doubts,
+    overall,
+    settled,
+    wanting,
+)
 from validation.core.bounds import Bound, Part
 from validation.core.estimate import Estimated, companions, past_slack
 from validation.core.flags import flag
@@ -274,6 +285,16 @@ def test_a_disagreement_is_one_that_stays_under_refinement(gap, before, told):
     assert found.verdict is told, str(found.bound)
 
 
+def test_who_makes_a_row_too_coarse_is_refined():
+    first, second = study.SOLVERS
+    blunt = Bound("error bars", (Part(first, 0.2), Part(second, 0.9)), tol=1.0)
+    rows = [Agreement("path_max", 0.1, blunt), Agreement("speed", 0.1, replace(blunt, tol=None))]
+    assert wanting(rows, [first, second]) == [second]
+    even = replace(blunt, parts=(Part(first, 0.6), Part(second, 0.6)))
+    assert wanting([*rows, Agreement("place", 0.1, even)], [first, second]) == [first, second]
+    assert wanting([Agreement("place", 0.1, replace(blunt, tol=5.0))], [first]) == [first]
+
+
 def test_bars_beyond_their_ceiling_disagree_only_far_out():
     assert row(2.9, tol=0.5).verdict is Verdict.TOO_COARSE
     assert row(3.1, tol=0.5).verdict is Verdict.DISAGREE
@@ -284,32 +305,33 @@ def test_a_check_refines_both_before_it_says_disagree(monkeypatch, left, told, r
     """A wing that is wrong stays so; one that seems wrong by chance does not."""
     answers, asked = dict(zip(study.SOLVERS, right(), strict=True)), []
 
-    def resolved(scene, method, tol, budget, progress):
+    def resolved(scene, method, tol, budget, past, before, progress):
         asked.append(tol)
         off = 1.0 if len(asked) <= 2 else left
         wrong = fields(u=1.0 + 0.1 * off, v=1.0 + 0.1 * off)
         e = answers[method.name] if method.wing == "elements" else altered(answers[method.name], wrong)
-        return replace(e, run=replace(e.run, path_error=0.9 * tol, flags=[]))
+        finer = e.run.settings | {"steps": e.run.settings["steps"] + len(asked)}
+        return replace(e, run=replace(e.run, path_error=0.9 * tol, flags=[], settings=finer))
 
     monkeypatch.setattr(study, "_resolved", resolved)
-    monkeypatch.setattr(study, "side_by_side", lambda jobs, progress: [job(lambda *told: None) for job in jobs])
+    monkeypatch.setattr(study, "side_by_side", lambda jobs, progress, load: [job(lambda *told: None) for job in jobs])
     assert study.check(LEVEL, tol=0.05).verdict is told
     assert len(asked) == 2 * rounds
-    assert asked[2:] == [0.9 * 0.025 / study.CONFIRMS] * 2
+    assert asked[2:] == pytest.approx([0.9 * part * 0.05 / study.CONFIRMS for part in (0.4, 0.6)], rel=1e-12)
 
 
 @pytest.mark.parametrize(("flagged", "rounds"), [(False, 1), (True, 2)])
 def test_a_check_goes_on_where_bars_cover_less_than_the_range(monkeypatch, flagged, rounds):
     answers, asked = dict(zip(study.SOLVERS, right(), strict=True)), []
 
-    def resolved(scene, method, tol, budget, progress):
+    def resolved(scene, method, tol, budget, past, before, progress):
         asked.append(tol)
         e = answers[method.name]
         short = [flag("short bar", stop=0.3)] if flagged and len(asked) <= 2 else []
         return replace(e, run=replace(e.run, path_error=0.5 * tol, flags=short))
 
     monkeypatch.setattr(study, "_resolved", resolved)
-    monkeypatch.setattr(study, "side_by_side", lambda jobs, progress: [job(lambda *told: None) for job in jobs])
+    monkeypatch.setattr(study, "side_by_side", lambda jobs, progress, load: [job(lambda *told: None) for job in jobs])
     assert study.check(LEVEL, tol=0.05).verdict is Verdict.AGREE
     assert len(asked) == 2 * rounds
 

@@ -29,7 +29,7 @@ from validation.core.resolution import (
     resolved,
     work,
 )
-from validation.core.running import run
+from validation.core.running import Run, run
 
 LEVEL, INCLINED = Scene.load("level"), Scene.load("inclined")
 
@@ -98,6 +98,20 @@ def test_only_the_run_that_is_returned_goes_on_to_the_far_support():
     assert made[-2].settings == r.settings
     assert r.work["steps"] == r.t.size - 1
     np.testing.assert_array_equal(r.v[: made[-2].t.size], made[-2].v)
+
+
+def test_a_ladder_goes_on_where_it_ended(monkeypatch):
+    made = []
+    monkeypatch.setattr(resolution, "Run", lambda *x, **how: made.append(how) or Run(*x, **how))
+    first = resolved(INCLINED, "following-p2", 5e-3, until=0.8)
+    assert resolved(INCLINED, "following-p2", 5e-3, until=0.8, before=first) is first
+    made.clear()
+    on = resolved(INCLINED, "following-p2", 5e-4, until=0.8, before=first)
+    assert len(made) <= 2
+    assert on.run.path_error <= 5e-4 < first.run.path_error
+    assert on.in_time.settings["steps"] == on.run.settings["steps"] / 2
+    fine = run(INCLINED, "following-p2", elements=20, steps=1000, until=0.8)
+    assert measures.path_gap(on.run, fine, (0.02, 0.8))[0] <= on.run.path_error
 
 
 def test_a_light_car_is_resolved_where_its_front_meets_it():

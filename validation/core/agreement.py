@@ -12,20 +12,23 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cablefem.newmark import scheme
 from cablefem.response import Array, Flag, Response
 from cablefem.scene import Scene
-from validation.core import laws, measures, trust
+from validation.core import measures
 from validation.core.bounds import Bound, Part, nothing
 from validation.core.estimate import SLACK_END, Estimated
 from validation.core.flags import flag
 from validation.core.measures import NotComparable, Window
 from validation.core.methods import METHODS
 from validation.core.richardson import NO_ORDER, SAFETY, UNCONFIRMED, time_order
+
+if TYPE_CHECKING:
+    from validation.core.laws import Held
 
 DEFAULT_TOL = 1e-3
 CEILING = 0.05  # of a row's own scale at the default tolerance: bars wider than that say nothing
@@ -96,13 +99,26 @@ def overall(rows: list[Agreement]) -> Verdict:
     the velocity over time is the displacement, frames that are far apart say little of its integral, and where fronts
     pass the mass, stations of where it goes to there.
     """
+    verdicts = {row.verdict for row in _asked(rows)} or {Verdict.NOT_COMPARABLE}
+    return next(verdict for verdict in Verdict if verdict in verdicts)
+
+
+def _asked(rows: list[Agreement]) -> list[Agreement]:
     agreed = [row for row in rows if row.verdict is Verdict.AGREE]
     known = {row.quantity for row in agreed if row.law == AXIAL_MEAN}
     known |= {"velocity" for row in agreed if row.quantity == "displacement"}
     pointwise = [row for row in rows if row.verdict is Verdict.TOO_COARSE and row.law in ("", ALONG, SUMMED, UP_TO)]
-    asked = [row for row in rows if row not in pointwise or row.quantity not in known]
-    verdicts = {row.verdict for row in asked} or {Verdict.NOT_COMPARABLE}
-    return next(verdict for verdict in Verdict if verdict in verdicts)
+    return [row for row in rows if row not in pointwise or row.quantity not in known]
+
+
+def wanting(rows: list[Agreement], methods: list[str]) -> list[str]:
+    """Return the methods whose own bars are more than half of what a row too coarse may allow; all where none is."""
+    coarse = [row.bound for row in _asked(rows) if row.verdict is Verdict.TOO_COARSE]
+    found = [
+        name for name in methods
+        if any(sum(part.value for part in x.parts if part.name == name) > 0.5 * (x.tol or 0.0) for x in coarse)
+    ]  # fmt: skip
+    return found or methods
 
 
 def settled(rows: list[Agreement], before: list[Agreement] | None) -> list[Agreement]:
@@ -138,6 +154,8 @@ def agree(
     window: Window | None = None,
 ) -> list[Agreement]:  # fmt: skip
     """Compare two estimated runs; every allowed gap is the sum of the two solvers' own error bars.
+
+    What it needs takes longer to load than many a run, and is loaded here: while solvers run, others may load it.
 
     tol : asked of the mass path: where the bars exceed it, the row is "too coarse"; default 5 percent.
     tol_tension : the same, over H, for tension at the mass and reactions, averaged over an axial wave's way there and
@@ -373,6 +391,8 @@ def _past_slack(a: Estimated, b: Estimated) -> Iterator[Agreement]:
     """
     if a.late is None or b.late is None:
         return
+    from validation.core import trust  # see `agree`
+
     pairs = [(a.run, a.late), (b.run, b.late)]
     onset = min(r.slack_onset or math.inf for pair in pairs for r in pair)
     end = min([SLACK_END, *(r.reached for pair in pairs for r in pair)])
@@ -450,20 +470,22 @@ def _law(name: str, series: Series, a: Estimated, b: Estimated, window: Window) 
 
 def _laws(a: Estimated, b: Estimated, window: Window) -> Iterator[Agreement]:
     """Hold both runs against mechanics in SI, as the judge knows it by itself; a row for each law, of the worse run."""
+    from validation.core import laws  # see `agree`
+
     found: dict[str, list[Agreement]] = {}
     for e in (a, b):
         for x in laws.hold(e.run, window, (e.in_space, e.in_time)):
-            found.setdefault(x.law, []).append(_held(e.run.method, x))
+            found.setdefault(x.law, []).append(_held(e.run.method, x, laws.SAFETY))
     yield from map(_worse, found.values())
 
 
-def _held(method: str, x: laws.Held) -> Agreement:
+def _held(method: str, x: Held, safety: float) -> Agreement:
     name, law = x.quantity, "" if x.law == x.quantity else x.law
     if not math.isfinite(x.gap + x.changed):
         return Agreement(name, math.nan, nothing(f"{method} or a companion does not say what it asks for"), law=law)
     parts = [Part(method, x.sampling, "sampling of its fields")]
     if x.changed:
-        parts.insert(0, Part(method, laws.SAFETY * x.changed, f"{CHANGED}, times {laws.SAFETY}"))
+        parts.insert(0, Part(method, safety * x.changed, f"{CHANGED}, times {safety}"))
     return Agreement(name, x.gap, Bound("law", tuple(parts)), x.where, law=law)
 
 

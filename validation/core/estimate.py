@@ -49,6 +49,7 @@ class Estimated:
     loud: Response | None = None  # by a rule and with steps that let axial waves ring, where the run's damp them
     of_path: tuple[float, float] = (1.0, 1.0)  # how much more the path's own ladder says, in space and time
     order: float | None = None  # in time, as a ladder has shown it
+    rung: Any = None  # where its ladder ended, to go on from
     rings: bool = False  # steps miss axial waves, so that what rings with them is of first order in time
 
     def bar(self, gap: Callable[[Response, Response], float]) -> float:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -221,9 +221,20 @@ class Evidence:
             out.append((Side.of(np.concatenate(pair[0])), Side.of(np.concatenate(pair[1]))))
         return out
 
-    def along(self, of: Callable[[Side], Array]) -> Array:
-        """Return the integral over both sides of a density (m,) or (m, c), at the frames (k, ...)."""
-        return np.array([sum(simpson(of(x), x=x.s, axis=0) for x in pair) for pair in self.sides])
+    @cached_property
+    def along(self) -> dict[str, Array]:
+        """Integrals over both sides at the frames: velocity, place (k, 2), spin (k,), energies (k, 3) per length."""
+        given = self.given
+
+        def densities(x: Side) -> Array:
+            spin = x.place[:, 0] * x.velocity[:, 1] - x.place[:, 1] * x.velocity[:, 0]
+            kinetic = 0.5 * given.rho * np.sum(x.velocity**2, axis=1)
+            strain = (x.T**2 - x.T_static**2) / (2.0 * given.EA)
+            weight = -given.rho * given.gravity * x.place[:, 1]
+            return np.stack([*x.velocity.T, *x.place.T, spin, kinetic, weight, strain], axis=1)
+
+        found = np.array([sum(simpson(densities(x), x=x.s, axis=0) for x in pair) for pair in self.sides])
+        return {"velocity": found[:, :2], "place": found[:, 2:4], "spin": found[:, 4], "energies": found[:, 5:]}
 
     # --- energy; all over weight times largest deflection ---------------------------------------------------
 
@@ -231,14 +242,8 @@ class Evidence:
     def energies(self) -> Array:
         """Kinetic energy, that of weight and that of strain at the frames (k, 3) [J], W = (N^2 - T^2)/(2 EA)."""
         r, given = self.r, self.given
-
-        def density(x: Side) -> Array:
-            kinetic = 0.5 * given.rho * np.sum(x.velocity**2, axis=1)
-            strain = (x.T**2 - x.T_static**2) / (2.0 * given.EA)
-            return np.stack([kinetic, -given.rho * given.gravity * x.place[:, 1], strain], axis=1)
-
         of_mass = [0.5 * given.mass * np.sum(r.velocity**2, axis=1), -given.weight * r.y, np.zeros(r.t.size)]
-        return self.at_frames(np.stack(of_mass, axis=1)) + self.along(density)
+        return self.at_frames(np.stack(of_mass, axis=1)) + self.along["energies"]
 
     @property
     def work(self) -> float:

@@ -367,11 +367,13 @@ def stretch(m: Evidence) -> Defect:
     for pair in m.sides:
         longer = max(pair, key=lambda x: x.s[-1] - x.s[0])
         for x in pair:
-            moved, rest = _lengths(x.s, x.place, x.rest)
+            spline = CubicSpline(x.s, np.concatenate([x.place, x.rest, (x.T - x.T_static)[:, None]], axis=1))
+            few = x.s.size < 4
+            moved, rest = [np.hypot(*np.diff(y, axis=0).T) for y in (x.place, x.rest)] if few else _arcs(spline, x.s)
             strain = np.cumsum(np.append(0.0, moved - rest))
-            rise = CubicSpline(x.s, x.T - x.T_static).antiderivative()(x.s)
             ends = [0, x.s.size // 2, -1] if x is longer else [0, -1]
-            off += (np.diff((rise - m.given.EA * strain)[ends]) / np.diff(x.s[ends])).tolist()
+            rise = spline.antiderivative()(x.s[ends])[:, 4]
+            off += (np.diff(rise - m.given.EA * strain[ends]) / np.diff(x.s[ends])).tolist()
     at = m.r.fields.s_o[m.frames] / m.r.length
     return Defect(at, np.reshape(off, (-1, 3)) / m.r.horizontal_tension)
 
@@ -382,7 +384,7 @@ def momentum_of_the_cable(m: Evidence) -> Defect:
     r, rho = m.r, m.given.rho
     weight = rho * m.given.gravity * r.fields.s[-1]
     force = r.reaction_left + r.reaction_right + r.contact + weight * DOWN
-    kept = rho * m.along(lambda x: x.velocity) - m.impulse_of(force)
+    kept = rho * m.along["velocity"] - m.impulse_of(force)
     return m.over_windows(kept, (weight + m.given.weight) * m.lasts)
 
 
@@ -391,8 +393,8 @@ def moment_of_momentum(m: Evidence) -> Defect:
     """rho int r x r. ds about the left support changes by the moments' impulse; over all weight, span, window."""
     r, given, t = m.r, m.given, m.t
     weight = given.rho * given.gravity
-    spin = given.rho * m.along(lambda x: _cross(x.place, x.velocity))
-    lever = weight * m.along(lambda x: x.place[:, 0])
+    spin = given.rho * m.along["spin"]
+    lever = weight * m.along["place"][:, 0]
     right = np.array([given.span, given.drop])
     moment = _cross(right, r.reaction_right) + _cross(np.stack([r.x, r.y], axis=1), r.contact)
     own = CubicSpline(t, lever).antiderivative()(t) if t.size > 3 else cumulative_trapezoid(lever, t, initial=0.0)
@@ -435,16 +437,12 @@ def _cross(a: Array, b: Array) -> Array:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
+GAUSS = np.polynomial.legendre.leggauss(3)
+
+
 def _arcs(curve: CubicSpline, s: Array) -> Array:
-    """Return the lengths of curves (x, y, ...) between nodes, (curves, m - 1): three Gauss points each."""
-    at, weights = np.polynomial.legendre.leggauss(3)
+    """Return the lengths of curves (x, y, ...) between nodes, (curves, m - 1); at most two curves are looked at."""
+    at, weights = GAUSS
     h = 0.5 * np.diff(s)
     slope = curve(s[:-1, None] + h[:, None] * (1.0 + at), 1)
-    return h * (np.hypot(slope[..., ::2], slope[..., 1::2]).transpose(2, 0, 1) @ weights)
-
-
-def _lengths(s: Array, *places: Array) -> Array:
-    """Return the lengths of curves between their nodes, (curves, m - 1): cubic splines', or chords' where few."""
-    if s.size < 4:
-        return np.array([np.hypot(*np.diff(place, axis=0).T) for place in places])
-    return _arcs(CubicSpline(s, np.concatenate(places, axis=1)), s)
+    return h * (np.hypot(slope[..., :4:2], slope[..., 1:4:2]).transpose(2, 0, 1) @ weights)

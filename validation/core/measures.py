@@ -51,10 +51,17 @@ def inside(r: Response, window: Window) -> NDArray[np.bool_]:
 
 
 def at_steps_of(a: Response, b: Response, values: Array) -> Array:
-    """Interpolate `values` (n_b, ...), given at the steps of b, to the instants of a; cubic spline in time."""
+    """Interpolate `values` (n_b, ...), given at the steps of b, to the instants of a; cubic spline in time.
+
+    Where all instants of a are steps of b, as where b has twice as many, nothing is interpolated.
+    """
+    when, same = np.clip(a.t, b.t[0], b.t[-1]), 1e-12 * b.t[-1]
+    at = np.searchsorted(b.t, when - same)
+    if np.abs(b.t[at] - when).max(initial=0.0) <= same:
+        return values[at]
     from scipy.interpolate import CubicSpline  # not for a run alone: long to load
 
-    return CubicSpline(b.t, values, axis=0)(np.clip(a.t, b.t[0], b.t[-1]))
+    return CubicSpline(b.t, values, axis=0)(when)
 
 
 def path_scale(r: Response) -> float:

@@ -117,7 +117,8 @@ class _Rung:
 
 def resolve(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None,
-    runs: list[Response] | None = None, budget: float = math.inf, past: float = math.inf, **kind: Any,
+    runs: list[Response] | None = None, budget: float = math.inf, past: float = math.inf,
+    ladder: list[_Rung] | None = None, **kind: Any,
 ) -> Response:  # fmt: skip
     """Return a run whose path error bar is at most `tol`, at nearly the least cost, with its design numbers.
 
@@ -129,7 +130,8 @@ def resolve(
     Only the run that is returned goes beyond the window of comparison.
 
     kind : as in `run`;  runs : receives every run that is made on the way;  budget : of the `work` on the way;
-    past : how far in s_o/l the run that is returned goes on once its cable is slack.
+    past : how far in s_o/l the run that is returned goes on once its cable is slack;
+    ladder : receives its last rung, and begins with what it holds.
 
     Steps are equal.  Step sizes from local error were measured and are not used: for the same largest
     path error they take 0.8 to 1.1 times the steps on `level`, for the same rms error and on `inclined` more than equal
@@ -158,7 +160,12 @@ def resolve(
         made.append(marched.to(short, every=every, past=PAST))
         return made[-1]
 
-    rung, read_at, stuck = _first(method, settings, ran), settings["steps"], False
+    if ladder:
+        rung = ladder[-1]
+        settings = dict(rung.response.settings)
+    else:
+        rung = _first(method, settings, ran)
+    read_at, stuck = settings["steps"], False
     coarser: Response | None = None  # the run before space was refined last
     for attempt in range(ATTEMPTS):
         report(min(0.5, 0.1 + 0.05 * attempt), f"{len(made)} runs, bar {rung.bar:.1g} of {tol:g} wanted")
@@ -190,10 +197,13 @@ def resolve(
             part = _part(response, rung.response, ratio, space_order(method.space_order), rung.space)
             stuck = not part.left[0] < STUCK * rung.space.left[0]
             rung = _Rung(response, part, rung.time)
+    if ladder is not None:
+        ladder.append(rung)
     jobs: list[Callable[[Progress], Response]] = []
     if end != short or every > 1:
-        assert finest is not None
-        jobs.append(lambda told: finest.to(end, lambda x: told(0.5 + 0.5 * x), past=past))
+        if finest is None:  # no refinement of the rung it began with
+            ran(settings)
+        jobs.append(lambda told: finest.to(end, lambda x: told(0.5 + 0.5 * x), past=past))  # type: ignore[union-attr]
     if runs is not None:  # who wants all runs wants the companions of the last one
         halves = (refined(method, settings, **half) for half in ({"space": 0.5}, {"time": 0.5}))
         missing = (half for half in halves if all(r.settings != half for r in made))
@@ -228,22 +238,35 @@ def resolve(
 
 def resolved(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None, budget: float = math.inf,
-    **kind: Any,
+    past: float = math.inf, before: Estimated | None = None, **kind: Any,
 ) -> Estimated:  # fmt: skip
     """Return the run of `resolve`, or the finest within reach and budget, with companions for all other bars.
 
     The path's bar is that of its own ladder, which has seen its orders; all others are those of the companions.
+
+    before : what was returned for a larger tolerance, whose ladder goes on.
     """
     method = find(method) if isinstance(method, str) else method
     made: list[Response] = []
+    ladder: list[_Rung] = []
+    if before is not None and before.rung is not None:
+        if before.rung.bar <= tol:
+            return before
+        rule = _rule(scene, method, {}, tol)
+        if all(before.run.settings[k] == v for k, v in rule.items()):
+            made, ladder = [before.in_space, before.in_time], [before.rung]
     try:
-        finest = resolve(scene, method, tol, progress=progress, runs=made, budget=budget, **kind)
+        finest = resolve(
+            scene, method, tol, progress=progress, runs=made, budget=budget, past=past, ladder=ladder, **kind
+        )
     except TooCoarse as error:
         finest = error.best
     how = {k: kind[k] for k in KIND if k in kind}
     e = companions(scene, method, known=made, **how, **finest.settings)
     heard = loud(scene, method, finest.settings)
-    e = replace(e, order=_order_in_time(e, made), loud=next((r for r in made if r.settings == heard), None))
+    loudly = next((r for r in made if r.settings == heard), None)
+    order = _order_in_time(e, made) or (before.order if before is not None else None)
+    e = replace(e, order=order, loud=loudly, rung=ladder[-1])
     return weighted(e, finest.path_error / e.run.path_error) if finest.path_error and e.run.path_error else e
 
 

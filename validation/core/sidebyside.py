@@ -19,16 +19,20 @@ def alone(work: Callable[[], Result]) -> Job[Result]:
     return lambda progress: work()
 
 
-def side_by_side(jobs: Sequence[Job[Result]], progress: Progress | None = None) -> list[Result]:
+def side_by_side(
+    jobs: Sequence[Job[Result]], progress: Progress | None = None, meanwhile: Callable[[], object] | None = None
+) -> list[Result]:
     """Return what each job returns, in their order; an exception in one is raised here and ends the others.
 
     A job is called with a function that reports its progress, which is passed on to `progress`.  Jobs are forked, so
     that they need no pickling; where nothing can be forked, or on one core, they run one after another.
+
+    meanwhile : called here once, as soon as a core is idle because the first of several jobs is done.
     """
     report = progress or (lambda *told: None)
     if len(jobs) < 2 or not _can_fork():
         return [job(report) for job in jobs]
-    return _found(_started(jobs), report)
+    return _found(_started(jobs), report, meanwhile)
 
 
 @contextmanager
@@ -64,7 +68,7 @@ def _started(jobs: Sequence[Job[Any]]) -> Started:
     return ends
 
 
-def _found(started: Started, report: Progress) -> list[Any]:
+def _found(started: Started, report: Progress, meanwhile: Callable[[], object] | None = None) -> list[Any]:
     found: dict[Any, Any] = {}
     waiting = [end for end, _ in started]
     try:
@@ -82,6 +86,8 @@ def _found(started: Started, report: Progress) -> list[Any]:
                 else:
                     found[end] = content
                     waiting.remove(end)
+                    if meanwhile is not None and waiting and len(found) == 1:
+                        meanwhile()
     finally:
         _end(started)
     return [found[end] for end, _ in started]

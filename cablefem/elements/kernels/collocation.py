@@ -107,7 +107,7 @@ def solve_all(grip, ride, works, values, to, back, r, da, real, along):
 
 @compiled
 def collocate(
-    grip, ride, mesh, cable, works, kept, start, dt, rule, a, bound, max_iter, reuse, patience
+    grip, ride, mesh, cable, works, kept, start, dt, rule, a, bound, newton
 ):  # fmt: skip
     """Find the accelerations a (s, n) at the nodes of a step as `cablefem.newmark.collocate` does.
 
@@ -118,7 +118,7 @@ def collocate(
         Wanner 1996, section IV.8).  kept : (1,) the length of the step that they are for.
     Return |r|, iterations, factorisations, residuals, the least tension at the last node and its s.
     """
-    c, A, AA, values, to, back, middle = rule
+    (c, A, AA, values, to, back, middle), (max_iter, reuse, patience) = rule, newton
     s, n = a.shape
     q, v, r, da = np.empty((s, n)), np.empty((s, n)), np.empty((s, n)), np.empty((s, n))
     real, along, spare = np.empty(n), np.empty(n, dtype=np.complex128), np.empty(n)
@@ -157,7 +157,7 @@ def collocate(
             good = old or norm < before or (iterations <= patience and norm < math.inf)
             if not good and halving < 5:
                 halving += 1
-                share = -(0.5) if halving == 1 else 0.5 * share
+                share = -0.5 if halving == 1 else 0.5 * share
                 continue
             if norm <= bound or not (old or norm < math.inf):
                 break

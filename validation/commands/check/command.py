@@ -61,7 +61,7 @@ def command(
     from validation.core import foreign
     from validation.core.running import run
     from validation.core.sidebyside import aside
-    from validation.page import report, telling
+    from validation.page import telling
 
     path = None
     if other is not None:
@@ -75,6 +75,8 @@ def command(
             writing.enter_context(aside(partial(_write_tables, folder, runs)))
 
         result = study.check(loaded, tol=tol, tol_tension=tol_tension, deep=deep, progress=progress, made=made)
+        from validation.page import report  # by now it is loaded, while solvers ran
+
         progress("writing", 0.0)
         (folder / "with.csv").unlink(missing_ok=True)
         if path is not None:

@@ -1,5 +1,6 @@
 """The main job: two solvers that share no formula run the same scene, and their answers are held against each other."""
 
+import importlib
 import math
 import tomllib
 from collections.abc import Callable
@@ -11,7 +12,17 @@ from typing import Any
 from cablefem.response import Flag, Response, write_json
 from cablefem.scene import Scene
 from validation.core import foreign, measures
-from validation.core.agreement import DEFAULT_TOL, Agreement, Verdict, agree, doubts, overall, settled, with_bars
+from validation.core.agreement import (
+    DEFAULT_TOL,
+    Agreement,
+    Verdict,
+    agree,
+    doubts,
+    overall,
+    settled,
+    wanting,
+    with_bars,
+)
 from validation.core.design import design, numbers
 from validation.core.estimate import Estimated, past_slack
 from validation.core.foreign import WITH_TOL, ForeignPath
@@ -23,6 +34,9 @@ from validation.core.store import Refused
 
 SOLVERS = ("following-p2", "fourier-kink")
 FINER, FINER_FROM = 3.0, 1e-3  # what too coarse rows divide the aim by, and the last aim that they may divide
+# Parts of the tolerance: dense bases cost more than elements do, and grow faster.  With half of it `level` takes 80
+# terms and a third more work than with this much; of less than this, `tramway` makes elements dearer than terms.
+SHARE = {"elements": 2.0, "galerkin": 3.0}
 CONFIRMS = 2.0  # what a disagreement divides both errors by, to see whether it stays
 # Of `work` for each solver at the default tolerance, in proportion more for a smaller one: three times what `level`
 # needs.  A slow ride after a sudden entry at full speed may want ten times as much.
@@ -94,7 +108,7 @@ class Check:
 def check(
     scene: Scene | str | Path, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None,
     methods: tuple[str | Method, str | Method] = SOLVERS, deep: bool = False, progress: Progress | None = None,
-    made: Callable[..., None] | None = None,
+    made: Callable[..., None] | None = None, past: float = math.inf,
 ) -> Check:  # fmt: skip
     """Run two methods on a scene, each as fine as its own error bar needs to meet `tol`, and compare them.
 
@@ -105,6 +119,7 @@ def check(
     deep : hold what both share against third parties, too.
     progress : called with the method's name, the fraction done and what was reached.
     made : called with both runs before they are judged, again where that makes them finer.
+    past : how far in s_o/l both runs go on once their cable is slack.
     """
     if not (math.isfinite(tol) and 1e-6 <= tol <= 0.2):
         raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
@@ -113,15 +128,19 @@ def check(
     grip: list[Callable[[Progress], Any]] = [partial(_gripped, scene, found[0])] if scene.drive.mode == "haul" else []
     gripped: list[Response] = []
     budget = BUDGET * max(1.0, DEFAULT_TOL / tol)
-    # the sum of both bars is held against tol: each solver gets half of it
-    aims, rows, before = [0.5 * tol] * 2, [], None
+    # the sum of both bars is held against tol
+    shares = [SHARE[m.wing] for m in found]
+    known: tuple[Estimated | None, Estimated | None] = None, None
+    aims, rows = [tol * share / sum(shares) for share in shares], list[Agreement]()
     while True:
         jobs: list[Callable[[Progress], Any]] = [
-            partial(_resolved, scene, m, aim, budget) for m, aim in zip(found, aims, strict=True)
+            partial(_resolved, scene, m, aim, budget, past, e) for m, aim, e in zip(found, aims, known, strict=True)
         ]
-        first, second, *once = side_by_side([*jobs, *grip], progress)
+        first, second, *once = side_by_side([*jobs, *grip], progress, _load)
         gripped, grip = gripped or once, []
         runs: tuple[Estimated, Estimated] = first, second
+        both = all(k is not None and k.run.settings != e.run.settings for k, e in zip(known, runs, strict=True))
+        before, known = rows if both else None, runs
         if made is not None:
             made(first.run, second.run)
         rows = agree(scene, *runs, tol=tol, tol_tension=tol_tension)
@@ -131,14 +150,20 @@ def check(
         # a companion that breaks or falls slack early cuts the range, and what is compared there says little
         short = any(flag.kind in ("short bar", "no bar") for e in runs for flag in e.run.flags)
         doubted = told is Verdict.DISAGREE and (before is None or verdict is not Verdict.DISAGREE)
-        coarse = (verdict is Verdict.TOO_COARSE or short) and max(aims) >= 0.5 * FINER_FROM
+        coarse = (verdict is Verdict.TOO_COARSE or short) and sum(aims) > 0.99 * FINER_FROM
         finer = CONFIRMS if doubted else FINER
-        dear = any(finer * LADDER * work(m, e.run) > budget for m, e in zip(found, runs, strict=True))
+        names = [m.name for m in found]
+        which = names if doubted or short else wanting(settled(rows, before), names)
+        dear = any(
+            m.name in which and finer * LADDER * work(m, e.run) > budget for m, e in zip(found, runs, strict=True)
+        )
         if not (doubted or coarse) or not reached or dear:
             break
-        # who is finer than it was asked to be is refined, too, where a disagreement wants it
-        aims = [(min(aim, error) if doubted else aim) / finer for aim, error in zip(aims, errors, strict=True)]
-        before = rows
+        # who is finer than it was asked to be is refined, too, where rows want it
+        aims = [
+            min(aim / finer, error / CONFIRMS) if m.name in which else aim
+            for m, aim, error in zip(found, aims, errors, strict=True)
+        ]
     rows = settled(rows, before)
     try:
         window = measures.window_of(*runs[0].runs, *runs[1].runs)
@@ -152,6 +177,12 @@ def check(
         rows += third.deep(scene, runs[0], rows) if deep else []
         smooth = third.entry(scene, runs[0].run)
     return Check(scene, a, b, tol, window, rows, gripped[0] if gripped else None, smooth)
+
+
+def _load() -> None:
+    """Load what judging and drawing need: that takes as long as they do, and a core is idle while one solver runs."""
+    for name in ("core.laws", "core.trust", "commands.check.page"):
+        importlib.import_module(f"validation.{name}")
 
 
 def _told(scene: Scene, e: Estimated, twin: Estimated) -> Estimated:
@@ -168,10 +199,13 @@ def _gripped(scene: Scene, method: Method, progress: Progress) -> Response:
     return replace(response, method="gripped car", design=design(response))
 
 
-def _resolved(scene: Scene, method: Method, tol: float, budget: float, progress: Progress) -> Estimated:
+def _resolved(
+    scene: Scene, method: Method, tol: float, budget: float, past: float, before: Estimated | None, progress: Progress
+) -> Estimated:
     progress(method.name, 0.0)
     told = partial(progress, method.name)
-    return past_slack(scene, method, resolved(scene, method, tol, budget=budget, progress=told))
+    e = resolved(scene, method, tol, budget=budget, past=past, before=before, progress=told)
+    return e if e is before or past < math.inf else past_slack(scene, method, e)
 
 
 def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:

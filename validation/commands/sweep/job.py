@@ -195,7 +195,7 @@ def _cheapest(scene: Any, tol: float | None) -> dict[str, Any]:
 def _check(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
     from validation import check
 
-    found = check(scene, tol=study.how(point)["tol"])
+    found = check(scene, tol=study.how(point)["tol"], past=0.0)
     best = min((found.a, found.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
     worst = [row.quantity for row in found.rows if row.verdict is not found.verdict.AGREE]
     return of_response(best.run, scene) | {"verdict": found.verdict.value, "cause": ", ".join(worst) or None}
