@@ -159,10 +159,12 @@ def check(
         )
         if not (doubted or coarse) or not reached or dear:
             break
-        # who is finer than it was asked to be is refined, too, where rows want it
+        ahead = [(aim / finer if m.name in which else aim, e) for m, aim, e in zip(found, aims, errors, strict=True)]
+        # who is finer than it was asked to be is refined, too, where a disagreement wants it, or nobody else would be
+        idle = all(error <= aim for aim, error in ahead)
         aims = [
-            min(aim / finer, error / CONFIRMS) if m.name in which else aim
-            for m, aim, error in zip(found, aims, errors, strict=True)
+            min(aim, error / finer) if m.name in which and (doubted or idle) else aim
+            for m, (aim, error) in zip(found, ahead, strict=True)
         ]
     rows = settled(rows, before)
     try:
