@@ -9,6 +9,9 @@ from numba import njit
 from numba.core.caching import FunctionCache
 from numba.core.runtime import rtsys
 
+# no test for a zero divisor: norms catch NaN, infinity; no entry for C, which would be compiled with each function
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
+
 
 class _Cache(FunctionCache):
     """numba's, but for what it loads to compile other functions: that takes longer than to load one that is there."""
@@ -29,7 +32,7 @@ def compiler(file: str) -> Callable[[Callable], Any]:
     stamp = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).digest()
 
     def compiled(function: Callable) -> Any:
-        fast = njit(error_model="numpy")(function)  # no test for a zero divisor: norms catch NaN, infinity
+        fast = njit(**OPTIONS)(function)
         if hasattr(fast, "_cache"):  # not where numba is told to compile nothing
             fast._cache = _Cache(function)
             fast._cache._cache_file._source_stamp = stamp

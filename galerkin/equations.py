@@ -41,6 +41,11 @@ class Instant:
     load: Array  # acceleration along the static path less gravity, -F/(mu phi) of (27), (fields,)
     place: Any  # the cable model's own
 
+    @property
+    def moment(self) -> kernels.Moment:
+        """What compiled steps of the full cable take of it."""
+        return kernels.Moment(self.place, self.carried, self.slope, self.load)
+
 
 class Drives(NamedTuple):
     """Forces and powers of what drives the mass, over a history."""
@@ -261,17 +266,17 @@ class GalerkinSystem:
         now, told = np.empty((same, *start.shape)), np.full((same, 6), np.nan)
         pull, limits = np.empty(grip.behind.shape[1] + grip.ahead.shape[1]), _limits(newton)
         taken = kernels.settle(
-            grip, self.groups.sigma, np.ascontiguousarray(places[:same]), None, None, None, None, None,
-            *self._constants, start, now, told, rules[:same], bound, limits, pull,
+            grip, np.ascontiguousarray(places[:same]), None, None, self._constants, self.groups.sigma, start, now, told,
+            rules[:same], bound, limits, pull,
         )  # fmt: skip
         return now, told, taken, pull
 
     @property
-    def _constants(self) -> tuple[Any, ...]:
-        """What compiled steps of the full cable take: mass, EA/H, law, and how tangents are made."""
+    def _constants(self) -> kernels.Cable:
+        """What compiled steps of the full cable take."""
         cable, basis = self.cable, self.basis
         assert isinstance(cable, FullCable)
-        return self.inertia, self.mu, cable.alpha, cable.law, basis.basis.harmonic, basis.hat
+        return kernels.Cable(self.inertia, self.mu, cable.alpha, cable.law, basis.basis.harmonic, basis.hat)
 
     def _settle(self, x: Instant, ride: Any, *step: Any) -> Settled:
         start, now, rule, bound, newton = step
@@ -279,8 +284,8 @@ class GalerkinSystem:
         self._pull = self.basis, x.place, pull
         told = np.empty((1, 6))
         kernels.settle(
-            None, self.groups.sigma, None, x.place, x.carried, x.slope, x.load, ride, *self._constants, start,
-            now[None], told, rule[None], bound, _limits(newton), pull,
+            None, None, x.moment, ride, self._constants, self.groups.sigma, start, now[None], told, rule[None], bound,
+            _limits(newton), pull,
         )  # fmt: skip
         return Settled(*told[0].tolist()[:4])
 

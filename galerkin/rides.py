@@ -292,7 +292,7 @@ class RollingSystem(GalerkinSystem):
             if tangent and self._parts is not None and self._parts[0] == key:
                 return self._parts[1].copy(), self._parts[2]
             x, pull = self._anywhere(travel), np.empty(ride.behind.shape[1] + ride.ahead.shape[1])
-            kernels.look(x.place, x.carried, x.slope, x.load, ride, *self._constants, rows, r, pull, parts)
+            kernels.look(x.moment, ride, self._constants, rows, r, pull, parts)
             self._moved = travel[0], pull, ride.behind, ride.ahead
             if tangent:
                 self._parts = key, r.copy(), parts

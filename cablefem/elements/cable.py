@@ -37,6 +37,11 @@ def elements_allowed(elements: int) -> int:
     return elements
 
 
+def limits(newton: Newton) -> tuple[int, float, int]:
+    """Return what compiled steps know of Newton's method."""
+    return newton.max_iter, newton.reuse, newton.patience
+
+
 def bands(matrix: coo_array, b: int) -> Array:
     """Return the diagonals of a square matrix, row by row of it: bands[b + j - i, i] = matrix[i, j], |i - j| <= b."""
     out = np.zeros((2 * b + 1, matrix.shape[0]))
@@ -158,16 +163,20 @@ class CableElements:
     ) -> Settled:
         self._time(t, phase)
         self._at = (t, phase)
-        grip = self._operators, self._coefficients, self._bands, tuple(self._contact)
-        return self._step(grip, None, start, now, rule, bound, newton, newton.patience)
+        return self._step(self._grip(_NOWHERE, _NOWHERE), None, start, now, rule, bound, limits(newton))
+
+    def _grip(self, places: Array, loads: Array) -> tuple[Any, ...]:
+        """Return what compiled steps of Newmark's family take of a mass whose place is given."""
+        contact = tuple(self._contact)
+        return self._operators, self._coefficients, self._bands, contact, self._n_left, places, loads
 
     def _step(
-        self, grip: Any, ride: Any, start: Array, now: Array, rule: Array, bound: float, newton: Newton, patience: int
+        self, grip: Any, ride: Any, start: Array, now: Array, rule: Array, bound: float, newton: tuple[int, float, int]
     ) -> Settled:
         told = np.empty((1, 6))
         settle(
-            grip, ride, 0, _NOWHERE, _NOWHERE, tuple(self._mesh), self._cable, tuple(self._work), start, now[None],
-            rule[None], told, bound, newton.max_iter, newton.reuse, patience,
+            grip, ride, tuple(self._mesh), self._cable, tuple(self._work), start, now[None], rule[None], told, bound,
+            newton,
         )  # fmt: skip
         *done, least, where = told[0].tolist()
         self.least_tension = least, where
@@ -191,7 +200,7 @@ class CableElements:
     ) -> Settled:
         *done, least, where = collocation.collocate(
             grip, ride, tuple(self._mesh), self._cable, self._works, self._kept, start, dt, rule.numbers, a, bound,
-            newton.max_iter, newton.reuse, newton.patience,
+            limits(newton),
         )  # fmt: skip
         self.least_tension = least, where
         return Settled(*done)

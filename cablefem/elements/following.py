@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 from scipy.sparse import coo_array
 
-from cablefem.elements.cable import CableElements, bands, elements_allowed
+from cablefem.elements.cable import CableElements, bands, elements_allowed, limits
 from cablefem.elements.kernels.balance import Contact, Mesh, follow
 from cablefem.elements.kernels.law import pull
 from cablefem.elements.kernels.newton import settle
@@ -204,11 +204,8 @@ class FollowingElements(CableElements):
             raise ValueError("a side of the following mesh has no length at an end of the travel")
         loads = np.stack(self._load(*places.T), axis=1)
         now, told = np.empty((t.size, *start.shape)), np.empty((t.size, 6))
-        grip = self._operators, self._coefficients, self._bands, tuple(self._contact)
-        of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rules, told, bound
-        taken = settle(
-            grip, None, self._n_left, places, loads, *of, newton.max_iter, newton.reuse, newton.patience
-        )  # fmt: skip
+        of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rules, told, bound, limits(newton)
+        taken = settle(self._grip(places, loads), None, *of)
         return now, told, taken
 
     # --- observation -----------------------------------------------------------------------------------

@@ -155,7 +155,7 @@ class RollingElements(FollowingElements):
     ) -> Settled:
         ride = tuple(self._rolling), tuple(self._car(t, phase, self._heading or start[1, -1]))
         # near a support a correction that overshoots ends on another root: no patience
-        return self._step(None, ride, start, now, rule, bound, newton, 0)
+        return self._step(None, ride, start, now, rule, bound, (newton.max_iter, newton.reuse, 0))
 
     def collocate(
         self, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton

@@ -30,10 +30,10 @@ from galerkin.kernels.cable import (
     survey,
 )
 from galerkin.kernels.rolling import Rolling, across, car, pulls, recover, roll, row, taut
-from galerkin.kernels.steps import FREE, HAULED, STEP, STUCK, Grip, Ride, look, settle
+from galerkin.kernels.steps import FREE, HAULED, STEP, STUCK, Cable, Grip, Moment, Ride, look, settle
 
 __all__ = [
-    "FREE", "HAULED", "STEP", "STUCK", "Grip", "Points", "Ride", "Rolling", "acceleration", "across", "add_inertia",
-    "add_inertia_tangent", "balance", "car", "look", "pulls", "recover", "roll", "row", "settle", "static", "static_at",
-    "stiffness", "stress", "survey", "taut",
+    "FREE", "HAULED", "STEP", "STUCK", "Cable", "Grip", "Moment", "Points", "Ride", "Rolling", "acceleration",
+    "across", "add_inertia", "add_inertia_tangent", "balance", "car", "look", "pulls", "recover", "roll", "row",
+    "settle", "static", "static_at", "stiffness", "stress", "survey", "taut",
 ]  # fmt: skip

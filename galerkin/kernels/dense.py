@@ -1,5 +1,6 @@
 """Dense products and solutions by BLAS and LAPACK, through what numba has of them for its own np.dot and np.linalg.
 
+Not by `get_cython_function_address` of scipy's: what holds such an address cannot be cached.
 Called directly: what numba makes of np.dot and np.linalg.solve takes seconds to compile, for its tests and messages.
 Arrays are in C order; column by column, as the libraries read them, they are their transposes.
 """

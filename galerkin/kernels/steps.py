@@ -56,9 +56,29 @@ class Grip(NamedTuple):
     c: float
 
 
+class Cable(NamedTuple):
+    """The full cable with its car, as long as the law stays, and how tangents are made."""
+
+    inertia: float  # of the mass; 0: its weight alone
+    mu: float
+    alpha: float
+    law: int
+    harmonic: bool  # see `stiffness`
+    hat: int
+
+
+class Moment(NamedTuple):
+    """What an instant brings, whatever the state."""
+
+    at: Points
+    x: Carried
+    slope: Array  # X' at the mass
+    load: Array  # (2,) acceleration of the mass along its static path less gravity
+
+
 @compiled
 def moment(on, sigma, s_o, ds_o, dds_o):
-    """Points, what the basis carries, X' and the load of the mass at an instant; on : `Ride` or `Grip`."""
+    """`Moment` where the mass is at s_o; on : `Ride` or `Grip`."""
     n = on.left.size
     M, rows = carry(values_at(s_o, n), on.mass, on.left, on.chord, s_o, ds_o, dds_o)
     x = Carried(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
@@ -68,21 +88,22 @@ def moment(on, sigma, s_o, ds_o, dds_o):
     load = np.empty(2)
     for a in range(2):
         load[a] = dds_o * rest[0, a] + ds_o * ds_o * rest[1, a] - a * sigma
-    return Points(s, phi, weights, T, r_static), x, rest[0], load
+    return Moment(Points(s, phi, weights, T, r_static), x, rest[0], load)
 
 
 @compiled
-def evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull):
+def evaluate(here, ride, cable, balanced, r, gram, pull):
     """Set the residual of a state, rows q, v, a; return the car where it rolls."""
+    (at, x, slope, load), alpha, mu = here, cable.alpha, cable.mu
     n = x.f.size
     R = r[: 2 * n].reshape(2, n)
     Q, V, A = balanced[0, : 2 * n].reshape(2, n), balanced[1, : 2 * n].reshape(2, n), balanced[2, : 2 * n].reshape(2, n)
     sides = np.empty((2, 2))
-    balance(at, Q, alpha, law, R, gram, pull, sides)
+    balance(at, Q, alpha, cable.law, R, gram, pull, sides)
     if ride is None:
         C = acceleration(x, Q, V, A)
         for a in range(2):
-            C[a] = inertia * C[a] + mu * load[a]
+            C[a] = cable.inertia * C[a] + mu * load[a]
         add_inertia(x, Q, V, A, C, R)
         return NO_CAR
     hauled = ride.mode == HAULED
@@ -95,14 +116,13 @@ def evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gra
 
 
 @compiled
-def tangent(
-    at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, balanced, r, out, gram, c0, c1, c2, K
-):  # fmt: skip
+def tangent(here, ride, cable, balanced, r, out, gram, c0, c1, c2, K):
     """Set K to c0 dr/dq + c1 dr/dv + c2 dr/da where `evaluate` has been; the column of s_o is a difference."""
+    at, x, mu = here.at, here.x, cable.mu
     n, size = x.f.size, r.size
     block = K[: 2 * n, : 2 * n]
-    stiffness(at.phi, gram, harmonic, hat, block)
-    add_inertia_tangent(x, inertia, c0, c1, c2, block)
+    stiffness(at.phi, gram, cable.harmonic, cable.hat, block)
+    add_inertia_tangent(x, cable.inertia, c0, c1, c2, block)
     if ride is None:
         return
     hauled = ride.mode == HAULED
@@ -127,39 +147,32 @@ def tangent(
     moved[1, 2 * n] += h * c1
     moved[2, 2 * n] += h * c2
     there = moment(ride, ride.on.sigma, moved[0, 2 * n], moved[1, 2 * n], moved[2, 2 * n])
-    evaluate(
-        there[0], there[1], there[2], there[3], ride, inertia, mu, alpha, law, moved, beyond,
-        np.empty(gram.shape), np.empty(at.s.size),
-    )  # fmt: skip
+    evaluate(there, ride, cable, moved, beyond, np.empty(gram.shape), np.empty(at.s.size))
     for i in range(size):
         K[i, 2 * n] = (beyond[i] - r[i]) / h
 
 
 @compiled
-def look(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, balanced, r, pull, parts):
+def look(here, ride, cable, balanced, r, pull, parts):
     """Set the residual of a state, rows q, v, a, and what there is room for of dr/dq, dr/dv, dr/da, parts (3 or 0)."""
     if ride.mode != HAULED:
         last = balanced.shape[1] - 1
-        at, x, slope, load = moment(ride, ride.on.sigma, balanced[0, last], balanced[1, last], balanced[2, last])
-    gram = np.empty((2, 2, at.s.size))
-    out = evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull)
+        here = moment(ride, ride.on.sigma, balanced[0, last], balanced[1, last], balanced[2, last])
+    gram = np.empty((2, 2, here.at.s.size))
+    out = evaluate(here, ride, cable, balanced, r, gram, pull)
     for k in range(parts.shape[0]):
         c = 1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0
-        tangent(at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, balanced, r, out, gram, *c, parts[k])
+        tangent(here, ride, cable, balanced, r, out, gram, *c, parts[k])
 
 
 @compiled
-def settle(
-    grip, sigma, places, at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, start, now, told, rules,
-    bound, newton, pull,
-):  # fmt: skip
+def settle(grip, places, here, ride, cable, sigma, start, now, told, rules, bound, newton, pull):
     """`cablefem.newmark.System.settle` for the full cable, of steps one after another.
 
     Return how many came to be in balance with no point slack.
 
-    grip : `Grip`, and places (m, 3) s_o, ds_o, dds_o; or None and instead of it the instant, for one step:
-        load : (2,) acceleration of the mass along its static path less gravity
-        ride : `Ride` or None
+    grip : `Grip`, and places (m, 3) s_o, ds_o, dds_o; or None, and here : `Moment`, for one step
+    ride : `Ride` or None
     now : (m, 3, size) receives the ends;  rules : (m, 3, 5);  newton : max_iter, reuse, patience, most halvings.
     told : (m, 6) |r|, how often it iterated, factorised, evaluated, the least tension and its s.
     pull : of the last step.
@@ -172,9 +185,9 @@ def settle(
     for count in range(rules.shape[0]):
         begin, end, rule = start if count == 0 else now[count - 1], now[count], rules[count]
         if grip is not None:
-            at, x, slope, load = moment(grip, sigma, places[count, 0], places[count, 1], places[count, 2])
-            if inertia == 0.0:  # the weight alone
-                load[0], load[1] = 0.0, -sigma
+            here = moment(grip, sigma, places[count, 0], places[count, 1], places[count, 2])
+            if cable.inertia == 0.0:  # the weight alone
+                here.load[0], here.load[1] = 0.0, -sigma
         c0, c1, c2 = rule[0, 4] * rule[0, 3], rule[1, 4] * rule[1, 3], rule[2, 4] * rule[2, 3]
         for k in range(3):
             for i in range(size):
@@ -193,12 +206,10 @@ def settle(
                 last = size - 1
                 lost = ride.mode != HAULED and not 0.0 < balanced[0, last] < 1.0  # a trial that leaves the cable
                 if ride.mode != HAULED and not lost:
-                    at, x, slope, load = moment(
-                        ride, ride.on.sigma, balanced[0, last], balanced[1, last], balanced[2, last]
-                    )
+                    here = moment(ride, ride.on.sigma, balanced[0, last], balanced[1, last], balanced[2, last])
             norm = math.nan
             if not lost:
-                out = evaluate(at, x, slope, load, ride, inertia, mu, alpha, law, balanced, r, gram, pull)
+                out = evaluate(here, ride, cable, balanced, r, gram, pull)
                 square = 0.0
                 for i in range(size):
                     square += r[i] * r[i]
@@ -219,10 +230,7 @@ def settle(
                     break
                 anew = norm > newton[1] * before
             if anew:
-                tangent(
-                    at, x, slope, load, ride, inertia, mu, alpha, law, harmonic, hat, balanced, r, out, gram, c0, c1,
-                    c2, K,
-                )  # fmt: skip
+                tangent(here, ride, cable, balanced, r, out, gram, c0, c1, c2, K)
                 factorisations += 1
             before = norm
             solve(K, r, step)
@@ -232,7 +240,7 @@ def settle(
             if pull[i] < pull[least]:
                 least = i
         told[count, 0], told[count, 1], told[count, 2] = norm, iterations, factorisations
-        told[count, 3], told[count, 4], told[count, 5] = residuals, pull[least], at.s[least]
+        told[count, 3], told[count, 4], told[count, 5] = residuals, pull[least], here.at.s[least]
         if not (norm <= bound and pull[least] >= 0.0):
             return count
     return rules.shape[0]

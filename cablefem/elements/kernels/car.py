@@ -357,7 +357,7 @@ def kinetic(dofs, tab, n_left, node, mu, cable, q, v, w, momentum, gradient):
 @compiled
 def factorise_bordered(work, rolling):
     """Factorise the banded tangent and its border; return whether it is regular."""
-    column, row, solved = rolling.border
+    column, row, solved = rolling.border[0], rolling.border[1], rolling.border[2]
     regular = factorise(work.ab, work.pivots)
     if regular:
         copy(column, solved)

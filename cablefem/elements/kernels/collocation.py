@@ -30,23 +30,6 @@ def at_nodes(start, dt, c, A, AA, a, q, v):
 
 
 @compiled
-def balances(grip, ride, mesh, cable, q, v, a, r, work):
-    """Set r (s, n) at all nodes; return |r|, the least tension at the last node, and its s."""
-    least, where, square = math.inf, 0.0, 0.0
-    for i in range(a.shape[0]):
-        at = q[i], v[i], a[i], r[i]
-        if grip is not None:
-            of = grip[2][i], Mesh(grip[3][i], mesh[1], mesh[2]), cable, Contact(*grip[4][i])
-            least, where = assemble(*of, *at, work, 0.0, 0.0, 0.0)
-        if ride is not None:
-            rolling, car = Rolling(*ride[0]), Car(*ride[2][i])
-            least, where, _, _, _ = roll(Mesh(*mesh), rolling, cable, car, *at, work.ab, 0.0, 0.0, 0.0)
-        for j in range(a.shape[1]):
-            square += r[i, j] * r[i, j]
-    return math.sqrt(square), least, where
-
-
-@compiled
 def blend(c0, c1, parts, out):
     """Set the tangent of a node from its parts, dr/dq, dr/dv and dr/da; loops, as in `banded`."""
     for i in range(out.shape[0]):
@@ -55,24 +38,11 @@ def blend(c0, c1, parts, out):
 
 
 @compiled
-def factorise_all(grip, ride, mesh, cable, works, q, v, a, dt, values, middle):
-    """Factorise the tangent at the node `middle` for all eigenvalues; return whether all are regular."""
-    real_work, complex_work = Tangent(*works[0]), Tangent(*works[1])
-    parts = np.empty((3, *real_work.ab.shape))  # of the tangent: dr/dq, dr/dv, dr/da
-    at = q[middle], v[middle], a[middle], np.empty(a.shape[1])
-    one, regular = np.eye(3), True
+def factorise_all(grip, ride, cable, works, parts, borders, corners, dt, values):
+    """Factorise the tangents for all eigenvalues from their parts; return whether all are regular."""
+    real_work, complex_work, regular = Tangent(*works[0]), Tangent(*works[1]), True
     if ride is not None:
         rolling, complex_rolling = Rolling(*ride[0]), Rolling(*ride[1])
-        borders, corners = np.empty((3, *rolling.border.shape)), np.empty(3)
-    for k in range(3):
-        c0, c1, c2 = one[k]
-        if grip is not None:
-            of = grip[2][middle], Mesh(grip[3][middle], mesh[1], mesh[2]), cable, Contact(*grip[4][middle])
-            work = Tangent(parts[k], real_work.pivots, real_work.increment, real_work.coupled)
-            assemble(*of, *at, work, c0, c1, c2)
-        if ride is not None:
-            part = Rolling(rolling.n_left, rolling.inertia, rolling.ends, borders[k], corners[k : k + 1])
-            roll(Mesh(*mesh), part, cable, Car(*ride[2][middle]), *at, parts[k], c0, c1, c2)
     for k in range(values.size):
         c1 = dt * values[k]
         c0 = c1 * c1
@@ -137,7 +107,7 @@ def solve_all(grip, ride, works, values, to, back, r, da, real, along):
 
 @compiled
 def collocate(
-    grip, ride, mesh, cable, works, kept, start, dt, rule, a, bound, max_iter, reuse, patience
+    grip, ride, mesh, cable, works, kept, start, dt, rule, a, bound, newton
 ):  # fmt: skip
     """Find the accelerations a (s, n) at the nodes of a step as `cablefem.newmark.collocate` does.
 
@@ -148,50 +118,77 @@ def collocate(
         Wanner 1996, section IV.8).  kept : (1,) the length of the step that they are for.
     Return |r|, iterations, factorisations, residuals, the least tension at the last node and its s.
     """
-    c, A, AA, values, to, back, middle = rule
+    (c, A, AA, values, to, back, middle), (max_iter, reuse, patience) = rule, newton
     s, n = a.shape
     q, v, r, da = np.empty((s, n)), np.empty((s, n)), np.empty((s, n)), np.empty((s, n))
-    real, along = np.empty(n), np.empty(n, dtype=np.complex128)
+    real, along, spare = np.empty(n), np.empty(n, dtype=np.complex128), np.empty(n)
     work = Tangent(*works[0])
+    parts, corners = np.empty((3, work.ab.shape[0], work.ab.shape[1])), np.empty(3)  # of the tangent: dr/dq, /dv, /da
+    borders = np.empty((3, 3, n - 1))
     if grip is not None:
         for i in range(s):
             combine(grip[0], grip[1][i], grip[2][i])
+    if ride is not None:
+        rolling = Rolling(*ride[0])
     anew = not abs(kept[0] - dt) <= SAME * dt
-    old, factorisations, residuals, regular = not anew, 0, 0, True
-    at_nodes(start, dt, c, A, AA, a, q, v)
-    norm, least, where = balances(grip, ride, mesh, cable, q, v, a, r, work)
-    for iteration in range(max_iter):
-        if anew:
-            regular = factorise_all(grip, ride, mesh, cable, works, q, v, a, dt, values, middle)
-            old, kept[0] = False, dt
-            factorisations += 1
-        if not regular:
-            norm = math.nan
-            break
-        solve_all(grip, ride, works, values, to, back, r, da, real, along)
-        before, share = norm, 1.0
-        for halving in range(6):
+    old, iterations, factorisations, residuals = not anew, 0, 0, -1
+    before, least, where, share, halving, back_again = math.inf, math.inf, 0.0, 0.0, 0, False
+    while True:
+        if residuals >= 0:
             for i in range(s):
                 x, of = a[i], da[i]
                 for j in range(n):
                     x[j] -= share * of[j]
-            share = -(0.5 ** (halving + 1))
-            at_nodes(start, dt, c, A, AA, a, q, v)
-            norm, least, where = balances(grip, ride, mesh, cable, q, v, a, r, work)
-            residuals += 1
-            if old or norm < before or (iteration < patience and norm < math.inf):
+        at_nodes(start, dt, c, A, AA, a, q, v)
+        square = 0.0
+        for i in range(s):
+            if grip is not None:
+                mesh_i, contact = Mesh(grip[3][i], mesh[1], mesh[2]), Contact(*grip[4][i])
+                least, where = assemble(grip[2][i], mesh_i, cable, contact, q[i], v[i], a[i], r[i], work, 0.0, 0.0, 0.0)
+            if ride is not None:
+                least, where, _, _, _ = roll(
+                    Mesh(*mesh), rolling, cable, Car(*ride[2][i]), q[i], v[i], a[i], r[i], work.ab, 0.0, 0.0, 0.0
+                )
+            for j in range(n):
+                square += r[i, j] * r[i, j]
+        norm = math.sqrt(square)
+        residuals += 1
+        if residuals > 0 and not back_again:
+            good = old or norm < before or (iterations <= patience and norm < math.inf)
+            if not good and halving < 5:
+                halving += 1
+                share = -0.5 if halving == 1 else 0.5 * share
+                continue
+            if norm <= bound or not (old or norm < math.inf):
                 break
-        if norm <= bound or not (old or norm < math.inf):
+            anew = not norm <= reuse * before
+            if old and not norm < before:  # a correction by a tangent that is out of date is not worth halving
+                share, back_again = -1.0, True
+                continue
+        back_again = False
+        if iterations == max_iter:
             break
-        anew = not norm <= reuse * before
-        if old and not norm < before:  # a correction by a tangent that is out of date is not worth halving
-            for i in range(s):
-                x, of = a[i], da[i]
-                for j in range(n):
-                    x[j] += of[j]
-            at_nodes(start, dt, c, A, AA, a, q, v)
-            norm, least, where = balances(grip, ride, mesh, cable, q, v, a, r, work)
-            residuals += 1
+        iterations += 1
+        if anew:
+            for k in range(3):
+                c0, c1, c2 = 1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0
+                if grip is not None:
+                    mesh_i, contact = Mesh(grip[3][middle], mesh[1], mesh[2]), Contact(*grip[4][middle])
+                    into = Tangent(parts[k], work.pivots, work.increment, work.coupled)
+                    at = q[middle], v[middle], a[middle], spare
+                    assemble(grip[2][middle], mesh_i, cable, contact, *at, into, c0, c1, c2)
+                if ride is not None:
+                    part = Rolling(rolling.n_left, rolling.inertia, rolling.ends, borders[k], corners[k : k + 1])
+                    car, at = Car(*ride[2][middle]), (q[middle], v[middle], a[middle], spare)
+                    roll(Mesh(*mesh), part, cable, car, *at, parts[k], c0, c1, c2)
+            regular = factorise_all(grip, ride, cable, works, parts, borders, corners, dt, values)
+            old, kept[0] = False, dt
+            factorisations += 1
+            if not regular:
+                norm = math.nan
+                break
+        solve_all(grip, ride, works, values, to, back, r, da, real, along)
+        before, share, halving = norm, 1.0, 0
     if not (norm <= bound and norm <= SERVES * before):
         kept[0] = math.nan
-    return norm, iteration + 1, factorisations, residuals, least, where
+    return norm, iterations, factorisations, residuals, least, where

@@ -11,35 +11,34 @@ from cablefem.elements.kernels.car import Car, Rolling, factorise_bordered, roll
 
 
 @compiled
-def settle(
-    grip, ride, n_left, places, loads, mesh, cable, work, start, now, rules, told, bound, max_iter, reuse, patience
-):  # fmt: skip
+def settle(grip, ride, mesh, cable, work, start, now, rules, told, bound, newton):
     """Find the ends of steps one after another by Newton's method as `cablefem.newmark.iterate` does.
 
-    grip : operators, coefficients, bands and `Contact` of a mass whose place is given, or None.
+    grip : operators, coefficients, bands and `Contact` of a mass whose place is given, elements left of it, and of a
+        following mesh places (m, 3) s_o, ds_o, dds_o and loads (m, n_fields) of `Contact`, else empty; or None.
     ride : `Rolling` and `Car` of one that rolls, or None; numba compiles what is there only.
     mesh, work and the rest as plain tuples: it is slow to take in named ones.
-    places : (m, 3) s_o, ds_o, dds_o of a following mesh;  loads : (m, n_fields) of `Contact`;  else empty.
-    now : (m, 3, n) receives the ends;  rules : (m, 3, 5)
+    now : (m, 3, n) receives the ends;  rules : (m, 3, 5);  newton : max_iter, reuse, patience.
     told : (m, 6) |r|, iterations, factorisations, residuals, the least tension and its s.
     Return how many came to be in balance with no element slack.
     """
-    mesh, work = Mesh(*mesh), Tangent(*work)
+    mesh, work, (max_iter, reuse, patience) = Mesh(*mesh), Tangent(*work), newton
     n = start.shape[1]
     balanced, r, da = np.empty((3, n)), np.empty(n), np.empty(n)
     q, v, a = balanced[0], balanced[1], balanced[2]
     if grip is not None:
-        bands, contact = grip[2], Contact(*grip[3])
+        operators, coefficients, bands, contact, n_left, places, loads = grip
+        contact = Contact(*contact)
     if ride is not None:
         rolling, car = Rolling(*ride[0]), Car(*ride[1])
     for k in range(rules.shape[0]):
         begin, end, rule = start if k == 0 else now[k - 1], now[k], rules[k]
         if grip is not None:
             if places.shape[0] > 0:
-                follow(places[k, 0], places[k, 1], places[k, 2], n_left, grip[1], mesh.span)
+                follow(places[k, 0], places[k, 1], places[k, 2], n_left, coefficients, mesh.span)
                 for i in range(loads.shape[1]):
                     contact.load[i] = loads[k, i]
-            combine(grip[0], grip[1], bands)
+            combine(operators, coefficients, bands)
         for i in range(3):
             w = rule[i, 4]
             for j in range(n):
