@@ -351,10 +351,11 @@ def tables() -> list[Path]:
 def write_table(file: Path, made: Certificate) -> None:
     """Write t, x, y (down), u, v at s_o/l = k/100 with bars [m] and [s], and before them all that they are made of.
 
-    Digits end a hundredth below the tolerance.
+    Digits end a hundredth below the tolerance; bars hold what that rounds.
     """
     a = made.answer
     digits = max(0, math.ceil(-math.log10(0.01 * TOL * a.scale)))
+    bars = made.bar + 0.5 * np.array([[10.0**-digits], [10.0 ** -(digits + 3)]])
     lines = [
         f"path of the mass, certified to {TOL:g} of {a.scale:.6g} m for s_o/l up to {made.depth(TOL):.2f}",
         f"{'; '.join(_told(f) for f in made.found)}",
@@ -365,7 +366,7 @@ def write_table(file: Path, made: Certificate) -> None:
     with whole(file) as temporary, temporary.open("w", encoding="utf-8") as out:
         out.writelines(f"# {line}".rstrip() + "\n" for line in lines)
         out.write(COLUMNS + "\n")
-        of = a.track.k, a.track.t, a.track.place, a.track.moved, *made.bar
+        of = a.track.k, a.track.t, a.track.place, a.track.moved, *bars
         for k, t, xy, uv, bar, bar_t in zip(*of, strict=True):
             if np.isfinite(bar):
                 values = ",".join(f"{x:.{digits}f}" for x in (*xy, *uv))
