@@ -92,10 +92,10 @@ class Resolution:
         return min(values, key=lambda value: abs(self.unknowns(value) - unknowns))
 
 
-# Measured in time, `cablefem chart`: banded elements cost linearly, dense bases between their square and their cube.
 # Steps of a ride that turns back against friction, times those of others: by the car's mass over the cable's, which
 # makes the waves (mass 0.4 to 0.8: the others' do; 0.95: errors of 3.6e-3 of the top speed with them, 4e-4 with these)
 TURNING, MOST_TURNING = 2.4, 3.0
+# Measured in time, `cablefem chart`: banded elements cost linearly, dense bases between their square and their cube.
 ELEMENTS = Resolution("elements", 6, 320, 8, 1.0, largest=1000)
 TERMS = Resolution("terms", 10, 160, 25, 2.5, largest=80)
 LEVELS = Resolution("level", 1, 5, 1, 2.5, doubling=True, largest=3, unknowns=lambda level: 7.0 * 2.0**level + 3.0)
