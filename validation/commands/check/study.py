@@ -36,7 +36,7 @@ SOLVERS = ("following-p2", "fourier-kink")
 FINER, FINER_FROM = 3.0, 1e-3  # what too coarse rows divide the aim by, and the last aim that they may divide
 # Parts of the tolerance: dense bases cost more than elements do, and grow faster.  With half of it `level` takes 80
 # terms and a third more work than with this much; of less than this, `tramway` makes elements dearer than terms.
-SHARE = {"elements": 2.0, "galerkin": 3.0}
+ELEMENTS, OTHERS = 2.0, 3.0
 CONFIRMS = 2.0  # what a disagreement divides both errors by, to see whether it stays
 # Of `work` for each solver at the default tolerance, in proportion more for a smaller one: three times what `level`
 # needs.  A slow ride after a sudden entry at full speed may want ten times as much.
@@ -129,7 +129,7 @@ def check(
     gripped: list[Response] = []
     budget = BUDGET * max(1.0, DEFAULT_TOL / tol)
     # the sum of both bars is held against tol
-    shares = [SHARE[m.wing] for m in found]
+    shares = [ELEMENTS if m.wing == "elements" else OTHERS for m in found]
     known: tuple[Estimated | None, Estimated | None] = None, None
     aims, rows = [tol * share / sum(shares) for share in shares], list[Agreement]()
     while True:
