@@ -114,8 +114,8 @@ def check(
 
     tol : asked of the error of the mass path, relative to the largest deflection; in [1e-6, 0.2].
     tol_tension : asked of the tension, relative to H; default ten times `tol`.  Where the path's bar is met but
-        tension, fields or laws are too coarse to tell, or the bars cover less than the range, both solvers are
-        refined further.
+        tension, fields or laws are too coarse to tell, the solver whose bars make them so is refined further; where
+        the bars cover less than the range, or the solvers disagree, both are.
     deep : hold what both share against third parties, too.
     progress : called with the method's name, the fraction done and what was reached.
     made : called with both runs before they are judged, again where that makes them finer.
