@@ -15,14 +15,8 @@ def one_thread():
         yield
 
 
-COMPILED = (  # by wing: what scenes and methods share is compiled by the first of them
-    [("following-p2", {"elements": 2}), ("following-p2", {"elements": 2, "scheme": "radau"})],
-    [("fourier-kink", {"terms": 3})],
-)
-
-
 @pytest.fixture(scope="session", autouse=True)
-def compiled(worker_id):
+def compiled():
     """On a fresh machine the first calls compile for half a minute: once, a wing a worker, and in no test's time."""
     from cablefem import Scene
     from validation.core.running import run

@@ -8,6 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
+from cablefem.scene.bisection import bisected
+
 MOST, SAME = 20, 1e-9  # Newton's steps towards a mean place, and of the way between how exact it is
 
 
@@ -105,10 +107,23 @@ class Motion:
 
     def time_at(self, s_o: float) -> float:
         """The time at which the mass comes to s_o, to rounding; ValueError where it never comes."""
-        return float(self.times_at(np.array([s_o]))[0])
+        index, low, high = (x[0].item() for x in self._ends_around(np.array([s_o])))
+        piece = [piece for pieces in self.pieces for piece in pieces][index]
+        return high if low == high else bisected(lambda t: piece(t)[0] - s_o, low, high)
 
     def times_at(self, places: np.ndarray) -> np.ndarray:
         """Return `time_at` of many places (n,), by bisection of all of them together."""
+        index, low, high = self._ends_around(places)
+        while ((low < (middle := 0.5 * (low + high))) & (middle < high)).any():
+            early = self._on(index, middle) < places
+            low, high = np.where(early, middle, low), np.where(early, high, middle)
+        return high
+
+    def _ends_around(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the pieces on which the mass comes to places (n,), and when they begin and end, or twice when it does.
+
+        ValueError where it never comes.
+        """
         never = [s for s in places.tolist() if not self.begin <= s <= self.end]
         if never:
             raise ValueError(
@@ -117,19 +132,15 @@ class Motion:
         times = np.append(self._columns[0], self.phases[-1][1])
         known = self.position(times)
         k = np.searchsorted(known, places, side="left")
-        piece = np.maximum(k - 1, 0)
-        _, origin, c0, c1, c2, c3 = self._columns[:, piece]
+        index, high = np.maximum(k - 1, 0), times[k]
+        # at the piece's end, or within its rounding
+        return index, np.where((known[k] == places) | (self._on(index, high) <= places), high, times[index]), high
 
-        def before(t: np.ndarray) -> np.ndarray:
-            x = t - origin
-            return c0 + x * (c1 + x * (c2 + x * c3)) < places
-
-        low, high = times[piece], times[k]
-        low = np.where((known[k] == places) | before(high), high, low)  # at the piece's end, or within its rounding
-        while ((low < (middle := 0.5 * (low + high))) & (middle < high)).any():
-            late = before(middle)
-            low, high = np.where(late, middle, low), np.where(late, high, middle)
-        return high
+    def _on(self, index: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Return s_o at times t (n,), each by the polynomial of its piece."""
+        _, origin, c0, c1, c2, c3 = self._columns[:, index]
+        x = t - origin
+        return c0 + x * (c1 + x * (c2 + x * c3))
 
     @property
     def speeds(self) -> list[tuple[float, float]]:

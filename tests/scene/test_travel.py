@@ -92,6 +92,7 @@ def test_time_at_inverts_position(name, fraction):
     motion = LAWS[name].motion(LENGTH)
     s = fraction * motion.end
     t = motion.time_at(s)
+    assert motion.times_at(np.array([s])).tolist() == [t]
     assert 0.0 <= t <= motion.phases[-1][1]
     assert float(motion.position(t)) == pytest.approx(s, rel=1e-13, abs=1e-13 * LENGTH)
 

@@ -227,7 +227,7 @@ class Evidence:
         given = self.given
 
         def densities(x: Side) -> Array:
-            spin = x.place[:, 0] * x.velocity[:, 1] - x.place[:, 1] * x.velocity[:, 0]
+            spin = cross(x.place, x.velocity)
             kinetic = 0.5 * given.rho * np.sum(x.velocity**2, axis=1)
             strain = (x.T**2 - x.T_static**2) / (2.0 * given.EA)
             weight = -given.rho * given.gravity * x.place[:, 1]
@@ -277,3 +277,8 @@ class Evidence:
             "drag": np.sum(self.drag * r.velocity, axis=1),
             "hold": (r.T_ahead - r.T_behind)[0] * stretch * (1.0 - x) ** 2 * (1.0 + 2.0 * x) * self.pace,
         }  # fmt: skip
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return a_x b_y - a_y b_x of vectors (..., 2)."""
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

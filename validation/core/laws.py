@@ -17,7 +17,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from cablefem.response import Array, Response
-from validation.core.evidence import ROUNDING, SIDE, Defect, Evidence, Side, Window
+from validation.core.evidence import ROUNDING, SIDE, Defect, Evidence, Side, Window, cross
 
 OFTEN = 0.2  # of the time a transverse wave takes along the cable, that may lie between frames which tell velocities
 NEXT = 0.01  # of the length, next to a support
@@ -396,7 +396,7 @@ def moment_of_momentum(m: Evidence) -> Defect:
     spin = given.rho * m.along["spin"]
     lever = weight * m.along["place"][:, 0]
     right = np.array([given.span, given.drop])
-    moment = _cross(right, r.reaction_right) + _cross(np.stack([r.x, r.y], axis=1), r.contact)
+    moment = cross(right, r.reaction_right) + cross(np.stack([r.x, r.y], axis=1), r.contact)
     own = CubicSpline(t, lever).antiderivative()(t) if t.size > 3 else cumulative_trapezoid(lever, t, initial=0.0)
     kept = (spin - own)[:, None] - m.impulse_of(moment[:, None])
     return m.over_windows(kept, (weight * r.fields.s[-1] + given.weight) * given.span * m.lasts)
@@ -431,10 +431,6 @@ def power(m: Evidence) -> Defect:
 
 def _static(*values: float) -> Defect:
     return Defect(np.array([math.nan]), np.array([values]).reshape(1, -1))
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
 GAUSS = np.polynomial.legendre.leggauss(3)
