@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import re
 from pathlib import Path
 
@@ -105,3 +106,11 @@ def test_a_run_that_really_breaks_is_2(cablefem):
                             "--set", "terms=20", "--set", "steps=50")  # fmt: skip
     assert code == 2
     assert "fourier broke at s_o/l = 0." in err
+
+
+def test_what_happens_on_a_ride_has_bars(cablefem):
+    assert cablefem("run", "rollback", *QUICK, "--out", "x")[0] == 0
+    events = json.loads(Path("x/following-p2/summary.json").read_text())["events"]
+    assert {x["event"] for x in events} >= {"turn", "stop"}
+    assert all(0.0 <= x[f"bar_{name}"] < math.inf for x in events for name in ("t", "s_o", "speed"))
+    assert all(x["bar_t"] > 0.0 for x in events)

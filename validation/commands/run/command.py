@@ -71,6 +71,7 @@ def command(
         terminal.complain([f"--extrapolate halves the steps twice: at least {MOST_COARSE}, got {steps}"])
         return 2
 
+    from validation.core.agreement import with_bars
     from validation.core.design import design, numbers
     from validation.core.estimate import OF_BARS, companions, estimated
     from validation.core.resolution import TooCoarse, resolve
@@ -104,7 +105,8 @@ def command(
                 response = better.with_bars(e)
             elif tol is None:
                 response = e.run
-            response = replace(response, design=[number.row() for number in numbers(e)])
+            told = [number.row() for number in numbers(e)]
+            response = replace(response, design=told, events=with_bars(loaded, e))
         else:
             response = replace(response, design=design(response))
         with aside(partial(_write_animation, response, folder / method)):
