@@ -39,7 +39,7 @@ class Sample(Part):
 
     kind: Annotated[str, choice(("sobol", "latin_hypercube", "random"))] = "sobol"
     count: Annotated[int, whole(1, MOST)]
-    seed: Annotated[int, whole(0, MOST)] = 0
+    seed: Annotated[int, whole(0, 2**32 - 1)] = 0
     range: Annotated[tuple[Axis, ...], PlainValidator(ranges)]
 
 
