@@ -69,6 +69,10 @@ def path_scale(r: Response) -> float:
     return 0.1 * r.length if r.drive == "free" else r.max_deflection
 
 
+def path_scale_named(r: Response) -> str:
+    return "a tenth of the length" if r.drive == "free" else "the largest deflection"
+
+
 def path_gap(a: Response, b: Response, window: Window) -> tuple[float, float]:
     """Return (max, rms) of |w_a - w_b| of the mass path over the window, relative to the largest deflection of b.
 

@@ -47,8 +47,8 @@ def command(
     knows it from the scene file alone (laws_si). With --deep: of both from exact frequencies, statics of the loaded
     cable, scipy on the same system, another method with a bar of its own, another damping of the slack cable (deep).
 
-    FILE has columns t [s] or s_o [m], v [m] positive down, and u [m] if known; other units and directions are told by
-    the name: s_o_over_l, t_ms, v_over_l, v_mm, v_up, ...
+    FILE has columns t [s] or s_o [m], v [m] positive down, and u [m] if known; of a free ride t, x and y from the left
+    support, y down. Other units and directions are told by the name: s_o_over_l, t_ms, v_over_l, v_mm, y_up, ...
     """
     faults = tol_faults(tol)
     if tol_tension is not None and not 0.0 < tol_tension <= 1.0:

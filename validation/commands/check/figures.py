@@ -119,9 +119,8 @@ def paths(x: Stored, caption: str) -> Markup:
     p.line(_over(x, first), rest, GREY, DOTTED, 1.2, "cable at rest")
     for solver, look in zip(x.solvers, LOOK, strict=False):
         p.line(_over(x, solver.compared), solver.compared.y, *look, name=solver.name)
-    if x.party is not None and not x.free:
-        y = x.scene.catenary.y(x.party.place * x.scene.length) + x.party.v
-        p.line(x.party.place, y, GREEN, DOTTED, 2.2, x.party.name)
+    if x.party is not None:
+        p.line(x.party.t if x.free else x.party.place, x.party.y, GREEN, DOTTED, 2.2, x.party.name)
     p.fit([rest, *(s.compared.y for s in x.solvers)], pad=0.05)
     return _drawn(x, [p, _distance(x)] if len(x.solvers) > 1 else [p], caption)
 
