@@ -73,7 +73,7 @@ def command(
 
     from validation.core.design import design, numbers
     from validation.core.estimate import OF_BARS, companions, estimated
-    from validation.core.resolution import TooCoarse, resolve
+    from validation.core.resolution import TooCoarse, past_window, resolve
     from validation.core.running import run as run_method
     from validation.core.sidebyside import aside
     from validation.page import telling
@@ -89,6 +89,9 @@ def command(
                 response = resolve(loaded, method, tol, **kind, progress=report, runs=made)
             except TooCoarse as error:
                 response, too_coarse = error.best, str(error)
+            else:
+                bar = {x: getattr(response, x) for x in ("path_error", "tension_error", "error_parts")}
+                response = replace(past_window(loaded, chosen, response, made, **kind), **bar)
             kind |= response.settings
         elif extrapolate:
             from validation.core.extrapolation import extrapolated
@@ -105,6 +108,10 @@ def command(
             elif tol is None:
                 response = e.run
             response = replace(response, design=[number.row() for number in numbers(e)])
+            if response.events:
+                from validation.core.agreement import with_bars  # longer to load than many a run
+
+                response = replace(response, events=with_bars(loaded, replace(e, run=response)))
         else:
             response = replace(response, design=design(response))
         with aside(partial(_write_animation, response, folder / method)):
