@@ -70,7 +70,7 @@ def path_scale(r: Response) -> float:
 
 
 def path_gap(a: Response, b: Response, window: Window) -> tuple[float, float]:
-    """Return (max, rms over time) of |w_a - w_b| of the mass path over the window, relative to the largest deflection of b.
+    """Return (max, rms over time) of |w_a - w_b| of the path over the window, relative to the largest deflection of b.
 
     Of a free ride the places themselves are compared, relative to a tenth of the length, so that 1e-3 is 1e-4 l.
 

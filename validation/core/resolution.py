@@ -253,6 +253,8 @@ def resolve(
     climb = _Climb(scene, method, how, settings, tol, short, runs, ladder[-1] if ladder else None)
     climb.go(budget, report)
     rung, settings, made = climb.rung, climb.settings, climb.made
+    if ladder and rung is ladder[-1]:
+        raise TooCoarse("nothing finer is within reach", rung.response)
     if ladder is not None:
         ladder.append(rung)
     jobs: list[Callable[[Progress], Response]] = []
@@ -316,6 +318,8 @@ def resolved(
         )
     except TooCoarse as error:
         finest = error.best
+    if before is not None and ladder and ladder[-1] is before.rung:
+        return before
     how = {k: kind[k] for k in KIND if k in kind}
     e = companions(scene, method, known=made, **how, **finest.settings)
     heard = loud(scene, method, finest.settings)
