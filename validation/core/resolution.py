@@ -36,6 +36,7 @@ STUCK = 0.8  # of what it was: where a finer mesh leaves more than that of its p
 UNRESOLVED = 0.05  # of the deflection: while time costs more than that, space is not judged
 # s_o/l that trial runs go on past their slack onset: no comparison goes beyond the finer run's, whose may be later
 PAST = 2.0 * SAME_ONSET
+LITTLE = 1e5  # `work` that nobody waits for
 SPARSE = 4  # every so-manieth frame is enough of trial runs that nobody else will look at
 
 # Where steps are chosen, so is the rule: axial waves run some sqrt(alpha) times faster than the answer moves, and steps
@@ -252,6 +253,8 @@ def resolve(
     climb = _Climb(scene, method, how, settings, tol, short, runs, ladder[-1] if ladder else None)
     climb.go(budget, report)
     rung, settings, made = climb.rung, climb.settings, climb.made
+    if ladder and rung is ladder[-1]:
+        raise TooCoarse("nothing finer is within reach", rung.response)
     if ladder is not None:
         ladder.append(rung)
     jobs: list[Callable[[Progress], Response]] = []
@@ -315,6 +318,8 @@ def resolved(
         )
     except TooCoarse as error:
         finest = error.best
+    if before is not None and ladder and ladder[-1] is before.rung:
+        return before
     how = {k: kind[k] for k in KIND if k in kind}
     e = companions(scene, method, known=made, **how, **finest.settings)
     heard = loud(scene, method, finest.settings)
@@ -322,6 +327,32 @@ def resolved(
     order = _order_in_time(e, made) or (before.order if before is not None else None)
     e = replace(e, order=order, loud=loudly, rung=ladder[-1])
     return weighted(e, finest.path_error / e.run.path_error) if finest.path_error and e.run.path_error else e
+
+
+def past_window(scene: Scene, method: Method, r: Response, made: list[Response], **kind: Any) -> Response:
+    """Return the run, or one in more steps, whose slack onset past the window of comparison coarser runs share.
+
+    A tolerance is asked of the path in the window.  What takes few steps there may fold up beyond it, or tell its slack
+    late: on `level` with 1e-2 at s_o/l = 0.93, where 0.83 is right.  As long as one of half the resolution or half the
+    steps is off by more than SAME_ONSET, steps are doubled, for no more work than went before, or little.
+
+    made : all runs so far; receives those that are made.
+    """
+    end = until(scene)
+    while end is not None and r.reached > end and (r.slack_onset is not None or r.status != "complete"):
+        stop = min(1.0, (r.slack_onset or 1.0) + SAME_ONSET)
+        halves = [refined(method, r.settings, **half) for half in ({"space": 0.5}, {"time": 0.5})]
+        coarse = [run(scene, method, **kind | half | {"until": stop}) for half in halves]
+        made += coarse
+        onsets = [x.slack_onset for x in coarse]
+        if r.slack_onset is not None and all(x and abs(x - r.slack_onset) <= SAME_ONSET for x in onsets):
+            break
+        finer = refined(method, r.settings, time=2.0)
+        if 2.0 * work(method, r) > max(LITTLE, sum(work(method, x) for x in made)) or finer["steps"] > MOST_STEPS:
+            break
+        r = run(scene, method, **kind | finer)
+        made.append(r)
+    return r
 
 
 def loud(scene: Scene, method: Method, settings: dict[str, Any]) -> dict[str, Any] | None:

@@ -118,16 +118,21 @@ class _Round:
     before: _Round | None
 
     @property
+    def finer(self) -> int:
+        """How many of the runs are finer than in the round before."""
+        old = () if self.before is None else self.before.runs
+        return sum(a.run.settings != b.run.settings for a, b in zip(old, self.runs, strict=False))
+
+    @property
     def coarser(self) -> list[Agreement] | None:
         """The rows of the round before, where both runs are finer now."""
-        if self.before is None:
-            return None
-        pairs = zip(self.before.runs, self.runs, strict=True)
-        return self.before.rows if all(old.run.settings != new.run.settings for old, new in pairs) else None
+        return None if self.before is None or self.finer < len(self.runs) else self.before.rows
 
     @property
     def settled(self) -> list[Agreement]:
-        return settled(self.rows, self.coarser)
+        rows = settled(self.rows, self.coarser)
+        # one of them alone: a gap that this takes away was its own, of one that stays nobody knows whose it is
+        return settled(rows, self.before.rows) if self.before is not None and self.finer == 1 else rows
 
     def ahead(self, budget: float) -> list[float] | None:
         """Return what to ask of both runs next, None where finer ones would tell no more, or cost too much.

@@ -10,7 +10,7 @@ from validation.core.agreement import with_bars
 from validation.core.design import design, numbers
 from validation.core.estimate import companions, estimated
 from validation.core.methods import Method
-from validation.core.resolution import TooCoarse, resolve
+from validation.core.resolution import TooCoarse, past_window, resolve
 from validation.core.running import run
 
 
@@ -34,6 +34,9 @@ def answer(
             response = resolve(scene, method, tol, **kind, progress=progress, runs=known if bars else None)
         except TooCoarse as error:
             response, missed = error.best, str(error)
+        else:
+            bar = {x: getattr(response, x) for x in ("path_error", "tension_error", "error_parts")}
+            response = replace(past_window(scene, method, response, known, **kind), **bar)
         if bars:  # the ladder has told the bar of the path
             e = companions(scene, method, known=known, **kind | response.settings, progress=progress)
     elif extrapolate:
