@@ -72,7 +72,7 @@ def _path_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement
         f"error bar of {r.method} {r.path_error:.2g}"
         for r in (a, b) if isinstance(r, Response) and r.path_error is not None
     )  # fmt: skip
-    relative = f"relative to {measures.path_scale_named(b)} {measures.path_scale(b):.4g} m"  # type: ignore[arg-type]
+    relative = f"relative to {b.path_scale_named} {b.path_scale:.4g} m"
     bound = _asked("path", allowed, relative, *notes, f"rms gap {rms:.3g}", f"over {_over(window, a, b)}", *bars)
     return Agreement("path_max", gap, bound, measures.place_of_gap(x, y, window))
 

@@ -66,6 +66,8 @@ class ForeignPath:
     drive: str = "grip"
     events: tuple[()] = ()  # nor these
 
+    path_scale, path_scale_named = Response.path_scale, Response.path_scale_named
+
     @property
     def reached(self) -> float:
         """s_o/l of the last row."""
@@ -315,7 +317,7 @@ def refuse_misnamed(path: ForeignPath | Response, ours: Response) -> None:
         what = f"{of} points the other way" if units[column] * named < 0.0 else f"{of} is in another unit"
         raise Refused(
             f"{path.method}: {what}: as {column} it would be {gaps[column]:.2%} off (rms), as it is named "
-            f"{as_named:.3g} times {measures.path_scale_named(ours)}; name it {column}"
+            f"{as_named:.3g} times {ours.path_scale_named}; name it {column}"
         )
 
 

@@ -73,9 +73,9 @@ class Stored:
         return list(dict.fromkeys(str(row["with"]) for row in self.rows if row.get("with")))
 
     @property
-    def deflection(self) -> float:
-        """Largest deflection of the mass [m], which path gaps are relative to."""
-        return self.solvers[-1].compared.max_deflection
+    def scale(self) -> Response:
+        """The answer whose path gaps are relative to."""
+        return self.solvers[-1].compared
 
     @property
     def free(self) -> bool:
