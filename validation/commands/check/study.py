@@ -277,7 +277,8 @@ def check_solver(
         columns, counts = (("t", "x", "y"), (3,)) if free else (("s_o", "v", "u"), (2, 3))
         if not (isinstance(answer, tuple | list) and len(answer) in counts):
             wanted = "(t, x, y)" if free else "(s_o, v) or (s_o, v, u)"
-            raise Refused(f"{name}: must return {wanted}, or a Response; got {type(answer).__name__}")
+            got = type(answer).__name__ + (f" of {len(answer)}" if isinstance(answer, tuple | list) else "")
+            raise Refused(f"{name}: must return {wanted}, or a Response; got {got}")
         answer = ForeignPath.of(scene, **dict(zip(columns, answer, strict=False)), name=name)
     ours = ours or check(scene, tol=tol, progress=progress)
     foreign.refuse_misnamed(answer, ours.a.run)

@@ -72,11 +72,17 @@ def command(
 
     from validation.commands.run.study import answer
     from validation.core.estimate import OF_BARS
+    from validation.core.running import Run
     from validation.core.sidebyside import aside
     from validation.page import telling
 
-    folder = store.claim(out, "run", loaded, [method])
     kind = {"model": model, "load": load, "law": law, **settings}
+    try:
+        Run(loaded, chosen, **kind)
+    except ValueError as error:  # a method that cannot do what scene or options ask for
+        terminal.complain([str(error)])
+        return 2
+    folder = store.claim(out, "run", loaded, [method])
     with terminal.progress() as progress:
         told = partial(progress, method)
         found = answer(loaded, chosen, tol=tol, bars=bars, extrapolate=extrapolate, progress=told, **kind)
