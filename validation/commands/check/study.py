@@ -215,7 +215,7 @@ def check(
         from validation.commands.check import deep as third
 
         rows += third.deep(scene, runs[0], rows) if deep else []
-        smooth = third.entry(scene, runs[0].run)
+        smooth = third.entry(scene, runs[0].in_time)  # of which half the steps tell enough
     return Check(scene, a, b, tol, window, rows, gripped[0] if gripped else None, smooth)
 
 
