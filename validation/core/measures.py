@@ -64,11 +64,6 @@ def at_steps_of(a: Response, b: Response, values: Array) -> Array:
     return CubicSpline(b.t, values, axis=0)(when)
 
 
-def path_scale(r: Response) -> float:
-    """Return what gaps of the mass path are relative to [m]."""
-    return 0.1 * r.length if r.drive == "free" else r.max_deflection
-
-
 def path_gap(a: Response, b: Response, window: Window) -> tuple[float, float]:
     """Return (max, rms over time) of |w_a - w_b| of the path over the window, relative to the largest deflection of b.
 
@@ -82,7 +77,7 @@ def path_gap(a: Response, b: Response, window: Window) -> tuple[float, float]:
         raise NotComparable(
             f"{coarse.method} has {np.count_nonzero(within)} steps in the window {window}, 5 are needed"
         )
-    size = _distance(coarse, fine)[within] / path_scale(b)
+    size = _distance(coarse, fine)[within] / b.path_scale
     return float(size.max()), float(np.sqrt(_over_time(coarse.t[within], size**2)))
 
 

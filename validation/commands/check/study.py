@@ -261,7 +261,8 @@ def check_solver(
 ) -> Check:  # fmt: skip
     """Run a user's own solver on a scene and hold it against both of ours; its rows come last in the verdict.
 
-    solver : scene -> (s_o, v) or (s_o, v, u) in [m], v down, along the scene's travel; or a Response.
+    solver : scene -> (s_o, v) or (s_o, v, u) in [m], v down, along the scene's travel; of a free ride (t, x, y) in [s]
+        and [m], from the left support, y down; or a Response.
     tol, progress : of our own solvers, as in `check`.
     with_tol : allowed to the solver beside our error bar, relative to the largest deflection.
     ours : a check of this scene that was made before.
@@ -272,9 +273,12 @@ def check_solver(
     name = name or str(getattr(solver, "__name__", type(solver).__name__))
     answer = solver(scene)
     if not isinstance(answer, Response):
-        if not (isinstance(answer, tuple | list) and len(answer) in (2, 3)):
-            raise Refused(f"{name}: must return (s_o, v) or (s_o, v, u), or a Response; got {type(answer).__name__}")
-        answer = ForeignPath.of(scene, *answer, name=name)
+        free = scene.drive.mode == "free"
+        columns, counts = (("t", "x", "y"), (3,)) if free else (("s_o", "v", "u"), (2, 3))
+        if not (isinstance(answer, tuple | list) and len(answer) in counts):
+            wanted = "(t, x, y)" if free else "(s_o, v) or (s_o, v, u)"
+            raise Refused(f"{name}: must return {wanted}, or a Response; got {type(answer).__name__}")
+        answer = ForeignPath.of(scene, **dict(zip(columns, answer, strict=False)), name=name)
     ours = ours or check(scene, tol=tol, progress=progress)
     foreign.refuse_misnamed(answer, ours.a.run)
     return joined(ours, answer, with_tol)
