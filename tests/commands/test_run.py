@@ -115,3 +115,21 @@ def test_what_happens_on_a_ride_has_bars(cablefem):
     assert {x["event"] for x in events} >= {"turn", "stop"}
     assert all(0.0 <= x[f"bar_{name}"] < math.inf for x in events for name in ("t", "s_o", "speed"))
     assert all(x["bar_t"] > 0.0 for x in events)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--method", "fixed-hermite"], "a car that rolls (drive free) needs mass-following elements"),
+        (["--model", "string"], "model string has no balance along the cable"),
+        (["--load", "force"], "a moving force without mass has no balance along the cable"),
+        (["--method", "fourier-kink", "--model", "sagged"], "rolls"),
+        (["--method", "fourier", "--set", "abscissa=s"], "the place of a car that rolls is no clock"),
+    ],
+)
+def test_what_a_method_cannot_do_is_a_line_and_nothing_is_written(cablefem, options, said):
+    code, _, err = cablefem("run", "zipline", *options)
+    assert code == 2
+    (line,) = lines(err)
+    assert said in line
+    assert not Path("cablefem-out").exists()

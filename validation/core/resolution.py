@@ -154,7 +154,9 @@ class _Climb:
             if met and _doubtful(self.rung.response, self.coarser):
                 finer = settings | {space.setting: space.finer(self.method.value(settings), FURTHEST)}
             in_space = finer[space.setting] != settings[space.setting]
-            if settings["steps"] >= 2 * self.read_at and (in_space or met):
+            # where steps go alone although space costs more, it is as fine as it gets
+            alone = self.rung.space.path > self.rung.time.path
+            if settings["steps"] >= 2 * self.read_at and (in_space or met or alone):
                 self._read_space_again()
             elif (met and not in_space) or finer == settings or self._dear(finer, budget):
                 return

@@ -59,7 +59,7 @@ def command(
         faults.append(f"--with-tol must lie in [0, 1], got {with_tol:g}")
     loaded = scene_named(scene, faults, travelling=True)
 
-    from validation.commands.check import study, words
+    from validation.commands.check import study
     from validation.core import foreign
     from validation.core.running import run
     from validation.core.sidebyside import aside
@@ -77,7 +77,8 @@ def command(
             writing.enter_context(aside(partial(_write_tables, folder, runs)))
 
         result = study.check(loaded, tol=tol, tol_tension=tol_tension, deep=deep, progress=progress, made=made)
-        from validation.page import report  # by now it is loaded, while solvers ran
+        from validation.commands.check import words  # by now they are loaded, while solvers ran
+        from validation.page import report
 
         progress("writing", 0.0)
         (folder / "with.csv").unlink(missing_ok=True)

@@ -40,9 +40,9 @@ FINER, FINER_FROM = 3.0, 1e-3  # what too coarse rows divide the aim by, and the
 # terms and a third more work than with this much; of less than this, `tramway` makes elements dearer than terms.
 ELEMENTS, OTHERS = 2.0, 3.0
 CONFIRMS = 2.0  # what a disagreement divides both errors by, to see whether it stays
-# Of `work` for each solver at the default tolerance, in proportion more for a smaller one: three times what `level`
-# needs.  A slow ride after a sudden entry at full speed may want ten times as much.
-BUDGET = 4e5
+# Of `work` for each solver, half a minute to a minute, and in proportion more below a third of the default tolerance.
+# With a third of it five of ten random scenes remained too coarse.
+BUDGET = 1.2e6
 LADDER = 2.0  # times the work of the run that is returned, at least, is that of all before it
 
 
@@ -186,7 +186,7 @@ def check(
     found = [find(m) if isinstance(m, str) else m for m in methods]
     grip: list[Callable[[Progress], Any]] = [partial(_gripped, scene, found[0])] if scene.drive.mode == "haul" else []
     gripped: list[Response] = []
-    budget = BUDGET * max(1.0, DEFAULT_TOL / tol)
+    budget = BUDGET * max(1.0, DEFAULT_TOL / 3.0 / tol)
     # the sum of both bars is held against tol
     shares = [ELEMENTS if m.wing == "elements" else OTHERS for m in found]
     aims: list[float] | None = [tol * share / sum(shares) for share in shares]
@@ -215,7 +215,7 @@ def check(
         from validation.commands.check import deep as third
 
         rows += third.deep(scene, runs[0], rows) if deep else []
-        smooth = third.entry(scene, runs[0].run)
+        smooth = third.entry(scene, runs[0].in_time)  # of which half the steps tell enough
     return Check(scene, a, b, tol, window, rows, gripped[0] if gripped else None, smooth)
 
 
@@ -277,7 +277,8 @@ def check_solver(
         columns, counts = (("t", "x", "y"), (3,)) if free else (("s_o", "v", "u"), (2, 3))
         if not (isinstance(answer, tuple | list) and len(answer) in counts):
             wanted = "(t, x, y)" if free else "(s_o, v) or (s_o, v, u)"
-            raise Refused(f"{name}: must return {wanted}, or a Response; got {type(answer).__name__}")
+            got = type(answer).__name__ + (f" of {len(answer)}" if isinstance(answer, tuple | list) else "")
+            raise Refused(f"{name}: must return {wanted}, or a Response; got {got}")
         answer = ForeignPath.of(scene, **dict(zip(columns, answer, strict=False)), name=name)
     ours = ours or check(scene, tol=tol, progress=progress)
     foreign.refuse_misnamed(answer, ours.a.run)

@@ -72,15 +72,21 @@ def command(
 
     from validation.commands.run.study import answer
     from validation.core.estimate import OF_BARS
-    from validation.core.sidebyside import aside
+    from validation.core.running import Run
+    from validation.core.sidebyside import ready
     from validation.page import telling
 
-    folder = store.claim(out, "run", loaded, [method])
     kind = {"model": model, "load": load, "law": law, **settings}
-    with terminal.progress() as progress:
-        told = partial(progress, method)
-        found = answer(loaded, chosen, tol=tol, bars=bars, extrapolate=extrapolate, progress=told, **kind)
-        with aside(partial(_write_animation, found.response, folder / method)):
+    with ready(_animation, _animate) as animate:
+        try:
+            Run(loaded, chosen, **kind)
+        except ValueError as error:  # a method that cannot do what scene or options ask for
+            raise store.Refused(str(error)) from None
+        folder = store.claim(out, "run", loaded, [method])
+        with terminal.progress() as progress:
+            told = partial(progress, method)
+            found = answer(loaded, chosen, tol=tol, bars=bars, extrapolate=extrapolate, progress=told, **kind)
+            animate(found.response, folder / method)
             found.response.write(folder / method)
     telling.answer(found.response)
     if found.extrapolated:
@@ -95,10 +101,14 @@ def command(
     return 1 if any(flag.kind not in (*OF_BARS, "not extrapolated") for flag in found.response.flags) else 0
 
 
-def _write_animation(response: "Response", folder: Path) -> None:
+def _animation() -> Any:
     from validation.page import paraview  # loading what it needs takes as long as the run
 
-    paraview.write(response, folder)
+    return paraview
+
+
+def _animate(response: "Response", folder: Path) -> None:
+    _animation().write(response, folder)
 
 
 def _quasi_static(scene: str, out: Any, faults: list[str]) -> int:
