@@ -43,8 +43,8 @@ NEWTON = Newton(tol=1e-8)  # what Newton's method leaves adds up over the steps
 # fell with an order between 2 and 3.
 TIME_ORDER = 2.0
 AIM = 0.4  # of the tolerance: two ways' bars
-# Place beyond which changes show no order: what 1600 steps of inclined leave grows from 3e-8 there to 4e-6.  There a step
-# that must be cut ends a hauled car's way: Gauss went on ringing, with four to thirteen times the iterations of all.
+# Place beyond which changes show no order: what 1600 steps of inclined leave grows from 3e-8 there to 4e-6.  There
+# a step that must be cut ends a hauled car's way: Gauss went on ringing, with four to thirteen times the work of all.
 LAST = 95
 NEARBY = 5  # places on either side whose gaps count too: a gap that passes through zero is no small error
 
