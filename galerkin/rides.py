@@ -102,7 +102,7 @@ class RollingSystem(GalerkinSystem):
         if not basis.smooth:
             raise ValueError("a car cannot roll on a basis without second derivatives: take order 4 or more")
         self.drive, self.free = groups.drive, groups.drive.mode == "free"
-        super().__init__(groups, basis, kink=kink, law=law)
+        super().__init__(groups, basis, kink=kink, law=law, bubbles=isinstance(basis, Fourier))
         self.n_dof += 1
         self.events = EVENTS if self.free else ("lift_off",)
         self.mode, self.hold = Mode(), 0.0  # F_hold at the start
@@ -128,7 +128,7 @@ class RollingSystem(GalerkinSystem):
     def least_tension(self) -> tuple[float, float]:
         if self._moved is not None:
             s_o, pull, behind, ahead = self._moved
-            s, weights, phi = split(s_o, behind, ahead, self.basis.basis.n)
+            s, weights, phi = split(s_o, behind, ahead, self.basis.basis.n, self.basis.travels)
             place = kernels.Points(s, phi, weights, *kernels.static(s, self.groups.sigma, self.groups.c))
             self._pull, self._moved = (self.basis, place, pull), None
         return super().least_tension
@@ -159,7 +159,7 @@ class RollingSystem(GalerkinSystem):
         of = self.mu, self.groups.sigma, drive.k, drive.wind, self.held(t), against * drive.mu_r, brake
         since, ax, ay, jx, jy = self._smooth
         sines = self.kink and isinstance(self.basis.basis, Fourier)
-        sheds = SHEDS * math.pi * (self.n - 1) if sines else 0.0
+        sheds = SHEDS * math.pi * self.basis.basis.n if sines else 0.0
         return kernels.Rolling(*of, ax + (t - since) * jx, ay + (t - since) * jy, sheds)
 
     def _thrust(self, t: float, phase: int, a: Array) -> float:
@@ -197,6 +197,8 @@ class RollingSystem(GalerkinSystem):
     def _sides(self, x: Instant, Q: Array) -> Array:
         """r' behind and ahead of the car, its rows, of a cable at rest whose force was the last one."""
         sides = x.slope + Q @ x.carried.f_s + np.multiply.outer(x.rays, Q[:, -1])
+        if self.basis.travels > 1:
+            sides -= (np.array(x.rays) * Q[:, -3:-1]).T
         if self.kink:
             rest, cable = np.zeros_like(Q), self._full
             kernels.recover(x.carried, x.slope, x.rays, cable.sides, cable.alpha, Q, rest, rest, 0.0, 0.0, *sides)
@@ -408,6 +410,8 @@ class RollingSystem(GalerkinSystem):
         f, f_m = x.carried.f, x.carried.f_s.copy()
         weight = self.mu * self.cable.weight
         f_m[-1] += 0.5 * sum(x.rays)
+        if self.basis.travels > 1:
+            f_m[-3:-1] -= 0.5 * np.array(x.rays)
 
         def linearised(Q: Array) -> tuple[Array, Array]:
             force, _, K = self.cable.linearise(self.basis, x.place, Q)
@@ -420,7 +424,10 @@ class RollingSystem(GalerkinSystem):
                 load = (weight @ n) * n
                 turn = np.multiply.outer((weight @ n) * tau + (weight @ tau) * n, n) / size
                 K += np.einsum("ab,i,j->aibj", turn, f, f_m).reshape(K.shape)
-            return (force - np.multiply.outer(load, f)).ravel(), K
+            r = (force - np.multiply.outer(load, f)).ravel()
+            for i in range(2 * self.n - self.basis.travels, 2 * self.n - 1):
+                r[i], K[i], K[i, i] = Q.flat[i], 0.0, 1.0
+            return r, K
 
         r, K = linearised(Q)
         for _ in range(60):

@@ -64,7 +64,7 @@ class Cable(NamedTuple):
     alpha: float
     law: int
     harmonic: bool  # see `stiffness`
-    hat: int
+    travels: int
 
 
 class Moment(NamedTuple):
@@ -80,9 +80,9 @@ class Moment(NamedTuple):
 def moment(on, sigma, s_o, ds_o, dds_o):
     """`Moment` where the mass is at s_o; on : `Ride` or `Grip`."""
     n = on.left.size
-    M, rows = carry(values_at(s_o, n), on.mass, on.left, on.chord, s_o, ds_o, dds_o)
-    x = Carried(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
-    s, weights, phi = split(s_o, on.behind, on.ahead, n)
+    M, gyroscopic, centrifugal, rows = carry(values_at(s_o, n), on.mass, on.left, on.chord, s_o, ds_o, dds_o)
+    x = Carried(M, gyroscopic, centrifugal, rows[0], rows[1], rows[2], rows[3], rows[4])
+    s, weights, phi = split(s_o, on.behind, on.ahead, n, on.mass.shape[0] - n)
     T, r_static = static(s, sigma, on.c)
     rest = static_at(s_o, sigma, on.c)
     load = np.empty(2)
@@ -112,6 +112,8 @@ def evaluate(here, ride, cable, balanced, r, gram, pull):
     rays = at.phi[n - 1, 0], at.phi[n - 1, at.s.size - 1]
     out = roll(x, slope, load, rays, sides, alpha, Q, V, A, ds_o, dds_o, ride.on, thrust, R)
     r[2 * n] = mu * balanced[2, 2 * n] if ride.mode == STUCK else out[9]
+    for i in range(2 * n - cable.travels, 2 * n - 1):
+        r[i] = balanced[2, i]
     return out
 
 
@@ -121,7 +123,7 @@ def tangent(here, ride, cable, balanced, r, out, gram, c0, c1, c2, K):
     at, x, mu = here.at, here.x, cable.mu
     n, size = x.f.size, r.size
     block = K[: 2 * n, : 2 * n]
-    stiffness(at.phi, gram, cable.harmonic, cable.hat, block)
+    stiffness(at.phi, gram, cable.harmonic, cable.travels, block)
     add_inertia_tangent(x, cable.inertia, c0, c1, c2, block)
     if ride is None:
         return
@@ -129,6 +131,10 @@ def tangent(here, ride, cable, balanced, r, out, gram, c0, c1, c2, K):
     ds_o, dds_o = (ride.ds_o, ride.dds_o) if hauled else (balanced[1, 2 * n], balanced[2, 2 * n])
     rays = at.phi[n - 1, 0], at.phi[n - 1, at.s.size - 1]
     add_shed_tangent(x, rays, ds_o, ride.on, c0, c1, block)
+    for i in range(2 * n - cable.travels, 2 * n - 1):
+        for j in range(size):
+            K[i, j] = 0.0
+        K[i, i] = c2
     for i in range(size):
         K[2 * n, i] = K[i, 2 * n] = 0.0
     if ride.mode == STUCK:

@@ -56,7 +56,7 @@ def test_rows_of_the_cable_are_those_of_a_mass_that_grips(kink, monkeypatch):
     monkeypatch.setattr(rides, "SHEDS", 0.0)
     s_o, ds_o, dds_o = STEEP.motion.at(0.9, 0)
     free = RollingSystem(replace(STEEP, drive=Drive(mode="free", start=0.4)), Fourier(4), kink=kink)
-    grips = GalerkinSystem(STEEP, Fourier(4), kink=kink)
+    grips = GalerkinSystem(STEEP, Fourier(4), kink=kink, bubbles=kink)
     q, v, a = (np.append(y, z) for y, z in zip(random_state(grips, 3), (s_o, ds_o, dds_o), strict=True))
     want = grips.residual(0.9, q[:-1], v[:-1], a[:-1], 0)
     np.testing.assert_allclose(free.residual(0.9, q, v, a, 0)[:-1], want, rtol=0.0, atol=1e-12)
