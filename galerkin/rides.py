@@ -25,6 +25,7 @@ from galerkin import kernels
 from galerkin.bases import Basis, Fourier
 from galerkin.bases.fourier import split
 from galerkin.bases.kink import Array, TravellingKink
+from galerkin.bow import bow, table
 from galerkin.equations import Drives, GalerkinSystem, Instant, factorised
 from galerkin.equilibrium import Equilibrium
 from galerkin.models import FullCable
@@ -104,6 +105,9 @@ class RollingSystem(GalerkinSystem):
         self.drive, self.free = groups.drive, groups.drive.mode == "free"
         super().__init__(groups, basis, kink=kink, law=law, bubbles=isinstance(basis, Fourier))
         self.n_dof += 1
+        self._bubbles = [k * self.n - i for k in (1, 2) for i in (3, 2)] if self.basis.travels > 1 else []
+        self._bow = bow(groups) if self._bubbles else None
+        self._bent = np.empty((17, 0)) if self._bow is None else table(self._bow)
         self.events = EVENTS if self.free else ("lift_off",)
         self.mode, self.hold = Mode(), 0.0  # F_hold at the start
         self._latest: tuple[tuple[float, float, float], Instant] | None = None
@@ -344,7 +348,7 @@ class RollingSystem(GalerkinSystem):
         return kernels.Ride(
             mode, self._on(t, phase), self._thrust(t, phase, a) if self.free else 0.0, *travel[1:],
             sines.side_rule(travel[0]), sines.side_rule(1.0 - travel[0]), basis.at_rest, basis.left, basis.chord,
-            self.groups.c,
+            self.groups.c, self._bent,
         )  # fmt: skip
 
     def settle(
@@ -373,7 +377,7 @@ class RollingSystem(GalerkinSystem):
         s_o, (q, v, a) = self.drive.start, np.zeros((3, self.n_dof))
         self.mode = Mode(brakes=sum(place <= s_o for place, _ in self.drive.brakes))
         x = self._at((s_o, 0.0, 0.0))
-        Q = self._equilibrium(x)
+        Q = self._equilibrium(x, s_o)
         q[: self.n_modal] = Q.ravel()
         self._past, self._smooth = [], (0.0, 0.0, 0.0, 0.0, 0.0)
         weight = kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0)  # no wind, no thrust yet
@@ -381,14 +385,14 @@ class RollingSystem(GalerkinSystem):
         if not self.free:
             d, speed = 1e-4 * min(s_o, 1.0 - s_o), self.motion.at(0.0, 0)[1]
             if speed:
-                ends = [self._equilibrium(self._at((s_o + x, 0.0, 0.0))) for x in (-d, d)]
+                ends = [self._equilibrium(self._at((s_o + x, 0.0, 0.0)), s_o + x) for x in (-d, d)]
                 v[: self.n_modal] = (speed / (2.0 * d)) * (ends[1] - ends[0]).ravel()
             return self._consistent(0.0, q, v, 0)
         q[-1] = s_o
         self.hold = car.along * car.stretch
         return self._come_to_rest(State(0.0, q, v, a, 0))
 
-    def _equilibrium(self, x: Instant) -> Array:
+    def _equilibrium(self, x: Instant, s_o: float) -> Array:
         """Coefficients (2, n) of the loaded cable at rest by Newton's method, halved; from soft to stiff if it must.
 
         Held, the cable carries the weight of the car; on a rope, what of it is normal to the mean tangent.  A stiff
@@ -399,6 +403,8 @@ class RollingSystem(GalerkinSystem):
         alpha, softest = self.groups.alpha, min(self.groups.alpha, 4.0 * (1.0 + self.mu * self.groups.sigma))
         for count in (1, 8, 40):
             Q, defect = np.zeros((2, self.n)), 0.0
+            if self._bow is not None:
+                Q[:, -3:-1] = self._bow(s_o).reshape(2, 2)
             for self.cable.alpha in np.geomspace(softest, alpha, count) if count > 1 else [alpha]:
                 Q, defect = self._rest(x, Q, tolerance)
             if defect <= 1e3 * tolerance:
@@ -425,8 +431,8 @@ class RollingSystem(GalerkinSystem):
                 turn = np.multiply.outer((weight @ n) * tau + (weight @ tau) * n, n) / size
                 K += np.einsum("ab,i,j->aibj", turn, f, f_m).reshape(K.shape)
             r = (force - np.multiply.outer(load, f)).ravel()
-            for i in range(2 * self.n - self.basis.travels, 2 * self.n - 1):
-                r[i], K[i], K[i, i] = Q.flat[i], 0.0, 1.0
+            for i in self._bubbles:
+                r[i], K[i], K[i, i] = 0.0, 0.0, 1.0
             return r, K
 
         r, K = linearised(Q)
@@ -448,7 +454,7 @@ class RollingSystem(GalerkinSystem):
         """Solve for a; a second time for what rounding and the difference by s_o have left."""
         a = np.zeros(self.n_dof)
         if self.free and not self.mode.sign:
-            v[-1] = 0.0
+            v[[*self._bubbles, -1]] = 0.0
         for _ in range(3):
             r, solve = self.linearise(t, q, v, a, phase, 0.0, 0.0, 1.0)
             step = solve(r.copy())

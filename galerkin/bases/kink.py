@@ -64,7 +64,10 @@ def _overlaps(phi, first, second, left, chord, s_o):
 
 @compiled
 def _bubble(x, c, s):
-    """G = 2 (1 - cos x)/x^2 - sin(x)/x, G' and G''; c, s : cos x, sin x.  k pi int_0^a (s/a) (1 - s/a) sin(k pi s) ds."""
+    """G = k pi int_0^a (s/a) (1 - s/a) sin(k pi s) ds = 2 (1 - cos x)/x^2 - sin(x)/x, x = k pi a, G' and G''.
+
+    c, s : cos x, sin x
+    """
     if x > 1.0:
         y = 1.0 / x
         bow = (1.0 - c) * y * y
@@ -84,7 +87,10 @@ def _bubble(x, c, s):
 
 @compiled
 def _bubbles(k, phi, first, s_o):
-    """int bubble sin((k + 1) pi s) ds behind and ahead of s_o and its derivatives by s_o, (2, 3); phi : the sine there."""
+    """int bubble sin((k + 1) pi s) ds behind and ahead of s_o and its derivatives by s_o, (2, 3).
+
+    phi, first : the sine and its slope at s_o
+    """
     out, wave = np.empty((2, 3)), (k + 1) * math.pi
     sign = 1.0 - 2.0 * (k % 2)  # the sine seen from the right support
     out[0, 0], out[0, 1], out[0, 2] = _bubble(wave * s_o, first / wave, phi)
@@ -194,10 +200,8 @@ class TravellingKink:
     The left slope 1/s_o grows without bound towards a support: nothing but `overlap` may be asked for at s_o = 0,
     and nothing at s_o = 1.
 
-    bubbles : also x (1 - x) behind and ahead of the mass, x = s/s_o and (1 - s)/(1 - s_o), before the hat; of sines only.
-    Where the cable kinks, u'' jumps by the curvature times the kink: sines without bubbles lock u' against v'^2/2, and
-    the potential of a heavy car near a support is a hundred times as far off (mu 1, alpha 8700, s_o = 0.02, 45 sines:
-    1.8e-6 and 1.4e-9 mu sigma).  On a piece of length h that grows at dh, with f, g of x,
+    bubbles : with sines also x (1 - x) behind and ahead of the mass, x = s/s_o and (1 - s)/(1 - s_o), before the hat,
+    for the jump of w'' there, see `galerkin.bow`.  On a piece of length h that grows at dh, with f, g of x,
 
         int f g ds = h int f g dx,  int f dg/dt ds = -dh int f x g' dx,  int df/dt dg/dt ds = dh^2/h int x^2 f' g' dx.
     """

@@ -153,7 +153,13 @@ def roll(x, slope, load, rays, sides, alpha, Q, V, A, ds_o, dds_o, on, thrust, R
     add_inertia(x, Q, V, A, p, R)
     weight = shed(x, ds_o, on)
     for a in range(2):
-        R[a, last] += weight * (V[a, last] - Q[a, last] * ds_o * (rays[0] + rays[1]))
+        kink, rate = Q[a, last], V[a, last]
+        for i in range(x.gyroscopic.shape[0] - 1):  # what bubbles kink is not the hat's to carry
+            q, v = Q[a, last - 2 + i], V[a, last - 2 + i]
+            rest = abs(1.0 / rays[1 - i])
+            kink -= rest * q
+            rate -= rest * v - math.copysign(ds_o, ds_o * rays[i]) * q
+        R[a, last] += weight * (rate - kink * ds_o * (rays[0] + rays[1]))
     bx, by = across(behind, out[2], out[3], turns[0])
     ax, ay = across(ahead, out[2], out[3], turns[1])
     return (*out, bx, by, ax, ay)

@@ -43,6 +43,7 @@ class Ride(NamedTuple):
     left: Array
     chord: Array
     c: float
+    bows: Array  # see `bent`
 
 
 class Grip(NamedTuple):
@@ -74,6 +75,24 @@ class Moment(NamedTuple):
     x: Carried
     slope: Array  # X' at the mass
     load: Array  # (2,) acceleration of the mass along its static path less gravity
+
+
+@compiled
+def bent(bows, s_o):
+    """First and second derivative by s_o of the bubbles' amplitudes, (2, 4); bows : `galerkin.bow.table`."""
+    low, high, out = 0, bows.shape[1] - 1, np.empty((2, 4))
+    while high - low > 1:
+        middle = (low + high) // 2
+        if bows[0, middle] <= s_o:
+            low = middle
+        else:
+            high = middle
+    d = s_o - bows[0, low]
+    for i in range(4):
+        a, b, c = bows[1 + 4 * i, low], bows[2 + 4 * i, low], bows[3 + 4 * i, low]
+        out[0, i] = (3.0 * a * d + 2.0 * b) * d + c
+        out[1, i] = 6.0 * a * d + 2.0 * b
+    return out
 
 
 @compiled
@@ -109,11 +128,16 @@ def evaluate(here, ride, cable, balanced, r, gram, pull):
     hauled = ride.mode == HAULED
     ds_o, dds_o = (ride.ds_o, ride.dds_o) if hauled else (balanced[1, 2 * n], balanced[2, 2 * n])
     thrust = balanced[2, 2 * n] if hauled else ride.thrust
+    s_o = 1.0 / at.phi[n - 1, 0]
     rays = at.phi[n - 1, 0], at.phi[n - 1, at.s.size - 1]
     out = roll(x, slope, load, rays, sides, alpha, Q, V, A, ds_o, dds_o, ride.on, thrust, R)
     r[2 * n] = mu * balanced[2, 2 * n] if ride.mode == STUCK else out[9]
-    for i in range(2 * n - cable.travels, 2 * n - 1):
-        r[i] = balanced[2, i]
+    if cable.travels > 1:
+        rate = bent(ride.bows, s_o)
+        for a in range(2):
+            for i in range(2):
+                j = a * n + n - 3 + i
+                r[j] = balanced[2, j] - rate[0, 2 * a + i] * dds_o - rate[1, 2 * a + i] * ds_o * ds_o
     return out
 
 
@@ -131,10 +155,11 @@ def tangent(here, ride, cable, balanced, r, out, gram, c0, c1, c2, K):
     ds_o, dds_o = (ride.ds_o, ride.dds_o) if hauled else (balanced[1, 2 * n], balanced[2, 2 * n])
     rays = at.phi[n - 1, 0], at.phi[n - 1, at.s.size - 1]
     add_shed_tangent(x, rays, ds_o, ride.on, c0, c1, block)
-    for i in range(2 * n - cable.travels, 2 * n - 1):
-        for j in range(size):
-            K[i, j] = 0.0
-        K[i, i] = c2
+    if cable.travels > 1:
+        for i in (n - 3, n - 2, 2 * n - 3, 2 * n - 2):
+            for j in range(size):
+                K[i, j] = 0.0
+            K[i, i] = c2
     for i in range(size):
         K[2 * n, i] = K[i, 2 * n] = 0.0
     if ride.mode == STUCK:
