@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,6 +151,17 @@ class Flag:
         return self.words.format(**self.numbers)
 
 
+class Travelled(Protocol):
+    """What tells the scale of a mass path."""
+
+    @property
+    def drive(self) -> str: ...
+    @property
+    def length(self) -> float: ...
+    @property
+    def max_deflection(self) -> float: ...
+
+
 @dataclass(frozen=True, slots=True)
 class Response(_Filled):
     """The answer of one run, in SI units: lengths [m], forces [N], times [s]; v and y point down.
@@ -193,7 +204,7 @@ class Response(_Filled):
     work: dict[str, int]
     n_dof: int
     seconds: float  # of the time loop
-    path_error: float | None = None  # estimated, of max |v - v_exact| over the window, relative to max_deflection
+    path_error: float | None = None  # estimated, of max |v - v_exact| over the window, relative to path_scale
     tension_error: float | None = None  # estimated, rms over the window off the jump, relative to H
     error_parts: dict[str, float] | None = None  # the same, split into time and space
     error_window: list[float] | None = None  # s_o/l over which both were estimated: they say nothing outside
@@ -243,6 +254,15 @@ class Response(_Filled):
         onset = math.inf if self.slack_onset is None or self.drive == "free" else self.slack_onset
         kept = self.v[self.s_o <= max(onset, 0.5) * self.length]
         return float(kept.max(initial=self.v[0]))
+
+    @property
+    def path_scale(self: Travelled) -> float:
+        """What gaps and errors of the mass path are relative to [m], so that 1e-3 is 1e-4 l on a free ride."""
+        return 0.1 * self.length if self.drive == "free" else self.max_deflection
+
+    @property
+    def path_scale_named(self: Travelled) -> str:
+        return "a tenth of the length" if self.drive == "free" else "the largest deflection"
 
     @property
     def flag_kinds(self) -> list[str]:
@@ -331,7 +351,7 @@ class Response(_Filled):
 
 _SUMMARY = (
     "scene", "method", "settings", "model", "load", "law", "drive", "status", "reason", "cause", "reached",
-    "slack_onset", "slack_at", "switched", "max_deflection", "path_error", "tension_error", "error_parts",
+    "slack_onset", "slack_at", "switched", "max_deflection", "path_scale", "path_error", "tension_error", "error_parts",
     "error_window", "events", "design", "energy_gain", "flags", "flag_kinds", "n_dof",
 )  # fmt: skip
 PATH_COLUMNS = ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "speed", "F_haul", "F_contact")  # of path.csv

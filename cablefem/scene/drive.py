@@ -15,8 +15,21 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field, PlainValidator
 
-from cablefem.scene.errors import nearest, shown
-from cablefem.scene.fields import REAL, Check, Fraction, NonNegative, Numbers, Part, Positive, Real, Reals, several
+from cablefem.scene.errors import shown
+from cablefem.scene.fields import (
+    REAL,
+    Check,
+    Fraction,
+    NonNegative,
+    Numbers,
+    Part,
+    Positive,
+    Real,
+    Reals,
+    choice,
+    real,
+    several,
+)
 
 MODES = ("grip", "haul", "free")
 # Contact force and tension grow like one over the distance to a support: no answer converges nearer than this. [l]
@@ -75,19 +88,13 @@ class End(Part):
         return [f"time = {shown(data.get('time'))}: exactly one of time, place must be given"]
 
 
-def _mode(value: object) -> str:
-    if value not in MODES:
-        raise ValueError(f"unknown.{nearest(str(value), MODES)}")
-    return str(value)
-
-
 def _thrust(value: object) -> object:
     """A number, or a table of times and forces."""
     if isinstance(value, Thrust):
         return value
     if isinstance(value, dict):
         return Thrust(**value)
-    number = REAL.convert(value)
+    number = real(value)
     if number is None:
         raise ValueError(f"must be {REAL.admissible}, or a table {{times, forces}}")
     return number
@@ -106,7 +113,7 @@ def of_mode(mode: str) -> tuple[str, ...]:
 class Driving(Part):
     """The table [drive] of a scene, in SI."""
 
-    mode: Annotated[str, PlainValidator(_mode)] = "grip"
+    mode: Annotated[str, choice(MODES)] = "grip"
     start: Positive | None = None  # [m] along the cable; 1 % of its length unless given
     release: NonNegative = 0.0  # [s] over which the force that holds a free car goes
     rolling_friction: Fraction = 0.0  # mu_r [-] of the contact force

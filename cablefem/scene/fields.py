@@ -3,7 +3,7 @@
 import math
 import numbers
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, get_args
 
@@ -66,12 +66,43 @@ NonNegative = Annotated[float, BeforeValidator(_NON_NEGATIVE)]
 Real = Annotated[float, BeforeValidator(REAL)]
 Fraction = Annotated[float, BeforeValidator(_FRACTION)]
 _SEVERAL = Check("a list of at least two numbers", several)
+Switch = Annotated[bool, BeforeValidator(Check("true or false", lambda x: x if isinstance(x, bool) else None))]
 Numbers = Annotated[tuple[NonNegative, ...], BeforeValidator(_SEVERAL)]
 Reals = Annotated[tuple[Real, ...], BeforeValidator(_SEVERAL)]
 Line = Annotated[str, BeforeValidator(Check("text on one line", _matching(r"[^\x00-\x1f\x7f]*")))]
 Name = Annotated[
     str, BeforeValidator(Check("letters, digits, '_', '-' and '.', the first no '-' or '.'", _matching(r"\w[\w.-]*")))
 ]
+
+
+def real(value: object) -> float | None:
+    """The value as a number, None for anything else."""
+    return REAL.convert(value)  # type: ignore[return-value]
+
+
+def between(low: float, high: float) -> BeforeValidator:
+    """A number from low to high."""
+    return BeforeValidator(Check(f"a number from {low:g} to {high:g}", _number(lambda x: low <= x <= high)))
+
+
+def whole(low: int, high: int) -> BeforeValidator:
+    """A whole number from low to high."""
+
+    def convert(value: object) -> int | None:
+        return value if isinstance(value, int) and not isinstance(value, bool) and low <= value <= high else None
+
+    return BeforeValidator(Check(f"a whole number from {low} to {high}", convert))
+
+
+def choice(known: Sequence[str]) -> BeforeValidator:
+    """One of the known words."""
+
+    def convert(value: object) -> object:
+        if value not in known:
+            raise ValueError(f"unknown.{nearest(str(value), known)}")
+        return value
+
+    return BeforeValidator(convert)
 
 
 class Part(BaseModel):

@@ -74,6 +74,8 @@ class Motion:
         Where a step takes means of its unknowns it must be balanced there: from rest at a support, where the strain of
         the short side is what they are over s_o ~ t^2, the mean instant has 1.8 times that strain.
         """
+        if t0.size == 1:  # arrays of one would take ten times as long
+            return np.array([self._between(t0.item(), t1.item(), w, phase)])
         first, last = self.along(t0, phase)[0], self.along(t1, phase)[0]
         want, t = (1.0 - w) * first + w * last, (1.0 - w) * t0 + w * t1
         for _ in range(MOST):
@@ -82,6 +84,16 @@ class Motion:
             if not far.any():
                 break
             t[far] = np.clip(t + (want - place) / np.where(far, pace, 1.0), t0, t1)[far]
+        return t
+
+    def _between(self, t0: float, t1: float, w: float, phase: int) -> float:
+        first, last, t = self.at(t0, phase)[0], self.at(t1, phase)[0], (1.0 - w) * t0 + w * t1
+        want = (1.0 - w) * first + w * last
+        for _ in range(MOST):
+            place, pace, _ = self.at(t, phase)
+            if not (abs(want - place) > SAME * (last - first) and pace > 0.0):
+                break
+            t = min(max(t + (want - place) / pace, t0), t1)
         return t
 
     @property

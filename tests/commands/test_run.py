@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import re
 from pathlib import Path
 
@@ -10,7 +11,8 @@ import pytest
 from cablefem import Scene
 from cablefem.response import Response
 from tests.commands.calls import BROKEN, QUICK, lines
-from validation.core import resolution, running
+from validation.commands.run import study
+from validation.core import resolution
 from validation.core.flags import flag
 from validation.core.quantities import told
 from validation.core.running import run
@@ -65,7 +67,7 @@ def test_a_tolerance_out_of_reach_is_1_and_said(cablefem, monkeypatch, inclined)
     def too_coarse(scene, method, tol, **how):
         raise resolution.TooCoarse("following-p2 reaches 1, not 1e-06", inclined)
 
-    monkeypatch.setattr(resolution, "resolve", too_coarse)
+    monkeypatch.setattr(study, "resolve", too_coarse)
     code, _, err = cablefem("run", "inclined", "--method", "following-p2", "--tol", "1e-6", "--out", "x")
     assert code == 1
     assert lines(err) == ["following-p2 reaches 1, not 1e-06"]
@@ -91,7 +93,7 @@ def test_the_exit_code_of_a_run_says_whether_it_broke_before_the_slack_onset(
     cablefem, monkeypatch, inclined, changes, code
 ):
     response = dataclasses.replace(inclined, **changes)
-    monkeypatch.setattr(running, "run", lambda *names, **how: response)
+    monkeypatch.setattr(study, "run", lambda *names, **how: response)
     found, out, err = cablefem("run", "inclined", *QUICK, "--no-bars", "--out", "x")
     assert found == code
     assert Path("x/following-p2/path.csv").exists()  # what was computed is kept
@@ -105,3 +107,29 @@ def test_a_run_that_really_breaks_is_2(cablefem):
                             "--set", "terms=20", "--set", "steps=50")  # fmt: skip
     assert code == 2
     assert "fourier broke at s_o/l = 0." in err
+
+
+def test_what_happens_on_a_ride_has_bars(cablefem):
+    assert cablefem("run", "rollback", *QUICK, "--out", "x")[0] == 0
+    events = json.loads(Path("x/following-p2/summary.json").read_text())["events"]
+    assert {x["event"] for x in events} >= {"turn", "stop"}
+    assert all(0.0 <= x[f"bar_{name}"] < math.inf for x in events for name in ("t", "s_o", "speed"))
+    assert all(x["bar_t"] > 0.0 for x in events)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--method", "fixed-hermite"], "a car that rolls (drive free) needs mass-following elements"),
+        (["--model", "string"], "model string has no balance along the cable"),
+        (["--load", "force"], "a moving force without mass has no balance along the cable"),
+        (["--method", "fourier-kink", "--model", "sagged"], "rolls"),
+        (["--method", "fourier", "--set", "abscissa=s"], "the place of a car that rolls is no clock"),
+    ],
+)
+def test_what_a_method_cannot_do_is_a_line_and_nothing_is_written(cablefem, options, said):
+    code, _, err = cablefem("run", "zipline", *options)
+    assert code == 2
+    (line,) = lines(err)
+    assert said in line
+    assert not Path("cablefem-out").exists()

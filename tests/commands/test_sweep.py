@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+import tomllib
 from collections import Counter
 from pathlib import Path
 
@@ -90,6 +91,17 @@ def test_a_study_of_groups_needs_no_base_scene():
         assert (scene.mu, scene.alpha) == pytest.approx((point["mu"], point["alpha"]), rel=1e-9)
 
 
+def test_a_study_reads_back_without_the_file_of_its_scene(tmp_path):
+    (tmp_path / "own.toml").write_text(Scene.library_text("inclined"), encoding="utf-8")
+    (tmp_path / "asked.toml").write_text(GRID_TOML.replace("level", "own.toml"), encoding="utf-8")
+    asked = Study.load(tmp_path / "asked.toml")
+    kept = Study.of(tomllib.loads(asked.to_toml()))
+    assert asked.name == "asked"
+    assert kept.scene == asked.scene
+    assert [kept.point(i) for i in range(len(kept))] == [asked.point(i) for i in range(len(asked))]
+    assert (kept.method, kept.settings) == (asked.method, asked.settings)
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -101,7 +113,19 @@ def test_a_study_of_groups_needs_no_base_scene():
         ({"scene": "levle"}, "Did you mean level?"),
         ({"vary": {"mass.weight.of": []}}, "vary.mass.weight.of = []"),
         ({"vary": {"moss.mass": [1.0]}}, "moss.mass: must be a field"),
-        ({"vary": {"mu": {"from": 2.0, "to": 1.0, "count": 3}}}, "mu: from 2 to 1 must rise"),
+        ({"vary": {"mu": {"from": 2.0, "to": 1.0, "count": 3}}}, "vary.mu.to = 1: must be > 2, where the range begins"),
+        (
+            {"vary": {"mu": {"from": -2.0, "to": 1.0, "count": 3, "log": True}}},
+            "mu.from = -2: must be > 0 with log",
+        ),
+        ({"vary": {"mu": {"from": 2.0, "to": 3.0, "count": 1}}}, "vary.mu.count = 1: must be a whole number from 2"),
+        ({"vary": {"mu": {"from": 2.0, "count": 2}}}, "vary.mu.to: missing; must be a number"),
+        ({"vary": {}}, "vary = {}: must be a table of at least one axis"),
+        ({"vary": None, "sample": {"range": {"mu": [0.1, 1.0]}}}, "sample.count: missing; must be a whole number"),
+        ({"vary": None, "sample": SAMPLE | {"kind": "sobl"}}, "sample.kind = 'sobl': unknown. Did you mean sobol?"),
+        ({"truth": {"every": 10}}, "truth.finer: missing; must be a whole number from 1 to 1000"),
+        ({"keep": {"fields": 1}}, "keep.fields = 1: must be true or false"),
+        ({"keep": True}, "keep = True: must be a table [keep]"),
         ({"vary": {"travel.top_speed": [1.0]}}, "travel.top_speed = 1.0: unknown key."),
         ({"sample": SAMPLE}, "exactly one of"),
         ({"seconds": -1}, "seconds = -1: must be"),

@@ -150,11 +150,11 @@ def test_a_third_party_has_its_rows_and_its_path(folder):
     party = {"quantity": "path_max", "gap": 0.073, "allowed": 0.0052, "allowed_because": "ours 0.0002 + <0.005>",
              "verdict": "disagree", "where": 0.31, "with": "other <code>"}  # fmt: skip
     doctored(folder, rows=lambda rows: [*rows, party], verdict="disagree")
-    (folder / "with.csv").write_text("t,s_o,v\n0.5,80.0,2.5\n1.5,210.0,7.5\n")
+    (folder / "with.csv").write_text("t,s_o,y\n0.5,80.0,2.5\n1.5,210.0,7.5\n")
     x = loaded(folder)
     assert x.party is not None
     assert x.party.name == "other <code>"
-    assert x.party.v.tolist() == [2.5, 7.5]
+    assert x.party.y.tolist() == [2.5, 7.5]
     told = check._verdict(x, Markup(""))
     assert "other <code> disagrees with them" in told.summary
     assert "Mass path, largest distance: other &lt;code&gt;" in told.html

@@ -273,3 +273,76 @@ def test_a_path_that_ends_early_is_not_comparable_but_told(ours):
 )
 def test_bad_numbers_of_a_solver_are_refused(arguments, said):
     assert said in faults(ForeignPath.of, LEVEL, *arguments)[0]
+
+
+# --- free rides: compared over time -----------------------------------------------------------------------------------
+
+ZIPLINE = Scene.load("zipline")
+
+
+@pytest.fixture(scope="module")
+def ridden():
+    return estimated(ZIPLINE, "following-p2", elements=6, steps=300)
+
+
+@pytest.fixture(scope="module")
+def other():
+    return run(ZIPLINE, "fourier-kink", terms=12, steps=300)
+
+
+def ride(tmp_path, r, **changes):
+    columns = {"t": r.t, "x": r.x, "y": r.y, "speed": r.speed} | changes
+    return written(tmp_path, ",".join(columns), *columns.values())
+
+
+def test_another_wing_s_ride_agrees_and_a_late_one_does_not(tmp_path, ridden, other):
+    path = ForeignPath.read(ride(tmp_path, other), ZIPLINE)
+    refuse_misnamed(path, ridden.run)
+    found = rows_of(path, ridden)
+    assert {name: row.verdict for name, row in found.items()} == dict.fromkeys(
+        ("path_max", "path_rms", "speed"), Verdict.AGREE
+    )
+    assert "of x and y" in found["path_max"].allowed_because
+    late = rows_of(ForeignPath.read(ride(tmp_path, other, t=other.t + 0.1), ZIPLINE), ridden)
+    assert late["path_max"].verdict is Verdict.DISAGREE
+    fast = rows_of(ForeignPath.read(ride(tmp_path, other, speed=1.05 * other.speed), ZIPLINE), ridden)
+    assert fast["speed"].verdict is Verdict.DISAGREE
+    assert fast["path_max"].verdict is Verdict.AGREE
+
+
+def test_a_ride_by_its_place_on_the_cable_is_the_same_ride(tmp_path, ridden, other):
+    file = written(tmp_path, "t,s_o,u,v,speed_kmh", other.t, other.s_o, other.u, other.v, 3.6 * other.speed)
+    path = ForeignPath.read(file, ZIPLINE)
+    np.testing.assert_allclose(path.x, other.x, rtol=0.0, atol=1e-4)
+    np.testing.assert_allclose(path.speed, other.speed, rtol=1e-6, atol=1e-7)
+    assert rows_of(path, ridden)["path_max"].verdict is Verdict.AGREE
+    path.write(tmp_path / "with.csv")
+    back = ForeignPath.read(tmp_path / "with.csv", ZIPLINE)
+    np.testing.assert_array_equal(back.y, path.y)
+
+
+def test_a_ride_that_ends_early_is_not_comparable(tmp_path, ridden, other):
+    half = other.t < 0.5 * other.t[-1]
+    file = written(tmp_path, "t,x,y", other.t[half], other.x[half], other.y[half])
+    row = rows_of(ForeignPath.read(file, ZIPLINE), ridden)["path_max"]
+    assert row.verdict is Verdict.NOT_COMPARABLE
+    assert row.gap < 1e-2
+    assert " s of 0 to " in row.allowed_because
+
+
+@pytest.mark.parametrize(
+    ("header", "factor", "said"),
+    [("y", -1.0, ["y points the other way", "name it y_up"]), ("y", 1e3, ["y is in another unit", "name it y_mm"])],
+)
+def test_height_in_another_unit_or_direction_is_named(tmp_path, ridden, other, header, factor, said):
+    file = written(tmp_path, f"t,x,{header}", other.t, other.x, factor * other.y)
+    (line,) = faults(refuse_misnamed, ForeignPath.read(file, ZIPLINE), ridden.run)
+    assert all(part in line for part in said)
+
+
+def test_a_ride_needs_its_time(tmp_path, other):
+    said = "a free ride needs t, s_o or x, and v or y; it has x, y"
+    assert said in faults(ForeignPath.read, written(tmp_path, "x,y", other.x, other.y), ZIPLINE)[0]
+    assert "it has s_o, v" in faults(ForeignPath.of, ZIPLINE, other.s_o, other.v)[0]
+    far = written(tmp_path, "t,s_o_km,y", other.t, other.s_o, other.y)
+    assert "name the column s_o?" in faults(ForeignPath.read, far, ZIPLINE)[0]

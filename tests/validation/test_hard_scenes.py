@@ -18,7 +18,7 @@ from validation.core.watch import watched
 
 LEVEL = Scene.load("level")
 # the campaign itself takes an hour: some of its scenes
-HOSTILE = replace(Study.load("reliability"), truth=None, seconds=120.0)
+HOSTILE = Study.load("reliability").model_copy(update={"truth": None, "seconds": 120.0})
 
 
 @pytest.mark.parametrize("index", range(0, len(HOSTILE), 500))

@@ -74,6 +74,25 @@ def test_names_and_settings_of_methods_need_no_solver():
     }
 
 
+def test_what_judges_and_draws_is_loaded_while_solvers_run(tmp_path):
+    start = f"""
+import validation.commands.check.study as study
+from validation.cli import main
+def stop(*given, **named):
+    raise KeyboardInterrupt
+study.check = stop
+assert main(["check", "level", "--out", {str(tmp_path / "out")!r}]) == 130
+"""
+    assert not loaded(start) & {
+        "scipy",
+        "numba",
+        "skfem",
+        "matplotlib",
+        "validation.core.laws",
+        "validation.core.trust",
+    }
+
+
 def test_public_names_are_there():
     check = "import validation; assert callable(validation.check) and callable(validation.assert_agree)"
     assert "validation.commands.check.study" in loaded(check)

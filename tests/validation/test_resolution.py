@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from cablefem import Scene
 from validation.core import measures, resolution
-from validation.core.estimate import Estimated
+from validation.core.design import numbers
+from validation.core.estimate import SAME_ONSET, Estimated, companions
 from validation.core.methods import METHODS, find
 from validation.core.resolution import (
     CONFIRMED,
@@ -25,6 +26,7 @@ from validation.core.resolution import (
     _Part,
     _part,
     _Rung,
+    past_window,
     resolve,
     resolved,
     work,
@@ -98,6 +100,18 @@ def test_only_the_run_that_is_returned_goes_on_to_the_far_support():
     assert made[-2].settings == r.settings
     assert r.work["steps"] == r.t.size - 1
     np.testing.assert_array_equal(r.v[: made[-2].t.size], made[-2].v)
+
+
+def test_slack_past_the_window_is_told_once_coarser_runs_share_it():
+    method, made = METHODS["following-p2"], []
+    short = run(LEVEL, method, elements=13, steps=220, scheme="generalized-alpha", rho_inf=0.8)
+    assert short.slack_onset > 0.9  # alone it tells it late, and folds up
+    r = past_window(LEVEL, method, short, made)
+    assert r.slack_onset == pytest.approx(0.831, abs=5e-3)
+    assert "slack energy" not in [flag.kind for flag in r.flags]
+    known = companions(LEVEL, method, known=made, **r.settings)
+    (number,) = (n for n in numbers(known) if n.quantity == "slack_onset")
+    assert abs(r.slack_onset - 0.831) <= number.bar < SAME_ONSET
 
 
 def test_a_ladder_goes_on_where_it_ended(monkeypatch):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,9 +12,10 @@ import pytest
 from cablefem import Scene
 from tests.scene.test_ride import ZIP
 from tests.validation.pairs import altered
+from validation.core import measures
 from validation.core.agreement import ALONG, AXIAL_MEAN, UP_TO, Verdict, agree, with_bars
 from validation.core.design import numbers
-from validation.core.estimate import estimated
+from validation.core.estimate import RESOLVED, estimated, rings
 from validation.core.methods import find
 from validation.core.sampling import _turns
 
@@ -80,6 +82,15 @@ def test_speed_is_compared_until_a_lasting_stop(wrong_from, verdict):
     a, b = pair()
     a, b = altered(a, lambda r: stopped(r, 1.02)), altered(b, lambda r: stopped(r, 1.0))
     assert rows(a, b)[("speed", "")].verdict is verdict
+
+
+def test_what_most_steps_are_taken_in_is_not_most_of_a_ride():
+    """A brake that rings takes most of the steps of a ride, and a tenth of its time."""
+    t = np.concatenate([np.linspace(0.0, 0.9, 91), np.linspace(0.9, 1.0, 1001)[1:]])
+    assert measures._over_time(t, (t > 0.9).astype(float)) == pytest.approx(0.1, abs=0.01)
+    enough = 2.0 * RIDE.length / RIDE.axial_speed / RESOLVED
+    for longer, missed in ((2.0, True), (0.5, False)):  # than the long steps may be
+        assert rings(RIDE, SimpleNamespace(t=longer * enough * t / 0.01)) is missed
 
 
 def test_events_and_design_numbers_have_bars():

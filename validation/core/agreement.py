@@ -280,7 +280,7 @@ def _ride(
             return lambda x, y, window: measures.series_gap(x, y, window, of, largest=True)
 
         out.append(smooth("place", largest(partial(_series, "s_o", scene.length))))
-        out.append(smooth("speed", largest(lambda r: _until_stop(r, r.speed / top))))
+        out.append(ringing("speed", largest(lambda r: _until_stop(r, r.speed / top))))
         out += [row for event in sorted({x["event"] for e in (a, b) for x in e.run.events} & set(EVENTS))
                 for row in _event(event, a, b, axial, top)]  # fmt: skip
     return out
@@ -330,11 +330,16 @@ def _bar(event: str, e: Estimated, axial: float, after: int = 0) -> dict[str, fl
     for name in ("t", "s_o", "speed"):
         apart = [math.inf if x is None else abs(x[name] - mine[name]) for x in others]
         bars[name] = SAFETY * sum(apart) + (axial if name == "t" and event in ("stop", "turn") else 0.0)
-    if event in ("brake", "arrival", "back"):  # it comes when the car does: changes of its place may cancel, there
+    if event in ("brake", "arrival", "back"):  # it comes when the car does: changes up to there may cancel, there
         before = e.run.t <= mine["t"]
-        t, s_o = e.run.t[before], e.run.s_o[before]
-        apart = [float(np.abs(np.interp(t, c.t, c.s_o) - s_o).max()) for c in (e.in_space, e.in_time)]
-        bars["t"] = max(bars["t"], SAFETY * sum(apart) / mine["speed"] if mine["speed"] else math.inf)
+        t, coarser = e.run.t[before], (e.in_space, e.in_time)
+
+        def changed(name: str) -> float:
+            of_run = getattr(e.run, name)[before]
+            return SAFETY * sum(float(np.abs(np.interp(t, c.t, getattr(c, name)) - of_run).max()) for c in coarser)
+
+        bars["speed"] = max(bars["speed"], changed("speed"))
+        bars["t"] = max(bars["t"], changed("s_o") / mine["speed"] if mine["speed"] else math.inf)
     return bars
 
 

@@ -7,19 +7,19 @@ from validation.core import foreign, measures
 from validation.core.agreement import Agreement, Verdict
 from validation.core.bounds import Bound, Part
 from validation.core.foreign import ForeignPath
-from validation.core.measures import WINDOW, NotComparable, Window
+from validation.core.measures import NotComparable, Window
 
 Answer = Response | ForeignPath
 
 
 def assert_agree(
-    a: Answer, b: Answer, *, path: float = 1e-3, tension: float | None = None, window: Window = WINDOW
+    a: Answer, b: Answer, *, path: float = 1e-3, tension: float | None = None, window: Window | None = None
 ) -> list[Agreement]:
     """Raise AssertionError unless two answers agree: in the mass path and, if asked, in the tension.
 
-    path : largest gap of the mass paths, relative to the largest deflection of b.
+    path : largest gap of the mass paths, relative to the largest deflection of b; of a free ride a tenth of the length.
     tension : rms gap of the tension fields, relative to H; of the tensions at the mass if one answer has no fields.
-    window : s_o/l; cut at the earliest slack onset and where the shorter answer ends.
+    window : s_o/l, by default that of the drive; cut at the earliest slack onset and where the shorter answer ends.
 
     The message gives the gap and what was allowed, where they part, and where the bound comes from.  Returns the
     rows of the verdict.
@@ -31,7 +31,7 @@ def assert_agree(
         if isinstance(answer, ForeignPath) and tension is not None and answer.T_behind is None:
             raise AssertionError(f"{names}: tension cannot be compared, {answer.method} brought none")
     try:
-        cut = _window(a, b, window)
+        cut = _window(a, b, window or measures.WINDOWS[a.drive])
         rows = [_path_row(a, b, path, cut)]
         if tension is not None:
             rows.append(_tension_row(a, b, tension, cut))
@@ -50,7 +50,7 @@ def told(row: Agreement) -> str:
 
 
 def _window(a: Answer, b: Answer, window: Window) -> Window:
-    start = max(window[0], *(float(x.s_o[0] / x.length) for x in (a, b)))
+    start = window[0] if a.drive == "free" else max(window[0], *(float(x.s_o[0] / x.length) for x in (a, b)))
     return measures.window_of(a, b, window=(start, window[1]))  # type: ignore[arg-type]
 
 
@@ -72,7 +72,7 @@ def _path_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement
         f"error bar of {r.method} {r.path_error:.2g}"
         for r in (a, b) if isinstance(r, Response) and r.path_error is not None
     )  # fmt: skip
-    relative = f"relative to the largest deflection {b.max_deflection:.4g} m"
+    relative = f"relative to {b.path_scale_named} {b.path_scale:.4g} m"
     bound = _asked("path", allowed, relative, *notes, f"rms gap {rms:.3g}", f"over {_over(window, a, b)}", *bars)
     return Agreement("path_max", gap, bound, measures.place_of_gap(x, y, window))
 
@@ -86,7 +86,7 @@ def _tension_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreem
         gap = foreign.mass_tension_gap(a, b, window)
         return Agreement("tension", gap, _asked("tension", allowed, "rms at the mass, both sides, relative to H"))
     gap = measures.tension_gap(a, b, window)
-    frames = np.intersect1d(np.round(a.fields.s_o / a.length, 9), np.round(b.fields.s_o / b.length, 9))
+    frames, _, _ = measures.common_frames(a, b)
     frames = frames[(frames >= window[0]) & (frames <= window[1])]
     worst = max(frames.tolist(), key=lambda place: measures.tension_gap(a, b, (place, place)))
     over = f"over {_over(window, a, b)}"

@@ -19,6 +19,7 @@ WORDS = {
     "foreign": "{parts}, of {components}",
     "covers less": "{party} covers s_o/l = {low:.3g} to {high:.3g} of {start:.3g} to {stop:.3g}; there {sum} would "
     "be allowed",
+    "covers less time": "{party} covers {low:.4g} to {high:.4g} s of 0 to {stop:.4g} s; there {sum} would be allowed",
     "asked": "asked for by {parts}, {relative}",
     "taken": "refining both answers took so much of the gap, three times ({parts}); both error bars are {bars:.2g}",
     "nothing": "{why}",
@@ -47,7 +48,7 @@ class Bound:
     @property
     def value(self) -> float:
         """The allowed gap; nan where there is none."""
-        return math.nan if self.kind in ("covers less", "nothing") else self.sum
+        return math.nan if self.kind in ("covers less", "covers less time", "nothing") else self.sum
 
     @property
     def sum(self) -> float:

@@ -152,7 +152,10 @@ def companions(
     scene: Scene, method: Method, *, progress: Callable[[float], None] | None = None,
     known: Sequence[Response] = (), **kind: Any,
 ) -> Estimated:  # fmt: skip
-    """Run a method with half the resolution and half the steps besides; nothing confirms the orders."""
+    """Run a method with half the resolution and half the steps besides; nothing confirms the orders.
+
+    Where the run goes slack past the window they go on as far, so that its onset has a bar.
+    """
     how = {k: kind[k] for k in KIND if k in kind}
     settings = method.settings_on(scene.groups, {k: v for k, v in kind.items() if k not in KIND})
     short = how | {"until": until(scene)}
@@ -162,6 +165,8 @@ def companions(
         return None if progress is None else lambda x: progress(low + (high - low) * x)
 
     fine = _ran(scene, method, settings, how, known, part(0.0, 0.6))
+    if short["until"] is not None and fine.slack_onset is not None:
+        short["until"] = max(short["until"], min(1.0, fine.slack_onset + SAME_ONSET))
     if method.extrapolate:  # an extrapolation wants the coarser run all the way
         c_space = run(scene, method, **how, **half_space, progress=part(0.6, 0.8))
     else:
@@ -186,9 +191,13 @@ def companions(
 
 
 def rings(scene: Scene, r: Response) -> bool:
-    """Return whether the steps of a run miss axial waves, so that tensions are of first order in time."""
+    """Return whether the steps of a run miss axial waves, so that tensions are of first order in time.
+
+    On most of the way: where a brake rings a ride takes shorter ones, and may take most of its steps there.
+    """
+    steps = np.diff(r.t)
     period = 2.0 * scene.length / scene.axial_speed
-    return r.t.size > 1 and period < RESOLVED * float(np.median(np.diff(r.t)))
+    return bool(steps[steps < period / RESOLVED].sum() < 0.5 * steps.sum())
 
 
 def confirmed(e: Estimated, method: Method, fall: tuple[float | None, float | None]) -> Estimated:

@@ -7,9 +7,12 @@ Columns are named as in our own path.csv, with an ending where the unit is not S
     v or y    [m]   of the mass, positive down    v from the static cable, y from the left support
     u or x    [m]   optional
     T_behind, T_ahead  [N]  optional, tension at the mass
+    speed     [m/s] optional, |dp/dt|, of a free ride
 
-Endings: _over_l (of the length of the cable), _mm, _km, _ms, _kN, and _up; also _s, _m, _N and _down, which change
-nothing.  A name and its numbers that contradict one another are refused with the name that would fit.
+A free ride is compared over time, its travel being an answer: t, s_o or x, and v or y.
+
+Endings: _over_l (of the length of the cable), _mm, _km, _ms, _kN, _kmh, and _up; also _s, _m, _N and _down, which
+change nothing.  A name and its numbers that contradict one another are refused with the name that would fit.
 """
 
 import csv
@@ -26,7 +29,7 @@ import numpy as np
 from cablefem.response import Array, Response, write_csv
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.agreement import Agreement
+from validation.core.agreement import Agreement, happened
 from validation.core.bounds import Bound, Part, nothing
 from validation.core.estimate import Estimated
 from validation.core.measures import WINDOW, NotComparable, Window
@@ -37,8 +40,10 @@ LEAST_ROWS = 5  # in the window; fewer say nothing about a path
 TRAVEL_TOLERANCE = 5e-3  # of l: a mass that hops from node to node rounds its place to a node
 MOST_FAULTS = 5  # lines about one file
 
-_NAME = re.compile(r"(t_behind|t_ahead|time|t|s_o|u|v|x|y)(_over_l|/l|_mm|_km|_ms|_kn|_s|_m|_n)?(_down|_up)?")
-_FACTOR = {"_mm": 1e-3, "_km": 1e3, "_ms": 1e-3, "_kn": 1e3}
+_NAME = re.compile(
+    r"(t_behind|t_ahead|time|t|s_o|u|v|x|y|speed)(_over_l|/l|_mm|_kmh|_km|_ms|_kn|_s|_m|_n)?(_down|_up)?"
+)
+_FACTOR = {"_mm": 1e-3, "_km": 1e3, "_ms": 1e-3, "_kn": 1e3, "_kmh": 1.0 / 3.6}
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,9 +58,15 @@ class ForeignPath:
     u: Array | None = None  # (n,) [m]
     T_behind: Array | None = None  # (n,) [N] nan where there is none
     T_ahead: Array | None = None
-    v_factor: float = 1.0  # what the numbers given for v were multiplied by
+    x: Array | None = None  # (n,) [m] from the left support
+    y: Array | None = None  # (n,) [m]
+    speed: Array | None = None  # (n,) [m/s]
+    factor: float = 1.0  # what the numbers given for v, of a free ride for y, were multiplied by
     slack_onset: float | None = None  # s_o/l, as in `Response`; foreign files do not say
     drive: str = "grip"
+    events: tuple[()] = ()  # nor these
+
+    path_scale, path_scale_named = Response.path_scale, Response.path_scale_named
 
     @property
     def reached(self) -> float:
@@ -69,24 +80,25 @@ class ForeignPath:
 
     @classmethod
     def of(
-        cls, scene: Scene, s_o: Any, v: Any, u: Any = None, *, t: Any = None, name: str = "the other solver"
-    ) -> Self:
-        """Return the path v(s_o) in [m], v down; t [s] from the scene's travel unless given.
+        cls, scene: Scene, s_o: Any = None, v: Any = None, u: Any = None, *, t: Any = None, x: Any = None,
+        y: Any = None, name: str = "the other solver",
+    ) -> Self:  # fmt: skip
+        """Return the path v(s_o) in [m], v down; t [s] from the scene's travel unless given.  Of a free ride x, y(t).
 
         Raises Refused with one line per fault.
         """
-        columns = {"s_o": s_o, "v": v, "u": u, "t": t}
+        columns = {"s_o": s_o, "v": v, "u": u, "t": t, "x": x, "y": y}
         try:
             arrays = {k: np.asarray(x, dtype=float) for k, x in columns.items() if x is not None}
         except (TypeError, ValueError) as error:
             raise Refused(f"{name}: {error}") from None
         shapes = {x.shape for x in arrays.values()}
-        if len(shapes) != 1 or arrays["v"].ndim != 1:
-            raise Refused(f"{name}: s_o, v, u and t must be columns of one length, got shapes {sorted(shapes)}")
-        for k, x in arrays.items():
-            if not np.isfinite(x).all():
-                raise Refused(f"{name}: {k}[{int(np.argmin(np.isfinite(x)))}] is not a finite number")
-        return cls._built(scene, arrays, {}, name, list(range(arrays["v"].size)), "row")
+        if len(shapes) != 1 or len(*shapes) != 1:
+            raise Refused(f"{name}: {', '.join(arrays)} must be columns of one length, got shapes {sorted(shapes)}")
+        for k, given in arrays.items():
+            if not np.isfinite(given).all():
+                raise Refused(f"{name}: {k}[{int(np.argmin(np.isfinite(given)))}] is not a finite number")
+        return cls._built(scene, arrays, {}, name, list(range(*shapes.pop())), "row")
 
     @classmethod
     def read(cls, file: str | Path, scene: Scene) -> Self:
@@ -108,7 +120,7 @@ class ForeignPath:
         have = ", ".join(header)
         if not place.keys() & {"v", "y"}:
             faults.append(f"{name}: no column v (deflection of the mass [m], positive down); it has {have}")
-        if not place.keys() & {"t", "s_o"}:
+        if scene.drive.mode != "free" and not place.keys() & {"t", "s_o"}:
             faults.append(f"{name}: neither a column t [s] nor s_o [m]; it has {have}")
         if faults:
             raise Refused(faults)
@@ -134,10 +146,11 @@ class ForeignPath:
 
         factor : what the numbers given for a quantity were multiplied by; numbers : of the rows, called `row`.
         """
-        motion = scene.groups.motion
-        if motion is None:
+        motion, l, tau = scene.groups.motion, scene.length, scene.time_scale
+        if motion is None and scene.drive.mode != "free":
             raise Refused(f"scene {scene.name} has no travelling mass: there is no path to compare")
-        l, tau, end = scene.length, scene.time_scale, motion.phases[-1][1]
+        if motion is None and not ("t" in x and x.keys() & {"s_o", "x"} and x.keys() & {"v", "y"}):
+            raise Refused(f"{name}: a free ride needs t, s_o or x, and v or y; it has {', '.join(x)}")
         clock = "t" if "t" in x else "s_o"
         back = np.flatnonzero(np.diff(x[clock]) <= 0.0)
         if back.size:
@@ -146,32 +159,43 @@ class ForeignPath:
                 f"{name}: {row} {numbers[i + 1]}: {clock} = {x[clock][i + 1]:.6g} {unit} does not come after "
                 f"{x[clock][i]:.6g} {unit} in the {row} before; {clock} must increase"
             )
-        if "t" in x and "s_o" in x:
+        if motion is None:
+            if "s_o" not in x:  # near enough: it only tells where on the cable something is
+                s = np.linspace(0.0, l, 2001)
+                x["s_o"] = np.interp(x["x"], scene.catenary.x(s), s)
+            _on_cable(x["s_o"], factor.get("s_o", 1.0), l, name, all_the_way=False)
+        elif "t" in x and "s_o" in x:
             _fits_travel(scene, x, factor, name)
         elif "t" in x:
             x["s_o"] = l * motion.position(x["t"] / tau)
         else:
             _on_cable(x["s_o"], factor.get("s_o", 1.0), l, name)
-            x["t"] = tau * motion.times_at(np.clip(x["s_o"] / l, 0.0, motion.end))
-        on_the_way = x["t"] <= tau * end * (1.0 + 1e-9)
-        x = {k: a[on_the_way] for k, a in x.items()}
-        static = scene.catenary
-        v = x["v"] if "v" in x else x["y"] - static.y(x["s_o"])
-        u = x["u"] if "u" in x else x["x"] - static.x(x["s_o"]) if "x" in x else None
-        ends = x.get("t_behind"), x.get("t_ahead")
-        path = cls(name, l, x["t"], x["s_o"], v, u, *ends, v_factor=factor.get("v", 1.0))
-        within = int(np.count_nonzero(measures.inside(path, WINDOW)))  # type: ignore[arg-type]
+            x["t"] = tau * motion.times_at(np.clip(x["s_o"] / l, motion.begin, motion.end))
+        if motion is not None:
+            on_the_way = x["t"] <= tau * motion.phases[-1][1] * (1.0 + 1e-9)
+            x = {k: a[on_the_way] for k, a in x.items()}
+        rest_x, rest_y = scene.catenary.x(x["s_o"]), scene.catenary.y(x["s_o"])
+        v = x["v"] if "v" in x else x["y"] - rest_y
+        u = x["u"] if "u" in x else x["x"] - rest_x if "x" in x else None
+        of = "y" if motion is None and "y" in x else "v"
+        path = cls(
+            name, l, x["t"], x["s_o"], v, u, x.get("t_behind"), x.get("t_ahead"),
+            x.get("x", None if u is None else rest_x + u), x.get("y", rest_y + v), x.get("speed"),
+            factor=factor.get(of, 1.0), drive=scene.drive.mode,
+        )  # fmt: skip
+        window = measures.WINDOWS[path.drive]
+        within = int(np.count_nonzero(measures.inside(path, window)))  # type: ignore[arg-type]
         if within < LEAST_ROWS:
             covers = f"s_o/l = {path.s_o[0] / l:.4g} to {path.reached:.4g}" if path.t.size else "no time of the travel"
             raise Refused(
-                f"{name}: {within} rows in s_o/l = {WINDOW[0]} to {WINDOW[1]}, where paths are compared; "
+                f"{name}: {within} rows in s_o/l = {window[0]:g} to {window[1]:g}, where paths are compared; "
                 f"{LEAST_ROWS} are needed (it covers {covers})"
             )
         return path
 
     def write(self, file: Path) -> None:
         """Write the path in the units and names of our path.csv."""
-        columns = {k: getattr(self, k) for k in ("t", "s_o", "u", "v", "T_behind", "T_ahead")}
+        columns = {k: getattr(self, k) for k in ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "speed")}
         columns = {k: x for k, x in columns.items() if x is not None}
         write_csv(file, ",".join(columns), np.stack(list(columns.values()), axis=1))
 
@@ -254,10 +278,10 @@ def _fits_travel(scene: Scene, x: dict[str, Array], factor: dict[str, float], na
     )
 
 
-def _on_cable(s_o: Array, factor: float, l: float, name: str) -> None:
+def _on_cable(s_o: Array, factor: float, l: float, name: str, *, all_the_way: bool = True) -> None:
     """Raise Refused unless s_o runs along the cable, with the unit in which it would end next to the far support."""
-    last = float(s_o[-1]) / l
-    if s_o[0] / l >= -TRAVEL_TOLERANCE and WINDOW[0] < last <= 1.0 + TRAVEL_TOLERANCE:
+    last = float(s_o[-1] if all_the_way else s_o.max()) / l
+    if s_o.min() / l >= -TRAVEL_TOLERANCE and WINDOW[0] < last <= 1.0 + TRAVEL_TOLERANCE:
         return
     ends = {column: unit / factor * last for column, unit in _units("s_o", l).items()}
     fits = [column for column, end in ends.items() if 0.1 < end <= 1.0 + TRAVEL_TOLERANCE]
@@ -274,28 +298,26 @@ def _units(column: str, l: float) -> dict[str, float]:
 
 
 def refuse_misnamed(path: ForeignPath | Response, ours: Response) -> None:
-    """Raise Refused if v disagrees grossly as it is named, but would agree in another unit or direction.
+    """Raise Refused if v, of a free ride y, disagrees grossly as it is named, but would agree in another unit or way.
 
     ours : any run that is good to a few percent.
     """
-    named = getattr(path, "v_factor", 1.0)
-    units = _units("v", path.length)
+    of, named = "y" if ours.drive == "free" else "v", getattr(path, "factor", 1.0)
+    units = _units(of, path.length)
     units |= {f"{column}_up": -factor for column, factor in units.items()}
     try:
         window = _common(path, measures.window_of(ours))
-        gaps = {
-            column: measures.path_gap(_vertical(replace(path, v=factor / named * path.v)), _vertical(ours), window)[1]
-            for column, factor in units.items()
-        }
+        other = {column: replace(path, **{of: factor / named * getattr(path, of)}) for column, factor in units.items()}
+        gaps = {column: measures.path_gap(_vertical(x), _vertical(ours), window)[1] for column, x in other.items()}
         as_named = measures.path_gap(_vertical(path), _vertical(ours), window)[1]
     except NotComparable:
         return
     column = min(gaps, key=lambda name: gaps[name])
     if as_named > 0.2 and gaps[column] < 0.1:
-        what = "v points the other way" if units[column] * named < 0.0 else "v is in another unit"
+        what = f"{of} points the other way" if units[column] * named < 0.0 else f"{of} is in another unit"
         raise Refused(
             f"{path.method}: {what}: as {column} it would be {gaps[column]:.2%} off (rms), as it is named "
-            f"{as_named:.3g} times the largest deflection; name it {column}"
+            f"{as_named:.3g} times {ours.path_scale_named}; name it {column}"
         )
 
 
@@ -303,7 +325,7 @@ def refuse_misnamed(path: ForeignPath | Response, ours: Response) -> None:
 
 
 def _vertical(r: Any) -> Any:
-    return replace(r, u=np.zeros_like(r.v))
+    return replace(r, u=np.zeros_like(r.v), x=np.zeros_like(r.v))
 
 
 def comparable(a: Any, b: Any) -> tuple[Any, Any]:
@@ -313,6 +335,8 @@ def comparable(a: Any, b: Any) -> tuple[Any, Any]:
 
 def _common(path: ForeignPath | Response, window: Window) -> Window:
     """Return the part of the window that the path covers."""
+    if path.drive == "free":
+        return window
     start, stop = max(window[0], float(path.s_o[0] / path.length)), min(window[1], path.reached)
     if not start < stop:
         covered = f"{path.s_o[0] / path.length:.4g} to {path.reached:.4g}"
@@ -323,7 +347,7 @@ def _common(path: ForeignPath | Response, window: Window) -> Window:
 def mass_tension_gap(a: Any, b: Any, window: Window) -> float:
     """Return the rms gap of both one-sided tensions at the mass over the window, relative to H of b."""
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
-    within = measures.inside(coarse, window)
+    within = measures.inside(coarse, window) & (coarse.t <= fine.t[-1])
     total = 0.0
     for side in ("T_behind", "T_ahead"):
         known = np.isfinite(getattr(fine, side))
@@ -346,16 +370,23 @@ def rows(path: ForeignPath | Response, ours: Estimated, window: Window, with_tol
     except NotComparable as reason:
         yield Agreement("path_max", math.nan, nothing(f"{party}: {reason}"), party=party)
         return
-    step = TRAVEL_TOLERANCE + float(np.diff(path.s_o).max()) / path.length
-    short = part[0] > window[0] + step or part[1] < window[1] - step
-    components = "u and v" if path.u is not None else "v alone"
+    free = path.drive == "free"
+    along, upright = ("x", "y") if free else ("u", "v")
+    components = f"{upright} alone" if path.u is None else f"{along} and {upright}"
+    last = float(ours.run.t[-1])
+    step = TRAVEL_TOLERANCE + float(np.diff(path.t if free else path.s_o).max()) / (last if free else path.length)
+    if free:
+        kind, covers = "covers less time", {"low": float(path.t[0]), "high": float(path.t[-1]), "stop": last}
+        short = path.t[0] > step * last or path.t[-1] < (1.0 - step) * last
+    else:
+        kind, covers = "covers less", {"low": part[0], "high": part[1], "start": window[0], "stop": window[1]}
+        short = part[0] > window[0] + step or part[1] < window[1] - step
 
     def row(name: str, gap: float, of: Any, where: float | None = None) -> Agreement:
         bars = Part(run, ours.bar(of), "its error bar"), Part(f"allowed to {party}", with_tol)
         bound = Bound("foreign", bars, {"components": components})
         if short:
-            covers = {"party": party, "low": part[0], "high": part[1], "start": window[0], "stop": window[1]}
-            bound = Bound("covers less", bars, covers)
+            bound = Bound(kind, bars, {"party": party, **covers})
         return Agreement(name, gap, bound, where, party)
 
     def measured(i: int) -> Any:
@@ -364,6 +395,18 @@ def rows(path: ForeignPath | Response, ours: Estimated, window: Window, with_tol
 
     yield row("path_max", max_gap, measured(0), where)
     yield row("path_rms", rms_gap, measured(1))
+    if free and path.speed is not None:
+        stop = happened("stop", ours.run)
+        until, top = math.inf if stop is None else stop["t"], float(ours.run.speed.max())
+
+        def speed_gap(a: Any, b: Any) -> float:
+            def of(r: Any) -> Array:
+                return np.where(r.t <= until, r.speed, math.nan) / top
+
+            return measures.series_gap(a, b, part, of, largest=True)
+
+        components = "speed, of the largest"
+        yield row("speed", speed_gap(path, ours.response), speed_gap)
     if path.T_behind is not None and path.T_ahead is not None:
         gap = mass_tension_gap(path, ours.response, part)
         components = "tension at the mass, both sides"

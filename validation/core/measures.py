@@ -64,13 +64,8 @@ def at_steps_of(a: Response, b: Response, values: Array) -> Array:
     return CubicSpline(b.t, values, axis=0)(when)
 
 
-def path_scale(r: Response) -> float:
-    """Return what gaps of the mass path are relative to [m]."""
-    return 0.1 * r.length if r.drive == "free" else r.max_deflection
-
-
 def path_gap(a: Response, b: Response, window: Window) -> tuple[float, float]:
-    """Return (max, rms) of |w_a - w_b| of the mass path over the window, relative to the largest deflection of b.
+    """Return (max, rms over time) of |w_a - w_b| of the path over the window, relative to the largest deflection of b.
 
     Of a free ride the places themselves are compared, relative to a tenth of the length, so that 1e-3 is 1e-4 l.
 
@@ -82,8 +77,13 @@ def path_gap(a: Response, b: Response, window: Window) -> tuple[float, float]:
         raise NotComparable(
             f"{coarse.method} has {np.count_nonzero(within)} steps in the window {window}, 5 are needed"
         )
-    size = _distance(coarse, fine)[within] / path_scale(b)
-    return float(size.max()), float(np.sqrt(np.mean(size**2)))
+    size = _distance(coarse, fine)[within] / b.path_scale
+    return float(size.max()), float(np.sqrt(_over_time(coarse.t[within], size**2)))
+
+
+def _over_time(t: Array, values: Array) -> Array:
+    """Return the mean over time of values (n,) at times t: a ride takes most of its steps where a brake rings."""
+    return np.asarray(np.average(values, weights=np.gradient(t) if t.size > 1 else None))
 
 
 def place_of_gap(a: Response, b: Response, window: Window) -> float:
@@ -159,7 +159,7 @@ def series_gap(
         return (total(high) - total(low)) / (high - low)[:, None]
 
     gap: Array = np.sum(np.square(at(coarse, known[0]) - at(fine, known[1])), axis=1)
-    return float(np.sqrt(gap.max() if largest else np.mean(gap)))
+    return float(np.sqrt(gap.max() if largest else _over_time(t, gap)))
 
 
 def _spline(t: Array, values: Array, kinks: Sequence[float], at: Array) -> Array:

@@ -36,6 +36,7 @@ STUCK = 0.8  # of what it was: where a finer mesh leaves more than that of its p
 UNRESOLVED = 0.05  # of the deflection: while time costs more than that, space is not judged
 # s_o/l that trial runs go on past their slack onset: no comparison goes beyond the finer run's, whose may be later
 PAST = 2.0 * SAME_ONSET
+LITTLE = 1e5  # `work` that nobody waits for
 SPARSE = 4  # every so-manieth frame is enough of trial runs that nobody else will look at
 
 # Where steps are chosen, so is the rule: axial waves run some sqrt(alpha) times faster than the answer moves, and steps
@@ -115,6 +116,105 @@ class _Rung:
         return self.space.path + self.time.path
 
 
+class _Climb:
+    """Runs of a method on a scene, refined rung by rung until the bar of the last is at most the tolerance."""
+
+    def __init__(
+        self, scene: Scene, method: Method, how: dict[str, Any], settings: dict[str, Any], tol: float,
+        until: float | None, runs: list[Response] | None, rung: _Rung | None,
+    ) -> None:  # fmt: skip
+        self.scene, self.method, self.how, self.settings, self.tol, self.until = (
+            scene, method, how, settings, tol, until
+        )  # fmt: skip
+        self.halves = runs is not None  # the run with half the steps is wanted, too
+        self.made, self.every = ([], SPARSE) if runs is None else (runs, 1)
+        self._finest: Run | None = None
+        self.rung = rung or self._first()
+        self.read_at = settings["steps"]  # for which space was read last
+        self.stuck = False  # the last refinement of space did not lower its part
+        self.coarser: Response | None = None  # the run before space was refined last
+
+    @property
+    def finest(self) -> Run:
+        """That of the rung, to go on with."""
+        if self._finest is None:  # no refinement of the rung it began with
+            self._run(self.settings)
+        assert self._finest is not None
+        return self._finest
+
+    def go(self, budget: float, report: Progress) -> None:
+        """Refine until the bar is met, nothing finer is within reach, or its work on the way exceeds the budget."""
+        space = self.method.resolution
+        for attempt in range(ATTEMPTS):
+            report(
+                min(0.5, 0.1 + 0.05 * attempt), f"{len(self.made)} runs, bar {self.rung.bar:.1g} of {self.tol:g} wanted"
+            )
+            met, settings = self.rung.bar <= self.tol, self.settings
+            finer = _next(self.method, self.rung, settings, self.tol, self.stuck, self.halves)
+            if met and _doubtful(self.rung.response, self.coarser):
+                finer = settings | {space.setting: space.finer(self.method.value(settings), FURTHEST)}
+            in_space = finer[space.setting] != settings[space.setting]
+            # where steps go alone although space costs more, it is as fine as it gets
+            alone = self.rung.space.path > self.rung.time.path
+            if settings["steps"] >= 2 * self.read_at and (in_space or met or alone):
+                self._read_space_again()
+            elif (met and not in_space) or finer == settings or self._dear(finer, budget):
+                return
+            else:  # steps first, on the coarser mesh: that costs less and tells as much
+                if finer["steps"] != settings["steps"]:
+                    self._refine_steps(finer["steps"])
+                if in_space:
+                    self._refine_space(finer[space.setting])
+
+    def _run(self, settings: dict[str, Any], keep: bool = True) -> Response:
+        marched = Run(self.scene, self.method, **self.how, **settings)
+        if keep:
+            self._finest = marched
+        self.made.append(marched.to(self.until, every=self.every, past=PAST))
+        return self.made[-1]
+
+    def _first(self) -> _Rung:
+        """Run the method with both companions, itself last."""
+        halves = {"space": 0.5}, {"time": 0.5}
+        in_space, in_time = (self._run(refined(self.method, self.settings, **half)) for half in halves)
+        fine = self._run(self.settings)
+        return _Rung(
+            fine,
+            _part(fine, in_space, 2.0, space_order(self.method.space_order)),
+            _part(fine, in_time, 2.0, time_order(self.settings)),
+        )
+
+    def _dear(self, finer: dict[str, Any], budget: float) -> bool:
+        """Return whether a run is too large, or too much work beside all others."""
+        count, now = self.method.value(finer), self.method.value(self.settings)
+        ahead = work(self.method, self.rung.response) * finer["steps"] / self.settings["steps"]
+        ahead *= self.method.resolution.cost(count) / self.method.resolution.cost(now)
+        return finer["steps"] * count > LARGEST or sum(work(self.method, r) for r in self.made) + ahead > budget
+
+    def _read_space_again(self) -> None:
+        """Coarse steps may have blown up what space contributes, or smeared the fronts that tell it."""
+        fine, before = self.rung.response, self.rung.space
+        coarse = self._run(refined(self.method, self.settings, space=0.5), keep=False)
+        self.rung.space = _part(fine, coarse, 2.0, space_order(self.method.space_order), before, 1.0)
+        self.read_at = self.settings["steps"]
+
+    def _refine_steps(self, steps: int) -> None:
+        ratio, before = steps / self.settings["steps"], self.rung
+        self.settings, self.stuck = self.settings | {"steps": steps}, False
+        fine = self._run(self.settings)
+        part = _part(fine, before.response, ratio, time_order(self.settings), before.time)
+        self.rung = _Rung(fine, before.space, part)
+
+    def _refine_space(self, count: int) -> None:
+        space, before = self.method.resolution, self.rung
+        ratio, self.coarser = space.ratio(self.method.value(self.settings), count), before.response
+        self.settings = self.settings | {space.setting: count}
+        fine, self.read_at = self._run(self.settings), self.settings["steps"]
+        part = _part(fine, before.response, ratio, space_order(self.method.space_order), before.space)
+        self.stuck = not part.left[0] < STUCK * before.space.left[0]
+        self.rung = _Rung(fine, part, before.time)
+
+
 def resolve(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None,
     runs: list[Response] | None = None, budget: float = math.inf, past: float = math.inf,
@@ -147,63 +247,22 @@ def resolve(
     end = how.pop("until", None)
     ends = [x for x in (until(scene), end) if x is not None]
     short = min(ends) if ends else None
-    space = method.resolution
-    named = {k: v for k, v in kind.items() if k not in KIND}
-    settings = method.settings_on(scene.groups, _rule(scene, method, named, tol) | _begin(scene, method, tol))
-    made, every = ([], SPARSE) if runs is None else (runs, 1)
-    finest: Run | None = None  # that of the rung, to go on with
-
-    def ran(settings: dict[str, Any], keep: bool = True) -> Response:
-        nonlocal finest
-        marched = Run(scene, method, **how, **settings)
-        finest = marched if keep else finest
-        made.append(marched.to(short, every=every, past=PAST))
-        return made[-1]
-
     if ladder:
-        rung = ladder[-1]
-        settings = dict(rung.response.settings)
+        settings = dict(ladder[-1].response.settings)
     else:
-        rung = _first(method, settings, ran)
-    read_at, stuck = settings["steps"], False
-    coarser: Response | None = None  # the run before space was refined last
-    for attempt in range(ATTEMPTS):
-        report(min(0.5, 0.1 + 0.05 * attempt), f"{len(made)} runs, bar {rung.bar:.1g} of {tol:g} wanted")
-        finer = _next(method, rung, settings, tol, stuck, runs is not None)
-        if rung.bar <= tol and _doubtful(rung.response, coarser):
-            finer = settings | {space.setting: space.finer(method.value(settings), FURTHEST)}
-        in_space = method.value(finer) != method.value(settings)
-        if settings["steps"] >= 2 * read_at and (in_space or rung.bar <= tol):
-            # coarse steps may have blown up what space contributes, or smeared the fronts that tell it: look again
-            coarse = ran(refined(method, settings, space=0.5), keep=False)
-            rung.space = _part(rung.response, coarse, 2.0, space_order(method.space_order), rung.space, 1.0)
-            read_at = settings["steps"]
-            continue
-        if (rung.bar <= tol and not in_space) or finer == settings or finer["steps"] * method.value(finer) > LARGEST:
-            break
-        ahead = work(method, rung.response) * finer["steps"] / settings["steps"]
-        ahead *= space.cost(method.value(finer)) / space.cost(method.value(settings))
-        if sum(work(method, r) for r in made) + ahead > budget:
-            break
-        if finer["steps"] != settings["steps"]:  # first, on the coarser mesh: that costs less and tells as much
-            ratio = finer["steps"] / settings["steps"]
-            settings, stuck = settings | {"steps": finer["steps"]}, False
-            response = ran(settings)
-            rung = _Rung(response, rung.space, _part(response, rung.response, ratio, time_order(settings), rung.time))
-        if in_space:
-            ratio, coarser = space.ratio(method.value(settings), method.value(finer)), rung.response
-            settings = settings | {space.setting: method.value(finer)}
-            response, read_at = ran(settings), settings["steps"]
-            part = _part(response, rung.response, ratio, space_order(method.space_order), rung.space)
-            stuck = not part.left[0] < STUCK * rung.space.left[0]
-            rung = _Rung(response, part, rung.time)
+        named = {k: v for k, v in kind.items() if k not in KIND}
+        settings = method.settings_on(scene.groups, _rule(scene, method, named, tol) | _begin(scene, method, tol))
+    climb = _Climb(scene, method, how, settings, tol, short, runs, ladder[-1] if ladder else None)
+    climb.go(budget, report)
+    rung, settings, made = climb.rung, climb.settings, climb.made
+    if ladder and rung is ladder[-1]:
+        raise TooCoarse("nothing finer is within reach", rung.response)
     if ladder is not None:
         ladder.append(rung)
     jobs: list[Callable[[Progress], Response]] = []
-    if end != short or every > 1:
-        if finest is None:  # no refinement of the rung it began with
-            ran(settings)
-        jobs.append(lambda told: finest.to(end, lambda x: told(0.5 + 0.5 * x), past=past))  # type: ignore[union-attr]
+    whole = end == short and climb.every == 1  # all that is wanted of the last run is there
+    if not whole:
+        jobs.append(lambda told: climb.finest.to(end, lambda x: told(0.5 + 0.5 * x), past=past))
     if runs is not None:  # who wants all runs wants the companions of the last one
         halves = (refined(method, settings, **half) for half in ({"space": 0.5}, {"time": 0.5}))
         missing = (half for half in halves if all(r.settings != half for r in made))
@@ -212,27 +271,27 @@ def resolve(
     if heard is not None:
         jobs.append(partial(_companion, scene, method, how | {"until": short}, heard))
     made += reversed(side_by_side(jobs, report))
-    whole = made[-1] if end != short or every > 1 else rung.response
+    response = rung.response if whole else made[-1]
     report(1.0)
     rung_to = rung.space.refinement + rung.time.refinement
     rung_to += [Refinement(rung.response, r, 0.0, richardson.SAFETY) for r in made if r.settings == heard]
-    design = of_ladder(whole, rung_to)
-    whole = replace(whole, design=[number.row() for number in design])
+    design = of_ladder(response, rung_to)
+    response = replace(response, design=[number.row() for number in design])
     if math.isfinite(rung.bar):
         of_time = rung.time.first_order if rings(scene, rung.response) else rung.time.tension
         parts = {
             "path_space": rung.space.path, "path_time": rung.time.path,
             "tension_space": rung.space.tension, "tension_time": of_time,
         }  # fmt: skip
-        whole = replace(whole, path_error=rung.bar, tension_error=rung.space.tension + of_time, error_parts=parts)
+        response = replace(response, path_error=rung.bar, tension_error=rung.space.tension + of_time, error_parts=parts)
     if rung.bar <= tol:
-        return whole
+        return response
     reached = f"an error bar of {rung.bar:.2g}" if math.isfinite(rung.bar) else "no end of the window"
     raise TooCoarse(
-        f"{method.name} reaches {reached} with {space.setting} = {method.value(settings)}, "
+        f"{method.name} reaches {reached} with {method.resolution.setting} = {method.value(settings)}, "
         f"steps = {settings['steps']}, not the {tol:g} asked for; loosen the tolerance or take another method "
         "(cablefem advise)",
-        whole,
+        response,
     )
 
 
@@ -261,6 +320,8 @@ def resolved(
         )
     except TooCoarse as error:
         finest = error.best
+    if before is not None and ladder and ladder[-1] is before.rung:
+        return before
     how = {k: kind[k] for k in KIND if k in kind}
     e = companions(scene, method, known=made, **how, **finest.settings)
     heard = loud(scene, method, finest.settings)
@@ -268,6 +329,32 @@ def resolved(
     order = _order_in_time(e, made) or (before.order if before is not None else None)
     e = replace(e, order=order, loud=loudly, rung=ladder[-1])
     return weighted(e, finest.path_error / e.run.path_error) if finest.path_error and e.run.path_error else e
+
+
+def past_window(scene: Scene, method: Method, r: Response, made: list[Response], **kind: Any) -> Response:
+    """Return the run, or one in more steps, whose slack onset past the window of comparison coarser runs share.
+
+    A tolerance is asked of the path in the window.  What takes few steps there may fold up beyond it, or tell its slack
+    late: on `level` with 1e-2 at s_o/l = 0.93, where 0.83 is right.  As long as one of half the resolution or half the
+    steps is off by more than SAME_ONSET, steps are doubled, for no more work than went before, or little.
+
+    made : all runs so far; receives those that are made.
+    """
+    end = until(scene)
+    while end is not None and r.reached > end and (r.slack_onset is not None or r.status != "complete"):
+        stop = min(1.0, (r.slack_onset or 1.0) + SAME_ONSET)
+        halves = [refined(method, r.settings, **half) for half in ({"space": 0.5}, {"time": 0.5})]
+        coarse = [run(scene, method, **kind | half | {"until": stop}) for half in halves]
+        made += coarse
+        onsets = [x.slack_onset for x in coarse]
+        if r.slack_onset is not None and all(x and abs(x - r.slack_onset) <= SAME_ONSET for x in onsets):
+            break
+        finer = refined(method, r.settings, time=2.0)
+        if 2.0 * work(method, r) > max(LITTLE, sum(work(method, x) for x in made)) or finer["steps"] > MOST_STEPS:
+            break
+        r = run(scene, method, **kind | finer)
+        made.append(r)
+    return r
 
 
 def loud(scene: Scene, method: Method, settings: dict[str, Any]) -> dict[str, Any] | None:
@@ -356,17 +443,6 @@ def _begin(scene: Scene, method: Method, tol: float) -> dict[str, int]:
         space.setting: max(space.first, fine),
         "steps": max(FIRST_STEPS, math.ceil(motion.phases[-1][1] / scene.mu)),
     }
-
-
-def _first(method: Method, settings: dict[str, Any], ran: Callable[[dict[str, Any]], Response]) -> _Rung:
-    """Run a method with both companions, itself last."""
-    in_space, in_time = (ran(refined(method, settings, **half)) for half in ({"space": 0.5}, {"time": 0.5}))
-    fine = ran(settings)
-    return _Rung(
-        fine,
-        _part(fine, in_space, 2.0, space_order(method.space_order)),
-        _part(fine, in_time, 2.0, time_order(settings)),
-    )
 
 
 def _part(

@@ -50,6 +50,32 @@ def aside(work: Callable[[], object]) -> Iterator[None]:
         _end(started)
 
 
+@contextmanager
+def ready(load: Callable[[], object], work: Callable[..., object]) -> Iterator[Callable[..., object]]:
+    """Give a function that hands its arguments to `work`, in a process that calls `load` while they come to be.
+
+    An exception in it is raised at the end.  Where nothing can be forked, it works here and at once.
+    """
+    if not _can_fork():
+        yield work
+        return
+    theirs, ours = multiprocessing.Pipe(duplex=False)
+
+    def job(progress: Progress) -> None:
+        ours.close()
+        load()
+        work(*theirs.recv())
+
+    started = _started([job])
+    try:
+        yield lambda *arguments: ours.send(arguments)
+        _found(started, lambda *told: None)
+    finally:
+        _end(started)
+        ours.close()
+        theirs.close()
+
+
 Started = list[tuple[connection.Connection, Any]]
 
 

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from validation.core import measures
 from validation.core.methods import find
 from validation.core.quantities import told, with_bar
 from validation.page import terminal
@@ -52,7 +51,7 @@ def answer(r: Response) -> None:
     numbers([row for row in r.design if row["quantity"] != "slack_onset"], r.length)
     if r.path_error is not None:
         everywhere = "" if r.drive == "free" else " wherever paths are compared"
-        terminal.say(f"  mass path ± {r.path_error * measures.path_scale(r):.2g} m{everywhere}")
+        terminal.say(f"  mass path ± {r.path_error * r.path_scale:.2g} m{everywhere}")
     events([x for x in r.events if x["event"] != "release"])
     if r.slack_onset is not None:
         after = {

@@ -199,7 +199,7 @@ class _Truth:
         t, place = scene.time_scale * p.t, np.stack(scene.groups.shape(p.s_o)) + np.stack([p.u, p.v])
         inside = (p.s_o >= self.window[0]) & (p.s_o <= self.window[1]) & (t <= self.run.t[-1])
         ours = CubicSpline(self.run.t, np.stack([self.run.x, self.run.y], axis=1))(t[inside])
-        gap = np.hypot(*(scene.length * place[:, inside] - ours.T)) / measures.path_scale(self.run)
+        gap = np.hypot(*(scene.length * place[:, inside] - ours.T)) / self.run.path_scale
         return {"path_error": float(gap.max()), "path_rms": float(np.sqrt(np.mean(gap**2)))}
 
     def short(self, reached: float, reason: str | None) -> bool:

@@ -19,7 +19,8 @@ EXAMPLE = "cablefem check my.toml --tol 1e-4 --with other.csv"
 def command(
     scene: SceneName,
     tol: Annotated[
-        float, typer.Option(parser=real, metavar="X", help="Asked of the path's error, over its largest deflection.")
+        float,
+        typer.Option(parser=real, metavar="X", help="Asked of the path's error, over its largest deflection."),
     ] = 1e-3,
     tol_tension: Annotated[
         float | None,
@@ -40,15 +41,16 @@ def command(
 
     Writes DIR/: report.html, agreement.json, scene.toml and one folder per method.
 
-    Gaps: of the mass paths over the largest deflection (path_max, path_rms, path_slack past the slack onset); of the
-    tension along the cable, at the mass and of the reactions over H (tension, tension_behind, tension_ahead,
-    reactions); of the fields over their own size (displacement, velocity); of the slack onsets in s_o/l; what is
-    missing from the balance of energy (energy), of momentum at the mass (impulse), and from mechanics as the judge
-    knows it from the scene file alone (laws_si). With --deep: of both from exact frequencies, statics of the loaded
-    cable, scipy on the same system, another method with a bar of its own, another damping of the slack cable (deep).
+    Gaps: of the mass paths over the largest deflection, of a free ride over a tenth of the length (path_max,
+    path_rms, path_slack past the slack onset); of the tension along the cable, at the mass and of the reactions
+    over H (tension, tension_behind, tension_ahead, reactions); of the fields over their own size (displacement,
+    velocity); of the slack onsets in s_o/l; what is missing from the balance of energy (energy), of momentum at the
+    mass (impulse), and from mechanics as the judge knows it from the scene file alone (laws_si). With --deep: of
+    both from exact frequencies, statics of the loaded cable, scipy on the same system, another method with a bar of
+    its own, another damping of the slack cable (deep).
 
-    FILE has columns t [s] or s_o [m], v [m] positive down, and u [m] if known; other units and directions are told by
-    the name: s_o_over_l, t_ms, v_over_l, v_mm, v_up, ...
+    FILE has columns t [s] or s_o [m], v [m] positive down, and u [m] if known; of a free ride t, x and y from the left
+    support, y down. Other units and directions are told by the name: s_o_over_l, t_ms, v_over_l, v_mm, y_up, ...
     """
     faults = tol_faults(tol)
     if tol_tension is not None and not 0.0 < tol_tension <= 1.0:
@@ -57,7 +59,7 @@ def command(
         faults.append(f"--with-tol must lie in [0, 1], got {with_tol:g}")
     loaded = scene_named(scene, faults, travelling=True)
 
-    from validation.commands.check import study, words
+    from validation.commands.check import study
     from validation.core import foreign
     from validation.core.running import run
     from validation.core.sidebyside import aside
@@ -75,7 +77,8 @@ def command(
             writing.enter_context(aside(partial(_write_tables, folder, runs)))
 
         result = study.check(loaded, tol=tol, tol_tension=tol_tension, deep=deep, progress=progress, made=made)
-        from validation.page import report  # by now it is loaded, while solvers ran
+        from validation.commands.check import words  # by now they are loaded, while solvers ran
+        from validation.page import report
 
         progress("writing", 0.0)
         (folder / "with.csv").unlink(missing_ok=True)

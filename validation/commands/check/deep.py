@@ -22,7 +22,7 @@ from validation.core.bounds import Bound, Part, nothing
 from validation.core.estimate import SLACK_END, Estimated, estimated, until
 from validation.core.methods import METHODS
 from validation.core.richardson import SAFETY
-from validation.core.running import run
+from validation.core.running import Run, run
 from validation.core.scipys import integrated
 
 ROUNDING = 1e-8
@@ -135,7 +135,7 @@ def entry(scene: Scene, r: Response, length: float = 0.02) -> dict[str, float] |
     data = tomllib.loads(scene.to_toml())
     data["travel"]["entry_ramp"] = length * scene.length
     smooth = Scene(**{"name": scene.name, **data})
-    ramped = run(smooth, r.method, until=until(scene), **r.settings)
+    ramped = Run(smooth, r.method, **r.settings).to(until(scene), past=0.0)
     try:
         place = np.linspace(*measures.window_of(r, ramped), 400)
     except measures.NotComparable:

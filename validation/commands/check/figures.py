@@ -44,7 +44,8 @@ def gap_of(a: Response, b: Response, of: Of) -> tuple[Array, Array]:
 
 
 def path_of(r: Response) -> Array:
-    return np.stack([r.u, r.v], axis=1)
+    """Return what is compared: over time places, over places displacements."""
+    return np.stack([r.x, r.y] if r.drive == "free" else [r.u, r.v], axis=1)
 
 
 def bar_of(solver: Solver, of: Of) -> tuple[Array, Array] | None:
@@ -119,18 +120,21 @@ def paths(x: Stored, caption: str) -> Markup:
     p.line(_over(x, first), rest, GREY, DOTTED, 1.2, "cable at rest")
     for solver, look in zip(x.solvers, LOOK, strict=False):
         p.line(_over(x, solver.compared), solver.compared.y, *look, name=solver.name)
-    if x.party is not None and not x.free:
-        y = x.scene.catenary.y(x.party.place * x.scene.length) + x.party.v
-        p.line(x.party.place, y, GREEN, DOTTED, 2.2, x.party.name)
+    if x.party is not None:
+        p.line(x.party.t if x.free else x.party.place, x.party.y, GREEN, DOTTED, 2.2, x.party.name)
     p.fit([rest, *(s.compared.y for s in x.solvers)], pad=0.05)
     return _drawn(x, [p, _distance(x)] if len(x.solvers) > 1 else [p], caption)
 
 
+def _of_path(x: Stored) -> str:
+    return "distance [% of l/10]" if x.free else "distance [% of v]"
+
+
 def _distance(x: Stored) -> Panel:
-    """Distance of two mass paths, in percent of the deflection."""
-    p = Panel("distance [% of v]", height=160.0)
+    """Distance of two mass paths, in percent of what gaps are relative to."""
+    p = Panel(_of_path(x), height=160.0)
     a, b = (s.compared for s in x.solvers)
-    allowed, size, most = x.row("path_max").get("allowed"), x.deflection, 0.0
+    allowed, size, most = x.row("path_max").get("allowed"), x.scale.path_scale, 0.0
     for solver, look in zip(x.solvers, LOOK, strict=False):
         bar = bar_of(solver, path_of)
         if bar is not None:
@@ -257,10 +261,10 @@ def energy_split(x: Stored, caption: str) -> Markup:
 
 
 def refinement(x: Stored, caption: str) -> Markup:
-    """Distance of the finest path of each solver to both its coarser companions; percent of the deflection."""
+    """Distance of the finest path of each solver to both its coarser companions, in percent as above."""
     panels = []
     for solver, (color, _) in zip(x.solvers, LOOK, strict=False):
-        p, size, most = Panel("distance [% of v]", solver.name), solver.run.max_deflection, 0.0
+        p, size, most = Panel(_of_path(x), solver.name), solver.run.path_scale, 0.0
         pairs = (solver.in_space, "half the resolution", color, ""), (solver.in_time, "half the steps", PURPLE, DASHED)
         for companion, words, ink, dash in pairs:
             if companion is not None:

@@ -41,11 +41,11 @@ _SAY = words(__package__)
 
 # quantity of a row -> what it is, and what its gap is a ratio of
 QUANTITIES = {
-    "path_max": ("Mass path, largest distance", "deflection"),
-    "path_rms": ("Mass path, rms distance", "deflection"),
+    "path_max": ("Mass path, largest distance", "path"),
+    "path_rms": ("Mass path, rms distance", "path"),
     "place": ("Place on the cable, largest distance", "length"),
     "speed": ("Speed, largest distance", "speed"),
-    "path_slack": ("Mass path past the slack onset, largest distance", "deflection"),
+    "path_slack": ("Mass path past the slack onset, largest distance", "path"),
     "tension": ("Tension along the cable, rms off the mass", "tension"),
     "tension_behind": ("Tension behind the mass, rms", "tension"),
     "tension_ahead": ("Tension ahead of the mass, rms", "tension"),
@@ -79,10 +79,10 @@ def sections(folder: Path) -> list[Section]:
 def _references(x: Stored) -> dict[str, tuple[float, str, str]]:
     """Return what gaps are ratios of: value, unit, words."""
     return {
-        "deflection": (x.deflection, "m", "largest deflection"),
+        "path": (x.scale.path_scale, "m", x.scale.path_scale_named.removeprefix("the ")),
         "tension": (x.scene.horizontal_tension, "N", "horizontal tension H at rest"),
         "weight": (x.weight, "N", "weight M g of the mass"),
-        "work": (x.weight * x.deflection, "J", "weight times the largest deflection"),
+        "work": (x.weight * x.scale.max_deflection, "J", "weight times the largest deflection"),
         "length": (x.scene.length, "m", "length of the cable"),
         "speed": (float(x.solvers[0].run.speed.max()), "m/s", "top speed"),
     }
@@ -184,16 +184,15 @@ def _headline(x: Stored) -> str:
     bad = [row for row in x.rows if row.get("verdict") == "disagree" and not row.get("with")]
     apart = [_disagreement(x, row) for row in bad if row.get("quantity") not in (*LAWS, "path_max")]
     broken = [_disagreement(x, row) for row in bad if row.get("quantity") in LAWS]
-    row, size = x.row("path_max"), x.deflection
+    row, size = x.row("path_max"), x.scale.path_scale
     gap, allowed = row.get("gap"), row.get("allowed")
     path = {"gap": gap, "why": row.get("allowed_because", "no reason was stored"), "verdict": row.get("verdict")}
     if gap is None or allowed is None:
         path["gap"] = None
     else:
         digits = 2 if percent(gap) != percent(allowed) else 4
-        far = (
-            f"{percent(gap, digits)} of the largest deflection ({_quantity(gap * size, 'm')} of {_quantity(size, 'm')})"
-        )
+        of = f"{_quantity(gap * size, 'm')} of {_quantity(size, 'm')}"
+        far = f"{percent(gap, digits)} of {x.scale.path_scale_named} ({of})"
         path |= {"far": far, "allowed": percent(allowed, digits), "tol": percent(x.tol)}
     return plain(_SAY.headline(apart, broken, path, [_third(x, name) for name in x.parties]))
 
@@ -220,8 +219,10 @@ def _facts(s: Solver, x: Stored) -> dict[str, str]:
     r = s.run
     i = int(np.argmax(r.v))
     at = float(r.s_o[i] / r.length)
-    inside = r.path_error and x.window[0] <= at <= x.window[1]
-    deflection = _set(with_bar(r.max_deflection, r.path_error * r.max_deflection if inside and r.path_error else None))
+    bar = r.path_error and r.path_error * r.path_scale if x.window[0] <= at <= x.window[1] else None
+    if x.free:  # most of the path's bar is along the cable
+        bar = next((row["bar"] for row in r.design if row["quantity"] == "mass_deflection_max"), None)
+    deflection = _set(with_bar(r.max_deflection, bar))
     slack = "never"
     if r.slack_onset is not None:
         first = "" if r.slack_at is None else f", first at s/l = {r.slack_at:.3f}"
@@ -386,7 +387,7 @@ def _refinement(x: Stored) -> Section:
     compared = any(s.in_space is not None or s.in_time is not None for s in x.solvers)
     html = [
         table(rows, heads) if rows else Markup(""), *refused,
-        Markup(_SAY.bars([(s.name, _formula(s.basis)) for s in x.solvers if s.basis])),
+        Markup(_SAY.bars([(s.name, _formula(s.basis)) for s in x.solvers if s.basis], x.scale.path_scale_named)),
         gallery(draw.refinement(x, _SAY.refinement(x))) if compared else Markup(""),
     ]  # fmt: skip
     return Section("check-refinement", "Error bars", Markup("\n").join(html))

@@ -38,9 +38,9 @@ class Party:
     """A third party's mass path."""
 
     name: str
+    t: Array  # (n,) [s]
     place: Array  # (n,) s_o/l
-    v: Array  # (n,) [m]
-    u: Array | None
+    y: Array  # (n,) [m] down from the left support
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,9 +73,9 @@ class Stored:
         return list(dict.fromkeys(str(row["with"]) for row in self.rows if row.get("with")))
 
     @property
-    def deflection(self) -> float:
-        """Largest deflection of the mass [m], which path gaps are relative to."""
-        return self.solvers[-1].compared.max_deflection
+    def scale(self) -> Response:
+        """The answer whose path gaps are relative to."""
+        return self.solvers[-1].compared
 
     @property
     def free(self) -> bool:
@@ -209,9 +209,8 @@ def _party(file: Path, rows: tuple[dict[str, Any], ...], length: float, faults: 
     try:
         with file.open(encoding="utf-8", newline="") as lines:
             table = list(csv.DictReader(lines))
-        place, v = (np.array([float(row[key]) for row in table]) for key in ("s_o", "v"))
-        u = np.array([float(row["u"]) for row in table]) if table and "u" in table[0] else None
+        t, place, y = (np.array([float(row[key]) for row in table]) for key in ("t", "s_o", "y"))
     except (ValueError, KeyError, TypeError):
         faults.append(f"{file.name} (not readable)")
         return None
-    return Party(name, place / length, v, u)
+    return Party(name, t, place / length, y)

@@ -1,5 +1,7 @@
 """The main job: two solvers that share no formula run the same scene, and their answers are held against each other."""
 
+from __future__ import annotations
+
 import importlib
 import math
 import tomllib
@@ -38,9 +40,9 @@ FINER, FINER_FROM = 3.0, 1e-3  # what too coarse rows divide the aim by, and the
 # terms and a third more work than with this much; of less than this, `tramway` makes elements dearer than terms.
 ELEMENTS, OTHERS = 2.0, 3.0
 CONFIRMS = 2.0  # what a disagreement divides both errors by, to see whether it stays
-# Of `work` for each solver at the default tolerance, in proportion more for a smaller one: three times what `level`
-# needs.  A slow ride after a sudden entry at full speed may want ten times as much.
-BUDGET = 4e5
+# Of `work` for each solver, half a minute to a minute, and in proportion more below a third of the default tolerance.
+# With a third of it five of ten random scenes remained too coarse.
+BUDGET = 1.2e6
 LADDER = 2.0  # times the work of the run that is returned, at least, is that of all before it
 
 
@@ -105,6 +107,63 @@ class Check:
         write_json(out / "agreement.json", self.agreement())
 
 
+@dataclass(frozen=True, slots=True)
+class _Round:
+    """Two runs, each as fine as was asked of it, and the rows that judge them."""
+
+    methods: list[Method]
+    aims: list[float]
+    runs: tuple[Estimated, Estimated]
+    rows: list[Agreement]
+    before: _Round | None
+
+    @property
+    def finer(self) -> int:
+        """How many of the runs are finer than in the round before."""
+        old = () if self.before is None else self.before.runs
+        return sum(a.run.settings != b.run.settings for a, b in zip(old, self.runs, strict=False))
+
+    @property
+    def coarser(self) -> list[Agreement] | None:
+        """The rows of the round before, where both runs are finer now."""
+        return None if self.before is None or self.finer < len(self.runs) else self.before.rows
+
+    @property
+    def settled(self) -> list[Agreement]:
+        rows = settled(self.rows, self.coarser)
+        # one of them alone: a gap that this takes away was its own, of one that stays nobody knows whose it is
+        return settled(rows, self.before.rows) if self.before is not None and self.finer == 1 else rows
+
+    def ahead(self, budget: float) -> list[float] | None:
+        """Return what to ask of both runs next, None where finer ones would tell no more, or cost too much.
+
+        A disagreement is looked at again with both finer; rows that are too coarse refine whose bars make them
+        so.  Who is finer already than it would be asked to be is refined from where it is, or nobody would be.
+        """
+        names = [m.name for m in self.methods]
+        errors = [math.inf if e.run.path_error is None else e.run.path_error for e in self.runs]
+        if any(error > aim for error, aim in zip(errors, self.aims, strict=True)):
+            return None
+        rows = self.settled
+        verdict = overall(rows)
+        doubted = overall(self.rows) is Verdict.DISAGREE and (self.coarser is None or verdict is not Verdict.DISAGREE)
+        # a companion that breaks or falls slack early cuts the range, and what is compared there says little
+        short = any(flag.kind in ("short bar", "no bar") for e in self.runs for flag in e.run.flags)
+        coarse = (verdict is Verdict.TOO_COARSE or short) and sum(self.aims) > 0.99 * FINER_FROM
+        if not (doubted or coarse):
+            return None
+        finer = CONFIRMS if doubted else FINER
+        which = [name in (names if doubted or short else wanting(rows, names)) for name in names]
+        costs = [finer * LADDER * work(m, e.run) for m, e in zip(self.methods, self.runs, strict=True)]
+        if any(asked and cost > budget for asked, cost in zip(which, costs, strict=True)):
+            return None
+        aims = [aim / finer if asked else aim for aim, asked in zip(self.aims, which, strict=True)]
+        if doubted or all(error <= aim for error, aim in zip(errors, aims, strict=True)):
+            mended = zip(aims, errors, which, strict=True)
+            aims = [min(aim, error / finer) if asked else aim for aim, error, asked in mended]
+        return aims
+
+
 def check(
     scene: Scene | str | Path, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None,
     methods: tuple[str | Method, str | Method] = SOLVERS, deep: bool = False, progress: Progress | None = None,
@@ -127,46 +186,25 @@ def check(
     found = [find(m) if isinstance(m, str) else m for m in methods]
     grip: list[Callable[[Progress], Any]] = [partial(_gripped, scene, found[0])] if scene.drive.mode == "haul" else []
     gripped: list[Response] = []
-    budget = BUDGET * max(1.0, DEFAULT_TOL / tol)
+    budget = BUDGET * max(1.0, DEFAULT_TOL / 3.0 / tol)
     # the sum of both bars is held against tol
     shares = [ELEMENTS if m.wing == "elements" else OTHERS for m in found]
-    known: tuple[Estimated | None, Estimated | None] = None, None
-    aims, rows = [tol * share / sum(shares) for share in shares], list[Agreement]()
-    while True:
+    aims: list[float] | None = [tol * share / sum(shares) for share in shares]
+    judged: _Round | None = None
+    while aims is not None:
+        known = (None, None) if judged is None else judged.runs
         jobs: list[Callable[[Progress], Any]] = [
             partial(_resolved, scene, m, aim, budget, past, e) for m, aim, e in zip(found, aims, known, strict=True)
         ]
         first, second, *once = side_by_side([*jobs, *grip], progress, _load)
         gripped, grip = gripped or once, []
-        runs: tuple[Estimated, Estimated] = first, second
-        both = all(k is not None and k.run.settings != e.run.settings for k, e in zip(known, runs, strict=True))
-        before, known = rows if both else None, runs
         if made is not None:
             made(first.run, second.run)
-        rows = agree(scene, *runs, tol=tol, tol_tension=tol_tension)
-        verdict, told = overall(settled(rows, before)), overall(rows)
-        errors = [math.inf if e.run.path_error is None else e.run.path_error for e in runs]
-        reached = all(error <= aim for error, aim in zip(errors, aims, strict=True))
-        # a companion that breaks or falls slack early cuts the range, and what is compared there says little
-        short = any(flag.kind in ("short bar", "no bar") for e in runs for flag in e.run.flags)
-        doubted = told is Verdict.DISAGREE and (before is None or verdict is not Verdict.DISAGREE)
-        coarse = (verdict is Verdict.TOO_COARSE or short) and sum(aims) > 0.99 * FINER_FROM
-        finer = CONFIRMS if doubted else FINER
-        names = [m.name for m in found]
-        which = names if doubted or short else wanting(settled(rows, before), names)
-        dear = any(
-            m.name in which and finer * LADDER * work(m, e.run) > budget for m, e in zip(found, runs, strict=True)
-        )
-        if not (doubted or coarse) or not reached or dear:
-            break
-        ahead = [(aim / finer if m.name in which else aim, e) for m, aim, e in zip(found, aims, errors, strict=True)]
-        # who is finer than it was asked to be is refined, too, where a disagreement wants it, or nobody else would be
-        idle = all(error <= aim for aim, error in ahead)
-        aims = [
-            min(aim, error / finer) if m.name in which and (doubted or idle) else aim
-            for m, (aim, error) in zip(found, ahead, strict=True)
-        ]
-    rows = settled(rows, before)
+        runs: tuple[Estimated, Estimated] = first, second
+        judged = _Round(found, aims, runs, agree(scene, *runs, tol=tol, tol_tension=tol_tension), judged)
+        aims = judged.ahead(budget)
+    assert judged is not None
+    runs, rows = judged.runs, judged.settled
     try:
         window = measures.window_of(*runs[0].runs, *runs[1].runs)
     except measures.NotComparable:
@@ -177,7 +215,7 @@ def check(
         from validation.commands.check import deep as third
 
         rows += third.deep(scene, runs[0], rows) if deep else []
-        smooth = third.entry(scene, runs[0].run)
+        smooth = third.entry(scene, runs[0].in_time)  # of which half the steps tell enough
     return Check(scene, a, b, tol, window, rows, gripped[0] if gripped else None, smooth)
 
 
@@ -223,7 +261,8 @@ def check_solver(
 ) -> Check:  # fmt: skip
     """Run a user's own solver on a scene and hold it against both of ours; its rows come last in the verdict.
 
-    solver : scene -> (s_o, v) or (s_o, v, u) in [m], v down, along the scene's travel; or a Response.
+    solver : scene -> (s_o, v) or (s_o, v, u) in [m], v down, along the scene's travel; of a free ride (t, x, y) in [s]
+        and [m], from the left support, y down; or a Response.
     tol, progress : of our own solvers, as in `check`.
     with_tol : allowed to the solver beside our error bar, relative to the largest deflection.
     ours : a check of this scene that was made before.
@@ -234,9 +273,13 @@ def check_solver(
     name = name or str(getattr(solver, "__name__", type(solver).__name__))
     answer = solver(scene)
     if not isinstance(answer, Response):
-        if not (isinstance(answer, tuple | list) and len(answer) in (2, 3)):
-            raise Refused(f"{name}: must return (s_o, v) or (s_o, v, u), or a Response; got {type(answer).__name__}")
-        answer = ForeignPath.of(scene, *answer, name=name)
+        free = scene.drive.mode == "free"
+        columns, counts = (("t", "x", "y"), (3,)) if free else (("s_o", "v", "u"), (2, 3))
+        if not (isinstance(answer, tuple | list) and len(answer) in counts):
+            wanted = "(t, x, y)" if free else "(s_o, v) or (s_o, v, u)"
+            got = type(answer).__name__ + (f" of {len(answer)}" if isinstance(answer, tuple | list) else "")
+            raise Refused(f"{name}: must return {wanted}, or a Response; got {got}")
+        answer = ForeignPath.of(scene, **dict(zip(columns, answer, strict=False)), name=name)
     ours = ours or check(scene, tol=tol, progress=progress)
     foreign.refuse_misnamed(answer, ours.a.run)
     return joined(ours, answer, with_tol)

@@ -1,4 +1,3 @@
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -71,61 +70,45 @@ def command(
         terminal.complain([f"--extrapolate halves the steps twice: at least {MOST_COARSE}, got {steps}"])
         return 2
 
-    from validation.core.design import design, numbers
-    from validation.core.estimate import OF_BARS, companions, estimated
-    from validation.core.resolution import TooCoarse, resolve
-    from validation.core.running import run as run_method
-    from validation.core.sidebyside import aside
+    from validation.commands.run.study import answer
+    from validation.core.estimate import OF_BARS
+    from validation.core.running import Run
+    from validation.core.sidebyside import ready
     from validation.page import telling
 
-    folder = store.claim(out, "run", loaded, [method])
     kind = {"model": model, "load": load, "law": law, **settings}
-    too_coarse = ""
-    made: list[Response] = []
-    with terminal.progress() as progress:
-        report = partial(progress, method)
-        if tol is not None:
-            try:
-                response = resolve(loaded, method, tol, **kind, progress=report, runs=made)
-            except TooCoarse as error:
-                response, too_coarse = error.best, str(error)
-            kind |= response.settings
-        elif extrapolate:
-            from validation.core.extrapolation import extrapolated
-
-            better = extrapolated(loaded, chosen, **kind, progress=report)
-            response, made = better.response, list(better.runs)
-        elif not bars:
-            response = run_method(loaded, chosen, **kind, progress=report)
-        if bars:
-            of = companions if tol is not None else estimated  # a ladder has told the bar of the path
-            e = of(loaded, chosen, known=made, **kind, progress=report)
-            if extrapolate:
-                response = better.with_bars(e)
-            elif tol is None:
-                response = e.run
-            response = replace(response, design=[number.row() for number in numbers(e)])
-        else:
-            response = replace(response, design=design(response))
-        with aside(partial(_write_animation, response, folder / method)):
-            response.write(folder / method)
-    telling.answer(response)
-    if extrapolate and better.seen:
-        seen = f"order {better.observed[1]:.2f} seen, bar of time alone {better.path_bar:.1e} of the largest deflection"
-        terminal.say(f"extrapolated in time: {seen}, tension {better.tension_bar:.1e} H")
+    try:
+        Run(loaded, chosen, **kind)
+    except ValueError as error:  # a method that cannot do what scene or options ask for
+        terminal.complain([str(error)])
+        return 2
+    folder = store.claim(out, "run", loaded, [method])
+    with ready(_animation, _animate) as animate, terminal.progress() as progress:
+        told = partial(progress, method)
+        found = answer(loaded, chosen, tol=tol, bars=bars, extrapolate=extrapolate, progress=told, **kind)
+        animate(found.response, folder / method)
+        found.response.write(folder / method)
+    telling.answer(found.response)
+    if found.extrapolated:
+        terminal.say(f"extrapolated in time: {found.extrapolated}")
     terminal.say(f"written to {folder / method}")
-    if broken := telling.broken(response):
+    if broken := telling.broken(found.response):
         return broken
-    if too_coarse:
-        terminal.complain([too_coarse])
+    if found.missed:
+        terminal.complain([found.missed])
+        return 1
     # a bar that could not be made, or not all the way, is no fault of the run
-    return 1 if too_coarse or any(flag.kind not in (*OF_BARS, "not extrapolated") for flag in response.flags) else 0
+    return 1 if any(flag.kind not in (*OF_BARS, "not extrapolated") for flag in found.response.flags) else 0
 
 
-def _write_animation(response: "Response", folder: Path) -> None:
+def _animation() -> Any:
     from validation.page import paraview  # loading what it needs takes as long as the run
 
-    paraview.write(response, folder)
+    return paraview
+
+
+def _animate(response: "Response", folder: Path) -> None:
+    _animation().write(response, folder)
 
 
 def _quasi_static(scene: str, out: Any, faults: list[str]) -> int:

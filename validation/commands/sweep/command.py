@@ -61,7 +61,7 @@ def command(
     from validation.commands.sweep import engine
 
     folder = store.ROOT / asked.name if out is None else out
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / ".study.json").is_file():
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / "rows").is_dir():
         raise store.Refused(f"{folder} is not empty and holds no sweep; nothing was written; choose another with --out")
     with _progress() as progress:
         tally = engine.sweep(asked, folder, workers=workers, scheduler=scheduler, progress=progress)

@@ -1,8 +1,8 @@
 """The loop of a sweep on Dask: chunks of about a second go out, rows come home and are written, whole or not at all."""
 
 import fcntl
-import json
 import time
+import tomllib
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -217,14 +217,17 @@ def _alone(out: Path) -> Iterator[None]:
 
 def _same_study(study: Study, out: Path) -> None:
     """Keep the study beside its rows; raise Refused where another one is kept."""
-    what = {k: v for k, v in vars(study).items() if k not in ("name", "text", "title", "limit", "seconds", "_shares")}
-    kept, told = out / ".study.json", json.dumps(what, default=repr, sort_keys=True)
-    if kept.is_file() and kept.read_text(encoding="utf-8") != told:
+    kept, told = out / "study.toml", study.to_toml()
+    if kept.is_file() and _of_rows(kept.read_text(encoding="utf-8")) != _of_rows(told):
         raise Refused(f"{out} holds rows of another study; nothing was written; choose another folder with --out")
+    (out / "rows").mkdir(exist_ok=True)
     with whole(kept) as temporary:
         temporary.write_text(told, encoding="utf-8")
-    with whole(out / "study.toml") as temporary:
-        temporary.write_text(study.text, encoding="utf-8")
+
+
+def _of_rows(study: str) -> dict[str, Any]:
+    """Return what the rows depend on."""
+    return {k: v for k, v in tomllib.loads(study).items() if k not in ("title", "limit", "seconds")}
 
 
 @contextmanager
