@@ -314,6 +314,8 @@ class RollingSystem(GalerkinSystem):
         for part, c in zip(parts, np.eye(3).tolist(), strict=True):
             part[:n, :n] = self._tangent(x, stiffness.copy(), *c)
             kernels.add_shed_tangent(x.carried, x.rays, travel[1], self._on(t, phase), c[0], c[1], part[:n, :n])
+            part[self._bubbles] = 0.0
+            part[self._bubbles, self._bubbles] = c[2]
             if not self._rolls:
                 part[n, n] = c[2] * self.mu
                 continue
@@ -330,7 +332,11 @@ class RollingSystem(GalerkinSystem):
         force, pull = self.cable.force(x.place, self._fields(q))
         self._pull, self._moved = (self.basis, x.place, pull), None
         car = self._roll(t, q, v, a, phase, x, force)
-        return np.append(force.ravel(), car.defect if self._rolls else self.mu * a[-1]), car
+        r = np.append(force.ravel(), car.defect if self._rolls else self.mu * a[-1])
+        if self._bow is not None:
+            s_o, ds_o, dds_o = self._travel(t, q, v, a, phase)
+            r[self._bubbles] = a[self._bubbles] - self._bow(s_o, 1) * dds_o - self._bow(s_o, 2) * ds_o**2
+        return r, car
 
     @property
     def _rolls(self) -> bool:

@@ -120,6 +120,10 @@ def add_shed_tangent(x, rays, ds_o, on, c0, c1, K):
     n, weight = x.f.size, shed(x, ds_o, on)
     for last in (n - 1, 2 * n - 1):
         K[last, last] += weight * (c1 - c0 * ds_o * (rays[0] + rays[1]))
+        for i in range(x.gyroscopic.shape[0] - 1):
+            rest = abs(1.0 / rays[1 - i])
+            by_q = math.copysign(ds_o, ds_o * rays[i]) + rest * ds_o * (rays[0] + rays[1])
+            K[last, last - 2 + i] += weight * (c0 * by_q - c1 * rest)
 
 
 @compiled

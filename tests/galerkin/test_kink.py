@@ -117,7 +117,7 @@ def test_bubbles_against_quadrature(s_o, ds_o, dds_o):
     np.testing.assert_allclose(x.centrifugal, want, rtol=0.0, atol=1e-7 * np.abs(want).max())
     wrong = kink.carried(s_o, ds_o, -dds_o).centrifugal
     assert (np.abs(wrong - want).max(axis=1) > 1e-2 * np.abs(want).max(axis=1)).all()
-    s, w, table = kink.slopes(s_o)
+    s, _, table = kink.slopes(s_o)
     hat = np.where(s < s_o, s / s_o, (1.0 - s) / (1.0 - s_o))
     want = (1.0 - 2.0 * hat) * table[-1]
     np.testing.assert_allclose(table[7:9], [want * (s < s_o), want * (s > s_o)], rtol=0.0, atol=1e-11)
