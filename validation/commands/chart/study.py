@@ -123,7 +123,7 @@ def series(peers: bool = True, groups: Groups | None = None) -> Iterator[Series]
         if model != "full":
             yield Series(f"model {model}", "model", tuple(ladder(base))[::4], BASE, model)
     for scheme in SCHEMES:
-        if scheme not in (usual, "energy"):  # on no front of `level` and `zipline`
+        if scheme not in (usual, "energy", "central-difference"):  # on no front of `level` and `zipline`
             # High order wants few large steps; with fewer than that, Newton's method is lost at wave fronts.
             few, least = (4, 150) if newmark.scheme(scheme).nodes else (1, 20)
             all_ = [x | {"scheme": scheme, "steps": max(least, x["steps"] // few)} for x in ladder(base)]

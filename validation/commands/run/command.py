@@ -77,17 +77,17 @@ def command(
     from validation.page import telling
 
     kind = {"model": model, "load": load, "law": law, **settings}
-    try:
-        Run(loaded, chosen, **kind)
-    except ValueError as error:  # a method that cannot do what scene or options ask for
-        terminal.complain([str(error)])
-        return 2
-    folder = store.claim(out, "run", loaded, [method])
-    with ready(_animation, _animate) as animate, terminal.progress() as progress:
-        told = partial(progress, method)
-        found = answer(loaded, chosen, tol=tol, bars=bars, extrapolate=extrapolate, progress=told, **kind)
-        animate(found.response, folder / method)
-        found.response.write(folder / method)
+    with ready(_animation, _animate) as animate:
+        try:
+            Run(loaded, chosen, **kind)
+        except ValueError as error:  # a method that cannot do what scene or options ask for
+            raise store.Refused(str(error)) from None
+        folder = store.claim(out, "run", loaded, [method])
+        with terminal.progress() as progress:
+            told = partial(progress, method)
+            found = answer(loaded, chosen, tol=tol, bars=bars, extrapolate=extrapolate, progress=told, **kind)
+            animate(found.response, folder / method)
+            found.response.write(folder / method)
     telling.answer(found.response)
     if found.extrapolated:
         terminal.say(f"extrapolated in time: {found.extrapolated}")
