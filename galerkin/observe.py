@@ -202,7 +202,7 @@ def _kinetic_of_bubbles(basis: TravellingKink, x: History) -> Array:
         value, first = overlaps[i]
         part = 2.0 * v * combined(x.V, value) + 2.0 * x.ds_o[:, None] * q * combined(x.V, first)
         part += h * v * (v / 30.0 + v_hat / 6.0) + dh * (v * q / 30.0 + v_hat * q / 3.0 - v * q_hat / 6.0)
-        total += np.sum(part + dh**2 / h * q * (2.0 / 15.0 * q - q_hat / 3.0), axis=1)
+        total += np.sum(part + dh**2 / np.maximum(h, NEAR_SUPPORT) * q * (2.0 / 15.0 * q - q_hat / 3.0), axis=1)
     return total
 
 

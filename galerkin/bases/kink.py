@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from galerkin.bases import Basis
+from galerkin.bases.fourier import Fourier
 from galerkin.law import compiled
 
 Array = np.ndarray
@@ -241,7 +242,10 @@ class TravellingKink:
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
         """Points on each side of the mass; each side must resolve the highest phi over the whole cable."""
-        return self.basis.split(s_o) if self.travels == 1 else self.basis.split(s_o, self.travels)
+        if self.travels == 1:
+            return self.basis.split(s_o)
+        assert isinstance(self.basis, Fourier)
+        return self.basis.split(s_o, self.travels)
 
 
 MovingBasis = Standing | TravellingKink
