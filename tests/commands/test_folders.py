@@ -9,7 +9,8 @@ from cablefem import Scene
 from cablefem.response import Response
 from tests.commands.calls import QUICK, lines, tree
 from validation.commands.modes import study
-from validation.core import running, store
+from validation.commands.run import study as run_study
+from validation.core import store
 
 _modes = cache(lambda toml, modes=study.modes: modes(Scene.from_toml(toml)))
 
@@ -72,7 +73,7 @@ def test_an_interrupted_result_is_taken_up_again(cablefem, monkeypatch):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(running, "run", interrupted)
+        patch.setattr(run_study, "run", interrupted)
         code, _, err = cablefem("run", "level", *QUICK, "--no-bars", "--out", "x")
     assert code == 130
     assert lines(err) == ["interrupted; files that were written are whole, and the command can be given again"]
