@@ -12,6 +12,7 @@ from cablefem import Scene
 from tests.oracles.strings import accelerate_cruise_brake
 from validation.commands.certify import study
 from validation.commands.certify.study import Found, Track, Way, against, joined, measured, nearby, read_table
+from validation.core.methods import find
 from validation.oracles import moving_mass
 
 TABLES = study.tables()
@@ -120,3 +121,13 @@ def test_the_travel_of_a_scene_is_that_of_the_exact_answers():
     np.testing.assert_allclose(travel.position(t), known.position(t), atol=1e-13)
     np.testing.assert_allclose(travel.speed(t), known.speed(t), atol=1e-13)
     np.testing.assert_allclose([travel.t_end, *travel.breaks], [known.t_end, *known.breaks], rtol=1e-13)
+
+
+def test_a_hauled_car_goes_no_further_than_its_steps_do():
+    scene, method = Scene.load("tramway"), find("following-p2")
+    ends = [
+        study.track(scene, method, method.settings({"elements": 8, "steps": 800, "scheme": scheme})).end
+        for scheme in ("gauss", "radau")
+    ]
+    assert ends[0].startswith("steps too long at s_o/l = 0.9")
+    assert ends[1] == "it arrives"
