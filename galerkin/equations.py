@@ -69,7 +69,7 @@ class GalerkinSystem:
     index 3: over a standing basis only schemes with numerical damping keep it stable, the trapezoidal rule does not.
 
     groups : `Scene.groups`;  basis : `galerkin.bases.Basis`
-    kink : enrich the basis by a hat travelling with the mass
+    kink : enrich the basis by a hat travelling with the mass;  bubbles : and by those of `TravellingKink`
     model : "string" | "sagged" | "stretching" (one field normal to the chord) | "full"
     load : "mass", or "force" = the weight mu sigma alone, without inertia
     law : "elastic", or "tension-only" N = max(0, T + alpha eps); the one-field models have no use for it
@@ -79,13 +79,13 @@ class GalerkinSystem:
 
     def __init__(
         self, groups: Groups, basis: Basis, *, kink: bool = False, model: str = "full", load: str = "mass",
-        law: str = "elastic",
+        law: str = "elastic", bubbles: bool = False,
     ) -> None:  # fmt: skip
         if load not in LOADS:
             raise ValueError(f"unknown load {load!r}; one of {', '.join(LOADS)}")
         self.groups, self.mu, self.kink = groups, groups.mu, kink
         self.model, self.load, self.law = model, load, law
-        self.basis: MovingBasis = TravellingKink(basis) if kink else Standing(basis)
+        self.basis: MovingBasis = TravellingKink(basis, bubbles) if kink else Standing(basis)
         self.cable = cable_model(groups, model, law)
         self.inertia = self.mu if load == "mass" else 0.0
         self.path_form = load == "mass" and not basis.smooth
@@ -276,7 +276,7 @@ class GalerkinSystem:
         """What compiled steps of the full cable take."""
         cable, basis = self.cable, self.basis
         assert isinstance(cable, FullCable)
-        return kernels.Cable(self.inertia, self.mu, cable.alpha, cable.law, basis.basis.harmonic, basis.hat)
+        return kernels.Cable(self.inertia, self.mu, cable.alpha, cable.law, basis.basis.harmonic, basis.travels)
 
     def _settle(self, x: Instant, ride: Any, *step: Any) -> Settled:
         start, now, rule, bound, newton = step
@@ -303,7 +303,7 @@ class GalerkinSystem:
         kick = Q @ (after.f_q - earlier.f_q)
         balance = np.multiply.outer(self.mu * (kick + x.load - before.load), after.f)
         if self.kink:
-            balance += np.multiply.outer(Q[:, -1], after.centrifugal - earlier.centrifugal)
+            balance += np.multiply.outer(Q[:, -1], after.centrifugal[0] - earlier.centrifugal[0])
         jump = -np.linalg.solve(after.mass + self.mu * np.multiply.outer(after.f, after.f), balance.T).T
         return State(t, state.q, state.v, state.a + np.concatenate([jump.ravel(), jump @ after.f + kick]), phase)
 

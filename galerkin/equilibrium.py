@@ -51,20 +51,24 @@ def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equi
     n, s_o, rest = x.s_o.size, x.s_o[:, None], 1.0 - x.s_o[:, None]
     strain, least, least_at, internal = np.empty(n), np.empty(n), np.empty(n), np.empty((n, 2, 2))
     moving = system.basis if isinstance(system.basis, TravellingKink) else TravellingKink(basis)
-    Q = np.concatenate([x.Q, x.q_hat[:, :, None]], axis=2)
+    Q = np.concatenate([x.Q, *([x.q_bow] if moving.travels > 1 else []), x.q_hat[:, :, None]], axis=2)
     for i, place in enumerate(x.s_o.tolist()):
         points = cable.at(moving, place)
         strain[i], least[i], at = kernels.survey(points, Q[i], cable.alpha, cable.law, internal[i])
         least_at[i] = points.s[at]
     first, second = basis.phi(x.s_o, -1), basis.phi(x.s_o, -2)
     ends, ends_1 = (basis.phi(np.array([0.0, 1.0]), m) for m in (-2, -1))
-    ray_behind, ray_ahead = _rays(x)
-    moment_behind = combined(x.A, s_o * first - second + ends[0]) + ray_behind * s_o**3 / 3.0
-    moment_ahead = combined(x.A, ends[1] - second - rest * first) + ray_ahead * rest**3 / 3.0
+    (ray_behind, bow_behind), (ray_ahead, bow_ahead) = _rays(x)
+    moment_behind = (
+        combined(x.A, s_o * first - second + ends[0]) + ray_behind * s_o**3 / 3.0 + bow_behind * s_o**4 / 4.0
+    )
+    moment_ahead = (
+        combined(x.A, ends[1] - second - rest * first) + ray_ahead * rest**3 / 3.0 + bow_ahead * rest**4 / 4.0
+    )
     behind = (internal[:, :, 0] + moment_behind) / s_o
     ahead = (internal[:, :, 1] - moment_ahead) / rest
-    left = behind - combined(x.A, first - ends_1[0]) - ray_behind * s_o**2 / 2.0
-    right = ahead + combined(x.A, ends_1[1] - first) + ray_ahead * rest**2 / 2.0
+    left = behind - combined(x.A, first - ends_1[0]) - ray_behind * s_o**2 / 2.0 - bow_behind * s_o**3 / 3.0
+    right = ahead + combined(x.A, ends_1[1] - first) + ray_ahead * rest**2 / 2.0 + bow_ahead * rest**3 / 3.0
     return Equilibrium(
         behind + _static(cable, x.s_o), ahead + _static(cable, x.s_o),
         left + _static(cable, np.zeros(1)), right + _static(cable, np.ones(1)),
@@ -78,24 +82,26 @@ def _static(cable: FullCable, s: Array) -> Array:
     return np.stack([T * xp, T * yp], axis=1)
 
 
-def _rays(x: History) -> tuple[Array, Array]:
-    """The hat's share of w.. over s behind, and over 1 - s ahead of the mass, (n, fields) each."""
-    s_o, ds_o, dds_o, q = x.s_o[:, None], x.ds_o[:, None], x.dds_o[:, None], x.q_hat
-    rest, drag = 1.0 - s_o, 2.0 * ds_o * x.v_hat + dds_o * q
-    behind = (x.a_hat - (drag - 2.0 * ds_o**2 * q / s_o) / s_o) / s_o
-    return behind, (x.a_hat + (drag + 2.0 * ds_o**2 * q / rest) / rest) / rest
+def _rays(x: History) -> list[tuple[Array, Array]]:
+    """The share in w.. of what travels, by s behind and 1 - s ahead of the mass: of its first and second power."""
+    out = []
+    for i in range(2):
+        h, dh, ddh = (y[:, None] for y in ((x.s_o, x.ds_o, x.dds_o) if i == 0 else (1.0 - x.s_o, -x.ds_o, -x.dds_o)))
+        (q, v, a), (Q, V, A) = (x.q_hat, x.v_hat, x.a_hat), (y[..., i] for y in (x.q_bow, x.v_bow, x.a_bow))
+        ray = a + A - (2.0 * dh * (v + V) + (ddh - 2.0 * dh**2 / h) * (q + Q)) / h
+        out.append((ray / h, (-A + (4.0 * dh * V + (2.0 * ddh - 6.0 * dh**2 / h) * Q) / h) / h**2))
+    return out
 
 
 def _along(x: History, basis, behind: Array, ahead: Array, first: Array, s: Array, frames: Array) -> Array:
     """G at the stations, (k, m, 2)."""
     s_o, rays = x.s_o[frames, None], _rays(x)
     standing = np.einsum("kfm,sm->ksf", x.A[frames], basis.phi(s, -1)) - combined(x.A, first)[frames, None]
-    left, right = (0.5 * (s_o**2 - s**2))[..., None], (0.5 * ((1.0 - s_o) ** 2 - (1.0 - s) ** 2))[..., None]
-    return standing + np.where(
-        (s <= s_o)[..., None],
-        behind[frames, None] - rays[0][frames, None] * left,
-        ahead[frames, None] + rays[1][frames, None] * right,
+    left, right = (
+        sum(((a**p - b**p) / p)[..., None] * y[frames, None] for p, y in zip((2, 3), ray, strict=True))
+        for (a, b), ray in zip(((s_o, s), (1.0 - s_o, 1.0 - s)), rays, strict=True)
     )
+    return standing + np.where((s <= s_o)[..., None], behind[frames, None] - left, ahead[frames, None] + right)
 
 
 def combined(coefficients: Array, functions: Array) -> Array:

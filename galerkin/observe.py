@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,6 +32,9 @@ class History:
     q_hat: Array  # (n, fields)
     v_hat: Array
     a_hat: Array
+    q_bow: Array  # (n, fields, 2) of the bubbles behind and ahead, zero without them
+    v_bow: Array
+    a_bow: Array
 
 
 def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> Observation:
@@ -59,7 +62,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
             combined(x.A, phi) + x.a_hat + 2.0 * x.ds_o[:, None] * combined(x.V, first)
             + x.dds_o[:, None] * w_s + x.ds_o[:, None] ** 2 * bend
         )  # fmt: skip
-    left, right = _hat_slopes(x)
+    left, right = _slopes(x)
     behind, ahead = w_s + left, w_s + right
 
     T_o, xp, yp, xpp, ypp = groups.static(x.s_o)
@@ -69,6 +72,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     w_s_frames = np.einsum("kfm,sm->kfs", x.Q[frames], basis.phi(s, 1))
     side = (s[None, :] <= x.s_o[frames, None])[:, None, :]
     slopes = w_s_frames + np.where(side, left[frames, :, None], right[frames, :, None])
+    slopes += 2.0 * _over(x, frames, s)[:, None] * np.where(side, *_bow_slopes(x, frames))
     T_s = groups.static(s)[0]
     kinetic = _kinetic(system, x)
     p = np.stack([x.ds_o, x.dds_o, x.ds_o**2])[:, :, None]
@@ -78,7 +82,8 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         sides = system.sides(static + np.array([behind, ahead]), forces, x.s_o)
         T_behind_pointwise, T_ahead_pointwise, working = _one_sided(cable, x.s_o, *(sides - static))
         strain, least, least_at = forces.strain, forces.least, forces.least_at
-        weight = -cable.weight[1] * (x.Q[:, 1] @ basis.integral() + 0.5 * x.q_hat[:, 1])
+        bows = x.q_bow[:, 1] * np.stack([x.s_o, 1.0 - x.s_o], axis=1) / 6.0
+        weight = -cable.weight[1] * (x.Q[:, 1] @ basis.integral() + 0.5 * x.q_hat[:, 1] + bows.sum(axis=1))
         T_pointwise = np.array([cable.points(s, slope)[0] for slope in slopes]).reshape(len(frames), s.size)
         T_behind, T_ahead = (_tension(*y) for y in ((forces.behind, static + behind), (forces.ahead, static + ahead)))
         T = _tension(forces.along, np.stack(groups.static(s)[1:3], axis=-1) + slopes.transpose(0, 2, 1))
@@ -122,14 +127,29 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
 def history(system: GalerkinSystem, states: States) -> History:
     s_o, ds_o, dds_o = system.kinematics(states)
     q, v, a = (y[:, : system.n_modal].reshape(-1, system.fields, system.n) for y in (states.q, states.v, states.a))
-    if system.kink:
-        return History(s_o, ds_o, dds_o, q[..., :-1], v[..., :-1], a[..., :-1], q[..., -1], v[..., -1], a[..., -1])
-    zero = np.zeros(q.shape[:2])
-    return History(s_o, ds_o, dds_o, q, v, a, zero, zero, zero)
+    N, travels = system.basis.basis.n, system.basis.travels
+    standing, hat, bows = [], [], []
+    for y in (q, v, a):
+        standing.append(y[..., :N])
+        hat.append(y[..., -1] if travels else np.zeros(y.shape[:2]))
+        bows.append(y[..., N : N + 2] if travels > 1 else np.zeros((*y.shape[:2], 2)))
+    return History(s_o, ds_o, dds_o, *standing, *hat, *bows)
 
 
-def _hat_slopes(x: History) -> tuple[Array, Array]:
-    """What the hat adds to w' behind and ahead of the mass, (n, fields) each; on the left support the limit t -> 0+."""
+def _over(x: History, frames: Array, s: Array) -> Array:
+    """1 - s/s_o behind and 1 - (1 - s)/(1 - s_o) ahead of the mass, (k, m)."""
+    s_o = np.clip(x.s_o[frames], NEAR_SUPPORT, 1.0 - NEAR_SUPPORT)[:, None]
+    return 1.0 - np.where(s <= s_o, s / s_o, (1.0 - s) / (1.0 - s_o))
+
+
+def _bow_slopes(x: History, frames: Any = slice(None)) -> tuple[Array, Array]:
+    """What the bubbles take from w' behind and ahead of the mass, (n, fields, 1) each."""
+    s_o = np.clip(x.s_o[frames], NEAR_SUPPORT, 1.0 - NEAR_SUPPORT)[:, None, None]
+    return x.q_bow[frames, :, :1] / s_o, -x.q_bow[frames, :, 1:] / (1.0 - s_o)
+
+
+def _slopes(x: History) -> tuple[Array, Array]:
+    """What travels adds to w' behind and ahead of the mass, (n, fields) each; on the left support the limit t -> 0+."""
     s_o, ds_o, dds_o = x.s_o[:, None], x.ds_o[:, None], x.dds_o[:, None]
     entry = s_o == 0.0
     moving = entry & (ds_o != 0.0)
@@ -137,7 +157,8 @@ def _hat_slopes(x: History) -> tuple[Array, Array]:
     left = np.where(entry, 0.0, x.q_hat) / np.where(entry, 1.0, s_o)
     left = left + np.where(moving, x.v_hat, 0.0) / np.where(moving, ds_o, 1.0)
     left = left + np.where(pulled, x.a_hat, 0.0) / np.where(pulled, dds_o, 1.0)
-    return left, -x.q_hat / np.maximum(1.0 - s_o, NEAR_SUPPORT)
+    behind, ahead = _bow_slopes(x)
+    return left - behind[..., 0], -x.q_hat / np.maximum(1.0 - s_o, NEAR_SUPPORT) - ahead[..., 0]
 
 
 def _displacement(x: History, s: Array, values: Array, frames: Array) -> tuple[Array, Array]:
@@ -147,9 +168,15 @@ def _displacement(x: History, s: Array, values: Array, frames: Array) -> tuple[A
     behind = s <= s_o
     hat = np.where(behind, s / s_o, (1.0 - s) / rest)
     hat_t = ds_o * np.where(behind, -s / s_o**2, (1.0 - s) / rest**2)
-    w = np.einsum("kfm,sm->kfs", x.Q[frames], values) + x.q_hat[frames][:, :, None] * hat[:, None]
-    w_t = np.einsum("kfm,sm->kfs", x.V[frames], values) + x.v_hat[frames][:, :, None] * hat[:, None]
-    return w, w_t + x.q_hat[frames][:, :, None] * hat_t[:, None]
+    # the bubbles are hat (1 - hat)
+    bow, bow_t = hat * (1.0 - hat), (1.0 - 2.0 * hat) * hat_t
+    w, w_t = (
+        np.einsum("kfm,sm->kfs", y[frames], values) + z[frames][:, :, None] * hat[:, None]
+        + np.where(behind[:, None], *(b[frames, :, i, None] for i in range(2))) * bow[:, None]
+        for y, z, b in ((x.Q, x.q_hat, x.q_bow), (x.V, x.v_hat, x.v_bow))
+    )  # fmt: skip
+    q_bow = np.where(behind[:, None], *(x.q_bow[frames, :, i, None] for i in range(2)))
+    return w, w_t + x.q_hat[frames][:, :, None] * hat_t[:, None] + q_bow * bow_t[:, None]
 
 
 def _kinetic(system: GalerkinSystem, x: History) -> Array:
@@ -161,7 +188,22 @@ def _kinetic(system: GalerkinSystem, x: History) -> Array:
         q, v = x.q_hat, x.v_hat
         cross = 2.0 * v * combined(x.V, value) + 2.0 * x.ds_o[:, None] * q * combined(x.V, first)
         twice = twice + np.sum(cross + v**2 / 3.0 + steep[:, None] * q**2, axis=1)
+        if system.basis.travels > 1:
+            twice = twice + _kinetic_of_bubbles(system.basis, x)
     return 0.5 * twice
+
+
+def _kinetic_of_bubbles(basis: TravellingKink, x: History) -> Array:
+    """What bubbles add to int |w.|^2 ds, (n,)."""
+    total, overlaps = np.zeros(x.s_o.size), basis.bubble_overlap(x.s_o)
+    for i, (h, dh) in enumerate(((x.s_o, x.ds_o), (1.0 - x.s_o, -x.ds_o))):
+        h, dh = h[:, None], dh[:, None]
+        q, v, q_hat, v_hat = x.q_bow[..., i], x.v_bow[..., i], x.q_hat, x.v_hat
+        value, first = overlaps[i]
+        part = 2.0 * v * combined(x.V, value) + 2.0 * x.ds_o[:, None] * q * combined(x.V, first)
+        part += h * v * (v / 30.0 + v_hat / 6.0) + dh * (v * q / 30.0 + v_hat * q / 3.0 - v * q_hat / 6.0)
+        total += np.sum(part + dh**2 / np.maximum(h, NEAR_SUPPORT) * q * (2.0 / 15.0 * q - q_hat / 3.0), axis=1)
+    return total
 
 
 def _one_sided(cable: FullCable, s_o: Array, behind: Array, ahead: Array) -> tuple[Array, Array, Array]:

@@ -25,6 +25,7 @@ from galerkin import kernels
 from galerkin.bases import Basis, Fourier
 from galerkin.bases.fourier import split
 from galerkin.bases.kink import Array, TravellingKink
+from galerkin.bow import bow, table
 from galerkin.equations import Drives, GalerkinSystem, Instant, factorised
 from galerkin.equilibrium import Equilibrium
 from galerkin.models import FullCable
@@ -102,8 +103,11 @@ class RollingSystem(GalerkinSystem):
         if not basis.smooth:
             raise ValueError("a car cannot roll on a basis without second derivatives: take order 4 or more")
         self.drive, self.free = groups.drive, groups.drive.mode == "free"
-        super().__init__(groups, basis, kink=kink, law=law)
+        super().__init__(groups, basis, kink=kink, law=law, bubbles=isinstance(basis, Fourier))
         self.n_dof += 1
+        self._bubbles = [k * self.n - i for k in (1, 2) for i in (3, 2)] if self.basis.travels > 1 else []
+        self._bow = bow(groups) if self._bubbles else None
+        self._bent = np.empty((17, 0)) if self._bow is None else table(self._bow)
         self.events = EVENTS if self.free else ("lift_off",)
         self.mode, self.hold = Mode(), 0.0  # F_hold at the start
         self._latest: tuple[tuple[float, float, float], Instant] | None = None
@@ -128,7 +132,7 @@ class RollingSystem(GalerkinSystem):
     def least_tension(self) -> tuple[float, float]:
         if self._moved is not None:
             s_o, pull, behind, ahead = self._moved
-            s, weights, phi = split(s_o, behind, ahead, self.basis.basis.n)
+            s, weights, phi = split(s_o, behind, ahead, self.basis.basis.n, self.basis.travels)
             place = kernels.Points(s, phi, weights, *kernels.static(s, self.groups.sigma, self.groups.c))
             self._pull, self._moved = (self.basis, place, pull), None
         return super().least_tension
@@ -159,7 +163,7 @@ class RollingSystem(GalerkinSystem):
         of = self.mu, self.groups.sigma, drive.k, drive.wind, self.held(t), against * drive.mu_r, brake
         since, ax, ay, jx, jy = self._smooth
         sines = self.kink and isinstance(self.basis.basis, Fourier)
-        sheds = SHEDS * math.pi * (self.n - 1) if sines else 0.0
+        sheds = SHEDS * math.pi * self.basis.basis.n if sines else 0.0
         return kernels.Rolling(*of, ax + (t - since) * jx, ay + (t - since) * jy, sheds)
 
     def _thrust(self, t: float, phase: int, a: Array) -> float:
@@ -197,6 +201,8 @@ class RollingSystem(GalerkinSystem):
     def _sides(self, x: Instant, Q: Array) -> Array:
         """r' behind and ahead of the car, its rows, of a cable at rest whose force was the last one."""
         sides = x.slope + Q @ x.carried.f_s + np.multiply.outer(x.rays, Q[:, -1])
+        if self.basis.travels > 1:
+            sides -= (np.array(x.rays) * Q[:, -3:-1]).T
         if self.kink:
             rest, cable = np.zeros_like(Q), self._full
             kernels.recover(x.carried, x.slope, x.rays, cable.sides, cable.alpha, Q, rest, rest, 0.0, 0.0, *sides)
@@ -308,6 +314,8 @@ class RollingSystem(GalerkinSystem):
         for part, c in zip(parts, np.eye(3).tolist(), strict=True):
             part[:n, :n] = self._tangent(x, stiffness.copy(), *c)
             kernels.add_shed_tangent(x.carried, x.rays, travel[1], self._on(t, phase), c[0], c[1], part[:n, :n])
+            part[self._bubbles] = 0.0
+            part[self._bubbles, self._bubbles] = c[2]
             if not self._rolls:
                 part[n, n] = c[2] * self.mu
                 continue
@@ -324,7 +332,11 @@ class RollingSystem(GalerkinSystem):
         force, pull = self.cable.force(x.place, self._fields(q))
         self._pull, self._moved = (self.basis, x.place, pull), None
         car = self._roll(t, q, v, a, phase, x, force)
-        return np.append(force.ravel(), car.defect if self._rolls else self.mu * a[-1]), car
+        r = np.append(force.ravel(), car.defect if self._rolls else self.mu * a[-1])
+        if self._bow is not None:
+            s_o, ds_o, dds_o = self._travel(t, q, v, a, phase)
+            r[self._bubbles] = a[self._bubbles] - self._bow(s_o, 1) * dds_o - self._bow(s_o, 2) * ds_o**2
+        return r, car
 
     @property
     def _rolls(self) -> bool:
@@ -342,7 +354,7 @@ class RollingSystem(GalerkinSystem):
         return kernels.Ride(
             mode, self._on(t, phase), self._thrust(t, phase, a) if self.free else 0.0, *travel[1:],
             sines.side_rule(travel[0]), sines.side_rule(1.0 - travel[0]), basis.at_rest, basis.left, basis.chord,
-            self.groups.c,
+            self.groups.c, self._bent,
         )  # fmt: skip
 
     def settle(
@@ -371,7 +383,7 @@ class RollingSystem(GalerkinSystem):
         s_o, (q, v, a) = self.drive.start, np.zeros((3, self.n_dof))
         self.mode = Mode(brakes=sum(place <= s_o for place, _ in self.drive.brakes))
         x = self._at((s_o, 0.0, 0.0))
-        Q = self._equilibrium(x)
+        Q = self._equilibrium(x, s_o)
         q[: self.n_modal] = Q.ravel()
         self._past, self._smooth = [], (0.0, 0.0, 0.0, 0.0, 0.0)
         weight = kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0)  # no wind, no thrust yet
@@ -379,14 +391,14 @@ class RollingSystem(GalerkinSystem):
         if not self.free:
             d, speed = 1e-4 * min(s_o, 1.0 - s_o), self.motion.at(0.0, 0)[1]
             if speed:
-                ends = [self._equilibrium(self._at((s_o + x, 0.0, 0.0))) for x in (-d, d)]
+                ends = [self._equilibrium(self._at((s_o + x, 0.0, 0.0)), s_o + x) for x in (-d, d)]
                 v[: self.n_modal] = (speed / (2.0 * d)) * (ends[1] - ends[0]).ravel()
             return self._consistent(0.0, q, v, 0)
         q[-1] = s_o
         self.hold = car.along * car.stretch
         return self._come_to_rest(State(0.0, q, v, a, 0))
 
-    def _equilibrium(self, x: Instant) -> Array:
+    def _equilibrium(self, x: Instant, s_o: float) -> Array:
         """Coefficients (2, n) of the loaded cable at rest by Newton's method, halved; from soft to stiff if it must.
 
         Held, the cable carries the weight of the car; on a rope, what of it is normal to the mean tangent.  A stiff
@@ -397,6 +409,8 @@ class RollingSystem(GalerkinSystem):
         alpha, softest = self.groups.alpha, min(self.groups.alpha, 4.0 * (1.0 + self.mu * self.groups.sigma))
         for count in (1, 8, 40):
             Q, defect = np.zeros((2, self.n)), 0.0
+            if self._bow is not None:
+                Q[:, -3:-1] = self._bow(s_o).reshape(2, 2)
             for self.cable.alpha in np.geomspace(softest, alpha, count) if count > 1 else [alpha]:
                 Q, defect = self._rest(x, Q, tolerance)
             if defect <= 1e3 * tolerance:
@@ -408,6 +422,8 @@ class RollingSystem(GalerkinSystem):
         f, f_m = x.carried.f, x.carried.f_s.copy()
         weight = self.mu * self.cable.weight
         f_m[-1] += 0.5 * sum(x.rays)
+        if self.basis.travels > 1:
+            f_m[-3:-1] -= 0.5 * np.array(x.rays)
 
         def linearised(Q: Array) -> tuple[Array, Array]:
             force, _, K = self.cable.linearise(self.basis, x.place, Q)
@@ -420,7 +436,10 @@ class RollingSystem(GalerkinSystem):
                 load = (weight @ n) * n
                 turn = np.multiply.outer((weight @ n) * tau + (weight @ tau) * n, n) / size
                 K += np.einsum("ab,i,j->aibj", turn, f, f_m).reshape(K.shape)
-            return (force - np.multiply.outer(load, f)).ravel(), K
+            r = (force - np.multiply.outer(load, f)).ravel()
+            for i in self._bubbles:
+                r[i], K[i], K[i, i] = 0.0, 0.0, 1.0
+            return r, K
 
         r, K = linearised(Q)
         for _ in range(60):
@@ -441,7 +460,7 @@ class RollingSystem(GalerkinSystem):
         """Solve for a; a second time for what rounding and the difference by s_o have left."""
         a = np.zeros(self.n_dof)
         if self.free and not self.mode.sign:
-            v[-1] = 0.0
+            v[[*self._bubbles, -1]] = 0.0
         for _ in range(3):
             r, solve = self.linearise(t, q, v, a, phase, 0.0, 0.0, 1.0)
             step = solve(r.copy())

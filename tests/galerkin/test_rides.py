@@ -56,10 +56,11 @@ def test_rows_of_the_cable_are_those_of_a_mass_that_grips(kink, monkeypatch):
     monkeypatch.setattr(rides, "SHEDS", 0.0)
     s_o, ds_o, dds_o = STEEP.motion.at(0.9, 0)
     free = RollingSystem(replace(STEEP, drive=Drive(mode="free", start=0.4)), Fourier(4), kink=kink)
-    grips = GalerkinSystem(STEEP, Fourier(4), kink=kink)
+    grips = GalerkinSystem(STEEP, Fourier(4), kink=kink, bubbles=kink)
     q, v, a = (np.append(y, z) for y, z in zip(random_state(grips, 3), (s_o, ds_o, dds_o), strict=True))
     want = grips.residual(0.9, q[:-1], v[:-1], a[:-1], 0)
-    np.testing.assert_allclose(free.residual(0.9, q, v, a, 0)[:-1], want, rtol=0.0, atol=1e-12)
+    rows = np.delete(np.arange(want.size), free._bubbles)
+    np.testing.assert_allclose(free.residual(0.9, q, v, a, 0)[rows], want[rows], rtol=0.0, atol=1e-12)
     assert np.abs(free.residual(0.9, q, v, -a, 0)[:-1] - want).max() > 1e-3
     thrust = Drive(mode="free", start=0.4, thrust_table=((0.0, 0.3), (math.inf, 0.3)))
     pulled = RollingSystem(replace(STEEP, drive=thrust), Fourier(4), kink=kink)
@@ -74,10 +75,13 @@ def test_what_sines_leave_of_a_changing_kink_is_let_go(monkeypatch):
     got = []
     for terms in (4, 8):
         system = RollingSystem(replace(STEEP, drive=Drive(mode="free", start=0.4)), Fourier(terms))
-        (q, v, a), hats = random_state(system, 3), [terms, 2 * terms + 1]
+        (q, v, a), hats = random_state(system, 3), [terms + 2, 2 * terms + 5]
         q[-1], v[-1], a[-1] = 0.43, -0.37, 0.21
-        steady = v.copy()
-        steady[hats] = q[hats] * v[-1] * (1.0 / q[-1] - 1.0 / (1.0 - q[-1]))
+        steady, place, speed = v.copy(), q[-1], v[-1]
+        for hat in hats:  # the kink is that of the hat less those of the bubbles
+            by_bubbles = (1.0 - place) * q[hat - 2] + place * q[hat - 1]
+            rate = (1.0 - place) * v[hat - 2] + place * v[hat - 1] + speed * (q[hat - 1] - q[hat - 2])
+            steady[hat] = rate + (q[hat] - by_bubbles) * speed * (1.0 / place - 1.0 / (1.0 - place))
         r = [system.residual(0.9, q, x, a, 0) for x in (v, steady)]
         with monkeypatch.context() as patch:
             patch.setattr(rides, "SHEDS", 0.0)
@@ -103,6 +107,8 @@ def test_the_tangent_of_a_step(mode, rubs, monkeypatch):
     c, x, e = (1e-2, 1e-1, 1.0), np.random.default_rng(4).standard_normal(system.n_dof), 1e-5
     q, v, a = random_state(system, 3)
     q[-1], v[-1], a[-1] = 0.43, 0.37, 0.21
+    for k, y in enumerate((q, v, a)):
+        y[system._bubbles] = system._bow(0.43, k) * 0.37**k
 
     def moved(h):
         return system.residual(0.9, *(y + h * weight * x for y, weight in zip((q, v, a), c, strict=True)), 0)
@@ -111,7 +117,11 @@ def test_the_tangent_of_a_step(mode, rubs, monkeypatch):
         _, solve = system.linearise(0.9, q, v, a, 0, *c)
         return np.abs(solve((moved(e) - moved(-e)) / (2.0 * e)) - x).max()
 
-    assert off(*c) < (0.1 if rubs else 0.03)
+    parts = system._seen_at(0.9, q, v, a, 0, True)[1]
+    product = sum(w * part for w, part in zip(c, parts, strict=True)) @ x
+    gap = np.abs((moved(e) - moved(-e)) / (2.0 * e) - product)
+    assert gap[:-1].max() < (0.02 if rubs else 1e-3) * np.abs(product[:-1]).max()
+    assert gap[-1] < (0.2 if rubs else 0.02) * np.abs(x).sum()
     assert off(1e-2, -1e-1, 1.0) > 0.3
     compiled = system.linearise(0.9, q, v, a, 0, *c)
     monkeypatch.setattr(RollingSystem, "_compiled", False)
@@ -128,25 +138,25 @@ def test_the_tangent_of_a_step(mode, rubs, monkeypatch):
     ids=["zip line", "level", "inclined"],
 )  # fmt: skip
 def test_what_holds_a_car_at_a_tenth(groups, hold):
-    """Against the elastic catenary of two pieces; second order in the terms, down to what (3) leaves out."""
+    """Against the elastic catenary of two pieces; a few terms do, but for what (3) leaves out."""
     errors = []
-    for terms in (8, 16):
+    for terms in (4, 8):
         system = RollingSystem(replace(groups, drive=Drive(mode="free", start=0.1, end_time=1.0)), Fourier(terms))
         x = system.start(0, None)
         errors.append(abs(system.hold - hold))
     assert errors[1] < 1e-4 * abs(hold)
-    assert errors[1] < 0.5 * errors[0]
+    assert errors[1] < 0.8 * errors[0]
     assert np.abs(system.residual(0.0, x.q, x.v, x.a, 0)).max() < 1e-10
 
 
 def test_a_short_side_that_sines_do_not_resolve():
-    """What holds the car there, and its twin: the slopes of the sines at the car err a hundred times as much."""
+    """What holds the car there, and its twin: what the slopes at the car say is not as good."""
     groups = replace(LEVEL, drive=Drive(mode="free", start=0.02, end_time=1.0))
     system, hold = RollingSystem(groups, Fourier(30)), gripped(0.02, groups).hold[0]
     x = system.start(0, None)
     assert abs(system.hold - hold) < 5e-5 * abs(hold)
     seen = system._car_at(x._replace(a=np.zeros_like(x.a)))
-    assert abs(seen.along * seen.stretch - hold) > 2e-3 * abs(hold)
+    assert abs(seen.along * seen.stretch - hold) > 5e-5 * abs(hold)
 
 
 @pytest.mark.parametrize(("place", "force", "tension"), [(0.25, 31.0, 766.5), (0.50, 34.9, 822.0), (0.75, 38.6, 767.0)])
@@ -217,7 +227,7 @@ def test_energy_and_equal_tensions_without_friction(monkeypatch):
     assert np.abs(along).max() < 1e-4 * system.mu * groups.sigma
     monkeypatch.setattr(RollingSystem, "sides", GalerkinSystem.sides)
     x = observe(system, states)
-    assert np.sqrt(np.mean((x.T_behind_pointwise - x.T_ahead_pointwise)[moving] ** 2)) > 5e-3
+    assert np.sqrt(np.mean((x.T_behind_pointwise - x.T_ahead_pointwise)[moving] ** 2)) > 2e-3
 
 
 def test_a_rider_who_turns_back():
@@ -259,6 +269,7 @@ def test_a_first_guess_beyond_the_cable_is_a_stalled_step():
     system = RollingSystem(RIDER.groups, Fourier(8))
     x = system.start(0, None)
     x.q[-1], x.v[-1], x.a[-1] = 0.999, 0.5, 0.0
+    x.q[system._bubbles] = system._bow(0.999)
     system.residual(x.t, np.append(x.q[:-1], 0.5), x.v, x.a, 0)
     for t1, on_it in ((1e-3, True), (0.1, False)):
         work = Work()

@@ -194,7 +194,7 @@ def _fixed(element: str, coupling: str) -> Build:
 
 
 def _galerkin(family: str, kink: bool) -> Build:
-    def build(groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
+    def build(groups: Groups, x: dict[str, Any], **kind: Any) -> Solver:
         from galerkin.abscissa import PositionAbscissa
         from galerkin.bases.daubechies import Daubechies
         from galerkin.bases.fourier import Fourier
