@@ -26,10 +26,8 @@ class Carried(NamedTuple):
     """What the equations need of a moving basis at an instant; n functions."""
 
     mass: Array  # M, (n, n)
-    gyroscopic: (
-        Array  # columns of 2 A of the functions that travel, (k, n); its others are zero, as are those of A. - B
-    )
-    centrifugal: Array  # those of A. - B, (k, n)
+    gyroscopic: Array  # columns of 2 A of the k functions that travel, (k, n); its others are zero
+    centrifugal: Array  # the same of A. - B, (k, n)
     f: Array  # Phi(s_o), (n,)
     f_s: Array  # Phi'(s_o) along the path: the hat rides along and stays 1, that is why its kink costs no phi''
     f_v: Array  # 2 ds_o Phi'(s_o), as in (22), (n,)
