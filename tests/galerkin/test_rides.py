@@ -117,6 +117,8 @@ def test_the_tangent_of_a_step(mode, rubs, monkeypatch):
         _, solve = system.linearise(0.9, q, v, a, 0, *c)
         return np.abs(solve((moved(e) - moved(-e)) / (2.0 * e)) - x).max()
 
+    # solving magnifies what a free car's row leaves out: that one is read row by row
+    assert mode == "free" or off(*c) < (0.1 if rubs else 0.03)
     parts = system._seen_at(0.9, q, v, a, 0, True)[1]
     product = sum(w * part for w, part in zip(c, parts, strict=True)) @ x
     gap = np.abs((moved(e) - moved(-e)) / (2.0 * e) - product)
