@@ -24,6 +24,7 @@ from galerkin import kernels
 from galerkin.bases import Basis
 from galerkin.bases.fourier import Fourier
 from galerkin.bases.kink import Array, Carried, MovingBasis, Standing, TravellingKink
+from galerkin.bow import NONE, bent
 from galerkin.equilibrium import Equilibrium
 from galerkin.models import FullCable, cable_model
 from galerkin.observe import direction, displaced, history, observe
@@ -40,11 +41,12 @@ class Instant:
     slope: Array  # X', (fields,)
     load: Array  # acceleration along the static path less gravity, -F/(mu phi) of (27), (fields,)
     place: Any  # the cable model's own
+    bows: Array  # `galerkin.bow.bent`
 
     @property
     def moment(self) -> kernels.Moment:
         """What compiled steps of the full cable take of it."""
-        return kernels.Moment(self.place, self.carried, self.slope, self.load)
+        return kernels.Moment(self.place, self.carried, self.slope, self.load, self.bows)
 
 
 class Drives(NamedTuple):
@@ -69,7 +71,7 @@ class GalerkinSystem:
     index 3: over a standing basis only schemes with numerical damping keep it stable, the trapezoidal rule does not.
 
     groups : `Scene.groups`;  basis : `galerkin.bases.Basis`
-    kink : enrich the basis by a hat travelling with the mass;  bubbles : and by those of `TravellingKink`
+    kink : enrich the basis by a hat travelling with the mass
     model : "string" | "sagged" | "stretching" (one field normal to the chord) | "full"
     load : "mass", or "force" = the weight mu sigma alone, without inertia
     law : "elastic", or "tension-only" N = max(0, T + alpha eps); the one-field models have no use for it
@@ -79,14 +81,15 @@ class GalerkinSystem:
 
     def __init__(
         self, groups: Groups, basis: Basis, *, kink: bool = False, model: str = "full", load: str = "mass",
-        law: str = "elastic", bubbles: bool = False,
+        law: str = "elastic",
     ) -> None:  # fmt: skip
         if load not in LOADS:
             raise ValueError(f"unknown load {load!r}; one of {', '.join(LOADS)}")
         self.groups, self.mu, self.kink = groups, groups.mu, kink
         self.model, self.load, self.law = model, load, law
-        self.basis: MovingBasis = TravellingKink(basis, bubbles) if kink else Standing(basis)
+        self.basis: MovingBasis = TravellingKink(basis) if kink else Standing(basis)
         self.cable = cable_model(groups, model, law)
+        self._bows = NONE
         self.inertia = self.mu if load == "mass" else 0.0
         self.path_form = load == "mass" and not basis.smooth
         self.fields, self.n = self.cable.fields, self.basis.n
@@ -137,6 +140,10 @@ class GalerkinSystem:
         travel = self.groups.motion
         return (1.0 - w) * t0 + w * t1 if travel is None else travel.between(t0, t1, w, phase)
 
+    def bows(self, travel: Array) -> Array:
+        """Amplitudes of bubbles and their rates over a history (3, n) of s_o, ds_o, dds_o: (3, n, fields, 2)."""
+        return np.zeros((*travel.shape, self.fields, 2))
+
     def kinematics(self, states: States) -> Array:
         """s_o, ds_o, dds_o of a history, (3, n)."""
         return self.motion.along(states.t, states.phase)
@@ -173,7 +180,8 @@ class GalerkinSystem:
         rays = (1.0 / s_o, -1.0 / (1.0 - s_o)) if self.kink else (0.0, 0.0)
         slope, _ = self.cable.static_slope(s_o)
         load, place = self._load(s_o, ds_o, dds_o), place or self.cable.at(self.basis, s_o)
-        return Instant(self.basis.carried(s_o, ds_o, dds_o), rays, slope, load, place)
+        bows = bent(self._bows, s_o, ds_o, dds_o)
+        return Instant(self.basis.carried(s_o, ds_o, dds_o), rays, slope, load, place, bows)
 
     def _load(self, s_o: float, ds_o: float, dds_o: float) -> Array:
         if self.load == "force":
@@ -262,7 +270,7 @@ class GalerkinSystem:
         places, rule = self.motion.along(t, phase).T, kink.basis.side_rule
         sides = [(rule(s), rule(1.0 - s)) for s in places[:, 0].tolist()]
         same = next((k for k, side in enumerate(sides) if any(map(operator.is_not, side, sides[0]))), t.size)
-        grip = kernels.Grip(*sides[0], kink.at_rest, kink.left, kink.chord, self.groups.c)
+        grip = kernels.Grip(*sides[0], kink.at_rest, kink.left, kink.chord, self.groups.c, NONE)
         now, told = np.empty((same, *start.shape)), np.full((same, 6), np.nan)
         pull, limits = np.empty(grip.behind.shape[1] + grip.ahead.shape[1]), _limits(newton)
         taken = kernels.settle(
@@ -276,7 +284,7 @@ class GalerkinSystem:
         """What compiled steps of the full cable take."""
         cable, basis = self.cable, self.basis
         assert isinstance(cable, FullCable)
-        return kernels.Cable(self.inertia, self.mu, cable.alpha, cable.law, basis.basis.harmonic, basis.travels)
+        return kernels.Cable(self.inertia, self.mu, cable.alpha, cable.law, basis.basis.harmonic, basis.hat)
 
     def _settle(self, x: Instant, ride: Any, *step: Any) -> Settled:
         start, now, rule, bound, newton = step
@@ -303,7 +311,7 @@ class GalerkinSystem:
         kick = Q @ (after.f_q - earlier.f_q)
         balance = np.multiply.outer(self.mu * (kick + x.load - before.load), after.f)
         if self.kink:
-            balance += np.multiply.outer(Q[:, -1], after.centrifugal[0] - earlier.centrifugal[0])
+            balance += np.multiply.outer(Q[:, -1], after.centrifugal - earlier.centrifugal)
         jump = -np.linalg.solve(after.mass + self.mu * np.multiply.outer(after.f, after.f), balance.T).T
         return State(t, state.q, state.v, state.a + np.concatenate([jump.ravel(), jump @ after.f + kick]), phase)
 

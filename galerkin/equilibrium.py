@@ -23,6 +23,7 @@ import numpy as np
 
 from galerkin import kernels
 from galerkin.bases.kink import Array, TravellingKink
+from galerkin.bow import slopes
 from galerkin.models import FullCable
 
 if TYPE_CHECKING:
@@ -51,14 +52,16 @@ def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equi
     n, s_o, rest = x.s_o.size, x.s_o[:, None], 1.0 - x.s_o[:, None]
     strain, least, least_at, internal = np.empty(n), np.empty(n), np.empty(n), np.empty((n, 2, 2))
     moving = system.basis if isinstance(system.basis, TravellingKink) else TravellingKink(basis)
-    Q = np.concatenate([x.Q, *([x.q_bow] if moving.travels > 1 else []), x.q_hat[:, :, None]], axis=2)
+    Q = np.concatenate([x.Q, x.q_hat[:, :, None]], axis=2)
+    bows = x.bows[0] / np.stack([s_o, rest], axis=-1)
     for i, place in enumerate(x.s_o.tolist()):
         points = cable.at(moving, place)
+        points = points._replace(bent=slopes(points.s, place, bows[i, :, 0], bows[i, :, 1]))
         strain[i], least[i], at = kernels.survey(points, Q[i], cable.alpha, cable.law, internal[i])
         least_at[i] = points.s[at]
     first, second = basis.phi(x.s_o, -1), basis.phi(x.s_o, -2)
     ends, ends_1 = (basis.phi(np.array([0.0, 1.0]), m) for m in (-2, -1))
-    (ray_behind, bow_behind), (ray_ahead, bow_ahead) = _rays(x)
+    (ray_behind, bow_behind), (ray_ahead, bow_ahead) = x.pieces(2)
     moment_behind = (
         combined(x.A, s_o * first - second + ends[0]) + ray_behind * s_o**3 / 3.0 + bow_behind * s_o**4 / 4.0
     )
@@ -82,20 +85,9 @@ def _static(cable: FullCable, s: Array) -> Array:
     return np.stack([T * xp, T * yp], axis=1)
 
 
-def _rays(x: History) -> list[tuple[Array, Array]]:
-    """The share in w.. of what travels, by s behind and 1 - s ahead of the mass: of its first and second power."""
-    out = []
-    for i in range(2):
-        h, dh, ddh = (y[:, None] for y in ((x.s_o, x.ds_o, x.dds_o) if i == 0 else (1.0 - x.s_o, -x.ds_o, -x.dds_o)))
-        (q, v, a), (Q, V, A) = (x.q_hat, x.v_hat, x.a_hat), (y[..., i] for y in (x.q_bow, x.v_bow, x.a_bow))
-        ray = a + A - (2.0 * dh * (v + V) + (ddh - 2.0 * dh**2 / h) * (q + Q)) / h
-        out.append((ray / h, (-A + (4.0 * dh * V + (2.0 * ddh - 6.0 * dh**2 / h) * Q) / h) / h**2))
-    return out
-
-
 def _along(x: History, basis, behind: Array, ahead: Array, first: Array, s: Array, frames: Array) -> Array:
     """G at the stations, (k, m, 2)."""
-    s_o, rays = x.s_o[frames, None], _rays(x)
+    s_o, rays = x.s_o[frames, None], x.pieces(2)
     standing = np.einsum("kfm,sm->ksf", x.A[frames], basis.phi(s, -1)) - combined(x.A, first)[frames, None]
     left, right = (
         sum(((a**p - b**p) / p)[..., None] * y[frames, None] for p, y in zip((2, 3), ray, strict=True))

@@ -49,7 +49,7 @@ class FullCable:
         s, weights, phi = basis.slopes(s_o)
         if self._last is None or phi is not self._last.phi:  # a standing basis has one table for all places
             T, r_static = kernels.static(s, self.groups.sigma, self.groups.c)
-            self._last = kernels.Points(s, phi, weights, T, r_static)
+            self._last = kernels.Points(s, phi, weights, T, r_static, np.zeros(r_static.shape))
         return self._last
 
     def force(self, place: kernels.Points, Q: Array) -> tuple[Array, Array]:
@@ -61,7 +61,7 @@ class FullCable:
         """The same two, and J1, J2, J3 of (28)-(32), the gram matrix of k I + d r' r'^T, (2 n, 2 n)."""
         R, pull, gram = self._balance(place, Q)
         K = np.empty((Q.size, Q.size))
-        kernels.stiffness(place.phi, gram, basis.basis.harmonic, basis.travels, K)
+        kernels.stiffness(place.phi, gram, basis.basis.harmonic, basis.hat, K)
         self.pulls = kernels.pulls(place.phi, gram)
         return R, pull, K
 
@@ -75,7 +75,7 @@ class FullCable:
         """A negative tension must be so in the mean over a shortest wave, 2/n, or it is a ripple."""
         s, at = place.s, int(pull.argmin())
         if pull[at] < 0.0:
-            sides = [0.0, 1.0] if not basis.travels else [0.0, 1.0 / float(place.phi[-1, 0]), 1.0]
+            sides = [0.0, 1.0] if not basis.hat else [0.0, 1.0 / float(place.phi[-1, 0]), 1.0]
             waves = _waves(s, sides, basis.basis.n)
             weights = np.add.reduceat(place.weights, waves)
             pull, s = (np.add.reduceat(place.weights * x, waves) / weights for x in (pull, s))

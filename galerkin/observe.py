@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cablefem.response import Observation, States
+from galerkin.bases import Basis
 from galerkin.bases.kink import Array, TravellingKink
 from galerkin.equilibrium import combined, recover
 from galerkin.models import ChordCable, FullCable
@@ -32,9 +33,28 @@ class History:
     q_hat: Array  # (n, fields)
     v_hat: Array
     a_hat: Array
-    q_bow: Array  # (n, fields, 2) of the bubbles behind and ahead, zero without them
-    v_bow: Array
-    a_bow: Array
+    bows: Array  # (3, n, fields, 2) amplitudes of the bubbles behind and ahead and their rates, see `galerkin.bow`
+
+    @property
+    def sides(self) -> tuple[tuple[Array, Array, Array], ...]:
+        """Lengths of the pieces and their rates, (n, 1) each."""
+        h = np.clip(self.s_o, NEAR_SUPPORT, 1.0 - NEAR_SUPPORT)[:, None]
+        dh, ddh = self.ds_o[:, None], self.dds_o[:, None]
+        return (h, dh, ddh), (1.0 - h, -dh, -ddh)
+
+    def pieces(self, order: int) -> list[tuple[Array, Array]]:
+        """What travels behind and ahead, its time derivative of that order: coefficients (n, fields) of z and z^2.
+
+        z is the distance from the support; the hat is z/h, a bubble z/h - (z/h)^2.
+        """
+        hat, out = np.array([self.q_hat, self.v_hat, self.a_hat]), []
+        for i, (h, dh, ddh) in enumerate(self.sides):
+            bow, powers = self.bows[..., i], []
+            for m, (c, dc, ddc) in ((1, hat + bow), (2, -bow)):
+                rates = c, dc - m * dh / h * c, ddc - m / h * (2.0 * dh * dc + ddh * c - (m + 1) * dh**2 / h * c)
+                powers.append(rates[order] / h**m)
+            out.append((powers[0], powers[1]))
+        return out
 
 
 def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> Observation:
@@ -61,17 +81,17 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
             combined(x.A, phi) + x.a_hat + 2.0 * x.ds_o[:, None] * combined(x.V, first)
             + x.dds_o[:, None] * w_s + x.ds_o[:, None] ** 2 * bend
         )  # fmt: skip
-    left, right = _slopes(x)
-    behind, ahead = w_s + left, w_s + right
+    travelling = _slopes(x)
+    behind, ahead = w_s + travelling[0], w_s + travelling[1]
 
     T_o, xp, yp, xpp, ypp = groups.static(x.s_o)
     static, curvature = np.stack([xp, yp], axis=1), np.stack([xpp, ypp], axis=1)
     values = basis.phi(s)
     u_v, du_dv = _displacement(x, s, values, frames)
     w_s_frames = np.einsum("kfm,sm->kfs", x.Q[frames], basis.phi(s, 1))
-    side = (s[None, :] <= x.s_o[frames, None])[:, None, :]
-    slopes = w_s_frames + np.where(side, left[frames, :, None], right[frames, :, None])
-    slopes += 2.0 * _over(x, frames, s)[:, None] * np.where(side, *_bow_slopes(x, frames))
+    away, behind_it = (s - x.s_o[frames, None])[:, None], (s <= x.s_o[frames, None])[:, None]
+    ends = ((y[frames, :, None], 2.0 * z[frames, :, None]) for y, (_, z) in zip(travelling, x.pieces(0), strict=True))
+    slopes = w_s_frames + np.where(behind_it, *(y + z * away for y, z in ends))
     T_s = groups.static(s)[0]
     kinetic = _kinetic(system, x)
     p = np.stack([x.ds_o, x.dds_o, x.ds_o**2])[:, :, None]
@@ -81,8 +101,9 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         sides = system.sides(static + np.array([behind, ahead]), forces, x.s_o)
         T_behind_pointwise, T_ahead_pointwise, working = _one_sided(cable, x.s_o, *(sides - static))
         strain, least, least_at = forces.strain, forces.least, forces.least_at
-        bows = x.q_bow[:, 1] * np.stack([x.s_o, 1.0 - x.s_o], axis=1) / 6.0
-        weight = -cable.weight[1] * (x.Q[:, 1] @ basis.integral() + 0.5 * x.q_hat[:, 1] + bows.sum(axis=1))
+        below = x.Q[:, 1] @ basis.integral() + 0.5 * x.q_hat[:, 1]
+        below = below + sum(x.bows[0, :, 1, i] * h[:, 0] for i, (h, _, _) in enumerate(x.sides)) / 6.0
+        weight = -cable.weight[1] * below
         T_pointwise = np.array([cable.points(s, slope)[0] for slope in slopes]).reshape(len(frames), s.size)
         T_behind, T_ahead = (_tension(*y) for y in ((forces.behind, static + behind), (forces.ahead, static + ahead)))
         T = _tension(forces.along, np.stack(groups.static(s)[1:3], axis=-1) + slopes.transpose(0, 2, 1))
@@ -138,25 +159,12 @@ def displaced(system: GalerkinSystem, states: States, x: History) -> Array:
 def history(system: GalerkinSystem, states: States) -> History:
     s_o, ds_o, dds_o = system.kinematics(states)
     q, v, a = (y[:, : system.n_modal].reshape(-1, system.fields, system.n) for y in (states.q, states.v, states.a))
-    N, travels = system.basis.basis.n, system.basis.travels
-    standing, hat, bows = [], [], []
-    for y in (q, v, a):
-        standing.append(y[..., :N])
-        hat.append(y[..., -1] if travels else np.zeros(y.shape[:2]))
-        bows.append(y[..., N : N + 2] if travels > 1 else np.zeros((*y.shape[:2], 2)))
-    return History(s_o, ds_o, dds_o, *standing, *hat, *bows)
-
-
-def _over(x: History, frames: Array, s: Array) -> Array:
-    """1 - s/s_o behind and 1 - (1 - s)/(1 - s_o) ahead of the mass, (k, m)."""
-    s_o = np.clip(x.s_o[frames], NEAR_SUPPORT, 1.0 - NEAR_SUPPORT)[:, None]
-    return 1.0 - np.where(s <= s_o, s / s_o, (1.0 - s) / (1.0 - s_o))
-
-
-def _bow_slopes(x: History, frames: Any = slice(None)) -> tuple[Array, Array]:
-    """What the bubbles take from w' behind and ahead of the mass, (n, fields, 1) each."""
-    s_o = np.clip(x.s_o[frames], NEAR_SUPPORT, 1.0 - NEAR_SUPPORT)[:, None, None]
-    return x.q_bow[frames, :, :1] / s_o, -x.q_bow[frames, :, 1:] / (1.0 - s_o)
+    bows = system.bows(np.array([s_o, ds_o, dds_o]))
+    if system.kink:
+        hat = q[..., -1], v[..., -1], a[..., -1]
+        return History(s_o, ds_o, dds_o, q[..., :-1], v[..., :-1], a[..., :-1], *hat, bows)
+    zero = np.zeros(q.shape[:2])
+    return History(s_o, ds_o, dds_o, q, v, a, zero, zero, zero, bows)
 
 
 def _slopes(x: History) -> tuple[Array, Array]:
@@ -168,26 +176,20 @@ def _slopes(x: History) -> tuple[Array, Array]:
     left = np.where(entry, 0.0, x.q_hat) / np.where(entry, 1.0, s_o)
     left = left + np.where(moving, x.v_hat, 0.0) / np.where(moving, ds_o, 1.0)
     left = left + np.where(pulled, x.a_hat, 0.0) / np.where(pulled, dds_o, 1.0)
-    behind, ahead = _bow_slopes(x)
-    return left - behind[..., 0], -x.q_hat / np.maximum(1.0 - s_o, NEAR_SUPPORT) - ahead[..., 0]
+    (_, behind), (_, ahead) = x.pieces(0)
+    rest = np.maximum(1.0 - s_o, NEAR_SUPPORT)
+    return left + behind * s_o, -x.q_hat / rest - ahead * rest
 
 
 def _displacement(x: History, s: Array, values: Array, frames: Array) -> tuple[Array, Array]:
     """w and dw/dt at fixed s, (k, fields, m) each; at s = s_o the side behind."""
-    s_o, ds_o = np.maximum(x.s_o[frames], NEAR_SUPPORT)[:, None], x.ds_o[frames, None]
-    rest = np.maximum(1.0 - s_o, NEAR_SUPPORT)
-    behind = s <= s_o
-    hat = np.where(behind, s / s_o, (1.0 - s) / rest)
-    hat_t = ds_o * np.where(behind, -s / s_o**2, (1.0 - s) / rest**2)
-    # the bubbles are hat (1 - hat)
-    bow, bow_t = hat * (1.0 - hat), (1.0 - 2.0 * hat) * hat_t
-    w, w_t = (
-        np.einsum("kfm,sm->kfs", y[frames], values) + z[frames][:, :, None] * hat[:, None]
-        + np.where(behind[:, None], *(b[frames, :, i, None] for i in range(2))) * bow[:, None]
-        for y, z, b in ((x.Q, x.q_hat, x.q_bow), (x.V, x.v_hat, x.v_bow))
-    )  # fmt: skip
-    q_bow = np.where(behind[:, None], *(x.q_bow[frames, :, i, None] for i in range(2)))
-    return w, w_t + x.q_hat[frames][:, :, None] * hat_t[:, None] + q_bow * bow_t[:, None]
+    behind = (s <= x.s_o[frames, None])[:, None]
+    z = np.where(behind, s, 1.0 - s)
+    out = []
+    for order, y in enumerate((x.Q, x.V)):
+        rides = (ray[frames, :, None] * z + bow[frames, :, None] * z**2 for ray, bow in x.pieces(order))
+        out.append(np.einsum("kfm,sm->kfs", y[frames], values) + np.where(behind, *rides))
+    return out[0], out[1]
 
 
 def _kinetic(system: GalerkinSystem, x: History) -> Array:
@@ -199,21 +201,26 @@ def _kinetic(system: GalerkinSystem, x: History) -> Array:
         q, v = x.q_hat, x.v_hat
         cross = 2.0 * v * combined(x.V, value) + 2.0 * x.ds_o[:, None] * q * combined(x.V, first)
         twice = twice + np.sum(cross + v**2 / 3.0 + steep[:, None] * q**2, axis=1)
-        if system.basis.travels > 1:
-            twice = twice + _kinetic_of_bubbles(system.basis, x)
+        if x.bows.any():
+            twice = twice + _kinetic_of_bubbles(system.basis.basis, x)
     return 0.5 * twice
 
 
-def _kinetic_of_bubbles(basis: TravellingKink, x: History) -> Array:
-    """What bubbles add to int |w.|^2 ds, (n,)."""
-    total, overlaps = np.zeros(x.s_o.size), basis.bubble_overlap(x.s_o)
-    for i, (h, dh) in enumerate(((x.s_o, x.ds_o), (1.0 - x.s_o, -x.ds_o))):
-        h, dh = h[:, None], dh[:, None]
-        q, v, q_hat, v_hat = x.q_bow[..., i], x.v_bow[..., i], x.q_hat, x.v_hat
-        value, first = overlaps[i]
-        part = 2.0 * v * combined(x.V, value) + 2.0 * x.ds_o[:, None] * q * combined(x.V, first)
-        part += h * v * (v / 30.0 + v_hat / 6.0) + dh * (v * q / 30.0 + v_hat * q / 3.0 - v * q_hat / 6.0)
-        total += np.sum(part + dh**2 / np.maximum(h, NEAR_SUPPORT) * q * (2.0 / 15.0 * q - q_hat / 3.0), axis=1)
+def _kinetic_of_bubbles(sines: Basis, x: History) -> Array:
+    """What bubbles add to int |w.|^2 ds, (n,); int z phi ds and int z^2 phi ds by primitives."""
+    total, ends, (first, second, third) = (
+        np.zeros(x.s_o.size),
+        np.array([0.0, 1.0]),
+        (sines.phi(x.s_o, -m) for m in (1, 2, 3)),
+    )
+    bare = replace(x, bows=np.zeros_like(x.bows)).pieces(1)
+    for i, ((h, _, _), (ray, bow), (hat, _)) in enumerate(zip(x.sides, x.pieces(1), bare, strict=True)):
+        sign = 1.0 - 2.0 * i
+        by_z = sign * h * first - second
+        by_z2 = sign * h**2 * first - 2.0 * h * second + 2.0 * sign * (third - sines.phi(ends, -3)[i])
+        part = 2.0 * (combined(x.V, by_z) * (ray - hat) + combined(x.V, by_z2) * bow)
+        part += (ray**2 - hat**2) * h**3 / 3.0 + ray * bow * h**4 / 2.0 + bow**2 * h**5 / 5.0
+        total += np.sum(part, axis=1)
     return total
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import copy
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ from galerkin import kernels
 from galerkin.bases import Basis, Fourier
 from galerkin.bases.fourier import split
 from galerkin.bases.kink import Array, TravellingKink
-from galerkin.bow import bow, table
+from galerkin.bow import bow, slopes, table
 from galerkin.equations import Drives, GalerkinSystem, Instant, factorised
 from galerkin.equilibrium import Equilibrium
 from galerkin.models import FullCable
@@ -103,11 +103,10 @@ class RollingSystem(GalerkinSystem):
         if not basis.smooth:
             raise ValueError("a car cannot roll on a basis without second derivatives: take order 4 or more")
         self.drive, self.free = groups.drive, groups.drive.mode == "free"
-        super().__init__(groups, basis, kink=kink, law=law, bubbles=isinstance(basis, Fourier))
+        super().__init__(groups, basis, kink=kink, law=law)
         self.n_dof += 1
-        self._bubbles = [k * self.n - i for k in (1, 2) for i in (3, 2)] if self.basis.travels > 1 else []
-        self._bow = bow(groups) if self._bubbles else None
-        self._bent = np.empty((17, 0)) if self._bow is None else table(self._bow)
+        self.bow = bow(groups) if self._compiled else None
+        self._bows = self._bows if self.bow is None else table(self.bow)
         self.events = EVENTS if self.free else ("lift_off",)
         self.mode, self.hold = Mode(), 0.0  # F_hold at the start
         self._latest: tuple[tuple[float, float, float], Instant] | None = None
@@ -132,8 +131,9 @@ class RollingSystem(GalerkinSystem):
     def least_tension(self) -> tuple[float, float]:
         if self._moved is not None:
             s_o, pull, behind, ahead = self._moved
-            s, weights, phi = split(s_o, behind, ahead, self.basis.basis.n, self.basis.travels)
-            place = kernels.Points(s, phi, weights, *kernels.static(s, self.groups.sigma, self.groups.c))
+            s, weights, phi = split(s_o, behind, ahead, self.basis.basis.n)
+            T, r_static = kernels.static(s, self.groups.sigma, self.groups.c)
+            place = kernels.Points(s, phi, weights, T, r_static, np.zeros(r_static.shape))
             self._pull, self._moved = (self.basis, place, pull), None
         return super().least_tension
 
@@ -146,8 +146,21 @@ class RollingSystem(GalerkinSystem):
             np.array([states.q[:, -1], states.v[:, -1], states.a[:, -1]]) if self.free else super().kinematics(states)
         )
 
+    def bows(self, travel: Array) -> Array:
+        if self.bow is None:
+            return super().bows(travel)
+        _, ds_o, dds_o = travel[:, :, None, None]
+        B, by_s, by_ss = (self.bow(travel[0], m) for m in range(3))
+        return np.array([B, by_s * ds_o, by_s * dds_o + by_ss * ds_o**2]).swapaxes(-1, -2)
+
     def _travel(self, t: float, q: Array, v: Array, a: Array, phase: int) -> tuple[float, float, float]:
         return (float(q[-1]), float(v[-1]), float(a[-1])) if self.free else self.motion.at(t, phase)
+
+    def _instant(self, s_o: float, ds_o: float, dds_o: float, place: Any = None) -> Instant:
+        x = super()._instant(s_o, ds_o, dds_o, place)
+        if place is None and self.bow:
+            x = replace(x, place=x.place._replace(bent=slopes(x.place.s, s_o, *x.bows[:, 0])))
+        return x
 
     def _at(self, travel: tuple[float, float, float]) -> Instant:
         """What depends on the travel alone; residual and tangent ask one after the other."""
@@ -162,8 +175,7 @@ class RollingSystem(GalerkinSystem):
         brake = against * sum(force for _, force in drive.brakes[: self.mode.brakes])
         of = self.mu, self.groups.sigma, drive.k, drive.wind, self.held(t), against * drive.mu_r, brake
         since, ax, ay, jx, jy = self._smooth
-        sines = self.kink and isinstance(self.basis.basis, Fourier)
-        sheds = SHEDS * math.pi * self.basis.basis.n if sines else 0.0
+        sheds = SHEDS * math.pi * (self.n - 1) if self.bow else 0.0
         return kernels.Rolling(*of, ax + (t - since) * jx, ay + (t - since) * jy, sheds)
 
     def _thrust(self, t: float, phase: int, a: Array) -> float:
@@ -190,7 +202,7 @@ class RollingSystem(GalerkinSystem):
         _, *rates = self._travel(t, q, v, a, phase)
         cable, on, thrust = self._full, self._on(t, phase), self._thrust(t, phase, a)
         sides = cable.sides if self.kink and not look else None
-        of = x.carried, x.slope, x.load, x.rays, sides, cable.alpha
+        of = x.carried, x.slope, x.load, x.rays, x.bows, sides, cable.alpha
         return Car(*kernels.roll(*of, Q, V, A, *rates, on, thrust, force))
 
     @property
@@ -200,12 +212,11 @@ class RollingSystem(GalerkinSystem):
 
     def _sides(self, x: Instant, Q: Array) -> Array:
         """r' behind and ahead of the car, its rows, of a cable at rest whose force was the last one."""
-        sides = x.slope + Q @ x.carried.f_s + np.multiply.outer(x.rays, Q[:, -1])
-        if self.basis.travels > 1:
-            sides -= (np.array(x.rays) * Q[:, -3:-1]).T
+        sides = x.slope + Q @ x.carried.f_s + np.multiply.outer(x.rays, Q[:, -1]) + x.bows[:, 0] * [[-1.0], [1.0]]
         if self.kink:
             rest, cable = np.zeros_like(Q), self._full
-            kernels.recover(x.carried, x.slope, x.rays, cable.sides, cable.alpha, Q, rest, rest, 0.0, 0.0, *sides)
+            of = x.carried, x.slope, x.rays, x.bows, cable.sides, cable.alpha
+            kernels.recover(*of, Q, rest, rest, 0.0, 0.0, *sides)
         return sides
 
     def sides(self, pointwise: Array, forces: Equilibrium, s_o: Array) -> Array:
@@ -314,8 +325,6 @@ class RollingSystem(GalerkinSystem):
         for part, c in zip(parts, np.eye(3).tolist(), strict=True):
             part[:n, :n] = self._tangent(x, stiffness.copy(), *c)
             kernels.add_shed_tangent(x.carried, x.rays, travel[1], self._on(t, phase), c[0], c[1], part[:n, :n])
-            part[self._bubbles] = 0.0
-            part[self._bubbles, self._bubbles] = c[2]
             if not self._rolls:
                 part[n, n] = c[2] * self.mu
                 continue
@@ -332,11 +341,7 @@ class RollingSystem(GalerkinSystem):
         force, pull = self.cable.force(x.place, self._fields(q))
         self._pull, self._moved = (self.basis, x.place, pull), None
         car = self._roll(t, q, v, a, phase, x, force)
-        r = np.append(force.ravel(), car.defect if self._rolls else self.mu * a[-1])
-        if self._bow is not None:
-            s_o, ds_o, dds_o = self._travel(t, q, v, a, phase)
-            r[self._bubbles] = a[self._bubbles] - self._bow(s_o, 1) * dds_o - self._bow(s_o, 2) * ds_o**2
-        return r, car
+        return np.append(force.ravel(), car.defect if self._rolls else self.mu * a[-1]), car
 
     @property
     def _rolls(self) -> bool:
@@ -354,7 +359,7 @@ class RollingSystem(GalerkinSystem):
         return kernels.Ride(
             mode, self._on(t, phase), self._thrust(t, phase, a) if self.free else 0.0, *travel[1:],
             sines.side_rule(travel[0]), sines.side_rule(1.0 - travel[0]), basis.at_rest, basis.left, basis.chord,
-            self.groups.c, self._bent,
+            self.groups.c, self._bows,
         )  # fmt: skip
 
     def settle(
@@ -383,7 +388,7 @@ class RollingSystem(GalerkinSystem):
         s_o, (q, v, a) = self.drive.start, np.zeros((3, self.n_dof))
         self.mode = Mode(brakes=sum(place <= s_o for place, _ in self.drive.brakes))
         x = self._at((s_o, 0.0, 0.0))
-        Q = self._equilibrium(x, s_o)
+        Q = self._equilibrium(x)
         q[: self.n_modal] = Q.ravel()
         self._past, self._smooth = [], (0.0, 0.0, 0.0, 0.0, 0.0)
         weight = kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0)  # no wind, no thrust yet
@@ -391,14 +396,14 @@ class RollingSystem(GalerkinSystem):
         if not self.free:
             d, speed = 1e-4 * min(s_o, 1.0 - s_o), self.motion.at(0.0, 0)[1]
             if speed:
-                ends = [self._equilibrium(self._at((s_o + x, 0.0, 0.0)), s_o + x) for x in (-d, d)]
+                ends = [self._equilibrium(self._at((s_o + x, 0.0, 0.0))) for x in (-d, d)]
                 v[: self.n_modal] = (speed / (2.0 * d)) * (ends[1] - ends[0]).ravel()
             return self._consistent(0.0, q, v, 0)
         q[-1] = s_o
         self.hold = car.along * car.stretch
         return self._come_to_rest(State(0.0, q, v, a, 0))
 
-    def _equilibrium(self, x: Instant, s_o: float) -> Array:
+    def _equilibrium(self, x: Instant) -> Array:
         """Coefficients (2, n) of the loaded cable at rest by Newton's method, halved; from soft to stiff if it must.
 
         Held, the cable carries the weight of the car; on a rope, what of it is normal to the mean tangent.  A stiff
@@ -409,8 +414,6 @@ class RollingSystem(GalerkinSystem):
         alpha, softest = self.groups.alpha, min(self.groups.alpha, 4.0 * (1.0 + self.mu * self.groups.sigma))
         for count in (1, 8, 40):
             Q, defect = np.zeros((2, self.n)), 0.0
-            if self._bow is not None:
-                Q[:, -3:-1] = self._bow(s_o).reshape(2, 2)
             for self.cable.alpha in np.geomspace(softest, alpha, count) if count > 1 else [alpha]:
                 Q, defect = self._rest(x, Q, tolerance)
             if defect <= 1e3 * tolerance:
@@ -422,8 +425,6 @@ class RollingSystem(GalerkinSystem):
         f, f_m = x.carried.f, x.carried.f_s.copy()
         weight = self.mu * self.cable.weight
         f_m[-1] += 0.5 * sum(x.rays)
-        if self.basis.travels > 1:
-            f_m[-3:-1] -= 0.5 * np.array(x.rays)
 
         def linearised(Q: Array) -> tuple[Array, Array]:
             force, _, K = self.cable.linearise(self.basis, x.place, Q)
@@ -436,10 +437,7 @@ class RollingSystem(GalerkinSystem):
                 load = (weight @ n) * n
                 turn = np.multiply.outer((weight @ n) * tau + (weight @ tau) * n, n) / size
                 K += np.einsum("ab,i,j->aibj", turn, f, f_m).reshape(K.shape)
-            r = (force - np.multiply.outer(load, f)).ravel()
-            for i in self._bubbles:
-                r[i], K[i], K[i, i] = 0.0, 0.0, 1.0
-            return r, K
+            return (force - np.multiply.outer(load, f)).ravel(), K
 
         r, K = linearised(Q)
         for _ in range(60):
@@ -460,7 +458,7 @@ class RollingSystem(GalerkinSystem):
         """Solve for a; a second time for what rounding and the difference by s_o have left."""
         a = np.zeros(self.n_dof)
         if self.free and not self.mode.sign:
-            v[[*self._bubbles, -1]] = 0.0
+            v[-1] = 0.0
         for _ in range(3):
             r, solve = self.linearise(t, q, v, a, phase, 0.0, 0.0, 1.0)
             step = solve(r.copy())

@@ -30,13 +30,13 @@ def values_at(s, n):
 
 
 @compiled
-def split(s_o, behind, ahead, n, travels):
+def split(s_o, behind, ahead, n):
     """`Fourier.split` for rules (2, m) on [0, 1] of both sides: k pi cos(k pi s) by turning (cos, sin) k times by pi s.
 
     Each turn adds a rounding to the angle: k eps after k of them, no more than rounding the argument k pi s costs.
     """
     m, both = behind.shape[1], behind.shape[1] + ahead.shape[1]
-    s, weights, phi = np.empty(both), np.empty(both), np.zeros((n + travels, both))
+    s, weights, phi = np.empty(both), np.empty(both), np.empty((n + 1, both))
     for q in range(m):
         s[q], weights[q] = s_o * behind[0, q], s_o * behind[1, q]
     for q in range(both - m):
@@ -51,12 +51,7 @@ def split(s_o, behind, ahead, n, travels):
             row[q] = wave * c[q]
             c[q], sn[q] = c[q] * c1[q] - sn[q] * s1[q], sn[q] * c1[q] + c[q] * s1[q]
     for q in range(both):
-        phi[n + travels - 1, q] = 1.0 / s_o if q < m else -1.0 / (1.0 - s_o)
-    if travels > 1:  # the bubbles of `TravellingKink`
-        for q in range(m):
-            phi[n, q] = (1.0 - 2.0 * behind[0, q]) / s_o
-        for q in range(m, both):
-            phi[n + 1, q] = (1.0 - 2.0 * ahead[0, q - m]) / (1.0 - s_o)
+        phi[n, q] = 1.0 / s_o if q < m else -1.0 / (1.0 - s_o)
     return s, weights, phi
 
 
@@ -113,6 +108,6 @@ class Fourier:
         """Gauss points and weights on [0, 1] for a piece of this length, (2, m), m in steps of 16."""
         return _unit_gauss(20 + 16 * math.ceil(self.n * length / 8.0))
 
-    def split(self, s_o: float, travels: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points, weights, phi' and the slopes of what travels on both sides of s_o, without a cosine per entry."""
-        return split(s_o, self.side_rule(s_o), self.side_rule(1.0 - s_o), self.n, travels)
+    def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Points, weights, phi' and the hat's slope on both sides of s_o, without a cosine per entry."""
+        return split(s_o, self.side_rule(s_o), self.side_rule(1.0 - s_o), self.n)

@@ -21,6 +21,7 @@ class Points(NamedTuple):
     weights: Array
     T: Array
     r_static: Array  # x', y', (2, n_q)
+    bent: Array  # slope of what is known of w, (2, n_q)
 
 
 @compiled
@@ -86,7 +87,7 @@ def balance(at, Q, alpha, law, force, gram, pull, sides):
     multiply(Q, at.phi, False, slope)
     sides[:] = 0.0
     for i in range(weights.size):
-        xp, yp, ux, vy = r_static[0, i], r_static[1, i], slope[0, i], slope[1, i]
+        xp, yp, ux, vy = r_static[0, i], r_static[1, i], slope[0, i] + at.bent[0, i], slope[1, i] + at.bent[1, i]
         _, _, fx, fy, k, d, pull[i] = at_point(T[i], xp, yp, ux, vy, alpha, law)
         rx, ry, w = xp + ux, yp + vy, weights[i]
         gram[0, 0, i], gram[1, 1, i] = w * (k + d * rx * rx), w * (k + d * ry * ry)
@@ -99,23 +100,22 @@ def balance(at, Q, alpha, law, force, gram, pull, sides):
 
 
 @compiled
-def stiffness(phi, f, harmonic, travels, out):
+def stiffness(phi, f, harmonic, hat, out):
     """Set out[:2 n, :2 n] to sum_q f_ab Phi_i' Phi_j', by a i, b j; f (2, 2, m), f_ab = f_ba.
 
     harmonic : phi_j' phi_k' = j k pi^2/2 (cos((j-k) x) + cos((j+k) x)), x = pi s, and c_m = sum_q f_q cos(m x_q).  The
     table holds the cosines up to m = N; cos((N+m) x) = 2 cos(N x) cos(m x) - cos((N-m) x) gives the others.
     """
     n, m = phi.shape
-    N = n - travels
-    both = np.empty((6 + 3 * travels, m))
+    N = n - hat
+    both = np.empty((9, m))
     for i in range(3):
         for q in range(m):
             value = f[i // 2, (i + 1) // 2, q]
             both[i, q] = value
             both[3 + i, q] = value * (phi[N - 1, q] / (N * math.pi))
-            for j in range(travels):
-                both[6 + 3 * j + i, q] = value * phi[N + j, q]
-    sums = np.empty((both.shape[0], n))
+            both[6 + i, q] = value * phi[n - 1, q]
+    sums = np.empty((9, n))
     multiply(both, phi, True, sums)
     if harmonic:
         c = np.empty(4 * N + 1)  # c_|m|, m = -2N .. 2N
@@ -143,11 +143,11 @@ def stiffness(phi, f, harmonic, travels, out):
             for j in range(N):
                 for k in range(N):
                     out[a * n + j, b * n + k] = products[j, k]
-    for j in range(travels):
+    if hat:
         for i in range(3):
             a, b = i // 2, (i + 1) // 2
             for k in range(n):
-                out[a * n + N + j, b * n + k] = out[a * n + k, b * n + N + j] = sums[6 + 3 * j + i, k]
+                out[a * n + N, b * n + k] = out[a * n + k, b * n + N] = sums[6 + i, k]
     for j in range(n):
         for k in range(n):
             out[n + j, k] = out[j, n + k]
@@ -167,31 +167,27 @@ def acceleration(x, Q, V, A):
 @compiled
 def add_inertia(x, Q, V, A, C, R):
     """Add M A + 2 A V + (A. - B) Q of the cable and the force C (fields,) at the mass to R (fields, n)."""
-    n, travels = x.f.size, x.gyroscopic.shape[0]
+    last = x.f.size - 1
     for a in range(R.shape[0]):
-        for k in range(n):
-            for i in range(n):
+        for k in range(last + 1):
+            for i in range(R.shape[1]):
                 R[a, i] += A[a, k] * x.mass[k, i]
-        for i in range(n):
-            R[a, i] += C[a] * x.f[i]
-        for j in range(travels):
-            v, q = V[a, n - travels + j], Q[a, n - travels + j]
-            for i in range(n):
-                R[a, i] += v * x.gyroscopic[j, i] + q * x.centrifugal[j, i]
+        for i in range(R.shape[1]):
+            R[a, i] += V[a, last] * x.gyroscopic[i] + Q[a, last] * x.centrifugal[i] + C[a] * x.f[i]
 
 
 @compiled
 def add_inertia_tangent(x, mu, c0, c1, c2, K):
     """Make c0 K, K = dR/dQ (fields n, fields n), the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of all but C's own load."""
-    n, travels = x.f.size, x.gyroscopic.shape[0]
+    n = x.f.size
+    last = n - 1
     for i in range(K.shape[0]):
         k, first = i % n, (i // n) * n
         for j in range(K.shape[1]):
             K[i, j] *= c0
         for j in range(n):
             K[i, first + j] += c2 * x.mass[k, j] + mu * x.f[k] * (c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j])
-        for j in range(travels):
-            K[i, first + n - travels + j] += c1 * x.gyroscopic[j, k] + c0 * x.centrifugal[j, k]
+        K[i, first + last] += c1 * x.gyroscopic[k] + c0 * x.centrifugal[k]
 
 
 @compiled
@@ -206,7 +202,8 @@ def survey(at, Q, alpha, law, internal):
     energy, least, where = 0.0, math.inf, 0
     internal[:] = 0.0
     for i in range(weights.size):
-        N, W, fx, fy, _, _, _ = at_point(T[i], r_static[0, i], r_static[1, i], slope[0, i], slope[1, i], alpha, law)
+        ux, vy = slope[0, i] + at.bent[0, i], slope[1, i] + at.bent[1, i]
+        N, W, fx, fy, _, _, _ = at_point(T[i], r_static[0, i], r_static[1, i], ux, vy, alpha, law)
         side = 0 if at.phi[-1, i] > 0.0 else 1
         internal[0, side] += weights[i] * fx
         internal[1, side] += weights[i] * fy

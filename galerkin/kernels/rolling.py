@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from galerkin.bow import add_bows
 from galerkin.kernels.cable import acceleration, add_inertia
 from galerkin.law import compiled
 
@@ -68,7 +69,7 @@ def taut(force, slope, T, alpha):
 
 
 @compiled
-def recover(x, slope, rays, sides, alpha, Q, V, A, ds_o, dds_o, behind, ahead):
+def recover(x, slope, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, behind, ahead):
     """Turn r' behind and ahead of the mass (2,) into that of the tension from equilibrium; return lam/N there.
 
     See `galerkin.equilibrium`.
@@ -82,10 +83,9 @@ def recover(x, slope, rays, sides, alpha, Q, V, A, ds_o, dds_o, behind, ahead):
         for i in range(last + 1):
             force[0, a] += A[a, i] * x.behind[i]
             force[1, a] -= A[a, i] * (x.mass[last, i] - x.behind[i])
-        if x.gyroscopic.shape[0] > 1:  # as for the hat, what travelling adds to a piece's acceleration, times the hat
-            for i in range(2):
-                v, q = ds_o * V[a, last - 2 + i], Q[a, last - 2 + i]
-                force[i, a] += v / 3.0 + q * (dds_o - 5.0 * ds_o * ds_o * rays[i]) / 6.0
+        for i in range(2):
+            h, sign = abs(1.0 / rays[i]), 1.0 - 2.0 * i
+            force[i, a] += sign * h * h * (bows[i, 2, a] / 3.0 + h * bows[i, 3, a] / 4.0)
     return taut(force[0], behind, T, alpha), taut(force[1], ahead, T, alpha)
 
 
@@ -109,7 +109,7 @@ def shed(x, ds_o, on):
     """
     last = x.f.size - 1
     left = x.mass[last, last]
-    for k in range(last + 1 - x.gyroscopic.shape[0]):
+    for k in range(last):
         left -= 2.0 * x.mass[last, k] * x.mass[last, k]
     return on.sheds * abs(ds_o) * left
 
@@ -120,18 +120,13 @@ def add_shed_tangent(x, rays, ds_o, on, c0, c1, K):
     n, weight = x.f.size, shed(x, ds_o, on)
     for last in (n - 1, 2 * n - 1):
         K[last, last] += weight * (c1 - c0 * ds_o * (rays[0] + rays[1]))
-        for i in range(x.gyroscopic.shape[0] - 1):
-            rest = abs(1.0 / rays[1 - i])
-            by_q = math.copysign(ds_o, ds_o * rays[i]) + rest * ds_o * (rays[0] + rays[1])
-            K[last, last - 2 + i] += weight * (c0 * by_q - c1 * rest)
 
 
 @compiled
-def roll(x, slope, load, rays, sides, alpha, Q, V, A, ds_o, dds_o, on, thrust, R):
+def roll(x, slope, load, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, on, thrust, R):
     """Add the cable's inertia and the car to R (2, n), and return `car`, and `across` of both sides.
 
-    slope, rays, load : of an `Instant`
-
+    slope, load, rays, bows : of an `Instant`
     sides : as for `recover`, or None.  With it tau is that of the tension from equilibrium: sines do not resolve a side
         that is shorter than their waves, and the balance of the car by their slopes errs by a hundred times as much.
     """
@@ -143,27 +138,23 @@ def roll(x, slope, load, rays, sides, alpha, Q, V, A, ds_o, dds_o, on, thrust, R
             along += Q[a, i] * x.f_s[i]
             speed += V[a, i] * x.f[i]
         velocity[a] = speed + ds_o * along
-        behind[a], ahead[a] = along + rays[0] * Q[a, last], along + rays[1] * Q[a, last]
-        if x.gyroscopic.shape[0] > 1:
-            behind[a] -= rays[0] * Q[a, last - 2]
-            ahead[a] -= rays[1] * Q[a, last - 1]
+        behind[a] = along + rays[0] * Q[a, last] - bows[0, 0, a]
+        ahead[a] = along + rays[1] * Q[a, last] + bows[1, 0, a]
         p[a] += load[a]
     p[1] += on.sigma
     turns = 0.0, 0.0
     if sides is not None:
-        turns = recover(x, slope, rays, sides, alpha, Q, V, A, ds_o, dds_o, behind, ahead)
+        turns = recover(x, slope, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, behind, ahead)
     out = car(on, thrust, velocity, p, behind, ahead)
-    p[0], p[1] = out[0], out[1]
+    for a in range(2):  # with what it takes to shift the kink of the bubbles
+        p[a] = out[a] + ds_o * ds_o * (bows[0, 0, a] + bows[1, 0, a])
     add_inertia(x, Q, V, A, p, R)
+    add_bows(x, bows, R)
     weight = shed(x, ds_o, on)
     for a in range(2):
-        kink, rate = Q[a, last], V[a, last]
-        for i in range(x.gyroscopic.shape[0] - 1):  # what bubbles kink is not the hat's to carry
-            q, v = Q[a, last - 2 + i], V[a, last - 2 + i]
-            rest = abs(1.0 / rays[1 - i])
-            kink -= rest * q
-            rate -= rest * v - math.copysign(ds_o, ds_o * rays[i]) * q
-        R[a, last] += weight * (rate - kink * ds_o * (rays[0] + rays[1]))
+        R[a, last] += weight * (V[a, last] - Q[a, last] * ds_o * (rays[0] + rays[1]))
+        if sides is not None:  # what bubbles kink is not the hat's to carry
+            R[a, last] -= weight * (bows[0, 1, a] + bows[1, 1, a]) / (rays[0] - rays[1])
     bx, by = across(behind, out[2], out[3], turns[0])
     ax, ay = across(ahead, out[2], out[3], turns[1])
     return (*out, bx, by, ax, ay)
@@ -208,8 +199,3 @@ def row(x, out, rays, pulls, ds_o, dds_o, mu, c0, c1, c2, into):
         by_q = 2.0 * ds_o * ds_o * (out[14 + b] * rays[0] + out[16 + b] * rays[1])
         by_q -= dds_o * (out[14 + b] + out[16 + b])
         into[b * n + n - 1] += turn * (c1 * by_v + c0 * by_q / 3.0)
-        if x.gyroscopic.shape[0] > 1:
-            for i in range(2):
-                across_i = out[14 + b] if i == 0 else out[16 + b]
-                by_q = (dds_o - 5.0 * ds_o * ds_o * rays[i]) / 6.0
-                into[b * n + n - 3 + i] += turn * across_i * (c1 * ds_o / 3.0 + c0 * by_q)

@@ -9,6 +9,7 @@ import numpy as np
 
 from galerkin.bases.fourier import split, values_at
 from galerkin.bases.kink import Carried, carry
+from galerkin.bow import bent, slopes
 from galerkin.kernels.cable import (
     Array,
     Points,
@@ -43,7 +44,7 @@ class Ride(NamedTuple):
     left: Array
     chord: Array
     c: float
-    bows: Array  # see `bent`
+    bows: Array  # `galerkin.bow.table`
 
 
 class Grip(NamedTuple):
@@ -55,6 +56,7 @@ class Grip(NamedTuple):
     left: Array
     chord: Array
     c: float
+    bows: Array
 
 
 class Cable(NamedTuple):
@@ -65,7 +67,7 @@ class Cable(NamedTuple):
     alpha: float
     law: int
     harmonic: bool  # see `stiffness`
-    travels: int
+    hat: int
 
 
 class Moment(NamedTuple):
@@ -75,45 +77,29 @@ class Moment(NamedTuple):
     x: Carried
     slope: Array  # X' at the mass
     load: Array  # (2,) acceleration of the mass along its static path less gravity
-
-
-@compiled
-def bent(bows, s_o):
-    """First and second derivative by s_o of the bubbles' amplitudes, (2, 4); bows : `galerkin.bow.table`."""
-    low, high, out = 0, bows.shape[1] - 1, np.empty((2, 4))
-    while high - low > 1:
-        middle = (low + high) // 2
-        if bows[0, middle] <= s_o:
-            low = middle
-        else:
-            high = middle
-    d = s_o - bows[0, low]
-    for i in range(4):
-        a, b, c = bows[1 + 4 * i, low], bows[2 + 4 * i, low], bows[3 + 4 * i, low]
-        out[0, i] = (3.0 * a * d + 2.0 * b) * d + c
-        out[1, i] = 6.0 * a * d + 2.0 * b
-    return out
+    bows: Array  # `galerkin.bow.bent`
 
 
 @compiled
 def moment(on, sigma, s_o, ds_o, dds_o):
     """`Moment` where the mass is at s_o; on : `Ride` or `Grip`."""
     n = on.left.size
-    M, gyroscopic, centrifugal, rows = carry(values_at(s_o, n), on.mass, on.left, on.chord, s_o, ds_o, dds_o)
-    x = Carried(M, gyroscopic, centrifugal, rows[0], rows[1], rows[2], rows[3], rows[4])
-    s, weights, phi = split(s_o, on.behind, on.ahead, n, on.mass.shape[0] - n)
+    M, rows = carry(values_at(s_o, n), on.mass, on.left, on.chord, s_o, ds_o, dds_o)
+    x = Carried(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
+    s, weights, phi = split(s_o, on.behind, on.ahead, n)
     T, r_static = static(s, sigma, on.c)
     rest = static_at(s_o, sigma, on.c)
     load = np.empty(2)
     for a in range(2):
         load[a] = dds_o * rest[0, a] + ds_o * ds_o * rest[1, a] - a * sigma
-    return Moment(Points(s, phi, weights, T, r_static), x, rest[0], load)
+    bows = bent(on.bows, s_o, ds_o, dds_o)
+    return Moment(Points(s, phi, weights, T, r_static, slopes(s, s_o, bows[0, 0], bows[1, 0])), x, rest[0], load, bows)
 
 
 @compiled
 def evaluate(here, ride, cable, balanced, r, gram, pull):
     """Set the residual of a state, rows q, v, a; return the car where it rolls."""
-    (at, x, slope, load), alpha, mu = here, cable.alpha, cable.mu
+    (at, x, slope, load, bows), alpha, mu = here, cable.alpha, cable.mu
     n = x.f.size
     R = r[: 2 * n].reshape(2, n)
     Q, V, A = balanced[0, : 2 * n].reshape(2, n), balanced[1, : 2 * n].reshape(2, n), balanced[2, : 2 * n].reshape(2, n)
@@ -128,16 +114,9 @@ def evaluate(here, ride, cable, balanced, r, gram, pull):
     hauled = ride.mode == HAULED
     ds_o, dds_o = (ride.ds_o, ride.dds_o) if hauled else (balanced[1, 2 * n], balanced[2, 2 * n])
     thrust = balanced[2, 2 * n] if hauled else ride.thrust
-    s_o = 1.0 / at.phi[n - 1, 0]
     rays = at.phi[n - 1, 0], at.phi[n - 1, at.s.size - 1]
-    out = roll(x, slope, load, rays, sides, alpha, Q, V, A, ds_o, dds_o, ride.on, thrust, R)
+    out = roll(x, slope, load, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, ride.on, thrust, R)
     r[2 * n] = mu * balanced[2, 2 * n] if ride.mode == STUCK else out[9]
-    if cable.travels > 1:
-        rate = bent(ride.bows, s_o)
-        for a in range(2):
-            for i in range(2):
-                j = a * n + n - 3 + i
-                r[j] = balanced[2, j] - rate[0, 2 * a + i] * dds_o - rate[1, 2 * a + i] * ds_o * ds_o
     return out
 
 
@@ -147,7 +126,7 @@ def tangent(here, ride, cable, balanced, r, out, gram, c0, c1, c2, K):
     at, x, mu = here.at, here.x, cable.mu
     n, size = x.f.size, r.size
     block = K[: 2 * n, : 2 * n]
-    stiffness(at.phi, gram, cable.harmonic, cable.travels, block)
+    stiffness(at.phi, gram, cable.harmonic, cable.hat, block)
     add_inertia_tangent(x, cable.inertia, c0, c1, c2, block)
     if ride is None:
         return
@@ -155,11 +134,6 @@ def tangent(here, ride, cable, balanced, r, out, gram, c0, c1, c2, K):
     ds_o, dds_o = (ride.ds_o, ride.dds_o) if hauled else (balanced[1, 2 * n], balanced[2, 2 * n])
     rays = at.phi[n - 1, 0], at.phi[n - 1, at.s.size - 1]
     add_shed_tangent(x, rays, ds_o, ride.on, c0, c1, block)
-    if cable.travels > 1:
-        for i in (n - 3, n - 2, 2 * n - 3, 2 * n - 2):
-            for j in range(size):
-                K[i, j] = 0.0
-            K[i, i] = c2
     for i in range(size):
         K[2 * n, i] = K[i, 2 * n] = 0.0
     if ride.mode == STUCK:
