@@ -61,6 +61,7 @@ QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 # or more.  Such steps, and their companions alike, damp axial waves that they do not resolve: `loud` tells what those
 # do to the extremes of forces.
 LIGHT, SHARP, FINE, FINEST = 0.1, {"scheme": "radau"}, 2e-3, 3e-4
+FRONT, AT_FRONT = {"nodes": "front"}, (20, 120)
 AUDIBLE = 10.0  # steps on an axial wave's way there and back
 
 
@@ -419,8 +420,17 @@ def _light(scene: Scene, tol: float) -> bool:
 def _rule(scene: Scene, method: Method, named: dict[str, Any], tol: float) -> dict[str, Any]:
     """Return the settings that are named, with a rule that damps where none is and scene and method bring none."""
     damps = scene.drive.mode == "free" or method.knobs["scheme"].default != "trapezoidal"
+    if damps or "scheme" in named:
+        return named
     sharp = _light(scene, tol) or (method.follows and tol <= FINEST)
-    return ({} if damps or "scheme" in named else SHARP if sharp else QUIET) | named
+    return (SHARP if sharp else QUIET) | (FRONT if _sends(scene, method, tol) else {}) | named
+
+
+def _sends(scene: Scene, method: Method, tol: float) -> bool:
+    """Return whether nodes travel with a front: that of a light car which enters with speed."""
+    motion = scene.groups.motion
+    light = method.follows and _light(scene, tol) and scene.drive.mode == "grip"
+    return light and motion is not None and motion.at(0.0, 0)[1] > 0.0
 
 
 def _doubtful(r: Response, coarser: Response | None) -> bool:
@@ -446,6 +456,8 @@ def _begin(scene: Scene, method: Method, tol: float) -> dict[str, int]:
         return {space.setting: max(space.first, seen), "steps": steps}
     if not _light(scene, tol):
         return {space.setting: space.first, "steps": FIRST_STEPS}
+    if _sends(scene, method, tol):
+        return {space.setting: AT_FRONT[0], "steps": AT_FRONT[1]}
     fine = min(space.with_unknowns(2.0 / scene.mu), space.most // 2)  # both sides of the mass
     return {
         space.setting: max(space.first, fine),
