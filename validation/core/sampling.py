@@ -38,10 +38,12 @@ def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Respon
     """Return the response of a history; `asked` are the fields of `Response` that say what was run.
 
     every : so-manieth frame is kept.
-    A history that outgrew all numbers ends before it did.
+    A history that outgrew all numbers, or the cable, ends before it did.
     """
     states = h.solver.in_time(stacked(h.states))
     finite = np.isfinite(np.concatenate([states.q, states.v, states.a], axis=1)).all(axis=1)
+    # steps that depend on their length by leaps may end an arrival beyond the cable
+    finite[-1] &= h.solver.place(h.states[-1]) <= 1.0 + 1e-9
     if not finite.all():
         states = _rows(states, slice(0, int(np.argmin(finite))))
         h.failure = "unstable", "the solution grew beyond all bounds; take more steps or a damped scheme"
