@@ -90,7 +90,7 @@ def slopes(s, s_o, behind, ahead):
 
 @compiled
 def add_bows(x, bows, R):
-    """Add the inertia of the bubbles to R (2, n), over sines with a hat; x : `Carried`;  bows : `bent`."""
+    """Add the inertia of the bubbles off the mass to R (2, n), over sines with a hat; x : `Carried`;  bows : `bent`."""
     last = x.f.size - 1
     s_o = 3.0 * x.behind[last]  # int_0^s_o hat^2 ds
     for i in range(2):

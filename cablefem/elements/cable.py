@@ -302,6 +302,11 @@ class CableElements:
         return mu * (dds / T + bend * p) - weight[0], mu * (dds * p / T - bend) - weight[1]
 
     # --- observation -----------------------------------------------------------------------------------
+    def path(self, states: States) -> tuple[Array, Array]:
+        """Return s_o (n,) and the displacement of the mass (n, 2); see `Observation`."""
+        states, kinematics = self._split(states)
+        return kinematics[:, 0], self._at_mass(states, kinematics)[0] @ self.direction
+
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
         """Measure paths, tensions, energies and fields on a history; see `Observation`."""
         g, n = self.groups, states.t.size

@@ -146,7 +146,8 @@ def roll(x, slope, load, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, on, thr
     if sides is not None:
         turns = recover(x, slope, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, behind, ahead)
     out = car(on, thrust, velocity, p, behind, ahead)
-    p[0], p[1] = out[0], out[1]
+    for a in range(2):  # with what it takes to shift the kink of the bubbles
+        p[a] = out[a] + ds_o * ds_o * (bows[0, 0, a] + bows[1, 0, a])
     add_inertia(x, Q, V, A, p, R)
     add_bows(x, bows, R)
     weight = shed(x, ds_o, on)
