@@ -35,15 +35,20 @@ class History:
 
 
 def finite(h: History) -> States:
-    """Return a history over time, cut and said to have failed where it outgrew all numbers."""
+    """Return a history over time, cut and said to have failed where it outgrew all numbers, or the cable.
+
+    Steps that depend on their length by leaps may end an arrival beyond it.
+    """
     states = h.solver.in_time(stacked(h.states))
-    if not math.isfinite(sum(float(x.sum()) for x in (states.q, states.v, states.a))):  # without another copy of them
-        sound = np.isfinite(np.concatenate([states.q, states.v, states.a], axis=1)).all(axis=1)
-        if sound.all():
-            return states
-        states = _rows(states, slice(0, int(np.argmin(sound))))
-        h.failure = "unstable", "the solution grew beyond all bounds; take more steps or a damped scheme"
-    return states
+    on_cable = h.solver.place(h.states[-1]) <= 1.0 + 1e-9
+    if on_cable and math.isfinite(sum(float(x.sum()) for x in (states.q, states.v, states.a))):  # no copy of them
+        return states
+    sound = np.isfinite(np.concatenate([states.q, states.v, states.a], axis=1)).all(axis=1)
+    sound[-1] &= on_cable
+    if sound.all():
+        return states
+    h.failure = "unstable", "the solution grew beyond all bounds; take more steps or a damped scheme"
+    return _rows(states, slice(0, int(np.argmin(sound))))
 
 
 def moved(scene: Scene, h: History) -> dict[str, Any]:
@@ -76,7 +81,7 @@ def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Respon
     """Return the response of a history; `asked` are the fields of `Response` that say what was run.
 
     every : so-manieth frame is kept.
-    A history that outgrew all numbers ends before it did.
+    A history that outgrew all numbers, or the cable, ends before it did.
     """
     states = finite(h)
     n = states.t.size
