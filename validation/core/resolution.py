@@ -477,13 +477,9 @@ def _begin(scene: Scene, method: Method, tol: float) -> dict[str, int]:
 
 
 def _part(
-    fine: MassPath,
-    coarse: MassPath,
-    ratio: float,
-    order: float,
-    before: _Part | None = None,
+    fine: MassPath, coarse: MassPath, ratio: float, order: float, before: _Part | None = None,
     since: float | None = None,
-) -> _Part:
+) -> _Part:  # fmt: skip
     """Return what a refinement by `ratio` leaves of the error of the path, infinite if it cannot be read.
 
     since : how much finer the run is than the one that `before` was read for, if that is not `ratio`.

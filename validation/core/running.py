@@ -178,16 +178,16 @@ def _advance(x: Run, solver: Solver, scheme: Scheme, switch: bool, until: float,
     start = h.states[-1] if h.states else None
     if start is not None and solver.place(start) >= until:
         return False
+    free = x.scene.groups.motion is None  # of others the instants end there
     for state in newmark.integrate(solver, scheme, x.times_to(until), work=h.work, start=start):
         h.states.append(state)
-        place = solver.place(state)
         if len(h.states) % 32 == 0:
-            progress(max((state.t - t0) / (t1 - t0), place / until))
+            progress(max((state.t - t0) / (t1 - t0), solver.place(state) / until))
         if h.onset is None and len(h.states) > 1 and solver.least_tension[0] < 0.0:
             h.onset = len(h.states) - 1, solver.least_tension[1]
             if switch:
                 return True
-        if place >= until:
+        if free and solver.place(state) >= until:
             return False
     return False
 
