@@ -50,11 +50,9 @@ SPARSE = 4  # every so-manieth frame is enough of trial runs that nobody else wi
 # one.  Of 51 bars 50 hold with rho_inf 0.8 and 48 with 0.6, at three quarters of the work.
 QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 
-# A car of at most this mass sends a front of width mu over the cable and meets it again: what counts is how little the
-# front disperses on all its way, in space and time.  Measured on `level` with mu = 0.01, path errors of Radau: 342
-# steps 1.1e-3 on 200 elements a side, 684 steps 5.4e-4; 342 with those at the start, those where the front meets the
-# car, or both cut to a quarter 0.8e-3 to 1.0e-3.  Elements graded towards the car make it worse, and degree 6 or 8 with
-# as many unknowns is no better: only nodes that travel with the front would help.
+# A car of at most this mass that enters with speed sends a front of width mu over the cable and meets it again: what
+# counts is how little the front disperses on all its way, in space and time.  Elements graded towards the car make it
+# worse, degree 6 or 8 with as many unknowns is no better, nor are short steps alone; FRONT is, see `elements.front`.
 # For a tolerance beyond FINE only cars of a third of that: at 1e-2 QUIET took a third to a fiftieth of the time on five
 # random scenes with mu = 0.05 to 0.09; at 5e-4 it took 1.7 times as much, and with mu = 0.015 at 5e-3 5 times.
 # Heavier ones ride with SHARP on a following mesh beyond FINEST: with tol 1e-4 all trial runs of following-p2 took 5.7
@@ -62,6 +60,7 @@ QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 # or more.  Such steps, and their companions alike, damp axial waves that they do not resolve: `loud` tells what those
 # do to the extremes of forces.
 LIGHT, SHARP, FINE, FINEST = 0.1, {"scheme": "radau"}, 2e-3, 3e-4
+FRONT, AT_FRONT = {"nodes": "front"}, (20, 120)  # and elements and steps to begin with there
 AUDIBLE = 10.0  # steps on an axial wave's way there and back
 
 
@@ -280,21 +279,11 @@ def resolve(
     made += reversed(side_by_side(jobs, report))
     response = whole(rung.response if there else made[-1])
     report(1.0)
-    last = rung.response
-    space, time = (part.seen(last, response) for part in (rung.space, rung.time))
-    if ladder is not None:
-        ladder.append(_Rung(response, space, time))
-    rung_to = space.refinement + time.refinement
-    rung_to += [Refinement(response, whole(r), 0.0, richardson.SAFETY) for r in made if r.settings == heard]
-    design = of_ladder(response, rung_to)
-    response = replace(response, design=[number.row() for number in design])
-    if math.isfinite(rung.bar):
-        parts = {
-            "path_space": space.path, "path_time": time.path,
-            "tension_space": space.tension(), "tension_time": time.tension(rings(scene, response)),
-        }  # fmt: skip
-        tension = parts["tension_space"] + parts["tension_time"]
-        response = replace(response, path_error=rung.bar, tension_error=tension, error_parts=parts)
+    if ladder is not None:  # who goes on from here has bars of its own for all but the path
+        ladder.append(_Rung(response, replace(rung.space, read=None), replace(rung.time, read=None)))
+        response = replace(response, path_error=rung.bar if math.isfinite(rung.bar) else None)
+    else:
+        response = _told(scene, response, rung, [whole(r) for r in made if r.settings == heard])
     if rung.bar <= tol:
         return response
     reached = f"an error bar of {rung.bar:.2g}" if math.isfinite(rung.bar) else "no end of the window"
@@ -304,6 +293,22 @@ def resolve(
         "(cablefem advise)",
         response,
     )
+
+
+def _told(scene: Scene, response: Response, rung: _Rung, loud: list[Response]) -> Response:
+    """Return the response of a rung with its design numbers and its bars."""
+    space, time = (part.seen(rung.response, response) for part in (rung.space, rung.time))
+    rung_to = space.refinement + time.refinement
+    rung_to += [Refinement(response, r, 0.0, richardson.SAFETY) for r in loud]
+    response = replace(response, design=[number.row() for number in of_ladder(response, rung_to)])
+    if not math.isfinite(rung.bar):
+        return response
+    parts = {
+        "path_space": space.path, "path_time": time.path,
+        "tension_space": space.tension(), "tension_time": time.tension(rings(scene, response)),
+    }  # fmt: skip
+    tension = parts["tension_space"] + parts["tension_time"]
+    return replace(response, path_error=rung.bar, tension_error=tension, error_parts=parts)
 
 
 def resolved(
@@ -426,8 +431,17 @@ def _light(scene: Scene, tol: float) -> bool:
 def _rule(scene: Scene, method: Method, named: dict[str, Any], tol: float) -> dict[str, Any]:
     """Return the settings that are named, with a rule that damps where none is and scene and method bring none."""
     damps = scene.drive.mode == "free" or method.knobs["scheme"].default != "trapezoidal"
+    if damps or "scheme" in named:
+        return named
     sharp = _light(scene, tol) or (method.follows and tol <= FINEST)
-    return ({} if damps or "scheme" in named else SHARP if sharp else QUIET) | named
+    return (SHARP if sharp else QUIET) | (FRONT if _sends(scene, method, tol) else {}) | named
+
+
+def _sends(scene: Scene, method: Method, tol: float) -> bool:
+    """Return whether nodes travel with a front: that of a light car which enters with speed."""
+    motion = scene.groups.motion
+    light = method.follows and _light(scene, tol) and scene.drive.mode == "grip"
+    return light and motion is not None and motion.at(0.0, 0)[1] > 0.0
 
 
 def _doubtful(r: MassPath, coarser: MassPath | None) -> bool:
@@ -453,6 +467,8 @@ def _begin(scene: Scene, method: Method, tol: float) -> dict[str, int]:
         return {space.setting: max(space.first, seen), "steps": steps}
     if not _light(scene, tol):
         return {space.setting: space.first, "steps": FIRST_STEPS}
+    if _sends(scene, method, tol):
+        return {space.setting: AT_FRONT[0], "steps": AT_FRONT[1]}
     fine = min(space.with_unknowns(2.0 / scene.mu), space.most // 2)  # both sides of the mass
     return {
         space.setting: max(space.first, fine),
