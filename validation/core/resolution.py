@@ -282,21 +282,11 @@ def resolve(
     made += reversed(side_by_side(jobs, report))
     response = whole(rung.response if there else made[-1])
     report(1.0)
-    last = rung.response
-    space, time = (part.seen(last, response) for part in (rung.space, rung.time))
-    if ladder is not None:
-        ladder.append(_Rung(response, space, time))
-    rung_to = space.refinement + time.refinement
-    rung_to += [Refinement(response, whole(r), 0.0, richardson.SAFETY) for r in made if r.settings == heard]
-    design = of_ladder(response, rung_to)
-    response = replace(response, design=[number.row() for number in design])
-    if math.isfinite(rung.bar):
-        parts = {
-            "path_space": space.path, "path_time": time.path,
-            "tension_space": space.tension(), "tension_time": time.tension(rings(scene, response)),
-        }  # fmt: skip
-        tension = parts["tension_space"] + parts["tension_time"]
-        response = replace(response, path_error=rung.bar, tension_error=tension, error_parts=parts)
+    if ladder is not None:  # who goes on from here has bars of its own for all but the path
+        ladder.append(_Rung(response, replace(rung.space, read=None), replace(rung.time, read=None)))
+        response = replace(response, path_error=rung.bar if math.isfinite(rung.bar) else None)
+    else:
+        response = _told(scene, response, rung, [whole(r) for r in made if r.settings == heard])
     if rung.bar <= tol:
         return response
     reached = f"an error bar of {rung.bar:.2g}" if math.isfinite(rung.bar) else "no end of the window"
@@ -306,6 +296,22 @@ def resolve(
         "(cablefem advise)",
         response,
     )
+
+
+def _told(scene: Scene, response: Response, rung: _Rung, loud: list[Response]) -> Response:
+    """Return the response of a rung with its design numbers and its bars."""
+    space, time = (part.seen(rung.response, response) for part in (rung.space, rung.time))
+    rung_to = space.refinement + time.refinement
+    rung_to += [Refinement(response, r, 0.0, richardson.SAFETY) for r in loud]
+    response = replace(response, design=[number.row() for number in of_ladder(response, rung_to)])
+    if not math.isfinite(rung.bar):
+        return response
+    parts = {
+        "path_space": space.path, "path_time": time.path,
+        "tension_space": space.tension(), "tension_time": time.tension(rings(scene, response)),
+    }  # fmt: skip
+    tension = parts["tension_space"] + parts["tension_time"]
+    return replace(response, path_error=rung.bar, tension_error=tension, error_parts=parts)
 
 
 def resolved(
