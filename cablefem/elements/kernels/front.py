@@ -6,7 +6,7 @@ import numpy as np
 
 from cablefem.elements.kernels import compiled
 
-SAME = 1e-13  # of the length: knots are as exact as that
+NEAR = 1e-9  # of the length: a last correction of a knot, which its velocity and acceleration need not see
 
 
 @compiled
@@ -62,10 +62,10 @@ def gather(xi, ends, mass, y, p, knots):
         W, W_s, W_t, W_ss, W_st, W_tt = gathered(ends[k, 0], centres, p)
         total[k] = W, W_s * c + W_t, W_s * dc + W_ss * c * c + 2.0 * W_st * c + W_tt
         knots[k * last] = ends[k]
-    low = ends[0, 0]
     for i in range(1, last):
         of = (1.0 - xi[i]) * total[0] + xi[i] * total[1]
-        high, s = ends[1, 0], low
+        low, high = knots[i - 1, 0], ends[1, 0]
+        s = low if i == 1 else min(2.0 * low - knots[i - 2, 0], high)  # first guess: as long as the one before
         while True:  # Newton's method, kept between bounds that close in
             W, W_s, W_t, W_ss, W_st, W_tt = gathered(s, centres, p)
             if of[0] > W:
@@ -73,9 +73,9 @@ def gather(xi, ends, mass, y, p, knots):
             else:
                 high = s
             step = (of[0] - W) / W_s
-            if abs(step) <= SAME:
-                break
             s += step
+            if abs(step) <= NEAR:
+                break
             if not low < s < high:
                 s = 0.5 * (low + high)
                 if not low < s < high:
