@@ -162,34 +162,70 @@ class Travelled(Protocol):
     def max_deflection(self) -> float: ...
 
 
-@dataclass(frozen=True, slots=True)
-class Response(_Filled):
-    """The answer of one run, in SI units: lengths [m], forces [N], times [s]; v and y point down.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MassPath(_Filled):
+    """How the mass of one run moved, in SI units: all that is compared before anything else is observed.
 
-    Comparisons between solvers use this alone, never coefficients.  T is total tension and has two values at the
-    mass.  x, y have their origin at the left support.
+    x, y have their origin at the left support; v and y point down.
     """
 
-    scene: str  # name
-    scene_toml: str  # the scene itself
     method: str
     settings: dict[str, Any]
-    model: str
-    load: str
-    law: str
-    status: str  # "complete" | "incomplete"
-    reason: str | None
+    drive: str = "grip"  # "grip" | "haul" | "free"
     slack_onset: float | None  # s_o/l of the first accepted step with a negative tension
-    slack_at: float | None  # s/l of it
-    switched: float | None  # s_o/l from which on the tension-only law was used by law = auto
     length: float  # l [m]
-    horizontal_tension: float  # H [N]
     t: Array  # (n,) accepted steps
     s_o: Array  # (n,)
     x: Array  # (n,) place of the mass
     y: Array  # (n,)
     u: Array  # (n,) displacement of the mass from the static cable
     v: Array  # (n,)
+    work: dict[str, int]
+
+    @property
+    def reached(self) -> float:
+        """s_o/l of the last step."""
+        return float(self.s_o[-1] / self.length)
+
+    @property
+    def max_deflection(self) -> float:
+        """Largest v of the mass path [m]; of a car whose place is given, past midspan only while the cable is taut.
+
+        Slack, it flings the mass.  The first row always counts, wherever a car starts; a free ride may turn back, so
+        that its place tells nothing of before and after: all of it counts.
+        """
+        onset = math.inf if self.slack_onset is None or self.drive == "free" else self.slack_onset
+        kept = self.v[self.s_o <= max(onset, 0.5) * self.length]
+        return float(kept.max(initial=self.v[0]))
+
+    @property
+    def path_scale(self: Travelled) -> float:
+        """What gaps and errors of the mass path are relative to [m], so that 1e-3 is 1e-4 l on a free ride."""
+        return 0.1 * self.length if self.drive == "free" else self.max_deflection
+
+    @property
+    def path_scale_named(self: Travelled) -> str:
+        return "a tenth of the length" if self.drive == "free" else "the largest deflection"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Response(MassPath):
+    """The answer of one run, in SI units: lengths [m], forces [N], times [s]; v and y point down.
+
+    Comparisons between solvers use this alone, never coefficients.  T is total tension and has two values at the
+    mass.
+    """
+
+    scene: str  # name
+    scene_toml: str  # the scene itself
+    model: str
+    load: str
+    law: str
+    status: str  # "complete" | "incomplete"
+    reason: str | None
+    slack_at: float | None  # s/l of the slack onset
+    switched: float | None  # s_o/l from which on the tension-only law was used by law = auto
+    horizontal_tension: float  # H [N]
     T_behind: Array  # (n,) nan where the mass is on the left support
     T_ahead: Array  # (n,) nan where the mass is on the right support
     velocity: Array  # (n, 2) of the mass
@@ -201,7 +237,6 @@ class Response(_Filled):
     tension_min: Array  # (n,) least total tension
     tension_min_at: Array  # (n,) its s
     fields: Fields
-    work: dict[str, int]
     n_dof: int
     seconds: float  # of the time loop
     path_error: float | None = None  # estimated, of max |v - v_exact| over the window, relative to path_scale
@@ -211,7 +246,6 @@ class Response(_Filled):
     energy_gain: float | None = None  # largest energy gained without being given, over weight x largest deflection
     flags: list[Flag] = field(default_factory=list)  # what makes the run suspect
     cause: str | None = None  # why incomplete: "Newton stalled", "slack", "unstable", "step underflow", "no start"
-    drive: str = "grip"  # "grip" | "haul" | "free"
     events: list[dict[str, Any]] = field(default_factory=list)  # event, t [s], s_o [m], speed [m/s], in their order
     design: list[dict[str, Any]] = field(default_factory=list)  # quantity, value, bar, unit, t, s_o, s
     # (n,) T + EA eps of the slopes at the mass; T_behind is from equilibrium
@@ -238,31 +272,6 @@ class Response(_Filled):
         tangent = self.slope_behind + self.slope_ahead
         across = self.contact[:, 1] * tangent[:, 0] - self.contact[:, 0] * tangent[:, 1]
         return across / np.hypot(tangent[:, 0], tangent[:, 1])
-
-    @property
-    def reached(self) -> float:
-        """s_o/l of the last step."""
-        return float(self.s_o[-1] / self.length)
-
-    @property
-    def max_deflection(self) -> float:
-        """Largest v of the mass path [m]; of a car whose place is given, past midspan only while the cable is taut.
-
-        Slack, it flings the mass.  The first row always counts, wherever a car starts; a free ride may turn back, so
-        that its place tells nothing of before and after: all of it counts.
-        """
-        onset = math.inf if self.slack_onset is None or self.drive == "free" else self.slack_onset
-        kept = self.v[self.s_o <= max(onset, 0.5) * self.length]
-        return float(kept.max(initial=self.v[0]))
-
-    @property
-    def path_scale(self: Travelled) -> float:
-        """What gaps and errors of the mass path are relative to [m], so that 1e-3 is 1e-4 l on a free ride."""
-        return 0.1 * self.length if self.drive == "free" else self.max_deflection
-
-    @property
-    def path_scale_named(self: Travelled) -> str:
-        return "a tenth of the length" if self.drive == "free" else "the largest deflection"
 
     @property
     def flag_kinds(self) -> list[str]:

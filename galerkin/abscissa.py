@@ -116,6 +116,9 @@ class PositionAbscissa:
         q, v, a = chained(states.q, states.v, states.a, ds_o[:, None], dds_o[:, None])
         return States(t, q, v, a, states.phase)
 
+    def path(self, states: States) -> tuple[Array, Array]:
+        return self.system.path(states)
+
     def observe(self, states: States, s: Array, frames: Array) -> Observation:
         """Measure a history as `in_time` gives it."""
         return self.system.observe(states, s, frames)

@@ -27,7 +27,7 @@ from galerkin.bases.kink import Array, Carried, MovingBasis, Standing, Travellin
 from galerkin.bow import NONE, bent
 from galerkin.equilibrium import Equilibrium
 from galerkin.models import FullCable, cable_model
-from galerkin.observe import observe
+from galerkin.observe import direction, displaced, history, observe
 
 LOADS = ("mass", "force")
 
@@ -362,6 +362,11 @@ class GalerkinSystem:
             if np.abs(step).max() <= 1e-13 * (1.0 + np.abs(d).max()):
                 return d
         raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
+
+    def path(self, states: States) -> tuple[Array, Array]:
+        """Return s_o (n,) and the displacement of the mass (n, 2); see `Observation`."""
+        x = history(self, states)
+        return x.s_o, displaced(self, states, x) @ direction(self)
 
     def observe(self, states: States, s: Array, frames: Array) -> Observation:
         return observe(self, states, s, frames)

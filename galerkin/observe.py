@@ -63,18 +63,17 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     One field w normal to the chord is shown as (u, v) = w (-chord_sin, chord_cos) on the catenary; its energy and
     power are those of the model itself, motion normal to the chord over the parabola.
     """
-    groups, cable = system.groups, system.cable
+    groups, cable, along = system.groups, system.cable, direction(system)
     x = history(system, states)
     n, fields = x.s_o.size, system.fields
-    direction = np.eye(2) if fields == 2 else np.array([[-groups.chord_sin, groups.chord_cos]])
 
     basis, smooth = system.basis.basis, system.basis.basis.smooth
     phi, first = basis.phi(x.s_o), basis.phi(x.s_o, 1)
     w_s = combined(x.Q, first)
-    w = combined(x.Q, phi) + x.q_hat
+    w = displaced(system, states, x)
     w_t = combined(x.V, phi) + x.v_hat + x.ds_o[:, None] * w_s  # along the path
     if system.path_form:
-        w, w_t, w_tt = (y[:, system.n_modal :] for y in (states.q, states.v, states.a))
+        w_t, w_tt = (y[:, system.n_modal :] for y in (states.v, states.a))
     else:
         # without phi'' (a moving force on a rough basis) the centrifugal part is left out: it enters no equation then
         bend = combined(x.Q, basis.phi(x.s_o, 2)) if smooth else np.zeros_like(w)
@@ -122,27 +121,39 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         place_y = (-0.5 * cable.curvature) * x.s_o * (1.0 - x.s_o) + w[:, 0]
         velocity, acceleration = w_t + p[0] * slope, w_tt + p[1] * slope + p[2] * bent
         sides = slope + np.array([behind, ahead])
-    seen = sides if fields == 2 else static + np.array([behind, ahead]) @ direction
+    seen = sides if fields == 2 else static + np.array([behind, ahead]) @ along
     drives = system.drives(states, velocity, acceleration, sides, working)
     kinetic = kinetic + 0.5 * system.inertia * np.sum(velocity**2, axis=1)
     potential = weight - system.mu * cable.weight[-1] * place_y
     at_left, at_right = x.s_o > 0.0, x.s_o < 1.0
     fields_at = {name: np.einsum("kfs,f->ks", y, e) for name, y, e in (
-        ("u", u_v, direction[:, 0]), ("v", u_v, direction[:, 1]),
-        ("du", du_dv, direction[:, 0]), ("dv", du_dv, direction[:, 1]),
+        ("u", u_v, along[:, 0]), ("v", u_v, along[:, 1]),
+        ("du", du_dv, along[:, 0]), ("dv", du_dv, along[:, 1]),
     )}  # fmt: skip
     return Observation(
-        path=w @ direction, path_velocity=w_t @ direction + p[0] * static,
-        path_acceleration=w_tt @ direction + p[1] * static + p[2] * curvature,
+        path=w @ along, path_velocity=w_t @ along + p[0] * static,
+        path_acceleration=w_tt @ along + p[1] * static + p[2] * curvature,
         slope_behind=seen[0], slope_ahead=seen[1],
         T_behind=np.where(at_left, T_behind, np.nan), T_ahead=np.where(at_right, T_ahead, np.nan),
         T_behind_pointwise=np.where(at_left, T_behind_pointwise, np.nan),
         T_ahead_pointwise=np.where(at_right, T_ahead_pointwise, np.nan),
         energy=kinetic + strain + potential, power=drives.power, tension_min=least, tension_min_at=least_at,
         **fields_at, T=T, T_pointwise=T_pointwise, reaction_left=reactions[0], reaction_right=reactions[1],
-        t=states.t, s_o=x.s_o, contact=drives.contact @ direction, haul=drives.haul, powers=drives.powers,
+        t=states.t, s_o=x.s_o, contact=drives.contact @ along, haul=drives.haul, powers=drives.powers,
         kinetic=kinetic, strain=strain, potential=potential,
     )  # fmt: skip
+
+
+def direction(system: GalerkinSystem) -> Array:
+    """Return (fields, 2): what one field w normal to the chord is as (u, v); two are those themselves."""
+    if system.fields == 2:
+        return np.eye(2)
+    return np.array([[-system.groups.chord_sin, system.groups.chord_cos]])
+
+
+def displaced(system: GalerkinSystem, states: States, x: History) -> Array:
+    """Return w(s_o), (n, fields)."""
+    return states.q[:, system.n_modal :] if system.path_form else combined(x.Q, system.basis.basis.phi(x.s_o)) + x.q_hat
 
 
 def history(system: GalerkinSystem, states: States) -> History:

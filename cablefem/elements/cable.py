@@ -185,15 +185,15 @@ class CableElements:
     def collocate(
         self, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
     ) -> Settled:
-        coefficients, spans = (np.empty((3, *x.shape)) for x in (self._coefficients, self._mesh.span))
+        bands, spans = (np.empty((3, *x.shape)) for x in (self._bands, self._mesh.span))
         contacts = []
         for i, instant in enumerate((*t.tolist(), float(t[-1]))[:3]):  # compiled for three nodes, two are filled up
             self._time(instant, phase)
-            coefficients[i], spans[i] = self._coefficients, self._mesh.span
+            combine(self._operators, self._coefficients, bands[i])
+            spans[i] = self._mesh.span
             contacts.append((*self._contact[:-1], self._contact.load.copy()))
         self._at = None
-        grip = self._operators, coefficients, np.empty((3, *self._bands.shape)), spans, tuple(contacts)
-        return self._collocated(grip, None, dt, start, a, rule, bound, newton)
+        return self._collocated((bands, spans, tuple(contacts)), None, dt, start, a, rule, bound, newton)
 
     def _collocated(
         self, grip: Any, ride: Any, dt: float, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
@@ -237,6 +237,10 @@ class CableElements:
     def _mesh_at(self, kinematics: Array) -> Array:
         """Return the s_o, ds_o, dds_o that the mesh has."""
         return kinematics
+
+    def _spans(self, states: States, kinematics: Array) -> Array:
+        """Return the spans (n, n_el, 6) of the mesh where s_o, ds_o, dds_o do not say them."""
+        return np.empty((0, *self._mesh.span.shape))
 
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Return w(s_o(t), t), its first and second time derivative, and w' behind and ahead, (n, fields) each."""
@@ -302,6 +306,11 @@ class CableElements:
         return mu * (dds / T + bend * p) - weight[0], mu * (dds * p / T - bend) - weight[1]
 
     # --- observation -----------------------------------------------------------------------------------
+    def path(self, states: States) -> tuple[Array, Array]:
+        """Return s_o (n,) and the displacement of the mass (n, 2); see `Observation`."""
+        states, kinematics = self._split(states)
+        return kinematics[:, 0], self._at_mass(states, kinematics)[0] @ self.direction
+
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
         """Measure paths, tensions, energies and fields on a history; see `Observation`."""
         g, n = self.groups, states.t.size
@@ -314,7 +323,7 @@ class CableElements:
         power = ds * np.sum(force * (slope + 0.5 * (slopes[0] + slopes[1])), axis=1)
 
         parts, least, where = np.zeros((3, n)), np.empty(n), np.full(n, 0.5)  # kinetic, strain, of weight
-        of = self._cable, self.fields, self._mesh_at(kinematics), states.q, states.v
+        of = self._cable, self.fields, self._mesh_at(kinematics), self._spans(states, kinematics), states.q, states.v
         energies(self._mesh, self._fine, self._n_left, *of, parts, least, where)
         self._at = None  # the mesh is that of another instant now
         kinetic, strain, potential = parts

@@ -167,7 +167,7 @@ class FixedElements(CableElements):
             x[:, :, 0] += first
             x[:, :, :2] /= n
             x[:, :, 2 + n_loc :] *= n
-        self._mesh = Mesh(np.tile([0.0, 1.0, 0.0, 0.0], (n, 1)), dofs, tab)
+        self._mesh = Mesh(np.tile(np.eye(6)[1], (n, 1)), dofs, tab)
         b = max(kind.offsets)
         self._band = self.fields * b + self.fields - 1
         of_one = mass_form.assemble(basis).toarray()[np.ix_(basis.element_dofs[:, 0], basis.element_dofs[:, 0])] / n
@@ -257,8 +257,8 @@ class FixedElements(CableElements):
         """
         n, s_o = states.t.size, kinematics[:, 0]
         ends, elements = np.zeros((n, 4, self.fields)), self.elements
-        of = states.q, states.v, states.a, ends
-        end_forces(self._mesh, elements, 0, self._cable, self._mesh_at(kinematics), rise, *of)
+        mesh = self._mesh_at(kinematics), self._spans(states, kinematics)
+        end_forces(self._mesh, elements, 0, self._cable, *mesh, rise, states.q, states.v, states.a, ends)
         ends[:, 0] -= (1.0 - s_o)[:, None] * force
         ends[:, 3] = ends[:, 1] + s_o[:, None] * force
         a = self._padded(states.a)

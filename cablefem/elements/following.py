@@ -212,7 +212,7 @@ class FollowingElements(CableElements):
     def _fresh(self) -> None:
         super()._fresh()
         self._coefficients = np.empty((8, 3))
-        self._mesh = Mesh(np.empty((self._dofs.shape[0], 4)), self._dofs, self._tab)
+        self._mesh = Mesh(np.empty((self._dofs.shape[0], 6)), self._dofs, self._tab)
         node = self.fields * self.node + np.arange(self.fields)[None, :]
         self._contact = Contact(node, _ONE, self.inertia * _ONE, _ZERO, _ZERO, np.empty(self.fields))
 
@@ -220,23 +220,25 @@ class FollowingElements(CableElements):
         s_o, ds, dds = kinematics.T
         q, v, a = (x.reshape(s_o.size, self.n_scalar, self.fields) for x in (states.q, states.v, states.a))
         behind, ahead = (np.tensordot(q[:, dofs], grad, axes=(1, 0)) for dofs, grad in self._slopes)
-        behind /= np.where(s_o > 0.0, s_o, 1.0)[:, None]
-        ahead /= (1.0 - s_o)[:, None]
+        left, right = self._beside(states, kinematics)
+        behind /= np.where(s_o > 0.0, left, 1.0)[:, None]
+        ahead /= right[:, None]
         if s_o.size and s_o[0] == 0.0:  # limit of w(s_o)/s_o as the mass leaves the left support, 0 where it rests
             gone, way = (v, ds) if ds[0] > 0.0 else (a, dds)
             behind[0] = gone[0, self.node] / way[0] if way[0] > 0.0 else 0.0
         return q[:, self.node], v[:, self.node], a[:, self.node], behind, ahead
 
+    def _beside(self, states: States, kinematics: Array) -> tuple[Array, Array]:
+        """Return ds/dxi of the elements behind and ahead of the mass, (n,) each."""
+        return kinematics[:, 0], 1.0 - kinematics[:, 0]
+
     def _along(self, states, kinematics, force, rise, s, frames):
-        n, f = states.t.size, self.fields
-        ends, out = np.empty((n, 4, f)), np.empty((4, frames.size, s.size, f))
+        n, f, spans = states.t.size, self.fields, self._spans(states, kinematics)
+        ends, out, c = np.empty((n, 4, f)), np.empty((4, frames.size, s.size, f)), np.empty((frames.size, s.size))
         of = states.q, states.v, states.a
-        end_forces(self._mesh, self._n_left, self.node, self._cable, kinematics, rise, *of, ends)
+        end_forces(self._mesh, self._n_left, self.node, self._cable, kinematics, spans, rise, *of, ends)
         self._at = None  # the mesh is that of another instant now
-        knots, places = np.stack([self.left.knots, self.right.knots]), kinematics[frames]
-        history = np.stack([x[frames] for x in of])
-        along(knots, self.left.shapes, self._dofs, self.node, places, s, history, ends[frames], out)
-        s_o, ds, _ = places.T[:, :, None]
-        behind = (s <= s_o) & (s_o > 0.0)
-        c = ds * np.where(behind, s / np.where(s_o > 0.0, s_o, 1.0), (1.0 - s) / (1.0 - s_o))
+        knots, history = np.stack([self.left.knots, self.right.knots]), np.stack([x[frames] for x in of])
+        places = kinematics[frames], spans[frames] if len(spans) else spans
+        along(self._mesh, knots, self.left.shapes, self.node, *places, s, history, ends[frames], out, c)
         return out[:3], ends, out[3], (kinematics[:, 1], c)

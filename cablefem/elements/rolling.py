@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from cablefem.elements.cable import Array
 from cablefem.elements.following import FollowingElements
+from cablefem.elements.front import FrontElements
 from cablefem.elements.kernels import car as kernels
 from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, Tableau, consistent_acceleration
 from cablefem.newmark.energy_rule import average
@@ -38,9 +39,13 @@ HOLDS = 0.03  # of an axial wave's way to and fro: the hold of a car that rattle
 STATIC = 1e-30  # weight of accelerations in a tangent of statics: nothing but the last unknown feels it
 
 
-def following(groups: Groups, **kind: Any) -> FollowingElements:
-    """Return the mass-following elements that the drive of a scene asks for."""
-    return (FollowingElements if groups.drive.mode == "grip" else RollingElements)(groups, **kind)
+def following(groups: Groups, *, nodes: str = "mass", **kind: Any) -> FollowingElements:
+    """Return the mass-following elements that the drive of a scene asks for; nodes : "mass" or "front", see there."""
+    if groups.drive.mode == "grip":
+        return (FrontElements if nodes == "front" else FollowingElements)(groups, **kind)
+    if nodes == "front":
+        raise ValueError("nodes = front is for a car that grips and enters: one that rolls sends out no front")
+    return RollingElements(groups, **kind)
 
 
 ABRUPT = 1e-5  # of the length: a slip at such an acceleration over a whole step; the car itself goes a hundredth as far

@@ -29,6 +29,7 @@ from cablefem.newmark.system import (
     Array,
     Collocated,
     Inside,
+    Paced,
     Prepared,
     Ringing,
     Solve,

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from cablefem.newmark.system import Array, System
+from cablefem.newmark.system import Array, Paced, System
 
 GROWTH = 1.15  # of each step of a ramp over the one before
 
@@ -12,12 +12,16 @@ GROWTH = 1.15  # of each step of a ramp over the one before
 def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 1.0) -> list[Array]:
     """Return per phase the instants to step on: about `steps` (2 or more) equal steps, whole ones in each phase.
 
-    The very last instant is left out: a system may lose its meaning there.
+    Equal by the clock of a system that is `Paced`.  The very last instant is left out: a system may lose its meaning
+    there.
 
     entry, exit : first and last step as fractions of the uniform one; from there steps grow by GROWTH each, up to
         the uniform step.  The ramps come on top of `steps`.
     """
     phases = system.phases
+    if isinstance(system, Paced):
+        clock = np.interp(np.array(phases), *system.pace)
+        phases = tuple((t0, t1) for t0, t1 in clock.tolist())
     dt = (phases[-1][1] - phases[0][0]) / steps
     grids = []
     for i, (t0, t1) in enumerate(phases):
@@ -31,6 +35,10 @@ def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 
         grid = np.concatenate([[0.0], np.cumsum(lengths)])
         grid = t0 + (t1 - t0) * (grid / grid[-1])
         grid[-1] = t1
+        if isinstance(system, Paced):
+            t, shown = system.pace
+            grid = np.interp(grid, shown, t)
+            grid[0], grid[-1] = system.phases[i]
         grids.append(grid)
     grids[-1] = grids[-1][:-1]
     return grids

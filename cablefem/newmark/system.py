@@ -97,6 +97,15 @@ class Travelling(Protocol):
 
 
 @runtime_checkable
+class Paced(Protocol):
+    """What a system answers besides if it wants short steps at times that it knows."""
+
+    @property
+    def pace(self) -> tuple[Array, Array]:
+        """Return instants (m,), both ends of the run included, and what a clock shows then, steady between them."""
+
+
+@runtime_checkable
 class Striding(Protocol):
     """What a system without events answers besides if it takes many steps in one go.
 

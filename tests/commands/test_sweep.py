@@ -102,6 +102,16 @@ def test_a_study_reads_back_without_the_file_of_its_scene(tmp_path):
     assert (kept.method, kept.settings) == (asked.method, asked.settings)
 
 
+def test_points_keep_their_numbers_when_a_study_reads_back():
+    axes = {"mu": {"from": 0.1, "to": 1.0, "log": True}, "slope": [0, 45], "travel": {"choices": ["constant_speed"]}}
+    grid = {"mu": {"from": 0.1, "to": 1.0, "count": 3}, "slope": [0, 20, 45], "sag_ratio": {"choices": [0.1, 0.2]}}
+    how = {"method": "following-p2", "tol": 1e-2}
+    for asked in (Study.of(how | {"sample": {"count": 4, "range": axes}}), Study.of(how | {"vary": grid})):
+        kept = Study.of(tomllib.loads(asked.to_toml()))
+        assert [kept.point(i) for i in range(len(kept))] == [asked.point(i) for i in range(len(asked))]
+        assert kept.to_toml() == asked.to_toml()
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [

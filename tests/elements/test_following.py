@@ -10,6 +10,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from cablefem.elements.following import FollowingElements
+from cablefem.elements.front import FrontElements
 from cablefem.newmark import integrate, scheme, step_times
 from cablefem.scene import Scene
 from tests.oracles.strings import from_rest
@@ -41,6 +42,12 @@ def test_the_tangent_is_the_derivative_of_the_residual(model, law, load):
     for t in (0.13, 1.07, 2.15):
         # central differences at 1e-6: 1e-12 times third derivatives of order alpha, through a solve of condition 1e4
         assert tangent_defect(system, t, rng) < 3e-6
+
+
+def test_the_tangent_of_elements_that_travel_with_a_front_is_the_derivative_of_the_residual():
+    system = FrontElements(replace(STEEP, mu=0.04), elements=4, degree=2)
+    for t in (0.13, 1.07, 2.15):
+        assert tangent_defect(system, t, np.random.default_rng(22)) < 3e-6
 
 
 def test_the_tangent_check_sees_a_sign():

@@ -9,6 +9,7 @@ import pytest
 
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.following import FollowingElements
+from cablefem.elements.front import FrontElements
 from cablefem.newmark import State
 from cablefem.response import States
 from tests.runs import INCLINED, march, observe, stack, steep_cable
@@ -55,6 +56,14 @@ def test_reactions_balance_the_whole_cable(model):
     system = FollowingElements(STEEP, elements=5, degree=3, model=model)
     states, _ = march(system, 300, until=0.6)
     assert momentum_defect(system, states, STEEP.sigma) < 3e-4  # differences over 1e-4; steps are solved to 1e-4
+    assert momentum_defect(system, states, 1.01 * STEEP.sigma) > 1e-3
+
+
+@pytest.mark.parametrize("model", ["full", "sagged"])
+def test_reactions_balance_a_cable_whose_elements_travel_with_the_front(model):
+    system = FrontElements(replace(STEEP, mu=0.06), elements=12, degree=3, model=model)
+    states, _ = march(system, 400, until=0.6)
+    assert momentum_defect(system, states, STEEP.sigma) < 3e-4
     assert momentum_defect(system, states, 1.01 * STEEP.sigma) > 1e-3
 
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from cablefem import Scene
 from validation.core import estimate as module
 from validation.core import measures
-from validation.core.estimate import confirmed, estimated, gaps, weighted
+from validation.core.estimate import confirmed, estimated, weighted, window_of
 from validation.core.methods import find
 from validation.core.richardson import LEAST_ORDER, NO_ORDER, SAFETY, UNCONFIRMED, left, weight
 from validation.core.running import run
@@ -69,22 +68,20 @@ def test_runs_that_are_there_are_not_made_again(estimate, monkeypatch):
 def test_a_companion_that_does_not_cover_the_window_gives_no_bar(estimate):
     short = run(LEVEL, "following-p2", elements=9, steps=225, until=0.5)
     with pytest.raises(measures.NotComparable, match=r"ends at s_o/l = 0\.5"):
-        gaps(estimate.run, short)
+        window_of(estimate.run, short)
 
 
 def test_slack_that_the_companion_does_not_have_gives_no_bar(estimate):
     fine = replace(estimate.run, slack_onset=0.4)
     with pytest.raises(measures.NotComparable, match="in the coarser companion not yet"):
-        gaps(fine, estimate.in_time)
+        window_of(fine, estimate.in_time)
     # the same onset in both: the window ends there
-    path, _ = gaps(fine, replace(estimate.in_time, slack_onset=0.41))
-    assert path == measures.path_gap(estimate.in_time, fine, (0.02, 0.4))[0]
+    assert window_of(fine, replace(estimate.in_time, slack_onset=0.41)) == (0.02, 0.4)
 
 
 def test_a_companions_own_slack_does_not_cut_the_window(estimate):
     early = replace(estimate.in_time, slack_onset=0.1)
-    assert gaps(estimate.run, early) == gaps(estimate.run, estimate.in_time)
-    assert np.isfinite(gaps(estimate.run, early)[0])
+    assert window_of(estimate.run, early) == (0.02, 0.8)
 
 
 @pytest.mark.parametrize(

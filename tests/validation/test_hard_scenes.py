@@ -13,7 +13,8 @@ from validation.commands.sweep.study import Study
 from validation.core import measures
 from validation.core.estimate import COARSE, estimated, weighted
 from validation.core.methods import METHODS
-from validation.core.running import run
+from validation.core.running import Run, run
+from validation.core.sampling import respond
 from validation.core.watch import watched
 
 LEVEL = Scene.load("level")
@@ -117,6 +118,23 @@ def test_a_bar_that_is_told_anew_says_of_itself_what_holds_now():
 def test_a_coarse_companion_of_which_nothing_is_known_leaves_no_bar():
     row = job.row(HOSTILE, 589, HOSTILE.point(589))
     assert row["status"] in ("complete", "incomplete"), row["reason"]
+
+
+@pytest.mark.parametrize(
+    ("method", "settings"),
+    [("following-p2", {"elements": 2, "scheme": "generalized-alpha"}), ("wavelet-kink", {"level": 1})],
+)
+@pytest.mark.parametrize("beyond", [True, False], ids=["beyond", "on the cable"])
+def test_a_ride_that_ends_beyond_the_cable_ended_before(method, settings, beyond):
+    ride = Run(Scene.load("zipline"), method, steps=40, **settings)
+    ride.to(0.1)
+    last = ride.history.states[-1]
+    ride.history.states[-1] = last._replace(q=np.append(last.q[:-1], 1.02 if beyond else last.q[-1]))
+    r = respond(ride.scene, ride.history, method=method, settings=ride.settings, **ride.kind)
+    assert (r.status, r.t.size) == (
+        ("incomplete", len(ride.history.states) - 1) if beyond else ("complete", len(ride.history.states))
+    )
+    assert r.cause == ("unstable" if beyond else None)
 
 
 @pytest.mark.parametrize("method", ["following-p1", "following-p2"])

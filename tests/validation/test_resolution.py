@@ -193,7 +193,7 @@ def test_the_next_step_refines_what_the_error_comes_from():
     r = run(LEVEL, method, elements=4, steps=60, until=0.3)
 
     def part(bar):
-        return _Part((bar / 1.25, 0.0), 1.25)
+        return _Part(bar / 1.25, 1.25)
 
     in_time = _next(method, _Rung(r, part(1e-5), part(4e-3)), settings, 2e-3)
     assert in_time["elements"] == 10

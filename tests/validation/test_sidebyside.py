@@ -7,7 +7,7 @@ import signal
 import pytest
 
 from validation.core import sidebyside
-from validation.core.sidebyside import aside, ready, side_by_side
+from validation.core.sidebyside import aside, ready, side_by_side, spread
 
 forks = pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="nothing can be forked")
 
@@ -28,6 +28,18 @@ def test_results_come_in_order_and_progress_is_passed_on(monkeypatch, cores):
     assert names == ("a", "b")
     assert sorted(told) == [("a", 0.5), ("b", 0.5)]
     assert (pids == (os.getpid(), os.getpid())) == (cores == 1 or not sidebyside._can_fork())
+
+
+@pytest.mark.parametrize("cores", [1, 2, 7])
+def test_every_item_is_worked_on_once_and_told_as_it_is_done(monkeypatch, cores):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(cores)), raising=False)
+    told = []
+    spread(lambda x: 10 * x, [3, 1, 2], lambda i, result: told.append((i, result)))
+    assert sorted(told) == [(0, 30), (1, 10), (2, 20)]
+    spread(fails, [], lambda *what: told.append(what))
+    assert len(told) == 3
+    with pytest.raises(ValueError, match="on purpose"):
+        spread(fails, [1, 2], lambda *what: told.append(what))
 
 
 def fails(report):

@@ -222,13 +222,13 @@ def test_an_interrupted_atlas_goes_on_and_loses_nothing(tmp_path):
             raise Interrupted
 
     with pytest.raises(Interrupted):
-        atlas(tmp_path, stop, maps=SMALL, workers=1, rows=())
+        atlas(tmp_path, stop, maps=SMALL, rows=())
     first = (tmp_path / CELLS).read_text()
     assert len(list(stored(tmp_path / CELLS))) == 2
     with (tmp_path / CELLS).open("a") as file:
         file.write('\n{"key": "cut of')  # killed while writing
     computed = []
-    atlas(tmp_path, lambda label, fraction: computed.append(label), maps=SMALL, workers=1, rows=())
+    atlas(tmp_path, lambda label, fraction: computed.append(label), maps=SMALL, rows=())
     assert sum("left" in label for label in computed) == 2  # the two that were missing
     assert (tmp_path / CELLS).read_text().startswith(first)
     assert len(list(stored(tmp_path / CELLS))) == 4
@@ -239,7 +239,7 @@ def test_an_interrupted_atlas_goes_on_and_loses_nothing(tmp_path):
 
 
 def test_a_map_tells_computed_cells_from_uncomputed_ones(tmp_path):
-    result = atlas(tmp_path, maps=SMALL, workers=1, rows=CATALOGUE[6:7])
+    result = atlas(tmp_path, maps=SMALL, rows=CATALOGUE[6:7])
     found = pages.sections(tmp_path)
     assert "8 of 8 cells" in found[0].summary
     assert found[-1].verdict == "agree"

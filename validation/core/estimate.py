@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.response import Response
+from cablefem.response import MassPath, Response
 from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.flags import flagged, without
 from validation.core.methods import Method, find, refined
 from validation.core.richardson import LEAST_ORDER, NO_ORDER, SAFETY, left, space_order, time_order, weight
-from validation.core.running import run
+from validation.core.running import run, whole
 
 # Companions that fall slack this much later in s_o/l than the run show that its own slack is not resolved.
 SAME_ONSET = 0.05
@@ -76,8 +76,8 @@ class Estimated:
         return self.run, self.in_space, self.in_time
 
 
-def gaps(fine: Response, coarse: Response) -> tuple[float, float]:
-    """Return the gaps of path and tension to a coarser companion over the whole window of the finer run.
+def window_of(fine: MassPath, coarse: MassPath) -> measures.Window:
+    """Return the whole window of the finer run, over which a coarser companion is held against it.
 
     The companion's slack does not cut the window: where it is too coarse to be right, the gap must say so.
     """
@@ -89,7 +89,7 @@ def gaps(fine: Response, coarse: Response) -> tuple[float, float]:
         later = math.inf if coarse.slack_onset is None else coarse.slack_onset
         if later > fine.slack_onset + SAME_ONSET:
             raise measures.NotComparable(f"slack at s_o/l = {fine.slack_onset:.3f}, in the coarser companion not yet")
-    return measures.path_gap(coarse, fine, window)[0], measures.tension_gap(coarse, fine, window)
+    return window
 
 
 def until(scene: Scene) -> float | None:
@@ -99,7 +99,7 @@ def until(scene: Scene) -> float | None:
 
 def estimated(
     scene: Scene, method: str | Method, *, progress: Callable[[float], None] | None = None,
-    known: Sequence[Response] = (), **kind: Any,
+    known: Sequence[MassPath] = (), **kind: Any,
 ) -> Estimated:  # fmt: skip
     """Run a method with its companions; `kind` holds model, load, law, until and settings as in `run`.
 
@@ -122,11 +122,11 @@ def estimated(
 
 
 def _ran(
-    scene: Scene, method: Method, settings: dict[str, Any], how: dict[str, Any], known: Sequence[Response],
+    scene: Scene, method: Method, settings: dict[str, Any], how: dict[str, Any], known: Sequence[MassPath],
     progress: Callable[[float], None] | None = None,
 ) -> Response:  # fmt: skip
     there = [r for r in known if r.settings == settings]
-    return there[-1] if there else run(scene, method, **how, **settings, progress=progress)
+    return whole(there[-1]) if there else run(scene, method, **how, **settings, progress=progress)
 
 
 def _fall(e: Estimated, half: Response, quarter: Response) -> float | None:
@@ -142,7 +142,7 @@ def _fall(e: Estimated, half: Response, quarter: Response) -> float | None:
         return None
 
 
-def _must_last(coarse: Response, fine: Response) -> None:
+def _must_last(coarse: MassPath, fine: MassPath) -> None:
     """Raise NotComparable if the free ride of a coarser companion is too short to be compared."""
     if fine.drive == "free" and coarse.t[-1] < SAME_END * fine.t[-1]:
         raise measures.NotComparable(f"the coarser companion's ride ends after {coarse.t[-1]:.4g} s")
@@ -150,7 +150,7 @@ def _must_last(coarse: Response, fine: Response) -> None:
 
 def companions(
     scene: Scene, method: Method, *, progress: Callable[[float], None] | None = None,
-    known: Sequence[Response] = (), **kind: Any,
+    known: Sequence[MassPath] = (), **kind: Any,
 ) -> Estimated:  # fmt: skip
     """Run a method with half the resolution and half the steps besides; nothing confirms the orders.
 
@@ -190,7 +190,7 @@ def companions(
     return _with_bars(replace(estimate, rings=rings(scene, fine)))
 
 
-def rings(scene: Scene, r: Response) -> bool:
+def rings(scene: Scene, r: MassPath) -> bool:
     """Return whether the steps of a run miss axial waves, so that tensions are of first order in time.
 
     On most of the way: where a brake rings a ride takes shorter ones, and may take most of its steps there.

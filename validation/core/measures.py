@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.response import Array, Response
+from cablefem.response import Array, MassPath, Response
 from validation.core.richardson import left
 
 WINDOW = (0.02, 0.80)  # s_o/l of the comparison: past the start-up, before the far support's own layer
@@ -29,7 +29,7 @@ class NotComparable(ValueError):
     """The responses share no range in which the measure has a meaning; the text says why."""
 
 
-def window_of(*responses: Response, window: Window | None = None) -> Window:
+def window_of(*responses: MassPath, window: Window | None = None) -> Window:
     """Return the window, by default that of the drive, cut at the earliest slack onset and at the shortest run.
 
     A free ride may turn back or end early: its window is all the places it comes to.
@@ -44,13 +44,13 @@ def window_of(*responses: Response, window: Window | None = None) -> Window:
     return window[0], stop
 
 
-def inside(r: Response, window: Window) -> NDArray[np.bool_]:
+def inside(r: MassPath, window: Window) -> NDArray[np.bool_]:
     """Return which steps of a run lie in the window, (n,)."""
     place = r.s_o / r.length
     return (place >= window[0]) & (place <= window[1] * (1.0 + 1e-12))
 
 
-def at_steps_of(a: Response, b: Response, values: Array) -> Array:
+def at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
     """Interpolate `values` (n_b, ...), given at the steps of b, to the instants of a; cubic spline in time.
 
     Where all instants of a are steps of b, as where b has twice as many, nothing is interpolated.
@@ -64,7 +64,7 @@ def at_steps_of(a: Response, b: Response, values: Array) -> Array:
     return CubicSpline(b.t, values, axis=0)(when)
 
 
-def path_gap(a: Response, b: Response, window: Window) -> tuple[float, float]:
+def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float]:
     """Return (max, rms over time) of |w_a - w_b| of the path over the window, relative to the largest deflection of b.
 
     Of a free ride the places themselves are compared, relative to a tenth of the length, so that 1e-3 is 1e-4 l.
@@ -93,7 +93,7 @@ def place_of_gap(a: Response, b: Response, window: Window) -> float:
     return float(coarse.s_o[np.argmax(size)] / coarse.length)
 
 
-def _distance(coarse: Response, fine: Response) -> Array:
+def _distance(coarse: MassPath, fine: MassPath) -> Array:
     names = ("x", "y") if coarse.drive == "free" else ("u", "v")
     c, f = (np.stack([getattr(r, name) for name in names], axis=1) for r in (coarse, fine))
     gap = c - at_steps_of(coarse, fine, f)

@@ -48,6 +48,8 @@ TIME = {
     "rho_inf": Setting(0.9, (0.0, 1.0), "spectral radius at infinite frequency of scheme=generalized-alpha"),
 }
 _GRADING = Setting(1.0, (1.0, 1e6), "largest over smallest element; the smallest ones are next to the mass")
+_NODES = Setting("mass", ("mass", "front"), "what nodes travel with: the mass, or the front a light car sends out, too")
+_MESH = {"grading": _GRADING, "nodes": _NODES}
 _ABSCISSA = Setting("t", ("t", "s"), "independent variable: time, or place of the mass (45)-(48)")
 
 Build = Callable[..., Solver]
@@ -179,7 +181,7 @@ def _following(degree: int) -> Build:
     def build(groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
         from cablefem.elements.rolling import following
 
-        return following(groups, elements=x["elements"], degree=degree, grading=x["grading"], **kind)
+        return following(groups, degree=degree, **{k: x[k] for k in ("elements", *_MESH)}, **kind)
 
     return build
 
@@ -240,20 +242,20 @@ METHODS: dict[str, Method] = {
     for m in (
         Method(
             "following-p1", "elements", "linear elements on a mesh that follows the mass",
-            {"elements": _per_side(20), "grading": _GRADING, **TIME}, _each(2), 2.0, _following(1),
+            {"elements": _per_side(20), **_MESH, **TIME}, _each(2), 2.0, _following(1),
             begins=(10, 400), races=((5, 80), (9, 150), (16, 300), (30, 600), (55, 1200)),
             trust="robust and simple; P2 gives more for the same time",
         ),
         Method(
             "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
-            {"elements": _per_side(10), "grading": _GRADING, **TIME}, _each(4), 2.5, _following(2),
+            {"elements": _per_side(10), **_MESH, **TIME}, _each(4), 2.5, _following(2),
             on_rides={"elements": 16, "scheme": "radau"}, begins=(4, 200), survey=(8, 600),
             races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
             trust="the default: fastest for a given error from 1e-2 to 1e-5",
         ),
         Method(
             "following-p4", "elements", "elements of degree 4 on a mesh that follows the mass",
-            {"elements": _per_side(5), "grading": _GRADING, **TIME}, _each(8), 2.5, _following(4),
+            {"elements": _per_side(5), **_MESH, **TIME}, _each(8), 2.5, _following(4),
             on_rides={"scheme": "radau"}, begins=(2, 200),
             trust="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
         ),

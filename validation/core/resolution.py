@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 
 from cablefem.newmark import scheme
-from cablefem.response import Response
+from cablefem.response import MassPath, Response
 from cablefem.scene import Scene
 from cablefem.scene.bisection import bisected
 from validation.core import measures, richardson
 from validation.core.design import Refinement, of_ladder
-from validation.core.estimate import KIND, SAME_ONSET, Estimated, companions, gaps, rings, until, weighted
+from validation.core.estimate import KIND, SAME_ONSET, Estimated, companions, rings, until, weighted, window_of
 from validation.core.methods import Method, find, refined
 from validation.core.richardson import UNCONFIRMED, space_order, time_order
-from validation.core.running import Run, run
+from validation.core.running import Run, run, whole
 from validation.core.sidebyside import Progress, side_by_side
 
 FIRST_STEPS, MOST_STEPS = 110, 64_000
@@ -27,6 +27,7 @@ LARGEST = 2e6  # steps x resolution: half a gigabyte of states
 # Between these a refinement tells enough and does not outrun what orders promise (tolerance_survey: with refinements up
 # to 4 the bars of 13 percent of the runs are too small, up to 2 of 3 percent).
 LEAST, FURTHEST = 1.4, 2.0
+STRIDES = np.array([1.0, *np.geomspace(LEAST, 50.0, 30)])
 # Roache's factor of safety where the part fell with refinement as its order says, or nearly so.
 CONFIRMED, NEARLY = 1.25, 1.3
 LOWEST, HIGHEST = 0.01, 8.0  # orders between which one is looked for
@@ -49,11 +50,9 @@ SPARSE = 4  # every so-manieth frame is enough of trial runs that nobody else wi
 # one.  Of 51 bars 50 hold with rho_inf 0.8 and 48 with 0.6, at three quarters of the work.
 QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 
-# A car of at most this mass sends a front of width mu over the cable and meets it again: what counts is how little the
-# front disperses on all its way, in space and time.  Measured on `level` with mu = 0.01, path errors of Radau: 342
-# steps 1.1e-3 on 200 elements a side, 684 steps 5.4e-4; 342 with those at the start, those where the front meets the
-# car, or both cut to a quarter 0.8e-3 to 1.0e-3.  Elements graded towards the car make it worse, and degree 6 or 8 with
-# as many unknowns is no better: only nodes that travel with the front would help.
+# A car of at most this mass that enters with speed sends a front of width mu over the cable and meets it again: what
+# counts is how little the front disperses on all its way, in space and time.  Elements graded towards the car make it
+# worse, degree 6 or 8 with as many unknowns is no better, nor are short steps alone; FRONT is, see `elements.front`.
 # For a tolerance beyond FINE only cars of a third of that: at 1e-2 QUIET took a third to a fiftieth of the time on five
 # random scenes with mu = 0.05 to 0.09; at 5e-4 it took 1.7 times as much, and with mu = 0.015 at 5e-3 5 times.
 # Heavier ones ride with SHARP on a following mesh beyond FINEST: with tol 1e-4 all trial runs of following-p2 took 5.7
@@ -61,6 +60,10 @@ QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 # or more.  Such steps, and their companions alike, damp axial waves that they do not resolve: `loud` tells what those
 # do to the extremes of forces.
 LIGHT, SHARP, FINE, FINEST = 0.1, {"scheme": "radau"}, 2e-3, 3e-4
+FRONT, AT_FRONT = {"nodes": "front"}, (20, 120)  # and elements and steps to begin with there
+# V/c from which the front, back from both supports, catches up with the car past the window only, 2V/(1 - V) = 0.8: of
+# slower cars too many fronts are under way to travel with.  With V/c = 0.21, mu = 0.011 a bar was 0.6 of the error.
+ONCE = 2.0 / 7.0
 AUDIBLE = 10.0  # steps on an axial wave's way there and back
 
 
@@ -74,11 +77,15 @@ class TooCoarse(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """What one refinement says is left of the errors of path and tension: the estimates, and the factor of safety."""
+    """What one refinement says is left of the error of the path: the estimate, and the factor of safety."""
 
-    left: tuple[float, float]
+    left: float
     safety: float
-    read: tuple[Response, Response, float, float] | None = None  # from the finer and the coarser run, ratio, order
+    read: tuple[MassPath, MassPath, float, float] | None = None  # from the finer and the coarser run, ratio, order
+
+    @property
+    def path(self) -> float:
+        return self.safety * self.left
 
     @property
     def refinement(self) -> list[Refinement]:
@@ -87,31 +94,31 @@ class _Part:
             return []
         fine, coarse, ratio, order = self.read
         of_path, of_force = (richardson.left(p, ratio) for p in (order, 1.0))
-        return [Refinement(fine, coarse, self.safety * of_path, richardson.SAFETY * of_force)]
+        return [Refinement(whole(fine), whole(coarse), self.safety * of_path, richardson.SAFETY * of_force)]
 
-    @property
-    def path(self) -> float:
-        return self.safety * self.left[0]
+    def tension(self, rings: bool = False) -> float:
+        """What is left of the tension's; of first order where it rings with waves that steps miss."""
+        if self.read is None or not math.isfinite(self.left):
+            return self.path
+        fine, coarse, ratio, order = self.read
+        weight = self.safety * richardson.left(order, ratio)
+        if rings:
+            weight = max(weight, richardson.SAFETY * richardson.left(1.0, ratio))
+        return weight * measures.tension_gap(whole(coarse), whole(fine), window_of(fine, coarse))
 
-    @property
-    def tension(self) -> float:
-        return self.safety * self.left[1]
-
-    @property
-    def first_order(self) -> float:
-        """The same of a tension that is of first order, as it is where it rings with waves that steps miss."""
+    def seen(self, last: MassPath, response: Response) -> _Part:
+        """Return the same, read from responses: of the last run from this one."""
         if self.read is None:
-            return self.tension
-        *_, ratio, order = self.read
-        of_gap = richardson.SAFETY * richardson.left(1.0, ratio)
-        return max(self.tension, of_gap * self.left[1] / richardson.left(order, ratio))
+            return self
+        fine, coarse, ratio, order = self.read
+        return replace(self, read=(response if fine is last else whole(fine), whole(coarse), ratio, order))
 
 
 @dataclass(slots=True)
 class _Rung:
-    """A run and what space and time contribute to its error bars, (path, tension) each."""
+    """A run and what space and time contribute to the error bar of its path."""
 
-    response: Response
+    response: MassPath
     space: _Part
     time: _Part
 
@@ -125,7 +132,7 @@ class _Climb:
 
     def __init__(
         self, scene: Scene, method: Method, how: dict[str, Any], settings: dict[str, Any], tol: float,
-        until: float | None, runs: list[Response] | None, rung: _Rung | None,
+        until: float | None, runs: list[MassPath] | None, rung: _Rung | None,
     ) -> None:  # fmt: skip
         self.scene, self.method, self.how, self.settings, self.tol, self.until = (
             scene, method, how, settings, tol, until
@@ -136,7 +143,7 @@ class _Climb:
         self.rung = rung or self._first()
         self.read_at = settings["steps"]  # for which space was read last
         self.stuck = False  # the last refinement of space did not lower its part
-        self.coarser: Response | None = None  # the run before space was refined last
+        self.coarser: MassPath | None = None  # the run before space was refined last
 
     @property
     def finest(self) -> Run:
@@ -170,11 +177,11 @@ class _Climb:
                 if in_space:
                     self._refine_space(finer[space.setting])
 
-    def _run(self, settings: dict[str, Any], keep: bool = True) -> Response:
+    def _run(self, settings: dict[str, Any], keep: bool = True) -> MassPath:
         marched = Run(self.scene, self.method, **self.how, **settings)
         if keep:
             self._finest = marched
-        self.made.append(marched.to(self.until, every=self.every, past=PAST))
+        self.made.append(marched.try_to(self.until, every=self.every, past=PAST))
         return self.made[-1]
 
     def _first(self) -> _Rung:
@@ -215,13 +222,13 @@ class _Climb:
         self.settings = self.settings | {space.setting: count}
         fine, self.read_at = self._run(self.settings), self.settings["steps"]
         part = _part(fine, before.response, ratio, space_order(self.method.space_order), before.space)
-        self.stuck = not part.left[0] < STUCK * before.space.left[0]
+        self.stuck = not part.left < STUCK * before.space.left
         self.rung = _Rung(fine, part, before.time)
 
 
 def resolve(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None,
-    runs: list[Response] | None = None, budget: float = math.inf, past: float = math.inf,
+    runs: list[MassPath] | None = None, budget: float = math.inf, past: float = math.inf,
     ladder: list[_Rung] | None = None, **kind: Any,
 ) -> Response:  # fmt: skip
     """Return a run whose path error bar is at most `tol`, at nearly the least cost, with its design numbers.
@@ -260,12 +267,10 @@ def resolve(
     climb.go(budget, report)
     rung, settings, made = climb.rung, climb.settings, climb.made
     if ladder and rung is ladder[-1]:
-        raise TooCoarse("nothing finer is within reach", rung.response)
-    if ladder is not None:
-        ladder.append(rung)
+        raise TooCoarse("nothing finer is within reach", whole(rung.response))
     jobs: list[Callable[[Progress], Response]] = []
-    whole = end == short and climb.every == 1  # all that is wanted of the last run is there
-    if not whole:
+    there = end == short and climb.every == 1  # all that is wanted of the last run
+    if not there:
         jobs.append(lambda told: climb.finest.to(end, lambda x: told(0.5 + 0.5 * x), past=past))
     if runs is not None:  # who wants all runs wants the companions of the last one
         halves = (refined(method, settings, **half) for half in ({"space": 0.5}, {"time": 0.5}))
@@ -275,19 +280,13 @@ def resolve(
     if heard is not None:
         jobs.append(partial(_companion, scene, method, how | {"until": short}, heard))
     made += reversed(side_by_side(jobs, report))
-    response = rung.response if whole else made[-1]
+    response = whole(rung.response if there else made[-1])
     report(1.0)
-    rung_to = rung.space.refinement + rung.time.refinement
-    rung_to += [Refinement(rung.response, r, 0.0, richardson.SAFETY) for r in made if r.settings == heard]
-    design = of_ladder(response, rung_to)
-    response = replace(response, design=[number.row() for number in design])
-    if math.isfinite(rung.bar):
-        of_time = rung.time.first_order if rings(scene, rung.response) else rung.time.tension
-        parts = {
-            "path_space": rung.space.path, "path_time": rung.time.path,
-            "tension_space": rung.space.tension, "tension_time": of_time,
-        }  # fmt: skip
-        response = replace(response, path_error=rung.bar, tension_error=rung.space.tension + of_time, error_parts=parts)
+    if ladder is not None:  # who goes on from here has bars of its own for all but the path
+        ladder.append(_Rung(response, replace(rung.space, read=None), replace(rung.time, read=None)))
+        response = replace(response, path_error=rung.bar if math.isfinite(rung.bar) else None)
+    else:
+        response = _told(scene, response, rung, [whole(r) for r in made if r.settings == heard])
     if rung.bar <= tol:
         return response
     reached = f"an error bar of {rung.bar:.2g}" if math.isfinite(rung.bar) else "no end of the window"
@@ -297,6 +296,22 @@ def resolve(
         "(cablefem advise)",
         response,
     )
+
+
+def _told(scene: Scene, response: Response, rung: _Rung, loud: list[Response]) -> Response:
+    """Return the response of a rung with its design numbers and its bars."""
+    space, time = (part.seen(rung.response, response) for part in (rung.space, rung.time))
+    rung_to = space.refinement + time.refinement
+    rung_to += [Refinement(response, r, 0.0, richardson.SAFETY) for r in loud]
+    response = replace(response, design=[number.row() for number in of_ladder(response, rung_to)])
+    if not math.isfinite(rung.bar):
+        return response
+    parts = {
+        "path_space": space.path, "path_time": time.path,
+        "tension_space": space.tension(), "tension_time": time.tension(rings(scene, response)),
+    }  # fmt: skip
+    tension = parts["tension_space"] + parts["tension_time"]
+    return replace(response, path_error=rung.bar, tension_error=tension, error_parts=parts)
 
 
 def resolved(
@@ -310,7 +325,7 @@ def resolved(
     before : what was returned for a larger tolerance, whose ladder goes on.
     """
     method = find(method) if isinstance(method, str) else method
-    made: list[Response] = []
+    made: list[MassPath] = []
     ladder: list[_Rung] = []
     if before is not None and before.rung is not None:
         if before.rung.bar <= tol:
@@ -329,13 +344,13 @@ def resolved(
     how = {k: kind[k] for k in KIND if k in kind}
     e = companions(scene, method, known=made, **how, **finest.settings)
     heard = loud(scene, method, finest.settings)
-    loudly = next((r for r in made if r.settings == heard), None)
+    loudly = next((whole(r) for r in made if r.settings == heard), None)
     order = _order_in_time(e, made) or (before.order if before is not None else None)
     e = replace(e, order=order, loud=loudly, rung=ladder[-1])
     return weighted(e, finest.path_error / e.run.path_error) if finest.path_error and e.run.path_error else e
 
 
-def past_window(scene: Scene, method: Method, r: Response, made: list[Response], **kind: Any) -> Response:
+def past_window(scene: Scene, method: Method, r: Response, made: list[MassPath], **kind: Any) -> Response:
     """Return the run, or one in more steps, whose slack onset past the window of comparison coarser runs share.
 
     A tolerance is asked of the path in the window.  What takes few steps there may fold up beyond it, or tell its slack
@@ -375,7 +390,7 @@ def loud(scene: Scene, method: Method, settings: dict[str, Any]) -> dict[str, An
     return settings | QUIET | {"steps": min(steps, MOST_STEPS)} if steps > settings["steps"] else None
 
 
-def work(method: Method, r: Response) -> float:
+def work(method: Method, r: MassPath) -> float:
     """Return what a run has cost: Newton's iterations, each at all nodes of a step, times what the resolution makes."""
     nodes = max(1, len(scheme(r.settings["scheme"]).nodes))
     return r.work["newton_iterations"] * nodes * method.resolution.cost(method.value(r.settings))
@@ -387,7 +402,7 @@ def _companion(
     return run(scene, method, **how, **settings)
 
 
-def _order_in_time(e: Estimated, made: list[Response]) -> float | None:
+def _order_in_time(e: Estimated, made: list[MassPath]) -> float | None:
     """Return the order in time that half the steps and fewer show together, None where no run has a quarter or less.
 
     What a coarser mesh adds to the distance of the run with fewer makes it seem higher, never lower.
@@ -419,11 +434,20 @@ def _light(scene: Scene, tol: float) -> bool:
 def _rule(scene: Scene, method: Method, named: dict[str, Any], tol: float) -> dict[str, Any]:
     """Return the settings that are named, with a rule that damps where none is and scene and method bring none."""
     damps = scene.drive.mode == "free" or method.knobs["scheme"].default != "trapezoidal"
+    if damps or "scheme" in named:
+        return named
     sharp = _light(scene, tol) or (method.follows and tol <= FINEST)
-    return ({} if damps or "scheme" in named else SHARP if sharp else QUIET) | named
+    return (SHARP if sharp else QUIET) | (FRONT if _sends(scene, method, tol) else {}) | named
 
 
-def _doubtful(r: Response, coarser: Response | None) -> bool:
+def _sends(scene: Scene, method: Method, tol: float) -> bool:
+    """Return whether nodes travel with a front: that of a light car which enters, and is fast."""
+    motion = scene.groups.motion
+    light = method.follows and _light(scene, tol) and scene.drive.mode == "grip"
+    return light and motion is not None and motion.at(0.0, 0)[1] > ONCE
+
+
+def _doubtful(r: MassPath, coarser: MassPath | None) -> bool:
     """Return whether slack cuts the window where one of half the resolution has not: coarse bases fake slack."""
     stop = measures.WINDOWS[r.drive][1]
     if r.drive == "free" or r.slack_onset is None or r.slack_onset > stop - SAME_ONSET:
@@ -446,6 +470,8 @@ def _begin(scene: Scene, method: Method, tol: float) -> dict[str, int]:
         return {space.setting: max(space.first, seen), "steps": steps}
     if not _light(scene, tol):
         return {space.setting: space.first, "steps": FIRST_STEPS}
+    if _sends(scene, method, tol):
+        return {space.setting: AT_FRONT[0], "steps": AT_FRONT[1]}
     fine = min(space.with_unknowns(2.0 / scene.mu), space.most // 2)  # both sides of the mass
     return {
         space.setting: max(space.first, fine),
@@ -454,22 +480,20 @@ def _begin(scene: Scene, method: Method, tol: float) -> dict[str, int]:
 
 
 def _part(
-    fine: Response, coarse: Response, ratio: float, order: float, before: _Part | None = None,
+    fine: MassPath, coarse: MassPath, ratio: float, order: float, before: _Part | None = None,
     since: float | None = None,
 ) -> _Part:  # fmt: skip
-    """Return what a refinement by `ratio` leaves of the path and the tension error, infinite if it cannot be read.
+    """Return what a refinement by `ratio` leaves of the error of the path, infinite if it cannot be read.
 
     since : how much finer the run is than the one that `before` was read for, if that is not `ratio`.
     """
     read = fine, coarse, ratio, order
     try:
-        path, tension = gaps(fine, coarse)
+        gap = measures.path_gap(coarse, fine, window_of(fine, coarse))[0]
     except measures.NotComparable:
-        return _Part((math.inf, math.inf), UNCONFIRMED, read)
-    of_gap = richardson.left(order, ratio)
-    left = of_gap * path, of_gap * tension
-    fall = (since or ratio) ** order
-    confirmed = before is not None and left[0] <= NEARLY * before.left[0] / fall < math.inf
+        return _Part(math.inf, UNCONFIRMED, read)
+    left, fall = richardson.left(order, ratio) * gap, (since or ratio) ** order
+    confirmed = before is not None and left <= NEARLY * before.left / fall < math.inf
     return _Part(left, CONFIRMED if confirmed else UNCONFIRMED, read)
 
 
@@ -485,7 +509,6 @@ def _next(
     """
     space, count, steps = method.resolution, method.value(settings), settings["steps"]
     p, r, s, t = space_order(method.space_order), time_order(settings), rung.space.path, rung.time.path
-    strides = [1.0, *np.geomspace(LEAST, 50.0, 30)]
 
     def at(a: float, b: float) -> dict[str, int]:
         return {space.setting: space.finer(count, a), "steps": min(math.ceil(steps * b), MOST_STEPS)}
@@ -495,8 +518,12 @@ def _next(
     if not math.isfinite(s):
         return settings | at(FURTHEST, 1.0)
     # the cheapest way there, however far, and of it one stride
-    ways = [(a, b) for a in strides for b in strides if s / a**p + t / b**r <= AIM * tol] or [(FURTHEST, FURTHEST)]
-    a, b = min(ways, key=lambda x: x[1] * space.cost(count, x[0]))
+    a, b = FURTHEST, FURTHEST
+    meets = STRIDES[:, None] ** -p * s + STRIDES**-r * t <= AIM * tol
+    if meets.any():
+        costs = np.array([space.cost(count, x) for x in STRIDES.tolist()])[:, None] * STRIDES
+        i, k = np.unravel_index(np.where(meets, costs, math.inf).argmin(), meets.shape)
+        a, b = float(STRIDES[i]), float(STRIDES[k])
     # what is a stride further from its end than the other goes alone
     a, b = (a if b <= FURTHEST * a else 1.0), (b if a <= FURTHEST * b else 1.0)
     return settings | at(min(a, FURTHEST), FURTHEST if halves and b > 1.0 else min(b, FURTHEST))

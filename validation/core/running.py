@@ -1,9 +1,12 @@
 """One run of one method on one scene: from names and settings to a Response in SI units."""
 
+from __future__ import annotations
+
 import bisect
 import math
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any
 
@@ -12,10 +15,10 @@ from threadpoolctl import ThreadpoolController
 
 from cablefem import newmark
 from cablefem.newmark import EndlessEvents, NewtonStalled, Scheme, State, StepFailure, StepUnderflow, Work
-from cablefem.response import Array, Response
+from cablefem.response import Array, MassPath, Response
 from cablefem.scene import Groups, Scene
 from validation.core.methods import Method, find
-from validation.core.sampling import History, respond
+from validation.core.sampling import History, moved, respond
 from validation.core.solver import Solver
 from validation.core.watch import watched
 
@@ -69,6 +72,7 @@ class Run:
         )
         self.times = steps_of(solver, groups, settings)
         self.history = History([], Work(), 0.0, None, None, solver, None)
+        self._seen: tuple[tuple[int, int], Response] | None = None
 
     def to(
         self, until: float | None = None, progress: Progress | None = None, *, every: int = 1, past: float = math.inf
@@ -80,13 +84,31 @@ class Run:
 
         every : so-manieth frame of the fields is kept;  past : how far to go on in s_o/l once the cable is slack.
         """
+        self.march(until, progress, past)
+        return self.seen(every)
+
+    def try_to(self, until: float | None = None, *, every: int = 1, past: float = math.inf) -> Trial:
+        """The same, but all except the path is observed only when it is asked for."""
+        self.march(until, None, past)
+        path = moved(self.scene, self.history)
+        return Trial(**path, method=self.method.name, settings=self.settings, run=self, every=every)
+
+    def seen(self, every: int = 1) -> Response:
+        """Return the response so far."""
+        now = len(self.history.states), every
+        if self._seen is None or self._seen[0] != now:
+            told = {"method": self.method.name, "settings": self.settings, **self.kind}
+            with _threads().limit(limits=1):
+                response = respond(self.scene, self.history, every=every, **told)
+            self._seen = now, watched(response, self.scene, self.method)
+        return self._seen[1]
+
+    def march(self, until: float | None, progress: Progress | None, past: float) -> None:
+        """Go on as `to` does."""
         if until is not None and not until > 0.0:
             raise ValueError(f"until must be a place s_o/l > 0, got {until!r}")
         with _threads().limit(limits=1):  # the matrices are small: threads cost more than they give
             _march(self, until or math.inf, past, progress or (lambda done: None))
-            told = {"method": self.method.name, "settings": self.settings, **self.kind}
-            response = respond(self.scene, self.history, every=every, **told)
-            return watched(response, self.scene, self.method)
 
     def times_to(self, until: float) -> list[Array]:
         """Return the instants to step on up to s_o/l = until: of steps taken in one go none is for nothing."""
@@ -98,6 +120,22 @@ class Run:
 
         ends = [bisect.bisect_left(t, until, key=partial(place, phase=k)) for k, t in enumerate(self.times)]
         return [t[: end + 1] for t, end in zip(self.times, ends, strict=True)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial(MassPath):
+    """How the mass moved in a run, of which all else can be asked for."""
+
+    run: Run
+    every: int
+
+
+def whole(path: MassPath) -> Response:
+    """Return the response that a path belongs to, observed now if it is that of a trial."""
+    if isinstance(path, Trial):
+        return path.run.seen(path.every)
+    assert isinstance(path, Response)
+    return path
 
 
 def steps_of(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[Array]:
@@ -140,16 +178,16 @@ def _advance(x: Run, solver: Solver, scheme: Scheme, switch: bool, until: float,
     start = h.states[-1] if h.states else None
     if start is not None and solver.place(start) >= until:
         return False
+    free = x.scene.groups.motion is None  # of others the instants end there
     for state in newmark.integrate(solver, scheme, x.times_to(until), work=h.work, start=start):
         h.states.append(state)
-        place = solver.place(state)
         if len(h.states) % 32 == 0:
-            progress(max((state.t - t0) / (t1 - t0), place / until))
+            progress(max((state.t - t0) / (t1 - t0), solver.place(state) / until))
         if h.onset is None and len(h.states) > 1 and solver.least_tension[0] < 0.0:
             h.onset = len(h.states) - 1, solver.least_tension[1]
             if switch:
                 return True
-        if place >= until:
+        if free and solver.place(state) >= until:
             return False
     return False
 

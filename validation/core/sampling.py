@@ -34,19 +34,58 @@ class History:
     after: Solver | None  # the solver with the tension-only law, from the onset on
 
 
+def finite(h: History) -> States:
+    """Return a history over time, cut and said to have failed where it outgrew all numbers, or the cable.
+
+    Steps that depend on their length by leaps may end an arrival beyond it.
+    """
+    states = h.solver.in_time(stacked(h.states))
+    on_cable = h.solver.place(h.states[-1]) <= 1.0 + 1e-9
+    if on_cable and math.isfinite(sum(float(x.sum()) for x in (states.q, states.v, states.a))):  # no copy of them
+        return states
+    sound = np.isfinite(np.concatenate([states.q, states.v, states.a], axis=1)).all(axis=1)
+    sound[-1] &= on_cable
+    if sound.all():
+        return states
+    h.failure = "unstable", "the solution grew beyond all bounds; take more steps or a damped scheme"
+    return _rows(states, slice(0, int(np.argmin(sound))))
+
+
+def moved(scene: Scene, h: History) -> dict[str, Any]:
+    """Return how the mass moved so far, as `respond` does: what a `MassPath` has, but for what was run."""
+    states, l, X = finite(h), scene.length, scene.catenary
+    if hasattr(h.solver, "path"):
+        place, w = h.solver.path(states)
+    else:
+        seen = h.solver.observe(states, np.linspace(0.0, 1.0, STATIONS), np.arange(0))
+        place, w = seen.s_o, seen.path
+    s_o, (u, v) = l * place, l * w.T
+    onset = _onset(h, states)
+    return {
+        "drive": scene.drive.mode, "slack_onset": None if onset is None else float(place[onset[0]]), "length": l,
+        "t": scene.time_scale * states.t, "s_o": s_o, "x": X.x(s_o) + u, "y": X.y(s_o) + v, "u": u, "v": v,
+        "work": _counts(h.work),
+    }  # fmt: skip
+
+
+def _onset(h: History, states: States) -> tuple[int, float] | None:
+    return h.onset if h.onset is not None and h.onset[0] < states.t.size else None
+
+
+def _counts(work: Work) -> dict[str, int]:
+    names = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
+    return {name: getattr(work, name) for name in names}
+
+
 def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Response:
     """Return the response of a history; `asked` are the fields of `Response` that say what was run.
 
     every : so-manieth frame is kept.
-    A history that outgrew all numbers ends before it did.
+    A history that outgrew all numbers, or the cable, ends before it did.
     """
-    states = h.solver.in_time(stacked(h.states))
-    finite = np.isfinite(np.concatenate([states.q, states.v, states.a], axis=1)).all(axis=1)
-    if not finite.all():
-        states = _rows(states, slice(0, int(np.argmin(finite))))
-        h.failure = "unstable", "the solution grew beyond all bounds; take more steps or a damped scheme"
+    states = finite(h)
     n = states.t.size
-    onset = h.onset if h.onset is not None and h.onset[0] < n else None
+    onset = _onset(h, states)
     switch = states.t[onset[0]] if onset is not None and h.after is not None else math.inf
     t = frame_times(scene, float(states.t[-1]))[every - 1 :: every]
     collocated = isinstance(h.states[-1], Collocated)
@@ -83,7 +122,7 @@ def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Respon
             for name, i in events
         ],
         fields=fields, n_dof=h.states[0].q.size, seconds=h.seconds,
-        work={k: getattr(h.work, k) for k in ("steps", "rejected", "newton_iterations", "factorisations", "residuals")},
+        work=_counts(h.work),
     )  # fmt: skip
 
 
@@ -140,7 +179,9 @@ def _scales(l: float, H: float, tau: float) -> Callable[..., dict[str, Any]]:
 
 def stacked(states: Sequence[State]) -> States:
     """Return a history as arrays."""
-    return States(*(np.array(column) for column in zip(*states, strict=True)))
+    t, *of_all, phase = zip(*states, strict=True)
+    q, v, a = (np.concatenate(column).reshape(len(t), -1) for column in of_all)
+    return States(np.array(t), q, v, a, np.array(phase))
 
 
 def _rows(states: States, rows: slice | NDArray[Any]) -> States:
@@ -183,11 +224,13 @@ def _observe(h: History, steps: States, frames: States, switch: float, s: Array)
 
     Steps and frames in one go: few states take as long as many.
     """
-    parts = []
-    for solver, late in ((h.solver, False), (h.after, True)):
-        mine = [_rows(x, (x.t > switch) == late) for x in (steps, frames)]
+    parts, laws = [], [(h.solver, [steps, frames])]
+    if switch < math.inf:
+        early, later = ([_rows(x, (x.t > switch) == late) for x in (steps, frames)] for late in (False, True))
+        laws = [(h.solver, early), (h.after or h.solver, later)]
+    for solver, mine in laws:
         n, k = (x.t.size for x in mine)
-        if solver is not None and n + k:
+        if n + k:
             both = States(*(np.concatenate([getattr(x, name) for x in mine]) for name in States.__dataclass_fields__))
             parts.append(solver.observe(both, s, n + np.arange(k)).parted(n))
     first, second = (Observation.joined(part) for part in zip(*parts, strict=True))

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from multiprocessing import connection
 from typing import Any, TypeVar
 
+Item = TypeVar("Item")
 Result = TypeVar("Result")
 Progress = Callable[..., None]
 Job = Callable[[Progress], Result]
@@ -33,6 +34,22 @@ def side_by_side(
     if len(jobs) < 2 or not _can_fork():
         return [job(report) for job in jobs]
     return _found(_started(jobs), report, meanwhile)
+
+
+def spread(work: Callable[[Item], Result], items: Sequence[Item], told: Callable[[int, Result], None]) -> None:
+    """Call told(i, work(items[i])) for all items, each as soon as it is done; every core takes the next one left."""
+    context = multiprocessing.get_context("fork") if _can_fork() else multiprocessing.get_context()
+    turn = context.Value("i", 0)
+
+    def job(report: Progress) -> None:
+        while True:
+            with turn.get_lock():
+                i, turn.value = turn.value, turn.value + 1
+            if i >= len(items):
+                return
+            report(i, work(items[i]))
+
+    side_by_side([job] * min(_cores(), len(items)), told)
 
 
 @contextmanager
@@ -125,10 +142,13 @@ def _end(started: Started) -> None:
         process.join()
 
 
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def _can_fork() -> bool:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     forks = "fork" in multiprocessing.get_all_start_methods()
-    return cores > 1 and forks and not multiprocessing.current_process().daemon
+    return _cores() > 1 and forks and not multiprocessing.current_process().daemon
 
 
 def _work(job: Job[Any], out: connection.Connection) -> None:

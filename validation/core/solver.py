@@ -18,7 +18,8 @@ class Solver(System, Protocol):
     method resolves (an element, a shortest wavelength), because ripples have no mean and a slack cable has.
     `Observation.tension_min` is the least at any POINT: what the discretisation believes, ripples and all.
 
-    A solver that changes over at events has `cablefem.newmark.Watched`'s members as well.
+    A solver that changes over at events has `cablefem.newmark.Watched`'s members as well.  One that has
+    `path(states) -> s_o (n,), displacement of the mass (n, 2)` need not be observed while a resolution is looked for.
     """
 
     @property

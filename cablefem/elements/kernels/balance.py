@@ -12,7 +12,7 @@ from cablefem.elements.kernels.law import ELASTIC, pull, tension
 class Mesh(NamedTuple):
     """Elements at an instant, each in the xi of its side of the mass."""
 
-    span: Any  # (n_el, 4) s at xi = 0, ds/dxi, mesh velocity at xi = 0, d/dxi of it
+    span: Any  # (n_el, 6) s at xi = 0, ds/dxi, mesh velocity at xi = 0, d/dxi of it, and the same of its acceleration
     dofs: Any  # (n_el, n_loc) scalar unknowns, -1 on a support
     tab: Any  # (n_el, n_q, 2 + 2 n_loc) xi, weight, shape values, shape d/dxi
 
@@ -46,6 +46,8 @@ def follow(s_o, ds, dds, n_left, coefficients, span):
         span[e, 1] = s_o if left else 1.0 - s_o
         span[e, 2] = 0.0 if left else ds
         span[e, 3] = ds if left else -ds
+        span[e, 4] = 0.0 if left else dds
+        span[e, 5] = dds if left else -dds
 
 
 @compiled

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from cablefem.elements.kernels import compiled
-from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, coupling
+from cablefem.elements.kernels.balance import Contact, Mesh, assemble, coupling
 from cablefem.elements.kernels.banded import Tangent, factorise_coupled, solve_coupled
 from cablefem.elements.kernels.car import Car, Rolling, factorise_bordered, roll, solve_bordered
 
@@ -111,7 +111,7 @@ def collocate(
 ):  # fmt: skip
     """Find the accelerations a (s, n) at the nodes of a step as `cablefem.newmark.collocate` does.
 
-    grip : operators, and of each node coefficients, bands, spans and `Contact`s, or None.
+    grip : of each node bands, spans and `Contact`s, or None.
     ride : `Rolling`, real and complex, and `Car`s of each node, or None.  As in `newton.settle`.
     rule : c, A, AA, eigenvalues, to and back of its tableau, and the node next to the middle.
     works : `Tangent`s, real and complex, for this alone: factors serve the next step as well, as in RADAU5 (Hairer &
@@ -125,9 +125,6 @@ def collocate(
     work = Tangent(*works[0])
     parts, corners = np.empty((3, work.ab.shape[0], work.ab.shape[1])), np.empty(3)  # of the tangent: dr/dq, /dv, /da
     borders = np.empty((3, 3, n - 1))
-    if grip is not None:
-        for i in range(s):
-            combine(grip[0], grip[1][i], grip[2][i])
     if ride is not None:
         rolling = Rolling(*ride[0])
     anew = not abs(kept[0] - dt) <= SAME * dt
@@ -143,8 +140,8 @@ def collocate(
         square = 0.0
         for i in range(s):
             if grip is not None:
-                mesh_i, contact = Mesh(grip[3][i], mesh[1], mesh[2]), Contact(*grip[4][i])
-                least, where = assemble(grip[2][i], mesh_i, cable, contact, q[i], v[i], a[i], r[i], work, 0.0, 0.0, 0.0)
+                mesh_i, contact = Mesh(grip[1][i], mesh[1], mesh[2]), Contact(*grip[2][i])
+                least, where = assemble(grip[0][i], mesh_i, cable, contact, q[i], v[i], a[i], r[i], work, 0.0, 0.0, 0.0)
             if ride is not None:
                 least, where, _, _, _ = roll(
                     Mesh(*mesh), rolling, cable, Car(*ride[2][i]), q[i], v[i], a[i], r[i], work.ab, 0.0, 0.0, 0.0
@@ -173,10 +170,10 @@ def collocate(
             for k in range(3):
                 c0, c1, c2 = 1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0
                 if grip is not None:
-                    mesh_i, contact = Mesh(grip[3][middle], mesh[1], mesh[2]), Contact(*grip[4][middle])
+                    mesh_i, contact = Mesh(grip[1][middle], mesh[1], mesh[2]), Contact(*grip[2][middle])
                     into = Tangent(parts[k], work.pivots, work.increment, work.coupled)
                     at = q[middle], v[middle], a[middle], spare
-                    assemble(grip[2][middle], mesh_i, cable, contact, *at, into, c0, c1, c2)
+                    assemble(grip[0][middle], mesh_i, cable, contact, *at, into, c0, c1, c2)
                 if ride is not None:
                     part = Rolling(rolling.n_left, rolling.inertia, rolling.ends, borders[k], corners[k : k + 1])
                     car, at = Car(*ride[2][middle]), (q[middle], v[middle], a[middle], spare)

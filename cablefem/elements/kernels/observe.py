@@ -13,53 +13,65 @@ from cablefem.elements.kernels.law import ELASTIC, pull, tension
 
 
 @compiled
-def along(knots, shapes, dofs, node, kinematics, s, history, ends, out):
+def at_instant(spans, n, kinematics, n_left, unused, span):
+    """Return the spans of the elements at row n: those given, or where there are none, of a mesh that just follows."""
+    if spans.shape[0] > 0:
+        return spans[n]
+    follow(kinematics[n, 0], kinematics[n, 1], kinematics[n, 2], n_left, unused, span)
+    return span
+
+
+@compiled
+def along(mesh, knots, shapes, node, kinematics, spans, s, history, ends, out, speed):
     """Set w, dw/dt at fixed s, w' and f - c^2 w' at s (m,) of a following mesh, out (4, k, m, n_fields); at s_o behind.
 
     The last is the momentum tested with phi = 1 from the support or the mass up to s, see `end_forces`.
 
     knots : (2, n_el + 1) of the two sides;  shapes : polynomial coefficients, see `reference.shape_polynomials`;
-    kinematics : (k, 3);  history : q, v, a, (3, k, n_dof);  ends : (k, 4, n_fields) of `end_forces`.
+    kinematics : (k, 3);  spans : (k, 2 n_el, 6) or none;  history : q, v, a, (3, k, n_dof);
+    ends : (k, 4, n_fields) of `end_forces`;  speed : (k, m) c.
     """
-    n_el, n_loc, n_fields = knots.shape[1] - 1, shapes.shape[0], out.shape[3]
+    n_el, n_loc, n_fields, dofs = knots.shape[1] - 1, shapes.shape[0], out.shape[3], mesh.dofs
     once, whole = np.empty(shapes.shape), np.empty(n_loc)  # coefficients of the antiderivatives, and those at xi = 1
     for k in range(n_loc):
         whole[k] = 0.0
         for m in range(n_loc):
             once[k, m] = shapes[k, m] / (m + 1.0)
             whole[k] += once[k, m]
-    begin = np.empty((2 * n_el, 3, n_fields))  # int q, v, a dxi from the start of the side up to each element
-    value, slope, total = np.empty((3, n_fields)), np.empty((3, n_fields)), np.empty((3, n_fields))
+    begin = np.empty((2 * n_el, n_fields))  # d2/dt2 int w ds from the start of the side up to each element
+    value, slope, rate, unused = np.empty((3, n_fields)), np.empty(n_fields), np.empty(n_fields), np.empty((8, 3))
     for frame in range(kinematics.shape[0]):
         s_o, ds, dds = kinematics[frame, 0], kinematics[frame, 1], kinematics[frame, 2]
+        span = at_instant(spans, frame, kinematics, n_el, unused, mesh.span)
         for e in range(2 * n_el):
             side, at = e // n_el, e % n_el
-            for j in range(3):
-                for i in range(n_fields):
-                    begin[e, j, i] = 0.0 if at == 0 else begin[e - 1, j, i]
+            for i in range(n_fields):
+                begin[e, i] = 0.0 if at == 0 else begin[e - 1, i]
             for k in range(n_loc if at > 0 else 0):
                 part = whole[k] * (knots[side, at] - knots[side, at - 1])
                 for j in range(3):
+                    factor = part * (span[e - 1, 5] if j == 0 else 2.0 * span[e - 1, 3] if j == 1 else span[e - 1, 1])
                     for i in range(n_fields):
                         d = n_fields * dofs[e - 1, k] + i
                         if d >= 0:
-                            begin[e, j, i] += part * history[j, frame, d]
+                            begin[e, i] += factor * history[j, frame, d]
         for p in range(s.size):
             behind = s[p] <= s_o and s_o > 0.0
-            side, s_0, h, sign = (0, 0.0, s_o, 1.0) if behind else (1, s_o, 1.0 - s_o, -1.0)
-            xi = min(1.0, max(0.0, (s[p] - s_0) / h))
+            side = 0 if behind else 1
             at, last = 0, n_el - 1
             while at < last:
                 half = (at + last) // 2
-                if knots[side, half + 1] < xi:
+                e = side * n_el + half
+                if span[e, 0] + span[e, 1] * knots[side, half + 1] < s[p]:
                     at = half + 1
                 else:
                     last = half
             e, length = side * n_el + at, knots[side, at + 1] - knots[side, at]
-            x, chi = (xi - knots[side, at]) / length, xi if behind else 1.0 - xi
-            for j in range(3):
-                for i in range(n_fields):
-                    value[j, i], slope[j, i], total[j, i] = 0.0, 0.0, begin[e, j, i]
+            h, dh, ddh = span[e, 1], span[e, 3], span[e, 5]
+            xi = min(knots[side, at + 1], max(knots[side, at], (s[p] - span[e, 0]) / h))
+            x, c, dc = (xi - knots[side, at]) / length, span[e, 2] + dh * xi, span[e, 4] + ddh * xi
+            for i in range(n_fields):
+                value[0, i], value[1, i], value[2, i], slope[i], rate[i] = 0.0, 0.0, 0.0, 0.0, begin[e, i]
             for k in range(n_loc):
                 d = n_fields * dofs[e, k]
                 if d < 0:
@@ -69,55 +81,58 @@ def along(knots, shapes, dofs, node, kinematics, s, history, ends, out):
                     phi_x = phi_x * x + phi
                     phi = phi * x + shapes[k, m]
                     part = part * x + once[k, m]
-                for j in range(3):
-                    for i in range(n_fields):
-                        value[j, i] += phi * history[j, frame, d + i]
-                        slope[j, i] += phi_x / (length * h) * history[j, frame, d + i]
-                        total[j, i] += part * x * length * history[j, frame, d + i]
+                part *= x * length
+                for i in range(n_fields):
+                    q, v, a = history[0, frame, d + i], history[1, frame, d + i], history[2, frame, d + i]
+                    value[0, i] += phi * q
+                    value[1, i] += phi * v
+                    slope[i] += phi_x / (length * h) * q
+                    rate[i] += part * (ddh * q + 2.0 * dh * v + h * a)
             for i in range(n_fields):
-                moved = chi * (2.0 * ds * value[1, i] + dds * value[0, i])
                 if behind:
                     start = ends[frame, 0, i]
                 else:
                     d = n_fields * node + i
                     start = ends[frame, 2, i] + 2.0 * ds * history[1, frame, d] + dds * history[0, frame, d]
-                rate = h * total[2, i] + sign * (2.0 * ds * total[1, i] + dds * total[0, i])
                 out[0, frame, p, i] = value[0, i]
-                out[1, frame, p, i] = value[1, i] - ds * chi * slope[0, i]
-                out[2, frame, p, i] = slope[0, i]
-                out[3, frame, p, i] = start + rate - moved
+                out[1, frame, p, i] = value[1, i] - c * slope[i]
+                out[2, frame, p, i] = slope[i]
+                out[3, frame, p, i] = start + rate[i] - 2.0 * c * value[1, i] - dc * value[0, i]
+            speed[frame, p] = c
 
 
 @compiled
-def end_forces(mesh, n_left, node, cable, kinematics, rise, q, v, a, ends):
+def end_forces(mesh, n_left, node, cable, kinematics, spans, rise, q, v, a, ends):
     """Set f - c^2 w' at the left support, behind and ahead of the mass and at the right support, of a history.
 
-    Momentum of a side of a following mesh, tested with any phi(xi):
-    d/dt int w. phi + int c w. phi' + int f phi' = [(f + c w.) phi], w. = dq/dt phi_k - c w'; here with phi = 1 and with
-    the phi that is 1 at the mass and 0 at the support.  f is the internal force less its static part, of the one-field
-    models with N - tau = rise; c is 0 at the supports and ds_o at the mass.
+    Momentum of a side of a mesh that moves with c, tested with any phi:
+    int d(h w.)/dt phi dxi + int (c w. + f) phi' ds = [(f + c w.) phi], w. = dq/dt phi_k - c w'; here with phi = 1 and
+    with the phi that rises linearly from 0 at the support to 1 at the mass.  f is the internal force less its static
+    part, of the one-field models with N - tau = rise; c is 0 at the supports and ds_o at the mass.
 
-    ends : (n, 4, n_fields);  the span of the mesh, which follows, is overwritten: one at rest is all left of s_o = 1.
+    spans : (n, n_el, 6) or none;  ends : (n, 4, n_fields);  the span of a mesh that just follows is overwritten: one at
+    rest is all left of s_o = 1.
     """
-    span, dofs, tab = mesh
+    dofs, tab = mesh.dofs, mesh.tab
     n_el, n_loc = dofs.shape
     n_fields = ends.shape[2]
     alpha, law = cable[0], cable[3]
     unused = np.empty((8, 3))
     value, grad, f = np.empty((3, 2)), np.empty((3, 2)), np.empty(2)
     for n in range(rise.size):
-        out, dds = ends[n], kinematics[n, 2]
-        follow(kinematics[n, 0], kinematics[n, 1], dds, n_left, unused, span)
+        out, s_o = ends[n], kinematics[n, 0]
+        span = at_instant(spans, n, kinematics, n_left, unused, mesh.span)
         out[:] = 0.0
         for e in range(n_el):
             left = e < n_left
-            s_0, h = span[e, 0], span[e, 1]
+            h, dh = span[e, 1], span[e, 3]
             if h == 0.0:
                 continue
-            ds, sign = (span[e, 3], 1.0) if left else (span[e, 2], -1.0)
+            side, sign = (s_o, 1.0) if left else (1.0 - s_o, -1.0)
             for g in range(tab.shape[1]):
                 xi, weight = tab[e, g, 0], tab[e, g, 1]
-                chi = xi if left else 1.0 - xi
+                s, c, dc = span[e, 0] + h * xi, span[e, 2] + dh * xi, span[e, 4] + span[e, 5] * xi
+                chi = (s if left else 1.0 - s) / side
                 value[:] = 0.0
                 grad[:] = 0.0
                 for k in range(n_loc):
@@ -130,7 +145,6 @@ def end_forces(mesh, n_left, node, cable, kinematics, rise, q, v, a, ends):
                             value[2, i] += phi * a[n, at]
                             grad[0, i] += phi_x * q[n, at]
                             grad[1, i] += phi_x * v[n, at]
-                s = s_0 + h * xi
                 if n_fields == 2:
                     xp, yp, T = at_rest(cable, s)
                     f[0], f[1], _, _, _, _, _ = pull(xp, yp, T, grad[0, 0] / h, grad[0, 1] / h, alpha, law)
@@ -138,9 +152,9 @@ def end_forces(mesh, n_left, node, cable, kinematics, rise, q, v, a, ends):
                     w_s = grad[0, 0] / h
                     f[0] = cable[1] * w_s + rise[n] * (cable[2] * (0.5 - s) + cable[4] * w_s)
                 for i in range(n_fields):
-                    w_t = value[1, i] - ds * chi / h * grad[0, i]
-                    momentum = h * value[2, i] + sign * ds * value[1, i] - chi * (dds * grad[0, i] + ds * grad[1, i])
-                    force = weight * (sign * chi * momentum + ds * chi * w_t + f[i])
+                    w_t = value[1, i] - c / h * grad[0, i]
+                    momentum = h * value[2, i] + dh * value[1, i] - dc * grad[0, i] - c * grad[1, i]
+                    force = weight * (sign * chi * momentum + h / side * (c * w_t + f[i]))
                     if left:
                         out[1, i] += force
                         out[0, i] += force - weight * momentum
@@ -151,25 +165,25 @@ def end_forces(mesh, n_left, node, cable, kinematics, rise, q, v, a, ends):
             moved = kinematics[n, 1] * v[n, n_fields * node + i]
             out[1, i] -= moved
             out[2, i] -= moved
-            if kinematics[n, 0] == 0.0:  # the left part has no length yet
+            if s_o == 0.0:  # the left part has no length yet
                 out[0, i] = out[1, i] = out[2, i]
 
 
 @compiled
-def energies(mesh, fine, n_left, cable, n_fields, kinematics, q, v, parts, least, where):
+def energies(mesh, fine, n_left, cable, n_fields, kinematics, spans, q, v, parts, least, where):
     """Set energies (3, n): kinetic, of strain, of weight; least tension and its s (n,) of a history.
 
-    mesh : with the points of the forces, its span as in `end_forces`; fine : tab with those of inertia.
+    mesh : with the points of the forces, spans as in `end_forces`; fine : tab with those of inertia.
     """
     unused = np.empty((8, 3))
-    inert = Mesh(mesh.span, mesh.dofs, fine)
     for i in range(least.size):
-        follow(kinematics[i, 0], kinematics[i, 1], 0.0, n_left, unused, mesh.span)
-        parts[0, i] = kinetic_energy(inert, n_fields, q[i], v[i])
+        span = at_instant(spans, i, kinematics, n_left, unused, mesh.span)
+        at = Mesh(span, mesh.dofs, mesh.tab)
+        parts[0, i] = kinetic_energy(Mesh(span, mesh.dofs, fine), n_fields, q[i], v[i])
         if n_fields == 2:
-            parts[1, i], parts[2, i], least[i], where[i] = cable_energy(mesh, cable, q[i])
+            parts[1, i], parts[2, i], least[i], where[i] = cable_energy(at, cable, q[i])
         else:
-            parts[1, i], least[i] = chord_energy(mesh, cable, q[i])
+            parts[1, i], least[i] = chord_energy(at, cable, q[i])
 
 
 @compiled

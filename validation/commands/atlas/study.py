@@ -5,11 +5,9 @@ Cells are appended to `cells.jsonl` as they finish, one JSON object a line; what
 
 import json
 import math
-import multiprocessing
 import os
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -21,6 +19,7 @@ from validation.commands.atlas import catalogue, specimens
 from validation.core import measures, store
 from validation.core.methods import METHODS, find, refined
 from validation.core.running import run
+from validation.core.sidebyside import spread
 
 CELLS, RESULT = "cells.jsonl", "atlas.json"
 
@@ -104,11 +103,11 @@ def label(method: str, fixed: dict[str, Any]) -> str:
 
 def atlas(
     out: Path, progress: Callable[[str, float], None] | None = None, *, maps: tuple[Map, ...] = MAPS,
-    workers: int = 2, rows: tuple[catalogue.Row, ...] = catalogue.CATALOGUE,
+    rows: tuple[catalogue.Row, ...] = catalogue.CATALOGUE,
 ) -> dict[str, Any]:  # fmt: skip
     """Compute what is missing of the maps, the step limits and the catalogue, and write atlas.json.
 
-    Interrupted, it goes on where it stopped.  workers : processes; 1 computes in this one.
+    Interrupted, it goes on where it stopped.
     """
     out.mkdir(parents=True, exist_ok=True)
     store = out / CELLS
@@ -116,14 +115,19 @@ def atlas(
     jobs = [job for job in _jobs(maps, rows) if _key(job) not in done]
     begin = time.perf_counter()
     with store.open("a", encoding="utf-8") as file:
-        for count, item in enumerate(_results(jobs, workers), start=1):
+        already = len(done)
+
+        def kept(i: int, item: dict[str, Any]) -> None:
             file.write("\n" + json.dumps(item, allow_nan=False))  # a line cut off must not swallow the next one
             file.flush()
             os.fsync(file.fileno())
             done[item["key"]] = item
             if progress is not None:
+                count = len(done) - already
                 left = (time.perf_counter() - begin) / count * (len(jobs) - count)
                 progress(f"atlas, about {left:.0f} s left", count / len(jobs))
+
+        spread(_compute, jobs, kept)
     wanted = [_key(job) for job in _jobs(maps, rows)]
     items = [done[key] for key in wanted if key in done]
     result = {
@@ -180,18 +184,6 @@ def _key(job: Job) -> str:
         methods = [(m, what.settings(x, y, m, fixed)) for m, fixed in what.methods]
         return json.dumps([kind, what.name, x, y, methods, REFERENCE], sort_keys=True)
     return json.dumps([kind, what, x, y])
-
-
-def _results(jobs: list[Job], workers: int) -> Iterator[dict[str, Any]]:
-    if workers == 1 or len(jobs) < 2:
-        yield from map(_compute, jobs)
-        return
-    # a fresh interpreter each: a forked one would inherit the threads of whoever shows the progress
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        try:
-            yield from (future.result() for future in as_completed([pool.submit(_compute, job) for job in jobs]))
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _compute(job: Job) -> dict[str, Any]:

@@ -1,10 +1,21 @@
+from functools import partial
+from typing import Annotated
+
+import typer
+
 from validation.page.options import Out, SceneName, scene_named, study
 
 PLACE = 7
 EXAMPLE = "cablefem chart level"
 
 
-def command(scene: SceneName, out: Out = None) -> int:
+def command(
+    scene: SceneName,
+    budget: Annotated[
+        float, typer.Option(metavar="S", min=1.0, help="Seconds for all runs together; what exceeds them is a row.")
+    ] = 240.0,
+    out: Out = None,
+) -> int:
     """Chart speed against accuracy of every method on a scene.
 
     Writes DIR/: chart.json and report.html.
@@ -13,5 +24,5 @@ def command(scene: SceneName, out: Out = None) -> int:
 
     from validation.commands.chart.study import chart
 
-    study("chart", loaded, ["chart.json"], out, chart, loaded)
+    study("chart", loaded, ["chart.json"], out, partial(chart, budget=budget), loaded)
     return 0

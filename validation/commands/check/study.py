@@ -167,7 +167,7 @@ class _Round:
 def check(
     scene: Scene | str | Path, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None,
     methods: tuple[str | Method, str | Method] = SOLVERS, deep: bool = False, progress: Progress | None = None,
-    made: Callable[..., None] | None = None, past: float = math.inf,
+    made: Callable[..., None] | None = None, until: float | None = None,
 ) -> Check:  # fmt: skip
     """Run two methods on a scene, each as fine as its own error bar needs to meet `tol`, and compare them.
 
@@ -178,7 +178,7 @@ def check(
     deep : hold what both share against third parties, too.
     progress : called with the method's name, the fraction done and what was reached.
     made : called with both runs before they are judged, again where that makes them finer.
-    past : how far in s_o/l both runs go on once their cable is slack.
+    until : how far in s_o/l both runs go, and once their cable is slack no further; by default to the end.
     """
     if not (math.isfinite(tol) and 1e-6 <= tol <= 0.2):
         raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
@@ -194,7 +194,7 @@ def check(
     while aims is not None:
         known = (None, None) if judged is None else judged.runs
         jobs: list[Callable[[Progress], Any]] = [
-            partial(_resolved, scene, m, aim, budget, past, e) for m, aim, e in zip(found, aims, known, strict=True)
+            partial(_resolved, scene, m, aim, budget, until, e) for m, aim, e in zip(found, aims, known, strict=True)
         ]
         first, second, *once = side_by_side([*jobs, *grip], progress, _load)
         gripped, grip = gripped or once, []
@@ -240,12 +240,13 @@ def _gripped(scene: Scene, method: Method, progress: Progress) -> Response:
 
 
 def _resolved(
-    scene: Scene, method: Method, tol: float, budget: float, past: float, before: Estimated | None, progress: Progress
-) -> Estimated:
+    scene: Scene, method: Method, tol: float, budget: float, until: float | None, before: Estimated | None,
+    progress: Progress,
+) -> Estimated:  # fmt: skip
     progress(method.name, 0.0)
-    told = partial(progress, method.name)
-    e = resolved(scene, method, tol, budget=budget, past=past, before=before, progress=told)
-    return e if e is before or past < math.inf else past_slack(scene, method, e)
+    ends = {} if until is None else {"until": until, "past": 0.0}
+    e = resolved(scene, method, tol, budget=budget, before=before, progress=partial(progress, method.name), **ends)
+    return e if e is before or ends else past_slack(scene, method, e)
 
 
 def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:

@@ -21,6 +21,7 @@ from validation.core.crossing import crossed
 from validation.core.methods import ELEMENTS, LEVELS, METHODS, TERMS, Method, find
 from validation.core.richardson import CREDITED_SPACE_ORDER, SAFETY, left
 from validation.core.running import run
+from validation.core.sidebyside import spread
 from validation.oracles.case import WINDOW, Case, Crossing, Rung, Solvers
 from validation.oracles.case import Path as MassPath
 
@@ -109,11 +110,16 @@ def oracle_table(out: Path, progress: Progress | None = None) -> dict[str, Any]:
     out.mkdir(parents=True, exist_ok=True)
     report = progress or (lambda label, done: None)
     todo, rows = tasks(), _stored(out / "oracles.json")
-    for i, task in enumerate(todo):
-        report("oracles", i / len(todo))
-        if task.key not in rows:
-            rows[task.key] = store.plain(asdict(task.compute()))
-            write_json(out / "oracles.json", _content([rows[t.key] for t in todo if t.key in rows], len(todo)))
+    missing = [task for task in todo if task.key not in rows]
+
+    def kept(i: int, row: dict[str, Any]) -> None:
+        rows[missing[i].key] = row
+        done = [rows[t.key] for t in todo if t.key in rows]
+        write_json(out / "oracles.json", _content(done, len(todo)))
+        report("oracles", len(done) / len(todo))
+
+    report("oracles", 1.0 - len(missing) / len(todo))
+    spread(lambda task: store.plain(asdict(task.compute())), missing, kept)
     content = _content([rows[t.key] for t in todo], len(todo))
     write_json(out / "oracles.json", content)
     report("oracles", 1.0)

@@ -1,9 +1,9 @@
 """The runs behind the figures: the paper's own resolution, and a converged reference with its error bar."""
 
+import itertools
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from validation.core.estimate import Estimated
 from validation.core.methods import find, refined
 from validation.core.richardson import SAFETY, left, space_order
 from validation.core.running import run
+from validation.core.sidebyside import spread
 
 Progress = Callable[[str, float], None]
 
@@ -107,19 +108,19 @@ def plan() -> dict[str, tuple[str, str, dict[str, Any]]]:
 
 def all_runs(out: Path, report: Progress) -> Runs:
     """Return all runs, each read from out/runs/NAME if it was stored there by the same scene and settings."""
-    known = scenes()
-    jobs, found = plan(), {}
-    for i, (name, (scene, method, settings)) in enumerate(jobs.items()):
-        show = partial(lambda i, part: report("runs", (i + part) / len(jobs)), i)
-        show(0.0)
-        found[name] = stored(out / "runs" / name, known[scene], method, settings, show)
-    report("runs", 1.0)
+    known, jobs = scenes(), plan()
+
+    def made(name: str) -> Response:
+        scene, method, settings = jobs[name]
+        return stored(out / "runs" / name, known[scene], method, settings)
+
+    names, done = sorted(jobs, key=lambda name: name in RUNS), itertools.count(1)  # the long ones first
+    spread(lambda name: bool(made(name)), names, lambda i, there: report("runs", next(done) / len(names)))
+    found = {name: made(name) for name in jobs}
     return Runs(known, found, {scene: _reference(found, scene) for scene in REFERENCES})
 
 
-def stored(
-    folder: Path, scene: Scene, method: str, settings: dict[str, Any], progress: Callable[[float], None] | None = None
-) -> Response:
+def stored(folder: Path, scene: Scene, method: str, settings: dict[str, Any]) -> Response:
     """Return the stored run if it is this very one; else make it and store it."""
     wanted = (scene.to_toml(), method, json.loads(json.dumps(find(method).settings(settings))))
     try:
@@ -128,7 +129,7 @@ def stored(
             return old
     except (OSError, ValueError, KeyError, TypeError):
         pass  # none, or of another version
-    new = run(scene, method, progress=progress, **settings)
+    new = run(scene, method, **settings)
     new.write(folder)
     return new
 

@@ -11,7 +11,7 @@ EXAMPLE = "cablefem report"
 # What a full report consists of, in the order of its pages.
 PARTS = (
     ("check", "level"), ("check", "inclined"), ("check", "tramway"), ("check", "zipline"), ("paper",), ("oracles",),
-    ("chart", "level"), ("advise", "level", "--tol", "1e-2"), ("modes", "bare"), ("atlas",),
+    ("chart", "level", "--budget", "80"), ("advise", "level", "--tol", "1e-2"), ("modes", "bare"), ("atlas",),
 )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from cablefem.response import Response
+from cablefem.response import MassPath, Response
 from cablefem.scene import Scene
 from validation.core.agreement import with_bars
 from validation.core.design import design, numbers
@@ -28,7 +28,7 @@ def answer(
     **kind: Any,
 ) -> Answer:  # fmt: skip
     """Run a method with the settings in `kind`, or with those that its own bar needs to meet `tol`."""
-    missed, seen, known = "", "", list[Response]()
+    missed, seen, known = "", "", list[MassPath]()
     if tol is not None:
         try:
             response = resolve(scene, method, tol, **kind, progress=progress, runs=known if bars else None)

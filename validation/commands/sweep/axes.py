@@ -32,6 +32,10 @@ class Axis:
             return float(self.low * (self.high / self.low) ** share)
         return float(self.low + share * (self.high - self.low))
 
+    def table(self) -> dict[str, Any]:
+        """Return the axis as written in [sample.range]."""
+        return {"choices": list(self.values)} if self.values else {"from": self.low, "to": self.high, "log": self.log}
+
     @property
     def numeric(self) -> bool:
         return all(isinstance(x, int | float) and not isinstance(x, bool) for x in self.values)
@@ -62,7 +66,7 @@ class Steps(Range):
 
 
 def grid(given: Any) -> tuple[Axis, ...]:
-    """Return the axes of a table [vary]: lists of values, or tables with from, to and count."""
+    """Return the axes of a table [vary]: lists of values, or tables with choices, or with from, to and count."""
     return _axes(given, _stepped)
 
 
@@ -87,14 +91,20 @@ def _axes(given: Any, read: Callable[[str, Any], Axis]) -> tuple[Axis, ...]:
     return tuple(axes)
 
 
+def _chosen(given: Any) -> tuple[Any, ...]:
+    """Return the values of {choices = [...]}, none of anything else."""
+    named = isinstance(given, dict) and list(given) == ["choices"] and isinstance(given["choices"], list)
+    return tuple(given["choices"]) if named else ()
+
+
 def _stepped(name: str, given: Any) -> Axis:
+    if values := tuple(given) if isinstance(given, list) else _chosen(given):
+        return Axis(name, values)
     if isinstance(given, dict):
         steps = Steps(**given)
         axis = Axis(name, (), steps.low, steps.high, steps.log)
         return Axis(name, tuple(axis.at(i / (steps.count - 1)) for i in range(steps.count)))
-    if isinstance(given, list) and given:
-        return Axis(name, tuple(given))
-    raise ValueError("must be a list, or a table with from, to and count")
+    raise ValueError("must be a list, or a table with choices, or with from, to and count")
 
 
 def _ranged(name: str, given: Any) -> Axis:
@@ -102,7 +112,7 @@ def _ranged(name: str, given: Any) -> Axis:
         given = {"from": given[0], "to": given[1]}
     if not isinstance(given, dict):
         raise ValueError("must be [low, high], or a table with from and to, or with choices")
-    if list(given) == ["choices"] and isinstance(given["choices"], list) and given["choices"]:
-        return Axis(name, tuple(given["choices"]))
+    if values := _chosen(given):
+        return Axis(name, values)
     between = Range(**given)
     return Axis(name, (), between.low, between.high, between.log)

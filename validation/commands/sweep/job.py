@@ -103,7 +103,7 @@ def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
 
 def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
     from validation.core.design import numbers
-    from validation.core.estimate import SLACK_END, estimated
+    from validation.core.estimate import estimated
     from validation.core.methods import find
     from validation.core.resolution import TooCoarse, resolve
     from validation.core.running import Run
@@ -120,8 +120,7 @@ def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[st
         Run(scene, method, **how, **settings)
     except ValueError as error:  # a method that cannot do what the scene asks for
         return {"status": "refused", "cause": "method", "reason": str(error)}
-    if scene.drive.mode == "grip":  # what is told of a scene lies before; nothing is of the slack cable, and it costs
-        how["until"] = SLACK_END
+    how["until"] = _end(scene)
     if tol is None:
         e = estimated(scene, method, **how, **settings)
         r = replace(e.run, design=[number.row() for number in numbers(e)])
@@ -138,6 +137,13 @@ def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[st
     if study.truth and index % study.truth.every == 0 and r.path_error is not None:
         out |= truth(scene, r, study.truth.finer)
     return out
+
+
+def _end(scene: Any) -> float | None:
+    """Return how far in s_o/l runs go: what is told of a scene lies before; nothing is of the slack cable."""
+    from validation.core.estimate import SLACK_END
+
+    return SLACK_END if scene.drive.mode == "grip" else None
 
 
 # A reference no coarser than this, and no larger: steps x elements.
@@ -195,9 +201,10 @@ def _cheapest(scene: Any, tol: float | None) -> dict[str, Any]:
 def _check(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
     from validation import check
 
-    found = check(scene, tol=study.how(point)["tol"], past=0.0)
+    found = check(scene, tol=study.how(point)["tol"], until=_end(scene))
     best = min((found.a, found.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
-    worst = [row.quantity for row in found.rows if row.verdict is not found.verdict.AGREE]
+    agree = type(found.verdict).AGREE
+    worst = [row.quantity for row in found.rows if row.verdict is not agree]
     return of_response(best.run, scene) | {"verdict": found.verdict.value, "cause": ", ".join(worst) or None}
 
 

@@ -141,9 +141,18 @@ class Study(Part):
         return self.vary or () if self.sample is None else self.sample.range
 
     def to_toml(self) -> str:
-        """Return a study file that reads back as this study wherever it lies."""
-        scene = {} if self.scene is None else {"scene": tomllib.loads(self.scene.to_toml())}
-        return tomli_w.dumps({k: v for k, v in self._given.items() if v is not None} | scene)
+        """Return a study file that reads back as this study wherever it lies.
+
+        Points are numbered by the order of the axes: each is a table, as the writer puts lists before tables.
+        """
+        given = {k: v for k, v in self._given.items() if v is not None}
+        if self.scene is not None:
+            given["scene"] = tomllib.loads(self.scene.to_toml())
+        if self.vary is not None:
+            given["vary"] = {axis.name: axis.table() for axis in self.vary}
+        elif self.sample is not None:
+            given["sample"] = given["sample"] | {"range": {axis.name: axis.table() for axis in self.axes}}
+        return tomli_w.dumps(given)
 
     # --- points ---------------------------------------------------------------------------------------------------
 
