@@ -292,6 +292,23 @@ def up_a_deep_rope(**drive):
     return hundred_metres(cable, 0.0, 40.0, {"start": 5.0, "release": 0.5} | drive)
 
 
+def test_steps_follow_the_waves_that_the_car_squeezes():
+    """Shorter with the side that it runs into, not with the one it leaves, and not next to the support."""
+    system, speed = RollingSystem(RIDER.groups, Fourier(8)), 0.3
+    rests = system.start(0, None)
+
+    def part(s_o, forward):
+        system.mode.forward = forward
+        q, v = rests.q.copy(), rests.v.copy()
+        q[-1], v[-1] = s_o, forward * speed
+        return system.part(rests._replace(q=q, v=v), math.inf) * system.drive.nominal / 1000.0
+
+    assert part(0.9, 1.0) == pytest.approx(0.5 * part(0.8, 1.0), rel=1e-12) == pytest.approx(0.2 / rides.WAVES)
+    assert part(0.1, -1.0) == pytest.approx(part(0.9, 1.0), rel=1e-12)
+    assert part(0.9, -1.0) > 2.0 * part(0.9, 1.0)
+    assert part(0.96, 1.0) > 2.0 * part(0.9, 1.0)
+
+
 def test_ringing_by_the_far_support_is_no_lift_off():
     """There the car's force rings through zero from step to step, and the one over a while does not."""
     cable = {"mass_per_length": 0.6, "EA": 6.6e6, "sag": 2.0}
