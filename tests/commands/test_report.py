@@ -25,7 +25,7 @@ def stand_in(monkeypatch, command, verdict="agree"):
     _, function, arguments, folder = STUDIES[command]
     calls = []
 
-    def study(*inputs):
+    def study(*inputs, **how):
         calls.append(inputs)
         inputs[-1]("half", 0.5)
         return {"verdict": verdict}

@@ -22,7 +22,7 @@ LEVEL = Scene.load("level")
 HOSTILE = Study.load("reliability").model_copy(update={"truth": None, "seconds": 120.0})
 
 
-@pytest.mark.parametrize("index", range(0, len(HOSTILE), 500))
+@pytest.mark.parametrize("index", range(0, len(HOSTILE), 1000))
 def test_a_hostile_scene_gets_an_answer_or_a_diagnosis(index):
     row = job.row(HOSTILE, index, HOSTILE.point(index))
     assert row["status"] in ("complete", "incomplete", "refused"), row
