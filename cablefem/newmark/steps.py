@@ -18,10 +18,9 @@ def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 
     entry, exit : first and last step as fractions of the uniform one; from there steps grow by GROWTH each, up to
         the uniform step.  The ramps come on top of `steps`.
     """
-    phases = system.phases
-    if isinstance(system, Paced):
-        clock = np.interp(np.array(phases), *system.pace)
-        phases = tuple((t0, t1) for t0, t1 in clock.tolist())
+    phases, pace = system.phases, system.pace if isinstance(system, Paced) else None
+    if pace is not None:
+        phases = tuple((t0, t1) for t0, t1 in np.interp(np.array(phases), *pace).tolist())
     dt = (phases[-1][1] - phases[0][0]) / steps
     grids = []
     for i, (t0, t1) in enumerate(phases):
@@ -35,9 +34,8 @@ def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 
         grid = np.concatenate([[0.0], np.cumsum(lengths)])
         grid = t0 + (t1 - t0) * (grid / grid[-1])
         grid[-1] = t1
-        if isinstance(system, Paced):
-            t, shown = system.pace
-            grid = np.interp(grid, shown, t)
+        if pace is not None:
+            grid = np.interp(grid, pace[1], pace[0])
             grid[0], grid[-1] = system.phases[i]
         grids.append(grid)
     grids[-1] = grids[-1][:-1]

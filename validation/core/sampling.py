@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cablefem.newmark import Collocated, State, Work, cubic, densified
 from cablefem.response import Array, Fields, Observation, Response, States
 from cablefem.scene import RATTLE, Motion, Scene
-from validation.core.solver import Solver
+from validation.core.solver import Pathed, Solver
 
 FRAMES = 100  # fields are kept at s_o/l = 1/FRAMES, 2/FRAMES, ... of every run, so that runs can be compared
 STATIONS = 201  # the file contract's least number of fixed s
@@ -52,29 +52,27 @@ def finite(h: History) -> States:
 
 
 def moved(scene: Scene, h: History) -> dict[str, Any]:
-    """Return how the mass moved so far, as `respond` does: what a `MassPath` has, but for what was run."""
-    states, l, X = finite(h), scene.length, scene.catenary
-    if hasattr(h.solver, "path"):
-        place, w = h.solver.path(states)
-    else:
-        seen = h.solver.observe(states, np.linspace(0.0, 1.0, STATIONS), np.arange(0))
-        place, w = seen.s_o, seen.path
+    """Return how the mass moved so far: what a `MassPath` has, but for what was run."""
+    states = finite(h)
+    if isinstance(h.solver, Pathed):
+        return _moved(scene, h, states, *h.solver.path(states))
+    seen = h.solver.observe(states, np.linspace(0.0, 1.0, STATIONS), np.arange(0))
+    return _moved(scene, h, states, seen.s_o, seen.path)
+
+
+def _moved(scene: Scene, h: History, states: States, place: Array, w: Array) -> dict[str, Any]:
+    l, X, onset = scene.length, scene.catenary, _onset(h, states)
     s_o, (u, v) = l * place, l * w.T
-    onset = _onset(h, states)
+    work = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
     return {
         "drive": scene.drive.mode, "slack_onset": None if onset is None else float(place[onset[0]]), "length": l,
         "t": scene.time_scale * states.t, "s_o": s_o, "x": X.x(s_o) + u, "y": X.y(s_o) + v, "u": u, "v": v,
-        "work": _counts(h.work),
+        "work": {name: getattr(h.work, name) for name in work},
     }  # fmt: skip
 
 
 def _onset(h: History, states: States) -> tuple[int, float] | None:
     return h.onset if h.onset is not None and h.onset[0] < states.t.size else None
-
-
-def _counts(work: Work) -> dict[str, int]:
-    names = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
-    return {name: getattr(work, name) for name in names}
 
 
 def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Response:
@@ -93,36 +91,33 @@ def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Respon
     at_frames = _between(within, t) if t.size and n > 1 else _rows(states, slice(0, 0))
     s = np.linspace(0.0, 1.0, STATIONS)
     steps, frames = _observe(h, states, at_frames, switch, s)
-    l, H, tau, X = scene.length, scene.horizontal_tension, scene.time_scale, scene.catenary
+    l, H, tau = scene.length, scene.horizontal_tension, scene.time_scale
     si = _scales(l, H, tau)
-    slack = None if onset is None else float(steps.s_o[onset[0]])
+    path = _moved(scene, h, states, steps.s_o, steps.path)
     x_rest, y_rest = scene.groups.shape(s)
     fields = Fields(
         **si(frames, "t", "s_o", "u", "v", "du", "dv", *_TENSIONS), s=l * s, mass_u=l * frames.path[:, 0],
         mass_v=l * frames.path[:, 1], x=l * x_rest, y=l * y_rest, T_static=H * scene.groups.static(s)[0],
         T=H * frames.T, T_pointwise=H * frames.T_pointwise,
     )  # fmt: skip
-    u, v, s_o = l * steps.path[:, 0], l * steps.path[:, 1], l * steps.s_o
     cause, reason = h.failure or (None, None)
-    speed = np.hypot(*steps.path_velocity.T)
+    speed = l / tau * np.hypot(*steps.path_velocity.T)
     events = [(name, _at(states.t, t)) for name, t in _events(scene, h.work, states.t, steps.s_o)]
     return Response(
-        **asked, scene=scene.name, scene_toml=scene.to_toml(), drive=scene.drive.mode,
+        **asked, **path, scene=scene.name, scene_toml=scene.to_toml(),
         status="complete" if h.failure is None else "incomplete", cause=cause, reason=reason,
-        slack_onset=slack, slack_at=None if onset is None else float(onset[1]),
-        switched=None if h.after is None else slack, length=l, horizontal_tension=H,
-        x=X.x(s_o) + u, y=X.y(s_o) + v, u=u, v=v,
+        slack_at=None if onset is None else float(onset[1]),
+        switched=None if h.after is None else path["slack_onset"], horizontal_tension=H,
         velocity=l / tau * steps.path_velocity, acceleration=l / tau**2 * steps.path_acceleration,
         F_haul=H * steps.haul,
-        **si(steps, "t", "s_o", "slope_behind", "slope_ahead", "energy", "power", "tension_min", "tension_min_at",
+        **si(steps, "slope_behind", "slope_ahead", "energy", "power", "tension_min", "tension_min_at",
              "reaction_left", "reaction_right", "contact", "kinetic", "strain", "potential", *_TENSIONS),
         powers={name: H * l / tau * power for name, power in steps.powers.items()},
         events=[
-            {"event": name, "t": float(tau * states.t[i]), "s_o": float(s_o[i]), "speed": float(l / tau * speed[i])}
+            {"event": name, "t": float(tau * states.t[i]), "s_o": float(path["s_o"][i]), "speed": float(speed[i])}
             for name, i in events
         ],
         fields=fields, n_dof=h.states[0].q.size, seconds=h.seconds,
-        work=_counts(h.work),
     )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,8 @@ class Solver(System, Protocol):
     method resolves (an element, a shortest wavelength), because ripples have no mean and a slack cable has.
     `Observation.tension_min` is the least at any POINT: what the discretisation believes, ripples and all.
 
-    A solver that changes over at events has `cablefem.newmark.Watched`'s members as well.  One that has
-    `path(states) -> s_o (n,), displacement of the mass (n, 2)` need not be observed while a resolution is looked for.
+    A solver that changes over at events has `cablefem.newmark.Watched`'s members as well, one that tells
+    the path by itself those of `Pathed`.
     """
 
     @property
@@ -37,3 +37,11 @@ class Solver(System, Protocol):
 
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
         """Measure a history `in_time`: at all its instants, and the fields at the stations s for the rows `frames`."""
+
+
+@runtime_checkable
+class Pathed(Protocol):
+    """What a solver answers besides that need not be observed while a resolution is looked for."""
+
+    def path(self, states: States) -> tuple[Array, Array]:
+        """Return s_o (n,) and the displacement of the mass (n, 2) of a history `in_time`; see `Observation`."""
