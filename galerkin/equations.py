@@ -79,6 +79,8 @@ class GalerkinSystem:
     Unknowns: all of U, then all of V; the hat comes last in each.
     """
 
+    strides = True
+
     def __init__(
         self, groups: Groups, basis: Basis, *, kink: bool = False, model: str = "full", load: str = "mass",
         law: str = "elastic",

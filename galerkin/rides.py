@@ -97,6 +97,8 @@ class RollingSystem(GalerkinSystem):
     bases without phi''.
     """
 
+    strides = False
+
     def __init__(
         self, groups: Groups, basis: Basis, *, kink: bool = True, model: str = "full", load: str = "mass",
         law: str = "elastic",

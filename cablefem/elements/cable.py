@@ -4,7 +4,7 @@ Dimensionless: l = H = rho = 1.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -27,7 +27,7 @@ MODELS = ("full", "string", "sagged", "stretching")
 # straight string of textbooks has no sag whose curvature would load the mass
 STRETCHING = {"straight": (0.0, 0.0), "string": (0.0, 0.0), "sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}
 
-_NOWHERE = np.empty((0, 3))
+_NOWHERE, _UNSAID = np.empty((0, 3)), np.empty((0, 3, 3))
 
 
 def elements_allowed(elements: int) -> int:
@@ -163,47 +163,44 @@ class CableElements:
     ) -> Settled:
         self._time(t, phase)
         self._at = (t, phase)
-        return self._step(self._grip(_NOWHERE, _NOWHERE), None, start, now, rule, bound, limits(newton))
+        told, of = np.empty((1, 6)), (tuple(self._mesh), self._cable, tuple(self._work), start, now[None], rule[None])
+        settle(self._grip(_NOWHERE, _NOWHERE), None, *of, told, bound, limits(newton))
+        *done, least, where = told[0].tolist()
+        self.least_tension = least, where
+        return Settled(*done)
 
     def _grip(self, places: Array, loads: Array) -> tuple[Any, ...]:
         """Return what compiled steps of Newmark's family take of a mass whose place is given."""
         contact = tuple(self._contact)
         return self._operators, self._coefficients, self._bands, contact, self._n_left, places, loads
 
-    def _step(
-        self, grip: Any, ride: Any, start: Array, now: Array, rule: Array, bound: float, newton: tuple[int, float, int]
-    ) -> Settled:
-        told = np.empty((1, 6))
-        settle(
-            grip, ride, tuple(self._mesh), self._cable, tuple(self._work), start, now[None], rule[None], told, bound,
-            newton,
-        )  # fmt: skip
-        *done, least, where = told[0].tolist()
-        self.least_tension = least, where
-        return Settled(*done)
-
     def collocate(
-        self, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
-    ) -> Settled:
-        bands, spans = (np.empty((3, *x.shape)) for x in (self._bands, self._mesh.span))
+        self, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float, newton: Newton
+    ) -> Iterator[Settled]:
+        bands, spans, instants = *self._at_nodes(), rule.instants(t)[0].tolist()
         contacts = []
-        for i, instant in enumerate((*t.tolist(), float(t[-1]))[:3]):  # compiled for three nodes, two are filled up
+        for i, instant in enumerate((*instants, instants[-1])[:3]):  # compiled for three nodes, two are filled up
             self._time(instant, phase)
             combine(self._operators, self._coefficients, bands[i])
             spans[i] = self._mesh.span
             contacts.append((*self._contact[:-1], self._contact.load.copy()))
-        self._at = None
-        return self._collocated((bands, spans, tuple(contacts)), None, dt, start, a, rule, bound, newton)
+        grip = self._operators, self._coefficients, bands, spans, tuple(contacts), self._n_left, _UNSAID, _UNSAID
+        yield from self._collocated(grip, None, None, t[:2], ends, a[:1], further, rule, bound, newton)
+
+    def _at_nodes(self) -> tuple[Array, Array]:
+        """Return room for M, C and K and for the spans at three nodes of a step."""
+        return np.empty((3, *self._bands.shape)), np.empty((3, *self._mesh.span.shape))
 
     def _collocated(
-        self, grip: Any, ride: Any, dt: float, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
-    ) -> Settled:
-        *done, least, where = collocation.collocate(
-            grip, ride, tuple(self._mesh), self._cable, self._works, self._kept, start, dt, rule.numbers, a, bound,
-            limits(newton),
-        )  # fmt: skip
-        self.least_tension = least, where
-        return Settled(*done)
+        self, grip: Any, fronts: Any, ride: Any, t: Array, ends: Array, a: Array, further: Array, rule: Tableau,
+        bound: float, newton: Newton,
+    ) -> Iterator[Settled]:  # fmt: skip
+        self._at, told = None, np.empty((len(a), 6))
+        of = grip, fronts, ride, tuple(self._mesh), self._cable, self._works, self._kept
+        taken = collocation.collocate(*of, t, ends, a, further, rule.numbers, told, bound, limits(newton))
+        for *done, least, where in told[: max(1, taken)].tolist():
+            self.least_tension = least, where
+            yield Settled(*done)
 
     # --- what a mesh answers ---------------------------------------------------------------------------
     def _fresh(self) -> None:

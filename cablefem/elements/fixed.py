@@ -17,6 +17,7 @@ path     the mass is a particle of its own, an unknown p with the constraint p =
 Dimensionless: l = H = rho = 1.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -140,7 +141,7 @@ class FixedElements(CableElements):
         of = t, phase, start, now, rule, bound, newton
         return iterate(self, *of) if self.particle else super().settle(*of)  # the kernels know no particle
 
-    def collocate(self, *step) -> Settled:
+    def collocate(self, *step) -> Iterator[Settled]:
         return collocate(self, *step) if self.particle else super().collocate(*step)
 
     # --- assembly --------------------------------------------------------------------------------------

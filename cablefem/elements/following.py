@@ -17,7 +17,7 @@ Dimensionless: l = H = rho = 1.
 import math
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ from cablefem.elements.kernels.law import pull
 from cablefem.elements.kernels.newton import settle
 from cablefem.elements.kernels.observe import along, end_forces
 from cablefem.elements.reference import Reference, graded_knots, reference
-from cablefem.newmark import Array, Newton, Settled, State, StepFailure, consistent_acceleration
+from cablefem.newmark import Array, Newton, Settled, State, StepFailure, Tableau, consistent_acceleration
 from cablefem.response import States
 from cablefem.scene import Groups
 
@@ -103,6 +103,8 @@ class FollowingElements(CableElements):
     load : "mass", or "force" for its weight alone.
     law : "elastic", or "tension-only": N = max(0, T + alpha eps).
     """
+
+    strides = True
 
     def __init__(
         self, groups: Groups, *, elements: int = 10, degree: int = 2, grading: float = 1.0, model: str = "full",
@@ -198,15 +200,35 @@ class FollowingElements(CableElements):
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array, int]:
         """Return the ends of steps (m, 3, n_dof), what is told of each (m, 6), and how many are good."""
-        self._at = None  # the mesh is that of another instant now
-        places = np.ascontiguousarray(self.motion.along(t, phase).T)
-        if not (places[:, 0].min() > 0.0 and places[:, 0].max() < 1.0):
-            raise ValueError("a side of the following mesh has no length at an end of the travel")
-        loads = np.stack(self._load(*places.T), axis=1)
         now, told = np.empty((t.size, *start.shape)), np.empty((t.size, 6))
         of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rules, told, bound, limits(newton)
-        taken = settle(self._grip(places, loads), None, *of)
-        return now, told, taken
+        return now, told, settle(*self._moved(t, phase, float(start[1, -1])), *of)
+
+    def _moved(self, t: Array, phase: int, slip: float) -> tuple[Any, Any]:
+        """Return `grip` and `ride` of `kernels.newton.settle`."""
+        return self._grip(*self._travel(t, phase)), None
+
+    def _travel(self, t: Array, phase: int) -> tuple[Array, Array]:
+        """Return s_o, ds_o, dds_o (..., 3) at instants (...), and the loads of the mass (..., n_fields)."""
+        self._at = None  # the mesh is that of another instant now
+        places = self.motion.along(t.ravel(), phase)
+        if not (places[0].min() > 0.0 and places[0].max() < 1.0):
+            raise ValueError("a side of the following mesh has no length at an end of the travel")
+        loads = np.stack(self._load(*places), axis=1)
+        return np.ascontiguousarray(places.T).reshape(*t.shape, 3), loads.reshape(*t.shape, -1)
+
+    def collocate(
+        self, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float, newton: Newton
+    ) -> Iterator[Settled]:
+        instants, loads = rule.instants(t), np.empty((3, self.fields))
+        contacts = tuple((*self._contact[:-1], load) for load in loads)
+        of = self._coefficients, *self._at_nodes(), contacts, self._n_left, *self._travel(instants, phase)
+        grip, fronts = (self._operators, *of), self._fronts(instants)
+        return self._collocated(grip, fronts, None, t, ends, a, further, rule, bound, newton)
+
+    def _fronts(self, instants: Array) -> Any:
+        """Return what `kernels.collocation.collocate` takes of fronts that nodes travel with."""
+        return None
 
     # --- observation -----------------------------------------------------------------------------------
     def _fresh(self) -> None:

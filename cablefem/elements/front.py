@@ -91,6 +91,9 @@ class FrontElements(FollowingElements):
     ) -> Settled:
         return CableElements.settle(self, t, phase, start, now, rule, bound, newton)
 
+    def _fronts(self, instants: Array) -> tuple[Array, tuple[Array, Array], float, Array, Array]:
+        return self._xi, self._lines, self._width, instants, self._fine
+
     def _spans(self, states: States, kinematics: Array) -> Array:
         if self._seen[0] is not states.t:
             spans = np.empty((states.t.size, *self._mesh.span.shape))

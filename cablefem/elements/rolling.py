@@ -16,13 +16,14 @@ Dimensionless: l = H = rho = 1.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.elements.cable import Array
+from cablefem.elements.cable import _NOWHERE, _UNSAID, Array
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.front import FrontElements
 from cablefem.elements.kernels import car as kernels
@@ -69,6 +70,7 @@ class RollingElements(FollowingElements):
             raise ValueError(f"{what} has no balance along the cable: a car that rolls needs the full model and a mass")
         self.free = self.drive.mode == "free"
         self.events: tuple[str, ...] = EVENTS if self.free else ("lift_off",)
+        self.strides = not self.free  # else every step is looked at
         self._last = len(self.phases) - 1
         # forces along the cable that may hold the car there
         self._grips = self.free and bool(self.drive.mu_r > 0.0 or self.drive.brakes)
@@ -155,20 +157,20 @@ class RollingElements(FollowingElements):
         r = np.empty(self._n_dof)
         return r, self._linearised(self._car(t, phase, self._heading or v[-1]), q, v, a, r, c0, c1, c2)
 
-    def settle(
-        self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
-    ) -> Settled:
-        ride = tuple(self._rolling), tuple(self._car(t, phase, self._heading or start[1, -1]))
-        # near a support a correction that overshoots ends on another root: no patience
-        return self._step(None, ride, start, now, rule, bound, (newton.max_iter, newton.reuse, 0))
+    def _moved(self, t: Array, phase: int, slip: float) -> tuple[Any, Any]:
+        places = _NOWHERE if self.free else self._travel(t, phase)[0]
+        return None, (tuple(self._rolling), tuple(self._car(float(t[0]), phase, self._heading or slip)), places)
 
     def collocate(
-        self, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
-    ) -> Settled:
-        instants = (*t.tolist(), float(t[-1]))[:3]  # compiled for three nodes, two are filled up
-        cars = tuple(tuple(self._car(x, phase, self._heading or start[1, -1])) for x in instants)
-        ride = *self._rollings, cars
-        return self._collocated(None, ride, dt, start, a, rule, bound, newton)
+        self, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float, newton: Newton
+    ) -> Iterator[Settled]:
+        instants, slip = rule.instants(t), self._heading or ends[0, 1, -1]
+        places = _UNSAID if self.free else self._travel(instants, phase)[0]
+        first = (*instants[0].tolist(), float(t[1]))[:3]  # compiled for three nodes, two are filled up
+        cars = tuple(tuple(self._car(x, phase, slip)) for x in first)
+        ride = *self._rollings, cars, places
+        m = len(a) if self.strides else 1
+        return self._collocated(None, None, ride, t[: m + 1], ends, a[:m], further, rule, bound, newton)
 
     def averaged(self, start: State, end: State) -> Array:
         """Return the residual of a step of the energy rule, see `cablefem.newmark.energy_rule.Averaged`."""

@@ -1,6 +1,7 @@
 """A step by collocation: the balance holds at several nodes of the step (Radau IIA, Gauss)."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Protocol, runtime_checkable
@@ -12,7 +13,7 @@ from cablefem.newmark.newton import Newton, Settled, find_root
 from cablefem.newmark.schemes import Scheme
 from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import Array, Collocated, Inside, Solve, State, System, consistent_acceleration
-from cablefem.newmark.tableau import Tableau, continued, tableau
+from cablefem.newmark.tableau import Tableau, further, tableau
 
 # One tangent for all nodes errs by what it changes along the step, and so does a new one: it is kept while it serves.
 REUSE = 0.8
@@ -23,8 +24,15 @@ class Collocating(Protocol):
     """What a system may bring to be faster than `collocate` with its residuals and tangents."""
 
     def collocate(
-        self, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
-    ) -> Settled: ...
+        self, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float, newton: Newton
+    ) -> Iterator[Settled]:
+        """Take steps from t[0] to t[1], on to t[2] and so on: as many as it takes in one go, and at least the first.
+
+        ends : (m + 1, 2, n_dof) q and v at t, those at t[0] given, the others set.
+        a : (m, s, n_dof) accelerations at the nodes, to be found; the first ones hold a guess.
+        further : (m, s, s) from the accelerations of the step before to the guess of the others.
+        Ends with the first step that is not settled, or before it, or after which something is to be looked at.
+        """
 
 
 class CollocationRule(Stepper):
@@ -41,62 +49,78 @@ class CollocationRule(Stepper):
         self.rule = tableau(method.nodes)
         self.collocate = system.collocate if isinstance(system, Collocating) else partial(collocate, system)
 
-    def __call__(self, x: State, t1: float) -> State:
-        rule, dt = self.rule, t1 - x.t
-        t = x.t + rule.c * dt
-        if rule.c[-1] == 1.0:
-            t[-1] = t1
-        a = self._accelerations(x, t, dt)
-        twice, once = rule.ends @ a
-        q, v = x.q + dt * (x.v + dt * twice), x.v + dt * once
-        if rule.c[-1] == 1.0:
-            end = Collocated(t1, q, v, a[-1], x.phase)
-        else:
-            end = Collocated(*consistent_acceleration(self.system, t1, q, v, x.phase))
-        if not np.isfinite(end.a.sum()):
-            raise StepFailure(
-                t1, "the balance does not determine the acceleration (a constraint on positions)",
-                "take scheme radau, newmark or generalized-alpha",
-            )  # fmt: skip
-        end.inside = Inside(self.method.nodes, dt, a)
-        return end
+    def stride(self, x: State, times: Array) -> Iterator[State]:
+        if not (self.strides and isinstance(x, Collocated)):
+            return
+        t, ends, a, go_on = self._steps(x, times)
+        a[0] = go_on[0] @ x.inside.a
+        steps = self.collocate(t, x.phase, ends, a, go_on, self.rule, self.bound, self.newton)
+        for k, done in enumerate(steps):
+            if not done.norm <= self.bound:
+                return
+            self.balanced(done)
+            yield self._end(x.phase, t[k : k + 2], ends[k + 1], a[k])
 
-    def _accelerations(self, x: State, t: Array, dt: float) -> Array:
-        """Return the accelerations at the nodes t.
+    def __call__(self, x: State, t1: float) -> State:
+        """Return the state at t1.
 
         First guess: the polynomial of the step before goes on; where unresolved waves make that absurd, or there is
         none: a stays as it was; at a start, where the tangent may change too much along the step: the same, with all
         nodes' own tangents.
         """
-        step = dt, x.phase, np.array([x.q, x.v])
-        how = self.rule, self.bound, self.newton
+        t, ends, a, go_on = self._steps(x, np.array([t1]))
         if isinstance(x, Collocated):
-            a = continued(x.inside, dt)
-            if self.balanced(self.collocate(t, *step, a, *how)):
-                return a
-        solvers = [self.collocate]
-        if not isinstance(x, Collocated):
-            solvers.append(partial(collocate_coupled, self.system))
-        for solver in solvers:
-            a = np.repeat(x.a[None, :], t.size, axis=0)
-            done = solver(t, *step, a, *how)
+            tries = [(go_on[0] @ x.inside.a, self.collocate), (x.a, self.collocate)]
+        else:
+            tries = [(x.a, self.collocate), (x.a, partial(collocate_coupled, self.system))]
+        for a[0], solver in tries:
+            done = next(iter(solver(t, x.phase, ends, a, go_on, self.rule, self.bound, self.newton)))
             if self.balanced(done):
-                return a
-        raise self.stalled(float(t[-1]), done)
+                return self._end(x.phase, t, ends[1], a[0])
+        raise self.stalled(t1, done)
+
+    def _steps(self, x: State, times: Array) -> tuple[Array, Array, Array, Array]:
+        """Return what `Collocating` takes of steps from x to times ahead (m,)."""
+        t, s = np.concatenate([[x.t], times]), self.rule.c.size
+        ends, a = np.empty((t.size, 2, x.q.size)), np.empty((times.size, s, x.q.size))
+        ends[0, 0], ends[0, 1] = x.q, x.v
+        dt = t[1:] - t[:-1]
+        before = np.concatenate([[x.inside.dt if isinstance(x, Collocated) else dt[0]], dt[:-1]])
+        ratios = np.round(dt / before, 9).tolist()  # rounded: guesses is all they are for
+        return t, ends, a, np.array([further(self.method.nodes, ratio) for ratio in ratios])
+
+    def _end(self, phase: int, t: Array, end: Array, a: Array) -> State:
+        """Return the state after a step from t to t, (2,), by q and v there and the accelerations at its nodes."""
+        t0, t1 = t.tolist()
+        if self.rule.c[-1] == 1.0:
+            x = Collocated(t1, end[0], end[1], a[-1], phase)
+        else:
+            x = Collocated(*consistent_acceleration(self.system, t1, end[0], end[1], phase))
+        if not math.isfinite(x.a.sum()):
+            raise StepFailure(
+                t1, "the balance does not determine the acceleration (a constraint on positions)",
+                "take scheme radau, newmark or generalized-alpha",
+            )  # fmt: skip
+        x.inside = Inside(self.method.nodes, t1 - t0, a)
+        return x
 
 
 class _Nodes:
-    """The balances of all nodes as functions of the accelerations there, a (s, n_dof)."""
+    """The balances of all nodes of a step as functions of the accelerations there, a (s, n_dof)."""
 
-    def __init__(
-        self, system: System, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau
-    ) -> None:  # fmt: skip
-        self.system, self.t, self.dt, self.phase, self.a, self.rule = system, t, dt, phase, a, rule
-        self.v0, self.drift = start[1], start[0] + np.outer(rule.c * dt, start[1])
+    def __init__(self, system: System, t: Array, phase: int, ends: Array, a: Array, rule: Tableau) -> None:
+        self.system, self.t, self.dt, self.phase, self.rule = system, rule.instants(t)[0], t[1] - t[0], phase, rule
+        self.a, self.ends, self.v0 = a[0], ends, ends[0, 1]
+        self.drift = ends[0, 0] + np.outer(rule.c * self.dt, self.v0)
 
     def at(self, i: int) -> tuple[Array, Array, Array]:
         q, v = self.drift[i] + self.dt**2 * (self.rule.AA[i] @ self.a), self.v0 + self.dt * (self.rule.A[i] @ self.a)
         return q, v, self.a[i]
+
+    def finish(self) -> None:
+        """Set q and v at the step's end."""
+        twice, once = self.rule.ends @ self.a
+        self.ends[1] = self.ends[0, 0] + self.dt * (self.v0 + self.dt * twice), self.v0 + self.dt * once
 
     def residual(self) -> Array:
         return np.concatenate([self.system.residual(t, *self.at(i), self.phase) for i, t in enumerate(self.t)])
@@ -125,17 +149,21 @@ class _Nodes:
 
 
 def collocate(
-    system: System, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
-) -> Settled:
-    """Find the accelerations a (s, n_dof) at the nodes t (s,) of a step of length dt from start (2, n_dof) = q, v."""
-    nodes = _Nodes(system, t, dt, phase, start, a, rule)
+    system: System, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float,
+    newton: Newton,
+) -> Iterator[Settled]:  # fmt: skip
+    """Take the first step as `Collocating` has it."""
+    nodes = _Nodes(system, t, phase, ends, a, rule)
     with np.errstate(over="ignore", invalid="ignore"):
-        return find_root(nodes.residual, lambda: (nodes.residual(), nodes.tangent()), nodes.update, bound, newton)
+        done = find_root(nodes.residual, lambda: (nodes.residual(), nodes.tangent()), nodes.update, bound, newton)
+        nodes.finish()
+    yield done
 
 
 def collocate_coupled(
-    system: System, t: Array, dt: float, phase: int, start: Array, a: Array, rule: Tableau, bound: float, newton: Newton
-) -> Settled:
+    system: System, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float,
+    newton: Newton,
+) -> Iterator[Settled]:  # fmt: skip
     """The same with the full tangent of all nodes, by Krylov's subspaces preconditioned with the one of `collocate`.
 
     For steps along which the tangent itself changes as a whole, as a start where it is proportional to a power of t.
@@ -143,25 +171,24 @@ def collocate_coupled(
     from scipy.optimize import NoConvergence, newton_krylov  # rarely needed, long to load
     from scipy.sparse.linalg import LinearOperator
 
-    nodes, count = _Nodes(system, t, dt, phase, start, a, rule), 0
+    nodes, count = _Nodes(system, t, phase, ends, a, rule), 0
 
     def residual(y: Array) -> Array:
         nonlocal count
         count += 1
-        a[:] = y.reshape(a.shape)
+        nodes.a[:] = y.reshape(nodes.a.shape)
         return nodes.residual()
 
+    norm, iterations, y = math.inf, 0, nodes.a.ravel().copy()
     with np.errstate(all="ignore"):
-        shape = (a.size, a.size)
-        if not np.isfinite(residual(a.ravel().copy())).all():
-            return Settled(math.inf, 0, 0, count)
-        precondition = LinearOperator(shape, matvec=nodes.tangent(), dtype=float)
-        try:
-            y = newton_krylov(
-                residual, a.ravel().copy(), inner_M=precondition, f_tol=bound, maxiter=newton.max_iter,
-                tol_norm=np.linalg.norm,
-            )  # fmt: skip
-        except (NoConvergence, ValueError):  # ValueError: a direction without a residual
-            return Settled(math.inf, newton.max_iter, 1, count)
-        norm = float(np.linalg.norm(residual(y)))
-    return Settled(norm, 1, 1, count)
+        if np.isfinite(residual(y)).all():
+            precondition = LinearOperator((y.size, y.size), matvec=nodes.tangent(), dtype=float)
+            try:
+                y = newton_krylov(
+                    residual, y, inner_M=precondition, f_tol=bound, maxiter=newton.max_iter, tol_norm=np.linalg.norm
+                )
+                norm, iterations = float(np.linalg.norm(residual(y))), 1
+            except (NoConvergence, ValueError):  # ValueError: a direction without a residual
+                iterations = newton.max_iter
+        nodes.finish()
+    yield Settled(norm, iterations, min(iterations, 1), count)

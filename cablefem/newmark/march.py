@@ -74,13 +74,15 @@ def _through(
     prepared = step.system if isinstance(step.system, Prepared) else None
     ringing = step.system if isinstance(step.system, Ringing) else None
     shown = jumped = state.t  # of the last state yielded, of the last event
-    ahead, alone = grid[grid > state.t], 0  # steps to take one by one
+    ahead, alone = grid[grid > state.t], 1  # steps to take one by one: the first leaves what others go on from
     for i, t in enumerate(ahead.tolist()):
-        if t > state.t and alone == 0 and isinstance(step, NewmarkRule):
-            alone = ALONE
-            for x in step.stride(state, ahead[i : i + STRIDE]):
+        if t > state.t and alone == 0:
+            alone, asked = ALONE, ahead[i : i + STRIDE]
+            for x in step.stride(state, asked):
+                if watched is not None and not min(watched.watch(x)) > 0.0:
+                    break
                 work.steps += 1
-                state, alone, shown = x, 0, x.t
+                state, alone, shown = x, int(x.t < asked[-1]), x.t
                 yield x
         if t <= state.t:
             continue

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.newmark.events import Watched
 from cablefem.newmark.newton import Newton, Settled, find_root
 from cablefem.newmark.schemes import Scheme
 from cablefem.newmark.stepper import Stepper, Work
@@ -18,7 +17,6 @@ class NewmarkRule(Stepper):
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         super().__init__(system, method, newton, work)
         self._travels = system if isinstance(system, Travelling) else None
-        self._strides = system if isinstance(system, Striding) and not isinstance(system, Watched) else None
         self._rule = np.eye(3, 5)  # as `System.settle` has it
         self._rule[:, 4] = 1.0 - method.alpha_f, 1.0 - method.alpha_f, 1.0 - method.alpha_m
 
@@ -38,15 +36,14 @@ class NewmarkRule(Stepper):
         return (1.0 - w) * t0 + w * t1 if self._travels is None else self._travels.between(t0, t1, w, phase)
 
     def stride(self, x: State, times: Array) -> Iterator[State]:
-        """Give the states at times ahead, each after a step from the one before, as far as the system strides."""
-        if self._strides is None:
+        if not (self.strides and isinstance(self.system, Striding)):
             return
         rows, begin = self.remembered(x), np.concatenate([[x.t], times[:-1]])
         t = self._instants(begin, times, x.phase)
         rules = np.repeat(self._rule[None], times.size, axis=0)
         self._set(rules, times - begin, 1.0)
         start = np.array([x.q, x.v, x.a]) if rows is None else rows
-        steps = self._strides.stride(t, x.phase, start, rules, self.bound, self.newton)
+        steps = self.system.stride(t, x.phase, start, rules, self.bound, self.newton)
         for t1, (now, done) in zip(times.tolist(), steps, strict=False):
             self.balanced(done)
             after = State(t1, now[0], now[1], now[2], x.phase)

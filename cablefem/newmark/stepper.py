@@ -1,13 +1,14 @@
 """What the rules of a step share: when it is in balance, what it cost, and what it remembers."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from cablefem.newmark.failures import NewtonStalled
 from cablefem.newmark.newton import Newton, Settled
 from cablefem.newmark.schemes import Scheme
-from cablefem.newmark.system import State, System
+from cablefem.newmark.system import Array, State, Striding, System
 
 
 class Passed(NamedTuple):
@@ -37,11 +38,16 @@ class Stepper:
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         self.system, self.method, self.newton, self.work = system, method, newton, work
+        self.strides = isinstance(system, Striding) and system.strides
         self.bound = newton.tol * system.force_scale + math.sqrt(system.n_dof) * system.force_floor
         self._memory: list[tuple[State, Any]] = []
 
     def __call__(self, x: State, t1: float) -> State:
         raise NotImplementedError
+
+    def stride(self, x: State, times: Array) -> Iterator[State]:
+        """Give the states at times ahead, each after a step from the one before, as far as the system strides."""
+        return iter(())
 
     def remembered(self, x: State) -> Any:
         """Return what was kept with x, None if nothing, and forget all that belongs to other states."""

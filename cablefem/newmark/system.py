@@ -107,10 +107,13 @@ class Paced(Protocol):
 
 @runtime_checkable
 class Striding(Protocol):
-    """What a system without events answers besides if it takes many steps in one go.
+    """What a system answers besides if it takes many steps in one go.
 
+    strides : whether it does; of its events each is looked for at the end of a step then, and its steps are whole.
     Who changes `settle` changes this.
     """
+
+    strides: bool
 
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton

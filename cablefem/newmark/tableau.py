@@ -9,7 +9,7 @@ import numpy as np
 from numpy.polynomial import Polynomial, polynomial
 from numpy.typing import NDArray
 
-from cablefem.newmark.system import Array, Collocated, Inside, State
+from cablefem.newmark.system import Array, Collocated, State
 
 Complex = NDArray[np.complex128]
 
@@ -28,9 +28,16 @@ class Tableau(NamedTuple):
     powers: tuple[Array, Array, Array]  # coefficients of l_j, and of its first and second integral from the step's end
 
     @property
-    def numbers(self) -> tuple[Array, Array, Array, Complex, Complex, Complex, int]:
+    def numbers(self) -> tuple[Array, Array, Array, Array, Complex, Complex, Complex, int]:
         """What compiled code takes for it."""
-        return self.c, self.A, self.AA, self.values, self.to, self.back, self.middle
+        return self.c, self.A, self.AA, self.ends, self.values, self.to, self.back, self.middle
+
+    def instants(self, t: Array) -> Array:
+        """Return those of the nodes of steps from t to t (m + 1,), (m, s)."""
+        at = t[:-1, None] + (t[1:] - t[:-1])[:, None] * self.c
+        if self.c[-1] == 1.0:
+            at[:, -1] = t[1:]
+        return at
 
 
 @cache
@@ -55,13 +62,9 @@ def tableau(nodes: tuple[float, ...]) -> Tableau:
     )  # fmt: skip
 
 
-def continued(inside: Inside, dt: float) -> Array:
-    """Return the polynomial through the accelerations of a step at the nodes of the next one, of length dt: (s, n)."""
-    return _further(inside.nodes, round(dt / inside.dt, 9)) @ inside.a  # rounded: a guess is all it is for
-
-
 @lru_cache(maxsize=256)
-def _further(nodes: tuple[float, ...], ratio: float) -> Array:
+def further(nodes: tuple[float, ...], ratio: float) -> Array:
+    """Return (s, s) from accelerations at the nodes of a step to their polynomial at those of one `ratio` as long."""
     rule = tableau(nodes)
     return np.vander(1.0 + ratio * rule.c, len(nodes), increasing=True) @ rule.powers[0]
 

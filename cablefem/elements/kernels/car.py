@@ -45,6 +45,14 @@ class Rolling(NamedTuple):
 
 
 @compiled
+def hauled(car, place):
+    """Return a car as a plain tuple at s_o, ds_o and dds_o (3,), to which its rope brings it."""
+    mode, node, mu, sigma, _, _, _, hold, thrust, drag, wind, friction, brake, _ = car
+    heading = 1.0 if place[1] > 0.0 else -1.0 if place[1] < 0.0 else 0.0
+    return mode, node, mu, sigma, place[0], place[1], place[2], hold, thrust, drag, wind, friction, brake, heading
+
+
+@compiled
 def car_forces(car, tau, stretch, px, py, fx, fy):
     """Return F_ext (2,) without the rope, the normal force n . C (positive: the car presses on the cable) and F_drive.
 

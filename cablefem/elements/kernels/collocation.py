@@ -1,13 +1,14 @@
-"""Newton's method of a collocation step, compiled with the balance; see `cablefem.newmark.collocation_rule`."""
+"""Newton's method of collocation steps, compiled with the balance; see `cablefem.newmark.collocation_rule`."""
 
 import math
 
 import numpy as np
 
 from cablefem.elements.kernels import compiled
-from cablefem.elements.kernels.balance import Contact, Mesh, assemble, coupling
+from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, coupling, follow
 from cablefem.elements.kernels.banded import Tangent, factorise_coupled, solve_coupled
-from cablefem.elements.kernels.car import Car, Rolling, factorise_bordered, roll, solve_bordered
+from cablefem.elements.kernels.car import Car, Rolling, factorise_bordered, hauled, roll, solve_bordered
+from cablefem.elements.kernels.front import follow_fronts, weigh
 
 SAME = 1e-6  # relative difference of step lengths for which factors are kept
 SERVES = 0.03  # what the last correction of a step must leave of the residual, or the next one gets factors of its own
@@ -27,6 +28,17 @@ def at_nodes(start, dt, c, A, AA, a, q, v):
             for j in range(to_q.size):
                 to_v[j] += once * x[j]
                 to_q[j] += twice * x[j]
+
+
+@compiled
+def spread(weights, of, out):
+    """Set out to weights (m, s) of (s, n)."""
+    out[:] = 0.0
+    for i in range(weights.shape[0]):
+        for k in range(weights.shape[1]):
+            x, to, w = of[k], out[i], weights[i, k]
+            for j in range(to.size):
+                to[j] += w * x[j]
 
 
 @compiled
@@ -106,19 +118,70 @@ def solve_all(grip, ride, works, values, to, back, r, da, real, along):
 
 
 @compiled
-def collocate(
-    grip, ride, mesh, cable, works, kept, start, dt, rule, a, bound, newton
-):  # fmt: skip
-    """Find the accelerations a (s, n) at the nodes of a step as `cablefem.newmark.collocate` does.
+def collocate(grip, fronts, ride, mesh, cable, works, kept, t, ends, a, further, rule, told, bound, newton):
+    """Take steps from t to t, (m + 1,), as `cablefem.newmark.collocate` takes the first of them.
 
-    grip : of each node bands, spans and `Contact`s, or None.
-    ride : `Rolling`, real and complex, and `Car`s of each node, or None.  As in `newton.settle`.
-    rule : c, A, AA, eigenvalues, to and back of its tableau, and the node next to the middle.
+    grip : operators, coefficients, of each node bands, spans and `Contact`s, elements left of the mass; of following
+        meshes places (m, s, 3) s_o, ds_o, dds_o and loads (m, s, n_fields), else empty; or None.
+    fronts : that nodes travel with, `follow_fronts`'s xi, lines and p, instants (m, s) and table of inertia; or None.
+    ride : `Rolling`, real and complex, `Car`s of each node and, of a hauled one, places (m, s, 3); or None.
     works : `Tangent`s, real and complex, for this alone: factors serve the next step as well, as in RADAU5 (Hairer &
         Wanner 1996, section IV.8).  kept : (1,) the length of the step that they are for.
+    ends, a, further : as `Collocating` has them.  told : (m, 6) as in `newton.settle`.
+    Return how many steps came to be in balance; one with a slack element is the last.
+    """
+    for k in range(a.shape[0]):
+        dt = t[k + 1] - t[k]
+        if k > 0:
+            spread(further[k], a[k - 1], a[k])
+        of = mesh, cable, works, kept, ends[k], dt, rule, a[k], bound, newton
+        if grip is not None:
+            operators, coefficients, bands, spans, contacts, n_left, places, loads = grip
+            for i in range(loads.shape[1] if places.shape[0] > 0 else 0):
+                if fronts is None:
+                    x = places[k, i]
+                    follow(x[0], x[1], x[2], n_left, coefficients, spans[i])
+                    combine(operators, coefficients, bands[i])
+                if fronts is not None:
+                    xi, lines, p, instants, fine = fronts
+                    follow_fronts(xi, lines, p, instants[k, i : i + 1], places[k, i : i + 1], spans[i : i + 1])
+                    weigh(spans[i], mesh[1], fine, loads.shape[2], bands[i])
+                contact = Contact(*contacts[i])
+                for j in range(loads.shape[2]):
+                    contact.load[j] = loads[k, i, j]
+            done = settle((bands, spans, contacts), None, *of)
+        if ride is not None:
+            real, pair, cars, at = ride
+            if at.shape[0] > 0:
+                cars = hauled(cars[0], at[k, 0]), hauled(cars[0], at[k, 1]), hauled(cars[0], at[k, -1])
+            done = settle(None, (real, pair, cars), *of)
+        norm, iterations, factorisations, residuals, least, where = done
+        told[k, 0], told[k, 1], told[k, 2] = norm, iterations, factorisations
+        told[k, 3], told[k, 4], told[k, 5] = residuals, least, where
+        if not norm <= bound:
+            return k
+        twice, once = rule[3]
+        for j in range(ends.shape[2]):
+            x, y = 0.0, 0.0
+            for i in range(once.size):
+                x += twice[i] * a[k, i, j]
+                y += once[i] * a[k, i, j]
+            ends[k + 1, 0, j] = ends[k, 0, j] + dt * (ends[k, 1, j] + dt * x)
+            ends[k + 1, 1, j] = ends[k, 1, j] + dt * y
+        if not least >= 0.0:
+            return k + 1
+    return a.shape[0]
+
+
+@compiled
+def settle(grip, ride, mesh, cable, works, kept, start, dt, rule, a, bound, newton):
+    """Find the accelerations a (s, n) at the nodes of a step of length dt from `start`.
+
+    grip : of each node bands, spans and `Contact`s, or None;  ride : `Rolling`, real and complex, and `Car`s, or None.
+    rule : c, A, AA, ends, eigenvalues, to and back of its tableau, and the node next to the middle.
     Return |r|, iterations, factorisations, residuals, the least tension at the last node and its s.
     """
-    (c, A, AA, values, to, back, middle), (max_iter, reuse, patience) = rule, newton
+    (c, A, AA, _, values, to, back, middle), (max_iter, reuse, patience) = rule, newton
     s, n = a.shape
     q, v, r, da = np.empty((s, n)), np.empty((s, n)), np.empty((s, n)), np.empty((s, n))
     real, along, spare = np.empty(n), np.empty(n, dtype=np.complex128), np.empty(n)

@@ -7,7 +7,7 @@ import numpy as np
 from cablefem.elements.kernels import compiled
 from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, coupling, follow
 from cablefem.elements.kernels.banded import Tangent, dot, factorise_coupled, solve_coupled
-from cablefem.elements.kernels.car import Car, Rolling, factorise_bordered, roll, solve_bordered
+from cablefem.elements.kernels.car import Car, Rolling, factorise_bordered, hauled, roll, solve_bordered
 
 
 @compiled
@@ -16,7 +16,8 @@ def settle(grip, ride, mesh, cable, work, start, now, rules, told, bound, newton
 
     grip : operators, coefficients, bands and `Contact` of a mass whose place is given, elements left of it, and of a
         following mesh places (m, 3) s_o, ds_o, dds_o and loads (m, n_fields) of `Contact`, else empty; or None.
-    ride : `Rolling` and `Car` of one that rolls, or None; numba compiles what is there only.
+    ride : `Rolling` and `Car` of one that rolls and, of a hauled one, places (m, 3), or None; numba compiles what is
+        there only.
     mesh, work and the rest as plain tuples: it is slow to take in named ones.
     now : (m, 3, n) receives the ends;  rules : (m, 3, 5);  newton : max_iter, reuse, patience.
     told : (m, 6) |r|, iterations, factorisations, residuals, the least tension and its s.
@@ -30,7 +31,8 @@ def settle(grip, ride, mesh, cable, work, start, now, rules, told, bound, newton
         operators, coefficients, bands, contact, n_left, places, loads = grip
         contact = Contact(*contact)
     if ride is not None:
-        rolling, car = Rolling(*ride[0]), Car(*ride[1])
+        rolling, car, at = Rolling(*ride[0]), ride[1], ride[2]
+        patience = 0  # near a support a correction that overshoots ends on another root
     for k in range(rules.shape[0]):
         begin, end, rule = start if k == 0 else now[k - 1], now[k], rules[k]
         if grip is not None:
@@ -39,6 +41,8 @@ def settle(grip, ride, mesh, cable, work, start, now, rules, told, bound, newton
                 for i in range(loads.shape[1]):
                     contact.load[i] = loads[k, i]
             combine(operators, coefficients, bands)
+        if ride is not None and at.shape[0] > 0:
+            car = hauled(car, at[k])
         for i in range(3):
             w = rule[i, 4]
             for j in range(n):
@@ -52,7 +56,7 @@ def settle(grip, ride, mesh, cable, work, start, now, rules, told, bound, newton
                     assemble(bands, mesh, cable, contact, q, v, a, r, work, c0, c1, c2)
                     regular = factorise_coupled(work, c0 * coupling(cable))
                 if ride is not None:
-                    roll(mesh, rolling, cable, car, q, v, a, r, work.ab, c0, c1, c2)
+                    roll(mesh, rolling, cable, Car(*car), q, v, a, r, work.ab, c0, c1, c2)
                     regular = factorise_bordered(work, rolling)
                 norm = math.sqrt(dot(r, r))
                 factorisations += 1
@@ -76,7 +80,7 @@ def settle(grip, ride, mesh, cable, work, start, now, rules, told, bound, newton
                 if grip is not None:
                     least, where = assemble(bands, mesh, cable, contact, q, v, a, r, work, 0.0, 0.0, 0.0)
                 if ride is not None:
-                    least, where, _, _, _ = roll(mesh, rolling, cable, car, q, v, a, r, work.ab, 0.0, 0.0, 0.0)
+                    least, where, _, _, _ = roll(mesh, rolling, cable, Car(*car), q, v, a, r, work.ab, 0.0, 0.0, 0.0)
                 residuals += 1
                 norm = math.sqrt(dot(r, r))
                 if norm < before or (iterations < patience and norm < math.inf):
