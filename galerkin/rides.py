@@ -91,7 +91,7 @@ class RollingSystem(GalerkinSystem):
     which nothing reads), s_o(t) is prescribed.  The last row is the car's balance; where the car sticks, dds_o = 0.
 
     Friction and brakes act against the sign of ds_o, which stays what it is from event to event.  A free ride starts in
-    static equilibrium with the car held, a hauled one hanging on its rope.
+    static equilibrium with the car held, a hauled one hanging on its rope, friction overcome.
 
     ValueError for the models of one field, which have no force along the cable, for a load without inertia, and for
     bases without phi''.
@@ -437,12 +437,16 @@ class RollingSystem(GalerkinSystem):
             force, _, K = self.cable.linearise(self.basis, x.place, Q)
             load = weight
             if not self.free:
-                mean = self._sides(x, Q).mean(axis=0)
+                sides = self._sides(x, Q)
+                mean = sides.mean(axis=0)
                 size = math.hypot(*mean)
                 tau = mean / size
                 n = np.array([-tau[1], tau[0]])
-                load = (weight @ n) * n
-                turn = np.multiply.outer((weight @ n) * tau + (weight @ tau) * n, n) / size
+                across, along = weight @ n, weight @ tau
+                rub = self.drive.mu_r * size / np.hypot(*sides.T).mean()  # of what presses: it is about to move on
+                load = across * n + rub * abs(across) * tau
+                turn = across * tau - rub * abs(across) * n + along * (n + math.copysign(rub, across) * tau)
+                turn = np.multiply.outer(turn, n) / size
                 K += np.einsum("ab,i,j->aibj", turn, f, f_m).reshape(K.shape)
             return (force - np.multiply.outer(load, f)).ravel(), K
 

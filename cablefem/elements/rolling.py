@@ -109,7 +109,7 @@ class RollingElements(FollowingElements):
         """Return the state at the beginning of a phase.
 
         free : the car held on the loaded cable at rest, let go; friction and brakes may hold it there at once.
-        haul : the car hangs on its rope; the cable moves as statics has it at the speed the travel begins with.
+        haul : it hangs on its rope, friction overcome; the cable moves as statics has it at the travel's first speed.
         """
         t = self.phases[phase][0]
         if state is not None:
@@ -290,7 +290,7 @@ class RollingElements(FollowingElements):
         drive, fixed = self.drive, (self._mode, self.node, self.inertia, self.groups.sigma)
         if not self.free:
             s_o, ds, dds = self.motion.at(t, phase)
-            return kernels.Car(*fixed, s_o, ds, dds, 0.0, 0.0, *self._air, 0.0, float(np.sign(ds)))
+            return kernels.Car(*fixed, s_o, ds, dds, 0.0, 0.0, *self._air, 0.0, 1.0)
         heading = math.copysign(1.0, slip) if slip != 0.0 else self._heading
         if self._mode == kernels.HELD:
             heading = 0.0
@@ -352,8 +352,9 @@ class RollingElements(FollowingElements):
         free : the last unknown is s_o, the force one between car and cable, along the cable; haul : it is the rope's.
         """
         mode = kernels.HELD if self.free else kernels.HAUL
+        friction = 0.0 if self.free else self.drive.mu_r  # the rope is about to move the car on
         car = self._car(0.0, 0, 0.0)._replace(
-            mode=mode, s_o=s_o, ds=0.0, dds=0.0, hold=0.0, thrust=0.0, drag=0.0, friction=0.0, brake=0.0
+            mode=mode, s_o=s_o, ds=0.0, dds=0.0, hold=0.0, thrust=0.0, drag=0.0, friction=friction, brake=0.0
         )
         x = np.zeros((3, self._n_dof))
         r, c = np.empty(self._n_dof), np.array([[1.0], [0.0], [STATIC]])

@@ -35,7 +35,7 @@ class Rest:
     slope_ahead: np.ndarray
     along: np.ndarray  # P' = dP/ds
     bend: np.ndarray  # P''
-    hold: np.ndarray  # Pi' = [N lam - W], what a gripped car exerts along the cable
+    hold: np.ndarray  # Pi' = [N lam - W], what grip or friction exerts along the cable
     haul: np.ndarray  # what a rope from outside exerts on a rolling car along the mean tangent
 
     @property
@@ -64,16 +64,17 @@ def gripped(s, groups) -> Rest:
     bent = ds0 - ds1 + 2.0 * _times(D0 - D1, z) + x.second(z)
     zz = -np.linalg.solve(A, bent[..., None])[..., 0]
     place, B = x.moments(x.behind)
-    T = catenary.static(s, groups.sigma, groups.c)[0]
     return Rest(
         s=s, left=x.left, jump=x.jump, place=place, behind=N0, ahead=N1, slope_behind=r0, slope_ahead=r1,
         along=r0 + _times(B, z), bend=ds0 + 2.0 * _times(D0, z) + x.second(z, x.behind) + _times(B, zz),
-        hold=N1 - N0 + ((N1 - T) ** 2 - (N0 - T) ** 2) / (2.0 * groups.alpha), haul=np.zeros_like(s),
+        hold=_hold(s, N0, N1, groups), haul=np.zeros_like(s),
     )  # fmt: skip
 
 
 def hauled(s, groups) -> Rest:
-    """Rest of a car that rolls and hangs on a rope along the mean tangent tau: tau . jump = 0, haul = -mu sigma tau_y.
+    """Rest of a car that rolls, hangs on a rope along the mean tangent tau, and is about to move on.
+
+    tau . jump = -rub, haul = rub - mu sigma tau_y, with the friction rub = mu_r mu sigma |tau_x| |<r'>|/<lam>.
 
     tau is found by substituting it, which contracts; P' and P'' are those of a spline through P.
     """
@@ -81,23 +82,32 @@ def hauled(s, groups) -> Rest:
 
     s = np.atleast_1d(np.asarray(s, dtype=float))
     weight, x = groups.mu * groups.sigma, None
-    tau = np.stack(catenary.static(s, groups.sigma, groups.c)[1:3], -1)
+    tau, rub = np.stack(catenary.static(s, groups.sigma, groups.c)[1:3], -1), np.zeros_like(s)
     for _ in range(ITERATIONS):
-        jump = -weight * (np.array([0.0, 1.0]) - tau * tau[:, 1:])
+        haul = rub - weight * tau[:, 1]
+        jump = [0.0, -weight] - haul[:, None] * tau
         x = _Pieces(s, jump, groups, None if x is None else x.left)
-        mean = x.sides[0][1] + x.sides[1][1]
-        before, tau = tau, mean / np.linalg.norm(mean, axis=1)[:, None]
+        (N0, r0, _, _), (N1, r1, _, _) = x.sides
+        before, mean = tau, np.linalg.norm(r0 + r1, axis=1)
+        tau = (r0 + r1) / mean[:, None]
+        stretch = np.linalg.norm(r0, axis=1) + np.linalg.norm(r1, axis=1)
+        rub = groups.drive.mu_r * weight * np.abs(tau[:, 0]) * mean / stretch
         if np.max(np.abs(tau - before)) <= 1e-12:
             break
     else:
         raise NoRest("the direction of the rope that holds the car was not found")
-    (N0, r0, _, _), (N1, r1, _, _) = x.sides
     place = x.moments(x.behind)[0]
     path = CubicSpline(s, place) if s.size > 3 else lambda s, n: np.full((s.size, 2), np.nan)
     return Rest(
         s=s, left=x.left, jump=x.jump, place=place, behind=N0, ahead=N1, slope_behind=r0, slope_ahead=r1,
-        along=path(s, 1), bend=path(s, 2), hold=np.zeros_like(s), haul=-weight * tau[:, 1],
+        along=path(s, 1), bend=path(s, 2), hold=_hold(s, N0, N1, groups), haul=haul,
     )  # fmt: skip
+
+
+def _hold(s, N0, N1, groups):
+    """[N lam - W]"""
+    T = catenary.static(s, groups.sigma, groups.c)[0]
+    return N1 - N0 + ((N1 - T) ** 2 - (N0 - T) ** 2) / (2.0 * groups.alpha)
 
 
 class _Pieces:

@@ -18,7 +18,7 @@ from cablefem.elements.rolling import AVERAGE, RollingElements, following
 from cablefem.newmark import Newton, State, Work, collocate, integrate, iterate, scheme, step_times
 from cablefem.newmark.energy_rule import average
 from cablefem.scene import RATTLE, Drive
-from cablefem.scene.statics import gripped
+from cablefem.scene.statics import gripped, hauled
 from tests.runs import CRUISE, INCLINED, LEVEL, observe, stack
 from validation import run
 from validation.oracles import ellipse
@@ -165,6 +165,21 @@ def test_under_a_car_of_a_thousand_cables_weight_the_cable_rests_without_folds(s
     q = system._statics(0.2)[0]
     place = np.ravel(groups.shape(0.2)) + q[2 * system.node : 2 * system.node + 2]
     np.testing.assert_allclose(place, gripped(0.2, groups).place[0], rtol=0, atol=1e-6)
+
+
+def test_the_rope_overcomes_friction_before_the_car_moves():
+    """Else friction jumps with the first step, and the rope with it by M g and more: the car rides on the cable."""
+    scene = Scene.load("tramway")
+    groups = replace(rolling(scene.groups, "haul"), drive=replace(scene.groups.drive, mu_r=0.03))
+    rest, weight = hauled(0.3, groups), groups.mu * groups.sigma
+    system = RollingElements(groups, elements=6)
+    q, F = system._statics(0.3)
+    assert abs(F - rest.haul[0]) < 1e-5 * weight
+    assert rest.haul[0] - hauled(0.3, scene.groups).haul[0] > 0.02 * weight
+    place = np.ravel(groups.shape(0.3)) + q[2 * system.node : 2 * system.node + 2]
+    np.testing.assert_allclose(place, rest.place[0], rtol=0, atol=1e-7)
+    first = system.start(0, None)
+    assert np.abs(first.a[:-1]).max() < 2.0 * scene.groups.motion.at(0.0, 0)[2]  # what the travel asks of it
 
 
 @pytest.mark.parametrize(("place", "force"), [(0.25, 31.0), (0.5, 34.9), (0.75, 38.6)])

@@ -14,7 +14,7 @@ from cablefem.response import States
 from cablefem.scene import ConstantSpeed
 from cablefem.scene.drive import Drive
 from cablefem.scene.motion import Motion, Piece
-from cablefem.scene.statics import gripped
+from cablefem.scene.statics import gripped, hauled
 from galerkin import Daubechies, Fourier, GalerkinSystem, PositionAbscissa, RollingSystem, kernels, rides
 from galerkin.bow import bent
 from tests.galerkin.test_equations import STEEP, random_state
@@ -168,6 +168,19 @@ def test_a_car_hanging_on_its_rope(place, force, tension):
     assert abs(x.a[-1] * H - force) < 0.06
     assert abs(seen.haul[0] - x.a[-1]) == 0.0
     np.testing.assert_allclose([seen.T_behind[0] * H, seen.T_ahead[0] * H], tension, rtol=0.0, atol=0.06)
+    assert np.abs(x.a[:-1]).max() < 1e-8
+
+
+def test_a_car_on_its_rope_overcomes_its_friction_before_it_moves():
+    """Else friction jumps with the first step, and the rope with it by M g and more: the car rides on the cable."""
+    still = Motion(((0.0, 1.0),), ((Piece(0.0, 0.0, 0.3, 0.0, 0.0),),), 0.3)
+    groups = replace(TRAMWAY.groups, drive=Drive(mode="haul", start=0.3, mu_r=0.03), motion=still)
+    system = RollingSystem(groups, Fourier(20))
+    x, rest, weight = system.start(0, None), hauled(0.3, groups), groups.mu * groups.sigma
+    seen = observe(system, States(*(np.array([y]) for y in x)))
+    assert abs(x.a[-1] - rest.haul[0]) < 1e-4 * weight
+    assert seen.T_ahead[0] - seen.T_behind[0] == pytest.approx(rest.ahead[0] - rest.behind[0], abs=1e-4 * weight)
+    assert rest.ahead[0] - rest.behind[0] < -0.02 * weight
     assert np.abs(x.a[:-1]).max() < 1e-8
 
 

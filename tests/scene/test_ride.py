@@ -1,6 +1,7 @@
 """The loaded cable at rest, and the quasi-static ride along it."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -60,8 +61,8 @@ def test_gripped_and_hauled_tramway_at_rest_are_those_of_two_prototypes():
 def test_the_cable_at_rest_ends_at_its_supports_and_carries_the_car(choice):
     """Put into its own equation: dr/ds = lam n/N from the left support with the tension that was found."""
     g = Scene.from_groups(**choice).groups
-    s_o, l, ends = 0.37, gripped(0.37, g), np.stack(g.shape(1.0))
-    for r in (l, hauled(s_o, g)):
+    s_o, l, ends, mu_r = 0.37, gripped(0.37, g), np.stack(g.shape(1.0)), 0.07
+    for r in (l, hauled(s_o, replace(g, drive=replace(g.drive, mu_r=mu_r)))):
 
         def slope(s, y, r=r):
             n = r.left[0] - [0.0, g.sigma * s] + (r.jump[0] if s > s_o else 0.0)
@@ -74,8 +75,12 @@ def test_the_cable_at_rest_ends_at_its_supports_and_carries_the_car(choice):
         np.testing.assert_allclose(end, ends, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(l.jump[0], [0.0, -g.mu * g.sigma], rtol=1e-15)
     tau = r.slope_behind[0] + r.slope_ahead[0]
-    assert abs(r.jump[0] @ tau) <= 1e-11 * math.hypot(*tau)
-    assert abs(math.hypot(*(r.jump[0] + [0.0, g.mu * g.sigma])) - abs(r.haul[0])) <= 1e-11
+    lean = math.hypot(*tau) / (math.hypot(*r.slope_behind[0]) + math.hypot(*r.slope_ahead[0]))
+    tau /= math.hypot(*tau)
+    pressing = r.jump[0] @ [tau[1], -tau[0]]
+    assert pressing > 0.0
+    assert abs(r.jump[0] @ tau + mu_r * pressing * lean) <= 1e-11
+    np.testing.assert_allclose(r.jump[0] + [0.0, g.mu * g.sigma] + r.haul[0] * tau, 0.0, atol=1e-11)
 
 
 def test_derivatives_of_the_load_path_are_those_of_its_places():

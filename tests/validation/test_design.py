@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cablefem import Scene
-from tests.validation.pairs import right
+from tests.validation.pairs import LEVEL, right
 from validation.core.design import QUANTITIES, alone, numbers
 from validation.core.estimate import estimated
 from validation.core.running import run
@@ -21,7 +22,7 @@ from validation.core.running import run
 )  # fmt: skip
 def test_bars_hold_against_a_finer_run(scene, coarse, fine):
     scene = Scene.load(scene)
-    found = numbers(estimated(scene, "following-p2", until=0.8, **coarse))
+    found = numbers(scene, estimated(scene, "following-p2", until=0.8, **coarse))
     true = {number.quantity: number.value for number in alone(run(scene, "following-p2", until=0.8, **fine))}
     assert {number.quantity for number in found} == set(QUANTITIES) - {"haul_force_max"}
     held = [abs(number.value - true[number.quantity]) <= number.bar for number in found]
@@ -32,7 +33,7 @@ def test_bars_hold_against_a_finer_run(scene, coarse, fine):
 
 def test_numbers_stand_where_they_occur():
     a, b = right()
-    found = {number.quantity: number for number in numbers(a, b)}
+    found = {number.quantity: number for number in numbers(LEVEL, a, b)}
     r = a.run
     deep = found["mass_deepest"]
     assert deep.value == pytest.approx(float(np.interp(deep.t, r.t, r.y)))
@@ -49,7 +50,7 @@ def test_a_bar_is_no_less_than_the_gap_to_the_twin():
     a, b = right()
     off = replace(b, run=replace(b.run, T_behind=1.1 * b.run.T_behind, T_ahead=1.1 * b.run.T_ahead,
                                  y=b.run.y + 1.0))  # fmt: skip
-    before, after = ({n.quantity: n.bar for n in numbers(a, twin)} for twin in (b, off))
+    before, after = ({n.quantity: n.bar for n in numbers(LEVEL, a, twin)} for twin in (b, off))
     assert before["mass_deepest"] < 0.1
     assert after["mass_deepest"] >= 1.0
 
@@ -67,3 +68,31 @@ def test_the_first_steps_of_a_mass_that_enters_from_rest_are_right():
     least = next(x for x in alone(r) if x.quantity == "tension_min")
     assert least.value > 0.5 * r.horizontal_tension
     assert "hidden slack" not in r.flag_kinds
+
+
+CAMERA = """
+    [cable]
+    mass_per_length = 0.08
+    EA = 1.5e6
+    sag = 2.5
+    [supports]
+    span = 200.0
+    [mass]
+    mass = 35.0
+    [drive]
+    mode = "haul"
+    rolling_friction = 0.02
+    [travel]
+    kind = "accelerate_cruise_brake"
+    top_speed = 12.0
+"""
+
+
+def test_a_force_that_jumps_where_the_travel_breaks_has_no_bar_from_that():
+    """The haul force of a car that ceases to speed up jumps by M times 1.1 m/s2, from one step to the next."""
+    scene = Scene.from_toml(CAMERA)
+    e = estimated(scene, "following-p2", elements=6, steps=600, until=0.8)
+    unaware = SimpleNamespace(groups=SimpleNamespace(motion=None))
+    found, blind = (next(n for n in numbers(s, e) if n.quantity == "haul_force_max") for s in (scene, unaware))
+    jump = np.ptp(e.run.F_haul[np.abs(e.run.t - found.t) < 0.2])
+    assert found.bar < 0.1 * jump < 0.5 * jump < blind.bar

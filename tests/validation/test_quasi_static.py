@@ -38,10 +38,12 @@ def test_supports_carry_cable_car_and_rope_and_the_car_hangs_on_the_cable(text):
     np.testing.assert_allclose(np.hypot(*speed)[inside], r.speed[inside], rtol=0.0, atol=3e-3 * r.speed.max())
 
 
-def test_energy_changes_by_what_the_rope_puts_in():
-    r = quasi_static(Scene.from_toml(HAULED))
+@pytest.mark.parametrize("friction", [0.0, 0.03])
+def test_energy_changes_by_what_the_rope_puts_in_and_friction_takes(friction):
+    r = quasi_static(Scene.from_toml(f"{HAULED}\nrolling_friction = {friction}"))
     tangent = r.slope_behind + r.slope_ahead
     power = r.F_haul * (tangent * r.velocity).sum(1) / np.linalg.norm(tangent, axis=1)
+    power -= friction * r.F_contact * np.gradient(r.s_o, r.t)
     work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(r.t))])
     rest = r.energy - r.kinetic
     np.testing.assert_allclose(rest - rest[0], work, atol=2e-4 * np.ptp(work))

@@ -227,7 +227,7 @@ def _load() -> None:
 
 def _told(scene: Scene, e: Estimated, twin: Estimated) -> Estimated:
     """Return the run with its design numbers and events, and their bars."""
-    rows = [number.row() for number in numbers(e, twin)]
+    rows = [number.row() for number in numbers(scene, e, twin)]
     return replace(e, run=replace(e.run, design=rows, events=with_bars(scene, e)))
 
 
