@@ -47,8 +47,7 @@ class Rolling(NamedTuple):
 @compiled
 def hauled(car, place):
     """Return a car as a plain tuple at s_o, ds_o and dds_o (3,), to which its rope brings it."""
-    mode, node, mu, sigma, _, _, _, hold, thrust, drag, wind, friction, brake, _ = car
-    heading = 1.0 if place[1] > 0.0 else -1.0 if place[1] < 0.0 else 0.0
+    mode, node, mu, sigma, _, _, _, hold, thrust, drag, wind, friction, brake, heading = car
     return mode, node, mu, sigma, place[0], place[1], place[2], hold, thrust, drag, wind, friction, brake, heading
 
 
