@@ -274,10 +274,10 @@ class GalerkinSystem:
         same = next((k for k, side in enumerate(sides) if any(map(operator.is_not, side, sides[0]))), t.size)
         grip = kernels.Grip(*sides[0], kink.at_rest, kink.left, kink.chord, self.groups.c, NONE)
         now, told = np.empty((same, *start.shape)), np.full((same, 6), np.nan)
-        pull, limits = np.empty(grip.behind.shape[1] + grip.ahead.shape[1]), _limits(newton)
+        pull = np.empty(grip.behind.shape[1] + grip.ahead.shape[1])
         taken = kernels.settle(
-            grip, np.ascontiguousarray(places[:same]), None, None, self._constants, self.groups.sigma, start, now, told,
-            rules[:same], bound, limits, pull,
+            grip, np.ascontiguousarray(places[:same]), None, None, None, self._constants, self.groups.sigma, start, now,
+            told, rules[:same], bound, limits(newton), pull,
         )  # fmt: skip
         return now, told, taken, pull
 
@@ -294,8 +294,8 @@ class GalerkinSystem:
         self._pull = self.basis, x.place, pull
         told = np.empty((1, 6))
         kernels.settle(
-            None, None, x.moment, ride, self._constants, self.groups.sigma, start, now[None], told, rule[None], bound,
-            _limits(newton), pull,
+            None, None, x.moment, ride, None, self._constants, self.groups.sigma, start, now[None], told, rule[None],
+            bound, limits(newton), pull,
         )  # fmt: skip
         return Settled(*told[0].tolist()[:4])
 
@@ -374,7 +374,7 @@ class GalerkinSystem:
         return observe(self, states, s, frames)
 
 
-def _limits(newton: Newton) -> tuple[float, ...]:
+def limits(newton: Newton) -> tuple[float, ...]:
     """Of Newton's method, as compiled code takes them."""
     return float(newton.max_iter), newton.reuse, float(newton.patience), float(MOST_HALVINGS)
 

@@ -27,13 +27,12 @@ from galerkin.bases import Basis, Fourier
 from galerkin.bases.fourier import split
 from galerkin.bases.kink import Array, TravellingKink
 from galerkin.bow import bow, slopes, table
-from galerkin.equations import Drives, GalerkinSystem, Instant, factorised
+from galerkin.equations import Drives, GalerkinSystem, Instant, factorised, limits
 from galerkin.equilibrium import Equilibrium
 from galerkin.models import FullCable
 
 EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "back", "lift_off", "stop")
 AT_REST = 1e-6  # speeds below have no direction yet
-LEAST_WINDOW = 6.0  # steps over which the car's acceleration is averaged for friction, where they are long
 AT_LEAST = 0.03  # of an axial round trip that the standstill without a rattle lasts that ends a ride
 SHEDS = 6.0  # times pi N |ds_o|, the rate of `kernels.shed`: 4 leave a ringing of 1e-3 in speed, 16 damp what is meant
 # Steps in which waves go over the side that the car runs into and back, at a thousand steps a ride: that side squeezes
@@ -97,8 +96,6 @@ class RollingSystem(GalerkinSystem):
     bases without phi''.
     """
 
-    strides = False
-
     def __init__(
         self, groups: Groups, basis: Basis, *, kink: bool = True, model: str = "full", load: str = "mass",
         law: str = "elastic",
@@ -112,6 +109,7 @@ class RollingSystem(GalerkinSystem):
         self.drive, self.free = groups.drive, groups.drive.mode == "free"
         super().__init__(groups, basis, kink=kink, law=law)
         self.n_dof += 1
+        self.strides = self.free and self._compiled
         self.bow = bow(groups) if self._compiled else None
         self._bows = self._bows if self.bow is None else table(self.bow)
         self.events = EVENTS if self.free else ("lift_off",)
@@ -119,8 +117,10 @@ class RollingSystem(GalerkinSystem):
         self._latest: tuple[tuple[float, float, float], Instant] | None = None
         self._watched: tuple[State, tuple[float, ...]] | None = None
         self._seen: tuple[State, Car] | None = None
-        self._past: list[tuple[float, float, float]] = []  # t and p. of the car, for a while
-        self._smooth = 0.0, 0.0, 0.0, 0.0, 0.0  # t, p.. and its rate, see `begin_step`
+        # t and p. of the car, for a while; t, p.. and its rate, see `begin_step`
+        self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
+        self._heeded = -math.inf  # until when strides have looked for events and found none
+        self._round_trip = 2.0 / math.sqrt(groups.alpha)  # of axial waves
         self._moved: tuple[float, Array, Array, Array] | None = None  # s_o, tensions, rules of a compiled residual
         self._parts: tuple[Any, Array, Array] | None = None  # the last state of `_seen_at`, its residual and tangents
 
@@ -131,7 +131,7 @@ class RollingSystem(GalerkinSystem):
         other = super().with_law(law)
         assert isinstance(other, RollingSystem)
         other.mode, other._latest = copy.copy(self.mode), None
-        other._watched, other._past, other._smooth = None, self._past.copy(), self._smooth
+        other._watched = None
         return other
 
     @property
@@ -195,20 +195,22 @@ class RollingSystem(GalerkinSystem):
         return self._roll(t, q, v, a, phase, x, np.zeros((2, self.n)))
 
     def _car_at(self, x: State) -> Car:
-        """The car at a state as the slopes of the basis show it, which more than one asks for."""
+        """The car at a state as the slopes of the basis show it and without thrust, which more than one asks for."""
         if self._seen is None or self._seen[0] is not x:
-            at = self._instant(*self._travel(*x), place="nowhere")
-            self._seen = x, self._roll(*x, at, np.zeros((2, self.n)), look=True)
+            travel = self._travel(*x)
+            at = self._instant(*travel, place="nowhere")
+            Q, V, A = (self._fields(y) for y in x[1:4])
+            velocity, p, *sides = kernels.motion(at.carried, at.slope, at.load, at.rays, at.bows, Q, V, A, travel[1])
+            p[1] += self.groups.sigma
+            self._seen = x, Car(*kernels.car(self._on(x.t, x.phase), 0.0, velocity, p, *sides))
         return self._seen[1]
 
-    def _roll(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, x: Instant, force: Array, look: bool = False
-    ) -> Car:
+    def _roll(self, t: float, q: Array, v: Array, a: Array, phase: int, x: Instant, force: Array) -> Car:
         """The car; the inertia of the cable and its own are added to the internal force, which was the last one."""
         Q, V, A = (self._fields(y) for y in (q, v, a))
         _, *rates = self._travel(t, q, v, a, phase)
         cable, on, thrust = self._full, self._on(t, phase), self._thrust(t, phase, a)
-        sides = cable.sides if self.kink and not look else None
+        sides = cable.sides if self.kink else None
         of = x.carried, x.slope, x.load, x.rays, x.bows, sides, cable.alpha
         return Car(*kernels.roll(*of, Q, V, A, *rates, on, thrust, force))
 
@@ -245,24 +247,13 @@ class RollingSystem(GalerkinSystem):
         car across the cable, too; where steps are short, friction then has no solution (Painleve).  What rings is left
         out, and friction is the same without it, which works against ds_o whatever rings.
         """
-        if self._past and x.t <= self._past[-1][0]:
+        if self._past.size and x.t <= self._past[-1, 0]:
             return
-        past, car = self._past, self._car_at(x)
+        car = self._car_at(x)
         self._seen = None  # what comes now changes its friction
-        window = max(2.0 / math.sqrt(self.groups.alpha), LEAST_WINDOW * (x.t - past[-1][0]) if past else 0.0)
-        past.append((x.t, car.vx, car.vy))
-        while len(past) > 2 and past[1][0] <= x.t - window:
-            past.pop(0)
-        t, *v = np.array(past).T
-        if t[0] > x.t - window:  # from rest
-            ax, ay = [(y[-1] - y[0]) / (x.t - t[0]) if x.t > t[0] else 0.0 for y in v]
-            self._smooth = x.t, ax, ay, 0.0, 0.0
-            return
-        half = 0.5 * window
-        at = np.array([np.interp([x.t - window, x.t - half, x.t], t, y) for y in v])
-        before, after = (at[:, 1:] - at[:, :-1]).T / half
-        jx, jy = (after - before) / half
-        self._smooth = x.t, after[0] + 0.5 * half * jx, after[1] + 0.5 * half * jy, jx, jy
+        past = np.concatenate([self._past, [[x.t, car.vx, car.vy]]])
+        first, *self._smooth = kernels.averaged(past, 0, len(past) - 1, self._round_trip)
+        self._past = past[int(first) :]
 
     @property
     def _rubs(self) -> bool:
@@ -303,7 +294,7 @@ class RollingSystem(GalerkinSystem):
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        """The column of s_o is a difference of the residual."""
+        """As the protocol has it; the column of s_o is a difference that leaves out dr/ds_o."""
         r, parts = self._seen_at(t, q, v, a, phase, True)
         return r, factorised(c0 * parts[0] + c1 * parts[1] + c2 * parts[2])
 
@@ -340,8 +331,8 @@ class RollingSystem(GalerkinSystem):
                 f = c[2] * x.carried.f
                 part[: self.n, n], part[self.n : n, n], part[n, n] = -car.tx * f, -car.ty * f, -c[2]
                 continue
-            Q, V, A = (np.append(y[:-1], y[-1] + kernels.STEP * e) for y, e in zip((q, v, a), c, strict=True))
-            part[:, n] = (self.residual(t, Q, V, A, phase) - r) / kernels.STEP
+            V, A = (np.append(y[:-1], y[-1] + kernels.STEP * e) for y, e in zip((v, a), c[1:], strict=True))
+            part[:, n] = (self.residual(t, q, V, A, phase) - r) / kernels.STEP
         return r, parts
 
     def _balance(self, t: float, q: Array, v: Array, a: Array, phase: int, x: Instant) -> tuple[Array, Car]:
@@ -384,6 +375,36 @@ class RollingSystem(GalerkinSystem):
             self._moved = s_o, self._pull[2], ride.behind, ride.ahead
         return done
 
+    def _stride(
+        self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
+    ) -> tuple[Array, Array, int, Array]:
+        """Steps of a free car under way, up to an event."""
+        mode, drive, (s_o, ds_o), m = self.mode, self.drive, start[:2, -1].tolist(), t.size
+        now, told = np.empty((m, *start.shape)), np.empty((m, 6))
+        if not (self.free and mode.sign and mode.forward) or t[0] < drive.release:
+            return now, told, 0, told
+        assert isinstance(self.basis.basis, Fourier)
+        reach = min(1.0, max(0.0, s_o + ds_o * float(rules[:, 0, 1].sum())))
+        rule, places = self.basis.basis.side_rule, [place for place, _ in drive.brakes]
+        ride = self._ride(t[0], (s_o, ds_o, 0.0), start[2], phase)
+        ride = ride._replace(behind=rule(max(s_o, reach)), ahead=rule(1.0 - min(s_o, reach)))
+        pull, smooth = np.empty(ride.behind.shape[1] + ride.ahead.shape[1]), np.empty(6)
+        past = np.concatenate([self._past, np.empty((m, 3))])
+        low, high = (drive.back_place, *places)[mode.brakes], (*places, drive.end_place)[mode.brakes]
+        course = kernels.Course(
+            t, drive.thrust(t, phase), past, self._round_trip, smooth, max(low, drive.back_place),
+            min(high, drive.end_place), mode.sign if self._rubs else 0.0, mode.forward, mode.lifted,
+        )  # fmt: skip
+        taken = kernels.settle(
+            None, None, self._anywhere((s_o, ds_o, 0.0)).moment, ride, course, self._constants, self.groups.sigma,
+            start, now, told, rules, bound, limits(newton), pull,
+        )  # fmt: skip
+        if taken:
+            self._past, self._moved = past[int(smooth[0]) : len(past) - m + taken], None
+            w, dt = float(rules[taken - 1, 0, 4]), float(rules[taken - 1, 0, 1])
+            self._heeded = float(t[taken - 1]) + (1.0 - w + 1e-9) * dt
+        return now, told, taken, pull
+
     # --- start ------------------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
         """At first equilibrium, the car held (free) or on its rope (haul), later q, v go on and a jumps.
@@ -397,7 +418,7 @@ class RollingSystem(GalerkinSystem):
         x = self._at((s_o, 0.0, 0.0))
         Q = self._equilibrium(x)
         q[: self.n_modal] = Q.ravel()
-        self._past, self._smooth = [], (0.0, 0.0, 0.0, 0.0, 0.0)
+        self._past, self._smooth, self._heeded = np.empty((0, 3)), [0.0] * 5, -math.inf
         weight = kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0)  # no wind, no thrust yet
         car = Car(*kernels.car(weight, 0.0, np.zeros(2), np.zeros(2), *self._sides(x, Q)))
         if not self.free:
@@ -487,7 +508,7 @@ class RollingSystem(GalerkinSystem):
             return 1.0
         hears = self.drive.mu_r > 0.0 or bool(self.drive.brakes)
         rubs = hears and (self.mode.brakes > 0 or self.mode.sign == 0.0)
-        of = 2.0 / math.sqrt(self.groups.alpha), self.groups.sigma, self.place(x), float(x.v[-1])
+        of = self._round_trip, self.groups.sigma, self.place(x), float(x.v[-1])
         part = self.drive.part_of_step(*of, since if hears else math.inf, rubs)
         ahead = {0.0: math.inf, 1.0: 1.0 - of[2], -1.0: of[2]}[self.mode.forward]
         return part if ahead < SHORT else min(part, 2.0 * ahead / WAVES * STANDARD / self.drive.nominal)
@@ -495,6 +516,8 @@ class RollingSystem(GalerkinSystem):
     # --- events -----------------------------------------------------------------------------------------------------
     def watch(self, x: State) -> tuple[float, ...]:
         """The values of `events`; each is of the mode the car is in, `inf` in others."""
+        if x.t <= self._heeded:
+            return (1.0,) * len(self.events)
         if self._watched is None or self._watched[0] is not x:
             self._watched = x, self._watch(x)
         return self._watched[1]
@@ -519,8 +542,7 @@ class RollingSystem(GalerkinSystem):
         pulled = self._thrust(x.t, x.phase, x.a) + car.tx * car.drag_x + car.ty * (car.drag_y + weight)
         turns = not stuck and abs(pulled) > self._rub(weight * car.tx)
         # a stop is a standstill of an axial round trip but for rattling, when neither hold nor thrust is to change
-        round_trip = 2.0 / math.sqrt(self.groups.alpha)
-        lasts = max(max(mode.since, self.phases[-1][0]) + round_trip, mode.stuck + AT_LEAST * round_trip) - x.t
+        lasts = max(max(mode.since, self.phases[-1][0]) + self._round_trip, mode.stuck + AT_LEAST * self._round_trip)
         return (
             mode.sign * ds_o if self._rubs and not stuck else math.inf,
             limit - abs(needed) if stuck else math.inf,
@@ -530,7 +552,7 @@ class RollingSystem(GalerkinSystem):
             drive.end_place - s_o,
             s_o - drive.back_place,
             lift,
-            lasts if stuck and last else math.inf,
+            lasts - x.t if stuck and last else math.inf,
         )
 
     def pass_event(self, name: str, x: State) -> State | None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Generator, Iterator, Sequence
+
+import numpy as np
 
 from cablefem.newmark.collocation_rule import CollocationRule
 from cablefem.newmark.energy_rule import EnergyRule
@@ -21,7 +24,8 @@ from cablefem.newmark.system import Abrupt, Array, Prepared, Ringing, State, Sys
 GENTLE, GENTLY = 4, Scheme("gentle", 0.5, 1.0)
 MOST_HALVINGS = 6  # 1/64 of a step: where that does not converge the equations themselves have lost their solution
 MOST_CUTS = 100  # and half the steps: a run that has to cut more steps than that creeps
-STRIDE, ALONE = 64, 16  # most steps in one go; how many to take one by one after the first of them would not do
+# most steps in one go, and where they have to be foreseen; how many alone after the first of them would not do
+STRIDE, AHEAD, ALONE = 64, 32, 16
 MOST_EVENTS = 20  # without a whole step between them: more is an event that happens again as soon as it is passed
 
 
@@ -74,30 +78,31 @@ def _through(
     prepared = step.system if isinstance(step.system, Prepared) else None
     ringing = step.system if isinstance(step.system, Ringing) else None
     shown = jumped = state.t  # of the last state yielded, of the last event
-    ahead, alone = grid[grid > state.t], 1  # steps to take one by one: the first leaves what others go on from
-    for i, t in enumerate(ahead.tolist()):
-        if t > state.t and alone == 0:
-            alone, asked = ALONE, ahead[i : i + STRIDE]
-            for x in step.stride(state, asked):
-                if watched is not None and not min(watched.watch(x)) > 0.0:
-                    break
-                work.steps += 1
-                state, alone, shown = x, int(x.t < asked[-1]), x.t
-                yield x
-        if t <= state.t:
-            continue
-        alone = max(0, alone - 1)
-        whole, halvings, passed = t - state.t, 0, 0
+    edges = [state.t, *grid[grid > state.t].tolist()]
+    alone = 1  # steps to take one by one: the first leaves what others go on from
+    for i, t in enumerate(edges[1:]):
+        whole, halvings, passed = t - edges[i], 0, 0
         while t - state.t > rounding(t):
+            if alone == halvings == 0 and step.strides:
+                ahead = edges[i + 1 : i + 1 + STRIDE] if ringing is None else _pieces(ringing, state, jumped, edges[i:])
+                alone, asked = ALONE, np.array(ahead)
+                for x in step.stride(state, asked) if ahead else ():
+                    if watched is not None and not min(watched.watch(x)) > 0.0:
+                        break
+                    work.steps += 1
+                    state, alone, shown = x, int(x.t < asked[-1]), x.t
+                    yield x
+                if alone < ALONE:
+                    fresh = False
+                    continue
+            alone = max(0, alone - 1)
             piece = whole if ringing is None else whole * ringing.part(state, state.t - jumped)
             if fresh and jumpy is not None and jumpy.abrupt(state, piece):
                 pieces = GENTLE
             fresh = False
             piece *= 0.5**halvings / (GENTLE if pieces else 1)
             rule = gentle if pieces and gentle is not None else step
-            # equal pieces of what is left: a short last one would leave an acceleration that means nothing
-            count = math.ceil((t - state.t) / piece - 1e-3) if piece > 0.0 else math.inf
-            t1 = state.t + (t - state.t) / count if count > 1 else t
+            t1 = _piece(state.t, t, piece)
             if not t1 > state.t:
                 raise StepUnderflow(state.t, f"a step of {piece:.2g} is lost in rounding", "take fewer steps")
             names: list[str] = []
@@ -117,7 +122,7 @@ def _through(
             work.steps += 1
             pieces, fresh = max(0, pieces - 1), bool(names)
             if names:
-                jumped = x.t
+                jumped, alone = x.t, 1
             if (names or ringing is not None or x.t == t) and x.t - shown > rounding(x.t):
                 shown = x.t
                 yield x
@@ -131,3 +136,22 @@ def _through(
                 return None
             state = after
     return state
+
+
+def _piece(t0: float, t: float, piece: float) -> float:
+    """Return the end of the next of equal pieces up to t: a short last one would leave a meaningless acceleration."""
+    count = math.ceil((t - t0) / piece - 1e-3) if piece > 0.0 else math.inf
+    return t0 + (t - t0) / count if count > 1 else t
+
+
+def _pieces(ringing: Ringing, x: State, jumped: float, edges: list[float]) -> list[float]:
+    """Return the ends of the next few steps, as they come if x goes on at its velocity; edges : of the grid."""
+    now, ends = x, list[float]()
+    for before, t in itertools.pairwise(edges):
+        while t - now.t > rounding(t):
+            t1 = _piece(now.t, t, (t - before) * ringing.part(now, now.t - jumped))
+            if not t1 > now.t or len(ends) == AHEAD:
+                return ends
+            ends.append(t1)
+            now = x._replace(t=t1, q=x.q + (t1 - x.t) * x.v)
+    return ends

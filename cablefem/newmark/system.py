@@ -121,7 +121,7 @@ class Striding(Protocol):
         """Give the ends of steps, each from the one before, as `settle` finds them.
 
         t, rules : of each step, (m,) and (m, 3, 5).  Ends before the first step that Newton's method does not settle,
-        or after which something is to be looked at: who asks takes that one by `settle`.
+        or in which an event may happen, or after which something is to be looked at: who asks takes that one alone.
         """
 
 

@@ -29,11 +29,23 @@ from galerkin.kernels.cable import (
     stress,
     survey,
 )
-from galerkin.kernels.rolling import Rolling, across, add_shed_tangent, car, pulls, recover, roll, row, taut
-from galerkin.kernels.steps import FREE, HAULED, STEP, STUCK, Cable, Grip, Moment, Ride, look, settle
+from galerkin.kernels.rolling import (
+    Rolling,
+    across,
+    add_shed_tangent,
+    averaged,
+    car,
+    motion,
+    pulls,
+    recover,
+    roll,
+    row,
+    taut,
+)
+from galerkin.kernels.steps import FREE, HAULED, STEP, STUCK, Cable, Course, Grip, Moment, Ride, look, settle
 
 __all__ = [
-    "FREE", "HAULED", "STEP", "STUCK", "Cable", "Grip", "Moment", "Points", "Ride", "Rolling", "acceleration",
-    "across", "add_inertia", "add_inertia_tangent", "add_shed_tangent", "balance", "car", "look", "pulls", "recover",
-    "roll", "row", "settle", "static", "static_at", "stiffness", "stress", "survey", "taut",
+    "FREE", "HAULED", "STEP", "STUCK", "Cable", "Course", "Grip", "Moment", "Points", "Ride", "Rolling", "acceleration",
+    "across", "add_inertia", "add_inertia_tangent", "add_shed_tangent", "averaged", "balance", "car", "look", "motion",
+    "pulls", "recover", "roll", "row", "settle", "static", "static_at", "stiffness", "stress", "survey", "taut",
 ]  # fmt: skip

@@ -9,9 +9,11 @@ import numpy as np
 
 from galerkin.bow import add_bows
 from galerkin.kernels.cable import acceleration, add_inertia
+from galerkin.kernels.dense import multiply
 from galerkin.law import compiled
 
 LEAST_PULL = 1e-3  # of a cable that is not slack, over H
+LEAST_WINDOW = 6.0  # steps over which the car's acceleration is averaged for friction, where they are long
 
 
 class Rolling(NamedTuple):
@@ -123,15 +125,10 @@ def add_shed_tangent(x, rays, ds_o, on, c0, c1, K):
 
 
 @compiled
-def roll(x, slope, load, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, on, thrust, R):
-    """Add the cable's inertia and the car to R (2, n), and return `car`, and `across` of both sides.
-
-    slope, load, rays, bows : of an `Instant`
-    sides : as for `recover`, or None.  With it tau is that of the tension from equilibrium: sines do not resolve a side
-        that is shorter than their waves, and the balance of the car by their slopes errs by a hundred times as much.
-    """
-    last = x.f.size - 1
-    velocity, behind, ahead, p = np.empty(2), np.empty(2), np.empty(2), acceleration(x, Q, V, A)
+def motion(x, slope, load, rays, bows, Q, V, A, ds_o):
+    """p., p.. - sigma j, and r' behind and ahead of the car as the slopes of the basis show it, (2,) each."""
+    last, p = x.f.size - 1, acceleration(x, Q, V, A)
+    velocity, behind, ahead = np.empty(2), np.empty(2), np.empty(2)
     for a in range(2):
         along, speed = slope[a], 0.0
         for i in range(last + 1):
@@ -141,6 +138,59 @@ def roll(x, slope, load, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, on, thr
         behind[a] = along + rays[0] * Q[a, last] - bows[0, 0, a]
         ahead[a] = along + rays[1] * Q[a, last] + bows[1, 0, a]
         p[a] += load[a]
+    return velocity, p, behind, ahead
+
+
+@compiled
+def line(past, first, t):
+    """p. (2,) at t between instants of `past` from `first` on."""
+    i = first + 1
+    while past[i, 0] < t:
+        i += 1
+    w = (t - past[i - 1, 0]) / (past[i, 0] - past[i - 1, 0])
+    return (1.0 - w) * past[i - 1, 1] + w * past[i, 1], (1.0 - w) * past[i - 1, 2] + w * past[i, 2]
+
+
+@compiled
+def averaged(past, first, last, least):
+    """The first row still wanted, t of the last one, the car's acceleration then by its velocities, and its rate.
+
+    past : (m, 3) rows t and p.
+    least : of the window, which where steps are long holds so many of them
+    """
+    t = past[last, 0]
+    window = max(least, LEAST_WINDOW * (t - past[last - 1, 0])) if last > first else least
+    while last > first + 1 and past[first + 1, 0] <= t - window:
+        first += 1
+    since = past[first, 0]
+    if since > t - window:  # from rest
+        span = t - since if t > since else math.inf
+        return (
+            float(first),
+            t,
+            (past[last, 1] - past[first, 1]) / span,
+            (past[last, 2] - past[first, 2]) / span,
+            0.0,
+            0.0,
+        )
+    half = 0.5 * window
+    ox, oy = line(past, first, t - window)
+    mx, my = line(past, first, t - half)
+    ax, ay, jx, jy = past[last, 1] - mx, past[last, 2] - my, mx - ox, my - oy
+    jx, jy = (ax - jx) / half**2, (ay - jy) / half**2
+    return float(first), t, ax / half + 0.5 * half * jx, ay / half + 0.5 * half * jy, jx, jy
+
+
+@compiled
+def roll(x, slope, load, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, on, thrust, R):
+    """Add the cable's inertia and the car to R (2, n), and return `car`, and `across` of both sides.
+
+    slope, load, rays, bows : of an `Instant`
+    sides : as for `recover`, or None.  With it tau is that of the tension from equilibrium: sines do not resolve a side
+        that is shorter than their waves, and the balance of the car by their slopes errs by a hundred times as much.
+    """
+    last = x.f.size - 1
+    velocity, p, behind, ahead = motion(x, slope, load, rays, bows, Q, V, A, ds_o)
     p[1] += on.sigma
     turns = 0.0, 0.0
     if sides is not None:
@@ -167,18 +217,17 @@ def pulls(phi, gram):
     gram : as `balance` leaves it
     """
     n, m = phi.shape
-    out, middle = np.zeros((2, 2, 2, n)), 0
-    while middle < m and phi[n - 1, middle] > 0.0:
-        middle += 1
+    both, sums, out = np.zeros((6, m)), np.empty((6, n)), np.empty((2, 2, 2, n))
+    for q in range(m):
+        first = 0 if phi[n - 1, q] > 0.0 else 3
+        for i in range(3):
+            both[first + i, q] = gram[i // 2, (i + 1) // 2, q]
+    multiply(both, phi, True, sums)
     for side in range(2):
-        first, last = (0, middle) if side == 0 else (middle, m)
         for a in range(2):
             for b in range(2):
                 for k in range(n):
-                    total = 0.0
-                    for q in range(first, last):
-                        total += gram[a, b, q] * phi[k, q]
-                    out[side, a, b, k] = total
+                    out[side, a, b, k] = sums[3 * side + a + b, k]
     return out
 
 

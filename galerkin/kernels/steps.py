@@ -22,12 +22,12 @@ from galerkin.kernels.cable import (
     stiffness,
 )
 from galerkin.kernels.dense import solve
-from galerkin.kernels.rolling import Rolling, add_shed_tangent, pulls, roll, row
+from galerkin.kernels.rolling import Rolling, add_shed_tangent, averaged, car, motion, pulls, roll, row
 from galerkin.law import compiled
 
 NO_CAR = (0.0,) * 18
 STUCK, FREE, HAULED = 0, 1, 2
-STEP = 1e-6  # of differences by s_o, ds_o and dds_o together: rounding of r, 1e-16 alpha, stays below 1e-7
+STEP = 1e-6  # of differences by ds_o and dds_o together
 
 
 class Ride(NamedTuple):
@@ -45,6 +45,21 @@ class Ride(NamedTuple):
     chord: Array
     c: float
     bows: Array  # `galerkin.bow.table`
+
+
+class Course(NamedTuple):
+    """What a free car needs besides for many steps between two events."""
+
+    t: Array  # (m,) balances of the steps
+    thrust: Array  # (m,) there
+    past: Array  # (k + m, 3) for `averaged`; of m rows nothing is known yet
+    window: float
+    smooth: Array  # (6,) receives what `averaged` tells of the last step
+    low: float  # between these the car has to stay
+    high: float
+    sign: float  # of ds_o, 0 where it may turn round
+    forward: float  # of its speed
+    lifted: bool  # whether lift-off is none any more
 
 
 class Grip(NamedTuple):
@@ -81,29 +96,59 @@ class Moment(NamedTuple):
 
 
 @compiled
-def moment(on, sigma, s_o, ds_o, dds_o):
-    """`Moment` where the mass is at s_o; on : `Ride` or `Grip`."""
-    n = on.left.size
-    M, rows = carry(values_at(s_o, n), on.mass, on.left, on.chord, s_o, ds_o, dds_o)
+def ground(on, sigma, s_o, ds_o, dds_o):
+    """`Moment` where the mass is at s_o, but for the points; on : `Ride` or `Grip`."""
+    M, rows = carry(values_at(s_o, on.left.size), on.mass, on.left, on.chord, s_o, ds_o, dds_o)
     x = Carried(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
-    s, weights, phi = split(s_o, on.behind, on.ahead, n)
-    T, r_static = static(s, sigma, on.c)
-    rest = static_at(s_o, sigma, on.c)
-    load = np.empty(2)
+    rest, load = static_at(s_o, sigma, on.c), np.empty(2)
     for a in range(2):
         load[a] = dds_o * rest[0, a] + ds_o * ds_o * rest[1, a] - a * sigma
-    bows = bent(on.bows, s_o, ds_o, dds_o)
-    return Moment(Points(s, phi, weights, T, r_static, slopes(s, s_o, bows[0, 0], bows[1, 0])), x, rest[0], load, bows)
+    return x, rest[0], load, bent(on.bows, s_o, ds_o, dds_o)
 
 
 @compiled
-def evaluate(here, ride, cable, balanced, r, gram, pull):
-    """Set the residual of a state, rows q, v, a; return the car where it rolls."""
+def moment(on, sigma, s_o, ds_o, dds_o):
+    """`Moment` where the mass is at s_o; on : `Ride` or `Grip`."""
+    x, slope, load, bows = ground(on, sigma, s_o, ds_o, dds_o)
+    s, weights, phi = split(s_o, on.behind, on.ahead, on.left.size)
+    T, r_static = static(s, sigma, on.c)
+    at = Points(s, phi, weights, T, r_static, slopes(s, s_o, bows[0, 0], bows[1, 0]))
+    return Moment(at, x, slope, load, bows)
+
+
+@compiled
+def seen(ride, on, state):
+    """`car` at a state, rows q, v, a, with the slopes of the basis and without thrust; on : `Rolling`."""
+    n, last = ride.left.size + 1, state.shape[1] - 1
+    Q, V, A = state[0, :last].reshape(2, n), state[1, :last].reshape(2, n), state[2, :last].reshape(2, n)
+    s_o, ds_o, dds_o = state[0, last], state[1, last], state[2, last]
+    x, slope, load, bows = ground(ride, on.sigma, s_o, ds_o, dds_o)
+    rays = 1.0 / s_o, -1.0 / (1.0 - s_o)
+    velocity, p, behind, ahead = motion(x, slope, load, rays, bows, Q, V, A, ds_o)
+    p[1] += on.sigma
+    return car(on, 0.0, velocity, p, behind, ahead)
+
+
+@compiled
+def at_time(on, smooth, t):
+    """`Rolling` with the acceleration that `averaged` tells of t."""
+    d = t - smooth[1]
+    return Rolling(
+        on.mu, on.sigma, on.drag, on.wind, on.hold, on.rub, on.brake, smooth[2] + d * smooth[4],
+        smooth[3] + d * smooth[5], on.sheds,
+    )  # fmt: skip
+
+
+@compiled
+def evaluate(here, ride, cable, balanced, r, gram, pull, sides, internal):
+    """Set the residual of a state, rows q, v, a, what `balance` receives, and for a car that rolls the internal force.
+
+    Return the car where it rolls.
+    """
     (at, x, slope, load, bows), alpha, mu = here, cable.alpha, cable.mu
     n = x.f.size
     R = r[: 2 * n].reshape(2, n)
     Q, V, A = balanced[0, : 2 * n].reshape(2, n), balanced[1, : 2 * n].reshape(2, n), balanced[2, : 2 * n].reshape(2, n)
-    sides = np.empty((2, 2))
     balance(at, Q, alpha, cable.law, R, gram, pull, sides)
     if ride is None:
         C = acceleration(x, Q, V, A)
@@ -111,6 +156,9 @@ def evaluate(here, ride, cable, balanced, r, gram, pull):
             C[a] = cable.inertia * C[a] + mu * load[a]
         add_inertia(x, Q, V, A, C, R)
         return NO_CAR
+    for a in range(2):
+        for i in range(n):
+            internal[a, i] = R[a, i]
     hauled = ride.mode == HAULED
     ds_o, dds_o = (ride.ds_o, ride.dds_o) if hauled else (balanced[1, 2 * n], balanced[2, 2 * n])
     thrust = balanced[2, 2 * n] if hauled else ride.thrust
@@ -121,10 +169,13 @@ def evaluate(here, ride, cable, balanced, r, gram, pull):
 
 
 @compiled
-def tangent(here, ride, cable, balanced, r, out, gram, c0, c1, c2, K):
-    """Set K to c0 dr/dq + c1 dr/dv + c2 dr/da where `evaluate` has been; the column of s_o is a difference."""
+def tangent(here, ride, cable, balanced, r, out, gram, sides, internal, c0, c1, c2, K):
+    """Set K to c0 dr/dq + c1 dr/dv + c2 dr/da where `evaluate` has been.
+
+    The column of s_o is a difference of inertia and car, and leaves out dr/ds_o: 1e-3 of it for c0 of a step.
+    """
     at, x, mu = here.at, here.x, cable.mu
-    n, size = x.f.size, r.size
+    n, size = x.f.size, K.shape[0]
     block = K[: 2 * n, : 2 * n]
     stiffness(at.phi, gram, cable.harmonic, cable.hat, block)
     add_inertia_tangent(x, cable.inertia, c0, c1, c2, block)
@@ -145,17 +196,17 @@ def tangent(here, ride, cable, balanced, r, out, gram, c0, c1, c2, K):
             K[i, 2 * n], K[n + i, 2 * n] = -c2 * out[2] * x.f[i], -c2 * out[3] * x.f[i]
         K[2 * n, 2 * n] = -c2
         return
-    h, moved, beyond = STEP / (c0 + c1 + c2), np.empty((3, size)), np.empty(size)
-    for k in range(3):
-        for i in range(size):
-            moved[k, i] = balanced[k, i]
-    moved[0, 2 * n] += h * c0
-    moved[1, 2 * n] += h * c1
-    moved[2, 2 * n] += h * c2
-    there = moment(ride, ride.on.sigma, moved[0, 2 * n], moved[1, 2 * n], moved[2, 2 * n])
-    evaluate(there, ride, cable, moved, beyond, np.empty(gram.shape), np.empty(at.s.size))
-    for i in range(size):
-        K[i, 2 * n] = (beyond[i] - r[i]) / h
+    if c1 + c2 == 0.0:
+        return
+    h, last = STEP / (c1 + c2), 2 * n
+    Q, V, A = balanced[0, :last].reshape(2, n), balanced[1, :last].reshape(2, n), balanced[2, :last].reshape(2, n)
+    ds, dds, R = ds_o + h * c1, dds_o + h * c2, np.zeros((2, n))
+    x, slope, load, bows = ground(ride, ride.on.sigma, balanced[0, last], ds, dds)
+    of = x, slope, load, rays, bows, sides, cable.alpha, Q, V, A, ds, dds, ride.on, ride.thrust
+    K[last, last] = (roll(*of, R)[9] - out[9]) / h
+    for a in range(2):
+        for i in range(n):
+            K[a * n + i, last] = (R[a, i] + internal[a, i] - r[a * n + i]) / h
 
 
 @compiled
@@ -164,21 +215,21 @@ def look(here, ride, cable, balanced, r, pull, parts):
     if ride.mode != HAULED:
         last = balanced.shape[1] - 1
         here = moment(ride, ride.on.sigma, balanced[0, last], balanced[1, last], balanced[2, last])
-    gram = np.empty((2, 2, here.at.s.size))
-    out = evaluate(here, ride, cable, balanced, r, gram, pull)
+    gram, sides, internal = np.empty((2, 2, here.at.s.size)), np.empty((2, 2)), np.empty((2, here.x.f.size))
+    out = evaluate(here, ride, cable, balanced, r, gram, pull, sides, internal)
     for k in range(parts.shape[0]):
         c = 1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0
-        tangent(here, ride, cable, balanced, r, out, gram, *c, parts[k])
+        tangent(here, ride, cable, balanced, r, out, gram, sides, internal, *c, parts[k])
 
 
 @compiled
-def settle(grip, places, here, ride, cable, sigma, start, now, told, rules, bound, newton, pull):
+def settle(grip, places, here, ride, course, cable, sigma, start, now, told, rules, bound, newton, pull):
     """`cablefem.newmark.System.settle` for the full cable, of steps one after another.
 
-    Return how many came to be in balance with no point slack.
+    Return how many came to be in balance with no point slack, and no event of the course.
 
     grip : `Grip`, and places (m, 3) s_o, ds_o, dds_o; or None, and here : `Moment`, for one step
-    ride : `Ride` or None
+    ride : `Ride` or None;  course : `Course` or None
     now : (m, 3, size) receives the ends;  rules : (m, 3, 5);  newton : max_iter, reuse, patience, most halvings.
     told : (m, 6) |r|, how often it iterated, factorised, evaluated, the least tension and its s.
     pull : of the last step.
@@ -186,14 +237,28 @@ def settle(grip, places, here, ride, cable, sigma, start, now, told, rules, boun
     steps the tangent does not do: the mass has gone a part of the highest sine's wave by then, and its kink turns r'.
     """
     size = start.shape[1]
-    balanced, r, gram = np.empty((3, size)), np.empty(size), np.empty((2, 2, pull.size))
-    K, step = np.empty((size, size)), np.empty(size)
+    balanced, r, gram, sides = np.empty((3, size)), np.empty(size), np.empty((2, 2, pull.size)), np.empty((2, 2))
+    K, step, internal = np.empty((size, size)), np.empty(size), np.empty((2, size // 2))
+    of = ride
+    if course is not None:
+        first, newest, velocity = 0, course.past.shape[0] - rules.shape[0], seen(ride, ride.on, start)[11:13]
     for count in range(rules.shape[0]):
         begin, end, rule = start if count == 0 else now[count - 1], now[count], rules[count]
         if grip is not None:
             here = moment(grip, sigma, places[count, 0], places[count, 1], places[count, 2])
             if cable.inertia == 0.0:  # the weight alone
                 here.load[0], here.load[1] = 0.0, -sigma
+        if course is not None:
+            t0, past = course.t[count] - rule[0, 4] * rule[0, 1], course.past
+            past[newest, 0], past[newest, 1], past[newest, 2] = t0, velocity[0], velocity[1]
+            smooth = averaged(past, first, newest, course.window)
+            first, newest = int(smooth[0]), newest + 1
+            for k in range(6):
+                course.smooth[k] = smooth[k]
+            of = Ride(
+                ride.mode, at_time(ride.on, smooth, course.t[count]), course.thrust[count], 0.0, 0.0,
+                ride.behind, ride.ahead, ride.mass, ride.left, ride.chord, ride.c, ride.bows,
+            )  # fmt: skip
         c0, c1, c2 = rule[0, 4] * rule[0, 3], rule[1, 4] * rule[1, 3], rule[2, 4] * rule[2, 3]
         for k in range(3):
             for i in range(size):
@@ -215,7 +280,7 @@ def settle(grip, places, here, ride, cable, sigma, start, now, told, rules, boun
                     here = moment(ride, ride.on.sigma, balanced[0, last], balanced[1, last], balanced[2, last])
             norm = math.nan
             if not lost:
-                out = evaluate(here, ride, cable, balanced, r, gram, pull)
+                out = evaluate(here, of, cable, balanced, r, gram, pull, sides, internal)
                 square = 0.0
                 for i in range(size):
                     square += r[i] * r[i]
@@ -236,7 +301,7 @@ def settle(grip, places, here, ride, cable, sigma, start, now, told, rules, boun
                     break
                 anew = norm > newton[1] * before
             if anew:
-                tangent(here, ride, cable, balanced, r, out, gram, c0, c1, c2, K)
+                tangent(here, of, cable, balanced, r, out, gram, sides, internal, c0, c1, c2, K)
                 factorisations += 1
             before = norm
             solve(K, r, step)
@@ -249,4 +314,12 @@ def settle(grip, places, here, ride, cable, sigma, start, now, told, rules, boun
         told[count, 3], told[count, 4], told[count, 5] = residuals, pull[least], here.at.s[least]
         if not (norm <= bound and pull[least] >= 0.0):
             return count
+        if course is not None:
+            s_o, ds_o = end[0, size - 1], end[1, size - 1]
+            if not course.low < s_o < course.high or (course.sign != 0.0 and not course.sign * ds_o > 0.0):
+                return count
+            then = seen(ride, at_time(ride.on, smooth, t0 + rule[0, 1]), end)
+            if not (course.forward * then[10] > 0.0 and (course.lifted or max(then[8], then[13]) > 0.0)):
+                return count
+            velocity = then[11:13]
     return rules.shape[0]
