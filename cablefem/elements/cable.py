@@ -196,8 +196,8 @@ class CableElements:
         bound: float, newton: Newton,
     ) -> Iterator[Settled]:  # fmt: skip
         self._at, told = None, np.empty((len(a), 6))
-        of = grip, fronts, ride, tuple(self._mesh), self._cable, self._works, self._kept
-        taken = collocation.collocate(*of, t, ends, a, further, rule.numbers, told, bound, limits(newton))
+        of = grip, fronts, ride, tuple(self._mesh), self._cable, self._works, self._kept, t, ends, a, further
+        taken = collocation.collocate(*of, rule.numbers, told, bound, (*limits(newton), newton.enough))
         for *done, least, where in told[: max(1, taken)].tolist():
             self.least_tension = least, where
             yield Settled(*done)

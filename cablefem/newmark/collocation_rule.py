@@ -17,6 +17,7 @@ from cablefem.newmark.tableau import Tableau, further, tableau
 
 # One tangent for all nodes errs by what it changes along the step, and so does a new one: it is kept while it serves.
 REUSE = 0.8
+ENOUGH = 18  # iterations in which a step must promise to settle, or two of half its length come there sooner
 
 
 @runtime_checkable
@@ -45,7 +46,7 @@ class CollocationRule(Stepper):
     """
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
-        super().__init__(system, method, replace(newton, reuse=REUSE), work)
+        super().__init__(system, method, replace(newton, reuse=REUSE, enough=ENOUGH), work)
         self.rule = tableau(method.nodes)
         self.collocate = system.collocate if isinstance(system, Collocating) else partial(collocate, system)
 
@@ -65,14 +66,14 @@ class CollocationRule(Stepper):
         """Return the state at t1.
 
         First guess: the polynomial of the step before goes on; where unresolved waves make that absurd, or there is
-        none: a stays as it was; at a start, where the tangent may change too much along the step: the same, with all
-        nodes' own tangents.
+        none: a stays as it was; at a start, where a may be gone at once: it vanishes; where the tangent may change too
+        much along the step: a as it was, with all nodes' own tangents.
         """
         t, ends, a, go_on = self._steps(x, np.array([t1]))
         if isinstance(x, Collocated):
             tries = [(go_on[0] @ x.inside.a, self.collocate), (x.a, self.collocate)]
         else:
-            tries = [(x.a, self.collocate), (x.a, partial(collocate_coupled, self.system))]
+            tries = [(x.a, self.collocate), (0.0, self.collocate), (x.a, partial(collocate_coupled, self.system))]
         for a[0], solver in tries:
             done = next(iter(solver(t, x.phase, ends, a, go_on, self.rule, self.bound, self.newton)))
             if self.balanced(done):

@@ -15,13 +15,21 @@ class Newton:
     The tangent is kept while an iteration cuts the residual by `reuse` or more.  After `patience` iterations a
     correction that does not lower the residual is halved, up to five times; one that leaves no finite residual is
     halved from the first iteration on.  (The first two corrections of a stiff system often raise the residual and
-    are right nevertheless: halving them costs more than it saves, unless the start is far off.)
+    are right nevertheless: halving them costs more than it saves, unless the start is far off.)  From then on it ends
+    where the last correction does not promise to be in balance after `enough` iterations.
     """
 
     tol: float = 1e-4
     max_iter: int = 25
     reuse: float = 0.1
     patience: int = 2
+    enough: float = math.inf
+
+    def hopeless(self, norm: float, before: float, iterations: int, bound: float) -> bool:
+        """Return whether corrections that go on as the last one did are not in balance soon."""
+        if self.enough == math.inf or iterations <= self.patience:
+            return False
+        return norm * (norm / before) ** (self.enough - iterations) > bound
 
 
 STANDARD = Newton()
@@ -58,7 +66,7 @@ def find_root(
             norm = math.sqrt(r.dot(r))
             if norm < before or (iteration < newton.patience and norm < math.inf):
                 break
-        if norm <= bound or not norm < math.inf:
+        if norm <= bound or not norm < math.inf or newton.hopeless(norm, before, iteration + 1, bound):
             break
         anew = norm > newton.reuse * before
     return Settled(norm, iteration + 1, factorisations, residuals)

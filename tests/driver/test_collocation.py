@@ -213,31 +213,37 @@ def test_compiled_steps_are_those_of_the_residuals_and_tangents(kind, model, met
         times = [step_times(system, 200)[0][:40]]
         ends.append(march(system, method, times, newton=Newton(tol=1e-6), work=work)[-1])
         works.append(work)
-    # the same operations in another order
-    assert np.abs(ends[0].q - ends[1].q).max() <= 1e-10 * np.abs(ends[1].q).max()
-    assert works[0] == works[1]
+    # the same operations in another order; where elements stretch along a step, rows are scaled besides
+    same = kind is FixedElements
+    assert np.abs(ends[0].q - ends[1].q).max() <= (1e-10 if same else 1e-6) * np.abs(ends[1].q).max()
+    assert works[0] == works[1] or not same
     assert works[0].newton_iterations >= works[0].steps
     # factors that serve several steps give the same to Newton's tolerance
     assert np.abs(ends[2].q - ends[1].q).max() <= 1e-6 * np.abs(ends[1].q).max()
     assert works[2].factorisations < works[0].factorisations
 
 
-def test_a_start_from_rest_needs_the_tangents_of_all_nodes(monkeypatch):
+def test_a_start_from_rest_needs_the_tangents_of_all_nodes_or_rows_of_even_stiffness(monkeypatch):
     """Behind a mass that starts from rest all lengths grow like t^2: no one tangent fits all nodes of a first step."""
     inclined = Scene.load("inclined").groups
 
-    def first_steps():
-        system, work = FollowingElements(inclined, elements=3), Work()
+    class Plain(FollowingElements):
+        def collocate(self, *step):
+            return collocate(self, *step)
+
+    def first_step(kind):
+        system, work = kind(inclined, elements=3), Work()
         try:
-            march(system, "radau", [step_times(system, 40)[0][:4]], newton=Newton(tol=1e-6, max_iter=16), work=work)
+            march(system, "radau", [step_times(system, 40)[0][:2]], newton=Newton(tol=1e-6, max_iter=16), work=work)
         except StepFailure:
             return None
         return work
 
-    assert first_steps().rejected == 0
+    assert first_step(Plain).rejected == 0
     monkeypatch.setattr("cablefem.newmark.collocation_rule.collocate_coupled", collocate)
-    without = first_steps()
+    without = first_step(Plain)
     assert without is None or without.rejected > 0
+    assert first_step(FollowingElements).rejected == 0
 
 
 def test_a_constraint_on_positions_is_kept_by_radau_and_refused_by_gauss():

@@ -42,6 +42,26 @@ def spread(weights, of, out):
 
 
 @compiled
+def even(bands, spans, dofs, n_fields, parts, c0, middle, scales):
+    """Set the factors (s, n) of rows of the nodes by which their tangents have the diagonal of that of the middle one.
+
+    Behind a mass that starts from rest lengths grow as t^2, and stiffness falls: one tangent serves all nodes then.
+    """
+    half, band = bands.shape[2] // 2, (parts.shape[2] - 1) // 3
+    scales[:] = 0.0
+    for i in range(scales.shape[0]):
+        for e in range(dofs.shape[0]):
+            for d in dofs[e]:
+                for k in range(n_fields if d >= 0 else 0):
+                    scales[i, d * n_fields + k] += 1.0 / spans[i, e, 1]
+    for j in range(scales.shape[1]):
+        K, M, per_h = c0 * parts[0, j, band], parts[2, j, band], scales[middle, j]
+        for i in range(scales.shape[0]):
+            M_i = M + bands[i, 0, half, j] - bands[middle, 0, half, j]
+            scales[i, j] = (K + M) / (K * scales[i, j] / per_h + M_i)
+
+
+@compiled
 def blend(c0, c1, parts, out):
     """Set the tangent of a node from its parts, dr/dq, dr/dv and dr/da; loops, as in `banded`."""
     for i in range(out.shape[0]):
@@ -181,13 +201,14 @@ def settle(grip, ride, mesh, cable, works, kept, start, dt, rule, a, bound, newt
     rule : c, A, AA, ends, eigenvalues, to and back of its tableau, and the node next to the middle.
     Return |r|, iterations, factorisations, residuals, the least tension at the last node and its s.
     """
-    (c, A, AA, _, values, to, back, middle), (max_iter, reuse, patience) = rule, newton
+    (c, A, AA, _, values, to, back, middle), (max_iter, reuse, patience, enough) = rule, newton
     s, n = a.shape
     q, v, r, da = np.empty((s, n)), np.empty((s, n)), np.empty((s, n)), np.empty((s, n))
     real, along, spare = np.empty(n), np.empty(n, dtype=np.complex128), np.empty(n)
     work = Tangent(*works[0])
     parts, corners = np.empty((3, work.ab.shape[0], work.ab.shape[1])), np.empty(3)  # of the tangent: dr/dq, /dv, /da
     borders = np.empty((3, 3, n - 1))
+    scales = np.ones((s, n))
     if ride is not None:
         rolling = Rolling(*ride[0])
     anew = not abs(kept[0] - dt) <= SAME * dt
@@ -221,6 +242,8 @@ def settle(grip, ride, mesh, cable, works, kept, start, dt, rule, a, bound, newt
                 continue
             if norm <= bound or not (old or norm < math.inf):
                 break
+            if not old and iterations > patience and norm * (norm / before) ** (enough - iterations) > bound:
+                break
             anew = not norm <= reuse * before
             if old and not norm < before:  # a correction by a tangent that is out of date is not worth halving
                 share, back_again = -1.0, True
@@ -241,12 +264,19 @@ def settle(grip, ride, mesh, cable, works, kept, start, dt, rule, a, bound, newt
                     part = Rolling(rolling.n_left, rolling.inertia, rolling.ends, borders[k], corners[k : k + 1])
                     car, at = Car(*ride[2][middle]), (q[middle], v[middle], a[middle], spare)
                     roll(Mesh(*mesh), part, cable, car, *at, parts[k], c0, c1, c2)
+            if grip is not None:
+                c1 = dt * abs(values[0])
+                even(grip[0], grip[1], mesh[1], n // (mesh[1].max() + 1), parts, c1 * c1, middle, scales)
             regular = factorise_all(grip, ride, cable, works, parts, borders, corners, dt, values)
             old, kept[0] = False, dt
             factorisations += 1
             if not regular:
                 norm = math.nan
                 break
+        if grip is not None:
+            for i in range(s):
+                for j in range(n):
+                    r[i, j] *= scales[i, j]
         solve_all(grip, ride, works, values, to, back, r, da, real, along)
         before, share, halving = norm, 1.0, 0
     if not (norm <= bound and norm <= SERVES * before):
