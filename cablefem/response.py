@@ -247,6 +247,8 @@ class Response(MassPath):
     flags: list[Flag] = field(default_factory=list)  # what makes the run suspect
     cause: str | None = None  # why incomplete: "Newton stalled", "slack", "unstable", "step underflow", "no start"
     events: list[dict[str, Any]] = field(default_factory=list)  # event, t [s], s_o [m], speed [m/s], in their order
+    # [s] of steps where the travel's acceleration jumps, and forces with it: what is told there is from before
+    breaks: list[float] = field(default_factory=list)
     design: list[dict[str, Any]] = field(default_factory=list)  # quantity, value, bar, unit, t, s_o, s
     # (n,) T + EA eps of the slopes at the mass; T_behind is from equilibrium
     T_behind_pointwise: Array = _as("T_behind")
@@ -265,6 +267,11 @@ class Response(MassPath):
     def speed(self) -> Array:
         """|dp/dt| of the mass (n,) [m/s]."""
         return np.hypot(self.velocity[:, 0], self.velocity[:, 1])
+
+    @property
+    def jumps(self) -> list[float]:
+        """Instants [s] at which forces may jump: breaks of the travel, and events."""
+        return [*self.breaks, *(event["t"] for event in self.events)]
 
     @property
     def F_contact(self) -> Array:

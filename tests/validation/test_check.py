@@ -13,6 +13,8 @@ from cablefem.elements.following import FollowingElements
 from cablefem.newmark import iterate
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
+from tests.validation.pairs import altered
+from validation.commands.check import study
 from validation.commands.check.study import check
 from validation.core.agreement import Verdict, agree, overall
 from validation.core.estimate import Estimated, companions, estimated
@@ -172,3 +174,22 @@ def test_check_meets_its_tolerance_and_writes_the_contract(tmp_path):
 def test_a_tolerance_out_of_range_is_named(tol):
     with pytest.raises(ValueError, match="tol must lie in"):
         check("level", tol=tol)
+
+
+@pytest.mark.parametrize(("second", "rounds"), [("trapezoidal", 2), ("radau", 3)])
+def test_a_round_by_another_rule_confirms_no_disagreement(right, monkeypatch, second, rounds):
+    """What the rule of the round before left out or damped may be all that its gap was: both are refined once more."""
+    a, b = right
+    off = altered(b, lambda r: dataclasses.replace(r, T_behind=1.2 * r.T_behind))
+    asked, error = [], a.run.path_error
+
+    def made(jobs, progress, load):
+        asked.append([job.args[2] for job in jobs])
+        rule = {"scheme": "trapezoidal" if len(asked) == 1 else second, "steps": 1000 * len(asked)}
+        told = ((e, {"settings": e.run.settings | rule, "path_error": 0.1 ** len(asked) * error}) for e in (a, off))
+        return [altered(e, lambda r, of=of: dataclasses.replace(r, **of)) for e, of in told]
+
+    monkeypatch.setattr(study, "side_by_side", made)
+    assert check(LEVEL, tol=0.05).verdict is Verdict.DISAGREE
+    assert len(asked) == rounds
+    assert asked[1] < asked[0]

@@ -101,7 +101,7 @@ def test_events_and_design_numbers_have_bars():
         assert 0.0 < told[name]["bar_speed"] < 0.05
         other = next(x for x in b.run.events if x["event"] == name)
         assert abs(other["speed"] - told[name]["speed"]) < 0.05
-    speed = next(number for number in numbers(RIDE, a, b) if number.quantity == "speed_max")
+    speed = next(number for number in numbers(a, b) if number.quantity == "speed_max")
     assert speed.value == pytest.approx(float(np.max(a.run.speed)))
     assert 0.0 < speed.bar < 0.05
 

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from cablefem.response import Array, Response
-from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.estimate import Estimated
 from validation.core.quantities import unit_of
@@ -114,7 +113,7 @@ class Refinement:
     of_force: float
 
 
-def numbers(scene: Scene, e: Estimated, twin: Estimated | None = None) -> list[Number]:
+def numbers(e: Estimated, twin: Estimated | None = None) -> list[Number]:
     """Return the design numbers of a run with the bars of its companions, and no less than the gap to its twin.
 
     twin : the run of the other wing, where there is one.  A quantity that a run does not know is left out.
@@ -127,16 +126,16 @@ def numbers(scene: Scene, e: Estimated, twin: Estimated | None = None) -> list[N
     companions = zip((e.in_space, e.in_time), (e.own * e.weights[0], e.weights[1]), strict=True)
     pairs = [Refinement(e.run, coarse, weight, SAFETY) for coarse, weight in companions]
     pairs += [Refinement(e.run, e.loud, 0.0, SAFETY)] if e.loud is not None else []
-    return [*_numbers(scene, e.run, pairs, stop, None if twin is None else twin.run), *_onset(e, twin)]
+    return [*_numbers(e.run, pairs, stop, None if twin is None else twin.run), *_onset(e, twin)]
 
 
-def of_ladder(scene: Scene, r: Response, pairs: Sequence[Refinement]) -> list[Number]:
+def of_ladder(r: Response, pairs: Sequence[Refinement]) -> list[Number]:
     """Return the design numbers of a run with the bars of the refinements that led to it."""
     try:
         stop = measures.window_of(r)[1]
     except measures.NotComparable:
         return alone(r)
-    found = _numbers(scene, r, pairs, stop)
+    found = _numbers(r, pairs, stop)
     if r.slack_onset is None:
         return found
     onsets = [(x.fine.slack_onset, x.coarse.slack_onset) for x in pairs]
@@ -144,14 +143,11 @@ def of_ladder(scene: Scene, r: Response, pairs: Sequence[Refinement]) -> list[Nu
     return [*found, _onset_of(r, apart)]
 
 
-def _numbers(
-    scene: Scene, r: Response, pairs: Sequence[Refinement], stop: float, twin: Response | None = None
-) -> list[Number]:
-    out, motion = [], scene.groups.motion
-    breaks = np.array([scene.time_scale * t for t, _ in motion.phases[1:]] if motion is not None else [])
+def _numbers(r: Response, pairs: Sequence[Refinement], stop: float, twin: Response | None = None) -> list[Number]:
+    out = []
     runs = [r, *(y for x in pairs for y in (x.fine, x.coarse)), *([] if twin is None else [twin])]
     for name, quantity in QUANTITIES.items():
-        known = {id(x): _Known(x, quantity, stop, breaks) for x in runs}  # of the same runs once
+        known = {id(x): _Known(x, quantity, stop) for x in runs}  # of the same runs once
         found = known[id(r)].extreme
         if found is None:
             continue
@@ -172,7 +168,7 @@ def design(r: Response) -> list[dict[str, Any]]:
 def alone(r: Response) -> list[Number]:
     """Return the design numbers of a run without companions: without bars."""
     stop = min(measures.WINDOWS[r.drive][1], math.inf if r.slack_onset is None else r.slack_onset)
-    found = ((name, _Known(r, quantity, stop, np.empty(0)).extreme) for name, quantity in QUANTITIES.items())
+    found = ((name, _Known(r, quantity, stop).extreme) for name, quantity in QUANTITIES.items())
     numbers = [replace(x.number, quantity=name, unit=unit_of(name)) for name, x in found if x is not None]
     if r.slack_onset is not None:
         numbers.append(Number("slack_onset", r.slack_onset, None, "s_o/l", s_o=r.slack_onset * r.length))
@@ -194,8 +190,8 @@ class _Known:
     extremes begin where paths are compared.  A car that rolls hangs there in equilibrium.
     """
 
-    def __init__(self, r: Response, quantity: _Quantity, stop: float, breaks: Array) -> None:
-        self.t, self.tracks, self.breaks = r.t, quantity.tracks(r), breaks  # a value at a break is that from before it
+    def __init__(self, r: Response, quantity: _Quantity, stop: float) -> None:
+        self.t, self.tracks, self.breaks = r.t, quantity.tracks(r), r.breaks
         self.extreme: _Extreme | None = None
         place = r.length * (measures.WINDOW[0] if r.drive == "grip" else -1.0)
         for i, track in enumerate(self.tracks):
@@ -207,7 +203,7 @@ class _Known:
             if self.extreme is None or quantity.sign * track.value[k] > quantity.sign * self.extreme.number.value:
                 at = float(track.t[k]), float(s_o[k]), float(track.s[k])
                 near = slice(max(0, k - 1), k + 2)
-                since = np.searchsorted(breaks, track.t[near])
+                since = np.searchsorted(r.breaks, track.t[near])
                 beside = np.abs(track.value[near] - track.value[k])[inside[near] & (since == since[k - near.start])]
                 # inside, a parabola's top is at most a quarter of the larger step above its highest sample
                 between = (0.25 if beside.size == 3 else 1.0) * float(beside.max())
@@ -230,7 +226,7 @@ def _change(a: _Known, b: _Known) -> float:
     apart = mine.value[near] - np.interp(t, of, track.value[known])
     inside = (t <= min(a.t[-1], b.t[-1])) & np.isfinite(apart)
     for since in a.breaks:
-        inside &= ~((since < t) & (t < of[min(np.searchsorted(of, since, "right"), of.size - 1)]))
+        inside &= (t <= since) | (t >= of[of > since].min(initial=math.inf))
     return max(abs(here.number.value - there.number.value), float(np.abs(apart[inside]).max(initial=0.0)))
 
 

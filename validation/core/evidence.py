@@ -138,10 +138,10 @@ class Evidence:
         return CubicHermiteSpline(t, total, force, axis=0)(self.t)
 
     def _on_both_sides(self, force: Array) -> tuple[Array, Array]:
-        """Return times and force with a second value at events, where it may jump: the step there has but one."""
+        """Return times and force with a second value where it may jump: the step there has but one."""
         t = self.r.t
-        for event in self.r.events:
-            i = int(np.argmin(np.abs(t - event["t"])))
+        for jump in self.r.jumps:
+            i = int(np.argmin(np.abs(t - jump)))
             if not 1 < i < t.size - 2:
                 continue
             before, after = (np.abs(np.diff(force[[i, j]], axis=0)).max() for j in (i - 1, i + 1))

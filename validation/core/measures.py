@@ -227,11 +227,11 @@ def _field_gap(
 def energy_defect(r: Response) -> Array:
     """Return (n,) [J]: E(t) - E(0) less the work that the drive has put in up to then (trapezoids in time).
 
-    At an event forces may jump, and the state there has them before or after: a step does not reach across a jump.
+    Where forces jump the state has them before or after: a step does not reach across a jump.
     """
     p, mean = r.power, 0.5 * (r.power[1:] + r.power[:-1])
-    for event in r.events:
-        i = int(np.searchsorted(r.t, event["t"] * (1.0 - 1e-12)))
+    for t in r.jumps:
+        i = int(np.searchsorted(r.t, t * (1.0 - 1e-12)))
         if 0 < i < mean.size:
             late = abs(p[i + 1] - p[i]) > abs(p[i] - p[i - 1])
             mean[i if late else i - 1] = p[i + 1] if late else p[i - 1]

@@ -304,7 +304,7 @@ def _told(scene: Scene, response: Response, rung: _Rung, loud: list[Response]) -
     space, time = (part.seen(rung.response, response) for part in (rung.space, rung.time))
     rung_to = space.refinement + time.refinement
     rung_to += [Refinement(response, r, 0.0, richardson.SAFETY) for r in loud]
-    response = replace(response, design=[number.row() for number in of_ladder(scene, response, rung_to)])
+    response = replace(response, design=[number.row() for number in of_ladder(response, rung_to)])
     if not math.isfinite(rung.bar):
         return response
     parts = {

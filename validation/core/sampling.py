@@ -100,7 +100,7 @@ def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Respon
         mass_v=l * frames.path[:, 1], x=l * x_rest, y=l * y_rest, T_static=H * scene.groups.static(s)[0],
         T=H * frames.T, T_pointwise=H * frames.T_pointwise,
     )  # fmt: skip
-    cause, reason = h.failure or (None, None)
+    (cause, reason), motion = h.failure or (None, None), scene.groups.motion
     speed = l / tau * np.hypot(*steps.path_velocity.T)
     events = [(name, _at(states.t, t)) for name, t in _events(scene, h.work, states.t, steps.s_o)]
     return Response(
@@ -117,6 +117,7 @@ def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Respon
             {"event": name, "t": float(tau * states.t[i]), "s_o": float(path["s_o"][i]), "speed": float(speed[i])}
             for name, i in events
         ],
+        breaks=[] if motion is None else [float(tau * t) for t, _ in motion.phases[1:] if t < states.t[-1]],
         fields=fields, n_dof=h.states[0].q.size, seconds=h.seconds,
     )  # fmt: skip
 

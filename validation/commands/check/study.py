@@ -201,6 +201,10 @@ def check(
         if made is not None:
             made(first.run, second.run)
         runs: tuple[Estimated, Estimated] = first, second
+        if any(
+            old and old.run.settings["scheme"] != e.run.settings["scheme"] for old, e in zip(known, runs, strict=True)
+        ):
+            judged = None  # what another rule left out tells nothing of this one's gaps
         judged = _Round(found, aims, runs, agree(scene, *runs, tol=tol, tol_tension=tol_tension), judged)
         aims = judged.ahead(budget)
     assert judged is not None
@@ -227,7 +231,7 @@ def _load() -> None:
 
 def _told(scene: Scene, e: Estimated, twin: Estimated) -> Estimated:
     """Return the run with its design numbers and events, and their bars."""
-    rows = [number.row() for number in numbers(scene, e, twin)]
+    rows = [number.row() for number in numbers(e, twin)]
     return replace(e, run=replace(e.run, design=rows, events=with_bars(scene, e)))
 
 

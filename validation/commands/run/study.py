@@ -57,5 +57,5 @@ def answer(
         response = run(scene, method, **kind, progress=progress)
     if not bars:
         return Answer(replace(response, design=design(response)), missed, seen)
-    told = [number.row() for number in numbers(scene, e)]
+    told = [number.row() for number in numbers(e)]
     return Answer(replace(response, design=told, events=with_bars(scene, e)), missed, seen)

@@ -123,7 +123,7 @@ def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[st
     how["until"] = _end(scene)
     if tol is None:
         e = estimated(scene, method, **how, **settings)
-        r = replace(e.run, design=[number.row() for number in numbers(scene, e)])
+        r = replace(e.run, design=[number.row() for number in numbers(e)])
     else:
         try:
             r = resolve(scene, method, tol, past=0.0, **how, **settings)
