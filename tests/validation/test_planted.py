@@ -317,7 +317,7 @@ def test_a_check_refines_both_before_it_says_disagree(monkeypatch, left, told, r
     monkeypatch.setattr(study, "side_by_side", lambda jobs, progress, load: [job(lambda *told: None) for job in jobs])
     assert study.check(LEVEL, tol=0.05).verdict is told
     assert len(asked) == 2 * rounds
-    assert asked[2:] == pytest.approx([0.9 * part * 0.05 / study.CONFIRMS for part in (0.4, 0.6)], rel=1e-12)
+    assert asked[2:] == pytest.approx([0.9 * part * 0.05 / study.CONFIRMS for part in (1 / 3, 2 / 3)], rel=1e-12)
 
 
 @pytest.mark.parametrize(("flagged", "rounds"), [(False, 1), (True, 2)])

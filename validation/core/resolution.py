@@ -175,7 +175,7 @@ class _Climb:
             else:  # steps first, on the coarser mesh: that costs less and tells as much
                 if finer["steps"] != settings["steps"]:
                     self._refine_steps(finer["steps"])
-                if in_space:
+                if in_space and (met or self.rung.bar > self.tol):  # steps alone may have told enough
                     self._refine_space(finer[space.setting])
 
     def _run(self, settings: dict[str, Any], keep: bool = True) -> MassPath:
