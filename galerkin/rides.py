@@ -21,7 +21,6 @@ import numpy as np
 from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, iterate
 from cablefem.response import States
 from cablefem.scene import RATTLE, Groups
-from cablefem.scene.drive import STANDARD
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
 from galerkin.bases.fourier import split
@@ -35,10 +34,6 @@ EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival
 AT_REST = 1e-6  # speeds below have no direction yet
 AT_LEAST = 0.03  # of an axial round trip that the standstill without a rattle lasts that ends a ride
 SHEDS = 6.0  # times pi N |ds_o|, the rate of `kernels.shed`: 4 leave a ringing of 1e-3 in speed, 16 damp what is meant
-# Steps in which waves go over the side that the car runs into and back, at a thousand steps a ride: that side squeezes
-# what was sent off at the start. Without, speeds err by 2e-3 to 4e-3 after a heavy rider's stop. Where that side is
-# shorter than SHORT, what sines cannot carry is let go by long steps alone: 3e-3 on a fast ride without a brake.
-WAVES, SHORT = 60.0, 0.05
 LEAVING = 1e-12  # ds_o of a car that gets going: a turn back within the step is seen by its sign
 
 
@@ -508,10 +503,8 @@ class RollingSystem(GalerkinSystem):
             return 1.0
         hears = self.drive.mu_r > 0.0 or bool(self.drive.brakes)
         rubs = hears and (self.mode.brakes > 0 or self.mode.sign == 0.0)
-        of = self._round_trip, self.groups.sigma, self.place(x), float(x.v[-1])
-        part = self.drive.part_of_step(*of, since if hears else math.inf, rubs)
-        ahead = {0.0: math.inf, 1.0: 1.0 - of[2], -1.0: of[2]}[self.mode.forward]
-        return part if ahead < SHORT else min(part, 2.0 * ahead / WAVES * STANDARD / self.drive.nominal)
+        of = self._round_trip, self.groups.sigma, self.place(x), float(x.v[-1]), self.mode.forward
+        return self.drive.part_of_step(*of, since if hears else math.inf, rubs)
 
     # --- events -----------------------------------------------------------------------------------------------------
     def watch(self, x: State) -> tuple[float, ...]:

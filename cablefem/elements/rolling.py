@@ -138,12 +138,13 @@ class RollingElements(FollowingElements):
         return self.free and 0.5 * dt * dt * abs(float(x.a[-1])) > ABRUPT
 
     def part(self, x: State, since: float) -> float:
-        """Return the part of a step to take: short near a support, and where friction or a brake hears a jump ring."""
+        """Return the part of a step to take: short near a support, and where friction or a brake hears what rings."""
         if not self.free:
             return 1.0
         rubs = self._grips and (self._brakes > 0 or self._mode == kernels.HELD)
         of = self._settled, self.groups.sigma, float(x.q[-1]), float(x.v[-1])
-        return self.drive.part_of_step(*of, since if self._grips else math.inf, rubs)
+        hears = (self._forward, since) if self._grips else (0.0, math.inf)
+        return self.drive.part_of_step(*of, *hears, rubs)
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self._n_dof)

@@ -193,4 +193,4 @@ def test_steps_are_short_where_friction_may_turn_round(mu_r, speed, part):
     """Half the time in which weight alone stops the car, and no less than axial waves ask for; only with friction."""
     sigma, axial = 0.1, 0.01
     drive = Drive(mode="free", mu_r=mu_r, nominal=10.0)  # steps of 0.01
-    assert drive.part_of_step(axial, sigma, 0.5, speed, math.inf, False) == pytest.approx(part, rel=1e-12)
+    assert drive.part_of_step(axial, sigma, 0.5, speed, 0.0, math.inf, False) == pytest.approx(part, rel=1e-12)

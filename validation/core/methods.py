@@ -96,7 +96,7 @@ class Resolution:
 
 # Steps of a ride that turns back against friction, times those of others: by the car's mass over the cable's, which
 # makes the waves (mass 0.4 to 0.8: the others' do; 0.95: errors of 3.6e-3 of the top speed with them, 4e-4 with these)
-TURNING, MOST_TURNING = 2.4, 3.0
+TURNING, MOST_TURNING = 1.6, 2.0
 # Measured in time, `cablefem chart`: banded elements cost linearly, dense bases between their square and their cube.
 ELEMENTS = Resolution("elements", 6, 320, 8, 1.0, largest=1000)
 TERMS = Resolution("terms", 10, 160, 25, 2.5, largest=80)
@@ -249,7 +249,7 @@ METHODS: dict[str, Method] = {
         Method(
             "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
             {"elements": _per_side(10), **_MESH, **TIME}, _each(4), 2.5, _following(2),
-            on_rides={"elements": 16, "scheme": "radau"}, begins=(4, 200), survey=(8, 600),
+            on_rides={"elements": 36, "scheme": "radau"}, begins=(4, 200), survey=(8, 600),
             races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
             trust="the default: fastest for a given error from 1e-2 to 1e-5",
         ),
@@ -296,7 +296,7 @@ METHODS: dict[str, Method] = {
         Method(
             "fourier-kink", "galerkin", "sines and a hat that travels with the mass",
             {"terms": _TERMS, "abscissa": _ABSCISSA, **TIME}, TERMS, 2.0, _galerkin("fourier", True),
-            on_rides={"terms": 45, "steps": 2000, "rho_inf": 0.5}, begins=(5, 500), survey=(16, 600),
+            on_rides={"terms": 45, "steps": 3000, "rho_inf": 0.5}, begins=(5, 500), survey=(16, 600),
             races=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
             trust="the default of the Galerkin side; ten terms beat two hundred plain ones",
         ),
