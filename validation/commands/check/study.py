@@ -36,7 +36,8 @@ from validation.core.store import Refused
 
 SOLVERS = ("following-p2", "fourier-kink")
 # What too coarse rows divide the aim by, and the last aim that they may divide.  Most want 1.1 to 2.5 times less: of 74
-# random scenes at 1e-2 that want more than one round or 3 s, steps of 3 took a seventh more time and 7 agreed less.
+# random scenes at 1e-2 that want more than one round or 3 s, steps of 3 with shares of 2:3 took a seventh more time; 7
+# agreed less, 2 more.
 FINER, FINER_FROM = 2.0, 5e-4
 # Parts of the tolerance: dense bases cost more than elements do, and grow faster.  With half of it they took a third
 # more on `level`; with 0.7 the default would leave elements to Radau's steps, which tell less of tension.
