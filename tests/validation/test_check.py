@@ -176,20 +176,25 @@ def test_a_tolerance_out_of_range_is_named(tol):
         check("level", tol=tol)
 
 
-@pytest.mark.parametrize(("second", "rounds"), [("trapezoidal", 2), ("radau", 3)])
-def test_a_round_by_another_rule_confirms_no_disagreement(right, monkeypatch, second, rounds):
-    """What the rule of the round before left out or damped may be all that its gap was: both are refined once more."""
-    a, b = right
-    off = altered(b, lambda r: dataclasses.replace(r, T_behind=1.2 * r.T_behind))
-    asked, error = [], a.run.path_error
+@pytest.mark.parametrize("wrong", [False, True])
+def test_a_disagreement_is_looked_at_again_with_both_finer_in_space_and_time(right, monkeypatch, wrong):
+    """Whatever the path asks for; one that goes with that was the answers' own, and one that stays is confirmed."""
+    asked = []
 
     def made(jobs, progress, load):
-        asked.append([job.args[2] for job in jobs])
-        rule = {"scheme": "trapezoidal" if len(asked) == 1 else second, "steps": 1000 * len(asked)}
-        told = ((e, {"settings": e.run.settings | rule, "path_error": 0.1 ** len(asked) * error}) for e in (a, off))
-        return [altered(e, lambda r, of=of: dataclasses.replace(r, **of)) for e, of in told]
+        asked.append([job.args[-1] for job in jobs])
+        factor = 1.2 if wrong or len(asked) == 1 else 1.0
+        a, b = (altered(e, lambda r: dataclasses.replace(r, path_error=0.01)) for e in right)
+        return [a, altered(b, lambda r: dataclasses.replace(r, T_behind=factor * r.T_behind))]
 
     monkeypatch.setattr(study, "side_by_side", made)
-    assert check(LEVEL, tol=0.05).verdict is Verdict.DISAGREE
-    assert len(asked) == rounds
-    assert asked[1] < asked[0]
+    assert check(LEVEL, tol=0.05).verdict is (Verdict.DISAGREE if wrong else Verdict.AGREE)
+    assert asked == [[False, False], [True, True]]
+
+
+def test_what_confirms_is_finer_in_space_and_time(right):
+    e = right[0]
+    finer = study._resolved(LEVEL, METHODS["following-p2"], 0.1, 1e9, 0.3, e, True, lambda *told: None)
+    assert finer.run.settings["elements"] == 1.5 * e.run.settings["elements"]
+    assert finer.run.settings["steps"] == 1.5 * e.run.settings["steps"]
+    assert finer.in_time.settings["steps"] == 0.5 * finer.run.settings["steps"]

@@ -26,9 +26,9 @@ from validation.core.agreement import (
     with_bars,
 )
 from validation.core.design import design, numbers
-from validation.core.estimate import Estimated, past_slack
+from validation.core.estimate import Estimated, companions, past_slack
 from validation.core.foreign import WITH_TOL, ForeignPath
-from validation.core.methods import Method, find
+from validation.core.methods import Method, find, refined
 from validation.core.resolution import resolved, work
 from validation.core.running import run
 from validation.core.sidebyside import Progress, side_by_side
@@ -42,7 +42,9 @@ FINER, FINER_FROM = 2.0, 5e-4
 # Parts of the tolerance: dense bases cost more than elements do, and grow faster.  With half of it they took a third
 # more on `level`; with 0.7 the default would leave elements to Radau's steps, which tell less of tension.
 ELEMENTS, OTHERS = 1.0, 2.0
-CONFIRMS = 2.0  # what a disagreement divides both errors by, to see whether it stays
+# Times the resolution and the steps of both, to see whether a disagreement stays: a ladder leaves coarse what the path
+# does not mind.
+CONFIRMS = 1.5
 # Of `work` for each solver, half a minute to a minute, and in proportion more below a third of the default tolerance.
 # With a third of it five of ten random scenes remained too coarse.
 BUDGET = 1.2e6
@@ -119,51 +121,49 @@ class _Round:
     runs: tuple[Estimated, Estimated]
     rows: list[Agreement]
     before: _Round | None
+    confirms: bool  # a disagreement of the round before, by runs finer in space and time
 
     @property
-    def finer(self) -> int:
-        """How many of the runs are finer than in the round before."""
-        old = () if self.before is None else self.before.runs
-        return sum(a.run.settings != b.run.settings for a, b in zip(old, self.runs, strict=False))
-
-    @property
-    def coarser(self) -> list[Agreement] | None:
-        """The rows of the round before, where both runs are finer now."""
-        return None if self.before is None or self.finer < len(self.runs) else self.before.rows
+    def doubted(self) -> bool:
+        return overall(self.rows) is Verdict.DISAGREE and not self.confirms
 
     @property
     def settled(self) -> list[Agreement]:
-        rows = settled(self.rows, self.coarser)
-        # one of them alone: a gap that this takes away was its own, of one that stays nobody knows whose it is
-        return settled(rows, self.before.rows) if self.before is not None and self.finer == 1 else rows
+        coarser = None if self.before is None else self.before.rows
+        rows = settled(self.rows, coarser if self.confirms else None)
+        # a gap that refinement takes away is the answers' own; of one that stays something may be as coarse as it was
+        return rows if coarser is None else settled(rows, coarser)
 
     def ahead(self, budget: float) -> list[float] | None:
         """Return what to ask of both runs next, None where finer ones would tell no more, or cost too much.
 
-        A disagreement is looked at again with both finer; rows that are too coarse refine whose bars make them
-        so.  Who is finer already than it would be asked to be is refined from where it is, or nobody would be.
+        A disagreement is looked at once more with both finer in space and time, whatever is asked of the path; rows
+        that are too coarse refine whose bars make them so.  Who is finer already than it would be asked to be is
+        refined from where it is, or nobody would be.
         """
+        if self.confirms:
+            return None
         names = [m.name for m in self.methods]
         errors = [math.inf if e.run.path_error is None else e.run.path_error for e in self.runs]
         if any(error > aim for error, aim in zip(errors, self.aims, strict=True)):
             return None
         rows = self.settled
         verdict = overall(rows)
-        doubted = overall(self.rows) is Verdict.DISAGREE and (self.coarser is None or verdict is not Verdict.DISAGREE)
         # a companion that breaks or falls slack early cuts the range, and what is compared there says little
         short = any(flag.kind in ("short bar", "no bar") for e in self.runs for flag in e.run.flags)
         coarse = (verdict is Verdict.TOO_COARSE or short) and sum(self.aims) > 0.99 * FINER_FROM
-        if not (doubted or coarse):
+        if not (self.doubted or coarse):
             return None
-        finer = CONFIRMS if doubted else FINER
-        which = [name in (names if doubted or short else wanting(rows, names)) for name in names]
-        costs = [finer * LADDER * work(m, e.run) for m, e in zip(self.methods, self.runs, strict=True)]
+        which = [name in (names if self.doubted or short else wanting(rows, names)) for name in names]
+        costs = [FINER * LADDER * work(m, e.run) for m, e in zip(self.methods, self.runs, strict=True)]
         if any(asked and cost > budget for asked, cost in zip(which, costs, strict=True)):
             return None
-        aims = [aim / finer if asked else aim for aim, asked in zip(self.aims, which, strict=True)]
-        if doubted or all(error <= aim for error, aim in zip(errors, aims, strict=True)):
+        if self.doubted:
+            return self.aims
+        aims = [aim / FINER if asked else aim for aim, asked in zip(self.aims, which, strict=True)]
+        if all(error <= aim for error, aim in zip(errors, aims, strict=True)):
             mended = zip(aims, errors, which, strict=True)
-            aims = [min(aim, error / finer) if asked else aim for aim, error, asked in mended]
+            aims = [min(aim, error / FINER) if asked else aim for aim, error, asked in mended]
         return aims
 
 
@@ -196,8 +196,10 @@ def check(
     judged: _Round | None = None
     while aims is not None:
         known = (None, None) if judged is None else judged.runs
+        confirms = judged is not None and judged.doubted
         jobs: list[Callable[[Progress], Any]] = [
-            partial(_resolved, scene, m, aim, budget, until, e) for m, aim, e in zip(found, aims, known, strict=True)
+            partial(_resolved, scene, m, aim, budget, until, e, confirms)
+            for m, aim, e in zip(found, aims, known, strict=True)
         ]
         first, second, *once = side_by_side([*jobs, *grip], progress, _load)
         gripped, grip = gripped or once, []
@@ -208,7 +210,7 @@ def check(
             old and old.run.settings["scheme"] != e.run.settings["scheme"] for old, e in zip(known, runs, strict=True)
         ):
             judged = None  # what another rule left out tells nothing of this one's gaps
-        judged = _Round(found, aims, runs, agree(scene, *runs, tol=tol, tol_tension=tol_tension), judged)
+        judged = _Round(found, aims, runs, agree(scene, *runs, tol=tol, tol_tension=tol_tension), judged, confirms)
         aims = judged.ahead(budget)
     assert judged is not None
     runs, rows = judged.runs, judged.settled
@@ -248,11 +250,17 @@ def _gripped(scene: Scene, method: Method, progress: Progress) -> Response:
 
 def _resolved(
     scene: Scene, method: Method, tol: float, budget: float, until: float | None, before: Estimated | None,
-    progress: Progress,
+    confirms: bool, progress: Progress,
 ) -> Estimated:  # fmt: skip
-    progress(method.name, 0.0)
-    ends = {} if until is None else {"until": until, "past": 0.0}
-    e = resolved(scene, method, tol, budget=budget, before=before, progress=partial(progress, method.name), **ends)
+    told = partial(progress, method.name)
+    told(0.0)
+    ends: dict[str, Any] = {} if until is None else {"until": until}
+    if before is not None and confirms:
+        finer = refined(method, before.run.settings, space=CONFIRMS, time=CONFIRMS)
+        e = replace(companions(scene, method, progress=told, **ends, **finer), loud=before.loud, order=before.order)
+    else:
+        ends |= {"past": 0.0} if ends else {}
+        e = resolved(scene, method, tol, budget=budget, before=before, progress=told, **ends)
     return e if e is before or ends else past_slack(scene, method, e)
 
 
