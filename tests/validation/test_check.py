@@ -13,7 +13,6 @@ from cablefem.elements.following import FollowingElements
 from cablefem.newmark import iterate
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
-from tests.validation.pairs import altered
 from validation.commands.check import study
 from validation.commands.check.study import check
 from validation.core.agreement import Verdict, agree, overall
@@ -174,22 +173,6 @@ def test_check_meets_its_tolerance_and_writes_the_contract(tmp_path):
 def test_a_tolerance_out_of_range_is_named(tol):
     with pytest.raises(ValueError, match="tol must lie in"):
         check("level", tol=tol)
-
-
-@pytest.mark.parametrize("wrong", [False, True])
-def test_a_disagreement_is_looked_at_again_with_both_finer_in_space_and_time(right, monkeypatch, wrong):
-    """Whatever the path asks for; one that goes with that was the answers' own, and one that stays is confirmed."""
-    asked = []
-
-    def made(jobs, progress, load):
-        asked.append([job.args[-1] for job in jobs])
-        factor = 1.2 if wrong or len(asked) == 1 else 1.0
-        a, b = (altered(e, lambda r: dataclasses.replace(r, path_error=0.01)) for e in right)
-        return [a, altered(b, lambda r: dataclasses.replace(r, T_behind=factor * r.T_behind))]
-
-    monkeypatch.setattr(study, "side_by_side", made)
-    assert check(LEVEL, tol=0.05).verdict is (Verdict.DISAGREE if wrong else Verdict.AGREE)
-    assert asked == [[False, False], [True, True]]
 
 
 def test_what_confirms_is_finer_in_space_and_time(right):
