@@ -22,6 +22,14 @@ LEVEL = Scene.load("level")
 HOSTILE = Study.load("reliability").model_copy(update={"truth": None, "seconds": 120.0})
 
 
+def test_a_ride_on_a_cable_without_a_rest_is_refused():
+    """Its top speed is that of the quasi-static ride, which there is none of."""
+    other = HOSTILE.model_copy(update={"sample": HOSTILE.sample.model_copy(update={"seed": 231126})})
+    row = job.row(other, 8042, other.point(8042))
+    assert (row["status"], row["cause"]) == ("refused", "scene")
+    assert "at rest under the car was not found" in row["reason"]
+
+
 @pytest.mark.parametrize("index", range(0, len(HOSTILE), 1000))
 def test_a_hostile_scene_gets_an_answer_or_a_diagnosis(index):
     row = job.row(HOSTILE, index, HOSTILE.point(index))

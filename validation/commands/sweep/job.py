@@ -95,9 +95,9 @@ def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
 
     try:
         scene = study.scene_at(point)
+        out = {name: x for name in GROUPS if (x := getattr(scene, name)) is not None and math.isfinite(x)}
     except (SceneError, ValueError) as error:
         return {"status": "refused", "cause": "scene", "reason": str(error)}
-    out = {name: value for name in GROUPS if (value := getattr(scene, name)) is not None and math.isfinite(value)}
     return out | {"run": _run, "check": _check, "advise": _advise}[study.job](study, point, scene, index)
 
 
