@@ -27,7 +27,7 @@ MODELS = ("full", "string", "sagged", "stretching")
 # straight string of textbooks has no sag whose curvature would load the mass
 STRETCHING = {"straight": (0.0, 0.0), "string": (0.0, 0.0), "sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}
 
-_NOWHERE, _UNSAID = np.empty((0, 3)), np.empty((0, 3, 3))
+NOWHERE, UNSAID = np.empty((0, 3)), np.empty((0, 3, 3))  # places of steps, and of their nodes, where none are given
 
 
 def elements_allowed(elements: int) -> int:
@@ -164,7 +164,7 @@ class CableElements:
         self._time(t, phase)
         self._at = (t, phase)
         told, of = np.empty((1, 6)), (tuple(self._mesh), self._cable, tuple(self._work), start, now[None], rule[None])
-        settle(self._grip(_NOWHERE, _NOWHERE), None, *of, told, bound, limits(newton))
+        settle(self._grip(NOWHERE, NOWHERE), None, *of, told, bound, limits(newton))
         *done, least, where = told[0].tolist()
         self.least_tension = least, where
         return Settled(*done)
@@ -184,7 +184,7 @@ class CableElements:
             combine(self._operators, self._coefficients, bands[i])
             spans[i] = self._mesh.span
             contacts.append((*self._contact[:-1], self._contact.load.copy()))
-        grip = self._operators, self._coefficients, bands, spans, tuple(contacts), self._n_left, _UNSAID, _UNSAID
+        grip = self._operators, self._coefficients, bands, spans, tuple(contacts), self._n_left, UNSAID, UNSAID
         yield from self._collocated(grip, None, None, t[:2], ends, a[:1], further, rule, bound, newton)
 
     def _at_nodes(self) -> tuple[Array, Array]:

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.elements.cable import _NOWHERE, _UNSAID, Array
+from cablefem.elements.cable import NOWHERE, UNSAID, Array
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.front import FrontElements
 from cablefem.elements.kernels import car as kernels
@@ -159,14 +159,14 @@ class RollingElements(FollowingElements):
         return r, self._linearised(self._car(t, phase, self._heading or v[-1]), q, v, a, r, c0, c1, c2)
 
     def _moved(self, t: Array, phase: int, slip: float) -> tuple[Any, Any]:
-        places = _NOWHERE if self.free else self._travel(t, phase)[0]
+        places = NOWHERE if self.free else self._travel(t, phase)[0]
         return None, (tuple(self._rolling), tuple(self._car(float(t[0]), phase, self._heading or slip)), places)
 
     def collocate(
         self, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float, newton: Newton
     ) -> Iterator[Settled]:
         instants, slip = rule.instants(t), self._heading or ends[0, 1, -1]
-        places = _UNSAID if self.free else self._travel(instants, phase)[0]
+        places = UNSAID if self.free else self._travel(instants, phase)[0]
         first = (*instants[0].tolist(), float(t[1]))[:3]  # compiled for three nodes, two are filled up
         cars = tuple(tuple(self._car(x, phase, slip)) for x in first)
         ride = *self._rollings, cars, places

@@ -129,10 +129,10 @@ class _Round:
 
     @property
     def settled(self) -> list[Agreement]:
-        coarser = None if self.before is None else self.before.rows
-        rows = settled(self.rows, coarser if self.confirms else None)
-        # a gap that refinement takes away is the answers' own; of one that stays something may be as coarse as it was
-        return rows if coarser is None else settled(rows, coarser)
+        # of a gap that stays although nothing confirms it, something may be as coarse as it was
+        rows = self.rows if self.confirms else settled(self.rows, None)
+        # and one that refinement takes away is the answers' own
+        return rows if self.before is None else settled(rows, self.before.rows)
 
     def ahead(self, budget: float) -> list[float] | None:
         """Return what to ask of both runs next, None where finer ones would tell no more, or cost too much.
@@ -259,8 +259,8 @@ def _resolved(
         finer = refined(method, before.run.settings, space=CONFIRMS, time=CONFIRMS)
         e = replace(companions(scene, method, progress=told, **ends, **finer), loud=before.loud, order=before.order)
     else:
-        ends |= {"past": 0.0} if ends else {}
-        e = resolved(scene, method, tol, budget=budget, before=before, progress=told, **ends)
+        past = 0.0 if ends else math.inf
+        e = resolved(scene, method, tol, budget=budget, past=past, before=before, progress=told, **ends)
     return e if e is before or ends else past_slack(scene, method, e)
 
 
