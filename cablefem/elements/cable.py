@@ -185,7 +185,7 @@ class CableElements:
             spans[i] = self._mesh.span
             contacts.append((*self._contact[:-1], self._contact.load.copy()))
         grip = self._operators, self._coefficients, bands, spans, tuple(contacts), self._n_left, UNSAID, UNSAID
-        yield from self._collocated(grip, None, None, t[:2], ends, a[:1], further, rule, bound, newton)
+        return self._said(self._collocated(grip, None, None, t[:2], ends, a[:1], further, rule, bound, newton))
 
     def _at_nodes(self) -> tuple[Array, Array]:
         """Return room for M, C and K and for the spans at three nodes of a step."""
@@ -194,11 +194,15 @@ class CableElements:
     def _collocated(
         self, grip: Any, fronts: Any, ride: Any, t: Array, ends: Array, a: Array, further: Array, rule: Tableau,
         bound: float, newton: Newton,
-    ) -> Iterator[Settled]:  # fmt: skip
+    ) -> Array:  # fmt: skip
+        """Return what is told of the steps taken, at least of the first."""
         self._at, told = None, np.empty((len(a), 6))
         of = grip, fronts, ride, tuple(self._mesh), self._cable, self._works, self._kept, t, ends, a, further
         taken = collocation.collocate(*of, rule.numbers, told, bound, (*limits(newton), newton.enough))
-        for *done, least, where in told[: max(1, taken)].tolist():
+        return told[: max(1, taken)]
+
+    def _said(self, told: Array) -> Iterator[Settled]:
+        for *done, least, where in told.tolist():
             self.least_tension = least, where
             yield Settled(*done)
 

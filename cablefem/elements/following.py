@@ -184,9 +184,7 @@ class FollowingElements(CableElements):
     ) -> Iterator[tuple[Array, Settled]]:
         """As the protocol has it; a slack cable is looked at step by step."""
         now, told, taken = self._stride(t, phase, start, rules, bound, newton)
-        for end, (*done, least, where) in zip(now[:taken], told.tolist(), strict=False):
-            self.least_tension = least, where
-            yield end, Settled(*done)
+        yield from zip(now[:taken], self._said(told[:taken]), strict=True)
 
     def settle(
         self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
@@ -224,7 +222,7 @@ class FollowingElements(CableElements):
         contacts = tuple((*self._contact[:-1], load) for load in loads)
         of = self._coefficients, *self._at_nodes(), contacts, self._n_left, *self._travel(instants, phase)
         grip, fronts = (self._operators, *of), self._fronts(instants)
-        return self._collocated(grip, fronts, None, t, ends, a, further, rule, bound, newton)
+        return self._said(self._collocated(grip, fronts, None, t, ends, a, further, rule, bound, newton))
 
     def _fronts(self, instants: Array) -> Any:
         """Return what `kernels.collocation.collocate` takes of fronts that nodes travel with."""

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.elements.cable import NOWHERE, UNSAID, Array
+from cablefem.elements.cable import Array
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.front import FrontElements
 from cablefem.elements.kernels import car as kernels
@@ -36,6 +36,7 @@ from cablefem.scene import RATTLE, Groups
 EVENTS = ("turn", "standstill", "breaking loose", "brake", "brake off", "arrival", "back", "stop", "lift_off")
 AVERAGE = tuple(0.5 * (x + (1.0, 0.0)[i]) for i, x in enumerate(np.polynomial.legendre.leggauss(4)))  # over [0, 1]
 AT_REST = 1e-6  # speeds below have no direction yet
+ANY = np.empty(0)  # course of a car of which all that happens is looked for step by step
 HOLDS = 0.03  # of an axial wave's way to and fro: the hold of a car that rattles, which ends its ride
 STATIC = 1e-30  # weight of accelerations in a tangent of statics: nothing but the last unknown feels it
 
@@ -70,7 +71,6 @@ class RollingElements(FollowingElements):
             raise ValueError(f"{what} has no balance along the cable: a car that rolls needs the full model and a mass")
         self.free = self.drive.mode == "free"
         self.events: tuple[str, ...] = EVENTS if self.free else ("lift_off",)
-        self.strides = not self.free  # else every step is looked at
         self._last = len(self.phases) - 1
         # forces along the cable that may hold the car there
         self._grips = self.free and bool(self.drive.mu_r > 0.0 or self.drive.brakes)
@@ -96,6 +96,7 @@ class RollingElements(FollowingElements):
         self._lifted = False
         self._hold = 0.0  # force along the cable that holds the car at its start
         self._watched: tuple[State | None, float, tuple[float, ...]] = None, 0.0, ()
+        self._passed = -math.inf  # until when steps in one go have looked for events and found none
 
     # --- the System protocol ---------------------------------------------------------------------------
     @property
@@ -129,8 +130,10 @@ class RollingElements(FollowingElements):
         return self._halt(State(t, q, np.zeros_like(q), np.zeros_like(q), 0))
 
     def begin_step(self, x: State) -> None:
-        slip = float(x.v[-1])  # its sign holds for the step: friction that turns within one has no balance
-        if slip != 0.0:
+        self._head(float(x.v[-1]))
+
+    def _head(self, slip: float) -> None:
+        if slip != 0.0:  # its sign holds for the step: friction that turns within one has no balance
             self._heading = math.copysign(1.0, slip)
 
     def abrupt(self, x: State, dt: float) -> bool:
@@ -158,20 +161,64 @@ class RollingElements(FollowingElements):
         r = np.empty(self._n_dof)
         return r, self._linearised(self._car(t, phase, self._heading or v[-1]), q, v, a, r, c0, c1, c2)
 
+    def stride(
+        self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
+    ) -> Iterator[tuple[Array, Settled]]:
+        """As the protocol has it; a free car that is held, or has no direction yet, is looked at step by step."""
+        self._head(float(start[1, -1]))
+        return super().stride(t, phase, start, rules, bound, newton) if self._goes_on else iter(())
+
+    def _stride(self, t: Array, *of: Any) -> tuple[Array, Array, int]:
+        now, told, taken = super()._stride(t, *of)
+        self._seen_to(t, taken)
+        return now, told, taken
+
+    def _seen_to(self, t: Array, taken: int) -> None:
+        """Remember that nothing has happened up to the last but one of the steps taken, at t or after it."""
+        if self.free and taken > 1:
+            self._passed = float(t[taken - 2] + 0.9 * (t[taken - 1] - t[taken - 2]))
+
     def _moved(self, t: Array, phase: int, slip: float) -> tuple[Any, Any]:
-        places = NOWHERE if self.free else self._travel(t, phase)[0]
-        return None, (tuple(self._rolling), tuple(self._car(float(t[0]), phase, self._heading or slip)), places)
+        car = self._car(float(t[0]), phase, self._heading or slip)
+        course = self._course if self.free and t.size > 1 else ANY
+        return None, (tuple(self._rolling), tuple(car), self._brought(t, phase), course)
+
+    def _brought(self, t: Array, phase: int) -> Array:
+        """Return what instants (...) bring the car, (..., 3), see `kernels.driven`."""
+        if not self.free:
+            return self._travel(t, phase)[0]
+        now, drive = np.zeros((*t.shape, 3)), self.drive
+        if t.min() < drive.release:
+            now[..., 0] = self._hold * np.vectorize(drive.hold)(t)
+        if drive.thrust_table:
+            now[..., 1] = drive.thrust(t, phase)
+        return now
+
+    @property
+    def _goes_on(self) -> bool:
+        """Whether many steps are like one, but for events that `kernels.under_way` sees."""
+        return not self.free or (self._mode != kernels.HELD and self._forward != 0.0)
+
+    @property
+    def _course(self) -> Array:
+        """Return what a free car keeps to until something happens, see `kernels.under_way`."""
+        places, n = (0.0, *(place for place, _ in self.drive.brakes), 1.0), self._brakes
+        low, high = max(self.drive.back_place, places[n]), min(self.drive.end_place, places[n + 1])
+        return np.array([low, high, self._heading if self._grips else 0.0, self._forward, self._lifted], float)
 
     def collocate(
         self, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float, newton: Newton
     ) -> Iterator[Settled]:
-        instants, slip = rule.instants(t), self._heading or ends[0, 1, -1]
-        places = UNSAID if self.free else self._travel(instants, phase)[0]
-        first = (*instants[0].tolist(), float(t[1]))[:3]  # compiled for three nodes, two are filled up
-        cars = tuple(tuple(self._car(x, phase, slip)) for x in first)
-        ride = *self._rollings, cars, places
-        m = len(a) if self.strides else 1
-        return self._collocated(None, None, ride, t[: m + 1], ends, a[:m], further, rule, bound, newton)
+        many = len(a) > 1 and (not self.free or rule.c[-1] == 1.0)
+        if len(a) > 1:
+            self._head(float(ends[0, 1, -1]))
+        m = len(a) if many and self._goes_on else 1
+        car = self._car(float(t[0]), phase, self._heading or float(ends[0, 1, -1]))
+        course = self._course if self.free and m > 1 else ANY
+        ride = *self._rollings, tuple(car), self._brought(rule.instants(t[: m + 1]), phase), course
+        told = self._collocated(None, None, ride, t[: m + 1], ends, a[:m], further, rule, bound, newton)
+        self._seen_to(t[1:], len(told))
+        return self._said(told)
 
     def averaged(self, start: State, end: State) -> Array:
         """Return the residual of a step of the energy rule, see `cablefem.newmark.energy_rule.Averaged`."""
@@ -211,6 +258,8 @@ class RollingElements(FollowingElements):
     # --- events ----------------------------------------------------------------------------------------
     def watch(self, x: State) -> tuple[float, ...]:
         """Return what is positive until an event happens, in the order of `events`."""
+        if x.t <= self._passed:
+            return (1.0,) * len(self.events)
         if self._watched[0] is x and self._watched[1] == self._heading:
             return self._watched[2]
         normal, stretch, speed, along, across = self._look(x)[:5]

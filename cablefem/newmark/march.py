@@ -83,7 +83,7 @@ def _through(
     for i, t in enumerate(edges[1:]):
         whole, halvings, passed = t - edges[i], 0, 0
         while t - state.t > rounding(t):
-            if alone == halvings == 0 and step.strides:
+            if alone == halvings == pieces == 0 and step.strides:
                 ahead = edges[i + 1 : i + 1 + STRIDE] if ringing is None else _pieces(ringing, state, jumped, edges[i:])
                 alone, asked = ALONE, np.array(ahead)
                 for x in step.stride(state, asked) if ahead else ():
@@ -153,5 +153,5 @@ def _pieces(ringing: Ringing, x: State, jumped: float, edges: list[float]) -> li
             if not t1 > now.t or len(ends) == AHEAD:
                 return ends
             ends.append(t1)
-            now = x._replace(t=t1, q=x.q + (t1 - x.t) * x.v)
+            now = State(t1, x.q + (t1 - x.t) * x.v, x.v, x.a, x.phase)
     return ends

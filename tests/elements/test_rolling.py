@@ -315,6 +315,7 @@ def test_compiled_collocation_of_a_ride_is_that_of_its_residuals_and_tangents(mo
     ends, works = [], []
     for cls in (Fresh, Plain, RollingElements):
         system, work = cls(groups, elements=3), Work()
+        system.part = lambda x, since: 1.0  # steps in one go are foreseen, and others than those taken one by one
         states = integrate(system, scheme(method), step_times(system, 200), newton=Newton(tol=1e-6), work=work)
         ends.append(list(itertools.islice(states, 25))[-1])
         works.append(work)
@@ -329,6 +330,44 @@ def test_compiled_collocation_of_a_ride_is_that_of_its_residuals_and_tangents(mo
     # factors that serve several steps give the same to Newton's tolerance
     assert np.abs(ends[2].q - ends[1].q)[:-1].max() <= 1e-6 * np.abs(ends[1].q[:-1]).max()
     assert works[2].factorisations < works[0].factorisations
+
+
+@pytest.mark.parametrize("settings", [DAMPED, {"method": "radau"}], ids=["generalized-alpha", "radau"])
+def test_a_ride_in_strides_is_the_one_step_by_step(settings, monkeypatch):
+    """Thrust that ends, release, brake, arrival: at the same instants the same to Newton's tolerance.
+
+    Must fail: a course that forgets the brake runs on without it.
+    """
+    thrust = {"times": [0.0, 6.0, 11.0], "forces": [40.0, 90.0, 0.0]}
+    brake = [{"from": 110.0, "force": 23.0}, {"from": 160.0, "force": 12.0}]
+    drive = {"rolling_friction": 0.013, "thrust": thrust, "brake": brake, "release": 1.5, "end": {"place": 185.0}}
+    groups, newton = zip_line(**drive).groups, Newton(tol=1e-7)
+
+    def places(grids, **kind):
+        system, work = RollingElements(groups, elements=4), Work()
+        for name, value in kind.items():
+            setattr(system, name, value)
+        states = list(integrate(system, scheme(**named), grids, newton=newton, work=work))
+        return np.array([(x.t, *x.q[-1:], *x.q[4:8]) for x in states]).T, [(e.name, e.t) for e in work.events]
+
+    named = {"name": settings["method"]} | {k: v for k, v in settings.items() if k != "method"}
+    taken, under_way = [], RollingElements._seen_to
+    monkeypatch.setattr(RollingElements, "_seen_to", lambda self, t, n: taken.append(n) or under_way(self, t, n))
+    nominal = groups.drive.nominal
+    grids = [np.arange(t0, min(t1, 3.0 * nominal), nominal / 300) for t0, t1 in groups.drive.phases]
+    (t, *strides), events = places(grids)
+    assert sum(n for n in taken if n > 1) > 0.6 * t.size
+    assert [name for name, _ in events][-3:] == ["brake", "brake", "arrival"]
+    whole = [np.unique(np.append(t[(t >= t0) & (t <= t1)], t0)) for t0, t1 in groups.drive.phases]
+    (again, *alone), same = places(whole, strides=False, part=lambda x, since: 1.0)
+    assert [name for name, _ in same] == [name for name, _ in events]
+    assert np.abs([a[1] - b[1] for a, b in zip(same, events, strict=True)]).max() < 1e-7
+    assert np.abs(np.interp(again, t, strides[0]) - alone[0]).max() < 1e-7
+    monkeypatch.setattr(
+        RollingElements, "_course", property(lambda self: np.array([0.0, 1.0, 0.0, self._forward, 1.0]))
+    )
+    _, late = places(grids)
+    assert abs(dict(late)["brake"] - dict(events)["brake"]) > 1e-3
 
 
 def given(system, states):

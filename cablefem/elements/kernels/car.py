@@ -45,10 +45,14 @@ class Rolling(NamedTuple):
 
 
 @compiled
-def hauled(car, place):
-    """Return a car as a plain tuple at s_o, ds_o and dds_o (3,), to which its rope brings it."""
-    mode, node, mu, sigma, _, _, _, hold, thrust, drag, wind, friction, brake, heading = car
-    return mode, node, mu, sigma, place[0], place[1], place[2], hold, thrust, drag, wind, friction, brake, heading
+def driven(car, now):
+    """Return a car as a plain tuple with what an instant brings (3,): hauled s_o, ds_o, dds_o, else hold and thrust."""
+    mode, node, mu, sigma, s_o, ds, dds, hold, thrust, drag, wind, friction, brake, heading = car
+    if mode == HAUL:
+        s_o, ds, dds = now[0], now[1], now[2]
+    else:
+        hold, thrust = now[0], now[1]
+    return mode, node, mu, sigma, s_o, ds, dds, hold, thrust, drag, wind, friction, brake, heading
 
 
 @compiled
@@ -316,6 +320,22 @@ def look(dofs, ends, n_left, cable, car, q, v, a):
     weight = car.mu * car.sigma
     along = ex * tau[0] + (ey + weight) * tau[1]
     return normal, stretch, px * tau[0] + py * tau[1], along, weight * tau[0], ex, ey, xp * ex + yp * ey + drive
+
+
+@compiled
+def under_way(course, dofs, rolling, cable, car, q, v, a):
+    """Return whether nothing has happened to a free car yet, so that its next step is like the one before.
+
+    course : (5,) the places between which it has to stay, the signs of ds_o and of its speed that it has to keep (0: of
+        ds_o any), and not 0 where lift-off is none any more; empty: whatever happens is looked for elsewhere.
+    """
+    if course.size == 0:
+        return True
+    s_o, slip = q[q.size - 1], v[q.size - 1]
+    if not course[0] < s_o < course[1] or (course[2] != 0.0 and not course[2] * slip > 0.0):
+        return False
+    seen = look(dofs, rolling.ends, rolling.n_left, cable, car, q, v, a)
+    return course[3] * seen[2] > 0.0 and (course[4] != 0.0 or seen[0] > 0.0)
 
 
 @compiled

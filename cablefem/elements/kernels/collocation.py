@@ -7,7 +7,7 @@ import numpy as np
 from cablefem.elements.kernels import compiled
 from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, coupling, follow
 from cablefem.elements.kernels.banded import Tangent, factorise_coupled, solve_coupled
-from cablefem.elements.kernels.car import Car, Rolling, factorise_bordered, hauled, roll, solve_bordered
+from cablefem.elements.kernels.car import Car, Rolling, driven, factorise_bordered, roll, solve_bordered, under_way
 from cablefem.elements.kernels.front import follow_fronts, weigh
 
 SAME = 1e-6  # relative difference of step lengths for which factors are kept
@@ -144,11 +144,12 @@ def collocate(grip, fronts, ride, mesh, cable, works, kept, t, ends, a, further,
     grip : operators, coefficients, of each node bands, spans and `Contact`s, elements left of the mass; of following
         meshes places (m, s, 3) s_o, ds_o, dds_o and loads (m, s, n_fields), else empty; or None.
     fronts : that nodes travel with, `follow_fronts`'s xi, lines and p, instants (m, s) and table of inertia; or None.
-    ride : `Rolling`, real and complex, `Car`s of each node and, of a hauled one, places (m, s, 3); or None.
+    ride : `Rolling`, real and complex, `Car`, what instants bring it (m, s, 3), see `driven`, and its course, see
+        `under_way`, of a rule whose last node is the step's end; or None.
     works : `Tangent`s, real and complex, for this alone: factors serve the next step as well, as in RADAU5 (Hairer &
         Wanner 1996, section IV.8).  kept : (1,) the length of the step that they are for.
     ends, a, further : as `Collocating` has them.  told : (m, 6) as in `newton.settle`.
-    Return how many steps came to be in balance; one with a slack element is the last.
+    Return how many steps came to be in balance, before anything happens to the car; one with a slack element ends them.
     """
     for k in range(a.shape[0]):
         dt = t[k + 1] - t[k]
@@ -171,9 +172,8 @@ def collocate(grip, fronts, ride, mesh, cable, works, kept, t, ends, a, further,
                     contact.load[j] = loads[k, i, j]
             done = settle((bands, spans, contacts), None, *of)
         if ride is not None:
-            real, pair, cars, at = ride
-            if at.shape[0] > 0:
-                cars = hauled(cars[0], at[k, 0]), hauled(cars[0], at[k, 1]), hauled(cars[0], at[k, -1])
+            real, pair, car, at, course = ride
+            cars = driven(car, at[k, 0]), driven(car, at[k, 1]), driven(car, at[k, -1])
             done = settle(None, (real, pair, cars), *of)
         norm, iterations, factorisations, residuals, least, where = done
         told[k, 0], told[k, 1], told[k, 2] = norm, iterations, factorisations
@@ -188,6 +188,10 @@ def collocate(grip, fronts, ride, mesh, cable, works, kept, t, ends, a, further,
                 y += once[i] * a[k, i, j]
             ends[k + 1, 0, j] = ends[k, 0, j] + dt * (ends[k, 1, j] + dt * x)
             ends[k + 1, 1, j] = ends[k, 1, j] + dt * y
+        if ride is not None:
+            at_end = ends[k + 1, 0], ends[k + 1, 1], a[k, -1]
+            if not under_way(course, mesh[1], Rolling(*ride[0]), cable, cars[2], *at_end):
+                return k
         if not least >= 0.0:
             return k + 1
     return a.shape[0]

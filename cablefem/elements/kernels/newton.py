@@ -7,7 +7,7 @@ import numpy as np
 from cablefem.elements.kernels import compiled
 from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, coupling, follow
 from cablefem.elements.kernels.banded import Tangent, dot, factorise_coupled, solve_coupled
-from cablefem.elements.kernels.car import Car, Rolling, factorise_bordered, hauled, roll, solve_bordered
+from cablefem.elements.kernels.car import Car, Rolling, driven, factorise_bordered, roll, solve_bordered, under_way
 
 
 @compiled
@@ -16,12 +16,12 @@ def settle(grip, ride, mesh, cable, work, start, now, rules, told, bound, newton
 
     grip : operators, coefficients, bands and `Contact` of a mass whose place is given, elements left of it, and of a
         following mesh places (m, 3) s_o, ds_o, dds_o and loads (m, n_fields) of `Contact`, else empty; or None.
-    ride : `Rolling` and `Car` of one that rolls and, of a hauled one, places (m, 3), or None; numba compiles what is
-        there only.
+    ride : `Rolling` and `Car` of one that rolls, what instants bring it (m, 3), see `driven`, and its course, see
+        `under_way`; or None: numba compiles what is there only.
     mesh, work and the rest as plain tuples: it is slow to take in named ones.
     now : (m, 3, n) receives the ends;  rules : (m, 3, 5);  newton : max_iter, reuse, patience.
     told : (m, 6) |r|, iterations, factorisations, residuals, the least tension and its s.
-    Return how many came to be in balance with no element slack.
+    Return how many came to be in balance with no element slack, before anything happens to the car.
     """
     mesh, work, (max_iter, reuse, patience) = Mesh(*mesh), Tangent(*work), newton
     n = start.shape[1]
@@ -31,7 +31,7 @@ def settle(grip, ride, mesh, cable, work, start, now, rules, told, bound, newton
         operators, coefficients, bands, contact, n_left, places, loads = grip
         contact = Contact(*contact)
     if ride is not None:
-        rolling, car, at = Rolling(*ride[0]), ride[1], ride[2]
+        rolling, at, course = Rolling(*ride[0]), ride[2], ride[3]
         patience = 0  # near a support a correction that overshoots ends on another root
     for k in range(rules.shape[0]):
         begin, end, rule = start if k == 0 else now[k - 1], now[k], rules[k]
@@ -41,8 +41,8 @@ def settle(grip, ride, mesh, cable, work, start, now, rules, told, bound, newton
                 for i in range(loads.shape[1]):
                     contact.load[i] = loads[k, i]
             combine(operators, coefficients, bands)
-        if ride is not None and at.shape[0] > 0:
-            car = hauled(car, at[k])
+        if ride is not None:
+            car = driven(ride[1], at[k])
         for i in range(3):
             w = rule[i, 4]
             for j in range(n):
@@ -92,5 +92,7 @@ def settle(grip, ride, mesh, cable, work, start, now, rules, told, bound, newton
         told[k, 0], told[k, 1], told[k, 2] = norm, iterations, factorisations
         told[k, 3], told[k, 4], told[k, 5] = residuals, least, where
         if not (norm <= bound and least >= 0.0):
+            return k
+        if ride is not None and not under_way(course, mesh.dofs, rolling, cable, car, end[0], end[1], end[2]):
             return k
     return rules.shape[0]
