@@ -176,7 +176,7 @@ class RollingSystem(GalerkinSystem):
         drive, against = self.drive, -self._sign(t, phase)
         brake = against * sum(force for _, force in drive.brakes[: self.mode.brakes])
         of = self.mu, self.groups.sigma, drive.k, drive.wind, self.held(t), against * drive.mu_r, brake
-        since, ax, ay, jx, jy = self._smooth
+        since, ax, ay, jx, jy = self._smooth if self.free else (t, math.nan, math.nan, 0.0, 0.0)
         sheds = SHEDS * math.pi * (self.n - 1) if self.bow else 0.0
         return kernels.Rolling(*of, ax + (t - since) * jx, ay + (t - since) * jy, sheds)
 
@@ -240,9 +240,10 @@ class RollingSystem(GalerkinSystem):
 
         The one within a step closes an algebraic loop: slip has hardly any inertia, and as sines have it, it pushes the
         car across the cable, too; where steps are short, friction then has no solution (Painleve).  What rings is left
-        out, and friction is the same without it, which works against ds_o whatever rings.
+        out, and friction is the same without it, which works against ds_o whatever rings.  The slip of a hauled
+        car is given: there is no such loop.
         """
-        if self._past.size and x.t <= self._past[-1, 0]:
+        if not self.free or (self._past.size and x.t <= self._past[-1, 0]):
             return
         car = self._car_at(x)
         self._seen = None  # what comes now changes its friction
@@ -321,7 +322,7 @@ class RollingSystem(GalerkinSystem):
             if not self._rolls:
                 part[n, n] = c[2] * self.mu
                 continue
-            kernels.row(x.carried, car, x.rays, self._full.pulls, *travel[1:], self.mu, *c, part[n])
+            kernels.row(x.carried, car, x.rays, self._full.pulls, *travel[1:], self._on(t, phase), *c, part[n])
             if not self.free:
                 f = c[2] * x.carried.f
                 part[: self.n, n], part[self.n : n, n], part[n, n] = -car.tx * f, -car.ty * f, -c[2]

@@ -26,7 +26,7 @@ class Rolling(NamedTuple):
     hold: float  # F_hold
     rub: float  # mu_r, with the sign that friction acts in
     brake: float  # of brakes, with the sign they act in
-    ax: float = 0.0  # p.. as friction goes by it
+    ax: float = 0.0  # p.. as friction goes by it; nan: by the one that the car has
     ay: float = 0.0
     sheds: float = 0.0  # how fast a kink that changes loses what sines cannot carry, over |ds_o|
 
@@ -48,7 +48,9 @@ def car(on, thrust, velocity, acceleration, behind, ahead):
     Cx = on.mu * acceleration[0] - thrust * tx - air * x
     Cy = on.mu * (acceleration[1] - on.sigma) - thrust * ty - air * y
     pressing, cos_phi = ty * Cx - tx * Cy, size / stretch
-    normal = ty * (on.mu * on.ax - air * x) - tx * (on.mu * (on.ay - on.sigma) - air * y)
+    normal = pressing
+    if not math.isnan(on.ax):
+        normal = ty * (on.mu * on.ax - air * x) - tx * (on.mu * (on.ay - on.sigma) - air * y)
     defect = tx * Cx + ty * Cy - cos_phi * (on.hold / stretch + on.brake + on.rub * abs(normal))
     speed = tx * velocity[0] + ty * velocity[1]
     return (
@@ -232,13 +234,15 @@ def pulls(phi, gram):
 
 
 @compiled
-def row(x, out, rays, pulls, ds_o, dds_o, mu, c0, c1, c2, into):
+def row(x, out, rays, pulls, ds_o, dds_o, on, c0, c1, c2, into):
     """The car's row of the tangent, (2 n + 1,), by `roll`; tau turns with the forces of `recover`."""
-    n = x.f.size
+    n, mu = x.f.size, on.mu
+    rub = out[4] * math.copysign(on.rub, on.rub * out[8]) if math.isnan(on.ax) else 0.0
+    along = out[2] - rub * out[3], out[3] + rub * out[2]
     turn = -0.5 * out[8] / (out[4] * out[5])
     for b in range(2):
         for j in range(n):
-            own = out[2 + b] * mu * (c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j])
+            own = along[b] * mu * (c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j])
             by_a = out[14 + b] * x.behind[j] - out[16 + b] * (x.mass[n - 1, j] - x.behind[j])
             by_q = 0.0
             for a in range(2):

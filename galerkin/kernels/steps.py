@@ -190,7 +190,7 @@ def tangent(here, ride, cable, balanced, r, out, gram, sides, internal, c0, c1, 
     if ride.mode == STUCK:
         K[2 * n, 2 * n] = c2 * mu
         return
-    row(x, out, rays, pulls(at.phi, gram), ds_o, dds_o, mu, c0, c1, c2, K[2 * n])
+    row(x, out, rays, pulls(at.phi, gram), ds_o, dds_o, ride.on, c0, c1, c2, K[2 * n])
     if hauled:
         for i in range(n):
             K[i, 2 * n], K[n + i, 2 * n] = -c2 * out[2] * x.f[i], -c2 * out[3] * x.f[i]

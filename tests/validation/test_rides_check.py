@@ -11,12 +11,13 @@ import pytest
 
 from cablefem import Scene
 from tests.scene.test_ride import ZIP
-from tests.validation.pairs import altered
+from tests.validation.pairs import altered, right
 from validation.core import measures
-from validation.core.agreement import ALONG, AXIAL_MEAN, UP_TO, Verdict, agree, with_bars
+from validation.core.agreement import ALONG, AXIAL_MEAN, UP_TO, Verdict, _slack_onset, agree, with_bars
 from validation.core.design import numbers
 from validation.core.estimate import RESOLVED, estimated, rings
 from validation.core.methods import find
+from validation.core.running import run
 from validation.core.sampling import _turns
 
 RIDE = Scene.from_toml(ZIP + "rolling_friction = 0.02\nbrake = [{from = 25.0, force = 40.0}]\nend = {place = 45.0}")
@@ -141,3 +142,25 @@ def test_heavy_cars_that_turn_against_friction_take_more_steps():
     assert [steps(mu, turns=True) / usual for mu in (0.3, 1.0, 9.0)] == pytest.approx([1.0, 1.6, 2.0])
     assert steps(1.0) == steps(1.0, turns=True, mu_r=0.0) == usual
     assert len({steps(mu, find("following-p2"), turns=True) for mu in (0.3, 9.0)}) == 1
+
+
+def test_means_over_an_axial_round_trip_end_with_the_window():
+    """Next to the far support, beyond it, forces grow faster than bars from within it tell."""
+    scene = Scene.load("tramway")
+    r = run(scene, "following-p2", elements=4, steps=150)
+    axial, window = 20.0 * 2.0 * scene.length / scene.axial_speed, (0.02, 0.9)
+    place = r.s_o / r.length
+    past, inside = (np.where((place > x) & (place < y), 1e6, 0.0) for x, y in ((0.91, 1.0), (0.8, 0.9)))
+
+    def gap(more):
+        other = replace(r, F_haul=r.F_haul + more)
+        return measures.series_gap(r, other, window, lambda x: x.F_haul, axial)
+
+    assert gap(past) == 0.0
+    assert gap(inside) > 1e5
+
+
+def test_a_run_that_found_no_start_has_a_slack_onset_all_the_same():
+    a, b = right()
+    still = altered(b, lambda r: replace(r, s_o=r.s_o[:1]))
+    assert _slack_onset(a, still).bound.value > 0.0

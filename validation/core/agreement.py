@@ -373,7 +373,7 @@ def _slack_onset(a: Estimated, b: Estimated) -> Agreement:
     parts = []
     for e in (a, b):
         # an onset is a step, so no better than that
-        step = float(np.diff(e.run.s_o).max()) / e.run.length
+        step = float(np.diff(e.run.s_o).max(initial=0.0)) / e.run.length  # none where a run has found no start
         spread = max(abs(_onset(e.run) - _onset(c)) for c in (e.in_space, e.in_time))
         parts.append(Part(e.run.method, SAFETY * spread + step, FIRST_ORDER))
     gap = abs(_onset(a.run) - _onset(b.run))
