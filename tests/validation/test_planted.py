@@ -285,6 +285,33 @@ def test_a_disagreement_is_one_that_stays_under_refinement(gap, before, told):
     assert found.verdict is told, str(found.bound)
 
 
+@pytest.mark.parametrize(("order", "told"), [(0.55, Verdict.TOO_COARSE), (0.35, Verdict.DISAGREE)])
+@pytest.mark.parametrize("ratio", [1.3, 1.5, 2.0])
+def test_what_a_refinement_takes_is_read_by_its_ratio(ratio, order, told):
+    """A gap of order 1/2 is the answers' own, whatever it was refined by."""
+    (found,) = settled([row(1.7)], [row(1.7 * ratio**order)], ratio)
+    assert found.verdict is told, str(found.bound)
+
+
+def past(place, **factors):
+    """Multiply what comes after a place s_o/l."""
+
+    def change(r):
+        later = r.s_o > place * r.length
+        wild = {n: np.where(later, k, 1.0) * getattr(r, n) for n, k in factors.items()}
+        return replace(r, **wild)
+
+    return change
+
+
+@pytest.mark.parametrize(("since", "told"), [(0.801, Verdict.AGREE), (0.77, Verdict.DISAGREE)])
+def test_means_over_an_axial_round_trip_end_with_the_window(since, told):
+    """Past it a run may be anything; its companions end there."""
+    a, b = right()
+    wild = replace(a, response=past(since, T_behind=7.0)(a.response))
+    assert rows(wild, b)[("tension_behind", AXIAL_MEAN)].verdict is told
+
+
 def test_who_makes_a_row_too_coarse_is_refined():
     first, second = study.SOLVERS
     blunt = Bound("error bars", (Part(first, 0.2), Part(second, 0.9)), tol=1.0)
@@ -333,6 +360,48 @@ def test_a_check_goes_on_where_bars_cover_less_than_the_range(monkeypatch, flagg
     monkeypatch.setattr(study, "side_by_side", lambda jobs, progress, load: [job(lambda *told: None) for job in jobs])
     assert study.check(LEVEL, tol=0.05).verdict is Verdict.AGREE
     assert len(asked) == 2 * rounds
+
+
+@pytest.mark.parametrize(
+    ("kind", "gap", "told", "rounds"),
+    [
+        (None, 1.7, Verdict.DISAGREE, 2), ("slow waves", 1.7, Verdict.TOO_COARSE, 1),
+        ("slow waves", 3.6, Verdict.DISAGREE, 2),
+    ],
+)  # fmt: skip
+def test_bars_that_are_no_bound_prove_nothing_within_three_times(monkeypatch, kind, gap, told, rounds):
+    a, b = right()
+    marks = [flag(kind, least=0.1, since=0.6, at=0.9)] if kind else []
+    asked = []
+
+    def resolved(scene, method, tol, budget, until, before, confirms, progress):
+        asked.append(confirms)
+        e = a if method.wing == "elements" else b
+        return replace(e, run=replace(e.run, path_error=0.9 * tol, flags=marks))
+
+    monkeypatch.setattr(study, "_resolved", resolved)
+    monkeypatch.setattr(study, "side_by_side", lambda jobs, progress, load: [job(lambda *told: None) for job in jobs])
+    monkeypatch.setattr(study, "agree", lambda *runs, **kind: [row(gap)])
+    assert study.check(LEVEL, tol=0.05).verdict is told
+    assert len(asked) == 2 * rounds
+
+
+def test_a_check_goes_on_from_what_confirmed(monkeypatch):
+    """Where the second look leaves rows too coarse, their solvers are refined as after the first."""
+    answers, asked = dict(zip(study.SOLVERS, right(), strict=True)), []
+    found = iter([[row(1.7)], [row(0.2, tol=0.5)], [row(0.2)]])
+
+    def resolved(scene, method, tol, budget, until, before, confirms, progress):
+        asked.append((confirms, tol))
+        e = answers[method.name]
+        return replace(e, run=replace(e.run, path_error=0.9 * tol, flags=[]))
+
+    monkeypatch.setattr(study, "_resolved", resolved)
+    monkeypatch.setattr(study, "side_by_side", lambda jobs, progress, load: [job(lambda *told: None) for job in jobs])
+    monkeypatch.setattr(study, "agree", lambda *runs, **kind: next(found))
+    assert study.check(LEVEL, tol=0.05).verdict is Verdict.AGREE
+    assert [confirms for confirms, _ in asked] == [False, False, True, True, False, False]
+    assert asked[-2][1] < asked[-4][1] == asked[-6][1]
 
 
 def late(x):

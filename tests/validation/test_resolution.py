@@ -18,6 +18,8 @@ from validation.core.estimate import SAME_ONSET, Estimated, companions
 from validation.core.methods import METHODS, find
 from validation.core.resolution import (
     CONFIRMED,
+    FINEST,
+    SHARP,
     UNCONFIRMED,
     TooCoarse,
     _doubtful,
@@ -26,11 +28,13 @@ from validation.core.resolution import (
     _Part,
     _part,
     _Rung,
+    again,
     past_window,
     resolve,
     resolved,
     work,
 )
+from validation.core.richardson import NO_ORDER
 from validation.core.running import Run, run
 
 LEVEL, INCLINED = Scene.load("level"), Scene.load("inclined")
@@ -128,6 +132,23 @@ def test_a_ladder_goes_on_where_it_ended(monkeypatch):
     assert measures.path_gap(on.run, fine, (0.02, 0.8))[0] <= on.run.path_error
 
 
+def test_a_ladder_goes_on_from_a_second_look_and_by_its_rule():
+    """Finer than FINEST heavy cars ride by another rule, which tells less of tension: not on a ladder begun before."""
+    method, how = find("following-p2"), {"until": 0.8}
+    first = resolved(INCLINED, method, 5e-3, **how)
+    second = again(INCLINED, method, first, 1.5, **how)
+    assert second.run.settings["elements"] == round(1.5 * first.run.settings["elements"])
+    assert second.run.settings["steps"] == round(1.5 * first.run.settings["steps"])
+    assert second.run.path_error == pytest.approx(second.rung.bar, rel=1e-12)
+    on = resolved(INCLINED, method, 0.3 * FINEST, before=second, **how)
+    assert on.run.settings["scheme"] == first.run.settings["scheme"] != SHARP["scheme"]
+    assert on.run.settings["steps"] >= second.run.settings["steps"]
+    assert on.run.path_error <= 0.3 * FINEST
+    fine = run(INCLINED, method, elements=24, steps=1900, until=0.8)
+    for e in (second, on):
+        assert measures.path_gap(e.run, fine, (0.02, 0.8))[0] <= e.run.path_error
+
+
 def test_a_light_car_is_resolved_where_its_front_meets_it():
     light = LEVEL.variant(mu=0.053)
     r = resolve(light, "following-p4", 1.1e-3, until=0.8)
@@ -178,8 +199,12 @@ def test_a_part_that_falls_as_its_order_says_is_trusted_more():
     first = _part(middle, coarse, 2.0, 2.0)
     assert first.safety == UNCONFIRMED
     assert _part(fine, middle, 2.0, 2.0, first).safety == CONFIRMED
-    # twin: the same gap again is no fall
-    assert _part(middle, coarse, 2.0, 2.0, first).safety == UNCONFIRMED
+    # twin: the same gap again is no fall, and shows no order: three times it is the bar
+    still = _part(middle, coarse, 2.0, 2.0, first)
+    assert still.shows_none
+    assert still.path == pytest.approx(NO_ORDER * 3.0 * still.left)
+    # read again on as fine a mesh it says nothing of an order
+    assert not _part(middle, coarse, 2.0, 2.0, replace(first, left=0.5 * first.left), 1.0).shows_none
     assert _part(fine, run(LEVEL, "following-p2", elements=6, steps=600, until=0.4), 2.0, 2.0, first).path == np.inf
 
 

@@ -152,6 +152,23 @@ def test_compression_of_less_than_an_element_is_flagged_and_slack_is_not():
         assert run(LEVEL, "following-p2", elements=10, steps=500, until=until).flags == []
 
 
+def test_waves_slower_than_the_mass_are_flagged():
+    """Shortly before a cable falls slack they are so on any, which is no cause."""
+    near = Scene.from_groups(sag_ratio=0.1353, slope=15.2, mu=0.3404, alpha=92.6, speed_ratio=0.6848)
+    r = run(near, "following-p2", elements=20, steps=900, until=0.8)
+    (slow,) = (x for x in r.flags if x.kind == "slow waves")
+    place = slow.numbers["since"]
+    assert 0.0 < slow.numbers["least"] < 0.6848**2
+    k = np.searchsorted(r.s_o, place * r.length)
+    assert (
+        r.tension_min[k : k + 2].min()
+        < near.cable.mass_per_length * (r.s_o[k] - r.s_o[k - 1]) ** 2 / (r.t[k] - r.t[k - 1]) ** 2
+    )
+    # twin: a slower car on the same cable
+    slower = run(near.variant(speed_ratio=0.4), "following-p2", elements=20, steps=900, until=0.8)
+    assert "slow waves" not in slower.flag_kinds
+
+
 def test_flags_survive_being_written_and_read(tmp_path):
     r = run(LEVEL, "fixed-p1-path", scheme="trapezoidal", law="elastic", elements=20, steps=500)
     r.write(tmp_path)

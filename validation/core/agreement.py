@@ -25,7 +25,7 @@ from validation.core.estimate import SLACK_END, Estimated
 from validation.core.flags import flag
 from validation.core.measures import NotComparable, Window
 from validation.core.methods import METHODS
-from validation.core.richardson import NO_ORDER, SAFETY, UNCONFIRMED, time_order
+from validation.core.richardson import NO_ORDER, SAFETY, UNCONFIRMED, no_order, time_order
 
 if TYPE_CHECKING:
     from validation.core.laws import Held
@@ -121,28 +121,30 @@ def wanting(rows: list[Agreement], methods: list[str]) -> list[str]:
     return found or methods
 
 
-def settled(rows: list[Agreement], before: list[Agreement] | None) -> list[Agreement]:
+def settled(rows: list[Agreement], before: list[Agreement] | None, ratio: float = 2.0) -> list[Agreement]:
     """Return rows in which only such gaps disagree as stay when both answers are refined.
 
     Of many bars from two grids each some are too small by chance.  A gap that refinement takes away is the answers'
-    own: where it falls, three times what the last refinement took is its bar, and where nothing was refined, three
-    times the bars are (Eca & Hoekstra, for whatever shows no order); within either a row is too coarse to tell.
+    own: where it falls, three times what halving would take is its bar, and where nothing was refined, or the bars are
+    said to be no bound, three times the bars are (Eca & Hoekstra, for whatever shows no order); within either a row is
+    too coarse to tell.
 
     before : the rows of the same two methods before both were refined; None: they were not.
+    ratio : of that refinement; a smaller one takes less of what there is.
     """
     earlier = {(row.quantity, row.law): row for row in before or []}
-    return [_settled(row, before is None, earlier.get((row.quantity, row.law))) for row in rows]
+    return [_settled(row, before is None, earlier.get((row.quantity, row.law)), no_order(ratio)) for row in rows]
 
 
-def _settled(row: Agreement, alone: bool, earlier: Agreement | None) -> Agreement:
+def _settled(row: Agreement, alone: bool, earlier: Agreement | None, times: float) -> Agreement:
     if row.verdict is not Verdict.DISAGREE:
         return row
     if alone:
         parts = tuple(replace(part, value=NO_ORDER * part.value) for part in row.bound.parts)
-        wider = replace(row.bound, parts=parts, notes=(*row.bound.notes, f"{NO_ORDER:g} times: nothing is confirmed"))
+        wider = replace(row.bound, parts=parts, notes=(*row.bound.notes, f"{NO_ORDER:g} times: no order is confirmed"))
     else:
         taken = max(0.0, earlier.gap - row.gap) if earlier is not None else 0.0
-        wider = Bound("taken", (Part("refinement", NO_ORDER * taken),), {"bars": row.allowed})
+        wider = Bound("taken", (Part("refinement", times * taken),), {"bars": row.allowed, "times": times})
     return replace(row, bound=replace(wider, tol=row.allowed)) if row.gap <= wider.value else row
 
 
@@ -422,7 +424,8 @@ LATE = f"the largest change from half of both up to s_o/l = {{:.3f}}, times {UNC
 MOST_UNLIKE = 4.0
 SHORT_OF = 0.5  # by which the order that a ladder shows may fall short of the scheme's
 # What says that an error bar may be too small: the verdict stands, but nobody should build on it.
-DOUBTS = ("fast", "energy", "hidden slack", "no bar", "short bar", "time order")
+DOUBTS = ("fast", "slow waves", "energy", "hidden slack", "no bar", "short bar", "time order")
+UNBOUNDED = ("fast", "slow waves", "hidden slack")  # of these, what the cable does, whatever run tells it
 
 
 def doubts(a: Estimated, b: Estimated) -> list[tuple[str, Flag]]:
@@ -458,6 +461,8 @@ def _energy_series(scene: Scene) -> Series:
 
 def _law(name: str, series: Series, a: Estimated, b: Estimated, window: Window) -> Agreement:
     """Hold a law of mechanics, whose exact defect is zero, against each run: its defect must be its error bar."""
+    from validation.core import laws  # see `agree`
+
     found = []
     for e in (a, b):
         defect = series(e.run)
@@ -468,8 +473,8 @@ def _law(name: str, series: Series, a: Estimated, b: Estimated, window: Window) 
             inside = measures.inside(coarse, window)
             return _rms((series(coarse) - measures.at_steps_of(coarse, fine, np.nan_to_num(series(fine))))[inside])
 
-        bar = SAFETY * (distance(e.run, e.in_space) + distance(e.run, e.in_time))
-        found.append(Agreement(name, gap, Bound("law", (Part(e.run.method, bar, FIRST_ORDER),))))
+        bar = laws.SAFETY * (distance(e.run, e.in_space) + distance(e.run, e.in_time))
+        found.append(Agreement(name, gap, Bound("law", (Part(e.run.method, bar, f"{CHANGED}, times {laws.SAFETY}"),))))
     return _worse(found)
 
 

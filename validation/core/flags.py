@@ -8,6 +8,8 @@ from cablefem.response import Flag, Response
 WORDS = {
     "fast": "the mass outruns the waves in front of it (V/c = {speed_ratio:.2f}): refinement converges slowly or not "
     "at all, and the error bar is no bound",
+    "slow waves": "the tension falls to {least:.2g} H: from s_o/l = {since:.3f} (s/l = {at:.3f}) on waves there are "
+    "slower than the mass and steepen; refinement converges slowly, and the error bar is no bound",
     "energy": "the run gains energy that nothing gave it ({gain:.2g} of all it has, {allowed:g} allowed): distrust it, "
     "its slack too; take more steps, a damped or the energy scheme, or another method",
     "slack energy": "after the slack onset the run gains energy that nothing gave it ({gain:.2g} of all it had): from "

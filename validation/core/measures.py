@@ -146,13 +146,14 @@ def series_gap(
     t, known = coarse.t[within], [np.isfinite(of(r).reshape(r.t.size, -1)).all(axis=1) for r in (coarse, fine)]
     if not all(k.sum() > 3 for k in known):
         raise NotComparable("one of the answers does not say it")
-    # over the same time in all that are compared: a companion ends with the window, and next to a support, beyond it,
-    # forces grow faster than any bar from within tells
-    last = min(coarse.t[known[0]][-1], fine.t[known[1]][-1], t[-1])
+    # over the same time in all that are compared, and none past the window: a companion ends there, and beyond it a
+    # cable may be slack, or forces next to a support grow faster than any bar from within tells
+    last = min(t[-1], coarse.t[known[0]][-1], fine.t[known[1]][-1])
     first = max(coarse.t[known[0]][0], fine.t[known[1]][0])
     low, high = np.clip(t - 0.5 * axial, first, last), np.clip(t + 0.5 * axial, first, last)
 
     def at(r: Response, k: Any) -> Any:
+        k = np.flatnonzero(k)[: np.searchsorted(r.t[k], last) + 1]
         when, values = r.t[k], of(r).reshape(r.t.size, -1)[k]
         if not axial:
             return _spline(when, values, [x["t"] for x in r.events], low)

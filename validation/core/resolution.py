@@ -18,7 +18,7 @@ from validation.core import measures, richardson
 from validation.core.design import Refinement, of_ladder
 from validation.core.estimate import KIND, SAME_ONSET, Estimated, companions, rings, until, weighted, window_of
 from validation.core.methods import Method, find, refined
-from validation.core.richardson import UNCONFIRMED, space_order, time_order
+from validation.core.richardson import NO_ORDER, UNCONFIRMED, space_order, time_order
 from validation.core.running import Run, run, whole
 from validation.core.sidebyside import Progress, side_by_side
 
@@ -87,6 +87,11 @@ class _Part:
     @property
     def path(self) -> float:
         return self.safety * self.left
+
+    @property
+    def shows_none(self) -> bool:
+        """Whether the part fell more slowly than anything that has an order."""
+        return self.safety > UNCONFIRMED
 
     @property
     def refinement(self) -> list[Refinement]:
@@ -323,7 +328,7 @@ def resolved(
 
     The path's bar is that of its own ladder, which has seen its orders; all others are those of the companions.
 
-    before : what was returned for a larger tolerance, whose ladder goes on.
+    before : what was returned for a larger tolerance, whose ladder goes on by its rule.
     """
     method = find(method) if isinstance(method, str) else method
     made: list[MassPath] = []
@@ -331,9 +336,7 @@ def resolved(
     if before is not None and before.rung is not None:
         if before.rung.bar <= tol:
             return before
-        rule = _rule(scene, method, {}, tol)
-        if all(before.run.settings[k] == v for k, v in rule.items()):
-            made, ladder = [before.in_space, before.in_time], [before.rung]
+        made, ladder = [before.in_space, before.in_time], [before.rung]
     try:
         finest = resolve(
             scene, method, tol, progress=progress, runs=made, budget=budget, past=past, ladder=ladder, **kind
@@ -347,8 +350,36 @@ def resolved(
     heard = loud(scene, method, finest.settings)
     loudly = next((whole(r) for r in made if r.settings == heard), None)
     order = _order_in_time(e, made) or (before.order if before is not None else None)
-    e = replace(e, order=order, loud=loudly, rung=ladder[-1])
-    return weighted(e, finest.path_error / e.run.path_error) if finest.path_error and e.run.path_error else e
+    return _told_of(replace(e, order=order, loud=loudly), ladder[-1])
+
+
+def again(
+    scene: Scene, method: Method, before: Estimated, ratio: float, *, progress: Callable[[float], None] | None = None,
+    **kind: Any,
+) -> Estimated:  # fmt: skip
+    """Return what was resolved anew with `ratio` times the resolution and the steps, and both companions.
+
+    Nothing else of it tells how finer grids change what the path did not ask for.  Its ladder can go on from there.
+    """
+    finer = refined(method, before.run.settings, space=ratio, time=ratio)
+    e = replace(companions(scene, method, progress=progress, **kind, **finer), loud=before.loud, order=before.order)
+    orders = space_order(method.space_order), time_order(finer)
+    known = (None, None) if before.rung is None else (before.rung.space, before.rung.time)
+    space, time = (
+        _part(e.run, coarse, 2.0, order, part, ratio)
+        for coarse, order, part in zip((e.in_space, e.in_time), orders, known, strict=True)
+    )
+    return _told_of(e, _Rung(e.run, space, time))
+
+
+def _told_of(e: Estimated, rung: _Rung) -> Estimated:
+    """Return the estimate with the path's bar of its ladder; what shows no order there has none elsewhere."""
+    weights = tuple(
+        NO_ORDER / own if part.shows_none else x
+        for part, own, x in zip((rung.space, rung.time), (e.own, 1.0), e.weights, strict=True)
+    )
+    e = weighted(replace(e, rung=rung, weights=(weights[0], weights[1])), 1.0)
+    return weighted(e, rung.bar / e.run.path_error) if e.run.path_error and math.isfinite(rung.bar) else e
 
 
 def past_window(scene: Scene, method: Method, r: Response, made: list[MassPath], **kind: Any) -> Response:
@@ -493,9 +524,13 @@ def _part(
         gap = measures.path_gap(coarse, fine, window_of(fine, coarse))[0]
     except measures.NotComparable:
         return _Part(math.inf, UNCONFIRMED, read)
-    left, fall = richardson.left(order, ratio) * gap, (since or ratio) ** order
-    confirmed = before is not None and left <= NEARLY * before.left / fall < math.inf
-    return _Part(left, CONFIRMED if confirmed else UNCONFIRMED, read)
+    left, finer, safety = richardson.left(order, ratio) * gap, since or ratio, UNCONFIRMED
+    if before is not None and before.left < math.inf:
+        if left <= NEARLY * before.left / finer**order:
+            safety = CONFIRMED
+        elif finer > 1.0 and left > before.left / finer**richardson.LEAST_ORDER:
+            safety = max(UNCONFIRMED, richardson.no_order(ratio) / richardson.left(order, ratio))
+    return _Part(left, safety, read)
 
 
 def _next(

@@ -23,6 +23,11 @@ def left(order: float, ratio: float = 2.0) -> float:
     return 1.0 / (ratio**order - 1.0)
 
 
+def no_order(ratio: float) -> float:
+    """Return the bar over the gap to a run coarser by `ratio` where no order shows: as for halves, for an order 1/2."""
+    return NO_ORDER * left(LEAST_ORDER, ratio) / left(LEAST_ORDER)
+
+
 def weight(order: float, fall: float | None) -> float:
     """Return the bar of a run over its gap to the one half as fine, by how that gap fell from the one before.
 

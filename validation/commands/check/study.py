@@ -16,6 +16,7 @@ from cablefem.scene import Scene
 from validation.core import foreign, measures
 from validation.core.agreement import (
     DEFAULT_TOL,
+    UNBOUNDED,
     Agreement,
     Verdict,
     agree,
@@ -26,10 +27,10 @@ from validation.core.agreement import (
     with_bars,
 )
 from validation.core.design import design, numbers
-from validation.core.estimate import Estimated, companions, past_slack
+from validation.core.estimate import Estimated, past_slack
 from validation.core.foreign import WITH_TOL, ForeignPath
-from validation.core.methods import Method, find, refined
-from validation.core.resolution import resolved, work
+from validation.core.methods import Method, find
+from validation.core.resolution import again, resolved, work
 from validation.core.running import run
 from validation.core.sidebyside import Progress, side_by_side
 from validation.core.store import Refused
@@ -124,41 +125,50 @@ class _Round:
     confirms: bool  # a disagreement of the round before, by runs finer in space and time
 
     @property
+    def unbounded(self) -> bool:
+        return any(flag.kind in UNBOUNDED for e in self.runs for flag in e.run.flags)
+
+    @property
+    def apart(self) -> bool:
+        return overall(self.rows) is Verdict.DISAGREE
+
+    @property
     def doubted(self) -> bool:
-        return overall(self.rows) is Verdict.DISAGREE and not self.confirms
+        far = overall(settled(self.rows, None)) is Verdict.DISAGREE if self.unbounded else self.apart
+        return far and not self.confirms
 
     @property
     def settled(self) -> list[Agreement]:
         # of a gap that stays although nothing confirms it, something may be as coarse as it was
-        rows = self.rows if self.confirms else settled(self.rows, None)
+        rows = self.rows if self.confirms and not self.unbounded else settled(self.rows, None)
         # and one that refinement takes away is the answers' own
-        return rows if self.before is None else settled(rows, self.before.rows)
+        return rows if self.before is None else settled(rows, self.before.rows, CONFIRMS if self.confirms else 2.0)
 
     def ahead(self, budget: float) -> list[float] | None:
         """Return what to ask of both runs next, None where finer ones would tell no more, or cost too much.
 
-        A disagreement is looked at once more with both finer in space and time, whatever is asked of the path; rows
-        that are too coarse refine whose bars make them so.  Who is finer already than it would be asked to be is
-        refined from where it is, or nobody would be.
+        A disagreement is looked at once more with both finer in space and time, whatever is asked of the path, and not
+        within three times bars that are said to be no bound; rows that are too coarse refine whose bars make them so.
+        Who is finer already than it would be asked to be is refined from where it is, or nobody would be.
         """
-        if self.confirms:
-            return None
         names = [m.name for m in self.methods]
         errors = [math.inf if e.run.path_error is None else e.run.path_error for e in self.runs]
-        if any(error > aim for error, aim in zip(errors, self.aims, strict=True)):
-            return None
+        missed = [error > aim for error, aim in zip(errors, self.aims, strict=True)]
+        if any(missed) and not self.confirms:
+            return None  # no ladder went further
         rows = self.settled
         verdict = overall(rows)
         # a companion that breaks or falls slack early cuts the range, and what is compared there says little
         short = any(flag.kind in ("short bar", "no bar") for e in self.runs for flag in e.run.flags)
         coarse = (verdict is Verdict.TOO_COARSE or short) and sum(self.aims) > 0.99 * FINER_FROM
-        if not (self.doubted or coarse):
+        if not (self.doubted or coarse) or (self.unbounded and not self.doubted and self.apart):
             return None
         which = [name in (names if self.doubted or short else wanting(rows, names)) for name in names]
+        which = missed if any(missed) else which
         costs = [FINER * LADDER * work(m, e.run) for m, e in zip(self.methods, self.runs, strict=True)]
         if any(asked and cost > budget for asked, cost in zip(which, costs, strict=True)):
             return None
-        if self.doubted:
+        if self.doubted or any(missed):
             return self.aims
         aims = [aim / FINER if asked else aim for aim, asked in zip(self.aims, which, strict=True)]
         if all(error <= aim for error, aim in zip(errors, aims, strict=True)):
@@ -206,10 +216,6 @@ def check(
         if made is not None:
             made(first.run, second.run)
         runs: tuple[Estimated, Estimated] = first, second
-        if any(
-            old and old.run.settings["scheme"] != e.run.settings["scheme"] for old, e in zip(known, runs, strict=True)
-        ):
-            judged = None  # what another rule left out tells nothing of this one's gaps
         judged = _Round(found, aims, runs, agree(scene, *runs, tol=tol, tol_tension=tol_tension), judged, confirms)
         aims = judged.ahead(budget)
     assert judged is not None
@@ -256,8 +262,7 @@ def _resolved(
     told(0.0)
     ends: dict[str, Any] = {} if until is None else {"until": until}
     if before is not None and confirms:
-        finer = refined(method, before.run.settings, space=CONFIRMS, time=CONFIRMS)
-        e = replace(companions(scene, method, progress=told, **ends, **finer), loud=before.loud, order=before.order)
+        e = again(scene, method, before, CONFIRMS, progress=told, **ends)
     else:
         past = 0.0 if ends else math.inf
         e = resolved(scene, method, tol, budget=budget, past=past, before=before, progress=told, **ends)
