@@ -498,13 +498,14 @@ class RollingSystem(GalerkinSystem):
     def _go_on(self, x: State) -> State:
         return self._consistent(x.t, x.q, x.v.copy(), x.phase)
 
-    def part(self, x: State, since: float) -> float:
+    def part(self, x: State, since: float, ahead: float = 0.0) -> float:
         """Which part of a step to take; what rings matters to friction and brakes alone."""
         if not self.free:
             return 1.0
         hears = self.drive.mu_r > 0.0 or bool(self.drive.brakes)
         rubs = hears and (self.mode.brakes > 0 or self.mode.sign == 0.0)
-        of = self._round_trip, self.groups.sigma, self.place(x), float(x.v[-1]), self.mode.forward
+        slip = x.v.item(-1)
+        of = self._round_trip, self.groups.sigma, x.q.item(-1) + ahead * slip, slip, self.mode.forward
         return self.drive.part_of_step(*of, since if hears else math.inf, rubs)
 
     # --- events -----------------------------------------------------------------------------------------------------

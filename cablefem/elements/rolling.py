@@ -140,12 +140,13 @@ class RollingElements(FollowingElements):
         """After a jump of force the car slips at once, and is stopped by an axial wave that few steps resolve."""
         return self.free and 0.5 * dt * dt * abs(float(x.a[-1])) > ABRUPT
 
-    def part(self, x: State, since: float) -> float:
+    def part(self, x: State, since: float, ahead: float = 0.0) -> float:
         """Return the part of a step to take: short near a support, and where friction or a brake hears what rings."""
         if not self.free:
             return 1.0
         rubs = self._grips and (self._brakes > 0 or self._mode == kernels.HELD)
-        of = self._settled, self.groups.sigma, float(x.q[-1]), float(x.v[-1])
+        slip = x.v.item(-1)
+        of = self._settled, self.groups.sigma, x.q.item(-1) + ahead * slip, slip
         hears = (self._forward, since) if self._grips else (0.0, math.inf)
         return self.drive.part_of_step(*of, *hears, rubs)
 

@@ -85,12 +85,12 @@ def _through(
         while t - state.t > rounding(t):
             if alone == halvings == pieces == 0 and step.strides:
                 ahead = edges[i + 1 : i + 1 + STRIDE] if ringing is None else _pieces(ringing, state, jumped, edges[i:])
-                alone, asked = ALONE, np.array(ahead)
-                for x in step.stride(state, asked) if ahead else ():
+                alone = ALONE
+                for x in step.stride(state, np.array(ahead)) if ahead else ():
                     if watched is not None and not min(watched.watch(x)) > 0.0:
                         break
                     work.steps += 1
-                    state, alone, shown = x, int(x.t < asked[-1]), x.t
+                    state, alone, shown = x, int(x.t < ahead[-1]), x.t
                     yield x
                 if alone < ALONE:
                     fresh = False
@@ -146,12 +146,12 @@ def _piece(t0: float, t: float, piece: float) -> float:
 
 def _pieces(ringing: Ringing, x: State, jumped: float, edges: list[float]) -> list[float]:
     """Return the ends of the next few steps, as they come if x goes on at its velocity; edges : of the grid."""
-    now, ends = x, list[float]()
+    now, ends = x.t, list[float]()
     for before, t in itertools.pairwise(edges):
-        while t - now.t > rounding(t):
-            t1 = _piece(now.t, t, (t - before) * ringing.part(now, now.t - jumped))
-            if not t1 > now.t or len(ends) == AHEAD:
+        while t - now > rounding(t):
+            t1 = _piece(now, t, (t - before) * ringing.part(x, now - jumped, now - x.t))
+            if not t1 > now or len(ends) == AHEAD:
                 return ends
             ends.append(t1)
-            now = State(t1, x.q + (t1 - x.t) * x.v, x.v, x.a, x.phase)
+            now = t1
     return ends

@@ -137,10 +137,11 @@ class Abrupt(Protocol):
 class Ringing(Protocol):
     """What a system answers besides if a jump of force rings faster than the steps of a run are long."""
 
-    def part(self, x: State, since: float) -> float:
-        """Return which part of a step of the grid to take from x, `since` after the last event; in (0, 1].
+    def part(self, x: State, since: float, ahead: float = 0.0) -> float:
+        """Return which part of a step of the grid to take, `since` after the last event; in (0, 1].
 
-        A function of time alone, whatever the steps: then all of them shrink together where a run is refined.
+        From x, or `ahead` of it in time, as it comes to be there at its velocity.  A function of time alone, whatever
+        the steps: then all of them shrink together where a run is refined.
         """
 
 
