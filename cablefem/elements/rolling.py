@@ -422,6 +422,8 @@ class RollingElements(FollowingElements):
             x[:] -= c * dx
 
         bound = 1e-13 * self.force_scale + math.sqrt(self._n_dof) * self.force_floor  # rounding of both
+        # and of slopes, differences of displacements over the length of an element: next to a support that is short
+        shortest = min(s_o * np.diff(self.left.knots).min(), (1.0 - s_o) * np.diff(self.right.knots).min())
         # A stiff cable under a heavy car: Newton loses its way, or finds a rest with folds, unless a soft cable
         # has shown the shape first.  A load raises the horizontal tension, 1 without it; a fold carries less.
         stiff, soft = self._cable[0], min(self._cable[0], 4.0 * (1.0 + self.groups.mu * self.groups.sigma))
@@ -431,7 +433,8 @@ class RollingElements(FollowingElements):
             for self._cable[0] in [stiff] if count == 1 else np.geomspace(soft, stiff, count):
                 with np.errstate(over="ignore", invalid="ignore"):
                     done = find_root(residual, linearise, update, bound, Newton(max_iter=60, patience=0, reuse=0.0))
-            if done.norm <= bound and (self.least_tension[0] > 0.5 or count == 60):  # coarse elements may wiggle
+            at_rest = done.norm <= bound * max(1.0, float(np.abs(x[0, :-1]).max()) / shortest)
+            if at_rest and (self.least_tension[0] > 0.5 or count == 60):  # coarse elements may wiggle
                 break
         else:
             raise StepFailure(

@@ -15,7 +15,7 @@ from cablefem.elements.fixed import FixedElements
 from cablefem.elements.kernels.balance import Mesh, follow
 from cablefem.elements.kernels.observe import cable_energy, kinetic_energy
 from cablefem.elements.rolling import AVERAGE, RollingElements, following
-from cablefem.newmark import Newton, State, Work, collocate, integrate, iterate, scheme, step_times
+from cablefem.newmark import Newton, State, StepFailure, Work, collocate, integrate, iterate, scheme, step_times
 from cablefem.newmark.energy_rule import average
 from cablefem.scene import RATTLE, Drive
 from cablefem.scene.statics import gripped, hauled
@@ -291,6 +291,25 @@ def test_a_hauled_car_costs_what_its_rope_gives():
     assert np.abs(o.energy - o.energy[0] - rope).max() > 2e-2 * np.ptp(given), "drag and friction take nothing"
     friction = np.mean(o.T_behind - o.T_ahead)  # the car drags the cable along
     assert friction == pytest.approx(0.02 * np.mean(np.hypot(*o.contact.T)), rel=0.02)
+
+
+def test_a_rest_next_to_a_support_is_found_to_rounding_on_short_elements():
+    """There slopes carry the rounding of displacements over the length of an element; a stray force is none of it."""
+    scene = Scene.load("tramway")
+    drive = replace(scene.groups.drive, start=5e-4)
+    groups = replace(scene.groups, mu=3.0, drive=drive, motion=scene.groups.motion.shifted(5e-4 - 0.01))
+    system = RollingElements(groups, elements=200)
+    assert abs(system._statics(5e-4)[1] - hauled(5e-4, groups).haul[0]) < 1e-6 * groups.mu * groups.sigma
+    roll, noise = RollingElements._roll, itertools.cycle([1.0, -0.3, 0.8])
+
+    def pushed(self, *of):
+        seen = roll(self, *of)
+        of[4][7] += 1e-6 * next(noise)
+        return seen
+
+    system._roll = partial(pushed, system)
+    with pytest.raises(StepFailure, match="no rest"):
+        system._statics(5e-4)
 
 
 def test_a_ride_by_collocation():

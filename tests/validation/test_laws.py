@@ -208,3 +208,19 @@ def test_the_judge_reads_the_toml_by_itself(level):
     assert given.asked == ("length", 2002.3720103)
     hanging = Catenary.from_length(given.span, given.drop, given.rho * given.gravity, given.asked[1])
     assert hanging.horizontal_tension == pytest.approx(level.horizontal_tension, rel=1e-9)
+
+
+def test_a_table_is_kept_to_rounding_by_few_steps(monkeypatch):
+    """Its kinks of the acceleration are no faults of the travel; one place told wrong is."""
+    table = "times = [0.0, 9.0, 17.0, 27.0, 36.0, 46.0]\npositions = [0.0, 120.0, 240.0, 400.0, 560.0, 690.0]"
+    text = Scene.library_text("tramway").replace("top_speed = 10.0", table)
+    scene = Scene.from_toml(text.replace("accelerate_cruise_brake", "table"))
+    r = run(scene, "following-p2", elements=4, steps=60)
+
+    def gap(r):
+        return next(held.gap for held in laws.hold(r, (0.02, 0.9)) if held.law == "travel")
+
+    assert gap(r) < 1e-12
+    assert gap(replace(r, scene_toml=r.scene_toml.replace("240.0", "240.001"))) > 1e-7
+    monkeypatch.setattr(laws, "_before", lambda t, s, knots: laws.CubicSpline(t, s)(knots))
+    assert gap(r) > 1e-8
