@@ -26,6 +26,9 @@ MOST_HALVINGS = 6  # 1/64 of a step: where that does not converge the equations 
 MOST_CUTS = 100  # and half the steps: a run that has to cut more steps than that creeps
 # most steps in one go, and where they have to be foreseen; how many alone after the first of them would not do
 STRIDE, AHEAD, ALONE = 64, 32, 16
+# Times the shortest of them: longer ones are foreseen anew, as the velocity that they follow has changed by then.  With
+# an undamped rule steps that jump where foresight ends leave twice the ringing of those that grow evenly.
+GROWN = 2.0
 MOST_EVENTS = 20  # without a whole step between them: more is an event that happens again as soon as it is passed
 
 
@@ -146,12 +149,12 @@ def _piece(t0: float, t: float, piece: float) -> float:
 
 def _pieces(ringing: Ringing, x: State, jumped: float, edges: list[float]) -> list[float]:
     """Return the ends of the next few steps, as they come if x goes on at its velocity; edges : of the grid."""
-    now, ends = x.t, list[float]()
+    now, most, ends = x.t, math.inf, list[float]()
     for before, t in itertools.pairwise(edges):
         while t - now > rounding(t):
             t1 = _piece(now, t, (t - before) * ringing.part(x, now - jumped, now - x.t))
-            if not t1 > now or len(ends) == AHEAD:
+            if not t1 > now or len(ends) == AHEAD or t1 - now > most:
                 return ends
             ends.append(t1)
-            now = t1
+            now, most = t1, min(most, GROWN * (t1 - now))
     return ends
