@@ -17,6 +17,7 @@ from validation.core.agreement import ALONG, AXIAL_MEAN, UP_TO, Verdict, _slack_
 from validation.core.design import numbers
 from validation.core.estimate import RESOLVED, estimated, rings
 from validation.core.methods import find
+from validation.core.resolution import resolved
 from validation.core.running import run
 from validation.core.sampling import _turns
 
@@ -164,3 +165,30 @@ def test_a_run_that_found_no_start_has_a_slack_onset_all_the_same():
     a, b = right()
     still = altered(b, lambda r: replace(r, s_o=r.s_o[:1]))
     assert _slack_onset(a, still).bound.value > 0.0
+
+
+def test_means_of_forces_take_the_jump_at_a_break_as_one():
+    """At the step of a break a force is told as it is before; a line from there to the next step is none of it."""
+    t = np.array([0.0, 0.3, 0.7, 1.0, 1.6, 2.0, 2.7, 3.1])
+    F = np.where(t <= 1.0, 2.0 + 0.5 * t, 7.0 - 1.5 * t)[:, None]
+    at = np.array([0.4, 1.0, 1.3, 1.6, 2.9])
+    exact = np.where(at <= 1.0, 2.0 * at + 0.25 * at**2, 2.25 + 7.0 * (at - 1.0) - 0.75 * (at**2 - 1.0))
+    np.testing.assert_allclose(measures._summed(t, F, [1.0], at)[:, 0], exact, rtol=0.0, atol=1e-12)
+    assert np.abs(measures._summed(t, F, [], at)[:, 0] - exact).max() > 0.5
+
+
+def test_bars_of_what_rings_hear_the_axial_waves_that_long_steps_damp():
+    """A ladder of Radau's few steps tells of the path, and next to nothing of what a break of the travel lets ring."""
+    scene = Scene.load("tramway")
+    e = resolved(scene, "following-p2", 1.5e-4, until=0.95)
+    assert e.run.settings["scheme"] == "radau"
+    fine = run(scene, "following-p4", elements=8, steps=6000, scheme="generalized-alpha", rho_inf=0.9, until=0.95)
+    reference = replace(e, response=fine, run=fine, in_space=fine, in_time=fine, loud=None)
+
+    def missed(e):
+        found = [x for x in agree(scene, e, reference) if x.quantity not in ("energy", "impulse", "laws_si")]
+        return {(x.quantity, x.law) for x in found if x.gap > x.allowed}
+
+    heard, deaf = missed(e), missed(replace(e, loud=None))
+    assert not heard
+    assert deaf >= {("contact", AXIAL_MEAN), ("velocity", ALONG)}

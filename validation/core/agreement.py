@@ -206,26 +206,29 @@ def agree(
 CHANGED = "the change from half the resolution and half the steps"
 FIRST_ORDER = f"{CHANGED}, times {SAFETY}"
 
-Weights = Callable[[Estimated], tuple[float, float, str]]
+# Steps that damp axial waves tell nothing of them, nor do half as many: a run that lets them ring does.
+HEARD = f"; and the change from a run in which axial waves ring, times {SAFETY}"
+
+Weights = Callable[[Estimated], tuple[float, float, float, str]]
 
 
-def _of_path(e: Estimated) -> tuple[float, float, str]:
-    return (*e.path_weights, e.basis)
+def _of_path(e: Estimated) -> tuple[float, float, float, str]:
+    return (*e.path_weights, 0.0, e.basis)
 
 
-def _own(e: Estimated) -> tuple[float, float, str]:
+def _own(e: Estimated) -> tuple[float, float, float, str]:
     """Weights of the changes by half the resolution and half the steps, as for the path where no ladder tells more."""
-    return (*e.weights, e.basis)
+    return (*e.weights, SAFETY, e.basis)
 
 
-def _first(e: Estimated) -> tuple[float, float, str]:
-    return SAFETY, SAFETY, FIRST_ORDER
+def _first(e: Estimated) -> tuple[float, float, float, str]:
+    return SAFETY, SAFETY, SAFETY, FIRST_ORDER
 
 
-def _ringing(e: Estimated) -> tuple[float, float, str]:
+def _ringing(e: Estimated) -> tuple[float, float, float, str]:
     """Weights for what rings with axial waves: first order in time where steps miss them."""
     missed = "; steps do not resolve axial waves: of first order in them" if e.rings else ""
-    return (*e.tension_weights, f"{e.basis}{missed}")
+    return (*e.tension_weights, SAFETY, f"{e.basis}{missed}")
 
 
 def _compared(
@@ -234,8 +237,10 @@ def _compared(
     """Return the gap of two answers and the sum of their bars; a measure that refuses says why."""
 
     def bar(e: Estimated) -> Part:
-        in_space, in_time, basis = weights(e)
+        in_space, in_time, heard, basis = weights(e)
         value = in_space * gap(e.run, e.in_space, window) + in_time * gap(e.run, e.in_time, window)
+        if heard and e.loud is not None and e.loud.reached >= window[1] * (1.0 - 1e-6):
+            value, basis = value + heard * gap(e.run, e.loud, window), basis + HEARD
         return Part(e.run.method, value, basis)
 
     try:

@@ -136,9 +136,6 @@ def series_gap(
 
     axial : the time [s] over which both are averaged first: an axial wave's way along the cable and back.
     """
-    from scipy.integrate import cumulative_trapezoid
-    from scipy.interpolate import CubicHermiteSpline
-
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
     within = inside(coarse, window)
     if not within.any():
@@ -158,11 +155,25 @@ def series_gap(
         when, values = r.t[k], of(r).reshape(r.t.size, -1)[k]
         if not axial:
             return _spline(when, values, [x["t"] for x in r.events], low)
-        total = CubicHermiteSpline(when, cumulative_trapezoid(values, when, axis=0, initial=0.0), values)
-        return (total(high) - total(low)) / (high - low)[:, None]
+        return (_summed(when, values, r.breaks, high) - _summed(when, values, r.breaks, low)) / (high - low)[:, None]
 
     gap: Array = np.sum(np.square(at(coarse, known[0]) - at(fine, known[1])), axis=1)
     return float(np.sqrt(gap.max() if largest else _over_time(t, gap)))
+
+
+def _summed(t: Array, values: Array, breaks: Sequence[float], at: Array) -> Array:
+    """Return the integrals up to times `at` of the lines through values (n, c) at times t.
+
+    At a break the value is that before a jump: the line of the step after it is that of the next one, gone back.
+    """
+    begin, dt = values[:-1].copy(), np.diff(t)[:, None]
+    for i in np.searchsorted(t, np.array(breaks) * (1.0 - 1e-12)).tolist():
+        if 0 < i < t.size - 2:
+            begin[i] = values[i + 1] - (values[i + 2] - values[i + 1]) * (dt[i] / dt[i + 1])
+    sums = np.concatenate([np.zeros_like(values[:1]), np.cumsum(0.5 * dt * (begin + values[1:]), axis=0)])
+    i = np.clip(np.searchsorted(t, at, side="right") - 1, 0, t.size - 2)
+    x = at[:, None] - t[i, None]
+    return sums[i] + x * (begin[i] + 0.5 * x / dt[i] * (values[i + 1] - begin[i]))
 
 
 def _spline(t: Array, values: Array, kinks: Sequence[float], at: Array) -> Array:
