@@ -177,7 +177,7 @@ def test_a_tolerance_out_of_range_is_named(tol):
 
 def test_what_confirms_is_finer_in_space_and_time(right):
     e = right[0]
-    finer = study._resolved(LEVEL, METHODS["following-p2"], 0.1, 1e9, 0.3, e, True, lambda *told: None)
+    finer = study._resolved(LEVEL, METHODS["following-p2"], 0.1, 1e9, 0.3, e, (1.5, 1.5), lambda *told: None)
     assert finer.run.settings["elements"] == 1.5 * e.run.settings["elements"]
     assert finer.run.settings["steps"] == 1.5 * e.run.settings["steps"]
     assert finer.in_time.settings["steps"] == 0.5 * finer.run.settings["steps"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from cablefem import Scene
@@ -16,6 +17,7 @@ from validation.core.richardson import LEAST_ORDER, NO_ORDER, SAFETY, UNCONFIRME
 from validation.core.running import run
 
 LEVEL = Scene.load("level")
+RUNS = "run", "in_space", "in_time"
 
 
 @pytest.fixture(scope="module")
@@ -111,6 +113,16 @@ def test_bars_beyond_a_tenth_credit_no_order(estimate):
     found = confirmed(far, method, (1e3, 1e3)).run
     assert found.path_error == pytest.approx(NO_ORDER * sum(gaps), rel=1e-12)
     assert "coarse" in found.flag_kinds
+
+
+def test_a_mass_that_is_lifted_all_the_way_has_no_bar(estimate):
+    """Relative to no deflection any error would be infinite."""
+    lifted = {name: replace(getattr(estimate, name), v=-np.abs(getattr(estimate, name).v)) for name in RUNS}
+    r = weighted(replace(estimate, response=lifted["run"], **lifted), 1.0).run
+    assert (r.path_error, r.tension_error, r.error_parts) == (None, None, None)
+    assert any(x.kind == "no bar" and "no deflection" in str(x) for x in r.flags)
+    # twin: what has one has a bar
+    assert weighted(estimate, 1.0).run.path_error == pytest.approx(estimate.run.path_error)
 
 
 def test_a_companion_whose_ride_breaks_off_gives_no_bar(estimate):

@@ -322,6 +322,26 @@ def test_who_makes_a_row_too_coarse_is_refined():
     assert wanting([Agreement("place", 0.1, replace(blunt, tol=5.0))], [first]) == [first]
 
 
+@pytest.mark.parametrize(
+    ("space", "time", "cut", "most", "which"),
+    [
+        (0.3, 0.1, None, 160, (True, False)), (0.1, 0.3, None, 160, (False, True)),
+        (0.3, 0.1, None, 40, (False, True)),  # as fine as the method gets
+        (0.3, 0.1, "in_time", 160, (False, True)), (0.1, 0.3, "in_space", 160, (True, False)),
+    ],
+)  # fmt: skip
+def test_a_run_is_refined_where_its_bars_come_from(space, time, cut, most, which):
+    method, e = METHODS["fourier-kink"], answer("fourier-kink")
+    method = replace(method, resolution=replace(method.resolution, most=most))
+    e = replace(e, run=replace(e.run, error_parts={"tension_space": space, "tension_time": time}))
+    if cut:
+        e = replace(e, **{cut: replace(getattr(e, cut), slack_onset=0.3)})
+    finer = study.FINER ** (1.0 / method.resolution.growth), study.FINER
+    assert study._coarse(method, e, False) == tuple(x if mine else 1.0 for x, mine in zip(finer, which, strict=True))
+    if not cut and most > 40:
+        assert study._coarse(method, e, True) == finer
+
+
 def test_bars_beyond_their_ceiling_disagree_only_far_out():
     assert row(2.9, tol=0.5).verdict is Verdict.TOO_COARSE
     assert row(3.1, tol=0.5).verdict is Verdict.DISAGREE
@@ -332,8 +352,8 @@ def test_a_check_refines_both_before_it_says_disagree(monkeypatch, left, told, r
     """A wing that is wrong stays so; one that seems wrong by chance does not."""
     answers, asked = dict(zip(study.SOLVERS, right(), strict=True)), []
 
-    def resolved(scene, method, tol, budget, past, before, confirms, progress):
-        asked.append(confirms)
+    def resolved(scene, method, tol, budget, until, before, finer, progress):
+        asked.append(finer)
         off = 1.0 if len(asked) <= 2 else left
         wrong = fields(u=1.0 + 0.1 * off, v=1.0 + 0.1 * off)
         e = answers[method.name] if method.wing == "elements" else altered(answers[method.name], wrong)
@@ -343,15 +363,15 @@ def test_a_check_refines_both_before_it_says_disagree(monkeypatch, left, told, r
     monkeypatch.setattr(study, "_resolved", resolved)
     monkeypatch.setattr(study, "side_by_side", lambda jobs, progress, load: [job(lambda *told: None) for job in jobs])
     assert study.check(LEVEL, tol=0.05).verdict is told
-    assert asked == [False] * 2 + [True] * (2 * rounds - 2)
+    assert asked == [None] * 2 + [(study.CONFIRMS,) * 2] * (2 * rounds - 2)
 
 
 @pytest.mark.parametrize(("flagged", "rounds"), [(False, 1), (True, 2)])
 def test_a_check_goes_on_where_bars_cover_less_than_the_range(monkeypatch, flagged, rounds):
     answers, asked = dict(zip(study.SOLVERS, right(), strict=True)), []
 
-    def resolved(scene, method, tol, budget, past, before, confirms, progress):
-        asked.append(confirms)
+    def resolved(scene, method, tol, budget, until, before, finer, progress):
+        asked.append(finer)
         e = answers[method.name]
         short = [flag("short bar", stop=0.3)] if flagged and len(asked) <= 2 else []
         return replace(e, run=replace(e.run, path_error=0.5 * tol, flags=short))
@@ -374,8 +394,8 @@ def test_bars_that_are_no_bound_prove_nothing_within_three_times(monkeypatch, ki
     marks = [flag(kind, least=0.1, since=0.6, at=0.9)] if kind else []
     asked = []
 
-    def resolved(scene, method, tol, budget, until, before, confirms, progress):
-        asked.append(confirms)
+    def resolved(scene, method, tol, budget, until, before, finer, progress):
+        asked.append(finer)
         e = a if method.wing == "elements" else b
         return replace(e, run=replace(e.run, path_error=0.9 * tol, flags=marks))
 
@@ -391,8 +411,8 @@ def test_a_check_goes_on_from_what_confirmed(monkeypatch):
     answers, asked = dict(zip(study.SOLVERS, right(), strict=True)), []
     found = iter([[row(1.7)], [row(0.2, tol=0.5)], [row(0.2)]])
 
-    def resolved(scene, method, tol, budget, until, before, confirms, progress):
-        asked.append((confirms, tol))
+    def resolved(scene, method, tol, budget, until, before, finer, progress):
+        asked.append(finer)
         e = answers[method.name]
         return replace(e, run=replace(e.run, path_error=0.9 * tol, flags=[]))
 
@@ -400,8 +420,8 @@ def test_a_check_goes_on_from_what_confirmed(monkeypatch):
     monkeypatch.setattr(study, "side_by_side", lambda jobs, progress, load: [job(lambda *told: None) for job in jobs])
     monkeypatch.setattr(study, "agree", lambda *runs, **kind: next(found))
     assert study.check(LEVEL, tol=0.05).verdict is Verdict.AGREE
-    assert [confirms for confirms, _ in asked] == [False, False, True, True, False, False]
-    assert asked[-2][1] < asked[-4][1] == asked[-6][1]
+    assert asked[:4] == [None] * 2 + [(study.CONFIRMS,) * 2] * 2
+    assert sorted(map(max, asked[4:])) == [1.0, study.FINER]  # that one whose bar is too wide
 
 
 def late(x):

@@ -136,7 +136,7 @@ def test_a_ladder_goes_on_from_a_second_look_and_by_its_rule():
     """Finer than FINEST heavy cars ride by another rule, which tells less of tension: not on a ladder begun before."""
     method, how = find("following-p2"), {"until": 0.8}
     first = resolved(INCLINED, method, 5e-3, **how)
-    second = again(INCLINED, method, first, 1.5, **how)
+    second = again(INCLINED, method, first, 1.5, 1.5, **how)
     assert second.run.settings["elements"] == round(1.5 * first.run.settings["elements"])
     assert second.run.settings["steps"] == round(1.5 * first.run.settings["steps"])
     assert second.run.path_error == pytest.approx(second.rung.bar, rel=1e-12)

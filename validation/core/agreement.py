@@ -111,12 +111,22 @@ def _asked(rows: list[Agreement]) -> list[Agreement]:
     return [row for row in rows if row not in pointwise or row.quantity not in known]
 
 
+def wide(rows: list[Agreement]) -> list[Agreement]:
+    """Return the rows that are too coarse and have to be mended.
+
+    Who mends a mean over fronts need not mend what they make of the same quantity pointwise.
+    """
+    coarse = [row for row in _asked(rows) if row.verdict is Verdict.TOO_COARSE]
+    means = {row.quantity for row in coarse if row.law == AXIAL_MEAN}
+    return [row for row in coarse if row.law or row.quantity not in means]
+
+
 def wanting(rows: list[Agreement], methods: list[str]) -> list[str]:
     """Return the methods whose own bars are more than half of what a row too coarse may allow; all where none is."""
-    coarse = [row.bound for row in _asked(rows) if row.verdict is Verdict.TOO_COARSE]
+    bounds = [row.bound for row in wide(rows)]
     found = [
         name for name in methods
-        if any(sum(part.value for part in x.parts if part.name == name) > 0.5 * (x.tol or 0.0) for x in coarse)
+        if any(sum(part.value for part in x.parts if part.name == name) > 0.5 * (x.tol or 0.0) for x in bounds)
     ]  # fmt: skip
     return found or methods
 

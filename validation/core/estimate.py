@@ -243,8 +243,13 @@ def weighted(e: Estimated, factor: float) -> Estimated:
 OF_BARS = ("no bar", "short bar", "coarse", "no order")  # what bars say of themselves
 
 
+def _bare(r: Response) -> Response:
+    bare = without(r, OF_BARS)
+    return replace(bare, path_error=None, tension_error=None, error_parts=None, error_window=None)
+
+
 def _with_bars(e: Estimated) -> Estimated:
-    e = replace(e, response=without(e.response, OF_BARS), run=without(e.run, OF_BARS))
+    e = replace(e, response=_bare(e.response), run=_bare(e.run))
     if e.in_space.settings == e.run.settings:
         return _flagged(e, "no bar", why="there is no coarser resolution to compare with")
     try:

@@ -72,6 +72,8 @@ def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float]:
 
     Taken at the steps of the response that has fewer; the other is interpolated by a cubic spline in time.
     """
+    if not b.path_scale > 0.0:
+        raise NotComparable("the mass is nowhere below its place at rest: no deflection to relate a gap to")
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
     within = inside(coarse, window) & (coarse.t <= fine.t[-1] * (1.0 + 1e-12))
     if np.count_nonzero(within) < 5:

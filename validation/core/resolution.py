@@ -354,22 +354,26 @@ def resolved(
 
 
 def again(
-    scene: Scene, method: Method, before: Estimated, ratio: float, *, progress: Callable[[float], None] | None = None,
-    **kind: Any,
+    scene: Scene, method: Method, before: Estimated, space: float, time: float, *, past: float = math.inf,
+    progress: Callable[[float], None] | None = None, **kind: Any,
 ) -> Estimated:  # fmt: skip
-    """Return what was resolved anew with `ratio` times the resolution and the steps, and both companions.
+    """Return what was resolved anew with `space` times the resolution and `time` times the steps, and both companions.
 
-    Nothing else of it tells how finer grids change what the path did not ask for.  Its ladder can go on from there.
+    For what the path did not ask for; its ladder can go on from there.
     """
-    finer = refined(method, before.run.settings, space=ratio, time=ratio)
-    e = replace(companions(scene, method, progress=progress, **kind, **finer), loud=before.loud, order=before.order)
+    finer = refined(method, before.run.settings, space=space, time=time)
+    how = {k: kind[k] for k in KIND if k in kind}
+    end = how.pop("until", None)
+    run = Run(scene, method, **how, **finer).to(end, progress, past=past)
+    e = companions(scene, method, known=[*before.runs, run], **kind, **finer)
+    e = replace(e, loud=before.loud, order=before.order)
     orders = space_order(method.space_order), time_order(finer)
     known = (None, None) if before.rung is None else (before.rung.space, before.rung.time)
-    space, time = (
+    parts = [
         _part(e.run, coarse, 2.0, order, part, ratio)
-        for coarse, order, part in zip((e.in_space, e.in_time), orders, known, strict=True)
-    )
-    return _told_of(e, _Rung(e.run, space, time))
+        for coarse, order, part, ratio in zip((e.in_space, e.in_time), orders, known, (space, time), strict=True)
+    ]
+    return _told_of(e, _Rung(e.run, *parts))
 
 
 def _told_of(e: Estimated, rung: _Rung) -> Estimated:

@@ -24,10 +24,11 @@ from validation.core.agreement import (
     overall,
     settled,
     wanting,
+    wide,
     with_bars,
 )
 from validation.core.design import design, numbers
-from validation.core.estimate import Estimated, past_slack
+from validation.core.estimate import SHORT, Estimated, past_slack
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.methods import Method, find
 from validation.core.resolution import again, resolved, work
@@ -36,16 +37,19 @@ from validation.core.sidebyside import Progress, side_by_side
 from validation.core.store import Refused
 
 SOLVERS = ("following-p2", "fourier-kink")
-# What too coarse rows divide the aim by, and the last aim that they may divide.  Most want 1.1 to 2.5 times less: of 74
-# random scenes at 1e-2 that want more than one round or 3 s, steps of 3 with shares of 2:3 took a seventh more time; 7
-# agreed less, 2 more.
+# How many times the cost of a run rows that are too coarse ask for, and the tolerance, divided by it in every round, to
+# which they may.  Most want bars 1.1 to 2.5 times less, most of them of steps: with 80 sines on a stiff cable twice the
+# steps left 0.056 H of tension at the mass of 0.105 H, and took a fifth of what an aim of half for the path had taken.
 FINER, FINER_FROM = 2.0, 5e-4
+Finer = tuple[float, float]  # so many times the resolution and the steps
+ENOUGH: Finer = (1.0, 1.0)
 # Parts of the tolerance: dense bases cost more than elements do, and grow faster.  With half of it they took a third
 # more on `level`; with 0.7 the default would leave elements to Radau's steps, which tell less of tension.
 ELEMENTS, OTHERS = 1.0, 2.0
 # Times the resolution and the steps of both, to see whether a disagreement stays: a ladder leaves coarse what the path
 # does not mind.
 CONFIRMS = 1.5
+SECOND_LOOK: list[Finer | None] = [(CONFIRMS, CONFIRMS)] * 2
 # Of `work` for each solver, half a minute to a minute, and in proportion more below a third of the default tolerance.
 # With a third of it five of ten random scenes remained too coarse.
 BUDGET = 1.2e6
@@ -122,7 +126,12 @@ class _Round:
     runs: tuple[Estimated, Estimated]
     rows: list[Agreement]
     before: _Round | None
-    confirms: bool  # a disagreement of the round before, by runs finer in space and time
+    asked: list[Finer | None]  # how both came to be: so many times finer than before, or by their ladders
+
+    @property
+    def confirms(self) -> bool:
+        """Whether it is the second look at a disagreement, by runs finer in space and time."""
+        return self.asked == SECOND_LOOK
 
     @property
     def unbounded(self) -> bool:
@@ -144,37 +153,70 @@ class _Round:
         # and one that refinement takes away is the answers' own
         return rows if self.before is None else settled(rows, self.before.rows, CONFIRMS if self.confirms else 2.0)
 
-    def ahead(self, budget: float) -> list[float] | None:
-        """Return what to ask of both runs next, None where finer ones would tell no more, or cost too much.
+    def ahead(self, budget: float) -> list[Finer | None] | None:
+        """Return how many times finer both are to be next, None where that would tell no more, or cost too much.
 
         A disagreement is looked at once more with both finer in space and time, whatever is asked of the path, and not
-        within three times bars that are said to be no bound; rows that are too coarse refine whose bars make them so.
-        Who is finer already than it would be asked to be is refined from where it is, or nobody would be.
+        within three times bars that are said to be no bound; rows that are too coarse refine whose bars make them so,
+        and of it what leaves more of tension, space or steps.  Whose ladder is to go on for the path is None.
         """
-        names = [m.name for m in self.methods]
+        names, aims, rows = [m.name for m in self.methods], self.aims, self.settled
         errors = [math.inf if e.run.path_error is None else e.run.path_error for e in self.runs]
-        missed = [error > aim for error, aim in zip(errors, self.aims, strict=True)]
-        if any(missed) and not self.confirms:
+        met = all(row.verdict is Verdict.AGREE for row in rows if row.quantity in ("path_max", "path_rms"))
+        missed = [error > aim and not met for error, aim in zip(errors, aims, strict=True)]
+        if any(x and how is None for x, how in zip(missed, self.asked, strict=True)) or math.inf in errors:
             return None  # no ladder went further
-        rows = self.settled
-        verdict = overall(rows)
         # a companion that breaks or falls slack early cuts the range, and what is compared there says little
-        short = any(flag.kind in ("short bar", "no bar") for e in self.runs for flag in e.run.flags)
-        coarse = (verdict is Verdict.TOO_COARSE or short) and sum(self.aims) > 0.99 * FINER_FROM
-        if not (self.doubted or coarse) or (self.unbounded and not self.doubted and self.apart):
+        short = [any(flag.kind == "short bar" for flag in e.run.flags) for e in self.runs]
+        coarse = overall(rows) is Verdict.TOO_COARSE or any(short)
+        if not (self.doubted or coarse) or (self.unbounded and self.apart and not self.doubted):
             return None
-        which = [name in (names if self.doubted or short else wanting(rows, names)) for name in names]
-        which = missed if any(missed) else which
-        costs = [FINER * LADDER * work(m, e.run) for m, e in zip(self.methods, self.runs, strict=True)]
-        if any(asked and cost > budget for asked, cost in zip(which, costs, strict=True)):
+        if not self.doubted and sum(aims) / FINER**self.depth < 0.99 * FINER_FROM:
             return None
-        if self.doubted or any(missed):
-            return self.aims
-        aims = [aim / FINER if asked else aim for aim, asked in zip(self.aims, which, strict=True)]
-        if all(error <= aim for error, aim in zip(errors, aims, strict=True)):
-            mended = zip(aims, errors, which, strict=True)
-            aims = [min(aim, error / FINER) if asked else aim for aim, error, asked in mended]
-        return aims
+        asked: list[Finer | None]
+        if self.doubted:
+            asked = SECOND_LOOK
+        elif any(missed):
+            asked = [None if x else ENOUGH for x in missed]
+        else:
+            which = short if any(short) else [name in wanting(rows, names) for name in names]
+            far = max((row.allowed / (row.bound.tol or math.inf) for row in wide(rows)), default=0.0) > FINER
+            pairs = zip(self.methods, self.runs, which, strict=True)
+            asked = [_coarse(m, e, far) if x else ENOUGH for m, e, x in pairs]
+        known = zip(asked, self.methods, self.runs, strict=True)
+        return asked if all(_cost(*x) <= budget for x in known if x[0] != ENOUGH) else None
+
+    @property
+    def depth(self) -> int:
+        """How many rounds went before."""
+        return 0 if self.before is None else 1 + self.before.depth
+
+
+def _coarse(method: Method, e: Estimated, far: bool) -> Finer:
+    """Return how to refine a run: the companion that cuts its range tells, or what takes more of tension's error.
+
+    Either costs FINER times as much; an error of order 3/2 then falls by so much, but not past all the method has.
+
+    far : one of both would not do.
+    """
+    space, count = method.resolution, method.value(e.run.settings)
+    finer = FINER ** (1.0 / space.growth)
+    end = measures.window_of(e.run)[1] - SHORT
+    which = [measures.window_of(e.run, c)[1] < end for c in (e.in_space, e.in_time)]
+    if not any(which):
+        parts = e.run.error_parts or {"tension_space": 0.0, "tension_time": 0.0}
+        gains = parts["tension_space"] * (1.0 - finer**-1.5), parts["tension_time"] * (1.0 - FINER**-1.5)
+        which = [far or gains[0] > gains[1], far or gains[0] <= gains[1]]
+    if which[0] and space.nearest(count, finer) > space.most:
+        which = [False, True]
+    return finer if which[0] else 1.0, FINER if which[1] else 1.0
+
+
+def _cost(finer: Finer | None, method: Method, e: Estimated) -> float:
+    """Return about how much `work` so much finer runs are; of a ladder, one stride's."""
+    space, time = finer or (1.0, FINER)
+    count, of = method.value(e.run.settings), method.resolution
+    return LADDER * time * of.cost(count, space) / of.cost(count) * work(method, e.run)
 
 
 def check(
@@ -186,8 +228,8 @@ def check(
 
     tol : asked of the error of the mass path, relative to the largest deflection; in [1e-6, 0.2].
     tol_tension : asked of the tension, relative to H; default ten times `tol`.  Where the path's bar is met but
-        tension, fields or laws are too coarse to tell, the solver whose bars make them so is refined further; where
-        the bars cover less than the range, or the solvers disagree, both are.
+        tension, fields or laws are too coarse to tell, the solver whose bars make them so, or cover less than the
+        range, is refined further; where the solvers disagree, both are.
     deep : hold what both share against third parties, too.
     progress : called with the method's name, the fraction done and what was reached.
     made : called with both runs before they are judged, again where that makes them finer.
@@ -202,22 +244,22 @@ def check(
     budget = BUDGET * max(1.0, DEFAULT_TOL / 3.0 / tol)
     # the sum of both bars is held against tol
     shares = [ELEMENTS if m.wing == "elements" else OTHERS for m in found]
-    aims: list[float] | None = [tol * share / sum(shares) for share in shares]
+    aims = [tol * share / sum(shares) for share in shares]
     judged: _Round | None = None
-    while aims is not None:
+    asked: list[Finer | None] | None = [None, None]
+    while asked is not None:
         known = (None, None) if judged is None else judged.runs
-        confirms = judged is not None and judged.doubted
         jobs: list[Callable[[Progress], Any]] = [
-            partial(_resolved, scene, m, aim, budget, until, e, confirms)
-            for m, aim, e in zip(found, aims, known, strict=True)
+            partial(_resolved, scene, m, aim, budget, until, e, finer)
+            for m, aim, e, finer in zip(found, aims, known, asked, strict=True)
         ]
         first, second, *once = side_by_side([*jobs, *grip], progress, _load)
         gripped, grip = gripped or once, []
         if made is not None:
             made(first.run, second.run)
         runs: tuple[Estimated, Estimated] = first, second
-        judged = _Round(found, aims, runs, agree(scene, *runs, tol=tol, tol_tension=tol_tension), judged, confirms)
-        aims = judged.ahead(budget)
+        judged = _Round(found, aims, runs, agree(scene, *runs, tol=tol, tol_tension=tol_tension), judged, asked)
+        asked = judged.ahead(budget)
     assert judged is not None
     runs, rows = judged.runs, judged.settled
     try:
@@ -256,15 +298,17 @@ def _gripped(scene: Scene, method: Method, progress: Progress) -> Response:
 
 def _resolved(
     scene: Scene, method: Method, tol: float, budget: float, until: float | None, before: Estimated | None,
-    confirms: bool, progress: Progress,
+    finer: Finer | None, progress: Progress,
 ) -> Estimated:  # fmt: skip
+    if before is not None and finer == ENOUGH:
+        return before
     told = partial(progress, method.name)
     told(0.0)
     ends: dict[str, Any] = {} if until is None else {"until": until}
-    if before is not None and confirms:
-        e = again(scene, method, before, CONFIRMS, progress=told, **ends)
+    past = 0.0 if ends else math.inf
+    if before is not None and finer is not None:
+        e = again(scene, method, before, *finer, past=past, progress=told, **ends)
     else:
-        past = 0.0 if ends else math.inf
         e = resolved(scene, method, tol, budget=budget, past=past, before=before, progress=told, **ends)
     return e if e is before or ends else past_slack(scene, method, e)
 
