@@ -10,8 +10,6 @@ On a piece of length h, at the distance z from its support, the bubble is B (z/h
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from scipy.interpolate import CubicSpline
 
@@ -94,19 +92,8 @@ def add_bows(x, bows, R):
     last = x.f.size - 1
     s_o = 3.0 * x.behind[last]  # int_0^s_o hat^2 ds
     for i in range(2):
-        h, sign = s_o if i == 0 else 1.0 - s_o, 1.0
-        for k in range(last):
-            wave = (k + 1) * math.pi
-            y, sn, c = wave * h, x.f[k], x.f_s[k] / wave  # of z, the sine seen from this support
-            if i == 1:
-                c *= -sign
-                sn *= sign
-            first, second = (sn - y * c) / wave**2, (2.0 * y * sn + (2.0 - y * y) * c - 2.0) / wave**3
-            if i == 1:
-                first *= sign
-                second *= sign
+        h = s_o if i == 0 else 1.0 - s_o
+        for k in range(last + 1):
+            first = h * (x.behind[k] if i == 0 else x.mass[last, k] - x.behind[k])
             for a in range(2):
-                R[a, k] += bows[i, 2, a] * first + bows[i, 3, a] * second
-            sign = -sign
-        for a in range(2):
-            R[a, last] += h * h * (bows[i, 2, a] / 3.0 + h * bows[i, 3, a] / 4.0)
+                R[a, k] += bows[i, 2, a] * first + bows[i, 3, a] * x.square[i, k]

@@ -269,10 +269,12 @@ class GalerkinSystem:
         assert isinstance(kink, TravellingKink)
         assert isinstance(cable, FullCable)
         assert isinstance(kink.basis, Fourier)
-        places, rule = self.motion.along(t, phase).T, kink.basis.side_rule
-        sides = [(rule(s), rule(1.0 - s)) for s in places[:, 0].tolist()]
+        places = self.motion.along(t, phase).T
+        sides = [kink.basis.side_rules(s) for s in places[:, 0].tolist()]
         same = next((k for k, side in enumerate(sides) if any(map(operator.is_not, side, sides[0]))), t.size)
-        grip = kernels.Grip(*sides[0], kink.at_rest, kink.left, kink.chord, self.groups.c, NONE)
+        grip = kernels.Grip(
+            *sides[0], kink.at_rest, kink.left, kink.chord, kink.thirds, kink.basis.grading, self.groups.c, NONE
+        )
         now, told = np.empty((same, *start.shape)), np.full((same, 6), np.nan)
         pull = np.empty(grip.behind.shape[1] + grip.ahead.shape[1])
         taken = kernels.settle(
@@ -286,7 +288,8 @@ class GalerkinSystem:
         """What compiled steps of the full cable take."""
         cable, basis = self.cable, self.basis
         assert isinstance(cable, FullCable)
-        return kernels.Cable(self.inertia, self.mu, cable.alpha, cable.law, basis.basis.harmonic, basis.hat)
+        of = basis.basis.harmonic, basis.basis.grading, basis.hat
+        return kernels.Cable(self.inertia, self.mu, cable.alpha, cable.law, *of)
 
     def _settle(self, x: Instant, ride: Any, *step: Any) -> Settled:
         start, now, rule, bound, newton = step

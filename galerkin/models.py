@@ -61,7 +61,7 @@ class FullCable:
         """The same two, and J1, J2, J3 of (28)-(32), the gram matrix of k I + d r' r'^T, (2 n, 2 n)."""
         R, pull, gram = self._balance(place, Q)
         K = np.empty((Q.size, Q.size))
-        kernels.stiffness(place.phi, gram, basis.basis.harmonic, basis.hat, K)
+        kernels.stiffness(place.phi, gram, basis.basis.harmonic, basis.basis.grading, basis.hat, K)
         self.pulls = kernels.pulls(place.phi, gram)
         return R, pull, K
 

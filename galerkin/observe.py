@@ -208,16 +208,13 @@ def _kinetic(system: GalerkinSystem, x: History) -> Array:
 
 def _kinetic_of_bubbles(sines: Basis, x: History) -> Array:
     """What bubbles add to int |w.|^2 ds, (n,); int z phi ds and int z^2 phi ds by primitives."""
-    total, ends, (first, second, third) = (
-        np.zeros(x.s_o.size),
-        np.array([0.0, 1.0]),
-        (sines.phi(x.s_o, -m) for m in (1, 2, 3)),
-    )
+    total, ends = np.zeros(x.s_o.size), [sines.phi(np.array([0.0, 1.0]), -m) for m in (1, 2, 3)]
+    first, second, third = (sines.phi(x.s_o, -m) for m in (1, 2, 3))
     bare = replace(x, bows=np.zeros_like(x.bows)).pieces(1)
     for i, ((h, _, _), (ray, bow), (hat, _)) in enumerate(zip(x.sides, x.pieces(1), bare, strict=True)):
         sign = 1.0 - 2.0 * i
-        by_z = sign * h * first - second
-        by_z2 = sign * h**2 * first - 2.0 * h * second + 2.0 * sign * (third - sines.phi(ends, -3)[i])
+        by_z = sign * h * first - second + ends[1][i]
+        by_z2 = sign * h**2 * first - 2.0 * h * second + 2.0 * sign * (third - ends[2][i])
         part = 2.0 * (combined(x.V, by_z) * (ray - hat) + combined(x.V, by_z2) * bow)
         part += (ray**2 - hat**2) * h**3 / 3.0 + ray * bow * h**4 / 2.0 + bow**2 * h**5 / 5.0
         total += np.sum(part, axis=1)

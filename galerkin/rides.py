@@ -67,7 +67,7 @@ class Car(NamedTuple):
     vx: float  # p.
     vy: float
     normal: float  # `pressing` as friction goes by it
-    bx: float = 0.0  # `kernels.across` behind and ahead
+    bx: float = 0.0  # how the defect follows the forces behind and ahead
     by: float = 0.0
     ax: float = 0.0
     ay: float = 0.0
@@ -133,7 +133,9 @@ class RollingSystem(GalerkinSystem):
     def least_tension(self) -> tuple[float, float]:
         if self._moved is not None:
             s_o, pull, behind, ahead = self._moved
-            s, weights, phi = split(s_o, behind, ahead, self.basis.basis.n)
+            sines = self.basis.basis
+            assert isinstance(sines, Fourier)
+            s, weights, phi = split(s_o, behind, ahead, sines.n, sines.grading)
             T, r_static = kernels.static(s, self.groups.sigma, self.groups.c)
             place = kernels.Points(s, phi, weights, T, r_static, np.zeros(r_static.shape))
             self._pull, self._moved = (self.basis, place, pull), None
@@ -352,7 +354,7 @@ class RollingSystem(GalerkinSystem):
         mode = kernels.HAULED if not self.free else kernels.FREE if self._rolls else kernels.STUCK
         return kernels.Ride(
             mode, self._on(t, phase), self._thrust(t, phase, a) if self.free else 0.0, *travel[1:],
-            sines.side_rule(travel[0]), sines.side_rule(1.0 - travel[0]), basis.at_rest, basis.left, basis.chord,
+            *sines.side_rules(travel[0]), basis.at_rest, basis.left, basis.chord, basis.thirds, sines.grading,
             self.groups.c, self._bows,
         )  # fmt: skip
 
@@ -381,9 +383,9 @@ class RollingSystem(GalerkinSystem):
             return now, told, 0, told
         assert isinstance(self.basis.basis, Fourier)
         reach = min(1.0, max(0.0, s_o + ds_o * float(rules[:, 0, 1].sum())))
-        rule, places = self.basis.basis.side_rule, [place for place, _ in drive.brakes]
+        rules_at, places = self.basis.basis.side_rules, [place for place, _ in drive.brakes]
         ride = self._ride(t[0], (s_o, ds_o, 0.0), start[2], phase)
-        ride = ride._replace(behind=rule(max(s_o, reach)), ahead=rule(1.0 - min(s_o, reach)))
+        ride = ride._replace(behind=rules_at(max(s_o, reach))[0], ahead=rules_at(min(s_o, reach))[1])
         pull, smooth = np.empty(ride.behind.shape[1] + ride.ahead.shape[1]), np.empty(6)
         past = np.concatenate([self._past, np.empty((m, 3))])
         low, high = (drive.back_place, *places)[mode.brakes], (*places, drive.end_place)[mode.brakes]

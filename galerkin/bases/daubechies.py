@@ -350,7 +350,7 @@ class Daubechies:
     level: int = 0
     reading: Reading = "literal"
 
-    harmonic = False
+    harmonic, grading = False, 0.0
 
     def __post_init__(self) -> None:
         if self.order not in range(2, 11):

@@ -30,10 +30,11 @@ from galerkin.kernels.cable import (
     survey,
 )
 from galerkin.kernels.rolling import (
+    STEP,
     Rolling,
-    across,
     add_shed_tangent,
     averaged,
+    by_force,
     car,
     motion,
     pulls,
@@ -42,10 +43,11 @@ from galerkin.kernels.rolling import (
     row,
     taut,
 )
-from galerkin.kernels.steps import FREE, HAULED, STEP, STUCK, Cable, Course, Grip, Moment, Ride, look, settle
+from galerkin.kernels.steps import FREE, HAULED, STUCK, Cable, Course, Grip, Moment, Ride, look, settle
 
 __all__ = [
     "FREE", "HAULED", "STEP", "STUCK", "Cable", "Course", "Grip", "Moment", "Points", "Ride", "Rolling", "acceleration",
-    "across", "add_inertia", "add_inertia_tangent", "add_shed_tangent", "averaged", "balance", "car", "look", "motion",
-    "pulls", "recover", "roll", "row", "settle", "static", "static_at", "stiffness", "stress", "survey", "taut",
+    "add_inertia", "add_inertia_tangent", "add_shed_tangent", "averaged", "balance", "by_force", "car", "look",
+    "motion", "pulls", "recover", "roll", "row", "settle", "static", "static_at", "stiffness", "stress", "survey",
+    "taut",
 ]  # fmt: skip

@@ -100,19 +100,23 @@ def balance(at, Q, alpha, law, force, gram, pull, sides):
 
 
 @compiled
-def stiffness(phi, f, harmonic, hat, out):
+def stiffness(phi, f, harmonic, grading, hat, out):
     """Set out[:2 n, :2 n] to sum_q f_ab Phi_i' Phi_j', by a i, b j; f (2, 2, m), f_ab = f_ba.
 
-    harmonic : phi_j' phi_k' = j k pi^2/2 (cos((j-k) x) + cos((j+k) x)), x = pi s, and c_m = sum_q f_q cos(m x_q).  The
-    table holds the cosines up to m = N; cos((N+m) x) = 2 cos(N x) cos(m x) - cos((N-m) x) gives the others.
+    harmonic : phi_j' phi_k' = j k pi^2/2 g^2 (cos((j-k) x) + cos((j+k) x)), x = pi xi, g = dxi/ds, and
+    c_m = sum_q f_q g_q^2 cos(m x_q).  The table holds the cosines up to m = N, times g = 1 + grading phi_2'/(2 pi), as
+    xi = s + grading phi_2/(2 pi); cos((N+m) x) = 2 cos(N x) cos(m x) - cos((N-m) x) gives the others.
     """
     n, m = phi.shape
     N = n - hat
-    both = np.empty((9, m))
+    both, dense = np.empty((9, m)), np.ones(m)
+    if grading != 0.0:
+        for q in range(m):
+            dense[q] = 1.0 + grading * phi[1, q] / (2.0 * math.pi)
     for i in range(3):
         for q in range(m):
             value = f[i // 2, (i + 1) // 2, q]
-            both[i, q] = value
+            both[i, q] = value * dense[q]
             both[3 + i, q] = value * (phi[N - 1, q] / (N * math.pi))
             both[6 + i, q] = value * phi[n - 1, q]
     sums = np.empty((9, n))
@@ -123,7 +127,7 @@ def stiffness(phi, f, harmonic, hat, out):
             a, b = i // 2, (i + 1) // 2
             c[2 * N] = 0.0
             for q in range(m):
-                c[2 * N] += both[i, q]
+                c[2 * N] += both[i, q] * dense[q]
             for k in range(1, N + 1):
                 c[2 * N + k] = c[2 * N - k] = sums[i, k - 1] / (k * math.pi)
             for k in range(1, N + 1):

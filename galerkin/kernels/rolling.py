@@ -13,6 +13,7 @@ from galerkin.kernels.dense import multiply
 from galerkin.law import compiled
 
 LEAST_PULL = 1e-3  # of a cable that is not slack, over H
+STEP = 1e-6  # of differences
 LEAST_WINDOW = 6.0  # steps over which the car's acceleration is averaged for friction, where they are long
 
 
@@ -94,27 +95,43 @@ def recover(x, slope, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, behind, ah
 
 
 @compiled
-def across(slope, tx, ty, turn):
-    """What r' = slope (2,) gains across tau with the force there: two weights of dF; turn : lam/N."""
-    size = math.hypot(slope[0], slope[1])
-    x, y = slope[0] / size, slope[1] / size
-    off = tx * y - ty * x
-    return turn * (-ty - off * x), turn * (tx - off * y)
+def by_force(on, thrust, velocity, p, behind, ahead, turn, defect, side):
+    """How the defect of `car` follows the force behind (side 0) or ahead of it, (2,); turn : lam/N there.
+
+    By differences of r', which a force turns and hardly stretches: friction and brake go by the kink, too.  Without
+    that Newton's method diverges on however short a step, where a braked car nears a support on a soft rope.
+    """
+    moved, got = np.empty((2, 2)), np.empty(2)
+    slope = behind if side == 0 else ahead
+    square = slope[0] * slope[0] + slope[1] * slope[1]
+    for a in range(2):
+        for b in range(2):
+            moved[0, b], moved[1, b] = behind[b], ahead[b]
+        for b in range(2):
+            moved[side, b] += STEP * ((1.0 if a == b else 0.0) - slope[a] * slope[b] / square)
+        got[a] = turn * (car(on, thrust, velocity, p, moved[0], moved[1])[9] - defect) / STEP
+    return got[0], got[1]
 
 
 @compiled
 def shed(x, ds_o, on):
     """Weight of the rate of the kink in the hat's own rows.
 
-    What the N sines leave of the hat, of mass 1/3 - 2 sum I_k^2, is a mode that moves neither them nor the car, several
-    times as fast as the highest sine.  A car that runs over the sines excites it; where its side shortens, its waves
-    gain energy as all waves there, and unlike those have no physics to lose it: a dashpot lets it go.  The mass falls
-    like N^-3, and a steady kink, q_hat ~ s_o (1 - s_o), feels nothing.
+    What the N sines leave of the hat, of mass 1/3 - I M^-1 I with their overlaps I, is a mode that moves neither them
+    nor the car, several times as fast as the highest sine.  A car that runs over the sines excites it; where its side
+    shortens, its waves gain energy as all waves there, and unlike those have no physics to lose it: a dashpot lets it
+    go.  The mass falls like N^-3 off the supports, and a steady kink, q_hat ~ s_o (1 - s_o), feels nothing.
+    On a side shorter than the sines' waves it is that side's own waves that it takes, and the car gets their energy.
     """
     last = x.f.size - 1
-    left = x.mass[last, last]
-    for k in range(last):
-        left -= 2.0 * x.mass[last, k] * x.mass[last, k]
+    left, pivot, over = x.mass[last, last], np.empty(last), np.empty(last)
+    for k in range(last):  # M = L D L^T, which couples every other sine
+        pivot[k], over[k] = x.mass[k, k], x.mass[last, k]
+        if k > 1:
+            ratio = x.mass[k, k - 2] / pivot[k - 2]
+            pivot[k] -= ratio * x.mass[k, k - 2]
+            over[k] -= ratio * over[k - 2]
+        left -= over[k] * over[k] / pivot[k]
     return on.sheds * abs(ds_o) * left
 
 
@@ -185,7 +202,7 @@ def averaged(past, first, last, least):
 
 @compiled
 def roll(x, slope, load, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, on, thrust, R):
-    """Add the cable's inertia and the car to R (2, n), and return `car`, and `across` of both sides.
+    """Add the cable's inertia and the car to R (2, n), and return `car`, and `by_force` of both sides.
 
     slope, load, rays, bows : of an `Instant`
     sides : as for `recover`, or None.  With it tau is that of the tension from equilibrium: sines do not resolve a side
@@ -198,6 +215,8 @@ def roll(x, slope, load, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, on, thr
     if sides is not None:
         turns = recover(x, slope, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, behind, ahead)
     out = car(on, thrust, velocity, p, behind, ahead)
+    bx, by = by_force(on, thrust, velocity, p, behind, ahead, turns[0], out[9], 0)
+    ax, ay = by_force(on, thrust, velocity, p, behind, ahead, turns[1], out[9], 1)
     for a in range(2):  # with what it takes to shift the kink of the bubbles
         p[a] = out[a] + ds_o * ds_o * (bows[0, 0, a] + bows[1, 0, a])
     add_inertia(x, Q, V, A, p, R)
@@ -207,8 +226,6 @@ def roll(x, slope, load, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, on, thr
         R[a, last] += weight * (V[a, last] - Q[a, last] * ds_o * (rays[0] + rays[1]))
         if sides is not None:  # what bubbles kink is not the hat's to carry
             R[a, last] -= weight * (bows[0, 1, a] + bows[1, 1, a]) / (rays[0] - rays[1])
-    bx, by = across(behind, out[2], out[3], turns[0])
-    ax, ay = across(ahead, out[2], out[3], turns[1])
     return (*out, bx, by, ax, ay)
 
 
@@ -239,7 +256,6 @@ def row(x, out, rays, pulls, ds_o, dds_o, on, c0, c1, c2, into):
     n, mu = x.f.size, on.mu
     rub = out[4] * math.copysign(on.rub, on.rub * out[8]) if math.isnan(on.ax) else 0.0
     along = out[2] - rub * out[3], out[3] + rub * out[2]
-    turn = -0.5 * out[8] / (out[4] * out[5])
     for b in range(2):
         for j in range(n):
             own = along[b] * mu * (c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j])
@@ -247,8 +263,8 @@ def row(x, out, rays, pulls, ds_o, dds_o, on, c0, c1, c2, into):
             by_q = 0.0
             for a in range(2):
                 by_q += out[14 + a] * rays[0] * pulls[0, a, b, j] - out[16 + a] * rays[1] * pulls[1, a, b, j]
-            into[b * n + j] = own + turn * (c2 * by_a + c0 * by_q)
+            into[b * n + j] = own + c2 * by_a + c0 * by_q
         by_v = -2.0 / 3.0 * ds_o * (out[14 + b] + out[16 + b])
         by_q = 2.0 * ds_o * ds_o * (out[14 + b] * rays[0] + out[16 + b] * rays[1])
         by_q -= dds_o * (out[14 + b] + out[16 + b])
-        into[b * n + n - 1] += turn * (c1 * by_v + c0 * by_q / 3.0)
+        into[b * n + n - 1] += c1 * by_v + c0 * by_q / 3.0

@@ -22,12 +22,11 @@ from galerkin.kernels.cable import (
     stiffness,
 )
 from galerkin.kernels.dense import solve
-from galerkin.kernels.rolling import Rolling, add_shed_tangent, averaged, car, motion, pulls, roll, row
+from galerkin.kernels.rolling import STEP, Rolling, add_shed_tangent, averaged, car, motion, pulls, roll, row
 from galerkin.law import compiled
 
 NO_CAR = (0.0,) * 18
 STUCK, FREE, HAULED = 0, 1, 2
-STEP = 1e-6  # of differences by ds_o and dds_o together
 
 
 class Ride(NamedTuple):
@@ -43,6 +42,8 @@ class Ride(NamedTuple):
     mass: Array  # M without the moving overlaps, and what `_carry` wants to know
     left: Array
     chord: Array
+    thirds: Array
+    grading: float
     c: float
     bows: Array  # `galerkin.bow.table`
 
@@ -70,6 +71,8 @@ class Grip(NamedTuple):
     mass: Array
     left: Array
     chord: Array
+    thirds: Array
+    grading: float
     c: float
     bows: Array
 
@@ -82,6 +85,7 @@ class Cable(NamedTuple):
     alpha: float
     law: int
     harmonic: bool  # see `stiffness`
+    grading: float
     hat: int
 
 
@@ -98,8 +102,9 @@ class Moment(NamedTuple):
 @compiled
 def ground(on, sigma, s_o, ds_o, dds_o):
     """`Moment` where the mass is at s_o, but for the points; on : `Ride` or `Grip`."""
-    M, rows = carry(values_at(s_o, on.left.size), on.mass, on.left, on.chord, s_o, ds_o, dds_o)
-    x = Carried(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
+    at = values_at(s_o, on.left.size, on.grading)
+    M, rows = carry(at, on.mass, on.left, on.chord, on.thirds, s_o, ds_o, dds_o)
+    x = Carried(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6], rows[7:])
     rest, load = static_at(s_o, sigma, on.c), np.empty(2)
     for a in range(2):
         load[a] = dds_o * rest[0, a] + ds_o * ds_o * rest[1, a] - a * sigma
@@ -110,7 +115,7 @@ def ground(on, sigma, s_o, ds_o, dds_o):
 def moment(on, sigma, s_o, ds_o, dds_o):
     """`Moment` where the mass is at s_o; on : `Ride` or `Grip`."""
     x, slope, load, bows = ground(on, sigma, s_o, ds_o, dds_o)
-    s, weights, phi = split(s_o, on.behind, on.ahead, on.left.size)
+    s, weights, phi = split(s_o, on.behind, on.ahead, on.left.size, on.grading)
     T, r_static = static(s, sigma, on.c)
     at = Points(s, phi, weights, T, r_static, slopes(s, s_o, bows[0, 0], bows[1, 0]))
     return Moment(at, x, slope, load, bows)
@@ -177,7 +182,7 @@ def tangent(here, ride, cable, balanced, r, out, gram, sides, internal, c0, c1, 
     at, x, mu = here.at, here.x, cable.mu
     n, size = x.f.size, K.shape[0]
     block = K[: 2 * n, : 2 * n]
-    stiffness(at.phi, gram, cable.harmonic, cable.hat, block)
+    stiffness(at.phi, gram, cable.harmonic, cable.grading, cable.hat, block)
     add_inertia_tangent(x, cable.inertia, c0, c1, c2, block)
     if ride is None:
         return
@@ -257,7 +262,8 @@ def settle(grip, places, here, ride, course, cable, sigma, start, now, told, rul
                 course.smooth[k] = smooth[k]
             of = Ride(
                 ride.mode, at_time(ride.on, smooth, course.t[count]), course.thrust[count], 0.0, 0.0,
-                ride.behind, ride.ahead, ride.mass, ride.left, ride.chord, ride.c, ride.bows,
+                ride.behind, ride.ahead, ride.mass, ride.left, ride.chord, ride.thirds, ride.grading, ride.c,
+                ride.bows,
             )  # fmt: skip
         c0, c1, c2 = rule[0, 4] * rule[0, 3], rule[1, 4] * rule[1, 3], rule[2, 4] * rule[2, 3]
         for k in range(3):

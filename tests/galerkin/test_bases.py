@@ -390,7 +390,7 @@ def test_gram_matrices_are_the_plain_products(basis: Basis):
     n, f = basis.n, np.random.default_rng(5).standard_normal((2, 2, s.size))
     f[0, 1] = f[1, 0]
     whole = np.empty((2, n, 2, n))
-    stiffness(table, f, basis.harmonic, 0, whole.reshape(2 * n, 2 * n))
+    stiffness(table, f, basis.harmonic, basis.grading, 0, whole.reshape(2 * n, 2 * n))
     slopes = basis.phi(s, 1)
     # rounding of sums, and 2 n pi eps of the cosines of the highest angle
     size = np.sqrt(np.sum(f[0, 0] ** 2)) * abs(slopes).max() ** 2
@@ -545,6 +545,7 @@ def test_places_off_the_cable_are_refused(s):
         (lambda: Daubechies(4, 1.5), "level must be 0 .. 8"),
         (lambda: Daubechies(4, 0, "mirrored"), "literal, scaling"),
         (lambda: Fourier(0), "at least 1"),
+        (lambda: Fourier(3, 1.0), "grading must lie in"),
     ],
 )
 def test_impossible_bases_are_refused(make, message):

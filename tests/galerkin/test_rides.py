@@ -133,6 +133,36 @@ def test_the_tangent_of_a_step(mode, rubs, monkeypatch):
     assert mode == "haul" or off(*c) > 0.2
 
 
+def test_how_the_balance_follows_forces():
+    """By differences of the force behind, or ahead; must fail: without what friction and brake have of the kink."""
+    T, alpha, e = 1.3, 1e9, 1e-5
+    of = 0.7, 0.2, 0.4, -0.3, 0.0, -0.25, -0.6, 0.11, -0.17
+    on, velocity, p = kernels.Rolling(*of), np.array([0.4, 0.1]), np.array([0.3, -0.2])
+    forces = np.array([[1.2, 0.5], [1.1, -0.4]])
+
+    def sides(forces):
+        out = forces.copy()
+        return out, [kernels.taut(force, slope, T, alpha) for force, slope in zip(forces, out, strict=True)]
+
+    slopes, turns = sides(forces)
+    defect = kernels.car(on, 0.0, velocity, p, *slopes)[9]
+    bare = on._replace(rub=0.0, brake=0.0)
+    for side in (0, 1):
+        got = kernels.by_force(on, 0.0, velocity, p, *slopes, turns[side], defect, side)
+        other = kernels.car(bare, 0.0, velocity, p, *slopes)[9]
+        wrong = kernels.by_force(bare, 0.0, velocity, p, *slopes, turns[side], other, side)
+        want = np.zeros(2)
+        for a in range(2):
+            ends = []
+            for h in (-e, e):
+                moved = forces.copy()
+                moved[side, a] += h
+                ends.append(kernels.car(on, 0.0, velocity, p, *sides(moved)[0])[9])
+            want[a] = (ends[1] - ends[0]) / (2.0 * e)
+        np.testing.assert_allclose(got, want, rtol=0.0, atol=1e-5)
+        assert np.abs(np.subtract(wrong, want)).max() > 1e-2
+
+
 # --- statics -------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("groups", "hold"), [(RIDER.groups, -0.00571379), (LEVEL, -0.01554625), (INCLINED, -0.00596207)],
