@@ -508,7 +508,7 @@ class RollingSystem(GalerkinSystem):
         rubs = hears and (self.mode.brakes > 0 or self.mode.sign == 0.0)
         slip = x.v.item(-1)
         of = self._round_trip, self.groups.sigma, x.q.item(-1) + ahead * slip, slip, self.mode.forward
-        return self.drive.part_of_step(*of, since if hears else math.inf, rubs)
+        return self.drive.part_of_step(*of, since, rubs)
 
     # --- events -----------------------------------------------------------------------------------------------------
     def watch(self, x: State) -> tuple[float, ...]:

@@ -43,9 +43,7 @@ RATTLE = 1e-5
 SINCE, RINGS, HALT, STANDARD = 12.0, 240.0, 2.0, 1000.0
 # And steps in which waves go over the side that the car runs into and back: that side squeezes what was sent off at the
 # start. Without, speeds err by 2e-3 to 4e-3 after a heavy rider's stop, or where a light one creeps on under its brake.
-# Where that side is shorter than SHORT, what sines cannot carry is let go by long steps alone: 3e-3 on a fast ride
-# without a brake.
-WAVES, SHORT = 60.0, 0.05
+WAVES = 60.0
 FREE_ONLY = ("release", "thrust", "brake")
 AIR_DENSITY = 1.2  # [kg/m^3]
 
@@ -283,7 +281,7 @@ class Drive:
         there = near / abs(speed) if speed else math.inf
         halt = abs(speed) / sigma if self.mu_r > 0.0 else math.inf  # in which weight alone would bring it to rest
         rings, ahead = axial / RINGS, s_o if forward < 0.0 else 1.0 - s_o
-        waves = 2.0 * ahead / WAVES if forward and ahead >= SHORT else math.inf
+        waves = 2.0 * ahead / WAVES if forward else math.inf
         parts = (since + axial * near) / SINCE, there / SINCE, rings if rubs else max(halt / HALT, rings), waves
         return min(1.0, min(parts) / step)
 

@@ -99,7 +99,7 @@ def by_force(on, thrust, velocity, p, behind, ahead, turn, defect, side):
     """How the defect of `car` follows the force behind (side 0) or ahead of it, (2,); turn : lam/N there.
 
     By differences of r', which a force turns and hardly stretches: friction and brake go by the kink, too.  Without
-    that Newton's method diverges on however short a step, where a braked car nears a support on a soft rope.
+    that Newton's method diverges on graded sines, where a braked car nears a support on a soft rope.
     """
     moved, got = np.empty((2, 2)), np.empty(2)
     slope = behind if side == 0 else ahead

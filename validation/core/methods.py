@@ -195,6 +195,11 @@ def _fixed(element: str, coupling: str) -> Build:
     return build
 
 
+# Of the sines of free rides: a car squeezes waves between itself and the support ahead, which even ones do not see past
+# 0.95 l.  On 12 random rides, and as many fresh ones, places and speeds err by a half to a third of what they did.
+GRADING = 0.8
+
+
 def _galerkin(family: str, kink: bool) -> Build:
     def build(groups: Groups, x: dict[str, Any], **kind: Any) -> Solver:
         from galerkin.abscissa import PositionAbscissa
@@ -204,7 +209,8 @@ def _galerkin(family: str, kink: bool) -> Build:
         from galerkin.rides import RollingSystem
 
         wavelets = {key: x[key] for key in _WAVELETS if key in x}
-        basis: Any = Daubechies(**wavelets) if family == "wavelet" else Fourier(x["terms"])
+        grading = GRADING if groups.drive.mode == "free" and kink else 0.0
+        basis: Any = Daubechies(**wavelets) if family == "wavelet" else Fourier(x["terms"], grading)
         rolls = groups.drive.mode != "grip"
         system = (RollingSystem if rolls else GalerkinSystem)(groups, basis, kink=kink, **kind)
         return PositionAbscissa(system) if x["abscissa"] == "s" else system
