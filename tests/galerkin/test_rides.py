@@ -361,7 +361,7 @@ def up_a_deep_rope(**drive):
 
 
 def test_steps_follow_the_waves_that_the_car_squeezes():
-    """Shorter with the side that it runs into, not with the one it leaves, and not next to the support."""
+    """Shorter with the side that it runs into, up to the support, not with the one it leaves."""
     system, speed = RollingSystem(RIDER.groups, Fourier(8)), 0.3
     rests = system.start(0, None)
 
@@ -374,14 +374,14 @@ def test_steps_follow_the_waves_that_the_car_squeezes():
     assert part(0.9, 1.0) == pytest.approx(0.5 * part(0.8, 1.0), rel=1e-12) == pytest.approx(0.2 / WAVES)
     assert part(0.1, -1.0) == pytest.approx(part(0.9, 1.0), rel=1e-12)
     assert part(0.9, -1.0) > 2.0 * part(0.9, 1.0)
-    assert part(0.96, 1.0) > 2.0 * part(0.9, 1.0)
+    assert part(0.96, 1.0) == pytest.approx(0.4 * part(0.9, 1.0), rel=1e-12)
 
 
 def test_ringing_by_the_far_support_is_no_lift_off():
-    """There the car's force rings through zero from step to step, and the one over a while does not."""
+    """There the car's force rings through zero on few steps, and the one over a while does not."""
     cable = {"mass_per_length": 0.6, "EA": 6.6e6, "sag": 2.0}
     short = hundred_metres(cable, 6.0, 80.0, {"start": 1.0, "rolling_friction": 0.02})
-    r = run(short, "fourier-kink", steps=2000, rho_inf=0.9)
+    r = run(short, "fourier-kink", terms=60, steps=500, rho_inf=0.9)
     assert np.nanmin(r.F_contact) < 0.0
     assert [x["event"] for x in r.events] == ["arrival"]
 

@@ -488,8 +488,9 @@ def _law(name: str, series: Series, a: Estimated, b: Estimated, window: Window) 
             inside = measures.inside(coarse, window)
             return _rms((series(coarse) - measures.at_steps_of(coarse, fine, np.nan_to_num(series(fine))))[inside])
 
-        bar = laws.SAFETY * (distance(e.run, e.in_space) + distance(e.run, e.in_time))
-        found.append(Agreement(name, gap, Bound("law", (Part(e.run.method, bar, f"{CHANGED}, times {laws.SAFETY}"),))))
+        bar = laws.SAFETY * (distance(e.run, e.in_space) + distance(e.run, e.in_time)) + laws.TRAPEZOIDS
+        basis = f"{CHANGED}, times {laws.SAFETY}, and {laws.TRAPEZOIDS:g} for trapezoids"
+        found.append(Agreement(name, gap, Bound("law", (Part(e.run.method, bar, basis),))))
     return _worse(found)
 
 
