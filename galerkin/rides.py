@@ -501,7 +501,7 @@ class RollingSystem(GalerkinSystem):
         return self._consistent(x.t, x.q, x.v.copy(), x.phase)
 
     def part(self, x: State, since: float, ahead: float = 0.0) -> float:
-        """Which part of a step to take; what rings matters to friction and brakes alone."""
+        """Which part of a step to take; a car that is let go hears itself, even where nothing rubs."""
         if not self.free:
             return 1.0
         hears = self.drive.mu_r > 0.0 or bool(self.drive.brakes)

@@ -33,7 +33,7 @@ class Basis(Protocol):
         """By which xi is finer next to the supports than s, see `Fourier`; 0 for others."""
 
     def at(self, s: float) -> np.ndarray:
-        """phi, phi', phi'' (0 where there is none), both primitives at one s, and for sines a third; (5 or 6, n)."""
+        """phi, phi', phi'' (0 where there is none), both primitives at one s; sines add a third; (5 or 6, n)."""
 
     def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:
         """The m-th derivative of phi, (n_s, n); m = -1 and -2 are a primitive of phi and one of that."""

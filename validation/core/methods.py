@@ -209,8 +209,9 @@ def _galerkin(family: str, kink: bool) -> Build:
         from galerkin.rides import RollingSystem
 
         wavelets = {key: x[key] for key in _WAVELETS if key in x}
-        grading = GRADING if groups.drive.mode == "free" and kink else 0.0
-        basis: Any = Daubechies(**wavelets) if family == "wavelet" else Fourier(x["terms"], grading)
+        terms = x.get("terms", 0)
+        graded = groups.drive.mode == "free" and kink and terms > 1  # sums of graded sines take the second
+        basis: Any = Daubechies(**wavelets) if family == "wavelet" else Fourier(terms, GRADING if graded else 0.0)
         rolls = groups.drive.mode != "grip"
         system = (RollingSystem if rolls else GalerkinSystem)(groups, basis, kink=kink, **kind)
         return PositionAbscissa(system) if x["abscissa"] == "s" else system
