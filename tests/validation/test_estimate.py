@@ -13,7 +13,7 @@ from validation.core import estimate as module
 from validation.core import measures
 from validation.core.estimate import confirmed, estimated, weighted, window_of
 from validation.core.methods import find
-from validation.core.richardson import LEAST_ORDER, NO_ORDER, SAFETY, UNCONFIRMED, left, weight
+from validation.core.richardson import LEAST_ORDER, NO_ORDER, SAFETY, left, weight
 from validation.core.running import run
 
 LEVEL = Scene.load("level")
@@ -89,12 +89,12 @@ def test_a_companions_own_slack_does_not_cut_the_window(estimate):
 @pytest.mark.parametrize(
     ("fall", "expected"),
     [
-        (None, UNCONFIRMED * left(2.0)), (40.0, SAFETY * left(2.0)), (3.1, SAFETY / 2.1),
+        (None, NO_ORDER), (15.0, SAFETY * left(2.0)), (17.0, NO_ORDER), (3.1, SAFETY / 2.1),
         (1.01 * 2.0**LEAST_ORDER, NO_ORDER), (0.7, NO_ORDER), (0.0, NO_ORDER),
     ],
 )  # fmt: skip
 def test_what_three_runs_show_of_an_order_makes_the_bar(fall, expected):
-    assert weight(2.0, fall) == pytest.approx(expected, rel=1e-12)
+    assert weight(2.0, fall, 16.0) == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_path_that_shows_no_order_says_so(estimate):
