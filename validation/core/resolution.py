@@ -103,13 +103,15 @@ class _Part:
         return [Refinement(whole(fine), whole(coarse), self.safety * of_path, richardson.SAFETY * of_force)]
 
     def tension(self, rings: bool = False) -> float:
-        """What is left of the tension's; of first order where it rings with waves that steps miss."""
+        """What is left of the tension's; of first order where steps miss waves that ring, in a ride of none."""
         if self.read is None or not math.isfinite(self.left):
             return self.path
         fine, coarse, ratio, order = self.read
         weight = self.safety * richardson.left(order, ratio)
         if rings:
-            weight = max(weight, richardson.SAFETY * richardson.left(1.0, ratio))
+            free = fine.drive == "free"
+            missed = richardson.no_order(ratio) if free else richardson.SAFETY * richardson.left(1.0, ratio)
+            weight = max(weight, missed)
         return weight * measures.tension_gap(whole(coarse), whole(fine), window_of(fine, coarse))
 
     def seen(self, last: MassPath, response: Response) -> _Part:
