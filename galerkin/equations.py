@@ -30,6 +30,7 @@ from galerkin.models import FullCable, cable_model
 from galerkin.observe import direction, displaced, history, observe
 
 LOADS = ("mass", "force")
+MANY = 48  # sines from which a step goes by the factors of an earlier one; with 40 either takes as long
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +105,9 @@ class GalerkinSystem:
         # place and tensions of the last residual, or the least of them and its s
         self._pull: tuple[Any, ...] | None = None
         self._instants: dict[tuple[float, int], Instant] = {}
+        self._kept: kernels.Kept | None = None
+        if self._compiled and basis.n >= MANY and not basis.grading:
+            self._kept = kernels.Kept(np.zeros((2 * basis.n, 2 * basis.n), np.float32), np.zeros(1))
 
     @property
     def motion(self) -> Motion:
@@ -279,7 +283,7 @@ class GalerkinSystem:
         pull = np.empty(grip.behind.shape[1] + grip.ahead.shape[1])
         taken = kernels.settle(
             grip, np.ascontiguousarray(places[:same]), None, None, None, self._constants, self.groups.sigma, start, now,
-            told, rules[:same], bound, limits(newton), pull,
+            told, rules[:same], bound, limits(newton), pull, self._kept,
         )  # fmt: skip
         return now, told, taken, pull
 

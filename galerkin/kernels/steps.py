@@ -22,6 +22,7 @@ from galerkin.kernels.cable import (
     stiffness,
 )
 from galerkin.kernels.dense import solve
+from galerkin.kernels.nearly import corrected, keep
 from galerkin.kernels.rolling import STEP, Rolling, add_shed_tangent, averaged, car, motion, pulls, roll, row
 from galerkin.law import compiled
 
@@ -228,7 +229,7 @@ def look(here, ride, cable, balanced, r, pull, parts):
 
 
 @compiled
-def settle(grip, places, here, ride, course, cable, sigma, start, now, told, rules, bound, newton, pull):
+def settle(grip, places, here, ride, course, cable, sigma, start, now, told, rules, bound, newton, pull, kept=None):
     """`cablefem.newmark.System.settle` for the full cable, of steps one after another.
 
     Return how many came to be in balance with no point slack, and no event of the course.
@@ -237,7 +238,7 @@ def settle(grip, places, here, ride, course, cable, sigma, start, now, told, rul
     ride : `Ride` or None;  course : `Course` or None
     now : (m, 3, size) receives the ends;  rules : (m, 3, 5);  newton : max_iter, reuse, patience, most halvings.
     told : (m, 6) |r|, how often it iterated, factorised, evaluated, the least tension and its s.
-    pull : of the last step.
+    pull : of the last step;  kept : `Kept` for many sines, else None
     The factors are not kept but made again from the kept tangent: more than one iteration is rare, and for further
     steps the tangent does not do: the mass has gone a part of the highest sine's wave by then, and its kink turns r'.
     """
@@ -306,12 +307,20 @@ def settle(grip, places, here, ride, course, cable, sigma, start, now, told, rul
                 if norm <= bound or not norm < math.inf or iterations >= newton[0]:
                     break
                 anew = norm > newton[1] * before
+            before, share, halving, done = norm, 1.0, 0, False
+            if kept is not None:
+                done = corrected(here, cable.inertia, gram, r, bound, c0, c1, c2, kept, step)
+                if not done:
+                    stiffness(here.at.phi, gram, cable.harmonic, cable.grading, cable.hat, K)
+                    keep(K, c0, c2, kept)
+                    done = corrected(here, cable.inertia, gram, r, bound, c0, c1, c2, kept, step)
+                anew = True
             if anew:
-                tangent(here, of, cable, balanced, r, out, gram, sides, internal, c0, c1, c2, K)
                 factorisations += 1
-            before = norm
-            solve(K, r, step)
-            share, halving = 1.0, 0
+            if not done:
+                if anew:
+                    tangent(here, of, cable, balanced, r, out, gram, sides, internal, c0, c1, c2, K)
+                solve(K, r, step)
         least = 0
         for i in range(pull.size):
             if pull[i] < pull[least]:
