@@ -257,7 +257,7 @@ class GalerkinSystem:
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> Iterator[tuple[Array, Settled]]:
-        """As the protocol has it, while the rules of both sides stay; ripples below zero are looked at step by step."""
+        """As the protocol has it, while the rules of both sides stay and the cable is taut."""
         if not self._compiled:
             return
         now, told, taken, _ = self._stride(t, phase, start, rules, bound, newton)

@@ -24,6 +24,7 @@ from galerkin.kernels.cable import (
     add_inertia,
     add_inertia_tangent,
     balance,
+    least,
     static,
     static_at,
     stiffness,
@@ -50,6 +51,6 @@ from galerkin.kernels.steps import FREE, HAULED, STUCK, Cable, Course, Grip, Mom
 __all__ = [
     "FREE", "HAULED", "STEP", "STUCK", "Cable", "Course", "Grip", "Kept", "Moment", "Points", "Ride", "Rolling",
     "acceleration", "add_inertia", "add_inertia_tangent", "add_shed_tangent", "averaged", "balance", "by_force", "car",
-    "look", "motion", "pulls", "recover", "roll", "row", "settle", "static", "static_at", "stiffness", "stress",
-    "survey", "taut",
+    "least", "look", "motion", "pulls", "recover", "roll", "row", "settle", "static", "static_at", "stiffness",
+    "stress", "survey", "taut",
 ]  # fmt: skip

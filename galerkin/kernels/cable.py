@@ -195,6 +195,36 @@ def add_inertia_tangent(x, mu, c0, c1, c2, K):
 
 
 @compiled
+def least(at, s_o, pull):
+    """The least tension and its s; where one is negative, that of means over shortest waves, as `FullCable.least`.
+
+    at : `Points` of sines with a hat;  pull : (m,) the elastic T + alpha eps
+    """
+    s, where = at.s, 0
+    for i in range(pull.size):
+        if pull[i] < pull[where]:
+            where = i
+    lowest, place = pull[where], s[where]
+    if lowest >= 0.0:
+        return lowest, place
+    lowest, first = math.inf, 0
+    for side in range(2):
+        begin, length = (0.0, s_o) if side == 0 else (s_o, 1.0 - s_o)
+        pieces = max(1, round(0.5 * (at.phi.shape[0] - 1) * length))
+        for piece in range(1, pieces + 1):
+            end = begin + length * piece / pieces
+            weight, mean, middle = 0.0, 0.0, 0.0
+            while first < s.size and s[first] < end:
+                weight += at.weights[first]
+                mean += at.weights[first] * pull[first]
+                middle += at.weights[first] * s[first]
+                first += 1
+            if weight > 0.0 and mean < lowest * weight:
+                lowest, place = mean / weight, middle / weight
+    return lowest, place
+
+
+@compiled
 def survey(at, Q, alpha, law, internal):
     """int W ds, the least N and the index of its point; at : `Points` with a hat, rising behind the mass.
 

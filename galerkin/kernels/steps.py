@@ -17,6 +17,7 @@ from galerkin.kernels.cable import (
     add_inertia,
     add_inertia_tangent,
     balance,
+    least,
     static,
     static_at,
     stiffness,
@@ -232,7 +233,8 @@ def look(here, ride, cable, balanced, r, pull, parts):
 def settle(grip, places, here, ride, course, cable, sigma, start, now, told, rules, bound, newton, pull, kept=None):
     """`cablefem.newmark.System.settle` for the full cable, of steps one after another.
 
-    Return how many came to be in balance with no point slack, and no event of the course.
+    Return how many came to be in balance, not slack, and with no event of the course.
+    A mass that grips is looked at for mean tensions over a shortest wave, a car that rolls for those of points.
 
     grip : `Grip`, and places (m, 3) s_o, ds_o, dds_o; or None, and here : `Moment`, for one step
     ride : `Ride` or None;  course : `Course` or None
@@ -321,13 +323,16 @@ def settle(grip, places, here, ride, course, cable, sigma, start, now, told, rul
                 if anew:
                     tangent(here, of, cable, balanced, r, out, gram, sides, internal, c0, c1, c2, K)
                 solve(K, r, step)
-        least = 0
-        for i in range(pull.size):
-            if pull[i] < pull[least]:
-                least = i
+        lowest, where = pull[0], here.at.s[0]
+        if grip is not None:
+            lowest, where = least(here.at, places[count, 0], pull)
+        else:
+            for i in range(pull.size):
+                if pull[i] < lowest:
+                    lowest, where = pull[i], here.at.s[i]
         told[count, 0], told[count, 1], told[count, 2] = norm, iterations, factorisations
-        told[count, 3], told[count, 4], told[count, 5] = residuals, pull[least], here.at.s[least]
-        if not (norm <= bound and pull[least] >= 0.0):
+        told[count, 3], told[count, 4], told[count, 5] = residuals, lowest, where
+        if not (norm <= bound and lowest >= 0.0):
             return count
         if course is not None:
             s_o, ds_o = end[0, size - 1], end[1, size - 1]
