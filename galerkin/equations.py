@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import copy
 import operator
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs, zgetrf, zgetrs
 
-from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, consistent_acceleration, iterate
+from cablefem.newmark import NO_STEPS, Newton, Settled, Solve, State, StepFailure, consistent_acceleration, iterate
 from cablefem.newmark.newton import MOST_HALVINGS
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
@@ -256,14 +255,14 @@ class GalerkinSystem:
 
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
-    ) -> Iterator[tuple[Array, Settled]]:
+    ) -> tuple[Array, Array]:
         """As the protocol has it, while the rules of both sides stay and the cable is taut."""
         if not self._compiled:
-            return
+            return NO_STEPS
         now, told, taken, _ = self._stride(t, phase, start, rules, bound, newton)
-        for end, (*done, least, where) in zip(now[:taken], told.tolist(), strict=False):
-            self._pull = least, where
-            yield end, Settled(*done)
+        if taken:
+            self._pull = told.item(taken - 1, 4), told.item(taken - 1, 5)
+        return now[:taken], told[:taken]
 
     def _stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
@@ -274,10 +273,11 @@ class GalerkinSystem:
         assert isinstance(cable, FullCable)
         assert isinstance(kink.basis, Fourier)
         places = self.motion.along(t, phase).T
-        sides = [kink.basis.side_rules(s) for s in places[:, 0].tolist()]
-        same = next((k for k, side in enumerate(sides) if any(map(operator.is_not, side, sides[0]))), t.size)
+        s_o, rules_at = places[:, 0].tolist(), kink.basis.side_rules
+        side = rules_at(s_o[0])
+        same = next((k for k in range(1, t.size) if any(map(operator.is_not, rules_at(s_o[k]), side))), t.size)
         grip = kernels.Grip(
-            *sides[0], kink.at_rest, kink.left, kink.chord, kink.thirds, kink.basis.grading, self.groups.c, NONE
+            *side, kink.at_rest, kink.left, kink.chord, kink.thirds, kink.basis.grading, self.groups.c, NONE
         )
         now, told = np.empty((same, *start.shape)), np.full((same, 6), np.nan)
         pull = np.empty(grip.behind.shape[1] + grip.ahead.shape[1])

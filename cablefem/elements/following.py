@@ -51,7 +51,7 @@ class Tables(NamedTuple):
     slopes: tuple[tuple[NDArray[np.int64], Array], ...]  # unknowns and d/dxi of them, behind and ahead of the mass
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)
 def _tables(elements: int, degree: int, grading: float) -> Tables:
     """Tabulate both sides of the mass; runs that differ in their steps or scenes alone share it."""
     sides = tuple(
@@ -181,10 +181,12 @@ class FollowingElements(CableElements):
 
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
-    ) -> Iterator[tuple[Array, Settled]]:
+    ) -> tuple[Array, Array]:
         """As the protocol has it; a slack cable is looked at step by step."""
         now, told, taken = self._stride(t, phase, start, rules, bound, newton)
-        yield from zip(now[:taken], self._said(told[:taken]), strict=True)
+        if taken:
+            self.least_tension = told.item(taken - 1, 4), told.item(taken - 1, 5)
+        return now[:taken], told[:taken]
 
     def settle(
         self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
@@ -229,6 +231,10 @@ class FollowingElements(CableElements):
         return None
 
     # --- observation -----------------------------------------------------------------------------------
+    def path(self, states: States) -> tuple[Array, Array]:
+        states, kinematics = self._split(states)
+        return kinematics[:, 0], states.q.reshape(-1, self.n_scalar, self.fields)[:, self.node] @ self.direction
+
     def _fresh(self) -> None:
         super()._fresh()
         self._coefficients = np.empty((8, 3))

@@ -16,15 +16,13 @@ of a following mesh 2.1e-3 with 100 and 488, 2.4e-4 with 320 and 976, at 20 time
 Any motion of the nodes gives the same equations, `kernels.front.weigh`: that of the front need not be known well.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 from scipy.linalg import solveh_banded
 
 from cablefem.elements.cable import CableElements
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels.front import follow_fronts, weigh
-from cablefem.newmark import Array, Newton, Settled
+from cablefem.newmark import NO_STEPS, Array, Newton, Settled
 from cablefem.response import States
 from cablefem.scene import Groups, Motion
 
@@ -82,9 +80,9 @@ class FrontElements(FollowingElements):
         follow_fronts(self._xi, self._lines, self._width, np.array([t]), at[None], self._mesh.span[None])
         weigh(self._mesh.span, self._dofs, self._fine, self.fields, self._operators)
 
-    def stride(self, *step: object) -> Iterator[tuple[Array, Settled]]:
+    def stride(self, *step: object) -> tuple[Array, Array]:
         """Take no steps in one go."""
-        return iter(())
+        return NO_STEPS
 
     def settle(
         self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton

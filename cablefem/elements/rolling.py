@@ -27,7 +27,7 @@ from cablefem.elements.cable import Array
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.front import FrontElements
 from cablefem.elements.kernels import car as kernels
-from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, Tableau, consistent_acceleration
+from cablefem.newmark import NO_STEPS, Newton, Settled, Solve, State, StepFailure, Tableau, consistent_acceleration
 from cablefem.newmark.energy_rule import average
 from cablefem.newmark.newton import find_root
 from cablefem.response import Observation, States
@@ -164,10 +164,10 @@ class RollingElements(FollowingElements):
 
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
-    ) -> Iterator[tuple[Array, Settled]]:
+    ) -> tuple[Array, Array]:
         """As the protocol has it; a free car that is held, or has no direction yet, is looked at step by step."""
         self._head(float(start[1, -1]))
-        return super().stride(t, phase, start, rules, bound, newton) if self._goes_on else iter(())
+        return super().stride(t, phase, start, rules, bound, newton) if self._goes_on else NO_STEPS
 
     def _stride(self, t: Array, *of: Any) -> tuple[Array, Array, int]:
         now, told, taken = super()._stride(t, *of)

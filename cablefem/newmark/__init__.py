@@ -11,14 +11,16 @@ solutions with a tangent; matrix formats stay with the system.  Time and all qua
     steps     the instants to step on
     events    finding where a watched value falls to zero, and passing it
     march     step after step: phases, cut steps, events
+    course    many states
     failures  how a run may end
 """
 
 from cablefem.newmark.collocation_rule import Collocating, collocate
+from cablefem.newmark.course import NO_STEPS, Course, Stacked, Stretch
 from cablefem.newmark.energy_rule import Averaged, average
 from cablefem.newmark.events import Watched
 from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepFailure, StepUnderflow
-from cablefem.newmark.march import integrate
+from cablefem.newmark.march import integrate, stretches
 from cablefem.newmark.newmark_rule import iterate
 from cablefem.newmark.newton import Newton, Settled
 from cablefem.newmark.schemes import SCHEMES, Scheme, scheme

@@ -1,7 +1,7 @@
 """A step by collocation: the balance holds at several nodes of the step (Radau IIA, Gauss)."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Protocol, runtime_checkable
@@ -50,7 +50,7 @@ class CollocationRule(Stepper):
         self.rule = tableau(method.nodes)
         self.collocate = system.collocate if isinstance(system, Collocating) else partial(collocate, system)
 
-    def stride(self, x: State, times: Array) -> Iterator[State]:
+    def stride(self, x: State, times: Array) -> Iterator[Sequence[State]]:
         if not (self.strides and isinstance(x, Collocated)):
             return
         t, ends, a, go_on = self._steps(x, times)
@@ -60,7 +60,7 @@ class CollocationRule(Stepper):
             if not done.norm <= self.bound:
                 return
             self.balanced(done)
-            yield self._end(x.phase, t[k : k + 2], ends[k + 1], a[k])
+            yield [self._end(x.phase, t[k : k + 2], ends[k + 1], a[k])]
 
     def __call__(self, x: State, t1: float) -> State:
         """Return the state at t1.

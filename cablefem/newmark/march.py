@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Generator, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -25,18 +26,24 @@ GENTLE, GENTLY = 4, Scheme("gentle", 0.5, 1.0)
 MOST_HALVINGS = 6  # 1/64 of a step: where that does not converge the equations themselves have lost their solution
 MOST_CUTS = 100  # and half the steps: a run that has to cut more steps than that creeps
 # most steps in one go, and where they have to be foreseen; how many alone after the first of them would not do
-STRIDE, AHEAD, ALONE = 64, 32, 16
+STRIDE, AHEAD, ALONE = 256, 32, 16
 # Times the shortest of them: longer ones are foreseen anew, as the velocity that they follow has changed by then.  With
 # an undamped rule steps that jump where foresight ends leave twice the ringing of those that grow evenly.
 GROWN = 2.0
 MOST_EVENTS = 20  # without a whole step between them: more is an event that happens again as soon as it is passed
 
 
-def integrate(
+def integrate(system: System, method: Scheme, times: Sequence[Array], **kind: Any) -> Iterator[State]:
+    """Yield the states of a run one by one, see `stretches`."""
+    for states in stretches(system, method, times, **kind):
+        yield from states
+
+
+def stretches(
     system: System, method: Scheme, times: Sequence[Array], *, newton: Newton = STANDARD, work: Work | None = None,
     start: State | None = None,
-) -> Iterator[State]:  # fmt: skip
-    """Yield the states of a run, the first one included.
+) -> Iterator[Sequence[State]]:  # fmt: skip
+    """Yield the states of a run, the first one included, some by some as steps are taken.
 
     times : per phase the instants to step on, its ends included (`step_times`).
     start : go on from this state, inside its phase (with another law, say), instead of from the beginning; events that
@@ -51,7 +58,7 @@ def integrate(
     step = rule(system, method, newton, work)
     if start is None:
         state = system.start(0, None)
-        yield state
+        yield [state]
     else:
         state = start
         # who stops at an event's state has not seen the change
@@ -64,7 +71,9 @@ def integrate(
     for phase in range(state.phase, len(system.phases)):
         if phase > state.phase:
             state = system.start(phase, state)
-        gentle = NewmarkRule(system, GENTLY, newton, work) if rule is NewmarkRule else None
+        gentle = (
+            NewmarkRule(system, GENTLY, newton, work) if rule is NewmarkRule and isinstance(system, Abrupt) else None
+        )
         after = yield from _through(step, gentle, times[phase], state, work)
         if after is None:
             return
@@ -73,9 +82,8 @@ def integrate(
 
 def _through(
     step: Stepper, gentle: Stepper | None, grid: Array, state: State, work: Work
-) -> Generator[State, None, State | None]:
+) -> Generator[Sequence[State], None, State | None]:
     """Yield a state for each instant of the grid that lies ahead, and for each event; return the one to go on from."""
-    jumpy = step.system if gentle is not None and isinstance(step.system, Abrupt) else None
     fresh, pieces = True, 0  # whether a jump was just passed, and what is left of a gentle start
     watched = step.system if isinstance(step.system, Watched) and step.system.events else None
     prepared = step.system if isinstance(step.system, Prepared) else None
@@ -89,18 +97,19 @@ def _through(
             if alone == halvings == pieces == 0 and step.strides:
                 ahead = edges[i + 1 : i + 1 + STRIDE] if ringing is None else _pieces(ringing, state, jumped, edges[i:])
                 alone = ALONE
-                for x in step.stride(state, np.array(ahead)) if ahead else ():
+                for states in step.stride(state, np.array(ahead)) if ahead else ():
+                    x = states[-1]
                     if watched is not None and not min(watched.watch(x)) > 0.0:
                         break
-                    work.steps += 1
+                    work.steps += len(states)
                     state, alone, shown = x, int(x.t < ahead[-1]), x.t
-                    yield x
+                    yield states
                 if alone < ALONE:
                     fresh = False
                     continue
             alone = max(0, alone - 1)
             piece = whole if ringing is None else whole * ringing.part(state, state.t - jumped)
-            if fresh and jumpy is not None and jumpy.abrupt(state, piece):
+            if fresh and gentle is not None and isinstance(step.system, Abrupt) and step.system.abrupt(state, piece):
                 pieces = GENTLE
             fresh = False
             piece *= 0.5**halvings / (GENTLE if pieces else 1)
@@ -128,7 +137,7 @@ def _through(
                 jumped, alone = x.t, 1
             if (names or ringing is not None or x.t == t) and x.t - shown > rounding(x.t):
                 shown = x.t
-                yield x
+                yield [x]
             passed = passed + len(names) if names else 0
             if passed > MOST_EVENTS:
                 raise EndlessEvents(

@@ -1,10 +1,12 @@
 """A step of Newmark's family, generalised-alpha included."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
+from cablefem.newmark.course import Stretch
+from cablefem.newmark.events import Watched
 from cablefem.newmark.newton import Newton, Settled, find_root
 from cablefem.newmark.schemes import Scheme
 from cablefem.newmark.stepper import Stepper, Work
@@ -17,6 +19,7 @@ class NewmarkRule(Stepper):
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         super().__init__(system, method, newton, work)
         self._travels = system if isinstance(system, Travelling) else None
+        self._blind = not (isinstance(system, Watched) and system.events)  # no state of many is looked at
         self._rule = np.eye(3, 5)  # as `System.settle` has it
         self._rule[:, 4] = 1.0 - method.alpha_f, 1.0 - method.alpha_f, 1.0 - method.alpha_m
 
@@ -35,34 +38,34 @@ class NewmarkRule(Stepper):
         w = 1.0 - self.method.alpha_f
         return (1.0 - w) * t0 + w * t1 if self._travels is None else self._travels.between(t0, t1, w, phase)
 
-    def stride(self, x: State, times: Array) -> Iterator[State]:
-        if not (self.strides and isinstance(self.system, Striding)):
+    def stride(self, x: State, times: Array) -> Iterator[Sequence[State]]:
+        if not self.strides:
             return
-        rows, begin = self.remembered(x), np.concatenate([[x.t], times[:-1]])
+        assert isinstance(self.system, Striding)
+        begin = np.concatenate([[x.t], times[:-1]])
         t = self._instants(begin, times, x.phase)
         rules = np.repeat(self._rule[None], times.size, axis=0)
         self._set(rules, times - begin, 1.0)
-        start = np.array([x.q, x.v, x.a]) if rows is None else rows
-        steps = self.system.stride(t, x.phase, start, rules, self.bound, self.newton)
-        for t1, (now, done) in zip(times.tolist(), steps, strict=False):
-            self.balanced(done)
-            after = State(t1, now[0], now[1], now[2], x.phase)
-            self._memory = [(after, now)]
-            yield after
+        now, told = self.system.stride(t, x.phase, np.array([x.q, x.v, x.a]), rules, self.bound, self.newton)
+        n = len(now)
+        if not n:
+            return
+        stretch = Stretch(times[:n], now, x.phase)
+        for k, part in enumerate([stretch] if self._blind else [[x] for x in stretch]):
+            of = told if self._blind else told[k : k + 1]
+            self.count(*of[:, 1:4].sum(axis=0).astype(int).tolist())
+            yield part
 
     def __call__(self, x: State, t1: float) -> State:
-        dt, rows = t1 - x.t, self.remembered(x)
+        dt, start = t1 - x.t, np.array([x.q, x.v, x.a])
         t = float(self._instants(np.array([x.t]), np.array([t1]), x.phase)[0])
-        start = np.array([x.q, x.v, x.a]) if rows is None else rows
         now = np.empty_like(start)
         # first guess: the acceleration goes on as it was; where unresolved waves make that absurd: it vanishes
         for goes_on in (1.0, 0.0):
             self._set(self._rule, dt, goes_on)
             done = self.system.settle(t, x.phase, start, now, self._rule, self.bound, self.newton)
             if self.balanced(done):
-                after = State(t1, now[0], now[1], now[2], x.phase)
-                self.remember(after, now)
-                return after
+                return State(t1, now[0], now[1], now[2], x.phase)
         raise self.stalled(t1, done)
 
 

@@ -1,7 +1,7 @@
 """What the rules of a step share: when it is in balance, what it cost, and what it remembers."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -45,8 +45,11 @@ class Stepper:
     def __call__(self, x: State, t1: float) -> State:
         raise NotImplementedError
 
-    def stride(self, x: State, times: Array) -> Iterator[State]:
-        """Give the states at times ahead, each after a step from the one before, as far as the system strides."""
+    def stride(self, x: State, times: Array) -> Iterator[Sequence[State]]:
+        """Give the states at times ahead, each after a step from the one before, as far as the system strides.
+
+        Several at once where nothing can be seen after one that was not seen when it was taken.
+        """
         return iter(())
 
     def remembered(self, x: State) -> Any:
@@ -59,11 +62,14 @@ class Stepper:
 
     def balanced(self, done: Settled) -> bool:
         """Count the work, and return whether Newton's method has found the step's end."""
-        work = self.work
-        work.newton_iterations += done.iterations
-        work.factorisations += done.factorisations
-        work.residuals += done.residuals
+        self.count(done.iterations, done.factorisations, done.residuals)
         return done.norm <= self.bound
+
+    def count(self, iterations: int, factorisations: int, residuals: int) -> None:
+        """Count the work of steps."""
+        self.work.newton_iterations += iterations
+        self.work.factorisations += factorisations
+        self.work.residuals += residuals
 
     def stalled(self, t1: float, done: Settled) -> NewtonStalled:
         return NewtonStalled(

@@ -1,6 +1,6 @@
 """What the time loop asks of a system."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -117,11 +117,12 @@ class Striding(Protocol):
 
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
-    ) -> Iterator[tuple[Array, Settled]]:
-        """Give the ends of steps, each from the one before, as `settle` finds them.
+    ) -> tuple[Array, Array]:
+        """Return the ends (k, 3, n_dof) of steps, each from the one before, as `settle` finds them, and what is told.
 
         t, rules : of each step, (m,) and (m, 3, 5).  Ends before the first step that Newton's method does not settle,
         or in which an event may happen, or after which something is to be looked at: who asks takes that one alone.
+        Told (k, 4 or more): of each what `Settled` has.  k = 0: none is to be taken in one go.
         """
 
 

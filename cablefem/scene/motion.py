@@ -58,9 +58,10 @@ class Motion:
         """Return `at` for many instants, by the polynomials of their or of one phase: rows s_o, ds_o, dds_o, (3, n)."""
         out, c, one = np.empty((3, t.size)), self._columns, isinstance(phase, int)
         for p in (phase,) if one else np.unique(phase).tolist():
-            rows, first = slice(None) if one else phase == p, sum(map(len, self.pieces[:p]))
-            start = c[0, first : first + len(self.pieces[p])]
-            _, origin, c0, c1, c2, c3 = c[:, first + np.searchsorted(start[1:], t[rows], side="right")]
+            rows, first, count = slice(None) if one else phase == p, sum(map(len, self.pieces[:p])), len(self.pieces[p])
+            start = c[0, first : first + count]
+            at = first + np.searchsorted(start[1:], t[rows], side="right") if count > 1 else first
+            _, origin, c0, c1, c2, c3 = c[:, at]
             x = t[rows] - origin
             out[:, rows] = (
                 c0 + x * (c1 + x * (c2 + x * c3)), c1 + x * (2.0 * c2 + 3.0 * x * c3), 2.0 * c2 + 6.0 * x * c3

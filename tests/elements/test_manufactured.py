@@ -11,7 +11,7 @@ import pytest
 from scipy.linalg import solve
 
 from cablefem.elements.following import FollowingElements
-from cablefem.newmark import State, integrate, iterate, scheme
+from cablefem.newmark import NO_STEPS, State, integrate, iterate, scheme
 from tests.runs import orders, stack, steep_cable
 
 G = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=57.0, speed=0.37)
@@ -88,7 +88,7 @@ class Forced(FollowingElements):
         return iterate(self, *step)
 
     def stride(self, *steps):
-        return iter(())
+        return NO_STEPS
 
     def held(self, side):
         """Return the values of side's functions (m, n) at m points, and the chosen g there (m, 2)."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
-from cablefem.newmark import consistent_acceleration, integrate, iterate, scheme
+from cablefem.newmark import NO_STEPS, consistent_acceleration, integrate, iterate, scheme
 from galerkin.bases import Fourier
 from galerkin.equations import GalerkinSystem
 from tests.galerkin.test_equations import STEEP, shapes
@@ -96,7 +96,7 @@ class Loaded(GalerkinSystem):
         return iterate(self, *step)
 
     def stride(self, *steps):
-        return iter(())
+        return NO_STEPS
 
 
 def error(terms, steps, wrong=1.0):

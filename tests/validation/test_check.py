@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from cablefem import Scene
 from cablefem.elements.following import FollowingElements
-from cablefem.newmark import iterate
+from cablefem.newmark import NO_STEPS, iterate
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
 from validation.commands.check import study
@@ -41,7 +41,7 @@ class Interpreted:
         return iterate(self, *step)
 
     def stride(self, *steps):
-        return iter(())
+        return NO_STEPS
 
 
 class NoCoriolis(Interpreted, GalerkinSystem):

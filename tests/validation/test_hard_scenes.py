@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
+from cablefem.newmark import Course
 from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
 from validation.core import measures
@@ -136,8 +137,8 @@ def test_a_coarse_companion_of_which_nothing_is_known_leaves_no_bar():
 def test_a_ride_that_ends_beyond_the_cable_ended_before(method, settings, beyond):
     ride = Run(Scene.load("zipline"), method, steps=40, **settings)
     ride.to(0.1)
-    last = ride.history.states[-1]
-    ride.history.states[-1] = last._replace(q=np.append(last.q[:-1], 1.02 if beyond else last.q[-1]))
+    *before, last = ride.history.states
+    ride.history.states = Course([*before, last._replace(q=np.append(last.q[:-1], 1.02 if beyond else last.q[-1]))])
     r = respond(ride.scene, ride.history, method=method, settings=ride.settings, **ride.kind)
     assert (r.status, r.t.size) == (
         ("incomplete", len(ride.history.states) - 1) if beyond else ("complete", len(ride.history.states))

@@ -14,7 +14,7 @@ import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from cablefem import newmark
-from cablefem.newmark import EndlessEvents, NewtonStalled, Scheme, State, StepFailure, StepUnderflow, Work
+from cablefem.newmark import Course, EndlessEvents, NewtonStalled, Scheme, State, StepFailure, StepUnderflow, Work
 from cablefem.response import Array, MassPath, Response
 from cablefem.scene import Groups, Scene
 from validation.core.methods import Method, find
@@ -71,7 +71,7 @@ class Run:
             groups, settings, model=model, load=load, law="tension-only" if law == "tension-only" else "elastic"
         )
         self.times = steps_of(solver, groups, settings)
-        self.history = History([], Work(), 0.0, None, None, solver, None)
+        self.history = History(Course(), Work(), 0.0, None, None, solver, None)
         self._seen: tuple[tuple[int, int], Response] | None = None
 
     def to(
@@ -179,12 +179,13 @@ def _advance(x: Run, solver: Solver, scheme: Scheme, switch: bool, until: float,
     if start is not None and solver.place(start) >= until:
         return False
     free = x.scene.groups.motion is None  # of others the instants end there
-    for state in newmark.integrate(solver, scheme, x.times_to(until), work=h.work, start=start):
-        h.states.append(state)
-        if len(h.states) % 32 == 0:
+    for states in newmark.stretches(solver, scheme, x.times_to(until), work=h.work, start=start):
+        h.states.extend(states)
+        state, n = states[-1], len(h.states)
+        if n % 32 < len(states):
             progress(max((state.t - t0) / (t1 - t0), solver.place(state) / until))
-        if h.onset is None and len(h.states) > 1 and solver.least_tension[0] < 0.0:
-            h.onset = len(h.states) - 1, solver.least_tension[1]
+        if h.onset is None and n > 1 and solver.least_tension[0] < 0.0:  # of a stretch only the last state may be slack
+            h.onset = n - 1, solver.least_tension[1]
             if switch:
                 return True
         if free and solver.place(state) >= until:

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.newmark import Collocated, State, Work, cubic, densified
+from cablefem.newmark import Collocated, Course, Stacked, State, Work, cubic, densified
 from cablefem.response import Array, Fields, Observation, Response, States
 from cablefem.scene import RATTLE, Motion, Scene
 from validation.core.solver import Pathed, Solver
 
 FRAMES = 100  # fields are kept at s_o/l = 1/FRAMES, 2/FRAMES, ... of every run, so that runs can be compared
 STATIONS = 201  # the file contract's least number of fixed s
+ON_CABLE = 1.0 + 1e-9  # s_o/l up to which it is
 WITHIN = 6  # parts of a collocation step between which cubics are as good as its polynomial
 
 
@@ -25,7 +26,7 @@ WITHIN = 6  # parts of a collocation step between which cubics are as good as it
 class History:
     """What stepping through a scene left behind."""
 
-    states: list[State]
+    states: Course
     work: Work
     seconds: float
     failure: tuple[str, str] | None  # cause and reason
@@ -40,22 +41,29 @@ def finite(h: History) -> States:
     Steps that depend on their length by leaps may end an arrival beyond it.
     """
     states = h.solver.in_time(stacked(h.states))
-    on_cable = h.solver.place(h.states[-1]) <= 1.0 + 1e-9
-    if on_cable and math.isfinite(sum(float(x.sum()) for x in (states.q, states.v, states.a))):  # no copy of them
+    if _ended_well(h):
         return states
     sound = np.isfinite(np.concatenate([states.q, states.v, states.a], axis=1)).all(axis=1)
-    sound[-1] &= on_cable
+    sound[-1] &= h.solver.place(h.states[-1]) <= ON_CABLE
     if sound.all():
         return states
     h.failure = "unstable", "the solution grew beyond all bounds; take more steps or a damped scheme"
     return _rows(states, slice(0, int(np.argmin(sound))))
 
 
+def _ended_well(h: History) -> bool:
+    """Return whether the last state is one of numbers, as then all are, with the car on the cable."""
+    last = h.states[-1]
+    return h.solver.place(last) <= ON_CABLE and math.isfinite(sum(float(x.sum()) for x in (last.q, last.v, last.a)))
+
+
 def moved(scene: Scene, h: History) -> dict[str, Any]:
     """Return how the mass moved so far: what a `MassPath` has, but for what was run."""
-    states = finite(h)
     if isinstance(h.solver, Pathed):
+        lazy: Any = Stacked(h.states)
+        states = h.solver.in_time(lazy) if _ended_well(h) else finite(h)
         return _moved(scene, h, states, *h.solver.path(states))
+    states = finite(h)
     seen = h.solver.observe(states, np.linspace(0.0, 1.0, STATIONS), np.arange(0))
     return _moved(scene, h, states, seen.s_o, seen.path)
 
@@ -175,9 +183,8 @@ def _scales(l: float, H: float, tau: float) -> Callable[..., dict[str, Any]]:
 
 def stacked(states: Sequence[State]) -> States:
     """Return a history as arrays."""
-    t, *of_all, phase = zip(*states, strict=True)
-    q, v, a = (np.concatenate(column).reshape(len(t), -1) for column in of_all)
-    return States(np.array(t), q, v, a, np.array(phase))
+    x = Stacked(states)
+    return States(x.t, x.q, x.v, x.a, x.phase)
 
 
 def _rows(states: States, rows: slice | NDArray[Any]) -> States:
