@@ -112,7 +112,7 @@ class FixedElements(CableElements):
         add_contact(contact, *of)
         load = np.zeros(n)
         load[dofs] = -self.inertia * np.outer(N, jump * self._static(s_o)[1] + slope_jump)
-        factorise(band, pivots)
+        factorise(band, pivots, self.fields == 2)
         solve(band, pivots, load)
         return State(t, state.q, state.v, state.a + np.append(load, N @ load[dofs] + slope_jump), phase)
 

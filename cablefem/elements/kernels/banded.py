@@ -24,23 +24,29 @@ def size_of(x):
 
 
 @compiled
-def factorise(ab, pivots):
+def factorise(ab, pivots, pairs):
     """Factorise a banded matrix in place, P A = L U, and return whether it is regular.
 
     Gaussian elimination with threshold pivoting (Duff, Erisman & Reid 1986, section 5.2): the tangents here are nearly
     always diagonally strong, and a row that keeps its place brings no new column in.  LAPACK's dgbtrf spends most of
-    its time on calls for bands this narrow.
+    its time on calls for bands this narrow, and a processor most of its on guessing how far such short rows reach: two
+    fields are eliminated node by node, in blocks of two, as far as they need no exchange.
 
-    pivots : (2, n); row exchanged with each row, and the last column that each row of U reaches.
+    pairs : whether rows come in pairs, two fields of a node.
+    pivots : (2, n); row exchanged with each row, and the last column that each row of U reaches.  Of blocks the last
+        node; where there are any, less their number stands first.
     """
     n, width = ab.shape
     band = (width - 1) // 3
-    for i in range(n):  # rows inside an element do not reach as far as the band
+    first = 2 * eliminated(ab, pivots) if pairs else 0
+    if first == n:
+        return True
+    for i in range(first, n):  # rows inside an element do not reach as far as the band
         last = min(n - 1, i + band)
         while last > i and ab[i, band + last - i] == 0.0:
             last -= 1
         pivots[1, i] = last
-    for i in range(n):
+    for i in range(first, n):
         last = min(n - 1, i + band)
         largest, at = size_of(ab[i, band]), i
         own = largest
@@ -76,11 +82,80 @@ def factorise(ab, pivots):
 
 
 @compiled
+def empty(ab, p, k):
+    """Return whether two nodes are not coupled."""
+    band, i, j = (ab.shape[1] - 1) // 3, 2 * p, 2 * k
+    at, back = band + j - i, band + i - j
+    upper = ab[i, at] == 0.0 and ab[i, at + 1] == 0.0 and ab[i + 1, at - 1] == 0.0 and ab[i + 1, at] == 0.0
+    return (
+        upper
+        and ab[j, back] == 0.0
+        and ab[j, back + 1] == 0.0
+        and ab[j + 1, back - 1] == 0.0
+        and ab[j + 1, back] == 0.0
+    )
+
+
+@compiled
+def eliminated(ab, pivots):
+    """Eliminate nodes, blocks of two rows, as long as no factor is above 1 / KEEP; return how many.
+
+    The inverse of a block takes its place; what is not eliminated is left as `factorise` finds a matrix.
+    """
+    nodes, band = ab.shape[0] // 2, (ab.shape[1] - 1) // 3
+    for p in range(nodes):
+        far = min(nodes - 1, p + band // 2)
+        while far > p and empty(ab, p, far):
+            far -= 1
+        pivots[1, 2 * p] = far
+    done = nodes
+    for p in range(nodes):
+        i, far = 2 * p, pivots[1, 2 * p]
+        a, b, c, d = ab[i, band], ab[i, band + 1], ab[i + 1, band - 1], ab[i + 1, band]
+        inverse = 1.0 / (a * d - b * c)
+        a, b, c, d = d * inverse, -b * inverse, -c * inverse, a * inverse
+        strong = size_of(a) + size_of(b) + size_of(c) + size_of(d) < math.inf
+        for k in range(p + 1, far + 1):
+            j, at = 2 * k, band + i - 2 * k
+            e, f, g, h = ab[j, at], ab[j, at + 1], ab[j + 1, at - 1], ab[j + 1, at]
+            largest = max(size_of(e * a + f * c), size_of(e * b + f * d))
+            strong = strong and KEEP * max(largest, max(size_of(g * a + h * c), size_of(g * b + h * d))) <= 1.0
+        if not strong:
+            done = p
+            break
+        ab[i, band], ab[i, band + 1], ab[i + 1, band - 1], ab[i + 1, band] = a, b, c, d
+        for k in range(p + 1, far + 1):
+            j, at = 2 * k, band + i - 2 * k
+            e, f, g, h = ab[j, at], ab[j, at + 1], ab[j + 1, at - 1], ab[j + 1, at]
+            e, f, g, h = e * a + f * c, e * b + f * d, g * a + h * c, g * b + h * d
+            ab[j, at], ab[j, at + 1], ab[j + 1, at - 1], ab[j + 1, at] = e, f, g, h
+            for m in range(p + 1, far + 1):
+                o, to = band + 2 * (m - p), band + 2 * (m - k)
+                w, x, y, z = ab[i, o], ab[i, o + 1], ab[i + 1, o - 1], ab[i + 1, o]
+                ab[j, to] -= e * w + f * y
+                ab[j, to + 1] -= e * x + f * z
+                ab[j + 1, to - 1] -= g * w + h * y
+                ab[j + 1, to] -= g * x + h * z
+            if far > pivots[1, j]:
+                pivots[1, j] = far
+    if done > 0:
+        pivots[0, 0] = -done
+    return done
+
+
+@compiled
 def solve(ab, pivots, b):
     """Overwrite b (n,) with A^-1 b, A as `factorise` left it."""
     n, width = ab.shape
-    band = (width - 1) // 3
-    for i in range(n):
+    band, nodes = (width - 1) // 3, max(0, -pivots[0, 0])
+    for p in range(nodes):
+        i = 2 * p
+        u, v = b[i], b[i + 1]
+        for k in range(p + 1, pivots[1, i] + 1):
+            j, at = 2 * k, band + i - 2 * k
+            b[j] -= ab[j, at] * u + ab[j, at + 1] * v
+            b[j + 1] -= ab[j + 1, at - 1] * u + ab[j + 1, at] * v
+    for i in range(2 * nodes, n):
         at = pivots[0, i]
         x = b[at]
         if at != i:
@@ -88,11 +163,19 @@ def solve(ab, pivots, b):
             b[i] = x
         for k in range(i + 1, min(n, i + band + 1)):
             b[k] -= ab[k, band + i - k] * x
-    for i in range(n - 1, -1, -1):
+    for i in range(n - 1, 2 * nodes - 1, -1):
         x = b[i]
         for j in range(i + 1, pivots[1, i] + 1):
             x -= ab[i, band + j - i] * b[j]
         b[i] = x / ab[i, band]
+    for p in range(nodes - 1, -1, -1):
+        i = 2 * p
+        u, v = b[i], b[i + 1]
+        for k in range(p + 1, pivots[1, i] + 1):
+            j, o = 2 * k, band + 2 * (k - p)
+            u -= ab[i, o] * b[j] + ab[i, o + 1] * b[j + 1]
+            v -= ab[i + 1, o - 1] * b[j] + ab[i + 1, o] * b[j + 1]
+        b[i], b[i + 1] = ab[i, band] * u + ab[i, band + 1] * v, ab[i + 1, band - 1] * u + ab[i + 1, band] * v
 
 
 # written out: a call of BLAS takes longer at this length, and numba compiles all that an assignment of arrays may raise
@@ -128,7 +211,7 @@ def factorise_coupled(work, strength):
     Sherman & Morrison: a uniform tension increment couples all nodes through one vector.  The full cable has no such
     vector, its increment is empty.
     """
-    regular = factorise(work.ab, work.pivots)
+    regular = factorise(work.ab, work.pivots, work.increment.size == 0)
     if regular and work.increment.size > 0:
         copy(work.increment, work.coupled)
         solve(work.ab, work.pivots, work.coupled)

@@ -385,7 +385,7 @@ def kinetic(dofs, tab, n_left, node, mu, cable, q, v, w, momentum, gradient):
 def factorise_bordered(work, rolling):
     """Factorise the banded tangent and its border; return whether it is regular."""
     column, row, solved = rolling.border[0], rolling.border[1], rolling.border[2]
-    regular = factorise(work.ab, work.pivots)
+    regular = factorise(work.ab, work.pivots, True)
     if regular:
         copy(column, solved)
         solve(work.ab, work.pivots, solved)
