@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import replace
 
 import numpy as np
@@ -180,6 +181,25 @@ def test_a_wrong_number_breaks_a_law(level, name):
 def test_a_wrong_number_of_a_ride_breaks_a_law(ride, name):
     assert not broken(ride, RIGHT_RIDE)
     assert broken(off(ride, name), RIGHT_RIDE)
+
+
+def test_laws_are_held_as_long_as_all_companions_go(ride):
+    f = ride.fields
+    early = {x.name: value[:-3] for x in dataclasses.fields(f) if (value := getattr(f, x.name)).shape[0] == f.t.size}
+    stopped = replace(ride, fields=replace(f, **early))
+    assert all(np.isfinite(held.changed) for held in laws.hold(ride, (0.0, 1.0), (ride, stopped)))
+    silent = replace(ride, contact=np.nan * ride.contact)
+    assert not all(np.isfinite(held.changed) for held in laws.hold(ride, (0.0, 1.0), (ride, silent)))
+
+
+def test_nothing_is_said_of_the_cable_beside_a_car_that_rolls_back_at_once(ride):
+    beside = {"tension up to the mass", "up to the mass"}
+    assert beside <= {held.law for held in laws.hold(ride, (0.0, 1.0))}
+    back = run(Scene.from_toml(ZIP.replace("drop = 15.0", "drop = -90.0")), "following-p2", **RODE)
+    assert back.s_o.max() < 1.1 * back.s_o[0]
+    found = list(laws.hold(back, (0.0, 1.0)))
+    assert not beside & {held.law for held in found}
+    assert all(np.isfinite(held.gap) for held in found)
 
 
 # what a scene says of its drive -> what both wings take it for

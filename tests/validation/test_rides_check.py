@@ -74,6 +74,16 @@ def test_a_fault_of_one_wing_turns_its_row(fault):
     assert rows(a, altered(b, change))[row].verdict is Verdict.DISAGREE
 
 
+@pytest.mark.parametrize(
+    ("status", "verdict"), [("incomplete", Verdict.NOT_COMPARABLE), ("complete", Verdict.DISAGREE)]
+)
+def test_an_event_after_the_end_of_a_run_that_broke_is_nobodys_fault(status, verdict):
+    a, b = pair()
+    a = altered(a, lambda r: replace(r, events=event(r, "brake", t=r.t[-1] + 1.0)))
+    b = altered(b, lambda r: replace(r, status=status, events=[x for x in r.events if x["event"] != "brake"]))
+    assert rows(a, b)[("events", "brake: time")].verdict is verdict
+
+
 @pytest.mark.parametrize(("wrong_from", "verdict"), [(0.9, Verdict.AGREE), (0.5, Verdict.DISAGREE)])
 def test_speed_is_compared_until_a_lasting_stop(wrong_from, verdict):
     def stopped(r, factor):

@@ -319,9 +319,14 @@ def _event(event: str, a: Estimated, b: Estimated, axial: float, top: float) -> 
             continue
         values = [happened(event, e.run) for e in (a, b)]
         law = f"{event}: {'time' if name == 't' else 'speed'}"
-        if any(x is None for x in values):
-            told = Bound("error bars", tuple(Part(e.run.method, 0.0, "an event of one answer alone") for e in (a, b)))
-            yield Agreement("events", 1.0, told, law=law)
+        told = [x["t"] for x in values if x is not None]
+        broke = [e.run for e, x in zip((a, b), values, strict=True) if x is None and e.run.status != "complete"]
+        if broke and broke[0].t[-1] < told[0]:
+            yield Agreement("events", math.nan, nothing(f"{broke[0].method} could not go on as far"), law=law)
+            continue
+        if len(told) < 2:
+            alone = Bound("error bars", tuple(Part(e.run.method, 0.0, "an event of one answer alone") for e in (a, b)))
+            yield Agreement("events", 1.0, alone, law=law)
             continue
         parts = tuple(Part(e.run.method, _bar(event, e, axial)[name] / scale, FIRST_ORDER) for e in (a, b))
         first, second = (x[name] for x in values if x is not None)

@@ -82,10 +82,11 @@ class Evidence:
     """One response over a window of s_o/l, and what its scene asks for, in SI.
 
     every : one frame in how many is looked at for the velocity of the cable.
+    last : the instant [s] to which it is looked at.
     """
 
-    def __init__(self, r: Response, window: Window, every: int = 1) -> None:
-        self.r, self.window, self.every, self.given = r, window, every, Given(r.scene_toml)
+    def __init__(self, r: Response, window: Window, every: int = 1, last: float = math.inf) -> None:
+        self.r, self.window, self.every, self.last, self.given = r, window, every, last, Given(r.scene_toml)
 
     # --- the cable at rest -----------------------------------------------------------------------------
 
@@ -107,7 +108,9 @@ class Evidence:
     def frames(self) -> NDArray[np.intp]:
         """Indices of the frames at which windows begin and end."""
         at, (low, high) = self.r.fields.s_o / self.r.length, self.window
-        inside = np.flatnonzero((at >= low * (1.0 - 1e-9)) & (at <= high * (1.0 + 1e-9)))
+        inside = np.flatnonzero(
+            (at >= low * (1.0 - 1e-9)) & (at <= high * (1.0 + 1e-9)) & (self.r.fields.t <= self.last * (1.0 + 1e-9))
+        )
         return inside[:: min(EVERY, max(1, inside.size // 4))]
 
     @property

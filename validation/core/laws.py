@@ -44,11 +44,14 @@ class Held:
 def hold(r: Response, window: Window, companions: Sequence[Response] = ()) -> Iterator[Held]:
     """Hold every law that a response can be held against, over a window of s_o/l, the cable at rest first.
 
+    As long as all of them go: of two rides that come to rest one may be said to have stopped, the other not yet.
+
     Where one of several components by itself is more than what may be left of it, that is told: a sharp one shows what
     blunt ones would hide.
     """
-    case, sparse = Evidence(r, window), Evidence(_thinned(r), window, every=2)
-    others = [Evidence(c, window) for c in companions]
+    last = min(x.fields.t[-1] for x in (r, *companions)) if all(x.fields.t.size for x in (r, *companions)) else 0.0
+    case, sparse = Evidence(r, window, last=last), Evidence(_thinned(r), window, every=2, last=last)
+    others = [Evidence(c, window, last=last) for c in companions]
     for name, law in LAWS.items():
         if not law.concerns(case):
             continue
@@ -110,6 +113,11 @@ def _sees_swings(m: Evidence) -> bool:
     """Return whether frames follow each other closely enough for a velocity to be summed."""
     between = float(np.diff(m.r.fields.t[m.frames[0] : m.frames[-1]]).max(initial=0.0))
     return between <= OFTEN * m.r.length * math.sqrt(m.given.rho / m.r.horizontal_tension)
+
+
+def _off_supports(m: Evidence) -> bool:
+    """Return whether the mass is ever so far from them that something can be said of the cable beside it."""
+    return any(min(np.ptp(x.s) for x in pair) > NEXT * m.r.length for pair in m.sides)
 
 
 def _knows_strain(m: Evidence) -> bool:
@@ -340,14 +348,14 @@ def _at_and_up_to(m: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]
     return tuple(np.reshape(x, (len(found), -1)) for x in zip(*found, strict=True))
 
 
-@_law("resolution")
+@_law("resolution", _off_supports)
 def tension_up_to_the_mass(m: Evidence) -> Defect:
     """Tension along the cable goes on to that at the mass, in the mean over the frames; over H."""
     _, off = _at_and_up_to(m, lambda x: x.T)
     return _static(*(off.mean(axis=0) / m.r.horizontal_tension))
 
 
-@_law("resolution", of="velocity")
+@_law("resolution", _off_supports, of="velocity")
 def up_to_the_mass(m: Evidence) -> Defect:
     """Velocity of the cable goes on to that at the mass, each way by itself; over its rms there."""
     told, off = _at_and_up_to(m, lambda x: x.velocity)
