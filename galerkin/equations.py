@@ -7,7 +7,6 @@ l sqrt(rho/H).
 from __future__ import annotations
 
 import copy
-import operator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -273,11 +272,10 @@ class GalerkinSystem:
         assert isinstance(cable, FullCable)
         assert isinstance(kink.basis, Fourier)
         places = self.motion.along(t, phase).T
-        s_o, rules_at = places[:, 0].tolist(), kink.basis.side_rules
-        side = rules_at(s_o[0])
-        same = next((k for k in range(1, t.size) if any(map(operator.is_not, rules_at(s_o[k]), side))), t.size)
+        alike, behind, ahead = next(kink.basis.alike(places[:, 0]))
+        same = alike.stop
         grip = kernels.Grip(
-            *side, kink.at_rest, kink.left, kink.chord, kink.thirds, kink.basis.grading, self.groups.c, NONE
+            behind, ahead, kink.at_rest, kink.left, kink.chord, kink.thirds, kink.basis.grading, self.groups.c, NONE
         )
         now, told = np.empty((same, *start.shape)), np.full((same, 6), np.nan)
         pull = np.empty(grip.behind.shape[1] + grip.ahead.shape[1])

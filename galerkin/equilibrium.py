@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from galerkin import kernels
+from galerkin.bases.fourier import Fourier
 from galerkin.bases.kink import Array, TravellingKink
 from galerkin.bow import slopes
 from galerkin.models import FullCable
@@ -49,16 +50,21 @@ def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equi
     """Solve the balances of both pieces at every instant, and go from the mass along the cable at the frames."""
     cable, basis = system.cable, system.basis.basis
     assert isinstance(cable, FullCable)
-    n, s_o, rest = x.s_o.size, x.s_o[:, None], 1.0 - x.s_o[:, None]
-    strain, least, least_at, internal = np.empty(n), np.empty(n), np.empty(n), np.empty((n, 2, 2))
-    moving = system.basis if isinstance(system.basis, TravellingKink) else TravellingKink(basis)
+    s_o, rest = x.s_o[:, None], 1.0 - x.s_o[:, None]
+    internal, told = np.empty((x.s_o.size, 2, 2)), np.empty((x.s_o.size, 3))
     Q = np.concatenate([x.Q, x.q_hat[:, :, None]], axis=2)
     bows = x.bows[0] / np.stack([s_o, rest], axis=-1)
-    for i, place in enumerate(x.s_o.tolist()):
-        points = cable.at(moving, place)
-        points = points._replace(bent=slopes(points.s, place, bows[i, :, 0], bows[i, :, 1]))
-        strain[i], least[i], at = kernels.survey(points, Q[i], cable.alpha, cable.law, internal[i])
-        least_at[i] = points.s[at]
+    if isinstance(basis, Fourier):
+        of = basis.grading, cable.groups.sigma, cable.groups.c, cable.alpha, cable.law
+        for k, *rules in basis.alike(x.s_o):
+            kernels.surveyed(*rules, *of, x.s_o[k], Q[k], bows[k], internal[k], told[k])
+    else:
+        moving = system.basis if isinstance(system.basis, TravellingKink) else TravellingKink(basis)
+        for i, place in enumerate(x.s_o.tolist()):
+            points = cable.at(moving, place)
+            points = points._replace(bent=slopes(points.s, place, bows[i, :, 0], bows[i, :, 1]))
+            told[i, 0], told[i, 1], at = kernels.survey(points, Q[i], cable.alpha, cable.law, internal[i])
+            told[i, 2] = points.s[at]
     first, second = basis.phi(x.s_o, -1), basis.phi(x.s_o, -2)
     ends, ends_1 = (basis.phi(np.array([0.0, 1.0]), m) for m in (-2, -1))
     (ray_behind, bow_behind), (ray_ahead, bow_ahead) = x.pieces(2)
@@ -75,7 +81,7 @@ def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equi
     return Equilibrium(
         behind + _static(cable, x.s_o), ahead + _static(cable, x.s_o),
         left + _static(cable, np.zeros(1)), right + _static(cable, np.ones(1)),
-        _along(x, basis, behind, ahead, first, s, frames) + _static(cable, s), strain, least, least_at,
+        _along(x, basis, behind, ahead, first, s, frames) + _static(cable, s), *told.T,
     )  # fmt: skip
 
 

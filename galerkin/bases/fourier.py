@@ -1,8 +1,10 @@
 """Sines (33)-(34): the paper's first basis."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from scipy.special import roots_legendre
@@ -175,6 +177,14 @@ class Fourier:
         """Gauss rules on [0, 1] for both sides of s_o."""
         x = float(stretched(s_o, self.grading))
         return self.side_rule(x), self.side_rule(1.0 - x)
+
+    def alike(self, s_o: np.ndarray) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+        """Places next to each other that have the same rules of both sides, and these; s_o (m,)."""
+        x = np.array([stretched(s, self.grading) for s in s_o.tolist()]) if self.grading else s_o
+        counts = np.ceil(self.n * np.stack([x, 1.0 - x]) / 8.0)
+        ends = np.flatnonzero((counts[:, 1:] != counts[:, :-1]).any(axis=0)) + 1
+        for first, end in pairwise([0, *ends.tolist(), s_o.size]):
+            yield slice(first, end), *self.side_rules(float(s_o[first]))
 
     def side_rule(self, length: float) -> np.ndarray:
         """Gauss points and weights on [0, 1] for a piece of this length in xi, (2, m), m in steps of 16."""

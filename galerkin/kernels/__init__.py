@@ -46,11 +46,11 @@ from galerkin.kernels.rolling import (
     row,
     taut,
 )
-from galerkin.kernels.steps import FREE, HAULED, STUCK, Cable, Course, Grip, Moment, Ride, look, settle
+from galerkin.kernels.steps import FREE, HAULED, STUCK, Cable, Course, Grip, Moment, Ride, look, settle, surveyed
 
 __all__ = [
     "FREE", "HAULED", "STEP", "STUCK", "Cable", "Course", "Grip", "Kept", "Moment", "Points", "Ride", "Rolling",
     "acceleration", "add_inertia", "add_inertia_tangent", "add_shed_tangent", "averaged", "balance", "by_force", "car",
     "least", "look", "motion", "pulls", "recover", "roll", "row", "settle", "static", "static_at", "stiffness",
-    "stress", "survey", "taut",
+    "stress", "survey", "surveyed", "taut",
 ]  # fmt: skip

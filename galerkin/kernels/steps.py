@@ -21,6 +21,7 @@ from galerkin.kernels.cable import (
     static,
     static_at,
     stiffness,
+    survey,
 )
 from galerkin.kernels.dense import solve
 from galerkin.kernels.nearly import corrected, keep
@@ -121,6 +122,21 @@ def moment(on, sigma, s_o, ds_o, dds_o):
     T, r_static = static(s, sigma, on.c)
     at = Points(s, phi, weights, T, r_static, slopes(s, s_o, bows[0, 0], bows[1, 0]))
     return Moment(at, x, slope, load, bows)
+
+
+@compiled
+def surveyed(behind, ahead, grading, sigma, c, alpha, law, s_o, Q, bows, internal, told):
+    """`survey` of many states over sines with a hat, whose mass is at s_o (m,); behind, ahead : rules of both sides.
+
+    Q : (m, 2, n);  bows : (m, 2, 2) B/h by fields and pieces
+    internal : (m, 2, 2) receives integrals, see `survey`;  told : (m, 3) int W ds, the least N and its s
+    """
+    for i in range(s_o.size):
+        s, weights, phi = split(s_o[i], behind, ahead, Q.shape[2] - 1, grading)
+        T, r_static = static(s, sigma, c)
+        at = Points(s, phi, weights, T, r_static, slopes(s, s_o[i], bows[i, :, 0], bows[i, :, 1]))
+        told[i, 0], told[i, 1], where = survey(at, Q[i], alpha, law, internal[i])
+        told[i, 2] = s[where]
 
 
 @compiled
