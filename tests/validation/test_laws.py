@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_interp_spline
 
 from cablefem import Scene
 from cablefem.response import Fields, Response
@@ -244,3 +245,25 @@ def test_a_table_is_kept_to_rounding_by_few_steps(monkeypatch):
     assert gap(replace(r, scene_toml=r.scene_toml.replace("240.0", "240.001"))) > 1e-7
     monkeypatch.setattr(laws, "_before", lambda t, s, knots: laws.CubicSpline(t, s)(knots))
     assert gap(r) > 1e-8
+
+
+def test_splines_in_one_go_are_those_of_scipy():
+    """Lengths of curves and integrals of sides of any size, next to each other; short curves are straight."""
+    rng = np.random.default_rng(4)
+    sides = [3.7 * np.sort(rng.random(count)) for count in (2, 3, 4, 7, 3, 20, 2, 5)]
+    ends = np.cumsum([s.size for s in sides])
+    y = rng.standard_normal((ends[-1], 5))
+    found = laws._pieces(np.concatenate(sides), y[:, :4], y[:, 4], ends)
+    at, weights = np.polynomial.legendre.leggauss(3)
+    for s, end in zip(sides, ends, strict=True):
+        mine, piece = y[end - s.size : end], slice(end - s.size, end - 1)
+        spline = make_interp_spline(s, mine, k=min(3, s.size - 1))
+        h = 0.5 * np.diff(s)
+        points = s[:-1, None] + h[:, None] * (1.0 + at)
+        straight = np.repeat((np.diff(mine, axis=0) / np.diff(s)[:, None])[:, None], 3, axis=1)
+        slope = spline(points, 1) if s.size > 3 else straight
+        for k in (0, 2):
+            length = h * (np.hypot(slope[..., k], slope[..., k + 1]) @ weights)
+            np.testing.assert_allclose(found[k // 2][piece], length, rtol=1e-11)
+        np.testing.assert_allclose(found[2][piece], h * (spline(points)[..., 4] @ weights), rtol=0.0, atol=1e-11)
+    assert all(x[ends[:-1] - 1].max() == 0.0 for x in found)
