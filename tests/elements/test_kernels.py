@@ -13,6 +13,7 @@ from scipy.integrate import cumulative_simpson
 from cablefem.elements.cable import bands
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.kernels.balance import Mesh, add_catenary, add_chord
+from cablefem.elements.kernels.banded import factorise
 from cablefem.elements.kernels.observe import cable_energy, chord_energy
 from cablefem.elements.reference import graded_knots, lagrange_element, reference, shape_polynomials
 from tests.runs import LEVEL, steep_cable
@@ -288,3 +289,11 @@ def test_a_slack_cable_pulls_nothing_and_resists_nothing():
     assert np.all(ab == 0.0)
     # all that is left is the static force that the formulation subtracts: int T t phi' = weight of each node
     np.testing.assert_allclose(r.reshape(-1, 2)[1:-1], [[0.0, -g.sigma / 3.0]] * 2, rtol=0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("kind", [float, complex])
+def test_a_singular_tangent_is_told_not_divided_by(kind):
+    ab = np.zeros((6, 10), kind)  # three nodes that hold nothing
+    assert not factorise(ab, np.zeros((2, 6), np.int64), True)
+    ab[:, 3] = 2.0
+    assert factorise(ab, np.zeros((2, 6), np.int64), True)

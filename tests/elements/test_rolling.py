@@ -430,3 +430,15 @@ def test_rules_agree_on_friction_where_slip_rings_after_a_sudden_start(graded, m
         apart.append(np.abs(np.interp(at, r.t, r.s_o) - np.interp(at, fine.t, fine.s_o)).max() / r.length)
     assert (max(apart) < 6e-6) == graded
     assert (min(apart) > 1e-5) != graded
+
+
+@pytest.mark.parametrize("even", [False, True])
+def test_friction_hears_the_fronts_of_a_start_next_to_a_support(even, monkeypatch):
+    """A long side that is even next to the car (must fail) smears them: the ride goes on at another speed."""
+    if even:
+        monkeypatch.setattr("cablefem.elements.rolling.EVEN", 0.0)
+    scene = zip_line(rolling_friction=0.02, end={"time": 1.5})
+    coarse, fine = (run(scene, "following-p2", elements=n, steps=300) for n in (18, 36))
+    off = abs(coarse.s_o[-1] - fine.s_o[-1]) / fine.length
+    assert (off < 1e-8) != even
+    assert (off > 1e-6) == even

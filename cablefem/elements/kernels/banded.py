@@ -112,7 +112,11 @@ def eliminated(ab, pivots):
     for p in range(nodes):
         i, far = 2 * p, pivots[1, 2 * p]
         a, b, c, d = ab[i, band], ab[i, band + 1], ab[i + 1, band - 1], ab[i + 1, band]
-        inverse = 1.0 / (a * d - b * c)
+        determinant = a * d - b * c
+        if determinant == 0.0:  # complex division by it is an error of its own
+            done = p
+            break
+        inverse = 1.0 / determinant
         a, b, c, d = d * inverse, -b * inverse, -c * inverse, a * inverse
         strong = size_of(a) + size_of(b) + size_of(c) + size_of(d) < math.inf
         for k in range(p + 1, far + 1):
