@@ -68,8 +68,32 @@ def combine(operators, coefficients, bands):
 
 
 @compiled
+def combine_following(operators, s_o, ds, dds, first, last, bands):
+    """Set the same of a following mesh with the factors of `follow`; rows up to `last` are of its left side.
+
+    Those from `first` on are of the right one: at the mass they are of both.
+    """
+    n = bands.shape[2]
+    for side in range(2):
+        h, dh = (s_o, ds) if side == 0 else (1.0 - s_o, -ds)
+        flux = ds * ds / h
+        a, b = (0, last) if side == 0 else (last, n)
+        for d in range(bands.shape[1]):
+            M, G, GT, H = operators[side, d], operators[2 + side, d], operators[4 + side, d], operators[6 + side, d]
+            m, c, k = bands[0, d], bands[1, d], bands[2, d]
+            for i in range(first if side == 1 else last, last):
+                m[i] += h * M[i]
+                c[i] += dh * M[i] + ds * (GT[i] - G[i])
+                k[i] -= dds * G[i] + flux * H[i]
+            for i in range(a, b):
+                m[i] = h * M[i]
+                c[i] = dh * M[i] + ds * (GT[i] - G[i])
+                k[i] = -dds * G[i] - flux * H[i]
+
+
+@compiled
 def add_banded(bands, n_fields, q, v, a, r, ab, tangent, c0, c1, c2):
-    """Add M a + C v + K q and its tangent; bands : (3, 2 b + 1, n) as `cable.bands` has them, of all fields."""
+    """Add M a + C v + K q, and set its tangent; bands : (3, 2 b + 1, n) as `cable.bands` has them, of all fields."""
     width, n = bands.shape[1:]
     band = (ab.shape[1] - 1) // 3
     for d in range(width):
@@ -80,9 +104,16 @@ def add_banded(bands, n_fields, q, v, a, r, ab, tangent, c0, c1, c2):
         to = r[first:last]
         for i in range(to.size):  # slices without a stride: compiled to vectors
             to[i] += m[i] * of_a[i] + c[i] * of_v[i] + k[i] * of_q[i]
-        if tangent:
-            for i in range(to.size):
-                ab[first + i, band + away] += c2 * m[i] + c1 * c[i] + c0 * k[i]
+    if not tangent:
+        return
+    ab[:] = 0.0
+    blend = np.empty(n)
+    for d in range(width):
+        m, c, k, at = bands[0, d], bands[1, d], bands[2, d], band + (d - width // 2) * n_fields
+        for i in range(n):
+            blend[i] = c2 * m[i] + c1 * c[i] + c0 * k[i]
+        for i in range(n):
+            ab[i, at] = blend[i]
 
 
 @compiled
@@ -108,7 +139,8 @@ def at_rest(cable, s):
     """Return x', y' and T of the hanging cable at s."""
     p = cable[2] - cable[1] * s
     T = math.sqrt(1.0 + p * p)
-    return 1.0 / T, p / T, T
+    xp = 1.0 / T
+    return xp, p * xp, T
 
 
 @compiled
@@ -146,51 +178,97 @@ def add_stiffness(dofs, tab, e, g, row, gi, j11, j12, j22, ab):
 
 
 @compiled
+def add_block(ab, row, col, j11, j12, j22):
+    """Add j of 2 fields, symmetric, to the rows of a node at the columns of another."""
+    at = (ab.shape[1] - 1) // 3 + 2 * (col - row)
+    ab[2 * row, at] += j11
+    ab[2 * row, at + 1] += j12
+    ab[2 * row + 1, at - 1] += j12
+    ab[2 * row + 1, at] += j22
+
+
+def add_catenary_of(n_loc, n_q):
+    """Return `add_catenary` for elements of so many functions and points, whose loops are written out; 0: for any."""
+
+    @compiled
+    def add(mesh, cable, q, r, ab, tangent, c0):
+        span, dofs, tab = mesh
+        n_el = dofs.shape[0]
+        functions, points = (n_loc, n_q) if n_loc > 0 else (dofs.shape[1], tab.shape[1])
+        alpha, law = cable[0], cable[3]
+        at = np.empty((7, n_el * points))
+        s, du, dv, N, j11, j12, j22 = at[0], at[1], at[2], at[3], at[4], at[5], at[6]
+        for e in range(n_el):
+            per_h = 1.0 / span[e, 1]
+            for g in range(points):
+                x, y = 0.0, 0.0
+                for k in range(functions):
+                    d = dofs[e, k]
+                    if d >= 0:
+                        grad = tab[e, g, 2 + functions + k]
+                        x += grad * q[2 * d]
+                        y += grad * q[2 * d + 1]
+                p = e * points + g
+                s[p], du[p], dv[p] = span[e, 0] + span[e, 1] * tab[e, g, 0], x * per_h, y * per_h
+        for p in range(s.size):
+            xp, yp, T = at_rest(cable, s[p])
+            rx, ry = xp + du[p], yp + dv[p]
+            fx, fy, k_geo, k_mat, _, _, eps = pull(xp, yp, T, du[p], dv[p], alpha, law)
+            N[p] = tension(eps, T, alpha, ELASTIC)[0]  # below zero where the cable is slack
+            du[p], dv[p] = fx, fy
+            j11[p], j12[p], j22[p] = k_geo + k_mat * rx * rx, k_mat * rx * ry, k_geo + k_mat * ry * ry
+        least, where = math.inf, 0.0
+        for e in range(n_el):
+            total, length = 0.0, 0.0
+            for g in range(points):
+                total += tab[e, g, 1] * N[e * points + g]
+                length += tab[e, g, 1]
+            if least * length > total:
+                least, where = total / length, span[e, 0] + 0.5 * span[e, 1] * (tab[e, 0, 0] + tab[e, -1, 0])
+            per_h = c0 / span[e, 1]
+            for i in range(functions):
+                row = dofs[e, i]
+                if row < 0:
+                    continue
+                fx, fy = 0.0, 0.0
+                for g in range(points):
+                    grad = tab[e, g, 1] * tab[e, g, 2 + functions + i]
+                    fx += grad * du[e * points + g]
+                    fy += grad * dv[e * points + g]
+                r[2 * row] += fx
+                r[2 * row + 1] += fy
+                for k in range(i + 1 if tangent else 0):
+                    col = dofs[e, k]
+                    if col < 0:
+                        continue
+                    k11, k12, k22 = 0.0, 0.0, 0.0
+                    for g in range(points):
+                        p = e * points + g
+                        both = tab[e, g, 1] * tab[e, g, 2 + functions + i] * tab[e, g, 2 + functions + k]
+                        k11 += both * j11[p]
+                        k12 += both * j12[p]
+                        k22 += both * j22[p]
+                    k11, k12, k22 = per_h * k11, per_h * k12, per_h * k22
+                    add_block(ab, row, col, k11, k12, k22)
+                    if k < i:
+                        add_block(ab, col, row, k11, k12, k22)
+        return least, where
+
+    return add
+
+
+add_catenary_of_p2, add_catenary_of_any = add_catenary_of(3, 2), add_catenary_of(0, 0)
+
+
+@compiled
 def add_catenary(mesh, cable, q, r, ab, tangent, c0):
     """Add int (N t - T X') . phi' ds of the full cable; return the least mean tension of an element and its s.
 
     Loops over all points that only compute are compiled to vectors, gathering and scattering have loops of their own.
     """
-    span, dofs, tab = mesh
-    (n_el, n_loc), n_q = dofs.shape, tab.shape[1]
-    alpha, law = cable[0], cable[3]
-    at = np.empty((7, n_el * n_q))
-    s, du, dv, N, j11, j12, j22 = at[0], at[1], at[2], at[3], at[4], at[5], at[6]
-    for e in range(n_el):
-        per_h = 1.0 / span[e, 1]
-        for g in range(n_q):
-            p = e * n_q + g
-            x, y = slopes(dofs, tab, q, e, g)
-            s[p], du[p], dv[p] = span[e, 0] + span[e, 1] * tab[e, g, 0], x * per_h, y * per_h
-    for p in range(s.size):
-        xp, yp, T = at_rest(cable, s[p])
-        rx, ry = xp + du[p], yp + dv[p]
-        fx, fy, k_geo, k_mat, _, _, eps = pull(xp, yp, T, du[p], dv[p], alpha, law)
-        N[p] = tension(eps, T, alpha, ELASTIC)[0]  # below zero where the cable is slack
-        du[p], dv[p] = fx, fy
-        j11[p], j12[p], j22[p] = k_geo + k_mat * rx * rx, k_mat * rx * ry, k_geo + k_mat * ry * ry
-    least, where = math.inf, 0.0
-    for e in range(n_el):
-        total, length = 0.0, 0.0
-        for g in range(n_q):
-            p, weight = e * n_q + g, tab[e, g, 1]
-            total += weight * N[p]
-            length += weight
-            scale = c0 * weight / span[e, 1]
-            j11[p], j12[p], j22[p] = scale * j11[p], scale * j12[p], scale * j22[p]
-        if least * length > total:
-            least, where = total / length, span[e, 0] + 0.5 * span[e, 1] * (tab[e, 0, 0] + tab[e, -1, 0])
-        for i in range(n_loc):
-            row = dofs[e, i]
-            if row < 0:
-                continue
-            for g in range(n_q):
-                p, gi = e * n_q + g, tab[e, g, 2 + n_loc + i]
-                r[2 * row] += tab[e, g, 1] * gi * du[p]
-                r[2 * row + 1] += tab[e, g, 1] * gi * dv[p]
-                if tangent:
-                    add_stiffness(dofs, tab, e, g, row, gi, j11[p], j12[p], j22[p], ab)
-    return least, where
+    if mesh.dofs.shape[1] == 3 and mesh.tab.shape[1] == 2:
+        return add_catenary_of_p2(mesh, cable, q, r, ab, tangent, c0)
+    return add_catenary_of_any(mesh, cable, q, r, ab, tangent, c0)
 
 
 @compiled
@@ -265,8 +343,6 @@ def assemble(bands, mesh, cable, contact, q, v, a, r, work, c0, c1, c2):
     tangent = c0 != 0.0 or c1 != 0.0 or c2 != 0.0  # no argument: numba would compile all this for each of its values
     n_fields = contact.dofs.shape[1]
     r[:] = 0.0
-    if tangent:
-        work.ab[:] = 0.0
     add_banded(bands, n_fields, q, v, a, r, work.ab, tangent, c0, c1, c2)
     if n_fields == 2:
         least, where = add_catenary(mesh, cable, q, r, work.ab, c0 != 0.0, c0)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from cablefem.elements.kernels import compiled
-from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, coupling, follow
+from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine_following, coupling, follow
 from cablefem.elements.kernels.banded import Tangent, factorise_coupled, solve_coupled
 from cablefem.elements.kernels.car import Car, Rolling, driven, factorise_bordered, roll, solve_bordered, under_way
 from cablefem.elements.kernels.front import follow_fronts, weigh
@@ -162,7 +162,8 @@ def collocate(grip, fronts, ride, mesh, cable, works, kept, t, ends, a, further,
                 if fronts is None:
                     x = places[k, i]
                     follow(x[0], x[1], x[2], n_left, coefficients, spans[i])
-                    combine(operators, coefficients, bands[i])
+                    m = contacts[i][0][0, 0]
+                    combine_following(operators, x[0], x[1], x[2], m, m + loads.shape[2], bands[i])
                 if fronts is not None:
                     xi, lines, p, instants, fine = fronts
                     follow_fronts(xi, lines, p, instants[k, i : i + 1], places[k, i : i + 1], spans[i : i + 1])

@@ -29,9 +29,10 @@ def pull(xp, yp, T, du, dv, alpha, law):
     stretch = math.sqrt(rx * rx + ry * ry)
     eps = (2.0 * (xp * du + yp * dv) + du * du + dv * dv) / (stretch + 1.0)
     N, dN, W = tension(eps, T, alpha, law)
-    k_geo = N / stretch
-    k_mat = (dN - k_geo) / (stretch * stretch)
-    excess = ((N - T) - T * eps) / stretch
+    inverse = 1.0 / stretch  # divisions take longest here
+    k_geo = N * inverse
+    k_mat = (dN - k_geo) * (inverse * inverse)
+    excess = ((N - T) - T * eps) * inverse
     return excess * xp + k_geo * du, excess * yp + k_geo * dv, k_geo, k_mat, N, W, eps
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from cablefem.elements.kernels import compiled
-from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, coupling, follow
+from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, combine_following, coupling, follow
 from cablefem.elements.kernels.banded import Tangent, dot, factorise_coupled, solve_coupled
 from cablefem.elements.kernels.car import Car, Rolling, driven, factorise_bordered, roll, solve_bordered, under_way
 
@@ -40,7 +40,10 @@ def settle(grip, ride, mesh, cable, work, start, now, rules, told, bound, newton
                 follow(places[k, 0], places[k, 1], places[k, 2], n_left, coefficients, mesh.span)
                 for i in range(loads.shape[1]):
                     contact.load[i] = loads[k, i]
-            combine(operators, coefficients, bands)
+                m = contact.dofs[0, 0]
+                combine_following(operators, places[k, 0], places[k, 1], places[k, 2], m, m + loads.shape[1], bands)
+            else:
+                combine(operators, coefficients, bands)
         if ride is not None:
             car = driven(ride[1], at[k])
         for i in range(3):

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from cablefem.elements.kernels import compiled
-from cablefem.elements.kernels.balance import Mesh, at_rest, follow, slopes
+from cablefem.elements.kernels.balance import Mesh, at_rest, follow
 from cablefem.elements.kernels.law import ELASTIC, pull, tension
 
 
@@ -102,6 +102,59 @@ def along(mesh, knots, shapes, node, kinematics, spans, s, history, ends, out, s
 
 
 @compiled
+def add_end_forces(mesh, n_left, cable, s_o, q, v, a, points, out):
+    """Add to out (4, 2) what `end_forces` sums over the cable at an instant, of P2 elements: loops are written out.
+
+    points : (9, n_el n_q) workspace.
+    """
+    span, dofs, tab = mesh
+    s, du, dv, fx, fy, px, py, wx, wy = (
+        points[0], points[1], points[2], points[3], points[4], points[5], points[6], points[7], points[8]
+    )  # fmt: skip
+    for e in range(dofs.shape[0]):
+        h, dh = span[e, 1], span[e, 3]
+        per_h = 1.0 / h if h > 0.0 else 0.0
+        for g in range(2):
+            xi = tab[e, g, 0]
+            c, dc = span[e, 2] + dh * xi, span[e, 4] + span[e, 5] * xi
+            vx, vy, ax, ay, qx, qy, zx, zy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for k in range(3):
+                d = 2 * dofs[e, k]
+                if d >= 0:
+                    phi, grad = tab[e, g, 2 + k], tab[e, g, 5 + k]
+                    vx += phi * v[d]
+                    vy += phi * v[d + 1]
+                    ax += phi * a[d]
+                    ay += phi * a[d + 1]
+                    qx += grad * q[d]
+                    qy += grad * q[d + 1]
+                    zx += grad * v[d]
+                    zy += grad * v[d + 1]
+            p = 2 * e + g
+            s[p], du[p], dv[p] = span[e, 0] + h * xi, qx * per_h, qy * per_h
+            px[p], py[p] = h * ax + dh * vx - dc * qx - c * zx, h * ay + dh * vy - dc * qy - c * zy
+            wx[p], wy[p] = c * (vx - c * du[p]), c * (vy - c * dv[p])
+    for p in range(s.size):
+        xp, yp, T = at_rest(cable, s[p])
+        fx[p], fy[p], _, _, _, _, _ = pull(xp, yp, T, du[p], dv[p], cable[0], cable[3])
+    for e in range(dofs.shape[0]):
+        h, left = span[e, 1], e < n_left
+        if h == 0.0:
+            continue
+        side, near, end = (s_o, 1, 0) if left else (1.0 - s_o, 2, 3)
+        for g in range(2):
+            p, weight = 2 * e + g, tab[e, g, 1]
+            chi, share = (s[p] / side if left else (s[p] - 1.0) / side), h / side
+            x = weight * (chi * px[p] + share * (wx[p] + fx[p]))
+            y = weight * (chi * py[p] + share * (wy[p] + fy[p]))
+            back = -weight if left else weight
+            out[near, 0] += x
+            out[near, 1] += y
+            out[end, 0] += x + back * px[p]
+            out[end, 1] += y + back * py[p]
+
+
+@compiled
 def end_forces(mesh, n_left, node, cable, kinematics, spans, rise, q, v, a, ends):
     """Set f - c^2 w' at the left support, behind and ahead of the mass and at the right support, of a history.
 
@@ -119,11 +172,15 @@ def end_forces(mesh, n_left, node, cable, kinematics, spans, rise, q, v, a, ends
     alpha, law = cable[0], cable[3]
     unused = np.empty((8, 3))
     value, grad, f = np.empty((3, 2)), np.empty((3, 2)), np.empty(2)
+    p2 = n_fields == 2 and n_loc == 3 and tab.shape[1] == 2
+    points = np.empty((9, n_el * tab.shape[1] if p2 else 0))
     for n in range(rise.size):
         out, s_o = ends[n], kinematics[n, 0]
         span = at_instant(spans, n, kinematics, n_left, unused, mesh.span)
         out[:] = 0.0
-        for e in range(n_el):
+        if p2:
+            add_end_forces(Mesh(span, dofs, tab), n_left, cable, s_o, q[n], v[n], a[n], points, out)
+        for e in range(0 if p2 else n_el):
             left = e < n_left
             h, dh = span[e, 1], span[e, 3]
             if h == 0.0:
@@ -189,54 +246,91 @@ def energies(mesh, fine, n_left, cable, n_fields, kinematics, spans, q, v, parts
 @compiled
 def kinetic_energy(mesh, n_fields, q, v):
     """Return int |w.|^2/2 ds, w. = dq/dt phi - c q phi' the velocity at fixed s on a mesh that moves with c."""
-    span, dofs, tab = mesh
-    n_el, n_loc = dofs.shape
-    twice = 0.0
-    for e in range(n_el):
-        h = span[e, 1]
-        if h == 0.0:  # the left part has no length yet
-            continue
-        for g in range(tab.shape[1]):
-            c = span[e, 2] + span[e, 3] * tab[e, g, 0]
-            for i in range(n_fields):
-                rate = 0.0
-                for k in range(n_loc):
-                    d = n_fields * dofs[e, k] + i
-                    if d >= 0:
-                        rate += tab[e, g, 2 + k] * v[d] - c / h * tab[e, g, 2 + n_loc + k] * q[d]
-                twice += h * tab[e, g, 1] * rate * rate
-    return 0.5 * twice
+    if n_fields == 2 and mesh.dofs.shape[1] == 3 and mesh.tab.shape[1] == 3:
+        return kinetic_energy_of_p2(mesh, n_fields, q, v)
+    return kinetic_energy_of_any(mesh, n_fields, q, v)
+
+
+def kinetic_energy_of(fields, n_loc, n_q):
+    """Return `kinetic_energy` for elements of so many functions and points, whose loops are written out; 0: for any."""
+
+    @compiled
+    def energy(mesh, n_fields, q, v):
+        span, dofs, tab = mesh
+        known, functions, points = (fields, n_loc, n_q) if fields > 0 else (n_fields, dofs.shape[1], tab.shape[1])
+        twice = 0.0
+        for e in range(dofs.shape[0]):
+            h = span[e, 1]
+            if h == 0.0:  # the left part has no length yet
+                continue
+            for g in range(points):
+                c = span[e, 2] + span[e, 3] * tab[e, g, 0]
+                flow, weight = c / h, h * tab[e, g, 1]
+                for i in range(known):
+                    rate = 0.0
+                    for k in range(functions):
+                        d = known * dofs[e, k] + i
+                        if d >= 0:
+                            rate += tab[e, g, 2 + k] * v[d] - flow * tab[e, g, 2 + functions + k] * q[d]
+                    twice += weight * rate * rate
+        return 0.5 * twice
+
+    return energy
+
+
+kinetic_energy_of_p2, kinetic_energy_of_any = kinetic_energy_of(2, 3, 3), kinetic_energy_of(0, 0, 0)
 
 
 @compiled
 def cable_energy(mesh, cable, q):
     """Return int W ds, -int sigma v ds, the pointwise least tension and its s; full cable."""
-    span, dofs, tab = mesh
-    n_el, n_loc = dofs.shape
-    alpha, sigma, law = cable[0], cable[1], cable[3]
-    strain, potential = 0.0, 0.0
-    least = math.inf
-    where = 0.0
-    for e in range(n_el):
-        s_0, h = span[e, 0], span[e, 1]
-        if h == 0.0:  # the left part has no length yet
-            continue
-        for g in range(tab.shape[1]):
-            s = s_0 + h * tab[e, g, 0]
-            xp, yp, T = at_rest(cable, s)
-            du, dv = slopes(dofs, tab, q, e, g)
-            v0 = 0.0
-            for k in range(n_loc):
-                if dofs[e, k] >= 0:
-                    v0 += tab[e, g, 2 + k] * q[2 * dofs[e, k] + 1]
-            _, _, _, _, _, W, eps = pull(xp, yp, T, du / h, dv / h, alpha, law)
-            N = tension(eps, T, alpha, ELASTIC)[0]
-            if least > N:
-                least, where = N, s
-            weight = tab[e, g, 1] * h
-            strain += weight * W
-            potential -= weight * sigma * v0
-    return strain, potential, least, where
+    if mesh.dofs.shape[1] == 3 and mesh.tab.shape[1] == 2:
+        return cable_energy_of_p2(mesh, cable, q)
+    return cable_energy_of_any(mesh, cable, q)
+
+
+def cable_energy_of(n_loc, n_q):
+    """Return `cable_energy` for elements of so many functions and points, as above."""
+
+    @compiled
+    def energy(mesh, cable, q):
+        span, dofs, tab = mesh
+        functions, points = (n_loc, n_q) if n_loc > 0 else (dofs.shape[1], tab.shape[1])
+        alpha, sigma, law = cable[0], cable[1], cable[3]
+        at = np.empty((5, dofs.shape[0] * points))
+        s, du, dv, deep, N = at[0], at[1], at[2], at[3], at[4]
+        for e in range(dofs.shape[0]):
+            per_h = 1.0 / span[e, 1] if span[e, 1] > 0.0 else 0.0
+            for g in range(points):
+                x, y, v0 = 0.0, 0.0, 0.0
+                for k in range(functions):
+                    d = dofs[e, k]
+                    if d >= 0:
+                        x += tab[e, g, 2 + functions + k] * q[2 * d]
+                        y += tab[e, g, 2 + functions + k] * q[2 * d + 1]
+                        v0 += tab[e, g, 2 + k] * q[2 * d + 1]
+                p = e * points + g
+                s[p], du[p], dv[p], deep[p] = span[e, 0] + span[e, 1] * tab[e, g, 0], x * per_h, y * per_h, v0
+        for p in range(s.size):
+            xp, yp, T = at_rest(cable, s[p])
+            _, _, _, _, _, W, eps = pull(xp, yp, T, du[p], dv[p], alpha, law)
+            N[p], du[p] = tension(eps, T, alpha, ELASTIC)[0], W
+        strain, potential, least, where = 0.0, 0.0, math.inf, 0.0
+        for e in range(dofs.shape[0]):
+            if span[e, 1] == 0.0:  # the left part has no length yet
+                continue
+            for g in range(points):
+                p, weight = e * points + g, span[e, 1] * tab[e, g, 1]
+                if least > N[p]:
+                    least, where = N[p], s[p]
+                strain += weight * du[p]
+                potential -= weight * sigma * deep[p]
+        return strain, potential, least, where
+
+    return energy
+
+
+cable_energy_of_p2, cable_energy_of_any = cable_energy_of(3, 2), cable_energy_of(0, 0)
 
 
 @compiled
