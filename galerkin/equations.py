@@ -28,7 +28,7 @@ from galerkin.models import FullCable, cable_model
 from galerkin.observe import direction, displaced, history, observe
 
 LOADS = ("mass", "force")
-MANY = 48  # sines from which a step goes by the factors of an earlier one; with 40 either takes as long
+MANY = 20  # sines from which a step goes by the factors of an earlier one; with 16 either takes as long
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,10 +18,11 @@ from galerkin.kernels.cable import Array
 from galerkin.kernels.dense import halve, multiply, multiply_single, solve
 from galerkin.law import compiled
 
-# Directions before S is factorised again, which takes as long as some twenty: with 6 it is once in 5 to 17 steps of 80
-# to 160 sines, with 12 once in 18 to 280, and the whole takes as long.
-MOST = 6
-NEARLY, WITHIN = 1e-4, 0.1  # of the residual, and of Newton's bound, that a correction may leave
+# Directions before S is factorised again, which takes as long as some twenty; from 6 to 10 all takes as long.
+MOST = 8
+# Of the residual, and of Newton's bound, that a correction may leave.  Ten times as much took as long, and left ten
+# times as far from what exact corrections find: 1e-7 to 1e-5 of the deflection.
+NEARLY, WITHIN = 1e-5, 0.01
 
 
 class Kept(NamedTuple):
