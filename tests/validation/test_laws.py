@@ -193,6 +193,20 @@ def test_laws_are_held_as_long_as_all_companions_go(ride):
     assert not all(np.isfinite(held.changed) for held in laws.hold(ride, (0.0, 1.0), (ride, silent)))
 
 
+def test_a_rider_back_from_a_slack_cable_keeps_its_law():
+    """Slack next to the far support, where the rider turns: s_o says nothing of when that was."""
+    cable = "[cable]\nmass_per_length = 1.0\nEA = 1.5e7\nsag = 7.2\n[supports]\nspan = 137.0\ndrop = 15.0\n"
+    car = "[mass]\nmass = 200.0\n[drive]\nmode = 'free'\nstart = 1.4\nend = {time = 12.0}\nthrust = 75.0\n"
+    car += "brake = [{from = 115.0, force = 600.0}]\n"
+    r = run(Scene.from_toml(cable + car), "following-p2", elements=6, steps=500)
+    assert r.switched is not None
+    assert r.s_o[-1] < 0.95 * r.s_o.max()
+    gaps = {held.law: held.gap for held in laws.hold(r, (0.0, 1.0))}
+    assert max(gaps["strain at the mass"], gaps["compression"]) < 1e-9
+    gaps = {held.law: held.gap for held in laws.hold(replace(r, switched=None), (0.0, 1.0))}
+    assert gaps["strain at the mass"] > 1e-3
+
+
 def test_nothing_is_said_of_the_cable_beside_a_car_that_rolls_back_at_once(ride):
     beside = {"tension up to the mass", "up to the mass"}
     assert beside <= {held.law for held in laws.hold(ride, (0.0, 1.0))}

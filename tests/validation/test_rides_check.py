@@ -13,7 +13,19 @@ from cablefem import Scene
 from tests.scene.test_ride import ZIP
 from tests.validation.pairs import altered, right
 from validation.core import measures
-from validation.core.agreement import ALONG, AXIAL_MEAN, UP_TO, Verdict, _slack_onset, agree, with_bars
+from validation.core.agreement import (
+    ALONG,
+    AXIAL_MEAN,
+    UP_TO,
+    Agreement,
+    Bound,
+    Part,
+    Verdict,
+    _slack_onset,
+    agree,
+    overall,
+    with_bars,
+)  # fmt: skip
 from validation.core.design import numbers
 from validation.core.estimate import RESOLVED, estimated, rings
 from validation.core.methods import find
@@ -72,6 +84,20 @@ def test_a_fault_of_one_wing_turns_its_row(fault):
     change, row = FAULTS[fault]
     a, b = pair()
     assert rows(a, altered(b, change))[row].verdict is Verdict.DISAGREE
+
+
+def test_a_rides_tension_field_is_asked_only_where_means_do_not_agree():
+    """What rings along the cable of a ride never ends; of a prescribed travel the field is asked for itself."""
+
+    def row(quantity, gap, bar, law=""):
+        return Agreement(quantity, gap, Bound("error bars", (Part("a", bar, "made up"),)), law=law).at_most(0.05)
+
+    means = [row(x, 0.001, 0.01, AXIAL_MEAN) for x in ("tension_behind", "tension_ahead", "reactions")]
+    place, coarse, apart = row("place", 0.0, 0.01), row("tension", 0.02, 0.1), row("tension", 0.5, 0.04)
+    assert overall([place, *means, coarse]) is Verdict.AGREE
+    assert overall([*means, coarse]) is Verdict.TOO_COARSE
+    assert overall([place, *means[1:], coarse]) is Verdict.TOO_COARSE
+    assert overall([place, *means, apart]) is Verdict.DISAGREE
 
 
 @pytest.mark.parametrize(

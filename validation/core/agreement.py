@@ -97,7 +97,8 @@ def overall(rows: list[Agreement]) -> Verdict:
 
     A row that fronts make too coarse is not asked where the mean of its quantity over their way agrees; the mean of
     the velocity over time is the displacement, frames that are far apart say little of its integral, and where fronts
-    pass the mass, stations of where it goes to there.
+    pass the mass, stations of where it goes to there.  What letting go and braking send along the cable of a free ride
+    rings on for all of it: its tension field is as good as the means at mass and supports.
     """
     verdicts = {row.verdict for row in _asked(rows)} or {Verdict.NOT_COMPARABLE}
     return next(verdict for verdict in Verdict if verdict in verdicts)
@@ -107,6 +108,8 @@ def _asked(rows: list[Agreement]) -> list[Agreement]:
     agreed = [row for row in rows if row.verdict is Verdict.AGREE]
     known = {row.quantity for row in agreed if row.law == AXIAL_MEAN}
     known |= {"velocity" for row in agreed if row.quantity == "displacement"}
+    rides = any(row.quantity == "place" for row in rows)
+    known |= {"tension"} if rides and known >= {"tension_behind", "tension_ahead", "reactions"} else set()
     pointwise = [row for row in rows if row.verdict is Verdict.TOO_COARSE and row.law in ("", ALONG, SUMMED, UP_TO)]
     return [row for row in rows if row not in pointwise or row.quantity not in known]
 

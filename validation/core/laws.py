@@ -127,6 +127,13 @@ def _knows_strain(m: Evidence) -> bool:
     return m.r.model == "full" and not np.array_equal(m.r.T_behind, m.r.T_behind_pointwise, equal_nan=True)
 
 
+def _carries_none(r: Response, t: Array) -> NDArray[np.bool_]:
+    """Return at which instants the cable's law carries no compression: all, none, or those after the first slack."""
+    if r.switched is None:
+        return np.full(t.shape, r.law == "tension-only")
+    return t > r.t[np.argmax(r.s_o >= r.switched * r.length * (1.0 - 1e-12))]
+
+
 # --- the cable at rest -----------------------------------------------------------------------------
 
 
@@ -259,7 +266,7 @@ def strain_at_the_mass(m: Evidence) -> Defect:
     T, off = CubicSpline(f.s, f.T_static)(r.s_o[k]), []
     for slope, told in ((r.slope_behind, r.T_behind_pointwise), (r.slope_ahead, r.T_ahead_pointwise)):
         N = T + m.given.EA * (np.hypot(*slope[k].T) - 1.0)
-        off.append(told[k] - (np.maximum(N, 0.0) if r.law == "tension-only" else N))
+        off.append(told[k] - np.where(_carries_none(r, r.t[k]), np.maximum(N, 0.0), N))
     return Defect(r.s_o[k] / r.length, np.stack(off, axis=1) / r.horizontal_tension)
 
 
@@ -321,8 +328,7 @@ def tension_on_both_sides(m: Evidence) -> Defect:
 @_law("nothing", lambda m: m.r.switched is not None or m.r.law == "tension-only")
 def compression(m: Evidence) -> Defect:
     """A cable that carries none is under none; over H."""
-    f = m.r.fields
-    T = f.T_pointwise[f.s_o / m.r.length > (m.r.switched or 0.0)]
+    T = m.r.fields.T_pointwise[_carries_none(m.r, m.r.fields.t)]
     return _static(min(0.0, float(T.min(initial=0.0))) / m.r.horizontal_tension)
 
 
