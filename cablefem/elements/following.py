@@ -191,7 +191,7 @@ class FollowingElements(CableElements):
         now, told, taken = self._stride(t, phase, start, rules, bound, newton)
         if taken:
             self.least_tension = told.item(taken - 1, 4), told.item(taken - 1, 5)
-        return now[:taken], told[:taken]
+        return now[:taken], told[: taken + 1]
 
     def settle(
         self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton

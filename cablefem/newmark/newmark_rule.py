@@ -20,6 +20,7 @@ class NewmarkRule(Stepper):
         super().__init__(system, method, newton, work)
         self._travels = system if isinstance(system, Travelling) else None
         self._blind = not (isinstance(system, Watched) and system.events)  # no state of many is looked at
+        self._stalled: tuple[float, float, Settled] | None = None  # the last step, from and to, that ended a stride so
         self._rule = np.eye(3, 5)  # as `System.settle` has it
         self._rule[:, 4] = 1.0 - method.alpha_f, 1.0 - method.alpha_f, 1.0 - method.alpha_m
 
@@ -48,11 +49,13 @@ class NewmarkRule(Stepper):
         self._set(rules, times - begin, 1.0)
         now, told = self.system.stride(t, x.phase, np.array([x.q, x.v, x.a]), rules, self.bound, self.newton)
         n = len(now)
+        if len(told) > n and not told[n, 0] <= self.bound and self._blind:
+            self._stalled = float(begin[n]), float(times[n]), Settled(*told[n, :4].tolist())
         if not n:
             return
         stretch = Stretch(times[:n], now, x.phase)
         for k, part in enumerate([stretch] if self._blind else [[x] for x in stretch]):
-            of = told if self._blind else told[k : k + 1]
+            of = told[:n] if self._blind else told[k : k + 1]
             self.count(*of[:, 1:4].sum(axis=0).astype(int).tolist())
             yield part
 
@@ -62,8 +65,11 @@ class NewmarkRule(Stepper):
         now = np.empty_like(start)
         # first guess: the acceleration goes on as it was; where unresolved waves make that absurd: it vanishes
         for goes_on in (1.0, 0.0):
-            self._set(self._rule, dt, goes_on)
-            done = self.system.settle(t, x.phase, start, now, self._rule, self.bound, self.newton)
+            if goes_on and self._stalled is not None and self._stalled[:2] == (x.t, t1):  # has been tried
+                done = self._stalled[2]
+            else:
+                self._set(self._rule, dt, goes_on)
+                done = self.system.settle(t, x.phase, start, now, self._rule, self.bound, self.newton)
             if self.balanced(done):
                 return State(t1, now[0], now[1], now[2], x.phase)
         raise self.stalled(t1, done)

@@ -122,7 +122,8 @@ class Striding(Protocol):
 
         t, rules : of each step, (m,) and (m, 3, 5).  Ends before the first step that Newton's method does not settle,
         or in which an event may happen, or after which something is to be looked at: who asks takes that one alone.
-        Told (k, 4 or more): of each what `Settled` has.  k = 0: none is to be taken in one go.
+        Told (k, 4 or more): of each what `Settled` has, and of one more where that was not settled.  k = 0: none is to
+        be taken in one go.
         """
 
 
