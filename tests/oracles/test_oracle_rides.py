@@ -44,6 +44,22 @@ def test_small_swings_of_the_bead():
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.003])
+def test_a_bead_let_go_over_a_while_has_what_its_hold_leaves(factor):
+    """v^2/2 = g (y - y_0) + int F ds_o; with a hold F 0.3 % off (must fail) not."""
+    bead, start, over = ellipse.Ellipse(D=0.93, g=1.7, slope=0.04), 0.22, 0.6
+    t = np.linspace(0.0, 1.1, 4001)
+    s_o = bead.ride(t, start, over)
+    x, y = bead.place(s_o)
+    h = 1e-6
+    held = -bead.g * float(bead.place(start + h)[1] - bead.place(start - h)[1]) / (2.0 * h)
+    rest = np.maximum(1.0 - t / over, 0.0)
+    force = CubicSpline(t, factor * held * rest**2 * (3.0 - 2.0 * rest) * CubicSpline(t, s_o)(t, 1))
+    speed = np.hypot(CubicSpline(t, x)(t, 1), CubicSpline(t, y)(t, 1))
+    off = 0.5 * speed**2 - bead.g * (y - y[0]) - force.antiderivative()(t)
+    assert (np.abs(off)[5:-5].max() < 1e-6) == (factor == 1.0)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.003])
 def test_drag_on_an_incline_obeys_newton(factor):
     given = {"mu": 0.31, "g": 0.7, "sin": 0.23, "k": 1.4}
     t = np.linspace(0.0, 6.0, 3001)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 from cablefem.scene import Scene
 from validation.oracles.case import RIDERS, ROLLS, Array, Error, Limit, Oracle, Solvers, hung, largest_and_rms
@@ -61,18 +62,27 @@ class Ellipse:
         press = self.speed(r1, start) ** 2 * 0.5 * b / product**1.5 + self.g * down
         return press * np.sqrt(product) / (2.0 * b)
 
-    def ride(self, t: ArrayLike, start: float) -> Array:
-        """s_o(t) of a bead let go at rest at `start`: angle w on the ellipse, s_o = 1/2 + (D/2) cos(w)."""
+    def ride(self, t: ArrayLike, start: float, release: float = 0.0) -> Array:
+        """s_o(t) of a bead let go at rest at `start`: angle w on the ellipse, s_o = 1/2 + (D/2) cos(w).
+
+        release : time over which the force along s_o that holds it goes, as (1 - x)^2 (1 + 2 x).
+        """
         t = np.asarray(t, float)
         b, cos, sin = self.b, math.cos(self.slope), math.sin(self.slope)
 
-        def motion(_: float, q: Array) -> list[float]:
-            c, s = math.cos(q[0]), math.sin(q[0])
-            m = 0.25 * s * s + b * b * c * c
-            fall = -0.5 * s * sin + b * c * cos  # dy/dw
-            return [q[1], (self.g * fall - (0.25 - b * b) * s * c * q[1] ** 2) / m]
+        def fall(w: float) -> float:
+            return -0.5 * math.sin(w) * sin + b * math.cos(w) * cos  # dy/dw
 
         begin = [float(self._angle(np.array(start))), 0.0]
+        held = self.g * fall(begin[0]) / math.sin(begin[0])
+
+        def motion(now: float, q: Array) -> list[float]:
+            c, s = math.cos(q[0]), math.sin(q[0])
+            m = 0.25 * s * s + b * b * c * c
+            x = now / release if release > 0.0 else 1.0
+            hold = held * s * (1.0 - x) ** 2 * (1.0 + 2.0 * x) if x < 1.0 else 0.0
+            return [q[1], (self.g * fall(q[0]) - hold - (0.25 - b * b) * s * c * q[1] ** 2) / m]
+
         run = solve_ivp(
             motion, (0.0, float(t.max()) + 1e-9), begin, "DOP853", rtol=1e-12, atol=1e-13, dense_output=True
         )
@@ -82,10 +92,15 @@ class Ellipse:
         return np.arccos(np.clip((2.0 * s_o - 1.0) / self.D, -1.0, 1.0))
 
 
-def _scene(stiffness: float) -> tuple[Scene, Ellipse]:
-    """A cable with EA of so many car's weights, the car of a thousand cables' weight, let go at 0.2 l."""
-    D, mu = 1.0 / 1.05, 1000.0
-    drive = {"mode": "free", "start": 0.2, "release": 0.6, "end": {"time": 1.7}}
+MU, RULE = 1000.0, {"scheme": "generalized-alpha", "rho_inf": 0.5, "steps": 1200}
+START, RELEASE, T_END = 0.2, 0.6, 1.7
+STIFF, SMALL = 1e5, 0.01  # of the small swings
+
+
+def _scene(stiffness: float, mu: float = MU, start: float = START, t_end: float = T_END) -> tuple[Scene, Ellipse]:
+    """A cable with EA of so many car's weights, the car of mu cables' weight, let go without a bounce."""
+    D = 1.0 / 1.05
+    drive = {"mode": "free", "start": start, "release": RELEASE, "end": {"time": t_end}}
     scene = hung(1.0, stiffness * mu, mu, drive, span=D, length=1.0)
     return scene, Ellipse(D=D, g=1.0)
 
@@ -93,18 +108,51 @@ def _scene(stiffness: float) -> tuple[Scene, Ellipse]:
 def _deviation(solvers: Solvers, method: str, stiffness: float) -> Error:
     """Distance of the car from the ellipse at the same s_o, over l."""
     scene, exact = _scene(stiffness)
-    r = solvers.ride(scene, method, steps=300, scheme="newmark")
+    r = solvers.ride(scene, method, **RULE)
     x, y = exact.place(r.s_o / r.length)
     d = np.hypot(r.x / r.length - x, r.y / r.length - y)
     return largest_and_rms(d)
 
 
+def _speed(solvers: Solvers, method: str, stiffness: float) -> Error:
+    """Error of the speed over time, over the largest."""
+    scene, exact = _scene(stiffness, 10.0 * MU)
+    r = solvers.ride(scene, method, **RULE)
+    t = np.linspace(0.0, T_END, 2001)
+    x, y = (CubicSpline(t, p)(r.t, 1) for p in exact.place(exact.ride(t, START, RELEASE)))
+    speed = np.hypot(x, y)
+    return largest_and_rms((r.speed - speed) / speed.max())
+
+
+def _swing(solvers: Solvers, method: str, mu: float) -> Error:
+    """Error of the frequency of small swings, from the passages of the lowest point after the release."""
+    omega = math.sqrt(Ellipse(D=1.0 / 1.05, g=1.0).b) / 0.5
+    scene, exact = _scene(STIFF, mu, 0.5 - SMALL, RELEASE + 5.5 * math.pi / omega)
+    r = solvers.ride(scene, method, **RULE)
+    times = []
+    for s_o in (r.s_o / r.length, exact.ride(r.t, 0.5 - SMALL, RELEASE)):
+        passages = CubicSpline(r.t, s_o - 0.5).roots(extrapolate=False)
+        times.append(np.diff(passages[passages > RELEASE]).mean())
+    off = abs(times[1] / times[0] - 1.0)
+    return off, off
+
+
 def _cases() -> list[Limit]:
+    stiffness = (1e2, 1e3, 1e4, 1e5)
     return [
         Limit(
-            name="stiff light cable: distance from it over l", parameter="stiffness", values=(1e2, 1e3, 1e4), falls=1.0,
+            name="stiff light cable: distance from it over l", parameter="stiffness", values=stiffness, falls=1.0,
             because="the cable stretches by M g/EA", deviation=_deviation, methods=RIDERS,
-        )
+        ),
+        Limit(
+            name="stiff light cable: speed over the largest", parameter="stiffness", values=stiffness, falls=1.0,
+            because="the cable stretches by M g/EA", deviation=_speed, methods=RIDERS,
+        ),
+        Limit(
+            name="small swings on a stiff light cable: frequency", parameter="mu", values=(10.0, 100.0, 1000.0),
+            falls=1.0, because="the cable's own weight counts like one over the car's", deviation=_swing,
+            methods=RIDERS,
+        ),
     ]  # fmt: skip
 
 
