@@ -304,7 +304,7 @@ METHODS: dict[str, Method] = {
         Method(
             "fourier-kink", "galerkin", "sines and a hat that travels with the mass",
             {"terms": _TERMS, "abscissa": _ABSCISSA, **TIME}, TERMS, 2.0, _galerkin("fourier", True),
-            on_rides={"terms": 45, "steps": 3000, "rho_inf": 0.5}, begins=(5, 500), survey=(16, 600),
+            on_rides={"terms": 45, "steps": 3000, "rho_inf": 0.7}, begins=(5, 500), survey=(16, 600),
             races=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
             trust="the default of the Galerkin side; ten terms beat two hundred plain ones",
         ),
