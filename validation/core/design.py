@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cablefem.response import Array, Response
 from validation.core import measures
@@ -146,8 +147,9 @@ def of_ladder(r: Response, pairs: Sequence[Refinement]) -> list[Number]:
 def _numbers(r: Response, pairs: Sequence[Refinement], stop: float, twin: Response | None = None) -> list[Number]:
     out = []
     runs = [r, *(y for x in pairs for y in (x.fine, x.coarse)), *([] if twin is None else [twin])]
+    within = {id(x): (x, _Within.of(x, stop)) for x in runs}  # of the same runs once
     for name, quantity in QUANTITIES.items():
-        known = {id(x): _Known(x, quantity, stop) for x in runs}  # of the same runs once
+        known = {key: _Known(x, quantity, part) for key, (x, part) in within.items()}
         found = known[id(r)].extreme
         if found is None:
             continue
@@ -168,7 +170,8 @@ def design(r: Response) -> list[dict[str, Any]]:
 def alone(r: Response) -> list[Number]:
     """Return the design numbers of a run without companions: without bars."""
     stop = min(measures.WINDOWS[r.drive][1], math.inf if r.slack_onset is None else r.slack_onset)
-    found = ((name, _Known(r, quantity, stop).extreme) for name, quantity in QUANTITIES.items())
+    within = _Within.of(r, stop)
+    found = ((name, _Known(r, quantity, within).extreme) for name, quantity in QUANTITIES.items())
     numbers = [replace(x.number, quantity=name, unit=unit_of(name)) for name, x in found if x is not None]
     if r.slack_onset is not None:
         numbers.append(Number("slack_onset", r.slack_onset, None, "s_o/l", s_o=r.slack_onset * r.length))
@@ -183,20 +186,34 @@ class _Extreme:
     between: float  # what may lie between two instants of its track
 
 
-class _Known:
-    """The tracks of a quantity in a run, and its extreme up to s_o/l = stop; None where nothing is known.
+@dataclass(frozen=True, slots=True)
+class _Within:
+    """Places s_o of the steps and frames of a run, and which of them count, up to s_o/l = stop.
 
     A mass that grips enters a cable at rest: while its side is a few steps long, nothing is resolved there, and
     extremes begin where paths are compared.  A car that rolls hangs there in equilibrium.
     """
 
-    def __init__(self, r: Response, quantity: _Quantity, stop: float) -> None:
+    steps: tuple[Array, NDArray[np.bool_]]
+    frames: tuple[Array, NDArray[np.bool_]]
+
+    @classmethod
+    def of(cls, r: Response, stop: float) -> _Within:
+        """Look at a run once for all quantities."""
+        low, high = r.length * (measures.WINDOW[0] if r.drive == "grip" else -1.0), stop * r.length * (1.0 + 1e-9)
+        steps, frames = ((s, (s >= low) & (s <= high)) for s in (r.s_o, np.interp(r.fields.t, r.t, r.s_o)))
+        return cls(steps, frames)
+
+
+class _Known:
+    """The tracks of a quantity in a run, and its extreme within; None where nothing is known."""
+
+    def __init__(self, r: Response, quantity: _Quantity, within: _Within) -> None:
         self.t, self.tracks, self.breaks = r.t, quantity.tracks(r), r.breaks
         self.extreme: _Extreme | None = None
-        place = r.length * (measures.WINDOW[0] if r.drive == "grip" else -1.0)
         for i, track in enumerate(self.tracks):
-            s_o = r.s_o if track.t is r.t else np.interp(track.t, r.t, r.s_o)
-            inside = (s_o >= place) & (s_o <= stop * r.length * (1.0 + 1e-9)) & np.isfinite(track.value)
+            s_o, inside = within.steps if track.t is r.t else within.frames
+            inside = inside & np.isfinite(track.value)
             if not inside.any():
                 continue
             k = int(np.where(inside, quantity.sign * track.value, -math.inf).argmax())
