@@ -110,6 +110,27 @@ def test_an_event_after_the_end_of_a_run_that_broke_is_nobodys_fault(status, ver
     assert rows(a, b)[("events", "brake: time")].verdict is verdict
 
 
+@pytest.mark.parametrize(("coarse", "verdict"), [(0.0, Verdict.AGREE), (0.06, Verdict.TOO_COARSE)])
+def test_the_time_of_a_stop_is_asked_no_better_than_axial_waves_tell(coarse, verdict):
+    """Bars of 0.07 of the ride, all of it two waves' ways; or so much more by what a companion changes."""
+    waits = 2.0 * RIDE.length / RIDE.axial_speed / pair()[0].run.t[-1]
+    soft = RIDE.variant(alpha=RIDE.alpha * (waits / 0.035) ** 2)
+
+    def stopped(e, late):
+        def at(r, t):
+            return replace(r, events=[*r.events, {"event": "stop", "t": t, "s_o": float(r.s_o[-1]), "speed": 0.0}])
+
+        end = 0.9 * e.run.t[-1]
+        run, in_space, in_time = at(e.run, end), at(e.in_space, end - late * e.run.t[-1]), at(e.in_time, end)
+        return replace(e, response=run, run=run, in_space=in_space, in_time=in_time)
+
+    a, b = pair()
+    found = {(row.quantity, row.law): row for row in agree(soft, stopped(a, coarse), stopped(b, 0.0))}
+    row = found[("events", "stop: time")]
+    assert row.allowed == pytest.approx(0.07 + 1.5 * coarse, rel=0.02)
+    assert row.verdict is verdict
+
+
 @pytest.mark.parametrize(("wrong_from", "verdict"), [(0.9, Verdict.AGREE), (0.5, Verdict.DISAGREE)])
 def test_speed_is_compared_until_a_lasting_stop(wrong_from, verdict):
     def stopped(r, factor):

@@ -203,11 +203,12 @@ def agree(
     fields.append(ringing("velocity", partial(measures.velocity_gap, along=True), law=ALONG))
     held = [_law("energy", _energy_series(scene), a, b, window), *_laws(a, b, window)]
     fields += _ride(scene, a, b, smooth, ringing, axial)
+    waits = 2.0 * axial / float(b.run.t[-1])  # of both: no refinement tells sooner when axial waves let a car stand
     return [
         *(row.at_most(min(tol or ceiling, ceiling)) for row in path),
         *(row.at_most(tol_tension or ceiling) for row in means),
         *(row.at_most(max(tol_tension or ceiling, ceiling)) for row in pointwise),
-        *(row.at_most(ceiling) for row in [*fields, *held]),
+        *(row.at_most(ceiling + waits * (row.law in WHEN_STILL)) for row in [*fields, *held]),
         *_range(a, b, window), *rows, *(row.at_most(ceiling) for row in _past_slack(a, b)),
     ]  # fmt: skip
 
@@ -313,6 +314,9 @@ def _until_stop(r: Response, values: Array) -> Array:
 
 
 EVENTS = ("brake", "arrival", "back", "stop", "turn")  # whose first happening both answers must tell
+
+
+WHEN_STILL = ("stop: time", "turn: time")
 
 
 def _event(event: str, a: Estimated, b: Estimated, axial: float, top: float) -> Iterator[Agreement]:
