@@ -14,18 +14,12 @@ from numba.np.linalg import F_INT_nbtype, F_INT_nptype
 
 from galerkin.law import compiled
 
-_real, _size, _char = types.CPointer(types.float64), types.intp, types.char
-_single: Any = types.CPointer(types.float32)
+_real, _single, _any = types.CPointer(types.float64), types.CPointer(types.float32), types.voidptr
+_size, _char = types.intp, types.char
 _gemm: Any = types.ExternalFunction(
     "numba_xxgemm",
     types.intc(
-        _char, _char, _char, _size, _size, _size, _real, _real, _size, _real, _size, _real, _real, _size
-    ),
-)  # fmt: skip
-_gemm_single: Any = types.ExternalFunction(
-    "numba_xxgemm",
-    types.intc(
-        _char, _char, _char, _size, _size, _size, _single, _single, _size, _single, _size, _single, _single, _size
+        _char, _char, _char, _size, _size, _size, _any, _any, _size, _any, _size, _any, _any, _size
     ),
 )  # fmt: skip
 _gesv: Any = types.ExternalFunction(
@@ -37,15 +31,17 @@ SINGLE, DOUBLE, PLAIN, TRANSPOSED, LOWER = ord("s"), ord("d"), ord("n"), ord("t"
 
 @compiled
 def multiply(a, b, flip, out):
-    """Set out (m, n) to a b, or where `flip` to a b^T; a (m, k)."""
+    """Set out (m, n) to a b, or where `flip` to a b^T; a (m, k), all in double or all in single precision."""
     if not (a.flags.c_contiguous and b.flags.c_contiguous and out.flags.c_contiguous):
         raise ValueError("arrays in C order are wanted")
-    factors = np.empty(2)
+    if not (a.itemsize == out.itemsize and b.itemsize == out.itemsize):
+        raise ValueError("arrays of one precision are wanted")
+    factors = np.empty(2, out.dtype)
     factors[0], factors[1] = 1.0, 0.0
     m, k, n = a.shape[0], a.shape[1], out.shape[1]
-    way = TRANSPOSED if flip else PLAIN
+    kind, way = SINGLE if out.itemsize == 4 else DOUBLE, TRANSPOSED if flip else PLAIN
     _gemm(
-        DOUBLE, way, PLAIN, n, m, k, factors.ctypes, b.ctypes, b.shape[1], a.ctypes, k, factors[1:].ctypes, out.ctypes,
+        kind, way, PLAIN, n, m, k, factors.ctypes, b.ctypes, b.shape[1], a.ctypes, k, factors[1:].ctypes, out.ctypes,
         n,
     )  # fmt: skip
 
@@ -61,21 +57,6 @@ def solve(K, b, x):
             columns[j, i] = K[i, j]
     if _gesv(DOUBLE, n, 1, columns.ctypes, n, pivots.ctypes, x.ctypes, n) != 0:
         x[:] = math.nan
-
-
-@compiled
-def multiply_single(a, b, flip, out):
-    """`multiply` in single precision."""
-    if not (a.flags.c_contiguous and b.flags.c_contiguous and out.flags.c_contiguous):
-        raise ValueError("arrays in C order are wanted")
-    factors = np.empty(2, np.float32)
-    factors[0], factors[1] = 1.0, 0.0
-    m, k, n = a.shape[0], a.shape[1], out.shape[1]
-    way = TRANSPOSED if flip else PLAIN
-    _gemm_single(
-        SINGLE, way, PLAIN, n, m, k, factors.ctypes, b.ctypes, b.shape[1], a.ctypes, k, factors[1:].ctypes, out.ctypes,
-        n,
-    )  # fmt: skip
 
 
 @compiled

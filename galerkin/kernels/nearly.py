@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from galerkin.kernels.cable import Array
-from galerkin.kernels.dense import halve, multiply, multiply_single, solve
+from galerkin.kernels.dense import halve, multiply, solve
 from galerkin.law import compiled
 
 # Directions before S is factorised again, which takes as long as some twenty; from 6 to 10 all takes as long.
@@ -47,8 +47,8 @@ def solve_kept(kept, b):
     """S^-1 b of rows b (m, 2 n), in single precision."""
     half = np.empty(b.shape, np.float32)
     out = np.empty(b.shape, np.float32)
-    multiply_single(b, kept.half, True, half)
-    multiply_single(half, kept.half, False, out)
+    multiply(b, kept.half, True, half)
+    multiply(half, kept.half, False, out)
     return out
 
 

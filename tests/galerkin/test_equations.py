@@ -13,6 +13,7 @@ from galerkin import kernels
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import MANY, GalerkinSystem
 from galerkin.kernels import Kept
+from galerkin.kernels.dense import multiply
 from galerkin.kernels.nearly import NEARLY, corrected, keep
 from tests.runs import steep_cable, tangent_defect
 
@@ -377,6 +378,18 @@ def many(seed=3, size=3e-4):
     dt = 0.004
     rule = np.array([[1, dt, 0.3 * dt**2, 0.2 * dt**2, 0.8], [0, 1, 0.4 * dt, 0.6 * dt, 0.8], [0, 0, 1, 1, 0.9]])
     return system, random_state(system, seed, size) / waves, rule
+
+
+@pytest.mark.parametrize(("kind", "close"), [(np.float64, 1e-14), (np.float32, 1e-6)])
+def test_products_are_those_of_numpy_and_of_one_precision(kind, close):
+    rng = np.random.default_rng(1)
+    a, b, out = rng.random((5, 7)).astype(kind), rng.random((7, 3)).astype(kind), np.empty((5, 3), kind)
+    for flip, of in ((False, b), (True, np.ascontiguousarray(b.T))):
+        multiply(a, of, flip, out)
+        np.testing.assert_allclose(out, a @ b, rtol=close)
+    other = b.astype(np.float32 if kind is np.float64 else np.float64)
+    with pytest.raises(ValueError, match="one precision"):
+        multiply(a, other, False, out)
 
 
 def test_steps_of_many_sines_are_the_drivers_own():
