@@ -47,11 +47,14 @@ class EnergyRule(Stepper):
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         super().__init__(system, method, replace(newton, tol=min(newton.tol, LEAVES)), work)
+        # accelerations of the middle of the last steps, and their lengths: steps may be tried and dropped
+        self._memory: list[tuple[State, tuple[Array, float]]] = []
         self.averaged = system.averaged if isinstance(system, Averaged) else partial(average, system)
 
     def __call__(self, x: State, t1: float) -> State:
         dt, system = t1 - x.t, self.system
-        before = self.remembered(x)
+        self._memory = [kept for kept in self._memory if kept[0] is x]
+        before = self._memory[0][1] if self._memory else None
         a = x.a if before is None else before[0]
 
         def end() -> State:
@@ -77,5 +80,5 @@ class EnergyRule(Stepper):
         after = end()
         if before is not None:
             after = after._replace(a=a + dt / (dt + before[1]) * (a - before[0]))
-        self.remember(after, (a, dt))
+        self._memory.append((after, (a, dt)))
         return after

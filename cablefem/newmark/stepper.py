@@ -1,9 +1,9 @@
-"""What the rules of a step share: when it is in balance, what it cost, and what it remembers."""
+"""What the rules of a step share: when it is in balance, and what it cost."""
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from cablefem.newmark.failures import NewtonStalled
 from cablefem.newmark.newton import Newton, Settled
@@ -31,16 +31,12 @@ class Work:
 
 
 class Stepper:
-    """One rule on one system: `stepper(x, t1)` is the state at t1 after a step from x, any number of times.
-
-    What a step leaves for the next one's guess is kept with its state, so that steps may be tried and dropped.
-    """
+    """One rule on one system: `stepper(x, t1)` is the state at t1 after a step from x, any number of times."""
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         self.system, self.method, self.newton, self.work = system, method, newton, work
         self.strides = isinstance(system, Striding) and system.strides
         self.bound = newton.tol * system.force_scale + math.sqrt(system.n_dof) * system.force_floor
-        self._memory: list[tuple[State, Any]] = []
 
     def __call__(self, x: State, t1: float) -> State:
         raise NotImplementedError
@@ -51,14 +47,6 @@ class Stepper:
         Several at once where nothing can be seen after one that was not seen when it was taken.
         """
         return iter(())
-
-    def remembered(self, x: State) -> Any:
-        """Return what was kept with x, None if nothing, and forget all that belongs to other states."""
-        self._memory = [kept for kept in self._memory if kept[0] is x]
-        return self._memory[0][1] if self._memory else None
-
-    def remember(self, x: State, what: Any) -> None:
-        self._memory.append((x, what))
 
     def balanced(self, done: Settled) -> bool:
         """Count the work, and return whether Newton's method has found the step's end."""
