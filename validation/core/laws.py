@@ -51,7 +51,7 @@ def hold(r: Response, window: Window, companions: Sequence[Response] = ()) -> It
     Where one of several components by itself is more than what may be left of it, that is told: a sharp one shows what
     blunt ones would hide.
     """
-    last = min(x.fields.t[-1] for x in (r, *companions)) if all(x.fields.t.size for x in (r, *companions)) else 0.0
+    last = min(x.fields.t[-1] if x.fields.t.size else 0.0 for x in (r, *companions))
     case, sparse = Evidence(r, window, last=last), Evidence(_thinned(r), window, every=2, last=last)
     others = [Evidence(c, window, last=last) for c in companions]
     for name, law in LAWS.items():
@@ -119,7 +119,12 @@ def _sees_swings(m: Evidence) -> bool:
 
 def _off_supports(m: Evidence) -> bool:
     """Return whether the mass is ever so far from them that something can be said of the cable beside it."""
-    return any(min(np.ptp(x.s) for x in pair) > NEXT * m.r.length for pair in m.sides)
+    return any(_has_room(m, pair) for pair in m.sides)
+
+
+def _has_room(m: Evidence, pair: tuple[Side, Side]) -> bool:
+    """Return whether neither support is next to the mass, where stations are few and waves from there not yet apart."""
+    return all(x.s.size > 2 and np.ptp(x.s) > NEXT * m.r.length for x in pair)
 
 
 def _knows_strain(m: Evidence) -> bool:
@@ -344,12 +349,12 @@ def fields_at_the_mass(m: Evidence) -> Defect:
 def _at_and_up_to(m: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]:
     """Return what a field (m,) or (m, c) is at the mass and what it misses when it goes on to there, (k, 2 c).
 
-    Next to a support, where stations are few and waves from there not yet apart, none of either.
+    Next to a support none of either.
     """
     found = []
     for pair in m.sides:
         rows = [(x.s[::way][:3], of(x)[::way][:3]) for x, way in zip(pair, (-1, 1), strict=True)]
-        far = min(s.size for s, _ in rows) > 2 and min(np.ptp(x.s) for x in pair) > NEXT * m.r.length
+        far = _has_room(m, pair)
         told = [far * y[0] for _, y in rows]
         goes_on = [y[1] + (y[1] - y[2]) * (s[0] - s[1]) / (s[1] - s[2]) if far else 0.0 * y[0] for s, y in rows]
         found.append((told, np.subtract(told, goes_on)))

@@ -78,7 +78,7 @@ def solve(t_end: float, *, mu: float, sigma: float, a: float, s0: float) -> Sled
 
 
 MU, A, S0, T_END = 0.3, 0.8, 0.4, 0.7  # of the case
-# w is down to 3e-4 of l there and its error a hundred-thousandth of that; below, graded sines that damp stay at 2e-6
+# w is down to 3e-4 of l there and its error a hundred-thousandth of that; below, graded sines stay at 2e-6
 FINE = {"following-p2": {"elements": 72}, "fourier-kink": {"terms": 160}}
 
 
