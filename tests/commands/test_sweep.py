@@ -1,6 +1,7 @@
 """A sweep: points numbered once and for all, rows written whole, and nothing lost or done twice when something dies."""
 
 import contextlib
+import json
 import math
 import os
 import subprocess
@@ -8,17 +9,21 @@ import sys
 import time
 import tomllib
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray
 
 from cablefem.scene import Scene, SceneError
-from validation import cli
+from validation import cli, run
 from validation.commands.sweep import engine, job
 from validation.commands.sweep.page import sections
 from validation.commands.sweep.study import Study, built_in
+from validation.core.agreement import Agreement, Verdict
+from validation.core.bounds import Bound
 from validation.core.store import Refused
 
 distributed = pytest.importorskip("distributed")
@@ -190,6 +195,24 @@ def test_whatever_happens_to_a_scene_is_a_row(monkeypatch):
     monkeypatch.setattr(job, "_run", lambda *given: 1 / 0)
     failed = job.row(Study.of(GRID), 1, {})
     assert (failed["status"], failed["cause"]) == ("failed", "ZeroDivisionError")
+
+
+def test_a_check_tells_why_a_run_broke_and_beside_it_which_rows_do_not_agree(tmp_path, monkeypatch):
+    told = run(Scene.load("level"), "following-p2", elements=3, steps=30)
+    broken = replace(told, status="incomplete", cause="Newton stalled", reason="stalled")
+    rows = [Agreement(name, 1.0, Bound("law"), law=law) for name, law in (("tension", ""), ("tension", "mean"))]
+    either = SimpleNamespace(run=broken)
+    found = SimpleNamespace(a=either, b=either, rows=rows, verdict=Verdict.DISAGREE)
+    monkeypatch.setattr("validation.check", lambda *given, **how: found)
+    study = Study.of({k: x for k, x in GRID.items() if k not in ("method", "settings")} | {"job": "check", "tol": 1e-2})
+    row = job.row(study, 4, study.point(4))
+    assert (row["status"], row["cause"], row["not_agreed"]) == ("incomplete", "Newton stalled", "tension")
+    engine.write(tmp_path, study, [row])
+    (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")
+    (tmp_path / "sweep.json").write_text(json.dumps({"study": "study.toml"}), encoding="utf-8")
+    outcome = sections(tmp_path)[0].html
+    assert "Newton stalled" in outcome
+    assert "tension" not in outcome
 
 
 def test_a_method_that_cannot_roll_is_a_row():

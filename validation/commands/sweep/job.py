@@ -31,7 +31,7 @@ NUMBERS = (
     "doubt_tension",
 )  # fmt: skip
 COUNTS = ("newton_iterations", "steps")
-WORDS = ("status", "cause", "reason", "flags", "verdict", "method", "model", "load", "settings")
+WORDS = ("status", "cause", "reason", "flags", "verdict", "not_agreed", "method", "model", "load", "settings")
 
 
 class CutOff(BaseException):
@@ -204,8 +204,8 @@ def _check(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[
     found = check(scene, tol=study.how(point)["tol"], until=_end(scene))
     best = min((found.a, found.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
     agree = type(found.verdict).AGREE
-    worst = [row.quantity for row in found.rows if row.verdict is not agree]
-    return of_response(best.run, scene) | {"verdict": found.verdict.value, "cause": ", ".join(worst) or None}
+    rows = dict.fromkeys(row.quantity for row in found.rows if row.verdict is not agree)
+    return of_response(best.run, scene) | {"verdict": found.verdict.value, "not_agreed": ", ".join(rows) or None}
 
 
 def _advise(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
