@@ -114,7 +114,7 @@ class RollingElements(FollowingElements):
         self._brakes = sum(place <= self.drive.start for place, _ in self.drive.brakes)  # that have been reached
         self._rests = self._since = self._held_at = math.inf  # where and when it came to rest, and last to hold
         self._lifted = False
-        self._hold = 0.0  # force along the cable that holds the car at its start
+        self.hold = 0.0  # F_hold, along the cable, at the start
         self._watched: tuple[State | None, float, tuple[float, ...]] = None, 0.0, ()
         self._passed = -math.inf  # until when steps in one go have looked for events and found none
 
@@ -146,7 +146,7 @@ class RollingElements(FollowingElements):
                 v[:-1] = (self._statics(s_o + d)[0] - self._statics(s_o - d)[0])[:-1] * (ds / (2.0 * d))
             q[-1] = 0.0
             return self._consistent(t, q, v, 0)
-        q, self._hold = self._statics(self.drive.start)
+        q, self.hold = self._statics(self.drive.start)
         return self._halt(State(t, q, np.zeros_like(q), np.zeros_like(q), 0))
 
     def begin_step(self, x: State) -> None:
@@ -210,7 +210,7 @@ class RollingElements(FollowingElements):
             return self._travel(t, phase)[0]
         now, drive = np.zeros((*t.shape, 3)), self.drive
         if t.min() < drive.release:
-            now[..., 0] = self._hold * np.vectorize(drive.hold)(t)
+            now[..., 0] = self.hold * np.vectorize(drive.hold)(t)
         if drive.thrust_table:
             now[..., 1] = drive.thrust(t, phase)
         return now
@@ -365,7 +365,7 @@ class RollingElements(FollowingElements):
         heading = math.copysign(1.0, slip) if slip != 0.0 else self._heading
         if self._mode == kernels.HELD:
             heading = 0.0
-        hold = self._hold * drive.hold(t) if t < drive.release else 0.0
+        hold = self.hold * drive.hold(t) if t < drive.release else 0.0
         thrust = float(drive.thrust(t, phase)) if drive.thrust_table else 0.0
         return kernels.Car(*fixed, 0.0, 0.0, 0.0, hold, thrust, *self._air, self._brake, heading)
 
@@ -488,6 +488,6 @@ class RollingElements(FollowingElements):
         powers["friction"] = -stretch * drive.mu_r * normal * np.abs(ds)
         if self.free:
             powers["brake"] = -stretch * np.array([drive.brake(x) for x in o.s_o]) * np.abs(ds)
-            powers["hold"] = self._hold * np.array([drive.hold(t) for t in states.t]) * ds
+            powers["hold"] = self.hold * np.array([drive.hold(t) for t in states.t]) * ds
         pulled = not self.free or bool(drive.thrust_table)
         return replace(o, contact=contact, powers=powers, power=sum(powers.values()), haul=pull if pulled else o.haul)

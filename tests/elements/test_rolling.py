@@ -21,7 +21,7 @@ from cablefem.scene import RATTLE, Drive
 from cablefem.scene.statics import gripped, hauled
 from tests.runs import CRUISE, INCLINED, LEVEL, observe, stack
 from validation import run
-from validation.oracles import ellipse
+from validation.oracles import ellipse, energy
 
 
 def zip_line(mass=95.0, **drive):
@@ -414,6 +414,40 @@ def test_the_energy_rule_accounts_for_a_ride_to_rounding(mu_r):
         drifts.append(np.abs(energy - energy[0] - work).max() / (G.mu * G.sigma))
     assert drifts[0] < 1e-13
     assert drifts[1] > 1e-11, "an average of the balance with the mean velocity would do: the test shows nothing"
+
+
+def kept(rule, steps, tol, part=1.0, elements=10):
+    """Drift of the energy over 20 s of the zip line, largest, over M g l; part : of the balance's rounding."""
+
+    class Exact(RollingElements):
+        @property
+        def force_floor(self):
+            return part * super().force_floor
+
+    scene, newton = energy.ride(), Newton(tol=tol, max_iter=60)
+    system, grids = Exact(scene.groups, elements=elements), [np.linspace(0.0, 20.0 / scene.time_scale, steps + 1)]
+    o = observe(system, stack(list(integrate(system, scheme(rule), grids, newton=newton))))
+    return np.abs(o.energy - o.energy[0]).max() / (G.mu * G.sigma)
+
+
+@pytest.mark.parametrize(
+    ("rule", "coarse", "fine"), [("trapezoidal", 3e-8, 3e-8), ("generalized-alpha", 1.5e-8, 6.2e-9)]
+)
+def test_rules_keep_the_energy_of_a_ride_as_two_prototypes_do(rule, coarse, fine):
+    """With 500 and 2000 steps; by Newton's standard bound (must fail) what it leaves stays."""
+    assert kept(rule, 500, 1e-9) < coarse
+    assert kept(rule, 2000, 1e-9) < fine
+    assert kept(rule, 2000, 1e-4) > fine
+    if rule == "trapezoidal":  # as a run has it
+        scene = energy.ride()
+        r = run(scene, "following-p2", elements=10, steps=500, scheme=rule)
+        assert energy.drift(r, scene.mass.mass * scene.gravity)[0] < coarse
+
+
+def test_the_energy_rule_keeps_the_energy_of_a_ride_to_rounding():
+    """Rounding of the balance, of stiff forces; the trapezoidal rule (must fail) does not."""
+    assert kept("energy", 500, 1e-15, part=0.1, elements=4) < 1e-14
+    assert kept("trapezoidal", 500, 1e-6, part=0.1, elements=4) > 1e-9
 
 
 @pytest.mark.parametrize("graded", [True, False])

@@ -9,10 +9,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
+from cablefem import Scene
+from cablefem.scene.statics import gripped
 from validation import oracles
 from validation.commands.oracles import page
 from validation.commands.oracles import study as exactness
+from validation.oracles import rest
 from validation.oracles.case import BARE, Crossing
 
 EVERY = {task.key: task for task in exactness.tasks()}
@@ -113,6 +117,56 @@ def test_the_sagged_model_has_irvines_first_frequency(basis):
     n = {"sines": 160, "wavelets": 3, "P2 elements": 160}[basis]
     # the sines, slowest of the three, are off by 2e-8 relative at 160 terms
     assert exactness.SOLVERS.modes(basis, BARE, "sagged", 4, size=n)[0] == pytest.approx(5.3497920, abs=2e-7)
+
+
+LINES = {
+    "zip line": (Scene.from_toml(rest.ZIP + "start = 2.0"), 0.784932735, -0.00571379),
+    "level": (Scene.load("level"), 0.5, -0.01554625),
+    "inclined": (Scene.load("inclined"), 0.883770533, -0.00596207),
+}
+
+
+@pytest.mark.parametrize(("scene", "place", "hold"), LINES.values(), ids=LINES)
+def test_each_wing_s_own_statics_hold_a_car_and_find_where_it_rests(scene, place, hold):
+    """Elements by the force on s_o, sines by the car's balance, which is another number (must not be the same)."""
+    g = scene.groups
+    at, law = rest.place_of_rest(g, 0.3), rest.balance(gripped(rest.TENTH, g))
+
+    def found(method, **how):
+        return brentq(lambda s: exactness.SOLVERS.hold(g, method, s, **how), place - 0.07, place + 0.06, xtol=1e-14)
+
+    assert found("following-p2", elements=4) == pytest.approx(at, abs=5e-8)  # 4e-6 of a prototype
+    assert found("following-p4", elements=4) == pytest.approx(at, abs=1e-13)
+    assert found("fourier-kink", terms=20) == pytest.approx(at, abs=2e-6)
+    assert at == pytest.approx(place, abs=1e-9)
+    fine = exactness.SOLVERS.hold(g, "following-p4", rest.TENTH, elements=4)
+    sines = exactness.SOLVERS.hold(g, "fourier-kink", rest.TENTH, terms=40)
+    assert fine == pytest.approx(hold, abs=1e-8)
+    assert sines == pytest.approx(law, rel=1e-6)
+    assert law == pytest.approx(hold, abs=1e-7)
+    assert abs(fine - law) > 1e3 * abs(fine - gripped(rest.TENTH, g).hold[0])
+
+
+@pytest.mark.parametrize(
+    ("oracle", "case", "error"),
+    [("rest", "force that holds", 1e-6), ("rest", "place of rest", 2e-7), ("energy", "damped", 7e-6)],
+)
+@pytest.mark.parametrize("method", ["following-p2", "fourier-kink"])
+def test_figures_of_two_prototypes_are_met(oracle, case, error, method):
+    """By the finest run; the same of the empty cable (must fail) is not."""
+    (task,) = [t for k, t in EVERY.items() if (k[0], k[2]) == (oracle, method) and k[1].startswith(case) and right(t)]
+    found = task.compute()
+    assert found.verdict == "agree"
+    assert found.error < error
+    if oracle == "rest":
+        (twin,) = [
+            t for k, t in EVERY.items() if k[0] == oracle and k[1].startswith(case) and k[2] == method and not right(t)
+        ]
+        assert twin.compute().verdict == "disagree"
+
+
+def right(task):
+    return task.case.expected == "agree"
 
 
 # --- the judge ------------------------------------------------------------------------------------------------------

@@ -92,6 +92,9 @@ class Solvers(Protocol):
     def ride(self, scene: Scene, name: str, **settings: Any) -> Any:
         """Run a scene to its end; SI."""
 
+    def hold(self, groups: Groups, name: str, start: float, **settings: Any) -> float:
+        """Return the force along the cable that holds a car of free travel at its start, over H."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:

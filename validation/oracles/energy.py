@@ -5,10 +5,12 @@
 Hamilton's principle with s_o as one more coordinate.  Validity: gravity alone acts.  Accuracy: exact.
 """
 
+from functools import partial
+
 import numpy as np
 
 from cablefem.scene import Scene
-from validation.oracles.case import RIDERS, ROLLS, Error, Limit, Oracle, Solvers, largest_and_rms
+from validation.oracles.case import RIDERS, ROLLS, Case, Error, Law, Limit, Oracle, Solvers, largest_and_rms
 from validation.oracles.rest import ZIP
 
 
@@ -18,19 +20,43 @@ def drift(r, weight: float) -> Error:
     return largest_and_rms(off)
 
 
-def _deviation(solvers: Solvers, method: str, steps: float) -> Error:
-    """Drift of a ride by a rule that damps, in first order of the step; an undamped rule leaves rounding to look at."""
-    scene = Scene.from_toml(ZIP + "start = 20.0\nend = {time = 10.0}")
+def ride(drag: float = 0.0) -> Scene:
+    """Twenty seconds of the zip line."""
+    air = f"drag_area = {drag}\n" if drag else ""
+    return Scene.from_toml(ZIP + f"start = 2.0\n{air}end = {{time = 20.0}}")
+
+
+def _of(scene: Scene, r) -> Error:
     assert scene.mass is not None
-    return drift(solvers.ride(scene, method, steps=round(steps), scheme="newmark"), scene.mass.mass * scene.gravity)
+    return drift(r, scene.mass.mass * scene.gravity)
 
 
-def _cases() -> list[Limit]:
+def _rule(scheme: str, solvers: Solvers, method: str, steps: float) -> Error:
+    """Drift by a rule of the time driver; one that keeps the energy leaves rounding to look at."""
+    coarse = {"elements": 10} if method == "following-p2" else {}
+    return _of(scene := ride(), solvers.ride(scene, method, steps=round(steps), scheme=scheme, **coarse))
+
+
+def _cases() -> list[Case]:
+    lossy = ride(drag=0.6)
     return [
         Limit(
-            name="damped rule: drift over M g l", parameter="steps", values=(125.0, 250.0, 500.0), falls=1.0,
-            because="the rule's own damping is of first order", deviation=_deviation, methods=RIDERS,
-        )
+            name="damped rule: drift over M g l", parameter="steps", values=(500.0, 1000.0, 2000.0), falls=1.0,
+            because="the rule's own damping is of first order", deviation=partial(_rule, "newmark"), methods=RIDERS,
+        ),
+        Limit(
+            name="generalised alpha: drift over M g l", parameter="steps", values=(500.0, 2000.0), falls=0.5,
+            because="what the start rings with is shorter than any step", methods=RIDERS[:1],
+            deviation=partial(_rule, "generalized-alpha"),
+        ),
+        Law(
+            name="sines: drift over M g l", scene=ride(), defect=partial(_of, ride()), falls=2.0, methods=RIDERS[1:],
+            because="what of the car's balance the terms leave, whatever the steps",
+        ),
+        Law(
+            name="the same with drag, which takes it", scene=lossy, defect=partial(_of, lossy), falls=2.0,
+            methods=RIDERS, because="air takes what the weight gives", expected="disagree",
+        ),
     ]  # fmt: skip
 
 

@@ -9,12 +9,16 @@ differential equation; both wings find their start by their own statics.  Validi
 Accuracy: 1e-10.
 """
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 from scipy.optimize import brentq
 
 from cablefem.scene import Groups, Scene
-from cablefem.scene.statics import gripped
-from validation.oracles.case import RIDERS, ROLLS, Error, Law, Oracle, largest_and_rms
+from cablefem.scene.statics import Rest, gripped
+from validation.oracles.case import RIDERS, ROLLS, Array, Case, Error, Law, Oracle, Rung, Solvers, largest_and_rms
 
 ZIP = """
     [cable]
@@ -29,6 +33,7 @@ ZIP = """
     [drive]
     mode = "free"
 """
+TENTH = 0.1  # s_o of a car that is held
 
 
 def place_of_rest(groups: Groups, low: float = 0.05, high: float = 0.95) -> float:
@@ -36,7 +41,62 @@ def place_of_rest(groups: Groups, low: float = 0.05, high: float = 0.95) -> floa
     return float(brentq(lambda s: gripped(s, groups).hold[0], low, high, xtol=1e-14))
 
 
-def _cases() -> list[Law]:
+def balance(at: Rest) -> float:
+    """F_hold as the car's balance has it, <lam> tau.C/cos(phi): off by the kink's angle squared over EA, 1e-6 of it."""
+    mean = 0.5 * (at.slope_behind[0] + at.slope_ahead[0])
+    return float(mean @ at.jump[0] * at.stretch[0] ** 2 / (mean @ mean))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Held(Case):
+    """What a car held by the cable asks of it, at a tenth of each line or where it asks nothing."""
+
+    answer: Callable[[Solvers, str, dict[str, Any]], Array]
+    exact: Array
+    scale: Array
+
+    def ask(self, solvers: Solvers, method: str, rung: Rung) -> Array:
+        return self.answer(solvers, method, rung.settings)
+
+    def error(self, answer: Array) -> Error:
+        return largest_and_rms((answer - self.exact) / self.scale)
+
+
+def _held() -> list[Held]:
+    lines = [Scene.from_toml(ZIP + "start = 2.0").groups, Scene.load("level").groups, Scene.load("inclined").groups]
+
+    def hold(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
+        return np.array([solvers.hold(g, method, TENTH, **settings) for g in lines])
+
+    def place(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
+        def found(g: Groups, at: float) -> float:
+            return float(brentq(lambda s: solvers.hold(g, method, s, **settings), at - 0.06, at + 0.06, xtol=1e-14))
+
+        return np.array([found(g, at) for g, at in zip(lines, places, strict=True)])
+
+    at = [gripped(TENTH, g) for g in lines]
+    holds, places = np.array([x.hold[0] for x in at]), np.array([place_of_rest(g) for g in lines])
+    # on the empty cable's shape a car weighs along the slope alone, and rests where that is none
+    weights = np.array([-g.mu * g.sigma * g.static(TENTH)[2] for g in lines])
+    lowest = np.array([g.c / g.sigma for g in lines])
+
+    statics, gives, empty = "statics alone", "the cable gives way under the car", " on the empty cable's shape"
+    told = [
+        (RIDERS[:1], True, holds, 3.0, statics, ""), (RIDERS, True, weights, 1.0, gives, empty),
+        (RIDERS[1:], True, np.array([balance(x) for x in at]), 1.9, statics + ", by the car's balance", ""),
+        (RIDERS, False, places, 2.4, statics, ""), (RIDERS, False, lowest, 1.0, gives, empty),
+    ]  # fmt: skip
+    return [
+        Held(
+            name=("force that holds a car at 0.1 l, over itself" if force else "place of rest over l") + where,
+            methods=methods, answer=hold if force else place, exact=exact, scale=holds if force else np.ones(3),
+            falls=falls, because=because, expected="disagree" if where else "agree",
+        )
+        for methods, force, exact, falls, because, where in told
+    ]  # fmt: skip
+
+
+def _cases() -> list[Case]:
     start = 30.0
     scene = Scene.from_toml(ZIP + f"start = {start}\nrelease = 5.0\nend = {{time = 0.02}}")
     exact = gripped(start / scene.length, scene.groups)
@@ -57,7 +117,7 @@ def _cases() -> list[Law]:
         way = np.abs(r.s_o / l - at)
         return largest_and_rms(way)
 
-    return [
+    return _held() + [
         Law(name=name, scene=at, defect=law, falls=1.9, because="statics alone", methods=RIDERS)
         for name, at, law in (
             ("held car: place over deflection, tension over H", scene, defect),

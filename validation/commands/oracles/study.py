@@ -7,14 +7,14 @@ wrong on purpose, a limit that is another one, a law without one of its terms.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cablefem.response import Array, Response, write_json
-from cablefem.scene import Groups, Scene
+from cablefem.scene import Drive, Groups, Scene
 from validation import oracles
 from validation.core import store
 from validation.core.crossing import crossed
@@ -221,6 +221,14 @@ class _Solvers:
 
     def ride(self, scene: Scene, name: str, **settings: Any) -> Response:
         return run(scene, name, **settings)
+
+    def hold(self, groups: Groups, name: str, start: float, **settings: Any) -> float:
+        groups = replace(groups, motion=None, drive=Drive(mode="free", start=start, end_time=1.0, nominal=1.0))
+        method = find(name)
+        settings = method.settings_on(groups, settings)
+        solver: Any = method.build(groups, settings, model="full", load="mass", law="elastic")
+        solver.start(0, None)
+        return float(solver.hold)
 
 
 SOLVERS: Solvers = _Solvers()
