@@ -188,6 +188,13 @@ class MassPath(_Filled):
         return float(self.s_o[-1] / self.length)
 
     @property
+    def slack_since(self) -> float:
+        """Instant [s] of the slack onset, infinite where there is none: a ride that turns back has its place again."""
+        if self.slack_onset is None:
+            return math.inf
+        return float(self.t[np.argmin(np.abs(self.s_o - self.slack_onset * self.length))])
+
+    @property
     def max_deflection(self) -> float:
         """Largest v of the mass path [m]; of a car whose place is given, past midspan only while the cable is taut.
 

@@ -207,6 +207,16 @@ def test_a_rider_back_from_a_slack_cable_keeps_its_law():
     assert gaps["strain at the mass"] > 1e-3
 
 
+@pytest.mark.parametrize(("slack", "kept"), [(0.4, True), (0.9, False)])
+def test_energy_is_held_until_the_cable_is_slack(ride, slack, kept):
+    f, half = ride.fields, 0.5 * ride.t[-1]
+    wrong = replace(f, du=f.du * np.where(f.t > half, 1.5, 1.0)[:, None])
+    onset = float(np.interp(slack * ride.t[-1], ride.t, ride.s_o)) / ride.length
+    after = replace(ride, fields=wrong, slack_onset=onset, switched=onset)
+    gap, before = (next(x.gap for x in laws.hold(r, (0.0, 1.0)) if x.law == "energy") for r in (after, ride))
+    assert (gap <= before) is kept
+
+
 def test_nothing_is_said_of_the_cable_beside_a_car_that_rolls_back_at_once(ride):
     beside = {"tension up to the mass", "up to the mass"}
     assert beside <= {held.law for held in laws.hold(ride, (0.0, 1.0))}

@@ -136,7 +136,7 @@ def _carries_none(r: Response, t: Array) -> NDArray[np.bool_]:
     """Return at which instants the cable's law carries no compression: all, none, or those after the first slack."""
     if r.switched is None:
         return np.full(t.shape, r.law == "tension-only")
-    return t > r.t[np.argmax(r.s_o >= r.switched * r.length * (1.0 - 1e-12))]
+    return t > r.slack_since
 
 
 # --- the cable at rest -----------------------------------------------------------------------------
@@ -443,9 +443,13 @@ def moment_of_momentum(m: Evidence) -> Defect:
 
 @_law("resolution")
 def energy(m: Evidence) -> Defect:
-    """Energy of cable and mass changes by the work of the drive."""
+    """Energy of cable and mass changes by the work of the drive, until the cable is slack: it loses some as it snaps.
+
+    Steps that damp lose that and more, however short they are.
+    """
     kept = m.energies.sum(axis=1)[:, None] - m.impulse_of(m.power_of_all[:, None])
-    return m.over_windows(kept, m.work)
+    found = m.over_windows(kept, m.work)
+    return replace(found, value=np.where((m.t[1:] <= m.r.slack_since)[:, None], found.value, 0.0))
 
 
 @_law("resolution", lambda m: bool(np.isfinite(m.r.kinetic).any()))
