@@ -534,22 +534,22 @@ class RollingSystem(GalerkinSystem):
         needed, limit = self._needed(x) if stuck else (0.0, 0.0)
         if not mode.forward and abs(car.speed) > AT_REST:
             mode.forward = math.copysign(1.0, car.speed)
-        # what friction and brakes will hold does not turn
+        # what friction and brakes will hold does not turn; what they will not has not stopped, if waves hold it
         weight = self.mu * self.groups.sigma
         pulled = self._thrust(x.t, x.phase, x.a) + car.tx * car.drag_x + car.ty * (car.drag_y + weight)
-        turns = not stuck and abs(pulled) > self._rub(weight * car.tx)
+        goes = abs(pulled) > self._rub(weight * car.tx)
         # a stop is a standstill of an axial round trip but for rattling, when neither hold nor thrust is to change
         lasts = max(max(mode.since, self.phases[-1][0]) + self._round_trip, mode.stuck + AT_LEAST * self._round_trip)
         return (
             mode.sign * ds_o if self._rubs and not stuck else math.inf,
             limit - abs(needed) if stuck else math.inf,
-            mode.forward * car.speed if turns and mode.forward else math.inf,
+            mode.forward * car.speed if goes and not stuck and mode.forward else math.inf,
             brakes[mode.brakes][0] - s_o if mode.brakes < len(brakes) else math.inf,
             s_o - brakes[mode.brakes - 1][0] if mode.brakes else math.inf,
             drive.end_place - s_o,
             s_o - drive.back_place,
             lift,
-            lasts - x.t if stuck and last else math.inf,
+            max(lasts - x.t, self._round_trip * goes) if stuck and last else math.inf,
         )
 
     def pass_event(self, name: str, x: State) -> State | None:

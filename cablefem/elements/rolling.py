@@ -290,17 +290,17 @@ class RollingElements(FollowingElements):
         if self._forward == 0.0 and abs(speed) > AT_REST:
             self._forward = math.copysign(1.0, speed)
         s_o, held, brakes, n = float(x.q[-1]), self._mode == kernels.HELD, self.drive.brakes, self._brakes
-        # one that friction and brakes will hold does not turn
-        rolls = not held and self._forward != 0.0 and abs(along) > self._most(across)
+        # one that friction and brakes will hold does not turn; one that they will not has not stopped, if waves hold it
+        pulled, left = abs(along) > self._most(across), self._over - x.t
         values = (
-            self._forward * speed if rolls else math.inf,
+            self._forward * speed if pulled and not held and self._forward != 0.0 else math.inf,
             self._heading * float(x.v[-1]) if self._grips and not held else math.inf,
             self._margin(x, normal, stretch) if held else math.inf,
             brakes[n][0] - s_o if n < len(brakes) else math.inf,
             s_o - brakes[n - 1][0] if n else math.inf,
             self.drive.end_place - s_o,
             s_o - self.drive.back_place,
-            self._over - x.t if held and x.phase == self._last else math.inf,
+            (max(left, self._settled) if pulled else left) if held and x.phase == self._last else math.inf,
             lift_off,
         )
         self._watched = x, self._heading, values

@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 from cablefem import Scene
 from cablefem.elements.fixed import FixedElements
+from cablefem.elements.kernels import car as kernels
 from cablefem.elements.kernels.balance import Mesh, follow
 from cablefem.elements.kernels.observe import cable_energy, kinetic_energy
 from cablefem.elements.rolling import AVERAGE, RollingElements, following
@@ -220,6 +221,18 @@ def test_a_rider_is_braked_and_stops():
     assert np.all(o.powers["brake"][brakes & moving] < 0.0)
     assert np.all(o.powers["brake"][~brakes] == 0.0)
     assert np.all(o.powers["friction"][moving] < 0.0)
+
+
+@pytest.mark.parametrize(("friction", "stops"), [(0.02, False), (0.5, True)])
+def test_a_car_that_waves_alone_hold_has_not_stopped(friction, stops):
+    """Where a rider turns slowly, ringing may hold him for longer than a car that rattles is held at its stop."""
+    groups = zip_line(rolling_friction=friction, release=1.0).groups
+    system = RollingElements(groups, elements=3)
+    x = system.start(0, None)._replace(t=2.0 * SECOND, phase=1)
+    system._mode, system._since, system._held_at = kernels.HELD, 0.0, 0.0
+    left = dict(zip(system.events, system.watch(x), strict=True))["stop"]
+    assert (left <= 0.0) is stops
+    assert left < np.inf, "one that is held at last would not be seen"
 
 
 def test_a_car_that_friction_holds_stays():

@@ -306,6 +306,18 @@ def test_a_rider_who_turns_back():
     assert energy_defect(observe(system, states), states.t) < 2e-3 * system.mu * groups.sigma
 
 
+@pytest.mark.parametrize(("friction", "stops"), [(0.02, False), (0.3, True)])
+def test_a_car_that_waves_alone_hold_has_not_stopped(friction, stops):
+    """Where a rider turns slowly, ringing may hold him for longer than a car that rattles is held at its stop."""
+    groups = replace(RIDER.groups, drive=replace(RIDER.groups.drive, mu_r=friction, release=1.0 / TIME))
+    system = RollingSystem(groups, Fourier(6))
+    x = system.start(0, None)._replace(t=2.0 / TIME, phase=1)
+    system.mode.sign, system.mode.since, system.mode.stuck = 0.0, 0.0, 0.0
+    left = dict(zip(system.events, system.watch(x), strict=True))["stop"]
+    assert (left <= 0.0) is stops
+    assert left < math.inf, "one that is held at last would not be seen"
+
+
 def test_friction_alone_can_hold_a_car():
     """A slope of 1 in 8 against mu_r = 0.3: it never leaves; with 0.02 it does, and with a late release later.
 
