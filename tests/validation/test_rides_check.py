@@ -110,6 +110,16 @@ def test_an_event_after_the_end_of_a_run_that_broke_is_nobodys_fault(status, ver
     assert rows(a, b)[("events", "brake: time")].verdict is verdict
 
 
+@pytest.mark.parametrize(("slack", "asked"), [(0.1, False), (None, True)])
+def test_an_event_past_the_slack_that_broke_a_companion_is_not_asked(slack, asked):
+    a, b = (altered(e, lambda r: replace(r, slack_onset=slack, switched=slack)) for e in pair())
+    early = [x for x in b.in_space.events if x["event"] != "arrival"]
+    b = replace(b, in_space=replace(b.in_space, status="incomplete", events=early))
+    row = rows(a, b).get(("events", "arrival: time"))
+    assert (row is not None) is asked
+    assert row is None or row.verdict is Verdict.NOT_COMPARABLE
+
+
 @pytest.mark.parametrize(("coarse", "verdict"), [(0.0, Verdict.AGREE), (0.06, Verdict.TOO_COARSE)])
 def test_the_time_of_a_stop_is_asked_no_better_than_axial_waves_tell(coarse, verdict):
     """Bars of 0.07 of the ride, all of it two waves' ways; or so much more by what a companion changes."""

@@ -335,9 +335,18 @@ def _event(event: str, a: Estimated, b: Estimated, axial: float, top: float) -> 
             alone = Bound("error bars", tuple(Part(e.run.method, 0.0, "an event of one answer alone") for e in (a, b)))
             yield Agreement("events", 1.0, alone, law=law)
             continue
+        if any(_past_its_slack(event, e) for e in (a, b)):
+            continue
         parts = tuple(Part(e.run.method, _bar(event, e, axial)[name] / scale, FIRST_ORDER) for e in (a, b))
         first, second = (x[name] for x in values if x is not None)
         yield Agreement("events", abs(first - second) / scale, Bound("error bars", parts), law=law)
+
+
+def _past_its_slack(event: str, e: Estimated) -> bool:
+    """Return whether an event comes after the cable is slack, and a companion broke there and never came to it."""
+    mine, *others = (happened(event, r) for r in e.runs)
+    broke = (x is None and r.status != "complete" for x, r in zip(others, e.runs[1:], strict=True))
+    return mine is not None and mine["t"] > e.run.slack_since and any(broke)
 
 
 def happened(event: str, r: Response, after: int = 0) -> dict[str, Any] | None:
