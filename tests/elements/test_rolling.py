@@ -161,7 +161,7 @@ def test_a_car_rests_where_the_elastic_catenary_says(groups, rest, hold):
 @pytest.mark.parametrize(("stiffness", "elements"), [(1e2, 8), (1e4, 12), (1e5, 16)])
 def test_under_a_car_of_a_thousand_cables_weight_the_cable_rests_without_folds(stiffness, elements):
     """Newton's method from the empty cable's shape finds folds there, 0.1 l off."""
-    groups = ellipse._scene(stiffness)[0].groups
+    groups = ellipse.line(stiffness).groups
     system = RollingElements(groups, elements=elements)
     q = system._statics(0.2)[0]
     place = np.ravel(groups.shape(0.2)) + q[2 * system.node : 2 * system.node + 2]

@@ -44,19 +44,29 @@ def test_small_swings_of_the_bead():
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.003])
-def test_a_bead_let_go_over_a_while_has_what_its_hold_leaves(factor):
-    """v^2/2 = g (y - y_0) + int F ds_o; with a hold F 0.3 % off (must fail) not."""
-    bead, start, over = ellipse.Ellipse(D=0.93, g=1.7, slope=0.04), 0.22, 0.6
-    t = np.linspace(0.0, 1.1, 4001)
-    s_o = bead.ride(t, start, over)
-    x, y = bead.place(s_o)
-    h = 1e-6
-    held = -bead.g * float(bead.place(start + h)[1] - bead.place(start - h)[1]) / (2.0 * h)
-    rest = np.maximum(1.0 - t / over, 0.0)
-    force = CubicSpline(t, factor * held * rest**2 * (3.0 - 2.0 * rest) * CubicSpline(t, s_o)(t, 1))
-    speed = np.hypot(CubicSpline(t, x)(t, 1), CubicSpline(t, y)(t, 1))
-    off = 0.5 * speed**2 - bead.g * (y - y[0]) - force.antiderivative()(t)
-    assert (np.abs(off)[5:-5].max() < 1e-6) == (factor == 1.0)
+def test_a_bead_on_a_string_that_gives_way_bounces(factor):
+    """omega^2 = d2/dn2 of EA (r1 + r2 - 1)^2/2 across the path; with a time 0.3 % off (must fail) not."""
+    bead, at, stiffness, h = ellipse.Ellipse(D=0.93, g=1.7, slope=0.05), 0.27, 40.0, 1e-4
+    right = bead.D * np.array([math.cos(bead.slope), math.sin(bead.slope)])
+    along = np.subtract(bead.place(at + h), bead.place(at - h))
+    across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+
+    def energy(n):
+        p = np.array(bead.place(at)) + n * across
+        return 0.5 * stiffness * bead.g * (np.linalg.norm(p) + np.linalg.norm(right - p) - 1.0) ** 2
+
+    omega = math.sqrt((energy(h) - 2.0 * energy(0.0) + energy(-h)) / h**2)
+    assert (abs(factor * float(bead.bounce(at, stiffness)) * omega / (2.0 * math.pi) - 1.0) < 1e-4) == (factor == 1.0)
+
+
+def test_a_mean_over_a_bounce_leaves_what_does_not_bounce():
+    t = np.linspace(0.0, 3.0, 3001)
+    swing, rest = 0.4 + 0.3 * t + np.sin(2.0 * math.pi * t / 0.1), 0.4 + 0.3 * t
+    for over, right in ((0.1, True), (0.15, False)):
+        mean = ellipse._mean(t, swing, np.full_like(t, over))
+        inner = (t.size - mean.size) // 2
+        assert (np.abs(mean - rest[inner : inner + mean.size]).max() < 1e-2) == right
+    assert inner >= 74
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.003])
