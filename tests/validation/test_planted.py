@@ -285,6 +285,24 @@ def test_a_disagreement_is_one_that_stays_under_refinement(gap, before, told):
     assert found.verdict is told, str(found.bound)
 
 
+@pytest.mark.parametrize(
+    ("quantity", "gap", "before", "tol", "told"),
+    [
+        ("path_rms", 1.2, None, 3.1, Verdict.AGREE), ("place", 1.2, None, 31.0, Verdict.AGREE),
+        ("path_rms", 1.2, 2.0, 6.5, Verdict.AGREE),  # three times what refinement took by order 1/2
+        ("path_rms", 1.2, None, 2.9, Verdict.TOO_COARSE), ("place", 1.2, None, 29.0, Verdict.TOO_COARSE),
+        ("path_rms", 1.2, 2.0, 2.0, Verdict.TOO_COARSE),
+        ("path_rms", 1.2, None, 0.0, Verdict.TOO_COARSE),  # bars that are no bound
+        ("energy", 1.2, None, 31.0, Verdict.TOO_COARSE),
+        ("path_rms", 3.2, None, 31.0, Verdict.DISAGREE), ("path_rms", 1.2, 1.3, 31.0, Verdict.DISAGREE),
+    ],
+)  # fmt: skip
+def test_a_path_agrees_within_three_times_its_bars_where_no_more_is_asked(quantity, gap, before, tol, told):
+    earlier = None if before is None else [replace(row(before), quantity=quantity)]
+    (found,) = settled([replace(row(gap), quantity=quantity)], earlier, tol=tol)
+    assert found.verdict is told, str(found.bound)
+
+
 @pytest.mark.parametrize(("order", "told"), [(0.55, Verdict.TOO_COARSE), (0.35, Verdict.DISAGREE)])
 @pytest.mark.parametrize("ratio", [1.3, 1.5, 2.0])
 def test_what_a_refinement_takes_is_read_by_its_ratio(ratio, order, told):

@@ -134,22 +134,29 @@ def wanting(rows: list[Agreement], methods: list[str]) -> list[str]:
     return found or methods
 
 
-def settled(rows: list[Agreement], before: list[Agreement] | None, ratio: float = 2.0) -> list[Agreement]:
+# Times the tolerance that is asked of the path: what a row about the path may allow, whatever its bars were.
+OF_PATH = {"path_max": 1.0, "path_rms": 1.0, "place": 0.1}  # over a tenth of the length, and over all of it
+
+
+def settled(
+    rows: list[Agreement], before: list[Agreement] | None, ratio: float = 2.0, tol: float = 0.0
+) -> list[Agreement]:
     """Return rows in which only such gaps disagree as stay when both answers are refined.
 
     Of many bars from two grids each some are too small by chance.  A gap that refinement takes away is the answers'
     own: where it falls, three times what halving would take is its bar, and where nothing was refined, or the bars are
     said to be no bound, three times the bars are (Eca & Hoekstra, for whatever shows no order); within either a row is
-    too coarse to tell.
+    too coarse to tell, and one of the path agrees where that is no more than was asked for.
 
     before : the rows of the same two methods before both were refined; None: they were not.
     ratio : of that refinement; a smaller one takes less of what there is.
+    tol : asked of the path; 0: bars that proved too small are no bar for that either.
     """
     earlier = {(row.quantity, row.law): row for row in before or []}
-    return [_settled(row, before is None, earlier.get((row.quantity, row.law)), no_order(ratio)) for row in rows]
+    return [_settled(row, before is None, earlier.get((row.quantity, row.law)), no_order(ratio), tol) for row in rows]
 
 
-def _settled(row: Agreement, alone: bool, earlier: Agreement | None, times: float) -> Agreement:
+def _settled(row: Agreement, alone: bool, earlier: Agreement | None, times: float, tol: float) -> Agreement:
     if row.verdict is not Verdict.DISAGREE:
         return row
     if alone:
@@ -158,7 +165,10 @@ def _settled(row: Agreement, alone: bool, earlier: Agreement | None, times: floa
     else:
         taken = max(0.0, earlier.gap - row.gap) if earlier is not None else 0.0
         wider = Bound("taken", (Part("refinement", times * taken),), {"bars": row.allowed, "times": times})
-    return replace(row, bound=replace(wider, tol=row.allowed)) if row.gap <= wider.value else row
+    if row.gap > wider.value:
+        return row
+    enough = not row.law and wider.value <= OF_PATH.get(row.quantity, 0.0) * tol
+    return replace(row, bound=replace(wider, tol=None if enough else row.allowed))
 
 
 Gap = Callable[[Response, Response, Window], float]

@@ -149,9 +149,11 @@ class _Round:
     @property
     def settled(self) -> list[Agreement]:
         # of a gap that stays although nothing confirms it, something may be as coarse as it was
-        rows = self.rows if self.confirms and not self.unbounded else settled(self.rows, None)
+        tol = 0.0 if self.unbounded else sum(self.aims)
+        rows = self.rows if self.confirms and not self.unbounded else settled(self.rows, None, tol=tol)
         # and one that refinement takes away is the answers' own
-        return rows if self.before is None else settled(rows, self.before.rows, CONFIRMS if self.confirms else 2.0)
+        ratio = CONFIRMS if self.confirms else 2.0
+        return rows if self.before is None else settled(rows, self.before.rows, ratio, tol)
 
     def ahead(self, budget: float) -> list[Finer | None] | None:
         """Return how many times finer both are to be next, None where that would tell no more, or cost too much.
