@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
+from cablefem.response import MassPath
 from tests.scene.test_ride import ZIP
 from tests.validation.pairs import altered, right
 from validation.core import measures
@@ -169,6 +170,44 @@ def test_energy_is_kept_until_the_cable_is_slack(since, verdict):
     a, b = (altered(e, swings) for e in pair())
     assert 0.59 < a.run.slack_since / a.run.t[-1] < 0.61
     assert rows(a, b)[("energy", "")].verdict is verdict
+
+
+def swing(late=0.0, since=0.0, wide=1.0, blur=0.05, method="a"):
+    """A rider who swings from one fifth of a cable to the other, turning after 10 s, `late` from an instant on."""
+    t = np.linspace(0.0, 40.0, 401)
+    at = np.maximum(0.0, t - late * (t > since))
+    s_o = 100.0 * (0.5 - 0.3 * wide * np.cos(np.pi * at / 10.0))
+    none = np.zeros_like(t)
+    return MassPath(
+        method=method, settings={}, drive="free", slack_onset=None, length=100.0, t=t, s_o=s_o, x=s_o, y=none, u=none,
+        v=none, work={}, blur=blur,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("other", "seen"),
+    [
+        ({"late": 0.09, "since": 10.0}, 0.0), ({"late": 0.04, "since": 10.0, "method": "a"}, 0.0),
+        ({"late": 0.2, "since": 10.0}, 0.1), ({"late": 0.09, "since": 10.0, "method": "a"}, 0.04),
+        ({"late": 0.09, "since": 5.0}, 0.09),  # before the turn
+        ({"late": 0.09, "since": 10.0, "blur": 0.0}, 0.04),  # one of both alone
+        ({"wide": 1.01}, 0.03 * 10.0 / (3.0 * np.pi)),  # in m, as everything over the top speed
+    ],
+)  # fmt: skip
+def test_instants_after_a_turn_against_friction_are_open(other, seen):
+    """Both of two methods, one of runs of the same: places are as asked where the car turns, before, and off its path.
+
+    seen : gap over the top speed [s].
+    """
+    found = measures.path_gap(swing(), swing(**{"method": "b"} | other), (0.0, 1.0))[0]
+    assert found * 10.0 / (3.0 * np.pi) == pytest.approx(seen, abs=2e-3)
+
+
+def test_rides_with_friction_or_brakes_alone_have_open_instants():
+    axial = 2.0 * RIDE.length / RIDE.axial_speed
+    assert run(RIDE, "following-p2", elements=3, steps=50).blur == pytest.approx(0.05 * axial)
+    assert run(Scene.from_toml(ZIP), "following-p2", elements=3, steps=50).blur == 0.0
+    assert run(Scene.load("level"), "following-p2", elements=3, steps=50).blur == 0.0
 
 
 def test_what_most_steps_are_taken_in_is_not_most_of_a_ride():

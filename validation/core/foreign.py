@@ -63,6 +63,7 @@ class ForeignPath:
     speed: Array | None = None  # (n,) [m/s]
     factor: float = 1.0  # what the numbers given for v, of a free ride for y, were multiplied by
     slack_onset: float | None = None  # s_o/l, as in `Response`; foreign files do not say
+    blur: float = 0.0  # as in `Response`
     drive: str = "grip"
     events: tuple[()] = ()  # nor these
 

@@ -5,6 +5,7 @@ Each says what it leaves out, and refuses rather than average nothing.  `window`
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -68,7 +69,8 @@ def at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
 def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float]:
     """Return (max, rms over time) of |w_a - w_b| of the path over the window, relative to the largest deflection of b.
 
-    Of a free ride the places themselves are compared, relative to a tenth of the length, so that 1e-3 is 1e-4 l.
+    Of a free ride the places themselves are compared, relative to a tenth of the length, so that 1e-3 is 1e-4 l.  Once
+    it has turned against friction its instants are open by `blur`, of two methods by both.
 
     Taken at the steps of the response that has fewer; the other is interpolated by a cubic spline in time.
     """
@@ -99,8 +101,25 @@ def place_of_gap(a: Response, b: Response, window: Window) -> float:
 def _distance(coarse: MassPath, fine: MassPath) -> Array:
     names = ("x", "y") if coarse.drive == "free" else ("u", "v")
     c, f = (np.stack([getattr(r, name) for name in names], axis=1) for r in (coarse, fine))
-    gap = c - at_steps_of(coarse, fine, f)
+    there = at_steps_of(coarse, fine, f)
+    gap = c - there
+    if blur := fine.blur + (coarse.blur if coarse.method != fine.method else 0.0):
+        moves = np.gradient(there, coarse.t, axis=0)
+        late = np.sum(gap * moves, axis=1) / np.maximum(np.sum(moves**2, axis=1), np.finfo(float).tiny)
+        turned = coarse.t > min(map(_turned, (coarse, fine)))
+        gap -= (np.clip(late, -blur, blur) * turned)[:, None] * moves
     return np.hypot(gap[:, 0], gap[:, 1])
+
+
+BACK = 1e-3  # s_o/l: a car that comes back so far has turned, one that rattles where it stands has not
+
+
+def _turned(r: MassPath) -> float:
+    """Return the instant [s] at which a car turned first, infinite where it never did."""
+    way = (r.s_o - r.s_o[0]) / r.length
+    way *= np.copysign(1.0, way[np.argmax(np.abs(way) > BACK)])
+    back = np.maximum.accumulate(way) - way > BACK
+    return float(r.t[np.argmax(way[: np.argmax(back)])]) if back.any() else math.inf
 
 
 def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:

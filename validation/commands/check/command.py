@@ -41,8 +41,9 @@ def command(
 
     Writes DIR/: report.html, agreement.json, scene.toml and one folder per method.
 
-    Gaps: of the mass paths over the largest deflection, of a free ride over a tenth of the length (path_max,
-    path_rms, path_slack past the slack onset); of the tension along the cable, at the mass and of the reactions
+    Gaps: of the mass paths over the largest deflection, of a free ride over a tenth of the length, its instants open
+    by a tenth of an axial wave's way there and back once it has turned against friction (path_max, path_rms,
+    path_slack past the slack onset); of the tension along the cable, at the mass and of the reactions
     over H (tension, tension_behind, tension_ahead, reactions); of the fields over their own size (displacement,
     velocity); of the slack onsets in s_o/l; what is missing from the balance of energy (energy), of momentum at the
     mass (impulse), and from mechanics as the judge knows it from the scene file alone (laws_si). With --deep: of
