@@ -157,6 +157,7 @@ def test_each_wing_s_own_statics_hold_a_car_and_find_where_it_rests(scene, place
         ("ellipse", "stiff light cable: speed", 1.9e-3),
         ("ellipse", "stiff light cable: tension", 1e-3),
         ("quasi-static", "up to V/c = 0.4: speed", 2e-4),
+        ("rocket", "taut cable", 1.1e-5),
     ],
 )
 @pytest.mark.parametrize("method", ["following-p2", "fourier-kink"])
