@@ -65,16 +65,36 @@ def integrals(x, n, grading, out):
 
 
 @compiled
-def values_at(s, n, grading):
-    """`Fourier.at`, and the primitive of the last of its rows, (6, n)."""
-    out, x = np.empty((6, n)), stretched(s, grading)
+def derivatives(x, n, grading, out):
+    """Set rows of out (3, n) to sin(k pi xi) and its first and second derivative by s."""
     g = 1.0 / (1.0 - grading * math.cos(2.0 * math.pi * x))
     bend = 2.0 * math.pi * grading * math.sin(2.0 * math.pi * x) * g
     for k in range(n):
         wave = (k + 1) * math.pi
         c, sn = wave * math.cos(wave * x), math.sin(wave * x)
         out[0, k], out[1, k], out[2, k] = sn, c * g, -(wave * wave * sn + c * bend) * g * g
+
+
+@compiled
+def values_at(s, n, grading):
+    """`Fourier.at`, and the primitive of the last of its rows, (6, n)."""
+    out, x = np.empty((6, n)), stretched(s, grading)
+    derivatives(x, n, grading, out[:3])
     integrals(x, n, grading, out[3:])
+    return out
+
+
+@compiled
+def values_along(s, n, grading, row):
+    """One row of `values_at` at many places (m,), (m, n)."""
+    out, rows = np.empty((s.size, n)), np.empty((3, n))
+    for i in range(s.size):
+        x = stretched(s[i], grading)
+        if row < 3:
+            derivatives(x, n, grading, rows)
+        else:
+            integrals(x, n, grading, rows)
+        out[i] = rows[row % 3]
     return out
 
 
@@ -144,8 +164,7 @@ class Fourier:
     def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:
         """The m-th derivative of phi, (n_s, n), m = -3 .. 2; primitives for m < 0."""
         if self.grading:
-            row = (0, 1, 2, 5, 4, 3)[m]
-            return np.array([values_at(x, self.n, self.grading)[row] for x in s.tolist()]).reshape(-1, self.n)
+            return values_along(np.asarray(s, float), self.n, self.grading, (0, 1, 2, 5, 4, 3)[m])
         x, sign = np.multiply.outer(s, self.wavenumbers), (1.0, 1.0, -1.0, -1.0)[m % 4]
         return sign * self.wavenumbers**m * (np.cos(x) if m % 2 else np.sin(x))
 

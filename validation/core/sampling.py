@@ -105,9 +105,7 @@ def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Respon
     onset = _onset(h, states)
     switch = states.t[onset[0]] if onset is not None and h.after is not None else math.inf
     t = frame_times(scene, float(states.t[-1]))[every - 1 :: every]
-    collocated = isinstance(h.states[-1], Collocated)
-    within = h.solver.in_time(stacked(densified(h.states, WITHIN))) if collocated else states
-    at_frames = _between(within, t) if t.size and n > 1 else _rows(states, slice(0, 0))
+    at_frames = _between(_around(h, states, t), t) if t.size and n > 1 else _rows(states, slice(0, 0))
     s = np.linspace(0.0, 1.0, STATIONS)
     steps, frames = _observe(h, states, at_frames, switch, s)
     l, H, tau = scene.length, scene.horizontal_tension, scene.time_scale
@@ -218,6 +216,18 @@ def _passages(motion: Motion) -> Array:
     end = motion.position(np.array([motion.phases[-1][1]]))[0]
     marks = np.arange(1, FRAMES) / FRAMES
     return motion.times_at(marks[(motion.begin <= marks) & (marks < end)])
+
+
+def _around(h: History, states: States, t: Array) -> States:
+    """Return states between which cubics are as good as what was marched: collocation steps around instants in parts.
+
+    Only those around them: a ride takes a hundred steps, or a thousand, between two frames.
+    """
+    if not isinstance(h.states[-1], Collocated):
+        return states
+    steps = np.unique(np.clip(np.searchsorted(states.t, t), 1, states.t.size - 1)).tolist()
+    parts = [x for i in steps for x in densified([h.states[i - 1], h.states[i]], WITHIN)]
+    return h.solver.in_time(stacked(parts))
 
 
 def _between(h: States, t: Array) -> States:
