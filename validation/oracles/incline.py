@@ -89,7 +89,7 @@ def _cases() -> list[Case]:
     return [
         Limit(name="drag, taut cable: place over l", parameter="sigma", values=(0.1, 0.01, 0.001), falls=1.0,
               because=because, deviation=_drag, methods=RIDERS),
-        Limit(name="friction and brake, taut cable: place over l", parameter="sigma", values=(0.003, 0.001, 0.0003),
+        Limit(name="friction and brake, taut cable: place over l", parameter="sigma", values=(0.01, 0.003, 0.0003),
               falls=1.0, because=because, deviation=_stop, methods=RIDERS),
     ]  # fmt: skip
 
