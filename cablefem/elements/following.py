@@ -52,11 +52,10 @@ class Tables(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def _tables(elements: int, degree: int, grading: tuple[float, float], over: float) -> Tables:
+def _tables(elements: int, degree: int, grading: float) -> Tables:
     """Tabulate both sides of the mass; runs that differ in their steps or scenes alone share it."""
     sides = tuple(
-        reference(graded_knots(elements, of, fine_at_end, over), degree, pull_at_end=fine_at_end)
-        for of, fine_at_end in zip(grading, (True, False), strict=True)
+        reference(graded_knots(elements, grading, fine_at_end=x), degree, pull_at_end=x) for x in (True, False)
     )
     left, right = sides
     node, n = left.n - 2, left.n + right.n - 3
@@ -115,7 +114,7 @@ class FollowingElements(CableElements):
         elements_allowed(elements)
         if not (math.isfinite(grading) and 1.0 <= grading <= 1e6):
             raise ValueError(f"grading must lie in [1, 1e6], got {grading!r}")
-        of = _tables(elements, degree, *self._graded(grading))
+        of = _tables(elements, degree, grading)
         self.left, self.right, self._dofs = of.left, of.right, of.dofs
         self._operators = np.repeat(of.operators, self.fields, axis=2)
         self._tab, self._fine, self._slopes = of.forces, of.inertia, of.slopes
@@ -125,10 +124,6 @@ class FollowingElements(CableElements):
         self._n_dof, self._n_left = self.fields * self.n_scalar, elements
         self._band = self.fields * degree + self.fields - 1
         self._fresh()
-
-    def _graded(self, grading: float) -> tuple[tuple[float, float], float]:
-        """Return the grading behind and ahead of the mass, and over which part of a side's elements."""
-        return (grading, grading), 1.0
 
     def start(self, phase: int, state: State | None) -> State:
         """Return the state at the beginning of a phase.

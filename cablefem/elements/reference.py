@@ -129,12 +129,9 @@ def reference(knots: Array, degree: int, pull_at_end: bool) -> Reference:
     )  # fmt: skip
 
 
-def graded_knots(elements: int, grading: float, fine_at_end: bool, over: float = 1.0) -> Array:
-    """Return knots on [0, 1] whose element lengths grow geometrically, largest over smallest = grading.
-
-    over : the part of the elements that grows; the others have the largest length.
-    """
-    lengths = grading ** np.minimum(1.0, np.linspace(0.0, 1.0 / over, elements))
+def graded_knots(elements: int, grading: float, fine_at_end: bool) -> Array:
+    """Return knots on [0, 1] whose element lengths grow geometrically; largest over smallest = grading."""
+    lengths = np.geomspace(1.0, grading, elements) if elements > 1 else np.ones(1)
     if fine_at_end:
         lengths = lengths[::-1]
     knots = np.concatenate([[0.0], np.cumsum(lengths)])

@@ -41,24 +41,15 @@ HOLDS = 0.03  # of an axial wave's way to and fro: the hold of a car that rattle
 STATIC = 1e-30  # weight of accelerations in a tangent of statics: nothing but the last unknown feels it
 
 
-def following(groups: Groups, *, nodes: str = "mass", damps: bool = False, **kind: Any) -> FollowingElements:
-    """Return the mass-following elements that the drive of a scene asks for.
-
-    nodes : "mass" or "front", see `FrontElements`;  damps : of the rule that marches it, see `RollingElements`.
-    """
+def following(groups: Groups, *, nodes: str = "mass", **kind: Any) -> FollowingElements:
+    """Return the mass-following elements that the drive of a scene asks for; nodes : "mass" or "front", see there."""
     if groups.drive.mode == "grip":
         return (FrontElements if nodes == "front" else FollowingElements)(groups, **kind)
     if nodes == "front":
         raise ValueError("nodes = front is for a car that grips and enters: one that rolls sends out no front")
-    return RollingElements(groups, damps=damps, **kind)
+    return RollingElements(groups, **kind)
 
 
-# A car that is let go next to a support sends axial fronts as long as its short side, and friction hears what even
-# elements of the long side make of them: on 300 m (start at 2 m, friction 0.02) places erred by 6e-6 l, with twice as
-# many by 4e-6.  They err by 4e-8 where the long side's largest element is EVEN of what the sides are to one another
-# times as long as its smallest, next to the car.  Only a part of them grows: fronts of a brake come over the others.
-# Rules without damping gain energy from fronts that short (`zipline`, 5 elements and 500 trapezoidal steps).
-EVEN, MOST, OVER = 0.12, 20.0, 0.4
 ABRUPT = 1e-5  # of the length: a slip at such an acceleration over a whole step; the car itself goes a hundredth as far
 
 
@@ -66,15 +57,13 @@ class RollingElements(FollowingElements):
     """The cable with a car that rolls; a `cablefem.newmark.System` with events.
 
     groups : with the drive "free" or "haul"; the rest as for `FollowingElements`, of the full model with a mass.
-    damps : whether the rule that marches it damps: only then axial fronts may be as short as they are.
 
     Raises ValueError for the one-field models: their car has no motion along the chord, and nothing to balance there.
     """
 
     drives = ("free", "haul")
 
-    def __init__(self, groups: Groups, *, damps: bool = False, **kind: Any) -> None:
-        self._damps = damps
+    def __init__(self, groups: Groups, **kind: Any) -> None:
         super().__init__(groups, **kind)
         self.drive = groups.drive
         if self.fields == 1 or self.load == "force":
@@ -97,15 +86,6 @@ class RollingElements(FollowingElements):
         )
         self._rest()
 
-    def _graded(self, grading: float) -> tuple[tuple[float, float], float]:
-        """As there; the long side at the start of a free ride is fine next to the car, as the short one is."""
-        drive = self.groups.drive
-        s_o = drive.start
-        if not (self._damps and drive.mode == "free" and drive.mu_r > 0.0 and grading == 1.0):
-            return super()._graded(grading)
-        long = min(max(1.0, EVEN * max(s_o, 1.0 - s_o) / min(s_o, 1.0 - s_o)), MOST)
-        return ((1.0, long) if s_o < 0.5 else (long, 1.0)), OVER
-
     def _rest(self) -> None:
         """Forget what has happened on a ride."""
         self._mode = kernels.FREE if self.free else kernels.HAUL
@@ -114,6 +94,7 @@ class RollingElements(FollowingElements):
         self._brakes = sum(place <= self.drive.start for place, _ in self.drive.brakes)  # that have been reached
         self._rests = self._since = self._held_at = math.inf  # where and when it came to rest, and last to hold
         self._lifted = False
+        self._rings = False  # let go at once, and nothing of that is back from the farther support
         self.hold = 0.0  # F_hold, along the cable, at the start
         self._watched: tuple[State | None, float, tuple[float, ...]] = None, 0.0, ()
         self._passed = -math.inf  # until when steps in one go have looked for events and found none
@@ -129,7 +110,9 @@ class RollingElements(FollowingElements):
     def start(self, phase: int, state: State | None) -> State:
         """Return the state at the beginning of a phase.
 
-        free : the car held on the loaded cable at rest, let go; friction and brakes may hold it there at once.
+        free : the car held on the loaded cable at rest, let go; friction and brakes may hold it there at once.  If not,
+        it slips by half the force over the impedance, an axial wave to the nearer support and back takes that away
+        (d'Alembert), and till the farther one has answered no slip is negative: one that rings so is no standstill.
         haul : it hangs on its rope, friction overcome; the cable moves as statics has it at the travel's first speed.
         """
         t = self.phases[phase][0]
@@ -147,13 +130,20 @@ class RollingElements(FollowingElements):
             q[-1] = 0.0
             return self._consistent(t, q, v, 0)
         q, self.hold = self._statics(self.drive.start)
-        return self._halt(State(t, q, np.zeros_like(q), np.zeros_like(q), 0))
+        state = self._halt(State(t, q, np.zeros_like(q), np.zeros_like(q), 0))
+        self._rings = self._grips and self._mode == kernels.FREE
+        return state
 
     def begin_step(self, x: State) -> None:
-        self._head(float(x.v[-1]))
+        slip = float(x.v[-1])
+        if self._rings:
+            back = self._heading * self._look(x)[2] < -AT_REST
+            # half an axial wave's way to and fro: the farther support is at least half the cable away
+            self._rings = not back and (x.t < 0.5 * self._settled or self._heading * slip <= 0.0)
+        self._head(slip)
 
     def _head(self, slip: float) -> None:
-        if slip != 0.0:  # its sign holds for the step: friction that turns within one has no balance
+        if slip != 0.0 and not self._rings:  # its sign holds for the step: friction that turns within has no balance
             self._heading = math.copysign(1.0, slip)
 
     def abrupt(self, x: State, dt: float) -> bool:
@@ -218,7 +208,7 @@ class RollingElements(FollowingElements):
     @property
     def _goes_on(self) -> bool:
         """Whether many steps are like one, but for events that `kernels.under_way` sees."""
-        return not self.free or (self._mode != kernels.HELD and self._forward != 0.0)
+        return not self.free or (self._mode != kernels.HELD and self._forward != 0.0 and not self._rings)
 
     @property
     def _course(self) -> Array:
@@ -268,10 +258,8 @@ class RollingElements(FollowingElements):
 
     def _force(self, start: State, end: State, x: float) -> Array:
         """Return the forces on p and on s_o (3,) at the part x of a step, for its mean velocity and acceleration."""
-        dt = end.t - start.t
-        slip = float(start.v[-1])
-        if slip != 0.0:
-            self._heading = math.copysign(1.0, slip)
+        dt, slip = end.t - start.t, float(start.v[-1])
+        self._head(slip)
         car = tuple(self._car(start.t + x * dt, start.phase, slip))
         of = start.q + x * (end.q - start.q), 0.5 * (start.v + end.v), (end.v - start.v) / dt
         return np.array(kernels.look(self._mesh.dofs, self._rolling.ends, self._n_left, self._cable, car, *of)[5:])
@@ -294,7 +282,7 @@ class RollingElements(FollowingElements):
         pulled, left = abs(along) > self._most(across), self._over - x.t
         values = (
             self._forward * speed if pulled and not held and self._forward != 0.0 else math.inf,
-            self._heading * float(x.v[-1]) if self._grips and not held else math.inf,
+            self._heading * float(x.v[-1]) if self._grips and not held and not self._rings else math.inf,
             self._margin(x, normal, stretch) if held else math.inf,
             brakes[n][0] - s_o if n < len(brakes) else math.inf,
             s_o - brakes[n - 1][0] if n else math.inf,

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from cablefem.newmark import SCHEMES, scheme
+from cablefem.newmark import SCHEMES
 from cablefem.scene import Groups
 from cablefem.scene.errors import nearest, shown
 from validation.core.solver import Solver
@@ -181,8 +181,7 @@ def _following(degree: int) -> Build:
     def build(groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
         from cablefem.elements.rolling import following
 
-        damps = scheme(x["scheme"], newmark_gamma=x["newmark_gamma"], rho_inf=x["rho_inf"]).damps
-        return following(groups, degree=degree, damps=damps, **{k: x[k] for k in ("elements", *_MESH)}, **kind)
+        return following(groups, degree=degree, **{k: x[k] for k in ("elements", *_MESH)}, **kind)
 
     return build
 
