@@ -34,6 +34,9 @@ EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival
 AT_REST = 1e-6  # speeds below have no direction yet
 AT_LEAST = 0.03  # of an axial round trip that the standstill without a rattle lasts that ends a ride
 SHEDS = 6.0  # times pi N |ds_o|, the rate of `kernels.shed`: 4 leave a ringing of 1e-3 in speed, 16 damp what is meant
+# Of an axial round trip, over which friction takes the car's acceleration: a whole one lags by 3e-5 of the length on a
+# soft rope, and by 1e-3 of the top speed where the car nears a support.
+WINDOW = 0.3
 LEAVING = 1e-12  # ds_o of a car that gets going: a turn back within the step is seen by its sign
 
 
@@ -48,6 +51,7 @@ class Mode:
     since: float = math.inf  # and when
     stuck: float = math.inf  # since when it sticks without a rattle
     lifted: bool = False
+    rings: bool = False  # let go at once, and nothing of that is back from the farther support, see `start`
 
 
 class Car(NamedTuple):
@@ -116,6 +120,7 @@ class RollingSystem(GalerkinSystem):
         self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
         self._heeded = -math.inf  # until when strides have looked for events and found none
         self._round_trip = 2.0 / math.sqrt(groups.alpha)  # of axial waves
+        self._window = WINDOW * self._round_trip
         self._moved: tuple[float, Array, Array, Array] | None = None  # s_o, tensions, rules of a compiled residual
         self._parts: tuple[Any, Array, Array] | None = None  # the last state of `_seen_at`, its residual and tangents
 
@@ -247,10 +252,13 @@ class RollingSystem(GalerkinSystem):
         """
         if not self.free or (self._past.size and x.t <= self._past[-1, 0]):
             return
-        car = self._car_at(x)
+        car, mode = self._car_at(x), self.mode
+        if mode.rings:
+            back = mode.sign * car.speed < -AT_REST
+            mode.rings = not back and (x.t < 0.5 * self._round_trip or mode.sign * x.v.item(-1) <= 0.0)
         self._seen = None  # what comes now changes its friction
         past = np.concatenate([self._past, [[x.t, car.vx, car.vy]]])
-        first, *self._smooth = kernels.averaged(past, 0, len(past) - 1, self._round_trip)
+        first, *self._smooth = kernels.averaged(past, 0, len(past) - 1, self._window)
         self._past = past[int(first) :]
 
     @property
@@ -379,7 +387,7 @@ class RollingSystem(GalerkinSystem):
         """Steps of a free car under way, up to an event."""
         mode, drive, (s_o, ds_o), m = self.mode, self.drive, start[:2, -1].tolist(), t.size
         now, told = np.empty((m, *start.shape)), np.empty((m, 6))
-        if not (self.free and mode.sign and mode.forward) or t[0] < drive.release:
+        if not (self.free and mode.sign and mode.forward) or mode.rings or t[0] < drive.release:
             return now, told, 0, told
         assert isinstance(self.basis.basis, Fourier)
         reach = min(1.0, max(0.0, s_o + ds_o * float(rules[:, 0, 1].sum())))
@@ -390,7 +398,7 @@ class RollingSystem(GalerkinSystem):
         past = np.concatenate([self._past, np.empty((m, 3))])
         low, high = (drive.back_place, *places)[mode.brakes], (*places, drive.end_place)[mode.brakes]
         course = kernels.Course(
-            t, drive.thrust(t, phase), past, self._round_trip, smooth, max(low, drive.back_place),
+            t, drive.thrust(t, phase), past, self._window, smooth, max(low, drive.back_place),
             min(high, drive.end_place), mode.sign if self._rubs else 0.0, mode.forward, mode.lifted,
         )  # fmt: skip
         taken = kernels.settle(
@@ -406,6 +414,10 @@ class RollingSystem(GalerkinSystem):
     # --- start ------------------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
         """At first equilibrium, the car held (free) or on its rope (haul), later q, v go on and a jumps.
+
+        Let go at once, the cable jumps back under the car; what the nearer support throws back takes that jump away and
+        no more, so that the car slips on until waves return from the farther one.  Sines overshoot at the first: that
+        is no standstill, and taken for one it is a kick to the car.
 
         A travel that starts at speed starts with the velocities of equilibrium places: the rope does not jerk.
         """
@@ -427,7 +439,9 @@ class RollingSystem(GalerkinSystem):
             return self._consistent(0.0, q, v, 0)
         q[-1] = s_o
         self.hold = car.along * car.stretch
-        return self._come_to_rest(State(0.0, q, v, a, 0))
+        state = self._come_to_rest(State(0.0, q, v, a, 0))
+        self.mode.rings = self._rubs and self.mode.sign != 0.0
+        return state
 
     def _equilibrium(self, x: Instant) -> Array:
         """Coefficients (2, n) of the loaded cable at rest by Newton's method, halved; from soft to stiff if it must.
@@ -541,7 +555,7 @@ class RollingSystem(GalerkinSystem):
         # a stop is a standstill of an axial round trip but for rattling, when neither hold nor thrust is to change
         lasts = max(max(mode.since, self.phases[-1][0]) + self._round_trip, mode.stuck + AT_LEAST * self._round_trip)
         return (
-            mode.sign * ds_o if self._rubs and not stuck else math.inf,
+            mode.sign * ds_o if self._rubs and not stuck and not mode.rings else math.inf,
             limit - abs(needed) if stuck else math.inf,
             mode.forward * car.speed if goes and not stuck and mode.forward else math.inf,
             brakes[mode.brakes][0] - s_o if mode.brakes < len(brakes) else math.inf,

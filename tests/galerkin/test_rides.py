@@ -372,6 +372,37 @@ def up_a_deep_rope(**drive):
     return hundred_metres(cable, 0.0, 40.0, {"start": 5.0, "release": 0.5} | drive)
 
 
+@pytest.mark.parametrize("heeds", [True, False])
+def test_slip_that_rings_after_a_sudden_start_is_no_standstill(heeds, monkeypatch):
+    """Sines of any number start alike, and as elements do; ringing taken for a standstill (must fail) kicks the car."""
+    if not heeds:
+        begin = RollingSystem.begin_step
+        monkeypatch.setattr(
+            RollingSystem, "begin_step", lambda self, x: (setattr(self.mode, "rings", False), begin(self, x))
+        )
+    scene = Scene.from_toml(ROPE + "start = 2.0\nrolling_friction = 0.02\nend = {time = 0.1}")
+    speeds = [run(scene, "fourier-kink", terms=n, steps=m).speed[-1] for n, m in ((45, 80), (90, 80), (90, 320))]
+    speeds.append(run(scene, "following-p4", elements=20, steps=200, scheme="radau").speed[-1])
+    apart = (max(speeds) - min(speeds)) / 24.0  # of the top speed of that ride
+    assert (apart < 3e-7) == heeds
+    assert (apart > 1e-6) != heeds
+
+
+@pytest.mark.parametrize("window", [None, 1.0])
+def test_friction_hears_the_car_soon(window, monkeypatch):
+    """Taken over a whole axial round trip (must fail), 0.7 s on this soft rope, its acceleration comes too late."""
+    if window:
+        monkeypatch.setattr(rides, "WINDOW", window)
+    cable, supports = {"mass_per_length": 0.8, "EA": 3.5e5, "sag": 14.0}, {"span": 240.0, "drop": 24.0}
+    drive = {"mode": "free", "start": 3.0, "rolling_friction": 0.03, "end": {"time": 0.7}}
+    scene = Scene(cable=cable, supports=supports, mass={"mass": 100.0}, drive=drive)
+    sines = run(scene, "fourier-kink", terms=45, steps=600)
+    elements = run(scene, "following-p4", elements=20, steps=700, scheme="radau")
+    off = abs(sines.speed[-1] - elements.speed[-1]) / 12.0  # of the top speed of that ride
+    assert (off < 1e-5) != bool(window)
+    assert (off > 3e-5) == bool(window)
+
+
 def test_steps_follow_the_waves_that_the_car_squeezes():
     """Shorter with the side that it runs into, up to the support, not with the one it leaves."""
     system, speed = RollingSystem(RIDER.groups, Fourier(8)), 0.3
