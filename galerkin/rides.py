@@ -118,7 +118,7 @@ class RollingSystem(GalerkinSystem):
         self._seen: tuple[State, Car] | None = None
         # t and p. of the car, for a while; t, p.. and its rate, see `begin_step`
         self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
-        self._heeded = -math.inf  # until when strides have looked for events and found none
+        self.heeded = -math.inf  # until when strides have looked for events and found none
         self._round_trip = 2.0 / math.sqrt(groups.alpha)  # of axial waves
         self._window = WINDOW * self._round_trip
         self._moved: tuple[float, Array, Array, Array] | None = None  # s_o, tensions, rules of a compiled residual
@@ -408,7 +408,7 @@ class RollingSystem(GalerkinSystem):
         if taken:
             self._past, self._moved = past[int(smooth[0]) : len(past) - m + taken], None
             w, dt = float(rules[taken - 1, 0, 4]), float(rules[taken - 1, 0, 1])
-            self._heeded = float(t[taken - 1]) + (1.0 - w + 1e-9) * dt
+            self.heeded = float(t[taken - 1]) + (1.0 - w + 1e-9) * dt
         return now, told, taken, pull
 
     # --- start ------------------------------------------------------------------------------------------------------
@@ -428,7 +428,7 @@ class RollingSystem(GalerkinSystem):
         x = self._at((s_o, 0.0, 0.0))
         Q = self._equilibrium(x)
         q[: self.n_modal] = Q.ravel()
-        self._past, self._smooth, self._heeded = np.empty((0, 3)), [0.0] * 5, -math.inf
+        self._past, self._smooth, self.heeded = np.empty((0, 3)), [0.0] * 5, -math.inf
         weight = kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0)  # no wind, no thrust yet
         car = Car(*kernels.car(weight, 0.0, np.zeros(2), np.zeros(2), *self._sides(x, Q)))
         if not self.free:
@@ -527,7 +527,7 @@ class RollingSystem(GalerkinSystem):
     # --- events -----------------------------------------------------------------------------------------------------
     def watch(self, x: State) -> tuple[float, ...]:
         """The values of `events`; each is of the mode the car is in, `inf` in others."""
-        if x.t <= self._heeded:
+        if x.t <= self.heeded:
             return (1.0,) * len(self.events)
         if self._watched is None or self._watched[0] is not x:
             self._watched = x, self._watch(x)

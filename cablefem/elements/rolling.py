@@ -38,6 +38,7 @@ AVERAGE = tuple(0.5 * (x + (1.0, 0.0)[i]) for i, x in enumerate(np.polynomial.le
 AT_REST = 1e-6  # speeds below have no direction yet
 ANY = np.empty(0)  # course of a car of which all that happens is looked for step by step
 HOLDS = 0.03  # of an axial wave's way to and fro: the hold of a car that rattles, which ends its ride
+MARGIN = 0.1  # of its weight, that a hauled car presses on the cable where steps in one go look for no lift-off
 STATIC = 1e-30  # weight of accelerations in a tangent of statics: nothing but the last unknown feels it
 
 
@@ -97,7 +98,7 @@ class RollingElements(FollowingElements):
         self._rings = False  # let go at once, and nothing of that is back from the farther support
         self.hold = 0.0  # F_hold, along the cable, at the start
         self._watched: tuple[State | None, float, tuple[float, ...]] = None, 0.0, ()
-        self._passed = -math.inf  # until when steps in one go have looked for events and found none
+        self.heeded = -math.inf  # until when steps in one go have looked for events and found none
 
     # --- the System protocol ---------------------------------------------------------------------------
     @property
@@ -186,12 +187,12 @@ class RollingElements(FollowingElements):
 
     def _seen_to(self, t: Array, taken: int) -> None:
         """Remember that nothing has happened up to the last but one of the steps taken, at t or after it."""
-        if self.free and taken > 1:
-            self._passed = float(t[taken - 2] + 0.9 * (t[taken - 1] - t[taken - 2]))
+        if taken > 1:
+            self.heeded = float(t[taken - 2] + 0.9 * (t[taken - 1] - t[taken - 2]))
 
     def _moved(self, t: Array, phase: int, slip: float) -> tuple[Any, Any]:
         car = self._car(float(t[0]), phase, self._heading or slip)
-        course = self._course if self.free and t.size > 1 else ANY
+        course = self._course if t.size > 1 else ANY
         return None, (tuple(self._rolling), tuple(car), self._brought(t, phase), course)
 
     def _brought(self, t: Array, phase: int) -> Array:
@@ -212,10 +213,17 @@ class RollingElements(FollowingElements):
 
     @property
     def _course(self) -> Array:
-        """Return what a free car keeps to until something happens, see `kernels.under_way`."""
+        """Return what a car keeps to until something happens, see `kernels.under_way`.
+
+        One that is hauled may be elsewhere when a step is in balance than at its end: it presses by a margin there.
+        """
+        if not self.free:
+            presses = -math.inf if self._lifted else MARGIN * self.inertia * self.groups.sigma
+            return np.array([-math.inf, math.inf, 0.0, 0.0, presses])
         places, n = (0.0, *(place for place, _ in self.drive.brakes), 1.0), self._brakes
         low, high = max(self.drive.back_place, places[n]), min(self.drive.end_place, places[n + 1])
-        return np.array([low, high, self._heading if self._grips else 0.0, self._forward, self._lifted], float)
+        presses = -math.inf if self._lifted else 0.0
+        return np.array([low, high, self._heading if self._grips else 0.0, self._forward, presses])
 
     def collocate(
         self, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float, newton: Newton
@@ -225,7 +233,7 @@ class RollingElements(FollowingElements):
             self._head(float(ends[0, 1, -1]))
         m = len(a) if many and self._goes_on else 1
         car = self._car(float(t[0]), phase, self._heading or float(ends[0, 1, -1]))
-        course = self._course if self.free and m > 1 else ANY
+        course = self._course if m > 1 else ANY
         ride = *self._rollings, tuple(car), self._brought(rule.instants(t[: m + 1]), phase), course
         told = self._collocated(None, None, ride, t[: m + 1], ends, a[:m], further, rule, bound, newton)
         self._seen_to(t[1:], len(told))
@@ -267,7 +275,7 @@ class RollingElements(FollowingElements):
     # --- events ----------------------------------------------------------------------------------------
     def watch(self, x: State) -> tuple[float, ...]:
         """Return what is positive until an event happens, in the order of `events`."""
-        if x.t <= self._passed:
+        if x.t <= self.heeded:
             return (1.0,) * len(self.events)
         if self._watched[0] is x and self._watched[1] == self._heading:
             return self._watched[2]

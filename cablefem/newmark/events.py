@@ -33,6 +33,15 @@ class Watched(Protocol):
         """
 
 
+@runtime_checkable
+class Heeding(Protocol):
+    """A watched system that looks for events by itself in steps it takes in one go."""
+
+    @property
+    def heeded(self) -> float:
+        """Until when it has looked and found none."""
+
+
 def pass_events(system: Watched, names: list[str], x: State, t: float, work: Work) -> State | None:
     """Let the system change over, event by event, noted at t; return the state to go on from, None for the end."""
     for name in names:

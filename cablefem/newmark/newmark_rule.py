@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.newmark.course import Stretch
-from cablefem.newmark.events import Watched
+from cablefem.newmark.events import Heeding, Watched
 from cablefem.newmark.newton import Newton, Settled, find_root
 from cablefem.newmark.schemes import Scheme
 from cablefem.newmark.stepper import Stepper, Work
@@ -53,11 +53,12 @@ class NewmarkRule(Stepper):
             self._stalled = float(begin[n]), float(times[n]), Settled(*told[n, :4].tolist())
         if not n:
             return
-        stretch = Stretch(times[:n], now, x.phase)
-        for k, part in enumerate([stretch] if self._blind else [[x] for x in stretch]):
-            of = told[:n] if self._blind else told[k : k + 1]
-            self.count(*of[:, 1:4].sum(axis=0).astype(int).tolist())
-            yield part
+        stretch, seen = Stretch(times[:n], now, x.phase), n if self._blind else 0
+        if isinstance(self.system, Heeding):
+            seen = int(np.searchsorted(stretch.t, self.system.heeded, side="right"))
+        for part in [slice(0, seen)] * (seen > 0) + [slice(k, k + 1) for k in range(seen, n)]:
+            self.count(*told[part, 1:4].sum(axis=0).astype(int).tolist())
+            yield stretch[part]
 
     def __call__(self, x: State, t1: float) -> State:
         dt, start = t1 - x.t, np.array([x.q, x.v, x.a])

@@ -33,6 +33,11 @@ def zip_line(mass=95.0, **drive):
 
 
 ZIP = zip_line()
+FAST = Scene(
+    cable={"mass_per_length": 13.3, "EA": 2.52e8, "horizontal_tension": 4.5e5}, mass={"mass": 8100.0},
+    supports={"span": 700.0, "drop": -341.0}, drive={"mode": "haul"},
+    travel={"kind": "accelerate_cruise_brake", "top_speed": 100.0},
+)  # fmt: skip
 G = ZIP.groups
 DAMPED = {"method": "generalized-alpha", "rho_inf": 0.9}
 
@@ -364,6 +369,28 @@ def test_compiled_collocation_of_a_ride_is_that_of_its_residuals_and_tangents(mo
     assert works[2].factorisations < works[0].factorisations
 
 
+@pytest.mark.parametrize("settings", [{"method": "trapezoidal"}, DAMPED, {"method": "radau"}], ids=str)
+def test_a_hauled_car_lifts_off_in_strides_as_step_by_step(settings, monkeypatch):
+    """Must fail: a course that does not ask how the car presses on the cable sees it lift off late, or never."""
+    groups = FAST.groups
+    named = {"name": settings["method"]} | {k: v for k, v in settings.items() if k != "method"}
+
+    def lifts(strides):
+        system, work = RollingElements(groups, elements=4), Work()
+        system.strides = strides
+        states = integrate(system, scheme(**named), step_times(system, 400), work=work)
+        n = sum(1 for _ in itertools.takewhile(lambda x: x.t < 2.8, states))  # it does not come down again
+        return [(e.name, e.t) for e in work.events], n
+
+    alone, (found, n) = lifts(False), lifts(True)
+    assert [name for name, _ in found] == ["lift_off"]
+    assert found[0][1] == pytest.approx(alone[0][0][1], rel=1e-6)
+    assert n == alone[1]
+    monkeypatch.setattr(RollingElements, "_course", np.array([-np.inf, np.inf, 0.0, 0.0, -np.inf]))
+    late, _ = lifts(True)
+    assert not late or late[0][1] > found[0][1] * (1.0 + 1e-6)
+
+
 @pytest.mark.parametrize("settings", [DAMPED, {"method": "radau"}], ids=["generalized-alpha", "radau"])
 def test_a_ride_in_strides_is_the_one_step_by_step(settings, monkeypatch):
     """Thrust that ends, release, brake, arrival: at the same instants the same to Newton's tolerance.
@@ -397,7 +424,7 @@ def test_a_ride_in_strides_is_the_one_step_by_step(settings, monkeypatch):
     assert np.abs([a[1] - b[1] for a, b in zip(same, events, strict=True)]).max() < 1e-7
     assert np.abs(np.interp(again, t, strides[0]) - alone[0]).max() < 1e-7
     monkeypatch.setattr(
-        RollingElements, "_course", property(lambda self: np.array([0.0, 1.0, 0.0, self._forward, 1.0]))
+        RollingElements, "_course", property(lambda self: np.array([0.0, 1.0, 0.0, self._forward, -np.inf]))
     )
     _, late = places(grids)
     assert abs(dict(late)["brake"] - dict(events)["brake"]) > 1e-3
