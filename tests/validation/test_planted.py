@@ -294,7 +294,9 @@ def test_a_disagreement_is_one_that_stays_under_refinement(gap, before, told):
         ("path_rms", 1.2, 2.0, 2.0, Verdict.TOO_COARSE),
         ("path_rms", 1.2, None, 0.0, Verdict.TOO_COARSE),  # bars that are no bound
         ("energy", 1.2, None, 31.0, Verdict.TOO_COARSE),
-        ("path_rms", 3.2, None, 31.0, Verdict.DISAGREE), ("path_rms", 1.2, 1.3, 31.0, Verdict.DISAGREE),
+        ("events", 1.2, 1.3, 3.1, Verdict.AGREE), ("events", 1.2, 1.3, 2.9, Verdict.DISAGREE),  # it stays
+        ("events", 1.2, 1.3, 0.0, Verdict.DISAGREE), ("energy", 1.2, 1.3, 31.0, Verdict.DISAGREE),
+        ("path_rms", 3.2, None, 31.0, Verdict.DISAGREE), ("path_rms", 3.2, 3.3, 31.0, Verdict.DISAGREE),
     ],
 )  # fmt: skip
 def test_a_path_agrees_within_three_times_its_bars_where_no_more_is_asked(quantity, gap, before, tol, told):

@@ -134,8 +134,9 @@ def wanting(rows: list[Agreement], methods: list[str]) -> list[str]:
     return found or methods
 
 
-# Times the tolerance that is asked of the path: what a row about the path may allow, whatever its bars were.
-OF_PATH = {"path_max": 1.0, "path_rms": 1.0, "place": 0.1}  # over a tenth of the length, and over all of it
+# Times the tolerance that is asked of the path: what rows about the path may allow of their own scales, whatever their
+# bars were.  The scale of a ride's path is a tenth of the length.
+OF_PATH = {"path_max": 1.0, "path_rms": 1.0, "place": 0.1, "speed": 1.0, "events": 1.0}
 
 
 def settled(
@@ -146,7 +147,8 @@ def settled(
     Of many bars from two grids each some are too small by chance.  A gap that refinement takes away is the answers'
     own: where it falls, three times what halving would take is its bar, and where nothing was refined, or the bars are
     said to be no bound, three times the bars are (Eca & Hoekstra, for whatever shows no order); within either a row is
-    too coarse to tell, and one of the path agrees where that is no more than was asked for.
+    too coarse to tell.  One of the path agrees within either if that is no more than was asked for, and within three
+    times its bars even if the gap stays: of bars from many grids some are too small by chance, again.
 
     before : the rows of the same two methods before both were refined; None: they were not.
     ratio : of that refinement; a smaller one takes less of what there is.
@@ -159,16 +161,15 @@ def settled(
 def _settled(row: Agreement, alone: bool, earlier: Agreement | None, times: float, tol: float) -> Agreement:
     if row.verdict is not Verdict.DISAGREE:
         return row
-    if alone:
-        parts = tuple(replace(part, value=NO_ORDER * part.value) for part in row.bound.parts)
-        wider = replace(row.bound, parts=parts, notes=(*row.bound.notes, f"{NO_ORDER:g} times: no order is confirmed"))
-    else:
+    enough = OF_PATH.get(row.quantity, 0.0) * tol
+    parts = tuple(replace(part, value=NO_ORDER * part.value) for part in row.bound.parts)
+    wider = replace(row.bound, parts=parts, notes=(*row.bound.notes, f"{NO_ORDER:g} times: no order is confirmed"))
+    if not (alone or row.gap <= wider.value <= enough):
         taken = max(0.0, earlier.gap - row.gap) if earlier is not None else 0.0
         wider = Bound("taken", (Part("refinement", times * taken),), {"bars": row.allowed, "times": times})
     if row.gap > wider.value:
         return row
-    enough = not row.law and wider.value <= OF_PATH.get(row.quantity, 0.0) * tol
-    return replace(row, bound=replace(wider, tol=None if enough else row.allowed))
+    return replace(row, bound=replace(wider, tol=None if wider.value <= enough else row.allowed))
 
 
 Gap = Callable[[Response, Response, Window], float]
