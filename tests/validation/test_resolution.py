@@ -157,8 +157,8 @@ def test_a_light_car_is_resolved_where_its_front_meets_it():
     assert measures.path_gap(r, fine, (0.02, 0.8))[0] <= r.path_error <= 1.1e-3
 
 
-@pytest.mark.slow
-def test_a_ride_begins_with_elements_that_see_how_the_car_bounces():
+def test_the_bar_of_a_ride_holds_with_few_elements():
+    """It was 2.5 times too small where ringing was taken for a standstill: 3 elements a side erred as 6 did."""
     long = Scene.from_toml(
         "[cable]\nmass_per_length = 1.4\nEA = 1.6e7\nsag = 8.0\n[supports]\nspan = 400.0\ndrop = 30.0\n"
         "[mass]\nmass = 60.0\n[drive]\nmode = 'free'\nstart = 2.0\nrolling_friction = 0.015\nend = {place = 200.0}"
@@ -168,9 +168,8 @@ def test_a_ride_begins_with_elements_that_see_how_the_car_bounces():
         resolve(long, "following-p2", 1e-3),
     )
     fine = run(long, "following-p2", elements=24, steps=1000)
-    true = [measures.path_gap(x, fine, measures.window_of(x, fine))[0] for x in (coarse, r)]
-    assert true[0] > coarse.path_error  # half of its elements see no more than they do
-    assert true[1] <= r.path_error < 1e-3
+    for x in (coarse, r):
+        assert measures.path_gap(x, fine, measures.window_of(x, fine))[0] <= x.path_error < 1e-3
 
 
 def test_slack_that_moves_with_the_resolution_does_not_end_the_search():

@@ -39,7 +39,7 @@ RIDE = Scene.from_toml(ZIP + "rolling_friction = 0.02\nbrake = [{from = 25.0, fo
 
 @cache
 def pair():
-    return (  # as many elements as see the wave of the car's first bounce
+    return (
         estimated(RIDE, "following-p2", elements=16, steps=500),
         estimated(RIDE, "fourier-kink", terms=16, steps=500),
     )

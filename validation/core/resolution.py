@@ -37,10 +37,6 @@ STUCK = 0.8  # of what it was: where a finer mesh leaves more than that of its p
 UNRESOLVED = 0.05  # of the deflection: while time costs more than that, space is not judged
 # s_o/l that trial runs go on past their slack onset: no comparison goes beyond the finer run's, whose may be later
 PAST = 2.0 * SAME_ONSET
-# Elements on the length of the wave that a car sends when it is let go next to a support, 2 pi sqrt(mu s_o).  On three
-# long zip lines 3 and 6 a side, less than 1 on it, erred by the same 4e-6 to 1.1e-5 l, up to 2.5 times the bar that
-# this made; 12, 1.2 to 2 on it, by an eighth to a thirtieth of that.
-BOUNCE = 1.3
 LITTLE = 1e5  # `work` that nobody waits for
 SPARSE = 4  # every so-manieth frame is enough of trial runs that nobody else will look at
 
@@ -503,15 +499,11 @@ def _begin(scene: Scene, method: Method, tol: float) -> dict[str, int]:
     """Return the resolution and the steps to begin with: for a light car an unknown and a step per width of its front.
 
     Coarser ones would only show that they do not see it.  A ride begins with half its default steps: where brakes
-    set in and friction turns round, half of too few err by as much as they do; and elements with so many that they see
-    the wave of the car's first bounce.
+    set in and friction turns round, half of too few err by as much as they do.
     """
     space, motion, groups = method.resolution, scene.groups.motion, scene.groups
     if motion is None:
-        bounce = 2.0 * math.pi * math.sqrt(groups.mu * groups.drive.start)
-        seen = min(math.ceil(BOUNCE / bounce), space.most // 2) if method.follows else 0
-        steps = method.settings_on(groups, {})["steps"] // 2
-        return {space.setting: max(space.first, seen), "steps": steps}
+        return {space.setting: space.first, "steps": method.settings_on(groups, {})["steps"] // 2}
     if not _light(scene, tol):
         return {space.setting: space.first, "steps": FIRST_STEPS}
     if _sends(scene, method, tol):
