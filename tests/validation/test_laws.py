@@ -51,11 +51,12 @@ def broken(r, right=RIGHT):
 def test_right_answers_keep_every_law(name):
     scene = Scene.load(name)
     free = scene.drive.mode == "free"
+    if free:  # let go at once, the undamped rule rings along the cable
+        scene = Scene.from_toml(scene.to_toml().replace("[drive]", "[drive]\nrelease = 1.0"))
     # sums by trapezoids are exact for the trapezoidal rule, of first order for one that takes its balance inside a step
     how = {"steps": 1500, "scheme": "trapezoidal"} if free else {"steps": 300}
     r = run(scene, "following-p2", elements=8, until=0.3, **how)
-    # the undamped rule rings along the cable after a sudden release
-    assert broken(r, RIGHT | ({"up to the mass": 0.1} if free else {})) == set()
+    assert broken(r) == set()
     others = {"compression", *({"tension on both sides", "drive"} if scene.drive.mode == "grip" else ())}
     others |= {"travel"} if free else set()
     others |= {"summed over time"} if name in ("tramway", "kevlar") else set()  # slow: few frames in a swing
