@@ -121,6 +121,15 @@ def test_an_event_past_the_slack_that_broke_a_companion_is_not_asked(slack, aske
     assert row is None or row.verdict is Verdict.NOT_COMPARABLE
 
 
+@pytest.mark.parametrize(("off", "verdict"), [(0.0, Verdict.DISAGREE), (0.3, Verdict.TOO_COARSE)])
+def test_where_tension_is_not_told_neither_is_slack(off, verdict):
+    """One answer and its companions go slack; the other does not; off : tension of the coarser companion, over H."""
+    a, b = pair()
+    a = altered(a, lambda r: replace(r, slack_onset=0.1))
+    loose = replace(a.in_space, T_ahead=a.in_space.T_ahead + off * a.run.horizontal_tension)
+    assert rows(replace(a, in_space=loose), b)[("slack_onset", "")].verdict is verdict
+
+
 @pytest.mark.parametrize(("coarse", "verdict"), [(0.0, Verdict.AGREE), (0.06, Verdict.TOO_COARSE)])
 def test_the_time_of_a_stop_is_asked_no_better_than_axial_waves_tell(coarse, verdict):
     """Bars of 0.07 of the ride, all of it two waves' ways; or so much more by what a companion changes."""

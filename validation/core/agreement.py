@@ -192,11 +192,11 @@ def agree(
     if tol is not None and tol_tension is None:
         tol_tension = TENSION * tol
     ceiling = min(WIDEST, CEILING * max(1.0, (tol or 0.0) / DEFAULT_TOL))
-    rows = [*_independent(a, b), _slack_onset(a, b).at_most(ceiling)]
+    rows, slack = list(_independent(a, b)), _slack_onset(a, b).at_most(ceiling)
     try:
         window = measures.window_of(*a.runs, *b.runs, window=window)
     except NotComparable as error:
-        return [Agreement("path_max", math.nan, nothing(error)), *rows]
+        return [Agreement("path_max", math.nan, nothing(error)), *rows, slack]
     H, axial = scene.horizontal_tension, 2.0 * scene.length / scene.axial_speed
     kinds = _of_path, _own, _ringing, _first
     on_path, smooth, ringing, raw = (partial(_compared, a, b, window, orders) for orders in kinds)
@@ -214,13 +214,15 @@ def agree(
     fields.append(ringing("velocity", partial(measures.velocity_gap, along=True), law=ALONG))
     held = [_law("energy", _energy_series(scene), a, b, window), *_laws(a, b, window)]
     fields += _ride(scene, a, b, smooth, ringing, axial)
+    if any(row.allowed > max(tol_tension or ceiling, ceiling) for row in pointwise):
+        slack = _untold(slack)
     waits = 2.0 * axial / float(b.run.t[-1])  # of both: no refinement tells sooner when axial waves let a car stand
     return [
         *(row.at_most(min(tol or ceiling, ceiling)) for row in path),
         *(row.at_most(tol_tension or ceiling) for row in means),
         *(row.at_most(max(tol_tension or ceiling, ceiling)) for row in pointwise),
         *(row.at_most(ceiling + waits * (row.law in WHEN_STILL)) for row in [*fields, *held]),
-        *_range(a, b, window), *rows, *(row.at_most(ceiling) for row in _past_slack(a, b)),
+        *_range(a, b, window), *rows, slack, *(row.at_most(ceiling) for row in _past_slack(a, b)),
     ]  # fmt: skip
 
 
@@ -428,6 +430,17 @@ def _slack_onset(a: Estimated, b: Estimated) -> Agreement:
     gap = abs(_onset(a.run) - _onset(b.run))
     where = min(_onset(a.run), _onset(b.run))
     return Agreement("slack_onset", gap, Bound("error bars", tuple(parts)), where if gap else None)
+
+
+def _untold(slack: Agreement) -> Agreement:
+    """Return the row of slack onsets where tension is too coarse to tell: nor is it told then where it is none.
+
+    By a support, where waves are squeezed, all grids of one answer may call a cable slack that finer ones do not.
+    """
+    if slack.verdict is not Verdict.DISAGREE:
+        return slack
+    of = Part("tension", slack.gap, "too coarse to tell where there is none")
+    return replace(slack, bound=replace(slack.bound, parts=(*slack.bound.parts, of), tol=slack.allowed))
 
 
 def _range(a: Estimated, b: Estimated, window: Window) -> Iterator[Agreement]:
