@@ -255,7 +255,8 @@ class RollingSystem(GalerkinSystem):
         car, mode = self._car_at(x), self.mode
         if mode.rings:
             back = mode.sign * car.speed < -AT_REST
-            mode.rings = not back and (x.t < 0.5 * self._round_trip or mode.sign * x.v.item(-1) <= 0.0)
+            answered = max(self.drive.start, 1.0 - self.drive.start) * self._round_trip
+            mode.rings = not back and (x.t < answered or mode.sign * x.v.item(-1) <= 0.0)
         self._seen = None  # what comes now changes its friction
         past = np.concatenate([self._past, [[x.t, car.vx, car.vy]]])
         first, *self._smooth = kernels.averaged(past, 0, len(past) - 1, self._window)

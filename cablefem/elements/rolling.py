@@ -139,8 +139,8 @@ class RollingElements(FollowingElements):
         slip = float(x.v[-1])
         if self._rings:
             back = self._heading * self._look(x)[2] < -AT_REST
-            # half an axial wave's way to and fro: the farther support is at least half the cable away
-            self._rings = not back and (x.t < 0.5 * self._settled or self._heading * slip <= 0.0)
+            answered = max(self.drive.start, 1.0 - self.drive.start) * self._settled
+            self._rings = not back and (x.t < answered or self._heading * slip <= 0.0)
         self._head(slip)
 
     def _head(self, slip: float) -> None:

@@ -507,3 +507,21 @@ def test_slip_that_rings_after_a_sudden_start_is_no_standstill(heeds, monkeypatc
     apart = (max(speeds) - min(speeds)) / 24.0  # of the top speed of that ride
     assert (apart < 1e-7) == heeds
     assert (apart > 1e-6) != heeds
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_heavy_car_slips_on_until_the_farther_support_answers(whole, monkeypatch):
+    """It gains little on its first jump: ringing heeded after half of that time (must fail) still stops it."""
+    if not whole:
+        start = RollingElements.start
+        monkeypatch.setattr(
+            RollingElements,
+            "start",
+            lambda self, *a: (start(self, *a), setattr(self, "_settled", 0.5 * self._settled))[0],
+        )
+    scene = zip_line(2000.0, rolling_friction=0.02, end={"time": 0.15})
+    coarse, fine = (
+        run(scene, "following-p4", elements=n, steps=m, scheme="radau").speed[-1] for n, m in ((15, 200), (30, 1500))
+    )
+    assert (abs(coarse - fine) < 1e-4) == whole
+    assert (abs(coarse - fine) > 5e-4) != whole
