@@ -583,6 +583,7 @@ class RollingSystem(GalerkinSystem):
         if name == "standstill":
             return self._come_to_rest(x)
         mode.brakes += 1 if name == "brake" else -1
+        mode.rings = False  # it may stop the car before waves do
         return self._go_on(x)
 
     def _come_to_rest(self, x: State) -> State:

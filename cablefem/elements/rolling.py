@@ -318,6 +318,7 @@ class RollingElements(FollowingElements):
                 self._let_go(x)
             else:
                 self._brakes += 1 if name == "brake" else -1
+                self._rings = False  # it may stop the car before waves do
             return self._consistent(x.t, x.q, x.v, x.phase)
         return x
 

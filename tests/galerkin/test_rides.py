@@ -388,6 +388,16 @@ def test_slip_that_rings_after_a_sudden_start_is_no_standstill(heeds, monkeypatc
     assert (apart > 1e-6) != heeds
 
 
+@pytest.mark.parametrize("method", ["following-p2", "fourier-kink"])
+def test_a_brake_next_to_the_start_stops_a_car_before_waves_are_back(method):
+    """0.7 s on this soft rope, in which slip that rings is no standstill, but one under a brake is."""
+    cable, supports = {"mass_per_length": 1.16, "EA": 5.2e5, "sag": 14.2}, {"span": 246.0, "drop": 27.5}
+    drive = {"mode": "free", "start": 3.1, "rolling_friction": 0.03, "brake": [{"from": 3.15, "force": 2000.0}]}
+    r = run(Scene(cable=cable, supports=supports, mass={"mass": 152.0}, drive=drive), method)
+    assert [x["event"] for x in r.events] == ["brake", "stop"]
+    assert r.events[1]["t"] < 0.3
+
+
 @pytest.mark.parametrize("window", [None, 1.0])
 def test_friction_hears_the_car_soon(window, monkeypatch):
     """Taken over a whole axial round trip (must fail), 0.7 s on this soft rope, its acceleration comes too late."""
