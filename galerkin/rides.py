@@ -34,8 +34,8 @@ EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival
 AT_REST = 1e-6  # speeds below have no direction yet
 AT_LEAST = 0.03  # of an axial round trip that the standstill without a rattle lasts that ends a ride
 SHEDS = 6.0  # times pi N |ds_o|, the rate of `kernels.shed`: 4 leave a ringing of 1e-3 in speed, 16 damp what is meant
-# Of an axial round trip, over which friction takes the car's acceleration: a whole one lags by 3e-5 of the length on a
-# soft rope, and by 1e-3 of the top speed where the car nears a support.
+# Of an axial round trip, over which friction takes the car's acceleration: a whole one lags, by 3e-5 of the top speed
+# where a car is let go on a soft rope.
 WINDOW = 0.3
 LEAVING = 1e-12  # ds_o of a car that gets going: a turn back within the step is seen by its sign
 
@@ -519,8 +519,7 @@ class RollingSystem(GalerkinSystem):
         """Which part of a step to take; a car that is let go hears itself, even where nothing rubs."""
         if not self.free:
             return 1.0
-        hears = self.drive.mu_r > 0.0 or bool(self.drive.brakes)
-        rubs = hears and (self.mode.brakes > 0 or self.mode.sign == 0.0)
+        rubs = self.drive.resists and (self.mode.brakes > 0 or self.mode.sign == 0.0)
         slip = x.v.item(-1)
         of = self._round_trip, self.groups.sigma, x.q.item(-1) + ahead * slip, slip, self.mode.forward
         return self.drive.part_of_step(*of, since, rubs)

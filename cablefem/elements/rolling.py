@@ -39,6 +39,7 @@ AT_REST = 1e-6  # speeds below have no direction yet
 ANY = np.empty(0)  # course of a car of which all that happens is looked for step by step
 HOLDS = 0.03  # of an axial wave's way to and fro: the hold of a car that rattles, which ends its ride
 MARGIN = 0.1  # of its weight, that a hauled car presses on the cable where steps in one go look for no lift-off
+ABRUPT = 1e-5  # of the length: a slip at such an acceleration over a whole step; the car itself goes a hundredth as far
 STATIC = 1e-30  # weight of accelerations in a tangent of statics: nothing but the last unknown feels it
 
 
@@ -49,9 +50,6 @@ def following(groups: Groups, *, nodes: str = "mass", **kind: Any) -> FollowingE
     if nodes == "front":
         raise ValueError("nodes = front is for a car that grips and enters: one that rolls sends out no front")
     return RollingElements(groups, **kind)
-
-
-ABRUPT = 1e-5  # of the length: a slip at such an acceleration over a whole step; the car itself goes a hundredth as far
 
 
 class RollingElements(FollowingElements):
@@ -73,10 +71,9 @@ class RollingElements(FollowingElements):
         self.free = self.drive.mode == "free"
         self.events: tuple[str, ...] = EVENTS if self.free else ("lift_off",)
         self._last = len(self.phases) - 1
-        # forces along the cable that may hold the car there
-        self._grips = self.free and bool(self.drive.mu_r > 0.0 or self.drive.brakes)
+        self._grips = self.free and self.drive.resists
         self._air = self.drive.k, self.drive.wind, self.drive.mu_r
-        self._settled = 2.0 / math.sqrt(groups.alpha)  # an axial wave's way to and fro: a standstill that lasts
+        self._round_trip = 2.0 / math.sqrt(groups.alpha)  # of axial waves: a standstill that lasts
         self._n_dof += 1
         ends = np.stack([self.left.evaluate(np.array(1.0))[2], self.right.evaluate(np.array(0.0))[2]])
         border = np.zeros((3, self._n_dof - 1)), np.zeros(1)
@@ -139,7 +136,7 @@ class RollingElements(FollowingElements):
         slip = float(x.v[-1])
         if self._rings:
             back = self._heading * self._look(x)[2] < -AT_REST
-            answered = max(self.drive.start, 1.0 - self.drive.start) * self._settled
+            answered = max(self.drive.start, 1.0 - self.drive.start) * self._round_trip
             self._rings = not back and (x.t < answered or self._heading * slip <= 0.0)
         self._head(slip)
 
@@ -157,7 +154,7 @@ class RollingElements(FollowingElements):
             return 1.0
         rubs = self._grips and (self._brakes > 0 or self._mode == kernels.HELD)
         slip = x.v.item(-1)
-        of = self._settled, self.groups.sigma, x.q.item(-1) + ahead * slip, slip
+        of = self._round_trip, self.groups.sigma, x.q.item(-1) + ahead * slip, slip
         hears = (self._forward, since) if self._grips else (0.0, math.inf)
         return self.drive.part_of_step(*of, *hears, rubs)
 
@@ -296,7 +293,7 @@ class RollingElements(FollowingElements):
             s_o - brakes[n - 1][0] if n else math.inf,
             self.drive.end_place - s_o,
             s_o - self.drive.back_place,
-            (max(left, self._settled) if pulled else left) if held and x.phase == self._last else math.inf,
+            (max(left, self._round_trip) if pulled else left) if held and x.phase == self._last else math.inf,
             lift_off,
         )
         self._watched = x, self._heading, values
@@ -369,7 +366,7 @@ class RollingElements(FollowingElements):
     @property
     def _over(self) -> float:
         """When a car that is held has stopped: a while after it came to rest, and held for a part of it."""
-        return max(max(self._since, self.phases[-1][0]) + self._settled, self._held_at + HOLDS * self._settled)
+        return max(max(self._since, self.phases[-1][0]) + self._round_trip, self._held_at + HOLDS * self._round_trip)
 
     @property
     def _brake(self) -> float:

@@ -267,6 +267,11 @@ class Drive:
         """Force of all brakes that reach s_o; it acts against the motion along the cable."""
         return sum(force for place, force in self.brakes if s_o >= place)
 
+    @property
+    def resists(self) -> bool:
+        """Whether friction or a brake works along the cable, and may hold the car there."""
+        return self.mu_r > 0.0 or bool(self.brakes)
+
     def part_of_step(
         self, axial: float, sigma: float, s_o: float, speed: float, forward: float, since: float, rubs: bool
     ) -> float:

@@ -517,7 +517,7 @@ def test_a_heavy_car_slips_on_until_the_farther_support_answers(whole, monkeypat
         monkeypatch.setattr(
             RollingElements,
             "start",
-            lambda self, *a: (start(self, *a), setattr(self, "_settled", 0.5 * self._settled))[0],
+            lambda self, *a: (start(self, *a), setattr(self, "_round_trip", 0.5 * self._round_trip))[0],
         )
     scene = zip_line(2000.0, rolling_friction=0.02, end={"time": 0.15})
     coarse, fine = (

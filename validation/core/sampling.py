@@ -79,14 +79,13 @@ def moved(scene: Scene, h: History) -> dict[str, Any]:
 def _moved(scene: Scene, h: History, states: States, place: Array, w: Array) -> dict[str, Any]:
     l, X, onset = scene.length, scene.catenary, _onset(h, states)
     s_o, (u, v) = l * place, l * w.T
-    drive = scene.groups.drive
-    rubs = drive.mode == "free" and (drive.mu_r > 0.0 or len(drive.brakes) > 0)
+    free, resists = scene.drive.mode == "free", scene.groups.drive.resists
     work = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
     return {
         "drive": scene.drive.mode, "slack_onset": None if onset is None else float(place[onset[0]]), "length": l,
         "t": scene.time_scale * states.t, "s_o": s_o, "x": X.x(s_o) + u, "y": X.y(s_o) + v, "u": u, "v": v,
         "work": {name: getattr(h.work, name) for name in work},
-        "blur": BLUR * 2.0 * l / scene.axial_speed if rubs else 0.0,
+        "blur": BLUR * 2.0 * l / scene.axial_speed if free and resists else 0.0,
     }  # fmt: skip
 
 
