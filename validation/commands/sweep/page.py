@@ -1,6 +1,7 @@
 """Pages of a sweep, from its stored rows: what came out, maps of the design numbers, and every scene to filter."""
 
 import json
+import textwrap
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
@@ -20,6 +21,7 @@ SHOWN = 4000  # rows in the page at most, evenly taken; all are in rows/
 LARGE = 2500  # dots in a map, evenly taken
 MAPS = ("tension_max", "mass_deepest", "contact_min", "haul_force_max", "max_deflection", "path_error")
 MULTIPLES = 3
+WIDE = 24  # letters that a colour bar is high: longer names would be cut off, with their units
 
 
 def sections(folder: Path) -> list[Section]:
@@ -121,7 +123,7 @@ def _map(study: Study, rows: Any, quantity: str, axes: list[str]) -> Markup:
         if logs.get(y):
             ax.set_yscale("log")
     grid[0][0].set_ylabel(called if y == quantity else y)
-    fig.colorbar(dots, ax=list(grid[0]), label=called)
+    fig.colorbar(dots, ax=list(grid[0]), label=textwrap.fill(called, WIDE))
     return figure(
         fig,
         f"{named(quantity)[0].upper()}{named(quantity)[1:]} over {x} and {y}"
