@@ -1,0 +1,53 @@
+"""Values of --set, and the grid that they make."""
+
+import pytest
+
+from validation.core import grid
+
+
+@pytest.mark.parametrize(
+    ("pair", "values"),
+    [
+        ("mass.mass=60", [60]),
+        ("drive.wind = -8,-4.5,0", [-8, -4.5, 0]),
+        ("mass.mass=40:80:3", [40.0, 60.0, 80.0]),
+        ("car.up.at=[50,60]", [[50, 60]]),
+        ("car.up.at=[50,60],[70,80]", [[50, 60], [70, 80]]),
+        ("scheme=trapezoidal", ["trapezoidal"]),
+        ("mass.mass=+1%", ["+1%"]),
+    ],
+)
+def test_values_are_read(pair, values):
+    assert grid.parsed(pair) == (pair.split("=")[0].strip(), values)
+
+
+@pytest.mark.parametrize("pair", ["mass.mass", "mass.mass=", "=3", "mass.mass=1:2:0", "mass.mass=a:b:c"])
+def test_what_is_no_value_is_said(pair):
+    with pytest.raises(ValueError, match="--set"):
+        grid.parsed(pair)
+
+
+def test_several_keys_make_a_grid():
+    points = grid.points(["mass.mass=40,60", "drive.wind=-8,0"])
+    assert [tuple(p.values()) for p in points] == [(40, -8), (40, 0), (60, -8), (60, 0)]
+    with pytest.raises(ValueError, match="given twice"):
+        grid.points(["mass.mass=1", "mass.mass=2"])
+    with pytest.raises(ValueError, match="at most"):
+        grid.points(["mass.mass=1:2:200", "drive.wind=0:1:200"])
+
+
+def test_values_go_where_the_key_says():
+    data = {"mass": {"mass": 80.0}, "contact": [{"name": "valley", "tension": 3e5}, {"name": "tower"}]}
+    grid.put(data, "mass.mass", "-5%")
+    grid.put(data, "contact.valley.tension", 4e5)
+    grid.put(data, "contact.1.shoe", 6.0)
+    grid.put(data, "drive.wind", -3.0)
+    assert data == {
+        "mass": {"mass": 76.0}, "contact": [{"name": "valley", "tension": 4e5}, {"name": "tower", "shoe": 6.0}],
+        "drive": {"wind": -3.0},
+    }  # fmt: skip
+    for key in ("contact.peak.tension", "mass.mass.mass"):
+        with pytest.raises(ValueError, match="--set"):
+            grid.put(data, key, 1.0)
+    with pytest.raises(ValueError, match="does not give"):
+        grid.put(data, "cable.EA", "+1%")

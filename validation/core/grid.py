@@ -1,0 +1,94 @@
+"""Many scenes from one: `--set` values and the grid that they make.
+
+mass.mass=60              one value: overrides it
+mass.mass=40,60,80        several: a grid
+drive.wind=-8:0:5         from, to, count: a grid of equal distances
+car.up.at=[50,60]         in brackets: one value that is a list
+mass.mass=+1%             relative to what the scene says
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+import tomllib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+RELATIVE = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?%")
+MOST = 10_000  # points of a grid on one machine; larger ones are sweeps
+
+
+def parsed(pair: str) -> tuple[str, list[Any]]:
+    """Return the key and the values of KEY=VALUES; ValueError says what is wrong."""
+    key, given, text = (part.strip() for part in pair.partition("="))
+    if not (key and given and text):
+        raise ValueError(f"--set must be KEY=VALUE, got {pair!r}")
+    if len(bounds := text.split(":")) == 3:
+        low, high, count = (_value(x) for x in bounds)
+        numbers = all(isinstance(x, int | float) and not isinstance(x, bool) for x in (low, high, count))
+        if numbers and count == int(count) and count >= 2:
+            return key, [float(x) for x in np.linspace(low, high, int(count))]
+        raise ValueError(f"--set {key} = {text}: a range must be FROM:TO:COUNT with a count of at least 2")
+    return key, [_value(part) for part in _split(text)]
+
+
+def _split(text: str) -> list[str]:
+    """Return the parts between commas that stand in no bracket and no quotes."""
+    parts, depth, quoted = [""], 0, ""
+    for c in text:
+        if c in "\"'" and quoted in ("", c):
+            quoted = "" if quoted else c
+        depth += (c in "[{") - (c in "]}")
+        if c == "," and depth == 0 and not quoted:
+            parts.append("")
+        else:
+            parts[-1] += c
+    return [part.strip() for part in parts]
+
+
+def _value(text: str) -> Any:
+    """Return what TOML reads, or the text itself: names need no quotes."""
+    try:
+        return tomllib.loads(f"x = {text}")["x"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def points(pairs: Sequence[str]) -> list[dict[str, Any]]:
+    """Return the points of the grid, one table of keys and values each; the last key changes fastest."""
+    axes = [parsed(pair) for pair in pairs]
+    keys = [key for key, _ in axes]
+    if twice := {key for key in keys if keys.count(key) > 1}:
+        raise ValueError(f"--set {sorted(twice)[0]}: given twice; several values go in one, separated by commas")
+    count = int(np.prod([len(values) for _, values in axes], dtype=float))
+    if count > MOST:
+        raise ValueError(f"--set makes {count} points; must be at most {MOST} (larger grids: cablefem sweep)")
+    return [dict(zip(keys, row, strict=True)) for row in itertools.product(*(values for _, values in axes))]
+
+
+def put(data: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key in the tables of a scene file; a list of tables is entered by the name of one, or its number."""
+    *way, last = key.split(".")
+    here: Any = data
+    for i, name in enumerate(way):
+        here = here.setdefault(name, {}) if isinstance(here, dict) else _entry(here, name, ".".join(way[: i + 1]))
+    if not isinstance(here, dict):
+        raise ValueError(f"--set {key}: {'.'.join(way)} is no table")
+    if isinstance(value, str) and RELATIVE.fullmatch(value):
+        now = here.get(last)
+        if not isinstance(now, int | float):
+            raise ValueError(f"--set {key} = {value}: relative to a number, which the scene does not give")
+        value = now * (1.0 + float(value[:-1]) / 100.0)
+    here[last] = value
+
+
+def _entry(tables: Any, name: str, key: str) -> Any:
+    """Return the table of that name or number in a list."""
+    if isinstance(tables, list):
+        for i, table in enumerate(tables):
+            if isinstance(table, dict) and name in (table.get("name"), str(i)):
+                return table
+    raise ValueError(f"--set {key}: the scene has no such entry")
