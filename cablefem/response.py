@@ -171,6 +171,7 @@ class MassPath(_Filled):
 
     method: str
     settings: dict[str, Any]
+    status: str = "complete"  # | "incomplete"
     drive: str = "grip"  # "grip" | "haul" | "free"
     slack_onset: float | None  # s_o/l of the first accepted step with a negative tension
     length: float  # l [m]
@@ -229,7 +230,6 @@ class Response(MassPath):
     model: str
     load: str
     law: str
-    status: str  # "complete" | "incomplete"
     reason: str | None
     slack_at: float | None  # s/l of the slack onset
     switched: float | None  # s_o/l from which on the tension-only law was used by law = auto

@@ -82,6 +82,7 @@ def _moved(scene: Scene, h: History, states: States, place: Array, w: Array) -> 
     free, resists = scene.drive.mode == "free", scene.groups.drive.resists
     work = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
     return {
+        "status": "complete" if h.failure is None else "incomplete",
         "drive": scene.drive.mode, "slack_onset": None if onset is None else float(place[onset[0]]), "length": l,
         "t": scene.time_scale * states.t, "s_o": s_o, "x": X.x(s_o) + u, "y": X.y(s_o) + v, "u": u, "v": v,
         "work": {name: getattr(h.work, name) for name in work},
@@ -121,8 +122,7 @@ def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Respon
     events = [(name, _at(states.t, t)) for name, t in _events(scene, h.work, states.t, steps.s_o)]
     return Response(
         **asked, **path, scene=scene.name, scene_toml=scene.to_toml(),
-        status="complete" if h.failure is None else "incomplete", cause=cause, reason=reason,
-        slack_at=None if onset is None else float(onset[1]),
+        cause=cause, reason=reason, slack_at=None if onset is None else float(onset[1]),
         switched=None if h.after is None else path["slack_onset"], horizontal_tension=H,
         velocity=l / tau * steps.path_velocity, acceleration=l / tau**2 * steps.path_acceleration,
         F_haul=H * steps.haul,

@@ -1,0 +1,126 @@
+"""The one way in which an error bar is made: a run, and coarser runs of the same method on the same scene."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cablefem.response import Response
+from validation.core.measures import NotComparable
+from validation.core.view import View
+
+SAFETY = 1.25  # Roache's factor of safety for three grids (Roache 1998, Verification and Validation, section 5)
+LEAST_ORDER = 0.5  # below it no order shows (Eca & Hoekstra 2014, J. Comput. Phys. 262); the bar is 3 d at ratio 2
+
+Of = Callable[[Response], Any]
+Apart = Callable[[Any, Any], Any]
+
+
+def largest(a: Any, b: Any) -> float:
+    """Return the largest distance of two numbers or series."""
+    return float(np.max(np.abs(np.subtract(a, b)), initial=0.0))
+
+
+def left(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any:
+    """Return the bar F d / (r^p - 1) of a finest run; arrays are taken value by value.
+
+    d : change from half to finest;  before : change from quarter to half, 0 where no quarter tells.
+    ratios : finest over half, and half over quarter;  order : nominal, the most that is credited.
+
+    The order p solves before/d = r^p (r'^p - 1)/(r^p - 1) (Celik et al. 2008, J. Fluids Eng. 130, 078001).  It is
+    credited between LEAST_ORDER and the nominal one.  A change that is small by chance counts as what the nominal
+    order leaves of the one before.
+    """
+    d, before = np.abs(np.asarray(d, float)), np.abs(np.asarray(before, float))
+    r, coarser = ratios[0], ratios[-1]
+    least = min(order, LEAST_ORDER)
+    d = np.maximum(d, before * (r**order - 1.0) / (r**order * (coarser**order - 1.0)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fall = np.where(d > 0.0, before / d, 0.0)
+        p = np.full(d.shape, order)
+        for _ in range(10):
+            p = np.clip(np.log(fall * (r**p - 1.0) / (coarser**p - 1.0)) / math.log(r), least, order)
+    bar = SAFETY * d / (r ** np.nan_to_num(p, nan=least) - 1.0)
+    bar = np.where(np.isfinite(bar), bar, np.inf)
+    return bar if bar.ndim else float(bar)
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """Coarser runs in one direction, space or time: half and quarter of the finest, as far as they go."""
+
+    runs: tuple[Response, ...]
+    ratios: tuple[float, ...]  # how many times coarser than the run before
+    order: float  # nominal, of the path
+
+    def left(self, finest: Response, of: Of, apart: Apart, most: float) -> Any:
+        """Return what this direction leaves of an error in the finest run; infinite without a half."""
+        if not self.runs:
+            return math.inf
+        try:
+            values = [of(r) for r in (finest, self.runs[0])]
+            d = apart(*values)
+        except NotComparable:
+            return math.inf
+        before = 0.0
+        for quarter in self.runs[1:2]:
+            try:
+                before = apart(values[1], of(quarter))
+            except NotComparable:
+                before = 0.0
+        before = np.nan_to_num(before, nan=0.0, posinf=0.0)
+        return left(d, before, self.ratios, min(self.order, most))
+
+
+@dataclass(frozen=True, slots=True)
+class Ladder:
+    """The runs of one method on one scene, and the bars they give.
+
+    ringing : a run that does not damp axial waves, for extremes of raw forces; None where none was made.
+    """
+
+    finest: Response
+    space: Branch
+    time: Branch
+    ringing: Response | None = None
+
+    @property
+    def runs(self) -> tuple[Response, ...]:
+        return self.finest, *self.space.runs, *self.time.runs
+
+    def over(self, view: View) -> Ladder:
+        """Return the ladder without the runs that end before the view does, and those that are coarser than they."""
+
+        def kept(branch: Branch) -> Branch:
+            n = next((i for i, r in enumerate(branch.runs) if not view.covers(r)), len(branch.runs))
+            return replace(branch, runs=branch.runs[:n])
+
+        return replace(self, space=kept(self.space), time=kept(self.time))
+
+    def parts(self, of: Of, apart: Apart = largest, order: float = math.inf) -> tuple[Any, Any]:
+        """Return what space and time contribute to `bar`."""
+        space, time = (branch.left(self.finest, of, apart, order) for branch in (self.space, self.time))
+        return space, time
+
+    def bar(self, of: Of, apart: Apart = largest, order: float = math.inf) -> Any:
+        """Return the error bar of a functional of a response: what space and time leave of it in the finest run.
+
+        of : gives a number, or a series on the view;  apart : their distance, an array for a bar of each value.
+        order : the most that is credited, where it is less than the path's.
+        """
+        return sum(self.parts(of, apart, order))
+
+    def told(self, of: Of) -> float:
+        """Return 0 where all runs give the same answer to a question (yes or no, which outcome), else infinity."""
+        answers = [of(r) for r in self.runs]
+        alike = len(self.space.runs) > 0 and len(self.time.runs) > 0 and all(x == answers[0] for x in answers)
+        return 0.0 if alike else math.inf
+
+    def peak(self, of: Of, apart: Apart = largest) -> float:
+        """Return the bar of an extreme of a raw force: also the change to the run in which axial waves ring."""
+        heard = 0.0 if self.ringing is None else float(apart(of(self.finest), of(self.ringing)))
+        return max(float(self.bar(of, apart, 1.0)), heard)
