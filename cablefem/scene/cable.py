@@ -1,34 +1,98 @@
-"""The cable and its two supports, and the catenary that they define together."""
+"""The cable and its two supports, and the catenary that they define together.
+
+Temperature and ice change the catenary. Unstretched length and weight are kept: with the mean tension Tm,
+
+    l_2 = l_1 (1 + a dT) (1 + Tm_2/EA)/(1 + Tm_1/EA),   rho_2 l_2 = (rho_1 + ice) l_1.
+
+State 1 is the cable that `length`, `sag` or `horizontal_tension` describe. An elastic catenary agrees to 1e-6 in H.
+"""
 
 import math
-from typing import Any
+from typing import Annotated, Any
 
-from cablefem.scene.catenary import Catenary, length_range, sag_range, tension_range
+from pydantic import PlainValidator
+
+from cablefem.scene.bisection import bisected
+from cablefem.scene.catenary import Z_MAX, Z_MIN, Catenary, length_range, sag_range, tension_range
 from cablefem.scene.errors import shown
-from cablefem.scene.fields import Part, Positive, Real
+from cablefem.scene.fields import POSITIVE, Part, Positive, Real, between
 
 SHAPES = ("length", "sag", "horizontal_tension")
-# A support 84 degrees below the other is a hoist, not a ropeway; beyond, y' grows like the slope and digits go.
-STEEPEST = 10.0
+STEEPEST = 10.0  # [-] largest slope of the chord, 84 degrees: a steeper line is a hoist and loses digits
+
+Celsius = Annotated[float, between(-100.0, 300.0)]
+
+
+class Ice(Part):
+    """A layer of ice around the cable."""
+
+    thickness: Positive  # [m] radial
+    density: Positive  # [kg/m^3]
+
+
+def _ice(value: object) -> object:
+    """Return a positive number or an `Ice`."""
+    if isinstance(value, dict):
+        return Ice(**value)
+    if value is None or isinstance(value, Ice):
+        return value
+    number = POSITIVE.convert(value)
+    if number is None:
+        raise ValueError(f"must be {POSITIVE.admissible} in kg/m, or a table {{thickness, density}}; else leave it out")
+    return number
 
 
 class Cable(Part):
     """A uniform elastic cable; exactly one of length, sag and horizontal_tension fixes how deep it hangs."""
 
     mass_per_length: Positive  # rho [kg/m] per stretched static length
-    EA: Positive  # [N]
-    length: Positive | None = None  # l [m], stretched static arc length
-    sag: Positive | None = None  # [m], largest vertical distance below the chord
+    EA: Positive  # [N] axial stiffness
+    length: Positive | None = None  # l [m] stretched static arc length
+    sag: Positive | None = None  # [m] largest vertical distance below the chord
     horizontal_tension: Positive | None = None  # H [N]
+    diameter: Positive | None = None  # [m] of the cable without ice
+    breaking_load: Positive | None = None  # [N]
+    temperature: Celsius | None = None  # [C] during the run
+    reference_temperature: Celsius | None = None  # [C] at which length, sag or horizontal_tension hold
+    expansion: Annotated[float, between(-1e-3, 1e-3)] | None = None  # [1/K] thermal; steel 1.2e-5
+    ice: Annotated[Any, PlainValidator(_ice)] = None  # [kg/m], or a table {thickness, density}
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        """A cable hangs as deep as exactly one number says."""
+        """A cable hangs as deep as exactly one number says; temperature and ice need what they act through."""
         given = [f"{name} = {shown(data[name])}" for name in SHAPES if data.get(name) is not None]
         one = f"exactly one of {', '.join(SHAPES)} must be given"
+        faults = [f"{extra}: too much beside {given[0]}; {one}" for extra in given[1:]]
         if not given:
-            return [f"{SHAPES[0]}: missing; {one}"]
-        return [f"{extra}: too much beside {given[0]}; {one}" for extra in given[1:]]
+            faults = [f"{SHAPES[0]}: missing; {one}"]
+        if data.get("temperature") is not None:
+            needs = [name for name in ("reference_temperature", "expansion") if data.get(name) is None]
+            faults += [f"{name}: missing; must be given with temperature" for name in needs]
+        if isinstance(data.get("ice"), dict | Ice) and data.get("diameter") is None:
+            faults.append("diameter: missing; must be given with the thickness of ice")
+        return faults
+
+    @property
+    def changed(self) -> bool:
+        """Whether temperature or ice change the catenary."""
+        return self.warmer != 0.0 or self.ice is not None
+
+    @property
+    def warmer(self) -> float:
+        """Thermal strain a dT [-] between the reference and the run."""
+        if self.temperature is None:
+            return 0.0
+        assert self.expansion is not None
+        assert self.reference_temperature is not None
+        return self.expansion * (self.temperature - self.reference_temperature)
+
+    @property
+    def ice_per_length(self) -> float:
+        """Mass of the ice [kg/m] per metre of the cable at the reference; r pi e (d + e) for a layer."""
+        if isinstance(self.ice, Ice):
+            assert self.diameter is not None
+            return self.ice.density * math.pi * self.ice.thickness * (self.diameter + self.ice.thickness)
+        return self.ice or 0.0
 
 
 class Supports(Part):
@@ -39,7 +103,28 @@ class Supports(Part):
 
 
 def hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
-    """The catenary of a cable that `hanging_faults` finds nothing wrong with."""
+    """Return the catenary at the run's temperature, with its ice; ValueError where `hanging_faults` finds a fault."""
+    reference = _reference(gravity, cable, supports)
+    if not cable.changed:
+        return reference
+    l, T, heat = reference.length, reference.mean_tension, cable.warmer
+    weight = (cable.mass_per_length + cable.ice_per_length) * gravity * l
+
+    def state(z: float) -> Catenary:
+        l_2 = Catenary(supports.span, supports.drop, 2.0 * z / supports.span, 1.0).length
+        return Catenary(supports.span, supports.drop, weight / l_2, weight / l_2 * supports.span / (2.0 * z))
+
+    def excess(z: float) -> float:
+        """l_2 less what the rule says, as a difference of l - chord to keep the digits of a taut cable."""
+        now = state(z)
+        stretch = heat + (1.0 + heat) * (now.mean_tension - T) / (cable.EA + T)
+        return now.slack - reference.slack - l * stretch
+
+    return state(bisected(excess, Z_MIN, Z_MAX))
+
+
+def _reference(gravity: float, cable: Cable, supports: Supports) -> Catenary:
+    """Return the catenary that length, sag or horizontal_tension describe."""
     weight = cable.mass_per_length * gravity
     if cable.length is not None:
         return Catenary.from_length(supports.span, supports.drop, weight, cable.length)
@@ -50,7 +135,7 @@ def hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
 
 
 def hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str]:
-    """Why these supports and this cable have no catenary, if they have none."""
+    """Return why these supports and this cable have no catenary, if they have none."""
     span, drop = supports.span, supports.drop
     if abs(drop) > STEEPEST * span:
         most = STEEPEST * span
@@ -62,6 +147,11 @@ def hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str
         "horizontal_tension": lambda: tension_range(span, cable.mass_per_length * gravity),
     }[name]()
     if low <= value <= high:
+        try:
+            hang(gravity, cable, supports)
+        except ValueError:  # `bisected` found no root
+            name = "temperature" if cable.ice is None else "ice"
+            return [f"cable.{name} = {shown(getattr(cable, name))}: must be less extreme; no cable at rest was found"]
         return []
     least = f"{low!r}" if name == "length" else f"{low:.6g}"  # a length counts by what it exceeds the chord
     fault = f"cable.{name} = {value!r}: must be from {least} to {high:.6g} with these supports"
@@ -71,3 +161,14 @@ def hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str
     elif name == "length" and value < low:
         fault += " (for a cable this taut give sag or horizontal_tension)"
     return [fault]
+
+
+def stretch_faults(gravity: float, cable: Cable, supports: Supports) -> list[str]:
+    """Return whether the cable, as described or with heat and ice, hangs at more than twice its unstretched length."""
+    most = max(state(gravity, cable, supports).max_tension for state in (_reference, hang))
+    if most < cable.EA:
+        return []
+    return [
+        f"cable.EA = {cable.EA!r}: must be > {most:.6g} N, the largest static tension, "
+        "or the cable hangs at more than twice its unstretched length"
+    ]

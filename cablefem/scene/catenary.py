@@ -125,6 +125,16 @@ class Catenary:
         """Largest tension [N]; it is at the upper support."""
         return float(np.max(self.tension(np.array([0.0, self.length]))))
 
+    @cached_property
+    def mean_tension(self) -> float:
+        """Mean of the tension over the length [N].
+
+        With T = sqrt(1 + p^2) the integral over s is (p T + asinh p)/(2 sigma), here without differences.
+        """
+        c, end, b, h = self.c, self.c - self.sigma, self.span / self.length, self.drop / self.length
+        mean = 0.25 * (math.hypot(1.0, c) + math.hypot(1.0, end)) + 0.25 * (c + end) * h + 0.5 * b
+        return self.horizontal_tension * mean
+
     def x(self, s) -> np.ndarray:
         """Horizontal place [m] at arc length s [m], same shape."""
         return self.length * shape(np.asarray(s) / self.length, self.sigma, self.c)[0]

@@ -56,12 +56,12 @@ def _matching(pattern: str) -> Callable[[object], str | None]:
 
 
 _RANGE = f"{SMALL:g} to {LARGE:g}"
-_POSITIVE = Check(f"a number > 0, from {_RANGE}", _number(lambda x: SMALL <= x <= LARGE))
+POSITIVE = Check(f"a number > 0, from {_RANGE}", _number(lambda x: SMALL <= x <= LARGE))
 _NON_NEGATIVE = Check(f"a number >= 0: 0, or from {_RANGE}", _number(lambda x: x == 0.0 or SMALL <= x <= LARGE))
 _FRACTION = Check("a number from 0 to 1", _number(lambda x: 0.0 <= x <= 1.0))
 REAL = Check(f"a number from {-LARGE:g} to {LARGE:g}", _number(lambda x: abs(x) <= LARGE))
 
-Positive = Annotated[float, BeforeValidator(_POSITIVE)]
+Positive = Annotated[float, BeforeValidator(POSITIVE)]
 NonNegative = Annotated[float, BeforeValidator(_NON_NEGATIVE)]
 Real = Annotated[float, BeforeValidator(REAL)]
 Fraction = Annotated[float, BeforeValidator(_FRACTION)]

@@ -7,7 +7,7 @@
 | l       | scene.length                | m    | (12)     | stretched static arc length; the length scale         |
 | b       | scene.supports.span         | m    | (11)     | horizontal distance of the supports                   |
 | h       | scene.supports.drop         | m    | (12)     | right support below the left one: positive (erratum)  |
-| rho     | scene.cable.mass_per_length | kg/m | (2)      | mass per stretched static length                      |
+| rho     | scene.rho                   | kg/m | (2)      | mass per stretched static length, with ice            |
 | EA      | scene.cable.EA              | N    | (4)      | axial stiffness                                       |
 | g       | scene.gravity               | m/s2 | (4)      | gravity                                               |
 | M       | scene.mass.mass             | kg   | (2)      | moving mass                                           |
@@ -39,7 +39,7 @@ import tomli_w
 from pydantic import TypeAdapter
 
 from cablefem.scene import catenary as _catenary
-from cablefem.scene.cable import Cable, Supports, hang, hanging_faults
+from cablefem.scene.cable import Cable, Supports, hang, hanging_faults, stretch_faults
 from cablefem.scene.catenary import Catenary
 from cablefem.scene.drive import GRIP, Drive, Driving
 from cablefem.scene.errors import SceneError, nearest, shown
@@ -115,12 +115,9 @@ class Scene(Part):
         hanging = hanging_faults(gravity, cable, supports)
         if hanging:
             return faults + hanging
+        faults += stretch_faults(gravity, cable, supports)
         catenary = hang(gravity, cable, supports)
-        if not catenary.max_tension < cable.EA:
-            faults.append(
-                f"cable.EA = {cable.EA!r}: must be > {catenary.max_tension:.6g} N, the largest static tension, "
-                "or the cable hangs at more than twice its unstretched length"
-            )
+        rho = catenary.weight / gravity
         broken = [] if drive is None else [f"drive.{fault}" for fault in drive.faults(catenary.length)]
         faults += broken
         travel = _sound(Travel, data["travel"]) if "travel" in present and not broken and mode != "free" else None
@@ -128,7 +125,7 @@ class Scene(Part):
             way = _way(travel, drive, catenary.length)
             broken = travel.faults(way)
             faults += [f"travel.{fault}" for fault in broken]
-            axial = math.sqrt(cable.EA / cable.mass_per_length)
+            axial = math.sqrt(cable.EA / rho)
             if not broken and travel.motion(way).top_speed >= axial:
                 faults.append(
                     f"travel: reaches {travel.motion(way).top_speed:.6g} m/s; must stay < {axial:.6g} m/s, "
@@ -243,8 +240,14 @@ class Scene(Part):
         """This scene with some groups changed, and whole fields (name, travel, ...) replaced.
 
         sag_ratio re-hangs the cable; mu, alpha and speed_ratio then set mass, EA and the pace of the same travel law.
-        What is not named keeps its SI value.
+        What is not named keeps its SI value. Groups are those of the cable as it hangs: one with temperature or ice is
+        then described by its horizontal tension.
         """
+        if self.cable.changed and any(group is not None for group in (sag_ratio, mu, alpha)):
+            now = Cable(mass_per_length=self.rho, EA=self.cable.EA, horizontal_tension=self.horizontal_tension)
+            return self._with(cable=now).variant(
+                sag_ratio=sag_ratio, mu=mu, alpha=alpha, speed_ratio=speed_ratio, **fields
+            )
         if sag_ratio is not None:
             sag = sag_ratio * self.supports.span
             cable = Cable(mass_per_length=self.cable.mass_per_length, EA=self.cable.EA, sag=sag)
@@ -270,6 +273,11 @@ class Scene(Part):
     def catenary(self) -> Catenary:
         """The static cable, eqs (9)-(12)."""
         return hang(self.gravity, self.cable, self.supports)
+
+    @property
+    def rho(self) -> float:
+        """Mass per stretched static length [kg/m]: `cable.mass_per_length`, changed by ice and temperature."""
+        return self.catenary.weight / self.gravity if self.cable.changed else self.cable.mass_per_length
 
     @property
     def length(self) -> float:
@@ -304,7 +312,7 @@ class Scene(Part):
     @property
     def mu(self) -> float:
         """M/(rho l) [-] (list before (17)); 0 without a mass."""
-        return 0.0 if self.mass is None else self.mass.mass / (self.cable.mass_per_length * self.length)
+        return 0.0 if self.mass is None else self.mass.mass / (self.rho * self.length)
 
     @property
     def alpha(self) -> float:
@@ -335,12 +343,12 @@ class Scene(Part):
     @property
     def wave_speed(self) -> float:
         """sqrt(H/rho) [m/s], transverse waves at the lowest point; sqrt(T/rho) elsewhere."""
-        return math.sqrt(self.horizontal_tension / self.cable.mass_per_length)
+        return math.sqrt(self.horizontal_tension / self.rho)
 
     @property
     def axial_speed(self) -> float:
         """sqrt(EA/rho) [m/s], longitudinal waves."""
-        return math.sqrt(self.cable.EA / self.cable.mass_per_length)
+        return math.sqrt(self.cable.EA / self.rho)
 
     @property
     def time_scale(self) -> float:
@@ -398,7 +406,7 @@ class Scene(Part):
 
     @property
     def _drive(self) -> Drive:
-        return self.drive.scaled(self.length, self.time_scale, self.horizontal_tension, self.cable.mass_per_length)
+        return self.drive.scaled(self.length, self.time_scale, self.horizontal_tension, self.rho)
 
     @cached_property
     def groups(self) -> Groups:
@@ -419,7 +427,7 @@ class Scene(Part):
         lines = [
             f"{self.name}: {self.title}" if self.title else self.name,
             f"  cable   l = {self.length:.6g} m, sag {self.sag:.4g} m ({self.sag_ratio:.3g} of the span), "
-            f"H = {self.horizontal_tension:.4g} N, rho = {self.cable.mass_per_length:.4g} kg/m, "
+            f"H = {self.horizontal_tension:.4g} N, rho = {self.rho:.4g} kg/m, "
             f"EA = {self.cable.EA:.4g} N",
             f"  chord   span {self.supports.span:.6g} m, drop {self.supports.drop:.4g} m, slope {self.slope:.3g} deg",
         ]

@@ -29,7 +29,10 @@ TRAVEL = 'kind = "constant_speed"\nspeed = 14.0'
 NUMBER = "from 1e-12 to 1e+15"
 SHAPES = "exactly one of length, sag, horizontal_tension must be given"
 KINDS = "constant_speed, constant_acceleration, accelerate_cruise_brake, table"
-CABLE_KEYS = "Known: mass_per_length, EA, length, sag, horizontal_tension."
+CABLE_KEYS = (
+    "Known: mass_per_length, EA, length, sag, horizontal_tension, diameter, breaking_load, temperature, "
+    "reference_temperature, expansion, ice."
+)
 SCENE_KEYS = "Known: name, title, gravity, cable, supports, mass, travel, drive."
 # The bounds below were computed apart, in 30 digits: chord hypot(320, 25), catenaries of z = 1e-9 and z = 5,
 # and H sqrt(1 + c^2) of the good scene.
@@ -289,7 +292,18 @@ VALUES = st.one_of(
     st.sampled_from(["constant_acceleration", "table", 1e-12, 1e15, 1e-3, 320.0, [0.0, 1.0, 2.0], "haul", "free"]),
 )
 TABLES = {
-    "cable": ("mass_per_length", "EA", "length", "sag", "horizontal_tension"),
+    "cable": (
+        "mass_per_length",
+        "EA",
+        "length",
+        "sag",
+        "horizontal_tension",
+        "diameter",
+        "temperature",
+        "reference_temperature",
+        "expansion",
+        "ice",
+    ),
     "supports": ("span", "drop"),
     "mass": ("mass",),
     "travel": ("kind", "speed", "acceleration", "initial_speed", "top_speed", "times", "positions"),

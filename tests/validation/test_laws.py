@@ -249,7 +249,7 @@ def test_a_wrong_drive_of_both_wings_is_seen(fault):
 
 
 def test_the_judge_reads_the_toml_by_itself(level):
-    given = evidence.Given(level.scene_toml)
+    given = evidence.Given(level.scene_toml, level.length)
     assert (given.rho, given.mass, given.span) == (1.0, 2002.3720103, 2000.0)
     assert given.asked == ("length", 2002.3720103)
     hanging = Catenary.from_length(given.span, given.drop, given.rho * given.gravity, given.asked[1])

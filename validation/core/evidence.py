@@ -10,11 +10,13 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid, simpson
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.optimize import brentq
 
 from cablefem.response import Array, Response
 
@@ -26,9 +28,9 @@ Window = tuple[float, float]
 
 
 class Given:
-    """A scene's own numbers, SI, as its TOML has them."""
+    """A scene's own numbers, SI, as its TOML has them; `length` is that of the cable at rest in the response."""
 
-    def __init__(self, toml: str) -> None:
+    def __init__(self, toml: str, length: float) -> None:
         x = tomllib.loads(toml)
         cable, supports = x["cable"], x["supports"]
         self.gravity: float = x.get("gravity", 9.81)
@@ -40,6 +42,44 @@ class Given:
         # "length", "sag" or "horizontal_tension" and its value
         self.asked = next((name, cable[name]) for name in ("length", "sag", "horizontal_tension") if name in cable)
         self.travel, self.drive = x.get("travel", {}), x.get("drive", {})
+        if "ice" in cable or "temperature" in cable:
+            self._change(cable, length)
+
+    def _change(self, cable: dict[str, Any], length: float) -> None:
+        """Temperature and ice: the unstretched length grows with heat, the weight stays and takes the ice on."""
+        l, mean_tension = _hung(self.span, self.drop, self.rho * self.gravity, *self.asked)
+        ice, dT = cable.get("ice", 0.0), cable.get("temperature", 0.0) - cable.get("reference_temperature", 0.0)
+        if isinstance(ice, dict):
+            e = ice["thickness"]
+            ice = ice["density"] * math.pi * ((0.5 * cable["diameter"] + e) ** 2 - (0.5 * cable["diameter"]) ** 2)
+        if "temperature" not in cable:
+            dT = 0.0
+        self.rho = (self.rho + ice) * l / length
+        natural = l / (1.0 + mean_tension / self.EA)
+        self.asked = "unstretched", natural * (1.0 + cable.get("expansion", 0.0) * dT)
+
+
+def _hung(span: float, drop: float, weight: float, name: str, value: float) -> tuple[float, float]:
+    """Return length and mean tension of the catenary y = a cosh with that length, sag or horizontal tension.
+
+    u = asinh(slope) falls from the left support to the right one by span/a; ds = a cosh(u) du, T = H cosh(u).
+    """
+
+    def hang(a: float) -> tuple[float, float, float, float]:
+        """Length, sag, and u in the middle and half its range."""
+        half = 0.5 * span / a
+        middle, deepest = math.asinh(drop / (2.0 * a * math.sinh(half))), math.asinh(drop / span)
+        left = middle + half
+        sag = a * (math.cosh(left) - math.cosh(deepest)) - drop / span * a * (left - deepest)
+        return 2.0 * a * math.cosh(middle) * math.sinh(half), sag, middle, half
+
+    a = value / weight
+    if name != "horizontal_tension":
+        told = 0 if name == "length" else 1
+        a = math.exp(brentq(lambda x: hang(math.exp(x))[told] - value, math.log(0.1 * span), math.log(1e6 * span)))
+    length, _, middle, half = hang(a)
+    x, w = np.polynomial.legendre.leggauss(40)
+    return length, float(a * weight * half * (w @ np.cosh(middle + half * x) ** 2) * a / length)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +126,7 @@ class Evidence:
     """
 
     def __init__(self, r: Response, window: Window, every: int = 1, last: float = math.inf) -> None:
-        self.r, self.window, self.every, self.last, self.given = r, window, every, last, Given(r.scene_toml)
+        self.r, self.window, self.every, self.last, self.given = r, window, every, last, Given(r.scene_toml, r.length)
 
     # --- the cable at rest -----------------------------------------------------------------------------
 

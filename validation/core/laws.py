@@ -151,9 +151,15 @@ def ends_at_rest(m: Evidence) -> Defect:
 
 @_law("stations")
 def length_at_rest(m: Evidence) -> Defect:
-    """Stations count the length of the curve, from none to all of it, and that is the length asked for; over it."""
+    """Stations count the length of the curve, from none to all of it, and that is the length asked for; over it.
+
+    With temperature or ice the unstretched length is asked for, with the strain of the mean tension.
+    """
     s, asked = m.r.fields.s, m.given.asked
     off = [s[0], float(np.abs(np.cumsum(_arcs(m.curve, s)) - s[1:]).max()), s[-1] - m.r.length]
+    if asked[0] == "unstretched":
+        strain = CubicSpline(s, m.r.fields.T_static / m.given.EA).integrate(s[0], s[-1]) / s[-1]
+        off.append(s[-1] / (1.0 + strain) - asked[1])
     off += [s[-1] - asked[1]] if asked[0] == "length" else []
     return _static(*(np.array(off) / s[-1]))
 
@@ -166,7 +172,7 @@ def shape_at_rest(m: Evidence) -> Defect:
         below = CubicSpline(f.s, f.y - m.given.drop / m.given.span * f.x)
         found = max([0.0, *below(below.derivative().roots(extrapolate=False)).tolist()])
     else:
-        found = m.r.horizontal_tension if name == "horizontal_tension" else value
+        found = m.r.horizontal_tension if name == "horizontal_tension" else value  # lengths have their own law
     return _static(found / value - 1.0)
 
 

@@ -63,7 +63,7 @@ def _slow_waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
     inside = np.flatnonzero(measures.inside(r, (measures.WINDOW[0], end)))
     if not inside.size:
         return []
-    short = (r.tension_min - scene.cable.mass_per_length * np.gradient(r.s_o, r.t) ** 2)[inside]
+    short = (r.tension_min - scene.rho * np.gradient(r.s_o, r.t) ** 2)[inside]
     if not short.min() < 0.0:
         return []
     least, first = r.tension_min[inside[short.argmin()]] / r.horizontal_tension, inside[np.argmax(short < 0.0)]

@@ -23,7 +23,7 @@ def force(tension: Array, slope: Array, flux: Array) -> Array:
 def _law(*, flux: bool) -> Law:
     scene = Scene.load("level")
     assert scene.mass is not None
-    mass, rho = scene.mass.mass, scene.cable.mass_per_length if flux else 0.0
+    mass, rho = scene.mass.mass, scene.rho if flux else 0.0
 
     def defect(r: Any) -> Error:
         streams = rho * np.gradient(r.s_o, r.t, edge_order=2) ** 2

@@ -1,0 +1,182 @@
+"""Heat and ice on a cable at rest: the elastic catenary with its unstretched length and its weight kept.
+
+A piece of unstretched length S, weight q per unstretched metre and end forces (H, P), P1 = P - q S, N = hypot(H, P):
+
+    dx = H S/EA + (H/q) [asinh(P/H) - asinh(P1/H)],   dy = (P S - q S^2/2)/EA + (N - N1)/q.
+
+Heat makes S to S (1 + a dT). The solvers' cable is a plain catenary, 1e-6 off in H, see `cablefem.scene`.
+Sources: Irvine, Cable Structures (1981), 1.3; tests of RTE's mechaphlowers; Code_Aster SSNL114.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq, fsolve
+
+from cablefem.scene import Scene
+from validation.oracles.case import RIDERS, ROLLS, Case, Error, Limit, Oracle, Solvers
+from validation.oracles.rest import ZIP
+
+CHANGE = """
+    temperature = -15.0
+    reference_temperature = 20.0
+    expansion = 1.2e-5
+    diameter = 0.014
+    ice = {thickness = 0.012, density = 700.0}
+    [supports]"""
+
+START = 100.0  # [m] place of the held car
+
+
+def piece(H: float, P: float, S: float, q: float, EA: float) -> np.ndarray:
+    """Return (dx, dy) of a piece, y down; P > 0 where it goes down."""
+    P1 = P - q * S
+    dx = H * S / EA + H / q * (math.asinh(P / H) - math.asinh(P1 / H))
+    return np.array([dx, (P * S - 0.5 * q * S * S) / EA + (math.hypot(H, P) - math.hypot(H, P1)) / q])
+
+
+def elastic_catenary(span: float, drop: float, S: float, weight: float, EA: float) -> tuple[float, float]:
+    """Return (H, P) at the left support of a cable of unstretched length S [m] and weight [N]."""
+
+    def off(x: np.ndarray) -> np.ndarray:
+        return (piece(math.exp(x[0]), x[1] * weight, S, weight / S, EA) - [span, drop]) / span
+
+    start = [math.log(weight), 0.5 + drop / span]
+    found, _, ok, message = fsolve(off, start, xtol=1e-14, full_output=True)
+    if ok != 1 and np.abs(off(found)).max() > 1e-13:
+        raise ArithmeticError(message)
+    return math.exp(found[0]), found[1] * weight
+
+
+def sag_level(H: float, P: float, S: float, weight: float, EA: float) -> float:
+    """Return the depth of the middle of a level cable."""
+    return float(piece(H, P, 0.5 * S, weight / S, EA)[1])
+
+
+def stretched_length(H: float, P: float, S: float, weight: float, EA: float) -> float:
+    """Return S + int N/EA dS of a piece."""
+    q = weight / S
+    F = [0.5 * (x * math.hypot(H, x) + H * H * math.asinh(x / H)) for x in (P, P - weight)]
+    return S + (F[0] - F[1]) / (q * EA)
+
+
+@dataclass(frozen=True, slots=True)
+class Stretched:
+    """Plain catenary of a horizontal tension H and a weight w per stretched metre."""
+
+    span: float
+    drop: float
+    w: float
+    H: float
+
+    @property
+    def _u(self) -> tuple[float, float]:
+        """asinh of the slope at the left and right supports."""
+        a, half = self.H / self.w, 0.5 * self.span * self.w / self.H
+        middle = math.asinh(self.drop / (2.0 * a * math.sinh(half)))
+        return middle + half, middle - half
+
+    @property
+    def length(self) -> float:
+        return self.H / self.w * (math.sinh(self._u[0]) - math.sinh(self._u[1]))
+
+    @property
+    def mean_tension(self) -> float:
+        """(1/l) int T ds, T = H cosh u, ds = (H/w) cosh u du."""
+        u0, u1 = self._u
+        total = 0.5 * (u0 - u1) + 0.25 * (math.sinh(2.0 * u0) - math.sinh(2.0 * u1))
+        return self.H**2 / self.w * total / self.length
+
+    def unstretched(self, EA: float) -> float:
+        """Return int ds/(1 + T/EA)."""
+        x, weights = np.polynomial.legendre.leggauss(60)
+        u0, u1 = self._u
+        u = 0.5 * (u0 + u1) + 0.5 * (u0 - u1) * x
+        ds = self.H / self.w * np.cosh(u) * 0.5 * (u0 - u1) * weights
+        return float((ds / (1.0 + self.H * np.cosh(u) / EA)).sum())
+
+
+def by_rte(rest: Stretched, EA: float, heat: float, load: float = 0.0, across: float = 0.0) -> Stretched:
+    """Return the state by the rule of RTE's mechaphlowers.
+
+    Thermal and elastic strain add up, weight per stretched metre is kept. `load` [N/m] is added to the weight, `across`
+    [N/m] acts normal to the plane: the cable then hangs in a plane through its chord that is tilted.
+
+    heat : thermal strain a dT.
+    """
+    reference = rest.length / (1.0 + rest.mean_tension / EA)
+    w, tilt = math.hypot(rest.w + load, across), math.atan2(across, rest.w + load)
+    drop, span = rest.drop * math.cos(tilt), math.hypot(rest.span, rest.drop * math.sin(tilt))
+
+    def excess(H: float) -> float:
+        state = Stretched(span, drop, w, H)
+        return state.length / reference - 1.0 - heat - state.mean_tension / EA
+
+    return Stretched(span, drop, w, brentq(excess, 0.1 * rest.H, 10.0 * rest.H, xtol=1e-11, rtol=1e-15))
+
+
+def heated(scene: Scene, l: float, unstretched: float) -> tuple[float, float]:
+    """Return unstretched length [m] and weight [N] of a scene's cable, hot or cold and with its ice.
+
+    l, unstretched : of the cable at the reference.
+    """
+    cable = scene.cable
+    ice = cable.ice_per_length
+    return unstretched * (1.0 + cable.warmer), (cable.mass_per_length + ice) * scene.gravity * l
+
+
+def held(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
+    """Return a cold and iced line with a car held at START, its exact place and that of the empty cable there."""
+    text = ZIP.replace("EA = 1.2e7", f"EA = {EA!r}")
+    reference = Scene.from_toml(text)
+    drive = f"start = {START}\nrelease = 5.0\nend = {{time = 0.02}}"
+    scene = Scene.from_toml(text.replace("[supports]", CHANGE.strip()) + drive)
+    assert scene.mass is not None
+    span, drop, car = scene.supports.span, scene.supports.drop, scene.mass.mass * scene.gravity
+    ends = np.array([span, drop])
+    rest = Stretched(span, drop, reference.rho * reference.gravity, reference.horizontal_tension)
+    S, weight = heated(scene, rest.length, rest.unstretched(EA))
+    l = stretched_length(*elastic_catenary(span, drop, S, weight, EA), S, weight, EA)
+    # The solvers stretch the hanging cable by EA; of its unstretched length that is EA less the tension.
+    mean = Stretched(span, drop, weight / l, scene.horizontal_tension).mean_tension
+    S, q = l * (1.0 - mean / EA), weight / l / (1.0 - mean / EA)
+    EA -= mean
+    H, P = elastic_catenary(span, drop, S, weight, EA)
+    at = brentq(lambda x: stretched_length(H, P, x, q * x, EA) - START, 0.5 * START, START, xtol=1e-12)
+
+    def off(x: np.ndarray) -> np.ndarray:
+        h, p = x * weight
+        return (piece(h, p, at, q, EA) + piece(h, p - q * at - car, S - at, q, EA) - ends) / ends[0]
+
+    h, p = fsolve(off, [1.3 * H / weight, (P + 0.7 * car) / weight], xtol=1e-12) * weight
+    return scene, piece(h, p, at, q, EA), piece(H, P, at, q, EA)
+
+
+def _deviation(solvers: Solvers, method: str, EA: float) -> Error:
+    """Distance of the held car from its exact place, over its deflection."""
+    scene, place, empty = held(EA)
+    r = solvers.ride(scene, method, steps=100, **({"terms": 40} if method == "fourier-kink" else {}))
+    off = math.hypot(r.x[0] - place[0], r.y[0] - place[1]) / math.hypot(*(place - empty))
+    return off, off
+
+
+def _cases() -> list[Case]:
+    return [
+        Limit(
+            name="cold and iced: place of a held car over its deflection", parameter="EA", values=(2.5e5, 5e5, 1e6),
+            falls=1.0, deviation=_deviation, methods=RIDERS,
+            because="T/EA varies along the cable, and with it the mass per metre",
+        )
+    ]  # fmt: skip
+
+
+ORACLE = Oracle(
+    title="temperature and ice: the elastic catenary",
+    source="Irvine, Cable Structures (1981), 1.3; RTE mechaphlowers; Code_Aster SSNL114",
+    validity="any cable at rest; the solvers' plain catenary is 1e-6 off in H",
+    group=ROLLS,
+    cases=_cases,
+)
