@@ -28,7 +28,6 @@ from galerkin.models import FullCable, cable_model
 from galerkin.observe import direction, displaced, history, observe
 
 LOADS = ("mass", "force")
-MANY = 20  # sines from which a step goes by the factors of an earlier one; with 16 either takes as long
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,9 +102,6 @@ class GalerkinSystem:
         # place and tensions of the last residual, or the least of them and its s
         self._pull: tuple[Any, ...] | None = None
         self._instants: dict[tuple[float, int], Instant] = {}
-        self._kept: kernels.Kept | None = None
-        if self._compiled and basis.n >= MANY and not basis.grading:
-            self._kept = kernels.Kept(np.zeros((2 * basis.n, 2 * basis.n), np.float32), np.zeros(1))
 
     @property
     def motion(self) -> Motion:
@@ -281,7 +277,7 @@ class GalerkinSystem:
         pull = np.empty(grip.behind.shape[1] + grip.ahead.shape[1])
         taken = kernels.settle(
             grip, np.ascontiguousarray(places[:same]), None, None, None, self._constants, self.groups.sigma, start, now,
-            told, rules[:same], bound, limits(newton), pull, self._kept,
+            told, rules[:same], bound, limits(newton), pull,
         )  # fmt: skip
         return now, told, taken, pull
 

@@ -43,7 +43,6 @@ class FullCable:
         self._last: kernels.Points | None = None
         # int (N t - T t_static) ds behind and ahead of the mass, rows, at the last force; of a basis with a hat
         self.sides = np.zeros((2, 2))
-        self.pulls = np.zeros(0)  # how they follow Q, at the last tangent
 
     def at(self, basis: MovingBasis, s_o: float) -> kernels.Points:
         s, weights, phi = basis.slopes(s_o)
@@ -62,7 +61,6 @@ class FullCable:
         R, pull, gram = self._balance(place, Q)
         K = np.empty((Q.size, Q.size))
         kernels.stiffness(place.phi, gram, basis.basis.harmonic, basis.basis.grading, basis.hat, K)
-        self.pulls = kernels.pulls(place.phi, gram)
         return R, pull, K
 
     def _balance(self, place: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:

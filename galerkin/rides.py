@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cablefem.newmark import Newton, Settled, Solve, State, StepFailure, iterate
+from cablefem.newmark import Newton, Settled, Solve, State, StepFailure
 from cablefem.response import States
 from cablefem.scene import RATTLE, Groups
 from galerkin import kernels
@@ -91,8 +91,8 @@ class RollingSystem(GalerkinSystem):
     Friction and brakes act against the sign of ds_o, which stays what it is from event to event.  A free ride starts in
     static equilibrium with the car held, a hauled one hanging on its rope, friction overcome.
 
-    ValueError for the models of one field, which have no force along the cable, for a load without inertia, and for
-    bases without phi''.
+    All its steps are compiled, for sines with a travelling hat.  ValueError for other bases, for the models of one
+    field, which have no force along the cable, and for a load without inertia.
     """
 
     def __init__(
@@ -103,14 +103,14 @@ class RollingSystem(GalerkinSystem):
             raise ValueError(f"a car that rolls needs model = full: {model!r} has no displacement along the cable")
         if load != "mass":
             raise ValueError("a car that rolls needs load = mass: without inertia it has no travel of its own")
-        if not basis.smooth:
-            raise ValueError("a car cannot roll on a basis without second derivatives: take order 4 or more")
+        if not (kink and isinstance(basis, Fourier)):
+            raise ValueError("a car that rolls needs sines with a hat that travels with it: take method fourier-kink")
         self.drive, self.free = groups.drive, groups.drive.mode == "free"
         super().__init__(groups, basis, kink=kink, law=law)
         self.n_dof += 1
-        self.strides = self.free and self._compiled
-        self.bow = bow(groups) if self._compiled else None
-        self._bows = self._bows if self.bow is None else table(self.bow)
+        self.strides = self.free
+        self.bow = bow(groups)
+        self._bows = table(self.bow)
         self.events = EVENTS if self.free else ("lift_off",)
         self.mode, self.hold = Mode(), 0.0  # F_hold at the start
         self._latest: tuple[tuple[float, float, float], Instant] | None = None
@@ -156,8 +156,6 @@ class RollingSystem(GalerkinSystem):
         )
 
     def bows(self, travel: Array) -> Array:
-        if self.bow is None:
-            return super().bows(travel)
         _, ds_o, dds_o = travel[:, :, None, None]
         B, by_s, by_ss = (self.bow(travel[0], m) for m in range(3))
         return np.array([B, by_s * ds_o, by_s * dds_o + by_ss * ds_o**2]).swapaxes(-1, -2)
@@ -167,7 +165,7 @@ class RollingSystem(GalerkinSystem):
 
     def _instant(self, s_o: float, ds_o: float, dds_o: float, place: Any = None) -> Instant:
         x = super()._instant(s_o, ds_o, dds_o, place)
-        if place is None and self.bow:
+        if place is None:
             x = replace(x, place=x.place._replace(bent=slopes(x.place.s, s_o, *x.bows[:, 0])))
         return x
 
@@ -184,7 +182,7 @@ class RollingSystem(GalerkinSystem):
         brake = against * sum(force for _, force in drive.brakes[: self.mode.brakes])
         of = self.mu, self.groups.sigma, drive.k, drive.wind, self.held(t), against * drive.mu_r, brake
         since, ax, ay, jx, jy = self._smooth if self.free else (t, math.nan, math.nan, 0.0, 0.0)
-        sheds = SHEDS * math.pi * (self.n - 1) if self.bow else 0.0
+        sheds = SHEDS * math.pi * (self.n - 1)
         return kernels.Rolling(*of, ax + (t - since) * jx, ay + (t - since) * jy, sheds)
 
     def _thrust(self, t: float, phase: int, a: Array) -> float:
@@ -192,9 +190,12 @@ class RollingSystem(GalerkinSystem):
 
     def car(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Car:
         """The car in this state."""
-        x = self._at(self._travel(t, q, v, a, phase))
-        self.cable.force(x.place, self._fields(q))
-        return self._roll(t, q, v, a, phase, x, np.zeros((2, self.n)))
+        travel, cable = self._travel(t, q, v, a, phase), self._full
+        x = self._at(travel)
+        Q, V, A = (self._fields(y) for y in (q, v, a))
+        force, _ = cable.force(x.place, Q)
+        of = x.carried, x.slope, x.load, x.rays, x.bows, cable.sides, cable.alpha
+        return Car(*kernels.roll(*of, Q, V, A, *travel[1:], self._on(t, phase), self._thrust(t, phase, a), force))
 
     def _car_at(self, x: State) -> Car:
         """The car at a state as the slopes of the basis show it and without thrust, which more than one asks for."""
@@ -207,15 +208,6 @@ class RollingSystem(GalerkinSystem):
             self._seen = x, Car(*kernels.car(self._on(x.t, x.phase), 0.0, velocity, p, *sides))
         return self._seen[1]
 
-    def _roll(self, t: float, q: Array, v: Array, a: Array, phase: int, x: Instant, force: Array) -> Car:
-        """The car; the inertia of the cable and its own are added to the internal force, which was the last one."""
-        Q, V, A = (self._fields(y) for y in (q, v, a))
-        _, *rates = self._travel(t, q, v, a, phase)
-        cable, on, thrust = self._full, self._on(t, phase), self._thrust(t, phase, a)
-        sides = cable.sides if self.kink else None
-        of = x.carried, x.slope, x.load, x.rays, x.bows, sides, cable.alpha
-        return Car(*kernels.roll(*of, Q, V, A, *rates, on, thrust, force))
-
     @property
     def _full(self) -> FullCable:
         assert isinstance(self.cable, FullCable)
@@ -224,18 +216,16 @@ class RollingSystem(GalerkinSystem):
     def _sides(self, x: Instant, Q: Array) -> Array:
         """r' behind and ahead of the car, its rows, of a cable at rest whose force was the last one."""
         sides = x.slope + Q @ x.carried.f_s + np.multiply.outer(x.rays, Q[:, -1]) + x.bows[:, 0] * [[-1.0], [1.0]]
-        if self.kink:
-            rest, cable = np.zeros_like(Q), self._full
-            of = x.carried, x.slope, x.rays, x.bows, cable.sides, cable.alpha
-            kernels.recover(*of, Q, rest, rest, 0.0, 0.0, *sides)
+        rest, cable = np.zeros_like(Q), self._full
+        of = x.carried, x.slope, x.rays, x.bows, cable.sides, cable.alpha
+        kernels.recover(*of, Q, rest, rest, 0.0, 0.0, *sides)
         return sides
 
     def sides(self, pointwise: Array, forces: Equilibrium, s_o: Array) -> Array:
-        if self.kink:
-            T = self.groups.static(s_o)[0].tolist()
-            for side, force in zip(pointwise, (forces.behind, forces.ahead), strict=True):
-                for slope, pull, here in zip(side, force, T, strict=True):
-                    kernels.taut(pull, slope, here, self._full.alpha)
+        T = self.groups.static(s_o)[0].tolist()
+        for side, force in zip(pointwise, (forces.behind, forces.ahead), strict=True):
+            for slope, pull, here in zip(side, force, T, strict=True):
+                kernels.taut(pull, slope, here, self._full.alpha)
         return pointwise
 
     def _rub(self, pressing: float) -> float:
@@ -306,47 +296,21 @@ class RollingSystem(GalerkinSystem):
         return r, factorised(c0 * parts[0] + c1 * parts[1] + c2 * parts[2])
 
     def _seen_at(self, t: float, q: Array, v: Array, a: Array, phase: int, tangent: bool) -> tuple[Array, Array]:
-        """r, and dr/dq, dr/dv, dr/da if they are wanted; compiled for sines with a hat."""
-        travel, n, size = self._travel(t, q, v, a, phase), self.n_modal, self.n_dof
+        """r, and dr/dq, dr/dv, dr/da if they are wanted."""
+        travel, size = self._travel(t, q, v, a, phase), self.n_dof
         parts = np.zeros((3 if tangent else 0, size, size))
         if not 0.0 < travel[0] < 1.0:  # a trial that leaves the cable: Newton's method takes less
             return np.full(size, np.nan), parts
-        if self._compiled:
-            ride, rows, r = self._ride(t, travel, a, phase), np.array([q, v, a]), np.empty(size)
-            key = ride.mode, ride.on, ride.thrust, travel, rows.tobytes()
-            if tangent and self._parts is not None and self._parts[0] == key:
-                return self._parts[1].copy(), self._parts[2]
-            x, pull = self._anywhere(travel), np.empty(ride.behind.shape[1] + ride.ahead.shape[1])
-            kernels.look(x.moment, ride, self._constants, rows, r, pull, parts)
-            self._moved = travel[0], pull, ride.behind, ride.ahead
-            if tangent:
-                self._parts = key, r.copy(), parts
-            return r, parts
-        x = self._at(travel)
-        r, car = self._balance(t, q, v, a, phase, x)
-        if not tangent:
-            return r, parts
-        stiffness = self.cable.linearise(self.basis, x.place, self._fields(q))[2]
-        for part, c in zip(parts, np.eye(3).tolist(), strict=True):
-            part[:n, :n] = self._tangent(x, stiffness.copy(), *c)
-            kernels.add_shed_tangent(x.carried, x.rays, travel[1], self._on(t, phase), c[0], c[1], part[:n, :n])
-            if not self._rolls:
-                part[n, n] = c[2] * self.mu
-                continue
-            kernels.row(x.carried, car, x.rays, self._full.pulls, *travel[1:], self._on(t, phase), *c, part[n])
-            if not self.free:
-                f = c[2] * x.carried.f
-                part[: self.n, n], part[self.n : n, n], part[n, n] = -car.tx * f, -car.ty * f, -c[2]
-                continue
-            V, A = (np.append(y[:-1], y[-1] + kernels.STEP * e) for y, e in zip((v, a), c[1:], strict=True))
-            part[:, n] = (self.residual(t, q, V, A, phase) - r) / kernels.STEP
+        ride, rows, r = self._ride(t, travel, a, phase), np.array([q, v, a]), np.empty(size)
+        key = ride.mode, ride.on, ride.thrust, travel, rows.tobytes()
+        if tangent and self._parts is not None and self._parts[0] == key:
+            return self._parts[1].copy(), self._parts[2]
+        x, pull = self._anywhere(travel), np.empty(ride.behind.shape[1] + ride.ahead.shape[1])
+        kernels.look(x.moment, ride, self._constants, rows, r, pull, parts)
+        self._moved = travel[0], pull, ride.behind, ride.ahead
+        if tangent:
+            self._parts = key, r.copy(), parts
         return r, parts
-
-    def _balance(self, t: float, q: Array, v: Array, a: Array, phase: int, x: Instant) -> tuple[Array, Car]:
-        force, pull = self.cable.force(x.place, self._fields(q))
-        self._pull, self._moved = (self.basis, x.place, pull), None
-        car = self._roll(t, q, v, a, phase, x, force)
-        return np.append(force.ravel(), car.defect if self._rolls else self.mu * a[-1]), car
 
     @property
     def _rolls(self) -> bool:
@@ -370,9 +334,7 @@ class RollingSystem(GalerkinSystem):
     def settle(
         self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
     ) -> Settled:
-        """As the protocol has it; compiled for sines with a hat."""
-        if not self._compiled:
-            return iterate(self, t, phase, start, now, rule, bound, newton)
+        """As the protocol has it."""
         travel = self._travel(t, start[0], start[1], start[2], phase)
         ride = self._ride(t, travel, start[2], phase)
         done = self._settle(self._anywhere(travel), ride, start, now, rule, bound, newton)

@@ -4,7 +4,6 @@ Compiled because a step of these small systems costs more in interpreter than in
 
     cable     stress, forces, tangent, inertia
     dense     BLAS and LAPACK
-    nearly    corrections from factors of some steps ago
     rolling   a car that rolls
     steps     a step, and many in one go
 
@@ -31,26 +30,22 @@ from galerkin.kernels.cable import (
     stress,
     survey,
 )
-from galerkin.kernels.nearly import Kept
 from galerkin.kernels.rolling import (
     STEP,
     Rolling,
-    add_shed_tangent,
     averaged,
     by_force,
     car,
     motion,
-    pulls,
     recover,
     roll,
-    row,
     taut,
 )
 from galerkin.kernels.steps import FREE, HAULED, STUCK, Cable, Course, Grip, Moment, Ride, look, settle, surveyed
 
 __all__ = [
-    "FREE", "HAULED", "STEP", "STUCK", "Cable", "Course", "Grip", "Kept", "Moment", "Points", "Ride", "Rolling",
-    "acceleration", "add_inertia", "add_inertia_tangent", "add_shed_tangent", "averaged", "balance", "by_force", "car",
-    "least", "look", "motion", "pulls", "recover", "roll", "row", "settle", "static", "static_at", "stiffness",
+    "FREE", "HAULED", "STEP", "STUCK", "Cable", "Course", "Grip", "Moment", "Points", "Ride", "Rolling",
+    "acceleration", "add_inertia", "add_inertia_tangent", "averaged", "balance", "by_force", "car",
+    "least", "look", "motion", "recover", "roll", "settle", "static", "static_at", "stiffness",
     "stress", "survey", "surveyed", "taut",
 ]  # fmt: skip

@@ -14,36 +14,28 @@ from numba.np.linalg import F_INT_nbtype, F_INT_nptype
 
 from galerkin.law import compiled
 
-_real, _single, _any = types.CPointer(types.float64), types.CPointer(types.float32), types.voidptr
+_real, _any = types.CPointer(types.float64), types.voidptr
 _size, _char = types.intp, types.char
 _gemm: Any = types.ExternalFunction(
     "numba_xxgemm",
-    types.intc(
-        _char, _char, _char, _size, _size, _size, _any, _any, _size, _any, _size, _any, _any, _size
-    ),
-)  # fmt: skip
+    types.intc(_char, _char, _char, _size, _size, _size, _any, _any, _size, _any, _size, _any, _any, _size),
+)
 _gesv: Any = types.ExternalFunction(
     "numba_xgesv", types.intc(_char, _size, _size, _real, _size, types.CPointer(F_INT_nbtype), _real, _size)
 )
-_potrf: Any = types.ExternalFunction("numba_xxpotrf", types.intc(_char, _char, _size, _single, _size))
-SINGLE, DOUBLE, PLAIN, TRANSPOSED, LOWER = ord("s"), ord("d"), ord("n"), ord("t"), ord("l")
+DOUBLE, PLAIN, TRANSPOSED = ord("d"), ord("n"), ord("t")
 
 
 @compiled
 def multiply(a, b, flip, out):
-    """Set out (m, n) to a b, or where `flip` to a b^T; a (m, k), all in double or all in single precision."""
+    """Set out (m, n) to a b, or where `flip` to a b^T; a (m, k)."""
     if not (a.flags.c_contiguous and b.flags.c_contiguous and out.flags.c_contiguous):
         raise ValueError("arrays in C order are wanted")
-    if not (a.itemsize == out.itemsize and b.itemsize == out.itemsize):
-        raise ValueError("arrays of one precision are wanted")
-    factors = np.empty(2, out.dtype)
+    factors = np.empty(2)
     factors[0], factors[1] = 1.0, 0.0
     m, k, n = a.shape[0], a.shape[1], out.shape[1]
-    kind, way = SINGLE if out.itemsize == 4 else DOUBLE, TRANSPOSED if flip else PLAIN
-    _gemm(
-        kind, way, PLAIN, n, m, k, factors.ctypes, b.ctypes, b.shape[1], a.ctypes, k, factors[1:].ctypes, out.ctypes,
-        n,
-    )  # fmt: skip
+    one, zero, way = factors.ctypes, factors[1:].ctypes, TRANSPOSED if flip else PLAIN
+    _gemm(DOUBLE, way, PLAIN, n, m, k, one, b.ctypes, b.shape[1], a.ctypes, k, zero, out.ctypes, n)
 
 
 @compiled
@@ -57,26 +49,3 @@ def solve(K, b, x):
             columns[j, i] = K[i, j]
     if _gesv(DOUBLE, n, 1, columns.ctypes, n, pivots.ctypes, x.ctypes, n) != 0:
         x[:] = math.nan
-
-
-@compiled
-def halve(S, half):
-    """Set half (n, n) to L^-1, S = L L^T, in single precision; return whether S is positive definite.
-
-    S : in single precision, its upper triangle; receives L^T.
-    """
-    n = S.shape[0]
-    if _potrf(SINGLE, LOWER, n, S.ctypes, n) != 0:
-        return False
-    for i in range(n):
-        row = half[i]
-        row[:] = 0.0
-        for j in range(i):
-            factor, other = S[j, i], half[j]
-            for k in range(j + 1):
-                row[k] -= factor * other[k]
-        over = np.float32(1.0) / S[i, i]
-        for k in range(i):
-            row[k] *= over
-        row[i] = over
-    return True

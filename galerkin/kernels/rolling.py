@@ -205,15 +205,13 @@ def roll(x, slope, load, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, on, thr
     """Add the cable's inertia and the car to R (2, n), and return `car`, and `by_force` of both sides.
 
     slope, load, rays, bows : of an `Instant`
-    sides : as for `recover`, or None.  With it tau is that of the tension from equilibrium: sines do not resolve a side
-        that is shorter than their waves, and the balance of the car by their slopes errs by a hundred times as much.
+    sides : as for `recover`.  tau is that of the tension from equilibrium: sines do not resolve a side that is shorter
+        than their waves, and the balance of the car by their slopes errs by a hundred times as much.
     """
     last = x.f.size - 1
     velocity, p, behind, ahead = motion(x, slope, load, rays, bows, Q, V, A, ds_o)
     p[1] += on.sigma
-    turns = 0.0, 0.0
-    if sides is not None:
-        turns = recover(x, slope, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, behind, ahead)
+    turns = recover(x, slope, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, behind, ahead)
     out = car(on, thrust, velocity, p, behind, ahead)
     bx, by = by_force(on, thrust, velocity, p, behind, ahead, turns[0], out[9], 0)
     ax, ay = by_force(on, thrust, velocity, p, behind, ahead, turns[1], out[9], 1)
@@ -224,8 +222,8 @@ def roll(x, slope, load, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, on, thr
     weight = shed(x, ds_o, on)
     for a in range(2):
         R[a, last] += weight * (V[a, last] - Q[a, last] * ds_o * (rays[0] + rays[1]))
-        if sides is not None:  # what bubbles kink is not the hat's to carry
-            R[a, last] -= weight * (bows[0, 1, a] + bows[1, 1, a]) / (rays[0] - rays[1])
+        # what bubbles kink is not the hat's to carry
+        R[a, last] -= weight * (bows[0, 1, a] + bows[1, 1, a]) / (rays[0] - rays[1])
     return (*out, bx, by, ax, ay)
 
 

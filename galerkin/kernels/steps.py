@@ -24,7 +24,6 @@ from galerkin.kernels.cable import (
     survey,
 )
 from galerkin.kernels.dense import solve
-from galerkin.kernels.nearly import corrected, keep
 from galerkin.kernels.rolling import STEP, Rolling, add_shed_tangent, averaged, car, motion, pulls, roll, row
 from galerkin.law import compiled
 
@@ -246,7 +245,7 @@ def look(here, ride, cable, balanced, r, pull, parts):
 
 
 @compiled
-def settle(grip, places, here, ride, course, cable, sigma, start, now, told, rules, bound, newton, pull, kept=None):
+def settle(grip, places, here, ride, course, cable, sigma, start, now, told, rules, bound, newton, pull):
     """`cablefem.newmark.System.settle` for the full cable, of steps one after another.
 
     Return how many came to be in balance, not slack, and with no event of the course.
@@ -256,7 +255,7 @@ def settle(grip, places, here, ride, course, cable, sigma, start, now, told, rul
     ride : `Ride` or None;  course : `Course` or None
     now : (m, 3, size) receives the ends;  rules : (m, 3, 5);  newton : max_iter, reuse, patience, most halvings.
     told : (m, 6) |r|, how often it iterated, factorised, evaluated, the least tension and its s.
-    pull : of the last step;  kept : `Kept` for many sines, else None
+    pull : of the last step
     The factors are not kept but made again from the kept tangent: more than one iteration is rare, and for further
     steps the tangent does not do: the mass has gone a part of the highest sine's wave by then, and its kink turns r'.
     """
@@ -325,20 +324,11 @@ def settle(grip, places, here, ride, course, cable, sigma, start, now, told, rul
                 if norm <= bound or not norm < math.inf or iterations >= newton[0]:
                     break
                 anew = norm > newton[1] * before
-            before, share, halving, done = norm, 1.0, 0, False
-            if kept is not None:
-                done = corrected(here, cable.inertia, gram, r, bound, c0, c1, c2, kept, step)
-                if not done:
-                    stiffness(here.at.phi, gram, cable.harmonic, cable.grading, cable.hat, K)
-                    keep(K, c0, c2, kept)
-                    done = corrected(here, cable.inertia, gram, r, bound, c0, c1, c2, kept, step)
-                anew = True
+            before, share, halving = norm, 1.0, 0
             if anew:
                 factorisations += 1
-            if not done:
-                if anew:
-                    tangent(here, of, cable, balanced, r, out, gram, sides, internal, c0, c1, c2, K)
-                solve(K, r, step)
+                tangent(here, of, cable, balanced, r, out, gram, sides, internal, c0, c1, c2, K)
+            solve(K, r, step)
         lowest, where = pull[0], here.at.s[0]
         if grip is not None:
             lowest, where = least(here.at, places[count, 0], pull)

@@ -87,7 +87,7 @@ def test_a_bar_that_is_too_small_is_seen():
     assert found["true_error"] > 1e-9  # and a run so sure of itself would be found out
 
 
-@pytest.mark.parametrize("method", ["following-p1", "fourier-kink", "wavelet-kink"])
+@pytest.mark.parametrize("method", ["following-p1", "fourier-kink"])
 def test_a_ride_that_rolls_back_ends_by_the_support_it_came_from(method):
     """Nothing converges nearer: a run that went on would creep."""
     point = {"sag_ratio": 0.02, "alpha": 500.0, "slope": -20.0, "mu": 0.3, "speed_ratio": 0.2, "drive.mode": "free"}
@@ -131,7 +131,7 @@ def test_a_coarse_companion_of_which_nothing_is_known_leaves_no_bar():
 
 @pytest.mark.parametrize(
     ("method", "settings"),
-    [("following-p2", {"elements": 2, "scheme": "generalized-alpha"}), ("wavelet-kink", {"level": 1})],
+    [("following-p2", {"elements": 2, "scheme": "generalized-alpha"}), ("fourier-kink", {"terms": 12})],
 )
 @pytest.mark.parametrize("beyond", [True, False], ids=["beyond", "on the cable"])
 def test_a_ride_that_ends_beyond_the_cable_ended_before(method, settings, beyond):

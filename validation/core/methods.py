@@ -210,7 +210,7 @@ def _galerkin(family: str, kink: bool) -> Build:
 
         wavelets = {key: x[key] for key in _WAVELETS if key in x}
         terms = x.get("terms", 0)
-        graded = groups.drive.mode == "free" and kink and terms > 1  # sums of graded sines take the second
+        graded = groups.drive.mode == "free" and kink and terms > 1  # graded sums use the second sine
         basis: Any = Daubechies(**wavelets) if family == "wavelet" else Fourier(terms, GRADING if graded else 0.0)
         rolls = groups.drive.mode != "grip"
         system = (RollingSystem if rolls else GalerkinSystem)(groups, basis, kink=kink, **kind)
@@ -305,7 +305,7 @@ METHODS: dict[str, Method] = {
             {"terms": _TERMS, "abscissa": _ABSCISSA, **TIME}, TERMS, 2.0, _galerkin("fourier", True),
             on_rides={"terms": 45, "steps": 3000, "rho_inf": 0.7}, begins=(5, 500), survey=(16, 600),
             races=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
-            trust="the default of the Galerkin side; ten terms beat two hundred plain ones",
+            trust="the Galerkin default, and its only method for cars that roll; ten terms beat 200 plain ones",
         ),
         Method(
             "wavelet", "galerkin", "the paper's anti-derivatives of Daubechies wavelets (35)-(39)",
