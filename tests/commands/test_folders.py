@@ -12,6 +12,8 @@ from validation.commands.modes import study
 from validation.commands.run import study as run_study
 from validation.core import store
 
+EDITED = Scene.load("level").variant(mu=0.9, name="level").to_toml()
+
 _modes = cache(lambda toml, modes=study.modes: modes(Scene.from_toml(toml)))
 
 
@@ -27,32 +29,59 @@ def test_a_folder_with_anything_else_in_it_is_refused_and_left_alone(cablefem, t
     code, out, err = cablefem("run", "level", *QUICK, "--out", "full")
     assert (code, out) == (2, "")
     assert lines(err) == [
-        "full is not empty and holds no result of cablefem; nothing was written; choose another folder with --out"
+        "full holds thesis.tex, which is no result of cablefem; nothing was written; choose another folder with --out"
     ]
     assert tree(tmp_path) == {"full/thesis.tex": b"years of work"}
 
 
-def test_a_folder_is_for_one_command_and_one_scene(cablefem, tmp_path):
+def test_a_folder_is_for_one_command(cablefem, tmp_path):
     assert cablefem("modes", "level", "--out", "x")[0] == 0
     before = tree(tmp_path)
     code, _, err = cablefem("run", "level", *QUICK, "--out", "x")
     assert code == 2
     assert "x holds a result of cablefem modes" in err
-    code, _, err = cablefem("modes", "inclined", "--out", "x")
-    assert code == 2
-    assert "x holds results of another scene named level" in err
     assert tree(tmp_path) == before
     assert cablefem("modes", "level", "--out", "x")[0] == 0  # rebuilt
 
 
-def test_a_scene_that_changed_under_its_name_is_another_scene(cablefem, tmp_path):
+@pytest.mark.parametrize("out", [(), ("--out", "x")])
+def test_an_edited_scene_replaces_the_results_of_the_same_command(cablefem, tmp_path, out):
+    text, folder = Scene.load("level").to_toml(), tmp_path / ("x" if out else "cablefem-out/level")
+    (tmp_path / "a.toml").write_text(text)
+    assert cablefem("run", "a.toml", *QUICK, *out)[0] == 0
+    assert cablefem("run", "a.toml", "--method", "fourier", "--set", "terms=8", "--set", "steps=80", *out)[0] == 0
+    before = tree(folder)
+    (tmp_path / "a.toml").write_text(EDITED)
+    assert cablefem("run", "a.toml", *QUICK, *out)[0] == 0
+    after = tree(folder)
+    assert not any(name.startswith("fourier/") for name in after)  # it was of the scene before
+    assert after["following-p2/path.csv"] != before["following-p2/path.csv"]
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "following-p2/notes.txt"])
+def test_a_file_that_a_command_did_not_write_keeps_its_folder_as_it_is(cablefem, tmp_path, name):
+    text = Scene.load("level").to_toml()
+    (tmp_path / "a.toml").write_text(text)
+    assert cablefem("run", "a.toml", *QUICK, "--out", "x")[0] == 0
+    (tmp_path / "x" / name).write_text("mine")
+    before = tree(tmp_path / "x")
+    (tmp_path / "a.toml").write_text(EDITED)
+    code, _, err = cablefem("run", "a.toml", *QUICK, "--out", "x")
+    assert code == 2
+    assert f"x/{name} was not written by cablefem run; nothing was written" in err
+    assert tree(tmp_path / "x") == before
+
+
+def test_an_edited_scene_leaves_the_results_of_other_commands(cablefem, tmp_path):
     text = Scene.load("level").to_toml()
     (tmp_path / "a.toml").write_text(text)
     assert cablefem("modes", "a.toml")[0] == 0
-    (tmp_path / "a.toml").write_text(text.replace("span = 2000.0", "span = 1990.0"))
-    code, _, err = cablefem("modes", "a.toml")
-    assert code == 2
-    assert "another scene named level" in err
+    before = tree(Path("cablefem-out"))
+    (tmp_path / "a.toml").write_text(EDITED)
+    assert cablefem("run", "a.toml", *QUICK)[0] == 0
+    after = tree(Path("cablefem-out"))
+    assert after["level/modes.json"] == before["level/modes.json"]
+    assert store.results(Path("cablefem-out/level")) == ["run"]  # a page shows results of one scene
 
 
 @pytest.mark.usefixtures("checked")

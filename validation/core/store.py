@@ -1,14 +1,16 @@
-"""Where results go: a folder is refused unless it is empty or holds a result of the same command on the same scene."""
+"""Where results go.  A command replaces results of its own, and leaves alone whatever else is in a folder."""
 
 import json
 import math
+import shutil
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 ROOT = Path("cablefem-out")
 MARKER = ".cablefem.json"
+REPORT = "report.html"  # of all commands in a folder
 _REMEDY = "nothing was written; choose another folder with --out"
 
 
@@ -24,36 +26,34 @@ class Refused(ValueError):
 
 
 def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str], *, among: bool = False) -> Path:
-    """Return the folder for a command's results, made and marked; raise Refused where something else is in it.
+    """Return the folder for a command's results, made and marked; Refused where something else is in the way.
 
     out : the folder asked for; it belongs to one command. None: cablefem-out/SCENE, which all commands on that
         scene share, each with files of its own.
-    scene : the Scene, or the command's name where there is none.
+    scene : the Scene, or the command's name where there is none.  The command's results of another scene are deleted,
+        unless there is a file among them that it did not write.
     writes : files and folders inside `out` that are the command's own.
     among : a new folder may hold other things, if not the files to be written.
     """
-    from cablefem.response import write_json
-
-    scene_name, text = (scene, "") if isinstance(scene, str) else (scene.name, scene.to_toml())
-    folder = ROOT / scene_name if out is None else out
+    name, text = (scene, "") if isinstance(scene, str) else (scene.name, scene.to_toml())
+    folder = ROOT / name if out is None else out
     try:
         folder.mkdir(parents=True, exist_ok=True)
         marker = _marker(folder)
         if marker is None:
-            if any((folder / name).exists() for name in writes) if among else any(folder.iterdir()):
-                raise Refused(f"{folder} is not empty and holds no result of cablefem; {_REMEDY}")
-            marker = {"scene": text, "name": scene_name, "shared": out is None, "results": {}}
-        if marker["scene"] != text:
-            raise Refused(f"{folder} holds results of another scene named {marker['name']}; {_REMEDY}")
-        for other, claimed in marker["results"].items():
-            taken = sorted(set(claimed) & set(writes))
-            if other != command and (taken or not marker["shared"]):
-                what = folder / taken[0] if taken and marker["shared"] else folder
-                raise Refused(f"{what} holds a result of cablefem {other}; {_REMEDY}")
-        known = marker["results"].get(command, [])
-        marker["results"][command] = sorted({*known, *writes})
-        marker["finished"] = [done for done in marker.get("finished", []) if done != command]
-        write_json(folder / MARKER, marker)
+            strange = (
+                [w for w in writes if (folder / w).exists()] if among else sorted(x.name for x in folder.iterdir())
+            )
+            if strange:
+                raise Refused(f"{folder} holds {strange[0]}, which is no result of cablefem; {_REMEDY}")
+            marker = {"shared": out is None, "results": {}}
+        _keep_out(folder, marker, command, writes)
+        old = marker["results"].get(command, {"scene": text, "writes": []})
+        if old["scene"] != text:
+            _delete(folder, marker, command)
+            old = {"writes": []}
+        marker["results"][command] = {"scene": text, "writes": sorted({*old["writes"], *writes}), "finished": None}
+        _write(folder, marker | {"scene": text})
     except FileExistsError:
         raise Refused(f"{folder} is a file; --out must be a folder") from None
     except OSError as error:
@@ -61,26 +61,56 @@ def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str], *, 
     return folder
 
 
+def _keep_out(folder: Path, marker: dict[str, Any], command: str, writes: Sequence[str]) -> None:
+    """Raise Refused where another command's results are in the way."""
+    for other, result in marker["results"].items():
+        taken = sorted(set(result["writes"]) & set(writes)) if marker["shared"] else [""]
+        if other != command and taken:
+            raise Refused(f"{folder / taken[0]} holds a result of cablefem {other}; {_REMEDY}")
+
+
+def _delete(folder: Path, marker: dict[str, Any], command: str) -> None:
+    """Delete a command's results; raise Refused if the folder holds a file that no command wrote."""
+    result = marker["results"][command]
+    present = set(_files(folder, result["writes"]))
+    others = {name for other in marker["results"].values() for name in other["writes"]}
+    ours = {*others, MARKER, REPORT, *(pages(folder, other).name for other in marker["results"])}
+    strange = [x.name for x in folder.iterdir() if x.name not in ours]
+    strange += present - set(result["finished"] or present)
+    if strange:
+        raise Refused(f"{folder / min(strange)} was not written by cablefem {command}; {_REMEDY}")
+    for path in (folder / name for name in (*result["writes"], pages(folder, command).name)):
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+
+
+def _files(folder: Path, names: Sequence[str]) -> list[str]:
+    """Return all files of these names, and in folders of these names, relative to the folder."""
+    found = [x for name in names for x in (folder / name, *(folder / name).rglob("*")) if x.is_file()]
+    return sorted(str(x.relative_to(folder)) for x in found)
+
+
 def finish(folder: Path, command: str) -> None:
     """Mark a command's results as complete, so that a report takes them as they are."""
-    from cablefem.response import write_json
-
     marker = _marker(folder)
     if marker is not None:
-        marker["finished"] = sorted({*marker.get("finished", []), command})
-        write_json(folder / MARKER, marker)
+        result = marker["results"][command]
+        result["finished"] = _files(folder, result["writes"])
+        _write(folder, marker)
 
 
 def finished(folder: Path, command: str) -> bool:
     """Return whether a folder holds complete results of a command."""
-    marker = _marker(folder)
-    return marker is not None and command in marker.get("finished", [])
+    marker = _marker(folder) or {"results": {}}
+    return marker["results"].get(command, {}).get("finished") is not None
 
 
 def results(folder: Path) -> list[str]:
-    """Return the commands whose results a folder holds; none if it is not one of ours."""
-    marker = _marker(folder)
-    return [] if marker is None else list(marker["results"])
+    """Return the commands whose results on the latest scene a folder holds; none if it is not one of ours."""
+    marker = _marker(folder) or {"results": {}}
+    return [command for command, result in marker["results"].items() if result["scene"] == marker["scene"]]
 
 
 def title(folder: Path) -> str:
@@ -89,21 +119,66 @@ def title(folder: Path) -> str:
     return scene.get("title") or scene.get("name") or ""
 
 
+def pages(folder: Path, command: str) -> Path:
+    """Return the file of a command's pages as they were drawn when it finished."""
+    return folder / f".{command}.pages.json"
+
+
 def _marker(folder: Path) -> dict[str, Any] | None:
-    try:
-        marker = json.loads((folder / MARKER).read_text(encoding="utf-8"))
-        return marker if {"scene", "name", "shared", "results"} <= set(marker) else None
-    except (OSError, ValueError, TypeError):
-        return None
+    marker = stored(folder / MARKER)
+    return marker if {"scene", "shared", "results"} <= set(marker) and isinstance(marker["results"], dict) else None
+
+
+def _write(folder: Path, marker: dict[str, Any]) -> None:
+    from cablefem.response import write_json
+
+    write_json(folder / MARKER, marker)
+
+
+# --- items that a study computes once --------------------------------------------------------------------------------
 
 
 def stored(file: Path, **same: Any) -> dict[str, Any]:
     """Return the JSON object in a file if these of its entries are the same; an empty one otherwise."""
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
-        return content if all(content[name] == value for name, value in same.items()) else {}
+        known = isinstance(content, dict) and all(content[name] == value for name, value in same.items())
+        return content if known else {}
     except (OSError, ValueError, KeyError, TypeError):
         return {}
+
+
+def each_once(
+    file: Path, jobs: dict[str, Any], work: Callable[[Any], Any], report: Callable[[float], None] | None = None
+) -> dict[str, Any]:
+    """Return work(job) of all jobs by their keys; each is kept in a line of a file as soon as it is done.
+
+    Every core takes the next job.  What the file holds is not computed again; a line that was cut off does not count.
+    """
+    from validation.core.sidebyside import spread
+
+    done: dict[str, Any] = {}
+    for line in file.read_text(encoding="utf-8").splitlines() if file.exists() else ():
+        try:
+            key, item = json.loads(line)
+        except (ValueError, TypeError):
+            continue
+        done[key] = item
+    missing = [key for key in jobs if key not in done]
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("a", encoding="utf-8") as out:
+
+        def keep(i: int, item: Any) -> None:
+            done[missing[i]] = item
+            out.write(
+                "\n" + json.dumps([missing[i], item], allow_nan=False)
+            )  # a line cut off must not swallow this one
+            out.flush()
+            if report is not None:
+                report(sum(key in done for key in jobs) / len(jobs))
+
+        spread(lambda key: plain(work(jobs[key])), missing, keep)
+    return {key: done[key] for key in jobs}
 
 
 def plain(x: Any) -> Any:

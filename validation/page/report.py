@@ -31,14 +31,14 @@ def drawn(folder: Path, command: str) -> list[Section]:
         if error.name != home:
             raise
         return []
-    write_json(_file(folder, command), [asdict(section) for section in sections])
+    write_json(store.pages(folder, command), [asdict(section) for section in sections])
     return sections
 
 
 def kept(folder: Path, command: str) -> list[Section]:
     """Return the pages as they were drawn when the command finished: drawing takes most of a report's time."""
     try:
-        pages = json.loads(_file(folder, command).read_text(encoding="utf-8"))
+        pages = json.loads(store.pages(folder, command).read_text(encoding="utf-8"))
         return [Section(**page | {"html": Markup(page["html"]), "scripts": tuple(page["scripts"])}) for page in pages]
     except (OSError, ValueError, TypeError, KeyError):
         return drawn(folder, command)
@@ -100,7 +100,3 @@ def tell(sections: Sequence[Section]) -> None:
     """Print what pages have found, one line for each that found something."""
     cells = [[s.title, s.verdict or "", s.summary] for s in sections if s.verdict or s.summary]
     terminal.table(["page", "verdict", "found"], cells)
-
-
-def _file(folder: Path, command: str) -> Path:
-    return folder / f".{command}.pages.json"

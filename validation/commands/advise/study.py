@@ -107,7 +107,7 @@ def advise(scene: Scene, tol: float, out: Path, progress: Progress | None = None
         raise ValueError(f"tol must lie in (0, 1), got {tol!r}")
     if kept := store.stored(out / "advice.json", scene_toml=scene.to_toml(), tol=tol):
         return kept
-    content = (advice if scene.drive.mode == "grip" else rolling.advice)(scene, tol, progress)
+    content = advice(scene, tol, progress)
     out.mkdir(parents=True, exist_ok=True)
     write_json(out / "advice.json", content)
     return content
@@ -115,6 +115,8 @@ def advise(scene: Scene, tol: float, out: Path, progress: Progress | None = None
 
 def advice(scene: Scene, tol: float, progress: Progress | None = None) -> dict[str, Any]:
     """Return the content of advice.json."""
+    if scene.drive.mode != "grip":
+        return rolling.advice(scene, tol, progress)
     report = progress or (lambda label, done: None)
     for model in ("full", "string"):  # the first call of compiled code costs more than a run
         run(scene, REFERENCE, model=model, elements=2, steps=8, until=0.3)

@@ -1,6 +1,6 @@
 """The ways methods fail (catalogue.toml), each with a case that shows the failure and the same case with the remedy.
 
-Here are the measures that the cases name; `run_row` runs one row, `tests/validation` all of them.
+Below are the measures that the cases name.
 """
 
 import tomllib
@@ -22,7 +22,6 @@ from galerkin.equations import GalerkinSystem
 from galerkin.modes import bare_frequencies
 from validation.commands.atlas import specimens
 from validation.core import measures
-from validation.core.methods import Method
 from validation.core.running import run
 from validation.core.trust import convergence_limit, post_slack_spread, recommended
 from validation.core.watch import MOST_GAIN
@@ -60,10 +59,13 @@ def _measured(cases: dict[str, dict[str, Any]]) -> dict[str, float]:
 
 # --- measures -------------------------------------------------------------------------------------------------------
 
-PLANTED: dict[str, Method] = {
-    "no Coriolis": specimens.NO_CORIOLIS, "no convection": specimens.NO_CONVECTION,
-    "resting start": specimens.RESTING_START,
-}  # fmt: skip
+MEASURES: dict[str, Callable[..., float | dict[str, float]]] = {}
+
+
+def _measure(of: Callable[..., Any]) -> Callable[..., Any]:
+    """Register a measure under its name, without the underscore."""
+    MEASURES[of.__name__[1:]] = of
+    return of
 
 
 @cache
@@ -78,28 +80,35 @@ def _reference(model: str, **groups: float) -> Response:
 
 
 def _run(method: str, **how: Any) -> Response:
-    return run(_scene(), PLANTED.get(method, method), **how)
+    return run(_scene(), specimens.PLANTED.get(method, method), **how)
 
 
+@_measure
 def _path(method: str, *, model: str = "full", scene: dict[str, float] | None = None, **how: Any) -> float:
     """Largest path error in s_o/l 0.02 to 0.80, over the largest deflection; infinite for a run that broke before."""
     groups = scene or {}
-    r = run(_scene(**groups), PLANTED.get(method, method), model=model, law="elastic", **how)
+    r = run(_scene(**groups), specimens.PLANTED.get(method, method), model=model, law="elastic", **how)
     if r.reached < measures.WINDOW[1]:
         return float("inf")
     return measures.path_gap(r, _reference(model, **groups), measures.WINDOW)[0]
 
 
+@_measure
 def _energy(method: str, **how: Any) -> float:
     """Energy gained without being given, over weight times deflection."""
-    gain = _run(method, **how).energy_gain
-    return float("inf") if gain is None else gain
+    return _gain(_run(method, **how))
 
 
+def _gain(r: Response) -> float:
+    return float("inf") if r.energy_gain is None else r.energy_gain
+
+
+@_measure
 def _ripple(method: str, **how: Any) -> float:
     return measures.oscillation(_run(method, law="elastic", **how), measures.WINDOW)
 
 
+@_measure
 def _vibration(scheme: str) -> dict[str, float]:
     """Energy of a free cable let go from a hundredth of its length, over the one given."""
     energy = specimens.free_vibration(
@@ -109,6 +118,7 @@ def _vibration(scheme: str) -> dict[str, float]:
     return {"energy at most": energy.max(), "energy off by": off, "steps": energy.size - 1}
 
 
+@_measure
 def _left(scheme: str, **how: Any) -> float:
     """Part of the energy that is left of a vibration small enough to be linear; second mode: no axial stretching."""
     energy = specimens.free_vibration(
@@ -117,12 +127,14 @@ def _left(scheme: str, **how: Any) -> float:
     return energy[-1] / energy[100]  # the first 100 steps are left to the axial waves that the start sets off
 
 
+@_measure
 def _frequency(level: int, reading: Literal["literal", "scaling"]) -> float:
     """Error of the first frequency; exact: the linearised catenary, by collocation to 11 digits."""
     basis = Daubechies(order=4, level=level, reading=reading)
     return abs(float(bare_frequencies(_scene().groups, basis, n=1)[0]) / 5.3454766022 - 1.0)
 
 
+@_measure
 @cache
 def _end() -> dict[str, float]:
     """Where refinement ceases to help towards the far support."""
@@ -134,6 +146,7 @@ def _end() -> dict[str, float]:
     return {"reached": runs[-1].reached, "gap of the finest two": beyond, "to 0.80": before, "limit": limit}
 
 
+@_measure
 def _start(graded: bool) -> float:
     """Path error of a light mass just after the entry."""
     scene, settings = _scene(mu=0.01), {"elements": 8, "steps": 400}
@@ -143,6 +156,7 @@ def _start(graded: bool) -> float:
     return float(np.abs(gap).max() / fine.max_deflection)
 
 
+@_measure
 def _slack(law: str) -> dict[str, float]:
     """How far two resolutions come on the slack cable, and how far apart their paths are there (to 0.95 at most)."""
     runs = [_run("following-p2", law=law, elements=n, steps=steps) for n, steps in ((10, 800), (15, 1200))]
@@ -151,12 +165,14 @@ def _slack(law: str) -> dict[str, float]:
     return {"reached": reached, "spread after the onset": float("nan") if spread is None else spread}
 
 
+@_measure
 def _negative(method: str, **how: Any) -> float:
     """Place of the mass at which some point of the cable is first under compression."""
     r = _run(method, law="elastic", **how)
     return float(r.s_o[np.argmax(r.tension_min < 0.0)] / r.length)
 
 
+@_measure
 def _front(**how: Any) -> float:
     """Path error of a mass of a hundredth where its own front meets it, come back from the far support."""
     scene, window = _scene(mu=0.01), (0.5, 0.65)
@@ -164,12 +180,14 @@ def _front(**how: Any) -> float:
     return measures.path_gap(run(scene, "following-p4", **how), run(scene, "following-p4", **fine), window)[0]
 
 
+@_measure
 def _onset(method: str, *, scene: dict[str, float] | None = None, **how: Any) -> float:
     """Place s_o/l of the mass where a run says that the cable goes slack."""
     onset = run(_scene(**(scene or {})), method, **how).slack_onset
     return float("nan") if onset is None else onset
 
 
+@_measure
 @cache
 def _noise(model: str) -> dict[str, float]:
     """Gaps of two resolutions of a stiff cable, before the slack; and of the path to that of the full model."""
@@ -187,24 +205,16 @@ def _noise(model: str) -> dict[str, float]:
     return found
 
 
+@_measure
 def _frozen(terms: int) -> float:
     system = GalerkinSystem(_scene().groups, Fourier(terms))
     end = system.phases[-1][1]
     return float(np.exp(end * max(specimens.frozen_growth(system, x * end) for x in (0.1, 0.5, 0.9))))
 
 
+@_measure
 def _explicit(terms: int, factor: float) -> dict[str, float]:
     """Central differences with a step that is `factor` times the critical one of theory."""
-    system = GalerkinSystem(_scene().groups, Fourier(terms))
-    end = system.phases[-1][1]
-    steps = end * specimens.largest_frequency(system, 0.5 * end) / (2.0 * factor)
+    steps = specimens.critical_steps(_scene().groups, terms) / factor
     r = _run("fourier", terms=terms, steps=round(steps), scheme="central-difference")
-    gain = float("inf") if r.energy_gain is None else r.energy_gain
-    return {"step over critical": factor, "reached": r.reached, "energy": gain}
-
-
-MEASURES: dict[str, Callable[..., float | dict[str, float]]] = {
-    "path": _path, "energy": _energy, "ripple": _ripple, "vibration": _vibration, "left": _left,
-    "frequency": _frequency, "end": _end, "start": _start, "slack": _slack, "negative": _negative, "onset": _onset,
-    "front": _front, "noise": _noise, "frozen": _frozen, "explicit": _explicit,
-}  # fmt: skip
+    return {"step over critical": factor, "reached": r.reached, "energy": _gain(r)}

@@ -1,7 +1,4 @@
-"""Pages about where methods fail: maps, step limits against theory, the failure catalogue; from stored cells only.
-
-Read from the folder that `validation.commands.atlas.study` writes; works on an atlas that was interrupted.
-"""
+"""Pages about where methods fail: maps, step limits against theory, the failure catalogue."""
 
 from pathlib import Path
 from typing import Any
@@ -65,50 +62,45 @@ def _map(atlas: dict[str, Any], m: dict[str, Any]) -> Section:
 def _figure(atlas: dict[str, Any], m: dict[str, Any], method: str, cells: dict[Any, Any]) -> Markup:
     xs, ys = m["x"]["values"], m["y"]["values"]
     fig, ax = panels(height=3.6)
-    used: list[Any] = []
-    causes: set[str] = set()
+    grid = [(i, j, cells.get((method, x, y))) for i, x in enumerate(xs) for j, y in enumerate(ys)]
+    kinds = [cell and cell["class"] for _, _, cell in grid]
+    shown = [name for name in CLASSES if name in kinds]
+    causes = {cell["cause"] for _, _, cell in grid if cell}
     with style():
-        for i, x in enumerate(xs):
-            for j, y in enumerate(ys):
-                cell = cells.get((method, x, y))
-                kind = None if cell is None else cell["class"]
-                used.append(kind)
-                colour, hatch, _ = CLASSES[kind]
-                ax.fill_between([i - 0.5, i + 0.5], j - 0.5, j + 0.5, facecolor=colour, hatch=hatch, edgecolor="white",
-                                linewidth=0.5)  # fmt: skip
-                if cell is None:
-                    ax.text(i, j, "·", ha="center", va="center", color=GREY)
-                    continue
-                if cell["cause"] is None:
-                    continue
-                letter, badge, _ = CAUSES[cell["cause"]]
-                causes.add(cell["cause"])
-                if cell["reached"] is not None and cell["reached"] < 0.995 and cell["cause"] != "too coarse":
-                    letter += f"\n{cell['reached']:.2f}"
-                ink = BLACK if badge in ("#ffffff", PURPLE) else "white"
-                box = {"facecolor": badge, "edgecolor": "white", "linewidth": 0.5, "pad": 1.2}
-                ax.text(i, j, letter, ha="center", va="center", fontsize=7.5, color=ink, bbox=box)
+        for i, j, cell in grid:
+            _cell(ax, i, j, cell)
         _curves(ax, atlas, m, method)
         ax.set_xticks(range(len(xs)), [f"{x:g}" for x in xs], rotation=45)
         ax.set_yticks(range(len(ys)), [f"{y:g}" for y in ys])
-        ax.set_xlim(-0.5, len(xs) - 0.5)
-        ax.set_ylim(-0.5, len(ys) - 0.5)
+        ax.set(xlim=(-0.5, len(xs) - 0.5), ylim=(-0.5, len(ys) - 0.5), title=method)
         ax.set_xlabel(NAMES.get(m["x"]["name"], m["x"]["name"]))
         ax.set_ylabel(NAMES.get(m["y"]["name"], m["y"]["name"]))
         ax.grid(False)
-        ax.set_title(method)
-        shown = [name for name in CLASSES if name in used]
-        handles = [
-            Patch(facecolor=CLASSES[k][0], hatch=CLASSES[k][1], edgecolor=GREY, label=CLASSES[k][2]) for k in shown
+        looks = [CLASSES[name] for name in shown]
+        looks += [
+            (badge, "", f"{letter}: {words}") for name, (letter, badge, words) in CAUSES.items() if name in causes
         ]
-        handles += [
-            Patch(facecolor=badge, edgecolor=GREY, label=f"{letter}: {words}")
-            for name, (letter, badge, words) in CAUSES.items() if name in causes
-        ]  # fmt: skip
+        handles = [Patch(facecolor=colour, hatch=hatch, edgecolor=GREY, label=words) for colour, hatch, words in looks]
         handles += ax.get_legend_handles_labels()[0]
         fig.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=7.5)
-    tally = ", ".join(f"{used.count(k)} {k or 'not computed'}" for k in shown)
+    tally = ", ".join(f"{kinds.count(k)} {k or 'not computed'}" for k in shown)
     return figure(fig, escape(f"{m['title']}: {method}"), label=f"Map of {method}: {tally}")
+
+
+def _cell(ax: Any, i: int, j: int, cell: dict[str, Any] | None) -> None:
+    """Draw a cell in the colour of its class, with the letter of its cause and how far the run came."""
+    colour, hatch, _ = CLASSES[cell["class"] if cell else None]
+    how = {"facecolor": colour, "hatch": hatch, "edgecolor": "white", "linewidth": 0.5}
+    ax.fill_between([i - 0.5, i + 0.5], j - 0.5, j + 0.5, **how)
+    if cell is None:
+        ax.text(i, j, "·", ha="center", va="center", color=GREY)
+    elif cell["cause"] is not None:
+        letter, badge, _ = CAUSES[cell["cause"]]
+        if cell["reached"] is not None and cell["reached"] < 0.995 and cell["cause"] != "too coarse":
+            letter += f"\n{cell['reached']:.2f}"
+        ink = BLACK if badge in ("#ffffff", PURPLE) else "white"
+        box = {"facecolor": badge, "edgecolor": "white", "linewidth": 0.5, "pad": 1.2}
+        ax.text(i, j, letter, ha="center", va="center", fontsize=7.5, color=ink, bbox=box)
 
 
 def _curves(ax: Any, atlas: dict[str, Any], m: dict[str, Any], method: str) -> None:

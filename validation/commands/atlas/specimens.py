@@ -1,7 +1,6 @@
-"""Systems that only the failure catalogue runs: the free cable, planted faults, and what theory says of their steps."""
+"""Systems of the failure catalogue: the free cable, planted faults, and the limits of theory."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +14,7 @@ from cablefem.newmark import Newton, Scheme, State, consistent_acceleration
 from cablefem.response import Array
 from cablefem.scene import Groups
 from cablefem.scene.motion import standing
+from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem, Instant
 from validation.core.methods import METHODS, Method
 
@@ -40,7 +40,7 @@ class FreeCable(FixedElements):
 
 
 def free_vibration(groups: Groups, scheme: Scheme, *, dt: float, steps: int, **cable: Any) -> Array:
-    """Return the energy of a free cable after every step over that at the start, (n,); short if the run broke."""
+    """Return the energy after every step over that at the start, (n,); short if the run broke."""
     system = FreeCable(groups, end=dt * steps, **cable)
     tol = 1e-12 if scheme.average else 1e-9  # the energy is kept as well as the steps are solved
     energy: list[float] = []
@@ -53,31 +53,24 @@ def free_vibration(groups: Groups, scheme: Scheme, *, dt: float, steps: int, **c
     return np.array(energy) / energy[0]
 
 
-def largest_frequency(system: FixedElements | GalerkinSystem, t: float, phase: int = 0) -> float:
-    """Return omega_max of M, K frozen at rest at time t, by power iteration on M^-1 K; for symmetric K."""
-    rest, rng = np.zeros(system.n_dof), np.random.default_rng(7)
-    _, by_mass = system.linearise(t, rest, rest, rest, phase, 0.0, 0.0, 1.0)
-    x, value = rng.standard_normal(system.n_dof), 0.0
-    r0, h = system.residual(t, rest, rest, rest, phase), 1e-7
-    for _ in range(2000):
-        x /= np.linalg.norm(x)
-        y = by_mass((system.residual(t, h * x, rest, rest, phase) - r0) / h)
-        before, value = value, float(x @ y)
-        if abs(value - before) < 1e-7 * abs(value):
-            break
-        x = y
-    return math.sqrt(value)
+def frozen(system: GalerkinSystem, t: float) -> Any:
+    """Return M, C and K of the cable and mass at rest, frozen at time t."""
+    return (system.tangent(t, np.zeros(system.n_dof), 0, *c) for c in ((0, 0, 1.0), (0, 1.0, 0), (1.0, 0, 0)))
 
 
-def frozen_growth(system: GalerkinSystem, t: float, phase: int = 0) -> float:
-    """Return the largest growth rate, Re lambda, of the cable and mass with M, C, K frozen at time t and at rest."""
-    n, rest = system.n_dof, np.zeros(system.n_dof)
-    K, C, M = (
-        system.tangent(t, rest, phase, *c) for c in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    )  # fmt: skip
-    A = np.zeros((2 * n, 2 * n))
-    A[:n, n:] = np.eye(n)
-    A[n:] = -np.linalg.solve(M, np.hstack([K, C]))
+def critical_steps(groups: Groups, terms: int) -> float:
+    """Return the fewest stable steps of central differences by theory, sines: 2/omega_max with the mass at mid-span."""
+    system = GalerkinSystem(groups, Fourier(terms))
+    end = system.phases[-1][1]
+    M, _, K = frozen(system, 0.5 * end)
+    return end * math.sqrt(eigvals(K, M).real.max()) / 2.0
+
+
+def frozen_growth(system: GalerkinSystem, t: float) -> float:
+    """Return the largest growth rate, Re lambda, of the cable and mass frozen at time t and at rest."""
+    M, C, K = frozen(system, t)
+    n = system.n_dof
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, np.hstack([K, C]))]])
     return float(eigvals(A).real.max())
 
 
@@ -110,17 +103,14 @@ class _RestingStart(GalerkinSystem):
 
 def planted(method: str, fault: type[GalerkinSystem]) -> Method:
     """Return a Fourier method with a fault in it."""
-    sound = METHODS[method]
-    kink = method.endswith("kink")
 
     def build(groups: Groups, x: dict[str, Any], **kind: Any) -> Any:
-        from galerkin.bases.fourier import Fourier
+        return fault(groups, Fourier(x["terms"]), kink=method.endswith("kink"), **kind)
 
-        return fault(groups, Fourier(x["terms"]), kink=kink, **kind)
-
-    builder: Callable[..., Any] = build
-    return replace(sound, builder=builder)
+    return replace(METHODS[method], builder=build)
 
 
-NO_CORIOLIS, NO_CONVECTION = planted("fourier", _NoCoriolis), planted("fourier", _NoConvection)
-RESTING_START = planted("fourier-kink", _RestingStart)
+PLANTED = {
+    "no Coriolis": planted("fourier", _NoCoriolis), "no convection": planted("fourier", _NoConvection),
+    "resting start": planted("fourier-kink", _RestingStart),
+}  # fmt: skip

@@ -88,6 +88,7 @@ def command(
             found = answer(loaded, chosen, tol=tol, bars=bars, extrapolate=extrapolate, progress=told, **kind)
             animate(found.response, folder / method)
             found.response.write(folder / method)
+    store.finish(folder, "run")
     telling.answer(found.response)
     if found.extrapolated:
         terminal.say(f"extrapolated in time: {found.extrapolated}")
@@ -120,11 +121,13 @@ def _quasi_static(scene: str, out: Any, faults: list[str]) -> int:
     from validation.core.quasi_static import quasi_static
     from validation.page import telling
 
-    folder = store.claim(out, "run", loaded, ["quasi-static"]) / "quasi-static"
+    home = store.claim(out, "run", loaded, ["quasi-static"])
+    folder = home / "quasi-static"
     response = quasi_static(loaded)
     numbers = design(response)
     response.write(folder)
     write_json(folder / "summary.json", {**response.summary(), "design": numbers})
+    store.finish(home, "run")
     terminal.say(f"{loaded.name}, quasi-static: {loaded.drive}")
     end = {"event": "end", "t": response.t[-1], "s_o": response.s_o[-1], "speed": response.speed[-1]}
     over = any(e["event"] in ("arrival", "back", "stop") for e in response.events)

@@ -190,10 +190,12 @@ def faults_of(r: Any) -> list[str]:
 
 
 def _cheapest(scene: Any, tol: float | None) -> dict[str, Any]:
-    """Return the least model and method that `advise` finds for a scene."""
+    """Return the least model and method that `advise` finds; of a car that rolls, a method that can ride."""
     from validation import advice
 
     assert tol is not None
+    if scene.drive.mode != "grip":
+        return {"method": "following-p2"}
     found = advice(scene, tol)
     return {k: found[k] for k in ("method", "model", "load")}
 
