@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.newmark import Settled, Solve, State, iterate
+from cablefem.newmark import Solve, State, System
 from cablefem.response import Observation, States
 from galerkin.bases.kink import Array
 from galerkin.equations import GalerkinSystem
@@ -18,7 +18,7 @@ from galerkin.equations import GalerkinSystem
 START = 1e-4
 
 
-class PositionAbscissa:
+class PositionAbscissa(System):
     """(45): the wrapped system with s_o for t, r(t, g, ds_o g', ds_o^2 g'' + dds_o g') = 0, prime = d/ds_o.
 
     A `cablefem.newmark.System` whose states hold t = s_o, q = g, v = g', a = g''; `in_time` turns them back.
@@ -105,9 +105,6 @@ class PositionAbscissa:
         time, ds_o, dds_o = self._kinematics(t, phase)
         x = chained(q, v, a, ds_o, dds_o)
         return self.system.linearise(time, *x, phase, c0, c1 * ds_o, c1 * dds_o + c2 * ds_o**2)
-
-    def settle(self, *step: Any) -> Settled:
-        return iterate(self, *step)
 
     def in_time(self, states: States) -> States:
         """The history as a function of time: t, q, dq/dt, d2q/dt2."""

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs, zgetrf, zgetrs
 
-from cablefem.newmark import NO_STEPS, Newton, Settled, Solve, State, StepFailure, consistent_acceleration, iterate
+from cablefem.newmark import NO_STEPS, Newton, Settled, Solve, State, StepFailure, System, consistent_acceleration
 from cablefem.newmark.newton import MOST_HALVINGS
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
@@ -56,7 +56,7 @@ class Drives(NamedTuple):
     powers: dict[str, Array]  # its parts
 
 
-class GalerkinSystem:
+class GalerkinSystem(System):
     """M q.. + C q. + K q + R(q) = F of (19), as a `cablefem.newmark.System`.
 
     The mass enters by the acceleration of its place p = X(s_o) + w(s_o, t), which is (21)-(23) and (27) at once:
@@ -98,7 +98,7 @@ class GalerkinSystem:
         self.phases = self._phases()
         self.force_scale = (self.mu or 1.0) * groups.sigma  # weight of the mass; of a bare cable: its own
         # rounding of N = T + alpha eps, summed; ten times what was measured for 10 to 120 terms, alpha 1e3 to 1e6
-        self.force_floor = np.finfo(float).eps * groups.alpha
+        self.force_floor = float(np.finfo(float).eps) * groups.alpha
         # place and tensions of the last residual, or the least of them and its s
         self._pull: tuple[Any, ...] | None = None
         self._instants: dict[tuple[float, int], Instant] = {}
@@ -138,7 +138,7 @@ class GalerkinSystem:
     def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
         """The instants that go with means of the unknowns at t0 and t1; a free ride's place is one of them."""
         travel = self.groups.motion
-        return (1.0 - w) * t0 + w * t1 if travel is None else travel.between(t0, t1, w, phase)
+        return super().between(t0, t1, w, phase) if travel is None else travel.between(t0, t1, w, phase)
 
     def bows(self, travel: Array) -> Array:
         """Amplitudes of bubbles and their rates over a history (3, n) of s_o, ds_o, dds_o: (3, n, fields, 2)."""
@@ -235,7 +235,7 @@ class GalerkinSystem:
     ) -> Settled:
         """As the protocol has it; compiled for the full cable."""
         if self.path_form or not isinstance(self.cable, FullCable):
-            return iterate(self, t, phase, start, now, rule, bound, newton)
+            return super().settle(t, phase, start, now, rule, bound, newton)
         if not self._compiled:
             return self._settle(self.instant(t, phase), None, start, now, rule, bound, newton)
         (now[:],), told, _, pull = self._stride(np.array([t]), phase, start, rule[None], bound, newton)

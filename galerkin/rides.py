@@ -112,6 +112,7 @@ class RollingSystem(GalerkinSystem):
         self.bow = bow(groups)
         self._bows = table(self.bow)
         self.events = EVENTS if self.free else ("lift_off",)
+        self.adaptive = self.free
         self.mode, self.hold = Mode(), 0.0  # F_hold at the start
         self._latest: tuple[tuple[float, float, float], Instant] | None = None
         self._watched: tuple[State, tuple[float, ...]] | None = None
@@ -479,8 +480,6 @@ class RollingSystem(GalerkinSystem):
 
     def part(self, x: State, since: float, ahead: float = 0.0) -> float:
         """Which part of a step to take; a car that is let go hears itself, even where nothing rubs."""
-        if not self.free:
-            return 1.0
         rubs = self.drive.resists and (self.mode.brakes > 0 or self.mode.sign == 0.0)
         slip = x.v.item(-1)
         of = self._round_trip, self.groups.sigma, x.q.item(-1) + ahead * slip, slip, self.mode.forward

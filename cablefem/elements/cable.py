@@ -4,6 +4,7 @@ Dimensionless: l = H = rho = 1.
 """
 
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from typing import Any, Self
 
@@ -17,7 +18,7 @@ from cablefem.elements.kernels.banded import Tangent, factorise_coupled, solve_c
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY, pulls
 from cablefem.elements.kernels.newton import settle
 from cablefem.elements.kernels.observe import energies
-from cablefem.newmark import Array, Newton, Settled, Solve, State, Tableau
+from cablefem.newmark import Array, Newton, Settled, Solve, State, System, Tableau
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 
@@ -49,10 +50,10 @@ def bands(matrix: coo_array, b: int) -> Array:
     return out
 
 
-class CableElements:
-    """A cable on some mesh with its moving mass: a `cablefem.newmark.System` but for the mesh.
+class CableElements(System):
+    """A cable on some mesh with its moving mass.
 
-    A mesh sets n_scalar (unknowns per field), _n_dof, _band, _mesh and _operators, and answers `start`, `_time`,
+    A mesh sets n_scalar (unknowns per field), n_dof, _band, _mesh and _operators, and answers `start`, `_time`,
     `_at_mass` and `_along`.
 
     model : "full" for (u, v), or one unknown field normal to the chord: "string", "sagged", "stretching".
@@ -62,7 +63,6 @@ class CableElements:
 
     drives: tuple[str, ...] = ("grip",)
     n_scalar: int
-    _n_dof: int
     _band: int  # half-width, all fields
     _operators: Array  # (n_op, 2 b + 1, n_scalar fields) what M, C and K are made of, see `bands`
     _coefficients: Array  # (n_op, 3)
@@ -85,6 +85,9 @@ class CableElements:
             raise ValueError(f"load must be mass or force, got {load!r}")
         self.groups, self.model, self.load = groups, model, load
         self.motion: Any = groups.motion  # none of a free ride
+        self.phases = groups.drive.phases if self.motion is None else self.motion.phases
+        self.force_scale = (groups.mu or 1.0) * groups.sigma  # weight of the mass; of a bare cable: its own
+        self.force_floor = 16.0 * sys.float_info.epsilon * max(1.0, groups.alpha)  # slopes of order one
         self.fields = 2 if model == "full" else 1
         self.inertia = groups.mu if load == "mass" else 0.0
         # displacement in the plane of each field
@@ -93,24 +96,7 @@ class CableElements:
         self._weight = (groups.mu * groups.sigma * self.direction[:, 1]).tolist()  # of the mass, field by field
         self._set_law(law)
 
-    # --- the System protocol ---------------------------------------------------------------------------
-    @property
-    def n_dof(self) -> int:
-        return self._n_dof
-
-    @property
-    def phases(self) -> tuple[tuple[float, float], ...]:
-        return self.motion.phases
-
-    @property
-    def force_scale(self) -> float:
-        return (self.groups.mu or 1.0) * self.groups.sigma  # weight of the mass; of a bare cable: its own
-
-    @property
-    def force_floor(self) -> float:
-        # a strain carries the rounding of slopes of order one
-        return 16.0 * np.finfo(float).eps * max(1.0, self.groups.alpha)
-
+    # --- the system ------------------------------------------------------------------------------------
     def with_law(self, law: str) -> Self:
         """Return the same discretisation with another cable law, sharing all tables."""
         twin = object.__new__(type(self))
@@ -125,22 +111,22 @@ class CableElements:
 
     def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
         """Return the instants that go with means of the unknowns at t0 and t1; a free ride's place is one of them."""
-        return (1.0 - w) * t0 + w * t1 if self.motion is None else self.motion.between(t0, t1, w, phase)
+        return super().between(t0, t1, w, phase) if self.motion is None else self.motion.between(t0, t1, w, phase)
 
     def in_time(self, states: States) -> States:
         """Return the history itself: time is its independent variable."""
         return states
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        r = np.empty(self._n_dof)
+        r = np.empty(self.n_dof)
         self._assemble(t, q, v, a, phase, r, 0.0, 0.0, 0.0)
         return r
 
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        """As the protocol has it; real factors live in one workspace."""
-        r, work = np.empty(self._n_dof), self._work
+        """Real factors live in one workspace."""
+        r, work = np.empty(self.n_dof), self._work
         if isinstance(c0, complex):
             work = self._workspace(complex)._replace(increment=self._work.increment)
             work.ab[:] = 0.0
@@ -222,10 +208,6 @@ class CableElements:
         return Tangent(
             np.empty((n, 3 * self._band + 1), kind), np.empty((2, n), dtype=np.int64), coupled.real.copy(), coupled
         )
-
-    def start(self, phase: int, state: State | None) -> State:
-        """Return the state at the beginning of a phase, as the protocol has it."""
-        raise NotImplementedError
 
     def _time(self, t: float, phase: int) -> None:
         """Set _coefficients of the _operators, _mesh and _contact at this instant."""

@@ -81,7 +81,7 @@ class FixedElements(CableElements):
         self.coupling = coupling
         self._tabulate(kind)
         self.particle = coupling == "path"
-        self._n_dof = self.fields * (self.n_scalar + self.particle)
+        self.n_dof = self.fields * (self.n_scalar + self.particle)
         self._n_left = elements
         self._fresh()
 
@@ -94,7 +94,7 @@ class FixedElements(CableElements):
         """
         t = self.phases[phase][0]
         if state is None:
-            zero = np.zeros(self._n_dof)
+            zero = np.zeros(self.n_dof)
             return State(t, zero, zero.copy(), zero.copy(), phase)
         if not self.particle:
             return consistent_acceleration(self, t, state.q, state.v, phase)
@@ -104,7 +104,7 @@ class FixedElements(CableElements):
         slope_jump = jump * N_s @ state.q[dofs]
         n = self.fields * self.n_scalar
         band, pivots = np.zeros((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64)
-        of = (state.q, state.v, state.a, np.zeros(self._n_dof), band, True, 0.0, 0.0, 1.0)
+        of = (state.q, state.v, state.a, np.zeros(self.n_dof), band, True, 0.0, 0.0, 1.0)
         none, bands = np.zeros_like(N), np.zeros_like(self._bands)
         contact = Contact(dofs, N, self.inertia * N, none, none, np.zeros(self.fields))
         bands[0] = self._operators[0]

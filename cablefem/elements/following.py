@@ -121,7 +121,7 @@ class FollowingElements(CableElements):
         self._ride, self._entrained = of.ride, of.entrained
         self.node = self.left.n - 2  # scalar dof of the mass; the supports carry none
         self.n_scalar = self.left.n + self.right.n - 3
-        self._n_dof, self._n_left = self.fields * self.n_scalar, elements
+        self.n_dof, self._n_left = self.fields * self.n_scalar, elements
         self._band = self.fields * degree + self.fields - 1
         self._fresh()
 
@@ -145,7 +145,7 @@ class FollowingElements(CableElements):
             node_a = 2.0 * self._strained_start(dds)
         else:
             raise ValueError("the travel starts with neither speed nor acceleration")
-        zero = np.zeros(self._n_dof)
+        zero = np.zeros(self.n_dof)
         return State(t, zero, zero.copy(), (self._ride[:, None] * node_a).ravel(), phase)
 
     # --- assembly --------------------------------------------------------------------------------------
@@ -182,7 +182,7 @@ class FollowingElements(CableElements):
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array]:
-        """As the protocol has it; a slack cable is looked at step by step."""
+        """Take steps until the cable falls slack."""
         now, told, taken = self._stride(t, phase, start, rules, bound, newton)
         if taken:
             self.least_tension = told.item(taken - 1, 4), told.item(taken - 1, 5)

@@ -53,9 +53,7 @@ class FrontElements(FollowingElements):
         self._ride = np.concatenate([self._ride[:m], pushed / pushed[0]])
         self._entrained = float(1.0 / pushed[0])
 
-    @property
     def pace(self) -> tuple[Array, Array]:
-        """Instants, and a clock by which steps are equal, see `cablefem.newmark.Paced`."""
         end = self.motion.phases[-1][1]
         met = np.unique(np.concatenate([line[:-1, 0] for line in self._lines]))
         around = np.clip(met[:, None] + self._width * np.array([-BEFORE, AFTER]), 0.0, end)

@@ -28,13 +28,12 @@ from cablefem.elements.following import FollowingElements
 from cablefem.elements.front import FrontElements
 from cablefem.elements.kernels import car as kernels
 from cablefem.newmark import NO_STEPS, Newton, Settled, Solve, State, StepFailure, Tableau, consistent_acceleration
-from cablefem.newmark.energy_rule import average
 from cablefem.newmark.newton import find_root
+from cablefem.newmark.system import AVERAGE
 from cablefem.response import Observation, States
 from cablefem.scene import RATTLE, Groups
 
 EVENTS = ("turn", "standstill", "breaking loose", "brake", "brake off", "arrival", "back", "stop", "lift_off")
-AVERAGE = tuple(0.5 * (x + (1.0, 0.0)[i]) for i, x in enumerate(np.polynomial.legendre.leggauss(4)))  # over [0, 1]
 AT_REST = 1e-6  # speeds below have no direction yet
 ANY = np.empty(0)  # course of a car of which all that happens is looked for step by step
 HOLDS = 0.03  # of an axial wave's way to and fro: the hold of a car that rattles, which ends its ride
@@ -69,14 +68,15 @@ class RollingElements(FollowingElements):
             what = f"model {self.model}" if self.fields == 1 else "a moving force without mass"
             raise ValueError(f"{what} has no balance along the cable: a car that rolls needs the full model and a mass")
         self.free = self.drive.mode == "free"
-        self.events: tuple[str, ...] = EVENTS if self.free else ("lift_off",)
+        self.events = EVENTS if self.free else ("lift_off",)
+        self.adaptive = self.free
         self._last = len(self.phases) - 1
         self._grips = self.free and self.drive.resists
         self._air = self.drive.k, self.drive.wind, self.drive.mu_r
         self._round_trip = 2.0 / math.sqrt(groups.alpha)  # of axial waves: a standstill that lasts
-        self._n_dof += 1
+        self.n_dof += 1
         ends = np.stack([self.left.evaluate(np.array(1.0))[2], self.right.evaluate(np.array(0.0))[2]])
-        border = np.zeros((3, self._n_dof - 1)), np.zeros(1)
+        border = np.zeros((3, self.n_dof - 1)), np.zeros(1)
         self._rolling = kernels.Rolling(self._n_left, self._fine, ends.reshape(2, -1), *border)
         self._rollings = tuple(  # for `collocation.collocate`, as `_works`
             tuple(self._rolling._replace(border=border[0].astype(x), corner=border[1].astype(x)))
@@ -98,10 +98,6 @@ class RollingElements(FollowingElements):
         self.heeded = -math.inf  # until when steps in one go have looked for events and found none
 
     # --- the System protocol ---------------------------------------------------------------------------
-    @property
-    def phases(self) -> tuple[tuple[float, float], ...]:
-        return self.drive.phases if self.free else super().phases
-
     def place(self, x: State) -> float:
         return float(x.q[-1]) if self.free else super().place(x)
 
@@ -150,8 +146,6 @@ class RollingElements(FollowingElements):
 
     def part(self, x: State, since: float, ahead: float = 0.0) -> float:
         """Return the part of a step to take: short near a support, and where friction or a brake hears what rings."""
-        if not self.free:
-            return 1.0
         rubs = self._grips and (self._brakes > 0 or self._mode == kernels.HELD)
         slip = x.v.item(-1)
         of = self._round_trip, self.groups.sigma, x.q.item(-1) + ahead * slip, slip
@@ -159,7 +153,7 @@ class RollingElements(FollowingElements):
         return self.drive.part_of_step(*of, *hears, rubs)
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        r = np.empty(self._n_dof)
+        r = np.empty(self.n_dof)
         self._roll(self._car(t, phase, self._heading or v[-1]), q, v, a, r)
         return r
 
@@ -167,7 +161,7 @@ class RollingElements(FollowingElements):
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         """As the protocol has it; real factors live in one workspace."""
-        r = np.empty(self._n_dof)
+        r = np.empty(self.n_dof)
         return r, self._linearised(self._car(t, phase, self._heading or v[-1]), q, v, a, r, c0, c1, c2)
 
     def stride(
@@ -237,15 +231,15 @@ class RollingElements(FollowingElements):
         return self._said(told)
 
     def averaged(self, start: State, end: State) -> Array:
-        """Return the residual of a step of the energy rule, see `cablefem.newmark.energy_rule.Averaged`."""
+        """Return the residual of a step of the energy rule, see `cablefem.newmark.System.averaged`."""
         if not self.free:
-            return average(self, start, end)
-        dt, r, gradient = end.t - start.t, np.empty(self._n_dof), np.empty(self._n_dof)
-        momentum = [np.empty(self._n_dof), np.empty(self._n_dof)]
+            return super().averaged(start, end)
+        dt, r, gradient = end.t - start.t, np.empty(self.n_dof), np.empty(self.n_dof)
+        momentum = [np.empty(self.n_dof), np.empty(self.n_dof)]
         of = self._dofs, self._fine, self._n_left, self.node, self.inertia, self._cable
         for x, p in ((start, momentum[0]), (end, momentum[1])):
             kernels.kinetic(*of, x.q, x.v, x.v, p, gradient)
-        total, still = (momentum[1] - momentum[0]) / dt, np.zeros(self._n_dof)
+        total, still = (momentum[1] - momentum[0]) / dt, np.zeros(self.n_dof)
         m = 2 * self.node
         for x, share in zip(*AVERAGE, strict=True):
             q, force = start.q + x * (end.q - start.q), self._force(start, end, x)
@@ -342,7 +336,7 @@ class RollingElements(FollowingElements):
 
     def _needed(self, x: State) -> float:
         """Return the force on s_o that keeps the car where it is: what its row lacks."""
-        r = np.empty(self._n_dof)
+        r = np.empty(self.n_dof)
         return self._roll(self._car(x.t, x.phase, 0.0), x.q, x.v, x.a, r)[2]
 
     def _let_go(self, x: State) -> None:
@@ -421,8 +415,8 @@ class RollingElements(FollowingElements):
         car = self._car(0.0, 0, 0.0)._replace(
             mode=mode, s_o=s_o, ds=0.0, dds=0.0, hold=0.0, thrust=0.0, drag=0.0, friction=friction, brake=0.0
         )
-        x = np.zeros((3, self._n_dof))
-        r, c = np.empty(self._n_dof), np.array([[1.0], [0.0], [STATIC]])
+        x = np.zeros((3, self.n_dof))
+        r, c = np.empty(self.n_dof), np.array([[1.0], [0.0], [STATIC]])
 
         def residual() -> Array:
             self._roll(car, x[0], x[1], x[2], r)
@@ -435,7 +429,7 @@ class RollingElements(FollowingElements):
         def update(dx: Array) -> None:
             x[:] -= c * dx
 
-        bound = 1e-13 * self.force_scale + math.sqrt(self._n_dof) * self.force_floor  # rounding of both
+        bound = 1e-13 * self.force_scale + math.sqrt(self.n_dof) * self.force_floor  # rounding of both
         # and of slopes, differences of displacements over the length of an element: next to a support that is short
         shortest = min(s_o * np.diff(self.left.knots).min(), (1.0 - s_o) * np.diff(self.right.knots).min())
         # A stiff cable under a heavy car: Newton loses its way, or finds a rest with folds, unless a soft cable

@@ -5,12 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.newmark.course import Stretch
-from cablefem.newmark.events import Heeding, Watched
-from cablefem.newmark.newton import Newton, Settled, find_root
+from cablefem.newmark.newton import Newton, Settled
 from cablefem.newmark.schemes import Scheme
+from cablefem.newmark.states import Array, State, Stretch
 from cablefem.newmark.stepper import Stepper, Work
-from cablefem.newmark.system import Array, Solve, State, Striding, System, Travelling
+from cablefem.newmark.system import System
 
 
 class NewmarkRule(Stepper):
@@ -18,9 +17,7 @@ class NewmarkRule(Stepper):
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         super().__init__(system, method, newton, work)
-        self._travels = system if isinstance(system, Travelling) else None
-        self._blind = not (isinstance(system, Watched) and system.events)  # no state of many is looked at
-        self._stalled: tuple[float, float, Settled] | None = None  # the last step, from and to, that ended a stride so
+        self._stalled: tuple[float, float, Settled] | None = None  # the last step, from and to, that ended a stride
         self._rule = np.eye(3, 5)  # as `System.settle` has it
         self._rule[:, 4] = 1.0 - method.alpha_f, 1.0 - method.alpha_f, 1.0 - method.alpha_m
 
@@ -37,25 +34,23 @@ class NewmarkRule(Stepper):
         if self.method.alpha_f == 0.0:
             return t1
         w = 1.0 - self.method.alpha_f
-        return (1.0 - w) * t0 + w * t1 if self._travels is None else self._travels.between(t0, t1, w, phase)
+        return self.system.between(t0, t1, w, phase)
 
     def stride(self, x: State, times: Array) -> Iterator[Sequence[State]]:
         if not self.strides:
             return
-        assert isinstance(self.system, Striding)
         begin = np.concatenate([[x.t], times[:-1]])
         t = self._instants(begin, times, x.phase)
         rules = np.repeat(self._rule[None], times.size, axis=0)
         self._set(rules, times - begin, 1.0)
         now, told = self.system.stride(t, x.phase, np.array([x.q, x.v, x.a]), rules, self.bound, self.newton)
-        n = len(now)
-        if len(told) > n and not told[n, 0] <= self.bound and self._blind:
+        n, blind = len(now), not self.system.events
+        if blind and len(told) > n and not told[n, 0] <= self.bound:
             self._stalled = float(begin[n]), float(times[n]), Settled(*told[n, :4].tolist())
         if not n:
             return
-        stretch, seen = Stretch(times[:n], now, x.phase), n if self._blind else 0
-        if isinstance(self.system, Heeding):
-            seen = int(np.searchsorted(stretch.t, self.system.heeded, side="right"))
+        stretch = Stretch(times[:n], now, x.phase)
+        seen = n if blind else int(np.searchsorted(stretch.t, self.system.heeded, side="right"))
         for part in [slice(0, seen)] * (seen > 0) + [slice(k, k + 1) for k in range(seen, n)]:
             self.count(*told[part, 1:4].sum(axis=0).astype(int).tolist())
             yield stretch[part]
@@ -64,7 +59,7 @@ class NewmarkRule(Stepper):
         dt, start = t1 - x.t, np.array([x.q, x.v, x.a])
         t = float(self._instants(np.array([x.t]), np.array([t1]), x.phase)[0])
         now = np.empty_like(start)
-        # first guess: the acceleration goes on as it was; where unresolved waves make that absurd: it vanishes
+        # first guess: the acceleration stays as it was, else zero
         for goes_on in (1.0, 0.0):
             if goes_on and self._stalled is not None and self._stalled[:2] == (x.t, t1):  # has been tried
                 done = self._stalled[2]
@@ -74,29 +69,3 @@ class NewmarkRule(Stepper):
             if self.balanced(done):
                 return State(t1, now[0], now[1], now[2], x.phase)
         raise self.stalled(t1, done)
-
-
-def iterate(
-    system: System, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
-) -> Settled:
-    """Find the end of a step with the residuals and tangents of a system, as `System.settle` has it."""
-    predictor, c, w = rule[:, :3], rule[:, 3:4], rule[:, 4:5]
-    linear = (w * c)[:, 0].tolist()
-    rest = (1.0 - w) * start
-    now[:] = predictor @ start
-    q, v, a = at = np.empty_like(now)
-    correction = np.empty_like(now)
-
-    def residual() -> Array:
-        np.add(np.multiply(w, now, out=at), rest, out=at)
-        return system.residual(t, q, v, a, phase)
-
-    def linearise() -> tuple[Array, Solve]:
-        np.add(np.multiply(w, now, out=at), rest, out=at)
-        return system.linearise(t, q, v, a, phase, *linear)
-
-    def update(da: Array) -> None:
-        np.subtract(now, np.multiply(c, da, out=correction), out=now)
-
-    with np.errstate(over="ignore", invalid="ignore"):  # a diverging iteration is caught by its norm
-        return find_root(residual, linearise, update, bound, newton)

@@ -8,7 +8,8 @@ from typing import NamedTuple
 from cablefem.newmark.failures import NewtonStalled
 from cablefem.newmark.newton import Newton, Settled
 from cablefem.newmark.schemes import Scheme
-from cablefem.newmark.system import Array, State, Striding, System
+from cablefem.newmark.states import Array, State
+from cablefem.newmark.system import System
 
 
 class Passed(NamedTuple):
@@ -35,16 +36,16 @@ class Stepper:
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         self.system, self.method, self.newton, self.work = system, method, newton, work
-        self.strides = isinstance(system, Striding) and system.strides
+        self.strides = system.strides
         self.bound = newton.tol * system.force_scale + math.sqrt(system.n_dof) * system.force_floor
 
     def __call__(self, x: State, t1: float) -> State:
         raise NotImplementedError
 
     def stride(self, x: State, times: Array) -> Iterator[Sequence[State]]:
-        """Give the states at times ahead, each after a step from the one before, as far as the system strides.
+        """Yield the states at times ahead, each after a step from the one before, as far as the system strides.
 
-        Several at once where nothing can be seen after one that was not seen when it was taken.
+        States that come together hold no event but perhaps the last one.
         """
         return iter(())
 
@@ -54,7 +55,6 @@ class Stepper:
         return done.norm <= self.bound
 
     def count(self, iterations: int, factorisations: int, residuals: int) -> None:
-        """Count the work of steps."""
         self.work.newton_iterations += iterations
         self.work.factorisations += factorisations
         self.work.residuals += residuals

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from cablefem.newmark.system import Array, Paced, System
+from cablefem.newmark.states import Array
+from cablefem.newmark.system import System
 
 GROWTH = 1.15  # of each step of a ramp over the one before
 
@@ -12,13 +13,12 @@ GROWTH = 1.15  # of each step of a ramp over the one before
 def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 1.0) -> list[Array]:
     """Return per phase the instants to step on: about `steps` (2 or more) equal steps, whole ones in each phase.
 
-    Equal by the clock of a system that is `Paced`.  The very last instant is left out: a system may lose its meaning
-    there.
+    Equal by the clock of `System.pace`.  The very last instant is left out: a system may lose its meaning there.
 
     entry, exit : first and last step as fractions of the uniform one; from there steps grow by GROWTH each, up to
         the uniform step.  The ramps come on top of `steps`.
     """
-    phases, pace = system.phases, system.pace if isinstance(system, Paced) else None
+    phases, pace = system.phases, system.pace()
     if pace is not None:
         phases = tuple((t0, t1) for t0, t1 in np.interp(np.array(phases), *pace).tolist())
     dt = (phases[-1][1] - phases[0][0]) / steps

@@ -1,154 +1,182 @@
-"""What the time loop asks of a system."""
+"""The base class of everything the time loop can march."""
 
-from collections.abc import Callable
-from typing import NamedTuple, Protocol, runtime_checkable
+import math
+from collections.abc import Callable, Iterator
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cablefem.newmark.newton import Newton, Settled
+from cablefem.newmark.collocation import collocate
+from cablefem.newmark.newton import Newton, Settled, find_root
+from cablefem.newmark.states import Array, State
+from cablefem.newmark.tableau import Tableau
 
-Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
+NO_STEPS = np.empty((0, 3, 0)), np.empty((0, 4))  # `System.stride` of a system that takes single steps
 
-
-class Inside(NamedTuple):
-    """What a collocation step leaves besides its end: accelerations at its nodes, see `tableau.between`."""
-
-    nodes: tuple[float, ...]  # in units of the step
-    dt: float
-    a: Array  # (len(nodes), n_dof)
-
-
-class State(NamedTuple):
-    """One instant of a discretised system; `phase` is the interval between events it belongs to."""
-
-    t: float
-    q: Array  # (n_dof,) generalised displacements
-    v: Array  # (n_dof,) dq/dt
-    a: Array  # (n_dof,) d2q/dt2
-    phase: int = 0
-
-
-class Collocated(State):
-    """The end of a collocation step, which remembers the step."""
-
-    inside: Inside
+# Gauss-Legendre points on [0, 1] for the average over a step.  Potentials are not polynomial in q; with four points the
+# quadrature error is far below rounding for slopes that change by a few percent per step.
+AVERAGE = tuple(0.5 * (x + (1.0, 0.0)[i]) for i, x in enumerate(np.polynomial.legendre.leggauss(4)))
 
 
 class System(Protocol):
-    """A second-order system r(t, q, dq/dt, d2q/dt2) = 0, linear in d2q/dt2.
+    """A second-order system r(t, q, v, a) = 0 with v = dq/dt, a = dv/dt, linear in a.
 
-    `phases` are consecutive time intervals within which everything is smooth; steps land on their ends,
-    and every call names its phase, because at an end the accelerations may have two values.
+    A subclass sets the first four attributes and defines `start`, `residual` and `linearise`.  All else has a default,
+    to be overridden for speed (`settle`, `collocate`, `stride`) or where the physics asks for it.
     """
 
-    @property
-    def n_dof(self) -> int: ...
-    @property
-    def phases(self) -> tuple[tuple[float, float], ...]: ...
-    @property
-    def force_scale(self) -> float:
-        """Size of the loads: Newton has converged when |r| <= newton.tol * force_scale + sqrt(n_dof) * force_floor."""
-
-    @property
-    def force_floor(self) -> float:
-        """Rounding error of a component of r, below which Newton's method cannot get."""
+    n_dof: int
+    # Consecutive time intervals within which everything is smooth.  Steps land on their ends.  Every call names its
+    # phase, because accelerations may have two values at an end.
+    phases: tuple[tuple[float, float], ...]
+    force_scale: float  # size of the loads
+    force_floor: float  # rounding error of a component of r
+    # Newton's method has converged when |r| <= newton.tol * force_scale + sqrt(n_dof) * force_floor.
+    events: tuple[str, ...] = ()  # names, in the order of `watch`
+    strides: bool = False  # whether `stride` or `collocate` take many steps in one go
+    heeded: float = -math.inf  # `stride` has looked for events up to this time and found none
+    adaptive: bool = False  # whether `part` shortens steps
 
     def start(self, phase: int, state: State | None) -> State:
-        """Return a consistent state at the beginning of `phase` (state=None: of the run)."""
+        """Return a consistent state at the beginning of `phase`; state=None: at the beginning of the run."""
+        raise NotImplementedError
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         """Return r, shape (n_dof,)."""
+        raise NotImplementedError
 
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         """Return r and a function that applies (c0 dr/dq + c1 dr/dv + c2 dr/da)^-1; it may overwrite its argument.
 
-        Factors are real or complex, and so is the argument then.  An earlier function may be void.
+        Factors, and then the argument, are real or complex.  The function is valid until the next call.
         """
+        raise NotImplementedError
 
+    # --- steps -----------------------------------------------------------------------------------------
     def settle(
         self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
     ) -> Settled:
-        """Find the end of a step of Newmark's family by Newton's method; `iterate` does it for any system.
+        """Find the end of a step of Newmark's family by Newton's method.
 
         start, now : (3, n_dof) rows q, v, a at the beginning, and at the end, which is set.
         rule : (3, 5) columns predictor (3, 3), corrector c, balance w: now = predictor start - c da with da such that
             |r(t, w now + (1 - w) start)| <= bound; w works on rows.
         """
-
-
-@runtime_checkable
-class Prepared(Protocol):
-    """What a system answers besides if signs are kept for a step: friction that turns within one has no balance."""
-
-    def begin_step(self, x: State) -> None:
-        """Be ready for steps from x: what depends on a sign goes by the one at x, until the next call."""
-
-
-@runtime_checkable
-class Travelling(Protocol):
-    """What a system answers besides if time enters it as the place of something that travels."""
-
-    def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
-        """Return the instants (n,) that go with unknowns which are means, weighted 1 - w and w, of those at t0, t1."""
-
-
-@runtime_checkable
-class Paced(Protocol):
-    """What a system answers besides if it wants short steps at times that it knows."""
-
-    @property
-    def pace(self) -> tuple[Array, Array]:
-        """Return instants (m,), both ends of the run included, and what a clock shows then, steady between them."""
-
-
-@runtime_checkable
-class Striding(Protocol):
-    """What a system answers besides if it takes many steps in one go.
-
-    strides : whether it does; of its events each is looked for at the end of a step then, and its steps are whole.
-    Who changes `settle` changes this.
-    """
-
-    strides: bool
+        return iterate(self, t, phase, start, now, rule, bound, newton)
 
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array]:
-        """Return the ends (k, 3, n_dof) of steps, each from the one before, as `settle` finds them, and what is told.
+        """Return the ends (k, 3, n_dof) of consecutive steps of Newmark's family, and what was told of each.
 
-        t, rules : of each step, (m,) and (m, 3, 5).  Ends before the first step that Newton's method does not settle,
-        or in which an event may happen, or after which something is to be looked at: who asks takes that one alone.
-        Told (k, 4 or more): of each what `Settled` has, and of one more where that was not settled.  k = 0: none is to
-        be taken in one go.
+        t, rules : of each step, (m,) and (m, 3, 5), as in `settle`.
+        Stops before a step that does not converge, or that may hold an event.  k = 0: take single steps.
+        Told (k or k + 1, 4 or more) begins with the fields of `Settled`; row k is the step that did not converge.
         """
+        return NO_STEPS
 
+    def collocate(
+        self, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float, newton: Newton
+    ) -> Iterator[Settled]:
+        """Take collocation steps from t[0] to t[1], on to t[2] and so on; at least the first.
 
-@runtime_checkable
-class Abrupt(Protocol):
-    """What a system answers besides if its acceleration may be too short-lived to carry it over a step."""
+        ends : (m + 1, 2, n_dof) q and v at t, those at t[0] given, the others set.
+        a : (m, s, n_dof) accelerations at the nodes, to be found; the first ones hold a guess.
+        further : (m, s, s) from the accelerations of a step to the guess for the next.
+        Stops with a step that does not converge, and before or after one that may hold an event.
+        """
+        return collocate(self, t, phase, ends, a, further, rule, bound, newton)
 
-    def abrupt(self, x: State, dt: float) -> bool:
-        """Return whether the acceleration at x, kept for dt, would carry the system where it never goes."""
+    def averaged(self, start: State, end: State) -> Array:
+        """Return the residual (n_dof,) of a step of the energy rule: r averaged from start.q to end.q.
 
+        end.v = start.v + dt end.a, end.q = start.q + dt <v>.  With a mass matrix M(q) that average does not keep the
+        energy.  The balance that does so is, with T = v0 . M(q) v1 / 2 and potential V,
 
-@runtime_checkable
-class Ringing(Protocol):
-    """What a system answers besides if a jump of force rings faster than the steps of a run are long."""
+            [ M(q1) v1 - M(q0) v0 ] / dt - average of d/dq (T - V) - other forces = 0 .
+        """
+        dt, v = end.t - start.t, 0.5 * (start.v + end.v)
+        r = np.zeros_like(end.a)
+        for x, weight in zip(*AVERAGE, strict=True):
+            r += weight * self.residual(start.t + x * dt, start.q + x * dt * v, v, end.a, start.phase)
+        return r
+
+    # --- the length of steps -----------------------------------------------------------------------------
+    def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
+        """Return the times (n,) of balances whose unknowns are (1 - w) times those at t0 plus w times those at t1.
+
+        With a prescribed travel it is the time at which the mass is at the mean place.
+        """
+        return (1.0 - w) * t0 + w * t1
+
+    def pace(self) -> tuple[Array, Array] | None:
+        """Return times (m,), both ends of the run included, and a clock by which steps are equal, linear between."""
+        return None
 
     def part(self, x: State, since: float, ahead: float = 0.0) -> float:
-        """Return which part of a step of the grid to take, `since` after the last event; in (0, 1].
+        """Return the fraction of a step of the grid to take, in (0, 1], `since` after the last event.
 
-        From x, or `ahead` of it in time, as it comes to be there at its velocity.  A function of time alone, whatever
-        the steps: then all of them shrink together where a run is refined.
+        From x, or from where x comes to be `ahead` of it at its velocity.  It depends on x and time alone: then all
+        steps shrink together where a run is refined.
         """
+        return 1.0
+
+    def abrupt(self, x: State, dt: float) -> bool:
+        """Return whether the acceleration at x is too short-lived to be used for a step dt."""
+        return False
+
+    # --- events ------------------------------------------------------------------------------------------
+    def begin_step(self, x: State) -> None:
+        """Prepare for steps from x.  What depends on a sign takes the sign at x until the next call."""
+        return None
+
+    def watch(self, x: State) -> tuple[float, ...]:
+        """Return one value per event.
+
+        An event happens where its value goes from > 0 at the beginning of a step to <= 0 at its end.  The first state
+        with a value <= 0, to rounding of t, is the event's.  At the beginning inf or <= 0 means not armed.
+        A value that falls and rises again inside a step goes unseen.
+        """
+        return ()
+
+    def pass_event(self, name: str, x: State) -> State | None:
+        """Change over to what holds after the event; return a consistent state to go on from, None to end the run.
+
+        Events at the same instant are passed one after another, as long as their value stays <= 0.
+        """
+        return x
+
+
+def iterate(
+    system: System, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
+) -> Settled:
+    """Find the end of a step as `System.settle` does, with `residual` and `linearise`."""
+    predictor, c, w = rule[:, :3], rule[:, 3:4], rule[:, 4:5]
+    linear = (w * c)[:, 0].tolist()
+    rest = (1.0 - w) * start
+    now[:] = predictor @ start
+    q, v, a = at = np.empty_like(now)
+    correction = np.empty_like(now)
+
+    def residual() -> Array:
+        np.add(np.multiply(w, now, out=at), rest, out=at)
+        return system.residual(t, q, v, a, phase)
+
+    def linearise() -> tuple[Array, Solve]:
+        np.add(np.multiply(w, now, out=at), rest, out=at)
+        return system.linearise(t, q, v, a, phase, *linear)
+
+    def update(da: Array) -> None:
+        np.subtract(now, np.multiply(c, da, out=correction), out=now)
+
+    with np.errstate(over="ignore", invalid="ignore"):  # a diverging iteration is caught by its norm
+        return find_root(residual, linearise, update, bound, newton)
 
 
 def consistent_acceleration(system: System, t: float, q: Array, v: Array, phase: int) -> State:
-    """Solve r(t, q, v, a) = 0 for a: r is linear in a, one solve does it."""
-    zero = np.zeros(system.n_dof)
-    r, solve = system.linearise(t, q, v, zero, phase, 0.0, 0.0, 1.0)
+    """Solve r(t, q, v, a) = 0 for a; r is linear in a."""
+    r, solve = system.linearise(t, q, v, np.zeros(system.n_dof), phase, 0.0, 0.0, 1.0)
     return State(t, q, v, -solve(r.copy()), phase)

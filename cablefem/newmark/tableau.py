@@ -9,7 +9,7 @@ import numpy as np
 from numpy.polynomial import Polynomial, polynomial
 from numpy.typing import NDArray
 
-from cablefem.newmark.system import Array, Collocated, State
+from cablefem.newmark.states import Array, Collocated, State
 
 Complex = NDArray[np.complex128]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cablefem.newmark import State, consistent_acceleration, iterate
+from cablefem.newmark import State, System, consistent_acceleration
 
 
-class Spring:
+class Spring(System):
     """m a + d v + k q + k3 q^3 = f sin(w t + phi), one or several independent degrees of freedom; optional phases."""
 
     force_floor = 1e-15
@@ -38,9 +38,6 @@ class Spring:
     def linearise(self, t, q, v, a, phase, c0, c1, c2):
         tangent = c2 * self.m + c1 * self.d + c0 * (self.k + 3.0 * self.k3 * q**2)
         return self.residual(t, q, v, a, phase), lambda r: r / tangent
-
-    def settle(self, *step):
-        return iterate(self, *step)
 
     def energy(self, x: State):
         return float(np.sum(0.5 * self.m * x.v**2 + 0.5 * self.k * x.q**2 + 0.25 * self.k3 * x.q**4))

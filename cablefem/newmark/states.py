@@ -1,19 +1,41 @@
-"""Many states: those of steps taken in one go, and all that a run has come through."""
+"""States of a system: one, many of one phase as arrays, all of a run."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
-from typing import Any, overload
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.newmark.system import Array, State
+Array = NDArray[np.float64]
 
-NO_STEPS = np.empty((0, 3, 0)), np.empty((0, 4))  # what `Striding.stride` returns where none is to be taken in one go
+
+class State(NamedTuple):
+    """One instant of a discretised system; `phase` numbers the interval of `System.phases` it belongs to."""
+
+    t: float
+    q: Array  # (n_dof,) generalised displacements
+    v: Array  # (n_dof,) dq/dt
+    a: Array  # (n_dof,) d2q/dt2
+    phase: int = 0
+
+
+class Inside(NamedTuple):
+    """Accelerations at the nodes of a collocation step, from which `tableau.between` interpolates."""
+
+    nodes: tuple[float, ...]  # in units of the step
+    dt: float
+    a: Array  # (len(nodes), n_dof)
+
+
+class Collocated(State):
+    """The end of a collocation step, which remembers the step."""
+
+    inside: Inside
 
 
 class Stretch(Sequence[State]):
-    """States of one phase, kept as arrays: a step of a small system takes less time than to make a state of its end."""
+    """States of one phase as arrays: making a `State` takes longer than a step of a small system."""
 
     __slots__ = ("phase", "rows", "t")
 
@@ -39,7 +61,7 @@ class Stretch(Sequence[State]):
 
 
 class Course(Sequence[State]):
-    """The states of a run so far, stretches and single ones as they came."""
+    """The states of a run so far."""
 
     def __init__(self, states: Iterable[State] = ()) -> None:
         self.parts: list[Stretch | list[State]] = []
@@ -47,11 +69,9 @@ class Course(Sequence[State]):
         self.extend(list(states))
 
     def append(self, x: State) -> None:
-        """Add a state."""
         self.extend([x])
 
     def extend(self, states: Sequence[State]) -> None:
-        """Add states: the parts of a run."""
         self._n += len(states)
         if isinstance(states, Stretch):
             self.parts.append(states)
@@ -86,7 +106,7 @@ class Course(Sequence[State]):
 
 
 class Stacked:
-    """States as arrays over time, each made when it is asked for: who wants the path alone needs no velocities."""
+    """States as arrays over time, each array made when it is asked for."""
 
     def __init__(self, states: Sequence[State]) -> None:
         self._parts: Sequence[Sequence[State]] = states.parts if isinstance(states, Course) else [states]

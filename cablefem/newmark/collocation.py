@@ -1,0 +1,105 @@
+"""The balances at all nodes of a collocation step, solved by Newton's method."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cablefem.newmark.newton import Newton, Settled, find_root
+from cablefem.newmark.states import Array
+from cablefem.newmark.tableau import Tableau
+
+if TYPE_CHECKING:
+    from cablefem.newmark.system import System
+
+
+class _Nodes:
+    """The balances of all nodes of a step as functions of the accelerations there, a (s, n_dof)."""
+
+    def __init__(self, system: System, t: Array, phase: int, ends: Array, a: Array, rule: Tableau) -> None:
+        self.system, self.t, self.dt, self.phase, self.rule = system, rule.instants(t)[0], t[1] - t[0], phase, rule
+        self.a, self.ends, self.v0 = a[0], ends, ends[0, 1]
+        self.drift = ends[0, 0] + np.outer(rule.c * self.dt, self.v0)
+
+    def at(self, i: int) -> tuple[Array, Array, Array]:
+        q, v = self.drift[i] + self.dt**2 * (self.rule.AA[i] @ self.a), self.v0 + self.dt * (self.rule.A[i] @ self.a)
+        return q, v, self.a[i]
+
+    def finish(self) -> None:
+        """Set q and v at the step's end."""
+        twice, once = self.rule.ends @ self.a
+        self.ends[1] = self.ends[0, 0] + self.dt * (self.v0 + self.dt * twice), self.v0 + self.dt * once
+
+    def residual(self) -> Array:
+        return np.concatenate([self.system.residual(t, *self.at(i), self.phase) for i, t in enumerate(self.t)])
+
+    def tangent(self) -> Callable[[Array], Array]:
+        """Return the solution with one tangent M, C, K for all nodes: M + dt A C + dt^2 A^2 K, block by block.
+
+        In the basis of A's eigenvectors it falls apart into M + dt lam C + (dt lam)^2 K, one real system for a real
+        eigenvalue lam and a complex one for a pair (Hairer & Wanner 1996, section IV.8).
+        """
+        rule, middle = self.rule, self.rule.middle
+        at = self.t[middle], *self.at(middle), self.phase
+        lams = [self.dt * (value if value.imag else value.real) for value in rule.values]
+        solves = [self.system.linearise(*at, lam * lam, lam, 1.0)[1] for lam in lams]
+
+        def solve(r: Array) -> Array:
+            along = rule.to @ r.reshape(self.a.shape)
+            for x, lam, solve_one in zip(along, lams, solves, strict=True):
+                x[:] = solve_one(x if isinstance(lam, complex) else x.real.copy())
+            return (rule.back @ along).real.ravel()
+
+        return solve
+
+    def update(self, da: Array) -> None:
+        self.a -= da.reshape(self.a.shape)
+
+
+def collocate(
+    system: System, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float,
+    newton: Newton,
+) -> Iterator[Settled]:  # fmt: skip
+    """Take the first step as `System.collocate` does, with `residual` and `linearise`."""
+    nodes = _Nodes(system, t, phase, ends, a, rule)
+    with np.errstate(over="ignore", invalid="ignore"):
+        done = find_root(nodes.residual, lambda: (nodes.residual(), nodes.tangent()), nodes.update, bound, newton)
+        nodes.finish()
+    yield done
+
+
+def collocate_coupled(
+    system: System, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float,
+    newton: Newton,
+) -> Iterator[Settled]:  # fmt: skip
+    """Do the same with the full tangent of all nodes, by a Krylov method; `collocate` preconditions it.
+
+    For steps along which the tangent itself changes much, as at a start where it is proportional to a power of t.
+    """
+    from scipy.optimize import NoConvergence, newton_krylov  # rarely needed, long to load
+    from scipy.sparse.linalg import LinearOperator
+
+    nodes, count = _Nodes(system, t, phase, ends, a, rule), 0
+
+    def residual(y: Array) -> Array:
+        nonlocal count
+        count += 1
+        nodes.a[:] = y.reshape(nodes.a.shape)
+        return nodes.residual()
+
+    norm, iterations, y = math.inf, 0, nodes.a.ravel().copy()
+    with np.errstate(all="ignore"):
+        if np.isfinite(residual(y)).all():
+            precondition = LinearOperator((y.size, y.size), matvec=nodes.tangent(), dtype=float)
+            try:
+                y = newton_krylov(
+                    residual, y, inner_M=precondition, f_tol=bound, maxiter=newton.max_iter, tol_norm=np.linalg.norm
+                )
+                norm, iterations = float(np.linalg.norm(residual(y))), 1
+            except (NoConvergence, ValueError):  # ValueError: a direction without a residual
+                iterations = newton.max_iter
+        nodes.finish()
+    yield Settled(norm, iterations, min(iterations, 1), count)
