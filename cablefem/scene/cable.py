@@ -10,12 +10,10 @@ State 1 is the cable that `length`, `sag` or `horizontal_tension` describe. An e
 import math
 from typing import Annotated, Any
 
-from pydantic import PlainValidator
-
 from cablefem.scene.bisection import bisected
 from cablefem.scene.catenary import Z_MAX, Z_MIN, Catenary, length_range, sag_range, tension_range
 from cablefem.scene.errors import shown
-from cablefem.scene.fields import POSITIVE, Part, Positive, Real, between
+from cablefem.scene.fields import POSITIVE, Part, Positive, Real, between, number_or, said
 
 SHAPES = ("length", "sag", "horizontal_tension")
 STEEPEST = 10.0  # [-] largest slope of the chord, 84 degrees: a steeper line is a hoist and loses digits
@@ -26,36 +24,24 @@ Celsius = Annotated[float, between(-100.0, 300.0)]
 class Ice(Part):
     """A layer of ice around the cable."""
 
-    thickness: Positive  # [m] radial
-    density: Positive  # [kg/m^3]
-
-
-def _ice(value: object) -> object:
-    """Return a positive number or an `Ice`."""
-    if isinstance(value, dict):
-        return Ice(**value)
-    if value is None or isinstance(value, Ice):
-        return value
-    number = POSITIVE.convert(value)
-    if number is None:
-        raise ValueError(f"must be {POSITIVE.admissible} in kg/m, or a table {{thickness, density}}; else leave it out")
-    return number
+    thickness: Positive = said("[m] radial thickness")
+    density: Positive = said("[kg/m3] density of the ice")
 
 
 class Cable(Part):
     """A uniform elastic cable; exactly one of length, sag and horizontal_tension fixes how deep it hangs."""
 
-    mass_per_length: Positive  # rho [kg/m] per stretched static length
-    EA: Positive  # [N] axial stiffness
-    length: Positive | None = None  # l [m] stretched static arc length
-    sag: Positive | None = None  # [m] largest vertical distance below the chord
-    horizontal_tension: Positive | None = None  # H [N]
-    diameter: Positive | None = None  # [m] of the cable without ice
-    breaking_load: Positive | None = None  # [N]
-    temperature: Celsius | None = None  # [C] during the run
-    reference_temperature: Celsius | None = None  # [C] at which length, sag or horizontal_tension hold
-    expansion: Annotated[float, between(-1e-3, 1e-3)] | None = None  # [1/K] thermal; steel 1.2e-5
-    ice: Annotated[Any, PlainValidator(_ice)] = None  # [kg/m], or a table {thickness, density}
+    mass_per_length: Positive = said("[kg/m] mass of the cable per stretched length at rest")
+    EA: Positive = said("[N] axial stiffness")
+    length: Positive | None = said("[m] stretched arc length at rest", None)
+    sag: Positive | None = said("[m] largest vertical distance below the chord at rest", None)
+    horizontal_tension: Positive | None = said("[N] horizontal part of the tension at rest", None)
+    diameter: Positive | None = said("[m] of the cable without ice", None)
+    breaking_load: Positive | None = said("[N] tension at which the cable breaks", None)
+    temperature: Celsius | None = said("[C] during the run", None)
+    reference_temperature: Celsius | None = said("[C] at which length, sag or horizontal_tension hold", None)
+    expansion: Annotated[float, between(-1e-3, 1e-3)] | None = said("[1/K] thermal expansion; steel 1.2e-5", None)
+    ice: number_or(POSITIVE, Ice) = said("[kg/m] of the cable at the reference temperature", None)  # type: ignore[valid-type]
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
@@ -98,8 +84,8 @@ class Cable(Part):
 class Supports(Part):
     """Two fixed points; the left one is the origin."""
 
-    span: Positive  # b [m], horizontal
-    drop: Real = 0.0  # h [m], right support below the left one: positive
+    span: Positive = said("[m] horizontal distance of the supports")
+    drop: Real = said("[m] right support below the left one: positive", 0.0)
 
 
 def hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:

@@ -13,22 +13,22 @@ from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field, PlainValidator
 
 from cablefem.scene.errors import shown
 from cablefem.scene.fields import (
     REAL,
-    Check,
-    Fraction,
     NonNegative,
     Numbers,
     Part,
     Positive,
     Real,
     Reals,
+    between,
     choice,
-    real,
+    number_or,
+    said,
     several,
+    tables,
 )
 
 MODES = ("grip", "haul", "free")
@@ -51,8 +51,8 @@ AIR_DENSITY = 1.2  # [kg/m^3]
 class Thrust(Part):
     """A force from outside along the mean tangent, linear between its times and nothing before and after them."""
 
-    times: Numbers  # [s], strictly increasing
-    forces: Reals  # [N], positive to the right
+    times: Numbers = said("[s] strictly increasing")
+    forces: Reals = said("[N] positive to the right")
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
@@ -73,15 +73,15 @@ class Thrust(Part):
 class Brake(Part):
     """A shoe on the cable, which holds against the motion wherever s_o >= from; several add up."""
 
-    place: Positive = Field(alias="from")  # [m] along the cable
-    force: Positive  # [N]
+    place: Positive = said("[m] place along the cable from which it brakes", alias="from")
+    force: Positive = said("[N] braking force along the cable")
 
 
 class End(Part):
     """Where or when the ride is over: exactly one of the two."""
 
-    time: Positive | None = None  # [s]
-    place: Positive | None = None  # [m] along the cable; it counts as arrival
+    time: Positive | None = said("[s] at which the ride ends", None)
+    place: Positive | None = said("[m] place along the cable that counts as arrival", None)
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
@@ -89,22 +89,6 @@ class End(Part):
         if (data.get("time") is None) != (data.get("place") is None):
             return []
         return [f"time = {shown(data.get('time'))}: exactly one of time, place must be given"]
-
-
-def _thrust(value: object) -> object:
-    """A number, or a table of times and forces."""
-    if isinstance(value, Thrust):
-        return value
-    if isinstance(value, dict):
-        return Thrust(**value)
-    number = real(value)
-    if number is None:
-        raise ValueError(f"must be {REAL.admissible}, or a table {{times, forces}}")
-    return number
-
-
-def _brakes(value: object) -> tuple | None:
-    return tuple(value) if isinstance(value, list | tuple) else None
 
 
 def of_mode(mode: str) -> tuple[str, ...]:
@@ -116,24 +100,23 @@ def of_mode(mode: str) -> tuple[str, ...]:
 class Driving(Part):
     """The table [drive] of a scene, in SI."""
 
-    mode: Annotated[str, choice(MODES)] = "grip"
-    start: Positive | None = None  # [m] along the cable; 1 % of its length unless given
-    release: NonNegative = 0.0  # [s] over which the force that holds a free car goes
-    rolling_friction: Fraction = 0.0  # mu_r [-] of the contact force
-    drag_area: NonNegative = 0.0  # c_d A [m^2]
-    air_density: Positive = AIR_DENSITY  # [kg/m^3]
-    wind: Real = 0.0  # [m/s] along x, on the car only; negative is a headwind for a ride to the right
-    thrust: Annotated[Any, PlainValidator(_thrust)] = 0.0  # [N], a number or Thrust
-    brake: Annotated[
-        tuple[Brake, ...], BeforeValidator(Check("a list of tables {from = ..., force = ...}", _brakes))
-    ] = ()
-    end: End | None = None
+    mode: Annotated[str, choice(MODES)] = said("[-] grip, haul or free: what moves the car", "grip")
+    start: Positive | None = said("[m] place of the car at the start; default 1 % of the length", None)
+    release: NonNegative = said("[s] over which the force that holds a free car goes", 0.0)
+    rolling_friction: Annotated[float, between(0.0, 1.0)] = said("[-] friction over contact force", 0.0)
+    drag_area: NonNegative = said("[m2] drag coefficient times area of the car", 0.0)
+    air_density: Positive = said("[kg/m3] density of the air", AIR_DENSITY)
+    wind: Real = said("[m/s] along x on the car alone; negative is a headwind", 0.0)
+    thrust: number_or(REAL, Thrust) = said("[N] force along the cable", 0.0)  # type: ignore[valid-type]
+    brake: Annotated[tuple[Brake, ...], tables("{from = ..., force = ...}")] = said("[-] brakes, in order", ())
+    end: End | None = said("[-] where or when the ride is over", None)
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
         """What a drive cannot have, by its mode."""
         mode = data.get("mode", "grip")
-        given = [name for name in cls.field_names() if name != "mode" and data.get(name) is not None]
+        fields = cls.model_fields.items()
+        given = [name for name, field in fields if name != "mode" and data.get(name) not in (None, field.default)]
         if mode == "grip":
             why = "has no meaning with mode = 'grip', where the car takes its travel from [travel] and nothing else"
             return [f"{name} = {shown(data[name])}: {why}; leave it out, or take haul or free" for name in given]

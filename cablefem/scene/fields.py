@@ -3,12 +3,12 @@
 import math
 import numbers
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Annotated, Any, get_args
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Self, get_args
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, ValidationError
 
 from cablefem.scene.errors import SceneError, nearest, shown
 
@@ -22,6 +22,7 @@ class Check:
 
     admissible: str
     convert: Callable[[Any], object | None]
+    schema: dict[str, Any] = field(default_factory=dict, hash=False)  # the same for editors
 
     def __call__(self, value: object) -> object:
         converted = self.convert(value)
@@ -56,33 +57,47 @@ def _matching(pattern: str) -> Callable[[object], str | None]:
 
 
 _RANGE = f"{SMALL:g} to {LARGE:g}"
-POSITIVE = Check(f"a number > 0, from {_RANGE}", _number(lambda x: SMALL <= x <= LARGE))
-_NON_NEGATIVE = Check(f"a number >= 0: 0, or from {_RANGE}", _number(lambda x: x == 0.0 or SMALL <= x <= LARGE))
-_FRACTION = Check("a number from 0 to 1", _number(lambda x: 0.0 <= x <= 1.0))
-REAL = Check(f"a number from {-LARGE:g} to {LARGE:g}", _number(lambda x: abs(x) <= LARGE))
+POSITIVE = Check(
+    f"a number > 0, from {_RANGE}", _number(lambda x: SMALL <= x <= LARGE), {"type": "number", "exclusiveMinimum": 0}
+)
+NON_NEGATIVE = Check(
+    f"a number >= 0: 0, or from {_RANGE}", _number(lambda x: x == 0.0 or SMALL <= x <= LARGE),
+    {"type": "number", "minimum": 0},
+)  # fmt: skip
+REAL = Check(f"a number from {-LARGE:g} to {LARGE:g}", _number(lambda x: abs(x) <= LARGE), {"type": "number"})
+_SEVERAL = Check(
+    "a list of at least two numbers", several, {"type": "array", "items": {"type": "number"}, "minItems": 2}
+)
+_SWITCH = Check("true or false", lambda x: x if isinstance(x, bool) else None, {"type": "boolean"})
+_LINE = Check("text on one line", _matching(r"[^\x00-\x1f\x7f]*"), {"type": "string"})
+_NAME = Check("letters, digits, '_', '-' and '.', the first no '-' or '.'", _matching(r"\w[\w.-]*"), {"type": "string"})
+_WORD = Check("letters, digits, spaces, '_' and '-'", _matching(r"\w[\w -]*"), {"type": "string"})
 
 Positive = Annotated[float, BeforeValidator(POSITIVE)]
-NonNegative = Annotated[float, BeforeValidator(_NON_NEGATIVE)]
+NonNegative = Annotated[float, BeforeValidator(NON_NEGATIVE)]
 Real = Annotated[float, BeforeValidator(REAL)]
-Fraction = Annotated[float, BeforeValidator(_FRACTION)]
-_SEVERAL = Check("a list of at least two numbers", several)
-Switch = Annotated[bool, BeforeValidator(Check("true or false", lambda x: x if isinstance(x, bool) else None))]
+Switch = Annotated[bool, BeforeValidator(_SWITCH)]
 Numbers = Annotated[tuple[NonNegative, ...], BeforeValidator(_SEVERAL)]
 Reals = Annotated[tuple[Real, ...], BeforeValidator(_SEVERAL)]
-Line = Annotated[str, BeforeValidator(Check("text on one line", _matching(r"[^\x00-\x1f\x7f]*")))]
-Name = Annotated[
-    str, BeforeValidator(Check("letters, digits, '_', '-' and '.', the first no '-' or '.'", _matching(r"\w[\w.-]*")))
-]
+Line = Annotated[str, BeforeValidator(_LINE)]
+Name = Annotated[str, BeforeValidator(_NAME)]
+Word = Annotated[str, BeforeValidator(_WORD)]  # a name that a dotted key can hold
+
+
+def said(text: str, default: Any = ..., **more: Any) -> Any:
+    """Return a field whose description begins with its unit in brackets: "[kg] mass of the car"."""
+    return Field(default, description=text, **more)
 
 
 def real(value: object) -> float | None:
-    """The value as a number, None for anything else."""
+    """Return the value as a number, None for anything else."""
     return REAL.convert(value)  # type: ignore[return-value]
 
 
 def between(low: float, high: float) -> BeforeValidator:
     """A number from low to high."""
-    return BeforeValidator(Check(f"a number from {low:g} to {high:g}", _number(lambda x: low <= x <= high)))
+    schema = {"type": "number", "minimum": low, "maximum": high}
+    return BeforeValidator(Check(f"a number from {low:g} to {high:g}", _number(lambda x: low <= x <= high), schema))
 
 
 def whole(low: int, high: int) -> BeforeValidator:
@@ -91,7 +106,16 @@ def whole(low: int, high: int) -> BeforeValidator:
     def convert(value: object) -> int | None:
         return value if isinstance(value, int) and not isinstance(value, bool) and low <= value <= high else None
 
-    return BeforeValidator(Check(f"a whole number from {low} to {high}", convert))
+    schema = {"type": "integer", "minimum": low, "maximum": high}
+    return BeforeValidator(Check(f"a whole number from {low} to {high}", convert, schema))
+
+
+def tables(like: str) -> BeforeValidator:
+    """A list of tables."""
+    check = Check(
+        f"a list of tables {like}", lambda x: tuple(x) if isinstance(x, list | tuple) else None, {"type": "array"}
+    )
+    return BeforeValidator(check)
 
 
 def choice(known: Sequence[str]) -> BeforeValidator:
@@ -102,13 +126,13 @@ def choice(known: Sequence[str]) -> BeforeValidator:
             raise ValueError(f"unknown.{nearest(str(value), known)}")
         return value
 
-    return BeforeValidator(convert)
+    return BeforeValidator(Check(f"one of {', '.join(known)}", convert, {"enum": list(known)}))
 
 
 class Part(BaseModel):
     """A frozen piece of a scene; building it with faults raises SceneError with all of them."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, serialize_by_alias=True)
 
     def __init__(self, **data: Any) -> None:
         faults: list[str] = []
@@ -120,6 +144,11 @@ class Part(BaseModel):
         if faults:
             raise SceneError(faults)
 
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a part with some fields replaced, checked as a new one is."""
+        given = {name: getattr(self, name) for name in type(self).model_fields}
+        return type(self)(**{_written(type(self), name): x for name, x in {**given, **(update or {})}.items()})
+
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
         """Faults that no field has alone; `data` as given, with or without faults of its own."""
@@ -127,8 +156,9 @@ class Part(BaseModel):
 
     @classmethod
     def field_names(cls) -> list[str]:
-        """Names of the fields as they are written, in the order of their definition."""
-        return [field.alias or name for name, field in cls.model_fields.items()]
+        """Names of the fields as they are written, inherited ones last."""
+        own = sorted(cls.model_fields, key=lambda name: name not in cls.__annotations__)
+        return [_written(cls, name) for name in own]
 
     @classmethod
     def _lines(cls, item: Any) -> list[str]:
@@ -141,9 +171,9 @@ class Part(BaseModel):
             return [f"{where}.{fault}" for fault in cause.faults]
         given = f"{where} = {shown(item['input'])}"
         if kind == "missing":
-            field = next(field for key, field in cls.model_fields.items() if name in (key, field.alias))
-            checks = [m.func for m in field.metadata if isinstance(m, BeforeValidator)]
-            admissible = checks[0].admissible if checks else f"a table [{name}]"  # type: ignore[union-attr]
+            missing = next(x for key, x in cls.model_fields.items() if name in (key, x.alias))
+            checks = [m.func.admissible for m in missing.metadata if hasattr(m, "func")]
+            admissible = checks[0] if checks else f"a table [{name}]"
             return [f"{where}: missing; must be {admissible}"]
         if kind == "extra_forbidden":
             return [f"{given}: unknown key.{nearest(where, cls.field_names())}"]
@@ -155,6 +185,38 @@ class Part(BaseModel):
         if cause is None:  # pydantic's own: the only other type a field can have is a part
             return [f"{given}: must be a table [{where}]"]
         return [f"{given}: {cause}"]
+
+
+@dataclass(frozen=True, slots=True)
+class NumberOr:
+    """A validator of a number or of a table."""
+
+    number: Check
+    table: type[Part]
+
+    @property
+    def admissible(self) -> str:
+        return f"{self.number.admissible}, or a table {{{', '.join(self.table.field_names())}}}"
+
+    def __call__(self, value: object) -> object:
+        if value is None or isinstance(value, self.table):
+            return value
+        if isinstance(value, dict):
+            return self.table(**value)
+        number = self.number.convert(value)
+        if number is None:
+            raise ValueError(f"must be {self.admissible}")
+        return number
+
+
+def number_or(number: Check, table: type[Part]) -> Any:
+    """Return the type of a field that is a number or a table."""
+    return Annotated[Any, PlainValidator(NumberOr(number, table))]
+
+
+def _written(part: type[Part], name: str) -> str:
+    known = part.model_fields.get(name)
+    return name if known is None else known.alias or name
 
 
 def _kinds(annotation: Any) -> list[str]:
