@@ -2,27 +2,27 @@
 
 Columns are named as in our own path.csv, with an ending where the unit is not SI or the direction is up:
 
-    t         [s]   time                          t and s_o: one suffices, the scene's travel ties them together
-    s_o       [m]   place of the mass on the cable
-    v or y    [m]   of the mass, positive down    v from the static cable, y from the left support
-    u or x    [m]   optional
-    T_behind, T_ahead  [N]  optional, tension at the mass
-    speed     [m/s] optional, |dp/dt|, of a free ride
+    t or time [s]        t and s_o: one suffices, the scene's travel ties them together
+    s_o       [m]        place of the mass on the cable
+    v or y    [m]        of the mass, positive down; v from the static cable, y from the left support
+    u or x    [m]        optional
+    T_behind, T_ahead [N]  optional, tension at the mass
+    speed     [m/s]      optional, |dp/dt|, of a free ride
 
-A free ride is compared over time, its travel being an answer: t, s_o or x, and v or y.
+A free ride is compared over time: it needs t, s_o or x, and v or y.
 
 Endings: _over_l (of the length of the cable), _mm, _km, _ms, _kN, _kmh, and _up; also _s, _m, _N and _down, which
-change nothing.  A name and its numbers that contradict one another are refused with the name that would fit.
+change nothing.  A name that its numbers contradict is refused with the name that would fit.
 """
 
 import csv
 import itertools
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NoReturn, Self
 
 import numpy as np
 
@@ -38,12 +38,10 @@ from validation.core.store import Refused
 WITH_TOL = 5e-3  # allowed to a third party, relative to the largest deflection, beside our own error bar
 LEAST_ROWS = 5  # in the window; fewer say nothing about a path
 TRAVEL_TOLERANCE = 5e-3  # of l: a mass that hops from node to node rounds its place to a node
-MOST_FAULTS = 5  # lines about one file
 
 _NAME = re.compile(
-    r"(t_behind|t_ahead|time|t|s_o|u|v|x|y|speed)(_over_l|/l|_mm|_kmh|_km|_ms|_kn|_s|_m|_n)?(_down|_up)?"
+    r"(t_behind|t_ahead|time|t|s_o|u|v|x|y|speed)(_over_l|/l|_mm|_kmh|_km|_ms|_kn|_s|_m|_n)?(_down|_up)?", re.IGNORECASE
 )
-_FACTOR = {"_mm": 1e-3, "_km": 1e3, "_ms": 1e-3, "_kn": 1e3, "_kmh": 1.0 / 3.6}
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +97,7 @@ class ForeignPath:
         for k, given in arrays.items():
             if not np.isfinite(given).all():
                 raise Refused(f"{name}: {k}[{int(np.argmin(np.isfinite(given)))}] is not a finite number")
-        return cls._built(scene, arrays, {}, name, list(range(*shapes.pop())), "row")
+        return cls(**_completed(scene, _Given(name, arrays, {}, range(*shapes.pop()))))
 
     @classmethod
     def read(cls, file: str | Path, scene: Scene) -> Self:
@@ -107,92 +105,7 @@ class ForeignPath:
 
         Raises Refused with one line per fault: the file, the line, what is wrong and what to do.
         """
-        name = Path(file).name
-        header, rows, numbers = _table(Path(file))
-        faults: list[str] = []
-        place: dict[str, int] = {}  # quantity -> its column
-        for i, column in enumerate(header):
-            if found := _NAME.fullmatch(column.lower()):
-                quantity = {"time": "t"}.get(found[1], found[1])
-                if quantity in place:
-                    both = f"{header[place[quantity]]} and {column}"
-                    faults.append(f"{name}: columns {both} both say {quantity}; leave one")
-                place[quantity] = i
-        have = ", ".join(header)
-        if not place.keys() & {"v", "y"}:
-            faults.append(f"{name}: no column v (deflection of the mass [m], positive down); it has {have}")
-        if scene.drive.mode != "free" and not place.keys() & {"t", "s_o"}:
-            faults.append(f"{name}: neither a column t [s] nor s_o [m]; it has {have}")
-        if faults:
-            raise Refused(faults)
-        columns = {quantity: np.empty(len(rows)) for quantity in place}
-        for k, (row, n) in enumerate(zip(rows, numbers, strict=True)):
-            for quantity, i in place.items():
-                columns[quantity][k] = value = _number(row[i])
-                if not math.isfinite(value) and not (quantity.startswith("t_") and not row[i].strip()):
-                    hint = " (a decimal comma? write a point)" if "," in row[i] else ""
-                    faults.append(f"{name}: line {n}: {header[i]} = {row[i].strip()!r} is no number{hint}")
-        if faults:
-            more = len(faults) - MOST_FAULTS
-            raise Refused(faults[:MOST_FAULTS] + ([f"{name}: and {more} more cells like these"] if more > 0 else []))
-        units = {quantity: _unit(header[i].lower(), scene.length) for quantity, i in place.items()}
-        columns = {quantity: units[quantity] * x for quantity, x in columns.items()}
-        return cls._built(scene, columns, units, name, numbers, "line")
-
-    @classmethod
-    def _built(
-        cls, scene: Scene, x: dict[str, Array], factor: dict[str, float], name: str, numbers: list[int], row: str
-    ) -> Self:
-        """Complete t or s_o by the scene's travel, u and v by its static shape, and check that they fit it.
-
-        factor : what the numbers given for a quantity were multiplied by; numbers : of the rows, called `row`.
-        """
-        motion, l, tau = scene.groups.motion, scene.length, scene.time_scale
-        if motion is None and scene.drive.mode != "free":
-            raise Refused(f"scene {scene.name} has no travelling mass: there is no path to compare")
-        if motion is None and not ("t" in x and x.keys() & {"s_o", "x"} and x.keys() & {"v", "y"}):
-            raise Refused(f"{name}: a free ride needs t, s_o or x, and v or y; it has {', '.join(x)}")
-        clock = "t" if "t" in x else "s_o"
-        back = np.flatnonzero(np.diff(x[clock]) <= 0.0)
-        if back.size:
-            i, unit = int(back[0]), "s" if clock == "t" else "m"
-            raise Refused(
-                f"{name}: {row} {numbers[i + 1]}: {clock} = {x[clock][i + 1]:.6g} {unit} does not come after "
-                f"{x[clock][i]:.6g} {unit} in the {row} before; {clock} must increase"
-            )
-        if motion is None:
-            if "s_o" not in x:  # near enough: it only tells where on the cable something is
-                s = np.linspace(0.0, l, 2001)
-                x["s_o"] = np.interp(x["x"], scene.catenary.x(s), s)
-            _on_cable(x["s_o"], factor.get("s_o", 1.0), l, name, all_the_way=False)
-        elif "t" in x and "s_o" in x:
-            _fits_travel(scene, x, factor, name)
-        elif "t" in x:
-            x["s_o"] = l * motion.position(x["t"] / tau)
-        else:
-            _on_cable(x["s_o"], factor.get("s_o", 1.0), l, name)
-            x["t"] = tau * motion.times_at(np.clip(x["s_o"] / l, motion.begin, motion.end))
-        if motion is not None:
-            on_the_way = x["t"] <= tau * motion.phases[-1][1] * (1.0 + 1e-9)
-            x = {k: a[on_the_way] for k, a in x.items()}
-        rest_x, rest_y = scene.catenary.x(x["s_o"]), scene.catenary.y(x["s_o"])
-        v = x["v"] if "v" in x else x["y"] - rest_y
-        u = x["u"] if "u" in x else x["x"] - rest_x if "x" in x else None
-        of = "y" if motion is None and "y" in x else "v"
-        path = cls(
-            name, l, x["t"], x["s_o"], v, u, x.get("t_behind"), x.get("t_ahead"),
-            x.get("x", None if u is None else rest_x + u), x.get("y", rest_y + v), x.get("speed"),
-            factor=factor.get(of, 1.0), drive=scene.drive.mode,
-        )  # fmt: skip
-        window = measures.WINDOWS[path.drive]
-        within = int(np.count_nonzero(measures.inside(path, window)))  # type: ignore[arg-type]
-        if within < LEAST_ROWS:
-            covers = f"s_o/l = {path.s_o[0] / l:.4g} to {path.reached:.4g}" if path.t.size else "no time of the travel"
-            raise Refused(
-                f"{name}: {within} rows in s_o/l = {window[0]:g} to {window[1]:g}, where paths are compared; "
-                f"{LEAST_ROWS} are needed (it covers {covers})"
-            )
-        return path
+        return cls(**_completed(scene, _read(Path(file), scene)))
 
     def write(self, file: Path) -> None:
         """Write the path in the units and names of our path.csv."""
@@ -201,7 +114,56 @@ class ForeignPath:
         write_csv(file, ",".join(columns), np.stack(list(columns.values()), axis=1))
 
 
+@dataclass(frozen=True, slots=True)
+class _Given:
+    """Numbers of another program by quantity, in SI with v and y down."""
+
+    name: str
+    x: dict[str, Array]
+    factor: dict[str, float]  # what the numbers of a file were multiplied by
+    numbers: Sequence[int]  # of the rows, or of their lines
+    row: str = "row"
+
+    def refuse(self, said: str) -> NoReturn:
+        raise Refused(f"{self.name}: {said}")
+
+    def units(self, quantity: str, l: float) -> dict[str, float]:
+        """Return how a column of lengths may be named, and what its numbers here are to be multiplied by then."""
+        now = self.factor.get(quantity, 1.0)
+        ends = {"": 1.0, "_over_l": l, "_mm": 1e-3, "_km": 1e3}
+        return {quantity + end: unit / now for end, unit in ends.items()}
+
+
 # --- reading --------------------------------------------------------------------------------------------------------
+
+
+def _read(file: Path, scene: Scene) -> _Given:
+    """Return the columns of a CSV file whose names we know."""
+    name, (header, rows, numbers) = file.name, _table(file)
+    place: dict[str, int] = {}  # quantity -> its column
+    faults = []
+    for i, column in enumerate(header):
+        if found := _NAME.fullmatch(column):
+            quantity = {"time": "t"}.get(found[1].lower(), found[1].lower())
+            if quantity in place:
+                faults.append(f"columns {header[place[quantity]]} and {column} both say {quantity}; leave one")
+            place[quantity] = i
+    have = ", ".join(header)
+    if not place.keys() & {"v", "y"}:
+        faults.append(f"no column v (deflection of the mass [m], positive down); it has {have}")
+    if scene.drive.mode != "free" and not place.keys() & {"t", "s_o"}:
+        faults.append(f"neither a column t [s] nor s_o [m]; it has {have}")
+    for n, row in zip(numbers, rows, strict=True):
+        for quantity, i in place.items():
+            if not (math.isfinite(_number(row[i])) or (quantity.startswith("t_") and not row[i].strip())):
+                hint = " (a decimal comma? write a point)" if "," in row[i] else ""
+                faults.append(f"line {n}: {header[i]} = {row[i].strip()!r} is no number{hint}")
+    if faults:
+        more = [f"and {len(faults) - 5} more cells like these"] if len(faults) > 5 else []
+        raise Refused([f"{name}: {fault}" for fault in faults[:5] + more])
+    factor = {quantity: _unit(header[i], scene.length) for quantity, i in place.items()}
+    x = {quantity: factor[quantity] * np.array([_number(row[i]) for row in rows]) for quantity, i in place.items()}
+    return _Given(name, x, factor, numbers, "line")
 
 
 def _table(file: Path) -> tuple[list[str], list[list[str]], list[int]]:
@@ -213,25 +175,32 @@ def _table(file: Path) -> tuple[list[str], list[list[str]], list[int]]:
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else "not text in UTF-8"
         raise Refused(f"{file}: cannot be read ({why})") from None
-    lines = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
-    if not lines:
+    lines = [(n, line.strip()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
+    # the header is the first line without #, or one with # that has a name we know
+    heads = [
+        (i, cells) for i, (_, line) in enumerate(lines)
+        if not line.startswith("#") or any(_NAME.fullmatch(cell) for cell in _cells(line.lstrip("# \t")))
+        for cells in [_cells(line.lstrip("# \t"))]
+    ]  # fmt: skip
+    if not heads:
         raise Refused(f"{file.name}: the file is empty")
-    for start, (n, line) in enumerate(lines):  # noqa: B007
-        bare = line.lstrip("# \t")
-        delimiter = max(",;\t", key=bare.count)
-        header = [cell.strip() for cell in next(csv.reader([bare], delimiter=delimiter))]
-        if not line.lstrip().startswith("#") or any(_NAME.fullmatch(cell.lower()) for cell in header):
-            break
+    start, header = heads[0]
     if all(math.isfinite(_number(cell)) for cell in header):
-        raise Refused(f"{file.name}: line {n}: numbers where the names of the columns should stand, e.g. t,s_o,u,v")
-    body = [(n, line) for n, line in lines[start + 1 :] if not line.lstrip().startswith("#")]
+        at = lines[start][0]
+        raise Refused(f"{file.name}: line {at}: numbers where the names of the columns should stand, e.g. t,s_o,u,v")
+    body = [(n, _cells(line, lines[start][1])) for n, line in lines[start + 1 :] if not line.startswith("#")]
     if not body:
         raise Refused(f"{file.name}: no rows below the names of the columns")
-    rows = list(csv.reader([line for _, line in body], delimiter=delimiter))
-    for (n, _), row in zip(body, rows, strict=True):
+    for n, row in body:
         if len(row) != len(header):
             raise Refused(f"{file.name}: line {n}: {len(row)} cells under {len(header)} names of columns")
-    return header, rows, [n for n, _ in body]
+    return header, [row for _, row in body], [n for n, _ in body]
+
+
+def _cells(line: str, header: str | None = None) -> list[str]:
+    """Return the cells of a line; the header's most frequent separator parts them."""
+    delimiter = max(",;\t", key=(header or line).count)
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
 
 
 def _number(cell: str) -> float:
@@ -243,20 +212,78 @@ def _number(cell: str) -> float:
 
 def _unit(column: str, length: float) -> float:
     """Return what a column's numbers are multiplied by to be in SI, with v and y down."""
-    found = _NAME.fullmatch(column)
-    assert found is not None
-    factor = length if found[2] in ("_over_l", "/l") else _FACTOR.get(found[2] or "", 1.0)
-    return -factor if found[3] == "_up" else factor
+    _, unit, way = _NAME.fullmatch(column.lower()).groups()  # type: ignore[union-attr]
+    factors = {"_over_l": length, "/l": length, "_mm": 1e-3, "_km": 1e3, "_ms": 1e-3, "_kn": 1e3, "_kmh": 1.0 / 3.6}
+    return factors.get(unit, 1.0) * (-1.0 if way == "_up" else 1.0)
 
 
-# --- do numbers and names contradict one another? -------------------------------------------------------------------
+# --- completing, and refusing names that the numbers contradict -------------------------------------------------------
 
 
-def _fits_travel(scene: Scene, x: dict[str, Array], factor: dict[str, float], name: str) -> None:
-    """Raise Refused unless s_o(t) is the scene's travel, with the units that would make it so."""
-    motion = scene.groups.motion
+def _completed(scene: Scene, given: _Given) -> dict[str, Any]:
+    """Return the fields of a `ForeignPath`: t or s_o by the scene's travel, u and v by its static shape."""
+    motion, l, free = scene.groups.motion, scene.length, scene.drive.mode == "free"
+    if motion is None and not free:
+        raise Refused(f"scene {scene.name} has no travelling mass: there is no path to compare")
+    if free and not ("t" in given.x and given.x.keys() & {"s_o", "x"} and given.x.keys() & {"v", "y"}):
+        given.refuse(f"a free ride needs t, s_o or x, and v or y; it has {', '.join(given.x)}")
+    _rises(given, "t" if "t" in given.x else "s_o")
+    x = _placed(scene, given)
+    rest_x, rest_y = scene.catenary.x(x["s_o"]), scene.catenary.y(x["s_o"])
+    v = x["v"] if "v" in x else x["y"] - rest_y
+    u = x["u"] if "u" in x else x["x"] - rest_x if "x" in x else None
+    told = {
+        "method": given.name, "length": l, "t": x["t"], "s_o": x["s_o"], "v": v, "u": u, "speed": x.get("speed"),
+        "T_behind": x.get("t_behind"), "T_ahead": x.get("t_ahead"), "y": x.get("y", rest_y + v),
+        "x": x.get("x", None if u is None else rest_x + u), "drive": scene.drive.mode,
+        "factor": given.factor.get("y" if free and "y" in x else "v", 1.0),
+    }  # fmt: skip
+    low, high = measures.WINDOWS[scene.drive.mode]
+    place = x["s_o"] / l
+    within = int(np.count_nonzero((place >= low) & (place <= high * (1.0 + 1e-12))))
+    if within < LEAST_ROWS:
+        covers = f"s_o/l = {place[0]:.4g} to {place[-1]:.4g}" if place.size else "no time of the travel"
+        given.refuse(
+            f"{within} rows in s_o/l = {low:g} to {high:g}, where paths are compared; "
+            f"{LEAST_ROWS} are needed (it covers {covers})"
+        )
+    return told
+
+
+def _rises(given: _Given, clock: str) -> None:
+    values, unit = given.x[clock], "s" if clock == "t" else "m"
+    back = np.flatnonzero(np.diff(values) <= 0.0)
+    if back.size:
+        i = int(back[0])
+        given.refuse(
+            f"{given.row} {given.numbers[i + 1]}: {clock} = {values[i + 1]:.6g} {unit} does not come after "
+            f"{values[i]:.6g} {unit} in the {given.row} before; {clock} must increase"
+        )
+
+
+def _placed(scene: Scene, given: _Given) -> dict[str, Array]:
+    """Return the columns with both t and s_o, up to the end of the travel."""
+    motion, l, tau, x = scene.groups.motion, scene.length, scene.time_scale, dict(given.x)
+    if motion is None:
+        s = np.linspace(0.0, l, 2001)  # s_o only tells where on the cable something is
+        x.setdefault("s_o", np.interp(x.get("x", s[:1]), scene.catenary.x(s), s))
+        _on_cable(x["s_o"], float(x["s_o"].max()), given, l)
+        return x
+    if "t" not in x:
+        _on_cable(x["s_o"], float(x["s_o"][-1]), given, l)
+        x["t"] = tau * motion.times_at(np.clip(x["s_o"] / l, motion.begin, motion.end))
+    elif "s_o" in x:
+        _fits_travel(scene, given)
+    else:
+        x["s_o"] = l * motion.position(x["t"] / tau)
+    on_the_way = x["t"] <= tau * motion.phases[-1][1] * (1.0 + 1e-9)
+    return {k: a[on_the_way] for k, a in x.items()}
+
+
+def _fits_travel(scene: Scene, given: _Given) -> None:
+    """Refuse s_o(t) that is not the scene's travel, with the units that would make it so."""
+    motion, l, tau, t, s_o = scene.groups.motion, scene.length, scene.time_scale, given.x["t"], given.x["s_o"]
     assert motion is not None
-    l, tau, t, s_o = scene.length, scene.time_scale, x["t"], x["s_o"]
 
     def misfit(time: float, place: float) -> Array:
         # past the end the scene's mass stands still; another program's may run on
@@ -265,37 +292,28 @@ def _fits_travel(scene: Scene, x: dict[str, Array], factor: dict[str, float], na
     off = misfit(1.0, 1.0)
     if off.max() <= TRAVEL_TOLERANCE:
         return
-    times = {**_TIMES, f"t over {tau:.6g} s = l sqrt(rho/H)": tau}
-    for (as_t, time), (as_s, place) in itertools.product(times.items(), _units("s_o", l).items()):
-        time, place = time / factor.get("t", 1.0), place / factor.get("s_o", 1.0)
+    times = {"t": 1.0, "t_ms": 1e-3, f"t over {tau:.6g} s = l sqrt(rho/H)": tau}
+    for (as_t, unit), (as_s, place) in itertools.product(times.items(), given.units("s_o", l).items()):
+        time = unit / given.factor.get("t", 1.0)
         # a mass that hardly moves, or has arrived, fits any travel
         moving = np.count_nonzero((place * s_o > WINDOW[0] * l) & (time * t < tau * motion.phases[-1][1]))
         if moving >= LEAST_ROWS and misfit(time, place).max() <= TRAVEL_TOLERANCE:
-            raise Refused(f"{name}: t and s_o are the scene's travel as {as_t} and {as_s}: name or convert them so")
+            given.refuse(f"t and s_o are the scene's travel as {as_t} and {as_s}: name or convert them so")
     i = int(np.argmax(off))
-    raise Refused(
-        f"{name}: t and s_o are not the scene's travel: at t = {t[i]:.6g} s it has s_o/l = {s_o[i] / l:.4g}, "
+    given.refuse(
+        f"t and s_o are not the scene's travel: at t = {t[i]:.6g} s it has s_o/l = {s_o[i] / l:.4g}, "
         f"the scene {motion.position(t[i] / tau):.4g}"
     )
 
 
-def _on_cable(s_o: Array, factor: float, l: float, name: str, *, all_the_way: bool = True) -> None:
-    """Raise Refused unless s_o runs along the cable, with the unit in which it would end next to the far support."""
-    last = float(s_o[-1] if all_the_way else s_o.max()) / l
-    if s_o.min() / l >= -TRAVEL_TOLERANCE and WINDOW[0] < last <= 1.0 + TRAVEL_TOLERANCE:
+def _on_cable(s_o: Array, last: float, given: _Given, l: float) -> None:
+    """Refuse s_o that leaves the cable, with the unit in which it would end nearest to the far support."""
+    if s_o.min() >= -TRAVEL_TOLERANCE * l and WINDOW[0] < last / l <= 1.0 + TRAVEL_TOLERANCE:
         return
-    ends = {column: unit / factor * last for column, unit in _units("s_o", l).items()}
-    fits = [column for column, end in ends.items() if 0.1 < end <= 1.0 + TRAVEL_TOLERANCE]
-    hint = f"; name the column {max(fits, key=lambda column: ends[column])}?" if fits else ""
-    raise Refused(f"{name}: s_o runs from {s_o[0]:.6g} to {s_o[-1]:.6g} m on a cable of {l:.6g} m{hint}")
-
-
-_TIMES = {"t": 1.0, "t_ms": 1e-3}
-
-
-def _units(column: str, l: float) -> dict[str, float]:
-    """Return what a column of lengths may be named, and what its numbers are then multiplied by."""
-    return {column: 1.0, f"{column}_over_l": l, f"{column}_mm": 1e-3, f"{column}_km": 1e3}
+    ends = {unit * last / l: column for column, unit in given.units("s_o", l).items()}
+    fits = [end for end in ends if 0.1 < end <= 1.0 + TRAVEL_TOLERANCE]
+    hint = f"; name the column {ends[max(fits)]}?" if fits else ""
+    given.refuse(f"s_o runs from {s_o[0]:.6g} to {s_o[-1]:.6g} m on a cable of {l:.6g} m{hint}")
 
 
 def refuse_misnamed(path: ForeignPath | Response, ours: Response) -> None:
@@ -303,21 +321,26 @@ def refuse_misnamed(path: ForeignPath | Response, ours: Response) -> None:
 
     ours : any run that is good to a few percent.
     """
-    of, named = "y" if ours.drive == "free" else "v", getattr(path, "factor", 1.0)
-    units = _units(of, path.length)
-    units |= {f"{column}_up": -factor for column, factor in units.items()}
+    of = "y" if ours.drive == "free" else "v"
+    given = _Given(path.method, {}, {of: getattr(path, "factor", 1.0)}, ())
+    units = {
+        column + way: sign * unit for column, unit in given.units(of, path.length).items()
+        for way, sign in (("", 1.0), ("_up", -1.0))
+    }  # fmt: skip
     try:
         window = _common(path, measures.window_of(ours))
-        other = {column: replace(path, **{of: factor / named * getattr(path, of)}) for column, factor in units.items()}
-        gaps = {column: measures.path_gap(_vertical(x), _vertical(ours), window)[1] for column, x in other.items()}
-        as_named = measures.path_gap(_vertical(path), _vertical(ours), window)[1]
+
+        def off(factor: float) -> float:
+            other = replace(path, **{of: factor * getattr(path, of)})
+            return measures.path_gap(_vertical(other), _vertical(ours), window)[1]
+
+        as_named, (gap, column) = off(1.0), min((off(factor), column) for column, factor in units.items())
     except NotComparable:
         return
-    column = min(gaps, key=lambda name: gaps[name])
-    if as_named > 0.2 and gaps[column] < 0.1:
-        what = f"{of} points the other way" if units[column] * named < 0.0 else f"{of} is in another unit"
-        raise Refused(
-            f"{path.method}: {what}: as {column} it would be {gaps[column]:.2%} off (rms), as it is named "
+    if as_named > 0.2 and gap < 0.1:
+        what = f"{of} points the other way" if units[column] < 0.0 else f"{of} is in another unit"
+        given.refuse(
+            f"{what}: as {column} it would be {gap:.2%} off (rms), as it is named "
             f"{as_named:.3g} times {ours.path_scale_named}; name it {column}"
         )
 
