@@ -20,7 +20,7 @@ from validation.core.methods import METHODS, find, refined
 from validation.core.resolution import TooCoarse, resolve
 from validation.core.sampling import stacked
 from validation.core.trust import recommended
-from validation.oracles.moving_mass import ORACLE
+from validation.oracles import moving_mass
 
 README = "my-sines"
 SCENE = Scene.load("inclined")
@@ -131,7 +131,7 @@ def test_a_cell_of_the_atlas(name, monkeypatch):
 
 @every
 def test_a_case_of_an_oracle(name, monkeypatch):
-    case = next(case for case in ORACLE.cases() if getattr(case, "scene", ""))
+    case = next(case for case in moving_mass.cases() if getattr(case, "scene", ""))
     assert name in case.of(oracles.SOLVERS)
     two = [find(name).ladder(1)[0], refined(find(name), find(name).ladder(1)[0], space=2.0)]
     rungs = [oracles.Rung(find(name).told(x | {"steps": 200}), 1.0 + i) for i, x in enumerate(two)]

@@ -1,17 +1,18 @@
-"""A force that accelerates or brakes through the wave speed leaves a front with a vertical tangent behind it.
+"""A force that accelerates or brakes through the wave speed of an infinite string.
 
-    v_tt - v_xx = P(t) delta(x - xi(t)) on the infinite string, at rest at t = 0,  xi = V0 t + a t^2/2.
+    v_tt - v_xx = P(t) delta(x - xi(t)),  at rest at t = 0,  xi = V0 t + a t^2/2.
 
-Flaherty 1968; Sagartz & Forrestal 1975.  D'Alembert:  v(x, t) = 1/2 int P(s) ds over the s in [0, t] with |x -
-xi(s)| < t - s. The ends of these intervals are roots of two quadratics, s - xi(s) = t - x and s + xi(s) = t + x.
+D'Alembert: v(x, t) = 1/2 int P(s) ds over the s in [0, t] with |x - xi(s)| < t - s.  The ends of these intervals are
+roots of two quadratics, s - xi(s) = t - x and s + xi(s) = t + x.
 
-Kink at the force: [v_x] = -P/(1 - xi'^2), infinite when xi' = 1, at t_c = (1 - V0)/a.  From there a front runs at
-the wave speed, x_f = xi(t_c) + t - t_c (for V0 = 0: t - 1/(2a)), where the slope stays infinite: speeding up, v(x_f
-+ d) - v(x_f) = -P sqrt(2d/a) ahead of it and a finite slope behind it; braking, v(x_f - d) - v(x_f) = +P
-sqrt(2d/|a|) behind it and v = 0 ahead of it.
+The kink at the force is [v_x] = -P/(1 - xi'^2), infinite at t_c = (1 - V0)/a.  A front with a vertical tangent runs on
+from there at the wave speed, x_f = xi(t_c) + t - t_c.  Speeding up: v(x_f + d) - v(x_f) = -P sqrt(2d/a).
+Braking: v(x_f - d) - v(x_f) = +P sqrt(2d/|a|), and v = 0 ahead of it.
 
-Validity: any V0, a (also a = 0).  Accuracy: rounding; within d of the front 1e-16/sqrt(d), the square root's own
-conditioning.
+Source: Flaherty 1968; Sagartz & Forrestal 1975
+Validity: infinite string, any V0 and constant a
+Accuracy: rounding; within d of the front 1e-16/sqrt(d)
+Group: A force on a taut string
 """
 
 import math
@@ -21,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, Oracle, inside, level
+from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, inside, level
 
 
 def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V0: float = 0.0, a: float) -> Array:
@@ -75,7 +76,7 @@ def accelerated(
     )  # fmt: skip
 
 
-def _cases() -> list[Crossing]:
+def cases() -> list[Crossing]:
     def crossing(name: str, until: float, methods: tuple[str, ...], because: str, p: float, **more: str) -> Crossing:
         more |= {"load": "force", "because": because}
         return accelerated(
@@ -90,12 +91,3 @@ def _cases() -> list[Crossing]:
         crossing("through the wave speed", 0.8, ("fourier",), front, 0.7),
         crossing("through the wave speed", 0.8, BEST, unstable, 1.0, expected="disagree"),
     ]
-
-
-ORACLE = Oracle(
-    title="force accelerating or braking through the wave speed",
-    source="Flaherty 1968; Sagartz & Forrestal 1975",
-    validity="infinite string, constant acceleration",
-    group="A force on a taut string",
-    cases=_cases,
-)

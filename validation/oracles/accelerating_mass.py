@@ -1,24 +1,23 @@
-"""A mass accelerating through the wave speed retraces its own path backwards, and the passage is a blow.
+"""A mass that accelerates from rest through the wave speed of a taut string.
 
-    v_tt - v_xx = R delta(x - xi(t)),  mu y'' = mu sigma - R,  y = v(xi, t),  xi = a t^2/2, infinite string at rest
-        at t = 0.
+    v_tt - v_xx = R delta(x - xi(t)),  mu y'' = mu sigma - R,  y = v(xi, t),  xi = a t^2/2,  at rest at t = 0.
 
-Rodeman, Longcope & Shampine 1976.  The mass at t hears the string from the times s with |xi(t) - xi(s)| < t - s,
-that is s + t < 2/a:
-    t < 1/a       : 2y = I(t), I = int R = mu (sigma t - y'):  y = (sigma mu/2) [ t - (mu/2)(1 - e^(-2t/mu)) ]
-        whatever the speed law,
-    1/a < t < 2/a : 2y = I(2/a - t):  y(t) = y(2/a - t);       t > 2/a: y = 0, the mass outruns everything.
-At t = 1/a y' turns from y'_c to -y'_c, so the contact force has a blow 2 mu y'_c, which sends off two opposite
-jumps of height mu y'_c to the points xi(1/a) +- (t - 1/a).  A moving force shows none.
+The mass at t hears the string from the times s with s + t < 2/a:
+    t < 1/a       : 2y = I(t), I = int R = mu (sigma t - y'),  y = (sigma mu/2) [ t - (mu/2)(1 - e^(-2t/mu)) ]
+    1/a < t < 2/a : y(t) = y(2/a - t);       t > 2/a: y = 0, the mass outruns its waves.
+At t = 1/a the contact force has a blow 2 mu y', which sends off two opposite jumps of height mu y'.
 
-Validity: t >= 0, infinite string (on a finite one until the first wave is back).  Accuracy: rounding of closed forms.
+Source: Rodeman, Longcope & Shampine 1976
+Validity: infinite string, t >= 0
+Accuracy: rounding of closed forms
+Group: A mass on a taut string
 """
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from validation.oracles import accelerating_force
-from validation.oracles.case import MU, SIGMA, Array, Crossing, Oracle, positive
+from validation.oracles.case import MU, SIGMA, Array, Crossing, positive
 
 
 def path(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
@@ -49,7 +48,7 @@ def _mirror(t: ArrayLike, mu: float, sigma: float, a: float) -> tuple[Array, Arr
     return t, u, np.where(a * t <= 1.0, 1.0, -1.0)
 
 
-def _cases() -> list[Crossing]:
+def cases() -> list[Crossing]:
     def exact(t: Array) -> Array:
         return path(t, mu=MU, sigma=SIGMA, a=accelerating_force.A)
 
@@ -59,12 +58,3 @@ def _cases() -> list[Crossing]:
         case("up to 0.89 of the wave speed", exact, accelerating_force.BELOW, both),
         case("through the wave speed", exact, 0.8, ("fourier",), because=blow, at_most=1.0, expected="disagree"),
     ]
-
-
-ORACLE = Oracle(
-    title="mass accelerating from rest through the wave speed",
-    source="Rodeman, Longcope & Shampine 1976",
-    validity="infinite string, any time",
-    group="A mass on a taut string",
-    cases=_cases,
-)

@@ -21,7 +21,6 @@ from cablefem.scene.motion import Motion, Piece
 Array = NDArray[np.float64]
 Error = tuple[float, float]  # the largest and the rms one, relative
 
-ROLLS = "A car that rolls"  # heading of the exact answers for hauled and free cars
 WINDOW = (0.02, 0.8)  # s_o/l in which paths are compared
 BEST = ("following-p2", "fourier-kink")  # one method of each wing
 RIDERS = BEST  # methods whose cars roll
@@ -29,14 +28,14 @@ RIDERS = BEST  # methods whose cars roll
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Oracle:
-    """One exact answer, named as its file: one of this folder that calls it ORACLE is found, with nothing else told."""
+    """One exact answer, named as its file."""
 
     title: str
-    source: str
-    validity: str
-    group: str  # heading under which tables list it
+    source: str = ""
+    validity: str = ""
+    group: str = ""  # heading under which tables list it
+    unreached: str = ""  # why no solver can be held against it
     cases: Callable[[], Sequence[Case]] = tuple  # made when asked for
-    unreached: str = ""  # where there are none: why no solver can be held against it
 
 
 def positive(**numbers: float) -> None:

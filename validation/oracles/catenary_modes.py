@@ -1,22 +1,19 @@
-"""The small vibrations of an elastic catenary of any sag and slope come out of one well-conditioned integral operator.
+"""Frequencies and modes of an elastic catenary, both displacements, any sag and slope.
 
     u_tt = [ T u' + (alpha - T)(x'u' + y'v') x' ]',   v_tt = [ T v' + (alpha - T)(x'u' + y'v') y' ]',   w = (u, v) =
-        0 at s = 0, 1,
+        0 at s = 0, 1;   p = c - sigma s,  T = sqrt(1 + p^2),  x' = 1/T,  y' = p/T,
 
-the exact linearisation about the catenary (Henghold, Russell & Morgan 1977; Wu & Chen 1989); p = c - sigma s, T =
-sqrt(1 + p^2), x' = 1/T, y' = p/T; c = sigma/2 for a level cable, larger if the right support is lower.  Frequencies
-in units of sqrt(H/rho)/l.
+the exact linearisation about the catenary; frequencies W in units of sqrt(H/rho)/l.
 
-Method: with the tangent e = (x', y') the bracket is n = A w', A = T I + (alpha - T) e e^T, and A^-1 = I/T +
-(1/alpha - 1/T) e e^T is bounded even for alpha = inf, the inextensible cable.  From n' = -W^2 w:  n = n0 - W^2
-int_0^s w,  w = int_0^s A^-1 n, and w(1) = 0 gives n0:
+Method: with the tangent e = (x', y'), A w' = n, A = T I + (alpha - T) e e^T, A^-1 = I/T + (1/alpha - 1/T) e e^T, which
+is bounded even for alpha = inf.  From n' = -W^2 w and w(1) = 0:
     w = W^2 [ J A^-1 ( (int A^-1)^-1 (int A^-1 J w) - J w ) ],   J = int_0^s,
-collocated at Chebyshev points.  This operator is bounded (unlike the differential one), so that rounding costs the
-first frequencies nothing.
+collocated at Chebyshev points.  Rounding costs this bounded operator's first frequencies nothing.
 
-Accuracy: `error` is the change of the frequencies from n to 3n/2 points, plus W (1e-13 + 1e-15 (W/W_1)^2) for
-rounding (measured scatter over n: 1e-14 W).  With the default n = 48 it is below 1e-11 for the first ten. Validity:
-sigma > 0, alpha > 0 or inf, c any.
+Source: Henghold, Russell & Morgan 1977; Wu & Chen 1989
+Validity: any sag, slope and stiffness: sigma > 0, alpha > 0 or inf
+Accuracy: `error`, the change from n to 3n/2 points and rounding; with n = 48 below 1e-11 for the first ten
+Group: Frequencies of the bare cable
 """
 
 import math
@@ -25,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.chebyshev import chebint, chebval
 
-from validation.oracles.case import BARE, Array, Oracle
+from validation.oracles.case import BARE, Array
 from validation.oracles.case import Modes as ModesCase
 
 
@@ -83,15 +80,6 @@ def _integration(n: int) -> tuple[Array, Array]:
     return 0.5 * (1.0 + x), 0.5 * integral @ to_coef
 
 
-def _cases() -> list[ModesCase]:
+def cases() -> list[ModesCase]:
     exact = solve(BARE.sigma, BARE.alpha, BARE.c, count=4).omega
     return [ModesCase(name="first four, model full", groups=BARE, model="full", exact=exact)]
-
-
-ORACLE = Oracle(
-    title="frequencies and modes of an elastic catenary, u and v",
-    source="Henghold, Russell & Morgan 1977; Wu & Chen 1989",
-    validity="any sag, slope and stiffness",
-    group="Frequencies of the bare cable",
-    cases=_cases,
-)

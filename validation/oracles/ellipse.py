@@ -1,13 +1,15 @@
-"""A bead on a string that neither stretches nor weighs anything runs on an ellipse with its supports as foci.
+"""A bead on a string without weight or stretch runs on an ellipse with the supports as foci.
 
-With r1 = s_o and r2 = l - s_o the distances from the supports, D theirs from one another, a = l/2, b^2 = a^2 - D^2/4:
+With r1 = s_o and r2 = l - s_o, D the distance of the supports, a = l/2, b^2 = a^2 - D^2/4:
     v^2 = 2 g (y - y_0),   N = M (v^2 a b/(r1 r2)^(3/2) + g cos(psi)) sqrt(r1 r2)/(2 b)  on both sides,
     ds_o/dt = v sqrt(1 - b^2/(r1 r2)),
 psi the inclination of the path.  Level supports: small swings about the lowest point have omega^2 = g b/a^2.
+It is the limit of a car that rolls freely on a cable for EA >> M g >> rho g l.
 
-Energy; curvature a b/(r1 r2)^(3/2) of the ellipse; equal angles of both parts of the string with its normal, whose
-cosine is b/sqrt(r1 r2).  The limit of a car that rolls freely on a cable for EA >> M g >> rho g l.  Validity: D < l.
-Accuracy: rounding; places over time by DOP853 at rtol 1e-12.
+Source: Energy and the geometry of the ellipse
+Validity: D < l, no friction
+Accuracy: rounding; places over time by DOP853 at rtol 1e-12
+Group: A car that rolls
 """
 
 import math
@@ -22,7 +24,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from cablefem.scene import Scene
-from validation.oracles.case import RIDERS, ROLLS, Array, Error, Limit, Oracle, Solvers, hung, largest_and_rms
+from validation.oracles.case import RIDERS, Array, Error, Limit, Solvers, hung, largest_and_rms
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +166,7 @@ def _swing(solvers: Solvers, method: str, mu: float) -> Error:
     return off, off
 
 
-def _cases() -> list[Limit]:
+def cases() -> list[Limit]:
     stretch, bounces = "the cable stretches by M g/EA", "the car that is let go bounces, at a speed like sqrt(M g/EA)"
     light, raw = "stiff light cable: ", partial(_tension, averaged=False)
     four = (1e2, 1e3, 1e4, 1e5)
@@ -187,12 +189,3 @@ def _cases() -> list[Limit]:
             methods=RIDERS,
         ),
     ]  # fmt: skip
-
-
-ORACLE = Oracle(
-    title="bead on a string without weight or stretch, rolling freely on an ellipse",
-    source="Energy and the geometry of the ellipse",
-    validity="D < l, no friction",
-    group=ROLLS,
-    cases=_cases,
-)

@@ -1,13 +1,15 @@
-"""On an elastic foundation a force carries a symmetric dent below the wave speed and trails a wave above it.
+"""A force at constant speed on a string on an elastic foundation, steady.
 
-    v_tt - v_xx + k v = P delta(x - V t) on the infinite string, steady in z = x - V t:  (V^2 - 1) v'' + k v = P
-        delta(z).
+    v_tt - v_xx + k v = P delta(x - V t),  in z = x - V t:  (V^2 - 1) v'' + k v = P delta(z).
 
-Yen & Tang 1970, the linear part (their nonlinear correction near V = 1 is not here).
     V < 1 :  v = P e^(-|z| sqrt(k/(1-V^2))) / (2 sqrt(k (1-V^2))),
-    V > 1 :  v = P sin(|z| sqrt(k/(V^2-1))) / sqrt(k (V^2-1)) behind, 0 ahead (no wave can run ahead).
+    V > 1 :  v = P sin(|z| sqrt(k/(V^2-1))) / sqrt(k (V^2-1)) behind, 0 ahead.
 
-Validity: k > 0, V >= 0, V != 1.  Accuracy: rounding.
+Source: Yen & Tang 1970, the linear part
+Validity: infinite string, k > 0, V >= 0, V != 1
+Accuracy: rounding
+Group: Loads and cables that the solvers do not have
+Unreached: the solvers' cables hang free
 """
 
 import math
@@ -15,7 +17,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from validation.oracles.case import Oracle, positive
+from validation.oracles.case import positive
 
 
 def deflection(z: ArrayLike, *, P: float, V: float, k: float) -> NDArray[np.float64]:
@@ -27,12 +29,3 @@ def deflection(z: ArrayLike, *, P: float, V: float, k: float) -> NDArray[np.floa
     if V < 1.0:
         return P * np.exp(-np.abs(z) * math.sqrt(k / e)) / (2.0 * math.sqrt(k * e))
     return np.where(z < 0.0, P * np.sin(-z * math.sqrt(k / e)) / math.sqrt(k * e), 0.0)
-
-
-ORACLE = Oracle(
-    title="force at constant speed on a string on an elastic foundation, steady",
-    source="Yen & Tang 1970, linear part",
-    validity="infinite string, not at the wave speed",
-    group="Loads and cables that the solvers do not have",
-    unreached="the solvers' cables hang free",
-)

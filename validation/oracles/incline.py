@@ -1,12 +1,15 @@
-"""A car on a straight incline: drag brings it to a terminal speed, friction slows it, a brake stops it.
+"""A car on a straight incline with drag, rolling friction and a brake.
 
 Gravity g, path length s from rest, sin and cos of the incline.  Drag -k v |v| (mass mu):
     v_t^2 = mu g sin/k,   v^2 = v_t^2 (1 - exp(-2 k s/mu)),   s = (mu/k) ln cosh(t v_t k/mu).
 Rolling friction mu_r and, from s_b on, a brake of force F_b:
     a = g (sin - mu_r cos),   v_b^2 = 2 a s_b,   it stops at s_b + v_b^2/(2 (F_b/mu - a)).
+It is the limit of a car that rolls on a cable for sigma -> 0, with g = sigma.
 
-Newton's law.  The limit of a car that rolls on a cable for sigma = rho g l/H -> 0, where sag and deflection vanish like
-sigma; then g = sigma.  Validity: sin > mu_r cos; F_b/mu > a.  Accuracy: rounding.
+Source: Newton's law
+Validity: sin > mu_r cos, F_b/mu > a
+Accuracy: rounding
+Group: A car that rolls
 """
 
 import math
@@ -16,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cablefem.scene import Scene
-from validation.oracles.case import RIDERS, ROLLS, Array, Case, Error, Limit, Oracle, Solvers, hung, largest_and_rms
+from validation.oracles.case import RIDERS, Array, Case, Error, Limit, Solvers, hung, largest_and_rms
 
 
 def terminal(*, mu: float, g: float, sin: float, k: float) -> float:
@@ -84,7 +87,7 @@ def _stop(solvers: Solvers, method: str, sigma: float) -> Error:
     return largest_and_rms(error)
 
 
-def _cases() -> list[Case]:
+def cases() -> list[Case]:
     because = "the cable sags and gives way like sigma"
     return [
         Limit(name="drag, taut cable: place over l", parameter="sigma", values=(0.1, 0.01, 0.001), falls=1.0,
@@ -92,12 +95,3 @@ def _cases() -> list[Case]:
         Limit(name="friction and brake, taut cable: place over l", parameter="sigma", values=(0.01, 0.003, 0.0003),
               falls=1.0, because=because, deviation=_stop, methods=RIDERS),
     ]  # fmt: skip
-
-
-ORACLE = Oracle(
-    title="drag, friction and brake on a straight incline",
-    source="Newton's law",
-    validity="a car that starts to roll; a brake that holds",
-    group=ROLLS,
-    cases=_cases,
-)

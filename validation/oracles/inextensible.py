@@ -1,14 +1,14 @@
-"""A flat cable that cannot stretch keeps the area under it, and its first symmetric mode has three half waves.
+"""Frequencies of a flat cable that cannot stretch.
 
-    w_tt = w_ss + h,  int w ds = 0,  w(0) = w(1) = 0:   antisymmetric W = 2 n pi, symmetric tan(W/2) = W/2, the
-        first W = 8.986819.
+    w_tt = w_ss + h,  int w ds = 0,  w(0) = w(1) = 0:   antisymmetric W = 2 n pi, symmetric tan(W/2) = W/2.
 
-The assumption of Tadjbakhsh & Wang 1994 (taut, inclined, inextensible cable) for the bare cable; unit
-sqrt(tau/rho)/l with tau the tension along the chord, sqrt(T/rho)/l for a level cable.  It is irvine for L -> inf,
-from which it differs by O(1/L^2), and catenary_modes with alpha = inf for sigma -> 0, from which it differs by
-O(sigma^2).
+Unit sqrt(tau/rho)/l, tau the tension along the chord.  It is the limit of irvine for L -> inf, and of catenary_modes
+with alpha = inf for sigma -> 0.
 
-Validity: small sag, any inclination.  Accuracy: 1e-14 relative.
+Source: Tadjbakhsh & Wang 1994
+Validity: small sag, any inclination
+Accuracy: 1e-14 relative
+Group: Frequencies of the bare cable
 """
 
 import math
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from validation.oracles.case import BARE, Error, Limit, Oracle, Solvers
+from validation.oracles.case import BARE, Error, Limit, Solvers
 
 
 def symmetric(count: int) -> NDArray[np.float64]:
@@ -37,7 +37,7 @@ def frequencies(count: int) -> NDArray[np.float64]:
     return np.sort(np.concatenate([symmetric(count), 2.0 * math.pi * np.arange(1, count + 1)]))[:count]
 
 
-def _cases() -> list[Limit]:
+def cases() -> list[Limit]:
     exact = frequencies(4)
 
     def deviation(solvers: Solvers, basis: str, alpha: float) -> Error:
@@ -51,12 +51,3 @@ def _cases() -> list[Limit]:
             because="the stretching that is left is 1/L²", deviation=deviation, methods=("P2 elements", "sines"),
         )
     ]  # fmt: skip
-
-
-ORACLE = Oracle(
-    title="frequencies of a flat inextensible cable",
-    source="Tadjbakhsh & Wang 1994",
-    validity="small sag, no stretch",
-    group="Frequencies of the bare cable",
-    cases=_cases,
-)

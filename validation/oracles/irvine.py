@@ -1,20 +1,16 @@
-"""A flat elastic cable vibrates like a string, except that its symmetric modes feel the stretching of the sag.
+"""Frequencies of a flat elastic cable.
 
-    w_tt = w_ss + h y'',  h = alpha int y' w_s ds,  y'' = -sigma,  w(0) = w(1) = 0   (parabola, chord-normal w,
-        uniform h).
+    w_tt = w_ss + h y'',  h = alpha int y' w_s ds,  y'' = -sigma,  w(0) = w(1) = 0.
 
-Irvine & Caughey 1974, with the arc length in place of the span (no correction to the effective length).
-Frequencies W in units of sqrt(T/rho)/l: antisymmetric W = 2 n pi; symmetric, with L^2 = sigma^2 alpha,  tan(W/2) =
-W/2 - (4/L^2)(W/2)^3. The left side minus the right grows in W on each branch of the tangent, so that each branch
-((n - 1/2) pi, (n + 1/2) pi), n >= 1, of W/2 holds exactly one root, and (0, pi/2) none.  L -> 0: taut string (2n-1)
-pi; L -> inf: inextensible (see inextensible).
+W in units of sqrt(T/rho)/l: antisymmetric W = 2 n pi; symmetric, with L^2 = sigma^2 alpha,  tan(W/2) = W/2 -
+(4/L^2)(W/2)^3, one root in each branch ((n - 1/2) pi, (n + 1/2) pi), n >= 1, of W/2.
 
-Inclined cable (chord at angle theta): the same in the direction normal to the chord, unit sqrt(tau/rho)/l, tau =
-T/cos(theta) the tension along the chord, L^2 = alpha sigma^2 cos(theta)^5 (sigma and alpha being formed with the
-horizontal tension).
+Inclined cable (chord at angle theta): normal to the chord, tau = T/cos(theta), L^2 = alpha sigma^2 cos(theta)^5.
 
-Validity: small sag (error against the exact catenary 8e-4 at sigma = 0.17, falling like sigma^2 at fixed L).
-Accuracy: 1e-14 relative.
+Source: Irvine & Caughey 1974, with the arc length in place of the span
+Validity: small sag; 8e-4 off the exact catenary at sigma = 0.17, falling like sigma^2 at fixed L
+Accuracy: 1e-14 relative
+Group: Frequencies of the bare cable
 """
 
 import math
@@ -22,7 +18,7 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
-from validation.oracles.case import BARE, Array, Modes, Oracle
+from validation.oracles.case import BARE, Array, Modes
 
 
 def parameter(sigma: float, alpha: float, chord_cos: float = 1.0) -> float:
@@ -50,15 +46,6 @@ def frequencies(L2: float, count: int) -> Array:
     return np.sort(np.concatenate([symmetric(L2, count), 2.0 * math.pi * np.arange(1, count + 1)]))[:count]
 
 
-def _cases() -> list[Modes]:
+def cases() -> list[Modes]:
     exact = frequencies(parameter(BARE.sigma, BARE.alpha), 4)
     return [Modes(name="first four, model sagged", groups=BARE, model="sagged", exact=exact)]
-
-
-ORACLE = Oracle(
-    title="frequencies of a flat elastic cable",
-    source="Irvine & Caughey 1974",
-    validity="small sag",
-    group="Frequencies of the bare cable",
-    cases=_cases,
-)

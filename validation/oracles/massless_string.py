@@ -1,20 +1,22 @@
-"""A mass crossing a string without inertia follows a hypergeometric path that ends in a jump at the far support.
+"""A mass at constant speed on a string without inertia.
 
     xi (1 - xi) Y'' + 2 a Y = 8 a xi (1 - xi),   Y(0) = Y'(0) = 0,   xi = V t in units of the length,
-    Y = y/(M g l/(4T)),  a = T l/(2 M V^2)  (= 1/(2 mu V^2) in units of the wave speed; rho enters neither).
+    Y = y/(M g l/(4T)),  a = T l/(2 M V^2)  (= 1/(2 mu V^2) in units of the wave speed).
 
-Fryba 1972; Smith 1964.  The string is a spring of stiffness T/(l xi (1 - xi)) under the mass.  With r = sqrt(1 + 8a):
+With r = sqrt(1 + 8a):
     Y = (4a/(a-1)) [ xi (1-xi) - Phi ],   Phi = xi 2F1((1+r)/2, (1-r)/2; 2; xi),
     a = 1:  Y = (4/3) xi^2 - (8/3) xi (1-xi) ln(1-xi),
-    Y(1) = 2 cos(pi r/2)/(pi (a-1))  (4/3 for a = 1; zero for a = 3, 6, 10, ...): a jump to the support, with an
-infinite contact force.  It is the limit of moving_mass for mu -> inf at fixed a; the difference falls like 1/mu.
+    Y(1) = 2 cos(pi r/2)/(pi (a-1)): a jump to the support, with an infinite contact force.
+It is the limit of moving_mass for mu -> inf at fixed a; the difference falls like 1/mu.
 
-Power series of 2F1 are useless for large r (scipy's loses all digits for a > 300).  Phi is the integral of the
-Legendre function P_nu(1 - 2z), nu = (r-1)/2, over [0, xi]; with Mehler's integral for P_nu it becomes
+The power series of 2F1 loses its digits for large r.  By Mehler's integral for the Legendre function,
     Phi = (4 sqrt(xi)/(pi r)) int_0^(pi/2) sin(r beta) sin(psi) dpsi,   sin(beta) = sqrt(xi) sin(psi),
-evaluated by Gauss panels graded towards psi = pi/2, where beta has a branch point sqrt(1 - xi) away.
+by Gauss panels graded towards psi = pi/2, where beta has a branch point.
 
-Validity: 0 <= xi <= 1, 0 < a <= 1e4.  Accuracy: 2e-15 max(10, r, a/|a-1|), measured against mpmath, of the largest Y.
+Source: Fryba 1972; Smith 1964
+Validity: 0 <= xi <= 1, 0 < a <= 1e4
+Accuracy: 2e-15 max(10, r, a/|a-1|) of the largest Y, measured against mpmath
+Group: A mass on a taut string
 """
 
 import math
@@ -24,7 +26,7 @@ from numpy.typing import ArrayLike
 from scipy.special import xlogy
 
 from cablefem.scene import ConstantSpeed
-from validation.oracles.case import SIGMA, Array, Crossing, Error, Limit, Oracle, Solvers, level
+from validation.oracles.case import SIGMA, Array, Crossing, Error, Limit, Solvers, level
 
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
 
@@ -69,7 +71,7 @@ def _domain(xi: ArrayLike, a: float) -> Array:
     return xi
 
 
-def _cases() -> list[Limit]:
+def cases() -> list[Limit]:
     a = 0.7
 
     def deviation(solvers: Solvers, method: str, mu: float) -> Error:
@@ -86,12 +88,3 @@ def _cases() -> list[Limit]:
             because="the string's own inertia is 1/(mass ratio) of the moving one", deviation=deviation,
         )
     ]  # fmt: skip
-
-
-ORACLE = Oracle(
-    title="mass at constant speed on a string without inertia",
-    source="Fryba 1972; Smith 1964",
-    validity="0 < T l/(2 M V^2) <= 1e4",
-    group="A mass on a taut string",
-    cases=_cases,
-)

@@ -1,24 +1,23 @@
-"""A constant force crossing a taut string at constant speed has a closed-form answer at every speed.
+"""A constant force that crosses a taut string at constant speed.
 
     v_tt - v_xx = P delta(x - V t),  v(0, t) = v(1, t) = 0,  at rest at t = 0;  the force has left for t > 1/V.
 
-Fryba 1972.  With Green's function G(x, z) = min(x, z)(1 - max(x, z)) and its odd, 2-periodic extension Go in z:
-
-    0 <= t <= 1/V :  v = P/(1-V^2) [ G(x, Vt) - V Go(x, t) ]                  (both terms satisfy the supports, the
-        second is free)
+With G(x, z) = min(x, z)(1 - max(x, z)) and its odd, 2-periodic extension Go in z:
+    0 <= t <= 1/V :  v = P/(1-V^2) [ G(x, Vt) - V Go(x, t) ]
     t > 1/V       :  v = P V/(1-V^2) [ Go(x, t - 1/V + 1) - Go(x, t) ]
-    V = 1         :  v = (P/2) [ G(x, t) - t dG/dz(x, t) ],  after the exit -(P/2) dGo/dz(x, t): it jumps at the
-        force.
+    V = 1         :  v = (P/2) [ G(x, t) - t dG/dz(x, t) ],  after the exit -(P/2) dGo/dz(x, t).
 
-Validity: 0 <= x <= 1, t >= 0, V > 0.  Accuracy: rounding over |1 - V^2| (the two terms cancel near the wave speed);
-V = 1 itself is exact. The series converges like 1/terms^2 in v and not at all in the slope at the force.
+Source: Fryba 1972
+Validity: 0 <= x <= 1, t >= 0, V > 0
+Accuracy: rounding over |1 - V^2|; V = 1 itself is exact
+Group: A force on a taut string
 """
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cablefem.scene import ConstantSpeed
-from validation.oracles.case import MU, SIGMA, Array, Crossing, Oracle, level, positive
+from validation.oracles.case import MU, SIGMA, Array, Crossing, level, positive
 
 
 def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
@@ -56,7 +55,7 @@ def _domain(x: ArrayLike, t: ArrayLike, V: float) -> tuple[Array, Array]:
 FRONT = "a force without inertia sends off a front with a jump of slope at once"
 
 
-def _cases() -> list[Crossing]:
+def cases() -> list[Crossing]:
     def at(V: float, told: str = "") -> Crossing:
         return Crossing(
             name=f"speed {V:g}{told}", groups=level(ConstantSpeed(speed=V).motion(1.0)), load="force",
@@ -66,12 +65,3 @@ def _cases() -> list[Crossing]:
         )  # fmt: skip
 
     return [at(0.37), at(0.95, ", near the wave speed")]
-
-
-ORACLE = Oracle(
-    title="constant force at constant speed on a taut string",
-    source="Fryba 1972",
-    validity="any speed, before and after the exit",
-    group="A force on a taut string",
-    cases=_cases,
-)

@@ -1,44 +1,33 @@
-"""The path of a mass crossing a taut string at less than the wave speed is exact up to a scalar delay equation.
+"""A mass with any travel below (or above) the wave speed on a taut string, with all reflections.
 
     v_tt - v_xx = R(t) delta(x - xi(t)),  v(0, t) = v(1, t) = 0,  at rest for t <= 0,
     mu y'' = mu sigma - R,  y(t) = v(xi(t), t),  y(0) = y'(0) = 0.
 
-Smith 1964 (constant speed); Dyniewicz & Bajer 2009 (the jump of the path at the far support).  Behind the mass the
-string is v = f(t+x) - f(t-x), ahead of it v = g(t-x) - g(t+x-2): the supports are fixed and only two waves per side
-remain.  With A = t - xi(t), B = t + xi(t) (both increase as long as |xi'| < 1), F(t) = f(B(t)), G(t) = g(A(t)),
+Behind the mass v = f(t+x) - f(t-x), ahead of it v = g(t-x) - g(t+x-2).  With A = t - xi(t), B = t + xi(t), F(t) =
+f(B(t)), G(t) = g(A(t)),
 
     y = F - F(t1) = G - G(t2),   B(t1) = A(t),   A(t2) = B(t) - 2,   F(<0) = G(<0) = 0,                            (1)
 
-t1 and t2 being the times at which the mass sent the waves that now come back to it from the near and from the far
-support.  The jump law (1 - xi'^2)[v_x] = -R turns into R = d/dt (F + F(t1) + G + G(t2)), so that with the impulse
-I = int R = mu (sigma t - y')
+t1 and t2 the times at which the mass sent the waves that now come back from the near and the far support.  The jump law
+(1 - xi'^2)[v_x] = -R turns into R = d/dt (F + F(t1) + G + G(t2)), so that with I = int R = mu (sigma t - y')
 
     y' = sigma t - (2/mu) (y + F(t1) + G(t2)).                                                                     (2)
 
-(1), (2) hold for every xi(t); unrolling them for xi = V t gives the sum over images usually printed,
-2y = I(t) + sum_k [I(t-2k/(1-V)) + I(t-2k/(1+V))] - sum_k I(((1-V)t-2k)/(1+V)) - sum_k I(((1+V)t-2k)/(1-V)).
+At the far support fronts accumulate at s, s/Q, s/Q^2, ..., s = T - t, Q = (1+V)/(1-V).  The path ends at a height w0
+above the support, with R ~ (2 w0/ln Q)/s times a log-periodic factor of mean 1.
 
-At the far support the fronts accumulate, at s, s/Q, s/Q^2, ... with s = T - t, Q = (1+V)/(1-V), V the last speed.
-There y -> w0 (1 - (2/(mu ln Q)) s ln s + ...): the path ends at w0, not on the support, and R ~ (2 w0/ln Q)/s times a
-log-periodic factor of mean 1.  For mu = 1, sigma = 0.1688832: w0 = 0.0215401864 for V = sqrt(sigma) and 0.0356008093
-from rest with a = sigma (values 1.2e-9 higher, found in notes, belong to s = 1e-9).
+Method: collocation of degree 32 in t between the arrivals of fronts at the mass.  t1 and t2 may lie inside the step:
+the equation is linear, and they then enter its matrix.  The second half of the travel is marched in s.
+A step is shortened until the last three Chebyshev coefficients of y, F and G are below 1e-13 of the largest values.
+A travel that ends at rest on the far support is marched to `reach` before it.
 
-Method: collocation with polynomials of degree 32 in t between the arrivals of the wave fronts at the mass.  The
-delays vanish at both supports (t1 -> t at the near one, t2 -> t at the far one), so t1 and t2 may lie inside the
-step: the equation is linear, and they then enter the matrix of the step.  The second half of the travel is marched
-in s, where nothing cancels, down to s = 1e-16 T.
+The limit of a sagging cable for sigma -> 0 at fixed V, mu, alpha is this answer with sigma (1 + V^2), by the curvature
+of the sag.
 
-Validity: 0 <= xi <= 1, |xi'| < 1 throughout, or xi' >= 1 throughout (then the mass runs ahead of all its waves:
-y = 0, R = mu sigma).  The mass may start inside the string, too.  A travel that ends at rest on the far support meets
-infinitely many fronts there; it is marched to `reach` before the support.
-
-Accuracy: a step is shortened until the last three Chebyshev coefficients of y, F and G are below 1e-13 of the largest
-values (of F and G by less within s < mu of the far support, where they last too short to move the mass).  Measured for
-mass ratios 0.1 to 20 and speeds 0.1 to 0.95, in units of the maxima: path 1e-13, string 1e-10, R 1e-6 (1e-8 for
-V >= 0.2); 10 to 50 ms, a second for mu = V = 0.1.  `tail` of the answer is the largest such coefficient of y.
-
-The limit of a nonlinear sagging cable for sigma -> 0 at fixed V, mu, alpha is this answer for g (1 + V^2) instead of g
-(the sag's curvature rho g/T costs M V^2 rho g/T): scale sigma.
+Source: Smith 1964; Dyniewicz & Bajer 2009
+Validity: 0 <= xi <= 1, |xi'| < 1 throughout, or xi' >= 1 throughout (then y = 0)
+Accuracy: for mu 0.1 to 20, speeds 0.1 to 0.95, of the maxima: path 1e-13, string 1e-10, R 1e-6
+Group: A mass on a taut string
 """
 
 from __future__ import annotations
@@ -51,7 +40,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cablefem.scene import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Groups, Motion, Scene
-from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, Error, Limit, Oracle, Solvers, level, positive
+from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, Error, Limit, Solvers, level, positive
 
 DEGREE = 32
 TAIL = 1e-13  # allowed size of the last coefficients of a step, relative to the largest values so far
@@ -256,7 +245,6 @@ class _March:
     def run(self, reach: float) -> Ride:
         """March to the far support, or to `reach` before it if the mass comes to rest there."""
         travel, T, past = self.travel, self.travel.t_end, self.past
-        starts_on_support = float(travel.position(np.zeros(1))[0]) == 0.0
         if float(travel.to_go(np.zeros(1))[0]) != 0.0:  # never arrives
             s_last = 0.0
         elif float(travel.speed(np.array([T]))[0]) > 0.0:
@@ -277,26 +265,36 @@ class _March:
                 room = marks[np.searchsorted(marks, z + 1e-13 * abs(z) + (0.0 if late else 1e-15 * T), side="right") :]
                 gap = (room[0] if room.size else stop) - z
                 h = gap if h > 0.6 * gap else h
-                while True:
-                    first = z == 0.0 and starts_on_support
-                    coef = self._first_step(h) if first else self._step(y0, z, z + h, late)
-                    size = max(scale, float(np.abs(coef).max()))
-                    tail = np.abs(coef[:, -3:]).max(axis=1)
-                    # an error of G at s moves the path by 2 s/mu times as much
-                    slack = min(1e6, max(1.0, min(self.mu, 1.0) / abs(z))) if late else 1.0
-                    excess = max(tail[0], tail[1] / slack, tail[2] / slack) / (TAIL * size)
-                    if excess <= 1.0:
-                        break
-                    h *= 0.6
-                    if not h > LEAST_STEP * (abs(z) if late else T):  # NaN, too
-                        raise MarchStalled(float(T + z if late else z), T, excess)
-                scale, worst = size, max(worst, float(tail[0]) / size)
+                coef, h, scale, tail, excess = self._resolved(y0, z, h, late, scale)
+                worst = max(worst, tail / scale)
                 end = z + h if h < gap else float(room[0] if room.size else stop)
                 pieces.append(end, coef)
                 y0 = float(coef[0].sum())
                 z = end
                 h *= min(2.0, 0.9 * max(excess, 1e-12) ** (-1.0 / DEGREE))
         return Ride(travel, self.mu, self.sigma, T - s_last, y0, worst, self)
+
+    def _resolved(
+        self, y0: float, z: float, h: float, late: bool, scale: float
+    ) -> tuple[Array, float, float, float, float]:
+        """Shorten the step until its last coefficients are small.
+
+        Returns the coefficients, the step, the largest value so far, the tail of y, and the tail over what is allowed.
+        """
+        T = self.travel.t_end
+        first = z == 0.0 and float(self.travel.position(np.zeros(1))[0]) == 0.0  # starts on the support
+        # an error of G at s moves the path by 2 s/mu times as much
+        slack = min(1e6, max(1.0, min(self.mu, 1.0) / abs(z))) if late else 1.0
+        while True:
+            coef = self._first_step(h) if first else self._step(y0, z, z + h, late)
+            size = max(scale, float(np.abs(coef).max()))
+            tail = np.abs(coef[:, -3:]).max(axis=1)
+            excess = max(tail[0], tail[1] / slack, tail[2] / slack) / (TAIL * size)
+            if excess <= 1.0:
+                return coef, h, size, float(tail[0]), excess
+            h *= 0.6
+            if not h > LEAST_STEP * (abs(z) if late else T):  # NaN, too
+                raise MarchStalled(float(T + z if late else z), T, excess)
 
     def _first_step(self, h: float) -> Array:
         """Coefficients (3, DEGREE+1) of y, F, G on [0, h], before the first front, for a start on the support.
@@ -411,7 +409,7 @@ class SupersonicRide:
 # --- held against the solvers
 
 
-def _cases() -> list[Crossing | Limit]:
+def cases() -> list[Crossing | Limit]:
     def ride(name: str, motion: Motion, mu: float = MU) -> Crossing:
         exact = solve(travel_of(motion), mu=mu, sigma=SIGMA).path
         groups, finer = level(motion, mu), 3.0 if mu < 0.5 else 1.0
@@ -460,12 +458,3 @@ def _small_sag(model: str, *, plain: bool = False) -> Limit:
         because="the tension that the sag adds goes like alpha sigma²", deviation=deviation,
         methods=("following-p2",) if plain else BEST, expected="disagree" if plain else "agree",
     )  # fmt: skip
-
-
-ORACLE = Oracle(
-    title="mass with any travel below (or above) the wave speed on a taut string, with all reflections",
-    source="Smith 1964; Dyniewicz & Bajer 2009",
-    validity="|xi'| < 1 or xi' >= 1 throughout, any mass",
-    group="A mass on a taut string",
-    cases=_cases,
-)

@@ -1,11 +1,13 @@
-"""A slow car runs along its load path, the curve of its places at rest, whatever waves it leaves behind.
+"""A slow free ride along the load path, the curve of the car's places at rest.
 
-    mu |P'|^2 dds + mu P'.P'' ds^2 = -F_hold(s) + F_ext.P',   P(s) and F_hold(s) of `rest`,
-the limit of a free ride for speeds small against the waves'.
+    mu |P'|^2 dds + mu P'.P'' ds^2 = -F_hold(s) + F_ext.P',   P(s) and F_hold(s) of `rest`.
 
-Lagrange's equation for s_o with the cable's inertia left out.  Solved by `cablefem.scene.ride`, the common ground;
-tests hold it against closed forms on the chord and against energy.  Validity: error (V/c)^2; 1e-3 l at V/c = 0.4.
-Accuracy: 3e-8 l.
+Solved by `cablefem.scene.ride`, the common ground; tests hold it against closed forms and against energy.
+
+Source: Lagrange's equation for s_o without the cable's inertia
+Validity: speeds small against the waves'; error (V/c)^2, 1e-3 l at V/c = 0.4
+Accuracy: 3e-8 l
+Group: A car that rolls
 """
 
 from collections.abc import Callable
@@ -16,7 +18,7 @@ import numpy as np
 
 from cablefem.scene import Scene
 from cablefem.scene.ride import LoadPath, Ride, ride
-from validation.oracles.case import RIDERS, ROLLS, Error, Limit, Oracle, Solvers, hung, largest_and_rms
+from validation.oracles.case import RIDERS, Error, Limit, Solvers, hung, largest_and_rms
 from validation.oracles.rest import ZIP
 
 Curve = Callable[[Any], LoadPath]
@@ -52,7 +54,7 @@ def _fast(what: str, curve: Curve, solvers: Solvers, method: str, sigma: float) 
     return largest_and_rms(off[there])
 
 
-def _cases() -> list[Limit]:
+def cases() -> list[Limit]:
     waves = "waves take (V/c)² of what the car bends, and both fall like sigma"
     told = [
         ("place over l", "place", LoadPath.loaded), ("speed over the largest", "speed", LoadPath.loaded),
@@ -73,12 +75,3 @@ def _cases() -> list[Limit]:
         )
         for i, (name, what, curve) in enumerate(told)
     ]  # fmt: skip
-
-
-ORACLE = Oracle(
-    title="slow free ride along the load path",
-    source="Lagrange's equation without the cable's inertia",
-    validity="speeds small against the waves'",
-    group=ROLLS,
-    cases=_cases,
-)

@@ -1,12 +1,15 @@
-"""A cable under a car that is held is an elastic catenary of two pieces; where it needs no force, the car is at rest.
+"""The loaded cable at rest, the force that holds the car, and the place that needs none.
 
     int lam n/N ds = (span, drop),  n = (h, V - sigma s), less (0, mu sigma) ahead of the car,  N = T + alpha eps,
-with the car held along the cable by F_hold = [N lam - W], W = T eps + alpha eps^2/2; at rest without it n_y = +- mu
-sigma/2 beside the car.
+F_hold = [N lam - W], W = T eps + alpha eps^2/2; at rest without it n_y = +- mu sigma/2 beside the car.
 
-Balance of forces; material force.  Solved by `cablefem.scene.statics`, the common ground, which tests put into the
-differential equation; both wings find their start by their own statics.  Validity: any sag, slope, mass and stiffness.
-Accuracy: 1e-10.
+Solved by `cablefem.scene.statics`, the common ground, which tests put into the differential equation.  Both wings find
+their start by statics of their own.
+
+Source: Balance of forces (Irvine, Cable Structures 1981), material force
+Validity: any sag, slope, mass and stiffness
+Accuracy: 1e-10
+Group: A car that rolls
 """
 
 from collections.abc import Callable
@@ -18,7 +21,7 @@ from scipy.optimize import brentq
 
 from cablefem.scene import Groups, Scene
 from cablefem.scene.statics import Rest, gripped
-from validation.oracles.case import RIDERS, ROLLS, Array, Case, Error, Law, Oracle, Rung, Solvers, largest_and_rms
+from validation.oracles.case import RIDERS, Array, Case, Error, Law, Rung, Solvers, largest_and_rms
 
 ZIP = """
     [cable]
@@ -96,7 +99,7 @@ def _held() -> list[Held]:
     ]  # fmt: skip
 
 
-def _cases() -> list[Case]:
+def cases() -> list[Case]:
     start = 30.0
     scene = Scene.from_toml(ZIP + f"start = {start}\nrelease = 5.0\nend = {{time = 0.02}}")
     exact = gripped(start / scene.length, scene.groups)
@@ -124,12 +127,3 @@ def _cases() -> list[Case]:
             ("car at its place of rest stays: way over l", still, moved),
         )
     ]
-
-
-ORACLE = Oracle(
-    title="loaded cable at rest, the force that holds the car, the place that needs none",
-    source="Balance of forces (Irvine, Cable Structures 1981), material force",
-    validity="any cable",
-    group=ROLLS,
-    cases=_cases,
-)

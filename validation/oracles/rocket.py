@@ -1,19 +1,18 @@
-"""A sled driven by steady thrust along a taut level string, from its rest in the loaded string, until waves come back.
+"""A sled driven by steady thrust along a taut level string, from its rest in the loaded string.
 
-The thrust is an outside force along the mean tangent.  s_o = s0 + a t^2/2 with a = thrust/mu, and w, the depth below
-the empty string's shape, from w = mu sigma s0 (1 - s0), dw = 0:
+Thrust acts along the mean tangent.  s_o = s0 + a t^2/2 with a = thrust/mu, and w, the depth below the empty string's
+shape, from w = mu sigma s0 (1 - s0), dw = 0:
     mu w.. + 2 w. = mu sigma ds_o^2 + mu sigma (1 - 2 s0) ds_o + mu a <w_s>,
     <w_s> = mu sigma [ (1 - 2 s0) - ds_o - 2 ds_o w./(mu sigma) ] / (2 (1 - ds_o^2)).
 
-By d'Alembert's solution of
-    w_tt - w_xx = R delta(x - s_o), R = mu sigma - mu p.. + mu a (y' + <w_s>),
-p = y(s_o) + w, y'' = -sigma.  What keeps the string's rest shape is a source mu sigma at s0 that ends at t = 0; so
-2 w. = R - mu sigma + mu sigma (1 - 2 s0) ds_o, and the slopes on both sides are those of waves running away from s_o
-and of that source.  A gripped car with the same s_o(t) has tensions that differ by mu a between its sides, which
-changes the waves' speeds: another path in first order.
+Derivation: w_tt - w_xx = R delta(x - s_o), R = mu sigma - mu p.. + mu a (y' + <w_s>), p = y(s_o) + w, y'' = -sigma.
+The string's rest shape is kept by a source mu sigma at s0 that ends at t = 0, so that 2 w. = R - mu sigma +
+mu sigma (1 - 2 s0) ds_o.
 
-Validity: a t < 1, before the first echo, sigma -> 0 (second order in sigma as long as alpha is not large, too).
-Accuracy: DOP853 at rtol 1e-12.
+Source: d'Alembert's solution, derived here
+Validity: a t < 1, before the first echo, sigma -> 0
+Accuracy: DOP853 at rtol 1e-12
+Group: A car that rolls
 """
 
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import OdeSolution, solve_ivp
 
-from validation.oracles.case import RIDERS, ROLLS, Array, Error, Limit, Oracle, Solvers, hung, largest_and_rms
+from validation.oracles.case import RIDERS, Array, Error, Limit, Solvers, hung, largest_and_rms
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +93,7 @@ def _deviation(solvers: Solvers, method: str, sigma: float, lift: bool = True) -
     return largest_and_rms(error)
 
 
-def _cases() -> list[Limit]:
+def cases() -> list[Limit]:
     because = "sag and stretch change the waves like the square of sigma where alpha sigma² is small"
     name, sines = "taut cable: depth over mu sigma", (1e-2, 3e-3, 1e-3)
     return [
@@ -105,12 +104,3 @@ def _cases() -> list[Limit]:
         Limit(name=name + ", thrust without lift", parameter="sigma", values=sines, falls=2.0, methods=RIDERS[:1],
               deviation=partial(_deviation, lift=False), because=because, expected="disagree")
     ]  # fmt: skip
-
-
-ORACLE = Oracle(
-    title="sled driven by steady thrust along a taut level string",
-    source="d'Alembert's solution, derived here",
-    validity="below the wave speed, before the first echo",
-    group=ROLLS,
-    cases=_cases,
-)

@@ -1,21 +1,23 @@
-"""Two equal forces running apart on an infinite string leave it in straight pieces.
+"""Two equal forces that run apart on an infinite string.
 
     v_tt - v_xx = P [ delta(x - V t) + delta(x + V t) ],  at rest at t = 0.
 
-Kanninen & Florence 1967.  One force, running right: half of P times the time for which it was heard,
+One force, running right: half of P times the time for which it was heard,
     V < 1 :  (P/2) max(0, min((t-x)/(1-V), (t+x)/(1+V))),
-    V >= 1:  (P/2)(t+x)/(1+V) for |x| <= t,   P (V t - x)/(V^2 - 1) for t < x < V t,   0 elsewhere  (V = 1: a jump
-        at x = t);
+    V >= 1:  (P/2)(t+x)/(1+V) for |x| <= t,   P (V t - x)/(V^2 - 1) for t < x < V t,   0 elsewhere;
 the other is its mirror image in x.
 
-Validity: t >= 0, V > 0.  Accuracy: rounding; over |1 - V| between the force and its wave front.
+Source: Kanninen & Florence 1967
+Validity: infinite string, t >= 0, V > 0
+Accuracy: rounding; over |1 - V| between the force and its wave front
+Group: A force on a taut string
 """
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from validation.oracles.accelerating_force import SUDDEN
-from validation.oracles.case import MU, SIGMA, Array, Crossing, Oracle, inside, level, positive
+from validation.oracles.case import MU, SIGMA, Array, Crossing, inside, level, positive
 
 
 def one_force(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
@@ -36,7 +38,7 @@ def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
     return one_force(x, t, P=P, V=V) + one_force(-np.asarray(x, float), t, P=P, V=V)
 
 
-def _cases() -> list[Crossing]:
+def cases() -> list[Crossing]:
     V, begins = 0.55, 0.3
     return [
         Crossing(
@@ -45,12 +47,3 @@ def _cases() -> list[Crossing]:
             until=0.6, methods=("following-p1", "following-p2", "fourier", "fourier-kink"), because=SUDDEN, at_most=1.0,
         )
     ]  # fmt: skip
-
-
-ORACLE = Oracle(
-    title="two equal forces running apart",
-    source="Kanninen & Florence 1967",
-    validity="infinite string, any speed",
-    group="A force on a taut string",
-    cases=_cases,
-)

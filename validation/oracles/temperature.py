@@ -1,11 +1,15 @@
-"""Heat and ice on a cable at rest: the elastic catenary with its unstretched length and its weight kept.
+"""Heat and ice on a cable at rest: the elastic catenary keeps its unstretched length and its weight.
 
 A piece of unstretched length S, weight q per unstretched metre and end forces (H, P), P1 = P - q S, N = hypot(H, P):
 
     dx = H S/EA + (H/q) [asinh(P/H) - asinh(P1/H)],   dy = (P S - q S^2/2)/EA + (N - N1)/q.
 
-Heat makes S to S (1 + a dT). The solvers' cable is a plain catenary, 1e-6 off in H, see `cablefem.scene`.
-Sources: Irvine, Cable Structures (1981), 1.3; tests of RTE's mechaphlowers; Code_Aster SSNL114.
+Heat makes S to S (1 + a dT).
+
+Source: Irvine, Cable Structures (1981), 1.3; RTE mechaphlowers; Code_Aster SSNL114
+Validity: any cable at rest; the solvers' plain catenary is 1e-6 off in H
+Accuracy: rounding
+Group: A car that rolls
 """
 
 from __future__ import annotations
@@ -17,7 +21,7 @@ import numpy as np
 from scipy.optimize import brentq, fsolve
 
 from cablefem.scene import Scene
-from validation.oracles.case import RIDERS, ROLLS, Case, Error, Limit, Oracle, Solvers
+from validation.oracles.case import RIDERS, Case, Error, Limit, Solvers
 from validation.oracles.rest import ZIP
 
 CHANGE = """
@@ -163,7 +167,7 @@ def _deviation(solvers: Solvers, method: str, EA: float) -> Error:
     return off, off
 
 
-def _cases() -> list[Case]:
+def cases() -> list[Case]:
     return [
         Limit(
             name="cold and iced: place of a held car over its deflection", parameter="EA", values=(2.5e5, 5e5, 1e6),
@@ -171,12 +175,3 @@ def _cases() -> list[Case]:
             because="T/EA varies along the cable, and with it the mass per metre",
         )
     ]  # fmt: skip
-
-
-ORACLE = Oracle(
-    title="temperature and ice: the elastic catenary",
-    source="Irvine, Cable Structures (1981), 1.3; RTE mechaphlowers; Code_Aster SSNL114",
-    validity="any cable at rest; the solvers' plain catenary is 1e-6 off in H",
-    group=ROLLS,
-    cases=_cases,
-)

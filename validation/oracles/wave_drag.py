@@ -1,32 +1,22 @@
-"""A mass free to slide along an infinite string is braked by the waves it sends, by a law with a closed-form integral.
+"""A mass free to slide along a string is braked by the waves it sends.
 
     v_tt - v_xx = R delta(x - xi),  mu y'' = mu sigma - R,  y = v(xi, t),  mu xi'' = D + R <v_x>,
-v down, xi unknown, D a constant drive along the string, <v_x> the mean of the slopes on both sides (a slope falling
-ahead drives the mass on). With D = 0 the energy int (v_t^2 + v_x^2)/2 dx + mu (xi'^2 + y'^2)/2 - mu sigma y is
-conserved.
-
-D'Acunto (reference 9 of Al-Qassab, Nair & O'Leary 2003) poses the problem; what follows is derived here.  On the
-infinite string at rest at t = 0, as long as |xi'| < 1, the mass hears nothing but itself: 2y = int R, so that y and
-R do not depend on xi at all,
-    y = (sigma mu/2) [ t - (mu/2)(1 - e^(-2t/mu)) ],   R = 2y' = mu sigma (1 - e^(-2t/mu)).
-The slopes are R/(2(1 + xi')) behind and -R/(2(1 - xi')) ahead, hence the wave drag
+D a constant drive along the string, <v_x> the mean of the slopes on both sides.  On the infinite string, |xi'| < 1:
+    y = (sigma mu/2) [ t - (mu/2)(1 - e^(-2t/mu)) ],   R = 2y' = mu sigma (1 - e^(-2t/mu)),
     mu xi'' = D - (R^2/2) xi'/(1 - xi'^2).                                                       (1)
-It grows without bound towards the wave speed: the mass stays subsonic.  At a steady speed V, once R has come to the
-weight P, D = P^2 V/(2 (1 - V^2)).  For D = 0 (1) separates; with w = xi', E = int_0^t R^2 and the Lambert function W
+For D = 0 (1) separates; with w = xi', E = int_0^t R^2 and the Lambert function W
     w e^(-w^2/2) = z = w0 e^(-w0^2/2) e^(-E/(2 mu)),    w = sqrt(-W(-z^2)).                      (2)
-Not derivable in closed form: the finite string, where the reflected waves make (1) a delay equation with
-state-dependent delays; there this is the answer until the first reflection is back at the mass.
 
-A sled that a rope hauls at a steady speed V from s0 along the finite string, which hangs under it and moves with it as
-statics has it, hears the same waves, and the rope feels them.  With W = mu sigma, until echoes, the string's load
+A sled hauled at a steady speed V from s0 along the finite string hears the same waves.  Until echoes, W = mu sigma,
     R = W [ 1 + V^2 (1 + 2 mu) - 2 V^2 (1 + mu) e^(-2t/mu) ],
     <v_x> = W (1/2 - s0) + W V (1/2 - t) - R V/(2 (1 - V^2)),
-the slopes of the tent at rest, of the waves that its motion sends, and of those of R; the rope pulls with
     F = mu x.. - R [ <v_x> + sigma (1/2 - s_o) ],                                                (3)
-x.. of the second order in sigma, as F is: it comes from the solver's own path, the rest is held against (3).
+x.. of the second order in sigma, as F is: it comes from the solver's own path.
 
-Validity: 0 <= w0 < 1, infinite string; (3) small slopes, no echo.  Accuracy: the speed (2) to rounding; positions and
-the driven case by DOP853 at rtol 1e-12: 1e-11.
+Source: D'Acunto (reference 9 of Al-Qassab, Nair & O'Leary 2003), solved here
+Validity: 0 <= w0 < 1, infinite string; (3) small slopes, before the first echo
+Accuracy: (2) to rounding; positions and the driven case by DOP853, 1e-11
+Group: A car that rolls
 """
 
 from __future__ import annotations
@@ -40,7 +30,7 @@ from numpy.typing import ArrayLike
 from scipy.integrate import OdeSolution, solve_ivp
 
 from cablefem.scene import ConstantSpeed
-from validation.oracles.case import RIDERS, ROLLS, Array, Error, Limit, Oracle, Solvers, hung, largest_and_rms, positive
+from validation.oracles.case import RIDERS, Array, Error, Limit, Solvers, hung, largest_and_rms, positive
 
 
 def solve(t_end: float, *, mu: float, sigma: float, w0: float, drive: float = 0.0) -> CoupledRide:
@@ -113,14 +103,5 @@ def _case(name: str, drag: bool) -> Limit:
     )  # fmt: skip
 
 
-def _cases() -> list[Limit]:
+def cases() -> list[Limit]:
     return [_case("hauled, taut string: force over (mu sigma)²", True), _case("the same without wave drag", False)]
-
-
-ORACLE = Oracle(
-    title="mass along a string, braked by its waves",
-    source="D'Acunto (reference 9 of Al-Qassab et al. 2003), solved here",
-    validity="below the wave speed, before the first echo",
-    group=ROLLS,
-    cases=_cases,
-)

@@ -14,5 +14,5 @@ def command(out: Annotated[Path | None, to("oracles")] = None) -> int:
     """
     from validation.commands.oracles.study import oracle_table
 
-    found = study("oracles", "oracles", ["oracles.json"], out, oracle_table)
+    found = study("oracles", "oracles", ["oracles.json", "oracles.jsonl"], out, oracle_table)
     return 0 if found["verdict"] == "agree" else 1
