@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import time
 from pathlib import Path
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 
 from cablefem.response import Response
-from validation.commands.check.page import LAWS
 from validation.page import page
 
 pytestmark = pytest.mark.browser
@@ -110,22 +108,12 @@ def test_nothing_can_be_fetched(browser, report):
     assert any("Content Security Policy" in text for text in browser.complaints())
 
 
-def test_the_verdict_is_the_first_thing_to_read(browser, report, stored):
+def test_the_verdict_is_the_first_thing_to_read(browser, report):
     browser.open(report, PHONE, 844)
-    browser.run("window.badge = document.querySelector('#check-verdict .badge')")
+    browser.run("window.badge = document.querySelector('#answer .badge')")
     word, top = browser.run("return [badge.textContent, badge.getBoundingClientRect().top]")
     assert "agree" in word
     assert top < 844
-    rows = browser.run(
-        "const judged = [...document.querySelectorAll('#check-verdict table')].find(t => t.querySelector('.badge'));"
-        "return [...judged.tBodies[0].rows].map(r => [...r.cells].map(c => c.innerText))"
-    )
-    content = json.loads((stored / "agreement.json").read_text())["rows"]
-    content = [row for row in content if row["quantity"] not in LAWS]  # they stand with the laws as long as they agree
-    assert len(rows) == len(content)
-    told = {(cells[1].split(" ", 1)[1], cells[2].split()[0]) for cells in rows}
-    for row in content:  # the coarse run of these tests does not resolve the fronts: worst first, then as they are
-        assert any(v == row["verdict"] and page.percent(row["gap"], 3).startswith(gap) for v, gap in told), row
 
 
 @pytest.mark.parametrize("width", [PHONE, DESKTOP])
@@ -174,7 +162,7 @@ def test_keys_and_slider_choose_the_time(browser, report):
     browser.run("const s = document.querySelector('.time input'); s.value = 300; s.dispatchEvent(new Event('input'))")
     state = browser.run(NOW)
     assert state["time"] == 300
-    assert re.search(r"seconds, mass at 0\.\d\d of the length", state["spoken"])
+    assert re.search(r"seconds, car at \d+\.\d metres", state["spoken"])
     unnamed = browser.run(
         "return [...document.querySelectorAll('.player button, .player input, .player select, .player canvas')]"
         ".filter(e => !(e.ariaLabel || e.textContent.trim() || e.closest('label'))).length"
@@ -195,23 +183,20 @@ def test_the_numbers_shown_are_the_stored_ones(browser, report, stored):
     assert float(shown[2]) == pytest.approx(np.interp(t, r.t[1:], r.T_behind[1:]) / 1e3, rel=0.0, abs=1.0)
 
 
-def test_it_says_where_the_answer_ends(browser, report):
+def test_it_says_when_the_rope_is_slack(browser, report):
     browser.open(report, DESKTOP)
-    assert "inside the compared range" in browser.run(NOW)["now"]
-    assert "outside the compared range" in keys(browser, "Home")["now"]
+    assert "slack" not in keys(browser, "Home")["now"]
     assert "slack" in keys(browser, "End")["now"]
 
 
-def test_the_exaggeration_is_told_and_can_be_taken_back(browser, report):
+def test_the_side_view_is_to_scale_and_can_be_drawn_deeper(browser, report):
     browser.open(report, DESKTOP)
     told = "return document.querySelector('.scale output').textContent"
-    assert int(re.fullmatch(r"drawn (\d+) times too large", browser.run(told))[1]) > 4
-    picture, height = browser.run(PICTURE), "return document.querySelector('.player canvas').height"
-    before = browser.run(height)
-    browser.run("const s = document.querySelector('.scale input'); s.value = 1; s.dispatchEvent(new Event('input'))")
-    assert browser.run(told) == "drawn to scale"
+    assert browser.run(told) == "to scale"
+    picture = browser.run(PICTURE)
+    browser.run("const s = document.querySelector('.scale input'); s.value = 3; s.dispatchEvent(new Event('input'))")
+    assert browser.run(told) == "3 times too deep"
     assert browser.run(PICTURE) != picture
-    assert browser.run(height) == before  # nothing jumps under the reader's finger
 
 
 def test_whoever_wants_less_motion_gets_still_pictures(browser, report):
@@ -228,7 +213,7 @@ def test_paper_shows_what_the_screen_folds(browser, report: Path):
     browser.open(report, DESKTOP)
     folded = "return document.querySelectorAll('details:not([open]):not(td details)').length"
     before = browser.run(folded)
-    assert before >= 4
+    assert before >= 3
     browser.run("dispatchEvent(new Event('beforeprint'))")
     assert browser.run(folded) == 0
     browser.run("dispatchEvent(new Event('afterprint'))")

@@ -89,7 +89,7 @@ def test_ids_as_matplotlib_writes_them_would_clash(tmp_path):
 
 
 def test_nothing_is_loaded_from_elsewhere(tmp_path):
-    text = written(tmp_path, Section("one", "One", figure(drawn(), "First"), scripts=("player.js",)))
+    text = written(tmp_path, Section("one", "One", figure(drawn(), "First"), scripts=("side_view.js",)))
     assert Reader(text).loads == []
     assert "http" not in text.replace("http-equiv", "")
     assert "default-src 'none'" in text

@@ -17,6 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from cablefem.scene import Scene
+
 RELATIVE = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?%")
 MOST = 10_000  # points of a grid on one machine; larger ones are sweeps
 
@@ -92,3 +94,17 @@ def _entry(tables: Any, name: str, key: str) -> Any:
             if isinstance(table, dict) and name in (table.get("name"), str(i)):
                 return table
     raise ValueError(f"--set {key}: the scene has no such entry")
+
+
+def parts(point: dict[str, Any], known: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what a point sets in the scene (dotted keys, and `known` keys at its top), and in the method."""
+    scene = {key: value for key, value in point.items() if "." in key or key in known}
+    return scene, {key: value for key, value in point.items() if key not in scene}
+
+
+def varied(scene: Scene, point: dict[str, Any]) -> Scene:
+    """Return the scene with these keys set; SceneError names what is wrong."""
+    data = tomllib.loads(scene.to_toml())
+    for key, value in point.items():
+        put(data, key, value)
+    return Scene(**{"name": scene.name, **data})

@@ -9,24 +9,38 @@ import numpy as np
 from cablefem.response import Array
 
 _NAMES = {
-    "tension_max": "largest tension", "tension_min": "least tension", "deepest_point": "deepest point of the cable",
-    "mass_deepest": "deepest place of the mass", "mass_deflection_max": "largest deflection of the mass",
-    "contact_max": "largest force of the mass on the cable", "contact_min": "least force of the mass on the cable",
-    "haul_force_max": "largest haul force", "speed_max": "top speed", "slack_onset": "slack onset",
-    "max_deflection": "largest deflection of the mass", "path_error": "error bar of the mass path",
+    "tension_max": "largest tension", "tension_min": "least tension", "deepest_point": "deepest point of the rope",
+    "mass_deepest": "deepest place of the car", "mass_deflection_max": "largest deflection of the car",
+    "contact_max": "largest press of the car on the rope", "contact_min": "least press of the car on the rope",
+    "haul_force_max": "largest haul force", "haul_force_min": "least haul force", "speed_max": "top speed",
+    "slack_onset": "slack onset", "safety_factor_min": "least safety factor",
+    "angle_left": "steepest rope at the left support", "angle_right": "steepest rope at the right support",
+    "max_deflection": "largest deflection of the car", "path_error": "error bar of the path of the car",
 }  # fmt: skip
+# What matters first, for every kind of scene; the terminal shows as many as fit.
+_MATTER = (
+    "clearance_rope_min", "clearance_car_min", "tension_max", "safety_factor_min", "haul_force_max", "haul_force_min",
+    "reaction_left_max", "reaction_right_max", "speed_max", "angle_left", "angle_right", "mass_deepest",
+    "mass_deflection_max", "deepest_point", "contact_max",
+)  # fmt: skip
 
 
-def told(number: dict[str, Any], length: float) -> dict[str, str]:
-    """Return what, value, t, mass and at of a row of `design` as text; the last two are places over l, "" unknown."""
-    value, bar = number["value"], number.get("bar")
-    factor, unit = scale_of(np.array([value, bar or 0.0]), number["unit"])
-    text = f"{with_bar(factor * value, bar and factor * bar)} {'' if unit == 's_o/l' else unit}".rstrip()
+def matter(design: list[dict[str, Any]], most: int = 8) -> list[dict[str, Any]]:
+    """Return the design numbers that a designer asks for first, in that order."""
+    first = [d for quantity in _MATTER for d in design if d["quantity"].split(":")[0] == quantity]
+    return first[:most]
+
+
+def told(number: dict[str, Any]) -> dict[str, str]:
+    """Return what, value, when, where the car is and where it is, of a row of `design` as text; "" where unknown."""
+    value, bar, unit = number["value"], number.get("bar"), number["unit"]
+    factor, name = scale_of(np.array([value, bar or 0.0]), unit)
+    text = f"{with_bar(factor * value, bar and factor * bar)} {'' if unit == 's_o/l' else name}".rstrip()
     if unit == "m/s":
         text += f" = {with_bar(3.6 * value, bar and 3.6 * bar)} km/h"
 
     def place(key: str) -> str:
-        return "" if number.get(key) is None else f"{number[key] / length:.3f}"
+        return "" if number.get(key) is None else f"{number[key]:.1f} m"
 
     return {
         "what": named(number["quantity"]), "value": text,
@@ -36,6 +50,9 @@ def told(number: dict[str, Any], length: float) -> dict[str, str]:
 
 def named(quantity: str) -> str:
     """Return the name of a design number."""
+    kind, _, of = quantity.partition(":")
+    if kind.startswith("clearance_"):
+        return f"least clearance of the {kind.split('_')[1]} over {of or 'the ground'}"
     return _NAMES.get(quantity) or re.sub("(.*)_max", r"largest \1", quantity).replace("_", " ")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -55,6 +56,46 @@ def scene_named(name: str, faults: list[str] | None = None, *, travelling: bool 
 def tol_faults(tol: float | None) -> list[str]:
     low, high = TOL_RANGE
     return [] if tol is None or low <= tol <= high else [f"--tol must lie in [{low:g}, {high:g}], got {tol:g}"]
+
+
+Set = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUES",
+        help="A key of the scene with its dot (mass.mass), or a setting of the method. 40,60 or 40:80:5 make a grid.",
+    ),
+]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One point of the grid that --set makes: what it sets, the scene that follows, settings of the method."""
+
+    given: dict[str, Any]
+    scene: Scene
+    settings: dict[str, Any]
+
+
+def points_of(scene: Scene, pairs: list[str] | None) -> list[Point]:
+    """Return the points of a grid about a scene, one without --set; Refused with all faults."""
+    from cablefem.scene import SceneError
+    from validation.core import grid
+
+    try:
+        found = grid.points(pairs or [])
+    except ValueError as error:
+        raise store.Refused(str(error)) from None
+    out, faults = [], []
+    for given in found:
+        of_scene, settings = grid.parts(given, ("gravity", "title"))
+        try:
+            out.append(Point(given, grid.varied(scene, of_scene) if of_scene else scene, settings))
+        except (SceneError, ValueError) as error:
+            told = error.faults if isinstance(error, SceneError) else [str(error)]
+            faults += [f"--set {', '.join(of_scene)}: {fault}" for fault in told]
+    if faults:
+        raise store.Refused(list(dict.fromkeys(faults)))
+    return out
 
 
 @contextmanager

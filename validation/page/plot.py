@@ -43,6 +43,7 @@ class Panel:
     lines: list[tuple[Array, Array, str, str, float, str]] = field(default_factory=list)  # x, y, look, key
     bands: list[tuple[Array, Array, Array, str]] = field(default_factory=list)  # x, low, high, colour
     dots: list[tuple[float, float, str, bool]] = field(default_factory=list)  # x, y, colour, filled
+    labels: list[tuple[float, float, str]] = field(default_factory=list)  # x, y, text written there
     spans: list[tuple[float, float]] = field(default_factory=list)  # shaded
     verticals: list[tuple[float, str, str]] = field(default_factory=list)  # x, colour, dash
     image: Array | None = None  # (rows from above, columns) over all of the panel, from 0 to 1 in `colors`
@@ -86,6 +87,9 @@ def plot(
     def across(values: Array) -> Array:
         return w * (np.asarray(values, dtype=float) - x[0]) / ((x[1] - x[0]) or 1.0)
 
+    def at(p: Panel, a: float, y: float) -> tuple[float, float]:
+        return round(float(across(np.array(a))), 1), round(float(p._y(y)), 1)
+
     shown, top = [], 6.0
     for i, p in enumerate(panels):
         top += 20.0 if p.title or p.scale else 0.0
@@ -100,7 +104,8 @@ def plot(
                 (_path(np.r_[across(a), across(a)[::-1]], np.r_[p._y(high), p._y(low)[::-1]]), color)
                 for a, low, high, color in p.bands
             ],
-            "dots": [(round(float(across(np.array(a))), 1), round(float(p._y(y)), 1), *how) for a, y, *how in p.dots],
+            "dots": [(*at(p, a, y), *how) for a, y, *how in p.dots],
+            "labels": [(*at(p, a, y), words) for a, y, words in p.labels],
             "image": None if p.image is None else _png(p.image, p.colors),
             "scale": None if p.scale is None else {
                 "image": _png(np.linspace(1.0, 0.0, 64)[:, None], p.colors), "unit": p.scale[2],

@@ -1,102 +1,91 @@
-"""What several commands say about responses and verdicts, in a few lines."""
+"""What several commands say about answers and verdicts, in a few lines."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from validation.core.answers import outcome
 from validation.core.methods import find
-from validation.core.quantities import told, with_bar
+from validation.core.quantities import matter, told, with_bar
 from validation.page import terminal
 
 if TYPE_CHECKING:
     from cablefem.response import Response
+    from cablefem.scene import Scene
     from validation.core.agreement import Agreement
+
+EVENTS = ("thrust_end", "brake", "turn", "stop", "arrival", "back", "lift_off")
+MOST_EVENTS = 5  # lines of the terminal
 
 
 def rows(verdicts: Sequence[Agreement]) -> None:
-    """Print rows of a verdict, laws that hold as one, and below the table why a bound is what it is where one bites."""
+    """Print rows of a verdict as a table."""
     cells = []
-    for row, name in _condensed(verdicts):
-        gap, allowed = (f"{x:.1e}" if math.isfinite(x) else "-" for x in (row.gap, row.allowed))
-        cells.append([name, gap, allowed, "-" if row.where is None else f"{row.where:.3f}", row.verdict.value])
-    columns = ["quantity", "gap", "allowed", "at s_o/l", "verdict"]
-    if all(row.where is None for row in verdicts):
-        columns, cells = columns[:3] + columns[4:], [row[:3] + row[4:] for row in cells]
-    terminal.table(columns, cells, right=["gap", "allowed", "at s_o/l"])
-    for row in verdicts:
-        if row.verdict.value != "agree":
-            terminal.say(f"  {_name(row)}: {row.bound.line()}", style=terminal.STYLES[row.verdict.value])
+    for row in (r.row() for r in verdicts):
+        name = " ".join(row[key] for key in ("quantity", "law", "with") if row.get(key))
+        numbers = [f"{row[key]:.1e}" if row.get(key) is not None else "-" for key in ("gap", "allowed", "asked_for")]
+        where = "-" if row.get("where") is None else f"{row['where']:.3f}"
+        cells.append([name, *numbers, where, row["verdict"] if row.get("asked", True) else f"({row['verdict']})"])
+    columns = ["quantity", "gap", "allowed", "asked for", "at s_o/l", "verdict"]
+    terminal.table(columns, cells, right=columns[1:5])
 
 
-def _condensed(verdicts: Sequence[Agreement]) -> list[tuple[Agreement, str]]:
-    """Return rows and their names; of the laws in SI that hold only the one nearest to its limit."""
-    held = [row for row in verdicts if row.quantity == "laws_si" and row.verdict.value == "agree"]
-    nearest = max(held, key=lambda row: row.gap / row.allowed if row.allowed else 0.0, default=None)
-    return [
-        (row, _name(row) if row is not nearest or len(held) < 2 else f"{_name(row)}; {len(held) - 1} more hold")
-        for row in verdicts
-        if row not in held or row is nearest
-    ]
-
-
-def _name(row: Agreement) -> str:
-    return " ".join(x for x in (row.quantity, row.law, row.party) if x)
-
-
-def answer(r: Response) -> None:
-    """Print what a run was asked for, its design numbers, what happened on the way, and how far it went."""
-    terminal.say(f"{r.scene}, {r.method}: {short(r)}")
-    numbers([row for row in r.design if row["quantity"] != "slack_onset"], r.length)
-    if r.path_error is not None:
-        everywhere = "" if r.drive == "free" else " wherever paths are compared"
-        terminal.say(f"  mass path ± {r.path_error * r.path_scale:.2g} m{everywhere}")
-    events([x for x in r.events if x["event"] != "release"])
+def answer(scene: Scene, r: Response) -> None:
+    """Print the outcome of a run, what happened on the way, and the numbers that matter."""
+    terminal.say(f"{r.scene}: {outcome(scene, r).sentence}", style="bold")
+    events([x for x in r.events if x["event"] in EVENTS])
+    numbers(matter(r.design))
     if r.slack_onset is not None:
-        after = {
-            "auto": "from there on with the tension-only law",
-            "elastic": "where an elastic law carries compression, and what follows means nothing",
-            "tension-only": "where the tension-only law lets it hang",
-        }[r.law]
-        first = "" if r.slack_at is None else f" at s/l = {r.slack_at:.3f} first,"
         bar = next((row["bar"] for row in r.design if row["quantity"] == "slack_onset"), None)
-        terminal.say(f"  slack from s_o/l = {with_bar(r.slack_onset, bar)} on,{first} {after}")
-    terminal.say(f"  {r.status}, to s_o/l = {r.reached:.5g}: {r.work['steps']} steps in {r.seconds:.2g} s")
-    for line in map(str, r.flags) if r.reason is None else [r.reason]:
-        terminal.say(f"  {line}", style="yellow")
+        at = with_bar(r.slack_onset * r.length, bar and bar * r.length)
+        after = {
+            "auto": "from there on the rope carries no compression",
+            "elastic": "from there on this elastic law carries compression, and means nothing",
+            "tension-only": "from there on the rope carries no compression",
+        }[r.law]
+        terminal.say(f"  slack somewhere from car at {at} m on; {after}")
 
 
-def numbers(rows: Sequence[dict[str, Any]], length: float) -> None:
-    """Print design numbers."""
-    heads = {"what": "design number", "value": "value", "t": "when", "mass": "mass at s_o/l", "at": "at s/l"}
-    cells = [[row[key] for key in heads] for row in (told(x, length) for x in rows)]
-    terminal.table(list(heads.values()), cells, right=list(heads.values())[2:])
+def numbers(design: Sequence[dict[str, Any]]) -> None:
+    """Print design numbers: what, how much, where and when."""
+    lines = [told(x) for x in design]
+    width = max((len(line["what"]) for line in lines), default=0)
+    for line in lines:
+        at = f", at {line['at']}" if line["at"] else ""
+        when = f" after {line['t']}" if line["t"] else ""
+        terminal.say(f"  {line['what']:<{width}}  {line['value']}{at}{when}")
 
 
 def events(happened: Sequence[dict[str, Any]]) -> None:
-    """Print what happened on the way, a line each."""
-    for x in happened:
+    """Print what happened on the way, a line each, the last ones where there are many."""
+    for x in happened[-MOST_EVENTS:]:
         t, s_o = (with_bar(x[name], x.get(f"bar_{name}")) for name in ("t", "s_o"))
-        v, bar = x["speed"], x.get("bar_speed")
-        speed = f", {with_bar(v, bar)} m/s = {with_bar(3.6 * v, bar and 3.6 * bar)} km/h"
-        speed = "" if x["event"] in ("stop", "turn") else speed
-        terminal.say(f"  {x['event'].replace('_', ' '):<12}after {t} s at {s_o} m{speed}")
+        v, bar = 3.6 * x["speed"], x.get("bar_speed")
+        speed = "" if x["event"] in ("stop", "turn") else f" with {with_bar(v, bar and 3.6 * bar)} km/h"
+        terminal.say(f"  {x['event'].replace('_', ' '):<10}  after {t} s at {s_o} m{speed}")
 
 
-def short(r: Response) -> str:
-    """Return what a run was asked for, less what every run has by default."""
+def work(r: Response) -> None:
+    """Print by which method and settings a run was made, how far it went, and why one should distrust it."""
+    if r.model == "quasi-static":
+        terminal.say("  by the quasi-static model, which leaves out the inertia of the rope")
+        return
     method = find(r.method)
-    told = {
+    settings = {
         key: value for key, value in r.settings.items()
         if key in (method.resolution.setting, "steps") or value != method.knobs[key].default
     }  # fmt: skip
     kinds = [kind for kind, usual in ((r.model, "full"), (r.load, "mass"), (r.law, "auto")) if kind != usual]
-    return ", ".join([f"{key}={value}" for key, value in told.items()] + kinds)
+    told = ", ".join([*(f"{key}={value}" for key, value in settings.items()), *kinds])
+    bar = "" if r.path_error is None else f"; path ± {r.path_error * r.path_scale:.2g} m"
+    terminal.say(f"  by {r.method} ({told}) in {r.seconds:.2g} s{bar}")
+    for line in map(str, r.flags):
+        terminal.say(f"  {line}", style="yellow")
 
 
 def broken(*responses: Response) -> int:
     """Return 2 and say so where a run broke before the slack onset, else 0; an unstable run's slack is no slack."""
     bad = [r for r in responses if r.status != "complete" and (r.slack_onset is None or r.cause == "unstable")]
-    terminal.complain([f"{r.method} broke at s_o/l = {r.reached:.4g}: {r.reason}" for r in bad])
+    terminal.complain([f"{r.method} broke with the car at {r.s_o[-1]:.1f} m: {r.reason}" for r in bad])
     return 2 if bad else 0

@@ -1,18 +1,21 @@
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from validation.core import store
 from validation.page import terminal
-from validation.page.options import Out, SceneName, real, scene_named, tol_faults
+from validation.page.options import Out, SceneName, Set, points_of, real, scene_named, tol_faults
 
 if TYPE_CHECKING:
     from cablefem.response import Response
+    from cablefem.scene import Scene
+    from validation.page.options import Point
 
 PLACE = 4
+GRID = "grid-check"  # folder of a grid's table
 EXAMPLE = "cablefem check my.toml --tol 1e-4 --with other.csv"
 
 
@@ -32,23 +35,20 @@ def command(
     with_tol: Annotated[
         float, typer.Option(parser=real, metavar="X", help="Allowed to it beside our own error bar.")
     ] = 5e-3,
+    set_: Set = None,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Print every comparison.")] = False,
     deep: Annotated[
         bool, typer.Option("--deep", help="Hold what both solvers share against third parties, too.")
     ] = False,
     out: Out = None,
 ) -> int:
-    """Run two solvers that share no formula; do they agree?
+    """Run two solvers that share no formula on one scene, or on a grid of scenes; do they agree?
 
-    Writes DIR/: report.html, agreement.json, scene.toml and one folder per method.
+    Writes DIR/: report.html, agreement.json, scene.toml and one folder per method. A grid writes table.csv and
+    report.html.
 
-    Gaps: of the mass paths over the largest deflection, of a free ride over a tenth of the length, its instants open
-    by a tenth of an axial wave's way there and back once it has turned against friction (path_max, path_rms,
-    path_slack past the slack onset); of the tension along the cable, at the mass and of the reactions
-    over H (tension, tension_behind, tension_ahead, reactions); of the fields over their own size (displacement,
-    velocity); of the slack onsets in s_o/l; what is missing from the balance of energy (energy), of momentum at the
-    mass (impulse), and from mechanics as the judge knows it from the scene file alone (laws_si). With --deep: of
-    both from exact frequencies, statics of the loaded cable, scipy on the same system, another method with a bar of
-    its own, another damping of the slack cable (deep).
+    Every number has a bar: what its solver expects to be wrong with it. Beyond three times both bars the solvers
+    disagree. Else, if gap or bars exceed what was asked, the comparison is too coarse. Else they agree.
 
     FILE has columns t [s] or s_o [m], v [m] positive down, and u [m] if known; of a free ride t, x and y from the left
     support, y down. Other units and directions are told by the name: s_o_over_l, t_ms, v_over_l, v_mm, y_up, ...
@@ -59,6 +59,14 @@ def command(
     if not 0.0 <= with_tol <= 1.0:
         faults.append(f"--with-tol must lie in [0, 1], got {with_tol:g}")
     loaded = scene_named(scene, faults, travelling=True)
+    points = points_of(loaded, set_)
+    if settings := sorted({key for point in points for key in point.settings}):
+        raise store.Refused(f"--set {settings[0]}: check chooses its settings; keys of the scene have a dot")
+    if len(points) > 1:
+        if other is not None:
+            raise store.Refused("--with: holds one path against one scene; leave it out of a grid")
+        return _many(loaded, points, out, tol=tol, tol_tension=tol_tension)
+    loaded = points[0].scene
 
     from validation.commands.check import study
     from validation.core import foreign
@@ -92,8 +100,8 @@ def command(
         writing.close()
         store.finish(folder, "check")
         progress("writing", 1.0)
-    words.tell(result)
-    terminal.say(f"written to {folder}: report.html, agreement.json, {result.a.run.method}/, {result.b.run.method}/")
+    words.tell(result, verbose)
+    terminal.say(f"  written to {folder}: report.html, {result.a.run.method}/, {result.b.run.method}/")
     return telling.broken(result.a.run, result.b.run) or (1 if result.verdict.value != "agree" or result.doubts else 0)
 
 
@@ -103,3 +111,26 @@ def _write_tables(folder: Path, runs: "tuple[Response, ...]") -> None:
     for run in runs:
         run.write_tables(folder / run.method)
         paraview.write(run, folder / run.method)
+
+
+def _many(scene: "Scene", points: "list[Point]", out: Path | None, **asked: Any) -> int:
+    """Check every point of a grid, write table and page, and print the table; 1 unless all agree."""
+    from validation.commands.check import study
+    from validation.page import report
+    from validation.page.answer import many
+
+    folder = store.claim(out, "check", scene, [GRID])
+    rows, paths = [], []
+    with terminal.progress() as progress:
+        for i, point in enumerate(points):
+            progress("grid", i / len(points))
+            found = study.check(point.scene, **asked)
+            row = many.row(point.scene, found.a.run, found.design, found.verdict.value)
+            rows.append(point.given | row)
+            paths.append(many.path(found.a.run))
+    many.write(folder / GRID, scene, rows, paths)
+    report.write(folder, "check")
+    store.finish(folder, "check")
+    many.tell(rows, list(points[0].given))
+    terminal.say(f"  written to {folder}: report.html, {GRID}/table.csv")
+    return 0 if all(row["verdict"] == "agree" for row in rows) else 1

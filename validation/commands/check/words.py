@@ -1,48 +1,48 @@
 """What a check says in the terminal."""
 
 from dataclasses import replace
+from typing import Any
 
+from validation.commands.check.page import sure
 from validation.commands.check.study import Check
-from validation.core.trust import reach
 from validation.page import telling, terminal
+from validation.page.page import VERDICTS
+
+SAID = {
+    "agree": "Both solvers agree.",
+    "disagree": "The solvers DISAGREE: one of them is wrong, or its bar is too small.",
+    "too coarse": "TOO COARSE to tell: both solvers may be right, but not as sure as was asked.",
+    "not comparable": "NOT COMPARABLE: there is nothing left to compare.",
+}
+THIRD = {
+    "agree": "agrees with both.", "disagree": "DISAGREES with both.", "too coarse": "is too coarse to tell.",
+    "not comparable": "cannot be compared.",
+}  # fmt: skip
 
 
-def tell(result: Check) -> None:
-    """Print the answer, where it stops being meaningful, and the verdict row by row and in one line."""
-    telling.answer(replace(result.a.run, design=result.design))
-    if result.a.run.drive != "free":  # one is compared to its end
-        terminal.say(f"  {_meaning(result)}")
-    if result.entry is not None:
-        path, *tensions = result.entry.values()
-        terminal.say(
-            f"  a smooth entry over the first 2 % (entry_ramp in [travel]) would move the path by {path:.2g} of the "
-            f"deflection, tension at the mass by {max(tensions):.2g} H (rms)"
-        )
-    terminal.say()
-    telling.rows(result.rows)
-    third = sorted({row.party for row in result.rows} - {""})
-    *others, last = [result.a.run.method, result.b.run.method, *third]
-    word = {
-        "agree": "agree", "disagree": "DISAGREE", "not comparable": "are NOT COMPARABLE",
-        "too coarse": "are TOO COARSE to tell",
-    }[result.verdict.value]  # fmt: skip
-    low, high = result.window
-    over = f" over s_o/l = {low:g} to {high:.3g}" if low < high else ""
-    over = f" over {result.a.run.t[-1]:.4g} s" if result.a.run.drive == "free" else over
-    terminal.say()
-    terminal.say(f"{', '.join(others)} and {last} {word}{over}", style=terminal.STYLES[result.verdict.value])
+def tell(result: Check, verbose: bool = False) -> None:
+    """Print verdict and outcome, the numbers that matter, and one line on how sure they are."""
+    terminal.say(SAID[result.verdict.value], style=terminal.STYLES[result.verdict.value])
+    telling.answer(result.scene, replace(result.a.run, design=result.design))
+    rows = [row.row() for row in result.rows]
+    terminal.say(f"  {sure([row for row in rows if not row.get('with')])}")
+    for party in dict.fromkeys(row["with"] for row in rows if row.get("with")):
+        theirs = {row["verdict"] for row in rows if row.get("with") == party}
+        worst = next(verdict for verdict in VERDICTS if verdict in theirs)
+        terminal.say(f"  {party}: {THIRD[worst]}", style=terminal.STYLES[worst])
+    for row in rows:
+        if row.get("asked", True) and row["verdict"] in ("disagree", "not comparable"):
+            terminal.say(f"  {_line(row)}", style="yellow")
     for method, flag in result.doubts:
-        if flag not in result.a.run.flags:  # those are told with the answer
-            terminal.say(f"  {method}: {flag}", style="yellow")
+        terminal.say(f"  {method}: {flag}", style="yellow")
+    if verbose:
+        terminal.say()
+        telling.rows(result.rows)
 
 
-def _meaning(result: Check) -> str:
-    """Say how far past the compared range both answers are still one answer."""
-    allowed = next((row.allowed for row in result.rows if row.quantity == "path_max" and not row.party), None)
-    found = reach(result.a.response, result.b.response, result.window[1], allowed)
-    if found is None:
-        return "past that range there is no answer"
-    if found.place is None:
-        return f"past that range the paths stay within {found.gap:.2g} of the deflection, up to s_o/l = {found.end:.3f}"
-    parted = f"the paths part by {found.gap:.2g} of the deflection"
-    return f"past s_o/l = {found.place:.3f} this stops being meaningful: {parted}"
+def _line(row: dict[str, Any]) -> str:
+    """Return one comparison that does not agree in one line."""
+    name = ", ".join(row[key] for key in ("quantity", "law", "with") if row.get(key))
+    if row.get("gap") is None or row.get("allowed") is None:
+        return f"{name}: cannot be compared"
+    return f"{name}: gap {row['gap']:.2g}, sum of both bars {row['allowed']:.2g}"

@@ -1,17 +1,25 @@
 """One answer: the run that was asked for, its design numbers and events, and bars from coarser runs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from cablefem.response import MassPath, Response
 from cablefem.scene import Scene
+from validation.core import store
 from validation.core.agreement import with_bars
 from validation.core.design import design, numbers
 from validation.core.estimate import companions, estimated
 from validation.core.methods import Method
+from validation.core.quasi_static import quasi_static
 from validation.core.resolution import TooCoarse, past_window, resolve
 from validation.core.running import run
+from validation.page import report, terminal
+from validation.page.answer import many as table
+from validation.page.options import Point
+
+GRID = "grid"  # folder of a grid's table
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,15 +28,14 @@ class Answer:
 
     response: Response
     missed: str = ""  # why the tolerance is out of reach
-    extrapolated: str = ""  # what the runs that it was extrapolated from have shown
 
 
 def answer(
-    scene: Scene, method: Method, *, tol: float | None, bars: bool, extrapolate: bool, progress: Callable[..., None],
+    scene: Scene, method: Method, *, tol: float | None, bars: bool, progress: Callable[..., None],
     **kind: Any,
 ) -> Answer:  # fmt: skip
     """Run a method with the settings in `kind`, or with those that its own bar needs to meet `tol`."""
-    missed, seen, known = "", "", list[MassPath]()
+    missed, known = "", list[MassPath]()
     if tol is not None:
         try:
             response = resolve(scene, method, tol, **kind, progress=progress, runs=known if bars else None)
@@ -39,23 +46,37 @@ def answer(
             response = replace(past_window(scene, method, response, known, **kind), **bar)
         if bars:  # the ladder has told the bar of the path
             e = companions(scene, method, known=known, **kind | response.settings, progress=progress)
-    elif extrapolate:
-        from validation.core.extrapolation import extrapolated
-
-        better = extrapolated(scene, method, **kind, progress=progress)
-        response = better.response
-        if better.seen:
-            seen = f"order {better.observed[1]:.2f} seen, bar of time alone {better.path_bar:.1e} of the largest "
-            seen += f"deflection, tension {better.tension_bar:.1e} H"
-        if bars:
-            e = estimated(scene, method, known=better.runs, **kind, progress=progress)
-            response = better.with_bars(e)
     elif bars:
         e = estimated(scene, method, **kind, progress=progress)
         response = e.run
     else:
         response = run(scene, method, **kind, progress=progress)
     if not bars:
-        return Answer(replace(response, design=design(response)), missed, seen)
+        return Answer(replace(response, design=design(response)), missed)
     told = [number.row() for number in numbers(e)]
-    return Answer(replace(response, design=told, events=with_bars(scene, e)), missed, seen)
+    return Answer(replace(response, design=told, events=with_bars(scene, e)), missed)
+
+
+def quasi_static_answer(scene: Scene) -> Answer:
+    """Return the ride by the cable at rest under the car: milliseconds, for a timetable."""
+    response = quasi_static(scene)
+    return Answer(replace(response, design=design(response)))
+
+
+def many(scene: Scene, points: Sequence[Point], answered: Callable[..., Answer], folder: Path) -> int:
+    """Answer every point of a grid, write table and page, and print the table; 2 where a run broke."""
+    rows, paths, broke = [], [], 0
+    with terminal.progress() as progress:
+        for i, point in enumerate(points):
+            progress("grid", i / len(points))
+            found = answered(i, lambda *told: None).response
+            bad = found.status != "complete" and found.slack_onset is None
+            broke += bad
+            rows.append(point.given | table.row(point.scene, found, found.design))
+            paths.append(table.path(found))
+    table.write(folder / GRID, scene, rows, paths)
+    report.write(folder, "run")
+    store.finish(folder, "run")
+    table.tell(rows, list(points[0].given))
+    terminal.say(f"  written to {folder}: report.html, {GRID}/table.csv")
+    return 2 if broke else 0

@@ -71,56 +71,80 @@ for (const root of document.querySelectorAll(".player")) {
   }
   const kilo = (T, digits = 0) => (T / data.unit).toFixed(digits);
 
+  // --- the line that does not move ---------------------------------------------------------------------------------
   const inner = () => find("canvas").clientWidth - 28;
-  const room = () => Math.max(0.16 * inner(), 0.36 * inner() - Math.abs(slope) * inner());
-  const most = () => Math.max(1, Math.floor((room() * data.span) / inner() / (data.below[1] - data.below[0])));
-  // Highest and lowest point of any cable at any time, over the span; smaller exaggerations lie in between.
-  const extent = new Map();
-  function bounds(e) {
-    if (!extent.has(e)) {
-      let low = Math.min(0, data.drop), high = Math.max(0, data.drop);
-      for (const c of cables) for (let k = 0; k < c.u.length; k++) {
-        const x = data.x[k % m] + c.u[k], y = slope * x + e * (data.y[k % m] + c.v[k] - slope * x);
-        if (y < low) low = y; else if (y > high) high = y;
-      }
-      extent.set(e, [low, high]);
-    }
-    return extent.get(e);
-  }
+  const [ex, high, low] = data.envelope, [px, py] = data.path;
+  const floor = data.ground.length ? data.ground.map((p) => p[1]) : [];
+  // all depths below the chord that must be seen
+  const chord = (x) => slope * x;
+  const off = [
+    ...ex.map((x, i) => high[i] - chord(x)), ...ex.map((x, i) => low[i] - chord(x)),
+    ...px.map((x, i) => py[i] + data.below - chord(x)), ...data.obstacles.map((o) => o.top - chord(o.x)),
+    ...data.ground.map((p) => p[1] - chord(p[0])), 0,
+  ];
+  const [above, beneath] = [Math.min(...off), Math.max(...off)];
+  const most = () => Math.max(1, Math.floor((0.4 * data.span) / (beneath - above)));
 
   function drawCable(shown) {
     const width = inner(), unit = width / data.span, e = Number(scale.value);
-    const [lowest, deepest] = bounds(most());
-    const top = 54 - lowest * unit, height = top + deepest * unit + 46;
-    const { g } = sheet(".cable", Math.round(height));
-    const X = (p) => 14 + unit * p.x;
-    const Y = (p) => top + unit * (slope * p.x + e * (p.y - slope * p.x));
-    const path = (points) => { g.beginPath(); points.forEach((p, i) => (i ? g.lineTo(X(p), Y(p)) : g.moveTo(X(p), Y(p)))); };
-    const rest = data.x.map((x, i) => ({ x, y: data.y[i] }));
-    g.lineWidth = 1; g.strokeStyle = "#999"; path(rest); g.stroke();
-    // supports
-    g.fillStyle = ink;
-    for (const p of [rest[0], rest[m - 1]]) {
-      g.beginPath(); g.moveTo(X(p), Y(p)); g.lineTo(X(p) - 6, Y(p) + 11); g.lineTo(X(p) + 6, Y(p) + 11); g.fill();
+    const ends = [Math.min(0, data.drop), Math.max(0, data.drop)];
+    const xs = [...ex, ...ex, ...px, ...data.obstacles.map((o) => o.x), ...data.ground.map((p) => p[0]), 0];
+    const ys = off.map((y, i) => chord(xs[i]) + e * y); // depths below the chord, exaggerated alike
+    const [lowest, deepest] = [Math.min(ends[0], ...ys), Math.max(ends[1], ...ys)];
+    const top = 62 - lowest * unit, height = top + deepest * unit + 52;
+    const { g } = sheet(".cable", Math.round(Math.max(height, 150)));
+    const X = (x) => 14 + unit * x, Y = (x, y) => top + unit * (chord(x) + e * (y - chord(x)));
+    const path = (x, y) => { g.beginPath(); x.forEach((a, i) => (i ? g.lineTo(X(a), Y(a, y[i])) : g.moveTo(X(a), Y(a, y[i])))); };
+    const bottom = height - 30;
+    if (data.ground.length) {
+      path(data.ground.map((p) => p[0]), floor);
+      g.lineTo(X(data.ground[data.ground.length - 1][0]), bottom + 30); g.lineTo(X(data.ground[0][0]), bottom + 30); g.closePath();
+      g.fillStyle = "#e9e2d3"; g.fill(); g.lineWidth = 1.5; g.strokeStyle = "#8a7a55"; path(data.ground.map((p) => p[0]), floor); g.stroke();
     }
+    for (const o of data.obstacles) {
+      const x = X(o.x), y = Y(o.x, o.top);
+      g.fillStyle = "#6b8e5a"; g.fillRect(x - 3, y, 6, Math.max(8, bottom + 30 - y));
+      text(g, o.name, x + 6, Math.min(y + 14, bottom), "left", "#3f5c33");
+    }
+    // envelope, rope at rest, path of the car and of its lowest part
+    path([...ex, ...ex.slice().reverse()], [...high, ...low.slice().reverse()]);
+    g.closePath(); g.fillStyle = "rgba(0,0,0,.08)"; g.fill();
+    g.lineWidth = 1; g.strokeStyle = "#999"; path(data.x, data.y); g.stroke();
+    g.lineWidth = 1.2; g.strokeStyle = "#009e73"; g.setLineDash([2, 3]); path(px, py); g.stroke();
+    if (data.below) { path(px, py.map((y) => y + data.below)); g.stroke(); }
+    g.setLineDash([]);
+    g.fillStyle = ink;
+    for (const i of [0, m - 1]) {
+      const [x, y] = [X(data.x[i]), Y(data.x[i], data.y[i])];
+      g.beginPath(); g.moveTo(x, y); g.lineTo(x - 6, y + 11); g.lineTo(x + 6, y + 11); g.fill();
+    }
+    for (const b of data.brakes) {
+      const [x, y] = [X(b.x), Y(b.x, b.y)];
+      g.strokeStyle = "#d55e00"; g.lineWidth = 2; g.beginPath(); g.moveTo(x, y - 16); g.lineTo(x, y + 6); g.stroke();
+      text(g, "brake", x, y - 20, "center", "#a04600");
+    }
+    for (const v of data.speeds) text(g, v.text, X(v.x), Y(v.x, v.y) + 20 + data.below * e * unit, "center", "#00654a");
+    // the rope now
     shown.forEach((state, i) => {
       if (!state) return;
-      const { points } = state;
+      const [x, y] = [state.points.map((p) => p.x), state.points.map((p) => p.y)];
       if (i === 0) {
-        g.lineWidth = 8; g.strokeStyle = "#444"; path(points); g.stroke();
-        g.lineWidth = 5;
-        for (let k = 1; k < points.length; k++) {
-          g.strokeStyle = color(0.5 * (points[k - 1].T + points[k].T)); path(points.slice(k - 1, k + 1)); g.stroke();
+        g.lineWidth = 6; g.strokeStyle = "#444"; path(x, y); g.stroke();
+        g.lineWidth = 4;
+        for (let k = 1; k < x.length; k++) {
+          g.strokeStyle = color(0.5 * (state.points[k - 1].T + state.points[k].T)); path(x.slice(k - 1, k + 1), y.slice(k - 1, k + 1)); g.stroke();
         }
       } else {
-        g.lineWidth = 1.8; g.setLineDash([6, 6]); g.lineCap = "butt"; g.strokeStyle = "#000"; path(points); g.stroke();
+        g.lineWidth = 1.8; g.setLineDash([6, 6]); g.lineCap = "butt"; g.strokeStyle = "#000"; path(x, y); g.stroke();
         g.setLineDash([]); g.lineCap = "round";
       }
     });
     shown.forEach((state, i) => {
       if (!state) return;
-      g.beginPath(); g.arc(X(state.mass), Y(state.mass), i ? 11 : 8, 0, 7);
-      g.lineWidth = i ? 2.5 : 2; g.strokeStyle = i ? cables[i].color : white;
+      const [x, y] = [X(state.mass.x), Y(state.mass.x, state.mass.y)];
+      g.strokeStyle = i ? cables[i].color : white; g.lineWidth = i ? 2.5 : 2;
+      if (!i && data.below) { g.strokeStyle = ink; g.beginPath(); g.moveTo(x, y); g.lineTo(x, y + data.below * e * unit); g.stroke(); g.strokeStyle = white; }
+      g.beginPath(); g.arc(x, y, i ? 10 : 7, 0, 7);
       if (!i) { g.fillStyle = cables[0].color; g.fill(); }
       g.stroke();
     });
@@ -130,18 +154,20 @@ for (const root of document.querySelectorAll(".player")) {
     text(g, kilo(data.T[0]), 14, 33);
     text(g, `${kilo(data.T[1])} ${data.unitName}`, 14 + bar, 33, "right");
     text(g, "tension", 22 + bar, 18);
-    g.strokeStyle = "#444"; g.lineWidth = 1; g.strokeRect(92 + bar, 8, 18, 10); text(g, "slack", 115 + bar, 18);
+    if (cables.some((c) => c.slack !== null)) {
+      g.strokeStyle = "#444"; g.lineWidth = 1; g.strokeRect(92 + bar, 8, 18, 10); text(g, "slack", 115 + bar, 18);
+    }
     const tens = 10 ** Math.floor(Math.log10(data.span / 3)), length = tens * [5, 2, 1].find((k) => k * tens <= data.span / 3);
-    const low = height - 10;
-    g.beginPath(); g.moveTo(14, low - 4); g.lineTo(14, low); g.lineTo(14 + unit * length, low); g.lineTo(14 + unit * length, low - 4);
-    g.strokeStyle = soft; g.stroke();
-    text(g, `${length} m across, or ${+(length / e).toPrecision(2)} m in depth`, 22 + unit * length, low);
+    const foot = Math.round(Math.max(height, 150)) - 10;
+    g.beginPath(); g.moveTo(14, foot - 4); g.lineTo(14, foot); g.lineTo(14 + unit * length, foot); g.lineTo(14 + unit * length, foot - 4);
+    g.strokeStyle = soft; g.lineWidth = 1; g.stroke();
+    text(g, e === 1 ? `${length} m, across and in depth` : `${length} m across, or ${+(length / e).toPrecision(2)} m in depth`, 22 + unit * length, foot);
   }
 
   function drawTension(shown) {
     const height = 210, { g, width } = sheet(".tension", height);
     const [left, right, top, foot] = [48, 10, 24, 36];
-    const high = 1.06 * data.top, X = (s) => left + s * (width - left - right);
+    const high = 1.06 * data.T[1], X = (s) => left + (s / data.s[m - 1]) * (width - left - right);
     const Y = (T) => height - foot - (T / high) * (height - top - foot);
     const rough = high / data.unit / 4, tens = 10 ** Math.floor(Math.log10(rough));
     const tick = data.unit * tens * [1, 2, 5, 10].find((k) => k * tens >= rough);
@@ -150,9 +176,11 @@ for (const root of document.querySelectorAll(".player")) {
       g.strokeStyle = line; g.beginPath(); g.moveTo(left, Y(T)); g.lineTo(width - right, Y(T)); g.stroke();
       text(g, kilo(T, Math.max(0, -Math.floor(Math.log10(tick / data.unit)))), left - 6, Y(T) + 4, "right");
     }
-    for (const s of [0, 0.2, 0.4, 0.6, 0.8, 1]) text(g, s ? String(s) : "0", X(s), height - foot + 17, s < 1 ? "center" : "right");
+    const whole = data.s[m - 1], about = whole / 5, ten = 10 ** Math.floor(Math.log10(about));
+    const apart = ten * [1, 2, 5, 10].find((k) => k * ten >= about);
+    for (let s = 0; s <= whole; s += apart) text(g, String(+s.toPrecision(4)), X(s), height - foot + 17, "center");
     text(g, `tension [${data.unitName}]`, 4, 14);
-    text(g, "place along the cable s/l [–]", X(0.5), height - 4, "center");
+    text(g, "metres along the rope", X(0.5 * data.s[m - 1]), height - 4, "center");
     g.save(); g.beginPath(); g.rect(left, top - 6, width - left - right, height - top - foot + 8); g.clip();
     const curve = (points) => { g.beginPath(); points.forEach((p, i) => (i ? g.lineTo(X(p.s), Y(p.T)) : g.moveTo(X(p.s), Y(p.T)))); g.stroke(); };
     g.strokeStyle = "#999"; curve(data.s.map((s, i) => ({ s, T: data.static[i] })));
@@ -168,34 +196,32 @@ for (const root of document.querySelectorAll(".player")) {
   const legend = cables.map((c, i) =>
     `<span style="color:${c.color}">${i ? "◯" : "⬤"}</span> <b></b>: ` +
     (i ? "dashed line over it" : `thick line${cables.length > 1 ? ", coloured by its tension" : ""}`));
-  find(".legend").innerHTML = [...legend, "thin grey line: cable at rest"].join("; ");
+  const still_ = ["thin grey line: rope at rest", "grey band: where the rope was", `green dots: path of the car${data.below ? " and of its lowest part" : ""}`];
+  find(".legend").innerHTML = [...legend, ...still_].join("; ");
   find(".legend").querySelectorAll("b").forEach((b, i) => { b.textContent = cables[i].name; });
   const table = find(".readout");
   const row = (cells, kind) => { const tr = table.insertRow(); for (const c of cells) { const td = document.createElement(kind); td.textContent = c; tr.append(td); } return tr; };
-  row(["mass", "deflection v [m]", `T behind [${data.unitName}]`, `T ahead [${data.unitName}]`, ...cables[0].told.map((x) => x.name)], "th");
+  row(["by", "deflection [m]", `T behind [${data.unitName}]`, `T ahead [${data.unitName}]`, ...cables[0].told.map((x) => x.name)], "th");
   const lines = cables.map((c) => row([c.name, "", "", "", ...c.told.map(() => "")], "td"));
 
   function where(s_o) {
     const slack = cables.map((c) => c.slack).filter((s) => s !== null);
-    if (slack.length && s_o > Math.min(...slack)) return "the cable has gone slack: no exact answer to compare with any more";
-    if (data.free) return "";
-    if (s_o < data.window[0] || s_o > data.window[1]) return "outside the compared range";
-    return "inside the compared range";
+    return slack.length && s_o > Math.min(...slack) ? ": the rope has gone slack somewhere" : "";
   }
 
   function draw() {
     const shown = cables.map((c) => at(c, now));
     drawCable(shown); drawTension(shown);
     const s_o = (shown[cables.indexOf(longest)] || shown.find(Boolean)).mass.s;
-    find(".now").textContent = `t = ${now.toFixed(2)} s, sₒ/l = ${s_o.toFixed(3)}${where(s_o) && ": "}${where(s_o)}`;
+    find(".now").textContent = `${now.toFixed(2)} s, ${s_o.toFixed(1)} m along the rope${where(s_o)}`;
     shown.forEach((state, i) => {
       const cells = state
         ? [state.mass.v.toFixed(2), kilo(state.mass.behind, 1), kilo(state.mass.ahead, 1), ...state.mass.told]
-        : [`ended at sₒ/l = ${cables[i].reached.toFixed(3)}`, "–", "–", ...cables[i].told.map(() => "–")];
+        : ["ended", "–", "–", ...cables[i].told.map(() => "–")];
       cells.forEach((c, k) => { lines[i].cells[k + 1].textContent = c; });
     });
     slider.value = Math.round((1000 * now) / end);
-    slider.setAttribute("aria-valuetext", `${now.toFixed(2)} seconds, mass at ${s_o.toFixed(2)} of the length`);
+    slider.setAttribute("aria-valuetext", `${now.toFixed(2)} seconds, car at ${s_o.toFixed(1)} metres`);
   }
 
   // --- time ------------------------------------------------------------------------------------------------------
@@ -240,20 +266,18 @@ for (const root of document.querySelectorAll(".player")) {
   function rescale() {
     scale.max = most();
     find(".scale").hidden = most() < 2;
-    find(".scale output").textContent = Number(scale.value) === 1 ? "drawn to scale" : `drawn ${scale.value} times too large`;
+    find(".scale output").textContent = Number(scale.value) === 1 ? "to scale" : `${scale.value} times too deep`;
     draw();
   }
   scale.addEventListener("input", rescale);
   let width = 0;
   new ResizeObserver(() => {
     if (root.clientWidth === width) return;
-    const full = width === 0 || Number(scale.value) === Number(scale.max);
     width = root.clientWidth;
-    scale.max = most(); if (full) scale.value = most();
     rescale();
   }).observe(root);
   now = 0.5 * end; // something to see before it plays
   shownAt = now;
-  if (!Number(scale.value) || root.clientWidth) { scale.max = most(); scale.value = most(); }
+  scale.value = 1;
   rescale();
 }

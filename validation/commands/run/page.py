@@ -1,0 +1,24 @@
+"""The page of one run, or of a grid of runs."""
+
+from pathlib import Path
+
+from validation.page.answer import many
+from validation.page.answer.sections import answer, behind
+from validation.page.answer.stored import Stored, response
+from validation.page.page import Section, missing
+
+
+def sections(folder: Path) -> list[Section]:
+    """Return the page about what `cablefem run` stored in a folder: the newest run, or the grid."""
+    faults: list[str] = []
+    files = sorted(folder.glob("*/*.json"), key=lambda file: file.stat().st_mtime)
+    files = [file for file in files if file.name in ("summary.json", "grid.json")]
+    if files and files[-1].name == "grid.json":
+        return many.sections(files[-1].parent)
+    found = response(files[-1].parent, faults) if files else None
+    if found is None:
+        return [Section("answer", "Answer", missing(fault, "There is nothing to show.")) for fault in faults]
+    from cablefem.scene import Scene
+
+    x = Stored(Scene.from_toml(found.scene_toml), (found,))
+    return [*answer(x), Section("rests", "What it rests on", behind(x))]

@@ -1,0 +1,202 @@
+"""Answers in the words of those who ask: what becomes of the ride, what clears what, where the rope hangs.
+
+Everything here reads a scene and a response. Depths are in metres below the left support.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cablefem.response import Array, Response, whole
+from cablefem.scene import Scene
+
+PLACES = 201  # columns of the profile, as many as stations in tension.csv
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a run ends: a kind for programs, a sentence for people."""
+
+    kind: str  # arrives, stopped_by_brake, stuck, rolls_back, rolling, crossed, stopped, incomplete
+    sentence: str
+
+
+def outcome(scene: Scene, r: Response) -> Outcome:
+    """Return how a run ends: where, when, how fast."""
+    here = f"{_metres(r.s_o[-1])} after {r.t[-1]:.1f} s"
+    if r.status != "complete" and r.slack_onset is None:
+        return Outcome("incomplete", f"the computation broke at {here}: {r.reason}")
+    if r.drive == "free":
+        return _ride(scene, r)
+    # a run may end sooner than its travel: past the slack onset nothing is compared
+    motion, lasts = scene.groups.motion, scene.arrival
+    assert motion is not None
+    assert lasts is not None
+    end, last = (scene.length if r.drive == "grip" else scene.drive.end_place(scene.length)), motion.end * scene.length
+    if last < 0.999 * end:
+        found = Outcome("stopped", f"stops at {_metres(last)} after {lasts:.1f} s")
+    elif r.drive == "haul":
+        found = Outcome("crossed", f"is hauled from {_metres(r.s_o[0])} to {_metres(last)} in {lasts:.1f} s")
+    else:
+        found = Outcome("crossed", f"crosses the cable in {lasts:.1f} s")
+    if r.slack_onset is None:
+        return found
+    slack = f"; the cable goes slack when the mass is at {_metres(r.slack_onset * r.length)}"
+    return Outcome(found.kind, found.sentence + slack)
+
+
+def _ride(scene: Scene, r: Response) -> Outcome:
+    events = {e["event"]: e for e in r.events}  # the last of each kind
+    first_brake = min((brake.place for brake in scene.drive.brake), default=math.inf)
+    if (e := events.get("arrival")) is not None:
+        return Outcome("arrives", f"arrives at {_metres(e['s_o'])} after {e['t']:.1f} s with {_kmh(e['speed'])}")
+    if (e := events.get("back")) is not None:
+        return Outcome("rolls_back", f"rolls back to the start after {e['t']:.1f} s")
+    if (e := events.get("stop")) is None:
+        text = f"still rolls after {r.t[-1]:.1f} s, at {_metres(r.s_o[-1])} with {_kmh(r.speed[-1])}"
+        return Outcome("rolling", text)
+    if e["s_o"] >= first_brake:
+        into = e["s_o"] - first_brake
+        text = f"stops in the brake at {_metres(e['s_o'])}, {into:.1f} m into it, after {e['t']:.1f} s"
+        return Outcome("stopped_by_brake", text)
+    if "brake" in events:
+        text = f"reaches the brake and rolls back: comes to rest at {_metres(e['s_o'])} after {e['t']:.1f} s"
+    elif math.isfinite(first_brake):
+        short = first_brake - e["s_o"]
+        text = f"never reaches the brake: comes to rest {short:.1f} m before it, at {_metres(e['s_o'])}, "
+        text += f"after {e['t']:.1f} s"
+    else:
+        text = f"gets stuck: comes to rest at {_metres(e['s_o'])} after {e['t']:.1f} s"
+    return Outcome("stuck", text)
+
+
+def _metres(place: float) -> str:
+    return f"{place:.1f} m"
+
+
+def _kmh(speed: float) -> str:
+    return f"{3.6 * speed:.1f} km/h"
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """The rope over x: at rest, and the extremes of its depth and tension over the run; (n,) each, SI."""
+
+    x: Array
+    y_rest: Array
+    y_highest: Array
+    y_lowest: Array
+    tension_max: Array
+    tension_min: Array
+
+    def columns(self) -> dict[str, Array]:
+        """Return the columns of profile.csv in their order."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+
+
+def shapes(r: Response) -> tuple[Array, Array, Array]:
+    """Return x, y [m] and tension [N] of the rope at each frame, (k, m + 1) each, the point under the mass included."""
+    f = r.fields
+    x, y = f.x + f.u, f.y + f.v
+    mass = np.array([np.interp(f.s_o, f.s, f.x) + f.mass_u, np.interp(f.s_o, f.s, f.y) + f.mass_v])
+    at_mass = np.fmax(f.T_behind, f.T_ahead)
+    s = np.concatenate([np.broadcast_to(f.s, x.shape), f.s_o[:, None]], axis=1)
+    order = np.argsort(s, axis=1, kind="stable")
+    parts = (np.c_[x, mass[0]], np.c_[y, mass[1]], np.c_[f.T, at_mass])
+    return tuple(np.take_along_axis(part, order, axis=1) for part in parts)  # type: ignore[return-value]
+
+
+def profile(r: Response) -> Profile:
+    """Return where the rope was and how hard it pulled, over all frames, at PLACES equal distances of x."""
+    f = r.fields
+    x = np.linspace(float(f.x[0]), float(f.x[-1]), PLACES)
+    rest = np.interp(x, f.x, f.y)
+    depth, pull = [rest], [np.interp(x, f.x, f.T_static)]
+    for at, y, T in zip(*shapes(r), strict=True):
+        depth.append(np.interp(x, at, y))
+        pull.append(np.interp(x, at, T))
+    lowest = np.max(depth, axis=0)
+    for x_car, y_car in _ways(r):  # between two frames the car is the lowest point of the rope near it
+        inside = (x >= x_car[0]) & (x <= x_car[-1])
+        lowest[inside] = np.maximum(lowest[inside], np.interp(x[inside], x_car, y_car))
+    return Profile(x, rest, np.min(depth, axis=0), lowest, np.max(pull, axis=0), np.min(pull, axis=0))
+
+
+def write_profile(folder: Path, r: Response) -> None:
+    """Write profile.csv."""
+    columns = profile(r).columns()
+    with whole(folder / "profile.csv") as temporary:
+        values = np.stack(list(columns.values()), axis=1)
+        np.savetxt(temporary, values, fmt="%.9g", delimiter=",", header=",".join(columns), comments="")
+
+
+def _ways(r: Response) -> list[tuple[Array, Array]]:
+    """Return the path of the car as pieces (x, y) along which x grows."""
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(r.x))) != 0) + 1
+    pieces = zip(np.split(r.x, turns), np.split(r.y, turns), strict=True)
+    return [(x, y) if x[-1] > x[0] else (x[::-1], y[::-1]) for x, y in pieces if x.size > 1]
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """Free height above something below the line, over a run: instants [s], height [m], s [m]; negative: it hits."""
+
+    t: Array
+    height: Array
+    s: Array
+
+
+def rope_over(r: Response, x: float, top: float) -> Room:
+    """Return the free height of the rope above the point (x, top), at all frames and whenever the car passes it."""
+    at, y, _ = shapes(r)
+    heights = top - np.array([np.interp(x, a, b) for a, b in zip(at, y, strict=True)])
+    s = np.full(heights.size, float(np.interp(x, r.fields.x, r.fields.s)))
+    passing = car_over(r, x, top, 0.0)
+    t = np.r_[r.fields.t, passing.t]
+    order = np.argsort(t, kind="stable")
+    return Room(t[order], np.r_[heights, passing.height][order], np.r_[s, passing.s][order])
+
+
+def car_over(r: Response, x: float, top: float, below: float) -> Room:
+    """Return the free height of the car's lowest part, `below` under the rope, each time it passes x; maybe never."""
+    before, after = r.x[:-1], r.x[1:]
+    i = np.flatnonzero(((before < x) & (after >= x)) | ((before > x) & (after <= x)))
+    w = (x - before[i]) / (after[i] - before[i])
+
+    def there(values: Array) -> Array:
+        return values[i] + w * (values[i + 1] - values[i])
+
+    return Room(there(r.t), top - there(r.y) - below, there(r.s_o))
+
+
+def rope_over_ground(r: Response, ground: Array) -> Room:
+    """Return the least free height of the rope above the ground (n, 2) of x and depth, at each frame.
+
+    The ground is linear between its points. Outside them it says nothing.
+    """
+    at, y, _ = shapes(r)
+    heights, s = np.full(len(at), np.nan), np.full(len(at), np.nan)
+    for k, (a, b) in enumerate(zip(at, y, strict=True)):
+        x = np.union1d(a, ground[:, 0])
+        x = x[(x >= max(a[0], ground[0, 0])) & (x <= min(a[-1], ground[-1, 0]))]
+        if x.size:
+            free = np.interp(x, ground[:, 0], ground[:, 1]) - np.interp(x, a, b)
+            heights[k], s[k] = free.min(), np.interp(x[free.argmin()], r.fields.x, r.fields.s)
+    return Room(r.fields.t, heights, s)
+
+
+def car_over_ground(r: Response, ground: Array, below: float) -> Room:
+    """Return the free height of the car's lowest part above the ground at each step; nan outside the ground."""
+    depth = np.interp(r.x, ground[:, 0], ground[:, 1], left=np.nan, right=np.nan)
+    return Room(r.t, depth - r.y - below, r.s_o)
+
+
+def answers(scene: Scene, r: Response) -> dict[str, Any]:
+    """Return what summary.json says of the outcome."""
+    found = outcome(scene, r)
+    return {"outcome": found.sentence, "outcome_kind": found.kind}

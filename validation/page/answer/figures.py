@@ -1,0 +1,142 @@
+"""Figures of an answer: the first solver in blue and solid, the second in vermillion and dashed.
+
+Places are metres along the rope. Every function takes stored answers and draws what they have; `caption` goes below.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from markupsafe import Markup
+
+from cablefem.response import Array, Response
+from validation.core.quantities import scale_of
+from validation.page.answer.stored import Stored
+from validation.page.plot import (
+    BLACK,
+    BLUE,
+    DASHED,
+    DOTTED,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    Panel,
+    plot,
+)  # fmt: skip
+
+LOOK = ((BLUE, ""), (VERMILLION, DASHED))
+Of = Callable[[Response], Array]  # a series of a run, (n,)
+PLACE, TIME = "metres along the rope", "time [s]"
+
+
+def _inside(x: Stored, r: Response, values: Array) -> Array:
+    low, high = x.compared(r)
+    inside = (r.t >= low) & (r.t <= high)
+    return values[inside] if inside.any() else values
+
+
+def _drawn(x: Stored, panels: Sequence[Panel], caption: str, *, time: bool) -> Markup:
+    """Draw panels over time or place, with the events and the slack onset as lines."""
+    r = x.runs[0]
+    end = max(float((run.t if time else run.s_o).max()) for run in x.runs)
+    for p in panels:
+        if x.onset is not None:
+            p.verticals.append((float(np.interp(x.onset, r.s_o, r.t)) if time else x.onset, BLACK, DOTTED))
+        p.verticals += [(e["t"] if time else e["s_o"], GREEN, "") for e in x.events]
+    return plot(panels, (0.0, end), TIME if time else PLACE, caption)
+
+
+def series(x: Stored, rows: Sequence[tuple[str, str, Of]], caption: str, *, time: bool) -> Markup:
+    """Draw series below one another: (words, unit, values) each; what is "below" points down."""
+    panels = []
+    for title, unit, of in rows:
+        # limits from what is compared: later values of a slack cable may leave the frame
+        inside = [_inside(x, r, of(r)) for r in x.runs]
+        factor, name = scale_of(np.concatenate(inside), unit)
+        p = Panel(f"[{name}]", title, 110.0, down="below" in title)
+        p.fit([factor * part for part in inside])
+        for r, look in zip(x.runs, LOOK, strict=False):
+            p.line(r.t if time else r.s_o, factor * of(r), *look, name=r.method)
+        if x.party is not None and "depth" in title:
+            p.line(x.party.t if time else x.party.s_o, factor * x.party.y, GREEN, DOTTED, 2.2, x.party.name)
+        panels.append(p)
+    return _drawn(x, panels, caption, time=time)
+
+
+def distance(x: Stored, caption: str) -> Markup:
+    """Draw how far the two paths are apart [m], and what their bars allow."""
+    a, b = x.runs
+    time = x.free
+    at, there = (a.t, b.t) if time else (a.s_o, b.s_o)
+    both = at <= there[-1]
+    columns = ("x", "y") if time else ("u", "v")
+    apart = np.hypot(*(getattr(a, c)[both] - np.interp(at[both], there, getattr(b, c)) for c in columns))
+    factor, unit = scale_of(_inside(x, a, np.pad(apart, (0, a.t.size - apart.size))), "m")
+    p = Panel(f"apart [{unit}]", height=150.0)
+    p.line(at[both], factor * apart, BLACK, "", 1.6, "distance of the paths")
+    allowed = x.row("path_max").get("allowed")
+    most = factor * float(_inside(x, a, np.pad(apart, (0, a.t.size - apart.size))).max(initial=0.0))
+    if allowed is not None:
+        ends = np.array(x.compared(a)) if time else np.interp(x.compared(a), a.t, a.s_o)
+        p.line(ends, np.full(2, factor * allowed * a.path_scale), GREEN, "9 3 2 3", 2.0, "sum of both error bars")
+        most = max(most, factor * allowed * a.path_scale)
+    p.decades(most)
+    return _drawn(x, [p], caption, time=time)
+
+
+def tension_range(x: Stored) -> tuple[float, float]:
+    """Return least and largest tension [N] of the fields where they are compared: the ends of the colour scale."""
+    low, high = np.inf, 0.0
+    for r in x.runs:
+        start, stop = x.compared(r)
+        inside = (r.fields.t >= start) & (r.fields.t <= stop)
+        part = r.fields.T[inside] if inside.any() else r.fields.T
+        low, high = min(low, float(part.min())), max(high, float(part.max()))
+    return max(0.0, low), high
+
+
+COLUMNS, ROWS = 5, 3  # numbers written on a field, across and up
+
+
+def tension_field(x: Stored, r: Response, caption: str) -> Markup:
+    """Draw the tension over time and place, with numbers on it."""
+    low, high = tension_range(x)
+    factor, unit = scale_of(np.array([low, high]), "N")
+    f, end = r.fields, float(r.t[-1])
+    p = Panel(PLACE, "", 220.0, low=0.0, high=r.length, scale=(factor * low, factor * high, unit))
+    times = np.linspace(0.0, end, 300)
+    nearest = np.abs(times[:, None] - f.t[None, :]).argmin(axis=1)
+    p.image = ((f.T[nearest] - low) / ((high - low) or 1.0)).T[::-1]
+    for color, width in ((BLACK, 2.6), ("#fff", 1.4)):
+        p.line(r.t, r.s_o, color, "", width)
+    for t in end * (np.arange(COLUMNS) + 0.5) / COLUMNS:
+        k = int(np.abs(f.t - t).argmin())
+        for s in r.length * (np.arange(ROWS) + 0.5) / ROWS:
+            p.labels.append((float(t), float(s), f"{factor * np.interp(s, f.s, f.T[k]):.3g}"))
+    return plot([p], (0.0, end), TIME, caption, wide=True)
+
+
+# part of the energy of a ride -> look
+PARTS = {
+    "motion": (BLUE, ""), "height": (VERMILLION, DASHED), "stretch": (GREEN, ""), "drag": (PURPLE, ""),
+    "friction": (ORANGE, ""), "brake": (BLACK, ""), "thrust": (SKY, DASHED), "haul": (GREY, DASHED),
+}  # fmt: skip
+
+
+def energy_split(x: Stored, caption: str) -> Markup:
+    """Draw what becomes of the energy: motion, height, stretch of the cable, and what outside forces took."""
+    r = x.runs[0]
+    lines = {name: y - y[0] for name, y in (("motion", r.kinetic), ("height", r.potential), ("stretch", r.strain))}
+    dt = np.diff(r.t, prepend=r.t[0])
+    for name, power in r.powers.items():
+        power = np.nan_to_num(power)
+        lines[name] = -np.cumsum(0.5 * (power + np.append(power[:1], power[:-1])) * dt)
+    factor, unit = scale_of(np.concatenate(list(lines.values())), "J")
+    p = Panel(f"since start [{unit}]", height=200.0)
+    for name, y in lines.items():
+        if np.abs(y).max() > 0.0:
+            p.line(r.t, factor * y, *PARTS.get(name, (BLACK, DOTTED)), name=name)
+    p.fit([line[1] for line in p.lines])
+    return _drawn(x, [p], caption, time=True)

@@ -1,0 +1,179 @@
+"""Many answers at once: one row a point of a grid, all rides in one side view, and their speeds."""
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from cablefem.response import Response, whole, write_json
+from cablefem.scene import Scene
+from validation.core.answers import outcome
+from validation.core.quantities import named, scale_of
+from validation.page import terminal
+from validation.page.page import Section, gallery, table
+from validation.page.plot import BLUE, DASHED, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, Panel, plot
+
+POINTS = 300  # of a ride's path, at most
+COLORS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)  # one for each value of the first key
+DASHES = ("", DASHED, "2 3", "8 3 2 3")  # one for each value of the others
+# what a table of rides says of each, as far as it is known
+NUMBERS = ("tension_max", "safety_factor_min", "haul_force_max", "clearance_rope_min", "clearance_car_min")
+
+
+def row(scene: Scene, r: Response, design: Sequence[dict[str, Any]], verdict: str | None = None) -> dict[str, Any]:
+    """Return what the table says of one answer; SI, kilometres an hour for speeds."""
+    found = outcome(scene, r)
+    events = {e["event"]: e for e in reversed(r.events)}  # the first of each kind
+    arrives = events.get("brake") or events.get("arrival")
+    out: dict[str, Any] = {"outcome_kind": found.kind, "outcome": found.sentence}
+    out["duration_s"] = round(float(r.t[-1]), 3)
+    if r.drive == "free":
+        out["arrival_km_h"] = None if arrives is None else round(3.6 * arrives["speed"], 2)
+        rests = r.s_o[-1] if found.kind in ("stuck", "stopped_by_brake") else None
+        out["rests_at_m"] = None if rests is None else round(float(rests), 2)
+    for quantity in NUMBERS:  # of several obstacles the least
+        values = [d["value"] for d in design if d["quantity"].split(":")[0] == quantity and d["value"] is not None]
+        if values:
+            out[quantity] = max(values) if quantity.endswith("max") else min(values)
+    return out | ({} if verdict is None else {"verdict": verdict})
+
+
+def failed(words: str) -> dict[str, Any]:
+    """Return the row of a point that has no answer."""
+    return {"outcome_kind": "incomplete", "outcome": words}
+
+
+def path(r: Response) -> dict[str, list[float]]:
+    """Return the path of the car and its speed, as the page draws them."""
+    at = np.unique(np.linspace(0, r.t.size - 1, POINTS).round().astype(int))
+    columns = {"t": r.t, "s_o": r.s_o, "x": r.x, "y": r.y, "kmh": 3.6 * r.speed}
+    return {name: [float(f"{x:.6g}") for x in values[at]] for name, values in columns.items()}
+
+
+def write(
+    folder: Path, scene: Scene, rows: list[dict[str, Any]], paths: Sequence[dict[str, list[float]] | None]
+) -> None:
+    """Write table.csv, grid.json and the scene that was varied."""
+    folder.mkdir(exist_ok=True)
+    names = list(dict.fromkeys(name for found in rows for name in found))
+    text = io.StringIO()
+    lines = csv.DictWriter(text, names, restval="")
+    lines.writeheader()
+    lines.writerows(rows)
+    with whole(folder / "table.csv") as temporary:
+        temporary.write_text(text.getvalue(), encoding="utf-8")
+    write_json(folder / "grid.json", {"rows": rows, "paths": paths})
+    with whole(folder / "scene.toml") as temporary:
+        temporary.write_text(scene.to_toml(), encoding="utf-8")
+
+
+def tell(rows: list[dict[str, Any]], keys: Sequence[str]) -> None:
+    """Print the table: what varies, what becomes of it, and the numbers that all of them know."""
+    shown = [*keys, *_columns(rows), *(["verdict"] if any("verdict" in x for x in rows) else [])]
+    heads = [_head(name, rows) for name in shown]
+    cells = [[_cell(name, x.get(name), rows) for name in shown] for x in rows]
+    terminal.table(heads, cells, right=[h for h, name in zip(heads, shown, strict=True) if name != "outcome"])
+
+
+def _columns(rows: list[dict[str, Any]]) -> list[str]:
+    known = ("outcome", "arrival_km_h", "rests_at_m", *NUMBERS)
+    return [name for name in known if any(x.get(name) is not None for x in rows)]
+
+
+def _unit(name: str, rows: list[dict[str, Any]]) -> tuple[float, str]:
+    kind = {"tension": "N", "haul": "N", "clearance": "m"}.get(name.split("_")[0], "")
+    values = [x[name] for x in rows if isinstance(x.get(name), int | float)]
+    return scale_of(np.array(values), kind) if kind in ("N",) and values else (1.0, kind)
+
+
+def _head(name: str, rows: list[dict[str, Any]]) -> str:
+    own = {"outcome": "outcome", "arrival_km_h": "at the brake or end [km/h]", "rests_at_m": "rests at [m]"}
+    if name in own:
+        return own[name]
+    unit = _unit(name, rows)[1]
+    words = {"clearance_rope_min": "clearance, rope", "clearance_car_min": "clearance, car"}.get(name)
+    return (words or (named(name) if name in NUMBERS else name)) + (f" [{unit}]" if unit else "")
+
+
+def _cell(name: str, value: Any, rows: list[dict[str, Any]]) -> str:
+    if value is None or isinstance(value, bool | str | list):
+        return "-" if value is None else str(value)
+    return f"{_unit(name, rows)[0] * value:.4g}"
+
+
+def sections(folder: Path) -> list[Section]:
+    """Return the page of the grid stored in a folder."""
+    stored = json.loads((folder / "grid.json").read_text(encoding="utf-8"))
+    rows, paths = stored["rows"], stored["paths"]
+    keys = [name for name in rows[0] if name not in _OWN]
+    scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
+    names = [*keys, *_columns(rows), *(["verdict"] if any("verdict" in x for x in rows) else [])]
+    cells = [{_head(n, rows): _cell(n, x.get(n), rows).replace("-", "−") for n in names} for x in rows]
+    html = [
+        table(cells, [_head(name, rows) for name in names], stack=True),
+        gallery(_side(scene, rows, paths, keys), _speeds(rows, paths, keys)),
+    ]  # fmt: skip
+    kinds = [x["outcome_kind"].replace("_", " ") for x in rows]
+    summary = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+    return [Section("grid", "All of them", Markup("\n").join(html), None, f"{len(rows)} runs: {summary}.")]
+
+
+_OWN = {
+    "outcome_kind", "outcome", "duration_s", "arrival_km_h", "rests_at_m", "verdict", *NUMBERS,
+}  # fmt: skip
+
+
+def _label(point: dict[str, Any], keys: Sequence[str]) -> str:
+    return ", ".join(f"{key.split('.')[-1]} {point[key]}" for key in keys)
+
+
+WIDE = 420.0  # about the width of a panel, in its units
+FLAT = 90.0  # a side view is no lower than that
+
+
+def _looks(rows: list[dict], keys: Sequence[str]) -> list[tuple[str, str]]:
+    """Return colour and dash of each row: the first key's value makes the colour, all others the dash."""
+    firsts = [json.dumps(point[keys[0]]) for point in rows]
+    others = [json.dumps([point[key] for key in keys[1:]]) for point in rows]
+    order = [list(dict.fromkeys(values)) for values in (firsts, others)]
+    return [
+        (COLORS[order[0].index(a) % len(COLORS)], DASHES[order[1].index(b) % len(DASHES)])
+        for a, b in zip(firsts, others, strict=True)
+    ]
+
+
+def _side(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
+    """Draw all paths to scale, or with depths drawn a whole number of times too large where that is too flat to see."""
+    span, below, obstacles = scene.supports.span, getattr(scene.mass, "below", 0.0), getattr(scene, "obstacle", ())
+    X, s = scene.catenary, np.linspace(0.0, scene.length, 101)
+    ground = np.array(getattr(scene, "ground", ())).reshape(-1, 2)
+    depths = [X.y(s), *(np.array(p["y"]) + below for p in paths if p), ground[:, 1], [o.top for o in obstacles]]
+    p = Panel("depth [m]", "path of the car", down=True)
+    p.fit([np.asarray(d, float) for d in depths], pad=0.05)
+    times = max(1, round(FLAT / ((p.high - p.low) * WIDE / span)))
+    p.height = times * (p.high - p.low) * WIDE / span
+    p.line(X.x(s), X.y(s), GREY, "2 3", 1.2, "empty rope at rest")
+    if ground.size:
+        p.line(ground[:, 0], ground[:, 1], "#8a7a55", "", 2.0, "ground")
+    for o in obstacles:
+        p.line(np.array([o.at, o.at]), np.array([o.top, p.high]), "#6b8e5a", "", 5.0, o.name)
+    for found, point, look in zip(paths, rows, _looks(rows, keys), strict=True):
+        if found:
+            p.line(np.array(found["x"]), np.array(found["y"]), *look, 1.6, _label(point, keys))
+    scale = "To scale." if times == 1 else f"Depths are drawn {times} times too large."
+    return plot([p], (0.0, span), "x [m]", f"The line from the side. {scale}", wide=True)
+
+
+def _speeds(rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
+    p = Panel("[km/h]", "speed", 180.0)
+    for found, point, look in zip(paths, rows, _looks(rows, keys), strict=True):
+        if found:
+            p.line(np.array(found["s_o"]), np.array(found["kmh"]), *look, 1.6, _label(point, keys))
+    p.fit([np.zeros(1), *(line[1] for line in p.lines)])
+    end = max((max(found["s_o"]) for found in paths if found), default=1.0)
+    return plot([p], (0.0, end), "metres along the rope", "Speed of the car along the rope.", wide=True)

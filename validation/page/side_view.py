@@ -1,0 +1,119 @@
+"""The line seen from the side, to scale, with the rope in motion; it carries its data with it."""
+
+import base64
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from cablefem.response import Array, Response
+from cablefem.scene import Scene
+from validation.core.answers import profile
+from validation.page.page import rendered
+from validation.page.plot import BLUE, FIELD, VERMILLION, colors
+
+SCRIPT = "side_view.js"
+STATIONS = 101  # of the moving rope, at most; the mass is a point of its own
+PATH = 300  # points of the path of the car, at most
+LABELS = 5  # places along the path at which the speed is written
+
+
+def side_view(scene: Scene, runs: Sequence[Response], *, range_T: tuple[float, float]) -> Markup:
+    """Return the side view of one or two runs; its section must name SCRIPT among its scripts.
+
+    range_T : tensions [N] at the ends of the colour scale.
+    """
+    r = runs[0]
+    s = r.fields.s[:: _every(r)]
+    X = scene.catenary
+    ends: dict[str, Any] = {
+        "span": scene.supports.span, "drop": scene.supports.drop, "s": _short(s), "x": _short(X.x(s)),
+        "y": _short(X.y(s)), "static": _short(X.tension(s)), "T": list(range_T),
+        "unit": 1e3 if range_T[1] >= 2e3 else 1.0, "unitName": "kN" if range_T[1] >= 2e3 else "N",
+        "colors": [f"#{bytes(c).hex()}" for c in colors(FIELD, 48).round().astype(np.uint8)],
+    }  # fmt: skip
+    both = zip(runs, (BLUE, VERMILLION), strict=False)
+    cables = [_cable(scene, run, color, ends["unit"], ends["unitName"]) for run, color in both]
+    data = {**ends, **_still(scene, r), "cables": cables}
+    # "<" cannot end the script early
+    packed = Markup(json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"))
+    return rendered("side_view.html", data=packed, names=" and ".join(run.method for run in runs))
+
+
+def _every(r: Response) -> int:
+    return max(1, -(-(r.fields.s.size - 1) // (STATIONS - 1)))
+
+
+def _still(scene: Scene, r: Response) -> dict[str, Any]:
+    """Return what does not move: envelope, path of the car, brake, obstacles, ground, speeds along the path."""
+    p = profile(r)
+    at = np.unique(np.linspace(0, r.t.size - 1, PATH).round().astype(int))
+    marks = np.interp(np.linspace(0.0, 1.0, LABELS + 2)[1:-1] * (r.s_o.max() - r.s_o[0]) + r.s_o[0], *_first(r))
+    speed = np.interp(marks, r.t, r.speed)
+    X = scene.catenary
+    return {
+        "envelope": [_short(p.x), _short(p.y_highest), _short(p.y_lowest)],
+        "path": [_short(r.x[at]), _short(r.y[at])],
+        "below": getattr(scene.mass, "below", 0.0),
+        "speeds": [
+            {"x": float(np.interp(t, r.t, r.x)), "y": float(np.interp(t, r.t, r.y)), "text": f"{3.6 * v:.0f} km/h"}
+            for t, v in zip(marks, speed, strict=True)
+        ],
+        "brakes": [{"x": float(X.x(b.place)), "y": float(X.y(b.place))} for b in scene.drive.brake],
+        "obstacles": [{"name": o.name, "x": o.at, "top": o.top} for o in getattr(scene, "obstacle", ())],
+        "ground": [list(point) for point in getattr(scene, "ground", ())],
+    }
+
+
+def _first(r: Response) -> tuple[Array, Array]:
+    """Return places and the instants at which the car first comes there."""
+    ahead = np.flatnonzero(np.diff(np.maximum.accumulate(r.s_o), prepend=-1.0) > 0.0)
+    return r.s_o[ahead], r.t[ahead]
+
+
+def _cable(scene: Scene, r: Response, color: str, unit: float, name: str) -> dict[str, Any]:
+    """Return one moving rope; frames begin a little after the start, where a gripped mass enters a rope at rest."""
+    f, every, X = r.fields, _every(r), scene.catenary
+    s = f.s[::every]
+    start = {
+        "u": 0.0 * s, "v": 0.0 * s, "T": X.tension(s), "s_o": r.s_o[0], "mass_u": r.u[0], "mass_v": r.v[0],
+        "T_behind": X.tension(r.s_o[:1])[0], "T_ahead": X.tension(r.s_o[:1])[0],
+    }  # fmt: skip
+    late = f.t[0] > 0.0
+
+    def frames(of: str) -> Array:
+        values = getattr(f, of)
+        values = values[:, ::every] if values.ndim == 2 else values
+        first = values[:1] if r.drive != "grip" or of.startswith("mass") else np.reshape(start[of], values[:1].shape)
+        return np.concatenate([first, values]) if late else values
+
+    t = np.append(0.0, f.t) if late else f.t
+    behind, ahead = frames("T_behind"), frames("T_ahead")
+    s_o = frames("s_o")
+    told = [("speed [km/h]", 1, 3.6 * r.speed), (f"press on the rope [{name}]", 2, r.F_contact / unit)]
+    told.append((f"haul or thrust [{name}]", 2, r.F_haul / unit))
+    return {
+        "name": r.method, "color": color, "t": _packed(t), "s_o": _packed(s_o), "u": _packed(frames("u")),
+        "v": _packed(frames("v")), "T": _packed(frames("T")), "mass_x": _packed(X.x(s_o) + frames("mass_u")),
+        "mass_y": _packed(X.y(s_o) + frames("mass_v")), "mass_v": _packed(frames("mass_v")),
+        "behind": _packed(np.where(np.isnan(behind), ahead, behind)),
+        "ahead": _packed(np.where(np.isnan(ahead), behind, ahead)),
+        "told": [
+            {"name": head, "digits": digits, "data": _packed(np.interp(t, r.t, values))}
+            for head, digits, values in told if np.isfinite(values).all()
+        ],
+        "slack": None if r.slack_onset is None else r.slack_onset * r.length,
+    }  # fmt: skip
+
+
+def _packed(x: Array) -> dict[str, Any]:
+    """Return an array as 16-bit steps between its extremes, in base64."""
+    low, high = float(x.min()), float(x.max())
+    steps = np.round((x - low) / ((high - low) or 1.0) * 65535.0).astype("<u2")
+    return {"low": low, "high": high, "data": base64.b64encode(steps.tobytes()).decode("ascii")}
+
+
+def _short(x: Array) -> list[float]:
+    return [float(f"{value:.6g}") for value in x]
