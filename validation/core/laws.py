@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,6 @@ from scipy.interpolate import CubicSpline
 
 from cablefem.response import Array, Response
 from validation.core.evidence import ROUNDING, Evidence, Side, Window, Windows, cross
-from validation.core.ladder import Ladder
-from validation.core.measures import NotComparable
 
 OFTEN = 0.2  # of the time of a transverse wave along the cable: frames further apart do not tell velocities
 NEXT = 0.01  # of the length: a mass closer to a support has too few stations on that side
@@ -54,6 +53,16 @@ class Held:
     where: float | None  # s_o/l of the largest defect
 
 
+class Ladder(Protocol):
+    """A run and its coarser ones, and the bars they give; see `ladder.Ladder`."""
+
+    @property
+    def finest(self) -> Response: ...
+    @property
+    def runs(self) -> tuple[Response, ...]: ...
+    def bar(self, of: Callable[[Response], Array], apart: Callable[[Array, Array], Array], order: float) -> Array: ...
+
+
 def hold(ladder: Ladder, window: Window, until: float = math.inf) -> Iterator[Held]:
     """Hold every law that concerns a run against it, over a window of s_o/l, of a ride up to an instant [s]."""
     r = ladder.finest
@@ -70,7 +79,7 @@ def hold(ladder: Ladder, window: Window, until: float = math.inf) -> Iterator[He
             yield Held(name, law.of, math.nan, math.nan, math.nan, None)
             continue
         sampling = ROUNDING + THINNED * Defect(found.place, found.value - law.defect(thin).value).rms
-        defects = {key: (law.defect(x) if law.concerns(x) else found).value for key, x in known.items()}
+        defects = {key: (found if law.exact else law.defect(x)).value for key, x in known.items()}
         bar = ladder.bar(lambda x, of=defects: of[id(x)], _rms_apart, FIRST)  # type: ignore[misc]
         worst = int((found.rms / (sampling + bar)).argmax())
         at = float(found.place[np.abs(found.value[:, worst]).argmax()])
@@ -79,10 +88,9 @@ def hold(ladder: Ladder, window: Window, until: float = math.inf) -> Iterator[He
 
 
 def _rms_apart(a: Array, b: Array) -> Array:
-    """Return the rms distance of the defects of two runs, component by component."""
-    if a.shape != b.shape or not np.isfinite(b).all():
-        raise NotComparable("a coarser run does not say what the law asks for")
-    return np.sqrt(np.mean((a - b) ** 2, axis=0))
+    """Return the rms distance of the defects of two runs, component by component; infinite where one does not say."""
+    known = a.shape == b.shape and np.isfinite(b).all()
+    return np.sqrt(np.mean((a - b) ** 2, axis=0)) if known else np.full(a.shape[1], math.inf)
 
 
 Finds = Callable[[Evidence], Defect]
@@ -95,14 +103,17 @@ class Law:
     defect: Finds
     concerns: Callable[[Evidence], bool]
     of: str
+    exact: bool  # it holds to rounding in every run, however coarse
 
 
 LAWS: dict[str, Law] = {}
 
 
-def _law(concerns: Callable[[Evidence], bool] = lambda m: True, of: str = "laws_si") -> Callable[[Finds], Finds]:
+def _law(
+    concerns: Callable[[Evidence], bool] = lambda m: True, of: str = "laws_si", exact: bool = False
+) -> Callable[[Finds], Finds]:
     def listed(defect: Finds) -> Finds:
-        LAWS[defect.__name__.replace("_", " ")] = Law(defect, concerns, of)
+        LAWS[defect.__name__.replace("_", " ")] = Law(defect, concerns, of, exact)
         return defect
 
     return listed
@@ -161,14 +172,14 @@ def _over_steps(m: Evidence, kept: Array, scale: float) -> Defect:
 # --- the cable at rest -----------------------------------------------------------------------------
 
 
-@_law()
+@_law(exact=True)
 def ends_at_rest(m: Evidence) -> Defect:
     """The cable ends at its supports; over the span."""
     f, given = m.r.fields, m.given
     return _static(*(np.array([f.x[0], f.y[0], f.x[-1] - given.span, f.y[-1] - given.drop]) / given.span))
 
 
-@_law()
+@_law(exact=True)
 def length_at_rest(m: Evidence) -> Defect:
     """Stations count the length of the curve, from none to all of it, and that is the length asked for; over it.
 
@@ -181,7 +192,7 @@ def length_at_rest(m: Evidence) -> Defect:
     return _static(*(np.array([s[0], counted, m.r.length - s[-1], s[-1] - asked]) / s[-1]))
 
 
-@_law()
+@_law(exact=True)
 def shape_at_rest(m: Evidence) -> Defect:
     """Sag below the chord, or horizontal tension, as asked for; over itself.  A length has its own law."""
     (name, value), f = m.given.asked, m.r.fields
@@ -193,7 +204,7 @@ def shape_at_rest(m: Evidence) -> Defect:
     return _static(found / value - 1.0)
 
 
-@_law()
+@_law(exact=True)
 def forces_at_rest(m: Evidence) -> Defect:
     """T x' = H all along, over H; T y' falls by rho g per metre, the supports carry the weight, over rho g l."""
     s, H, weight = m.r.fields.s, m.r.horizontal_tension, m.given.rho * m.given.gravity
@@ -205,7 +216,7 @@ def forces_at_rest(m: Evidence) -> Defect:
 # --- travel and drive --------------------------------------------------------------------------------
 
 
-@_law(lambda m: m.r.drive != "free")
+@_law(lambda m: m.r.drive != "free", exact=True)
 def travel(m: Evidence) -> Defect:
     """s_o(t) is the travel that the TOML asks for; over the length."""
     r, law, drive, l = m.r, m.given.travel, m.given.drive, m.r.fields.s[-1]
@@ -241,7 +252,7 @@ def travel(m: Evidence) -> Defect:
     return Defect(s[worst, None] / l, (s - start - want)[worst, None, None] / l)
 
 
-@_law(_rolls)
+@_law(_rolls, exact=True)
 def drive(m: Evidence) -> Defect:
     """The car begins, brakes and arrives where the TOML says, is let go and driven as long and as hard as it says.
 
@@ -271,7 +282,7 @@ def drive(m: Evidence) -> Defect:
 # --- the mass, at steps --------------------------------------------------------------------------------
 
 
-@_law()
+@_law(exact=True)
 def place_of_the_mass(m: Evidence) -> Defect:
     """p = X(s_o) + w; over the largest deflection."""
     r, k = m.r, m.inside
@@ -279,7 +290,7 @@ def place_of_the_mass(m: Evidence) -> Defect:
     return _static(float(np.abs(off).max()) / r.max_deflection)
 
 
-@_law(_knows_strain)
+@_law(_knows_strain, exact=True)
 def strain_at_the_mass(m: Evidence) -> Defect:
     """Pointwise tension is that at rest plus EA (|r'| - 1), and not below none where the law says so; over H."""
     r, k, f = m.r, m.inside, m.r.fields
@@ -338,11 +349,11 @@ def tension_on_both_sides(m: Evidence) -> Defect:
 # --- the cable, at frames ------------------------------------------------------------------------------
 
 
-@_law(lambda m: m.r.switched is not None or m.r.law == "tension-only")
+@_law(lambda m: m.r.switched is not None or m.r.law == "tension-only", exact=True)
 def compression(m: Evidence) -> Defect:
-    """A cable that carries none is under none; over H, and counted up to H, as it does not converge."""
-    T = m.r.fields.T_pointwise[_carries_none(m.r, m.r.fields.t)] / m.r.horizontal_tension
-    return _static(float(np.clip(T, -1.0, 0.0).min(initial=0.0)))
+    """A cable that carries none is under none; over H."""
+    T = m.r.fields.T_pointwise[_carries_none(m.r, m.r.fields.t)]
+    return _static(min(0.0, float(T.min(initial=0.0))) / m.r.horizontal_tension)
 
 
 @_law()
