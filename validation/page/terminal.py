@@ -1,6 +1,7 @@
 """What a person sees while a command works: tables, lines and progress; plain text where there is no terminal."""
 
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
@@ -69,9 +70,16 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence
 
 @contextmanager
 def progress() -> Iterator[Progress]:
-    """Show one bar per label with the time left, on standard error, while the body runs; nothing in a pipe."""
+    """Show one bar per label with the time left, on standard error, while the body runs; in a pipe a line a minute."""
     if not sys.stderr.isatty():
-        yield lambda *told: None
+        last = [time.monotonic()]
+
+        def line(label: str, done: float, note: str = "") -> None:
+            if time.monotonic() - last[0] > 60.0:
+                last[0] = time.monotonic()
+                print(f"{label}: {done:.0%} {note}".rstrip(), file=sys.stderr, flush=True)
+
+        yield line
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
