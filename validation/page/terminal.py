@@ -30,26 +30,18 @@ def complain(faults: Sequence[str]) -> None:
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str] = ()) -> None:
-    """Print a table; `right` names the columns that are aligned to the right.  In a pipe every row is one line."""
+    """Print a table; `right` names the columns that are aligned to the right.  In a pipe every row is one line.
+
+    On a terminal that is too narrow for it, every cell has a line of its own.
+    """
     console = _console()
     if console is None:
-        lines = [columns, *rows]
-        widths = [max(len(line[i]) for line in lines) for i in range(len(columns))]
-        for cells in lines:
-            line = [
-                cell.rjust(width) if name in right else cell.ljust(width)
-                for cell, width, name in zip(cells, widths, columns, strict=True)
-            ]
-            print("  ".join(line).rstrip())
+        _plain(columns, rows, right)
         return
-    # A column can be made no narrower than its longest word, or a number.
+    # a column can be made no narrower than its longest word, or a number
     narrowest = [
-        max(
-            len(word)
-            for cell in (name, *(row[i] for row in rows))
-            for word in ([cell] if name in right else cell.split() or [""])
-        )
-        for i, name in enumerate(columns)
+        max(len(word) for cell in cells for word in ([cell] if name in right else cell.split() or [""]))
+        for name, cells in zip(columns, zip(columns, *rows, strict=True), strict=True)
     ]
     if sum(narrowest) + 3 * (len(columns) - 1) > console.width:
         for row in rows:
@@ -66,6 +58,14 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence
     for row in rows:
         drawn.add_row(*(Text(cell, style=STYLES.get(cell, "")) for cell in row))
     console.print(drawn)
+
+
+def _plain(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str]) -> None:
+    lines = [columns, *rows]
+    widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
+    for line in lines:
+        cells = zip(line, widths, columns, strict=True)
+        print("  ".join(x.rjust(n) if name in right else x.ljust(n) for x, n, name in cells).rstrip())
 
 
 @contextmanager

@@ -10,7 +10,6 @@ import typer
 from validation.core import store
 from validation.page import terminal
 
-PLACE = 11
 EXAMPLE = "cablefem sweep throughput --workers 2"
 
 
