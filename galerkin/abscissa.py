@@ -32,6 +32,7 @@ class PositionAbscissa(System):
         if system.groups.drive.mode != "grip":
             raise ValueError("the place of a car that rolls is no clock; use time")
         self.system, self.motion = system, system.motion
+        self.at_support = system.at_support
         self.n_dof, self.force_scale, self.force_floor = system.n_dof, system.force_scale, system.force_floor
         at = self.motion.at
         self.phases = tuple((at(t0, k)[0], at(t1, k)[0]) for k, (t0, t1) in enumerate(system.phases))

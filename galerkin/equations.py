@@ -7,17 +7,27 @@ l sqrt(rho/H).
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs, zgetrf, zgetrs
 
-from cablefem.newmark import NO_STEPS, Newton, Settled, Solve, State, StepFailure, System, consistent_acceleration
+from cablefem.newmark import (
+    NO_STEPS,
+    Newton,
+    Settled,
+    Solve,
+    State,
+    StepFailure,
+    System,
+    begun,
+    consistent_acceleration,
+)
 from cablefem.newmark.newton import MOST_HALVINGS
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
-from cablefem.scene.motion import Motion
+from cablefem.scene.motion import Motion, standing
 from galerkin import kernels
 from galerkin.bases import Basis
 from galerkin.bases.fourier import Fourier
@@ -91,7 +101,7 @@ class GalerkinSystem(System):
         self.cable = cable_model(groups, model, law)
         self._bows = NONE
         self.inertia = self.mu if load == "mass" else 0.0
-        self.path_form = load == "mass" and not basis.smooth
+        self.path_form = self.at_support = load == "mass" and not basis.smooth
         self.fields, self.n = self.cable.fields, self.basis.n
         self.n_modal = self.fields * self.n
         self.n_dof = self.n_modal + (self.fields if self.path_form else 0)
@@ -303,7 +313,8 @@ class GalerkinSystem(System):
     def start(self, phase: int, state: State | None) -> State:
         """Entry: the limit t -> 0+ of the motion from rest.  Later: q, v go on, a jumps with dds_o."""
         if state is None:
-            return self._entry()
+            s_o, ds_o, _ = self.motion.at(0.0, 0)
+            return begun(self, self.standing, s_o, ds_o) if s_o > 0.0 else self._entry()
         t = self.phases[phase][0]
         if not self.path_form:
             return consistent_acceleration(self, t, state.q, state.v, phase)
@@ -317,6 +328,12 @@ class GalerkinSystem(System):
             balance += np.multiply.outer(Q[:, -1], after.centrifugal - earlier.centrifugal)
         jump = -np.linalg.solve(after.mass + self.mu * np.multiply.outer(after.f, after.f), balance.T).T
         return State(t, state.q, state.v, state.a + np.concatenate([jump.ravel(), jump @ after.f + kick]), phase)
+
+    def standing(self, s_o: float) -> GalerkinSystem:
+        """Return the same system with the mass held at s_o."""
+        other = self.with_law(self.law)
+        other.groups = replace(self.groups, motion=standing(s_o, 1.0))
+        return other
 
     def _entry(self) -> State:
         t = self.phases[0][0]

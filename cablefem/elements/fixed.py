@@ -67,6 +67,8 @@ class FixedElements(CableElements):
     Slopes and tensions behind and ahead of the mass are equal, but at a node: a kink inside an element is not resolved.
     """
 
+    at_support = True
+
     def __init__(
         self, groups: Groups, *, elements: int = 40, element: str = "hermite", coupling: str = "chain",
         model: str = "full", load: str = "mass", law: str = "elastic",

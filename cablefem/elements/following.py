@@ -14,6 +14,8 @@ None of the paper's three acceleration terms (21)-(23) appears: they are checked
 Dimensionless: l = H = rho = 1.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from functools import lru_cache
@@ -30,9 +32,10 @@ from cablefem.elements.kernels.law import pull
 from cablefem.elements.kernels.newton import settle
 from cablefem.elements.kernels.observe import along, end_forces
 from cablefem.elements.reference import Reference, graded_knots, reference
-from cablefem.newmark import Array, Newton, Settled, State, StepFailure, Tableau, consistent_acceleration
+from cablefem.newmark import Array, Newton, Settled, State, StepFailure, Tableau, begun, consistent_acceleration
 from cablefem.response import States
 from cablefem.scene import Groups
+from cablefem.scene.motion import standing
 
 _ONE, _ZERO = np.ones(1), np.zeros(1)
 
@@ -138,7 +141,9 @@ class FollowingElements(CableElements):
         t = self.phases[phase][0]
         if state is not None:
             return consistent_acceleration(self, t, state.q, state.v, phase)
-        _, ds, dds = self.motion.at(t, phase)
+        s_o, ds, dds = self.motion.at(t, phase)
+        if s_o > 0.0:
+            return begun(self, self.standing, s_o, ds)
         if ds > 0.0:
             node_a = -np.array(self._load(0.0, ds, dds)) / (self.inertia + self._entrained)
         elif dds > 0.0:
@@ -147,6 +152,12 @@ class FollowingElements(CableElements):
             raise ValueError("the travel starts with neither speed nor acceleration")
         zero = np.zeros(self.n_dof)
         return State(t, zero, zero.copy(), (self._ride[:, None] * node_a).ravel(), phase)
+
+    def standing(self, s_o: float) -> FollowingElements:
+        """Return the same elements with the mass held at s_o."""
+        twin = self.with_law(self.law)
+        twin.motion = standing(s_o, 1.0)
+        return twin
 
     # --- assembly --------------------------------------------------------------------------------------
     def _strained_start(self, dds: float) -> Array:

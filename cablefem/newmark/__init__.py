@@ -1,6 +1,7 @@
 """The time loop of all solvers; it knows no physics.  Its README.md says how it works."""
 
 from cablefem.newmark.collocation import collocate
+from cablefem.newmark.equilibrium import begun
 from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepFailure, StepUnderflow
 from cablefem.newmark.march import integrate, stretches
 from cablefem.newmark.newton import Newton, Settled
@@ -14,6 +15,6 @@ from cablefem.newmark.tableau import Tableau, between, cubic, densified
 __all__ = [
     "NO_STEPS", "SCHEMES", "Array", "Collocated", "Course", "EndlessEvents", "Inside", "Newton", "NewtonStalled",
     "Passed", "Scheme", "Settled", "Solve", "Stacked", "State", "StepFailure", "StepUnderflow", "Stretch", "System",
-    "Tableau", "Work", "between", "collocate", "consistent_acceleration", "cubic", "densified", "integrate", "iterate",
-    "scheme", "step_times", "stretches",
+    "Tableau", "Work", "begun", "between", "collocate", "consistent_acceleration", "cubic", "densified", "integrate",
+    "iterate", "scheme", "step_times", "stretches",
 ]  # fmt: skip

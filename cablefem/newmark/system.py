@@ -37,6 +37,7 @@ class System(Protocol):
     strides: bool = False  # whether `stride` or `collocate` take many steps in one go
     heeded: float = -math.inf  # `stride` has looked for events up to this time and found none
     adaptive: bool = False  # whether `part` shortens steps
+    at_support: bool = False  # whether `start` knows a beginning at the support alone
 
     def start(self, phase: int, state: State | None) -> State:
         """Return a consistent state at the beginning of `phase`; state=None: at the beginning of the run."""

@@ -8,4 +8,5 @@ from cablefem.scene.motion import Motion, Piece
 from cablefem.scene.ride import LoadPath, Ride
 from cablefem.scene.scene import Groups, Mass, Scene
 from cablefem.scene.statics import NoRest, Rest
-from cablefem.scene.travel import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Table, Travel
+from cablefem.scene.surroundings import Obstacle
+from cablefem.scene.travel import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Table, Trapezoid, Travel

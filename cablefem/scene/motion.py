@@ -172,17 +172,32 @@ class Motion:
         """Largest ds_o/dt of the travel."""
         return max(speed for _, speed in self.speeds)
 
+    @property
+    def standstills(self) -> list[tuple[float, float]]:
+        """Phases [t0, t1] in which the mass stands."""
+        still = [all(p.c1 == p.c2 == p.c3 == 0.0 for p in pieces) for pieces in self.pieces]
+        return [phase for phase, stands in zip(self.phases, still, strict=True) if stands]
+
     def shifted(self, start: float) -> Motion:
         """The same motion, begun at `start`."""
         pieces = tuple(tuple(replace(p, c0=p.c0 + start) for p in pieces) for pieces in self.pieces)
         return Motion(self.phases, pieces, self.end + start)
+
+    def then(self, duration: float, acceleration: float) -> Motion:
+        """The same motion, brought to rest by that acceleration, or with 0 standing, for `duration`."""
+        t = self.phases[-1][1]
+        s, v, _ = self.at(t, len(self.phases) - 1)
+        end = s if acceleration == 0.0 else s + 0.5 * v * duration
+        piece = Piece(t, t + duration, end, 0.0, 0.5 * acceleration)
+        return Motion((*self.phases, (t, t + duration)), (*self.pieces, (piece,)), end)
 
     def until(self, t_end: float) -> Motion:
         """The same motion, broken off at t_end."""
         if t_end >= self.phases[-1][1]:
             return self
         phases = tuple((t0, min(t1, t_end)) for t0, t1 in self.phases if t0 < t_end)
-        return Motion(phases, self.pieces[: len(phases)], self.at(t_end, len(phases) - 1)[0])
+        pieces = tuple(tuple(p for p in pieces if p.start < t_end) for pieces in self.pieces[: len(phases)])
+        return Motion(phases, pieces, self.at(t_end, len(phases) - 1)[0])
 
     def scaled(self, length: float, time: float) -> Motion:
         """The same motion with lengths measured in `length` and times in `time`."""

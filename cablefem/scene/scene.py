@@ -32,7 +32,7 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from importlib import resources
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 import tomli_w
@@ -41,51 +41,21 @@ from pydantic import TypeAdapter
 from cablefem.scene import catenary as _catenary
 from cablefem.scene.cable import Cable, Supports, hang, hanging_faults, stretch_faults
 from cablefem.scene.catenary import Catenary
-from cablefem.scene.drive import GRIP, Drive, Driving
+from cablefem.scene.drive import GRIP, NEAREST_START, Drive, Driving
 from cablefem.scene.errors import SceneError, nearest, shown
-from cablefem.scene.fields import Line, Name, Part, Positive
+from cablefem.scene.fields import Line, Name, NonNegative, Part, Positive, said, tables
 from cablefem.scene.motion import Motion
 from cablefem.scene.ride import Ride, quasi_static
 from cablefem.scene.statics import NoRest
+from cablefem.scene.surroundings import Ground, Obstacle, read_ground, surroundings_faults
 from cablefem.scene.travel import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Table, Travel
 
 
 class Mass(Part):
     """The moving mass particle."""
 
-    mass: Positive  # M [kg]
-
-
-AT_REST = "a line of several contacts is computed at rest; one span between two anchors also in motion"
-
-
-def scene_text(name_or_path: str | Path) -> tuple[str, str]:
-    """Return text and name of the built-in scene of that name, or of that TOML file."""
-    text = str(name_or_path)
-    if text in (*LIBRARY, *LINES):
-        return Scene.library_text(text), text
-    path = Path(name_or_path)
-    try:
-        content = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise SceneError(
-            [f"scene = {shown(text)}: no built-in scene, no file.{nearest(text, (*LIBRARY, *LINES))}"]
-        ) from None
-    except (OSError, ValueError) as error:  # a folder, no permission, not UTF-8
-        why = error.strerror if isinstance(error, OSError) else error
-        raise SceneError([f"scene = {shown(text)}: must be a readable TOML file ({why})"]) from None
-    return content, re.sub(r"[^\w.-]+", "-", path.stem).strip(".-") or "scene"
-
-
-def parsed(text: str) -> dict[str, Any]:
-    """Return the tables of a TOML text."""
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        end = f"at line {text.count(chr(10)) + 1}, column {len(text) - text.rfind(chr(10))}, where it ends"
-        raise SceneError([f"not valid TOML: {str(error).replace('at end of document', end)}"]) from None
-    except (ValueError, RecursionError):  # a number of thousands of digits, thousands of brackets
-        raise SceneError(["not valid TOML: a number or a nesting beyond all bounds"]) from None
+    mass: Positive = said("[kg] M, mass of the car")
+    below: NonNegative = said("[m] how far the lowest part of the car or rider hangs below the cable", 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,79 +83,85 @@ class Groups:
 class Scene(Part):
     """A cable, its supports and the mass that travels along it; data in SI, the rest are properties."""
 
-    name: Name = "scene"  # also the folder of its results; of a file, the file's name unless it says otherwise
-    title: Line = ""
-    gravity: Positive = 9.81  # g [m/s^2]
-    cable: Cable
-    supports: Supports
-    mass: Mass | None = None
-    travel: Travel | None = None
-    drive: Driving = Driving()
+    name: Name = said("[-] name of its folder of results; of a file, the file's name", "scene")
+    title: Line = said("[-] what the scene is, on one line", "")
+    gravity: Positive = said("[m/s2] g", 9.81)
+    cable: Cable = said("[-] the cable")
+    supports: Supports = said("[-] the two fixed ends")
+    mass: Mass | None = said("[-] the car; a bare cable has neither mass nor travel", None)
+    travel: Travel | None = said("[-] how the car moves along the cable; not with drive.mode = 'free'", None)
+    drive: Driving = said("[-] what moves the car", Driving())
+    obstacle: Annotated[tuple[Obstacle, ...], tables("{name = ..., at = ..., top = ...}")] = said(
+        "[-] what the rope and the car must clear", ()
+    )
+    ground: Ground = said("[m] points [x, depth below the left support], linear between them, or a CSV file", ())
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        """Faults between the parts, as far as the parts themselves are sound."""
-        faults = []
-        given = data.get("drive", Driving())
-        drive = _sound(Driving, given)
+        """Return faults between the parts, as far as the parts themselves are sound."""
+        drive = _sound(Driving, given := data.get("drive", Driving()))
         mode = given.get("mode", "grip") if isinstance(given, dict) else getattr(given, "mode", "grip")
         present = [name for name in ("mass", "travel") if data.get(name) is not None]
-        if mode == "free":
-            if "travel" in present:
-                faults.append("travel: too much beside drive.mode = 'free', whose travel is an answer; leave it out")
-            if "mass" not in present:
-                faults.append("mass: missing; must be given with drive.mode = 'free'")
-        elif mode == "haul" and not present:
-            faults.append("mass: missing; must be given, and [travel] too, with drive.mode = 'haul'")
-        elif len(present) == 1:
-            absent = "travel" if present == ["mass"] else "mass"
-            faults.append(f"{absent}: missing; must be given with [{present[0]}] (a bare cable has neither)")
+        faults = _presence(mode, present)
         gravity = _sound(Positive, data.get("gravity", cls.model_fields["gravity"].default))
         cable, supports = (_sound(kind, data.get(kind.__name__.lower())) for kind in (Cable, Supports))
         if gravity is None or cable is None or supports is None:
             return faults
-        hanging = hanging_faults(gravity, cable, supports)
-        if hanging:
+        faults += surroundings_faults(data, supports.span)
+        if hanging := hanging_faults(gravity, cable, supports):
             return faults + hanging
         faults += stretch_faults(gravity, cable, supports)
         catenary = hang(gravity, cable, supports)
-        rho = catenary.weight / gravity
         broken = [] if drive is None else [f"drive.{fault}" for fault in drive.faults(catenary.length)]
-        faults += broken
         travel = _sound(Travel, data["travel"]) if "travel" in present and not broken and mode != "free" else None
         if travel is not None:
-            way = _way(travel, drive, catenary.length)
-            broken = travel.faults(way)
-            faults += [f"travel.{fault}" for fault in broken]
-            axial = math.sqrt(cable.EA / rho)
-            if not broken and travel.motion(way).top_speed >= axial:
-                faults.append(
-                    f"travel: reaches {travel.motion(way).top_speed:.6g} m/s; must stay < {axial:.6g} m/s, "
-                    "the speed sqrt(EA/rho) of longitudinal waves"
-                )
-        return faults
+            axial = math.sqrt(cable.EA * gravity / catenary.weight)
+            broken = [f"travel{fault}" for fault in _travel_faults(travel, drive or Driving(), catenary.length, axial)]
+        return faults + broken
 
     # --- reading and writing ----------------------------------------------------------------------------------------
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Self:
         """The built-in scene of that name, or the scene in that TOML file; SceneError with all its faults."""
-        text, name = scene_text(name_or_path)
-        return cls.from_toml(text, name=name)
+        text = str(name_or_path)
+        if text in LIBRARY:
+            return cls.from_toml(cls.library_text(text), name=text)
+        path = Path(name_or_path)
+        try:
+            content = path.read_text(encoding="utf-8-sig")
+        except FileNotFoundError:
+            raise SceneError([f"scene = {shown(text)}: no built-in scene, no file.{nearest(text, LIBRARY)}"]) from None
+        except (OSError, ValueError) as error:  # a folder, no permission, not UTF-8
+            why = error.strerror if isinstance(error, OSError) else error
+            raise SceneError([f"scene = {shown(text)}: must be a readable TOML file ({why})"]) from None
+        name = re.sub(r"[^\w.-]+", "-", path.stem).strip(".-") or "scene"
+        return cls.from_toml(content, name=name, folder=path.parent)
 
     @classmethod
-    def from_toml(cls, text: str, *, name: str = "scene") -> Self:
-        """The scene in a TOML text; `name` unless the text names it; SceneError with all its faults."""
-        data = parsed(text)
-        if "contact" in data:
-            raise SceneError([AT_REST])
+    def from_toml(cls, text: str, *, name: str = "scene", folder: Path = Path()) -> Self:
+        """Return the scene in a TOML text; SceneError with all its faults.
+
+        name : of the scene, unless the text names it. folder : where a file of the ground is looked for.
+        """
+        try:
+            data = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            end = f"at line {text.count(chr(10)) + 1}, column {len(text) - text.rfind(chr(10))}, where it ends"
+            raise SceneError([f"not valid TOML: {str(error).replace('at end of document', end)}"]) from None
+        except (ValueError, RecursionError):  # a number of thousands of digits, thousands of brackets
+            raise SceneError(["not valid TOML: a number or a nesting beyond all bounds"]) from None
+        if isinstance(ground := data.get("ground"), str):
+            data["ground"] = read_ground(ground, folder)
         return cls(**{"name": name, **data})
 
     def to_toml(self) -> str:
         """A scene file that reads back as this scene."""
-        data = self.model_dump(exclude_none=True, exclude={"drive"})
-        if drive := self.drive.model_dump(exclude_none=True, exclude_defaults=True, by_alias=True):
-            data["drive"] = drive
+        brief = {"mass", "drive", "obstacle", "ground"}
+        data = self.model_dump(exclude_none=True, exclude=brief)
+        data |= self.model_dump(exclude_none=True, exclude_defaults=True, include=brief)
+        if not data.get("travel", {}).get("rest", 1.0):
+            del data["travel"]["rest"]
         return tomli_w.dumps(data)
 
     @classmethod
@@ -196,10 +172,8 @@ class Scene(Part):
     @classmethod
     def library_text(cls, name: str) -> str:
         """The TOML of a built-in scene, with its comments, to copy."""
-        if name in LINES:
-            return (_FILES / "lines" / f"{name}.toml").read_text(encoding="utf-8")
         if name not in LIBRARY:
-            raise SceneError([f"scene = {shown(name)}: no built-in scene.{nearest(name, (*LIBRARY, *LINES))}"])
+            raise SceneError([f"scene = {shown(name)}: no built-in scene.{nearest(name, LIBRARY)}"])
         return (_FILES / f"{name}.toml").read_text(encoding="utf-8")
 
     # --- other scenes -----------------------------------------------------------------------------------------------
@@ -402,10 +376,11 @@ class Scene(Part):
     def _motion(self) -> Motion | None:
         if self.travel is None:
             return None
-        motion = self.travel.motion(_way(self.travel, self.drive, self.length))
+        begin, way = _course(self.travel, self.drive, self.length)
+        motion = self.travel.motion(way, begin)
         if self.drive.mode != "haul":
             return motion
-        motion, end = motion.shifted(self.drive.start_place(self.length)), self.drive.end_place(self.length)
+        end = self.drive.end_place(self.length)
         if motion.end > end:
             motion = replace(motion.until(motion.time_at(end)), end=end)
         return motion if self.drive.end is None else motion.until(self.drive.end.time or math.inf)
@@ -437,7 +412,8 @@ class Scene(Part):
         if motion is None or self.drive.mode == "grip":
             return self._groups(motion, GRIP)
         end = motion.phases[-1][1]
-        return self._groups(motion, replace(self._drive, end_time=end, end_place=motion.end, nominal=end))
+        drive = replace(self._drive, start=motion.begin, end_time=end, end_place=motion.end, nominal=end)
+        return self._groups(motion, drive)
 
     def _groups(self, motion: Motion | None, drive: Drive) -> Groups:
         cos, sin = self.supports.span / self.chord, self.supports.drop / self.chord
@@ -468,8 +444,42 @@ _FILES = resources.files("cablefem.scene") / "library"
 # first in a list: the paper's scenes, then what is asked most
 _FIRST = ("level", "cruise", "inclined", "bare", "tramway", "zipline")
 _FOUND = sorted(file.name.removesuffix(".toml") for file in _FILES.iterdir() if file.name.endswith(".toml"))
-LINES = sorted(file.name.removesuffix(".toml") for file in (_FILES / "lines").iterdir())  # read by `line.Line`
 LIBRARY = (*_FIRST, *(name for name in _FOUND if name not in _FIRST))
+
+
+def _presence(mode: str, present: list[str]) -> list[str]:
+    """Return which of mass and travel is missing, or too much."""
+    if mode == "free":
+        faults = [] if "mass" in present else ["mass: missing; must be given with drive.mode = 'free'"]
+        if "travel" in present:
+            faults.append("travel: too much beside drive.mode = 'free', whose travel is an answer; leave it out")
+        return faults
+    if mode == "haul" and not present:
+        return ["mass: missing; must be given, and [travel] too, with drive.mode = 'haul'"]
+    if len(present) == 1:
+        absent = "travel" if present == ["mass"] else "mass"
+        return [f"{absent}: missing; must be given with [{present[0]}] (a bare cable has neither)"]
+    return []
+
+
+def _travel_faults(travel: Any, drive: Driving, length: float, axial: float) -> list[str]:
+    """Return what is wrong with a travel on a cable of that length, whose axial waves run that fast."""
+    begin, way = _course(travel, drive, length)
+    near, end = NEAREST_START * length, begin + way
+    if travel.place is not None:
+        if drive.mode == "haul" and drive.start is not None:
+            return [f".from = {travel.place!r}: too much beside drive.start = {drive.start!r}; give one of them"]
+        if not near <= begin < end:
+            last = f"{end:.6g} m, the end of the travel"
+            return [f".from = {travel.place!r}: must be from {near:.6g} m to less than {last}"]
+    to = getattr(travel, "to", None)
+    if to is not None and to > (most := drive.end_place(length) if drive.mode == "haul" else length):
+        return [f".to = {to!r}: must be at most {most:.6g} m, the end of the ride"]
+    faults = travel.faults(way, begin, length)
+    if not faults and (top := travel.motion(way).top_speed) >= axial:
+        waves = "the speed sqrt(EA/rho) of longitudinal waves"
+        return [f": reaches {top:.6g} m/s; must stay < {axial:.6g} m/s, {waves}"]
+    return [f".{fault}" for fault in faults]
 
 
 _adapter = cache(TypeAdapter)  # building one takes longer than reading a scene
@@ -483,11 +493,14 @@ def _sound(kind: Any, value: object) -> Any:
         return None
 
 
-def _way(travel: Any, drive: Driving | None, length: float) -> float:
-    """Length over which a law of travel runs [m]: the cable's, or from start to end of a hauled ride.
+def _course(travel: Any, drive: Driving, length: float) -> tuple[float, float]:
+    """Return where the travel begins and the way [m] over which its law runs.
 
     A table says its places itself; hauled, it is broken off where the ride ends.
     """
-    if drive is None or drive.mode != "haul" or isinstance(travel, Table):
-        return length
-    return drive.end_place(length) - drive.start_place(length)
+    hauled = drive.mode == "haul"
+    begin = travel.place if travel.place is not None else drive.start_place(length) if hauled else 0.0
+    end = drive.end_place(length) if hauled else length
+    if isinstance(travel, Table):
+        return begin, length if hauled else length - begin
+    return begin, (getattr(travel, "to", None) or end) - begin

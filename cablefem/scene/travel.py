@@ -1,24 +1,25 @@
-"""Laws of travel, as written in a scene: the mass enters at the left support at t = 0 and runs to the right."""
+"""Laws of travel, as written in a scene: the mass enters at the left support, or at `from`, and runs to the right."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from cablefem.scene.fields import NonNegative, Numbers, Part, Positive, Real
+from cablefem.scene.bisection import bisected
+from cablefem.scene.fields import NonNegative, Numbers, Part, Positive, Real, said
 from cablefem.scene.motion import Motion, Piece
 
-# A table cannot tell rest from so slow an entry: the end slope of a spline through twenty points is off by as much.
-AT_REST = 1e-3  # of the largest speed
-# Someone who gives the sag knows the length of the cable, and thus the far end of the travel, in rounded digits only.
-AT_THE_END = 1e-9  # of the length
+AT_REST = 1e-3  # of the largest speed: an entry or a last speed of a table below that counts as rest
+AT_THE_END = 1e-9  # of the length: a table that ends so near the far support ends on it
+STANDS = 1e-9  # of the largest speed: rest at the end of a travel
 
 
 def _column(values: object) -> np.ndarray | None:
-    """The numbers as an array (n,), n > 1; None when they are none, which their field reports."""
+    """Return the numbers as an array (n,), n > 1; None when they are none, which their field reports."""
     try:
         column = np.asarray(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
@@ -26,97 +27,156 @@ def _column(values: object) -> np.ndarray | None:
     return column if column.ndim == 1 and column.size > 1 else None
 
 
-class Law(Part):
-    """What a law of travel answers, once the length of the cable is known."""
+class Stop(Part):
+    """An emergency stop: from `time` on the mass is brought to rest by a constant deceleration."""
 
-    def faults(self, length: float) -> list[str]:
-        """What is wrong with this travel on a cable of that length [m]."""
+    time: Positive = said("[s] at which the stop begins")
+    deceleration: Positive = said("[m/s2] until the mass stands")
+
+
+class Law(Part):
+    """What all laws of travel share. A law runs from `begin` over a way; both follow from the scene."""
+
+    place: Positive | None = said(
+        "[m] place along the cable where the mass is let in, in equilibrium", None, alias="from"
+    )
+    stop: Stop | None = said("[-] emergency stop", None)
+    rest: NonNegative = said("[s] that the run goes on after the mass has come to rest", 0.0)
+
+    def faults(self, way: float, begin: float = 0.0, length: float = math.inf) -> list[str]:
+        """Return what is wrong with this travel from `begin` over a way [m] on a cable of that length [m]."""
+        faults = self.own_faults(way)
+        if faults:
+            return faults
+        law = self.course(way)
+        end = law.phases[-1][1]
+        if self.stop is not None and self.stop.time >= end:
+            return [f"stop.time = {self.stop.time!r}: must be < {end:.6g} s, the end of the travel"]
+        stopped = self._stopped(law)
+        if stopped.end > way * (1.0 + 1e-9):
+            told = f"deceleration = {self.stop.deceleration!r}"  # type: ignore[union-attr]
+            return [
+                f"stop.{told}: the mass comes to rest at {begin + stopped.end:.6g} m; must be by {begin + way:.6g} m"
+            ]
+        last = stopped.at(stopped.phases[-1][1], len(stopped.phases) - 1)[1]
+        if self.rest and abs(last) > STANDS * stopped.top_speed:
+            return [
+                f"rest = {self.rest!r}: the mass still moves with {last:.4g} m/s at the end of its travel; must stop"
+            ]
+        if self.rest and begin + stopped.end >= length:
+            return [f"rest = {self.rest!r}: the mass is on the far support then; must stop before {length:.6g} m"]
         return []
 
-    def motion(self, length: float) -> Motion:
-        """The travel over a cable of that length [m], in SI."""
+    def own_faults(self, way: float) -> list[str]:
+        """Return what is wrong with this law over a way [m]."""
+        return []
+
+    def motion(self, way: float, begin: float = 0.0) -> Motion:
+        """Return the travel from `begin` over a way [m], with its stop and its rest, in SI."""
+        motion = self._stopped(self.course(way))
+        if self.rest:
+            motion = motion.then(self.rest, 0.0)
+        return motion.shifted(begin) if begin else motion
+
+    def _stopped(self, motion: Motion) -> Motion:
+        """Return the motion broken off by the emergency stop."""
+        if self.stop is None:
+            return motion
+        a, begun = self.stop.deceleration, motion.until(self.stop.time)
+        speed = begun.at(self.stop.time, len(begun.phases) - 1)[1]
+        return begun.then(speed / a, -a) if speed > 0.0 else begun
+
+    def course(self, way: float) -> Motion:
+        """Return the motion of the law from 0 over a way [m], in SI."""
         raise NotImplementedError
 
     def faster(self, factor: float) -> Law:
-        """The same law run through `factor` times as fast."""
-        raise NotImplementedError
+        """Return the same law run through `factor` times as fast."""
+        changes: dict[str, Any] = {name: getattr(self, name) * factor**power for name, power in self.paces().items()}
+        if self.stop is not None:
+            stop = Stop(time=self.stop.time / factor, deceleration=self.stop.deceleration * factor**2)
+            changes["stop"] = stop
+        return self.model_copy(update=changes)
+
+    def paces(self) -> dict[str, int]:
+        """Return the fields that grow with the pace, each with its power."""
+        return {}
 
 
 class ConstantSpeed(Law):
     """s_o = V t: the mass enters at full speed and keeps it (the paper), or comes to it over an entry ramp.
 
-    Entering at full speed sends a kink along the cable at once, which is followed with many steps and fades only by
-    reflection. Over a ramp of length L, T = 3 L/(2 V), the mass starts from rest with the acceleration 2 V/T, which
-    falls to zero: s_o = V T (x^2 - x^3/3), x = t/T; speed and acceleration are smooth where it meets V. At a tenth of
-    the wave speed a ramp over a twentieth of the length divides the path's error by 7 at the same cost.
+    Entering at full speed sends a kink along the cable. Over a ramp of length L, T = 3 L/(2 V), the mass starts from
+    rest with the acceleration 2 V/T, which falls to zero: s_o = V T (x^2 - x^3/3), x = t/T.
     """
 
-    kind: Literal["constant_speed"] = "constant_speed"
-    speed: Positive  # V [m/s]
-    entry_ramp: Positive | None = None  # L [m]; the paper has none
+    kind: Literal["constant_speed"] = said("[-] law of travel", "constant_speed")
+    speed: Positive = said("[m/s] V")
+    entry_ramp: Positive | None = said("[m] L, over which the mass comes to its speed", None)
 
-    def faults(self, length: float) -> list[str]:
-        """What is wrong with this travel on a cable of that length [m]."""
-        if self.entry_ramp is not None and self.entry_ramp >= length:
-            return [f"entry_ramp = {self.entry_ramp!r}: must be < {length:.6g} m, the length of the ride"]
+    def own_faults(self, way: float) -> list[str]:
+        """Return what is wrong with this law over a way [m]."""
+        if self.entry_ramp is not None and self.entry_ramp >= way:
+            return [f"entry_ramp = {self.entry_ramp!r}: must be < {way:.6g} m, the length of the ride"]
         return []
 
-    def motion(self, length: float) -> Motion:
-        """The travel over a cable of that length [m], in SI."""
+    def course(self, way: float) -> Motion:
+        """Return the motion of the law from 0 over a way [m], in SI."""
         V, L = self.speed, self.entry_ramp
         if L is None:
-            return Motion(((0.0, length / V),), ((Piece(0.0, 0.0, 0.0, V, 0.0),),), length)
+            return Motion(((0.0, way / V),), ((Piece(0.0, 0.0, 0.0, V, 0.0),),), way)
         T = 1.5 * L / V
         ramp = Piece(0.0, 0.0, 0.0, 0.0, V / T, -V / (3.0 * T * T))
-        return Motion(((0.0, T + (length - L) / V),), ((ramp, Piece(T, T, L, V, 0.0)),), length)
+        return Motion(((0.0, T + (way - L) / V),), ((ramp, Piece(T, T, L, V, 0.0)),), way)
 
-    def faster(self, factor: float) -> ConstantSpeed:
-        """The same law run through `factor` times as fast."""
-        return ConstantSpeed(speed=self.speed * factor, entry_ramp=self.entry_ramp)
+    def paces(self) -> dict[str, int]:
+        """Return the fields that grow with the pace, each with its power."""
+        return {"speed": 1}
 
 
 class ConstantAcceleration(Law):
     """s_o = V_o t + a t^2/2 up to the far support."""
 
-    kind: Literal["constant_acceleration"] = "constant_acceleration"
-    acceleration: Real  # a [m/s^2]
-    initial_speed: NonNegative = 0.0  # V_o [m/s]
+    kind: Literal["constant_acceleration"] = said("[-] law of travel", "constant_acceleration")
+    acceleration: Real = said("[m/s2] a")
+    initial_speed: NonNegative = said("[m/s] V_o", 0.0)
 
-    def faults(self, length: float) -> list[str]:
-        """What is wrong with this travel on a cable of that length [m]."""
+    def own_faults(self, way: float) -> list[str]:
+        """Return what is wrong with this law over a way [m]."""
         a, v0 = self.acceleration, self.initial_speed
         if v0 == 0.0 and a <= 0.0:
             return [f"acceleration = {a!r}: must be > 0 m/s^2 with initial_speed = 0, or the mass never moves"]
-        least = -0.5 * v0 * v0 / length
+        least = -0.5 * v0 * v0 / way
         if a < least * (1.0 + 1e-12):
             return [
                 f"acceleration = {a!r}: must be >= {least!r} m/s^2 with initial_speed = {v0!r}, "
-                f"or the mass stops after {-0.5 * v0 * v0 / a:.6g} m of {length:.6g} m"
+                f"or the mass stops after {-0.5 * v0 * v0 / a:.6g} m of {way:.6g} m"
             ]
         return []
 
-    def motion(self, length: float) -> Motion:
-        """The travel over a cable of that length [m], in SI."""
+    def course(self, way: float) -> Motion:
+        """Return the motion of the law from 0 over a way [m], in SI."""
         a, v0 = self.acceleration, self.initial_speed
-        v1 = math.sqrt(max(0.0, v0 * v0 + 2.0 * a * length))
-        return Motion(((0.0, 2.0 * length / (v0 + v1)),), ((Piece(0.0, 0.0, 0.0, v0, 0.5 * a),),), length)
+        v1 = math.sqrt(max(0.0, v0 * v0 + 2.0 * a * way))
+        return Motion(((0.0, 2.0 * way / (v0 + v1)),), ((Piece(0.0, 0.0, 0.0, v0, 0.5 * a),),), way)
 
-    def faster(self, factor: float) -> ConstantAcceleration:
-        """The same law run through `factor` times as fast."""
-        return ConstantAcceleration(
-            acceleration=self.acceleration * factor**2, initial_speed=self.initial_speed * factor
-        )
+    def paces(self) -> dict[str, int]:
+        """Return the fields that grow with the pace, each with its power."""
+        return {"acceleration": 2, "initial_speed": 1}
 
 
 class AccelerateCruiseBrake(Law):
-    """Law (40): constant acceleration from rest over l/3, cruise at top speed over l/3, braking to rest over l/3."""
+    """The paper's law (40): acceleration from rest, cruise and braking to rest, each over a third of the way."""
 
-    kind: Literal["accelerate_cruise_brake"] = "accelerate_cruise_brake"
-    top_speed: Positive  # V_max [m/s]
+    kind: Literal["accelerate_cruise_brake"] = said(
+        "[-] law of travel: the paper's (40), a third of the way each; `trapezoid` takes accelerations",
+        "accelerate_cruise_brake",
+    )
+    top_speed: Positive = said("[m/s] V_max")
 
-    def motion(self, length: float) -> Motion:
-        """The travel over a cable of that length [m], in SI: a = 3 V^2/(2 l), durations 2l/3V, l/3V, 2l/3V."""
-        V, l = self.top_speed, length
+    def course(self, way: float) -> Motion:
+        """Return the motion of the law from 0 over a way [m]: a = 3 V^2/(2 l), durations 2l/3V, l/3V, 2l/3V."""
+        V, l = self.top_speed, way
         half_a = 0.75 * V * V / l
         t1, t2, t3 = 2.0 * l / (3.0 * V), l / V, 5.0 * l / (3.0 * V)
         return Motion(
@@ -129,44 +189,115 @@ class AccelerateCruiseBrake(Law):
             l,
         )
 
-    def faster(self, factor: float) -> AccelerateCruiseBrake:
-        """The same law run through `factor` times as fast."""
-        return AccelerateCruiseBrake(top_speed=self.top_speed * factor)
+    def paces(self) -> dict[str, int]:
+        """Return the fields that grow with the pace, each with its power."""
+        return {"top_speed": 1}
+
+
+class Trapezoid(Law):
+    """From rest to top speed, cruise, and to rest at `to`; with `jerk` the acceleration is continuous.
+
+    A way too short for the top speed is run with the largest speed that it allows.
+    """
+
+    kind: Literal["trapezoid"] = said("[-] law of travel", "trapezoid")
+    top_speed: Positive = said("[m/s] largest speed")
+    acceleration: Positive = said("[m/s2] at the start")
+    deceleration: Positive = said("[m/s2] at the end")
+    jerk: Positive | None = said("[m/s3] largest change of the acceleration; without it the acceleration jumps", None)
+    to: Positive | None = said("[m] place along the cable where the mass comes to rest; default the end", None)
+
+    def own_faults(self, way: float) -> list[str]:
+        """Return what is wrong with this law over a way [m]."""
+        return [] if way > 0.0 else [f"to = {self.to!r}: must be beyond the start of the travel"]
+
+    def course(self, way: float) -> Motion:
+        """Return the motion of the law from 0 over a way [m], in SI."""
+        V, ramps = self.top_speed, (self.acceleration, self.deceleration)
+
+        def runs(V: float) -> float:
+            """Way of both ramps: half the speed times their time, as they are symmetric."""
+            return sum(0.5 * V * sum(_ramp(V, a, self.jerk)) for a in ramps)
+
+        if runs(V) > way:
+            V = bisected(lambda x: runs(x) - way, 0.0, V)
+        t, s, v = 0.0, 0.0, 0.0
+        pieces: list[Piece] = []
+
+        def add(duration: float, a: float, j: float) -> None:
+            nonlocal t, s, v
+            if duration > 0.0:
+                pieces.append(Piece(t, t, s, v, 0.5 * a, j / 6.0))
+                x = duration
+                s, v, t = s + x * (v + x * (0.5 * a + x * j / 6.0)), v + x * (a + 0.5 * x * j), t + x
+
+        for sign, a in zip((1.0, -1.0), ramps, strict=True):
+            rise, hold = _ramp(V, a, self.jerk)
+            if self.jerk is None:
+                add(rise + hold, sign * a, 0.0)
+            else:
+                peak, j = sign * self.jerk * 0.5 * rise, sign * self.jerk
+                add(0.5 * rise, 0.0, j)
+                add(hold, peak, 0.0)
+                add(0.5 * rise, peak, -j)
+            if sign > 0.0:
+                add((way - runs(V)) / V, 0.0, 0.0)
+        last = pieces[-1]  # written from its end: the last speed is exactly zero
+        pieces[-1] = Piece(last.start, t, way, 0.0, 0.0 if self.jerk else last.c2, last.c3)
+        if self.jerk is not None:
+            return Motion(((0.0, t),), (tuple(pieces),), way)
+        times = [p.start for p in pieces] + [t]
+        return Motion(tuple(itertools.pairwise(times)), tuple((p,) for p in pieces), way)
+
+    def paces(self) -> dict[str, int]:
+        """Return the fields that grow with the pace, each with its power."""
+        jerk = {} if self.jerk is None else {"jerk": 3}
+        return {"top_speed": 1, "acceleration": 2, "deceleration": 2, **jerk}
+
+
+def _ramp(V: float, a: float, jerk: float | None) -> tuple[float, float]:
+    """Return the time in which the acceleration rises and falls, and that in which it stays, between 0 and V."""
+    if jerk is None:
+        return 0.0, V / a
+    peak = min(a, math.sqrt(V * jerk))
+    return 2.0 * peak / jerk, max(0.0, V / peak - peak / jerk) if peak else 0.0
 
 
 class Table(Law):
-    """The C2 cubic spline through (times, positions), not-a-knot at its ends.
+    """The C2 cubic spline through (times, positions), not-a-knot at its ends; equal positions are a standstill.
 
-    An entry or a last speed below 1e-3 of the largest one counts as rest. The travel may end before the far support.
-    A wait on the way is refused, since the curve through equal positions runs backwards.
+    An entry or a last speed below 1e-3 of the largest one counts as rest. Each stretch between standstills begins and
+    ends at rest. The travel may end before the far support.
     """
 
-    kind: Literal["table"] = "table"
-    times: Numbers  # [s], from 0, strictly increasing
-    positions: Numbers  # s_o [m], from 0, strictly increasing, at most the length of the cable
+    kind: Literal["table"] = said("[-] law of travel", "table")
+    times: Numbers = said("[s] from 0, strictly increasing")
+    positions: Numbers = said("[m] way along the cable, from 0, never decreasing; equal ones are a standstill")
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        """The two columns start at zero, increase strictly and are of one length."""
+        """The two columns start at zero, do not decrease and are of one length."""
         columns = {name: column for name in ("times", "positions") if (column := _column(data.get(name))) is not None}
         faults = []
         if len(columns) == 2 and columns["times"].size != columns["positions"].size:
             faults.append(f"positions: {columns['positions'].size} values; must be {columns['times'].size}, as times")
         for name, column in columns.items():
             if column[0] > 0.0:
-                faults.append(f"{name}[0] = {float(column[0])!r}: must be 0, the entry at the left support")
-            for i in np.flatnonzero(np.diff(column) <= 0.0)[:1]:
-                faults.append(
-                    f"{name}[{i + 1}] = {float(column[i + 1])!r}: must be > {float(column[i])!r}, the one before it"
-                )
+                faults.append(f"{name}[0] = {float(column[0])!r}: must be 0, the start")
+            steps, sign = np.diff(column), ">" if name == "times" else ">="
+            for i in np.flatnonzero(steps <= 0.0 if sign == ">" else steps < 0.0)[:1]:
+                before, after = column[i : i + 2].tolist()
+                faults.append(f"{name}[{i + 1}] = {after!r}: must be {sign} {before!r}, the one before it")
         return faults
 
-    def faults(self, length: float) -> list[str]:
-        """What is wrong with this travel on a cable of that length [m]."""
-        if self.positions[-1] > length * (1.0 + AT_THE_END):
+    def own_faults(self, way: float) -> list[str]:
+        """Return what is wrong with this law over a way [m]."""
+        if self.positions[-1] > way * (1.0 + AT_THE_END):
             last = f"positions[{len(self.positions) - 1}] = {self.positions[-1]!r}"
-            return [f"{last}: must be <= {length!r}, the length of the cable"]
-        motion = self.motion(length)
+            return [f"{last}: must be <= {way!r}, the length of the cable"]
+        if self.positions[-1] == 0.0:
+            return ["positions: the mass never moves; must increase somewhere"]
+        motion = self.course(way)
         t, slowest = min(motion.speeds, key=lambda sample: sample[1])
         if slowest < -1e-12 * motion.top_speed:
             return [
@@ -174,31 +305,47 @@ class Table(Law):
                 "must run >= 0 m/s throughout: give more points there"
             ]
         _, ds, dds = motion.at(0.0, 0)
-        if ds == 0.0 and dds * motion.phases[-1][1] <= AT_REST * motion.top_speed:
+        if self.place is None and ds == 0.0 and dds * motion.phases[-1][1] <= AT_REST * motion.top_speed:
             return ["positions: the mass enters without speed and acceleration; must have one of them at t = 0"]
         return []
 
-    def motion(self, length: float) -> Motion:
-        """The travel over a cable of that length [m], in SI."""
-        from scipy.interpolate import CubicSpline  # half of the time that importing a scene would take
-
+    def course(self, way: float) -> Motion:
+        """Return the motion of the law from 0 over a way [m], in SI."""
         t, s = np.array(self.times), np.array(self.positions)
-        if abs(s[-1] - length) <= AT_THE_END * length:
-            s[-1] = length
-        slopes = CubicSpline(t, s)(t, 1)
-        rest = np.abs(slopes[[0, -1]]) < AT_REST * np.max(np.abs(slopes))
-        spline = CubicSpline(t, s, bc_type=tuple((1, 0.0) if still else "not-a-knot" for still in rest))
-        # Entered exactly, since a start from rest is another start than a very slow one.
-        spline.c[2, 0] = 0.0 if rest[0] else spline.c[2, 0]
-        pieces = tuple(
-            Piece(t0, t0, c0, c1, c2, c3)
-            for t0, (c3, c2, c1, c0) in zip(t[:-1].tolist(), spline.c.T.tolist(), strict=True)
-        )
-        return Motion(((0.0, float(t[-1])),), (pieces,), float(s[-1]))
+        if abs(s[-1] - way) <= AT_THE_END * way:
+            s[-1] = way
+        stands = np.diff(s) == 0.0
+        cuts = [0, *(np.flatnonzero(stands[1:] != stands[:-1]) + 1).tolist(), t.size - 1]
+        parts = list(itertools.pairwise(cuts))
+        pieces: list[tuple[Piece, ...]] = []
+        for i, j in parts:
+            if stands[i]:
+                pieces.append((Piece(float(t[i]), float(t[i]), float(s[i]), 0.0, 0.0),))
+            else:
+                pieces.append(_spline(t[i : j + 1], s[i : j + 1], rests=(i > 0, j < t.size - 1)))
+        phases = tuple((float(t[i]), float(t[j])) for i, j in parts)
+        return Motion(phases, tuple(pieces), float(s[-1]))
 
-    def faster(self, factor: float) -> Table:
-        """The same law run through `factor` times as fast."""
-        return Table(times=tuple(t / factor for t in self.times), positions=self.positions)
+    def faster(self, factor: float) -> Law:
+        """Return the same law run through `factor` times as fast."""
+        return super().faster(factor).model_copy(update={"times": tuple(t / factor for t in self.times)})
 
 
-Travel = Annotated[ConstantSpeed | ConstantAcceleration | AccelerateCruiseBrake | Table, Field(discriminator="kind")]
+def _spline(t: np.ndarray, s: np.ndarray, rests: tuple[bool, bool]) -> tuple[Piece, ...]:
+    """Return the pieces of the spline through (t, s); rests : whether it must begin and end at rest."""
+    from scipy.interpolate import CubicSpline  # half of the time that importing a scene would take
+
+    slopes = CubicSpline(t, s)(t, 1)
+    still = np.abs(slopes[[0, -1]]) < AT_REST * np.max(np.abs(slopes))
+    still = [bool(known or found) for known, found in zip(rests, still, strict=True)]
+    spline = CubicSpline(t, s, bc_type=tuple((1, 0.0) if rest else "not-a-knot" for rest in still))
+    # Entered exactly, since a start from rest is another start than a very slow one.
+    spline.c[2, 0] = 0.0 if still[0] else spline.c[2, 0]
+    return tuple(
+        Piece(t0, t0, c0, c1, c2, c3) for t0, (c3, c2, c1, c0) in zip(t[:-1].tolist(), spline.c.T.tolist(), strict=True)
+    )
+
+
+Travel = Annotated[
+    ConstantSpeed | ConstantAcceleration | AccelerateCruiseBrake | Trapezoid | Table, Field(discriminator="kind")
+]

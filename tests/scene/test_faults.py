@@ -28,12 +28,12 @@ speed = 14.0
 TRAVEL = 'kind = "constant_speed"\nspeed = 14.0'
 NUMBER = "from 1e-12 to 1e+15"
 SHAPES = "exactly one of length, sag, horizontal_tension must be given"
-KINDS = "constant_speed, constant_acceleration, accelerate_cruise_brake, table"
+KINDS = "constant_speed, constant_acceleration, accelerate_cruise_brake, trapezoid, table"
 CABLE_KEYS = (
-    "Known: length, sag, horizontal_tension, mass_per_length, EA, diameter, breaking_load, temperature, "
+    "Known: mass_per_length, EA, length, sag, horizontal_tension, diameter, breaking_load, temperature, "
     "reference_temperature, expansion, ice."
 )
-SCENE_KEYS = "Known: name, title, gravity, cable, supports, mass, travel, drive."
+SCENE_KEYS = "Known: name, title, gravity, cable, supports, mass, travel, drive, obstacle, ground."
 # The bounds below were computed apart, in 30 digits: chord hypot(320, 25), catenaries of z = 1e-9 and z = 5,
 # and H sqrt(1 + c^2) of the good scene.
 CHORD = "320.97507691408066"
@@ -138,7 +138,7 @@ def test_the_good_scene_is_good():
             f"travel.top_speed = -1: must be a number > 0, {NUMBER}",
         ]),
         (TRAVEL, 'kind = "accelerate_cruise_brake"\ntop_speed = 14\nspeed = 1', [
-            "travel.speed = 1: unknown key. Did you mean top_speed? Known: kind, top_speed.",
+            "travel.speed = 1: unknown key. Did you mean top_speed? Known: kind, top_speed, from, stop, rest.",
         ]),
         ("speed = 14.0", "speed = 1300.0", [
             "travel: reaches 1300 m/s; must stay < 1264.91 m/s, the speed sqrt(EA/rho) of longitudinal waves",
@@ -156,10 +156,10 @@ def test_the_good_scene_is_good():
             "travel.positions: 2 values; must be 3, as times",
         ]),
         (TRAVEL, 'kind = "table"\ntimes = [1, 2, 2]\npositions = [3, 9, 8]', [
-            "travel.times[0] = 1.0: must be 0, the entry at the left support",
+            "travel.times[0] = 1.0: must be 0, the start",
             "travel.times[2] = 2.0: must be > 2.0, the one before it",
-            "travel.positions[0] = 3.0: must be 0, the entry at the left support",
-            "travel.positions[2] = 8.0: must be > 9.0, the one before it",
+            "travel.positions[0] = 3.0: must be 0, the start",
+            "travel.positions[2] = 8.0: must be >= 9.0, the one before it",
         ]),
         (TRAVEL, 'kind = "table"\ntimes = [0, true]\npositions = [0, nan]', [
             f"travel.times[1] = True: must be a number >= 0: 0, or {NUMBER}",

@@ -83,6 +83,8 @@ class Run:
         solver = self.method.build(
             groups, settings, model=model, load=load, law="tension-only" if law == "tension-only" else "elastic"
         )
+        if solver.at_support and groups.motion is not None and groups.motion.begin > 0.0:
+            raise ValueError(f"not yet: travel.from with {self.method.name}; take following-p2 or fourier-kink")
         self.times = steps_of(solver, groups, settings)
         self.history = History(Course(), Work(), 0.0, None, None, solver, None)
         self._seen: tuple[tuple[int, int], Response] | None = None
@@ -157,7 +159,7 @@ def steps_of(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[A
     if groups.motion is None:  # a ride may last longer than it should
         steps = math.ceil(steps * (solver.phases[-1][1] - solver.phases[0][0]) / groups.drive.nominal)
     times = newmark.step_times(solver, steps, entry=settings["entry"], exit=settings["exit"])
-    if groups.drive.mode != "grip":  # a ride ends off the support, where all has its meaning
+    if groups.motion is None or groups.motion.end < 1.0:  # off the support, where all has its meaning
         times[-1] = np.append(times[-1], solver.phases[-1][1])
     return times
 

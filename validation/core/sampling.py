@@ -211,10 +211,15 @@ def frame_times(scene: Scene, t_last: float) -> Array:
 
 @lru_cache(maxsize=64)
 def _passages(motion: Motion) -> Array:
-    """Return the instants at which a prescribed travel passes the marks; the runs of a ladder share them."""
+    """Return the instants at which a prescribed travel passes the marks, and as dense ones where it stands.
+
+    The runs of a ladder share them.
+    """
     end = motion.position(np.array([motion.phases[-1][1]]))[0]
     marks = np.arange(1, FRAMES) / FRAMES
-    return motion.times_at(marks[(motion.begin <= marks) & (marks < end)])
+    passed, each = motion.times_at(marks[(motion.begin <= marks) & (marks < end)]), motion.phases[-1][1] / FRAMES
+    stands = [np.linspace(t0, t1, math.ceil((t1 - t0) / each) + 1) for t0, t1 in motion.standstills]
+    return np.unique(np.concatenate([passed, *stands])) if stands else passed
 
 
 def _around(h: History, states: States, t: Array) -> States:

@@ -3,6 +3,7 @@ from typing import Annotated
 
 from validation.page.options import study, to
 
+PLACE = 8
 EXAMPLE = "cablefem atlas"
 
 

@@ -1,6 +1,7 @@
 from validation.page import terminal
 from validation.page.options import Out, SceneName, scene_named, study
 
+PLACE = 6
 EXAMPLE = "cablefem certify level"
 
 

@@ -7,6 +7,7 @@ import typer
 from validation.page import terminal
 from validation.page.options import written
 
+PLACE = 2
 EXAMPLE = "cablefem methods"
 
 

@@ -3,6 +3,7 @@ from typing import Annotated
 
 from validation.page.options import study, to
 
+PLACE = 9
 EXAMPLE = "cablefem oracles"
 
 

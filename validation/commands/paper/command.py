@@ -3,6 +3,7 @@ from typing import Annotated
 
 from validation.page.options import study, to
 
+PLACE = 10
 EXAMPLE = "cablefem paper"
 
 

@@ -1,0 +1,55 @@
+"""A system at rest under its own forces, where a run begins away from equilibrium's trivial place.
+
+Newton's method on r(t, q, 0, 0) = 0 with the tangent K + w M. The weight w of the mass shortens the first corrections
+and falls with the residual. w = 0 is tried first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from cablefem.newmark.failures import StepFailure
+from cablefem.newmark.states import Array, State
+from cablefem.newmark.system import System, consistent_acceleration
+
+WEIGHTS = (0.0, 1e1, 1e3, 1e5)  # [1/time^2] of the mass in the first tangent, one attempt each
+ITERATIONS = 200  # of one attempt; most end after ten
+TOL = 1e-12  # of the force scale
+ROUNDING = 1e3  # times the bound: what rounding may leave
+APART = 1e-4  # of the shorter side: places between which the velocity of equilibria is a difference
+
+
+def equilibrium(system: System) -> Array:
+    """Return q with r(0, q, 0, 0) = 0; StepFailure where it is not found."""
+    bound = TOL * system.force_scale + math.sqrt(system.n_dof) * system.force_floor
+    zero = np.zeros(system.n_dof)
+    for first in WEIGHTS:
+        q, start, best = zero, math.inf, math.inf
+        for i in range(ITERATIONS):
+            with np.errstate(over="ignore", invalid="ignore"):
+                r, _ = system.linearise(0.0, q, zero, zero, 0, 1.0, 0.0, 0.0)
+                norm = float(np.linalg.norm(r))
+                start = norm if i == 0 else start
+                if norm <= bound or (norm <= ROUNDING * bound and norm >= best):
+                    return q
+                if not norm < 1e6 * start:
+                    break
+                best = min(best, norm)
+                r, solve = system.linearise(0.0, q, zero, zero, 0, 1.0, 0.0, first * norm / start)
+                q = q - solve(r.copy())
+    raise StepFailure(0.0, "no rest of the loaded cable was found", "start the car elsewhere")
+
+
+def begun(system: System, standing: Callable[[float], System], s_o: float, ds_o: float) -> State:
+    """Return the state of a mass let in at s_o: at rest, or moving through places of rest with the speed ds_o.
+
+    standing : the system with its mass held at a place.
+    """
+    q, d = equilibrium(standing(s_o)), APART * min(s_o, 1.0 - s_o)
+    v = np.zeros_like(q)
+    if ds_o:
+        v = (equilibrium(standing(s_o + d)) - equilibrium(standing(s_o - d))) * (ds_o / (2.0 * d))
+    return consistent_acceleration(system, 0.0, q, v, 0)

@@ -1,0 +1,49 @@
+"""A car that grips and is let in on the way: both wings begin in the exact rest of the loaded cable."""
+
+import numpy as np
+import pytest
+
+from cablefem import Scene
+from cablefem.response import States
+from cablefem.scene import ConstantSpeed
+from cablefem.scene.statics import gripped
+from validation.core.methods import find
+from validation.core.running import Run
+
+SCENES = {
+    "level, at 2 %": ("level", 0.02),
+    "steep, in the middle": ("tramway", 0.5),
+    "heavy, next to the far support": ("inclined", 0.9),
+}
+
+
+@pytest.mark.parametrize(
+    ("method", "settings", "tol"), [("following-p2", {"elements": 12}, 1e-6), ("fourier-kink", {"terms": 30}, 3e-4)]
+)
+@pytest.mark.parametrize("name", SCENES)
+def test_a_car_let_in_on_the_way_begins_at_rest_on_the_loaded_cable(name, method, settings, tol):
+    """Place and velocity are those of the exact catenary of two pieces; the empty cable's are far from it."""
+    of, place = SCENES[name]
+    base = Scene.load(of)
+    travel = ConstantSpeed(speed=0.1 * base.wave_speed, **{"from": place * base.length})
+    g = base.variant(travel=travel, drive={"mode": "grip"}).groups
+    kind = find(method)
+    system = kind.build(g, kind.settings_on(g, settings), model="full", load="mass", law="elastic")
+    x = system.start(0, None)
+    states = States(np.array([x.t]), x.q[None], x.v[None], x.a[None], np.array([0]))
+    seen = system.observe(states, np.zeros(0), np.zeros(0, np.intp))
+    exact = gripped(place, g)
+    w = exact.place[0] - np.array(g.shape(place))
+    v = exact.along[0] * g.motion.at(0.0, 0)[1]
+    assert np.linalg.norm(seen.path[0] - w) < tol * np.linalg.norm(w)
+    assert np.linalg.norm(seen.path_velocity[0] - v) < tol * np.linalg.norm(v)
+    empty = np.array(g.static(place)[1:3]) * g.motion.at(0.0, 0)[1]
+    assert np.linalg.norm(empty - v) > 10.0 * tol * np.linalg.norm(v)
+
+
+@pytest.mark.parametrize("method", ["fixed-p2-naive", "fixed-p2-path"])
+def test_a_fixed_mesh_begins_at_the_support_and_says_so(method):
+    base = Scene.load("level")
+    scene = base.variant(travel=ConstantSpeed(speed=10.0, **{"from": 90.0}))
+    with pytest.raises(ValueError, match=r"not yet: travel\.from with fixed-p2"):
+        Run(scene, method)

@@ -1,0 +1,78 @@
+"""The travel that a TOML asks for, in SI: stretches of constant jerk, one after another."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from cablefem.response import Array
+
+Stretches = list[tuple[float, float, float]]  # duration [s], acceleration at its start [m/s2], jerk [m/s3]
+
+
+def begins(travel: dict[str, Any], drive: dict[str, Any], length: float) -> float:
+    """Return where the car begins [m]; a car that rolls at 1 % of the length unless the scene says otherwise."""
+    rolls = drive.get("mode", "grip") != "grip"
+    return float(travel.get("from", drive.get("start", 0.01 * length if rolls else 0.0)))
+
+
+def places(travel: dict[str, Any], drive: dict[str, Any], length: float, t: Array) -> Array:
+    """Return s_o (n,) [m] at times t (n,) of a travel that is no table."""
+    start = begins(travel, drive, length)
+    end = drive.get("end", {}).get("place", 0.99 * length) if drive.get("mode") == "haul" else length
+    speed, stretches = _stretches(travel, travel.get("to", end) - start)
+    if "stop" in travel:
+        speed_then, before = speed, []
+        left = travel["stop"]["time"]
+        for duration, a, j in stretches:
+            x = min(duration, left)
+            before.append((x, a, j))
+            speed_then, left = speed_then + a * x + 0.5 * j * x * x, left - x
+            if left <= 0.0:
+                break
+        hard = travel["stop"]["deceleration"]
+        stretches = [*before, (speed_then / hard, -hard, 0.0)]
+    out, begin, s, v = np.full(t.shape, math.nan), 0.0, start, speed
+    for duration, a, j in stretches:
+        x = t - begin
+        out = np.where(x >= 0.0, s + v * x + 0.5 * a * x**2 + j * x**3 / 6.0, out)
+        s += v * duration + 0.5 * a * duration**2 + j * duration**3 / 6.0
+        v += a * duration + 0.5 * j * duration**2
+        begin += duration
+    return np.where((t >= begin) & (travel.get("rest", 0.0) > 0.0), s, out)
+
+
+def _stretches(law: dict[str, Any], way: float) -> tuple[float, Stretches]:
+    """Return the speed at the start and the stretches of a law over a way."""
+    kind = law["kind"]
+    if kind == "constant_speed":
+        V = law["speed"]
+        T = 1.5 * law.get("entry_ramp", 0.0) / V
+        # after a ramp from rest, with an acceleration that falls to zero at its end
+        return (0.0, [(T, 2.0 * V / T, -2.0 * V / T**2), (math.inf, 0.0, 0.0)]) if T else (V, [(math.inf, 0.0, 0.0)])
+    if kind == "constant_acceleration":
+        return law.get("initial_speed", 0.0), [(math.inf, law["acceleration"], 0.0)]
+    if kind == "accelerate_cruise_brake":
+        V, third = law["top_speed"], way / 3.0
+        a, T = 0.5 * V * V / third, 2.0 * third / V
+        return 0.0, [(T, a, 0.0), (third / V, 0.0, 0.0), (T, -a, 0.0)]
+    up, down, jerk = law["acceleration"], law["deceleration"], law.get("jerk")
+
+    def ramp(V: float, a: float, sign: float) -> Stretches:
+        """From rest to V: the acceleration rises, stays and falls; with the other sign the same backwards."""
+        if jerk is None:
+            return [(V / a, sign * a, 0.0)]
+        peak = min(a, math.sqrt(V * jerk))
+        rise, hold = peak / jerk, V / peak - peak / jerk
+        return [(rise, 0.0, sign * jerk), (hold, sign * peak, 0.0), (rise, sign * peak, -sign * jerk)]
+
+    def both(V: float) -> float:
+        return 0.5 * V * sum(duration for a in (up, down) for duration, _, _ in ramp(V, a, 1.0))
+
+    V = law["top_speed"]
+    if both(V) > way:
+        V = brentq(lambda V: both(V) - way, 1e-12 * V, V, xtol=1e-14 * V, rtol=1e-15)
+    return 0.0, [*ramp(V, up, 1.0), ((way - both(V)) / V, 0.0, 0.0), *ramp(V, down, -1.0)]
