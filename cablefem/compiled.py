@@ -19,7 +19,11 @@ class _Cache(FunctionCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
+            try:
+                return self._load_overload(sig, target_context)
+            except (ImportError, AttributeError):  # written by a version with modules or types that are gone
+                self._cache_file.flush()
+        return None
 
 
 def compiler(file: str) -> Callable[[Callable], Any]:

@@ -11,16 +11,16 @@ the discrete cable: energy is kept to the error of the discretisation, and check
 
 from __future__ import annotations
 
-import copy
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cablefem.newmark import Newton, Settled, Solve, State, StepFailure
 from cablefem.response import States
-from cablefem.scene import RATTLE, Groups
+from cablefem.scene import Groups
+from cablefem.stickslip import Look, RollingCar
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
 from galerkin.bases.fourier import split
@@ -30,28 +30,10 @@ from galerkin.equations import Drives, GalerkinSystem, Instant, factorised, limi
 from galerkin.equilibrium import Equilibrium
 from galerkin.models import FullCable
 
-EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "back", "lift_off", "stop")
-AT_REST = 1e-6  # speeds below have no direction yet
-AT_LEAST = 0.03  # of an axial round trip that the standstill without a rattle lasts that ends a ride
 SHEDS = 6.0  # times pi N |ds_o|, the rate of `kernels.shed`: 4 leave a ringing of 1e-3 in speed, 16 damp what is meant
 # Of an axial round trip, over which friction takes the car's acceleration: a whole one lags, by 3e-5 of the top speed
 # where a car is let go on a soft rope.
 WINDOW = 0.3
-LEAVING = 1e-12  # ds_o of a car that gets going: a turn back within the step is seen by its sign
-
-
-@dataclass(slots=True)
-class Mode:
-    """What events change: the course of a ride between two of them."""
-
-    sign: float = 1.0  # of ds_o; 0 the car sticks to the cable
-    forward: float = 0.0  # sign of its speed, once it has one: ds_o rings, the car does not
-    brakes: int = 0  # that reach the car, counted from the left
-    rests: float = math.inf  # where it came to rest, whatever it rattles
-    since: float = math.inf  # and when
-    stuck: float = math.inf  # since when it sticks without a rattle
-    lifted: bool = False
-    rings: bool = False  # let go at once, and nothing of that is back from the farther support, see `start`
 
 
 class Car(NamedTuple):
@@ -82,7 +64,7 @@ class Car(NamedTuple):
         return (self.tx * self.Cx + self.ty * self.Cy) / self.cos_phi
 
 
-class RollingSystem(GalerkinSystem):
+class RollingSystem(RollingCar, GalerkinSystem):
     """The equations (19) with a car that rolls (`Groups.drive`), and one more unknown, the last one.
 
     free : q[-1], v[-1], a[-1] = s_o, ds_o, dds_o.  haul : a[-1] is the haul force F (q[-1], v[-1] are its integrals,
@@ -95,6 +77,8 @@ class RollingSystem(GalerkinSystem):
     field, which have no force along the cable, and for a load without inertia.
     """
 
+    hears_itself = True
+
     def __init__(
         self, groups: Groups, basis: Basis, *, kink: bool = True, model: str = "full", load: str = "mass",
         law: str = "elastic",
@@ -105,23 +89,17 @@ class RollingSystem(GalerkinSystem):
             raise ValueError("a car that rolls needs load = mass: without inertia it has no travel of its own")
         if not (kink and isinstance(basis, Fourier)):
             raise ValueError("a car that rolls needs sines with a hat that travels with it: take method fourier-kink")
-        self.drive, self.free = groups.drive, groups.drive.mode == "free"
+        self.board(groups)
         super().__init__(groups, basis, kink=kink, law=law)
         self.n_dof += 1
         self.strides = self.free
         self.bow = bow(groups)
         self._bows = table(self.bow)
-        self.events = EVENTS if self.free else ("lift_off",)
-        self.adaptive = self.free
-        self.mode, self.hold = Mode(), 0.0  # F_hold at the start
         self._latest: tuple[tuple[float, float, float], Instant] | None = None
-        self._watched: tuple[State, tuple[float, ...]] | None = None
         self._seen: tuple[State, Car] | None = None
         # t and p. of the car, for a while; t, p.. and its rate, see `begin_step`
         self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
-        self.heeded = -math.inf  # until when strides have looked for events and found none
-        self._round_trip = 2.0 / math.sqrt(groups.alpha)  # of axial waves
-        self._window = WINDOW * self._round_trip
+        self._window = WINDOW * self.round_trip
         self._moved: tuple[float, Array, Array, Array] | None = None  # s_o, tensions, rules of a compiled residual
         self._parts: tuple[Any, Array, Array] | None = None  # the last state of `_seen_at`, its residual and tangents
 
@@ -131,8 +109,7 @@ class RollingSystem(GalerkinSystem):
     def with_law(self, law: str) -> RollingSystem:
         other = super().with_law(law)
         assert isinstance(other, RollingSystem)
-        other.mode, other._latest = copy.copy(self.mode), None
-        other._watched = None
+        other.mode, other._latest, other._watched = replace(self.mode), None, None
         return other
 
     @property
@@ -180,7 +157,7 @@ class RollingSystem(GalerkinSystem):
     def _on(self, t: float, phase: int) -> kernels.Rolling:
         """What acts on the car."""
         drive, against = self.drive, -self._sign(t, phase)
-        brake = against * sum(force for _, force in drive.brakes[: self.mode.brakes])
+        brake = against * self.brake
         of = self.mu, self.groups.sigma, drive.k, drive.wind, self.held(t), against * drive.mu_r, brake
         since, ax, ay, jx, jy = self._smooth if self.free else (t, math.nan, math.nan, 0.0, 0.0)
         sheds = SHEDS * math.pi * (self.n - 1)
@@ -229,10 +206,6 @@ class RollingSystem(GalerkinSystem):
                 kernels.taut(pull, slope, here, self._full.alpha)
         return pointwise
 
-    def _rub(self, pressing: float) -> float:
-        """The largest force of friction and brakes."""
-        return self.drive.mu_r * abs(pressing) + sum(force for _, force in self.drive.brakes[: self.mode.brakes])
-
     def begin_step(self, x: State) -> None:
         """Take the car's acceleration, as friction and lift-off go by it, from its velocities so far: over a while.
 
@@ -241,21 +214,14 @@ class RollingSystem(GalerkinSystem):
         out, and friction is the same without it, which works against ds_o whatever rings.  The slip of a hauled
         car is given: there is no such loop.
         """
+        super().begin_step(x)
         if not self.free or (self._past.size and x.t <= self._past[-1, 0]):
             return
-        car, mode = self._car_at(x), self.mode
-        if mode.rings:
-            back = mode.sign * car.speed < -AT_REST
-            answered = max(self.drive.start, 1.0 - self.drive.start) * self._round_trip
-            mode.rings = not back and (x.t < answered or mode.sign * x.v.item(-1) <= 0.0)
+        car = self._car_at(x)
         self._seen = None  # what comes now changes its friction
         past = np.concatenate([self._past, [[x.t, car.vx, car.vy]]])
         first, *self._smooth = kernels.averaged(past, 0, len(past) - 1, self._window)
         self._past = past[int(first) :]
-
-    @property
-    def _rubs(self) -> bool:
-        return self.drive.mu_r > 0.0 or self.mode.brakes > 0
 
     def held(self, t: float) -> float:
         """F_hold at t."""
@@ -349,21 +315,19 @@ class RollingSystem(GalerkinSystem):
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array, int, Array]:
         """Steps of a free car under way, up to an event."""
-        mode, drive, (s_o, ds_o), m = self.mode, self.drive, start[:2, -1].tolist(), t.size
+        drive, (s_o, ds_o), m = self.drive, start[:2, -1].tolist(), t.size
         now, told = np.empty((m, *start.shape)), np.empty((m, 6))
-        if not (self.free and mode.sign and mode.forward) or mode.rings or t[0] < drive.release:
+        if not (self.free and self.under_way) or t[0] < drive.release:
             return now, told, 0, told
         assert isinstance(self.basis.basis, Fourier)
         reach = min(1.0, max(0.0, s_o + ds_o * float(rules[:, 0, 1].sum())))
-        rules_at, places = self.basis.basis.side_rules, [place for place, _ in drive.brakes]
+        rules_at = self.basis.basis.side_rules
         ride = self._ride(t[0], (s_o, ds_o, 0.0), start[2], phase)
         ride = ride._replace(behind=rules_at(max(s_o, reach))[0], ahead=rules_at(min(s_o, reach))[1])
         pull, smooth = np.empty(ride.behind.shape[1] + ride.ahead.shape[1]), np.empty(6)
         past = np.concatenate([self._past, np.empty((m, 3))])
-        low, high = (drive.back_place, *places)[mode.brakes], (*places, drive.end_place)[mode.brakes]
         course = kernels.Course(
-            t, drive.thrust(t, phase), past, self._window, smooth, max(low, drive.back_place),
-            min(high, drive.end_place), mode.sign if self._rubs else 0.0, mode.forward, mode.lifted,
+            t, drive.thrust(t, phase), past, self._window, smooth, *self.course(), self.mode.lifted
         )  # fmt: skip
         taken = kernels.settle(
             None, None, self._anywhere((s_o, ds_o, 0.0)).moment, ride, course, self._constants, self.groups.sigma,
@@ -379,20 +343,16 @@ class RollingSystem(GalerkinSystem):
     def start(self, phase: int, state: State | None) -> State:
         """At first equilibrium, the car held (free) or on its rope (haul), later q, v go on and a jumps.
 
-        Let go at once, the cable jumps back under the car; what the nearer support throws back takes that jump away and
-        no more, so that the car slips on until waves return from the farther one.  Sines overshoot at the first: that
-        is no standstill, and taken for one it is a kick to the car.
-
         A travel that starts at speed starts with the velocities of equilibrium places: the rope does not jerk.
         """
         if state is not None:
-            return self._go_on(state._replace(phase=phase))
+            return self.enter(state._replace(phase=phase))
         s_o, (q, v, a) = self.drive.start, np.zeros((3, self.n_dof))
-        self.mode = Mode(brakes=sum(place <= s_o for place, _ in self.drive.brakes))
+        self.set_off()
         x = self._at((s_o, 0.0, 0.0))
         Q = self._equilibrium(x)
         q[: self.n_modal] = Q.ravel()
-        self._past, self._smooth, self.heeded = np.empty((0, 3)), [0.0] * 5, -math.inf
+        self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
         weight = kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0)  # no wind, no thrust yet
         car = Car(*kernels.car(weight, 0.0, np.zeros(2), np.zeros(2), *self._sides(x, Q)))
         if not self.free:
@@ -403,9 +363,7 @@ class RollingSystem(GalerkinSystem):
             return self._consistent(0.0, q, v, 0)
         q[-1] = s_o
         self.hold = car.along * car.stretch
-        state = self._come_to_rest(State(0.0, q, v, a, 0))
-        self.mode.rings = self._rubs and self.mode.sign != 0.0
-        return state
+        return self.let_go(State(0.0, q, v, a, 0))
 
     def _equilibrium(self, x: Instant) -> Array:
         """Coefficients (2, n) of the loaded cable at rest by Newton's method, halved; from soft to stiff if it must.
@@ -465,8 +423,6 @@ class RollingSystem(GalerkinSystem):
     def _consistent(self, t: float, q: Array, v: Array, phase: int) -> State:
         """Solve for a; a second time for what rounding and the difference by s_o have left."""
         a = np.zeros(self.n_dof)
-        if self.free and not self.mode.sign:
-            v[-1] = 0.0
         for _ in range(3):
             r, solve = self.linearise(t, q, v, a, phase, 0.0, 0.0, 1.0)
             step = solve(r.copy())
@@ -475,96 +431,21 @@ class RollingSystem(GalerkinSystem):
                 break
         return State(t, q, v, a, phase)
 
-    def _go_on(self, x: State) -> State:
+    # --- the automaton ----------------------------------------------------------------------------------------------
+    def go_on(self, x: State) -> State:
         return self._consistent(x.t, x.q, x.v.copy(), x.phase)
 
-    def part(self, x: State, since: float, ahead: float = 0.0) -> float:
-        """Which part of a step to take; a car that is let go hears itself, even where nothing rubs."""
-        rubs = self.drive.resists and (self.mode.brakes > 0 or self.mode.sign == 0.0)
-        slip = x.v.item(-1)
-        of = self._round_trip, self.groups.sigma, x.q.item(-1) + ahead * slip, slip, self.mode.forward
-        return self.drive.part_of_step(*of, since, rubs)
+    def look(self, x: State) -> Look:
+        """Return the car at a state.
 
-    # --- events -----------------------------------------------------------------------------------------------------
-    def watch(self, x: State) -> tuple[float, ...]:
-        """The values of `events`; each is of the mode the car is in, `inf` in others."""
-        if x.t <= self.heeded:
-            return (1.0,) * len(self.events)
-        if self._watched is None or self._watched[0] is not x:
-            self._watched = x, self._watch(x)
-        return self._watched[1]
-
-    def _watch(self, x: State) -> tuple[float, ...]:
-        mode, drive = self.mode, self.drive
-        if self.free and not 0.0 < x.q[-1] < 1.0:  # a step's balance, taken before its end, knows no car beyond
-            ends = {"arrival": drive.end_place - float(x.q[-1]), "back": float(x.q[-1]) - drive.back_place}
-            return tuple(ends.get(name, math.inf) for name in EVENTS)
+        At an instant its normal force rings next to a support, whose side sines do not resolve; the one of `normal` is
+        a mean that lags behind.  The larger of both counts.
+        """
         car = self._car_at(x)
-        # at an instant it rings next to a support, whose side sines do not resolve; over a while it lags behind
-        lift = math.inf if mode.lifted else max(car.pressing, car.normal)
-        if not self.free:
-            return (lift,)
-        s_o, ds_o, brakes = float(x.q[-1]), float(x.v[-1]), drive.brakes
-        stuck, last = not mode.sign, x.phase == len(self.phases) - 1
-        needed, limit = self._needed(x) if stuck else (0.0, 0.0)
-        if not mode.forward and abs(car.speed) > AT_REST:
-            mode.forward = math.copysign(1.0, car.speed)
-        # what friction and brakes will hold does not turn; what they will not has not stopped, if waves hold it
-        weight = self.mu * self.groups.sigma
-        pulled = self._thrust(x.t, x.phase, x.a) + car.tx * car.drag_x + car.ty * (car.drag_y + weight)
-        goes = abs(pulled) > self._rub(weight * car.tx)
-        # a stop is a standstill of an axial round trip but for rattling, when neither hold nor thrust is to change
-        lasts = max(max(mode.since, self.phases[-1][0]) + self._round_trip, mode.stuck + AT_LEAST * self._round_trip)
-        return (
-            mode.sign * ds_o if self._rubs and not stuck and not mode.rings else math.inf,
-            limit - abs(needed) if stuck else math.inf,
-            mode.forward * car.speed if goes and not stuck and mode.forward else math.inf,
-            brakes[mode.brakes][0] - s_o if mode.brakes < len(brakes) else math.inf,
-            s_o - brakes[mode.brakes - 1][0] if mode.brakes else math.inf,
-            drive.end_place - s_o,
-            s_o - drive.back_place,
-            lift,
-            max(lasts - x.t, self._round_trip * goes) if stuck and last else math.inf,
-        )
+        thrust = self._thrust(x.t, x.phase, x.a) if self.free else 0.0
+        along = thrust + car.tx * car.drag_x + car.ty * (car.drag_y + self.mu * self.groups.sigma)
+        return Look(max(car.pressing, car.normal), car.speed, along, self.mu * self.groups.sigma * car.tx)
 
-    def pass_event(self, name: str, x: State) -> State | None:
-        """Change the mode; after a standstill the car sticks where friction and brakes can hold it."""
-        mode, self._watched, self._seen = self.mode, None, None
-        if name in ("arrival", "back", "stop"):
-            return None
-        if name == "lift_off":
-            mode.lifted = True
-            return x
-        if name == "turn":
-            mode.forward = -mode.forward
-            return x
-        if name == "breaking loose":
-            return self._leave(x)
-        if name == "standstill":
-            return self._come_to_rest(x)
-        mode.brakes += 1 if name == "brake" else -1
-        mode.rings = False  # it may stop the car before waves do
-        return self._go_on(x)
-
-    def _come_to_rest(self, x: State) -> State:
-        """At ds_o = 0 the car sticks, or goes where it is pulled."""
-        mode = self.mode
-        if abs(self.place(x) - mode.rests) > RATTLE:
-            mode.rests, mode.since = self.place(x), x.t
-        mode.sign, mode.stuck = 0.0, x.t
-        state = self._go_on(x)
-        needed, limit = self._needed(state)
-        return state if abs(needed) < limit else self._leave(state)
-
-    def _needed(self, x: State) -> tuple[float, float]:
-        """The force along the cable that keeps a stuck car, and the largest that friction and brakes have."""
+    def holding(self, x: State) -> tuple[float, float]:
         car = self.car(*x)
-        return car.along - self.held(x.t) / car.stretch, self._rub(car.normal)
-
-    def _leave(self, x: State) -> State:
-        needed, _ = self._needed(x)
-        pull = needed if abs(needed) > 1e-9 * self.force_scale else self.hold
-        self.mode.sign = -math.copysign(1.0, pull)
-        v = x.v.copy()
-        v[-1] = self.mode.sign * LEAVING
-        return self._consistent(x.t, x.q, v, x.phase)
+        return car.along - self.held(x.t) / car.stretch, car.normal

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,12 +31,10 @@ from cablefem.newmark import NO_STEPS, Newton, Settled, Solve, State, StepFailur
 from cablefem.newmark.newton import find_root
 from cablefem.newmark.system import AVERAGE
 from cablefem.response import Observation, States
-from cablefem.scene import RATTLE, Groups
+from cablefem.scene import Groups
+from cablefem.stickslip import Look, RollingCar
 
-EVENTS = ("turn", "standstill", "breaking loose", "brake", "brake off", "arrival", "back", "stop", "lift_off")
-AT_REST = 1e-6  # speeds below have no direction yet
 ANY = np.empty(0)  # course of a car of which all that happens is looked for step by step
-HOLDS = 0.03  # of an axial wave's way to and fro: the hold of a car that rattles, which ends its ride
 MARGIN = 0.1  # of its weight, that a hauled car presses on the cable where steps in one go look for no lift-off
 ABRUPT = 1e-5  # of the length: a slip at such an acceleration over a whole step; the car itself goes a hundredth as far
 STATIC = 1e-30  # weight of accelerations in a tangent of statics: nothing but the last unknown feels it
@@ -51,8 +49,8 @@ def following(groups: Groups, *, nodes: str = "mass", **kind: Any) -> FollowingE
     return RollingElements(groups, **kind)
 
 
-class RollingElements(FollowingElements):
-    """The cable with a car that rolls; a `cablefem.newmark.System` with events.
+class RollingElements(RollingCar, FollowingElements):
+    """The cable with a car that rolls.
 
     groups : with the drive "free" or "haul"; the rest as for `FollowingElements`, of the full model with a mass.
 
@@ -60,20 +58,15 @@ class RollingElements(FollowingElements):
     """
 
     drives = ("free", "haul")
+    hears_itself = False
 
     def __init__(self, groups: Groups, **kind: Any) -> None:
         super().__init__(groups, **kind)
-        self.drive = groups.drive
         if self.fields == 1 or self.load == "force":
             what = f"model {self.model}" if self.fields == 1 else "a moving force without mass"
             raise ValueError(f"{what} has no balance along the cable: a car that rolls needs the full model and a mass")
-        self.free = self.drive.mode == "free"
-        self.events = EVENTS if self.free else ("lift_off",)
-        self.adaptive = self.free
-        self._last = len(self.phases) - 1
-        self._grips = self.free and self.drive.resists
+        self.board(groups)
         self._air = self.drive.k, self.drive.wind, self.drive.mu_r
-        self._round_trip = 2.0 / math.sqrt(groups.alpha)  # of axial waves: a standstill that lasts
         self.n_dof += 1
         ends = np.stack([self.left.evaluate(np.array(1.0))[2], self.right.evaluate(np.array(0.0))[2]])
         border = np.zeros((3, self.n_dof - 1)), np.zeros(1)
@@ -82,39 +75,30 @@ class RollingElements(FollowingElements):
             tuple(self._rolling._replace(border=border[0].astype(x), corner=border[1].astype(x)))
             for x in (float, complex)
         )
-        self._rest()
 
-    def _rest(self) -> None:
-        """Forget what has happened on a ride."""
-        self._mode = kernels.FREE if self.free else kernels.HAUL
-        self._heading = 0.0  # of the slip that friction and brakes work against, where it has none yet
-        self._forward = 0.0  # direction of the car, once it has one
-        self._brakes = sum(place <= self.drive.start for place, _ in self.drive.brakes)  # that have been reached
-        self._rests = self._since = self._held_at = math.inf  # where and when it came to rest, and last to hold
-        self._lifted = False
-        self._rings = False  # let go at once, and nothing of that is back from the farther support
-        self.hold = 0.0  # F_hold, along the cable, at the start
-        self._watched: tuple[State | None, float, tuple[float, ...]] = None, 0.0, ()
-        self.heeded = -math.inf  # until when steps in one go have looked for events and found none
+    def with_law(self, law: str) -> Self:
+        twin = super().with_law(law)
+        twin.mode = replace(self.mode)
+        return twin
 
-    # --- the System protocol ---------------------------------------------------------------------------
+    @property
+    def _kind(self) -> int:
+        return kernels.HAUL if not self.free else kernels.HELD if self.mode.sticks else kernels.FREE
+
+    # --- the system ------------------------------------------------------------------------------------
     def place(self, x: State) -> float:
         return float(x.q[-1]) if self.free else super().place(x)
 
     def start(self, phase: int, state: State | None) -> State:
         """Return the state at the beginning of a phase.
 
-        free : the car held on the loaded cable at rest, let go; friction and brakes may hold it there at once.  If not,
-        it slips by half the force over the impedance, an axial wave to the nearer support and back takes that away
-        (d'Alembert), and till the farther one has answered no slip is negative: one that rings so is no standstill.
+        free : the car held on the loaded cable at rest, let go.
         haul : it hangs on its rope, friction overcome; the cable moves as statics has it at the travel's first speed.
         """
         t = self.phases[phase][0]
         if state is not None:
-            state = state._replace(t=t, phase=phase)
-            held = self._mode == kernels.HELD  # a thrust that sets in may tear it off
-            return self._halt(state) if held else self._consistent(t, state.q, state.v, phase)
-        self._rest()
+            return self.enter(state._replace(t=t, phase=phase))
+        self.set_off()
         if not self.free:
             s_o, ds, _ = self.motion.at(t, 0)
             q = self._statics(s_o)[0]
@@ -122,54 +106,29 @@ class RollingElements(FollowingElements):
             if ds != 0.0:
                 v[:-1] = (self._statics(s_o + d)[0] - self._statics(s_o - d)[0])[:-1] * (ds / (2.0 * d))
             q[-1] = 0.0
-            return self._consistent(t, q, v, 0)
+            return self.go_on(State(t, q, v, np.zeros_like(q), 0))
         q, self.hold = self._statics(self.drive.start)
-        state = self._halt(State(t, q, np.zeros_like(q), np.zeros_like(q), 0))
-        self._rings = self._grips and self._mode == kernels.FREE
-        return state
-
-    def begin_step(self, x: State) -> None:
-        slip = float(x.v[-1])
-        if self._rings:
-            back = self._heading * self._look(x)[2] < -AT_REST
-            answered = max(self.drive.start, 1.0 - self.drive.start) * self._round_trip
-            self._rings = not back and (x.t < answered or self._heading * slip <= 0.0)
-        self._head(slip)
-
-    def _head(self, slip: float) -> None:
-        if slip != 0.0 and not self._rings:  # its sign holds for the step: friction that turns within has no balance
-            self._heading = math.copysign(1.0, slip)
+        return self.let_go(State(t, q, np.zeros_like(q), np.zeros_like(q), 0))
 
     def abrupt(self, x: State, dt: float) -> bool:
         """After a jump of force the car slips at once, and is stopped by an axial wave that few steps resolve."""
         return self.free and 0.5 * dt * dt * abs(float(x.a[-1])) > ABRUPT
 
-    def part(self, x: State, since: float, ahead: float = 0.0) -> float:
-        """Return the part of a step to take: short near a support, and where friction or a brake hears what rings."""
-        rubs = self._grips and (self._brakes > 0 or self._mode == kernels.HELD)
-        slip = x.v.item(-1)
-        of = self._round_trip, self.groups.sigma, x.q.item(-1) + ahead * slip, slip
-        hears = (self._forward, since) if self._grips else (0.0, math.inf)
-        return self.drive.part_of_step(*of, *hears, rubs)
-
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         r = np.empty(self.n_dof)
-        self._roll(self._car(t, phase, self._heading or v[-1]), q, v, a, r)
+        self._roll(self._car(t, phase), q, v, a, r)
         return r
 
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        """As the protocol has it; real factors live in one workspace."""
         r = np.empty(self.n_dof)
-        return r, self._linearised(self._car(t, phase, self._heading or v[-1]), q, v, a, r, c0, c1, c2)
+        return r, self._linearised(self._car(t, phase), q, v, a, r, c0, c1, c2)
 
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array]:
-        """As the protocol has it; a free car that is held, or has no direction yet, is looked at step by step."""
-        self._head(float(start[1, -1]))
-        return super().stride(t, phase, start, rules, bound, newton) if self._goes_on else NO_STEPS
+        return super().stride(t, phase, start, rules, bound, newton) if self.under_way else NO_STEPS
 
     def _stride(self, t: Array, *of: Any) -> tuple[Array, Array, int]:
         now, told, taken = super()._stride(t, *of)
@@ -182,7 +141,7 @@ class RollingElements(FollowingElements):
             self.heeded = float(t[taken - 2] + 0.9 * (t[taken - 1] - t[taken - 2]))
 
     def _moved(self, t: Array, phase: int, slip: float) -> tuple[Any, Any]:
-        car = self._car(float(t[0]), phase, self._heading or slip)
+        car = self._car(float(t[0]), phase)
         course = self._course if t.size > 1 else ANY
         return None, (tuple(self._rolling), tuple(car), self._brought(t, phase), course)
 
@@ -198,32 +157,21 @@ class RollingElements(FollowingElements):
         return now
 
     @property
-    def _goes_on(self) -> bool:
-        """Whether many steps are like one, but for events that `kernels.under_way` sees."""
-        return not self.free or (self._mode != kernels.HELD and self._forward != 0.0 and not self._rings)
-
-    @property
     def _course(self) -> Array:
-        """Return what a car keeps to until something happens, see `kernels.under_way`.
+        """Return `course` of a car for `kernels.under_way`, and the least force with which it presses on the cable.
 
-        One that is hauled may be elsewhere when a step is in balance than at its end: it presses by a margin there.
+        A balance of a hauled car may be taken when the car is elsewhere than at the step's end: hence a margin.
         """
-        if not self.free:
-            presses = -math.inf if self._lifted else MARGIN * self.inertia * self.groups.sigma
-            return np.array([-math.inf, math.inf, 0.0, 0.0, presses])
-        places, n = (0.0, *(place for place, _ in self.drive.brakes), 1.0), self._brakes
-        low, high = max(self.drive.back_place, places[n]), min(self.drive.end_place, places[n + 1])
-        presses = -math.inf if self._lifted else 0.0
-        return np.array([low, high, self._heading if self._grips else 0.0, self._forward, presses])
+        margin = 0.0 if self.free else MARGIN * self.inertia * self.groups.sigma
+        keeps = self.course() if self.free else (-math.inf, math.inf, 0.0, 0.0, 0.0)
+        return np.array([*keeps, -math.inf if self.mode.lifted else margin])
 
     def collocate(
         self, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float, newton: Newton
     ) -> Iterator[Settled]:
         many = len(a) > 1 and (not self.free or rule.c[-1] == 1.0)
-        if len(a) > 1:
-            self._head(float(ends[0, 1, -1]))
-        m = len(a) if many and self._goes_on else 1
-        car = self._car(float(t[0]), phase, self._heading or float(ends[0, 1, -1]))
+        m = len(a) if many and self.under_way else 1
+        car = self._car(float(t[0]), phase)
         course = self._course if m > 1 else ANY
         ride = *self._rollings, tuple(car), self._brought(rule.instants(t[: m + 1]), phase), course
         told = self._collocated(None, None, ride, t[: m + 1], ends, a[:m], further, rule, bound, newton)
@@ -244,132 +192,50 @@ class RollingElements(FollowingElements):
         for x, share in zip(*AVERAGE, strict=True):
             q, force = start.q + x * (end.q - start.q), self._force(start, end, x)
             kernels.kinetic(*of, q, start.v, end.v, momentum[0], gradient)
-            weight = self._car(start.t, start.phase, 0.0)._replace(
+            weight = self._car(start.t, start.phase)._replace(
                 mode=kernels.FREE, hold=0.0, thrust=0.0, drag=0.0, heading=0.0
             )
             self._roll(weight, q, still, still, r)
             total += share * (r - gradient)
             total[m : m + 2] -= share * force[:2]
             total[-1] -= share * force[2]
-        if self._mode == kernels.HELD:
+        if self.mode.sticks:
             total[-1] = self.inertia * end.a[-1]
         return total
 
     def _force(self, start: State, end: State, x: float) -> Array:
         """Return the forces on p and on s_o (3,) at the part x of a step, for its mean velocity and acceleration."""
-        dt, slip = end.t - start.t, float(start.v[-1])
-        self._head(slip)
-        car = tuple(self._car(start.t + x * dt, start.phase, slip))
+        dt = end.t - start.t
+        car = tuple(self._car(start.t + x * dt, start.phase))
         of = start.q + x * (end.q - start.q), 0.5 * (start.v + end.v), (end.v - start.v) / dt
         return np.array(kernels.look(self._mesh.dofs, self._rolling.ends, self._n_left, self._cable, car, *of)[5:])
 
-    # --- events ----------------------------------------------------------------------------------------
-    def watch(self, x: State) -> tuple[float, ...]:
-        """Return what is positive until an event happens, in the order of `events`."""
-        if x.t <= self.heeded:
-            return (1.0,) * len(self.events)
-        if self._watched[0] is x and self._watched[1] == self._heading:
-            return self._watched[2]
-        normal, stretch, speed, along, across = self._look(x)[:5]
-        lift_off = math.inf if self._lifted else normal
-        if not self.free:
-            return (lift_off,)
-        if self._forward == 0.0 and abs(speed) > AT_REST:
-            self._forward = math.copysign(1.0, speed)
-        s_o, held, brakes, n = float(x.q[-1]), self._mode == kernels.HELD, self.drive.brakes, self._brakes
-        # one that friction and brakes will hold does not turn; one that they will not has not stopped, if waves hold it
-        pulled, left = abs(along) > self._most(across), self._over - x.t
-        values = (
-            self._forward * speed if pulled and not held and self._forward != 0.0 else math.inf,
-            self._heading * float(x.v[-1]) if self._grips and not held and not self._rings else math.inf,
-            self._margin(x, normal, stretch) if held else math.inf,
-            brakes[n][0] - s_o if n < len(brakes) else math.inf,
-            s_o - brakes[n - 1][0] if n else math.inf,
-            self.drive.end_place - s_o,
-            s_o - self.drive.back_place,
-            (max(left, self._round_trip) if pulled else left) if held and x.phase == self._last else math.inf,
-            lift_off,
-        )
-        self._watched = x, self._heading, values
-        return values
+    def look(self, x: State) -> Look:
+        seen = self._look(x)
+        return Look(seen[0], *seen[2:5])
 
-    def pass_event(self, name: str, x: State) -> State | None:
-        """Change over to what holds after the event."""
-        self._watched = None, 0.0, ()
-        if name in ("arrival", "back", "stop"):
-            return None
-        if name == "standstill":
-            return self._halt(x)
-        if name == "turn":
-            self._forward = -self._forward
-        elif name == "lift_off":
-            self._lifted = True
-        else:
-            if name == "breaking loose":
-                self._let_go(x)
-            else:
-                self._brakes += 1 if name == "brake" else -1
-                self._rings = False  # it may stop the car before waves do
-            return self._consistent(x.t, x.q, x.v, x.phase)
-        return x
+    def holding(self, x: State) -> tuple[float, float]:
+        r, (normal, stretch, *_) = np.empty(self.n_dof), self._look(x)
+        needed = self._roll(self._car(x.t, x.phase), x.q, x.v, x.a, r)[2]  # what the row of s_o lacks
+        return needed / stretch, normal
 
-    def _halt(self, x: State) -> State:
-        """Return the state with a car that does not slip: held by friction and brakes if they can, else let go."""
-        v = x.v.copy()
-        v[-1] = 0.0
-        if self._grips:
-            if abs(float(x.q[-1]) - self._rests) > RATTLE:
-                self._rests, self._since = float(x.q[-1]), x.t
-            self._mode, self._held_at = kernels.HELD, x.t
-            held = self._consistent(x.t, x.q, v, x.phase)
-            if self._margin(held, *self._look(held)[:2]) > 0.0:
-                return held
-            self._let_go(held)
-        return self._consistent(x.t, x.q, v, x.phase)
-
-    def _margin(self, x: State, normal: float, stretch: float) -> float:
-        """Return what friction and brakes could hold more than they do."""
-        return self._most(normal) - abs(self._needed(x)) / stretch
-
-    def _most(self, normal: float) -> float:
-        return self.drive.mu_r * abs(normal) + self._brake
-
-    def _needed(self, x: State) -> float:
-        """Return the force on s_o that keeps the car where it is: what its row lacks."""
-        r = np.empty(self.n_dof)
-        return self._roll(self._car(x.t, x.phase, 0.0), x.q, x.v, x.a, r)[2]
-
-    def _let_go(self, x: State) -> None:
-        self._heading = -math.copysign(1.0, self._needed(x))
-        self._mode = kernels.FREE
+    def go_on(self, x: State) -> State:
+        return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
 
     # --- the car ---------------------------------------------------------------------------------------
-    def _car(self, t: float, phase: int, slip: float) -> kernels.Car:
-        """Return the car at an instant; slip : ds_o of a free one, as far as it tells where friction works."""
-        drive, fixed = self.drive, (self._mode, self.node, self.inertia, self.groups.sigma)
+    def _car(self, t: float, phase: int) -> kernels.Car:
+        """Return the car at an instant."""
+        drive, fixed = self.drive, (self._kind, self.node, self.inertia, self.groups.sigma)
         if not self.free:
             s_o, ds, dds = self.motion.at(t, phase)
             return kernels.Car(*fixed, s_o, ds, dds, 0.0, 0.0, *self._air, 0.0, 1.0)
-        heading = math.copysign(1.0, slip) if slip != 0.0 else self._heading
-        if self._mode == kernels.HELD:
-            heading = 0.0
         hold = self.hold * drive.hold(t) if t < drive.release else 0.0
         thrust = float(drive.thrust(t, phase)) if drive.thrust_table else 0.0
-        return kernels.Car(*fixed, 0.0, 0.0, 0.0, hold, thrust, *self._air, self._brake, heading)
-
-    @property
-    def _over(self) -> float:
-        """When a car that is held has stopped: a while after it came to rest, and held for a part of it."""
-        return max(max(self._since, self.phases[-1][0]) + self._round_trip, self._held_at + HOLDS * self._round_trip)
-
-    @property
-    def _brake(self) -> float:
-        """Force of the brakes that have been reached."""
-        return sum([force for _, force in self.drive.brakes[: self._brakes]], 0.0) if self._brakes else 0.0
+        return kernels.Car(*fixed, 0.0, 0.0, 0.0, hold, thrust, *self._air, self.brake, self.mode.sign)
 
     def _look(self, x: State) -> tuple[float, ...]:
         """Return what `kernels.look` sees."""
-        car = self._car(x.t, x.phase, float(x.v[-1]))
+        car = self._car(x.t, x.phase)
         return kernels.look(self._mesh.dofs, self._rolling.ends, self._n_left, self._cable, tuple(car), x.q, x.v, x.a)
 
     def _roll(self, car: kernels.Car, q: Array, v: Array, a: Array, r: Array, *c: float) -> tuple[float, ...]:
@@ -402,9 +268,6 @@ class RollingElements(FollowingElements):
 
         return solve
 
-    def _consistent(self, t: float, q: Array, v: Array, phase: int) -> State:
-        return consistent_acceleration(self, t, q, v, phase)
-
     def _statics(self, s_o: float) -> tuple[Array, float]:
         """Return the unknowns of the cable at rest with the car at s_o, and the force that holds it there.
 
@@ -412,7 +275,7 @@ class RollingElements(FollowingElements):
         """
         mode = kernels.HELD if self.free else kernels.HAUL
         friction = 0.0 if self.free else self.drive.mu_r  # the rope is about to move the car on
-        car = self._car(0.0, 0, 0.0)._replace(
+        car = self._car(0.0, 0)._replace(
             mode=mode, s_o=s_o, ds=0.0, dds=0.0, hold=0.0, thrust=0.0, drag=0.0, friction=friction, brake=0.0
         )
         x = np.zeros((3, self.n_dof))

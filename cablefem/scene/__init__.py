@@ -2,7 +2,7 @@
 
 from cablefem.scene.cable import Cable, Supports
 from cablefem.scene.catenary import Catenary
-from cablefem.scene.drive import RATTLE, Drive, Driving
+from cablefem.scene.drive import Drive, Driving
 from cablefem.scene.errors import SceneError
 from cablefem.scene.motion import Motion, Piece
 from cablefem.scene.ride import LoadPath, Ride

@@ -6,6 +6,7 @@ prescribed, a rope from outside supplies the force along the mean tangent. free:
 
 from __future__ import annotations
 
+import bisect
 import itertools
 import math
 from dataclasses import dataclass
@@ -35,16 +36,14 @@ MODES = ("grip", "haul", "free")
 # Contact force and tension grow like one over the distance to a support: no answer converges nearer than this. [l]
 NEAREST_START, FARTHEST_END = 1e-4, 0.99
 START = 0.01  # where a rolling car begins unless the scene says otherwise [l]
-# A car that rests rattles while axial waves ring: a slip below that is none. [l]
-RATTLE = 1e-5
-# At a thousand steps a ride, steps are these parts of the time since a jump of force and of that to a support, of an
-# axial wave's way while something reacts to it, and of the time in which friction may turn round (an error of velocity
-# there is carried through all the way back).
-SINCE, RINGS, HALT, STANDARD = 12.0, 240.0, 2.0, 1000.0
-# And steps in which waves go over the side that the car runs into and back: that side squeezes what was sent off at the
-# start. Without, speeds err by 2e-3 to 4e-3 after a heavy rider's stop, or where a light one creeps on under its brake.
-WAVES = 60.0
-FREE_ONLY = ("release", "thrust", "brake")
+# A ride has STANDARD steps. Shorter ones are these fractions of a time that events bring, see `Drive.part_of_step`.
+STANDARD = 1000.0
+SINCE = 12.0  # of the time since a jump of force, and of the time to a support
+RINGS = 240.0  # of an axial round trip
+HALT = 2.0  # of the time in which friction may turn: an error of velocity made there stays for the way back
+WAVES = 60.0  # of the time of a transverse wave over the side ahead of the car and back, which that side squeezes
+REST_SPEED, REST_DISTANCE = 1e-3, 0.01  # [m/s], [m] see `Driving`
+FREE_ONLY = ("release", "thrust", "brake", "rest_speed", "rest_distance")
 AIR_DENSITY = 1.2  # [kg/m^3]
 
 
@@ -110,6 +109,8 @@ class Driving(Part):
     thrust: number_or(REAL, Thrust) = said("[N] force along the cable", 0.0)  # type: ignore[valid-type]
     brake: Annotated[tuple[Brake, ...], tables("{from = ..., force = ...}")] = said("[-] brakes, in order", ())
     end: End | None = said("[-] where or when the ride is over", None)
+    rest_speed: Positive = said("[m/s] a slower car is at rest where friction or the valley holds it", REST_SPEED)
+    rest_distance: Positive = said("[m] from its static place of rest in which a slow car is at rest", REST_DISTANCE)
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
@@ -164,7 +165,7 @@ class Driving(Part):
     def scaled(self, length: float, time: float, force: float, rho: float) -> Drive:
         """The drive of a rolling car in units of a length [m], a time [s] and a force [N]; rho [kg/m] of the cable.
 
-        Its `nominal`, `turns` and, where the scene gives none, its `end_time` are left open.
+        Its `nominal`, `turns`, `ways` and, where the scene gives none, its `end_time` are left open.
         """
         if isinstance(self.thrust, Thrust):
             table = tuple((t / time, f / force) for t, f in zip(self.thrust.times, self.thrust.forces, strict=True))
@@ -181,6 +182,8 @@ class Driving(Part):
             brakes=tuple(sorted((brake.place / length, brake.force / force) for brake in self.brake)),
             end_time=math.inf if self.end is None or self.end.time is None else self.end.time / time,
             end_place=self.end_place(length) / length,
+            rest_speed=self.rest_speed * time / length,
+            rest_distance=self.rest_distance / length,
         )
 
     def __str__(self) -> str:
@@ -223,6 +226,9 @@ class Drive:
     end_place: float = 1.0  # arrival
     nominal: float = math.inf  # duration of the ride by the quasi-static model; steps are nominal/steps
     turns: bool = False  # whether it turns back by that model
+    rest_speed: float = 0.0  # a car is at rest whose mean speed over an axial round trip is less, and whose place is
+    rest_distance: float = 0.0  # within this distance of a place where it stays
+    ways: tuple[tuple[float, int], ...] = ()  # (from s_o on, way that a car at rest sets out by statics: 1, 0 or -1)
 
     @property
     def back_place(self) -> float:
@@ -255,6 +261,18 @@ class Drive:
         """Whether friction or a brake works along the cable, and may hold the car there."""
         return self.mu_r > 0.0 or bool(self.brakes)
 
+    def way(self, s_o: float) -> int:
+        """Return the way in which a car at rest at s_o sets out: 1, -1, or 0 where it stays; thrust as in the end."""
+        i = bisect.bisect_right(self.ways, (s_o, math.inf)) - 1
+        return self.ways[i][1] if i >= 0 else 0
+
+    def stays(self, s_o: float) -> bool:
+        """Return whether s_o is within `rest_distance` of a place where a car at rest stays."""
+        ends = [*(s for s, _ in self.ways[1:]), math.inf]
+        d = self.rest_distance
+        zones = ((a, b) for (a, way), b in zip(self.ways, ends, strict=True) if way == 0)
+        return any(a - d <= s_o <= b + d for a, b in zones)
+
     def part_of_step(
         self, axial: float, sigma: float, s_o: float, speed: float, forward: float, since: float, rubs: bool
     ) -> float:
@@ -267,7 +285,9 @@ class Drive:
         """
         step, near = self.nominal / STANDARD, min(s_o, 1.0 - s_o)
         there = near / abs(speed) if speed else math.inf
-        halt = abs(speed) / sigma if self.mu_r > 0.0 else math.inf  # in which weight alone would bring it to rest
+        # the time in which weight alone would bring it to rest; none where a car at rest would set out the same way
+        halts = self.mu_r > 0.0 and forward * self.way(s_o) <= 0.0
+        halt = abs(speed) / sigma if halts else math.inf
         rings, ahead = axial / RINGS, s_o if forward < 0.0 else 1.0 - s_o
         waves = 2.0 * ahead / WAVES if forward else math.inf
         parts = (since + axial * near) / SINCE, there / SINCE, rings if rubs else max(halt / HALT, rings), waves

@@ -123,44 +123,81 @@ class Ride:
         return float(np.max(self.speed(np.linspace(0.0, self.duration, 2001)))) if self.sections else 0.0
 
 
-def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = math.inf) -> Ride:
-    """Let the car roll until it arrives, stops for good, has turned `turns` times, or its time is over."""
-    from scipy.integrate import solve_ivp
+class Forces:
+    """Forces on a car on a load path; `brakes` counts those that have been reached."""
 
-    begin_hold = path(drive.start)[4]
-    places = [place for place, _ in drive.brakes]
-    level = [0.0, *np.cumsum([force for _, force in drive.brakes]).tolist()]  # brake force after so many brakes
+    def __init__(self, path: LoadPath, mu: float, sigma: float, drive: Drive) -> None:
+        self.path, self.mu, self.sigma, self.drive = path, mu, sigma, drive
+        self.begin_hold = path(drive.start)[4]
+        self.places = [place for place, _ in drive.brakes]
+        self.level = [0.0, *np.cumsum([force for _, force in drive.brakes]).tolist()]
 
-    def force(t: float, s: float, v: float, phase: int) -> tuple[float, float, float, float]:
-        """The generalised force without friction, the normal load without brakes, mu |P'|^2, <lam>."""
-        px, py, bx, by, hold, stretch = path(s)
+    def at(self, t: float, s: float, v: float, phase: int) -> tuple[float, float, float, float]:
+        """Return the generalised force without friction, the normal load without brakes, mu |P'|^2, <lam>."""
+        drive, mu = self.drive, self.mu
+        px, py, bx, by, hold, stretch = self.path(s)
         p2 = px * px + py * py
         p = math.sqrt(p2)
         rx, ry = px * v - drive.wind, py * v
         drag = -drive.k * math.hypot(rx, ry)
         along = float(drive.thrust(t, phase)) * p + drag * (rx * px + ry * py)
-        normal = (mu * (bx * v * v) - drag * rx) * py - (mu * (by * v * v - sigma) - drag * ry) * px
-        free = along - hold + drive.hold(t) * begin_hold - mu * (px * bx + py * by) * v * v
+        normal = (mu * (bx * v * v) - drag * rx) * py - (mu * (by * v * v - self.sigma) - drag * ry) * px
+        free = along - hold + drive.hold(t) * self.begin_hold - mu * (px * bx + py * by) * v * v
         return free, abs(normal) / p, mu * p2, stretch
 
-    def stands(t: float, s: float, phase: int, brakes: int) -> float:
-        """Force beyond what friction and brakes hold, with its sign; 0 where they hold."""
-        free, normal, _, stretch = force(t, s, 0.0, phase)
-        most = stretch * (drive.mu_r * normal + level[brakes]) + STICKS
+    def stands(self, t: float, s: float, phase: int, brakes: int) -> float:
+        """Return the force beyond what friction and brakes hold, with its sign; 0 where they hold."""
+        free, normal, _, stretch = self.at(t, s, 0.0, phase)
+        most = stretch * (self.drive.mu_r * normal + self.level[brakes]) + STICKS
         return math.copysign(max(0.0, abs(free) - most), free)
 
-    def loose(t: float, s: float, phase: int, brakes: int) -> tuple[float, int] | None:
-        """When and in which phase a car at rest begins to move; None: never."""
-        for k in range(phase, len(drive.phases)):
-            t0, t1 = max(t, drive.phases[k][0]), drive.phases[k][1]
-            if stands(t0, s, k, brakes):
+    def loose(self, t: float, s: float, phase: int, brakes: int) -> tuple[float, int] | None:
+        """Return when and in which phase a car at rest begins to move; None: never."""
+        phases = self.drive.phases
+        for k in range(phase, len(phases)):
+            t0, t1 = max(t, phases[k][0]), phases[k][1]
+            if self.stands(t0, s, k, brakes):
                 return t0, k
             grid = np.linspace(t0, t1, 33) if math.isfinite(t1) else np.array([t0, t0])
             for a, b in itertools.pairwise(grid):
-                if stands(b, s, k, brakes):
-                    return bisected(lambda t: abs(stands(t, s, k, brakes)) - 1e-300, a, b), k  # noqa: B023
+                if self.stands(b, s, k, brakes):
+                    return bisected(lambda t: abs(self.stands(t, s, k, brakes)) - 1e-300, a, b), k  # noqa: B023
         return None
 
+    def ways(self) -> tuple[tuple[float, int], ...]:
+        """Return `Drive.ways`, by the forces in the last phase."""
+        drive, last = self.drive, len(self.drive.phases) - 1
+        t, low, high = drive.phases[last][0], drive.back_place, drive.end_place
+        marks = sorted({low, high, *(x for x in (*self.path.s[::8].tolist(), *self.places) if low < x < high)})
+        out: list[tuple[float, int]] = []
+
+        def way(s: float, brakes: int) -> int:
+            force = self.stands(t, s, last, brakes)
+            return (force > 0.0) - (force < 0.0)
+
+        def add(s: float, now: int) -> None:
+            if not out or out[-1][1] != now:
+                out.append((s, now))
+
+        for a, b in itertools.pairwise(marks):
+            brakes = bisect.bisect_right(self.places, a)
+            before, after = way(a, brakes), way(b, brakes)
+            add(a, before)
+            if before != after:
+                leaves = bisected(lambda s: abs(way(s, brakes) - before) - 0.5, a, b)  # noqa: B023
+                comes = bisected(lambda s: 0.5 - abs(way(s, brakes) - after), a, b)  # noqa: B023
+                if before > after and comes >= leaves:  # between them it stays
+                    add(leaves, 0)
+                add(comes, after)
+        return tuple(out)
+
+
+def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = math.inf) -> Ride:
+    """Let the car roll until it arrives, is at rest for good, has turned `turns` times, or its time is over."""
+    from scipy.integrate import solve_ivp
+
+    forces = Forces(path, mu, sigma, drive)
+    places, level, last = forces.places, forces.level, len(drive.phases) - 1
     t, s, v, phase, sign, brakes = 0.0, drive.start, 0.0, 0, 0.0, bisect.bisect_right(places, drive.start)
     events: list[Event] = []
     sections: list[tuple[float, float, Callable]] = []
@@ -172,7 +209,7 @@ def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = m
     end = min(drive.end_time, HORIZON)
     while t < end:
         if v == 0.0:
-            go = loose(t, s, phase, brakes)
+            go = forces.loose(t, s, phase, brakes)
             if go is None or go[0] >= end:
                 if go is None:
                     log("stop")
@@ -180,7 +217,8 @@ def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = m
             if go[0] > t:
                 sections.append((t, go[0], lambda t, s=s: np.stack([np.full_like(t, s), np.zeros_like(t)])))
             t, phase = go
-            before, sign = sign, math.copysign(1.0, stands(t, s, phase, brakes) or force(t + 1e-9, s, 0.0, phase)[0])
+            ahead = forces.stands(t, s, phase, brakes) or forces.at(t + 1e-9, s, 0.0, phase)[0]
+            before, sign = sign, math.copysign(1.0, ahead)
             if before * sign < 0.0:
                 log("turn")
                 turns -= 1
@@ -188,13 +226,15 @@ def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = m
                     break
         watches = {"still": _watch(1, 0.0, -sign), "arrival": _watch(0, drive.end_place, 1.0)}
         watches["back"] = _watch(0, drive.back_place, -1.0)
+        if drive.ways and phase == last:
+            watches["rest"] = _at_rest(path, drive)
         if brakes < len(places):
             watches["brake"] = _watch(0, places[brakes], 1.0)
         if brakes > 0:
             watches["brake off"] = _watch(0, places[brakes - 1], -1.0)
 
         def rate(t, y, phase=phase, sign=sign, brakes=brakes):
-            free, normal, inertia, stretch = force(t, y[0], y[1], phase)
+            free, normal, inertia, stretch = forces.at(t, y[0], y[1], phase)
             return [y[1], (free - sign * stretch * (drive.mu_r * normal + level[brakes])) / inertia]
 
         stop = min(end, drive.phases[phase][1])
@@ -216,6 +256,10 @@ def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = m
                 phase += 1
         elif hit == "still":
             v = 0.0
+        elif hit == "rest":
+            v = 0.0
+            log("stop")
+            break
         elif hit == "brake":
             s = places[brakes]
             brakes += 1
@@ -240,12 +284,25 @@ def _watch(component: int, value: float, direction: float) -> Callable:
     return watch
 
 
+def _at_rest(path: LoadPath, drive: Drive) -> Callable:
+    """An event of scipy's integrator: the car is slow where it would stay."""
+
+    def watch(t, y):
+        px, py, *_ = path(y[0])
+        slow = drive.rest_speed - abs(y[1]) * math.hypot(px, py)
+        return -slow if drive.stays(y[0]) else max(-slow, drive.rest_speed)
+
+    watch.terminal, watch.direction = True, -1.0  # type: ignore[attr-defined]
+    return watch
+
+
 def quasi_static(groups, drive: Drive) -> tuple[Ride, Drive]:
     """The ride on the loaded cable, and the drive with its `nominal` duration, whether it `turns`, and its `end_time`.
 
     A ride of open end that swings to and fro counts as over where it turns for the second time.
     """
     path = LoadPath.loaded(groups)
+    drive = replace(drive, ways=Forces(path, groups.mu, groups.sigma, drive).ways())
     first = ride(path, groups.mu, groups.sigma, drive, math.inf if math.isfinite(drive.end_time) else 2)
     nominal = first.duration or min(1.0, drive.end_time)  # a car that stays where it is: a wave's way
     drive = replace(drive, turns=any(event.event == "turn" for event in first.events))

@@ -62,6 +62,7 @@ class Course(NamedTuple):
     high: float
     sign: float  # of ds_o, 0 where it may turn round
     forward: float  # of its speed
+    slow: float  # the least speed
     lifted: bool  # whether lift-off is none any more
 
 
@@ -345,7 +346,7 @@ def settle(grip, places, here, ride, course, cable, sigma, start, now, told, rul
             if not course.low < s_o < course.high or (course.sign != 0.0 and not course.sign * ds_o > 0.0):
                 return count
             then = seen(ride, at_time(ride.on, smooth, t0 + rule[0, 1]), end)
-            if not (course.forward * then[10] > 0.0 and (course.lifted or max(then[8], then[13]) > 0.0)):
+            if not (course.forward * then[10] > course.slow and (course.lifted or max(then[8], then[13]) > 0.0)):
                 return count
             velocity = then[11:13]
     return rules.shape[0]

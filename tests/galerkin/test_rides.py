@@ -237,7 +237,7 @@ def test_brake_and_stop():
     assert abs(still - 35.43) < 0.02
     assert events[-1].name == "stop"
     lasted, round_trip = events[-1].t * TIME - still, 2.0 / math.sqrt(BRAKED.groups.alpha) * TIME
-    assert round_trip - 1e-9 < lasted < 2.0 * round_trip, "it rattles, and stops as soon as it holds"
+    assert 0.95 * round_trip < lasted < 2.0 * round_trip, "it rattles, and stops as soon as it holds"
     assert abs(states.q[-1, -1] * LENGTH - 281.375) < 0.03
     x = observe(system, states)
     assert energy_defect(x, states.t) < 1e-3 * system.mu * system.groups.sigma
@@ -294,25 +294,13 @@ def test_a_rider_who_turns_back():
     assert energy_defect(observe(system, states), states.t) < 2e-3 * system.mu * groups.sigma
 
 
-@pytest.mark.parametrize(("friction", "stops"), [(0.02, False), (0.3, True)])
-def test_a_car_that_waves_alone_hold_has_not_stopped(friction, stops):
-    """Where a rider turns slowly, ringing may hold him for longer than a car that rattles is held at its stop."""
-    groups = replace(RIDER.groups, drive=replace(RIDER.groups.drive, mu_r=friction, release=1.0 / TIME))
-    system = RollingSystem(groups, Fourier(6))
-    x = system.start(0, None)._replace(t=2.0 / TIME, phase=1)
-    system.mode.sign, system.mode.since, system.mode.stuck = 0.0, 0.0, 0.0
-    left = dict(zip(system.events, system.watch(x), strict=True))["stop"]
-    assert (left <= 0.0) is stops
-    assert left < math.inf, "one that is held at last would not be seen"
-
-
 def test_friction_alone_can_hold_a_car():
     """A slope of 1 in 8 against mu_r = 0.3: it never leaves; with 0.02 it does, and with a late release later.
 
     Let go of a sudden it slips to and fro at first, while axial waves ring between it and the support.
     """
     groups = RIDER.groups
-    held = replace(groups, drive=replace(groups.drive, mu_r=0.3))
+    held = Scene.from_toml(ZIP + "rolling_friction = 0.3\n").groups
     _, states, events = ride(until(held, 10.0), Fourier(6), 100)
     assert [event.name for event in events] == ["stop"]
     assert np.ptp(states.q[:, -1]) == 0.0
@@ -364,10 +352,7 @@ def up_a_deep_rope(**drive):
 def test_slip_that_rings_after_a_sudden_start_is_no_standstill(heeds, monkeypatch):
     """Sines of any number start alike, and as elements do; ringing taken for a standstill (must fail) kicks the car."""
     if not heeds:
-        begin = RollingSystem.begin_step
-        monkeypatch.setattr(
-            RollingSystem, "begin_step", lambda self, x: (setattr(self.mode, "rings", False), begin(self, x))
-        )
+        monkeypatch.setattr(RollingSystem, "let_go", RollingSystem.come_to_rest)
     scene = Scene.from_toml(ROPE + "start = 2.0\nrolling_friction = 0.02\nend = {time = 0.1}")
     speeds = [run(scene, "fourier-kink", terms=n, steps=m).speed[-1] for n, m in ((45, 80), (90, 80), (90, 320))]
     speeds.append(run(scene, "following-p4", elements=20, steps=200, scheme="radau").speed[-1])

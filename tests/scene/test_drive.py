@@ -19,7 +19,8 @@ PLACES = "must be from 0.033 to 326.7 m, between the left support and the end of
     ("text", "expected"),
     [
         (FREE + "star = 3", ["drive.star = 3: unknown key. Did you mean start? Known: mode, start, release, "
-                             "rolling_friction, drag_area, air_density, wind, thrust, brake, end."]),
+                             "rolling_friction, drag_area, air_density, wind, thrust, brake, end, rest_speed, "
+                             "rest_distance."]),
         (FREE.replace('"free"', '"fee"'), ["drive.mode = 'fee': unknown. Did you mean free? Known: grip, haul, free.",
                                            "travel: missing; must be given with [mass] (a bare cable has neither)"]),
         (FREE + "start = 0", [f"drive.start = 0: must be a number > 0, {NUMBER}"]),

@@ -220,7 +220,8 @@ def _before(t: Array, values: Array, knots: Array) -> Array:
 def drive(m: Evidence) -> Defect:
     """The car begins, brakes and arrives where the TOML says, is let go and driven as long and as hard as it says.
 
-    Each event is where and as fast as the car is then; over length, time, top speed and largest thrust.
+    Each event is where and as fast as the car is then, and a stop has no speed.  Over length, time, top speed and
+    largest thrust.
     """
     r, drive, l, T = m.r, m.given.drive, m.r.fields.s[-1], m.r.t[-1]
     times, forces = m.thrust
@@ -234,7 +235,8 @@ def drive(m: Evidence) -> Defect:
     }  # fmt: skip
     for x in r.events:
         off.append((np.interp(x["t"], r.t, r.s_o) - x["s_o"]) / l)
-        off.append((np.interp(x["t"], r.t, r.speed) - x["speed"]) / float(r.speed.max()))
+        speed = 0.0 if x["event"] == "stop" else np.interp(x["t"], r.t, r.speed)
+        off.append((speed - x["speed"]) / float(r.speed.max()))
         of, scale, wanted = told.get(x["event"], ("t", 1.0, []))
         off += [min(abs(x[of] - y) for y in wanted) / scale] if wanted else []
     if r.drive == "free" and times.size:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cablefem.newmark import Collocated, Course, Stacked, State, Work, cubic, densified
 from cablefem.response import Array, Fields, Observation, Response, States
-from cablefem.scene import RATTLE, Motion, Scene
+from cablefem.scene import Motion, Scene
 from validation.core.solver import Pathed, Solver
 
 FRAMES = 100  # fields are kept at s_o/l = 1/FRAMES, 2/FRAMES, ... of every run, so that runs can be compared
@@ -130,7 +130,8 @@ def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Respon
              "reaction_left", "reaction_right", "contact", "kinetic", "strain", "potential", *_TENSIONS),
         powers={name: H * l / tau * power for name, power in steps.powers.items()},
         events=[
-            {"event": name, "t": float(tau * states.t[i]), "s_o": float(path["s_o"][i]), "speed": float(speed[i])}
+            {"event": name, "t": float(tau * states.t[i]), "s_o": float(path["s_o"][i]),
+             "speed": 0.0 if name == "stop" else float(speed[i])}
             for name, i in events
         ],
         breaks=[] if motion is None else [float(tau * t) for t, _ in motion.phases[1:] if t < states.t[-1]],
@@ -145,18 +146,18 @@ def _at(times: Array, t: float) -> int:
 def _events(scene: Scene, work: Work, t: Array, s_o: Array) -> list[tuple[str, float]]:
     """Return what happened to the car, and when; that it sticks and slips around a standstill is left out.
 
-    A stop is when the standstill began that lasted but for rattling.
+    The time of a stop is that of its first standstill within what counts as rest, or else the end of the ride.
     """
-    drive, still, rests = scene.groups.drive, 0.0, math.inf
+    drive, round_trip = scene.groups.drive, 2.0 / math.sqrt(scene.groups.alpha)
+    still = [e.t for e in work.events if e.name == "standstill"]
+    still = [x for x in still if abs(s_o[_at(t, x)] - s_o[-1]) <= drive.rest_speed * round_trip]
     phases = [("release", drive.release), *[("thrust_end", t) for t, _ in drive.thrust_table[-1:]]]
     told = [(name, at) for name, at in phases if 0.0 < at <= t[-1]]
     for e in work.events:
-        if e.name == "standstill":
-            place = float(s_o[_at(t, e.t)])
-            if abs(place - rests) > RATTLE:
-                rests, still = place, e.t
-        elif e.name not in ("breaking loose", "brake off", "turn"):
-            told.append((e.name, still if e.name == "stop" else e.t))
+        if e.name == "stop":
+            told.append(("stop", still[0] if still else e.t))
+        elif e.name not in ("standstill", "breaking loose", "brake off", "turn"):
+            told.append((e.name, e.t))
     turns = _turns(t, s_o) if drive.mode == "free" else ()
     return sorted([*told, *(("turn", x) for x in turns)], key=lambda event: event[1])
 

@@ -326,8 +326,8 @@ def look(dofs, ends, n_left, cable, car, q, v, a):
 def under_way(course, dofs, rolling, cable, car, q, v, a):
     """Return whether nothing has happened to a car yet, so that its next step is like the one before.
 
-    course : (5,) the places between which it has to stay, the signs of ds_o and of its speed that it has to keep (0:
-        any), and the force by which it has to press on the cable; empty: whatever happens is looked for elsewhere.
+    course : (6,) the places between which it has to stay, the signs of ds_o and of its speed that it has to keep (0:
+        any), its least speed, and the least force by which it presses on the cable; empty: nothing is looked for here.
     """
     if course.size == 0:
         return True
@@ -335,7 +335,7 @@ def under_way(course, dofs, rolling, cable, car, q, v, a):
     if not course[0] < s_o < course[1] or (course[2] != 0.0 and not course[2] * slip > 0.0):
         return False
     seen = look(dofs, rolling.ends, rolling.n_left, cable, car, q, v, a)
-    return (course[3] == 0.0 or course[3] * seen[2] > 0.0) and seen[0] > course[4]
+    return (course[3] == 0.0 or course[3] * seen[2] > course[4]) and seen[0] > course[5]
 
 
 @compiled

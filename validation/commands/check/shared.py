@@ -19,6 +19,10 @@ SHARED = (
         "drive: grip, haul or free",
         "place, thrust, tensions, work in SI; --deep: statics at the start; a gripping car beside a hauled one",
     ),
+    (
+        "stick and slip of a car that rolls",
+        "friction, brakes, places of events and of rest in SI; exact rides on an incline (cablefem oracles)",
+    ),
     ("window of comparison", "a range that ends early is a verdict of its own; paths past it while both know them"),
     (
         "how bars are made: half the resolution, half the steps",

@@ -1,0 +1,256 @@
+"""Stick and slip of a car that rolls on a cable: an automaton on common ground, on which both solvers stand.
+
+A free car sticks to the cable or slips along it.  Friction and brakes work against the slip, so their sign is part of
+the mode and changes at events alone:
+
+    standstill      the slip is zero: the car sticks if friction and brakes can hold it, else slips where it is pulled
+    breaking loose  they cannot hold it any more
+    turn            the car, which moves more smoothly than its slip, goes the other way
+    brake, brake off  it passes the place of a brake
+    arrival, back   it comes to an end of the ride
+    lift_off        it presses on the cable no more; the ride goes on
+    stop            it is at rest: see `RollingCar._left`
+
+Dimensionless: lengths over l, forces over H, times over l sqrt(rho/H).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from cablefem.newmark import State, System
+from cablefem.scene import Groups
+
+EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "back", "lift_off", "stop")
+LEAVING = 1e-12  # slip of a car that gets going: it arms the event of a standstill
+
+
+class Look(NamedTuple):
+    """What the automaton sees of a car at an instant."""
+
+    normal: float  # force with which the car presses on the cable
+    speed: float  # of the car along the mean tangent of the cable
+    along: float  # thrust, drag and weight along it
+    across: float  # weight across it
+
+
+@dataclass(slots=True)
+class Mode:
+    """What events change."""
+
+    sticks: bool = False
+    heading: float = 1.0  # sign of the slip that friction and brakes work against
+    forward: float = 0.0  # sign of the car's speed, 0 before it has one
+    brakes: int = 0  # that have been reached, counted from the left
+    lifted: bool = False
+    rings: bool = False  # let go at once, and waves from the farther support are not back
+    place: float = math.inf  # where and since when the car is slower than `Drive.rest_speed`
+    since: float = 0.0
+
+    @property
+    def sign(self) -> float:
+        """Sign of the slip; 0 where the car sticks."""
+        return 0.0 if self.sticks else self.heading
+
+
+class RollingCar(System):
+    """A system whose last unknown is the place s_o of a free car; of a hauled car it knows lift-off alone.
+
+    A solver calls `board` once and `set_off` at each start, and answers `look`, `holding` and `go_on`.
+    """
+
+    hears_itself: bool  # whether what rings after a jump asks for short steps even where nothing rubs
+    hold: float  # force along the cable that holds the car at its start
+
+    def board(self, groups: Groups) -> None:
+        """Take what the scene says of the car."""
+        self.drive, self.sigma = groups.drive, groups.sigma
+        self.free = self.drive.mode == "free"
+        self.adaptive, self.events = self.free, EVENTS if self.free else ("lift_off",)
+        self.round_trip = 2.0 / math.sqrt(groups.alpha)  # of axial waves over the cable
+        self.hold = 0.0
+        self.set_off()
+
+    def look(self, x: State) -> Look:
+        """Return the car at a state."""
+        raise NotImplementedError
+
+    def holding(self, x: State) -> tuple[float, float]:
+        """Return the force along the cable that keeps a sticking car where it is, and the force that presses it."""
+        raise NotImplementedError
+
+    def go_on(self, x: State) -> State:
+        """Return the state with the accelerations of the present mode."""
+        raise NotImplementedError
+
+    def set_off(self) -> None:
+        """Forget what has happened."""
+        self.mode = Mode(brakes=sum(place <= self.drive.start for place, _ in self.drive.brakes))
+        self.heeded = -math.inf
+        self._watched: tuple[State, tuple[float, ...]] | None = None
+
+    def let_go(self, x: State) -> State:
+        """Return the first state of a free ride, the car held by the cable so far: by friction, or it slips.
+
+        Let go at once, the car slips by half the force over the impedance.  A wave from the nearer support takes that
+        away; until one from the farther support is back, the slip rings and its zeros are no standstill.
+        """
+        x = self.come_to_rest(x)
+        self.mode.rings = self.rubs and not self.mode.sticks
+        return x
+
+    def enter(self, x: State) -> State:
+        """Return the state at the beginning of a further phase: a thrust that sets in may tear the car off."""
+        return self.come_to_rest(x) if self.mode.sticks else self.go_on(x)
+
+    # --- forces ------------------------------------------------------------------------------------------
+    @property
+    def rubs(self) -> bool:
+        """Whether friction or a brake works now."""
+        return self.drive.mu_r > 0.0 or self.mode.brakes > 0
+
+    @property
+    def brake(self) -> float:
+        """Force of the brakes that have been reached."""
+        return sum([force for _, force in self.drive.brakes[: self.mode.brakes]], 0.0) if self.mode.brakes else 0.0
+
+    def most(self, normal: float) -> float:
+        """Return the largest force along the cable of friction and brakes."""
+        return self.drive.mu_r * abs(normal) + self.brake
+
+    def margin(self, x: State) -> float:
+        """Return what friction and brakes could hold more than they do."""
+        needed, normal = self.holding(x)
+        return self.most(normal) - abs(needed)
+
+    # --- changes of the mode -------------------------------------------------------------------------------
+    def come_to_rest(self, x: State) -> State:
+        """Return the state without slip: the car sticks, or is let go where it is pulled."""
+        v = x.v.copy()
+        v[-1] = 0.0
+        self.mode.sticks = True
+        x = self.go_on(x._replace(v=v))
+        return x if self.margin(x) > 0.0 else self._slip(x)
+
+    def _slip(self, x: State) -> State:
+        needed, _ = self.holding(x)
+        mode, v = self.mode, x.v.copy()
+        pulled = needed if abs(needed) > 1e-9 * self.force_scale else self.hold  # less is rounding
+        mode.sticks, mode.heading = False, -math.copysign(1.0, pulled)
+        v[-1] = mode.heading * LEAVING
+        return self.go_on(x._replace(v=v))
+
+    def begin_step(self, x: State) -> None:
+        if not self.free:
+            return
+        mode, (s_o, slip) = self.mode, (float(x.q[-1]), float(x.v[-1]))
+        if mode.rings:
+            turned = mode.heading * self.look(x).speed < -self.drive.rest_speed
+            answered = x.t >= max(self.drive.start, 1.0 - self.drive.start) * self.round_trip
+            if turned or (answered and mode.heading * slip > 0.0):
+                self._hear(slip)
+        if self._drifts(x):
+            mode.place, mode.since, self._watched = s_o, x.t, None
+
+    def _hear(self, slip: float) -> None:
+        """Heed from now on what rings."""
+        self.mode.rings, self._watched = False, None
+        if slip != 0.0:
+            self.mode.heading = math.copysign(1.0, slip)
+
+    def pass_event(self, name: str, x: State) -> State | None:
+        """Change the mode; None where the ride is over."""
+        mode, self._watched = self.mode, None
+        if name in ("arrival", "back", "stop"):
+            return None
+        if name == "standstill":
+            return self.come_to_rest(x)
+        if name == "breaking loose":
+            return self._slip(x)
+        if name in ("brake", "brake off"):
+            mode.brakes += 1 if name == "brake" else -1
+            self._hear(float(x.v[-1]))  # it may stop the car before waves do
+            return self.go_on(x)
+        if name == "turn":
+            mode.forward = -mode.forward
+        else:
+            mode.lifted = True
+        return x
+
+    # --- events --------------------------------------------------------------------------------------------
+    def watch(self, x: State) -> tuple[float, ...]:
+        """Return what is positive until an event happens; inf for what cannot happen in this mode."""
+        if x.t <= self.heeded:
+            return (1.0,) * len(self.events)
+        if self._watched is None or self._watched[0] is not x:
+            self._watched = x, self._values(x)
+        return self._watched[1]
+
+    def _values(self, x: State) -> tuple[float, ...]:
+        mode, drive, (s_o, slip) = self.mode, self.drive, (float(x.q[-1]), float(x.v[-1]))
+        if self.free and not 0.0 < s_o < 1.0:  # beyond the cable nothing else has a value
+            ends = {"arrival": drive.end_place - s_o, "back": s_o - drive.back_place}
+            return tuple(ends.get(name, math.inf) for name in EVENTS)
+        look = self.look(x)
+        lift_off = math.inf if mode.lifted else look.normal
+        if not self.free:
+            return (lift_off,)
+        if mode.forward == 0.0 and abs(look.speed) > drive.rest_speed:
+            mode.forward = math.copysign(1.0, look.speed)
+        # a car that friction and brakes will hold does not turn
+        turns = mode.forward and not mode.sticks and abs(look.along) > self.most(look.across)
+        places, n = [place for place, _ in drive.brakes], mode.brakes
+        return (
+            mode.heading * slip if self.rubs and not (mode.sticks or mode.rings) else math.inf,
+            self.margin(x) if mode.sticks else math.inf,
+            mode.forward * look.speed if turns else math.inf,
+            places[n] - s_o if n < len(places) else math.inf,
+            s_o - places[n - 1] if n else math.inf,
+            drive.end_place - s_o,
+            s_o - drive.back_place,
+            lift_off,
+            self._left(x),
+        )
+
+    def _drifts(self, x: State) -> bool:
+        """Return whether the car is not slow since `mode.since`: its mean speed over an axial round trip, or longer."""
+        mode = self.mode
+        return abs(float(x.q[-1]) - mode.place) > self.drive.rest_speed * max(self.round_trip, x.t - mode.since)
+
+    def _left(self, x: State) -> float:
+        """Return the time that is left until the car has been at rest for an axial round trip.
+
+        At rest it is slow, at a place where friction, brakes or the valley hold it by statics.  Where waves alone hold
+        it, it is not; while forces are still to change, nothing is at rest.
+        """
+        if x.phase < len(self.phases) - 1:
+            return math.inf
+        left = max(self.mode.since, self.phases[-1][0]) + self.round_trip - x.t
+        rests = self.drive.stays(float(x.q[-1])) and not self._drifts(x)
+        return left if rests else max(left, self.round_trip)
+
+    # --- steps ---------------------------------------------------------------------------------------------
+    def part(self, x: State, since: float, ahead: float = 0.0) -> float:
+        """Return the part of a step to take: short near a support, and where friction or a brake hears what rings."""
+        mode, slip = self.mode, x.v.item(-1)
+        rubs = self.drive.resists and (mode.brakes > 0 or mode.sticks)
+        hears = (mode.forward, since) if self.hears_itself or self.drive.resists else (0.0, math.inf)
+        return self.drive.part_of_step(self.round_trip, self.sigma, x.q.item(-1) + ahead * slip, slip, *hears, rubs)
+
+    @property
+    def under_way(self) -> bool:
+        """Whether steps are alike, but for the events that `course` lets compiled steps see."""
+        mode = self.mode
+        return not self.free or not (mode.sticks or mode.rings or mode.forward == 0.0)
+
+    def course(self) -> tuple[float, float, float, float, float]:
+        """Return what a free car keeps to until something happens.
+
+        The places between which it stays, the signs that its slip (0: any) and its speed keep, the least speed.
+        """
+        mode, drive = self.mode, self.drive
+        places, n = (0.0, *(place for place, _ in drive.brakes), 1.0), mode.brakes
+        low, high = max(drive.back_place, places[n]), min(drive.end_place, places[n + 1])
+        return low, high, mode.heading if self.rubs else 0.0, mode.forward, drive.rest_speed
