@@ -1,8 +1,9 @@
-"""Every entry of the method table, and the method that README writes, through everything that asks for methods."""
+"""Every entry of the method table, and a user's own method, through everything that asks for methods."""
 
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from cablefem import Scene
 from cablefem.newmark import integrate, scheme, step_times
 from cablefem.response import Observation, Response
-from tests.test_readme import METHOD
+from tests.validation import sines
 from validation import assert_agree, check, run
 from validation.commands.atlas import study as atlas
 from validation.commands.chart import cost
@@ -22,17 +23,16 @@ from validation.core.sampling import stacked
 from validation.core.trust import recommended
 from validation.oracles import moving_mass
 
-README = "my-sines"
+MINE = "my-sines"
 SCENE = Scene.load("inclined")
-TABLE = [*METHODS, README]
+TABLE = [*METHODS, MINE]
 every = pytest.mark.parametrize("name", TABLE)
 
 
 @pytest.fixture(autouse=True)
-def readme(monkeypatch):
-    """Put README's method into the table, as a user's import would."""
-    monkeypatch.setitem(METHODS, README, None)
-    exec(compile(METHOD, "README.md", "exec"), {"__name__": "my_method"})
+def mine(monkeypatch):
+    """Put a user's own method into the table."""
+    monkeypatch.setitem(METHODS, MINE, sines.METHOD)
 
 
 def coarse(name):
@@ -96,15 +96,15 @@ def test_a_tolerance_is_met_or_refused_with_the_best_there_is(name, monkeypatch)
     assert find(name).resolution.setting in response.settings
 
 
-@pytest.mark.parametrize("name", [name for name in TABLE if name == README or not METHODS[name].wrong])
+@pytest.mark.parametrize("name", [name for name in TABLE if name == MINE or not METHODS[name].wrong])
 def test_a_check_holds_it_against_the_other_wing(name, monkeypatch):
-    monkeypatch.setattr("validation.core.resolution.ATTEMPTS", 4 if name == README else 1)
+    monkeypatch.setattr("validation.core.resolution.ATTEMPTS", 4 if name == MINE else 1)
     other = "fourier-kink" if find(name).wing == "elements" else "following-p2"
     result = check(SCENE, tol=0.2, methods=(name, other))
     assert result.a.run.method == name
     assert {row.quantity for row in result.rows} >= {"path_max"}
     json.dumps(result.agreement(), allow_nan=False)
-    if name == README:
+    if name == MINE:
         assert next(row for row in result.rows if row.quantity == "path_max").verdict.value == "agree"
 
 
@@ -139,7 +139,7 @@ def test_a_case_of_an_oracle(name, monkeypatch):
     row = oracles.Task("moving-mass", case, name).compute()
     assert row.method == name
     assert row.verdict in ("agree", "disagree")
-    if name == README:
+    if name == MINE:
         assert row.error < 0.1
 
 
@@ -148,10 +148,12 @@ def test_recommended_settings_are_settings(name):
     find(name).settings(recommended(SCENE, name))
 
 
-def test_the_method_of_readme_is_right_and_without_its_coriolis_term_it_is_not():
+def test_a_user_s_method_is_right_and_without_its_coriolis_term_it_is_not(monkeypatch):
     level = Scene.load("level")
     ours = run(level, "following-p2", elements=6, steps=300, until=0.6)
-    assert_agree(run(level, README, waves=20, steps=300, until=0.6), ours, path=6e-2)
-    exec(compile(METHOD.replace("2.0 * ds * f1 @ V", "0.0 * ds * f1 @ V"), "README.md", "exec"), {"__name__": "twin"})
+    assert_agree(run(level, MINE, waves=20, steps=300, until=0.6), ours, path=6e-2)
+    text, twin = Path(sines.__file__).read_text(), {"__name__": "twin"}
+    exec(compile(text.replace("2.0 * ds * f1 @ V", "0.0 * ds * f1 @ V"), "twin", "exec"), twin)
+    monkeypatch.setitem(METHODS, MINE, twin["METHOD"])
     with pytest.raises(AssertionError, match="path_max"):
-        assert_agree(run(level, README, waves=20, steps=300, until=0.6), ours, path=6e-2)
+        assert_agree(run(level, MINE, waves=20, steps=300, until=0.6), ours, path=6e-2)
