@@ -6,7 +6,7 @@ if TYPE_CHECKING:
     from cablefem.scene import Scene, SceneError
 
 __all__ = ["Scene", "SceneError", "__version__"]
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 
 def __getattr__(name: str) -> Any:

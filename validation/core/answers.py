@@ -8,11 +8,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from cablefem.response import Array, Response, whole
+from cablefem.response import Array, Response, whole, write_json
 from cablefem.scene import Scene
 
 PLACES = 201  # columns of the profile, as many as stations in tension.csv
@@ -127,8 +126,10 @@ def profile(r: Response) -> Profile:
     return Profile(x, rest, np.min(depth, axis=0), lowest, np.max(pull, axis=0), np.min(pull, axis=0))
 
 
-def write_profile(folder: Path, r: Response) -> None:
-    """Write profile.csv."""
+def write_answers(folder: Path, scene: Scene, r: Response) -> None:
+    """Write profile.csv, and the outcome into summary.json."""
+    found = outcome(scene, r)
+    write_json(folder / "summary.json", {"outcome": found.sentence, "outcome_kind": found.kind, **r.summary()})
     columns = profile(r).columns()
     with whole(folder / "profile.csv") as temporary:
         values = np.stack(list(columns.values()), axis=1)
@@ -194,9 +195,3 @@ def car_over_ground(r: Response, ground: Array, below: float) -> Room:
     """Return the free height of the car's lowest part above the ground at each step; nan outside the ground."""
     depth = np.interp(r.x, ground[:, 0], ground[:, 1], left=np.nan, right=np.nan)
     return Room(r.t, depth - r.y - below, r.s_o)
-
-
-def answers(scene: Scene, r: Response) -> dict[str, Any]:
-    """Return what summary.json says of the outcome."""
-    found = outcome(scene, r)
-    return {"outcome": found.sentence, "outcome_kind": found.kind}

@@ -87,6 +87,7 @@ def command(
 
         result = study.check(loaded, tol=tol, tol_tension=tol_tension, deep=deep, progress=progress, made=made)
         from validation.commands.check import words  # by now they are loaded, while solvers ran
+        from validation.core.answers import write_answers
         from validation.page import report
 
         progress("writing", 0.0)
@@ -98,6 +99,8 @@ def command(
         progress("writing", 0.3)
         report.write(folder, "check")
         writing.close()
+        for r in (result.a.run, result.b.run):
+            write_answers(folder / r.method, loaded, r)
         store.finish(folder, "check")
         progress("writing", 1.0)
     words.tell(result, verbose)

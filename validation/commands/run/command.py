@@ -86,8 +86,7 @@ QUASI_STATIC = "quasi-static"
 
 
 def _one(scene: "Scene", name: str, answered: "Callable[..., Answer]", out: Path | None) -> int:
-    from cablefem.response import whole
-    from validation.core.answers import write_profile
+    from validation.core.answers import write_answers
     from validation.core.estimate import OF_BARS
     from validation.core.sidebyside import ready
     from validation.page import report, telling
@@ -100,9 +99,7 @@ def _one(scene: "Scene", name: str, answered: "Callable[..., Answer]", out: Path
         if name != QUASI_STATIC:
             animate(r, folder / name)
         r.write(folder / name)
-        write_profile(folder / name, r)
-        with whole(folder / name / "scene.toml") as temporary:
-            temporary.write_text(scene.to_toml(), encoding="utf-8")
+        write_answers(folder / name, scene, r)
         report.write(folder, "run")
     store.finish(folder, "run")
     telling.answer(scene, r)
