@@ -158,8 +158,8 @@ def test_a_grid_of_scenes_is_a_table_and_a_page(cablefem):
 def test_one_value_overrides_the_scene(cablefem):
     assert cablefem("run", "zipline", "--model", "quasi-static", "--set", "mass.mass=50", "--out", "x")[0] == 0
     summary = json.loads(Path("x/quasi-static/summary.json").read_text())
-    assert summary["outcome"].startswith("never reaches the brake")
-    assert summary["outcome_kind"] == "stuck"
+    assert summary["outcome"].startswith("stops in the brake at 388.0 m")
+    assert summary["outcome_kind"] == "stopped_by_brake"
 
 
 @pytest.mark.parametrize("pair", ["mass.mass=-5", "mass.weight=3", "drive.wind=x", "mass.mass=1:2", "elements=3"])

@@ -31,7 +31,10 @@ NUMBERS = (
     "doubt_tension",
 )  # fmt: skip
 COUNTS = ("newton_iterations", "steps")
-WORDS = ("status", "cause", "reason", "flags", "verdict", "not_agreed", "method", "model", "load", "settings")
+WORDS = (
+    "status", "cause", "reason", "flags", "verdict", "not_agreed", "method", "model", "load", "settings", "outcome",
+    "outcome_kind", "events",
+)  # fmt: skip
 
 
 class CutOff(BaseException):
@@ -221,12 +224,16 @@ def _advise(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict
 
 def of_response(r: Any, scene: Any) -> dict[str, Any]:
     """Return what a run says, for a row."""
+    from validation.core.answers import outcome
+
+    found = outcome(scene, r)
     out = {
         "status": r.status, "cause": r.cause, "reason": r.reason, "method": r.method, "model": r.model, "load": r.load,
         "flags": "; ".join(map(str, r.flags)) or None, "settings": json.dumps(r.settings),
         "max_deflection": r.max_deflection, "path_error": r.path_error, "tension_error": r.tension_error,
         "slack_onset": r.slack_onset, "reached": r.reached, "newton_iterations": r.work["newton_iterations"],
-        "steps": r.work["steps"],
+        "steps": r.work["steps"], "outcome": found.sentence, "outcome_kind": found.kind,
+        "events": json.dumps(r.events) if r.events else None,
     }  # fmt: skip
     for number in r.design:
         if number["quantity"] in DESIGN:
