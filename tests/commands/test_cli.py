@@ -47,13 +47,6 @@ def test_every_command_has_help_with_an_example_and_says_where_it_writes(cablefe
     assert "..." not in out.splitlines()[2]  # the first line is whole
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_the_options_of_an_example_exist(cablefem, command):
-    _, out, _ = cablefem(command, "--help")
-    example = out.partition("Example: ")[2]
-    assert all(word in out.partition("Example: ")[0] for word in example.split() if word.startswith("--"))
-
-
 def loaded(*arguments):
     """Top-level modules that a call loads in a fresh interpreter."""
     call = [sys.executable, "-X", "importtime", "-m", "validation.cli", *arguments]

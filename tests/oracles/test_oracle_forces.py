@@ -192,19 +192,6 @@ def test_pierucci_solves_the_wave_equation(V):
     assert np.abs(wave_defect(v, lambda s: 1.05 * impulse(s), lambda s: V * s, on_line(31), 9.0)).max() > 1e-3
 
 
-def test_pierucci_is_what_remains_of_a_force_switched_on_long_ago():
-    """Behind the first wave a force switched on at t = 0 differs from the steady one by the constant P/(2 i omega)."""
-    P, V, omega, t = 1.2, 0.42, 3.7, 2.6
-    x = np.linspace(-0.99 * t, 0.99 * t, 41)
-    started = accelerating_force.displacement_of(x, t, lambda s: P * np.sin(omega * s) / omega, V0=V, a=0.0)
-    steady = harmonic_force.displacement(x, t, P=P, V=V, omega=omega).real
-    assert np.abs(started - steady).max() < ROUNDING
-    t1 = np.linspace(0.0, 50.0, 4001)
-    for x1, f in ((60.0, omega / (1.0 - V)), (-60.0, omega / (1.0 + V))):  # Doppler
-        v = harmonic_force.displacement(x1, t1, P=P, V=V, omega=omega)
-        assert np.abs(v - v[0] * np.exp(1j * f * t1)).max() < 1e-10
-
-
 @pytest.mark.parametrize("V", [0.0, 0.55, 1.45])
 def test_yen_and_tang_satisfies_the_steady_equation(V):
     P, k, h = 1.3, 2.7, 1e-3

@@ -6,7 +6,6 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from markupsafe import Markup
@@ -180,9 +179,3 @@ def test_figures_are_the_same_every_time_small_and_keep_their_text():
     assert len(long) < 40_000
     assert len(field) < 80_000
     assert "data:image/png;base64," in field
-
-
-def test_drawing_leaves_the_reader_s_own_figures_alone():
-    before = dict(mpl.rcParams)
-    svg(drawn(), "A line")
-    assert dict(mpl.rcParams) == before

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 
 import jinja2
@@ -67,13 +66,6 @@ def test_a_fraction_in_words_is_nearer_than_the_next_one():
     assert claim(quantity(0.297, fraction=[1, 3])).verdict == HOLDS
     assert claim(quantity(0.28, fraction=[1, 3])).verdict == FAILS
     assert claim(quantity(0.42, fraction=[1, 2])).verdict == HOLDS
-
-
-def test_a_row_says_all_and_survives_json():
-    row = claim(quantity(0.2, 0.01, at_most=0.3, reason="why")).row()
-    assert json.loads(json.dumps(row, allow_nan=False)) == row
-    assert row["quantities"][0]["low"] is None
-    assert set(row) == {"id", "where", "claim", "readings", "erratum", "quantities", "verdict", "why"}
 
 
 def test_a_table_of_numbers_is_a_quantity_for_each_with_its_key_in_the_name():

@@ -17,7 +17,7 @@ from validation import oracles
 from validation.commands.oracles import page
 from validation.commands.oracles import study as exactness
 from validation.oracles import rest
-from validation.oracles.case import BARE, Crossing
+from validation.oracles.case import Crossing
 
 EVERY = {task.key: task for task in exactness.tasks()}
 CROSSINGS = {key[:2]: task.case for key, task in EVERY.items() if isinstance(task.case, Crossing)}
@@ -92,15 +92,6 @@ def test_crossings_and_limits_agree(oracle, case):
     assert row(oracle, case, "following-p2").verdict == "agree"
 
 
-def test_with_plain_gravity_the_limit_of_small_sag_is_not_met():
-    right = row("moving-mass", "limit of small sag, model stretching, g (1", "following-p2")
-    twin = row("moving-mass", "limit of small sag, model stretching, plain", "following-p2")
-    assert right.verdict == "agree"
-    assert twin.verdict == "disagree"
-    assert twin.error > 50.0 * right.error
-    assert 0.12 < twin.error < 0.2  # it sticks at V^2/(1 + V^2) = 0.17 or so
-
-
 def test_what_rides_with_the_load_is_unstable_above_the_wave_speed():
     found = row("accelerating-force", "through", "following-p2")
     assert found.verdict == found.expected == "disagree"
@@ -110,13 +101,6 @@ def test_what_rides_with_the_load_is_unstable_above_the_wave_speed():
 @pytest.mark.parametrize("basis", ["P2 elements", "sines", "wavelets"])
 def test_frequencies_of_both_wings(oracle, basis):
     assert row(oracle, "first four", basis).verdict == "agree"
-
-
-@pytest.mark.parametrize("basis", ["sines", "wavelets", "P2 elements"])
-def test_the_sagged_model_has_irvines_first_frequency(basis):
-    n = {"sines": 160, "wavelets": 3, "P2 elements": 160}[basis]
-    # the sines, slowest of the three, are off by 2e-8 relative at 160 terms
-    assert exactness.SOLVERS.modes(basis, BARE, "sagged", 4, size=n)[0] == pytest.approx(5.3497920, abs=2e-7)
 
 
 LINES = {
@@ -145,29 +129,6 @@ def test_each_wing_s_own_statics_hold_a_car_and_find_where_it_rests(scene, place
     assert sines == pytest.approx(law, rel=1e-6)
     assert law == pytest.approx(hold, abs=1e-7)
     assert abs(fine - law) > 1e3 * abs(fine - gripped(rest.TENTH, g).hold[0])
-
-
-@pytest.mark.parametrize(
-    ("oracle", "case", "error"),
-    [
-        ("rest", "force that holds", 1e-6),
-        ("rest", "place of rest", 2e-7),
-        ("energy", "damped", 7e-6),
-        ("ellipse", "stiff light cable: distance", 2.9e-5),
-        ("ellipse", "stiff light cable: speed", 1.9e-3),
-        ("ellipse", "stiff light cable: tension", 1e-3),
-        ("quasi-static", "up to V/c = 0.4: speed", 2e-4),
-        ("rocket", "taut cable", 1.1e-5),
-    ],
-)
-@pytest.mark.parametrize("method", ["following-p2", "fourier-kink"])
-def test_figures_of_two_prototypes_are_met(oracle, case, error, method):
-    """By the finest run; its twins (must fail) are not."""
-    rows = [t for k, t in EVERY.items() if (k[0], k[2]) == (oracle, method) and k[1].startswith(case)]
-    (found,) = [t.compute() for t in rows if t.case.expected == "agree"]
-    assert found.verdict == "agree"
-    assert found.error < error
-    assert all(t.compute().verdict == "disagree" for t in rows if t.case.expected == "disagree")
 
 
 # --- the judge ------------------------------------------------------------------------------------------------------

@@ -278,12 +278,6 @@ def test_cells_are_judged_by_their_error_and_only_against_a_sure_reference():
     assert measures.WINDOW[1] > broken.reached
 
 
-def test_a_run_that_ends_before_its_first_frame_has_none():
-    r = run(LEVEL, "following-p2", elements=3, steps=2000, until=0.004)
-    assert r.fields.t.size == 0
-    assert r.t.size > 3
-
-
 def test_two_answers_are_one_until_they_part():
     a, b = (run(LEVEL, "following-p2", elements=n, steps=300, until=0.7) for n in (6, 8))
     same = reach(a, b, 0.3, 1e-3)

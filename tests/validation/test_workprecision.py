@@ -203,19 +203,6 @@ def test_another_code_runs_the_travel_up_to_the_end_of_the_window():
         assert len(short.motion.phases) <= len(groups.motion.phases)
 
 
-def test_another_codes_path_is_measured_like_ours():
-    truth = run(LEVEL, "following-p4", elements=8, steps=1500, until=0.8)
-    r = run(LEVEL, "following-p2", elements=5, steps=150, until=0.8)
-    known = study._Truth(truth, (0.02, 0.8), {})
-    l, tau = LEVEL.length, LEVEL.time_scale
-    path = PeerPath(r.s_o / l, r.u / l, r.v / l, r.t / tau, 1.0, "")
-    seen = known.errors_of_path(path, LEVEL)
-    ours = known.errors(r)
-    assert seen["path_error"] == pytest.approx(ours["path_error"], rel=1e-9)
-    shifted = PeerPath(path.s_o, path.u, path.v + 0.1 * path.v.max(), path.t, 1.0, "")
-    assert known.errors_of_path(shifted, LEVEL)["path_error"] > 0.09
-
-
 def test_a_free_ride_is_charted_over_time_by_what_can_roll():
     text = Scene.load("zipline").to_toml().replace('mode = "free"', 'mode = "free"\nend = {place = 40.0}')
     ride = Scene.from_toml(text)
