@@ -17,9 +17,14 @@ import typer
 from validation import command_names
 from validation.page import terminal
 
+ORDER = (
+    "scenes", "methods", "run", "check", "modes", "advise", "certify", "chart", "atlas", "oracles", "paper", "sweep",
+    "report",
+)  # fmt: skip
+
 
 def _app() -> typer.Typer:
-    """Collect the commands, in the order that their PLACE gives them."""
+    """Collect the commands; those that ORDER does not name come last."""
     app = typer.Typer(
         add_completion=False,
         rich_markup_mode=None,  # units in brackets are units
@@ -29,8 +34,8 @@ def _app() -> typer.Typer:
     )
     app.callback()(_version)
     parts = {name: importlib.import_module(f"validation.commands.{name}.command") for name in command_names()}
-    for name, part in sorted(parts.items(), key=lambda entry: entry[1].PLACE):
-        app.command(name, epilog=f"Example: {part.EXAMPLE}")(part.command)
+    for name in sorted(parts, key=lambda name: ORDER.index(name) if name in ORDER else len(ORDER)):
+        app.command(name, epilog=f"Example: {parts[name].EXAMPLE}")(parts[name].command)
     return app
 
 

@@ -28,29 +28,22 @@ class Ice(Part):
     density: Positive = said("[kg/m3] density of the ice")
 
 
-class Cable(Part):
-    """A uniform elastic cable; exactly one of length, sag and horizontal_tension fixes how deep it hangs."""
+class Rope(Part):
+    """A uniform elastic rope, its temperature and its ice."""
 
     mass_per_length: Positive = said("[kg/m] mass of the cable per stretched length at rest")
     EA: Positive = said("[N] axial stiffness")
-    length: Positive | None = said("[m] stretched arc length at rest", None)
-    sag: Positive | None = said("[m] largest vertical distance below the chord at rest", None)
-    horizontal_tension: Positive | None = said("[N] horizontal part of the tension at rest", None)
     diameter: Positive | None = said("[m] of the cable without ice", None)
     breaking_load: Positive | None = said("[N] tension at which the cable breaks", None)
     temperature: Celsius | None = said("[C] during the run", None)
-    reference_temperature: Celsius | None = said("[C] at which length, sag or horizontal_tension hold", None)
+    reference_temperature: Celsius | None = said("[C] at which the lengths and tensions given hold", None)
     expansion: Annotated[float, between(-1e-3, 1e-3)] | None = said("[1/K] thermal expansion; steel 1.2e-5", None)
     ice: number_or(POSITIVE, Ice) = said("[kg/m] of the cable at the reference temperature", None)  # type: ignore[valid-type]
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        """A cable hangs as deep as exactly one number says; temperature and ice need what they act through."""
-        given = [f"{name} = {shown(data[name])}" for name in SHAPES if data.get(name) is not None]
-        one = f"exactly one of {', '.join(SHAPES)} must be given"
-        faults = [f"{extra}: too much beside {given[0]}; {one}" for extra in given[1:]]
-        if not given:
-            faults = [f"{SHAPES[0]}: missing; {one}"]
+        """Temperature and ice need what they act through."""
+        faults = []
         if data.get("temperature") is not None:
             needs = [name for name in ("reference_temperature", "expansion") if data.get(name) is None]
             faults += [f"{name}: missing; must be given with temperature" for name in needs]
@@ -79,6 +72,24 @@ class Cable(Part):
             assert self.diameter is not None
             return self.ice.density * math.pi * self.ice.thickness * (self.diameter + self.ice.thickness)
         return self.ice or 0.0
+
+
+class Cable(Rope):
+    """The cable of one span; exactly one of length, sag and horizontal_tension fixes how deep it hangs."""
+
+    length: Positive | None = said("[m] stretched arc length at rest", None)
+    sag: Positive | None = said("[m] largest vertical distance below the chord at rest", None)
+    horizontal_tension: Positive | None = said("[N] horizontal part of the tension at rest", None)
+
+    @classmethod
+    def faults_between(cls, data: dict[str, Any]) -> list[str]:
+        """A cable hangs as deep as exactly one number says."""
+        given = [f"{name} = {shown(data[name])}" for name in SHAPES if data.get(name) is not None]
+        one = f"exactly one of {', '.join(SHAPES)} must be given"
+        faults = [f"{extra}: too much beside {given[0]}; {one}" for extra in given[1:]]
+        if not given:
+            faults = [f"{SHAPES[0]}: missing; {one}"]
+        return faults + super().faults_between(data)
 
 
 class Supports(Part):

@@ -58,6 +58,38 @@ class Mass(Part):
     below: NonNegative = said("[m] how far the lowest part of the car or rider hangs below the cable", 0.0)
 
 
+AT_REST = "a line of several contacts is computed at rest; one span between two anchors also in motion"
+
+
+def scene_text(name_or_path: str | Path) -> tuple[str, str]:
+    """Return text and name of the built-in scene of that name, or of that TOML file."""
+    text = str(name_or_path)
+    if text in (*LIBRARY, *LINES):
+        return Scene.library_text(text), text
+    path = Path(name_or_path)
+    try:
+        content = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise SceneError(
+            [f"scene = {shown(text)}: no built-in scene, no file.{nearest(text, (*LIBRARY, *LINES))}"]
+        ) from None
+    except (OSError, ValueError) as error:  # a folder, no permission, not UTF-8
+        why = error.strerror if isinstance(error, OSError) else error
+        raise SceneError([f"scene = {shown(text)}: must be a readable TOML file ({why})"]) from None
+    return content, re.sub(r"[^\w.-]+", "-", path.stem).strip(".-") or "scene"
+
+
+def parsed(text: str) -> dict[str, Any]:
+    """Return the tables of a TOML text."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        end = f"at line {text.count(chr(10)) + 1}, column {len(text) - text.rfind(chr(10))}, where it ends"
+        raise SceneError([f"not valid TOML: {str(error).replace('at end of document', end)}"]) from None
+    except (ValueError, RecursionError):  # a number of thousands of digits, thousands of brackets
+        raise SceneError(["not valid TOML: a number or a nesting beyond all bounds"]) from None
+
+
 @dataclass(frozen=True, slots=True)
 class Groups:
     """The scene in dimensionless form, all a solver needs: lengths over l, forces over H, times over l sqrt(rho/H)."""
@@ -124,19 +156,8 @@ class Scene(Part):
     @classmethod
     def load(cls, name_or_path: str | Path) -> Self:
         """The built-in scene of that name, or the scene in that TOML file; SceneError with all its faults."""
-        text = str(name_or_path)
-        if text in LIBRARY:
-            return cls.from_toml(cls.library_text(text), name=text)
-        path = Path(name_or_path)
-        try:
-            content = path.read_text(encoding="utf-8-sig")
-        except FileNotFoundError:
-            raise SceneError([f"scene = {shown(text)}: no built-in scene, no file.{nearest(text, LIBRARY)}"]) from None
-        except (OSError, ValueError) as error:  # a folder, no permission, not UTF-8
-            why = error.strerror if isinstance(error, OSError) else error
-            raise SceneError([f"scene = {shown(text)}: must be a readable TOML file ({why})"]) from None
-        name = re.sub(r"[^\w.-]+", "-", path.stem).strip(".-") or "scene"
-        return cls.from_toml(content, name=name, folder=path.parent)
+        text, name = scene_text(name_or_path)
+        return cls.from_toml(text, name=name, folder=Path(name_or_path).parent)
 
     @classmethod
     def from_toml(cls, text: str, *, name: str = "scene", folder: Path = Path()) -> Self:
@@ -144,13 +165,9 @@ class Scene(Part):
 
         name : of the scene, unless the text names it. folder : where a file of the ground is looked for.
         """
-        try:
-            data = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            end = f"at line {text.count(chr(10)) + 1}, column {len(text) - text.rfind(chr(10))}, where it ends"
-            raise SceneError([f"not valid TOML: {str(error).replace('at end of document', end)}"]) from None
-        except (ValueError, RecursionError):  # a number of thousands of digits, thousands of brackets
-            raise SceneError(["not valid TOML: a number or a nesting beyond all bounds"]) from None
+        data = parsed(text)
+        if "contact" in data:
+            raise SceneError([AT_REST])
         if isinstance(ground := data.get("ground"), str):
             data["ground"] = read_ground(ground, folder)
         return cls(**{"name": name, **data})
@@ -172,8 +189,10 @@ class Scene(Part):
     @classmethod
     def library_text(cls, name: str) -> str:
         """The TOML of a built-in scene, with its comments, to copy."""
+        if name in LINES:
+            return (_FILES / "lines" / f"{name}.toml").read_text(encoding="utf-8")
         if name not in LIBRARY:
-            raise SceneError([f"scene = {shown(name)}: no built-in scene.{nearest(name, LIBRARY)}"])
+            raise SceneError([f"scene = {shown(name)}: no built-in scene.{nearest(name, (*LIBRARY, *LINES))}"])
         return (_FILES / f"{name}.toml").read_text(encoding="utf-8")
 
     # --- other scenes -----------------------------------------------------------------------------------------------
@@ -444,6 +463,7 @@ _FILES = resources.files("cablefem.scene") / "library"
 # first in a list: the paper's scenes, then what is asked most
 _FIRST = ("level", "cruise", "inclined", "bare", "tramway", "zipline")
 _FOUND = sorted(file.name.removesuffix(".toml") for file in _FILES.iterdir() if file.name.endswith(".toml"))
+LINES = sorted(file.name.removesuffix(".toml") for file in (_FILES / "lines").iterdir())  # read by `line.Line`
 LIBRARY = (*_FIRST, *(name for name in _FOUND if name not in _FIRST))
 
 

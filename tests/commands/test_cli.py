@@ -85,7 +85,7 @@ def test_help_loads_nothing_that_takes_its_time():
         (["run", "level", "--method", "fourir"], ["unknown method 'fourir'. Did you mean fourier?"]),
         (["run", "level", "--method", "fourier", "--set", "trms=3"], ["fourier has no setting 'trms'"]),
         (["run", "level", "--method", "fourier", "--set", "trms=3"], ["Did you mean terms?"]),
-        (["run", "level", "--method", "fourier", "--set", "terms=0"], ["terms must lie in [1, 2000], got '0'"]),
+        (["run", "level", "--method", "fourier", "--set", "terms=0"], ["terms must lie in [1, 2000], got 0"]),
         (["run", "level", "--method", "fourier", "--set", "terms=x"], ["terms must be an integer, got 'x'"]),
         (["run", "level", "--method", "fourier", "--set", "rho_inf=nan"], ["rho_inf must lie in [0, 1]"]),
         (["run", "level", "--method", "fourier", "--set", "terms"], ["--set must be KEY=VALUE, got 'terms'"]),

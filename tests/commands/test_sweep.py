@@ -288,7 +288,7 @@ def test_a_sweep_goes_on_where_it_stopped_and_does_nothing_twice(tmp_path, clust
     tally = engine.sweep(study, tmp_path, progress=lambda t: seen.append(t.done), **cluster)
     assert tally.status.total() == 60 - len(before)
     for file in engine.files(tmp_path):
-        asked.update(engine.parquet_indices(file))
+        asked.update(engine.column(file, "index"))
     assert set(asked.values()) == {1}
     rows = engine.frame(tmp_path)
     assert rows.index.tolist() == list(range(60))

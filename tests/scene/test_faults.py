@@ -30,7 +30,7 @@ NUMBER = "from 1e-12 to 1e+15"
 SHAPES = "exactly one of length, sag, horizontal_tension must be given"
 KINDS = "constant_speed, constant_acceleration, accelerate_cruise_brake, trapezoid, table"
 CABLE_KEYS = (
-    "Known: mass_per_length, EA, length, sag, horizontal_tension, diameter, breaking_load, temperature, "
+    "Known: length, sag, horizontal_tension, mass_per_length, EA, diameter, breaking_load, temperature, "
     "reference_temperature, expansion, ice."
 )
 SCENE_KEYS = "Known: name, title, gravity, cable, supports, mass, travel, drive, obstacle, ground."

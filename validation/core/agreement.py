@@ -513,6 +513,9 @@ def doubts(a: Estimated, b: Estimated) -> list[tuple[str, Flag]]:
 Series = Callable[[Response], Array]
 
 
+TRAPEZOIDS = 1e-4  # of weight times deflection: work summed by trapezoids
+
+
 def _energy_series(scene: Scene) -> Series:
     assert scene.mass is not None
     weight = scene.mass.mass * scene.gravity
@@ -524,8 +527,6 @@ def _law(name: str, series: Series, a: Estimated, b: Estimated, window: Window) 
 
     Of a ride that comes back from a slack cable, until that was: see `laws.energy`.
     """
-    from validation.core import laws  # see `agree`
-
     found = []
     for e in (a, b):
         defect, taut = series(e.run), e.run.slack_since
@@ -536,8 +537,8 @@ def _law(name: str, series: Series, a: Estimated, b: Estimated, window: Window) 
             inside = measures.inside(coarse, window) & (coarse.t <= taut)  # noqa: B023
             return _rms((series(coarse) - measures.at_steps_of(coarse, fine, np.nan_to_num(series(fine))))[inside])
 
-        bar = laws.SAFETY * (distance(e.run, e.in_space) + distance(e.run, e.in_time)) + laws.TRAPEZOIDS
-        basis = f"{CHANGED}, times {laws.SAFETY}, and {laws.TRAPEZOIDS:g} for trapezoids"
+        bar = UNCONFIRMED * (distance(e.run, e.in_space) + distance(e.run, e.in_time)) + TRAPEZOIDS
+        basis = f"{CHANGED}, times {UNCONFIRMED}, and {TRAPEZOIDS:g} for trapezoids"
         found.append(Agreement(name, gap, Bound("law", (Part(e.run.method, bar, basis),))))
     return _worse(found)
 
@@ -545,22 +546,22 @@ def _law(name: str, series: Series, a: Estimated, b: Estimated, window: Window) 
 def _laws(a: Estimated, b: Estimated, window: Window) -> Iterator[Agreement]:
     """Hold both runs against mechanics in SI, as the judge knows it by itself; a row for each law, of the worse run."""
     from validation.core import laws  # see `agree`
+    from validation.core.ladder import Branch, Ladder
 
     found: dict[str, list[Agreement]] = {}
     for e in (a, b):
-        for x in laws.hold(e.run, window, (e.in_space, e.in_time)):
-            found.setdefault(x.law, []).append(_held(e.run.method, x, laws.SAFETY))
+        space, time = (Branch((x,), (2.0,), 2.0) for x in (e.in_space, e.in_time))
+        for x in laws.hold(Ladder(e.run, space, time), window):
+            found.setdefault(x.law, []).append(_held(e.run.method, x))
     yield from map(_worse, found.values())
 
 
-def _held(method: str, x: Held, safety: float) -> Agreement:
+def _held(method: str, x: Held) -> Agreement:
     name, law = x.quantity, "" if x.law == x.quantity else x.law
-    if not math.isfinite(x.gap + x.changed):
+    if not math.isfinite(x.gap + x.bar):
         return Agreement(name, math.nan, nothing(f"{method} or a companion does not say what it asks for"), law=law)
-    parts = [Part(method, x.sampling, "sampling of its fields")]
-    if x.changed:
-        parts.insert(0, Part(method, safety * x.changed, f"{CHANGED}, times {safety}"))
-    return Agreement(name, x.gap, Bound("law", tuple(parts)), x.where, law=law)
+    parts = Part(method, x.bar, CHANGED), Part(method, x.sampling, "sampling of its fields")
+    return Agreement(name, x.gap, Bound("law", parts), x.where, law=law)
 
 
 def _worse(rows: list[Agreement]) -> Agreement:

@@ -1,6 +1,6 @@
-"""What the laws of mechanics are held against: a response, and its scene's own numbers, in SI.
+"""What the laws of mechanics are held against: a response, and its scene's own numbers from the TOML, in SI.
 
-Nothing of the solvers, nothing of the scene package: the numbers are read with tomllib, the rest is in the response.
+Nothing of the solvers and nothing of the scene package is used here.
 """
 
 from __future__ import annotations
@@ -8,21 +8,22 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid, simpson
+from scipy.integrate import simpson
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.optimize import brentq
 
 from cablefem.response import Array, Response
 
 EVERY = 6  # frames from one end of a window to the next: 0.06 of the travel
-ROUNDING = 1e-9  # of the scale: stations and splines of static shapes
-SIDE = 1e-6  # of a step, beside an event
+ROUNDING = 1e-9  # of the scale of a law, or of a time: splines of static shapes, times written by different runs
+
+AT_REST = ("s", "x", "y", "T_static")  # fields of the cable at rest, by stations alone
 
 Window = tuple[float, float]
 
@@ -83,22 +84,22 @@ def _hung(span: float, drop: float, weight: float, name: str, value: float) -> t
 
 
 @dataclass(frozen=True, slots=True)
-class Defect:
-    """What is missing from a law: at places s_o/l (nan where there is none), part of the law's scale."""
+class Windows:
+    """Times between which laws are held, cut by the finest run and the same for all coarser ones [s]."""
 
-    place: Array  # (k,)
-    value: Array  # (k, c)
+    frames: Array  # (k,) of frames, for laws of the cable
+    steps: Array  # (k',) the same, with begin and end of what is compared, for laws of the mass
 
-    @property
-    def rms(self) -> Array:
-        """Of all components together and of each, over the places, (1 + c,)."""
-        each = np.mean(self.value**2, axis=0)
-        return np.sqrt(np.append(each.sum(), each))
-
-    def changed(self, other: Defect) -> Array:
-        """Return the rms of its distance to another run's, (1 + c,); nan where that ends early."""
-        same = other.value.shape == self.value.shape
-        return Defect(self.place, other.value - self.value).rms if same else math.nan * self.rms
+    @classmethod
+    def of(cls, r: Response, window: Window, until: float = math.inf) -> Windows:
+        """Return the windows of a run over places s_o/l, or up to an instant [s]."""
+        begin, end = 0.0, min(until, float(r.t[-1]))
+        if r.drive != "free":
+            begin, end = np.interp(np.array(window) * r.length, r.s_o, r.t)
+        t = r.fields.t[(r.fields.t >= begin * (1.0 - ROUNDING)) & (r.fields.t <= end * (1.0 + ROUNDING))]
+        frames = np.append(t[:-1][:: min(EVERY, max(1, t.size // 4))], t[-1:])
+        inner = frames[(frames > begin * (1.0 + ROUNDING)) & (frames < end * (1.0 - ROUNDING))]
+        return cls(frames, np.concatenate([[begin], inner, [end]]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,25 +109,33 @@ class Side:
     s: Array
     place: Array  # (m, 2)
     velocity: Array  # (m, 2) at fixed s
-    rest: Array  # (m, 2) place at rest
     T_static: Array  # (m,)
     T: Array  # (m,)
 
     @classmethod
     def of(cls, rows: Array) -> Side:
-        s, place, velocity, rest, T_static, T = np.split(rows, [1, 3, 5, 7, 8], axis=1)
-        return cls(s[:, 0], place, velocity, rest, T_static[:, 0], T[:, 0])
+        return cls(rows[:, 0], rows[:, 1:3], rows[:, 3:5], rows[:, 5], rows[:, 6])
 
 
 class Evidence:
-    """One response over a window of s_o/l, and what its scene asks for, in SI.
+    """One response over windows in time, and what its scene asks for, in SI."""
 
-    every : one frame in how many is looked at for the velocity of the cable.
-    last : the instant [s] to which it is looked at.
-    """
+    def __init__(self, r: Response, windows: Windows) -> None:
+        self.r, self.windows, self.given = r, windows, Given(r.scene_toml, r.length)
 
-    def __init__(self, r: Response, window: Window, every: int = 1, last: float = math.inf) -> None:
-        self.r, self.window, self.every, self.last, self.given = r, window, every, last, Given(r.scene_toml, r.length)
+    def thinned(self) -> Evidence:
+        """Return the evidence without every second station, frame and step; ends of windows and jumps stay."""
+        r, f = self.r, self.r.fields
+        steps, frames = np.arange(r.t.size) % 2 == 0, np.arange(f.t.size) % 2 == 0
+        for jump in r.jumps:
+            i = int(np.argmin(np.abs(r.t - jump)))
+            steps[max(0, i - 1) : i + 2] = True
+        steps[-1] = frames[self.frames] = True
+        found: dict[str, Array] = {n: x[::2] if n in AT_REST else x[frames] for n, x in _arrays(f).items()}
+        found = {n: x[:, ::2] if x.ndim == 2 else x for n, x in found.items()}
+        rows = {n: x[steps] for n, x in _arrays(r).items()}
+        powers = {name: power[steps] for name, power in r.powers.items()}
+        return Evidence(replace(r, **rows, powers=powers, fields=replace(f, **found)), self.windows)
 
     # --- the cable at rest -----------------------------------------------------------------------------
 
@@ -140,66 +149,60 @@ class Evidence:
 
     @cached_property
     def inside(self) -> NDArray[np.bool_]:
-        """Which steps lie in the window, off the supports."""
-        r, (low, high) = self.r, self.window
-        return (r.s_o >= max(low, ROUNDING) * r.length) & (r.s_o <= min(high, 1.0 - ROUNDING) * r.length)
+        """Which steps lie in the windows, off the supports."""
+        r, t = self.r, self.windows.steps
+        off = (r.s_o > ROUNDING * r.length) & (r.s_o < (1.0 - ROUNDING) * r.length)
+        return off & (r.t >= t[0] * (1.0 - ROUNDING)) & (r.t <= t[-1] * (1.0 + ROUNDING))
 
     @cached_property
     def frames(self) -> NDArray[np.intp]:
-        """Indices of the frames at which windows begin and end."""
-        at, (low, high) = self.r.fields.s_o / self.r.length, self.window
-        inside = np.flatnonzero(
-            (at >= low * (1.0 - 1e-9)) & (at <= high * (1.0 + 1e-9)) & (self.r.fields.t <= self.last * (1.0 + 1e-9))
-        )
-        return inside[:: min(EVERY, max(1, inside.size // 4))]
+        """Indices of the frames at which windows begin and end; a run that ends early has its last one again."""
+        t = self.r.fields.t
+        return np.searchsorted(t, self.windows.frames * (1.0 - ROUNDING)).clip(max=t.size - 1)
 
     @property
     def t(self) -> Array:
-        """Instants of the frames."""
+        """Times of these frames."""
         return self.r.fields.t[self.frames]
 
     @property
     def lasts(self) -> float:
         """Mean time of a window."""
-        return float(np.mean(np.diff(self.t)))
+        return float(np.mean(np.diff(self.windows.frames)))
 
-    def at_frames(self, values: Array) -> Array:
-        """Interpolate what is given at every step (n, c) to the frames (k, c)."""
-        return np.stack([np.interp(self.t, self.r.t, column) for column in values.T], axis=1)
+    def at(self, t: Array, values: Array) -> Array:
+        """Interpolate what is given at every step (n, c) to times (k, c), by lines."""
+        return np.stack([np.interp(t, self.r.t, column) for column in values.T], axis=1)
 
-    def over_windows(self, kept: Array, scale: float) -> Defect:
-        """Return the change over each window of what ought not to change (k, c), over a scale."""
-        at = self.r.fields.s_o[self.frames] / self.r.length
-        return Defect(0.5 * (at[1:] + at[:-1]), np.diff(kept, axis=0) / scale)
+    def impulse(self, force: Array) -> Array:
+        """Return the integral of a force (n, c) over time up to every step (n, c), by trapezoids; nan if unknown.
 
-    def impulse_of(self, force: Array) -> Array:
-        """Return the integral of a force (n, c) over time up to the frames (k, c); nan if it is not known."""
+        Where it may jump a step has one of both values: that of the side to which it is closer.
+        """
         if not np.isfinite(force[1:-1]).all():
-            return np.full((self.t.size, force.shape[1]), math.nan)
-        t, force = self._on_both_sides(np.nan_to_num(force))  # nan on the supports
-        total = cumulative_trapezoid(force, t, axis=0, initial=0.0)
-        return CubicHermiteSpline(t, total, force, axis=0)(self.t)
-
-    def _on_both_sides(self, force: Array) -> tuple[Array, Array]:
-        """Return times and force with a second value where it may jump: the step there has but one."""
-        t = self.r.t
+            return np.full_like(force, math.nan)
+        t, f = self.r.t, np.nan_to_num(force)  # nan on the supports
+        mean, changes = 0.5 * (f[1:] + f[:-1]), np.abs(np.diff(f, axis=0)).max(axis=1)
         for jump in self.r.jumps:
             i = int(np.argmin(np.abs(t - jump)))
-            if not 1 < i < t.size - 2:
-                continue
-            before, after = (np.abs(np.diff(force[[i, j]], axis=0)).max() for j in (i - 1, i + 1))
-            # the smaller change is that of the side the value is from
-            other, at = (i - 1, i) if after < before else (i + 1, i + 1)
-            beside = t[i] + SIDE * (t[other] - t[i])
-            t, force = np.insert(t, at, beside), np.insert(force, at, force[other], axis=0)
-        return t, force
+            if 0 < i < t.size - 1:
+                late = changes[i - 1] > changes[i]
+                mean[i - 1 if late else i] = f[i - 1 if late else i + 1]
+        return np.concatenate([0.0 * f[:1], np.cumsum(mean * np.diff(t)[:, None], axis=0)])
+
+    def impulse_at_frames(self, force: Array) -> Array:
+        """Return the same up to the frames, (k, c)."""
+        total = self.impulse(force)
+        if np.isnan(total).any():
+            return np.full((self.t.size, force.shape[1]), math.nan)
+        return np.asarray(CubicHermiteSpline(self.r.t, total, np.nan_to_num(force))(self.t))
 
     # --- travel and drive --------------------------------------------------------------------------------
 
     @cached_property
     def pace(self) -> Array:
         """ds_o/dt at every step (n,)."""
-        return CubicSpline(self.r.t, self.r.s_o)(self.r.t, 1)
+        return np.asarray(CubicSpline(self.r.t, self.r.s_o)(self.r.t, 1))
 
     @cached_property
     def thrust(self) -> tuple[Array, Array]:
@@ -234,8 +237,6 @@ class Evidence:
         shoes = [x["force"] * (r.s_o >= x["from"]) for x in drive.get("brake", [])]
         return drive.get("rolling_friction", 0.0) * np.abs(r.F_contact), np.sum([np.zeros(r.t.size), *shoes], axis=0)
 
-    # --- the mass, at steps --------------------------------------------------------------------------------
-
     def both(self) -> Iterator[tuple[float, Array, Array]]:
         """Give sign, tension and slope behind and ahead of the mass, so that the sum is what is ahead less behind."""
         yield -1.0, self.r.T_behind, self.r.slope_behind
@@ -247,20 +248,18 @@ class Evidence:
     def sides(self) -> list[tuple[Side, Side]]:
         """Both sides of the mass at the frames."""
         r, f, at = self.r, self.r.fields, self.r.fields.s_o[self.frames]
-        static = np.stack([f.x, f.y, f.T_static], axis=1)
-        rest = CubicSpline(f.s, static)(at)
-        place = rest[:, :2] + np.stack([f.mass_u, f.mass_v], axis=1)[self.frames]
+        T_static = CubicSpline(f.s, f.T_static)(at)
+        place = self.curve(at) + np.stack([f.mass_u, f.mass_v], axis=1)[self.frames]
         # the material at the mass: dp/dt = r_t + ds_o r' on either side
-        moves = [self.at_frames(r.velocity - self.pace[:, None] * slope) for slope in (r.slope_behind, r.slope_ahead)]
+        moves = [self.at(self.t, r.velocity - self.pace[:, None] * x) for x in (r.slope_behind, r.slope_ahead)]
         out = []
         for i, k in enumerate(self.frames):
-            columns = f.s, f.x + f.u[k], f.y + f.v[k], f.du[k], f.dv[k], *static.T, f.T[k]
-            rows = np.stack(columns, axis=1)
+            rows = np.stack([f.s, f.x + f.u[k], f.y + f.v[k], f.du[k], f.dv[k], f.T_static, f.T[k]], axis=1)
             behind, ahead = (
-                np.concatenate([[at[i]], place[i], moves[side][i], rest[i], [T[k]]])[None]
+                np.concatenate([[at[i]], place[i], moves[side][i], [T_static[i], T[k]]])[None]
                 for side, T in enumerate((f.T_behind, f.T_ahead))
             )
-            pair = [rows[f.s < at[i] * (1.0 - 1e-9)], behind], [ahead, rows[f.s > at[i] * (1.0 + 1e-9)]]
+            pair = [rows[f.s < at[i] * (1.0 - ROUNDING)], behind], [ahead, rows[f.s > at[i] * (1.0 + ROUNDING)]]
             out.append((Side.of(np.concatenate(pair[0])), Side.of(np.concatenate(pair[1]))))
         return out
 
@@ -279,14 +278,14 @@ class Evidence:
         found = np.array([sum(simpson(densities(x), x=x.s, axis=0) for x in pair) for pair in self.sides])
         return {"velocity": found[:, :2], "place": found[:, 2:4], "spin": found[:, 4], "energies": found[:, 5:]}
 
-    # --- energy; all over weight times largest deflection ---------------------------------------------------
+    # --- energy --------------------------------------------------------------------------------------------
 
     @cached_property
     def energies(self) -> Array:
         """Kinetic energy, that of weight and that of strain at the frames (k, 3) [J], W = (N^2 - T^2)/(2 EA)."""
         r, given = self.r, self.given
         of_mass = [0.5 * given.mass * np.sum(r.velocity**2, axis=1), -given.weight * r.y, np.zeros(r.t.size)]
-        return self.at_frames(np.stack(of_mass, axis=1)) + self.along["energies"]
+        return self.at(self.t, np.stack(of_mass, axis=1)) + self.along["energies"]
 
     @property
     def work(self) -> float:
@@ -301,7 +300,7 @@ class Evidence:
         """What drive and outside forces put in, by name (n,) [W].
 
         That of a grip is ds_o (-contact . <r'> + <N t> . [r'] - [W]).  Rolling friction and brakes take their force
-        times |ds_o| times the mean stretch; what holds a car at its start is then the difference of tensions there.
+        times |ds_o| times the mean stretch.  What holds a car at its start is the difference of tensions there.
         """
         r, drive = self.r, self.given.drive
         mean, jump = 0.5 * (r.slope_behind + r.slope_ahead), r.slope_ahead - r.slope_behind
@@ -320,6 +319,11 @@ class Evidence:
             "drag": np.sum(self.drag * r.velocity, axis=1),
             "hold": (r.T_ahead - r.T_behind)[0] * stretch * (1.0 - x) ** 2 * (1.0 + 2.0 * x) * self.pace,
         }  # fmt: skip
+
+
+def _arrays(x: Any) -> dict[str, Array]:
+    """Return the arrays of a record by name."""
+    return {f.name: value for f in fields(x) if isinstance(value := getattr(x, f.name), np.ndarray)}
 
 
 def cross(a: Array, b: Array) -> Array:

@@ -1,8 +1,4 @@
-"""What an exact answer says of itself, and the cases in which solvers are held against it.
-
-A case names a cable and what to compare.  Solvers come in through `Solvers`, which the caller brings along: no exact
-answer owes anything to a solver.
-"""
+"""What an exact answer says of itself, and the cases in which solvers are held against it."""
 
 from __future__ import annotations
 
@@ -46,7 +42,7 @@ def positive(**numbers: float) -> None:
 
 
 def largest_and_rms(error: Array) -> Error:
-    """Return both measures of an error (n,)."""
+    """Return the largest and the rms value of an error (n,)."""
     return float(np.abs(error).max()), float(np.sqrt(np.mean(error**2)))
 
 
@@ -68,13 +64,13 @@ class Path:
 
 
 class Solvers(Protocol):
-    """What a case may ask for."""
+    """What a case may ask for; the caller brings it along."""
 
     def names(self, kind: str) -> Sequence[str]:
         """Return all methods (kind "path") or all bases of frequencies ("modes")."""
 
     def order(self, name: str) -> tuple[float | None, str]:
-        """Return the order that the path of a mass has with that method, None where it is wrong, and why."""
+        """Return the order of the path of a mass with that method, None where it is wrong, and why."""
 
     def ladder(self, name: str, *, finer: float = 1.0) -> list[Rung]:
         """Return its settings from coarse to fine, steps in balance with the resolution."""
@@ -97,7 +93,7 @@ class Solvers(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """What is moving on what, in words; how fast errors must fall, and why; the verdict that it must have."""
+    """What is moving on what; how fast errors must fall, and why; the verdict that it must have."""
 
     name: str
     because: str = ""
@@ -110,18 +106,17 @@ class Case:
     refined = "resolution"
 
     def of(self, solvers: Solvers) -> Sequence[str]:
-        """Return the names of the methods to be held against it."""
+        """Return the methods to be held against it."""
         return solvers.names(self.kind) if self.methods is None else self.methods
 
     def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
         return solvers.ladder(method, finer=self.finer)
 
     def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
-        """Return the least order with which errors must fall, None where no order is asked for, and why."""
+        """Return the least order with which errors must fall, None where none is asked for, and why."""
         return self.falls, self.because
 
     def must(self, solvers: Solvers, method: str) -> str:
-        """Return the verdict that this row must have."""
         return self.expected
 
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Any:
@@ -133,10 +128,7 @@ class Case:
         raise NotImplementedError
 
     def gap(self, coarse: Any, fine: Any) -> float | None:
-        """Return the rms distance of two answers, from which the finer one's own error bar is made.
-
-        None where every rung is another question and the deviation itself must fall as predicted.
-        """
+        """Return the rms distance of two answers, for the finer one's bar; None where every rung is a new question."""
         return None
 
 
@@ -166,7 +158,6 @@ class Crossing(Case):
 
     @property
     def how(self) -> dict[str, Any]:
-        """What a solver has to run over the groups."""
         return {"model": self.model, "load": self.load, "until": self.until, "begun": self.begins > 0.0}
 
     def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
@@ -242,7 +233,7 @@ class Law(Case):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limit(Case):
-    """A limit of what the solvers solve: the deviation from it must fall with a parameter."""
+    """A limit of the equations: the deviation from it must fall with a parameter."""
 
     parameter: str
     values: tuple[float, ...]
@@ -270,7 +261,6 @@ BARE = Groups(mu=0.0, alpha=844.416, sigma=0.1688832, c=0.0844416, chord_cos=1.0
 
 
 def level(motion: Motion, mu: float = MU, sigma: float = SIGMA) -> Groups:
-    """Return a level cable."""
     return Groups(mu=mu, alpha=323.0, sigma=sigma, c=0.5 * sigma, chord_cos=1.0, chord_sin=0.0, motion=motion)
 
 

@@ -29,7 +29,7 @@ from validation.oracles.case import RIDERS, Array, Error, Limit, Solvers, hung, 
 
 @dataclass(frozen=True, slots=True)
 class Ellipse:
-    """Bead of unit mass on a string of length l = 1 between supports that are D apart, under gravity g; y down."""
+    """Bead of unit mass on a string of length 1 between supports D apart, under gravity g; y down."""
 
     D: float
     g: float
@@ -68,7 +68,7 @@ class Ellipse:
         return press * np.sqrt(product) / (2.0 * b)
 
     def bounce(self, s_o: ArrayLike, stiffness: float) -> Array:
-        """Time in which a bead bounces across its path once if the string gives way, EA so many weights of it.
+        """Period of a bead's bounce across its path on a string of stiffness EA, in weights of the bead.
 
         N = EA (r1 + r2 - 1), |grad(r1 + r2)| = 2 b/sqrt(r1 r2).
         """
@@ -76,7 +76,7 @@ class Ellipse:
         return 2.0 * math.pi * np.sqrt(r1 * (1.0 - r1) / (stiffness * self.g)) / (2.0 * self.b)
 
     def ride(self, t: ArrayLike, start: float) -> Array:
-        """s_o(t) of a bead let go at rest at `start`: angle w on the ellipse, s_o = 1/2 + (D/2) cos(w)."""
+        """s_o(t) of a bead let go at rest: angle w on the ellipse, s_o = 1/2 + (D/2) cos(w)."""
         t = np.asarray(t, float)
         b, cos, sin = self.b, math.cos(self.slope), math.sin(self.slope)
 
@@ -99,8 +99,7 @@ class Ellipse:
         return np.arccos(np.clip((2.0 * s_o - 1.0) / self.D, -1.0, 1.0))
 
 
-# The start is sudden: the car bounces on the cable's stiffness from then on.  What steps do not resolve of that has to
-# be damped for good; by generalised alpha elements gain up to ten times the top speed.
+# the start is sudden: the car bounces on the cable's stiffness, and what steps do not resolve of that is damped
 RULES: dict[str, dict[str, Any]] = {
     "following-p2": {"scheme": "radau"}, "fourier-kink": {"scheme": "generalized-alpha", "rho_inf": 0.0},
 }  # fmt: skip
@@ -110,7 +109,7 @@ STIFF, SMALL = 1e5, 0.01  # of the small swings
 
 
 def line(stiffness: float, mu: float = MU, start: float = START, t_end: float = T_END) -> Scene:
-    """Return a cable with EA of so many car's weights, the car of mu cables' weight, let go at once."""
+    """Return a cable with EA of so many car's weights; the car, of mu cables' weight, is let go at once."""
     drive = {"mode": "free", "start": start, "end": {"time": t_end}}
     return hung(BEAD.g, stiffness * mu, mu, drive, span=BEAD.D, length=1.0)
 
@@ -135,7 +134,7 @@ def _speed(solvers: Solvers, method: str, stiffness: float) -> Error:
 
 
 def _tension(solvers: Solvers, method: str, stiffness: float, averaged: bool = True) -> Error:
-    """Error of the tension on both sides over the largest; means over the time in which the car bounces once."""
+    """Error of the tension on both sides over the largest; means over one bounce."""
     r = _ride(solvers, method, line(stiffness))
     s_o = BEAD.ride(r.t, START)
     right = BEAD.tension(s_o, START)

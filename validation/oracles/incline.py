@@ -28,7 +28,7 @@ def terminal(*, mu: float, g: float, sin: float, k: float) -> float:
 
 
 def way(t: ArrayLike, *, mu: float, g: float, sin: float, k: float) -> Array:
-    """s(t) from rest with drag; ln cosh written so that nothing overflows."""
+    """s(t) from rest with drag; ln cosh without overflow."""
     x = np.asarray(t, float) * terminal(mu=mu, g=g, sin=sin, k=k) * k / mu
     return mu / k * (x + np.log1p(np.exp(-2.0 * x)) - math.log(2.0))
 
@@ -77,7 +77,7 @@ def _drag(solvers: Solvers, method: str, sigma: float) -> Error:
 
 
 def _stop(solvers: Solvers, method: str, sigma: float) -> Error:
-    """Error of s_o up to the stop, over l, as often at any time: most steps are taken where the brake rings."""
+    """Error of s_o up to the stop, over l, at equal times."""
     force = HOLDS * MU * sigma * SIN
     scene = _scene(sigma, rolling_friction=MU_R, brake=[{"from": SHOE, "force": force}])
     r = solvers.ride(scene, method, steps=200, scheme="generalized-alpha")

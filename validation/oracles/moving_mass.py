@@ -49,7 +49,7 @@ LEAST_STEP = 1e-6  # of T, or of s near the far support: no solution of (1), (2)
 
 
 class MarchStalled(ArithmeticError):
-    """No step of at least LEAST_STEP resolves the solution at time t: equations or travel are not smooth there."""
+    """No step resolves the solution at time t: the travel is not smooth there."""
 
     def __init__(self, t: float, t_end: float, excess: float) -> None:
         self.t, self.t_end, self.excess = t, t_end, excess
@@ -61,7 +61,7 @@ class MarchStalled(ArithmeticError):
 
 @dataclass(frozen=True, slots=True)
 class Travel:
-    """Place of the mass, xi(t) for 0 <= t <= t_end, from its position and speed; smooth between the breaks."""
+    """Place of the mass, xi(t) for 0 <= t <= t_end; smooth between the breaks."""
 
     position: Callable[[Array], Array]  # xi(t), (n,) -> (n,)
     speed: Callable[[Array], Array]  # xi'(t), (n,) -> (n,)
@@ -69,7 +69,7 @@ class Travel:
     breaks: tuple[float, ...] = ()  # instants inside (0, t_end) at which the acceleration jumps
 
     def to_go(self, s: Array) -> Array:
-        """Distance to the far support, 1 - xi(t_end - s), without cancellation as s -> 0: the integral of the speed."""
+        """Distance to the far support, 1 - xi(t_end - s), without cancellation as s -> 0."""
         s = np.asarray(s, float)
         near = min(0.1, self.t_end - max(self.breaks, default=0.0))
         left = 1.0 - float(self.position(np.array([self.t_end]))[0])
@@ -95,11 +95,10 @@ def travel_of(motion: Motion) -> Travel:
 
 
 def solve(travel: Travel, *, mu: float, sigma: float, reach: float = 1e-3) -> Ride | SupersonicRide:
-    """March (1), (2) along the travel; mu = M/(rho l), sigma = rho g l/T.
+    """March (1), (2) along the travel.
 
     reach : distance to the far support at which the march ends if the mass comes to rest there.
-    Raises ValueError if mu or sigma is not positive, xi leaves [0, 1], or xi' passes through the wave speed;
-    MarchStalled where the travel is not smooth between its breaks.
+    Raises ValueError for a travel outside the validity; MarchStalled where it is not smooth between its breaks.
     """
     positive(mu=mu, sigma=sigma, reach=reach, t_end=travel.t_end)
     edges = np.array([0.0, *sorted(travel.breaks), travel.t_end])
@@ -128,14 +127,14 @@ _DIFF = np.stack([np.append(np.polynomial.chebyshev.chebder(e), 0.0) for e in np
 
 
 def _cheb(x: Array) -> Array:
-    """T_k(x), (n, DEGREE+1); x is clipped to [-1, 1] because it comes from a point known to lie in the step."""
+    """T_k(x), (n, DEGREE+1); x is clipped to the step."""
     return np.cos(_K * np.arccos(np.clip(x, -1.0, 1.0))[:, None])
 
 
 def _invert(
     value: Callable[[Array], Array], slope: Callable[[Array], Array], target: Array, lo: float, hi: float
 ) -> Array:
-    """Solve value(x) = target on [lo, hi] for an increasing function, by Newton's method kept inside its bracket."""
+    """Solve value(x) = target on [lo, hi] for an increasing function, by Newton's method within a bracket."""
     target = np.asarray(target, float)
     a, b = np.full(target.shape, lo), np.full(target.shape, hi)
     x = np.clip(a + (target - value(a)) / np.maximum(slope(a), 1e-3), a, b)
@@ -151,7 +150,7 @@ def _invert(
 
 
 class _Pieces:
-    """Piecewise Chebyshev series of (y, F, G) on consecutive steps of one coordinate z (t, or -s)."""
+    """Piecewise Chebyshev series of (y, F, G) on consecutive steps of z (t, or -s)."""
 
     def __init__(self, start: float) -> None:
         self.edge, self.coef, self.n = np.full(65, start), np.zeros((64, 3, DEGREE + 1)), 0
@@ -175,7 +174,7 @@ class _Pieces:
 
 
 class _History:
-    """y, F, G for all times marched so far: in t up to the middle of the travel, in -s after it."""
+    """y, F, G so far: in t up to the middle of the travel, in -s after it."""
 
     def __init__(self, travel: Travel) -> None:
         self.middle = 0.5 * travel.t_end
@@ -193,10 +192,7 @@ class _History:
 
 
 class _March:
-    """The equations on one travel, their two retarded times, and what is solved of them so far.
-
-    t is used near the start, s = T - t near the end, each where it loses no digits.
-    """
+    """The equations on one travel, and what is solved of them so far; t near the start, s = T - t near the end."""
 
     def __init__(self, travel: Travel, mu: float, sigma: float) -> None:
         self.travel, self.mu, self.sigma, self.past = travel, mu, sigma, _History(travel)
@@ -221,8 +217,7 @@ class _March:
     def fronts(self, s_last: float) -> tuple[Array, Array]:
         """Arrivals (t, s) at the mass of the fronts it sent at t = 0 and at the breaks, thrown back on one side.
 
-        What passes through the mass is one order smoother (the mass answers by its displacement): that is left to the
-        step control.
+        What passes through the mass is one order smoother: that is left to the step control.
         """
         travel, T = self.travel, self.travel.t_end
         start = np.array([0.0, *travel.breaks])
@@ -299,9 +294,8 @@ class _March:
     def _first_step(self, h: float) -> Array:
         """Coefficients (3, DEGREE+1) of y, F, G on [0, h], before the first front, for a start on the support.
 
-        F = y + F(t1) determines F badly when t1 ~ t.  Here G = y and F = (mu/2)(sigma t - y'), so (1) reads, for w =
-        y'' and divided by t - t1 = xi(t) + xi(t1), which does not cancel:  mean of w over [t1, t]  +  2 y / (mu (t -
-        t1)) = sigma.
+        Here G = y and F = (mu/2)(sigma t - y'), so that (1), divided by t - t1 = xi(t) + xi(t1), reads for w = y''
+        mean of w over [t1, t]  +  2 y / (mu (t - t1)) = sigma.
         """
         n, mu, sigma = DEGREE - 1, self.mu, self.sigma
         t = 0.5 * h * (1.0 - np.cos(np.pi * (np.arange(n) + 0.5) / n))
@@ -355,7 +349,7 @@ class _March:
 
 @dataclass(frozen=True, slots=True)
 class Ride:
-    """The solved travel: path, contact force and string at any time."""
+    """Path, contact force and string of the solved travel, at any time."""
 
     travel: Travel
     mu: float
@@ -395,7 +389,7 @@ class Ride:
 
 @dataclass(frozen=True, slots=True)
 class SupersonicRide:
-    """A mass that outruns its waves rides on the string at rest: y = 0 and the string feels the force P = mu sigma."""
+    """A mass that outruns its waves: y = 0, and the string feels P = mu sigma."""
 
     P: float
 
@@ -428,7 +422,7 @@ def cases() -> list[Crossing | Limit]:
 
 
 def _heavier(groups: Groups, V: float) -> float:
-    """sigma of the straight string on which a mass moves as on this cable: its path follows the parabola."""
+    """sigma of the straight string on which a mass moves as on this cable."""
     return groups.sigma * (1.0 + V * V)
 
 

@@ -31,7 +31,7 @@ def rolled(scene: Scene, curve: Curve = LoadPath.loaded) -> Ride:
 
 
 def _deviation(solvers: Solvers, method: str, drag: float) -> Error:
-    """Distance of s_o(t) from the quasi-static ride, over l; a car with so much drag, let go over a while."""
+    """Distance of s_o(t) from the quasi-static ride, over l; a car with so much drag."""
     scene = Scene.from_toml(ZIP + f"start = 60.0\nrelease = 4.0\ndrag_area = {drag!r}\nend = {{place = 110.0}}")
     r = solvers.ride(scene, method, steps=400, scheme="generalized-alpha")
     off = np.abs(r.s_o / r.length - rolled(scene).at(r.t / scene.time_scale)[0])
@@ -39,7 +39,7 @@ def _deviation(solvers: Solvers, method: str, drag: float) -> Error:
 
 
 def _fast(what: str, curve: Curve, solvers: Solvers, method: str, sigma: float) -> Error:
-    """Distance of place over l, or speed or deflection over the largest; V/c comes to 0.4 for sigma 0.32."""
+    """Distance of place over l, or of speed or deflection over the largest; V/c comes to 0.4 for sigma 0.32."""
     drive = {"mode": "free", "start": 0.02, "end": {"place": 0.9}}
     scene = hung(sigma, 1200.0, 0.3, drive, span=0.96, drop=0.28, horizontal_tension=1.0)
     r, other = solvers.ride(scene, method, steps=600), rolled(scene, curve)

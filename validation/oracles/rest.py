@@ -45,7 +45,7 @@ def place_of_rest(groups: Groups, low: float = 0.05, high: float = 0.95) -> floa
 
 
 def balance(at: Rest) -> float:
-    """F_hold as the car's balance has it, <lam> tau.C/cos(phi): off by the kink's angle squared over EA, 1e-6 of it."""
+    """F_hold by the car's balance, <lam> tau.C/cos(phi); 1e-6 off, the kink's angle squared over EA."""
     mean = 0.5 * (at.slope_behind[0] + at.slope_ahead[0])
     return float(mean @ at.jump[0] * at.stretch[0] ** 2 / (mean @ mean))
 

@@ -58,7 +58,7 @@ def _mean_slope(V, dw, weight: float, s0: float):
 
 
 def solve(t_end: float, *, mu: float, sigma: float, a: float, s0: float, lift: bool = True) -> Sled:
-    """Integrate to t_end, without mu a <w_s> unless `lift`; ValueError beyond the wave speed or the first echo."""
+    """Integrate to t_end, without mu a <w_s> unless `lift`; ValueError outside the validity."""
     if not (mu > 0.0 and sigma > 0.0 and 0.0 < s0 < 1.0 and 0.0 <= a * t_end < 1.0):
         raise ValueError(f"needs mu, sigma > 0, 0 < s0 < 1, a t_end < 1, got {mu!r}, {sigma!r}, {s0!r}, {a * t_end!r}")
     at = s0 + 0.5 * a * t_end**2
@@ -78,8 +78,7 @@ def solve(t_end: float, *, mu: float, sigma: float, a: float, s0: float, lift: b
 
 
 MU, A, S0, T_END = 0.3, 0.8, 0.4, 0.7  # of the case
-# w is down to 3e-5 of l there and its error a ten-millionth of that.  Sines stay at 1e-6 with 160 terms: they smear the
-# step J of w.. at a car under way over a wave, and the mean slope, along which thrust pulls, errs by J/(pi^2 N).
+# fine, as w is down to 3e-5 of l; sines smear the step J of w.. at the car, their mean slope errs by J/(pi^2 N)
 FINE = {"following-p2": {"elements": 200, "steps": 800}, "fourier-kink": {"terms": 160, "steps": 400}}
 
 

@@ -1,12 +1,9 @@
-"""One look for every figure: inline SVG, colours that colour-blind readers can tell, lines that differ in print.
-
-Figures are drawn WIDTH wide, so that they fill a phone held upright and two of them fill a desktop's row, at a text
-size that is legible in both.
-"""
+"""One look for every figure: inline SVG, colours that colour-blind readers can tell, lines that differ in print."""
 
 import hashlib
 import io
 import re
+import tomllib
 from importlib import resources
 from typing import Any
 
@@ -16,13 +13,15 @@ from markupsafe import Markup, escape
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
+from validation.page.page import asset
 from validation.page.plot import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 
-WIDTH = 4.8  # inches
+WIDTH = 4.8  # inches: fills a phone, and two fill a row of a desktop
 
 PALETTE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
-DASHES = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)), (0, (3, 1)), (0, (8, 2)), (0, (2, 2)))
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+_LOOKS = tomllib.loads(asset("looks.toml"))
+DASHES = ("-", *((0, tuple(dash)) for dash in _LOOKS["dashes"]))  # after a solid line
+MARKERS = tuple(_LOOKS["markers"])
 
 _FILE = resources.files("validation.page") / "assets" / "report.mplstyle"
 STYLE: Any = mpl.rc_params_from_file(str(_FILE), use_default_template=False) | {

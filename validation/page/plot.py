@@ -7,8 +7,9 @@ import base64
 import math
 import struct
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -73,6 +74,35 @@ class Panel:
             part = ((np.log10(y) if self.log else np.asarray(y)) - low) / (high - low)
         return self.height * np.clip(part if self.down else 1.0 - part, -9.0, 9.0)
 
+    def drawn(self, across: Callable[[Any], Array], w: float) -> dict[str, Any]:
+        """Return what the template draws, in user units; across : place of x on the paper, w : width of the panel."""
+
+        def at(x: float, y: float) -> tuple[float, float]:
+            return _place(across(x)), _place(self._y(y))
+
+        spans = [tuple(np.clip(across(span), 0.0, w).round(1).tolist()) for span in self.spans]
+        scale = None
+        if self.scale is not None:
+            low, high, unit = self.scale
+            ticks = [
+                (_place(self.height * (high - y) / (high - low)), words) for y, words in _ticks(low, high, False, 4)
+            ]
+            scale = {"image": _png(np.linspace(1.0, 0.0, 64)[:, None], self.colors), "unit": unit, "ticks": ticks}
+        ticks = [(_place(self._y(y)), words) for y, words in _ticks(self.low, self.high, self.log, self.height / 28)]
+        return {
+            "h": self.height, "w": w, "title": self.title, "unit": self.unit, "ticks": ticks, "scale": scale,
+            "spans": [span for span in spans if span[1] > span[0]],
+            "verticals": [(_place(across(x)), color, dash) for x, color, dash in self.verticals],
+            "lines": [(_path(across(x), self._y(y)), color, dash, width) for x, y, color, dash, width, _ in self.lines],
+            "bands": [
+                (_path(np.r_[across(x), across(x)[::-1]], np.r_[self._y(high), self._y(low)[::-1]]), color)
+                for x, low, high, color in self.bands
+            ],
+            "dots": [(*at(x, y), *how) for x, y, *how in self.dots],
+            "labels": [(*at(x, y), words) for x, y, words in self.labels],
+            "image": None if self.image is None else _png(self.image, self.colors),
+        }  # fmt: skip
+
 
 def plot(
     panels: Sequence[Panel], x: tuple[float, float], xlabel: str, caption: str, *, label: str = "", wide: bool = False
@@ -84,43 +114,19 @@ def plot(
     right = 74 if any(p.scale for p in panels) else RIGHT
     w = WIDTH - LEFT - right
 
-    def across(values: Array) -> Array:
+    def across(values: Any) -> Array:
         return w * (np.asarray(values, dtype=float) - x[0]) / ((x[1] - x[0]) or 1.0)
 
-    def at(p: Panel, a: float, y: float) -> tuple[float, float]:
-        return round(float(across(np.array(a))), 1), round(float(p._y(y)), 1)
-
     shown, top = [], 6.0
-    for i, p in enumerate(panels):
+    for p in panels:
         top += 20.0 if p.title or p.scale else 0.0
-        spans = [tuple(np.clip(across(np.array(span)), 0.0, w).round(1).tolist()) for span in p.spans]
-        shown.append({
-            "top": top, "h": p.height, "w": w, "title": p.title, "unit": p.unit, "last": i == len(panels) - 1,
-            "ticks": [(round(float(p._y(y)), 1), words) for y, words in _ticks(p.low, p.high, p.log, p.height / 28)],
-            "spans": [span for span in spans if span[1] > span[0]],
-            "verticals": [(round(float(across(np.array(at))), 1), color, dash) for at, color, dash in p.verticals],
-            "lines": [(_path(across(a), p._y(y)), color, dash, width) for a, y, color, dash, width, _ in p.lines],
-            "bands": [
-                (_path(np.r_[across(a), across(a)[::-1]], np.r_[p._y(high), p._y(low)[::-1]]), color)
-                for a, low, high, color in p.bands
-            ],
-            "dots": [(*at(p, a, y), *how) for a, y, *how in p.dots],
-            "labels": [(*at(p, a, y), words) for a, y, words in p.labels],
-            "image": None if p.image is None else _png(p.image, p.colors),
-            "scale": None if p.scale is None else {
-                "image": _png(np.linspace(1.0, 0.0, 64)[:, None], p.colors), "unit": p.scale[2],
-                "ticks": [
-                    (round(p.height * (1.0 - (y - p.scale[0]) / (p.scale[1] - p.scale[0])), 1), words)
-                    for y, words in _ticks(*p.scale[:2], False, 4)
-                ],
-            },
-        })  # fmt: skip
+        shown.append(p.drawn(across, w) | {"top": top, "last": p is panels[-1]})
         top += p.height + 14.0
     named = {name: (color, dash, width) for p in panels for _, _, color, dash, width, name in p.lines if name}
     svg = rendered(
         "plot.svg", panels=shown, width=WIDTH, height=top - 14.0 + BELOW, left=LEFT, right=right, xlabel=xlabel,
         label=plain(label or caption), key=[(*look, name) for name, look in named.items()],
-        xticks=[(round(float(across(np.array(t))), 1), words) for t, words in _ticks(*x, False, 7)],
+        xticks=[(_place(across(t)), words) for t, words in _ticks(*x, False, 7)],
     )  # fmt: skip
     return figure_of(svg, caption, wide=wide)
 
@@ -140,6 +146,10 @@ def _ticks(low: float, high: float, log: bool, most: float) -> list[tuple[float,
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     digits = max(0, -math.floor(math.log10(step) + 1e-9))
     return [(n * step, f"{n * step:.{digits}f}".replace("-", "−")) for n in range(first, last + 1)]
+
+
+def _place(x: Any) -> float:
+    return round(float(x), 1)
 
 
 def _path(x: Array, y: Array) -> str:

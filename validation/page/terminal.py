@@ -1,6 +1,7 @@
 """What a person sees while a command works: tables, lines and progress; plain text where there is no terminal."""
 
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
@@ -29,26 +30,18 @@ def complain(faults: Sequence[str]) -> None:
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str] = ()) -> None:
-    """Print a table; `right` names the columns that are aligned to the right.  In a pipe every row is one line."""
+    """Print a table; `right` names the columns that are aligned to the right.  In a pipe every row is one line.
+
+    On a terminal that is too narrow for it, every cell has a line of its own.
+    """
     console = _console()
     if console is None:
-        lines = [columns, *rows]
-        widths = [max(len(line[i]) for line in lines) for i in range(len(columns))]
-        for cells in lines:
-            line = [
-                cell.rjust(width) if name in right else cell.ljust(width)
-                for cell, width, name in zip(cells, widths, columns, strict=True)
-            ]
-            print("  ".join(line).rstrip())
+        _plain(columns, rows, right)
         return
-    # A column can be made no narrower than its longest word, or a number.
+    # a column can be made no narrower than its longest word, or a number
     narrowest = [
-        max(
-            len(word)
-            for cell in (name, *(row[i] for row in rows))
-            for word in ([cell] if name in right else cell.split() or [""])
-        )
-        for i, name in enumerate(columns)
+        max(len(word) for cell in cells for word in ([cell] if name in right else cell.split() or [""]))
+        for name, cells in zip(columns, zip(columns, *rows, strict=True), strict=True)
     ]
     if sum(narrowest) + 3 * (len(columns) - 1) > console.width:
         for row in rows:
@@ -67,11 +60,26 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence
     console.print(drawn)
 
 
+def _plain(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str]) -> None:
+    lines = [columns, *rows]
+    widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
+    for line in lines:
+        cells = zip(line, widths, columns, strict=True)
+        print("  ".join(x.rjust(n) if name in right else x.ljust(n) for x, n, name in cells).rstrip())
+
+
 @contextmanager
 def progress() -> Iterator[Progress]:
-    """Show one bar per label with the time left, on standard error, while the body runs; nothing in a pipe."""
+    """Show one bar per label with the time left, on standard error, while the body runs; in a pipe a line a minute."""
     if not sys.stderr.isatty():
-        yield lambda *told: None
+        last = [time.monotonic()]
+
+        def line(label: str, done: float, note: str = "") -> None:
+            if time.monotonic() - last[0] > 60.0:
+                last[0] = time.monotonic()
+                print(f"{label}: {done:.0%} {note}".rstrip(), file=sys.stderr, flush=True)
+
+        yield line
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn

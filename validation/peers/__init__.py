@@ -1,8 +1,7 @@
 """Other codes on the same scenes, as an optional check from outside: ``pip install cablefem[peers]``.
 
-Each is a small function that builds the scene with that code's own elements, mass and time integrator and returns
-the mass path, dimensionless.  Nothing of this package takes part in the solution but the static shape, the static
-tension and the travel.  The other codes are imported when they are run, not before.
+Each builds the scene with that code's own elements, mass and time integrator, and returns the mass path, dimensionless.
+Of ours it takes the static shape, the static tension and the travel.
 """
 
 import importlib

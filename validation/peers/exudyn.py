@@ -1,24 +1,19 @@
 """Exudyn: cable elements with cubic shape functions, the mass on a moving joint, or on a sliding one where it rolls.
 
-Gripped: `ALEANCFCable2D` elements without moving mass (movingMassFactor = 0) are an ordinary cable with one more
-coordinate, which only says where `ObjectJointALEMoving2D` holds the point mass; it is prescribed as s_o(t).
-Free: `ObjectJointSliding2D` on `ANCFCable2D` elements, smaller towards the supports; the start is Exudyn's own statics
-under the weight; drag is a load of the mass; friction and brake are the joint's `axialForce`, renewed from step to step
-by the contact force that was; so the start is sudden and there is no thrust.
+Gripped: `ALEANCFCable2D` elements with movingMassFactor = 0, and the point mass on `ObjectJointALEMoving2D`, whose
+coordinate is prescribed as s_o(t).
+Free: `ObjectJointSliding2D` on `ANCFCable2D` elements, smaller towards the supports.  It starts by Exudyn's statics.
+Drag is a load of the mass; friction and brake are the joint's `axialForce`, from the contact force of the step before.
+So the start is sudden, and there is no thrust.
 
-The parameter of an element is the static arc length, so a reference strain -T/EA gives each the static tension of its
-middle. Lengths are over l, forces over H, y is up in Exudyn.  The cable carries compression once it goes slack.
+The parameter of an element is the static arc length; a reference strain -T/EA gives it its static tension.
+Lengths are over l, forces over H, y is up in Exudyn.  The cable carries compression once it goes slack.
 
-The integrator is told three things its defaults do otherwise, because by default it reports success with a path
-that is wrong by several times its size: the joint is a constraint of index 3, the default spectral radius 0.9 lets
-it zigzag, and adaptive steps then go on with the zigzag.  Here the radius is 0.5, a step that fails ends the run, and
-what zigzags all the same is cut off.
+Settings that are not the defaults, with which Exudyn reports success on a wrong path: spectral radius 0.5, no adaptive
+steps, a step that fails ends the run.  What zigzags all the same is cut off.
 
-The sliding joint needs a fourth.  Its force on the cable is the transposed Jacobian of all three of its equations times
-its unknowns, the third of which is the way s within the step: the cable feels F at s_o + s, a step's way ahead of the
-mass, a first order error that drives the rider (40 equal elements, 2000 steps: by 2.7 m on the zip line of 400 m).
-Before each step the joint's start is therefore put where the mass will be, as far as the step before tells: s is then
-of second order (0.4 m).
+The sliding joint acts on the cable one step's way ahead of the mass, a first order error.  Before each step the joint's
+start is therefore put where the mass will be, by the step before; the error is then of second order.
 """
 
 import math
@@ -36,11 +31,8 @@ def run(
 ) -> PeerPath:
     """Run a scene in Exudyn with equal steps, by default 20 per element, 100 for a free ride.
 
-    Elements are equal, in a free ride smaller towards the supports; its steps are those of the quasi-static
-    ride's time.
     rho_inf, adaptive : spectral radius of the generalised-alpha method, and whether steps that fail are halved.
-    Counted in `seconds` is Exudyn's SolveDynamic; it calls back for s_o(t) where a speed varies, and before each step
-    of a free ride.
+    `seconds` counts Exudyn's SolveDynamic with what it calls back.
     """
     free = groups.drive.mode == "free"
     steps = (100 if free else 20) * elements if steps is None else steps
@@ -245,7 +237,7 @@ def _solved(solve: Any, system: Any, settings: Any) -> tuple[str, float]:
 
 
 def _drive(motion: Motion) -> dict:
-    """Say s_o(t) to a constraint: a constant speed as a number, any other travel as functions that are called back."""
+    """Return s_o(t) for a constraint: a constant speed as a number, any other travel as functions."""
     speed = motion.at(0.0, 0)[1]
     t = np.linspace(0.0, motion.phases[-1][1], 1001)
     if np.abs(motion.position(t) - speed * t).max() <= 1e-12:

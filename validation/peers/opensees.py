@@ -1,13 +1,13 @@
 """OpenSees (openseespy): corotational trusses, the mass handed on from node to node.
 
-OpenSees has no moving mass.  The nodes lie where the mass is at equal time steps, s_k = s_o(k dt), and at the end
-of step k the mass is a nodal mass of node k.  Its acceleration is Newmark's formula applied to the position p of
-the *mass*, not of the node: with predictors p* and u* (q* = q + dt q. + (1/2 - beta) dt^2 q..) and node k at X_k + u,
+OpenSees has no moving mass.  The nodes lie where the mass is at equal time steps, s_k = s_o(k dt); at the end of step k
+the mass is a nodal mass of node k.  Its acceleration is Newmark's formula for the position p of the mass.  With the
+predictors p* and u*, q* = q + dt q. + (1/2 - beta) dt^2 q.., and node k at X_k + u,
 
     M p.. = M (X_k + u - p*) / (beta dt^2) = M u.. + M (X_k - p* + u*) / (beta dt^2),
 
-so the nodal mass and the load  M g - M (X_k - p* + u*) / (beta dt^2)  together are the moving mass.  Lengths are
-over l, forces over H, y is up in OpenSees.  The trusses carry compression once the cable goes slack.
+so the nodal mass and the load  M g - M (X_k - p* + u*) / (beta dt^2)  together are the moving mass.
+Lengths are over l, forces over H, y is up in OpenSees.  The trusses carry compression once the cable goes slack.
 """
 
 import math
@@ -20,17 +20,14 @@ import numpy as np
 from cablefem.scene import Groups
 from validation.peers.path import Array, PeerPath, travel, trusted
 
-# Hilber, Hughes & Taylor's method as OpenSees parametrises it: 1 is the trapezoidal rule, which is unstable with a
-# mass tied to a node by its path (7.7 percent error with 200 elements); 0.9 has gamma = 0.6.
-HHT = 0.9
+HHT = 0.9  # Hilber, Hughes & Taylor as in OpenSees: gamma = 0.6; 1, the trapezoidal rule, is unstable here
 NEWMARK_GAMMA, NEWMARK_BETA = 1.5 - HHT, 0.25 * (2.0 - HHT) ** 2
 
 
 def run(groups: Groups, *, elements: int, steps: int | None = None) -> PeerPath:
     """Run a scene in OpenSees; `elements` are those the mass passes, one step each.
 
-    Counted in `seconds` are all calls into OpenSees from the first step on, those that move the mass included.
-    The run ends where OpenSees' Newton method does; a slack cable is the usual reason.
+    `seconds` counts all calls into OpenSees from the first step on.  The run ends where OpenSees' Newton method does.
     """
     motion = travel(groups, elements)
     if steps not in (None, elements):
@@ -90,7 +87,7 @@ def _travel(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array, fl
     _, ds, dds = groups.motion.at(0.0, 0)
     _, xp, yp, _, _ = groups.static(0.0)
     along = np.array([float(xp), -float(yp)])
-    # A mass that enters with speed falls freely at first; from rest it starts along the cable.
+    # with speed it falls freely at first; from rest it starts along the cable
     p, dp, ddp = X[0], ds * along, weight / mass if ds > 0.0 else dds * along
     inertia = mass / (NEWMARK_BETA * dt * dt)
     places = [p]

@@ -59,28 +59,22 @@ def trusted(s_o: Array, place: Array, t: Array, groups: Groups, seconds: float, 
     return PeerPath(s_o[:n], w[:n, 0], w[:n, 1], t[:n], seconds, note)
 
 
-WINDOW = 20
-
-
 def before_zigzag(v: Array, scale: float, *, failed: bool = False) -> int:
     """Return how many instants of a path come before it zigzags from step to step.
 
-    v : (n,) deflections at equal steps; scale : the size of a deflection that matters; failed : the
-    run ended early.
+    v : (n,) deflections at equal steps; scale : the size of a deflection that matters; failed : the run ended early.
 
-    A constraint enforced without enough damping answers with forces of alternating sign, on which Newton's method
-    converges as well as on the truth.  On a resolved path the second difference over one step is 1/16 of the one
-    over four steps; a zigzag has no second difference over four.  The sharpest thing physics allows a finite mass,
-    a jump of its acceleration, keeps the ratio of the rms values near 1; even a kink of the path would give
-    16/sqrt(44) = 2.4.  A ratio above 3 in a WINDOW of steps is a zigzag; once its amplitude (a quarter of its second
-    difference) passes 1e-3 of the scale, or a run fails in it, the path is cut where that zigzag began.  Smaller
-    ones, which come and go on coarse meshes, are below the errors of these codes.
+    On a resolved path the second difference over one step is 1/16 of the one over four.  A jump of the acceleration
+    keeps the ratio of their rms values, in these units, near 1; a kink makes it 16/sqrt(44) = 2.4.
+    A ratio above 3 in a window of 20 steps is a zigzag.  It counts once its amplitude, a quarter of its second
+    difference, passes 1e-3 of the scale, or a run fails in it; the path is then cut where it began.
     """
-    if v.size < WINDOW + 9:
+    window = 20
+    if v.size < window + 9:
         return v.size
     one = (v[3:-5] - 2.0 * v[4:-4] + v[5:-3]) ** 2
     four = ((v[:-8] - 2.0 * v[4:-4] + v[8:]) / 16.0) ** 2
-    mean = np.full(WINDOW, 1.0 / WINDOW)
+    mean = np.full(window, 1.0 / window)
     one, four = np.convolve(one, mean, "valid"), np.convolve(four, mean, "valid")
     zigzag = one > 9.0 * four
     large = one > (4e-3 * scale) ** 2

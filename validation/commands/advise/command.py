@@ -4,7 +4,6 @@ import typer
 
 from validation.page.options import Out, SceneName, real, scene_named, study, tol_faults
 
-PLACE = 6
 EXAMPLE = "cablefem advise inclined --tol 1e-2"
 
 

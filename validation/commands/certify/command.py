@@ -1,7 +1,6 @@
 from validation.page import terminal
 from validation.page.options import Out, SceneName, scene_named, study
 
-PLACE = 6
 EXAMPLE = "cablefem certify level"
 
 

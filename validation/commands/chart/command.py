@@ -5,7 +5,6 @@ import typer
 
 from validation.page.options import Out, SceneName, scene_named, study
 
-PLACE = 7
 EXAMPLE = "cablefem chart level"
 
 

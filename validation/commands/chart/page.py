@@ -16,22 +16,11 @@ from matplotlib.transforms import Bbox
 from validation.commands.chart.front import OURS, Row, best_of, front
 from validation.core import store
 from validation.core.methods import METHODS
+from validation.page import page
 from validation.page.figures import BLACK, DASHES, GREY, MARKERS, PALETTE, panels, style
-from validation.page.page import (
-    Section,
-    details,
-    figure,
-    gallery,
-    listed,
-    missing,
-    number,
-    percent,
-    plain,
-    table,
-    words,
-)
+from validation.page.page import Section, figure, gallery, listed, missing, number, percent, plain, table
 
-_SAY = words(__package__)
+_SAY = page.words(__package__)
 
 WORK = {"seconds": "seconds of the time loop, one core", "unknown_steps": "steps × unknowns"}
 
@@ -60,34 +49,38 @@ def _free(chart: dict[str, Any]) -> bool:
 
 
 def _fastest(chart: dict[str, Any]) -> Section:
-    rows, heads = [], {"error": "error", "series": "mass path: fastest here", "seconds": "its seconds"}
-    for at in chart.get("fastest", []):
-        row: Row = {"error": percent(at["error"]), "series": at["series"] or "none reaches it"}
-        row["seconds"] = _seconds(at["seconds"])
-        for name, peer in at["peers"].items():
-            heads[name] = f"{name} takes"
-            ratio = peer["ratio"]
-            times = f"{number(ratio, 2)} times as long ({_seconds(peer['seconds'])})"
-            row[name] = peer["reason"] if ratio is None else times
-        tension = at["tension"]
-        row |= {"tension": tension["series"] or "none reaches it", "tension_seconds": _seconds(tension["seconds"])}
-        rows.append(row)
-    for name in _absent(chart):
-        heads[name] = f"{name} takes"
-        for row in rows:
-            row[name] = "not measured: not installed"
+    at_errors, reference = chart.get("fastest", []), chart["reference"]
+    heads = {"error": "error", "series": "mass path: fastest here", "seconds": "its seconds"}
+    absent = _absent(chart)
+    heads |= {name: f"{name} takes" for at in at_errors for name in at["peers"]}
+    heads |= {name: f"{name} takes" for name in absent}
     heads |= {"tension": "tension: fastest here", "tension_seconds": "its seconds"}
-    reference, text = chart["reference"], Markup("")
-    bar, witness = reference.get("path_error"), reference.get("witness_path")
+    rows = []
+    for at in at_errors:
+        tension = at["tension"]
+        row: Row = {"error": percent(at["error"]), "series": at["series"] or "none reaches it"}
+        row |= {"seconds": _seconds(at["seconds"]), "tension": tension["series"] or "none reaches it"}
+        row |= {"tension_seconds": _seconds(tension["seconds"])}
+        row |= {name: _takes(peer) for name, peer in at["peers"].items()}
+        rows.append(row | dict.fromkeys(absent, "not measured: not installed"))
     told = {key: _told(reference[key]) for key in ("settings", "witness_settings")}
     of = "a tenth of the length" if _free(chart) else "the largest deflection"
-    text += Markup(_SAY.reference(reference | told, bar, witness, of, _free(chart)))
-    best = [a for a in chart.get("fastest", []) if a["series"]]
-    said = ", ".join(f"{percent(a['error'])}: {a['series']} in {_seconds(a['seconds'])}" for a in best)
+    text = _SAY.reference(
+        reference | told, reference.get("path_error"), reference.get("witness_path"), of, _free(chart)
+    )
+    said = ", ".join(
+        f"{percent(a['error'])}: {a['series']} in {_seconds(a['seconds'])}" for a in at_errors if a["series"]
+    )
     return Section(
-        "chart-fastest", "Fastest for a given error", table(rows, heads, stack=True) + text, None,
-        f"Fastest to a path error of {said}." if best else "No method reaches the charted errors.",
+        "chart-fastest", "Fastest for a given error", table(rows, heads, stack=True) + Markup(text), None,
+        f"Fastest to a path error of {said}." if said else "No method reaches the charted errors.",
     )  # fmt: skip
+
+
+def _takes(peer: dict[str, Any]) -> str:
+    if peer["ratio"] is None:
+        return peer["reason"]
+    return f"{number(peer['ratio'], 2)} times as long ({_seconds(peer['seconds'])})"
 
 
 def _absent(chart: dict[str, Any]) -> list[str]:
@@ -138,35 +131,30 @@ def _groups(chart: dict[str, Any]) -> list[tuple[str, dict[str, list[Row]]]]:
 
 
 def _charts(chart: dict[str, Any], quantity: str) -> Section:
-    drawn = []
-    for title, lines in _groups(chart):
-        known = {k: [r for r in v if r[f"{quantity}_error"] is not None] for k, v in lines.items()}
-        known = {k: v for k, v in known.items() if v}
-        if known:
-            drawn.append(figure(draw(chart, quantity, "seconds", title, known), _caption(chart, title, quantity)))
+    drawn = _drawn(chart, quantity, "seconds")
     what = {"path": "mass path", "tension": "tension"}[quantity]
     names = ", ".join(dict.fromkeys(r["series"] for r in front(chart["rows"], quantity)))
     return Section(
-        f"chart-{quantity}", f"Speed against accuracy: {what}", Markup(_SAY.legend()) + gallery(*drawn), None,
+        f"chart-{quantity}", f"Speed against accuracy: {what}", Markup(_SAY.legend()) + drawn, None,
         f"Best of all for the {what}, from quick to exact: {names}." if names else f"No run gave the {what}.",
     )  # fmt: skip
 
 
-def _caption(chart: dict[str, Any], title: str, quantity: str) -> str:
-    return f"{title.capitalize()}: {_error(chart, quantity)}"
-
-
 def _work(chart: dict[str, Any]) -> Section:
+    found = "The same errors against steps times unknowns, which do not depend on the machine."
+    return Section("chart-work", "Countable work", _drawn(chart, "path", "unknown_steps"), None, found)
+
+
+def _drawn(chart: dict[str, Any], quantity: str, work: str) -> Markup:
+    """Return the charts of all groups side by side; countable work is known of our own solvers."""
     drawn = []
     for title, lines in _groups(chart):
-        known = {k: [r for r in v if r["unknown_steps"] is not None] for k, v in lines.items()}
-        known = {k: v for k, v in known.items() if v and v[0]["kind"] in OURS}
+        known = {k: [r for r in v if r[f"{quantity}_error"] is not None and r[work]] for k, v in lines.items()}
+        known = {k: v for k, v in known.items() if v and (work == "seconds" or v[0]["kind"] in OURS)}
         if known:
-            drawn.append(figure(draw(chart, "path", "unknown_steps", title, known), _caption(chart, title, "path")))
-    return Section(
-        "chart-work", "Countable work", gallery(*drawn), None,
-        "The same errors against steps times unknowns, which do not depend on the machine.",
-    )  # fmt: skip
+            caption = f"{title.capitalize()}: {_error(chart, quantity)}"
+            drawn.append(figure(draw(chart, quantity, work, title, known), caption))
+    return gallery(*drawn)
 
 
 @style()
@@ -184,26 +172,25 @@ def draw(chart: dict[str, Any], quantity: str, work: str, title: str, lines: dic
         best = best_of(rows, quantity, work)
         ax.plot(*_columns(best, work, error), marker=marker, color=colour, linestyle=dash, label=name, zorder=3)
         labels += [(best[k], colour, 1 if k == 0 else -1) for k in dict.fromkeys((0, len(best) - 1))]
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    ax.xaxis.set_minor_formatter(NullFormatter())
-    ax.yaxis.set_minor_formatter(NullFormatter())
-    low, high = min(r[error] for r in dots), min(max(r[error] for r in dots), 3.0)
-    floor = chart["reference"].get(error)
-    if floor:
-        low = min(low, 1.5 * floor)
-        ax.axhspan(1e-12, floor, color=GREY, alpha=0.18, linewidth=0)
-    ax.set_ylim(0.5 * low, 2.0 * high)
-    ax.set_xlim(0.4 * min(r[work] for r in dots), 3.0 * max(r[work] for r in dots))
-    ax.set_title(title)
-    ax.set_xlabel(WORK[work])
-    ax.set_ylabel(_error(chart, quantity))
+    _frame(ax, [r[work] for r in dots], [r[error] for r in dots], chart["reference"].get(error))
+    ax.set(title=title, xlabel=WORK[work], ylabel=_error(chart, quantity))
     fig.legend(loc="outside lower center", ncols=2)
     fig.draw_without_rendering()  # from here on all is in its place
     taken: list[Bbox] = []
     for row, colour, up in labels:
         _label(ax, row, error, work, colour, up, taken)
     return fig
+
+
+def _frame(ax: Axes, work: list[float], errors: list[float], floor: float | None) -> None:
+    """Set the axes for all dots of the page; grey: errors below that of the reference."""
+    ax.set(xscale="log", yscale="log", xlim=(0.4 * min(work), 3.0 * max(work)))
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.yaxis.set_minor_formatter(NullFormatter())
+    low = min(*errors, 1.5 * floor) if floor else min(errors)
+    if floor:
+        ax.axhspan(1e-12, floor, color=GREY, alpha=0.18, linewidth=0)
+    ax.set_ylim(0.5 * low, 2.0 * min(max(errors), 3.0))
 
 
 def _columns(rows: Sequence[Row], *names: str) -> list[list[float]]:
@@ -239,60 +226,76 @@ def _failures(chart: dict[str, Any]) -> Section:
     for r in bad:  # reasons that differ in numbers only are one
         kind = "budget" if r["status"] == "not run" else re.sub(r"[0-9.]+", "", r["reason"] or "")
         grouped.setdefault((r["series"], r["status"], kind), []).append(r)
-    rows = []
-    for (name, status, kind), those in grouped.items():
-        at = [_told({k: v for k, v in r["settings"].items() if str(v) not in name}) for r in those if r["settings"]]
-        rows.append({
-            "series": name, "status": status, "settings": "; ".join(at) or "–",
-            "reason": "would have cost more than its share of the time" if kind == "budget" else those[0]["reason"],
-        })  # fmt: skip
+    heads = ("line", "status", "settings", "reason")
+    rows = [dict(zip(heads, (*key[:2], *_failed(*key, those)), strict=True)) for key, those in grouped.items()]
     failed = sum(r["status"] == "failed" for r in bad)
-    html = table(rows, {"series": "line", "status": "status", "settings": "settings", "reason": "reason"}, stack=True)
     return Section(
-        "chart-failed", "Runs that gave no dot", html if rows else Markup("<p>None.</p>"), None,
+        "chart-failed", "Runs that gave no dot", table(rows, heads, stack=True) if rows else "<p>None.</p>", None,
         f"{failed} runs failed; {len(bad) - failed} were not run, for time or because a code is not installed.",
     )  # fmt: skip
 
 
+def _failed(name: str, status: str, kind: str, rows: list[Row]) -> tuple[str, str]:
+    """Return settings and reason of runs that failed alike."""
+    at = [_told({k: v for k, v in r["settings"].items() if str(v) not in name}) for r in rows if r["settings"]]
+    reason = "would have cost more than its share of the time" if kind == "budget" else rows[0]["reason"]
+    return "; ".join(at) or "–", reason
+
+
 def _cost(chart: dict[str, Any]) -> Section:
-    html = []
-    if grown := chart.get("growth"):
-        html.append(listed(
-            grown,
-            {
-                "method": lambda g: g["method"], "exponent": lambda g: f"{g['exponent']:.2f}",
-                "unknowns": lambda g: f"{g['n_dof'][0]} to {g['n_dof'][-1]}",
-                "one step": lambda g: " to ".join(number(1e6 * g["seconds_per_step"][i], 2) for i in (0, -1)) + " µs",
-            },
-            caption="Seconds per step against unknowns: exponent of a power law through all sizes",
-        ))  # fmt: skip
-    floor, said = chart.get("floor"), ""
-    if floor:
-        said = plain(_SAY.iteration(floor))
-        html.append(Markup(_SAY.floor(floor)))
     rows = [r for r in chart["rows"] if r["status"] == "ok"]
-    if scipy := [r for r in rows if r["kind"] == "scipy"]:
-        html.append(listed(
-            scipy,
-            {
-                "scipy's rule": lambda r: r["settings"]["rule"],
-                "largest distance from the driver's mass path": lambda r: percent(r["driver_gap"]),
-                "its seconds": lambda r: _seconds(r["seconds"]),
-            },
-            caption="The shared driver against scipy on the same semi-discrete equations",
-        ))  # fmt: skip
-    if chosen := [r for r in rows if r["kind"] == "tolerance"]:
-        html.append(listed(
-            chosen,
-            {
-                "method": lambda r: r["method"], "asked": lambda r: percent(r["settings"]["tol"]),
-                "chosen": lambda r: _told(r["chosen"]), "stated error bar": lambda r: percent(r["bar"]),
-                "true error": lambda r: percent(r["path_error"]),
-                "seconds, all trial runs included": lambda r: _seconds(r["seconds"]),
-            },
-            caption="A tolerance instead of a resolution", stack=True,
-        ))  # fmt: skip
-    all_rows = listed(rows, {
+    html = [_growth(chart["growth"])] if chart.get("growth") else []
+    floor = chart.get("floor")
+    html += [Markup(_SAY.floor(floor))] if floor else []
+    for of_kind, kind in ((_scipy, "scipy"), (_tolerances, "tolerance")):
+        if chosen := [r for r in rows if r["kind"] == kind]:
+            html.append(of_kind(chosen))
+    html.append(page.details(f"All {len(rows)} dots", _all(rows)))
+    machine = ", ".join(f"{k} {v}" for k, v in chart.get("machine", {}).items())
+    html.append(Markup("<p><small>{}</small></p>").format(escape(machine)))
+    said = plain(_SAY.iteration(floor)) if floor else "Cost per step by method."
+    return Section("chart-cost", "What a step costs", Markup("\n").join(html), None, said)
+
+
+def _growth(grown: list[dict[str, Any]]) -> Markup:
+    return listed(
+        grown,
+        {
+            "method": lambda g: g["method"], "exponent": lambda g: f"{g['exponent']:.2f}",
+            "unknowns": lambda g: f"{g['n_dof'][0]} to {g['n_dof'][-1]}",
+            "one step": lambda g: " to ".join(number(1e6 * g["seconds_per_step"][i], 2) for i in (0, -1)) + " µs",
+        },
+        caption="Seconds per step against unknowns: exponent of a power law through all sizes",
+    )  # fmt: skip
+
+
+def _scipy(rows: list[Row]) -> Markup:
+    return listed(
+        rows,
+        {
+            "scipy's rule": lambda r: r["settings"]["rule"],
+            "largest distance from the driver's mass path": lambda r: percent(r["driver_gap"]),
+            "its seconds": lambda r: _seconds(r["seconds"]),
+        },
+        caption="The shared driver against scipy on the same semi-discrete equations",
+    )
+
+
+def _tolerances(rows: list[Row]) -> Markup:
+    return listed(
+        rows,
+        {
+            "method": lambda r: r["method"], "asked": lambda r: percent(r["settings"]["tol"]),
+            "chosen": lambda r: _told(r["chosen"]), "stated error bar": lambda r: percent(r["bar"]),
+            "true error": lambda r: percent(r["path_error"]),
+            "seconds, all trial runs included": lambda r: _seconds(r["seconds"]),
+        },
+        caption="A tolerance instead of a resolution", stack=True,
+    )  # fmt: skip
+
+
+def _all(rows: list[Row]) -> Markup:
+    return listed(rows, {
         "line": lambda r: r["series"], "settings": lambda r: _told(r["settings"]),
         "path error": lambda r: percent(r["path_error"]), "tension error": lambda r: percent(r["tension_error"]),
         "best of repeats": lambda r: _seconds(r["seconds"]),
@@ -300,7 +303,3 @@ def _cost(chart: dict[str, Any]) -> Section:
         "unknowns": lambda r: r["n_dof"], "steps": lambda r: r["steps"],
         "Newton iterations": lambda r: r["newton_iterations"], "factorisations": lambda r: r["factorisations"],
     })  # fmt: skip
-    html.append(details(f"All {len(rows)} dots", all_rows))
-    machine = ", ".join(f"{k} {v}" for k, v in chart.get("machine", {}).items())
-    html.append(Markup("<p><small>{}</small></p>").format(escape(machine)))
-    return Section("chart-cost", "What a step costs", Markup("\n").join(html), None, said or "Cost per step by method.")

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from cablefem.scene import Scene
     from validation.page.options import Point
 
-PLACE = 4
 GRID = "grid-check"  # folder of a grid's table
 EXAMPLE = "cablefem check my.toml --tol 1e-4 --with other.csv"
 

@@ -7,7 +7,6 @@ import typer
 from validation.page import terminal
 from validation.page.options import written
 
-PLACE = 2
 EXAMPLE = "cablefem methods"
 
 

@@ -3,7 +3,6 @@ import math
 from validation.page import terminal
 from validation.page.options import Out, SceneName, scene_named, written
 
-PLACE = 5
 EXAMPLE = "cablefem modes bare"
 
 

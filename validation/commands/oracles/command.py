@@ -3,7 +3,6 @@ from typing import Annotated
 
 from validation.page.options import study, to
 
-PLACE = 9
 EXAMPLE = "cablefem oracles"
 
 

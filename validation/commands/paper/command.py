@@ -3,7 +3,6 @@ from typing import Annotated
 
 from validation.page.options import study, to
 
-PLACE = 10
 EXAMPLE = "cablefem paper"
 
 

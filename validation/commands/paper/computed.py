@@ -18,7 +18,7 @@ from galerkin.equations import GalerkinSystem
 from galerkin.modes import bare_frequencies
 from validation.commands.paper import gibbs, vibration
 from validation.commands.paper import measured as m
-from validation.commands.paper.runs import Reference, Runs
+from validation.commands.paper.runs import SAID, Reference, Runs
 from validation.commands.paper.verdicts import Value
 from validation.core import measures, store
 from validation.oracles import catenary_modes, irvine
@@ -36,8 +36,8 @@ def stored(runs: Runs, file: Path) -> dict[str, Any]:
     file : where they are kept, and found again if the scenes and the settings are the same.
     """
     level, inclined = runs.scenes["level"], runs.scenes["inclined"]
-    key = [level.to_toml(), inclined.to_toml(), repr((gibbs.TERMS, gibbs.PLACES.tolist(), gibbs.STEPS)),
-           repr((vibration.TERMS, vibration.SPEED, vibration.PERIODS, vibration.COARSE, vibration.FINE))]  # fmt: skip
+    key = [level.to_toml(), inclined.to_toml(), SAID["overshoot"], SAID["vibration"]]
+    coarse, fine = SAID["vibration"]["coarse_steps"], SAID["vibration"]["fine_steps"]
     if kept := store.stored(file, key=key):
         return dict(kept["numbers"])
     g = level.groups
@@ -45,9 +45,9 @@ def stored(runs: Runs, file: Path) -> dict[str, Any]:
         "frequencies": figure_2(runs),
         "overshoot": {method: [asdict(x) for x in rows] for method, rows in gibbs.overshoots(inclined.groups).items()},
         "vibration": {
-            "coarse": vibration.energy_ratio(g, vibration.COARSE),
-            "fine": vibration.energy_ratio(g, vibration.FINE),
-            "kept": vibration.energy_ratio(g, vibration.COARSE, "energy"),
+            "coarse": vibration.energy_ratio(g, coarse),
+            "fine": vibration.energy_ratio(g, fine),
+            "kept": vibration.energy_ratio(g, coarse, "energy"),
         },
     }  # fmt: skip
     write_json(file, {"key": key, "numbers": new})
@@ -332,10 +332,7 @@ def _time(runs: Runs, swing: dict[str, float]) -> dict[str, Any]:
 
     halves = {b: gap(f"{b}-17-coarser", f"{b}-17") for b in ("fourier", "wavelet")}
     return {
-        "swing": {
-            **swing, "terms": vibration.TERMS, "periods": vibration.PERIODS, "coarse_steps": vibration.COARSE,
-            "fine_steps": vibration.FINE,
-        },
+        "swing": swing | SAID["vibration"],
         "largest_energy": Value(swing["coarse"]), "later_start": _start_of_48(runs, 1e-7),
         "start_48": Value(starts[0], abs(starts[0] - starts[1])),
         "forms_apart": Value(gap("fourier-10-position", "fourier-10-fine"), halves["fourier"] / 3.0),

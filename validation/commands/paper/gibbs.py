@@ -16,12 +16,11 @@ from galerkin.bases import Basis
 from galerkin.bases.daubechies import Daubechies
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
+from validation.commands.paper.runs import SAID
 from validation.core.sampling import stacked
 
-PLACES = np.linspace(0.25, 0.75, 11)  # s_o/l at which the tension is looked at
-STEPS = 1000
-TERMS = {"fourier": (10, 17, 30, 60, 120), "fourier-kink": (10, 30, 60), "wavelet": (10, 17, 31, 59)}
-LEVEL = {10: 0, 17: 1, 31: 2, 59: 3}
+ASKED = SAID["overshoot"]
+PLACES = np.linspace(ASKED["places"]["first"], ASKED["places"]["last"], ASKED["places"]["count"])
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +35,7 @@ class Overshoot:
 def _tensions(system: GalerkinSystem | FollowingElements, distances: Array) -> Array:
     """Return T at s_o -+ each distance (m,) at every one of PLACES, (places, 2 m)."""
     states, wanted = [], list(PLACES)
-    for x in integrate(system, scheme("trapezoidal"), step_times(system, STEPS)):
+    for x in integrate(system, scheme("trapezoidal"), step_times(system, ASKED["steps"])):
         if system.motion.at(x.t, x.phase)[0] >= wanted[0]:
             states.append(x)
             del wanted[0]
@@ -52,12 +51,14 @@ def _tensions(system: GalerkinSystem | FollowingElements, distances: Array) -> A
 
 def overshoots(groups: Groups) -> dict[str, list[Overshoot]]:
     """Return the overshoot of every method for every number of terms; the scene must stay taut."""
-    return {method: [overshoot(groups, method, terms) for terms in ladder] for method, ladder in TERMS.items()}
+    return {method: [overshoot(groups, method, terms) for terms in ladder] for method, ladder in ASKED["terms"].items()}
 
 
 def overshoot(groups: Groups, method: str, terms: int) -> Overshoot:
     distances = np.linspace(0.5, 2.0, 120) / terms
-    basis: Basis = Daubechies(order=4, level=LEVEL[terms], reading="literal") if method == "wavelet" else Fourier(terms)
+    basis: Basis = Fourier(terms) if method != "wavelet" else next(
+        w for w in (Daubechies(order=4, level=level, reading="literal") for level in range(9)) if w.n == terms
+    )  # fmt: skip
     reference = _tensions(FollowingElements(groups, elements=24, degree=2), distances)
     gap = np.abs(_tensions(GalerkinSystem(groups, basis, kink=method.endswith("kink")), distances) - reference)
     sizes = gap.max(axis=1)

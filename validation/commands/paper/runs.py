@@ -1,57 +1,25 @@
-"""The runs behind the figures: the paper's own resolution, and a converged reference with its error bar."""
+"""The runs behind the figures (runs.toml): the paper's own resolution, and a converged reference with its error bar."""
 
 import itertools
 import json
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.estimate import Estimated
+from validation.core.ladder import Branch, Ladder
 from validation.core.methods import find, refined
-from validation.core.richardson import SAFETY, left, space_order
 from validation.core.running import run
 from validation.core.sidebyside import spread
 
 Progress = Callable[[str, float], None]
 
-# Text 6 names Newmark's method "with artificial damping" for wavelets but not its constants; gamma 0.6 is ours.
-# Figure 3 has N = 30 sines; figure 4 names no N: the wavelet basis of nearest size has 31.
-DAMPED = {"scheme": "newmark"}
-OVERDAMPED = {"scheme": "newmark", "newmark_gamma": 1.0}  # what strong damping and long steps do to the tension
-RUNS: dict[str, tuple[str, str, dict[str, Any]]] = {
-    "level-fourier-30": ("level", "fourier", {"terms": 30, "steps": 2000}),
-    "level-wavelet-31": ("level", "wavelet", {"level": 2, "steps": 2000, **DAMPED}),
-    "heavy-fourier-30": ("heavy", "fourier", {"terms": 30, "steps": 2000}),
-    "cruise-fourier-30": ("cruise", "fourier", {"terms": 30, "steps": 2000}),
-    "cruise-wavelet-31": ("cruise", "wavelet", {"level": 2, "steps": 2000, **DAMPED}),
-    "inclined-fourier-10": ("inclined", "fourier", {"terms": 10, "steps": 512}),
-    "inclined-wavelet-10": ("inclined", "wavelet", {"level": 0, "steps": 512, **DAMPED}),
-    "inclined-fourier-17": ("inclined", "fourier", {"terms": 17, "steps": 4096, "abscissa": "s"}),
-    "inclined-wavelet-17": ("inclined", "wavelet", {"level": 1, "steps": 4096, "abscissa": "s", **DAMPED}),
-    # what else the claims ask for: the same bases with other steps, another independent variable, more terms
-    "level-fourier-30-overdamped": ("level", "fourier", {"terms": 30, "steps": 256, **OVERDAMPED}),
-    "level-wavelet-31-overdamped": ("level", "wavelet", {"level": 2, "steps": 256, **OVERDAMPED}),
-    "inclined-wavelet-10-overdamped": ("inclined", "wavelet", {"level": 0, "steps": 512, **OVERDAMPED}),
-    "inclined-fourier-10-fine": ("inclined", "fourier", {"terms": 10, "steps": 4096}),
-    "inclined-fourier-10-position": ("inclined", "fourier", {"terms": 10, "steps": 4096, "abscissa": "s"}),
-    "inclined-fourier-17-coarser": ("inclined", "fourier", {"terms": 17, "steps": 2048, "abscissa": "s"}),
-    "inclined-fourier-59": ("inclined", "fourier", {"terms": 59, "steps": 2000}),
-    "level-wavelet-31-undamped": ("level", "wavelet", {"level": 2, "steps": 4000}),
-    "inclined-wavelet-17-coarser": ("inclined", "wavelet", {"level": 1, "steps": 2048, "abscissa": "s", **DAMPED}),
-    "inclined-wavelet-17-any-step": ("inclined", "wavelet", {"level": 1, "steps": 4111, "abscissa": "s", **DAMPED}),
-    "rising-following": ("rising", "following-p2", {"elements": 16, "steps": 1600}),
-    "rising-following-coarser": ("rising", "following-p2", {"elements": 8, "steps": 800}),
-}
-
-# The converged reference: following elements with companions of half the resolution and half the steps, and sines
-# with a travelling kink, which share no formula with them.
-FINE = ("following-p2", {"elements": 40, "steps": 4000})
-CROSS = ("fourier-kink", {"terms": 50, "steps": 2500})
-REFERENCES = ("level", "heavy", "cruise", "inclined")
+SAID = tomllib.loads((resources.files(__package__) / "runs.toml").read_text(encoding="utf-8"))
 
 
 def scenes() -> dict[str, Scene]:
@@ -66,19 +34,28 @@ def scenes() -> dict[str, Scene]:
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """A converged run: elements that follow the mass, their companions, and the other solver's run."""
+    """A converged run: elements that follow the mass, with coarser ones, and the other solver's run."""
 
-    bars: Estimated
+    ladder: Ladder
     cross: Response
 
     @property
     def run(self) -> Response:
-        return self.bars.run
+        return self.ladder.finest
 
     def measured(self, f: Callable[[Response], float]) -> tuple[float, float]:
-        """Return a number and its bar: from the companions, and never less than the distance of the other solver."""
-        own = self.bars.bar(lambda a, b: abs(f(a) - f(b)))
-        return f(self.run), max(own, abs(f(self.run) - f(self.cross)))
+        """Return a number and its bar, which is never less than the distance of the other solver."""
+        return f(self.run), max(float(self.ladder.bar(f)), abs(f(self.run) - f(self.cross)))
+
+    @property
+    def path_bar(self) -> float:
+        """The error bar of the path over the window, relative to its largest deflection."""
+        window = measures.window_of(*self.ladder.runs, self.cross)
+
+        def apart(a: Response, b: Response) -> float:
+            return measures.path_gap(a, b, window)[0]
+
+        return max(float(self.ladder.bar(lambda r: r, apart)), apart(self.cross, self.run))
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,15 +72,21 @@ class Runs:
 
 def plan() -> dict[str, tuple[str, str, dict[str, Any]]]:
     """Return every run by its folder's name: scene, method, settings."""
-    jobs = dict(RUNS)
-    for scene in REFERENCES:
-        method, settings = FINE
-        fine = find(method).settings(settings)
-        jobs[f"{scene}-reference"] = (scene, method, settings)
-        jobs[f"{scene}-half-resolution"] = (scene, method, refined(find(method), fine, space=0.5))
-        jobs[f"{scene}-half-steps"] = (scene, method, refined(find(method), fine, time=0.5))
-        jobs[f"{scene}-cross"] = (scene, *CROSS)
-    return jobs
+    name, settings = SAID["fine"]
+    method = find(name)
+    fine = method.settings(settings)
+    ladder = {
+        "": fine,
+        "-half-resolution": refined(method, fine, space=0.5),
+        "-half-steps": refined(method, fine, time=0.5),
+    }
+    ladder |= {
+        "-quarter-resolution": refined(method, fine, space=0.25),
+        "-quarter-steps": refined(method, fine, time=0.25),
+    }
+    jobs = {f"{scene}-reference{end}": (scene, name, x) for scene in SAID["references"] for end, x in ladder.items()}
+    jobs |= {f"{scene}-cross": (scene, *SAID["cross"]) for scene in SAID["references"]}
+    return jobs | {name: tuple(given) for name, given in SAID["runs"].items()}  # the long ones first
 
 
 def all_runs(out: Path, report: Progress) -> Runs:
@@ -114,10 +97,10 @@ def all_runs(out: Path, report: Progress) -> Runs:
         scene, method, settings = jobs[name]
         return stored(out / "runs" / name, known[scene], method, settings)
 
-    names, done = sorted(jobs, key=lambda name: name in RUNS), itertools.count(1)  # the long ones first
+    names, done = list(jobs), itertools.count(1)
     spread(lambda name: bool(made(name)), names, lambda i, there: report("runs", next(done) / len(names)))
     found = {name: made(name) for name in jobs}
-    return Runs(known, found, {scene: _reference(found, scene) for scene in REFERENCES})
+    return Runs(known, found, {scene: _reference(found, scene) for scene in SAID["references"]})
 
 
 def stored(folder: Path, scene: Scene, method: str, settings: dict[str, Any]) -> Response:
@@ -135,15 +118,12 @@ def stored(folder: Path, scene: Scene, method: str, settings: dict[str, Any]) ->
 
 
 def _reference(found: dict[str, Response], scene: str) -> Reference:
-    fine, half, slow = (found[f"{scene}-{part}"] for part in ("reference", "half-resolution", "half-steps"))
-    weights = SAFETY * left(space_order(find(FINE[0]).space_order)), SAFETY * left(2.0)
-    bars = Estimated(fine, fine, half, slow, weights, "companions with half the elements and half the steps")
-    return Reference(bars, found[f"{scene}-cross"])
+    def branch(what: str, order: float) -> Branch:
+        return Branch(
+            tuple(found[f"{scene}-reference-{part}-{what}"] for part in ("half", "quarter")), (2.0, 2.0), order
+        )
 
-
-def path_bar(reference: Reference) -> float:
-    """Return the error bar of the reference's path over the window, relative to its largest deflection."""
-    runs = (*reference.bars.runs, reference.cross)
-    window = measures.window_of(*runs)
-    own = reference.bars.bar(lambda a, b: measures.path_gap(a, b, window)[0])
-    return max(own, measures.path_gap(reference.cross, reference.run, window)[0])
+    ladder = Ladder(
+        found[f"{scene}-reference"], branch("resolution", find(SAID["fine"][0]).space_order), branch("steps", 2.0)
+    )
+    return Reference(ladder, found[f"{scene}-cross"])

@@ -6,16 +6,15 @@ from typing import Any
 
 from cablefem.response import write_json
 from validation.commands.paper import computed, verdicts
-from validation.commands.paper.runs import FINE, REFERENCES, Progress, all_runs, path_bar
+from validation.commands.paper.runs import Progress, all_runs
 from validation.commands.paper.verdicts import VERDICTS
 
 
 def paper(out: Path, progress: Progress | None = None) -> dict[str, Any]:
     """Make or reuse every run, judge every claim, and write claims.json; runs are kept in out/runs/NAME.
 
-    Returns the content of claims.json: `claims` (id, where, claim, quantities, verdict, why), `count` of verdicts,
-    `wu_and_chen` (turning points of the path for both mass ratios), `references` (what the converged values rest on),
-    `frequencies` (figure 2), `overshoot` beside the mass and energy in free `vibration`.
+    Returns the content of claims.json: `claims`, `count` of verdicts, `wu_and_chen` (turning points of the path for
+    both mass ratios), `references` (what the converged values rest on), and what `computed.stored` returns.
     """
     report = progress or (lambda label, done: None)
     runs = all_runs(out, report)
@@ -30,11 +29,10 @@ def paper(out: Path, progress: Progress | None = None) -> dict[str, Any]:
         "wu_and_chen": computed.wu_and_chen(runs),
         "references": {
             scene: {
-                "method": FINE[0], "settings": runs.reference[scene].run.settings,
-                "crossed_by": runs.reference[scene].cross.method,
-                "path_bar": path_bar(runs.reference[scene]), "slack_onset": runs.reference[scene].run.slack_onset,
+                "method": x.run.method, "settings": x.run.settings, "crossed_by": x.cross.method,
+                "path_bar": x.path_bar, "slack_onset": x.run.slack_onset,
             }
-            for scene in REFERENCES
+            for scene, x in runs.reference.items()
         },
         **beyond,
     }  # fmt: skip

@@ -14,12 +14,10 @@ from cablefem.scene import Groups
 from cablefem.scene.motion import standing
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
+from validation.commands.paper.runs import SAID
 from validation.core.sampling import stacked
 
-TERMS = 30  # as in figure 3
-SPEED = 0.1  # first sine's dv/dt at the start: it swings as far as the cable of figure 3 is deflected
-PERIODS = 20.0  # of the first mode
-COARSE, FINE = 20, 80  # steps per period of the first mode
+ASKED = SAID["vibration"]
 
 
 def energy_ratio(groups: Groups, per_period: float, name: str = "trapezoidal") -> float:
@@ -28,10 +26,10 @@ def energy_ratio(groups: Groups, per_period: float, name: str = "trapezoidal") -
     per_period : steps per period of the first mode (2 pi/5.35).
     """
     period = 2.0 * np.pi / 5.3454766
-    end = PERIODS * period
-    system = GalerkinSystem(replace(groups, mu=0.0, motion=standing(0.5, end)), Fourier(TERMS))
+    end = ASKED["periods"] * period
+    system = GalerkinSystem(replace(groups, mu=0.0, motion=standing(0.5, end)), Fourier(ASKED["terms"]))
     v = np.zeros(system.n_dof)
-    v[TERMS] = SPEED
+    v[ASKED["terms"]] = ASKED["speed"]
     start = consistent_acceleration(system, 0.0, np.zeros(system.n_dof), v, 0)
     grid = np.arange(0.0, end, period / per_period)
     states, none = [start], np.zeros(0)

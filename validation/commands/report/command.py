@@ -6,7 +6,6 @@ import typer
 from validation.page import terminal
 from validation.page.options import to
 
-PLACE = 12
 EXAMPLE = "cablefem report"
 # What a full report consists of, in the order of its pages.
 PARTS = (

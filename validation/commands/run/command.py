@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from cablefem.scene import Scene
     from validation.commands.run.study import Answer
 
-PLACE = 3
 EXAMPLE = "cablefem run zipline --model quasi-static --set mass.mass=40,60,80"
 CHOICES = {
     "model": ("full", "stretching", "sagged", "string", "quasi-static"),

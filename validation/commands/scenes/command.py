@@ -6,7 +6,6 @@ import typer
 from validation.page import terminal
 from validation.page.options import scene_named, written
 
-PLACE = 1
 EXAMPLE = "cablefem scenes level > my.toml"
 
 

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from validation.core import store
 from validation.page import terminal
 
-if TYPE_CHECKING:
-    from validation.commands.sweep.engine import Tally
-
-PLACE = 11
 EXAMPLE = "cablefem sweep throughput --workers 2"
 
 
@@ -63,8 +55,12 @@ def command(
     folder = store.ROOT / asked.name if out is None else out
     if folder.is_dir() and any(folder.iterdir()) and not (folder / "rows").is_dir():
         raise store.Refused(f"{folder} is not empty and holds no sweep; nothing was written; choose another with --out")
-    with _progress() as progress:
-        tally = engine.sweep(asked, folder, workers=workers, scheduler=scheduler, progress=progress)
+    with terminal.progress() as progress:
+
+        def told(tally: engine.Tally) -> None:
+            progress("sweep", tally.done / tally.total, str(tally))
+
+        tally = engine.sweep(asked, folder, workers=workers, scheduler=scheduler, progress=told)
     if csv:
         engine.frame(folder).to_csv(folder / "rows.csv")
     from validation.commands.sweep.page import sections
@@ -79,31 +75,3 @@ def command(
     terminal.say(f"{tally.status.total()} scenes in this call, {tally.rate:.3g} per second")
     terminal.say(f"written to {folder}: rows/, study.toml, sweep.json, report.html")
     return 1 if any(counts.get(x) for x in ("failed", "died", "cut off")) else 0
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[Tally], None]]:
-    """Show done, failed, left, scenes per second and the time left; in a pipe a line every half a minute."""
-    if not sys.stderr.isatty():
-        last = [0.0]
-
-        def line(tally: Tally) -> None:
-            if time.monotonic() - last[0] > 30.0:
-                last[0] = time.monotonic()
-                print(_told(tally), file=sys.stderr, flush=True)
-
-        yield line
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns: list[Any] = [TextColumn("{task.description}"), BarColumn(), TextColumn("left"), TimeRemainingColumn()]
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
-        task = bars.add_task("starting", total=None)
-        yield lambda tally: bars.update(task, total=tally.total, completed=tally.done, description=_told(tally))
-
-
-def _told(tally: Tally) -> str:
-    where = f", {tally.dashboard}" if tally.dashboard else ""
-    left = tally.total - tally.done
-    return f"{tally.done} done, {tally.failed} failed, {left} left, {tally.rate:.3g} scenes/s{where}"

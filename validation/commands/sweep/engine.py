@@ -18,8 +18,6 @@ from validation.core.store import Refused
 CHUNK = 1.0  # [s] of work in a chunk: the way to a worker and back, and a file, cost about 10 ms
 LARGEST = 2000  # scenes in a chunk, however fast they are
 AHEAD = 2  # chunks waiting beside each one that is worked on
-KEPT = 2**28  # bytes that a worker keeps for what comes next
-GROWTH = 4  # from one chunk to the next, while their seconds are learnt
 
 Work = Callable[[Study, list[tuple[int, dict[str, Any]]]], list[dict[str, Any]]]
 
@@ -48,6 +46,11 @@ class Tally:
         """Scenes per second of this call."""
         return self.status.total() / max(1e-9, time.perf_counter() - self.begin)
 
+    def __str__(self) -> str:
+        where = f", {self.dashboard}" if self.dashboard else ""
+        left = self.total - self.done
+        return f"{self.done} done, {self.failed} failed, {left} left, {self.rate:.3g} scenes/s{where}"
+
 
 def sweep(
     study: Study, out: Path, *, workers: int | None = None, scheduler: str | None = None,
@@ -72,7 +75,8 @@ def sweep(
         if todo:
             with _client(workers, scheduler, min(len(todo), LARGEST)) as client:
                 tally.dashboard = _dashboard(client)
-                _loop(client, study, out, todo, tally, report, work)
+                loop = _Loop(client, study, out, todo, tally, work)
+                loop.run(report)
         seconds = time.perf_counter() - tally.begin
         write_json(out / "sweep.json", {
             "study": study.name, "scenes": len(study), "statuses": statuses(out), "seconds": seconds,
@@ -81,61 +85,68 @@ def sweep(
     return tally
 
 
-def _loop(
-    client: Any, study: Study, out: Path, todo: deque[int], tally: Tally, report: Callable[[Tally], None], work: Work
-) -> None:  # fmt: skip
-    from distributed import as_completed
+class _Loop:
+    """Chunks go out to a client's workers, and their rows are written as they come home."""
 
-    capacity = max(1, sum(client.nthreads().values()))
-    deaths: Counter[int] = Counter()
-    suspects: deque[list[int]] = deque()  # were with a worker that died: Dask cannot tell whose fault it was
-    running: dict[Any, list[int]] = {}
-    results = as_completed()
-    size, each, alone = 1, 0.0, False
+    def __init__(
+        self, client: Any, study: Study, out: Path, todo: deque[int], tally: Tally, work: Work
+    ) -> None:  # fmt: skip
+        from distributed import as_completed
 
-    def send(indices: list[int]) -> None:
-        future = client.submit(work, study, [(i, study.point(i)) for i in indices], pure=False)
-        running[future] = indices
-        results.add(future)
+        self.client, self.study, self.out, self.todo, self.tally, self.work = client, study, out, todo, tally, work
+        self.capacity = max(1, sum(client.nthreads().values()))
+        self.running: dict[Any, list[int]] = {}
+        self.results = as_completed()
+        self.size = 1  # scenes in a chunk
+        # Chunks of workers that died are tried one at a time, so that a death tells whose fault it was.
+        self.suspects: deque[list[int]] = deque()
+        self.alone = False
+        self.deaths: Counter[int] = Counter()
 
-    def fill() -> None:
-        nonlocal alone
-        alone = bool(suspects) and not running  # one at a time, so that a death tells
-        if alone:
-            send(suspects.popleft())
-        if running and (alone or suspects):
+    def run(self, report: Callable[[Tally], None]) -> None:
+        self.fill()
+        for future in self.results:
+            indices = self.running.pop(future)
+            rows = self.made(future.result()) if future.status == "finished" else self.died(indices, future)
+            future.release()
+            if rows:
+                write(self.out, self.study, rows)
+                self.tally.status.update(row["status"] for row in rows)
+                report(self.tally)
+            self.fill()
+
+    def fill(self) -> None:
+        self.alone = bool(self.suspects) and not self.running
+        if self.alone:
+            self.send(self.suspects.popleft())
+        elif self.suspects:
             return
-        while todo and len(running) < (1 + AHEAD) * capacity:
-            share = max(1, len(todo) // (2 * capacity))  # at the end smaller ones, so that all workers end together
-            send([todo.popleft() for _ in range(min(size, share, len(todo)))])
+        while self.todo and not self.alone and len(self.running) < (1 + AHEAD) * self.capacity:
+            share = max(1, len(self.todo) // (2 * self.capacity))  # smaller at the end: all workers end together
+            self.send([self.todo.popleft() for _ in range(min(self.size, share, len(self.todo)))])
 
-    fill()
-    for future in results:
-        indices = running.pop(future)
-        rows: list[dict[str, Any]] = []
-        if future.status == "finished":
-            rows = future.result()
-            seconds = sum(row.get("seconds") or 0.0 for row in rows)
-            tally.busy += seconds
-            each = seconds / len(rows) if each == 0.0 else 0.7 * each + 0.3 * seconds / len(rows)
-            size = max(1, min(LARGEST, GROWTH * max(size, len(rows)), int(CHUNK / max(each, 1e-9))))
-        elif not alone:
-            suspects.append(indices)
-        elif len(indices) > 1:
-            suspects.extend([i] for i in indices)
-        else:
-            (index,) = indices
-            deaths[index] += 1
-            if deaths[index] < 2:
-                suspects.append(indices)
-            else:
-                rows = [job.lost(study, index, type(future.exception()).__name__)]
-        future.release()
-        if rows:
-            write(out, study, rows)
-            tally.status.update(row["status"] for row in rows)
-            report(tally)
-        fill()
+    def send(self, indices: list[int]) -> None:
+        points = [(i, self.study.point(i)) for i in indices]
+        future = self.client.submit(self.work, self.study, points, pure=False)
+        self.running[future] = indices
+        self.results.add(future)
+
+    def made(self, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        """Take rows that came home, and learn from their seconds how large chunks may be."""
+        seconds = sum(row.get("seconds") or 0.0 for row in rows)
+        self.tally.busy += seconds
+        wanted = CHUNK * len(rows) / max(seconds, 1e-9)
+        self.size = int(min(max(1.0, wanted), LARGEST, 4 * max(self.size, len(rows))))
+        return rows
+
+    def died(self, indices: list[int], future: Any) -> list[dict[str, Any]]:
+        """Take apart a chunk whose worker died; a scene at which a worker dies twice alone is a row that says so."""
+        if self.alone and len(indices) == 1:
+            self.deaths[indices[0]] += 1
+            if self.deaths[indices[0]] == 2:
+                return [job.lost(self.study, indices[0], type(future.exception()).__name__)]
+        self.suspects.extend([[i] for i in indices] if self.alone else [indices])
+        return []
 
 
 # --- results ----------------------------------------------------------------------------------------------------------
@@ -174,24 +185,19 @@ def files(out: Path) -> list[Path]:
 
 def done(out: Path) -> set[int]:
     """Return the indices of the scenes that have a row."""
-    return {i for file in files(out) for i in parquet_indices(file)}
-
-
-def parquet_indices(file: Path) -> list[int]:
-    """Return the indices of the rows in a file."""
-    from pyarrow import parquet
-
-    return parquet.read_table(file, columns=["index"])["index"].to_pylist()
+    return {i for file in files(out) for i in column(file, "index")}
 
 
 def statuses(out: Path) -> dict[str, int]:
     """Return how many rows have which status."""
+    return dict(Counter(status for file in files(out) for status in column(file, "status")))
+
+
+def column(file: Path, name: str) -> list[Any]:
+    """Return one column of a file of rows."""
     from pyarrow import parquet
 
-    counts: Counter[str] = Counter()
-    for file in files(out):
-        counts.update(parquet.read_table(file, columns=["status"])["status"].to_pylist())
-    return dict(counts)
+    return parquet.read_table(file, columns=[name])[name].to_pylist()
 
 
 def frame(out: Path) -> Any:
@@ -252,10 +258,7 @@ def _client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator
             raise Refused(f"--scheduler {scheduler}: {error or 'no answer'}") from None
         return
     # a chunk that kills its worker is taken apart here at once, not tried again whole
-    calm: dict[str, Any] = {"distributed.scheduler.allowed-failures": 0, "distributed.comm.timeouts.connect": "60s"}
-    # Dask's workers give memory back at once: a twelfth of the time of short scenes went to asking for it anew
-    kept = ("MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_")
-    calm |= {f"distributed.nanny.pre-spawn-environ.{name}": KEPT for name in kept}
+    calm = {"distributed.scheduler.allowed-failures": 0, "distributed.comm.timeouts.connect": "60s"}
     with dask.config.set(calm):
         cluster = LocalCluster(
             n_workers=min(workers or os.cpu_count() or 1, scenes), threads_per_worker=1, memory_limit=0,

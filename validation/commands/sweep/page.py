@@ -21,7 +21,6 @@ SHOWN = 4000  # rows in the page at most, evenly taken; all are in rows/
 LARGE = 2500  # dots in a map, evenly taken
 MAPS = ("tension_max", "mass_deepest", "contact_min", "haul_force_max", "max_deflection", "path_error")
 MULTIPLES = 3
-WIDE = 24  # letters that a colour bar is high: longer names would be cut off, with their units
 
 
 def sections(folder: Path) -> list[Section]:
@@ -38,19 +37,11 @@ def sections(folder: Path) -> list[Section]:
 
 def _outcome(study: Study, told: dict[str, Any], rows: Any) -> Section:
     counts = rows["status"].value_counts()
-    broken = int(sum(counts.get(x, 0) for x in BROKEN))
-    reasons = rows[rows["status"] != "complete"].groupby(["status", "cause"], dropna=False).size()
-    lines = [
-        {"status": status, "scenes": int(n), "part": f"{100.0 * n / len(rows):.1f} %"} for status, n in counts.items()
-    ]
-    causes = [{"status": s, "cause": c, "scenes": int(n)} for (s, c), n in reasons.items()]
-    html = [table(lines, ["status", "scenes", "part"], caption="What came of the scenes")]
-    if causes:
-        html.append(table(causes, ["status", "cause", "scenes"], caption="Why, where not complete"))
-    verdicts = rows["verdict"].dropna().value_counts()
-    if len(verdicts):
-        said = [{"judged": word, "scenes": int(n)} for word, n in verdicts.items()]
-        html.append(table(said, ["judged", "scenes"], caption="Verdicts"))
+    html = [_counted(rows, ["status"], "What came of the scenes")]
+    short = rows[rows["status"] != "complete"]
+    html += [_counted(short, ["status", "cause"], "Why, where not complete")] if len(short) else []
+    judged = rows[rows["verdict"].notna()]
+    html += [_counted(judged, ["verdict"], "Verdicts")] if len(judged) else []
     for name, most in study.limit.items():
         if name in rows:
             over = int((rows[name] > most).sum())
@@ -58,8 +49,21 @@ def _outcome(study: Study, told: dict[str, Any], rows: Any) -> Section:
     if rows["true_error"].notna().any():
         lines = coverage(rows)
         html.append(table(lines, list(lines[0]), caption="Error bars against finer runs"))
+    broken = int(sum(counts.get(x, 0) for x in BROKEN))
     summary = f"{len(rows)} of {len(study)} scenes, {counts.get('complete', 0)} complete, {broken} without an answer"
     return Section("sweep-outcome", study.title or f"Sweep {told['study']}", Markup("\n").join(html), None, summary)
+
+
+def _counted(rows: Any, by: list[str], caption: str) -> Markup:
+    """Return how many scenes have which words, most first."""
+    heads = {"verdict": "judged"}
+    lines = [
+        {heads.get(name, name): None if word != word else word for name, word in zip(by, words, strict=True)}
+        | {"scenes": int(n), "part": f"{100.0 * n / len(rows):.1f} %"}
+        for words, n in rows.groupby(by, dropna=False).size().sort_values(ascending=False).items()
+        for words in [words if len(by) > 1 else [words]]
+    ]
+    return table(lines, list(lines[0]), caption=caption)
 
 
 OF = {"path": ("path_error", "true_error", "doubt"), "tension": ("tension_error", "true_tension", "doubt_tension")}
@@ -100,35 +104,26 @@ def _map(study: Study, rows: Any, quantity: str, axes: list[str]) -> Markup:
     factor, unit = scale_of(rows[quantity].to_numpy(float), unit_of(quantity))
     rows = rows.assign(**{quantity: factor * rows[quantity]})
     called = f"{named(quantity)} [{unit or '–'}]"
-    x, y = axes[0], axes[1] if len(axes) > 1 else quantity
-    third = axes[2] if len(axes) > 2 else None
+    x, y, third, *_ = [*axes, quantity, None] if len(axes) == 1 else [*axes, None]
     parts = _parts(rows[third]) if third else [("", np.ones(len(rows), bool))]
     fig, grid = panels(1, len(parts), height=2.9 if len(parts) == 1 else 2.6, sharey=True, squeeze=False)
-    values = rows[quantity].to_numpy(float)
-    low, high = np.percentile(values, [1, 99])
-    logs = {a.name: a.log for a in study.axes}
+    low, high = np.percentile(rows[quantity].to_numpy(float), [1, 99])
+    logs = {a.name for a in study.axes if a.log}
+    most = factor * study.limit.get(quantity, np.inf)
     for ax, (title, chosen) in zip(grid[0], parts, strict=True):
         part = rows[chosen]
         dots = ax.scatter(part[x], part[y], c=part[quantity], s=14, vmin=low, vmax=high, linewidths=0)
         dots.set_urls([f"#scene-{i}" for i in part.index])
-        slack = part[part["slack_onset"].notna()]
+        slack, beyond = part[part["slack_onset"].notna()], part[part[quantity] > most]
         ax.scatter(slack[x], slack[y], s=30, facecolors="none", edgecolors="#d55e00", linewidths=0.7)
-        if (most := study.limit.get(quantity)) is not None:
-            beyond = part[part[quantity] > factor * most]
-            ax.scatter(beyond[x], beyond[y], s=24, marker="x", c="#1a1a1a", linewidths=0.8)
+        ax.scatter(beyond[x], beyond[y], s=24, marker="x", c="#1a1a1a", linewidths=0.8)
         ax.set_title(title, fontsize=8)
-        ax.set_xlabel(x)
-        if logs.get(x):
-            ax.set_xscale("log")
-        if logs.get(y):
-            ax.set_yscale("log")
+        ax.set(xlabel=x, xscale="log" if x in logs else "linear", yscale="log" if y in logs else "linear")
     grid[0][0].set_ylabel(called if y == quantity else y)
-    fig.colorbar(dots, ax=list(grid[0]), label=textwrap.fill(called, WIDE))
-    return figure(
-        fig,
-        f"{named(quantity)[0].upper()}{named(quantity)[1:]} over {x} and {y}"
-        + (f", {third} from left to right" if third else ""),
-    )
+    # longer names than a colour bar is high would be cut off, with their units
+    fig.colorbar(dots, ax=list(grid[0]), label=textwrap.fill(called, 24))
+    name = f"{named(quantity)[0].upper()}{named(quantity)[1:]}"
+    return figure(fig, f"{name} over {x} and {y}" + (f", {third} from left to right" if third else ""))
 
 
 def _parts(values: Any) -> list[tuple[str, Any]]:

@@ -1,0 +1,177 @@
+"""A line at rest by exact elastic catenaries: closed form pieces between stations, joined by Newton's method.
+
+With n = (H, P) the pull N t at the left end of a piece of length S, P1 = P - q S at its right end, N0 and N1 the
+tensions there, Nm = (N0 + N1)/2, Pm = (P + P1)/2 and w = q S/(N0 + N1) (Irvine, Cable Structures, 1981):
+
+    dx = H S (1/EA + atanh(w)/(w Nm)),   dy = Pm S (1/EA + 1/Nm),   both times 1 + a dT.
+
+atanh(w) = [asinh(P/H) - asinh(P1/H)]/2 needs no difference of large numbers. Equations: the pieces meet; a saddle has
+the same tension on both sides; at a counterweight the tension is G; the rope pulls a spring; at a gripping car
+[n] = -Mg j; at a hauled one [n] = -Mg (j - tau tau_y) with tau along n_behind + n_ahead, so that F = -Mg tau_y.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cablefem.scene.line import Case, LineState, NoLine, Station
+from cablefem.scene.taut import guess
+
+STEPS = 100  # of Newton's method; 6 to 15 do
+SHORTEST = 1e-9  # part of one step
+LAST = 1e-8  # step over the size of the unknowns: the error after it is about its square
+SAMPLES = 41  # points of each piece where `along` tells it
+IMAGINARY = 1e-30  # differentiation by a complex step: exact to rounding
+
+
+def _norm(v: np.ndarray) -> np.ndarray:
+    """Length of the vectors (..., 2, m); analytic, as complex steps need it."""
+    return np.sqrt(v[..., 0, :] ** 2 + v[..., 1, :] ** 2)
+
+
+def across(n: np.ndarray, S: np.ndarray, case: Case) -> np.ndarray:
+    """Return (dx, dy) of pieces (k, 2, m) with pulls n (k, 2, m) at their left ends and lengths S (k, m)."""
+    end = np.stack([n[:, 0], n[:, 1] - case.weight * S], axis=1)
+    N = 0.5 * (_norm(n) + _norm(end))
+    w = 0.5 * case.weight * S / N
+    small = np.abs(w) < 1e-3
+    ratio = np.where(small, 1.0 + w**2 / 3.0 + w**4 / 5.0, np.arctanh(w) / np.where(small, 1.0, w))
+    middle = 0.5 * (n + end)
+    return (
+        case.heat * S[:, None] * middle * (1.0 / case.EA + np.stack([ratio, np.ones_like(ratio)], axis=1) / N[:, None])
+    )
+
+
+class _Problem:
+    """Unknowns X = (pulls, s, places) of a case, and what must vanish."""
+
+    def __init__(self, case: Case) -> None:
+        self.case, self.count = case, len(case.stations) - 1
+        self.s, self.place = case.fixed_s, case.fixed_places
+        self.free_s, self.free_place = np.isnan(self.s), np.isnan(self.place)
+        self.H, place, s = guess(case)
+        self.reach = float(np.ptp(place[:, 0]))
+        chord = np.diff(place, axis=0)
+        pull = self.H * chord / chord[:, :1]
+        pull[:, 1] += 0.5 * case.weight * np.diff(s)
+        self.X = np.concatenate([pull.ravel(), s[self.free_s], place[self.free_place]])
+        self.size = np.where(np.arange(self.X.size) < pull.size, self.H, self.reach)
+
+    def parts(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return pulls behind and ahead of the stations (n, 2, m), s (n, m) and places (n, 2, m) for X (k, m)."""
+        m, k = X.shape[1], 2 * self.count
+        s = np.repeat(self.s[:, None], m, axis=1).astype(X.dtype)
+        place = np.repeat(self.place[:, :, None], m, axis=2).astype(X.dtype)
+        here = k + int(self.free_s.sum())
+        s[self.free_s], place[self.free_place] = X[k:here], X[here:]
+        none, n = np.zeros((1, 2, m)), X[:k].reshape(self.count, 2, m)
+        end = np.stack([n[:, 0], n[:, 1] - self.case.weight * np.diff(s, axis=0)], axis=1)
+        return np.concatenate([none, end]), np.concatenate([n, none]), s, place
+
+    def residual(self, X: np.ndarray) -> np.ndarray:
+        """Return what must vanish, lengths over the reach and forces over H, for X (k, m)."""
+        behind, ahead, s, place = self.parts(X)
+        gaps = np.diff(place, axis=0) - across(ahead[:-1], np.diff(s, axis=0), self.case)
+        rows = [_row(p, *each) / self.H for p, *each in zip(self.case.stations, behind, ahead, place, strict=True)]
+        if self.case.tied is not None:
+            k, tension = self.case.tied
+            pull = ahead[k] if k < self.count else behind[k]
+            rows.append((_norm(pull) - tension)[None] / self.H)
+        return np.concatenate([gaps.reshape(2 * self.count, -1) / self.reach, *rows])
+
+    def sound(self, X: np.ndarray) -> bool:
+        """Whether all pieces have a length."""
+        return bool(np.all(np.diff(self.parts(X[:, None])[2], axis=0) > 0.0))
+
+    def state(self, X: np.ndarray) -> LineState:
+        behind, ahead, s, place = (part[..., 0] for part in self.parts(X[:, None]))
+        half = 0.5 * np.diff(s)[:, None]
+        middle = place[:-1] + across(ahead[:-1, :, None], half, self.case)[..., 0]
+        behind[0] = ahead[-1] = np.nan
+        hauled = np.array([p.force if p.kind == "hauled" else np.nan for p in self.case.stations])
+        haul = -hauled * _tau(behind.T, ahead.T)[1]
+        return LineState(self.case, s, place, behind, ahead, haul, middle)
+
+
+def _row(p: Station, behind: np.ndarray, ahead: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Return the equations (0 to 2, m) of one station."""
+    if p.kind == "counterweight":  # at an end: one of both pulls is zero
+        return (_norm(ahead + behind) - p.force)[None]
+    if p.kind == "saddle":
+        return (_norm(ahead) - _norm(behind))[None]
+    if p.kind == "anchor":
+        return np.empty((0, place.shape[-1]))
+    jump = ahead - behind
+    if p.stiffness is not None:
+        return jump - np.array(p.stiffness)[:, None] * (place - np.array([[p.x], [p.y]]))
+    weight = np.array([[0.0], [p.force]])
+    if p.kind == "grips":
+        return jump + weight
+    tau = _tau(behind, ahead)
+    return jump + weight - p.force * tau[1] * tau
+
+
+def _tau(behind: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+    return (behind + ahead) / _norm(behind + ahead)
+
+
+def _newton(problem: _Problem) -> tuple[np.ndarray, np.ndarray]:
+    """Return the unknowns before and after the last step of damped Newton's method; NoLine where it does not end."""
+    X = problem.X
+    for _ in range(STEPS):
+        r = problem.residual(X[:, None])[:, 0]
+        shifted = X[:, None] + 1j * IMAGINARY * np.diag(problem.size)
+        try:
+            step = -np.linalg.solve(problem.residual(shifted).imag / IMAGINARY, r) * problem.size
+        except np.linalg.LinAlgError:
+            break
+        large = float(np.max(np.abs(step / problem.size)))
+        if not np.isfinite(large):
+            break
+        if large < LAST:
+            return X, X + step
+        part = 1.0
+        while part > SHORTEST and not (
+            problem.sound(X + part * step)
+            and (large < 1e-4 or np.linalg.norm(problem.residual((X + part * step)[:, None])) < np.linalg.norm(r))
+        ):
+            part *= 0.5
+        X = X + part * step
+    raise NoLine("no state of rest was found")
+
+
+def _solved(case: Case) -> tuple[LineState, LineState] | NoLine:
+    try:
+        problem = _Problem(case)
+        before, after = _newton(problem)
+    except NoLine as error:
+        return error
+    return problem.state(after), problem.state(before)
+
+
+def solve(cases: Sequence[Case]) -> list[tuple[LineState, LineState] | NoLine]:
+    """Return each case at rest, after and before the last step of Newton's method."""
+    return [_solved(case) for case in cases]
+
+
+def along(state: LineState) -> np.ndarray:
+    """Return x [m], y [m] and N [N] at equal distances on each piece (n - 1, SAMPLES, 3)."""
+    S = np.diff(state.s)[:, None] * np.linspace(0.0, 1.0, SAMPLES)
+    n = np.repeat(state.ahead[:-1, :, None], SAMPLES, axis=2)
+    path = state.place[:-1, :, None] + across(n, S, state.case)
+    N = _norm(np.stack([n[:, 0], n[:, 1] - state.case.weight * S], axis=1))
+    return np.stack([path[:, 0], path[:, 1], N], axis=-1)
+
+
+def deepest(state: LineState, first: int, last: int) -> float:
+    """Return the largest vertical distance [m] of the rope below the chord of two stations.
+
+    The rope is parallel to the chord there, or it is a station.
+    """
+    chord = state.place[last] - state.place[first]
+    n, S = state.ahead[first:last, :, None], np.diff(state.s[first : last + 1])[:, None]
+    parallel = np.clip((n[:, 1] - n[:, 0] * chord[1] / chord[0]) / state.case.weight, 0.0, S)
+    lowest = state.place[first:last] + across(n, parallel, state.case)[..., 0] - state.place[first]
+    return float(np.max(lowest[:, 1] - lowest[:, 0] * chord[1] / chord[0]))

@@ -1,0 +1,319 @@
+"""A line at rest by elements on unstretched length, whose contacts slide on the rope.
+
+Each piece of rope between two stations is a mesh on 0 <= xi <= 1, s = s_k + xi h. The energy of a piece is
+
+    V = int [W(lam) a - q y] h dxi,    lam = |r_xi|/(a h),   W' = N = EA (lam - 1),   W = N^2/(2 EA),   a = 1 + a_T dT.
+
+Unknowns: places r of the nodes, and s of the stations that slide. Their equations are derivatives of V:
+
+    of r:  int N t . eta' - q h eta_y dxi          (the weak forces; at a station f_behind and f_ahead)
+    of h:  int a (W - N lam) - q y dxi             (so dV/ds_k at fixed nodes, with dh/ds_k = +-1)
+
+At a counterweight dV/ds +- [a (G + G^2/(2 EA)) + q y] = 0: rope that leaves takes the energy of its weight along.
+A gripping car at a given x: its horizontal balance stands for dV/ds = 0. A hauled car: dV/ds = 0, and the balance
+across tau, which is parallel to f_behind - f_ahead. No equation compares tensions on both sides of a contact.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+import skfem
+from scipy.sparse import bmat, coo_matrix, diags
+from scipy.sparse.linalg import MatrixRankWarning, spsolve
+
+from cablefem.scene.line import Case, LineState, NoLine
+from cablefem.scene.taut import guess
+
+DEGREE = 4
+ORDER = 12  # of quadrature: the integrands are no polynomials
+SOFTENING = 4  # steps in which EA rises to its value
+SOFTEST = 5.0  # first EA over H
+STEPS, SHORTEST = 40, 1e-6  # of Newton's method, and part of one step
+NEAR = 1e-6  # residual over H below which steps are not damped
+LAST = 1e-9  # step over the reach after which what is left is rounding
+ROUGH = 1e-2  # the same while the rope is soft
+
+
+@skfem.LinearForm
+def weak_force(eta, w):
+    """N t . eta' - q h eta_y: the derivative of the energy by the places."""
+    return w.N * (w.t[0] * eta.grad[0, 0] + w.t[1] * eta.grad[1, 0]) - w.q * w.h * eta[1]
+
+
+@skfem.LinearForm
+def weak_force_by_h(eta, w):
+    """d/dh of it: -(EA lam/h) t . eta' - q eta_y."""
+    return -w.EA * w.lam / w.h * (w.t[0] * eta.grad[0, 0] + w.t[1] * eta.grad[1, 0]) - w.q * eta[1]
+
+
+@skfem.BilinearForm
+def stiffness(phi, eta, w):
+    """d(N t): EA/(a h) along t, N/|r_xi| across it."""
+    along = w.t[0] * phi.grad[0, 0] + w.t[1] * phi.grad[1, 0]
+    by = w.t[0] * eta.grad[0, 0] + w.t[1] * eta.grad[1, 0]
+    both = phi.grad[0, 0] * eta.grad[0, 0] + phi.grad[1, 0] * eta.grad[1, 0]
+    across = w.N / (w.a * w.h * w.lam)
+    return across * both + (w.EA / (w.a * w.h) - across) * along * by
+
+
+@skfem.Functional
+def energy_by_h(w):
+    """a (W - N lam) - q y."""
+    return w.a * (w.W - w.N * w.lam) - w.q * w.y
+
+
+@skfem.Functional
+def energy_by_h_twice(w):
+    return w.a * w.EA * w.lam**2 / w.h
+
+
+class _Batch:
+    """Many cases at once: the pieces are one mesh in parts, the equations one system in blocks.
+
+    Broken values w = (u, h), of pieces each by itself, follow from the unknowns by w = T X + w0. With the derivatives
+    z = (f, g) of their energies by w, the equations are B z + spring X + pull = 0; B = T' but for special rows.
+    """
+
+    def __init__(self, cases: Sequence[Case], elements: int) -> None:
+        self.cases, self.elements = cases, elements
+        self.stations = [p for case in cases for p in case.stations]
+        counts = np.array([len(case.stations) for case in cases])
+        self.owner = np.repeat(np.arange(len(cases)), counts)  # case of each station
+        last = np.cumsum(counts) - 1
+        self.left = np.delete(np.arange(self.owner.size), last)  # station at the left end of each piece
+        self.pieces = self.left.size
+        nodes = np.add.outer(2.0 * np.arange(self.pieces), np.linspace(0.0, 1.0, elements + 1))
+        ids = np.arange(nodes.size).reshape(nodes.shape)
+        self.mesh = skfem.MeshLine(nodes.reshape(1, -1), np.stack([ids[:, :-1].ravel(), ids[:, 1:].ravel()]))
+        self.basis = self._basis(intorder=ORDER)
+        self.dofs = self.basis.nodal_dofs[:, ids]  # (2, pieces, elements + 1)
+        data = np.array([(case.weight, case.EA, case.heat) for case in cases])[self.owner[self.left]]
+        self.q, self.EA, self.a = np.repeat(data, elements, axis=0).T[:, :, None]
+        self._connect()
+        self._begin()
+
+    def _basis(self, **quadrature) -> skfem.Basis:
+        return skfem.Basis(self.mesh, skfem.ElementVector(skfem.ElementLinePp(DEGREE), 2), **quadrature)
+
+    def _connect(self) -> None:
+        """Number the unknowns; lay out T, w0, B and what acts from outside."""
+        N, h = self.basis.N, self.basis.N + np.arange(self.pieces)
+        self.known = np.concatenate([np.column_stack([case.fixed_places, case.fixed_s]) for case in self.cases])
+        free = np.isnan(self.known)
+        count = int(free.sum())
+        self.number = np.full(free.shape, -1)
+        self.number[free] = np.arange(count)
+        # broken values (u_x, u_y, h) of the piece behind a station and of the one ahead; -1: no piece
+        self.behind, self.ahead = np.full(free.shape, -1), np.full(free.shape, -1)
+        self.behind[self.left + 1] = np.column_stack([*self.dofs[:, :, -1], h])
+        self.ahead[self.left] = np.column_stack([*self.dofs[:, :, 0], h])
+        inner = np.setdiff1d(np.arange(N), self.dofs[:, :, [0, -1]])
+        self.size = count + inner.size
+        sides = np.stack([self.behind, self.ahead])
+        signs = np.where(np.arange(3) == 2, np.array([1.0, -1.0])[:, None], 1.0)[:, None] * (sides >= 0)
+        self.w0 = np.bincount(sides[sides >= 0], (signs * np.where(free, 0.0, self.known))[sides >= 0], N + h.size)
+        both = (sides >= 0) & free
+        row, column = sides[both], np.broadcast_to(self.number, sides.shape)[both]
+        row, column = np.concatenate([row, inner]), np.concatenate([column, count + np.arange(inner.size)])
+        data = np.concatenate([np.broadcast_to(signs, sides.shape)[both], np.ones(inner.size)])
+        self.T = coo_matrix((data, (row, column)), (N + h.size, self.size)).tocsr()
+        case_of = np.empty(N, int)
+        case_of[self.basis.element_dofs] = np.repeat(self.owner[self.left], self.elements)
+        self.case_of = np.concatenate([np.repeat(self.owner, 3)[free.ravel()], case_of[inner]])
+        self._outside()
+        plain = np.ones(self.size)
+        plain[self.rows] = 0.0
+        self.B = diags(plain) @ self.T.T
+
+    def _outside(self) -> None:
+        """Collect constant pulls, springs, and the rows that are no derivative of the energy."""
+        self.pull, self.spring = np.zeros(self.size), np.zeros(self.size)
+        special = []
+        for k, p in enumerate(self.stations):
+            case, (_, row, slides) = self.cases[self.owner[k]], self.number[k]
+            if p.kind == "counterweight":
+                energy = case.heat * (p.force + p.force**2 / (2.0 * case.EA)) + case.weight * p.y
+                self.pull[slides] = energy if self.ahead[k, 0] < 0 else -energy
+            elif p.stiffness is not None:
+                self.spring[self.number[k, :2]] = p.stiffness
+                self.pull[self.number[k, :2]] = -np.array(p.stiffness) * (p.x, p.y)
+            elif p.kind == "grips":
+                self.pull[row] = -p.force
+                special.append((slides, k, p.kind, 0.0))
+            elif p.kind == "hauled":
+                special.append((row, k, p.kind, p.force))
+        start = 0
+        for case in self.cases:
+            if case.tied is not None:
+                end = start + len(case.stations) - 1
+                special.append((self.number[end, 2], start + case.tied[0], "tied", case.tied[1]))
+            start += len(case.stations)
+        self.rows, at = np.array([x[0] for x in special], int), np.array([x[1] for x in special], int)
+        self.kinds, self.given = np.array([x[2] for x in special]), np.array([x[3] for x in special])
+        self.ends = np.concatenate([self.behind[at, :2], self.ahead[at, :2]], axis=1)
+
+    def _special(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the rows that are no derivative of the energy (m,), and their derivatives (m, 4) by f."""
+        f = np.where(self.ends >= 0, z[self.ends], 0.0)
+        bx, by, ax, ay = f.T
+        W, zero = self.given, np.zeros(self.rows.size)
+        # along x: f_behind + f_ahead = 0
+        value, slope = bx + ax, np.stack([zero + 1.0, zero, zero + 1.0, zero], axis=1)
+        # across tau: (f_behind + f_ahead - W j) x (f_behind - f_ahead) = 0, over 2 |f|
+        size = np.hypot(bx - ax, by - ay)
+        turn = (2.0 * (ax * by - ay * bx) + W * (bx - ax)) / size
+        turned = np.stack([W - 2.0 * ay, 2.0 * ax, 2.0 * by - W, -2.0 * bx], axis=1) / size[:, None]
+        # |f| = T, of the rope ahead or at the right end behind
+        pulls = np.where(self.ends[:, [2, 3]] >= 0, f[:, 2:], f[:, :2])
+        tension = np.linalg.norm(pulls, axis=1)
+        unit = pulls / tension[:, None]
+        last = self.ends[:, 2] < 0
+        along = np.where(last[:, None], np.column_stack([unit, zero, zero]), np.column_stack([zero, zero, unit]))
+        hauled, tied = self.kinds == "hauled", self.kinds == "tied"
+        value = np.where(hauled, turn, np.where(tied, tension - W, value))
+        return value, np.where(hauled[:, None], turned, np.where(tied[:, None], along, slope))
+
+    def _begin(self) -> None:
+        """Start from a taut string."""
+        found = [guess(case) for case in self.cases]
+        start = np.concatenate([np.column_stack([place, s]) for _, place, s in found])
+        self.reach = np.array([np.ptp(place[:, 0]) for _, place, _ in found])
+        self.H = np.array([H for H, _, _ in found])
+        run = np.diff(start, axis=0)[self.left]
+        H = self.H[self.owner[self.left]]
+        at = np.linspace(0.0, 1.0, self.elements + 1)
+        path = start[self.left, :2].T[:, :, None] + run[:, :2].T[:, :, None] * at
+        sag = self.q[:: self.elements, 0] * run[:, 2] * run[:, 0] / (8.0 * H)
+        path[1] += 4.0 * sag[:, None] * at * (1.0 - at)
+        self.N_ref = np.repeat(H * np.hypot(run[:, 0], run[:, 1]) / run[:, 0], self.elements)[:, None]
+        w = np.zeros(self.basis.N + self.pieces)
+        w[self.dofs] = path
+        w[self.basis.N :] = run[:, 2]
+        # every unknown is one broken value, or s of a station
+        self.X = self.T.T @ w / np.maximum(np.asarray(abs(self.T).sum(axis=0)).ravel(), 1.0)
+        free = self.number >= 0
+        self.X[self.number[free]] = start[free]
+
+    # --- Newton's method -----------------------------------------------------------------------------
+
+    def fields(self, X: np.ndarray, softness: float) -> dict[str, np.ndarray]:
+        """Return what the forms need at the points of quadrature; softness 0 is EA, 1 is SOFTEST times the tension.
+
+        N = N_ref + EA_soft (lam - lam_ref) tends to the law of the rope, and keeps its length meanwhile.
+        """
+        w = self.T @ X + self.w0
+        u = self.basis.interpolate(w[: self.basis.N])
+        h = np.repeat(w[self.basis.N :], self.elements)[:, None]
+        slope = u.grad[:, 0]
+        length = np.hypot(*slope)
+        lam = length / (self.a * h)
+        soft = np.minimum(self.EA, SOFTEST * self.N_ref)
+        EA = self.EA ** (1.0 - softness) * soft**softness
+        more = lam - 1.0 - self.N_ref / self.EA
+        N = self.N_ref + EA * more
+        W = 0.5 * self.N_ref**2 / self.EA + self.N_ref * more + 0.5 * EA * more**2
+        given = {"q": self.q, "a": self.a, "h": h, "EA": EA}
+        whole = {name: np.broadcast_to(x, lam.shape) for name, x in given.items()}
+        return {**whole, "lam": lam, "N": N, "W": W, "t": slope / length, "y": u[1]}
+
+    def derivatives(self, fields: dict[str, np.ndarray]) -> np.ndarray:
+        """Return z = (f, g)."""
+        g = energy_by_h.elemental(self.basis, **fields).reshape(self.pieces, -1).sum(axis=1)
+        return np.concatenate([weak_force.assemble(self.basis, **fields), g])
+
+    def residual(self, X: np.ndarray, fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Return what must vanish (size,), and the derivatives of the special rows."""
+        z = self.derivatives(fields)
+        value, slope = self._special(z)
+        R = self.B @ z + self.spring * X + self.pull
+        R[self.rows] = value
+        return R, slope
+
+    def tangent(self, fields: dict[str, np.ndarray], slope: np.ndarray):
+        """Return the matrix of the derivatives of the residual."""
+        c = weak_force_by_h.assemble(self.basis, **fields)
+        piece = np.empty(self.basis.N, int)
+        piece[self.basis.element_dofs] = np.repeat(np.arange(self.pieces), self.elements)
+        C = coo_matrix((c, (np.arange(c.size), piece)), (c.size, self.pieces))
+        D = energy_by_h_twice.elemental(self.basis, **fields).reshape(self.pieces, -1).sum(axis=1)
+        K = bmat([[stiffness.assemble(self.basis, **fields), C], [C.T, diags(D)]], format="csr")
+        real = self.ends >= 0
+        rows = np.broadcast_to(self.rows[:, None], real.shape)[real]
+        B = self.B + coo_matrix((slope[real], (rows, self.ends[real])), self.B.shape).tocsr()
+        return B @ K @ self.T + diags(self.spring)
+
+    def norm(self, R: np.ndarray) -> np.ndarray:
+        """Return the size of a residual for each case."""
+        return np.sqrt(np.bincount(self.case_of, R**2, len(self.cases)))
+
+    def solve(self) -> list[LineState]:
+        """Return the states at rest of all cases; NoLine where one of them has none."""
+        for i in range(SOFTENING, -1, -1):
+            self._newton(i / SOFTENING, ROUGH if i else LAST)
+        return self._states()
+
+    def _newton(self, softness: float, enough: float) -> None:
+        """Take damped steps of Newton's method until one is small, each case with a damping of its own."""
+        fields = self.fields(self.X, softness)
+        R, slope = self.residual(self.X, fields)
+        for _ in range(STEPS):
+            step = -spsolve(self.tangent(fields, slope).tocsc(), R)
+            if not np.isfinite(step).all():
+                break
+            before, part = self.norm(R), np.ones(len(self.cases))
+            while True:
+                trial = self.X + part[self.case_of] * step
+                fields = self.fields(trial, softness)
+                R, slope = self.residual(trial, fields)
+                worse = ~(self.norm(R) < before) & (before > NEAR * self.H)
+                if not worse.any() or part.min() < SHORTEST:
+                    break
+                part[worse] *= 0.5
+            self.X = trial
+            if np.max(np.abs(step) / self.reach[self.case_of]) < enough:
+                return
+        raise NoLine("no state of rest was found")
+
+    def _states(self) -> list[LineState]:
+        """Return the states; pulls at stations are the weak nodal forces."""
+        fields, known = self.fields(self.X, 0.0), self.known.copy()
+        z = np.append(self.derivatives(fields), np.nan)  # the last stands for no piece: -1
+        known[self.number >= 0] = self.X[self.number[self.number >= 0]]
+        behind, ahead = z[self.behind[:, :2]], -z[self.ahead[:, :2]]
+        tau = behind + ahead
+        tau /= np.linalg.norm(tau, axis=1)[:, None]
+        weight = np.array([p.force if p.kind == "hauled" else np.nan for p in self.stations])
+        haul = np.sum((behind - ahead) * tau, axis=1) - weight * tau[:, 1]
+        states, first, piece = [], 0, 0
+        w = self.T @ self.X + self.w0
+        middle = w[self.dofs[:, :, self.elements // 2]].T
+        for case in self.cases:
+            n = len(case.stations)
+            part, pieces = slice(first, first + n), slice(piece, piece + n - 1)
+            one = known[part, 2], known[part, :2], behind[part], ahead[part], haul[part], middle[pieces]
+            states.append(LineState(case, *one))
+            first, piece = first + n, piece + n - 1
+        return states
+
+
+def _rest(cases: Sequence[Case], elements: int) -> list[LineState | NoLine]:
+    """Solve all cases at once; where one of them has no rest, both halves apart."""
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore", MatrixRankWarning)
+            return list(_Batch(cases, elements).solve())
+    except NoLine as error:
+        half = len(cases) // 2
+        return [*_rest(cases[:half], elements), *_rest(cases[half:], elements)] if half else [error]
+
+
+def solve(cases: Sequence[Case], elements: int = 4) -> list[tuple[LineState, LineState] | NoLine]:
+    """Return each case at rest with that many elements on each piece, and with half as many."""
+    fine, coarse = (_rest(cases, n) if cases else [] for n in (elements, elements // 2))
+    return [
+        a if isinstance(a, NoLine) else b if isinstance(b, NoLine) else (a, b)
+        for a, b in zip(fine, coarse, strict=True)
+    ]

@@ -1,0 +1,402 @@
+"""A line: one rope at rest over anchors, springs, saddles and a counterweight, with cars on it.
+
+SI; x to the right and y down from the first contact. s is unstretched rope at the reference temperature, counted from
+the left end of the empty line.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+import numpy as np
+import tomli_w
+from pydantic import BeforeValidator
+
+from cablefem.scene.cable import STEEPEST, Rope
+from cablefem.scene.errors import SceneError, nearest, shown
+from cablefem.scene.fields import Check, Name, NonNegative, Part, Positive, Switch, Word, choice, real, said, tables
+from cablefem.scene.fields import Line as Text
+from cablefem.scene.scene import LINES, parsed, scene_text
+
+KINDS = ("anchor", "spring", "saddle", "counterweight")
+OWNED = {"tension": "counterweight", "stiffness": "spring", "shoe": "saddle"}  # keys of one kind of contact
+ONE_SPAN = ("supports", "mass", "travel", "drive")  # tables of a scene that a line has not
+MOST = 10_000  # positions of the cars
+
+
+def _pair(value: object) -> tuple[float, ...] | None:
+    numbers = [real(x) for x in value] if isinstance(value, list | tuple) else []
+    return tuple(x for x in numbers if x is not None) if len(numbers) == 2 and None not in numbers else None
+
+
+def _positions(value: object) -> tuple[float, ...] | None:
+    if isinstance(value, dict):
+        low, high, count = real(value.get("from")), real(value.get("to")), value.get("count")
+        right = low is not None and high is not None and isinstance(count, int) and 2 <= count <= MOST
+        return tuple(np.linspace(low, high, count).tolist()) if right and len(value) == 3 else None  # type: ignore[arg-type]
+    numbers = [real(x) for x in (value if isinstance(value, list | tuple) else [value])]
+    return tuple(x for x in numbers if x is not None) if 0 < len(numbers) <= MOST and None not in numbers else None
+
+
+_PAIR = Check("two numbers in brackets", _pair, {"type": "array", "items": {"type": "number"}})
+_POSITIONS = Check(
+    f"a number, a list of numbers, or {{from, to, count}} with a count from 2 to {MOST}", _positions,
+    {"type": ["number", "array", "object"]},
+)  # fmt: skip
+Pair = Annotated[tuple[float, float], BeforeValidator(_PAIR)]
+
+
+class Contact(Part):
+    """What holds the rope at one place."""
+
+    name: Word = said("[-] its name in the results")
+    kind: Annotated[str, choice(KINDS)] = said("[-] kind of the contact")
+    at: Pair = said("[m] x and depth; of a spring: without load")
+    tension: Positive | None = said("[N] of a counterweight", None)
+    stiffness: Pair | None = said("[N/m] of a spring along x and down", None)
+    shoe: Positive | None = said("[m] to either side of a saddle: a car within rests on it", None)
+
+    @classmethod
+    def faults_between(cls, data: dict[str, Any]) -> list[str]:
+        """Each kind has the keys that it needs, and no others."""
+        kind, faults = data.get("kind"), []
+        for key, owner in OWNED.items():
+            given = data.get(key) is not None
+            if given and kind in KINDS and kind != owner:
+                faults.append(f"{key} = {shown(data[key])}: only a {owner} has it; this is kind = {kind!r}")
+            elif not given and kind == owner and key != "shoe":
+                faults.append(f"{key}: missing; must be given for a {owner}")
+        if min(_pair(data.get("stiffness")) or (1.0,)) <= 0.0:
+            faults.append(f"stiffness = {shown(data['stiffness'])}: must be two numbers > 0")
+        return faults
+
+    @classmethod
+    def _lines(cls, item: Any) -> list[str]:
+        if item["type"] == "extra_forbidden" and item["loc"][0] == "friction":
+            return [f"friction = {shown(item['input'])}: not modelled; the rope runs over a saddle without friction"]
+        return super()._lines(item)
+
+
+class Car(Part):
+    """A load on the rope, at one or more positions."""
+
+    name: Word = said("[-] its name in the results")
+    mass: Positive = said("[kg]")
+    hauled: Switch = said("[-] true: it rolls, and a haul rope holds it; false: it grips the rope")
+    at: Annotated[tuple[float, ...], BeforeValidator(_POSITIONS)] = said("[m] x at rest, one for each position")
+    below: NonNegative = said("[m] from the rope down to the lowest point of the car", 0.0)
+
+
+class Tie(Part):
+    """Tension of the empty line at one contact."""
+
+    at: Word = said("[-] name of the contact")
+    value: Positive = said("[N] tension of the empty line there")
+
+
+class LineRope(Rope):
+    """The rope of a line; with two fixed ends, `length` or `tension` says how taut it is."""
+
+    mass_per_length: Positive = said("[kg/m] mass of the rope per unstretched length")
+    length: Positive | None = said("[m] unstretched length between two fixed ends", None)
+    tension: Tie | None = said("[N] tension of the empty line at a contact", None)
+
+
+@dataclass(frozen=True, slots=True)
+class Station:
+    """A contact or a car in its place; nan where the place is an unknown."""
+
+    name: str
+    kind: str  # of a contact, or "grips" or "hauled"
+    x: float
+    y: float
+    force: float = 0.0  # [N] tension of a counterweight, weight of a car
+    stiffness: tuple[float, float] | None = None
+
+    @property
+    def is_car(self) -> bool:
+        return self.kind in ("grips", "hauled")
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A line at rest to be solved: stations from left to right, and the rope.
+
+    Lengths s are those at the reference temperature; `heat` times as long without tension.
+    """
+
+    stations: tuple[Station, ...]
+    weight: float  # q [N/m] per s
+    EA: float  # [N]
+    heat: float = 1.0  # 1 + a dT
+    length: float | None = None  # s of the right end, where it is fixed; None: unknown
+    tie: tuple[int, float] | None = None  # station and tension [N] that determine an unknown length
+
+    @property
+    def fixed_places(self) -> np.ndarray:
+        """Places of the stations (n, 2) [m], nan where unknown."""
+        return np.array([[np.nan, np.nan] if p.kind == "spring" else [p.x, p.y] for p in self.stations])
+
+    @property
+    def tied(self) -> tuple[int, float] | None:
+        """The condition that stands for an unknown length, if there is one."""
+        return self.tie if self.length is None else None
+
+    @property
+    def fixed_s(self) -> np.ndarray:
+        """s of the stations (n,) [m], nan where unknown.
+
+        Without a length the rope is counted from an end that does not move over a pulley.
+        """
+        s = np.full(len(self.stations), np.nan)
+        left, right = (self.stations[i].kind != "counterweight" for i in (0, -1))
+        if left:
+            s[0] = 0.0
+        if right and (self.length is not None or not left):
+            s[-1] = self.length or 0.0
+        return s
+
+
+@dataclass(frozen=True, slots=True)
+class LineState:
+    """A line at rest. Forces are N t, the pull of the rope towards growing s; n stations, n - 1 pieces."""
+
+    case: Case
+    s: np.ndarray  # (n,) [m]
+    place: np.ndarray  # (n, 2) [m]
+    behind: np.ndarray  # (n, 2) [N]; nan at the left end
+    ahead: np.ndarray  # (n, 2) [N]; nan at the right end
+    haul: np.ndarray  # (n,) [N] F of hauled cars, positive to the right; nan of all others
+    middle: np.ndarray  # (n - 1, 2) [m] places half way along s of each piece
+
+    @property
+    def tensions(self) -> np.ndarray:
+        """Tension behind and ahead of each station (n, 2) [N]; nan where there is no rope."""
+        return np.stack([np.linalg.norm(self.behind, axis=1), np.linalg.norm(self.ahead, axis=1)], axis=1)
+
+    @property
+    def pressure(self) -> np.ndarray:
+        """Force of the rope on each station between the ends (n, 2) [N]; nan at the ends."""
+        return self.ahead - self.behind
+
+
+class NoLine(ArithmeticError):
+    """No state of rest was found, or none exists; the message says why."""
+
+
+# Returns each case at rest, and the same by one step or one refinement less.
+Solver = Callable[[Sequence[Case]], "list[tuple[LineState, LineState] | NoLine]"]
+
+
+@dataclass(frozen=True, slots=True)
+class LineRest:
+    """A line at rest at all positions of its cars."""
+
+    line: Line
+    empty: LineState  # at the reference temperature, without ice
+    positions: list[LineState | NoLine]
+    coarser: list[LineState | NoLine]  # the same by one step or one refinement less
+
+
+class Line(Part):
+    """A rope over several contacts, and the positions of cars on it."""
+
+    name: Name = said("[-] name of the line and of the folder of its results", "line")
+    title: Text = said("[-] title of its pages", "")
+    gravity: Positive = said("[m/s2]", 9.81)
+    cable: LineRope
+    contact: Annotated[tuple[Contact, ...], tables("[[contact]]")]
+    car: Annotated[tuple[Car, ...], tables("[[car]]")] = said("[-] cars from left to right", ())
+
+    # --- faults ------------------------------------------------------------------------------------------------------
+
+    @classmethod
+    def faults_between(cls, data: dict[str, Any]) -> list[str]:
+        """Faults between contacts, cars and rope, where these have none of their own."""
+        try:
+            contacts = [c if isinstance(c, Contact) else Contact(**c) for c in data["contact"]]
+            cars = [c if isinstance(c, Car) else Car(**c) for c in data.get("car", ())]
+            rope = data["cable"] if isinstance(data["cable"], LineRope) else LineRope(**data["cable"])
+        except (KeyError, TypeError, SceneError):
+            return []
+        faults = _contact_faults(contacts)
+        names = [c.name for c in contacts] + [c.name for c in cars]
+        faults += [
+            f"name = {x!r}: given twice; names must differ" for x in sorted({x for x in names if names.count(x) > 1})
+        ]
+        return faults or _rope_faults(rope, contacts) + _car_faults(cars, contacts)
+
+    @classmethod
+    def _lines(cls, item: Any) -> list[str]:
+        name = item["loc"][0]
+        if item["type"] == "extra_forbidden" and name in ONE_SPAN:
+            return [f"{name}: belongs to one span between two anchors; a line has [[contact]] and [[car]] instead"]
+        return super()._lines(item)
+
+    # --- reading and writing -----------------------------------------------------------------------------------------
+
+    @classmethod
+    def load(cls, name_or_path: str | Path) -> Self:
+        """The built-in line of that name, or the line in that TOML file; SceneError with all its faults."""
+        text, name = scene_text(name_or_path)
+        return cls(**{"name": name, **parsed(text)})
+
+    @classmethod
+    def library(cls) -> dict[str, str]:
+        """Names and titles of the built-in lines."""
+        return {name: cls.load(name).title for name in LINES}
+
+    def to_toml(self) -> str:
+        """A file that reads back as this line."""
+        return tomli_w.dumps(self.model_dump(exclude_none=True, mode="json"))
+
+    # --- what is to be solved ----------------------------------------------------------------------------------------
+
+    @property
+    def count(self) -> int:
+        """Number of positions of the cars; 1 without cars."""
+        return max((len(car.at) for car in self.car), default=1)
+
+    @property
+    def weighed(self) -> int | None:
+        """Index of the contact that is a counterweight, 0 or -1."""
+        return next((k for k in (0, -1) if self.contact[k].kind == "counterweight"), None)
+
+    def place(self, car: Car, i: int) -> float:
+        """x [m] of a car at a position; one number among lists stands still."""
+        return car.at[i] if len(car.at) > 1 else car.at[0]
+
+    def shoe(self, x: float) -> str | None:
+        """Name of the saddle on whose shoe a car at x rests."""
+        return next((c.name for c in self.contact if c.shoe is not None and abs(x - c.at[0]) <= c.shoe), None)
+
+    def case(self, i: int | None, length: float | None) -> Case:
+        """Position i of the cars; None: the empty line at the reference temperature, without ice."""
+        stations = [Station(c.name, c.kind, *c.at, force=c.tension or 0.0, stiffness=c.stiffness) for c in self.contact]
+        rope, tie = self.cable, None
+        if i is None:
+            names = [p.name for p in stations]
+            if rope.tension is not None:
+                tie = names.index(rope.tension.at), rope.tension.value
+            return Case(tuple(stations), rope.mass_per_length * self.gravity, rope.EA, length=length, tie=tie)
+        places = [(car, self.place(car, i)) for car in self.car]
+        on = [name for _, x in places if (name := self.shoe(x)) is not None]
+        if len(set(on)) < len(on):
+            raise NoLine(f"two cars on the shoe of {next(x for x in on if on.count(x) > 1)}")
+        for car, x in places:
+            if self.shoe(x) is None:
+                kind = "hauled" if car.hauled else "grips"
+                stations.append(Station(car.name, kind, x, math.nan, car.mass * self.gravity))
+        stations.sort(key=lambda p: p.x)
+        weight = (rope.mass_per_length + rope.ice_per_length) * self.gravity
+        return Case(tuple(stations), weight, rope.EA, 1.0 + rope.warmer, length)
+
+    def rest(self, solve: Solver) -> LineRest:
+        """Solve all positions; SceneError where the empty line has no rest."""
+        found = _standing(solve([self.case(None, self.cable.length)]))[0]
+        if isinstance(found, NoLine):
+            raise SceneError([f"the empty line: {found}"])
+        empty, length = found[0], self.cable.length
+        if self.weighed is None or self.weighed == 0:
+            length = length or float(empty.s[-1] - empty.s[0])
+        empty = replace(empty, s=empty.s - empty.s[0])
+        cases: list[Case | NoLine] = []
+        for i in range(self.count):
+            try:
+                cases.append(self.case(i, length))
+            except NoLine as error:
+                cases.append(error)
+        solved = iter(_standing(solve([case for case in cases if isinstance(case, Case)])))
+        pairs = [(case, case) if isinstance(case, NoLine) else _pair_of(next(solved)) for case in cases]
+        return LineRest(self, empty, [a for a, _ in pairs], [b for _, b in pairs])
+
+
+def _pair_of(found: tuple[LineState, LineState] | NoLine) -> tuple[LineState | NoLine, LineState | NoLine]:
+    return (found, found) if isinstance(found, NoLine) else found
+
+
+def _standing(found: list[tuple[LineState, LineState] | NoLine]) -> list[tuple[LineState, LineState] | NoLine]:
+    """Refuse states whose rope pulls a saddle up."""
+    return [x if isinstance(x, NoLine) else _lifted(x[0]) or x for x in found]
+
+
+def _lifted(state: LineState) -> NoLine | None:
+    for p, pull in zip(state.case.stations, state.pressure[:, 1], strict=True):
+        if p.kind == "saddle" and not pull > 0.0:
+            return NoLine(f"the rope lifts off {p.name}; kept on it, it would pull up with {-pull:.6g} N")
+    return None
+
+
+def _contact_faults(contacts: list[Contact]) -> list[str]:
+    if len(contacts) < 2:
+        return ["contact: must be at least two, the ends of the rope"]
+    if contacts[0].at != (0.0, 0.0):
+        return [
+            f"contact[0].at = {shown(list(contacts[0].at))}: must be [0, 0]; places are counted from the first contact"
+        ]
+    faults = []
+    for i, (a, b) in enumerate(itertools.pairwise(contacts), start=1):
+        run, drop = b.at[0] - a.at[0], b.at[1] - a.at[1]
+        if run <= 0.0:
+            faults.append(f"contact[{i}].at = {shown(list(b.at))}: x must be > {a.at[0]:.6g} m, that of {a.name}")
+        elif abs(drop) > STEEPEST * run:
+            faults.append(
+                f"contact[{i}].at = {shown(list(b.at))}: must be less steep than {STEEPEST:g} m per m from {a.name}"
+            )
+    for i, c in enumerate(contacts):
+        end = i in (0, len(contacts) - 1)
+        if end is (c.kind == "saddle"):
+            what = (
+                "an end must be an anchor, a spring or a counterweight"
+                if end
+                else "between the ends it must be a saddle"
+            )
+            faults.append(f"contact[{i}].kind = {c.kind!r}: {what}")
+    if [c.kind for c in contacts].count("counterweight") > 1:
+        faults.append("contact: two counterweights; at most one, or the rope would run from one to the other")
+    return faults
+
+
+def _rope_faults(rope: LineRope, contacts: list[Contact]) -> list[str]:
+    given = [name for name in ("length", "tension") if getattr(rope, name) is not None]
+    if any(c.kind == "counterweight" for c in contacts):
+        return [f"cable.{name}: too much beside a counterweight, which sets the tension" for name in given]
+    if len(given) != 1:
+        return [f"cable.{'length' if not given else given[1]}: exactly one of length, tension must be given"]
+    names = [c.name for c in contacts]
+    if rope.tension is not None and rope.tension.at not in names:
+        return [f"cable.tension.at = {rope.tension.at!r}: no such contact.{nearest(rope.tension.at, names)}"]
+    return []
+
+
+def _car_faults(cars: list[Car], contacts: list[Contact]) -> list[str]:
+    """Cars are on the line and in order, and pass saddles on shoes."""
+    faults, end = [], contacts[-1].at[0]
+    many = sorted({len(car.at) for car in cars} - {1})
+    if len(many) > 1:
+        return [f"car.at: lists of {many[0]} and of {many[-1]} positions; must be one number or lists of one length"]
+    for car in cars:
+        if not 0.0 < min(car.at) <= max(car.at) < end:
+            faults.append(
+                f"car.{car.name}.at: from {min(car.at):.6g} to {max(car.at):.6g} m; must be between 0 and {end:.6g} m"
+            )
+        for c in contacts[1:-1]:
+            if c.shoe is None and min(car.at) <= c.at[0] <= max(car.at):
+                faults.append(f"contact.{c.name}.shoe: missing; must be given where a car passes, here {car.name}")
+    for a, b in itertools.pairwise(cars):
+        for i in range(max(len(a.at), len(b.at))):
+            x, y = (car.at[min(i, len(car.at) - 1)] for car in (a, b))
+            if not x < y:
+                must = f"must be > {x:.6g} m, that of {a.name}; cars are listed from left to right and cannot pass"
+                faults.append(f"car.{b.name}.at = {y:.6g} m at position {i + 1}: {must}")
+                break
+    for left, right in itertools.pairwise(contacts):
+        if (left.shoe or 0.0) + (right.shoe or 0.0) >= right.at[0] - left.at[0]:
+            one, other = (right, left) if right.shoe else (left, right)
+            faults.append(f"contact.{one.name}.shoe: reaches {other.name}; must be shorter")
+    return faults
