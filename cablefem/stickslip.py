@@ -139,7 +139,7 @@ class RollingCar(System):
         mode, v = self.mode, x.v.copy()
         pulled = needed if abs(needed) > 1e-9 * self.force_scale else self.hold  # less is rounding
         mode.sticks, mode.heading = False, -math.copysign(1.0, pulled)
-        v[-1] = mode.heading * LEAVING
+        v[-1] = mode.heading * LEAVING if self.rubs else 0.0
         return self.go_on(x._replace(v=v))
 
     def begin_step(self, x: State) -> None:

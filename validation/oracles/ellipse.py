@@ -110,7 +110,7 @@ STIFF, SMALL = 1e5, 0.01  # of the small swings
 
 def line(stiffness: float, mu: float = MU, start: float = START, t_end: float = T_END) -> Scene:
     """Return a cable with EA of so many car's weights; the car, of mu cables' weight, is let go at once."""
-    drive = {"mode": "free", "start": start, "end": {"time": t_end}}
+    drive = {"mode": "free", "start": start, "end": {"time": t_end}, "rest_distance": 1e-6}
     return hung(BEAD.g, stiffness * mu, mu, drive, span=BEAD.D, length=1.0)
 
 

@@ -113,7 +113,7 @@ def cases() -> list[Case]:
         return float(off), float(off)
 
     at = place_of_rest(scene.groups)
-    still = Scene.from_toml(ZIP + f"start = {at * l!r}\nend = {{time = 6.0}}")
+    still = Scene.from_toml(ZIP + f"start = {at * l!r}\nend = {{time = 6.0}}\nrest_speed = 1e-12")  # which never ends
 
     def moved(r) -> Error:
         """Way over l that a car makes which should stay."""
