@@ -3,6 +3,32 @@
 import difflib
 from collections.abc import Iterable
 
+_LINE = "a line at rest with [[contact]] has it"
+_FIXED = "the two ends of the cable are fixed"
+# What people ask for and is not there, by the key that they try.
+NOT_MODELLED = {
+    "counterweight": f"{_FIXED}, so the tension grows under the car where a counterweight would hold it; {_LINE}",
+    "tower": f"the cable has one span; {_LINE} (kind saddle)",
+    "towers": f"the cable has one span; {_LINE} (kind saddle)",
+    "saddle": f"the cable has one span; {_LINE}",
+    "spring": f"{_FIXED}; {_LINE}",
+    "spans": f"the cable has one span; {_LINE}",
+    "masses": f"one car rides on the cable; {_LINE}",
+    "cars": f"one car rides on the cable; {_LINE}",
+    "hanger": "the car is a point on the cable; it does not swing, and mass.below only says how far down it reaches",
+    "pendulum": "the car is a point on the cable; it does not swing",
+    "swing": "the car is a point on the cable, in the plane of the cable; it does not swing",
+    "bending": "the cable bends without resistance",
+    "bending_stiffness": "the cable bends without resistance",
+    "EI": "the cable bends without resistance",
+    "torsion": "the cable has no torsion",
+    "creep": "the cable keeps its unstretched length; give the length, sag or tension that it has on the day",
+    "crosswind": "the cable and the car move in one vertical plane; drive.wind acts along it on the car",
+    "wind": "wind acts on the car alone and belongs to [drive], as wind with drag_area",
+    "haul_rope": "its force is an answer, its weight and stiffness are left out",
+    "damping": "the cable has no damping of its own; a car is damped by drag_area and rolling_friction",
+}
+
 
 class SceneError(ValueError):
     """A scene that cannot be simulated; `faults` holds one line per fault: field, value and admissible range."""

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Self, get_args
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, ValidationError
 
-from cablefem.scene.errors import SceneError, nearest, shown
+from cablefem.scene.errors import NOT_MODELLED, SceneError, nearest, shown
 
 # No cable is built outside these; inside them no product of fields overflows or vanishes.
 SMALL, LARGE = 1e-12, 1e15
@@ -170,11 +170,15 @@ class Part(BaseModel):
         if isinstance(cause, SceneError):  # of a part inside this one
             return [f"{where}.{fault}" for fault in cause.faults]
         given = f"{where} = {shown(item['input'])}"
+        if where == "mass" and isinstance(item["input"], list | tuple):
+            return [f"{given}: not modelled: {NOT_MODELLED['masses']}"]
         if kind == "missing":
             missing = next(x for key, x in cls.model_fields.items() if name in (key, x.alias))
             checks = [m.func.admissible for m in missing.metadata if hasattr(m, "func")]
             admissible = checks[0] if checks else f"a table [{name}]"
             return [f"{where}: missing; must be {admissible}"]
+        if kind == "extra_forbidden" and where in NOT_MODELLED:
+            return [f"{where}: not modelled: {NOT_MODELLED[where]}"]
         if kind == "extra_forbidden":
             return [f"{given}: unknown key.{nearest(where, cls.field_names())}"]
         if kind == "union_tag_invalid":

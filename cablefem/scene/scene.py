@@ -25,9 +25,11 @@
 | mu_r    | scene.groups.drive.mu_r     | -    | -        | rolling friction over contact force                   |
 """
 
+import itertools
 import math
 import re
 import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from importlib import resources
@@ -41,6 +43,7 @@ from pydantic import TypeAdapter
 from cablefem.scene import catenary as _catenary
 from cablefem.scene.cable import Cable, Supports, hang, hanging_faults, stretch_faults
 from cablefem.scene.catenary import Catenary
+from cablefem.scene.dotted import put
 from cablefem.scene.drive import GRIP, NEAREST_START, Drive, Driving
 from cablefem.scene.errors import SceneError, nearest, shown
 from cablefem.scene.fields import Line, Name, NonNegative, Part, Positive, said, tables
@@ -57,6 +60,8 @@ class Mass(Part):
     mass: Positive = said("[kg] M, mass of the car")
     below: NonNegative = said("[m] how far the lowest part of the car or rider hangs below the cable", 0.0)
 
+
+STORM = 40.0  # [m/s] wind above which the unit is asked for
 
 AT_REST = "a line of several contacts is computed at rest; one span between two anchors also in motion"
 
@@ -174,12 +179,15 @@ class Scene(Part):
 
     def to_toml(self) -> str:
         """A scene file that reads back as this scene."""
+        return tomli_w.dumps(self._tables())
+
+    def _tables(self) -> dict[str, Any]:
         brief = {"mass", "drive", "obstacle", "ground"}
         data = self.model_dump(exclude_none=True, exclude=brief)
         data |= self.model_dump(exclude_none=True, exclude_defaults=True, include=brief)
         if not data.get("travel", {}).get("rest", 1.0):
             del data["travel"]["rest"]
-        return tomli_w.dumps(data)
+        return data
 
     @classmethod
     def library(cls) -> dict[str, str]:
@@ -241,6 +249,26 @@ class Scene(Part):
         cable = Cable(mass_per_length=rho, EA=alpha * H, sag=sag)
         return cls(name=name, gravity=gravity, cable=cable, supports=supports, **data)
 
+    def replace(self, changes: Mapping[str, Any]) -> Self:
+        """Return this scene with other values of some keys, dotted as in a scene file; SceneError with all faults.
+
+        scene.replace({"mass.mass": 60.0, "drive.brake.0.force": 600.0, "obstacle.tree.top": 21.0})
+        """
+        data = self._tables()
+        for key, value in changes.items():
+            try:
+                put(data, key, value)
+            except ValueError as error:
+                raise SceneError([str(error)]) from None
+        return type(self)(**data)
+
+    def variants(self, grid: Mapping[str, Sequence[Any]]) -> list[Self]:
+        """Return a scene for each combination of these values; the last key changes fastest.
+
+        scene.variants({"mass.mass": [40.0, 80.0], "drive.wind": [-8.0, 0.0]})
+        """
+        return [self.replace(dict(zip(grid, values, strict=True))) for values in itertools.product(*grid.values())]
+
     def variant(
         self,
         *,
@@ -286,6 +314,17 @@ class Scene(Part):
     def catenary(self) -> Catenary:
         """The static cable, eqs (9)-(12)."""
         return hang(self.gravity, self.cable, self.supports)
+
+    @property
+    def notes(self) -> list[str]:
+        """What a reader of the answer should know about values that the scene leaves out, or that look mistaken."""
+        drive, notes = self.drive, []
+        if drive.mode == "free" and not (drive.rolling_friction or drive.drag_area):
+            notes.append("no friction, no drag given: the fastest possible ride")
+        if abs(drive.wind) > STORM:
+            kmh = drive.wind / 3.6
+            notes.append(f"drive.wind = {drive.wind:g} m/s is a hurricane; were km/h meant? ({kmh:.3g} m/s)")
+        return notes
 
     @property
     def rho(self) -> float:

@@ -119,7 +119,9 @@ def test_the_good_scene_is_good():
         (TRAVEL, "kind = 3", [f"travel.kind = 3: unknown. Known: {KINDS}."]),
         (TRAVEL, "speed = 14.0", [f"travel.kind: missing; must be one of {KINDS}"]),
         # parts that are none, or only half of the pair
-        ("[mass]\nmass = 75.0", "[[mass]]\nmass = 75.0", ["mass = [{'mass': 75.0}]: must be a table [mass]"]),
+        ("[mass]\nmass = 75.0", "[[mass]]\nmass = 75.0", [
+            "mass = [{'mass': 75.0}]: not modelled: one car rides on the cable; a line at rest with [[contact]] has it",
+        ]),
         (f"[travel]\n{TRAVEL}", "[travel]", [f"travel.kind: missing; must be one of {KINDS}"]),
         (f"[travel]\n{TRAVEL}", "", ["travel: missing; must be given with [mass] (a bare cable has neither)"]),
         ("[mass]\nmass = 75.0", "", ["mass: missing; must be given with [travel] (a bare cable has neither)"]),

@@ -10,7 +10,6 @@ mass.mass=+1%             relative to what the scene says
 from __future__ import annotations
 
 import itertools
-import re
 import tomllib
 from collections.abc import Sequence
 from typing import Any
@@ -19,7 +18,6 @@ import numpy as np
 
 from cablefem.scene import Scene
 
-RELATIVE = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?%")
 MOST = 10_000  # points of a grid on one machine; larger ones are sweeps
 
 
@@ -71,31 +69,6 @@ def points(pairs: Sequence[str]) -> list[dict[str, Any]]:
     return [dict(zip(keys, row, strict=True)) for row in itertools.product(*(values for _, values in axes))]
 
 
-def put(data: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key in the tables of a scene file; a list of tables is entered by the name of one, or its number."""
-    *way, last = key.split(".")
-    here: Any = data
-    for i, name in enumerate(way):
-        here = here.setdefault(name, {}) if isinstance(here, dict) else _entry(here, name, ".".join(way[: i + 1]))
-    if not isinstance(here, dict):
-        raise ValueError(f"--set {key}: {'.'.join(way)} is no table")
-    if isinstance(value, str) and RELATIVE.fullmatch(value):
-        now = here.get(last)
-        if not isinstance(now, int | float):
-            raise ValueError(f"--set {key} = {value}: relative to a number, which the scene does not give")
-        value = now * (1.0 + float(value[:-1]) / 100.0)
-    here[last] = value
-
-
-def _entry(tables: Any, name: str, key: str) -> Any:
-    """Return the table of that name or number in a list."""
-    if isinstance(tables, list):
-        for i, table in enumerate(tables):
-            if isinstance(table, dict) and name in (table.get("name"), str(i)):
-                return table
-    raise ValueError(f"--set {key}: the scene has no such entry")
-
-
 def parts(point: dict[str, Any], known: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return what a point sets in the scene (dotted keys, and `known` keys at its top), and in the method."""
     scene = {key: value for key, value in point.items() if "." in key or key in known}
@@ -104,7 +77,4 @@ def parts(point: dict[str, Any], known: Sequence[str]) -> tuple[dict[str, Any], 
 
 def varied(scene: Scene, point: dict[str, Any]) -> Scene:
     """Return the scene with these keys set; SceneError names what is wrong."""
-    data = tomllib.loads(scene.to_toml())
-    for key, value in point.items():
-        put(data, key, value)
-    return Scene(**{"name": scene.name, **data})
+    return scene.replace(point)

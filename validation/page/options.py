@@ -50,6 +50,8 @@ def scene_named(name: str, faults: list[str] | None = None, *, travelling: bool 
         faults += [fault if fault.startswith("scene = ") else f"{name}: {fault}" for fault in error.faults]
     if faults or scene is None:
         raise store.Refused(faults)
+    for note in scene.notes:
+        terminal.say(f"{scene.name}: {note}")
     return scene
 
 

@@ -12,8 +12,12 @@ EXAMPLE = "cablefem scenes level > my.toml"
 def command(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="Print this scene's TOML, to copy.")] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write TOML files there instead.")] = None,
+    keys: Annotated[bool, typer.Option("--keys", help="Print all keys of a scene file, with units.")] = False,
+    schema: Annotated[bool, typer.Option("--schema", help="Print the JSON schema of a scene file.")] = False,
 ) -> int:
-    """List the built-in scenes, or print one as TOML."""
+    """List the built-in scenes, print one as TOML, or say what a scene file may hold."""
+    if keys or schema:
+        return _keys() if keys else _schema()
     from cablefem.response import whole
     from cablefem.scene import Scene
 
@@ -39,4 +43,29 @@ def command(
         for key, text in texts.items():
             with whole(folder / f"{key}.toml") as temporary:
                 temporary.write_text(text, encoding="utf-8")
+    return 0
+
+
+def _keys() -> int:
+    """Print all keys with unit, default, range and meaning."""
+    from cablefem.scene import Scene
+    from cablefem.scene.keys import keys
+    from cablefem.scene.line import Line
+
+    for title, part in (("one span, in motion", Scene), ("a line of several contacts, at rest", Line)):
+        terminal.say(f"{title}:")
+        rows = [[key.name, key.unit, key.meaning, key.default, key.brief] for key in keys(part)]
+        terminal.table(["key", "unit", "meaning", "default", "range"], rows)
+    return 0
+
+
+def _schema() -> int:
+    """Print the JSON schema."""
+    import json
+
+    from cablefem.scene import Scene
+    from cablefem.scene.keys import schema
+    from cablefem.scene.line import Line
+
+    print(json.dumps(schema(Scene, Line), indent=2))
     return 0

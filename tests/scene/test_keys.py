@@ -1,0 +1,129 @@
+"""What a scene file may hold is read off the models; what is not modelled says so; other scenes from one."""
+
+import tomllib
+
+import pytest
+
+from cablefem import Scene, SceneError
+from cablefem.scene import ConstantSpeed
+from cablefem.scene.keys import keys, schema
+from cablefem.scene.line import Line
+from tests.scene.test_faults import GOOD, TRAVEL, faults
+from tests.scene.test_timetables import OBSTACLES
+
+FREE = GOOD.replace(f"[travel]\n{TRAVEL}", '[drive]\nmode = "free"\n')
+
+
+@pytest.mark.parametrize("part", [Scene, Line])
+def test_every_key_has_a_unit_a_meaning_and_a_range(part):
+    found = {key.name: key for key in keys(part)}
+    assert len(found) == len(list(keys(part)))
+    for key in found.values():
+        assert key.unit, key
+        assert key.admits, key
+        assert key.meaning or key.name.split(".")[-1] in ("mass", "gravity"), key
+
+
+def test_keys_are_those_that_scenes_read():
+    found = {key.name: key for key in keys(Scene)}
+    assert (found["cable.EA"].unit, found["cable.EA"].default) == ("N", "required")
+    assert found["drive.air_density"].default == "1.2"
+    assert found["travel (trapezoid).jerk"].unit == "m/s3"
+    assert found["travel.from"].brief == "> 0"
+    assert {"drive.brake[].from", "drive.thrust.times", "obstacle[].top", "ground", "travel.stop.time"} <= found.keys()
+    assert not any("place" in name and "end" not in name for name in found), "keys are as they are written"
+
+
+def broken(value, rule, where=""):
+    """Return where a value breaks a JSON schema, as far as this project's schemas go."""
+    if options := rule.get("anyOf") or rule.get("oneOf"):
+        told = [broken(value, option, where) for option in options]
+        return [] if [] in told else told[0]
+    kind = {"object": dict, "array": list, "string": str, "number": int | float, "boolean": bool}.get(rule.get("type"))
+    if kind and not isinstance(value, kind):
+        return [where]
+    if "enum" in rule or "const" in rule:
+        return [] if value in rule.get("enum", [rule.get("const")]) else [where]
+    if isinstance(value, dict):
+        known = rule["properties"]
+        missing = [f"{where}.{key}" for key in rule["required"] if key not in value]
+        inner = [x for key in value.keys() & known for x in broken(value[key], known[key], f"{where}.{key}")]
+        return [*missing, *inner, *(f"{where}.{key}" for key in value.keys() - known)]
+    if isinstance(value, list):
+        return [x for i, item in enumerate(value) for x in broken(item, rule.get("items", {}), f"{where}[{i}]")]
+    return [where] if "exclusiveMinimum" in rule and not value > rule["exclusiveMinimum"] else []
+
+
+@pytest.mark.parametrize("name", Scene.library())
+def test_built_in_scenes_keep_the_schema(name):
+    assert broken(tomllib.loads(Scene.library_text(name)), schema(Scene)) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "where"),
+    [
+        ("EA = 4e6", "ea = 4e6", ".cable.ea"),
+        ("EA = 4e6", "EA = -1", ".cable.EA"),
+        ("span = 320.0", "", ".supports.span"),
+    ],
+)
+def test_the_schema_sees_what_the_scene_refuses(old, new, where):
+    text = GOOD.replace(old, new)
+    assert where in broken(tomllib.loads(text), schema(Scene))
+    with pytest.raises(SceneError):
+        Scene.from_toml(text)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("EA = 4e6", "EA = 4e6\nbending = 3.0", "cable.bending: not modelled: the cable bends without resistance"),
+        (
+            "drop = 25.0",
+            "drop = 25.0\ncounterweight = 1e4",
+            "supports.counterweight: not modelled: the two ends of the",
+        ),
+        ("EA = 4e6", "EA = 4e6\ncreep = 1e-4", "cable.creep: not modelled: the cable keeps its unstretched length"),
+        ("mass = 75.0", "mass = [75.0, 60.0]", "mass.mass = [75.0, 60.0]: not modelled: one car rides on the cable"),
+        ("mass = 75.0", "mass = 75.0\nhanger = 2.0", "mass.hanger: not modelled: the car is a point on the cable"),
+    ],
+)
+def test_what_is_not_modelled_is_said(old, new, expected):
+    (line,) = faults(GOOD.replace(old, new, 1) if "mass" not in old else GOOD.replace("mass = 75.0", new))
+    assert line.startswith(expected)
+
+
+def test_a_ride_without_friction_and_a_hurricane_are_remarked():
+    assert Scene.from_toml(GOOD).notes == []
+    assert Scene.from_toml(FREE).notes == ["no friction, no drag given: the fastest possible ride"]
+    assert Scene.from_toml(FREE + "rolling_friction = 0.02").notes == []
+    (note,) = Scene.from_toml(FREE + "drag_area = 0.5\nwind = -45").notes
+    assert "were km/h meant? (-12.5 m/s)" in note
+
+
+def test_other_scenes_by_dotted_keys():
+    scene = Scene.from_toml(FREE + "drag_area = 0.5\nbrake = [{from = 280.0, force = 300.0}]" + OBSTACLES)
+    other = scene.replace({"mass.mass": 60.0, "drive.brake.0.force": 400.0, "obstacle.tree.top": 20.0})
+    assert (other.mass.mass, other.drive.brake[0].force, other.obstacle[0].top) == (60.0, 400.0, 20.0)
+    assert other.replace({"mass.mass": 75.0, "drive.brake.0.force": 300.0, "obstacle.tree.top": 22.0}) == scene
+    assert scene.replace({"mass.mass": "+10%"}).mass.mass == pytest.approx(82.5)
+    grid = scene.variants({"mass.mass": [40.0, 80.0], "drive.wind": [-8.0, -4.0, 0.0]})
+    assert [(x.mass.mass, x.drive.wind) for x in grid[:4]] == [(40.0, -8.0), (40.0, -4.0), (40.0, 0.0), (80.0, -8.0)]
+    assert len(grid) == 6
+    for wrong in ({"mass.mass": -3.0}, {"mass.weight": 3.0}, {"drive.brake.4.force": 1.0}, {"obstacle.hut.top": 1.0}):
+        with pytest.raises(SceneError) as raised:
+            scene.replace(wrong)
+        assert len(raised.value.faults) == 1
+
+
+def test_a_copy_of_a_scene_is_checked_and_a_dump_goes_back_in():
+    scene = Scene.from_toml(FREE + "brake = [{from = 280.0, force = 300.0}]\nend = {place = 300.0}")
+    assert Scene(**scene.model_dump()) == scene
+    with pytest.raises(SceneError, match=r"^mass = 5000.0: must be a table \[mass\]"):
+        scene.model_copy(update={"mass": 5000.0})
+    slow = Scene.from_toml(GOOD).model_copy(update={"travel": ConstantSpeed(speed=3.0)})
+    assert slow.top_speed == 3.0
+    assert slow.groups != Scene.from_toml(GOOD).groups
+    for name in Scene.library():
+        built_in = Scene.load(name)
+        assert Scene(**built_in.model_dump()) == built_in
