@@ -32,7 +32,6 @@ from galerkin import kernels
 from galerkin.bases import Basis
 from galerkin.bases.fourier import Fourier
 from galerkin.bases.kink import Array, Carried, MovingBasis, Standing, TravellingKink
-from galerkin.bow import NONE, bent
 from galerkin.equilibrium import Equilibrium
 from galerkin.models import FullCable, cable_model
 from galerkin.observe import direction, displaced, history, observe
@@ -49,12 +48,6 @@ class Instant:
     slope: Array  # X', (fields,)
     load: Array  # acceleration along the static path less gravity, -F/(mu phi) of (27), (fields,)
     place: Any  # the cable model's own
-    bows: Array  # `galerkin.bow.bent`
-
-    @property
-    def moment(self) -> kernels.Moment:
-        """What compiled steps of the full cable take of it."""
-        return kernels.Moment(self.place, self.carried, self.slope, self.load, self.bows)
 
 
 class Drives(NamedTuple):
@@ -99,7 +92,6 @@ class GalerkinSystem(System):
         self.model, self.load, self.law = model, load, law
         self.basis: MovingBasis = TravellingKink(basis) if kink else Standing(basis)
         self.cable = cable_model(groups, model, law)
-        self._bows = NONE
         self.inertia = self.mu if load == "mass" else 0.0
         self.path_form = self.at_support = load == "mass" and not basis.smooth
         self.fields, self.n = self.cable.fields, self.basis.n
@@ -109,8 +101,9 @@ class GalerkinSystem(System):
         self.force_scale = (self.mu or 1.0) * groups.sigma  # weight of the mass; of a bare cable: its own
         # rounding of N = T + alpha eps, summed; ten times what was measured for 10 to 120 terms, alpha 1e3 to 1e6
         self.force_floor = float(np.finfo(float).eps) * groups.alpha
-        # place and tensions of the last residual, or the least of them and its s
-        self._pull: tuple[Any, ...] | None = None
+        # Least mean tension over a shortest wave of the basis at the last residual, elastic under any law, and its s:
+        # negative in a slack cable, not in ripples of the highest terms.  `Observation.tension_min` is pointwise.
+        self.least_tension = np.inf, 0.0
         self._instants: dict[tuple[float, int], Instant] = {}
 
     @property
@@ -127,19 +120,8 @@ class GalerkinSystem(System):
         """The same system, sharing all tables, under another law: to go on with a run whose cable fell slack."""
         other = copy.copy(self)
         other.law, other.cable = law, cable_model(self.groups, self.model, law)
-        other._instants, other._pull = {}, None
+        other._instants = {}
         return other
-
-    @property
-    def least_tension(self) -> tuple[float, float]:
-        """Least MEAN tension over a shortest wave of the basis at the last residual, elastic under any law, and its s.
-
-        Ripples of the highest terms have none below zero, a slack cable has: the slack onset.  The pointwise least is
-        `Observation.tension_min`.
-        """
-        if self._pull is None or len(self._pull) == 2:
-            return self._pull or (np.inf, 0.0)
-        return self.cable.least(*self._pull)
 
     def place(self, x: State) -> float:
         """s_o of a state."""
@@ -149,10 +131,6 @@ class GalerkinSystem(System):
         """The instants that go with means of the unknowns at t0 and t1; a free ride's place is one of them."""
         travel = self.groups.motion
         return super().between(t0, t1, w, phase) if travel is None else travel.between(t0, t1, w, phase)
-
-    def bows(self, travel: Array) -> Array:
-        """Amplitudes of bubbles and their rates over a history (3, n) of s_o, ds_o, dds_o: (3, n, fields, 2)."""
-        return np.zeros((*travel.shape, self.fields, 2))
 
     def kinematics(self, states: States) -> Array:
         """s_o, ds_o, dds_o of a history, (3, n)."""
@@ -185,13 +163,11 @@ class GalerkinSystem(System):
             found = self._instants[key] = self._instant(*self.motion.at(t, phase))
         return found
 
-    def _instant(self, s_o: float, ds_o: float, dds_o: float, place: Any = None) -> Instant:
-        """What depends on the travel alone; place : do without the points of the cable."""
+    def _instant(self, s_o: float, ds_o: float, dds_o: float) -> Instant:
         rays = (1.0 / s_o, -1.0 / (1.0 - s_o)) if self.kink else (0.0, 0.0)
         slope, _ = self.cable.static_slope(s_o)
-        load, place = self._load(s_o, ds_o, dds_o), place or self.cable.at(self.basis, s_o)
-        bows = bent(self._bows, s_o, ds_o, dds_o)
-        return Instant(self.basis.carried(s_o, ds_o, dds_o), rays, slope, load, place, bows)
+        load, place = self._load(s_o, ds_o, dds_o), self.cable.at(self.basis, s_o)
+        return Instant(self.basis.carried(s_o, ds_o, dds_o), rays, slope, load, place)
 
     def _load(self, s_o: float, ds_o: float, dds_o: float) -> Array:
         if self.load == "force":
@@ -202,15 +178,15 @@ class GalerkinSystem(System):
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         x = self.instant(t, phase)
         force, pull = self.cable.force(x.place, self._fields(q))
-        self._pull = self.basis, x.place, pull
+        self.least_tension = self.cable.least(self.basis, x.place, pull)
         return self._residual(x, q, v, a, force)
 
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         x = self.instant(t, phase)
-        force, pull, K = self.cable.linearise(self.basis, x.place, self._fields(q))
-        self._pull = self.basis, x.place, pull
+        force, pull, K = self.cable.linearise(x.place, self._fields(q))
+        self.least_tension = self.cable.least(self.basis, x.place, pull)
         return self._residual(x, q, v, a, force), factorised(self._tangent(x, K, c0, c1, c2))
 
     def _fields(self, y: Array) -> Array:
@@ -218,98 +194,87 @@ class GalerkinSystem(System):
         return y[: self.n_modal].reshape(self.fields, self.n)
 
     def _residual(self, x: Instant, q: Array, v: Array, a: Array, force: Array) -> Array:
-        """r from the internal force, which is overwritten."""
-        Q, V, A = self._fields(q), self._fields(v), self._fields(a)
-        along = a[self.n_modal :] if self.path_form else kernels.acceleration(x.carried, Q, V, A)
-        kernels.add_inertia(x.carried, Q, V, A, self.inertia * along + self.mu * x.load, force)
-        if self.path_form:
-            return np.concatenate([force.ravel(), q[self.n_modal :] - Q @ x.carried.f])
-        return force.ravel()
+        """r of (19) from the internal force."""
+        Q, V, A, c = self._fields(q), self._fields(v), self._fields(a), x.carried
+        along = a[self.n_modal :] if self.path_form else A @ c.f + V @ c.f_v + Q @ c.f_q
+        load = self.inertia * along + self.mu * x.load
+        r = force + A @ c.mass + np.multiply.outer(load, c.f)
+        r += np.multiply.outer(V[:, -1], c.gyroscopic) + np.multiply.outer(Q[:, -1], c.centrifugal)
+        return np.append(r.ravel(), q[self.n_modal :] - Q @ c.f) if self.path_form else r.ravel()
 
     def tangent(self, t: float, q: Array, phase: int, c0: complex, c1: complex, c2: complex) -> Array:
         """c0 dr/dq + c1 dr/dv + c2 dr/da, (n_dof, n_dof): (28)-(32) and (21)-(23); r is linear in v and a."""
         x = self.instant(t, phase)
-        return self._tangent(x, self.cable.linearise(self.basis, x.place, self._fields(q))[2], c0, c1, c2)
+        return self._tangent(x, self.cable.linearise(x.place, self._fields(q))[2], c0, c1, c2)
 
     def _tangent(self, x: Instant, K: Array, c0: complex, c1: complex, c2: complex) -> Array:
-        """The tangent from K = dR/dq, which is overwritten."""
-        K = K.astype(complex) if isinstance(c0, complex) else K
-        kernels.add_inertia_tangent(x.carried, 0.0 if self.path_form else self.inertia, c0, c1, c2, K)
+        """The tangent from K = dR/dq."""
+        c = x.carried
+        inertia = c2 * c.mass
+        inertia[:, -1] += c1 * c.gyroscopic + c0 * c.centrifugal
+        if not self.path_form:
+            inertia += self.inertia * np.multiply.outer(c.f, c2 * c.f + c1 * c.f_v + c0 * c.f_q)
+        K = c0 * K + np.kron(np.eye(self.fields), inertia)
         if not self.path_form:
             return K
-        to_mass = np.kron(np.eye(self.fields), x.carried.f)
+        to_mass = np.kron(np.eye(self.fields), c.f)
         return np.block([[K, (c2 * self.mu) * to_mass.T], [-c0 * to_mass, c0 * np.eye(self.fields)]])
+
+    # --- compiled steps ---------------------------------------------------------------------------------------------
+    @property
+    def _compiled(self) -> bool:
+        """Whether steps are compiled: of the full cable over sines with a hat."""
+        full = isinstance(self.cable, FullCable) and not self.path_form
+        return full and self.kink and isinstance(self.basis.basis, Fourier)
 
     def settle(
         self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
     ) -> Settled:
-        """As the protocol has it; compiled for the full cable."""
-        if self.path_form or not isinstance(self.cable, FullCable):
-            return super().settle(t, phase, start, now, rule, bound, newton)
         if not self._compiled:
-            return self._settle(self.instant(t, phase), None, start, now, rule, bound, newton)
-        (now[:],), told, _, pull = self._stride(np.array([t]), phase, start, rule[None], bound, newton)
-        self._pull = self.basis, self.instant(t, phase).place, pull
+            return super().settle(t, phase, start, now, rule, bound, newton)
+        _, ends, told = self._stride(np.array([t]), phase, start, rule[None], bound, newton)
+        now[:] = ends[0]
         return Settled(*told[0].tolist()[:4])
-
-    @property
-    def _compiled(self) -> bool:
-        """Whether an instant is made in compiled code: of the full cable over sines with a hat."""
-        full = isinstance(self.cable, FullCable) and not self.path_form
-        return full and self.kink and isinstance(self.basis.basis, Fourier)
 
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array]:
-        """As the protocol has it, while the rules of both sides stay and the cable is taut."""
+        """As the base class has it, as long as the points stay the same and the cable is taut."""
         if not self._compiled:
             return NO_STEPS
-        now, told, taken, _ = self._stride(t, phase, start, rules, bound, newton)
-        if taken:
-            self._pull = told.item(taken - 1, 4), told.item(taken - 1, 5)
-        return now[:taken], told[:taken]
+        taken, ends, told = self._stride(t, phase, start, rules, bound, newton)
+        return ends[:taken], told[:taken]
 
     def _stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
-    ) -> tuple[Array, Array, int, Array]:
-        """Ends of steps (m, 3, n_dof), what is told of each (m, 6), how many are good; tensions of the last."""
+    ) -> tuple[int, Array, Array]:
+        """What `kernels.stride` returns."""
+        places = self.motion.along(t, phase).T
+        alike, *points = next(self.sines.alike(places[:, 0]))
+        same, line = alike.stop, self._line(*points)
+        done = kernels.stride(line, np.ascontiguousarray(places[:same]), start, rules[:same], limits(bound, newton))
+        return self._told(*done)
+
+    def _told(self, taken: int, ends: Array, told: Array) -> tuple[int, Array, Array]:
+        """Take the least tension of the last step from what compiled steps return."""
+        lowest, where = told[max(taken - 1, 0), 4:].tolist()
+        self.least_tension = lowest, where
+        return taken, ends, told
+
+    @property
+    def sines(self) -> Fourier:
+        """The sines of compiled steps."""
+        assert isinstance(self.basis.basis, Fourier)
+        return self.basis.basis
+
+    def _line(self, behind: Array, ahead: Array) -> kernels.Line:
+        """What compiled steps take of this system, with rules for both sides."""
         kink, cable = self.basis, self.cable
         assert isinstance(kink, TravellingKink)
         assert isinstance(cable, FullCable)
-        assert isinstance(kink.basis, Fourier)
-        places = self.motion.along(t, phase).T
-        alike, behind, ahead = next(kink.basis.alike(places[:, 0]))
-        same = alike.stop
-        grip = kernels.Grip(
-            behind, ahead, kink.at_rest, kink.left, kink.chord, kink.thirds, kink.basis.grading, self.groups.c, NONE
-        )
-        now, told = np.empty((same, *start.shape)), np.full((same, 6), np.nan)
-        pull = np.empty(grip.behind.shape[1] + grip.ahead.shape[1])
-        taken = kernels.settle(
-            grip, np.ascontiguousarray(places[:same]), None, None, None, self._constants, self.groups.sigma, start, now,
-            told, rules[:same], bound, limits(newton), pull,
-        )  # fmt: skip
-        return now, told, taken, pull
+        return cable.line(kink, behind, ahead, self.inertia)
 
-    @property
-    def _constants(self) -> kernels.Cable:
-        """What compiled steps of the full cable take."""
-        cable, basis = self.cable, self.basis
-        assert isinstance(cable, FullCable)
-        of = basis.basis.harmonic, basis.basis.grading, basis.hat
-        return kernels.Cable(self.inertia, self.mu, cable.alpha, cable.law, *of)
-
-    def _settle(self, x: Instant, ride: Any, *step: Any) -> Settled:
-        start, now, rule, bound, newton = step
-        pull = np.empty(x.place.weights.size if ride is None else ride.behind.shape[1] + ride.ahead.shape[1])
-        self._pull = self.basis, x.place, pull
-        told = np.empty((1, 6))
-        kernels.settle(
-            None, None, x.moment, ride, None, self._constants, self.groups.sigma, start, now[None], told, rule[None],
-            bound, limits(newton), pull,
-        )  # fmt: skip
-        return Settled(*told[0].tolist()[:4])
-
+    # --- start ------------------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
         """Entry: the limit t -> 0+ of the motion from rest.  Later: q, v go on, a jumps with dds_o."""
         if state is None:
@@ -392,9 +357,9 @@ class GalerkinSystem(System):
         return observe(self, states, s, frames)
 
 
-def limits(newton: Newton) -> tuple[float, ...]:
+def limits(bound: float, newton: Newton) -> tuple[float, ...]:
     """Of Newton's method, as compiled code takes them."""
-    return float(newton.max_iter), newton.reuse, float(newton.patience), float(MOST_HALVINGS)
+    return bound, float(newton.max_iter), newton.reuse, float(newton.patience), float(MOST_HALVINGS)
 
 
 def factorised(K: Array) -> Solve:

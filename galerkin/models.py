@@ -6,8 +6,9 @@ hanging cable, and into its tangent.  The seam, the same in both classes:
     fields, weight         number of unknown functions; sigma j as each of them sees it, (fields,)
     at(basis, s_o)         what force and tangent need of a place of the mass, made once per instant
     force(place, Q)        R (fields, n); what `least` needs to know
-    linearise(basis, place, Q)  the same two, and dR/dQ, (fields n, fields n), field by field
+    linearise(place, Q)    the same two, and dR/dQ, (fields n, fields n), field by field
     least(basis, place, pull)   the least mean tension and its s, see `GalerkinSystem.least_tension`
+    static_depth(s)        depth of that shape, (n,)
     static_slope(s)        X', X'' of the static shape that the load of the mass follows, (..., fields); s () or (n,)
     stress(s, slope)       the force of one point, (..., fields), for w' = slope, and its derivative by it
 """
@@ -21,7 +22,8 @@ import numpy as np
 
 from cablefem.scene import Groups
 from galerkin import kernels
-from galerkin.bases.kink import Array, MovingBasis
+from galerkin.bases.fourier import Fourier
+from galerkin.bases.kink import Array, MovingBasis, TravellingKink
 from galerkin.law import LAWS
 
 MODELS = ("string", "sagged", "stretching", "full")
@@ -41,40 +43,49 @@ class FullCable:
         self.groups, self.alpha, self.law = groups, groups.alpha, LAWS.index(law)
         self.weight = np.array([0.0, groups.sigma])
         self._last: kernels.Points | None = None
-        # int (N t - T t_static) ds behind and ahead of the mass, rows, at the last force; of a basis with a hat
-        self.sides = np.zeros((2, 2))
 
     def at(self, basis: MovingBasis, s_o: float) -> kernels.Points:
         s, weights, phi = basis.slopes(s_o)
         if self._last is None or phi is not self._last.phi:  # a standing basis has one table for all places
-            T, r_static = kernels.static(s, self.groups.sigma, self.groups.c)
-            self._last = kernels.Points(s, phi, weights, T, r_static, np.zeros(r_static.shape))
+            T, xp, yp, _, _ = self.groups.static(s)
+            self._last = kernels.Points(s, phi, weights, T, np.array([xp, yp]))
         return self._last
+
+    def line(self, kink: TravellingKink, behind: Array, ahead: Array, inertia: float) -> kernels.Line:
+        """What compiled steps take of the cable over sines with a hat; behind, ahead : Gauss rules of both sides."""
+        g, sines = self.groups, kink.basis
+        assert isinstance(sines, Fourier)
+        constants = kernels.Cable(inertia, g.mu, self.alpha, self.law, g.sigma, g.c)
+        return kernels.Line(constants, behind, ahead, kink.at_rest, kink.left, kink.chord, sines.grading)
+
+    def _stress(self, place: kernels.Points, Q: Array) -> Array:
+        """Rows of `kernels.stress`, with the weights of the quadrature but for the elastic tension, (8, n_q)."""
+        out = kernels.stress(place.T, place.r_static, Q @ place.phi, self.alpha, self.law)
+        out[:7] *= place.weights
+        return out
 
     def force(self, place: kernels.Points, Q: Array) -> tuple[Array, Array]:
         """R of (25)-(26) less its static value, (2, n); the elastic tension at the points, (n_q,)."""
-        R, pull, _ = self._balance(place, Q)
-        return R, pull
+        x = self._stress(place, Q)
+        return x[2:4] @ place.phi.T, x[7]
 
-    def linearise(self, basis: MovingBasis, place: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:
+    def linearise(self, place: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:
         """The same two, and J1, J2, J3 of (28)-(32), the gram matrix of k I + d r' r'^T, (2 n, 2 n)."""
-        R, pull, gram = self._balance(place, Q)
-        K = np.empty((Q.size, Q.size))
-        kernels.stiffness(place.phi, gram, basis.basis.harmonic, basis.basis.grading, basis.hat, K)
-        return R, pull, K
+        x = self._stress(place, Q)
+        xx, xy, yy = ((f * place.phi) @ place.phi.T for f in x[4:7])
+        return x[2:4] @ place.phi.T, x[7], np.block([[xx, xy], [xy, yy]])
 
-    def _balance(self, place: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:
-        m = place.weights.size
-        R, pull, gram = np.empty(Q.shape), np.empty(m), np.empty((2, 2, m))
-        kernels.balance(place, np.ascontiguousarray(Q), self.alpha, self.law, R, gram, pull, self.sides)
-        return R, pull, gram
+    def sides(self, place: kernels.Points, Q: Array) -> Array:
+        """int (N t - T t_static) ds behind and ahead of the mass, rows (2, 2); of a basis with a hat."""
+        behind = place.phi[-1] > 0.0
+        return np.stack([behind, ~behind]) @ self._stress(place, Q)[2:4].T
 
-    def least(self, basis: MovingBasis, place: kernels.Points, pull: Array) -> tuple[float, float]:
+    def least(self, basis: MovingBasis, place: kernels.Points, pull: Any) -> tuple[float, float]:
         """A negative tension must be so in the mean over a shortest wave, 2/n, or it is a ripple."""
         s, at = place.s, int(pull.argmin())
         if pull[at] < 0.0:
-            sides = [0.0, 1.0] if not basis.hat else [0.0, 1.0 / float(place.phi[-1, 0]), 1.0]
-            waves = _waves(s, sides, basis.basis.n)
+            at_mass = [1.0 / float(place.phi[-1, 0])] if isinstance(basis, TravellingKink) else []
+            waves = _waves(s, [0.0, *at_mass, 1.0], basis.basis.n)
             weights = np.add.reduceat(place.weights, waves)
             pull, s = (np.add.reduceat(place.weights * x, waves) / weights for x in (pull, s))
             at = int(pull.argmin())
@@ -82,20 +93,21 @@ class FullCable:
 
     def static_slope(self, s: Any) -> tuple[Array, Array]:
         """Of the catenary."""
-        if isinstance(s, float):
-            slope, curvature = kernels.static_at(s, self.groups.sigma, self.groups.c)
-            return slope, curvature
         _, xp, yp, xpp, ypp = self.groups.static(s)
         return np.array([xp, yp]).T, np.array([xpp, ypp]).T
 
+    def static_depth(self, s: Array) -> Array:
+        """Depth of the hanging cable, (n,)."""
+        return np.asarray(self.groups.shape(s)[1])
+
     def points(self, s: Array, slope: Array) -> Array:
-        """Rows of `kernels.stress` at s (m,) for w' = slope (2, m): N, W, N t - T t_static, its tangent; (7, m)."""
+        """Rows of `kernels.stress` at s (m,) for w' = slope (2, m)."""
         T, xp, yp, _, _ = self.groups.static(s)
         return kernels.stress(T, np.array([xp, yp]), np.ascontiguousarray(slope), self.alpha, self.law)
 
     def stress(self, s: Array, slope: Array) -> tuple[Array, Array]:
         """N t - T t_static, and k I + d r' r'^T, at one point."""
-        _, _, fx, fy, xx, xy, yy = self.points(np.atleast_1d(s), slope[:, None])[:, 0]
+        _, _, fx, fy, xx, xy, yy, _ = self.points(np.atleast_1d(s), slope[:, None])[:, 0]
         return np.array([fx, fy]), np.array([[xx, xy], [xy, yy]])
 
 
@@ -119,7 +131,7 @@ class ChordCable:
 
     def __init__(self, groups: Groups, model: str) -> None:
         self.lam, self.kap = {"sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}.get(model, (0.0, 0.0))
-        self.alpha, self.tau = groups.alpha, 1.0 / groups.chord_cos
+        self.groups, self.alpha, self.tau = groups, groups.alpha, 1.0 / groups.chord_cos
         self.weight = np.array([groups.sigma * groups.chord_cos])
         self.curvature = 0.0 if model == "straight" else -self.weight[0] / self.tau  # y_n''
         # total tension is the static one plus h everywhere: least where the static one is, at y' = 0 or a support
@@ -142,13 +154,13 @@ class ChordCable:
         Sq, h, g = self._increment(place, Q)
         return (self.tau * Sq + h * g)[None], h
 
-    def linearise(self, basis: MovingBasis, place: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
+    def linearise(self, place: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
         """R and h; dR/dQ, (n, n)."""
         _, h, g = self._increment(place, Q)
         J = (self.tau + self.kap * h) * place[0] + np.multiply.outer(self.alpha * self.lam * g, g)
         return *self.force(place, Q), J
 
-    def least(self, basis: MovingBasis, place: Any, h: float) -> tuple[float, float]:
+    def least(self, basis: MovingBasis, place: Any, h: Any) -> tuple[float, float]:
         """Least T(s) + h."""
         return self.at_rest + h, self.least_at
 
@@ -156,6 +168,10 @@ class ChordCable:
         """Of the parabola."""
         slope = -self.curvature * (0.5 - np.asarray(s))[..., None]
         return slope, np.full_like(slope, self.curvature)
+
+    def static_depth(self, s: Array) -> Array:
+        """Depth of the parabola, (n,)."""
+        return np.asarray((-0.5 * self.curvature) * s * (1.0 - s))
 
     def stress(self, s: Array, slope: Array) -> tuple[Array, Array]:
         """tau w' alone: what one point strains adds nothing to the mean h."""

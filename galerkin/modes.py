@@ -21,6 +21,6 @@ def bare_frequencies(groups: Groups, basis: Basis, *, model: str = "full", n: in
     if not 1 <= n <= cable.fields * basis.n:
         raise ValueError(f"n must lie in [1, {cable.fields * basis.n}], the number of unknowns, got {n!r}")
     place: Any = cable.at(moving, 0.5)  # a standing basis is the same wherever the mass is
-    K = cable.linearise(moving, place, np.zeros((cable.fields, basis.n)))[2]
+    K = cable.linearise(place, np.zeros((cable.fields, basis.n)))[2]
     M = np.kron(np.eye(cable.fields), basis.mass())
     return np.sqrt(eigh(K, M, eigvals_only=True, subset_by_index=(0, n - 1)))

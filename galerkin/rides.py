@@ -17,20 +17,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cablefem.newmark import Newton, Settled, Solve, State, StepFailure
+from cablefem.newmark import NO_STEPS, Newton, Settled, Solve, State, StepFailure
 from cablefem.response import States
 from cablefem.scene import Groups
 from cablefem.stickslip import Look, RollingCar
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
-from galerkin.bases.fourier import split
-from galerkin.bases.kink import Array, TravellingKink
-from galerkin.bow import bow, slopes, table
+from galerkin.bases.kink import Array
 from galerkin.equations import Drives, GalerkinSystem, Instant, factorised, limits
 from galerkin.equilibrium import Equilibrium
 from galerkin.models import FullCable
 
-SHEDS = 6.0  # times pi N |ds_o|, the rate of `kernels.shed`: 4 leave a ringing of 1e-3 in speed, 16 damp what is meant
 # Of an axial round trip, over which friction takes the car's acceleration: a whole one lags, by 3e-5 of the top speed
 # where a car is let go on a soft rope.
 WINDOW = 0.3
@@ -93,14 +90,10 @@ class RollingSystem(RollingCar, GalerkinSystem):
         super().__init__(groups, basis, kink=kink, law=law)
         self.n_dof += 1
         self.strides = self.free
-        self.bow = bow(groups)
-        self._bows = table(self.bow)
-        self._latest: tuple[tuple[float, float, float], Instant] | None = None
         self._seen: tuple[State, Car] | None = None
         # t and p. of the car, for a while; t, p.. and its rate, see `begin_step`
         self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
         self._window = WINDOW * self.round_trip
-        self._moved: tuple[float, Array, Array, Array] | None = None  # s_o, tensions, rules of a compiled residual
         self._parts: tuple[Any, Array, Array] | None = None  # the last state of `_seen_at`, its residual and tangents
 
     def _phases(self) -> tuple[tuple[float, float], ...]:
@@ -109,20 +102,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def with_law(self, law: str) -> RollingSystem:
         other = super().with_law(law)
         assert isinstance(other, RollingSystem)
-        other.mode, other._latest, other._watched = replace(self.mode), None, None
+        other.mode, other._watched = replace(self.mode), None
         return other
-
-    @property
-    def least_tension(self) -> tuple[float, float]:
-        if self._moved is not None:
-            s_o, pull, behind, ahead = self._moved
-            sines = self.basis.basis
-            assert isinstance(sines, Fourier)
-            s, weights, phi = split(s_o, behind, ahead, sines.n, sines.grading)
-            T, r_static = kernels.static(s, self.groups.sigma, self.groups.c)
-            place = kernels.Points(s, phi, weights, T, r_static, np.zeros(r_static.shape))
-            self._pull, self._moved = (self.basis, place, pull), None
-        return super().least_tension
 
     # --- the travel -------------------------------------------------------------------------------------------------
     def place(self, x: State) -> float:
@@ -133,25 +114,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
             np.array([states.q[:, -1], states.v[:, -1], states.a[:, -1]]) if self.free else super().kinematics(states)
         )
 
-    def bows(self, travel: Array) -> Array:
-        _, ds_o, dds_o = travel[:, :, None, None]
-        B, by_s, by_ss = (self.bow(travel[0], m) for m in range(3))
-        return np.array([B, by_s * ds_o, by_s * dds_o + by_ss * ds_o**2]).swapaxes(-1, -2)
-
     def _travel(self, t: float, q: Array, v: Array, a: Array, phase: int) -> tuple[float, float, float]:
         return (float(q[-1]), float(v[-1]), float(a[-1])) if self.free else self.motion.at(t, phase)
-
-    def _instant(self, s_o: float, ds_o: float, dds_o: float, place: Any = None) -> Instant:
-        x = super()._instant(s_o, ds_o, dds_o, place)
-        if place is None:
-            x = replace(x, place=x.place._replace(bent=slopes(x.place.s, s_o, *x.bows[:, 0])))
-        return x
-
-    def _at(self, travel: tuple[float, float, float]) -> Instant:
-        """What depends on the travel alone; residual and tangent ask one after the other."""
-        if self._latest is None or self._latest[0] != travel:
-            self._latest = travel, self._instant(*travel)
-        return self._latest[1]
 
     # --- the car ----------------------------------------------------------------------------------------------------
     def _on(self, t: float, phase: int) -> kernels.Rolling:
@@ -160,30 +124,21 @@ class RollingSystem(RollingCar, GalerkinSystem):
         brake = against * self.brake
         of = self.mu, self.groups.sigma, drive.k, drive.wind, self.held(t), against * drive.mu_r, brake
         since, ax, ay, jx, jy = self._smooth if self.free else (t, math.nan, math.nan, 0.0, 0.0)
-        sheds = SHEDS * math.pi * (self.n - 1)
-        return kernels.Rolling(*of, ax + (t - since) * jx, ay + (t - since) * jy, sheds)
+        return kernels.Rolling(*of, ax + (t - since) * jx, ay + (t - since) * jy)
 
     def _thrust(self, t: float, phase: int, a: Array) -> float:
         return float(self.drive.thrust(t, phase)) if self.free else float(a[-1])
 
-    def car(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Car:
-        """The car in this state."""
-        travel, cable = self._travel(t, q, v, a, phase), self._full
-        x = self._at(travel)
-        Q, V, A = (self._fields(y) for y in (q, v, a))
-        force, _ = cable.force(x.place, Q)
-        of = x.carried, x.slope, x.load, x.rays, x.bows, cable.sides, cable.alpha
-        return Car(*kernels.roll(*of, Q, V, A, *travel[1:], self._on(t, phase), self._thrust(t, phase, a), force))
+    def car(self, x: State) -> Car:
+        """The car in this state, by the tension from equilibrium."""
+        ride, line = self._ride(*x)
+        rows, r, parts = np.array(x[1:4]), np.empty(self.n_dof), np.empty((0, self.n_dof, self.n_dof))
+        return Car(*kernels.look(ride, line, rows, r, parts)[0])
 
     def _car_at(self, x: State) -> Car:
         """The car at a state as the slopes of the basis show it and without thrust, which more than one asks for."""
         if self._seen is None or self._seen[0] is not x:
-            travel = self._travel(*x)
-            at = self._instant(*travel, place="nowhere")
-            Q, V, A = (self._fields(y) for y in x[1:4])
-            velocity, p, *sides = kernels.motion(at.carried, at.slope, at.load, at.rays, at.bows, Q, V, A, travel[1])
-            p[1] += self.groups.sigma
-            self._seen = x, Car(*kernels.car(self._on(x.t, x.phase), 0.0, velocity, p, *sides))
+            self._seen = x, Car(*kernels.seen(*self._ride(*x), np.array(x[1:4])))
         return self._seen[1]
 
     @property
@@ -192,12 +147,13 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return self.cable
 
     def _sides(self, x: Instant, Q: Array) -> Array:
-        """r' behind and ahead of the car, its rows, of a cable at rest whose force was the last one."""
-        sides = x.slope + Q @ x.carried.f_s + np.multiply.outer(x.rays, Q[:, -1]) + x.bows[:, 0] * [[-1.0], [1.0]]
-        rest, cable = np.zeros_like(Q), self._full
-        of = x.carried, x.slope, x.rays, x.bows, cable.sides, cable.alpha
-        kernels.recover(*of, Q, rest, rest, 0.0, 0.0, *sides)
-        return sides
+        """r' behind and ahead of the car, its rows, of a cable at rest, by the tension from equilibrium."""
+        slopes = x.slope + Q @ x.carried.f_s + np.multiply.outer(x.rays, Q[:, -1])
+        static = x.slope / x.slope[0]
+        forces = static + np.abs(x.rays)[:, None] * self._full.sides(x.place, Q)
+        for slope, force in zip(slopes, forces, strict=True):
+            kernels.taut(force, slope, 1.0 / x.slope[0], self._full.alpha)
+        return slopes
 
     def sides(self, pointwise: Array, forces: Equilibrium, s_o: Array) -> Array:
         T = self.groups.static(s_o)[0].tolist()
@@ -268,13 +224,12 @@ class RollingSystem(RollingCar, GalerkinSystem):
         parts = np.zeros((3 if tangent else 0, size, size))
         if not 0.0 < travel[0] < 1.0:  # a trial that leaves the cable: Newton's method takes less
             return np.full(size, np.nan), parts
-        ride, rows, r = self._ride(t, travel, a, phase), np.array([q, v, a]), np.empty(size)
-        key = ride.mode, ride.on, ride.thrust, travel, rows.tobytes()
+        ride, line = self._ride(t, q, v, a, phase)
+        rows, r = np.array([q, v, a]), np.empty(size)
+        key = ride, rows.tobytes()
         if tangent and self._parts is not None and self._parts[0] == key:
             return self._parts[1].copy(), self._parts[2]
-        x, pull = self._anywhere(travel), np.empty(ride.behind.shape[1] + ride.ahead.shape[1])
-        kernels.look(x.moment, ride, self._constants, rows, r, pull, parts)
-        self._moved = travel[0], pull, ride.behind, ride.ahead
+        _, self.least_tension = kernels.look(ride, line, rows, r, parts)
         if tangent:
             self._parts = key, r.copy(), parts
         return r, parts
@@ -283,61 +238,44 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def _rolls(self) -> bool:
         return self.mode.sign != 0.0 or not self.free
 
-    def _anywhere(self, travel: tuple[float, float, float]) -> Instant:
-        """The instant of a hauled car; a free one makes its own, compiled, and any will do."""
-        return self._latest[1] if self.free and self._latest is not None else self._at(travel)
-
-    def _ride(self, t: float, travel: tuple[float, float, float], a: Array, phase: int) -> kernels.Ride:
-        basis, sines = self.basis, self.basis.basis
-        assert isinstance(basis, TravellingKink)
-        assert isinstance(sines, Fourier)
+    def _ride(self, t: float, q: Array, v: Array, a: Array, phase: int) -> tuple[kernels.Ride, kernels.Line]:
+        """What compiled steps take of the car and of the cable."""
+        travel = self._travel(t, q, v, a, phase)
         mode = kernels.HAULED if not self.free else kernels.FREE if self._rolls else kernels.STUCK
-        return kernels.Ride(
-            mode, self._on(t, phase), self._thrust(t, phase, a) if self.free else 0.0, *travel[1:],
-            *sines.side_rules(travel[0]), basis.at_rest, basis.left, basis.chord, basis.thirds, sines.grading,
-            self.groups.c, self._bows,
-        )  # fmt: skip
+        thrust = float(self.drive.thrust(t, phase)) if self.free else 0.0
+        ride = kernels.Ride(mode, self._on(t, phase), thrust, *travel)
+        return ride, self._line(*self.sines.side_rules(travel[0]))
 
     def settle(
         self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
     ) -> Settled:
-        """As the protocol has it."""
-        travel = self._travel(t, start[0], start[1], start[2], phase)
-        ride = self._ride(t, travel, start[2], phase)
-        done = self._settle(self._anywhere(travel), ride, start, now, rule, bound, newton)
-        if self.free and self._pull is not None:
-            w = float(rule[0, 4])
-            s_o = w * float(now[0, -1]) + (1.0 - w) * float(start[0, -1])
-            self._moved = s_o, self._pull[2], ride.behind, ride.ahead
-        return done
+        ride, line = self._ride(t, start[0], start[1], start[2], phase)
+        _, ends, told = self._told(*kernels.roll_on(ride, None, line, start, rule[None], limits(bound, newton)))
+        now[:] = ends[0]
+        return Settled(*told[0].tolist()[:4])
 
     def _stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
-    ) -> tuple[Array, Array, int, Array]:
+    ) -> tuple[int, Array, Array]:
         """Steps of a free car under way, up to an event."""
         drive, (s_o, ds_o), m = self.drive, start[:2, -1].tolist(), t.size
-        now, told = np.empty((m, *start.shape)), np.empty((m, 6))
         if not (self.free and self.under_way) or t[0] < drive.release:
-            return now, told, 0, told
-        assert isinstance(self.basis.basis, Fourier)
+            return 0, *NO_STEPS
         reach = min(1.0, max(0.0, s_o + ds_o * float(rules[:, 0, 1].sum())))
-        rules_at = self.basis.basis.side_rules
-        ride = self._ride(t[0], (s_o, ds_o, 0.0), start[2], phase)
-        ride = ride._replace(behind=rules_at(max(s_o, reach))[0], ahead=rules_at(min(s_o, reach))[1])
-        pull, smooth = np.empty(ride.behind.shape[1] + ride.ahead.shape[1]), np.empty(6)
-        past = np.concatenate([self._past, np.empty((m, 3))])
+        rules_at = self.sines.side_rules
+        ride, _ = self._ride(t[0], start[0], start[1], start[2], phase)
+        line = self._line(rules_at(max(s_o, reach))[0], rules_at(min(s_o, reach))[1])
+        past, smooth = np.concatenate([self._past, np.empty((m, 3))]), np.empty(6)
         course = kernels.Course(
             t, drive.thrust(t, phase), past, self._window, smooth, *self.course(), self.mode.lifted
         )  # fmt: skip
-        taken = kernels.settle(
-            None, None, self._anywhere((s_o, ds_o, 0.0)).moment, ride, course, self._constants, self.groups.sigma,
-            start, now, told, rules, bound, limits(newton), pull,
-        )  # fmt: skip
+        taken, ends, told = kernels.roll_on(ride, course, line, start, rules, limits(bound, newton))
         if taken:
-            self._past, self._moved = past[int(smooth[0]) : len(past) - m + taken], None
+            self._told(taken, ends, told)
+            self._past = past[int(smooth[0]) : len(past) - m + taken]
             w, dt = float(rules[taken - 1, 0, 4]), float(rules[taken - 1, 0, 1])
             self.heeded = float(t[taken - 1]) + (1.0 - w + 1e-9) * dt
-        return now, told, taken, pull
+        return taken, ends, told
 
     # --- start ------------------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
@@ -349,7 +287,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
             return self.enter(state._replace(phase=phase))
         s_o, (q, v, a) = self.drive.start, np.zeros((3, self.n_dof))
         self.set_off()
-        x = self._at((s_o, 0.0, 0.0))
+        x = self._instant(s_o, 0.0, 0.0)
         Q = self._equilibrium(x)
         q[: self.n_modal] = Q.ravel()
         self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
@@ -358,7 +296,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         if not self.free:
             d, speed = 1e-4 * min(s_o, 1.0 - s_o), self.motion.at(0.0, 0)[1]
             if speed:
-                ends = [self._equilibrium(self._at((s_o + x, 0.0, 0.0))) for x in (-d, d)]
+                ends = [self._equilibrium(self._instant(s_o + x, 0.0, 0.0)) for x in (-d, d)]
                 v[: self.n_modal] = (speed / (2.0 * d)) * (ends[1] - ends[0]).ravel()
             return self._consistent(0.0, q, v, 0)
         q[-1] = s_o
@@ -389,7 +327,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         f_m[-1] += 0.5 * sum(x.rays)
 
         def linearised(Q: Array) -> tuple[Array, Array]:
-            force, _, K = self.cable.linearise(self.basis, x.place, Q)
+            force, _, K = self.cable.linearise(x.place, Q)
             load = weight
             if not self.free:
                 sides = self._sides(x, Q)
@@ -447,5 +385,5 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return Look(max(car.pressing, car.normal), car.speed, along, self.mu * self.groups.sigma * car.tx)
 
     def holding(self, x: State) -> tuple[float, float]:
-        car = self.car(*x)
+        car = self.car(x)
         return car.along - self.held(x.t) / car.stretch, car.normal

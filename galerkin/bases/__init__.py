@@ -24,16 +24,8 @@ class Basis(Protocol):
     def smooth(self) -> bool:
         """True when phi'' has a meaning at every s, so that the centrifugal term of (23) may be used as printed."""
 
-    @property
-    def harmonic(self) -> bool:
-        """True for phi_k = sin(k pi xi), whose products compiled code sums in closed form."""
-
-    @property
-    def grading(self) -> float:
-        """By which xi is finer next to the supports than s, see `Fourier`; 0 for others."""
-
     def at(self, s: float) -> np.ndarray:
-        """phi, phi', phi'' (0 where there is none), both primitives at one s; sines add a third; (5 or 6, n)."""
+        """phi, phi', phi'' (0 where there is none), both primitives at one s, (5, n)."""
 
     def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:
         """The m-th derivative of phi, (n_s, n); m = -1 and -2 are a primitive of phi and one of that."""

@@ -350,8 +350,6 @@ class Daubechies:
     level: int = 0
     reading: Reading = "literal"
 
-    harmonic, grading = False, 0.0
-
     def __post_init__(self) -> None:
         if self.order not in range(2, 11):
             raise ValueError(f"Daubechies.order must be 2 .. 10, got {self.order!r}")

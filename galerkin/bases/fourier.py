@@ -40,28 +40,22 @@ def stretched(s, grading):
 
 @compiled
 def integrals(x, n, grading, out):
-    """Set rows of out (3, n) to primitives of sin(k pi xi) by s, of those, and of those again.
+    """Set rows of out (2, n) to primitives of sin(k pi xi) by s, and of those.
 
     ds/dxi = 1 - grading cos(2 pi xi) shifts the number of waves by two: a sum of neighbours for each primitive.
-    D, F and H are those of sines, odd in j; I and G of cosines, even in j.
+    D and F are those of sines, odd in j; I of cosines, even in j.
     """
-    size, b = n + 9, 0.5 * grading
-    D, I, G, F, H = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
-    s2, c2 = math.sin(2.0 * math.pi * x), math.cos(2.0 * math.pi * x)
-    I[0], G[0] = x, 0.5 * x * x - grading * (x * s2 / (2.0 * math.pi) + c2 / (4.0 * math.pi**2))
+    size, b = n + 5, 0.5 * grading
+    D, I, F = np.zeros(size), np.zeros(size), np.zeros(size)
+    I[0] = x
     for j in range(1, size):
         D[j], I[j] = math.cos(j * math.pi * x) / (j * math.pi), math.sin(j * math.pi * x) / (j * math.pi)
     for j in range(1, size - 2):
-        lower = D[j - 2] if j > 1 else -D[1]
-        G[j] = (b * (D[j + 2] + lower) - D[j]) / (j * math.pi)
         F[j] = (I[j] - b * (I[j + 2] + I[abs(j - 2)])) / (j * math.pi)
-    for j in range(1, size - 4):
-        H[j] = (G[j] - b * (G[j + 2] + G[abs(j - 2)])) / (j * math.pi)
     for k in range(1, n + 1):
         i, sign = abs(k - 2), 1.0 if k > 1 else -1.0
         out[0, k - 1] = b * (D[k + 2] + sign * D[i]) - D[k]
         out[1, k - 1] = b * (F[k + 2] + sign * F[i]) - F[k]
-        out[2, k - 1] = b * (H[k + 2] + sign * H[i]) - H[k]
 
 
 @compiled
@@ -77,8 +71,8 @@ def derivatives(x, n, grading, out):
 
 @compiled
 def values_at(s, n, grading):
-    """`Fourier.at`, and the primitive of the last of its rows, (6, n)."""
-    out, x = np.empty((6, n)), stretched(s, grading)
+    """`Fourier.at`, (5, n)."""
+    out, x = np.empty((5, n)), stretched(s, grading)
     derivatives(x, n, grading, out[:3])
     integrals(x, n, grading, out[3:])
     return out
@@ -87,14 +81,9 @@ def values_at(s, n, grading):
 @compiled
 def values_along(s, n, grading, row):
     """One row of `values_at` at many places (m,), (m, n)."""
-    out, rows = np.empty((s.size, n)), np.empty((3, n))
+    out = np.empty((s.size, n))
     for i in range(s.size):
-        x = stretched(s[i], grading)
-        if row < 3:
-            derivatives(x, n, grading, rows)
-        else:
-            integrals(x, n, grading, rows)
-        out[i] = rows[row % 3]
+        out[i] = values_at(s[i], n, grading)[row]
     return out
 
 
@@ -150,7 +139,7 @@ class Fourier:
         if self.grading and self.n < 2:
             raise ValueError("a graded basis takes two sines at least")
 
-    smooth = harmonic = True
+    smooth = True
 
     @property
     def wavenumbers(self) -> np.ndarray:
@@ -158,13 +147,13 @@ class Fourier:
         return np.pi * np.arange(1, self.n + 1)
 
     def at(self, s: float) -> np.ndarray:
-        """phi, phi', phi'', both primitives at one s, and one of the last, (6, n)."""
+        """phi, phi', phi'', both primitives at one s, (5, n)."""
         return values_at(s, self.n, self.grading)
 
     def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:
-        """The m-th derivative of phi, (n_s, n), m = -3 .. 2; primitives for m < 0."""
+        """The m-th derivative of phi, (n_s, n), m = -2 .. 2; primitives for m < 0."""
         if self.grading:
-            return values_along(np.asarray(s, float), self.n, self.grading, (0, 1, 2, 5, 4, 3)[m])
+            return values_along(np.asarray(s, float), self.n, self.grading, (0, 1, 2, 4, 3)[m])
         x, sign = np.multiply.outer(s, self.wavenumbers), (1.0, 1.0, -1.0, -1.0)[m % 4]
         return sign * self.wavenumbers**m * (np.cos(x) if m % 2 else np.sin(x))
 

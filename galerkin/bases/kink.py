@@ -31,7 +31,6 @@ class Carried(NamedTuple):
     f_v: Array  # 2 ds_o Phi'(s_o), as in (22), (n,)
     f_q: Array  # dds_o Phi'(s_o) + ds_o^2 Phi''(s_o), as in (23), (n,)
     behind: Array  # int_0^s_o hat Phi ds, (n,); 0 without a hat
-    square: Array  # int z^2 Phi ds behind and ahead, z from the supports, (2, n); of sines with a hat, else 0
 
 
 @compiled
@@ -61,17 +60,17 @@ def _overlaps(phi, first, second, left, chord, s_o):
 
 
 @compiled
-def carry(at, mass, left, chord, thirds, s_o, ds_o, dds_o):
-    """M, and the other entries of `Carried` as rows, (9, n).
+def carry(at, mass, left, chord, s_o, ds_o, dds_o):
+    """M, and the other entries of `Carried` as rows, (7, n).
 
-    at : `Basis.at`;  left, chord, thirds : of `TravellingKink`
+    at : `Basis.at`;  left, chord : of `TravellingKink`
     """
     n, size = at.shape[1], mass.shape[0]
-    hat, M, rows = size > n, np.empty((size, size)), np.empty((9, size))
+    hat, M, rows = size > n, np.empty((size, size)), np.empty((7, size))
     for k in range(size):
         for i in range(size):
             M[k, i] = mass[k, i]
-        for i in range(9):
+        for i in range(7):
             rows[i, k] = 0.0
     for k in range(n):
         phi, first, second = at[0, k], at[1, k], at[2, k]
@@ -82,25 +81,13 @@ def carry(at, mass, left, chord, thirds, s_o, ds_o, dds_o):
             M[n, k] = M[k, n] = value
             rows[0, k], rows[1, k] = 2.0 * ds_o * slope, ds_o * ds_o * bend + dds_o * slope
             rows[6, k] = at[3, k] + (left[k] - at[4, k]) / s_o
-            if at.shape[0] > 5:
-                h = 1.0 - s_o
-                rows[7, k] = s_o * s_o * at[3, k] - 2.0 * s_o * at[4, k] + 2.0 * (at[5, k] - thirds[0, k])
-                rows[8, k] = 2.0 * (thirds[1, k] - at[5, k]) - h * h * at[3, k] - 2.0 * h * at[4, k]
     if hat:
         rows[1, n], rows[2, n], rows[6, n] = -ds_o * ds_o / (3.0 * s_o * (1.0 - s_o)), 1.0, s_o / 3.0
-        rows[7, n], rows[8, n] = s_o**3 / 4.0, (1.0 - s_o) ** 3 / 4.0
     return M, rows
-
-
-def _carried(mass: Array, rows: Array) -> Carried:
-    gyroscopic, centrifugal, f, f_s, f_v, f_q, behind = rows[:7]
-    return Carried(mass, gyroscopic, centrifugal, f, f_s, f_v, f_q, behind, rows[7:])
 
 
 class Standing:
     """The given basis unchanged: it does not know the mass."""
-
-    hat = 0  # of a travelling hat, which comes last
 
     def __init__(self, basis: Basis) -> None:
         self.basis, self.n = basis, basis.n
@@ -111,8 +98,8 @@ class Standing:
     def carried(self, s_o: float, ds_o: float, dds_o: float) -> Carried:
         """Its part in the equations at this instant."""
         none = self._integral
-        mass, rows = carry(self.basis.at(s_o), self.at_rest, none, none, none[None], s_o, ds_o, dds_o)
-        return _carried(mass, rows)
+        mass, rows = carry(self.basis.at(s_o), self.at_rest, none, none, s_o, ds_o, dds_o)
+        return Carried(mass, *rows)
 
     def stiffness(self, s_o: float) -> Array:
         """int Phi_i' Phi_j' ds, (n, n)."""
@@ -142,8 +129,6 @@ class TravellingKink:
     and nothing at s_o = 1.
     """
 
-    hat = 1
-
     def __init__(self, basis: Basis) -> None:
         self.basis, self.n = basis, basis.n + 1
         self.at_rest, self._stiffness = (np.zeros((self.n, self.n)) for _ in range(2))
@@ -152,7 +137,6 @@ class TravellingKink:
         self._integral = np.append(basis.integral(), 0.5)
         self.left, right = basis.phi(np.array([0.0, 1.0]), -2)
         self.chord = right - self.left
-        self.thirds = np.stack([basis.at(s)[-1] for s in (0.0, 1.0)])
 
     def overlap(self, s_o: Array) -> Array:
         """I, I', I'' = int hat phi ds and its derivatives by s_o; s_o (m,) in [0, 1), (3, m, n - 1)."""
@@ -160,9 +144,8 @@ class TravellingKink:
         return _overlaps(*tables, self.left, self.chord, s_o)
 
     def carried(self, s_o: float, ds_o: float, dds_o: float) -> Carried:
-        of = self.at_rest, self.left, self.chord, self.thirds
-        mass, rows = carry(self.basis.at(s_o), *of, s_o, ds_o, dds_o)
-        return _carried(mass, rows)
+        mass, rows = carry(self.basis.at(s_o), self.at_rest, self.left, self.chord, s_o, ds_o, dds_o)
+        return Carried(mass, *rows)
 
     def stiffness(self, s_o: float) -> Array:
         matrix, steepness = self._stiffness.copy(), 1.0 / (s_o * (1.0 - s_o))

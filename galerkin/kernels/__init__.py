@@ -17,35 +17,11 @@ Common arguments
 Loops stand where numpy would have an expression of arrays: numba takes seconds to compile the latter.
 """
 
-from galerkin.kernels.cable import (
-    Points,
-    acceleration,
-    add_inertia,
-    add_inertia_tangent,
-    balance,
-    least,
-    static,
-    static_at,
-    stiffness,
-    stress,
-    survey,
-)
-from galerkin.kernels.rolling import (
-    STEP,
-    Rolling,
-    averaged,
-    by_force,
-    car,
-    motion,
-    recover,
-    roll,
-    taut,
-)
-from galerkin.kernels.steps import FREE, HAULED, STUCK, Cable, Course, Grip, Moment, Ride, look, settle, surveyed
+from galerkin.kernels.cable import Cable, Points, balance, least, stiffness, stress
+from galerkin.kernels.rolling import Rolling, averaged, by_force, car, taut
+from galerkin.kernels.steps import FREE, HAULED, STUCK, Course, Line, Ride, look, roll_on, seen, stride, surveyed
 
 __all__ = [
-    "FREE", "HAULED", "STEP", "STUCK", "Cable", "Course", "Grip", "Moment", "Points", "Ride", "Rolling",
-    "acceleration", "add_inertia", "add_inertia_tangent", "averaged", "balance", "by_force", "car",
-    "least", "look", "motion", "recover", "roll", "settle", "static", "static_at", "stiffness",
-    "stress", "survey", "surveyed", "taut",
+    "FREE", "HAULED", "STUCK", "Cable", "Course", "Line", "Points", "Ride", "Rolling", "averaged", "balance",
+    "by_force", "car", "least", "look", "roll_on", "seen", "stiffness", "stress", "stride", "surveyed", "taut",
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Stress at points of the full cable, its internal force and tangent, and the inertia that the basis carries."""
+"""The full cable at points: stress, internal force, tangent and inertia, over sines with a hat."""
 
 from __future__ import annotations
 
@@ -14,14 +14,24 @@ Array = np.ndarray
 
 
 class Points(NamedTuple):
-    """Where the full cable takes its integrals, with the static cable there."""
+    """Points of the integrals of the full cable, and the static cable there."""
 
-    s: Array  # (n_q,)
-    phi: Array  # Phi', (n, n_q); with a hat its slope is the last row
-    weights: Array
-    T: Array
-    r_static: Array  # x', y', (2, n_q)
-    bent: Array  # slope of what is known of w, (2, n_q)
+    s: Array  # (m,)
+    phi: Array  # Phi', (n, m); with a hat its slope is the last row
+    weights: Array  # (m,)
+    T: Array  # (m,)
+    r_static: Array  # x', y', (2, m)
+
+
+class Cable(NamedTuple):
+    """Constants of the full cable with its mass."""
+
+    inertia: float  # of the mass; 0: it is a force, its weight alone
+    mu: float
+    alpha: float
+    law: int  # index in `galerkin.law.LAWS`
+    sigma: float
+    c: float
 
 
 @compiled
@@ -33,16 +43,6 @@ def static(s, sigma, c):
         T[i] = math.sqrt(1.0 + p * p)
         r[0, i], r[1, i] = 1.0 / T[i], p / T[i]
     return T, r
-
-
-@compiled
-def static_at(s, sigma, c):
-    """X' and X'' at one place, rows (2, 2)."""
-    p = c - sigma * s
-    T = math.sqrt(1.0 + p * p)
-    out = np.empty((2, 2))
-    out[0, 0], out[0, 1], out[1, 0], out[1, 1] = 1.0 / T, p / T, sigma * p / T**3, -sigma / T**3
-    return out
 
 
 @compiled
@@ -64,34 +64,31 @@ def at_point(T, xp, yp, ux, vy, alpha, law):
 
 @compiled
 def stress(T, r_static, slope, alpha, law):
-    """Rows N, W, N t - T t_static (2), and the three entries of its tangent, xx, xy, yy: (7, m)."""
-    out = np.empty((7, T.size))
+    """Rows N, W, N t - T t_static (2), its tangent xx, xy, yy, and the elastic T + alpha eps: (8, m)."""
+    out = np.empty((8, T.size))
     for i in range(T.size):
         xp, yp, ux, vy = r_static[0, i], r_static[1, i], slope[0, i], slope[1, i]
-        N, W, fx, fy, k, d, _ = at_point(T[i], xp, yp, ux, vy, alpha, law)
+        out[0, i], out[1, i], out[2, i], out[3, i], k, d, out[7, i] = at_point(T[i], xp, yp, ux, vy, alpha, law)
         rx, ry = xp + ux, yp + vy
-        out[0, i], out[1, i], out[2, i], out[3, i] = N, W, fx, fy
         out[4, i], out[5, i], out[6, i] = k + d * rx * rx, d * rx * ry, k + d * ry * ry
     return out
 
 
 @compiled
-def balance(at, Q, alpha, law, force, gram, pull, sides):
-    """Internal force (2, n) of coefficients Q; at : `Points`.
+def balance(at, Q, cable, force, gram, pull, sides):
+    """Set the internal force (2, n) of coefficients Q; at : `Points`, cable : `Cable`.
 
-    gram : (2, 2, m) receives the weighted tangent at the points;  pull : (m,) the elastic T + alpha eps
-    sides : (2, 2) receives int (N t - T t_static) ds behind and ahead of the mass, each a row, where there is a hat
+    gram : (3, m) receives the weighted tangent xx, xy, yy at the points;  pull : (m,) the elastic T + alpha eps
+    sides : (2, 2) receives int (N t - T t_static) ds behind and ahead of the mass, each a row
     """
-    T, r_static, weights = at.T, at.r_static, at.weights
-    slope = np.empty((2, weights.size))
+    slope = np.empty((2, at.weights.size))
     multiply(Q, at.phi, False, slope)
     sides[:] = 0.0
-    for i in range(weights.size):
-        xp, yp, ux, vy = r_static[0, i], r_static[1, i], slope[0, i] + at.bent[0, i], slope[1, i] + at.bent[1, i]
-        _, _, fx, fy, k, d, pull[i] = at_point(T[i], xp, yp, ux, vy, alpha, law)
-        rx, ry, w = xp + ux, yp + vy, weights[i]
-        gram[0, 0, i], gram[1, 1, i] = w * (k + d * rx * rx), w * (k + d * ry * ry)
-        gram[0, 1, i] = gram[1, 0, i] = w * (d * rx * ry)
+    for i in range(at.weights.size):
+        xp, yp, ux, vy, w = at.r_static[0, i], at.r_static[1, i], slope[0, i], slope[1, i], at.weights[i]
+        _, _, fx, fy, k, d, pull[i] = at_point(at.T[i], xp, yp, ux, vy, cable.alpha, cable.law)
+        rx, ry = xp + ux, yp + vy
+        gram[0, i], gram[1, i], gram[2, i] = w * (k + d * rx * rx), w * (d * rx * ry), w * (k + d * ry * ry)
         slope[0, i], slope[1, i] = w * fx, w * fy
         side = 0 if at.phi[-1, i] > 0.0 else 1
         sides[side, 0] += w * fx
@@ -100,58 +97,39 @@ def balance(at, Q, alpha, law, force, gram, pull, sides):
 
 
 @compiled
-def stiffness(phi, f, harmonic, grading, hat, out):
-    """Set out[:2 n, :2 n] to sum_q f_ab Phi_i' Phi_j', by a i, b j; f (2, 2, m), f_ab = f_ba.
+def stiffness(phi, gram, grading, out):
+    """Set out (2 n, 2 n) to int Phi_i' f_ab Phi_j' ds, rows a i, columns b j; gram (3, m): weighted f_xx, f_xy, f_yy.
 
-    harmonic : phi_j' phi_k' = j k pi^2/2 g^2 (cos((j-k) x) + cos((j+k) x)), x = pi xi, g = dxi/ds, and
+    phi_j' phi_k' = j k pi^2/2 g^2 (cos((j-k) x) + cos((j+k) x)), x = pi xi, g = dxi/ds, and
     c_m = sum_q f_q g_q^2 cos(m x_q).  The table holds the cosines up to m = N, times g = 1 + grading phi_2'/(2 pi), as
     xi = s + grading phi_2/(2 pi); cos((N+m) x) = 2 cos(N x) cos(m x) - cos((N-m) x) gives the others.
     """
     n, m = phi.shape
-    N = n - hat
-    both, dense = np.empty((9, m)), np.ones(m)
+    N = n - 1
+    dense = np.ones(m)
     if grading != 0.0:
         for q in range(m):
             dense[q] = 1.0 + grading * phi[1, q] / (2.0 * math.pi)
+    rows, sums, c = np.empty((3, m)), np.empty((3, n)), np.empty(4 * N + 1)  # c_|m|, m = -2N .. 2N
     for i in range(3):
+        a, b = i // 2, (i + 1) // 2
+        c[2 * N] = 0.0
         for q in range(m):
-            value = f[i // 2, (i + 1) // 2, q]
-            both[i, q] = value * dense[q]
-            both[3 + i, q] = value * (phi[N - 1, q] / (N * math.pi))
-            both[6 + i, q] = value * phi[n - 1, q]
-    sums = np.empty((9, n))
-    multiply(both, phi, True, sums)
-    if harmonic:
-        c = np.empty(4 * N + 1)  # c_|m|, m = -2N .. 2N
-        for i in range(3):
-            a, b = i // 2, (i + 1) // 2
-            c[2 * N] = 0.0
-            for q in range(m):
-                c[2 * N] += both[i, q] * dense[q]
+            rows[0, q] = gram[i, q] * dense[q]
+            rows[1, q] = gram[i, q] * (phi[N - 1, q] / (N * math.pi))
+            rows[2, q] = gram[i, q] * phi[N, q]
+            c[2 * N] += rows[0, q] * dense[q]
+        multiply(rows, phi, True, sums)
+        for k in range(1, N + 1):
+            c[2 * N + k] = c[2 * N - k] = sums[0, k - 1] / (k * math.pi)
+        for k in range(1, N + 1):
+            c[3 * N + k] = c[N - k] = 2.0 * sums[1, k - 1] / (k * math.pi) - c[3 * N - k]
+        for j in range(1, N + 1):
+            minus, plus, row = c[2 * N - j :], c[2 * N + j :], out[a * n + j - 1, b * n :]
             for k in range(1, N + 1):
-                c[2 * N + k] = c[2 * N - k] = sums[i, k - 1] / (k * math.pi)
-            for k in range(1, N + 1):
-                c[3 * N + k] = c[N - k] = 2.0 * sums[3 + i, k - 1] / (k * math.pi) - c[3 * N - k]
-            for j in range(1, N + 1):
-                minus, plus, row = c[2 * N - j :], c[2 * N + j :], out[a * n + j - 1, b * n :]
-                for k in range(1, N + 1):
-                    row[k - 1] = (0.5 * math.pi**2 * j) * k * (minus[k] + plus[k])
-    else:
-        scaled, products = np.empty((N, m)), np.empty((N, N))
-        for i in range(3):
-            a, b = i // 2, (i + 1) // 2
-            for k in range(N):
-                for q in range(m):
-                    scaled[k, q] = f[a, b, q] * phi[k, q]
-            multiply(scaled, phi, True, products)
-            for j in range(N):
-                for k in range(N):
-                    out[a * n + j, b * n + k] = products[j, k]
-    if hat:
-        for i in range(3):
-            a, b = i // 2, (i + 1) // 2
-            for k in range(n):
-                out[a * n + N, b * n + k] = out[a * n + k, b * n + N] = sums[6 + i, k]
+                row[k - 1] = (0.5 * math.pi**2 * j) * k * (minus[k] + plus[k])
+        for k in range(n):
+            out[a * n + N, b * n + k] = out[a * n + k, b * n + N] = sums[2, k]
     for j in range(n):
         for k in range(n):
             out[n + j, k] = out[j, n + k]
@@ -198,7 +176,7 @@ def add_inertia_tangent(x, mu, c0, c1, c2, K):
 def least(at, s_o, pull):
     """The least tension and its s; where one is negative, that of means over shortest waves, as `FullCable.least`.
 
-    at : `Points` of sines with a hat;  pull : (m,) the elastic T + alpha eps
+    pull : (m,) the elastic T + alpha eps
     """
     s, where = at.s, 0
     for i in range(pull.size):
@@ -225,23 +203,23 @@ def least(at, s_o, pull):
 
 
 @compiled
-def survey(at, Q, alpha, law, internal):
-    """int W ds, the least N and the index of its point; at : `Points` with a hat, rising behind the mass.
+def survey(at, Q, cable, internal):
+    """int W ds, the least N and its s.
 
     internal : (2, 2) receives int (N t - T t_static) ds behind and ahead of the mass, each a column
     """
-    T, r_static, weights = at.T, at.r_static, at.weights
-    slope = np.empty((2, weights.size))
+    slope = np.empty((2, at.weights.size))
     multiply(Q, at.phi, False, slope)
-    energy, least, where = 0.0, math.inf, 0
+    energy, lowest, where = 0.0, math.inf, 0.0
     internal[:] = 0.0
-    for i in range(weights.size):
-        ux, vy = slope[0, i] + at.bent[0, i], slope[1, i] + at.bent[1, i]
-        N, W, fx, fy, _, _, _ = at_point(T[i], r_static[0, i], r_static[1, i], ux, vy, alpha, law)
+    for i in range(at.weights.size):
+        N, W, fx, fy, _, _, _ = at_point(
+            at.T[i], at.r_static[0, i], at.r_static[1, i], slope[0, i], slope[1, i], cable.alpha, cable.law
+        )
         side = 0 if at.phi[-1, i] > 0.0 else 1
-        internal[0, side] += weights[i] * fx
-        internal[1, side] += weights[i] * fy
-        energy += weights[i] * W
-        if least > N:
-            least, where = N, i
-    return energy, least, where
+        internal[0, side] += at.weights[i] * fx
+        internal[1, side] += at.weights[i] * fy
+        energy += at.weights[i] * W
+        if lowest > N:
+            lowest, where = N, at.s[i]
+    return energy, lowest, where

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from galerkin.bow import add_bows
-from galerkin.kernels.cable import acceleration, add_inertia
+from galerkin.bases.kink import Carried
+from galerkin.kernels.cable import Array, acceleration, add_inertia
 from galerkin.kernels.dense import multiply
 from galerkin.law import compiled
 
@@ -29,7 +29,25 @@ class Rolling(NamedTuple):
     brake: float  # of brakes, with the sign they act in
     ax: float = 0.0  # p.. as friction goes by it; nan: by the one that the car has
     ay: float = 0.0
-    sheds: float = 0.0  # how fast a kink that changes loses what sines cannot carry, over |ds_o|
+
+
+class Ground(NamedTuple):
+    """What an instant brings at the mass, whatever the coefficients."""
+
+    x: Carried
+    slope: Array  # X' at the mass, (2,)
+    load: Array  # acceleration of the mass along its static path less gravity, (2,)
+    s_o: float
+    ds_o: float
+    dds_o: float
+
+
+class Coefficients(NamedTuple):
+    """Of a state, (2, n) each."""
+
+    Q: Array
+    V: Array
+    A: Array
 
 
 @compiled
@@ -74,23 +92,22 @@ def taut(force, slope, T, alpha):
 
 
 @compiled
-def recover(x, slope, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, behind, ahead):
+def recover(here, y, sides, alpha, behind, ahead):
     """Turn r' behind and ahead of the mass (2,) into that of the tension from equilibrium; return lam/N there.
 
     See `galerkin.equilibrium`.
     sides : int (N t - T t_static) ds behind and ahead, rows (2, 2); the hat's two rays weigh the balances.
     """
-    last, T, force = x.f.size - 1, 1.0 / slope[0], np.empty((2, 2))
+    x, ds_o, dds_o = here.x, here.ds_o, here.dds_o
+    last, near, far = x.f.size - 1, 1.0 / here.s_o, 1.0 / (1.0 - here.s_o)
+    T, force = 1.0 / here.slope[0], np.empty((2, 2))
     for a in range(2):
-        v, q = 2.0 / 3.0 * ds_o * V[a, last], Q[a, last] / 3.0
-        force[0, a] = T * slope[a] + rays[0] * sides[0, a] - v + q * (2.0 * ds_o * ds_o * rays[0] - dds_o)
-        force[1, a] = T * slope[a] - rays[1] * sides[1, a] - v + q * (2.0 * ds_o * ds_o * rays[1] - dds_o)
+        v, q = 2.0 / 3.0 * ds_o * y.V[a, last], y.Q[a, last] / 3.0
+        force[0, a] = T * here.slope[a] + near * sides[0, a] - v + q * (2.0 * ds_o * ds_o * near - dds_o)
+        force[1, a] = T * here.slope[a] + far * sides[1, a] - v - q * (2.0 * ds_o * ds_o * far + dds_o)
         for i in range(last + 1):
-            force[0, a] += A[a, i] * x.behind[i]
-            force[1, a] -= A[a, i] * (x.mass[last, i] - x.behind[i])
-        for i in range(2):
-            h, sign = abs(1.0 / rays[i]), 1.0 - 2.0 * i
-            force[i, a] += sign * h * h * (bows[i, 2, a] / 3.0 + h * bows[i, 3, a] / 4.0)
+            force[0, a] += y.A[a, i] * x.behind[i]
+            force[1, a] -= y.A[a, i] * (x.mass[last, i] - x.behind[i])
     return taut(force[0], behind, T, alpha), taut(force[1], ahead, T, alpha)
 
 
@@ -114,49 +131,20 @@ def by_force(on, thrust, velocity, p, behind, ahead, turn, defect, side):
 
 
 @compiled
-def shed(x, ds_o, on):
-    """Weight of the rate of the kink in the hat's own rows.
-
-    What the N sines leave of the hat, of mass 1/3 - I M^-1 I with their overlaps I, is a mode that moves neither them
-    nor the car, several times as fast as the highest sine.  A car that runs over the sines excites it; where its side
-    shortens, its waves gain energy as all waves there, and unlike those have no physics to lose it: a dashpot lets it
-    go.  The mass falls like N^-3 off the supports, and a steady kink, q_hat ~ s_o (1 - s_o), feels nothing.
-    On a side shorter than the sines' waves it is that side's own waves that it takes, and the car gets their energy.
-    """
-    last = x.f.size - 1
-    left, pivot, over = x.mass[last, last], np.empty(last), np.empty(last)
-    for k in range(last):  # M = L D L^T, which couples every other sine
-        pivot[k], over[k] = x.mass[k, k], x.mass[last, k]
-        if k > 1:
-            ratio = x.mass[k, k - 2] / pivot[k - 2]
-            pivot[k] -= ratio * x.mass[k, k - 2]
-            over[k] -= ratio * over[k - 2]
-        left -= over[k] * over[k] / pivot[k]
-    return on.sheds * abs(ds_o) * left
-
-
-@compiled
-def add_shed_tangent(x, rays, ds_o, on, c0, c1, K):
-    """Add the rates of kinks to c0 dr/dq + c1 dr/dv, (2 n, 2 n)."""
-    n, weight = x.f.size, shed(x, ds_o, on)
-    for last in (n - 1, 2 * n - 1):
-        K[last, last] += weight * (c1 - c0 * ds_o * (rays[0] + rays[1]))
-
-
-@compiled
-def motion(x, slope, load, rays, bows, Q, V, A, ds_o):
+def motion(here, y):
     """p., p.. - sigma j, and r' behind and ahead of the car as the slopes of the basis show it, (2,) each."""
-    last, p = x.f.size - 1, acceleration(x, Q, V, A)
+    x = here.x
+    last, p = x.f.size - 1, acceleration(x, y.Q, y.V, y.A)
     velocity, behind, ahead = np.empty(2), np.empty(2), np.empty(2)
     for a in range(2):
-        along, speed = slope[a], 0.0
+        along, speed = here.slope[a], 0.0
         for i in range(last + 1):
-            along += Q[a, i] * x.f_s[i]
-            speed += V[a, i] * x.f[i]
-        velocity[a] = speed + ds_o * along
-        behind[a] = along + rays[0] * Q[a, last] - bows[0, 0, a]
-        ahead[a] = along + rays[1] * Q[a, last] + bows[1, 0, a]
-        p[a] += load[a]
+            along += y.Q[a, i] * x.f_s[i]
+            speed += y.V[a, i] * x.f[i]
+        velocity[a] = speed + here.ds_o * along
+        behind[a] = along + y.Q[a, last] / here.s_o
+        ahead[a] = along - y.Q[a, last] / (1.0 - here.s_o)
+        p[a] += here.load[a]
     return velocity, p, behind, ahead
 
 
@@ -201,29 +189,20 @@ def averaged(past, first, last, least):
 
 
 @compiled
-def roll(x, slope, load, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, on, thrust, R):
+def roll(here, y, sides, alpha, on, thrust, R):
     """Add the cable's inertia and the car to R (2, n), and return `car`, and `by_force` of both sides.
 
-    slope, load, rays, bows : of an `Instant`
     sides : as for `recover`.  tau is that of the tension from equilibrium: sines do not resolve a side that is shorter
         than their waves, and the balance of the car by their slopes errs by a hundred times as much.
     """
-    last = x.f.size - 1
-    velocity, p, behind, ahead = motion(x, slope, load, rays, bows, Q, V, A, ds_o)
+    velocity, p, behind, ahead = motion(here, y)
     p[1] += on.sigma
-    turns = recover(x, slope, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, behind, ahead)
+    turns = recover(here, y, sides, alpha, behind, ahead)
     out = car(on, thrust, velocity, p, behind, ahead)
     bx, by = by_force(on, thrust, velocity, p, behind, ahead, turns[0], out[9], 0)
     ax, ay = by_force(on, thrust, velocity, p, behind, ahead, turns[1], out[9], 1)
-    for a in range(2):  # with what it takes to shift the kink of the bubbles
-        p[a] = out[a] + ds_o * ds_o * (bows[0, 0, a] + bows[1, 0, a])
-    add_inertia(x, Q, V, A, p, R)
-    add_bows(x, bows, R)
-    weight = shed(x, ds_o, on)
-    for a in range(2):
-        R[a, last] += weight * (V[a, last] - Q[a, last] * ds_o * (rays[0] + rays[1]))
-        # what bubbles kink is not the hat's to carry
-        R[a, last] -= weight * (bows[0, 1, a] + bows[1, 1, a]) / (rays[0] - rays[1])
+    p[0], p[1] = out[0], out[1]
+    add_inertia(here.x, y.Q, y.V, y.A, p, R)
     return (*out, bx, by, ax, ay)
 
 
@@ -238,7 +217,7 @@ def pulls(phi, gram):
     for q in range(m):
         first = 0 if phi[n - 1, q] > 0.0 else 3
         for i in range(3):
-            both[first + i, q] = gram[i // 2, (i + 1) // 2, q]
+            both[first + i, q] = gram[i, q]
     multiply(both, phi, True, sums)
     for side in range(2):
         for a in range(2):
@@ -249,20 +228,21 @@ def pulls(phi, gram):
 
 
 @compiled
-def row(x, out, rays, pulls, ds_o, dds_o, on, c0, c1, c2, into):
+def row(here, out, pulls, on, c, into):
     """The car's row of the tangent, (2 n + 1,), by `roll`; tau turns with the forces of `recover`."""
+    x, ds_o, (c0, c1, c2), near, far = here.x, here.ds_o, c, 1.0 / here.s_o, 1.0 / (1.0 - here.s_o)
     n, mu = x.f.size, on.mu
     rub = out[4] * math.copysign(on.rub, on.rub * out[8]) if math.isnan(on.ax) else 0.0
     along = out[2] - rub * out[3], out[3] + rub * out[2]
     for b in range(2):
+        behind, ahead = out[14 + b], out[16 + b]
         for j in range(n):
             own = along[b] * mu * (c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j])
-            by_a = out[14 + b] * x.behind[j] - out[16 + b] * (x.mass[n - 1, j] - x.behind[j])
+            by_a = behind * x.behind[j] - ahead * (x.mass[n - 1, j] - x.behind[j])
             by_q = 0.0
             for a in range(2):
-                by_q += out[14 + a] * rays[0] * pulls[0, a, b, j] - out[16 + a] * rays[1] * pulls[1, a, b, j]
+                by_q += out[14 + a] * near * pulls[0, a, b, j] + out[16 + a] * far * pulls[1, a, b, j]
             into[b * n + j] = own + c2 * by_a + c0 * by_q
-        by_v = -2.0 / 3.0 * ds_o * (out[14 + b] + out[16 + b])
-        by_q = 2.0 * ds_o * ds_o * (out[14 + b] * rays[0] + out[16 + b] * rays[1])
-        by_q -= dds_o * (out[14 + b] + out[16 + b])
+        by_v = -2.0 / 3.0 * ds_o * (behind + ahead)
+        by_q = 2.0 * ds_o * ds_o * (behind * near - ahead * far) - here.dds_o * (behind + ahead)
         into[b * n + n - 1] += c1 * by_v + c0 * by_q / 3.0

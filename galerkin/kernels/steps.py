@@ -1,4 +1,4 @@
-"""Newton's method of steps, with a mass that grips or a car that rolls; sines with a hat make their own instants."""
+"""Steps by Newton's method over sines with a hat: of a mass that grips, and of a car that rolls."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 
 from galerkin.bases.fourier import split, values_at
 from galerkin.bases.kink import Carried, carry
-from galerkin.bow import bent, slopes
 from galerkin.kernels.cable import (
     Array,
+    Cable,
     Points,
     acceleration,
     add_inertia,
@@ -19,39 +19,53 @@ from galerkin.kernels.cable import (
     balance,
     least,
     static,
-    static_at,
     stiffness,
     survey,
 )
 from galerkin.kernels.dense import solve
-from galerkin.kernels.rolling import STEP, Rolling, add_shed_tangent, averaged, car, motion, pulls, roll, row
+from galerkin.kernels.rolling import (
+    STEP,
+    Coefficients,
+    Ground,
+    Rolling,
+    averaged,
+    car,
+    motion,
+    pulls,
+    roll,
+    row,
+)
 from galerkin.law import compiled
 
 NO_CAR = (0.0,) * 18
 STUCK, FREE, HAULED = 0, 1, 2
 
 
+class Line(NamedTuple):
+    """The cable over sines with a hat, and rules for its integrals."""
+
+    cable: Cable
+    behind: Array  # Gauss rules on [0, 1] of both sides, (2, m)
+    ahead: Array
+    mass: Array  # these three and the next of `TravellingKink`
+    left: Array
+    chord: Array
+    grading: float
+
+
 class Ride(NamedTuple):
-    """A rolling car in a step, over sines with a hat."""
+    """A rolling car in a step."""
 
     mode: int  # FREE: the last unknown is s_o; STUCK: it stays; HAULED: its acceleration is the haul force
     on: Rolling
     thrust: float
-    ds_o: float  # of a hauled car
+    s_o: float  # these three of a hauled car
+    ds_o: float
     dds_o: float
-    behind: Array  # rules of both sides, (2, m)
-    ahead: Array
-    mass: Array  # M without the moving overlaps, and what `_carry` wants to know
-    left: Array
-    chord: Array
-    thirds: Array
-    grading: float
-    c: float
-    bows: Array  # `galerkin.bow.table`
 
 
 class Course(NamedTuple):
-    """What a free car needs besides for many steps between two events."""
+    """What a free car needs for many steps between two events."""
 
     t: Array  # (m,) balances of the steps
     thrust: Array  # (m,) there
@@ -66,287 +80,318 @@ class Course(NamedTuple):
     lifted: bool  # whether lift-off is none any more
 
 
-class Grip(NamedTuple):
-    """A mass that grips the cable, over sines with a hat; see `Ride`."""
-
-    behind: Array
-    ahead: Array
-    mass: Array
-    left: Array
-    chord: Array
-    thirds: Array
-    grading: float
-    c: float
-    bows: Array
-
-
-class Cable(NamedTuple):
-    """The full cable with its car, as long as the law stays, and how tangents are made."""
-
-    inertia: float  # of the mass; 0: its weight alone
-    mu: float
-    alpha: float
-    law: int
-    harmonic: bool  # see `stiffness`
-    grading: float
-    hat: int
-
-
 class Moment(NamedTuple):
-    """What an instant brings, whatever the state."""
+    """What an instant brings, whatever the coefficients."""
 
     at: Points
-    x: Carried
-    slope: Array  # X' at the mass
-    load: Array  # (2,) acceleration of the mass along its static path less gravity
-    bows: Array  # `galerkin.bow.bent`
+    ground: Ground
+
+
+class Space(NamedTuple):
+    """Work arrays of a step with n_dof unknowns and m points."""
+
+    balanced: Array  # (3, n_dof) the state that is weighed
+    r: Array  # (n_dof,) its residual
+    internal: Array  # (2, n) the internal force in it
+    gram: Array  # (3, m), `pull` and `sides` see `balance`
+    pull: Array
+    sides: Array
+    K: Array  # (n_dof, n_dof)
+    step: Array  # (n_dof,)
 
 
 @compiled
-def ground(on, sigma, s_o, ds_o, dds_o):
-    """`Moment` where the mass is at s_o, but for the points; on : `Ride` or `Grip`."""
-    at = values_at(s_o, on.left.size, on.grading)
-    M, rows = carry(at, on.mass, on.left, on.chord, on.thirds, s_o, ds_o, dds_o)
-    x = Carried(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6], rows[7:])
-    rest, load = static_at(s_o, sigma, on.c), np.empty(2)
-    for a in range(2):
-        load[a] = dds_o * rest[0, a] + ds_o * ds_o * rest[1, a] - a * sigma
-    return x, rest[0], load, bent(on.bows, s_o, ds_o, dds_o)
-
-
-@compiled
-def moment(on, sigma, s_o, ds_o, dds_o):
-    """`Moment` where the mass is at s_o; on : `Ride` or `Grip`."""
-    x, slope, load, bows = ground(on, sigma, s_o, ds_o, dds_o)
-    s, weights, phi = split(s_o, on.behind, on.ahead, on.left.size, on.grading)
-    T, r_static = static(s, sigma, on.c)
-    at = Points(s, phi, weights, T, r_static, slopes(s, s_o, bows[0, 0], bows[1, 0]))
-    return Moment(at, x, slope, load, bows)
-
-
-@compiled
-def surveyed(behind, ahead, grading, sigma, c, alpha, law, s_o, Q, bows, internal, told):
-    """`survey` of many states over sines with a hat, whose mass is at s_o (m,); behind, ahead : rules of both sides.
-
-    Q : (m, 2, n);  bows : (m, 2, 2) B/h by fields and pieces
-    internal : (m, 2, 2) receives integrals, see `survey`;  told : (m, 3) int W ds, the least N and its s
-    """
-    for i in range(s_o.size):
-        s, weights, phi = split(s_o[i], behind, ahead, Q.shape[2] - 1, grading)
-        T, r_static = static(s, sigma, c)
-        at = Points(s, phi, weights, T, r_static, slopes(s, s_o[i], bows[i, :, 0], bows[i, :, 1]))
-        told[i, 0], told[i, 1], where = survey(at, Q[i], alpha, law, internal[i])
-        told[i, 2] = s[where]
-
-
-@compiled
-def seen(ride, on, state):
-    """`car` at a state, rows q, v, a, with the slopes of the basis and without thrust; on : `Rolling`."""
-    n, last = ride.left.size + 1, state.shape[1] - 1
-    Q, V, A = state[0, :last].reshape(2, n), state[1, :last].reshape(2, n), state[2, :last].reshape(2, n)
-    s_o, ds_o, dds_o = state[0, last], state[1, last], state[2, last]
-    x, slope, load, bows = ground(ride, on.sigma, s_o, ds_o, dds_o)
-    rays = 1.0 / s_o, -1.0 / (1.0 - s_o)
-    velocity, p, behind, ahead = motion(x, slope, load, rays, bows, Q, V, A, ds_o)
-    p[1] += on.sigma
-    return car(on, 0.0, velocity, p, behind, ahead)
-
-
-@compiled
-def at_time(on, smooth, t):
-    """`Rolling` with the acceleration that `averaged` tells of t."""
-    d = t - smooth[1]
-    return Rolling(
-        on.mu, on.sigma, on.drag, on.wind, on.hold, on.rub, on.brake, smooth[2] + d * smooth[4],
-        smooth[3] + d * smooth[5], on.sheds,
+def space_for(size, line):
+    """`Space` for so many unknowns."""
+    m, n = line.behind.shape[1] + line.ahead.shape[1], line.left.size + 1
+    return Space(
+        np.empty((3, size)), np.empty(size), np.empty((2, n)), np.empty((3, m)), np.empty(m), np.empty((2, 2)),
+        np.empty((size, size)), np.empty(size),
     )  # fmt: skip
 
 
 @compiled
-def evaluate(here, ride, cable, balanced, r, gram, pull, sides, internal):
-    """Set the residual of a state, rows q, v, a, what `balance` receives, and for a car that rolls the internal force.
+def ground_at(line, s_o, ds_o, dds_o):
+    """`Ground` where the mass is at s_o; for a force alone its weight is the load."""
+    cable = line.cable
+    at = values_at(s_o, line.left.size, line.grading)
+    M, rows = carry(at, line.mass, line.left, line.chord, s_o, ds_o, dds_o)
+    x = Carried(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
+    p = cable.c - cable.sigma * s_o
+    T = math.sqrt(1.0 + p * p)
+    slope, load = np.empty(2), np.zeros(2)
+    slope[0], slope[1] = 1.0 / T, p / T
+    if cable.inertia != 0.0:
+        load[0] = dds_o / T + ds_o * ds_o * cable.sigma * p / T**3
+        load[1] = dds_o * p / T - ds_o * ds_o * cable.sigma / T**3
+    load[1] -= cable.sigma
+    return Ground(x, slope, load, s_o, ds_o, dds_o)
+
+
+@compiled
+def points_at(line, s_o):
+    """`Points` where the mass is at s_o."""
+    s, weights, phi = split(s_o, line.behind, line.ahead, line.left.size, line.grading)
+    T, r_static = static(s, line.cable.sigma, line.cable.c)
+    return Points(s, phi, weights, T, r_static)
+
+
+@compiled
+def moment(line, s_o, ds_o, dds_o):
+    """`Moment` where the mass is at s_o."""
+    return Moment(points_at(line, s_o), ground_at(line, s_o, ds_o, dds_o))
+
+
+@compiled
+def surveyed(line, s_o, Q, internal, told):
+    """`survey` of many states whose mass is at s_o (m,); Q : (m, 2, n).
+
+    internal : (m, 2, 2) receives integrals, see `survey`;  told : (m, 3) int W ds, the least N and its s
+    """
+    for i in range(s_o.size):
+        told[i, 0], told[i, 1], told[i, 2] = survey(points_at(line, s_o[i]), Q[i], line.cable, internal[i])
+
+
+@compiled
+def travel(ride, state):
+    """s_o, ds_o, dds_o of the car at a state, rows q, v, a."""
+    last = state.shape[1] - 1
+    if ride.mode == HAULED:
+        return ride.s_o, ride.ds_o, ride.dds_o
+    return state[0, last], state[1, last], state[2, last]
+
+
+@compiled
+def coefficients(state, n):
+    """`Coefficients` of a state, rows q, v, a."""
+    return Coefficients(
+        state[0, : 2 * n].reshape(2, n), state[1, : 2 * n].reshape(2, n), state[2, : 2 * n].reshape(2, n)
+    )
+
+
+@compiled
+def seen(ride, line, state):
+    """`car` at a state, rows q, v, a, by the slopes of the basis and without thrust."""
+    s_o, ds_o, dds_o = travel(ride, state)
+    here = ground_at(line, s_o, ds_o, dds_o)
+    velocity, p, behind, ahead = motion(here, coefficients(state, line.left.size + 1))
+    p[1] += line.cable.sigma
+    return car(ride.on, 0.0, velocity, p, behind, ahead)
+
+
+@compiled
+def evaluate(here, ride, line, of):
+    """Set residual, internal force, gram, pull and sides of `of`, a `Space`, for its balanced state.
 
     Return the car where it rolls.
     """
-    (at, x, slope, load, bows), alpha, mu = here, cable.alpha, cable.mu
+    x, cable = here.ground.x, line.cable
     n = x.f.size
-    R = r[: 2 * n].reshape(2, n)
-    Q, V, A = balanced[0, : 2 * n].reshape(2, n), balanced[1, : 2 * n].reshape(2, n), balanced[2, : 2 * n].reshape(2, n)
-    balance(at, Q, alpha, cable.law, R, gram, pull, sides)
+    R, y = of.r[: 2 * n].reshape(2, n), coefficients(of.balanced, n)
+    balance(here.at, y.Q, cable, R, of.gram, of.pull, of.sides)
     if ride is None:
-        C = acceleration(x, Q, V, A)
+        C = acceleration(x, y.Q, y.V, y.A)
         for a in range(2):
-            C[a] = cable.inertia * C[a] + mu * load[a]
-        add_inertia(x, Q, V, A, C, R)
+            C[a] = cable.inertia * C[a] + cable.mu * here.ground.load[a]
+        add_inertia(x, y.Q, y.V, y.A, C, R)
         return NO_CAR
     for a in range(2):
         for i in range(n):
-            internal[a, i] = R[a, i]
-    hauled = ride.mode == HAULED
-    ds_o, dds_o = (ride.ds_o, ride.dds_o) if hauled else (balanced[1, 2 * n], balanced[2, 2 * n])
-    thrust = balanced[2, 2 * n] if hauled else ride.thrust
-    rays = at.phi[n - 1, 0], at.phi[n - 1, at.s.size - 1]
-    out = roll(x, slope, load, rays, bows, sides, alpha, Q, V, A, ds_o, dds_o, ride.on, thrust, R)
-    r[2 * n] = mu * balanced[2, 2 * n] if ride.mode == STUCK else out[9]
+            of.internal[a, i] = R[a, i]
+    force = of.balanced[2, 2 * n]
+    thrust = force if ride.mode == HAULED else ride.thrust
+    out = roll(here.ground, y, of.sides, cable.alpha, ride.on, thrust, R)
+    of.r[2 * n] = cable.mu * force if ride.mode == STUCK else out[9]
     return out
 
 
 @compiled
-def tangent(here, ride, cable, balanced, r, out, gram, sides, internal, c0, c1, c2, K):
-    """Set K to c0 dr/dq + c1 dr/dv + c2 dr/da where `evaluate` has been.
+def tangent(here, ride, line, of, out, c, K):
+    """Set K to c0 dr/dq + c1 dr/dv + c2 dr/da where `evaluate` has been, and returned `out`.
 
     The column of s_o is a difference of inertia and car, and leaves out dr/ds_o: 1e-3 of it for c0 of a step.
     """
-    at, x, mu = here.at, here.x, cable.mu
-    n, size = x.f.size, K.shape[0]
-    block = K[: 2 * n, : 2 * n]
-    stiffness(at.phi, gram, cable.harmonic, cable.grading, cable.hat, block)
-    add_inertia_tangent(x, cable.inertia, c0, c1, c2, block)
+    at, ground = here
+    c0, c1, c2 = c
+    n = ground.x.f.size
+    last = 2 * n
+    block = K[:last, :last]
+    stiffness(at.phi, of.gram, line.grading, block)
+    add_inertia_tangent(ground.x, line.cable.inertia, c0, c1, c2, block)
     if ride is None:
         return
-    hauled = ride.mode == HAULED
-    ds_o, dds_o = (ride.ds_o, ride.dds_o) if hauled else (balanced[1, 2 * n], balanced[2, 2 * n])
-    rays = at.phi[n - 1, 0], at.phi[n - 1, at.s.size - 1]
-    add_shed_tangent(x, rays, ds_o, ride.on, c0, c1, block)
-    for i in range(size):
-        K[2 * n, i] = K[i, 2 * n] = 0.0
+    for i in range(last + 1):
+        K[last, i] = K[i, last] = 0.0
     if ride.mode == STUCK:
-        K[2 * n, 2 * n] = c2 * mu
+        K[last, last] = c2 * line.cable.mu
         return
-    row(x, out, rays, pulls(at.phi, gram), ds_o, dds_o, ride.on, c0, c1, c2, K[2 * n])
-    if hauled:
+    row(ground, out, pulls(at.phi, of.gram), ride.on, c, K[last])
+    if ride.mode == HAULED:
         for i in range(n):
-            K[i, 2 * n], K[n + i, 2 * n] = -c2 * out[2] * x.f[i], -c2 * out[3] * x.f[i]
-        K[2 * n, 2 * n] = -c2
-        return
-    if c1 + c2 == 0.0:
-        return
-    h, last = STEP / (c1 + c2), 2 * n
-    Q, V, A = balanced[0, :last].reshape(2, n), balanced[1, :last].reshape(2, n), balanced[2, :last].reshape(2, n)
-    ds, dds, R = ds_o + h * c1, dds_o + h * c2, np.zeros((2, n))
-    x, slope, load, bows = ground(ride, ride.on.sigma, balanced[0, last], ds, dds)
-    of = x, slope, load, rays, bows, sides, cable.alpha, Q, V, A, ds, dds, ride.on, ride.thrust
-    K[last, last] = (roll(*of, R)[9] - out[9]) / h
-    for a in range(2):
-        for i in range(n):
-            K[a * n + i, last] = (R[a, i] + internal[a, i] - r[a * n + i]) / h
+            K[i, last], K[n + i, last] = -c2 * out[2] * ground.x.f[i], -c2 * out[3] * ground.x.f[i]
+        K[last, last] = -c2
+    elif c1 + c2 != 0.0:
+        h, R = STEP / (c1 + c2), np.zeros((2, n))
+        moved = ground_at(line, of.balanced[0, last], ground.ds_o + h * c1, ground.dds_o + h * c2)
+        y = coefficients(of.balanced, n)
+        K[last, last] = (roll(moved, y, of.sides, line.cable.alpha, ride.on, ride.thrust, R)[9] - out[9]) / h
+        for a in range(2):
+            for i in range(n):
+                K[a * n + i, last] = (R[a, i] + of.internal[a, i] - of.r[a * n + i]) / h
 
 
 @compiled
-def look(here, ride, cable, balanced, r, pull, parts):
-    """Set the residual of a state, rows q, v, a, and what there is room for of dr/dq, dr/dv, dr/da, parts (3 or 0)."""
-    if ride.mode != HAULED:
-        last = balanced.shape[1] - 1
-        here = moment(ride, ride.on.sigma, balanced[0, last], balanced[1, last], balanced[2, last])
-    gram, sides, internal = np.empty((2, 2, here.at.s.size)), np.empty((2, 2)), np.empty((2, here.x.f.size))
-    out = evaluate(here, ride, cable, balanced, r, gram, pull, sides, internal)
+def look(ride, line, state, r, parts):
+    """Set r, and dr/dq, dr/dv, dr/da where parts (3 or 0, n_dof, n_dof) have room; state : rows q, v, a.
+
+    Return the car, the least tension and its s.
+    """
+    of = space_for(state.shape[1], line)
+    s_o, ds_o, dds_o = travel(ride, state)
+    here = moment(line, s_o, ds_o, dds_o)
+    of.balanced[:] = state
+    out = evaluate(here, ride, line, of)
+    r[:] = of.r
     for k in range(parts.shape[0]):
         c = 1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0
-        tangent(here, ride, cable, balanced, r, out, gram, sides, internal, *c, parts[k])
+        tangent(here, ride, line, of, out, c, parts[k])
+    return out, least(here.at, s_o, of.pull)
 
 
 @compiled
-def settle(grip, places, here, ride, course, cable, sigma, start, now, told, rules, bound, newton, pull):
-    """`cablefem.newmark.System.settle` for the full cable, of steps one after another.
+def weigh(here, ride, line, ends, w, of):
+    """Evaluate the state between the ends of a step by the weights w (3,); return its moment, car and |r|.
 
-    Return how many came to be in balance, not slack, and with no event of the course.
-    A mass that grips is looked at for mean tensions over a shortest wave, a car that rolls for those of points.
-
-    grip : `Grip`, and places (m, 3) s_o, ds_o, dds_o; or None, and here : `Moment`, for one step
-    ride : `Ride` or None;  course : `Course` or None
-    now : (m, 3, size) receives the ends;  rules : (m, 3, 5);  newton : max_iter, reuse, patience, most halvings.
-    told : (m, 6) |r|, how often it iterated, factorised, evaluated, the least tension and its s.
-    pull : of the last step
-    The factors are not kept but made again from the kept tangent: more than one iteration is rare, and for further
-    steps the tangent does not do: the mass has gone a part of the highest sine's wave by then, and its kink turns r'.
+    |r| is NaN for a car that leaves the cable in this trial.
     """
-    size = start.shape[1]
-    balanced, r, gram, sides = np.empty((3, size)), np.empty(size), np.empty((2, 2, pull.size)), np.empty((2, 2))
-    K, step, internal = np.empty((size, size)), np.empty(size), np.empty((2, size // 2))
-    of = ride
+    begin, end = ends
+    for k in range(3):
+        for i in range(of.r.size):
+            of.balanced[k, i] = w[k] * end[k, i] + (1.0 - w[k]) * begin[k, i]
+    if ride is not None and ride.mode != HAULED:
+        s_o, ds_o, dds_o = travel(ride, of.balanced)
+        if not 0.0 < s_o < 1.0:
+            return here, NO_CAR, math.nan
+        here = moment(line, s_o, ds_o, dds_o)
+    out = evaluate(here, ride, line, of)
+    square = 0.0
+    for i in range(of.r.size):
+        square += of.r[i] * of.r[i]
+    return here, out, math.sqrt(square)
+
+
+@compiled
+def newton(here, ride, line, ends, rule, limits, of):
+    """Solve one step for its end, as `cablefem.newmark.iterate` does.
+
+    here : the moment of the balance, of a free car any;  ends : start, and end to be set, (3, n_dof) each
+    limits : bound of |r|, max_iter, reuse, patience, most halvings
+    Return |r|, how often it iterated, factorised, evaluated, the least tension and its s.
+    """
+    begin, end = ends
+    bound, most, reuse, patience, halvings = limits
+    w, size = rule[:, 4], of.r.size
+    c = w[0] * rule[0, 3], w[1] * rule[1, 3], w[2] * rule[2, 3]
+    for k in range(3):
+        for i in range(size):
+            end[k, i] = rule[k, 0] * begin[0, i] + rule[k, 1] * begin[1, i] + rule[k, 2] * begin[2, i]
+    here, out, norm = weigh(here, ride, line, ends, w, of)
+    if math.isnan(norm):
+        return norm, 1, 0, 1, math.inf, 0.0
+    iterations, factorisations, evaluations, anew = 0, 0, 0, True
+    while iterations == 0 or (bound < norm < math.inf and iterations < most):
+        if anew:
+            factorisations += 1
+            tangent(here, ride, line, of, out, c, of.K)
+        solve(of.K, of.r, of.step)
+        before, share, cuts = norm, 1.0, 0
+        while True:
+            for k in range(3):
+                for i in range(size):
+                    end[k, i] -= share * rule[k, 3] * of.step[i]
+            here, out, norm = weigh(here, ride, line, ends, w, of)
+            evaluations += 1
+            if norm < before or (iterations < patience and norm < math.inf) or cuts >= halvings:
+                break
+            cuts, share = cuts + 1, -1.0
+            for i in range(size):
+                of.step[i] *= 0.5
+        iterations += 1
+        anew = norm > reuse * before
+    lowest, where = least(here.at, here.ground.s_o, of.pull)
+    return norm, iterations, factorisations, evaluations, lowest, where
+
+
+@compiled
+def stride(line, places, start, rules, limits):
+    """Take steps of a mass that grips: `cablefem.newmark.System.stride` with places (m, 3) s_o, ds_o, dds_o.
+
+    Return how many steps are in balance and not slack, their ends (m, 3, n_dof), and what `newton` tells, (m, 6).
+    """
+    m, size = rules.shape[0], start.shape[1]
+    now, told, of = np.empty((m, 3, size)), np.full((m, 6), math.nan), space_for(size, line)
+    for i in range(m):
+        here = moment(line, places[i, 0], places[i, 1], places[i, 2])
+        found = newton(here, None, line, (start if i == 0 else now[i - 1], now[i]), rules[i], limits, of)
+        tell(found, told[i])
+        if not (found[0] <= limits[0] and found[4] >= 0.0):
+            return i, now, told
+    return m, now, told
+
+
+@compiled
+def tell(found, told):
+    """Set told (6,) to what `newton` found."""
+    told[0], told[1], told[2], told[3], told[4], told[5] = found
+
+
+@compiled
+def roll_on(ride, course, line, start, rules, limits):
+    """Take one step of a car that rolls, or where there is a `Course`, steps of a free car up to an event.
+
+    Return as `stride` does; also the steps in which the course has an event are left out.
+    """
+    m, size = rules.shape[0], start.shape[1]
+    now, told, of, now_ride = np.empty((m, 3, size)), np.full((m, 6), math.nan), space_for(size, line), ride
+    here = moment(line, ride.s_o, ride.ds_o, ride.dds_o)
     if course is not None:
-        first, newest, velocity = 0, course.past.shape[0] - rules.shape[0], seen(ride, ride.on, start)[11:13]
-    for count in range(rules.shape[0]):
-        begin, end, rule = start if count == 0 else now[count - 1], now[count], rules[count]
-        if grip is not None:
-            here = moment(grip, sigma, places[count, 0], places[count, 1], places[count, 2])
-            if cable.inertia == 0.0:  # the weight alone
-                here.load[0], here.load[1] = 0.0, -sigma
+        first, newest, velocity = 0, course.past.shape[0] - m, seen(ride, line, start)[11:13]
+    for i in range(m):
+        rule = rules[i]
         if course is not None:
-            t0, past = course.t[count] - rule[0, 4] * rule[0, 1], course.past
+            t0, past = course.t[i] - rule[0, 4] * rule[0, 1], course.past
             past[newest, 0], past[newest, 1], past[newest, 2] = t0, velocity[0], velocity[1]
             smooth = averaged(past, first, newest, course.window)
             first, newest = int(smooth[0]), newest + 1
             for k in range(6):
                 course.smooth[k] = smooth[k]
-            of = Ride(
-                ride.mode, at_time(ride.on, smooth, course.t[count]), course.thrust[count], 0.0, 0.0,
-                ride.behind, ride.ahead, ride.mass, ride.left, ride.chord, ride.thirds, ride.grading, ride.c,
-                ride.bows,
-            )  # fmt: skip
-        c0, c1, c2 = rule[0, 4] * rule[0, 3], rule[1, 4] * rule[1, 3], rule[2, 4] * rule[2, 3]
-        for k in range(3):
-            for i in range(size):
-                end[k, i] = rule[k, 0] * begin[0, i] + rule[k, 1] * begin[1, i] + rule[k, 2] * begin[2, i]
-        factorisations, residuals, anew, iterations = 0, 0, True, 0
-        share, before, halving = 0.0, math.inf, -1  # the first residual follows no correction
-        while True:
-            for k in range(3):
-                part, w = share * rule[k, 3], rule[k, 4]
-                for i in range(size):
-                    if halving >= 0:
-                        end[k, i] -= part * step[i]
-                    balanced[k, i] = w * end[k, i] + (1.0 - w) * begin[k, i]
-            lost = False
-            if ride is not None:  # a type of its own: no ride is compiled into the step of a mass that grips
-                last = size - 1
-                lost = ride.mode != HAULED and not 0.0 < balanced[0, last] < 1.0  # a trial that leaves the cable
-                if ride.mode != HAULED and not lost:
-                    here = moment(ride, ride.on.sigma, balanced[0, last], balanced[1, last], balanced[2, last])
-            norm = math.nan
-            if not lost:
-                out = evaluate(here, of, cable, balanced, r, gram, pull, sides, internal)
-                square = 0.0
-                for i in range(size):
-                    square += r[i] * r[i]
-                norm = math.sqrt(square)
-            elif halving < 0:
-                iterations, residuals = 1, 1
-                break
-            if halving >= 0:
-                residuals += 1
-                if not (norm < before or (iterations < newton[2] and norm < math.inf)) and halving < newton[3]:
-                    halving += 1
-                    for i in range(size):
-                        step[i] *= 0.5
-                    share = -1.0
-                    continue
-                iterations += 1
-                if norm <= bound or not norm < math.inf or iterations >= newton[0]:
-                    break
-                anew = norm > newton[1] * before
-            before, share, halving = norm, 1.0, 0
-            if anew:
-                factorisations += 1
-                tangent(here, of, cable, balanced, r, out, gram, sides, internal, c0, c1, c2, K)
-            solve(K, r, step)
-        lowest, where = pull[0], here.at.s[0]
-        if grip is not None:
-            lowest, where = least(here.at, places[count, 0], pull)
-        else:
-            for i in range(pull.size):
-                if pull[i] < lowest:
-                    lowest, where = pull[i], here.at.s[i]
-        told[count, 0], told[count, 1], told[count, 2] = norm, iterations, factorisations
-        told[count, 3], told[count, 4], told[count, 5] = residuals, lowest, where
-        if not (norm <= bound and lowest >= 0.0):
-            return count
+            now_ride = at_time(ride, smooth, course.t[i], course.thrust[i])
+        found = newton(here, now_ride, line, (start if i == 0 else now[i - 1], now[i]), rule, limits, of)
+        tell(found, told[i])
+        if not (found[0] <= limits[0] and found[4] >= 0.0):
+            return i, now, told
         if course is not None:
-            s_o, ds_o = end[0, size - 1], end[1, size - 1]
-            if not course.low < s_o < course.high or (course.sign != 0.0 and not course.sign * ds_o > 0.0):
-                return count
-            then = seen(ride, at_time(ride.on, smooth, t0 + rule[0, 1]), end)
-            if not (course.forward * then[10] > course.slow and (course.lifted or max(then[8], then[13]) > 0.0)):
-                return count
+            then = seen(at_time(ride, smooth, t0 + rule[0, 1], 0.0), line, now[i])
             velocity = then[11:13]
-    return rules.shape[0]
+            if has_event(course, now[i], then):
+                return i, now, told
+    return m, now, told
+
+
+@compiled
+def at_time(ride, smooth, t, thrust):
+    """`Ride` with that thrust, and the acceleration that `averaged` tells of t."""
+    d, on = t - smooth[1], ride.on
+    ax, ay = smooth[2] + d * smooth[4], smooth[3] + d * smooth[5]
+    on = Rolling(on.mu, on.sigma, on.drag, on.wind, on.hold, on.rub, on.brake, ax, ay)
+    return Ride(ride.mode, on, thrust, ride.s_o, ride.ds_o, ride.dds_o)
+
+
+@compiled
+def has_event(course, end, then):
+    """Whether a step to this end, with this `car`, leaves the course."""
+    last = end.shape[1] - 1
+    s_o, ds_o = end[0, last], end[1, last]
+    if not course.low < s_o < course.high or (course.sign != 0.0 and not course.sign * ds_o > 0.0):
+        return True
+    return not (course.forward * then[10] > course.slow and (course.lifted or max(then[8], then[13]) > 0.0))

@@ -16,7 +16,6 @@ from numpy.polynomial.legendre import leggauss
 
 from galerkin.bases import Basis, Daubechies, Fourier
 from galerkin.bases.daubechies import _mother, _printed, _sums
-from galerkin.kernels import stiffness
 
 WITNESS_DIGITS = 60  # the mask 4 h multiplies rounding by 2 per binary digit: 60 of them cost 18 digits
 
@@ -381,24 +380,6 @@ def test_long_tables_of_slopes_are_the_slopes(basis: Basis):
     allowed = 2.0 * eps * (k * np.pi) ** 2 + eps * k * np.pi
     assert np.all(abs(table.T - basis.phi(s, 1)) <= allowed)
     assert np.any(abs(table.T - basis.phi(s * (1.0 + 10.0 * eps), 1)) > allowed)
-
-
-@long_tables
-def test_gram_matrices_are_the_plain_products(basis: Basis):
-    """sum_q f_abq phi_i' phi_j' for f of either sign."""
-    s, table = cut_table(basis)
-    n, f = basis.n, np.random.default_rng(5).standard_normal((2, 2, s.size))
-    f[0, 1] = f[1, 0]
-    whole = np.empty((2, n, 2, n))
-    stiffness(table, f, basis.harmonic, basis.grading, 0, whole.reshape(2 * n, 2 * n))
-    slopes = basis.phi(s, 1)
-    # rounding of sums, and 2 n pi eps of the cosines of the highest angle
-    size = np.sqrt(np.sum(f[0, 0] ** 2)) * abs(slopes).max() ** 2
-    allowed = (1e-15 * np.sqrt(s.size) + 4.0 * n * np.pi * np.finfo(float).eps) * size
-    for a, b in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        direct = slopes.T @ (f[a, b][:, None] * slopes)
-        assert abs(whole[a, :, b] - direct).max() < allowed
-        assert abs(whole[a, :, b] - 1.00001 * direct).max() > allowed  # the twin
 
 
 @every_basis
