@@ -322,7 +322,7 @@ def test_a_cluster_of_its_own_and_the_page(tmp_path):
     (tmp_path / "study.toml").write_text(GRID_TOML, encoding="utf-8")
     first, maps, scenes = sections(tmp_path)
     assert "9 of 9 scenes" in first.summary
-    assert "Largest deflection of the mass over mass.mass and speed_ratio" in maps.html
+    assert "Largest deflection of the car over mass.mass and speed_ratio" in maps.html
     assert "cablefem sweep study.toml --scene" in scenes.html or '"study": "study.toml"' in scenes.html
 
 

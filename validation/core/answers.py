@@ -14,6 +14,7 @@ import numpy as np
 from cablefem.response import Array, Response, whole, write_json
 from cablefem.scene import Scene
 
+GROUND = "the ground"
 PLACES = 201  # columns of the profile, as many as stations in tension.csv
 
 
@@ -26,7 +27,19 @@ class Outcome:
 
 
 def outcome(scene: Scene, r: Response) -> Outcome:
-    """Return how a run ends: where, when, how fast."""
+    """Return how a run ends: where, when, how fast, and what rope or car would hit."""
+    found = _end(scene, r)
+    hit = hits(scene, r)
+    return Outcome(found.kind, found.sentence + (f"; would hit {' and '.join(hit)}" if hit else ""))
+
+
+def hits(scene: Scene, r: Response) -> list[str]:
+    """Return the names of obstacles, and the ground, which rope or car would touch."""
+    rooms = [(room.name, room.height) for room in clearances(scene, r)]
+    return list(dict.fromkeys(name for name, height in rooms if np.nanmin(height, initial=np.inf) < 0.0))
+
+
+def _end(scene: Scene, r: Response) -> Outcome:
     here = f"{_metres(r.s_o[-1])} after {r.t[-1]:.1f} s"
     if r.status != "complete" and r.slack_onset is None:
         return Outcome("incomplete", f"the computation broke at {here}: {r.reason}")
@@ -145,26 +158,40 @@ def _ways(r: Response) -> list[tuple[Array, Array]]:
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """Free height above something below the line, over a run: instants [s], height [m], s [m]; negative: it hits."""
+    """Free height of rope or car above something, over a run; negative: it hits."""
 
-    t: Array
-    height: Array
-    s: Array
+    of: str  # "rope" or "car"
+    name: str  # of the obstacle, or "the ground"
+    t: Array  # (n,) [s]
+    height: Array  # (n,) [m]; nan where it says nothing
+    s: Array  # (n,) [m] place on the rope
 
 
-def rope_over(r: Response, x: float, top: float) -> Room:
+def clearances(scene: Scene, r: Response) -> list[Room]:
+    """Return the free heights over all obstacles and the ground; empty where the car never passes."""
+    below = 0.0 if scene.mass is None else scene.mass.below
+    rooms = []
+    for o in scene.obstacle:
+        rooms += [rope_over(r, o.at, o.top, o.name), car_over(r, o.at, o.top - below, o.name)]
+    if scene.ground:
+        ground = np.array(scene.ground, float)
+        rooms += [rope_over_ground(r, ground), car_over_ground(r, ground, below)]
+    return rooms
+
+
+def rope_over(r: Response, x: float, top: float, name: str) -> Room:
     """Return the free height of the rope above the point (x, top), at all frames and whenever the car passes it."""
     at, y, _ = shapes(r)
     heights = top - np.array([np.interp(x, a, b) for a, b in zip(at, y, strict=True)])
     s = np.full(heights.size, float(np.interp(x, r.fields.x, r.fields.s)))
-    passing = car_over(r, x, top, 0.0)
+    passing = car_over(r, x, top, name)
     t = np.r_[r.fields.t, passing.t]
     order = np.argsort(t, kind="stable")
-    return Room(t[order], np.r_[heights, passing.height][order], np.r_[s, passing.s][order])
+    return Room("rope", name, t[order], np.r_[heights, passing.height][order], np.r_[s, passing.s][order])
 
 
-def car_over(r: Response, x: float, top: float, below: float) -> Room:
-    """Return the free height of the car's lowest part, `below` under the rope, each time it passes x; maybe never."""
+def car_over(r: Response, x: float, top: float, name: str) -> Room:
+    """Return the free height of the car above (x, top) each time it passes x; maybe never."""
     before, after = r.x[:-1], r.x[1:]
     i = np.flatnonzero(((before < x) & (after >= x)) | ((before > x) & (after <= x)))
     w = (x - before[i]) / (after[i] - before[i])
@@ -172,7 +199,7 @@ def car_over(r: Response, x: float, top: float, below: float) -> Room:
     def there(values: Array) -> Array:
         return values[i] + w * (values[i + 1] - values[i])
 
-    return Room(there(r.t), top - there(r.y) - below, there(r.s_o))
+    return Room("car", name, there(r.t), top - there(r.y), there(r.s_o))
 
 
 def rope_over_ground(r: Response, ground: Array) -> Room:
@@ -188,10 +215,10 @@ def rope_over_ground(r: Response, ground: Array) -> Room:
         if x.size:
             free = np.interp(x, ground[:, 0], ground[:, 1]) - np.interp(x, a, b)
             heights[k], s[k] = free.min(), np.interp(x[free.argmin()], r.fields.x, r.fields.s)
-    return Room(r.fields.t, heights, s)
+    return Room("rope", GROUND, r.fields.t, heights, s)
 
 
 def car_over_ground(r: Response, ground: Array, below: float) -> Room:
     """Return the free height of the car's lowest part above the ground at each step; nan outside the ground."""
     depth = np.interp(r.x, ground[:, 0], ground[:, 1], left=np.nan, right=np.nan)
-    return Room(r.t, depth - r.y - below, r.s_o)
+    return Room("car", GROUND, r.t, depth - r.y - below, r.s_o)

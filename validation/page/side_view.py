@@ -56,14 +56,14 @@ def _still(scene: Scene, r: Response) -> dict[str, Any]:
     return {
         "envelope": [_short(p.x), _short(p.y_highest), _short(p.y_lowest)],
         "path": [_short(r.x[at]), _short(r.y[at])],
-        "below": getattr(scene.mass, "below", 0.0),
+        "below": 0.0 if scene.mass is None else scene.mass.below,
         "speeds": [
             {"x": float(np.interp(t, r.t, r.x)), "y": float(np.interp(t, r.t, r.y)), "text": f"{3.6 * v:.0f} km/h"}
             for t, v in zip(marks, speed, strict=True)
         ],
         "brakes": [{"x": float(X.x(b.place)), "y": float(X.y(b.place))} for b in scene.drive.brake],
-        "obstacles": [{"name": o.name, "x": o.at, "top": o.top} for o in getattr(scene, "obstacle", ())],
-        "ground": [list(point) for point in getattr(scene, "ground", ())],
+        "obstacles": [{"name": o.name, "x": o.at, "top": o.top} for o in scene.obstacle],
+        "ground": [list(point) for point in scene.ground],
     }
 
 

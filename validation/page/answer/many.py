@@ -149,10 +149,10 @@ def _looks(rows: list[dict], keys: Sequence[str]) -> list[tuple[str, str]]:
 
 def _side(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
     """Draw all paths to scale, or with depths drawn a whole number of times too large where that is too flat to see."""
-    span, below, obstacles = scene.supports.span, getattr(scene.mass, "below", 0.0), getattr(scene, "obstacle", ())
+    span, below = scene.supports.span, 0.0 if scene.mass is None else scene.mass.below
     X, s = scene.catenary, np.linspace(0.0, scene.length, 101)
-    ground = np.array(getattr(scene, "ground", ())).reshape(-1, 2)
-    depths = [X.y(s), *(np.array(p["y"]) + below for p in paths if p), ground[:, 1], [o.top for o in obstacles]]
+    ground = np.array(scene.ground).reshape(-1, 2)
+    depths = [X.y(s), *(np.array(p["y"]) + below for p in paths if p), ground[:, 1], [o.top for o in scene.obstacle]]
     p = Panel("depth [m]", "path of the car", down=True)
     p.fit([np.asarray(d, float) for d in depths], pad=0.05)
     times = max(1, round(FLAT / ((p.high - p.low) * WIDE / span)))
@@ -160,7 +160,7 @@ def _side(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequen
     p.line(X.x(s), X.y(s), GREY, "2 3", 1.2, "empty rope at rest")
     if ground.size:
         p.line(ground[:, 0], ground[:, 1], "#8a7a55", "", 2.0, "ground")
-    for o in obstacles:
+    for o in scene.obstacle:
         p.line(np.array([o.at, o.at]), np.array([o.top, p.high]), "#6b8e5a", "", 5.0, o.name)
     for found, point, look in zip(paths, rows, _looks(rows, keys), strict=True):
         if found:

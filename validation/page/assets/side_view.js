@@ -103,8 +103,8 @@ for (const root of document.querySelectorAll(".player")) {
     }
     for (const o of data.obstacles) {
       const x = X(o.x), y = Y(o.x, o.top);
-      g.fillStyle = "#6b8e5a"; g.fillRect(x - 3, y, 6, Math.max(8, bottom + 30 - y));
-      text(g, o.name, x + 6, Math.min(y + 14, bottom), "left", "#3f5c33");
+      g.fillStyle = "#6b8e5a"; g.fillRect(x - 3, y, 6, Math.max(8, bottom - y));
+      text(g, o.name, x + 8, Math.max(y + 14, bottom), "left", "#3f5c33");
     }
     // envelope, rope at rest, path of the car and of its lowest part
     path([...ex, ...ex.slice().reverse()], [...high, ...low.slice().reverse()]);
