@@ -1,0 +1,114 @@
+"""What becomes of a ride, what it clears, where the rope hangs; by the quasi-static model, which is exact enough."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from cablefem import Scene
+from validation.core import answers, grid
+from validation.core.quasi_static import quasi_static
+
+LINE = """
+[cable]
+mass_per_length = 0.62
+EA = 8e6
+horizontal_tension = 14e3
+[supports]
+span = 420.0
+drop = 31.0
+[mass]
+mass = 80.0
+below = 2.0
+[drive]
+mode = "free"
+start = 2.0
+rolling_friction = 0.02
+drag_area = 0.6
+brake = [{from = 395.0, force = 500.0}]
+"""
+
+
+def scene(**changes):
+    data = tomllib.loads(LINE)
+    for key, value in changes.items():
+        grid.put(data, key.replace("__", "."), value)
+    return Scene(**data)
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind", "words"),
+    [
+        ({}, "stopped_by_brake", "stops in the brake at 396.9 m, 1.9 m into it"),
+        ({"drive__wind": -8.0}, "stuck", "never reaches the brake: comes to rest 116"),
+        ({"drive__wind": -8.0, "drive__brake": []}, "stuck", "gets stuck: comes to rest at 278"),
+        ({"drive__wind": -20.0}, "stuck", "never reaches the brake"),
+        ({"drive__brake": [], "drive__end": {"place": 380.0}}, "arrives", "arrives at 380.0 m after"),
+        ({"drive__end": {"time": 10.0}}, "rolling", "still rolls after 10.0 s"),
+    ],
+)
+def test_the_outcome_is_one_sentence(changes, kind, words):
+    found = answers.outcome(s := scene(**changes), quasi_static(s))
+    assert found.kind == kind
+    assert found.sentence.startswith(words)
+
+
+def test_a_hauled_car_and_a_prescribed_stop():
+    tramway = Scene.load("tramway")
+    found = answers.outcome(tramway, quasi_static(tramway))
+    assert found.kind == "crossed"
+    assert found.sentence.startswith("is hauled from 7.8 m to 771.9 m in ")
+    data = tomllib.loads(tramway.to_toml()) | {
+        "travel": {"kind": "table", "times": [0.0, 20.0, 60.0], "positions": [0.0, 60.0, 292.2]}
+    }
+    halfway = Scene(**data)
+    found = answers.outcome(halfway, quasi_static(halfway))
+    assert (found.kind, found.sentence) == ("stopped", "stops at 300.0 m after 60.0 s")
+
+
+def with_tree(top):
+    return scene(obstacle=[{"name": "tree", "at": 180.0, "top": top}])
+
+
+def test_a_tree_is_hit_by_feet_first_and_then_by_the_rope():
+    r = quasi_static(with_tree(22.0))
+    rope, car = answers.clearances(with_tree(22.0), r)
+    depth = np.interp(180.0, r.x, r.y)  # the rope is deepest there when the car passes
+    assert (rope.of, car.of, car.name) == ("rope", "car", "tree")
+    assert car.height == pytest.approx([22.0 - depth - 2.0], rel=0.0, abs=1e-6)
+    assert rope.height.min() == pytest.approx(22.0 - depth, rel=0.0, abs=1e-6)
+    assert rope.height.max() > 22.0 - 22.8  # the empty rope passes it 22.7 m below the start
+    for top, hit in ((20.0, ["tree"]), (depth + 1.0, ["tree"]), (depth + 2.5, [])):
+        assert answers.hits(with_tree(top), r) == hit
+
+
+def test_a_rider_who_never_comes_there_does_not_hit_it():
+    s = scene(obstacle=[{"name": "roof", "at": 410.0, "top": 32.5}])
+    rope, car = answers.clearances(s, quasi_static(s))
+    assert car.height.size == 0
+    assert rope.height.size > 10
+
+
+def test_ground_is_linear_and_says_nothing_outside_its_points():
+    s = scene(ground=[[100.0, 40.0], [200.0, 30.0], [300.0, 50.0]])
+    r = quasi_static(s)
+    rope, car = answers.clearances(s, r)
+    inside = (r.x >= 100.0) & (r.x <= 300.0)
+    assert (np.isfinite(car.height) == inside).all()
+    there = np.interp(r.x[inside], [100.0, 200.0, 300.0], [40.0, 30.0, 50.0]) - r.y[inside] - 2.0
+    np.testing.assert_allclose(car.height[inside], there, rtol=0.0, atol=1e-12)
+    assert np.nanmin(rope.height) >= np.nanmin(car.height) + 2.0 - 1e-6
+    assert np.interp(rope.s[np.nanargmin(rope.height)], r.fields.s, r.fields.x) == pytest.approx(
+        200.0, rel=0.0, abs=1.0
+    )
+
+
+def test_the_profile_holds_every_place_of_the_car():
+    r = quasi_static(scene())
+    p = answers.profile(r)
+    assert (p.y_highest <= p.y_rest + 1e-9).all()
+    assert (p.y_lowest >= p.y_rest - 1e-9).all()
+    assert (np.interp(r.x, p.x, p.y_lowest) >= r.y - 1e-2).all()
+    assert p.tension_max.max() == pytest.approx(r.fields.T.max(), rel=2e-3)
+    flat = answers.profile(quasi_static(scene(mass__mass=1e-3)))
+    assert np.ptp(flat.y_lowest - flat.y_rest) < 1e-3  # without a rider the rope stays at rest
