@@ -11,8 +11,10 @@ largest distance at the same place over the largest force, averaged over an axia
 
 import math
 import time
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -27,8 +29,7 @@ from validation.core.richardson import SAFETY
 from validation.core.running import run
 
 REFERENCE = "following-p2"
-# Elements per side and steps of the full runs: each about a quarter of the next one's work.
-FULL = ((8, 500), (16, 1000), (32, 2000))
+FULL = tomllib.loads((resources.files(__package__) / "ladders.toml").read_text(encoding="utf-8"))["rolling"]["full"]
 ORDER = 1.5  # of the path between two of them; gap/(2^p - 1) is left
 SHARE = 0.25  # of the tolerance that the full run's own error may take
 NEEDS = {"free": ("timetable", "deflection", "tension"), "haul": ("deflection", "tension", "haul force")}

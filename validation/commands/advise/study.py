@@ -1,16 +1,15 @@
 """How little model is enough: a ladder from a taut string under a force to the full cable, climbed until it holds.
 
 What a tolerance means.  Path: the largest |v - v_full| of the mass over s_o/l = 0.02 to 0.80 (or to the slack onset),
-relative to the largest deflection there.  Tension: rms of T - T_full over cable and time, off the mass, relative to
-H (`measures.tension_gap`).  The model advised meets the tolerance in BOTH; since a mass can raise the tension to a
-multiple of H, that is a strict demand, so the least model for the path alone is reported beside it.
-
-The one-field models know no displacement along the chord; it is not asked of them.
+relative to the largest deflection there.  Tension: rms of T - T_full over cable and time, off the mass, over H.
+The model advised meets both; the least model for the path alone is reported beside it.
 """
 
 import math
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -32,16 +31,10 @@ LADDER = (
     ("stretching", "mass"), ("full", "mass"),
 )  # fmt: skip
 REFERENCE = "following-p2"  # runs the ladder; the method advised is found afterwards
-# Elements per side and steps of the full runs, each a quarter of the next one's work; cheaper rungs take the settings
-# before, where their own error is below a quarter of any tolerance that the finer full run can decide.
-FULL = ((8, 300), (16, 600), (32, 1200), (64, 2400), (128, 4800))
-# A cheaper rung is run as coarsely as this first, where its own error is a percent or two, and finer only if its
-# distance to the full model is not beyond the tolerance by more than FAR.
-COARSE, FAR = (5, 150), 3.0
-MOST_FULL = 4  # a fifth one only below FINE
-FINE = 1e-3
-# A full run with half the resolution and half the steps leaves gap/(2^p - 1): p = 3/2 for the path (fronts), 1 for the
-# tension, whose axial waves no affordable run resolves.
+LADDERS = tomllib.loads((resources.files(__package__) / "ladders.toml").read_text(encoding="utf-8"))
+FULL, COARSE = LADDERS["gripped"]["full"], LADDERS["gripped"]["coarse"]
+FAR = 3.0  # times the tolerance: a cheaper model is run finer only where it is not so far from the full one
+# A full run leaves gap/(2^p - 1): p = 3/2 for the path (fronts), 1 for the tension, whose axial waves are not resolved.
 PATH_ORDER, TENSION_ORDER = 1.5, 1.0
 SHARE = 0.25  # of the tolerance that the full run's own path error may take
 LEAST_WINDOW = 0.05  # s_o/l to be compared at least
@@ -150,7 +143,7 @@ _PLACE = np.linspace(0.0, measures.WINDOW[1], 81)
 def climb(scene: Scene, tol: float, report: Progress) -> Climb:
     """Run the ladder; the full model coarse and fine, finer still where the decision hangs on its own error."""
     found = Climb(scene, tol)
-    levels = FULL if tol < FINE else FULL[:MOST_FULL]
+    levels = FULL if tol < 1e-3 else FULL[:-1]
     for level, (elements, steps) in enumerate(levels):
         report("full model", level / len(levels))
         kind: dict[str, Any] = {"elements": elements, "steps": steps, "until": measures.WINDOW[1]}

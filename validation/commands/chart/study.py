@@ -1,10 +1,10 @@
-"""Speed against accuracy: every method, model and integrator over its ladder, other codes beside them in the same run.
+"""Speed against accuracy: every method, model and integrator over its ladder, other codes beside them (chart.toml).
 
-Errors are of the mass path (largest distance over the largest deflection; of a free ride, where place is the answer, at
-the same times and over a tenth of the length) and of the tension field (rms off the mass, over H), in the window of
-comparison or up to the slack onset, against a reference far finer than anything charted.
-Seconds are those of the time loop alone, up to the end of the window, the best of separate runs on one core.  Our runs
-are short and on the wall clock; of another code's long ones, what other programs took of the core is left out.
+Errors, against a reference far finer than anything charted, in the window of comparison or up to the slack onset:
+of the mass path, largest distance over the largest deflection (of a free ride at equal times, over a tenth of the
+length); of the tension field, rms off the mass, over H.
+Seconds are those of the time loop, up to the end of the window, the best of separate runs on one core.  From another
+code's long runs, what other programs took of the core is left out.
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ import itertools
 import json
 import platform
 import time
-from collections.abc import Callable, Iterator
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -40,25 +42,11 @@ from validation.core.scipys import integrated
 from validation.peers import PEERS, PeerPath, available
 
 STOP = measures.WINDOW[1]
-DECADES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
-ASKED = DECADES[:3]  # tolerances: what each run tries out on the way counts
-
-
-# The reference is of a degree that no charted run comes near in resolution; its companions give its own error.
-REFERENCE: tuple[str, dict[str, Any]] = ("following-p4", {"elements": 48, "steps": 3200, "scheme": "radau"})
-# Of a free ride, which rings: its own rule.
-REFERENCE_OF_RIDES: tuple[str, dict[str, Any]] = ("following-p4", {"elements": 16, "steps": 8000})
-# The other wing's finest: says how far two solvers that share no formula are from each other.
-WITNESS: tuple[str, dict[str, Any]] = ("fourier-kink", {"terms": 60, "steps": 3000})
-
-# Resolutions over the default, and steps over those that grow in balance with it.
-FINER = tuple(2.0 ** (0.5 * k) for k in range(-3, 4))
-STEPS = (0.25, 0.5, 1.0)
-BRIEF = 0.2  # [s]
-# Degree and scheme for the last decades: space and time in balance on `level`, elements and steps.
-SHARP = ((4, 150), (6, 200), (6, 300), (9, 300), (12, 450), (16, 800), (24, 1600))
-DENSE = tuple(2.0 ** (-0.25 * k) for k in range(8, -1, -1))  # for runs of milliseconds
-BASE = "following-p2"  # carries the models, the integrators and the checks of the driver
+SAID = tomllib.loads((resources.files(__package__) / "chart.toml").read_text(encoding="utf-8"))
+REFERENCE, REFERENCE_OF_RIDES, WITNESS = SAID["reference"], SAID["reference_of_rides"], SAID["witness"]
+BASE = SAID["base"]
+FINER = tuple(2.0 ** (0.5 * k) for k in range(-3, 4))  # resolutions over the default
+DENSE = tuple(2.0 ** (-0.25 * k) for k in range(8, -1, -1))  # shares of the steps, for runs of milliseconds
 
 Progress = Callable[[str, float], None]
 
@@ -104,7 +92,7 @@ def chart(
         report("cost growth", 0.9)
         found["growth"] = before.get("growth") or growth(scene)
         found["floor"] = before.get("floor") or implicit_floor(scene)
-    found["fastest"] = [fastest(rows, error) for error in DECADES]
+    found["fastest"] = [fastest(rows, error) for error in SAID["decades"]]
     write_json(path, found)
     report("done", 1.0)
     return found
@@ -115,38 +103,40 @@ def series(peers: bool = True, groups: Groups | None = None) -> Iterator[Series]
     from cablefem.elements.cable import MODELS
 
     base, mode = METHODS[BASE], groups.drive.mode if groups else "grip"
-    usual = (base.settings_on(groups, {}) if groups else base.settings({}))["scheme"]
     for method in METHODS.values():
-        shares = DENSE if method is base else STEPS
+        shares = DENSE if method is base else SAID["shares"]
         yield Series(method.name, "method", tuple(ladder(method, shares)), method.name)
     for model in MODELS:
         if model != "full":
             yield Series(f"model {model}", "model", tuple(ladder(base))[::4], BASE, model)
-    for scheme in SCHEMES:
-        if scheme not in (usual, "energy", "central-difference"):  # on no front of `level` and `zipline`
-            # High order wants few large steps; with fewer than that, Newton's method is lost at wave fronts.
-            few, least = (4, 150) if newmark.scheme(scheme).nodes else (1, 20)
-            all_ = [x | {"scheme": scheme, "steps": max(least, x["steps"] // few)} for x in ladder(base)]
-            rungs = tuple(x for i, x in enumerate(all_) if x not in all_[:i])
-            yield Series(f"scheme {scheme}", "integrator", rungs[::2], BASE)
-    sharp = tuple({"elements": n, "steps": steps, "scheme": "radau"} for n, steps in SHARP)
-    yield Series("following-p4 radau", "integrator", sharp, "following-p4")
+    yield from _schemes(base, (base.settings_on(groups, {}) if groups else base.settings({}))["scheme"])
     yield Series(f"{BASE} extrapolated", "extrapolated", tuple(ladder(base)), BASE)
     for name in (BASE, WITNESS[0]):
-        yield Series(f"{name} --tol", "tolerance", tuple({"tol": tol} for tol in ASKED), name)
-    for rule in ("DOP853", "Radau") if mode == "grip" else ():
+        yield Series(f"{name} --tol", "tolerance", tuple({"tol": tol} for tol in SAID["asked"]), name)
+    for rule in SAID["scipy"] if mode == "grip" else ():
         yield Series(f"scipy {rule}", "scipy", ({"elements": 3, "rule": rule},), BASE)
-    if peers:
-        for peer in PEERS.values():
-            ours = (mode == "free" and peer.rides) or peer.ladder
-            yield Series(peer.name, "peer", tuple(dict(rung) for rung in ours))
+    for peer in PEERS.values() if peers else ():
+        ours = (mode == "free" and peer.rides) or peer.ladder
+        yield Series(peer.name, "peer", tuple(dict(rung) for rung in ours))
 
 
-def ladder(method: Method, shares: tuple[float, ...] = STEPS) -> Iterator[dict[str, Any]]:
+def _schemes(base: Method, usual: str) -> Iterator[Series]:
+    """Yield the schemes besides the usual one, less two that are on no front of `level` and `zipline`."""
+    for scheme in SCHEMES:
+        if scheme not in (usual, "energy", "central-difference"):
+            # High order wants few large steps; with fewer than that, Newton's method is lost at wave fronts.
+            few, least = (4, 150) if newmark.scheme(scheme).nodes else (1, 20)
+            rungs = [x | {"scheme": scheme, "steps": max(least, x["steps"] // few)} for x in ladder(base)]
+            rungs = [x for i, x in enumerate(rungs) if x not in rungs[:i]]
+            yield Series(f"scheme {scheme}", "integrator", tuple(rungs[::2]), BASE)
+    sharp = tuple({"elements": n, "steps": steps, "scheme": "radau"} for n, steps in SAID["sharp"])
+    yield Series("following-p4 radau", "integrator", sharp, "following-p4")
+
+
+def ladder(method: Method, shares: Sequence[float] = SAID["shares"]) -> Iterator[dict[str, Any]]:
     """Yield a method's settings from coarse to fine, around its defaults.
 
-    Steps grow with the resolution so that errors of second order in time keep pace with those in space, at least
-    linearly and at most as its square; `shares` of them are taken.
+    Steps keep pace with the resolution, at least linearly and at most as its square; `shares` of them are taken.
     """
     settings = method.settings({})
     seen, pace = [], min(2.0, method.keeps_pace)  # more steps than that nobody waits for
@@ -226,17 +216,13 @@ def _line(
     scene: Scene, line: Series, truth: _Truth, rows: list[dict[str, Any]], repeats: int, share: float
 ) -> list[dict[str, Any]]:  # fmt: skip
     """Return the rows of a series that are not there yet; `share` [s] is what it may cost."""
-    done = {(r["series"], json.dumps(r["settings"], sort_keys=True)): r for r in rows}
-    new: list[dict[str, Any]] = []
-    missing = available(line.name) if line.kind == "peer" else None
-    if missing is not None:
+    done = {(r["series"], json.dumps(r["settings"], sort_keys=True)) for r in rows}
+    if missing := available(line.name) if line.kind == "peer" else None:
         return [_row(line, {}, status="not installed", reason=missing)]
-    if (refused := _refused(scene, line)) is not None:
+    if refused := _refused(scene, line):
         return [] if (line.name, "{}") in done else [_row(line, {}, status="failed", reason=refused)]
-    seconds_per_size, left = 0.0, share
-    for rung in line.rungs:
-        if (line.name, json.dumps(rung, sort_keys=True)) in done:
-            continue
+    new, seconds_per_size, left = [], 0.0, share
+    for rung in (x for x in line.rungs if (line.name, json.dumps(x, sort_keys=True)) not in done):
         expected = seconds_per_size * _size(line, rung)
         if expected > left:
             reason = f"about {expected:.2g} s, more than its share of the budget"
@@ -290,7 +276,7 @@ def _timed(first: float, again: Callable[[], float], repeats: int, left: float) 
     """
     seconds = [first]
     while sum(seconds) + first < left:
-        if len(seconds) >= repeats and (len(seconds) >= 3 * repeats or sum(seconds) > BRIEF):
+        if len(seconds) >= repeats and (len(seconds) >= 3 * repeats or sum(seconds) > 0.2):
             break
         seconds.append(again())
     return {
@@ -400,8 +386,6 @@ def until(groups: Groups, place: float) -> Groups:
 
 # --- the shared driver against scipy ----------------------------------------------------------------------------------
 
-RTOL = {"DOP853": 1e-7, "Radau": 1e-6}
-
 
 def _run_scipy(
     scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth, repeats: int, left: float
@@ -428,7 +412,7 @@ def _run_scipy(
             clock = time.perf_counter()
             try:
                 t = np.array([x.t for x in those])
-                y = integrated(system, first._replace(phase=phase), t, rung["rule"], rtol=RTOL[rung["rule"]])
+                y = integrated(system, first._replace(phase=phase), t, rung["rule"], rtol=SAID["scipy"][rung["rule"]])
             except ArithmeticError as error:
                 return _row(line, rung, status="failed", reason=str(error))
             seconds += time.perf_counter() - clock

@@ -1,6 +1,6 @@
 """The page of `cablefem paper`: every claim with its verdict, then the paper's figures redone, from stored runs alone.
 
-figures.toml holds its words and says which stored runs each figure shows; here they are drawn.
+figures.toml holds its words and looks, and says which stored runs each figure shows.
 """
 
 import tomllib
@@ -18,23 +18,13 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.commands.paper.verdicts import FAILS, HOLDS, sentence
 from validation.core import store
-from validation.page.figures import BLACK, BLUE, GREY, VERMILLION, panels, style
+from validation.page.figures import BLACK, BLUE, GREY, panels, style
 from validation.page.page import Section, badge, details, figure, gallery, missing, number, table
 
+SAID = tomllib.loads((resources.files(__package__) / "figures.toml").read_text(encoding="utf-8"))
+LOOKS: dict[str, dict[str, Any]] = SAID["looks"]
+STATIC = LOOKS["static"] | {"label": "static"}
 KIND = {HOLDS: "agree", FAILS: "disagree"}  # all else: not comparable
-STATIC = {"color": GREY, "linestyle": (0, (6, 3)), "linewidth": 1.0, "label": "static"}
-LOOKS: dict[str, dict[str, Any]] = {
-    "converged": {"color": BLACK, "linestyle": "-", "linewidth": 1.6},
-    "sines": {"color": BLUE, "linestyle": (0, (4, 1.5)), "linewidth": 1.2},
-    "wavelets": {"color": VERMILLION, "linestyle": "-", "linewidth": 1.0},
-    "other": {"color": "#009e73", "linestyle": "-", "linewidth": 1.2},
-    "dotted": {"color": "#009e73", "linestyle": (0, (1, 1.2))},
-}
-LADDERS = {
-    "fourier": ("sines", {"marker": "o", "color": BLUE}),
-    "wavelet": ("wavelets, p = 4", {"marker": "s", "color": VERMILLION}),
-    "fourier-kink": ("sines and a travelling kink", {"marker": "^", "color": "#009e73"}),
-}
 
 Shown = list[tuple[Response, dict[str, Any]]]  # runs and their looks
 
@@ -43,19 +33,18 @@ def sections(folder: Path) -> list[Section]:
     """Return the claims table and one section per figure; what was not stored is named."""
     if not (content := store.stored(folder / "claims.json")):
         return [Section("claims", "Claims of the paper", missing("claims.json", "Run cablefem paper."))]
-    said = tomllib.loads((resources.files(__package__) / "figures.toml").read_text(encoding="utf-8"))
 
     @cache
     def stored(name: str) -> Response:
         return Response.read(folder / "runs" / name)
 
-    out = [_claims(content, said), _wu_and_chen(content, said)]
-    for entry in said["section"]:
+    out = [_claims(content), _wu_and_chen(content)]
+    for entry in SAID["section"]:
         try:
-            figures = gallery(*(_figure(one, content, said, stored) for one in entry["figure"]))
+            figures = gallery(*(_figure(one, content, stored) for one in entry["figure"]))
             html, found = figures + _linked(content, entry["claims"]), ""
             if entry["id"] == "overshoot":
-                html, found = html + _references(content, said), said["words"]["overshoot"]
+                html, found = html + _references(content), SAID["words"]["overshoot"]
         except FileNotFoundError as error:
             html, found = missing(str(error), "Run cablefem paper again."), ""
         out.append(Section(entry["id"], entry["title"], html, None, found))
@@ -65,16 +54,16 @@ def sections(folder: Path) -> list[Section]:
 # --- tables ---------------------------------------------------------------------------------------------------------
 
 
-def _claims(content: dict[str, Any], said: dict[str, Any]) -> Section:
+def _claims(content: dict[str, Any]) -> Section:
     claims, errata = (
-        table([_row(c) for c in content["claims"] if c["erratum"] is erratum], said["heads"]["claims"], stack=True)
+        table([_row(c) for c in content["claims"] if c["erratum"] is erratum], SAID["heads"]["claims"], stack=True)
         for erratum in (False, True)
     )
     more = Markup('<h3 id="errata">Formulas, errata and time integration</h3>')
     plural = {HOLDS: "hold", FAILS: "do not hold"}
     found = [f"{n} {plural.get(v, v.replace('holds', 'hold'))}" for v, n in content["count"].items() if n]
     summary = f"Of {sum(content['count'].values())} claims {', '.join(found)}."
-    html = Markup("<p>{}</p>\n{}\n{}\n{}").format(said["words"]["claims"], claims, more, errata)
+    html = Markup("<p>{}</p>\n{}\n{}\n{}").format(SAID["words"]["claims"], claims, more, errata)
     return Section("claims", "Claims of the paper", html, None, summary)
 
 
@@ -137,38 +126,38 @@ def _linked(content: dict[str, Any], ids: list[str]) -> Markup:
     return Markup("<ul>{}</ul>").format(Markup("\n").join(items)) if items else Markup()
 
 
-def _wu_and_chen(content: dict[str, Any], said: dict[str, Any]) -> Section:
+def _wu_and_chen(content: dict[str, Any]) -> Section:
     turns = {"max": "lowest", "min": "highest (a maximum on the page)"}
     rows = [
         x | {"kind": turns[x["kind"]], "place": _with_bar(x["place"], x["uncertainty"])} for x in content["wu_and_chen"]
     ]
     html = Markup("<p>{}</p>\n{}\n{}").format(
-        said["words"]["wu_and_chen"], table(rows, said["heads"]["turns"]),
+        SAID["words"]["wu_and_chen"], table(rows, SAID["heads"]["turns"]),
         _linked(content, ["turn-at-0.655", "wu-chen-0.8", "factor-of-two"]),
     )  # fmt: skip
     found = {c["id"]: c for c in content["claims"]}["factor-of-two"]
     return Section("wu-and-chen", "The factor of two", html, None, f"The claim {found['verdict']}. {found['why']}")
 
 
-def _references(content: dict[str, Any], said: dict[str, Any]) -> Markup:
+def _references(content: dict[str, Any]) -> Markup:
     def run(x: dict[str, Any]) -> str:
         return "{method}, {elements} + {elements} elements, {steps} steps".format(**x["settings"], method=x["method"])
 
-    rows = [x | {"scene": said["scenes"][name], "method": run(x)} for name, x in content["references"].items()]
-    return details("What the converged values rest on", table(rows, said["heads"]["references"]))
+    rows = [x | {"scene": SAID["scenes"][name], "method": run(x)} for name, x in content["references"].items()]
+    return details("What the converged values rest on", table(rows, SAID["heads"]["references"]))
 
 
 # --- figures --------------------------------------------------------------------------------------------------------
 
 
 def _figure(
-    one: dict[str, Any], content: dict[str, Any], said: dict[str, Any], stored: Callable[[str], Response]
+    one: dict[str, Any], content: dict[str, Any], stored: Callable[[str], Response]
 ) -> Markup:  # fmt: skip
     def converged(claim: str, i: int = 0) -> float:
         return next(c for c in content["claims"] if c["id"] == claim)["quantities"][i]["converged"]
 
     runs = [(stored(name), LOOKS[look] | {"label": label}) for name, look, label in one.get("of", ())]
-    caption = sentence(one["caption"], {"converged": converged, "overshoot": said["words"]["overshoot"]})
+    caption = sentence(one["caption"], {"converged": converged, "overshoot": SAID["words"]["overshoot"]})
     with style():
         return figure(DRAWN[one["draw"]](one, content, runs), caption, label=one["label"])
 
@@ -176,10 +165,10 @@ def _figure(
 def _frequencies(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     f = content["frequencies"]
     fig, ax = panels(1, 1, height=3.0)
-    ax.axhline(f["linear_theory"], **{**STATIC, "label": f"linear theory {f['linear_theory']:.5f}"})
+    ax.axhline(f["linear_theory"], **STATIC | {"label": f"linear theory {f['linear_theory']:.5f}"})
     ax.axhline(f["exact"], color=BLACK, linewidth=1.0, linestyle="-", label=f"exact catenary {f['exact']:.5f}")
-    ax.plot(f["fourier"]["terms"], f["fourier"]["omega_1"], "o-", color=BLUE, label="Fourier")
-    ax.plot(f["wavelet"]["terms"], f["wavelet"]["omega_1"], "s-", color=VERMILLION, label="wavelets, p = 4")
+    for name, how in _bases():
+        ax.plot(f[name]["terms"], f[name]["omega_1"], "-", **how)
     ax.set(xlabel="number of terms N", ylabel="ω₁ l √(ρ/H)", xlim=(0, 62), ylim=(5.343, 5.375))
     ax.legend()
     return fig
@@ -188,14 +177,18 @@ def _frequencies(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> F
 def _frequency_errors(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     f = content["frequencies"]
     fig, ax = panels(1, 1, height=3.0)
-    for name, marker, color in (("fourier", "o-", BLUE), ("wavelet", "s-", VERMILLION)):
+    for name, how in _bases():
         error = np.array(f[name]["omega_1"]) / f["exact"] - 1.0
         ok = error > 1e-10
-        ax.loglog(np.array(f[name]["terms"])[ok], error[ok], marker, color=color, label=name.capitalize())
-    ax.axhline(f["linear_theory"] / f["exact"] - 1.0, **{**STATIC, "label": "linear theory"})
+        ax.loglog(np.array(f[name]["terms"])[ok], error[ok], "-", **how)
+    ax.axhline(f["linear_theory"] / f["exact"] - 1.0, **STATIC | {"label": "linear theory"})
     ax.set(xlabel="number of terms N", ylabel="relative error of ω₁")
     ax.legend()
     return fig
+
+
+def _bases() -> list[tuple[str, dict[str, Any]]]:
+    return [(name, SAID["ladders"][name]) for name in ("fourier", "wavelet")]
 
 
 def _slack(ax: Any, r: Response) -> None:
@@ -294,7 +287,7 @@ def _law(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
             ax.plot(t, rows[:, column], color=BLUE, linestyle="-")
     for ax, name in zip(axes, ("aₒ*", "Vₒ*", "sₒ*"), strict=True):
         ax.set_ylabel(name)
-    axes[1].axhline(0.41095, **{**STATIC, "label": "0.41095"})
+    axes[1].axhline(0.41095, **STATIC | {"label": "0.41095"})
     axes[1].legend(loc="lower center")
     axes[2].set_xlabel("t*")
     return fig
@@ -303,9 +296,8 @@ def _law(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
 def _overshoot(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     fig, ax = panels(1, 1, height=3.2)
     for method, ladder in content["overshoot"].items():
-        label, how = LADDERS[method]
         n, size, spread = (np.array([x[k] for x in ladder]) for k in ("terms", "size", "spread"))
-        ax.errorbar(n, size, spread, label=label, linestyle="-", capsize=2, **how)
+        ax.errorbar(n, size, spread, linestyle="-", capsize=2, **SAID["ladders"][method])
     ax.set(
         xscale="log", yscale="log", xlabel="number of terms N", ylabel="largest |T − T converged|/H beside the mass"
     )  # fmt: skip

@@ -115,15 +115,9 @@ class Study(Part):
         if (self.vary is None) == (self.sample is None):
             return ["exactly one of [vary] (a full grid) and [sample] (a design of experiments) must be given"]
         faults = [] if len(self) <= MOST else [f"vary: {len(self)} scenes; must be at most {MOST}"]
-        named, known = {axis.name for axis in self.axes}, (*GROUPS, *HOW, *(() if self.scene else FREE))
-        for axis in self.axes:
-            part, dot, _ = axis.name.partition(".")
-            if axis.name not in known and not (dot and part in Scene.field_names()):
-                near = nearest(axis.name, known)
-                faults.append(f"{axis.name}: must be a field of the scene file (cable.sag) or one of them.{near}")
-            elif dot and self.scene is not None:
-                faults += [fault for fault in _faults_at(self.scene, axis) if "unknown key" in fault]
-        if self.tol is None and "tol" not in named and (self.job != "run" or not ({"method"} & named or self.method)):
+        faults += [fault for axis in self.axes for fault in self._faults_of(axis)]
+        named = {axis.name for axis in self.axes} | {k for k in ("method", "tol") if getattr(self, k) is not None}
+        if "tol" not in named and (self.job != "run" or "method" not in named):
             faults.append(f"tol: missing; job {shown(self.job)} without a method of its own needs one")
         if self.method is not None:
             from validation.core.methods import METHODS
@@ -131,6 +125,17 @@ class Study(Part):
             if self.method not in METHODS:
                 faults.append(f"method = {shown(self.method)}: unknown.{nearest(self.method, METHODS)}")
         return faults
+
+    def _faults_of(self, axis: Axis) -> list[str]:
+        """Return what is wrong with the name of an axis: no group, no field of the scene, nothing of the run."""
+        known = {*GROUPS, *HOW, *(() if self.scene else FREE)}
+        part, dot, _ = axis.name.partition(".")
+        if axis.name not in known and not (dot and part in Scene.field_names()):
+            near = nearest(axis.name, known)
+            return [f"{axis.name}: must be a field of the scene file (cable.sag) or one of them.{near}"]
+        if not dot or self.scene is None:
+            return []
+        return [fault for fault in _faults_at(self.scene, axis) if "unknown key" in fault]
 
     @property
     def name(self) -> str:
