@@ -36,7 +36,8 @@ def quasi_static(scene: Scene) -> Response:
     down = np.array([0.0, 1.0])
     x, y = (np.asarray(a) for a in shape(s_o, g.sigma, g.c))
     place = np.where(((s_o > NEAREST) & (s_o < 1.0 - NEAREST))[:, None], here.place, np.stack([x, y], -1))
-    haul = here.haul if g.drive.mode == "haul" else np.full(t.size, np.nan)
+    acceleration = here.along * dds[:, None] + here.bend * (ds**2)[:, None]
+    haul = _haul(g, here, moving, acceleration) if g.drive.mode == "haul" else np.full(t.size, np.nan)
     right = here.left - g.sigma * down + here.jump
     kinetic = 0.5 * g.mu * (moving**2).sum(1)
     rest = at.energy(s_o)
@@ -55,7 +56,7 @@ def quasi_static(scene: Scene) -> Response:
         t=tau * t, s_o=l * s_o, x=l * place[:, 0], y=l * place[:, 1], u=l * (place[:, 0] - x), v=l * (place[:, 1] - y),
         T_behind=H * np.where(s_o > 0.0, here.behind, np.nan), T_ahead=H * np.where(s_o < 1.0, here.ahead, np.nan),
         velocity=l / tau * moving,
-        acceleration=l / tau**2 * (here.along * dds[:, None] + here.bend * (ds**2)[:, None]),
+        acceleration=l / tau**2 * acceleration,
         slope_behind=here.slope_behind, slope_ahead=here.slope_ahead,
         energy=H * l * (kinetic + rest), power=H * l / tau * np.gradient(kinetic + rest, t),
         tension_min=H * least, tension_min_at=l * least_at,
@@ -71,6 +72,23 @@ def quasi_static(scene: Scene) -> Response:
         work={"steps": t.size - 1, "rejected": 0, "newton_iterations": 0, "factorisations": 0, "residuals": 0},
         n_dof=0, seconds=time.perf_counter() - begin,
     )  # fmt: skip
+
+
+def _haul(g: Groups, r: Rest, velocity: Array, acceleration: Array) -> Array:
+    """Return the force of the rope (n,): what holds the car at rest, its drag and its inertia along the mean tangent.
+
+    The cable stays at rest under the car: what drag and inertia add to the contact force changes friction alone.
+    """
+    mean = r.slope_behind + r.slope_ahead
+    size = np.linalg.norm(mean, axis=1)
+    stretch = np.linalg.norm(r.slope_behind, axis=1) + np.linalg.norm(r.slope_ahead, axis=1)
+    tau = mean / size[:, None]
+    wind = velocity - [g.drive.wind, 0.0]
+    drag = -g.drive.k * np.linalg.norm(wind, axis=1)[:, None] * wind
+    more = g.mu * acceleration - drag
+    press = g.mu * g.sigma * tau[:, 0] + more[:, 0] * tau[:, 1] - more[:, 1] * tau[:, 0]
+    rub = g.drive.mu_r * (np.abs(press) - g.mu * g.sigma * np.abs(tau[:, 0])) * size / stretch
+    return r.haul + (more * tau).sum(1) + rub
 
 
 def _travel(scene: Scene) -> tuple[Array, Array, Array, Array]:
