@@ -12,20 +12,16 @@ from cablefem.response import Observation, States
 from galerkin.bases.kink import Array
 from galerkin.equations import GalerkinSystem
 
-# Where the start from rest is put in balance, over the travel.  The limit d -> 0, (48), holds for d << dds_o/omega^2
-# only: it sets axial modes in motion that no practical step resolves (inclined scene, 30 sines, 500 steps in s_o:
-# the path is 8 percent off; 0.4 percent with this d, where they follow quasi-statically; from 2000 steps both agree).
+# Place of the balance that gives g'' at a start from rest, over the travel.  The limit (48) would excite axial modes
+# that no practical step resolves.
 START = 1e-4
 
 
 class PositionAbscissa(System):
-    """(45): the wrapped system with s_o for t, r(t, g, ds_o g', ds_o^2 g'' + dds_o g') = 0, prime = d/ds_o.
+    """Any Galerkin system with s_o for t (45): r(t, g, ds_o g', ds_o^2 g'' + dds_o g') = 0, prime = d/ds_o.
 
-    A `cablefem.newmark.System` whose states hold t = s_o, q = g, v = g', a = g''; `in_time` turns them back.
-    From rest ds_o^2 M vanishes at the start, and (45) with g(0) = 0 leaves g'(0) and g''(0) to a limit: g' from the
-    consistent start in time, g'' from the next order, see `second_order`.
-
-    The mass must not stand still between its entry and the end of its travel: ValueError.
+    States hold t = s_o, q = g, v = g', a = g''; `in_time` turns them back.  The mass must not stand still between its
+    entry and the end of its travel: ValueError.
     """
 
     def __init__(self, system: GalerkinSystem) -> None:
@@ -47,17 +43,15 @@ class PositionAbscissa(System):
         return self.system.least_tension
 
     def place(self, x: State) -> float:
-        """s_o, the independent variable."""
         return x.t
 
     def with_law(self, law: str) -> PositionAbscissa:
-        """The same under another law, as `GalerkinSystem.with_law`."""
         other = copy.copy(self)
         other.system = self.system.with_law(law)
         return other
 
     def _kinematics(self, s_o: float, phase: int) -> tuple[float, float, float]:
-        """t, ds_o, dds_o at this place, in this phase also at its ends."""
+        """t, ds_o, dds_o at this place."""
         key = (s_o, phase)
         if key not in self._times:
             if len(self._times) >= 8:
@@ -83,11 +77,7 @@ class PositionAbscissa(System):
         return State(s_o, x.q, first, self.second_order(first, START * self.phases[0][1]), phase)
 
     def second_order(self, first: Array, d: float) -> Array:
-        """g'' at a start from rest, so that d g' + d^2 g''/2 is in balance at the place d.
-
-        With d -> 0 this is (48), g''(0) = M^-1(0) dF(0)/ds_o / (3 dds_o), for a basis that vanishes at the support,
-        and its counterpart for the travelling kink, where (48) does not apply.
-        """
+        """g'' at a start from rest such that d g' + d^2 g''/2 is in balance at the place d; d -> 0 is (48)."""
         second = np.zeros(self.n_dof)
         for _ in range(3):  # Newton; nearly linear
             q, v = d * first + (0.5 * d * d) * second, first + d * second
@@ -96,7 +86,6 @@ class PositionAbscissa(System):
         return second
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        """r at the place t = s_o."""
         time, ds_o, dds_o = self._kinematics(t, phase)
         return self.system.residual(time, *chained(q, v, a, ds_o, dds_o), phase)
 
@@ -108,7 +97,7 @@ class PositionAbscissa(System):
         return self.system.linearise(time, *x, phase, c0, c1 * ds_o, c1 * dds_o + c2 * ds_o**2)
 
     def in_time(self, states: States) -> States:
-        """The history as a function of time: t, q, dq/dt, d2q/dt2."""
+        """The history as a function of time."""
         places = zip(states.t.tolist(), states.phase.tolist(), strict=True)
         t, ds_o, dds_o = np.array([self._kinematics(s_o, phase) for s_o, phase in places]).reshape(-1, 3).T
         q, v, a = chained(states.q, states.v, states.a, ds_o[:, None], dds_o[:, None])
@@ -118,7 +107,6 @@ class PositionAbscissa(System):
         return self.system.path(states)
 
     def observe(self, states: States, s: Array, frames: Array) -> Observation:
-        """Measure a history as `in_time` gives it."""
         return self.system.observe(states, s, frames)
 
 

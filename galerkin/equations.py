@@ -1,8 +1,4 @@
-"""The equations (17)-(32) of a cable with a travelling mass, over any basis, standing or with a travelling kink.
-
-Unknowns gamma = [U; V] (or the one field normal to the chord).  Dimensionless throughout: length l, force H, time
-l sqrt(rho/H).
-"""
+"""The equations (17)-(32) of a cable with a travelling mass, over any basis; see README.md."""
 
 from __future__ import annotations
 
@@ -41,12 +37,12 @@ LOADS = ("mass", "force")
 
 @dataclass(frozen=True, slots=True)
 class Instant:
-    """Everything that depends on the place and the speed of the mass only."""
+    """What depends on the place and the speed of the mass only."""
 
     carried: Carried  # of the basis
-    rays: tuple[float, float]  # what the hat adds to w' behind and ahead of the mass; 0, 0 without one
+    rays: tuple[float, float]  # slopes of the hat behind and ahead of the mass; 0 without one
     slope: Array  # X', (fields,)
-    load: Array  # acceleration along the static path less gravity, -F/(mu phi) of (27), (fields,)
+    load: Array  # X.. - sigma j of (27), (fields,)
     place: Any  # the cable model's own
 
 
@@ -60,22 +56,20 @@ class Drives(NamedTuple):
 
 
 class GalerkinSystem(System):
-    """M q.. + C q. + K q + R(q) = F of (19), as a `cablefem.newmark.System`.
+    """M q.. + C q. + K q + R(q) = F of (19).
 
-    The mass enters by the acceleration of its place p = X(s_o) + w(s_o, t), which is (21)-(23) and (27) at once:
+    The mass adds mu Phi_i(s_o) (p.. - sigma j), (21)-(23) and (27), with
 
-        mu Phi_i(s_o) ( p.. - sigma j ),   p.. = Phi q.. + 2 ds_o Phi' q. + (dds_o Phi' + ds_o^2 Phi'') q + X.. .
+        p.. = Phi q.. + 2 ds_o Phi' q. + (dds_o Phi' + ds_o^2 Phi'') q + X.. .
 
-    Where the basis has no phi'' (`basis.smooth` False) the last term has no meaning.  Then the path form is used: the
-    displacement of the mass, w_p = w(s_o, t), is an unknown of its own (the last `fields` unknowns), p.. uses the
-    scheme's own second derivative of it, and w_p - Phi(s_o) q = 0 is its equation.  A constraint on positions is of
-    index 3: over a standing basis only schemes with numerical damping keep it stable, the trapezoidal rule does not.
+    Where the basis has no phi'', the displacement of the mass is an unknown of its own (the last `fields` unknowns)
+    with the equation w_p - Phi(s_o) q = 0: the path form.  Over a standing basis it needs a scheme that damps.
 
     groups : `Scene.groups`;  basis : `galerkin.bases.Basis`
-    kink : enrich the basis by a hat travelling with the mass
+    kink : enrich the basis by a hat that travels with the mass
     model : "string" | "sagged" | "stretching" (one field normal to the chord) | "full"
     load : "mass", or "force" = the weight mu sigma alone, without inertia
-    law : "elastic", or "tension-only" N = max(0, T + alpha eps); the one-field models have no use for it
+    law : "elastic", or "tension-only" N = max(0, T + alpha eps) for the full model
 
     Unknowns: all of U, then all of V; the hat comes last in each.
     """
@@ -98,17 +92,15 @@ class GalerkinSystem(System):
         self.n_modal = self.fields * self.n
         self.n_dof = self.n_modal + (self.fields if self.path_form else 0)
         self.phases = self._phases()
-        self.force_scale = (self.mu or 1.0) * groups.sigma  # weight of the mass; of a bare cable: its own
-        # rounding of N = T + alpha eps, summed; ten times what was measured for 10 to 120 terms, alpha 1e3 to 1e6
+        self.force_scale = (self.mu or 1.0) * groups.sigma
+        # rounding of N = T + alpha eps, summed over the points
         self.force_floor = float(np.finfo(float).eps) * groups.alpha
-        # Least mean tension over a shortest wave of the basis at the last residual, elastic under any law, and its s:
-        # negative in a slack cable, not in ripples of the highest terms.  `Observation.tension_min` is pointwise.
+        # of the last residual: least mean of the elastic tension over a shortest wave of the basis, and its s
         self.least_tension = np.inf, 0.0
         self._instants: dict[tuple[float, int], Instant] = {}
 
     @property
     def motion(self) -> Motion:
-        """The prescribed travel; ValueError if there is none."""
         if self.groups.motion is None:
             raise ValueError("the scene has no travelling mass; `bare_frequencies` is all a bare cable has")
         return self.groups.motion
@@ -117,18 +109,16 @@ class GalerkinSystem(System):
         return self.motion.phases
 
     def with_law(self, law: str) -> GalerkinSystem:
-        """The same system, sharing all tables, under another law: to go on with a run whose cable fell slack."""
+        """The same system, sharing all tables, under another law."""
         other = copy.copy(self)
         other.law, other.cable = law, cable_model(self.groups, self.model, law)
         other._instants = {}
         return other
 
     def place(self, x: State) -> float:
-        """s_o of a state."""
         return self.motion.at(x.t, x.phase)[0]
 
     def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
-        """The instants that go with means of the unknowns at t0 and t1; a free ride's place is one of them."""
         travel = self.groups.motion
         return super().between(t0, t1, w, phase) if travel is None else travel.between(t0, t1, w, phase)
 
@@ -137,24 +127,23 @@ class GalerkinSystem(System):
         return self.motion.along(states.t, states.phase)
 
     def drives(self, states: States, velocity: Array, acceleration: Array, sides: Array, working: Array) -> Drives:
-        """The mass over a history, which grips: p., p.. (n, fields), r' behind and ahead (2, n, fields).
+        """The mass over a history, from p., p.. (n, fields) and r' behind and ahead (2, n, fields).
 
-        working : (n,) <N t> . [r'] - [W], of third order in the jump; its power is ds_o (F . <r'> + working).
+        working : (n,) <N t> . [r'] - [W]; its power is ds_o (F . <r'> + working).
         """
         contact = self.mu * self.cable.weight - self.inertia * acceleration
         power = self.kinematics(states)[1] * (working - np.sum(contact * sides.mean(axis=0), axis=1))
         return Drives(contact, np.full(power.shape, np.nan), power, {})
 
     def sides(self, pointwise: Array, forces: Equilibrium, s_o: Array) -> Array:
-        """r' behind and ahead of the mass over a history, (2, n, 2), of those of the basis and recovered forces."""
+        """r' behind and ahead of the mass over a history, (2, n, 2), from the basis or from the forces."""
         return pointwise
 
     def in_time(self, states: States) -> States:
-        """The history as a function of time, which it is."""
         return states
 
     def instant(self, t: float, phase: int) -> Instant:
-        """What a time step asks for again and again; the last few instants are kept (the energy rule visits five)."""
+        """The last few instants are kept: the energy rule visits five in a step."""
         key = (t, phase)
         found = self._instants.get(key)
         if found is None:
@@ -190,11 +179,10 @@ class GalerkinSystem(System):
         return self._residual(x, q, v, a, force), factorised(self._tangent(x, K, c0, c1, c2))
 
     def _fields(self, y: Array) -> Array:
-        """The coefficients among the unknowns, (fields, n)."""
         return y[: self.n_modal].reshape(self.fields, self.n)
 
     def _residual(self, x: Instant, q: Array, v: Array, a: Array, force: Array) -> Array:
-        """r of (19) from the internal force."""
+        """r of (19)."""
         Q, V, A, c = self._fields(q), self._fields(v), self._fields(a), x.carried
         along = a[self.n_modal :] if self.path_form else A @ c.f + V @ c.f_v + Q @ c.f_q
         load = self.inertia * along + self.mu * x.load
@@ -203,7 +191,7 @@ class GalerkinSystem(System):
         return np.append(r.ravel(), q[self.n_modal :] - Q @ c.f) if self.path_form else r.ravel()
 
     def tangent(self, t: float, q: Array, phase: int, c0: complex, c1: complex, c2: complex) -> Array:
-        """c0 dr/dq + c1 dr/dv + c2 dr/da, (n_dof, n_dof): (28)-(32) and (21)-(23); r is linear in v and a."""
+        """c0 dr/dq + c1 dr/dv + c2 dr/da, (n_dof, n_dof)."""
         x = self.instant(t, phase)
         return self._tangent(x, self.cable.linearise(x.place, self._fields(q))[2], c0, c1, c2)
 
@@ -223,7 +211,7 @@ class GalerkinSystem(System):
     # --- compiled steps ---------------------------------------------------------------------------------------------
     @property
     def _compiled(self) -> bool:
-        """Whether steps are compiled: of the full cable over sines with a hat."""
+        """Whether steps are compiled."""
         full = isinstance(self.cable, FullCable) and not self.path_form
         return full and self.kink and isinstance(self.basis.basis, Fourier)
 
@@ -239,7 +227,7 @@ class GalerkinSystem(System):
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array]:
-        """As the base class has it, as long as the points stay the same and the cable is taut."""
+        """As long as the points stay the same and the cable is taut."""
         if not self._compiled:
             return NO_STEPS
         taken, ends, told = self._stride(t, phase, start, rules, bound, newton)
@@ -256,19 +244,17 @@ class GalerkinSystem(System):
         return self._told(*done)
 
     def _told(self, taken: int, ends: Array, told: Array) -> tuple[int, Array, Array]:
-        """Take the least tension of the last step from what compiled steps return."""
+        """Note the least tension of the last of these steps."""
         lowest, where = told[max(taken - 1, 0), 4:].tolist()
         self.least_tension = lowest, where
         return taken, ends, told
 
     @property
     def sines(self) -> Fourier:
-        """The sines of compiled steps."""
         assert isinstance(self.basis.basis, Fourier)
         return self.basis.basis
 
     def _line(self, behind: Array, ahead: Array) -> kernels.Line:
-        """What compiled steps take of this system, with rules for both sides."""
         kink, cable = self.basis, self.cable
         assert isinstance(kink, TravellingKink)
         assert isinstance(cable, FullCable)
@@ -276,14 +262,14 @@ class GalerkinSystem(System):
 
     # --- start ------------------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
-        """Entry: the limit t -> 0+ of the motion from rest.  Later: q, v go on, a jumps with dds_o."""
+        """Entry: the limit t -> 0+.  Later q and v go on, and a jumps with dds_o."""
         if state is None:
             s_o, ds_o, _ = self.motion.at(0.0, 0)
             return begun(self, self.standing, s_o, ds_o) if s_o > 0.0 else self._entry()
         t = self.phases[phase][0]
         if not self.path_form:
             return consistent_acceleration(self, t, state.q, state.v, phase)
-        # the jump of the constraint's second derivative and of the balance; neither holds phi''
+        # jumps of the constraint's second derivative and of the balance
         before, x = self.instant(t, state.phase), self.instant(t, phase)
         Q = state.q[: self.n_modal].reshape(self.fields, self.n)
         after, earlier = x.carried, before.carried
@@ -305,11 +291,9 @@ class GalerkinSystem(System):
         s_o, ds_o, dds_o = self.motion.at(t, 0)
         q, v, a = np.zeros((3, self.n_dof))
         if isinstance(self.basis, Standing):
-            # phi(0) = 0: the mass on the support moves nothing, and M a = F(0) = 0
             return State(t, q, v, a, 0)
-        # Near the support q_hat = d s_o + ..., d = slope of the cable behind the mass.  The phi rows of the limit,
-        # M0 a_phi + I a_hat + 2 I' ds_o v_hat = 0 (and M0 v_phi + I v_hat = 0 after the impulse that starts v_hat)
-        # say that the cable at large stays at rest; with them the row of the hat is
+        # Near the support q_hat = d s_o, d = slope of the cable behind the mass.  Rows of phi in the limit:
+        #   M0 v_phi + I v_hat = 0,  M0 a_phi + I a_hat + 2 I' ds_o v_hat = 0;  row of the hat:
         #   m a_hat - c d + [N t - T t_static](d) + mu (X.. - sigma j) = 0.
         value, first, _ = (y[0] for y in self.basis.overlap(np.array([0.0])))
         M0 = self.basis.basis.mass()
@@ -317,10 +301,10 @@ class GalerkinSystem(System):
         m = self.inertia + 1.0 / 3.0 - value @ rest
         load = self.mu * self._load(s_o, ds_o, dds_o)
         if self.inertia and ds_o > 0.0:
-            # a mass entering with speed falls freely: it has no time to stretch the short piece behind it, d = 0
+            # falls freely: no time to stretch the short piece behind
             d, a_hat = np.zeros(self.fields), -load / m
         else:
-            # a massless force, or a start from rest: the piece behind is strained at once, q_hat = d s_o
+            # a force, or a start from rest: the piece behind is strained at once
             c = ds_o**2 * (1.0 / 3.0 + 2.0 * value @ drag)
             d = self._slope_behind(m * dds_o - c, load)
             a_hat = d * dds_o
@@ -334,10 +318,9 @@ class GalerkinSystem(System):
         return State(t, q, v, a, 0)
 
     def _slope_behind(self, m: float, load: Array) -> Array:
-        """Solve m d + [N t - T t_static](X' + d) + load = 0 at the left support for the slope d (fields,) by Newton.
+        """Solve m d + [N t - T t_static](X' + d) + load = 0 at the left support for d by full Newton steps.
 
-        Full steps: where the cable is stiff along itself, steps cut until |r| falls creep along a curved valley,
-        hundreds of them or without end; full ones needed at most 13 on 15000 random starts.
+        Halved steps creep along a curved valley where the cable is stiff.
         """
         d = np.zeros(self.fields)
         for _ in range(50):
@@ -358,14 +341,13 @@ class GalerkinSystem(System):
 
 
 def limits(bound: float, newton: Newton) -> tuple[float, ...]:
-    """Of Newton's method, as compiled code takes them."""
     return bound, float(newton.max_iter), newton.reuse, float(newton.patience), float(MOST_HALVINGS)
 
 
 def factorised(K: Array) -> Solve:
-    """r -> K^-1 r by LAPACK's LU; K is overwritten (its transpose is what Fortran sees, hence trans=1)."""
+    """r -> K^-1 r by LAPACK's LU of K^T, which is what Fortran sees."""
     getrf, getrs = (zgetrf, zgetrs) if np.iscomplexobj(K) else (dgetrf, dgetrs)
     lu, pivots, info = getrf(K.T, overwrite_a=True)
     if info:
-        return lambda r: np.full_like(r, np.nan)  # singular: the driver treats NaN as a stalled step
+        return lambda r: np.full_like(r, np.nan)  # singular
     return lambda r: getrs(lu, pivots, r, trans=1)[0]

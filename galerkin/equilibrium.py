@@ -1,18 +1,4 @@
-"""Tension from equilibrium: the internal force that a history of accelerations needs, instead of T + alpha eps.
-
-The strain at a point is a small difference of the slopes of u and v, and alpha multiplies its error.  The balance of a
-piece of cable gives the force without that error.  With G = N t - T X' and w.. = G' off the mass, weights s on the
-piece behind and 1 - s on the piece ahead,
-
-    G(s_o-) = (1/s_o) [ int_0^s_o G ds + int_0^s_o s w.. ds ],
-    G(s_o+) = (1/(1 - s_o)) [ int_s_o^1 G ds - int_s_o^1 (1 - s) w.. ds ],
-    G(s) = G(s_o-) - int_s^s_o w.. ds behind, G(s_o+) + int_s_o^s w.. ds ahead of the mass,
-
-w.. = sum phi a + psi a_hat + 2 psi_t v_hat + psi_tt q_hat at fixed s.  On either piece psi is a ray from its support:
-the hat's share of w.. is s or 1 - s times a number.  Integrals of the standing functions are differences of their
-primitives.  Only int G ds is by quadrature.  At the supports this is the balance of the whole cable with weights 1 - s
-and s and the force of the mass.
-"""
+"""Tension from equilibrium: the internal force that accelerations need; see README.md, "Tension"."""
 
 from __future__ import annotations
 
@@ -46,7 +32,7 @@ class Equilibrium:
 
 
 def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equilibrium:
-    """Solve the balances of both pieces at every instant, and go from the mass along the cable at the frames."""
+    """Solve the balances of both pieces at every instant, and along the cable at the frames."""
     cable, basis = system.cable, system.basis.basis
     assert isinstance(cable, FullCable)
     internal, told = _sums(system, x)
@@ -90,11 +76,10 @@ def _sums(system: GalerkinSystem, x: History) -> tuple[Array, Array]:
 
 
 def _static(cable: FullCable, s: Array) -> Array:
-    """T X', (n, 2)."""
     T, xp, yp, _, _ = cable.groups.static(s)
     return np.stack([T * xp, T * yp], axis=1)
 
 
 def combined(coefficients: Array, functions: Array) -> Array:
-    """sum_m c_nfm phi_nm, (n, fields): functionals of the standing functions, or their values."""
+    """sum_m c_nfm phi_nm, (n, fields)."""
     return np.einsum("nfm,nm->nf", coefficients, functions)

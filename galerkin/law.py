@@ -1,4 +1,4 @@
-"""The constitutive law: what tension a strain brings, how it grows, and what it stores.  The only place it stands."""
+"""The constitutive law: tension and energy of a strain."""
 
 from cablefem.compiled import compiler
 
@@ -9,10 +9,10 @@ LAWS = ("elastic", "tension-only")  # a law is its index to compiled code
 
 @compiled
 def tension(strain, T, alpha, law):
-    """N, dN/deps and the energy int N deps from the static state, where N = T, and the elastic N; all at one point.
+    """N, dN/deps, the energy int N deps from the static state, and the elastic N, at one point with static tension T.
 
     elastic       N = T + alpha eps
-    tension-only  N = max(0, T + alpha eps); slack, the energy is what the cable gave back on its way to N = 0
+    tension-only  N = max(0, T + alpha eps); the energy of a slack cable is that at N = 0
     """
     N = T + alpha * strain
     if law == 1 and N < 0.0:

@@ -14,13 +14,12 @@ from galerkin.models import cable_model
 def bare_frequencies(groups: Groups, basis: Basis, *, model: str = "full", n: int = 10) -> Array:
     """First n frequencies omega l sqrt(rho/H), ascending, (n,): (19)-(26) linearised about the hanging cable.
 
-    A Galerkin answer: each is an upper bound to the model's own frequency, up to quadrature.  model : as
-    `GalerkinSystem`; "sagged" is the linear theory of Irvine and Caughey.
+    Each is an upper bound to the model's own frequency, up to quadrature.
     """
     cable, moving = cable_model(groups, model, "elastic"), Standing(basis)
     if not 1 <= n <= cable.fields * basis.n:
         raise ValueError(f"n must lie in [1, {cable.fields * basis.n}], the number of unknowns, got {n!r}")
-    place: Any = cable.at(moving, 0.5)  # a standing basis is the same wherever the mass is
+    place: Any = cable.at(moving, 0.5)
     K = cable.linearise(place, np.zeros((cable.fields, basis.n)))[2]
     M = np.kron(np.eye(cable.fields), basis.mass())
     return np.sqrt(eigh(K, M, eigvals_only=True, subset_by_index=(0, n - 1)))

@@ -1,4 +1,4 @@
-"""What a Galerkin system measures on its own states: path, tensions, energy, fields; vectorised over the history."""
+"""What a Galerkin system measures on its own states."""
 
 from __future__ import annotations
 
@@ -15,13 +15,12 @@ from galerkin.models import ChordCable, FullCable
 if TYPE_CHECKING:
     from galerkin.equations import GalerkinSystem
 
-# A hat that peaks on a support has an infinite slope; its coefficient is zero there, and 0 x 1e12 is 0 as it should be.
-NEAR_SUPPORT = 1e-12
+NEAR_SUPPORT = 1e-12  # least length of a side; the hat's slope is infinite on a support, its coefficient zero
 
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """Coefficients of n instants split into the standing functions and the hat (zero without one)."""
+    """Coefficients of n instants: standing functions, and the hat (zero without one)."""
 
     s_o: Array  # (n,)
     ds_o: Array
@@ -34,7 +33,7 @@ class History:
     a_hat: Array
 
     def rays(self, order: int) -> tuple[Array, Array]:
-        """The hat is z/h with z the distance from the support: time derivatives of its q_hat/h behind and ahead."""
+        """Time derivatives of q_hat/h behind and ahead, h the length of the side; the hat is z/h from a support."""
         h = np.clip(self.s_o, NEAR_SUPPORT, 1.0 - NEAR_SUPPORT)[:, None]
         dh, ddh = self.ds_o[:, None], self.dds_o[:, None]
         behind, ahead = (self._ray(order, *side) for side in ((h, dh, ddh), (1.0 - h, -dh, -ddh)))
@@ -50,7 +49,7 @@ class History:
 
 
 class AtMass(NamedTuple):
-    """Motion along the path, and slopes of w, at the mass."""
+    """Motion along the path, and slopes of w."""
 
     w: Array  # (n, fields)
     w_t: Array
@@ -59,7 +58,7 @@ class AtMass(NamedTuple):
 
 
 class Fields(NamedTuple):
-    """Along the cable at k frames and m stations, (k, fields, m); at s = s_o the side behind."""
+    """At k frames and m stations, (k, fields, m); at s = s_o the side behind."""
 
     w: Array
     w_t: Array
@@ -67,26 +66,23 @@ class Fields(NamedTuple):
 
 
 class Forces(NamedTuple):
-    """Tensions and energies of a cable model."""
-
     sides: Array  # r' behind and ahead of the mass, (2, n, fields)
     T: tuple[Array, Array]  # behind and ahead of the mass, (n,)
     T_pointwise: tuple[Array, Array]
     along: Array  # at frames x stations, (k, m)
     along_pointwise: Array
     reactions: tuple[Array, Array]  # left and right, (n, 2)
-    strain: Array  # strain energy, (n,)
-    weight: Array  # potential of the cable's weight, (n,)
+    strain: Array
+    weight: Array  # potential energy of the cable
     least: Array  # least tension and its s, (n,)
     least_at: Array
-    working: Array  # see `GalerkinSystem.drives`, (n,)
+    working: Array  # see `GalerkinSystem.drives`; 0 where all energies are quadratic
 
 
 def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> Observation:
     """Measure a history; see `Observation`.
 
-    One field w normal to the chord is shown as (u, v) = w (-chord_sin, chord_cos) on the catenary; its energy and
-    power are those of the model itself, motion normal to the chord over the parabola.
+    One field w normal to the chord is shown as (u, v) = w (-chord_sin, chord_cos) on the catenary.
     """
     groups, cable, along = system.groups, system.cable, direction(system)
     x = history(system, states)
@@ -125,7 +121,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
 
 
 def direction(system: GalerkinSystem) -> Array:
-    """Return (fields, 2): what one field w normal to the chord is as (u, v); two are those themselves."""
+    """Return (fields, 2): the fields as (u, v)."""
     if system.fields == 2:
         return np.eye(2)
     return np.array([[-system.groups.chord_sin, system.groups.chord_cos]])
@@ -137,7 +133,6 @@ def displaced(system: GalerkinSystem, states: States, x: History) -> Array:
 
 
 def history(system: GalerkinSystem, states: States) -> History:
-    """Return the coefficients of a history by what they belong to."""
     q, v, a = (y[:, : system.n_modal].reshape(-1, system.fields, system.n) for y in (states.q, states.v, states.a))
     s_o, ds_o, dds_o = system.kinematics(states)
     if system.kink:
@@ -155,7 +150,6 @@ def _at_mass(system: GalerkinSystem, states: States, x: History) -> AtMass:
         w_t, w_tt = (y[:, system.n_modal :] for y in (states.v, states.a))
     else:
         w_t = combined(x.V, phi) + x.v_hat + ds_o * w_s
-        # without phi'' (a moving force on a rough basis) the centrifugal part is left out: it enters no equation then
         bend = combined(x.Q, basis.phi(x.s_o, 2)) if basis.smooth else np.zeros_like(w)
         w_tt = (
             combined(x.A, phi) + x.a_hat + 2.0 * ds_o * combined(x.V, first) + x.dds_o[:, None] * w_s + ds_o**2 * bend
@@ -164,7 +158,7 @@ def _at_mass(system: GalerkinSystem, states: States, x: History) -> AtMass:
 
 
 def _hat_slopes(x: History) -> Array:
-    """What the hat adds to w' behind and ahead of the mass, (2, n, fields); on the left support the limit t -> 0+."""
+    """Slopes of the hat's part of w behind and ahead of the mass; on the left support the limit t -> 0+."""
     behind, ahead = x.rays(0)
     entry, ds_o, dds_o = x.s_o == 0.0, x.ds_o[:, None], x.dds_o[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -208,7 +202,6 @@ def _full(
 def _one_field(
     system: GalerkinSystem, cable: ChordCable, x: History, mass: AtMass, s: Array, frames: Array
 ) -> Forces:  # fmt: skip
-    """All energies are quadratic: mean force times jump of slope is the jump of energy, and `working` is zero."""
     basis, Q, q, none = system.basis.basis, x.Q[:, 0], x.q_hat[:, 0], np.zeros(x.s_o.size)
     steep = 1.0 / np.maximum(x.s_o * (1.0 - x.s_o), NEAR_SUPPORT)
     square = np.einsum("ni,ij,nj->n", Q, basis.stiffness(), Q, optimize=True)
@@ -226,7 +219,7 @@ def _one_field(
 
 
 def _kinetic(system: GalerkinSystem, x: History) -> Array:
-    """1/2 int |w.|^2 ds of the cable, (n,), by the closed forms of `TravellingKink`."""
+    """1/2 int |w.|^2 ds, (n,), by the closed forms of `TravellingKink`."""
     twice = np.einsum("nfi,ij,nfj->n", x.V, system.basis.basis.mass(), x.V, optimize=True)
     if isinstance(system.basis, TravellingKink):
         value, first, _ = system.basis.overlap(np.minimum(x.s_o, 1.0 - NEAR_SUPPORT))

@@ -1,12 +1,9 @@
-"""Cars that roll: the balance of the car along the mean tangent gives its travel, or the force that keeps it going.
+"""Cars that roll: their balance along the mean tangent gives the travel, or the haul force.
 
-A car that grips the cable takes s_o(t) from the scene.  One that rolls feels from the cable
+    C = mu (p.. - sigma j) - F_ext,    tau . C - f cos(phi) = 0,    tau = <r'>/|<r'>|, cos(phi) = |<r'>|/<lam>
 
-    C = mu (p.. - sigma j) - F_ext,    tau . C - f cos(phi) = 0,    tau = <r'>/|<r'>|, cos(phi) = |<r'>|/<lam>,
-
-F_ext what acts on it from outside, f the force along the cable between car and cable (friction, brake, hold), < > the
-mean of both sides, lam = |r'|: but for f the contact is normal to the mean tangent.  This is no Lagrange equation of
-the discrete cable: energy is kept to the error of the discretisation, and checks it.
+F_ext acts from outside; f is the force along the cable (friction, brake, hold); < > is the mean of both sides,
+lam = |r'|.  This is no Lagrange equation: the energy is kept to the error of the discretisation.
 """
 
 from __future__ import annotations
@@ -28,13 +25,11 @@ from galerkin.equations import Drives, GalerkinSystem, Instant, factorised, limi
 from galerkin.equilibrium import Equilibrium
 from galerkin.models import FullCable
 
-# Of an axial round trip, over which friction takes the car's acceleration: a whole one lags, by 3e-5 of the top speed
-# where a car is let go on a soft rope.
-WINDOW = 0.3
+WINDOW = 0.3  # of an axial round trip: window of the mean acceleration for friction
 
 
 class Car(NamedTuple):
-    """The car at one instant, as `kernels.car` has it."""
+    """What `kernels.car` returns."""
 
     Cx: float  # force of the cable on it
     Cy: float
@@ -57,21 +52,16 @@ class Car(NamedTuple):
 
     @property
     def along(self) -> float:
-        """The force f that it needs along the cable."""
         return (self.tx * self.Cx + self.ty * self.Cy) / self.cos_phi
 
 
 class RollingSystem(RollingCar, GalerkinSystem):
-    """The equations (19) with a car that rolls (`Groups.drive`), and one more unknown, the last one.
+    """The equations (19) with a car that rolls and one more unknown, the last one.
 
-    free : q[-1], v[-1], a[-1] = s_o, ds_o, dds_o.  haul : a[-1] is the haul force F (q[-1], v[-1] are its integrals,
-    which nothing reads), s_o(t) is prescribed.  The last row is the car's balance; where the car sticks, dds_o = 0.
+    free : s_o.  haul : its acceleration is the haul force, s_o(t) is prescribed.  The last row is the car's balance.
+    Friction and brakes keep their sign from event to event.
 
-    Friction and brakes act against the sign of ds_o, which stays what it is from event to event.  A free ride starts in
-    static equilibrium with the car held, a hauled one hanging on its rope, friction overcome.
-
-    All its steps are compiled, for sines with a travelling hat.  ValueError for other bases, for the models of one
-    field, which have no force along the cable, and for a load without inertia.
+    Only sines with a hat: ValueError for other bases, for models of one field and for a load without inertia.
     """
 
     hears_itself = True
@@ -91,10 +81,10 @@ class RollingSystem(RollingCar, GalerkinSystem):
         self.n_dof += 1
         self.strides = self.free
         self._seen: tuple[State, Car] | None = None
-        # t and p. of the car, for a while; t, p.. and its rate, see `begin_step`
+        # rows t, p. of the car; t, its mean p.. and the rate of that
         self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
         self._window = WINDOW * self.round_trip
-        self._parts: tuple[Any, Array, Array] | None = None  # the last state of `_seen_at`, its residual and tangents
+        self._parts: tuple[Any, Array, Array] | None = None  # state, residual and tangents of `_seen_at`
 
     def _phases(self) -> tuple[tuple[float, float], ...]:
         return self.drive.phases if self.free else super()._phases()
@@ -119,7 +109,6 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     # --- the car ----------------------------------------------------------------------------------------------------
     def _on(self, t: float, phase: int) -> kernels.Rolling:
-        """What acts on the car."""
         drive, against = self.drive, -self._sign(t, phase)
         brake = against * self.brake
         of = self.mu, self.groups.sigma, drive.k, drive.wind, self.held(t), against * drive.mu_r, brake
@@ -130,13 +119,13 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return float(self.drive.thrust(t, phase)) if self.free else float(a[-1])
 
     def car(self, x: State) -> Car:
-        """The car in this state, by the tension from equilibrium."""
+        """By the tension from equilibrium."""
         ride, line = self._ride(*x)
         rows, r, parts = np.array(x[1:4]), np.empty(self.n_dof), np.empty((0, self.n_dof, self.n_dof))
         return Car(*kernels.look(ride, line, rows, r, parts)[0])
 
     def _car_at(self, x: State) -> Car:
-        """The car at a state as the slopes of the basis show it and without thrust, which more than one asks for."""
+        """By the slopes of the basis and without thrust."""
         if self._seen is None or self._seen[0] is not x:
             self._seen = x, Car(*kernels.seen(*self._ride(*x), np.array(x[1:4])))
         return self._seen[1]
@@ -147,7 +136,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return self.cable
 
     def _sides(self, x: Instant, Q: Array) -> Array:
-        """r' behind and ahead of the car, its rows, of a cable at rest, by the tension from equilibrium."""
+        """r' behind and ahead of the car at rest, by the tension from equilibrium."""
         slopes = x.slope + Q @ x.carried.f_s + np.multiply.outer(x.rays, Q[:, -1])
         static = x.slope / x.slope[0]
         forces = static + np.abs(x.rays)[:, None] * self._full.sides(x.place, Q)
@@ -163,31 +152,26 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return pointwise
 
     def begin_step(self, x: State) -> None:
-        """Take the car's acceleration, as friction and lift-off go by it, from its velocities so far: over a while.
+        """Take the mean acceleration of the car over a while, for friction and lift-off.
 
-        The one within a step closes an algebraic loop: slip has hardly any inertia, and as sines have it, it pushes the
-        car across the cable, too; where steps are short, friction then has no solution (Painleve).  What rings is left
-        out, and friction is the same without it, which works against ds_o whatever rings.  The slip of a hauled
-        car is given: there is no such loop.
+        Slip has hardly any inertia: with the present acceleration friction has no solution on short steps (Painleve).
         """
         super().begin_step(x)
         if not self.free or (self._past.size and x.t <= self._past[-1, 0]):
             return
         car = self._car_at(x)
-        self._seen = None  # what comes now changes its friction
+        self._seen = None
         past = np.concatenate([self._past, [[x.t, car.vx, car.vy]]])
         first, *self._smooth = kernels.averaged(past, 0, len(past) - 1, self._window)
         self._past = past[int(first) :]
 
     def held(self, t: float) -> float:
-        """F_hold at t."""
         return self.hold * self.drive.hold(t) if self.free else 0.0
 
     def _sign(self, t: float, phase: int) -> float:
         return self.mode.sign if self.free else math.copysign(1.0, self.motion.at(t, phase)[1])
 
     def drives(self, states: States, velocity: Array, acceleration: Array, sides: Array, working: Array) -> Drives:
-        """The car over a history; `working`, what a gripping mass takes past its kink, is no work here."""
         s_o, ds_o, _ = self.kinematics(states)
         drive, rows = self.drive, list(zip(states.t.tolist(), states.phase.tolist(), strict=True))
         F = np.array([drive.thrust(t, phase) for t, phase in rows]) if self.free else states.a[:, -1]
@@ -214,15 +198,14 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        """As the protocol has it; the column of s_o is a difference that leaves out dr/ds_o."""
         r, parts = self._seen_at(t, q, v, a, phase, True)
         return r, factorised(c0 * parts[0] + c1 * parts[1] + c2 * parts[2])
 
     def _seen_at(self, t: float, q: Array, v: Array, a: Array, phase: int, tangent: bool) -> tuple[Array, Array]:
-        """r, and dr/dq, dr/dv, dr/da if they are wanted."""
+        """r, and dr/dq, dr/dv, dr/da if wanted."""
         travel, size = self._travel(t, q, v, a, phase), self.n_dof
         parts = np.zeros((3 if tangent else 0, size, size))
-        if not 0.0 < travel[0] < 1.0:  # a trial that leaves the cable: Newton's method takes less
+        if not 0.0 < travel[0] < 1.0:  # a trial off the cable
             return np.full(size, np.nan), parts
         ride, line = self._ride(t, q, v, a, phase)
         rows, r = np.array([q, v, a]), np.empty(size)
@@ -239,7 +222,6 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return self.mode.sign != 0.0 or not self.free
 
     def _ride(self, t: float, q: Array, v: Array, a: Array, phase: int) -> tuple[kernels.Ride, kernels.Line]:
-        """What compiled steps take of the car and of the cable."""
         travel = self._travel(t, q, v, a, phase)
         mode = kernels.HAULED if not self.free else kernels.FREE if self._rolls else kernels.STUCK
         thrust = float(self.drive.thrust(t, phase)) if self.free else 0.0
@@ -279,9 +261,9 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     # --- start ------------------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
-        """At first equilibrium, the car held (free) or on its rope (haul), later q, v go on and a jumps.
+        """In equilibrium, the car held (free) or on its rope (haul); later q, v go on and a jumps.
 
-        A travel that starts at speed starts with the velocities of equilibrium places: the rope does not jerk.
+        A travel that starts at speed starts with the velocities of equilibrium places.
         """
         if state is not None:
             return self.enter(state._replace(phase=phase))
@@ -304,11 +286,9 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return self.let_go(State(0.0, q, v, a, 0))
 
     def _equilibrium(self, x: Instant) -> Array:
-        """Coefficients (2, n) of the loaded cable at rest by Newton's method, halved; from soft to stiff if it must.
+        """Coefficients (2, n) of the loaded cable at rest.
 
-        Held, the cable carries the weight of the car; on a rope, what of it is normal to the mean tangent.  A stiff
-        cable under a heavy car is too crooked a way for one march from the empty shape: a soft one first shows where
-        it goes, and its strain shrinks as it is made stiffer.
+        Newton's method may fail for a stiff cable from the empty shape; then softer cables lead the way.
         """
         tolerance = 1e-12 * self.force_scale + math.sqrt(self.n_dof) * self.force_floor
         alpha, softest = self.groups.alpha, min(self.groups.alpha, 4.0 * (1.0 + self.mu * self.groups.sigma))
@@ -321,7 +301,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         raise StepFailure(0.0, "no equilibrium of the car at its start was found", "start farther from the support")
 
     def _rest(self, x: Instant, Q: Array, tolerance: float) -> tuple[Array, float]:
-        """Improve Q until nothing lowers the defect any more; with that defect."""
+        """Improve Q until the defect falls no more; return both."""
         f, f_m = x.carried.f, x.carried.f_s.copy()
         weight = self.mu * self.cable.weight
         f_m[-1] += 0.5 * sum(x.rays)
@@ -336,7 +316,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
                 tau = mean / size
                 n = np.array([-tau[1], tau[0]])
                 across, along = weight @ n, weight @ tau
-                rub = self.drive.mu_r * size / np.hypot(*sides.T).mean()  # of what presses: it is about to move on
+                rub = self.drive.mu_r * size / np.hypot(*sides.T).mean()  # about to move on
                 load = across * n + rub * abs(across) * tau
                 turn = across * tau - rub * abs(across) * n + along * (n + math.copysign(rub, across) * tau)
                 turn = np.multiply.outer(turn, n) / size
@@ -359,7 +339,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return Q, float(np.linalg.norm(r))
 
     def _consistent(self, t: float, q: Array, v: Array, phase: int) -> State:
-        """Solve for a; a second time for what rounding and the difference by s_o have left."""
+        """Solve for a."""
         a = np.zeros(self.n_dof)
         for _ in range(3):
             r, solve = self.linearise(t, q, v, a, phase, 0.0, 0.0, 1.0)
@@ -376,8 +356,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def look(self, x: State) -> Look:
         """Return the car at a state.
 
-        At an instant its normal force rings next to a support, whose side sines do not resolve; the one of `normal` is
-        a mean that lags behind.  The larger of both counts.
+        Its present normal force rings next to a support, and the mean lags behind: the larger of both counts.
         """
         car = self._car_at(x)
         thrust = self._thrust(x.t, x.phase, x.a) if self.free else 0.0

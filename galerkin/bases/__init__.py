@@ -1,4 +1,4 @@
-"""Global bases on the cable: functions of s in [0, 1] that vanish at both supports and have any real s as argument."""
+"""Global bases on the cable: functions of s in [0, 1] that vanish at both supports."""
 
 from typing import Protocol
 
@@ -9,11 +9,9 @@ from galerkin.bases.fourier import Fourier
 
 
 class Basis(Protocol):
-    """A set phi_1 .. phi_n on 0 <= s <= 1 with phi(0) = phi(1) = 0, evaluated at any real s (float64 in and out).
+    """A set phi_1 .. phi_n on 0 <= s <= 1 with phi(0) = phi(1) = 0.
 
-    Everything the Galerkin equations (17)-(32) need of a basis, and nothing about cables. s is the static arc
-    length over the cable length, derivatives are with respect to it. Arrays of functions are (n_s, n), C-contiguous
-    unless said otherwise.
+    s is the static arc length over the cable length.  Derivatives are with respect to s.
     """
 
     @property
@@ -22,10 +20,10 @@ class Basis(Protocol):
 
     @property
     def smooth(self) -> bool:
-        """True when phi'' has a meaning at every s, so that the centrifugal term of (23) may be used as printed."""
+        """Whether phi'' exists at every s, as the centrifugal term of (23) needs."""
 
     def at(self, s: float) -> np.ndarray:
-        """phi, phi', phi'' (0 where there is none), both primitives at one s, (5, n)."""
+        """phi, phi', phi'' (0 where there is none) and two primitives at one s, (5, n)."""
 
     def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:
         """The m-th derivative of phi, (n_s, n); m = -1 and -2 are a primitive of phi and one of that."""
@@ -34,13 +32,13 @@ class Basis(Protocol):
         """Points and weights of both sides of s_o, (n_q,), phi' and, last, the hat's slope, (n + 1, n_q)."""
 
     def mass(self) -> np.ndarray:
-        """int_0^1 phi_m phi_n ds to rounding, (n, n)."""
+        """int phi_m phi_n ds, (n, n)."""
 
     def stiffness(self) -> np.ndarray:
-        """int_0^1 phi_m' phi_n' ds to rounding, (n, n)."""
+        """int phi_m' phi_n' ds, (n, n)."""
 
     def integral(self) -> np.ndarray:
-        """int_0^1 phi_n ds to rounding, (n,)."""
+        """int phi_n ds, (n,)."""
 
     def quadrature(self) -> tuple[np.ndarray, np.ndarray]:
         """Points and weights on [0, 1] for products of first derivatives with smooth coefficients, each (n_q,)."""

@@ -1,25 +1,6 @@
-"""Anti-derivatives of Daubechies wavelets (35)-(39), the paper's second basis, at any real s to rounding.
+"""Anti-derivatives of Daubechies wavelets (35)-(39), at any real s to rounding; see README.md, "Wavelets".
 
-No tables of samples and no cascade. Four facts carry everything:
-
-1. A float is a dyadic rational. With v(x) = [phi(x), phi(x + 1), ...] on 0 <= x < 1 the refinement equation
-   phi(x) = sum_k h_k phi(2x - k) reads v(x) = T_d v(2x - d), d the first binary digit of x, (T_d)_ij = h_(2i-j+d).
-   So v(x) = T_d1 T_d2 ... v(0), finitely many factors, exact apart from rounding (Daubechies & Lagarias 1992).
-2. The mask is h(z) = 2 ((1 + z)/2)^p q(z). Dropping or adding factors (1 + z)/2 differentiates or integrates:
-   phi_m with mask 2 ((1 + z)/2)^(p-m) q(z) has phi_m' (x) = phi_(m+1)(x) - phi_(m+1)(x - 1), phi_0 = phi. As with
-   B-splines, derivatives and primitives of sum_l c_l phi(y - l) are sums of phi_m(y - l) over differences and running
-   sums of c. Each phi_m is walked with its own mask, so that no digit multiplies a rounding error by 2.
-3. All Theta'_jk, j = -1 .. level-1, lie in the span of phi(y - l), y = 2^level R s, and of the constant.
-4. The phi(y - l) are orthonormal on the line, so on the cable only the R-1 functions cut by either support need
-   orthonormalising, with matrices that depend on p alone; then an SVD of well-scaled columns does the rest.
-
-The filters are PyWavelets' `dbp`; nothing else is taken from there. They are right to their last bit, but dividing by
-(1 + z)^p and orthonormalising tails of phi as small as 2e-19 (p = 10) multiply that bit: hence a Newton iteration in
-60 digits on the spectral factorisation |q|^2 = sum_k binom(p-1+k, k) y^k, and 60 digits for all that depends on p
-alone. Theta, Theta' and Theta'' then come out to 5e-15 of each function's own maximum for p = 2 .. 10 (p > 2 for
-Theta''), at any float s (for Theta'' of p = 3, any from 2^-27 on).
-
-Source of the construction: Xu & Shann 1992; Chen, Hwang & Shih 1996; index sets as printed in (37).
+Construction: Xu & Shann 1992; Chen, Hwang & Shih 1996; index sets as printed in (37).
 """
 
 from dataclasses import dataclass
@@ -36,26 +17,21 @@ from galerkin.law import compiled
 
 Reading = Literal["literal", "scaling", "shifted"]
 
-DIGITS = 60  # decimal digits of everything computed once per order
-BLOCK = 5  # binary digits taken at once: 32 products of T_0, T_1 fit the first-level cache
-RANK_TOLERANCE = 1e-12  # singular values of unit columns: dependent sets fall to 1e-15, literal ones stay above 1e-11
-DEEPEST = -3  # phi_m for m = 1 .. -3: theta'', theta', theta and two primitives
+DIGITS = 60
+BLOCK = 5  # binary digits taken at once
+RANK_TOLERANCE = 1e-12  # least singular value over the largest
+DEEPEST = -3  # phi_m for m = 1 .. -3
 
 
 # --- the scaling function, once per order ----------------------------------------------------------------------
 
 
 def _solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """A x = b to DIGITS; A (n, n), b (n,) of mpf."""
     return np.array(list(mp.lu_solve(mp.matrix(A.tolist()), mp.matrix(b.tolist()))))
 
 
 def _factor(p: int) -> np.ndarray:
-    """q of h(z) = 2 ((1 + z)/2)^p q(z), ascending powers, (p,) of mpf, from PyWavelets' dbp by Newton.
-
-    The p equations are the coefficients of |q|^2 = sum_k binom(p-1+k, k) y^k, y = (2 - z - 1/z)/4 (Daubechies 1988),
-    which is orthonormality with the p vanishing moments built in.
-    """
+    """q of h(z) = 2 ((1 + z)/2)^p q(z): |q|^2 = sum_k binom(p-1+k, k) y^k, y = (2 - z - 1/z)/4 (Daubechies 1988)."""
     y = np.array([mp.mpf("-0.25"), mp.mpf("0.5"), mp.mpf("-0.25")])  # times z
     wanted, power = np.array([mp.mpf(0)] * (2 * p - 1)), np.array([mp.mpf(1)])
     for k in range(p):
@@ -78,40 +54,36 @@ def _factor(p: int) -> np.ndarray:
 
 
 def _transition(h: np.ndarray, digit: int) -> np.ndarray:
-    """(T_d)_ij = h_(2i-j+d) for a mask of n + 1 taps, (n, n)."""
+    """(T_d)_ij = h_(2i-j+d)."""
     n = h.size - 1
     k = 2 * np.arange(n)[:, None] - np.arange(n) + digit
     return np.where((k >= 0) & (k <= n), h[np.clip(k, 0, n)], h[0] * 0)
 
 
 def _cholesky(W: np.ndarray) -> np.ndarray:
-    """Lower L with L L^T = W, in float64; W (n, n) of mpf, symmetric positive definite."""
     return np.array(mp.cholesky(mp.matrix(W.tolist())).tolist()).astype(float)
 
 
 @dataclass(frozen=True, slots=True)
 class _Walk:
-    """One phi_m, ready for the walk along binary digits."""
-
-    at_integers: np.ndarray  # v(0) = phi_m(0 .. n_m - 1), (n_m,)
-    blocks: np.ndarray  # (2^BLOCK, n_m, n_m): transposed products T_d1 .. T_dBLOCK
-    T: np.ndarray  # (2, n_m, n_m)
+    at_integers: np.ndarray  # v(0)
+    blocks: np.ndarray  # transposed products T_d1 .. T_dBLOCK
+    T: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
 class _Mother:
-    """Everything that depends on the order p alone, in float64, each entry right to its own last bits."""
+    """What depends on the order alone."""
 
-    h: np.ndarray  # (R + 1,) phi(x) = sum h_k phi(2x - k), sum h = 2
-    g: np.ndarray  # (R + 1,) psi(x) = sum g_k phi(2x - k), g_k = (-1)^k h_(R-k)
+    h: np.ndarray  # phi(x) = sum h_k phi(2x - k)
+    g: np.ndarray  # psi(x) = sum g_k phi(2x - k), g_k = (-1)^k h_(R-k)
     walks: dict[int, _Walk]
-    left: np.ndarray  # L of L L^T = int_0^inf phi(x-k) phi(x-l) dx, k, l = 1-R .. -1: cut by the left support
-    right: np.ndarray  # the same for int_-inf^0: cut by the right support
+    left: np.ndarray  # L of L L^T = int_0^inf phi(x-k) phi(x-l) dx, k, l = 1-R .. -1
+    right: np.ndarray  # the same of int_-inf^0
 
 
 @lru_cache(maxsize=16)
 def _mother(p: int) -> _Mother:
-    """The scaling function of order p."""
     R = 2 * p - 1
     with mp.workdps(DIGITS):
         q = _factor(p)
@@ -122,7 +94,7 @@ def _mother(p: int) -> _Mother:
                 mask = np.convolve(mask, np.array([mp.mpf("0.5")] * 2))
             if m == 0:
                 h = mask
-            # v(0) = T_0 v(0) with sum 1; phi_m(0) = 0, so its equation gives way to the sum
+            # v(0) = T_0 v(0) with sum 1, which replaces the first row
             system = _transition(mask, 0) - np.diag([mp.mpf(1)] * (R - m))
             system[0] = mp.mpf(1)
             unit = np.array([mp.mpf(1)] + [mp.mpf(0)] * (R - m - 1))
@@ -131,8 +103,7 @@ def _mother(p: int) -> _Mother:
             for _ in range(BLOCK - 1):
                 blocks = np.concatenate([T[0] @ blocks, T[1] @ blocks])
             walks[m] = _Walk(_solve(system, unit).astype(float), np.ascontiguousarray(blocks.transpose(0, 2, 1)), T)
-        # Refining both functions: W = (H W H^T + B B^T)/2, H = taps that stay cut, B = taps that come to lie inside.
-        # Summed by doubling (Smith 1968); the terms fall by 2 each.
+        # W = (H W H^T + B B^T)/2, H = taps that stay cut, B = taps inside; summed by doubling (Smith 1968)
         taps = np.array(
             [[h[t - 2 * l] if 0 <= t - 2 * l <= R else mp.mpf(0) for t in range(1 - R, R)] for l in range(1 - R, 0)]
         )
@@ -149,9 +120,9 @@ def _mother(p: int) -> _Mother:
 
 @compiled
 def _evaluate(s, R, level, at_integers, blocks, c, out):
-    """out[q] = sum_l c_l phi_m(2^level R s_q - l), rows of c starting at l = 1 - n_m; s in [0, 1].
+    """out[q] = sum_l c_l phi_m(2^level R s_q - l), rows of c from l = 1 - n_m on.
 
-    R s is formed in whole numbers of 2^-80, exactly from s = 2^-27 on: a rounded product would move theta'' by 1e-10.
+    R s is formed in integers of 2^-80: a rounded product would move theta'' by 1e-10.
     """
     n = at_integers.size
     v, w = np.empty(n), np.empty(n)
@@ -186,18 +157,13 @@ def _evaluate(s, R, level, at_integers, blocks, c, out):
 
 @dataclass(frozen=True, slots=True)
 class _Sums:
-    """Functions sum_l c_l phi_m(y - l) of s, y = cells s, for m = 1 .. DEEPEST, each the derivative of the next.
-
-    `c` maps m to coefficients (n_l, n), rows l = 1 - n_m .. cells, where n_m = R - m is the length of the support of
-    phi_m; the last row only ever meets phi_m(0) = 0.
-    """
+    """Functions sum_l c_l phi_m(y - l) of s by m, each the derivative of the next; rows of c from l = 1 - n_m on."""
 
     order: int
     level: int
     c: dict[int, np.ndarray]
 
     def __call__(self, s: np.ndarray, m: int) -> np.ndarray:
-        """The member with phi_m at s, (n_s, n)."""
         s = np.ascontiguousarray(s, dtype=float)
         if s.size and not (s.min() >= 0.0 and s.max() <= 1.0):
             raise ValueError(f"s must lie in [0, 1], got [{s.min()!r}, {s.max()!r}]")
@@ -211,17 +177,13 @@ class _Sums:
 
 
 def _running_sum(c: np.ndarray, first: int) -> np.ndarray:
-    """b with b_l - b_(l-1) = c_l and b_-1 = 0, rows from l = first - 1; c has rows from l = first < 0.
-
-    Sums run outwards from l = 0: coefficients grow like the inverse of the tiny tails that they multiply at the left
-    support, and in a sum from left to right they would swamp all others.
-    """
+    """b with b_l - b_(l-1) = c_l and b_-1 = 0.  Sums run outwards: coefficients at the left support are large."""
     left, right = c[:-first], c[-first:]
     return np.concatenate([-np.cumsum(left[::-1], axis=0)[::-1], np.zeros((1, c.shape[1])), np.cumsum(right, axis=0)])
 
 
 def _sums(order: int, level: int, c: np.ndarray) -> _Sums:
-    """Functions that vanish at s = 0 with derivative sum_l c_l phi(y - l), rows l = 1-R .. cells-1."""
+    """Functions with derivative sum_l c_l phi(y - l), rows from l = 1-R on, and 0 at s = 0."""
     R, cells = 2 * order - 1, 2**level * (2 * order - 1)
     mother = _mother(order)
     family = {0: np.concatenate([c, np.zeros((1, c.shape[1]))])}
@@ -230,8 +192,8 @@ def _sums(order: int, level: int, c: np.ndarray) -> _Sums:
     for m in range(-1, DEEPEST - 1, -1):
         b = _running_sum(family[m + 1], 1 - (R - m - 1)) / cells
         n = R - m
-        at_left = mother.walks[m].at_integers @ b[n - 1 :: -1]  # l = 0, -1, .. against phi_m(0), phi_m(1), ..
-        family[m] = np.ascontiguousarray(b - at_left)  # sum_l phi_m(y - l) = 1
+        at_left = mother.walks[m].at_integers @ b[n - 1 :: -1]
+        family[m] = np.ascontiguousarray(b - at_left)
     return _Sums(order, level, family)
 
 
@@ -239,24 +201,21 @@ def _sums(order: int, level: int, c: np.ndarray) -> _Sums:
 
 
 def _refine(c: np.ndarray, h: np.ndarray, cells: int) -> np.ndarray:
-    """sum_l c_l phi(y - l) in phi(2y - l); rows of c from l = 1-R .. cells-1, of the answer to 2 cells - 1."""
+    """Coefficients of sum_l c_l phi(y - l) in phi(2y - l)."""
     R = h.size - 1
-    fine = np.zeros((2 * len(c) + R, c.shape[1]))  # first row: l = 2 - 2R
+    fine = np.zeros((2 * len(c) + R, c.shape[1]))
     for i, tap in enumerate(h):
         fine[i : i + 2 * len(c) : 2] += tap * c
     return fine[R - 1 : R - 1 + 2 * cells + R - 1]
 
 
 def _printed(order: int, level: int, reading: Reading) -> np.ndarray:
-    """Theta_jk' of (37)-(39) as sum_l c_l phi(y - l): (cells + R - 1, count), rows from l = 1-R, columns by j, then k.
-
-    Scaled as printed, 2^(-j/2) theta(2^j x - k); derivative with respect to s, without the mean that (39) takes off.
-    """
+    """Theta_jk' of (37)-(39) plus a constant as sum_l c_l phi(y - l); columns by j, then k."""
     p, R, mother = order, 2 * order - 1, _mother(order)
-    shift = p - 1 if reading == "shifted" else 0  # psi(x + p - 1), supported on [1-p, p]
+    shift = p - 1 if reading == "shifted" else 0
     c = np.zeros((2 * R - 1, 0))
     for j in range(-1, level):
-        cells = 2 ** (j + 1) * R  # psi_jk is a sum of phi(2^(j+1) x - l)
+        cells = 2 ** (j + 1) * R
         if j >= 0:
             c = _refine(c, mother.h, cells // 2)
         places = np.arange(1 - R, p) if j < 0 else np.arange(p - R, 2**j * R - p + 1)
@@ -273,12 +232,7 @@ def _printed(order: int, level: int, reading: Reading) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def _orthonormal(order: int, level: int, reading: Reading) -> _Sums:
-    """Orthonormal functions (in int f' g' ds) with the span of the printed ones.
-
-    In the coordinates A of Theta' along the orthonormalised phi(y - l) the inner product is the plain dot product, and
-    the constant, which (39) takes off, is one direction: a Householder reflection turns it into the first axis, which
-    is then left out. So Theta(1) = 0 and orthonormality hold to rounding, however dependent the printed functions are.
-    """
+    """Orthonormal functions (in int f' g' ds) with the span of the printed ones; a reflection removes the constant."""
     mother, c = _mother(order), _printed(order, level, reading)
     edge = len(mother.left)
 
@@ -303,10 +257,7 @@ def _orthonormal(order: int, level: int, reading: Reading) -> _Sums:
 
 
 def _cell_gram(T: np.ndarray) -> np.ndarray:
-    """int_0^1 v v^T dx of v(x) = [phi_m(x), phi_m(x + 1), ..], the fixed point of G -> (T_0 G T_0^T + T_1 G T_1^T)/2.
-
-    The map halves all but G itself, whose entries sum to 1 and stay so. T (2, n, n); G (n, n).
-    """
+    """int_0^1 v v^T dx, the fixed point of G -> (T_0 G T_0^T + T_1 G T_1^T)/2."""
     n = T.shape[1]
     G = np.full((n, n), 1.0 / n**2)
     for _ in range(60):
@@ -316,14 +267,12 @@ def _cell_gram(T: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def _own_table(basis: "Daubechies") -> tuple[np.ndarray, np.ndarray]:
-    """Points of the rule for the whole cable, ascending, and phi' there, (n, n_q)."""
     s, _ = basis.quadrature()
     return s, np.ascontiguousarray(basis.phi(s, 1).T)
 
 
 @lru_cache(maxsize=16)
 def _edges(cells: int) -> np.ndarray:
-    """Ends of the parts of the rule, 1/8 of a cell each, 1/32 in the first two cells."""
     return np.concatenate([np.arange(64) / (32 * cells), np.arange(16, 8 * cells + 1) / (8 * cells)])
 
 
@@ -332,18 +281,12 @@ class Daubechies:
     """The span of the anti-derivatives Theta_jk of Daubechies' wavelets, j = -1 .. level-1, made orthonormal.
 
         Theta_jk(x) = 2^(-j/2) [theta(2^j x - k) - theta(-k) - (x/R)(theta(2^j R - k) - theta(-k))],  x = R s     (39)
-        theta(x) = int_0^x psi,  psi(x) = sum_k (-1)^k h_(R-k) phi(2x - k) on [0, R],  R = 2 order - 1
-        1-R <= k <= order-1 for j = -1,   order-R <= k <= 2^j R - order for j >= 0                                (37)
+        1-R <= k <= order-1 for j = -1,   order-R <= k <= 2^j R - order for j >= 0,   R = 2 order - 1             (37)
 
-    The functions handed out are not the Theta_jk but an orthonormal set (in int f' g' ds) with the same span, because
-    the Gram matrix of the Theta_jk is nearly singular.
-
-    order : p, number of vanishing moments, 2 .. 10. theta' is Hoelder continuous with exponent 0.55, 1.09, 1.62 for
-        p = 2, 3, 4, so theta'' does not exist for p = 2 (`phi` refuses) and is hardly continuous for p = 3; `smooth`
-        tells (23) from the path form.
-    level : number of levels after j = -1; 2^level R + order - 1 functions (the paper prints 2^(level+1) R + R - order).
-    reading : "literal" as above. Two misreadings fail instructively: "scaling" takes phi(x - k) for j = -1 and does
-        not converge, for functions at the right end are missing; "shifted" puts psi on [1-p, p] and loses rank.
+    order : number of vanishing moments; theta'' is smooth enough for (23) from 4 on.
+    level : number of levels after j = -1; 2^level R + order - 1 functions.
+    reading : "literal"; "scaling" takes phi(x - k) for j = -1 and lacks functions at the right end; "shifted" puts psi
+        on [1-p, p] and loses rank.
     """
 
     order: int = 4
@@ -360,7 +303,6 @@ class Daubechies:
 
     @property
     def cells(self) -> int:
-        """2^level R: unit intervals of the finest scaling functions along the cable."""
         return 2**self.level * (2 * self.order - 1)
 
     @property
@@ -369,29 +311,21 @@ class Daubechies:
 
     @property
     def n(self) -> int:
-        """Number of functions handed out: of the independent Theta_jk.
-
-        Literal: all of them (rounding hides one for order 10 from level 5 on). Shifted: 7 of 10, 13 of 17, 25 of 31
-        for order 4, as exact elimination confirms.
-        """
+        """Number of independent Theta_jk."""
         return self._functions.c[0].shape[1]
 
     @property
     def smooth(self) -> bool:
-        """True from order 4 on: theta'' exists and is Hoelder continuous with exponent 0.6 or more."""
         return self.order >= 4
 
     def at(self, s: float) -> np.ndarray:
-        """phi, phi', phi'' (0 where there is none) and both primitives at one s, (5, n)."""
         none, x = np.zeros((1, self.n)), np.array([s])
         return np.concatenate([none if m == 2 and not self.smooth else self.phi(x, m) for m in (0, 1, 2, -1, -2)])
 
     def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:
-        """The m-th derivative of phi, (n_s, n); primitives from s = 0 on for m < 0."""
         return self._functions(s, m - 1)
 
     def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Both sides of s_o: phi' is looked up at points of the own rule, which a cut changes in one part."""
         (left, w_left), (right, w_right) = self.quadrature_on(0.0, s_o), self.quadrature_on(s_o, 1.0)
         s = np.concatenate([left, right])
         own, table = _own_table(self)
@@ -404,35 +338,25 @@ class Daubechies:
         return s, np.concatenate([w_left, w_right]), phi
 
     def mass(self) -> np.ndarray:
-        """int phi_m phi_n ds, (n, n), cell by cell from the Gram matrix of phi_-1 on one cell."""
         T, c = _mother(self.order).walks[-1].T, self._functions.c[-1]
         G, n = _cell_gram(T), T.shape[1]
         M = np.zeros((self.n, self.n))
         for cell in range(self.cells):
-            part = c[cell : cell + n][::-1]  # phi_-1(y - l) = v_i, i = cell - l
+            part = c[cell : cell + n][::-1]
             M += part.T @ G @ part
         return 0.5 * (M + M.T) / self.cells
 
     def stiffness(self) -> np.ndarray:
-        """int phi_m' phi_n' ds = 1 on the diagonal, by construction."""
         return np.eye(self.n)
 
     def integral(self) -> np.ndarray:
-        """int phi ds, (n,)."""
         return self.phi(np.array([1.0]), -1)[0]
 
     def quadrature(self) -> tuple[np.ndarray, np.ndarray]:
-        """The rule of `quadrature_on` for the whole cable."""
         return self.quadrature_on(0.0, 1.0)
 
     def quadrature_on(self, a: float, b: float) -> tuple[np.ndarray, np.ndarray]:
-        """Two Gauss points on each 1/8 of a cell (1/32 in the first two cells), cut at a and b.
-
-        More points on fewer pieces do worse: phi'_m phi'_n is no smoother than psi. The functions next to s = 0 are
-        tails of psi, steeper than psi itself, hence the finer start. Measured for p = 4, levels 0, 1, 2 (208, 320, 544
-        points): int e^-s f' phi_n' ds of f = sin 2 pi s to 7e-5, 4e-5, 4e-5 of its norm, any single entry of the
-        stiffness to 9e-4, 2e-4, 3e-4 of the diagonal; the first frequency of the level cable to 1e-6, 2e-7, 1e-8.
-        """
+        """Two Gauss points on each 1/8 of a cell (1/32 in the first two): phi'_m phi'_n is no smoother than psi."""
         edges = _edges(self.cells)
         inside = slice(np.searchsorted(edges, a, side="right"), np.searchsorted(edges, b))
         edges = np.concatenate([[a], edges[inside], [b]])

@@ -14,14 +14,13 @@ from galerkin.law import compiled
 
 @lru_cache(maxsize=256)
 def _unit_gauss(n: int) -> np.ndarray:
-    """n Gauss points and weights on [0, 1], (2, n)."""
     x, w = roots_legendre(n)
     return np.array([0.5 * (1.0 + x), 0.5 * w])
 
 
 @compiled
 def stretched(s, grading):
-    """xi of a place s = xi - grading sin(2 pi xi)/(2 pi), by Newton's method between bounds that close in."""
+    """xi of s = xi - grading sin(2 pi xi)/(2 pi), by Newton's method with bisection."""
     if grading == 0.0 or s <= 0.0 or s >= 1.0:
         return s
     low, high, x = 0.0, 1.0, s
@@ -40,10 +39,9 @@ def stretched(s, grading):
 
 @compiled
 def integrals(x, n, grading, out):
-    """Set rows of out (2, n) to primitives of sin(k pi xi) by s, and of those.
+    """Set rows of out (2, n) to two primitives of sin(k pi xi) by s.
 
-    ds/dxi = 1 - grading cos(2 pi xi) shifts the number of waves by two: a sum of neighbours for each primitive.
-    D and F are those of sines, odd in j; I of cosines, even in j.
+    ds/dxi = 1 - grading cos(2 pi xi) couples j to j + 2 and j - 2.  D and F belong to sines and are odd in j.
     """
     size, b = n + 5, 0.5 * grading
     D, I, F = np.zeros(size), np.zeros(size), np.zeros(size)
@@ -60,7 +58,7 @@ def integrals(x, n, grading, out):
 
 @compiled
 def derivatives(x, n, grading, out):
-    """Set rows of out (3, n) to sin(k pi xi) and its first and second derivative by s."""
+    """Set rows of out (3, n) to phi, phi', phi''."""
     g = 1.0 / (1.0 - grading * math.cos(2.0 * math.pi * x))
     bend = 2.0 * math.pi * grading * math.sin(2.0 * math.pi * x) * g
     for k in range(n):
@@ -71,7 +69,7 @@ def derivatives(x, n, grading, out):
 
 @compiled
 def values_at(s, n, grading):
-    """`Fourier.at`, (5, n)."""
+    """`Basis.at`."""
     out, x = np.empty((5, n)), stretched(s, grading)
     derivatives(x, n, grading, out[:3])
     integrals(x, n, grading, out[3:])
@@ -80,7 +78,7 @@ def values_at(s, n, grading):
 
 @compiled
 def values_along(s, n, grading, row):
-    """One row of `values_at` at many places (m,), (m, n)."""
+    """One row of `values_at` at many places."""
     out = np.empty((s.size, n))
     for i in range(s.size):
         out[i] = values_at(s[i], n, grading)[row]
@@ -89,11 +87,7 @@ def values_along(s, n, grading, row):
 
 @compiled
 def split(s_o, behind, ahead, n, grading):
-    """`Fourier.split` for rules (2, m) on [0, 1] of both sides.
-
-    k pi cos(k pi xi) by turning (cos, sin) k times by pi xi: each turn adds a rounding to the angle, k eps after k of
-    them, no more than rounding the argument costs.
-    """
+    """`Basis.split` with rules (2, m) on [0, 1]; k pi cos(k pi xi) by turning (cos, sin) k times by pi xi."""
     m, both, x_o = behind.shape[1], behind.shape[1] + ahead.shape[1], stretched(s_o, grading)
     s, weights, phi = np.empty(both), np.empty(both), np.empty((n + 1, both))
     c1, s1, c, sn, dense = np.empty(both), np.empty(both), np.empty(both), np.empty(both), np.empty(both)
@@ -117,15 +111,10 @@ def split(s_o, behind, ahead, n, grading):
 
 @dataclass(frozen=True, slots=True)
 class Fourier:
-    """phi_k(s) = sin(k pi xi), k = 1 .. n: every integral in closed form, no locality.
+    """phi_k(s) = sin(k pi xi), k = 1 .. n, s = xi - grading sin(2 pi xi)/(2 pi).
 
-    s = xi - grading sin(2 pi xi)/(2 pi): the paper's sines with 0; else 1/(1 - grading) times as fine next to the
-    supports as those, and 1 + grading times as coarse halfway.
-
-    Gauss points: a product of two highest derivatives is cos(2 n pi s), which Gauss' rule integrates to rounding with
-    about n pi/2 points plus a margin growing like n^(1/3); the strain multiplies a few more factors, hence
-    2 n + 40. A side of the mass may be nearly the whole cable, so its count depends on n, not on its length
-    (n + 12 points a side destroy the path at n = 60).
+    Gauss' rule integrates cos(2 n pi s), a product of two highest derivatives, to rounding with n pi/2 points and a
+    margin.  The strain multiplies more factors, hence 2 n + 40 points for the cable.
     """
 
     n: int
@@ -143,51 +132,43 @@ class Fourier:
 
     @property
     def wavenumbers(self) -> np.ndarray:
-        """k pi, (n,)."""
         return np.pi * np.arange(1, self.n + 1)
 
     def at(self, s: float) -> np.ndarray:
-        """phi, phi', phi'', both primitives at one s, (5, n)."""
         return values_at(s, self.n, self.grading)
 
     def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:
-        """The m-th derivative of phi, (n_s, n), m = -2 .. 2; primitives for m < 0."""
         if self.grading:
             return values_along(np.asarray(s, float), self.n, self.grading, (0, 1, 2, 4, 3)[m])
         x, sign = np.multiply.outer(s, self.wavenumbers), (1.0, 1.0, -1.0, -1.0)[m % 4]
         return sign * self.wavenumbers**m * (np.cos(x) if m % 2 else np.sin(x))
 
     def mass(self) -> np.ndarray:
-        """int phi_m phi_n ds: 1/2 on the diagonal, and what the grading mixes."""
         k = np.arange(1, self.n + 1)
         apart, sums = np.subtract.outer(k, k), np.add.outer(k, k)
         return 0.5 * (apart == 0) - 0.25 * self.grading * ((np.abs(apart) == 2) * 1.0 - (sums == 2))
 
     def stiffness(self) -> np.ndarray:
-        """int phi_m' phi_n' ds, (n pi)^2/2 on the diagonal without a grading."""
         if not self.grading:
             return np.diag(0.5 * self.wavenumbers**2)
         _, weights, phi = split(0.5, self.side_rule(1.0), self.side_rule(1.0), self.n, self.grading)
         return (phi[:-1] * weights) @ phi[:-1].T
 
     def integral(self) -> np.ndarray:
-        """int phi_k ds."""
         left, right = self.phi(np.array([0.0, 1.0]), -1)
         return right - left
 
     def quadrature(self) -> tuple[np.ndarray, np.ndarray]:
-        """2 n + 40 Gauss points on the cable."""
         x, w = _unit_gauss(2 * self.n + 40)
         turn = 2.0 * np.pi * x
         return x - self.grading * np.sin(turn) / (2.0 * np.pi), w * (1.0 - self.grading * np.cos(turn))
 
     def side_rules(self, s_o: float) -> tuple[np.ndarray, np.ndarray]:
-        """Gauss rules on [0, 1] for both sides of s_o."""
         x = float(stretched(s_o, self.grading))
         return self.side_rule(x), self.side_rule(1.0 - x)
 
     def alike(self, s_o: np.ndarray) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
-        """Places next to each other that have the same rules of both sides, and these; s_o (m,)."""
+        """Runs of consecutive places s_o (m,) with the same rules of both sides, and these rules."""
         x = np.array([stretched(s, self.grading) for s in s_o.tolist()]) if self.grading else s_o
         counts = np.ceil(self.n * np.stack([x, 1.0 - x]) / 8.0)
         ends = np.flatnonzero((counts[:, 1:] != counts[:, :-1]).any(axis=0)) + 1
@@ -195,9 +176,8 @@ class Fourier:
             yield slice(first, end), *self.side_rules(float(s_o[first]))
 
     def side_rule(self, length: float) -> np.ndarray:
-        """Gauss points and weights on [0, 1] for a piece of this length in xi, (2, m), m in steps of 16."""
+        """Gauss points and weights on [0, 1] for a piece of this length in xi, (2, m)."""
         return _unit_gauss(20 + 16 * math.ceil(self.n * length / 8.0))
 
     def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points, weights, phi' and the hat's slope on both sides of s_o, without a cosine per entry."""
         return split(s_o, *self.side_rules(s_o), self.n, self.grading)

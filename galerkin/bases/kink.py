@@ -1,14 +1,4 @@
-"""The basis as the mass sees it: standing still, or enriched by one hat that travels with the mass.
-
-A mass bends the cable sharply, and a sum of smooth functions meets that kink at first order only.  One hat function
-with its peak at the mass takes the kink away from the sum.  Since the hat moves, Lagrange's equations for
-w = sum_j Phi_j(s; s_o(t)) q_j read
-
-    M q.. + 2 A q. + (A. - B) q + R(q) = F,
-    M_ij = int Phi_i Phi_j ds,  A_ij = int Phi_i dPhi_j/dt ds,  B_ij = int dPhi_i/dt dPhi_j/dt ds,
-
-with the mass on top (`galerkin.equations`).  Both classes here answer the same questions; one stands, A = B = 0.
-"""
+"""A basis with or without a hat that travels with the mass; see README.md, "Kink"."""
 
 from typing import NamedTuple
 
@@ -24,20 +14,20 @@ class Carried(NamedTuple):
     """What the equations need of a moving basis at an instant; n functions."""
 
     mass: Array  # M, (n, n)
-    gyroscopic: Array  # last column of 2 A, (n,); its other columns are zero, as are those of A. - B
+    gyroscopic: Array  # last column of 2 A, (n,); other columns are zero
     centrifugal: Array  # last column of A. - B, (n,)
     f: Array  # Phi(s_o), (n,)
-    f_s: Array  # Phi'(s_o) along the path: the hat rides along and stays 1, that is why its kink costs no phi''
+    f_s: Array  # dPhi/ds_o at the mass, along the path; 0 for the hat, which stays 1
     f_v: Array  # 2 ds_o Phi'(s_o), as in (22), (n,)
     f_q: Array  # dds_o Phi'(s_o) + ds_o^2 Phi''(s_o), as in (23), (n,)
-    behind: Array  # int_0^s_o hat Phi ds, (n,); 0 without a hat
+    behind: Array  # int_0^s_o hat Phi ds, (n,)
 
 
 @compiled
 def _overlap(phi, first, second, left, chord, s_o):
-    """I, I', I'' of `TravellingKink` for one function; first, second : its primitives.
+    """I, I', I'' of `TravellingKink` for one function with primitives first, second.
 
-    At s_o = 0, where E = E'(0) s + O(s^3), the limits are I = I' = -E'(0); I'' there is not needed and is 0.
+    At s_o = 0 the limits are I = I' = -E'(0).
     """
     if s_o == 0.0:
         return chord - first, chord - first, 0.0
@@ -49,7 +39,7 @@ def _overlap(phi, first, second, left, chord, s_o):
 
 @compiled
 def _overlaps(phi, first, second, left, chord, s_o):
-    """The same for all functions (m, n) at m places: (3, m, n)."""
+    """The same for functions (m, n) at m places: (3, m, n)."""
     out = np.empty((3, *phi.shape))
     for i in range(s_o.size):
         for k in range(phi.shape[1]):
@@ -61,10 +51,7 @@ def _overlaps(phi, first, second, left, chord, s_o):
 
 @compiled
 def carry(at, mass, left, chord, s_o, ds_o, dds_o):
-    """M, and the other entries of `Carried` as rows, (7, n).
-
-    at : `Basis.at`;  left, chord : of `TravellingKink`
-    """
+    """M and the other entries of `Carried` as rows, (7, n); at : `Basis.at`."""
     n, size = at.shape[1], mass.shape[0]
     hat, M, rows = size > n, np.empty((size, size)), np.empty((7, size))
     for k in range(size):
@@ -87,7 +74,7 @@ def carry(at, mass, left, chord, s_o, ds_o, dds_o):
 
 
 class Standing:
-    """The given basis unchanged: it does not know the mass."""
+    """The given basis, without a hat."""
 
     def __init__(self, basis: Basis) -> None:
         self.basis, self.n = basis, basis.n
@@ -96,37 +83,30 @@ class Standing:
         self._slopes = s, weights, np.ascontiguousarray(basis.phi(s, 1).T)
 
     def carried(self, s_o: float, ds_o: float, dds_o: float) -> Carried:
-        """Its part in the equations at this instant."""
         none = self._integral
         mass, rows = carry(self.basis.at(s_o), self.at_rest, none, none, s_o, ds_o, dds_o)
         return Carried(mass, *rows)
 
     def stiffness(self, s_o: float) -> Array:
-        """int Phi_i' Phi_j' ds, (n, n)."""
         return self._stiffness
 
     def integral(self, s_o: float) -> Array:
-        """int Phi_i ds, (n,)."""
         return self._integral
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
-        """Points (n_q,), ascending, weights (n_q,) and Phi' there (n, n_q), piece by piece."""
+        """Points (n_q,), ascending, weights (n_q,) and Phi' there (n, n_q)."""
         return self._slopes
 
 
 class TravellingKink:
     """Any basis plus the hat that is 1 at the mass and falls linearly to 0 at both supports; the hat comes last.
 
-    All its integrals are in closed form.  hat'' is a delta of weight -1/(s_o (1 - s_o)) at s_o, so with E'' = phi,
-    E(0) = E(1) = 0 (the second primitive less its chord)
-
-        I(s_o) = int hat phi ds = int hat'' E ds = -E(s_o)/(s_o (1 - s_o)),
-        int phi dhat/dt ds = I' ds_o,    int phi d2hat/dt2 ds = I'' ds_o^2 + I' dds_o   (phi stands still),
+        I(s_o) = int hat phi ds = -E(s_o)/(s_o (1 - s_o)),  E'' = phi, E(0) = E(1) = 0,
+        int phi dhat/dt ds = I' ds_o,    int phi d2hat/dt2 ds = I'' ds_o^2 + I' dds_o,
         int hat^2 = 1/3,  int hat dhat/dt = 0,  int (dhat/dt)^2 = ds_o^2/(3 s_o (1 - s_o)),
         int hat' phi' = phi(s_o)/(s_o (1 - s_o)),  int hat'^2 = 1/(s_o (1 - s_o)),  int hat = 1/2.
 
-    The left slope 1/s_o grows without bound towards a support: nothing but `overlap` may be asked for at s_o = 0,
-    and nothing at s_o = 1.
+    Only `overlap` is defined at s_o = 0, nothing at s_o = 1.
     """
 
     def __init__(self, basis: Basis) -> None:
@@ -157,7 +137,6 @@ class TravellingKink:
         return self._integral
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
-        """Points on each side of the mass; each side must resolve the highest phi over the whole cable."""
         return self.basis.split(s_o)
 
 

@@ -1,20 +1,11 @@
-"""Compiled inner loops of the full cable.
+"""Compiled steps of the full cable over sines with a hat; loops compile faster than expressions of arrays.
 
-Compiled because a step of these small systems costs more in interpreter than in arithmetic otherwise.
-
-    cable     stress, forces, tangent, inertia
+    cable     stress, force, tangent, inertia
     dense     BLAS and LAPACK
     rolling   a car that rolls
-    steps     a step, and many in one go
+    steps     instants, Newton's method, many steps
 
-Common arguments
-    T         (m,) static tension;  r_static (2, m) rows x', y' of the static shape
-    slope     (2, m) w' = (u', v');  phi (n, m) Phi' at the points, weights (m,) of Gauss' rule
-    alpha, law  EA/H, and the index of the law in `galerkin.law.LAWS`
-    x         a `Carried` of the moving basis
-    Q, V, A   (fields, n) coefficients, their velocities and accelerations
-
-Loops stand where numpy would have an expression of arrays: numba takes seconds to compile the latter.
+Arguments: phi (n, m) Phi' at the points; x a `Carried`; Q, V, A (2, n) coefficients and their rates.
 """
 
 from galerkin.kernels.cable import Cable, Points, balance, least, stiffness, stress

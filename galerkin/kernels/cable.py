@@ -1,4 +1,4 @@
-"""The full cable at points: stress, internal force, tangent and inertia, over sines with a hat."""
+"""The full cable at points: stress, internal force, tangent and inertia."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Points(NamedTuple):
     """Points of the integrals of the full cable, and the static cable there."""
 
     s: Array  # (m,)
-    phi: Array  # Phi', (n, m); with a hat its slope is the last row
+    phi: Array  # Phi', (n, m)
     weights: Array  # (m,)
     T: Array  # (m,)
     r_static: Array  # x', y', (2, m)
@@ -26,17 +26,17 @@ class Points(NamedTuple):
 class Cable(NamedTuple):
     """Constants of the full cable with its mass."""
 
-    inertia: float  # of the mass; 0: it is a force, its weight alone
+    inertia: float  # mu, or 0 for a force
     mu: float
     alpha: float
-    law: int  # index in `galerkin.law.LAWS`
+    law: int  # of `LAWS`
     sigma: float
     c: float
 
 
 @compiled
 def static(s, sigma, c):
-    """T, and x', y' as rows, of (9)-(10): T^2 = 1 + p^2, p = c - sigma s."""
+    """T, and x', y' as rows, of (9)-(10)."""
     T, r = np.empty(s.size), np.empty((2, s.size))
     for i in range(s.size):
         p = c - sigma * s[i]
@@ -47,10 +47,9 @@ def static(s, sigma, c):
 
 @compiled
 def at_point(T, xp, yp, ux, vy, alpha, law):
-    """N, W, N t - T t_static (2), k, d, |r'| and the elastic T + alpha eps, whatever the law.
+    """N, W, N t - T t_static (2), k, d, and the elastic T + alpha eps.
 
-    The tangent of N t is k I + d r' r'^T, k = N/|r'|, d = (dN/deps |r'| - N)/|r'|^3 of (28)-(32).  The force is formed
-    as (k - T) X' + k w', k - T = ((N - T) - T eps)/|r'|: nothing cancels next to the hanging cable.
+    k = N/|r'|, d = (dN/deps |r'| - N)/|r'|^3 of (28)-(32).  The force is (k - T) X' + k w', without cancellation.
     """
     e = (2.0 * xp + ux) * ux + (2.0 * yp + vy) * vy
     stretch = math.sqrt(1.0 + e)
@@ -78,8 +77,8 @@ def stress(T, r_static, slope, alpha, law):
 def balance(at, Q, cable, force, gram, pull, sides):
     """Set the internal force (2, n) of coefficients Q; at : `Points`, cable : `Cable`.
 
-    gram : (3, m) receives the weighted tangent xx, xy, yy at the points;  pull : (m,) the elastic T + alpha eps
-    sides : (2, 2) receives int (N t - T t_static) ds behind and ahead of the mass, each a row
+    gram : (3, m) weighted tangent xx, xy, yy;  pull : (m,) elastic tension
+    sides : (2, 2) int (N t - T t_static) ds behind and ahead of the mass, each a row
     """
     slope = np.empty((2, at.weights.size))
     multiply(Q, at.phi, False, slope)
@@ -100,9 +99,8 @@ def balance(at, Q, cable, force, gram, pull, sides):
 def stiffness(phi, gram, grading, out):
     """Set out (2 n, 2 n) to int Phi_i' f_ab Phi_j' ds, rows a i, columns b j; gram (3, m): weighted f_xx, f_xy, f_yy.
 
-    phi_j' phi_k' = j k pi^2/2 g^2 (cos((j-k) x) + cos((j+k) x)), x = pi xi, g = dxi/ds, and
-    c_m = sum_q f_q g_q^2 cos(m x_q).  The table holds the cosines up to m = N, times g = 1 + grading phi_2'/(2 pi), as
-    xi = s + grading phi_2/(2 pi); cos((N+m) x) = 2 cos(N x) cos(m x) - cos((N-m) x) gives the others.
+    phi_j' phi_k' = j k pi^2/2 g^2 (cos((j-k) x) + cos((j+k) x)), x = pi xi, g = dxi/ds = 1 + grading phi_2'/(2 pi).
+    Cosines up to N are in the table; cos((N+m) x) = 2 cos(N x) cos(m x) - cos((N-m) x) gives the others.
     """
     n, m = phi.shape
     N = n - 1
@@ -137,7 +135,7 @@ def stiffness(phi, gram, grading, out):
 
 @compiled
 def acceleration(x, Q, V, A):
-    """d2/dt2 of w(s_o, t) along the path, (fields,)."""
+    """d2/dt2 of w(s_o, t) along the path."""
     out = np.empty(A.shape[0])
     for a in range(out.size):
         out[a] = 0.0
@@ -148,7 +146,7 @@ def acceleration(x, Q, V, A):
 
 @compiled
 def add_inertia(x, Q, V, A, C, R):
-    """Add M A + 2 A V + (A. - B) Q of the cable and the force C (fields,) at the mass to R (fields, n)."""
+    """Add M A + 2 A V + (A. - B) Q of the cable and the force C (2,) at the mass to R."""
     last = x.f.size - 1
     for a in range(R.shape[0]):
         for k in range(last + 1):
@@ -160,7 +158,7 @@ def add_inertia(x, Q, V, A, C, R):
 
 @compiled
 def add_inertia_tangent(x, mu, c0, c1, c2, K):
-    """Make c0 K, K = dR/dQ (fields n, fields n), the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of all but C's own load."""
+    """Make c0 K, K = dR/dQ, the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of cable and mass mu."""
     n = x.f.size
     last = n - 1
     for i in range(K.shape[0]):
@@ -174,10 +172,7 @@ def add_inertia_tangent(x, mu, c0, c1, c2, K):
 
 @compiled
 def least(at, s_o, pull):
-    """The least tension and its s; where one is negative, that of means over shortest waves, as `FullCable.least`.
-
-    pull : (m,) the elastic T + alpha eps
-    """
+    """The least tension and its s, as `FullCable.least`."""
     s, where = at.s, 0
     for i in range(pull.size):
         if pull[i] < pull[where]:
@@ -206,7 +201,7 @@ def least(at, s_o, pull):
 def survey(at, Q, cable, internal):
     """int W ds, the least N and its s.
 
-    internal : (2, 2) receives int (N t - T t_static) ds behind and ahead of the mass, each a column
+    internal : (2, 2) int (N t - T t_static) ds behind and ahead of the mass, each a column
     """
     slope = np.empty((2, at.weights.size))
     multiply(Q, at.phi, False, slope)

@@ -1,8 +1,6 @@
-"""Dense products and solutions by BLAS and LAPACK, through what numba has of them for its own np.dot and np.linalg.
+"""Dense products and solutions by BLAS and LAPACK, through numba's own entries to them.
 
-Not by `get_cython_function_address` of scipy's: what holds such an address cannot be cached.
-Called directly: what numba makes of np.dot and np.linalg.solve takes seconds to compile, for its tests and messages.
-Arrays are in C order; column by column, as the libraries read them, they are their transposes.
+numba's np.dot and np.linalg.solve take seconds to compile.  Arrays in C order are the libraries' transposes.
 """
 
 import math
@@ -28,7 +26,7 @@ DOUBLE, PLAIN, TRANSPOSED = ord("d"), ord("n"), ord("t")
 
 @compiled
 def multiply(a, b, flip, out):
-    """Set out (m, n) to a b, or where `flip` to a b^T; a (m, k)."""
+    """Set out (m, n) to a b, or where `flip` to a b^T."""
     if not (a.flags.c_contiguous and b.flags.c_contiguous and out.flags.c_contiguous):
         raise ValueError("arrays in C order are wanted")
     factors = np.empty(2)
@@ -40,7 +38,7 @@ def multiply(a, b, flip, out):
 
 @compiled
 def solve(K, b, x):
-    """Set x (n,) to K^-1 b, to NaN if K is singular."""
+    """Set x to K^-1 b, to NaN if K is singular."""
     n = b.size
     columns, pivots = np.empty((n, n)), np.empty(n, dtype=F_INT_nptype)
     for i in range(n):

@@ -1,4 +1,4 @@
-"""A car that rolls: its balance along the mean tangent, and the row of the tangent that goes with it."""
+"""A car that rolls: its balance along the mean tangent, and that row of the tangent."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from galerkin.law import compiled
 
 LEAST_PULL = 1e-3  # of a cable that is not slack, over H
 STEP = 1e-6  # of differences
-LEAST_WINDOW = 6.0  # steps over which the car's acceleration is averaged for friction, where they are long
+LEAST_WINDOW = 6.0  # least length of the window of `averaged`, in steps
 
 
 class Rolling(NamedTuple):
@@ -25,25 +25,25 @@ class Rolling(NamedTuple):
     drag: float  # of the air
     wind: float
     hold: float  # F_hold
-    rub: float  # mu_r, with the sign that friction acts in
-    brake: float  # of brakes, with the sign they act in
-    ax: float = 0.0  # p.. as friction goes by it; nan: by the one that the car has
+    rub: float  # mu_r with the sign of friction
+    brake: float  # with its sign
+    ax: float = 0.0  # mean p.. for the friction; nan: the present one
     ay: float = 0.0
 
 
 class Ground(NamedTuple):
-    """What an instant brings at the mass, whatever the coefficients."""
+    """What an instant brings at the mass."""
 
     x: Carried
     slope: Array  # X' at the mass, (2,)
-    load: Array  # acceleration of the mass along its static path less gravity, (2,)
+    load: Array  # X.. - sigma j, (2,)
     s_o: float
     ds_o: float
     dds_o: float
 
 
 class Coefficients(NamedTuple):
-    """Of a state, (2, n) each."""
+    """Coefficients of a state and their rates, (2, n) each."""
 
     Q: Array
     V: Array
@@ -52,11 +52,10 @@ class Coefficients(NamedTuple):
 
 @compiled
 def car(on, thrust, velocity, acceleration, behind, ahead):
-    """The car by its p., p.. and r' behind and ahead (2,); on : `Rolling`;  thrust, or the haul force.
+    """The car from p., p.. and r' behind and ahead (2,); thrust may be the haul force.
 
-    C = mu (p.. - sigma j) - F_ext (2), tau (2), cos(phi), <lam>, the force of the air (2), the normal part of the force
-    on the cable, downward, the defect tau . C - f cos(phi), the speed tau . p., p. (2), and what friction takes for the
-    normal part.
+    Return C = mu (p.. - sigma j) - F_ext (2), tau (2), cos(phi), <lam>, drag (2), the normal force on the cable,
+    tau . C - f cos(phi), tau . p., p. (2), and the normal force that friction takes.
     """
     mx, my = 0.5 * (behind[0] + ahead[0]), 0.5 * (behind[1] + ahead[1])
     size = math.hypot(mx, my)
@@ -79,10 +78,7 @@ def car(on, thrust, velocity, acceleration, behind, ahead):
 
 @compiled
 def taut(force, slope, T, alpha):
-    """Turn r' at a point (2,), as the basis has it, into that of the force N t; return lam/N.
-
-    Where the cable is slack r' stays, and the return is 0.
-    """
+    """Turn r' (2,) into that of the force N t; return lam/N.  A slack cable keeps r' and returns 0."""
     N = math.hypot(force[0], force[1])
     if not (N > LEAST_PULL and force[0] * slope[0] + force[1] * slope[1] > 0.0):
         return 0.0
@@ -93,10 +89,9 @@ def taut(force, slope, T, alpha):
 
 @compiled
 def recover(here, y, sides, alpha, behind, ahead):
-    """Turn r' behind and ahead of the mass (2,) into that of the tension from equilibrium; return lam/N there.
+    """Turn r' behind and ahead of the mass into that of the tension from equilibrium; return lam/N there.
 
-    See `galerkin.equilibrium`.
-    sides : int (N t - T t_static) ds behind and ahead, rows (2, 2); the hat's two rays weigh the balances.
+    sides : int (N t - T t_static) ds behind and ahead, rows (2, 2); see `galerkin.equilibrium`.
     """
     x, ds_o, dds_o = here.x, here.ds_o, here.dds_o
     last, near, far = x.f.size - 1, 1.0 / here.s_o, 1.0 / (1.0 - here.s_o)
@@ -113,10 +108,9 @@ def recover(here, y, sides, alpha, behind, ahead):
 
 @compiled
 def by_force(on, thrust, velocity, p, behind, ahead, turn, defect, side):
-    """How the defect of `car` follows the force behind (side 0) or ahead of it, (2,); turn : lam/N there.
+    """Derivative of the defect of `car` by the force behind (side 0) or ahead, (2,); turn : lam/N there.
 
-    By differences of r', which a force turns and hardly stretches: friction and brake go by the kink, too.  Without
-    that Newton's method diverges on graded sines, where a braked car nears a support on a soft rope.
+    By differences of r', which a force turns and hardly stretches.
     """
     moved, got = np.empty((2, 2)), np.empty(2)
     slope = behind if side == 0 else ahead
@@ -132,7 +126,7 @@ def by_force(on, thrust, velocity, p, behind, ahead, turn, defect, side):
 
 @compiled
 def motion(here, y):
-    """p., p.. - sigma j, and r' behind and ahead of the car as the slopes of the basis show it, (2,) each."""
+    """p., p.. - sigma j, and r' behind and ahead of the car by the slopes of the basis, (2,) each."""
     x = here.x
     last, p = x.f.size - 1, acceleration(x, y.Q, y.V, y.A)
     velocity, behind, ahead = np.empty(2), np.empty(2), np.empty(2)
@@ -150,7 +144,7 @@ def motion(here, y):
 
 @compiled
 def line(past, first, t):
-    """p. (2,) at t between instants of `past` from `first` on."""
+    """p. (2,) at t, linear between rows of `past`."""
     i = first + 1
     while past[i, 0] < t:
         i += 1
@@ -160,10 +154,10 @@ def line(past, first, t):
 
 @compiled
 def averaged(past, first, last, least):
-    """The first row still wanted, t of the last one, the car's acceleration then by its velocities, and its rate.
+    """The car's acceleration from its velocities over a window, without what rings.
 
-    past : (m, 3) rows t and p.
-    least : of the window, which where steps are long holds so many of them
+    past : (m, 3) rows t and p.;  least : length of the window, at least LEAST_WINDOW steps.
+    Return the first row still wanted, t of the last, the acceleration then, and its rate.
     """
     t = past[last, 0]
     window = max(least, LEAST_WINDOW * (t - past[last - 1, 0])) if last > first else least
@@ -190,10 +184,9 @@ def averaged(past, first, last, least):
 
 @compiled
 def roll(here, y, sides, alpha, on, thrust, R):
-    """Add the cable's inertia and the car to R (2, n), and return `car`, and `by_force` of both sides.
+    """Add the cable's inertia and the car to R (2, n); return `car`, and `by_force` of both sides.
 
-    sides : as for `recover`.  tau is that of the tension from equilibrium: sines do not resolve a side that is shorter
-        than their waves, and the balance of the car by their slopes errs by a hundred times as much.
+    tau is that of the tension from equilibrium: slopes of sines err by a hundred times as much on a short side.
     """
     velocity, p, behind, ahead = motion(here, y)
     p[1] += on.sigma
@@ -208,10 +201,7 @@ def roll(here, y, sides, alpha, on, thrust, R):
 
 @compiled
 def pulls(phi, gram):
-    """How int (N t - T t_static) ds behind and ahead of the mass follow Q, (2, 2, 2, n): side, its field, Q's.
-
-    gram : as `balance` leaves it
-    """
+    """Derivative of int (N t - T t_static) ds behind and ahead by Q, (2, 2, 2, n): side, its field, Q's."""
     n, m = phi.shape
     both, sums, out = np.zeros((6, m)), np.empty((6, n)), np.empty((2, 2, 2, n))
     for q in range(m):
@@ -229,7 +219,7 @@ def pulls(phi, gram):
 
 @compiled
 def row(here, out, pulls, on, c, into):
-    """The car's row of the tangent, (2 n + 1,), by `roll`; tau turns with the forces of `recover`."""
+    """The car's row of the tangent, (2 n + 1,)."""
     x, ds_o, (c0, c1, c2), near, far = here.x, here.ds_o, c, 1.0 / here.s_o, 1.0 / (1.0 - here.s_o)
     n, mu = x.f.size, on.mu
     rub = out[4] * math.copysign(on.rub, on.rub * out[8]) if math.isnan(on.ax) else 0.0

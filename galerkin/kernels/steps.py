@@ -1,4 +1,4 @@
-"""Steps by Newton's method over sines with a hat: of a mass that grips, and of a car that rolls."""
+"""Steps by Newton's method: of a mass that grips, and of a car that rolls."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Line(NamedTuple):
 class Ride(NamedTuple):
     """A rolling car in a step."""
 
-    mode: int  # FREE: the last unknown is s_o; STUCK: it stays; HAULED: its acceleration is the haul force
+    mode: int  # FREE, STUCK: the last unknown is s_o; HAULED: its acceleration is the haul force
     on: Rolling
     thrust: float
     s_o: float  # these three of a hauled car
@@ -65,30 +65,30 @@ class Ride(NamedTuple):
 
 
 class Course(NamedTuple):
-    """What a free car needs for many steps between two events."""
+    """A free car between two events."""
 
     t: Array  # (m,) balances of the steps
     thrust: Array  # (m,) there
-    past: Array  # (k + m, 3) for `averaged`; of m rows nothing is known yet
+    past: Array  # (k + m, 3) for `averaged`, m rows still empty
     window: float
-    smooth: Array  # (6,) receives what `averaged` tells of the last step
+    smooth: Array  # (6,) what `averaged` returns for the last step
     low: float  # between these the car has to stay
     high: float
     sign: float  # of ds_o, 0 where it may turn round
     forward: float  # of its speed
     slow: float  # the least speed
-    lifted: bool  # whether lift-off is none any more
+    lifted: bool
 
 
 class Moment(NamedTuple):
-    """What an instant brings, whatever the coefficients."""
+    """Points and ground of an instant."""
 
     at: Points
     ground: Ground
 
 
 class Space(NamedTuple):
-    """Work arrays of a step with n_dof unknowns and m points."""
+    """Work arrays of a step."""
 
     balanced: Array  # (3, n_dof) the state that is weighed
     r: Array  # (n_dof,) its residual
@@ -102,7 +102,6 @@ class Space(NamedTuple):
 
 @compiled
 def space_for(size, line):
-    """`Space` for so many unknowns."""
     m, n = line.behind.shape[1] + line.ahead.shape[1], line.left.size + 1
     return Space(
         np.empty((3, size)), np.empty(size), np.empty((2, n)), np.empty((3, m)), np.empty(m), np.empty((2, 2)),
@@ -112,7 +111,7 @@ def space_for(size, line):
 
 @compiled
 def ground_at(line, s_o, ds_o, dds_o):
-    """`Ground` where the mass is at s_o; for a force alone its weight is the load."""
+    """`Ground` where the mass is at s_o; the load of a force alone is its weight."""
     cable = line.cable
     at = values_at(s_o, line.left.size, line.grading)
     M, rows = carry(at, line.mass, line.left, line.chord, s_o, ds_o, dds_o)
@@ -130,7 +129,6 @@ def ground_at(line, s_o, ds_o, dds_o):
 
 @compiled
 def points_at(line, s_o):
-    """`Points` where the mass is at s_o."""
     s, weights, phi = split(s_o, line.behind, line.ahead, line.left.size, line.grading)
     T, r_static = static(s, line.cable.sigma, line.cable.c)
     return Points(s, phi, weights, T, r_static)
@@ -138,23 +136,18 @@ def points_at(line, s_o):
 
 @compiled
 def moment(line, s_o, ds_o, dds_o):
-    """`Moment` where the mass is at s_o."""
     return Moment(points_at(line, s_o), ground_at(line, s_o, ds_o, dds_o))
 
 
 @compiled
 def surveyed(line, s_o, Q, internal, told):
-    """`survey` of many states whose mass is at s_o (m,); Q : (m, 2, n).
-
-    internal : (m, 2, 2) receives integrals, see `survey`;  told : (m, 3) int W ds, the least N and its s
-    """
+    """`survey` of states Q (m, 2, n) with the mass at s_o (m,); told : (m, 3) what it returns."""
     for i in range(s_o.size):
         told[i, 0], told[i, 1], told[i, 2] = survey(points_at(line, s_o[i]), Q[i], line.cable, internal[i])
 
 
 @compiled
 def travel(ride, state):
-    """s_o, ds_o, dds_o of the car at a state, rows q, v, a."""
     last = state.shape[1] - 1
     if ride.mode == HAULED:
         return ride.s_o, ride.ds_o, ride.dds_o
@@ -163,7 +156,6 @@ def travel(ride, state):
 
 @compiled
 def coefficients(state, n):
-    """`Coefficients` of a state, rows q, v, a."""
     return Coefficients(
         state[0, : 2 * n].reshape(2, n), state[1, : 2 * n].reshape(2, n), state[2, : 2 * n].reshape(2, n)
     )
@@ -181,10 +173,7 @@ def seen(ride, line, state):
 
 @compiled
 def evaluate(here, ride, line, of):
-    """Set residual, internal force, gram, pull and sides of `of`, a `Space`, for its balanced state.
-
-    Return the car where it rolls.
-    """
+    """Set residual, internal force, gram, pull and sides for the balanced state; return the car where it rolls."""
     x, cable = here.ground.x, line.cable
     n = x.f.size
     R, y = of.r[: 2 * n].reshape(2, n), coefficients(of.balanced, n)
@@ -209,7 +198,7 @@ def evaluate(here, ride, line, of):
 def tangent(here, ride, line, of, out, c, K):
     """Set K to c0 dr/dq + c1 dr/dv + c2 dr/da where `evaluate` has been, and returned `out`.
 
-    The column of s_o is a difference of inertia and car, and leaves out dr/ds_o: 1e-3 of it for c0 of a step.
+    The column of s_o is a difference and leaves out dr/ds_o: 1e-3 of it for c0 of a step.
     """
     at, ground = here
     c0, c1, c2 = c
@@ -242,7 +231,7 @@ def tangent(here, ride, line, of, out, c, K):
 
 @compiled
 def look(ride, line, state, r, parts):
-    """Set r, and dr/dq, dr/dv, dr/da where parts (3 or 0, n_dof, n_dof) have room; state : rows q, v, a.
+    """Set r, and as many of dr/dq, dr/dv, dr/da as parts (3 or 0, n_dof, n_dof) holds; state : rows q, v, a.
 
     Return the car, the least tension and its s.
     """
@@ -260,9 +249,9 @@ def look(ride, line, state, r, parts):
 
 @compiled
 def weigh(here, ride, line, ends, w, of):
-    """Evaluate the state between the ends of a step by the weights w (3,); return its moment, car and |r|.
+    """Evaluate w end + (1 - w) begin; return its moment, car and |r|.
 
-    |r| is NaN for a car that leaves the cable in this trial.
+    |r| is NaN for a trial in which the car leaves the cable.
     """
     begin, end = ends
     for k in range(3):
@@ -284,9 +273,9 @@ def weigh(here, ride, line, ends, w, of):
 def newton(here, ride, line, ends, rule, limits, of):
     """Solve one step for its end, as `cablefem.newmark.iterate` does.
 
-    here : the moment of the balance, of a free car any;  ends : start, and end to be set, (3, n_dof) each
+    here : the moment of the balance, of a free car any;  ends : start, and end to be set, (3, n_dof)
     limits : bound of |r|, max_iter, reuse, patience, most halvings
-    Return |r|, how often it iterated, factorised, evaluated, the least tension and its s.
+    Return |r|, counts of iterations, factorisations, evaluations, the least tension and its s.
     """
     begin, end = ends
     bound, most, reuse, patience, halvings = limits
@@ -324,9 +313,9 @@ def newton(here, ride, line, ends, rule, limits, of):
 
 @compiled
 def stride(line, places, start, rules, limits):
-    """Take steps of a mass that grips: `cablefem.newmark.System.stride` with places (m, 3) s_o, ds_o, dds_o.
+    """Take steps of a mass that grips at places (m, 3) s_o, ds_o, dds_o, up to one that fails or is slack.
 
-    Return how many steps are in balance and not slack, their ends (m, 3, n_dof), and what `newton` tells, (m, 6).
+    Return how many are good, their ends (m, 3, n_dof), and what `newton` tells, (m, 6).
     """
     m, size = rules.shape[0], start.shape[1]
     now, told, of = np.empty((m, 3, size)), np.full((m, 6), math.nan), space_for(size, line)
@@ -341,16 +330,12 @@ def stride(line, places, start, rules, limits):
 
 @compiled
 def tell(found, told):
-    """Set told (6,) to what `newton` found."""
     told[0], told[1], told[2], told[3], told[4], told[5] = found
 
 
 @compiled
 def roll_on(ride, course, line, start, rules, limits):
-    """Take one step of a car that rolls, or where there is a `Course`, steps of a free car up to an event.
-
-    Return as `stride` does; also the steps in which the course has an event are left out.
-    """
+    """As `stride`, for a car that rolls: a single step, or with a `Course` steps up to an event."""
     m, size = rules.shape[0], start.shape[1]
     now, told, of, now_ride = np.empty((m, 3, size)), np.full((m, 6), math.nan), space_for(size, line), ride
     here = moment(line, ride.s_o, ride.ds_o, ride.dds_o)
@@ -389,7 +374,6 @@ def at_time(ride, smooth, t, thrust):
 
 @compiled
 def has_event(course, end, then):
-    """Whether a step to this end, with this `car`, leaves the course."""
     last = end.shape[1] - 1
     s_o, ds_o = end[0, last], end[1, last]
     if not course.low < s_o < course.high or (course.sign != 0.0 and not course.sign * ds_o > 0.0):
