@@ -15,7 +15,7 @@ _REMEDY = "nothing was written; choose another folder with --out"
 
 
 class Refused(ValueError):
-    """Input that cannot be used; `faults` holds one line per fault, and nothing has been run or overwritten."""
+    """Input that cannot be used, one line per fault; nothing has been run or overwritten."""
 
     def __init__(self, faults: str | list[str]) -> None:
         super().__init__(faults)
@@ -28,10 +28,9 @@ class Refused(ValueError):
 def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str], *, among: bool = False) -> Path:
     """Return the folder for a command's results, made and marked; Refused where something else is in the way.
 
-    out : the folder asked for; it belongs to one command. None: cablefem-out/SCENE, which all commands on that
-        scene share, each with files of its own.
-    scene : the Scene, or the command's name where there is none.  The command's results of another scene are deleted,
-        unless there is a file among them that it did not write.
+    out : the folder asked for, of one command; None: cablefem-out/SCENE, which all commands on that scene share.
+    scene : the Scene, or the command's name.  The command's results of another scene are deleted, unless there is a
+        file among them that it did not write.
     writes : files and folders inside `out` that are the command's own.
     among : a new folder may hold other things, if not the files to be written.
     """
@@ -93,7 +92,7 @@ def _files(folder: Path, names: Sequence[str]) -> list[str]:
 
 
 def finish(folder: Path, command: str) -> None:
-    """Mark a command's results as complete, so that a report takes them as they are."""
+    """Mark a command's results as complete."""
     marker = _marker(folder)
     if marker is not None:
         result = marker["results"][command]
@@ -108,13 +107,13 @@ def finished(folder: Path, command: str) -> bool:
 
 
 def results(folder: Path) -> list[str]:
-    """Return the commands whose results on the latest scene a folder holds; none if it is not one of ours."""
+    """Return the commands whose results on the latest scene a folder holds."""
     marker = _marker(folder) or {"results": {}}
     return [command for command, result in marker["results"].items() if result["scene"] == marker["scene"]]
 
 
 def title(folder: Path) -> str:
-    """Return the title of the scene that a folder's results are about, else the scene's name; "" without a scene."""
+    """Return the title of the scene that a folder's results are about, else its name; "" without a scene."""
     scene = tomllib.loads((_marker(folder) or {}).get("scene", ""))
     return scene.get("title") or scene.get("name") or ""
 
@@ -139,7 +138,7 @@ def _write(folder: Path, marker: dict[str, Any]) -> None:
 
 
 def stored(file: Path, **same: Any) -> dict[str, Any]:
-    """Return the JSON object in a file if these of its entries are the same; an empty one otherwise."""
+    """Return the JSON object in a file if these of its entries are the same, else an empty one."""
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
         known = isinstance(content, dict) and all(content[name] == value for name, value in same.items())
@@ -153,7 +152,7 @@ def each_once(
 ) -> dict[str, Any]:
     """Return work(job) of all jobs by their keys; each is kept in a line of a file as soon as it is done.
 
-    Every core takes the next job.  What the file holds is not computed again; a line that was cut off does not count.
+    What the file holds is not computed again.
     """
     from validation.core.sidebyside import spread
 

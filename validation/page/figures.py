@@ -35,20 +35,14 @@ def style() -> Any:
 
 
 def panels(rows: int = 1, columns: int = 1, *, height: float = 2.9, **how: Any) -> tuple[Figure, Any]:
-    """Return a new figure and its axes (one, or an array as from `subplots`); `height` in inches.
-
-    `how` goes to `Figure.subplots` (sharex, height_ratios, ...).  Needs no display and leaves pyplot alone.
-    """
+    """Return a new figure and its axes (one, or an array as from `subplots`); `height` in inches."""
     with style():
         fig = Figure(figsize=(WIDTH, height), layout="constrained")
         return fig, fig.subplots(rows, columns, **how)
 
 
 def svg(fig: Figure, label: str) -> Markup:
-    """Return a figure as inline SVG whose ids clash with those of no other figure; `label` is read aloud.
-
-    Pass rasterized=True to the artists of dense fields: they become one image inside the vectors.
-    """
+    """Return a figure as inline SVG whose ids clash with those of no other figure; `label` is read aloud."""
     out = io.BytesIO()
     with style():
         FigureCanvasSVG(fig).print_svg(out, metadata={"Date": None, "Creator": None})

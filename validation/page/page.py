@@ -1,7 +1,6 @@
-"""A report: sections in one HTML file that needs no network, on a phone, a desktop or paper.
+"""A report: sections in one HTML file that needs no network.
 
-Pages of commands build `Section`s from stored results with `table`, `figure`, `badge` and the like, and keep their
-sentences in templates (`words`); text is escaped unless it is `Markup`.  Nothing here calls a solver.
+Pages build `Section`s from stored results; their sentences are macros (`words`).  Text is escaped unless `Markup`.
 """
 
 import html
@@ -55,13 +54,13 @@ def render(title: str, sections: Sequence[Section], out_file: Path) -> None:
 
 
 def words(package: str) -> Any:
-    """Return the macros of `page.html` in a package as functions: the sentences of its pages, escaped, as Markup."""
+    """Return the macros of `page.html` in a package as functions that return Markup."""
     text = (resources.files(package) / "page.html").read_text(encoding="utf-8")
     return _ENVIRONMENT.from_string(text).module
 
 
 def plain(words: str) -> str:
-    """Return what a macro said as plain text, as summaries and labels want it; narrow spaces stay."""
+    """Return what a macro said as plain text; narrow spaces stay."""
     return re.sub(r"[ \n]+", " ", html.unescape(re.sub(r"<[^>]*>", "", str(words)))).strip()
 
 
@@ -76,9 +75,8 @@ def table(
 ) -> Markup:  # fmt: skip
     """Return a table: one line per row, one column per key of `columns` (key -> heading, unit in brackets).
 
-    Cells: numbers to three digits, None or a key a row lacks as a dash, a verdict under the key "verdict" as a badge,
-    text escaped, Markup as it is.  sort : put the worst verdicts first.  stack : on a phone every row becomes a block
-    of its own, for tables with words in them; others scroll sideways.
+    Cells: numbers to three digits, None as a dash, a verdict under the key "verdict" as a badge.
+    sort : worst verdicts first.  stack : on a phone every row becomes a block, for tables with words in them.
     """
     heads = dict(columns) if isinstance(columns, Mapping) else {name: name for name in columns}
     rows = list(rows)
@@ -136,10 +134,7 @@ def figure(fig: Any, caption: str, *, label: str = "") -> Markup:
 
 
 def figure_of(svg: str, caption: str, *, wide: bool = False) -> Markup:
-    """Return a drawing with its caption.
-
-    wide : over the whole text width of a desktop; else half of it, side by side in a `gallery`.
-    """
+    """Return a drawing with its caption; wide : over the whole text width, else side by side in a `gallery`."""
     return Markup(_PARTS.figure(svg, caption, wide))
 
 
@@ -164,7 +159,7 @@ def callout(text: str, verdict: str | None = None) -> Markup:
 
 
 def missing(what: str, consequence: str) -> Markup:
-    """Return the place where something would stand if the stored results had it: which file, and what is lost."""
+    """Return the place of what was not stored: which file, and what is lost."""
     return Markup(_PARTS.missing(what, consequence))
 
 

@@ -1,8 +1,7 @@
 """A response as files that ParaView animates: response.xdmf, the cable, and mass.xdmf, the mass on it.
 
-Axes are ParaView's: x to the right, y UP, so that y and the second component of every vector have the opposite sign of
-y, v in path.csv.  Points stand on the static cable; "Warp By Vector" with `displacement` shows the motion, with one
-scale factor for both files.  Single precision: for eyes; response.npz holds everything in full.
+y is UP here: the opposite sign of y, v in path.csv.  Points stand on the static cable; "Warp By Vector" with
+`displacement` shows the motion.  Single precision; response.npz holds everything in full.
 """
 
 import shutil

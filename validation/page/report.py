@@ -51,7 +51,7 @@ Part = tuple[str, ...]  # a command and its arguments; its results are in the fo
 def missing(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, list[Part]]]:
     """Give the folder of all results and the parts that it lacks, and make it the default folder meanwhile.
 
-    A folder that holds the results of one scene lacks nothing.
+    A folder with the results of one scene lacks nothing.
     """
     root = store.ROOT if root is None else root
     if set(store.results(root)) - {"report"}:
@@ -68,7 +68,7 @@ def missing(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, li
 def gather(root: Path, parts: Sequence[Part]) -> None:
     """Write the report of all finished results in a folder and in its subfolders, these parts first.
 
-    Where several scenes went through one command, the first pages of all of them come before the rest.
+    The first pages of all scenes of a command come before the rest.
     """
     order = [_place(part) for part in parts]
     done = [

@@ -58,13 +58,13 @@ def _ladder(x: dict[str, Any]) -> Section:
         word = "too close to say" if not rung["certain"] else "yes" if rung["within"] else "no"
         rows.append({
             "rung": _name(rung), "run": _settings(rung), "path": "broke" if broke else percent(rung["path_error"]),
-            "next": percent(rung["path_to_next"]), "tension": percent(rung["tension_error"]),
+            "tension": percent(rung["tension_error"]),
             "seconds": rung["seconds"],
             "path_only": "own error" if full else "yes" if rung["within_path"] else "no",
             "both": "own error" if full else word,
         })  # fmt: skip
     heads = {
-        "rung": "cable + load", "run": "run with", "path": "path error", "next": "path, to the next rung",
+        "rung": "cable + load", "run": "run with", "path": "path error",
         "tension": "tension error",
         "path_only": "enough for the path", "both": "enough for path and tension", "seconds": "time [s]",
     }  # fmt: skip

@@ -3,10 +3,10 @@
 free: the ride on the chord, on the empty cable's shape, on the loaded cable (quasi-static), the full dynamics.
 hauled: the cable at rest under the car (statics), the full dynamics of a car that grips, the full dynamics.
 
-What a tolerance means.  Timetable: largest distance in place, over the length, and in speed |dp/dt|, over its largest,
-at the same time, and in duration.  Deflection: largest distance in v of the car at the same place on the cable, over
-the largest v.  Tension: rms of T over cable and frames at the same place of the car, off the car, over H.  Haul force:
-largest distance at the same place over the largest force, averaged over an axial wave's way.
+Timetable: largest distance in place over the length, in speed over its largest, at the same time, and in duration.
+Deflection: largest distance in v at the same place of the car, over the largest v.  Tension: rms over cable and frames
+at the same place of the car, off the car, over H.  Haul force: largest distance at the same place, over the largest
+force, of means over an axial round trip.
 """
 
 import math
@@ -47,41 +47,44 @@ class Rung:
     gaps: dict[str, float] = field(default_factory=dict)
     arrival: tuple[str, float, float] | None = None  # last event, its time [s] and speed [m/s]
 
+    def line(self) -> dict[str, Any]:
+        gaps = {k: finite(x) for k, x in self.gaps.items()}
+        return {
+            "model": self.model, "load": "mass", "seconds": self.seconds, "path_error": gaps["deflection"],
+            "tension_error": gaps["tension"], "gaps": gaps, "last": self.arrival,
+        }  # fmt: skip
+
 
 def advice(scene: Scene, tol: float, progress: Progress | None = None) -> dict[str, Any]:
     """Return the content of advice.json for a scene whose car rolls."""
-    report = progress or (lambda label, done: None)
-    full: list[Response] = []
+    free = scene.drive.mode == "free"
+    finest, bars = _full(scene, tol, progress or (lambda label, done: None))
+    rungs = _free(scene, finest) if free else _hauled(scene, finest)
+    rungs.append(Rung("full" if free else "haul", finest.seconds, bars, _last(finest)))
+    least = {need: next((r for r in rungs if r.gaps[need] <= tol), rungs[-1]).model for need in bars}
+    best = rungs[max(i for i, r in enumerate(rungs) if r.model in least.values())]
+    return {
+        "scene": scene.name, "scene_toml": scene.to_toml(), "tol": tol, "drive": scene.drive.mode,
+        **best.line(), "method": REFERENCE if best.model in ("full", "grip", "haul") else None,
+        "settings": {k: finest.settings[k] for k in ("elements", "steps", "scheme")},
+        "meets": all(gap <= tol for gap in best.gaps.values()), "least": least,
+        "words": _words(scene, tol, rungs, least), "rungs": [r.line() for r in rungs],
+    }  # fmt: skip
+
+
+def _full(scene: Scene, tol: float, report: Progress) -> tuple[Response, dict[str, float]]:
+    """Return a full run and its bars in what is needed, as fine as the tolerance asks for."""
+    runs: list[Response] = []
     bars = dict.fromkeys(NEEDS[scene.drive.mode], math.inf)
     for i, (elements, steps) in enumerate(FULL):
         report("full model", i / len(FULL))
-        full.append(run(scene, REFERENCE, elements=elements, steps=steps, scheme="generalized-alpha"))
+        runs.append(run(scene, REFERENCE, elements=elements, steps=steps, scheme="generalized-alpha"))
         if i:
-            bars = {k: SAFETY * gap / (2.0**ORDER - 1.0) for k, gap in _gaps(scene, full[-2], full[-1]).items()}
-            if all(bar <= SHARE * tol for bar in bars.values()):
-                break
+            bars = {k: SAFETY * gap / (2.0**ORDER - 1.0) for k, gap in _gaps(scene, *runs[-2:]).items()}
+        if all(bar <= SHARE * tol for bar in bars.values()):
+            break
     report("full model", 1.0)
-    finest = full[-1]
-    rungs = _free(scene, finest) if scene.drive.mode == "free" else _hauled(scene, finest)
-    rungs.append(Rung("full" if scene.drive.mode == "free" else "haul", finest.seconds, bars, _last(finest)))
-    least = {need: next(r.model for r in [*rungs[:-1], rungs[-1]] if r.gaps[need] <= tol or r is rungs[-1])
-             for need in NEEDS[scene.drive.mode]}  # fmt: skip
-    order = [r.model for r in rungs]
-    best = rungs[max(order.index(model) for model in least.values())]
-    meets = all(gap <= tol for gap in best.gaps.values())
-    return {
-        "scene": scene.name, "scene_toml": scene.to_toml(), "tol": tol, "drive": scene.drive.mode,
-        "model": best.model, "load": "mass", "method": REFERENCE if best.model in ("full", "grip", "haul") else None,
-        "settings": {k: finest.settings[k] for k in ("elements", "steps", "scheme")},
-        "path_error": finite(best.gaps["deflection"]), "tension_error": finite(best.gaps["tension"]),
-        "seconds": best.seconds, "meets": meets, "least": least,
-        "words": _words(scene, tol, rungs, least),
-        "rungs": [
-            {"model": r.model, "load": "mass", "seconds": r.seconds, "path_error": finite(r.gaps["deflection"]),
-             "tension_error": finite(r.gaps["tension"]), "gaps": {k: finite(x) for k, x in r.gaps.items()},
-             "last": r.arrival} for r in rungs
-        ],
-    }  # fmt: skip
+    return runs[-1], bars
 
 
 def finite(x: float) -> float | None:

@@ -1,4 +1,4 @@
-"""The ways methods fail (catalogue.toml), each with a case that shows the failure and the same case with the remedy.
+"""The ways methods fail (catalogue.toml), each with a case that shows the failure and one with the remedy.
 
 Below are the measures that the cases name.
 """

@@ -1,9 +1,9 @@
-"""The path of the mass as deep as it goes, place by place: three ways to it, and a table for others to compare with.
+"""The path of the mass as deep as it goes, place by place, by three ways.
 
-Two discretisations of the element wing differ in degree and in scheme; the Galerkin wing shares nothing with them but
-scene and time driver.  Each is refined until its own bars are met or its limit of work is reached.  Where the car grips
-the cable, the same settings are put on a taut string under the same mass and travel, whose exact answer is known.
-A free ride's path is compared over place too; when it passes a place is an answer of its own, with its own bar.
+Two discretisations of the element wing differ in degree and in scheme; the Galerkin wing shares scene and time driver
+alone with them.  Each is refined until its own bars are met or its limit of work is reached.  Where the car grips the
+cable, the same settings are also held against the exact answer on a taut string.
+A free ride's path is compared over place; when it passes a place is an answer with a bar of its own.
 """
 
 from __future__ import annotations
@@ -39,13 +39,9 @@ from validation.oracles.case import Path as MassPath
 TOL = 1e-6  # of the largest deflection
 PLACES = 101  # s_o/l = 0, 0.01, ... 1
 NEWTON = Newton(tol=1e-8)  # what Newton's method leaves adds up over the steps
-# Waves that a jump of the drive leaves are resolved one after the other as steps shrink: over the last doublings errors
-# fell with an order between 2 and 3.
-TIME_ORDER = 2.0
+TIME_ORDER = 2.0  # credited; over the last doublings errors fell with an order between 2 and 3
 AIM = 0.4  # of the tolerance: two ways' bars
-# Place beyond which changes show no order: what 1600 steps of inclined leave grows from 3e-8 there to 4e-6.  There
-# a step that must be cut ends a hauled car's way: Gauss went on ringing, with four to thirteen times the work of all.
-LAST = 95
+LAST = 95  # place beyond which changes show no order, and a step that is cut ends a hauled car's way
 NEARBY = 5  # places on either side whose gaps count too: a gap that passes through zero is no small error
 
 Progress = Callable[..., None]
@@ -71,8 +67,7 @@ WAYS = (  # half a minute each for the largest run
     Way("fourier-kink", "trapezoidal", (10, 1000), 100e3),
 )
 FREE = 4.0  # times the work of a step: slip that rings crosses zero, and every crossing is an event
-# A free car that is let go sends off a wave, and slips or sticks until its front has passed: that shifts the whole ride
-# in time, by what the elements next to the car make of it.  Such events leave errors that show no order.
+# The wave of a car that is let go shifts the whole ride in time, by what the elements next to the car make of it.
 AT_CAR = {"grading": 10.0}
 
 
@@ -87,7 +82,7 @@ class Track:
     end: str  # why it goes no further
 
     def gap(self, other: Track) -> Array:
-        """Return (2, n) how far apart the masses are at the places [m], and when [s]; nan where the other is not."""
+        """Return (2, n), distances at the places [m] and in time [s]; nan where the other is not."""
         x, y, t = at(self.k, np.vstack([other.place.T, other.t]), other.k)
         return np.stack([np.hypot(self.place[:, 0] - x, self.place[:, 1] - y), np.abs(self.t - t)])
 
@@ -112,7 +107,6 @@ class Found:
     scale: float  # [m]
 
     def to(self, tol: float) -> float:
-        """Return s_o/l to which all bars are within a tolerance."""
         return reach(self.track.k, self.bar[0] / self.scale, tol)
 
 
@@ -135,7 +129,6 @@ class Certificate:
         return overall(self.rows).value
 
     def depth(self, tol: float) -> float:
-        """Return s_o/l to which the bar is within a tolerance."""
         return reach(self.answer.track.k, self.bar[0] / self.answer.scale, tol)
 
     def write(self, folder: Path) -> None:
@@ -158,7 +151,7 @@ class Certificate:
 
 
 def certify(scene: Scene, out: Path | None = None, progress: Progress | None = None) -> Certificate:
-    """Compute the path of the mass by all ways, with bars, and hold them against each other and the shipped table."""
+    """Compute the path by all ways, with bars, and hold them against each other and the shipped table."""
     found = side_by_side([partial(climb, scene, way) for way in WAYS], progress)
     made = joined(scene, tuple(found))
     own = {found[0].way.name: found[0].bar}
@@ -183,8 +176,7 @@ def joined(scene: Scene, found: tuple[Found, ...]) -> Certificate:
 def climb(scene: Scene, way: Way, progress: Progress = lambda *told: None) -> Found:
     """Refine what leaves more, space or steps, until all bars but those near the end are met, as far as it may go.
 
-    Each part is the change from half of it at the finest of the other: coarse elements carry no waves that long steps
-    could miss.
+    Each part is the change from half of it at the finest of the other.
     """
     method, free = find(way.method), scene.drive.mode == "free"
     space, at_car = method.resolution.setting, free and method.wing == "elements"
@@ -202,7 +194,7 @@ def climb(scene: Scene, way: Way, progress: Progress = lambda *told: None) -> Fo
     while True:
         fine = ran(settings)
         gaps = [fine.gap(ran(refined(method, settings, **half))) for half in ({"space": 0.5}, {"time": 0.5})]
-        # a free ride's path changed by 5e-6 and then by 4e-6 of the deflection as steps were halved: no order
+        # halving the steps of a free ride shows no order
         weights = SAFETY * left(space_order(method.space_order)), NO_ORDER if free else SAFETY * left(TIME_ORDER)
         found = _found(fine, gaps, way, {k: settings[k] for k in first}, weights)
         parts = dict(zip((space, "steps"), (x if math.isfinite(x) else math.inf for x in found.parts), strict=True))
@@ -355,7 +347,7 @@ def tables() -> list[Path]:
 
 
 def write_table(file: Path, made: Certificate) -> None:
-    """Write t, x, y (down), u, v at s_o/l = k/100 with bars [m] and [s], and before them all that they are made of.
+    """Write t, x, y (down), u, v at s_o/l = k/100 with bars [m] and [s]; before them all that they are made of.
 
     Digits end a hundredth below the tolerance; bars hold what that rounds.
     """
@@ -396,7 +388,7 @@ def read_table(file: Path) -> Table:
 
 
 def against(table: Table, made: Certificate) -> list[Agreement]:
-    """Hold a certificate against a table: no place, nor when it is passed, may differ by more than both bars."""
+    """Hold a certificate against a table: no place, nor its instant, may differ by more than both bars."""
     return list(_rows(made, {"answer": made.bar}, table.track, "shipped table", table.bar))
 
 

@@ -125,7 +125,7 @@ def _told(settings: dict[str, Any]) -> str:
 
 
 def order(sizes: Sequence[float], errors: Sequence[float]) -> float:
-    """Return the slope of log(error) on log(1/size); nan if a run failed or the error does not fall over the ladder."""
+    """Return the slope of log(error) on log(1/size); nan where a run failed or the error does not fall."""
     e = np.asarray(errors, float)
     if not (np.isfinite(e).all() and np.all(e > 0.0) and e[-1] < e[0] and e.size > 1):
         return math.nan

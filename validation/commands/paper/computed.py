@@ -1,4 +1,4 @@
-"""The numbers that claims.toml speaks of, by name: each from the stored runs, with its bar where it has one."""
+"""The numbers that claims.toml speaks of, by name, each with its bar where it has one."""
 
 import math
 from collections.abc import Callable
@@ -33,7 +33,7 @@ STRAIGHT = 0.02  # as in claims.toml
 def stored(runs: Runs, file: Path) -> dict[str, Any]:
     """Return what the claims need beyond runs: figure 2, the overshoot beside the mass, energy in free vibration.
 
-    file : where they are kept, and found again if the scenes and the settings are the same.
+    file : where they are kept, and found again if scenes and settings are the same.
     """
     level, inclined = runs.scenes["level"], runs.scenes["inclined"]
     key = [level.to_toml(), inclined.to_toml(), SAID["overshoot"], SAID["vibration"]]

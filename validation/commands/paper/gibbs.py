@@ -1,7 +1,7 @@
 """How far the tension overshoots beside the mass, sampled finely enough for any number of terms.
 
-A sum of N smooth functions meets the kink at the mass with ripples one wavelength 1/N wide.  In the tension alpha
-times their square is left, and its size does not depend on N: Gibbs' phenomenon.
+A sum of N smooth functions meets the kink at the mass with ripples one wavelength 1/N wide, whose size in the tension
+does not depend on N: Gibbs' phenomenon.
 """
 
 from dataclasses import dataclass

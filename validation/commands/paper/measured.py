@@ -1,4 +1,4 @@
-"""Numbers that the claims speak of, each from one response (or one and its reference)."""
+"""Numbers that the claims speak of, each from one response, or from one and its reference."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -22,7 +22,7 @@ def series(r: Response, reading: str) -> Array:
 def extrema(r: Response, reading: str) -> list[tuple[float, str, float]]:
     """Return (s_o/l, "max" | "min", value) of every turning point; downward is positive.
 
-    Turns shallower than half a percent of the largest value are ripples of a run, not of the path.
+    Turns shallower than half a percent of the largest value do not count.
     """
     curve, places = _level_places(r, reading, 0.05, LATEST)
     values = curve(places)
@@ -84,7 +84,7 @@ def tension_spread(r: Response, low: float, high: float) -> float:
 def unevenness(r: Response, low: float, high: float, *, sides: bool = False, width: float = 0.05) -> float:
     """Return rms of T along the cable about its mean (of each side of the mass), over that mean: median over frames.
 
-    Within `width` of the mass every basis smears the jump: left out.
+    Within `width` of the mass is left out.
     """
     return float(np.median(unevennesses(r, low, high, sides=sides, width=width)))
 
@@ -115,7 +115,7 @@ def ripple(r: Response, reference: Response, near: float, far: float, window: tu
 def wiggle(r: Response, near: float, far: float, window: tuple[float, float]) -> float:
     """Return rms of T less its running mean over a tenth of the cable, over H; distances from the mass as in `ripple`.
 
-    Needs no reference: what the eye calls an oscillation.  The mean stops at the mass, where T jumps.
+    The mean stops at the mass, where T jumps.
     """
     s, half = r.fields.s / r.length, round(0.05 * (r.fields.s.size - 1))
     parts = []
@@ -146,7 +146,7 @@ def tension_jump(r: Response, low: float, high: float) -> float:
 def meeting(r: Response) -> float:
     """Return s_o/l at which the first wave meets the mass after its reflection at the far support.
 
-    A transverse front runs at sqrt(N/rho): integrated through the computed tension from the instant of entry.
+    A transverse front runs at sqrt(N/rho), integrated through the computed tension from the entry on.
     """
     f = r.fields
     t = np.concatenate([[0.0], f.t])

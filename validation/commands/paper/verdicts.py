@@ -1,4 +1,4 @@
-"""A verdict is computed from a range, a value and its error bar; nobody types it in.
+"""A verdict is computed from a range, a value and its error bar.
 
 claims.toml holds the paper's statements, the ranges in which they are true, and sentences with places for numbers.
 """
@@ -21,7 +21,7 @@ FRACTIONS = (0.0, 1 / 4, 1 / 3, 1 / 2, 2 / 3, 3 / 4, 1.0)  # places named in wor
 
 
 class Value(NamedTuple):
-    """A computed number: the true one is expected within value +- bar (what no refinement can change: exact)."""
+    """A computed number: the true one is expected within value +- bar."""
 
     value: float
     bar: float = 0.0
@@ -39,7 +39,7 @@ class Quantity:
     found: Value
 
     def true(self) -> bool | None:
-        """Return whether the converged value lies in the range, None where its bar reaches across an end."""
+        """Return whether the value lies in the range; None where its bar reaches across an end."""
         value, bar, _ = self.found
         if not (math.isfinite(value) and math.isfinite(bar)):
             return None
@@ -50,7 +50,6 @@ class Quantity:
         return None
 
     def true_in_paper(self) -> bool:
-        """Return whether the value at the paper's resolution lies in the range; False where there is none."""
         return self.found.paper is not None and self.low <= self.found.paper <= self.high
 
     def row(self) -> dict[str, Any]:

@@ -1,8 +1,4 @@
-"""Free vibration of the bare level cable under a time scheme: does it keep the energy it was given?
-
-A linear system under the trapezoidal rule keeps it whatever the step ("unconditionally stable"); the equations
-(19)-(26) are not linear.
-"""
+"""Free vibration of the bare level cable under a time scheme: does it keep the energy it was given?"""
 
 import contextlib
 from dataclasses import replace

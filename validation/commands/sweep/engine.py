@@ -58,10 +58,7 @@ def sweep(
 ) -> Tally:  # fmt: skip
     """Compute every point of a study that has no row in out/rows yet; killed at any moment, the same call goes on.
 
-    workers : processes of a cluster on this machine, one per core by default; scheduler : address of one that runs.
-    A worker that dies takes its chunk along, whose scenes are then tried one by one; a scene at which workers die
-    twice is a row that says so.
-
+    workers : processes on this machine, one per core by default; scheduler : address of one that runs.
     Raises Refused for a folder that holds rows of another study, or without Dask.
     """
     report = progress or (lambda tally: None)
