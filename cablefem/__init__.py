@@ -1,18 +1,33 @@
-"""Dynamics of an elastic cable that carries a moving mass; `from cablefem import Scene` is where one starts."""
+"""Dynamics of an elastic cable that carries a moving mass.
 
+    import cablefem as cf
+
+    line = cf.Scene.load("zip.toml")
+    print(cf.quasi_static(line).events)
+    for rider in line.variants({"mass.mass": [40.0, 80.0]}):
+        print(cf.check(rider))
+
+`run`, `check`, `quasi_static` and `sweep` take a scene, the name of a built-in one, or the path of a TOML file.
+Nothing is loaded before it is used.
+"""
+
+import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cablefem.scene import Scene, SceneError
 
-__all__ = ["Scene", "SceneError", "__version__"]
+__all__ = ["Scene", "SceneError", "__version__", "assert_agree", "check", "quasi_static", "run", "sweep"]
 __version__ = "0.3.0"
 
 
 def __getattr__(name: str) -> Any:
-    """Load the scene on first use: `import cablefem` itself costs nothing."""
-    if name in ("Scene", "SceneError"):
-        import cablefem.scene
+    """Load a public name on first use."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    home = "cablefem.scene" if name in ("Scene", "SceneError") else "validation"
+    return getattr(importlib.import_module(home), "run_with_bars" if name == "run" else name)
 
-        return getattr(cablefem.scene, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

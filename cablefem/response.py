@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import json
 import math
 import os
@@ -14,6 +13,8 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cablefem import views
 
 Array = NDArray[np.float64]
 
@@ -222,7 +223,8 @@ class Response(MassPath):
     """The answer of one run, in SI units: lengths [m], forces [N], times [s]; v and y point down.
 
     Comparisons between solvers use this alone, never coefficients.  T is total tension and has two values at the
-    mass.
+    mass.  r.t, r.s_o, r.x, r.y, r.T_behind, ... hold the path step by step; r.fields the cable at some instants;
+    r.design the extremes; r.at(t=12.0, s=100.0) any instant and place.
     """
 
     scene: str  # name
@@ -298,6 +300,34 @@ class Response(MassPath):
             f"largest deflection {self.max_deflection:.5g} m)"
         )
 
+    def at(self, *, t: Any, s: Any) -> dict[str, Array]:
+        """Return x, y, u, v [m] and T [N] at times t (n,) [s] and places s (m,) [m] along the cable, each (n, m).
+
+        r.at(t=12.0, s=[50.0, 100.0])["T"]. At the mass T is that behind. ValueError outside the run or the cable.
+        """
+        return views.at(self, t, s)
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the side view by matplotlib and return the axes: rope at rest, envelope, path of the car; in m."""
+        return views.side_view(self, ax)
+
+    def plot_tension(self, ax: Any = None) -> Any:
+        """Draw the tension [kN] over place [m] and time [s] by matplotlib and return the axes."""
+        return views.tension(self, ax)
+
+    def to_dataframe(self) -> Any:
+        """Return the columns of path.csv as a pandas.DataFrame, one row a step; units in `attrs["units"]`.
+
+        Needs pandas, which comes with `cablefem[sweep]`.
+        """
+        try:
+            import pandas
+        except ImportError:
+            raise ImportError("to_dataframe() needs pandas: pip install 'cablefem[sweep]'") from None
+        frame = pandas.DataFrame({name: getattr(self, name) for name in PATH_COLUMNS})
+        frame.attrs["units"] = {"t": "s", **{name: _PATH_UNITS[name] for name in PATH_COLUMNS[1:]}}
+        return frame
+
     def to_xarray(self) -> Any:
         """Return an xarray.Dataset: the mass path over `t`, the fields over (`frame`, `s`), units as attributes.
 
@@ -316,18 +346,8 @@ class Response(MassPath):
         return xarray.Dataset(path, coords, {k: str(v) for k, v in self.summary().items()})
 
     def _repr_html_(self) -> str:
-        """Draw the mass path below the chord of its ends, for notebooks."""
-        width, height, x, y = 420.0, 90.0, self.x, self.y
-        drop = max(float(y.max()), 1e-12)
-        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(width * x / x.max(), height * y / drop, strict=True))
-        return (
-            f"<div><p>{html.escape(repr(self))}</p>"
-            f'<svg viewBox="-4 -4 {width + 8:g} {height + 8:g}" width="{width:g}" role="img" '
-            'aria-label="path of the mass, depth exaggerated">'
-            f'<path d="M0 0H{width:g}" stroke="#999" stroke-dasharray="4 3"/>'
-            f'<polyline points="{points}" fill="none" stroke="#0072B2" stroke-width="2"/></svg>'
-            f"<p>deepest {float(y.max()):.4g} m below the left support; depth exaggerated</p></div>"
-        )
+        """Draw rope and path of the car, for notebooks."""
+        return views.picture(self)
 
     def summary(self) -> dict[str, Any]:
         """Return the content of summary.json."""

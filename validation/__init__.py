@@ -1,42 +1,76 @@
 """The judge of both solvers: verdicts, studies and reports.  `validation.check` is what `cablefem check` computes.
 
-Nothing is loaded before it is used: `import validation` costs nothing.
+Nothing is loaded before it is used: `import validation` costs nothing.  A first argument `scene` may also be the name
+of a built-in scene or the path of a TOML file.
 """
 
+import functools
 import importlib
-import importlib.util
-import pkgutil
+import inspect
+import re
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from validation.commands.check.study import check, check_solver
+    from validation.commands.run.study import run_with_bars
+    from validation.commands.sweep.engine import sweep
     from validation.core.assertions import assert_agree
     from validation.core.foreign import ForeignPath
+    from validation.core.quasi_static import quasi_static
     from validation.core.running import run
 
 _HOME = {
     "run": "core.running",
+    "run_with_bars": "commands.run.study",
+    "sweep": "commands.sweep.engine",
+    "quasi_static": "core.quasi_static",
     "assert_agree": "core.assertions",
     "check_solver": "commands.check.study",
     "advice": "commands.advise.study",
     "ForeignPath": "core.foreign",
 }
 
-__all__ = ["ForeignPath", "assert_agree", "check_solver", "run"]
+__all__ = ["ForeignPath", "assert_agree", "check", "check_solver", "quasi_static", "run", "run_with_bars", "sweep"]
 
 
 def __getattr__(name: str) -> Any:
     """Return a public name, or the function of a command's study that is named as the command."""
-    if name in _HOME:
-        return getattr(importlib.import_module(f"validation.{_HOME[name]}"), name)
-    if name in command_names() and importlib.util.find_spec(f"validation.{name}") is None:
-        return getattr(importlib.import_module(f"validation.commands.{name}.study"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    home = _HOME.get(name) or (f"commands.{name}.study" if name in _studies() else None)
+    if home is None:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return _by_name(getattr(importlib.import_module(f"validation.{home}"), name))
+
+
+_READ = {"scene": ("cablefem.scene", "Scene"), "study": ("validation.commands.sweep.study", "Study")}
+
+
+def _by_name(function: Any) -> Any:
+    """Return a function of a scene, or of a study, that takes its name or file, too."""
+    first = next(iter(inspect.signature(function).parameters), "") if inspect.isfunction(function) else ""
+    if first not in _READ:
+        return function
+
+    @functools.wraps(function)
+    def named(of: Any, *args: Any, **kwargs: Any) -> Any:
+        if isinstance(of, str | Path):
+            home, kind = _READ[first]
+            of = getattr(importlib.import_module(home), kind).load(of)
+        return function(of, *args, **kwargs)
+
+    return named
 
 
 def command_names() -> list[str]:
     """Return the names of the commands: the folders of validation/commands."""
-    return [found.name for found in pkgutil.iter_modules([f"{__path__[0]}/commands"]) if found.ispkg]
+    return sorted(found.parent.name for found in Path(__file__).parent.glob("commands/*/__init__.py"))
+
+
+def _studies() -> list[str]:
+    """Return the commands whose study has a function of their name."""
+    files = Path(__file__).parent.glob("commands/*/study.py")
+    return [f.parent.name for f in files if re.search(rf"^def {f.parent.name}\(", f.read_text(encoding="utf-8"), re.M)]
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, *command_names()})
+    return sorted({*globals(), *__all__, *_HOME, *_studies()})

@@ -12,6 +12,7 @@ import pytest
 
 from cablefem import Scene
 from cablefem.response import Response, whole, write_csv, write_json
+from validation.core.quasi_static import quasi_static
 from validation.core.running import run
 
 
@@ -113,7 +114,56 @@ def test_the_picture_is_an_svg_without_nan(level):
     picture = level._repr_html_()
     assert "<svg" in picture
     assert "nan" not in picture
-    assert len(re.findall(r"[\d.]+,[\d.-]+", picture)) >= level.t.size
+
+
+@pytest.mark.parametrize("scene", ["level", "tramway"])
+def test_the_picture_shows_rope_and_car_inside_its_frame(scene):
+    """A car that goes up, too: its path and the rope fill the frame."""
+    picture = quasi_static(Scene.load(scene))._repr_html_()
+    box = [float(x) for x in re.search(r'viewBox="([^"]*)"', picture).group(1).split()]
+    for line in re.findall(r'points="([^"]*)"', picture):
+        x, y = np.array([pair.split(",") for pair in line.split()], float).T
+        assert x.min() >= box[0]
+        assert x.max() <= box[0] + box[2]
+        assert y.min() >= box[1]
+        assert y.max() <= box[1] + box[3]
+        assert np.ptp(x) > 0.9 * box[2]
+        assert np.ptp(y) > 0.4 * box[3]
+
+
+def test_any_instant_and_place(level):
+    """At the mass it is the mass path, at a frame and a station the field; between them it is continuous."""
+    f, k = level.fields, 40
+    at_mass = level.at(t=level.t[60], s=level.s_o[60])
+    np.testing.assert_allclose([at_mass["u"].item(), at_mass["v"].item()], [level.u[60], level.v[60]], rtol=1e-9)
+    assert at_mass["T"].item() == pytest.approx(level.T_behind[60], rel=1e-9)
+    far = np.abs(f.s - f.s_o[k]) > 0.02 * level.length
+    seen = level.at(t=f.t[k], s=f.s[far])
+    for name in ("u", "v", "T"):
+        np.testing.assert_allclose(seen[name][0], getattr(f, name)[k][far], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(seen["y"][0], f.y[far] + f.v[k][far], rtol=1e-9, atol=1e-9)
+    t = np.linspace(f.t[k], f.t[k + 1], 41)
+    s = 1.02 * f.s_o[k + 1]
+    v = level.at(t=t, s=s)["v"][:, 0]
+    assert np.abs(np.diff(v)).max() < 0.1 * np.ptp(v) + 1e-9
+    assert level.at(t=[1.0, 2.0, 3.0], s=[0.0, level.length])["x"].shape == (3, 2)
+    ahead = level.at(t=level.t[60], s=level.s_o[60] + 1e-6 * level.length)["T"].item()
+    assert ahead == pytest.approx(level.T_ahead[60], rel=1e-4)
+    for wrong in ({"t": -1.0, "s": 3.0}, {"t": 1.0, "s": 1.1 * level.length}, {"t": float("nan"), "s": 1.0}):
+        with pytest.raises(ValueError, match="must be from"):
+            level.at(**wrong)
+
+
+def test_plots_and_tables(level):
+    axes = level.plot()
+    lines = {line.get_label(): line.get_xydata() for line in axes.lines}
+    np.testing.assert_allclose(lines["path of the car"], np.stack([level.x, level.y], axis=1))
+    assert axes.get_xlabel() == "x [m]"
+    assert level.plot_tension().collections
+    frame = level.to_dataframe()
+    assert frame.attrs["units"]["T_behind"] == "N"
+    np.testing.assert_array_equal(frame["v"], level.v)
+    assert len(repr(level).splitlines()) == 1
 
 
 def test_contact_force_is_taken_normal_to_the_mean_tangent(level):

@@ -11,7 +11,7 @@ from validation.core import store
 from validation.core.agreement import with_bars
 from validation.core.design import design, numbers
 from validation.core.estimate import companions, estimated
-from validation.core.methods import Method
+from validation.core.methods import Method, find
 from validation.core.quasi_static import quasi_static
 from validation.core.resolution import TooCoarse, past_window, resolve
 from validation.core.running import run
@@ -55,6 +55,20 @@ def answer(
         return Answer(replace(response, design=design(response)), missed)
     told = [number.row() for number in numbers(e)]
     return Answer(replace(response, design=told, events=with_bars(scene, e)), missed)
+
+
+def run_with_bars(
+    scene: Scene, method: str = "following-p2", *, tol: float | None = None, bars: bool = True, model: str = "full",
+    load: str = "mass", law: str = "auto", **settings: Any,
+) -> Response:  # fmt: skip
+    """Run one method as `cablefem run` does: with design numbers, events and their bars.
+
+    method : see `cablefem methods`; settings : of the method, as elements=20, steps=800.
+    tol : of the path, relative to its largest deflection; resolution and steps are then chosen.
+    run("zipline", tol=1e-3).design
+    """
+    kind = {"model": model, "load": load, "law": law, **settings}
+    return answer(scene, find(method), tol=tol, bars=bars, progress=lambda *told: None, **kind).response
 
 
 def quasi_static_answer(scene: Scene) -> Answer:

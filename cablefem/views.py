@@ -1,0 +1,115 @@
+"""What a response looks like: values at any instant and place, pictures, tables."""
+
+from __future__ import annotations
+
+import html
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from cablefem.response import Array, Response
+
+WIDTH, TALLEST = 420.0, 140.0  # [px] of the picture in notebooks
+DRAWN = 200  # points of a line in a picture
+BESIDE = 1e-9  # of the length: a station so near the mass is under it
+BLUE, GREY = "#0072B2", "#999"
+
+
+def at(r: Response, t: Any, s: Any) -> dict[str, Array]:
+    """Return x, y, u, v [m] and T [N] at times t (n,) [s] and places s (m,) [m], each (n, m).
+
+    Between frames displacements are cubic by their velocities, tensions linear. At the mass T is that behind.
+    """
+    t, s = (np.atleast_1d(np.asarray(x, dtype=float)) for x in (t, s))
+    for name, asked, known in (("t", t, (r.t[0], r.t[-1])), ("s", s, (0.0, r.length))):
+        if not (np.isfinite(asked).all() and asked.min() >= known[0] and asked.max() <= known[1] * (1.0 + 1e-12)):
+            raise ValueError(f"{name}: must be from {known[0]:.6g} to {known[1]:.6g}, got {asked.tolist()}")
+    out = {name: np.empty((t.size, s.size)) for name in ("x", "y", "u", "v", "T")}
+    rest = {name: np.interp(s, r.fields.s, getattr(r.fields, name)) for name in ("x", "y")}
+    for k, instant in enumerate(t.tolist()):
+        s_o, u, v, behind, ahead = (np.interp(instant, r.t, z) for z in (r.s_o, r.u, r.v, *_sides(r)))
+        w, T = _between(r, instant, s_o)
+        # a station under the mass has no side
+        i, j = np.searchsorted(r.fields.s, [s_o - BESIDE * r.length, s_o + BESIDE * r.length]).tolist()
+        left, right = r.fields.s[:i], r.fields.s[j:]
+        for name, z, c in (("u", w[0], u), ("v", w[1], v)):
+            out[name][k] = np.interp(s, np.concatenate([left, [s_o], right]), np.concatenate([z[:i], [c], z[j:]]))
+        on_right = s > s_o
+        out["T"][k, ~on_right] = np.interp(s[~on_right], np.append(left, s_o), np.append(T[:i], behind))
+        out["T"][k, on_right] = np.interp(s[on_right], np.append(s_o, right), np.append(ahead, T[j:]))
+        out["x"][k], out["y"][k] = rest["x"] + out["u"][k], rest["y"] + out["v"][k]
+    return out
+
+
+def _sides(r: Response) -> tuple[Array, Array]:
+    """Return the tension at the mass behind and ahead; on a support that of the other side."""
+    missing = np.isnan(r.T_behind), np.isnan(r.T_ahead)
+    return np.where(missing[0], r.T_ahead, r.T_behind), np.where(missing[1], r.T_behind, r.T_ahead)
+
+
+def _between(r: Response, t: float, s_o: float) -> tuple[Array, Array]:
+    """Return (u, v) (2, m) and T (m,) at the stations; T of a side is that of frames with the same side there."""
+    f = r.fields
+    if f.t.size < 2:
+        raise ValueError("the response keeps fewer than two frames of its fields")
+    i = min(max(int(np.searchsorted(f.t, t)) - 1, 0), f.t.size - 2)
+    dt = f.t[i + 1] - f.t[i]
+    x = min(max((t - f.t[i]) / dt, 0.0), 1.0)
+    h = (1 + 2 * x) * (1 - x) ** 2, x * (1 - x) ** 2 * dt, x * x * (3 - 2 * x), x * x * (x - 1) * dt
+    w = np.stack([h[0] * q[i] + h[1] * p[i] + h[2] * q[i + 1] + h[3] * p[i + 1] for q, p in ((f.u, f.du), (f.v, f.dv))])
+    same = [(f.s > f.s_o[j]) == (f.s > s_o) for j in (i, i + 1)]
+    weight = np.where(same[0] & same[1], x, np.where(same[1], 1.0, 0.0))
+    return w, (1.0 - weight) * f.T[i] + weight * f.T[i + 1]
+
+
+def picture(r: Response) -> str:
+    """Return the side view for notebooks: rope at rest, path of the car, depth exaggerated where it is small."""
+    x, y = np.concatenate([r.fields.x, r.x]), np.concatenate([r.fields.y, r.y])
+    wide, high = max(float(np.ptp(x)), 1e-12), max(float(np.ptp(y)), 1e-12)
+    across = WIDTH / wide
+    down = min(TALLEST / high, max(across, 0.5 * TALLEST / high))
+
+    def points(x: Array, y: Array) -> str:
+        rows = np.unique(np.linspace(0, x.size - 1, min(DRAWN, x.size)).astype(int))
+        return " ".join(f"{across * a:.1f},{down * (b - low):.1f}" for a, b in zip(x[rows], y[rows], strict=True))
+
+    low = float(y.min())
+    exaggerated = f"; depth {down / across:.3g} times as large" if down > 1.05 * across else ""
+    return (
+        f'<div><p>{html.escape(repr(r))}</p><svg viewBox="-4 -4 {WIDTH + 8:g} {down * high + 8:.4g}" '
+        f'width="{WIDTH:g}" role="img" aria-label="rope at rest and path of the car">'
+        f'<polyline points="{points(r.fields.x, r.fields.y)}" fill="none" stroke="{GREY}" stroke-dasharray="4 3"/>'
+        f'<polyline points="{points(r.x, r.y)}" fill="none" stroke="{BLUE}" stroke-width="2"/></svg>'
+        f"<p>rope at rest (dashed) and path of the car{exaggerated}</p></div>"
+    )
+
+
+def _axes(ax: Any) -> Any:
+    if ax is not None:
+        return ax
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(9.0, 4.0), layout="constrained").add_subplot()
+
+
+def side_view(r: Response, ax: Any = None) -> Any:
+    """Draw rope at rest, envelope of the rope and path of the car; return the axes of matplotlib."""
+    ax, f = _axes(ax), r.fields
+    ax.plot(f.x, f.y, color=GREY, linestyle="--", label="rope at rest")
+    ax.fill_between(f.x, np.min(f.y + f.v, axis=0), np.max(f.y + f.v, axis=0), color=BLUE, alpha=0.2, label="envelope")
+    ax.plot(r.x, r.y, color=BLUE, label="path of the car")
+    ax.set(xlabel="x [m]", ylabel="depth below the left support [m]", title=r.scene)
+    ax.invert_yaxis()
+    ax.legend()
+    return ax
+
+
+def tension(r: Response, ax: Any = None) -> Any:
+    """Draw the tension over place and time; return the axes of matplotlib."""
+    ax, f = _axes(ax), r.fields
+    mesh = ax.pcolormesh(f.s, f.t, f.T / 1e3, shading="nearest")
+    ax.plot(f.s_o, f.t, color="white", linewidth=1.0)
+    ax.set(xlabel="place along the cable [m]", ylabel="time [s]", title=r.scene)
+    ax.figure.colorbar(mesh, ax=ax, label="tension [kN]")
+    return ax
