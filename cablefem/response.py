@@ -183,7 +183,6 @@ class MassPath(_Filled):
     u: Array  # (n,) displacement of the mass from the static cable
     v: Array  # (n,)
     work: dict[str, int]
-    blur: float = 0.0  # [s] by which instants are open once a car has turned: axial waves turn its friction round
 
     @property
     def reached(self) -> float:
@@ -395,7 +394,7 @@ class Response(MassPath):
 
 _SUMMARY = (
     "scene", "method", "settings", "model", "load", "law", "drive", "status", "reason", "cause", "reached",
-    "slack_onset", "slack_at", "switched", "max_deflection", "path_scale", "blur", "path_error", "tension_error",
+    "slack_onset", "slack_at", "switched", "max_deflection", "path_scale", "path_error", "tension_error",
     "error_parts", "error_window", "events", "design", "energy_gain", "flags", "flag_kinds", "n_dof",
 )  # fmt: skip
 PATH_COLUMNS = ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "speed", "F_haul", "F_contact")  # of path.csv

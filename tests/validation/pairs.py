@@ -1,31 +1,33 @@
-"""Two right answers on the level scene with their companions, coarse and shared by the tests of verdicts."""
+"""Two right answers on the level scene with their coarser runs, shared by the tests of verdicts."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from functools import cache
 
 from cablefem import Scene
-from validation.core.estimate import Estimated, companions, past_slack
-from validation.core.methods import METHODS
+from cablefem.response import Response
+from validation.core.climb import laddered
+from validation.core.ladder import Ladder
 
 LEVEL = Scene.load("level")
-ELEMENTS = {"elements": 18, "steps": 1000}
-SINES = {"terms": 40, "steps": 1000}
+DAMPED = {"scheme": "generalized-alpha", "rho_inf": 0.8}
+ELEMENTS = {"elements": 18, "steps": 1000, **DAMPED}
+SINES = {"terms": 40, "steps": 1000, **DAMPED}
 
 
 @cache
-def answer(name: str) -> Estimated:
-    """Return an estimated run of the level scene, past its slack onset."""
-    settings = ELEMENTS if name == "following-p2" else SINES
-    return past_slack(LEVEL, METHODS[name], companions(LEVEL, METHODS[name], until=0.95, **settings))
+def answer(name: str) -> Ladder:
+    """Return a run of the level scene, past its slack onset, with coarser ones."""
+    return laddered(LEVEL, name, until=0.95, **(ELEMENTS if name == "following-p2" else SINES))
 
 
-def right() -> tuple[Estimated, Estimated]:
+def right() -> tuple[Ladder, Ladder]:
     return answer("following-p2"), answer("fourier-kink")
 
 
-def altered(e: Estimated, change) -> Estimated:
-    """Return an estimated run with one thing changed in all its responses: a fault of the method, not of a run."""
-    runs = {name: change(getattr(e, name)) for name in ("response", "run", "in_space", "in_time")}
-    return dataclasses.replace(e, **runs, late=None if e.late is None else change(e.late))
+def altered(e: Ladder, change: Callable[[Response], Response]) -> Ladder:
+    """Return a ladder with one thing changed in all its responses: a fault of the method, not of a run."""
+    space, time = (dataclasses.replace(x, runs=tuple(map(change, x.runs))) for x in (e.space, e.time))
+    return dataclasses.replace(e, finest=change(e.finest), space=space, time=time)

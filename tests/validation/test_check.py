@@ -15,13 +15,16 @@ from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
 from validation.commands.check import study
 from validation.commands.check.study import check
-from validation.core.agreement import Verdict, agree, overall
-from validation.core.estimate import Estimated, companions, estimated
+from validation.core.agreement import APART, Agreement, Verdict, overall
+from validation.core.bounds import Bound, Part
+from validation.core.climb import laddered
+from validation.core.ladder import Ladder
 from validation.core.methods import METHODS
+from validation.core.rows import compare
 
 LEVEL = Scene.load("level")
-ELEMENTS = {"elements": 12, "steps": 700}
-SINES = {"terms": 30, "steps": 700}
+ELEMENTS = {"elements": 20, "steps": 1200, "scheme": "generalized-alpha"}
+SINES = {"terms": 44, "steps": 1200, "scheme": "generalized-alpha"}
 
 
 class Altered:
@@ -108,45 +111,62 @@ FAULTS = {
 
 
 @pytest.fixture(scope="module")
-def right() -> tuple[Estimated, Estimated]:
-    """What the check's ladders end with."""
-    return tuple(companions(LEVEL, METHODS[m], **x) for m, x in (("following-p2", ELEMENTS), ("fourier-kink", SINES)))
+def right() -> tuple[Ladder, Ladder]:
+    """Two answers as a check ends with."""
+    return laddered(LEVEL, "following-p2", **ELEMENTS), laddered(LEVEL, "fourier-kink", **SINES)
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_planted_fault_turns_the_verdict(right, fault):
     method = FAULTS[fault]
     if method.wing == "galerkin":
-        rows = agree(LEVEL, right[0], companions(LEVEL, method, **SINES))
+        rows = compare(LEVEL, right[0], laddered(LEVEL, method, **SINES))
     else:
-        rows = agree(LEVEL, companions(LEVEL, method, **ELEMENTS), right[1])
+        rows = compare(LEVEL, laddered(LEVEL, method, **ELEMENTS), right[1])
     assert overall(rows) is Verdict.DISAGREE, [(r.quantity, r.gap, r.allowed) for r in rows]
-    path = next(r for r in rows if r.quantity == "path_max")
-    assert path.verdict is Verdict.DISAGREE, (path.gap, path.allowed)
 
 
-def test_plain_sines_are_not_hidden_and_their_extrapolation_meets_the_elements(right):
-    """N = 30 is about 3 percent away by the kink at the mass; 2 f(60) - f(30) meets the elements within 2e-3."""
-    from validation.core import measures
+def row(gap: float, bars: tuple[float, float], asked_for: float, asked: bool = True) -> Agreement:
+    parts = tuple(Part(name, bar) for name, bar in zip(("a", "b"), bars, strict=True))
+    return Agreement("speed", gap, Bound("error bars", parts), asked_for=asked_for, asked=asked)
 
-    raw = estimated(LEVEL, "fourier", terms=30, steps=500)
-    window = measures.window_of(raw.run, right[0].run)
-    far = measures.path_gap(raw.run, right[0].run, window)[0]
-    assert 0.02 < far < 0.045
-    fine = estimated(LEVEL, "fourier", terms=60, steps=700)
-    rows = agree(LEVEL, right[0], fine)
-    path = next(r for r in rows if r.quantity == "path_max")
-    assert path.gap < 2e-3
-    assert path.verdict is Verdict.AGREE
-    assert "extrapolated 2 f(60) - f(30)" in path.allowed_because
+
+INF = float("inf")
+
+
+@pytest.mark.parametrize(
+    ("gap", "bars", "asked_for", "verdict"),
+    [
+        (0.2, (0.3, 0.4), 1.0, Verdict.AGREE), (0.9, (0.3, 0.4), 1.0, Verdict.AGREE),
+        (0.2, (0.8, 0.4), 1.0, Verdict.TOO_COARSE), (1.1, (0.3, 0.4), 1.0, Verdict.TOO_COARSE),
+        (APART * 0.7 + 0.01, (0.3, 0.4), 9.0, Verdict.DISAGREE), (APART * 0.7 - 0.01, (0.3, 0.4), 9.0, Verdict.AGREE),
+        (1.0, (0.0, 0.0), 9.0, Verdict.DISAGREE), (1.0, (INF, 0.0), 9.0, Verdict.TOO_COARSE),
+    ],
+)  # fmt: skip
+def test_the_rule_has_three_lines(gap, bars, asked_for, verdict):
+    assert row(gap, bars, asked_for).verdict is verdict
+
+
+def test_the_whole_is_the_first_of_disagree_too_coarse_and_agree_of_asked_rows():
+    agrees, coarse, apart = row(0.0, (0.1, 0.1), 1.0), row(0.0, (5.0, 0.1), 1.0), row(9.0, (0.1, 0.1), 1.0)
+    assert overall([agrees]) is Verdict.AGREE
+    assert overall([agrees, coarse]) is Verdict.TOO_COARSE
+    assert overall([agrees, coarse, apart]) is Verdict.DISAGREE
+    assert overall([agrees, dataclasses.replace(apart, asked=False)]) is Verdict.AGREE
+    assert overall([]) is Verdict.NOT_COMPARABLE
+
+
+def test_a_row_says_its_bars_and_what_was_asked():
+    told = row(0.2, (0.3, INF), 1.0).row()
+    assert (told["bar_a"], told["bar_b"], told["allowed"]) == (0.3, None, None)
+    assert (told["asked_for"], told["asked"], told["verdict"]) == (1.0, True, "too coarse")
+    assert row(0.2, (0.3, 0.1), 1.0, asked=False).row()["verdict"] is None
 
 
 def test_bars_beyond_the_tolerance_are_too_coarse(right):
-    coarse = estimated(LEVEL, "fourier-kink", terms=10, steps=200)
-    path = agree(LEVEL, right[0], coarse, tol=1e-3)[0]
-    assert path.verdict is Verdict.TOO_COARSE
-    assert "too coarse" in path.allowed_because
-    assert agree(LEVEL, right[0], coarse, tol=0.2)[0].verdict is Verdict.AGREE
+    coarse = laddered(LEVEL, "fourier-kink", terms=12, steps=200, scheme="generalized-alpha")
+    found = [compare(LEVEL, right[0], coarse, tol=tol)[0] for tol in (1e-3, 0.2)]
+    assert [x.verdict for x in found] == [Verdict.TOO_COARSE, Verdict.AGREE]
 
 
 def test_check_meets_its_tolerance_and_writes_the_contract(tmp_path):
@@ -159,7 +179,7 @@ def test_check_meets_its_tolerance_and_writes_the_contract(tmp_path):
     assert content["verdict"] == "agree"
     assert content["range"] == [0.02, 0.8]
     for row in content["rows"]:
-        assert set(row) >= {"quantity", "gap", "allowed", "allowed_because", "verdict"}
+        assert set(row) >= {"quantity", "gap", "allowed", "bar_a", "bar_b", "asked_for", "asked", "verdict", "where"}
     for method in content["methods"]:
         assert {f.name for f in (tmp_path / method).iterdir()} >= {"path.csv", "tension.csv", "summary.json"}
         assert json.loads((tmp_path / method / "summary.json").read_text())["path_error"] <= 2.5e-3
@@ -175,9 +195,31 @@ def test_a_tolerance_out_of_range_is_named(tol):
         check("level", tol=tol)
 
 
-def test_what_confirms_is_finer_in_space_and_time(right):
-    e = right[0]
-    finer = study._resolved(LEVEL, METHODS["following-p2"], 0.1, 1e9, 0.3, e, (1.5, 1.5), lambda *told: None)
-    assert finer.run.settings["elements"] == 1.5 * e.run.settings["elements"]
-    assert finer.run.settings["steps"] == 1.5 * e.run.settings["steps"]
-    assert finer.in_time.settings["steps"] == 0.5 * finer.run.settings["steps"]
+def test_one_look_more_is_finer_in_space_and_time_and_then_it_is_said(right):
+    finer = study._closer([METHODS["following-p2"], METHODS["fourier-kink"]], list(right))
+    for x, e in zip(finer, right, strict=True):
+        assert x["steps"] == 1.5 * e.run.settings["steps"]
+    wrong = LEVEL.variant(mu=1.05 * LEVEL.mu)
+    result = check(LEVEL, second=wrong, tol=1e-2)
+    assert result.verdict is Verdict.DISAGREE
+
+
+def test_a_second_scene_plants_a_fault_and_the_same_one_none():
+    assert check("inclined", second=Scene.load("inclined"), tol=1e-2).verdict is Verdict.AGREE
+    heavy = Scene.load("inclined").variant(mu=1.03 * Scene.load("inclined").mu)
+    result = check("inclined", second=heavy, tol=1e-2)
+    assert result.verdict is Verdict.DISAGREE
+    assert next(x for x in result.rows if x.quantity == "path_max").verdict is Verdict.DISAGREE
+
+
+def test_what_is_too_coarse_is_refined_where_its_bar_comes_from(right):
+    methods = [METHODS["following-p2"], METHODS["fourier-kink"]]
+    parts = ((0.0, 0.01), (0.9, 0.01))
+    bars = tuple(Part(m.name, sum(p)) for m, p in zip(methods, parts, strict=True))
+    wide = Agreement("speed", 0.1, Bound("error bars", bars), asked_for=0.5, parts=parts)
+    first, second = study._finer(methods, list(right), [wide])
+    assert first is None
+    assert second["terms"] > SINES["terms"]
+    assert second["steps"] == SINES["steps"]
+    shown = dataclasses.replace(wide, asked=False)
+    assert study._finer(methods, list(right), [shown]) == [None, None]

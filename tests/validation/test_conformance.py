@@ -17,8 +17,8 @@ from validation.commands.atlas import study as atlas
 from validation.commands.chart import cost
 from validation.commands.chart import study as chart
 from validation.commands.oracles import study as oracles
+from validation.core.climb import TooCoarse, climb
 from validation.core.methods import METHODS, find, refined
-from validation.core.resolution import TooCoarse, resolve
 from validation.core.sampling import stacked
 from validation.core.trust import recommended
 from validation.oracles import moving_mass
@@ -82,14 +82,13 @@ def test_a_run_by_name_or_by_object_under_the_default_law(name, tmp_path):
 
 
 @every
-def test_a_tolerance_is_met_or_refused_with_the_best_there_is(name, monkeypatch):
-    monkeypatch.setattr("validation.core.resolution.ATTEMPTS", 2)
+def test_a_tolerance_is_met_or_refused_with_the_best_there_is(name):
     if find(name).wrong:
         with pytest.raises(ValueError, match="wrong answer"):
-            resolve(SCENE, name, 0.2, until=0.3)
+            climb(SCENE, name, 0.2, until=0.3)
         return
     try:
-        response = resolve(SCENE, name, 0.2, until=0.3)
+        response = climb(SCENE, name, 0.2, until=0.3, budget=1e4).run
         assert response.path_error <= 0.2
     except TooCoarse as error:
         response = error.best
@@ -98,7 +97,7 @@ def test_a_tolerance_is_met_or_refused_with_the_best_there_is(name, monkeypatch)
 
 @pytest.mark.parametrize("name", [name for name in TABLE if name == MINE or not METHODS[name].wrong])
 def test_a_check_holds_it_against_the_other_wing(name, monkeypatch):
-    monkeypatch.setattr("validation.core.resolution.ATTEMPTS", 4 if name == MINE else 1)
+    monkeypatch.setattr("validation.commands.check.study.BUDGET", 1e5 if name == MINE else 1e3)
     other = "fourier-kink" if find(name).wing == "elements" else "following-p2"
     result = check(SCENE, tol=0.2, methods=(name, other))
     assert result.a.run.method == name

@@ -11,7 +11,8 @@ from cablefem.newmark.newmark_rule import NewmarkRule
 from tests.validation import test_rides_check
 from tests.validation.pairs import LEVEL, altered, right
 from validation.commands.check.deep import THIRD, deep, entry
-from validation.core.agreement import Verdict, agree
+from validation.core.agreement import Verdict
+from validation.core.rows import compare
 from validation.core.running import run
 
 PARTIES = dict(zip(("frequencies", "rest", "driver", "bars", "slack"), THIRD, strict=True))
@@ -24,7 +25,7 @@ def verdict(which, scene, a, rows=()):
 
 
 def level_rows():
-    return [row for row in agree(LEVEL, *right()) if row.quantity == "path_slack"]
+    return [row for row in compare(LEVEL, *right()) if row.quantity == "path_slack"]
 
 
 def test_right_answers_agree_with_all_third_parties_that_their_scene_has():

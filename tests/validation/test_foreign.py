@@ -8,7 +8,7 @@ import pytest
 from cablefem import Scene
 from validation.core import foreign, measures
 from validation.core.agreement import Verdict
-from validation.core.estimate import estimated
+from validation.core.climb import laddered
 from validation.core.foreign import ForeignPath, refuse_misnamed
 from validation.core.running import run
 from validation.core.store import Refused
@@ -20,7 +20,7 @@ L = LEVEL.length
 
 @pytest.fixture(scope="module")
 def ours():
-    return estimated(LEVEL, "following-p2", elements=16, steps=800)
+    return laddered(LEVEL, "following-p2", elements=16, steps=800)
 
 
 @pytest.fixture(scope="module")
@@ -282,7 +282,7 @@ ZIPLINE = Scene.load("zipline")
 
 @pytest.fixture(scope="module")
 def ridden():
-    return estimated(ZIPLINE, "following-p2", elements=6, steps=300)
+    return laddered(ZIPLINE, "following-p2", elements=6, steps=300)
 
 
 @pytest.fixture(scope="module")

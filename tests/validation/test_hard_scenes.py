@@ -12,7 +12,7 @@ from cablefem.newmark import Course
 from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
 from validation.core import measures
-from validation.core.estimate import COARSE, estimated, weighted
+from validation.core.climb import laddered
 from validation.core.methods import METHODS
 from validation.core.running import Run, run
 from validation.core.sampling import respond
@@ -51,7 +51,7 @@ def test_hard_scenes_get_an_error_estimate_or_a_diagnosis(name):
         scene = Scene.from_groups(sag_ratio=0.05, alpha=844.0, slope=45.0, mu=1.1, speed_ratio=0.41)
     else:
         scene = LEVEL.variant(**HARD[name])
-    r = estimated(scene, "following-p2", elements=8, steps=400).run
+    r = laddered(scene, "following-p2", elements=8, steps=400).run
     assert job.faults_of(r) == []
     if r.path_error is None:
         assert r.cause is not None
@@ -80,7 +80,7 @@ def test_a_run_that_breaks_where_the_cable_goes_slack_has_no_energy_after_it():
 
 
 def test_a_bar_that_is_too_small_is_seen():
-    r = estimated(LEVEL, "following-p2", elements=6, steps=200).run
+    r = laddered(LEVEL, "following-p2", elements=6, steps=200).run
     found = job.truth(LEVEL, r, 4)
     assert found["doubt"] < found["true_error"] / 3.0
     assert found["true_error"] <= r.path_error
@@ -96,32 +96,6 @@ def test_a_ride_that_rolls_back_ends_by_the_support_it_came_from(method):
     assert (r.status, [x["event"] for x in r.events]) == ("complete", ["back"])
     assert r.s_o[-1] == pytest.approx(scene.groups.drive.back_place * r.length, rel=1e-9)
     assert r.work["steps"] < 5 * 60
-
-
-def test_fourier_bars_are_of_the_run_and_not_of_its_extrapolation():
-    e = estimated(LEVEL, "fourier", terms=12, steps=200)
-    fine = run(LEVEL, "following-p2", elements=24, steps=1200, until=0.8)
-    for r in (e.run, e.response):
-        assert measures.path_gap(r, fine, tuple(r.error_window))[0] <= r.path_error
-    assert e.run.path_error > 2.0 * e.response.path_error
-
-
-def test_the_coarsest_resolution_has_no_bar():
-    """Its companion of half the resolution would be the run itself, and the bar without a part in space."""
-    r = estimated(LEVEL, "wavelet", level=0, steps=100).run
-    assert (r.path_error, r.flag_kinds) == (None, ["no bar"])
-
-
-def test_a_bar_too_large_for_an_order_says_so():
-    coarse, fine = (estimated(LEVEL, m, elements=12, steps=300).run for m in ("fixed-p1-path", "following-p1"))
-    assert coarse.path_error > COARSE > fine.path_error
-    assert ("coarse" in coarse.flag_kinds, "coarse" in fine.flag_kinds) == (True, False)
-
-
-def test_a_bar_that_is_told_anew_says_of_itself_what_holds_now():
-    e = estimated(LEVEL, "fixed-p1-path", elements=6, steps=200)
-    assert weighted(e, 0.9).run.flag_kinds.count("coarse") == 1
-    assert "coarse" not in weighted(e, 0.01).run.flag_kinds
 
 
 def test_a_coarse_companion_of_which_nothing_is_known_leaves_no_bar():

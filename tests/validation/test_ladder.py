@@ -25,13 +25,16 @@ def test_a_bar_is_a_little_more_than_an_error_with_an_order(order: float, ratios
 
 
 def test_more_than_the_nominal_order_is_not_credited() -> None:
-    assert left(1.0, 64.0, (2.0, 2.0), 2.0) >= 1.25 * 64.0 / 4.0 / 3.0 * (1.0 - 1e-12)
+    assert left(1.0, 12.0, (2.0, 2.0), 2.0) == pytest.approx(1.25 * 12.0 / 4.0 / 3.0)
     assert left(1.0, 4.0, (2.0, 2.0), 2.0) == pytest.approx(1.25 / 3.0)
 
 
 def test_a_change_that_is_small_by_chance_is_none() -> None:
-    assert left(0.0, 1.0, (2.0, 2.0), 1.0) == pytest.approx(1.25 * 0.5)
-    assert left(1e-9, 1.0, (2.0, 2.0), 1.0) == pytest.approx(1.25 * 0.5)
+    assert left(0.2, 1.0, (2.0, 2.0), 1.0) == pytest.approx(1.25 * 0.5)
+
+
+def test_a_quarter_that_is_far_off_tells_nothing() -> None:
+    assert left(1e-3, 1.0, (2.0, 2.0), 2.0) == pytest.approx(3e-3, rel=0.01)
 
 
 def test_where_no_order_shows_the_bar_is_three_times_the_change() -> None:

@@ -17,7 +17,7 @@ from validation.commands.atlas.catalogue import CATALOGUE, holds, run_row
 from validation.commands.atlas.study import CELLS, atlas, judged, step_limit
 from validation.commands.sweep.job import faults_of
 from validation.core import measures
-from validation.core.estimate import estimated
+from validation.core.climb import laddered
 from validation.core.methods import METHODS
 from validation.core.running import run
 from validation.core.trust import MEANINGFUL, convergence_limit, grading, post_slack_spread, reach, recommended
@@ -294,6 +294,6 @@ def test_two_answers_are_one_until_they_part():
 @pytest.mark.parametrize("terms", [1, 2, 3])
 def test_a_ride_over_very_few_sines_has_an_answer_and_companions(terms):
     """One sine by itself has nothing to be graded by; companions of two and three have but one."""
-    e = estimated(Scene.load("zipline"), "fourier-kink", terms=terms, steps=300)
-    assert [r.events[-1]["event"] for r in e.runs] == 3 * ["arrival"]
+    e = laddered(Scene.load("zipline"), "fourier-kink", terms=terms, steps=300)
+    assert [r.events[-1]["event"] for r in e.runs] == len(e.runs) * ["arrival"]
     assert e.run.path_error is None or e.run.path_error > 1e-4

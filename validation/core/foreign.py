@@ -29,10 +29,11 @@ import numpy as np
 from cablefem.response import Array, Response, write_csv
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.agreement import Agreement, happened
+from validation.core.agreement import Agreement
 from validation.core.bounds import Bound, Part, nothing
-from validation.core.estimate import Estimated
+from validation.core.ladder import Ladder
 from validation.core.measures import WINDOW, NotComparable, Window
+from validation.core.rows import happened
 from validation.core.store import Refused
 
 WITH_TOL = 5e-3  # allowed to a third party, relative to the largest deflection, beside our own error bar
@@ -61,7 +62,6 @@ class ForeignPath:
     speed: Array | None = None  # (n,) [m/s]
     factor: float = 1.0  # what the numbers given for v, of a free ride for y, were multiplied by
     slack_onset: float | None = None  # s_o/l, as in `Response`; foreign files do not say
-    blur: float = 0.0  # as in `Response`
     drive: str = "grip"
     events: tuple[()] = ()  # nor these
 
@@ -381,7 +381,7 @@ def mass_tension_gap(a: Any, b: Any, window: Window) -> float:
     return math.sqrt(0.5 * total) / b.horizontal_tension
 
 
-def rows(path: ForeignPath | Response, ours: Estimated, window: Window, with_tol: float) -> Iterator[Agreement]:
+def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: float) -> Iterator[Agreement]:
     """Hold a foreign path against an estimated run: allowed is our error bar plus `with_tol`.
 
     Where it covers less than the window, the gap is told but the row is "not comparable".
@@ -389,8 +389,8 @@ def rows(path: ForeignPath | Response, ours: Estimated, window: Window, with_tol
     party, run = path.method, ours.run.method
     try:
         part = _common(path, window)
-        max_gap, rms_gap = measures.path_gap(*comparable(path, ours.response), part)
-        where = measures.place_of_gap(*comparable(path, ours.response), part)
+        max_gap, rms_gap = measures.path_gap(*comparable(path, ours.run), part)
+        where = measures.place_of_gap(*comparable(path, ours.run), part)
     except NotComparable as reason:
         yield Agreement("path_max", math.nan, nothing(f"{party}: {reason}"), party=party)
         return
@@ -407,7 +407,7 @@ def rows(path: ForeignPath | Response, ours: Estimated, window: Window, with_tol
         short = part[0] > window[0] + step or part[1] < window[1] - step
 
     def row(name: str, gap: float, of: Any, where: float | None = None) -> Agreement:
-        bars = Part(run, ours.bar(of), "its error bar"), Part(f"allowed to {party}", with_tol)
+        bars = Part(run, ours.bar(lambda r: r, of), "its error bar"), Part(f"allowed to {party}", with_tol)
         bound = Bound("foreign", bars, {"components": components})
         if short:
             bound = Bound(kind, bars, {"party": party, **covers})
@@ -430,8 +430,8 @@ def rows(path: ForeignPath | Response, ours: Estimated, window: Window, with_tol
             return measures.series_gap(a, b, part, of, largest=True)
 
         components = "speed, of the largest"
-        yield row("speed", speed_gap(path, ours.response), speed_gap)
+        yield row("speed", speed_gap(path, ours.run), speed_gap)
     if path.T_behind is not None and path.T_ahead is not None:
-        gap = mass_tension_gap(path, ours.response, part)
+        gap = mass_tension_gap(path, ours.run, part)
         components = "tension at the mass, both sides"
         yield row("tension", gap, lambda a, b: mass_tension_gap(a, b, part))

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.response import Response
+from cablefem.response import Array, Response
 from validation.core.measures import NotComparable
 from validation.core.view import View
 
 SAFETY = 1.25  # Roache's factor of safety for three grids (Roache 1998, Verification and Validation, section 5)
+NONSENSE = 4.0  # times the fall of the nominal order: a quarter that far off is out of its range and tells nothing
 LEAST_ORDER = 0.5  # below it no order shows (Eca & Hoekstra 2014, J. Comput. Phys. 262); the bar is 3 d at ratio 2
 
 Of = Callable[[Response], Any]
@@ -25,6 +26,16 @@ def largest(a: Any, b: Any) -> float:
     return float(np.max(np.abs(np.subtract(a, b)), initial=0.0))
 
 
+def each(a: Any, b: Any) -> Array:
+    """Return the distance of each value, for a bar of each."""
+    return np.abs(np.subtract(a, b))
+
+
+def rms(a: Any, b: Any) -> float:
+    """Return the root mean square distance of two series."""
+    return float(np.sqrt(np.mean(np.square(np.subtract(a, b)))))
+
+
 def left(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any:
     """Return the bar F d / (r^p - 1) of a finest run; arrays are taken value by value.
 
@@ -33,12 +44,14 @@ def left(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any:
 
     The order p solves before/d = r^p (r'^p - 1)/(r^p - 1) (Celik et al. 2008, J. Fluids Eng. 130, 078001).  It is
     credited between LEAST_ORDER and the nominal one.  A change that is small by chance counts as what the nominal
-    order leaves of the one before.
+    order leaves of the one before, but for a quarter so far off that it tells nothing.
     """
     d, before = np.abs(np.asarray(d, float)), np.abs(np.asarray(before, float))
     r, coarser = ratios[0], ratios[-1]
     least = min(order, LEAST_ORDER)
-    d = np.maximum(d, before * (r**order - 1.0) / (r**order * (coarser**order - 1.0)))
+    floor = before * (r**order - 1.0) / (r**order * (coarser**order - 1.0))
+    tells = floor <= NONSENSE * d
+    d, before = np.where(tells, np.maximum(d, floor), d), np.where(tells, before, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         fall = np.where(d > 0.0, before / d, 0.0)
         p = np.full(d.shape, order)
@@ -87,6 +100,11 @@ class Ladder:
     space: Branch
     time: Branch
     ringing: Response | None = None
+
+    @property
+    def run(self) -> Response:
+        """The finest run."""
+        return self.finest
 
     @property
     def runs(self) -> tuple[Response, ...]:

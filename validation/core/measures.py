@@ -5,7 +5,6 @@ Each says what it leaves out, and refuses rather than average nothing.  `window`
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -17,11 +16,11 @@ from numpy.typing import NDArray
 
 from cablefem.newmark import scheme
 from cablefem.response import Array, MassPath, Response
-from validation.core.richardson import left
 
 WINDOW = (0.02, 0.80)  # s_o/l of the comparison: past the start-up, before the far support's own layer
 # A hauled car begins in equilibrium and never grips; where the travel is an answer, time is compared, and all of it.
 WINDOWS = {"grip": WINDOW, "haul": (0.02, 0.95), "free": (0.0, 1.0)}
+SLACK_END = 0.95  # s_o/l to which a cable that has fallen slack is compared
 JUMP_WIDTH = 0.02  # |s - s_o|/l left out of tension gaps: there each method smears the jump over its own resolution
 
 Window = tuple[float, float]
@@ -69,8 +68,7 @@ def at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
 def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float]:
     """Return (max, rms over time) of |w_a - w_b| of the path over the window, relative to the largest deflection of b.
 
-    Of a free ride the places themselves are compared, relative to a tenth of the length, so that 1e-3 is 1e-4 l.  Once
-    it has turned against friction its instants are open by `blur`, of two methods by both.
+    Of a free ride the places themselves are compared, relative to a tenth of the length, so that 1e-3 is 1e-4 l.
 
     Taken at the steps of the response that has fewer; the other is interpolated by a cubic spline in time.
     """
@@ -103,30 +101,15 @@ def _distance(coarse: MassPath, fine: MassPath) -> Array:
     c, f = (np.stack([getattr(r, name) for name in names], axis=1) for r in (coarse, fine))
     there = at_steps_of(coarse, fine, f)
     gap = c - there
-    if blur := fine.blur + (coarse.blur if coarse.method != fine.method else 0.0):
-        moves = np.gradient(there, coarse.t, axis=0)
-        late = np.sum(gap * moves, axis=1) / np.maximum(np.sum(moves**2, axis=1), np.finfo(float).tiny)
-        turned = coarse.t > min(map(_turned, (coarse, fine)))
-        gap -= (np.clip(late, -blur, blur) * turned)[:, None] * moves
     return np.hypot(gap[:, 0], gap[:, 1])
-
-
-BACK = 1e-3  # s_o/l: a car that comes back so far has turned, one that rattles where it stands has not
-
-
-def _turned(r: MassPath) -> float:
-    """Return the instant [s] at which a car turned first, infinite where it never did."""
-    way = (r.s_o - r.s_o[0]) / r.length
-    way *= np.copysign(1.0, way[np.argmax(np.abs(way) > BACK)])
-    back = np.maximum.accumulate(way) - way > BACK
-    return float(r.t[np.argmax(way[: np.argmax(back)])]) if back.any() else math.inf
 
 
 def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
     """Return s_o/l of the frames that both have, and their indices in a and b; the stations must be the same."""
     if a.fields.s.shape != b.fields.s.shape or not np.allclose(a.fields.s, b.fields.s, rtol=0.0, atol=1e-9 * a.length):
         raise NotComparable("the tension fields are given at different stations")
-    if a.drive == "free" and a.fields.t.size and b.fields.t.size:  # the same instants
+    stands = any(np.unique(np.round(r.fields.s_o / r.length, 9)).size < r.fields.t.size for r in (a, b))
+    if (a.drive == "free" or stands) and a.fields.t.size and b.fields.t.size:  # the same instants
         unit = max(a.fields.t[-1], b.fields.t[-1])
         _, i, j = np.intersect1d(np.round(a.fields.t / unit, 9), np.round(b.fields.t / unit, 9), return_indices=True)
         return a.fields.s_o[i] / a.length, i, j
@@ -169,6 +152,7 @@ def series_gap(
     # cable may be slack, or forces next to a support grow faster than any bar from within tells
     last = min(t[-1], coarse.t[known[0]][-1], fine.t[known[1]][-1])
     first = max(coarse.t[known[0]][0], fine.t[known[1]][0])
+    t = t[(t >= first) & (t <= last)]
     low, high = np.clip(t - 0.5 * axial, first, last), np.clip(t + 0.5 * axial, first, last)
 
     def at(r: Response, k: Any) -> Any:
@@ -321,7 +305,7 @@ def extrapolated(fine: Response, coarse: Response, order: float = 1.0, ratio: fl
 
     Valid for ladders whose error falls regularly with that order (plain sines: 1).
     """
-    factor = left(order, ratio)
+    factor = 1.0 / (ratio**order - 1.0)
 
     def better(name: str) -> Array:
         f = getattr(fine, name)

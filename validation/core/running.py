@@ -87,6 +87,7 @@ class Run:
             raise ValueError(f"not yet: travel.from with {self.method.name}; take following-p2 or fourier-kink")
         self.times = steps_of(solver, groups, settings)
         self.history = History(Course(), Work(), 0.0, None, None, solver, None)
+        self._ended = False  # marched to the end
         self._seen: tuple[tuple[int, int], Response] | None = None
 
     def to(
@@ -119,9 +120,12 @@ class Run:
         return self._seen[1]
 
     def march(self, until: float | None, progress: Progress | None, past: float) -> None:
-        """Go on as `to` does."""
+        """Go on as `to` does; what was marched before is not marched again."""
         if until is not None and not until > 0.0:
             raise ValueError(f"until must be a place s_o/l > 0, got {until!r}")
+        if self._ended:
+            return
+        self._ended = until is None and math.isinf(past)
         with _threads().limit(limits=1):  # the matrices are small: threads cost more than they give
             _march(self, until or math.inf, past, progress or (lambda done: None))
 

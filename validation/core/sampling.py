@@ -57,14 +57,6 @@ def _ended_well(h: History) -> bool:
     return h.solver.place(last) <= ON_CABLE and math.isfinite(sum(float(x.sum()) for x in (last.q, last.v, last.a)))
 
 
-# Of an axial wave's way there and back.  A car that turns slips to and fro with such waves, and friction with it: how
-# much of its speed that takes hangs on when a front of its brake, or of its last turn, comes by, and how far that has
-# spread.  Refinement tells it slowly: on three swings to rest (spans of 93 to 573 m) instants after the first turn were
-# off by 0.01 to 0.05 of that way, on elements with 1000 steps as on sines with 3000 and 6000; on the longest that was
-# 0.2 m at full speed, and 5 mm where the car turns.
-BLUR = 0.05
-
-
 def moved(scene: Scene, h: History) -> dict[str, Any]:
     """Return how the mass moved so far: what a `MassPath` has, but for what was run."""
     if isinstance(h.solver, Pathed):
@@ -79,14 +71,12 @@ def moved(scene: Scene, h: History) -> dict[str, Any]:
 def _moved(scene: Scene, h: History, states: States, place: Array, w: Array) -> dict[str, Any]:
     l, X, onset = scene.length, scene.catenary, _onset(h, states)
     s_o, (u, v) = l * place, l * w.T
-    free, resists = scene.drive.mode == "free", scene.groups.drive.resists
     work = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
     return {
         "status": "complete" if h.failure is None else "incomplete",
         "drive": scene.drive.mode, "slack_onset": None if onset is None else float(place[onset[0]]), "length": l,
         "t": scene.time_scale * states.t, "s_o": s_o, "x": X.x(s_o) + u, "y": X.y(s_o) + v, "u": u, "v": v,
         "work": {name: getattr(h.work, name) for name in work},
-        "blur": BLUR * 2.0 * l / scene.axial_speed if free and resists else 0.0,
     }  # fmt: skip
 
 

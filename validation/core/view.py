@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 from cablefem.response import MassPath
 from cablefem.scene import Scene
@@ -24,10 +23,12 @@ class View:
     axis: str
     window: Window
     free: bool
+    ends: bool  # whether it is compared to the end of the travel, rest after a stop included
     rolls: bool
     length: float  # [m]
     H: float  # horizontal tension [N]
     weight: float  # of the car [N]
+    top: float  # largest speed of the travel [m/s]; 0 of a ride, which tells it
     axial: float  # time [s] of an axial wave along the cable and back
     until: float = math.inf
 
@@ -36,21 +37,20 @@ class View:
         """Return the view of a scene with a mass."""
         assert scene.mass is not None
         motion, (low, high) = scene.groups.motion, WINDOWS[scene.drive.mode]
-        stands = False
-        if motion is not None:
-            high = min(high, motion.end)
-            still = [speed <= 1e-12 * motion.top_speed for _, speed in motion.speeds]
-            stands = any(a and b for a, b in pairwise(still))
+        stops = motion is not None and motion.end < high
+        high = motion.end if motion is not None and stops else high
         return cls(
-            axis="time" if motion is None or stands else "place", window=(low, high), free=motion is None,
+            axis="time" if motion is None or motion.standstills else "place", window=(low, high),
+            free=motion is None, ends=motion is None or stops,
             rolls=scene.drive.mode != "grip", length=scene.length, H=scene.horizontal_tension,
+            top=0.0 if motion is None else motion.top_speed * scene.length / scene.time_scale,
             weight=scene.mass.mass * scene.gravity, axial=2.0 * scene.length / scene.axial_speed,
         )  # fmt: skip
 
     @property
     def stop(self) -> float | None:
-        """s_o/l beyond which coarser runs need not go; None where a ride is compared to its end."""
-        return None if self.free else self.window[1]
+        """s_o/l beyond which coarser runs need not go; None where the travel is compared to its end."""
+        return None if self.ends else self.window[1]
 
     def cut(self, *finest: MassPath) -> View:
         """Return the view cut where one of the finest runs ends, or has a slack cable.

@@ -23,9 +23,9 @@ from scipy.ndimage import uniform_filter1d
 from cablefem.response import Array, Response
 from cablefem.scene import LoadPath, Scene
 from cablefem.scene.ride import ride
+from validation.core.ladder import left
 from validation.core.measures import JUMP_WIDTH
 from validation.core.quasi_static import Statics, quasi_static
-from validation.core.richardson import SAFETY
 from validation.core.running import run
 
 REFERENCE = "following-p2"
@@ -80,7 +80,8 @@ def _full(scene: Scene, tol: float, report: Progress) -> tuple[Response, dict[st
         report("full model", i / len(FULL))
         runs.append(run(scene, REFERENCE, elements=elements, steps=steps, scheme="generalized-alpha"))
         if i:
-            bars = {k: SAFETY * gap / (2.0**ORDER - 1.0) for k, gap in _gaps(scene, *runs[-2:]).items()}
+            before, gaps = _gaps(scene, *runs[-3:-1]) if i > 1 else {}, _gaps(scene, *runs[-2:])
+            bars = {k: left(gap, before.get(k, 0.0), (2.0, 2.0), ORDER) for k, gap in gaps.items()}
         if all(bar <= SHARE * tol for bar in bars.values()):
             break
     report("full model", 1.0)

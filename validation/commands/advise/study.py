@@ -21,8 +21,8 @@ from cablefem.scene import Scene
 from validation.commands.advise import rolling
 from validation.commands.advise.rolling import finite
 from validation.core import measures, store
+from validation.core.ladder import left
 from validation.core.methods import METHODS, find
-from validation.core.richardson import SAFETY, left
 from validation.core.running import run
 
 # cheap to full; every rung knows something more than those before
@@ -168,7 +168,11 @@ def _measure_full(found: Climb) -> bool:
         path, tension = deflection_gap(coarse, fine, found.window), measures.tension_gap(coarse, fine, found.window)
     except measures.NotComparable:
         return False
-    found.bars = SAFETY * left(PATH_ORDER) * path, SAFETY * left(TENSION_ORDER) * tension
+    before = distance(found.full[-3], coarse, found.window) if len(found.full) > 2 else (0.0, 0.0)
+    found.bars = (
+        left(path, before[0], (2.0, 2.0), PATH_ORDER),
+        left(tension, before[1], (2.0, 2.0), TENSION_ORDER),
+    )
     return True
 
 

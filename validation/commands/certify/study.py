@@ -27,8 +27,8 @@ from validation.core import store
 from validation.core.agreement import Agreement, overall
 from validation.core.bounds import Bound, Part, nothing
 from validation.core.crossing import crossed
+from validation.core.ladder import left
 from validation.core.methods import Method, find, refined
-from validation.core.richardson import NO_ORDER, SAFETY, left, space_order
 from validation.core.running import steps_of
 from validation.core.sampling import stacked
 from validation.core.sidebyside import side_by_side
@@ -39,7 +39,7 @@ from validation.oracles.case import Path as MassPath
 TOL = 1e-6  # of the largest deflection
 PLACES = 101  # s_o/l = 0, 0.01, ... 1
 NEWTON = Newton(tol=1e-8)  # what Newton's method leaves adds up over the steps
-TIME_ORDER = 2.0  # credited; over the last doublings errors fell with an order between 2 and 3
+TIME_ORDER = 2.0  # the most that is credited in time
 AIM = 0.4  # of the tolerance: two ways' bars
 LAST = 95  # place beyond which changes show no order, and a step that is cut ends a hauled car's way
 NEARBY = 5  # places on either side whose gaps count too: a gap that passes through zero is no small error
@@ -193,10 +193,7 @@ def climb(scene: Scene, way: Way, progress: Progress = lambda *told: None) -> Fo
     settings = method.settings(first)
     while True:
         fine = ran(settings)
-        gaps = [fine.gap(ran(refined(method, settings, **half))) for half in ({"space": 0.5}, {"time": 0.5})]
-        # halving the steps of a free ride shows no order
-        weights = SAFETY * left(space_order(method.space_order)), NO_ORDER if free else SAFETY * left(TIME_ORDER)
-        found = _found(fine, gaps, way, {k: settings[k] for k in first}, weights)
+TIME_ORDER = 2.0  # the most that is credited in time
         parts = dict(zip((space, "steps"), (x if math.isfinite(x) else math.inf for x in found.parts), strict=True))
         progress(way.name, 0.5, f"{settings[space]}/{settings['steps']}: {sum(found.parts):.1g}")
         # a part far below the other is not worth a run
@@ -215,14 +212,15 @@ def measured(scene: Scene, way: Way) -> Found:
 
 
 def _found(
-    fine: Track, gaps: list[Array], way: Way, settings: dict[str, Any], weights: tuple[float, float]
+    fine: Track, coarser: list[list[Track]], way: Way, settings: dict[str, Any], orders: tuple[float, float]
 ) -> Found:  # fmt: skip
-    """Return a run with its bars, by its gaps from half the space and half the steps."""
+    """Return a run with its bars, place by place, by runs with half and a quarter of the space and of the steps."""
     scale = float(np.linalg.norm(fine.moved, axis=1).max())
-    lefts = [
-        np.stack([np.where(fine.k > LAST, NO_ORDER, weight) * nearby(gap[0]), NO_ORDER * nearby(gap[1])])
-        for weight, gap in zip(weights, gaps, strict=True)
-    ]
+    lefts = []
+    for (half, quarter), order in zip(coarser, orders, strict=True):
+        d = np.stack([nearby(gap) for gap in fine.gap(half)])
+        before = np.nan_to_num(np.stack([nearby(at(fine.k, gap[None], half.k)[0]) for gap in half.gap(quarter)]))
+        lefts.append(np.where(np.isnan(d), np.nan, left(d, before, (2.0, 2.0), order)))
     near = fine.k <= 0.95 * fine.k[-1]
     in_space, in_time = (float(np.max(part[0, near]) / scale) for part in lefts)
     return Found(way, settings, fine, lefts[0] + lefts[1], (in_space, in_time), scale)

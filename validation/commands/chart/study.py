@@ -33,10 +33,9 @@ from cablefem.scene import Groups, Scene
 from validation.commands.chart.cost import growth, implicit_floor
 from validation.commands.chart.front import fastest
 from validation.core import measures, store
-from validation.core.estimate import estimated
+from validation.core.climb import TooCoarse, climb, laddered
 from validation.core.measures import NotComparable, Window
 from validation.core.methods import METHODS, Method, refined
-from validation.core.resolution import TooCoarse, resolve
 from validation.core.running import Run, run
 from validation.core.scipys import integrated
 from validation.peers import PEERS, PeerPath, available
@@ -168,7 +167,7 @@ class _Truth:
             raise ValueError(f"the chart's reference stopped at s_o/l = {reference.reached:.3f}: {reference.reason}")
         window = measures.window_of(reference)
         if told is None:
-            bars = estimated(scene, name, known=[reference], until=stop, **settings).run
+            bars = laddered(scene, name, known=[reference], until=stop, **settings).run
             other = run(scene, WITNESS[0], until=stop, **WITNESS[1])
             told = {
                 "method": name, "settings": settings, "path_error": bars.path_error,
@@ -355,7 +354,7 @@ def _to_tolerance(scene: Scene, line: Series, rung: dict[str, Any], truth: _Trut
     """A tolerance in place of a resolution: the seconds are those of every run it took to get there."""
     assert line.method is not None
     begin = time.process_time()
-    r = resolve(scene, line.method, rung["tol"], until=stop_of(scene))
+    r = climb(scene, line.method, rung["tol"], until=stop_of(scene)).run
     seconds = time.process_time() - begin
     chosen = METHODS[line.method].told(r.settings)
     return _judged(r, truth) | {"bar": r.path_error, "chosen": chosen}, seconds

@@ -19,19 +19,21 @@ from validation.commands.modes.study import modes
 from validation.core import measures, trust
 from validation.core.agreement import Agreement
 from validation.core.bounds import Bound, Part, nothing
-from validation.core.estimate import SLACK_END, Estimated, estimated, until
+from validation.core.climb import laddered
+from validation.core.ladder import SAFETY, Ladder
+from validation.core.measures import SLACK_END
 from validation.core.methods import METHODS
-from validation.core.richardson import SAFETY
 from validation.core.running import Run, run
 from validation.core.scipys import integrated
+from validation.core.view import View
 
 ROUNDING = 1e-8
 COARSE, STEPS = 6, 2000  # elements a side, and driver's steps over the part of the way below
 FROM, PART = 0.1, 0.05  # s_o/l from which the driver is held against scipy, and the part of the travel over which
-HALVED = "the change from half the resolution"
+HALVED = "the change from coarser runs"
 
 
-def deep(scene: Scene, a: Estimated, rows: list[Agreement]) -> Iterator[Agreement]:
+def deep(scene: Scene, a: Ladder, rows: list[Agreement]) -> Iterator[Agreement]:
     """Give a row for each third party that has something to say of the scene; a : the estimated run of the elements."""
     for what, third in THIRD.items():
         try:
@@ -46,23 +48,26 @@ def _row(gap: float, *parts: Part) -> Agreement:
     return Agreement("deep", gap, Bound("error bars", parts))
 
 
-def _frequencies(scene: Scene, a: Estimated, rows: list[Agreement]) -> Agreement:
+def _frequencies(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement:
     """Hold both wings' bare cable against the exact linearised catenary."""
     return max(modes(scene).rows, key=lambda row: row.gap / row.allowed)
 
 
-def _rest(scene: Scene, a: Estimated, rows: list[Agreement]) -> Agreement | None:
+def _rest(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
     """Hold the start of a car that rolls against the elastic catenary of two pieces."""
     if a.run.drive == "grip":
         return None
     r, l = a.run, scene.length
     statics = (hauled if r.drive == "haul" else gripped)([r.s_o[0] / l], scene.groups)
     at = statics.place[0] * l
-    off, coarse = (math.hypot(x.x[0] - at[0], x.y[0] - at[1]) / r.max_deflection for x in (r, a.in_space))
-    return _row(off, Part(r.method, SAFETY * abs(coarse - off), HALVED), Part("rounding", ROUNDING))
+
+    def off(x: Response) -> float:
+        return math.hypot(x.x[0] - at[0], x.y[0] - at[1]) / r.max_deflection
+
+    return _row(off(r), Part(r.method, a.bar(off), HALVED), Part("rounding", ROUNDING))
 
 
-def _driver(scene: Scene, a: Estimated, rows: list[Agreement]) -> Agreement | None:
+def _driver(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
     """Hold the time driver against scipy's DOP853 on the same coarse semi-discrete system, from one of its states."""
     method = METHODS["following-p2"]
     settings = method.settings_on(scene.groups, {"elements": COARSE, "steps": STEPS // 2})
@@ -97,20 +102,19 @@ def _driver(scene: Scene, a: Estimated, rows: list[Agreement]) -> Agreement | No
     return _row(gap, Part("driver", SAFETY * change, "the change from half the steps"), Part("scipy", ROUNDING))
 
 
-def _bars(scene: Scene, a: Estimated, rows: list[Agreement]) -> Agreement:
+def _bars(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement:
     """Hold the elements' path against elements of degree 4 in twice the steps, with a bar of their own.
 
     Not against Radau's rule: it damps what rings, and the change from half its steps does not tell.
     """
     finer = a.run.settings | {"elements": max(4, a.run.settings["elements"] // 2), "steps": 2 * a.run.settings["steps"]}
-    other = estimated(scene, "following-p4", until=until(scene), **finer)
-    window = measures.window_of(*a.runs, *other.runs)
-    gap = measures.path_gap(other.run, a.response, window)[0]
-    parts = [Part(x.run.method, x.run.path_error or math.nan, x.basis) for x in (a, other)]
-    return _row(gap, *parts)
+    view = View.of(scene)
+    other = laddered(scene, "following-p4", until=view.stop, **finer)
+    gap = measures.path_gap(other.run, a.run, view.cut(a.run, other.run).window)[0]
+    return _row(gap, *(Part(x.run.method, x.run.path_error or math.nan, HALVED) for x in (a, other)))
 
 
-def _slack(scene: Scene, a: Estimated, rows: list[Agreement]) -> Agreement | None:
+def _slack(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
     """Hold the slack cable's path against one of another damping, as far as both answers know it."""
     known = next((row for row in rows if row.quantity == "path_slack" and row.where is not None), None)
     if known is None or known.where is None or a.run.slack_onset is None:
@@ -135,7 +139,7 @@ def entry(scene: Scene, r: Response, length: float = 0.02) -> dict[str, float] |
     data = tomllib.loads(scene.to_toml())
     data["travel"]["entry_ramp"] = length * scene.length
     smooth = Scene(**{"name": scene.name, **data})
-    ramped = Run(smooth, r.method, **r.settings).to(until(scene), past=0.0)
+    ramped = Run(smooth, r.method, **r.settings).to(View.of(scene).stop, past=0.0)
     try:
         place = np.linspace(*measures.window_of(r, ramped), 400)
     except measures.NotComparable:
@@ -151,7 +155,7 @@ def entry(scene: Scene, r: Response, length: float = 0.02) -> dict[str, float] |
     return changed
 
 
-Third = Callable[[Scene, Estimated, list[Agreement]], Agreement | None]
+Third = Callable[[Scene, Ladder, list[Agreement]], Agreement | None]
 # what is shared, and who checks it
 THIRD: dict[str, Third] = {
     "static catenary and groups: exact frequencies": _frequencies,

@@ -14,55 +14,35 @@ from typing import Any
 from cablefem.response import Flag, Response, write_json
 from cablefem.scene import Scene
 from validation.core import foreign, measures
-from validation.core.agreement import (
-    DEFAULT_TOL,
-    UNBOUNDED,
-    Agreement,
-    Verdict,
-    agree,
-    doubts,
-    overall,
-    settled,
-    wanting,
-    wide,
-    with_bars,
-)
-from validation.core.design import design, numbers
-from validation.core.estimate import SHORT, Estimated, past_slack
+from validation.core.agreement import DEFAULT_TOL, Agreement, Verdict, overall
+from validation.core.climb import AIM, BUDGET, TooCoarse, cheapest, climb, dear, laddered
+from validation.core.design import design
 from validation.core.foreign import WITH_TOL, ForeignPath
-from validation.core.methods import Method, find
-from validation.core.resolution import again, resolved, work
+from validation.core.ladder import Ladder
+from validation.core.methods import Method, find, refined
+from validation.core.numbered import numbers
+from validation.core.rows import compare, doubts, with_bars
 from validation.core.running import run
 from validation.core.sidebyside import Progress, side_by_side
 from validation.core.store import Refused
+from validation.core.view import View
 
 SOLVERS = ("following-p2", "fourier-kink")
-# How many times the cost of a run rows that are too coarse ask for, and the tolerance, divided by it in every round, to
-# which they may.  Most want bars 1.1 to 2.5 times less, most of them of steps: with 80 sines on a stiff cable twice the
-# steps left 0.056 H of tension at the mass of 0.105 H, and took a fifth of what an aim of half for the path had taken.
-FINER, FINER_FROM = 2.0, 5e-4
-Finer = tuple[float, float]  # so many times the resolution and the steps
-ENOUGH: Finer = (1.0, 1.0)
-# Parts of the tolerance: dense bases cost more than elements do, and grow faster.  With half of it they took a third
-# more on `level`; with 0.7 the default would leave elements to Radau's steps, which tell less of tension.
-ELEMENTS, OTHERS = 1.0, 2.0
-# Times the resolution and the steps of both, to see whether a disagreement stays: a ladder leaves coarse what the path
-# does not mind.
-CONFIRMS = 1.5
-SECOND_LOOK: list[Finer | None] = [(CONFIRMS, CONFIRMS)] * 2
-# Of `work` for each solver, half a minute to a minute, and in proportion more below a third of the default tolerance.
-# With a third of it five of ten random scenes remained too coarse.
-BUDGET = 1.2e6
-LADDER = 2.0  # times the work of the run that is returned, at least, is that of all before it
+SHARES = {"elements": 1.0, "galerkin": 2.0}  # of the tolerance: dense bases cost more to refine
+CONFIRMS = 1.5  # times the resolution and the steps of both, for one look more before they are said to disagree
+LEAST_SHARE = 0.25  # of what is asked: an answer with less of a bar need not be refined for the row
+MOST_ROUNDS = 5  # after which what is still too coarse is said to be
+
+Settings = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Two estimated runs of one scene and the verdict on them."""
+    """Two answers to one scene, with the coarser runs their bars come from, and the verdict on them."""
 
     scene: Scene
-    a: Estimated
-    b: Estimated
+    a: Ladder
+    b: Ladder
     tol: float
     window: tuple[float, float]
     rows: list[Agreement]
@@ -83,7 +63,7 @@ class Check:
     @property
     def doubts(self) -> list[tuple[str, Flag]]:
         """Methods and flags that say that a bar may be too small."""
-        return doubts(self.a, self.b)
+        return doubts(self.a.run, self.b.run)
 
     def agreement(self) -> dict[str, Any]:
         """Return the content of agreement.json."""
@@ -96,142 +76,35 @@ class Check:
 
     def write(self, out: Path) -> None:
         """Write scene.toml, one folder per method (with its companions) and agreement.json."""
-        for e in (self.a, self.b):
-            e.run.write_tables(out / e.run.method)
+        for ladder in (self.a, self.b):
+            ladder.run.write_tables(out / ladder.run.method)
         self.store(out)
 
     def store(self, out: Path) -> None:
         """Write the same but the tables of both runs."""
         out.mkdir(parents=True, exist_ok=True)
         (out / "scene.toml").write_text(self.scene.to_toml(), encoding="utf-8")
-        for e in (self.a, self.b):
-            folder = out / e.run.method
-            e.run.store(folder)
-            write_json(folder / "estimate.json", {"basis": e.basis, "weights": list(e.weights)})
-            if e.extrapolated:
-                e.response.write(folder / "extrapolated")
-            for name, companion in (("half-resolution", e.in_space), ("half-steps", e.in_time)):
-                companion.store(folder / name)
+        for ladder in (self.a, self.b):
+            folder = out / ladder.run.method
+            ladder.run.store(folder)
+            for name, branch in (("half-resolution", ladder.space), ("half-steps", ladder.time)):
+                for half in branch.runs[:1]:
+                    half.store(folder / name)
         if self.grip is not None:
             self.grip.store(out / "grip")
         write_json(out / "agreement.json", self.agreement())
 
 
-@dataclass(frozen=True, slots=True)
-class _Round:
-    """Two runs, each as fine as was asked of it, and the rows that judge them."""
-
-    methods: list[Method]
-    aims: list[float]
-    runs: tuple[Estimated, Estimated]
-    rows: list[Agreement]
-    before: _Round | None
-    asked: list[Finer | None]  # how both came to be: so many times finer than before, or by their ladders
-
-    @property
-    def confirms(self) -> bool:
-        """Whether it is the second look at a disagreement, by runs finer in space and time."""
-        return self.asked == SECOND_LOOK
-
-    @property
-    def unbounded(self) -> bool:
-        return any(flag.kind in UNBOUNDED for e in self.runs for flag in e.run.flags)
-
-    @property
-    def apart(self) -> bool:
-        return overall(self.rows) is Verdict.DISAGREE
-
-    @property
-    def doubted(self) -> bool:
-        far = overall(settled(self.rows, None)) is Verdict.DISAGREE if self.unbounded else self.apart
-        return far and not self.confirms
-
-    @property
-    def settled(self) -> list[Agreement]:
-        # of a gap that stays although nothing confirms it, something may be as coarse as it was
-        tol = 0.0 if self.unbounded else sum(self.aims)
-        rows = self.rows if self.confirms and not self.unbounded else settled(self.rows, None, tol=tol)
-        # and one that refinement takes away is the answers' own
-        ratio = CONFIRMS if self.confirms else 2.0
-        return rows if self.before is None else settled(rows, self.before.rows, ratio, tol)
-
-    def ahead(self, budget: float) -> list[Finer | None] | None:
-        """Return how many times finer both are to be next, None where that would tell no more, or cost too much.
-
-        A disagreement is looked at once more with both finer in space and time, whatever is asked of the path, and not
-        within three times bars that are said to be no bound; rows that are too coarse refine whose bars make them so,
-        and of it what leaves more of tension, space or steps.  Whose ladder is to go on for the path is None.
-        """
-        names, aims, rows = [m.name for m in self.methods], self.aims, self.settled
-        errors = [math.inf if e.run.path_error is None else e.run.path_error for e in self.runs]
-        met = all(row.verdict is Verdict.AGREE for row in rows if row.quantity in ("path_max", "path_rms"))
-        missed = [error > aim and not met for error, aim in zip(errors, aims, strict=True)]
-        if any(x and how is None for x, how in zip(missed, self.asked, strict=True)) or math.inf in errors:
-            return None  # no ladder went further
-        # a companion that breaks or falls slack early cuts the range, and what is compared there says little
-        short = [any(flag.kind == "short bar" for flag in e.run.flags) for e in self.runs]
-        coarse = overall(rows) is Verdict.TOO_COARSE or any(short)
-        if not (self.doubted or coarse) or (self.unbounded and self.apart and not self.doubted):
-            return None
-        if not self.doubted and sum(aims) / FINER**self.depth < 0.99 * FINER_FROM:
-            return None
-        asked: list[Finer | None]
-        if self.doubted:
-            asked = SECOND_LOOK
-        elif any(missed):
-            asked = [None if x else ENOUGH for x in missed]
-        else:
-            which = short if any(short) else [name in wanting(rows, names) for name in names]
-            far = max((row.allowed / (row.bound.tol or math.inf) for row in wide(rows)), default=0.0) > FINER
-            pairs = zip(self.methods, self.runs, which, strict=True)
-            asked = [_coarse(m, e, far) if x else ENOUGH for m, e, x in pairs]
-        known = zip(asked, self.methods, self.runs, strict=True)
-        return asked if all(_cost(*x) <= budget for x in known if x[0] != ENOUGH) else None
-
-    @property
-    def depth(self) -> int:
-        """How many rounds went before."""
-        return 0 if self.before is None else 1 + self.before.depth
-
-
-def _coarse(method: Method, e: Estimated, far: bool) -> Finer:
-    """Return how to refine a run: the companion that cuts its range tells, or what takes more of tension's error.
-
-    Either costs FINER times as much; an error of order 3/2 then falls by so much, but not past all the method has.
-
-    far : one of both would not do.
-    """
-    space, count = method.resolution, method.value(e.run.settings)
-    finer = FINER ** (1.0 / space.growth)
-    end = measures.window_of(e.run)[1] - SHORT
-    which = [measures.window_of(e.run, c)[1] < end for c in (e.in_space, e.in_time)]
-    if not any(which):
-        parts = e.run.error_parts or {"tension_space": 0.0, "tension_time": 0.0}
-        gains = parts["tension_space"] * (1.0 - finer**-1.5), parts["tension_time"] * (1.0 - FINER**-1.5)
-        which = [far or gains[0] > gains[1], far or gains[0] <= gains[1]]
-    if which[0] and space.nearest(count, finer) > space.most:
-        which = [False, True]
-    return finer if which[0] else 1.0, FINER if which[1] else 1.0
-
-
-def _cost(finer: Finer | None, method: Method, e: Estimated) -> float:
-    """Return about how much `work` so much finer runs are; of a ladder, one stride's."""
-    space, time = finer or (1.0, FINER)
-    count, of = method.value(e.run.settings), method.resolution
-    return LADDER * time * of.cost(count, space) / of.cost(count) * work(method, e.run)
-
-
 def check(
     scene: Scene | str | Path, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None,
-    methods: tuple[str | Method, str | Method] = SOLVERS, deep: bool = False, progress: Progress | None = None,
-    made: Callable[..., None] | None = None, until: float | None = None,
+    methods: tuple[str | Method, str | Method] = SOLVERS, second: Scene | None = None, deep: bool = False,
+    progress: Progress | None = None, made: Callable[..., None] | None = None, until: float | None = None,
 ) -> Check:  # fmt: skip
-    """Run two methods on a scene, each as fine as its own error bar needs to meet `tol`, and compare them.
+    """Run two methods on a scene, each as fine as its own error bars need, and compare them.
 
     tol : asked of the error of the mass path, relative to the largest deflection; in [1e-6, 0.2].
-    tol_tension : asked of the tension, relative to H; default ten times `tol`.  Where the path's bar is met but
-        tension, fields or laws are too coarse to tell, the solver whose bars make them so, or cover less than the
-        range, is refined further; where the solvers disagree, both are.
+    tol_tension : asked of the tension, relative to H; default ten times `tol`.
+    second : another scene that the second method is told; the judge knows `scene` alone, so that this plants a fault.
     deep : hold what both share against third parties, too.
     progress : called with the method's name, the fraction done and what was reached.
     made : called with both runs before they are judged, again where that makes them finer.
@@ -244,38 +117,69 @@ def check(
     grip: list[Callable[[Progress], Any]] = [partial(_gripped, scene, found[0])] if scene.drive.mode == "haul" else []
     gripped: list[Response] = []
     budget = BUDGET * max(1.0, DEFAULT_TOL / 3.0 / tol)
-    # the sum of both bars is held against tol
-    shares = [ELEMENTS if m.wing == "elements" else OTHERS for m in found]
-    aims = [tol * share / sum(shares) for share in shares]
-    judged: _Round | None = None
-    asked: list[Finer | None] | None = [None, None]
-    while asked is not None:
-        known = (None, None) if judged is None else judged.runs
-        jobs: list[Callable[[Progress], Any]] = [
-            partial(_resolved, scene, m, aim, budget, until, e, finer)
-            for m, aim, e, finer in zip(found, aims, known, asked, strict=True)
-        ]
-        first, second, *once = side_by_side([*jobs, *grip], progress, _load)
+    shares = [SHARES[m.wing] for m in found]
+    aims = [share / sum(shares) for share in shares]  # the sum of both bars is held against what is asked
+    scenes, ends = (scene, second or scene), {} if until is None else {"until": until, "past": 0.0}
+    jobs: list[Callable[[Progress], Any]] = [
+        partial(_climbed, s, m, tol * aim, budget, ends) for s, m, aim in zip(scenes, found, aims, strict=True)
+    ]  # fmt: skip
+    looks = 0
+    ladders: list[Ladder] = []
+    while True:
+        first, other, *once = side_by_side([*jobs, *grip], progress, _load)
         gripped, grip = gripped or once, []
+        ladders = [first, _retold(other, scene)]
         if made is not None:
-            made(first.run, second.run)
-        runs: tuple[Estimated, Estimated] = first, second
-        judged = _Round(found, aims, runs, agree(scene, *runs, tol=tol, tol_tension=tol_tension), judged, asked)
-        asked = judged.ahead(budget)
-    assert judged is not None
-    runs, rows = judged.runs, judged.settled
+            made(first.run, other.run)
+        rows = compare(scene, ladders[0], ladders[1], tol=tol, tol_tension=tol_tension)
+        apart = overall(rows) is Verdict.DISAGREE
+        finer = _closer(found, ladders) if apart else _finer(found, ladders, rows)
+        costs = zip(found, ladders, finer, strict=True)
+        finer = [None if x is None or dear(m, e, x, budget) else x for m, e, x in costs]
+        if looks == MOST_ROUNDS or not any(finer) or (apart and looks < 0):
+            break
+        looks = -MOST_ROUNDS if apart else looks + 1
+        jobs = [
+            partial(_remade, s, m, e, x, ends) for s, m, e, x in zip(scenes, found, ladders, finer, strict=True)
+        ]  # fmt: skip
     try:
-        window = measures.window_of(*runs[0].runs, *runs[1].runs)
+        window = View.of(scene).cut(*(e.run for e in ladders)).window
     except measures.NotComparable:
         window = (measures.WINDOW[0], measures.WINDOW[0])
-    a, b = (_told(scene, e, twin) for e, twin in (runs, runs[::-1]))
+    a, b = (_told(scene, e, twin) for e, twin in ((ladders[0], ladders[1]), (ladders[1], ladders[0])))
     smooth = None
     if deep or overall(rows) is Verdict.TOO_COARSE:
         from validation.commands.check import deep as third
 
-        rows += third.deep(scene, runs[0], rows) if deep else []
-        smooth = third.entry(scene, runs[0].in_time)  # of which half the steps tell enough
+        rows += third.deep(scene, a, rows) if deep else []
+        smooth = third.entry(scene, a.time.runs[0] if a.time.runs else a.run)  # half the steps tell enough
     return Check(scene, a, b, tol, window, rows, gripped[0] if gripped else None, smooth)
+
+
+def _closer(methods: list[Method], ladders: list[Ladder]) -> list[Settings | None]:
+    """Return settings for one look more at a disagreement: both finer in space and time."""
+    return [refined(m, e.run.settings, space=CONFIRMS, time=CONFIRMS) for m, e in zip(methods, ladders, strict=True)]
+
+
+def _finer(methods: list[Method], ladders: list[Ladder], rows: list[Agreement]) -> list[Settings | None]:
+    """Return finer settings of the methods whose bars make an asked row too coarse, by the row that is furthest off."""
+    out: list[Settings | None] = []
+    for method, ladder in zip(methods, ladders, strict=True):
+        wide = []
+        for row in rows:
+            mine = [p for p, x in zip(row.parts, row.bound.parts, strict=False) if x.name == method.name]
+            if row.asked and row.verdict is Verdict.TOO_COARSE and mine and row.asked_for:
+                share = sum(mine[0]) / row.allowed if math.isfinite(row.allowed) else 0.5
+                if sum(mine[0]) > LEAST_SHARE * row.asked_for:
+                    target = AIM * share * row.asked_for * min(1.0, row.allowed / row.gap if row.gap else 1.0)
+                    wide.append((sum(mine[0]) / target, mine[0], target, math.inf if "path" in row.quantity else 1.0))
+        worst = max(wide, key=lambda x: x[0], default=None)
+        if worst is None:
+            out.append(None)
+            continue
+        settings = cheapest(method, ladder.run.settings, *worst[1:])
+        out.append(None if settings == ladder.run.settings else settings)
+    return out
 
 
 def _load() -> None:
@@ -284,10 +188,20 @@ def _load() -> None:
         importlib.import_module(f"validation.{name}")
 
 
-def _told(scene: Scene, e: Estimated, twin: Estimated) -> Estimated:
+def _retold(ladder: Ladder, scene: Scene) -> Ladder:
+    """Return the ladder with its runs said to be of this scene, the only one that the judge knows."""
+    toml = scene.to_toml()
+    if ladder.run.scene_toml == toml:
+        return ladder
+    runs = {id(r): replace(r, scene_toml=toml) for r in ladder.runs}
+    space, time = (replace(x, runs=tuple(runs[id(r)] for r in x.runs)) for x in (ladder.space, ladder.time))
+    return replace(ladder, finest=runs[id(ladder.finest)], space=space, time=time)
+
+
+def _told(scene: Scene, e: Ladder, twin: Ladder) -> Ladder:
     """Return the run with its design numbers and events, and their bars."""
     rows = [number.row() for number in numbers(e, twin)]
-    return replace(e, run=replace(e.run, design=rows, events=with_bars(scene, e)))
+    return replace(e, finest=replace(e.run, design=rows, events=with_bars(e)))
 
 
 def _gripped(scene: Scene, method: Method, progress: Progress) -> Response:
@@ -298,21 +212,22 @@ def _gripped(scene: Scene, method: Method, progress: Progress) -> Response:
     return replace(response, method="gripped car", design=design(response))
 
 
-def _resolved(
-    scene: Scene, method: Method, tol: float, budget: float, until: float | None, before: Estimated | None,
-    finer: Finer | None, progress: Progress,
-) -> Estimated:  # fmt: skip
-    if before is not None and finer == ENOUGH:
+def _climbed(
+    scene: Scene, method: Method, tol: float, budget: float, ends: dict[str, Any], progress: Progress
+) -> Ladder:
+    try:
+        return climb(scene, method, tol, budget=budget, progress=partial(progress, method.name), **ends)
+    except TooCoarse as error:
+        return error.ladder
+
+
+def _remade(
+    scene: Scene, method: Method, before: Ladder, settings: Settings | None, ends: dict[str, Any], progress: Progress
+) -> Ladder:
+    if settings is None:
         return before
     told = partial(progress, method.name)
-    told(0.0)
-    ends: dict[str, Any] = {} if until is None else {"until": until}
-    past = 0.0 if ends else math.inf
-    if before is not None and finer is not None:
-        e = again(scene, method, before, *finer, past=past, progress=told, **ends)
-    else:
-        e = resolved(scene, method, tol, budget=budget, past=past, before=before, progress=told, **ends)
-    return e if e is before or ends else past_slack(scene, method, e)
+    return laddered(scene, method, known=before.runs, progress=told, **ends, **settings)
 
 
 def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:

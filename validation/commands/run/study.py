@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from cablefem.response import MassPath, Response
+from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import store
-from validation.core.agreement import with_bars
-from validation.core.design import design, numbers
-from validation.core.estimate import companions, estimated
+from validation.core.climb import TooCoarse, climb, laddered
+from validation.core.design import design
 from validation.core.methods import Method, find
+from validation.core.numbered import numbers
 from validation.core.quasi_static import quasi_static
-from validation.core.resolution import TooCoarse, past_window, resolve
+from validation.core.rows import with_bars
 from validation.core.running import run
 from validation.page import report, terminal
 from validation.page.answer import many as table
@@ -31,30 +31,22 @@ class Answer:
 
 
 def answer(
-    scene: Scene, method: Method, *, tol: float | None, bars: bool, progress: Callable[..., None],
-    **kind: Any,
-) -> Answer:  # fmt: skip
+    scene: Scene, method: Method, *, tol: float | None, bars: bool, progress: Callable[..., None], **kind: Any
+) -> Answer:
     """Run a method with the settings in `kind`, or with those that its own bar needs to meet `tol`."""
-    missed, known = "", list[MassPath]()
+    missed = ""
     if tol is not None:
         try:
-            response = resolve(scene, method, tol, **kind, progress=progress, runs=known if bars else None)
+            ladder = climb(scene, method, tol, **kind, progress=progress)
         except TooCoarse as error:
-            response, missed = error.best, str(error)
-        else:
-            bar = {x: getattr(response, x) for x in ("path_error", "tension_error", "error_parts")}
-            response = replace(past_window(scene, method, response, known, **kind), **bar)
-        if bars:  # the ladder has told the bar of the path
-            e = companions(scene, method, known=known, **kind | response.settings, progress=progress)
+            ladder, missed = error.ladder, str(error)
     elif bars:
-        e = estimated(scene, method, **kind, progress=progress)
-        response = e.run
+        ladder = laddered(scene, method, **kind, progress=progress)
     else:
         response = run(scene, method, **kind, progress=progress)
-    if not bars:
-        return Answer(replace(response, design=design(response)), missed)
-    told = [number.row() for number in numbers(e)]
-    return Answer(replace(response, design=told, events=with_bars(scene, e)), missed)
+        return Answer(replace(response, design=design(response)))
+    told = [number.row() for number in numbers(ladder)]
+    return Answer(replace(ladder.run, design=told, events=with_bars(ladder)), missed)
 
 
 def run_with_bars(

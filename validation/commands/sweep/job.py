@@ -105,10 +105,9 @@ def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
 
 
 def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
-    from validation.core.design import numbers
-    from validation.core.estimate import estimated
+    from validation.core.climb import TooCoarse, climb, laddered
     from validation.core.methods import find
-    from validation.core.resolution import TooCoarse, resolve
+    from validation.core.numbered import numbers
     from validation.core.running import Run
 
     how = study.how(point)
@@ -125,13 +124,13 @@ def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[st
         return {"status": "refused", "cause": "method", "reason": str(error)}
     how["until"] = _end(scene)
     if tol is None:
-        e = estimated(scene, method, **how, **settings)
-        r = replace(e.run, design=[number.row() for number in numbers(e)])
+        e = laddered(scene, method, **how, **settings)
     else:
         try:
-            r = resolve(scene, method, tol, past=0.0, **how, **settings)
+            e = climb(scene, method, tol, past=0.0, **how, **settings)
         except TooCoarse as error:
-            r, too_coarse = error.best, {"verdict": "too coarse", "reason": str(error)}
+            e, too_coarse = error.ladder, {"verdict": "too coarse", "reason": str(error)}
+    r = replace(e.run, design=[number.row() for number in numbers(e)])
     out = of_response(r, scene) | too_coarse
     if faults := faults_of(r):
         return out | {"status": "failed", "cause": "not finite", "reason": "; ".join(faults)}
@@ -144,7 +143,7 @@ def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[st
 
 def _end(scene: Any) -> float | None:
     """Return how far in s_o/l runs go: what is told of a scene lies before; nothing is of the slack cable."""
-    from validation.core.estimate import SLACK_END
+    from validation.core.measures import SLACK_END
 
     return SLACK_END if scene.drive.mode == "grip" else None
 
@@ -209,7 +208,7 @@ def _check(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[
     found = check(scene, tol=study.how(point)["tol"], until=_end(scene))
     best = min((found.a, found.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
     agree = type(found.verdict).AGREE
-    rows = dict.fromkeys(row.quantity for row in found.rows if row.verdict is not agree)
+    rows = dict.fromkeys(row.quantity for row in found.rows if row.asked and row.verdict is not agree)
     return of_response(best.run, scene) | {"verdict": found.verdict.value, "not_agreed": ", ".join(rows) or None}
 
 

@@ -1,0 +1,293 @@
+"""From a tolerance to a resolution: a ladder of runs, refined in space or time, whichever leaves more for its cost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from cablefem.newmark import scheme
+from cablefem.response import MassPath, Response
+from cablefem.scene import Scene
+from validation.core import measures
+from validation.core.flags import flagged
+from validation.core.ladder import Branch, Ladder
+from validation.core.measures import SLACK_END, NotComparable
+from validation.core.methods import Method, find
+from validation.core.running import Run, whole
+from validation.core.sidebyside import Progress
+from validation.core.view import View
+
+KIND = ("model", "load", "law", "until")  # what a run is told besides the method's own settings
+FIRST_STEPS, MOST_STEPS = 120, 64_000
+LARGEST = 2e6  # steps times resolution: half a gigabyte of states
+BUDGET = 1.2e6  # `work` of a ladder that a user waits for: half a minute to a minute
+AIM = 0.8  # of the bar that is asked for, so that a prediction that is a little short costs no other run
+STRIDE = 4.0  # the most by which space or time are refined at once: orders hold no further
+STRIDES = np.array([1.0, *np.geomspace(1.5, 64.0, 30)])  # less is not worth another ladder
+ROUNDING = 1e-12  # of the scale of the path: runs of one method agree by rounding alike
+AUDIBLE = 10.0  # steps in an axial round trip that resolve axial waves
+
+# The rule where the user names none.  Steps of an affordable length do not resolve axial waves, so the rule damps them.
+QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
+RINGS = {"scheme": "generalized-alpha", "rho_inf": 1.0}
+# A car of mass mu over the cable's that enters with speed sends a front of width mu ahead.  Radau's rule disperses it
+# least.
+LIGHT, SHARP, FINE, FINEST = 0.1, {"scheme": "radau"}, 2e-3, 3e-4
+SWINGING = {"rho_inf": 0.5}  # on a free ride axial waves turn the car's friction round; this damps them faster
+
+
+class TooCoarse(RuntimeError):
+    """No resolution within reach meets the tolerance; `best` is the finest run made, `ladder` its ladder."""
+
+    def __init__(self, message: str, ladder: Ladder) -> None:
+        super().__init__(message)
+        self.ladder, self.best = ladder, ladder.finest
+
+
+class Runs:
+    """Runs of one method on one scene by their settings, each made once and marched as far as is asked."""
+
+    def __init__(self, scene: Scene, method: Method, how: dict[str, Any], known: Sequence[MassPath] = ()) -> None:
+        self.scene, self.method, self.how, self.view = scene, method, how, View.of(scene)
+        self.known, self.made = list(known), list[Run]()
+
+    def at(self, settings: dict[str, Any], until: float | None, past: float = math.inf) -> MassPath:
+        """Return the run with these settings to s_o/l = until, or further."""
+        for r in self.known:
+            far = until is not None and r.reached >= until * (1.0 - 1e-9)
+            if r.settings == settings and (until is None or far or r.status != "complete"):
+                return r
+        marched = next((x for x in self.made if x.settings == settings), None)
+        if marched is None:
+            marched = Run(self.scene, self.method, **self.how, **settings)
+            self.made.append(marched)
+        return marched.try_to(until, past=past)
+
+    def ladder(self, settings: dict[str, Any], until: float | None) -> Ladder:
+        """Return the run with these settings and the coarser ones its bars are made from."""
+        finest = self.at(settings, until)
+        branches = []
+        for name, values, nominal in self._coarser(settings):
+            runs = tuple(self.at(settings | {name: x}, until) for x in values[1:])
+            resolution = self.method.resolution
+            count = resolution.ratio if name == resolution.setting else lambda a, b: b / a
+            ratios = tuple(count(b, a) for a, b in pairwise(values))
+            branches.append(Branch(runs, ratios, nominal))  # type: ignore[arg-type]
+        return Ladder(finest, *branches)  # type: ignore[arg-type]
+
+    def _coarser(self, settings: dict[str, Any]) -> list[tuple[str, list[int], float]]:
+        """Return setting, values from the finest on and nominal order, of space and of time."""
+        space, count, steps = self.method.resolution, self.method.value(settings), settings["steps"]
+        if space.doubling:
+            counts = [count - k for k in range(3) if count - k >= 0]
+        else:
+            # no run is coarser than where the method begins, but for ratios of at least 3/2
+            first = (self.method.begins or (space.first, 0))[0]
+            quarter = max(count / 4.0, min(first, count / 2.25))
+            least = self.method.knobs[space.setting].allowed[0]
+            counts = [count, round(math.sqrt(count * quarter)), round(quarter)]
+            counts = [x for i, x in enumerate(counts) if x >= least and (i == 0 or x < counts[i - 1])]
+        times = [steps, *(x for x in (round(steps / 2), round(steps / 4)) if x >= 2)]
+        order = min(self.method.space_order, 1.5) if self.method.space_order > 1.0 else 1.0
+        return [(space.setting, counts, order), ("steps", times, min(2.0, scheme(settings["scheme"]).order))]
+
+    def finished(self, ladder: Ladder, end: float | None, past: float = math.inf) -> Ladder:
+        """Return the ladder with its finest run marched to its end, and all of it observed.
+
+        Where the cable falls slack, coarser runs go on as far as the slack cable is compared.
+        """
+        finest = whole(self.at(ladder.finest.settings, end, past))
+        until = self.view.stop
+        if until is not None and finest.slack_onset is not None and finest.slack_onset < SLACK_END:
+            until = SLACK_END if end is None else min(end, SLACK_END)
+
+        def observed(branch: Branch) -> Branch:
+            return replace(branch, runs=tuple(whole(self.at(r.settings, until)) for r in branch.runs))
+
+        return replace(ladder, finest=finest, space=observed(ladder.space), time=observed(ladder.time))
+
+    def ringing(self, settings: dict[str, Any]) -> Response | None:
+        """Return a run that does not damp axial waves; None where that would take too many steps."""
+        motion = self.scene.groups.motion
+        duration = self.scene.groups.drive.nominal if motion is None else motion.phases[-1][1]
+        steps = math.ceil(AUDIBLE * duration * math.sqrt(self.scene.groups.alpha) / 2.0)
+        if steps > MOST_STEPS:
+            return None
+        return whole(self.at(settings | RINGS | {"steps": max(steps, settings["steps"])}, self.view.stop))
+
+
+def laddered(
+    scene: Scene, method: str | Method, *, progress: Progress | None = None, known: Sequence[MassPath] = (),
+    past: float = math.inf, **kind: Any,
+) -> Ladder:  # fmt: skip
+    """Return the ladder of a run with given settings; `kind` as in `run`.
+
+    known : runs of the same kind that need not be made again.
+    """
+    method = find(method) if isinstance(method, str) else method
+    how = {k: kind[k] for k in KIND if k in kind}
+    end = how.pop("until", None)
+    settings = method.settings_on(scene.groups, {k: v for k, v in kind.items() if k not in KIND})
+    runs = Runs(scene, method, how, known)
+    ladder = runs.ladder(settings, _short(runs.view, end))
+    if progress is not None:
+        progress(0.5)
+    return annotated(runs.finished(ladder, end, past), runs.view)
+
+
+def climb(
+    scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None, budget: float = BUDGET,
+    past: float = math.inf, known: Sequence[MassPath] = (), **kind: Any,
+) -> Ladder:  # fmt: skip
+    """Return a ladder whose finest run has a path bar of at most `tol`, at nearly the least cost.
+
+    A coarse ladder gives the parts s of space and t of time.  Refining space by a and time by b leaves s/a^p + t/b^q:
+    the cheapest a and b that meet the tolerance give the next ladder.
+
+    kind : as in `run`;  budget : of `work`, of the last ladder;  past : how far in s_o/l the finest run goes on once
+    its cable is slack.
+
+    Raises TooCoarse, with the finest ladder, if the tolerance is out of reach.
+    """
+    method = find(method) if isinstance(method, str) else method
+    if method.wrong:
+        raise ValueError(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
+    report = progress or (lambda *told: None)
+    how = {k: kind[k] for k in KIND if k in kind}
+    end = how.pop("until", None)
+    named = {k: v for k, v in kind.items() if k not in KIND}
+    settings = method.settings_on(scene.groups, _rule(scene, method, named, tol) | _begin(scene, method, tol))
+    runs = Runs(scene, method, how, known)
+    short = _short(runs.view, end)
+    while True:
+        ladder = runs.ladder(settings, short)
+        parts = path_parts(ladder, runs.view)
+        report(0.3, f"{len(runs.made)} runs, bar {sum(parts):.1g} of {tol:g} wanted")
+        if sum(parts) <= tol:
+            break
+        finer = cheapest(method, settings, parts, AIM * tol)
+        if finer == settings or dear(method, ladder, finer, budget):
+            break
+        settings = finer
+    ladder = annotated(runs.finished(ladder, end, past), runs.view)
+    report(1.0)
+    if sum(parts) <= tol:
+        return ladder
+    bar = sum(parts)
+    reached = f"an error bar of {bar:.2g}" if math.isfinite(bar) else "no end of the window"
+    raise TooCoarse(
+        f"{method.name} reaches {reached} with {method.resolution.setting} = {method.value(settings)}, "
+        f"steps = {settings['steps']}, not the {tol:g} asked for; loosen the tolerance or take another method "
+        "(cablefem advise)",
+        ladder,
+    )
+
+
+def path_parts(ladder: Ladder, view: View) -> tuple[float, float]:
+    """Return what space and time contribute to the bar of the path, over its scale; infinite where nothing tells."""
+    try:
+        view = view.cut(ladder.finest)
+    except NotComparable:
+        return math.inf, math.inf
+    of: Any = lambda r: r  # noqa: E731
+    space, time = ladder.over(view).parts(of, lambda a, b: measures.path_gap(b, a, view.window)[0])
+    return space, time
+
+
+def cheapest(
+    method: Method, settings: dict[str, Any], parts: tuple[float, float], target: float, order: float = math.inf
+) -> dict[str, Any]:  # fmt: skip
+    """Return the settings that should leave at most `target` of both parts, at the least cost, one stride on the way.
+
+    A part that is infinite is refined by two.  order : the most that is credited.
+    """
+    space, count, steps = method.resolution, method.value(settings), settings["steps"]
+    p, q = min(order, 1.5, max(method.space_order, 1.0)), min(order, 2.0, scheme(settings["scheme"]).order)
+    if not all(math.isfinite(x) for x in parts):
+        a, b = (1.0 if math.isfinite(x) else 2.0 for x in parts)
+    else:
+        left_over = STRIDES[:, None] ** -p * parts[0] + STRIDES**-q * parts[1]
+        costs = np.array([space.cost(count, x) for x in STRIDES.tolist()])[:, None] * STRIDES
+        meets = left_over <= target
+        best = np.where(meets, costs, math.inf) if meets.any() else left_over
+        i, k = np.unravel_index(best.argmin(), best.shape)
+        a, b = (min(float(STRIDES[j]), STRIDE) for j in (i, k))
+    finer = space.finer(count, a) if a > 1.0 else count
+    return settings | {space.setting: max(count, finer), "steps": min(math.ceil(steps * b), max(steps, MOST_STEPS))}
+
+
+def work(method: Method, r: MassPath) -> float:
+    """Return what a run has cost: Newton's iterations, each at all nodes of a step, times what the resolution makes."""
+    nodes = max(1, len(scheme(r.settings["scheme"]).nodes))
+    return r.work["newton_iterations"] * nodes * method.resolution.cost(method.value(r.settings))
+
+
+def dear(method: Method, ladder: Ladder, finer: dict[str, Any], budget: float) -> bool:
+    """Return whether a run with finer settings is too large, or more work than the budget."""
+    count, now = method.value(finer), method.value(ladder.finest.settings)
+    ahead = work(method, ladder.finest) * finer["steps"] / ladder.finest.settings["steps"]
+    ahead *= method.resolution.cost(count) / method.resolution.cost(now)
+    return finer["steps"] * count > LARGEST or ahead > budget
+
+
+def annotated(ladder: Ladder, view: View) -> Ladder:
+    """Return the ladder whose finest run says its bars of path and tension; a flag where there are none."""
+    try:
+        view = view.cut(ladder.finest)
+        over = ladder.over(view)
+        of: Any = lambda r: r  # noqa: E731
+        path = over.parts(of, lambda a, b: measures.path_gap(b, a, view.window)[0])
+        tension = over.parts(of, lambda a, b: measures.tension_gap(a, b, view.window), 1.0)
+        measures.path_gap(ladder.finest, ladder.finest, view.window)  # whether it has a path at all
+    except NotComparable as why:
+        return replace(ladder, finest=flagged(ladder.finest, "no bar", why=str(why)))
+    if not math.isfinite(sum(path)):
+        what = "resolution" if math.isinf(path[0]) else "steps"
+        missing = f"the run with half the {what} ends before s_o/l = {view.window[1]:.3f}, or there is none"
+        return replace(ladder, finest=flagged(ladder.finest, "no bar", why=missing))
+    parts = {"path_space": path[0], "path_time": path[1]}
+    told: dict[str, Any] = {"path_error": max(ROUNDING, sum(path)), "error_window": list(view.window)}
+    if math.isfinite(sum(tension)):
+        parts |= {"tension_space": tension[0], "tension_time": tension[1]}
+        told["tension_error"] = sum(tension)
+    return replace(ladder, finest=replace(ladder.finest, error_parts=parts, **told))
+
+
+def _short(view: View, end: float | None) -> float | None:
+    ends = [x for x in (view.stop, end) if x is not None]
+    return min(ends) if ends else None
+
+
+# --- the rule, and where to begin -----------------------------------------------------------------------------------
+
+
+def _light(scene: Scene, tol: float) -> bool:
+    return scene.mu <= (LIGHT if tol <= FINE else 0.3 * LIGHT)
+
+
+def _rule(scene: Scene, method: Method, named: dict[str, Any], tol: float) -> dict[str, Any]:
+    """Return the settings that are named, with a rule that damps where none is and scene and method bring none."""
+    if scene.drive.mode == "free" and not method.follows:
+        return SWINGING | named
+    damps = scene.drive.mode == "free" or method.knobs["scheme"].default != "trapezoidal"
+    if damps or "scheme" in named:
+        return named
+    sharp = method.follows and (_light(scene, tol) or tol <= FINEST)
+    return (SHARP if sharp else QUIET) | named
+
+
+def _begin(scene: Scene, method: Method, tol: float) -> dict[str, int]:
+    """Return resolution and steps to begin with: for a light car an unknown and a step per width of its front."""
+    space, motion, groups = method.resolution, scene.groups.motion, scene.groups
+    first = space.first + 1 if space.doubling else math.ceil(2.25 * (method.begins or (space.first, 0))[0])
+    if motion is None:
+        return {space.setting: first, "steps": method.settings_on(groups, {})["steps"] // 2}
+    if not _light(scene, tol):
+        return {space.setting: first, "steps": FIRST_STEPS}
+    fine = min(space.with_unknowns(2.0 / scene.mu), space.most // 2)
+    return {space.setting: max(first, fine), "steps": max(FIRST_STEPS, math.ceil(motion.phases[-1][1] / scene.mu))}

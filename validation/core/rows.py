@@ -1,0 +1,367 @@
+"""The table of rows: what of two answers is compared, on which scale, and what is asked of it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from cablefem.response import Array, Flag, Response
+from cablefem.scene import Scene
+from validation.core import measures
+from validation.core.agreement import DEFAULT_TOL, Agreement
+from validation.core.bounds import Bound, Part, nothing
+from validation.core.ladder import Ladder
+from validation.core.measures import SLACK_END, NotComparable
+from validation.core.methods import METHODS
+from validation.core.view import View
+
+Gap = Callable[[Response, Response, View], float]
+Series = Callable[[Response], Array]
+
+TENSION = 10.0  # times the tolerance of the path is that of mean forces, of H: forces are first order, paths second
+REST = 0.05  # asked of all else, of its own scale: what an engineer calls the same number
+VELOCITY = 0.10  # asked of the velocity field summed over time against the displacement
+ROUNDING = 1e-12  # of every scale: two runs agree by rounding alike
+AXIAL_MEAN, ALONG, UP_TO = "mean over an axial round trip", "along the cable", "up to the mass"
+TRAPEZOIDS = 1e-4  # of the scale of energy: its balance is summed over steps across which an acceleration jumps
+EVENTS = ("brake", "arrival", "back", "stop", "turn")  # whose first happening both answers must tell
+DOUBTS = ("fast", "slow waves", "energy", "hidden slack", "no bar")  # flags that say a bar may be too small
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """One line of the table.
+
+    gap : the distance of two answers on the view, over the quantity's scale.
+    asks : "path", "force" or "rest", by which tolerance it is judged; "" of what is shown only.
+    order : the most that is credited;  concerns : the views in which there is such a row.
+    """
+
+    name: str
+    gap: Gap
+    asks: str
+    law: str = ""
+    order: float = math.inf
+    concerns: Callable[[View], bool] = lambda view: True
+
+
+def _path(i: int) -> Gap:
+    return lambda x, y, view: measures.path_gap(x, y, view.window)[i]
+
+
+def _of(names: tuple[str, ...], scale: float, r: Response) -> Array:
+    return np.concatenate([getattr(r, name).reshape(r.t.size, -1) for name in names], axis=1) / scale
+
+
+def _series(*names: str, over: str, mean: bool = False, largest: bool = False) -> Gap:
+    """Return the gap of series over time, pointwise or as the mean over an axial round trip."""
+
+    def gap(x: Response, y: Response, view: View) -> float:
+        of: Series = partial(_of, names, getattr(view, over) if over != "top" or view.top else float(y.speed.max()))
+        if "speed" in names and view.free:
+            of = partial(_until_stop, of)
+        return measures.series_gap(x, y, view.window, of, view.axial if mean else 0.0, largest=largest)
+
+    return gap
+
+
+def _until_stop(of: Series, r: Response) -> Array:
+    """Return values (n, c) with nan past a lasting stop: braking ends at once, at a time that axial waves decide."""
+    stop = happened("stop", r)
+    values = of(r)
+    return values if stop is None else np.where(r.t[:, None] <= stop["t"], values, math.nan)
+
+
+def _field(gap: Callable[..., float], **how: Any) -> Gap:
+    return lambda x, y, view: gap(x, y, view.window, **how)
+
+
+def _free(view: View) -> bool:
+    return view.free
+
+
+def _rolls(view: View) -> bool:
+    return view.rolls
+
+
+TABLE = (
+    Quantity("path_max", _path(0), "path"),
+    Quantity("path_rms", _path(1), "path"),
+    Quantity("place", _series("s_o", over="length", largest=True), "path", concerns=_free),
+    Quantity("speed", _series("speed", over="top", mean=True), "path", AXIAL_MEAN),
+    Quantity("tension_behind", _series("T_behind", over="H", mean=True), "force", AXIAL_MEAN),
+    Quantity("tension_ahead", _series("T_ahead", over="H", mean=True), "force", AXIAL_MEAN),
+    Quantity("reactions", _series("reaction_left", "reaction_right", over="H", mean=True), "force", AXIAL_MEAN),
+    Quantity(
+        "contact", _series("F_contact", over="weight", mean=True), "force", AXIAL_MEAN, concerns=lambda v: v.rolls
+    ),
+    Quantity(
+        "haul_force", _series("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=lambda v: v.rolls
+    ),
+    Quantity("tension", _field(measures.tension_gap), "rest"),
+    Quantity("displacement", _field(measures.displacement_gap), "rest"),
+    Quantity("displacement", _field(measures.displacement_gap, along=True), "rest", ALONG),
+    Quantity("speed", _series("speed", over="top", largest=True), ""),
+    Quantity("tension_behind", _series("T_behind", over="H"), ""),
+    Quantity("tension_ahead", _series("T_ahead", over="H"), ""),
+    Quantity("reactions", _series("reaction_left", "reaction_right", over="H"), ""),
+    Quantity("contact", _series("F_contact", over="weight"), ""),
+    Quantity("haul_force", _series("F_haul", over="weight"), "", concerns=_rolls),
+    Quantity("velocity", _field(measures.velocity_gap), ""),
+    Quantity("velocity", _field(measures.velocity_gap, along=True), "", ALONG),
+)
+
+
+def asked_of(asks: str, tol: float, tol_tension: float | None) -> float:
+    """Return what is asked of a kind of row, over its scale."""
+    rest = max(REST, 10.0 * tol)
+    known = {"path": tol, "force": TENSION * tol if tol_tension is None else tol_tension}
+    return known.get(asks, max(VELOCITY, rest) if asks == "velocity" else rest)
+
+
+def compare(
+    scene: Scene, a: Ladder, b: Ladder, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None
+) -> list[Agreement]:
+    """Return all rows of two answers to one scene.
+
+    tol : asked of path, place and mean speed;  tol_tension : of mean forces, default ten times `tol`.
+    """
+    whole, asked = View.of(scene), partial(asked_of, tol=tol, tol_tension=tol_tension)
+    rows = list(independent(a.finest, b.finest))
+    try:
+        view = whole.cut(a.finest, b.finest)
+    except NotComparable as why:
+        return [Agreement("path_max", math.nan, nothing(why)), *rows]
+    a, b = a.over(view), b.over(view)
+    for quantity in TABLE:
+        if quantity.concerns(view) and all(_tells(quantity, x.finest, view) for x in (a, b)):
+            row = _row(quantity, a, b, view, asked(quantity.asks))
+            where = measures.place_of_gap(a.finest, b.finest, view.window) if quantity.name == "path_max" else None
+            rows.append(replace(row, where=where))
+    rows += [_energy(scene, a, b, view, asked("rest")), *_laws(a, b, view, asked)]
+    if view.free:
+        rows += [row for event in EVENTS for row in _event(event, a, b, view, asked("rest"))]
+    slack = _slack_onset(a, b, whole, asked("rest"))
+    return [*rows, *_range(a, b, view, whole, asked("rest")), slack, *_past_slack(a, b, view, asked("rest"))]
+
+
+def _tells(quantity: Quantity, r: Response, view: View) -> bool:
+    """Return whether an answer says what the row is about at all."""
+    try:
+        quantity.gap(r, r, view)
+    except NotComparable:
+        return quantity.name.startswith("path")
+    return True
+
+
+def _same(r: Response) -> Response:
+    return r
+
+
+def _row(quantity: Quantity, a: Ladder, b: Ladder, view: View, asked_for: float) -> Agreement:
+    def apart(x: Response, y: Response) -> float:
+        return quantity.gap(y, x, view)
+
+    try:
+        gap = quantity.gap(a.finest, b.finest, view)
+    except NotComparable as why:
+        return Agreement(quantity.name, math.nan, nothing(why), law=quantity.law)
+    parts = [x.parts(_same, apart, quantity.order) for x in (a, b)]
+    row = _barred(quantity.name, gap, a, b, parts, asked_for)
+    return replace(row, law=quantity.law, asked=bool(quantity.asks))
+
+
+def _barred(
+    name: str, gap: float, a: Ladder, b: Ladder, parts: list[tuple[float, float]], asked_for: float, more: float = 0.0
+) -> Agreement:
+    """Return the row of a gap and what space and time leave in either answer, and something more in both."""
+    bars = tuple(
+        Part(x.finest.method, max(ROUNDING, sum(part) + more), "coarser runs")
+        for x, part in zip((a, b), parts, strict=True)
+    )
+    return Agreement(name, gap, Bound("error bars", bars), asked_for=asked_for, parts=tuple(parts))
+
+
+def independent(a: Response, b: Response) -> Iterator[Agreement]:
+    """Give a row where the two answers cannot check each other: of one wing, or the same numbers."""
+    wings = {METHODS[r.method].wing for r in (a, b) if r.method in METHODS}
+    if len(wings) == 1 and all(r.method in METHODS for r in (a, b)):
+        yield Agreement("independence", math.nan, nothing(f"both answers come from the wing {wings.pop()!r}"))
+    if np.array_equal(a.v, b.v) and a.v.any():
+        yield Agreement("independence", math.nan, nothing("both answers are the same numbers"))
+
+
+# --- events and slack -----------------------------------------------------------------------------------------------
+
+
+def happened(event: str, r: Response, after: int = 0) -> dict[str, Any] | None:
+    """Return the first happening of an event, or that after so many."""
+    return next(itertools.islice((x for x in r.events if x["event"] == event), after, None), None)
+
+
+def _of_event(event: str, name: str, scale: float, r: Response) -> float:
+    found = happened(event, r)
+    if found is None:
+        raise NotComparable(f"{r.method} tells no {event}")
+    return float(found[name]) / scale
+
+
+def _event(event: str, a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[Agreement]:
+    """Give the gaps of an event's time, over that of the ride, and of the car's speed there, over its largest."""
+    runs = a.finest, b.finest
+    told = [x for r in runs if (x := happened(event, r)) is not None]
+    slack = min(r.slack_since for r in runs)
+    if not told or min(x["t"] for x in told) > slack:
+        return
+    if len(told) < 2:
+        bars = [(x.told(lambda r: happened(event, r) is not None), 0.0) for x in (a, b)]
+        yield replace(_barred("events", 1.0, a, b, bars, asked_for), law=event)
+        return
+    for name, scale in (("t", float(runs[1].t[-1])), ("speed", float(runs[1].speed.max()))):
+        if name == "speed" and event in ("stop", "turn"):
+            continue
+        of = partial(_of_event, event, name, scale)
+        row = _barred(
+            "events", abs(of(runs[0]) - of(runs[1])), a, b, [x.parts(of, order=1.0) for x in (a, b)], asked_for
+        )
+        yield replace(row, law=f"{event}: {'time' if name == 't' else 'speed'}")
+
+
+def with_bars(ladder: Ladder) -> list[dict[str, Any]]:
+    """Return the events of a run with bars: bar_t [s], bar_s_o [m], bar_speed [m/s], None where none can be made."""
+    out, seen = [], Counter[str]()
+    for x in ladder.finest.events:
+        event, after = x["event"], seen[x["event"]]
+
+        def of(name: str, r: Response, event: str = event, after: int = after) -> float:
+            found = happened(event, r, after)
+            if found is None:
+                raise NotComparable(event)
+            return float(found[name])
+
+        known = {name: ladder.bar(partial(of, name), order=1.0) for name in ("t", "s_o", "speed")}
+        seen[event] += 1
+        out.append({**x, **{f"bar_{name}": bar if math.isfinite(bar) else None for name, bar in known.items()}})
+    return out
+
+
+def _slack_onset(a: Ladder, b: Ladder, whole: View, asked_for: float) -> Agreement:
+    """Return how far the slack onsets are apart, in s_o/l; no slack in the window counts as its end."""
+
+    def onset(r: Response) -> float:
+        return min(whole.window[1], math.inf if r.slack_onset is None else r.slack_onset)
+
+    gap = abs(onset(a.finest) - onset(b.finest))
+    # an onset is a step, so no better than that
+    steps = [float(np.diff(x.finest.s_o).max(initial=0.0)) / whole.length for x in (a, b)]
+    parts = [
+        (space, time + (step if onset(x.finest) < whole.window[1] else 0.0))
+        for x, step in zip((a, b), steps, strict=True)
+        for space, time in [x.parts(onset, order=1.0)]
+    ]
+    row = _barred("slack_onset", gap, a, b, parts, asked_for)
+    return replace(row, where=min(map(onset, (a.finest, b.finest))) if gap else None)
+
+
+def _range(a: Ladder, b: Ladder, view: View, whole: View, asked_for: float) -> Iterator[Agreement]:
+    """Give a row where an answer breaks before the window and the slack onset of the other end."""
+    slack = [math.inf if x.finest.slack_onset is None else x.finest.slack_onset for x in (a, b)]
+    wanted = min(whole.window[1], *slack)
+    if whole.free:
+        broke = any(r.finest.status != "complete" and r.finest.slack_onset is None for r in (a, b))
+        missing = max(0.0, 1.0 - view.until / max(float(x.finest.t[-1]) for x in (a, b))) if broke else 0.0
+    else:
+        missing = wanted - view.window[1]
+    if missing > 1e-6:
+        yield replace(_barred("range", missing, a, b, [(math.inf, 0.0)] * 2, asked_for), where=view.window[1])
+
+
+def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[Agreement]:
+    """Give the gap of the paths past the slack onset, as far as the bars are within what is asked."""
+    from validation.core import trust  # loaded while solvers run
+
+    onset = min(math.inf if x.finest.slack_onset is None else x.finest.slack_onset for x in (a, b))
+    end = min(SLACK_END, a.finest.reached, b.finest.reached)
+    if view.rolls or not onset < end:
+        return
+    place = np.linspace(onset, end, 200)[1:-1]
+
+    def apart(x: Response, y: Response) -> Array:
+        return np.maximum.accumulate(np.nan_to_num(trust.gap(x, y, place), nan=math.inf))
+
+    bars = [x.bar(_same, apart, 1.0) for x in (a, b)]
+    allowed, gaps = sum(bars) * np.ones(place.size), apart(a.finest, b.finest)
+    known = max(1, int(np.count_nonzero(np.maximum.accumulate(allowed) <= asked_for)))
+    worst = int(np.argmax((gaps / allowed)[:known]))
+    parts = [(float(np.ravel(bar * np.ones(place.size))[worst]), 0.0) for bar in bars]
+    row = _barred("path_slack", float(gaps[worst]), a, b, parts, asked_for)
+    yield replace(row, where=float(place[worst]))
+
+
+# --- an answer and mechanics ----------------------------------------------------------------------------------------
+
+
+def _energy(scene: Scene, a: Ladder, b: Ladder, view: View, asked_for: float) -> Agreement:
+    """Return the balance of energy of the worse run: its exact defect is zero, so the bar must explain it."""
+    found = []
+    for x in (a, b):
+        taut = x.finest.slack_since
+
+        def series(r: Response) -> Array:
+            return measures.energy_defect(r)[:, None] / (view.weight * r.max_deflection)
+
+        def apart(fine: Response, coarse: Response, taut: float = taut) -> float:
+            if coarse.t.size > fine.t.size:
+                fine, coarse = coarse, fine
+            inside = measures.inside(coarse, view.window) & (coarse.t <= taut)
+            return _rms((series(coarse) - measures.at_steps_of(coarse, fine, np.nan_to_num(series(fine))))[inside])
+
+        gap = _rms(series(x.finest)[measures.inside(x.finest, view.window) & (x.finest.t <= taut)])
+        found.append(_own("energy", gap, x, x.parts(_same, apart, 1.0), TRAPEZOIDS, asked_for))
+    return worse(found)
+
+
+def _laws(a: Ladder, b: Ladder, view: View, asked: Callable[[str], float]) -> Iterator[Agreement]:
+    """Hold both runs against mechanics in SI, as the judge knows it by itself; a row for each law, of the worse run."""
+    from validation.core import laws  # loaded while solvers run
+
+    found: dict[str, list[Agreement]] = {}
+    for x in (a, b):
+        for held in laws.hold(x, view.window, view.until):
+            asks = "velocity" if held.quantity == "velocity" else "rest"
+            row = _own(held.quantity, held.gap, x, (held.bar, 0.0), held.sampling, asked(asks))
+            row = replace(row, law="" if held.law == held.quantity else held.law, where=held.where)
+            found.setdefault(held.law, []).append(replace(row, asked=held.law != UP_TO))
+    yield from map(worse, found.values())
+
+
+def _own(name: str, gap: float, x: Ladder, parts: tuple[float, float], more: float, asked_for: float) -> Agreement:
+    bar = sum(parts) + more
+    part = Part(x.finest.method, bar if math.isfinite(bar) else math.inf, "coarser runs and sampling")
+    return Agreement(name, gap, Bound("law", (part,)), asked_for=asked_for, parts=(parts,))
+
+
+def worse(rows: list[Agreement]) -> Agreement:
+    """Return the row with the worse verdict, of equal ones that which leaves less of what it is allowed."""
+    return min(
+        rows, key=lambda row: (-(row.gap > 3.0 * row.allowed), -row.gap / row.allowed if row.allowed > 0.0 else 0.0)
+    )
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(np.square(x), axis=-1))))
+
+
+# --- doubts ---------------------------------------------------------------------------------------------------------
+
+
+def doubts(*runs: Response) -> list[tuple[str, Flag]]:
+    """Return the methods and flags that say that an answer's bars may be too small."""
+    return [(r.method, f) for r in runs for f in r.flags if f.kind in DOUBTS]
