@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from validation.core.answers import outcome
+from validation.core.measures import WINDOWS
 from validation.core.methods import find
 from validation.core.quantities import matter, told, with_bar
 from validation.page import terminal
@@ -26,7 +27,7 @@ def rows(verdicts: Sequence[Agreement]) -> None:
         name = " ".join(row[key] for key in ("quantity", "law", "with") if row.get(key))
         numbers = [f"{row[key]:.1e}" if row.get(key) is not None else "-" for key in ("gap", "allowed", "asked_for")]
         where = "-" if row.get("where") is None else f"{row['where']:.3f}"
-        cells.append([name, *numbers, where, row["verdict"] if row.get("asked", True) else f"({row['verdict']})"])
+        cells.append([name, *numbers, where, row["verdict"] or "shown"])
     columns = ["quantity", "gap", "allowed", "asked for", "at s_o/l", "verdict"]
     terminal.table(columns, cells, right=columns[1:5])
 
@@ -85,7 +86,11 @@ def work(r: Response) -> None:
 
 
 def broken(*responses: Response) -> int:
-    """Return 2 and say so where a run broke before the slack onset, else 0; an unstable run's slack is no slack."""
-    bad = [r for r in responses if r.status != "complete" and (r.slack_onset is None or r.cause == "unstable")]
+    """Return 2 and say so where a run broke before the slack onset and the end of what is compared, else 0."""
+    bad = [
+        r for r in responses
+        if r.status != "complete" and (r.slack_onset is None or r.cause == "unstable")
+        and (r.drive == "free" or r.reached < WINDOWS[r.drive][1])
+    ]  # fmt: skip
     terminal.complain([f"{r.method} broke with the car at {r.s_o[-1]:.1f} m: {r.reason}" for r in bad])
     return 2 if bad else 0
