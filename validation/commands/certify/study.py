@@ -193,7 +193,8 @@ def climb(scene: Scene, way: Way, progress: Progress = lambda *told: None) -> Fo
     settings = method.settings(first)
     while True:
         fine = ran(settings)
-TIME_ORDER = 2.0  # the most that is credited in time
+        coarser = [[ran(refined(method, settings, **{of: share})) for share in (0.5, 0.25)] for of in ("space", "time")]
+        found = _found(fine, coarser, way, {k: settings[k] for k in first}, (min(method.space_order, 1.5), TIME_ORDER))
         parts = dict(zip((space, "steps"), (x if math.isfinite(x) else math.inf for x in found.parts), strict=True))
         progress(way.name, 0.5, f"{settings[space]}/{settings['steps']}: {sum(found.parts):.1g}")
         # a part far below the other is not worth a run
