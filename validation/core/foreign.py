@@ -139,68 +139,72 @@ class _Given:
 
 def _read(file: Path, scene: Scene) -> _Given:
     """Return the columns of a CSV file whose names we know."""
-    name, (header, rows, numbers) = file.name, _table(file)
-    place: dict[str, int] = {}  # quantity -> its column
-    faults = []
-    for i, column in enumerate(header):
-        if found := _NAME.fullmatch(column):
-            quantity = {"time": "t"}.get(found[1].lower(), found[1].lower())
-            if quantity in place:
-                faults.append(f"columns {header[place[quantity]]} and {column} both say {quantity}; leave one")
-            place[quantity] = i
-    have = ", ".join(header)
-    if not place.keys() & {"v", "y"}:
-        faults.append(f"no column v (deflection of the mass [m], positive down); it has {have}")
-    if scene.drive.mode != "free" and not place.keys() & {"t", "s_o"}:
-        faults.append(f"neither a column t [s] nor s_o [m]; it has {have}")
-    for n, row in zip(numbers, rows, strict=True):
-        for quantity, i in place.items():
-            if not (math.isfinite(_number(row[i])) or (quantity.startswith("t_") and not row[i].strip())):
-                hint = " (a decimal comma? write a point)" if "," in row[i] else ""
-                faults.append(f"line {n}: {header[i]} = {row[i].strip()!r} is no number{hint}")
+    lines = [(n, line.strip()) for n, line in enumerate(_text(file).splitlines(), 1) if line.strip()]
+    bare = [line.lstrip("# \t") for _, line in lines]
+    # the names stand in the first line without #, or in one with # that has a name we know
+    heads = [i for i, (_, line) in enumerate(lines) if line[0] != "#" or any(map(_NAME.fullmatch, _cells(bare[i])))]
+    if not heads:
+        raise Refused(f"{file.name}: the file is empty")
+    header, separator = _cells(bare[heads[0]]), _separator(bare[heads[0]])
+    rows = [(n, _cells(line, separator)) for n, line in lines[heads[0] + 1 :] if line[0] != "#"]
+    found = [(i, match[1].lower()) for i, column in enumerate(header) if (match := _NAME.fullmatch(column))]
+    place = {"t" if quantity == "time" else quantity: i for i, quantity in found}  # quantity -> its column
+    faults = list(_of_names(header, place, rows, scene))
+    faults += [] if faults else list(_of_cells(header, place, rows))
     if faults:
         more = [f"and {len(faults) - 5} more cells like these"] if len(faults) > 5 else []
-        raise Refused([f"{name}: {fault}" for fault in faults[:5] + more])
+        raise Refused([f"{file.name}: {fault}" for fault in faults[:5] + more])
     factor = {quantity: _unit(header[i], scene.length) for quantity, i in place.items()}
-    x = {quantity: factor[quantity] * np.array([_number(row[i]) for row in rows]) for quantity, i in place.items()}
-    return _Given(name, x, factor, numbers, "line")
+    x = {quantity: factor[quantity] * np.array([_number(row[i]) for _, row in rows]) for quantity, i in place.items()}
+    return _Given(file.name, x, factor, [n for n, _ in rows], "line")
 
 
-def _table(file: Path) -> tuple[list[str], list[list[str]], list[int]]:
-    """Return the names of the columns, the rows of text below them and the rows' line numbers."""
+def _of_names(header: list[str], place: dict[str, int], rows: list[Any], scene: Scene) -> Iterator[str]:
+    """Give what is wrong with the names of the columns."""
+    have = f"it has {', '.join(header)}"
+    if all(math.isfinite(_number(cell)) for cell in header):
+        yield "line 1: numbers where the names of the columns should stand, e.g. t,s_o,u,v"
+    elif not rows:
+        yield "no rows below the names of the columns"
+    else:
+        for quantity, i in place.items():
+            for k, column in enumerate(header[:i]):
+                if (match := _NAME.fullmatch(column)) and match[1].lower() in (quantity, {"t": "time"}.get(quantity)):
+                    yield f"columns {header[k]} and {header[i]} both say {quantity}; leave one"
+        if not place.keys() & {"v", "y"}:
+            yield f"no column v (deflection of the mass [m], positive down); {have}"
+        if scene.drive.mode != "free" and not place.keys() & {"t", "s_o"}:
+            yield f"neither a column t [s] nor s_o [m]; {have}"
+
+
+def _of_cells(header: list[str], place: dict[str, int], rows: list[Any]) -> Iterator[str]:
+    """Give what is wrong with the cells; a tension may be missing."""
+    for n, row in rows:
+        if len(row) != len(header):
+            yield f"line {n}: {len(row)} cells under {len(header)} names of columns"
+            continue
+        for quantity, i in place.items():
+            if not (math.isfinite(_number(row[i])) or (quantity.startswith("t_") and not row[i])):
+                hint = " (a decimal comma? write a point)" if "," in row[i] else ""
+                yield f"line {n}: {header[i]} = {row[i]!r} is no number{hint}"
+
+
+def _text(file: Path) -> str:
     try:
-        text = file.read_text(encoding="utf-8-sig")
+        return file.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise Refused(f"{file}: no such file") from None
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else "not text in UTF-8"
         raise Refused(f"{file}: cannot be read ({why})") from None
-    lines = [(n, line.strip()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
-    # the header is the first line without #, or one with # that has a name we know
-    heads = [
-        (i, cells) for i, (_, line) in enumerate(lines)
-        if not line.startswith("#") or any(_NAME.fullmatch(cell) for cell in _cells(line.lstrip("# \t")))
-        for cells in [_cells(line.lstrip("# \t"))]
-    ]  # fmt: skip
-    if not heads:
-        raise Refused(f"{file.name}: the file is empty")
-    start, header = heads[0]
-    if all(math.isfinite(_number(cell)) for cell in header):
-        at = lines[start][0]
-        raise Refused(f"{file.name}: line {at}: numbers where the names of the columns should stand, e.g. t,s_o,u,v")
-    body = [(n, _cells(line, lines[start][1])) for n, line in lines[start + 1 :] if not line.startswith("#")]
-    if not body:
-        raise Refused(f"{file.name}: no rows below the names of the columns")
-    for n, row in body:
-        if len(row) != len(header):
-            raise Refused(f"{file.name}: line {n}: {len(row)} cells under {len(header)} names of columns")
-    return header, [row for _, row in body], [n for n, _ in body]
 
 
-def _cells(line: str, header: str | None = None) -> list[str]:
-    """Return the cells of a line; the header's most frequent separator parts them."""
-    delimiter = max(",;\t", key=(header or line).count)
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+def _separator(line: str) -> str:
+    return max(",;\t", key=line.count)
+
+
+def _cells(line: str, separator: str | None = None) -> list[str]:
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator or _separator(line)))]
 
 
 def _number(cell: str) -> float:

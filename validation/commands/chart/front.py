@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 Row = dict[str, Any]
-OURS = ("method", "integrator", "extrapolated")  # kinds that solve the full cable at given settings
+OURS = ("method", "integrator")  # kinds that solve the full cable at given settings
 
 
 def best_of(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:

@@ -123,7 +123,7 @@ def _groups(chart: dict[str, Any]) -> list[tuple[str, dict[str, list[Row]]]]:
         ("elements, fixed mesh", _series(chart, lambda r: _wing("elements")(r) and "fixed" in r["series"])),
         ("Galerkin", _series(chart, _wing("galerkin"))),
         ("other methods", _series(chart, lambda r: r["kind"] == "method" and METHODS[r["method"]].wing not in WINGS)),
-        ("integration in time", _series(chart, lambda r: r["kind"] in ("integrator", "extrapolated"))),
+        ("integration in time", _series(chart, lambda r: r["kind"] == "integrator")),
         ("cheaper models", _series(chart, lambda r: r["kind"] == "model")),
         ("by tolerance, and other codes", _series(chart, lambda r: r["kind"] in ("tolerance", "peer"))),
     ]
@@ -162,7 +162,7 @@ def draw(chart: dict[str, Any], quantity: str, work: str, title: str, lines: dic
     """Draw one work-precision chart: error over work, both logarithmic, the same frame for all of a page."""
     error = f"{quantity}_error"
     fig, ax = panels(height=4.4)
-    dots = [r for r in chart["rows"] if r["status"] == "ok" and r["kind"] != "scipy" and r[error] and r[work]]
+    dots = [r for r in chart["rows"] if r["status"] == "ok" and r[error] and r[work]]
     best = front(dots, quantity, work)
     ax.plot(*_columns(best, work, error), color="#c8c8c8", linewidth=6.0, solid_capstyle="round", zorder=1)
     labels: list[tuple[Row, str, int]] = []
@@ -247,9 +247,8 @@ def _cost(chart: dict[str, Any]) -> Section:
     html = [_growth(chart["growth"])] if chart.get("growth") else []
     floor = chart.get("floor")
     html += [Markup(_SAY.floor(floor))] if floor else []
-    for of_kind, kind in ((_scipy, "scipy"), (_tolerances, "tolerance")):
-        if chosen := [r for r in rows if r["kind"] == kind]:
-            html.append(of_kind(chosen))
+    if chosen := [r for r in rows if r["kind"] == "tolerance"]:
+        html.append(_tolerances(chosen))
     html.append(page.details(f"All {len(rows)} dots", _all(rows)))
     machine = ", ".join(f"{k} {v}" for k, v in chart.get("machine", {}).items())
     html.append(Markup("<p><small>{}</small></p>").format(escape(machine)))
@@ -267,18 +266,6 @@ def _growth(grown: list[dict[str, Any]]) -> Markup:
         },
         caption="Seconds per step against unknowns: exponent of a power law through all sizes",
     )  # fmt: skip
-
-
-def _scipy(rows: list[Row]) -> Markup:
-    return listed(
-        rows,
-        {
-            "scipy's rule": lambda r: r["settings"]["rule"],
-            "largest distance from the driver's mass path": lambda r: percent(r["driver_gap"]),
-            "its seconds": lambda r: _seconds(r["seconds"]),
-        },
-        caption="The shared driver against scipy on the same semi-discrete equations",
-    )
 
 
 def _tolerances(rows: list[Row]) -> Markup:

@@ -10,7 +10,6 @@ code's long runs, what other programs took of the core is left out.
 from __future__ import annotations
 
 import importlib.metadata
-import itertools
 import json
 import platform
 import time
@@ -37,7 +36,6 @@ from validation.core.climb import TooCoarse, climb, laddered
 from validation.core.measures import NotComparable, Window
 from validation.core.methods import METHODS, Method, refined
 from validation.core.running import Run, run
-from validation.core.scipys import integrated
 from validation.peers import PEERS, PeerPath, available
 
 STOP = measures.WINDOW[1]
@@ -55,7 +53,7 @@ class Series:
     """What is charted as one line: a name, what runs, and its rungs from coarse to fine."""
 
     name: str
-    kind: str  # "method" | "model" | "integrator" | "extrapolated" | "tolerance" | "peer" | "scipy"
+    kind: str  # "method" | "model" | "integrator" | "tolerance" | "peer"
     rungs: tuple[dict[str, Any], ...]
     method: str | None = None
     model: str = "full"
@@ -109,11 +107,8 @@ def series(peers: bool = True, groups: Groups | None = None) -> Iterator[Series]
         if model != "full":
             yield Series(f"model {model}", "model", tuple(ladder(base))[::4], BASE, model)
     yield from _schemes(base, (base.settings_on(groups, {}) if groups else base.settings({}))["scheme"])
-    yield Series(f"{BASE} extrapolated", "extrapolated", tuple(ladder(base)), BASE)
     for name in (BASE, WITNESS[0]):
         yield Series(f"{name} --tol", "tolerance", tuple({"tol": tol} for tol in SAID["asked"]), name)
-    for rule in SAID["scipy"] if mode == "grip" else ():
-        yield Series(f"scipy {rule}", "scipy", ({"elements": 3, "rule": rule},), BASE)
     for peer in PEERS.values() if peers else ():
         ours = (mode == "free" and peer.rides) or peer.ladder
         yield Series(peer.name, "peer", tuple(dict(rung) for rung in ours))
@@ -228,7 +223,7 @@ def _line(
             new.append(_row(line, rung, status="not run", reason=reason))
             continue
         begin = time.perf_counter()
-        row = (_run_scipy if line.kind == "scipy" else _repeated)(scene, line, rung, truth, max(1, repeats), left)
+        row = _repeated(scene, line, rung, truth, max(1, repeats), left)
         spent = time.perf_counter() - begin
         left -= spent
         seconds_per_size = spent / (row["repeats"] or 1) / _size(line, rung)
@@ -262,7 +257,7 @@ def _size(line: Series, rung: dict[str, Any]) -> float:
 def _row(line: Series, settings: dict[str, Any], **found: Any) -> dict[str, Any]:
     empty = dict.fromkeys((
         "reason", "reached", "path_error", "path_rms", "tension_error", "seconds", "spread", "repeats", "n_dof",
-        "steps", "newton_iterations", "factorisations", "unknown_steps", "driver_gap",
+        "steps", "newton_iterations", "factorisations", "unknown_steps",
     ))  # fmt: skip
     known = {"series": line.name, "kind": line.kind, "method": line.method, "model": line.model, "settings": settings}
     return known | empty | found
@@ -335,21 +330,6 @@ def _ours(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> On
     return _judged(r, truth), r.seconds
 
 
-def _pair(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> Once:
-    """Two runs, the second with half the steps, and Richardson's extrapolation of second order in time; both count."""
-    assert line.method is not None
-    until = stop_of(scene)
-    fine, coarse = (
-        run(scene, line.method, until=until, **rung | {"steps": steps}) for steps in (rung["steps"], rung["steps"] // 2)
-    )
-    if any(truth.short(r.reached, r.reason) for r in (fine, coarse)):
-        reason = fine.reason or coarse.reason or "one of the two runs ended early"
-        raise _Failed(reason, reached=min(fine.reached, coarse.reached))
-    work = {k: fine.work[k] + coarse.work[k] for k in fine.work}
-    better = replace(measures.extrapolated(fine, coarse, 2.0), work=work)
-    return _judged(better, truth), fine.seconds + coarse.seconds
-
-
 def _to_tolerance(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> Once:
     """A tolerance in place of a resolution: the seconds are those of every run it took to get there."""
     assert line.method is not None
@@ -383,51 +363,8 @@ def until(groups: Groups, place: float) -> Groups:
     return replace(groups, motion=replace(motion.until(motion.time_at(place)), end=place))
 
 
-# --- the shared driver against scipy ----------------------------------------------------------------------------------
-
-
-def _run_scipy(
-    scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth, repeats: int, left: float
-) -> dict[str, Any]:  # fmt: skip
-    """Integrate our own semi-discrete system by scipy, from s_o/l = 0.02 on, and by the driver.
-
-    `driver_gap` is the distance of the two mass paths over the largest deflection; the driver takes so many steps that
-    this is its own time error.
-    """
-    assert line.method is not None
-    method, motion = METHODS[line.method], scene.groups.motion
-    assert motion is not None
-    settings = method.settings({"elements": rung["elements"]})
-    system: Any = method.build(scene.groups, settings, model="full", load="mass", law="elastic")
-    begin, end = motion.time_at(measures.WINDOW[0]), motion.time_at(truth.window[1])
-    states, theirs, seconds, n = [], [], 0.0, system.n_dof
-    with threadpool_limits(1):
-        for x in newmark.integrate(system, newmark.scheme("trapezoidal"), newmark.step_times(system, 6000)):
-            states += [x] * (x.t >= begin)
-            if x.t >= end:
-                break
-        first, *states = states
-        for phase, those in itertools.groupby(states, key=lambda x: x.phase):
-            clock = time.perf_counter()
-            try:
-                t = np.array([x.t for x in those])
-                y = integrated(system, first._replace(phase=phase), t, rung["rule"], rtol=SAID["scipy"][rung["rule"]])
-            except ArithmeticError as error:
-                return _row(line, rung, status="failed", reason=str(error))
-            seconds += time.perf_counter() - clock
-            first = first._replace(t=t[-1], q=y[-1, :n], v=y[-1, n:])
-            theirs.append(y)
-    node = slice(*(2 * system.node + k for k in (0, 2)))
-    gap = np.hypot(*(np.concatenate(theirs)[:, node] - np.array([x.q for x in states])[:, node]).T)
-    return _row(
-        line, rung, status="ok", n_dof=n, seconds=seconds, repeats=1, steps=len(states),
-        reached=truth.window[1], driver_gap=float(gap.max() * scene.length / truth.run.max_deflection),
-    )  # fmt: skip
-
-
 _ONCE: dict[str, Callable[..., Once]] = {
-    "method": _ours, "model": _ours, "integrator": _ours, "extrapolated": _pair, "tolerance": _to_tolerance,
-    "peer": _of_peer,
+    "method": _ours, "model": _ours, "integrator": _ours, "tolerance": _to_tolerance, "peer": _of_peer,
 }  # fmt: skip
 
 
