@@ -1,14 +1,11 @@
 """The quasi-static ride: the car on the curve of its own places at rest, its load path.
 
-Without inertia of the cable the car at s has one place P(s), and cable and car together have one energy Pi(s). With the
-car's own inertia (lengths over l, forces over H, times over l sqrt(rho/H))
+The cable has no inertia: the car at s has one place P(s), and cable and car one energy Pi(s). The car has its own:
 
-    mu |P'|^2 dds + mu P'.P'' ds^2 = -Pi'(s) + F_ext.P' + <lam> f,
+    mu |P'|^2 dds + mu P'.P'' ds^2 = -Pi'(s) + F_ext.P' + <lam> f.
 
-F_ext thrust and drag, f = -(mu_r N_c + F_b) sign(ds) friction and brake along the cable, N_c the contact force normal
-to P'. Three curves, from the cheapest: the chord; the shape of the empty cable; the loaded cable, an elastic catenary
-of two pieces. The last predicts a timetable to 1e-3 l and the speed to 3e-3 up to 0.4 of the wave speed; what it leaves
-out is the cable's inertia, and with it deflection and tension off the rest state.
+F_ext: thrust and drag. f = -(mu_r N_c + F_b) sign(ds): friction and brake along the cable, N_c normal to P'.
+Lengths over l, forces over H, times over l sqrt(rho/H).
 """
 
 from __future__ import annotations
@@ -192,86 +189,111 @@ class Forces:
         return tuple(out)
 
 
-def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = math.inf) -> Ride:
-    """Let the car roll until it arrives, is at rest for good, has turned `turns` times, or its time is over."""
-    from scipy.integrate import solve_ivp
+class _Rolling:
+    """A ride under way: the car between two events, and what has happened."""
 
-    forces = Forces(path, mu, sigma, drive)
-    places, level, last = forces.places, forces.level, len(drive.phases) - 1
-    t, s, v, phase, sign, brakes = 0.0, drive.start, 0.0, 0, 0.0, bisect.bisect_right(places, drive.start)
-    events: list[Event] = []
-    sections: list[tuple[float, float, Callable]] = []
+    def __init__(self, path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float) -> None:
+        self.path, self.drive, self.turns = path, drive, turns
+        self.forces = Forces(path, mu, sigma, drive)
+        self.t, self.s, self.v, self.phase = 0.0, drive.start, 0.0, 0
+        self.sign = 0.0  # of the motion that friction and brakes work against
+        self.brakes = bisect.bisect_right(self.forces.places, drive.start)  # that have been reached
+        self.end = min(drive.end_time, HORIZON)
+        self.events: list[Event] = []
+        self.sections: list[tuple[float, float, Callable]] = []
 
-    def log(name: str) -> None:
-        px, py, *_ = path(s)
-        events.append(Event(name, t, s, abs(v) * math.hypot(px, py)))
+    def to_its_end(self) -> Ride:
+        """Roll on from event to event."""
+        going = True
+        while going and self.t < self.end:
+            going = (self.v != 0.0 or self._depart()) and self._react(self._roll())
+        return Ride(self.path, tuple(self.events), tuple(self.sections))
 
-    end = min(drive.end_time, HORIZON)
-    while t < end:
-        if v == 0.0:
-            go = forces.loose(t, s, phase, brakes)
-            if go is None or go[0] >= end:
-                if go is None:
-                    log("stop")
-                break
-            if go[0] > t:
-                sections.append((t, go[0], lambda t, s=s: np.stack([np.full_like(t, s), np.zeros_like(t)])))
-            t, phase = go
-            ahead = forces.stands(t, s, phase, brakes) or forces.at(t + 1e-9, s, 0.0, phase)[0]
-            before, sign = sign, math.copysign(1.0, ahead)
-            if before * sign < 0.0:
-                log("turn")
-                turns -= 1
-                if turns <= 0:
-                    break
-        watches = {"still": _watch(1, 0.0, -sign), "arrival": _watch(0, drive.end_place, 1.0)}
+    def _log(self, name: str) -> None:
+        px, py, *_ = self.path(self.s)
+        self.events.append(Event(name, self.t, self.s, abs(self.v) * math.hypot(px, py)))
+
+    def _depart(self) -> bool:
+        """Wait until friction and brakes cannot hold the car; return whether it goes on."""
+        s, forces = self.s, self.forces
+        go = forces.loose(self.t, s, self.phase, self.brakes)
+        if go is None:
+            self._log("stop")
+        if go is None or go[0] >= self.end:
+            return False
+        if go[0] > self.t:
+            self.sections.append((self.t, go[0], lambda t: np.stack([np.full_like(t, s), np.zeros_like(t)])))
+        self.t, self.phase = go
+        ahead = forces.stands(self.t, s, self.phase, self.brakes) or forces.at(self.t + 1e-9, s, 0.0, self.phase)[0]
+        before, self.sign = self.sign, math.copysign(1.0, ahead)
+        if before * self.sign < 0.0:
+            self._log("turn")
+            self.turns -= 1
+        return self.turns > 0
+
+    def _watches(self) -> dict[str, Callable]:
+        """Return what may end the motion, by name."""
+        drive, places, brakes = self.drive, self.forces.places, self.brakes
+        watches = {"still": _watch(1, 0.0, -self.sign), "arrival": _watch(0, drive.end_place, 1.0)}
         watches["back"] = _watch(0, drive.back_place, -1.0)
-        if drive.ways and phase == last:
-            watches["rest"] = _at_rest(path, drive)
+        if drive.ways and self.phase == len(drive.phases) - 1:
+            watches["rest"] = _at_rest(self.path, drive)
         if brakes < len(places):
             watches["brake"] = _watch(0, places[brakes], 1.0)
         if brakes > 0:
             watches["brake off"] = _watch(0, places[brakes - 1], -1.0)
+        return watches
 
-        def rate(t, y, phase=phase, sign=sign, brakes=brakes):
+    def _roll(self) -> str | None:
+        """Integrate up to the next event, or the end of the phase; return the event."""
+        from scipy.integrate import solve_ivp
+
+        phase, sign, forces, mu_r = self.phase, self.sign, self.forces, self.drive.mu_r
+        brake = forces.level[self.brakes]
+
+        def rate(t: float, y: np.ndarray) -> list[float]:
             free, normal, inertia, stretch = forces.at(t, y[0], y[1], phase)
-            return [y[1], (free - sign * stretch * (drive.mu_r * normal + level[brakes])) / inertia]
+            return [y[1], (free - sign * stretch * (mu_r * normal + brake)) / inertia]
 
-        stop = min(end, drive.phases[phase][1])
+        span, watches = (self.t, min(self.end, self.drive.phases[phase][1])), self._watches()
         run = solve_ivp(
-            rate, (t, stop), [s, v], "DOP853", rtol=1e-10, atol=1e-12, dense_output=True, events=[*watches.values()]
-        )
+            rate, span, [self.s, self.v], "DOP853", rtol=1e-10, atol=1e-12, dense_output=True,
+            events=[*watches.values()],
+        )  # fmt: skip
         if not run.success:
             raise NoRest(f"the quasi-static ride cannot go on at s_o = {run.y[0, -1]:.4g}: {run.message}")
-        sections.append((t, float(run.t[-1]), run.sol))
-        t, (s, v) = float(run.t[-1]), run.y[:, -1].tolist()
-        hit = next((name for name, times in zip(watches, run.t_events, strict=True) if times.size), None)
-        if hit is None:  # the phase is over
-            if t < end:
-                names = {drive.release: "release"} | (
-                    {drive.thrust_table[-1][0]: "thrust_end"} if drive.thrust_table else {}
-                )
-                if t in names:
-                    log(names[t])
-                phase += 1
-        elif hit == "still":
-            v = 0.0
-        elif hit == "rest":
-            v = 0.0
-            log("stop")
-            break
-        elif hit == "brake":
-            s = places[brakes]
-            brakes += 1
-            log("brake")
-        elif hit == "brake off":
-            s = places[brakes - 1]
-            brakes -= 1
+        self.sections.append((self.t, float(run.t[-1]), run.sol))
+        self.t, (self.s, self.v) = float(run.t[-1]), run.y[:, -1].tolist()
+        return next((name for name, times in zip(watches, run.t_events, strict=True) if times.size), None)
+
+    def _react(self, event: str | None) -> bool:
+        """Do what an event does to the car; return whether the ride goes on."""
+        if event is None:
+            self._next_phase()
+        elif event in ("still", "rest"):
+            self.v = 0.0
+        elif event == "brake":
+            self.s, self.brakes = self.forces.places[self.brakes], self.brakes + 1
+        elif event == "brake off":
+            self.s, self.brakes = self.forces.places[self.brakes - 1], self.brakes - 1
         else:
-            s = drive.end_place if hit == "arrival" else drive.back_place
-            log(hit)
-            break
-    return Ride(path, tuple(events), tuple(sections))
+            self.s = self.drive.end_place if event == "arrival" else self.drive.back_place
+        if event in ("rest", "brake", "arrival", "back"):
+            self._log("stop" if event == "rest" else event)
+        return event not in ("rest", "arrival", "back")
+
+    def _next_phase(self) -> None:
+        if self.t < self.end:
+            table = self.drive.thrust_table
+            names = {self.drive.release: "release"} | ({table[-1][0]: "thrust_end"} if table else {})
+            if self.t in names:
+                self._log(names[self.t])
+            self.phase += 1
+
+
+def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = math.inf) -> Ride:
+    """Let the car roll until it arrives, is at rest for good, has turned `turns` times, or its time is over."""
+    return _Rolling(path, mu, sigma, drive, turns).to_its_end()
 
 
 def _watch(component: int, value: float, direction: float) -> Callable:
