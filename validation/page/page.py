@@ -37,12 +37,7 @@ class Section:
 
 def render(title: str, sections: Sequence[Section], out_file: Path) -> None:
     """Write the report, whole or not at all; the contents list verdicts worst first."""
-    twice = [id for id, n in Counter(s.id for s in sections).items() if n > 1]
-    if twice:
-        raise ValueError(f"two sections have the id {twice[0]!r}")
-    unknown = [s.verdict for s in sections if s.verdict is not None and s.verdict not in VERDICTS]
-    if unknown:
-        raise ValueError(f"a verdict is one of {', '.join(VERDICTS)}; got {unknown[0]!r}")
+    _sound(sections)
     judged = sorted((s for s in sections if s.verdict), key=lambda s: list(VERDICTS).index(s.verdict or ""))
     names = ["page.js", *dict.fromkeys(name for s in sections for name in s.scripts)]
     page = _ENVIRONMENT.get_template("page.html").render(
@@ -51,6 +46,16 @@ def render(title: str, sections: Sequence[Section], out_file: Path) -> None:
     )  # fmt: skip
     with whole(out_file) as temporary:
         temporary.write_text(page, encoding="utf-8")
+
+
+def _sound(sections: Sequence[Section]) -> None:
+    """Raise ValueError for two sections of one id, or an unknown verdict."""
+    twice = [id for id, n in Counter(s.id for s in sections).items() if n > 1]
+    if twice:
+        raise ValueError(f"two sections have the id {twice[0]!r}")
+    unknown = [s.verdict for s in sections if s.verdict is not None and s.verdict not in VERDICTS]
+    if unknown:
+        raise ValueError(f"a verdict is one of {', '.join(VERDICTS)}; got {unknown[0]!r}")
 
 
 def words(package: str) -> Any:

@@ -44,9 +44,7 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence
         for name, cells in zip(columns, zip(columns, *rows, strict=True), strict=True)
     ]
     if sum(narrowest) + 3 * (len(columns) - 1) > console.width:
-        for row in rows:
-            for name, cell in zip(columns, row, strict=True):
-                say(f"{name} {cell}".strip(), style="bold" if name == columns[0] else STYLES.get(cell, ""))
+        _stacked(columns, rows)
         return
     from rich import box
     from rich.table import Table
@@ -58,6 +56,12 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence
     for row in rows:
         drawn.add_row(*(Text(cell, style=STYLES.get(cell, "")) for cell in row))
     console.print(drawn)
+
+
+def _stacked(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    for row in rows:
+        for name, cell in zip(columns, row, strict=True):
+            say(f"{name} {cell}".strip(), style="bold" if name == columns[0] else STYLES.get(cell, ""))
 
 
 def _plain(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str]) -> None:

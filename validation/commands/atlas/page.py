@@ -76,15 +76,17 @@ def _figure(atlas: dict[str, Any], m: dict[str, Any], method: str, cells: dict[A
         ax.set_xlabel(NAMES.get(m["x"]["name"], m["x"]["name"]))
         ax.set_ylabel(NAMES.get(m["y"]["name"], m["y"]["name"]))
         ax.grid(False)
-        looks = [CLASSES[name] for name in shown]
-        looks += [
-            (badge, "", f"{letter}: {words}") for name, (letter, badge, words) in CAUSES.items() if name in causes
-        ]
-        handles = [Patch(facecolor=colour, hatch=hatch, edgecolor=GREY, label=words) for colour, hatch, words in looks]
+        handles = _key(shown, causes)
         handles += ax.get_legend_handles_labels()[0]
         fig.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=7.5)
     tally = ", ".join(f"{kinds.count(k)} {k or 'not computed'}" for k in shown)
     return figure(fig, escape(f"{m['title']}: {method}"), label=f"Map of {method}: {tally}")
+
+
+def _key(classes: list[str | None], causes: set[str]) -> list[Patch]:
+    badges = [CAUSES[name] for name in CAUSES if name in causes]
+    looks = [CLASSES[name] for name in classes] + [(badge, "", f"{c}: {words}") for c, badge, words in badges]
+    return [Patch(facecolor=colour, hatch=hatch, edgecolor=GREY, label=words) for colour, hatch, words in looks]
 
 
 def _cell(ax: Any, i: int, j: int, cell: dict[str, Any] | None) -> None:

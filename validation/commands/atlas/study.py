@@ -60,15 +60,7 @@ def atlas(
     rows: Sequence[catalogue.Row] = catalogue.CATALOGUE,
 ) -> dict[str, Any]:  # fmt: skip
     """Compute what is missing of the maps, the step limits and the catalogue, and write atlas.json."""
-    jobs: dict[str, Callable[[], Any]] = {}
-    for m in maps:
-        for x in m["x"]["values"]:
-            for y in m["y"]["values"]:
-                used = [(name, settings_at(m, x, y, name, fixed)) for name, fixed in methods(m)]
-                jobs[_key("cell", m["name"], x, y, used, SAID["reference"])] = partial(cells, m, x, y)
-    if any(m["name"] == "step-resolution" for m in maps):
-        jobs |= {_key("limit", n): partial(step_limit, n) for n in SAID["limit_terms"]}
-    jobs |= {_key("row", row["name"]): partial(catalogue.run_row, row) for row in rows}
+    jobs = _jobs(maps, rows)
     report = (lambda done: progress("atlas", done)) if progress else None
     found = store.each_once(out / CELLS, jobs, lambda job: job(), report)
     of = {kind: [x for key, x in found.items() if json.loads(key)[0] == kind] for kind in ("cell", "limit", "row")}
@@ -79,6 +71,20 @@ def atlas(
     }  # fmt: skip
     write_json(out / RESULT, result)
     return result
+
+
+def _jobs(maps: Sequence[Map], rows: Sequence[catalogue.Row]) -> dict[str, Callable[[], Any]]:
+    """Return what is to be computed, by what identifies it."""
+    jobs: dict[str, Callable[[], Any]] = {}
+    for m in maps:
+        for x in m["x"]["values"]:
+            for y in m["y"]["values"]:
+                used = [(name, settings_at(m, x, y, name, fixed)) for name, fixed in methods(m)]
+                jobs[_key("cell", m["name"], x, y, used, SAID["reference"])] = partial(cells, m, x, y)
+    if any(m["name"] == "step-resolution" for m in maps):
+        jobs |= {_key("limit", n): partial(step_limit, n) for n in SAID["limit_terms"]}
+    jobs |= {_key("row", row["name"]): partial(catalogue.run_row, row) for row in rows}
+    return jobs
 
 
 def _key(*what: Any) -> str:
@@ -130,16 +136,18 @@ def judged(r: Response, reference: Response, unsure: float) -> dict[str, Any]:
     if stop < EARLIEST or reference.reached < stop or _unstable(reference):
         return out | {"class": "not judged", "reason": r.reason or "the reference itself is not to be trusted here"}
     try:
-        out["error"] = error = measures.path_gap(r, reference, (measures.WINDOW[0], min(stop, r.reached)))[0]
+        error = measures.path_gap(r, reference, (measures.WINDOW[0], min(stop, r.reached)))[0]
     except (measures.NotComparable, ValueError):
         return out | {"class": "wrong", "cause": r.cause or "too coarse"}
-    good, wrong = SAID["good"], SAID["wrong"]
-    verdict = "wrong" if r.reached < stop or not error < wrong else "poor" if error > good else "good"
-    if unsure > UNSURE * {"good": good, "poor": wrong, "wrong": math.inf}[verdict]:
+    verdict = "wrong" if r.reached < stop else _class(error)
+    if unsure > UNSURE * {"good": SAID["good"], "poor": SAID["wrong"], "wrong": math.inf}[verdict]:
         return out | {"class": "not judged", "reason": f"the reference itself is sure to {unsure:.2g} only"}
-    if verdict != "good":
-        out["cause"] = r.cause or _cause(r, stop)
-    return out | {"class": verdict}
+    cause = r.cause if verdict == "good" else r.cause or _cause(r, stop)
+    return out | {"class": verdict, "error": error, "cause": cause}
+
+
+def _class(error: float) -> str:
+    return "good" if error <= SAID["good"] else "poor" if error < SAID["wrong"] else "wrong"
 
 
 def _cause(r: Response, stop: float) -> str:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from validation.core import store
 from validation.page import terminal
+
+if TYPE_CHECKING:
+    from validation.commands.sweep.study import Study
 
 EXAMPLE = "cablefem sweep throughput --workers 2"
 
@@ -44,10 +47,7 @@ def command(
         return 0
     asked = Study.load(study)
     if scene is not None:
-        point = asked.point(scene)
-        how = " ".join(f"{key}={value}" for key, value in asked.how(point).items())
-        print(f"# scene {scene} of {asked.name}: {asked.job} {how} {'' if asked.tol is None else f'tol={asked.tol:g}'}")
-        print(asked.scene_at(point).to_toml(), end="")
+        _print(asked, scene)
         return 0
 
     from validation.commands.sweep import engine
@@ -67,11 +67,25 @@ def command(
     from validation.page import page
 
     page.render(f"cablefem sweep: {asked.title or asked.name}", sections(folder), folder / "report.html")
+    terminal.say(f"{tally.status.total()} scenes in this call, {tally.rate:.3g} per second")
+    terminal.say(f"written to {folder}: rows/, study.toml, sweep.json, report.html")
+    return _outcome(folder)
+
+
+def _print(study: Study, scene: int) -> None:
+    point = study.point(scene)
+    how = " ".join(f"{key}={value}" for key, value in study.how(point).items())
+    print(f"# scene {scene} of {study.name}: {study.job} {how} {'' if study.tol is None else f'tol={study.tol:g}'}")
+    print(study.scene_at(point).to_toml(), end="")
+
+
+def _outcome(folder: Path) -> int:
+    """Print how many scenes came to what, and the first without an answer; return the exit code."""
+    from validation.commands.sweep import engine
+
     counts = engine.statuses(folder)
     terminal.say(", ".join(f"{n} {status}" for status, n in sorted(counts.items(), key=lambda x: -x[1])))
     if len(rows := engine.frame(folder).query("status not in ('complete', 'incomplete')")):
         first = rows.iloc[0]
         terminal.say(f"scene {rows.index[0]}, {first['status']}: {str(first['reason']).splitlines()[-1]}")
-    terminal.say(f"{tally.status.total()} scenes in this call, {tally.rate:.3g} per second")
-    terminal.say(f"written to {folder}: rows/, study.toml, sweep.json, report.html")
     return 1 if any(counts.get(x) for x in ("failed", "died", "cut off")) else 0
