@@ -1,8 +1,9 @@
-"""The static cable in closed form, eqs (9)-(12), in SI and dimensionless.
+"""The static cable in closed form, eqs (9)-(12): the one place that knows the catenary, in SI and dimensionless.
 
-With p = T y'/H = c - sigma s (lengths over l, forces over H, y down)
+With p = T y'/H = c - sigma s (lengths over l, forces over the horizontal tension H, y down)
     T = sqrt(1 + p^2),  x' = 1/T,  y' = p/T,  x'' = sigma p/T^3,  y'' = -sigma/T^3.
-No difference of nearly equal numbers is taken: a nearly straight cable keeps its digits.
+Everything is written without differences of nearly equal numbers, so that a nearly straight cable
+(sigma = 1e-6, where l exceeds the chord by 4e-14 l) keeps its digits.
 """
 
 from __future__ import annotations
@@ -16,10 +17,12 @@ import numpy as np
 
 from cablefem.scene.bisection import bisected
 
-# [-] z = rho g b/(2H); sag/span is z/4 when shallow and 7.3 at z = 5. Below 1e-9 the length is the chord to 16 digits.
+# z = rho g b/(2H) measures how deep a cable hangs: sag/span is z/4 when shallow and 7.3 at z = 5 (level supports).
+# Below 1e-9 the arc length equals the chord to all 16 digits; above 5 the cable is a plumb line down and up again.
 Z_MIN, Z_MAX = 1e-9, 5.0
 
-LEAST_SLACK = 1e-12  # [-] of the chord: a length nearer to it fixes the sag to fewer than four digits
+# A given length fixes the sag through l - chord alone; closer to the chord than this, fewer than four digits are left.
+LEAST_SLACK = 1e-12
 
 
 def static(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -34,7 +37,8 @@ def static(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray, np.ndarra
 def shape(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray]:
     """Return (x, y) of the dimensionless catenary at s, each of the shape of s; y is positive downward.
 
-    x = (asinh p_0 - asinh p)/sigma, y = (T_0 - T)/sigma, by T_0 - T = sigma s m, m = (p_0 + p)/(T_0 + T).
+    x = (asinh p_0 - asinh p)/sigma and y = (T_0 - T)/sigma with the differences carried out:
+    T_0 - T = sigma s m, m = (p_0 + p)/(T_0 + T), and asinh p = ln(p + T).
     """
     s = np.asarray(s, dtype=float)
     p, p0, T0 = c - sigma * s, c, math.hypot(1.0, c)
@@ -48,7 +52,7 @@ def shape(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Catenary:
-    """A uniform cable at rest between (0, 0) and (span, drop); y down, s along the cable, SI."""
+    """A uniform cable at rest between (0, 0) and (span, drop); x to the right, y down, s along the cable, SI units."""
 
     span: float  # b [m]
     drop: float  # y(l) [m], positive when the right support is the lower one
@@ -57,7 +61,10 @@ class Catenary:
 
     @classmethod
     def from_length(cls, span: float, drop: float, weight: float, length: float) -> Catenary:
-        """Return the catenary of stretched arc length l, sqrt(l^2 - h^2)/b = sinh(z)/z; ValueError out of range."""
+        """The catenary of stretched arc length l: sqrt(l^2 - h^2)/b = sinh(z)/z, z = rho g b/(2H), solved for H.
+
+        Raises ValueError when the length is outside `length_range`.
+        """
         low, high = length_range(span, drop)
         if not low <= length <= high:
             raise ValueError(f"length {length} outside [{low}, {high}]")
@@ -173,9 +180,10 @@ def _middle(span: float, drop: float, z: float) -> float:
 
 
 def _sag(span: float, drop: float, z: float) -> float:
-    """Largest vertical distance below the chord [m], at eta = tm - asinh(h/b), x = b/2 + (b/2z) eta.
+    """Largest vertical distance below the chord [m].
 
-    There it is (b/2z) [ cosh(tm) (cosh z - cosh eta) + sinh(tm) (sinh eta - eta sinh(z)/z) ].
+    At x = b/2 + (b/2z) eta the cable is (b/2z) [ cosh(tm) (cosh z - cosh eta) + sinh(tm) (sinh eta - eta sinh(z)/z) ]
+    below its chord; it is deepest where its slope is the chord's, eta = tm - asinh(h/b).
     """
     tm = _middle(span, drop, z)
     eta = tm - math.asinh(drop / span)

@@ -1,4 +1,29 @@
-"""What is simulated: cable, supports, mass and travel in SI, and what follows from them; symbols: README.md."""
+"""What is simulated: cable, supports, mass and travel in SI, and everything that follows from them.
+
+"Equation" is the paper's first one with the symbol; "list" is its list of scales and groups between (16) and (17).
+
+| symbol  | code                        | unit | equation | meaning                                               |
+|---------|-----------------------------|------|----------|-------------------------------------------------------|
+| l       | scene.length                | m    | (12)     | stretched static arc length; the length scale         |
+| b       | scene.supports.span         | m    | (11)     | horizontal distance of the supports                   |
+| h       | scene.supports.drop         | m    | (12)     | right support below the left one: positive (erratum)  |
+| rho     | scene.rho                   | kg/m | (2)      | mass per stretched static length, with ice            |
+| EA      | scene.cable.EA              | N    | (4)      | axial stiffness                                       |
+| g       | scene.gravity               | m/s2 | (4)      | gravity                                               |
+| M       | scene.mass.mass             | kg   | (2)      | moving mass                                           |
+| H = T_o | scene.horizontal_tension    | N    | (9)      | horizontal static tension; the force scale            |
+| -       | scene.time_scale            | s    | list     | l sqrt(rho/H)                                         |
+| mu      | scene.mu                    | -    | list     | M/(rho l)                                             |
+| alpha   | scene.alpha                 | -    | list     | EA/H                                                  |
+| beta    | scene.beta                  | -    | list     | rho g l/EA = sigma/alpha                              |
+| sigma   | scene.sigma                 | -    | list     | rho g l/H                                             |
+| c       | scene.groups.c              | -    | (10)     | y'/x' at the left support                             |
+| L^2     | scene.irvine                | -    | Irvine   | sigma^2 alpha cos^5(chord slope)                      |
+| s_o(t)  | scene.groups.motion         | -    | (1)      | travel of the mass along the cable, over l            |
+| T(s)    | scene.catenary.tension      | N    | (9)      | static tension                                        |
+| k       | scene.groups.drive.k        | -    | -        | rho_air c_d A/(2 rho), drag of the car                |
+| mu_r    | scene.groups.drive.mu_r     | -    | -        | rolling friction over contact force                   |
+"""
 
 import itertools
 import math
@@ -72,7 +97,7 @@ def parsed(text: str) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Groups:
-    """All a solver needs, dimensionless: lengths over l, forces over H, times over l sqrt(rho/H)."""
+    """The scene in dimensionless form, all a solver needs: lengths over l, forces over H, times over l sqrt(rho/H)."""
 
     mu: float  # M/(rho l); 0 without a mass
     alpha: float  # EA/H
@@ -135,7 +160,7 @@ class Scene(Part):
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Self:
-        """Return the built-in scene of that name, or that of a TOML file; SceneError with all its faults."""
+        """The built-in scene of that name, or the scene in that TOML file; SceneError with all its faults."""
         text, name = scene_text(name_or_path)
         return cls.from_toml(text, name=name, folder=Path(name_or_path).parent)
 
@@ -253,10 +278,11 @@ class Scene(Part):
         speed_ratio: float | None = None,
         **fields: Any,
     ) -> Self:
-        """Return this scene with some groups changed, and whole fields (name, travel, ...) replaced.
+        """This scene with some groups changed, and whole fields (name, travel, ...) replaced.
 
-        sag_ratio re-hangs the cable; mu, alpha and speed_ratio set mass, EA and the pace of the travel. All else keeps
-        its SI value. A cable with temperature or ice is then described by its horizontal tension.
+        sag_ratio re-hangs the cable; mu, alpha and speed_ratio then set mass, EA and the pace of the same travel law.
+        What is not named keeps its SI value. Groups are those of the cable as it hangs: one with temperature or ice is
+        then described by its horizontal tension.
         """
         if self.cable.changed and any(group is not None for group in (sag_ratio, mu, alpha)):
             now = Cable(mass_per_length=self.rho, EA=self.cable.EA, horizontal_tension=self.horizontal_tension)
@@ -291,7 +317,7 @@ class Scene(Part):
 
     @property
     def notes(self) -> list[str]:
-        """Remarks on values that the scene leaves out, or that look mistaken."""
+        """What a reader of the answer should know about values that the scene leaves out, or that look mistaken."""
         drive, notes = self.drive, []
         if drive.mode == "free" and not (drive.rolling_friction or drive.drag_area):
             notes.append("no friction, no drag given: the fastest possible ride")
@@ -357,10 +383,12 @@ class Scene(Part):
 
     @property
     def irvine(self) -> float:
-        """Irvine's parameter L^2 = sigma^2 alpha cos^5(slope) [-]; from 0 (string) to large (inextensible cable).
+        """Irvine's parameter L^2 = sigma^2 alpha cos^5(slope) [-], of the weight normal to the chord.
 
-        Irvine, Cable Structures (1981), 2.4: (w_n l/H_c)^2 EA/H_c, w_n = rho g cos(slope), H_c = H/cos(slope), and l
-        for both chord and effective length.
+        Irvine, Cable Structures (1981), 2.4: (w_n l/H_c)^2 EA/H_c with w_n = rho g cos(slope), the tension along the
+        chord H_c = H/cos(slope), and l for both chord and effective length L_e, as in the paper's 5.34979. Level:
+        sigma^2 alpha. Below 4 pi^2 the first symmetric mode is the lowest one; it grows from a string's (0) to an
+        inextensible cable's.
         """
         return self.sigma**2 * self.alpha * (self.supports.span / self.chord) ** 5
 
@@ -393,7 +421,11 @@ class Scene(Part):
 
     @property
     def arrival(self) -> float | None:
-        """Time [s] at which the ride is over, of a free ride by the quasi-static model; None for a bare cable."""
+        """Time [s] at which the ride is over; None for a bare cable.
+
+        A travel ends at the far support (rolling: before it) unless a table stops earlier; a free ride: by the
+        quasi-static model.
+        """
         if self.ride is not None:
             return self.ride.duration * self.time_scale
         return None if self._motion is None else self._motion.phases[-1][1]
@@ -513,7 +545,7 @@ _adapter = cache(TypeAdapter)  # building one takes longer than reading a scene
 
 
 def _sound(kind: Any, value: object) -> Any:
-    """Return the value as a field of that kind; None when it has faults of its own."""
+    """The value as a field of that kind; None when it has faults of its own, which are reported where it stands."""
     try:
         return _adapter(kind).validate_python(value)
     except ValueError:
