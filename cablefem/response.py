@@ -360,14 +360,18 @@ class Response(MassPath):
 
     def write_tables(self, folder: Path) -> None:
         """Write path.csv and tension.csv alone."""
+        self.write_path(folder)
         f = self.fields
-        path = np.stack([getattr(self, name) for name in PATH_COLUMNS], axis=1)
         k, m = f.T.shape
         station = np.concatenate([np.broadcast_to(f.s, (k, m)), f.s_o[:, None], f.s_o[:, None]], axis=1)
         tension = np.concatenate([f.T, f.T_behind[:, None], f.T_ahead[:, None]], axis=1)
         time = np.repeat(f.t, m + 2)
-        write_csv(folder / "path.csv", ",".join(PATH_COLUMNS), path)
         write_csv(folder / "tension.csv", "t,s,T", np.stack([time, station.ravel(), tension.ravel()], axis=1))
+
+    def write_path(self, folder: Path) -> None:
+        """Write path.csv alone."""
+        path = np.stack([getattr(self, name) for name in PATH_COLUMNS], axis=1)
+        write_csv(folder / "path.csv", ",".join(PATH_COLUMNS), path)
 
     def store(self, folder: Path) -> None:
         """Write summary.json and response.npz alone."""

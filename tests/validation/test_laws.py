@@ -12,36 +12,11 @@ from cablefem import Scene
 from cablefem.response import Fields, Response
 from cablefem.scene import Catenary, catenary
 from tests.scene.test_ride import ZIP
+from tests.validation.ladders import alone, altered, ladder
 from validation.core import evidence, laws
-from validation.core.ladder import Branch, Ladder
 from validation.core.running import run
 
 WINDOW = (0.02, 0.40)
-FINE = {"elements": 16, "steps": 1200, "until": 0.42}
-
-
-def ladder(scene, change=lambda r: r, claims=None, **how):
-    """Run a scene, with halves and quarters of elements and steps, and let the answers claim to be of another."""
-    how = how or FINE
-
-    def ran(**coarser):
-        r = run(scene, "following-p2", **how | coarser)
-        return change(replace(r, scene_toml=(claims or scene).to_toml()))
-
-    space, time = (
-        Branch(tuple(ran(**{name: how[name] // part}) for part in (2, 4)), (2.0, 2.0), 2.0)
-        for name in ("elements", "steps")
-    )
-    return Ladder(ran(), space, time)
-
-
-def altered(x, change):
-    branches = (replace(b, runs=tuple(map(change, b.runs))) for b in (x.space, x.time))
-    return Ladder(change(x.finest), *branches)
-
-
-def alone(r):
-    return Ladder(r, *(Branch((r,), (2.0,), 2.0) for _ in range(2)))
 
 
 def held(x, window=WINDOW):
@@ -124,6 +99,8 @@ def test_a_wrong_curvature_of_the_shared_catenary_is_seen(monkeypatch):
                                              T_ahead=1.01 * r.fields.T_ahead)), "stretch"),
         (lambda r: replace(r, fields=replace(r.fields, T_static=1.01 * r.fields.T_static)), "forces at rest"),
         (lambda r: replace(r, velocity=1.01 * r.velocity), "momentum of the mass"),
+        (lambda r: replace(r, slack_onset=0.40, slack_at=0.5, switched=0.40), "slack onset"),
+        (lambda r: replace(r, tension_min=0.95 * r.tension_min), "least tension"),
         (lambda r: replace(r, contact=1.01 * r.contact), "momentum of the mass"),
         (lambda r: replace(r, t=1.01 * r.t), "travel"),
         (lambda r: replace(r, fields=replace(r.fields, x=1.001 * r.fields.x)), "ends at rest"),
@@ -142,8 +119,7 @@ ARRAYS = [name for name, f in Response.__dataclass_fields__.items() if f.type ==
 NUMBERS = [*ARRAYS, "length", "horizontal_tension", *(f"fields.{name}" for name in Fields.__dataclass_fields__)]
 UNHELD = {
     "acceleration": "shown nowhere, a contact force of the first order is what tells it",
-    "tension_min": "least of a basis with its ripples, for the flag of hidden slack alone",
-    "tension_min_at": "the same",
+    "tension_min_at": "for the flag of hidden slack alone",
     "F_haul": "there is none on a gripped car; see the ride",
     "fields.T_pointwise": "the paper's, ripples and all; an answer's tension is T",
     "fields.T_behind_pointwise": "the same",
@@ -255,6 +231,15 @@ def test_a_wrong_drive_of_both_wings_is_seen(fault):
     right, wrong = DRIVES[fault]
     assert right in TOML
     assert broken(ladder(Scene.from_toml(TOML.replace(right, wrong)), claims=Scene.from_toml(TOML), **RODE))
+
+
+def test_a_brake_at_the_end_of_a_ride_is_held():
+    """Five percent off in what both wings share, in the last seven percent of the way."""
+    late = TOML.replace("from = 25.0, force = 40.0", "from = 41.9, force = 200.0")
+    strong = Scene.from_toml(late.replace("force = 200.0", "force = 210.0"))
+    assert late != TOML
+    assert broken(ladder(strong, **RODE)) == set()
+    assert broken(ladder(strong, claims=Scene.from_toml(late), **RODE))
 
 
 def test_the_judge_reads_the_toml_by_itself(level):

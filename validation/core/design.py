@@ -1,38 +1,46 @@
 """The numbers a ropeway is designed with, in SI, each with its bar: extremes over a ride, where and when they occur.
 
-Over the range in which bars exist: up to the end of the window of comparison, of a free ride all of it.  A bar is
-what half the resolution and half the steps change, in the extreme itself or at its instant, whichever is more; but not
-within the coarser run's step from a break of the travel, across which forces jump.
+Forces are extremes of the mean over an axial round trip, which is what ropes and load cells feel.  The extreme of the
+raw signal is the `peak`.  Extremes are taken over the range in which answers are compared.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 
+from cablefem.newmark import scheme
 from cablefem.response import Array, Response
-from validation.core import measures
-from validation.core.estimate import Estimated
+from validation.core.evidence import Given
+from validation.core.ladder import Ladder, largest
+from validation.core.measures import WINDOWS
 from validation.core.quantities import unit_of
-from validation.core.richardson import SAFETY
+
+FIRST = 1.0  # order of forces in space and time, the most that is credited: waves pass the mass and supports as fronts
+NEAR = 9  # times within an axial round trip of an extreme at which the series of two runs are compared
+BETWEEN = 0.25  # of the larger step beside the highest sample: so far at most is a parabola's top above it
 
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A design number; t [s] and s_o [m] when it occurs, s [m] where on the cable; bar in its unit, None: unknown."""
+    """A design number in its unit; None: unknown, or not for this quantity."""
 
     quantity: str
     value: float
     bar: float | None
     unit: str
-    t: float | None = None
-    s_o: float | None = None
-    s: float | None = None
+    t: float | None = None  # [s] when it occurs
+    s_o: float | None = None  # [m] where the mass is then
+    x: float | None = None  # [m] where on the cable, horizontally, at rest
+    s: float | None = None  # [m] where on the cable
+    peak: float | None = None  # of a force: extreme of the raw signal
+    bar_peak: float | None = None
 
     def row(self) -> dict[str, Any]:
         """Return the row of `design` in summary.json and agreement.json."""
@@ -40,8 +48,8 @@ class Number:
 
 
 @dataclass(frozen=True, slots=True)
-class _Track:
-    """An extreme over the cable at each instant: value and place s [m], (n,) each."""
+class Track:
+    """A signal: at one place of the cable, value and s (n,), or along it at frames, value (n, m) and s (m,)."""
 
     t: Array
     value: Array
@@ -49,216 +57,226 @@ class _Track:
 
 
 @dataclass(frozen=True, slots=True)
-class _Quantity:
+class Quantity:
+    """What a design number is the extreme of."""
+
     sign: float  # +1: the largest is wanted, -1: the least
-    tracks: Callable[[Response], list[_Track]]
-    force: bool  # of first order, by the axial fronts in it
+    tracks: Callable[[Response], list[Track]]
+    inner: bool = False  # at an end of the range, or on a support, it means nothing
 
 
-def _at_mass(r: Response, value: Array) -> _Track:
-    return _Track(r.t, value, r.s_o)
+def _at_mass(of: Callable[[Response], Array]) -> Callable[[Response], list[Track]]:
+    return lambda r: [Track(r.t, of(r), r.s_o)]
 
 
-def _of_field(r: Response, values: Array, sign: float) -> _Track:
-    at = (sign * values).argmax(axis=1)
-    return _Track(r.fields.t, values[np.arange(at.size), at], r.fields.s[at])
+def _reaction(right: bool, of: Callable[[Array], Array]) -> Callable[[Response], list[Track]]:
+    def track(r: Response) -> list[Track]:
+        force = r.reaction_right if right else r.reaction_left
+        return [Track(r.t, of(force), np.full(r.t.size, r.length if right else 0.0))]
+
+    return track
 
 
-def _at_support(r: Response, force: Array, right: bool) -> _Track:
-    return _Track(r.t, force, np.full(r.t.size, r.length if right else 0.0))
+def _size(x: Array) -> Array:
+    return np.asarray(np.hypot(x[:, 0], x[:, 1]))
 
 
-def _tension(sign: float) -> Callable[[Response], list[_Track]]:
-    return lambda r: [
-        _at_mass(r, r.T_behind), _at_mass(r, r.T_ahead), _of_field(r, r.fields.T, sign),
-        _at_support(r, np.hypot(*r.reaction_left.T), False), _at_support(r, np.hypot(*r.reaction_right.T), True),
-    ]  # fmt: skip
+def _tension(r: Response) -> list[Track]:
+    ends = [track for right in (False, True) for track in _reaction(right, _size)(r)]
+    return [
+        Track(r.t, r.T_behind, r.s_o),
+        Track(r.t, r.T_ahead, r.s_o),
+        Track(r.fields.t, r.fields.T, r.fields.s),
+        *ends,
+    ]
 
 
-def _reaction(side: str, of: Callable[[Array], Array]) -> Callable[[Response], list[_Track]]:
-    return lambda r: [_at_support(r, of(getattr(r, f"reaction_{side}")), side == "right")]
+def _depth(r: Response) -> list[Track]:
+    return [Track(r.t, r.y, r.s_o), Track(r.fields.t, r.fields.y + r.fields.v, r.fields.s)]
 
 
-def _depth(r: Response) -> list[_Track]:
-    return [_at_mass(r, r.y), _of_field(r, r.fields.y + r.fields.v, 1.0)]
-
-
-QUANTITIES: dict[str, _Quantity] = {
-    "tension_max": _Quantity(1.0, _tension(1.0), True),
-    "tension_min": _Quantity(-1.0, _tension(-1.0), True),
+QUANTITIES: dict[str, Quantity] = {
+    "tension_max": Quantity(1.0, _tension),
+    "tension_min": Quantity(-1.0, _tension),
     **{
-        f"reaction_{side}_{part}max": _Quantity(1.0, _reaction(side, of), True)
+        f"reaction_{side}_{part}max": Quantity(1.0, _reaction(side == "right", of))
         for side in ("left", "right")
         for part, of in (
-            ("", lambda x: np.hypot(x[:, 0], x[:, 1])), ("horizontal_", lambda x: np.abs(x[:, 0])),
-            ("vertical_", lambda x: np.abs(x[:, 1])),
+            ("", _size), ("horizontal_", lambda x: np.abs(x[:, 0])), ("vertical_", lambda x: np.abs(x[:, 1])),
         )
     },
-    "deepest_point": _Quantity(1.0, _depth, False),
-    "mass_deepest": _Quantity(1.0, lambda r: [_at_mass(r, r.y)], False),
-    "mass_deflection_max": _Quantity(1.0, lambda r: [_at_mass(r, r.v)], False),
-    "contact_max": _Quantity(1.0, lambda r: [_at_mass(r, r.F_contact)], True),
-    "contact_min": _Quantity(-1.0, lambda r: [_at_mass(r, r.F_contact)], True),
-    "haul_force_max": _Quantity(1.0, lambda r: [_at_mass(r, np.abs(r.F_haul))], True),
-    "speed_max": _Quantity(1.0, lambda r: [_at_mass(r, r.speed)], False),
+    "contact_max": Quantity(1.0, _at_mass(lambda r: r.F_contact)),
+    "contact_min": Quantity(-1.0, _at_mass(lambda r: r.F_contact)),
+    "haul_force_max": Quantity(1.0, _at_mass(lambda r: np.abs(r.F_haul))),
+    "deepest_point": Quantity(1.0, _depth, inner=True),
+    "mass_deepest": Quantity(1.0, _at_mass(lambda r: r.y), inner=True),
+    "mass_deflection_max": Quantity(1.0, _at_mass(lambda r: r.v)),
+    "speed_max": Quantity(1.0, _at_mass(lambda r: r.speed)),
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Refinement:
-    """A run, a coarser one, and what is left of their gap in the finer: as the path converges, and of first order."""
+def numbers(ladder: Ladder, twin: Ladder | None = None) -> list[Number]:
+    """Return the design numbers of a run with the bars of its ladder, no less than the gap to its twin's.
 
-    fine: Response
-    coarse: Response
-    of_path: float
-    of_force: float
-
-
-def numbers(e: Estimated, twin: Estimated | None = None) -> list[Number]:
-    """Return the design numbers of a run with the bars of its companions, and no less than the gap to its twin.
-
-    twin : the run of the other wing, where there is one.  A quantity that a run does not know is left out.
+    A quantity that a run does not know is left out.
     """
-    runs = [x for x in (e, twin) if x is not None]
-    try:
-        stop = measures.window_of(*(r for x in runs for r in x.runs))[1]
-    except measures.NotComparable:
-        return alone(e.run)
-    companions = zip((e.in_space, e.in_time), (e.own * e.weights[0], e.weights[1]), strict=True)
-    pairs = [Refinement(e.run, coarse, weight, SAFETY) for coarse, weight in companions]
-    pairs += [Refinement(e.run, e.loud, 0.0, SAFETY)] if e.loud is not None else []
-    return [*_numbers(e.run, pairs, stop, None if twin is None else twin.run), *_onset(e, twin)]
-
-
-def of_ladder(r: Response, pairs: Sequence[Refinement]) -> list[Number]:
-    """Return the design numbers of a run with the bars of the refinements that led to it."""
-    try:
-        stop = measures.window_of(r)[1]
-    except measures.NotComparable:
-        return alone(r)
-    found = _numbers(r, pairs, stop)
-    if r.slack_onset is None:
-        return found
-    onsets = [(x.fine.slack_onset, x.coarse.slack_onset) for x in pairs]
-    apart = [abs(fine - coarse) for fine, coarse in onsets if fine is not None and coarse is not None]
-    return [*found, _onset_of(r, apart)]
-
-
-def _numbers(r: Response, pairs: Sequence[Refinement], stop: float, twin: Response | None = None) -> list[Number]:
-    out = []
-    runs = [r, *(y for x in pairs for y in (x.fine, x.coarse)), *([] if twin is None else [twin])]
-    within = {id(x): (x, _Within.of(x, stop)) for x in runs}  # of the same runs once
-    for name, quantity in QUANTITIES.items():
-        known = {key: _Known(x, quantity, part) for key, (x, part) in within.items()}
-        found = known[id(r)].extreme
-        if found is None:
-            continue
-        weights = [x.of_force if quantity.force else x.of_path for x in pairs]
-        bar = sum(w * _change(known[id(x.fine)], known[id(x.coarse)]) for w, x in zip(weights, pairs, strict=True))
-        if twin is not None:
-            bar = max(bar, _change(known[id(r)], known[id(twin)]))
-        bar += found.between
-        out.append(replace(found.number, quantity=name, unit=unit_of(name), bar=bar if math.isfinite(bar) else None))
-    return out
+    r, other = ladder.finest, None if twin is None else twin.finest
+    span = _range(r, *(() if other is None else (other,)))
+    return [x for name in QUANTITIES if (x := _number(name, r, span, ladder, other)) is not None] + _onset(
+        ladder, other
+    )
 
 
 def design(r: Response) -> list[dict[str, Any]]:
-    """Return the rows of `design` of a run without companions."""
+    """Return the rows of `design` of a run without coarser ones: without bars."""
     return [number.row() for number in alone(r)]
 
 
 def alone(r: Response) -> list[Number]:
-    """Return the design numbers of a run without companions: without bars."""
-    stop = min(measures.WINDOWS[r.drive][1], math.inf if r.slack_onset is None else r.slack_onset)
-    within = _Within.of(r, stop)
-    found = ((name, _Known(r, quantity, within).extreme) for name, quantity in QUANTITIES.items())
-    numbers = [replace(x.number, quantity=name, unit=unit_of(name)) for name, x in found if x is not None]
-    if r.slack_onset is not None:
-        numbers.append(Number("slack_onset", r.slack_onset, None, "s_o/l", s_o=r.slack_onset * r.length))
-    return numbers
+    """Return the design numbers of a run without coarser ones: without bars."""
+    span = _range(r)
+    return [x for name in QUANTITIES if (x := _number(name, r, span)) is not None] + _onset(None, r)
+
+
+def _range(*runs: Response) -> tuple[float, float]:
+    """Return the times [s] between which extremes are taken: the range that is compared, up to where one run ends.
+
+    A mass that grips enters a cable at rest and nothing is resolved there at first.  A car that rolls begins in
+    equilibrium.
+    """
+    r = runs[0]
+    low, high = WINDOWS[r.drive]
+    begin, end = float(r.t[0]), min(min(float(x.t[-1]), x.slack_since) for x in runs)
+    if r.drive != "free":
+        begin = begin if r.drive == "haul" else float(np.interp(low * r.length, r.s_o, r.t))
+        end = min(end, float(np.interp(high * r.length, r.s_o, r.t)))
+    return begin, end
+
+
+def _number(
+    name: str, r: Response, span: tuple[float, float], ladder: Ladder | None = None, twin: Response | None = None
+) -> Number | None:
+    quantity, unit = QUANTITIES[name], unit_of(name)
+    period = _round_trip(r) if unit == "N" else 0.0
+    value, peak = (partial(_value, name, span, over) for over in (period, 0.0))
+    found = _extreme(name, r, span, period)
+    if found is None or (quantity.inner and _at_an_end(found, r, span)):
+        return None
+    bar: float | None = None
+    bar_peak: float | None = None
+    if ladder is not None:
+        near = np.clip(found.t + np.linspace(-1.0, 1.0, NEAR) * max(period, found.step), *span)
+        beside = partial(_beside, name, span, period, found.track, near)
+        bar = max(ladder.bar(of, largest, FIRST if period else math.inf) for of in (value, beside)) + found.between
+        bar = max(bar, 0.0 if twin is None else abs(found.value - value(twin)))
+        if period and (ladder.ringing is not None or not _damps(r)):
+            raw = partial(_beside, name, span, 0.0, found.track, near)
+            bar_peak = max(ladder.peak(peak), ladder.peak(raw), 0.0 if twin is None else abs(peak(r) - peak(twin)))
+    at = float(np.interp(found.s, r.fields.s, r.fields.x))
+    return Number(
+        name, found.value, _known(bar), unit, found.t, float(np.interp(found.t, r.t, r.s_o)), at, found.s,
+        peak(r) if period else None, _known(bar_peak),
+    )  # fmt: skip
+
+
+def _damps(r: Response) -> bool:
+    """Return whether a run and its coarser ones may damp axial waves alike, so that their change does not tell them."""
+    return scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0)).damps
+
+
+def _known(bar: float | None) -> float | None:
+    return bar if bar is not None and math.isfinite(bar) else None
+
+
+def _round_trip(r: Response) -> float:
+    """Return the time [s] of an axial wave along the cable and back, 2 l sqrt(rho/EA)."""
+    given = Given(r.scene_toml, r.length)
+    return 2.0 * r.length * math.sqrt(given.rho / given.EA)
 
 
 @dataclass(frozen=True, slots=True)
 class _Extreme:
-    number: Number
+    value: float
+    t: float
+    s: float
     track: int
-    k: int
-    between: float  # what may lie between two instants of its track
+    between: float  # what may lie between two samples
+    step: float  # [s] from one sample to the next
 
 
-@dataclass(frozen=True, slots=True)
-class _Within:
-    """Places s_o of the steps and frames of a run, and which of them count, up to s_o/l = stop.
-
-    A mass that grips enters a cable at rest: while its side is a few steps long, nothing is resolved there, and
-    extremes begin where paths are compared.  A car that rolls hangs there in equilibrium.
-    """
-
-    steps: tuple[Array, NDArray[np.bool_]]
-    frames: tuple[Array, NDArray[np.bool_]]
-
-    @classmethod
-    def of(cls, r: Response, stop: float) -> _Within:
-        """Look at a run once for all quantities."""
-        low, high = r.length * (measures.WINDOW[0] if r.drive == "grip" else -1.0), stop * r.length * (1.0 + 1e-9)
-        steps, frames = ((s, (s >= low) & (s <= high)) for s in (r.s_o, np.interp(r.fields.t, r.t, r.s_o)))
-        return cls(steps, frames)
-
-
-class _Known:
-    """The tracks of a quantity in a run, and its extreme within; None where nothing is known."""
-
-    def __init__(self, r: Response, quantity: _Quantity, within: _Within) -> None:
-        self.t, self.tracks, self.breaks = r.t, quantity.tracks(r), r.breaks
-        self.extreme: _Extreme | None = None
-        for i, track in enumerate(self.tracks):
-            s_o, inside = within.steps if track.t is r.t else within.frames
-            inside = inside & np.isfinite(track.value)
-            if not inside.any():
-                continue
-            k = int(np.where(inside, quantity.sign * track.value, -math.inf).argmax())
-            if self.extreme is None or quantity.sign * track.value[k] > quantity.sign * self.extreme.number.value:
-                at = float(track.t[k]), float(s_o[k]), float(track.s[k])
-                near = slice(max(0, k - 1), k + 2)
-                since = np.searchsorted(r.breaks, track.t[near])
-                beside = np.abs(track.value[near] - track.value[k])[inside[near] & (since == since[k - near.start])]
-                # inside, a parabola's top is at most a quarter of the larger step above its highest sample
-                between = (0.25 if beside.size == 3 else 1.0) * float(beside.max())
-                self.extreme = _Extreme(Number("", float(track.value[k]), None, "", *at), i, k, between)
+def _samples(track: Track, span: tuple[float, float], period: float, sign: float) -> tuple[Array, Array, Array]:
+    """Return times, values and places of a track in a range: of its means over a period, extremes along the cable."""
+    rows = (track.t >= span[0] * (1.0 - 1e-9)) & (track.t <= span[1] * (1.0 + 1e-9))
+    rows &= np.isfinite(track.value.reshape(track.t.size, -1)).all(axis=1)
+    t, value = track.t[rows], track.value[rows]
+    if t.size == 0:
+        return t, t, t
+    if value.ndim == 1:
+        return t, _mean(t, value, period) if period and t.size > 2 else value, track.s[rows]
+    if period:  # at least over the frames beside
+        sums = np.concatenate([0.0 * value[:1], np.cumsum(value, axis=0)])
+        k = np.arange(t.size)
+        first = np.minimum(np.searchsorted(t, t - 0.5 * period), np.maximum(k - 1, 0))
+        last = np.maximum(np.searchsorted(t, t + 0.5 * period, side="right"), np.minimum(k + 2, t.size))
+        value = (sums[last] - sums[first]) / (last - first)[:, None]
+    at = (sign * value).argmax(axis=1)
+    return t, value[np.arange(t.size), at], track.s[at]
 
 
-NEAR = 5  # steps about an extreme over which runs are compared: axial waves that it sits on come sooner or later
+def _mean(t: Array, value: Array, period: float) -> Array:
+    """Return the mean (n,) over a period about each time, over less of it where the samples begin and end."""
+    total = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (value[1:] + value[:-1]))])
+    low, high = np.clip(t - 0.5 * period, t[0], t[-1]), np.clip(t + 0.5 * period, t[0], t[-1])
+    sums = CubicHermiteSpline(t, total, value)
+    return np.asarray((sums(high) - sums(low)) / (high - low))
 
 
-def _change(a: _Known, b: _Known) -> float:
-    """Return how far an extreme is from that of another run, and from its values thereabouts."""
-    here, there = a.extreme, b.extreme
-    if here is None or there is None:
-        return math.inf
-    mine, track = a.tracks[here.track], b.tracks[here.track]
-    known, near = np.isfinite(track.value), slice(max(0, here.k - NEAR), here.k + NEAR + 1)
-    if not known.any():
-        return math.inf
-    t, of = mine.t[near], track.t[known]
-    apart = mine.value[near] - np.interp(t, of, track.value[known])
-    inside = (t <= min(a.t[-1], b.t[-1])) & np.isfinite(apart)
-    for since in a.breaks:
-        inside &= (t <= since) | (t >= of[of > since].min(initial=math.inf))
-    return max(abs(here.number.value - there.number.value), float(np.abs(apart[inside]).max(initial=0.0)))
+def _extreme(name: str, r: Response, span: tuple[float, float], period: float) -> _Extreme | None:
+    quantity, found = QUANTITIES[name], None
+    for i, track in enumerate(quantity.tracks(r)):
+        t, value, s = _samples(track, span, period, quantity.sign)
+        if t.size == 0:
+            continue
+        k = int((quantity.sign * value).argmax())
+        if found is None or quantity.sign * value[k] > quantity.sign * found.value:
+            beside = slice(max(0, k - 1), k + 2)
+            between = BETWEEN * float(np.abs(value[beside] - value[k]).max()) if track.value.ndim > 1 else 0.0
+            found = _Extreme(float(value[k]), float(t[k]), float(s[k]), i, between, float(np.ptp(t[beside])))
+    return found
 
 
-def _onset(e: Estimated, twin: Estimated | None) -> list[Number]:
-    """Return the slack onset; companions that end before it say nothing of it, half of both or the twin does."""
-    r = e.run
+def _value(name: str, span: tuple[float, float], period: float, r: Response) -> float:
+    found = _extreme(name, r, span, period)
+    return math.nan if found is None else found.value
+
+
+def _beside(name: str, span: tuple[float, float], period: float, track: int, near: Array, r: Response) -> Array:
+    """Return a track at times near the extreme of the finest run."""
+    quantity = QUANTITIES[name]
+    t, value, _ = _samples(quantity.tracks(r)[track], span, period, quantity.sign)
+    return np.interp(near, t, value) if t.size and t[-1] >= min(near[-1], r.t[-1]) - np.ptp(near) else math.nan * near
+
+
+def _at_an_end(found: _Extreme, r: Response, span: tuple[float, float]) -> bool:
+    ends = min(found.t - span[0], span[1] - found.t) <= 0.5 * found.step
+    return bool(ends or not 0.0 < found.s < r.length)
+
+
+def _onset(ladder: Ladder | None, other: Response | None) -> list[Number]:
+    """Return the slack onset; it comes at a step, and is known no better."""
+    r = other if ladder is None else ladder.finest
+    assert r is not None
     if r.slack_onset is None:
         return []
-    others = [c for c in (e.in_space, e.in_time, e.late, None if twin is None else twin.run) if c is not None]
-    return [_onset_of(r, [abs(r.slack_onset - c.slack_onset) for c in others if c.slack_onset is not None])]
 
+    def onset(x: Response) -> float:
+        return math.nan if x.slack_onset is None else x.slack_onset
 
-def _onset_of(r: Response, apart: Sequence[float]) -> Number:
-    assert r.slack_onset is not None
-    bar = SAFETY * max(apart) + float(np.diff(r.s_o).max()) / r.length if apart else None
+    bar = None
+    if ladder is not None:
+        bar = ladder.bar(onset, largest, FIRST) + float(np.diff(r.s_o).max()) / r.length
+        bar = max(bar, 0.0 if other is None else abs(r.slack_onset - onset(other)))
     at = r.slack_onset * r.length
-    where = None if r.slack_at is None else r.slack_at * r.length
-    return Number("slack_onset", r.slack_onset, bar, "s_o/l", float(np.interp(at, r.s_o, r.t)), at, where)
+    s = None if r.slack_at is None else r.slack_at * r.length
+    x = None if s is None else float(np.interp(s, r.fields.s, r.fields.x))
+    return [Number("slack_onset", r.slack_onset, _known(bar), "s_o/l", float(np.interp(at, r.s_o, r.t)), at, x, s)]

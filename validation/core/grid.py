@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from cablefem.scene import Scene
-from cablefem.scene.line import Line
 
 MOST = 10_000  # points of a grid on one machine; larger ones are sweeps
 
@@ -76,6 +75,6 @@ def parts(point: dict[str, Any], known: Sequence[str]) -> tuple[dict[str, Any], 
     return scene, {key: value for key, value in point.items() if key not in scene}
 
 
-def varied(scene: Scene | Line, point: dict[str, Any]) -> Scene | Line:
+def varied(scene: Scene, point: dict[str, Any]) -> Scene:
     """Return the scene with these keys set; SceneError names what is wrong."""
     return scene.replace(point)

@@ -338,7 +338,21 @@ def _laws(a: Ladder, b: Ladder, view: View, asked: Callable[[str], float]) -> It
             asks = "velocity" if held.quantity == "velocity" else "rest"
             row = _own(held.quantity, held.gap, x, (held.bar, 0.0), held.sampling, asked(asks))
             row = replace(row, law="" if held.law == held.quantity else held.law, where=held.where)
-            found.setdefault(held.law, []).append(replace(row, asked=held.law != UP_TO))
+            found.setdefault(held.law, []).append(
+                replace(row, asked=held.law != UP_TO and held.quantity != "tension_min")
+            )
+    yield from map(worse, found.values())
+
+
+def printed(a: Response, b: Response) -> Iterator[Agreement]:
+    """Hold design numbers and columns of path.csv against their second computation, of the worse answer each."""
+    from validation.core import recomputed
+
+    found: dict[tuple[str, str], list[Agreement]] = {}
+    for r, twin in ((a, b), (b, a)):
+        for x in recomputed.rows(r, twin):
+            bound = Bound("law", (Part(r.method, x.allowed, "printed bar and sampling"),))
+            found.setdefault((x.quantity, x.law), []).append(Agreement(x.quantity, x.gap, bound, x.where, law=x.law))
     yield from map(worse, found.values())
 
 

@@ -7,17 +7,7 @@ import typer
 
 from validation.core import store
 from validation.page import terminal
-from validation.page.options import (
-    Out,
-    SceneName,
-    Set,
-    line_named,
-    points_of,
-    real,
-    refuse_moving,
-    scene_named,
-    tol_faults,
-)
+from validation.page.options import Out, SceneName, Set, points_of, real, scene_named, tol_faults
 
 if TYPE_CHECKING:
     from cablefem.response import Response
@@ -31,13 +21,9 @@ EXAMPLE = "cablefem check my.toml --tol 1e-4 --with other.csv"
 def command(
     scene: SceneName,
     tol: Annotated[
-        float | None,
-        typer.Option(
-            parser=real,
-            metavar="X",
-            help="Asked of the path's error, over its largest deflection. Default: 1e-3; of a line at rest 1e-6 m.",
-        ),
-    ] = None,
+        float,
+        typer.Option(parser=real, metavar="X", help="Asked of the path's error, over its largest deflection."),
+    ] = 1e-3,
     tol_tension: Annotated[
         float | None,
         typer.Option(parser=real, metavar="X", help="Asked of the tension, over H. Default: 10 times --tol."),
@@ -53,6 +39,16 @@ def command(
     deep: Annotated[
         bool, typer.Option("--deep", help="Hold what both solvers share against third parties, too.")
     ] = False,
+    second: Annotated[
+        Path | None, typer.Option("--second", metavar="FILE", help="Scene the second solver is told: a planted fault.")
+    ] = None,
+    second_set: Annotated[
+        list[str] | None,
+        typer.Option("--second-set", metavar="KEY=VALUE", help="The same by a key of the scene: mass.mass=+1%."),
+    ] = None,
+    sensitive: Annotated[
+        bool, typer.Option("--sensitivity", help="Print for each key the smallest fault this check would notice.")
+    ] = False,
     out: Out = None,
 ) -> int:
     """Run two solvers that share no formula on one scene, or on a grid of scenes; do they agree?
@@ -66,12 +62,6 @@ def command(
     FILE has columns t [s] or s_o [m], v [m] positive down, and u [m] if known; of a free ride t, x and y from the left
     support, y down. Other units and directions are told by the name: s_o_over_l, t_ms, v_over_l, v_mm, y_up, ...
     """
-    if (line := line_named(scene)) is not None:
-        refuse_moving({"--with": other is not None, "--deep": deep})
-        from validation.commands.check import line as at_rest
-
-        return at_rest.check(points_of(line, set_), tol, tol_tension, out)
-    tol = 1e-3 if tol is None else tol
     faults = tol_faults(tol)
     if tol_tension is not None and not 0.0 < tol_tension <= 1.0:
         faults.append(f"--tol-tension must lie in (0, 1], got {tol_tension:g}")
@@ -86,6 +76,7 @@ def command(
             raise store.Refused("--with: holds one path against one scene; leave it out of a grid")
         return _many(loaded, points, out, tol=tol, tol_tension=tol_tension)
     loaded = points[0].scene
+    other_scene = _second(loaded, second, second_set)
 
     from validation.commands.check import study
     from validation.core import foreign
@@ -104,7 +95,9 @@ def command(
             writing.close()
             writing.enter_context(aside(partial(_write_tables, folder, runs)))
 
-        result = study.check(loaded, tol=tol, tol_tension=tol_tension, deep=deep, progress=progress, made=made)
+        result = study.check(
+            loaded, tol=tol, tol_tension=tol_tension, deep=deep, second=other_scene, progress=progress, made=made
+        )
         from validation.commands.check import words  # by now they are loaded, while solvers ran
         from validation.core.answers import write_answers
         from validation.page import report
@@ -123,8 +116,22 @@ def command(
         store.finish(folder, "check")
         progress("writing", 1.0)
     words.tell(result, verbose)
+    if sensitive:
+        from validation.commands.check import sensitivity
+
+        terminal.say(f"  {sensitivity.told(sensitivity.sensitivity(result))}")
     terminal.say(f"  written to {folder}: report.html, {result.a.run.method}/, {result.b.run.method}/")
     return telling.broken(result.a.run, result.b.run) or (1 if result.verdict.value != "agree" or result.doubts else 0)
+
+
+def _second(scene: "Scene", file: Path | None, pairs: list[str] | None) -> "Scene | None":
+    """Return the scene that the second solver is told, None where it is the same."""
+    faults: list[str] = []
+    other = scene if file is None else scene_named(str(file), faults, travelling=True)
+    points = points_of(other, pairs)
+    if len(points) > 1 or points[0].settings:
+        raise store.Refused("--second-set: one value for each key of the scene, as mass.mass=+1%")
+    return points[0].scene if file is not None or pairs else None
 
 
 def _write_tables(folder: Path, runs: "tuple[Response, ...]") -> None:

@@ -16,12 +16,11 @@ from cablefem.scene import Scene
 from validation.core import foreign, measures
 from validation.core.agreement import DEFAULT_TOL, Agreement, Verdict, overall
 from validation.core.climb import AIM, BUDGET, TooCoarse, cheapest, climb, dear, laddered
-from validation.core.design import design
+from validation.core.design import design, numbers
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Ladder
 from validation.core.methods import Method, find, refined
-from validation.core.numbered import numbers
-from validation.core.rows import compare, doubts, with_bars
+from validation.core.rows import compare, doubts, printed, with_bars
 from validation.core.running import run
 from validation.core.sidebyside import Progress, side_by_side
 from validation.core.store import Refused
@@ -147,6 +146,7 @@ def check(
     except measures.NotComparable:
         window = (measures.WINDOW[0], measures.WINDOW[0])
     a, b = (_told(scene, e, twin) for e, twin in ((ladders[0], ladders[1]), (ladders[1], ladders[0])))
+    rows += printed(a.run, b.run)
     smooth = None
     if deep or overall(rows) is Verdict.TOO_COARSE:
         from validation.commands.check import deep as third

@@ -9,9 +9,8 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import store
 from validation.core.climb import TooCoarse, climb, laddered
-from validation.core.design import design
+from validation.core.design import design, numbers
 from validation.core.methods import Method, find
-from validation.core.numbered import numbers
 from validation.core.quasi_static import quasi_static
 from validation.core.rows import with_bars
 from validation.core.running import run

@@ -95,19 +95,24 @@ def lost(study: Study, index: int, cause: str) -> dict[str, Any]:
 
 def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
     from cablefem.scene import SceneError
+    from validation.commands.sweep import families
 
     try:
-        scene = study.scene_at(point)
+        scene = (
+            families.case(study.settings["seed"], point["case"])[0] if study.job == "power" else study.scene_at(point)
+        )
         out = {name: x for name in GROUPS if (x := getattr(scene, name)) is not None and math.isfinite(x)}
     except (SceneError, ValueError) as error:
         return {"status": "refused", "cause": "scene", "reason": str(error)}
-    return out | {"run": _run, "check": _check, "advise": _advise}[study.job](study, point, scene, index)
+    return out | {"run": _run, "check": _check, "advise": _advise, "power": _power}[study.job](
+        study, point, scene, index
+    )
 
 
 def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
     from validation.core.climb import TooCoarse, climb, laddered
+    from validation.core.design import numbers
     from validation.core.methods import find
-    from validation.core.numbered import numbers
     from validation.core.running import Run
 
     how = study.how(point)
@@ -203,13 +208,28 @@ def _cheapest(scene: Any, tol: float | None) -> dict[str, Any]:
 
 
 def _check(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
+    return _checked(scene, study.how(point)["tol"], None)
+
+
+def _checked(scene: Any, tol: float, second: Any) -> dict[str, Any]:
     from validation import check
 
-    found = check(scene, tol=study.how(point)["tol"], until=_end(scene))
+    found = check(scene, tol=tol, until=_end(scene), second=second)
     best = min((found.a, found.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
     agree = type(found.verdict).AGREE
     rows = dict.fromkeys(row.quantity for row in found.rows if row.asked and row.verdict is not agree)
     return of_response(best.run, scene) | {"verdict": found.verdict.value, "not_agreed": ", ".join(rows) or None}
+
+
+def _power(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
+    """Check a realistic scene, or one of which the second solver is told a number 1 percent larger."""
+    from validation.commands.sweep import families
+    from validation.core.grid import varied
+
+    key = families.case(study.settings["seed"], point["case"])[1]
+    second = None if key is None else varied(scene, {key: "+1%"})
+    told = {"family": scene.name, "fault": "none" if key is None else f"{key} +1 %"}
+    return told | _checked(scene, study.how(point)["tol"], second)
 
 
 def _advise(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:

@@ -41,7 +41,8 @@ def _outcome(study: Study, told: dict[str, Any], rows: Any) -> Section:
     short = rows[rows["status"] != "complete"]
     html += [_counted(short, ["status", "cause"], "Why, where not complete")] if len(short) else []
     judged = rows[rows["verdict"].notna()]
-    html += [_counted(judged, ["verdict"], "Verdicts")] if len(judged) else []
+    by = ["fault", "verdict"] if "fault" in rows and rows["fault"].notna().any() else ["verdict"]
+    html += [_counted(judged, by, "Verdicts")] if len(judged) else []
     for name, most in study.limit.items():
         if name in rows:
             over = int((rows[name] > most).sum())

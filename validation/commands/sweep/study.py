@@ -61,7 +61,7 @@ class Study(Part):
 
     title: Line = ""
     scene: Scene | None = None  # None: every scene is made from its groups
-    job: Annotated[str, choice(("run", "check", "advise"))] = "run"
+    job: Annotated[str, choice(("run", "check", "advise", "power"))] = "run"
     method: Line | None = None  # None: the cheapest that will do
     settings: Annotated[dict[str, Any], BeforeValidator(Check("a table", _settings))] = Field(default_factory=dict)
     tol: Annotated[float, between(1e-6, 0.2)] | None = None
@@ -128,7 +128,7 @@ class Study(Part):
 
     def _faults_of(self, axis: Axis) -> list[str]:
         """Return what is wrong with the name of an axis: no group, no field of the scene, nothing of the run."""
-        known = {*GROUPS, *HOW, *(() if self.scene else FREE)}
+        known = {*GROUPS, *HOW, *(() if self.scene else FREE), *(("case",) if self.job == "power" else ())}
         part, dot, _ = axis.name.partition(".")
         if axis.name not in known and not (dot and part in Scene.field_names()):
             near = nearest(axis.name, known)

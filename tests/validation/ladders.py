@@ -1,0 +1,34 @@
+"""Ladders of element runs, for tests of what is read off them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from validation.core.ladder import Branch, Ladder
+from validation.core.running import run
+
+FINE = {"elements": 16, "steps": 1200, "until": 0.42}
+
+
+def ladder(scene, change=lambda r: r, claims=None, **how):
+    """Run a scene, with halves and quarters of elements and steps, and let the answers claim to be of another."""
+    how = how or FINE
+
+    def ran(**coarser):
+        r = run(scene, "following-p2", **how | coarser)
+        return change(replace(r, scene_toml=(claims or scene).to_toml()))
+
+    space, time = (
+        Branch(tuple(ran(**{name: how[name] // part}) for part in (2, 4)), (2.0, 2.0), 2.0)
+        for name in ("elements", "steps")
+    )
+    return Ladder(ran(), space, time)
+
+
+def altered(x, change):
+    branches = (replace(b, runs=tuple(map(change, b.runs))) for b in (x.space, x.time))
+    return Ladder(change(x.finest), *branches)
+
+
+def alone(r):
+    return Ladder(r, *(Branch((r,), (2.0,), 2.0) for _ in range(2)))

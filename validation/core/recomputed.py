@@ -1,0 +1,134 @@
+"""Second computation of what is printed: design numbers and columns of path.csv, from path, fields and TOML alone.
+
+A design number must be right within its printed bar, a column to rounding.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+
+from cablefem.response import Array, Response
+from validation.core.evidence import ROUNDING, Evidence, Given, Windows, cross
+
+WINDOWS = {"grip": (0.02, 0.80), "haul": (0.0, 0.95), "free": (0.0, 1.0)}  # s_o/l in which extremes are taken
+
+
+@dataclass(frozen=True, slots=True)
+class Recomputed:
+    """A printed number or column beside the one recomputed, both over the largest size of it."""
+
+    quantity: str  # "design" or "columns"
+    law: str  # its name
+    gap: float
+    allowed: float
+    where: float | None = None  # s_o/l
+
+
+def rows(r: Response, twin: Response | None = None, folder: Path | None = None) -> Iterator[Recomputed]:
+    """Recompute the design numbers of a run, and the columns of its path.csv as written in a folder, or anew."""
+    yield from design(r, twin)
+    with tempfile.TemporaryDirectory() as anew:
+        if folder is None:
+            r.write_path(Path(anew))
+        yield from columns(r, (folder or Path(anew)) / "path.csv")
+
+
+def columns(r: Response, path: Path) -> Iterator[Recomputed]:
+    """Hold every column of path.csv against steps, place of the cable at rest and the mass's velocity and force."""
+    lines = path.read_text(encoding="ascii").splitlines()
+    written = np.array([[float(x or "nan") for x in line.split(",")] for line in lines[1:]])
+    rest = Evidence(r, Windows(r.fields.t, r.t)).curve(r.s_o)
+    wanted = {
+        "t": r.t, "s_o": r.s_o, "x": rest[:, 0] + r.u, "y": rest[:, 1] + r.v, "u": r.u, "v": r.v,
+        "T_behind": r.T_behind, "T_ahead": r.T_ahead, "speed": np.sqrt(np.sum(r.velocity**2, axis=1)),
+        "F_haul": r.F_haul, "F_contact": _press(r),
+    }  # fmt: skip
+    names = lines[0].split(",")
+    for name, right in wanted.items():
+        told = written[:, names.index(name)] if name in names and len(written) == r.t.size else math.nan * right
+        alike = np.array_equal(np.isnan(told), np.isnan(right))
+        size = float(np.nanmax(np.abs(right), initial=0.0)) or 1.0
+        gap = float(np.nanmax(np.abs(told - right), initial=0.0)) / size if alike else math.inf
+        yield Recomputed("columns", name, gap, ROUNDING)
+
+
+def design(r: Response, twin: Response | None = None) -> Iterator[Recomputed]:
+    """Hold every design number against the extreme of its signal, in the range that both runs have."""
+    given = Given(r.scene_toml, r.length)
+    period = 2.0 * r.length * math.sqrt(given.rho / given.EA)
+    begin, end = np.interp(np.array(WINDOWS[r.drive]) * r.length, r.s_o, r.t) if r.drive != "free" else (0.0, math.inf)
+    span = float(begin), float(min([end, *(min(x.t[-1], x.slack_since) for x in (r, twin or r))]))
+    known = _signals(r)
+    for row in r.design:
+        quantity, way = row["quantity"].removesuffix("_max").removesuffix("_min"), row["quantity"][-3:]
+        if quantity not in known:
+            continue
+        for name, over in (("value", period if row["unit"] == "N" else 0.0), ("peak", 0.0)):
+            if row.get(name) is None:
+                continue
+            right = _extreme(known[quantity], span, over, way)
+            bar = row["bar" if name == "value" else "bar_peak"] or 0.0
+            size, law = abs(right) or 1.0, row["quantity"] + (" peak" if name == "peak" else "")
+            where = None if row["s_o"] is None else row["s_o"] / r.length
+            yield Recomputed("design", law, abs(row[name] - right) / size, bar / size + ROUNDING, where)
+
+
+Signals = list[tuple[Array, Array]]  # times (n,), values (n,) or (n, m)
+
+
+def _signals(r: Response) -> dict[str, Signals]:
+    """Return the signals of which design numbers are extremes, by name."""
+    f = r.fields
+    known: dict[str, Signals] = {"tension": [(r.t, r.T_behind), (r.t, r.T_ahead), (f.t, f.T)]}
+    for side, force in (("left", r.reaction_left), ("right", r.reaction_right)):
+        horizontal, vertical = np.abs(force.T)
+        size = np.sqrt(horizontal**2 + vertical**2)
+        parts = {"": size, "_horizontal": horizontal, "_vertical": vertical}
+        known |= {f"reaction_{side}{part}": [(r.t, x)] for part, x in parts.items()}
+        known["tension"].append((r.t, size))
+    at_mass = {
+        "contact": _press(r), "haul_force": np.abs(r.F_haul), "mass_deflection": r.v,
+        "speed": np.sqrt(np.sum(r.velocity**2, axis=1)),
+    }  # fmt: skip
+    known |= {name: [(r.t, x)] for name, x in at_mass.items()}
+    deep: Signals = [(r.t, r.y), (f.t, f.y + f.v)]
+    return known | {"mass_deepest": deep[:1], "deepest_point": deep}
+
+
+def _press(r: Response) -> Array:
+    """Return the force of the mass on the cable across the mean of both tangents (n,), down positive."""
+    tangent = r.slope_behind + r.slope_ahead
+    return cross(tangent, r.contact) / np.sqrt(np.sum(tangent**2, axis=1))
+
+
+def _extreme(signals: Signals, span: tuple[float, float], period: float, way: str) -> float:
+    """Return the largest or least of signals in a range of time, of their means over a period."""
+    found = np.concatenate([_means(t, v, span, period).ravel() for t, v in signals])
+    return float(found.min() if way == "min" else found.max())
+
+
+def _means(t: Array, v: Array, span: tuple[float, float], period: float) -> Array:
+    rows = (t >= span[0] * (1.0 - ROUNDING)) & (t <= span[1] * (1.0 + ROUNDING))
+    rows &= np.isfinite(v.reshape(t.size, -1)).all(axis=1)
+    t, v = t[rows], v[rows]
+    if not period or t.size < 3:
+        return v
+    if v.ndim == 2:  # frames: at least one on either side
+        k = np.arange(t.size)
+        near = (np.abs(t[:, None] - t) <= 0.5 * period) | (np.abs(k[:, None] - k) <= 1)
+        return np.asarray(near @ v / near.sum(axis=1)[:, None])
+    total = cumulative_trapezoid(v, t, initial=0.0)
+
+    def up_to(x: Array) -> Array:
+        i = np.clip(np.searchsorted(t, x, side="right") - 1, 0, t.size - 2)
+        return np.asarray(total[i] + 0.5 * (x - t[i]) * (v[i] + np.interp(x, t, v)))
+
+    low, high = np.clip(t - 0.5 * period, t[0], t[-1]), np.clip(t + 0.5 * period, t[0], t[-1])
+    return np.asarray((up_to(high) - up_to(low)) / (high - low))
