@@ -16,13 +16,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cablefem.scene.line import Case, LineState, NoLine, Station
+from cablefem.scene.line import Case, LineState, NoLine, NotFound, Station
 from cablefem.scene.taut import guess
 
 STEPS = 100  # of Newton's method; 6 to 15 do
 SHORTEST = 1e-9  # part of one step
-LAST = 1e-8  # step over the size of the unknowns: the error after it is about its square
-SAMPLES = 41  # points of each piece where `along` tells it
+LAST = 1e-8  # step over the size of the unknowns, after which an error of about its square is left
 IMAGINARY = 1e-30  # differentiation by a complex step: exact to rounding
 
 
@@ -51,10 +50,11 @@ class _Problem:
         self.case, self.count = case, len(case.stations) - 1
         self.s, self.place = case.fixed_s, case.fixed_places
         self.free_s, self.free_place = np.isnan(self.s), np.isnan(self.place)
-        self.H, place, s = guess(case)
+        H, place, s = guess(case)
+        self.H = float(H.mean())
         self.reach = float(np.ptp(place[:, 0]))
         chord = np.diff(place, axis=0)
-        pull = self.H * chord / chord[:, :1]
+        pull = H[:, None] * chord / chord[:, :1]
         pull[:, 1] += 0.5 * case.weight * np.diff(s)
         self.X = np.concatenate([pull.ravel(), s[self.free_s], place[self.free_place]])
         self.size = np.where(np.arange(self.X.size) < pull.size, self.H, self.reach)
@@ -117,9 +117,9 @@ def _tau(behind: np.ndarray, ahead: np.ndarray) -> np.ndarray:
     return (behind + ahead) / _norm(behind + ahead)
 
 
-def _newton(problem: _Problem) -> tuple[np.ndarray, np.ndarray]:
-    """Return the unknowns before and after the last step of damped Newton's method; NoLine where it does not end."""
-    X = problem.X
+def _newton(problem: _Problem, more: int) -> np.ndarray:
+    """Return the unknowns of damped Newton's method after so many more steps; NotFound where it does not end."""
+    X, left = problem.X, more + 1
     for _ in range(STEPS):
         r = problem.residual(X[:, None])[:, 0]
         shifted = X[:, None] + 1j * IMAGINARY * np.diag(problem.size)
@@ -130,8 +130,6 @@ def _newton(problem: _Problem) -> tuple[np.ndarray, np.ndarray]:
         large = float(np.max(np.abs(step / problem.size)))
         if not np.isfinite(large):
             break
-        if large < LAST:
-            return X, X + step
         part = 1.0
         while part > SHORTEST and not (
             problem.sound(X + part * step)
@@ -139,30 +137,46 @@ def _newton(problem: _Problem) -> tuple[np.ndarray, np.ndarray]:
         ):
             part *= 0.5
         X = X + part * step
-    raise NoLine("no state of rest was found")
+        left -= large < LAST
+        if left == 0:
+            return X
+    raise NotFound
 
 
-def _solved(case: Case) -> tuple[LineState, LineState] | NoLine:
+def _rest(case: Case, more: int) -> LineState | NoLine:
     try:
         problem = _Problem(case)
-        before, after = _newton(problem)
+        return problem.state(_newton(problem, more))
     except NoLine as error:
         return error
-    return problem.state(after), problem.state(before)
 
 
-def solve(cases: Sequence[Case]) -> list[tuple[LineState, LineState] | NoLine]:
-    """Return each case at rest, after and before the last step of Newton's method."""
-    return [_solved(case) for case in cases]
+def solve(cases: Sequence[Case], more: int = 0) -> list[LineState | NoLine]:
+    """Return each case at rest, by so many more steps of Newton's method than needed."""
+    return [_rest(case, more) for case in cases]
 
 
-def along(state: LineState) -> np.ndarray:
-    """Return x [m], y [m] and N [N] at equal distances on each piece (n - 1, SAMPLES, 3)."""
-    S = np.diff(state.s)[:, None] * np.linspace(0.0, 1.0, SAMPLES)
-    n = np.repeat(state.ahead[:-1, :, None], SAMPLES, axis=2)
-    path = state.place[:-1, :, None] + across(n, S, state.case)
-    N = _norm(np.stack([n[:, 0], n[:, 1] - state.case.weight * S], axis=1))
-    return np.stack([path[:, 0], path[:, 1], N], axis=-1)
+def at(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return depth [m] and tension [N] of the rope at places x (m,) [m] between its ends."""
+    piece = np.clip(np.searchsorted(state.place[:, 0], x, side="right") - 1, 0, len(state.s) - 2)
+    start, run, whole = state.place[piece], np.diff(state.place[:, 0])[piece], np.diff(state.s)[piece]
+    n = state.ahead[piece][:, :, None]
+    S = (whole * (x - start[:, 0]) / run)[:, None]
+    for _ in range(STEPS):  # x(S) is nearly straight: three steps of Newton's method do
+        way = across(n, S, state.case)[..., 0]
+        N = np.hypot(n[:, 0, 0], n[:, 1, 0] - state.case.weight * S[:, 0])
+        off = (x - start[:, 0] - way[:, 0]) / (state.case.heat * n[:, 0, 0] * (1.0 / N + 1.0 / state.case.EA))
+        S = S + off[:, None]
+        if np.abs(off).max(initial=0.0) < LAST:
+            break
+    return start[:, 1] + way[:, 1], N
+
+
+def least_tension(state: LineState) -> float:
+    """Return the least tension [N]: where the rope is level, or at a station."""
+    n = state.ahead[:-1]
+    level = np.clip(n[:, 1] / state.case.weight, 0.0, np.diff(state.s))
+    return float(np.hypot(n[:, 0], n[:, 1] - state.case.weight * level).min())
 
 
 def deepest(state: LineState, first: int, last: int) -> float:

@@ -12,6 +12,8 @@ from galerkin.bases.fourier import Fourier
 from galerkin.bases.kink import Array, TravellingKink
 from galerkin.models import FullCable
 
+BLOCK = 1000  # states whose tension along the cable is taken at once
+
 if TYPE_CHECKING:
     from galerkin.equations import GalerkinSystem
     from galerkin.observe import History
@@ -27,7 +29,7 @@ class Equilibrium:
     right: Array
     along: Array  # (k, m, 2) at frames x stations; at s = s_o the side behind
     strain: Array  # (n,) int W ds
-    least: Array  # (n,) least N at the points, and its s
+    least: Array  # (n,) least tension at stations and supports, and its s
     least_at: Array
 
 
@@ -35,7 +37,7 @@ def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equi
     """Solve the balances of both pieces at every instant, and along the cable at the frames."""
     cable, basis = system.cable, system.basis.basis
     assert isinstance(cable, FullCable)
-    internal, told = _sums(system, x)
+    internal, strain = _sums(system, x)
     s_o, rest = x.s_o[:, None], 1.0 - x.s_o[:, None]
     first, second = basis.phi(x.s_o, -1), basis.phi(x.s_o, -2)
     ends, ends_1 = (basis.phi(np.array([0.0, 1.0]), m) for m in (-2, -1))
@@ -46,38 +48,60 @@ def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equi
     ahead = (internal[:, :, 1] - moment_ahead) / rest
     left = behind - combined(x.A, first - ends_1[0]) - ray_behind * s_o**2 / 2.0
     right = ahead + combined(x.A, ends_1[1] - first) + ray_ahead * rest**2 / 2.0
-    # along the cable
-    at, (ray, far) = s_o[frames], x.rays(2)
-    standing = np.einsum("kfm,sm->ksf", x.A[frames], basis.phi(s, -1)) - combined(x.A, first)[frames, None]
-    before = behind[frames, None] - 0.5 * (at**2 - s**2)[..., None] * ray[frames, None]
-    after = ahead[frames, None] + 0.5 * ((1.0 - at) ** 2 - (1.0 - s) ** 2)[..., None] * far[frames, None]
-    along = standing + np.where((s <= at)[..., None], before, after)
-    forces = zip((behind, ahead, left, right, along), (x.s_o, x.s_o, np.zeros(1), np.ones(1), s), strict=True)
-    return Equilibrium(*(force + _static(cable, place) for force, place in forces), *told.T)
+    stations = np.concatenate([[0.0], s, [1.0]])
+    primitives, here, static = basis.phi(stations, -1), combined(x.A, first), _static(cable, stations)
+
+    def along(k: Array) -> Array:
+        standing = np.einsum("kfm,sm->ksf", x.A[k], primitives, optimize=True) - here[k, None]
+        before = behind[k, None] - 0.5 * (s_o[k] ** 2 - stations**2)[..., None] * ray_behind[k, None]
+        after = ahead[k, None] + 0.5 * (rest[k] ** 2 - (1.0 - stations) ** 2)[..., None] * ray_ahead[k, None]
+        return standing + np.where((stations <= s_o[k])[..., None], before, after) + static
+
+    least, where = np.empty(x.s_o.size), np.empty(x.s_o.size, int)
+    for k in np.array_split(np.arange(x.s_o.size), 1 + x.s_o.size // BLOCK):
+        T = tension(along(k), static)
+        where[k] = T.argmin(axis=1)
+        least[k] = T.min(axis=1)
+    at_mass, at_left, at_right = (_static(cable, place) for place in (x.s_o, np.zeros(1), np.ones(1)))
+    return Equilibrium(
+        behind + at_mass,
+        ahead + at_mass,
+        left + at_left,
+        right + at_right,
+        along(frames)[:, 1:-1],
+        strain,
+        least,
+        stations[where],
+    )
 
 
 def _sums(system: GalerkinSystem, x: History) -> tuple[Array, Array]:
-    """int (N t - T t_static) ds by fields and sides, (n, 2, 2); int W ds, the least N and its s, (n, 3)."""
+    """int (N t - T t_static) ds by fields and sides, (n, 2, 2); int W ds, (n,)."""
     Q = np.concatenate([x.Q, x.q_hat[:, :, None]], axis=2)
-    internal, told = np.empty((x.s_o.size, 2, 2)), np.empty((x.s_o.size, 3))
+    internal, strain = np.empty((x.s_o.size, 2, 2)), np.empty(x.s_o.size)
     kink = system.basis if isinstance(system.basis, TravellingKink) else TravellingKink(system.basis.basis)
     cable = system.cable
     assert isinstance(cable, FullCable)
     if isinstance(kink.basis, Fourier):
         for k, behind, ahead in kink.basis.alike(x.s_o):
-            kernels.surveyed(cable.line(kink, behind, ahead, 0.0), x.s_o[k], Q[k], internal[k], told[k])
+            kernels.surveyed(cable.line(kink, behind, ahead, 0.0), x.s_o[k], Q[k], internal[k], strain[k])
     else:
         for i, place in enumerate(x.s_o.tolist()):
             points = cable.at(kink, place)
-            N, W = kernels.stress(points.T, points.r_static, Q[i] @ points.phi, cable.alpha, cable.law)[:2]
+            W = kernels.stress(points.T, points.r_static, Q[i] @ points.phi, cable.alpha, cable.law)[1]
             internal[i] = cable.sides(points, Q[i]).T
-            told[i] = points.weights @ W, N.min(), points.s[N.argmin()]
-    return internal, told
+            strain[i] = points.weights @ W
+    return internal, strain
 
 
 def _static(cable: FullCable, s: Array) -> Array:
     T, xp, yp, _, _ = cable.groups.static(s)
     return np.stack([T * xp, T * yp], axis=1)
+
+
+def tension(force: Array, r: Array) -> Array:
+    """|N t| with the sign it has along r', (...,)."""
+    return np.copysign(np.hypot(force[..., 0], force[..., 1]), np.sum(force * r, axis=-1))
 
 
 def combined(coefficients: Array, functions: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from cablefem.response import Observation, States
 from galerkin.bases.kink import Array, TravellingKink
-from galerkin.equilibrium import combined, recover
+from galerkin.equilibrium import combined, recover, tension
 from galerkin.models import ChordCable, FullCable
 
 if TYPE_CHECKING:
@@ -185,17 +185,22 @@ def _full(
     inside = replace(x, s_o=np.clip(x.s_o, NEAR_SUPPORT, 1.0 - NEAR_SUPPORT))
     by_balance = recover(system, inside, s, frames)
     slopes = static_o + mass.slopes
-    T = _tension(by_balance.behind, slopes[0]), _tension(by_balance.ahead, slopes[1])
-    along = _tension(by_balance.along, static + fields.w_s.transpose(0, 2, 1))
+    T = tension(by_balance.behind, slopes[0]), tension(by_balance.ahead, slopes[1])
+    along = tension(by_balance.along, static + fields.w_s.transpose(0, 2, 1))
     sides = system.sides(slopes, by_balance, x.s_o)
     left, right = (cable.points(x.s_o, (side - static_o).T) for side in sides)
     mean = T_o * static_o.T + 0.5 * (left[2:4] + right[2:4])  # <N t>
     working = np.sum(mean * (sides[1] - sides[0]).T, axis=0) - (right[1] - left[1])
     pointwise = np.array([cable.points(s, slope)[0] for slope in fields.w_s]).reshape(len(frames), s.size)
+    on_it = np.where(x.s_o > 0.0, T[0], np.inf), np.where(x.s_o < 1.0, T[1], np.inf)
+    least = np.minimum(by_balance.least, np.minimum(*on_it))
+    if system.law == "tension-only":
+        least = np.maximum(least, 0.0)
     below = x.Q[:, 1] @ system.basis.basis.integral() + 0.5 * x.q_hat[:, 1]
     return Forces(
         sides, T, (left[0], right[0]), along, pointwise, (-by_balance.left, by_balance.right), by_balance.strain,
-        -cable.weight[1] * below, by_balance.least, by_balance.least_at, working,
+        -cable.weight[1] * below, least,
+        np.where(least < by_balance.least, x.s_o, by_balance.least_at), working,
     )  # fmt: skip
 
 
@@ -228,8 +233,3 @@ def _kinetic(system: GalerkinSystem, x: History) -> Array:
         cross = 2.0 * v * combined(x.V, value) + 2.0 * x.ds_o[:, None] * q * combined(x.V, first)
         twice = twice + np.sum(cross + v**2 / 3.0 + steep[:, None] * q**2, axis=1)
     return 0.5 * twice
-
-
-def _tension(force: Array, r: Array) -> Array:
-    """|N t| with the sign it has along r', (...,)."""
-    return np.copysign(np.hypot(force[..., 0], force[..., 1]), np.sum(force * r, axis=-1))

@@ -27,9 +27,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
 from cablefem.elements.cable import CableElements, bands, elements_allowed
-from cablefem.elements.kernels.balance import Contact, Mesh, add_banded, add_contact
-from cablefem.elements.kernels.banded import factorise, solve
-from cablefem.elements.kernels.observe import end_forces
+from cablefem.elements.kernels.balance import Contact, Mesh
+from cablefem.elements.observing import side_of
 from cablefem.elements.reference import force_order, mass_form, shape_polynomials, tabulated
 from cablefem.newmark import Array, Newton, Settled, Solve, State, collocate, consistent_acceleration, iterate
 from cablefem.response import States
@@ -68,6 +67,7 @@ class FixedElements(CableElements):
     """
 
     at_support = True
+    node = 0  # no node is at the mass
 
     def __init__(
         self, groups: Groups, *, elements: int = 40, element: str = "hermite", coupling: str = "chain",
@@ -84,7 +84,6 @@ class FixedElements(CableElements):
         self._tabulate(kind)
         self.particle = coupling == "path"
         self.n_dof = self.fields * (self.n_scalar + self.particle)
-        self._n_left = elements
         self._fresh()
 
     def start(self, phase: int, state: State | None) -> State:
@@ -104,18 +103,10 @@ class FixedElements(CableElements):
         jump = dds - self.motion.at(t, phase - 1)[2]
         dofs, N, N_s, _ = self._shape(s_o)
         slope_jump = jump * N_s @ state.q[dofs]
-        n = self.fields * self.n_scalar
-        band, pivots = np.zeros((n, 3 * self._band + 1)), np.empty((2, n), dtype=np.int64)
-        of = (state.q, state.v, state.a, np.zeros(self.n_dof), band, True, 0.0, 0.0, 1.0)
-        none, bands = np.zeros_like(N), np.zeros_like(self._bands)
-        contact = Contact(dofs, N, self.inertia * N, none, none, np.zeros(self.fields))
-        bands[0] = self._operators[0]
-        add_banded(bands, self.fields, *of)
-        add_contact(contact, *of)
-        load = np.zeros(n)
-        load[dofs] = -self.inertia * np.outer(N, jump * self._static(s_o)[1] + slope_jump)
-        factorise(band, pivots, self.fields == 2)
-        solve(band, pivots, load)
+        load = np.zeros(self.fields * self.n_scalar)
+        load[dofs] = -self.inertia * np.outer(N, jump * self.static(s_o)[1] + slope_jump)
+        _, solve = super().linearise(t, state.q, state.v, state.a, phase, 0.0, 0.0, 1.0)
+        solve(load)
         return State(t, state.q, state.v, state.a + np.append(load, N @ load[dofs] + slope_jump), phase)
 
     def linearise(
@@ -126,7 +117,7 @@ class FixedElements(CableElements):
             return r, solve
         if c0 == 0.0:
             raise ValueError("coupling path needs an implicit scheme: a constraint on positions has no explicit one")
-        f, mu, (dofs, N) = self.fields, self.inertia, self._contact[:2]
+        f, mu, (dofs, N, *_) = self.fields, self.inertia, self._now.contact
 
         # rows S x + c2 mu N^T y = b, c0 (y - N x) = d: with y from the second, mu c2 N^T N is already in the band of S
         def solve_with_particle(b: Array) -> Array:
@@ -165,23 +156,21 @@ class FixedElements(CableElements):
         number = np.where(supports, -1, np.cumsum(~supports) - 1)
         dofs = number[all_dofs]
         self.n_scalar = int(number.max()) + 1
-        tab, self._fine = (np.tile(tabulated(x), (n, 1, 1)) for x in (of_forces, basis))
-        for x in (tab, self._fine):
+        tab, fine = (np.tile(tabulated(x), (n, 1, 1)) for x in (of_forces, basis))
+        for x in (tab, fine):
             x[:, :, 0] += first
             x[:, :, :2] /= n
             x[:, :, 2 + n_loc :] *= n
-        self._mesh = Mesh(np.tile(np.eye(6)[1], (n, 1)), dofs, tab)
+        self._mesh = Mesh(dofs, tab, n, (), ())
         b = max(kind.offsets)
         self._band = self.fields * b + self.fields - 1
         of_one = mass_form.assemble(basis).toarray()[np.ix_(basis.element_dofs[:, 0], basis.element_dofs[:, 0])] / n
         row, col = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
         inner = (row >= 0) & (col >= 0)
         data = np.broadcast_to(of_one, row.shape)[inner]
-        shape = (self.n_scalar, self.n_scalar)
-        self._operators = np.repeat(
-            bands(coo_array((data, (row[inner], col[inner])), shape=shape), b)[None], self.fields, axis=2
-        )
-        self._coefficients = _ONLY_MASS
+        M = coo_array((data, (row[inner], col[inner])), shape=(self.n_scalar, self.n_scalar))
+        self._operators = np.repeat(bands(M, b)[None], self.fields, axis=2)
+        self._sides = (side_of(self._mesh, fine, 1.0, self.n_scalar),)
         powers = shape_polynomials(kind.element())
         order = np.arange(n_loc)
         once = np.zeros_like(powers)
@@ -199,21 +188,22 @@ class FixedElements(CableElements):
         dofs = self.fields * self._mesh.dofs[e][keep][:, None] + np.arange(self.fields)
         return dofs, N[keep], N_s[keep], N_ss[keep]
 
-    def _time(self, t: float, phase: int) -> None:
-        """Find the element under the mass and the rows of its force at this instant."""
+    def _place(self, t: float, phase: int) -> Array:
+        return np.array([1.0, 0.0, 0.0, *self._load(*self.motion.at(t, phase))])
+
+    def _contact_at(self, t: float, phase: int) -> Contact:
+        """Return the element under the mass and the rows of its force; without chain rule for a particle."""
         s_o, ds, dds = self.motion.at(t, phase)
         dofs, N, N_s, N_ss = self._shape(s_o)
         mu = self.inertia
-        load = np.array(self._load(s_o, ds, dds))
-        carried = 0.0 if self.particle else mu  # a particle feels the Coriolis and centrifugal forces by itself
-        c_row, k_row = 2.0 * carried * ds * N_s, carried * (ds * ds * N_ss + dds * N_s)
-        self._contact = Contact(dofs, N, mu * N, c_row, k_row, load)
+        carried = 0.0 if self.particle else mu  # a particle feels Coriolis and centrifugal forces by itself
+        return Contact(dofs, N, mu * N, 2.0 * carried * ds * N_s, carried * (ds * ds * N_ss + dds * N_s))
 
-    def _assemble(self, t, q, v, a, phase, r, *tangent) -> None:
-        super()._assemble(t, q, v, a, phase, r, *tangent)
+    def _assemble(self, t, phase, x, r, factors) -> None:
+        super()._assemble(t, phase, x, r, factors)
         if self.particle:  # which has been taken for the cable under it
-            dofs, N, m_row, *_ = self._contact
-            p = slice(-self.fields, None)
+            dofs, N, m_row, *_ = self._now.contact
+            (q, _, a), p = x, slice(-self.fields, None)
             r[p] = q[p] - N @ q[dofs]
             r[dofs] += np.outer(N, self.inertia * a[p] - m_row @ a[dofs])
 
@@ -253,15 +243,13 @@ class FixedElements(CableElements):
         w_tt = at(N, a) + at(2.0 * ds * N_s, v) + at(ds**2 * N_ss + dds * N_s, q)
         return at(N, q), w_t, w_tt, behind, ahead
 
-    def _along(self, states, kinematics, force, rise, s, frames):
+    def _along(self, states, kinematics, ends, force, s, frames):
         """Momentum tested with 1 - s and s over the whole cable and the mass, then integrated; the mesh rests, c = 0.
 
-        The kink's own momentum, ds_o^2 [r'], is smeared over the element under the mass: half of it is missing there.
+        `ends` gets what the mass adds.  The kink's own momentum, ds_o^2 [r'], is smeared over the element under the
+        mass: half of it is missing there.
         """
-        n, s_o = states.t.size, kinematics[:, 0]
-        ends, elements = np.zeros((n, 4, self.fields)), self.elements
-        mesh = self._mesh_at(kinematics), self._spans(states, kinematics)
-        end_forces(self._mesh, elements, 0, self._cable, *mesh, rise, states.q, states.v, states.a, ends)
+        n, s_o, elements = states.t.size, kinematics[:, 0], self.elements
         ends[:, 0] -= (1.0 - s_o)[:, None] * force
         ends[:, 3] = ends[:, 1] + s_o[:, None] * force
         a = self._padded(states.a)
@@ -282,7 +270,4 @@ class FixedElements(CableElements):
         dofs, (N, N_s, _) = self._evaluate(s, "behind")
         q, v = (self._padded(x[frames])[:, dofs] for x in (states.q, states.v))  # (k, m, n_loc, fields)
         seen = [np.einsum("lm,kmlf->kmf", shape, x) for shape, x in ((N, q), (N, v), (N_s, q))]
-        return seen, ends, along + ahead * force[frames, None], (np.zeros(n), np.zeros((frames.size, s.size)))
-
-
-_ONLY_MASS = np.array([[1.0, 0.0, 0.0]])
+        return seen, along + ahead * force[frames, None], np.zeros((frames.size, s.size))

@@ -19,18 +19,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.polynomial.polynomial import polyint, polyval
 from scipy.linalg import solveh_banded
 from scipy.sparse import coo_array
 
-from cablefem.elements.cable import CableElements, bands, elements_allowed, limits
-from cablefem.elements.kernels.balance import Contact, Mesh, follow
-from cablefem.elements.kernels.law import pull
-from cablefem.elements.kernels.newton import settle
-from cablefem.elements.kernels.observe import along, end_forces
+from cablefem.elements.cable import CableElements, bands, elements_allowed
+from cablefem.elements.forms import pull, stiffness
+from cablefem.elements.kernels.balance import Contact, Mesh
+from cablefem.elements.kernels.observe import fields
+from cablefem.elements.observing import Side, side_of
 from cablefem.elements.reference import Reference, graded_knots, reference
 from cablefem.newmark import Array, Newton, Settled, State, StepFailure, Tableau, begun, consistent_acceleration
 from cablefem.response import States
@@ -41,58 +41,55 @@ _ONE, _ZERO = np.ones(1), np.zeros(1)
 
 
 class Tables(NamedTuple):
-    """What both sides have on their reference meshes, whatever the scene."""
+    """What both sides have on their reference meshes, whatever the scene; unknowns of one field."""
 
     left: Reference
     right: Reference
-    dofs: NDArray[np.int64]
-    forces: Array
-    inertia: Array
+    mesh: Mesh
+    sides: tuple[Side, ...]
     operators: Array  # bands of M^, G^, G^T, H^, left and right each
     ride: Array  # d2q/dt2 of all nodes when that of the mass is one, at entry
     entrained: float  # the inertia of the elements that it entrains then
-    slopes: tuple[tuple[NDArray[np.int64], Array], ...]  # unknowns and d/dxi of them, behind and ahead of the mass
+    at_mass: Array  # (2, n_loc) d/dxi at the mass of the functions of the last element behind it and the first ahead
 
 
 @lru_cache(maxsize=64)
 def _tables(elements: int, degree: int, grading: float) -> Tables:
     """Tabulate both sides of the mass; runs that differ in their steps or scenes alone share it."""
-    sides = tuple(
+    left, right = (
         reference(graded_knots(elements, grading, fine_at_end=x), degree, pull_at_end=x) for x in (True, False)
     )
-    left, right = sides
-    node, n = left.n - 2, left.n + right.n - 3
-    shift, b = (-1, node), degree
-    dofs = []
-    for side, offset in zip(sides, shift, strict=True):
-        d = side.dofs + offset
-        d[(d < 0) | (d >= n)] = -1
-        dofs.append(d)
-    operators = []
-    for name in ("M", "G", "GT", "H"):
-        for side, offset in zip(sides, shift, strict=True):
-            full = getattr(side, name[0])
-            full = full.T if name == "GT" else full
-            row, col = full.row + offset, full.col + offset
-            inner = (row >= 0) & (row < n) & (col >= 0) & (col < n)
-            operators.append(bands(coo_array((full.data[inner], (row[inner], col[inner])), shape=(n, n)), b))
+    node, n = left.n - 2, left.n + right.n - 3  # the supports carry no unknown
+
+    def inner(matrix: coo_array, offset: int) -> coo_array:
+        row, col = matrix.row + offset, matrix.col + offset
+        kept = (row >= 0) & (row < n) & (col >= 0) & (col < n)
+        return coo_array((matrix.data[kept], (row[kept], col[kept])), shape=(n, n))
+
+    parts, dofs = [], []
+    for side, offset in ((left, -1), (right, node)):
+        parts.append(tuple(inner(x, offset) for x in (side.M, side.G, side.H)))
+        numbers = side.dofs + offset
+        dofs.append(np.where((numbers < 0) | (numbers >= n), -1, numbers))
+    forces, inertia = (np.concatenate([getattr(x, of) for x in (left, right)]) for of in ("forces", "inertia"))
+    known = ((0,) * (degree + 1), (0,) * forces.shape[1]) if degree == 2 else ((), ())
+    mesh = Mesh(np.concatenate(dofs), forces, elements, *known)
+    operators = np.array([
+        bands(x, degree) for k in (0, 1, -1, 2) for x in (p[k] if k >= 0 else p[1].T.tocoo() for p in parts)
+    ])  # fmt: skip
+    sides = tuple(side_of(mesh, inertia, sign, n) for sign in (1.0, -1.0))
+
+    at_mass = np.stack([side.evaluate(np.array(xi))[2] for side, xi in ((left, 1.0), (right, 0.0))])
+
     linear = np.zeros(left.n)  # nodal values of the function xi
-    linear[::b] = left.knots
-    if b == 2:  # Lagrange midpoints; from degree 3 on interior functions are bubbles
+    linear[::degree] = left.knots
+    if degree == 2:  # Lagrange midpoints; from degree 3 on interior functions are bubbles
         linear[1::2] = 0.5 * (left.knots[1:] + left.knots[:-1])
     # ahead of the mass, with M x = e at the mass: its node moves with x/x_mass and weighs 1/x_mass
-    M = bands(right.M, b)[b:, :-1].copy()
+    M = bands(right.M, degree)[degree:, :-1].copy()
     pushed = solveh_banded(M[: M.shape[1]], np.eye(M.shape[1], 1)[:, 0], lower=True)  # one element: no band
-    forces, inertia = (np.concatenate([getattr(x, of) for x in sides]) for of in ("forces", "inertia"))
-    ride, entrained = np.concatenate([linear[1:], pushed[1:] / pushed[0]]), float(1.0 / pushed[0])
-    slopes = []
-    for side, xi, offset in zip(sides, (1.0, 0.0), shift, strict=True):
-        at, _, slope = side.evaluate(np.array(xi))
-        keep = (at + offset >= 0) & (at + offset < n)
-        slopes.append((at[keep] + offset, slope[keep]))
-    return Tables(
-        left, right, np.concatenate(dofs), forces, inertia, np.array(operators), ride, entrained, tuple(slopes)
-    )
+    ride = np.concatenate([linear[1:], pushed[1:] / pushed[0]])
+    return Tables(left, right, mesh, sides, operators, ride, float(1.0 / pushed[0]), at_mass)
 
 
 class FollowingElements(CableElements):
@@ -118,14 +115,17 @@ class FollowingElements(CableElements):
         if not (math.isfinite(grading) and 1.0 <= grading <= 1e6):
             raise ValueError(f"grading must lie in [1, 1e6], got {grading!r}")
         of = _tables(elements, degree, grading)
-        self.left, self.right, self._dofs = of.left, of.right, of.dofs
+        self.left, self.right, self._mesh, self._sides = of.left, of.right, of.mesh, of.sides
         self._operators = np.repeat(of.operators, self.fields, axis=2)
-        self._tab, self._fine, self._slopes = of.forces, of.inertia, of.slopes
-        self._ride, self._entrained = of.ride, of.entrained
-        self.node = self.left.n - 2  # scalar dof of the mass; the supports carry none
+        if self.fields == 1:
+            self._mesh = of.mesh._replace(functions=(), points=())
+        self._at_car, self._ride, self._entrained = of.at_mass, of.ride, of.entrained
+        self.node = self.left.n - 2  # scalar dof of the mass
         self.n_scalar = self.left.n + self.right.n - 3
-        self.n_dof, self._n_left = self.fields * self.n_scalar, elements
+        self.n_dof = self.fields * self.n_scalar
         self._band = self.fields * degree + self.fields - 1
+        node = self.fields * self.node + np.arange(self.fields)[None, :]
+        self._contact = Contact(node, _ONE, self.inertia * _ONE, _ZERO, _ZERO)
         self._fresh()
 
     def start(self, phase: int, state: State | None) -> State:
@@ -165,117 +165,95 @@ class FollowingElements(CableElements):
         rest = np.array(self._load(0.0, 0.0, dds))
         inertia = self.inertia + self._entrained
         if self.fields == 1:
-            return -rest / (2.0 * inertia + 2.0 * self._cable[1] / dds)
+            return -rest / (2.0 * inertia + 2.0 * self._law[1] / dds)
+        T, *slope = self.groups.static(0.0)[:3]
         b = np.zeros(2)
-        p = self.groups.c
-        T = math.hypot(1.0, p)
-        xp, yp = 1.0 / T, p / T
         for _ in range(50):
-            du, dv = 2.0 * b / dds
-            fx, fy, k_geo, k_mat, *_ = pull(xp, yp, T, du, dv, self.groups.alpha, self._cable[3])
-            r = np.array([xp + du, yp + dv])
-            f = 2.0 * inertia * b + rest + [fx, fy]
-            J = (2.0 * inertia + 2.0 / dds * k_geo) * np.eye(2) + 2.0 / dds * k_mat * np.outer(r, r)
-            step = np.linalg.solve(J, f)
+            at = np.array(slope), T, 2.0 * b / dds, self.groups.alpha, self._law[3]
+            J = 2.0 * inertia * np.eye(2) + 2.0 / dds * stiffness(*at)
+            step = np.linalg.solve(J, 2.0 * inertia * b + rest + pull(*at)[0])
             b -= step
             if np.abs(step).max() <= 1e-14 * (dds + np.abs(b).max()):
                 return b
         raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
 
-    def _time(self, t: float, phase: int) -> None:
-        """Scale the reference operators to this instant."""
-        s_o, ds, dds = self.motion.at(t, phase)
-        if not 0.0 < s_o < 1.0:
-            raise ValueError(f"s_o = {s_o!r}: a side of the following mesh has no length")
-        follow(s_o, ds, dds, self._n_left, self._coefficients, self._mesh.span)
-        self._contact.load[:] = self._load(s_o, ds, dds)
-
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array]:
         """Take steps until the cable falls slack."""
-        now, told, taken = self._stride(t, phase, start, rules, bound, newton)
+        now, told, taken = self._steps(t, phase, start, rules, bound, newton)
         if taken:
             self.least_tension = told.item(taken - 1, 4), told.item(taken - 1, 5)
         return now[:taken], told[: taken + 1]
 
-    def settle(
-        self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
-    ) -> Settled:
-        (now[:],), told, _ = self._stride(np.array([t]), phase, start, rule[None], bound, newton)
-        *done, least, where = told[0].tolist()
-        self.least_tension = least, where
-        return Settled(*done)
-
-    def _stride(
-        self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
-    ) -> tuple[Array, Array, int]:
-        """Return the ends of steps (m, 3, n_dof), what is told of each (m, 6), and how many are good."""
-        now, told = np.empty((t.size, *start.shape)), np.empty((t.size, 6))
-        of = tuple(self._mesh), self._cable, tuple(self._work), start, now, rules, told, bound, limits(newton)
-        return now, told, settle(*self._moved(t, phase, float(start[1, -1])), *of)
-
-    def _moved(self, t: Array, phase: int, slip: float) -> tuple[Any, Any]:
-        """Return `grip` and `ride` of `kernels.newton.settle`."""
-        return self._grip(*self._travel(t, phase)), None
-
-    def _travel(self, t: Array, phase: int) -> tuple[Array, Array]:
-        """Return s_o, ds_o, dds_o (..., 3) at instants (...), and the loads of the mass (..., n_fields)."""
-        self._at = None  # the mesh is that of another instant now
-        places = self.motion.along(t.ravel(), phase)
-        if not (places[0].min() > 0.0 and places[0].max() < 1.0):
-            raise ValueError("a side of the following mesh has no length at an end of the travel")
-        loads = np.stack(self._load(*places), axis=1)
-        return np.ascontiguousarray(places.T).reshape(*t.shape, 3), loads.reshape(*t.shape, -1)
-
     def collocate(
         self, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float, newton: Newton
     ) -> Iterator[Settled]:
-        instants, loads = rule.instants(t), np.empty((3, self.fields))
-        contacts = tuple((*self._contact[:-1], load) for load in loads)
-        of = self._coefficients, *self._at_nodes(), contacts, self._n_left, *self._travel(instants, phase)
-        grip, fronts = (self._operators, *of), self._fronts(instants)
-        return self._said(self._collocated(grip, fronts, None, t, ends, a, further, rule, bound, newton))
+        return self._said(self._collocated(phase, (t, ends, a, further), rule, bound, newton))
 
-    def _fronts(self, instants: Array) -> Any:
-        """Return what `kernels.collocation.collocate` takes of fronts that nodes travel with."""
-        return None
+    def _place(self, t: float, phase: int) -> Array:
+        kinematics = self.motion.at(t, phase)
+        if not 0.0 < kinematics[0] < 1.0:
+            raise ValueError(f"s_o = {kinematics[0]!r}: a side of the following mesh has no length")
+        return np.array([*kinematics, *self._load(*kinematics)])
+
+    def _places(self, t: Array, phase: int) -> Array:
+        kinematics = self.motion.along(t.ravel(), phase)
+        if not (kinematics[0].min() > 0.0 and kinematics[0].max() < 1.0):
+            raise ValueError("a side of the following mesh has no length at an end of the travel")
+        return np.stack([*kinematics, *self._load(*kinematics)], axis=1).reshape(*t.shape, -1)
+
+    def _contact_at(self, t: float, phase: int) -> Contact:
+        return self._contact
 
     # --- observation -----------------------------------------------------------------------------------
     def path(self, states: States) -> tuple[Array, Array]:
         states, kinematics = self._split(states)
         return kinematics[:, 0], states.q.reshape(-1, self.n_scalar, self.fields)[:, self.node] @ self.direction
 
-    def _fresh(self) -> None:
-        super()._fresh()
-        self._coefficients = np.empty((8, 3))
-        self._mesh = Mesh(np.empty((self._dofs.shape[0], 6)), self._dofs, self._tab)
-        node = self.fields * self.node + np.arange(self.fields)[None, :]
-        self._contact = Contact(node, _ONE, self.inertia * _ONE, _ZERO, _ZERO, np.empty(self.fields))
-
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         s_o, ds, dds = kinematics.T
         q, v, a = (x.reshape(s_o.size, self.n_scalar, self.fields) for x in (states.q, states.v, states.a))
-        behind, ahead = (np.tensordot(q[:, dofs], grad, axes=(1, 0)) for dofs, grad in self._slopes)
-        left, right = self._beside(states, kinematics)
-        behind /= np.where(s_o > 0.0, left, 1.0)[:, None]
-        ahead /= right[:, None]
+        last, n = np.append(q, np.zeros_like(q[:, :1]), axis=1), self._mesh.n_left  # with an end for the supports
+        behind, ahead = (
+            np.tensordot(last[:, self._mesh.dofs[e]], grad, axes=(1, 0))
+            for e, grad in zip((n - 1, n), self._at_car, strict=True)
+        )
+        behind /= np.where(s_o > 0.0, s_o, 1.0)[:, None]
+        ahead /= (1.0 - s_o)[:, None]
         if s_o.size and s_o[0] == 0.0:  # limit of w(s_o)/s_o as the mass leaves the left support, 0 where it rests
             gone, way = (v, ds) if ds[0] > 0.0 else (a, dds)
             behind[0] = gone[0, self.node] / way[0] if way[0] > 0.0 else 0.0
         return q[:, self.node], v[:, self.node], a[:, self.node], behind, ahead
 
-    def _beside(self, states: States, kinematics: Array) -> tuple[Array, Array]:
-        """Return ds/dxi of the elements behind and ahead of the mass, (n,) each."""
-        return kinematics[:, 0], 1.0 - kinematics[:, 0]
-
-    def _along(self, states, kinematics, force, rise, s, frames):
-        n, f, spans = states.t.size, self.fields, self._spans(states, kinematics)
-        ends, out, c = np.empty((n, 4, f)), np.empty((4, frames.size, s.size, f)), np.empty((frames.size, s.size))
-        of = states.q, states.v, states.a
-        end_forces(self._mesh, self._n_left, self.node, self._cable, kinematics, spans, rise, *of, ends)
-        self._at = None  # the mesh is that of another instant now
-        knots, history = np.stack([self.left.knots, self.right.knots]), np.stack([x[frames] for x in of])
-        places = kinematics[frames], spans[frames] if len(spans) else spans
-        along(self._mesh, knots, self.left.shapes, self.node, *places, s, history, ends[frames], out, c)
-        return out[:3], ends, out[3], (kinematics[:, 1], c)
+    def _along(self, states, kinematics, ends, force, s, frames):
+        """Momentum is tested with phi = 1 from the support, or from the mass, up to s."""
+        mesh, shapes, sides = self._mesh, self.left.shapes, (self.left, self.right)
+        q, v, a = (x[frames].reshape(frames.size, self.n_scalar, self.fields) for x in (states.q, states.v, states.a))
+        s_o, ds, dds = kinematics[frames].T[..., None]
+        first, length = (np.concatenate([f(x.knots) for x in sides]) for f in (lambda x: x[:-1], np.diff))
+        rates = [  # d2(h w)/dt2 behind the mass and ahead of it
+            h[..., None] * a + sign * (dds[..., None] * q + 2.0 * ds[..., None] * v)
+            for h, sign in ((s_o, 1.0), (1.0 - s_o, -1.0))
+        ]
+        begin = []  # their integrals over xi up to each element
+        for part, rate in zip((slice(0, mesh.n_left), slice(mesh.n_left, None)), rates, strict=True):
+            of_one = np.append(rate, np.zeros_like(rate[:, :1]), axis=1)[:, mesh.dofs[part]]  # supports last
+            whole = np.einsum("kelf,l,e->kef", of_one, polyval(1.0, polyint(shapes.T)), length[part])
+            begin.append(np.cumsum(whole, axis=1) - whole)
+        behind = (s <= s_o) & (s_o > 0.0)
+        h = np.where(behind, s_o, 1.0 - s_o)
+        xi = np.clip((s - np.where(behind, 0.0, s_o)) / h, 0.0, 1.0)
+        on_left, on_right = (np.searchsorted(x.knots[1:-1], xi) for x in sides)
+        e = np.where(behind, on_left, mesh.n_left + on_right)
+        w, w_t, w_x, up_to = out = np.empty((4, *e.shape, self.fields))
+        fields(mesh, shapes, e, (xi - first[e]) / length[e], np.array([q, v, *rates]), out)
+        w_x /= (length[e] * h)[..., None]
+        up_to *= length[e][..., None]
+        up_to += np.concatenate(begin, axis=1)[np.arange(frames.size)[:, None], e]
+        chi = np.where(behind, xi, 1.0 - xi)
+        node, c = self.node, ds * chi
+        ahead = ends[frames, 2] + 2.0 * ds * v[:, node] + dds * q[:, node]
+        start = np.where(behind[..., None], ends[frames, None, 0], ahead[:, None])
+        carried = start + up_to - 2.0 * c[..., None] * w_t - (dds * chi)[..., None] * w
+        return (w, w_t - c[..., None] * w_x, w_x), carried, c

@@ -24,14 +24,14 @@ import skfem
 from scipy.sparse import bmat, coo_matrix, diags
 from scipy.sparse.linalg import MatrixRankWarning, spsolve
 
-from cablefem.scene.line import Case, LineState, NoLine
+from cablefem.scene.line import Case, LineState, NoLine, NotFound
 from cablefem.scene.taut import guess
 
 DEGREE = 4
 ORDER = 12  # of quadrature: the integrands are no polynomials
 SOFTENING = 4  # steps in which EA rises to its value
 SOFTEST = 5.0  # first EA over H
-STEPS, SHORTEST = 40, 1e-6  # of Newton's method, and part of one step
+STEPS, SHORTEST = 100, 1e-6  # of Newton's method, and part of one step
 NEAR = 1e-6  # residual over H below which steps are not damped
 LAST = 1e-9  # step over the reach after which what is left is rounding
 ROUGH = 1e-2  # the same while the rope is soft
@@ -181,9 +181,9 @@ class _Batch:
         found = [guess(case) for case in self.cases]
         start = np.concatenate([np.column_stack([place, s]) for _, place, s in found])
         self.reach = np.array([np.ptp(place[:, 0]) for _, place, _ in found])
-        self.H = np.array([H for H, _, _ in found])
+        self.H = np.array([H.mean() for H, _, _ in found])
         run = np.diff(start, axis=0)[self.left]
-        H = self.H[self.owner[self.left]]
+        H = np.concatenate([H for H, _, _ in found])
         at = np.linspace(0.0, 1.0, self.elements + 1)
         path = start[self.left, :2].T[:, :, None] + run[:, :2].T[:, :, None] * at
         sag = self.q[:: self.elements, 0] * run[:, 2] * run[:, 0] / (8.0 * H)
@@ -275,7 +275,7 @@ class _Batch:
             self.X = trial
             if np.max(np.abs(step) / self.reach[self.case_of]) < enough:
                 return
-        raise NoLine("no state of rest was found")
+        raise NotFound
 
     def _states(self) -> list[LineState]:
         """Return the states; pulls at stations are the weak nodal forces."""
@@ -299,21 +299,17 @@ class _Batch:
         return states
 
 
-def _rest(cases: Sequence[Case], elements: int) -> list[LineState | NoLine]:
-    """Solve all cases at once; where one of them has no rest, both halves apart."""
+def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLine]:
+    """Return each case at rest with that many elements on each piece; an even number.
+
+    All are solved at once; where one of them has no rest, both halves apart.
+    """
+    if not cases:
+        return []
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore", MatrixRankWarning)
             return list(_Batch(cases, elements).solve())
     except NoLine as error:
         half = len(cases) // 2
-        return [*_rest(cases[:half], elements), *_rest(cases[half:], elements)] if half else [error]
-
-
-def solve(cases: Sequence[Case], elements: int = 4) -> list[tuple[LineState, LineState] | NoLine]:
-    """Return each case at rest with that many elements on each piece, and with half as many."""
-    fine, coarse = (_rest(cases, n) if cases else [] for n in (elements, elements // 2))
-    return [
-        a if isinstance(a, NoLine) else b if isinstance(b, NoLine) else (a, b)
-        for a, b in zip(fine, coarse, strict=True)
-    ]
+        return [*solve(cases[:half], elements), *solve(cases[half:], elements)] if half else [error]

@@ -23,11 +23,23 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.elements.cable import Array
+from cablefem.elements.cable import Factors
 from cablefem.elements.following import FollowingElements
-from cablefem.elements.front import FrontElements
 from cablefem.elements.kernels import car as kernels
-from cablefem.newmark import NO_STEPS, Newton, Settled, Solve, State, StepFailure, Tableau, consistent_acceleration
+from cablefem.elements.kernels.balance import Instant
+from cablefem.elements.kernels.banded import Border
+from cablefem.elements.kernels.newton import NO_TANGENT
+from cablefem.newmark import (
+    NO_STEPS,
+    Array,
+    Newton,
+    Settled,
+    Solve,
+    State,
+    StepFailure,
+    Tableau,
+    consistent_acceleration,
+)
 from cablefem.newmark.newton import find_root
 from cablefem.newmark.system import AVERAGE
 from cablefem.response import Observation, States
@@ -40,13 +52,9 @@ ABRUPT = 1e-5  # of the length: a slip at such an acceleration over a whole step
 STATIC = 1e-30  # weight of accelerations in a tangent of statics: nothing but the last unknown feels it
 
 
-def following(groups: Groups, *, nodes: str = "mass", **kind: Any) -> FollowingElements:
-    """Return the mass-following elements that the drive of a scene asks for; nodes : "mass" or "front", see there."""
-    if groups.drive.mode == "grip":
-        return (FrontElements if nodes == "front" else FollowingElements)(groups, **kind)
-    if nodes == "front":
-        raise ValueError("nodes = front is for a car that grips and enters: one that rolls sends out no front")
-    return RollingElements(groups, **kind)
+def following(groups: Groups, **kind: Any) -> FollowingElements:
+    """Return the mass-following elements that the drive of a scene asks for."""
+    return (FollowingElements if groups.drive.mode == "grip" else RollingElements)(groups, **kind)
 
 
 class RollingElements(RollingCar, FollowingElements):
@@ -68,13 +76,6 @@ class RollingElements(RollingCar, FollowingElements):
         self.board(groups)
         self._air = self.drive.k, self.drive.wind, self.drive.mu_r
         self.n_dof += 1
-        ends = np.stack([self.left.evaluate(np.array(1.0))[2], self.right.evaluate(np.array(0.0))[2]])
-        border = np.zeros((3, self.n_dof - 1)), np.zeros(1)
-        self._rolling = kernels.Rolling(self._n_left, self._fine, ends.reshape(2, -1), *border)
-        self._rollings = tuple(  # for `collocation.collocate`, as `_works`
-            tuple(self._rolling._replace(border=border[0].astype(x), corner=border[1].astype(x)))
-            for x in (float, complex)
-        )
 
     def with_law(self, law: str) -> Self:
         twin = super().with_law(law)
@@ -114,24 +115,16 @@ class RollingElements(RollingCar, FollowingElements):
         """After a jump of force the car slips at once, and is stopped by an axial wave that few steps resolve."""
         return self.free and 0.5 * dt * dt * abs(float(x.a[-1])) > ABRUPT
 
-    def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        r = np.empty(self.n_dof)
-        self._roll(self._car(t, phase), q, v, a, r)
-        return r
-
-    def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
-    ) -> tuple[Array, Solve]:
-        r = np.empty(self.n_dof)
-        return r, self._linearised(self._car(t, phase), q, v, a, r, c0, c1, c2)
+    def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
+        self._roll(self._car(t, phase), x, r, factors)
 
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array]:
         return super().stride(t, phase, start, rules, bound, newton) if self.under_way else NO_STEPS
 
-    def _stride(self, t: Array, *of: Any) -> tuple[Array, Array, int]:
-        now, told, taken = super()._stride(t, *of)
+    def _steps(self, t: Array, *of: Any) -> tuple[Array, Array, int]:
+        now, told, taken = super()._steps(t, *of)
         self._seen_to(t, taken)
         return now, told, taken
 
@@ -140,15 +133,14 @@ class RollingElements(RollingCar, FollowingElements):
         if taken > 1:
             self.heeded = float(t[taken - 2] + 0.9 * (t[taken - 1] - t[taken - 2]))
 
-    def _moved(self, t: Array, phase: int, slip: float) -> tuple[Any, Any]:
-        car = self._car(float(t[0]), phase)
-        course = self._course if t.size > 1 else ANY
-        return None, (tuple(self._rolling), tuple(car), self._brought(t, phase), course)
+    def _moved(self, t: Array, phase: int, start: Array) -> tuple[Any, Array]:
+        car, course = self._car(float(t.flat[0]), phase), self._course if len(t) > 1 else ANY
+        return kernels.Ride(car, self._at_car, self._single.ride.border, course), self._brought(t, phase)
 
     def _brought(self, t: Array, phase: int) -> Array:
         """Return what instants (...) bring the car, (..., 3), see `kernels.driven`."""
         if not self.free:
-            return self._travel(t, phase)[0]
+            return self._places(t, phase)[..., :3].copy()
         now, drive = np.zeros((*t.shape, 3)), self.drive
         if t.min() < drive.release:
             now[..., 0] = self.hold * np.vectorize(drive.hold)(t)
@@ -171,10 +163,7 @@ class RollingElements(RollingCar, FollowingElements):
     ) -> Iterator[Settled]:
         many = len(a) > 1 and (not self.free or rule.c[-1] == 1.0)
         m = len(a) if many and self.under_way else 1
-        car = self._car(float(t[0]), phase)
-        course = self._course if m > 1 else ANY
-        ride = *self._rollings, tuple(car), self._brought(rule.instants(t[: m + 1]), phase), course
-        told = self._collocated(None, None, ride, t[: m + 1], ends, a[:m], further, rule, bound, newton)
+        told = self._collocated(phase, (t[: m + 1], ends, a[:m], further), rule, bound, newton)
         self._seen_to(t[1:], len(told))
         return self._said(told)
 
@@ -182,20 +171,18 @@ class RollingElements(RollingCar, FollowingElements):
         """Return the residual of a step of the energy rule, see `cablefem.newmark.System.averaged`."""
         if not self.free:
             return super().averaged(start, end)
-        dt, r, gradient = end.t - start.t, np.empty(self.n_dof), np.empty(self.n_dof)
-        momentum = [np.empty(self.n_dof), np.empty(self.n_dof)]
-        of = self._dofs, self._fine, self._n_left, self.node, self.inertia, self._cable
-        for x, p in ((start, momentum[0]), (end, momentum[1])):
-            kernels.kinetic(*of, x.q, x.v, x.v, p, gradient)
-        total, still = (momentum[1] - momentum[0]) / dt, np.zeros(self.n_dof)
-        m = 2 * self.node
+        dt, r = end.t - start.t, np.empty(self.n_dof)
+        weight = self._car(start.t, start.phase)._replace(
+            mode=kernels.FREE, hold=0.0, thrust=0.0, drag=0.0, heading=0.0
+        )
+        before, after, gradient = np.empty((3, self.n_dof))
+        for x, momentum in ((start, before), (end, after)):
+            kernels.kinetic(self._cable, weight, np.array([x.q, x.v, x.v]), momentum, gradient)
+        total, m = (after - before) / dt, 2 * self.node
         for x, share in zip(*AVERAGE, strict=True):
             q, force = start.q + x * (end.q - start.q), self._force(start, end, x)
-            kernels.kinetic(*of, q, start.v, end.v, momentum[0], gradient)
-            weight = self._car(start.t, start.phase)._replace(
-                mode=kernels.FREE, hold=0.0, thrust=0.0, drag=0.0, heading=0.0
-            )
-            self._roll(weight, q, still, still, r)
+            kernels.kinetic(self._cable, weight, np.array([q, start.v, end.v]), before, gradient)
+            self._roll(weight, np.array([q, 0.0 * q, 0.0 * q]), r)
             total += share * (r - gradient)
             total[m : m + 2] -= share * force[:2]
             total[-1] -= share * force[2]
@@ -205,19 +192,21 @@ class RollingElements(RollingCar, FollowingElements):
 
     def _force(self, start: State, end: State, x: float) -> Array:
         """Return the forces on p and on s_o (3,) at the part x of a step, for its mean velocity and acceleration."""
-        dt = end.t - start.t
-        car = tuple(self._car(start.t + x * dt, start.phase))
-        of = start.q + x * (end.q - start.q), 0.5 * (start.v + end.v), (end.v - start.v) / dt
-        return np.array(kernels.look(self._mesh.dofs, self._rolling.ends, self._n_left, self._cable, car, *of)[5:])
+        car, dt = self._car(start.t + x * (end.t - start.t), start.phase), end.t - start.t
+        of = np.array([start.q + x * (end.q - start.q), 0.5 * (start.v + end.v), (end.v - start.v) / dt])
+        push = self._forces(car, of)
+        return np.array([*push.outside, np.dot(push.slope, push.outside) + push.drive])
 
     def look(self, x: State) -> Look:
-        seen = self._look(x)
-        return Look(seen[0], *seen[2:5])
+        push = self._forces(self._car(x.t, x.phase), np.array([x.q, x.v, x.a]))
+        (tx, ty), (px, py), (ex, ey) = push.tau, push.velocity, push.outside
+        weight = self.inertia * self.groups.sigma
+        return Look(push.normal, px * tx + py * ty, ex * tx + (ey + weight) * ty, weight * tx)
 
     def holding(self, x: State) -> tuple[float, float]:
-        r, (normal, stretch, *_) = np.empty(self.n_dof), self._look(x)
-        needed = self._roll(self._car(x.t, x.phase), x.q, x.v, x.a, r)[2]  # what the row of s_o lacks
-        return needed / stretch, normal
+        r, car, of = np.empty(self.n_dof), self._car(x.t, x.phase), np.array([x.q, x.v, x.a])
+        push, needed = self._forces(car, of), self._roll(car, of, r)[2]  # what the row of s_o lacks
+        return needed / push.stretch, push.normal
 
     def go_on(self, x: State) -> State:
         return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
@@ -233,40 +222,21 @@ class RollingElements(RollingCar, FollowingElements):
         thrust = float(drive.thrust(t, phase)) if drive.thrust_table else 0.0
         return kernels.Car(*fixed, 0.0, 0.0, 0.0, hold, thrust, *self._air, self.brake, self.mode.sign)
 
-    def _look(self, x: State) -> tuple[float, ...]:
-        """Return what `kernels.look` sees."""
-        car = self._car(x.t, x.phase)
-        return kernels.look(self._mesh.dofs, self._rolling.ends, self._n_left, self._cable, tuple(car), x.q, x.v, x.a)
+    def _forces(self, car: kernels.Car, x: Array) -> kernels.Forces:
+        return kernels.forces(self._cable, car, self._at_car, x)
 
-    def _roll(self, car: kernels.Car, q: Array, v: Array, a: Array, r: Array, *c: float) -> tuple[float, ...]:
-        """Set r and, given c, the tangent; return what `kernels.roll` does."""
-        of = self._mesh, self._rolling, self._cable, car, q, v, a, r, self._work.ab
-        seen = kernels.roll(*of, *(c or (0.0, 0.0, 0.0)))
+    def _roll(self, car: kernels.Car, x: Array, r: Array, factors: Factors = NO_TANGENT) -> tuple[float, ...]:
+        """Set r and, given factors, the tangent; return what `kernels.roll` does."""
+        brought = (car.s_o, car.ds, car.dds) if car.mode == kernels.HAUL else (car.hold, car.thrust, 0.0)
+        now, ride = Instant(np.array(brought), self._bands, self._contact), self._single.ride._replace(car=car)
+        seen = kernels.roll(self._cable, ride, now, x, r, self._single.work.ab, factors)
         self.least_tension = seen[:2]
         return seen
 
-    def _linearised(self, car: kernels.Car, q: Array, v: Array, a: Array, r: Array, *c: complex) -> Solve:
-        """Set r and return the solution with the tangent there."""
-        work, rolling = self._work, self._rolling
-        if isinstance(c[0], complex):
-            work = self._workspace(complex)
-            rolling = rolling._replace(border=0j * rolling.border, corner=0j * rolling.corner)
-            work.ab[:] = 0.0
-            for factor, *one in zip(c, *np.eye(3).tolist(), strict=True):
-                self._roll(car, q, v, a, r, *one)
-                work.ab[:] += factor * self._work.ab
-                rolling.border[:] += factor * self._rolling.border
-                rolling.corner[:] += factor * self._rolling.corner
-        else:
-            self._roll(car, q, v, a, r, *(float(x.real) for x in c))
-        if not kernels.factorise_bordered(work, rolling):
-            return lambda b: np.full_like(b, math.nan)
-
-        def solve(b: Array) -> Array:
-            kernels.solve_bordered(work, rolling, b)
-            return b
-
-        return solve
+    def _ride_of(self, kind: type) -> kernels.Ride:
+        car = kernels.Car(0, self.node, *(0.0,) * 12)
+        n = self.fields * self.n_scalar
+        return kernels.Ride(car, self._at_car, Border(np.zeros((3, n), kind), np.zeros(1, kind)), ANY)
 
     def _statics(self, s_o: float) -> tuple[Array, float]:
         """Return the unknowns of the cable at rest with the car at s_o, and the force that holds it there.
@@ -282,11 +252,11 @@ class RollingElements(RollingCar, FollowingElements):
         r, c = np.empty(self.n_dof), np.array([[1.0], [0.0], [STATIC]])
 
         def residual() -> Array:
-            self._roll(car, x[0], x[1], x[2], r)
+            self._roll(car, x, r)
             return r
 
         def linearise() -> tuple[Array, Solve]:
-            solve = self._linearised(car, x[0], x[1], x[2], r, 1.0, 0.0, STATIC)
+            solve = self._solution(lambda factors: self._roll(car, x, r, factors), (1.0, 0.0, STATIC))
             return r.copy(), solve
 
         def update(dx: Array) -> None:
@@ -297,11 +267,11 @@ class RollingElements(RollingCar, FollowingElements):
         shortest = min(s_o * np.diff(self.left.knots).min(), (1.0 - s_o) * np.diff(self.right.knots).min())
         # A stiff cable under a heavy car: Newton loses its way, or finds a rest with folds, unless a soft cable
         # has shown the shape first.  A load raises the horizontal tension, 1 without it; a fold carries less.
-        stiff, soft = self._cable[0], min(self._cable[0], 4.0 * (1.0 + self.groups.mu * self.groups.sigma))
+        stiff, soft = self._law[0], min(self._law[0], 4.0 * (1.0 + self.groups.mu * self.groups.sigma))
         for count in (1, 12, 60):
             x[:] = 0.0
             x[0, -1] = s_o if self.free else 0.0
-            for self._cable[0] in [stiff] if count == 1 else np.geomspace(soft, stiff, count):
+            for self._law[0] in [stiff] if count == 1 else np.geomspace(soft, stiff, count):
                 with np.errstate(over="ignore", invalid="ignore"):
                     done = find_root(residual, linearise, update, bound, Newton(max_iter=60, patience=0, reuse=0.0))
             at_rest = done.norm <= bound * max(1.0, float(np.abs(x[0, :-1]).max()) / shortest)
@@ -311,7 +281,7 @@ class RollingElements(RollingCar, FollowingElements):
             raise StepFailure(
                 0.0, f"no rest of the loaded cable was found (|r| = {done.norm:.2g})", "start the car elsewhere"
             )
-        return x[0], float(self._roll(car, x[0], x[1], x[2], r)[2] if self.free else x[2, -1])
+        return x[0], float(self._roll(car, x, r)[2] if self.free else x[2, -1])
 
     # --- observation -----------------------------------------------------------------------------------
     def _split(self, states: States) -> tuple[States, Array]:

@@ -164,31 +164,35 @@ class Part(BaseModel):
     def _lines(cls, item: Any) -> list[str]:
         """Turn one error item of pydantic into lines 'field = value: what is admissible'."""
         name, *inner = item["loc"]
-        kind, context = item["type"], item.get("ctx", {})
-        cause = context.get("error")
+        cause = item.get("ctx", {}).get("error")
         where = f"{name}[{inner[0]}]" if inner and isinstance(inner[0], int) else str(name)
         if isinstance(cause, SceneError):  # of a part inside this one
             return [f"{where}.{fault}" for fault in cause.faults]
-        given = f"{where} = {shown(item['input'])}"
+        if item["type"] == "missing":
+            return [f"{where}: missing; must be {cls._admissible(name)}"]
+        if item["type"] == "extra_forbidden":
+            unknown = f"{where} = {shown(item['input'])}: unknown key.{nearest(where, cls.field_names())}"
+            return [f"{where}: not modelled: {NOT_MODELLED[where]}" if where in NOT_MODELLED else unknown]
+        if item["type"].startswith("union_tag"):
+            kind = item["input"].get("kind") if isinstance(item["input"], dict) else None
+            return [cls._kind_fault(where, kind, _kinds(cls.model_fields[name].annotation))]
         if where == "mass" and isinstance(item["input"], list | tuple):
-            return [f"{given}: not modelled: {NOT_MODELLED['masses']}"]
-        if kind == "missing":
-            missing = next(x for key, x in cls.model_fields.items() if name in (key, x.alias))
-            checks = [m.func.admissible for m in missing.metadata if hasattr(m, "func")]
-            admissible = checks[0] if checks else f"a table [{name}]"
-            return [f"{where}: missing; must be {admissible}"]
-        if kind == "extra_forbidden" and where in NOT_MODELLED:
-            return [f"{where}: not modelled: {NOT_MODELLED[where]}"]
-        if kind == "extra_forbidden":
-            return [f"{given}: unknown key.{nearest(where, cls.field_names())}"]
-        if kind == "union_tag_invalid":
-            tag, known = item["input"]["kind"], _kinds(cls.model_fields[name].annotation)
-            return [f"{where}.kind = {shown(tag)}: unknown.{nearest(str(tag), known)}"]
-        if kind == "union_tag_not_found":
-            return [f"{where}.kind: missing; must be one of {', '.join(_kinds(cls.model_fields[name].annotation))}"]
-        if cause is None:  # pydantic's own: the only other type a field can have is a part
-            return [f"{given}: must be a table [{where}]"]
-        return [f"{given}: {cause}"]
+            cause = f"not modelled: {NOT_MODELLED['masses']}"
+        # without a cause it is pydantic's own: the only other type a field can have is a part
+        return [f"{where} = {shown(item['input'])}: {cause or f'must be a table [{where}]'}"]
+
+    @classmethod
+    def _admissible(cls, name: str) -> str:
+        """Return what a field of that name admits."""
+        missing = next(x for key, x in cls.model_fields.items() if name in (key, x.alias))
+        return next((m.func.admissible for m in missing.metadata if hasattr(m, "func")), f"a table [{name}]")
+
+    @staticmethod
+    def _kind_fault(where: str, kind: object, known: list[str]) -> str:
+        """Return what is wrong with the kind that tells the members of a union from one another."""
+        if kind is None:
+            return f"{where}.kind: missing; must be one of {', '.join(known)}"
+        return f"{where}.kind = {shown(kind)}: unknown.{nearest(str(kind), known)}"
 
 
 @dataclass(frozen=True, slots=True)

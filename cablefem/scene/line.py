@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -18,10 +19,12 @@ import tomli_w
 from pydantic import BeforeValidator
 
 from cablefem.scene.cable import STEEPEST, Rope
+from cablefem.scene.dotted import put
 from cablefem.scene.errors import SceneError, nearest, shown
 from cablefem.scene.fields import Check, Name, NonNegative, Part, Positive, Switch, Word, choice, real, said, tables
 from cablefem.scene.fields import Line as Text
 from cablefem.scene.scene import LINES, parsed, scene_text
+from cablefem.scene.surroundings import Ground, Obstacle, read_ground, surroundings_faults
 
 KINDS = ("anchor", "spring", "saddle", "counterweight")
 OWNED = {"tension": "counterweight", "stiffness": "spring", "shoe": "saddle"}  # keys of one kind of contact
@@ -189,8 +192,14 @@ class NoLine(ArithmeticError):
     """No state of rest was found, or none exists; the message says why."""
 
 
-# Returns each case at rest, and the same by one step or one refinement less.
-Solver = Callable[[Sequence[Case]], "list[tuple[LineState, LineState] | NoLine]"]
+class NotFound(NoLine):
+    """Newton's method did not end: nothing is known."""
+
+    def __init__(self) -> None:
+        super().__init__("no state of rest was found")
+
+
+Solver = Callable[[Sequence[Case]], "list[LineState | NoLine]"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +209,6 @@ class LineRest:
     line: Line
     empty: LineState  # at the reference temperature, without ice
     positions: list[LineState | NoLine]
-    coarser: list[LineState | NoLine]  # the same by one step or one refinement less
 
 
 class Line(Part):
@@ -212,6 +220,10 @@ class Line(Part):
     cable: LineRope
     contact: Annotated[tuple[Contact, ...], tables("[[contact]]")]
     car: Annotated[tuple[Car, ...], tables("[[car]]")] = said("[-] cars from left to right", ())
+    obstacle: Annotated[tuple[Obstacle, ...], tables("{name = ..., at = ..., top = ...}")] = said(
+        "[-] what the rope and the cars must clear", ()
+    )
+    ground: Ground = said("[m] points [x, depth below the first contact], linear between them, or a CSV file", ())
 
     # --- faults ------------------------------------------------------------------------------------------------------
 
@@ -229,7 +241,11 @@ class Line(Part):
         faults += [
             f"name = {x!r}: given twice; names must differ" for x in sorted({x for x in names if names.count(x) > 1})
         ]
-        return faults or _rope_faults(rope, contacts) + _car_faults(cars, contacts)
+        if faults:
+            return faults
+        return (
+            _rope_faults(rope, contacts) + _car_faults(cars, contacts) + surroundings_faults(data, contacts[-1].at[0])
+        )
 
     @classmethod
     def _lines(cls, item: Any) -> list[str]:
@@ -244,16 +260,35 @@ class Line(Part):
     def load(cls, name_or_path: str | Path) -> Self:
         """The built-in line of that name, or the line in that TOML file; SceneError with all its faults."""
         text, name = scene_text(name_or_path)
-        return cls(**{"name": name, **parsed(text)})
+        return cls.from_toml(text, name=name, folder=Path(name_or_path).parent)
+
+    @classmethod
+    def from_toml(cls, text: str, *, name: str = "line", folder: Path = Path()) -> Self:
+        """The line in a TOML text; a file of the ground is looked for in the folder."""
+        data = parsed(text)
+        if isinstance(ground := data.get("ground"), str):
+            data["ground"] = read_ground(ground, folder)
+        return cls(**{"name": name, **data})
 
     @classmethod
     def library(cls) -> dict[str, str]:
         """Names and titles of the built-in lines."""
         return {name: cls.load(name).title for name in LINES}
 
+    def replace(self, changes: Mapping[str, Any]) -> Self:
+        """Return this line with other values of some keys, dotted: {"contact.valley.tension": 4e5}."""
+        data = tomllib.loads(self.to_toml())
+        for key, value in changes.items():
+            try:
+                put(data, key, value)
+            except ValueError as error:
+                raise SceneError([str(error)]) from None
+        return type(self)(**data)
+
     def to_toml(self) -> str:
         """A file that reads back as this line."""
-        return tomli_w.dumps(self.model_dump(exclude_none=True, mode="json"))
+        data = self.model_dump(exclude_none=True, exclude_defaults=True, mode="json")
+        return tomli_w.dumps({"name": self.name, **data})
 
     # --- what is to be solved ----------------------------------------------------------------------------------------
 
@@ -261,11 +296,6 @@ class Line(Part):
     def count(self) -> int:
         """Number of positions of the cars; 1 without cars."""
         return max((len(car.at) for car in self.car), default=1)
-
-    @property
-    def weighed(self) -> int | None:
-        """Index of the contact that is a counterweight, 0 or -1."""
-        return next((k for k in (0, -1) if self.contact[k].kind == "counterweight"), None)
 
     def place(self, car: Car, i: int) -> float:
         """x [m] of a car at a position; one number among lists stands still."""
@@ -298,31 +328,25 @@ class Line(Part):
 
     def rest(self, solve: Solver) -> LineRest:
         """Solve all positions; SceneError where the empty line has no rest."""
-        found = _standing(solve([self.case(None, self.cable.length)]))[0]
-        if isinstance(found, NoLine):
-            raise SceneError([f"the empty line: {found}"])
-        empty, length = found[0], self.cable.length
-        if self.weighed is None or self.weighed == 0:
-            length = length or float(empty.s[-1] - empty.s[0])
-        empty = replace(empty, s=empty.s - empty.s[0])
+        empty = _standing(solve([self.case(None, self.cable.length)])[0])
+        if isinstance(empty, NoLine):
+            raise SceneError([f"the empty line: {empty}"])
+        empty, length = replace(empty, s=empty.s - empty.s[0]), self.cable.length
+        if self.contact[-1].kind != "counterweight":
+            length = length or float(empty.s[-1])
         cases: list[Case | NoLine] = []
         for i in range(self.count):
             try:
                 cases.append(self.case(i, length))
             except NoLine as error:
                 cases.append(error)
-        solved = iter(_standing(solve([case for case in cases if isinstance(case, Case)])))
-        pairs = [(case, case) if isinstance(case, NoLine) else _pair_of(next(solved)) for case in cases]
-        return LineRest(self, empty, [a for a, _ in pairs], [b for _, b in pairs])
+        solved = iter(solve([case for case in cases if isinstance(case, Case)]))
+        return LineRest(self, empty, [_standing(next(solved)) if isinstance(case, Case) else case for case in cases])
 
 
-def _pair_of(found: tuple[LineState, LineState] | NoLine) -> tuple[LineState | NoLine, LineState | NoLine]:
-    return (found, found) if isinstance(found, NoLine) else found
-
-
-def _standing(found: list[tuple[LineState, LineState] | NoLine]) -> list[tuple[LineState, LineState] | NoLine]:
-    """Refuse states whose rope pulls a saddle up."""
-    return [x if isinstance(x, NoLine) else _lifted(x[0]) or x for x in found]
+def _standing(state: LineState | NoLine) -> LineState | NoLine:
+    """Refuse a state whose rope pulls a saddle up."""
+    return state if isinstance(state, NoLine) else _lifted(state) or state
 
 
 def _lifted(state: LineState) -> NoLine | None:

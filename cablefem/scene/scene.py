@@ -25,6 +25,7 @@
 | mu_r    | scene.groups.drive.mu_r     | -    | -        | rolling friction over contact force                   |
 """
 
+import html
 import itertools
 import math
 import re
@@ -496,6 +497,9 @@ class Scene(Part):
 
     def __repr__(self) -> str:
         return f"<Scene {self}>"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 _FILES = resources.files("cablefem.scene") / "library"

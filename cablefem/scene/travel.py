@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -36,6 +36,8 @@ class Stop(Part):
 
 class Law(Part):
     """What all laws of travel share. A law runs from `begin` over a way; both follow from the scene."""
+
+    paces: ClassVar[dict[str, int]] = {}  # powers of the pace with which fields grow
 
     place: Positive | None = said(
         "[m] place along the cable where the mass is let in, in equilibrium", None, alias="from"
@@ -92,15 +94,13 @@ class Law(Part):
 
     def faster(self, factor: float) -> Law:
         """Return the same law run through `factor` times as fast."""
-        changes: dict[str, Any] = {name: getattr(self, name) * factor**power for name, power in self.paces().items()}
+        changes: dict[str, Any] = {
+            name: getattr(self, name) * factor**power for name, power in self.paces.items() if getattr(self, name)
+        }
         if self.stop is not None:
             stop = Stop(time=self.stop.time / factor, deceleration=self.stop.deceleration * factor**2)
             changes["stop"] = stop
         return self.model_copy(update=changes)
-
-    def paces(self) -> dict[str, int]:
-        """Return the fields that grow with the pace, each with its power."""
-        return {}
 
 
 class ConstantSpeed(Law):
@@ -129,9 +129,7 @@ class ConstantSpeed(Law):
         ramp = Piece(0.0, 0.0, 0.0, 0.0, V / T, -V / (3.0 * T * T))
         return Motion(((0.0, T + (way - L) / V),), ((ramp, Piece(T, T, L, V, 0.0)),), way)
 
-    def paces(self) -> dict[str, int]:
-        """Return the fields that grow with the pace, each with its power."""
-        return {"speed": 1}
+    paces: ClassVar = {"speed": 1}
 
 
 class ConstantAcceleration(Law):
@@ -160,9 +158,7 @@ class ConstantAcceleration(Law):
         v1 = math.sqrt(max(0.0, v0 * v0 + 2.0 * a * way))
         return Motion(((0.0, 2.0 * way / (v0 + v1)),), ((Piece(0.0, 0.0, 0.0, v0, 0.5 * a),),), way)
 
-    def paces(self) -> dict[str, int]:
-        """Return the fields that grow with the pace, each with its power."""
-        return {"acceleration": 2, "initial_speed": 1}
+    paces: ClassVar = {"acceleration": 2, "initial_speed": 1}
 
 
 class AccelerateCruiseBrake(Law):
@@ -189,9 +185,7 @@ class AccelerateCruiseBrake(Law):
             l,
         )
 
-    def paces(self) -> dict[str, int]:
-        """Return the fields that grow with the pace, each with its power."""
-        return {"top_speed": 1}
+    paces: ClassVar = {"top_speed": 1}
 
 
 class Trapezoid(Law):
@@ -249,10 +243,7 @@ class Trapezoid(Law):
         times = [p.start for p in pieces] + [t]
         return Motion(tuple(itertools.pairwise(times)), tuple((p,) for p in pieces), way)
 
-    def paces(self) -> dict[str, int]:
-        """Return the fields that grow with the pace, each with its power."""
-        jerk = {} if self.jerk is None else {"jerk": 3}
-        return {"top_speed": 1, "acceleration": 2, "deceleration": 2, **jerk}
+    paces: ClassVar = {"top_speed": 1, "acceleration": 2, "deceleration": 2, "jerk": 3}
 
 
 def _ramp(V: float, a: float, jerk: float | None) -> tuple[float, float]:

@@ -199,22 +199,20 @@ def least(at, s_o, pull):
 
 @compiled
 def survey(at, Q, cable, internal):
-    """int W ds, the least N and its s.
+    """int W ds.
 
     internal : (2, 2) int (N t - T t_static) ds behind and ahead of the mass, each a column
     """
     slope = np.empty((2, at.weights.size))
     multiply(Q, at.phi, False, slope)
-    energy, lowest, where = 0.0, math.inf, 0.0
+    energy = 0.0
     internal[:] = 0.0
     for i in range(at.weights.size):
-        N, W, fx, fy, _, _, _ = at_point(
+        _, W, fx, fy, _, _, _ = at_point(
             at.T[i], at.r_static[0, i], at.r_static[1, i], slope[0, i], slope[1, i], cable.alpha, cable.law
         )
         side = 0 if at.phi[-1, i] > 0.0 else 1
         internal[0, side] += at.weights[i] * fx
         internal[1, side] += at.weights[i] * fy
         energy += at.weights[i] * W
-        if lowest > N:
-            lowest, where = N, at.s[i]
-    return energy, lowest, where
+    return energy

@@ -140,10 +140,10 @@ def moment(line, s_o, ds_o, dds_o):
 
 
 @compiled
-def surveyed(line, s_o, Q, internal, told):
-    """`survey` of states Q (m, 2, n) with the mass at s_o (m,); told : (m, 3) what it returns."""
+def surveyed(line, s_o, Q, internal, strain):
+    """`survey` of states Q (m, 2, n) with the mass at s_o (m,)."""
     for i in range(s_o.size):
-        told[i, 0], told[i, 1], told[i, 2] = survey(points_at(line, s_o[i]), Q[i], line.cable, internal[i])
+        strain[i] = survey(points_at(line, s_o[i]), Q[i], line.cable, internal[i])
 
 
 @compiled
@@ -284,29 +284,30 @@ def newton(here, ride, line, ends, rule, limits, of):
     for k in range(3):
         for i in range(size):
             end[k, i] = rule[k, 0] * begin[0, i] + rule[k, 1] * begin[1, i] + rule[k, 2] * begin[2, i]
-    here, out, norm = weigh(here, ride, line, ends, w, of)
-    if math.isnan(norm):
-        return norm, 1, 0, 1, math.inf, 0.0
-    iterations, factorisations, evaluations, anew = 0, 0, 0, True
-    while iterations == 0 or (bound < norm < math.inf and iterations < most):
-        if anew:
+    of.step[:] = 0.0  # the first evaluation is of the prediction
+    iterations, factorisations, evaluations, before, share, cuts = -1, 0, -1, math.inf, 1.0, 0
+    while True:
+        for k in range(3):
+            for i in range(size):
+                end[k, i] -= share * rule[k, 3] * of.step[i]
+        here, out, norm = weigh(here, ride, line, ends, w, of)
+        evaluations += 1
+        better = norm < before or (iterations < patience and norm < math.inf)
+        if not better and evaluations > 0 and cuts < halvings:
+            cuts, share = cuts + 1, -1.0
+            for i in range(size):
+                of.step[i] *= 0.5
+            continue
+        iterations += 1
+        if math.isnan(norm) or (iterations > 0 and not (bound < norm < math.inf and iterations < most)):
+            break
+        if iterations == 0 or norm > reuse * before:
             factorisations += 1
             tangent(here, ride, line, of, out, c, of.K)
         solve(of.K, of.r, of.step)
         before, share, cuts = norm, 1.0, 0
-        while True:
-            for k in range(3):
-                for i in range(size):
-                    end[k, i] -= share * rule[k, 3] * of.step[i]
-            here, out, norm = weigh(here, ride, line, ends, w, of)
-            evaluations += 1
-            if norm < before or (iterations < patience and norm < math.inf) or cuts >= halvings:
-                break
-            cuts, share = cuts + 1, -1.0
-            for i in range(size):
-                of.step[i] *= 0.5
-        iterations += 1
-        anew = norm > reuse * before
+    if iterations == 0:
+        return norm, 1, 0, 1, math.inf, 0.0
     lowest, where = least(here.at, here.ground.s_o, of.pull)
     return norm, iterations, factorisations, evaluations, lowest, where
 

@@ -7,7 +7,7 @@ import pytest
 import skfem
 
 from cablefem.elements.forms import internal_force, internal_tangent
-from cablefem.elements.kernels.balance import Mesh, add_catenary
+from cablefem.elements.kernels.balance import Cable, Mesh, add_forces, stretch
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
 from cablefem.elements.reference import force_order, lagrange_element, reference
 
@@ -45,11 +45,12 @@ def by_forms(degree, q, law):
 
 def by_kernel(degree, q, law):
     ref = reference(KNOTS, degree, pull_at_end=True)
-    span = np.tile([0.0, 1.0, 0.0, 0.0], (KNOTS.size - 1, 1))
-    mesh = Mesh(span, ref.dofs, ref.forces)
-    n, band = q.size, 2 * degree + 1
+    n, band, known = q.size, 2 * degree + 1, ((0,) * 3, (0,) * 2) if degree == 2 else ((), ())
+    mesh = Mesh(ref.dofs, ref.forces, KNOTS.size - 1, *known)
+    of = Cable(mesh, np.array([*CABLE, law]), None, np.empty((1, 1, 1)), np.empty((9, ref.forces[..., 0].size)))
     r, ab = np.zeros(n), np.zeros((n, 3 * band + 1))
-    add_catenary(mesh, np.array([*CABLE, law]), q.ravel(), r, ab, True, 1.0)
+    stretch(of, 1.0, q.ravel())
+    add_forces(of, 1.0, r, ab, 1.0)
     tangent = np.array([[ab[i, band + j - i] if abs(i - j) <= band else 0.0 for j in range(n)] for i in range(n)])
     return r, tangent
 

@@ -12,9 +12,10 @@ from scipy.integrate import cumulative_simpson
 
 from cablefem.elements.cable import bands
 from cablefem.elements.fixed import FixedElements
-from cablefem.elements.kernels.balance import Mesh, add_catenary, add_chord
+from cablefem.elements.following import FollowingElements
+from cablefem.elements.kernels.balance import Cable, Mesh, add_forces, stretch
 from cablefem.elements.kernels.banded import factorise
-from cablefem.elements.kernels.observe import cable_energy, chord_energy
+from cablefem.elements.observing import energies
 from cablefem.elements.reference import graded_knots, lagrange_element, reference, shape_polynomials
 from tests.runs import LEVEL, steep_cable
 
@@ -132,26 +133,27 @@ def test_hermite_tables_are_the_cubics_however_many_elements(elements):
 
 # --- the internal force -----------------------------------------------------------------------------------------------
 def free_mesh(n, degree, length=1.0):
-    """Return span, dofs, tab of n equal elements on [0, length], ends free, and the places of the P1/P2 unknowns."""
+    """Return n equal elements and their length, ends free, and the places of the P1/P2 unknowns."""
     ref = reference(np.linspace(0.0, 1.0, n + 1), degree, pull_at_end=True)
-    span = np.tile([0.0, length, 0.0, 0.0], (n, 1))
-    return Mesh(span, ref.dofs, ref.forces), length * np.linspace(0.0, 1.0, degree * n + 1)
+    return (Mesh(ref.dofs, ref.forces, n, (), ()), length), length * np.linspace(0.0, 1.0, degree * n + 1)
 
 
 def tensions(mesh, cable, q):
     """Return N at the quadrature points (n_el, n_q), their places, and the mean of every element."""
-    (span, dofs, tab), (alpha, sigma, c, _) = mesh, cable
-    s, n_loc = span[:, :1] * 0.0 + span[:, 1:2] * tab[:, :, 0], dofs.shape[1]
-    slope = np.einsum("egk,ekf->egf", tab[:, :, 2 + n_loc :], q.reshape(-1, 2)[dofs]) / span[:, 1, None, None]
+    ((dofs, tab, *_), length), (alpha, sigma, c, _) = mesh, cable
+    s, n_loc = length * tab[:, :, 0], dofs.shape[1]
+    slope = np.einsum("egk,ekf->egf", tab[:, :, 2 + n_loc :], q.reshape(-1, 2)[dofs]) / length
     p = c - sigma * s
     T = np.sqrt(1.0 + p * p)
     N = T + alpha * (np.hypot(1.0 / T + slope[..., 0], p / T + slope[..., 1]) - 1.0)
     return N, s, np.sum(tab[:, :, 1] * N, axis=1) / np.sum(tab[:, :, 1], axis=1)
 
 
-def force(mesh, cable, q):
-    r = np.zeros_like(q)
-    least = add_catenary(mesh, np.asarray(cable, float), q, r, np.empty((1, 7)), False, 0.0)
+def force(mesh, cable, q, ab=None, c0=0.0):
+    (elements, length), r, ab = mesh, np.zeros_like(q), np.empty((1, 7)) if ab is None else ab
+    of = Cable(elements, np.asarray(cable, float), None, np.empty((1, 1, 1)), np.empty((9, elements.tab[..., 0].size)))
+    stretch(of, length, q)
+    least = add_forces(of, length, r, ab, c0)
     return r.reshape(-1, 2), least
 
 
@@ -242,39 +244,35 @@ def gradient(energy, q):
     return np.array([(energy(q + e) - energy(q - e)) / 2e-6 for e in step])
 
 
-@pytest.mark.parametrize("law", [0.0, 1.0], ids=["elastic", "tension-only"])
-def test_the_cable_force_is_the_gradient_of_its_energy(law):
-    mesh, s = free_mesh(4, 2)
-    rng = np.random.default_rng(11)
-    q = 0.02 * rng.standard_normal(2 * s.size)
-    q[:2] = q[-2:] = 0.0
-    cable = np.array([83.0, 0.41, 0.73, law])
-    r, (least, _) = force(mesh, cable, q)
-    N, places, means = tensions(mesh, cable, q)
-    assert N.min() < 0.0 < N.max()  # both branches of the law are in it
-    assert least == pytest.approx(means.min(), rel=1e-12)
-    slope = gradient(lambda x: sum(cable_energy(mesh, cable, x)[:2]), q).reshape(-1, 2)
+@pytest.mark.parametrize("law", ["elastic", "tension-only"])
+@pytest.mark.parametrize("model", ["full", "string", "sagged", "stretching"])
+def test_the_internal_force_is_the_gradient_of_the_energy(model, law):
+    soft = steep_cable(mu=0.7, sigma=0.41, c=0.73, alpha=83.0, speed=0.3)
+    system = FollowingElements(soft, elements=2, model=model, law=law).standing(0.37)
+    q = 0.02 * np.random.default_rng(11).standard_normal(system.n_dof)
+    still, at = 0.0 * q, np.array([[0.37, 0.0, 0.0]])
+
+    def energy(x, of=system):
+        x = x.reshape(1, -1, system.fields)
+        return float(energies(of, at, x, 0.0 * x)[0].sum())
+
+    def pull(of):
+        return of.residual(0.5, q, still, still, 0) - of.residual(0.5, still, still, still, 0)
+
     # central differences: 1e-12 alpha of truncation, 1e-16/1e-6 of rounding
-    np.testing.assert_allclose(r[1:-1], slope[1:-1], rtol=0.0, atol=2e-8 * np.abs(r).max())
-    seen = cable_energy(mesh, cable, q)[2:]
-    np.testing.assert_allclose(seen, [N.min(), places.ravel()[N.argmin()]], rtol=1e-12)
-    cable[3] = 1.0 - law
-    other = force(mesh, cable, q)[0]
-    assert np.abs(other - r).max() > 1e-3 * np.abs(r).max()  # the two laws differ here
+    np.testing.assert_allclose(pull(system), gradient(energy, q), rtol=0.0, atol=1e-7 * np.abs(pull(system)).max())
+    if model == "full":
+        assert system.least_tension[0] > energies(system, at, q.reshape(1, -1, 2), 0.0 * q.reshape(1, -1, 2))[1] < 0.0
+        other = system.with_law("elastic" if law == "tension-only" else "tension-only")
+        assert np.abs(pull(other) - pull(system)).max() > 1e-3 * np.abs(pull(system)).max()  # both branches are in it
 
 
-@pytest.mark.parametrize(("lam", "kap"), [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)], ids=["string", "sagged", "stretching"])
-def test_the_chord_force_is_the_gradient_of_its_energy(lam, kap):
-    mesh, s = free_mesh(4, 2)
-    q = 0.05 * np.random.default_rng(12).standard_normal(s.size)
-    chord = np.array([83.0, 1.31, 0.37, lam, kap, 0.0])
-    r, increment = np.zeros_like(q), np.zeros_like(q)
-    tension = add_chord(mesh, chord, q, r, np.zeros((q.size, 7)), increment, True, 0.0)
-    slope = gradient(lambda x: chord_energy(mesh, chord, x)[0], q)
-    np.testing.assert_allclose(r, slope, rtol=0.0, atol=1e-7 * np.abs(r).max())
-    raised = gradient(lambda x: chord_energy(mesh, chord, x)[1], q)
-    np.testing.assert_allclose(lam * chord[0] * increment, raised, rtol=0.0, atol=1e-7 * chord[0])
-    assert tension == pytest.approx(chord_energy(mesh, chord, q)[1], rel=1e-14)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_the_least_tension_is_that_of_the_element_that_pulls_least(degree):
+    mesh, s = free_mesh(4, degree)
+    q = 0.02 * np.random.default_rng(11).standard_normal(2 * s.size)
+    _, (least, _) = force(mesh, CABLE, q)
+    assert least == pytest.approx(tensions(mesh, CABLE, q)[2].min(), rel=1e-12)
 
 
 def test_a_slack_cable_pulls_nothing_and_resists_nothing():
@@ -283,12 +281,12 @@ def test_a_slack_cable_pulls_nothing_and_resists_nothing():
     g = replace(LEVEL, alpha=83.0, sigma=0.41, c=0.73)
     q = (-0.02 * np.stack(g.shape(s), axis=1)).ravel()
     cable = np.array([g.alpha, g.sigma, g.c, 1.0])
-    r, ab = np.zeros_like(q), np.zeros((q.size, 10))
-    least, _ = add_catenary(mesh, cable, q, r, ab, True, 1.0)
+    ab = np.zeros((q.size, 10))
+    r, (least, _) = force(mesh, cable, q, ab, 1.0)
     assert least < 0.0
     assert np.all(ab == 0.0)
     # all that is left is the static force that the formulation subtracts: int T t phi' = weight of each node
-    np.testing.assert_allclose(r.reshape(-1, 2)[1:-1], [[0.0, -g.sigma / 3.0]] * 2, rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(r[1:-1], [[0.0, -g.sigma / 3.0]] * 2, rtol=0.0, atol=1e-14)
 
 
 @pytest.mark.parametrize("kind", [float, complex])

@@ -80,8 +80,8 @@ class Forced(FollowingElements):
         F[self.node + 1] += G.mu * (p_tt - np.array([0.0, G.sigma])) - jump
         return F[1:-1].ravel()
 
-    def _assemble(self, t, q, v, a, phase, r, *tangent):
-        super()._assemble(t, q, v, a, phase, r, *tangent)
+    def _assemble(self, t, phase, x, r, factors):
+        super()._assemble(t, phase, x, r, factors)
         r -= self.loads(t)
 
     def settle(self, *step):

@@ -9,7 +9,6 @@ import pytest
 
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.following import FollowingElements
-from cablefem.elements.front import FrontElements
 from cablefem.newmark import State
 from cablefem.response import States
 from tests.runs import INCLINED, march, observe, stack, steep_cable
@@ -59,14 +58,6 @@ def test_reactions_balance_the_whole_cable(model):
     assert momentum_defect(system, states, 1.01 * STEEP.sigma) > 1e-3
 
 
-@pytest.mark.parametrize("model", ["full", "sagged"])
-def test_reactions_balance_a_cable_whose_elements_travel_with_the_front(model):
-    system = FrontElements(replace(STEEP, mu=0.06), elements=12, degree=3, model=model)
-    states, _ = march(system, 400, until=0.6)
-    assert momentum_defect(system, states, STEEP.sigma) < 3e-4
-    assert momentum_defect(system, states, 1.01 * STEEP.sigma) > 1e-3
-
-
 @pytest.mark.parametrize("model", ["full", "stretching"])
 @pytest.mark.parametrize(("element", "coupling"), [("hermite", "chain"), ("p2", "path")])
 def test_so_they_do_where_the_mass_moves_through_the_elements(element, coupling, model):
@@ -74,20 +65,6 @@ def test_so_they_do_where_the_mass_moves_through_the_elements(element, coupling,
     states, _ = march(system, 200, "newmark", until=0.52)  # inside an element
     assert momentum_defect(system, states, STEEP.sigma) < 3e-3  # w' jumps between P2 elements
     assert momentum_defect(system, states, 1.1 * STEEP.sigma) > 6e-3
-
-
-def test_the_jump_at_the_mass_is_its_force():
-    """The two sides are tested apart; their difference is the row of the mass."""
-    system = FollowingElements(STEEP, elements=4, degree=2)
-    states, s_o = march(system, 200, until=0.6)
-    kinematics = np.array([system.motion.at(t, 0) for t in states.t])
-    none = np.array([], dtype=int)
-    ends = system._along(states, kinematics, None, np.zeros(s_o.size), STATIONS, none)[1]
-    *_, xpp, ypp = STEEP.static(s_o)
-    a = states.a.reshape(s_o.size, -1, 2)[:, system.node] + 0.45**2 * np.stack([xpp, ypp], axis=1)
-    force = STEEP.mu * (a - np.array([0.0, STEEP.sigma]))
-    inside = s_o > 0.01  # the residual of a step is 1e-4 of the load at most
-    assert np.abs(ends[:, 2] - ends[:, 1] - force)[inside].max() < 2e-4 * STEEP.mu * STEEP.sigma
 
 
 def test_recovered_tension_is_better_than_pointwise():

@@ -79,9 +79,11 @@ class SignOfCurvature(Interpreted, GalerkinSystem):
 class StillMesh(Interpreted, FollowingElements):
     """The mesh moves, but its velocity is left out of the equations."""
 
-    def _time(self, t, phase):
-        super()._time(t, phase)
-        self._coefficients[2:] = 0.0  # G, its transpose, H
+    def _fresh(self):
+        super()._fresh()
+        self._operators = self._operators.copy()
+        self._operators[2:] = 0.0  # G, its transpose, H
+        self._cable = self._cable._replace(operators=self._operators)
 
 
 def sines(kind, groups=lambda g: g):

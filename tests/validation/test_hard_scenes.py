@@ -143,7 +143,6 @@ def test_series_are_splined_from_kink_to_kink(told):
 @pytest.mark.parametrize(
     "settings",
     [
-        {"scheme": "radau", "nodes": "front", "elements": 30, "steps": 200},
         {"scheme": "radau", "elements": 60, "steps": 200},
         {"scheme": "generalized-alpha", "rho_inf": 0.8, "elements": 60, "steps": 1600},
     ],

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.scene import Scene
+from cablefem.scene.line import Line
 
 MOST = 10_000  # points of a grid on one machine; larger ones are sweeps
 
@@ -75,6 +76,6 @@ def parts(point: dict[str, Any], known: Sequence[str]) -> tuple[dict[str, Any], 
     return scene, {key: value for key, value in point.items() if key not in scene}
 
 
-def varied(scene: Scene, point: dict[str, Any]) -> Scene:
+def varied(scene: Scene | Line, point: dict[str, Any]) -> Scene | Line:
     """Return the scene with these keys set; SceneError names what is wrong."""
     return scene.replace(point)

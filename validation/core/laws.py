@@ -238,12 +238,20 @@ def travel(m: Evidence) -> Defect:
     return Defect(s[worst, None] / l, (s - want)[worst, None, None] / l)
 
 
+def _crawls(m: Evidence) -> float:
+    """Return the speed [m/s] beyond `rest_speed` at which a car that has stopped moves in its last axial round trip."""
+    r, l = m.r, m.r.fields.s[-1]
+    lasts = min(r.t[-1] - r.t[0], 2.0 * l * math.sqrt(m.given.rho / m.given.EA))
+    way = abs(r.s_o[-1] - np.interp(r.t[-1] - lasts, r.t, r.s_o))
+    return max(0.0, way / lasts - 1.01 * m.given.drive.get("rest_speed", 1e-3)) if lasts else 0.0
+
+
 @_law(_rolls, exact=True)
 def drive(m: Evidence) -> Defect:
     """The car begins, brakes and arrives where the TOML says, is let go and driven as long and as hard as it says.
 
-    Each event is where and as fast as the car is then, and a stop has no speed.  Over length, time, top speed and
-    largest thrust.
+    Each event is where and as fast as the car is then; a stop has no speed, and ends a ride whose car stays.
+    Over length, time, top speed and largest thrust.
     """
     r, drive, l, T = m.r, m.given.drive, m.r.fields.s[-1], m.r.t[-1]
     times, forces = m.thrust
@@ -257,7 +265,7 @@ def drive(m: Evidence) -> Defect:
     }  # fmt: skip
     for x in r.events:
         off.append((np.interp(x["t"], r.t, r.s_o) - x["s_o"]) / l)
-        speed = 0.0 if x["event"] == "stop" else np.interp(x["t"], r.t, r.speed)
+        speed = _crawls(m) if x["event"] == "stop" else np.interp(x["t"], r.t, r.speed)
         off.append((speed - x["speed"]) / float(r.speed.max()))
         of, scale, wanted = told.get(x["event"], ("t", 1.0, []))
         off += [min(abs(x[of] - y) for y in wanted) / scale] if wanted else []
@@ -325,13 +333,14 @@ def impulse(m: Evidence) -> Defect:
 def tension_on_both_sides(m: Evidence) -> Defect:
     """A car that rolls has the same tension on both sides but for friction and brakes; over M g times the window.
 
-    [N] (1 - rho ds_o^2/EA) = -(mu_r |contact| + brakes) sign(ds_o); while it is held or stands it may differ.
+    [N] (1 - rho ds_o^2/EA) = -(mu_r |contact| + brakes) sign(ds_o); where it is slow or stands, [N] is no larger.
     """
     r, given = m.r, m.given
-    rubs = np.sum(m.rub, axis=0) * np.sign(m.pace)
-    apart = (r.T_ahead - r.T_behind) * (1.0 - given.rho * m.pace**2 / given.EA) + rubs
-    rolls = (np.abs(m.pace) > ROLLS * np.abs(m.pace).max()) & (r.t >= given.drive.get("release", 0.0))
-    return _over_steps(m, m.impulse(np.where(rolls, apart, 0.0)[:, None]), given.weight * m.lasts)
+    jump, most = (r.T_ahead - r.T_behind) * (1.0 - given.rho * m.pace**2 / given.EA), np.sum(m.rub, axis=0)
+    rolls = np.abs(m.pace) > ROLLS * np.abs(m.pace).max()
+    apart = np.where(rolls, jump + most * np.sign(m.pace), np.sign(jump) * np.maximum(np.abs(jump) - most, 0.0))
+    let_go = r.t >= given.drive.get("release", 0.0)
+    return _over_steps(m, m.impulse(np.where(let_go, apart, 0.0)[:, None]), given.weight * m.lasts)
 
 
 # --- the cable, at frames ------------------------------------------------------------------------------

@@ -48,8 +48,7 @@ TIME = {
     "rho_inf": Setting(0.9, (0.0, 1.0), "spectral radius at infinite frequency of scheme=generalized-alpha"),
 }
 _GRADING = Setting(1.0, (1.0, 1e6), "largest over smallest element; the smallest ones are next to the mass")
-_NODES = Setting("mass", ("mass", "front"), "what nodes travel with: the mass, or the front a light car sends out, too")
-_MESH = {"grading": _GRADING, "nodes": _NODES}
+_MESH = {"grading": _GRADING}
 _ABSCISSA = Setting("t", ("t", "s"), "independent variable: time, or place of the mass (45)-(48)")
 
 Build = Callable[..., Solver]

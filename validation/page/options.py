@@ -15,6 +15,7 @@ from validation.page import terminal
 
 if TYPE_CHECKING:
     from cablefem.scene import Scene
+    from cablefem.scene.line import Line
 
 TOL_RANGE = (1e-6, 0.2)
 
@@ -55,6 +56,31 @@ def scene_named(name: str, faults: list[str] | None = None, *, travelling: bool 
     return scene
 
 
+def line_named(name: str) -> Line | None:
+    """Return the line at rest of that name; None where it is a scene, or nothing that can be read."""
+    from cablefem.scene import SceneError
+    from cablefem.scene.line import Line
+    from cablefem.scene.scene import parsed, scene_text
+
+    try:
+        if "contact" not in parsed(scene_text(name)[0]):
+            return None
+    except SceneError:
+        return None
+    try:
+        return Line.load(name)
+    except SceneError as error:
+        raise store.Refused([f"{name}: {fault}" for fault in error.faults]) from None
+
+
+def refuse_moving(given: dict[str, bool]) -> None:
+    """Refuse options that a line at rest has not."""
+    from cablefem.scene.scene import AT_REST
+
+    if names := [name for name, there in given.items() if there]:
+        raise store.Refused(f"{names[0]}: {AT_REST}")
+
+
 def tol_faults(tol: float | None) -> list[str]:
     low, high = TOL_RANGE
     return [] if tol is None or low <= tol <= high else [f"--tol must lie in [{low:g}, {high:g}], got {tol:g}"]
@@ -74,11 +100,11 @@ class Point:
     """One point of the grid that --set makes: what it sets, the scene that follows, settings of the method."""
 
     given: dict[str, Any]
-    scene: Scene
+    scene: Any  # Scene or Line
     settings: dict[str, Any]
 
 
-def points_of(scene: Scene, pairs: list[str] | None) -> list[Point]:
+def points_of(scene: Scene | Line, pairs: list[str] | None) -> list[Point]:
     """Return the points of a grid about a scene, one without --set; Refused with all faults."""
     from cablefem.scene import SceneError
     from validation.core import grid

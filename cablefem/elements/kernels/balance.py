@@ -1,4 +1,4 @@
-"""The balance of a cable on its mesh with a mass whose place is given: forces and their banded tangent."""
+"""The balance of a cable with its mass at a given place: forces and their banded tangent."""
 
 import math
 from typing import Any, NamedTuple
@@ -10,11 +10,13 @@ from cablefem.elements.kernels.law import ELASTIC, pull, tension
 
 
 class Mesh(NamedTuple):
-    """Elements at an instant, each in the xi of its side of the mass."""
+    """Elements on the reference meshes: s = s_o xi behind the mass, s = s_o + (1 - s_o) xi ahead of it."""
 
-    span: Any  # (n_el, 6) s at xi = 0, ds/dxi, mesh velocity at xi = 0, d/dxi of it, and the same of its acceleration
     dofs: Any  # (n_el, n_loc) scalar unknowns, -1 on a support
     tab: Any  # (n_el, n_q, 2 + 2 n_loc) xi, weight, shape values, shape d/dxi
+    n_left: int  # elements behind the mass
+    functions: tuple  # n_loc entries: the compiler unrolls loops over them; empty: it does not
+    points: tuple  # n_q entries, or empty
 
 
 class Contact(NamedTuple):
@@ -25,55 +27,49 @@ class Contact(NamedTuple):
     m_row: Any
     c_row: Any
     k_row: Any
-    load: Any  # (n_fields,)
+
+
+class Cable(NamedTuple):
+    """What the balance needs at any instant."""
+
+    mesh: Mesh
+    law: Any  # (alpha, sigma, c, law) of the full cable, see `law.tension`; `add_chord`'s of one field
+    chord: Any  # None of the full cable, else `Chord`
+    operators: Any  # (8, 2 b + 1, n_dof) diagonals of M^, G^, G^T, H^, left and right each; (1, ...) M of a fixed mesh
+    points: Any  # (9, n_el n_q) workspace: s, r', f and df/dr' (xx, xy, yy) of each point, and its tension
+
+
+class Chord(NamedTuple):
+    """What couples all nodes of a one-field model: A + alpha lam increment increment^T, A banded."""
+
+    increment: Any  # (n_dof,) see `add_chord`
+    coupled: Any  # (n_dof,) see `banded.factorise_coupled`
+
+
+class Instant(NamedTuple):
+    """What the balance needs besides at one instant."""
+
+    place: Any  # (3 + n_fields,) s_o, ds_o, dds_o, and the load of `Contact`; s_o = 1 on a fixed mesh
+    bands: Any  # (3, 2 b + 1, n_dof) diagonals of M, C and K, see `weigh`
+    contact: Contact
 
 
 @compiled
-def follow(s_o, ds, dds, n_left, coefficients, span):
-    """Set the factors of M^, G^, G^T, H^, left and right each, in M, C and K of a following mesh, and its spans."""
-    coefficients[:] = 0.0
-    for side in range(2):
-        h, dh = (s_o, ds) if side == 0 else (1.0 - s_o, -ds)
-        coefficients[side, 0] = h
-        coefficients[side, 1] = dh
-        coefficients[2 + side, 1] = -ds
-        coefficients[2 + side, 2] = -dds
-        coefficients[4 + side, 1] = ds
-        coefficients[6 + side, 2] = -ds * ds / h
-    for e in range(span.shape[0]):
-        left = e < n_left
-        span[e, 0] = 0.0 if left else s_o
-        span[e, 1] = s_o if left else 1.0 - s_o
-        span[e, 2] = 0.0 if left else ds
-        span[e, 3] = ds if left else -ds
-        span[e, 4] = 0.0 if left else dds
-        span[e, 5] = dds if left else -dds
+def weigh(cable, now):
+    """Set the diagonals of M, C and K at an instant.
 
-
-@compiled
-def combine(operators, coefficients, bands):
-    """Set the diagonals of M, C and K: sums of operators with their factors at this instant.
-
-    operators : (n_op, 2 b + 1, n);  coefficients : (n_op, 3);  bands : (3, 2 b + 1, n).
+    M = h M^, C = dh/dt M^ - G + G^T, K = -(dG/dt + H), G = ds_o G^, H = ds_o^2/h H^; a fixed mesh has M alone.
+    Rows of the mass belong to both sides.
     """
-    bands[:] = 0.0
-    for o in range(operators.shape[0]):
-        for k in range(3):
-            factor = coefficients[o, k]
-            if factor != 0.0:
-                for d in range(bands.shape[1]):
-                    of, to = operators[o, d], bands[k, d]
-                    for i in range(to.size):
-                        to[i] += factor * of[i]
-
-
-@compiled
-def combine_following(operators, s_o, ds, dds, first, last, bands):
-    """Set the same of a following mesh with the factors of `follow`; rows up to `last` are of its left side.
-
-    Those from `first` on are of the right one: at the mass they are of both.
-    """
-    n = bands.shape[2]
+    operators, bands, n = cable.operators, now.bands, now.bands.shape[2]
+    s_o, ds, dds = now.place[0], now.place[1], now.place[2]
+    if operators.shape[0] == 1:
+        for d in range(bands.shape[1]):
+            for i in range(n):
+                bands[0, d, i], bands[1, d, i], bands[2, d, i] = operators[0, d, i], 0.0, 0.0
+        return
+    first = now.contact.dofs[0, 0]
+    last = first + now.contact.dofs.shape[1]
     for side in range(2):
         h, dh = (s_o, ds) if side == 0 else (1.0 - s_o, -ds)
         flux = ds * ds / h
@@ -92,10 +88,30 @@ def combine_following(operators, s_o, ds, dds, first, last, bands):
 
 
 @compiled
-def add_banded(bands, n_fields, q, v, a, r, ab, tangent, c0, c1, c2):
-    """Add M a + C v + K q, and set its tangent; bands : (3, 2 b + 1, n) as `cable.bands` has them, of all fields."""
+def assemble(cable, now, x, r, ab, factors):
+    """Set the residual r at x, rows q, v and a, and with factors c0, c1, c2 not all 0 the tangent in ab.
+
+    The tangent is c0 dr/dq + c1 dr/dv + c2 dr/da, see `banded`.  Return the least mean tension of an element and its s.
+    """
+    r[:] = 0.0
+    add_banded(now.bands, now.contact.dofs.shape[1], x, r, ab, factors)
+    least, where = add_internal(cable, cable.chord, now.place[0], x[0], r, ab, factors)
+    add_contact(now.contact, now.place[3:], x, r, ab, factors)
+    return least, where
+
+
+@compiled
+def wanted(factors):
+    """Return whether a tangent is to be assembled."""
+    return factors[0] != 0.0 or factors[1] != 0.0 or factors[2] != 0.0
+
+
+@compiled
+def add_banded(bands, n_fields, x, r, ab, factors):
+    """Add M a + C v + K q and its tangent."""
     width, n = bands.shape[1:]
-    band = (ab.shape[1] - 1) // 3
+    band, (c0, c1, c2) = (ab.shape[1] - 1) // 3, factors
+    q, v, a = x[0], x[1], x[2]
     for d in range(width):
         away = (d - width // 2) * n_fields
         first, last = max(0, -away), min(n, n - away)
@@ -104,7 +120,7 @@ def add_banded(bands, n_fields, q, v, a, r, ab, tangent, c0, c1, c2):
         to = r[first:last]
         for i in range(to.size):  # slices without a stride: compiled to vectors
             to[i] += m[i] * of_a[i] + c[i] * of_v[i] + k[i] * of_q[i]
-    if not tangent:
+    if not wanted(factors):
         return
     ab[:] = 0.0
     blend = np.empty(n)
@@ -117,64 +133,76 @@ def add_banded(bands, n_fields, q, v, a, r, ab, tangent, c0, c1, c2):
 
 
 @compiled
-def add_contact(contact, q, v, a, r, ab, tangent, c0, c1, c2):
+def add_contact(contact, load, x, r, ab, factors):
     """Add the mass, see `Contact`."""
-    dofs, shape, m_row, c_row, k_row, load = contact
-    band = (ab.shape[1] - 1) // 3
+    dofs, shape, m_row, c_row, k_row = contact
+    band, (c0, c1, c2) = (ab.shape[1] - 1) // 3, factors
     for f in range(dofs.shape[1]):
         force = load[f]
         for j in range(dofs.shape[0]):
             d = dofs[j, f]
-            force += m_row[j] * a[d] + c_row[j] * v[d] + k_row[j] * q[d]
+            force += m_row[j] * x[2, d] + c_row[j] * x[1, d] + k_row[j] * x[0, d]
         for i in range(dofs.shape[0]):
             row = dofs[i, f]
             r[row] += shape[i] * force
-            if tangent:
-                for j in range(dofs.shape[0]):
-                    ab[row, band + dofs[j, f] - row] += shape[i] * (c2 * m_row[j] + c1 * c_row[j] + c0 * k_row[j])
+            for j in range(dofs.shape[0] if wanted(factors) else 0):
+                ab[row, band + dofs[j, f] - row] += shape[i] * (c2 * m_row[j] + c1 * c_row[j] + c0 * k_row[j])
 
 
 @compiled
-def at_rest(cable, s):
+def add_internal(cable, chord, s_o, q, r, ab, factors):
+    """Add the internal force and its tangent; return the least mean tension of an element and its s."""
+    if chord is None:
+        stretch(cable, s_o, q)
+        return add_forces(cable, s_o, r, ab, factors[0])
+    return add_chord(cable, chord, s_o, q, r, ab, factors[0], wanted(factors)), 0.5  # the same tension everywhere
+
+
+@compiled
+def at_rest(law, s):
     """Return x', y' and T of the hanging cable at s."""
-    p = cable[2] - cable[1] * s
+    p = law[2] - law[1] * s
     T = math.sqrt(1.0 + p * p)
     xp = 1.0 / T
     return xp, p * xp, T
 
 
 @compiled
-def bend_at_rest(cable, yp, T):
-    """Return x'' and y'' of the hanging cable where y' and T are these."""
-    return cable[1] * yp / (T * T), -cable[1] / (T * T * T)
+def side_of(mesh, s_o, e):
+    """Return s at xi = 0 and ds/dxi of an element."""
+    return (0.0, s_o) if e < mesh.n_left else (s_o, 1.0 - s_o)
 
 
 @compiled
-def slopes(dofs, tab, q, e, g):
-    """Return d/dxi of u and v at a point of an element."""
-    du, dv = 0.0, 0.0
-    for k in range(dofs.shape[1]):
-        d = dofs[e, k]
-        if d >= 0:
-            grad = tab[e, g, 2 + dofs.shape[1] + k]
-            du += grad * q[2 * d]
-            dv += grad * q[2 * d + 1]
-    return du, dv
+def stretch(cable, s_o, q):
+    """Set the points of the full cable: place, slope r' = X' + w', force f = N t - T X' and its derivative, tension.
 
-
-@compiled
-def add_stiffness(dofs, tab, e, g, row, gi, j11, j12, j22, ab):
-    """Add gi j phi_k' of all functions k of an element at a point to two rows of the band; j of 2 fields, symmetric."""
-    band = (ab.shape[1] - 1) // 3
-    for k in range(dofs.shape[1]):
-        col = dofs[e, k]
-        if col >= 0:
-            gg = gi * tab[e, g, 2 + dofs.shape[1] + k]
-            at = band + 2 * (col - row)
-            ab[2 * row, at] += gg * j11
-            ab[2 * row, at + 1] += gg * j12
-            ab[2 * row + 1, at - 1] += gg * j12
-            ab[2 * row + 1, at] += gg * j22
+    Gathering has a loop of its own: the other one is compiled to vectors.
+    """
+    mesh, law, at = cable.mesh, cable.law, cable.points
+    functions, points = len(mesh.functions) or mesh.dofs.shape[1], len(mesh.points) or mesh.tab.shape[1]
+    s, rx, ry, fx, fy, j11, j12, j22, N = at[0], at[1], at[2], at[3], at[4], at[5], at[6], at[7], at[8]
+    alpha, kind = law[0], law[3]
+    for e in range(mesh.dofs.shape[0]):
+        s_0, h = side_of(mesh, s_o, e)
+        per_h = 1.0 / h
+        for g in range(points):
+            x, y = 0.0, 0.0
+            for k in range(functions):
+                d = mesh.dofs[e, k]
+                if d >= 0:
+                    grad = mesh.tab[e, g, 2 + functions + k]
+                    x += grad * q[2 * d]
+                    y += grad * q[2 * d + 1]
+            p = e * points + g
+            s[p], rx[p], ry[p] = s_0 + h * mesh.tab[e, g, 0], x * per_h, y * per_h
+    for p in range(s.size):
+        xp, yp, T = at_rest(law, s[p])
+        du, dv = rx[p], ry[p]
+        x, y = xp + du, yp + dv
+        fx[p], fy[p], k_geo, k_mat, _, _, eps = pull(xp, yp, T, du, dv, alpha, kind)
+        rx[p], ry[p], j11[p], j12[p], j22[p] = x, y, k_geo + k_mat * x * x, k_mat * x * y, k_geo + k_mat * y * y
+        N[p] = tension(eps, T, alpha, ELASTIC)[0]  # below zero where the cable is slack
 
 
 @compiled
@@ -187,166 +215,91 @@ def add_block(ab, row, col, j11, j12, j22):
     ab[2 * row + 1, at] += j22
 
 
-def add_catenary_of(n_loc, n_q):
-    """Return `add_catenary` for elements of so many functions and points, whose loops are written out; 0: for any."""
-
-    @compiled
-    def add(mesh, cable, q, r, ab, tangent, c0):
-        span, dofs, tab = mesh
-        n_el = dofs.shape[0]
-        functions, points = (n_loc, n_q) if n_loc > 0 else (dofs.shape[1], tab.shape[1])
-        alpha, law = cable[0], cable[3]
-        at = np.empty((7, n_el * points))
-        s, du, dv, N, j11, j12, j22 = at[0], at[1], at[2], at[3], at[4], at[5], at[6]
-        for e in range(n_el):
-            per_h = 1.0 / span[e, 1]
-            for g in range(points):
-                x, y = 0.0, 0.0
-                for k in range(functions):
-                    d = dofs[e, k]
-                    if d >= 0:
-                        grad = tab[e, g, 2 + functions + k]
-                        x += grad * q[2 * d]
-                        y += grad * q[2 * d + 1]
-                p = e * points + g
-                s[p], du[p], dv[p] = span[e, 0] + span[e, 1] * tab[e, g, 0], x * per_h, y * per_h
-        for p in range(s.size):
-            xp, yp, T = at_rest(cable, s[p])
-            rx, ry = xp + du[p], yp + dv[p]
-            fx, fy, k_geo, k_mat, _, _, eps = pull(xp, yp, T, du[p], dv[p], alpha, law)
-            N[p] = tension(eps, T, alpha, ELASTIC)[0]  # below zero where the cable is slack
-            du[p], dv[p] = fx, fy
-            j11[p], j12[p], j22[p] = k_geo + k_mat * rx * rx, k_mat * rx * ry, k_geo + k_mat * ry * ry
-        least, where = math.inf, 0.0
-        for e in range(n_el):
-            total, length = 0.0, 0.0
-            for g in range(points):
-                total += tab[e, g, 1] * N[e * points + g]
-                length += tab[e, g, 1]
-            if least * length > total:
-                least, where = total / length, span[e, 0] + 0.5 * span[e, 1] * (tab[e, 0, 0] + tab[e, -1, 0])
-            per_h = c0 / span[e, 1]
-            for i in range(functions):
-                row = dofs[e, i]
-                if row < 0:
-                    continue
-                fx, fy = 0.0, 0.0
-                for g in range(points):
-                    grad = tab[e, g, 1] * tab[e, g, 2 + functions + i]
-                    fx += grad * du[e * points + g]
-                    fy += grad * dv[e * points + g]
-                r[2 * row] += fx
-                r[2 * row + 1] += fy
-                for k in range(i + 1 if tangent else 0):
-                    col = dofs[e, k]
-                    if col < 0:
-                        continue
-                    k11, k12, k22 = 0.0, 0.0, 0.0
-                    for g in range(points):
-                        p = e * points + g
-                        both = tab[e, g, 1] * tab[e, g, 2 + functions + i] * tab[e, g, 2 + functions + k]
-                        k11 += both * j11[p]
-                        k12 += both * j12[p]
-                        k22 += both * j22[p]
-                    k11, k12, k22 = per_h * k11, per_h * k12, per_h * k22
-                    add_block(ab, row, col, k11, k12, k22)
-                    if k < i:
-                        add_block(ab, col, row, k11, k12, k22)
-        return least, where
-
-    return add
-
-
-add_catenary_of_p2, add_catenary_of_any = add_catenary_of(3, 2), add_catenary_of(0, 0)
-
-
 @compiled
-def add_catenary(mesh, cable, q, r, ab, tangent, c0):
-    """Add int (N t - T X') . phi' ds of the full cable; return the least mean tension of an element and its s.
+def add_forces(cable, s_o, r, ab, c0):
+    """Add int f . phi' ds of the points and, unless c0 = 0, int phi' df/dr' phi' ds.
 
-    Loops over all points that only compute are compiled to vectors, gathering and scattering have loops of their own.
+    Return the least mean tension of an element and the s of its middle.
     """
-    if mesh.dofs.shape[1] == 3 and mesh.tab.shape[1] == 2:
-        return add_catenary_of_p2(mesh, cable, q, r, ab, tangent, c0)
-    return add_catenary_of_any(mesh, cable, q, r, ab, tangent, c0)
+    dofs, tab, at = cable.mesh.dofs, cable.mesh.tab, cable.points
+    functions, points = len(cable.mesh.functions) or dofs.shape[1], len(cable.mesh.points) or tab.shape[1]
+    fx, fy, j11, j12, j22, N = at[3], at[4], at[5], at[6], at[7], at[8]
+    least, where = math.inf, 0.0
+    for e in range(dofs.shape[0]):
+        s_0, h = side_of(cable.mesh, s_o, e)
+        total, length, per_h = 0.0, 0.0, c0 / h
+        for g in range(points):
+            total += tab[e, g, 1] * N[e * points + g]
+            length += tab[e, g, 1]
+        if least * length > total:
+            least, where = total / length, s_0 + 0.5 * h * (tab[e, 0, 0] + tab[e, -1, 0])
+        for i in range(functions):
+            row = dofs[e, i]
+            if row < 0:
+                continue
+            x, y = 0.0, 0.0
+            for g in range(points):
+                grad = tab[e, g, 1] * tab[e, g, 2 + functions + i]
+                x += grad * fx[e * points + g]
+                y += grad * fy[e * points + g]
+            r[2 * row] += x
+            r[2 * row + 1] += y
+            for k in range(i + 1 if c0 != 0.0 else 0):
+                col = dofs[e, k]
+                if col < 0:
+                    continue
+                k11, k12, k22 = 0.0, 0.0, 0.0
+                for g in range(points):
+                    p = e * points + g
+                    both = tab[e, g, 1] * tab[e, g, 2 + functions + i] * tab[e, g, 2 + functions + k]
+                    k11 += both * j11[p]
+                    k12 += both * j12[p]
+                    k22 += both * j22[p]
+                add_block(ab, row, col, per_h * k11, per_h * k12, per_h * k22)
+                if k < i:
+                    add_block(ab, col, row, per_h * k11, per_h * k12, per_h * k22)
+    return least, where
 
 
 @compiled
-def add_chord(mesh, chord, q, r, ab, increment, tangent, c0):
+def add_chord(cable, chord, s_o, q, r, ab, c0, tangent):
     """Add the internal force of the one-field models; return the tension along the chord, N = tau + h.
 
     Tested with phi': tau w' + h (y_n' + kap w'), h = alpha eps, eps = lam int (y_n' w' + kap w'^2 / 2) ds;
-    chord = (alpha, tau, curvature, lam, kap, law), y_n' = curvature (1/2 - s).  With the tangent `increment` (n_dof,)
-    receives int (y_n' + kap w') phi' ds: the tangent is banded plus lam dN/deps increment increment^T.
+    law = (alpha, tau, curvature, lam, kap, law), y_n' = curvature (1/2 - s).  With the tangent `increment` receives
+    int (y_n' + kap w') phi' ds, where N > 0: the tangent is banded plus alpha lam increment increment^T.
     """
-    span, dofs, tab = mesh
-    n_el, n_loc = dofs.shape
-    alpha, tau, curvature, lam, kap, law = chord[0], chord[1], chord[2], chord[3], chord[4], chord[5]
-    band = (ab.shape[1] - 1) // 3
-    eps = 0.0
-    n_q = tab.shape[1]
-    slope = np.empty((n_el, n_q))
+    mesh, law, at = cable.mesh, cable.law, cable.points
+    dofs, tab, increment = mesh.dofs, mesh.tab, chord.increment
+    (n_el, n_loc), n_q = dofs.shape, tab.shape[1]
+    alpha, tau, curvature, lam, kap = law[0], law[1], law[2], law[3], law[4]
+    band, eps = (ab.shape[1] - 1) // 3, 0.0
     for e in range(n_el):
-        s_0, h = span[e, 0], span[e, 1]
+        s_0, h = side_of(mesh, s_o, e)
         for g in range(n_q):
             w = 0.0
             for k in range(n_loc):
-                d = dofs[e, k]
-                if d >= 0:
-                    w += tab[e, g, 2 + n_loc + k] * q[d]
-            w /= h
-            slope[e, g] = w
+                if dofs[e, k] >= 0:
+                    w += tab[e, g, 2 + n_loc + k] / h * q[dofs[e, k]]
             y = curvature * (0.5 - (s_0 + h * tab[e, g, 0]))
-            eps += tab[e, g, 1] * h * (y * w + 0.5 * kap * w * w)
-    eps *= lam
-    N, dN, _ = tension(eps, tau, alpha, law)
-    h_t = N - tau
+            at[0, e * n_q + g], at[1, e * n_q + g] = w, y + kap * w
+            eps += lam * tab[e, g, 1] * h * (y * w + 0.5 * kap * w * w)
+    N, dN, _ = tension(eps, tau, alpha, law[5])
     if tangent:
         increment[:] = 0.0
     for e in range(n_el):
-        s_0, h = span[e, 0], span[e, 1]
+        h = side_of(mesh, s_o, e)[1]
         for g in range(n_q):
-            weight = tab[e, g, 1]
-            w = slope[e, g]
-            y = curvature * (0.5 - (s_0 + h * tab[e, g, 0])) + kap * w
-            f = tau * w + h_t * y
-            stiffness = c0 * weight / h * (tau + kap * h_t)
+            weight, w, y = tab[e, g, 1], at[0, e * n_q + g], at[1, e * n_q + g]
+            stiffness = c0 * weight / h * (tau + kap * (N - tau))
             for i in range(n_loc):
-                row = dofs[e, i]
+                row, gi = dofs[e, i], tab[e, g, 2 + n_loc + i]
                 if row < 0:
                     continue
-                gi = tab[e, g, 2 + n_loc + i]
-                r[row] += weight * gi * f
-                if tangent:
-                    if dN > 0.0:
-                        increment[row] += weight * gi * y
-                    for j in range(n_loc):
-                        col = dofs[e, j]
-                        if col >= 0:
-                            ab[row, band + col - row] += gi * tab[e, g, 2 + n_loc + j] * stiffness
+                r[row] += weight * gi * (tau * w + (N - tau) * y)
+                if tangent and dN > 0.0:
+                    increment[row] += weight * gi * y
+                for j in range(n_loc if tangent else 0):
+                    if dofs[e, j] >= 0:
+                        ab[row, band + dofs[e, j] - row] += gi * tab[e, g, 2 + n_loc + j] * stiffness
     return tension(eps, tau, alpha, ELASTIC)[0]
-
-
-@compiled
-def coupling(chord):
-    """Return alpha lam, the strength of `add_chord`'s increment in the tangent; meaningless for the full cable."""
-    return chord[0] * chord[3]
-
-
-@compiled
-def assemble(bands, mesh, cable, contact, q, v, a, r, work, c0, c1, c2):
-    """Set the residual of the cable with its mass and, unless c0, c1, c2 vanish, its banded tangent.
-
-    Return as `add_catenary`.  One field per node is a one-field model, `add_chord`, whose tension is least at no place
-    in particular.
-    """
-    tangent = c0 != 0.0 or c1 != 0.0 or c2 != 0.0  # no argument: numba would compile all this for each of its values
-    n_fields = contact.dofs.shape[1]
-    r[:] = 0.0
-    add_banded(bands, n_fields, q, v, a, r, work.ab, tangent, c0, c1, c2)
-    if n_fields == 2:
-        least, where = add_catenary(mesh, cable, q, r, work.ab, c0 != 0.0, c0)
-    else:
-        least, where = add_chord(mesh, cable, q, r, work.ab, work.increment, tangent, c0), 0.5
-    add_contact(contact, q, v, a, r, work.ab, tangent, c0, c1, c2)
-    return least, where

@@ -3,18 +3,18 @@
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from cablefem.elements.kernels import compiled
 
 KEEP = 0.1  # a diagonal pivot stays while it is at least this part of its column's largest: rows then keep their width
 
 
 class Tangent(NamedTuple):
-    """Workspace of a banded tangent and its factors; of the one-field models with `add_chord`'s increment."""
+    """Workspace of a banded tangent and its factors."""
 
-    ab: Any
+    ab: Any  # (n_dof, 3 b + 1) ab[i, b + j - i] = A[i, j], b the half-width; the last b columns are spare
     pivots: Any  # (2, n_dof) see `factorise`
-    increment: Any  # (n_dof,) or empty
-    coupled: Any
 
 
 @compiled
@@ -208,26 +208,28 @@ def subtract(factor, a, b):
         b[i] -= factor * a[i]
 
 
-@compiled
-def factorise_coupled(work, strength):
-    """Factorise A + strength increment increment^T, A banded; return whether it is regular.
+class Border(NamedTuple):
+    """Last column and last row of a matrix whose other part is banded."""
 
-    Sherman & Morrison: a uniform tension increment couples all nodes through one vector.  The full cable has no such
-    vector, its increment is empty.
-    """
-    regular = factorise(work.ab, work.pivots, work.increment.size == 0)
-    if regular and work.increment.size > 0:
-        copy(work.increment, work.coupled)
-        solve(work.ab, work.pivots, work.coupled)
-        share = strength / (1.0 + strength * dot(work.increment, work.coupled))
-        for i in range(work.coupled.size):
-            work.coupled[i] *= share
-    return regular
+    lines: Any  # (3, n) column, row, and the column solved
+    corner: Any  # (1,)
 
 
 @compiled
-def solve_coupled(work, b):
-    """Overwrite b (n,) with the solution for the matrix that `factorise_coupled` has left."""
-    solve(work.ab, work.pivots, b)
-    if work.increment.size > 0:
-        subtract(dot(work.increment, b), work.coupled, b)
+def times(operator, n_fields, rows, x, y):
+    """Set y = A x, operator (2 b + 1, n) the diagonals of A, see `balance.Cable`, rows (from, to) those not empty."""
+    half, n = operator.shape[0] // 2, operator.shape[1]
+    y[:] = 0.0
+    for d in range(operator.shape[0]):
+        away, of = n_fields * (d - half), operator[d]
+        for i in range(max(rows[0], -away), min(rows[1], n - away)):
+            y[i] += of[i] * x[i + away]
+
+
+@compiled
+def quadratic(operator, n_fields, x, y, out):
+    """Set out (m,) to x . A y of each row of x and y (m, n), A as in `times`."""
+    product = np.empty(operator.shape[1])
+    for k in range(out.size):
+        times(operator, n_fields, (0, product.size), y[k], product)
+        out[k] = dot(product, x[k])

@@ -1,33 +1,197 @@
-"""Newton's method of collocation steps, compiled with the balance; see `cablefem.newmark.collocation_rule`."""
+"""Newton's method of collocation steps, compiled with the balance; see `cablefem.newmark.collocation`.
+
+As in RADAU5 (Hairer & Wanner 1996, section IV.8): one tangent, that of the node next to the middle, serves all nodes,
+and the eigenvectors of the tableau split it into a real system and complex ones.  Factors serve the next steps as well.
+"""
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cablefem.elements.kernels import compiled
-from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine_following, coupling, follow
-from cablefem.elements.kernels.banded import Tangent, factorise_coupled, solve_coupled
-from cablefem.elements.kernels.car import Car, Rolling, driven, factorise_bordered, roll, solve_bordered, under_way
-from cablefem.elements.kernels.front import follow_fronts, weigh
+from cablefem.elements.kernels.balance import Instant, side_of, weigh
+from cablefem.elements.kernels.banded import Border
+from cablefem.elements.kernels.car import Ride, under_way
+from cablefem.elements.kernels.newton import HALVINGS, NO_TANGENT, balance, coupling, factorise, solve
 
 SAME = 1e-6  # relative difference of step lengths for which factors are kept
-SERVES = 0.03  # what the last correction of a step must leave of the residual, or the next one gets factors of its own
+SERVES = 0.03  # if the last correction leaves more of the residual, the next step gets factors of its own
+
+
+class Rule(NamedTuple):
+    """Numbers of a tableau, see `cablefem.newmark.tableau`."""
+
+    c: Any  # (s,)
+    A: Any  # (s, s)
+    AA: Any
+    ends: Any  # (2, s) weights of q and v at the end
+    values: Any  # eigenvalues
+    to: Any  # (., s) into the basis of eigenvectors
+    back: Any  # (s, .)
+    middle: int  # node next to the middle
+
+
+class Steps(NamedTuple):
+    """Steps from t to t, as `cablefem.newmark.System.collocate` has them."""
+
+    places: Any  # (m, s, .) as in `newton.Steps`, at the nodes
+    contacts: Any  # s of `balance.Contact`
+    t: Any  # (m + 1,)
+    ends: Any  # (m + 1, 2, n)
+    a: Any  # (m, s, n)
+    further: Any  # (m, s, s)
+    told: Any  # (m, 6) as in `newton.Steps`
+
+
+class Side(NamedTuple):
+    """What one kind of numbers, real or complex, needs for its factors."""
+
+    work: Any  # `banded.Tangent`
+    chord: Any  # None, or `balance.Chord`
+    ride: Any  # None, or `car.Ride`
+
+
+class Workspace(NamedTuple):
+    """Workspaces of collocation steps; factors stay in them."""
+
+    real: Side
+    pair: Side
+    bands: Any  # (s, 3, 2 b + 1, .) of the nodes
+    kept: Any  # (1,) length of the step that the factors are for, nan: none
+    parts: Any  # (3, n, .) dr/dq, dr/dv, dr/da, as in `banded.Tangent`
+    lines: Any  # (3, 3, n) the same of the border of a ride
+    scales: Any  # (s, n_dof) see `even`
+    x: Any  # (s, 3, n_dof) states at the nodes
+    r: Any  # (s, n_dof)
+    da: Any  # (s, n_dof)
+
+
+class Step(NamedTuple):
+    """One of the steps."""
+
+    places: Any  # (s, .)
+    contacts: Any
+    start: Any  # (2, n) q and v
+    dt: float
+    a: Any  # (s, n) accelerations at the nodes
 
 
 @compiled
-def at_nodes(start, dt, c, A, AA, a, q, v):
-    """Set q and v at the nodes of a step from `start` (2, n) with the accelerations a there, (s, n) each."""
-    q0, v0 = start[0], start[1]
-    for i in range(a.shape[0]):
-        to_q, to_v = q[i], v[i]
-        for j in range(to_q.size):
-            to_v[j] = v0[j]
-            to_q[j] = q0[j] + dt * c[i] * v0[j]
-        for k in range(a.shape[0]):
-            x, once, twice = a[k], dt * A[i, k], dt * dt * AA[i, k]
-            for j in range(to_q.size):
-                to_v[j] += once * x[j]
-                to_q[j] += twice * x[j]
+def collocate(cable, space, steps, rule, limits):
+    """Take steps one after another, as `cablefem.newmark.collocate` takes the first of them.
+
+    Return how many came to be in balance before anything happens to the car; one with a slack element ends them.
+    """
+    ride, x = space.real.ride, space.x
+    for k in range(steps.a.shape[0]):
+        if k > 0:
+            spread(steps.further[k], steps.a[k - 1], steps.a[k])
+        for i in range(x.shape[0]):
+            if steps.places.shape[2] > 3:  # of a ride they follow from the unknowns
+                weigh(cable, Instant(steps.places[k, i], space.bands[i], steps.contacts[i]))
+        step = Step(steps.places[k], steps.contacts, steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k])
+        done, least, where = settle(cable, space, step, rule, limits)
+        told = steps.told[k]
+        told[0], told[1], told[2], told[3], told[4], told[5] = done[0], done[1], done[2], done[3], least, where
+        if not done[0] <= limits.bound:
+            return k
+        finish(step, rule, steps.ends[k + 1])
+        if not under_way(cable, ride, step.places[-1], x[-1]):
+            return k
+        if not least >= 0.0:
+            return k + 1
+    return steps.a.shape[0]
+
+
+@compiled
+def settle(cable, space, step, rule, limits):
+    """Find the accelerations at the nodes; return (|r|, iterations, factorisations, residuals), least tension, its s.
+
+    A correction by factors of an earlier step is taken back where it does not help, others are halved.
+    """
+    old = abs(space.kept[0] - step.dt) <= SAME * step.dt
+    anew, iterations, factorisations, residuals = not old, 0, 0, 0
+    norm, least, where = residual(cable, space, step, rule)
+    before = math.inf
+    while iterations < limits.max_iter:
+        iterations += 1
+        if anew:
+            old, space.kept[0] = False, step.dt
+            factorisations += 1
+            if not factors(cable, space, step, rule):
+                norm = math.nan
+                break
+        solutions(space, rule)
+        before, share = norm, 1.0
+        for _ in range(HALVINGS + 1):
+            take_off(share, space.da, step.a)
+            norm, least, where = residual(cable, space, step, rule)
+            residuals += 1
+            if old or norm < before or (iterations <= limits.patience and norm < math.inf):
+                break
+            share = -0.5 if share == 1.0 else 0.5 * share  # half of the correction is taken back
+        anew = not norm <= limits.reuse * before
+        if norm <= limits.bound:
+            break
+        if old and not norm < before:
+            take_off(-1.0, space.da, step.a)
+            norm, least, where = residual(cable, space, step, rule)
+            residuals += 1
+        elif not norm < math.inf or (not old and hopeless(norm, before, iterations, limits)):
+            break
+    if not (norm <= limits.bound and norm <= SERVES * before):
+        space.kept[0] = math.nan
+    return (norm, iterations, factorisations, residuals), least, where
+
+
+@compiled
+def hopeless(norm, before, iterations, limits):
+    """Return whether corrections that go on as the last one did are not in balance soon."""
+    if iterations <= limits.patience:
+        return False
+    return norm * (norm / before) ** (limits.enough - iterations) > limits.bound
+
+
+@compiled
+def residual(cable, space, step, rule):
+    """Set states and residuals of the nodes; return |r|, and the least tension at the last node and its s."""
+    square, least, where = 0.0, math.inf, 0.0
+    for i in range(step.a.shape[0]):
+        at_node(step, rule, i, space.x[i])
+        r, now = space.r[i], Instant(step.places[i], space.bands[i], step.contacts[i])
+        least, where = balance(cable, space.real.ride, now, space.x[i], r, space.real.work.ab, NO_TANGENT)
+        for j in range(r.size):
+            square += r[j] * r[j]
+    return math.sqrt(square), least, where
+
+
+@compiled
+def at_node(step, rule, i, x):
+    """Set the state x at a node: q = q0 + c dt v0 + dt^2 (A A a), v = v0 + dt A a."""
+    q0, v0, dt = step.start[0], step.start[1], step.dt
+    q, v, a = x[0], x[1], x[2]
+    for j in range(a.size):
+        v[j], a[j] = v0[j], step.a[i, j]
+        q[j] = q0[j] + dt * rule.c[i] * v0[j]
+    for k in range(step.a.shape[0]):
+        of, once, twice = step.a[k], dt * rule.A[i, k], dt * dt * rule.AA[i, k]
+        for j in range(a.size):
+            v[j] += once * of[j]
+            q[j] += twice * of[j]
+
+
+@compiled
+def finish(step, rule, end):
+    """Set q and v at the end of a step."""
+    q0, v0, dt = step.start[0], step.start[1], step.dt
+    for j in range(q0.size):
+        twice, once = 0.0, 0.0
+        for i in range(step.a.shape[0]):
+            twice += rule.ends[0, i] * step.a[i, j]
+            once += rule.ends[1, i] * step.a[i, j]
+        end[0, j] = q0[j] + dt * (v0[j] + dt * twice)
+        end[1, j] = v0[j] + dt * once
 
 
 @compiled
@@ -42,18 +206,86 @@ def spread(weights, of, out):
 
 
 @compiled
-def even(bands, spans, dofs, n_fields, parts, c0, middle, scales):
-    """Set the factors (s, n) of rows of the nodes by which their tangents have the diagonal of that of the middle one.
+def take_off(share, da, a):
+    """Take a share of a correction off a."""
+    for i in range(a.shape[0]):
+        x, of = a[i], da[i]
+        for j in range(x.size):
+            x[j] -= share * of[j]
+
+
+@compiled
+def factors(cable, space, step, rule):
+    """Factorise the tangents for all eigenvalues; return whether all are regular."""
+    parts, lines, middle, regular = space.parts, space.lines, rule.middle, True
+    corners, spare = np.empty(3), np.empty(space.r.shape[1])
+    for k in range(3):
+        unit = (1.0 if k == 0 else 0.0), (1.0 if k == 1 else 0.0), (1.0 if k == 2 else 0.0)
+        now = Instant(step.places[middle], space.bands[middle], step.contacts[middle])
+        part = with_border(space.real.ride, lines[k], corners[k : k + 1])
+        balance(cable, part, now, space.x[middle], spare, parts[k], unit)
+    c1 = step.dt * abs(rule.values[0])
+    even(cable, space.real.ride, space, step, c1 * c1, middle)
+    for k in range(rule.values.size):
+        c1 = step.dt * rule.values[k]
+        c0 = c1 * c1
+        if c1.imag == 0.0:
+            regular = factorised(cable, space.real, parts, lines, corners, (c0.real, c1.real)) and regular
+        else:
+            regular = factorised(cable, space.pair, parts, lines, corners, (c0, c1)) and regular
+    return regular
+
+
+@compiled
+def with_border(ride, lines, corner):
+    """Return a ride whose border is another one."""
+    if ride is None:
+        return None
+    return Ride(ride.car, ride.slopes, Border(lines, corner), ride.course)
+
+
+@compiled
+def factorised(cable, side, parts, lines, corners, weights):
+    """Factorise c0 dr/dq + c1 dr/dv + dr/da; return whether it is regular."""
+    c0, c1 = weights
+    blend(c0, c1, parts, side.work.ab)
+    blend_border(side.ride, c0, c1, lines, corners)
+    return factorise(side.work, side.chord, side.ride, coupling(cable, c0))
+
+
+@compiled
+def blend_border(ride, c0, c1, lines, corners):
+    """Set the border of a ride."""
+    if ride is None:
+        return
+    blend(c0, c1, lines, ride.border.lines)
+    ride.border.corner[0] = c0 * corners[0] + c1 * corners[1] + corners[2]
+
+
+@compiled
+def blend(c0, c1, parts, out):
+    """Set a tangent from its parts, dr/dq, dr/dv and dr/da."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = c0 * parts[0, i, j] + c1 * parts[1, i, j] + parts[2, i, j]
+
+
+@compiled
+def even(cable, ride, space, step, c0, middle):
+    """Set the factors of rows of the nodes by which their tangents have the diagonal of that of the middle one.
 
     Behind a mass that starts from rest lengths grow as t^2, and stiffness falls: one tangent serves all nodes then.
     """
-    half, band = bands.shape[2] // 2, (parts.shape[2] - 1) // 3
+    if ride is not None:
+        return
+    bands, parts, scales, mesh = space.bands, space.parts, space.scales, cable.mesh
+    half, band, n_fields = bands.shape[2] // 2, (parts.shape[2] - 1) // 3, step.contacts[middle].dofs.shape[1]
     scales[:] = 0.0
     for i in range(scales.shape[0]):
-        for e in range(dofs.shape[0]):
-            for d in dofs[e]:
+        for e in range(mesh.dofs.shape[0]):
+            for d in mesh.dofs[e]:
                 for k in range(n_fields if d >= 0 else 0):
-                    scales[i, d * n_fields + k] += 1.0 / spans[i, e, 1]
+                    scales[i, d * n_fields + k] += 1.0 / side_of(mesh, step.places[i, 0], e)[1]
     for j in range(scales.shape[1]):
         K, M, per_h = c0 * parts[0, j, band], parts[2, j, band], scales[middle, j]
         for i in range(scales.shape[0]):
@@ -62,228 +294,33 @@ def even(bands, spans, dofs, n_fields, parts, c0, middle, scales):
 
 
 @compiled
-def blend(c0, c1, parts, out):
-    """Set the tangent of a node from its parts, dr/dq, dr/dv and dr/da; loops, as in `banded`."""
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            out[i, j] = c0 * parts[0, i, j] + c1 * parts[1, i, j] + parts[2, i, j]
-
-
-@compiled
-def factorise_all(grip, ride, cable, works, parts, borders, corners, dt, values):
-    """Factorise the tangents for all eigenvalues from their parts; return whether all are regular."""
-    real_work, complex_work, regular = Tangent(*works[0]), Tangent(*works[1]), True
-    if ride is not None:
-        rolling, complex_rolling = Rolling(*ride[0]), Rolling(*ride[1])
-    for k in range(values.size):
-        c1 = dt * values[k]
-        c0 = c1 * c1
-        if c1.imag == 0.0:
-            blend(c0.real, c1.real, parts, real_work.ab)
-            if grip is not None:
-                regular = factorise_coupled(real_work, c0.real * coupling(cable)) and regular
-            if ride is not None:
-                blend(c0.real, c1.real, borders, rolling.border)
-                rolling.corner[0] = c0.real * corners[0] + c1.real * corners[1] + corners[2]
-                regular = factorise_bordered(real_work, rolling) and regular
-        else:
-            blend(c0, c1, parts, complex_work.ab)
-            if grip is not None:
-                regular = factorise_coupled(complex_work, c0 * coupling(cable)) and regular
-            if ride is not None:
-                blend(c0, c1, borders, complex_rolling.border)
-                complex_rolling.corner[0] = c0 * corners[0] + c1 * corners[1] + corners[2]
-                regular = factorise_bordered(complex_work, complex_rolling) and regular
-    return regular
-
-
-@compiled
-def solve_all(grip, ride, works, values, to, back, r, da, real, along):
-    """Set da (s, n) to the solution for r with the factors of `factorise_all`; real, along : (n,) workspaces."""
-    real_work, complex_work = Tangent(*works[0]), Tangent(*works[1])
-    if ride is not None:
-        rolling, complex_rolling = Rolling(*ride[0]), Rolling(*ride[1])
-    s, n = r.shape
+def solutions(space, rule):
+    """Set da to the solution for r with the factors of `factors`."""
+    (s, n), r, da = space.r.shape, space.r, space.da
+    real, along = np.empty(n), np.empty(n, dtype=np.complex128)
     da[:] = 0.0
-    for k in range(values.size):
-        if values[k].imag == 0.0:
-            real[:] = 0.0
+    for i in range(s):
+        for j in range(n):
+            r[i, j] *= space.scales[i, j]
+    for k in range(rule.values.size):
+        if rule.values[k].imag == 0.0:
+            for j in range(n):
+                real[j] = 0.0
+                for i in range(s):
+                    real[j] += rule.to[k, i].real * r[i, j]
+            solve(space.real.work, space.real.chord, space.real.ride, real)
             for i in range(s):
-                x, of = to[k, i].real, r[i]
                 for j in range(n):
-                    real[j] += x * of[j]
-            if grip is not None:
-                solve_coupled(real_work, real)
-            if ride is not None:
-                solve_bordered(real_work, rolling, real)
-            for i in range(s):
-                x, out = back[i, k].real, da[i]
-                for j in range(n):
-                    out[j] += x * real[j]
+                    da[i, j] += rule.back[i, k].real * real[j]
         else:
             for j in range(n):
                 x, y = 0.0, 0.0
                 for i in range(s):
-                    x += to[k, i].real * r[i, j]
-                    y += to[k, i].imag * r[i, j]
+                    x += rule.to[k, i].real * r[i, j]
+                    y += rule.to[k, i].imag * r[i, j]
                 along[j] = complex(x, y)
-            if grip is not None:
-                solve_coupled(complex_work, along)
-            if ride is not None:
-                solve_bordered(complex_work, complex_rolling, along)
+            solve(space.pair.work, space.pair.chord, space.pair.ride, along)
             for i in range(s):
-                x, y, out = back[i, k].real, back[i, k].imag, da[i]
+                x, y = rule.back[i, k].real, rule.back[i, k].imag
                 for j in range(n):
-                    out[j] += x * along[j].real - y * along[j].imag
-
-
-@compiled
-def collocate(grip, fronts, ride, mesh, cable, works, kept, t, ends, a, further, rule, told, bound, newton):
-    """Take steps from t to t, (m + 1,), as `cablefem.newmark.collocate` takes the first of them.
-
-    grip : operators, coefficients, of each node bands, spans and `Contact`s, elements left of the mass; of following
-        meshes places (m, s, 3) s_o, ds_o, dds_o and loads (m, s, n_fields), else empty; or None.
-    fronts : that nodes travel with, `follow_fronts`'s xi, lines and p, instants (m, s) and table of inertia; or None.
-    ride : `Rolling`, real and complex, `Car`, what instants bring it (m, s, 3), see `driven`, and its course, see
-        `under_way`, of a rule whose last node is the step's end; or None.
-    works : `Tangent`s, real and complex, for this alone: factors serve the next step as well, as in RADAU5 (Hairer &
-        Wanner 1996, section IV.8).  kept : (1,) the length of the step that they are for.
-    ends, a, further : as `Collocating` has them.  told : (m, 6) as in `newton.settle`.
-    Return how many steps came to be in balance, before anything happens to the car; one with a slack element ends them.
-    """
-    for k in range(a.shape[0]):
-        dt = t[k + 1] - t[k]
-        if k > 0:
-            spread(further[k], a[k - 1], a[k])
-        of = mesh, cable, works, kept, ends[k], dt, rule, a[k], bound, newton
-        if grip is not None:
-            operators, coefficients, bands, spans, contacts, n_left, places, loads = grip
-            for i in range(loads.shape[1] if places.shape[0] > 0 else 0):
-                if fronts is None:
-                    x = places[k, i]
-                    follow(x[0], x[1], x[2], n_left, coefficients, spans[i])
-                    m = contacts[i][0][0, 0]
-                    combine_following(operators, x[0], x[1], x[2], m, m + loads.shape[2], bands[i])
-                if fronts is not None:
-                    xi, lines, p, instants, fine = fronts
-                    follow_fronts(xi, lines, p, instants[k, i : i + 1], places[k, i : i + 1], spans[i : i + 1])
-                    weigh(spans[i], mesh[1], fine, loads.shape[2], bands[i])
-                contact = Contact(*contacts[i])
-                for j in range(loads.shape[2]):
-                    contact.load[j] = loads[k, i, j]
-            done = settle((bands, spans, contacts), None, *of)
-        if ride is not None:
-            real, pair, car, at, course = ride
-            cars = driven(car, at[k, 0]), driven(car, at[k, 1]), driven(car, at[k, -1])
-            done = settle(None, (real, pair, cars), *of)
-        norm, iterations, factorisations, residuals, least, where = done
-        told[k, 0], told[k, 1], told[k, 2] = norm, iterations, factorisations
-        told[k, 3], told[k, 4], told[k, 5] = residuals, least, where
-        if not norm <= bound:
-            return k
-        twice, once = rule[3]
-        for j in range(ends.shape[2]):
-            x, y = 0.0, 0.0
-            for i in range(once.size):
-                x += twice[i] * a[k, i, j]
-                y += once[i] * a[k, i, j]
-            ends[k + 1, 0, j] = ends[k, 0, j] + dt * (ends[k, 1, j] + dt * x)
-            ends[k + 1, 1, j] = ends[k, 1, j] + dt * y
-        if ride is not None:
-            at_end = ends[k + 1, 0], ends[k + 1, 1], a[k, -1]
-            if not under_way(course, mesh[1], Rolling(*ride[0]), cable, cars[2], *at_end):
-                return k
-        if not least >= 0.0:
-            return k + 1
-    return a.shape[0]
-
-
-@compiled
-def settle(grip, ride, mesh, cable, works, kept, start, dt, rule, a, bound, newton):
-    """Find the accelerations a (s, n) at the nodes of a step of length dt from `start`.
-
-    grip : of each node bands, spans and `Contact`s, or None;  ride : `Rolling`, real and complex, and `Car`s, or None.
-    rule : c, A, AA, ends, eigenvalues, to and back of its tableau, and the node next to the middle.
-    Return |r|, iterations, factorisations, residuals, the least tension at the last node and its s.
-    """
-    (c, A, AA, _, values, to, back, middle), (max_iter, reuse, patience, enough) = rule, newton
-    s, n = a.shape
-    q, v, r, da = np.empty((s, n)), np.empty((s, n)), np.empty((s, n)), np.empty((s, n))
-    real, along, spare = np.empty(n), np.empty(n, dtype=np.complex128), np.empty(n)
-    work = Tangent(*works[0])
-    parts, corners = np.empty((3, work.ab.shape[0], work.ab.shape[1])), np.empty(3)  # of the tangent: dr/dq, /dv, /da
-    borders = np.empty((3, 3, n - 1))
-    scales = np.ones((s, n))
-    if ride is not None:
-        rolling = Rolling(*ride[0])
-    anew = not abs(kept[0] - dt) <= SAME * dt
-    old, iterations, factorisations, residuals = not anew, 0, 0, -1
-    before, least, where, share, halving, back_again = math.inf, math.inf, 0.0, 0.0, 0, False
-    while True:
-        if residuals >= 0:
-            for i in range(s):
-                x, of = a[i], da[i]
-                for j in range(n):
-                    x[j] -= share * of[j]
-        at_nodes(start, dt, c, A, AA, a, q, v)
-        square = 0.0
-        for i in range(s):
-            if grip is not None:
-                mesh_i, contact = Mesh(grip[1][i], mesh[1], mesh[2]), Contact(*grip[2][i])
-                least, where = assemble(grip[0][i], mesh_i, cable, contact, q[i], v[i], a[i], r[i], work, 0.0, 0.0, 0.0)
-            if ride is not None:
-                least, where, _, _, _ = roll(
-                    Mesh(*mesh), rolling, cable, Car(*ride[2][i]), q[i], v[i], a[i], r[i], work.ab, 0.0, 0.0, 0.0
-                )
-            for j in range(n):
-                square += r[i, j] * r[i, j]
-        norm = math.sqrt(square)
-        residuals += 1
-        if residuals > 0 and not back_again:
-            good = old or norm < before or (iterations <= patience and norm < math.inf)
-            if not good and halving < 5:
-                halving += 1
-                share = -0.5 if halving == 1 else 0.5 * share
-                continue
-            if norm <= bound or not (old or norm < math.inf):
-                break
-            if not old and iterations > patience and norm * (norm / before) ** (enough - iterations) > bound:
-                break
-            anew = not norm <= reuse * before
-            if old and not norm < before:  # a correction by a tangent that is out of date is not worth halving
-                share, back_again = -1.0, True
-                continue
-        back_again = False
-        if iterations == max_iter:
-            break
-        iterations += 1
-        if anew:
-            for k in range(3):
-                c0, c1, c2 = 1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0
-                if grip is not None:
-                    mesh_i, contact = Mesh(grip[1][middle], mesh[1], mesh[2]), Contact(*grip[2][middle])
-                    into = Tangent(parts[k], work.pivots, work.increment, work.coupled)
-                    at = q[middle], v[middle], a[middle], spare
-                    assemble(grip[0][middle], mesh_i, cable, contact, *at, into, c0, c1, c2)
-                if ride is not None:
-                    part = Rolling(rolling.n_left, rolling.inertia, rolling.ends, borders[k], corners[k : k + 1])
-                    car, at = Car(*ride[2][middle]), (q[middle], v[middle], a[middle], spare)
-                    roll(Mesh(*mesh), part, cable, car, *at, parts[k], c0, c1, c2)
-            if grip is not None:
-                c1 = dt * abs(values[0])
-                even(grip[0], grip[1], mesh[1], n // (mesh[1].max() + 1), parts, c1 * c1, middle, scales)
-            regular = factorise_all(grip, ride, cable, works, parts, borders, corners, dt, values)
-            old, kept[0] = False, dt
-            factorisations += 1
-            if not regular:
-                norm = math.nan
-                break
-        if grip is not None:
-            for i in range(s):
-                for j in range(n):
-                    r[i, j] *= scales[i, j]
-        solve_all(grip, ride, works, values, to, back, r, da, real, along)
-        before, share, halving = norm, 1.0, 0
-    if not (norm <= bound and norm <= SERVES * before):
-        kept[0] = math.nan
-    return norm, iterations, factorisations, residuals, least, where
+                    da[i, j] += x * along[j].real - y * along[j].imag

@@ -34,12 +34,3 @@ def pull(xp, yp, T, du, dv, alpha, law):
     k_mat = (dN - k_geo) * (inverse * inverse)
     excess = ((N - T) - T * eps) * inverse
     return excess * xp + k_geo * du, excess * yp + k_geo * dv, k_geo, k_mat, N, W, eps
-
-
-@compiled
-def pulls(static, T, slope, alpha, law, force, N, W):
-    """Set N t (n, 2), N and W (n,) where the static slope and tension are X' (n, 2), T (n,), the slope r' (n, 2)."""
-    for i in range(T.size):
-        xp, yp = static[i, 0], static[i, 1]
-        fx, fy, _, _, N[i], W[i], _ = pull(xp, yp, T[i], slope[i, 0] - xp, slope[i, 1] - yp, alpha, law)
-        force[i, 0], force[i, 1] = fx + T[i] * xp, fy + T[i] * yp

@@ -1,101 +1,156 @@
 """Newton's method of steps of Newmark's family, compiled with the balance."""
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from cablefem.elements.kernels import compiled
-from cablefem.elements.kernels.balance import Contact, Mesh, assemble, combine, combine_following, coupling, follow
-from cablefem.elements.kernels.banded import Tangent, dot, factorise_coupled, solve_coupled
-from cablefem.elements.kernels.car import Car, Rolling, driven, factorise_bordered, roll, solve_bordered, under_way
+from cablefem.elements.kernels import banded, compiled
+from cablefem.elements.kernels.balance import Instant, assemble, weigh
+from cablefem.elements.kernels.banded import copy, dot, subtract
+from cablefem.elements.kernels.car import roll, under_way
+
+NO_TANGENT = 0.0, 0.0, 0.0  # factors
+HALVINGS = 5  # of one correction, at most, as in `cablefem.newmark.newton`
+
+
+class Steps(NamedTuple):
+    """Steps to take one after another, as `cablefem.newmark.System.settle` has each of them."""
+
+    places: Any  # (m, 3 + n_fields) of `balance.Instant`; of a car (m, 3), see `car.driven`
+    contact: Any
+    start: Any  # (3, n)
+    rules: Any  # (m, 3, 5)
+    ends: Any  # (m, 3, n) are set
+    told: Any  # (m, 6) are set: |r|, iterations, factorisations, residuals, the least tension and its s
+
+
+class Limits(NamedTuple):
+    """When Newton's method ends, see `cablefem.newmark.Newton`."""
+
+    bound: float
+    max_iter: int
+    reuse: float
+    patience: int
+    enough: float
 
 
 @compiled
-def settle(grip, ride, mesh, cable, work, start, now, rules, told, bound, newton):
-    """Find the ends of steps one after another by Newton's method as `cablefem.newmark.iterate` does.
+def balance(cable, ride, now, x, r, ab, factors):
+    """Set r and, unless the factors are 0, the tangent; return the least mean tension of an element and its s."""
+    if ride is None:
+        return assemble(cable, now, x, r, ab, factors)
+    least, where, _, _ = roll(cable, ride, now, x, r, ab, factors)
+    return least, where
 
-    grip : operators, coefficients, bands and `Contact` of a mass whose place is given, elements left of it, and of a
-        following mesh places (m, 3) s_o, ds_o, dds_o and loads (m, n_fields) of `Contact`, else empty; or None.
-    ride : `Rolling` and `Car` of one that rolls, what instants bring it (m, 3), see `driven`, and its course, see
-        `under_way`; or None: numba compiles what is there only.
-    mesh, work and the rest as plain tuples: it is slow to take in named ones.
-    now : (m, 3, n) receives the ends;  rules : (m, 3, 5);  newton : max_iter, reuse, patience.
-    told : (m, 6) |r|, iterations, factorisations, residuals, the least tension and its s.
+
+@compiled
+def factorise(work, chord, ride, strength):
+    """Factorise a tangent; return whether it is regular.
+
+    chord : None, or to the banded matrix comes strength increment increment^T (Sherman & Morrison's formula);
+    ride : None, or it has a border.
+    """
+    regular = banded.factorise(work.ab, work.pivots, chord is None)
+    if chord is not None:
+        copy(chord.increment, chord.coupled)
+        banded.solve(work.ab, work.pivots, chord.coupled)
+        share = strength / (1.0 + strength * dot(chord.increment, chord.coupled))
+        for i in range(chord.coupled.size):
+            chord.coupled[i] *= share
+    if ride is not None:
+        lines, corner = ride.border
+        copy(lines[0], lines[2])
+        banded.solve(work.ab, work.pivots, lines[2])
+        corner[0] -= dot(lines[1], lines[2])
+        regular = regular and corner[0] != 0.0
+    return regular
+
+
+@compiled
+def solve(work, chord, ride, b):
+    """Overwrite b with the solution for the matrix that `factorise` has left."""
+    n = work.ab.shape[0]
+    banded.solve(work.ab, work.pivots, b[:n])
+    if chord is not None:
+        subtract(dot(chord.increment, b), chord.coupled, b)
+    if ride is not None:
+        lines, corner = ride.border
+        b[n] = (b[n] - dot(lines[1], b)) / corner[0]
+        subtract(b[n], lines[2], b)
+
+
+@compiled
+def coupling(cable, c0):
+    """Return the strength of a chord's increment in a tangent, alpha lam c0; the full cable has none."""
+    return c0 * (cable.law[0] * cable.law[3])
+
+
+@compiled
+def settle(cable, ride, work, bands, steps, limits):
+    """Find the ends of steps one after another by Newton's method, as `cablefem.newmark.iterate` does.
+
+    ride : None of a car whose place is given.
     Return how many came to be in balance with no element slack, before anything happens to the car.
     """
-    mesh, work, (max_iter, reuse, patience) = Mesh(*mesh), Tangent(*work), newton
-    n = start.shape[1]
-    balanced, r, da = np.empty((3, n)), np.empty(n), np.empty(n)
-    q, v, a = balanced[0], balanced[1], balanced[2]
-    if grip is not None:
-        operators, coefficients, bands, contact, n_left, places, loads = grip
-        contact = Contact(*contact)
-    if ride is not None:
-        rolling, at, course = Rolling(*ride[0]), ride[2], ride[3]
-        patience = 0  # near a support a correction that overshoots ends on another root
-    for k in range(rules.shape[0]):
-        begin, end, rule = start if k == 0 else now[k - 1], now[k], rules[k]
-        if grip is not None:
-            if places.shape[0] > 0:
-                follow(places[k, 0], places[k, 1], places[k, 2], n_left, coefficients, mesh.span)
-                for i in range(loads.shape[1]):
-                    contact.load[i] = loads[k, i]
-                m = contact.dofs[0, 0]
-                combine_following(operators, places[k, 0], places[k, 1], places[k, 2], m, m + loads.shape[1], bands)
-            else:
-                combine(operators, coefficients, bands)
-        if ride is not None:
-            car = driven(ride[1], at[k])
-        for i in range(3):
-            w = rule[i, 4]
-            for j in range(n):
-                end[i, j] = rule[i, 0] * begin[0, j] + rule[i, 1] * begin[1, j] + rule[i, 2] * begin[2, j]
-                balanced[i, j] = w * end[i, j] + (1.0 - w) * begin[i, j]
-        c0, c1, c2 = rule[0, 3] * rule[0, 4], rule[1, 3] * rule[1, 4], rule[2, 3] * rule[2, 4]
-        norm, iterations, factorisations, residuals, anew, regular = 0.0, 0, 0, 0, True, True
-        while iterations < max_iter:
-            if anew:
-                if grip is not None:
-                    assemble(bands, mesh, cable, contact, q, v, a, r, work, c0, c1, c2)
-                    regular = factorise_coupled(work, c0 * coupling(cable))
-                if ride is not None:
-                    roll(mesh, rolling, cable, Car(*car), q, v, a, r, work.ab, c0, c1, c2)
-                    regular = factorise_bordered(work, rolling)
+    n, x = steps.start.shape[1], np.empty_like(steps.start)
+    r, da = np.empty(n), np.empty(n)
+    patience = limits.patience if ride is None else 0  # near a support a full step may end on another root
+    for k in range(steps.rules.shape[0]):
+        begin, end, rule = steps.start if k == 0 else steps.ends[k - 1], steps.ends[k], steps.rules[k]
+        now = Instant(steps.places[k], bands, steps.contact)
+        if now.place.size > 3:  # of a ride they follow from the unknowns
+            weigh(cable, now)
+        predict(begin, rule, end, x)
+        factors = rule[0, 3] * rule[0, 4], rule[1, 3] * rule[1, 4], rule[2, 3] * rule[2, 4]
+        norm, before, factorisations, residuals, regular = math.inf, 0.0, 0, 0, True
+        least, where = math.inf, 0.0
+        for iteration in range(limits.max_iter):
+            if not norm <= limits.reuse * before:
+                balance(cable, ride, now, x, r, work.ab, factors)
                 norm = math.sqrt(dot(r, r))
+                regular = factorise(work, cable.chord, ride, coupling(cable, factors[0]))
                 factorisations += 1
             before = norm
-            if not regular:  # pivots may never have been set
-                r[:] = math.nan  # the norm will tell
-            elif grip is not None:
-                solve_coupled(work, r)
-            elif ride is not None:
-                solve_bordered(work, rolling, r)
-            for j in range(n):
-                da[j] = r[j]
+            if regular:
+                solve(work, cable.chord, ride, r)
+            else:  # pivots may never have been set
+                r[:] = math.nan
+            copy(r, da)
             share = 1.0
-            for _ in range(6):
-                for i in range(3):
-                    part, w = share * rule[i, 3], rule[i, 4]
-                    for j in range(n):
-                        end[i, j] -= part * da[j]
-                        balanced[i, j] = w * end[i, j] + (1.0 - w) * begin[i, j]
-                share = -0.5 if share == 1.0 else 0.5 * share  # corrections are halved by taking the rest back
-                if grip is not None:
-                    least, where = assemble(bands, mesh, cable, contact, q, v, a, r, work, 0.0, 0.0, 0.0)
-                if ride is not None:
-                    least, where, _, _, _ = roll(mesh, rolling, cable, Car(*car), q, v, a, r, work.ab, 0.0, 0.0, 0.0)
+            for _ in range(HALVINGS + 1):
+                correct(begin, rule, share, da, end, x)
+                least, where = balance(cable, ride, now, x, r, work.ab, NO_TANGENT)
                 residuals += 1
                 norm = math.sqrt(dot(r, r))
-                if norm < before or (iterations < patience and norm < math.inf):
+                if norm < before or (iteration < patience and norm < math.inf):
                     break
-            iterations += 1
-            if norm <= bound or not norm < math.inf:
+                share = -0.5 if share == 1.0 else 0.5 * share  # half of the correction is taken back
+            if norm <= limits.bound or not norm < math.inf:
                 break
-            anew = norm > reuse * before
-        told[k, 0], told[k, 1], told[k, 2] = norm, iterations, factorisations
-        told[k, 3], told[k, 4], told[k, 5] = residuals, least, where
-        if not (norm <= bound and least >= 0.0):
+        told = steps.told[k]
+        told[0], told[1], told[2], told[3] = norm, iteration + 1, factorisations, residuals
+        told[4], told[5] = least, where
+        if not (norm <= limits.bound and least >= 0.0 and under_way(cable, ride, steps.places[k], end)):
             return k
-        if ride is not None and not under_way(course, mesh.dofs, rolling, cable, car, end[0], end[1], end[2]):
-            return k
-    return rules.shape[0]
+    return steps.rules.shape[0]
+
+
+@compiled
+def predict(begin, rule, end, x):
+    """Set the first guess of the end of a step, and x where it is in balance."""
+    for i in range(3):
+        w = rule[i, 4]
+        for j in range(end.shape[1]):
+            end[i, j] = rule[i, 0] * begin[0, j] + rule[i, 1] * begin[1, j] + rule[i, 2] * begin[2, j]
+            x[i, j] = w * end[i, j] + (1.0 - w) * begin[i, j]
+
+
+@compiled
+def correct(begin, rule, share, da, end, x):
+    """Take a share of a correction off the end of a step, and set x where it is in balance."""
+    for i in range(3):
+        part, w = share * rule[i, 3], rule[i, 4]
+        for j in range(end.shape[1]):
+            end[i, j] -= part * da[j]
+            x[i, j] = w * end[i, j] + (1.0 - w) * begin[i, j]

@@ -9,7 +9,7 @@ from scipy.linalg import eigvals
 
 from cablefem import newmark
 from cablefem.elements.fixed import FixedElements
-from cablefem.elements.kernels.observe import cable_energy, kinetic_energy
+from cablefem.elements.observing import energies
 from cablefem.newmark import Newton, Scheme, State, consistent_acceleration
 from cablefem.response import Array
 from cablefem.scene import Groups
@@ -35,8 +35,8 @@ class FreeCable(FixedElements):
 
     def energy(self, x: State) -> float:
         """Kinetic and strain energy less the work of gravity; zero for the cable at rest."""
-        mesh, fine = self._mesh, self._mesh._replace(tab=self._fine)
-        return kinetic_energy(fine, 2, x.q, x.v) + sum(cable_energy(mesh, self._cable, x.q)[:2])
+        q, v = (y.reshape(1, -1, 2) for y in (x.q, x.v))
+        return float(energies(self, np.array([[1.0, 0.0, 0.0]]), q, v)[0].sum())
 
 
 def free_vibration(groups: Groups, scheme: Scheme, *, dt: float, steps: int, **cable: Any) -> Array:

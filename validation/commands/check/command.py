@@ -7,7 +7,17 @@ import typer
 
 from validation.core import store
 from validation.page import terminal
-from validation.page.options import Out, SceneName, Set, points_of, real, scene_named, tol_faults
+from validation.page.options import (
+    Out,
+    SceneName,
+    Set,
+    line_named,
+    points_of,
+    real,
+    refuse_moving,
+    scene_named,
+    tol_faults,
+)
 
 if TYPE_CHECKING:
     from cablefem.response import Response
@@ -21,9 +31,13 @@ EXAMPLE = "cablefem check my.toml --tol 1e-4 --with other.csv"
 def command(
     scene: SceneName,
     tol: Annotated[
-        float,
-        typer.Option(parser=real, metavar="X", help="Asked of the path's error, over its largest deflection."),
-    ] = 1e-3,
+        float | None,
+        typer.Option(
+            parser=real,
+            metavar="X",
+            help="Asked of the path's error, over its largest deflection. Default: 1e-3; of a line at rest 1e-6 m.",
+        ),
+    ] = None,
     tol_tension: Annotated[
         float | None,
         typer.Option(parser=real, metavar="X", help="Asked of the tension, over H. Default: 10 times --tol."),
@@ -62,6 +76,12 @@ def command(
     FILE has columns t [s] or s_o [m], v [m] positive down, and u [m] if known; of a free ride t, x and y from the left
     support, y down. Other units and directions are told by the name: s_o_over_l, t_ms, v_over_l, v_mm, y_up, ...
     """
+    if (line := line_named(scene)) is not None:
+        refuse_moving({"--with": other is not None, "--deep": deep})
+        from validation.commands.check import line as at_rest
+
+        return at_rest.check(points_of(line, set_), tol, tol_tension, out)
+    tol = 1e-3 if tol is None else tol
     faults = tol_faults(tol)
     if tol_tension is not None and not 0.0 < tol_tension <= 1.0:
         faults.append(f"--tol-tension must lie in (0, 1], got {tol_tension:g}")

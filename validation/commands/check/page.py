@@ -12,6 +12,8 @@ from markupsafe import Markup
 
 from validation.commands.check.shared import SHARED
 from validation.core.quantities import named, told
+from validation.core.store import stored
+from validation.page import line
 from validation.page.answer import figures as draw
 from validation.page.answer import many
 from validation.page.answer.sections import answer, behind, typeset
@@ -39,6 +41,13 @@ WORDS = {
 
 def sections(folder: Path) -> list[Section]:
     """Return the page of the check stored in a folder; a folder without any answer gives one that says so."""
+    for name in ("rest-check", "grid-rest-check"):
+        if (folder / name).is_dir():
+            told = stored(folder / "agreement.json")
+            at_rest = folder / name
+            return (
+                line.grid(at_rest) if name.startswith("grid") else line.sections(at_rest, told["rows"], told["verdict"])
+            )
     grid, single = folder / "grid-check" / "grid.json", folder / "agreement.json"
     if grid.exists() and (not single.exists() or grid.stat().st_mtime > single.stat().st_mtime):
         return many.sections(grid.parent)

@@ -7,7 +7,18 @@ import typer
 
 from validation.core import store
 from validation.page import terminal
-from validation.page.options import Out, Point, SceneName, Set, points_of, real, scene_named, tol_faults
+from validation.page.options import (
+    Out,
+    Point,
+    SceneName,
+    Set,
+    line_named,
+    points_of,
+    real,
+    refuse_moving,
+    scene_named,
+    tol_faults,
+)
 
 if TYPE_CHECKING:
     from cablefem.response import Response
@@ -15,6 +26,7 @@ if TYPE_CHECKING:
     from validation.commands.run.study import Answer
 
 EXAMPLE = "cablefem run zipline --model quasi-static --set mass.mass=40,60,80"
+METHOD = "following-p2"
 CHOICES = {
     "model": ("full", "stretching", "sagged", "string", "quasi-static"),
     "load": ("mass", "force"),
@@ -24,7 +36,7 @@ CHOICES = {
 
 def command(
     scene: SceneName,
-    method: Annotated[str, typer.Option(metavar="NAME", help="A method (cablefem methods).")] = "following-p2",
+    method: Annotated[str, typer.Option(metavar="NAME", help="A method (cablefem methods).")] = METHOD,
     set_: Set = None,
     model: Annotated[
         str, typer.Option(metavar="NAME", help="full, stretching, sagged or string; quasi-static needs no method.")
@@ -49,6 +61,17 @@ def command(
     """
     from cablefem.scene.errors import nearest, shown
 
+    if (line := line_named(scene)) is not None:
+        others = {
+            "--model": model != "full",
+            "--load": load != "mass",
+            "--law": law != "auto",
+            "--tol": tol is not None,
+        }
+        refuse_moving({"--method": method != METHOD, **others})
+        from validation.commands.run import line as at_rest
+
+        return at_rest.run(points_of(line, set_), out)
     faults: list[str] = []
     for option, given in (("model", model), ("load", load), ("law", law)):
         known = CHOICES[option]

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from validation.page import line
 from validation.page.answer import many
 from validation.page.answer.sections import answer, behind
 from validation.page.answer.stored import Stored, response
@@ -11,6 +12,9 @@ from validation.page.page import Section, missing
 def sections(folder: Path) -> list[Section]:
     """Return the page about what `cablefem run` stored in a folder: the newest run, or the grid."""
     faults: list[str] = []
+    for name, drawn in (("rest", line.sections), ("grid-rest-run", line.grid)):
+        if (folder / name).is_dir():
+            return drawn(folder / name)
     files = sorted(folder.glob("*/*.json"), key=lambda file: file.stat().st_mtime)
     files = [file for file in files if file.name in ("summary.json", "grid.json")]
     if files and files[-1].name == "grid.json":

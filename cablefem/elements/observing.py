@@ -1,0 +1,227 @@
+"""What is seen of a history: paths, energies, tensions and reactions from the balance of momentum.
+
+A history is q, v, a (n, n_dof) and kinematics (n, 3): s_o, ds_o, dds_o.  A mesh moves with c = ds_o chi: behind the
+mass chi = xi, and its side has the length h = s_o; ahead of it chi = 1 - xi and h = 1 - s_o.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cablefem.elements.forms import pull, tension
+from cablefem.elements.kernels.balance import Mesh
+from cablefem.elements.kernels.banded import quadratic
+from cablefem.elements.kernels.observe import strains
+from cablefem.newmark import Array
+from cablefem.response import Observation, States
+
+if TYPE_CHECKING:
+    from cablefem.elements.cable import CableElements
+
+
+class Side(NamedTuple):
+    """One side of the mass: integrals over xi of the functions of the mesh, chi as above."""
+
+    sign: float  # of dh/ds_o: 1 behind the mass, -1 ahead of it
+    moments: Array  # (n_scalar, 4) int phi, int chi phi, int chi phi,xi, int chi^2 phi,xi
+
+    def length(self, s_o: Array) -> Array:
+        return s_o if self.sign > 0.0 else 1.0 - s_o
+
+
+def side_of(mesh: Mesh, fine: Array, sign: float, n: int) -> Side:
+    """Return a side; fine : as `Mesh.tab`, at the points of the inertia;  n : unknowns of one field."""
+    elements = slice(0, mesh.n_left) if sign > 0.0 else slice(mesh.n_left, len(mesh.dofs))
+    dofs, tab = mesh.dofs[elements], fine[elements]
+    n_loc = dofs.shape[1]
+    chi = tab[..., 0] if sign > 0.0 else 1.0 - tab[..., 0]
+    phi, phi_x = tab[..., 2 : 2 + n_loc], tab[..., 2 + n_loc :]
+    out = np.zeros((n + 1, 4))  # the last row is of the supports
+    for k, (function, power) in enumerate(((phi, 0), (phi, 1), (phi_x, 1), (phi_x, 2))):
+        np.add.at(out[:, k], dofs, np.einsum("eg,egk->ek", tab[..., 1] * chi**power, function))
+    return Side(sign, out[:-1])
+
+
+def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
+    """Measure paths, tensions, energies and fields on a history; see `Observation`."""
+    g, n = system.groups, states.t.size
+    states, kinematics = system._split(states)
+    s_o, ds, dds = kinematics.T
+    w, w_t, w_tt, *slopes = system._at_mass(states, kinematics)
+    place, slope, bend = system.static(s_o)  # of the model
+    velocity, acceleration = w_t + ds[:, None] * slope, w_tt + dds[:, None] * slope + (ds**2)[:, None] * bend
+    force = system.inertia * acceleration - system.weight  # of the cable on the mass
+    power = ds * np.sum(force * (slope + 0.5 * (slopes[0] + slopes[1])), axis=1)
+
+    mesh_at = system._mesh_at(kinematics)
+    size = system.fields * system.n_scalar  # without a particle
+    q, v, a = (x[:, :size].reshape(n, -1, system.fields) for x in (states.q, states.v, states.a))
+    full = system.fields == 2
+    (kinetic, strain, potential), least, where, pulled, rise = energies(system, mesh_at, q, v)
+    kinetic += 0.5 * system.inertia * np.sum(velocity**2, axis=1)
+    potential -= (place + w) @ system.weight
+
+    T, xp, yp, xpp, ypp = g.static(s_o)
+    static, bend = np.stack([xp, yp], axis=1), np.stack([xpp, ypp], axis=1)
+    behind, ahead = (static + x @ system.direction for x in slopes)
+    ends = _end_forces(system, mesh_at, (q, v, a), pulled)
+    seen, along, c = system._along(states, kinematics, ends, force, s, frames)
+    fields, dfields, slopes_s = (x @ system.direction for x in seen)
+    if full:
+        at_mass = static, T, behind, ahead
+        tensions, kink = _tensions(system, ends, (along, slopes_s, s), (mesh_at[:, 1], c), at_mass)
+        power += ds * kink
+    else:
+        tensions = _chord_tensions(system, ends, rise, T, s, frames)
+    for name in [name for name in tensions if "behind" in name]:
+        tensions[name] = np.where(s_o > 0.0, tensions[name], np.nan)
+    return Observation(
+        path=w @ system.direction, path_velocity=w_t @ system.direction + ds[:, None] * static,
+        path_acceleration=w_tt @ system.direction + dds[:, None] * static + (ds**2)[:, None] * bend,
+        slope_behind=behind, slope_ahead=ahead,
+        energy=kinetic + strain + potential, power=power, kinetic=kinetic, strain=strain, potential=potential,
+        tension_min=least, tension_min_at=where,
+        u=fields[..., 0], v=fields[..., 1], du=dfields[..., 0], dv=dfields[..., 1],
+        t=states.t, s_o=s_o, contact=-force @ system.direction, **tensions,
+    )  # fmt: skip
+
+
+def energies(system: CableElements, mesh_at: Array, q: Array, v: Array) -> tuple[Any, ...]:
+    """Return energies of the cable (3, n), kinetic, of strain and of weight, and what `_strained` returns besides.
+
+    mesh_at : (n, 3) s_o, ds_o, dds_o of the mesh;  q, v : (n, n_scalar, fields).
+    """
+    full, s_o = system.fields == 2, mesh_at[:, 0].copy()
+    strain, *rest = (_strained if full else _strained_chord)(system, s_o, q)
+    deep = sum(side.length(s_o)[:, None] * (side.moments[:, 0] @ q) for side in system._sides)
+    potential = -system.groups.sigma * (deep @ system.direction)[:, 1] * full
+    return np.array([kinetic_energy(system, mesh_at, q, v), strain, potential]), *rest
+
+
+def kinetic_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) -> Array:
+    """Return int |w.|^2/2 ds (n,): h/2 v.M v - ds_o v.G q + ds_o^2/(2h) q.H q of each side."""
+    s_o, ds, _ = mesh_at.T
+    total, operators, f = np.zeros(s_o.size), system._operators, system.fields
+    q, v = (np.ascontiguousarray(x).reshape(s_o.size, -1) for x in (q, v))
+    vMv, vGq, qHq = np.zeros((3, s_o.size))
+    for k, side in enumerate(system._sides):
+        h = side.length(s_o)
+        quadratic(operators[k], f, v, v, vMv)
+        if len(operators) > 1:
+            quadratic(operators[2 + k], f, v, q, vGq)
+            quadratic(operators[6 + k], f, q, q, qHq)
+        total += 0.5 * h * vMv - ds * vGq + np.divide(0.5 * ds**2 * qHq, h, out=np.zeros_like(h), where=h > 0.0)
+    return total
+
+
+def _strained(system: CableElements, s_o: Array, q: Array) -> tuple[Array, ...]:
+    """Return energy of strain, least tension, its s, int f dxi of the sides (n, 2, fields), and 0."""
+    n = s_o.size
+    energy, least, where, force = np.empty(n), np.empty(n), np.empty(n), np.empty((n, 2, 2))
+    strains(system._cable, s_o, np.ascontiguousarray(q).reshape(n, -1), energy, least, where, force)
+    return energy, least, where, force, np.zeros(n)
+
+
+def _strained_chord(system: CableElements, s_o: Array, q: Array) -> tuple[Array, ...]:
+    """Return the same of a one-field model, see `kernels.balance.add_chord`, and how much its tension rises (n,)."""
+    (alpha, tau, curvature, lam, kap, _), (dofs, tab, n_left, *_) = system._law, system._mesh
+    n_loc, behind = dofs.shape[1], np.arange(len(dofs)) < n_left
+    h = np.where(behind, s_o[:, None], 1.0 - s_o[:, None])[..., None]
+    s = np.where(behind, 0.0, s_o[:, None])[..., None] + h * tab[..., 0]
+    padded = np.append(q[..., 0], np.zeros((s_o.size, 1)), axis=1)
+    w = np.einsum("egk,nek->neg", tab[..., 2 + n_loc :], padded[:, dofs]) / np.where(h > 0.0, h, 1.0)
+    y, weight = curvature * (0.5 - s), tab[..., 1] * h
+    eps = lam * np.sum(weight * (y * w + 0.5 * kap * w * w), axis=(1, 2))
+    N, _, W = tension(eps, tau, alpha, system._law[5])
+    energy = 0.5 * tau * np.sum(weight * w * w, axis=(1, 2)) + W - tau * eps
+    f = tab[..., 1] * (tau * w + (N - tau)[:, None, None] * (y + kap * w))
+    force = np.stack([np.sum(f[:, part], axis=(1, 2)) for part in (behind, ~behind)], axis=1)[..., None]
+    return energy, tau + alpha * eps, np.full(s_o.size, 0.5), force, N - tau
+
+
+def _end_forces(system: CableElements, mesh_at: Array, history: tuple[Array, Array, Array], pulled: Array) -> Array:
+    """Return f - c^2 w' (n, 4, fields) at the left support, behind and ahead of the mass, and at the right support.
+
+    f is the internal force less its static part.  Momentum of a side, tested with any phi, w. = dq/dt phi - c w':
+    int d(h w.)/dt phi dxi + int (c w. + f) phi' ds = [(f + c w.) phi]; here phi = 1, and phi = 1 at the mass, 0 at the
+    support.  c is 0 at the supports and ds_o at the mass.
+    pulled : (n, 2, fields) int f dxi.  A fixed mesh has one side, and nothing in the last two places.
+    """
+    (q, v, a), (s_o, ds, dds) = history, mesh_at.T[..., None]
+    out = np.zeros((len(q), 4, system.fields))
+    for side, near, end in zip(system._sides, (1, 2), (0, 3), strict=False):
+        of_q, of_v, of_a = (np.moveaxis(side.moments.T @ x, 1, 0) for x in (q, v, a))
+        h, dh = side.length(s_o), side.sign * ds
+        whole, tested = (h * of_a[k] + dh * of_v[k] - dds * of_q[k + 2] - ds * of_v[k + 2] for k in (0, 1))
+        flux = np.divide(ds**2 * of_q[3], h, out=np.zeros_like(tested), where=h > 0.0)
+        force = side.sign * tested + ds * of_v[1] - flux + pulled[:, near - 1]
+        out[:, near], out[:, end] = force - ds * v[:, system.node], force - side.sign * whole
+    at_once = s_o[:, 0] == 0.0  # the left part has no length yet
+    out[at_once, 0] = out[at_once, 1] = out[at_once, 2]
+    return out
+
+
+def _tensions(
+    system: CableElements, ends: Array, along: tuple[Array, Array, Array], c: tuple[Array, Array],
+    at_mass: tuple[Array, ...],
+) -> tuple[dict[str, Any], Array]:  # fmt: skip
+    """Return the tensions and reactions of the full cable, and what a passing kink gives, <N t> . [r'] - [W].
+
+    along : f - c^2 w' (k, m, 2), w' (k, m, 2), s (m,);  c : at the mass (n,) and along the cable (k, m);
+    at_mass : X' (n, 2), T (n,), r' behind and ahead (n, 2).
+    """
+    g, (carried, slopes, s), (static, T, behind, ahead) = system.groups, along, at_mass
+    T_s, x_s, y_s = (np.broadcast_to(x, slopes.shape[:2]) for x in g.static(s)[:3])
+    static_s = np.stack([x_s, y_s], axis=-1)
+
+    def pulled(static: Array, T: Array, w_s: Array) -> tuple[Array, Array, Array]:
+        force, N, _, W = pull(np.moveaxis(static, -1, 0), T, np.moveaxis(w_s, -1, 0), system._law[0], system._law[3])
+        return np.moveaxis(force, 0, -1) + T[..., None] * static, N, W
+
+    (pull_behind, N_behind, W_behind), (pull_ahead, N_ahead, W_ahead) = (
+        pulled(static, T, slope - static) for slope in (behind, ahead)
+    )
+    kink = 0.5 * np.sum((pull_behind + pull_ahead) * (ahead - behind), axis=1) - (W_ahead - W_behind)
+    at_ends = g.static(np.array([0.0, 1.0]))[:3]
+    left, right = (ends[:, k] + at_ends[0][i] * np.array([x[i] for x in at_ends[1:]]) for i, k in ((0, 0), (1, 3)))
+    return {
+        "T_behind": _recovered(system, ends[:, 1], c[0], (static, T, behind)),
+        "T_ahead": _recovered(system, ends[:, 2], c[0], (static, T, ahead)),
+        "T": _recovered(system, carried, c[1], (static_s, T_s, static_s + slopes)),
+        "T_behind_pointwise": N_behind,
+        "T_ahead_pointwise": N_ahead,
+        "T_pointwise": pulled(static_s, T_s, slopes)[1],
+        "reaction_left": -left,
+        "reaction_right": right,
+    }, kink
+
+
+def _chord_tensions(system: CableElements, ends: Array, rise: Array, T: Array, s: Array, frames: Any) -> dict[str, Any]:
+    """Return the same for one field: its tension rises uniformly, and the stored energy is quadratic in w'."""
+    g, (tau, curvature) = system.groups, system._law[1:3]
+    chord = np.array([g.chord_cos, g.chord_sin])
+    left, right = (
+        (tau + rise)[:, None] * chord + (ends[:, k] + tau * curvature * y) @ system.direction
+        for k, y in ((0, 0.5), (3, -0.5))
+    )
+    at_mass = T + rise
+    return {
+        "T_behind": at_mass, "T_ahead": at_mass, "T": g.static(s)[0] + rise[frames, None],
+        "reaction_left": -left, "reaction_right": right,
+    }  # fmt: skip
+
+
+def _recovered(system: CableElements, carried: Array, c: Array, at: tuple[Array, Array, Array]) -> Array:
+    """Return N from N t - T X' - c^2 w', which the balance gives; the slope r' tells the sign of N t - c^2 r' only.
+
+    N t - c^2 r' = (N (1 - c^2/alpha) - c^2 (1 - T/alpha)) t, because |r'| = 1 + (N - T)/alpha.  at : X', T, r'.
+    """
+    (static, T, slope), alpha, flux = at, system._law[0], c**2
+    known = carried + (T - flux)[..., None] * static
+    size = np.hypot(known[..., 0], known[..., 1])
+    size = np.where(np.sum(known * slope, axis=-1) < 0.0, -size, size)
+    N = (size + flux * (1.0 - T / alpha)) / (1.0 - flux / alpha)
+    return np.maximum(N, 0.0) if system.law == "tension-only" else N

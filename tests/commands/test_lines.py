@@ -1,0 +1,149 @@
+"""`run` and `check` of lines at rest: files, verdicts, refusals, grids."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from tests.commands.calls import lines
+from tests.line.lines import THREE, TRAMWAY, car, line
+from validation.commands.check.line import checked
+
+FEW = ("--set", "car.up.at=[50,300,698,704]", "--set", "car.down.at=[488,702,900,1142]")
+
+
+def rows(file):
+    with file.open(newline="") as opened:
+        return list(csv.DictReader(opened))
+
+
+def numbers(folder):
+    summary = json.loads((folder / "summary.json").read_text())
+    return summary, {d["quantity"]: d["value"] for d in summary["design"]}
+
+
+def test_run_writes_its_files(cablefem, tmp_path):
+    code, out, err = cablefem("run", "two-span", *FEW)
+    assert (code, err) == (0, "")
+    folder = tmp_path / "cablefem-out" / "two-span" / "rest"
+    told = {path.name for path in folder.iterdir()}
+    assert {"positions.csv", "profile.csv", "summary.json", "scene.toml"} <= told
+    found = rows(folder / "positions.csv")
+    assert [row["position"] for row in found] == ["1", "2", "3", "4"]
+    # a car on the shoe of the tower has no haul force and no tension
+    assert [row["on:up"] for row in found] == ["", "", "tower", "tower"]
+    assert [bool(row["haul:up"]) for row in found] == [True, True, False, False]
+    assert found[1]["on:down"] == "tower"
+    summary, design = numbers(folder)
+    assert summary["status"] == "complete"
+    assert design["tension_max"] == pytest.approx(433576.5376, abs=1e-3)
+    assert design["safety_factor_min"] == pytest.approx(1.6e6 / 433576.5376, rel=1e-6)
+    profile = rows(folder / "profile.csv")
+    assert all(float(row["y_highest"]) <= float(row["y_lowest"]) + 1e-9 for row in profile)
+    assert "largest tension" in out
+    assert len(out.splitlines()) <= 20
+    page = (folder.parent / "report.html").read_text()
+    assert "The line at rest" in page
+    assert "nan" not in page.lower().split("<svg")[0]
+
+
+def test_rise_of_the_counterweight(cablefem, tmp_path):
+    (tmp_path / "one.toml").write_text(line(*TRAMWAY).to_toml())
+    assert cablefem("run", "one.toml")[0] == 0
+    design = numbers(tmp_path / "cablefem-out" / "line" / "rest")[1]
+    assert design["rise_max:weight"] == pytest.approx(10.837, abs=1e-3)
+
+
+def test_pressure_on_the_tower_of_the_two_span_tramway(cablefem, tmp_path):
+    assert cablefem("run", "two-span")[0] == 0
+    design = numbers(tmp_path / "cablefem-out" / "two-span" / "rest")[1]
+    assert design["pressure_down_min:tower"] == pytest.approx(78.1e3, abs=50.0)
+    assert design["pressure_down_max:tower"] == pytest.approx(132.7e3, abs=50.0)
+
+
+def test_check_agrees(cablefem, tmp_path):
+    code, out, _ = cablefem("check", "two-span", *FEW)
+    assert code == 0
+    assert out.startswith("agree")
+    stored = json.loads((tmp_path / "cablefem-out" / "two-span" / "agreement.json").read_text())
+    assert stored["verdict"] == "agree"
+    told = {row["quantity"]: row for row in stored["rows"]}
+    assert {"place", "rope_place", "s", "tension_behind", "tension_ahead", "pressure", "haul"} <= set(told)
+    assert all(row["gap"] <= 1e-6 for row in told.values() if row["unit"] == "m")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("car.grip.mass", 4000.04),
+        ("cable.EA", 1.4001e8),
+        ("cable.length", 1024.5001),
+        ("contact.first.at", [400.0, -30.0001]),
+    ],
+)  # fmt: skip
+def test_a_fault_told_to_one_solver_disagrees(key, value):
+    sound = line(*THREE)
+    assert checked(sound, 1e-6, 1e-6)[2] == "agree"
+    assert checked(sound, 1e-6, 1e-6, second=sound.replace({key: value}))[2] == "disagree"
+
+
+def test_forgotten_weight_of_the_rope_at_the_pulley_disagrees():
+    """The elements then take G + q y for G at a counterweight that is not on the level of the first contact."""
+    sound = line({"mass_per_length": 9.0, "EA": 1.5e8}, *(dict(c) for c in _WEIGHED))
+    wrong = sound.replace({"contact.weight.tension": 5e5 - 9.0 * 9.81 * 150.0})
+    assert checked(sound, 1e-6, 1e-6, second=wrong)[2] == "disagree"
+
+
+_WEIGHED = (
+    {"name": "left", "kind": "anchor", "at": [0.0, 0.0]},
+    {"name": "weight", "kind": "counterweight", "at": [600.0, -150.0], "tension": 5e5},
+    {"name": "grip", "mass": 5000.0, "hauled": False, "at": 247.8},
+)
+
+
+def test_a_grid_is_a_table_with_one_row_a_line(cablefem, tmp_path):
+    code, _, err = cablefem(
+        "run", "two-span", *FEW, "--set", "car.up.mass=5000,6000,8000", "--set", "car.down.mass=+1%"
+    )
+    assert (code, err) == (0, "")
+    found = rows(tmp_path / "cablefem-out" / "two-span" / "grid-rest-run" / "table.csv")
+    haul = [float(row["haul_max:up"]) for row in found]
+    assert len(haul) == 3
+    assert np.all(np.diff(haul) > 0.0)
+
+
+def test_a_position_without_rest_leaves_the_others(cablefem, tmp_path):
+    rope, left, first, second, right, *_ = THREE
+    heavy = car("car", 12000.0, [200.0, 920.0])
+    given = line({**rope, "length": 1023.0}, left, {**first, "at": [400.0, 6.0]}, second, right, heavy)
+    (tmp_path / "lifts.toml").write_text(given.to_toml())
+    code, out, _ = cablefem("run", "lifts.toml")
+    assert code == 2
+    assert "the rope lifts off first" in out
+    summary, _ = numbers(tmp_path / "cablefem-out" / "line" / "rest")
+    assert summary["status"] == "incomplete"
+    assert [x["position"] for x in summary["refused"]] == [2]
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("modes", "two-span"), ("certify", "two-span"), ("advise", "two-span", "--tol", "1e-2"),
+        ("run", "two-span", "--method", "fourier"),
+        ("run", "two-span", "--model", "quasi-static"), ("check", "two-span", "--deep"),
+    ],
+)  # fmt: skip
+def test_what_moves_is_refused_in_one_line(cablefem, tmp_path, command):
+    code, out, err = cablefem(*command)
+    assert (code, out) == (2, "")
+    assert "a line of several contacts is computed at rest; one span between two anchors also in motion" in err
+    assert len(lines(err)) == 1
+    assert not (tmp_path / "cablefem-out").exists()
+
+
+@pytest.mark.parametrize("tol", ["1e-10", "0.1", "nan"])
+def test_tolerance_of_a_line(cablefem, tol):
+    code, _, err = cablefem("check", "two-span", "--tol", tol)
+    assert code == 2
+    assert "--tol must lie in [1e-09, 0.01] m" in err

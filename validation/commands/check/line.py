@@ -1,0 +1,171 @@
+"""A line at rest by exact catenaries and by elements: do they agree?
+
+Every number has a bar, at least rounding: of the catenaries the change in one more step of Newton's method, of the
+elements three times the change when their number is halved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from cablefem import catenary_line
+from cablefem.elements import line as elements
+from cablefem.response import Array, write_json
+from cablefem.scene import SceneError
+from cablefem.scene.line import Line, LineRest, LineState, NotFound
+from validation.commands.run.line import Answers, Row, extremes, many, of, rows_of, write
+from validation.core import store
+from validation.core.agreement import Verdict
+from validation.page import report, terminal
+from validation.page.line import tell
+from validation.page.options import Point
+
+FINEST = 32  # elements on each piece, at most
+BY_ELEMENTS = 0.5  # largest bar of the elements over what is asked
+HALVED = 3.0  # bar over the change when elements are halved: no order is shown
+APART = 3.0  # gap over both bars beyond which they disagree
+ROUNDING = 256 * np.finfo(float).eps  # of the reach for lengths, of EA for forces
+TOL = 1e-6  # [m], and of the largest tension
+TOL_RANGE = (1e-9, 1e-2)
+NAMES = ("catenaries", "elements")
+
+
+METRES = ("place", "rope_place", "s", "rope_length")  # quantities in metres; the others are forces
+
+
+def numbers(state: LineState) -> dict[str, Array]:
+    """Return what is compared of a state by quantity, (n, 1) or (n, 2) over stations; nan where there is none."""
+    case = state.case
+    saddle = np.array([p.kind == "saddle" for p in case.stations])[:, None]
+    nowhere = np.full((1, 2), np.nan)
+    length = np.full((len(state.s), 1), np.nan)
+    length[-1] = np.ptp(state.s)
+    return {
+        "place": np.where(np.isnan(case.fixed_places), state.place, np.nan),
+        "rope_place": np.concatenate([state.middle, nowhere]),
+        "s": np.where(np.isnan(case.fixed_s), state.s, np.nan)[:, None], "rope_length": length,
+        "tension_behind": state.tensions[:, :1], "tension_ahead": state.tensions[:, 1:], "haul": state.haul[:, None],
+        "pressure": np.where(saddle, state.pressure, np.nan),
+    }  # fmt: skip
+
+
+def compared(a: LineRest, less_a: LineRest, b: LineRest, less_b: LineRest, tol: float, tol_tension: float) -> list[Row]:
+    """Return one judged row a quantity: the worst station of the worst position. `less` are coarser answers.
+
+    The row `rest` tells where only one has a state of rest: they disagree, unless the other's search did not end.
+    """
+    both = [
+        (i, states) for i, states in enumerate(zip(*(x.positions for x in (a, less_a, b, less_b)), strict=True))
+        if all(isinstance(state, LineState) for state in states)
+    ]  # fmt: skip
+    tension = max((float(np.nanmax(states[0].tensions)) for _, states in both), default=1.0)
+    told = [tuple(numbers(state) for state in states) for _, states in both]
+    out = []
+    for quantity in told[0][0] if told else ():
+        length = quantity in METRES
+        scale = max(np.ptp(a.empty.place[:, 0]) if length else a.empty.case.EA, 0.0)
+        gaps, bars_a, bars_b, at = [], [], [], []
+        for (i, states), (x, less_x, y, less_y) in zip(both, told, strict=True):
+            gaps.append(np.abs(x[quantity] - y[quantity]).ravel())
+            bars_a.append(np.fmax(np.abs(x[quantity] - less_x[quantity]), ROUNDING * scale).ravel())
+            bars_b.append(np.fmax(HALVED * np.abs(y[quantity] - less_y[quantity]), ROUNDING * scale).ravel())
+            names = [p.name for p in states[0].case.stations]
+            at += [f"{name}, position {i + 1}" for name in np.repeat(names, x[quantity].shape[1])]
+        asked = tol if length else tol_tension * tension
+        gap, bar_a, bar_b = (np.concatenate(part) for part in (gaps, bars_a, bars_b))
+        if np.isfinite(gap).any():
+            worst = np.where(gap > APART * (bar_a + bar_b), gap / ROUNDING, np.maximum(gap, bar_a + bar_b))
+            k = int(np.nanargmax(worst))
+            out.append(_row(quantity, float(gap[k]), float(bar_a[k]), float(bar_b[k]), asked, at[k]))
+    for i, pair in enumerate(zip(a.positions, b.positions, strict=True)):
+        if sum(isinstance(state, LineState) for state in pair) == 1:
+            unknown = any(isinstance(state, NotFound) for state in pair)
+            out.append(_row("rest", 1.0, 1.0 if unknown else 0.0, 0.0, 0.0, f"position {i + 1}"))
+            break
+    return out
+
+
+def _row(quantity: str, gap: float, bar_a: float, bar_b: float, asked_for: float, where: str) -> Row:
+    return {
+        "quantity": quantity, "gap": gap, "bar_a": bar_a, "bar_b": bar_b, "allowed": bar_a + bar_b,
+        "asked_for": asked_for, "asked": True, "where": where, "unit": "m" if quantity in METRES else "N",
+        "verdict": three_lines(gap, bar_a + bar_b, asked_for).value,
+    }  # fmt: skip
+
+
+def three_lines(gap: float, bars: float, asked_for: float) -> Verdict:
+    """Beyond three times both bars they disagree; else what exceeds the asked is too coarse; else they agree."""
+    if gap > APART * bars:
+        return Verdict.DISAGREE
+    return Verdict.AGREE if max(gap, bars) <= asked_for else Verdict.TOO_COARSE
+
+
+def checked(line: Line, tol: float, tol_tension: float, second: Line | None = None) -> tuple[Answers, list[Row], str]:
+    """Return what the catenaries say, the rows and the verdict; a second line is told to the elements alone.
+
+    Elements are doubled until gap and bars are within what is asked, up to FINEST on a piece.
+    """
+    begun, n = perf_counter(), 4
+    try:
+        a, less_a = line.rest(partial(catenary_line.solve, more=1)), line.rest(catenary_line.solve)
+        less_b = (second or line).rest(partial(elements.solve, elements=n // 2))
+        while True:
+            b = (second or line).rest(partial(elements.solve, elements=n))
+            rows = compared(a, less_a, b, less_b, tol, tol_tension)
+            coarse = any(row["bar_b"] > BY_ELEMENTS * row["asked_for"] for row in rows if row["quantity"] != "rest")
+            if not coarse or n >= FINEST:
+                break
+            less_b, n = b, 2 * n
+    except SceneError as error:
+        raise store.Refused([f"{line.name}: {fault}" for fault in error.faults]) from None
+    found = of(line, a, begun)
+    other = {d["quantity"]: d["value"] for d in extremes(line, rows_of(line, b))}
+    for d in found.design:
+        d["bar"] = abs(d["value"] - other.get(d["quantity"], d["value"]))
+    words = {row["verdict"] for row in rows}
+    return found, rows, next(v for v in ("disagree", "too coarse", "agree") if v in words)
+
+
+def check(points: Sequence[Point], tol: float | None, tol_tension: float | None, out: Path | None) -> int:
+    """Check a line, or every point of a grid of lines; 1 unless they agree, 2 where a position has no rest."""
+    tol = TOL if tol is None else tol
+    low, high = TOL_RANGE
+    if not low <= tol <= high:
+        raise store.Refused(f"--tol must lie in [{low:g}, {high:g}] m for a line at rest, got {tol:g}")
+    asked = tol, tol if tol_tension is None else tol_tension
+    line: Line = points[0].scene
+    if len(points) > 1:
+
+        def answered(point: Point) -> tuple[Answers, Row]:
+            found, _, verdict = checked(point.scene, *asked)
+            return found, {"verdict": verdict}
+
+        return many("check", line, points, out, answered)
+    folder = store.claim(out, "check", line, ["agreement.json", "rest-check"])
+    with terminal.progress() as progress:
+        progress("both", 0.0)
+        begun = perf_counter()
+        found, rows, verdict = checked(line, *asked)
+        seconds = perf_counter() - begun
+        progress("both", 1.0)
+    write(folder / "rest-check", found)
+    write_json(folder / "agreement.json", {"verdict": verdict, "methods": NAMES, "rows": rows})
+    report.write(folder, "check")
+    store.finish(folder, "check")
+    terminal.say(
+        f"{verdict}: exact catenaries and elements, {line.count} positions, {seconds:.1f} s",
+        style=terminal.STYLES[verdict],
+    )
+    tell(line, found.design, found.refused)
+    worst = max(rows, key=lambda row: row["gap"] / row["allowed"] if row["allowed"] else np.inf)
+    terminal.say(
+        f"  {sum(row['verdict'] == 'agree' for row in rows)} of {len(rows)} comparisons agree; the worst: "
+        f"{worst['quantity']} at {worst['where']}, gap {worst['gap']:.1e} {worst['unit']}, bars {worst['allowed']:.1e}"
+    )
+    terminal.say(f"  written to {folder}: report.html, agreement.json, rest-check/")
+    return 1 if verdict != "agree" else 2 if found.refused else 0

@@ -1,0 +1,276 @@
+"""What a designer asks of a line at rest: numbers at each position of its cars, their extremes, the envelope.
+
+Quantities are named `quantity:contact`, `quantity:car` or `quantity:obstacle`. SI; depths below the first contact.
+"""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from cablefem import catenary_line
+from cablefem.response import Array, whole, write_json
+from cablefem.scene import SceneError
+from cablefem.scene.line import Line, LineRest, LineState, NoLine
+from validation.core import store
+from validation.page import report, terminal
+from validation.page.line import UNITS, kind_of, shown, tell
+from validation.page.options import Point
+
+PLACES = 201  # of the envelope along x
+DRAWN = 7  # positions whose rope is drawn, at most
+GRID = "grid-rest"
+ONLY = {"tension_max": "max", "safety_factor": "min", "clearance_rope": "min", "clearance_car": "min", "sag": "max"}
+ONLY |= {"tension_min": "min"}  # quantities of which one extreme matters
+Row = dict[str, Any]
+
+
+def row(line: Line, i: int, state: LineState, empty: LineState) -> Row:
+    """Return the numbers of position i; None for what a car on a shoe has not."""
+    names = [p.name for p in state.case.stations]
+    found: Row = {}
+    for car in line.car:
+        x = line.place(car, i)
+        shoe = line.shoe(x)
+        depth = _depth(state, x)
+        found |= {f"x:{car.name}": x, f"depth:{car.name}": depth, f"on:{car.name}": shoe}
+        k = names.index(car.name) if shoe is None else None
+        for side, name in enumerate(("tension_behind", "tension_ahead")):
+            found[f"{name}:{car.name}"] = None if k is None else float(state.tensions[k, side])
+        if car.hauled:
+            found[f"haul:{car.name}"] = None if k is None else float(state.haul[k])
+    held = [names.index(contact.name) for contact in line.contact]
+    for j, k in enumerate(held):
+        found |= _at_contact(line, j, k, state, empty)
+    for (a, b), (m, n) in zip(itertools.pairwise(line.contact), itertools.pairwise(held), strict=True):
+        found[f"sag:{a.name} to {b.name}"] = catenary_line.deepest(state, m, n)
+    found["tension_max"] = float(np.nanmax(state.tensions))
+    found["tension_min"] = catenary_line.least_tension(state)
+    if line.cable.breaking_load is not None:
+        found["safety_factor"] = line.cable.breaking_load / found["tension_max"]
+    return found | _room(line, i, state)
+
+
+def _depth(state: LineState, x: float) -> float:
+    return float(catenary_line.at(state, np.array([x]))[0][0])
+
+
+def _at_contact(line: Line, j: int, k: int, state: LineState, empty: LineState) -> Row:
+    """Return the numbers of contact j, which is station k."""
+    contact, case = line.contact[j], state.case
+    found = {f"tension:{contact.name}": float(np.nanmax(state.tensions[k]))}
+    if contact.kind == "saddle":
+        across, down = (float(x) for x in state.pressure[k])
+        found[f"pressure:{contact.name}"] = math.hypot(across, down)
+        found[f"pressure_down:{contact.name}"] = down
+        found[f"direction:{contact.name}"] = math.degrees(math.atan2(across, down))
+        found[f"rope_over:{contact.name}"] = float(empty.s[j] - state.s[k])
+    elif contact.kind == "counterweight":
+        taken = float(np.ptp(state.s) - np.ptp(empty.s))
+        found[f"rise:{contact.name}"] = case.heat * (1.0 + case.stations[k].force / case.EA) * taken
+    elif contact.kind == "spring":
+        found[f"shift:{contact.name}"] = math.dist(state.place[k], contact.at)
+    return found
+
+
+def _room(line: Line, i: int, state: LineState) -> Row:
+    """Return the free heights over obstacles and ground at position i, negative where something hits."""
+    found = {f"clearance_rope:{o.name}": o.top - _depth(state, o.at) for o in line.obstacle}
+    if not line.ground:
+        return found
+    x, depth = np.array(line.ground).T
+    low, high = max(x[0], 0.0), min(x[-1], line.contact[-1].at[0])
+    here = np.union1d(x[(x >= low) & (x <= high)], np.linspace(low, high, PLACES))
+    found["clearance_rope:ground"] = float(np.min(np.interp(here, x, depth) - catenary_line.at(state, here)[0]))
+    for car in line.car:
+        if x[0] <= (at := line.place(car, i)) <= x[-1]:
+            found[f"clearance_car:{car.name} over the ground"] = (
+                float(np.interp(at, x, depth)) - _depth(state, at) - car.below
+            )
+    return found
+
+
+def _passing(line: Line, rows: list[Row | None]) -> list[tuple[str, int, float]]:
+    """Return the free height of each car over each obstacle that it passes, between two positions linearly."""
+    found = []
+    for car, o in itertools.product(line.car, line.obstacle):
+        told = [(i, r[f"x:{car.name}"], r[f"depth:{car.name}"]) for i, r in enumerate(rows) if r]
+        for (i, a, y), (_, b, z) in zip(told, told[1:] or told, strict=False):
+            if min(a, b) <= o.at <= max(a, b):
+                w = (o.at - a) / (b - a) if b != a else 0.0
+                found.append((f"clearance_car:{car.name} over {o.name}", i, o.top - y - w * (z - y) - car.below))
+    return found
+
+
+def extremes(line: Line, rows: list[Row | None]) -> list[Row]:
+    """Return the largest and the least of each quantity, with the position where it occurs."""
+    series: dict[str, list[tuple[float, int]]] = {}
+    for i, each in enumerate(rows):
+        for name, value in (each or {}).items():
+            if isinstance(value, float) and kind_of(name) != "x":
+                series.setdefault(name, []).append((value, i))
+    for name, i, value in _passing(line, rows):
+        series.setdefault(name, []).append((value, i))
+    out = []
+    for name, values in series.items():
+        kind, _, of = name.partition(":")
+        for word, pick in (("max", max), ("min", min)):
+            if ONLY.get(kind, word) == word:
+                value, i = pick(values)
+                quantity = kind if kind.endswith(f"_{word}") else f"{kind}_{word}"
+                out.append({
+                    "quantity": f"{quantity}:{of}" if of else quantity, "value": value, "bar": None,
+                    "unit": UNITS.get(kind, "m"), "position": i + 1, "at": {c.name: line.place(c, i) for c in line.car},
+                })  # fmt: skip
+    return out
+
+
+def envelope(line: Line, rest: LineRest) -> dict[str, Array]:
+    """Return the columns of profile.csv: the empty rope, and the extremes of depth and tension over all positions."""
+    x = np.linspace(0.0, line.contact[-1].at[0], PLACES)
+    found = [catenary_line.at(state, x) for state in rest.positions if isinstance(state, LineState)]
+    y, T = (np.array([part[i] for part in found]) for i in (0, 1))
+    return {
+        "x": x, "y_rest": catenary_line.at(rest.empty, x)[0], "y_highest": y.min(axis=0), "y_lowest": y.max(axis=0),
+        "tension_max": T.max(axis=0), "tension_min": T.min(axis=0),
+    }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """A line at rest and what it says."""
+
+    line: Line
+    rest: LineRest
+    rows: list[Row | None]  # None: a position without rest
+    design: list[Row]
+    seconds: float
+
+    @property
+    def refused(self) -> list[Row]:
+        """Positions without rest, and why."""
+        told = enumerate(self.rest.positions)
+        return [{"position": i + 1, "reason": str(x)} for i, x in told if isinstance(x, NoLine)]
+
+    @property
+    def status(self) -> str:
+        return "incomplete" if self.refused else "complete"
+
+
+def answers(line: Line) -> Answers:
+    """Solve a line by catenaries; Refused where the empty line or every position has no rest."""
+    begun = perf_counter()
+    try:
+        rest = line.rest(catenary_line.solve)
+    except SceneError as error:
+        raise store.Refused([f"{line.name}: {fault}" for fault in error.faults]) from None
+    return of(line, rest, begun)
+
+
+def of(line: Line, rest: LineRest, begun: float) -> Answers:
+    """Return what a line at rest says; Refused where no position has a rest."""
+    rows = rows_of(line, rest)
+    if not any(rows):
+        raise store.Refused(f"{line.name}: no position has a rest; at the first {rest.positions[0]}")
+    return Answers(line, rest, rows, extremes(line, rows), perf_counter() - begun)
+
+
+def rows_of(line: Line, rest: LineRest) -> list[Row | None]:
+    """Return the numbers of all positions; None where there is no rest."""
+    told = enumerate(rest.positions)
+    return [row(line, i, x, rest.empty) if isinstance(x, LineState) else None for i, x in told]
+
+
+def write(folder: Path, found: Answers, **more: Any) -> None:
+    """Write positions.csv, profile.csv, summary.json, scene.toml, and the ropes that the page draws."""
+    folder.mkdir(exist_ok=True)
+    line, columns = found.line, list(next(x for x in found.rows if x))
+    lines = [[i + 1, *(None if x is None else x[name] for name in columns)] for i, x in enumerate(found.rows)]
+    _csv(folder / "positions.csv", ["position", *columns], lines)
+    told = envelope(line, found.rest)
+    _csv(folder / "profile.csv", list(told), np.stack(list(told.values()), axis=1).tolist())
+    with whole(folder / "scene.toml") as temporary:
+        temporary.write_text(line.to_toml(), encoding="utf-8")
+    write_json(folder / "summary.json", {
+        "scene": line.name, "title": line.title, "method": "catenaries", "status": found.status,
+        "refused": found.refused, "positions": line.count, "empty_length": float(np.ptp(found.rest.empty.s)),
+        "design": found.design, "seconds": found.seconds, **more,
+    })  # fmt: skip
+    standing = [i for i, x in enumerate(found.rest.positions) if isinstance(x, LineState)]
+    drawn = [standing[k] for k in np.unique(np.linspace(0, len(standing) - 1, DRAWN).round().astype(int))]
+    depths = {str(i + 1): catenary_line.at(found.rest.positions[i], told["x"])[0].tolist() for i in drawn}
+    write_json(folder / "ropes.json", {"profile": {k: v.tolist() for k, v in told.items()}, "depths": depths})
+
+
+def _csv(file: Path, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    with whole(file) as temporary, temporary.open("w", encoding="utf-8", newline="") as out:
+        writer = csv.writer(out)
+        writer.writerow(head)
+        writer.writerows([f"{x:.9g}" if isinstance(x, float) else x for x in line] for line in rows)
+
+
+def run(points: Sequence[Point], out: Path | None) -> int:
+    """Answer a line, or every point of a grid of lines; 2 where a position has no rest."""
+    line = points[0].scene
+    if len(points) > 1:
+        return many("run", line, points, out, lambda point: (answers(point.scene), {}))
+    folder = store.claim(out, "run", line, ["rest"])
+    found = answers(line)
+    write(folder / "rest", found)
+    report.write(folder, "run")
+    store.finish(folder, "run")
+    tell(line, found.design, found.refused)
+    terminal.say(f"  {line.count} positions in {1e3 * found.seconds:.0f} ms")
+    terminal.say(f"  written to {folder}: report.html, rest/")
+    return 2 if found.refused else 0
+
+
+def many(
+    command: str, line: Line, points: Sequence[Point], out: Path | None,
+    answered: Callable[[Point], tuple[Answers, Row]],
+) -> int:  # fmt: skip
+    """Answer every point of a grid, write table and page; 1 where solvers do not agree, 2 where a line has no rest."""
+    folder = store.claim(out, command, line, [f"{GRID}-{command}"])
+    rows: list[Row] = []
+    lowest: list[Any] = []
+    code = 0
+    with terminal.progress() as progress:
+        for i, point in enumerate(points):
+            progress("grid", i / len(points))
+            given = {key: store.plain(value) for key, value in point.given.items()}
+            try:
+                found, more = answered(point)
+            except store.Refused as error:
+                rows.append({**given, "status": "incomplete", "why": str(error)})
+                lowest.append(None)
+                code = 2
+                continue
+            told = envelope(point.scene, found.rest)
+            rows.append({**given, "status": found.status, **{d["quantity"]: d["value"] for d in found.design}, **more})
+            lowest.append([told["x"].tolist(), told["y_lowest"].tolist()])
+            code = 2 if found.refused else code or (more.get("verdict", "agree") != "agree")
+    home = folder / f"{GRID}-{command}"
+    home.mkdir(exist_ok=True)
+    columns = list(dict.fromkeys(name for x in rows for name in x))
+    _csv(home / "table.csv", columns, [[x.get(name) for name in columns] for x in rows])
+    write_json(home / "grid.json", {"keys": list(points[0].given), "rows": rows, "lowest": lowest})
+    with whole(home / "scene.toml") as temporary:
+        temporary.write_text(line.to_toml(), encoding="utf-8")
+    report.write(folder, command)
+    store.finish(folder, command)
+    heads = shown(rows, list(points[0].given))
+    terminal.table(list(heads.values()), [[_cell(x.get(name)) for name in heads] for x in rows])
+    terminal.say(f"  written to {folder}: report.html, {home.name}/table.csv")
+    return int(code)
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else "-" if value is None else str(value)

@@ -1,0 +1,264 @@
+"""What is shown of a line at rest, on the terminal and on its page, from what a command stored."""
+
+from __future__ import annotations
+
+import csv
+import json
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from validation.core.quantities import scale_of
+from validation.page import terminal
+from validation.page.page import Section, callout, details, gallery, table
+from validation.page.plot import BLACK, BLUE, DASHED, DOTTED, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, Panel, plot
+
+UNITS = {
+    "tension": "N", "tension_behind": "N", "tension_ahead": "N", "tension_max": "N", "tension_min": "N", "haul": "N",
+    "pressure": "N", "pressure_down": "N", "direction": "deg", "safety_factor": "", "on": "",
+}  # fmt: skip
+# Quantity -> its words; "{}" is the contact, the car or the obstacle. The order is that of the tables.
+WORDS = {
+    "tension": "tension at {}", "tension_max": "largest tension", "tension_min": "least tension",
+    "safety_factor": "safety factor", "haul": "haul force of {}, to the right", "tension_behind": "tension behind {}",
+    "tension_ahead": "tension ahead of {}", "pressure": "pressure on {}", "pressure_down": "pressure on {}, vertical",
+    "direction": "pressure on {}, angle from vertical, to the right", "rope_over": "rope run over {}, to the right",
+    "rise": "rise of {}", "shift": "shift of {}", "depth": "depth of {}", "sag": "sag, {}",
+    "clearance_rope": "clearance of the rope, {}", "clearance_car": "clearance, {}",
+}  # fmt: skip
+GRID = ("tension_max", "safety_factor", "pressure", "haul", "rise", "clearance_rope", "clearance_car")
+MOST = 14  # rows of the terminal's table
+COLORS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
+WIDE, FLAT = 400.0, 70.0  # of a panel in its units; a side view is no lower than that
+Row = dict[str, Any]
+
+
+def kind_of(name: str) -> str:
+    """Return the quantity of a name, without the extreme and what it is of."""
+    kind, _, of = name.partition(":")
+    return kind if kind in WORDS and not of else kind.removesuffix("_max").removesuffix("_min")
+
+
+def named(name: str) -> str:
+    """Return a quantity in words."""
+    return WORDS.get(kind_of(name), name).format(name.partition(":")[2])
+
+
+def value_of(value: float, unit: str) -> str:
+    """Return a value with its unit, to a millimetre or a newton."""
+    factor, words = (1.0, unit) if unit == "m" else scale_of(np.array([value]), unit)
+    words = {"deg": "°", "": ""}.get(words, f" {words}")
+    return f"{factor * value:.3f}{words}"
+
+
+def pairs(design: Sequence[Row]) -> list[Row]:
+    """Return one row a quantity: its largest and its least value, and where the cars are then."""
+    out: dict[str, Row] = {}
+    for d in sorted(design, key=lambda d: list(WORDS).index(kind_of(d["quantity"]))):
+        words = named(d["quantity"])
+        row = out.setdefault(words, {"quantity": words, "largest": "", "least": ""})
+        cars = ", ".join(f"{name} {x:.0f}" for name, x in d["at"].items())
+        least = d["quantity"].partition(":")[0].endswith("_min")
+        value = value_of(d["value"], d["unit"])
+        row["least" if least else "largest"] = f"{value} ({cars})" if cars else value
+        if least and row["largest"].startswith(f"{value} "):
+            row["largest"], row["least"] = value, "the same"
+    return list(out.values())
+
+
+def tell(line: Any, design: Sequence[Row], refused: Sequence[Row]) -> None:
+    """Print the extremes over all positions, and positions without rest."""
+    terminal.say(f"{line.name}: {line.title or 'a line at rest'}", style="bold")
+    few = ("tension", "tension_behind", "tension_ahead", "pressure")
+    first = [d for d in design if kind_of(d["quantity"]) not in few]
+    cells = [list(x.values()) for x in pairs(first)][:MOST]
+    terminal.table(["quantity", "largest (cars at x [m])", "least"], cells)
+    if len(pairs(first)) > MOST:
+        terminal.say(f"  {len(pairs(first)) - MOST} more in the report")
+    for x in refused[:3]:
+        terminal.say(f"  position {x['position']}: {x['reason']}", style="bold red")
+    if len(refused) > 3:
+        terminal.say(f"  and {len(refused) - 3} more positions without rest", style="bold red")
+
+
+def shown(rows: Sequence[Row], keys: Sequence[str]) -> dict[str, str]:
+    """Return the columns of a grid's table and their heads."""
+    names = dict.fromkeys(name for x in rows for name in x if kind_of(name) in GRID and name not in keys)
+    kept = [n for n in names if not (kind_of(n) == "pressure" and n.startswith("pressure_down"))]
+    last = [name for name in ("status", "verdict", "why") if any(x.get(name) not in (None, "complete") for x in rows)]
+    return {key: key for key in keys} | {n: _head(n) for n in kept} | {name: name for name in last}
+
+
+def _head(name: str) -> str:
+    unit = UNITS.get(kind_of(name), "m")
+    least = name.partition(":")[0].endswith("_min") and kind_of(name) not in ("tension_min",)
+    few = "" if kind_of(name) in ("tension_max", "safety_factor") else "least " if least else "largest "
+    return few + named(name) + (f" [{unit}]" if unit else "")
+
+
+# --- pages -----------------------------------------------------------------------------------------------------------
+
+
+def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
+    """Return the pages of the line stored in a folder; rows and verdict of a check."""
+    summary, ropes = (
+        json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in ("summary", "ropes")
+    )
+    line = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
+    with (folder / "positions.csv").open(encoding="utf-8", newline="") as file:
+        positions = list(csv.DictReader(file))
+    refused, count = summary["refused"], summary["positions"]
+    found = [{**x, **{k: x[k].replace("-", "−") for k in ("largest", "least")}} for x in pairs(summary["design"])]
+    heads = {"quantity": "quantity", "largest": "largest (cars at x [m])", "least": "least"}
+    html = [
+        *(callout(f"Position {x['position']}: {x['reason']}", "disagree") for x in refused[:5]),
+        _side(line, ropes, positions), table(found, heads, stack=True),
+    ]  # fmt: skip
+    told = f"{count} position{'s' * (count > 1)} of the cars" + (f", {len(refused)} without rest" if refused else "")
+    tension = next(d for d in summary["design"] if d["quantity"] == "tension_max")
+    told += f": largest tension {value_of(tension['value'], 'N')}."
+    out = [Section(f"{folder.name}-line", "The line at rest", Markup("\n").join(html), verdict, told)]
+    if count > 1:
+        over = line["car"][0]["name"]
+        reach = _reach(positions, over)
+        drawn = [plot([p], reach, f"x of {over} [m]", title) for title, p in _panels(line, positions)]
+        body = gallery(*drawn) + details("All numbers", _all(positions))
+        out.append(Section(f"{folder.name}-over", "Over the positions", body))
+    return out + ([Section(f"{folder.name}-sure", "How sure", _sure(rows), None, _SURE)] if rows else [])
+
+
+_SURE = (
+    "Exact catenaries and elements share the scene and a first guess, and no equation. Every number has a bar. "
+    "A gap beyond three times both bars means that they disagree."
+)
+
+
+def _floats(positions: Sequence[Row], name: str) -> np.ndarray:
+    return np.array([float(x[name]) if x.get(name) else np.nan for x in positions])
+
+
+def _reach(positions: Sequence[Row], car: str) -> tuple[float, float]:
+    x = _floats(positions, f"x:{car}")
+    return float(np.nanmin(x)), float(np.nanmax(x))
+
+
+def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
+    """Draw the line from the side, to scale, or with depths a whole number of times too large."""
+    told = {name: np.array(values) for name, values in ropes["profile"].items()}
+    x, end = told["x"], float(told["x"][-1])
+    ground, obstacles = np.array(line.get("ground", [])).reshape(-1, 2), line.get("obstacle", [])
+    p = Panel("depth [m]", "", down=True)
+    cars = [
+        (car, _floats(positions, f"x:{car['name']}"), _floats(positions, f"depth:{car['name']}"))
+        for car in line.get("car", [])
+    ]
+    depths = [told["y_highest"], told["y_lowest"], ground[:, 1], np.array([o["top"] for o in obstacles])]
+    p.fit([*depths, *(y + car.get("below", 0.0) for car, _, y in cars)], pad=0.08)
+    times = max(1, round(FLAT / ((p.high - p.low) * WIDE / end)))
+    p.height = times * (p.high - p.low) * WIDE / end
+    p.bands.append((x, told["y_highest"], told["y_lowest"], "#0072b233"))
+    p.line(x, told["y_rest"], GREY, DOTTED, 1.4, "empty rope")
+    for depth in ropes["depths"].values():
+        p.line(x, np.array(depth), BLUE, "", 1.0, "rope at some positions; shaded: at all")
+    for (car, at, y), color in zip(cars, COLORS[1:] * len(cars), strict=False):
+        p.line(at, y + car.get("below", 0.0), color, DASHED, 1.8, f"lowest point of {car['name']}")
+        if at.size == 1:
+            p.dots.append((float(at[0]), float(y[0]), color, True))
+    if ground.size:
+        p.line(ground[:, 0], ground[:, 1], "#8a7a55", "", 2.0, "ground")
+    for o in obstacles:
+        p.line(np.array([o["at"], o["at"]]), np.array([o["top"], p.high]), "#6b8e5a", "", 5.0, o["name"])
+    for c in line["contact"]:
+        p.dots.append((c["at"][0], c["at"][1], BLACK, c["kind"] in ("anchor", "saddle")))
+        away = -1.0 if c["at"][0] > 0.9 * end else 1.0 if c["at"][0] < 0.1 * end else 0.0
+        p.labels.append((c["at"][0] + away * 0.06 * end, c["at"][1] - 0.05 * (p.high - p.low), c["name"]))
+    scale = "To scale." if times == 1 else f"Depths are drawn {times} times too large."
+    return plot([p], (0.0, end), "x [m]", f"The line from the side. {scale}", wide=True)
+
+
+def _panels(line: Row, positions: Sequence[Row]) -> list[tuple[str, Panel]]:
+    """Return one panel a kind of quantity, with its title, over the place of the first car."""
+    if not line.get("car"):
+        return []
+    at = _floats(positions, f"x:{line['car'][0]['name']}")
+    out = []
+    for title, kinds in (
+        ("Tension.", ("tension", "tension_max")), ("Haul force; positive where it pulls to the right.", ("haul",)),
+        ("Vertical pressure of the rope on saddles.", ("pressure_down",)), ("Rise of the counterweight.", ("rise",)),
+        ("Clearance.", ("clearance_rope", "clearance_car")), ("Safety factor.", ("safety_factor",)),
+    ):  # fmt: skip
+        names = [name for name in positions[0] if name.partition(":")[0] in kinds]
+        if not names:
+            continue
+        values = [_floats(positions, name) for name in names]
+        factor, unit = scale_of(np.concatenate(values), UNITS.get(kinds[0], "m"))
+        p = Panel(f"[{unit}]" if unit else "", "", 140.0)
+        p.fit([factor * v for v in values])
+        for name, v, color in zip(names, values, COLORS * len(names), strict=False):
+            p.line(at, factor * v, color, "", 1.8, named(name))
+        out.append((title, p))
+    return out
+
+
+def _all(positions: Sequence[Row]) -> Markup:
+    names = [name for name in positions[0] if name == "position" or name.partition(":")[0] in ("x", "on", *WORDS)]
+    heads = {n: n if n == "position" else _column(n) for n in names}
+    return table([{n: _written(x[n]) for n in names} for x in positions], heads)
+
+
+def _column(name: str) -> str:
+    kind, _, of = name.partition(":")
+    if kind in ("x", "on"):
+        return f"{of}: x [m]" if kind == "x" else f"{of}: on the shoe of"
+    unit = UNITS.get(kind, "m")
+    return named(name) + (f" [{unit}]" if unit else "")
+
+
+def _written(text: str) -> str:
+    try:
+        return f"{float(text):.6g}".replace("-", "−")
+    except ValueError:
+        return text or "–"
+
+
+def _sure(rows: Sequence[Row]) -> Markup:
+    cells = [
+        {"what": r["quantity"].replace("_", " "), "gap": r["gap"], "bar_a": r["bar_a"], "bar_b": r["bar_b"],
+         "asked": r["asked_for"], "unit": r["unit"], "where": r["where"], "verdict": r["verdict"]}
+        for r in rows
+    ]  # fmt: skip
+    heads = {
+        "what": "largest gap of", "gap": "gap", "bar_a": "bar, catenaries", "bar_b": "bar, elements", "asked": "asked",
+        "unit": "unit", "where": "where", "verdict": "verdict",
+    }  # fmt: skip
+    return table(cells, heads, sort=True)
+
+
+def grid(folder: Path) -> list[Section]:
+    """Return the page of a grid of lines."""
+    stored = json.loads((folder / "grid.json").read_text(encoding="utf-8"))
+    rows, keys = stored["rows"], stored["keys"]
+    heads = shown(rows, keys)
+    cells = [
+        {n: f"{x[n]:.5g}".replace("-", "−") if isinstance(x.get(n), float) else x.get(n) for n in heads} for x in rows
+    ]
+    drawn = [
+        (np.array(a), np.array(b), x)
+        for (a, b), x in ((low, x) for low, x in zip(stored["lowest"], rows, strict=True) if low)
+    ]
+    p = Panel("depth [m]", "", 180.0, down=True)
+    p.fit([b for _, b, _ in drawn], pad=0.05)
+    for (a, b, x), color in zip(drawn, COLORS * len(drawn), strict=False):
+        p.line(a, b, color, "", 1.4, ", ".join(f"{key.split('.')[-1]} {x[key]}" for key in keys))
+    end = float(drawn[0][0][-1]) if drawn else 1.0
+    html = [table(cells, heads, stack=True)]
+    if drawn:
+        html.append(plot([p], (0.0, end), "x [m]", "The lowest place of the rope over all positions.", wide=True))
+    text = f"{len(rows)} lines, {sum(x['status'] != 'complete' for x in rows)} incomplete."
+    verdicts = [x["verdict"] for x in rows if x.get("verdict")]
+    worst = next((v for v in ("disagree", "too coarse", "agree") if v in verdicts), None)
+    return [Section(folder.name, "All of them", Markup("\n").join(html), worst, text)]
