@@ -60,7 +60,8 @@ def sensitivity(result: Check) -> dict[str, float]:
 def _changed(scene: Scene, key: str) -> Scene | None:
     for sign in "+-":
         try:
-            return varied(scene, {key: f"{sign}{STEP}%"})
+            other = varied(scene, {key: f"{sign}{STEP}%"})
+            return other if isinstance(other, Scene) else None
         except (SceneError, ValueError):
             continue
     return None
