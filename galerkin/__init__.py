@@ -1,4 +1,4 @@
-"""The Galerkin solver, the paper's side: equations (17)-(32) over sines or wavelets, also with a travelling kink."""
+"""The Galerkin solver, the paper's side; see README.md."""
 
 from galerkin.abscissa import PositionAbscissa
 from galerkin.bases import Basis, Daubechies, Fourier

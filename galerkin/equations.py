@@ -62,14 +62,13 @@ class GalerkinSystem(System):
 
         p.. = Phi q.. + 2 ds_o Phi' q. + (dds_o Phi' + ds_o^2 Phi'') q + X.. .
 
-    Where the basis has no phi'', the displacement of the mass is an unknown of its own (the last `fields` unknowns)
-    with the equation w_p - Phi(s_o) q = 0: the path form.  Over a standing basis it needs a scheme that damps.
+    Path form, where the basis has no phi'': the displacement w_p of the mass is unknown (the last `fields` unknowns),
+    with the equation w_p - Phi(s_o) q = 0.
 
-    groups : `Scene.groups`;  basis : `galerkin.bases.Basis`
     kink : enrich the basis by a hat that travels with the mass
     model : "string" | "sagged" | "stretching" (one field normal to the chord) | "full"
-    load : "mass", or "force" = the weight mu sigma alone, without inertia
-    law : "elastic", or "tension-only" N = max(0, T + alpha eps) for the full model
+    load : "mass", or "force" = the weight mu sigma alone
+    law : "elastic", or "tension-only" for the full model
 
     Unknowns: all of U, then all of V; the hat comes last in each.
     """
@@ -109,7 +108,7 @@ class GalerkinSystem(System):
         return self.motion.phases
 
     def with_law(self, law: str) -> GalerkinSystem:
-        """The same system, sharing all tables, under another law."""
+        """The same system under another law; tables are shared."""
         other = copy.copy(self)
         other.law, other.cable = law, cable_model(self.groups, self.model, law)
         other._instants = {}
@@ -127,7 +126,7 @@ class GalerkinSystem(System):
         return self.motion.along(states.t, states.phase)
 
     def drives(self, states: States, velocity: Array, acceleration: Array, sides: Array, working: Array) -> Drives:
-        """The mass over a history, from p., p.. (n, fields) and r' behind and ahead (2, n, fields).
+        """The mass over a history, from p., p.. (n, fields) and r' of both sides (2, n, fields).
 
         working : (n,) <N t> . [r'] - [W]; its power is ds_o (F . <r'> + working).
         """
@@ -136,18 +135,17 @@ class GalerkinSystem(System):
         return Drives(contact, np.full(power.shape, np.nan), power, {})
 
     def sides(self, pointwise: Array, forces: Equilibrium, s_o: Array) -> Array:
-        """r' behind and ahead of the mass over a history, (2, n, 2), from the basis or from the forces."""
+        """r' behind and ahead of the mass, (2, n, 2)."""
         return pointwise
 
     def in_time(self, states: States) -> States:
         return states
 
     def instant(self, t: float, phase: int) -> Instant:
-        """The last few instants are kept: the energy rule visits five in a step."""
         key = (t, phase)
         found = self._instants.get(key)
         if found is None:
-            if len(self._instants) >= 8:
+            if len(self._instants) >= 8:  # the energy rule visits five in a step
                 del self._instants[next(iter(self._instants))]
             found = self._instants[key] = self._instant(*self.motion.at(t, phase))
         return found
@@ -202,7 +200,9 @@ class GalerkinSystem(System):
         inertia[:, -1] += c1 * c.gyroscopic + c0 * c.centrifugal
         if not self.path_form:
             inertia += self.inertia * np.multiply.outer(c.f, c2 * c.f + c1 * c.f_v + c0 * c.f_q)
-        K = c0 * K + np.kron(np.eye(self.fields), inertia)
+        K = c0 * K
+        for i in range(0, self.n_modal, self.n):
+            K[i : i + self.n, i : i + self.n] += inertia
         if not self.path_form:
             return K
         to_mass = np.kron(np.eye(self.fields), c.f)
@@ -211,7 +211,6 @@ class GalerkinSystem(System):
     # --- compiled steps ---------------------------------------------------------------------------------------------
     @property
     def _compiled(self) -> bool:
-        """Whether steps are compiled."""
         full = isinstance(self.cable, FullCable) and not self.path_form
         return full and self.kink and isinstance(self.basis.basis, Fourier)
 
@@ -236,7 +235,6 @@ class GalerkinSystem(System):
     def _stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[int, Array, Array]:
-        """What `kernels.stride` returns."""
         places = self.motion.along(t, phase).T
         alike, *points = next(self.sines.alike(places[:, 0]))
         same, line = alike.stop, self._line(*points)
@@ -318,9 +316,9 @@ class GalerkinSystem(System):
         return State(t, q, v, a, 0)
 
     def _slope_behind(self, m: float, load: Array) -> Array:
-        """Solve m d + [N t - T t_static](X' + d) + load = 0 at the left support for d by full Newton steps.
+        """Solve m d + [N t - T t_static](X' + d) + load = 0 at the left support by full Newton steps.
 
-        Halved steps creep along a curved valley where the cable is stiff.
+        Halved steps creep where the cable is stiff.
         """
         d = np.zeros(self.fields)
         for _ in range(50):
@@ -332,7 +330,6 @@ class GalerkinSystem(System):
         raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
 
     def path(self, states: States) -> tuple[Array, Array]:
-        """Return s_o (n,) and the displacement of the mass (n, 2); see `Observation`."""
         x = history(self, states)
         return x.s_o, displaced(self, states, x) @ direction(self)
 

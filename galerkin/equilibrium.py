@@ -13,6 +13,7 @@ from galerkin.bases.kink import Array, TravellingKink
 from galerkin.models import FullCable
 
 BLOCK = 1000  # states whose tension along the cable is taken at once
+STATIONS = 60  # about, for the least tension of a state
 
 if TYPE_CHECKING:
     from galerkin.equations import GalerkinSystem
@@ -29,7 +30,7 @@ class Equilibrium:
     right: Array
     along: Array  # (k, m, 2) at frames x stations; at s = s_o the side behind
     strain: Array  # (n,) int W ds
-    least: Array  # (n,) least tension at stations and supports, and its s
+    least: Array  # (n,) least tension at some stations and supports, and its s
     least_at: Array
 
 
@@ -48,18 +49,18 @@ def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equi
     ahead = (internal[:, :, 1] - moment_ahead) / rest
     left = behind - combined(x.A, first - ends_1[0]) - ray_behind * s_o**2 / 2.0
     right = ahead + combined(x.A, ends_1[1] - first) + ray_ahead * rest**2 / 2.0
-    stations = np.concatenate([[0.0], s, [1.0]])
-    primitives, here, static = basis.phi(stations, -1), combined(x.A, first), _static(cable, stations)
+    here = combined(x.A, first)
 
-    def along(k: Array) -> Array:
-        standing = np.einsum("kfm,sm->ksf", x.A[k], primitives, optimize=True) - here[k, None]
-        before = behind[k, None] - 0.5 * (s_o[k] ** 2 - stations**2)[..., None] * ray_behind[k, None]
-        after = ahead[k, None] + 0.5 * (rest[k] ** 2 - (1.0 - stations) ** 2)[..., None] * ray_ahead[k, None]
-        return standing + np.where((stations <= s_o[k])[..., None], before, after) + static
+    def along(k: Array, s: Array) -> Array:
+        standing = np.einsum("kfm,sm->ksf", x.A[k], basis.phi(s, -1), optimize=True) - here[k, None]
+        before = behind[k, None] - 0.5 * (s_o[k] ** 2 - s**2)[..., None] * ray_behind[k, None]
+        after = ahead[k, None] + 0.5 * (rest[k] ** 2 - (1.0 - s) ** 2)[..., None] * ray_ahead[k, None]
+        return standing + np.where((s <= s_o[k])[..., None], before, after) + _static(cable, s)
 
     least, where = np.empty(x.s_o.size), np.empty(x.s_o.size, int)
+    stations = np.concatenate([[0.0], s[:: 1 + s.size // STATIONS], [1.0]])
     for k in np.array_split(np.arange(x.s_o.size), 1 + x.s_o.size // BLOCK):
-        T = tension(along(k), static)
+        T = tension(along(k, stations), _static(cable, stations))
         where[k] = T.argmin(axis=1)
         least[k] = T.min(axis=1)
     at_mass, at_left, at_right = (_static(cable, place) for place in (x.s_o, np.zeros(1), np.ones(1)))
@@ -68,7 +69,7 @@ def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equi
         ahead + at_mass,
         left + at_left,
         right + at_right,
-        along(frames)[:, 1:-1],
+        along(frames, s),
         strain,
         least,
         stations[where],

@@ -9,10 +9,10 @@ LAWS = ("elastic", "tension-only")  # a law is its index to compiled code
 
 @compiled
 def tension(strain, T, alpha, law):
-    """N, dN/deps, the energy int N deps from the static state, and the elastic N, at one point with static tension T.
+    """N, dN/deps, the energy int N deps from the static state, and the elastic N; T : static tension.
 
     elastic       N = T + alpha eps
-    tension-only  N = max(0, T + alpha eps); the energy of a slack cable is that at N = 0
+    tension-only  N = max(0, T + alpha eps)
     """
     N = T + alpha * strain
     if law == 1 and N < 0.0:

@@ -1,14 +1,13 @@
 """Models of the cable: the full one in (u, v), and one field normal to the chord.
 
-A model turns coefficients Q (fields, n) over a basis into the internal force R (fields, n), measured from the hanging
-cable, and its tangent:
+From coefficients Q (fields, n) a model makes, measured from the hanging cable,
 
-    at(basis, s_o)              what follows needs of a place of the mass
-    force(place, Q)             R; what `least` needs
-    linearise(place, Q)         the same two, and dR/dQ, (fields n, fields n)
-    least(basis, place, pull)   the least mean tension over a shortest wave, and its s
-    static_slope, static_depth  X', X'' and depth of the static shape that the load follows
-    stress(s, slope)            the force of one point for w' = slope, and its derivative by it
+    force(place, Q)            the internal force R (fields, n), and what `least` needs
+    linearise(place, Q)        the same two, and dR/dQ
+    least(basis, place, pull)  the least mean tension over a shortest wave, and its s
+    stress(s, slope)           the force of one point for w' = slope, and its derivative by it
+
+place : what `at(basis, s_o)` returns.
 """
 
 from __future__ import annotations
@@ -30,8 +29,7 @@ MODELS = ("string", "sagged", "stretching", "full")
 class FullCable:
     """The cable of (25)-(26) and (28)-(32): exact strain, both displacements.
 
-    N t - T t_static stands for N t in (25)-(26).  Its static part balances the weight, -sigma phi_m in (26), and the
-    hanging cable is in equilibrium to rounding.
+    N t - T t_static stands for N t.  Its static part balances the weight -sigma phi_m in (26), to rounding.
     """
 
     fields = 2
@@ -67,8 +65,11 @@ class FullCable:
     def linearise(self, place: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:
         """As `force`, with the gram matrix of (28)-(32)."""
         x = self._stress(place, Q)
-        xx, xy, yy = ((f * place.phi) @ place.phi.T for f in x[4:7])
-        return x[2:4] @ place.phi.T, x[7], np.block([[xx, xy], [xy, yy]])
+        n, K = len(place.phi), np.empty((Q.size, Q.size))
+        for (i, j), f in zip(((0, 0), (0, n), (n, n)), x[4:7], strict=True):
+            K[i : i + n, j : j + n] = (f * place.phi) @ place.phi.T
+        K[n:, :n] = K[:n, n:]
+        return x[2:4] @ place.phi.T, x[7], K
 
     def sides(self, place: kernels.Points, Q: Array) -> Array:
         """int (N t - T t_static) ds behind and ahead of the mass, rows (2, 2)."""
@@ -76,7 +77,7 @@ class FullCable:
         return np.stack([behind, ~behind]) @ self._stress(place, Q)[2:4].T
 
     def least(self, basis: MovingBasis, place: kernels.Points, pull: Any) -> tuple[float, float]:
-        """A negative tension is a ripple unless its mean over a shortest wave, 2/n, is negative."""
+        """A tension is negative if its mean over a shortest wave, 2/n, is."""
         s, at = place.s, int(pull.argmin())
         if pull[at] < 0.0:
             at_mass = [1.0 / float(place.phi[-1, 0])] if isinstance(basis, TravellingKink) else []
@@ -94,7 +95,7 @@ class FullCable:
         return np.asarray(self.groups.shape(s)[1])
 
     def points(self, s: Array, slope: Array) -> Array:
-        """Rows of `kernels.stress` at s (m,) for w' = slope (2, m)."""
+        """Rows of `kernels.stress`."""
         T, xp, yp, _, _ = self.groups.static(s)
         return kernels.stress(T, np.array([xp, yp]), np.ascontiguousarray(slope), self.alpha, self.law)
 
@@ -112,8 +113,8 @@ def _waves(s: Array, sides: list[float], n: int) -> Array:
 class ChordCable:
     """One displacement w normal to the chord over a parabola: string, sagged (linear), stretching (Kirchhoff-Carrier).
 
-    Internal force tau w' + h (y_n' + kap w'), h = alpha lam int( y_n' w' + kap w'^2/2 ) ds, tau = 1/chord_cos,
-    y_n'' = -sigma chord_cos/tau: all by S = int Phi' Phi' and b = -y_n'' int Phi.  straight: a string with y_n'' = 0.
+    Force tau w' + h (y_n' + kap w'), h = alpha lam int( y_n' w' + kap w'^2/2 ) ds, tau = 1/chord_cos,
+    y_n'' = -sigma chord_cos/tau (straight: 0): all by S = int Phi' Phi' and b = -y_n'' int Phi.
     """
 
     fields = 1

@@ -11,7 +11,7 @@ Array = np.ndarray
 
 
 class Carried(NamedTuple):
-    """What the equations need of a moving basis at an instant; n functions."""
+    """Terms of a moving basis at an instant."""
 
     mass: Array  # M, (n, n)
     gyroscopic: Array  # last column of 2 A, (n,); other columns are zero
@@ -25,10 +25,7 @@ class Carried(NamedTuple):
 
 @compiled
 def _overlap(phi, first, second, left, chord, s_o):
-    """I, I', I'' of `TravellingKink` for one function with primitives first, second.
-
-    At s_o = 0 the limits are I = I' = -E'(0).
-    """
+    """I, I', I'' of `TravellingKink` for one function; I'' at s_o = 0 is not needed and 0."""
     if s_o == 0.0:
         return chord - first, chord - first, 0.0
     w, dw = s_o * (1.0 - s_o), 1.0 - 2.0 * s_o
@@ -39,7 +36,7 @@ def _overlap(phi, first, second, left, chord, s_o):
 
 @compiled
 def _overlaps(phi, first, second, left, chord, s_o):
-    """The same for functions (m, n) at m places: (3, m, n)."""
+    """The same for functions (m, n) at m places."""
     out = np.empty((3, *phi.shape))
     for i in range(s_o.size):
         for k in range(phi.shape[1]):
@@ -94,19 +91,16 @@ class Standing:
         return self._integral
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
-        """Points (n_q,), ascending, weights (n_q,) and Phi' there (n, n_q)."""
+        """Points (n_q,), weights and Phi' (n, n_q)."""
         return self._slopes
 
 
 class TravellingKink:
-    """Any basis plus the hat that is 1 at the mass and falls linearly to 0 at both supports; the hat comes last.
+    """Any basis plus the hat that is 1 at the mass and 0 at both supports; the hat comes last.
 
-        I(s_o) = int hat phi ds = -E(s_o)/(s_o (1 - s_o)),  E'' = phi, E(0) = E(1) = 0,
-        int phi dhat/dt ds = I' ds_o,    int phi d2hat/dt2 ds = I'' ds_o^2 + I' dds_o,
-        int hat^2 = 1/3,  int hat dhat/dt = 0,  int (dhat/dt)^2 = ds_o^2/(3 s_o (1 - s_o)),
-        int hat' phi' = phi(s_o)/(s_o (1 - s_o)),  int hat'^2 = 1/(s_o (1 - s_o)),  int hat = 1/2.
-
-    Only `overlap` is defined at s_o = 0, nothing at s_o = 1.
+    I(s_o) = int hat phi ds = -E(s_o)/(s_o (1 - s_o)),  E'' = phi, E(0) = E(1) = 0,
+    int phi dhat/dt ds = I' ds_o,    int phi d2hat/dt2 ds = I'' ds_o^2 + I' dds_o,
+    int hat^2 = 1/3,  int (dhat/dt)^2 = ds_o^2/(3 s_o (1 - s_o)),  int hat'^2 = 1/(s_o (1 - s_o)),  int hat = 1/2.
     """
 
     def __init__(self, basis: Basis) -> None:
@@ -119,7 +113,7 @@ class TravellingKink:
         self.chord = right - self.left
 
     def overlap(self, s_o: Array) -> Array:
-        """I, I', I'' = int hat phi ds and its derivatives by s_o; s_o (m,) in [0, 1), (3, m, n - 1)."""
+        """I, I', I'' at s_o (m,) in [0, 1), (3, m, n - 1)."""
         tables = (self.basis.phi(s_o, m) for m in (0, -1, -2))
         return _overlaps(*tables, self.left, self.chord, s_o)
 

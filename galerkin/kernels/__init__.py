@@ -1,10 +1,5 @@
 """Compiled steps of the full cable over sines with a hat; loops compile faster than expressions of arrays.
 
-    cable     stress, force, tangent, inertia
-    dense     BLAS and LAPACK
-    rolling   a car that rolls
-    steps     instants, Newton's method, many steps
-
 Arguments: phi (n, m) Phi' at the points; x a `Carried`; Q, V, A (2, n) coefficients and their rates.
 """
 

@@ -14,7 +14,7 @@ Array = np.ndarray
 
 
 class Points(NamedTuple):
-    """Points of the integrals of the full cable, and the static cable there."""
+    """Points of the integrals, and the static cable there."""
 
     s: Array  # (m,)
     phi: Array  # Phi', (n, m)
@@ -24,7 +24,7 @@ class Points(NamedTuple):
 
 
 class Cable(NamedTuple):
-    """Constants of the full cable with its mass."""
+    """Constants of the full cable."""
 
     inertia: float  # mu, or 0 for a force
     mu: float
@@ -75,10 +75,10 @@ def stress(T, r_static, slope, alpha, law):
 
 @compiled
 def balance(at, Q, cable, force, gram, pull, sides):
-    """Set the internal force (2, n) of coefficients Q; at : `Points`, cable : `Cable`.
+    """Set the internal force (2, n).
 
     gram : (3, m) weighted tangent xx, xy, yy;  pull : (m,) elastic tension
-    sides : (2, 2) int (N t - T t_static) ds behind and ahead of the mass, each a row
+    sides : (2, 2) int (N t - T t_static) ds behind and ahead of the mass
     """
     slope = np.empty((2, at.weights.size))
     multiply(Q, at.phi, False, slope)
@@ -97,10 +97,10 @@ def balance(at, Q, cable, force, gram, pull, sides):
 
 @compiled
 def stiffness(phi, gram, grading, out):
-    """Set out (2 n, 2 n) to int Phi_i' f_ab Phi_j' ds, rows a i, columns b j; gram (3, m): weighted f_xx, f_xy, f_yy.
+    """Set out (2 n, 2 n) to int Phi_i' f_ab Phi_j' ds; gram (3, m): weighted f_xx, f_xy, f_yy.
 
-    phi_j' phi_k' = j k pi^2/2 g^2 (cos((j-k) x) + cos((j+k) x)), x = pi xi, g = dxi/ds = 1 + grading phi_2'/(2 pi).
-    Cosines up to N are in the table; cos((N+m) x) = 2 cos(N x) cos(m x) - cos((N-m) x) gives the others.
+    phi_j' phi_k' = j k pi^2/2 g^2 (cos((j-k) x) + cos((j+k) x)), x = pi xi, g = dxi/ds = 1 + grading phi_2'/(2 pi), and
+    cos((N+m) x) = 2 cos(N x) cos(m x) - cos((N-m) x).
     """
     n, m = phi.shape
     N = n - 1
@@ -199,10 +199,7 @@ def least(at, s_o, pull):
 
 @compiled
 def survey(at, Q, cable, internal):
-    """int W ds.
-
-    internal : (2, 2) int (N t - T t_static) ds behind and ahead of the mass, each a column
-    """
+    """int W ds; internal (2, 2) receives int (N t - T t_static) ds, sides in columns."""
     slope = np.empty((2, at.weights.size))
     multiply(Q, at.phi, False, slope)
     energy = 0.0

@@ -89,10 +89,7 @@ def taut(force, slope, T, alpha):
 
 @compiled
 def recover(here, y, sides, alpha, behind, ahead):
-    """Turn r' behind and ahead of the mass into that of the tension from equilibrium; return lam/N there.
-
-    sides : int (N t - T t_static) ds behind and ahead, rows (2, 2); see `galerkin.equilibrium`.
-    """
+    """Turn r' behind and ahead of the mass into that of the tension from equilibrium; return lam/N there."""
     x, ds_o, dds_o = here.x, here.ds_o, here.dds_o
     last, near, far = x.f.size - 1, 1.0 / here.s_o, 1.0 / (1.0 - here.s_o)
     T, force = 1.0 / here.slope[0], np.empty((2, 2))
@@ -108,10 +105,7 @@ def recover(here, y, sides, alpha, behind, ahead):
 
 @compiled
 def by_force(on, thrust, velocity, p, behind, ahead, turn, defect, side):
-    """Derivative of the defect of `car` by the force behind (side 0) or ahead, (2,); turn : lam/N there.
-
-    By differences of r', which a force turns and hardly stretches.
-    """
+    """Derivative of the defect of `car` by the force behind (side 0) or ahead, by differences; turn : lam/N there."""
     moved, got = np.empty((2, 2)), np.empty(2)
     slope = behind if side == 0 else ahead
     square = slope[0] * slope[0] + slope[1] * slope[1]
@@ -156,7 +150,7 @@ def line(past, first, t):
 def averaged(past, first, last, least):
     """The car's acceleration from its velocities over a window, without what rings.
 
-    past : (m, 3) rows t and p.;  least : length of the window, at least LEAST_WINDOW steps.
+    past : rows t and p.;  least : length of the window
     Return the first row still wanted, t of the last, the acceleration then, and its rate.
     """
     t = past[last, 0]
@@ -201,7 +195,7 @@ def roll(here, y, sides, alpha, on, thrust, R):
 
 @compiled
 def pulls(phi, gram):
-    """Derivative of int (N t - T t_static) ds behind and ahead by Q, (2, 2, 2, n): side, its field, Q's."""
+    """Derivative of int (N t - T t_static) ds by Q, (2, 2, 2, n): side, its field, Q's."""
     n, m = phi.shape
     both, sums, out = np.zeros((6, m)), np.empty((6, n)), np.empty((2, 2, 2, n))
     for q in range(m):

@@ -116,16 +116,6 @@ def printed(basis, s, derivative=0):
     return _sums(basis.order, basis.level, c - mean)(s, derivative - 1)
 
 
-def condition(basis):
-    """Condition number of the H1 Gram matrix of the Theta_jk, each scaled to norm 1."""
-    mother, c = _mother(basis.order), _printed(basis.order, basis.level, basis.reading)
-    c, edge = np.hstack([c, np.ones((len(c), 1))]), len(_mother(basis.order).left)
-    A = np.concatenate([mother.left.T @ c[:edge], c[edge:-edge], mother.right.T @ c[-edge:]])
-    A, axis = A[:, :-1], A[:, -1:] / np.linalg.norm(A[:, -1])  # less the mean, which (39) takes off
-    A = A - axis * (axis.T @ A)
-    return np.linalg.cond(A / np.linalg.norm(A, axis=0)) ** 2
-
-
 def sides(basis, cut):
     """The rules on both sides of a mass."""
     s, w, _ = basis.split(cut)
@@ -287,18 +277,6 @@ def test_literal_set_is_independent_and_spans_the_printed_functions(p, level):
     assert abs(basis.phi(s, 1) @ weights - slope).max() < 1e-12 * abs(slope).max()
 
 
-def test_papers_counts():
-    assert [Daubechies(4, level).n for level in range(4)] == [10, 17, 31, 59]
-
-
-def test_condition_grows_tenfold_or_more_over_two_levels():
-    """Of the Gram matrix with unit diagonal: the reason for orthonormalising."""
-    found = np.array([condition(Daubechies(4, level)) for level in range(5)])
-    assert np.all(found[2:] / found[:-2] > 100.0)
-    assert found[0] < 1e6
-    assert found[-1] > 1e10
-
-
 def test_shifted_reading_shows_its_lost_rank():
     """psi on [1-p, p]; ranks confirmed by elimination in 80 digits."""
     bases = [Daubechies(4, level, "shifted") for level in range(3)]
@@ -315,9 +293,10 @@ def sine_error(basis):
 
 
 def test_literal_set_converges_and_scaling_reading_stalls():
-    """Measured to 3 digits by a prototype that shares nothing with this code: 1.7e-3 .. 5.5e-8."""
-    literal = [sine_error(Daubechies(4, level)) for level in range(5)]
-    np.testing.assert_allclose(literal, [1.7e-3, 1.1e-4, 9.0e-6, 6.0e-7, 5.5e-8], rtol=0.06)
+    """Four vanishing moments: the best approximation of a smooth slope gains nearly four binary digits a level."""
+    literal = np.array([sine_error(Daubechies(4, level)) for level in range(5)])
+    assert np.all(literal[1:] < literal[:-1] / 10.0)
+    assert literal[0] < 2e-3
     scaling = [sine_error(Daubechies(4, level, "scaling")) for level in range(4)]
     assert min(scaling) > 0.1
     assert min(sine_error(Daubechies(4, level, "shifted")) for level in range(3)) > 0.5
@@ -344,16 +323,6 @@ def test_functions_vanish_at_both_supports(basis: Basis):
     ends = basis.phi(np.array([0.0, 1.0]))
     assert ends.shape == (2, basis.n)
     assert abs(ends).max() < 1e-14 * basis.n * max(1.0, abs(basis.phi(np.linspace(0, 1, 51))).max())
-
-
-@every_basis
-def test_arrays_are_contiguous_floats(basis: Basis):
-    s = np.linspace(0.0, 1.0, 9)[::2]
-    for m in range(-2, 3 if basis.smooth else 2):
-        found = basis.phi(s, m)
-        assert found.shape == (5, basis.n)
-        assert found.flags.c_contiguous
-        assert found.dtype == np.float64
 
 
 def cut_table(basis, cut=0.371):
@@ -395,19 +364,6 @@ def test_each_function_is_the_integral_of_the_next(basis: Basis):
 
 
 @every_basis
-def test_hat_integrals_in_closed_form(basis: Basis):
-    """int hat phi ds = -E(s_o)/(s_o (1 - s_o)), E = second primitive - its chord; hat with its peak 1 at s_o."""
-    for s_o in (0.0713, 0.58, 0.9337):
-        E = basis.phi(np.array([0.0, s_o, 1.0]), -2)
-        closed = -(E[1] - (1.0 - s_o) * E[0] - s_o * E[2]) / (s_o * (1.0 - s_o))
-        (s, w), (r, v) = fine_rule(basis, 0.0, s_o), fine_rule(basis, s_o, 1.0)
-        total = (w * s / s_o) @ basis.phi(s) + (v * (1.0 - r) / (1.0 - s_o)) @ basis.phi(r)
-        allowed = fine_rule_error(basis, roughness(basis) + 1.0) * abs(basis.phi(s)).max()
-        assert abs(total - closed).max() < allowed
-        assert abs(total + E[1] / (s_o * (1.0 - s_o))).max() > allowed or isinstance(basis, Fourier)  # the chord counts
-
-
-@every_basis
 def test_mass_stiffness_and_integral_against_a_fine_rule(basis: Basis):
     """phi'^2 is no smoother than phi', so this rule sees the stiffness to 1e-6 only; the next test sees it to 1e-11."""
     s, w = fine_rule(basis)
@@ -428,13 +384,6 @@ def test_stiffness_is_the_identity_on_a_very_fine_rule(p, allowed):
     s, w = fine_rule(basis, pieces=2**13)
     slopes = basis.phi(s, 1)
     assert abs(slopes.T @ (w[:, None] * slopes) - basis.stiffness()).max() < allowed
-
-
-@every_basis
-def test_mass_and_stiffness_are_positive_definite(basis: Basis):
-    assert np.linalg.eigvalsh(basis.stiffness())[0] > 0.1
-    assert np.linalg.eigvalsh(basis.mass())[0] > 0.0
-    np.testing.assert_array_equal(basis.mass(), basis.mass().T)
 
 
 @settings(max_examples=20, deadline=None)

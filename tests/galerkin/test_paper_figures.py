@@ -105,14 +105,6 @@ def test_sines_and_a_kink_on_the_level_cable(terms, steps, bound):
     assert path_error(computed("level", "fourier-kink", terms=terms, steps=steps), exact) <= bound
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("scene", "terms", "steps"), [("level", 80, 6000), ("cruise", 60, 4000)])
-def test_kink_and_following_elements_agree(scene, terms, steps):
-    exact = reference(scene, elements=40, steps=steps)
-    r = computed(scene, "fourier-kink", terms=terms, steps=steps)
-    assert measures.path_gap(r, exact, WINDOW)[0] <= 1e-4
-
-
 # --- figures 9 and 10 -----------------------------------------------------------------------------------------------
 
 
@@ -161,11 +153,6 @@ def test_observed_order_of_the_path_on_the_linear_string(method, knob, ladder, o
     slope = np.log2(errors[0] / errors[-1]) / (len(ladder) - 1)
     assert abs(slope - order) < 0.15, errors
     assert errors[-1] < finest
-
-
-def test_elements_that_everybody_writes_first_do_not_converge_on_it():
-    errors = [string_error("fixed-p1-naive", elements=n) for n in (20, 80)]
-    assert errors[1] > 0.5 * errors[0] > 0.2
 
 
 def test_fourier_frequencies_fall_towards_the_same_value():
