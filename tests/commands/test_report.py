@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from cablefem import Scene
 from validation.core import store
 from validation.page import report
 from validation.page.page import Section
@@ -117,3 +118,15 @@ def test_verdicts_of_all_scenes_come_before_what_is_behind_them(tmp_path, monkey
     order = ["level-verdict", "tramway-verdict", "level-path", "tramway-path", "paper-verdict", "paper-path"]
     places = [page.index(f'id="{name}"') for name in order]
     assert places == sorted(places)
+
+
+def test_two_commands_on_one_scene_may_have_pages_of_one_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for command in ("check", "run"):
+        folder = store.claim(None, command, Scene.load("bare"), [command])
+    one = [Section("answer", "The answer", "<p>1</p>")]
+    monkeypatch.setattr(report, "kept", lambda folder, command: one)
+    monkeypatch.setattr(report, "drawn", lambda folder, command: one)
+    report.write(folder, "run")
+    page = (folder / "report.html").read_text()
+    assert page.count('id="answer"') == page.count('id="answer-run"') == 1

@@ -2,7 +2,7 @@
 
 import importlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -17,7 +17,9 @@ from validation.page.page import Section
 
 def write(folder: Path, command: str) -> None:
     """Write report.html from all results in a folder, those of this command drawn anew."""
-    sections = [s for other in store.results(folder) for s in (drawn if other == command else kept)(folder, other)]
+    sections = _apart(
+        (other, s) for other in store.results(folder) for s in (drawn if other == command else kept)(folder, other)
+    )
     title = store.title(folder) or next((s.title for s in sections), folder.name)
     page.render(title, sections, folder / "report.html")
 
@@ -42,6 +44,15 @@ def kept(folder: Path, command: str) -> list[Section]:
         return [Section(**page | {"html": Markup(page["html"]), "scripts": tuple(page["scripts"])}) for page in pages]
     except (OSError, ValueError, TypeError, KeyError):
         return drawn(folder, command)
+
+
+def _apart(pages: Iterable[tuple[str, Section]]) -> list[Section]:
+    """Return the sections of commands; an id that another command's section has takes the command's name."""
+    out: dict[str, Section] = {}
+    for command, section in pages:
+        own = section.id if section.id not in out else f"{section.id}-{command}"
+        out[own] = replace(section, id=own)
+    return list(out.values())
 
 
 Part = tuple[str, ...]  # a command and its arguments; its results are in the folder of its scene, or its own
@@ -84,7 +95,7 @@ def gather(root: Path, parts: Sequence[Part]) -> None:
     ]  # fmt: skip
     commands = list(dict.fromkeys(command for command, _ in done))
     pages.sort(key=lambda x: (commands.index(x[0]), x[1]))
-    sections = [section for _, _, section in pages]
+    sections = _apart((command, section) for command, _, section in pages)
     if not sections:
         raise store.Refused(f"{root} holds no finished results to report")
     page.render("cablefem", sections, root / "report.html")
