@@ -52,7 +52,7 @@ def value_of(value: float, unit: str) -> str:
     """Return a value with its unit, to a millimetre or a newton."""
     factor, words = (1.0, unit) if unit == "m" else scale_of(np.array([value]), unit)
     words = {"deg": "°", "": ""}.get(words, f" {words}")
-    return f"{factor * value:.3f}{words}"
+    return f"{round(factor * value, 3) + 0.0:.3f}{words}"  # no -0.000
 
 
 def pairs(design: Sequence[Row]) -> list[Row]:
@@ -175,9 +175,9 @@ def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
     for c in line["contact"]:
         p.dots.append((c["at"][0], c["at"][1], BLACK, c["kind"] in ("anchor", "saddle")))
         away = -1.0 if c["at"][0] > 0.9 * end else 1.0 if c["at"][0] < 0.1 * end else 0.0
-        p.labels.append((c["at"][0] + away * 0.06 * end, c["at"][1] - 0.05 * (p.high - p.low), c["name"]))
+        p.labels.append((c["at"][0] + away * 0.03 * end, c["at"][1] - 0.05 * (p.high - p.low), c["name"]))
     scale = "To scale." if times == 1 else f"Depths are drawn {times} times too large."
-    return plot([p], (0.0, end), "x [m]", f"The line from the side. {scale}", wide=True)
+    return plot([p], (-0.04 * end, 1.04 * end), "x [m]", f"The line from the side. {scale}", wide=True)
 
 
 def _panels(line: Row, positions: Sequence[Row]) -> list[tuple[str, Panel]]:
@@ -244,7 +244,7 @@ def grid(folder: Path) -> list[Section]:
     rows, keys = stored["rows"], stored["keys"]
     heads = shown(rows, keys)
     cells = [
-        {n: f"{x[n]:.5g}".replace("-", "−") if isinstance(x.get(n), float) else x.get(n) for n in heads} for x in rows
+        {n: f"{x[n]:.6g}".replace("-", "−") if isinstance(x.get(n), float) else x.get(n) for n in heads} for x in rows
     ]
     drawn = [
         (np.array(a), np.array(b), x)

@@ -17,7 +17,7 @@ from cablefem import catenary_line
 from cablefem.elements import line as elements
 from cablefem.response import Array, write_json
 from cablefem.scene import SceneError
-from cablefem.scene.line import Line, LineRest, LineState, NotFound
+from cablefem.scene.line import Line, LineRest, LineState, NoLine, NotFound
 from validation.commands.run.line import Answers, Row, extremes, many, of, rows_of, write
 from validation.core import store
 from validation.core.agreement import Verdict
@@ -54,39 +54,44 @@ def numbers(state: LineState) -> dict[str, Array]:
     }  # fmt: skip
 
 
-def compared(a: LineRest, less_a: LineRest, b: LineRest, less_b: LineRest, tol: float, tol_tension: float) -> list[Row]:
+def compared(
+    a: LineRest, less_a: LineRest, b: LineRest, less_b: LineRest, tol: float, tol_tension: float
+) -> list[Row]:  # fmt: skip
     """Return one judged row a quantity: the worst station of the worst position. `less` are coarser answers.
 
     The row `rest` tells where only one has a state of rest: they disagree, unless the other's search did not end.
     """
-    both = [
-        (i, states) for i, states in enumerate(zip(*(x.positions for x in (a, less_a, b, less_b)), strict=True))
-        if all(isinstance(state, LineState) for state in states)
-    ]  # fmt: skip
-    tension = max((float(np.nanmax(states[0].tensions)) for _, states in both), default=1.0)
-    told = [tuple(numbers(state) for state in states) for _, states in both]
+    positions = list(zip(*(x.positions for x in (a, less_a, b, less_b)), strict=True))
+    told, at = [], []
+    for i, states in enumerate(positions):
+        if all(isinstance(state, LineState) for state in states):
+            told.append([numbers(state) for state in states])
+            at.append([f"{p.name}, position {i + 1}" for p in states[0].case.stations])
+    tension = max((np.nanmax(t[0][name]) for t in told for name in ("tension_behind", "tension_ahead")), default=1.0)
+    reach, EA = float(np.ptp(a.empty.place[:, 0])), a.empty.case.EA
+    asked = {"m": tol, "N": float(tol_tension * tension)}
+    rounding = {"m": ROUNDING * reach, "N": ROUNDING * EA}
     out = []
     for quantity in told[0][0] if told else ():
-        length = quantity in METRES
-        scale = max(np.ptp(a.empty.place[:, 0]) if length else a.empty.case.EA, 0.0)
-        gaps, bars_a, bars_b, at = [], [], [], []
-        for (i, states), (x, less_x, y, less_y) in zip(both, told, strict=True):
-            gaps.append(np.abs(x[quantity] - y[quantity]).ravel())
-            bars_a.append(np.fmax(np.abs(x[quantity] - less_x[quantity]), ROUNDING * scale).ravel())
-            bars_b.append(np.fmax(HALVED * np.abs(y[quantity] - less_y[quantity]), ROUNDING * scale).ravel())
-            names = [p.name for p in states[0].case.stations]
-            at += [f"{name}, position {i + 1}" for name in np.repeat(names, x[quantity].shape[1])]
-        asked = tol if length else tol_tension * tension
-        gap, bar_a, bar_b = (np.concatenate(part) for part in (gaps, bars_a, bars_b))
-        if np.isfinite(gap).any():
-            worst = np.where(gap > APART * (bar_a + bar_b), gap / ROUNDING, np.maximum(gap, bar_a + bar_b))
-            k = int(np.nanargmax(worst))
-            out.append(_row(quantity, float(gap[k]), float(bar_a[k]), float(bar_b[k]), asked, at[k]))
-    for i, pair in enumerate(zip(a.positions, b.positions, strict=True)):
-        if sum(isinstance(state, LineState) for state in pair) == 1:
-            unknown = any(isinstance(state, NotFound) for state in pair)
+        unit = "m" if quantity in METRES else "N"
+        x, less_x, y, less_y = (np.concatenate([t[k][quantity] for t in told]) for k in range(4))
+        gap, bar_a = np.abs(x - y), np.fmax(np.abs(x - less_x), rounding[unit])
+        bar_b = np.fmax(HALVED * np.abs(y - less_y), rounding[unit])
+        worst = np.where(gap > APART * (bar_a + bar_b), gap / ROUNDING, np.maximum(gap, bar_a + bar_b))
+        if np.isfinite(worst).any():
+            k = np.unravel_index(np.nanargmax(worst), worst.shape)
+            where = [name for names in at for name in names][int(k[0])]
+            out.append(_row(quantity, float(gap[k]), float(bar_a[k]), float(bar_b[k]), asked[unit], where))
+    return out + _alone(positions)[:1]
+
+
+def _alone(positions: Sequence[tuple[LineState | NoLine, ...]]) -> list[Row]:
+    """Return a row for each position where only one solver finds a state of rest."""
+    out = []
+    for i, (x, _, y, _) in enumerate(positions):
+        if isinstance(x, LineState) != isinstance(y, LineState):
+            unknown = isinstance(x, NotFound) or isinstance(y, NotFound)
             out.append(_row("rest", 1.0, 1.0 if unknown else 0.0, 0.0, 0.0, f"position {i + 1}"))
-            break
     return out
 
 

@@ -4,7 +4,7 @@ from typing import Annotated
 import typer
 
 from validation.page import terminal
-from validation.page.options import scene_named, written
+from validation.page.options import line_named, scene_named, written
 
 EXAMPLE = "cablefem scenes level > my.toml"
 
@@ -20,22 +20,27 @@ def command(
         return _keys() if keys else _schema()
     from cablefem.response import whole
     from cablefem.scene import Scene
+    from cablefem.scene.line import Line
 
-    library = Scene.library()
+    library = {**Scene.library(), **Line.library()}
     if name is None and out is None:
         rows = []
-        for key, title in library.items():
+        for key, title in Scene.library().items():
             scene = Scene.load(key)
             mass = "-" if scene.mass is None else f"{scene.mass.mass:.0f} kg"
             speed = "-" if scene.top_speed is None else f"{scene.top_speed:.3g} m/s"
             rows.append([key, f"{scene.supports.span:.0f} m", mass, speed, title])
+        for key, title in Line.library().items():
+            line = Line.load(key)
+            masses = ", ".join(f"{car.mass:.0f} kg" for car in line.car)
+            rows.append([key, f"{line.contact[-1].at[0]:.0f} m", masses, "at rest", title])
         terminal.table(["scene", "span", "mass", "top speed", "title"], rows, right=["span", "mass", "top speed"])
         return 0
     if name is None or name in library:
         texts = {key: Scene.library_text(key) for key in (library if name is None else [name])}
     else:
-        scene = scene_named(name)
-        texts = {scene.name: scene.to_toml()}
+        found = line_named(name) or scene_named(name)
+        texts = {found.name: found.to_toml()}
     if out is None:
         print("".join(texts.values()), end="")
         return 0
