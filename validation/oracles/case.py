@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from cablefem.scene import Cable, Groups, Mass, Scene, Supports
+from cablefem.scene.line import Line, LineRest
 from cablefem.scene.motion import Motion, Piece
 
 Array = NDArray[np.float64]
@@ -89,6 +90,9 @@ class Solvers(Protocol):
 
     def hold(self, groups: Groups, name: str, start: float, **settings: Any) -> float:
         """Return the force along the cable that holds a car of free travel at its start, over H."""
+
+    def line(self, line: Line, name: str, **settings: Any) -> LineRest:
+        """Solve a line at rest, by catenaries or by elements."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

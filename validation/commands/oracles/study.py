@@ -16,6 +16,7 @@ import numpy as np
 
 from cablefem.response import Array, Response, write_json
 from cablefem.scene import Drive, Groups, Scene
+from cablefem.scene.line import Line, LineRest
 from validation import oracles
 from validation.core import store
 from validation.core.crossing import crossed
@@ -208,6 +209,13 @@ class _Solvers:
         solver: Any = method.build(groups, settings, model="full", load="mass", law="elastic")
         solver.start(0, None)
         return float(solver.hold)
+
+    def line(self, line: Line, name: str, **settings: Any) -> LineRest:
+        from cablefem import catenary_line
+        from cablefem.elements import line as elements
+
+        solve = catenary_line.solve if name == "catenaries" else elements.solve
+        return line.rest(lambda cases: solve(cases, **settings))
 
 
 SOLVERS: Solvers = _Solvers()
