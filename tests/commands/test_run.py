@@ -13,7 +13,7 @@ from cablefem import Scene
 from cablefem.response import Response
 from tests.commands.calls import BROKEN, QUICK, lines
 from validation.commands.run import study
-from validation.core import resolution
+from validation.core.climb import TooCoarse, laddered
 from validation.core.flags import flag
 from validation.core.quantities import told
 from validation.core.running import run
@@ -67,11 +67,12 @@ def test_run_with_tol_chooses_the_resolution_and_makes_an_estimate(cablefem):
     assert " ± " in out
 
 
-def test_a_tolerance_out_of_reach_is_1_and_said(cablefem, monkeypatch, inclined):
+def test_a_tolerance_out_of_reach_is_1_and_said(cablefem, monkeypatch):
     def too_coarse(scene, method, tol, **how):
-        raise resolution.TooCoarse("following-p2 reaches 1, not 1e-06", inclined)
+        coarse = laddered(scene, method, elements=4, steps=60)
+        raise TooCoarse("following-p2 reaches 1, not 1e-06", coarse)
 
-    monkeypatch.setattr(study, "resolve", too_coarse)
+    monkeypatch.setattr(study, "climb", too_coarse)
     code, _, err = cablefem("run", "inclined", "--method", "following-p2", "--tol", "1e-6", "--out", "x")
     assert code == 1
     assert lines(err) == ["following-p2 reaches 1, not 1e-06"]
@@ -88,6 +89,7 @@ def inclined():
     [
         ({}, 0),
         ({**BROKEN, "slack_onset": None, "cause": "Newton stalled"}, 2),
+        ({**BROKEN, "slack_onset": None, "cause": "past the window"}, 0),
         ({**BROKEN, "slack_onset": 0.7, "cause": "slack"}, 0),
         ({**BROKEN, "slack_onset": 0.2, "cause": "unstable"}, 2),  # its slack is the instability's own
         ({"flags": [flag("energy", gain=0.4, allowed=0.2)]}, 1),
@@ -96,7 +98,8 @@ def inclined():
 def test_the_exit_code_of_a_run_says_whether_it_broke_before_the_slack_onset(
     cablefem, monkeypatch, inclined, changes, code
 ):
-    response = dataclasses.replace(inclined, **changes)
+    place = inclined.s_o if changes.get("cause") == "past the window" else 0.5 * inclined.s_o
+    response = dataclasses.replace(inclined, **changes | {"s_o": place})
     monkeypatch.setattr(study, "run", lambda *names, **how: response)
     found, out, err = cablefem("run", "inclined", *QUICK, "--no-bars", "--out", "x")
     assert found == code

@@ -15,7 +15,7 @@ from cablefem.response import MassPath, Response
 from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.flags import flagged
-from validation.core.ladder import Branch, Ladder
+from validation.core.ladder import LEAST_ORDER, Branch, Ladder
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import Method, find
 from validation.core.running import Run, whole
@@ -163,16 +163,20 @@ def climb(
     named = {k: v for k, v in kind.items() if k not in KIND}
     settings = method.settings_on(scene.groups, _rule(scene, method, named, tol) | _begin(scene, method, tol))
     runs = Runs(scene, method, how, known)
-    short = _short(runs.view, end)
+    short, space = _short(runs.view, end), method.resolution
+    ratio, before = 1.0, math.inf  # by which space was refined last, and what it left before
     while True:
         ladder = runs.ladder(settings, short)
         parts = path_parts(ladder, runs.view)
         report(0.3, f"{len(runs.made)} runs, bar {sum(parts):.1g} of {tol:g} wanted")
         if sum(parts) <= tol:
             break
-        finer = cheapest(method, settings, parts, AIM * tol)
+        stuck = ratio > 1.0 and not parts[0] < before / ratio**LEAST_ORDER  # steps are too long for a finer mesh
+        more = settings | {"steps": min(2 * settings["steps"], max(settings["steps"], MOST_STEPS))}
+        finer = more if stuck else cheapest(method, settings, parts, AIM * tol)
         if finer == settings or dear(method, ladder, finer, budget):
             break
+        ratio, before = space.ratio(method.value(settings), method.value(finer)), parts[0]
         settings = finer
     ladder = annotated(runs.finished(ladder, end, past), runs.view)
     report(1.0)
@@ -204,12 +208,13 @@ def cheapest(
 ) -> dict[str, Any]:  # fmt: skip
     """Return the settings that should leave at most `target` of both parts, at the least cost, one stride on the way.
 
-    A part that is infinite is refined by two.  order : the most that is credited.
+    Where a part is infinite steps are doubled, and the resolution too if that is of space: coarse runs break on long
+    steps.  order : the most that is credited.
     """
     space, count, steps = method.resolution, method.value(settings), settings["steps"]
     p, q = min(order, 1.5, max(method.space_order, 1.0)), min(order, 2.0, scheme(settings["scheme"]).order)
     if not all(math.isfinite(x) for x in parts):
-        a, b = (1.0 if math.isfinite(x) else 2.0 for x in parts)
+        a, b = (1.0 if math.isfinite(parts[0]) else 2.0), (1.0 if parts[1] <= target else 2.0)
     else:
         left_over = STRIDES[:, None] ** -p * parts[0] + STRIDES**-q * parts[1]
         costs = np.array([space.cost(count, x) for x in STRIDES.tolist()])[:, None] * STRIDES
@@ -217,6 +222,7 @@ def cheapest(
         best = np.where(meets, costs, math.inf) if meets.any() else left_over
         i, k = np.unravel_index(best.argmin(), best.shape)
         a, b = (min(float(STRIDES[j]), STRIDE) for j in (i, k))
+    b = max(b, math.sqrt(a))  # a finer mesh carries shorter waves, which want shorter steps
     finer = space.finer(count, a) if a > 1.0 else count
     return settings | {space.setting: max(count, finer), "steps": min(math.ceil(steps * b), max(steps, MOST_STEPS))}
 

@@ -473,7 +473,7 @@ def moment_of_momentum(m: Evidence) -> Defect:
 # --- energy; all over weight times largest deflection ---------------------------------------------------
 
 
-@_law()
+@_law(of="energy")
 def energy(m: Evidence) -> Defect:
     """Energy of cable and mass changes by the work of the drive, until the cable is slack: it loses some as it snaps.
 

@@ -30,7 +30,6 @@ REST = 0.05  # asked of all else, of its own scale: what an engineer calls the s
 VELOCITY = 0.10  # asked of the velocity field summed over time against the displacement
 ROUNDING = 1e-12  # of every scale: two runs agree by rounding alike
 AXIAL_MEAN, ALONG, UP_TO = "mean over an axial round trip", "along the cable", "up to the mass"
-TRAPEZOIDS = 1e-4  # of the scale of energy: its balance is summed over steps across which an acceleration jumps
 EVENTS = ("brake", "arrival", "back", "stop", "turn")  # whose first happening both answers must tell
 DOUBTS = ("fast", "slow waves", "energy", "hidden slack", "no bar")  # flags that say a bar may be too small
 
@@ -145,7 +144,7 @@ def compare(
             row = _row(quantity, a, b, view, asked(quantity.asks))
             where = measures.place_of_gap(a.finest, b.finest, view.window) if quantity.name == "path_max" else None
             rows.append(replace(row, where=where))
-    rows += [_energy(scene, a, b, view, asked("rest")), *_laws(a, b, view, asked)]
+    rows += _laws(a, b, view, asked)
     if view.free:
         rows += [row for event in EVENTS for row in _event(event, a, b, view, asked("rest"))]
     slack = _slack_onset(a, b, whole, asked("rest"))
@@ -308,26 +307,6 @@ def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[
 # --- an answer and mechanics ----------------------------------------------------------------------------------------
 
 
-def _energy(scene: Scene, a: Ladder, b: Ladder, view: View, asked_for: float) -> Agreement:
-    """Return the balance of energy of the worse run: its exact defect is zero, so the bar must explain it."""
-    found = []
-    for x in (a, b):
-        taut = x.finest.slack_since
-
-        def series(r: Response) -> Array:
-            return measures.energy_defect(r)[:, None] / (view.weight * r.max_deflection)
-
-        def apart(fine: Response, coarse: Response, taut: float = taut) -> float:
-            if coarse.t.size > fine.t.size:
-                fine, coarse = coarse, fine
-            inside = measures.inside(coarse, view.window) & (coarse.t <= taut)
-            return _rms((series(coarse) - measures.at_steps_of(coarse, fine, np.nan_to_num(series(fine))))[inside])
-
-        gap = _rms(series(x.finest)[measures.inside(x.finest, view.window) & (x.finest.t <= taut)])
-        found.append(_own("energy", gap, x, x.parts(_same, apart, 1.0), TRAPEZOIDS, asked_for))
-    return worse(found)
-
-
 def _laws(a: Ladder, b: Ladder, view: View, asked: Callable[[str], float]) -> Iterator[Agreement]:
     """Hold both runs against mechanics in SI, as the judge knows it by itself; a row for each law, of the worse run."""
     from validation.core import laws  # loaded while solvers run
@@ -367,10 +346,6 @@ def worse(rows: list[Agreement]) -> Agreement:
     return min(
         rows, key=lambda row: (-(row.gap > 3.0 * row.allowed), -row.gap / row.allowed if row.allowed > 0.0 else 0.0)
     )
-
-
-def _rms(x: Array) -> float:
-    return float(np.sqrt(np.mean(np.sum(np.square(x), axis=-1))))
 
 
 # --- doubts ---------------------------------------------------------------------------------------------------------
