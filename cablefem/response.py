@@ -1,4 +1,4 @@
-"""What a run returns: the mass path and the fields in SI units, with the work done and where it came from."""
+"""What a run returns: mass path, fields, forces and energies in SI, and the work done."""
 
 from __future__ import annotations
 
@@ -209,7 +209,7 @@ class MassPath(_Filled):
 
     @property
     def path_scale(self: Travelled) -> float:
-        """What gaps and errors of the mass path are relative to [m], so that 1e-3 is 1e-4 l on a free ride."""
+        """What gaps and errors of the mass path are relative to [m]."""
         return 0.1 * self.length if self.drive == "free" else self.max_deflection
 
     @property
@@ -219,11 +219,10 @@ class MassPath(_Filled):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Response(MassPath):
-    """The answer of one run, in SI units: lengths [m], forces [N], times [s]; v and y point down.
+    """The answer of one run, in SI: lengths [m], forces [N], times [s]; v and y point down.
 
-    Comparisons between solvers use this alone, never coefficients.  T is total tension and has two values at the
-    mass.  r.t, r.s_o, r.x, r.y, r.T_behind, ... hold the path step by step; r.fields the cable at some instants;
-    r.design the extremes; r.at(t=12.0, s=100.0) any instant and place.
+    T is total tension and has two values at the mass.  r.t, r.s_o, r.x, r.T_behind, ... hold the path step by step,
+    r.fields the cable at some instants, r.design the extremes; r.at(t=12.0, s=100.0) answers for any place.
     """
 
     scene: str  # name

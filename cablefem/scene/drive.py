@@ -33,7 +33,7 @@ from cablefem.scene.fields import (
 )
 
 MODES = ("grip", "haul", "free")
-# Contact force and tension grow like one over the distance to a support: no answer converges nearer than this. [l]
+# [l] nearer to a support no answer converges: contact force and tension grow like one over the distance
 NEAREST_START, FARTHEST_END = 1e-4, 0.99
 START = 0.01  # where a rolling car begins unless the scene says otherwise [l]
 # A ride has STANDARD steps. Shorter ones are these fractions of a time that events bring, see `Drive.part_of_step`.
@@ -48,7 +48,7 @@ AIR_DENSITY = 1.2  # [kg/m^3]
 
 
 class Thrust(Part):
-    """A force from outside along the mean tangent, linear between its times and nothing before and after them."""
+    """A force along the mean tangent, linear between its times, zero before and after."""
 
     times: Numbers = said("[s] strictly increasing")
     forces: Reals = said("[N] positive to the right")
@@ -70,7 +70,7 @@ class Thrust(Part):
 
 
 class Brake(Part):
-    """A shoe on the cable, which holds against the motion wherever s_o >= from; several add up."""
+    """A shoe on the cable, which acts against the motion where s_o >= from; several add up."""
 
     place: Positive = said("[m] place along the cable from which it brakes", alias="from")
     force: Positive = said("[N] braking force along the cable")
@@ -237,7 +237,7 @@ class Drive:
 
     @cached_property
     def phases(self) -> tuple[tuple[float, float], ...]:
-        """Consecutive [t0, t1] of a free ride, inside which forces are smooth in time; the last t1 is `end_time`."""
+        """Consecutive [t0, t1] of a free ride, inside which forces are smooth in time."""
         breaks = {self.release, *(t for t, _ in self.thrust_table)}
         inside = sorted(t for t in breaks if 0.0 < t < self.end_time)
         return tuple(zip([0.0, *inside], [*inside, self.end_time], strict=True))
@@ -248,21 +248,21 @@ class Drive:
         return value + slope * (t - t0)
 
     def hold(self, t: float) -> float:
-        """What is left at t of the force that holds the car at its start: (1 - x)^2 (1 + 2 x), x = t/release."""
+        """What is left of the force that holds the car at its start: (1 - x)^2 (1 + 2 x), x = t/release."""
         x = t / self.release if self.release > 0.0 else 1.0
         return (1.0 - x) ** 2 * (1.0 + 2.0 * x) if x < 1.0 else 0.0
 
     def brake(self, s_o: float) -> float:
-        """Force of all brakes that reach s_o; it acts against the motion along the cable."""
+        """Force of all brakes that reach s_o."""
         return sum(force for place, force in self.brakes if s_o >= place)
 
     @property
     def resists(self) -> bool:
-        """Whether friction or a brake works along the cable, and may hold the car there."""
+        """Whether friction or a brake may hold the car on the cable."""
         return self.mu_r > 0.0 or bool(self.brakes)
 
     def way(self, s_o: float) -> int:
-        """Return the way in which a car at rest at s_o sets out: 1, -1, or 0 where it stays; thrust as in the end."""
+        """Return the way in which a car at rest at s_o sets out under the last thrust: 1, -1, or 0 where it stays."""
         i = bisect.bisect_right(self.ways, (s_o, math.inf)) - 1
         return self.ways[i][1] if i >= 0 else 0
 

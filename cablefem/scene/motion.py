@@ -1,4 +1,4 @@
-"""The travel s_o(t) of the mass as a function: a piecewise polynomial with exact derivatives and named phases."""
+"""The travel s_o(t) of the mass: a piecewise cubic with exact derivatives."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Motion:
     end: float  # s_o at the end of travel
 
     def at(self, t: float, phase: int) -> tuple[float, float, float]:
-        """Return (s_o, ds_o/dt, d2s_o/dt2) at t by the polynomials of that phase, also at and beyond its two ends."""
+        """Return (s_o, ds_o/dt, d2s_o/dt2) at t by the polynomials of that phase, also beyond its ends."""
         pieces = self.pieces[phase]
         index = bisect.bisect_right(pieces, t, key=lambda piece: piece.start) - 1 if len(pieces) > 1 else 0
         s, ds, dds = pieces[max(0, index)](t)
@@ -55,7 +55,7 @@ class Motion:
         return s, ds, dds
 
     def along(self, t: np.ndarray, phase: np.ndarray | int) -> np.ndarray:
-        """Return `at` for many instants, by the polynomials of their or of one phase: rows s_o, ds_o, dds_o, (3, n)."""
+        """Return `at` for many instants and their phases, or one phase: rows s_o, ds_o, dds_o, (3, n)."""
         out, c, one = np.empty((3, t.size)), self._columns, isinstance(phase, int)
         for p in (phase,) if one else np.unique(phase).tolist():
             rows, first, count = slice(None) if one else phase == p, sum(map(len, self.pieces[:p])), len(self.pieces[p])
@@ -103,7 +103,7 @@ class Motion:
         return self.pieces[0][0](0.0)[0]
 
     def position(self, t) -> np.ndarray:
-        """s_o at times t, same shape; it stays at its first and last value before and after the travel."""
+        """s_o at times t, same shape; constant before and after the travel."""
         stop = self.phases[-1][1]
         t = np.clip(np.asarray(t, dtype=float), 0.0, stop)
         start, origin, c0, c1, c2, c3 = self._columns
@@ -157,7 +157,7 @@ class Motion:
 
     @property
     def speeds(self) -> list[tuple[float, float]]:
-        """(t, ds_o/dt) wherever the speed can be largest or least: ends of pieces, and its turns inside a cubic."""
+        """(t, ds_o/dt) wherever the speed can be largest or least."""
         samples = []
         for (_, stop), pieces in zip(self.phases, self.pieces, strict=True):
             for piece, high in zip(pieces, [*(p.start for p in pieces[1:]), stop], strict=True):

@@ -25,7 +25,7 @@ from cablefem.scene.bisection import bisected
 from cablefem.scene.drive import Drive
 from cablefem.scene.statics import NoRest, gripped, nodes
 
-HORIZON = 1e3  # a quasi-static ride that has not ended by then is broken off; unit: a wave's way along the cable
+HORIZON = 1e3  # [l sqrt(rho/H)] a quasi-static ride is broken off then
 LASTS = 10.0  # times its quasi-static ride: end of a ride that neither arrives nor stops
 STICKS = 1e-13  # forces below, over H, are rounding
 
@@ -319,9 +319,9 @@ def _at_rest(path: LoadPath, drive: Drive) -> Callable:
 
 
 def quasi_static(groups, drive: Drive) -> tuple[Ride, Drive]:
-    """The ride on the loaded cable, and the drive with its `nominal` duration, whether it `turns`, and its `end_time`.
+    """Return the ride on the loaded cable, and the drive with its `nominal` duration, `turns` and `end_time`.
 
-    A ride of open end that swings to and fro counts as over where it turns for the second time.
+    A ride of open end that swings is over where it turns for the second time.
     """
     path = LoadPath.loaded(groups)
     drive = replace(drive, ways=Forces(path, groups.mu, groups.sigma, drive).ways())

@@ -119,7 +119,10 @@ class Groups:
 
 
 class Scene(Part):
-    """A cable, its supports and the mass that travels along it; data in SI, the rest are properties."""
+    """A cable, its supports and the mass that travels along it, in SI.
+
+    Scene.load("zip.toml").replace({"mass.mass": 60.0}).groups
+    """
 
     name: Name = said("[-] name of its folder of results; of a file, the file's name", "scene")
     title: Line = said("[-] what the scene is, on one line", "")
@@ -410,7 +413,7 @@ class Scene(Part):
 
     @property
     def top_speed(self) -> float | None:
-        """Largest speed of the car [m/s]: ds_o/dt of the travel, |dp/dt| of the quasi-static ride; None: no car."""
+        """Largest speed of the car [m/s], of a free one by the quasi-static model; None: no car."""
         if self.ride is not None:
             return self.ride.top_speed * self.wave_speed
         return None if self._motion is None else self._motion.top_speed
@@ -526,7 +529,7 @@ def _presence(mode: str, present: list[str]) -> list[str]:
 
 
 def _travel_faults(travel: Any, drive: Driving, length: float, axial: float) -> list[str]:
-    """Return what is wrong with a travel on a cable of that length, whose axial waves run that fast."""
+    """Return what is wrong with a travel on a cable of that length [m] and axial wave speed [m/s]."""
     begin, way = _course(travel, drive, length)
     near, end = NEAREST_START * length, begin + way
     if travel.place is not None:

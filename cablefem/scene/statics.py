@@ -14,7 +14,7 @@ from cablefem.scene.drive import FARTHEST_END, NEAREST_START
 # Nodes are uniform in log(s/(1 - s)): the load path turns within about the cable's slack of a support. With so many,
 # and so many points of Gauss on each side of the car, random rides are good to 3e-8 l.
 NODES, POINTS = 160, 24
-ITERATIONS = 60  # of Newton's method, which takes 5 to 10; of the direction of a rolling car, which takes 5 to 20
+ITERATIONS = 60  # of Newton's method, and of the direction of a rolling car; most take 5 to 20
 
 
 class NoRest(ArithmeticError):
@@ -23,7 +23,7 @@ class NoRest(ArithmeticError):
 
 @dataclass(frozen=True)
 class Rest:
-    """The loaded cable at rest with the car at each of the places s (n,); all (n,) or (n, 2), y down."""
+    """The loaded cable at rest with the car at places s (n,); all (n,) or (n, 2), y down."""
 
     s: np.ndarray
     left: np.ndarray  # N r'/lam at the left support
@@ -45,17 +45,14 @@ class Rest:
 
 
 def nodes(nearest: float | None = None) -> np.ndarray:
-    """Places at which a ride is tabulated: where a rolling car may come to, or to `nearest` of both supports."""
+    """Return places at which a ride is tabulated, up to `nearest` of both supports."""
     near, far = (0.5 * NEAREST_START, 0.5 * (1.0 - FARTHEST_END)) if nearest is None else (nearest, nearest)
     y = np.linspace(math.log(near), -math.log(far), NODES if nearest is None else 2 * NODES)
     return 1.0 / (1.0 + np.exp(-y))
 
 
 def gripped(s, groups) -> Rest:
-    """Rest of a car held by the cable alone: the horizontal part of the tension is the same on both sides.
-
-    groups: anything with mu, alpha, sigma, c. P' and P'' follow by differentiating the equations of `_Pieces`.
-    """
+    """Return the rest of a car held by the cable alone; groups: anything with mu, alpha, sigma, c."""
     s = np.atleast_1d(np.asarray(s, dtype=float))
     x = _Pieces(s, np.array([0.0, -groups.mu * groups.sigma]) * np.ones((s.size, 1)), groups)
     (N0, r0, D0, ds0), (N1, r1, D1, ds1) = x.sides
