@@ -51,6 +51,10 @@ class Law(Part):
         if faults:
             return faults
         law = self.course(way)
+        if begin == 0.0 and law.at(0.0, 0)[1:] == (0.0, 0.0):
+            return [
+                f"jerk = {getattr(self, 'jerk', None)!r}: not yet from a support; must be let in on the way by from"
+            ]
         end = law.phases[-1][1]
         if self.stop is not None and self.stop.time >= end:
             return [f"stop.time = {self.stop.time!r}: must be < {end:.6g} s, the end of the travel"]

@@ -72,6 +72,7 @@ def test_fixtures_pass_the_right_and_fail_the_wrong_and_the_summary_tells_all(ou
         "*path_max: gap 0.*, allowed 0.0*(its error bar) + allowed to wrong 0.02, of u and v",
         "*= agreement of cable solvers =*",
     ])  # fmt: skip
+    assert "assertions.py" not in outcome.stdout.str(), "frames of the library are hidden"
     told = outcome.stdout.str().partition("= agreement of cable solvers =")[2].splitlines()
     lines = {line.rpartition("::")[2].rstrip(")"): line for line in told if "::" in line and " (" in line}
     assert lines["test_right"].startswith("agree          right and following-p2: path_max ")

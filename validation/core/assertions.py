@@ -24,6 +24,7 @@ def assert_agree(
     The message gives the gap and what was allowed, where they part, and where the bound comes from.  Returns the
     rows of the verdict.
     """
+    __tracebackhide__ = True  # pytest shows the caller's line
     names = f"{a.method} and {b.method}"
     if not np.isclose(a.length, b.length, rtol=1e-6, atol=0.0):
         raise AssertionError(f"{names} are of different cables: {a.length:.6g} m and {b.length:.6g} m long")

@@ -206,8 +206,11 @@ def _told(scene: Scene, e: Ladder, twin: Ladder) -> Ladder:
 
 def _gripped(scene: Scene, method: Method, progress: Progress) -> Response:
     """Return the answer for a car that grips the cable, by the defaults of the method: for the eye."""
+    assert scene.travel is not None
     data = tomllib.loads(scene.to_toml())
     del data["drive"]
+    data["travel"]["from"] = scene.drive.start_place(scene.length) if scene.travel.place is None else scene.travel.place
+    data["travel"].pop("rest", None)  # it goes on to the support
     response = run(Scene(**{"name": scene.name, **data}), method, progress=partial(progress, "gripped"))
     return replace(response, method="gripped car", design=design(response))
 

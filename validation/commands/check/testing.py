@@ -16,6 +16,7 @@ def asserting(tell: Tell) -> Callable[..., list[Agreement]]:
     """Return `assert_agree` that tells."""
 
     def asserted(a: Any, b: Any, **bounds: Any) -> list[Agreement]:
+        __tracebackhide__ = True
         names = f"{a.method} and {b.method}"
         try:
             rows = assertions.assert_agree(a, b, **bounds)
@@ -32,6 +33,7 @@ def checking(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
     """Return `check`, or `check_solver` with a solver of one's own, that asserts and tells; checks are kept."""
 
     def checked(scene: Any, solver: Any = None, *, tol: float = 1e-3, with_tol: float = WITH_TOL) -> Check:
+        __tracebackhide__ = True
         scene = scene if isinstance(scene, Scene) else Scene.load(scene)
         key = (scene.to_toml(), tol)
         if key not in kept:
