@@ -1,47 +1,50 @@
-"""Draw the README's figure from its own zip line: `python tests/commands/readme_figure.py` after `pip install -e .`."""
+"""Draw the README's picture: the first two figures of the page that its own command makes.
+
+python tests/commands/readme_figure.py, after pip install -e .
+"""
 
 from __future__ import annotations
 
 import re
-import tomllib
+import tempfile
 from pathlib import Path
 
-import matplotlib.pyplot as plt
-import numpy as np
-
-from cablefem import Scene
-from validation.commands.check.study import check
-from validation.page.figures import STYLE
+from validation import cli
 
 HERE = Path(__file__).parents[2]
-RIDERS = {60.0: "#0072b2", 95.0: "#d55e00", 120.0: "#009e73"}  # kg
+STYLE = """
+text { font: 13px sans-serif; fill: #555; stroke: none; }
+.t { fill: #1a1a1a; font-weight: 600; } .x, .l { text-anchor: middle; } .y { text-anchor: end; }
+path { fill: none; } .g { stroke: #ddd; stroke-width: .8; } .k { stroke: #767676; }
+"""
 
 
 def main() -> None:
-    text = re.search(r"```toml\n(title = .*?)```", (HERE / "README.md").read_text(encoding="utf-8"), re.S).group(1)
-    scene = Scene.model_validate(tomllib.loads(text))
-    plt.rcParams.update(STYLE | {"svg.fonttype": "path"})
-    fig, (height, speed, tension) = plt.subplots(
-        3, 1, figsize=(8.4, 6.6), sharex=True, height_ratios=(1.3, 1.0, 1.0), layout="constrained"
-    )
-    for mass, colour in RIDERS.items():
-        found = check(Scene.model_validate(tomllib.loads(text.replace("mass = 95.0", f"mass = {mass}"))))
-        for run, line in ((found.a.run, "-"), (found.b.run, ":")):
-            look = {"color": colour, "linestyle": line, "linewidth": 1.6 if line == "-" else 3.0}
-            label = f"{mass:g} kg, {run.method}"
-            height.plot(run.x, -run.y, **look)
-            speed.plot(run.x, 3.6 * run.speed, label=label, **look)
-            tension.plot(run.x, 1e-3 * np.maximum(run.T_behind, run.T_ahead), **look)
-    s = np.linspace(0.0, scene.length, 201)
-    height.plot(scene.catenary.x(s), -scene.catenary.y(s), color="#888", linewidth=1.0)
-    height.text(196.0, -17.6, "empty cable", color="#666666", fontsize=9)
-    height.text(281.5, -3.5, "brake", color="#666666", fontsize=9)
-    for ax, name in ((height, "height [m]"), (speed, "speed [km/h]"), (tension, "tension [kN]")):
-        ax.set_ylabel(name)
-        ax.axvline(280.0, color="#bbb", linewidth=0.8, zorder=0)
-    fig.legend(*speed.get_legend_handles_labels(), ncol=3, fontsize=9, loc="outside upper center")
-    tension.set_xlabel("place along the line [m]")
-    fig.savefig(HERE / "validation/page/assets/readme.svg", metadata={"Date": None})
+    readme = (HERE / "README.md").read_text(encoding="utf-8")
+    toml = re.search(r"```toml\n(title = .*?)```", readme, re.S).group(1)
+    command = re.search(r"cablefem (run zip\.toml .*)", readme).group(1).split()
+    with tempfile.TemporaryDirectory() as folder:
+        scene, out = Path(folder) / "zip.toml", Path(folder) / "out"
+        scene.write_text(toml, encoding="utf-8")
+        cli.main([str(scene) if word == "zip.toml" else word for word in command] + ["--out", str(out)])
+        page = (out / "report.html").read_text(encoding="utf-8")
+    figures = re.findall(
+        r'<svg role="img"[^>]*?viewBox="0 0 (\d+) ([\d.]+)" class="plot">(.*?)</svg>\s*<(?:ul|figcaption)', page, re.S
+    )[:2]
+    keys = re.findall(r"<li><svg.*?stroke=\"(.*?)\".*?stroke-dasharray=\"(.*?)\".*?</svg>(.*?)</li>", page)
+    parts, top = [], 0.0
+    for _, height, content in figures:
+        parts.append(f'<g transform="translate(0 {top})">{content}</g>')
+        top += float(height) + 8.0
+    for i, (color, dash, words) in enumerate(dict.fromkeys(keys)):
+        x, y = 40 + 230 * (i % 2), top + 18 * (i // 2)
+        line = f'<path d="M{x} {y}h30" stroke="{color}" stroke-width="2" stroke-dasharray="{dash}"/>'
+        parts.append(f'{line}<text x="{x + 36}" y="{y + 4}">{words}</text>')
+    height = top + 18 * (1 + len(dict.fromkeys(keys)) // 2)
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 490 {height:.0f}" width="735">'
+    paper = '<rect width="100%" height="100%" fill="#fff"/>'
+    text = "\n".join([head, f"<style>{STYLE}</style>", paper, *parts, "</svg>\n"])
+    (HERE / "validation/page/assets/readme.svg").write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
