@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 from cablefem.newmark import scheme
 from cablefem.response import Array, Response
+from cablefem.scene import Scene
+from validation.core.answers import GROUND, clearances
 from validation.core.evidence import Given
 from validation.core.ladder import Ladder, largest
 from validation.core.measures import WINDOWS
@@ -108,11 +110,54 @@ QUANTITIES: dict[str, Quantity] = {
     "contact_max": Quantity(1.0, _at_mass(lambda r: r.F_contact)),
     "contact_min": Quantity(-1.0, _at_mass(lambda r: r.F_contact)),
     "haul_force_max": Quantity(1.0, _at_mass(lambda r: np.abs(r.F_haul))),
+    "haul_force_min": Quantity(-1.0, _at_mass(lambda r: r.F_haul)),
     "deepest_point": Quantity(1.0, _depth, inner=True),
     "mass_deepest": Quantity(1.0, _at_mass(lambda r: r.y), inner=True),
     "mass_deflection_max": Quantity(1.0, _at_mass(lambda r: r.v)),
     "speed_max": Quantity(1.0, _at_mass(lambda r: r.speed)),
 }  # fmt: skip
+
+
+def _angle(side: str) -> Callable[[Response], list[Track]]:
+    """Return the angle [deg] of the rope at a support, positive downhill: the reaction pulls along the rope."""
+    right = side == "right"
+    out = 1.0 if right else -1.0
+    return lambda r: _reaction(right, lambda x: np.degrees(np.arctan2(out * x[:, 1], out * x[:, 0])))(r)
+
+
+def _clearance(of: str, name: str) -> Callable[[Response], list[Track]]:
+    def tracks(r: Response) -> list[Track]:
+        rooms = clearances(_scene(r.scene_toml), r)
+        return [Track(x.t, x.height, x.s) for x in rooms if (x.of, x.name) == (of, name)]
+
+    return tracks
+
+
+_scene = lru_cache(maxsize=4)(Scene.from_toml)
+
+
+def quantities(r: Response) -> dict[str, Quantity]:
+    """Return what a run is asked: what every run is, angles of the rope, and clearances where the scene has some."""
+    asked = dict(QUANTITIES)
+    for side in ("left", "right"):
+        tracks = _angle(side)
+        steep = float(tracks(r)[0].value[0])
+        asked[f"angle_{side}"] = Quantity(-1.0 if steep < 0.0 else 1.0, tracks)
+    scene = _scene(r.scene_toml)
+    for name in (*(o.name for o in scene.obstacle), *((GROUND,) if scene.ground else ())):
+        for of in ("rope", "car"):
+            asked[f"clearance_{of}_min:{name}"] = Quantity(-1.0, _clearance(of, name))
+    return asked
+
+
+def _safety(r: Response, found: list[Number]) -> list[Number]:
+    """Return the least safety factor: breaking load over the largest tension, the anchors included."""
+    load = _scene(r.scene_toml).cable.breaking_load
+    T = next((x for x in found if x.quantity == "tension_max"), None)
+    if load is None or T is None:
+        return []
+    bar = None if T.bar is None else load * T.bar / T.value**2
+    return [Number("safety_factor_min", load / T.value, bar, "", T.t, T.s_o, T.x, T.s)]
 
 
 def numbers(ladder: Ladder, twin: Ladder | None = None) -> list[Number]:
@@ -122,9 +167,9 @@ def numbers(ladder: Ladder, twin: Ladder | None = None) -> list[Number]:
     """
     r, other = ladder.finest, None if twin is None else twin.finest
     span = _range(r, *(() if other is None else (other,)))
-    return [x for name in QUANTITIES if (x := _number(name, r, span, ladder, other)) is not None] + _onset(
-        ladder, other
-    )
+    asked = quantities(r)
+    found = [x for name in asked if (x := _number(name, asked[name], r, span, ladder, other)) is not None]
+    return found + _safety(r, found) + _onset(ladder, other)
 
 
 def design(r: Response) -> list[dict[str, Any]]:
@@ -135,7 +180,9 @@ def design(r: Response) -> list[dict[str, Any]]:
 def alone(r: Response) -> list[Number]:
     """Return the design numbers of a run without coarser ones: without bars."""
     span = _range(r)
-    return [x for name in QUANTITIES if (x := _number(name, r, span)) is not None] + _onset(None, r)
+    asked = quantities(r)
+    found = [x for name in asked if (x := _number(name, asked[name], r, span)) is not None]
+    return found + _safety(r, found) + _onset(None, r)
 
 
 def _range(*runs: Response) -> tuple[float, float]:
@@ -154,23 +201,25 @@ def _range(*runs: Response) -> tuple[float, float]:
 
 
 def _number(
-    name: str, r: Response, span: tuple[float, float], ladder: Ladder | None = None, twin: Response | None = None
-) -> Number | None:
-    quantity, unit = QUANTITIES[name], unit_of(name)
+    name: str, quantity: Quantity, r: Response, span: tuple[float, float], ladder: Ladder | None = None,
+    twin: Response | None = None,
+) -> Number | None:  # fmt: skip
+    unit = unit_of(name)
     period = _round_trip(r) if unit == "N" else 0.0
-    value, peak = (partial(_value, name, span, over) for over in (period, 0.0))
-    found = _extreme(name, r, span, period)
+    value, peak = (partial(_value, quantity, span, over) for over in (period, 0.0))
+    found = _extreme(quantity, r, span, period)
     if found is None or (quantity.inner and _at_an_end(found, r, span)):
         return None
     bar: float | None = None
     bar_peak: float | None = None
     if ladder is not None:
         near = np.clip(found.t + np.linspace(-1.0, 1.0, NEAR) * max(period, found.step), *span)
-        beside = partial(_beside, name, span, period, found.track, near)
-        bar = max(ladder.bar(of, largest, FIRST if period else math.inf) for of in (value, beside)) + found.between
+        beside = partial(_beside, quantity, span, period, found.track, near)
+        signals = (value, beside) if found.step > 0.0 else (value,)  # a car that passes once has no signal beside
+        bar = max(ladder.bar(of, largest, FIRST if period else math.inf) for of in signals) + found.between
         bar = max(bar, 0.0 if twin is None else abs(found.value - value(twin)))
         if period and (ladder.ringing is not None or not _damps(r)):
-            raw = partial(_beside, name, span, 0.0, found.track, near)
+            raw = partial(_beside, quantity, span, 0.0, found.track, near)
             bar_peak = max(ladder.peak(peak), ladder.peak(raw), 0.0 if twin is None else abs(peak(r) - peak(twin)))
     at = float(np.interp(found.s, r.fields.s, r.fields.x))
     return Number(
@@ -231,8 +280,8 @@ def _mean(t: Array, value: Array, period: float) -> Array:
     return np.asarray((sums(high) - sums(low)) / (high - low))
 
 
-def _extreme(name: str, r: Response, span: tuple[float, float], period: float) -> _Extreme | None:
-    quantity, found = QUANTITIES[name], None
+def _extreme(quantity: Quantity, r: Response, span: tuple[float, float], period: float) -> _Extreme | None:
+    found = None
     for i, track in enumerate(quantity.tracks(r)):
         t, value, s = _samples(track, span, period, quantity.sign)
         if t.size == 0:
@@ -245,14 +294,15 @@ def _extreme(name: str, r: Response, span: tuple[float, float], period: float) -
     return found
 
 
-def _value(name: str, span: tuple[float, float], period: float, r: Response) -> float:
-    found = _extreme(name, r, span, period)
+def _value(quantity: Quantity, span: tuple[float, float], period: float, r: Response) -> float:
+    found = _extreme(quantity, r, span, period)
     return math.nan if found is None else found.value
 
 
-def _beside(name: str, span: tuple[float, float], period: float, track: int, near: Array, r: Response) -> Array:
+def _beside(
+    quantity: Quantity, span: tuple[float, float], period: float, track: int, near: Array, r: Response
+) -> Array:
     """Return a track at times near the extreme of the finest run."""
-    quantity = QUANTITIES[name]
     t, value, _ = _samples(quantity.tracks(r)[track], span, period, quantity.sign)
     return np.interp(near, t, value) if t.size and t[-1] >= min(near[-1], r.t[-1]) - np.ptp(near) else math.nan * near
 

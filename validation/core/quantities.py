@@ -52,15 +52,15 @@ def named(quantity: str) -> str:
     """Return the name of a design number."""
     kind, _, of = quantity.partition(":")
     if kind.startswith("clearance_"):
-        return f"least clearance of the {kind.split('_')[1]} over {of or 'the ground'}"
+        return f"least clearance of the {kind.split('_')[1]} over {of}"
     return _NAMES.get(quantity) or re.sub("(.*)_max", r"largest \1", quantity).replace("_", " ")
 
 
 def unit_of(quantity: str) -> str:
     """Return the SI unit of a design number; "" of a ratio."""
     kinds = dict.fromkeys(("tension", "reaction", "contact", "haul"), "N") | {"deep": "m", "deflection": "m"}
-    kinds["speed"] = "m/s"
-    return next((unit for kind, unit in kinds.items() if kind in quantity), "")
+    kinds |= {"speed": "m/s", "clearance": "m", "angle": "deg"}
+    return next((unit for kind, unit in kinds.items() if kind in quantity.partition(":")[0]), "")
 
 
 def scale_of(values: Array, unit: str) -> tuple[float, str]:
