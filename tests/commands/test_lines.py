@@ -147,3 +147,9 @@ def test_tolerance_of_a_line(cablefem, tol):
     code, _, err = cablefem("check", "two-span", "--tol", tol)
     assert code == 2
     assert "--tol must lie in [1e-09, 0.01] m" in err
+
+
+def test_check_with_a_fault_told_to_one_solver(cablefem):
+    code, out, _ = cablefem("check", "two-span", *FEW, "--second-set", "cable.EA=+0.1%")
+    assert code == 1
+    assert out.startswith("disagree")

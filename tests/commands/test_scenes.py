@@ -4,12 +4,13 @@ import json
 import tomllib
 
 from cablefem import Scene
+from cablefem.scene.line import Line
 
 
 def test_scenes_are_listed_one_line_each(cablefem):
     code, out, _ = cablefem("scenes")
     assert code == 0
-    assert [line.split()[0] for line in out.splitlines()[1:]] == list(Scene.library())
+    assert [line.split()[0] for line in out.splitlines()[1:]] == [*Scene.library(), *Line.library()]
     assert "2002 kg" in out
     assert "Level cable, constant speed" in out
 
@@ -28,7 +29,7 @@ def test_a_scene_is_printed_to_be_copied(cablefem, tmp_path):
 
 def test_scenes_are_written_to_a_folder_when_asked(cablefem, tmp_path):
     assert cablefem("scenes", "--out", "all")[0] == 0
-    assert {path.stem for path in (tmp_path / "all").glob("*.toml")} == set(Scene.library())
+    assert {path.stem for path in (tmp_path / "all").glob("*.toml")} == {*Scene.library(), *Line.library()}
     assert cablefem("scenes", "level", "--out", "one")[0] == 0
     assert (tmp_path / "one" / "level.toml").read_text() == Scene.library_text("level")
 

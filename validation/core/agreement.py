@@ -19,6 +19,13 @@ class Verdict(enum.Enum):
     DISAGREE, NOT_COMPARABLE, TOO_COARSE, AGREE = "disagree", "not comparable", "too coarse", "agree"
 
 
+def three_lines(gap: float, bars: float, asked_for: float) -> Verdict:
+    """Beyond three times both bars they disagree; else what exceeds the asked is too coarse; else they agree."""
+    if gap > APART * bars:
+        return Verdict.DISAGREE
+    return Verdict.AGREE if max(gap, bars) <= asked_for else Verdict.TOO_COARSE
+
+
 @dataclass(frozen=True, slots=True)
 class Agreement:
     """One row of a verdict: a gap, the bound that says what is allowed and why, and what was asked.
@@ -56,9 +63,7 @@ class Agreement:
             if not known:
                 return Verdict.NOT_COMPARABLE
             return Verdict.AGREE if self.gap <= self.allowed else Verdict.DISAGREE
-        if self.gap > APART * self.allowed:
-            return Verdict.DISAGREE
-        return Verdict.AGREE if max(self.gap, self.allowed) <= self.asked_for else Verdict.TOO_COARSE
+        return three_lines(self.gap, self.allowed, self.asked_for)
 
     def row(self) -> dict[str, Any]:
         """Return the row for agreement.json; a number that does not exist is null."""

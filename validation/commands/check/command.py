@@ -77,10 +77,11 @@ def command(
     support, y down. Other units and directions are told by the name: s_o_over_l, t_ms, v_over_l, v_mm, y_up, ...
     """
     if (line := line_named(scene)) is not None:
-        refuse_moving({"--with": other is not None, "--deep": deep})
+        refuse_moving({"--with": other is not None, "--deep": deep, "--sensitivity": sensitive})
         from validation.commands.check import line as at_rest
 
-        return at_rest.check(points_of(line, set_), tol, tol_tension, out)
+        given = points_of(line, set_)
+        return at_rest.check(given, tol, tol_tension, out, _second(given[0].scene, second, second_set))
     tol = 1e-3 if tol is None else tol
     faults = tol_faults(tol)
     if tol_tension is not None and not 0.0 < tol_tension <= 1.0:
@@ -144,10 +145,10 @@ def command(
     return telling.broken(result.a.run, result.b.run) or (1 if result.verdict.value != "agree" or result.doubts else 0)
 
 
-def _second(scene: "Scene", file: Path | None, pairs: list[str] | None) -> "Scene | None":
+def _second(scene: Any, file: Path | None, pairs: list[str] | None) -> Any:
     """Return the scene that the second solver is told, None where it is the same."""
     faults: list[str] = []
-    other = scene if file is None else scene_named(str(file), faults, travelling=True)
+    other = scene if file is None else line_named(str(file)) or scene_named(str(file), faults, travelling=True)
     points = points_of(other, pairs)
     if len(points) > 1 or points[0].settings:
         raise store.Refused("--second-set: one value for each key of the scene, as mass.mass=+1%")

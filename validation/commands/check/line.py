@@ -20,7 +20,7 @@ from cablefem.scene import SceneError
 from cablefem.scene.line import Line, LineRest, LineState, NoLine, NotFound
 from validation.commands.run.line import Answers, Row, extremes, many, of, rows_of, write
 from validation.core import store
-from validation.core.agreement import Verdict
+from validation.core.agreement import APART, three_lines
 from validation.page import report, terminal
 from validation.page.line import tell
 from validation.page.options import Point
@@ -28,7 +28,6 @@ from validation.page.options import Point
 FINEST = 32  # elements on each piece, at most
 BY_ELEMENTS = 0.5  # largest bar of the elements over what is asked
 HALVED = 3.0  # bar over the change when elements are halved: no order is shown
-APART = 3.0  # gap over both bars beyond which they disagree
 ROUNDING = 256 * np.finfo(float).eps  # of the reach for lengths, of EA for forces
 TOL = 1e-6  # [m], and of the largest tension
 TOL_RANGE = (1e-9, 1e-2)
@@ -103,11 +102,9 @@ def _row(quantity: str, gap: float, bar_a: float, bar_b: float, asked_for: float
     }  # fmt: skip
 
 
-def three_lines(gap: float, bars: float, asked_for: float) -> Verdict:
-    """Beyond three times both bars they disagree; else what exceeds the asked is too coarse; else they agree."""
-    if gap > APART * bars:
-        return Verdict.DISAGREE
-    return Verdict.AGREE if max(gap, bars) <= asked_for else Verdict.TOO_COARSE
+def _parts(line: Line) -> list[tuple[str, ...]]:
+    cars = [(car.name, *(str(line.shoe(line.place(car, i))) for i in range(line.count))) for car in line.car]
+    return [tuple(f"{c.name} {c.kind}" for c in line.contact), *cars]
 
 
 def checked(line: Line, tol: float, tol_tension: float, second: Line | None = None) -> tuple[Answers, list[Row], str]:
@@ -136,18 +133,23 @@ def checked(line: Line, tol: float, tol_tension: float, second: Line | None = No
     return found, rows, next(v for v in ("disagree", "too coarse", "agree") if v in words)
 
 
-def check(points: Sequence[Point], tol: float | None, tol_tension: float | None, out: Path | None) -> int:
+def check(
+    points: Sequence[Point], tol: float | None, tol_tension: float | None, out: Path | None, second: Line | None
+) -> int:  # fmt: skip
     """Check a line, or every point of a grid of lines; 1 unless they agree, 2 where a position has no rest."""
     tol = TOL if tol is None else tol
     low, high = TOL_RANGE
     if not low <= tol <= high:
         raise store.Refused(f"--tol must lie in [{low:g}, {high:g}] m for a line at rest, got {tol:g}")
+    for point in points:
+        if second is not None and _parts(second) != _parts(point.scene):
+            raise store.Refused("--second: must be a line with the same contacts, cars and positions")
     asked = tol, tol if tol_tension is None else tol_tension
     line: Line = points[0].scene
     if len(points) > 1:
 
         def answered(point: Point) -> tuple[Answers, Row]:
-            found, _, verdict = checked(point.scene, *asked)
+            found, _, verdict = checked(point.scene, *asked, second)
             return found, {"verdict": verdict}
 
         return many("check", line, points, out, answered)
@@ -155,7 +157,7 @@ def check(points: Sequence[Point], tol: float | None, tol_tension: float | None,
     with terminal.progress() as progress:
         progress("both", 0.0)
         begun = perf_counter()
-        found, rows, verdict = checked(line, *asked)
+        found, rows, verdict = checked(line, *asked, second)
         seconds = perf_counter() - begun
         progress("both", 1.0)
     write(folder / "rest-check", found)
