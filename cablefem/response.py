@@ -60,9 +60,9 @@ class States:
 
 @dataclass(frozen=True, slots=True)
 class Observation(_Filled):
-    """What every system measures on its own states, with the same meaning in both solvers; dimensionless.
+    """What every solver measures on its own states; lengths over l, forces over H, time over l sqrt(rho/H).
 
-    Lengths over l, forces over H, time over l sqrt(rho/H).  n instants, k frames, m stations.
+    n instants, k frames, m stations.
     """
 
     path: Array  # (n, 2) displacement (u, v) of the mass, w(s_o, t)
@@ -142,7 +142,7 @@ class Fields(_Filled):
 
 @dataclass(frozen=True, slots=True)
 class Flag:
-    """A reason to distrust a run: of which kind, and its numbers; `words` is a format string that says it."""
+    """A reason to distrust a run: its kind, its numbers, and a format string for them."""
 
     kind: str
     words: str
@@ -165,10 +165,7 @@ class Travelled(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MassPath(_Filled):
-    """How the mass of one run moved, in SI units: all that is compared before anything else is observed.
-
-    x, y have their origin at the left support; v and y point down.
-    """
+    """How the mass of one run moved, in SI; x, y have their origin at the left support, v and y point down."""
 
     method: str
     settings: dict[str, Any]
@@ -191,18 +188,14 @@ class MassPath(_Filled):
 
     @property
     def slack_since(self) -> float:
-        """Instant [s] of the slack onset, infinite where there is none: a ride that turns back has its place again."""
+        """Instant [s] of the slack onset, infinite where there is none."""
         if self.slack_onset is None:
             return math.inf
         return float(self.t[np.argmin(np.abs(self.s_o - self.slack_onset * self.length))])
 
     @property
     def max_deflection(self) -> float:
-        """Largest v of the mass path [m]; of a car whose place is given, past midspan only while the cable is taut.
-
-        Slack, it flings the mass.  The first row always counts, wherever a car starts; a free ride may turn back, so
-        that its place tells nothing of before and after: all of it counts.
-        """
+        """Largest v of the mass path [m]; of a given travel past midspan only while the cable is taut."""
         onset = math.inf if self.slack_onset is None or self.drive == "free" else self.slack_onset
         kept = self.v[self.s_o <= max(onset, 0.5) * self.length]
         return float(kept.max(initial=self.v[0]))

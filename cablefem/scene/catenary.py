@@ -1,9 +1,8 @@
-"""The static cable in closed form, eqs (9)-(12): the one place that knows the catenary, in SI and dimensionless.
+"""The static cable in closed form, eqs (9)-(12), in SI and dimensionless.
 
-With p = T y'/H = c - sigma s (lengths over l, forces over the horizontal tension H, y down)
+With p = T y'/H = c - sigma s (lengths over l, forces over H, y down)
     T = sqrt(1 + p^2),  x' = 1/T,  y' = p/T,  x'' = sigma p/T^3,  y'' = -sigma/T^3.
-Everything is written without differences of nearly equal numbers, so that a nearly straight cable
-(sigma = 1e-6, where l exceeds the chord by 4e-14 l) keeps its digits.
+No difference of nearly equal numbers is taken: a nearly straight cable keeps its digits.
 """
 
 from __future__ import annotations
@@ -17,12 +16,10 @@ import numpy as np
 
 from cablefem.scene.bisection import bisected
 
-# z = rho g b/(2H) measures how deep a cable hangs: sag/span is z/4 when shallow and 7.3 at z = 5 (level supports).
-# Below 1e-9 the arc length equals the chord to all 16 digits; above 5 the cable is a plumb line down and up again.
+# [-] z = rho g b/(2H); sag/span is z/4 when shallow and 7.3 at z = 5. Below 1e-9 the length is the chord to 16 digits.
 Z_MIN, Z_MAX = 1e-9, 5.0
 
-# A given length fixes the sag through l - chord alone; closer to the chord than this, fewer than four digits are left.
-LEAST_SLACK = 1e-12
+LEAST_SLACK = 1e-12  # [-] of the chord: a length nearer to it fixes the sag to fewer than four digits
 
 
 def static(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -37,8 +34,7 @@ def static(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray, np.ndarra
 def shape(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray]:
     """Return (x, y) of the dimensionless catenary at s, each of the shape of s; y is positive downward.
 
-    x = (asinh p_0 - asinh p)/sigma and y = (T_0 - T)/sigma with the differences carried out:
-    T_0 - T = sigma s m, m = (p_0 + p)/(T_0 + T), and asinh p = ln(p + T).
+    x = (asinh p_0 - asinh p)/sigma, y = (T_0 - T)/sigma, by T_0 - T = sigma s m, m = (p_0 + p)/(T_0 + T).
     """
     s = np.asarray(s, dtype=float)
     p, p0, T0 = c - sigma * s, c, math.hypot(1.0, c)
@@ -52,7 +48,7 @@ def shape(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Catenary:
-    """A uniform cable at rest between (0, 0) and (span, drop); x to the right, y down, s along the cable, SI units."""
+    """A uniform cable at rest between (0, 0) and (span, drop); y down, s along the cable, SI."""
 
     span: float  # b [m]
     drop: float  # y(l) [m], positive when the right support is the lower one
@@ -61,10 +57,7 @@ class Catenary:
 
     @classmethod
     def from_length(cls, span: float, drop: float, weight: float, length: float) -> Catenary:
-        """The catenary of stretched arc length l: sqrt(l^2 - h^2)/b = sinh(z)/z, z = rho g b/(2H), solved for H.
-
-        Raises ValueError when the length is outside `length_range`.
-        """
+        """Return the catenary of stretched arc length l, sqrt(l^2 - h^2)/b = sinh(z)/z; ValueError out of range."""
         low, high = length_range(span, drop)
         if not low <= length <= high:
             raise ValueError(f"length {length} outside [{low}, {high}]")
@@ -180,10 +173,9 @@ def _middle(span: float, drop: float, z: float) -> float:
 
 
 def _sag(span: float, drop: float, z: float) -> float:
-    """Largest vertical distance below the chord [m].
+    """Largest vertical distance below the chord [m], at eta = tm - asinh(h/b), x = b/2 + (b/2z) eta.
 
-    At x = b/2 + (b/2z) eta the cable is (b/2z) [ cosh(tm) (cosh z - cosh eta) + sinh(tm) (sinh eta - eta sinh(z)/z) ]
-    below its chord; it is deepest where its slope is the chord's, eta = tm - asinh(h/b).
+    There it is (b/2z) [ cosh(tm) (cosh z - cosh eta) + sinh(tm) (sinh eta - eta sinh(z)/z) ].
     """
     tm = _middle(span, drop, z)
     eta = tm - math.asinh(drop / span)

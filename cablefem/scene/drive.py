@@ -1,7 +1,7 @@
-"""What moves the car along the cable, as written in a scene, and the same without units, as both solvers need it.
+"""What moves the car along the cable, as written in a scene, and without units.
 
-grip: the travel is prescribed and the car pushes itself along the cable (the paper). haul: the car rolls, its travel is
-prescribed, a rope from outside supplies the force along the mean tangent. free: the car rolls, its travel is an answer.
+grip: the travel is given, the car pushes itself along the cable (the paper). haul: the travel is given, the car rolls
+and hangs on a rope along the mean tangent. free: the car rolls, its travel is an answer.
 """
 
 from __future__ import annotations
@@ -163,10 +163,7 @@ class Driving(Part):
         return FARTHEST_END * length if self.end is None or self.end.place is None else self.end.place
 
     def scaled(self, length: float, time: float, force: float, rho: float) -> Drive:
-        """The drive of a rolling car in units of a length [m], a time [s] and a force [N]; rho [kg/m] of the cable.
-
-        Its `nominal`, `turns`, `ways` and, where the scene gives none, its `end_time` are left open.
-        """
+        """Return the drive of a rolling car in these units of m, s and N; `nominal`, `turns`, `ways` stay open."""
         if isinstance(self.thrust, Thrust):
             table = tuple((t / time, f / force) for t, f in zip(self.thrust.times, self.thrust.forces, strict=True))
         else:
@@ -210,8 +207,7 @@ class Driving(Part):
 class Drive:
     """What moves the car, without units: lengths over l, forces over H, times over l sqrt(rho/H).
 
-    grip: the default, nothing but `mode` counts. haul: `Groups.motion` is the travel from `start` to its end; friction
-    and drag act, too. free: all counts, `Groups.motion` is None.
+    grip: only `mode` counts. haul: friction and drag, too. free: all; `Groups.motion` is None.
     """
 
     mode: str = "grip"  # "grip" | "haul" | "free"
@@ -232,7 +228,7 @@ class Drive:
 
     @property
     def back_place(self) -> float:
-        """Where a ride that rolls back to the left support is over: half its start, 0.5 % of the length at most."""
+        """Where a ride that rolls back is over: half its start, 0.5 % of the length at most."""
         return 0.5 * min(self.start, START)
 
     @cached_property
@@ -243,7 +239,7 @@ class Drive:
         return tuple(zip([0.0, *inside], [*inside, self.end_time], strict=True))
 
     def thrust(self, t, phase):
-        """Thrust at t by the line of that phase, also at its two ends, where the thrust may jump; any shapes."""
+        """Return the thrust at t by the line of that phase; any shapes."""
         value, slope, t0 = self._lines[:, phase]
         return value + slope * (t - t0)
 
@@ -276,12 +272,11 @@ class Drive:
     def part_of_step(
         self, axial: float, sigma: float, s_o: float, speed: float, forward: float, since: float, rubs: bool
     ) -> float:
-        """Return which part of a step a rolling car takes at s_o, 0 < s_o < 1: by where it is, not by the steps.
+        """Return which part of a step a rolling car takes at s_o, 0 < s_o < 1.
 
-        axial : time of axial waves to and fro over the cable; next to a support they come sooner.
-        forward : sign of the car's motion, 0 before it has one; slip rings.
-        since : after a jump of a force along the cable, which rings; inf where nothing hears that.
-        rubs : whether a brake or a hold reacts to what rings as long as it does.
+        axial : time of axial waves over the cable and back. forward : sign of the car's motion, 0 before it has one.
+        since : time after a jump of a force along the cable, inf where it does not matter.
+        rubs : whether a brake or a hold acts, which axial waves turn.
         """
         step, near = self.nominal / STANDARD, min(s_o, 1.0 - s_o)
         there = near / abs(speed) if speed else math.inf

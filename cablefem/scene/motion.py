@@ -8,9 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cablefem.scene.bisection import bisected
-
-MOST, SAME = 20, 1e-9  # Newton's steps towards a mean place, and of the way between how exact it is
+MOST, SAME = 20, 1e-9  # Newton steps towards a mean place; its error over the way between
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +34,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Motion:
-    """Where the mass is, how fast and with what acceleration, between jumps of acceleration called phases.
-
-    Units are those it was built in: SI by `Travel.motion`; lengths over l, times over l sqrt(rho/H) in `Groups`.
-    """
+    """The travel in phases, between which the acceleration jumps; SI, or without units in `Groups`."""
 
     phases: tuple[tuple[float, float], ...]  # consecutive [t0, t1]; the last t1 is the end of travel
     pieces: tuple[tuple[Piece, ...], ...]  # of each phase; inside a phase the acceleration is continuous
@@ -72,8 +67,7 @@ class Motion:
     def between(self, t0: np.ndarray, t1: np.ndarray, w: float, phase: int) -> np.ndarray:
         """Return the instants (n,) at which the place is the mean of those at t0 and t1, weighted 1 - w and w.
 
-        Where a step takes means of its unknowns it must be balanced there: from rest at a support, where the strain of
-        the short side is what they are over s_o ~ t^2, the mean instant has 1.8 times that strain.
+        A step that takes means of its unknowns is balanced there.
         """
         if t0.size == 1:  # arrays of one would take ten times as long
             return np.array([self._between(t0.item(), t1.item(), w, phase)])
@@ -120,9 +114,7 @@ class Motion:
 
     def time_at(self, s_o: float) -> float:
         """The time at which the mass comes to s_o, to rounding; ValueError where it never comes."""
-        index, low, high = (x[0].item() for x in self._ends_around(np.array([s_o])))
-        piece = [piece for pieces in self.pieces for piece in pieces][index]
-        return high if low == high else bisected(lambda t: piece(t)[0] - s_o, low, high)
+        return float(self.times_at(np.array([s_o]))[0])
 
     def times_at(self, places: np.ndarray) -> np.ndarray:
         """Return `time_at` of many places (n,), by bisection of all of them together."""
@@ -133,10 +125,7 @@ class Motion:
         return high
 
     def _ends_around(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the pieces on which the mass comes to places (n,), and when they begin and end, or twice when it does.
-
-        ValueError where it never comes.
-        """
+        """Return the pieces on which the mass comes to places (n,), and their ends; ValueError where it never comes."""
         never = [s for s in places.tolist() if not self.begin <= s <= self.end]
         if never:
             raise ValueError(
@@ -216,5 +205,5 @@ class Motion:
 
 
 def standing(place: float, end: float) -> Motion:
-    """Return the motion of what stays at its place until `end`; with mu = 0 the cable is bare and moves by itself."""
+    """Return the motion of what stays at its place until `end`."""
     return Motion(((0.0, end),), ((Piece(0.0, 0.0, place, 0.0, 0.0),),), place)

@@ -1,29 +1,4 @@
-"""What is simulated: cable, supports, mass and travel in SI, and everything that follows from them.
-
-"Equation" is the paper's first one with the symbol; "list" is its list of scales and groups between (16) and (17).
-
-| symbol  | code                        | unit | equation | meaning                                               |
-|---------|-----------------------------|------|----------|-------------------------------------------------------|
-| l       | scene.length                | m    | (12)     | stretched static arc length; the length scale         |
-| b       | scene.supports.span         | m    | (11)     | horizontal distance of the supports                   |
-| h       | scene.supports.drop         | m    | (12)     | right support below the left one: positive (erratum)  |
-| rho     | scene.rho                   | kg/m | (2)      | mass per stretched static length, with ice            |
-| EA      | scene.cable.EA              | N    | (4)      | axial stiffness                                       |
-| g       | scene.gravity               | m/s2 | (4)      | gravity                                               |
-| M       | scene.mass.mass             | kg   | (2)      | moving mass                                           |
-| H = T_o | scene.horizontal_tension    | N    | (9)      | horizontal static tension; the force scale            |
-| -       | scene.time_scale            | s    | list     | l sqrt(rho/H)                                         |
-| mu      | scene.mu                    | -    | list     | M/(rho l)                                             |
-| alpha   | scene.alpha                 | -    | list     | EA/H                                                  |
-| beta    | scene.beta                  | -    | list     | rho g l/EA = sigma/alpha                              |
-| sigma   | scene.sigma                 | -    | list     | rho g l/H                                             |
-| c       | scene.groups.c              | -    | (10)     | y'/x' at the left support                             |
-| L^2     | scene.irvine                | -    | Irvine   | sigma^2 alpha cos^5(chord slope)                      |
-| s_o(t)  | scene.groups.motion         | -    | (1)      | travel of the mass along the cable, over l            |
-| T(s)    | scene.catenary.tension      | N    | (9)      | static tension                                        |
-| k       | scene.groups.drive.k        | -    | -        | rho_air c_d A/(2 rho), drag of the car                |
-| mu_r    | scene.groups.drive.mu_r     | -    | -        | rolling friction over contact force                   |
-"""
+"""What is simulated: cable, supports, mass and travel in SI, and what follows from them; symbols: README.md."""
 
 import html
 import itertools
@@ -98,7 +73,7 @@ def parsed(text: str) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Groups:
-    """The scene in dimensionless form, all a solver needs: lengths over l, forces over H, times over l sqrt(rho/H)."""
+    """All a solver needs, dimensionless: lengths over l, forces over H, times over l sqrt(rho/H)."""
 
     mu: float  # M/(rho l); 0 without a mass
     alpha: float  # EA/H
@@ -164,7 +139,7 @@ class Scene(Part):
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Self:
-        """The built-in scene of that name, or the scene in that TOML file; SceneError with all its faults."""
+        """Return the built-in scene of that name, or that of a TOML file; SceneError with all its faults."""
         text, name = scene_text(name_or_path)
         return cls.from_toml(text, name=name, folder=Path(name_or_path).parent)
 
@@ -282,11 +257,10 @@ class Scene(Part):
         speed_ratio: float | None = None,
         **fields: Any,
     ) -> Self:
-        """This scene with some groups changed, and whole fields (name, travel, ...) replaced.
+        """Return this scene with some groups changed, and whole fields (name, travel, ...) replaced.
 
-        sag_ratio re-hangs the cable; mu, alpha and speed_ratio then set mass, EA and the pace of the same travel law.
-        What is not named keeps its SI value. Groups are those of the cable as it hangs: one with temperature or ice is
-        then described by its horizontal tension.
+        sag_ratio re-hangs the cable; mu, alpha and speed_ratio set mass, EA and the pace of the travel. All else keeps
+        its SI value. A cable with temperature or ice is then described by its horizontal tension.
         """
         if self.cable.changed and any(group is not None for group in (sag_ratio, mu, alpha)):
             now = Cable(mass_per_length=self.rho, EA=self.cable.EA, horizontal_tension=self.horizontal_tension)
@@ -321,7 +295,7 @@ class Scene(Part):
 
     @property
     def notes(self) -> list[str]:
-        """What a reader of the answer should know about values that the scene leaves out, or that look mistaken."""
+        """Remarks on values that the scene leaves out, or that look mistaken."""
         drive, notes = self.drive, []
         if drive.mode == "free" and not (drive.rolling_friction or drive.drag_area):
             notes.append("no friction, no drag given: the fastest possible ride")
@@ -387,12 +361,9 @@ class Scene(Part):
 
     @property
     def irvine(self) -> float:
-        """Irvine's parameter L^2 = sigma^2 alpha cos^5(slope) [-], of the weight normal to the chord.
+        """L^2 = sigma^2 alpha cos^5(slope) [-]: (w_n l/H_c)^2 EA/H_c of Irvine, Cable Structures (1981), 2.4.
 
-        Irvine, Cable Structures (1981), 2.4: (w_n l/H_c)^2 EA/H_c with w_n = rho g cos(slope), the tension along the
-        chord H_c = H/cos(slope), and l for both chord and effective length L_e, as in the paper's 5.34979. Level:
-        sigma^2 alpha. Below 4 pi^2 the first symmetric mode is the lowest one; it grows from a string's (0) to an
-        inextensible cable's.
+        w_n = rho g cos(slope), H_c = H/cos(slope), l for both chord and effective length.
         """
         return self.sigma**2 * self.alpha * (self.supports.span / self.chord) ** 5
 
@@ -425,11 +396,7 @@ class Scene(Part):
 
     @property
     def arrival(self) -> float | None:
-        """Time [s] at which the ride is over; None for a bare cable.
-
-        A travel ends at the far support (rolling: before it) unless a table stops earlier; a free ride: by the
-        quasi-static model.
-        """
+        """Time [s] at which the ride is over, of a free ride by the quasi-static model; None for a bare cable."""
         if self.ride is not None:
             return self.ride.duration * self.time_scale
         return None if self._motion is None else self._motion.phases[-1][1]
@@ -552,7 +519,7 @@ _adapter = cache(TypeAdapter)  # building one takes longer than reading a scene
 
 
 def _sound(kind: Any, value: object) -> Any:
-    """The value as a field of that kind; None when it has faults of its own, which are reported where it stands."""
+    """Return the value as a field of that kind; None when it has faults of its own."""
     try:
         return _adapter(kind).validate_python(value)
     except ValueError:

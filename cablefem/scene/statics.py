@@ -1,6 +1,6 @@
 """The loaded cable at rest: an elastic catenary of two pieces under a car that grips it, or hangs on a rope.
 
-Lengths over l, forces over H. N = T + alpha eps is the tension on top of the empty cable's T; its direction is r'.
+Lengths over l, forces over H. N = T + alpha eps is the tension, T that of the empty cable.
 """
 
 import math
@@ -11,8 +11,7 @@ import numpy as np
 from cablefem.scene import catenary
 from cablefem.scene.drive import FARTHEST_END, NEAREST_START
 
-# Nodes are uniform in log(s/(1 - s)): the load path turns within about the cable's slack of a support. With so many,
-# and so many points of Gauss on each side of the car, random rides are good to 3e-8 l.
+# Nodes of a load path, uniform in log(s/(1 - s)), and Gauss points a side: random rides are good to 3e-8 l.
 NODES, POINTS = 160, 24
 ITERATIONS = 60  # of Newton's method, and of the direction of a rolling car; most take 5 to 20
 
@@ -71,9 +70,8 @@ def gripped(s, groups) -> Rest:
 def hauled(s, groups) -> Rest:
     """Rest of a car that rolls, hangs on a rope along the mean tangent tau, and is about to move on.
 
-    tau . jump = -rub, haul = rub - mu sigma tau_y, with the friction rub = mu_r mu sigma |tau_x| |<r'>|/<lam>.
-
-    tau is found by substituting it, which contracts; P' and P'' are those of a spline through P.
+    tau . jump = -rub, haul = rub - mu sigma tau_y, rub = mu_r mu sigma |tau_x| |<r'>|/<lam>; tau by substitution.
+    P' and P'' are those of a spline through P.
     """
     from scipy.interpolate import CubicSpline
 
@@ -110,8 +108,8 @@ def _hold(s, N0, N1, groups):
 class _Pieces:
     """int lam n/N ds = (span, drop), the tension n = left - (0, sigma s) behind the car, plus the jump ahead of it.
 
-    With lam/N = q/N + 1/alpha, q = 1 - T/alpha, the equations are the gradient of the convex function
-    int (q N + N^2/(2 alpha)) ds - left.(span, drop): Newton's method, no step so long that it climbs.
+    lam/N = q/N + 1/alpha, q = 1 - T/alpha: the gradient of the convex int (q N + N^2/(2 alpha)) ds - left.(span, drop),
+    solved by Newton's method with shortened steps.
     """
 
     def __init__(self, s: np.ndarray, jump: np.ndarray, groups, left: np.ndarray | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Laws of travel, as written in a scene: the mass enters at the left support, or at `from`, and runs to the right."""
+"""Laws of travel, as written in a scene: from the left support, or from `from`, to the right."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STANDS = 1e-9  # of the largest speed: rest at the end of a travel
 
 
 def _column(values: object) -> np.ndarray | None:
-    """Return the numbers as an array (n,), n > 1; None when they are none, which their field reports."""
+    """Return the numbers as an array (n,), n > 1; None when they are none."""
     try:
         column = np.asarray(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
@@ -108,11 +108,7 @@ class Law(Part):
 
 
 class ConstantSpeed(Law):
-    """s_o = V t: the mass enters at full speed and keeps it (the paper), or comes to it over an entry ramp.
-
-    Entering at full speed sends a kink along the cable. Over a ramp of length L, T = 3 L/(2 V), the mass starts from
-    rest with the acceleration 2 V/T, which falls to zero: s_o = V T (x^2 - x^3/3), x = t/T.
-    """
+    """s_o = V t (the paper), or after an entry ramp of length L, T = 3 L/(2 V): s_o = V T (x^2 - x^3/3), x = t/T."""
 
     kind: Literal["constant_speed"] = said("[-] law of travel", "constant_speed")
     speed: Positive = said("[m/s] V")
@@ -251,7 +247,7 @@ class Trapezoid(Law):
 
 
 def _ramp(V: float, a: float, jerk: float | None) -> tuple[float, float]:
-    """Return the time in which the acceleration rises and falls, and that in which it stays, between 0 and V."""
+    """Return how long the acceleration rises and falls, and how long it stays, between 0 and V."""
     if jerk is None:
         return 0.0, V / a
     peak = min(a, math.sqrt(V * jerk))
@@ -261,8 +257,7 @@ def _ramp(V: float, a: float, jerk: float | None) -> tuple[float, float]:
 class Table(Law):
     """The C2 cubic spline through (times, positions), not-a-knot at its ends; equal positions are a standstill.
 
-    An entry or a last speed below 1e-3 of the largest one counts as rest. Each stretch between standstills begins and
-    ends at rest. The travel may end before the far support.
+    Each stretch between standstills begins and ends at rest. The travel may end before the far support.
     """
 
     kind: Literal["table"] = said("[-] law of travel", "table")
