@@ -221,9 +221,11 @@ def times(operator, n_fields, rows, x, y):
     half, n = operator.shape[0] // 2, operator.shape[1]
     y[:] = 0.0
     for d in range(operator.shape[0]):
-        away, of = n_fields * (d - half), operator[d]
-        for i in range(max(rows[0], -away), min(rows[1], n - away)):
-            y[i] += of[i] * x[i + away]
+        away = n_fields * (d - half)
+        first, last = max(rows[0], -away), min(rows[1], n - away)
+        of, near, to = operator[d, first:last], x[first + away : last + away], y[first:last]
+        for i in range(to.size):  # slices without a stride: compiled to vectors
+            to[i] += of[i] * near[i]
 
 
 @compiled

@@ -16,7 +16,7 @@ import numpy as np
 
 from cablefem.elements.kernels import compiled
 from cablefem.elements.kernels.balance import Instant, assemble, at_rest, side_of, wanted, weigh
-from cablefem.elements.kernels.banded import Border, dot
+from cablefem.elements.kernels.banded import Border, dot, times
 from cablefem.elements.kernels.law import pull
 
 FREE, HAUL, HELD = 0, 1, 2
@@ -198,24 +198,11 @@ def add_force_row(cable, s_o, border, c0):
 
 
 @compiled
-def products(cable, side, node, x, y, out):
-    """Set out (5, n) to M y, G x, G y, H x and G^T y of a side, and return their rows (from, to)."""
-    n = cable.operators.shape[2]
-    rows = (0, node + 2) if side == 0 else (node, n)
-    M, G, GT, H = (
-        cable.operators[side], cable.operators[2 + side], cable.operators[4 + side], cable.operators[6 + side]
-    )  # fmt: skip
-    My, Gx, Gy, Hx, GTy = out[0], out[1], out[2], out[3], out[4]
-    out[:] = 0.0
-    for d in range(M.shape[0]):
-        away, of_M, of_G, of_GT, of_H = 2 * (d - M.shape[0] // 2), M[d], G[d], GT[d], H[d]
-        for i in range(max(rows[0], -away), min(rows[1], n - away)):
-            My[i] += of_M[i] * y[i + away]
-            Gx[i] += of_G[i] * x[i + away]
-            Gy[i] += of_G[i] * y[i + away]
-            Hx[i] += of_H[i] * x[i + away]
-            GTy[i] += of_GT[i] * y[i + away]
-    return rows
+def rows_of(cable, side, node):
+    """Return the rows (from, to) of a side, and M, G, G^T and H of it; node : the first unknown of the car."""
+    operators = cable.operators
+    rows = (0, node + 2) if side == 0 else (node, operators.shape[2])
+    return rows, operators[side], operators[2 + side], operators[4 + side], operators[6 + side]
 
 
 @compiled
@@ -227,13 +214,16 @@ def add_inertia_row(cable, node, push, x, border, factors):
     """
     n, ds, dds, (c0, c1, c2) = cable.operators.shape[2], push.ds, push.dds, factors
     q, v, a, column, row = x[0], x[1], x[2], border.lines[0], border.lines[1]
-    first, second, terms, total, corner = np.empty((5, n)), np.empty((5, n)), np.empty(n), 0.0, 0.0
-    Mv, Gq, Gv, Hq, GTv = first[0], first[1], first[2], first[3], first[4]
-    Ma, Hv, GTa = second[0], second[3], second[4]
+    y, total, corner = np.empty((9, n)), 0.0, 0.0
+    Mv, Gq, Gv, Hq, terms, Ma, GTv, GTa, Hv = y[0], y[1], y[2], y[3], y[4], y[5], y[6], y[7], y[8]
     for side in range(2):
         h, sign = (push.s_o, 1.0) if side == 0 else (1.0 - push.s_o, -1.0)
         flow, speed_up = ds / h, dds / h
-        rows = products(cable, side, node, q, v, first)
+        rows, M, G, GT, H = rows_of(cable, side, node)
+        times(M, 2, rows, v, Mv)
+        times(G, 2, rows, q, Gq)
+        times(G, 2, rows, v, Gv)
+        times(H, 2, rows, q, Hq)
         for i in range(rows[0], rows[1]):
             of_H = (speed_up - 0.5 * sign * flow * flow) * q[i] + 2.0 * flow * v[i]
             terms[i] = of_H * Hq[i] - 0.5 * sign * v[i] * Mv[i] - a[i] * Gq[i] - v[i] * Gv[i]
@@ -241,7 +231,10 @@ def add_inertia_row(cable, node, push, x, border, factors):
             total += terms[i]
         if not wanted(factors):
             continue
-        products(cable, side, node, v, a, second)
+        times(M, 2, rows, a, Ma)
+        times(GT, 2, rows, v, GTv)
+        times(GT, 2, rows, a, GTa)
+        times(H, 2, rows, v, Hv)
         qHq, qHv = dot(Hq, q), dot(Hq, v)
         corner += c0 * (flow * flow / h * qHq - sign / h * (speed_up * qHq + 2.0 * flow * qHv))
         corner += (c1 * (2.0 * qHv - sign * flow * qHq) + c2 * qHq) / h
@@ -260,14 +253,18 @@ def kinetic(cable, car, x, momentum, gradient):
     """Set M(q) v and the gradient by q of v . M(q) w / 2 of cable and car; x : rows q, v, w, s_o last."""
     n, m, q, v, w = cable.operators.shape[2], 2 * car.node, x[0], x[1], x[2]
     s_o, dv, dw = q[n], v[n], w[n]
-    first, second = np.empty((5, n)), np.empty((5, n))
+    y = np.empty((5, n))
+    Mv, Gq, Hq, GTv, GTw = y[0], y[1], y[2], y[3], y[4]
     momentum[:] = 0.0
     gradient[:] = 0.0
     for side in range(2):
         h, sign = (s_o, 1.0) if side == 0 else (1.0 - s_o, -1.0)
-        products(cable, side, m, q, v, first)
-        products(cable, side, m, q, w, second)
-        Mv, Gq, Hq, GTv, GTw = first[0], first[1], first[3], first[4], second[4]
+        rows, M, G, GT, H = rows_of(cable, side, m)
+        times(M, 2, rows, v, Mv)
+        times(G, 2, rows, q, Gq)
+        times(H, 2, rows, q, Hq)
+        times(GT, 2, rows, v, GTv)
+        times(GT, 2, rows, w, GTw)
         for i in range(n):
             momentum[i] += h * Mv[i] - dv * Gq[i]
             gradient[i] += dv * dw / h * Hq[i] - 0.5 * (dv * GTw[i] + dw * GTv[i])
