@@ -1,8 +1,8 @@
 """Cable elements on a mesh that follows the mass: the mass is inertia on its own node, and nothing else.
 
-A node rides on the mass.  On the left s = s_o xi, on the right s = s_o + (1 - s_o) xi, each side with its own
-fixed reference mesh on 0 <= xi <= 1, so nodes move with c(s, t) = ds_o w, w = xi on the left and 1 - xi on the
-right.  In the conservative (arbitrary Lagrangian-Eulerian) weak form with w. = dq/dt phi - c q phi',
+A node rides on the mass.  On the left s = s_o xi, on the right s = s_o + (1 - s_o) xi; each side has a reference mesh
+on 0 <= xi <= 1.  Nodes move with c(s, t) = ds_o w, w = xi on the left and 1 - xi on the right.
+In the conservative (arbitrary Lagrangian-Eulerian) weak form with w. = dq/dt phi - c q phi',
 
     d/dt int w. phi_i ds + int c w. phi_i' ds + int (N t - T t_static) . phi_i' ds = external,
 

@@ -1,17 +1,28 @@
-"""What mass-following elements are, as scikit-fem forms: readable where `kernels` is fast.
+"""What mass-following elements of the full cable are, as scikit-fem forms: readable where `kernels` is fast.
 
-The full cable, unknowns w = (u, v), on `skfem.ElementVector(element, 2)` over 0 <= s <= 1:
+Unknowns w = (u, v) on a mesh over 0 <= s <= 1 whose nodes move with c(s, t); tests hold the kernels to it:
 
-    int (N t - T X') . phi' ds,    r' = X' + w',  t = r'/|r'|,  N = T + alpha (|r'| - 1).
+    int (w_tt + c_s w_t - c w_t' - c_t w') . phi + (c w_t - c^2 w') . phi' ds      `inertia`
+    + int (N t - T X') . phi' ds,  r' = X' + w', t = r'/|r'|, N = T + alpha (|r'| - 1)      `internal_force`
+    + [mu w_tt + mu d2X/dt2 - mu sigma j] at the node of the mass = 0 .
 
-Fields come by name: `T`, `alpha`, `law` as in `kernels.law`, the static slope `X_s` (2, ...), the slope of the
-displacement `w_s` (2, ...).
+w_t and w_tt are rates at a node, c_t is that of c at a node.  `law` is that of `kernels.law`.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 import skfem
+from scipy.sparse import csr_array
 
 from cablefem.elements.kernels.law import TENSION_ONLY
+from cablefem.elements.reference import along, force_order, lagrange_element
+from cablefem.newmark import Array
+
+if TYPE_CHECKING:
+    from cablefem.elements.following import FollowingElements
 
 
 def tension(eps, T, alpha, law):
@@ -51,3 +62,59 @@ def internal_tangent(phi, eta, w):
     """df/dw' phi' . eta'."""
     K = stiffness(w["X_s"], w["T"], w["w_s"], w["alpha"], w["law"])
     return np.einsum("ij...,j...,i...->...", K, phi.grad[:, 0], eta.grad[:, 0])
+
+
+@skfem.LinearForm
+def inertia(eta, w):
+    """(w_tt + c_s w_t - c w_t' - c_t w') . eta + (c w_t - c^2 w') . eta'."""
+    c, q_s, v_s = w["c"], w["q"].grad[:, 0], w["v"].grad[:, 0]
+    by_value = w["a"] + w["c_s"] * w["v"] - c * v_s - w["c_t"] * q_s
+    return np.sum(by_value * eta + (c * w["v"] - c**2 * q_s) * eta.grad[:, 0], axis=0)
+
+
+@skfem.BilinearForm
+def inertia_tangent(phi, eta, w):
+    """The same of c0 phi, c1 phi and c2 phi for w, w_t and w_tt."""
+    c, (c0, c1, c2) = w["c"], (w["c0"], w["c1"], w["c2"])
+    phi_s = phi.grad[:, 0]
+    by_value = (c2 + c1 * w["c_s"]) * phi - (c1 * c + c0 * w["c_t"]) * phi_s
+    return np.sum(by_value * eta + (c1 * c * phi - c0 * c**2 * phi_s) * eta.grad[:, 0], axis=0)
+
+
+def assembled(
+    system: FollowingElements, x: Array, t: float, phase: int, factors: tuple[float, float, float]
+) -> tuple[Array, csr_array]:
+    """Return the residual (n_dof,) at x, rows q, v, a, and c0 dr/dq + c1 dr/dv + c2 dr/da of a full cable."""
+    s_o, ds, dds = system.motion.at(t, phase)
+    degree, g = system.left.degree, system.groups
+    mesh = skfem.MeshLine(np.concatenate([s_o * system.left.knots, s_o + (1.0 - s_o) * system.right.knots[1:]]))
+    element = skfem.ElementVector(lagrange_element(degree), 2)
+    of_inertia, of_forces = (skfem.Basis(mesh, element, intorder=k) for k in (2 * degree, force_order(degree)))
+    number = np.empty(of_inertia.N, dtype=int)  # of each unknown of scikit-fem in ours, and of the supports
+    scalar = along(skfem.Basis(mesh, lagrange_element(degree)), degree)
+    of_scalar = skfem.Basis(mesh, lagrange_element(degree)).element_dofs
+    for k in range(degree + 1):
+        for field in range(2):
+            number[of_inertia.element_dofs[2 * k + field]] = 2 * (scalar[of_scalar[k]] - 1) + field
+    inner = (number >= 0) & (number < system.n_dof)
+    padded = np.zeros((3, number.size))
+    padded[:, inner] = x[:, number[inner]]
+    s = np.asarray(of_inertia.global_coordinates())[0]
+    behind = s < s_o
+    chi, chi_s = np.where(behind, s / s_o, (1.0 - s) / (1.0 - s_o)), np.where(behind, 1.0 / s_o, -1.0 / (1.0 - s_o))
+    moving = {"c": ds * chi, "c_s": ds * chi_s, "c_t": dds * chi}
+    q, v, a = (of_inertia.interpolate(y) for y in padded)
+    T, *slope = g.static(np.asarray(of_forces.global_coordinates())[0])[:3]
+    w_s = of_forces.interpolate(padded[0]).grad[:, 0]
+    cable = {"T": T, "X_s": np.stack(slope), "w_s": w_s, "alpha": g.alpha, "law": float(system.law == "tension-only")}
+    r = inertia.assemble(of_inertia, q=q, v=v, a=a, **moving) + internal_force.assemble(of_forces, **cable)
+    by = dict(zip(("c0", "c1", "c2"), factors, strict=True))
+    K = inertia_tangent.assemble(of_inertia, **by, **moving) + factors[0] * internal_tangent.assemble(
+        of_forces, **cable
+    )
+    order = np.argsort(number)[2:-2]
+    r, K = r[order], csr_array(K)[order][:, order]
+    at = [2 * system.node, 2 * system.node + 1]
+    r[at] += system.inertia * x[2, at] + system._load(s_o, ds, dds)
+    mass = csr_array(([factors[2] * system.inertia] * 2, (at, at)), shape=K.shape)
+    return r, K + mass

@@ -101,28 +101,31 @@ class Reference:
         return np.moveaxis(self.dofs[e], -1, 0), value, grad
 
 
+def along(basis: skfem.Basis, degree: int) -> NDArray[np.int64]:
+    """Return the numbers along the mesh of scikit-fem's unknowns, which has vertices first: bands become narrow."""
+    number, n_el = np.empty(basis.N, dtype=np.int64), basis.element_dofs.shape[1]
+    number[basis.element_dofs[0]] = degree * np.arange(n_el)
+    number[basis.element_dofs[1]] = degree * np.arange(1, n_el + 1)
+    for k in range(2, degree + 1):
+        number[basis.element_dofs[k]] = degree * np.arange(n_el) + k - 1
+    return number
+
+
 def reference(knots: Array, degree: int, pull_at_end: bool) -> Reference:
     """Tabulate one side: w(xi) = xi when the mass is at xi = 1 (pull_at_end), else 1 - xi."""
     mesh = skfem.MeshLine(knots)
     basis, of_forces = (
         skfem.Basis(mesh, lagrange_element(degree), intorder=order) for order in (2 * degree, force_order(degree))
     )
-    n_loc, n_el = basis.Nbfun, mesh.nelements
-    xi = np.asarray(basis.global_coordinates())[0]
-    # scikit-fem numbers the vertices first, then element interiors; a narrow band wants them along xi.
-    along = np.empty(basis.N, dtype=np.int64)
-    along[basis.element_dofs[0]] = degree * np.arange(n_el)
-    along[basis.element_dofs[1]] = degree * np.arange(1, n_el + 1)
-    for k in range(2, n_loc):
-        along[basis.element_dofs[k]] = degree * np.arange(n_el) + k - 1
+    xi, number = np.asarray(basis.global_coordinates())[0], along(basis, degree)
     pull = xi if pull_at_end else 1.0 - xi
 
     def operator(form: skfem.BilinearForm) -> coo_array:
         matrix = form.assemble(basis, pull=pull).tocoo()
-        return coo_array((matrix.data, (along[matrix.row], along[matrix.col])), shape=matrix.shape)
+        return coo_array((matrix.data, (number[matrix.row], number[matrix.col])), shape=matrix.shape)
 
     return Reference(
-        degree=degree, knots=knots, n=int(basis.N), dofs=along[basis.element_dofs].T.copy(),
+        degree=degree, knots=knots, n=int(basis.N), dofs=number[basis.element_dofs].T.copy(),
         forces=tabulated(of_forces), inertia=tabulated(basis),
         M=operator(mass_form), G=operator(transport_form), H=operator(convection_form),
         shapes=shape_polynomials(lagrange_element(degree)),

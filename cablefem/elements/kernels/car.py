@@ -126,8 +126,8 @@ def roll(cable, ride, now, x, r, ab, factors):
 
     now : what the instant brings the car, see `driven`, and a workspace for bands.
 
-    Return the least mean tension of an element and its s, the left side of the row of s_o, and the normal force with
-    which the car presses on the cable.  The tangent leaves out how the mean tangent turns.
+    Return the least mean tension of an element, its s, the left side of the row of s_o, and the normal force.
+    The tangent leaves out how the mean tangent turns.
     """
     car = driven(ride.car, now.place)
     push = forces(cable, car, ride.slopes, x)

@@ -1,7 +1,7 @@
 """Newton's method of collocation steps, compiled with the balance; see `cablefem.newmark.collocation`.
 
-As in RADAU5 (Hairer & Wanner 1996, section IV.8): one tangent, that of the node next to the middle, serves all nodes,
-and the eigenvectors of the tableau split it into a real system and complex ones.  Factors serve the next steps as well.
+As in RADAU5 (Hairer & Wanner 1996, section IV.8) the tangent of the node next to the middle serves all nodes.  The
+eigenvectors of the tableau split it into a real system and complex ones.  Factors serve the next steps as well.
 """
 
 import math
