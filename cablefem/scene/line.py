@@ -400,25 +400,28 @@ def _rope_faults(rope: LineRope, contacts: list[Contact]) -> list[str]:
 
 def _car_faults(cars: list[Car], contacts: list[Contact]) -> list[str]:
     """Cars are on the line and in order, and pass saddles on shoes."""
-    faults, end = [], contacts[-1].at[0]
+    end = contacts[-1].at[0]
     many = sorted({len(car.at) for car in cars} - {1})
     if len(many) > 1:
         return [f"car.at: lists of {many[0]} and of {many[-1]} positions; must be one number or lists of one length"]
+    faults = []
     for car in cars:
-        if not 0.0 < min(car.at) <= max(car.at) < end:
-            faults.append(
-                f"car.{car.name}.at: from {min(car.at):.6g} to {max(car.at):.6g} m; must be between 0 and {end:.6g} m"
-            )
-        for c in contacts[1:-1]:
-            if c.shoe is None and min(car.at) <= c.at[0] <= max(car.at):
-                faults.append(f"contact.{c.name}.shoe: missing; must be given where a car passes, here {car.name}")
+        low, high = min(car.at), max(car.at)
+        if not 0.0 < low <= high < end:
+            faults.append(f"car.{car.name}.at: from {low:.6g} to {high:.6g} m; must be between 0 and {end:.6g} m")
+        missing = [c.name for c in contacts[1:-1] if c.shoe is None and low <= c.at[0] <= high]
+        faults += [f"contact.{x}.shoe: missing; must be given where a car passes, here {car.name}" for x in missing]
     for a, b in itertools.pairwise(cars):
-        for i in range(max(len(a.at), len(b.at))):
-            x, y = (car.at[min(i, len(car.at) - 1)] for car in (a, b))
-            if not x < y:
-                must = f"must be > {x:.6g} m, that of {a.name}; cars are listed from left to right and cannot pass"
-                faults.append(f"car.{b.name}.at = {y:.6g} m at position {i + 1}: {must}")
-                break
+        told = enumerate(np.broadcast(a.at, b.at), start=1)
+        if (wrong := next(((i, x, y) for i, (x, y) in told if not x < y), None)) is not None:
+            i, x, y = wrong
+            must = f"must be > {x:.6g} m, that of {a.name}; cars are listed from left to right and cannot pass"
+            faults.append(f"car.{b.name}.at = {y:.6g} m at position {i}: {must}")
+    return faults + _shoe_faults(contacts)
+
+
+def _shoe_faults(contacts: list[Contact]) -> list[str]:
+    faults = []
     for left, right in itertools.pairwise(contacts):
         if (left.shoe or 0.0) + (right.shoe or 0.0) >= right.at[0] - left.at[0]:
             one, other = (right, left) if right.shoe else (left, right)

@@ -7,8 +7,9 @@ import pytest
 
 from cablefem import catenary_line
 from cablefem.elements import line as elements
-from cablefem.scene import SceneError
+from cablefem.scene import Cable, Scene, SceneError, Supports
 from cablefem.scene.line import Line, LineState, NoLine
+from cablefem.scene.statics import gripped
 from tests.line.lines import ASTER, SPRUNG, THREE, TRAMWAY, WEIGHED, car, changed, defects, line
 from validation.commands.oracles.study import Task
 from validation.oracles import line as oracle
@@ -143,3 +144,23 @@ def test_a_car_on_a_shoe_is_not_felt(solve):
     np.testing.assert_allclose(on.positions[0].place, off.positions[0].place, rtol=0, atol=1e-9)
     both = line(rope, left, first, second, right, car("a", 40.0, 397.0), car("b", 40.0, 402.0)).rest(solve)
     assert "two cars on the shoe of first" in str(both.positions[0])
+
+
+def test_one_span_is_the_statics_of_a_scene_but_for_the_strain():
+    """A scene counts weight and stiffness per stretched metre, a line per unstretched one: T/EA apart."""
+    for EA in (1e8, 1e10):
+        scene = Scene(
+            cable=Cable(mass_per_length=9.0, EA=EA, horizontal_tension=4e5), supports=Supports(span=500.0, drop=60.0)
+        )
+        mu = 3000.0 / (scene.rho * scene.length)
+        rest = gripped(0.4, replace(scene.groups, mu=mu))
+        (x, y), N = rest.place[0] * scene.length, float(rest.ahead[0]) * scene.horizontal_tension
+        rope = {
+            "mass_per_length": 9.0,
+            "EA": EA,
+            "tension": {"at": "left", "value": float(scene.catenary.tension(0.0))},
+        }
+        ends = ({"name": "left", "kind": "anchor", "at": [0, 0]}, {"name": "right", "kind": "anchor", "at": [500, 60]})
+        state = one((rope, *ends, car("car", 3000.0, float(x), hauled=False)), catenary_line.solve)
+        apart = max(abs(state.place[1, 1] - y) / y, abs(state.tensions[1, 1] - N) / N)
+        assert apart < 2.0 * N / EA

@@ -61,26 +61,25 @@ def compared(
     The row `rest` tells where only one has a state of rest: they disagree, unless the other's search did not end.
     """
     positions = list(zip(*(x.positions for x in (a, less_a, b, less_b)), strict=True))
-    told, at = [], []
-    for i, states in enumerate(positions):
-        if all(isinstance(state, LineState) for state in states):
-            told.append([numbers(state) for state in states])
-            at.append([f"{p.name}, position {i + 1}" for p in states[0].case.stations])
-    tension = max((np.nanmax(t[0][name]) for t in told for name in ("tension_behind", "tension_ahead")), default=1.0)
-    reach, EA = float(np.ptp(a.empty.place[:, 0])), a.empty.case.EA
-    asked = {"m": tol, "N": float(tol_tension * tension)}
-    rounding = {"m": ROUNDING * reach, "N": ROUNDING * EA}
+    both = {i: states for i, states in enumerate(positions) if all(isinstance(x, LineState) for x in states)}
+    if not both:
+        return _alone(positions)[:1]
+    at = [f"{p.name}, position {i + 1}" for i, states in both.items() for p in states[0].case.stations]
+    told = [[numbers(state) for state in states] for states in both.values()]
+    values = [{q: np.concatenate([t[k][q] for t in told]) for q in told[0][k]} for k in range(4)]
+    tension = float(np.nanmax([values[0]["tension_behind"], values[0]["tension_ahead"]]))
+    asked = {"m": tol, "N": tol_tension * tension}
+    rounding = {"m": ROUNDING * float(np.ptp(a.empty.place[:, 0])), "N": ROUNDING * a.empty.case.EA}
     out = []
-    for quantity in told[0][0] if told else ():
+    for quantity, x in values[0].items():
         unit = "m" if quantity in METRES else "N"
-        x, less_x, y, less_y = (np.concatenate([t[k][quantity] for t in told]) for k in range(4))
+        less_x, y, less_y = (part[quantity] for part in values[1:])
         gap, bar_a = np.abs(x - y), np.fmax(np.abs(x - less_x), rounding[unit])
         bar_b = np.fmax(HALVED * np.abs(y - less_y), rounding[unit])
         worst = np.where(gap > APART * (bar_a + bar_b), gap / ROUNDING, np.maximum(gap, bar_a + bar_b))
         if np.isfinite(worst).any():
             k = np.unravel_index(np.nanargmax(worst), worst.shape)
-            where = [name for names in at for name in names][int(k[0])]
-            out.append(_row(quantity, float(gap[k]), float(bar_a[k]), float(bar_b[k]), asked[unit], where))
+            out.append(_row(quantity, float(gap[k]), float(bar_a[k]), float(bar_b[k]), asked[unit], at[int(k[0])]))
     return out + _alone(positions)[:1]
 
 
