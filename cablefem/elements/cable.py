@@ -24,8 +24,8 @@ from cablefem.scene import Groups
 
 MODELS = ("full", "string", "sagged", "stretching")
 
-# lam, kap of the one-field models: whether stretching by the sag, and by the slope squared, raises the tension; the
-# straight string of textbooks has no sag whose curvature would load the mass
+# lam, kap of the one-field models: whether stretching by the sag, and by the slope squared, raises the tension; a
+# "straight" string has no sag at all
 STRETCHING = {"straight": (0.0, 0.0), "string": (0.0, 0.0), "sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}
 
 Factors = tuple[float, float, float]  # of dr/dq, dr/dv and dr/da in a tangent

@@ -1,18 +1,14 @@
 """Cable elements on a fixed mesh, the mass moving through them.
 
-The cable is M d2q/dt2 + R(q) = 0; the mass in the element at s_o adds N(s_o)^T F, F = mu (d2p/dt2 - sigma j), with
-p = X(s_o) + w(s_o, t), w(s_o, t) = N(s_o) q.  The ways differ in where d2w(s_o(t), t)/dt2 comes from:
+The cable is M d2q/dt2 + R(q) = 0.  The mass adds N(s_o)^T F, F = mu (d2p/dt2 - sigma j), with p = X(s_o) + N(s_o) q.
+The couplings differ in the acceleration of the mass:
 
-chain    N a + 2 ds_o N' v + (ds_o^2 N'' + dds_o N') q, the chain rule: right for C1 (Hermite) elements.  N'' jumps at
-         the nodes, which costs an error of about elements^2/steps: steps must outgrow the square of the elements.
-naive    the same inside P1 or P2 elements.  WRONG: N' jumps from element to element, so N'' has deltas at the nodes,
-         and they carry the centrifugal force ds_o^2 w''; without them the path converges to something else.  Kept
-         because everybody writes it first.
-path     the mass is a particle of its own, an unknown p with the constraint p = N(s_o) q; its acceleration is what the
-         time scheme makes of p(t).  Right on any elements, but a constraint on positions (index 3): it needs numerical
-         damping and a dozen steps per element, the undamped rule blows up.  Hermite wants generalised-alpha with
-         rho_inf = 0.5; P1 and P2 want Newmark's gamma = 0.6 and no more than some 25 steps per element, because the
-         blow of each node must be damped before the next one.
+chain    N a + 2 ds_o N' v + (ds_o^2 N'' + dds_o N') q, right for C1 (Hermite) elements.  N'' jumps at the nodes: the
+         error is about elements^2/steps.
+naive    the same inside P1 or P2 elements.  WRONG: N'' has deltas at the nodes, and the centrifugal force is lost.
+path     p is an unknown with the constraint p = N(s_o) q (index 3): right on any elements, but only with numerical
+         damping.  Hermite wants generalised-alpha with rho_inf = 0.5 and a dozen steps per element, P1 and P2 Newmark's
+         gamma = 0.6 and at most 25.
 
 Dimensionless: l = H = rho = 1.
 """
@@ -53,17 +49,14 @@ _KINDS = {
 
 
 class FixedElements(CableElements):
-    """The cable with its moving mass on equal fixed elements; a `cablefem.newmark.System`.
+    """The cable with its moving mass on equal fixed elements.
 
-    groups : the scene in dimensionless form, with its motion.
     elements : on the whole cable.
     element : "hermite" (C1, cubic), "p1" or "p2".
-    coupling : "chain", "path" or "naive", see above; not every element can have every one.
-    model : "full" for (u, v), or one unknown field normal to the chord: "string", "sagged", "stretching".
-    load : "mass", or "force" for its weight alone.
-    law : "elastic", or "tension-only": N = max(0, T + alpha eps).
+    coupling : "chain", "path" or "naive", as far as the element has it.
+    model, load, law : as in `CableElements`.
 
-    Slopes and tensions behind and ahead of the mass are equal, but at a node: a kink inside an element is not resolved.
+    A kink inside an element is not resolved: slopes behind and ahead of the mass differ at nodes only.
     """
 
     at_support = True
@@ -89,9 +82,8 @@ class FixedElements(CableElements):
     def start(self, phase: int, state: State | None) -> State:
         """Return the state at the beginning of a phase.
 
-        At entry everything rests: on the support the mass does not load the cable yet.  Where the drive's
-        acceleration jumps by [dds_o], q and dq/dt go on; the particle and the cable under it jump together,
-        (M + mu N^T N) [a] = -mu N^T [dds_o] (X' + N' q), because the constraint itself does not determine a.
+        At entry everything rests.  Where the drive's acceleration jumps by [dds_o], particle and cable jump together,
+        (M + mu N^T N) [a] = -mu N^T [dds_o] (X' + N' q): the constraint alone does not determine a.
         """
         t = self.phases[phase][0]
         if state is None:
@@ -141,8 +133,7 @@ class FixedElements(CableElements):
     def _tabulate(self, kind: _Kind) -> None:
         """Tabulate ONE element with scikit-fem and repeat it; Hermite slopes are per element length.
 
-        scikit-fem finds global elements such as Hermite's from monomials in the global coordinate (12.0.2): on a mesh
-        of 400 elements they are right to 4e-7 only, on the unit element to rounding.
+        On a mesh of 400 elements scikit-fem's Hermite functions are right to 4e-7 only (12.0.2).
         """
         n = self.elements
         degree, unit = len(kind.offsets) - 1, skfem.MeshLine(np.array([0.0, 1.0]))

@@ -4,13 +4,12 @@ A node rides on the mass.  On the left s = s_o xi, on the right s = s_o + (1 - s
 on 0 <= xi <= 1.  Nodes move with c(s, t) = ds_o w, w = xi on the left and 1 - xi on the right.
 In the conservative (arbitrary Lagrangian-Eulerian) weak form with w. = dq/dt phi - c q phi',
 
-    d/dt int w. phi_i ds + int c w. phi_i' ds + int (N t - T t_static) . phi_i' ds = external,
+    d/dt int w. phi_i ds + int c w. phi_i' ds + int (N t - T t_static) . phi_i' ds = external
 
-each side of length h gives, with matrices M^, G^, H^ that scikit-fem assembles once on the reference mesh,
+each side of length h gives, with M^, G^, H^ of the reference mesh,
 
     M = h M^,   C = dh/dt M^ - G + G^T,   K = -(dG/dt + H),   G = ds_o G^,  H = (ds_o^2 / h) H^.
 
-None of the paper's three acceleration terms (21)-(23) appears: they are checked by a model that does not know them.
 Dimensionless: l = H = rho = 1.
 """
 
@@ -93,15 +92,12 @@ def _tables(elements: int, degree: int, grading: float) -> Tables:
 
 
 class FollowingElements(CableElements):
-    """The cable with its moving mass on mass-following elements; a `cablefem.newmark.System`.
+    """The cable with its moving mass on mass-following elements.
 
-    groups : the scene in dimensionless form, with its motion.
     elements : per side of the mass.
     degree : of the elements, 1 to 8.
     grading : largest over smallest element length; the smallest elements are next to the mass.
-    model : "full" for (u, v), or one unknown field normal to the chord: "string", "sagged", "stretching".
-    load : "mass", or "force" for its weight alone.
-    law : "elastic", or "tension-only": N = max(0, T + alpha eps).
+    model, load, law : as in `CableElements`.
     """
 
     strides = True
@@ -131,12 +127,10 @@ class FollowingElements(CableElements):
     def start(self, phase: int, state: State | None) -> State:
         """Return the state at the beginning of a phase.
 
-        Entering with speed the mass falls freely, no contact force yet; from rest with s_o = a t^2/2 and
-        w(s_o) = b t^2 the left part is strained by r' = X' + 2b/a at once, and with the node's inertia m
-        m 2b + mu (a X' - sigma j) + [N t - T t_static] = 0 gives b.  Either way m is what the node and the
-        elements ahead weigh together: a start that moves the mass alone costs an order in time.  The nodes
-        behind, on a part of no length yet, follow linearly (w is of second degree in s and t, so w ~ s t).
-        After a jump of the drive's acceleration q and dq/dt go on and d2q/dt2 is solved for.
+        With speed, the mass falls freely: the contact force is 0 at first.  From rest, s_o = a t^2/2 and w(s_o) = b t^2
+        strain the left part at once, r' = X' + 2b/a; m 2b + mu (a X' - sigma j) + [N t - T t_static] = 0 gives b.
+        m includes the elements ahead that are entrained: without them the start costs an order in time.  Nodes behind
+        follow linearly.
         """
         t = self.phases[phase][0]
         if state is not None:

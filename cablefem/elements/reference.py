@@ -13,8 +13,7 @@ from cablefem.newmark import Array
 def lagrange_element(degree: int) -> skfem.Element:
     """Return a FRESH 1D element of that degree, to be used on one set of points only.
 
-    scikit-fem's ElementLinePp keeps its polynomials by the number of points alone (12.0.2): an element
-    object reused on other points silently returns the values of the earlier ones.
+    scikit-fem's ElementLinePp silently returns values at earlier points when it is reused (12.0.2).
     """
     if not (isinstance(degree, int) and 1 <= degree <= 8):
         raise ValueError(f"degree must be an integer from 1 to 8, got {degree!r}")
@@ -26,10 +25,7 @@ def lagrange_element(degree: int) -> skfem.Element:
 
 
 def shape_polynomials(element: skfem.Element) -> Array:
-    """Return P (n_loc, n_loc): shape function k of the element [0, 1] is sum_m P[k, m] x^m.
-
-    The shape functions are polynomials of degree n_loc - 1, so their values at n_loc points determine them.
-    """
+    """Return P (n_loc, n_loc): shape function k of the element [0, 1] is sum_m P[k, m] x^m."""
     n_loc = element.refdom.nnodes * element.nodal_dofs + element.interior_dofs
     x = 0.5 - 0.5 * np.cos(np.pi * (np.arange(n_loc) + 0.5) / n_loc)
     mesh = skfem.MeshLine(np.array([0.0, 1.0]))
@@ -59,9 +55,8 @@ def convection_form(phi, eta, w):
 def force_order(degree: int) -> int:
     """Return the degree of polynomials to integrate for internal forces: as many Gauss points as the degree, but two.
 
-    They are the points where u' of the degree below can follow v'^2/2.  With one more the elements lock: a stiff, deep
-    cable is then stretched for want of a u that goes with its v (Stolarski & Belytschko 1982).  phi_i' phi_j' is
-    integrated exactly, so no motion goes unseen.
+    At these points u' can follow v'^2/2; with one more the elements lock (Stolarski & Belytschko 1982).  phi_i' phi_j'
+    is integrated exactly.
     """
     return max(2, 2 * degree - 1)
 
