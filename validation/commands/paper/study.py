@@ -13,8 +13,8 @@ from validation.commands.paper.verdicts import VERDICTS
 def paper(out: Path, progress: Progress | None = None) -> dict[str, Any]:
     """Make or reuse every run, judge every claim, and write claims.json; runs are kept in out/runs/NAME.
 
-    Returns the content of claims.json: `claims`, `count` of verdicts, `wu_and_chen` (turning points of the path for
-    both mass ratios), `references` (what the converged values rest on), and what `computed.stored` returns.
+    Returns the content of claims.json: `claims` and `count` of verdicts; `wu_and_chen`, turning points of the path
+    for both mass ratios; `references`, what the converged values rest on; and what `computed.stored` returns.
     """
     report = progress or (lambda label, done: None)
     runs = all_runs(out, report)
