@@ -257,13 +257,9 @@ def track(scene: Scene, method: Method, settings: dict[str, Any]) -> Track:
             if before is not None and solver.least_tension[0] < 0.0:
                 end = f"slack cable at s_o/l = {place:.3f}"
                 break
-            while mark < PLACES and 100.0 * place >= mark:
-                if before is not None and 100.0 * solver.place(before) < mark:
-                    states.append(_passage(solver, before, x, mark / 100.0))
-                elif 100.0 * place == mark:
-                    states.append(x)
-                mark += 1
-            before = x
+            passed = range(mark, min(PLACES, math.floor(100.0 * place) + 1))
+            states += _passages(solver, before, x, passed)
+            mark, before = max(mark, passed.stop), x
     except StepFailure as error:
         end = f"{error.cause} at s_o/l = {solver.place(before) if before else 0.0:.3f}"
         if not states:
@@ -273,6 +269,15 @@ def track(scene: Scene, method: Method, settings: dict[str, Any]) -> Track:
     s_o, moved = l * seen.s_o, l * seen.path
     rest = np.stack([X.x(s_o), X.y(s_o)], axis=1)
     return Track(np.round(100.0 * seen.s_o), tau * seen.t, rest + moved, moved, end)
+
+
+def _passages(solver: Any, before: State | None, after: State, marks: range) -> Iterator[State]:
+    """Give the states at the places [hundredths] that the mass passes from one state to the next."""
+    for mark in marks:
+        if before is not None and 100.0 * solver.place(before) < mark:
+            yield _passage(solver, before, after, mark / 100.0)
+        elif 100.0 * solver.place(after) == mark:
+            yield after
 
 
 def _passage(solver: Any, before: State, after: State, s_o: float) -> State:
@@ -383,7 +388,8 @@ def read_table(file: Path) -> Table:
     scale = float(notes[0].split(" of ")[2].split()[0])
     end = next(note.removeprefix("ends: ") for note in notes if note.startswith("ends: "))
     track = Track(np.round(100.0 * data[:, 0]), data[:, 1], data[:, 2:4], data[:, 4:6], end)
-    return Table(file.stem, toml, track, data[:, 6:].T, scale)
+    # as the scene writes itself today: the order of its tables may be another one
+    return Table(file.stem, Scene.from_toml(toml).to_toml(), track, data[:, 6:].T, scale)
 
 
 def against(table: Table, made: Certificate) -> list[Agreement]:

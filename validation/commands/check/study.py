@@ -132,19 +132,13 @@ def check(
             made(first.run, other.run)
         rows = compare(scene, ladders[0], ladders[1], tol=tol, tol_tension=tol_tension)
         apart = overall(rows) is Verdict.DISAGREE
-        finer = _closer(found, ladders) if apart else _finer(found, ladders, rows)
-        costs = zip(found, ladders, finer, strict=True)
-        finer = [None if x is None or dear(m, e, x, budget) else x for m, e, x in costs]
+        finer = _next(found, ladders, rows, budget)
         if looks == MOST_ROUNDS or not any(finer) or (apart and looks < 0):
             break
         looks = -MOST_ROUNDS if apart else looks + 1
         jobs = [
             partial(_remade, s, m, e, x, ends) for s, m, e, x in zip(scenes, found, ladders, finer, strict=True)
         ]  # fmt: skip
-    try:
-        window = View.of(scene).cut(*(e.run for e in ladders)).window
-    except measures.NotComparable:
-        window = (measures.WINDOW[0], measures.WINDOW[0])
     a, b = (_told(scene, e, twin) for e, twin in ((ladders[0], ladders[1]), (ladders[1], ladders[0])))
     rows += printed(a.run, b.run)
     smooth = None
@@ -153,7 +147,24 @@ def check(
 
         rows += third.deep(scene, a, rows) if deep else []
         smooth = third.entry(scene, a.time.runs[0] if a.time.runs else a.run)  # half the steps tell enough
-    return Check(scene, a, b, tol, window, rows, gripped[0] if gripped else None, smooth)
+    return Check(scene, a, b, tol, _window(scene, ladders), rows, gripped[0] if gripped else None, smooth)
+
+
+def _window(scene: Scene, ladders: list[Ladder]) -> measures.Window:
+    """Return the window of comparison, an empty one where nothing can be compared."""
+    try:
+        return View.of(scene).cut(*(e.run for e in ladders)).window
+    except measures.NotComparable:
+        return measures.WINDOW[0], measures.WINDOW[0]
+
+
+def _next(
+    methods: list[Method], ladders: list[Ladder], rows: list[Agreement], budget: float
+) -> list[Settings | None]:  # fmt: skip
+    """Return the settings of another look, None for a method that needs none or may not be finer."""
+    apart = overall(rows) is Verdict.DISAGREE
+    finer = _closer(methods, ladders) if apart else _finer(methods, ladders, rows)
+    return [None if x is None or dear(m, e, x, budget) else x for m, e, x in zip(methods, ladders, finer, strict=True)]
 
 
 def _closer(methods: list[Method], ladders: list[Ladder]) -> list[Settings | None]:
