@@ -2,12 +2,12 @@
 
 from cablefem.compiled import compiler
 
-compiled = compiler(__file__)
+compiled, inner = compiler(__file__), compiler(__file__, inner=True)
 
 LAWS = ("elastic", "tension-only")  # a law is its index to compiled code
 
 
-@compiled
+@inner
 def tension(strain, T, alpha, law):
     """N, dN/deps, the energy int N deps from the static state, and the elastic N; T : static tension.
 

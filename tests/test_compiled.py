@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from cablefem.compiled import compiler
+
 USER = (
     "from {package} import compiled\nfrom {package}.law import law\n\n@compiled\ndef twice(x):\n    return 2 * law(x)\n"
 )
@@ -41,3 +43,13 @@ def test_a_law_that_changes_is_not_missed_by_who_has_taken_it_in(tmp_path, monke
     assert again.stats.cache_hits
     (folder / "law.py").write_text(law.format("10  # changed"))
     assert (fresh(name)(3) == 26) is whole
+
+
+def test_an_inner_function_serves_compiled_ones_and_refuses_others():
+    def half(x):
+        return 0.5 * x
+
+    inner, compiled = compiler(__file__, inner=True)(half), compiler(__file__)
+    assert compiled(lambda x: inner(x) + 1.0)(3.0) == 2.5
+    with pytest.raises(TypeError, match="half is for compiled functions"):
+        inner(3.0)

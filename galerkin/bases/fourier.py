@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import roots_legendre
 
-from galerkin.law import compiled
+from galerkin.law import compiled, inner
 
 
 @lru_cache(maxsize=256)
@@ -37,7 +37,7 @@ def stretched(s, grading):
     return x
 
 
-@compiled
+@inner
 def integrals(x, n, grading, out):
     """Set rows of out (2, n) to two primitives of sin(k pi xi) by s.
 
@@ -56,7 +56,7 @@ def integrals(x, n, grading, out):
         out[1, k - 1] = b * (F[k + 2] + sign * F[i]) - F[k]
 
 
-@compiled
+@inner
 def derivatives(x, n, grading, out):
     """Set rows of out (3, n) to phi, phi', phi''."""
     g = 1.0 / (1.0 - grading * math.cos(2.0 * math.pi * x))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from galerkin.bases import Basis
-from galerkin.law import compiled
+from galerkin.law import compiled, inner
 
 Array = np.ndarray
 
@@ -23,7 +23,7 @@ class Carried(NamedTuple):
     behind: Array  # int_0^s_o hat Phi ds, (n,)
 
 
-@compiled
+@inner
 def _overlap(phi, first, second, left, chord, s_o):
     """I, I', I'' of `TravellingKink` for one function; I'' at s_o = 0 is not needed and 0."""
     if s_o == 0.0:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from galerkin.kernels.dense import multiply
-from galerkin.law import compiled, tension
+from galerkin.law import compiled, inner, tension
 
 Array = np.ndarray
 
@@ -34,7 +34,7 @@ class Cable(NamedTuple):
     c: float
 
 
-@compiled
+@inner
 def static(s, sigma, c):
     """T, and x', y' as rows, of (9)-(10)."""
     T, r = np.empty(s.size), np.empty((2, s.size))
@@ -45,7 +45,7 @@ def static(s, sigma, c):
     return T, r
 
 
-@compiled
+@inner
 def at_point(T, xp, yp, ux, vy, alpha, law):
     """N, W, N t - T t_static (2), k, d, and the elastic T + alpha eps.
 
@@ -73,7 +73,7 @@ def stress(T, r_static, slope, alpha, law):
     return out
 
 
-@compiled
+@inner
 def balance(at, Q, cable, force, gram, pull, sides):
     """Set the internal force (2, n).
 
@@ -133,7 +133,7 @@ def stiffness(phi, gram, grading, out):
             out[n + j, k] = out[j, n + k]
 
 
-@compiled
+@inner
 def acceleration(x, Q, V, A):
     """d2/dt2 of w(s_o, t) along the path."""
     out = np.empty(A.shape[0])
@@ -144,7 +144,7 @@ def acceleration(x, Q, V, A):
     return out
 
 
-@compiled
+@inner
 def add_inertia(x, Q, V, A, C, R):
     """Add M A + 2 A V + (A. - B) Q of the cable and the force C (2,) at the mass to R."""
     last = x.f.size - 1
@@ -156,7 +156,7 @@ def add_inertia(x, Q, V, A, C, R):
             R[a, i] += V[a, last] * x.gyroscopic[i] + Q[a, last] * x.centrifugal[i] + C[a] * x.f[i]
 
 
-@compiled
+@inner
 def add_inertia_tangent(x, mu, c0, c1, c2, K):
     """Make c0 K, K = dR/dQ, the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of cable and mass mu."""
     n = x.f.size
@@ -197,7 +197,7 @@ def least(at, s_o, pull):
     return lowest, place
 
 
-@compiled
+@inner
 def survey(at, Q, cable, internal):
     """int W ds; internal (2, 2) receives int (N t - T t_static) ds, sides in columns."""
     slope = np.empty((2, at.weights.size))

@@ -10,7 +10,7 @@ import numpy as np
 from numba import types
 from numba.np.linalg import F_INT_nbtype, F_INT_nptype
 
-from galerkin.law import compiled
+from galerkin.law import inner
 
 _real, _any = types.CPointer(types.float64), types.voidptr
 _size, _char = types.intp, types.char
@@ -24,7 +24,7 @@ _gesv: Any = types.ExternalFunction(
 DOUBLE, PLAIN, TRANSPOSED = ord("d"), ord("n"), ord("t")
 
 
-@compiled
+@inner
 def multiply(a, b, flip, out):
     """Set out (m, n) to a b, or where `flip` to a b^T."""
     if not (a.flags.c_contiguous and b.flags.c_contiguous and out.flags.c_contiguous):
@@ -36,7 +36,7 @@ def multiply(a, b, flip, out):
     _gemm(DOUBLE, way, PLAIN, n, m, k, one, b.ctypes, b.shape[1], a.ctypes, k, zero, out.ctypes, n)
 
 
-@compiled
+@inner
 def solve(K, b, x):
     """Set x to K^-1 b, to NaN if K is singular."""
     n = b.size

@@ -10,7 +10,7 @@ import numpy as np
 from galerkin.bases.kink import Carried
 from galerkin.kernels.cable import Array, acceleration, add_inertia
 from galerkin.kernels.dense import multiply
-from galerkin.law import compiled
+from galerkin.law import compiled, inner
 
 LEAST_PULL = 1e-3  # of a cable that is not slack, over H
 STEP = 1e-6  # of differences
@@ -87,7 +87,7 @@ def taut(force, slope, T, alpha):
     return size
 
 
-@compiled
+@inner
 def recover(here, y, sides, alpha, behind, ahead):
     """Turn r' behind and ahead of the mass into that of the tension from equilibrium; return lam/N there."""
     x, ds_o, dds_o = here.x, here.ds_o, here.dds_o
@@ -118,7 +118,7 @@ def by_force(on, thrust, velocity, p, behind, ahead, turn, defect, side):
     return got[0], got[1]
 
 
-@compiled
+@inner
 def motion(here, y):
     """p., p.. - sigma j, and r' behind and ahead of the car by the slopes of the basis, (2,) each."""
     x = here.x
@@ -136,7 +136,7 @@ def motion(here, y):
     return velocity, p, behind, ahead
 
 
-@compiled
+@inner
 def line(past, first, t):
     """p. (2,) at t, linear between rows of `past`."""
     i = first + 1
@@ -176,7 +176,7 @@ def averaged(past, first, last, least):
     return float(first), t, ax / half + 0.5 * half * jx, ay / half + 0.5 * half * jy, jx, jy
 
 
-@compiled
+@inner
 def roll(here, y, sides, alpha, on, thrust, R):
     """Add the cable's inertia and the car to R (2, n); return `car`, and `by_force` of both sides.
 
@@ -193,7 +193,7 @@ def roll(here, y, sides, alpha, on, thrust, R):
     return (*out, bx, by, ax, ay)
 
 
-@compiled
+@inner
 def pulls(phi, gram):
     """Derivative of int (N t - T t_static) ds by Q, (2, 2, 2, n): side, its field, Q's."""
     n, m = phi.shape
@@ -211,7 +211,7 @@ def pulls(phi, gram):
     return out
 
 
-@compiled
+@inner
 def row(here, out, pulls, on, c, into):
     """The car's row of the tangent, (2 n + 1,)."""
     x, ds_o, (c0, c1, c2), near, far = here.x, here.ds_o, c, 1.0 / here.s_o, 1.0 / (1.0 - here.s_o)

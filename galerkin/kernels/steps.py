@@ -35,7 +35,7 @@ from galerkin.kernels.rolling import (
     roll,
     row,
 )
-from galerkin.law import compiled
+from galerkin.law import compiled, inner
 
 NO_CAR = (0.0,) * 18
 STUCK, FREE, HAULED = 0, 1, 2
@@ -100,7 +100,7 @@ class Space(NamedTuple):
     step: Array  # (n_dof,)
 
 
-@compiled
+@inner
 def space_for(size, line):
     m, n = line.behind.shape[1] + line.ahead.shape[1], line.left.size + 1
     return Space(
@@ -109,7 +109,7 @@ def space_for(size, line):
     )  # fmt: skip
 
 
-@compiled
+@inner
 def ground_at(line, s_o, ds_o, dds_o):
     """`Ground` where the mass is at s_o; the load of a force alone is its weight."""
     cable = line.cable
@@ -127,14 +127,14 @@ def ground_at(line, s_o, ds_o, dds_o):
     return Ground(x, slope, load, s_o, ds_o, dds_o)
 
 
-@compiled
+@inner
 def points_at(line, s_o):
     s, weights, phi = split(s_o, line.behind, line.ahead, line.left.size, line.grading)
     T, r_static = static(s, line.cable.sigma, line.cable.c)
     return Points(s, phi, weights, T, r_static)
 
 
-@compiled
+@inner
 def moment(line, s_o, ds_o, dds_o):
     return Moment(points_at(line, s_o), ground_at(line, s_o, ds_o, dds_o))
 
@@ -146,7 +146,7 @@ def surveyed(line, s_o, Q, internal, strain):
         strain[i] = survey(points_at(line, s_o[i]), Q[i], line.cable, internal[i])
 
 
-@compiled
+@inner
 def travel(ride, state):
     last = state.shape[1] - 1
     if ride.mode == HAULED:
@@ -154,7 +154,7 @@ def travel(ride, state):
     return state[0, last], state[1, last], state[2, last]
 
 
-@compiled
+@inner
 def coefficients(state, n):
     return Coefficients(
         state[0, : 2 * n].reshape(2, n), state[1, : 2 * n].reshape(2, n), state[2, : 2 * n].reshape(2, n)
@@ -171,7 +171,7 @@ def seen(ride, line, state):
     return car(ride.on, 0.0, velocity, p, behind, ahead)
 
 
-@compiled
+@inner
 def evaluate(here, ride, line, of):
     """Set residual, internal force, gram, pull and sides for the balanced state; return the car where it rolls."""
     x, cable = here.ground.x, line.cable
@@ -194,7 +194,7 @@ def evaluate(here, ride, line, of):
     return out
 
 
-@compiled
+@inner
 def tangent(here, ride, line, of, out, c, K):
     """Set K to c0 dr/dq + c1 dr/dv + c2 dr/da where `evaluate` has been, and returned `out`.
 
@@ -247,7 +247,7 @@ def look(ride, line, state, r, parts):
     return out, least(here.at, s_o, of.pull)
 
 
-@compiled
+@inner
 def weigh(here, ride, line, ends, w, of):
     """Evaluate w end + (1 - w) begin; return its moment, car and |r|.
 
@@ -269,7 +269,7 @@ def weigh(here, ride, line, ends, w, of):
     return here, out, math.sqrt(square)
 
 
-@compiled
+@inner
 def newton(here, ride, line, ends, rule, limits, of):
     """Solve one step for its end, as `cablefem.newmark.iterate` does.
 
@@ -329,7 +329,7 @@ def stride(line, places, start, rules, limits):
     return m, now, told
 
 
-@compiled
+@inner
 def tell(found, told):
     told[0], told[1], told[2], told[3], told[4], told[5] = found
 
@@ -364,7 +364,7 @@ def roll_on(ride, course, line, start, rules, limits):
     return m, now, told
 
 
-@compiled
+@inner
 def at_time(ride, smooth, t, thrust):
     """`Ride` with that thrust, and the acceleration that `averaged` tells of t."""
     d, on = t - smooth[1], ride.on
@@ -373,7 +373,7 @@ def at_time(ride, smooth, t, thrust):
     return Ride(ride.mode, on, thrust, ride.s_o, ride.ds_o, ride.dds_o)
 
 
-@compiled
+@inner
 def has_event(course, end, then):
     last = end.shape[1] - 1
     s_o, ds_o = end[0, last], end[1, last]
