@@ -1,15 +1,14 @@
-"""Stick and slip of a car that rolls on a cable: an automaton on common ground, on which both solvers stand.
+"""Stick and slip of a car that rolls on a cable, for both solvers.
 
-A free car sticks to the cable or slips along it.  Friction and brakes work against the slip, so their sign is part of
-the mode and changes at events alone:
+Friction and brakes work against the slip along the cable.  Their sign changes at events alone:
 
     standstill      the slip is zero: the car sticks if friction and brakes can hold it, else slips where it is pulled
     breaking loose  they cannot hold it any more
-    turn            the car, which moves more smoothly than its slip, goes the other way
+    turn            the car goes the other way
     brake, brake off  it passes the place of a brake
     arrival, back   it comes to an end of the ride
     lift_off        it presses on the cable no more; the ride goes on
-    stop            it is at rest: see `RollingCar._left`
+    stop            it is at rest, see `RollingCar._left`
 
 Dimensionless: lengths over l, forces over H, times over l sqrt(rho/H).
 """
@@ -56,16 +55,15 @@ class Mode:
 
 
 class RollingCar(System):
-    """A system whose last unknown is the place s_o of a free car; of a hauled car it knows lift-off alone.
+    """A system whose last unknown is the place s_o of a free car; of a hauled car it watches lift-off alone.
 
-    A solver calls `board` once and `set_off` at each start, and answers `look`, `holding` and `go_on`.
+    A solver calls `board` once, `set_off` and `let_go` at the start, and defines `look`, `holding` and `go_on`.
     """
 
-    hears_itself: bool  # whether what rings after a jump asks for short steps even where nothing rubs
+    hears_itself: bool  # whether ringing after a jump needs short steps without friction, too
     hold: float  # force along the cable that holds the car at its start
 
     def board(self, groups: Groups) -> None:
-        """Take what the scene says of the car."""
         self.drive, self.sigma = groups.drive, groups.sigma
         self.free = self.drive.mode == "free"
         self.adaptive, self.events = self.free, EVENTS if self.free else ("lift_off",)
@@ -86,23 +84,22 @@ class RollingCar(System):
         raise NotImplementedError
 
     def set_off(self) -> None:
-        """Forget what has happened."""
         self.mode = Mode(brakes=sum(place <= self.drive.start for place, _ in self.drive.brakes))
         self.heeded = -math.inf
         self._watched: tuple[State, tuple[float, ...]] | None = None
 
     def let_go(self, x: State) -> State:
-        """Return the first state of a free ride, the car held by the cable so far: by friction, or it slips.
+        """Return the first state of a free ride, whose car the cable has held.
 
-        Let go at once, the car slips by half the force over the impedance.  A wave from the nearer support takes that
-        away; until one from the farther support is back, the slip rings and its zeros are no standstill.
+        A car let go at once slips on until waves from the farther support are back.  Till then its slip rings, and
+        zeros of it are no standstill.
         """
         x = self.come_to_rest(x)
         self.mode.rings = self.rubs and not self.mode.sticks
         return x
 
     def enter(self, x: State) -> State:
-        """Return the state at the beginning of a further phase: a thrust that sets in may tear the car off."""
+        """Return the state at the beginning of a further phase, whose thrust may tear the car off."""
         return self.come_to_rest(x) if self.mode.sticks else self.go_on(x)
 
     # --- forces ------------------------------------------------------------------------------------------
@@ -155,13 +152,12 @@ class RollingCar(System):
             mode.place, mode.since, self._watched = s_o, x.t, None
 
     def _hear(self, slip: float) -> None:
-        """Heed from now on what rings."""
+        """Take zeros of the slip for standstills from now on."""
         self.mode.rings, self._watched = False, None
         if slip != 0.0:
             self.mode.heading = math.copysign(1.0, slip)
 
     def pass_event(self, name: str, x: State) -> State | None:
-        """Change the mode; None where the ride is over."""
         mode, self._watched = self.mode, None
         if name in ("arrival", "back", "stop"):
             return None
@@ -181,7 +177,6 @@ class RollingCar(System):
 
     # --- events --------------------------------------------------------------------------------------------
     def watch(self, x: State) -> tuple[float, ...]:
-        """Return what is positive until an event happens; inf for what cannot happen in this mode."""
         if x.t <= self.heeded:
             return (1.0,) * len(self.events)
         if self._watched is None or self._watched[0] is not x:
@@ -189,7 +184,7 @@ class RollingCar(System):
         return self._watched[1]
 
     def _values(self, x: State) -> tuple[float, ...]:
-        mode, drive, (s_o, slip) = self.mode, self.drive, (float(x.q[-1]), float(x.v[-1]))
+        mode, drive, s_o = self.mode, self.drive, float(x.q[-1])
         if self.free and not 0.0 < s_o < 1.0:  # beyond the cable nothing else has a value
             ends = {"arrival": drive.end_place - s_o, "back": s_o - drive.back_place}
             return tuple(ends.get(name, math.inf) for name in EVENTS)
@@ -199,31 +194,33 @@ class RollingCar(System):
             return (lift_off,)
         if mode.forward == 0.0 and abs(look.speed) > drive.rest_speed:
             mode.forward = math.copysign(1.0, look.speed)
-        # a car that friction and brakes will hold does not turn
-        turns = mode.forward and not mode.sticks and abs(look.along) > self.most(look.across)
-        places, n = [place for place, _ in drive.brakes], mode.brakes
-        return (
-            mode.heading * slip if self.rubs and not (mode.sticks or mode.rings) else math.inf,
-            self.margin(x) if mode.sticks else math.inf,
-            mode.forward * look.speed if turns else math.inf,
-            places[n] - s_o if n < len(places) else math.inf,
-            s_o - places[n - 1] if n else math.inf,
-            drive.end_place - s_o,
-            s_o - drive.back_place,
-            lift_off,
-            self._left(x),
-        )
+        return *self._of_forces(x, look), *self._of_places(s_o), lift_off, self._left(x)
+
+    def _of_forces(self, x: State, look: Look) -> tuple[float, float, float]:
+        """Return the values of standstill, breaking loose and turn; a car that friction will hold does not turn."""
+        mode = self.mode
+        if mode.sticks:
+            return math.inf, self.margin(x), math.inf
+        turns = mode.forward and abs(look.along) > self.most(look.across)
+        slip = mode.heading * float(x.v[-1]) if self.rubs and not mode.rings else math.inf
+        return slip, math.inf, mode.forward * look.speed if turns else math.inf
+
+    def _of_places(self, s_o: float) -> tuple[float, float, float, float]:
+        """Return the distances to the next brake, back to the last one, to the end and back to the start."""
+        drive, n = self.drive, self.mode.brakes
+        ahead = drive.brakes[n][0] - s_o if n < len(drive.brakes) else math.inf
+        back = s_o - drive.brakes[n - 1][0] if n else math.inf
+        return ahead, back, drive.end_place - s_o, s_o - drive.back_place
 
     def _drifts(self, x: State) -> bool:
-        """Return whether the car is not slow since `mode.since`: its mean speed over an axial round trip, or longer."""
+        """Return whether the mean speed since `mode.since`, an axial round trip at least, is above `rest_speed`."""
         mode = self.mode
         return abs(float(x.q[-1]) - mode.place) > self.drive.rest_speed * max(self.round_trip, x.t - mode.since)
 
     def _left(self, x: State) -> float:
-        """Return the time that is left until the car has been at rest for an axial round trip.
+        """Return the time left until the car has been at rest for an axial round trip, with no thrust still to change.
 
-        At rest it is slow, at a place where friction, brakes or the valley hold it by statics.  Where waves alone hold
-        it, it is not; while forces are still to change, nothing is at rest.
+        At rest it is slow where friction, brakes or the valley hold it by statics; waves alone may hold it for a while.
         """
         if x.phase < len(self.phases) - 1:
             return math.inf
@@ -233,7 +230,6 @@ class RollingCar(System):
 
     # --- steps ---------------------------------------------------------------------------------------------
     def part(self, x: State, since: float, ahead: float = 0.0) -> float:
-        """Return the part of a step to take: short near a support, and where friction or a brake hears what rings."""
         mode, slip = self.mode, x.v.item(-1)
         rubs = self.drive.resists and (mode.brakes > 0 or mode.sticks)
         hears = (mode.forward, since) if self.hears_itself or self.drive.resists else (0.0, math.inf)
@@ -246,10 +242,7 @@ class RollingCar(System):
         return not self.free or not (mode.sticks or mode.rings or mode.forward == 0.0)
 
     def course(self) -> tuple[float, float, float, float, float]:
-        """Return what a free car keeps to until something happens.
-
-        The places between which it stays, the signs that its slip (0: any) and its speed keep, the least speed.
-        """
+        """Return the places between which a free car stays, signs of its slip (0: any) and speed, least speed."""
         mode, drive = self.mode, self.drive
         places, n = (0.0, *(place for place, _ in drive.brakes), 1.0), mode.brakes
         low, high = max(drive.back_place, places[n]), min(drive.end_place, places[n + 1])

@@ -26,8 +26,7 @@ class CollocationRule(Stepper):
 
         v_i = v0 + dt sum_j A_ij a_j,   q_i = q0 + c_i dt v0 + dt^2 sum_j (A A)_ij a_j,   r(t_i, q_i, v_i, a_i) = 0 .
 
-    Where the last node is the step's end (Radau IIA) its state is the step's; else (Gauss) q and v at the end follow
-    from the polynomial and a from the balance, which a constraint on positions does not determine: StepFailure.
+    Where the last node is not the end (Gauss), a there follows from the balance; StepFailure where it does not.
     """
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
@@ -49,8 +48,7 @@ class CollocationRule(Stepper):
     def __call__(self, x: State, t1: float) -> State:
         """Return the state at t1.
 
-        First guesses, one after another: the polynomial of the step before goes on; a stays as it was; at a start,
-        where a may be gone at once, a = 0; a as it was, with all nodes' own tangents.
+        Guesses one after another: the polynomial of the step before; a as it was; at a start 0, then all tangents.
         """
         (t, ends, a, go_on), one = self._steps(x, np.array([t1])), self.system.collocate
         if isinstance(x, Collocated):

@@ -18,8 +18,7 @@ from cablefem.newmark.states import Array, State
 from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import System
 
-# An unresolved jump leaves an acceleration that soon is gone.  A step of Newmark's family that begins with one is taken
-# in GENTLE pieces by a rule that does not use it; so few keep the second order (Rannacher 1984).
+# A step from an abrupt acceleration is taken in GENTLE pieces by a rule that does not use it (Rannacher 1984).
 GENTLE, GENTLY = 4, Scheme("gentle", 0.5, 1.0)
 MOST_HALVINGS = 6  # of a step: where 1/64 does not converge, the equations have lost their solution
 MOST_CUTS = 100  # failed steps of a run, plus half its steps
@@ -173,6 +172,6 @@ class _March:
 
 
 def _piece(t0: float, t: float, piece: float) -> float:
-    """Return the end of the next of equal pieces up to t: a short last one would leave a meaningless acceleration."""
+    """Return the end of the next of equal pieces up to t."""
     count = math.ceil((t - t0) / piece - 1e-3) if piece > 0.0 else math.inf
     return t0 + (t - t0) / count if count > 1 else t

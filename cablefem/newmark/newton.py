@@ -12,11 +12,9 @@ MOST_HALVINGS = 5  # of one correction
 class Newton:
     """Newton's method on a step: |r| <= tol * system.force_scale + sqrt(n_dof) * system.force_floor, Euclidean norm.
 
-    The tangent is kept while an iteration cuts the residual by `reuse` or more.  After `patience` iterations a
-    correction that does not lower the residual is halved, up to five times; one that leaves no finite residual is
-    halved from the first iteration on.  (The first two corrections of a stiff system often raise the residual and
-    are right nevertheless: halving them costs more than it saves, unless the start is far off.)  From then on it ends
-    where the last correction does not promise to be in balance after `enough` iterations.
+    The tangent is kept while an iteration cuts the residual by `reuse` or more.  A correction that does not lower the
+    residual is halved after `patience` iterations; the first ones of a stiff system may raise it and be right.  The
+    method gives up where its rate does not promise a balance after `enough` iterations.
     """
 
     tol: float = 1e-4
@@ -26,7 +24,6 @@ class Newton:
     enough: float = math.inf
 
     def hopeless(self, norm: float, before: float, iterations: int, bound: float) -> bool:
-        """Return whether corrections that go on as the last one did are not in balance soon."""
         if self.enough == math.inf or iterations <= self.patience:
             return False
         return norm * (norm / before) ** (self.enough - iterations) > bound

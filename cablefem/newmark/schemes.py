@@ -10,10 +10,8 @@ class Scheme:
 
     newmark_beta, newmark_gamma : Newmark (1959).
     alpha_m, alpha_f : the balance uses a at 1 - alpha_m and t, q, v at 1 - alpha_f of the step (Chung & Hulbert 1993).
-    nodes : in units of the step, where the balance holds, q and v being integrals of the polynomial through the
-        accelerations there (collocation: Hairer & Wanner 1996, section IV.5); the constants above are not used.
-    average : the balance is averaged over the step along the straight line from q0 to q1 (average vector
-        field: Quispel & McLaren 2008), which keeps the energy of a conservative system.
+    nodes : of collocation, in units of the step (Hairer & Wanner 1996, section IV.5).
+    average : the balance is averaged over the step (average vector field: Quispel & McLaren 2008).
     """
 
     name: str

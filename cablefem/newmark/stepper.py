@@ -43,10 +43,7 @@ class Stepper:
         raise NotImplementedError
 
     def stride(self, x: State, times: Array) -> Iterator[Sequence[State]]:
-        """Yield the states at times ahead, each after a step from the one before, as far as the system strides.
-
-        States that come together hold no event but perhaps the last one.
-        """
+        """Yield the states at times ahead as far as the system strides; the last of a group may be an event."""
         return iter(())
 
     def balanced(self, done: Settled) -> bool:

@@ -14,25 +14,20 @@ from cablefem.newmark.tableau import Tableau
 Solve = Callable[[Array], Array]
 NO_STEPS = np.empty((0, 3, 0)), np.empty((0, 4))  # `System.stride` of a system that takes single steps
 
-# Gauss-Legendre points on [0, 1] for the average over a step.  Potentials are not polynomial in q; with four points the
-# quadrature error is far below rounding for slopes that change by a few percent per step.
+# Gauss-Legendre points and weights on [0, 1]; four integrate potentials to rounding
 AVERAGE = tuple(0.5 * (x + (1.0, 0.0)[i]) for i, x in enumerate(np.polynomial.legendre.leggauss(4)))
 
 
 class System(Protocol):
     """A second-order system r(t, q, v, a) = 0 with v = dq/dt, a = dv/dt, linear in a.
 
-    A subclass sets the first four attributes and defines `start`, `residual` and `linearise`.  All else has a default,
-    to be overridden for speed (`settle`, `collocate`, `stride`) or where the physics asks for it.
+    A subclass sets the first four attributes and defines `start`, `residual` and `linearise`.
     """
 
     n_dof: int
-    # Consecutive time intervals within which everything is smooth.  Steps land on their ends.  Every call names its
-    # phase, because accelerations may have two values at an end.
-    phases: tuple[tuple[float, float], ...]
+    phases: tuple[tuple[float, float], ...]  # consecutive times [t0, t1]; accelerations may jump from one to the next
     force_scale: float  # size of the loads
     force_floor: float  # rounding error of a component of r
-    # Newton's method has converged when |r| <= newton.tol * force_scale + sqrt(n_dof) * force_floor.
     events: tuple[str, ...] = ()  # names, in the order of `watch`
     strides: bool = False  # whether `stride` or `collocate` take many steps in one go
     heeded: float = -math.inf  # `stride` has looked for events up to this time and found none
@@ -50,9 +45,9 @@ class System(Protocol):
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        """Return r and a function that applies (c0 dr/dq + c1 dr/dv + c2 dr/da)^-1; it may overwrite its argument.
+        """Return r and a function that applies (c0 dr/dq + c1 dr/dv + c2 dr/da)^-1 until the next call.
 
-        Factors, and then the argument, are real or complex.  The function is valid until the next call.
+        It may overwrite its argument, which is complex where the factors are.
         """
         raise NotImplementedError
 
@@ -71,31 +66,28 @@ class System(Protocol):
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array]:
-        """Return the ends (k, 3, n_dof) of consecutive steps of Newmark's family, and what was told of each.
+        """Return the ends (k, 3, n_dof) of consecutive steps of Newmark's family, and the fields of `Settled` of each.
 
         t, rules : of each step, (m,) and (m, 3, 5), as in `settle`.
-        Stops before a step that does not converge, or that may hold an event.  k = 0: take single steps.
-        Told (k or k + 1, 4 or more) begins with the fields of `Settled`; row k is the step that did not converge.
+        Stops before a step that does not converge, which may be told in a row k, or that may hold an event.
         """
         return NO_STEPS
 
     def collocate(
         self, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float, newton: Newton
     ) -> Iterator[Settled]:
-        """Take collocation steps from t[0] to t[1], on to t[2] and so on; at least the first.
+        """Take collocation steps from t[0] to t[1] to t[2] and so on; at least the first.
 
-        ends : (m + 1, 2, n_dof) q and v at t, those at t[0] given, the others set.
-        a : (m, s, n_dof) accelerations at the nodes, to be found; the first ones hold a guess.
+        ends : (m + 1, 2, n_dof) q and v at t, to be set but for the first.
+        a : (m, s, n_dof) accelerations at the nodes, to be set; the first hold a guess.
         further : (m, s, s) from the accelerations of a step to the guess for the next.
-        Stops with a step that does not converge, and before or after one that may hold an event.
         """
         return collocate(self, t, phase, ends, a, further, rule, bound, newton)
 
     def averaged(self, start: State, end: State) -> Array:
         """Return the residual (n_dof,) of a step of the energy rule: r averaged from start.q to end.q.
 
-        end.v = start.v + dt end.a, end.q = start.q + dt <v>.  With a mass matrix M(q) that average does not keep the
-        energy.  The balance that does so is, with T = v0 . M(q) v1 / 2 and potential V,
+        With a mass matrix M(q) another one keeps the energy: with T = v0 . M(q) v1 / 2 and potential V,
 
             [ M(q1) v1 - M(q0) v0 ] / dt - average of d/dq (T - V) - other forces = 0 .
         """
@@ -107,22 +99,15 @@ class System(Protocol):
 
     # --- the length of steps -----------------------------------------------------------------------------
     def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
-        """Return the times (n,) of balances whose unknowns are (1 - w) times those at t0 plus w times those at t1.
-
-        With a prescribed travel it is the time at which the mass is at the mean place.
-        """
+        """Return the times (n,) at which a prescribed travel is at the mean of its places, weighted 1 - w and w."""
         return (1.0 - w) * t0 + w * t1
 
     def pace(self) -> tuple[Array, Array] | None:
-        """Return times (m,), both ends of the run included, and a clock by which steps are equal, linear between."""
+        """Return times (m,) from end to end of the run, and a clock by which steps are equal."""
         return None
 
     def part(self, x: State, since: float, ahead: float = 0.0) -> float:
-        """Return the fraction of a step of the grid to take, in (0, 1], `since` after the last event.
-
-        From x, or from where x comes to be `ahead` of it at its velocity.  It depends on x and time alone: then all
-        steps shrink together where a run is refined.
-        """
+        """Return the fraction of a step of the grid to take from x, or `ahead` of it, `since` after the last event."""
         return 1.0
 
     def abrupt(self, x: State, dt: float) -> bool:
@@ -131,23 +116,18 @@ class System(Protocol):
 
     # --- events ------------------------------------------------------------------------------------------
     def begin_step(self, x: State) -> None:
-        """Prepare for steps from x.  What depends on a sign takes the sign at x until the next call."""
+        """Prepare for a step from x."""
         return None
 
     def watch(self, x: State) -> tuple[float, ...]:
-        """Return one value per event.
+        """Return one value per event, which happens where the value goes from > 0 to <= 0 in a step.
 
-        An event happens where its value goes from > 0 at the beginning of a step to <= 0 at its end.  The first state
-        with a value <= 0, to rounding of t, is the event's.  At the beginning inf or <= 0 means not armed.
-        A value that falls and rises again inside a step goes unseen.
+        At the beginning of a step inf or <= 0 means not armed.
         """
         return ()
 
     def pass_event(self, name: str, x: State) -> State | None:
-        """Change over to what holds after the event; return a consistent state to go on from, None to end the run.
-
-        Events at the same instant are passed one after another, as long as their value stays <= 0.
-        """
+        """Change over to what holds after the event; return a consistent state to go on from, None to end the run."""
         return x
 
 

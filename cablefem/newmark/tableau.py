@@ -29,7 +29,7 @@ class Tableau(NamedTuple):
 
     @property
     def numbers(self) -> tuple[Array, Array, Array, Array, Complex, Complex, Complex, int]:
-        """What compiled code takes for it."""
+        """All but the powers, for compiled code."""
         return self.c, self.A, self.AA, self.ends, self.values, self.to, self.back, self.middle
 
     def instants(self, t: Array) -> Array:
@@ -70,7 +70,7 @@ def further(nodes: tuple[float, ...], ratio: float) -> Array:
 
 
 def densified(states: Sequence[State], parts: int) -> list[State]:
-    """Return a history with collocation steps in so many parts; what other steps did inside is not known."""
+    """Return a history with its collocation steps cut in so many parts."""
     out = list(states[:1])
     for before, after in pairwise(states):
         if isinstance(after, Collocated):
@@ -83,8 +83,7 @@ def densified(states: Sequence[State], parts: int) -> list[State]:
 def between(before: State, after: State, t: float) -> State:
     """Return the state at t inside the step from `before` to `after`.
 
-    After a collocation step its polynomial: order s + 1 for s nodes, v and a its derivatives.  Else the cubic with the
-    values of q and v at both ends, and a straight line for a, which may alternate from step to step.
+    After a collocation step its polynomial.  Else the cubic with q and v of both ends, and a straight line for a.
     """
     if isinstance(after, Collocated):
         nodes, dt, a = after.inside

@@ -12,7 +12,7 @@ from cablefem.newmark import NO_STEPS, Newton, NewtonStalled, Work, integrate, s
 from cablefem.newmark.newmark_rule import NewmarkRule
 from cablefem.response import States
 from cablefem.scene import ConstantSpeed
-from cablefem.scene.drive import WAVES, Drive
+from cablefem.scene.drive import Drive
 from cablefem.scene.motion import Motion, Piece
 from cablefem.scene.statics import gripped, hauled
 from galerkin import Daubechies, Fourier, GalerkinSystem, PositionAbscissa, RollingSystem, kernels, rides
@@ -359,23 +359,6 @@ def test_friction_hears_the_car_soon(window, monkeypatch):
     off = abs(sines.speed[-1] - elements.speed[-1]) / 12.0  # of the top speed of that ride
     assert (off < 1e-5) != bool(window)
     assert (off > 3e-5) == bool(window)
-
-
-def test_steps_follow_the_waves_that_the_car_squeezes():
-    """Shorter with the side that it runs into, up to the support, not with the one it leaves."""
-    system, speed = RollingSystem(RIDER.groups, Fourier(8)), 0.3
-    rests = system.start(0, None)
-
-    def part(s_o, forward):
-        system.mode.forward = forward
-        q, v = rests.q.copy(), rests.v.copy()
-        q[-1], v[-1] = s_o, forward * speed
-        return system.part(rests._replace(q=q, v=v), math.inf) * system.drive.nominal / 1000.0
-
-    assert part(0.9, 1.0) == pytest.approx(0.5 * part(0.8, 1.0), rel=1e-12) == pytest.approx(0.2 / WAVES)
-    assert part(0.1, -1.0) == pytest.approx(part(0.9, 1.0), rel=1e-12)
-    assert part(0.9, -1.0) > 2.0 * part(0.9, 1.0)
-    assert part(0.96, 1.0) == pytest.approx(0.4 * part(0.9, 1.0), rel=1e-12)
 
 
 def test_ringing_by_the_far_support_is_no_lift_off():
