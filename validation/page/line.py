@@ -23,12 +23,13 @@ UNITS = {
 }  # fmt: skip
 # Quantity -> its words; "{}" is the contact, the car or the obstacle. The order is that of the tables.
 WORDS = {
-    "tension": "tension at {}", "tension_max": "largest tension", "tension_min": "least tension",
-    "safety_factor": "safety factor", "haul": "haul force of {}, to the right", "tension_behind": "tension behind {}",
-    "tension_ahead": "tension ahead of {}", "pressure": "pressure on {}", "pressure_down": "pressure on {}, vertical",
-    "direction": "pressure on {}, angle from vertical, to the right", "rope_over": "rope run over {}, to the right",
-    "rise": "rise of {}", "shift": "shift of {}", "depth": "depth of {}", "sag": "sag, {}",
+    "tension_max": "largest tension", "tension_min": "least tension", "safety_factor": "safety factor",
     "clearance_rope": "clearance of the rope, {}", "clearance_car": "clearance, {}",
+    "haul": "haul force of {}, to the right", "pressure_down": "pressure on {}, vertical",
+    "pressure": "pressure on {}", "direction": "pressure on {}, angle from vertical, to the right",
+    "rise": "rise of {}", "rope_over": "rope run over {}, to the right", "shift": "shift of {}", "sag": "sag, {}",
+    "depth": "depth of {}", "tension": "tension at {}", "tension_behind": "tension behind {}",
+    "tension_ahead": "tension ahead of {}",
 }  # fmt: skip
 GRID = ("tension_max", "safety_factor", "pressure", "haul", "rise", "clearance_rope", "clearance_car")
 MOST = 14  # rows of the terminal's table
@@ -157,7 +158,7 @@ def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
         for car in line.get("car", [])
     ]
     depths = [told["y_highest"], told["y_lowest"], ground[:, 1], np.array([o["top"] for o in obstacles])]
-    p.fit([*depths, *(y + car.get("below", 0.0) for car, _, y in cars)], pad=0.08)
+    p.fit([*depths, *(y + car.get("below", 0.0) for car, _, y in cars)], pad=0.14)
     times = max(1, round(FLAT / ((p.high - p.low) * WIDE / end)))
     p.height = times * (p.high - p.low) * WIDE / end
     p.bands.append((x, told["y_highest"], told["y_lowest"], "#0072b233"))
@@ -175,9 +176,9 @@ def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
     for c in line["contact"]:
         p.dots.append((c["at"][0], c["at"][1], BLACK, c["kind"] in ("anchor", "saddle")))
         away = -1.0 if c["at"][0] > 0.9 * end else 1.0 if c["at"][0] < 0.1 * end else 0.0
-        p.labels.append((c["at"][0] + away * 0.03 * end, c["at"][1] - 0.05 * (p.high - p.low), c["name"]))
+        p.labels.append((c["at"][0] + away * 0.04 * end, c["at"][1] - 0.05 * (p.high - p.low), c["name"]))
     scale = "To scale." if times == 1 else f"Depths are drawn {times} times too large."
-    return plot([p], (-0.04 * end, 1.04 * end), "x [m]", f"The line from the side. {scale}", wide=True)
+    return plot([p], (-0.06 * end, 1.06 * end), "x [m]", f"The line from the side. {scale}", wide=True)
 
 
 def _panels(line: Row, positions: Sequence[Row]) -> list[tuple[str, Panel]]:
