@@ -21,7 +21,6 @@ WORDS = {
     "be allowed",
     "covers less time": "{party} covers {low:.4g} to {high:.4g} s of 0 to {stop:.4g} s; there {sum} would be allowed",
     "asked": "asked for by {parts}, {relative}",
-    "taken": "refining both took so much of the gap, {times:.2g} times ({parts}); both error bars are {bars:.2g}",
     "nothing": "{why}",
 }
 

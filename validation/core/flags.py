@@ -1,6 +1,5 @@
 """What makes a run suspect.  Decisions read `Flag.kind`; the words of each kind stand here and nowhere else."""
 
-from collections.abc import Collection
 from dataclasses import replace
 
 from cablefem.response import Flag, Response
@@ -17,15 +16,6 @@ WORDS = {
     "hidden slack": "points of the cable are under compression, up to {most:.2g} H, from s_o/l = {since:.3f} "
     "(s/l = {at:.3f}) on, but no whole element is slack: from there on the error bar may be too small",
     "no bar": "no error bar could be made: {why}",
-    "time order": "with half the steps its path changes {ratio:.2g} times as much as its twin's would with as many "
-    "steps: its order in time may be below its scheme's, and its error bar too small",
-    "not extrapolated": "the order is not seen, nothing was extrapolated: {why}",
-    "no order": "from a quarter to half of its {what} the path changes only {fall:.2g} times as much as from half to "
-    "all: no order is seen, and the error bar is no bound",
-    "coarse": "the error bar is {bar:.2g} of the largest deflection: runs so far apart show no order yet, and it is no "
-    "bound",
-    "short bar": "the error bars hold up to s_o/l = {stop:.3f} only: with half the resolution or half the steps the "
-    "run goes slack or ends there; more of both make them reach further",
 }
 
 
@@ -39,8 +29,3 @@ def flag(kind: str, **numbers: float | str) -> Flag:
 def flagged(r: Response, kind: str, **numbers: float | str) -> Response:
     """Return the response with one flag more."""
     return replace(r, flags=[*r.flags, flag(kind, **numbers)])
-
-
-def without(r: Response, kinds: Collection[str]) -> Response:
-    """Return the response without flags of these kinds."""
-    return replace(r, flags=[x for x in r.flags if x.kind not in kinds])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -67,7 +67,8 @@ class Check:
     def agreement(self) -> dict[str, Any]:
         """Return the content of agreement.json."""
         return {
-            "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window), "tol": self.tol,
+            "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window),
+            "axis": View.of(self.scene).axis, "tol": self.tol,
             "methods": [self.a.run.method, self.b.run.method], "rows": [row.row() for row in self.rows],
             "design": self.design, "events": self.a.run.events, **({"entry": self.entry} if self.entry else {}),
             "doubts": [{"method": name, "kind": flag.kind, "words": str(flag)} for name, flag in self.doubts],
@@ -113,33 +114,9 @@ def check(
         raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     found = [find(m) if isinstance(m, str) else m for m in methods]
-    grip: list[Callable[[Progress], Any]] = [partial(_gripped, scene, found[0])] if scene.drive.mode == "haul" else []
-    gripped: list[Response] = []
-    budget = BUDGET * max(1.0, DEFAULT_TOL / 3.0 / tol)
-    shares = [SHARES[m.wing] for m in found]
-    aims = [share / sum(shares) for share in shares]  # the sum of both bars is held against what is asked
-    scenes, ends = (scene, second or scene), {} if until is None else {"until": until, "past": 0.0}
-    jobs: list[Callable[[Progress], Any]] = [
-        partial(_climbed, s, m, tol * aim, budget, ends) for s, m, aim in zip(scenes, found, aims, strict=True)
-    ]  # fmt: skip
-    looks = 0
-    ladders: list[Ladder] = []
-    while True:
-        first, other, *once = side_by_side([*jobs, *grip], progress, _load)
-        gripped, grip = gripped or once, []
-        ladders = [first, _retold(other, scene)]
-        if made is not None:
-            made(first.run, other.run)
-        rows = compare(scene, ladders[0], ladders[1], tol=tol, tol_tension=tol_tension)
-        apart = overall(rows) is Verdict.DISAGREE
-        finer = _next(found, ladders, rows, budget)
-        if looks == MOST_ROUNDS or not any(finer) or (apart and looks < 0):
-            break
-        looks = -MOST_ROUNDS if apart else looks + 1
-        jobs = [
-            partial(_remade, s, m, e, x, ends) for s, m, e, x in zip(scenes, found, ladders, finer, strict=True)
-        ]  # fmt: skip
-    a, b = (_told(scene, e, twin) for e, twin in ((ladders[0], ladders[1]), (ladders[1], ladders[0])))
+    pair = _Pair(scene, found, (scene, second or scene), tol, tol_tension, until)
+    (first, other), rows, gripped = pair.judged(progress, made)
+    a, b = _told(first, other), _told(other, first)
     rows += printed(a.run, b.run)
     smooth = None
     if deep or overall(rows) is Verdict.TOO_COARSE:
@@ -147,24 +124,71 @@ def check(
 
         rows += third.deep(scene, a, rows) if deep else []
         smooth = third.entry(scene, a.time.runs[0] if a.time.runs else a.run)  # half the steps tell enough
-    return Check(scene, a, b, tol, _window(scene, ladders), rows, gripped[0] if gripped else None, smooth)
+    return Check(scene, a, b, tol, _window(scene, a, b), rows, gripped, smooth)
 
 
-def _window(scene: Scene, ladders: list[Ladder]) -> measures.Window:
-    """Return the window of comparison, an empty one where nothing can be compared."""
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    """Two methods, the scenes they are told, and what is asked of them."""
+
+    scene: Scene  # the only one that the judge knows
+    methods: list[Method]
+    scenes: tuple[Scene, Scene]
+    tol: float
+    tol_tension: float | None
+    until: float | None
+
+    @property
+    def ends(self) -> dict[str, Any]:
+        return {} if self.until is None else {"until": self.until, "past": 0.0}
+
+    @property
+    def budget(self) -> float:
+        return BUDGET * max(1.0, DEFAULT_TOL / 3.0 / self.tol)
+
+    def judged(
+        self, progress: Progress | None, made: Callable[..., None] | None
+    ) -> tuple[list[Ladder], list[Agreement], Response | None]:
+        """Return both ladders, refined until they agree or cannot be told better, their rows, and the gripped car."""
+        jobs, gripped, looks, confirmed = self._climbs(), None, 0, False
+        if self.scene.drive.mode == "haul":
+            jobs.append(partial(_gripped, self.scene, self.methods[0]))
+        while True:
+            first, other, *once = side_by_side(jobs, progress, _load)
+            gripped, ladders = once[0] if once else gripped, [first, _retold(other, self.scene)]
+            if made is not None:
+                made(first.run, other.run)
+            rows = compare(self.scene, *ladders, tol=self.tol, tol_tension=self.tol_tension)
+            apart = overall(rows) is Verdict.DISAGREE
+            finer = self._within_budget(ladders, _closer(self.methods, ladders) if apart else _finer(
+                self.methods, ladders, rows
+            ))  # fmt: skip
+            if looks == MOST_ROUNDS or confirmed or not any(finer):
+                return ladders, rows, gripped
+            looks, confirmed = looks + 1, apart
+            jobs = [
+                partial(_remade, s, m, e, x, self.ends)
+                for s, m, e, x in zip(self.scenes, self.methods, ladders, finer, strict=True)
+            ]
+
+    def _climbs(self) -> list[Callable[[Progress], Any]]:
+        """Return the climb of each method to its share of the tolerance: the sum of both bars is held against it."""
+        shares = [SHARES[m.wing] for m in self.methods]
+        return [
+            partial(_climbed, s, m, self.tol * share / sum(shares), self.budget, self.ends)
+            for s, m, share in zip(self.scenes, self.methods, shares, strict=True)
+        ]
+
+    def _within_budget(self, ladders: list[Ladder], finer: list[Settings | None]) -> list[Settings | None]:
+        each = zip(self.methods, ladders, finer, strict=True)
+        return [None if x is None or dear(m, e, x, self.budget) else x for m, e, x in each]
+
+
+def _window(scene: Scene, a: Ladder, b: Ladder) -> measures.Window:
     try:
-        return View.of(scene).cut(*(e.run for e in ladders)).window
+        return View.of(scene).cut(a.run, b.run).window
     except measures.NotComparable:
         return measures.WINDOW[0], measures.WINDOW[0]
-
-
-def _next(
-    methods: list[Method], ladders: list[Ladder], rows: list[Agreement], budget: float
-) -> list[Settings | None]:  # fmt: skip
-    """Return the settings of another look, None for a method that needs none or may not be finer."""
-    apart = overall(rows) is Verdict.DISAGREE
-    finer = _closer(methods, ladders) if apart else _finer(methods, ladders, rows)
-    return [None if x is None or dear(m, e, x, budget) else x for m, e, x in zip(methods, ladders, finer, strict=True)]
 
 
 def _closer(methods: list[Method], ladders: list[Ladder]) -> list[Settings | None]:
@@ -174,23 +198,24 @@ def _closer(methods: list[Method], ladders: list[Ladder]) -> list[Settings | Non
 
 def _finer(methods: list[Method], ladders: list[Ladder], rows: list[Agreement]) -> list[Settings | None]:
     """Return finer settings of the methods whose bars make an asked row too coarse, by the row that is furthest off."""
+    coarse = [row for row in rows if row.asked and row.verdict is Verdict.TOO_COARSE and row.asked_for]
     out: list[Settings | None] = []
     for method, ladder in zip(methods, ladders, strict=True):
-        wide = []
-        for row in rows:
-            mine = [p for p, x in zip(row.parts, row.bound.parts, strict=False) if x.name == method.name]
-            if row.asked and row.verdict is Verdict.TOO_COARSE and mine and row.asked_for:
-                share = sum(mine[0]) / row.allowed if math.isfinite(row.allowed) else 0.5
-                if sum(mine[0]) > LEAST_SHARE * row.asked_for:
-                    target = AIM * share * row.asked_for * min(1.0, row.allowed / row.gap if row.gap else 1.0)
-                    wide.append((sum(mine[0]) / target, mine[0], target, math.inf if "path" in row.quantity else 1.0))
-        worst = max(wide, key=lambda x: x[0], default=None)
-        if worst is None:
-            out.append(None)
-            continue
-        settings = cheapest(method, ladder.run.settings, *worst[1:])
+        worst = max((x for row in coarse for x in _excess(row, method.name)), key=lambda x: x[0], default=None)
+        settings = ladder.run.settings if worst is None else cheapest(method, ladder.run.settings, *worst[1:])
         out.append(None if settings == ladder.run.settings else settings)
     return out
+
+
+def _excess(row: Agreement, method: str) -> Iterator[tuple[float, tuple[float, float], float, float]]:
+    """Give how far a method's bar is beyond its share of a row, its parts, that share, and the order to count on."""
+    assert row.asked_for is not None
+    for parts, of in zip(row.parts, row.bound.parts, strict=False):
+        bar = sum(parts)
+        if of.name == method and bar > LEAST_SHARE * row.asked_for:
+            share = bar / row.allowed if math.isfinite(row.allowed) else 0.5
+            target = AIM * share * row.asked_for * min(1.0, row.allowed / row.gap if row.gap else 1.0)
+            yield bar / target, parts, target, math.inf if "path" in row.quantity else 1.0
 
 
 def _load() -> None:
@@ -209,7 +234,7 @@ def _retold(ladder: Ladder, scene: Scene) -> Ladder:
     return replace(ladder, finest=runs[id(ladder.finest)], space=space, time=time)
 
 
-def _told(scene: Scene, e: Ladder, twin: Ladder) -> Ladder:
+def _told(e: Ladder, twin: Ladder) -> Ladder:
     """Return the run with its design numbers and events, and their bars."""
     rows = [number.row() for number in numbers(e, twin)]
     return replace(e, finest=replace(e.run, design=rows, events=with_bars(e)))
