@@ -1,0 +1,41 @@
+"""What a verdict is worth: a scene told wrongly to one solver is seen, and said to be seen."""
+
+from __future__ import annotations
+
+from cablefem import Scene
+from validation import check
+from validation.commands.check.sensitivity import keys, sensitivity, told
+from validation.commands.sweep.families import FAMILIES, SOUND, case
+from validation.core.grid import varied
+
+INCLINED = Scene.load("inclined")
+
+
+def test_a_fault_of_one_percent_is_seen_and_as_small_a_one_as_is_said():
+    """The second solver is told another mass: beyond what the sound check says it would notice it disagrees."""
+    sound = check(INCLINED, tol=1e-2)
+    assert sound.verdict.value == "agree"
+    found = sensitivity(sound)
+    assert {"mass.mass", "cable.EA", "supports.span"} <= set(found)
+    assert 0.0 < found["mass.mass"] < 0.05
+    assert "mass.mass" in told(found)
+    percent = 300.0 * found["mass.mass"]
+    fault = check(INCLINED, tol=1e-2, second=varied(INCLINED, {"mass.mass": f"+{percent:.6f}%"}))
+    assert fault.verdict.value == "disagree"
+
+
+def test_keys_are_the_numbers_of_the_tables():
+    data = {"title": "x", "cable": {"EA": 1e6, "on": True}, "drive": {"brake": [{"from": 3.0, "force": 0.0}]}}
+    assert list(keys(data)) == ["cable.EA", "drive.brake.0.from"]
+
+
+def test_cases_of_the_study_are_the_families_in_turn_and_sound_ones_have_no_fault():
+    names = [case(11, number)[0].name for number in range(6)]
+    assert names == 2 * [family.__name__ for family in FAMILIES]
+    assert {case(11, number)[1] for number in range(SOUND)} == {None}
+    faults = [case(11, SOUND + number) for number in range(45)]
+    given = {key for _, key in faults}
+    assert given >= {"mass.mass", "cable.EA", "cable.mass_per_length"}
+    assert {key for key in given if key.startswith("travel.")} & {"travel.speed", "travel.top_speed"}
+    assert all(isinstance(varied(scene, {key: "+1%"}), Scene) for scene, key in faults if key)
+    assert case(11, 4)[0].to_toml() == case(11, 4)[0].to_toml() != case(12, 4)[0].to_toml()
