@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from validation.core import answers, grid
+from validation.core import answers
 from validation.core.quasi_static import quasi_static
 
 LINE = """
@@ -30,10 +30,7 @@ brake = [{from = 395.0, force = 500.0}]
 
 
 def scene(**changes):
-    data = tomllib.loads(LINE)
-    for key, value in changes.items():
-        grid.put(data, key.replace("__", "."), value)
-    return Scene(**data)
+    return Scene.from_toml(LINE).replace({key.replace("__", "."): value for key, value in changes.items()})
 
 
 @pytest.mark.parametrize(

@@ -205,11 +205,13 @@ def _number(
     twin: Response | None = None,
 ) -> Number | None:  # fmt: skip
     unit = unit_of(name)
-    period = _round_trip(r) if unit == "N" else 0.0
+    period = _round_trip(r) if unit in ("N", "deg") else 0.0  # the angle is that of a force
     value, peak = (partial(_value, quantity, span, over) for over in (period, 0.0))
     found = _extreme(quantity, r, span, period)
     if found is None or (quantity.inner and _at_an_end(found, r, span)):
         return None
+    if unit == "deg" and span[1] - found.t <= 0.5 * period + found.step:
+        return None  # an angle that still grows where the range ends has no extreme in it
     bar: float | None = None
     bar_peak: float | None = None
     if ladder is not None:
@@ -218,13 +220,13 @@ def _number(
         signals = (value, beside) if found.step > 0.0 else (value,)  # a car that passes once has no signal beside
         bar = max(ladder.bar(of, largest, FIRST if period else math.inf) for of in signals) + found.between
         bar = max(bar, 0.0 if twin is None else abs(found.value - value(twin)))
-        if period and (ladder.ringing is not None or not _damps(r)):
+        if unit == "N" and (ladder.ringing is not None or not _damps(r)):
             raw = partial(_beside, quantity, span, 0.0, found.track, near)
             bar_peak = max(ladder.peak(peak), ladder.peak(raw), 0.0 if twin is None else abs(peak(r) - peak(twin)))
     at = float(np.interp(found.s, r.fields.s, r.fields.x))
     return Number(
         name, found.value, _known(bar), unit, found.t, float(np.interp(found.t, r.t, r.s_o)), at, found.s,
-        peak(r) if period else None, _known(bar_peak),
+        peak(r) if unit == "N" else None, _known(bar_peak),
     )  # fmt: skip
 
 

@@ -67,10 +67,12 @@ def design(r: Response, twin: Response | None = None) -> Iterator[Recomputed]:
     span = float(begin), float(min([end, *(min(x.t[-1], x.slack_since) for x in (r, twin or r))]))
     known = _signals(r)
     for row in r.design:
-        quantity, way = row["quantity"].removesuffix("_max").removesuffix("_min"), row["quantity"][-3:]
+        least = row["quantity"].endswith("_min") or (row["quantity"].startswith("angle") and row["value"] < 0.0)
+        quantity, way = row["quantity"].removesuffix("_max").removesuffix("_min"), "min" if least else "max"
+        quantity = row["quantity"] if row["quantity"] in known else quantity
         if quantity not in known:
             continue
-        for name, over in (("value", period if row["unit"] == "N" else 0.0), ("peak", 0.0)):
+        for name, over in (("value", period if row["unit"] in ("N", "deg") else 0.0), ("peak", 0.0)):
             if row.get(name) is None:
                 continue
             right = _extreme(known[quantity], span, over, way)
@@ -93,8 +95,10 @@ def _signals(r: Response) -> dict[str, Signals]:
         parts = {"": size, "_horizontal": horizontal, "_vertical": vertical}
         known |= {f"reaction_{side}{part}": [(r.t, x)] for part, x in parts.items()}
         known["tension"].append((r.t, size))
+        downhill = force[:, 1] * np.sign(force[:, 0])  # the rope pulls along itself, away from its support
+        known[f"angle_{side}"] = [(r.t, np.degrees(np.arcsin(downhill / size)))]
     at_mass = {
-        "contact": _press(r), "haul_force": np.abs(r.F_haul), "mass_deflection": r.v,
+        "contact": _press(r), "haul_force": np.abs(r.F_haul), "haul_force_min": r.F_haul, "mass_deflection": r.v,
         "speed": np.sqrt(np.sum(r.velocity**2, axis=1)),
     }  # fmt: skip
     known |= {name: [(r.t, x)] for name, x in at_mass.items()}
