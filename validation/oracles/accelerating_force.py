@@ -1,13 +1,11 @@
 """A force that accelerates or brakes through the wave speed of an infinite string.
 
-    v_tt - v_xx = P(t) delta(x - xi(t)),  at rest at t = 0,  xi = V0 t + a t^2/2.
+    v_tt - v_xx = P(t) delta(x - xi(t)),  at rest at t = 0,  xi = V0 t + a t^2/2,
+    v(x, t) = 1/2 int P(s) ds over the s in [0, t] with |x - xi(s)| < t - s.
 
-D'Alembert: v(x, t) = 1/2 int P(s) ds over the s in [0, t] with |x - xi(s)| < t - s.  The ends of these intervals are
-roots of two quadratics, s - xi(s) = t - x and s + xi(s) = t + x.
-
-The kink at the force is [v_x] = -P/(1 - xi'^2), infinite at t_c = (1 - V0)/a.  A front with a vertical tangent runs on
-from there at the wave speed, x_f = xi(t_c) + t - t_c.  Speeding up: v(x_f + d) - v(x_f) = -P sqrt(2d/a).
-Braking: v(x_f - d) - v(x_f) = +P sqrt(2d/|a|), and v = 0 ahead of it.
+The kink at the force, [v_x] = -P/(1 - xi'^2), is infinite at t_c = (1 - V0)/a.  A front with a vertical tangent starts
+there at the wave speed, x_f = xi(t_c) + t - t_c:
+    a > 0:  v(x_f + d) - v(x_f) = -P sqrt(2d/a);    a < 0:  v(x_f - d) = P sqrt(2d/|a|).
 
 Source: Flaherty 1968; Sagartz & Forrestal 1975
 Validity: infinite string, any V0 and constant a
@@ -33,13 +31,13 @@ def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V0: float = 0.0, a: fl
 def displacement_of(
     x: ArrayLike, t: ArrayLike, impulse: Callable[[Array], Array], *, V0: float = 0.0, a: float
 ) -> Array:
-    """v(x, t) for a force with the given impulse int_0^s P; the impulse may jump (a blow)."""
+    """v(x, t) for a force of impulse int_0^s P, which may jump."""
     starts, ends = heard(x, t, V0=V0, a=a)
     return 0.5 * np.sum(impulse(ends) - impulse(starts), axis=-1)
 
 
 def heard(x: ArrayLike, t: ArrayLike, *, V0: float, a: float) -> tuple[Array, Array]:
-    """Intervals {s in [0, t] : |x - xi(s)| < t - s}, starts and ends of shape (..., 5); empty ones have start = end."""
+    """Intervals of s with |x - xi(s)| < t - s: starts and ends (..., 5), equal if empty."""
     if not (math.isfinite(V0) and math.isfinite(a)):
         raise ValueError(f"V0 and a must be finite, got {V0!r}, {a!r}")
     x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
@@ -55,21 +53,21 @@ def heard(x: ArrayLike, t: ArrayLike, *, V0: float, a: float) -> tuple[Array, Ar
 
 
 def _roots(c2: float, c1: float, c0: Array) -> tuple[Array, Array]:
-    """Real roots of c2 s^2 + c1 s + c0 without cancellation; nan or inf where there are none."""
+    """Real roots of c2 s^2 + c1 s + c0; nan or inf if complex."""
     with np.errstate(divide="ignore", invalid="ignore"):
         q = -0.5 * (c1 + math.copysign(1.0, c1) * np.sqrt(c1 * c1 - 4.0 * c2 * c0))
         return np.divide(q, c2), c0 / q
 
 
 SUDDEN = "the force begins inside the string: two fronts with a jump of slope"
-A, BEGINS = 2.6, 0.2  # from rest inside the string; no wave is back before s_o = 0.8
-BELOW = BEGINS + 0.8 / (2.0 * A)  # the wave speed is passed at t = 1/a
+A, BEGINS = 2.6, 0.2  # no echo before s_o = 0.8
+BELOW = BEGINS + 0.8 / (2.0 * A)  # the wave speed
 
 
 def accelerated(
     name: str, exact: Callable[[Array], Array], until: float, methods: tuple[str, ...], **more: Any
 ) -> Crossing:
-    """Return a case of the load let go from rest inside the string."""
+    """Case of a load starting from rest inside the string."""
     return Crossing(
         name=name, groups=level(inside(BEGINS, 0.0, A)), travel=lambda t: BEGINS + 0.5 * A * t * t, exact=exact,
         begins=BEGINS, until=until, methods=methods, **more,
@@ -83,7 +81,6 @@ def cases() -> list[Crossing]:
             name, lambda t: displacement(0.5 * A * t * t, t, P=MU * SIGMA, a=A), until, methods, at_most=p, **more
         )
 
-    # the passage leaves a front with a vertical tangent: half an order is lost where it passes
     front = "the front left behind at the wave speed has a vertical tangent"
     unstable = "none: faster than its waves, what rides with the load is unstable, the more the finer"
     return [

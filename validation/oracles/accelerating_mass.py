@@ -1,11 +1,12 @@
 """A mass that accelerates from rest through the wave speed of a taut string.
 
-    v_tt - v_xx = R delta(x - xi(t)),  mu y'' = mu sigma - R,  y = v(xi, t),  xi = a t^2/2,  at rest at t = 0.
+    v_tt - v_xx = R delta(x - xi(t)),  mu y'' = mu sigma - R,  y = v(xi, t),  xi = a t^2/2,  at rest at t = 0:
 
-The mass at t hears the string from the times s with s + t < 2/a:
-    t < 1/a       : 2y = I(t), I = int R = mu (sigma t - y'),  y = (sigma mu/2) [ t - (mu/2)(1 - e^(-2t/mu)) ]
-    1/a < t < 2/a : y(t) = y(2/a - t);       t > 2/a: y = 0, the mass outruns its waves.
-At t = 1/a the contact force has a blow 2 mu y', which sends off two opposite jumps of height mu y'.
+    t < 1/a       : y = (sigma mu/2) [ t - (mu/2)(1 - e^(-2t/mu)) ]
+    1/a < t < 2/a : y(t) = y(2/a - t)
+    t > 2/a       : y = 0
+
+At t = 1/a the force R has a blow 2 mu y'; two opposite jumps of v, mu y' high, start there.
 
 Source: Rodeman, Longcope & Shampine 1976
 Validity: infinite string, t >= 0
@@ -27,19 +28,19 @@ def path(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
 
 
 def path_velocity(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
-    """y'(t); at t = 1/a the value before the blow."""
+    """y'(t); at t = 1/a before the blow."""
     _, u, sign = _mirror(t, mu, sigma, a)
     return -0.5 * sign * sigma * mu * np.expm1(-2.0 * u / mu)
 
 
 def force(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
-    """R(t) = mu (sigma - y''), without the blow 2 mu y'(1/a) at t = 1/a."""
+    """R(t) without the blow."""
     t, u, _ = _mirror(t, mu, sigma, a)
     return mu * sigma * (1.0 - np.where(t * a < 2.0, np.exp(-2.0 * u / mu), 0.0))
 
 
 def _mirror(t: ArrayLike, mu: float, sigma: float, a: float) -> tuple[Array, Array, Array]:
-    """t, the subsonic time u whose path is seen at t, and du/dt."""
+    """t, the subsonic time u with y(t) = y(u), and du/dt."""
     positive(mu=mu, sigma=sigma, a=a)
     t = np.asarray(t, float)
     if np.any(t < 0.0):

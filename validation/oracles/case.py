@@ -1,4 +1,4 @@
-"""What an exact answer says of itself, and the cases in which solvers are held against it."""
+"""Exact answers and the cases in which solvers are compared with them."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class Oracle:
     title: str
     source: str = ""
     validity: str = ""
-    group: str = ""  # heading under which tables list it
-    unreached: str = ""  # why no solver can be held against it
-    cases: Callable[[], Sequence[Case]] = tuple  # made when asked for
+    group: str = ""  # heading in tables
+    unreached: str = ""  # why no solver can be compared
+    cases: Callable[[], Sequence[Case]] = tuple
 
 
 def positive(**numbers: float) -> None:
@@ -43,13 +43,13 @@ def positive(**numbers: float) -> None:
 
 
 def largest_and_rms(error: Array) -> Error:
-    """Return the largest and the rms value of an error (n,)."""
+    """Largest and rms value of an error (n,)."""
     return float(np.abs(error).max()), float(np.sqrt(np.mean(error**2)))
 
 
 @dataclass(frozen=True, slots=True)
 class Rung:
-    """Settings of one run, and the count that its errors fall with."""
+    """Settings of one run, and the size whose powers errors follow."""
 
     settings: dict[str, Any]
     size: float
@@ -65,91 +65,89 @@ class Path:
 
 
 class Solvers(Protocol):
-    """What a case may ask for; the caller brings it along."""
+    """The solvers, as cases see them; the caller provides it."""
 
     def names(self, kind: str) -> Sequence[str]:
-        """Return all methods (kind "path") or all bases of frequencies ("modes")."""
+        """Methods ("path") or bases of frequencies ("modes")."""
 
     def order(self, name: str) -> tuple[float | None, str]:
-        """Return the order of the path of a mass with that method, None where it is wrong, and why."""
+        """Order of the path of a mass, None where it is wrong, and why."""
 
     def ladder(self, name: str, *, finer: float = 1.0) -> list[Rung]:
-        """Return its settings from coarse to fine, steps in balance with the resolution."""
+        """Settings from coarse to fine."""
 
     def path(self, crossing: Crossing, name: str, **settings: Any) -> Path:
         """Run a crossing; dimensionless."""
 
     def modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
-        """Return the first frequencies of the bare cable."""
+        """First frequencies of the bare cable."""
 
     def response(self, scene: str, name: str, **settings: Any) -> Any:
-        """Run a built-in scene up to the end of the window; SI."""
+        """Run a built-in scene to the end of the window; SI."""
 
     def ride(self, scene: Scene, name: str, **settings: Any) -> Any:
         """Run a scene to its end; SI."""
 
     def hold(self, groups: Groups, name: str, start: float, **settings: Any) -> float:
-        """Return the force along the cable that holds a car of free travel at its start, over H."""
+        """Force along the cable that holds a free car at its start, over H."""
 
     def line(self, line: Line, name: str, **settings: Any) -> LineRest:
-        """Solve a line at rest, by catenaries or by elements."""
+        """Solve a line at rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """What is moving on what; how fast errors must fall, and why; the verdict that it must have."""
+    """What moves on what, how fast errors must fall, and the expected verdict."""
 
     name: str
     because: str = ""
-    methods: tuple[str, ...] | None = BEST  # None: every one
+    methods: tuple[str, ...] | None = BEST  # None: all
     expected: str = "agree"
-    finer: float = 1.0  # a light mass moves in a layer as short as its mass ratio: ladders begin so much finer
-    falls: float | None = None  # with this order, or power of the parameter (of its inverse where values fall)
+    finer: float = 1.0  # factor on the resolution, for light masses
+    falls: float | None = None  # least order, or power of the parameter
 
     kind = "path"
     refined = "resolution"
 
     def of(self, solvers: Solvers) -> Sequence[str]:
-        """Return the methods to be held against it."""
         return solvers.names(self.kind) if self.methods is None else self.methods
 
     def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
         return solvers.ladder(method, finer=self.finer)
 
     def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
-        """Return the least order with which errors must fall, None where none is asked for, and why."""
+        """Least order of the error, None for any, and why."""
         return self.falls, self.because
 
     def must(self, solvers: Solvers, method: str) -> str:
         return self.expected
 
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Any:
-        """Run the solver."""
         raise NotImplementedError
 
     def error(self, answer: Any) -> Error:
-        """Return the distance of a solver's answer from the exact one."""
+        """Distance of an answer from the exact one."""
         raise NotImplementedError
 
     def gap(self, coarse: Any, fine: Any) -> float | None:
-        """Return the rms distance of two answers, for the finer one's bar; None where every rung is a new question."""
+        """Rms distance of two answers, the finer one's error bar; None where rungs are different problems."""
         return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crossing(Case):
-    """Something moving over a cable, and its exact path."""
+    """A load that crosses a cable, and its exact path."""
 
     groups: Groups
-    travel: Callable[[Array], Array]  # xi(t) of the exact answer; a test holds it against the solver's
-    exact: Callable[[Array], Array]  # v of the load at times t
+    travel: Callable[[Array], Array]  # xi(t)
+    exact: Callable[[Array], Array]  # v(t) of the load
     load: str = "mass"
-    model: str = "straight"  # a string without sag, or one of the solvers' models
-    scene: str = ""  # run this one through scene, run and response instead
-    begins: float = 0.0  # s_o at t = 0; the string rests then, and no wave has come back before `until`
+    model: str = "straight"  # a string without sag, or a model of the solvers
+    scene: str = ""  # run this built-in scene instead
+    begins: float = 0.0  # s_o at t = 0; no echo before `until`
     until: float = WINDOW[1]
-    at_most: float = math.inf  # no higher order for any method
-    orders: Mapping[str, float] = field(default_factory=dict)  # where that is not the whole truth
+    at_most: float = math.inf  # limit of all orders
+    orders: Mapping[str, float] = field(default_factory=dict)  # exceptions, by method
 
     @property
     def window(self) -> tuple[float, float]:
@@ -176,7 +174,7 @@ class Crossing(Case):
 
     @property
     def size(self) -> float:
-        """The largest exact deflection in the window."""
+        """Largest exact deflection in the window."""
         t = np.linspace(0.0, self.motion.phases[-1][1], 2001)
         return float(np.abs(self.exact(t[self.motion.position(t) <= self.until])).max())
 
@@ -215,15 +213,15 @@ class Modes(Case):
         return worst, worst
 
     def gap(self, coarse: Array, fine: Array) -> float:
-        # dense eigenvalue solvers lose the ratio of the stiffest axial to the lowest mode: 1e-10
+        # 1e-10: rounding of dense eigenvalue solvers
         return float(np.abs(coarse / fine - 1.0).max()) + 1e-10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Law(Case):
-    """A law that holds exactly in every run of a scene: its defect must vanish with the resolution."""
+    """An exact law of every run of a scene; its defect must vanish with the resolution."""
 
-    scene: str | Scene  # built in, up to the end of the window; or a scene of its own, to its end
+    scene: str | Scene  # built in: to the end of the window; own: to its end
     defect: Callable[[Any], Error]
 
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Any:
@@ -237,7 +235,7 @@ class Law(Case):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limit(Case):
-    """A limit of the equations: the deviation from it must fall with a parameter."""
+    """A limit of the equations: the deviation must fall with a parameter."""
 
     parameter: str
     values: tuple[float, ...]
@@ -258,7 +256,7 @@ class Limit(Case):
         return answer
 
 
-# --- cables and travels of the cases: numbers differ from one and from each other so that no factor can hide
+# --- cables and travels; all numbers differ, so that no factor can hide
 
 MU, SIGMA = 0.7, 0.31
 BARE = Groups(mu=0.0, alpha=844.416, sigma=0.1688832, c=0.0844416, chord_cos=1.0, chord_sin=0.0, motion=None)
@@ -269,7 +267,7 @@ def level(motion: Motion, mu: float = MU, sigma: float = SIGMA) -> Groups:
 
 
 def hung(gravity: float, EA: float, mass: float, drive: dict[str, Any], travel: Any = None, **hangs: float) -> Scene:
-    """Return a scene with a cable of rho = 1; span 1, drop 0 and H = 1 unless `hangs` says otherwise."""
+    """Scene with rho = 1; default: span 1, drop 0, H = 1."""
     supports = Supports(span=hangs.pop("span", 1.0), drop=hangs.pop("drop", 0.0))
     cable = Cable(mass_per_length=1.0, EA=EA, **(hangs or {"horizontal_tension": 1.0}))
     parts: dict[str, Any] = {"mass": Mass(mass=mass), "travel": travel, "drive": drive}
@@ -277,7 +275,7 @@ def hung(gravity: float, EA: float, mass: float, drive: dict[str, Any], travel: 
 
 
 def inside(s_o: float, V: float, a: float) -> Motion:
-    """Return a travel that begins inside the string and ends at the far support."""
+    """Travel from inside the string to the far support."""
     d = 1.0 - s_o
     end = d / V if a == 0.0 else (math.sqrt(V * V + 2.0 * a * d) - V) / a
     return Motion(((0.0, end),), ((Piece(0.0, 0.0, s_o, V, 0.5 * a),),), 1.0)

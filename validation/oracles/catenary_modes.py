@@ -1,18 +1,14 @@
 """Frequencies and modes of an elastic catenary, both displacements, any sag and slope.
 
-    u_tt = [ T u' + (alpha - T)(x'u' + y'v') x' ]',   v_tt = [ T v' + (alpha - T)(x'u' + y'v') y' ]',   w = (u, v) =
-        0 at s = 0, 1;   p = c - sigma s,  T = sqrt(1 + p^2),  x' = 1/T,  y' = p/T,
+    u_tt = [ T u' + (alpha - T) e x' ]',   v_tt = [ T v' + (alpha - T) e y' ]',   e = x'u' + y'v',
+    p = c - sigma s,  T = sqrt(1 + p^2),  x' = 1/T,  y' = p/T,  w = (u, v) = 0 at both ends.
 
-the exact linearisation about the catenary; frequencies W in units of sqrt(H/rho)/l.
-
-Method: with the tangent e = (x', y'), A w' = n, A = T I + (alpha - T) e e^T, A^-1 = I/T + (1/alpha - 1/T) e e^T, which
-is bounded even for alpha = inf.  From n' = -W^2 w and w(1) = 0:
-    w = W^2 [ J A^-1 ( (int A^-1)^-1 (int A^-1 J w) - J w ) ],   J = int_0^s,
-collocated at Chebyshev points.  Rounding costs this bounded operator's first frequencies nothing.
+Frequencies W in units of sqrt(H/rho)/l.  Method: with A^-1 = I/T + (1/alpha - 1/T) r' r'^T, r = (x, y), J = int_0^s:
+    w = W^2 [ J A^-1 ( (int A^-1)^-1 (int A^-1 J w) - J w ) ]   at Chebyshev points.
 
 Source: Henghold, Russell & Morgan 1977; Wu & Chen 1989
 Validity: any sag, slope and stiffness: sigma > 0, alpha > 0 or inf
-Accuracy: `error`, the change from n to 3n/2 points and rounding; with n = 48 below 1e-11 for the first ten
+Accuracy: `error`, the change from n to 3n/2 points; below 1e-11 for ten modes, n = 48
 Group: Frequencies of the bare cable
 """
 
@@ -38,7 +34,7 @@ class Modes:
 
 
 def solve(sigma: float, alpha: float, c: float | None = None, *, count: int = 10, n: int = 48) -> Modes:
-    """First modes; c = None means a level cable; alpha = inf an inextensible one."""
+    """First modes; c = None: a level cable; alpha = inf: inextensible."""
     c = 0.5 * sigma if c is None else c
     if not (math.isfinite(sigma) and sigma > 0.0 and alpha > 0.0 and math.isfinite(c)):
         raise ValueError(f"sigma > 0, alpha > 0 and a finite c needed, got {sigma!r}, {alpha!r}, {c!r}")
@@ -70,7 +66,7 @@ def _solve(sigma: float, alpha: float, c: float, count: int, n: int) -> tuple[Ar
 
 
 def _integration(n: int) -> tuple[Array, Array]:
-    """Chebyshev points on [0, 1], ascending, and the matrix of the integral from 0 to each of them."""
+    """Chebyshev points on [0, 1], ascending, and the matrix of the integral up to each."""
     x = -np.cos(np.pi * np.arange(n + 1) / n)
     k = np.arange(n + 1)
     to_coef = np.cos(np.outer(k, np.pi - np.pi * k / n)) * (2.0 / n)

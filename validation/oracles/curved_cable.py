@@ -1,9 +1,8 @@
 """Weight and centrifugal force of an accelerating mass on a slightly curved cable.
 
-    v_tt - v_xx = P(t) delta(x - xi(t)),  xi = V0 t + a t^2/2,  P = mu sigma (1 + xi'^2),  at rest at t = 0.
+    v_tt - v_xx = P(t) delta(x - xi(t)),  P = mu sigma (1 + xi'^2),  xi = V0 t + a t^2/2,  at rest at t = 0.
 
-The static curvature is sigma, so that a mass following it presses with mu sigma xi'^2 more.  Its inertia against the
-moving cable is left out.  Kink at the mass: [v_x] = -mu sigma (1 + xi'^2)/(1 - xi'^2).
+sigma is the static curvature; kink at the mass: [v_x] = -P/(1 - xi'^2).
 
 Source: Forrestal, Bickel & Sagartz 1975
 Validity: infinite cable of small sag, |xi'| < 1, no inertia of the mass
@@ -19,7 +18,7 @@ from validation.oracles.case import Array
 
 
 def displacement(x: ArrayLike, t: ArrayLike, *, mu: float, sigma: float, V0: float = 0.0, a: float) -> Array:
-    """v(x, t); int xi'^2 = V0^2 s + V0 a s^2 + a^2 s^3/3."""
+    """v(x, t)."""
 
     def impulse(s: Array) -> Array:
         return mu * sigma * s * (1.0 + V0 * V0 + s * (V0 * a + s * a * a / 3.0))

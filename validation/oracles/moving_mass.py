@@ -3,26 +3,21 @@
     v_tt - v_xx = R(t) delta(x - xi(t)),  v(0, t) = v(1, t) = 0,  at rest for t <= 0,
     mu y'' = mu sigma - R,  y(t) = v(xi(t), t),  y(0) = y'(0) = 0.
 
-Behind the mass v = f(t+x) - f(t-x), ahead of it v = g(t-x) - g(t+x-2).  With A = t - xi(t), B = t + xi(t), F(t) =
-f(B(t)), G(t) = g(A(t)),
+v = f(t+x) - f(t-x) behind the mass, v = g(t-x) - g(t+x-2) ahead of it.
+With A = t - xi, B = t + xi, F(t) = f(B), G(t) = g(A):
 
-    y = F - F(t1) = G - G(t2),   B(t1) = A(t),   A(t2) = B(t) - 2,   F(<0) = G(<0) = 0,                            (1)
+    y = F - F(t1) = G - G(t2),   B(t1) = A(t),   A(t2) = B(t) - 2,   F(<0) = G(<0) = 0,              (1)
+    y' = sigma t - (2/mu) (y + F(t1) + G(t2)).                                                       (2)
 
-t1 and t2 the times at which the mass sent the waves that now come back from the near and the far support.  The jump law
-(1 - xi'^2)[v_x] = -R turns into R = d/dt (F + F(t1) + G + G(t2)), so that with I = int R = mu (sigma t - y')
+t1, t2: times of sending of the waves now back from the near and far support.
+(2) follows from (1 - xi'^2)[v_x] = -R and int R = mu (sigma t - y').
 
-    y' = sigma t - (2/mu) (y + F(t1) + G(t2)).                                                                     (2)
+At the far support fronts accumulate at T - t = s, s/Q, s/Q^2, ..., Q = (1+V)/(1-V).
+The path ends at a height w0 above it, with R ~ (2 w0/ln Q)/s on average.
 
-At the far support fronts accumulate at s, s/Q, s/Q^2, ..., s = T - t, Q = (1+V)/(1-V).  The path ends at a height w0
-above the support, with R ~ (2 w0/ln Q)/s times a log-periodic factor of mean 1.
+Method: collocation of degree 32 in t between arrivals of fronts, in s for the second half.
 
-Method: collocation of degree 32 in t between the arrivals of fronts at the mass.  t1 and t2 may lie inside the step:
-the equation is linear, and they then enter its matrix.  The second half of the travel is marched in s.
-A step is shortened until the last three Chebyshev coefficients of y, F and G are below 1e-13 of the largest values.
-A travel that ends at rest on the far support is marched to `reach` before it.
-
-The limit of a sagging cable for sigma -> 0 at fixed V, mu, alpha is this answer with sigma (1 + V^2), by the curvature
-of the sag.
+Limit of a sagging cable for sigma -> 0 at fixed V, mu, alpha: this answer with sigma (1 + V^2).
 
 Source: Smith 1964; Dyniewicz & Bajer 2009
 Validity: 0 <= xi <= 1, |xi'| < 1 throughout, or xi' >= 1 throughout (then y = 0)
@@ -43,13 +38,13 @@ from cablefem.scene import AccelerateCruiseBrake, ConstantAcceleration, Constant
 from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, Error, Limit, Solvers, level, positive
 
 DEGREE = 32
-TAIL = 1e-13  # allowed size of the last coefficients of a step, relative to the largest values so far
-LAST = 1e-16  # the march stops at s = LAST * T before the far support
-LEAST_STEP = 1e-6  # of T, or of s near the far support: no solution of (1), (2) varies faster between its fronts
+TAIL = 1e-13  # last coefficients of a step, over the largest values so far
+LAST = 1e-16  # of T: least s
+LEAST_STEP = 1e-6  # of T, or of s near the far support
 
 
 class MarchStalled(ArithmeticError):
-    """No step resolves the solution at time t: the travel is not smooth there."""
+    """No step resolves the solution: the travel is not smooth there."""
 
     def __init__(self, t: float, t_end: float, excess: float) -> None:
         self.t, self.t_end, self.excess = t, t_end, excess
@@ -61,19 +56,19 @@ class MarchStalled(ArithmeticError):
 
 @dataclass(frozen=True, slots=True)
 class Travel:
-    """Place of the mass, xi(t) for 0 <= t <= t_end; smooth between the breaks."""
+    """Place of the mass, xi(t) for 0 <= t <= t_end."""
 
-    position: Callable[[Array], Array]  # xi(t), (n,) -> (n,)
-    speed: Callable[[Array], Array]  # xi'(t), (n,) -> (n,)
-    t_end: float  # arrival, usually xi(t_end) = 1
-    breaks: tuple[float, ...] = ()  # instants inside (0, t_end) at which the acceleration jumps
+    position: Callable[[Array], Array]  # xi(t), (n,)
+    speed: Callable[[Array], Array]  # xi'(t), (n,)
+    t_end: float  # usually xi(t_end) = 1
+    breaks: tuple[float, ...] = ()  # jumps of acceleration
 
     def to_go(self, s: Array) -> Array:
-        """Distance to the far support, 1 - xi(t_end - s), without cancellation as s -> 0."""
+        """1 - xi(t_end - s), without cancellation as s -> 0."""
         s = np.asarray(s, float)
         near = min(0.1, self.t_end - max(self.breaks, default=0.0))
         left = 1.0 - float(self.position(np.array([self.t_end]))[0])
-        rest = left if abs(left) > 1e-12 else 0.0  # the callable's rounding at the end is not a gap
+        rest = left if abs(left) > 1e-12 else 0.0  # rounding
         short = rest + s * (self.speed(self.t_end - np.minimum(s, near)[..., None] * _GAUSS_X) @ _GAUSS_W)
         return np.where(s <= near, short, 1.0 - self.position(self.t_end - s))
 
@@ -89,7 +84,7 @@ def constant_speed(V: float) -> Travel:
 
 
 def travel_of(motion: Motion) -> Travel:
-    """Return the travel of a scene; its acceleration may jump between pieces."""
+    """Travel of a scene."""
     starts = sorted({piece.start for pieces in motion.pieces for piece in pieces})
     return Travel(motion.position, motion.speed, motion.phases[-1][1], tuple(starts[1:]))
 
@@ -98,7 +93,7 @@ def solve(travel: Travel, *, mu: float, sigma: float, reach: float = 1e-3) -> Ri
     """March (1), (2) along the travel.
 
     reach : distance to the far support at which the march ends if the mass comes to rest there.
-    Raises ValueError for a travel outside the validity; MarchStalled where it is not smooth between its breaks.
+    Raises ValueError outside the validity, MarchStalled where the travel is not smooth between its breaks.
     """
     positive(mu=mu, sigma=sigma, reach=reach, t_end=travel.t_end)
     edges = np.array([0.0, *sorted(travel.breaks), travel.t_end])
@@ -117,24 +112,24 @@ def solve(travel: Travel, *, mu: float, sigma: float, reach: float = 1e-3) -> Ri
 
 # --- the march
 
-_X = -np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)  # Chebyshev-Lobatto points, ascending
+_X = -np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)  # Chebyshev-Lobatto points
 _K = np.arange(DEGREE + 1)
-_TO_COEF = np.linalg.inv(np.cos(_K * np.arccos(_X)[:, None]))  # values at _X -> coefficients
-_TO_INTEGRAL = np.stack(  # values at _X -> integral from -1 to _X
+_TO_COEF = np.linalg.inv(np.cos(_K * np.arccos(_X)[:, None]))  # values -> coefficients
+_TO_INTEGRAL = np.stack(  # values -> integrals from -1
     [np.polynomial.chebyshev.chebval(_X, np.polynomial.chebyshev.chebint(c, lbnd=-1.0)) for c in _TO_COEF.T], axis=1
 )
 _DIFF = np.stack([np.append(np.polynomial.chebyshev.chebder(e), 0.0) for e in np.eye(DEGREE + 1)], axis=1)
 
 
 def _cheb(x: Array) -> Array:
-    """T_k(x), (n, DEGREE+1); x is clipped to the step."""
+    """T_k(x), (n, DEGREE+1), x clipped."""
     return np.cos(_K * np.arccos(np.clip(x, -1.0, 1.0))[:, None])
 
 
 def _invert(
     value: Callable[[Array], Array], slope: Callable[[Array], Array], target: Array, lo: float, hi: float
 ) -> Array:
-    """Solve value(x) = target on [lo, hi] for an increasing function, by Newton's method within a bracket."""
+    """Solve value(x) = target on [lo, hi], value increasing, by bracketed Newton iteration."""
     target = np.asarray(target, float)
     a, b = np.full(target.shape, lo), np.full(target.shape, hi)
     x = np.clip(a + (target - value(a)) / np.maximum(slope(a), 1e-3), a, b)
@@ -150,7 +145,7 @@ def _invert(
 
 
 class _Pieces:
-    """Piecewise Chebyshev series of (y, F, G) on consecutive steps of z (t, or -s)."""
+    """Piecewise Chebyshev series of (y, F, G) in z = t or -s."""
 
     def __init__(self, start: float) -> None:
         self.edge, self.coef, self.n = np.full(65, start), np.zeros((64, 3, DEGREE + 1)), 0
@@ -164,7 +159,7 @@ class _Pieces:
         self.edge[self.n] = end
 
     def at(self, z: Array, derivative: bool = False) -> Array:
-        """(n, 3) values or z-derivatives; at an edge the piece to the right answers."""
+        """(n, 3) values or z-derivatives, from the right at an edge."""
         i = np.clip(np.searchsorted(self.edge[: self.n + 1], z, side="right") - 1, 0, self.n - 1)
         a, b = self.edge[i], self.edge[i + 1]
         c = self.coef[i]
@@ -174,14 +169,14 @@ class _Pieces:
 
 
 class _History:
-    """y, F, G so far: in t up to the middle of the travel, in -s after it."""
+    """y, F, G so far: in t to the middle of the travel, then in -s."""
 
     def __init__(self, travel: Travel) -> None:
         self.middle = 0.5 * travel.t_end
         self.early, self.late = _Pieces(0.0), _Pieces(-self.middle)
 
     def at(self, t: Array, s: Array, derivative: bool = False) -> Array:
-        """(n, 3) for 0 <= t; the waves are zero before."""
+        """(n, 3); zero for t < 0."""
         out = np.zeros((len(t), 3))
         e, l = (t >= 0.0) & (t <= self.middle), t > self.middle
         if e.any():
@@ -192,7 +187,7 @@ class _History:
 
 
 class _March:
-    """The equations on one travel, and what is solved of them so far; t near the start, s = T - t near the end."""
+    """The march; t near the start, s = T - t near the end."""
 
     def __init__(self, travel: Travel, mu: float, sigma: float) -> None:
         self.travel, self.mu, self.sigma, self.past = travel, mu, sigma, _History(travel)
@@ -210,44 +205,40 @@ class _March:
         return _invert(self.B, lambda t: 1.0 + self.travel.speed(t), eta, 0.0, self.travel.t_end)
 
     def ahead(self, zeta: Array) -> Array:
-        """s with A(T - s) = T - 1 - zeta, that is s - to_go(s) = zeta."""
+        """s with s - to_go(s) = zeta."""
         go, speed, T = self.travel.to_go, self.travel.speed, self.travel.t_end
         return _invert(lambda s: s - go(s), lambda s: 1.0 - speed(T - s), zeta, 0.0, T)
 
     def fronts(self, s_last: float) -> tuple[Array, Array]:
-        """Arrivals (t, s) at the mass of the fronts it sent at t = 0 and at the breaks, thrown back on one side.
-
-        What passes through the mass is one order smoother: that is left to the step control.
-        """
+        """Arrivals (t, s) at the mass of fronts from t = 0 and the breaks, each reflected at one support only."""
         travel, T = self.travel, self.travel.t_end
         start = np.array([0.0, *travel.breaks])
         A_last = float(self.A(np.array([s_last]))[0])
         gap_last = s_last + float(travel.to_go(np.array([s_last]))[0])
         all_s = [T - start]
-        t = start[self.B(start) > 0.0]  # a front sent from the near support itself has nowhere to go
+        t = start[self.B(start) > 0.0]  # not from the support itself
         while (t := t[self.B(t) < A_last]).size:
-            s = self.ahead(T - 1.0 - self.B(t))  # A(t) = B of the sending
+            s = self.ahead(T - 1.0 - self.B(t))
             all_s.append(s)
             t = T - s
         s = T - start
         while (s := s[(zeta := s - travel.to_go(s)) > gap_last]).size:
-            zeta = zeta[zeta > gap_last]  # s + to_go(s) = s - to_go(s) of the sending
+            zeta = zeta[zeta > gap_last]
             s = _invert(lambda z: z + travel.to_go(z), lambda z: 1.0 + travel.speed(T - z), zeta, 0.0, T)
             all_s.append(s)
         s = np.sort(np.concatenate(all_s))[::-1]
         return T - s, s
 
     def run(self, reach: float) -> Ride:
-        """March to the far support, or to `reach` before it if the mass comes to rest there."""
         travel, T, past = self.travel, self.travel.t_end, self.past
-        if float(travel.to_go(np.zeros(1))[0]) != 0.0:  # never arrives
+        if float(travel.to_go(np.zeros(1))[0]) != 0.0:
             s_last = 0.0
         elif float(travel.speed(np.array([T]))[0]) > 0.0:
             s_last = LAST * T
         else:
             s_last = float(_invert(travel.to_go, lambda s: travel.speed(T - s), np.array([reach]), 0.0, T)[0])
         front_t, front_s = self.fronts(s_last)
-        scale = 1e-3 * self.sigma * min(0.25 * self.mu, 0.5 * T * T)  # a thousandth of a path; grows with the solution
+        scale = 1e-3 * self.sigma * min(0.25 * self.mu, 0.5 * T * T)  # grows with the solution
         y0 = worst = 0.0
         for late in (False, True):
             pieces = past.late if late else past.early
@@ -256,7 +247,7 @@ class _March:
             z = pieces.edge[0]
             h = 0.25 * min(self.mu, 1.0)
             while z < stop:
-                # the next front that is not already here to rounding
+                # fronts ahead, up to rounding
                 room = marks[np.searchsorted(marks, z + 1e-13 * abs(z) + (0.0 if late else 1e-15 * T), side="right") :]
                 gap = (room[0] if room.size else stop) - z
                 h = gap if h > 0.6 * gap else h
@@ -274,11 +265,11 @@ class _March:
     ) -> tuple[Array, float, float, float, float]:
         """Shorten the step until its last coefficients are small.
 
-        Returns the coefficients, the step, the largest value so far, the tail of y, and the tail over what is allowed.
+        Returns coefficients, step, largest value so far, tail of y, tail over the allowed one.
         """
         T = self.travel.t_end
-        first = z == 0.0 and float(self.travel.position(np.zeros(1))[0]) == 0.0  # starts on the support
-        # an error of G at s moves the path by 2 s/mu times as much
+        first = z == 0.0 and float(self.travel.position(np.zeros(1))[0]) == 0.0
+        # an error of G at s moves the path by 2 s/mu of it
         slack = min(1e6, max(1.0, min(self.mu, 1.0) / abs(z))) if late else 1.0
         while True:
             coef = self._first_step(h) if first else self._step(y0, z, z + h, late)
@@ -292,9 +283,9 @@ class _March:
                 raise MarchStalled(float(T + z if late else z), T, excess)
 
     def _first_step(self, h: float) -> Array:
-        """Coefficients (3, DEGREE+1) of y, F, G on [0, h], before the first front, for a start on the support.
+        """Coefficients (3, DEGREE+1) of y, F, G on [0, h] for a start on the support, before the first front.
 
-        Here G = y and F = (mu/2)(sigma t - y'), so that (1), divided by t - t1 = xi(t) + xi(t1), reads for w = y''
+        G = y and F = (mu/2)(sigma t - y'); (1) over t - t1 = xi(t) + xi(t1) reads for w = y'':
         mean of w over [t1, t]  +  2 y / (mu (t - t1)) = sigma.
         """
         n, mu, sigma = DEGREE - 1, self.mu, self.sigma
@@ -310,11 +301,11 @@ class _March:
         dy = np.polynomial.chebyshev.chebint(w, lbnd=-1.0, scl=0.5 * h)
         y = np.polynomial.chebyshev.chebint(dy, lbnd=-1.0, scl=0.5 * h)
         F = -0.5 * mu * np.append(dy, 0.0)
-        F[:2] += 0.25 * mu * sigma * h  # (mu/2) sigma t = (mu/2) sigma (h/2) (T_0 + T_1)
+        F[:2] += 0.25 * mu * sigma * h
         return np.stack([y, F, y])
 
     def _step(self, y0: float, za: float, zb: float, late: bool) -> Array:
-        """Coefficients (3, DEGREE+1) of y, F, G on the step [za, zb] of t (or of -s if late)."""
+        """Coefficients (3, DEGREE+1) of y, F, G on the step [za, zb] of t (late: of -s)."""
         T, h, mu = self.travel.t_end, zb - za, self.mu
         z = 0.5 * (za + zb) + 0.5 * h * _X
         z[0], z[-1] = za, zb
@@ -338,25 +329,25 @@ class _March:
             inverse.append(np.linalg.inv(np.eye(n) - P) if inside.any() else np.eye(n))
             known.append(k)
         L1, L2 = inverse
-        c = L1 @ known[0] + L2 @ known[1]  # F + G = (L1 + L2) y + c, and F(t1) + G(t2) = F + G - 2y
+        c = L1 @ known[0] + L2 @ known[1]  # F + G = (L1 + L2) y + c
         Q, push = 0.5 * h * _TO_INTEGRAL, self.sigma * t - (2.0 / mu) * c
         y = np.linalg.solve(np.eye(n) + (2.0 / mu) * Q @ (L1 + L2 - np.eye(n)), y0 + Q @ push)
         return np.stack([y, L1 @ (y + known[0]), L2 @ (y + known[1])]) @ _TO_COEF.T
 
 
-# --- what is read off it
+# --- the answer
 
 
 @dataclass(frozen=True, slots=True)
 class Ride:
-    """Path, contact force and string of the solved travel, at any time."""
+    """The solved travel."""
 
     travel: Travel
     mu: float
     sigma: float
-    t_last: float  # the march went this far; t_end unless the mass comes to rest on the far support
-    exit_path: float  # y at t_last; on arrival with speed, the height from which the path jumps to the support
-    tail: float  # largest last Chebyshev coefficients of y over all steps, relative to the largest values
+    t_last: float  # end of the march
+    exit_path: float  # y at t_last
+    tail: float  # largest tail of y over the largest value
     _march: _March
 
     def _fields(self, t: ArrayLike, derivative: bool = False) -> tuple[Array, Array]:
@@ -367,7 +358,7 @@ class Ride:
         return self._march.past.at(flat, self.travel.t_end - flat, derivative), t
 
     def path(self, t: ArrayLike) -> Array:
-        """y(t), the displacement of the string under the mass."""
+        """y(t)."""
         q, t = self._fields(t)
         return q[:, 0].reshape(t.shape)
 
@@ -377,19 +368,19 @@ class Ride:
         return self.sigma * t - (2.0 / self.mu) * (q[:, 1] + q[:, 2] - q[:, 0]).reshape(t.shape)
 
     def impulse(self, t: ArrayLike) -> Array:
-        """I(t), the integral of the contact force from 0 to t: mu (sigma t - y')."""
+        """I(t), integral of R from 0 to t."""
         q, t = self._fields(t)
         return 2.0 * (q[:, 1] + q[:, 2] - q[:, 0]).reshape(t.shape)
 
     def force(self, t: ArrayLike) -> Array:
-        """R(t) = I'(t), the contact force on the string."""
+        """R(t), the contact force."""
         q, t = self._fields(t, derivative=True)
         return 2.0 * (q[:, 1] + q[:, 2] - q[:, 0]).reshape(t.shape)
 
 
 @dataclass(frozen=True, slots=True)
 class SupersonicRide:
-    """A mass that outruns its waves: y = 0, and the string feels P = mu sigma."""
+    """A mass that outruns its waves: y = 0, the string feels P = mu sigma."""
 
     P: float
 
@@ -400,7 +391,7 @@ class SupersonicRide:
         return np.full(np.shape(t), self.P)
 
 
-# --- held against the solvers
+# --- cases
 
 
 def cases() -> list[Crossing | Limit]:
@@ -422,7 +413,7 @@ def cases() -> list[Crossing | Limit]:
 
 
 def _heavier(groups: Groups, V: float) -> float:
-    """sigma of the straight string on which a mass moves as on this cable."""
+    """sigma of the equivalent straight string."""
     return groups.sigma * (1.0 + V * V)
 
 
