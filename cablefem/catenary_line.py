@@ -1,13 +1,12 @@
-"""A line at rest by exact elastic catenaries: closed form pieces between stations, joined by Newton's method.
+"""A line at rest by exact elastic catenaries between stations, joined by Newton's method.
 
 With n = (H, P) the pull N t at the left end of a piece of length S, P1 = P - q S at its right end, N0 and N1 the
 tensions there, Nm = (N0 + N1)/2, Pm = (P + P1)/2 and w = q S/(N0 + N1) (Irvine, Cable Structures, 1981):
 
     dx = H S (1/EA + atanh(w)/(w Nm)),   dy = Pm S (1/EA + 1/Nm),   both times 1 + a dT.
 
-atanh(w) = [asinh(P/H) - asinh(P1/H)]/2 needs no difference of large numbers. Equations: the pieces meet; a saddle has
-the same tension on both sides; at a counterweight the tension is G; the rope pulls a spring; at a gripping car
-[n] = -Mg j; at a hauled one [n] = -Mg (j - tau tau_y) with tau along n_behind + n_ahead, so that F = -Mg tau_y.
+atanh(w) = [asinh(P/H) - asinh(P1/H)]/2 avoids cancellation. A saddle has one tension, at a counterweight it is G.
+A gripping car: [n] = -Mg j. A hauled one: [n] = -Mg (j - tau tau_y), tau along n_behind + n_ahead, F = -Mg tau_y.
 """
 
 from __future__ import annotations
@@ -19,19 +18,19 @@ import numpy as np
 from cablefem.scene.line import Case, LineState, NoLine, NotFound, Station
 from cablefem.scene.taut import guess
 
-STEPS = 100  # of Newton's method; 6 to 15 do
+STEPS = 100  # of Newton's method
 SHORTEST = 1e-9  # part of one step
-LAST = 1e-8  # step over the size of the unknowns, after which an error of about its square is left
-IMAGINARY = 1e-30  # differentiation by a complex step: exact to rounding
+LAST = 1e-8  # step over the size of the unknowns; the error left is about its square
+IMAGINARY = 1e-30  # complex-step differentiation
 
 
 def _norm(v: np.ndarray) -> np.ndarray:
-    """Length of the vectors (..., 2, m); analytic, as complex steps need it."""
+    """Length of vectors (..., 2, m), analytic for complex steps."""
     return np.sqrt(v[..., 0, :] ** 2 + v[..., 1, :] ** 2)
 
 
 def across(n: np.ndarray, S: np.ndarray, case: Case) -> np.ndarray:
-    """Return (dx, dy) of pieces (k, 2, m) with pulls n (k, 2, m) at their left ends and lengths S (k, m)."""
+    """(dx, dy) of pieces (k, 2, m) with left pulls n (k, 2, m) and lengths S (k, m)."""
     end = np.stack([n[:, 0], n[:, 1] - case.weight * S], axis=1)
     N = 0.5 * (_norm(n) + _norm(end))
     w = 0.5 * case.weight * S / N
@@ -44,7 +43,7 @@ def across(n: np.ndarray, S: np.ndarray, case: Case) -> np.ndarray:
 
 
 class _Problem:
-    """Unknowns X = (pulls, s, places) of a case, and what must vanish."""
+    """Unknowns X = (pulls, s, places), and their equations."""
 
     def __init__(self, case: Case) -> None:
         self.case, self.count = case, len(case.stations) - 1
@@ -60,7 +59,7 @@ class _Problem:
         self.size = np.where(np.arange(self.X.size) < pull.size, self.H, self.reach)
 
     def parts(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return pulls behind and ahead of the stations (n, 2, m), s (n, m) and places (n, 2, m) for X (k, m)."""
+        """Pulls behind and ahead (n, 2, m), s (n, m) and places (n, 2, m) for X (k, m)."""
         m, k = X.shape[1], 2 * self.count
         s = np.repeat(self.s[:, None], m, axis=1).astype(X.dtype)
         place = np.repeat(self.place[:, :, None], m, axis=2).astype(X.dtype)
@@ -71,7 +70,7 @@ class _Problem:
         return np.concatenate([none, end]), np.concatenate([n, none]), s, place
 
     def residual(self, X: np.ndarray) -> np.ndarray:
-        """Return what must vanish, lengths over the reach and forces over H, for X (k, m)."""
+        """Residual for X (k, m); lengths over the reach, forces over H."""
         behind, ahead, s, place = self.parts(X)
         gaps = np.diff(place, axis=0) - across(ahead[:-1], np.diff(s, axis=0), self.case)
         rows = [_row(p, *each) / self.H for p, *each in zip(self.case.stations, behind, ahead, place, strict=True)]
@@ -96,8 +95,8 @@ class _Problem:
 
 
 def _row(p: Station, behind: np.ndarray, ahead: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Return the equations (0 to 2, m) of one station."""
-    if p.kind == "counterweight":  # at an end: one of both pulls is zero
+    """The equations (0 to 2, m) of one station."""
+    if p.kind == "counterweight":  # one pull is zero
         return (_norm(ahead + behind) - p.force)[None]
     if p.kind == "saddle":
         return (_norm(ahead) - _norm(behind))[None]
@@ -118,7 +117,7 @@ def _tau(behind: np.ndarray, ahead: np.ndarray) -> np.ndarray:
 
 
 def _newton(problem: _Problem, more: int) -> np.ndarray:
-    """Return the unknowns of damped Newton's method after so many more steps; NotFound where it does not end."""
+    """Unknowns by damped Newton steps and `more`; NotFound without convergence."""
     X, left = problem.X, more + 1
     for _ in range(STEPS):
         r = problem.residual(X[:, None])[:, 0]
@@ -152,17 +151,17 @@ def _rest(case: Case, more: int) -> LineState | NoLine:
 
 
 def solve(cases: Sequence[Case], more: int = 0) -> list[LineState | NoLine]:
-    """Return each case at rest, by so many more steps of Newton's method than needed."""
+    """Each case at rest; `more` adds Newton steps."""
     return [_rest(case, more) for case in cases]
 
 
 def at(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return depth [m] and tension [N] of the rope at places x (m,) [m] between its ends."""
+    """Depth [m] and tension [N] at places x (m,) [m]."""
     piece = np.clip(np.searchsorted(state.place[:, 0], x, side="right") - 1, 0, len(state.s) - 2)
     start, run, whole = state.place[piece], np.diff(state.place[:, 0])[piece], np.diff(state.s)[piece]
     n = state.ahead[piece][:, :, None]
     S = (whole * (x - start[:, 0]) / run)[:, None]
-    for _ in range(STEPS):  # x(S) is nearly straight: three steps of Newton's method do
+    for _ in range(STEPS):  # three steps do
         way = across(n, S, state.case)[..., 0]
         N = np.hypot(n[:, 0, 0], n[:, 1, 0] - state.case.weight * S[:, 0])
         off = (x - start[:, 0] - way[:, 0]) / (state.case.heat * n[:, 0, 0] * (1.0 / N + 1.0 / state.case.EA))
@@ -173,16 +172,16 @@ def at(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def least_tension(state: LineState) -> float:
-    """Return the least tension [N]: where the rope is level, or at a station."""
+    """Least tension [N]: where the rope is level, or at a station."""
     n = state.ahead[:-1]
     level = np.clip(n[:, 1] / state.case.weight, 0.0, np.diff(state.s))
     return float(np.hypot(n[:, 0], n[:, 1] - state.case.weight * level).min())
 
 
 def deepest(state: LineState, first: int, last: int) -> float:
-    """Return the largest vertical distance [m] of the rope below the chord of two stations.
+    """Largest vertical distance [m] of the rope below the chord of two stations.
 
-    The rope is parallel to the chord there, or it is a station.
+    It is where the rope is parallel to the chord, or at a station.
     """
     chord = state.place[last] - state.place[first]
     n, S = state.ahead[first:last, :, None], np.diff(state.s[first : last + 1])[:, None]

@@ -1,4 +1,4 @@
-"""What a run returns: mass path, fields, forces and energies in SI, and the work done."""
+"""What a run returns, in SI: path, fields, forces, energies and work."""
 
 from __future__ import annotations
 
@@ -22,23 +22,21 @@ _NONE: Array = np.empty(0)
 
 
 def _else(of: Callable[[Any], Array]) -> Any:
-    """Return a field that holds what this function makes of the others where nothing was given."""
+    """A field computed from the others where not given."""
     return field(default_factory=lambda: _NONE, metadata={"else": of})
 
 
 def _as(name: str) -> Any:
-    """Return a field that is another one where nothing was given."""
+    """A field equal to another one where not given."""
     return _else(lambda x: getattr(x, name))
 
 
 def _nan(each: str, *more: int) -> Any:
-    """Return a field (n, *more) that is nan where nothing was given, n as many as another one has."""
+    """A field (n, *more), nan where not given, n as of another one."""
     return _else(lambda x: np.full((len(getattr(x, each)), *more), np.nan))
 
 
 class _Filled:
-    """A record that fills in what it was not given."""
-
     __slots__ = ()
 
     def __post_init__(self) -> None:
@@ -49,7 +47,7 @@ class _Filled:
 
 @dataclass(frozen=True, slots=True)
 class States:
-    """History of a run, stacked: t (n,), q, v, a (n, n_dof), phase (n,); the solver's own dimensionless units."""
+    """History of a run: t (n,), q, v, a (n, n_dof), phase (n,); dimensionless."""
 
     t: Array
     q: Array
@@ -60,51 +58,50 @@ class States:
 
 @dataclass(frozen=True, slots=True)
 class Observation(_Filled):
-    """What every solver measures on its own states; lengths over l, forces over H, time over l sqrt(rho/H).
+    """Measurements of a solver on its states; lengths over l, forces over H, time over l sqrt(rho/H).
 
     n instants, k frames, m stations.
     """
 
-    path: Array  # (n, 2) displacement (u, v) of the mass, w(s_o, t)
-    path_velocity: Array  # (n, 2) d/dt of the place of the mass, X(s_o) + w(s_o, t)
-    path_acceleration: Array  # (n, 2) d2/dt2 of it
-    slope_behind: Array  # (n, 2) one-sided r' = X' + w' at the mass
+    path: Array  # (n, 2) displacement of the mass
+    path_velocity: Array  # (n, 2) d/dt of the place of the mass
+    path_acceleration: Array  # (n, 2)
+    slope_behind: Array  # (n, 2) one-sided r' at the mass
     slope_ahead: Array  # (n, 2)
-    T_behind: Array  # (n,) one-sided total tension at the mass; nan where the mass is on the left support
-    T_ahead: Array  # (n,) nan where it is on the right one
-    energy: Array  # (n,) of cable and mass
-    power: Array  # (n,) dE/dt as the drive and the passing kink give it
-    tension_min: Array  # (n,) least total tension over all quadrature points
+    T_behind: Array  # (n,) total tension at the mass; nan on the left support
+    T_ahead: Array  # (n,) nan on the right support
+    energy: Array  # (n,) cable and mass
+    power: Array  # (n,) dE/dt by drive and kink
+    tension_min: Array  # (n,) least total tension
     tension_min_at: Array  # (n,) its s
-    u: Array  # (k, m) fields at frames x stations; at s = s_o the side behind
+    u: Array  # (k, m) at s = s_o the side behind
     v: Array  # (k, m)
-    du: Array  # (k, m) time derivatives at fixed s
+    du: Array  # (k, m) at fixed s
     dv: Array  # (k, m)
     T: Array  # (k, m)
     t: Array = _nan("path")  # (n,)
-    s_o: Array = _nan("path")  # (n,) place of the mass on the cable
-    reaction_left: Array = _nan("path", 2)  # (n, 2) force of the left support on the cable
+    s_o: Array = _nan("path")  # (n,)
+    reaction_left: Array = _nan("path", 2)  # (n, 2) force on the cable
     reaction_right: Array = _nan("path", 2)  # (n, 2)
     contact: Array = _nan("path", 2)  # (n, 2) force of the mass on the cable
-    # (n,) outside force on the mass along the mean tangent; nan where nothing hauls or thrusts
+    # (n,) outside force along the mean tangent, or nan
     haul: Array = _nan("path")
-    # (n,) T + alpha eps of the slopes at the mass; T_behind is from equilibrium
+    # (n,) T + alpha eps of the slopes; T_behind is from equilibrium
     T_behind_pointwise: Array = _as("T_behind")
     T_ahead_pointwise: Array = _as("T_ahead")  # (n,)
     T_pointwise: Array = _as("T")  # (k, m)
-    kinetic: Array = _nan("path")  # (n,) parts of the energy: cable and mass
+    kinetic: Array = _nan("path")  # (n,) parts of the energy
     strain: Array = _nan("path")  # (n,)
     potential: Array = _nan("path")  # (n,) of weight
-    powers: dict[str, Array] = field(default_factory=dict)  # (n,) each, of outside forces and drive, by name
+    powers: dict[str, Array] = field(default_factory=dict)  # (n,) each, of outside forces and drive
 
     @classmethod
     def joined(cls, parts: Sequence[Observation]) -> Observation:
-        """Return consecutive observations of one history as one."""
         powers = {name: np.concatenate([p.powers[name] for p in parts]) for name in parts[0].powers}
         return cls(**{n: np.concatenate([getattr(p, n) for p in parts]) for n in _OBSERVED}, powers=powers)
 
     def parted(self, n: int) -> tuple[Observation, Observation]:
-        """Return the first n instants without fields, and the others with all of them."""
+        """First n instants without fields, and the others with all."""
         fields = ("u", "v", "du", "dv", "T", "T_pointwise")
         parts = []
         for rows, some in ((slice(n), slice(0)), (slice(n, None), slice(None))):
@@ -121,28 +118,28 @@ class Fields(_Filled):
     """Fields of a run at its frames (k) and stations (m); SI."""
 
     t: Array  # (k,) [s]
-    s_o: Array  # (k,) [m] place of the mass on the cable
-    s: Array  # (m,) [m] stations, arc length of the static cable
-    u: Array  # (k, m) [m] displacement to the right
-    v: Array  # (k, m) [m] displacement downward
+    s_o: Array  # (k,) [m] place of the mass
+    s: Array  # (m,) [m] arc length of the static cable
+    u: Array  # (k, m) [m] to the right
+    v: Array  # (k, m) [m] down
     du: Array  # (k, m) [m/s]
     dv: Array  # (k, m) [m/s]
-    T: Array  # (k, m) [N] total tension; at s = s_o the side behind
+    T: Array  # (k, m) [N] total; at s = s_o behind
     T_behind: Array  # (k,) [N] at the mass
     T_ahead: Array  # (k,) [N]
-    mass_u: Array  # (k,) [m] displacement of the mass
+    mass_u: Array  # (k,) [m] displacement
     mass_v: Array  # (k,) [m]
-    x: Array = _nan("s")  # (m,) [m] the cable at rest, as the solvers are told it hangs
+    x: Array = _nan("s")  # (m,) [m] at rest
     y: Array = _nan("s")  # (m,) [m] down
-    T_static: Array = _nan("s")  # (m,) [N] its tension
-    T_pointwise: Array = _as("T")  # (k, m) [N] T + EA eps of the slopes; T is from equilibrium
+    T_static: Array = _nan("s")  # (m,) [N]
+    T_pointwise: Array = _as("T")  # (k, m) [N] by slopes; T is from equilibrium
     T_behind_pointwise: Array = _as("T_behind")  # (k,) [N]
     T_ahead_pointwise: Array = _as("T_ahead")  # (k,) [N]
 
 
 @dataclass(frozen=True, slots=True)
 class Flag:
-    """A reason to distrust a run: its kind, its numbers, and a format string for them."""
+    """A reason to distrust a run: kind, numbers, and a format string."""
 
     kind: str
     words: str
@@ -153,8 +150,6 @@ class Flag:
 
 
 class Travelled(Protocol):
-    """What tells the scale of a mass path."""
-
     @property
     def drive(self) -> str: ...
     @property
@@ -165,19 +160,19 @@ class Travelled(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MassPath(_Filled):
-    """How the mass of one run moved, in SI; x, y have their origin at the left support, v and y point down."""
+    """How the mass of one run moved, SI; x, y from the left support, v and y down."""
 
     method: str
     settings: dict[str, Any]
     status: str = "complete"  # | "incomplete"
     drive: str = "grip"  # "grip" | "haul" | "free"
-    slack_onset: float | None  # s_o/l of the first accepted step with a negative tension
+    slack_onset: float | None  # s_o/l of the first negative tension
     length: float  # l [m]
-    t: Array  # (n,) accepted steps
+    t: Array  # (n,) steps
     s_o: Array  # (n,)
     x: Array  # (n,) place of the mass
     y: Array  # (n,)
-    u: Array  # (n,) displacement of the mass from the static cable
+    u: Array  # (n,) from the static cable
     v: Array  # (n,)
     work: dict[str, int]
 
@@ -188,21 +183,21 @@ class MassPath(_Filled):
 
     @property
     def slack_since(self) -> float:
-        """Instant [s] of the slack onset, infinite where there is none."""
+        """Time [s] of the slack onset, or infinite."""
         if self.slack_onset is None:
             return math.inf
         return float(self.t[np.argmin(np.abs(self.s_o - self.slack_onset * self.length))])
 
     @property
     def max_deflection(self) -> float:
-        """Largest v of the mass path [m]; of a given travel past midspan only while the cable is taut."""
+        """Largest v [m]; of a given travel past midspan only while taut."""
         onset = math.inf if self.slack_onset is None or self.drive == "free" else self.slack_onset
         kept = self.v[self.s_o <= max(onset, 0.5) * self.length]
         return float(kept.max(initial=self.v[0]))
 
     @property
     def path_scale(self: Travelled) -> float:
-        """What gaps and errors of the mass path are relative to [m]."""
+        """Reference of gaps and errors of the path [m]."""
         return 0.1 * self.length if self.drive == "free" else self.max_deflection
 
     @property
@@ -212,57 +207,57 @@ class MassPath(_Filled):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Response(MassPath):
-    """The answer of one run, in SI: lengths [m], forces [N], times [s]; v and y point down.
+    """The answer of one run, in SI; v and y down.
 
-    T is total tension and has two values at the mass.  r.t, r.s_o, r.x, r.T_behind, ... hold the path step by step,
-    r.fields the cable at some instants, r.design the extremes; r.at(t=12.0, s=100.0) answers for any place.
+    T is total tension, with two values at the mass. r.t, r.s_o, r.x, r.T_behind, ... hold the path, r.fields the cable,
+    r.design the extremes; r.at(t=12.0, s=100.0) answers for any place.
     """
 
-    scene: str  # name
-    scene_toml: str  # the scene itself
+    scene: str
+    scene_toml: str
     model: str
     load: str
     law: str
     reason: str | None
     slack_at: float | None  # s/l of the slack onset
-    switched: float | None  # s_o/l from which on the tension-only law was used by law = auto
+    switched: float | None  # s_o/l from which law = auto is tension-only
     horizontal_tension: float  # H [N]
-    T_behind: Array  # (n,) nan where the mass is on the left support
-    T_ahead: Array  # (n,) nan where the mass is on the right support
-    velocity: Array  # (n, 2) of the mass
-    acceleration: Array  # (n, 2)
-    slope_behind: Array  # (n, 2) one-sided d(place)/ds
+    T_behind: Array  # (n,) [N] nan on the left support
+    T_ahead: Array  # (n,) [N] nan on the right support
+    velocity: Array  # (n, 2) [m/s]
+    acceleration: Array  # (n, 2) [m/s^2]
+    slope_behind: Array  # (n, 2) d(place)/ds
     slope_ahead: Array  # (n, 2)
     energy: Array  # (n,) [J] cable and mass
-    power: Array  # (n,) [W] that the drive must put in
-    tension_min: Array  # (n,) least total tension
+    power: Array  # (n,) [W] of the drive
+    tension_min: Array  # (n,) [N] least total tension
     tension_min_at: Array  # (n,) its s
     fields: Fields
     n_dof: int
     seconds: float  # of the time loop
-    path_error: float | None = None  # estimated, of max |v - v_exact| over the window, relative to path_scale
-    tension_error: float | None = None  # estimated, rms over the window off the jump, relative to H
-    error_parts: dict[str, float] | None = None  # the same, split into time and space
-    error_window: list[float] | None = None  # s_o/l over which both were estimated: they say nothing outside
-    energy_gain: float | None = None  # largest energy gained without being given, over weight x largest deflection
-    flags: list[Flag] = field(default_factory=list)  # what makes the run suspect
-    cause: str | None = None  # why incomplete: "Newton stalled", "slack", "unstable", "step underflow", "no start"
-    events: list[dict[str, Any]] = field(default_factory=list)  # event, t [s], s_o [m], speed [m/s], in their order
-    # [s] of steps where the travel's acceleration jumps, and forces with it: what is told there is from before
+    path_error: float | None = None  # estimate of max |v - v_exact| over the window, relative to path_scale
+    tension_error: float | None = None  # estimate of the rms over the window off the jump, relative to H
+    error_parts: dict[str, float] | None = None  # in time and space
+    error_window: list[float] | None = None  # s_o/l of both estimates
+    energy_gain: float | None = None  # largest unexplained gain over weight x largest deflection
+    flags: list[Flag] = field(default_factory=list)  # reasons for doubt
+    cause: str | None = None  # "Newton stalled", "slack", "unstable", "step underflow", "no start"
+    events: list[dict[str, Any]] = field(default_factory=list)  # event, t [s], s_o [m], speed [m/s]
+    # [s] jumps of acceleration and force; samples there are from before
     breaks: list[float] = field(default_factory=list)
     design: list[dict[str, Any]] = field(default_factory=list)  # quantity, value, bar, unit, t, s_o, s
-    # (n,) T + EA eps of the slopes at the mass; T_behind is from equilibrium
+    # (n,) T + EA eps of the slopes; T_behind is from equilibrium
     T_behind_pointwise: Array = _as("T_behind")
     T_ahead_pointwise: Array = _as("T_ahead")  # (n,)
-    reaction_left: Array = _nan("t", 2)  # (n, 2) force of the left support on the cable
+    reaction_left: Array = _nan("t", 2)  # (n, 2) [N] force on the cable
     reaction_right: Array = _nan("t", 2)  # (n, 2)
-    contact: Array = _nan("t", 2)  # (n, 2) force of the mass on the cable
-    # (n,) outside force on the mass along the mean tangent; nan where there is none
+    contact: Array = _nan("t", 2)  # (n, 2) [N] of the mass on the cable
+    # (n,) [N] outside force along the mean tangent, or nan
     F_haul: Array = _nan("t")
-    kinetic: Array = _nan("t")  # (n,) [J] parts of the energy: cable and mass
+    kinetic: Array = _nan("t")  # (n,) [J] cable and mass
     strain: Array = _nan("t")  # (n,) [J]
-    potential: Array = _nan("t")  # (n,) [J] of weight
-    powers: dict[str, Array] = field(default_factory=dict)  # (n,) [W] each, of outside forces and drive, by name
+    potential: Array = _nan("t")  # (n,) [J]
+    powers: dict[str, Array] = field(default_factory=dict)  # (n,) [W] each, of outside forces and drive
 
     @property
     def speed(self) -> Array:
@@ -271,12 +266,12 @@ class Response(MassPath):
 
     @property
     def jumps(self) -> list[float]:
-        """Instants [s] at which forces may jump: breaks of the travel, and events."""
+        """Times [s] at which forces may jump."""
         return [*self.breaks, *(event["t"] for event in self.events)]
 
     @property
     def F_contact(self) -> Array:
-        """Contact force (n,) [N] normal to the mean tangent at the mass; positive when it presses on the cable."""
+        """Contact force (n,) [N] normal to the mean tangent at the mass; positive: presses on the cable."""
         tangent = self.slope_behind + self.slope_ahead
         across = self.contact[:, 1] * tangent[:, 0] - self.contact[:, 0] * tangent[:, 1]
         return across / np.hypot(tangent[:, 0], tangent[:, 1])
@@ -292,25 +287,24 @@ class Response(MassPath):
         )
 
     def at(self, *, t: Any, s: Any) -> dict[str, Array]:
-        """Return x, y, u, v [m] and T [N] at times t (n,) [s] and places s (m,) [m] along the cable, each (n, m).
+        """Return x, y, u, v [m] and T [N], each (n, m), at times t (n,) [s] and places s (m,) [m].
 
-        r.at(t=12.0, s=[50.0, 100.0])["T"]. At the mass T is that behind. ValueError outside the run or the cable.
+            r.at(t=12.0, s=[50.0, 100.0])["T"]
+
+        At the mass T is that behind. ValueError outside the run or the cable.
         """
         return views.at(self, t, s)
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw the side view by matplotlib and return the axes: rope at rest, envelope, path of the car; in m."""
+        """Draw rope, envelope and path of the car by matplotlib; return the axes [m]."""
         return views.side_view(self, ax)
 
     def plot_tension(self, ax: Any = None) -> Any:
-        """Draw the tension [kN] over place [m] and time [s] by matplotlib and return the axes."""
+        """Draw tension [kN] over place [m] and time [s] by matplotlib; return the axes."""
         return views.tension(self, ax)
 
     def to_dataframe(self) -> Any:
-        """Return the columns of path.csv as a pandas.DataFrame, one row a step; units in `attrs["units"]`.
-
-        Needs pandas, which comes with `cablefem[sweep]`.
-        """
+        """Return path.csv as a pandas.DataFrame; units in `attrs["units"]`. Needs `cablefem[sweep]`."""
         try:
             import pandas
         except ImportError:
@@ -320,10 +314,7 @@ class Response(MassPath):
         return frame
 
     def to_xarray(self) -> Any:
-        """Return an xarray.Dataset: the mass path over `t`, the fields over (`frame`, `s`), units as attributes.
-
-        Needs the extra `cablefem[xarray]`.
-        """
+        """Return an xarray.Dataset: path over `t`, fields over (`frame`, `s`). Needs `cablefem[xarray]`."""
         try:
             import xarray
         except ImportError:
@@ -337,7 +328,6 @@ class Response(MassPath):
         return xarray.Dataset(path, coords, {k: str(v) for k, v in self.summary().items()})
 
     def _repr_html_(self) -> str:
-        """Draw rope and path of the car, for notebooks."""
         return views.picture(self)
 
     def summary(self) -> dict[str, Any]:
@@ -346,12 +336,11 @@ class Response(MassPath):
         return told | self.work | {"seconds": self.seconds}
 
     def write(self, folder: Path) -> None:
-        """Write path.csv, tension.csv, summary.json and response.npz (everything, for `read`); whole or not at all."""
+        """Write path.csv, tension.csv, summary.json and response.npz; all or nothing."""
         self.write_tables(folder)
         self.store(folder)
 
     def write_tables(self, folder: Path) -> None:
-        """Write path.csv and tension.csv alone."""
         self.write_path(folder)
         f = self.fields
         k, m = f.T.shape
@@ -361,12 +350,10 @@ class Response(MassPath):
         write_csv(folder / "tension.csv", "t,s,T", np.stack([time, station.ravel(), tension.ravel()], axis=1))
 
     def write_path(self, folder: Path) -> None:
-        """Write path.csv alone."""
         path = np.stack([getattr(self, name) for name in PATH_COLUMNS], axis=1)
         write_csv(folder / "path.csv", ",".join(PATH_COLUMNS), path)
 
     def store(self, folder: Path) -> None:
-        """Write summary.json and response.npz alone."""
         f = self.fields
         arrays = {n: getattr(self, n) for n in _ARRAYS} | {f"fields.{n}": getattr(f, n) for n in _FIELDS}
         arrays |= {f"powers.{n}": power for n, power in self.powers.items()}
@@ -405,7 +392,7 @@ _ARRAYS = tuple(name for name, f in Response.__dataclass_fields__.items() if f.t
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """Give a temporary neighbour to write to, and put it in place only if that succeeded."""
+    """A temporary neighbour, put in place on success."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
@@ -416,13 +403,13 @@ def whole(path: Path) -> Iterator[Path]:
 
 
 def write_csv(path: Path, header: str, rows: Array) -> None:
-    """Write rows in full precision; a cell without a value stays empty."""
+    """Write rows in full precision; NaN as an empty cell."""
     with whole(path) as temporary, temporary.open("w", encoding="ascii") as out:
         body = repr(rows.tolist())[2:-2].replace("], [", "\n").replace(", ", ",").replace("nan", "")
         out.write(f"{header}\n{body}\n" if rows.size else f"{header}\n")
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write JSON; NaN and infinity are refused, because no reader agrees on them."""
+    """Write JSON; refuses NaN and infinity."""
     with whole(path) as temporary:
         temporary.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")

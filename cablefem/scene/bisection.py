@@ -1,10 +1,10 @@
-"""Where a monotone function changes its sign; scipy's root finders would take half of the time to load a scene."""
+"""Bisection; scipy's root finders are slow to import."""
 
 from collections.abc import Callable
 
 
 def bisected(f: Callable[[float], float], low: float, high: float) -> float:
-    """The place between low and high where f changes its sign, to the last bit; ValueError if it has one sign there."""
+    """The zero of f between low and high, to the last bit; ValueError without a change of sign."""
     ends = f(low), f(high)
     if not min(ends) <= 0.0 <= max(ends):
         raise ValueError(f"f({low!r}) = {ends[0]!r} and f({high!r}) = {ends[1]!r} have one sign")

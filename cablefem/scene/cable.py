@@ -1,10 +1,10 @@
-"""The cable and its two supports, and the catenary that they define together.
+"""The cable, its two supports, and the catenary that they define.
 
 Temperature and ice change the catenary. Unstretched length and weight are kept: with the mean tension Tm,
 
     l_2 = l_1 (1 + a dT) (1 + Tm_2/EA)/(1 + Tm_1/EA),   rho_2 l_2 = (rho_1 + ice) l_1.
 
-State 1 is the cable that `length`, `sag` or `horizontal_tension` describe. An elastic catenary agrees to 1e-6 in H.
+State 1 is the described cable. An elastic catenary agrees to 1e-6 in H.
 """
 
 import math
@@ -16,14 +16,12 @@ from cablefem.scene.errors import shown
 from cablefem.scene.fields import POSITIVE, Part, Positive, Real, between, number_or, said
 
 SHAPES = ("length", "sag", "horizontal_tension")
-STEEPEST = 10.0  # [-] largest slope of the chord, 84 degrees: a steeper line is a hoist and loses digits
+STEEPEST = 10.0  # [-] largest slope of the chord, 84 degrees; steeper lines lose digits
 
 Celsius = Annotated[float, between(-100.0, 300.0)]
 
 
 class Ice(Part):
-    """A layer of ice around the cable."""
-
     thickness: Positive = said("[m] radial thickness")
     density: Positive = said("[kg/m3] density of the ice")
 
@@ -42,7 +40,6 @@ class Rope(Part):
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        """Temperature and ice need what they act through."""
         faults = []
         if data.get("temperature") is not None:
             needs = [name for name in ("reference_temperature", "expansion") if data.get(name) is None]
@@ -53,12 +50,11 @@ class Rope(Part):
 
     @property
     def changed(self) -> bool:
-        """Whether temperature or ice change the catenary."""
         return self.warmer != 0.0 or self.ice is not None
 
     @property
     def warmer(self) -> float:
-        """Thermal strain a dT [-] between the reference and the run."""
+        """Thermal strain a dT [-]."""
         if self.temperature is None:
             return 0.0
         assert self.expansion is not None
@@ -67,7 +63,7 @@ class Rope(Part):
 
     @property
     def ice_per_length(self) -> float:
-        """Mass of the ice [kg/m] per metre of the cable at the reference; r pi e (d + e) for a layer."""
+        """Mass of the ice [kg/m] at the reference; r pi e (d + e) for a layer."""
         if isinstance(self.ice, Ice):
             assert self.diameter is not None
             return self.ice.density * math.pi * self.ice.thickness * (self.diameter + self.ice.thickness)
@@ -75,7 +71,7 @@ class Rope(Part):
 
 
 class Cable(Rope):
-    """The cable of one span; exactly one of length, sag and horizontal_tension fixes how deep it hangs."""
+    """The cable of one span; exactly one of length, sag and horizontal_tension."""
 
     length: Positive | None = said("[m] stretched arc length at rest", None)
     sag: Positive | None = said("[m] largest vertical distance below the chord at rest", None)
@@ -83,7 +79,6 @@ class Cable(Rope):
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        """A cable hangs as deep as exactly one number says."""
         given = [f"{name} = {shown(data[name])}" for name in SHAPES if data.get(name) is not None]
         one = f"exactly one of {', '.join(SHAPES)} must be given"
         faults = [f"{extra}: too much beside {given[0]}; {one}" for extra in given[1:]]
@@ -100,7 +95,7 @@ class Supports(Part):
 
 
 def hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
-    """Return the catenary at the run's temperature, with its ice; ValueError where `hanging_faults` finds a fault."""
+    """Return the catenary with heat and ice; ValueError where `hanging_faults` finds a fault."""
     reference = _reference(gravity, cable, supports)
     if not cable.changed:
         return reference
@@ -112,7 +107,7 @@ def hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
         return Catenary(supports.span, supports.drop, weight / l_2, weight / l_2 * supports.span / (2.0 * z))
 
     def excess(z: float) -> float:
-        """l_2 less what the rule says, as a difference of l - chord to keep the digits of a taut cable."""
+        """l_2 less the rule's, from l - chord to keep digits of a taut cable."""
         now = state(z)
         stretch = heat + (1.0 + heat) * (now.mean_tension - T) / (cable.EA + T)
         return now.slack - reference.slack - l * stretch
@@ -121,7 +116,7 @@ def hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
 
 
 def _reference(gravity: float, cable: Cable, supports: Supports) -> Catenary:
-    """Return the catenary that length, sag or horizontal_tension describe."""
+    """The described catenary, without heat and ice."""
     weight = cable.mass_per_length * gravity
     if cable.length is not None:
         return Catenary.from_length(supports.span, supports.drop, weight, cable.length)
@@ -132,7 +127,7 @@ def _reference(gravity: float, cable: Cable, supports: Supports) -> Catenary:
 
 
 def hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str]:
-    """Return why these supports and this cable have no catenary, if they have none."""
+    """Return why there is no catenary."""
     span, drop = supports.span, supports.drop
     if abs(drop) > STEEPEST * span:
         most = STEEPEST * span
@@ -150,7 +145,7 @@ def hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str
             name = "temperature" if cable.ice is None else "ice"
             return [f"cable.{name} = {shown(getattr(cable, name))}: must be less extreme; no cable at rest was found"]
         return []
-    least = f"{low!r}" if name == "length" else f"{low:.6g}"  # a length counts by what it exceeds the chord
+    least = f"{low!r}" if name == "length" else f"{low:.6g}"  # a length counts by its excess over the chord
     fault = f"cable.{name} = {value!r}: must be from {least} to {high:.6g} with these supports"
     chord = math.hypot(span, drop)
     if name == "length" and value <= chord:
@@ -161,7 +156,7 @@ def hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str
 
 
 def stretch_faults(gravity: float, cable: Cable, supports: Supports) -> list[str]:
-    """Return whether the cable, as described or with heat and ice, hangs at more than twice its unstretched length."""
+    """Return whether the cable is longer than twice its unstretched length."""
     most = max(state(gravity, cable, supports).max_tension for state in (_reference, hang))
     if most < cable.EA:
         return []

@@ -2,7 +2,7 @@
 
 With p = T y'/H = c - sigma s (lengths over l, forces over H, y down)
     T = sqrt(1 + p^2),  x' = 1/T,  y' = p/T,  x'' = sigma p/T^3,  y'' = -sigma/T^3.
-No difference of nearly equal numbers is taken: a nearly straight cable keeps its digits.
+Nearly equal numbers are never subtracted: a nearly straight cable keeps its digits.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ import numpy as np
 
 from cablefem.scene.bisection import bisected
 
-# [-] z = rho g b/(2H); sag/span is z/4 when shallow and 7.3 at z = 5. Below 1e-9 the length is the chord to 16 digits.
+# [-] z = rho g b/(2H); sag/span is z/4 when shallow, 7.3 at z = 5
 Z_MIN, Z_MAX = 1e-9, 5.0
 
-LEAST_SLACK = 1e-12  # [-] of the chord: a length nearer to it fixes the sag to fewer than four digits
+LEAST_SLACK = 1e-12  # [-] of the chord: nearer to it, less than four digits of the sag are known
 
 
 def static(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return (T, x', y', x'', y'') of the dimensionless catenary at s, each of the shape of s; s in [0, 1]."""
+    """(T, x', y', x'', y'') at s in [0, 1], each of the shape of s."""
     p = c - sigma * np.asarray(s, dtype=float)
     T = np.sqrt(1.0 + p * p)
     xp = 1.0 / T
@@ -32,7 +32,7 @@ def static(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 
 def shape(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return (x, y) of the dimensionless catenary at s, each of the shape of s; y is positive downward.
+    """(x, y) at s, each of the shape of s; y down.
 
     x = (asinh p_0 - asinh p)/sigma, y = (T_0 - T)/sigma, by T_0 - T = sigma s m, m = (p_0 + p)/(T_0 + T).
     """
@@ -40,7 +40,7 @@ def shape(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray]:
     p, p0, T0 = c - sigma * s, c, math.hypot(1.0, c)
     T = np.sqrt(1.0 + p * p)
     m = (p0 + p) / (T0 + T)
-    # asinh is odd: on a rising cable (c < 0) mirror it, so that p_0 + T_0 is never a difference
+    # asinh is odd: mirror a rising cable, so that p_0 + T_0 is no difference
     sign = 1.0 if c >= 0.0 else -1.0
     x = -sign * np.log1p(-sign * sigma * s * (1.0 + sign * m) / (sign * p0 + T0)) / sigma
     return x, s * m
@@ -48,16 +48,16 @@ def shape(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Catenary:
-    """A uniform cable at rest between (0, 0) and (span, drop); y down, s along the cable, SI."""
+    """A uniform cable at rest from (0, 0) to (span, drop); y down, SI."""
 
     span: float  # b [m]
-    drop: float  # y(l) [m], positive when the right support is the lower one
+    drop: float  # y(l) [m]
     weight: float  # rho g [N/m] per static arc length
     horizontal_tension: float  # H [N]
 
     @classmethod
     def from_length(cls, span: float, drop: float, weight: float, length: float) -> Catenary:
-        """Return the catenary of stretched arc length l, sqrt(l^2 - h^2)/b = sinh(z)/z; ValueError out of range."""
+        """From stretched arc length l: sqrt(l^2 - h^2)/b = sinh(z)/z; ValueError outside `length_range`."""
         low, high = length_range(span, drop)
         if not low <= length <= high:
             raise ValueError(f"length {length} outside [{low}, {high}]")
@@ -69,7 +69,7 @@ class Catenary:
 
     @classmethod
     def from_sag(cls, span: float, drop: float, weight: float, sag: float) -> Catenary:
-        """The catenary whose largest vertical distance below the chord is `sag`; ValueError outside `sag_range`."""
+        """From the largest vertical distance below the chord; ValueError outside `sag_range`."""
         low, high = sag_range(span, drop)
         if not low <= sag <= high:
             raise ValueError(f"sag {sag} outside [{low}, {high}]")
@@ -78,7 +78,7 @@ class Catenary:
 
     @property
     def z(self) -> float:
-        """rho g b/(2H) [-], half the change of asinh(y'/x') along the cable."""
+        """rho g b/(2H) [-]."""
         return self.weight * self.span / (2.0 * self.horizontal_tension)
 
     @property
@@ -88,7 +88,7 @@ class Catenary:
 
     @cached_property
     def slack(self) -> float:
-        """l - chord [m] to full relative accuracy, from l^2 - chord^2 = b^2 (S^2 - 1), S = sinh(z)/z."""
+        """l - chord [m] to full accuracy: l^2 - chord^2 = b^2 (S^2 - 1), S = sinh(z)/z."""
         s1 = _sinhc_minus_1(self.z)
         square = self.span**2 * s1 * (s1 + 2.0)
         return square / (math.sqrt(self.chord**2 + square) + self.chord)
@@ -115,49 +115,46 @@ class Catenary:
 
     @property
     def max_tension(self) -> float:
-        """Largest tension [N]; it is at the upper support."""
+        """Largest tension [N], at the upper support."""
         return float(np.max(self.tension(np.array([0.0, self.length]))))
 
     @cached_property
     def mean_tension(self) -> float:
-        """Mean of the tension over the length [N].
-
-        With T = sqrt(1 + p^2) the integral over s is (p T + asinh p)/(2 sigma), here without differences.
-        """
+        """Mean tension over the length [N]: (p T + asinh p)/(2 sigma), without differences."""
         c, end, b, h = self.c, self.c - self.sigma, self.span / self.length, self.drop / self.length
         mean = 0.25 * (math.hypot(1.0, c) + math.hypot(1.0, end)) + 0.25 * (c + end) * h + 0.5 * b
         return self.horizontal_tension * mean
 
     def x(self, s) -> np.ndarray:
-        """Horizontal place [m] at arc length s [m], same shape."""
+        """[m] at arc length s [m], same shape."""
         return self.length * shape(np.asarray(s) / self.length, self.sigma, self.c)[0]
 
     def y(self, s) -> np.ndarray:
-        """Depth below the left support [m] at arc length s [m], same shape."""
+        """Below the left support [m] at arc length s [m], same shape."""
         return self.length * shape(np.asarray(s) / self.length, self.sigma, self.c)[1]
 
     def tension(self, s) -> np.ndarray:
-        """Tension [N] at arc length s [m], same shape."""
+        """[N] at arc length s [m], same shape."""
         return self.horizontal_tension * static(np.asarray(s) / self.length, self.sigma, self.c)[0]
 
 
 def length_range(span: float, drop: float) -> tuple[float, float]:
-    """Arc lengths [m] from which a catenary can be found."""
+    """Arc lengths [m] of catenaries."""
     return math.hypot(span, drop) * (1.0 + LEAST_SLACK), Catenary(span, drop, 2.0 * Z_MAX / span, 1.0).length
 
 
 def sag_range(span: float, drop: float) -> tuple[float, float]:
-    """Sags below the chord [m] from which a catenary can be found."""
+    """Sags below the chord [m] of catenaries."""
     return _sag(span, drop, Z_MIN), _sag(span, drop, Z_MAX)
 
 
 def tension_range(span: float, weight: float) -> tuple[float, float]:
-    """Horizontal tensions [N] from which a catenary can be found."""
+    """Horizontal tensions [N] of catenaries."""
     return weight * span / (2.0 * Z_MAX), weight * span / (2.0 * Z_MIN)
 
 
 def _sinhc_minus_1(z: float) -> float:
-    """sinh(z)/z - 1 = sum_k z^2k/(2k+1)! without cancellation."""
+    """sum_k z^2k/(2k+1)!"""
     if abs(z) > 1.0:
         return math.sinh(z) / z - 1.0
     term = total = z * z / 6.0
@@ -168,14 +165,14 @@ def _sinhc_minus_1(z: float) -> float:
 
 
 def _middle(span: float, drop: float, z: float) -> float:
-    """theta_m = mean of asinh(y'/x') at the two supports: sinh(theta_m) = (h/b)/(sinh(z)/z)."""
+    """Mean theta_m of asinh(y'/x') at the supports: sinh(theta_m) = (h/b)/(sinh(z)/z)."""
     return math.asinh(drop / span / (1.0 + _sinhc_minus_1(z)))
 
 
 def _sag(span: float, drop: float, z: float) -> float:
-    """Largest vertical distance below the chord [m], at eta = tm - asinh(h/b), x = b/2 + (b/2z) eta.
+    """Sag [m]: (b/2z) [ cosh(tm) (cosh z - cosh eta) + sinh(tm) (sinh eta - eta sinh(z)/z) ].
 
-    There it is (b/2z) [ cosh(tm) (cosh z - cosh eta) + sinh(tm) (sinh eta - eta sinh(z)/z) ].
+    There eta = tm - asinh(h/b), x = b/2 + (b/2z) eta.
     """
     tm = _middle(span, drop, z)
     eta = tm - math.asinh(drop / span)
@@ -185,6 +182,6 @@ def _sag(span: float, drop: float, z: float) -> float:
 
 
 def _root(f: Callable[[float], float]) -> float:
-    """The z in [Z_MIN, Z_MAX] with f(z) = 0 to rounding; f is monotone there."""
-    low, high = Z_MIN * (1.0 - 1e-6), Z_MAX * (1.0 + 1e-6)  # so that the ends themselves are bracketed
+    """z in [Z_MIN, Z_MAX] with f(z) = 0; f is monotone."""
+    low, high = Z_MIN * (1.0 - 1e-6), Z_MAX * (1.0 + 1e-6)  # to bracket the ends themselves
     return bisected(f, low, high)

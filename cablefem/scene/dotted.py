@@ -1,4 +1,4 @@
-"""Values put into the tables of a scene by dotted keys: mass.mass, drive.brake.0.force, obstacle.tree.top."""
+"""Values by dotted keys: mass.mass, drive.brake.0.force, obstacle.tree.top."""
 
 from __future__ import annotations
 
@@ -9,10 +9,7 @@ RELATIVE = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?%")
 
 
 def put(data: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key; a list of tables is entered by the name of one, or its number; "+1%" is relative.
-
-    Raises ValueError for a key that leads nowhere.
-    """
+    """Set a dotted key; list items by name or number, "+1%" is relative; ValueError for an unknown key."""
     *way, last = key.split(".")
     here: Any = data
     for name in way:
@@ -28,7 +25,6 @@ def put(data: dict[str, Any], key: str, value: Any) -> None:
 
 
 def _entry(tables: Any, name: str, key: str) -> Any:
-    """Return the table of that name or number in a list."""
     if isinstance(tables, list | tuple):
         for i, table in enumerate(tables):
             if isinstance(table, dict) and name in (table.get("name"), str(i)):

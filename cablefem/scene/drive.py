@@ -1,7 +1,7 @@
-"""What moves the car along the cable, as written in a scene, and without units.
+"""What moves the car along the cable, as written in a scene, and dimensionless.
 
-grip: the travel is given, the car pushes itself along the cable (the paper). haul: the travel is given, the car rolls
-and hangs on a rope along the mean tangent. free: the car rolls, its travel is an answer.
+grip: the travel is given, the car pushes itself along the cable (the paper). haul: the travel is given, a rope pulls
+the rolling car along the mean tangent. free: the car rolls, its travel is an answer.
 """
 
 from __future__ import annotations
@@ -33,29 +33,28 @@ from cablefem.scene.fields import (
 )
 
 MODES = ("grip", "haul", "free")
-# [l] nearer to a support no answer converges: contact force and tension grow like one over the distance
+# [l] range of a rolling car: nearer to a support, contact force and tension grow like one over the distance
 NEAREST_START, FARTHEST_END = 1e-4, 0.99
-START = 0.01  # where a rolling car begins unless the scene says otherwise [l]
-# A ride has STANDARD steps. Shorter ones are these fractions of a time that events bring, see `Drive.part_of_step`.
+START = 0.01  # [l] where a rolling car begins by default
+# steps of a ride; others are fractions of these times, see `Drive.part_of_step`
 STANDARD = 1000.0
-SINCE = 12.0  # of the time since a jump of force, and of the time to a support
-RINGS = 240.0  # of an axial round trip
-HALT = 2.0  # of the time in which friction may turn: an error of velocity made there stays for the way back
-WAVES = 60.0  # of the time of a transverse wave over the side ahead of the car and back, which that side squeezes
+SINCE = 12.0  # since a jump of force, and to a support
+RINGS = 240.0  # axial round trip
+HALT = 2.0  # until friction may turn
+WAVES = 60.0  # transverse round trip ahead of the car
 REST_SPEED, REST_DISTANCE = 1e-3, 0.01  # [m/s], [m] see `Driving`
 FREE_ONLY = ("release", "thrust", "brake", "rest_speed", "rest_distance")
 AIR_DENSITY = 1.2  # [kg/m^3]
 
 
 class Thrust(Part):
-    """A force along the mean tangent, linear between its times, zero before and after."""
+    """Force along the mean tangent, linear between its times, else zero."""
 
     times: Numbers = said("[s] strictly increasing")
     forces: Reals = said("[N] positive to the right")
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        """The two columns are of one length, and time runs."""
         times, forces = several(data.get("times")), several(data.get("forces"))
         if times is None or forces is None:
             return []
@@ -70,28 +69,27 @@ class Thrust(Part):
 
 
 class Brake(Part):
-    """A shoe on the cable, which acts against the motion where s_o >= from; several add up."""
+    """A shoe that acts against the motion where s_o >= from; several add up."""
 
     place: Positive = said("[m] place along the cable from which it brakes", alias="from")
     force: Positive = said("[N] braking force along the cable")
 
 
 class End(Part):
-    """Where or when the ride is over: exactly one of the two."""
+    """Where or when the ride ends: exactly one of both."""
 
     time: Positive | None = said("[s] at which the ride ends", None)
     place: Positive | None = said("[m] place along the cable that counts as arrival", None)
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        """One end is enough."""
         if (data.get("time") is None) != (data.get("place") is None):
             return []
         return [f"time = {shown(data.get('time'))}: exactly one of time, place must be given"]
 
 
 def of_mode(mode: str) -> tuple[str, ...]:
-    """Return the names of the table [drive] that have a meaning in a mode."""
+    """Names of the table [drive] that have a meaning in a mode."""
     names = Driving.field_names()
     return ("mode",) if mode == "grip" else tuple(x for x in names if mode != "haul" or x not in FREE_ONLY)
 
@@ -114,7 +112,6 @@ class Driving(Part):
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        """What a drive cannot have, by its mode."""
         mode = data.get("mode", "grip")
         fields = cls.model_fields.items()
         given = [name for name, field in fields if name != "mode" and data.get(name) not in (None, field.default)]
@@ -132,7 +129,7 @@ class Driving(Part):
         return faults
 
     def faults(self, length: float) -> list[str]:
-        """What is wrong with this drive on a cable of that length [m]."""
+        """Faults on a cable of this length [m]."""
         if self.mode == "grip":
             return []
         faults = []
@@ -163,7 +160,7 @@ class Driving(Part):
         return FARTHEST_END * length if self.end is None or self.end.place is None else self.end.place
 
     def scaled(self, length: float, time: float, force: float, rho: float) -> Drive:
-        """Return the drive of a rolling car in these units of m, s and N; `nominal`, `turns`, `ways` stay open."""
+        """The drive of a rolling car in these units of m, s and N; `nominal`, `turns`, `ways` stay open."""
         if isinstance(self.thrust, Thrust):
             table = tuple((t / time, f / force) for t, f in zip(self.thrust.times, self.thrust.forces, strict=True))
         else:
@@ -205,46 +202,46 @@ class Driving(Part):
 
 @dataclass(frozen=True)
 class Drive:
-    """What moves the car, without units: lengths over l, forces over H, times over l sqrt(rho/H).
+    """What moves the car: lengths over l, forces over H, times over l sqrt(rho/H).
 
-    grip: only `mode` counts. haul: friction and drag, too. free: all; `Groups.motion` is None.
+    grip: only `mode` counts. haul: friction and drag, too. free: all.
     """
 
     mode: str = "grip"  # "grip" | "haul" | "free"
     start: float = 0.0  # s_o at t = 0
-    release: float = 0.0  # time over which the holding force goes; 0: at once
+    release: float = 0.0  # time over which the hold decreases
     mu_r: float = 0.0  # rolling friction over contact force
     k: float = 0.0  # rho_air c_d A/(2 rho): drag is -k |dp - wind i| (dp - wind i)
     wind: float = 0.0  # along x
-    thrust_table: tuple[tuple[float, float], ...] = ()  # (t, force), linear between; one that lasts ends at inf
+    thrust_table: tuple[tuple[float, float], ...] = ()  # (t, force), linear between
     brakes: tuple[tuple[float, float], ...] = ()  # (place, force), by place
     end_time: float = math.inf
     end_place: float = 1.0  # arrival
-    nominal: float = math.inf  # duration of the ride by the quasi-static model; steps are nominal/steps
-    turns: bool = False  # whether it turns back by that model
-    rest_speed: float = 0.0  # a car is at rest whose mean speed over an axial round trip is less, and whose place is
-    rest_distance: float = 0.0  # within this distance of a place where it stays
-    ways: tuple[tuple[float, int], ...] = ()  # (from s_o on, way that a car at rest sets out by statics: 1, 0 or -1)
+    nominal: float = math.inf  # duration by the quasi-static model; steps are nominal/steps
+    turns: bool = False  # whether that model turns back
+    rest_speed: float = 0.0  # mean speed over an axial round trip that counts as rest
+    rest_distance: float = 0.0  # to a place where the car stays
+    ways: tuple[tuple[float, int], ...] = ()  # (from s_o on, way of a car at rest by statics: 1, 0 or -1)
 
     @property
     def back_place(self) -> float:
-        """Where a ride that rolls back is over: half its start, 0.5 % of the length at most."""
+        """A ride that rolls back is over here: half its start, at most 0.5 % of the length."""
         return 0.5 * min(self.start, START)
 
     @cached_property
     def phases(self) -> tuple[tuple[float, float], ...]:
-        """Consecutive [t0, t1] of a free ride, inside which forces are smooth in time."""
+        """Consecutive [t0, t1] of smooth forces."""
         breaks = {self.release, *(t for t, _ in self.thrust_table)}
         inside = sorted(t for t in breaks if 0.0 < t < self.end_time)
         return tuple(zip([0.0, *inside], [*inside, self.end_time], strict=True))
 
     def thrust(self, t, phase):
-        """Return the thrust at t by the line of that phase; any shapes."""
+        """The thrust at t by the line of that phase; any shapes."""
         value, slope, t0 = self._lines[:, phase]
         return value + slope * (t - t0)
 
     def hold(self, t: float) -> float:
-        """What is left of the force that holds the car at its start: (1 - x)^2 (1 + 2 x), x = t/release."""
+        """Remaining share of the force that holds the car: (1 - x)^2 (1 + 2 x), x = t/release."""
         x = t / self.release if self.release > 0.0 else 1.0
         return (1.0 - x) ** 2 * (1.0 + 2.0 * x) if x < 1.0 else 0.0
 
@@ -254,16 +251,16 @@ class Drive:
 
     @property
     def resists(self) -> bool:
-        """Whether friction or a brake may hold the car on the cable."""
+        """Whether friction or a brake acts."""
         return self.mu_r > 0.0 or bool(self.brakes)
 
     def way(self, s_o: float) -> int:
-        """Return the way in which a car at rest at s_o sets out under the last thrust: 1, -1, or 0 where it stays."""
+        """Way of a car at rest at s_o under the last thrust: 1, -1, or 0."""
         i = bisect.bisect_right(self.ways, (s_o, math.inf)) - 1
         return self.ways[i][1] if i >= 0 else 0
 
     def stays(self, s_o: float) -> bool:
-        """Return whether s_o is within `rest_distance` of a place where a car at rest stays."""
+        """Whether s_o is within `rest_distance` of a place of rest."""
         ends = [*(s for s, _ in self.ways[1:]), math.inf]
         d = self.rest_distance
         zones = ((a, b) for (a, way), b in zip(self.ways, ends, strict=True) if way == 0)
@@ -272,15 +269,14 @@ class Drive:
     def part_of_step(
         self, axial: float, sigma: float, s_o: float, speed: float, forward: float, since: float, rubs: bool
     ) -> float:
-        """Return which part of a step a rolling car takes at s_o, 0 < s_o < 1.
+        """Return the part of a step that a rolling car takes at s_o.
 
-        axial : time of axial waves over the cable and back. forward : sign of the car's motion, 0 before it has one.
-        since : time after a jump of a force along the cable, inf where it does not matter.
-        rubs : whether a brake or a hold acts, which axial waves turn.
+        axial : round trip of axial waves. forward : sign of the motion, 0 at rest.
+        since : time after a jump of force along the cable. rubs : whether a brake or a hold acts.
         """
         step, near = self.nominal / STANDARD, min(s_o, 1.0 - s_o)
         there = near / abs(speed) if speed else math.inf
-        # the time in which weight alone would bring it to rest; none where a car at rest would set out the same way
+        # rest by weight alone; none where the car would set out again the same way
         halts = self.mu_r > 0.0 and forward * self.way(s_o) <= 0.0
         halt = abs(speed) / sigma if halts else math.inf
         rings, ahead = axial / RINGS, s_o if forward < 0.0 else 1.0 - s_o

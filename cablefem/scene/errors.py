@@ -5,7 +5,7 @@ from collections.abc import Iterable
 
 _LINE = "a line at rest with [[contact]] has it"
 _FIXED = "the two ends of the cable are fixed"
-# What people ask for and is not there, by the key that they try.
+# keys that people try
 NOT_MODELLED = {
     "counterweight": f"{_FIXED}, so the tension grows under the car where a counterweight would hold it; {_LINE}",
     "tower": f"the cable has one span; {_LINE} (kind saddle)",
@@ -31,7 +31,7 @@ NOT_MODELLED = {
 
 
 class SceneError(ValueError):
-    """A scene that cannot be simulated; `faults` holds one line per fault: field, value and admissible range."""
+    """A scene that cannot be simulated; `faults`, one per line: field, value, range."""
 
     def __init__(self, faults: list[str]) -> None:
         super().__init__(faults)
@@ -42,13 +42,13 @@ class SceneError(ValueError):
 
 
 def shown(value: object) -> str:
-    """The value as its writer would recognise it, on one line and not much longer than a word."""
+    """The value on one line, shortened."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 60 else text[:57] + "..."
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """Return ' Did you mean ...?' with the nearest known word, if any is near, and the list of all known ones."""
+    """' Did you mean ...?' with the nearest known word, and the list of all."""
     spelt = {name.lower(): name for name in known}
     match = difflib.get_close_matches(word.lower(), spelt, n=1, cutoff=0.5)
     return (f" Did you mean {spelt[match[0]]}?" if match else "") + f" Known: {', '.join(spelt.values())}."

@@ -1,4 +1,4 @@
-"""Fields with their admissible values, and the model base that turns every fault into one line."""
+"""Fields with their admissible values; every fault is one line."""
 
 import math
 import numbers
@@ -12,17 +12,17 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidat
 
 from cablefem.scene.errors import NOT_MODELLED, SceneError, nearest, shown
 
-# No cable is built outside these; inside them no product of fields overflows or vanishes.
+# within these no product of fields overflows or vanishes
 SMALL, LARGE = 1e-12, 1e15
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """A validator that says what it admits; `convert` returns None for anything else."""
+    """A validator; `convert` returns None for what it does not admit."""
 
     admissible: str
     convert: Callable[[Any], object | None]
-    schema: dict[str, Any] = field(default_factory=dict, hash=False)  # the same for editors
+    schema: dict[str, Any] = field(default_factory=dict, hash=False)  # for editors
 
     def __call__(self, value: object) -> object:
         converted = self.convert(value)
@@ -32,7 +32,7 @@ class Check:
 
 
 def _number(admits: Callable[[float], bool]) -> Callable[[object], float | None]:
-    """Convert real numbers, numpy's too, that `admits` accepts; no bool, no text, neither NaN nor infinity."""
+    """Convert real numbers that `admits` accepts; no bool, text, NaN or infinity."""
 
     def convert(value: object) -> float | None:
         if isinstance(value, bool) or not isinstance(value, numbers.Real):
@@ -47,7 +47,7 @@ def _number(admits: Callable[[float], bool]) -> Callable[[object], float | None]
 
 
 def several(value: object) -> tuple | None:
-    """The values of a list of at least two, whatever they are; None for anything else."""
+    """A list of two or more; else None."""
     values = value.tolist() if isinstance(value, np.ndarray) else value
     return tuple(values) if isinstance(values, list | tuple) and len(values) > 1 else None
 
@@ -81,28 +81,24 @@ Numbers = Annotated[tuple[NonNegative, ...], BeforeValidator(_SEVERAL)]
 Reals = Annotated[tuple[Real, ...], BeforeValidator(_SEVERAL)]
 Line = Annotated[str, BeforeValidator(_LINE)]
 Name = Annotated[str, BeforeValidator(_NAME)]
-Word = Annotated[str, BeforeValidator(_WORD)]  # a name that a dotted key can hold
+Word = Annotated[str, BeforeValidator(_WORD)]  # part of a dotted key
 
 
 def said(text: str, default: Any = ..., **more: Any) -> Any:
-    """Return a field whose description begins with its unit in brackets: "[kg] mass of the car"."""
+    """A field whose description begins with its unit: "[kg] mass of the car"."""
     return Field(default, description=text, **more)
 
 
 def real(value: object) -> float | None:
-    """Return the value as a number, None for anything else."""
     return REAL.convert(value)  # type: ignore[return-value]
 
 
 def between(low: float, high: float) -> BeforeValidator:
-    """A number from low to high."""
     schema = {"type": "number", "minimum": low, "maximum": high}
     return BeforeValidator(Check(f"a number from {low:g} to {high:g}", _number(lambda x: low <= x <= high), schema))
 
 
 def whole(low: int, high: int) -> BeforeValidator:
-    """A whole number from low to high."""
-
     def convert(value: object) -> int | None:
         return value if isinstance(value, int) and not isinstance(value, bool) and low <= value <= high else None
 
@@ -111,7 +107,6 @@ def whole(low: int, high: int) -> BeforeValidator:
 
 
 def tables(like: str) -> BeforeValidator:
-    """A list of tables."""
     check = Check(
         f"a list of tables {like}", lambda x: tuple(x) if isinstance(x, list | tuple) else None, {"type": "array"}
     )
@@ -119,8 +114,6 @@ def tables(like: str) -> BeforeValidator:
 
 
 def choice(known: Sequence[str]) -> BeforeValidator:
-    """One of the known words."""
-
     def convert(value: object) -> object:
         if value not in known:
             raise ValueError(f"unknown.{nearest(str(value), known)}")
@@ -130,7 +123,7 @@ def choice(known: Sequence[str]) -> BeforeValidator:
 
 
 class Part(BaseModel):
-    """A frozen piece of a scene; building it with faults raises SceneError with all of them."""
+    """A frozen piece of a scene; SceneError with all its faults."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, serialize_by_alias=True)
 
@@ -145,24 +138,24 @@ class Part(BaseModel):
             raise SceneError(faults)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a part with some fields replaced, checked as a new one is."""
+        """A copy with some fields replaced, checked as a new one is."""
         given = {name: getattr(self, name) for name in type(self).model_fields}
         return type(self)(**{_written(type(self), name): x for name, x in {**given, **(update or {})}.items()})
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        """Faults that no field has alone; `data` as given, with or without faults of its own."""
+        """Faults between fields; `data` as given, sound or not."""
         return []
 
     @classmethod
     def field_names(cls) -> list[str]:
-        """Names of the fields as they are written, inherited ones last."""
+        """Names as written, inherited ones last."""
         own = sorted(cls.model_fields, key=lambda name: name not in cls.__annotations__)
         return [_written(cls, name) for name in own]
 
     @classmethod
     def _lines(cls, item: Any) -> list[str]:
-        """Turn one error item of pydantic into lines 'field = value: what is admissible'."""
+        """Lines 'field = value: what is admissible' from one error of pydantic."""
         name, *inner = item["loc"]
         cause = item.get("ctx", {}).get("error")
         where = f"{name}[{inner[0]}]" if inner and isinstance(inner[0], int) else str(name)
@@ -178,18 +171,16 @@ class Part(BaseModel):
             return [cls._kind_fault(where, kind, _kinds(cls.model_fields[name].annotation))]
         if where == "mass" and isinstance(item["input"], list | tuple):
             cause = f"not modelled: {NOT_MODELLED['masses']}"
-        # without a cause it is pydantic's own: the only other type a field can have is a part
+        # pydantic's own error without a cause: the field must be a part
         return [f"{where} = {shown(item['input'])}: {cause or f'must be a table [{where}]'}"]
 
     @classmethod
     def _admissible(cls, name: str) -> str:
-        """Return what a field of that name admits."""
         missing = next(x for key, x in cls.model_fields.items() if name in (key, x.alias))
         return next((m.func.admissible for m in missing.metadata if hasattr(m, "func")), f"a table [{name}]")
 
     @staticmethod
     def _kind_fault(where: str, kind: object, known: list[str]) -> str:
-        """Return what is wrong with the kind that tells the members of a union from one another."""
         if kind is None:
             return f"{where}.kind: missing; must be one of {', '.join(known)}"
         return f"{where}.kind = {shown(kind)}: unknown.{nearest(str(kind), known)}"
@@ -197,8 +188,6 @@ class Part(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class NumberOr:
-    """A validator of a number or of a table."""
-
     number: Check
     table: type[Part]
 
@@ -218,7 +207,6 @@ class NumberOr:
 
 
 def number_or(number: Check, table: type[Part]) -> Any:
-    """Return the type of a field that is a number or a table."""
     return Annotated[Any, PlainValidator(NumberOr(number, table))]
 
 
@@ -228,7 +216,7 @@ def _written(part: type[Part], name: str) -> str:
 
 
 def _kinds(annotation: Any) -> list[str]:
-    """The values of `kind` that tell the members of a union of parts from one another."""
+    """Values of `kind` in a union of parts."""
     kinds: list[str] = []
     for member in get_args(annotation):
         is_part = isinstance(member, type) and issubclass(member, Part)

@@ -1,4 +1,4 @@
-"""All keys of a scene file with unit, meaning, default and range, and as a JSON schema; read off the models."""
+"""All keys of a scene file, read off the models, and their JSON schema."""
 
 from __future__ import annotations
 
@@ -12,9 +12,7 @@ from cablefem.scene.fields import REAL, Check, NumberOr, Part
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """One key of a scene file."""
-
-    name: str  # dotted; [] behind a list of tables, (kind) behind a table that has several
+    name: str  # dotted; [] after a list of tables, (kind) after a table of several
     unit: str
     meaning: str
     default: str
@@ -22,7 +20,7 @@ class Key:
 
     @property
     def brief(self) -> str:
-        """What it admits without the widest range of numbers."""
+        """Admissible values, but for the widest range."""
         if self.admits == REAL.admissible:
             return "any number"
         text = re.sub(r":? ?(0, or )?,? ?from 1e-12 to 1e\+15|^a number (?=[>f])", "", self.admits)
@@ -30,7 +28,7 @@ class Key:
 
 
 def keys(part: type[Part], before: str = "") -> Iterator[Key]:
-    """Yield all keys of a part and of the parts in it."""
+    """All keys of a part and its parts."""
     for name in part.field_names():
         field = _field(part, name)
         checks, parts, many = _types(field)
@@ -47,7 +45,7 @@ def keys(part: type[Part], before: str = "") -> Iterator[Key]:
 
 
 def _kinds(parts: list[type[Part]], name: str) -> Iterator[Key]:
-    """Yield the keys of a table of several kinds: its kind, each kind's own keys, then what they share."""
+    """Keys of a table of several kinds: the kind, its own keys, shared ones."""
     kinds = [part.model_fields["kind"].default for part in parts]
     yield Key(f"{name}.kind", "-", "which law", "required", f"one of {', '.join(kinds)}")
     for part, kind in zip(parts, kinds, strict=True):
@@ -58,12 +56,12 @@ def _kinds(parts: list[type[Part]], name: str) -> Iterator[Key]:
 
 
 def _own(part: type[Part]) -> set[str]:
-    """Return the names of the fields that a part does not inherit, as they are written."""
+    """Names of fields that are not inherited."""
     return {part.model_fields[name].alias or name for name in part.__annotations__ if name in part.model_fields}
 
 
 def schema(*parts: type[Part]) -> dict[str, Any]:
-    """Return the JSON schema of a scene file that is any one of these parts."""
+    """The JSON schema of a scene file for these parts."""
     content = _table(parts[0]) if len(parts) == 1 else {"anyOf": [_table(part) for part in parts]}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "scene of cablefem", **content}
 
@@ -95,7 +93,7 @@ def _field(part: type[Part], written: str) -> Any:
 
 
 def _types(field: Any) -> tuple[list[Check], list[type[Part]], bool]:
-    """Return what a field admits: its checks, the tables that it may be, and whether it is a list of them."""
+    """Checks and tables of a field, and whether it is a list."""
     checks: list[Check] = []
     parts: list[type[Part]] = []
 
@@ -115,7 +113,7 @@ def _types(field: Any) -> tuple[list[Check], list[type[Part]], bool]:
 
     look(field.annotation, field.metadata)
     many = bool(parts) and any(check.schema.get("type") == "array" for check in checks)
-    if not parts and len(checks) > 1:  # a list of numbers: what holds the whole comes first
+    if not parts and len(checks) > 1:  # the check of the list comes first
         checks = checks[:1]
     return checks, parts, many
 

@@ -1,7 +1,7 @@
-"""A line: one rope at rest over anchors, springs, saddles and a counterweight, with cars on it.
+"""One rope at rest over anchors, springs, saddles and a counterweight, with cars.
 
-SI; x to the right and y down from the first contact. s is unstretched rope at the reference temperature, counted from
-the left end of the empty line.
+SI; x to the right and y down from the first contact. s is unstretched rope at the reference temperature, from the left
+end of the empty line.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from cablefem.scene.scene import LINES, parsed, scene_text
 from cablefem.scene.surroundings import Ground, Obstacle, read_ground, surroundings_faults
 
 KINDS = ("anchor", "spring", "saddle", "counterweight")
-OWNED = {"tension": "counterweight", "stiffness": "spring", "shoe": "saddle"}  # keys of one kind of contact
-ONE_SPAN = ("supports", "mass", "travel", "drive")  # tables of a scene that a line has not
+OWNED = {"tension": "counterweight", "stiffness": "spring", "shoe": "saddle"}  # of one kind of contact
+ONE_SPAN = ("supports", "mass", "travel", "drive")  # tables that a line has not
 MOST = 10_000  # positions of the cars
 
 
@@ -66,7 +66,6 @@ class Contact(Part):
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        """Each kind has the keys that it needs, and no others."""
         kind, faults = data.get("kind"), []
         for key, owner in OWNED.items():
             given = data.get(key) is not None
@@ -96,14 +95,14 @@ class Car(Part):
 
 
 class Tie(Part):
-    """Tension of the empty line at one contact."""
+    """Tension of the empty line at a contact."""
 
     at: Word = said("[-] name of the contact")
     value: Positive = said("[N] tension of the empty line there")
 
 
 class LineRope(Rope):
-    """The rope of a line; with two fixed ends, `length` or `tension` says how taut it is."""
+    """The rope of a line; with two fixed ends it needs `length` or `tension`."""
 
     mass_per_length: Positive = said("[kg/m] mass of the rope per unstretched length")
     length: Positive | None = said("[m] unstretched length between two fixed ends", None)
@@ -112,13 +111,13 @@ class LineRope(Rope):
 
 @dataclass(frozen=True, slots=True)
 class Station:
-    """A contact or a car in its place; nan where the place is an unknown."""
+    """A contact or a car; nan: unknown place."""
 
     name: str
-    kind: str  # of a contact, or "grips" or "hauled"
+    kind: str  # or "grips", "hauled"
     x: float
     y: float
-    force: float = 0.0  # [N] tension of a counterweight, weight of a car
+    force: float = 0.0  # [N] of a counterweight; weight of a car
     stiffness: tuple[float, float] | None = None
 
     @property
@@ -130,31 +129,31 @@ class Station:
 class Case:
     """A line at rest to be solved: stations from left to right, and the rope.
 
-    Lengths s are those at the reference temperature; `heat` times as long without tension.
+    s is length at the reference temperature; unloaded rope is `heat` times as long.
     """
 
     stations: tuple[Station, ...]
-    weight: float  # q [N/m] per s
+    weight: float  # [N/m] per s
     EA: float  # [N]
     heat: float = 1.0  # 1 + a dT
-    length: float | None = None  # s of the right end, where it is fixed; None: unknown
-    tie: tuple[int, float] | None = None  # station and tension [N] that determine an unknown length
+    length: float | None = None  # s of a fixed right end
+    tie: tuple[int, float] | None = None  # station and tension [N] that fix an unknown length
 
     @property
     def fixed_places(self) -> np.ndarray:
-        """Places of the stations (n, 2) [m], nan where unknown."""
+        """(n, 2) [m], nan where unknown."""
         return np.array([[np.nan, np.nan] if p.kind == "spring" else [p.x, p.y] for p in self.stations])
 
     @property
     def tied(self) -> tuple[int, float] | None:
-        """The condition that stands for an unknown length, if there is one."""
+        """The condition for an unknown length."""
         return self.tie if self.length is None else None
 
     @property
     def fixed_s(self) -> np.ndarray:
         """s of the stations (n,) [m], nan where unknown.
 
-        Without a length the rope is counted from an end that does not move over a pulley.
+        Without a length, s starts at an end that no pulley moves.
         """
         s = np.full(len(self.stations), np.nan)
         left, right = (self.stations[i].kind != "counterweight" for i in (0, -1))
@@ -167,33 +166,33 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class LineState:
-    """A line at rest. Forces are N t, the pull of the rope towards growing s; n stations, n - 1 pieces."""
+    """A line at rest with n stations. Forces are N t, the pull towards growing s."""
 
     case: Case
     s: np.ndarray  # (n,) [m]
     place: np.ndarray  # (n, 2) [m]
     behind: np.ndarray  # (n, 2) [N]; nan at the left end
     ahead: np.ndarray  # (n, 2) [N]; nan at the right end
-    haul: np.ndarray  # (n,) [N] F of hauled cars, positive to the right; nan of all others
-    middle: np.ndarray  # (n - 1, 2) [m] places half way along s of each piece
+    haul: np.ndarray  # (n,) [N] F of hauled cars, positive to the right; else nan
+    middle: np.ndarray  # (n - 1, 2) [m] places halfway along the pieces
 
     @property
     def tensions(self) -> np.ndarray:
-        """Tension behind and ahead of each station (n, 2) [N]; nan where there is no rope."""
+        """(n, 2) [N], behind and ahead of each station; nan beyond the rope."""
         return np.stack([np.linalg.norm(self.behind, axis=1), np.linalg.norm(self.ahead, axis=1)], axis=1)
 
     @property
     def pressure(self) -> np.ndarray:
-        """Force of the rope on each station between the ends (n, 2) [N]; nan at the ends."""
+        """Force of the rope on the inner stations (n, 2) [N]; nan at the ends."""
         return self.ahead - self.behind
 
 
 class NoLine(ArithmeticError):
-    """No state of rest was found, or none exists; the message says why."""
+    """No state of rest was found, or none exists."""
 
 
 class NotFound(NoLine):
-    """Newton's method did not end: nothing is known."""
+    """Newton's method did not converge."""
 
     def __init__(self) -> None:
         super().__init__("no state of rest was found")
@@ -207,7 +206,7 @@ class LineRest:
     """A line at rest at all positions of its cars."""
 
     line: Line
-    empty: LineState  # at the reference temperature, without ice
+    empty: LineState  # reference temperature, no ice
     positions: list[LineState | NoLine]
 
 
@@ -229,7 +228,6 @@ class Line(Part):
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        """Faults between contacts, cars and rope, where these have none of their own."""
         try:
             contacts = [c if isinstance(c, Contact) else Contact(**c) for c in data["contact"]]
             cars = [c if isinstance(c, Car) else Car(**c) for c in data.get("car", ())]
@@ -258,13 +256,13 @@ class Line(Part):
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Self:
-        """The built-in line of that name, or the line in that TOML file; SceneError with all its faults."""
+        """Return a built-in line or that of a TOML file; SceneError with all its faults."""
         text, name = scene_text(name_or_path)
         return cls.from_toml(text, name=name, folder=Path(name_or_path).parent)
 
     @classmethod
     def from_toml(cls, text: str, *, name: str = "line", folder: Path = Path()) -> Self:
-        """The line in a TOML text; a file of the ground is looked for in the folder."""
+        """Return the line in a TOML text; `folder` holds a file of the ground."""
         data = parsed(text)
         if isinstance(ground := data.get("ground"), str):
             data["ground"] = read_ground(ground, folder)
@@ -276,7 +274,7 @@ class Line(Part):
         return {name: cls.load(name).title for name in LINES}
 
     def replace(self, changes: Mapping[str, Any]) -> Self:
-        """Return this line with other values of some keys, dotted: {"contact.valley.tension": 4e5}."""
+        """Return this line with other values of dotted keys: {"contact.valley.tension": 4e5}."""
         data = tomllib.loads(self.to_toml())
         for key, value in changes.items():
             try:
@@ -286,7 +284,6 @@ class Line(Part):
         return type(self)(**data)
 
     def to_toml(self) -> str:
-        """A file that reads back as this line."""
         data = self.model_dump(exclude_none=True, exclude_defaults=True, mode="json")
         return tomli_w.dumps({"name": self.name, **data})
 
@@ -294,19 +291,19 @@ class Line(Part):
 
     @property
     def count(self) -> int:
-        """Number of positions of the cars; 1 without cars."""
+        """Number of positions of the cars."""
         return max((len(car.at) for car in self.car), default=1)
 
     def place(self, car: Car, i: int) -> float:
-        """x [m] of a car at a position; one number among lists stands still."""
+        """x [m] of a car at position i."""
         return car.at[i] if len(car.at) > 1 else car.at[0]
 
     def shoe(self, x: float) -> str | None:
-        """Name of the saddle on whose shoe a car at x rests."""
+        """Saddle on whose shoe a car at x rests."""
         return next((c.name for c in self.contact if c.shoe is not None and abs(x - c.at[0]) <= c.shoe), None)
 
     def case(self, i: int | None, length: float | None) -> Case:
-        """Position i of the cars; None: the empty line at the reference temperature, without ice."""
+        """Position i of the cars; None: empty, at the reference temperature, without ice."""
         stations = [Station(c.name, c.kind, *c.at, force=c.tension or 0.0, stiffness=c.stiffness) for c in self.contact]
         rope, tie = self.cable, None
         if i is None:
@@ -399,7 +396,6 @@ def _rope_faults(rope: LineRope, contacts: list[Contact]) -> list[str]:
 
 
 def _car_faults(cars: list[Car], contacts: list[Contact]) -> list[str]:
-    """Cars are on the line and in order, and pass saddles on shoes."""
     end = contacts[-1].at[0]
     many = sorted({len(car.at) for car in cars} - {1})
     if len(many) > 1:

@@ -1,4 +1,4 @@
-"""The travel s_o(t) of the mass: a piecewise cubic with exact derivatives."""
+"""The travel s_o(t): a piecewise cubic with exact derivatives."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-MOST, SAME = 20, 1e-9  # Newton steps towards a mean place; its error over the way between
+MOST, SAME = 20, 1e-9  # Newton steps towards a mean place; their error over its way
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """s_o(t) = c0 + c1 x + c2 x^2 + c3 x^3, x = t - origin, in use from `start` on."""
+    """s_o(t) = c0 + c1 x + c2 x^2 + c3 x^3, x = t - origin, from `start` on."""
 
     start: float
     origin: float
@@ -23,7 +23,7 @@ class Piece:
     c3: float = 0.0
 
     def __call__(self, t: float) -> tuple[float, float, float]:
-        """Return (s_o, ds_o/dt, d2s_o/dt2) at t."""
+        """(s_o, ds_o/dt, d2s_o/dt2)."""
         x = t - self.origin
         return (
             self.c0 + x * (self.c1 + x * (self.c2 + x * self.c3)),
@@ -34,23 +34,23 @@ class Piece:
 
 @dataclass(frozen=True)
 class Motion:
-    """The travel in phases, between which the acceleration jumps; SI, or without units in `Groups`."""
+    """Travel in phases; the acceleration jumps between them. SI, or dimensionless in `Groups`."""
 
-    phases: tuple[tuple[float, float], ...]  # consecutive [t0, t1]; the last t1 is the end of travel
-    pieces: tuple[tuple[Piece, ...], ...]  # of each phase; inside a phase the acceleration is continuous
+    phases: tuple[tuple[float, float], ...]  # consecutive [t0, t1]
+    pieces: tuple[tuple[Piece, ...], ...]  # of each phase
     end: float  # s_o at the end of travel
 
     def at(self, t: float, phase: int) -> tuple[float, float, float]:
-        """Return (s_o, ds_o/dt, d2s_o/dt2) at t by the polynomials of that phase, also beyond its ends."""
+        """(s_o, ds_o/dt, d2s_o/dt2) by the polynomials of a phase, also beyond its ends."""
         pieces = self.pieces[phase]
         index = bisect.bisect_right(pieces, t, key=lambda piece: piece.start) - 1 if len(pieces) > 1 else 0
         s, ds, dds = pieces[max(0, index)](t)
         if t == self.phases[-1][1]:
-            s = self.end  # exactly, where the polynomial has rounding
+            s = self.end  # without rounding
         return s, ds, dds
 
     def along(self, t: np.ndarray, phase: np.ndarray | int) -> np.ndarray:
-        """Return `at` for many instants and their phases, or one phase: rows s_o, ds_o, dds_o, (3, n)."""
+        """`at` for many instants: rows s_o, ds_o, dds_o, (3, n)."""
         out, c, one = np.empty((3, t.size)), self._columns, isinstance(phase, int)
         for p in (phase,) if one else np.unique(phase).tolist():
             rows, first, count = slice(None) if one else phase == p, sum(map(len, self.pieces[:p])), len(self.pieces[p])
@@ -65,11 +65,8 @@ class Motion:
         return out
 
     def between(self, t0: np.ndarray, t1: np.ndarray, w: float, phase: int) -> np.ndarray:
-        """Return the instants (n,) at which the place is the mean of those at t0 and t1, weighted 1 - w and w.
-
-        A step that takes means of its unknowns is balanced there.
-        """
-        if t0.size == 1:  # arrays of one would take ten times as long
+        """Times (n,) of the mean place w s_o(t1) + (1 - w) s_o(t0): a step is balanced there."""
+        if t0.size == 1:  # faster than arrays
             return np.array([self._between(t0.item(), t1.item(), w, phase)])
         first, last = self.along(t0, phase)[0], self.along(t1, phase)[0]
         want, t = (1.0 - w) * first + w * last, (1.0 - w) * t0 + w * t1
@@ -93,11 +90,10 @@ class Motion:
 
     @property
     def begin(self) -> float:
-        """s_o at t = 0."""
         return self.pieces[0][0](0.0)[0]
 
     def position(self, t) -> np.ndarray:
-        """s_o at times t, same shape; constant before and after the travel."""
+        """s_o at t, same shape; constant outside the travel."""
         stop = self.phases[-1][1]
         t = np.clip(np.asarray(t, dtype=float), 0.0, stop)
         start, origin, c0, c1, c2, c3 = self._columns
@@ -106,18 +102,18 @@ class Motion:
         return np.where(t == stop, self.end, c0[k] + x * (c1[k] + x * (c2[k] + x * c3[k])))
 
     def speed(self, t) -> np.ndarray:
-        """ds_o/dt at times t within the travel, same shape; at a jump the later one."""
+        """ds_o/dt at t, same shape; the later one at a jump."""
         start, origin, _, c1, c2, c3 = self._columns
         k = np.searchsorted(start[1:], t, side="right")
         x = np.asarray(t, dtype=float) - origin[k]
         return c1[k] + x * (2.0 * c2[k] + 3.0 * x * c3[k])
 
     def time_at(self, s_o: float) -> float:
-        """The time at which the mass comes to s_o, to rounding; ValueError where it never comes."""
+        """When the mass comes to s_o; ValueError if never."""
         return float(self.times_at(np.array([s_o]))[0])
 
     def times_at(self, places: np.ndarray) -> np.ndarray:
-        """Return `time_at` of many places (n,), by bisection of all of them together."""
+        """`time_at` of many places (n,), by bisection."""
         index, low, high = self._ends_around(places)
         while ((low < (middle := 0.5 * (low + high))) & (middle < high)).any():
             early = self._on(index, middle) < places
@@ -125,7 +121,7 @@ class Motion:
         return high
 
     def _ends_around(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the pieces on which the mass comes to places (n,), and their ends; ValueError where it never comes."""
+        """Pieces with the places (n,), and their ends; ValueError for a place not reached."""
         never = [s for s in places.tolist() if not self.begin <= s <= self.end]
         if never:
             raise ValueError(
@@ -135,18 +131,18 @@ class Motion:
         known = self.position(times)
         k = np.searchsorted(known, places, side="left")
         index, high = np.maximum(k - 1, 0), times[k]
-        # at the piece's end, or within its rounding
+        # within rounding
         return index, np.where((known[k] == places) | (self._on(index, high) <= places), high, times[index]), high
 
     def _on(self, index: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Return s_o at times t (n,), each by the polynomial of its piece."""
+        """s_o at t (n,), each on its piece."""
         _, origin, c0, c1, c2, c3 = self._columns[:, index]
         x = t - origin
         return c0 + x * (c1 + x * (c2 + x * c3))
 
     @property
     def speeds(self) -> list[tuple[float, float]]:
-        """(t, ds_o/dt) wherever the speed can be largest or least."""
+        """(t, ds_o/dt) wherever the speed can be extreme."""
         samples = []
         for (_, stop), pieces in zip(self.phases, self.pieces, strict=True):
             for piece, high in zip(pieces, [*(p.start for p in pieces[1:]), stop], strict=True):
@@ -158,12 +154,12 @@ class Motion:
 
     @cached_property
     def top_speed(self) -> float:
-        """Largest ds_o/dt of the travel."""
+        """Largest ds_o/dt."""
         return max(speed for _, speed in self.speeds)
 
     @property
     def standstills(self) -> list[tuple[float, float]]:
-        """Phases [t0, t1] in which the mass stands."""
+        """Phases [t0, t1] at rest."""
         still = [all(p.c1 == p.c2 == p.c3 == 0.0 for p in pieces) for pieces in self.pieces]
         return [phase for phase, stands in zip(self.phases, still, strict=True) if stands]
 
@@ -173,7 +169,7 @@ class Motion:
         return Motion(self.phases, pieces, self.end + start)
 
     def then(self, duration: float, acceleration: float) -> Motion:
-        """The same motion, brought to rest by that acceleration, or with 0 standing, for `duration`."""
+        """Brakes by this acceleration, or stands for 0, for `duration`."""
         t = self.phases[-1][1]
         s, v, _ = self.at(t, len(self.phases) - 1)
         end = s if acceleration == 0.0 else s + 0.5 * v * duration
@@ -181,7 +177,7 @@ class Motion:
         return Motion((*self.phases, (t, t + duration)), (*self.pieces, (piece,)), end)
 
     def until(self, t_end: float) -> Motion:
-        """The same motion, broken off at t_end."""
+        """The motion up to t_end."""
         if t_end >= self.phases[-1][1]:
             return self
         phases = tuple((t0, min(t1, t_end)) for t0, t1 in self.phases if t0 < t_end)
@@ -189,7 +185,7 @@ class Motion:
         return Motion(phases, pieces, self.at(t_end, len(phases) - 1)[0])
 
     def scaled(self, length: float, time: float) -> Motion:
-        """The same motion with lengths measured in `length` and times in `time`."""
+        """The motion in other units."""
         v, a = time / length, time * time / length
 
         def piece(p: Piece) -> Piece:
@@ -205,5 +201,5 @@ class Motion:
 
 
 def standing(place: float, end: float) -> Motion:
-    """Return the motion of what stays at its place until `end`."""
+    """Rest at a place until `end`."""
     return Motion(((0.0, end),), ((Piece(0.0, 0.0, place, 0.0, 0.0),),), place)

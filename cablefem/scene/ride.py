@@ -1,10 +1,10 @@
-"""The quasi-static ride: the car on the curve of its own places at rest, its load path.
+"""The quasi-static ride: the car on the curve of its places at rest, its load path P(s).
 
-The cable has no inertia: the car at s has one place P(s), and cable and car one energy Pi(s). The car has its own:
+The cable has no inertia; cable and car at s have one energy Pi(s). The car has its own:
 
     mu |P'|^2 dds + mu P'.P'' ds^2 = -Pi'(s) + F_ext.P' + <lam> f.
 
-F_ext: thrust and drag. f = -(mu_r N_c + F_b) sign(ds): friction and brake along the cable, N_c normal to P'.
+F_ext: thrust and drag. f = -(mu_r N_c + F_b) sign(ds): friction and brake, N_c normal to P'.
 Lengths over l, forces over H, times over l sqrt(rho/H).
 """
 
@@ -25,16 +25,16 @@ from cablefem.scene.bisection import bisected
 from cablefem.scene.drive import Drive
 from cablefem.scene.statics import NoRest, gripped, nodes
 
-HORIZON = 1e3  # [l sqrt(rho/H)] a quasi-static ride is broken off then
-LASTS = 10.0  # times its quasi-static ride: end of a ride that neither arrives nor stops
-STICKS = 1e-13  # forces below, over H, are rounding
+HORIZON = 1e3  # [l sqrt(rho/H)] longest ride
+LASTS = 10.0  # longest ride over the quasi-static one
+STICKS = 1e-13  # over H: smaller forces are rounding
 
 
 class LoadPath:
-    """A curve on which the car rolls: P, P', P'', the force Pi' that holds it there and the stretch <lam>."""
+    """Curve on which the car rolls: P, P', P'', holding force Pi', stretch <lam>."""
 
     def __init__(self, s, place, slope, bend, hold, stretch) -> None:
-        from scipy.interpolate import CubicHermiteSpline, CubicSpline  # not for reading a scene
+        from scipy.interpolate import CubicHermiteSpline, CubicSpline  # slow to import
 
         self.s = s
         self.place: Callable = CubicHermiteSpline(s, place, slope)
@@ -43,7 +43,7 @@ class LoadPath:
         self._nodes = s.tolist()
 
     def __call__(self, s: float) -> tuple[float, float, float, float, float, float]:
-        """Return (P'_x, P'_y, P''_x, P''_y, Pi', <lam>) at s."""
+        """(P'_x, P'_y, P''_x, P''_y, Pi', <lam>) at s."""
         i = min(max(bisect.bisect_right(self._nodes, s) - 1, 0), len(self._nodes) - 2)
         x = s - self._nodes[i]
         c3, c2, c1, c0 = self._c[:, i]
@@ -53,13 +53,12 @@ class LoadPath:
 
     @classmethod
     def loaded(cls, groups) -> LoadPath:
-        """The elastic catenary of two pieces; groups: anything with mu, alpha, sigma, c."""
+        """The elastic catenary of two pieces; groups: mu, alpha, sigma, c."""
         r = gripped(nodes(), groups)
         return cls(r.s, r.place, r.along, r.bend, r.hold, r.stretch)
 
     @classmethod
     def empty(cls, groups) -> LoadPath:
-        """The shape of the empty cable."""
         s = nodes()
         _, xp, yp, xpp, ypp = catenary.static(s, groups.sigma, groups.c)
         place = np.stack(catenary.shape(s, groups.sigma, groups.c), -1)
@@ -68,7 +67,6 @@ class LoadPath:
 
     @classmethod
     def chord(cls, groups) -> LoadPath:
-        """The straight line between the supports."""
         s = nodes()
         slope = np.stack(catenary.shape(1.0, groups.sigma, groups.c))
         ones = np.ones_like(s)
@@ -78,8 +76,6 @@ class LoadPath:
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened to the car."""
-
     event: str  # "brake" | "turn" | "stop" | "arrival" | "back" | "thrust_end" | "release"
     t: float
     s_o: float
@@ -88,7 +84,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Ride:
-    """A quasi-static ride; times over l sqrt(rho/H), lengths over l."""
+    """A quasi-static ride, dimensionless."""
 
     path: LoadPath
     events: tuple[Event, ...]
@@ -96,11 +92,10 @@ class Ride:
 
     @property
     def duration(self) -> float:
-        """Time at which the ride is over."""
         return self.sections[-1][1] if self.sections else 0.0
 
     def at(self, t) -> tuple[np.ndarray, np.ndarray]:
-        """Return (s_o, ds_o) at times t, each of its shape."""
+        """(s_o, ds_o) at times t."""
         t = np.clip(np.asarray(t, dtype=float), 0.0, self.duration)
         which = np.clip(np.searchsorted([t0 for t0, _, _ in self.sections], t, side="right") - 1, 0, None)
         out = np.empty((2, *t.shape))
@@ -110,18 +105,17 @@ class Ride:
         return out[0], out[1]
 
     def speed(self, t) -> np.ndarray:
-        """|dp/dt| = |P'| |ds_o| at times t."""
+        """|P'| |ds_o| at times t."""
         s, v = self.at(t)
         return np.abs(v) * np.linalg.norm(self.path.place(s, 1), axis=-1)
 
     @cached_property
     def top_speed(self) -> float:
-        """Largest |dp/dt|."""
         return float(np.max(self.speed(np.linspace(0.0, self.duration, 2001)))) if self.sections else 0.0
 
 
 class Forces:
-    """Forces on a car on a load path; `brakes` counts those that have been reached."""
+    """Forces on a car on a load path; `brakes` counts those reached."""
 
     def __init__(self, path: LoadPath, mu: float, sigma: float, drive: Drive) -> None:
         self.path, self.mu, self.sigma, self.drive = path, mu, sigma, drive
@@ -130,7 +124,7 @@ class Forces:
         self.level = [0.0, *np.cumsum([force for _, force in drive.brakes]).tolist()]
 
     def at(self, t: float, s: float, v: float, phase: int) -> tuple[float, float, float, float]:
-        """Return the generalised force without friction, the normal load without brakes, mu |P'|^2, <lam>."""
+        """Force without friction, normal load without brakes, mu |P'|^2, <lam>."""
         drive, mu = self.drive, self.mu
         px, py, bx, by, hold, stretch = self.path(s)
         p2 = px * px + py * py
@@ -143,13 +137,13 @@ class Forces:
         return free, abs(normal) / p, mu * p2, stretch
 
     def stands(self, t: float, s: float, phase: int, brakes: int) -> float:
-        """Return the force beyond what friction and brakes hold, with its sign; 0 where they hold."""
+        """Signed force beyond what friction and brakes hold; else 0."""
         free, normal, _, stretch = self.at(t, s, 0.0, phase)
         most = stretch * (self.drive.mu_r * normal + self.level[brakes]) + STICKS
         return math.copysign(max(0.0, abs(free) - most), free)
 
     def loose(self, t: float, s: float, phase: int, brakes: int) -> tuple[float, int] | None:
-        """Return when and in which phase a car at rest begins to move; None: never."""
+        """When and in which phase a car at rest begins to move; None: never."""
         phases = self.drive.phases
         for k in range(phase, len(phases)):
             t0, t1 = max(t, phases[k][0]), phases[k][1]
@@ -162,7 +156,7 @@ class Forces:
         return None
 
     def ways(self) -> tuple[tuple[float, int], ...]:
-        """Return `Drive.ways`, by the forces in the last phase."""
+        """`Drive.ways` by the forces of the last phase."""
         drive, last = self.drive, len(self.drive.phases) - 1
         t, low, high = drive.phases[last][0], drive.back_place, drive.end_place
         marks = sorted({low, high, *(x for x in (*self.path.s[::8].tolist(), *self.places) if low < x < high)})
@@ -183,27 +177,26 @@ class Forces:
             if before != after:
                 leaves = bisected(lambda s: abs(way(s, brakes) - before) - 0.5, a, b)  # noqa: B023
                 comes = bisected(lambda s: 0.5 - abs(way(s, brakes) - after), a, b)  # noqa: B023
-                if before > after and comes >= leaves:  # between them it stays
+                if before > after and comes >= leaves:
                     add(leaves, 0)
                 add(comes, after)
         return tuple(out)
 
 
 class _Rolling:
-    """A ride under way: the car between two events, and what has happened."""
+    """A ride under way between two events."""
 
     def __init__(self, path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float) -> None:
         self.path, self.drive, self.turns = path, drive, turns
         self.forces = Forces(path, mu, sigma, drive)
         self.t, self.s, self.v, self.phase = 0.0, drive.start, 0.0, 0
-        self.sign = 0.0  # of the motion that friction and brakes work against
-        self.brakes = bisect.bisect_right(self.forces.places, drive.start)  # that have been reached
+        self.sign = 0.0  # of the motion
+        self.brakes = bisect.bisect_right(self.forces.places, drive.start)  # number reached
         self.end = min(drive.end_time, HORIZON)
         self.events: list[Event] = []
         self.sections: list[tuple[float, float, Callable]] = []
 
     def to_its_end(self) -> Ride:
-        """Roll on from event to event."""
         going = True
         while going and self.t < self.end:
             going = (self.v != 0.0 or self._depart()) and self._react(self._roll())
@@ -214,7 +207,7 @@ class _Rolling:
         self.events.append(Event(name, self.t, self.s, abs(self.v) * math.hypot(px, py)))
 
     def _depart(self) -> bool:
-        """Wait until friction and brakes cannot hold the car; return whether it goes on."""
+        """Wait until the car moves; return whether it does."""
         s, forces = self.s, self.forces
         go = forces.loose(self.t, s, self.phase, self.brakes)
         if go is None:
@@ -232,7 +225,7 @@ class _Rolling:
         return self.turns > 0
 
     def _watches(self) -> dict[str, Callable]:
-        """Return what may end the motion, by name."""
+        """Events that may end the motion."""
         drive, places, brakes = self.drive, self.forces.places, self.brakes
         watches = {"still": _watch(1, 0.0, -self.sign), "arrival": _watch(0, drive.end_place, 1.0)}
         watches["back"] = _watch(0, drive.back_place, -1.0)
@@ -245,7 +238,7 @@ class _Rolling:
         return watches
 
     def _roll(self) -> str | None:
-        """Integrate up to the next event, or the end of the phase; return the event."""
+        """Integrate to the next event or the end of the phase."""
         from scipy.integrate import solve_ivp
 
         phase, sign, forces, mu_r = self.phase, self.sign, self.forces, self.drive.mu_r
@@ -267,7 +260,7 @@ class _Rolling:
         return next((name for name, times in zip(watches, run.t_events, strict=True) if times.size), None)
 
     def _react(self, event: str | None) -> bool:
-        """Do what an event does to the car; return whether the ride goes on."""
+        """Apply an event; return whether the ride goes on."""
         if event is None:
             self._next_phase()
         elif event in ("still", "rest"):
@@ -292,12 +285,12 @@ class _Rolling:
 
 
 def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = math.inf) -> Ride:
-    """Let the car roll until it arrives, is at rest for good, has turned `turns` times, or its time is over."""
+    """Roll until arrival, final rest, `turns` turns, or the end of time."""
     return _Rolling(path, mu, sigma, drive, turns).to_its_end()
 
 
 def _watch(component: int, value: float, direction: float) -> Callable:
-    """An event of scipy's integrator that ends a run where (s_o, ds_o)[component] passes a value."""
+    """An event for scipy: (s_o, ds_o)[component] passes a value."""
 
     def watch(t, y):
         return y[component] - value
@@ -307,7 +300,7 @@ def _watch(component: int, value: float, direction: float) -> Callable:
 
 
 def _at_rest(path: LoadPath, drive: Drive) -> Callable:
-    """An event of scipy's integrator: the car is slow where it would stay."""
+    """An event for scipy: the car is slow where it would stay."""
 
     def watch(t, y):
         px, py, *_ = path(y[0])
@@ -319,14 +312,14 @@ def _at_rest(path: LoadPath, drive: Drive) -> Callable:
 
 
 def quasi_static(groups, drive: Drive) -> tuple[Ride, Drive]:
-    """Return the ride on the loaded cable, and the drive with its `nominal` duration, `turns` and `end_time`.
+    """Return the ride on the loaded cable, and the drive with `nominal`, `turns` and `end_time`.
 
-    A ride of open end that swings is over where it turns for the second time.
+    A swinging ride of open end is over at its second turn.
     """
     path = LoadPath.loaded(groups)
     drive = replace(drive, ways=Forces(path, groups.mu, groups.sigma, drive).ways())
     first = ride(path, groups.mu, groups.sigma, drive, math.inf if math.isfinite(drive.end_time) else 2)
-    nominal = first.duration or min(1.0, drive.end_time)  # a car that stays where it is: a wave's way
+    nominal = first.duration or min(1.0, drive.end_time)  # a car that stays
     drive = replace(drive, turns=any(event.event == "turn" for event in first.events))
     if math.isfinite(drive.end_time):
         return first, replace(drive, nominal=nominal)

@@ -1,4 +1,4 @@
-"""What is simulated: cable, supports, mass and travel in SI, and what follows from them; symbols: README.md."""
+"""What is simulated: cable, supports, mass and travel in SI; symbols: README.md."""
 
 import html
 import itertools
@@ -37,13 +37,13 @@ class Mass(Part):
     below: NonNegative = said("[m] how far the lowest part of the car or rider hangs below the cable", 0.0)
 
 
-STORM = 40.0  # [m/s] wind above which the unit is asked for
+STORM = 40.0  # [m/s] a wind above it asks for its unit
 
 AT_REST = "a line of several contacts is computed at rest; one span between two anchors also in motion"
 
 
 def scene_text(name_or_path: str | Path) -> tuple[str, str]:
-    """Return text and name of the built-in scene of that name, or of that TOML file."""
+    """Return text and name of a built-in scene or of a TOML file."""
     text = str(name_or_path)
     if text in (*LIBRARY, *LINES):
         return Scene.library_text(text), text
@@ -61,7 +61,6 @@ def scene_text(name_or_path: str | Path) -> tuple[str, str]:
 
 
 def parsed(text: str) -> dict[str, Any]:
-    """Return the tables of a TOML text."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -73,23 +72,23 @@ def parsed(text: str) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Groups:
-    """All a solver needs, dimensionless: lengths over l, forces over H, times over l sqrt(rho/H)."""
+    """Dimensionless numbers of a scene: lengths over l, forces over H, times over l sqrt(rho/H)."""
 
     mu: float  # M/(rho l); 0 without a mass
     alpha: float  # EA/H
     sigma: float  # rho g l/H
     c: float  # y'/x' at s = 0
-    chord_cos: float  # direction of the chord, left to right
-    chord_sin: float  # > 0: the right support is the lower one
-    motion: Motion | None  # travel of the mass; None for a bare cable and for a free ride
+    chord_cos: float  # of the chord, left to right
+    chord_sin: float  # > 0: falls to the right
+    motion: Motion | None  # None for a bare cable and for a free ride
     drive: Drive = GRIP
 
     def static(self, s) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Static tension and shape (T, x', y', x'', y'') at s in [0, 1], each of the shape of s."""
+        """(T, x', y', x'', y'') at s in [0, 1], each of the shape of s."""
         return _catenary.static(s, self.sigma, self.c)
 
     def shape(self, s) -> tuple[np.ndarray, np.ndarray]:
-        """Static place (x, y) at s in [0, 1], each of the shape of s; y down from the left support."""
+        """(x, y) at s in [0, 1], each of the shape of s; y down."""
         return _catenary.shape(s, self.sigma, self.c)
 
 
@@ -114,7 +113,6 @@ class Scene(Part):
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        """Return faults between the parts, as far as the parts themselves are sound."""
         drive = _sound(Driving, given := data.get("drive", Driving()))
         mode = given.get("mode", "grip") if isinstance(given, dict) else getattr(given, "mode", "grip")
         present = [name for name in ("mass", "travel") if data.get(name) is not None]
@@ -139,7 +137,7 @@ class Scene(Part):
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Self:
-        """Return the built-in scene of that name, or that of a TOML file; SceneError with all its faults."""
+        """Return a built-in scene or that of a TOML file; SceneError with all its faults."""
         text, name = scene_text(name_or_path)
         return cls.from_toml(text, name=name, folder=Path(name_or_path).parent)
 
@@ -147,7 +145,7 @@ class Scene(Part):
     def from_toml(cls, text: str, *, name: str = "scene", folder: Path = Path()) -> Self:
         """Return the scene in a TOML text; SceneError with all its faults.
 
-        name : of the scene, unless the text names it. folder : where a file of the ground is looked for.
+        `folder`: where a file of the ground is looked for.
         """
         data = parsed(text)
         if "contact" in data:
@@ -170,12 +168,12 @@ class Scene(Part):
 
     @classmethod
     def library(cls) -> dict[str, str]:
-        """Names and titles of the built-in scenes, the paper's first."""
+        """Names and titles of the built-in scenes."""
         return {name: tomllib.loads(cls.library_text(name))["title"] for name in LIBRARY}
 
     @classmethod
     def library_text(cls, name: str) -> str:
-        """The TOML of a built-in scene, with its comments, to copy."""
+        """The TOML of a built-in scene, with comments."""
         if name in LINES:
             return (_FILES / "lines" / f"{name}.toml").read_text(encoding="utf-8")
         if name not in LIBRARY:
@@ -199,11 +197,11 @@ class Scene(Part):
         gravity: float = 9.81,
         name: str = "scene",
     ) -> Self:
-        """The SI scene with these dimensionless choices; a bare cable without mu and speed_ratio.
+        """Return the SI scene with these dimensionless numbers; a bare cable without mu and speed_ratio.
 
-        sag_ratio = sag/span, slope of the chord in degrees (positive: falling to the right), alpha = EA/H,
-        mu = M/(rho l), speed_ratio = largest ds_o/dt over sqrt(H/rho); travel "constant_speed",
-        "constant_acceleration" (from rest, largest speed at the far support) or "accelerate_cruise_brake".
+        sag_ratio = sag/span, slope of the chord [degrees, positive: falls to the right], alpha = EA/H, mu = M/(rho l).
+        speed_ratio = largest ds_o/dt over sqrt(H/rho).
+        travel: "constant_speed", "constant_acceleration" or "accelerate_cruise_brake".
         """
         supports = Supports(span=span, drop=span * math.tan(math.radians(slope)))
         sag = sag_ratio * span
@@ -229,7 +227,7 @@ class Scene(Part):
         return cls(name=name, gravity=gravity, cable=cable, supports=supports, **data)
 
     def replace(self, changes: Mapping[str, Any]) -> Self:
-        """Return this scene with other values of some keys, dotted as in a scene file; SceneError with all faults.
+        """Return this scene with other values of some dotted keys; SceneError with all faults.
 
         scene.replace({"mass.mass": 60.0, "drive.brake.0.force": 600.0, "obstacle.tree.top": 21.0})
         """
@@ -242,7 +240,7 @@ class Scene(Part):
         return type(self)(**data)
 
     def variants(self, grid: Mapping[str, Sequence[Any]]) -> list[Self]:
-        """Return a scene for each combination of these values; the last key changes fastest.
+        """Return a scene for each combination of values; the last key changes fastest.
 
         scene.variants({"mass.mass": [40.0, 80.0], "drive.wind": [-8.0, 0.0]})
         """
@@ -257,10 +255,9 @@ class Scene(Part):
         speed_ratio: float | None = None,
         **fields: Any,
     ) -> Self:
-        """Return this scene with some groups changed, and whole fields (name, travel, ...) replaced.
+        """Return this scene with other groups and whole fields (name, travel, ...).
 
-        sag_ratio re-hangs the cable; mu, alpha and speed_ratio set mass, EA and the pace of the travel. All else keeps
-        its SI value. A cable with temperature or ice is then described by its horizontal tension.
+        sag_ratio re-hangs the cable; mu, alpha and speed_ratio set mass, EA and pace. All else keeps its SI value.
         """
         if self.cable.changed and any(group is not None for group in (sag_ratio, mu, alpha)):
             now = Cable(mass_per_length=self.rho, EA=self.cable.EA, horizontal_tension=self.horizontal_tension)
@@ -295,7 +292,7 @@ class Scene(Part):
 
     @property
     def notes(self) -> list[str]:
-        """Remarks on values that the scene leaves out, or that look mistaken."""
+        """Remarks on values left out or probably mistaken."""
         drive, notes = self.drive, []
         if drive.mode == "free" and not (drive.rolling_friction or drive.drag_area):
             notes.append("no friction, no drag given: the fastest possible ride")
@@ -306,7 +303,7 @@ class Scene(Part):
 
     @property
     def rho(self) -> float:
-        """Mass per stretched static length [kg/m]: `cable.mass_per_length`, changed by ice and temperature."""
+        """Mass per stretched static length [kg/m], with ice and temperature."""
         return self.catenary.weight / self.gravity if self.cable.changed else self.cable.mass_per_length
 
     @property
@@ -316,12 +313,12 @@ class Scene(Part):
 
     @property
     def horizontal_tension(self) -> float:
-        """H = T x' [N], constant along the cable (9); the paper's T_o."""
+        """H = T x' [N], eq. (9); the paper's T_o."""
         return self.catenary.horizontal_tension
 
     @property
     def sag(self) -> float:
-        """Largest vertical distance of the static cable below its chord [m]."""
+        """Largest vertical distance below the chord [m]."""
         return self.catenary.sag
 
     @property
@@ -331,72 +328,69 @@ class Scene(Part):
 
     @property
     def chord(self) -> float:
-        """sqrt(b^2 + h^2) [m], the distance of the supports."""
+        """Distance of the supports [m]."""
         return self.catenary.chord
 
     @property
     def slope(self) -> float:
-        """atan(h/b) [degrees], slope of the chord; positive when the right support is the lower one."""
+        """atan(h/b) [degrees]; positive: falls to the right."""
         return math.degrees(math.atan2(self.supports.drop, self.supports.span))
 
     @property
     def mu(self) -> float:
-        """M/(rho l) [-] (list before (17)); 0 without a mass."""
+        """M/(rho l) [-]; 0 without a mass."""
         return 0.0 if self.mass is None else self.mass.mass / (self.rho * self.length)
 
     @property
     def alpha(self) -> float:
-        """EA/H [-] (list before (17))."""
+        """EA/H [-]."""
         return self.cable.EA / self.horizontal_tension
 
     @property
     def beta(self) -> float:
-        """rho g l/EA = sigma/alpha [-] (list before (17))."""
+        """rho g l/EA [-]."""
         return self.sigma / self.alpha
 
     @property
     def sigma(self) -> float:
-        """rho g l/H [-] (list before (17))."""
+        """rho g l/H [-]."""
         return self.catenary.sigma
 
     @property
     def irvine(self) -> float:
-        """L^2 = sigma^2 alpha cos^5(slope) [-]: (w_n l/H_c)^2 EA/H_c of Irvine, Cable Structures (1981), 2.4.
-
-        w_n = rho g cos(slope), H_c = H/cos(slope), l for both chord and effective length.
-        """
+        """L^2 = sigma^2 alpha cos^5(slope) [-], Irvine, Cable Structures (1981), 2.4."""
         return self.sigma**2 * self.alpha * (self.supports.span / self.chord) ** 5
 
     @property
     def wave_speed(self) -> float:
-        """sqrt(H/rho) [m/s], transverse waves at the lowest point; sqrt(T/rho) elsewhere."""
+        """sqrt(H/rho) [m/s], of transverse waves at the lowest point."""
         return math.sqrt(self.horizontal_tension / self.rho)
 
     @property
     def axial_speed(self) -> float:
-        """sqrt(EA/rho) [m/s], longitudinal waves."""
+        """sqrt(EA/rho) [m/s], of longitudinal waves."""
         return math.sqrt(self.cable.EA / self.rho)
 
     @property
     def time_scale(self) -> float:
-        """l sqrt(rho/H) [s], a transverse wave's way along the cable; the unit of time."""
+        """l sqrt(rho/H) [s], the unit of time."""
         return self.length / self.wave_speed
 
     @property
     def top_speed(self) -> float | None:
-        """Largest speed of the car [m/s], of a free one by the quasi-static model; None: no car."""
+        """Largest speed of the car [m/s], of a free one by the quasi-static model; None without a car."""
         if self.ride is not None:
             return self.ride.top_speed * self.wave_speed
         return None if self._motion is None else self._motion.top_speed
 
     @property
     def speed_ratio(self) -> float | None:
-        """`top_speed` over sqrt(H/rho) [-]; None for a bare cable."""
+        """`top_speed` over sqrt(H/rho) [-]."""
         return None if self.top_speed is None else self.top_speed / self.wave_speed
 
     @property
     def arrival(self) -> float | None:
-        """Time [s] at which the ride is over, of a free ride by the quasi-static model; None for a bare cable."""
+        """Time [s] at which the ride is over, of a free one by the quasi-static model; None without a car."""
         if self.ride is not None:
             return self.ride.duration * self.time_scale
         return None if self._motion is None else self._motion.phases[-1][1]
@@ -416,7 +410,7 @@ class Scene(Part):
 
     @property
     def ride(self) -> Ride | None:
-        """The quasi-static ride of a free car, in the units of `groups`; None for the other drives."""
+        """The quasi-static ride of a free car, dimensionless; None for other drives."""
         return None if self._free is None else self._free[0]
 
     @cached_property
@@ -434,7 +428,7 @@ class Scene(Part):
 
     @cached_property
     def groups(self) -> Groups:
-        """The scene in dimensionless form: the one place where SI is left."""
+        """The scene in dimensionless form."""
         motion = None if self._motion is None else self._motion.scaled(self.length, self.time_scale)
         if self._free is not None:
             return self._groups(motion, self._free[1])
@@ -473,15 +467,14 @@ class Scene(Part):
 
 
 _FILES = resources.files("cablefem.scene") / "library"
-# first in a list: the paper's scenes, then what is asked most
+# first in a list
 _FIRST = ("level", "cruise", "inclined", "bare", "tramway", "zipline")
 _FOUND = sorted(file.name.removesuffix(".toml") for file in _FILES.iterdir() if file.name.endswith(".toml"))
-LINES = sorted(file.name.removesuffix(".toml") for file in (_FILES / "lines").iterdir())  # read by `line.Line`
+LINES = sorted(file.name.removesuffix(".toml") for file in (_FILES / "lines").iterdir())
 LIBRARY = (*_FIRST, *(name for name in _FOUND if name not in _FIRST))
 
 
 def _presence(mode: str, present: list[str]) -> list[str]:
-    """Return which of mass and travel is missing, or too much."""
     if mode == "free":
         faults = [] if "mass" in present else ["mass: missing; must be given with drive.mode = 'free'"]
         if "travel" in present:
@@ -496,7 +489,7 @@ def _presence(mode: str, present: list[str]) -> list[str]:
 
 
 def _travel_faults(travel: Any, drive: Driving, length: float, axial: float) -> list[str]:
-    """Return what is wrong with a travel on a cable of that length [m] and axial wave speed [m/s]."""
+    """Faults of a travel on a cable with this length [m] and axial wave speed [m/s]."""
     begin, way = _course(travel, drive, length)
     near, end = NEAREST_START * length, begin + way
     if travel.place is not None:
@@ -515,11 +508,11 @@ def _travel_faults(travel: Any, drive: Driving, length: float, axial: float) -> 
     return [f".{fault}" for fault in faults]
 
 
-_adapter = cache(TypeAdapter)  # building one takes longer than reading a scene
+_adapter = cache(TypeAdapter)
 
 
 def _sound(kind: Any, value: object) -> Any:
-    """Return the value as a field of that kind; None when it has faults of its own."""
+    """The value as a field of that kind; None when faulty."""
     try:
         return _adapter(kind).validate_python(value)
     except ValueError:
@@ -527,10 +520,7 @@ def _sound(kind: Any, value: object) -> Any:
 
 
 def _course(travel: Any, drive: Driving, length: float) -> tuple[float, float]:
-    """Return where the travel begins and the way [m] over which its law runs.
-
-    A table says its places itself; hauled, it is broken off where the ride ends.
-    """
+    """Return where the travel begins and the way [m] of its law."""
     hauled = drive.mode == "haul"
     begin = travel.place if travel.place is not None else drive.start_place(length) if hauled else 0.0
     end = drive.end_place(length) if hauled else length

@@ -1,6 +1,6 @@
-"""The loaded cable at rest: an elastic catenary of two pieces under a car that grips it, or hangs on a rope.
+"""The loaded cable at rest: an elastic catenary of two pieces; the car grips it or hangs on a rope.
 
-Lengths over l, forces over H. N = T + alpha eps is the tension, T that of the empty cable.
+Lengths over l, forces over H. N = T + alpha eps, T of the empty cable.
 """
 
 import math
@@ -11,9 +11,9 @@ import numpy as np
 from cablefem.scene import catenary
 from cablefem.scene.drive import FARTHEST_END, NEAREST_START
 
-# Nodes of a load path, uniform in log(s/(1 - s)), and Gauss points a side: random rides are good to 3e-8 l.
+# nodes of a load path, uniform in log(s/(1 - s)); Gauss points a side, for an error of 3e-8 l
 NODES, POINTS = 160, 24
-ITERATIONS = 60  # of Newton's method, and of the direction of a rolling car; most take 5 to 20
+ITERATIONS = 60  # of Newton's method, and for the direction of a rolling car
 
 
 class NoRest(ArithmeticError):
@@ -22,20 +22,20 @@ class NoRest(ArithmeticError):
 
 @dataclass(frozen=True)
 class Rest:
-    """The loaded cable at rest with the car at places s (n,); all (n,) or (n, 2), y down."""
+    """The loaded cable at rest with the car at s (n,); (n,) or (n, 2), y down."""
 
     s: np.ndarray
     left: np.ndarray  # N r'/lam at the left support
-    jump: np.ndarray  # of it at the car, ahead minus behind: what the cable exerts on the car
+    jump: np.ndarray  # at the car, ahead minus behind
     place: np.ndarray  # P
-    behind: np.ndarray  # tension at the car
+    behind: np.ndarray  # tension
     ahead: np.ndarray
     slope_behind: np.ndarray  # r' at the car
     slope_ahead: np.ndarray
     along: np.ndarray  # P' = dP/ds
     bend: np.ndarray  # P''
-    hold: np.ndarray  # Pi' = [N lam - W], what grip or friction exerts along the cable
-    haul: np.ndarray  # what a rope from outside exerts on a rolling car along the mean tangent
+    hold: np.ndarray  # Pi' = [N lam - W], of grip or friction
+    haul: np.ndarray  # of the rope, along the mean tangent
 
     @property
     def stretch(self) -> np.ndarray:
@@ -44,14 +44,14 @@ class Rest:
 
 
 def nodes(nearest: float | None = None) -> np.ndarray:
-    """Return places at which a ride is tabulated, up to `nearest` of both supports."""
+    """Places for a load path, up to `nearest` of both supports."""
     near, far = (0.5 * NEAREST_START, 0.5 * (1.0 - FARTHEST_END)) if nearest is None else (nearest, nearest)
     y = np.linspace(math.log(near), -math.log(far), NODES if nearest is None else 2 * NODES)
     return 1.0 / (1.0 + np.exp(-y))
 
 
 def gripped(s, groups) -> Rest:
-    """Return the rest of a car held by the cable alone; groups: anything with mu, alpha, sigma, c."""
+    """The rest of a car that grips; groups: mu, alpha, sigma, c."""
     s = np.atleast_1d(np.asarray(s, dtype=float))
     x = _Pieces(s, np.array([0.0, -groups.mu * groups.sigma]) * np.ones((s.size, 1)), groups)
     (N0, r0, D0, ds0), (N1, r1, D1, ds1) = x.sides
@@ -70,8 +70,8 @@ def gripped(s, groups) -> Rest:
 def hauled(s, groups) -> Rest:
     """Rest of a car that rolls, hangs on a rope along the mean tangent tau, and is about to move on.
 
-    tau . jump = -rub, haul = rub - mu sigma tau_y, rub = mu_r mu sigma |tau_x| |<r'>|/<lam>; tau by substitution.
-    P' and P'' are those of a spline through P.
+    tau . jump = -rub, haul = rub - mu sigma tau_y, rub = mu_r mu sigma |tau_x| |<r'>|/<lam>, by iteration.
+    P' and P'' belong to a spline through P.
     """
     from scipy.interpolate import CubicSpline
 
@@ -106,10 +106,9 @@ def _hold(s, N0, N1, groups):
 
 
 class _Pieces:
-    """int lam n/N ds = (span, drop), the tension n = left - (0, sigma s) behind the car, plus the jump ahead of it.
+    """int lam n/N ds = (span, drop) for n = left - (0, sigma s), plus the jump ahead of the car.
 
-    lam/N = q/N + 1/alpha, q = 1 - T/alpha: the gradient of the convex int (q N + N^2/(2 alpha)) ds - left.(span, drop),
-    solved by Newton's method with shortened steps.
+    lam/N = q/N + 1/alpha, q = 1 - T/alpha.  Damped Newton steps minimise int (q N + N^2/(2 alpha)) ds - left.(span, drop).
     """
 
     def __init__(self, s: np.ndarray, jump: np.ndarray, groups, left: np.ndarray | None = None) -> None:
@@ -123,14 +122,14 @@ class _Pieces:
         self.load[1] -= groups.sigma * points
         self.q = 1.0 - catenary.static(points, groups.sigma, groups.c)[0] / self.alpha
         ends = np.stack(catenary.shape(1.0, groups.sigma, groups.c))
-        if left is None:  # the empty cable's direction, and a guess of how much tighter
+        if left is None:  # direction of the empty cable, tension guessed
             left = np.stack([np.full_like(s, math.sqrt(1.0 + 0.5 * groups.mu)), groups.c - jump[:, 1] * (1.0 - s)], -1)
         self.left = left
         for _ in range(ITERATIONS):
             g, A = self.moments()
             dz = np.linalg.solve(A, (ends - g)[..., None])[..., 0]
             size = np.linalg.norm(dz, axis=1) / (1.0 + np.linalg.norm(self.left, axis=1))
-            if np.any(size > 1e-4):  # nearer, Newton's steps are safe
+            if np.any(size > 1e-4):  # nearer, full steps are safe
                 here, slope, step = self.left, ((ends - g) * dz).sum(1), np.ones_like(s)
                 for _ in range(ITERATIONS):
                     self.left = here + step[:, None] * dz
@@ -141,11 +140,11 @@ class _Pieces:
                 self.left = here
                 dz *= step[:, None]
             self.left = self.left + dz
-            if np.all(size <= 1e-9):  # quadratic: what is left is rounding
+            if np.all(size <= 1e-9):  # rounding next
                 break
         else:
             raise NoRest(f"the cable at rest under the car was not found at s_o = {s[np.argmax(size)]:.4g}")
-        self.sides = []  # behind and ahead of the car: N, r', dr'/dn, dr'/ds at constant left
+        self.sides = []  # each: N, r', dr'/dn, dr'/ds at constant left
         T = catenary.static(s, groups.sigma, groups.c)[0]
         dT = -groups.sigma * (groups.c - groups.sigma * s) / T
         q = 1.0 - T / self.alpha
@@ -157,7 +156,7 @@ class _Pieces:
             self.sides.append((N, f[:, None] * n, D, ds))
 
     def moments(self, part=slice(None)) -> tuple[np.ndarray, np.ndarray]:
-        """int r' and int dr'/dn over a part of the points: (n, 2), (n, 2, 2)."""
+        """int r' and int dr'/dn over some points: (n, 2), (n, 2, 2)."""
         nx, ny = self.left.T[:, :, None] + self.load[:, :, part]
         w, n2 = self.weights[:, part], nx * nx + ny * ny
         i1 = w * self.q[:, part] / np.sqrt(n2)
@@ -168,7 +167,7 @@ class _Pieces:
         return g, A.reshape(-1, 2, 2)
 
     def second(self, z: np.ndarray, part=slice(None)) -> np.ndarray:
-        """int d2r'/dn^2 [z, z] over a part of the points: (n, 2)."""
+        """int d2r'/dn^2 [z, z] over some points: (n, 2)."""
         n = np.moveaxis(self.left.T[:, :, None] + self.load[:, :, part], 0, -1)
         N, nz = np.linalg.norm(n, axis=-1)[..., None], n @ z[:, :, None]
         w = (self.weights[:, part] * self.q[:, part])[..., None] / N**3

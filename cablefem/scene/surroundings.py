@@ -13,15 +13,13 @@ from cablefem.scene.fields import Check, Part, Real, Word, real, said
 
 
 class Obstacle(Part):
-    """A tree, a road, a roof: its highest point."""
-
     name: Word = said("[-] its name in the results")
     at: Real = said("[m] x, from the left support")
     top: Real = said("[m] depth of its top below the left support")
 
 
 def _points(value: object) -> tuple[tuple[float, float], ...] | None:
-    """Return pairs (x, depth) with increasing x; None for anything else."""
+    """Pairs (x, depth) with increasing x; else None."""
     if not isinstance(value, list | tuple) or len(value) == 1:
         return None
     points: list[tuple[float, float]] = []
@@ -42,7 +40,7 @@ Ground = Annotated[tuple[tuple[float, float], ...], BeforeValidator(_GROUND)]
 
 
 def read_ground(name: str, folder: Path) -> list[list[float]]:
-    """Return the points of a CSV file with the columns x and depth [m]; a first line of words is skipped."""
+    """Points of a CSV file with columns x and depth [m]; a header is skipped."""
     path = folder / name
     try:
         rows = [row for row in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()) if row]
@@ -64,7 +62,6 @@ def read_ground(name: str, folder: Path) -> list[list[float]]:
 
 
 def surroundings_faults(data: dict[str, Any], span: float) -> list[str]:
-    """Return obstacles that share a name or do not stand under the span."""
     faults, names, obstacles = [], [], data.get("obstacle")
     for i, obstacle in enumerate(obstacles if isinstance(obstacles, list | tuple) else ()):
         given = obstacle if isinstance(obstacle, dict) else obstacle.model_dump() if isinstance(obstacle, Part) else {}

@@ -1,4 +1,4 @@
-"""A rough line for Newton's method to begin with: a taut string whose tension falls by q with depth."""
+"""A first guess for Newton's method: a taut string whose tension falls by q with depth."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from cablefem.scene.bisection import bisected
 from cablefem.scene.line import Case, NoLine
 
-ROUNDS = 8  # of tension from shape and shape from tension
+ROUNDS = 8  # of shape and tension
 
 
 def guess(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return H (n - 1,) [N] of the pieces, places (n, 2) [m] and s (n,) [m] of the stations; NoLine where none is."""
+    """H (n - 1,) [N] of the pieces, places (n, 2) [m] and s (n,) [m]; NoLine where none is."""
     ends = [k for k in (0, len(case.stations) - 1) if case.stations[k].kind == "counterweight"]
     known = case.tied or ((ends[0], case.stations[ends[0]].force) if ends else None)
     if known is not None:
@@ -31,8 +31,6 @@ def guess(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _of_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the string of that length."""
-
     def excess(log_T: float) -> float:
         try:
             return float(_string(case, math.exp(log_T), None)[2].sum()) - length
@@ -50,7 +48,7 @@ def _of_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def _string(case: Case, T: float, k: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return H, places and lengths of the pieces for a tension T at station k, or at the mean depth."""
+    """H, places and lengths of pieces, for tension T at station k or at the mean depth."""
     x, y = (np.array([getattr(p, axis) for p in case.stations]) for axis in "xy")
     cars = np.array([p.is_car for p in case.stations])
     load = np.array([p.force if p.is_car else 0.0 for p in case.stations])

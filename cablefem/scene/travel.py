@@ -1,4 +1,4 @@
-"""Laws of travel, as written in a scene: from the left support, or from `from`, to the right."""
+"""Laws of travel to the right, from the left support or `from`."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from cablefem.scene.bisection import bisected
 from cablefem.scene.fields import NonNegative, Numbers, Part, Positive, Real, said
 from cablefem.scene.motion import Motion, Piece
 
-AT_REST = 1e-3  # of the largest speed: an entry or a last speed of a table below that counts as rest
-AT_THE_END = 1e-9  # of the length: a table that ends so near the far support ends on it
-STANDS = 1e-9  # of the largest speed: rest at the end of a travel
+AT_REST = 1e-3  # of the largest speed: a first or last speed below counts as rest
+AT_THE_END = 1e-9  # of the length: a table that ends so near the support ends on it
+STANDS = 1e-9  # of the largest speed: rest at the end
 
 
 def _column(values: object) -> np.ndarray | None:
-    """Return the numbers as an array (n,), n > 1; None when they are none."""
+    """The numbers as an array (n,), n > 1; else None."""
     try:
         column = np.asarray(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
@@ -28,16 +28,16 @@ def _column(values: object) -> np.ndarray | None:
 
 
 class Stop(Part):
-    """An emergency stop: from `time` on the mass is brought to rest by a constant deceleration."""
+    """Emergency stop: constant deceleration from `time` on."""
 
     time: Positive = said("[s] at which the stop begins")
     deceleration: Positive = said("[m/s2] until the mass stands")
 
 
 class Law(Part):
-    """What all laws of travel share. A law runs from `begin` over a way; both follow from the scene."""
+    """Base of the laws; each runs from `begin` [m] over a way [m]."""
 
-    paces: ClassVar[dict[str, int]] = {}  # powers of the pace with which fields grow
+    paces: ClassVar[dict[str, int]] = {}  # powers of pace in the fields
 
     place: Positive | None = said(
         "[m] place along the cable where the mass is let in, in equilibrium", None, alias="from"
@@ -46,7 +46,7 @@ class Law(Part):
     rest: NonNegative = said("[s] that the run goes on after the mass has come to rest", 0.0)
 
     def faults(self, way: float, begin: float = 0.0, length: float = math.inf) -> list[str]:
-        """Return what is wrong with this travel from `begin` over a way [m] on a cable of that length [m]."""
+        """Return what is wrong with this travel on a cable of this length [m]."""
         faults = self.own_faults(way)
         if faults:
             return faults
@@ -74,18 +74,16 @@ class Law(Part):
         return []
 
     def own_faults(self, way: float) -> list[str]:
-        """Return what is wrong with this law over a way [m]."""
         return []
 
     def motion(self, way: float, begin: float = 0.0) -> Motion:
-        """Return the travel from `begin` over a way [m], with its stop and its rest, in SI."""
+        """The travel with its stop and final rest, in SI."""
         motion = self._stopped(self.course(way))
         if self.rest:
             motion = motion.then(self.rest, 0.0)
         return motion.shifted(begin) if begin else motion
 
     def _stopped(self, motion: Motion) -> Motion:
-        """Return the motion broken off by the emergency stop."""
         if self.stop is None:
             return motion
         a, begun = self.stop.deceleration, motion.until(self.stop.time)
@@ -93,7 +91,7 @@ class Law(Part):
         return begun.then(speed / a, -a) if speed > 0.0 else begun
 
     def course(self, way: float) -> Motion:
-        """Return the motion of the law from 0 over a way [m], in SI."""
+        """The motion from 0 over a way [m], in SI."""
         raise NotImplementedError
 
     def faster(self, factor: float) -> Law:
@@ -140,7 +138,6 @@ class ConstantAcceleration(Law):
     initial_speed: NonNegative = said("[m/s] V_o", 0.0)
 
     def own_faults(self, way: float) -> list[str]:
-        """Return what is wrong with this law over a way [m]."""
         a, v0 = self.acceleration, self.initial_speed
         if v0 == 0.0 and a <= 0.0:
             return [f"acceleration = {a!r}: must be > 0 m/s^2 with initial_speed = 0, or the mass never moves"]
@@ -153,7 +150,6 @@ class ConstantAcceleration(Law):
         return []
 
     def course(self, way: float) -> Motion:
-        """Return the motion of the law from 0 over a way [m], in SI."""
         a, v0 = self.acceleration, self.initial_speed
         v1 = math.sqrt(max(0.0, v0 * v0 + 2.0 * a * way))
         return Motion(((0.0, 2.0 * way / (v0 + v1)),), ((Piece(0.0, 0.0, 0.0, v0, 0.5 * a),),), way)
@@ -162,7 +158,7 @@ class ConstantAcceleration(Law):
 
 
 class AccelerateCruiseBrake(Law):
-    """The paper's law (40): acceleration from rest, cruise and braking to rest, each over a third of the way."""
+    """The paper's law (40): from rest, cruise, and to rest, each over a third of the way."""
 
     kind: Literal["accelerate_cruise_brake"] = said(
         "[-] law of travel: the paper's (40), a third of the way each; `trapezoid` takes accelerations",
@@ -171,7 +167,7 @@ class AccelerateCruiseBrake(Law):
     top_speed: Positive = said("[m/s] V_max")
 
     def course(self, way: float) -> Motion:
-        """Return the motion of the law from 0 over a way [m]: a = 3 V^2/(2 l), durations 2l/3V, l/3V, 2l/3V."""
+        """a = 3 V^2/(2 l), durations 2l/3V, l/3V, 2l/3V."""
         V, l = self.top_speed, way
         half_a = 0.75 * V * V / l
         t1, t2, t3 = 2.0 * l / (3.0 * V), l / V, 5.0 * l / (3.0 * V)
@@ -180,7 +176,7 @@ class AccelerateCruiseBrake(Law):
             (
                 (Piece(0.0, 0.0, 0.0, 0.0, half_a),),
                 (Piece(t1, t1, l / 3.0, V, 0.0),),
-                (Piece(t2, t3, l, 0.0, -half_a),),  # written from its end: the last speed is exactly zero
+                (Piece(t2, t3, l, 0.0, -half_a),),  # from the end, where speed is exactly zero
             ),
             l,
         )
@@ -189,9 +185,9 @@ class AccelerateCruiseBrake(Law):
 
 
 class Trapezoid(Law):
-    """From rest to top speed, cruise, and to rest at `to`; with `jerk` the acceleration is continuous.
+    """From rest to top speed, cruise, and to rest; with `jerk` the acceleration is continuous.
 
-    A way too short for the top speed is run with the largest speed that it allows.
+    On a short way the top speed is lower.
     """
 
     kind: Literal["trapezoid"] = said("[-] law of travel", "trapezoid")
@@ -202,15 +198,13 @@ class Trapezoid(Law):
     to: Positive | None = said("[m] place along the cable where the mass comes to rest; default the end", None)
 
     def own_faults(self, way: float) -> list[str]:
-        """Return what is wrong with this law over a way [m]."""
         return [] if way > 0.0 else [f"to = {self.to!r}: must be beyond the start of the travel"]
 
     def course(self, way: float) -> Motion:
-        """Return the motion of the law from 0 over a way [m], in SI."""
         V, ramps = self.top_speed, (self.acceleration, self.deceleration)
 
         def runs(V: float) -> float:
-            """Way of both ramps: half the speed times their time, as they are symmetric."""
+            """Way of both symmetric ramps."""
             return sum(0.5 * V * sum(_ramp(V, a, self.jerk)) for a in ramps)
 
         if runs(V) > way:
@@ -236,7 +230,7 @@ class Trapezoid(Law):
                 add(0.5 * rise, peak, -j)
             if sign > 0.0:
                 add((way - runs(V)) / V, 0.0, 0.0)
-        last = pieces[-1]  # written from its end: the last speed is exactly zero
+        last = pieces[-1]  # from the end, where speed is exactly zero
         pieces[-1] = Piece(last.start, t, way, 0.0, 0.0 if self.jerk else last.c2, last.c3)
         if self.jerk is not None:
             return Motion(((0.0, t),), (tuple(pieces),), way)
@@ -247,7 +241,7 @@ class Trapezoid(Law):
 
 
 def _ramp(V: float, a: float, jerk: float | None) -> tuple[float, float]:
-    """Return how long the acceleration rises and falls, and how long it stays, between 0 and V."""
+    """Times in which the acceleration rises (or falls), and stays, from 0 to V."""
     if jerk is None:
         return 0.0, V / a
     peak = min(a, math.sqrt(V * jerk))
@@ -255,9 +249,9 @@ def _ramp(V: float, a: float, jerk: float | None) -> tuple[float, float]:
 
 
 class Table(Law):
-    """The C2 cubic spline through (times, positions), not-a-knot at its ends; equal positions are a standstill.
+    """C2 cubic not-a-knot spline through (times, positions); equal positions are a standstill.
 
-    Each stretch between standstills begins and ends at rest. The travel may end before the far support.
+    The car is at rest before and after a standstill. The travel may end before the far support.
     """
 
     kind: Literal["table"] = said("[-] law of travel", "table")
@@ -266,7 +260,6 @@ class Table(Law):
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        """The two columns start at zero, do not decrease and are of one length."""
         columns = {name: column for name in ("times", "positions") if (column := _column(data.get(name))) is not None}
         faults = []
         if len(columns) == 2 and columns["times"].size != columns["positions"].size:
@@ -281,7 +274,6 @@ class Table(Law):
         return faults
 
     def own_faults(self, way: float) -> list[str]:
-        """Return what is wrong with this law over a way [m]."""
         if self.positions[-1] > way * (1.0 + AT_THE_END):
             last = f"positions[{len(self.positions) - 1}] = {self.positions[-1]!r}"
             return [f"{last}: must be <= {way!r}, the length of the cable"]
@@ -300,7 +292,6 @@ class Table(Law):
         return []
 
     def course(self, way: float) -> Motion:
-        """Return the motion of the law from 0 over a way [m], in SI."""
         t, s = np.array(self.times), np.array(self.positions)
         if abs(s[-1] - way) <= AT_THE_END * way:
             s[-1] = way
@@ -322,14 +313,14 @@ class Table(Law):
 
 
 def _spline(t: np.ndarray, s: np.ndarray, rests: tuple[bool, bool]) -> tuple[Piece, ...]:
-    """Return the pieces of the spline through (t, s); rests : whether it must begin and end at rest."""
-    from scipy.interpolate import CubicSpline  # half of the time that importing a scene would take
+    """The spline through (t, s); `rests`: whether it must begin and end at rest."""
+    from scipy.interpolate import CubicSpline  # slow to import
 
     slopes = CubicSpline(t, s)(t, 1)
     still = np.abs(slopes[[0, -1]]) < AT_REST * np.max(np.abs(slopes))
     still = [bool(known or found) for known, found in zip(rests, still, strict=True)]
     spline = CubicSpline(t, s, bc_type=tuple((1, 0.0) if rest else "not-a-knot" for rest in still))
-    # Entered exactly, since a start from rest is another start than a very slow one.
+    # exactly: a slow start is another start
     spline.c[2, 0] = 0.0 if still[0] else spline.c[2, 0]
     return tuple(
         Piece(t0, t0, c0, c1, c2, c3) for t0, (c3, c2, c1, c0) in zip(t[:-1].tolist(), spline.c.T.tolist(), strict=True)
