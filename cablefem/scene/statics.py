@@ -108,7 +108,7 @@ def _hold(s, N0, N1, groups):
 class _Pieces:
     """int lam n/N ds = (span, drop) for n = left - (0, sigma s), plus the jump ahead of the car.
 
-    lam/N = q/N + 1/alpha, q = 1 - T/alpha.  Damped Newton steps minimise int (q N + N^2/(2 alpha)) ds - left.(span, drop).
+    lam/N = q/N + 1/alpha, q = 1 - T/alpha.  Newton steps minimise int (q N + N^2/(2 alpha)) ds - left.(span, drop).
     """
 
     def __init__(self, s: np.ndarray, jump: np.ndarray, groups, left: np.ndarray | None = None) -> None:
