@@ -1,10 +1,10 @@
 """A bead on a string without weight or stretch runs on an ellipse with the supports as foci.
 
-With r1 = s_o and r2 = l - s_o, D the distance of the supports, a = l/2, b^2 = a^2 - D^2/4:
+r1 = s_o, r2 = l - s_o, D distance of the supports, a = l/2, b^2 = a^2 - D^2/4, psi inclination of the path:
     v^2 = 2 g (y - y_0),   N = M (v^2 a b/(r1 r2)^(3/2) + g cos(psi)) sqrt(r1 r2)/(2 b)  on both sides,
-    ds_o/dt = v sqrt(1 - b^2/(r1 r2)),
-psi the inclination of the path.  Level supports: small swings about the lowest point have omega^2 = g b/a^2.
-It is the limit of a car that rolls freely on a cable for EA >> M g >> rho g l.
+    ds_o/dt = v sqrt(1 - b^2/(r1 r2));   level supports, small swings: omega^2 = g b/a^2.
+
+Limit of a rolling car for EA >> M g >> rho g l.
 
 Source: Energy and the geometry of the ellipse
 Validity: D < l, no friction
@@ -29,11 +29,11 @@ from validation.oracles.case import RIDERS, Array, Error, Limit, Solvers, hung, 
 
 @dataclass(frozen=True, slots=True)
 class Ellipse:
-    """Bead of unit mass on a string of length 1 between supports D apart, under gravity g; y down."""
+    """Bead of unit mass, string of length 1, supports D apart, gravity g; y down."""
 
     D: float
     g: float
-    slope: float = 0.0  # of the line from the left to the right support, falling [rad]
+    slope: float = 0.0  # falling to the right [rad]
 
     def __post_init__(self) -> None:
         if not (0.0 < self.D < 1.0 and self.g > 0.0):
@@ -41,11 +41,10 @@ class Ellipse:
 
     @property
     def b(self) -> float:
-        """Half the minor axis."""
         return math.sqrt(0.25 - 0.25 * self.D**2)
 
     def place(self, s_o: ArrayLike) -> tuple[Array, Array]:
-        """(x, y) from the left support; |s_o - 1/2| <= D/2."""
+        """(x, y) from the left support."""
         r1 = np.asarray(s_o, float)
         along = (2.0 * r1 - 1.0 + self.D**2) / (2.0 * self.D)
         across = np.sqrt(np.maximum(r1**2 - along**2, 0.0))
@@ -53,30 +52,27 @@ class Ellipse:
         return along * cos - across * sin, along * sin + across * cos
 
     def speed(self, s_o: ArrayLike, start: float) -> Array:
-        """v of a bead let go at rest at `start`."""
+        """v of a bead released at rest at `start`."""
         return np.sqrt(np.maximum(2.0 * self.g * (self.place(s_o)[1] - self.place(start)[1]), 0.0))
 
     def tension(self, s_o: ArrayLike, start: float) -> Array:
-        """N on both sides, for a unit mass."""
+        """N for a unit mass."""
         r1 = np.asarray(s_o, float)
         product, b = r1 * (1.0 - r1), self.b
         w = self._angle(r1)
-        # outward normal in the chord's axes, and gravity's part along it
+        # outward normal in the chord's axes
         along, across = b * np.cos(w), 0.5 * np.sin(w)
         down = (along * math.sin(self.slope) + across * math.cos(self.slope)) / np.hypot(along, across)
         press = self.speed(r1, start) ** 2 * 0.5 * b / product**1.5 + self.g * down
         return press * np.sqrt(product) / (2.0 * b)
 
     def bounce(self, s_o: ArrayLike, stiffness: float) -> Array:
-        """Period of a bead's bounce across its path on a string of stiffness EA, in weights of the bead.
-
-        N = EA (r1 + r2 - 1), |grad(r1 + r2)| = 2 b/sqrt(r1 r2).
-        """
+        """Period of a bead's bounce normal to its path; string stiffness EA in weights of the bead."""
         r1 = np.asarray(s_o, float)
         return 2.0 * math.pi * np.sqrt(r1 * (1.0 - r1) / (stiffness * self.g)) / (2.0 * self.b)
 
     def ride(self, t: ArrayLike, start: float) -> Array:
-        """s_o(t) of a bead let go at rest: angle w on the ellipse, s_o = 1/2 + (D/2) cos(w)."""
+        """s_o(t) of a bead released at rest; s_o = 1/2 + (D/2) cos(w)."""
         t = np.asarray(t, float)
         b, cos, sin = self.b, math.cos(self.slope), math.sin(self.slope)
 
@@ -99,7 +95,7 @@ class Ellipse:
         return np.arccos(np.clip((2.0 * s_o - 1.0) / self.D, -1.0, 1.0))
 
 
-# the start is sudden: the car bounces on the cable's stiffness, and what steps do not resolve of that is damped
+# damped: steps do not resolve the bounce
 RULES: dict[str, dict[str, Any]] = {
     "following-p2": {"scheme": "radau"}, "fourier-kink": {"scheme": "generalized-alpha", "rho_inf": 0.0},
 }  # fmt: skip
@@ -109,7 +105,7 @@ STIFF, SMALL = 1e5, 0.01  # of the small swings
 
 
 def line(stiffness: float, mu: float = MU, start: float = START, t_end: float = T_END) -> Scene:
-    """Return a cable with EA of so many car's weights; the car, of mu cables' weight, is let go at once."""
+    """Cable with EA of so many car's weights; a car of mu cables' weight, released suddenly."""
     drive = {"mode": "free", "start": start, "end": {"time": t_end}, "rest_distance": 1e-6}
     return hung(BEAD.g, stiffness * mu, mu, drive, span=BEAD.D, length=1.0)
 
@@ -119,7 +115,7 @@ def _ride(solvers: Solvers, method: str, scene: Scene) -> Any:
 
 
 def _deviation(solvers: Solvers, method: str, stiffness: float) -> Error:
-    """Distance of the car from the ellipse at the same s_o, over l."""
+    """Distance from the ellipse at the same s_o, over l."""
     r = _ride(solvers, method, line(stiffness))
     x, y = BEAD.place(r.s_o / r.length)
     d = np.hypot(r.x / r.length - x, r.y / r.length - y)
@@ -127,14 +123,14 @@ def _deviation(solvers: Solvers, method: str, stiffness: float) -> Error:
 
 
 def _speed(solvers: Solvers, method: str, stiffness: float) -> Error:
-    """Error of the speed at the same s_o, over the largest."""
+    """Error of v(s_o) over the largest."""
     r = _ride(solvers, method, line(stiffness))
     speed = BEAD.speed(r.s_o / r.length, START)
     return largest_and_rms((r.speed - speed) / speed.max())
 
 
 def _tension(solvers: Solvers, method: str, stiffness: float, averaged: bool = True) -> Error:
-    """Error of the tension on both sides over the largest; means over one bounce."""
+    """Error of N over the largest; means over one bounce."""
     r = _ride(solvers, method, line(stiffness))
     s_o = BEAD.ride(r.t, START)
     right = BEAD.tension(s_o, START)
@@ -144,7 +140,7 @@ def _tension(solvers: Solvers, method: str, stiffness: float, averaged: bool = T
 
 
 def _mean(t: Array, values: Array, over: Array) -> Array:
-    """Return means over times that last `over`, around each t with as much on both sides; over 0, the values."""
+    """Means of values over a time `over` centred at t; over 0: the values."""
     if not over.any():
         return values[1:]
     within = (t - 0.5 * over >= t[0]) & (t + 0.5 * over <= t[-1])
@@ -154,7 +150,7 @@ def _mean(t: Array, values: Array, over: Array) -> Array:
 
 
 def _swing(solvers: Solvers, method: str, mu: float) -> Error:
-    """Error of the frequency of small swings, from the passages of the lowest point."""
+    """Error of the frequency of small swings."""
     omega = math.sqrt(BEAD.g * BEAD.b) / 0.5
     r = _ride(solvers, method, line(STIFF, mu, 0.5 - SMALL, 5.5 * math.pi / omega))
     times = []

@@ -18,13 +18,12 @@ from validation.oracles.rest import ZIP
 
 
 def drift(r, weight: float) -> Error:
-    """Change of the energy over the car's weight times the cable's length."""
+    """Change of the energy over M g l."""
     off = np.abs(r.energy - r.energy[0]) / (weight * r.length)
     return largest_and_rms(off)
 
 
 def ride(drag: float = 0.0) -> Scene:
-    """Twenty seconds of the zip line."""
     air = f"drag_area = {drag}\n" if drag else ""
     return Scene.from_toml(ZIP + f"start = 2.0\n{air}end = {{time = 20.0}}")
 
@@ -35,7 +34,7 @@ def _of(scene: Scene, r) -> Error:
 
 
 def _rule(scheme: str, solvers: Solvers, method: str, steps: float) -> Error:
-    """Drift by a rule of the time driver; one that keeps the energy leaves rounding to look at."""
+    """Drift with a rule of the time driver."""
     coarse = {"elements": 10} if method == "following-p2" else {}
     return _of(scene := ride(), solvers.ride(scene, method, steps=round(steps), scheme=scheme, **coarse))
 

@@ -1,10 +1,9 @@
 """A harmonic force at constant speed on an infinite string, steady.
 
-    v_tt - v_xx = P e^(i omega t) delta(x - V t).  Take the real part for P cos(omega t).
+    v_tt - v_xx = P e^(i omega t) delta(x - V t):
 
-Half the integral of the force over the times heard:
-    V < 1 :  v = (P/(2 i omega)) e^(i omega tau),  tau = (t-x)/(1-V) ahead, (t+x)/(1+V) behind,
-    V > 1 :  v = (P/(2 i omega)) [ e^(i omega (x+t)/(V+1)) - e^(i omega (x-t)/(V-1)) ] behind, 0 ahead.
+    V < 1 :  v = (P/(2 i omega)) e^(i omega tau),  tau = (t-x)/(1-V) ahead, (t+x)/(1+V) behind
+    V > 1 :  v = (P/(2 i omega)) [ e^(i omega (x+t)/(V+1)) - e^(i omega (x-t)/(V-1)) ] behind, 0 ahead
 
 Source: Pierucci (reference 12 of Al-Qassab, Nair & O'Leary 2003)
 Validity: infinite string, omega > 0, V >= 0, V != 1

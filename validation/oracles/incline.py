@@ -1,10 +1,10 @@
 """A car on a straight incline with drag, rolling friction and a brake.
 
-Gravity g, path length s from rest, sin and cos of the incline.  Drag -k v |v| (mass mu):
+Path s from rest, gravity g, sin and cos of the incline, mass mu.  Drag -k v |v|:
     v_t^2 = mu g sin/k,   v^2 = v_t^2 (1 - exp(-2 k s/mu)),   s = (mu/k) ln cosh(t v_t k/mu).
-Rolling friction mu_r and, from s_b on, a brake of force F_b:
-    a = g (sin - mu_r cos),   v_b^2 = 2 a s_b,   it stops at s_b + v_b^2/(2 (F_b/mu - a)).
-It is the limit of a car that rolls on a cable for sigma -> 0, with g = sigma.
+Rolling friction mu_r, brake force F_b from s_b on:
+    a = g (sin - mu_r cos),   v_b^2 = 2 a s_b,   stop at s_b + v_b^2/(2 (F_b/mu - a)).
+Limit of a car on a cable for sigma -> 0, g = sigma.
 
 Source: Newton's law
 Validity: sin > mu_r cos, F_b/mu > a
@@ -23,23 +23,23 @@ from validation.oracles.case import RIDERS, Array, Case, Error, Limit, Solvers, 
 
 
 def terminal(*, mu: float, g: float, sin: float, k: float) -> float:
-    """Speed at which drag balances the weight's part along the incline."""
+    """Terminal speed v_t."""
     return math.sqrt(mu * g * sin / k)
 
 
 def way(t: ArrayLike, *, mu: float, g: float, sin: float, k: float) -> Array:
-    """s(t) from rest with drag; ln cosh without overflow."""
+    """s(t) with drag."""
     x = np.asarray(t, float) * terminal(mu=mu, g=g, sin=sin, k=k) * k / mu
     return mu / k * (x + np.log1p(np.exp(-2.0 * x)) - math.log(2.0))
 
 
 def speed(s: ArrayLike, *, mu: float, g: float, sin: float, k: float) -> Array:
-    """v after the path s with drag."""
+    """v(s) with drag."""
     return terminal(mu=mu, g=g, sin=sin, k=k) * np.sqrt(-np.expm1(-2.0 * k * np.asarray(s, float) / mu))
 
 
 def stop(s_b: float, *, mu: float, g: float, sin: float, mu_r: float, F_b: float) -> tuple[float, float]:
-    """(time, path) at which a brake from s_b on stops a car that started at s = 0, with rolling friction."""
+    """(t, s) at which the brake stops the car."""
     a = g * (sin - mu_r * math.sqrt(1.0 - sin * sin))
     back = F_b / mu - a
     if not (a > 0.0 and back > 0.0):
@@ -49,7 +49,7 @@ def stop(s_b: float, *, mu: float, g: float, sin: float, mu_r: float, F_b: float
 
 
 def braked(t: ArrayLike, s_b: float, *, mu: float, g: float, sin: float, mu_r: float, F_b: float) -> Array:
-    """s(t) of that car, up to its stop and after it."""
+    """s(t) with friction and brake."""
     end, last = stop(s_b, mu=mu, g=g, sin=sin, mu_r=mu_r, F_b=F_b)
     a = g * (sin - mu_r * math.sqrt(1.0 - sin * sin))
     left = np.maximum(end - np.asarray(t, float), 0.0)
@@ -57,18 +57,18 @@ def braked(t: ArrayLike, s_b: float, *, mu: float, g: float, sin: float, mu_r: f
                     last - 0.5 * (F_b / mu - a) * left**2)  # fmt: skip
 
 
-MU, SIN, K, START, MU_R, SHOE = 0.3, 0.2, 1.5, 0.1, 0.04, 0.6  # of the cases
-HOLDS = 3.0  # times the weight's part along the incline: the brake
+MU, SIN, K, START, MU_R, SHOE = 0.3, 0.2, 1.5, 0.1, 0.04, 0.6
+HOLDS = 3.0  # brake force over mu sigma sin
 
 
 def _scene(sigma: float, **drive: Any) -> Scene:
-    """A taut incline of length one in units of l, H, rho."""
+    """A taut incline of length 1."""
     drive = {"mode": "free", "start": START} | drive
     return hung(sigma, 500.0, MU, drive, span=math.sqrt(1.0 - SIN**2), drop=SIN)
 
 
 def _drag(solvers: Solvers, method: str, sigma: float) -> Error:
-    """Error of s_o over time, over l."""
+    """Error of s_o(t) over l."""
     t_end = math.acosh(math.exp(0.7 * K / MU)) * MU / K / terminal(mu=MU, g=sigma, sin=SIN, k=K)
     scene = _scene(sigma, air_density=1.0, drag_area=2.0 * K, end={"time": t_end})
     r = solvers.ride(scene, method, steps=200, scheme="generalized-alpha")
@@ -77,7 +77,7 @@ def _drag(solvers: Solvers, method: str, sigma: float) -> Error:
 
 
 def _stop(solvers: Solvers, method: str, sigma: float) -> Error:
-    """Error of s_o up to the stop, over l, at equal times."""
+    """Error of s_o(t) to the stop, over l."""
     force = HOLDS * MU * sigma * SIN
     scene = _scene(sigma, rolling_friction=MU_R, brake=[{"from": SHOE, "force": force}])
     r = solvers.ride(scene, method, steps=200, scheme="generalized-alpha")

@@ -2,8 +2,7 @@
 
     w_tt = w_ss + h,  int w ds = 0,  w(0) = w(1) = 0:   antisymmetric W = 2 n pi, symmetric tan(W/2) = W/2.
 
-Unit sqrt(tau/rho)/l, tau the tension along the chord.  It is the limit of irvine for L -> inf, and of catenary_modes
-with alpha = inf for sigma -> 0.
+Unit sqrt(tau/rho)/l, tau the tension along the chord.
 
 Source: Tadjbakhsh & Wang 1994
 Validity: small sag, any inclination
@@ -22,7 +21,7 @@ from validation.oracles.case import BARE, Error, Limit, Solvers
 
 
 def symmetric(count: int) -> NDArray[np.float64]:
-    """The first symmetric frequencies, ascending: one root of sin z = z cos z in each (n pi, (n + 1/2) pi)."""
+    """First symmetric frequencies: roots of sin z = z cos z in (n pi, (n + 1/2) pi)."""
     if count < 1:
         raise ValueError(f"count >= 1 needed, got {count!r}")
     half = [
@@ -33,7 +32,7 @@ def symmetric(count: int) -> NDArray[np.float64]:
 
 
 def frequencies(count: int) -> NDArray[np.float64]:
-    """The first frequencies of both families, ascending."""
+    """First frequencies of both families."""
     return np.sort(np.concatenate([symmetric(count), 2.0 * math.pi * np.arange(1, count + 1)]))[:count]
 
 

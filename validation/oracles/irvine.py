@@ -2,10 +2,9 @@
 
     w_tt = w_ss + h y'',  h = alpha int y' w_s ds,  y'' = -sigma,  w(0) = w(1) = 0.
 
-W in units of sqrt(T/rho)/l: antisymmetric W = 2 n pi; symmetric, with L^2 = sigma^2 alpha,  tan(W/2) = W/2 -
-(4/L^2)(W/2)^3, one root in each branch ((n - 1/2) pi, (n + 1/2) pi), n >= 1, of W/2.
-
-Inclined cable (chord at angle theta): normal to the chord, tau = T/cos(theta), L^2 = alpha sigma^2 cos(theta)^5.
+W in units of sqrt(T/rho)/l, L^2 = sigma^2 alpha:  antisymmetric W = 2 n pi,
+symmetric tan(W/2) = W/2 - (4/L^2)(W/2)^3, a root in each ((n - 1/2) pi, (n + 1/2) pi).
+Chord inclined by theta: w normal to it, tau = T/cos(theta), L^2 = alpha sigma^2 cos(theta)^5.
 
 Source: Irvine & Caughey 1974, with the arc length in place of the span
 Validity: small sag; 8e-4 off the exact catenary at sigma = 0.17, falling like sigma^2 at fixed L
@@ -22,18 +21,18 @@ from validation.oracles.case import BARE, Array, Modes
 
 
 def parameter(sigma: float, alpha: float, chord_cos: float = 1.0) -> float:
-    """L^2, Irvine's parameter."""
+    """L^2."""
     if not (sigma > 0.0 and alpha > 0.0 and 0.0 < chord_cos <= 1.0):
         raise ValueError(f"sigma, alpha > 0 and 0 < chord_cos <= 1 needed, got {sigma!r}, {alpha!r}, {chord_cos!r}")
     return alpha * sigma**2 * chord_cos**5
 
 
 def symmetric(L2: float, count: int) -> Array:
-    """The first symmetric frequencies, ascending."""
+    """First symmetric frequencies."""
     if not (L2 > 0.0 and count >= 1):
         raise ValueError(f"L^2 > 0 and count >= 1 needed, got {L2!r}, {count!r}")
 
-    def f(z: float) -> float:  # cos(z) (tan(z) - z + 4 z^3/L^2), written so that L -> 0 does not overflow
+    def f(z: float) -> float:  # scaled against overflow for L -> 0
         scale = 1.0 / (1.0 + 4.0 * z * z / L2)
         return scale * math.sin(z) - z * (scale - (1.0 - scale)) * math.cos(z)
 
@@ -42,7 +41,7 @@ def symmetric(L2: float, count: int) -> Array:
 
 
 def frequencies(L2: float, count: int) -> Array:
-    """The first frequencies of both families, ascending."""
+    """First frequencies of both families."""
     return np.sort(np.concatenate([symmetric(L2, count), 2.0 * math.pi * np.arange(1, count + 1)]))[:count]
 
 

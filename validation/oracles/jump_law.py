@@ -1,7 +1,8 @@
 """The jump of force on the cable at the mass is what the mass needs.
 
     [ (N/|r'| - ds_o^2) r' ] = mu (p.. - sigma j),   j down, [ ] = ahead less behind, r' the one-sided slopes,
-in units of rho, H; N tension, p place of the mass.  The cable streams past the mass with ds_o.
+
+in units of rho, H; N tension, p place of the mass.
 
 Source: Balance of force and momentum
 Validity: any cable, any travel, 0 < s_o < l
@@ -18,7 +19,7 @@ from validation.oracles.case import WINDOW, Array, Error, Law, largest_and_rms
 
 
 def force(tension: Array, slope: Array, flux: Array) -> Array:
-    """(n, 2): what one side of the cable transmits; tension (n,), slope r' (n, 2), flux rho ds_o^2 (n,)."""
+    """(n, 2) from tension (n,), slope r' (n, 2), flux rho ds_o^2 (n,)."""
     return (tension / np.hypot(*slope.T) - flux)[:, None] * slope
 
 
@@ -45,5 +46,4 @@ def _law(*, flux: bool) -> Law:
 
 
 def cases() -> list[Law]:
-    """Return the cases with solvers."""
     return [_law(flux=True), _law(flux=False)]

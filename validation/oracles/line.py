@@ -1,7 +1,7 @@
 """A line at rest over anchors, springs, saddles and a counterweight, with cars: numbers known beforehand.
 
-Elastic catenaries between contacts, each by another program; SEILAPLAN's own method (Zweifel) is an approximation.
-s counts from the left end of the empty line. Errors: lengths over the reach, forces over the largest tension.
+Elastic catenaries between contacts; numbers by other programs.  s counts from the left end of the empty line.
+Errors: lengths over the reach, forces over the largest tension.
 
 Source: Irvine (1981) in closed form; tests of SEILAPLAN; Code_Aster V6.02.100
 Validity: frictionless saddles, statics
@@ -21,7 +21,7 @@ from cablefem.scene.line import Line, LineRest
 from validation.oracles.case import Case, Error, Rung, Solvers, largest_and_rms
 
 METHODS = ("catenaries", "elements")
-DIGITS = 3e-9  # of the numbers: half a micrometre over 200 m, 1e-4 N over 1e5 N
+DIGITS = 3e-9  # of the numbers
 
 THREE = """
     cable = {mass_per_length = 9.0, EA = 1.4e8, length = 1024.5}
@@ -68,7 +68,7 @@ _WEIGHED: list[Told] = [
 
 
 def _tramway(sign: float = 1.0) -> list[Told]:
-    """The rope between the ends, empty 1295.985263 m, and the rope that the line took in."""
+    """The empty rope is 1295.985263 m long; -s of the weight is the rope taken in."""
     return [
         (0, "weight", "s", -sign * 10.817098), (0, "car", "y", -148.607581), (0, "car", "ahead", 396588.7073),
         (0, "car", "haul", 22261.47088), (0, "right", "behind", 433576.5376),
@@ -81,7 +81,7 @@ _PRINTED = (109.9e3, 119.6e3, 131.1e3, 121.5e3, 106.0e3, 83.5e3)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AtRest(Case):
-    """A line, and what is known of it."""
+    """A line and its known numbers."""
 
     line: Line
     told: Sequence[Told]

@@ -1,21 +1,19 @@
 """A mass at constant speed on a string without inertia.
 
-    xi (1 - xi) Y'' + 2 a Y = 8 a xi (1 - xi),   Y(0) = Y'(0) = 0,   xi = V t in units of the length,
-    Y = y/(M g l/(4T)),  a = T l/(2 M V^2)  (= 1/(2 mu V^2) in units of the wave speed).
+    xi (1 - xi) Y'' + 2 a Y = 8 a xi (1 - xi),   Y(0) = Y'(0) = 0,   xi = V t/l,
+    Y = y/(M g l/(4T)),  a = T l/(2 M V^2),  r = sqrt(1 + 8a):
 
-With r = sqrt(1 + 8a):
     Y = (4a/(a-1)) [ xi (1-xi) - Phi ],   Phi = xi 2F1((1+r)/2, (1-r)/2; 2; xi),
     a = 1:  Y = (4/3) xi^2 - (8/3) xi (1-xi) ln(1-xi),
-    Y(1) = 2 cos(pi r/2)/(pi (a-1)): a jump to the support, with an infinite contact force.
-It is the limit of moving_mass for mu -> inf at fixed a; the difference falls like 1/mu.
+    Y(1) = 2 cos(pi r/2)/(pi (a-1)): a jump to the support.
 
-The power series of 2F1 loses its digits for large r.  By Mehler's integral for the Legendre function,
+Limit of moving_mass for mu -> inf at fixed a, off by 1/mu.  Method: Mehler's integral,
     Phi = (4 sqrt(xi)/(pi r)) int_0^(pi/2) sin(r beta) sin(psi) dpsi,   sin(beta) = sqrt(xi) sin(psi),
-by Gauss panels graded towards psi = pi/2, where beta has a branch point.
+by Gauss panels graded towards pi/2.
 
 Source: Fryba 1972; Smith 1964
 Validity: 0 <= xi <= 1, 0 < a <= 1e4
-Accuracy: 2e-15 max(10, r, a/|a-1|) of the largest Y, measured against mpmath
+Accuracy: 2e-15 max(10, r, a/|a-1|) of the largest Y
 Group: A mass on a taut string
 """
 
@@ -40,7 +38,7 @@ def path(xi: ArrayLike, *, a: float) -> Array:
 
 
 def force(xi: ArrayLike, *, a: float) -> Array:
-    """R/(M g) = Y/(4 xi (1 - xi)) for 0 < xi < 1: 0 at the entry (free fall), infinite at the exit unless Y(1) = 0."""
+    """R/(M g) for 0 < xi < 1."""
     xi = _domain(xi, a)
     if np.any(xi <= 0.0) or np.any(xi >= 1.0):
         raise ValueError("the contact force is asked for inside the string, 0 < xi < 1")
@@ -48,15 +46,15 @@ def force(xi: ArrayLike, *, a: float) -> Array:
 
 
 def _phi(xi: Array, r: float) -> Array:
-    """Phi(xi) by Mehler's integral; delta = pi/2 - psi."""
+    """Phi(xi); delta = pi/2 - psi."""
     edges = [0.5 * math.pi * 2.0**-26]
     for j in range(25, -1, -1):
         end = 0.5 * math.pi * 2.0**-j
-        parts = math.ceil(r * (end - edges[-1]) / 8.0)  # 16 points resolve 8 radians to rounding
+        parts = math.ceil(r * (end - edges[-1]) / 8.0)  # 16 points resolve 8 rad
         edges += list(np.linspace(edges[-1], end, parts + 1)[1:])
     lo, hi = np.array([0.0, *edges[:-1]])[:, None], np.array(edges)[:, None]
     delta = (0.5 * (lo + hi) + 0.5 * (hi - lo) * _GAUSS_X).ravel()
-    weight = (0.5 * (hi - lo) * _GAUSS_W).ravel() * np.cos(delta)  # sin(psi) dpsi
+    weight = (0.5 * (hi - lo) * _GAUSS_W).ravel() * np.cos(delta)
     x = xi[..., None]
     beta = np.arctan2(np.sqrt(x) * np.cos(delta), np.sqrt((1.0 - x) + x * np.sin(delta) ** 2))
     return 4.0 * np.sqrt(xi) / (math.pi * r) * (np.sin(r * beta) @ weight)

@@ -1,11 +1,10 @@
 """A constant force that crosses a taut string at constant speed.
 
-    v_tt - v_xx = P delta(x - V t),  v(0, t) = v(1, t) = 0,  at rest at t = 0;  the force has left for t > 1/V.
+    v_tt - v_xx = P delta(x - V t),  v(0, t) = v(1, t) = 0,  at rest at t = 0.
 
-With G(x, z) = min(x, z)(1 - max(x, z)) and its odd, 2-periodic extension Go in z:
-    0 <= t <= 1/V :  v = P/(1-V^2) [ G(x, Vt) - V Go(x, t) ]
-    t > 1/V       :  v = P V/(1-V^2) [ Go(x, t - 1/V + 1) - Go(x, t) ]
-    V = 1         :  v = (P/2) [ G(x, t) - t dG/dz(x, t) ],  after the exit -(P/2) dGo/dz(x, t).
+With G(x, z) = min(x, z)(1 - max(x, z)), continued as Go(x, z), odd and of period 2 in z:
+    t <= 1/V :  v = P/(1-V^2) [ G(x, Vt) - V Go(x, t) ],          V = 1:  (P/2) [ G(x, t) - t dG/dz(x, t) ]
+    t > 1/V  :  v = P V/(1-V^2) [ Go(x, t - 1/V + 1) - Go(x, t) ],  V = 1:  -(P/2) dGo/dz(x, t)
 
 Source: Fryba 1972
 Validity: 0 <= x <= 1, t >= 0, V > 0
@@ -21,7 +20,7 @@ from validation.oracles.case import MU, SIGMA, Array, Crossing, level, positive
 
 
 def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
-    """v(x, t) in closed form, before and after the exit."""
+    """v(x, t)."""
     x, t = _domain(x, t, V)
     inside = t * V <= 1.0
     if V == 1.0:
@@ -32,14 +31,14 @@ def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
 
 
 def green(x: Array, z: Array) -> Array:
-    """Go(x, z): deflection at x under a unit force at z, continued as an odd function of period 2 in z."""
+    """Go(x, z), deflection at x under a unit force at z."""
     z = np.mod(z, 2.0)
     sign, z = np.where(z > 1.0, -1.0, 1.0), np.where(z > 1.0, 2.0 - z, z)
     return sign * np.minimum(x, z) * (1.0 - np.maximum(x, z))
 
 
 def _green_slope(x: Array, z: Array) -> Array:
-    """dGo/dz, even and 2-periodic; at z = x the value ahead of the force."""
+    """dGo/dz; at z = x ahead of the force."""
     z = np.mod(z, 2.0)
     return np.where(np.minimum(z, 2.0 - z) <= x, 1.0 - x, -x)
 

@@ -2,7 +2,7 @@
 
     mu |P'|^2 dds + mu P'.P'' ds^2 = -F_hold(s) + F_ext.P',   P(s) and F_hold(s) of `rest`.
 
-Solved by `cablefem.scene.ride`, the common ground; tests hold it against closed forms and against energy.
+Solved by `cablefem.scene.ride`, which the solvers share.
 
 Source: Lagrange's equation for s_o without the cable's inertia
 Validity: speeds small against the waves'; error (V/c)^2, 1e-3 l at V/c = 0.4
@@ -25,13 +25,13 @@ Curve = Callable[[Any], LoadPath]
 
 
 def rolled(scene: Scene, curve: Curve = LoadPath.loaded) -> Ride:
-    """The ride of a free car along its load path, or another curve."""
+    """Ride of a free car along the load path or another curve."""
     g = scene.groups
     return ride(curve(g), g.mu, g.sigma, g.drive)
 
 
 def _deviation(solvers: Solvers, method: str, drag: float) -> Error:
-    """Distance of s_o(t) from the quasi-static ride, over l; a car with so much drag."""
+    """Distance of s_o(t) from the quasi-static ride, over l."""
     scene = Scene.from_toml(ZIP + f"start = 60.0\nrelease = 4.0\ndrag_area = {drag!r}\nend = {{place = 110.0}}")
     r = solvers.ride(scene, method, steps=400, scheme="generalized-alpha")
     off = np.abs(r.s_o / r.length - rolled(scene).at(r.t / scene.time_scale)[0])
@@ -39,11 +39,11 @@ def _deviation(solvers: Solvers, method: str, drag: float) -> Error:
 
 
 def _fast(what: str, curve: Curve, solvers: Solvers, method: str, sigma: float) -> Error:
-    """Distance of place over l, or of speed or deflection over the largest; V/c comes to 0.4 for sigma 0.32."""
+    """Error of place over l, or of speed or deflection over the largest."""
     drive = {"mode": "free", "start": 0.02, "end": {"place": 0.9}}
     scene = hung(sigma, 1200.0, 0.3, drive, span=0.96, drop=0.28, horizontal_tension=1.0)
     r, other = solvers.ride(scene, method, steps=600), rolled(scene, curve)
-    if what == "deflection":  # of the cable at rest with the car at the same place
+    if what == "deflection":  # of the cable at rest, car at the same place
         rest, empty = (curve(scene.groups).place(r.s_o / r.length) for curve in (LoadPath.loaded, LoadPath.empty))
         off = np.hypot(*(np.stack([r.x, r.y], -1) / r.length - rest).T)
         return largest_and_rms(off / np.hypot(*(rest - empty).T).max())

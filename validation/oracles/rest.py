@@ -1,10 +1,9 @@
 """The loaded cable at rest, the force that holds the car, and the place that needs none.
 
     int lam n/N ds = (span, drop),  n = (h, V - sigma s), less (0, mu sigma) ahead of the car,  N = T + alpha eps,
-F_hold = [N lam - W], W = T eps + alpha eps^2/2; at rest without it n_y = +- mu sigma/2 beside the car.
+    F_hold = [N lam - W],  W = T eps + alpha eps^2/2;   F_hold = 0: n_y = +- mu sigma/2 beside the car.
 
-Solved by `cablefem.scene.statics`, the common ground, which tests put into the differential equation.  Both wings find
-their start by statics of their own.
+Solved by `cablefem.scene.statics`; the solvers use statics of their own.
 
 Source: Balance of forces (Irvine, Cable Structures 1981), material force
 Validity: any sag, slope, mass and stiffness
@@ -36,23 +35,23 @@ ZIP = """
     [drive]
     mode = "free"
 """
-TENTH = 0.1  # s_o of a car that is held
+TENTH = 0.1  # s_o of a held car
 
 
 def place_of_rest(groups: Groups, low: float = 0.05, high: float = 0.95) -> float:
-    """s_o at which a car that rolls stays; ValueError where there is none between low and high."""
+    """s_o at which a free car stays; ValueError if there is none."""
     return float(brentq(lambda s: gripped(s, groups).hold[0], low, high, xtol=1e-14))
 
 
 def balance(at: Rest) -> float:
-    """F_hold by the car's balance, <lam> tau.C/cos(phi); 1e-6 off, the kink's angle squared over EA."""
+    """F_hold by the car's balance, <lam> tau.C/cos(phi); 1e-6 off."""
     mean = 0.5 * (at.slope_behind[0] + at.slope_ahead[0])
     return float(mean @ at.jump[0] * at.stretch[0] ** 2 / (mean @ mean))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Held(Case):
-    """What a car held by the cable asks of it, at a tenth of each line or where it asks nothing."""
+    """What a held car needs: force at s_o = 0.1, or its place of rest."""
 
     answer: Callable[[Solvers, str, dict[str, Any]], Array]
     exact: Array
@@ -79,7 +78,7 @@ def _held() -> list[Held]:
 
     at = [gripped(TENTH, g) for g in lines]
     holds, places = np.array([x.hold[0] for x in at]), np.array([place_of_rest(g) for g in lines])
-    # on the empty cable's shape a car weighs along the slope alone, and rests where that is none
+    # wrong on purpose: on the empty cable's shape
     weights = np.array([-g.mu * g.sigma * g.static(TENTH)[2] for g in lines])
     lowest = np.array([g.c / g.sigma for g in lines])
 
@@ -108,15 +107,15 @@ def cases() -> list[Case]:
     sag = y - float(scene.catenary.y(start))
 
     def defect(r) -> Error:
-        """Of place over deflection and of tensions over H, at the start."""
+        """Error at the start: place over deflection, tensions over H."""
         off = max(np.hypot(r.x[0] - x, r.y[0] - y) / sag, np.abs(np.array([r.T_behind[0], r.T_ahead[0]]) - N).max() / H)
         return float(off), float(off)
 
     at = place_of_rest(scene.groups)
-    still = Scene.from_toml(ZIP + f"start = {at * l!r}\nend = {{time = 6.0}}\nrest_speed = 1e-12")  # which never ends
+    still = Scene.from_toml(ZIP + f"start = {at * l!r}\nend = {{time = 6.0}}\nrest_speed = 1e-12")
 
     def moved(r) -> Error:
-        """Way over l that a car makes which should stay."""
+        """Way over l of a car at rest."""
         way = np.abs(r.s_o / l - at)
         return largest_and_rms(way)
 

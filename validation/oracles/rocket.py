@@ -1,13 +1,12 @@
 """A sled driven by steady thrust along a taut level string, from its rest in the loaded string.
 
-Thrust acts along the mean tangent.  s_o = s0 + a t^2/2 with a = thrust/mu, and w, the depth below the empty string's
-shape, from w = mu sigma s0 (1 - s0), dw = 0:
+Thrust along the mean tangent: s_o = s0 + a t^2/2, a = thrust/mu.  Depth w below the empty string's shape, from rest at
+w = mu sigma s0 (1 - s0):
     mu w.. + 2 w. = mu sigma ds_o^2 + mu sigma (1 - 2 s0) ds_o + mu a <w_s>,
     <w_s> = mu sigma [ (1 - 2 s0) - ds_o - 2 ds_o w./(mu sigma) ] / (2 (1 - ds_o^2)).
 
 Derivation: w_tt - w_xx = R delta(x - s_o), R = mu sigma - mu p.. + mu a (y' + <w_s>), p = y(s_o) + w, y'' = -sigma.
-The string's rest shape is kept by a source mu sigma at s0 that ends at t = 0, so that 2 w. = R - mu sigma +
-mu sigma (1 - 2 s0) ds_o.
+A source mu sigma at s0 ends at t = 0, so 2 w. = R - mu sigma + mu sigma (1 - 2 s0) ds_o.
 
 Source: d'Alembert's solution, derived here
 Validity: a t < 1, before the first echo, sigma -> 0
@@ -27,7 +26,7 @@ from validation.oracles.case import RIDERS, Array, Error, Limit, Solvers, hung, 
 
 @dataclass(frozen=True, slots=True)
 class Sled:
-    """Its travel, its depth and the slopes of the string."""
+    """Solution: travel, depth and force."""
 
     mu: float
     sigma: float
@@ -40,7 +39,7 @@ class Sled:
         return self.s0 + 0.5 * self.a * np.asarray(t, float) ** 2
 
     def depth(self, t: ArrayLike) -> Array:
-        """w(t) below the shape of the empty string."""
+        """w(t)."""
         return self._sol(np.asarray(t, float).ravel())[0].reshape(np.shape(t))
 
     def sinking(self, t: ArrayLike) -> Array:
@@ -48,7 +47,7 @@ class Sled:
         return self._sol(np.asarray(t, float).ravel())[1].reshape(np.shape(t))
 
     def force(self, t: ArrayLike) -> Array:
-        """R(t), the string's load."""
+        """R(t)."""
         weight, V = self.mu * self.sigma, self.a * np.asarray(t, float)
         return 2.0 * self.sinking(t) + weight * (1.0 - (1.0 - 2.0 * self.s0) * V)
 
@@ -58,7 +57,7 @@ def _mean_slope(V, dw, weight: float, s0: float):
 
 
 def solve(t_end: float, *, mu: float, sigma: float, a: float, s0: float, lift: bool = True) -> Sled:
-    """Integrate to t_end, without mu a <w_s> unless `lift`; ValueError outside the validity."""
+    """Integrate to t_end; lift = False: without mu a <w_s>."""
     if not (mu > 0.0 and sigma > 0.0 and 0.0 < s0 < 1.0 and 0.0 <= a * t_end < 1.0):
         raise ValueError(f"needs mu, sigma > 0, 0 < s0 < 1, a t_end < 1, got {mu!r}, {sigma!r}, {s0!r}, {a * t_end!r}")
     at = s0 + 0.5 * a * t_end**2
@@ -77,8 +76,8 @@ def solve(t_end: float, *, mu: float, sigma: float, a: float, s0: float, lift: b
     return Sled(mu, sigma, a, s0, run.sol)
 
 
-MU, A, S0, T_END = 0.3, 0.8, 0.4, 0.7  # of the case
-# fine, as w is down to 3e-5 of l; sines smear the step J of w.. at the car, their mean slope errs by J/(pi^2 N)
+MU, A, S0, T_END = 0.3, 0.8, 0.4, 0.7
+# fine: w is down to 3e-5 l
 FINE = {"following-p2": {"elements": 200, "steps": 800}, "fourier-kink": {"terms": 160, "steps": 400}}
 
 

@@ -2,10 +2,9 @@
 
     v_tt - v_xx = P [ delta(x - V t) + delta(x + V t) ],  at rest at t = 0.
 
-One force, running right: half of P times the time for which it was heard,
-    V < 1 :  (P/2) max(0, min((t-x)/(1-V), (t+x)/(1+V))),
-    V >= 1:  (P/2)(t+x)/(1+V) for |x| <= t,   P (V t - x)/(V^2 - 1) for t < x < V t,   0 elsewhere;
-the other is its mirror image in x.
+The force that runs right gives, the other its mirror image,
+    V < 1 :  (P/2) max(0, min((t-x)/(1-V), (t+x)/(1+V)))
+    V >= 1:  (P/2)(t+x)/(1+V) for |x| <= t,   P (V t - x)/(V^2 - 1) for t < x < V t,   else 0
 
 Source: Kanninen & Florence 1967
 Validity: infinite string, t >= 0, V > 0
@@ -21,7 +20,7 @@ from validation.oracles.case import MU, SIGMA, Array, Crossing, inside, level, p
 
 
 def one_force(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
-    """v(x, t) under the force at x = V t alone."""
+    """v(x, t) under the force at x = V t."""
     positive(speed=V)
     x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
     if np.any(t < 0.0):

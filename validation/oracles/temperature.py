@@ -1,10 +1,8 @@
 """Heat and ice on a cable at rest: the elastic catenary keeps its unstretched length and its weight.
 
-A piece of unstretched length S, weight q per unstretched metre and end forces (H, P), P1 = P - q S, N = hypot(H, P):
+Unstretched length S, weight q per unstretched metre, end forces (H, P) and (H, P1), P1 = P - q S, N = hypot(H, P):
 
-    dx = H S/EA + (H/q) [asinh(P/H) - asinh(P1/H)],   dy = (P S - q S^2/2)/EA + (N - N1)/q.
-
-Heat makes S to S (1 + a dT).
+    dx = H S/EA + (H/q) [asinh(P/H) - asinh(P1/H)],   dy = (P S - q S^2/2)/EA + (N - N1)/q;   heat: S (1 + a dT).
 
 Source: Irvine, Cable Structures (1981), 1.3; RTE mechaphlowers; Code_Aster SSNL114
 Validity: any cable at rest; the solvers' plain catenary is 1e-6 off in H
@@ -32,18 +30,18 @@ CHANGE = """
     ice = {thickness = 0.012, density = 700.0}
     [supports]"""
 
-START = 100.0  # [m] place of the held car
+START = 100.0  # [m] of the held car
 
 
 def piece(H: float, P: float, S: float, q: float, EA: float) -> np.ndarray:
-    """Return (dx, dy) of a piece, y down; P > 0 where it goes down."""
+    """(dx, dy) of a piece, y down; P > 0: it descends."""
     P1 = P - q * S
     dx = H * S / EA + H / q * (math.asinh(P / H) - math.asinh(P1 / H))
     return np.array([dx, (P * S - 0.5 * q * S * S) / EA + (math.hypot(H, P) - math.hypot(H, P1)) / q])
 
 
 def elastic_catenary(span: float, drop: float, S: float, weight: float, EA: float) -> tuple[float, float]:
-    """Return (H, P) at the left support of a cable of unstretched length S [m] and weight [N]."""
+    """(H, P) at the left support; unstretched length S [m], weight [N]."""
 
     def off(x: np.ndarray) -> np.ndarray:
         return (piece(math.exp(x[0]), x[1] * weight, S, weight / S, EA) - [span, drop]) / span
@@ -56,12 +54,12 @@ def elastic_catenary(span: float, drop: float, S: float, weight: float, EA: floa
 
 
 def sag_level(H: float, P: float, S: float, weight: float, EA: float) -> float:
-    """Return the depth of the middle of a level cable."""
+    """Depth of the middle of a level cable."""
     return float(piece(H, P, 0.5 * S, weight / S, EA)[1])
 
 
 def stretched_length(H: float, P: float, S: float, weight: float, EA: float) -> float:
-    """Return S + int N/EA dS of a piece."""
+    """S + int N/EA dS of a piece."""
     q = weight / S
     F = [0.5 * (x * math.hypot(H, x) + H * H * math.asinh(x / H)) for x in (P, P - weight)]
     return S + (F[0] - F[1]) / (q * EA)
@@ -69,7 +67,7 @@ def stretched_length(H: float, P: float, S: float, weight: float, EA: float) -> 
 
 @dataclass(frozen=True, slots=True)
 class Stretched:
-    """Plain catenary of a horizontal tension H and a weight w per stretched metre."""
+    """Plain catenary, weight w per stretched metre."""
 
     span: float
     drop: float
@@ -78,7 +76,7 @@ class Stretched:
 
     @property
     def _u(self) -> tuple[float, float]:
-        """asinh of the slope at the left and right supports."""
+        """asinh of the slope at the supports."""
         a, half = self.H / self.w, 0.5 * self.span * self.w / self.H
         middle = math.asinh(self.drop / (2.0 * a * math.sinh(half)))
         return middle + half, middle - half
@@ -95,7 +93,7 @@ class Stretched:
         return self.H**2 / self.w * total / self.length
 
     def unstretched(self, EA: float) -> float:
-        """Return int ds/(1 + T/EA)."""
+        """int ds/(1 + T/EA)."""
         x, weights = np.polynomial.legendre.leggauss(60)
         u0, u1 = self._u
         u = 0.5 * (u0 + u1) + 0.5 * (u0 - u1) * x
@@ -104,12 +102,9 @@ class Stretched:
 
 
 def by_rte(rest: Stretched, EA: float, heat: float, load: float = 0.0, across: float = 0.0) -> Stretched:
-    """Return the state by the rule of RTE's mechaphlowers.
+    """State by the rule of RTE's mechaphlowers: strains add up, weight per stretched metre is kept.
 
-    Thermal and elastic strain add up, weight per stretched metre is kept. `load` [N/m] is added to the weight, `across`
-    [N/m] acts normal to the plane: the cable then hangs in a plane through its chord that is tilted.
-
-    heat : thermal strain a dT.
+    heat : thermal strain a dT; load : added weight [N/m]; across : force normal to the plane [N/m], which tilts it.
     """
     reference = rest.length / (1.0 + rest.mean_tension / EA)
     w, tilt = math.hypot(rest.w + load, across), math.atan2(across, rest.w + load)
@@ -123,9 +118,9 @@ def by_rte(rest: Stretched, EA: float, heat: float, load: float = 0.0, across: f
 
 
 def heated(scene: Scene, l: float, unstretched: float) -> tuple[float, float]:
-    """Return unstretched length [m] and weight [N] of a scene's cable, hot or cold and with its ice.
+    """Unstretched length [m] and weight [N] of a hot or cold cable with ice.
 
-    l, unstretched : of the cable at the reference.
+    l, unstretched : lengths at the reference.
     """
     cable = scene.cable
     ice = cable.ice_per_length
@@ -133,7 +128,7 @@ def heated(scene: Scene, l: float, unstretched: float) -> tuple[float, float]:
 
 
 def held(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
-    """Return a cold and iced line with a car held at START, its exact place and that of the empty cable there."""
+    """A cold iced line with a car held at START, its exact place, and that of the empty cable."""
     text = ZIP.replace("EA = 1.2e7", f"EA = {EA!r}")
     reference = Scene.from_toml(text)
     drive = f"start = {START}\nrelease = 5.0\nend = {{time = 0.02}}"
@@ -144,7 +139,7 @@ def held(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
     rest = Stretched(span, drop, reference.rho * reference.gravity, reference.horizontal_tension)
     S, weight = heated(scene, rest.length, rest.unstretched(EA))
     l = stretched_length(*elastic_catenary(span, drop, S, weight, EA), S, weight, EA)
-    # The solvers stretch the hanging cable by EA; of its unstretched length that is EA less the tension.
+    # EA of the solvers refers to the hanging cable: EA less tension
     mean = Stretched(span, drop, weight / l, scene.horizontal_tension).mean_tension
     S, q = l * (1.0 - mean / EA), weight / l / (1.0 - mean / EA)
     EA -= mean
@@ -160,7 +155,7 @@ def held(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
 
 
 def _deviation(solvers: Solvers, method: str, EA: float) -> Error:
-    """Distance of the held car from its exact place, over its deflection."""
+    """Distance of the held car from its exact place, over deflection."""
     scene, place, empty = held(EA)
     r = solvers.ride(scene, method, steps=100, **({"terms": 40} if method == "fourier-kink" else {}))
     off = math.hypot(r.x[0] - place[0], r.y[0] - place[1]) / math.hypot(*(place - empty))

@@ -1,17 +1,17 @@
 """A mass free to slide along a string is braked by the waves it sends.
 
     v_tt - v_xx = R delta(x - xi),  mu y'' = mu sigma - R,  y = v(xi, t),  mu xi'' = D + R <v_x>,
-D a constant drive along the string, <v_x> the mean of the slopes on both sides.  On the infinite string, |xi'| < 1:
-    y = (sigma mu/2) [ t - (mu/2)(1 - e^(-2t/mu)) ],   R = 2y' = mu sigma (1 - e^(-2t/mu)),
-    mu xi'' = D - (R^2/2) xi'/(1 - xi'^2).                                                       (1)
-For D = 0 (1) separates; with w = xi', E = int_0^t R^2 and the Lambert function W
-    w e^(-w^2/2) = z = w0 e^(-w0^2/2) e^(-E/(2 mu)),    w = sqrt(-W(-z^2)).                      (2)
 
-A sled hauled at a steady speed V from s0 along the finite string hears the same waves.  Until echoes, W = mu sigma,
+drive D, mean slope <v_x>.  Infinite string, |xi'| < 1:
+    y = (sigma mu/2) [ t - (mu/2)(1 - e^(-2t/mu)) ],   R = mu sigma (1 - e^(-2t/mu)),
+    mu xi'' = D - (R^2/2) xi'/(1 - xi'^2).                                                       (1)
+D = 0, w = xi', E = int_0^t R^2, Lambert's function W:
+    w = sqrt(-W(-z^2)),    z = w0 e^(-w0^2/2) e^(-E/(2 mu)).                                     (2)
+
+Finite string, sled hauled at speed V from s0, no echoes, W = mu sigma:
     R = W [ 1 + V^2 (1 + 2 mu) - 2 V^2 (1 + mu) e^(-2t/mu) ],
     <v_x> = W (1/2 - s0) + W V (1/2 - t) - R V/(2 (1 - V^2)),
-    F = mu x.. - R [ <v_x> + sigma (1/2 - s_o) ],                                                (3)
-x.. of the second order in sigma, as F is: it comes from the solver's own path.
+    F = mu x.. - R [ <v_x> + sigma (1/2 - s_o) ],   x.. of the solver's path.                    (3)
 
 Source: D'Acunto (reference 9 of Al-Qassab, Nair & O'Leary 2003), solved here
 Validity: 0 <= w0 < 1, infinite string; (3) small slopes, before the first echo
@@ -34,7 +34,7 @@ from validation.oracles.case import RIDERS, Array, Error, Limit, Solvers, hung, 
 
 
 def solve(t_end: float, *, mu: float, sigma: float, w0: float, drive: float = 0.0) -> CoupledRide:
-    """Integrate (1) from xi(0) = 0, xi'(0) = w0 to t_end."""
+    """Integrate (1) from xi = 0, xi' = w0."""
     positive(mu=mu, sigma=sigma, t_end=t_end)
     if not (0.0 <= w0 < 1.0 and math.isfinite(drive)):
         raise ValueError(f"the initial speed must lie in [0, 1) and the drive be finite, got {w0!r}, {drive!r}")
@@ -51,7 +51,7 @@ def solve(t_end: float, *, mu: float, sigma: float, w0: float, drive: float = 0.
 
 @dataclass(frozen=True, slots=True)
 class CoupledRide:
-    """Travel, path and string of the coupled problem."""
+    """Solution of (1)."""
 
     mu: float
     sigma: float
@@ -76,14 +76,14 @@ class CoupledRide:
 
 
 def resistance(t: ArrayLike, *, mu: float, sigma: float, V: float, s0: float, drag: bool = True) -> Array:
-    """F - mu x.. of (3), over W^2; drag=False forgets the waves that R sends."""
+    """F - mu x.. of (3) over W^2; drag=False: without the waves of R."""
     t = np.asarray(t, float)
     load = 1.0 + V * V * (1.0 + 2.0 * mu) - 2.0 * V * V * (1.0 + mu) * np.exp(-2.0 * t / mu)
     slope = 0.5 - s0 + V * (0.5 - t) - drag * load * V / (2.0 * (1.0 - V * V))
     return -load * (slope + (0.5 - s0 - V * t) / mu)
 
 
-MU, V, S0, T_END = 0.3, 0.4, 0.35, 0.45  # of the case
+MU, V, S0, T_END = 0.3, 0.4, 0.35, 0.45
 
 
 def _deviation(solvers: Solvers, method: str, sigma: float, drag: bool = True) -> Error:
