@@ -1,7 +1,6 @@
-"""Other codes on the same scenes, as an optional check from outside: ``pip install cablefem[peers]``.
+"""Other codes on the same scenes, an optional check: ``pip install cablefem[peers]``.
 
-Each builds the scene with that code's own elements, mass and time integrator, and returns the mass path, dimensionless.
-Of ours it takes the static shape, the static tension and the travel.
+Each has its own elements, mass and time integrator, and takes our static shape, static tension and travel.
 """
 
 import importlib
@@ -14,14 +13,14 @@ from validation.peers.path import PeerPath
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """Another code: its name here, its package on PyPI, the module to import, how to run it, and how to refine it."""
+    """Another code."""
 
     name: str
     package: str
     module: str
-    run: Callable[..., PeerPath]  # run(groups, *, elements, steps=None); each also documents what `seconds` counts
-    ladder: tuple[Mapping[str, int], ...]  # settings of `run`, coarse to fine
-    rides: tuple[Mapping[str, int], ...] = ()  # the same of free rides; none: its mass cannot roll
+    run: Callable[..., PeerPath]  # run(groups, *, elements, steps=None)
+    ladder: tuple[Mapping[str, int], ...]  # settings, coarse to fine
+    rides: tuple[Mapping[str, int], ...] = ()  # of free rides, if it has them
 
 
 PEERS: dict[str, Peer] = {
@@ -41,17 +40,17 @@ PEERS: dict[str, Peer] = {
 
 
 def available(name: str) -> str | None:
-    """Return None if that peer can be imported, else the reason in one line."""
+    """Return None if the peer can be imported, else the reason."""
     if name not in PEERS:
         raise ValueError(f"unknown peer {name!r}; one of {', '.join(PEERS)}")
     peer = PEERS[name]
     try:
         importlib.import_module(peer.module)
-    except Exception as error:  # wheels raise what they like when a system library is missing
+    except Exception as error:  # wheels raise anything if a library is missing
         if isinstance(error, ModuleNotFoundError) and error.name == peer.package:
             return "not installed"
         cause: BaseException = error
-        while cause.__cause__ or cause.__context__:  # openseespy hides the missing library behind a general message
+        while cause.__cause__ or cause.__context__:  # openseespy hides the missing library
             cause = cause.__cause__ or cause.__context__  # type: ignore[assignment]
         return str(cause).partition("\n")[0] or type(cause).__name__
     return None

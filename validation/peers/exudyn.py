@@ -1,19 +1,14 @@
 """Exudyn: cable elements with cubic shape functions, the mass on a moving joint, or on a sliding one where it rolls.
 
-Gripped: `ALEANCFCable2D` elements with movingMassFactor = 0, and the point mass on `ObjectJointALEMoving2D`, whose
-coordinate is prescribed as s_o(t).
-Free: `ObjectJointSliding2D` on `ANCFCable2D` elements, smaller towards the supports.  It starts by Exudyn's statics.
-Drag is a load of the mass; friction and brake are the joint's `axialForce`, from the contact force of the step before.
-So the start is sudden, and there is no thrust.
+Gripped: `ALEANCFCable2D` with movingMassFactor = 0; the mass on `ObjectJointALEMoving2D` with prescribed s_o(t).
+Free: `ObjectJointSliding2D` on `ANCFCable2D`, from Exudyn's statics; sudden start, no thrust.
+Friction and brake are the joint's `axialForce`, from the contact force of the previous step.
 
-The parameter of an element is the static arc length; a reference strain -T/EA gives it its static tension.
-Lengths are over l, forces over H, y is up in Exudyn.  The cable carries compression once it goes slack.
+Element parameter: static arc length; reference strain -T/EA.  Lengths over l, forces over H, y up.
+A slack cable carries compression.
 
-Settings that are not the defaults, with which Exudyn reports success on a wrong path: spectral radius 0.5, no adaptive
-steps, a step that fails ends the run.  What zigzags all the same is cut off.
-
-The sliding joint acts on the cable one step's way ahead of the mass, a first order error.  Before each step the joint's
-start is therefore put where the mass will be, by the step before; the error is then of second order.
+The sliding joint acts on the cable where the mass was one step before, an error of first order.  Before each step the
+joint is therefore moved ahead by the way of the previous step: second order.
 """
 
 import math
@@ -29,10 +24,11 @@ from validation.peers.path import Array, PeerPath, counted, travel, trusted
 def run(
     groups: Groups, *, elements: int, steps: int | None = None, rho_inf: float = 0.5, adaptive: bool = False
 ) -> PeerPath:
-    """Run a scene in Exudyn with equal steps, by default 20 per element, 100 for a free ride.
+    """Run a scene with equal steps, by default 20 per element, 100 for a free ride.
 
-    rho_inf, adaptive : spectral radius of the generalised-alpha method, and whether steps that fail are halved.
-    `seconds` counts Exudyn's SolveDynamic with what it calls back.
+    rho_inf : spectral radius of the generalised-alpha method; adaptive : halve steps that fail.
+    With Exudyn's own defaults of these the path is wrong without an error.
+    `seconds` counts SolveDynamic.
     """
     free = groups.drive.mode == "free"
     steps = (100 if free else 20) * elements if steps is None else steps
@@ -70,9 +66,9 @@ def run(
     )
 
     t_end = motion.phases[-1][1]
-    on_support = motion.end >= 1.0  # there the boundary condition would answer: leave out the last instant
+    on_support = motion.end >= 1.0  # omit the last instant, on the support
     settings = _settings(t_end * (1.0 - 1.0 / steps) if on_support else t_end, steps - on_support, rho_inf)
-    settings.solution.sensors.writePeriod = 1e-3 * t_end / steps  # less than a step: every step
+    settings.solution.sensors.writePeriod = 1e-3 * t_end / steps  # every step
     settings.timeIntegration.adaptiveStep = adaptive
     note, seconds = _solved(system.SolveDynamic, system, settings)
     history = np.array(system.GetSensorStoredData(sensor))  # (n, 4): t, x, y, z
@@ -83,7 +79,7 @@ def run(
 
 
 def _ride(groups: Groups, elements: int, steps: int, rho_inf: float) -> PeerPath:
-    """Let a car roll until it arrives, or for twice as long as the quasi-static ride."""
+    """Let a car roll until it arrives, at most twice the quasi-static time."""
     d = groups.drive
     if d.release > 0.0 or d.thrust_table:
         raise ValueError("a free ride in Exudyn starts suddenly and has no thrust")
@@ -135,7 +131,7 @@ def _ride(groups: Groups, elements: int, steps: int, rho_inf: float) -> PeerPath
         rows.append((t, s_o, x, -y))
         force = system.GetObjectOutput(joint, output.Force)
         normal = math.sqrt(max(0.0, force[0] ** 2 + force[1] ** 2 - along**2)) or weight
-        # of a brake that is met within the step, its part of the step
+        # a brake met within the step counts in part
         braked = sum(f * min(1.0, max(0.0, (s_o + abs(way) - at) / max(abs(way), 1e-12))) for at, f in d.brakes)
         along = -math.copysign(d.mu_r * normal + braked, way)
         system.SetObjectParameter(joint, "axialForce", along)
@@ -155,9 +151,9 @@ def _hang(
     system: Any, groups: Groups, s: Array, element: Any, nodes: tuple[Any, ...] = (), rest: Array | None = None,
     **more: Any,
 ) -> tuple[Any, list[Any], list[Any]]:  # fmt: skip
-    """Hang a cable of elements between s; return the fixed coordinate, the elements and the markers of the joint.
+    """Hang a cable; return the fixed coordinate, the elements, the joint's markers.
 
-    nodes : further ones of each element; rest : (n, 4) displacements of the nodes at t = 0.
+    nodes : further nodes of each element; rest : (n, 4) displacements at t = 0.
     """
     from exudyn import itemInterface as items
 
@@ -193,7 +189,7 @@ def _hang(
 
 
 def _particle(system: Any, groups: Groups, load: Any = 0, **begin: list[float]) -> tuple[Any, Any]:
-    """Add the mass under its weight, or under what `load` says; return its node and its marker."""
+    """Add the mass with its weight or `load`; return node and marker."""
     from exudyn import itemInterface as items
 
     particle = system.AddNode(items.NodePoint2D(referenceCoordinates=[0.0, 0.0], **begin))
@@ -219,7 +215,7 @@ def _settings(t_end: float, steps: int, rho_inf: float) -> Any:
 
 
 def _solved(solve: Any, system: Any, settings: Any) -> tuple[str, float]:
-    """Assemble and solve without a word on the terminal; return why it failed, or "", and the seconds."""
+    """Solve silently; return the failure or "", and the seconds."""
     import exudyn
 
     talkative, note = exudyn.config.printToConsole, ""
@@ -237,7 +233,7 @@ def _solved(solve: Any, system: Any, settings: Any) -> tuple[str, float]:
 
 
 def _drive(motion: Motion) -> dict:
-    """Return s_o(t) for a constraint: a constant speed as a number, any other travel as functions."""
+    """s_o(t) for a constraint, as a speed or as functions."""
     speed = motion.at(0.0, 0)[1]
     t = np.linspace(0.0, motion.phases[-1][1], 1001)
     if np.abs(motion.position(t) - speed * t).max() <= 1e-12:

@@ -1,13 +1,12 @@
 """OpenSees (openseespy): corotational trusses, the mass handed on from node to node.
 
-OpenSees has no moving mass.  The nodes lie where the mass is at equal time steps, s_k = s_o(k dt); at the end of step k
-the mass is a nodal mass of node k.  Its acceleration is Newmark's formula for the position p of the mass.  With the
-predictors p* and u*, q* = q + dt q. + (1/2 - beta) dt^2 q.., and node k at X_k + u,
+Nodes lie at s_k = s_o(k dt).  At the end of step k the mass is a nodal mass of node k.
+Its place p follows Newmark's formula; with q* = q + dt q. + (1/2 - beta) dt^2 q.. for p and u, node k at X_k + u:
 
     M p.. = M (X_k + u - p*) / (beta dt^2) = M u.. + M (X_k - p* + u*) / (beta dt^2),
 
-so the nodal mass and the load  M g - M (X_k - p* + u*) / (beta dt^2)  together are the moving mass.
-Lengths are over l, forces over H, y is up in OpenSees.  The trusses carry compression once the cable goes slack.
+a nodal mass and a load  M g - M (X_k - p* + u*) / (beta dt^2).
+Lengths over l, forces over H, y up.  A slack cable carries compression.
 """
 
 import math
@@ -20,14 +19,14 @@ import numpy as np
 from cablefem.scene import Groups
 from validation.peers.path import Array, PeerPath, travel, trusted
 
-HHT = 0.9  # Hilber, Hughes & Taylor as in OpenSees: gamma = 0.6; 1, the trapezoidal rule, is unstable here
+HHT = 0.9  # Hilber, Hughes & Taylor; 1, the trapezoidal rule, is unstable here
 NEWMARK_GAMMA, NEWMARK_BETA = 1.5 - HHT, 0.25 * (2.0 - HHT) ** 2
 
 
 def run(groups: Groups, *, elements: int, steps: int | None = None) -> PeerPath:
-    """Run a scene in OpenSees; `elements` are those the mass passes, one step each.
+    """Run a scene in OpenSees; `elements` are those passed by the mass, one step each.
 
-    `seconds` counts all calls into OpenSees from the first step on.  The run ends where OpenSees' Newton method does.
+    `seconds` counts all calls from the first step on.
     """
     motion = travel(groups, elements)
     if steps not in (None, elements):
@@ -36,7 +35,7 @@ def run(groups: Groups, *, elements: int, steps: int | None = None) -> PeerPath:
 
     t = np.linspace(0.0, motion.phases[-1][1], elements + 1)
     s = motion.position(t)
-    last = elements if motion.end < 1.0 else elements - 1  # on the support itself the boundary condition would answer
+    last = elements if motion.end < 1.0 else elements - 1  # omit the support itself
     beyond = max(1, math.ceil((1.0 - motion.end) * elements / motion.end)) if motion.end < 1.0 else 0
     s_nodes = np.concatenate([s, np.linspace(motion.end, 1.0, beyond + 1)[1:]])
     _hang(ops, groups, s_nodes)
@@ -50,7 +49,7 @@ def run(groups: Groups, *, elements: int, steps: int | None = None) -> PeerPath:
 
 
 def _hang(ops: Any, groups: Groups, s: Array) -> None:
-    """Build the hanging cable: nodes on the catenary, tensions and nodal weights in exact equilibrium."""
+    """Build the cable: nodes on the catenary, in exact equilibrium."""
     x, y = groups.shape(s)
     dx, dy, ds = np.diff(x), np.diff(y), np.diff(s)
     chord = np.hypot(dx, dy)
@@ -63,7 +62,7 @@ def _hang(ops: Any, groups: Groups, s: Array) -> None:
         ops.fix(k, 1, 1)
     ops.uniaxialMaterial("Elastic", 0, groups.alpha)
     for k in range(s.size - 1):
-        # horizontal tension 1 in every truss; the mass of its arc on its chord, lumped
+        # horizontal tension 1; mass of the arc
         ops.uniaxialMaterial("InitStressMaterial", k + 1, 0, float(chord[k] / dx[k]))
         ops.element("corotTruss", k, k, k + 1, 1.0, k + 1, "-rho", float(ds[k] / chord[k]))
     ops.timeSeries("Constant", 0)
@@ -80,14 +79,14 @@ def _hang(ops: Any, groups: Groups, s: Array) -> None:
 
 
 def _travel(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array, float]:
-    """Send the mass along; return its places (n, 2), y down, at the instants reached, and the seconds."""
+    """Move the mass; return its places (n, 2), y down, and the seconds."""
     assert groups.motion is not None
     mass, weight, up = groups.mu, np.array([0.0, -groups.mu * groups.sigma]), np.array([1.0, -1.0])
     X, dt = nodes * up, float(t[1] - t[0])
     _, ds, dds = groups.motion.at(0.0, 0)
     _, xp, yp, _, _ = groups.static(0.0)
     along = np.array([float(xp), -float(yp)])
-    # with speed it falls freely at first; from rest it starts along the cable
+    # free fall at first; from rest along the cable
     p, dp, ddp = X[0], ds * along, weight / mass if ds > 0.0 else dds * along
     inertia = mass / (NEWMARK_BETA * dt * dt)
     places = [p]

@@ -1,4 +1,4 @@
-"""What a run of another code returns: the path of the mass, cut where it stops being an answer."""
+"""The path of the mass in another code, cut where it fails."""
 
 from dataclasses import dataclass
 
@@ -10,23 +10,23 @@ from cablefem.scene import Groups, Motion
 
 @dataclass(frozen=True, slots=True)
 class PeerPath:
-    """The mass path as another code computes it; dimensionless (lengths over l, time over l sqrt(rho/H))."""
+    """The mass path, dimensionless (lengths over l, time over l sqrt(rho/H))."""
 
-    s_o: Array  # (n,) place of the mass along the static cable; the first row is the entry
-    u: Array  # (n,) horizontal displacement of the mass from the static shape
-    v: Array  # (n,) vertical one, positive down
+    s_o: Array  # (n,) along the static cable
+    u: Array  # (n,) horizontal displacement from the static shape
+    v: Array  # (n,) vertical one, down
     t: Array  # (n,)
-    seconds: float  # wall time of the code's own time loop: without import, model set-up and read-out
-    note: str  # why the path ends early, "" when it does not
+    seconds: float  # wall time of the time loop
+    note: str  # why it ends early, or ""
 
     @property
     def reached(self) -> float:
-        """The last s_o of the path."""
+        """Last s_o."""
         return float(self.s_o[-1])
 
 
 def travel(groups: Groups, elements: int) -> Motion:
-    """Return the motion of a mass that grips the cable, or raise ValueError; `elements` is checked on the way."""
+    """Return the motion of a gripped mass, or raise ValueError."""
     if groups.drive.mode != "grip":
         raise ValueError(f"a car that rolls (drive {groups.drive.mode}) cannot be run there: it would grip the cable")
     if groups.motion is None or groups.mu <= 0.0:
@@ -36,23 +36,22 @@ def travel(groups: Groups, elements: int) -> Motion:
 
 
 def counted(elements: int) -> int:
-    """Return the number of elements, or raise ValueError."""
     if not isinstance(elements, int) or elements < 4:
         raise ValueError(f"elements must be an integer >= 4, got {elements!r}")
     return elements
 
 
 def trusted(s_o: Array, place: Array, t: Array, groups: Groups, seconds: float, note: str) -> PeerPath:
-    """Return the path up to the first instant that is not finite or from which it zigzags from step to step.
+    """Return the path up to the first value that is not finite or zigzags from step to step.
 
-    place : (n, 2) position of the mass, x right and y down, origin at the left support; equal steps in t.
+    place : (n, 2) of the mass, x right, y down from the left support; equal steps.
     """
     w = place - np.stack(groups.shape(s_o), axis=1)
     broken = np.flatnonzero(~np.isfinite(w).all(axis=1))
     n = int(broken[0]) if broken.size else s_o.size
     if n < s_o.size:
         note = f"not finite from s_o/l = {s_o[n]:.4f} on"
-    # a taut string with the mass at rest in its middle sags by mu sigma / 4
+    # a taut string sags by mu sigma / 4
     smooth = before_zigzag(w[:n, 1], 0.25 * groups.mu * groups.sigma, failed=bool(note))
     if smooth < n:
         n, note = smooth, f"the mass path zigzags from step to step from s_o/l = {s_o[smooth]:.4f} on"
@@ -60,14 +59,13 @@ def trusted(s_o: Array, place: Array, t: Array, groups: Groups, seconds: float, 
 
 
 def before_zigzag(v: Array, scale: float, *, failed: bool = False) -> int:
-    """Return how many instants of a path come before it zigzags from step to step.
+    """Return the number of instants before a path zigzags from step to step.
 
-    v : (n,) deflections at equal steps; scale : the size of a deflection that matters; failed : the run ended early.
+    v : (n,) deflections at equal steps; scale : size of a typical one; failed : the run ended early.
 
-    On a resolved path the second difference over one step is 1/16 of the one over four.  A jump of the acceleration
-    keeps the ratio of their rms values, in these units, near 1; a kink makes it 16/sqrt(44) = 2.4.
-    A ratio above 3 in a window of 20 steps is a zigzag.  It counts once its amplitude, a quarter of its second
-    difference, passes 1e-3 of the scale, or a run fails in it; the path is then cut where it began.
+    The rms second difference over one step, times 16, is compared with that over four, in windows of 20 steps.
+    Ratio on a resolved path: 1; at a kink: 16/sqrt(44) = 2.4; in a zigzag: above 3.
+    The path is cut where the zigzag began if its amplitude passes 1e-3 scale, or the run failed.
     """
     window = 20
     if v.size < window + 9:
