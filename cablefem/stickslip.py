@@ -1,13 +1,13 @@
 """Stick and slip of a car that rolls on a cable, for both solvers.
 
-Friction and brakes work against the slip along the cable.  Their sign changes at events alone:
+Friction and brakes act against the slip along the cable.  Their sign changes at events only:
 
-    standstill      the slip is zero: the car sticks if friction and brakes can hold it, else slips where it is pulled
+    standstill      the slip is zero: the car sticks if friction and brakes can hold it, else slips
     breaking loose  they cannot hold it any more
-    turn            the car goes the other way
+    turn            the car reverses
     brake, brake off  it passes the place of a brake
-    arrival, back   it comes to an end of the ride
-    lift_off        it presses on the cable no more; the ride goes on
+    arrival, back   it reaches an end of the ride
+    lift_off        it no longer presses on the cable; the ride goes on
     stop            it is at rest, see `RollingCar._left`
 
 Dimensionless: lengths over l, forces over H, times over l sqrt(rho/H).
@@ -23,45 +23,44 @@ from cablefem.newmark import State, System
 from cablefem.scene import Groups
 
 EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "back", "lift_off", "stop")
-LEAVING = 1e-12  # slip of a car that gets going: it arms the event of a standstill
+LEAVING = 1e-12  # first slip of a car; it arms the event of a standstill
 
 
 class Look(NamedTuple):
-    """What the automaton sees of a car at an instant."""
+    """Forces and speed of a car."""
 
-    normal: float  # force with which the car presses on the cable
-    speed: float  # of the car along the mean tangent of the cable
-    along: float  # thrust, drag and weight along it
-    across: float  # weight across it
+    normal: float  # force of the car on the cable
+    speed: float  # along the mean tangent
+    along: float
+    across: float
 
 
 @dataclass(slots=True)
 class Mode:
-    """What events change."""
+    """State of the car that events change."""
 
     sticks: bool = False
-    heading: float = 1.0  # sign of the slip that friction and brakes work against
-    forward: float = 0.0  # sign of the car's speed, 0 before it has one
-    brakes: int = 0  # that have been reached, counted from the left
+    heading: float = 1.0  # sign of the slip against which friction and brakes act
+    forward: float = 0.0  # sign of the car's speed, 0 at first
+    brakes: int = 0  # number of brakes reached
     lifted: bool = False
-    rings: bool = False  # let go at once, and waves from the farther support are not back
-    place: float = math.inf  # where and since when the car is slower than `Drive.rest_speed`
+    rings: bool = False  # zeros of the slip are no standstills, see `let_go`
+    place: float = math.inf  # place and time since which it is slower than `Drive.rest_speed`
     since: float = 0.0
 
     @property
     def sign(self) -> float:
-        """Sign of the slip; 0 where the car sticks."""
         return 0.0 if self.sticks else self.heading
 
 
 class RollingCar(System):
-    """A system whose last unknown is the place s_o of a free car; of a hauled car it watches lift-off alone.
+    """A system whose last unknown is the place s_o of a free car; for a hauled car it watches lift-off only.
 
     A solver calls `board` once, `set_off` and `let_go` at the start, and defines `look`, `holding` and `go_on`.
     """
 
-    hears_itself: bool  # whether ringing after a jump needs short steps without friction, too
-    hold: float  # force along the cable that holds the car at its start
+    hears_itself: bool  # short steps after a jump even without friction
+    hold: float  # force that holds the car at its start
 
     def board(self, groups: Groups) -> None:
         self.drive, self.sigma = groups.drive, groups.sigma
@@ -72,11 +71,10 @@ class RollingCar(System):
         self.set_off()
 
     def look(self, x: State) -> Look:
-        """Return the car at a state."""
         raise NotImplementedError
 
     def holding(self, x: State) -> tuple[float, float]:
-        """Return the force along the cable that keeps a sticking car where it is, and the force that presses it."""
+        """Return the force along the cable that holds a sticking car, and its normal force."""
         raise NotImplementedError
 
     def go_on(self, x: State) -> State:
@@ -89,10 +87,9 @@ class RollingCar(System):
         self._watched: tuple[State, tuple[float, ...]] | None = None
 
     def let_go(self, x: State) -> State:
-        """Return the first state of a free ride, whose car the cable has held.
+        """Return the first state of a free ride.
 
-        A car let go at once slips on until waves from the farther support are back.  Till then its slip rings, and
-        zeros of it are no standstill.
+        Until waves from the farther support are back, the slip rings; its zeros are no standstills.
         """
         x = self.come_to_rest(x)
         self.mode.rings = self.rubs and not self.mode.sticks
@@ -105,12 +102,10 @@ class RollingCar(System):
     # --- forces ------------------------------------------------------------------------------------------
     @property
     def rubs(self) -> bool:
-        """Whether friction or a brake works now."""
         return self.drive.mu_r > 0.0 or self.mode.brakes > 0
 
     @property
     def brake(self) -> float:
-        """Force of the brakes that have been reached."""
         return sum([force for _, force in self.drive.brakes[: self.mode.brakes]], 0.0) if self.mode.brakes else 0.0
 
     def most(self, normal: float) -> float:
@@ -118,13 +113,13 @@ class RollingCar(System):
         return self.drive.mu_r * abs(normal) + self.brake
 
     def margin(self, x: State) -> float:
-        """Return what friction and brakes could hold more than they do."""
+        """Return that force less the one that holds the car."""
         needed, normal = self.holding(x)
         return self.most(normal) - abs(needed)
 
     # --- changes of the mode -------------------------------------------------------------------------------
     def come_to_rest(self, x: State) -> State:
-        """Return the state without slip: the car sticks, or is let go where it is pulled."""
+        """Return the state without slip: the car sticks, or slips where it is pulled."""
         v = x.v.copy()
         v[-1] = 0.0
         self.mode.sticks = True
@@ -134,7 +129,7 @@ class RollingCar(System):
     def _slip(self, x: State) -> State:
         needed, _ = self.holding(x)
         mode, v = self.mode, x.v.copy()
-        pulled = needed if abs(needed) > 1e-9 * self.force_scale else self.hold  # less is rounding
+        pulled = needed if abs(needed) > 1e-9 * self.force_scale else self.hold
         mode.sticks, mode.heading = False, -math.copysign(1.0, pulled)
         v[-1] = mode.heading * LEAVING if self.rubs else 0.0
         return self.go_on(x._replace(v=v))
@@ -167,7 +162,7 @@ class RollingCar(System):
             return self._slip(x)
         if name in ("brake", "brake off"):
             mode.brakes += 1 if name == "brake" else -1
-            self._hear(float(x.v[-1]))  # it may stop the car before waves do
+            self._hear(float(x.v[-1]))  # it may stop the car before waves return
             return self.go_on(x)
         if name == "turn":
             mode.forward = -mode.forward
@@ -185,7 +180,7 @@ class RollingCar(System):
 
     def _values(self, x: State) -> tuple[float, ...]:
         mode, drive, s_o = self.mode, self.drive, float(x.q[-1])
-        if self.free and not 0.0 < s_o < 1.0:  # beyond the cable nothing else has a value
+        if self.free and not 0.0 < s_o < 1.0:  # off the cable only these have values
             ends = {"arrival": drive.end_place - s_o, "back": s_o - drive.back_place}
             return tuple(ends.get(name, math.inf) for name in EVENTS)
         look = self.look(x)
@@ -206,21 +201,21 @@ class RollingCar(System):
         return slip, math.inf, mode.forward * look.speed if turns else math.inf
 
     def _of_places(self, s_o: float) -> tuple[float, float, float, float]:
-        """Return the distances to the next brake, back to the last one, to the end and back to the start."""
+        """Return the distances to the next brake, back to the last one, to the end and to the start."""
         drive, n = self.drive, self.mode.brakes
         ahead = drive.brakes[n][0] - s_o if n < len(drive.brakes) else math.inf
         back = s_o - drive.brakes[n - 1][0] if n else math.inf
         return ahead, back, drive.end_place - s_o, s_o - drive.back_place
 
     def _drifts(self, x: State) -> bool:
-        """Return whether the mean speed since `mode.since`, an axial round trip at least, is above `rest_speed`."""
+        """Return whether the mean speed since `mode.since`, over a round trip or more, is above `rest_speed`."""
         mode = self.mode
         return abs(float(x.q[-1]) - mode.place) > self.drive.rest_speed * max(self.round_trip, x.t - mode.since)
 
     def _left(self, x: State) -> float:
-        """Return the time left until the car has been at rest for an axial round trip, with no thrust still to change.
+        """Return the time left until the car has been at rest for an axial round trip, after the last phase began.
 
-        At rest it is slow where friction, brakes or the valley hold it by statics; waves alone may hold it for a while.
+        At rest it is slow where friction, brakes or the valley hold it by statics; waves may hold it briefly elsewhere.
         """
         if x.phase < len(self.phases) - 1:
             return math.inf
@@ -237,12 +232,12 @@ class RollingCar(System):
 
     @property
     def under_way(self) -> bool:
-        """Whether steps are alike, but for the events that `course` lets compiled steps see."""
+        """Whether compiled steps may see all its events by `course`."""
         mode = self.mode
         return not self.free or not (mode.sticks or mode.rings or mode.forward == 0.0)
 
     def course(self) -> tuple[float, float, float, float, float]:
-        """Return the places between which a free car stays, signs of its slip (0: any) and speed, least speed."""
+        """Return bounds of a free car's place, signs of its slip (0: any) and speed, and the least speed."""
         mode, drive = self.mode, self.drive
         places, n = (0.0, *(place for place, _ in drive.brakes), 1.0), mode.brakes
         low, high = max(drive.back_place, places[n]), min(drive.end_place, places[n + 1])

@@ -1,4 +1,4 @@
-"""What cable elements share on any mesh: the cable's models, compiled steps, and the banded solve.
+"""Cable elements on any mesh: models, compiled steps, banded solution.
 
 Dimensionless: l = H = rho = 1.
 """
@@ -24,28 +24,26 @@ from cablefem.scene import Groups
 
 MODELS = ("full", "string", "sagged", "stretching")
 
-# lam, kap of the one-field models: whether stretching by the sag, and by the slope squared, raises the tension; a
-# "straight" string has no sag at all
+# lam, kap of the one-field models: tension raised by the sag, by the slope squared; "straight" has no sag
 STRETCHING = {"straight": (0.0, 0.0), "string": (0.0, 0.0), "sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}
 
-Factors = tuple[float, float, float]  # of dr/dq, dr/dv and dr/da in a tangent
+Factors = tuple[float, float, float]  # of dr/dq, dr/dv, dr/da
 UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def elements_allowed(elements: int) -> int:
-    """Return the number of elements if it is one, else raise ValueError."""
+    """Return elements; ValueError if it is no integer >= 1."""
     if not isinstance(elements, int) or elements < 1:
         raise ValueError(f"elements must be an integer >= 1, got {elements!r}")
     return elements
 
 
 def limits(bound: float, newton: Newton) -> Limits:
-    """Return what compiled steps know of Newton's method."""
     return Limits(bound, newton.max_iter, newton.reuse, newton.patience, newton.enough)
 
 
 def bands(matrix: coo_array, b: int) -> Array:
-    """Return the diagonals of a square matrix, row by row of it: bands[b + j - i, i] = matrix[i, j], |i - j| <= b."""
+    """Return the diagonals of a square matrix, bands[b + j - i, i] = matrix[i, j], |i - j| <= b."""
     out = np.zeros((2 * b + 1, matrix.shape[0]))
     np.add.at(out, (b + matrix.col - matrix.row, matrix.row), matrix.data)
     return out
@@ -54,23 +52,23 @@ def bands(matrix: coo_array, b: int) -> Array:
 class CableElements(System):
     """A cable on some mesh with its moving mass.
 
-    A mesh sets the attributes below and defines `start`, `_place`, `_contact_at`, `_at_mass` and `_along`.
+    A mesh sets the attributes and defines `start`, `_place`, `_contact_at`, `_at_mass` and `_along`.
 
-    model : "full" for (u, v), or one unknown field normal to the chord: "string", "sagged", "stretching".
+    model : "full" for (u, v), or one field normal to the chord: "string", "sagged", "stretching".
     load : "mass", or "force" for its weight alone.
     law : "elastic", or "tension-only": N = max(0, T + alpha eps).
     """
 
     drives: tuple[str, ...] = ("grip",)
     n_scalar: int  # unknowns per field
-    _band: int  # half-width, all fields
-    _operators: Array  # as in `kernels.balance.Cable`, all fields
+    _band: int
+    _operators: Array  # see `kernels.balance.Cable`
     _mesh: Mesh
-    _sides: Sequence[observing.Side]  # of the mesh
+    _sides: Sequence[observing.Side]
     _cable: Cable
-    _at: tuple[float, int] | None  # instant and phase of the bands
-    _now: Instant  # that instant
-    node: int  # scalar unknown at the mass, if there is one
+    _at: tuple[float, int] | None
+    _now: Instant
+    node: int  # scalar unknown at the mass
 
     def __init__(self, groups: Groups, model: str, load: str, law: str) -> None:
         if groups.drive.mode not in self.drives:
@@ -84,21 +82,21 @@ class CableElements(System):
         if load not in ("mass", "force"):
             raise ValueError(f"load must be mass or force, got {load!r}")
         self.groups, self.model, self.load = groups, model, load
-        self.motion: Any = groups.motion  # none of a free ride
+        self.motion: Any = groups.motion  # None for a free ride
         self.phases = groups.drive.phases if self.motion is None else self.motion.phases
-        self.force_scale = (groups.mu or 1.0) * groups.sigma  # weight of the mass; of a bare cable: its own
-        self.force_floor = 16.0 * sys.float_info.epsilon * max(1.0, groups.alpha)  # rounding of slopes of order one
+        self.force_scale = (groups.mu or 1.0) * groups.sigma  # weight of the mass or of the bare cable
+        self.force_floor = 16.0 * sys.float_info.epsilon * max(1.0, groups.alpha)  # rounding
         self.fields = 2 if model == "full" else 1
         self.inertia = groups.mu if load == "mass" else 0.0
-        # displacement in the plane of each field
+        # displacement of each field
         self.direction = np.eye(2) if model == "full" else np.array([[-groups.chord_sin, groups.chord_cos]])
-        self.least_tension = (math.inf, 0.0)  # least mean tension of an element and its s, at the last residual
-        self.weight = groups.mu * groups.sigma * self.direction[:, 1]  # of the mass, field by field
+        self.least_tension = (math.inf, 0.0)  # of an element at the last residual, and its s
+        self.weight = groups.mu * groups.sigma * self.direction[:, 1]
         self._set_law(law)
 
     # --- the system ------------------------------------------------------------------------------------
     def with_law(self, law: str) -> Self:
-        """Return the same discretisation with another cable law, sharing all tables."""
+        """Return the same discretisation with another cable law; it shares the tables."""
         twin = object.__new__(type(self))
         twin.__dict__.update(self.__dict__)
         twin._set_law(law)
@@ -106,15 +104,14 @@ class CableElements(System):
         return twin
 
     def place(self, x: State) -> float:
-        """Return s_o of a state."""
         return self.motion.at(x.t, x.phase)[0]
 
     def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
-        """Return the instants that go with means of the unknowns at t0 and t1; a free ride's place is one of them."""
+        """See `System`; in a free ride the place is an unknown."""
         return super().between(t0, t1, w, phase) if self.motion is None else self.motion.between(t0, t1, w, phase)
 
     def in_time(self, states: States) -> States:
-        """Return the history itself: time is its independent variable."""
+        """Return the history itself: its independent variable is time."""
         return states
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
@@ -125,7 +122,6 @@ class CableElements(System):
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        """Real factors live in one workspace."""
         r, x = np.empty(self.n_dof), np.array([q, v, a])
         return r, self._solution(lambda factors: self._assemble(t, phase, x, r, factors), (c0, c1, c2))
 
@@ -152,7 +148,7 @@ class CableElements(System):
         return ends, told, settle(self._cable, ride, self._single.work, self._bands, steps, limits(bound, newton))
 
     def _collocated(self, phase: int, steps: tuple[Array, ...], rule: Tableau, bound: float, newton: Newton) -> Array:
-        """Return what is told of the steps taken, at least of the first; steps : t, ends, a, further."""
+        """Return `told` of the steps taken, at least one; steps : t, ends, a, further."""
         t, told = rule.instants(steps[0]), np.empty((len(steps[2]), 6))
         ride, places = self._moved(t, phase, steps[1][0])
         contacts = tuple(self._contact_at(x, phase) for x in t[0].tolist())
@@ -166,7 +162,7 @@ class CableElements(System):
         return told[: max(1, taken)]
 
     def _moved(self, t: Array, phase: int, start: Array) -> tuple[Any, Array]:
-        """Return the ride, if there is one, and what instants (...) bring: `places` of `kernels.newton.Steps`."""
+        """Return the ride or None, and `places` of `kernels.newton.Steps`."""
         return None, self._places(t, phase)
 
     def _said(self, told: Array) -> Iterator[Settled]:
@@ -176,7 +172,7 @@ class CableElements(System):
 
     # --- tangents and workspaces -----------------------------------------------------------------------
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
-        """Set r at x, rows q, v, a, and with factors not all 0 the tangent in `_single`; note the least tension."""
+        """Set r at x, rows q, v, a, and unless the factors are 0 the tangent in `_single`."""
         if self._at != (t, phase):
             self._now = Instant(self._place(t, phase), self._bands, self._contact_at(t, phase))
             weigh(self._cable, self._now)
@@ -184,7 +180,7 @@ class CableElements(System):
         self.least_tension = assemble(self._cable, self._now, x, r, self._single.work.ab, factors)
 
     def _solution(self, assemble: Callable[[Factors], object], c: tuple[complex, complex, complex]) -> Solve:
-        """Return the solution with the tangent that `assemble` sets for factors; complex ones sum real tangents."""
+        """Return the solution with the tangent that `assemble` sets; complex tangents are sums of real ones."""
         side = self._single
         if isinstance(c[0], complex):
             side = self._side(complex)
@@ -199,7 +195,7 @@ class CableElements(System):
         else:
             assemble((float(c[0]), float(c[1].real), float(c[2].real)))
         if not factorise(*side, coupling(self._cable, c[0])):
-            return lambda b: np.full_like(b, math.nan)  # singular: the driver takes NaN for a stalled step
+            return lambda b: np.full_like(b, math.nan)  # singular: Newton's method stalls
 
         def solution(b: Array) -> Array:
             solve(*side, b)
@@ -218,17 +214,16 @@ class CableElements(System):
         self._space: collocation.Workspace | None = None
 
     def _side(self, kind: type) -> collocation.Side:
-        """Return a workspace of real or complex factors."""
         n, chord = self.fields * self.n_scalar, self._cable.chord
         work = Tangent(np.empty((n, 3 * self._band + 1), kind), np.empty((2, n), dtype=np.int64))
         return collocation.Side(work, chord and chord._replace(coupled=np.empty(n, kind)), self._ride_of(kind))
 
     def _ride_of(self, kind: type) -> Any:
-        """Return a ride with a border of real or complex factors, None where the place of the mass is given."""
+        """Return a ride with a real or complex border; None where the place is given."""
         return None
 
     def _workspace(self, s: int) -> collocation.Workspace:
-        """Return the workspace of collocation steps with s nodes, which keeps its factors."""
+        """Return the workspace of collocation steps with s nodes, with its factors."""
         if self._space is None or len(self._space.bands) != s:
             real, n = self._side(float), self.n_dof
             self._space = collocation.Workspace(
@@ -241,7 +236,7 @@ class CableElements(System):
 
     # --- what a mesh answers ---------------------------------------------------------------------------
     def _place(self, t: float, phase: int) -> Array:
-        """Return `place` of `kernels.balance.Instant`, (3 + fields,)."""
+        """Return `place` of `kernels.balance.Instant`."""
         raise NotImplementedError
 
     def _places(self, t: Array, phase: int) -> Array:
@@ -249,7 +244,6 @@ class CableElements(System):
         return np.array([self._place(x, phase) for x in t.ravel().tolist()]).reshape(*t.shape, -1)
 
     def _contact_at(self, t: float, phase: int) -> Contact:
-        """Return the mass on its cable."""
         raise NotImplementedError
 
     def _split(self, states: States) -> tuple[States, Array]:
@@ -257,7 +251,7 @@ class CableElements(System):
         return states, np.ascontiguousarray(self.motion.along(states.t, states.phase).T)
 
     def _mesh_at(self, kinematics: Array) -> Array:
-        """Return the s_o, ds_o, dds_o that the mesh has."""
+        """Return s_o, ds_o, dds_o of the mesh."""
         return kinematics
 
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
@@ -267,10 +261,10 @@ class CableElements(System):
     def _along(
         self, states: States, kinematics: Array, ends: Array, force: Array, s: Array, frames: NDArray[np.intp]
     ) -> tuple[Sequence[Array], Array, Array]:
-        """Return what is seen along the cable at frames x stations, (k, m, fields) each; at s = s_o the side behind.
+        """Return fields at frames x stations; at s = s_o behind the mass.
 
-        w, dw/dt at fixed s and w'; then f - c^2 w' from the balance of momentum, and c, the speed of the mesh (k, m).
-        ends : as `observing.end_forces` has them;  force : of the cable on the mass (n, fields).
+        (w, dw/dt at fixed s, w'), f - c^2 w' by the balance of momentum, each (k, m, fields); mesh speed c (k, m).
+        ends : see `observing._end_forces`;  force : of the cable on the mass (n, fields).
         """
         raise NotImplementedError
 
@@ -298,7 +292,7 @@ class CableElements(System):
         return -0.5 * (bend * s_o * (1.0 - s_o))[..., None], (bend * (s_o - 0.5))[..., None], bend[..., None]
 
     def _load(self, s_o: Any, ds: Any, dds: Any) -> tuple[Any, ...]:
-        """Return mu d2X/dt2 less the weight of each field, () or (n,): what the mass asks for along its path."""
+        """Return mu d2X/dt2 less the weight, () or (n,) for each field."""
         mu, weight = self.inertia, self.weight
         if self.fields == 1:
             curvature = float(self._law[2])
@@ -310,10 +304,9 @@ class CableElements(System):
 
     # --- observation -----------------------------------------------------------------------------------
     def path(self, states: States) -> tuple[Array, Array]:
-        """Return s_o (n,) and the displacement of the mass (n, 2); see `Observation`."""
+        """Return s_o (n,) and the displacement of the mass (n, 2)."""
         states, kinematics = self._split(states)
         return kinematics[:, 0], self._at_mass(states, kinematics)[0] @ self.direction
 
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
-        """Measure paths, tensions, energies and fields on a history; see `Observation`."""
         return observing.observe(self, states, s, frames)

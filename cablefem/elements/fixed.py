@@ -1,14 +1,13 @@
 """Cable elements on a fixed mesh, the mass moving through them.
 
-The cable is M d2q/dt2 + R(q) = 0.  The mass adds N(s_o)^T F, F = mu (d2p/dt2 - sigma j), with p = X(s_o) + N(s_o) q.
-The couplings differ in the acceleration of the mass:
+M d2q/dt2 + R(q) + N(s_o)^T F = 0, F = mu (d2p/dt2 - sigma j), p = X(s_o) + N(s_o) q.
+The acceleration of the mass by coupling:
 
-chain    N a + 2 ds_o N' v + (ds_o^2 N'' + dds_o N') q, right for C1 (Hermite) elements.  N'' jumps at the nodes: the
+chain    N a + 2 ds_o N' v + (ds_o^2 N'' + dds_o N') q, for C1 (Hermite) elements.  N'' jumps at the nodes: the
          error is about elements^2/steps.
-naive    the same inside P1 or P2 elements.  WRONG: N'' has deltas at the nodes, and the centrifugal force is lost.
-path     p is an unknown with the constraint p = N(s_o) q (index 3): right on any elements, but only with numerical
-         damping.  Hermite wants generalised-alpha with rho_inf = 0.5 and a dozen steps per element, P1 and P2 Newmark's
-         gamma = 0.6 and at most 25.
+naive    the same inside P1 or P2 elements.  WRONG: it lacks the centrifugal force, as N'' has deltas at nodes.
+path     p is an unknown with the constraint p = N(s_o) q (index 3), for any elements.  Needs numerical damping:
+         Hermite generalised-alpha, rho_inf = 0.5, a dozen steps per element; P1 and P2 gamma = 0.6, at most 25.
 
 Dimensionless: l = H = rho = 1.
 """
@@ -33,12 +32,12 @@ from cablefem.scene import Groups
 
 @dataclass(frozen=True, slots=True)
 class _Kind:
-    """An element of scikit-fem and how its unknowns are numbered along the cable."""
+    """An element of scikit-fem and the numbering of its unknowns."""
 
     element: type[skfem.Element]
-    offsets: tuple[int, ...]  # of the local unknowns from the first one of the element
-    step: int  # from element to element
-    couplings: tuple[str, ...]  # the first one is the default
+    offsets: tuple[int, ...]  # of the element's unknowns
+    step: int
+    couplings: tuple[str, ...]  # default first
 
 
 _KINDS = {
@@ -51,16 +50,15 @@ _KINDS = {
 class FixedElements(CableElements):
     """The cable with its moving mass on equal fixed elements.
 
-    elements : on the whole cable.
     element : "hermite" (C1, cubic), "p1" or "p2".
-    coupling : "chain", "path" or "naive", as far as the element has it.
-    model, load, law : as in `CableElements`.
+    coupling : "chain", "path" or "naive".
+    model, load, law : see `CableElements`.
 
-    A kink inside an element is not resolved: slopes behind and ahead of the mass differ at nodes only.
+    Slopes behind and ahead of the mass differ at nodes only.
     """
 
     at_support = True
-    node = 0  # no node is at the mass
+    node = 0
 
     def __init__(
         self, groups: Groups, *, elements: int = 40, element: str = "hermite", coupling: str = "chain",
@@ -82,8 +80,8 @@ class FixedElements(CableElements):
     def start(self, phase: int, state: State | None) -> State:
         """Return the state at the beginning of a phase.
 
-        At entry everything rests.  Where the drive's acceleration jumps by [dds_o], particle and cable jump together,
-        (M + mu N^T N) [a] = -mu N^T [dds_o] (X' + N' q): the constraint alone does not determine a.
+        At entry everything rests.  Where dds_o jumps, so do the accelerations of particle and cable:
+        (M + mu N^T N) [a] = -mu N^T [dds_o] (X' + N' q).
         """
         t = self.phases[phase][0]
         if state is None:
@@ -111,7 +109,7 @@ class FixedElements(CableElements):
             raise ValueError("coupling path needs an implicit scheme: a constraint on positions has no explicit one")
         f, mu, (dofs, N, *_) = self.fields, self.inertia, self._now.contact
 
-        # rows S x + c2 mu N^T y = b, c0 (y - N x) = d: with y from the second, mu c2 N^T N is already in the band of S
+        # rows S x + c2 mu N^T y = b, c0 (y - N x) = d; the band of S includes mu c2 N^T N
         def solve_with_particle(b: Array) -> Array:
             d = b[-f:] / c0
             b[dofs] -= c2 * mu * np.outer(N, d)
@@ -124,16 +122,16 @@ class FixedElements(CableElements):
         self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
     ) -> Settled:
         of = t, phase, start, now, rule, bound, newton
-        return iterate(self, *of) if self.particle else super().settle(*of)  # the kernels know no particle
+        return iterate(self, *of) if self.particle else super().settle(*of)  # particles are not compiled
 
     def collocate(self, *step) -> Iterator[Settled]:
         return collocate(self, *step) if self.particle else super().collocate(*step)
 
     # --- assembly --------------------------------------------------------------------------------------
     def _tabulate(self, kind: _Kind) -> None:
-        """Tabulate ONE element with scikit-fem and repeat it; Hermite slopes are per element length.
+        """Tabulate one element and repeat it; Hermite slopes are per element length.
 
-        On a mesh of 400 elements scikit-fem's Hermite functions are right to 4e-7 only (12.0.2).
+        scikit-fem's Hermite functions lose digits on fine meshes (12.0.2).
         """
         n = self.elements
         degree, unit = len(kind.offsets) - 1, skfem.MeshLine(np.array([0.0, 1.0]))
@@ -171,7 +169,7 @@ class FixedElements(CableElements):
         self._powers = np.stack([powers, n * once, n * n * twice])  # (3, n_loc, n_loc): N, N', N''
 
     def _shape(self, s_o: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
-        """Return the unknowns (n_loc, fields) of the element at s_o, and N, N', N'' there; at a node the one ahead."""
+        """Return the unknowns (n_loc, fields) of the element at s_o, at a node the one ahead, and N, N', N''."""
         e = min(int(s_o * self.elements), self.elements - 1)
         x = s_o * self.elements - e
         N, N_s, N_ss = self._powers @ x ** np.arange(self._powers.shape[2])
@@ -183,16 +181,16 @@ class FixedElements(CableElements):
         return np.array([1.0, 0.0, 0.0, *self._load(*self.motion.at(t, phase))])
 
     def _contact_at(self, t: float, phase: int) -> Contact:
-        """Return the element under the mass and the rows of its force; without chain rule for a particle."""
+        """Return the element under the mass and the rows of its force."""
         s_o, ds, dds = self.motion.at(t, phase)
         dofs, N, N_s, N_ss = self._shape(s_o)
         mu = self.inertia
-        carried = 0.0 if self.particle else mu  # a particle feels Coriolis and centrifugal forces by itself
+        carried = 0.0 if self.particle else mu  # a particle's path has them already
         return Contact(dofs, N, mu * N, 2.0 * carried * ds * N_s, carried * (ds * ds * N_ss + dds * N_s))
 
     def _assemble(self, t, phase, x, r, factors) -> None:
         super()._assemble(t, phase, x, r, factors)
-        if self.particle:  # which has been taken for the cable under it
+        if self.particle:
             dofs, N, m_row, *_ = self._now.contact
             (q, _, a), p = x, slice(-self.fields, None)
             r[p] = q[p] - N @ q[dofs]
@@ -200,16 +198,16 @@ class FixedElements(CableElements):
 
     # --- observation -----------------------------------------------------------------------------------
     def _evaluate(self, s: Array, side: str) -> tuple[NDArray[np.int64], Array]:
-        """Return unknowns (m, n_loc), counted from 1, supports 0, and N, N', N'' (3, n_loc, m); side at a node."""
+        """Return unknowns (m, n_loc), from 1 with 0 for supports, and N, N', N'' (3, n_loc, m); side at a node."""
         x = s * self.elements
         e = np.clip(np.ceil(x) - 1 if side == "behind" else np.floor(x), 0, self.elements - 1).astype(int)
         return self._mesh.dofs[e] + 1, self._powers @ (x - e) ** np.arange(self._powers.shape[2])[:, None]
 
     def _mesh_at(self, kinematics: Array) -> Array:
-        return np.tile([1.0, 0.0, 0.0], (len(kinematics), 1))  # all of it is behind a place that does not move
+        return np.tile([1.0, 0.0, 0.0], (len(kinematics), 1))  # one side, which rests
 
     def _padded(self, x: Array) -> Array:
-        """Return (n, 1 + n_scalar, fields) of a history, zeros for the supports in front."""
+        """Return (n, 1 + n_scalar, fields) of a history, zeros first for the supports."""
         n = x.shape[0]
         cable = x[:, : self.fields * self.n_scalar].reshape(n, self.n_scalar, self.fields)
         return np.concatenate([np.zeros((n, 1, self.fields)), cable], axis=1)
@@ -235,10 +233,9 @@ class FixedElements(CableElements):
         return at(N, q), w_t, w_tt, behind, ahead
 
     def _along(self, states, kinematics, ends, force, s, frames):
-        """Momentum tested with 1 - s and s over the whole cable and the mass, then integrated; the mesh rests, c = 0.
+        """Momentum tested with 1 - s and s, then integrated; the mesh rests, c = 0.
 
-        `ends` gets what the mass adds.  The kink's own momentum, ds_o^2 [r'], is smeared over the element under the
-        mass: half of it is missing there.
+        Adds the mass to `ends`.  Half of the kink's momentum, ds_o^2 [r'], is missing in the element under the mass.
         """
         n, s_o, elements = states.t.size, kinematics[:, 0], self.elements
         ends[:, 0] -= (1.0 - s_o)[:, None] * force
@@ -249,7 +246,7 @@ class FixedElements(CableElements):
         whole = np.concatenate([np.zeros_like(whole[:, :1]), np.cumsum(whole, axis=1)], axis=1)
 
         def momentum(rows: Any, s: Array) -> Array:
-            """Return int a ds from 0 to s, rows and s of one shape."""
+            """Return int a ds from 0 to s."""
             e = np.minimum((s * elements).astype(int), elements - 1)
             part = (s * elements - e)[..., None] ** np.arange(1, once.shape[1] + 1) @ once.T  # of each function
             return whole[rows, e] + np.einsum("...l,...lf->...f", part, a[rows[..., None], self._mesh.dofs[e] + 1])

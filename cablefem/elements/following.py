@@ -1,12 +1,11 @@
-"""Cable elements on a mesh that follows the mass: the mass is inertia on its own node, and nothing else.
+"""Cable elements on a mesh that follows the mass, whose node carries its inertia.
 
-A node rides on the mass.  On the left s = s_o xi, on the right s = s_o + (1 - s_o) xi; each side has a reference mesh
-on 0 <= xi <= 1.  Nodes move with c(s, t) = ds_o w, w = xi on the left and 1 - xi on the right.
-In the conservative (arbitrary Lagrangian-Eulerian) weak form with w. = dq/dt phi - c q phi',
+Nodes s = s_o xi behind the mass, s = s_o + (1 - s_o) xi ahead of it, move with c = ds_o chi, chi = xi and 1 - xi.
+The conservative (arbitrary Lagrangian-Eulerian) weak form with w. = dq/dt phi - c q phi' is
 
-    d/dt int w. phi_i ds + int c w. phi_i' ds + int (N t - T t_static) . phi_i' ds = external
+    d/dt int w. phi_i ds + int c w. phi_i' ds + int (N t - T t_static) . phi_i' ds = external .
 
-each side of length h gives, with M^, G^, H^ of the reference mesh,
+A side of length h gives, with M^, G^, H^ of its reference mesh,
 
     M = h M^,   C = dh/dt M^ - G + G^T,   K = -(dG/dt + H),   G = ds_o G^,  H = (ds_o^2 / h) H^.
 
@@ -40,25 +39,25 @@ _ONE, _ZERO = np.ones(1), np.zeros(1)
 
 
 class Tables(NamedTuple):
-    """What both sides have on their reference meshes, whatever the scene; unknowns of one field."""
+    """Reference meshes and operators of both sides, for one field."""
 
     left: Reference
     right: Reference
     mesh: Mesh
     sides: tuple[Side, ...]
-    operators: Array  # bands of M^, G^, G^T, H^, left and right each
-    ride: Array  # d2q/dt2 of all nodes when that of the mass is one, at entry
-    entrained: float  # the inertia of the elements that it entrains then
-    at_mass: Array  # (2, n_loc) d/dxi at the mass of the functions of the last element behind it and the first ahead
+    operators: Array  # bands of M^, G^, G^T, H^ of each side
+    ride: Array  # accelerations of all nodes at entry over that of the mass
+    entrained: float  # inertia of the cable that moves with it
+    at_mass: Array  # (2, n_loc) shape d/dxi at the mass, of the elements behind and ahead
 
 
 @lru_cache(maxsize=64)
 def _tables(elements: int, degree: int, grading: float) -> Tables:
-    """Tabulate both sides of the mass; runs that differ in their steps or scenes alone share it."""
+    """Tabulate both sides of the mass, for all runs on one mesh."""
     left, right = (
         reference(graded_knots(elements, grading, fine_at_end=x), degree, pull_at_end=x) for x in (True, False)
     )
-    node, n = left.n - 2, left.n + right.n - 3  # the supports carry no unknown
+    node, n = left.n - 2, left.n + right.n - 3  # supports have no unknown
 
     def inner(matrix: coo_array, offset: int) -> coo_array:
         row, col = matrix.row + offset, matrix.col + offset
@@ -80,13 +79,13 @@ def _tables(elements: int, degree: int, grading: float) -> Tables:
 
     at_mass = np.stack([side.evaluate(np.array(xi))[2] for side, xi in ((left, 1.0), (right, 0.0))])
 
-    linear = np.zeros(left.n)  # nodal values of the function xi
+    linear = np.zeros(left.n)
     linear[::degree] = left.knots
-    if degree == 2:  # Lagrange midpoints; from degree 3 on interior functions are bubbles
+    if degree == 2:  # midpoints; from degree 3 on bubbles
         linear[1::2] = 0.5 * (left.knots[1:] + left.knots[:-1])
     # ahead of the mass, with M x = e at the mass: its node moves with x/x_mass and weighs 1/x_mass
     M = bands(right.M, degree)[degree:, :-1].copy()
-    pushed = solveh_banded(M[: M.shape[1]], np.eye(M.shape[1], 1)[:, 0], lower=True)  # one element: no band
+    pushed = solveh_banded(M[: M.shape[1]], np.eye(M.shape[1], 1)[:, 0], lower=True)
     ride = np.concatenate([linear[1:], pushed[1:] / pushed[0]])
     return Tables(left, right, mesh, sides, operators, ride, float(1.0 / pushed[0]), at_mass)
 
@@ -95,9 +94,9 @@ class FollowingElements(CableElements):
     """The cable with its moving mass on mass-following elements.
 
     elements : per side of the mass.
-    degree : of the elements, 1 to 8.
-    grading : largest over smallest element length; the smallest elements are next to the mass.
-    model, load, law : as in `CableElements`.
+    degree : 1 to 8.
+    grading : largest over smallest element length; the smallest are next to the mass.
+    model, load, law : see `CableElements`.
     """
 
     strides = True
@@ -116,7 +115,7 @@ class FollowingElements(CableElements):
         if self.fields == 1:
             self._mesh = of.mesh._replace(functions=(), points=())
         self._at_car, self._ride, self._entrained = of.at_mass, of.ride, of.entrained
-        self.node = self.left.n - 2  # scalar dof of the mass
+        self.node = self.left.n - 2
         self.n_scalar = self.left.n + self.right.n - 3
         self.n_dof = self.fields * self.n_scalar
         self._band = self.fields * degree + self.fields - 1
@@ -127,10 +126,9 @@ class FollowingElements(CableElements):
     def start(self, phase: int, state: State | None) -> State:
         """Return the state at the beginning of a phase.
 
-        With speed, the mass falls freely: the contact force is 0 at first.  From rest, s_o = a t^2/2 and w(s_o) = b t^2
-        strain the left part at once, r' = X' + 2b/a; m 2b + mu (a X' - sigma j) + [N t - T t_static] = 0 gives b.
-        m includes the elements ahead that are entrained: without them the start costs an order in time.  Nodes behind
-        follow linearly.
+        With speed, the contact force is 0 at first.  From rest, s_o = a t^2/2 and w(s_o) = b t^2 with
+        m 2b + mu (a X' - sigma j) + [N t - T t_static] = 0 at r' = X' + 2b/a.  m includes the cable that moves with the
+        mass, else the start is of lower order.
         """
         t = self.phases[phase][0]
         if state is not None:
@@ -155,7 +153,7 @@ class FollowingElements(CableElements):
 
     # --- assembly --------------------------------------------------------------------------------------
     def _strained_start(self, dds: float) -> Array:
-        """Solve m 2b + mu a X' - weight + [N t - T t_static](X' + 2b/a) = 0 for b by Newton's method."""
+        """Return b of `start` by Newton's method."""
         rest = np.array(self._load(0.0, 0.0, dds))
         inertia = self.inertia + self._entrained
         if self.fields == 1:
@@ -174,7 +172,7 @@ class FollowingElements(CableElements):
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array]:
-        """Take steps until the cable falls slack."""
+        """See `System`; stops where the cable falls slack."""
         now, told, taken = self._steps(t, phase, start, rules, bound, newton)
         if taken:
             self.least_tension = told.item(taken - 1, 4), told.item(taken - 1, 5)
@@ -208,14 +206,14 @@ class FollowingElements(CableElements):
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         s_o, ds, dds = kinematics.T
         q, v, a = (x.reshape(s_o.size, self.n_scalar, self.fields) for x in (states.q, states.v, states.a))
-        last, n = np.append(q, np.zeros_like(q[:, :1]), axis=1), self._mesh.n_left  # with an end for the supports
+        last, n = np.append(q, np.zeros_like(q[:, :1]), axis=1), self._mesh.n_left
         behind, ahead = (
             np.tensordot(last[:, self._mesh.dofs[e]], grad, axes=(1, 0))
             for e, grad in zip((n - 1, n), self._at_car, strict=True)
         )
         behind /= np.where(s_o > 0.0, s_o, 1.0)[:, None]
         ahead /= (1.0 - s_o)[:, None]
-        if s_o.size and s_o[0] == 0.0:  # limit of w(s_o)/s_o as the mass leaves the left support, 0 where it rests
+        if s_o.size and s_o[0] == 0.0:  # limit of w(s_o)/s_o
             gone, way = (v, ds) if ds[0] > 0.0 else (a, dds)
             behind[0] = gone[0, self.node] / way[0] if way[0] > 0.0 else 0.0
         return q[:, self.node], v[:, self.node], a[:, self.node], behind, ahead
@@ -226,11 +224,11 @@ class FollowingElements(CableElements):
         q, v, a = (x[frames].reshape(frames.size, self.n_scalar, self.fields) for x in (states.q, states.v, states.a))
         s_o, ds, dds = kinematics[frames].T[..., None]
         first, length = (np.concatenate([f(x.knots) for x in sides]) for f in (lambda x: x[:-1], np.diff))
-        rates = [  # d2(h w)/dt2 behind the mass and ahead of it
+        rates = [  # d2(h w)/dt2 behind and ahead
             h[..., None] * a + sign * (dds[..., None] * q + 2.0 * ds[..., None] * v)
             for h, sign in ((s_o, 1.0), (1.0 - s_o, -1.0))
         ]
-        begin = []  # their integrals over xi up to each element
+        begin = []  # integrals up to each element
         for part, rate in zip((slice(0, mesh.n_left), slice(mesh.n_left, None)), rates, strict=True):
             of_one = np.append(rate, np.zeros_like(rate[:, :1]), axis=1)[:, mesh.dofs[part]]  # supports last
             whole = np.einsum("kelf,l,e->kef", of_one, polyval(1.0, polyint(shapes.T)), length[part])

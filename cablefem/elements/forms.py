@@ -1,12 +1,12 @@
-"""What mass-following elements of the full cable are, as scikit-fem forms: readable where `kernels` is fast.
+"""Mass-following elements of the full cable as scikit-fem forms, the reference of `kernels`.
 
-Unknowns w = (u, v) on a mesh over 0 <= s <= 1 whose nodes move with c(s, t); tests hold the kernels to it:
+Unknowns w = (u, v) on 0 <= s <= 1; nodes move with c(s, t):
 
     int (w_tt + c_s w_t - c w_t' - c_t w') . phi + (c w_t - c^2 w') . phi' ds      `inertia`
     + int (N t - T X') . phi' ds,  r' = X' + w', t = r'/|r'|, N = T + alpha (|r'| - 1)      `internal_force`
-    + [mu w_tt + mu d2X/dt2 - mu sigma j] at the node of the mass = 0 .
+    + [mu w_tt + mu d2X/dt2 - mu sigma j] at the mass = 0 .
 
-w_t and w_tt are rates at a node, c_t is that of c at a node.  `law` is that of `kernels.law`.
+w_t, w_tt, c_t are rates at a node.
 """
 
 from __future__ import annotations
@@ -26,10 +26,9 @@ if TYPE_CHECKING:
 
 
 def tension(eps, T, alpha, law):
-    """Return N, dN/deps and the energy W = int N deps."""
     N = T + alpha * eps
     pulls = (N > 0.0) | (law != TENSION_ONLY)
-    slack = -0.5 * T * T / alpha  # all that it had stored is given back
+    slack = -0.5 * T * T / alpha
     return np.where(pulls, N, 0.0), np.where(pulls, alpha, 0.0), np.where(pulls, (T + 0.5 * alpha * eps) * eps, slack)
 
 
@@ -43,7 +42,7 @@ def pull(X_s, T, w_s, alpha, law):
 
 
 def stiffness(X_s, T, w_s, alpha, law):
-    """Return df/dw' (2, 2, ...): dN/deps along the tangent t, N/|r'| across it."""
+    """Return df/dw' (2, 2, ...): dN/deps along t, N/|r'| across it."""
     r_s = X_s + w_s
     stretch = np.hypot(*r_s)
     _, N, dN, _ = pull(X_s, T, w_s, alpha, law)
@@ -53,20 +52,17 @@ def stiffness(X_s, T, w_s, alpha, law):
 
 @skfem.LinearForm
 def internal_force(eta, w):
-    """(N t - T X') . eta'."""
     return np.sum(pull(w["X_s"], w["T"], w["w_s"], w["alpha"], w["law"])[0] * eta.grad[:, 0], axis=0)
 
 
 @skfem.BilinearForm
 def internal_tangent(phi, eta, w):
-    """df/dw' phi' . eta'."""
     K = stiffness(w["X_s"], w["T"], w["w_s"], w["alpha"], w["law"])
     return np.einsum("ij...,j...,i...->...", K, phi.grad[:, 0], eta.grad[:, 0])
 
 
 @skfem.LinearForm
 def inertia(eta, w):
-    """(w_tt + c_s w_t - c w_t' - c_t w') . eta + (c w_t - c^2 w') . eta'."""
     c, q_s, v_s = w["c"], w["q"].grad[:, 0], w["v"].grad[:, 0]
     by_value = w["a"] + w["c_s"] * w["v"] - c * v_s - w["c_t"] * q_s
     return np.sum(by_value * eta + (c * w["v"] - c**2 * q_s) * eta.grad[:, 0], axis=0)
@@ -84,13 +80,13 @@ def inertia_tangent(phi, eta, w):
 def assembled(
     system: FollowingElements, x: Array, t: float, phase: int, factors: tuple[float, float, float]
 ) -> tuple[Array, csr_array]:
-    """Return the residual (n_dof,) at x, rows q, v, a, and c0 dr/dq + c1 dr/dv + c2 dr/da of a full cable."""
+    """Return the residual (n_dof,) at x, rows q, v, a, and c0 dr/dq + c1 dr/dv + c2 dr/da."""
     s_o, ds, dds = system.motion.at(t, phase)
     degree, g = system.left.degree, system.groups
     mesh = skfem.MeshLine(np.concatenate([s_o * system.left.knots, s_o + (1.0 - s_o) * system.right.knots[1:]]))
     element = skfem.ElementVector(lagrange_element(degree), 2)
     of_inertia, of_forces = (skfem.Basis(mesh, element, intorder=k) for k in (2 * degree, force_order(degree)))
-    number = np.empty(of_inertia.N, dtype=int)  # of each unknown of scikit-fem in ours, and of the supports
+    number = np.empty(of_inertia.N, dtype=int)  # of scikit-fem's unknowns in ours
     scalar = along(skfem.Basis(mesh, lagrange_element(degree)), degree)
     of_scalar = skfem.Basis(mesh, lagrange_element(degree)).element_dofs
     for k in range(degree + 1):

@@ -1,17 +1,17 @@
 """A line at rest by elements on unstretched length, whose contacts slide on the rope.
 
-Each piece of rope between two stations is a mesh on 0 <= xi <= 1, s = s_k + xi h. The energy of a piece is
+Each piece of rope between two stations is a mesh on 0 <= xi <= 1, s = s_k + xi h, with the energy
 
     V = int [W(lam) a - q y] h dxi,    lam = |r_xi|/(a h),   W' = N = EA (lam - 1),   W = N^2/(2 EA),   a = 1 + a_T dT.
 
-Unknowns: places r of the nodes, and s of the stations that slide. Their equations are derivatives of V:
+Unknowns: places r of nodes, and s of stations that slide. Their equations are derivatives of V:
 
-    of r:  int N t . eta' - q h eta_y dxi          (the weak forces; at a station f_behind and f_ahead)
-    of h:  int a (W - N lam) - q y dxi             (so dV/ds_k at fixed nodes, with dh/ds_k = +-1)
+    of r:  int N t . eta' - q h eta_y dxi
+    of h:  int a (W - N lam) - q y dxi             (dV/ds_k at fixed nodes, dh/ds_k = +-1)
 
-At a counterweight dV/ds +- [a (G + G^2/(2 EA)) + q y] = 0: rope that leaves takes the energy of its weight along.
-A gripping car at a given x: its horizontal balance stands for dV/ds = 0. A hauled car: dV/ds = 0, and the balance
-across tau, which is parallel to f_behind - f_ahead. No equation compares tensions on both sides of a contact.
+Counterweight: dV/ds +- [a (G + G^2/(2 EA)) + q y] = 0, with the energy of the rope that leaves.
+Gripping car at a given x: its horizontal balance instead of dV/ds = 0.
+Hauled car: dV/ds = 0, and the balance normal to tau; tau is parallel to f_behind - f_ahead.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ from cablefem.scene.line import Case, LineState, NoLine, NotFound
 from cablefem.scene.taut import guess
 
 DEGREE = 4
-ORDER = 12  # of quadrature: the integrands are no polynomials
-SOFTENING = 4  # steps in which EA rises to its value
+ORDER = 12  # of quadrature
+SOFTENING = 4  # steps of EA up to its value
 SOFTEST = 5.0  # first EA over H
-STEPS, SHORTEST = 100, 1e-6  # of Newton's method, and part of one step
-NEAR = 1e-6  # residual over H below which steps are not damped
-LAST = 1e-9  # step over the reach after which what is left is rounding
-ROUGH = 1e-2  # the same while the rope is soft
+STEPS, SHORTEST = 100, 1e-6  # of Newton's method; least damping factor
+NEAR = 1e-6  # residual over H for undamped steps
+LAST = 1e-9  # last step over the reach
+ROUGH = 1e-2
 
 
 @skfem.LinearForm
 def weak_force(eta, w):
-    """N t . eta' - q h eta_y: the derivative of the energy by the places."""
+    """N t . eta' - q h eta_y, by r."""
     return w.N * (w.t[0] * eta.grad[0, 0] + w.t[1] * eta.grad[1, 0]) - w.q * w.h * eta[1]
 
 
 @skfem.LinearForm
 def weak_force_by_h(eta, w):
-    """d/dh of it: -(EA lam/h) t . eta' - q eta_y."""
+    """Its d/dh: -(EA lam/h) t . eta' - q eta_y."""
     return -w.EA * w.lam / w.h * (w.t[0] * eta.grad[0, 0] + w.t[1] * eta.grad[1, 0]) - w.q * eta[1]
 
 
@@ -71,19 +71,19 @@ def energy_by_h_twice(w):
 
 
 class _Batch:
-    """Many cases at once: the pieces are one mesh in parts, the equations one system in blocks.
+    """Many cases as one mesh and one system of block equations.
 
-    Broken values w = (u, h), of pieces each by itself, follow from the unknowns by w = T X + w0. With the derivatives
-    z = (f, g) of their energies by w, the equations are B z + spring X + pull = 0; B = T' but for special rows.
+    Values of all pieces w = (u, h) follow from the unknowns, w = T X + w0.  With the derivatives z = (f, g) of the
+    energies by w, the equations are B z + spring X + pull = 0; B = T' except in special rows.
     """
 
     def __init__(self, cases: Sequence[Case], elements: int) -> None:
         self.cases, self.elements = cases, elements
         self.stations = [p for case in cases for p in case.stations]
         counts = np.array([len(case.stations) for case in cases])
-        self.owner = np.repeat(np.arange(len(cases)), counts)  # case of each station
+        self.owner = np.repeat(np.arange(len(cases)), counts)
         last = np.cumsum(counts) - 1
-        self.left = np.delete(np.arange(self.owner.size), last)  # station at the left end of each piece
+        self.left = np.delete(np.arange(self.owner.size), last)  # station left of each piece
         self.pieces = self.left.size
         nodes = np.add.outer(2.0 * np.arange(self.pieces), np.linspace(0.0, 1.0, elements + 1))
         ids = np.arange(nodes.size).reshape(nodes.shape)
@@ -99,14 +99,14 @@ class _Batch:
         return skfem.Basis(self.mesh, skfem.ElementVector(skfem.ElementLinePp(DEGREE), 2), **quadrature)
 
     def _connect(self) -> None:
-        """Number the unknowns; lay out T, w0, B and what acts from outside."""
+        """Number the unknowns; set T, w0, B and the outer forces."""
         N, h = self.basis.N, self.basis.N + np.arange(self.pieces)
         self.known = np.concatenate([np.column_stack([case.fixed_places, case.fixed_s]) for case in self.cases])
         free = np.isnan(self.known)
         count = int(free.sum())
         self.number = np.full(free.shape, -1)
         self.number[free] = np.arange(count)
-        # broken values (u_x, u_y, h) of the piece behind a station and of the one ahead; -1: no piece
+        # (u_x, u_y, h) of the piece behind each station and ahead; -1: no piece
         self.behind, self.ahead = np.full(free.shape, -1), np.full(free.shape, -1)
         self.behind[self.left + 1] = np.column_stack([*self.dofs[:, :, -1], h])
         self.ahead[self.left] = np.column_stack([*self.dofs[:, :, 0], h])
@@ -129,7 +129,7 @@ class _Batch:
         self.B = diags(plain) @ self.T.T
 
     def _outside(self) -> None:
-        """Collect constant pulls, springs, and the rows that are no derivative of the energy."""
+        """Collect constant pulls, springs and special rows."""
         self.pull, self.spring = np.zeros(self.size), np.zeros(self.size)
         special = []
         for k, p in enumerate(self.stations):
@@ -156,7 +156,7 @@ class _Batch:
         self.ends = np.concatenate([self.behind[at, :2], self.ahead[at, :2]], axis=1)
 
     def _special(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the rows that are no derivative of the energy (m,), and their derivatives (m, 4) by f."""
+        """Return the special rows (m,), and their derivatives (m, 4) by f."""
         f = np.where(self.ends >= 0, z[self.ends], 0.0)
         bx, by, ax, ay = f.T
         W, zero = self.given, np.zeros(self.rows.size)
@@ -192,7 +192,7 @@ class _Batch:
         w = np.zeros(self.basis.N + self.pieces)
         w[self.dofs] = path
         w[self.basis.N :] = run[:, 2]
-        # every unknown is one broken value, or s of a station
+        # each unknown is one value of w, or s of a station
         self.X = self.T.T @ w / np.maximum(np.asarray(abs(self.T).sum(axis=0)).ravel(), 1.0)
         free = self.number >= 0
         self.X[self.number[free]] = start[free]
@@ -200,9 +200,9 @@ class _Batch:
     # --- Newton's method -----------------------------------------------------------------------------
 
     def fields(self, X: np.ndarray, softness: float) -> dict[str, np.ndarray]:
-        """Return what the forms need at the points of quadrature; softness 0 is EA, 1 is SOFTEST times the tension.
+        """Return the data of the forms; softness 0 is EA, 1 is SOFTEST times the tension.
 
-        N = N_ref + EA_soft (lam - lam_ref) tends to the law of the rope, and keeps its length meanwhile.
+        The soft law N = N_ref + EA_soft (lam - lam_ref) keeps the length of the rope.
         """
         w = self.T @ X + self.w0
         u = self.basis.interpolate(w[: self.basis.N])
@@ -225,7 +225,7 @@ class _Batch:
         return np.concatenate([weak_force.assemble(self.basis, **fields), g])
 
     def residual(self, X: np.ndarray, fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Return what must vanish (size,), and the derivatives of the special rows."""
+        """Return the residual (size,), and the derivatives of the special rows."""
         z = self.derivatives(fields)
         value, slope = self._special(z)
         R = self.B @ z + self.spring * X + self.pull
@@ -233,7 +233,6 @@ class _Batch:
         return R, slope
 
     def tangent(self, fields: dict[str, np.ndarray], slope: np.ndarray):
-        """Return the matrix of the derivatives of the residual."""
         c = weak_force_by_h.assemble(self.basis, **fields)
         piece = np.empty(self.basis.N, int)
         piece[self.basis.element_dofs] = np.repeat(np.arange(self.pieces), self.elements)
@@ -246,7 +245,7 @@ class _Batch:
         return B @ K @ self.T + diags(self.spring)
 
     def norm(self, R: np.ndarray) -> np.ndarray:
-        """Return the size of a residual for each case."""
+        """Return |residual| for each case."""
         return np.sqrt(np.bincount(self.case_of, R**2, len(self.cases)))
 
     def solve(self) -> list[LineState]:
@@ -256,7 +255,7 @@ class _Batch:
         return self._states()
 
     def _newton(self, softness: float, enough: float) -> None:
-        """Take damped steps of Newton's method until one is small, each case with a damping of its own."""
+        """Take steps of Newton's method, damped for each case."""
         fields = self.fields(self.X, softness)
         R, slope = self.residual(self.X, fields)
         for _ in range(STEPS):
@@ -278,9 +277,9 @@ class _Batch:
         raise NotFound
 
     def _states(self) -> list[LineState]:
-        """Return the states; pulls at stations are the weak nodal forces."""
+        """Return the states; pulls at stations are weak nodal forces."""
         fields, known = self.fields(self.X, 0.0), self.known.copy()
-        z = np.append(self.derivatives(fields), np.nan)  # the last stands for no piece: -1
+        z = np.append(self.derivatives(fields), np.nan)  # last: no piece
         known[self.number >= 0] = self.X[self.number[self.number >= 0]]
         behind, ahead = z[self.behind[:, :2]], -z[self.ahead[:, :2]]
         tau = behind + ahead
@@ -300,9 +299,9 @@ class _Batch:
 
 
 def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLine]:
-    """Return each case at rest with that many elements on each piece; an even number.
+    """Return each case at rest with an even number of elements on each piece.
 
-    All are solved at once; where one of them has no rest, both halves apart.
+    If a case among them has no rest, both halves of the list are solved apart.
     """
     if not cases:
         return []

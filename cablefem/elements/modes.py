@@ -1,8 +1,8 @@
-"""Frequencies of the bare cable: small oscillations about the hanging state, scikit-fem from the form to the matrix.
+"""Frequencies of the bare cable by scikit-fem, independent of the time loop's tangent.
 
-    u_tt = [ T u' + (alpha - T)(x'u' + y'v') x' ]',   v_tt = [ T v' + (alpha - T)(x'u' + y'v') y' ]',
+    u_tt = [ T u' + (alpha - T)(x'u' + y'v') x' ]',   v_tt = [ T v' + (alpha - T)(x'u' + y'v') y' ]'
 
-the linearised catenary; independent of the compiled tangent of the time loop.  Dimensionless: l = H = rho = 1.
+Dimensionless: l = H = rho = 1.
 """
 
 import numpy as np
@@ -18,21 +18,21 @@ from cablefem.scene import Groups
 
 @skfem.BilinearForm
 def tension_form(phi, eta, w):
-    """Integral of N phi' eta' ds; N = tension, or axial stiffness along one pair of directions."""
+    """Integral of N phi' eta' ds."""
     return w["N"] * phi.grad[0] * eta.grad[0]
 
 
 @skfem.LinearForm
 def sag_form(eta, w):
-    """Integral of y' eta' ds: the stretching by the sag."""
+    """Integral of y' eta' ds."""
     return w["slope"] * eta.grad[0]
 
 
 def bare_frequencies(groups: Groups, *, elements: int = 10, degree: int = 8, model: str = "full", n: int = 10) -> Array:
-    """Return the n lowest circular frequencies omega l sqrt(rho/H), ascending, shape (n,).
+    """Return the n lowest circular frequencies omega l sqrt(rho/H), ascending, (n,).
 
-    elements : on the whole cable; degree : 1 to 8.  The defaults give the paper's first ten to 1e-9.
-    model : "full", or "string", "sagged", "stretching" (at rest the same as sagged, Irvine & Caughey's theory).
+    elements : on the whole cable; degree : 1 to 8.
+    model : "full", "string", "sagged" (Irvine & Caughey's theory), or "stretching", at rest the same.
     """
     elements_allowed(elements)
     if model not in MODELS:
@@ -60,7 +60,6 @@ def bare_frequencies(groups: Groups, *, elements: int = 10, degree: int = 8, mod
         ])  # fmt: skip
         M = block_array([[M, None], [None, M]])
     else:
-        # along the chord: tension H/cos, parabola y_n' = sigma cos/tau (1/2 - s)
         tau = 1.0 / groups.chord_cos
         slope = groups.sigma * groups.chord_cos / tau * (0.5 - s)
         sag = sag_form.assemble(basis, slope=slope)[inner]

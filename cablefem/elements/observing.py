@@ -1,7 +1,7 @@
-"""What is seen of a history: paths, energies, tensions and reactions from the balance of momentum.
+"""Observation of a history: paths, energies, and tensions and reactions from the balance of momentum.
 
-A history is q, v, a (n, n_dof) and kinematics (n, 3): s_o, ds_o, dds_o.  A mesh moves with c = ds_o chi: behind the
-mass chi = xi, and its side has the length h = s_o; ahead of it chi = 1 - xi and h = 1 - s_o.
+A history is q, v, a (n, n_dof) and kinematics (n, 3): s_o, ds_o, dds_o.  The mesh moves with c = ds_o chi: behind the
+mass chi = xi and h = s_o, ahead of it chi = 1 - xi and h = 1 - s_o.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 
 class Side(NamedTuple):
-    """One side of the mass: integrals over xi of the functions of the mesh, chi as above."""
+    """One side of the mass."""
 
-    sign: float  # of dh/ds_o: 1 behind the mass, -1 ahead of it
+    sign: float  # dh/ds_o
     moments: Array  # (n_scalar, 4) int phi, int chi phi, int chi phi,xi, int chi^2 phi,xi
 
     def length(self, s_o: Array) -> Array:
@@ -33,31 +33,31 @@ class Side(NamedTuple):
 
 
 def side_of(mesh: Mesh, fine: Array, sign: float, n: int) -> Side:
-    """Return a side; fine : as `Mesh.tab`, at the points of the inertia;  n : unknowns of one field."""
+    """Return a side; fine : tables at the points of the inertia, see `Mesh.tab`;  n : unknowns of one field."""
     elements = slice(0, mesh.n_left) if sign > 0.0 else slice(mesh.n_left, len(mesh.dofs))
     dofs, tab = mesh.dofs[elements], fine[elements]
     n_loc = dofs.shape[1]
     chi = tab[..., 0] if sign > 0.0 else 1.0 - tab[..., 0]
     phi, phi_x = tab[..., 2 : 2 + n_loc], tab[..., 2 + n_loc :]
-    out = np.zeros((n + 1, 4))  # the last row is of the supports
+    out = np.zeros((n + 1, 4))  # last row: supports
     for k, (function, power) in enumerate(((phi, 0), (phi, 1), (phi_x, 1), (phi_x, 2))):
         np.add.at(out[:, k], dofs, np.einsum("eg,egk->ek", tab[..., 1] * chi**power, function))
     return Side(sign, out[:-1])
 
 
 def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
-    """Measure paths, tensions, energies and fields on a history; see `Observation`."""
+    """Measure paths, tensions, energies and fields; see `Observation`."""
     g, n = system.groups, states.t.size
     states, kinematics = system._split(states)
     s_o, ds, dds = kinematics.T
     w, w_t, w_tt, *slopes = system._at_mass(states, kinematics)
-    place, slope, bend = system.static(s_o)  # of the model
+    place, slope, bend = system.static(s_o)
     velocity, acceleration = w_t + ds[:, None] * slope, w_tt + dds[:, None] * slope + (ds**2)[:, None] * bend
-    force = system.inertia * acceleration - system.weight  # of the cable on the mass
+    force = system.inertia * acceleration - system.weight
     power = ds * np.sum(force * (slope + 0.5 * (slopes[0] + slopes[1])), axis=1)
 
     mesh_at = system._mesh_at(kinematics)
-    size = system.fields * system.n_scalar  # without a particle
+    size = system.fields * system.n_scalar
     q, v, a = (x[:, :size].reshape(n, -1, system.fields) for x in (states.q, states.v, states.a))
     full = system.fields == 2
     (kinetic, strain, potential), least, where, pulled, rise = energies(system, mesh_at, q, v)
@@ -90,7 +90,7 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
 
 
 def energies(system: CableElements, mesh_at: Array, q: Array, v: Array) -> tuple[Any, ...]:
-    """Return energies of the cable (3, n), kinetic, of strain and of weight, and what `_strained` returns besides.
+    """Return energies (3, n), kinetic, of strain and of weight, and the rest of `_strained`.
 
     mesh_at : (n, 3) s_o, ds_o, dds_o of the mesh;  q, v : (n, n_scalar, fields).
     """
@@ -126,7 +126,7 @@ def _strained(system: CableElements, s_o: Array, q: Array) -> tuple[Array, ...]:
 
 
 def _strained_chord(system: CableElements, s_o: Array, q: Array) -> tuple[Array, ...]:
-    """Return the same of a one-field model, see `kernels.balance.add_chord`, and how much its tension rises (n,)."""
+    """Return the same of one field, see `kernels.balance.add_chord`, and the rise of tension (n,)."""
     (alpha, tau, curvature, lam, kap, _), (dofs, tab, n_left, *_) = system._law, system._mesh
     n_loc, behind = dofs.shape[1], np.arange(len(dofs)) < n_left
     h = np.where(behind, s_o[:, None], 1.0 - s_o[:, None])[..., None]
@@ -145,10 +145,9 @@ def _strained_chord(system: CableElements, s_o: Array, q: Array) -> tuple[Array,
 def _end_forces(system: CableElements, mesh_at: Array, history: tuple[Array, Array, Array], pulled: Array) -> Array:
     """Return f - c^2 w' (n, 4, fields) at the left support, behind and ahead of the mass, and at the right support.
 
-    f is the internal force less its static part.  Momentum of a side, tested with any phi, w. = dq/dt phi - c w':
-    int d(h w.)/dt phi dxi + int (c w. + f) phi' ds = [(f + c w.) phi]; here phi = 1, and phi = 1 at the mass, 0 at the
-    support.  c is 0 at the supports and ds_o at the mass.
-    pulled : (n, 2, fields) int f dxi.  A fixed mesh has one side, and nothing in the last two places.
+    f is the internal force less its static part.  Momentum of a side, tested with phi = 1, and with phi = 1 at the mass
+    and 0 at the support: int d(h w.)/dt phi dxi + int (c w. + f) phi' ds = [(f + c w.) phi].
+    pulled : (n, 2, fields) int f dxi.  A fixed mesh has one side.
     """
     (q, v, a), (s_o, ds, dds) = history, mesh_at.T[..., None]
     out = np.zeros((len(q), 4, system.fields))
@@ -159,7 +158,7 @@ def _end_forces(system: CableElements, mesh_at: Array, history: tuple[Array, Arr
         flux = np.divide(ds**2 * of_q[3], h, out=np.zeros_like(tested), where=h > 0.0)
         force = side.sign * tested + ds * of_v[1] - flux + pulled[:, near - 1]
         out[:, near], out[:, end] = force - ds * v[:, system.node], force - side.sign * whole
-    at_once = s_o[:, 0] == 0.0  # the left part has no length yet
+    at_once = s_o[:, 0] == 0.0
     out[at_once, 0] = out[at_once, 1] = out[at_once, 2]
     return out
 
@@ -168,7 +167,7 @@ def _tensions(
     system: CableElements, ends: Array, along: tuple[Array, Array, Array], c: tuple[Array, Array],
     at_mass: tuple[Array, ...],
 ) -> tuple[dict[str, Any], Array]:  # fmt: skip
-    """Return the tensions and reactions of the full cable, and what a passing kink gives, <N t> . [r'] - [W].
+    """Return tensions and reactions of the full cable, and <N t> . [r'] - [W] of the kink.
 
     along : f - c^2 w' (k, m, 2), w' (k, m, 2), s (m,);  c : at the mass (n,) and along the cable (k, m);
     at_mass : X' (n, 2), T (n,), r' behind and ahead (n, 2).
@@ -200,7 +199,7 @@ def _tensions(
 
 
 def _chord_tensions(system: CableElements, ends: Array, rise: Array, T: Array, s: Array, frames: Any) -> dict[str, Any]:
-    """Return the same for one field: its tension rises uniformly, and the stored energy is quadratic in w'."""
+    """Return the same for one field, whose tension rises uniformly."""
     g, (tau, curvature) = system.groups, system._law[1:3]
     chord = np.array([g.chord_cos, g.chord_sin])
     left, right = (
@@ -215,9 +214,9 @@ def _chord_tensions(system: CableElements, ends: Array, rise: Array, T: Array, s
 
 
 def _recovered(system: CableElements, carried: Array, c: Array, at: tuple[Array, Array, Array]) -> Array:
-    """Return N from N t - T X' - c^2 w', which the balance gives; the slope r' tells the sign of N t - c^2 r' only.
+    """Return N from `carried` = N t - T X' - c^2 w'; at : X', T, r'.
 
-    N t - c^2 r' = (N (1 - c^2/alpha) - c^2 (1 - T/alpha)) t, because |r'| = 1 + (N - T)/alpha.  at : X', T, r'.
+    N t - c^2 r' = (N (1 - c^2/alpha) - c^2 (1 - T/alpha)) t, because |r'| = 1 + (N - T)/alpha; r' gives the sign.
     """
     (static, T, slope), alpha, flux = at, system._law[0], c**2
     known = carried + (T - flux)[..., None] * static

@@ -1,4 +1,4 @@
-"""Reference meshes on 0 <= xi <= 1 and what scikit-fem tabulates on them, once per run."""
+"""Reference meshes on 0 <= xi <= 1, tabulated by scikit-fem."""
 
 from dataclasses import dataclass
 
@@ -11,9 +11,9 @@ from cablefem.newmark import Array
 
 
 def lagrange_element(degree: int) -> skfem.Element:
-    """Return a FRESH 1D element of that degree, to be used on one set of points only.
+    """Return a new 1D element of that degree, for one set of points only.
 
-    scikit-fem's ElementLinePp silently returns values at earlier points when it is reused (12.0.2).
+    A reused ElementLinePp silently returns values at earlier points (scikit-fem 12.0.2).
     """
     if not (isinstance(degree, int) and 1 <= degree <= 8):
         raise ValueError(f"degree must be an integer from 1 to 8, got {degree!r}")
@@ -25,7 +25,7 @@ def lagrange_element(degree: int) -> skfem.Element:
 
 
 def shape_polynomials(element: skfem.Element) -> Array:
-    """Return P (n_loc, n_loc): shape function k of the element [0, 1] is sum_m P[k, m] x^m."""
+    """Return P (n_loc, n_loc): shape function k on [0, 1] is sum_m P[k, m] x^m."""
     n_loc = element.refdom.nnodes * element.nodal_dofs + element.interior_dofs
     x = 0.5 - 0.5 * np.cos(np.pi * (np.arange(n_loc) + 0.5) / n_loc)
     mesh = skfem.MeshLine(np.array([0.0, 1.0]))
@@ -36,13 +36,12 @@ def shape_polynomials(element: skfem.Element) -> Array:
 
 @skfem.BilinearForm
 def mass_form(phi, eta, w):
-    """Integral of phi eta dxi."""
     return phi * eta
 
 
 @skfem.BilinearForm
 def transport_form(phi, eta, w):
-    """Integral of w(xi) eta phi,xi dxi; w = mesh velocity over the speed of the mass."""
+    """Integral of w(xi) eta phi,xi dxi; w = mesh velocity over ds_o."""
     return w["pull"] * eta * phi.grad[0]
 
 
@@ -53,16 +52,15 @@ def convection_form(phi, eta, w):
 
 
 def force_order(degree: int) -> int:
-    """Return the degree of polynomials to integrate for internal forces: as many Gauss points as the degree, but two.
+    """Return the order of quadrature of internal forces: as many Gauss points as the degree, at least two.
 
-    At these points u' can follow v'^2/2; with one more the elements lock (Stolarski & Belytschko 1982).  phi_i' phi_j'
-    is integrated exactly.
+    More points lock (Stolarski & Belytschko 1982): there u' cannot follow v'^2/2.
     """
     return max(2, 2 * degree - 1)
 
 
 def tabulated(basis: skfem.Basis) -> Array:
-    """Return xi, weight, shape values and slopes of a basis at its points, (n_el, n_q, 2 + 2 n_loc)."""
+    """Return xi, weight, shape values and slopes at the points, (n_el, n_q, 2 + 2 n_loc)."""
     xi = np.asarray(basis.global_coordinates())[0]
     fields = [basis.basis[k][0] for k in range(basis.Nbfun)]
     columns = [xi, basis.dx, *(f.get(0) for f in fields), *(f.grad[0] for f in fields)]
@@ -71,21 +69,21 @@ def tabulated(basis: skfem.Basis) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """One side of the mass on its reference mesh; dofs are numbered along xi, ends included."""
+    """One side of the mass; dofs are numbered along xi, ends included."""
 
     degree: int
-    knots: Array  # (n_el + 1,) element ends in xi
-    n: int  # scalar dofs, both ends included
+    knots: Array  # (n_el + 1,)
+    n: int  # scalar dofs
     dofs: NDArray[np.int64]  # (n_el, n_loc)
-    forces: Array  # (n_el, n_q, 2 + 2 n_loc) xi, weight, shape values, shape d/dxi at the points of `force_order`
-    inertia: Array  # the same at points that integrate phi_i phi_j
+    forces: Array  # see `tabulated`, at the points of `force_order`
+    inertia: Array  # the same at points exact for phi_i phi_j
     M: coo_array  # (n, n) integral phi_i phi_j
     G: coo_array  # (n, n) integral w phi_i phi_j,xi
     H: coo_array  # (n, n) integral w^2 phi_i,xi phi_j,xi
-    shapes: Array  # (n_loc, n_loc) polynomial coefficients, see shape_polynomials
+    shapes: Array  # see `shape_polynomials`
 
     def evaluate(self, xi: Array) -> tuple[NDArray[np.int64], Array, Array]:
-        """Return (dofs, values, d/dxi), each (n_loc, ...) at any xi in [0, 1]; at a knot the left element answers."""
+        """Return (dofs, values, d/dxi), each (n_loc, ...), at xi in [0, 1]; at a knot of the left element."""
         e = np.clip(np.searchsorted(self.knots, xi, side="left") - 1, 0, self.knots.size - 2)
         length = self.knots[e + 1] - self.knots[e]
         x = (xi - self.knots[e]) / length
@@ -97,7 +95,7 @@ class Reference:
 
 
 def along(basis: skfem.Basis, degree: int) -> NDArray[np.int64]:
-    """Return the numbers along the mesh of scikit-fem's unknowns, which has vertices first: bands become narrow."""
+    """Return numbers along the mesh for scikit-fem's unknowns, so that bands are narrow."""
     number, n_el = np.empty(basis.N, dtype=np.int64), basis.element_dofs.shape[1]
     number[basis.element_dofs[0]] = degree * np.arange(n_el)
     number[basis.element_dofs[1]] = degree * np.arange(1, n_el + 1)
@@ -107,7 +105,7 @@ def along(basis: skfem.Basis, degree: int) -> NDArray[np.int64]:
 
 
 def reference(knots: Array, degree: int, pull_at_end: bool) -> Reference:
-    """Tabulate one side: w(xi) = xi when the mass is at xi = 1 (pull_at_end), else 1 - xi."""
+    """Tabulate one side: w(xi) = xi if pull_at_end, the mass at xi = 1, else 1 - xi."""
     mesh = skfem.MeshLine(knots)
     basis, of_forces = (
         skfem.Basis(mesh, lagrange_element(degree), intorder=order) for order in (2 * degree, force_order(degree))
@@ -128,7 +126,7 @@ def reference(knots: Array, degree: int, pull_at_end: bool) -> Reference:
 
 
 def graded_knots(elements: int, grading: float, fine_at_end: bool) -> Array:
-    """Return knots on [0, 1] whose element lengths grow geometrically; largest over smallest = grading."""
+    """Return knots on [0, 1] with geometric element lengths; largest over smallest = grading."""
     lengths = np.geomspace(1.0, grading, elements) if elements > 1 else np.ones(1)
     if fine_at_end:
         lengths = lengths[::-1]

@@ -1,14 +1,10 @@
-"""A car that rolls on mass-following elements: its place s_o is one more coordinate of the discrete Lagrangian.
+"""A car that rolls on mass-following elements; its equation is `kernels.car`.
 
-With the mesh hung on s_o the Lagrangian of the cable is one of the unknowns (q, s_o), see `kernels.car.roll`; its last
-row is the balance of the car along the cable: no one-sided tangent enters it, and no multiplier.
+free : the last unknown is s_o(t).
+haul : s_o(t) is given, and the last acceleration is the force of the rope along the mean tangent.
 
-free : the last unknown is s_o(t); `HELD` while friction and brakes hold the car on the cable.
-haul : s_o(t) is given, and the last acceleration is the force F of the rope along the mean tangent; it makes the row
-       vanish.  (Its place and velocity are idle.)
-
-Outside forces on the car: thrust or rope along the mean tangent, drag.  Between car and cable, along the cable: rolling
-friction and brakes against the motion, what is left of the force that held the car at its start.
+Outer forces on the car: thrust or rope along the mean tangent, drag.  Along the cable: rolling friction, brakes, and
+what is left of the force that held the car at its start.
 
 Dimensionless: l = H = rho = 1.
 """
@@ -46,23 +42,21 @@ from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.stickslip import Look, RollingCar
 
-ANY = np.empty(0)  # course of a car of which all that happens is looked for step by step
-MARGIN = 0.1  # of its weight, that a hauled car presses on the cable where steps in one go look for no lift-off
-ABRUPT = 1e-5  # of the length: a slip at such an acceleration over a whole step; the car itself goes a hundredth as far
-STATIC = 1e-30  # weight of accelerations in a tangent of statics: nothing but the last unknown feels it
+ANY = np.empty(0)  # course of a car in single steps
+MARGIN = 0.1  # least normal force over weight of a hauled car in compiled steps
+ABRUPT = 1e-5  # slip over l in a step that makes an acceleration abrupt
+STATIC = 1e-30  # factor of dr/da in the tangent of statics; regular for the rope's force
 
 
 def following(groups: Groups, **kind: Any) -> FollowingElements:
-    """Return the mass-following elements that the drive of a scene asks for."""
+    """Return the mass-following elements for the drive of a scene."""
     return (FollowingElements if groups.drive.mode == "grip" else RollingElements)(groups, **kind)
 
 
 class RollingElements(RollingCar, FollowingElements):
-    """The cable with a car that rolls.
+    """The cable with a car that rolls, drive "free" or "haul".
 
-    groups : with the drive "free" or "haul"; the rest as for `FollowingElements`, of the full model with a mass.
-
-    Raises ValueError for the one-field models: their car has no motion along the chord, and nothing to balance there.
+    Raises ValueError for the one-field models and for a moving force: no balance along the chord.
     """
 
     drives = ("free", "haul")
@@ -93,8 +87,8 @@ class RollingElements(RollingCar, FollowingElements):
     def start(self, phase: int, state: State | None) -> State:
         """Return the state at the beginning of a phase.
 
-        free : the car held on the loaded cable at rest, let go.
-        haul : it hangs on its rope, friction overcome; the cable moves as statics has it at the travel's first speed.
+        free : the cable at rest with the car held; the car is let go.
+        haul : the cable moves through states of rest with the first speed of the travel.
         """
         t = self.phases[phase][0]
         if state is not None:
@@ -112,7 +106,7 @@ class RollingElements(RollingCar, FollowingElements):
         return self.let_go(State(t, q, np.zeros_like(q), np.zeros_like(q), 0))
 
     def abrupt(self, x: State, dt: float) -> bool:
-        """After a jump of force the car slips at once, and is stopped by an axial wave that few steps resolve."""
+        """Return whether the car slips away after a jump of force, until an axial wave stops it."""
         return self.free and 0.5 * dt * dt * abs(float(x.a[-1])) > ABRUPT
 
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
@@ -129,7 +123,7 @@ class RollingElements(RollingCar, FollowingElements):
         return now, told, taken
 
     def _seen_to(self, t: Array, taken: int) -> None:
-        """Remember that nothing has happened up to the last but one of the steps taken, at t or after it."""
+        """Note that no event happens up to the last but one of the steps taken."""
         if taken > 1:
             self.heeded = float(t[taken - 2] + 0.9 * (t[taken - 1] - t[taken - 2]))
 
@@ -138,7 +132,7 @@ class RollingElements(RollingCar, FollowingElements):
         return kernels.Ride(car, self._at_car, self._single.ride.border, course), self._brought(t, phase)
 
     def _brought(self, t: Array, phase: int) -> Array:
-        """Return what instants (...) bring the car, (..., 3), see `kernels.driven`."""
+        """Return hauled s_o, ds_o, dds_o, or hold and thrust, (..., 3)."""
         if not self.free:
             return self._places(t, phase)[..., :3].copy()
         now, drive = np.zeros((*t.shape, 3)), self.drive
@@ -150,9 +144,9 @@ class RollingElements(RollingCar, FollowingElements):
 
     @property
     def _course(self) -> Array:
-        """Return `course` of a car for `kernels.under_way`, and the least force with which it presses on the cable.
+        """Return `course` of `kernels.under_way`.
 
-        A balance of a hauled car may be taken when the car is elsewhere than at the step's end: hence a margin.
+        A hauled car has a margin: schemes may balance it before the end of the step.
         """
         margin = 0.0 if self.free else MARGIN * self.inertia * self.groups.sigma
         keeps = self.course() if self.free else (-math.inf, math.inf, 0.0, 0.0, 0.0)
@@ -168,7 +162,6 @@ class RollingElements(RollingCar, FollowingElements):
         return self._said(told)
 
     def averaged(self, start: State, end: State) -> Array:
-        """Return the residual of a step of the energy rule, see `cablefem.newmark.System.averaged`."""
         if not self.free:
             return super().averaged(start, end)
         dt, r = end.t - start.t, np.empty(self.n_dof)
@@ -191,7 +184,7 @@ class RollingElements(RollingCar, FollowingElements):
         return total
 
     def _force(self, start: State, end: State, x: float) -> Array:
-        """Return the forces on p and on s_o (3,) at the part x of a step, for its mean velocity and acceleration."""
+        """Return the forces on p and s_o (3,) at the part x of a step."""
         car, dt = self._car(start.t + x * (end.t - start.t), start.phase), end.t - start.t
         of = np.array([start.q + x * (end.q - start.q), 0.5 * (start.v + end.v), (end.v - start.v) / dt])
         push = self._forces(car, of)
@@ -205,7 +198,7 @@ class RollingElements(RollingCar, FollowingElements):
 
     def holding(self, x: State) -> tuple[float, float]:
         r, car, of = np.empty(self.n_dof), self._car(x.t, x.phase), np.array([x.q, x.v, x.a])
-        push, needed = self._forces(car, of), self._roll(car, of, r)[2]  # what the row of s_o lacks
+        push, needed = self._forces(car, of), self._roll(car, of, r)[2]
         return needed / push.stretch, push.normal
 
     def go_on(self, x: State) -> State:
@@ -213,7 +206,6 @@ class RollingElements(RollingCar, FollowingElements):
 
     # --- the car ---------------------------------------------------------------------------------------
     def _car(self, t: float, phase: int) -> kernels.Car:
-        """Return the car at an instant."""
         drive, fixed = self.drive, (self._kind, self.node, self.inertia, self.groups.sigma)
         if not self.free:
             s_o, ds, dds = self.motion.at(t, phase)
@@ -226,7 +218,7 @@ class RollingElements(RollingCar, FollowingElements):
         return kernels.forces(self._cable, car, self._at_car, x)
 
     def _roll(self, car: kernels.Car, x: Array, r: Array, factors: Factors = NO_TANGENT) -> tuple[float, ...]:
-        """Set r and, given factors, the tangent; return what `kernels.roll` does."""
+        """Set r and, given factors, the tangent; return as `kernels.roll`."""
         brought = (car.s_o, car.ds, car.dds) if car.mode == kernels.HAUL else (car.hold, car.thrust, 0.0)
         now, ride = Instant(np.array(brought), self._bands, self._contact), self._single.ride._replace(car=car)
         seen = kernels.roll(self._cable, ride, now, x, r, self._single.work.ab, factors)
@@ -239,12 +231,12 @@ class RollingElements(RollingCar, FollowingElements):
         return kernels.Ride(car, self._at_car, Border(np.zeros((3, n), kind), np.zeros(1, kind)), ANY)
 
     def _statics(self, s_o: float) -> tuple[Array, float]:
-        """Return the unknowns of the cable at rest with the car at s_o, and the force that holds it there.
+        """Return the unknowns of the cable at rest with the car at s_o, and the force on the car.
 
-        free : the last unknown is s_o, the force one between car and cable, along the cable; haul : it is the rope's.
+        free : the force along the cable that holds it; haul : the force of the rope.
         """
         mode = kernels.HELD if self.free else kernels.HAUL
-        friction = 0.0 if self.free else self.drive.mu_r  # the rope is about to move the car on
+        friction = 0.0 if self.free else self.drive.mu_r  # the car is about to move
         car = self._car(0.0, 0)._replace(
             mode=mode, s_o=s_o, ds=0.0, dds=0.0, hold=0.0, thrust=0.0, drag=0.0, friction=friction, brake=0.0
         )
@@ -262,11 +254,11 @@ class RollingElements(RollingCar, FollowingElements):
         def update(dx: Array) -> None:
             x[:] -= c * dx
 
-        bound = 1e-13 * self.force_scale + math.sqrt(self.n_dof) * self.force_floor  # rounding of both
-        # and of slopes, differences of displacements over the length of an element: next to a support that is short
+        bound = 1e-13 * self.force_scale + math.sqrt(self.n_dof) * self.force_floor  # rounding
+        # rounding of slopes grows in short elements
         shortest = min(s_o * np.diff(self.left.knots).min(), (1.0 - s_o) * np.diff(self.right.knots).min())
-        # A stiff cable under a heavy car: Newton loses its way, or finds a rest with folds, unless a soft cable
-        # has shown the shape first.  A load raises the horizontal tension, 1 without it; a fold carries less.
+        # For a stiff cable under a heavy car, Newton may diverge or find folds: EA rises from a soft cable.
+        # The load makes the tension larger than 1; a fold has less.
         stiff, soft = self._law[0], min(self._law[0], 4.0 * (1.0 + self.groups.mu * self.groups.sigma))
         for count in (1, 12, 60):
             x[:] = 0.0
@@ -275,7 +267,7 @@ class RollingElements(RollingCar, FollowingElements):
                 with np.errstate(over="ignore", invalid="ignore"):
                     done = find_root(residual, linearise, update, bound, Newton(max_iter=60, patience=0, reuse=0.0))
             at_rest = done.norm <= bound * max(1.0, float(np.abs(x[0, :-1]).max()) / shortest)
-            if at_rest and (self.least_tension[0] > 0.5 or count == 60):  # coarse elements may wiggle
+            if at_rest and (self.least_tension[0] > 0.5 or count == 60):
                 break
         else:
             raise StepFailure(
@@ -292,7 +284,7 @@ class RollingElements(RollingCar, FollowingElements):
         return cable, np.stack([states.q[:, -1], states.v[:, -1], states.a[:, -1]], axis=1)
 
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
-        """Measure a history; the power is that of the forces on the car, one by one."""
+        """Measure a history, with the power of each force on the car."""
         o, drive, ds = super().observe(states, s, frames), self.drive, self._split(states)[1][:, 1]
         mean = 0.5 * (o.slope_behind + o.slope_ahead)
         tau = mean / np.linalg.norm(mean, axis=1)[:, None]

@@ -1,4 +1,4 @@
-"""The balances at all nodes of a collocation step, solved by Newton's method."""
+"""Newton's method for the balances at all nodes of a collocation step."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class _Nodes:
-    """The balances of all nodes of a step as functions of the accelerations there, a (s, n_dof)."""
+    """The balances at all nodes as functions of the accelerations a (s, n_dof)."""
 
     def __init__(self, system: System, t: Array, phase: int, ends: Array, a: Array, rule: Tableau) -> None:
         self.system, self.t, self.dt, self.phase, self.rule = system, rule.instants(t)[0], t[1] - t[0], phase, rule
@@ -29,7 +29,6 @@ class _Nodes:
         return q, v, self.a[i]
 
     def finish(self) -> None:
-        """Set q and v at the step's end."""
         twice, once = self.rule.ends @ self.a
         self.ends[1] = self.ends[0, 0] + self.dt * (self.v0 + self.dt * twice), self.v0 + self.dt * once
 
@@ -37,10 +36,9 @@ class _Nodes:
         return np.concatenate([self.system.residual(t, *self.at(i), self.phase) for i, t in enumerate(self.t)])
 
     def tangent(self) -> Callable[[Array], Array]:
-        """Return the solution with one tangent M, C, K for all nodes: M + dt A C + dt^2 A^2 K, block by block.
+        """Return the solution with M + dt A C + dt^2 A^2 K, one M, C, K for all nodes.
 
-        In the basis of A's eigenvectors it falls apart into M + dt lam C + (dt lam)^2 K, one real system for a real
-        eigenvalue lam and a complex one for a pair (Hairer & Wanner 1996, section IV.8).
+        The eigenvalues lam of A split it into M + dt lam C + (dt lam)^2 K (Hairer & Wanner 1996, section IV.8).
         """
         rule, middle = self.rule, self.rule.middle
         at = self.t[middle], *self.at(middle), self.phase
@@ -63,7 +61,7 @@ def collocate(
     system: System, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float,
     newton: Newton,
 ) -> Iterator[Settled]:  # fmt: skip
-    """Take the first step as `System.collocate` does, with `residual` and `linearise`."""
+    """Take the first step of `System.collocate`, with `residual` and `linearise`."""
     nodes = _Nodes(system, t, phase, ends, a, rule)
     with np.errstate(over="ignore", invalid="ignore"):
         done = find_root(nodes.residual, lambda: (nodes.residual(), nodes.tangent()), nodes.update, bound, newton)
@@ -75,11 +73,11 @@ def collocate_coupled(
     system: System, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float,
     newton: Newton,
 ) -> Iterator[Settled]:  # fmt: skip
-    """Do the same with the full tangent of all nodes, by a Krylov method; `collocate` preconditions it.
+    """Do the same with the full tangent, by a Krylov method preconditioned with `_Nodes.tangent`.
 
-    For steps along which the tangent itself changes much, as at a start where it is proportional to a power of t.
+    For steps along which the tangent changes much: at a start it may be proportional to a power of t.
     """
-    from scipy.optimize import NoConvergence, newton_krylov  # rarely needed, long to load
+    from scipy.optimize import NoConvergence, newton_krylov  # slow to load, rarely needed
     from scipy.sparse.linalg import LinearOperator
 
     nodes, count = _Nodes(system, t, phase, ends, a, rule), 0
@@ -99,7 +97,7 @@ def collocate_coupled(
                     residual, y, inner_M=precondition, f_tol=bound, maxiter=newton.max_iter, tol_norm=np.linalg.norm
                 )
                 norm, iterations = float(np.linalg.norm(residual(y))), 1
-            except (NoConvergence, ValueError):  # ValueError: a direction without a residual
+            except (NoConvergence, ValueError):
                 iterations = newton.max_iter
         nodes.finish()
     yield Settled(norm, iterations, min(iterations, 1), count)

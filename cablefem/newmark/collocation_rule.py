@@ -1,4 +1,4 @@
-"""A step by collocation: the balance holds at several nodes of the step (Radau IIA, Gauss)."""
+"""A step by collocation (Radau IIA, Gauss)."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -16,9 +16,9 @@ from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import System, consistent_acceleration
 from cablefem.newmark.tableau import further, tableau
 
-# `Newton.reuse`: one tangent serves all nodes, so a new one is hardly better than a kept one.
+# `Newton.reuse`: one tangent serves all nodes, so a new one helps little
 REUSE = 0.8
-ENOUGH = 18  # `Newton.enough`: after more iterations two steps of half the length cost less
+ENOUGH = 18  # `Newton.enough`: more iterations cost more than two half steps
 
 
 class CollocationRule(Stepper):
@@ -26,7 +26,7 @@ class CollocationRule(Stepper):
 
         v_i = v0 + dt sum_j A_ij a_j,   q_i = q0 + c_i dt v0 + dt^2 sum_j (A A)_ij a_j,   r(t_i, q_i, v_i, a_i) = 0 .
 
-    Where the last node is not the end (Gauss), a there follows from the balance; StepFailure where it does not.
+    If the last node is not the end (Gauss), a there follows from the balance, else StepFailure.
     """
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
@@ -48,7 +48,7 @@ class CollocationRule(Stepper):
     def __call__(self, x: State, t1: float) -> State:
         """Return the state at t1.
 
-        Guesses one after another: the polynomial of the step before; a as it was; at a start 0, then all tangents.
+        Guesses: the last polynomial, then the last a; at a start the last a, 0, then all tangents.
         """
         (t, ends, a, go_on), one = self._steps(x, np.array([t1])), self.system.collocate
         if isinstance(x, Collocated):
@@ -62,17 +62,17 @@ class CollocationRule(Stepper):
         raise self.stalled(t1, done)
 
     def _steps(self, x: State, times: Array) -> tuple[Array, Array, Array, Array]:
-        """Return t, ends, a, further of `System.collocate` for steps from x to times ahead (m,)."""
+        """Return t, ends, a, further of `System.collocate` from x to times ahead (m,)."""
         t, s = np.concatenate([[x.t], times]), self.rule.c.size
         ends, a = np.empty((t.size, 2, x.q.size)), np.empty((times.size, s, x.q.size))
         ends[0, 0], ends[0, 1] = x.q, x.v
         dt = t[1:] - t[:-1]
         before = np.concatenate([[x.inside.dt if isinstance(x, Collocated) else dt[0]], dt[:-1]])
-        ratios = np.round(dt / before, 9).tolist()  # rounded: guesses is all they are for
+        ratios = np.round(dt / before, 9).tolist()  # rounded for the cache
         return t, ends, a, np.array([further(self.method.nodes, ratio) for ratio in ratios])
 
     def _end(self, phase: int, t: Array, end: Array, a: Array) -> State:
-        """Return the state after a step from t to t, (2,), by q and v there and the accelerations at its nodes."""
+        """Return the state after a step by q and v at its end and a at its nodes."""
         t0, t1 = t.tolist()
         if self.rule.c[-1] == 1.0:
             x = Collocated(t1, end[0], end[1], a[-1], phase)

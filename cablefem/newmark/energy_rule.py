@@ -1,4 +1,4 @@
-"""A step whose balance is averaged along the way (average vector field): the energy is kept."""
+"""A step with the average of its balance (average vector field), which keeps energy."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from cablefem.newmark.states import Array, State
 from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import Solve, System
 
-# bound of Newton's method over the load: what it leaves of the balance adds up as energy
+# largest bound of Newton's method over the load: errors add up in the energy
 LEAVES = 1e-9
 
 
@@ -19,7 +19,7 @@ class EnergyRule(Stepper):
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         super().__init__(system, method, replace(newton, tol=min(newton.tol, LEAVES)), work)
-        # accelerations of the middle of the last steps, and their lengths
+        # acceleration in the middle of the last step, and its length
         self._memory: list[tuple[State, tuple[Array, float]]] = []
 
     def __call__(self, x: State, t1: float) -> State:
@@ -47,7 +47,7 @@ class EnergyRule(Stepper):
             done = find_root(residual, linearise, update, self.bound, self.newton)
         if not self.balanced(done):
             raise self.stalled(t1, done)
-        # a is that of the middle of the step; the last two extrapolate it to the end
+        # extrapolate a from the middles of two steps to the end
         after = end()
         if before is not None:
             after = after._replace(a=a + dt / (dt + before[1]) * (a - before[0]))

@@ -1,4 +1,4 @@
-"""Events: a value of the system falls to zero inside a step, and the system goes on as another one."""
+"""Events: a value of the system falls to zero inside a step."""
 
 import math
 
@@ -18,12 +18,11 @@ def rounding(t: float) -> float:
 
 
 def due(system: System, x: State) -> list[str]:
-    """Return the events whose value is <= 0."""
     return [name for name, value in zip(system.events, system.watch(x), strict=True) if value <= 0.0]
 
 
 def pass_events(system: System, names: list[str], x: State, t: float, work: Work) -> State | None:
-    """Let the system change over, event by event, noted at t; return the state to go on from, None for the end."""
+    """Let the events happen, noted at t; return the state to go on from, None for the end."""
     for name in names:
         if name is not names[0] and name not in due(system, x):
             continue
@@ -36,7 +35,7 @@ def pass_events(system: System, names: list[str], x: State, t: float, work: Work
 
 
 def first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[State, list[str]]:
-    """Return the state of the first event between x0 and x1, with the names of all that happen there; (x1, []) if none.
+    """Return the state of the first event between x0 and x1 and all names due there; (x1, []) if none.
 
     Each trial is a step from x0.
     """
@@ -52,7 +51,7 @@ def first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[St
     fallen = [i for i, value in enumerate(after) if 0.0 < before[i] < math.inf and value <= 0.0]
     if not fallen:
         return x1, []
-    from scipy.optimize import brentq  # not for runs without events: it takes longer to load than many a run
+    from scipy.optimize import brentq  # slow to load, not always needed
 
     for i in fallen:
         last = end
@@ -67,7 +66,7 @@ def first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[St
                 end = x
             return found
 
-        if values(end)[i] <= 0.0:  # not later than the events located so far
+        if values(end)[i] <= 0.0:  # not later than those found
             brentq(value, x0.t, last.t, xtol=rounding(last.t) / 4.0, rtol=4.0 * EPS, disp=False)
     at_end = values(end)
     return end, [system.events[i] for i in fallen if at_end[i] <= 0.0]

@@ -1,4 +1,4 @@
-"""Step after step through the phases and past the events of a run."""
+"""Steps through the phases and events of a run."""
 
 import itertools
 import math
@@ -18,14 +18,14 @@ from cablefem.newmark.states import Array, State
 from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import System
 
-# A step from an abrupt acceleration is taken in GENTLE pieces by a rule that does not use it (Rannacher 1984).
+# pieces and rule of a step from an abrupt acceleration (Rannacher 1984)
 GENTLE, GENTLY = 4, Scheme("gentle", 0.5, 1.0)
-MOST_HALVINGS = 6  # of a step: where 1/64 does not converge, the equations have lost their solution
-MOST_CUTS = 100  # failed steps of a run, plus half its steps
+MOST_HALVINGS = 6  # of a step
+MOST_CUTS = 100  # failed steps, plus half the steps of a run
 MOST_EVENTS = 20  # without a step between them
-STRIDE, AHEAD = 256, 32  # most steps in one go: of the grid, and of those that `System.part` shortens
-ALONE = 16  # steps to take one by one after the first step of a stride has failed
-GROWN = 2.0  # a stride ends before a step that is longer than this times its shortest: `part` is asked anew
+STRIDE, AHEAD = 256, 32  # most steps of a stride: of the grid, of an adaptive system
+ALONE = 16  # single steps after a failed stride
+GROWN = 2.0  # longest over shortest step of an adaptive stride
 
 
 def integrate(system: System, method: Scheme, times: Sequence[Array], **kind: Any) -> Iterator[State]:
@@ -38,13 +38,13 @@ def stretches(
     system: System, method: Scheme, times: Sequence[Array], *, newton: Newton = STANDARD, work: Work | None = None,
     start: State | None = None,
 ) -> Iterator[Sequence[State]]:  # fmt: skip
-    """Yield the states after all steps of a run, the first state included, in groups as steps are taken.
+    """Yield the states after all steps of a run, the first state included, in groups.
 
-    times : per phase the instants to step on, its ends included (`step_times`).
-    start : go on from this state, inside its phase (with another law, say); events that are due there happen first.
-    Steps land on events, too.  The state of an event is yielded as it is before the change, and noted in `work.events`.
+    times : per phase the instants to step on, ends included (`step_times`).
+    start : state to go on from, inside its phase; events due there happen first.
+    An event is a step, too: its state before the change is yielded, and noted in `work.events`.
 
-    Raises StepFailure; what was yielded before stays valid.  NaN never counts as converged.
+    Raises StepFailure; states yielded before stay valid.  NaN never counts as converged.
     """
     work = Work() if work is None else work
     rule = CollocationRule if method.nodes else EnergyRule if method.average else NewmarkRule
@@ -70,15 +70,15 @@ class _March:
     def __init__(self, step: Stepper, gentle: Stepper | None, state: State, work: Work) -> None:
         self.system, self.step, self.gentle, self.work = step.system, step, gentle, work
         self.state = state
-        self.shown = self.jumped = state.t  # times of the last state yielded, and of the last event
-        self.fresh = True  # after a jump, no step has been taken
-        self.alone = 1  # steps to take one by one; the first one after a jump leaves what a stride begins with
-        self.pieces = 0  # of a gentle step that are left
-        self.halvings = 0  # of the step to take next
-        self.crowd = 0  # events since the last step without any
+        self.shown = self.jumped = state.t  # times of the last state yielded and of the last event
+        self.fresh = True  # no step since a jump
+        self.alone = 1  # single steps to take before a stride
+        self.pieces = 0  # left of a gentle step
+        self.halvings = 0  # of the next step
+        self.crowd = 0
 
     def through(self, grid: Array) -> Generator[Sequence[State], None, State | None]:
-        """Yield the states to the end of the phase; return the one to go on from, None after an event that ends all."""
+        """Yield the states to the end of the phase; return the one to go on from, or None."""
         edges = [self.state.t, *grid[grid > self.state.t].tolist()]
         for i, (before, t) in enumerate(itertools.pairwise(edges)):
             self.halvings = self.crowd = 0
@@ -99,7 +99,7 @@ class _March:
         return self.state
 
     def _many(self, edges: list[float]) -> Generator[Sequence[State], None, bool]:
-        """Take steps in one go if the system can; return whether any was taken.  edges : of the grid, from here on."""
+        """Take a stride if the system can; return whether any step was taken.  edges : the grid ahead."""
         if not self.step.strides or self.alone or self.halvings or self.pieces:
             return False
         ahead = self._pieces(edges) if self.system.adaptive else edges[1 : 1 + STRIDE]
@@ -115,7 +115,7 @@ class _March:
         return self.alone < ALONE
 
     def _one(self, before: float, t: float, size: int) -> tuple[State, list[str]] | None:
-        """Take a step from `state` towards t; return its end and the events there, None to try one of half the length.
+        """Take a step towards t; return its end and events, None to try half the length.
 
         before : the instant of the grid before t;  size : of the grid.
         """
@@ -147,7 +147,7 @@ class _March:
         return found
 
     def _pass(self, x: State, names: list[str]) -> State | None:
-        """Let the events at x happen; return the state to go on from, None for the end."""
+        """Let the events at x happen; return the state to go on from, or None."""
         self.crowd = self.crowd + len(names) if names else 0
         if not names:
             return x
@@ -159,7 +159,7 @@ class _March:
         return pass_events(self.system, names, x, self.shown, self.work)
 
     def _pieces(self, edges: list[float]) -> list[float]:
-        """Return the ends of the next few steps of an adaptive system, as if it went on at its velocity."""
+        """Return the ends of the next steps of an adaptive system at constant velocity."""
         x, now, most, ends = self.state, self.state.t, math.inf, list[float]()
         for before, t in itertools.pairwise(edges):
             while t - now > rounding(t):
@@ -172,6 +172,5 @@ class _March:
 
 
 def _piece(t0: float, t: float, piece: float) -> float:
-    """Return the end of the next of equal pieces up to t."""
     count = math.ceil((t - t0) / piece - 1e-3) if piece > 0.0 else math.inf
     return t0 + (t - t0) / count if count > 1 else t

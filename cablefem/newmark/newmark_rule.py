@@ -17,8 +17,8 @@ class NewmarkRule(Stepper):
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         super().__init__(system, method, newton, work)
-        self._stalled: tuple[float, float, Settled] | None = None  # the last step, from and to, that ended a stride
-        self._rule = np.eye(3, 5)  # as `System.settle` has it
+        self._stalled: tuple[float, float, Settled] | None = None  # failed step of a stride, from and to
+        self._rule = np.eye(3, 5)  # see `System.settle`
         self._rule[:, 4] = 1.0 - method.alpha_f, 1.0 - method.alpha_f, 1.0 - method.alpha_m
 
     def _set(self, rule: Array, dt: Any, goes_on: float) -> None:
@@ -30,7 +30,6 @@ class NewmarkRule(Stepper):
         rule[..., 0, 3], rule[..., 1, 3], rule[..., 2, 3] = dt * dt * beta, dt * gamma, 1.0
 
     def _instants(self, t0: Array, t1: Array, phase: int) -> Array:
-        """Return when steps are in balance, (m,)."""
         if self.method.alpha_f == 0.0:
             return t1
         w = 1.0 - self.method.alpha_f
@@ -59,9 +58,9 @@ class NewmarkRule(Stepper):
         dt, start = t1 - x.t, np.array([x.q, x.v, x.a])
         t = float(self._instants(np.array([x.t]), np.array([t1]), x.phase)[0])
         now = np.empty_like(start)
-        # first guess: the acceleration stays as it was, else zero
+        # guesses: the same acceleration, else zero
         for goes_on in (1.0, 0.0):
-            if goes_on and self._stalled is not None and self._stalled[:2] == (x.t, t1):  # has been tried
+            if goes_on and self._stalled is not None and self._stalled[:2] == (x.t, t1):
                 done = self._stalled[2]
             else:
                 self._set(self._rule, dt, goes_on)

@@ -1,4 +1,4 @@
-"""Newton's method with a kept tangent and halved corrections; of what, it does not know."""
+"""Newton's method with a kept tangent and halved corrections."""
 
 import math
 from collections.abc import Callable
@@ -10,11 +10,10 @@ MOST_HALVINGS = 5  # of one correction
 
 @dataclass(frozen=True, slots=True)
 class Newton:
-    """Newton's method on a step: |r| <= tol * system.force_scale + sqrt(n_dof) * system.force_floor, Euclidean norm.
+    """Settings of Newton's method; converged: |r| <= tol * system.force_scale + sqrt(n_dof) * system.force_floor.
 
-    The tangent is kept while an iteration cuts the residual by `reuse` or more.  A correction that does not lower the
-    residual is halved after `patience` iterations; the first ones of a stiff system may raise it and be right.  The
-    method gives up where its rate does not promise a balance after `enough` iterations.
+    The tangent is kept while an iteration cuts the residual by `reuse` or more.  After `patience` iterations,
+    corrections that do not lower the residual are halved.  The method stops if `enough` iterations seem too few.
     """
 
     tol: float = 1e-4
@@ -33,7 +32,7 @@ STANDARD = Newton()
 
 
 class Settled(NamedTuple):
-    """How Newton's method ended: the last |r|, converged if at most the bound, and the work it took."""
+    """Last |r|, converged if at most the bound, and the work."""
 
     norm: float
     iterations: int

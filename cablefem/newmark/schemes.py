@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Scheme:
-    """A member of the Newmark family, or one of its relatives.
+    """A time integration: Newmark (1959), generalised-alpha, collocation or averaging.
 
-    newmark_beta, newmark_gamma : Newmark (1959).
     alpha_m, alpha_f : the balance uses a at 1 - alpha_m and t, q, v at 1 - alpha_f of the step (Chung & Hulbert 1993).
     nodes : of collocation, in units of the step (Hairer & Wanner 1996, section IV.5).
-    average : the balance is averaged over the step (average vector field: Quispel & McLaren 2008).
+    average : of the balance over the step (average vector field: Quispel & McLaren 2008).
     """
 
     name: str
@@ -28,12 +27,12 @@ class Scheme:
 
     @property
     def damps(self) -> bool:
-        """Whether it takes energy out of what it cannot resolve."""
+        """Whether it damps what it cannot resolve."""
         return self.nodes[-1] == 1.0 if self.nodes else self.newmark_gamma > 0.5
 
     @property
     def order(self) -> int:
-        """Order of q and v in the step for smooth motions."""
+        """Order of q and v for smooth motions."""
         if self.nodes:
             return 2 * len(self.nodes) - (self.nodes[-1] == 1.0)
         return 2 if abs(self.newmark_gamma - 0.5 + self.alpha_m - self.alpha_f) < 1e-12 else 1
@@ -45,15 +44,15 @@ GAUSS = ((3.0 - math.sqrt(3.0)) / 6.0, (3.0 + math.sqrt(3.0)) / 6.0)
 
 
 def scheme(name: str, *, newmark_gamma: float = 0.6, rho_inf: float = 0.9) -> Scheme:
-    """Return a scheme by name; the method table says what its constants may be.
+    """Return a scheme by name.
 
-    trapezoidal        beta 1/4, gamma 1/2: second order, no dissipation; unconditionally stable for LINEAR systems only
-    newmark            gamma (default 0.6), beta = (gamma + 1/2)^2 / 4: first order, damps what it cannot resolve
-    generalized-alpha  Chung & Hulbert (1993), second order, spectral radius rho_inf at infinite frequency
-    energy             average vector field: second order, keeps the energy of a conservative system
-    radau              Radau IIA with three nodes: fifth order, damps all that it cannot resolve (L-stable)
-    gauss              Gauss with two nodes: fourth order, keeps quadratic energies
-    central-difference beta 0, gamma 1/2: conditionally stable, dt < 2/omega_max; here as a specimen that fails
+    trapezoidal        beta 1/4, gamma 1/2: second order, no dissipation; unconditionally stable for linear systems only
+    newmark            beta = (gamma + 1/2)^2 / 4: first order, damped
+    generalized-alpha  second order, spectral radius rho_inf at infinite frequency
+    energy             second order, keeps energy
+    radau              Radau IIA, three nodes: fifth order, L-stable
+    gauss              Gauss, two nodes: fourth order, keeps quadratic energies
+    central-difference beta 0, gamma 1/2: stable for dt < 2/omega_max only
     """
     if name == "trapezoidal":
         return Scheme(name)

@@ -1,4 +1,4 @@
-"""States of a system: one, many of one phase as arrays, all of a run."""
+"""States of a system: one, many of one phase, all of a run."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
@@ -11,31 +11,31 @@ Array = NDArray[np.float64]
 
 
 class State(NamedTuple):
-    """One instant of a discretised system; `phase` numbers the interval of `System.phases` it belongs to."""
+    """State at one instant; `phase` is the index in `System.phases`."""
 
     t: float
-    q: Array  # (n_dof,) generalised displacements
+    q: Array  # (n_dof,)
     v: Array  # (n_dof,) dq/dt
     a: Array  # (n_dof,) d2q/dt2
     phase: int = 0
 
 
 class Inside(NamedTuple):
-    """Accelerations at the nodes of a collocation step, from which `tableau.between` interpolates."""
+    """Accelerations at the nodes of a collocation step."""
 
-    nodes: tuple[float, ...]  # in units of the step
+    nodes: tuple[float, ...]
     dt: float
     a: Array  # (len(nodes), n_dof)
 
 
 class Collocated(State):
-    """The end of a collocation step, which remembers the step."""
+    """The end of a collocation step."""
 
     inside: Inside
 
 
 class Stretch(Sequence[State]):
-    """States of one phase as arrays: making a `State` takes longer than a step of a small system."""
+    """States of one phase as arrays, faster than `State` objects."""
 
     __slots__ = ("phase", "rows", "t")
 
@@ -106,7 +106,7 @@ class Course(Sequence[State]):
 
 
 class Stacked:
-    """States as arrays over time, each array made when it is asked for."""
+    """States as arrays over time, made on demand."""
 
     def __init__(self, states: Sequence[State]) -> None:
         self._parts: Sequence[Sequence[State]] = states.parts if isinstance(states, Course) else [states]

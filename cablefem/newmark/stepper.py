@@ -1,4 +1,4 @@
-"""What the rules of a step share: when it is in balance, and what it cost."""
+"""Base class of the rules of a step, and the work of a run."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -13,7 +13,7 @@ from cablefem.newmark.system import System
 
 
 class Passed(NamedTuple):
-    """An event that has happened; a state with this very t has been yielded."""
+    """An event that has happened; a state with this t has been yielded."""
 
     name: str
     t: float
@@ -21,7 +21,7 @@ class Passed(NamedTuple):
 
 @dataclass(slots=True)
 class Work:
-    """Countable work of a run, and the events it has passed."""
+    """Countable work of a run, and its events."""
 
     steps: int = 0
     rejected: int = 0
@@ -32,7 +32,7 @@ class Work:
 
 
 class Stepper:
-    """One rule on one system: `stepper(x, t1)` is the state at t1 after a step from x, any number of times."""
+    """One rule on one system: `stepper(x, t1)` returns the state at t1 after a step from x."""
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         self.system, self.method, self.newton, self.work = system, method, newton, work
@@ -47,7 +47,7 @@ class Stepper:
         return iter(())
 
     def balanced(self, done: Settled) -> bool:
-        """Count the work, and return whether Newton's method has found the step's end."""
+        """Count the work; return whether Newton's method has converged."""
         self.count(done.iterations, done.factorisations, done.residuals)
         return done.norm <= self.bound
 

@@ -11,12 +11,10 @@ GROWTH = 1.15  # of each step of a ramp over the one before
 
 
 def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 1.0) -> list[Array]:
-    """Return per phase the instants to step on: about `steps` (2 or more) equal steps, whole ones in each phase.
+    """Return per phase the instants to step on: about `steps` (2 or more) equal steps by `System.pace`.
 
-    Equal by the clock of `System.pace`.  The very last instant is left out: a system may lose its meaning there.
-
-    entry, exit : first and last step as fractions of the uniform one; from there steps grow by GROWTH each, up to
-        the uniform step.  The ramps come on top of `steps`.
+    The last instant is left out: a system may lose its meaning there.
+    entry, exit : first and last step over the uniform one.  The ramps between come on top of `steps`.
     """
     phases, pace = system.phases, system.pace()
     if pace is not None:

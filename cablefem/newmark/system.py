@@ -1,4 +1,4 @@
-"""The base class of everything the time loop can march."""
+"""The protocol of systems that the time loop can march."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -12,9 +12,9 @@ from cablefem.newmark.states import Array, State
 from cablefem.newmark.tableau import Tableau
 
 Solve = Callable[[Array], Array]
-NO_STEPS = np.empty((0, 3, 0)), np.empty((0, 4))  # `System.stride` of a system that takes single steps
+NO_STEPS = np.empty((0, 3, 0)), np.empty((0, 4))
 
-# Gauss-Legendre points and weights on [0, 1]; four integrate potentials to rounding
+# Gauss-Legendre points and weights on [0, 1]
 AVERAGE = tuple(0.5 * (x + (1.0, 0.0)[i]) for i, x in enumerate(np.polynomial.legendre.leggauss(4)))
 
 
@@ -25,21 +25,21 @@ class System(Protocol):
     """
 
     n_dof: int
-    phases: tuple[tuple[float, float], ...]  # consecutive times [t0, t1]; accelerations may jump from one to the next
-    force_scale: float  # size of the loads
-    force_floor: float  # rounding error of a component of r
-    events: tuple[str, ...] = ()  # names, in the order of `watch`
-    strides: bool = False  # whether `stride` or `collocate` take many steps in one go
-    heeded: float = -math.inf  # `stride` has looked for events up to this time and found none
-    adaptive: bool = False  # whether `part` shortens steps
-    at_support: bool = False  # whether `start` knows a beginning at the support alone
+    phases: tuple[tuple[float, float], ...]  # consecutive [t0, t1]; accelerations may jump between them
+    force_scale: float
+    force_floor: float
+    events: tuple[str, ...] = ()
+    strides: bool = False  # `stride` or `collocate` take many steps at once
+    heeded: float = -math.inf  # `stride` found no event up to this time
+    adaptive: bool = False  # `part` shortens steps
+    at_support: bool = False  # `start` begins at the support only
 
     def start(self, phase: int, state: State | None) -> State:
-        """Return a consistent state at the beginning of `phase`; state=None: at the beginning of the run."""
+        """Return a consistent state at the beginning of `phase`; state=None: of the run."""
         raise NotImplementedError
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        """Return r, shape (n_dof,)."""
+        """Return r (n_dof,)."""
         raise NotImplementedError
 
     def linearise(
@@ -47,7 +47,7 @@ class System(Protocol):
     ) -> tuple[Array, Solve]:
         """Return r and a function that applies (c0 dr/dq + c1 dr/dv + c2 dr/da)^-1 until the next call.
 
-        It may overwrite its argument, which is complex where the factors are.
+        It may overwrite its argument, which is complex for complex factors.
         """
         raise NotImplementedError
 
@@ -55,39 +55,39 @@ class System(Protocol):
     def settle(
         self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
     ) -> Settled:
-        """Find the end of a step of Newmark's family by Newton's method.
+        """Take a step of Newmark's family by Newton's method.
 
-        start, now : (3, n_dof) rows q, v, a at the beginning, and at the end, which is set.
-        rule : (3, 5) columns predictor (3, 3), corrector c, balance w: now = predictor start - c da with da such that
-            |r(t, w now + (1 - w) start)| <= bound; w works on rows.
+        start, now : (3, n_dof) rows q, v, a; `now` is set.
+        rule : (3, 5) columns predictor (3, 3), corrector c, balance w: now = predictor start - c da, with da such that
+            |r(t, w now + (1 - w) start)| <= bound.
         """
         return iterate(self, t, phase, start, now, rule, bound, newton)
 
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array]:
-        """Return the ends (k, 3, n_dof) of consecutive steps of Newmark's family, and the fields of `Settled` of each.
+        """Return the ends (k, 3, n_dof) of consecutive steps, and the fields of `Settled` of each.
 
-        t, rules : of each step, (m,) and (m, 3, 5), as in `settle`.
-        Stops before a step that does not converge, which may be told in a row k, or that may hold an event.
+        t, rules : (m,) and (m, 3, 5), see `settle`.
+        Stops before a step that may hold an event or fails; the failed one may have a row k.
         """
         return NO_STEPS
 
     def collocate(
         self, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float, newton: Newton
     ) -> Iterator[Settled]:
-        """Take collocation steps from t[0] to t[1] to t[2] and so on; at least the first.
+        """Take collocation steps between the times t (m + 1,), at least the first.
 
-        ends : (m + 1, 2, n_dof) q and v at t, to be set but for the first.
+        ends : (m + 1, 2, n_dof) q and v; all but the first are set.
         a : (m, s, n_dof) accelerations at the nodes, to be set; the first hold a guess.
-        further : (m, s, s) from the accelerations of a step to the guess for the next.
+        further : (m, s, s) from a step's accelerations to the next guess.
         """
         return collocate(self, t, phase, ends, a, further, rule, bound, newton)
 
     def averaged(self, start: State, end: State) -> Array:
-        """Return the residual (n_dof,) of a step of the energy rule: r averaged from start.q to end.q.
+        """Return r (n_dof,) averaged over a step, from start.q to end.q.
 
-        With a mass matrix M(q) another one keeps the energy: with T = v0 . M(q) v1 / 2 and potential V,
+        With a mass matrix M(q), T = v0 . M(q) v1 / 2 and potential V, energy is kept by
 
             [ M(q1) v1 - M(q0) v0 ] / dt - average of d/dq (T - V) - other forces = 0 .
         """
@@ -103,38 +103,37 @@ class System(Protocol):
         return (1.0 - w) * t0 + w * t1
 
     def pace(self) -> tuple[Array, Array] | None:
-        """Return times (m,) from end to end of the run, and a clock by which steps are equal."""
+        """Return times (m,) over the run, and a clock by which steps are equal."""
         return None
 
     def part(self, x: State, since: float, ahead: float = 0.0) -> float:
-        """Return the fraction of a step of the grid to take from x, or `ahead` of it, `since` after the last event."""
+        """Return the fraction of a grid step to take from x, or `ahead` of it, `since` after an event."""
         return 1.0
 
     def abrupt(self, x: State, dt: float) -> bool:
-        """Return whether the acceleration at x is too short-lived to be used for a step dt."""
+        """Return whether the acceleration at x is too short-lived for a step dt."""
         return False
 
     # --- events ------------------------------------------------------------------------------------------
     def begin_step(self, x: State) -> None:
-        """Prepare for a step from x."""
         return None
 
     def watch(self, x: State) -> tuple[float, ...]:
-        """Return one value per event, which happens where the value goes from > 0 to <= 0 in a step.
+        """Return one value per event, which happens where the value falls from > 0 to <= 0.
 
-        At the beginning of a step inf or <= 0 means not armed.
+        An event with inf or <= 0 at the beginning of a step is not armed.
         """
         return ()
 
     def pass_event(self, name: str, x: State) -> State | None:
-        """Change over to what holds after the event; return a consistent state to go on from, None to end the run."""
+        """Return a consistent state after the event, None to end the run."""
         return x
 
 
 def iterate(
     system: System, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
 ) -> Settled:
-    """Find the end of a step as `System.settle` does, with `residual` and `linearise`."""
+    """Take a step as `System.settle`, with `residual` and `linearise`."""
     predictor, c, w = rule[:, :3], rule[:, 3:4], rule[:, 4:5]
     linear = (w * c)[:, 0].tolist()
     rest = (1.0 - w) * start
@@ -153,11 +152,11 @@ def iterate(
     def update(da: Array) -> None:
         np.subtract(now, np.multiply(c, da, out=correction), out=now)
 
-    with np.errstate(over="ignore", invalid="ignore"):  # a diverging iteration is caught by its norm
+    with np.errstate(over="ignore", invalid="ignore"):
         return find_root(residual, linearise, update, bound, newton)
 
 
 def consistent_acceleration(system: System, t: float, q: Array, v: Array, phase: int) -> State:
-    """Solve r(t, q, v, a) = 0 for a; r is linear in a."""
+    """Solve r(t, q, v, a) = 0 for a."""
     r, solve = system.linearise(t, q, v, np.zeros(system.n_dof), phase, 0.0, 0.0, 1.0)
     return State(t, q, v, -solve(r.copy()), phase)

@@ -1,4 +1,4 @@
-"""Collocation rules as tables, and the polynomial that a step leaves behind."""
+"""Collocation rules as tables, and interpolation within steps."""
 
 from collections.abc import Sequence
 from functools import cache, lru_cache
@@ -15,17 +15,17 @@ Complex = NDArray[np.complex128]
 
 
 class Tableau(NamedTuple):
-    """A collocation rule by its nodes c (s,), in units of the step, with Lagrange polynomials l_j of its nodes."""
+    """A collocation rule with Lagrange polynomials l_j of its nodes c (s,) in units of the step."""
 
     c: Array
     A: Array  # A_ij = int_0^c_i l_j
     AA: Array  # A A
-    ends: Array  # (2, s) rows b A and b, b_j = int_0^1 l_j: from accelerations to q and v at the step's end
+    ends: Array  # (2, s) b A and b, b_j = int_0^1 l_j: to q and v at the end
     values: Complex  # (m,) eigenvalues of A, one of each pair
-    to: Complex  # (m, s) from nodes to eigenvectors
-    back: Complex  # (s, m) and back, of which the real part counts
-    middle: int  # node next to the middle of the step, for a tangent
-    powers: tuple[Array, Array, Array]  # coefficients of l_j, and of its first and second integral from the step's end
+    to: Complex  # (m, s) to eigenvectors
+    back: Complex  # (s, m) and back, real part
+    middle: int  # node next to the middle
+    powers: tuple[Array, Array, Array]  # coefficients of l_j, and of its two integrals from the end
 
     @property
     def numbers(self) -> tuple[Array, Array, Array, Array, Complex, Complex, Complex, int]:
@@ -33,7 +33,7 @@ class Tableau(NamedTuple):
         return self.c, self.A, self.AA, self.ends, self.values, self.to, self.back, self.middle
 
     def instants(self, t: Array) -> Array:
-        """Return those of the nodes of steps from t to t (m + 1,), (m, s)."""
+        """Return the nodes (m, s) of steps between the times t (m + 1,)."""
         at = t[:-1, None] + (t[1:] - t[:-1])[:, None] * self.c
         if self.c[-1] == 1.0:
             at[:, -1] = t[1:]
@@ -49,7 +49,7 @@ def tableau(nodes: tuple[float, ...]) -> Tableau:
     b = np.array([p.integ()(1.0) for p in basis])
     values, back = np.linalg.eig(A)
     kept = values.imag >= 0.0
-    both = np.where(values.imag > 0.0, 2.0, 1.0)  # the other one of a pair adds the conjugate
+    both = np.where(values.imag > 0.0, 2.0, 1.0)  # for conjugate pairs
     powers = (
         np.array([p.coef for p in basis]).T,
         np.array([p.integ(1, lbnd=1.0).coef for p in basis]).T,
@@ -64,13 +64,13 @@ def tableau(nodes: tuple[float, ...]) -> Tableau:
 
 @lru_cache(maxsize=256)
 def further(nodes: tuple[float, ...], ratio: float) -> Array:
-    """Return (s, s) from accelerations at the nodes of a step to their polynomial at those of one `ratio` as long."""
+    """Return (s, s) from accelerations of a step to their extrapolation at the nodes of one `ratio` as long."""
     rule = tableau(nodes)
     return np.vander(1.0 + ratio * rule.c, len(nodes), increasing=True) @ rule.powers[0]
 
 
 def densified(states: Sequence[State], parts: int) -> list[State]:
-    """Return a history with its collocation steps cut in so many parts."""
+    """Return a history with each collocation step cut in `parts`."""
     out = list(states[:1])
     for before, after in pairwise(states):
         if isinstance(after, Collocated):
@@ -81,10 +81,7 @@ def densified(states: Sequence[State], parts: int) -> list[State]:
 
 
 def between(before: State, after: State, t: float) -> State:
-    """Return the state at t inside the step from `before` to `after`.
-
-    After a collocation step its polynomial.  Else the cubic with q and v of both ends, and a straight line for a.
-    """
+    """Return the state at t inside a step: the collocation polynomial, else `cubic` with linear a."""
     if isinstance(after, Collocated):
         nodes, dt, a = after.inside
         x = (t - after.t) / dt + 1.0
@@ -98,7 +95,7 @@ def between(before: State, after: State, t: float) -> State:
 
 
 def cubic(x, dt, before, after) -> tuple[Array, Array]:
-    """q and v at x in [0, 1] of a step dt: the cubic with the q and v of both ends, states or histories of them."""
+    """Return q and v at x in [0, 1] of a step dt: the cubic by q and v of both ends."""
     d, v0, v1 = after.q - before.q, dt * before.v, dt * after.v
     c2, c3 = 3.0 * d - 2.0 * v0 - v1, v0 + v1 - 2.0 * d
     return before.q + x * (v0 + x * (c2 + x * c3)), (v0 + x * (2.0 * c2 + x * 3.0 * c3)) / dt

@@ -1,4 +1,4 @@
-"""Compiled inner loops of the cable elements; `forms` says what they sum.
+"""Compiled inner loops of the cable elements; `forms` has their integrals.
 
 - law: the constitutive law
 - balance: cable and a mass at a given place
@@ -7,8 +7,8 @@
 - newton, collocation: steps
 - observe: sums over a history
 
-Unknowns (n_dof,) have the field index running fastest: dof * n_fields + field.  Branches for an
-argument that is None are not compiled; a function must ask for its own arguments only.
+Unknowns (n_dof,) are numbered dof * n_fields + field.
+numba leaves out branches for an argument that is None, if the function tests its own arguments only.
 """
 
 from cablefem.compiled import compiler

@@ -1,4 +1,4 @@
-"""The balance of a cable with its mass at a given place: forces and their banded tangent."""
+"""Forces of a cable with its mass at a given place, and their banded tangent."""
 
 import math
 from typing import Any, NamedTuple
@@ -15,12 +15,12 @@ class Mesh(NamedTuple):
     dofs: Any  # (n_el, n_loc) scalar unknowns, -1 on a support
     tab: Any  # (n_el, n_q, 2 + 2 n_loc) xi, weight, shape values, shape d/dxi
     n_left: int  # elements behind the mass
-    functions: tuple  # n_loc entries: the compiler unrolls loops over them; empty: it does not
-    points: tuple  # n_q entries, or empty
+    functions: tuple  # n_loc entries, for which the compiler unrolls loops; or empty
+    points: tuple  # the same with n_q
 
 
 class Contact(NamedTuple):
-    """The mass on its cable, N^T (m a + c v + k q + load): shape functions N and rows m, c, k over the dofs."""
+    """Force of the mass, N^T (m a + c v + k q + load)."""
 
     dofs: Any  # (n_loc, n_fields)
     shape: Any  # (n_loc,)
@@ -30,36 +30,31 @@ class Contact(NamedTuple):
 
 
 class Cable(NamedTuple):
-    """What the balance needs at any instant."""
-
     mesh: Mesh
-    law: Any  # (alpha, sigma, c, law) of the full cable, see `law.tension`; `add_chord`'s of one field
-    chord: Any  # None of the full cable, else `Chord`
-    operators: Any  # (8, 2 b + 1, n_dof) diagonals of M^, G^, G^T, H^, left and right each; (1, ...) M of a fixed mesh
-    points: Any  # (9, n_el n_q) workspace: s, r', f and df/dr' (xx, xy, yy) of each point, and its tension
+    law: Any  # (alpha, sigma, c, law); of one field see `add_chord`
+    chord: Any  # `Chord`; None of the full cable
+    operators: Any  # (8, 2 b + 1, n_dof) diagonals of M^, G^, G^T, H^ of each side; fixed mesh: (1, ...) M
+    points: Any  # (9, n_el n_q) workspace: s, r', f, df/dr' (xx, xy, yy), tension
 
 
 class Chord(NamedTuple):
-    """What couples all nodes of a one-field model: A + alpha lam increment increment^T, A banded."""
+    """Rank-one part of the tangent of one field, A + alpha lam increment increment^T."""
 
     increment: Any  # (n_dof,) see `add_chord`
-    coupled: Any  # (n_dof,) see `banded.factorise_coupled`
+    coupled: Any  # (n_dof,) A^-1 increment, scaled
 
 
 class Instant(NamedTuple):
-    """What the balance needs besides at one instant."""
-
-    place: Any  # (3 + n_fields,) s_o, ds_o, dds_o, and the load of `Contact`; s_o = 1 on a fixed mesh
-    bands: Any  # (3, 2 b + 1, n_dof) diagonals of M, C and K, see `weigh`
+    place: Any  # (3 + n_fields,) s_o, ds_o, dds_o, load of `Contact`; s_o = 1 on a fixed mesh
+    bands: Any  # (3, 2 b + 1, n_dof) diagonals of M, C and K
     contact: Contact
 
 
 @compiled
 def weigh(cable, now):
-    """Set the diagonals of M, C and K at an instant.
+    """Set the diagonals of M, C and K.
 
     M = h M^, C = dh/dt M^ - G + G^T, K = -(dG/dt + H), G = ds_o G^, H = ds_o^2/h H^; a fixed mesh has M alone.
-    Rows of the mass belong to both sides.
     """
     operators, bands, n = cable.operators, now.bands, now.bands.shape[2]
     s_o, ds, dds = now.place[0], now.place[1], now.place[2]
@@ -89,9 +84,9 @@ def weigh(cable, now):
 
 @compiled
 def assemble(cable, now, x, r, ab, factors):
-    """Set the residual r at x, rows q, v and a, and with factors c0, c1, c2 not all 0 the tangent in ab.
+    """Set the residual r at x, rows q, v and a; unless the factors are 0, set ab to c0 dr/dq + c1 dr/dv + c2 dr/da.
 
-    The tangent is c0 dr/dq + c1 dr/dv + c2 dr/da, see `banded`.  Return the least mean tension of an element and its s.
+    Return the least mean tension of an element and its s.
     """
     r[:] = 0.0
     add_banded(now.bands, now.contact.dofs.shape[1], x, r, ab, factors)
@@ -102,7 +97,6 @@ def assemble(cable, now, x, r, ab, factors):
 
 @compiled
 def wanted(factors):
-    """Return whether a tangent is to be assembled."""
     return factors[0] != 0.0 or factors[1] != 0.0 or factors[2] != 0.0
 
 
@@ -118,7 +112,7 @@ def add_banded(bands, n_fields, x, r, ab, factors):
         m, c, k = bands[0, d, first:last], bands[1, d, first:last], bands[2, d, first:last]
         of_q, of_v, of_a = q[first + away : last + away], v[first + away : last + away], a[first + away : last + away]
         to = r[first:last]
-        for i in range(to.size):  # slices without a stride: compiled to vectors
+        for i in range(to.size):  # contiguous slices: vectorised
             to[i] += m[i] * of_a[i] + c[i] * of_v[i] + k[i] * of_q[i]
     if not wanted(factors):
         return
@@ -134,7 +128,6 @@ def add_banded(bands, n_fields, x, r, ab, factors):
 
 @compiled
 def add_contact(contact, load, x, r, ab, factors):
-    """Add the mass, see `Contact`."""
     dofs, shape, m_row, c_row, k_row = contact
     band, (c0, c1, c2) = (ab.shape[1] - 1) // 3, factors
     for f in range(dofs.shape[1]):
@@ -151,11 +144,10 @@ def add_contact(contact, load, x, r, ab, factors):
 
 @compiled
 def add_internal(cable, chord, s_o, q, r, ab, factors):
-    """Add the internal force and its tangent; return the least mean tension of an element and its s."""
     if chord is None:
         stretch(cable, s_o, q)
         return add_forces(cable, s_o, r, ab, factors[0])
-    return add_chord(cable, chord, s_o, q, r, ab, factors[0], wanted(factors)), 0.5  # the same tension everywhere
+    return add_chord(cable, chord, s_o, q, r, ab, factors[0], wanted(factors)), 0.5  # uniform tension
 
 
 @compiled
@@ -175,9 +167,9 @@ def side_of(mesh, s_o, e):
 
 @compiled
 def stretch(cable, s_o, q):
-    """Set the points of the full cable: place, slope r' = X' + w', force f = N t - T X' and its derivative, tension.
+    """Set the points of the full cable, see `Cable`.
 
-    Gathering has a loop of its own: the other one is compiled to vectors.
+    Two loops: the second one is vectorised.
     """
     mesh, law, at = cable.mesh, cable.law, cable.points
     functions, points = len(mesh.functions) or mesh.dofs.shape[1], len(mesh.points) or mesh.tab.shape[1]
@@ -207,7 +199,7 @@ def stretch(cable, s_o, q):
 
 @compiled
 def add_block(ab, row, col, j11, j12, j22):
-    """Add j of 2 fields, symmetric, to the rows of a node at the columns of another."""
+    """Add the symmetric 2 x 2 block of two nodes."""
     at = (ab.shape[1] - 1) // 3 + 2 * (col - row)
     ab[2 * row, at] += j11
     ab[2 * row, at + 1] += j12
@@ -217,7 +209,7 @@ def add_block(ab, row, col, j11, j12, j22):
 
 @compiled
 def add_forces(cable, s_o, r, ab, c0):
-    """Add int f . phi' ds of the points and, unless c0 = 0, int phi' df/dr' phi' ds.
+    """Add int f . phi' ds and, unless c0 = 0, int phi' df/dr' phi' ds.
 
     Return the least mean tension of an element and the s of its middle.
     """
@@ -263,11 +255,11 @@ def add_forces(cable, s_o, r, ab, c0):
 
 @compiled
 def add_chord(cable, chord, s_o, q, r, ab, c0, tangent):
-    """Add the internal force of the one-field models; return the tension along the chord, N = tau + h.
+    """Add the internal force of the one-field models; return the tension along the chord.
 
     Tested with phi': tau w' + h (y_n' + kap w'), h = alpha eps, eps = lam int (y_n' w' + kap w'^2 / 2) ds;
-    law = (alpha, tau, curvature, lam, kap, law), y_n' = curvature (1/2 - s).  With the tangent `increment` receives
-    int (y_n' + kap w') phi' ds, where N > 0: the tangent is banded plus alpha lam increment increment^T.
+    law = (alpha, tau, curvature, lam, kap, law), y_n' = curvature (1/2 - s).  `increment` is set to
+    int (y_n' + kap w') phi' ds, or to 0 where the cable is slack.
     """
     mesh, law, at = cable.mesh, cable.law, cable.points
     dofs, tab, increment = mesh.dofs, mesh.tab, chord.increment

@@ -1,4 +1,4 @@
-"""Banded matrices: factors, solutions, and those of a matrix that a uniform tension couples."""
+"""Factors and solutions of banded matrices."""
 
 import math
 from typing import Any, NamedTuple
@@ -7,40 +7,38 @@ import numpy as np
 
 from cablefem.elements.kernels import compiled
 
-KEEP = 0.1  # a diagonal pivot stays while it is at least this part of its column's largest: rows then keep their width
+KEEP = 0.1  # [-] least diagonal pivot over the largest of its column for which rows are not exchanged
 
 
 class Tangent(NamedTuple):
-    """Workspace of a banded tangent and its factors."""
+    """A banded tangent and its factors."""
 
-    ab: Any  # (n_dof, 3 b + 1) ab[i, b + j - i] = A[i, j], b the half-width; the last b columns are spare
+    ab: Any  # (n_dof, 3 b + 1) ab[i, b + j - i] = A[i, j], half-width b; the last b columns take fill-in
     pivots: Any  # (2, n_dof) see `factorise`
 
 
 @compiled
 def size_of(x):
-    """Return |x|, of a complex number that of its parts together, as LAPACK does: no root."""
+    """Return |Re x| + |Im x|, as LAPACK does."""
     return abs(x.real) + abs(x.imag)
 
 
 @compiled
 def factorise(ab, pivots, pairs):
-    """Factorise a banded matrix in place, P A = L U, and return whether it is regular.
+    """Factorise a banded matrix in place, P A = L U; return whether it is regular.
 
-    Gaussian elimination with threshold pivoting (Duff, Erisman & Reid 1986, section 5.2).  The tangents here are nearly
-    always diagonally strong, and a row that keeps its place brings no new column in.  Two fields are eliminated node by
-    node, in blocks of two, as far as they need no exchange.  For bands this narrow that is faster than LAPACK's dgbtrf.
+    Gaussian elimination with threshold pivoting (Duff, Erisman & Reid 1986, section 5.2), which keeps rows short.
 
-    pairs : whether rows come in pairs, two fields of a node.
-    pivots : (2, n); row exchanged with each row, and the last column that each row of U reaches.  Of blocks the last
-        node; where there are any, less their number stands first.
+    pairs : whether rows come in pairs, two fields of a node; then in blocks of two as far as possible.
+    pivots : (2, n) row exchanged with each row, and last column of each row of U; of a block its last node.
+        pivots[0, 0] is minus the number of blocks, if there are any.
     """
     n, width = ab.shape
     band = (width - 1) // 3
     first = 2 * eliminated(ab, pivots) if pairs else 0
     if first == n:
         return True
-    for i in range(first, n):  # rows inside an element do not reach as far as the band
+    for i in range(first, n):
         last = min(n - 1, i + band)
         while last > i and ab[i, band + last - i] == 0.0:
             last -= 1
@@ -82,7 +80,6 @@ def factorise(ab, pivots, pairs):
 
 @compiled
 def empty(ab, p, k):
-    """Return whether two nodes are not coupled."""
     band, i, j = (ab.shape[1] - 1) // 3, 2 * p, 2 * k
     at, back = band + j - i, band + i - j
     upper = ab[i, at] == 0.0 and ab[i, at + 1] == 0.0 and ab[i + 1, at - 1] == 0.0 and ab[i + 1, at] == 0.0
@@ -97,9 +94,9 @@ def empty(ab, p, k):
 
 @compiled
 def eliminated(ab, pivots):
-    """Eliminate nodes, blocks of two rows, as long as no factor is above 1 / KEEP; return how many.
+    """Eliminate blocks of two rows while no factor is above 1 / KEEP; return how many.
 
-    The inverse of a block takes its place; what is not eliminated is left as `factorise` finds a matrix.
+    The inverse of a block takes its place.
     """
     nodes, band = ab.shape[0] // 2, (ab.shape[1] - 1) // 3
     for p in range(nodes):
@@ -112,7 +109,7 @@ def eliminated(ab, pivots):
         i, far = 2 * p, pivots[1, 2 * p]
         a, b, c, d = ab[i, band], ab[i, band + 1], ab[i + 1, band - 1], ab[i + 1, band]
         determinant = a * d - b * c
-        if determinant == 0.0:  # complex division by it is an error of its own
+        if determinant == 0.0:  # complex division by zero raises
             done = p
             break
         inverse = 1.0 / determinant
@@ -148,7 +145,7 @@ def eliminated(ab, pivots):
 
 @compiled
 def solve(ab, pivots, b):
-    """Overwrite b (n,) with A^-1 b, A as `factorise` left it."""
+    """Overwrite b (n,) with A^-1 b."""
     n, width = ab.shape
     band, nodes = (width - 1) // 3, max(0, -pivots[0, 0])
     for p in range(nodes):
@@ -181,12 +178,11 @@ def solve(ab, pivots, b):
         b[i], b[i + 1] = ab[i, band] * u + ab[i, band + 1] * v, ab[i + 1, band - 1] * u + ab[i + 1, band] * v
 
 
-# written out: a call of BLAS takes longer at this length, and numba compiles all that an assignment of arrays may raise
+# loops: faster than BLAS at this length, and quicker to compile than array assignments
 
 
 @compiled
 def dot(a, b):
-    """Return the scalar product."""
     total = 0.0
     for i in range(a.size):
         total += a[i] * b[i]
@@ -195,20 +191,19 @@ def dot(a, b):
 
 @compiled
 def copy(a, b):
-    """Set b to a."""
     for i in range(a.size):
         b[i] = a[i]
 
 
 @compiled
 def subtract(factor, a, b):
-    """Take factor a off b."""
+    """Subtract factor a from b."""
     for i in range(a.size):
         b[i] -= factor * a[i]
 
 
 class Border(NamedTuple):
-    """Last column and last row of a matrix whose other part is banded."""
+    """Last column and last row of a bordered banded matrix."""
 
     lines: Any  # (3, n) column, row, and the column solved
     corner: Any  # (1,)
@@ -216,20 +211,20 @@ class Border(NamedTuple):
 
 @compiled
 def times(operator, n_fields, rows, x, y):
-    """Set y = A x, operator (2 b + 1, n) the diagonals of A, see `balance.Cable`, rows (from, to) those not empty."""
+    """Set y = A x in the rows (from, to); operator : (2 b + 1, n) diagonals of A."""
     half, n = operator.shape[0] // 2, operator.shape[1]
     y[:] = 0.0
     for d in range(operator.shape[0]):
         away = n_fields * (d - half)
         first, last = max(rows[0], -away), min(rows[1], n - away)
         of, near, to = operator[d, first:last], x[first + away : last + away], y[first:last]
-        for i in range(to.size):  # slices without a stride: compiled to vectors
+        for i in range(to.size):  # contiguous slices: vectorised
             to[i] += of[i] * near[i]
 
 
 @compiled
 def quadratic(operator, n_fields, x, y, out):
-    """Set out (m,) to x . A y of each row of x and y (m, n), A as in `times`."""
+    """Set out (m,) to x . A y of each row of x and y (m, n)."""
     product = np.empty(operator.shape[1])
     for k in range(out.size):
         times(operator, n_fields, (0, product.size), y[k], product)

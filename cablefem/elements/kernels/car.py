@@ -1,12 +1,11 @@
-"""A car that rolls: its place s_o is one more coordinate of the cable's Lagrangian, its row a border of the tangent.
+"""The row of a car that rolls: Lagrange's equation of its place s_o, the last unknown.
 
-With z = dq/dt phi - c q phi', the velocity of the cable at fixed s, the discrete Lagrangian of (q, s_o) is
+With w. = dq/dt phi - c q phi', the velocity at fixed s, the discrete Lagrangian of (q, s_o) is
 
-    L = sum over sides of h int ( z^2/2 - D ) dxi + mu |p.|^2/2 + mu sigma p_y,  D = W - T X'.w',
+    L = sum over sides of h int ( w.^2/2 - D ) dxi + mu |p.|^2/2 + mu sigma p_y,  D = W - T X'.w',
 
-p = X(s_o) + w of the car's node, c = ds_o chi, chi = xi on the left and 1 - xi on the right, s = s_o xi or s_o + h xi,
-w' = q phi_,xi/h.  Lagrange's equations of q are the balance of `balance` with this s_o(t).  That of s_o has the force
-F_ext on p and F_drive on s_o.
+c = ds_o chi as in `observing`, w' = q phi,xi / h, and p = X(s_o) + w the car's place.  The equations of q are those
+of `balance`.  The row of s_o has the force F_ext on p and F_drive on s_o.
 """
 
 import math
@@ -23,39 +22,37 @@ FREE, HAUL, HELD = 0, 1, 2
 
 
 class Car(NamedTuple):
-    """The car at an instant, and what drives it.
+    """The car at an instant.
 
-    `mode` FREE: the last unknown is s_o.  HELD: the same, and s_o stays.  HAUL: s_o, ds_o, dds_o are given here, and
-    the last acceleration is the force F of the rope along the mean tangent.
+    `mode` FREE: the last unknown is s_o.  HELD: the same with ds_o constant.  HAUL: s_o(t) is given, and the last
+    acceleration is the force of the rope along the mean tangent.
     """
 
     mode: int
-    node: int  # its scalar unknown
+    node: int  # scalar unknown
     mu: float
-    sigma: float  # of its weight
+    sigma: float
     s_o: float
     ds: float
     dds: float
-    hold: float  # force along the cable between cable and car: what is left of the one at the start
-    thrust: float  # from outside, along the mean tangent
+    hold: float  # force along the cable that still holds the car
+    thrust: float  # outer force along the mean tangent
     drag: float  # k
     wind: float  # along x
     friction: float  # mu_r
     brake: float
-    heading: float  # +1, -1: friction and brake act against it; 0: they do not act
+    heading: float  # sign of the slip against which friction and brake act; 0: none
 
 
 class Ride(NamedTuple):
-    """A car and what its row needs."""
-
     car: Car
-    slopes: Any  # (2, n_loc) d/dxi at the car of the functions of the last element behind it and the first ahead
+    slopes: Any  # (2, n_loc) shape d/dxi at the car, of the elements behind and ahead
     border: Border
     course: Any  # see `under_way`
 
 
 class Forces(NamedTuple):
-    """What acts on a car."""
+    """Forces on a car and what they follow from."""
 
     s_o: float
     ds: float
@@ -73,7 +70,7 @@ class Forces(NamedTuple):
 
 @compiled
 def driven(car, now):
-    """Return a car with what an instant brings (3,): hauled s_o, ds_o, dds_o, else hold and thrust."""
+    """Return the car with `now` (3,): hauled s_o, ds_o, dds_o, else hold and thrust."""
     mode, node, mu, sigma, s_o, ds, dds, hold, thrust, drag, wind, friction, brake, heading = car
     if mode == HAUL:
         s_o, ds, dds = now[0], now[1], now[2]
@@ -84,7 +81,7 @@ def driven(car, now):
 
 @compiled
 def mean_tangent(mesh, slopes, s_o, xp, yp, q):
-    """Return the unit tangent along the mean of the slopes r' behind and ahead of the car, and the mean of |r'|."""
+    """Return the unit vector along the mean of r' behind and ahead, and the mean of |r'|."""
     mx, my, stretch = 0.0, 0.0, 0.0
     for side in range(2):
         e, h = (mesh.n_left - 1, s_o) if side == 0 else (mesh.n_left, 1.0 - s_o)
@@ -101,7 +98,6 @@ def mean_tangent(mesh, slopes, s_o, xp, yp, q):
 
 @compiled
 def forces(cable, car, slopes, x):
-    """Return the `Forces` on a car at x, rows q, v and a."""
     q, v, a = x[0], x[1], x[2]
     n, m = q.size - 1, 2 * car.node
     s_o, ds, dds = (car.s_o, car.ds, car.dds) if car.mode == HAUL else (q[n], v[n], a[n])
@@ -122,18 +118,17 @@ def forces(cable, car, slopes, x):
 
 @compiled
 def roll(cable, ride, now, x, r, ab, factors):
-    """Set the residual of the cable with a car that rolls and, unless the factors are 0, its bordered tangent.
+    """Set the residual of cable and car and, unless the factors are 0, its bordered tangent.
 
-    now : what the instant brings the car, see `driven`, and a workspace for bands.
-
+    now.place : see `driven`.
     Return the least mean tension of an element, its s, the left side of the row of s_o, and the normal force.
-    The tangent leaves out how the mean tangent turns.
+    The tangent omits the turning of the mean tangent.
     """
     car = driven(ride.car, now.place)
     push = forces(cable, car, ride.slopes, x)
     n, m, tau, s_o = x.shape[1] - 1, 2 * car.node, push.tau, push.s_o
     if not 0.0 < s_o < 1.0:
-        r[:] = math.nan  # the norm will tell
+        r[:] = math.nan
         return math.inf, s_o, math.nan, math.nan
     rope = x[2, n] if car.mode == HAUL else 0.0
     cx, cy = push.inertia[0] - push.outside[0] - rope * tau[0], push.inertia[1] - push.outside[1] - rope * tau[1]
@@ -143,7 +138,7 @@ def roll(cable, ride, now, x, r, ab, factors):
     there = Instant(place, now.bands, now.contact)
     weigh(cable, there)
     least, where = assemble(cable, there, x, r, ab, factors)
-    if wanted(factors):  # else its factors serve on
+    if wanted(factors):
         ride.border.lines[:] = 0.0
         ride.border.corner[0] = 0.0
     row = add_force_row(cable, s_o, ride.border, factors[0])
@@ -157,10 +152,7 @@ def roll(cable, ride, now, x, r, ab, factors):
 
 @compiled
 def add_force_row(cable, s_o, border, c0):
-    """Return what the cable's strain gives to the row of s_o; add its derivatives to the border.
-
-    f gains (df/ds_o) at fixed q; W depends on s through T and |X' + w'|.
-    """
+    """Return the cable's strain in the row of s_o; add its derivatives to the border."""
     mesh, law, at = cable.mesh, cable.law, cable.points
     column, row, n_q, n_loc = border.lines[0], border.lines[1], mesh.tab.shape[1], mesh.dofs.shape[1]
     alpha, sigma = law[0], law[1]
@@ -199,7 +191,7 @@ def add_force_row(cable, s_o, border, c0):
 
 @compiled
 def rows_of(cable, side, node):
-    """Return the rows (from, to) of a side, and M, G, G^T and H of it; node : the first unknown of the car."""
+    """Return the rows (from, to) of a side and its M, G, G^T, H."""
     operators = cable.operators
     rows = (0, node + 2) if side == 0 else (node, operators.shape[2])
     return rows, operators[side], operators[2 + side], operators[4 + side], operators[6 + side]
@@ -207,10 +199,9 @@ def rows_of(cable, side, node):
 
 @compiled
 def add_inertia_row(cable, node, push, x, border, factors):
-    """Return what the cable's inertia gives to the row of s_o; add its derivatives to the border.
+    """Return the cable's inertia in the row of s_o; add its derivatives to the border.
 
-    node : its first unknown.  On each side the kinetic energy is h/2 v.M v - ds_o v.G q + ds_o^2/(2h) q.H q, with M, G,
-    H of the reference mesh.
+    Kinetic energy of a side: h/2 v.M v - ds_o v.G q + ds_o^2/(2h) q.H q.
     """
     n, ds, dds, (c0, c1, c2) = cable.operators.shape[2], push.ds, push.dds, factors
     q, v, a, column, row = x[0], x[1], x[2], border.lines[0], border.lines[1]
@@ -250,7 +241,7 @@ def add_inertia_row(cable, node, push, x, border, factors):
 
 @compiled
 def kinetic(cable, car, x, momentum, gradient):
-    """Set M(q) v and the gradient by q of v . M(q) w / 2 of cable and car; x : rows q, v, w, s_o last."""
+    """Set M(q) v and d/dq (v . M(q) w) / 2 of cable and car; x : rows q, v, w, s_o last."""
     n, m, q, v, w = cable.operators.shape[2], 2 * car.node, x[0], x[1], x[2]
     s_o, dv, dw = q[n], v[n], w[n]
     y = np.empty((5, n))
@@ -281,7 +272,7 @@ def kinetic(cable, car, x, momentum, gradient):
 
 @compiled
 def add_car(car, push, carried, border, ab, factors):
-    """Add the car to the bordered tangent: its inertia, drag by its velocity, friction by the normal force."""
+    """Add the car's inertia, drag and friction to the bordered tangent."""
     m, at, (c0, c1, c2) = 2 * car.node, (ab.shape[1] - 1) // 3, factors
     (xp, yp), (xpp, ypp), tau = push.slope, push.bend, push.tau
     column, row = border.lines[0], border.lines[1]
@@ -315,12 +306,10 @@ def add_car(car, push, carried, border, ab, factors):
 
 @compiled
 def under_way(cable, ride, place, x):
-    """Return whether nothing has happened to a car yet at x, so that its next step is like the one before.
+    """Return whether a car at x has had no event.
 
-    place : as in `driven`.
-
-    ride.course : (6,) the places between which it has to stay, the signs of ds_o and of its speed that it has to keep
-    (0: any), its least speed, and the least force by which it presses on the cable; empty: nothing is looked for here.
+    ride.course : (6,) bounds of s_o, signs of ds_o and of the speed (0: any), least speed, least normal force;
+        empty: events are not looked for.
     """
     if ride is None:
         return True

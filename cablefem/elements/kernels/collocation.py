@@ -1,7 +1,7 @@
-"""Newton's method of collocation steps, compiled with the balance; see `cablefem.newmark.collocation`.
+"""Compiled Newton's method for collocation steps; see `cablefem.newmark.collocation`.
 
-As in RADAU5 (Hairer & Wanner 1996, section IV.8) the tangent of the node next to the middle serves all nodes.  The
-eigenvectors of the tableau split it into a real system and complex ones.  Factors serve the next steps as well.
+As in RADAU5 (Hairer & Wanner 1996, section IV.8), the tangent of the middle node serves all nodes.
+The eigenvectors of the tableau split it into real and complex systems.  Factors are kept for the next steps.
 """
 
 import math
@@ -15,80 +15,76 @@ from cablefem.elements.kernels.banded import Border
 from cablefem.elements.kernels.car import Ride, under_way
 from cablefem.elements.kernels.newton import HALVINGS, NO_TANGENT, balance, coupling, factorise, solve
 
-SAME = 1e-6  # relative difference of step lengths for which factors are kept
-SERVES = 0.03  # if the last correction leaves more of the residual, the next step gets factors of its own
+SAME = 1e-6  # largest relative change of the step with kept factors
+SERVES = 0.03  # largest rate of convergence at which the next step keeps the factors
 
 
 class Rule(NamedTuple):
-    """Numbers of a tableau, see `cablefem.newmark.tableau`."""
+    """See `cablefem.newmark.tableau`."""
 
     c: Any  # (s,)
     A: Any  # (s, s)
     AA: Any
     ends: Any  # (2, s) weights of q and v at the end
-    values: Any  # eigenvalues
-    to: Any  # (., s) into the basis of eigenvectors
+    values: Any
+    to: Any  # (., s)
     back: Any  # (s, .)
-    middle: int  # node next to the middle
+    middle: int
 
 
 class Steps(NamedTuple):
-    """Steps from t to t, as `cablefem.newmark.System.collocate` has them."""
+    """See `cablefem.newmark.System.collocate`."""
 
-    places: Any  # (m, s, .) as in `newton.Steps`, at the nodes
-    contacts: Any  # s of `balance.Contact`
+    places: Any  # (m, s, .) at the nodes, see `newton.Steps`
+    contacts: Any  # (s,) of `balance.Contact`
     t: Any  # (m + 1,)
     ends: Any  # (m + 1, 2, n)
     a: Any  # (m, s, n)
     further: Any  # (m, s, s)
-    told: Any  # (m, 6) as in `newton.Steps`
+    told: Any  # (m, 6) see `newton.Steps`
 
 
 class Side(NamedTuple):
-    """What one kind of numbers, real or complex, needs for its factors."""
+    """Workspace of real or of complex factors."""
 
-    work: Any  # `banded.Tangent`
-    chord: Any  # None, or `balance.Chord`
-    ride: Any  # None, or `car.Ride`
+    work: Any
+    chord: Any  # `balance.Chord` or None
+    ride: Any  # `car.Ride` or None
 
 
 class Workspace(NamedTuple):
-    """Workspaces of collocation steps; factors stay in them."""
-
     real: Side
     pair: Side
-    bands: Any  # (s, 3, 2 b + 1, .) of the nodes
-    kept: Any  # (1,) length of the step that the factors are for, nan: none
-    parts: Any  # (3, n, .) dr/dq, dr/dv, dr/da, as in `banded.Tangent`
-    lines: Any  # (3, 3, n) the same of the border of a ride
+    bands: Any  # (s, 3, 2 b + 1, .)
+    kept: Any  # (1,) step of the factors, nan: none
+    parts: Any  # (3, n, .) dr/dq, dr/dv, dr/da
+    lines: Any  # (3, 3, n) the same of a ride's border
     scales: Any  # (s, n_dof) see `even`
-    x: Any  # (s, 3, n_dof) states at the nodes
+    x: Any  # (s, 3, n_dof)
     r: Any  # (s, n_dof)
     da: Any  # (s, n_dof)
 
 
 class Step(NamedTuple):
-    """One of the steps."""
-
     places: Any  # (s, .)
     contacts: Any
-    start: Any  # (2, n) q and v
+    start: Any  # (2, n)
     dt: float
-    a: Any  # (s, n) accelerations at the nodes
+    a: Any  # (s, n)
 
 
 @compiled
 def collocate(cable, space, steps, rule, limits):
-    """Take steps one after another, as `cablefem.newmark.collocate` takes the first of them.
+    """Take steps one after another; return how many converged before an event of the car.
 
-    Return how many came to be in balance before anything happens to the car; one with a slack element ends them.
+    A step with a slack element is the last one.
     """
     ride, x = space.real.ride, space.x
     for k in range(steps.a.shape[0]):
         if k > 0:
             spread(steps.further[k], steps.a[k - 1], steps.a[k])
         for i in range(x.shape[0]):
-            if steps.places.shape[2] > 3:  # of a ride they follow from the unknowns
+            if steps.places.shape[2] > 3:  # with a car, `roll` does this
                 weigh(cable, Instant(steps.places[k, i], space.bands[i], steps.contacts[i]))
         step = Step(steps.places[k], steps.contacts, steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k])
         done, least, where = settle(cable, space, step, rule, limits)
@@ -106,9 +102,9 @@ def collocate(cable, space, steps, rule, limits):
 
 @compiled
 def settle(cable, space, step, rule, limits):
-    """Find the accelerations at the nodes; return (|r|, iterations, factorisations, residuals), least tension, its s.
+    """Find the accelerations; return (|r|, iterations, factorisations, residuals), least tension, its s.
 
-    A correction by factors of an earlier step is taken back where it does not help, others are halved.
+    A correction with old factors that does not help is taken back; others are halved.
     """
     old = abs(space.kept[0] - step.dt) <= SAME * step.dt
     anew, iterations, factorisations, residuals = not old, 0, 0, 0
@@ -130,7 +126,7 @@ def settle(cable, space, step, rule, limits):
             residuals += 1
             if old or norm < before or (iterations <= limits.patience and norm < math.inf):
                 break
-            share = -0.5 if share == 1.0 else 0.5 * share  # half of the correction is taken back
+            share = -0.5 if share == 1.0 else 0.5 * share  # takes half of the correction back
         anew = not norm <= limits.reuse * before
         if norm <= limits.bound:
             break
@@ -147,7 +143,6 @@ def settle(cable, space, step, rule, limits):
 
 @compiled
 def hopeless(norm, before, iterations, limits):
-    """Return whether corrections that go on as the last one did are not in balance soon."""
     if iterations <= limits.patience:
         return False
     return norm * (norm / before) ** (limits.enough - iterations) > limits.bound
@@ -183,7 +178,6 @@ def at_node(step, rule, i, x):
 
 @compiled
 def finish(step, rule, end):
-    """Set q and v at the end of a step."""
     q0, v0, dt = step.start[0], step.start[1], step.dt
     for j in range(q0.size):
         twice, once = 0.0, 0.0
@@ -196,7 +190,7 @@ def finish(step, rule, end):
 
 @compiled
 def spread(weights, of, out):
-    """Set out to weights (m, s) of (s, n)."""
+    """Set out to weights (m, s) times of (s, n)."""
     out[:] = 0.0
     for i in range(weights.shape[0]):
         for k in range(weights.shape[1]):
@@ -207,7 +201,6 @@ def spread(weights, of, out):
 
 @compiled
 def take_off(share, da, a):
-    """Take a share of a correction off a."""
     for i in range(a.shape[0]):
         x, of = a[i], da[i]
         for j in range(x.size):
@@ -238,7 +231,6 @@ def factors(cable, space, step, rule):
 
 @compiled
 def with_border(ride, lines, corner):
-    """Return a ride whose border is another one."""
     if ride is None:
         return None
     return Ride(ride.car, ride.slopes, Border(lines, corner), ride.course)
@@ -255,7 +247,6 @@ def factorised(cable, side, parts, lines, corners, weights):
 
 @compiled
 def blend_border(ride, c0, c1, lines, corners):
-    """Set the border of a ride."""
     if ride is None:
         return
     blend(c0, c1, lines, ride.border.lines)
@@ -264,7 +255,6 @@ def blend_border(ride, c0, c1, lines, corners):
 
 @compiled
 def blend(c0, c1, parts, out):
-    """Set a tangent from its parts, dr/dq, dr/dv and dr/da."""
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             out[i, j] = c0 * parts[0, i, j] + c1 * parts[1, i, j] + parts[2, i, j]
@@ -272,9 +262,9 @@ def blend(c0, c1, parts, out):
 
 @compiled
 def even(cable, ride, space, step, c0, middle):
-    """Set the factors of rows of the nodes by which their tangents have the diagonal of that of the middle one.
+    """Scale the rows of each node so that the middle tangent fits its diagonal.
 
-    Behind a mass that starts from rest lengths grow as t^2, and stiffness falls: one tangent serves all nodes then.
+    Behind a mass that starts from rest, lengths grow as t^2 and the stiffness falls.
     """
     if ride is not None:
         return
@@ -295,7 +285,7 @@ def even(cable, ride, space, step, c0, middle):
 
 @compiled
 def solutions(space, rule):
-    """Set da to the solution for r with the factors of `factors`."""
+    """Set da to the solution for r."""
     (s, n), r, da = space.r.shape, space.r, space.da
     real, along = np.empty(n), np.empty(n, dtype=np.complex128)
     da[:] = 0.0

@@ -1,17 +1,17 @@
-"""The constitutive law: what tension a strain brings, how it grows, what it stores; and the pull that follows."""
+"""The constitutive law."""
 
 import math
 
 from cablefem.elements.kernels import compiled
 
-ELASTIC, TENSION_ONLY = 0.0, 1.0  # laws in the tables of a cable
+ELASTIC, TENSION_ONLY = 0.0, 1.0
 
 
 @compiled
 def tension(eps, T, alpha, law):
-    """Return N = T + alpha eps, dN/deps and W = int N deps (3)-(4); tension-only: N >= 0, a cable that cannot push.
+    """Return N = T + alpha eps, dN/deps and W = int N deps (3)-(4); tension-only: N >= 0.
 
-    T : static tension, at eps = 0.  Past eps = -T/alpha a slack cable has given back all that it had stored.
+    T : static tension, at eps = 0.
     """
     N = T + alpha * eps
     if law == TENSION_ONLY and N <= 0.0:
@@ -23,13 +23,13 @@ def tension(eps, T, alpha, law):
 def pull(xp, yp, T, du, dv, alpha, law):
     """Return f = N t - T X' (2,), its derivative (k_geo I + k_mat r' r'^T) by w', N, W, eps; r' = X' + w', t = r'/|r'|.
 
-    N t = (N/|r'|) r'; the static part is taken off without cancellation: f = 0 to the last bit where w' = 0.
+    Without cancellation: f = 0 exactly where w' = 0.
     """
     rx, ry = xp + du, yp + dv
     stretch = math.sqrt(rx * rx + ry * ry)
     eps = (2.0 * (xp * du + yp * dv) + du * du + dv * dv) / (stretch + 1.0)
     N, dN, W = tension(eps, T, alpha, law)
-    inverse = 1.0 / stretch  # divisions take longest here
+    inverse = 1.0 / stretch
     k_geo = N * inverse
     k_mat = (dN - k_geo) * (inverse * inverse)
     excess = ((N - T) - T * eps) * inverse

@@ -1,4 +1,4 @@
-"""Newton's method of steps of Newmark's family, compiled with the balance."""
+"""Compiled Newton's method for steps of Newmark's family."""
 
 import math
 from typing import Any, NamedTuple
@@ -10,23 +10,23 @@ from cablefem.elements.kernels.balance import Instant, assemble, weigh
 from cablefem.elements.kernels.banded import copy, dot, subtract
 from cablefem.elements.kernels.car import roll, under_way
 
-NO_TANGENT = 0.0, 0.0, 0.0  # factors
-HALVINGS = 5  # of one correction, at most, as in `cablefem.newmark.newton`
+NO_TANGENT = 0.0, 0.0, 0.0
+HALVINGS = 5  # of one correction, at most
 
 
 class Steps(NamedTuple):
-    """Steps to take one after another, as `cablefem.newmark.System.settle` has each of them."""
+    """Consecutive steps, see `cablefem.newmark.System.settle`."""
 
-    places: Any  # (m, 3 + n_fields) of `balance.Instant`; of a car (m, 3), see `car.driven`
+    places: Any  # (m, 3 + n_fields) see `balance.Instant`; with a car (m, 3), see `car.driven`
     contact: Any
     start: Any  # (3, n)
     rules: Any  # (m, 3, 5)
-    ends: Any  # (m, 3, n) are set
-    told: Any  # (m, 6) are set: |r|, iterations, factorisations, residuals, the least tension and its s
+    ends: Any  # (m, 3, n) output
+    told: Any  # (m, 6) output: |r|, iterations, factorisations, residuals, least tension, its s
 
 
 class Limits(NamedTuple):
-    """When Newton's method ends, see `cablefem.newmark.Newton`."""
+    """See `cablefem.newmark.Newton`."""
 
     bound: float
     max_iter: int
@@ -37,7 +37,7 @@ class Limits(NamedTuple):
 
 @compiled
 def balance(cable, ride, now, x, r, ab, factors):
-    """Set r and, unless the factors are 0, the tangent; return the least mean tension of an element and its s."""
+    """Set r and, unless the factors are 0, the tangent; return the least mean tension and its s."""
     if ride is None:
         return assemble(cable, now, x, r, ab, factors)
     least, where, _, _ = roll(cable, ride, now, x, r, ab, factors)
@@ -48,8 +48,7 @@ def balance(cable, ride, now, x, r, ab, factors):
 def factorise(work, chord, ride, strength):
     """Factorise a tangent; return whether it is regular.
 
-    chord : None, or to the banded matrix comes strength increment increment^T (Sherman & Morrison's formula);
-    ride : None, or it has a border.
+    chord : adds strength increment increment^T to the banded matrix (Sherman & Morrison's formula).
     """
     regular = banded.factorise(work.ab, work.pivots, chord is None)
     if chord is not None:
@@ -69,7 +68,7 @@ def factorise(work, chord, ride, strength):
 
 @compiled
 def solve(work, chord, ride, b):
-    """Overwrite b with the solution for the matrix that `factorise` has left."""
+    """Overwrite b with the solution."""
     n = work.ab.shape[0]
     banded.solve(work.ab, work.pivots, b[:n])
     if chord is not None:
@@ -82,24 +81,20 @@ def solve(work, chord, ride, b):
 
 @compiled
 def coupling(cable, c0):
-    """Return the strength of a chord's increment in a tangent, alpha lam c0; the full cable has none."""
+    """Return alpha lam c0, the strength of a chord's increment; the full cable has no chord."""
     return c0 * (cable.law[0] * cable.law[3])
 
 
 @compiled
 def settle(cable, ride, work, bands, steps, limits):
-    """Find the ends of steps one after another by Newton's method, as `cablefem.newmark.iterate` does.
-
-    ride : None of a car whose place is given.
-    Return how many came to be in balance with no element slack, before anything happens to the car.
-    """
+    """Take steps one after another; return how many converged before a slack element or an event of the car."""
     n, x = steps.start.shape[1], np.empty_like(steps.start)
     r, da = np.empty(n), np.empty(n)
-    patience = limits.patience if ride is None else 0  # near a support a full step may end on another root
+    patience = limits.patience if ride is None else 0  # else Newton may find another root near a support
     for k in range(steps.rules.shape[0]):
         begin, end, rule = steps.start if k == 0 else steps.ends[k - 1], steps.ends[k], steps.rules[k]
         now = Instant(steps.places[k], bands, steps.contact)
-        if now.place.size > 3:  # of a ride they follow from the unknowns
+        if now.place.size > 3:  # with a car, `roll` does this
             weigh(cable, now)
         predict(begin, rule, end, x)
         factors = rule[0, 3] * rule[0, 4], rule[1, 3] * rule[1, 4], rule[2, 3] * rule[2, 4]
@@ -114,7 +109,7 @@ def settle(cable, ride, work, bands, steps, limits):
             before = norm
             if regular:
                 solve(work, cable.chord, ride, r)
-            else:  # pivots may never have been set
+            else:
                 r[:] = math.nan
             copy(r, da)
             share = 1.0
@@ -125,7 +120,7 @@ def settle(cable, ride, work, bands, steps, limits):
                 norm = math.sqrt(dot(r, r))
                 if norm < before or (iteration < patience and norm < math.inf):
                     break
-                share = -0.5 if share == 1.0 else 0.5 * share  # half of the correction is taken back
+                share = -0.5 if share == 1.0 else 0.5 * share  # takes half of the correction back
             if norm <= limits.bound or not norm < math.inf:
                 break
         told = steps.told[k]
@@ -138,7 +133,6 @@ def settle(cable, ride, work, bands, steps, limits):
 
 @compiled
 def predict(begin, rule, end, x):
-    """Set the first guess of the end of a step, and x where it is in balance."""
     for i in range(3):
         w = rule[i, 4]
         for j in range(end.shape[1]):
@@ -148,7 +142,6 @@ def predict(begin, rule, end, x):
 
 @compiled
 def correct(begin, rule, share, da, end, x):
-    """Take a share of a correction off the end of a step, and set x where it is in balance."""
     for i in range(3):
         part, w = share * rule[i, 3], rule[i, 4]
         for j in range(end.shape[1]):

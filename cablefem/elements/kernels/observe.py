@@ -1,4 +1,4 @@
-"""What is seen of a history: sums over the points of the cable, and fields along it."""
+"""Compiled sums over the points of the cable, and fields along it."""
 
 import math
 
@@ -9,10 +9,10 @@ from cablefem.elements.kernels.law import tension
 
 @compiled
 def strains(cable, s_o, q, energy, least, where, force):
-    """Set of states q (n, n_dof) what is summed over the points of the full cable.
+    """Set energy and tension of the full cable for states q (n, n_dof).
 
-    energy : (n,) int W ds;  least, where : (n,) the least tension N, below zero where the cable is slack, and its s;
-    force : (n, 2, 2) int f dxi of either side.
+    energy : (n,) int W ds;  least, where : (n,) least tension N (below 0: slack) and its s;
+    force : (n, 2, 2) int f dxi of each side.
     """
     mesh, law, at = cable.mesh, cable.law, cable.points
     n_q = mesh.tab.shape[1]
@@ -22,7 +22,7 @@ def strains(cable, s_o, q, energy, least, where, force):
         force[n] = 0.0
         for e in range(mesh.dofs.shape[0]):
             h, side = side_of(mesh, s_o[n], e)[1], 0 if e < mesh.n_left else 1
-            for g in range(n_q if h > 0.0 else 0):  # the left side has no length yet
+            for g in range(n_q if h > 0.0 else 0):  # the mass at the left support
                 p, weight = e * n_q + g, mesh.tab[e, g, 1]
                 N, T = at[8, p], at_rest(law, at[0, p])[2]
                 if least[n] > N:
@@ -36,8 +36,7 @@ def strains(cable, s_o, q, energy, least, where, force):
 def fields(mesh, shapes, e, x, of, out):
     """Set out (4, k, m, n_fields) to q, v, dq/dx and int r dx from 0 to x, at x (k, m) in elements e (k, m).
 
-    of : (4, k, n, n_fields) q, v and r, that of elements behind the mass and that of those ahead of it;
-    shapes : polynomial coefficients, see `reference.shape_polynomials`.
+    of : (4, k, n, n_fields) q, v, r behind the mass and r ahead of it.
     """
     n_loc = shapes.shape[0]
     for k in range(e.shape[0]):
