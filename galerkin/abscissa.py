@@ -1,4 +1,4 @@
-"""The place of the mass as independent variable, (45)-(48): any Galerkin system, marched in s_o instead of t."""
+"""A Galerkin system with the place of the mass as independent variable, (45)-(48)."""
 
 from __future__ import annotations
 
@@ -12,16 +12,14 @@ from cablefem.response import Observation, States
 from galerkin.bases.kink import Array
 from galerkin.equations import GalerkinSystem
 
-# Place of the balance that gives g'' at a start from rest, over the travel.  The limit (48) would excite axial modes
-# that no practical step resolves.
+# place of the balance for g'' at a start from rest, over the travel; the limit (48) would excite axial modes
 START = 1e-4
 
 
 class PositionAbscissa(System):
     """Any Galerkin system with s_o for t (45): r(t, g, ds_o g', ds_o^2 g'' + dds_o g') = 0, prime = d/ds_o.
 
-    States hold t = s_o, q = g, v = g', a = g''; `in_time` turns them back.  The mass must not stand still between its
-    entry and the end of its travel: ValueError.
+    States hold t = s_o, q = g, v = g', a = g''; `in_time` turns them back.  ValueError if the mass stops on the way.
     """
 
     def __init__(self, system: GalerkinSystem) -> None:
@@ -77,7 +75,7 @@ class PositionAbscissa(System):
         return State(s_o, x.q, first, self.second_order(first, START * self.phases[0][1]), phase)
 
     def second_order(self, first: Array, d: float) -> Array:
-        """g'' at a start from rest such that d g' + d^2 g''/2 is in balance at the place d; d -> 0 is (48)."""
+        """g'' at a start from rest by d g' + d^2 g''/2 in balance at place d; d -> 0 is (48)."""
         second = np.zeros(self.n_dof)
         for _ in range(3):  # Newton; nearly linear
             q, v = d * first + (0.5 * d * d) * second, first + d * second
@@ -111,5 +109,5 @@ class PositionAbscissa(System):
 
 
 def chained(g: Array, g1: Array, g2: Array, ds_o: Any, dds_o: Any) -> tuple[Array, Array, Array]:
-    """q, dq/dt, d2q/dt2 of g(s_o(t)) from g, g', g''."""
+    """q, dq/dt, d2q/dt2 from g, g', g''."""
     return g, ds_o * g1, ds_o**2 * g2 + dds_o * g1

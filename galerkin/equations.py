@@ -1,4 +1,4 @@
-"""The equations (17)-(32) of a cable with a travelling mass, over any basis; see README.md."""
+"""Equations (17)-(32) of a cable with a travelling mass, over any basis; see README.md."""
 
 from __future__ import annotations
 
@@ -37,21 +37,21 @@ LOADS = ("mass", "force")
 
 @dataclass(frozen=True, slots=True)
 class Instant:
-    """What depends on the place and the speed of the mass only."""
+    """Quantities that depend on place and speed of the mass alone."""
 
     carried: Carried  # of the basis
-    rays: tuple[float, float]  # slopes of the hat behind and ahead of the mass; 0 without one
+    rays: tuple[float, float]  # of the hat behind and ahead of the mass; 0 without one
     slope: Array  # X', (fields,)
     load: Array  # X.. - sigma j of (27), (fields,)
-    place: Any  # the cable model's own
+    place: Any  # of the cable model
 
 
 class Drives(NamedTuple):
-    """Forces and powers of what drives the mass, over a history."""
+    """Forces and powers of the drive over a history."""
 
     contact: Array  # of the mass on the cable, (n, fields)
-    haul: Array  # (n,) outside force along the mean tangent; nan where there is none
-    power: Array  # (n,) of all that is not the cable's, the mass's and their weights'
+    haul: Array  # (n,) along the mean tangent; nan where nothing hauls
+    power: Array  # (n,) of all but cable, mass and weights
     powers: dict[str, Array]  # its parts
 
 
@@ -62,10 +62,10 @@ class GalerkinSystem(System):
 
         p.. = Phi q.. + 2 ds_o Phi' q. + (dds_o Phi' + ds_o^2 Phi'') q + X.. .
 
-    Path form, where the basis has no phi'': the displacement w_p of the mass is unknown (the last `fields` unknowns),
-    with the equation w_p - Phi(s_o) q = 0.
+    Path form, for a basis without phi'': the last `fields` unknowns are the displacement w_p of the mass, with the
+    equation w_p - Phi(s_o) q = 0.
 
-    kink : enrich the basis by a hat that travels with the mass
+    kink : add a hat that travels with the mass
     model : "string" | "sagged" | "stretching" (one field normal to the chord) | "full"
     load : "mass", or "force" = the weight mu sigma alone
     law : "elastic", or "tension-only" for the full model
@@ -92,9 +92,9 @@ class GalerkinSystem(System):
         self.n_dof = self.n_modal + (self.fields if self.path_form else 0)
         self.phases = self._phases()
         self.force_scale = (self.mu or 1.0) * groups.sigma
-        # rounding of N = T + alpha eps, summed over the points
+        # rounding of N, summed over points
         self.force_floor = float(np.finfo(float).eps) * groups.alpha
-        # of the last residual: least mean of the elastic tension over a shortest wave of the basis, and its s
+        # of the last residual: least mean tension over the basis' shortest wave, and its s
         self.least_tension = np.inf, 0.0
         self._instants: dict[tuple[float, int], Instant] = {}
 
@@ -108,7 +108,7 @@ class GalerkinSystem(System):
         return self.motion.phases
 
     def with_law(self, law: str) -> GalerkinSystem:
-        """The same system under another law; tables are shared."""
+        """The same system under another law."""
         other = copy.copy(self)
         other.law, other.cable = law, cable_model(self.groups, self.model, law)
         other._instants = {}
@@ -126,7 +126,7 @@ class GalerkinSystem(System):
         return self.motion.along(states.t, states.phase)
 
     def drives(self, states: States, velocity: Array, acceleration: Array, sides: Array, working: Array) -> Drives:
-        """The mass over a history, from p., p.. (n, fields) and r' of both sides (2, n, fields).
+        """Forces and powers from p., p.. (n, fields) and r' of both sides (2, n, fields).
 
         working : (n,) <N t> . [r'] - [W]; its power is ds_o (F . <r'> + working).
         """
@@ -145,7 +145,7 @@ class GalerkinSystem(System):
         key = (t, phase)
         found = self._instants.get(key)
         if found is None:
-            if len(self._instants) >= 8:  # the energy rule visits five in a step
+            if len(self._instants) >= 8:  # an energy step visits five
                 del self._instants[next(iter(self._instants))]
             found = self._instants[key] = self._instant(*self.motion.at(t, phase))
         return found
@@ -189,12 +189,10 @@ class GalerkinSystem(System):
         return np.append(r.ravel(), q[self.n_modal :] - Q @ c.f) if self.path_form else r.ravel()
 
     def tangent(self, t: float, q: Array, phase: int, c0: complex, c1: complex, c2: complex) -> Array:
-        """c0 dr/dq + c1 dr/dv + c2 dr/da, (n_dof, n_dof)."""
         x = self.instant(t, phase)
         return self._tangent(x, self.cable.linearise(x.place, self._fields(q))[2], c0, c1, c2)
 
     def _tangent(self, x: Instant, K: Array, c0: complex, c1: complex, c2: complex) -> Array:
-        """The tangent from K = dR/dq."""
         c = x.carried
         inertia = c2 * c.mass
         inertia[:, -1] += c1 * c.gyroscopic + c0 * c.centrifugal
@@ -226,7 +224,7 @@ class GalerkinSystem(System):
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array]:
-        """As long as the points stay the same and the cable is taut."""
+        """For unchanged points and a taut cable."""
         if not self._compiled:
             return NO_STEPS
         taken, ends, told = self._stride(t, phase, start, rules, bound, newton)
@@ -260,14 +258,14 @@ class GalerkinSystem(System):
 
     # --- start ------------------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
-        """Entry: the limit t -> 0+.  Later q and v go on, and a jumps with dds_o."""
+        """Entry: the limit t -> 0+.  Later q and v go on; a jumps with dds_o."""
         if state is None:
             s_o, ds_o, _ = self.motion.at(0.0, 0)
             return begun(self, self.standing, s_o, ds_o) if s_o > 0.0 else self._entry()
         t = self.phases[phase][0]
         if not self.path_form:
             return consistent_acceleration(self, t, state.q, state.v, phase)
-        # jumps of the constraint's second derivative and of the balance
+        # jumps of the constraint and of the balance
         before, x = self.instant(t, state.phase), self.instant(t, phase)
         Q = state.q[: self.n_modal].reshape(self.fields, self.n)
         after, earlier = x.carried, before.carried
@@ -279,7 +277,7 @@ class GalerkinSystem(System):
         return State(t, state.q, state.v, state.a + np.concatenate([jump.ravel(), jump @ after.f + kick]), phase)
 
     def standing(self, s_o: float) -> GalerkinSystem:
-        """Return the same system with the mass held at s_o."""
+        """The same system with the mass held at s_o."""
         other = self.with_law(self.law)
         other.groups = replace(self.groups, motion=standing(s_o, 1.0))
         return other
@@ -302,7 +300,7 @@ class GalerkinSystem(System):
             # falls freely: no time to stretch the short piece behind
             d, a_hat = np.zeros(self.fields), -load / m
         else:
-            # a force, or a start from rest: the piece behind is strained at once
+            # a force, or a start from rest, strains the piece behind at once
             c = ds_o**2 * (1.0 / 3.0 + 2.0 * value @ drag)
             d = self._slope_behind(m * dds_o - c, load)
             a_hat = d * dds_o
@@ -318,7 +316,7 @@ class GalerkinSystem(System):
     def _slope_behind(self, m: float, load: Array) -> Array:
         """Solve m d + [N t - T t_static](X' + d) + load = 0 at the left support by full Newton steps.
 
-        Halved steps creep where the cable is stiff.
+        Halved steps are slow for a stiff cable.
         """
         d = np.zeros(self.fields)
         for _ in range(50):
@@ -342,7 +340,7 @@ def limits(bound: float, newton: Newton) -> tuple[float, ...]:
 
 
 def factorised(K: Array) -> Solve:
-    """r -> K^-1 r by LAPACK's LU of K^T, which is what Fortran sees."""
+    """r -> K^-1 r by LAPACK's LU of K^T, in Fortran's order."""
     getrf, getrs = (zgetrf, zgetrs) if np.iscomplexobj(K) else (dgetrf, dgetrs)
     lu, pivots, info = getrf(K.T, overwrite_a=True)
     if info:

@@ -1,4 +1,4 @@
-"""Tension from equilibrium: the internal force that accelerations need; see README.md, "Tension"."""
+"""Tension from equilibrium, i.e. from accelerations; see README.md, "Tension"."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from galerkin.bases.fourier import Fourier
 from galerkin.bases.kink import Array, TravellingKink
 from galerkin.models import FullCable
 
-BLOCK = 1000  # states whose tension along the cable is taken at once
-STATIONS = 60  # about, for the least tension of a state
+BLOCK = 1000  # states per batch
+STATIONS = 60  # for the least tension
 
 if TYPE_CHECKING:
     from galerkin.equations import GalerkinSystem
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Equilibrium:
-    """Internal forces N t of n instants, and what the same quadrature gives on the way."""
+    """Internal forces N t of n instants, and other integrals."""
 
     behind: Array  # (n, 2) at the mass
     ahead: Array
     left: Array  # (n, 2) at the supports
     right: Array
-    along: Array  # (k, m, 2) at frames x stations; at s = s_o the side behind
+    along: Array  # (k, m, 2) at s = s_o the side behind
     strain: Array  # (n,) int W ds
-    least: Array  # (n,) least tension at some stations and supports, and its s
+    least: Array  # (n,) least tension and its s
     least_at: Array
 
 

@@ -9,7 +9,7 @@ LAWS = ("elastic", "tension-only")  # a law is its index to compiled code
 
 @inner
 def tension(strain, T, alpha, law):
-    """N, dN/deps, the energy int N deps from the static state, and the elastic N; T : static tension.
+    """N, dN/deps, the energy int N deps from the static state, and the elastic N.
 
     elastic       N = T + alpha eps
     tension-only  N = max(0, T + alpha eps)

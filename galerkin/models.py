@@ -1,13 +1,11 @@
 """Models of the cable: the full one in (u, v), and one field normal to the chord.
 
-From coefficients Q (fields, n) a model makes, measured from the hanging cable,
+From coefficients Q (fields, n), measured from the hanging cable, and `place` = `at(basis, s_o)`:
 
-    force(place, Q)            the internal force R (fields, n), and what `least` needs
+    force(place, Q)            the internal force R (fields, n), and `pull`
     linearise(place, Q)        the same two, and dR/dQ
     least(basis, place, pull)  the least mean tension over a shortest wave, and its s
-    stress(s, slope)           the force of one point for w' = slope, and its derivative by it
-
-place : what `at(basis, s_o)` returns.
+    stress(s, slope)           the force of one point for w' = slope, and its derivative
 """
 
 from __future__ import annotations
@@ -29,7 +27,7 @@ MODELS = ("string", "sagged", "stretching", "full")
 class FullCable:
     """The cable of (25)-(26) and (28)-(32): exact strain, both displacements.
 
-    N t - T t_static stands for N t.  Its static part balances the weight -sigma phi_m in (26), to rounding.
+    N t - T t_static stands for N t: its static part balances the weight in (26).
     """
 
     fields = 2
@@ -77,7 +75,7 @@ class FullCable:
         return np.stack([behind, ~behind]) @ self._stress(place, Q)[2:4].T
 
     def least(self, basis: MovingBasis, place: kernels.Points, pull: Any) -> tuple[float, float]:
-        """A tension is negative if its mean over a shortest wave, 2/n, is."""
+        """Least mean tension over a shortest wave, 2/n."""
         s, at = place.s, int(pull.argmin())
         if pull[at] < 0.0:
             at_mass = [1.0 / float(place.phi[-1, 0])] if isinstance(basis, TravellingKink) else []
@@ -105,7 +103,7 @@ class FullCable:
 
 
 def _waves(s: Array, sides: list[float], n: int) -> Array:
-    """First points of pieces of about a wave 2/n each."""
+    """First points of pieces of about 2/n."""
     edges = [np.linspace(a, b, max(2, round(0.5 * n * (b - a)) + 1))[:-1] for a, b in pairwise(sides)]
     return np.unique(np.searchsorted(s, np.concatenate(edges)))
 
@@ -114,7 +112,7 @@ class ChordCable:
     """One displacement w normal to the chord over a parabola: string, sagged (linear), stretching (Kirchhoff-Carrier).
 
     Force tau w' + h (y_n' + kap w'), h = alpha lam int( y_n' w' + kap w'^2/2 ) ds, tau = 1/chord_cos,
-    y_n'' = -sigma chord_cos/tau (straight: 0): all by S = int Phi' Phi' and b = -y_n'' int Phi.
+    y_n'' = -sigma chord_cos/tau (straight: 0), by S = int Phi' Phi' and b = -y_n'' int Phi.
     """
 
     fields = 1
@@ -124,7 +122,7 @@ class ChordCable:
         self.groups, self.alpha, self.tau = groups, groups.alpha, 1.0 / groups.chord_cos
         self.weight = np.array([groups.sigma * groups.chord_cos])
         self.curvature = 0.0 if model == "straight" else -self.weight[0] / self.tau  # y_n''
-        # h is the same everywhere: tension is least where the static one is
+        # h is constant: tension is least where the static one is
         self.least_at = min(1.0, max(0.0, groups.c / groups.sigma))
         self.at_rest = float(groups.static(self.least_at)[0])
 
@@ -158,12 +156,11 @@ class ChordCable:
         return np.asarray((-0.5 * self.curvature) * s * (1.0 - s))
 
     def stress(self, s: Array, slope: Array) -> tuple[Array, Array]:
-        """tau w' alone: the strain of one point adds nothing to the mean h."""
+        """tau w': one point adds nothing to the mean h."""
         return self.tau * slope, np.full((*slope.shape, 1), self.tau)
 
 
 def cable_model(groups: Groups, model: str, law: str) -> FullCable | ChordCable:
-    """The model by name; the law is the full cable's."""
     if law not in LAWS:
         raise ValueError(f"unknown law {law!r}; one of {', '.join(LAWS)}")
     if model not in (*MODELS, "straight"):

@@ -1,4 +1,4 @@
-"""What a Galerkin system measures on its own states."""
+"""Measurements of a Galerkin system on its states."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from galerkin.models import ChordCable, FullCable
 if TYPE_CHECKING:
     from galerkin.equations import GalerkinSystem
 
-NEAR_SUPPORT = 1e-12  # least length of a side; the hat's slope is infinite on a support, its coefficient zero
+NEAR_SUPPORT = 1e-12  # least length of a side, for the hat's slope
 
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """Coefficients of n instants: standing functions, and the hat (zero without one)."""
+    """Coefficients of n instants."""
 
     s_o: Array  # (n,)
     ds_o: Array
@@ -28,12 +28,12 @@ class History:
     Q: Array  # (n, fields, N) of the standing functions
     V: Array
     A: Array
-    q_hat: Array  # (n, fields)
+    q_hat: Array  # (n, fields); zero without a hat
     v_hat: Array
     a_hat: Array
 
     def rays(self, order: int) -> tuple[Array, Array]:
-        """Time derivatives of q_hat/h behind and ahead, h the length of the side; the hat is z/h from a support."""
+        """Time derivatives of q_hat/h behind and ahead; h is the length of the side."""
         h = np.clip(self.s_o, NEAR_SUPPORT, 1.0 - NEAR_SUPPORT)[:, None]
         dh, ddh = self.ds_o[:, None], self.dds_o[:, None]
         behind, ahead = (self._ray(order, *side) for side in ((h, dh, ddh), (1.0 - h, -dh, -ddh)))
@@ -58,7 +58,7 @@ class AtMass(NamedTuple):
 
 
 class Fields(NamedTuple):
-    """At k frames and m stations, (k, fields, m); at s = s_o the side behind."""
+    """k frames, m stations, (k, fields, m); at s = s_o the side behind."""
 
     w: Array
     w_t: Array
@@ -76,13 +76,13 @@ class Forces(NamedTuple):
     weight: Array  # potential energy of the cable
     least: Array  # least tension and its s, (n,)
     least_at: Array
-    working: Array  # see `GalerkinSystem.drives`; 0 where all energies are quadratic
+    working: Array  # see `GalerkinSystem.drives`; 0 for quadratic energies
 
 
 def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> Observation:
     """Measure a history; see `Observation`.
 
-    One field w normal to the chord is shown as (u, v) = w (-chord_sin, chord_cos) on the catenary.
+    A single field w is shown as (u, v) = w (-chord_sin, chord_cos) on the catenary.
     """
     groups, cable, along = system.groups, system.cable, direction(system)
     x = history(system, states)
@@ -121,14 +121,13 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
 
 
 def direction(system: GalerkinSystem) -> Array:
-    """Return (fields, 2): the fields as (u, v)."""
+    """The fields as (u, v), (fields, 2)."""
     if system.fields == 2:
         return np.eye(2)
     return np.array([[-system.groups.chord_sin, system.groups.chord_cos]])
 
 
 def displaced(system: GalerkinSystem, states: States, x: History) -> Array:
-    """Return w(s_o), (n, fields)."""
     return states.q[:, system.n_modal :] if system.path_form else combined(x.Q, system.basis.basis.phi(x.s_o)) + x.q_hat
 
 
@@ -158,7 +157,7 @@ def _at_mass(system: GalerkinSystem, states: States, x: History) -> AtMass:
 
 
 def _hat_slopes(x: History) -> Array:
-    """Slopes of the hat's part of w behind and ahead of the mass; on the left support the limit t -> 0+."""
+    """The hat's part of w' behind and ahead; on the left support the limit t -> 0+."""
     behind, ahead = x.rays(0)
     entry, ds_o, dds_o = x.s_o == 0.0, x.ds_o[:, None], x.dds_o[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -224,7 +223,7 @@ def _one_field(
 
 
 def _kinetic(system: GalerkinSystem, x: History) -> Array:
-    """1/2 int |w.|^2 ds, (n,), by the closed forms of `TravellingKink`."""
+    """1/2 int |w.|^2 ds, (n,), by `TravellingKink`."""
     twice = np.einsum("nfi,ij,nfj->n", x.V, system.basis.basis.mass(), x.V, optimize=True)
     if isinstance(system.basis, TravellingKink):
         value, first, _ = system.basis.overlap(np.minimum(x.s_o, 1.0 - NEAR_SUPPORT))

@@ -2,8 +2,8 @@
 
     C = mu (p.. - sigma j) - F_ext,    tau . C - f cos(phi) = 0,    tau = <r'>/|<r'>|, cos(phi) = |<r'>|/<lam>
 
-F_ext acts from outside; f is the force along the cable (friction, brake, hold); < > is the mean of both sides,
-lam = |r'|.  This is no Lagrange equation: the energy is kept to the error of the discretisation.
+F_ext: outside force; f: force along the cable (friction, brake, hold); < >: mean of both sides; lam = |r'|.
+This is no Lagrange equation: energy is kept to the error of the discretisation.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from galerkin.equations import Drives, GalerkinSystem, Instant, factorised, limi
 from galerkin.equilibrium import Equilibrium
 from galerkin.models import FullCable
 
-WINDOW = 0.3  # of an axial round trip: window of the mean acceleration for friction
+WINDOW = 0.3  # of an axial round trip: for the mean acceleration of friction
 
 
 class Car(NamedTuple):
@@ -39,13 +39,13 @@ class Car(NamedTuple):
     stretch: float  # <lam>
     drag_x: float
     drag_y: float
-    pressing: float  # the normal part of its force on the cable, downward
+    pressing: float  # normal part of its force on the cable, downward
     defect: float  # tau . C - f cos(phi)
     speed: float  # tau . p.
     vx: float  # p.
     vy: float
-    normal: float  # `pressing` as friction goes by it
-    bx: float = 0.0  # how the defect follows the forces behind and ahead
+    normal: float  # `pressing` for friction
+    bx: float = 0.0  # dependence of the defect on the forces behind and ahead
     by: float = 0.0
     ax: float = 0.0
     ay: float = 0.0
@@ -59,9 +59,9 @@ class RollingSystem(RollingCar, GalerkinSystem):
     """The equations (19) with a car that rolls and one more unknown, the last one.
 
     free : s_o.  haul : its acceleration is the haul force, s_o(t) is prescribed.  The last row is the car's balance.
-    Friction and brakes keep their sign from event to event.
+    Friction and brakes keep their sign between events.
 
-    Only sines with a hat: ValueError for other bases, for models of one field and for a load without inertia.
+    ValueError unless the basis is sines with a hat, the model full and the load a mass.
     """
 
     hears_itself = True
@@ -81,7 +81,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         self.n_dof += 1
         self.strides = self.free
         self._seen: tuple[State, Car] | None = None
-        # rows t, p. of the car; t, its mean p.. and the rate of that
+        # rows t, p.; t, mean p.. and its rate
         self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
         self._window = WINDOW * self.round_trip
         self._parts: tuple[Any, Array, Array] | None = None  # state, residual and tangents of `_seen_at`
@@ -125,7 +125,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return Car(*kernels.look(ride, line, rows, r, parts)[0])
 
     def _car_at(self, x: State) -> Car:
-        """By the slopes of the basis and without thrust."""
+        """By slopes of the basis, without thrust."""
         if self._seen is None or self._seen[0] is not x:
             self._seen = x, Car(*kernels.seen(*self._ride(*x), np.array(x[1:4])))
         return self._seen[1]
@@ -136,7 +136,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return self.cable
 
     def _sides(self, x: Instant, Q: Array) -> Array:
-        """r' behind and ahead of the car at rest, by the tension from equilibrium."""
+        """r' behind and ahead at rest, by the tension from equilibrium."""
         slopes = x.slope + Q @ x.carried.f_s + np.multiply.outer(x.rays, Q[:, -1])
         static = x.slope / x.slope[0]
         forces = static + np.abs(x.rays)[:, None] * self._full.sides(x.place, Q)
@@ -154,7 +154,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def begin_step(self, x: State) -> None:
         """Take the mean acceleration of the car over a while, for friction and lift-off.
 
-        Slip has hardly any inertia: with the present acceleration friction has no solution on short steps (Painleve).
+        With the present one, friction has no solution on short steps (Painleve).
         """
         super().begin_step(x)
         if not self.free or (self._past.size and x.t <= self._past[-1, 0]):
@@ -202,7 +202,6 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return r, factorised(c0 * parts[0] + c1 * parts[1] + c2 * parts[2])
 
     def _seen_at(self, t: float, q: Array, v: Array, a: Array, phase: int, tangent: bool) -> tuple[Array, Array]:
-        """r, and dr/dq, dr/dv, dr/da if wanted."""
         travel, size = self._travel(t, q, v, a, phase), self.n_dof
         parts = np.zeros((3 if tangent else 0, size, size))
         if not 0.0 < travel[0] < 1.0:  # a trial off the cable
@@ -239,7 +238,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def _stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[int, Array, Array]:
-        """Steps of a free car under way, up to an event."""
+        """Steps of a free car up to an event."""
         drive, (s_o, ds_o), m = self.drive, start[:2, -1].tolist(), t.size
         if not (self.free and self.under_way) or t[0] < drive.release:
             return 0, *NO_STEPS
@@ -263,7 +262,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def start(self, phase: int, state: State | None) -> State:
         """In equilibrium, the car held (free) or on its rope (haul); later q, v go on and a jumps.
 
-        A travel that starts at speed starts with the velocities of equilibrium places.
+        A travel that begins at speed begins with the velocities of equilibrium places.
         """
         if state is not None:
             return self.enter(state._replace(phase=phase))
@@ -273,7 +272,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         Q = self._equilibrium(x)
         q[: self.n_modal] = Q.ravel()
         self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
-        weight = kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0)  # no wind, no thrust yet
+        weight = kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0)  # without wind and thrust
         car = Car(*kernels.car(weight, 0.0, np.zeros(2), np.zeros(2), *self._sides(x, Q)))
         if not self.free:
             d, speed = 1e-4 * min(s_o, 1.0 - s_o), self.motion.at(0.0, 0)[1]
@@ -288,7 +287,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def _equilibrium(self, x: Instant) -> Array:
         """Coefficients (2, n) of the loaded cable at rest.
 
-        Newton's method may fail for a stiff cable from the empty shape; then softer cables lead the way.
+        Newton's method may fail for a stiff cable: softer ones lead to it.
         """
         tolerance = 1e-12 * self.force_scale + math.sqrt(self.n_dof) * self.force_floor
         alpha, softest = self.groups.alpha, min(self.groups.alpha, 4.0 * (1.0 + self.mu * self.groups.sigma))
@@ -301,7 +300,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         raise StepFailure(0.0, "no equilibrium of the car at its start was found", "start farther from the support")
 
     def _rest(self, x: Instant, Q: Array, tolerance: float) -> tuple[Array, float]:
-        """Improve Q until the defect falls no more; return both."""
+        """Improve Q while the defect falls; return both."""
         f, f_m = x.carried.f, x.carried.f_s.copy()
         weight = self.mu * self.cable.weight
         f_m[-1] += 0.5 * sum(x.rays)
@@ -354,9 +353,9 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return self._consistent(x.t, x.q, x.v.copy(), x.phase)
 
     def look(self, x: State) -> Look:
-        """Return the car at a state.
+        """The car at a state.
 
-        Its present normal force rings next to a support, and the mean lags behind: the larger of both counts.
+        Its normal force oscillates near a support and the mean lags: the larger one counts.
         """
         car = self._car_at(x)
         thrust = self._thrust(x.t, x.phase, x.a) if self.free else 0.0

@@ -9,7 +9,7 @@ from galerkin.bases.fourier import Fourier
 
 
 class Basis(Protocol):
-    """Functions phi_1 .. phi_n of s on [0, 1], s = arc length over length, that vanish at both supports."""
+    """Functions phi_1 .. phi_n of s/l on [0, 1] that vanish at both ends."""
 
     @property
     def n(self) -> int:
@@ -26,7 +26,7 @@ class Basis(Protocol):
         """The m-th derivative of phi, (n_s, n); primitives for m < 0."""
 
     def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points, weights (n_q,) of both sides of s_o; phi' and, last, the hat's slope, (n + 1, n_q)."""
+        """Points and weights (n_q,) of both sides of s_o; phi' and the hat's slope, (n + 1, n_q)."""
 
     def mass(self) -> np.ndarray:
         """int phi_m phi_n ds."""
@@ -38,4 +38,4 @@ class Basis(Protocol):
         """int phi_n ds."""
 
     def quadrature(self) -> tuple[np.ndarray, np.ndarray]:
-        """Points and weights on [0, 1] for products of first derivatives, each (n_q,)."""
+        """Points and weights on [0, 1] for products of first derivatives."""

@@ -122,7 +122,7 @@ def _mother(p: int) -> _Mother:
 def _evaluate(s, R, level, at_integers, blocks, c, out):
     """out[q] = sum_l c_l phi_m(2^level R s_q - l), rows of c from l = 1 - n_m on.
 
-    R s is formed in integers of 2^-80: a rounded product would move theta'' by 1e-10.
+    R s is formed in integers of 2^-80: rounding would move theta'' by 1e-10.
     """
     n = at_integers.size
     v, w = np.empty(n), np.empty(n)
@@ -157,7 +157,7 @@ def _evaluate(s, R, level, at_integers, blocks, c, out):
 
 @dataclass(frozen=True, slots=True)
 class _Sums:
-    """Functions sum_l c_l phi_m(y - l) of s by m, each the derivative of the next; rows of c from l = 1 - n_m on."""
+    """sum_l c_l phi_m(y - l) by m, each the derivative of the next; rows of c from l = 1 - n_m on."""
 
     order: int
     level: int
@@ -177,7 +177,7 @@ class _Sums:
 
 
 def _running_sum(c: np.ndarray, first: int) -> np.ndarray:
-    """b with b_l - b_(l-1) = c_l and b_-1 = 0.  Sums run outwards: coefficients at the left support are large."""
+    """b with b_l - b_(l-1) = c_l and b_-1 = 0, summed outwards: left coefficients are large."""
     left, right = c[:-first], c[-first:]
     return np.concatenate([-np.cumsum(left[::-1], axis=0)[::-1], np.zeros((1, c.shape[1])), np.cumsum(right, axis=0)])
 
@@ -283,10 +283,10 @@ class Daubechies:
         Theta_jk(x) = 2^(-j/2) [theta(2^j x - k) - theta(-k) - (x/R)(theta(2^j R - k) - theta(-k))],  x = R s     (39)
         1-R <= k <= order-1 for j = -1,   order-R <= k <= 2^j R - order for j >= 0,   R = 2 order - 1             (37)
 
-    order : number of vanishing moments; theta'' is smooth enough for (23) from 4 on.
-    level : number of levels after j = -1; 2^level R + order - 1 functions.
-    reading : "literal"; "scaling" takes phi(x - k) for j = -1 and lacks functions at the right end; "shifted" puts psi
-        on [1-p, p] and loses rank.
+    order : vanishing moments; (23) needs 4.
+    level : levels after j = -1; 2^level R + order - 1 functions.
+    reading : "literal"; "scaling" has phi(x - k) for j = -1 and lacks functions at the right end; "shifted" has psi on
+        [1-p, p] and loses rank.
     """
 
     order: int = 4
@@ -356,7 +356,7 @@ class Daubechies:
         return self.quadrature_on(0.0, 1.0)
 
     def quadrature_on(self, a: float, b: float) -> tuple[np.ndarray, np.ndarray]:
-        """Two Gauss points on each 1/8 of a cell (1/32 in the first two): phi'_m phi'_n is no smoother than psi."""
+        """Two Gauss points on each 1/8 of a cell (1/32 in the first two), as psi is not smooth."""
         edges = _edges(self.cells)
         inside = slice(np.searchsorted(edges, a, side="right"), np.searchsorted(edges, b))
         edges = np.concatenate([[a], edges[inside], [b]])

@@ -39,9 +39,9 @@ def stretched(s, grading):
 
 @inner
 def integrals(x, n, grading, out):
-    """Set rows of out (2, n) to two primitives of sin(k pi xi) by s.
+    """Set out (2, n) to two primitives of sin(k pi xi) by s.
 
-    ds/dxi = 1 - grading cos(2 pi xi) couples j to j + 2 and j - 2.  D and F belong to sines and are odd in j.
+    ds/dxi = 1 - grading cos(2 pi xi) couples j and j +- 2.  D, F belong to sines, odd in j.
     """
     size, b = n + 5, 0.5 * grading
     D, I, F = np.zeros(size), np.zeros(size), np.zeros(size)
@@ -87,7 +87,7 @@ def values_along(s, n, grading, row):
 
 @compiled
 def split(s_o, behind, ahead, n, grading):
-    """`Basis.split` with rules (2, m) on [0, 1]; k pi cos(k pi xi) by turning (cos, sin) k times by pi xi."""
+    """`Basis.split` with rules (2, m) on [0, 1], by k rotations of (cos, sin)."""
     m, both, x_o = behind.shape[1], behind.shape[1] + ahead.shape[1], stretched(s_o, grading)
     s, weights, phi = np.empty(both), np.empty(both), np.empty((n + 1, both))
     c1, s1, c, sn, dense = np.empty(both), np.empty(both), np.empty(both), np.empty(both), np.empty(both)
@@ -113,8 +113,8 @@ def split(s_o, behind, ahead, n, grading):
 class Fourier:
     """phi_k(s) = sin(k pi xi), k = 1 .. n, s = xi - grading sin(2 pi xi)/(2 pi).
 
-    Gauss' rule integrates cos(2 n pi s), a product of two highest derivatives, to rounding with n pi/2 points and a
-    margin.  The strain multiplies more factors, hence 2 n + 40 points for the cable.
+    n pi/2 Gauss points integrate cos(2 n pi s), a product of two highest derivatives.
+    The strain has more factors: 2 n + 40.
     """
 
     n: int
@@ -168,7 +168,7 @@ class Fourier:
         return self.side_rule(x), self.side_rule(1.0 - x)
 
     def alike(self, s_o: np.ndarray) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
-        """Runs of consecutive places s_o (m,) with the same rules of both sides, and these rules."""
+        """Runs of consecutive places s_o (m,) with equal rules, and these rules."""
         x = np.array([stretched(s, self.grading) for s in s_o.tolist()]) if self.grading else s_o
         counts = np.ceil(self.n * np.stack([x, 1.0 - x]) / 8.0)
         ends = np.flatnonzero((counts[:, 1:] != counts[:, :-1]).any(axis=0)) + 1
@@ -176,7 +176,7 @@ class Fourier:
             yield slice(first, end), *self.side_rules(float(s_o[first]))
 
     def side_rule(self, length: float) -> np.ndarray:
-        """Gauss points and weights on [0, 1] for a piece of this length in xi, (2, m)."""
+        """Gauss points and weights on [0, 1] for this length in xi, (2, m)."""
         return _unit_gauss(20 + 16 * math.ceil(self.n * length / 8.0))
 
     def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

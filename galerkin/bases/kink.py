@@ -17,7 +17,7 @@ class Carried(NamedTuple):
     gyroscopic: Array  # last column of 2 A, (n,); other columns are zero
     centrifugal: Array  # last column of A. - B, (n,)
     f: Array  # Phi(s_o), (n,)
-    f_s: Array  # dPhi/ds_o at the mass, along the path; 0 for the hat, which stays 1
+    f_s: Array  # dPhi/ds_o along the path; 0 for the hat
     f_v: Array  # 2 ds_o Phi'(s_o), as in (22), (n,)
     f_q: Array  # dds_o Phi'(s_o) + ds_o^2 Phi''(s_o), as in (23), (n,)
     behind: Array  # int_0^s_o hat Phi ds, (n,)

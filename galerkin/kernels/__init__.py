@@ -1,6 +1,6 @@
-"""Compiled steps of the full cable over sines with a hat; loops compile faster than expressions of arrays.
+"""Compiled steps of the full cable over sines with a hat, as loops, which compile fast.
 
-Arguments: phi (n, m) Phi' at the points; x a `Carried`; Q, V, A (2, n) coefficients and their rates.
+phi (n, m): Phi' at the points; x: a `Carried`; Q, V, A (2, n): coefficients and rates.
 """
 
 from galerkin.kernels.cable import Cable, Points, balance, least, stiffness, stress

@@ -1,6 +1,6 @@
-"""Dense products and solutions by BLAS and LAPACK, through numba's own entries to them.
+"""Dense products and solutions by numba's entries to BLAS and LAPACK; np.dot compiles slowly.
 
-numba's np.dot and np.linalg.solve take seconds to compile.  Arrays in C order are the libraries' transposes.
+Arrays in C order are transposed ones for these libraries.
 """
 
 import math

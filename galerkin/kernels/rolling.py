@@ -12,7 +12,7 @@ from galerkin.kernels.cable import Array, acceleration, add_inertia
 from galerkin.kernels.dense import multiply
 from galerkin.law import compiled, inner
 
-LEAST_PULL = 1e-3  # of a cable that is not slack, over H
+LEAST_PULL = 1e-3  # over H, of a taut cable
 STEP = 1e-6  # of differences
 LEAST_WINDOW = 6.0  # least length of the window of `averaged`, in steps
 
@@ -55,7 +55,7 @@ def car(on, thrust, velocity, acceleration, behind, ahead):
     """The car from p., p.. and r' behind and ahead (2,); thrust may be the haul force.
 
     Return C = mu (p.. - sigma j) - F_ext (2), tau (2), cos(phi), <lam>, drag (2), the normal force on the cable,
-    tau . C - f cos(phi), tau . p., p. (2), and the normal force that friction takes.
+    tau . C - f cos(phi), tau . p., p. (2), and the normal force for friction.
     """
     mx, my = 0.5 * (behind[0] + ahead[0]), 0.5 * (behind[1] + ahead[1])
     size = math.hypot(mx, my)
@@ -78,7 +78,7 @@ def car(on, thrust, velocity, acceleration, behind, ahead):
 
 @compiled
 def taut(force, slope, T, alpha):
-    """Turn r' (2,) into that of the force N t; return lam/N.  A slack cable keeps r' and returns 0."""
+    """Turn r' (2,) into that of the force N t; return lam/N, 0 if slack."""
     N = math.hypot(force[0], force[1])
     if not (N > LEAST_PULL and force[0] * slope[0] + force[1] * slope[1] > 0.0):
         return 0.0
@@ -89,7 +89,7 @@ def taut(force, slope, T, alpha):
 
 @inner
 def recover(here, y, sides, alpha, behind, ahead):
-    """Turn r' behind and ahead of the mass into that of the tension from equilibrium; return lam/N there."""
+    """Turn r' behind and ahead into those of the tension from equilibrium; return lam/N."""
     x, ds_o, dds_o = here.x, here.ds_o, here.dds_o
     last, near, far = x.f.size - 1, 1.0 / here.s_o, 1.0 / (1.0 - here.s_o)
     T, force = 1.0 / here.slope[0], np.empty((2, 2))
@@ -105,7 +105,7 @@ def recover(here, y, sides, alpha, behind, ahead):
 
 @compiled
 def by_force(on, thrust, velocity, p, behind, ahead, turn, defect, side):
-    """Derivative of the defect of `car` by the force behind (side 0) or ahead, by differences; turn : lam/N there."""
+    """Derivative of the defect of `car` by the force behind (0) or ahead; turn : lam/N."""
     moved, got = np.empty((2, 2)), np.empty(2)
     slope = behind if side == 0 else ahead
     square = slope[0] * slope[0] + slope[1] * slope[1]
@@ -148,7 +148,7 @@ def line(past, first, t):
 
 @compiled
 def averaged(past, first, last, least):
-    """The car's acceleration from its velocities over a window, without what rings.
+    """The car's mean acceleration from velocities over a window.
 
     past : rows t and p.;  least : length of the window
     Return the first row still wanted, t of the last, the acceleration then, and its rate.
@@ -180,7 +180,7 @@ def averaged(past, first, last, least):
 def roll(here, y, sides, alpha, on, thrust, R):
     """Add the cable's inertia and the car to R (2, n); return `car`, and `by_force` of both sides.
 
-    tau is that of the tension from equilibrium: slopes of sines err by a hundred times as much on a short side.
+    tau belongs to the tension from equilibrium: slopes of sines are inaccurate on a short side.
     """
     velocity, p, behind, ahead = motion(here, y)
     p[1] += on.sigma

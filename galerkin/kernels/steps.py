@@ -173,7 +173,7 @@ def seen(ride, line, state):
 
 @inner
 def evaluate(here, ride, line, of):
-    """Set residual, internal force, gram, pull and sides for the balanced state; return the car where it rolls."""
+    """Set residual, internal force, gram, pull and sides; return the car where it rolls."""
     x, cable = here.ground.x, line.cable
     n = x.f.size
     R, y = of.r[: 2 * n].reshape(2, n), coefficients(of.balanced, n)
@@ -196,9 +196,9 @@ def evaluate(here, ride, line, of):
 
 @inner
 def tangent(here, ride, line, of, out, c, K):
-    """Set K to c0 dr/dq + c1 dr/dv + c2 dr/da where `evaluate` has been, and returned `out`.
+    """Set K to c0 dr/dq + c1 dr/dv + c2 dr/da after `evaluate`, which returned `out`.
 
-    The column of s_o is a difference and leaves out dr/ds_o: 1e-3 of it for c0 of a step.
+    The column of s_o is a difference without dr/ds_o.
     """
     at, ground = here
     c0, c1, c2 = c
@@ -249,10 +249,7 @@ def look(ride, line, state, r, parts):
 
 @inner
 def weigh(here, ride, line, ends, w, of):
-    """Evaluate w end + (1 - w) begin; return its moment, car and |r|.
-
-    |r| is NaN for a trial in which the car leaves the cable.
-    """
+    """Evaluate w end + (1 - w) begin; return its moment, car and |r|, NaN off the cable."""
     begin, end = ends
     for k in range(3):
         for i in range(of.r.size):
@@ -273,8 +270,7 @@ def weigh(here, ride, line, ends, w, of):
 def newton(here, ride, line, ends, rule, limits, of):
     """Solve one step for its end, as `cablefem.newmark.iterate` does.
 
-    here : the moment of the balance, of a free car any;  ends : start, and end to be set, (3, n_dof)
-    limits : bound of |r|, max_iter, reuse, patience, most halvings
+    ends : start, and end to be set, (3, n_dof);  limits : bound of |r|, max_iter, reuse, patience, most halvings
     Return |r|, counts of iterations, factorisations, evaluations, the least tension and its s.
     """
     begin, end = ends
@@ -314,9 +310,9 @@ def newton(here, ride, line, ends, rule, limits, of):
 
 @compiled
 def stride(line, places, start, rules, limits):
-    """Take steps of a mass that grips at places (m, 3) s_o, ds_o, dds_o, up to one that fails or is slack.
+    """Steps of a mass that grips at places (m, 3) s_o, ds_o, dds_o, until one fails or is slack.
 
-    Return how many are good, their ends (m, 3, n_dof), and what `newton` tells, (m, 6).
+    Return how many are good, their ends (m, 3, n_dof), and results of `newton`, (m, 6).
     """
     m, size = rules.shape[0], start.shape[1]
     now, told, of = np.empty((m, 3, size)), np.full((m, 6), math.nan), space_for(size, line)
@@ -336,7 +332,7 @@ def tell(found, told):
 
 @compiled
 def roll_on(ride, course, line, start, rules, limits):
-    """As `stride`, for a car that rolls: a single step, or with a `Course` steps up to an event."""
+    """`stride` of a car that rolls: one step, or with a `Course` steps up to an event."""
     m, size = rules.shape[0], start.shape[1]
     now, told, of, now_ride = np.empty((m, 3, size)), np.full((m, 6), math.nan), space_for(size, line), ride
     here = moment(line, ride.s_o, ride.ds_o, ride.dds_o)
@@ -366,7 +362,7 @@ def roll_on(ride, course, line, start, rules, limits):
 
 @inner
 def at_time(ride, smooth, t, thrust):
-    """`Ride` with that thrust, and the acceleration that `averaged` tells of t."""
+    """`Ride` at t by `averaged`."""
     d, on = t - smooth[1], ride.on
     ax, ay = smooth[2] + d * smooth[4], smooth[3] + d * smooth[5]
     on = Rolling(on.mu, on.sigma, on.drag, on.wind, on.hold, on.rub, on.brake, ax, ay)

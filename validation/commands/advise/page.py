@@ -1,4 +1,4 @@
-"""The page of `cablefem advise`: what to run, why nothing less will do, and the whole ladder as evidence."""
+"""The page of `cablefem advise`: the advice and its ladder."""
 
 from pathlib import Path
 from typing import Any
@@ -19,14 +19,14 @@ LOADS = {"force": DASHES[1], "mass": "-"}
 
 
 def sections(folder: Path) -> list[Section]:
-    """Return the advice, the ladder with its figures, and the methods tried for the model advised."""
+    """The advice, the ladder, and the methods tried."""
     if not (x := store.stored(folder / "advice.json")):
         return [Section("advise", "Least model", missing("advice.json", plain(_SAY.gone())))]
     return [_rolling(x)] if "least" in x else [_advice(x), _ladder(x), _methods(x)]
 
 
 def _rolling(x: dict[str, Any]) -> Section:
-    """What a car that rolls needs: a sentence each, and the ladder."""
+    """The advice for a rolling car, and its ladder."""
     heads = {"model": "model"} | {need: f"{need} off by" for need in x["least"]} | {"seconds": "time [s]"}
     rows = [
         {"model": r["model"], "seconds": r["seconds"]} | {need: percent(r["gaps"][need]) for need in x["least"]}

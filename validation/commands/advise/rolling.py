@@ -1,12 +1,12 @@
-"""How little model is enough for a car that rolls: for its timetable, for its deflection, for the tension.
+"""The least model for a car that rolls: for timetable, deflection and tension.
 
-free: the ride on the chord, on the empty cable's shape, on the loaded cable (quasi-static), the full dynamics.
-hauled: the cable at rest under the car (statics), the full dynamics of a car that grips, the full dynamics.
+free: the ride on the chord, on the empty cable, on the loaded cable (quasi-static), full dynamics.
+hauled: the cable at rest under the car, full dynamics of a gripping car, full dynamics.
 
-Timetable: largest distance in place over the length, in speed over its largest, at the same time, and in duration.
-Deflection: largest distance in v at the same place of the car, over the largest v.  Tension: rms over cable and frames
-at the same place of the car, off the car, over H.  Haul force: largest distance at the same place, over the largest
-force, of means over an axial round trip.
+Timetable: largest distance in place over the length, in speed over its largest, at equal times, and in duration.
+Deflection: largest distance in v at equal places, over the largest v.
+Tension: rms over cable and frames at equal places, off the car, over H.
+Haul force: largest distance of means over an axial round trip, at equal places, over the largest force.
 """
 
 import math
@@ -30,22 +30,22 @@ from validation.core.running import run
 
 REFERENCE = "following-p2"
 FULL = tomllib.loads((resources.files(__package__) / "ladders.toml").read_text(encoding="utf-8"))["rolling"]["full"]
-ORDER = 1.5  # of the path between two of them; gap/(2^p - 1) is left
-SHARE = 0.25  # of the tolerance that the full run's own error may take
+ORDER = 1.5  # of the path; gap/(2^p - 1) is left
+SHARE = 0.25  # of the tolerance: for the full run's error
 NEEDS = {"free": ("timetable", "deflection", "tension"), "haul": ("deflection", "tension", "haul force")}
-EDGE = 0.05  # s_o/l next to a support where a gripped car, which enters there, is not compared
+EDGE = 0.05  # s_o/l next to a support that is not compared
 
 Progress = Callable[[str, float], None]
 
 
 @dataclass(slots=True)
 class Rung:
-    """One model, and how far it is from the full one in what is needed; inf where it says nothing about it."""
+    """A model and its distances to the full one; inf where it says nothing."""
 
     model: str
     seconds: float
     gaps: dict[str, float] = field(default_factory=dict)
-    arrival: tuple[str, float, float] | None = None  # last event, its time [s] and speed [m/s]
+    arrival: tuple[str, float, float] | None = None  # event, time [s], speed [m/s]
 
     def line(self) -> dict[str, Any]:
         gaps = {k: finite(x) for k, x in self.gaps.items()}
@@ -73,7 +73,7 @@ def advice(scene: Scene, tol: float, progress: Progress | None = None) -> dict[s
 
 
 def _full(scene: Scene, tol: float, report: Progress) -> tuple[Response, dict[str, float]]:
-    """Return a full run and its bars in what is needed, as fine as the tolerance asks for."""
+    """A full run as fine as the tolerance needs, and its bars."""
     runs: list[Response] = []
     bars = dict.fromkeys(NEEDS[scene.drive.mode], math.inf)
     for i, (elements, steps) in enumerate(FULL):
@@ -89,7 +89,6 @@ def _full(scene: Scene, tol: float, report: Progress) -> tuple[Response, dict[st
 
 
 def finite(x: float) -> float | None:
-    """Return a number as JSON holds it."""
     return x if math.isfinite(x) else None
 
 
@@ -139,13 +138,13 @@ def _hauled(scene: Scene, full: Response) -> list[Rung]:
 
 
 def _averaged(scene: Scene, r: Response, values: Array) -> Array:
-    """Return the running mean over an axial wave's way to and fro."""
+    """Running mean over an axial round trip."""
     step = (r.t[-1] - r.t[0]) / (r.t.size - 1)
     return uniform_filter1d(values, max(1, round(2.0 * scene.length / scene.axial_speed / step)), mode="nearest")
 
 
 def _statics(scene: Scene, full: Response) -> dict[str, float]:
-    """Return how far the cable at rest is from the full run at the same places of the car."""
+    """Distance of the cable at rest from the full run."""
     l, H, g, f = scene.length, scene.horizontal_tension, scene.groups, full.fields
     at = Statics(g)
     here = at(full.s_o / l)
@@ -162,7 +161,7 @@ def _rms(s: Array, s_o: Array, gap: Array) -> float:
 
 
 def _places(scene: Scene, a: Response, b: Response) -> dict[str, float]:
-    """Return the distance of two prescribed rides at the same places of the car, away from the supports."""
+    """Distance of two prescribed rides at equal places, away from supports."""
     l, H = scene.length, scene.horizontal_tension
     low, high = EDGE * l, (1.0 - EDGE) * min(l, a.s_o[-1], b.s_o[-1])
     inside = (b.s_o >= low) & (b.s_o <= high)
@@ -177,7 +176,7 @@ def _places(scene: Scene, a: Response, b: Response) -> dict[str, float]:
 
 
 def _gaps(scene: Scene, a: Response, b: Response) -> dict[str, float]:
-    """Return the distance of two full runs of one scene in all that is needed."""
+    """Distances of two full runs."""
     found = _places(scene, a, b) if scene.drive.mode == "haul" else _times(scene, a, b)
     if scene.drive.mode == "haul":
         force = np.interp(b.t, a.t, _averaged(scene, a, a.F_haul)) - _averaged(scene, b, b.F_haul)
@@ -210,7 +209,7 @@ TOLD = {
 
 
 def _words(scene: Scene, tol: float, rungs: list[Rung], least: dict[str, str]) -> list[str]:
-    """Return a sentence for each need, with what the models below are off by, and one on the end of the ride."""
+    """A sentence for each need, with distances of lesser models, and one on the end."""
     said = []
     for need, model in least.items():
         known = [r for r in rungs if math.isfinite(r.gaps[need])]

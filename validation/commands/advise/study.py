@@ -1,8 +1,8 @@
-"""How little model is enough: a ladder from a taut string under a force to the full cable, climbed until it holds.
+"""The least model that is enough: a ladder from a taut string under a force to the full cable.
 
-What a tolerance means.  Path: the largest |v - v_full| of the mass over s_o/l = 0.02 to 0.80 (or to the slack onset),
-relative to the largest deflection there.  Tension: rms of T - T_full over cable and time, off the mass, over H.
-The model advised meets both; the least model for the path alone is reported beside it.
+Path: largest |v - v_full| over s_o/l = 0.02 to 0.80 (or to the slack onset), relative to the largest deflection.
+Tension: rms of T - T_full over cable and time, off the mass, over H.
+The advised model meets both; the least model for the path is reported, too.
 """
 
 import math
@@ -25,18 +25,18 @@ from validation.core.ladder import left
 from validation.core.methods import METHODS, find
 from validation.core.running import run
 
-# cheap to full; every rung knows something more than those before
+# cheap to full
 LADDER = (
     ("string", "force"), ("string", "mass"), ("sagged", "force"), ("sagged", "mass"), ("stretching", "force"),
     ("stretching", "mass"), ("full", "mass"),
 )  # fmt: skip
-REFERENCE = "following-p2"  # runs the ladder; the method advised is found afterwards
+REFERENCE = "following-p2"  # for the ladder
 FULL = tomllib.loads((resources.files(__package__) / "ladders.toml").read_text(encoding="utf-8"))["gripped"]["full"]
-FAR = 3.0  # times the tolerance: a cheaper model is run finer only where it is not so far from the full one
-# A full run leaves gap/(2^p - 1): p = 3/2 for the path (fronts), 1 for the tension, whose axial waves are not resolved.
+FAR = 3.0  # times the tolerance: models further off are not refined
+# gap/(2^p - 1) is a full run's error: fronts reduce p of the path, unresolved axial waves that of the tension
 PATH_ORDER, TENSION_ORDER = 1.5, 1.0
-SHARE = 0.25  # of the tolerance that the full run's own path error may take
-LEAST_WINDOW = 0.05  # s_o/l to be compared at least
+SHARE = 0.25  # of the tolerance: for the full run's path
+LEAST_WINDOW = 0.05  # least s_o/l compared
 
 Progress = Callable[[str, float], None]
 Window = tuple[float, float]
@@ -44,7 +44,7 @@ Window = tuple[float, float]
 
 @dataclass(slots=True)
 class Rung:
-    """One model of the ladder, its run and its distance to the full one."""
+    """A model, its run and its distance to the full one."""
 
     model: str
     load: str
@@ -56,10 +56,10 @@ class Rung:
         return self.path <= tol and (not tension or self.tension <= tol)
 
     def certain(self, tol: float, bars: tuple[float, float]) -> bool:
-        """Return whether a full run without error would decide alike."""
+        """Whether an exact full run would decide alike."""
         if self.path > tol + bars[0]:
             return True
-        # unresolved waves of the full run add to the gap as squares do
+        # unresolved waves add as squares
         least = math.sqrt(max(0.0, self.tension**2 - bars[1] ** 2))
         return self.path <= tol - bars[0] and (least > tol or self.tension <= tol)
 
@@ -81,7 +81,7 @@ class Climb:
         return self.full[-1]
 
     def least(self, *, tension: bool) -> int:
-        """Return the index in LADDER of the cheapest rung within the tolerance; the full one if none is."""
+        """Index in LADDER of the cheapest rung within the tolerance, or of the full one."""
         within = (i for i, rung in enumerate(self.rungs) if rung.within(self.tol, tension=tension))
         return next(within, len(LADDER) - 1)
 
@@ -94,7 +94,7 @@ class Climb:
 def advise(scene: Scene, tol: float, out: Path, progress: Progress | None = None) -> dict[str, Any]:
     """Find the least model of a scene and its cheapest run, and write advice.json.
 
-    tol : of path and tension, see above.  An advice on the same scene and tolerance that is already there is kept.
+    tol : of path and tension. An existing advice for the same is kept.
     """
     if not (math.isfinite(tol) and 0.0 < tol < 1.0):
         raise ValueError(f"tol must lie in (0, 1), got {tol!r}")
@@ -111,7 +111,7 @@ def advice(scene: Scene, tol: float, progress: Progress | None = None) -> dict[s
     if scene.drive.mode != "grip":
         return rolling.advice(scene, tol, progress)
     report = progress or (lambda label, done: None)
-    for model in ("full", "string"):  # the first call of compiled code costs more than a run
+    for model in ("full", "string"):  # compile first
         run(scene, REFERENCE, model=model, elements=2, steps=8, until=0.3)
     climbed = climb(scene, tol, report)
     both, path = (climbed.least(tension=t) for t in (True, False))
@@ -140,7 +140,7 @@ _PLACE = np.linspace(0.0, measures.WINDOW[1], 81)
 
 
 def climb(scene: Scene, tol: float, report: Progress) -> Climb:
-    """Run the ladder; the full model coarse and fine, finer still where the decision hangs on its own error."""
+    """Run the ladder; refine the full model where its own error decides."""
     found = Climb(scene, tol)
     levels = FULL if tol < 1e-3 else FULL[:-1]
     for level, (elements, steps) in enumerate(levels):
@@ -159,7 +159,7 @@ def climb(scene: Scene, tol: float, report: Progress) -> Climb:
 
 
 def _measure_full(found: Climb) -> bool:
-    """Set the window and the bars from the two finest full runs; False where they have too little in common."""
+    """Set window and bars from the two finest full runs; False without enough overlap."""
     coarse, fine = found.full[-2:]
     try:
         found.window = measures.window_of(coarse, fine)
@@ -177,7 +177,7 @@ def _measure_full(found: Climb) -> bool:
 
 
 def _climb_cheaper(found: Climb, level: int, report: Progress) -> None:
-    """Run the rungs below the full one, coarsely first; again, finer, those not far from the tolerance; measure all."""
+    """Run the rungs below coarsely, and finer near the tolerance; measure all."""
     for i, (model, load) in enumerate(LADDER[:-1]):
         report("cheaper models", i / (len(LADDER) - 1))
         for elements, steps in (FULL[0], FULL[level]):
@@ -193,7 +193,7 @@ def _climb_cheaper(found: Climb, level: int, report: Progress) -> None:
 
 
 def distance(r: Response, full: Response, window: Window) -> tuple[float, float]:
-    """Return path and tension gap to the full run; infinite where the run does not cover the window."""
+    """Path and tension gap to the full run; infinite outside its window."""
     try:
         if r.reached >= window[1]:
             return deflection_gap(r, full, window), measures.tension_gap(r, full, window)
@@ -203,7 +203,7 @@ def distance(r: Response, full: Response, window: Window) -> tuple[float, float]
 
 
 def deflection_gap(a: Response, b: Response, window: Window) -> float:
-    """Return the largest |v_a - v_b| of the mass over the window, relative to the largest |v_b| up to its end."""
+    """Largest |v_a - v_b| over the window, relative to the largest |v_b|."""
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
     inside = measures.inside(coarse, window)
     if np.count_nonzero(inside) < 5:
@@ -216,9 +216,9 @@ def deflection_gap(a: Response, b: Response, window: Window) -> float:
 
 
 def race(found: Climb, index: int, report: Progress) -> list[dict[str, Any]]:
-    """Return the runs of a rung by all candidates; the finest run of the climb comes first.
+    """Runs of a rung by all candidates; the climb's finest run comes first.
 
-    Each candidate is refined until it stays within the tolerance or costs more than another that does.
+    Each is refined until within the tolerance or dearer than one that is.
     """
     model, load = LADDER[index]
     made = found.full[::-1] if index == len(LADDER) - 1 else [found.rungs[index].run]
@@ -230,7 +230,7 @@ def race(found: Climb, index: int, report: Progress) -> list[dict[str, Any]]:
             cheapest = min((e["seconds"] for e in entries if e["meets"]), default=math.inf)
             settings: dict[str, Any] = {method.resolution.setting: resolution, "steps": steps}
             entries.append(_entry(found, found.made(method, model=model, load=load, **settings)))
-            # the next one costs about twice as much
+            # the next costs about twice
             if entries[-1]["meets"] or 2.0 * entries[-1]["seconds"] > min(cheapest, found.finest.seconds):
                 break
     report("methods", 1.0)
@@ -238,7 +238,7 @@ def race(found: Climb, index: int, report: Progress) -> list[dict[str, Any]]:
 
 
 def _entry(found: Climb, r: Response, *, tension: bool = True) -> dict[str, Any]:
-    """Return a run's line: its errors against the finest full run, for which its own bars stand."""
+    """A run's errors against the finest full run."""
     path, rms = found.bars if r is found.finest else distance(r, found.finest, found.window)
     meets = path <= found.tol and (not tension or rms <= found.tol)
     return {
@@ -248,7 +248,7 @@ def _entry(found: Climb, r: Response, *, tension: bool = True) -> dict[str, Any]
 
 
 def _rungs(found: Climb) -> list[dict[str, Any]]:
-    """Return all rungs with their distance to the full one, which stands at the error of its next coarser run."""
+    """All rungs with distances to the full one; its own is its next coarser run's."""
     lines = [
         _line(rung.run, rung.path, rung.tension) | {
             "within_path": rung.within(found.tol, tension=False), "within": rung.within(found.tol, tension=True),
@@ -278,7 +278,7 @@ def _line(r: Response, path: float, tension: float) -> dict[str, Any]:
 
 
 def words(found: Climb) -> list[str]:
-    """Return what each model is off by, a sentence each, and how far that holds."""
+    """A sentence on each model's error, and its validity."""
     onset = found.finest.slack_onset
     if not math.isfinite(found.bars[0]):
         why = "the full runs do not agree" if onset is None else f"the cable goes slack at s_o/l = {onset:.3f}"

@@ -14,7 +14,7 @@ LOOK = ((VERMILLION, DASHED), (GREEN, DOTTED))
 
 
 def sections(folder: Path) -> list[Section]:
-    """Return the bar of the table and the distances to the other ways over the places, and the verdicts."""
+    """The bars, the distances to the other ways over the places, and the verdicts."""
     x = json.loads((folder / "certify.json").read_text(encoding="utf-8"))
     s_o, answer = np.array(x["table"]["s_o"]), x["ways"][0]["name"]
     p = Panel("over the scale [–]", height=240.0)

@@ -1,9 +1,9 @@
-"""The path of the mass as deep as it goes, place by place, by three ways.
+"""The path of the mass as exactly as possible, place by place, by three ways.
 
-Two discretisations of the element wing differ in degree and in scheme; the Galerkin wing shares scene and time driver
-alone with them.  Each is refined until its own bars are met or its limit of work is reached.  Where the car grips the
-cable, the same settings are also held against the exact answer on a taut string.
-A free ride's path is compared over place; when it passes a place is an answer with a bar of its own.
+Two discretisations by elements differ in degree and scheme; the Galerkin solver shares only scene and time driver with
+them.  Each is refined until its bars are met or its limit of work is reached.  For a gripping car, the same settings
+are also compared with the exact answer on a taut string.
+The path of a free ride is compared over place; the time of passage has its own bar.
 """
 
 from __future__ import annotations
@@ -38,57 +38,57 @@ from validation.oracles.case import Path as MassPath
 
 TOL = 1e-6  # of the largest deflection
 PLACES = 101  # s_o/l = 0, 0.01, ... 1
-NEWTON = Newton(tol=1e-8)  # what Newton's method leaves adds up over the steps
-TIME_ORDER = 2.0  # the most that is credited in time
-AIM = 0.4  # of the tolerance: two ways' bars
-LAST = 95  # place beyond which changes show no order, and a step that is cut ends a hauled car's way
-NEARBY = 5  # places on either side whose gaps count too: a gap that passes through zero is no small error
+NEWTON = Newton(tol=1e-8)  # errors of Newton's method add up over the steps
+TIME_ORDER = 2.0  # largest order credited in time
+AIM = 0.4  # of the tolerance: bars of two ways
+LAST = 95  # beyond it changes show no order, and a cut step ends a hauled ride
+NEARBY = 5  # places on either side whose gaps count: a gap may cross zero
 
 Progress = Callable[..., None]
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A method with a scheme, where its ladder begins, and the most work of one run."""
+    """A method and scheme, its first settings, and the most work of a run."""
 
     method: str
     scheme: str
     first: tuple[int, int]  # resolution and steps
-    most: float  # steps, times what each costs (`Resolution.cost`)
+    most: float  # steps times cost of each (`Resolution.cost`)
 
     @property
     def name(self) -> str:
         return f"{self.method} {self.scheme}"
 
 
-WAYS = (  # half a minute each for the largest run
+WAYS = (  # largest run: half a minute
     Way("following-p4", "radau", (8, 1600), 120e3),
     Way("following-p2", "gauss", (16, 4000), 320e3),
     Way("fourier-kink", "trapezoidal", (10, 1000), 100e3),
 )
-FREE = 4.0  # times the work of a step: slip that rings crosses zero, and every crossing is an event
-# The wave of a car that is let go shifts the whole ride in time, by what the elements next to the car make of it.
+FREE = 4.0  # steps, because slip crosses zero often and each crossing is an event
+# a wave at release shifts the ride in time, depending on the elements next to the car
 AT_CAR = {"grading": 10.0}
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Where a run has the mass as it passes the places, and where it ended."""
+    """When and where the mass passes the places."""
 
-    k: Array  # (n,) places, in hundredths of the length
+    k: Array  # (n,) places, in percent of the length
     t: Array  # (n,) [s]
     place: Array  # (n, 2) [m] x and y
     moved: Array  # (n, 2) [m] u and v
-    end: str  # why it goes no further
+    end: str  # why it ends
 
     def gap(self, other: Track) -> Array:
-        """Return (2, n), distances at the places [m] and in time [s]; nan where the other is not."""
+        """(2, n) distances in place [m] and time [s]; nan where one is missing."""
         x, y, t = at(self.k, np.vstack([other.place.T, other.t]), other.k)
         return np.stack([np.hypot(self.place[:, 0] - x, self.place[:, 1] - y), np.abs(self.t - t)])
 
 
 def at(k: Array, values: Array, known: Array) -> Array:
-    """Return at places k what is known (m, n) at others; nan where it is not."""
+    """Values (m, n) at places k; nan where unknown."""
     out = np.full((values.shape[0], k.size), np.nan)
     _, i, j = np.intersect1d(k, known, return_indices=True)
     out[:, i] = values[:, j]
@@ -97,13 +97,13 @@ def at(k: Array, values: Array, known: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """The finest run of a way and its own bars at every place."""
+    """The finest run of a way and its bars."""
 
     way: Way
     settings: dict[str, Any]
     track: Track
-    bar: Array  # (2, n) of the place [m] and its instant [s]; nan where its companions did not come
-    parts: tuple[float, float]  # the largest over `scale`, of space and time, over 0.95 of the way
+    bar: Array  # (2, n) of place [m] and time [s]; nan where coarser runs ended
+    parts: tuple[float, float]  # largest over `scale`, of space and time, up to 0.95 of the way
     scale: float  # [m]
 
     def to(self, tol: float) -> float:
@@ -112,12 +112,12 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """The table, and what it was made of."""
+    """The table and its sources."""
 
     scene: Scene
     found: tuple[Found, ...]  # the first is the answer
-    bar: Array  # (2, n) of the answer: its own, or the distance to the second way where that is larger
-    gaps: tuple[Array, ...]  # (2, n) from the answer to each of the other ways
+    bar: Array  # (2, n) of the answer: its own, or the larger distance to the second way
+    gaps: tuple[Array, ...]  # (2, n) from the answer to each other way
     rows: list[Agreement] = field(default_factory=list)
 
     @property
@@ -151,7 +151,7 @@ class Certificate:
 
 
 def certify(scene: Scene, out: Path | None = None, progress: Progress | None = None) -> Certificate:
-    """Compute the path by all ways, with bars, and hold them against each other and the shipped table."""
+    """Compute the path by all ways with bars; compare them and the shipped table."""
     found = side_by_side([partial(climb, scene, way) for way in WAYS], progress)
     made = joined(scene, tuple(found))
     own = {found[0].way.name: found[0].bar}
@@ -167,16 +167,16 @@ def certify(scene: Scene, out: Path | None = None, progress: Progress | None = N
 
 
 def joined(scene: Scene, found: tuple[Found, ...]) -> Certificate:
-    """Return the certificate: the first way's answer, its bar no less than its distance to the second one."""
+    """The first way's answer; its bar is at least its distance to the second."""
     gaps = tuple(found[0].track.gap(f.track) for f in found[1:])
     return Certificate(scene, found, np.maximum(found[0].bar, np.stack([nearby(gap) for gap in gaps[0]])), gaps)
 
 
 # --- one way ----------------------------------------------------------------------------------------------------------
 def climb(scene: Scene, way: Way, progress: Progress = lambda *told: None) -> Found:
-    """Refine what leaves more, space or steps, until all bars but those near the end are met, as far as it may go.
+    """Refine space or steps, whichever matters more, until all bars but the last are met or work ends.
 
-    Each part is the change from half of it at the finest of the other.
+    Each part is the change from half of it, with the other at its finest.
     """
     method, free = find(way.method), scene.drive.mode == "free"
     space, at_car = method.resolution.setting, free and method.wing == "elements"
@@ -197,7 +197,7 @@ def climb(scene: Scene, way: Way, progress: Progress = lambda *told: None) -> Fo
         found = _found(fine, coarser, way, {k: settings[k] for k in first}, (min(method.space_order, 1.5), TIME_ORDER))
         parts = dict(zip((space, "steps"), (x if math.isfinite(x) else math.inf for x in found.parts), strict=True))
         progress(way.name, 0.5, f"{settings[space]}/{settings['steps']}: {sum(found.parts):.1g}")
-        # a part far below the other is not worth a run
+        # small parts are not refined
         finer = {k: settings | {k: 2 * settings[k]} for k in parts if parts[k] >= 0.1 * max(parts.values())}
         may = [k for k, x in finer.items() if x["steps"] * method.resolution.cost(x[space]) <= most]
         if sum(found.parts) <= AIM * TOL or not may:
@@ -208,14 +208,14 @@ def climb(scene: Scene, way: Way, progress: Progress = lambda *told: None) -> Fo
 
 
 def measured(scene: Scene, way: Way) -> Found:
-    """Return the first run of a way with its bar, no refinement."""
+    """The first run of a way with its bar."""
     return climb(scene, replace(way, most=0.0))
 
 
 def _found(
     fine: Track, coarser: list[list[Track]], way: Way, settings: dict[str, Any], orders: tuple[float, float]
 ) -> Found:  # fmt: skip
-    """Return a run with its bars, place by place, by runs with half and a quarter of the space and of the steps."""
+    """A run with bars at all places, from runs with half and a quarter of space and steps."""
     scale = float(np.linalg.norm(fine.moved, axis=1).max())
     lefts = []
     for (half, quarter), order in zip(coarser, orders, strict=True):
@@ -228,20 +228,20 @@ def _found(
 
 
 def nearby(gap: Array) -> Array:
-    """Return at each place the largest value of the places around it; nan where that place has none."""
+    """Largest value around each place; nan where that place has none."""
     padded = np.pad(np.nan_to_num(gap), NEARBY)
     largest = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEARBY + 1).max(axis=1)
     return np.where(np.isfinite(gap), largest, np.nan)
 
 
 def reach(k: Array, bar: Array, tol: float) -> float:
-    """Return the last place, over the length, to which all bars are within a tolerance; 0 if none is."""
+    """Last place/length up to which all bars are within a tolerance, or 0."""
     good = np.logical_and.accumulate(bar <= tol)
     return float(k[good][-1] / 100.0) if good.any() else 0.0
 
 
 def track(scene: Scene, method: Method, settings: dict[str, Any]) -> Track:
-    """March up to the slack onset, keeping the passages of the places only; elastic law."""
+    """Run up to the slack onset and keep the passages; elastic law."""
     groups = scene.groups
     solver = method.build(groups, settings, model="full", load="mass", law="elastic")
     scheme = newmark.scheme(settings["scheme"])
@@ -272,7 +272,7 @@ def track(scene: Scene, method: Method, settings: dict[str, Any]) -> Track:
 
 
 def _passages(solver: Any, before: State | None, after: State, marks: range) -> Iterator[State]:
-    """Give the states at the places [hundredths] that the mass passes from one state to the next."""
+    """The states at places [percent] passed between two states."""
     for mark in marks:
         if before is not None and 100.0 * solver.place(before) < mark:
             yield _passage(solver, before, after, mark / 100.0)
@@ -291,9 +291,9 @@ def _passage(solver: Any, before: State, after: State, s_o: float) -> State:
 
 # --- verdicts ---------------------------------------------------------------------------------------------------------
 def _rows(made: Certificate, own: dict[str, Array], other: Track, party: str, bar: Array) -> Iterator[Agreement]:
-    """Give the verdicts on another path and, of a free ride, its instants [s], where they fill most of what is allowed.
+    """Verdicts on another path and the times [s] of a free ride, where comparable over most of the way.
 
-    own : the bar that counts of the answer, by its name; bar : the other's.
+    own : bars of the answer by name; bar : the other's.
     """
     answer = made.answer
     bars, gap = own | {party: at(answer.track.k, bar, other.k)}, answer.track.gap(other)
@@ -311,7 +311,7 @@ def _rows(made: Certificate, own: dict[str, Array], other: Track, party: str, ba
 
 
 def _string(scene: Scene, answer: Found, found: Found) -> Agreement:
-    """Hold a way's settings, on a taut string under the same mass and travel, against the exact answer."""
+    """Compare a way's settings on a taut string, with the same mass and travel, with the exact answer."""
     law, groups = "taut string", scene.groups
     motion = groups.motion
     assert motion is not None
@@ -335,8 +335,6 @@ COLUMNS = "s_o/l,t,x,y,u,v,bar,bar_t"
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table that was written."""
-
     name: str
     scene: str  # its TOML
     track: Track
@@ -345,15 +343,14 @@ class Table:
 
 
 def tables() -> list[Path]:
-    """Return the tables that are shipped."""
     folder = resources.files("validation.commands.certify") / "tables"
     return sorted(Path(str(file)) for file in folder.iterdir() if file.name.endswith(".csv"))
 
 
 def write_table(file: Path, made: Certificate) -> None:
-    """Write t, x, y (down), u, v at s_o/l = k/100 with bars [m] and [s]; before them all that they are made of.
+    """Write t, x, y (down), u, v at s_o/l = k/100 with bars [m] and [s], after their sources.
 
-    Digits end a hundredth below the tolerance; bars hold what that rounds.
+    Bars include the rounding of the digits.
     """
     a = made.answer
     digits = max(0, math.ceil(-math.log10(0.01 * TOL * a.scale)))
@@ -388,17 +385,17 @@ def read_table(file: Path) -> Table:
     scale = float(notes[0].split(" of ")[2].split()[0])
     end = next(note.removeprefix("ends: ") for note in notes if note.startswith("ends: "))
     track = Track(np.round(100.0 * data[:, 0]), data[:, 1], data[:, 2:4], data[:, 4:6], end)
-    # as the scene writes itself today: the order of its tables may be another one
+    # rewritten, as the order of tables may differ
     return Table(file.stem, Scene.from_toml(toml).to_toml(), track, data[:, 6:].T, scale)
 
 
 def against(table: Table, made: Certificate) -> list[Agreement]:
-    """Hold a certificate against a table: no place, nor its instant, may differ by more than both bars."""
+    """Compare with a table: place and time may differ by both bars."""
     return list(_rows(made, {"answer": made.bar}, table.track, "shipped table", table.bar))
 
 
 def shown(made: Certificate, tols: Sequence[float] = (1e-4, 1e-5, 1e-6)) -> list[list[str]]:
-    """Return how far each way gets, and the answer."""
+    """Range of each way, and of the answer."""
     rows = [
         [f.way.name, *(str(v) for v in list(f.settings.values())[:2]), *(f"{p:.1e}" for p in f.parts),
          *(f"{reach(f.track.k, f.bar[0] / f.scale, tol):.2f}" for tol in tols), f.track.end]

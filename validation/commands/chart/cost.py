@@ -1,4 +1,4 @@
-"""What a step costs: by the number of unknowns, and over the bare banded solve that no implicit rule can do without."""
+"""Cost of a step: by number of unknowns, and over the bare banded solve."""
 
 import time
 from collections.abc import Callable
@@ -15,9 +15,9 @@ from validation.core.running import run
 
 
 def growth(scene: Scene, *, most: int = 1000, repeats: int = 2) -> list[dict[str, Any]]:
-    """Return per method the seconds per step over the number of unknowns, and the exponent of a power law through them.
+    """Seconds per step over the number of unknowns of each method, and the exponent of a power law.
 
-    most : elements per side of the largest mesh.  Bases of global functions stop at 80: their matrices are full.
+    most : elements per side. Global bases stop at 80: full matrices.
     """
     out = []
     for method in METHODS.values():
@@ -36,16 +36,16 @@ def growth(scene: Scene, *, most: int = 1000, repeats: int = 2) -> list[dict[str
 
 
 def _sizes(space: Resolution, largest: int) -> list[int]:
-    """Return four or five resolutions up to the largest, equally apart in ratio."""
+    """Four or five resolutions, equally spaced in ratio."""
     if space.doubling:
         return list(range(largest + 1))
     return [round(10.0 * (largest / 10.0) ** (k / 4.0)) for k in range(5)]
 
 
 def implicit_floor(scene: Scene, *, elements: int = 10, steps: int = 480, repeats: int = 9) -> dict[str, Any]:
-    """Return what an iteration of following-p2 costs over LAPACK's bare banded solve of the same size, medians.
+    """Cost of an iteration of following-p2 over LAPACK's bare banded solve of the same size, medians.
 
-    iteration : tangent, factors and solution;  run : a real run's seconds per Newton iteration, everything included.
+    iteration : tangent, factors and solution;  run : a run's seconds per Newton iteration.
     """
     from cablefem.elements.following import FollowingElements
 

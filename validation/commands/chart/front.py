@@ -1,15 +1,15 @@
-"""What the rows of a chart say: which no other one beats, and which is fastest to an error."""
+"""The fronts of a chart, and the fastest row for an error."""
 
 import math
 from collections.abc import Sequence
 from typing import Any
 
 Row = dict[str, Any]
-OURS = ("method", "integrator")  # kinds that solve the full cable at given settings
+OURS = ("method", "integrator")  # full cable
 
 
 def best_of(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:
-    """Return the rows that no other one beats in both work and error, from quick to exact."""
+    """Rows that no other one beats in work and error."""
     error = f"{quantity}_error"
     out: list[Row] = []
     known = [r for r in rows if r["status"] == "ok" and r[error] is not None and r[work] is not None]
@@ -20,14 +20,14 @@ def best_of(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[R
 
 
 def front(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:
-    """Return the best of all methods that solve the full cable."""
+    """Best rows of all methods for the full cable."""
     return best_of([r for r in rows if r["kind"] in OURS], quantity, work)
 
 
 def seconds_at(rows: list[Row], error: float, quantity: str = "path") -> float | None:
-    """Return the seconds at which a set of rows reaches an error, between its own best rows, log over log.
+    """Seconds at an error, between the best rows, log over log.
 
-    None where no row reaches it; where the coarsest row is better already, that row's seconds.
+    None where no row reaches it; of a better coarsest row, its seconds.
     """
     best = [(r["seconds"], r[f"{quantity}_error"]) for r in best_of(rows, quantity)]
     for i, (seconds, e) in enumerate(best):
@@ -41,9 +41,9 @@ def seconds_at(rows: list[Row], error: float, quantity: str = "path") -> float |
 
 
 def fastest(rows: list[Row], error: float) -> Row:
-    """Return which method reaches an error of path and of tension first, in what time, and each peer's time (path).
+    """The fastest method for an error of path and of tension, and each peer's time (path).
 
-    "tension" is for the tension what "series" and "seconds" are for the path.
+    "tension" holds series and seconds for the tension.
     """
     of = {name: [r for r in rows if r["series"] == name] for name in dict.fromkeys(r["series"] for r in rows)}
     full = {name: x for name, x in of.items() if x[0]["kind"] in OURS}

@@ -117,7 +117,7 @@ def _wing(name: str) -> Callable[[Row], bool]:
 
 
 def _groups(chart: dict[str, Any]) -> list[tuple[str, dict[str, list[Row]]]]:
-    """Return what is drawn side by side: few enough lines in each to be told apart."""
+    """Groups with few enough lines."""
     groups = [
         ("elements", _series(chart, lambda r: _wing("elements")(r) and "fixed" not in r["series"])),
         ("elements, fixed mesh", _series(chart, lambda r: _wing("elements")(r) and "fixed" in r["series"])),
@@ -146,7 +146,7 @@ def _work(chart: dict[str, Any]) -> Section:
 
 
 def _drawn(chart: dict[str, Any], quantity: str, work: str) -> Markup:
-    """Return the charts of all groups side by side; countable work is known of our own solvers."""
+    """Charts of all groups; countable work for our own solvers."""
     drawn = []
     for title, lines in _groups(chart):
         known = {k: [r for r in v if r[f"{quantity}_error"] is not None and r[work]] for k, v in lines.items()}
@@ -159,7 +159,7 @@ def _drawn(chart: dict[str, Any], quantity: str, work: str) -> Markup:
 
 @style()
 def draw(chart: dict[str, Any], quantity: str, work: str, title: str, lines: dict[str, list[Row]]) -> Figure:
-    """Draw one work-precision chart: error over work, both logarithmic, the same frame for all of a page."""
+    """A work-precision chart, logarithmic, in the same frame for all of a page."""
     error = f"{quantity}_error"
     fig, ax = panels(height=4.4)
     dots = [r for r in chart["rows"] if r["status"] == "ok" and r[error] and r[work]]
@@ -175,7 +175,7 @@ def draw(chart: dict[str, Any], quantity: str, work: str, title: str, lines: dic
     _frame(ax, [r[work] for r in dots], [r[error] for r in dots], chart["reference"].get(error))
     ax.set(title=title, xlabel=WORK[work], ylabel=_error(chart, quantity))
     fig.legend(loc="outside lower center", ncols=2)
-    fig.draw_without_rendering()  # from here on all is in its place
+    fig.draw_without_rendering()
     taken: list[Bbox] = []
     for row, colour, up in labels:
         _label(ax, row, error, work, colour, up, taken)
@@ -183,7 +183,7 @@ def draw(chart: dict[str, Any], quantity: str, work: str, title: str, lines: dic
 
 
 def _frame(ax: Axes, work: list[float], errors: list[float], floor: float | None) -> None:
-    """Set the axes for all dots of the page; grey: errors below that of the reference."""
+    """Set the axes for the page; grey: below the reference's error."""
     ax.set(xscale="log", yscale="log", xlim=(0.4 * min(work), 3.0 * max(work)))
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.yaxis.set_minor_formatter(NullFormatter())
@@ -198,7 +198,7 @@ def _columns(rows: Sequence[Row], *names: str) -> list[list[float]]:
 
 
 def _label(ax: Axes, row: Row, error: str, work: str, colour: str, up: int, taken: list[Bbox]) -> None:
-    """Put a dot's settings above it or, up = -1, below it, where no other label is."""
+    """Label a dot with its settings, above or (up = -1) below, where free."""
     settings = row.get("chosen") or row["settings"]
     text = f"tol {row['settings']['tol']:g}" if "tol" in row["settings"] else " · ".join(
         str(v) for v in settings.values() if not isinstance(v, str)
@@ -223,7 +223,7 @@ def _label(ax: Axes, row: Row, error: str, work: str, colour: str, up: int, take
 def _failures(chart: dict[str, Any]) -> Section:
     bad = [r for r in chart["rows"] if r["status"] != "ok"]
     grouped: dict[tuple[str, str, str], list[Row]] = {}
-    for r in bad:  # reasons that differ in numbers only are one
+    for r in bad:  # reasons that differ in numbers are one
         kind = "budget" if r["status"] == "not run" else re.sub(r"[0-9.]+", "", r["reason"] or "")
         grouped.setdefault((r["series"], r["status"], kind), []).append(r)
     heads = ("line", "status", "settings", "reason")
@@ -236,7 +236,6 @@ def _failures(chart: dict[str, Any]) -> Section:
 
 
 def _failed(name: str, status: str, kind: str, rows: list[Row]) -> tuple[str, str]:
-    """Return settings and reason of runs that failed alike."""
     at = [_told({k: v for k, v in r["settings"].items() if str(v) not in name}) for r in rows if r["settings"]]
     reason = "would have cost more than its share of the time" if kind == "budget" else rows[0]["reason"]
     return "; ".join(at) or "–", reason

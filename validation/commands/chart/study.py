@@ -1,10 +1,9 @@
-"""Speed against accuracy: every method, model and integrator over its ladder, other codes beside them (chart.toml).
+"""Speed against accuracy of all methods, models, integrators and other codes (chart.toml).
 
-Errors, against a reference far finer than anything charted, in the window of comparison or up to the slack onset:
-of the mass path, largest distance over the largest deflection (of a free ride at equal times, over a tenth of the
-length); of the tension field, rms off the mass, over H.
-Seconds are those of the time loop, up to the end of the window, the best of separate runs on one core.  From another
-code's long runs, what other programs took of the core is left out.
+Reference: far finer than the chart, in the window of comparison or up to the slack onset.
+Path error: largest distance over the largest deflection (of a free ride at equal times, over a tenth of the length).
+Tension error: rms off the mass, over H.
+Seconds: time loop up to the end of the window, best of separate runs on one core, without what others took of it.
 """
 
 from __future__ import annotations
@@ -42,15 +41,15 @@ STOP = measures.WINDOW[1]
 SAID = tomllib.loads((resources.files(__package__) / "chart.toml").read_text(encoding="utf-8"))
 REFERENCE, REFERENCE_OF_RIDES, WITNESS = SAID["reference"], SAID["reference_of_rides"], SAID["witness"]
 BASE = SAID["base"]
-FINER = tuple(2.0 ** (0.5 * k) for k in range(-3, 4))  # resolutions over the default
-DENSE = tuple(2.0 ** (-0.25 * k) for k in range(8, -1, -1))  # shares of the steps, for runs of milliseconds
+FINER = tuple(2.0 ** (0.5 * k) for k in range(-3, 4))  # over the default resolution
+DENSE = tuple(2.0 ** (-0.25 * k) for k in range(8, -1, -1))  # shares of steps, for short runs
 
 Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """What is charted as one line: a name, what runs, and its rungs from coarse to fine."""
+    """One line of the chart: name, runner, and rungs from coarse to fine."""
 
     name: str
     kind: str  # "method" | "model" | "integrator" | "tolerance" | "peer"
@@ -63,11 +62,11 @@ def chart(
     scene: Scene, out: Path, progress: Progress | None = None, *, peers: bool = True, repeats: int = 3,
     budget: float = 240.0,
 ) -> dict[str, Any]:  # fmt: skip
-    """Measure speed against accuracy on a scene and store it as chart.json; go on where an earlier call stopped.
+    """Measure speed against accuracy on a scene and store it as chart.json; continue an earlier call.
 
-    peers : run other codes as well, where they are installed.
-    repeats : separate timed runs of each setting; the best counts, the spread is kept.
-    budget : [s] for all runs together; what would exceed its share is a row "not run" with the seconds expected.
+    peers : run installed other codes as well.
+    repeats : separate timed runs of each setting; the best counts.
+    budget : [s] for all runs; a run beyond its share becomes a row "not run" with the expected seconds.
     """
     report = progress or (lambda label, done: None)
     path = out / "chart.json"
@@ -96,7 +95,7 @@ def chart(
 
 
 def series(peers: bool = True, groups: Groups | None = None) -> Iterator[Series]:
-    """Yield what is charted; names come from the tables of methods, schemes, models and peers."""
+    """Yield the series by the tables of methods, schemes, models and peers."""
     from cablefem.elements.cable import MODELS
 
     base, mode = METHODS[BASE], groups.drive.mode if groups else "grip"
@@ -115,7 +114,7 @@ def series(peers: bool = True, groups: Groups | None = None) -> Iterator[Series]
 
 
 def _schemes(base: Method, usual: str) -> Iterator[Series]:
-    """Yield the schemes besides the usual one, less two that are on no front of `level` and `zipline`."""
+    """The schemes besides the usual one, without two that are never on a front."""
     for scheme in SCHEMES:
         if scheme not in (usual, "energy", "central-difference"):
             # High order wants few large steps; with fewer than that, Newton's method is lost at wave fronts.
@@ -128,12 +127,12 @@ def _schemes(base: Method, usual: str) -> Iterator[Series]:
 
 
 def ladder(method: Method, shares: Sequence[float] = SAID["shares"]) -> Iterator[dict[str, Any]]:
-    """Yield a method's settings from coarse to fine, around its defaults.
+    """A method's settings from coarse to fine, around its defaults.
 
-    Steps keep pace with the resolution, at least linearly and at most as its square; `shares` of them are taken.
+    Steps grow with the resolution, between linearly and as its square; then `shares` of them.
     """
     settings = method.settings({})
-    seen, pace = [], min(2.0, method.keeps_pace)  # more steps than that nobody waits for
+    seen, pace = [], min(2.0, method.keeps_pace)  # more steps take too long
     for finer in FINER:
         for share in shares:
             x = method.told(refined(method, settings, space=finer, time=share * finer**pace))
@@ -147,7 +146,7 @@ def ladder(method: Method, shares: Sequence[float] = SAID["shares"]) -> Iterator
 
 @dataclass(frozen=True, slots=True)
 class _Truth:
-    """The reference, the window in which it holds, and what is known about its own error."""
+    """The reference, its window, and its own error."""
 
     run: Response
     window: Window
@@ -179,7 +178,7 @@ class _Truth:
         return {"path_error": path, "path_rms": rms, "tension_error": measures.tension_gap(r, self.run, self.window)}
 
     def errors_of_path(self, p: PeerPath, scene: Scene) -> dict[str, float]:
-        """Return the errors of another code's path, which has no units."""
+        """Errors of another code's path, dimensionless."""
         t, place = scene.time_scale * p.t, np.stack(scene.groups.shape(p.s_o)) + np.stack([p.u, p.v])
         inside = (p.s_o >= self.window[0]) & (p.s_o <= self.window[1]) & (t <= self.run.t[-1])
         ours = CubicSpline(self.run.t, np.stack([self.run.x, self.run.y], axis=1))(t[inside])
@@ -187,12 +186,12 @@ class _Truth:
         return {"path_error": float(gap.max()), "path_rms": float(np.sqrt(np.mean(gap**2)))}
 
     def short(self, reached: float, reason: str | None) -> bool:
-        """Whether a run broke before the end of the window; where and when a free ride ends is an answer."""
+        """Whether a run broke off before the end of the window; a free ride may end."""
         return bool(reason) if self.run.drive == "free" else reached < self.window[1] * (1.0 - 1e-9)
 
 
 def stop_of(scene: Scene) -> float | None:
-    """Return s_o/l to which runs go; None: a free ride goes to its end."""
+    """Last s_o/l of runs; None for a free ride."""
     return None if scene.groups.drive.mode == "free" else STOP
 
 
@@ -209,7 +208,7 @@ def _or_none(measure: Callable[[], float]) -> float | None:
 def _line(
     scene: Scene, line: Series, truth: _Truth, rows: list[dict[str, Any]], repeats: int, share: float
 ) -> list[dict[str, Any]]:  # fmt: skip
-    """Return the rows of a series that are not there yet; `share` [s] is what it may cost."""
+    """Missing rows of a series; `share` [s] limits its cost."""
     done = {(r["series"], json.dumps(r["settings"], sort_keys=True)) for r in rows}
     if missing := available(line.name) if line.kind == "peer" else None:
         return [_row(line, {}, status="not installed", reason=missing)]
@@ -232,7 +231,7 @@ def _line(
 
 
 def _refused(scene: Scene, line: Series) -> str | None:
-    """Return why a method or model, or a code whose mass grips the cable, cannot run the scene at all; None: it can."""
+    """Why a series cannot run the scene; None: it can."""
     try:
         if line.method is not None:
             Run(scene, line.method, model=line.model)
@@ -244,9 +243,8 @@ def _refused(scene: Scene, line: Series) -> str | None:
 
 
 def _size(line: Series, rung: dict[str, Any]) -> float:
-    """Return what the seconds of a rung are roughly proportional to."""
     if line.kind == "tolerance":
-        return float(rung["tol"] ** -0.75)  # steps ~ tol^-1/2, unknowns ~ tol^-1/2 at a part of the cost
+        return float(rung["tol"] ** -0.75)  # steps ~ tol^-1/2, unknowns ~ tol^-1/2 at part of the cost
     if line.method is None:
         space = next(iter(rung.values()), 1.0)
         return float(rung.get("steps", space) * space)
@@ -264,9 +262,9 @@ def _row(line: Series, settings: dict[str, Any], **found: Any) -> dict[str, Any]
 
 
 def _timed(first: float, again: Callable[[], float], repeats: int, left: float) -> dict[str, Any]:
-    """Return the best of several separate runs and the spread (slowest over best), as many as there is time for.
+    """The best of separate runs and the spread (slowest over best), as time allows.
 
-    Runs of milliseconds are repeated more often: the clock of a core may change from one to the next.
+    Short runs are repeated more often.
     """
     seconds = [first]
     while sum(seconds) + first < left:
@@ -280,14 +278,14 @@ def _timed(first: float, again: Callable[[], float], repeats: int, left: float) 
 
 
 def _alone(call: Callable[[], Any]) -> tuple[Any, float]:
-    """Return what a call returns, and the part of its wall time in which the processor worked for it."""
+    """What a call returns, and its share of processor time."""
     wall, own = time.perf_counter(), time.process_time()
     found = call()
     return found, min(1.0, (time.process_time() - own) / (time.perf_counter() - wall))
 
 
 def _judged(r: Response, truth: _Truth) -> dict[str, Any]:
-    """Return the errors and the countable work of a run, or why it has none."""
+    """Errors and countable work of a run, or why there are none."""
     work = {
         "reached": r.reached, "n_dof": r.n_dof, "steps": r.work["steps"],
         "newton_iterations": r.work["newton_iterations"], "factorisations": r.work["factorisations"],
@@ -302,7 +300,7 @@ def _judged(r: Response, truth: _Truth) -> dict[str, Any]:
 
 
 class _Failed(ValueError):
-    """A run that came to nothing; `found` is what is known of it."""
+    """A failed run; `found` is known."""
 
     def __init__(self, reason: str, **found: Any) -> None:
         super().__init__(reason)
@@ -312,7 +310,7 @@ class _Failed(ValueError):
 def _repeated(
     scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth, repeats: int, left: float
 ) -> dict[str, Any]:  # fmt: skip
-    """Return the row of a rung that is run again and again for its seconds."""
+    """Return the row of a rung, timed repeatedly."""
     once = partial(_ONCE[line.kind], scene, line, rung, truth)
     try:
         found, seconds = once()
@@ -321,7 +319,7 @@ def _repeated(
     return _row(line, rung, **found, **_timed(seconds, lambda: once()[1], repeats, left))
 
 
-Once = tuple[dict[str, Any], float]  # what a run is found to be, and its seconds
+Once = tuple[dict[str, Any], float]  # result of a run, and its seconds
 
 
 def _ours(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> Once:
@@ -331,7 +329,7 @@ def _ours(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> On
 
 
 def _to_tolerance(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> Once:
-    """A tolerance in place of a resolution: the seconds are those of every run it took to get there."""
+    """A run by tolerance; seconds include all runs up to it."""
     assert line.method is not None
     begin = time.process_time()
     r = climb(scene, line.method, rung["tol"], until=stop_of(scene)).run
@@ -346,7 +344,7 @@ def _of_peer(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) ->
     try:
         with threadpool_limits(1):
             p, share = _alone(lambda: PEERS[line.name].run(groups, **rung))
-    except Exception as error:  # another code may fail in its own ways
+    except Exception as error:  # other codes' failures
         raise _Failed(f"{type(error).__name__}: {error}") from error
     steps = {"steps": p.t.size - 1, "reached": p.reached}
     if truth.short(p.reached, p.note):
@@ -355,7 +353,7 @@ def _of_peer(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) ->
 
 
 def until(groups: Groups, place: float) -> Groups:
-    """Return the groups with a travel that ends at that place, as it is passed: what another code has to run."""
+    """A travel that ends at that place, for other codes."""
     motion = groups.motion
     assert motion is not None
     if place >= motion.end:

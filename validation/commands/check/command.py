@@ -119,7 +119,7 @@ def command(
         result = study.check(
             loaded, tol=tol, tol_tension=tol_tension, deep=deep, second=other_scene, progress=progress, made=made
         )
-        from validation.commands.check import words  # by now they are loaded, while solvers ran
+        from validation.commands.check import words  # already loaded while solvers ran
         from validation.core.answers import write_answers
         from validation.page import report
 
@@ -146,7 +146,7 @@ def command(
 
 
 def _second(scene: Any, file: Path | None, pairs: list[str] | None) -> Any:
-    """Return the scene that the second solver is told, None where it is the same."""
+    """The scene for the second solver; None if the same."""
     faults: list[str] = []
     other = scene if file is None else line_named(str(file)) or scene_named(str(file), faults, travelling=True)
     points = points_of(other, pairs)
@@ -156,7 +156,7 @@ def _second(scene: Any, file: Path | None, pairs: list[str] | None) -> Any:
 
 
 def _write_tables(folder: Path, runs: "tuple[Response, ...]") -> None:
-    from validation.page import paraview  # loading what it needs takes as long as it does
+    from validation.page import paraview  # slow to load
 
     for run in runs:
         run.write_tables(folder / run.method)
@@ -164,7 +164,7 @@ def _write_tables(folder: Path, runs: "tuple[Response, ...]") -> None:
 
 
 def _many(scene: "Scene", points: "list[Point]", out: Path | None, **asked: Any) -> int:
-    """Check every point of a grid, write table and page, and print the table; 1 unless all agree."""
+    """Check every point of a grid, write table and page; 1 unless all agree."""
     from validation.commands.check import study
     from validation.page import report
     from validation.page.answer import many

@@ -1,4 +1,4 @@
-"""What both wings share, held against third parties that do not share it: `check --deep`."""
+"""Shared parts of both solvers against third parties: `check --deep`."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from validation.core.scipys import integrated
 from validation.core.view import View
 
 ROUNDING = 1e-8
-COARSE, STEPS = 6, 2000  # elements a side, and driver's steps over the part of the way below
-FROM, PART = 0.1, 0.05  # s_o/l from which the driver is held against scipy, and the part of the travel over which
+COARSE, STEPS = 6, 2000  # elements a side, steps over PART
+FROM, PART = 0.1, 0.05  # s_o/l where the comparison with scipy starts, and its part of the travel
 HALVED = "the change from coarser runs"
 
 
 def deep(scene: Scene, a: Ladder, rows: list[Agreement]) -> Iterator[Agreement]:
-    """Give a row for each third party that has something to say of the scene; a : the estimated run of the elements."""
+    """A row for each applicable third party; a : the estimated run of the elements."""
     for what, third in THIRD.items():
         try:
             row = third(scene, a, rows)
@@ -49,12 +49,12 @@ def _row(gap: float, *parts: Part) -> Agreement:
 
 
 def _frequencies(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement:
-    """Hold both wings' bare cable against the exact linearised catenary."""
+    """Compare both bare cables with the exact linearised catenary."""
     return max(modes(scene).rows, key=lambda row: row.gap / row.allowed)
 
 
 def _rest(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
-    """Hold the start of a car that rolls against the elastic catenary of two pieces."""
+    """Compare the start of a rolling car with the elastic catenary of two pieces."""
     if a.run.drive == "grip":
         return None
     r, l = a.run, scene.length
@@ -68,7 +68,7 @@ def _rest(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
 
 
 def _driver(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
-    """Hold the time driver against scipy's DOP853 on the same coarse semi-discrete system, from one of its states."""
+    """Compare the time driver with scipy's DOP853 on the same coarse semi-discrete system, from one state."""
     method = METHODS["following-p2"]
     settings = method.settings_on(scene.groups, {"elements": COARSE, "steps": STEPS // 2})
     system: Any = method.build(scene.groups, settings, model="full", load="mass", law="elastic")
@@ -92,9 +92,9 @@ def _driver(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
 
     (fine, events), (coarse, _) = marched(STEPS), marched(STEPS // 2)
     if events or fine.t < t1:
-        return None  # the system changes on the way
+        return None
     n, theirs = system.n_dof, integrated(system, first, np.array([t1]), "DOP853", rtol=1e-7)
-    last = n - (a.run.drive == "haul")  # the place of a rope is idle
+    last = n - (a.run.drive == "haul")  # the last unknown of a hauled car has no dynamics
     size = float(np.abs(fine.q[:last]).max())
     gap, change = (
         float(np.abs(q[:last] - fine.q[:last]).max()) / size for q in (theirs[0, :n], coarse.q)
@@ -103,9 +103,9 @@ def _driver(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
 
 
 def _bars(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement:
-    """Hold the elements' path against elements of degree 4 in twice the steps, with a bar of their own.
+    """Compare the elements' path with degree 4 in twice the steps, with its own bar.
 
-    Not against Radau's rule: it damps what rings, and the change from half its steps does not tell.
+    Radau's rule would damp the axial waves.
     """
     finer = a.run.settings | {"elements": max(4, a.run.settings["elements"] // 2), "steps": 2 * a.run.settings["steps"]}
     view = View.of(scene)
@@ -115,7 +115,7 @@ def _bars(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement:
 
 
 def _slack(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
-    """Hold the slack cable's path against one of another damping, as far as both answers know it."""
+    """Compare the slack cable's path with one of other damping."""
     known = next((row for row in rows if row.quantity == "path_slack" and row.where is not None), None)
     if known is None or known.where is None or a.run.slack_onset is None:
         return None
@@ -129,9 +129,9 @@ def _slack(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
 
 
 def entry(scene: Scene, r: Response, length: float = 0.02) -> dict[str, float] | None:
-    """Return what a smooth entry changes of a gripped car at constant speed: path over deflection, tensions over H.
+    """Effect of a smooth entry on a gripped car at constant speed: path over deflection, tensions over H.
 
-    length : of the ramp, over the cable's: all of it lies before the window of comparison.
+    length : of the ramp over the cable's, before the window of comparison.
     """
     travel = scene.travel
     if r.drive != "grip" or travel is None or travel.kind != "constant_speed" or travel.entry_ramp is not None:
@@ -143,7 +143,7 @@ def entry(scene: Scene, r: Response, length: float = 0.02) -> dict[str, float] |
     try:
         place = np.linspace(*measures.window_of(r, ramped), 400)
     except measures.NotComparable:
-        return None  # too hard a start: the cable falls slack at once
+        return None  # the cable falls slack at once
 
     def at(x: Response, name: str) -> Array:
         return np.interp(place, x.s_o / x.length, getattr(x, name))
@@ -156,7 +156,7 @@ def entry(scene: Scene, r: Response, length: float = 0.02) -> dict[str, float] |
 
 
 Third = Callable[[Scene, Ladder, list[Agreement]], Agreement | None]
-# what is shared, and who checks it
+# checks of what is shared
 THIRD: dict[str, Third] = {
     "static catenary and groups: exact frequencies": _frequencies,
     "start of a car that rolls: catenary of two pieces": _rest,

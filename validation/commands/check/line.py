@@ -1,7 +1,6 @@
 """A line at rest by exact catenaries and by elements: do they agree?
 
-Every number has a bar, at least rounding: of the catenaries the change in one more step of Newton's method, of the
-elements three times the change when their number is halved.
+Bars: change in one more Newton step (catenaries), three times the change on halving (elements); at least rounding.
 """
 
 from __future__ import annotations
@@ -26,8 +25,8 @@ from validation.page.line import tell
 from validation.page.options import Point
 
 FINEST = 32  # elements on each piece, at most
-BY_ELEMENTS = 0.5  # largest bar of the elements over what is asked
-HALVED = 3.0  # bar over the change when elements are halved: no order is shown
+BY_ELEMENTS = 0.5  # their largest bar over the tolerance
+HALVED = 3.0  # bar over the change on halving the elements
 ROUNDING = 256 * np.finfo(float).eps  # of the reach for lengths, of EA for forces
 TOL = 1e-6  # [m], and of the largest tension
 TOL_RANGE = (1e-9, 1e-2)
@@ -38,7 +37,7 @@ METRES = ("place", "rope_place", "s", "rope_length")  # quantities in metres; th
 
 
 def numbers(state: LineState) -> dict[str, Array]:
-    """Return what is compared of a state by quantity, (n, 1) or (n, 2) over stations; nan where there is none."""
+    """Compared quantities of a state, (n, 1) or (n, 2) over stations; nan where there is none."""
     case = state.case
     saddle = np.array([p.kind == "saddle" for p in case.stations])[:, None]
     nowhere = np.full((1, 2), np.nan)
@@ -56,9 +55,9 @@ def numbers(state: LineState) -> dict[str, Array]:
 def compared(
     a: LineRest, less_a: LineRest, b: LineRest, less_b: LineRest, tol: float, tol_tension: float
 ) -> list[Row]:  # fmt: skip
-    """Return one judged row a quantity: the worst station of the worst position. `less` are coarser answers.
+    """One judged row a quantity, of the worst station and position. `less`: coarser answers.
 
-    The row `rest` tells where only one has a state of rest: they disagree, unless the other's search did not end.
+    Row `rest` is for positions with one solution: a disagreement, unless the other search did not end.
     """
     positions = list(zip(*(x.positions for x in (a, less_a, b, less_b)), strict=True))
     both = {i: states for i, states in enumerate(positions) if all(isinstance(x, LineState) for x in states)}
@@ -84,7 +83,7 @@ def compared(
 
 
 def _alone(positions: Sequence[tuple[LineState | NoLine, ...]]) -> list[Row]:
-    """Return a row for each position where only one solver finds a state of rest."""
+    """A row for each position with only one solution."""
     out = []
     for i, (x, _, y, _) in enumerate(positions):
         if isinstance(x, LineState) != isinstance(y, LineState):
@@ -107,9 +106,9 @@ def _parts(line: Line) -> list[tuple[str, ...]]:
 
 
 def checked(line: Line, tol: float, tol_tension: float, second: Line | None = None) -> tuple[Answers, list[Row], str]:
-    """Return what the catenaries say, the rows and the verdict; a second line is told to the elements alone.
+    """Return the catenaries' answers, the rows and the verdict; a second line goes to the elements alone.
 
-    Elements are doubled until gap and bars are within what is asked, up to FINEST on a piece.
+    Elements are doubled until gap and bars are small enough, up to FINEST.
     """
     begun, n = perf_counter(), 4
     try:
@@ -135,7 +134,7 @@ def checked(line: Line, tol: float, tol_tension: float, second: Line | None = No
 def check(
     points: Sequence[Point], tol: float | None, tol_tension: float | None, out: Path | None, second: Line | None
 ) -> int:  # fmt: skip
-    """Check a line, or every point of a grid of lines; 1 unless they agree, 2 where a position has no rest."""
+    """Check a line or a grid of lines; 1 unless they agree, 2 for a position without rest."""
     tol = TOL if tol is None else tol
     low, high = TOL_RANGE
     if not low <= tol <= high:

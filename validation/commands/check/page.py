@@ -1,7 +1,4 @@
-"""The page of a check: the answer first, then how sure it is, then what it rests on.
-
-Read from the folder that `study.Check.store` wrote; what is missing there is named, the rest shown.
-"""
+"""The page of a check: answer, certainty, sources; from the folder of `study.Check.store`, with missing parts named."""
 
 from collections import Counter
 from pathlib import Path
@@ -20,7 +17,7 @@ from validation.page.answer.sections import answer, behind, typeset
 from validation.page.answer.stored import Stored, read
 from validation.page.page import VERDICTS, Section, callout, details, gallery, missing, number, table
 
-# quantity of a row -> the group in which a reader looks for it
+# the page's group of each quantity
 GROUPS = {
     "The path of the car": ("path_max", "path_rms", "place", "path_slack"),
     "Speed and events": ("speed", "events"),
@@ -40,7 +37,7 @@ WORDS = {
 
 
 def sections(folder: Path) -> list[Section]:
-    """Return the page of the check stored in a folder; a folder without any answer gives one that says so."""
+    """Return the page of a stored check, also without answers."""
     for name in ("rest-check", "grid-rest-check"):
         if (folder / name).is_dir():
             told = stored(folder / "agreement.json")
@@ -65,7 +62,7 @@ def sections(folder: Path) -> list[Section]:
 
 
 def sure(rows: list[dict[str, Any]]) -> str:
-    """Return one sentence on rows of agreement.json: of those that are asked, how many agree."""
+    """One sentence: how many asked rows agree."""
     asked = Counter(row["verdict"] for row in rows if row.get("asked", True))
     if not asked:
         return "Nothing could be compared."
@@ -139,7 +136,7 @@ def _rests(x: Stored) -> Section:
 
 
 def _gripped(x: Stored) -> str:
-    """Return what a car that grips the cable would say of the largest tension, in one line."""
+    """Largest tension of a gripping car, in one line."""
     assert x.grip is not None
     mine = next((d for d in x.design if d["quantity"] == "tension_max"), None)
     other = next((d for d in x.grip.design if d["quantity"] == "tension_max"), None)

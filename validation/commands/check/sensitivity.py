@@ -1,4 +1,4 @@
-"""What a check would notice: for each key of the scene the smallest fault in one solver that turns a row."""
+"""Sensitivity of a check: the smallest fault of each key in one solver that changes a verdict."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from validation.core.view import View
 if TYPE_CHECKING:
     from validation.commands.check.study import Check
 
-STEP = 0.1  # [percent] by which a key is changed: rows change in proportion
-LARGEST = 1.0  # a fault of the key's own size is no fault of a digit: beyond, nothing is told
+STEP = 0.1  # [percent] change of a key; rows are linear in it
+LARGEST = 1.0  # largest fault that is reported
 
 
 def keys(data: Any, way: str = "") -> Iterator[str]:
-    """Give the dotted keys of all numbers in the tables of a scene."""
+    """Dotted keys of all numbers of a scene."""
     entries = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
     for name, value in entries:
         key = f"{way}.{name}" if way else str(name)
@@ -35,9 +35,9 @@ def keys(data: Any, way: str = "") -> Iterator[str]:
 
 
 def sensitivity(result: Check) -> dict[str, float]:
-    """Return for each key that matters the smallest relative fault that would be told as a disagreement.
+    """Smallest detectable relative fault of each key that matters.
 
-    One run a key, at half the resolution of the first answer: the change of a row needs fewer digits than the row.
+    One run a key at half the resolution: changes of rows need fewer digits.
     """
     import tomllib
 
@@ -68,7 +68,7 @@ def _changed(scene: Scene, key: str) -> Scene | None:
 
 
 def _least(changed: Any, base: Any, quantity: Any, bars: dict[tuple[str, str], float], view: View) -> float:
-    """Return the least fault that a row notices: three times its bars over its change per fault."""
+    """Smallest detectable fault of a row: three times its bars over its change per fault."""
     allowed = bars.get((quantity.name, quantity.law), math.inf)
     try:
         gap = quantity.gap(changed, base, view)
@@ -78,6 +78,6 @@ def _least(changed: Any, base: Any, quantity: Any, bars: dict[tuple[str, str], f
 
 
 def told(found: dict[str, float]) -> str:
-    """Return one line: which faults in one solver this check would notice."""
+    """One line on detectable faults."""
     parts = ", ".join(f"{key} {100.0 * fault:.2g} %" for key, fault in found.items())
     return f"would notice: {parts}" if parts else "would notice no fault of a key of the scene"

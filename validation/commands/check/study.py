@@ -1,4 +1,4 @@
-"""The main job: two solvers that share no formula run the same scene, and their answers are held against each other."""
+"""Run one scene on two solvers that share no formula, and compare their answers."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from validation.core.store import Refused
 from validation.core.view import View
 
 SOLVERS = ("following-p2", "fourier-kink")
-SHARES = {"elements": 1.0, "galerkin": 2.0}  # of the tolerance: dense bases cost more to refine
-CONFIRMS = 1.5  # times the resolution and the steps of both, for one look more before they are said to disagree
-LEAST_SHARE = 0.25  # of what is asked: an answer with less of a bar need not be refined for the row
-MOST_ROUNDS = 5  # after which what is still too coarse is said to be
+SHARES = {"elements": 1.0, "galerkin": 2.0}  # of the tolerance; dense bases are expensive
+CONFIRMS = 1.5  # factor on resolution and steps of both before they count as different
+LEAST_SHARE = 0.25  # of the tolerance: smaller bars are not refined
+MOST_ROUNDS = 5  # of refinement
 
 Settings = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Two answers to one scene, with the coarser runs their bars come from, and the verdict on them."""
+    """Two answers to one scene, coarser runs for their bars, and the verdict."""
 
     scene: Scene
     a: Ladder
@@ -45,8 +45,8 @@ class Check:
     tol: float
     window: tuple[float, float]
     rows: list[Agreement]
-    grip: Response | None = None  # of a hauled car: what a car that grips the cable would have said
-    entry: dict[str, float] | None = None  # what a smooth entry would change, where that was asked for
+    grip: Response | None = None  # of a hauled car: the gripping one
+    entry: dict[str, float] | None = None  # change by a smooth entry, where asked
 
     @property
     def verdict(self) -> Verdict:
@@ -54,14 +54,14 @@ class Check:
 
     @property
     def design(self) -> list[dict[str, Any]]:
-        """The design numbers, each by the solver that knows it better; its bar is no less than the gap to the other."""
+        """Design numbers, each by the better solver; the bar is at least the gap."""
         other = {row["quantity"]: row for row in self.b.run.design}
         pairs = [(row, other.get(row["quantity"], row)) for row in self.a.run.design]
         return [min(pair, key=lambda row: math.inf if row["bar"] is None else row["bar"]) for pair in pairs]
 
     @property
     def doubts(self) -> list[tuple[str, Flag]]:
-        """Methods and flags that say that a bar may be too small."""
+        """Methods and flags of doubtful bars."""
         return doubts(self.a.run, self.b.run)
 
     def agreement(self) -> dict[str, Any]:
@@ -75,13 +75,13 @@ class Check:
         }  # fmt: skip
 
     def write(self, out: Path) -> None:
-        """Write scene.toml, one folder per method (with its companions) and agreement.json."""
+        """Write scene.toml, agreement.json and one folder per method with its companions."""
         for ladder in (self.a, self.b):
             ladder.run.write_tables(out / ladder.run.method)
         self.store(out)
 
     def store(self, out: Path) -> None:
-        """Write the same but the tables of both runs."""
+        """`write` without tables."""
         out.mkdir(parents=True, exist_ok=True)
         (out / "scene.toml").write_text(self.scene.to_toml(), encoding="utf-8")
         for ladder in (self.a, self.b):
@@ -102,13 +102,13 @@ def check(
 ) -> Check:  # fmt: skip
     """Run two methods on a scene, each as fine as its own error bars need, and compare them.
 
-    tol : asked of the error of the mass path, relative to the largest deflection; in [1e-6, 0.2].
-    tol_tension : asked of the tension, relative to H; default ten times `tol`.
-    second : another scene that the second method is told; the judge knows `scene` alone, so that this plants a fault.
-    deep : hold what both share against third parties, too.
+    tol : error of the mass path, relative to the largest deflection; in [1e-6, 0.2].
+    tol_tension : error of the tension, relative to H; default ten times `tol`.
+    second : another scene for the second method, which plants a fault; the judge knows `scene` alone.
+    deep : compare what both share with third parties, too.
     progress : called with the method's name, the fraction done and what was reached.
-    made : called with both runs before they are judged, again where that makes them finer.
-    until : how far in s_o/l both runs go, and once their cable is slack no further; by default to the end.
+    made : called with both runs before they are judged, and after refinement.
+    until : largest s_o/l of both runs, once slack no further; default: the end.
     """
     if not (math.isfinite(tol) and 1e-6 <= tol <= 0.2):
         raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
@@ -123,15 +123,15 @@ def check(
         from validation.commands.check import deep as third
 
         rows += third.deep(scene, a, rows) if deep else []
-        smooth = third.entry(scene, a.time.runs[0] if a.time.runs else a.run)  # half the steps tell enough
+        smooth = third.entry(scene, a.time.runs[0] if a.time.runs else a.run)  # half the steps are enough
     return Check(scene, a, b, tol, _window(scene, a, b), rows, gripped, smooth)
 
 
 @dataclass(frozen=True, slots=True)
 class _Pair:
-    """Two methods, the scenes they are told, and what is asked of them."""
+    """Two methods, their scenes, and tolerances."""
 
-    scene: Scene  # the only one that the judge knows
+    scene: Scene  # known to the judge
     methods: list[Method]
     scenes: tuple[Scene, Scene]
     tol: float
@@ -149,7 +149,7 @@ class _Pair:
     def judged(
         self, progress: Progress | None, made: Callable[..., None] | None
     ) -> tuple[list[Ladder], list[Agreement], Response | None]:
-        """Return both ladders, refined until they agree or cannot be told better, their rows, and the gripped car."""
+        """Refine both ladders until they agree or cannot get closer; return them, the rows and the gripped car."""
         jobs, gripped, looks, confirmed = self._climbs(), None, 0, False
         if self.scene.drive.mode == "haul":
             jobs.append(partial(_gripped, self.scene, self.methods[0]))
@@ -172,7 +172,7 @@ class _Pair:
             ]
 
     def _climbs(self) -> list[Callable[[Progress], Any]]:
-        """Return the climb of each method to its share of the tolerance: the sum of both bars is held against it."""
+        """The climb of each method to its share of the tolerance."""
         shares = [SHARES[m.wing] for m in self.methods]
         return [
             partial(_climbed, s, m, self.tol * share / sum(shares), self.budget, self.ends)
@@ -192,12 +192,12 @@ def _window(scene: Scene, a: Ladder, b: Ladder) -> measures.Window:
 
 
 def _closer(methods: list[Method], ladders: list[Ladder]) -> list[Settings | None]:
-    """Return settings for one look more at a disagreement: both finer in space and time."""
+    """Settings finer in space and time, for a disagreement."""
     return [refined(m, e.run.settings, space=CONFIRMS, time=CONFIRMS) for m, e in zip(methods, ladders, strict=True)]
 
 
 def _finer(methods: list[Method], ladders: list[Ladder], rows: list[Agreement]) -> list[Settings | None]:
-    """Return finer settings of the methods whose bars make an asked row too coarse, by the row that is furthest off."""
+    """Finer settings of methods whose bars make an asked row too coarse, by the worst row."""
     coarse = [row for row in rows if row.asked and row.verdict is Verdict.TOO_COARSE and row.asked_for]
     out: list[Settings | None] = []
     for method, ladder in zip(methods, ladders, strict=True):
@@ -208,7 +208,7 @@ def _finer(methods: list[Method], ladders: list[Ladder], rows: list[Agreement]) 
 
 
 def _excess(row: Agreement, method: str) -> Iterator[tuple[float, tuple[float, float], float, float]]:
-    """Give how far a method's bar is beyond its share of a row, its parts, that share, and the order to count on."""
+    """A method's bar beyond its share of a row: excess, parts, share, and order."""
     assert row.asked_for is not None
     for parts, of in zip(row.parts, row.bound.parts, strict=False):
         bar = sum(parts)
@@ -219,13 +219,13 @@ def _excess(row: Agreement, method: str) -> Iterator[tuple[float, tuple[float, f
 
 
 def _load() -> None:
-    """Load what judging and drawing need: that takes as long as they do, and a core is idle while one solver runs."""
+    """Import judging and drawing while a solver runs."""
     for name in ("core.laws", "core.trust", "commands.check.page"):
         importlib.import_module(f"validation.{name}")
 
 
 def _retold(ladder: Ladder, scene: Scene) -> Ladder:
-    """Return the ladder with its runs said to be of this scene, the only one that the judge knows."""
+    """The ladder with runs renamed to the judge's scene."""
     toml = scene.to_toml()
     if ladder.run.scene_toml == toml:
         return ladder
@@ -235,18 +235,18 @@ def _retold(ladder: Ladder, scene: Scene) -> Ladder:
 
 
 def _told(e: Ladder, twin: Ladder) -> Ladder:
-    """Return the run with its design numbers and events, and their bars."""
+    """The run with design numbers, events and bars."""
     rows = [number.row() for number in numbers(e, twin)]
     return replace(e, finest=replace(e.run, design=rows, events=with_bars(e)))
 
 
 def _gripped(scene: Scene, method: Method, progress: Progress) -> Response:
-    """Return the answer for a car that grips the cable, by the defaults of the method: for the eye."""
+    """A gripping car by default settings, for comparison."""
     assert scene.travel is not None
     data = tomllib.loads(scene.to_toml())
     del data["drive"]
     data["travel"]["from"] = scene.drive.start_place(scene.length) if scene.travel.place is None else scene.travel.place
-    data["travel"].pop("rest", None)  # it goes on to the support
+    data["travel"].pop("rest", None)  # to the support
     response = run(Scene(**{"name": scene.name, **data}), method, progress=partial(progress, "gripped"))
     return replace(response, method="gripped car", design=design(response))
 
@@ -270,7 +270,7 @@ def _remade(
 
 
 def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
-    """Return the check with the rows of a third party, held against whichever of our solvers has the smaller bar."""
+    """The check with rows of a third party, against our solver with the smaller bar."""
     best = min((check.a, check.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
     return replace(check, rows=[*check.rows, *foreign.rows(path, best, check.window, with_tol)])
 
@@ -280,15 +280,15 @@ def check_solver(
     with_tol: float = WITH_TOL, ours: Check | None = None,
     progress: Progress | None = None,
 ) -> Check:  # fmt: skip
-    """Run a user's own solver on a scene and hold it against both of ours; its rows come last in the verdict.
+    """Run a user's own solver on a scene and compare it with both of ours; its rows come last in the verdict.
 
     solver : scene -> (s_o, v) or (s_o, v, u) in [m], v down, along the scene's travel; of a free ride (t, x, y) in [s]
         and [m], from the left support, y down; or a Response.
     tol, progress : of our own solvers, as in `check`.
     with_tol : allowed to the solver beside our error bar, relative to the largest deflection.
-    ours : a check of this scene that was made before.
+    ours : an earlier check of this scene.
 
-    Raises Refused if what it returns is no path on that scene.
+    Raises Refused if the answer is no path on that scene.
     """
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     name = name or str(getattr(solver, "__name__", type(solver).__name__))

@@ -1,4 +1,4 @@
-"""What the fixtures of `cablefem.pytest_plugin` do: assertions that tell how close it was."""
+"""Assertions for the fixtures of `cablefem.pytest_plugin`, with their margins."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -9,7 +9,7 @@ from validation.core import assertions
 from validation.core.agreement import Agreement, Verdict, overall
 from validation.core.foreign import WITH_TOL
 
-Tell = Callable[[str, str], None]  # what agreed or did not, and the verdict
+Tell = Callable[[str, str], None]  # subject and verdict
 
 
 def asserting(tell: Tell) -> Callable[..., list[Agreement]]:
@@ -30,7 +30,7 @@ def asserting(tell: Tell) -> Callable[..., list[Agreement]]:
 
 
 def checking(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
-    """Return `check`, or `check_solver` with a solver of one's own, that asserts and tells; checks are kept."""
+    """Return `check` or `check_solver` that asserts and tells; checks are kept."""
 
     def checked(scene: Any, solver: Any = None, *, tol: float = 1e-3, with_tol: float = WITH_TOL) -> Check:
         __tracebackhide__ = True
@@ -40,7 +40,7 @@ def checking(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
             kept[key] = check(scene, tol=tol)
         result = kept[key]
         party, rows = f"{result.a.run.method} and {result.b.run.method}", result.rows
-        if solver is not None:  # its own rows, and whether there is one path to hold it against
+        if solver is not None:  # its rows, and whether a path was comparable
             result = check_solver(scene, solver, tol=tol, with_tol=with_tol, ours=result)
             rows = [row for row in result.rows if row.party or row.quantity == "path_max"]
             party = rows[-1].party
@@ -55,6 +55,6 @@ def checking(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
 
 
 def _worst(rows: Sequence[Agreement]) -> str:
-    """Return the row that uses most of what it was allowed."""
+    """The row with the least margin."""
     row = max(rows, key=lambda row: row.gap / row.allowed if row.allowed > 0.0 else 0.0)
     return f"{row.quantity} {row.gap:.2g} of {row.allowed:.2g} allowed"

@@ -21,7 +21,7 @@ THIRD = {
 
 
 def tell(result: Check, verbose: bool = False) -> None:
-    """Print verdict and outcome, the numbers that matter, and one line on how sure they are."""
+    """Print the verdict, important numbers, and their certainty."""
     terminal.say(SAID[result.verdict.value], style=terminal.STYLES[result.verdict.value])
     telling.answer(result.scene, replace(result.a.run, design=result.design))
     rows = [row.row() for row in result.rows]
@@ -41,7 +41,7 @@ def tell(result: Check, verbose: bool = False) -> None:
 
 
 def _line(row: dict[str, Any]) -> str:
-    """Return one comparison that does not agree in one line."""
+    """A disagreement in one line."""
     name = ", ".join(row[key] for key in ("quantity", "law", "with") if row.get(key))
     if row.get("gap") is None or row.get("allowed") is None:
         return f"{name}: cannot be compared"
