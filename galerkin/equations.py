@@ -194,7 +194,7 @@ class GalerkinSystem(System):
 
     def _tangent(self, x: Instant, K: Array, c0: complex, c1: complex, c2: complex) -> Array:
         c = x.carried
-        inertia = c2 * c.mass
+        inertia = np.multiply(c2, c.mass, dtype=np.result_type(c0, c1, c2, c.mass))  # a stage may be complex
         inertia[:, -1] += c1 * c.gyroscopic + c0 * c.centrifugal
         if not self.path_form:
             inertia += self.inertia * np.multiply.outer(c.f, c2 * c.f + c1 * c.f_v + c0 * c.f_q)
