@@ -24,20 +24,19 @@ from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, inside, le
 
 
 def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V0: float = 0.0, a: float) -> Array:
-    """v(x, t) for a constant force P."""
     return displacement_of(x, t, lambda s: P * s, V0=V0, a=a)
 
 
 def displacement_of(
     x: ArrayLike, t: ArrayLike, impulse: Callable[[Array], Array], *, V0: float = 0.0, a: float
 ) -> Array:
-    """v(x, t) for a force of impulse int_0^s P, which may jump."""
+    """v(x, t) for an impulse int_0^s P, which may jump."""
     starts, ends = heard(x, t, V0=V0, a=a)
     return 0.5 * np.sum(impulse(ends) - impulse(starts), axis=-1)
 
 
 def heard(x: ArrayLike, t: ArrayLike, *, V0: float, a: float) -> tuple[Array, Array]:
-    """Intervals of s with |x - xi(s)| < t - s: starts and ends (..., 5), equal if empty."""
+    """Starts and ends (..., 5) of the intervals of s with |x - xi(s)| < t - s."""
     if not (math.isfinite(V0) and math.isfinite(a)):
         raise ValueError(f"V0 and a must be finite, got {V0!r}, {a!r}")
     x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
@@ -53,7 +52,6 @@ def heard(x: ArrayLike, t: ArrayLike, *, V0: float, a: float) -> tuple[Array, Ar
 
 
 def _roots(c2: float, c1: float, c0: Array) -> tuple[Array, Array]:
-    """Real roots of c2 s^2 + c1 s + c0; nan or inf if complex."""
     with np.errstate(divide="ignore", invalid="ignore"):
         q = -0.5 * (c1 + math.copysign(1.0, c1) * np.sqrt(c1 * c1 - 4.0 * c2 * c0))
         return np.divide(q, c2), c0 / q
@@ -61,13 +59,12 @@ def _roots(c2: float, c1: float, c0: Array) -> tuple[Array, Array]:
 
 SUDDEN = "the force begins inside the string: two fronts with a jump of slope"
 A, BEGINS = 2.6, 0.2  # no echo before s_o = 0.8
-BELOW = BEGINS + 0.8 / (2.0 * A)  # the wave speed
+BELOW = BEGINS + 0.8 / (2.0 * A)
 
 
 def accelerated(
     name: str, exact: Callable[[Array], Array], until: float, methods: tuple[str, ...], **more: Any
 ) -> Crossing:
-    """Case of a load starting from rest inside the string."""
     return Crossing(
         name=name, groups=level(inside(BEGINS, 0.0, A)), travel=lambda t: BEGINS + 0.5 * A * t * t, exact=exact,
         begins=BEGINS, until=until, methods=methods, **more,

@@ -22,7 +22,6 @@ from validation.oracles.case import MU, SIGMA, Array, Crossing, positive
 
 
 def path(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
-    """y(t)."""
     t, u, _ = _mirror(t, mu, sigma, a)
     return 0.5 * sigma * mu * (u + 0.5 * mu * np.expm1(-2.0 * u / mu))
 

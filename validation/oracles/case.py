@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 Error = tuple[float, float]  # the largest and the rms one, relative
 
 WINDOW = (0.02, 0.8)  # s_o/l in which paths are compared
-BEST = ("following-p2", "fourier-kink")  # one method of each wing
-RIDERS = BEST  # methods whose cars roll
+BEST = ("following-p2", "fourier-kink")
+RIDERS = BEST  # their cars roll
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,14 +36,12 @@ class Oracle:
 
 
 def positive(**numbers: float) -> None:
-    """Raise ValueError unless all are finite and > 0."""
     for name, value in numbers.items():
         if not (math.isfinite(value) and value > 0.0):
             raise ValueError(f"{name} must be finite and > 0, got {value!r}")
 
 
 def largest_and_rms(error: Array) -> Error:
-    """Largest and rms value of an error (n,)."""
     return float(np.abs(error).max()), float(np.sqrt(np.mean(error**2)))
 
 
@@ -65,7 +63,7 @@ class Path:
 
 
 class Solvers(Protocol):
-    """The solvers, as cases see them; the caller provides it."""
+    """What a case asks of the solvers."""
 
     def names(self, kind: str) -> Sequence[str]:
         """Methods ("path") or bases of frequencies ("modes")."""
@@ -83,7 +81,7 @@ class Solvers(Protocol):
         """First frequencies of the bare cable."""
 
     def response(self, scene: str, name: str, **settings: Any) -> Any:
-        """Run a built-in scene to the end of the window; SI."""
+        """Run a built-in scene; SI."""
 
     def ride(self, scene: Scene, name: str, **settings: Any) -> Any:
         """Run a scene to its end; SI."""
@@ -126,11 +124,10 @@ class Case:
         raise NotImplementedError
 
     def error(self, answer: Any) -> Error:
-        """Distance of an answer from the exact one."""
         raise NotImplementedError
 
     def gap(self, coarse: Any, fine: Any) -> float | None:
-        """Rms distance of two answers, the finer one's error bar; None where rungs are different problems."""
+        """Rms distance of two answers, the finer one's error bar."""
         return None
 
 
@@ -143,7 +140,7 @@ class Crossing(Case):
     exact: Callable[[Array], Array]  # v(t) of the load
     load: str = "mass"
     model: str = "straight"  # a string without sag, or a model of the solvers
-    scene: str = ""  # run this built-in scene instead
+    scene: str = ""  # built-in scene, instead
     begins: float = 0.0  # s_o at t = 0; no echo before `until`
     until: float = WINDOW[1]
     at_most: float = math.inf  # limit of all orders
@@ -174,7 +171,6 @@ class Crossing(Case):
 
     @property
     def size(self) -> float:
-        """Largest exact deflection in the window."""
         t = np.linspace(0.0, self.motion.phases[-1][1], 2001)
         return float(np.abs(self.exact(t[self.motion.position(t) <= self.until])).max())
 
@@ -193,8 +189,6 @@ class Crossing(Case):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Modes(Case):
-    """Frequencies of the bare cable."""
-
     groups: Groups
     model: str
     exact: Array
@@ -219,9 +213,9 @@ class Modes(Case):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Law(Case):
-    """An exact law of every run of a scene; its defect must vanish with the resolution."""
+    """A law of every run of a scene; its defect vanishes with the resolution."""
 
-    scene: str | Scene  # built in: to the end of the window; own: to its end
+    scene: str | Scene
     defect: Callable[[Any], Error]
 
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Any:
@@ -235,7 +229,7 @@ class Law(Case):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limit(Case):
-    """A limit of the equations: the deviation must fall with a parameter."""
+    """A limit of the equations: the deviation falls with a parameter."""
 
     parameter: str
     values: tuple[float, ...]
@@ -275,7 +269,7 @@ def hung(gravity: float, EA: float, mass: float, drive: dict[str, Any], travel: 
 
 
 def inside(s_o: float, V: float, a: float) -> Motion:
-    """Travel from inside the string to the far support."""
+    """Travel from inside the string to its end."""
     d = 1.0 - s_o
     end = d / V if a == 0.0 else (math.sqrt(V * V + 2.0 * a * d) - V) / a
     return Motion(((0.0, end),), ((Piece(0.0, 0.0, s_o, V, 0.5 * a),),), 1.0)

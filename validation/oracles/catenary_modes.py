@@ -24,11 +24,9 @@ from validation.oracles.case import Modes as ModesCase
 
 @dataclass(frozen=True, slots=True)
 class Modes:
-    """First modes of the bare cable."""
-
     omega: Array  # (count,) ascending
     error: Array  # (count,) bound on |omega - exact|
-    s: Array  # (n+1,) Chebyshev points, 0 to 1
+    s: Array  # (n+1,)
     u: Array  # (count, n+1) shapes, largest displacement 1
     v: Array
 
@@ -53,7 +51,7 @@ def _solve(sigma: float, alpha: float, c: float, count: int, n: int) -> tuple[Ar
     ex, ey, d = 1.0 / T, p / T, 1.0 / alpha - 1.0 / T
     B = np.array([[1.0 / T + d * ex * ex, d * ex * ey], [d * ex * ey, 1.0 / T + d * ey * ey]])  # A^-1, (2, 2, n+1)
     BJ = np.block([[B[i, j][:, None] * J for j in range(2)] for i in range(2)])
-    ends = np.kron(np.eye(2), total)  # (2, 2n+2): integral of each component
+    ends = np.kron(np.eye(2), total)
     n0 = np.linalg.solve(B @ total, ends @ BJ)
     K = np.kron(np.eye(2), J) @ (np.concatenate([B[0].T, B[1].T]) @ n0 - BJ)
     value, vector = np.linalg.eig(K)
@@ -66,7 +64,7 @@ def _solve(sigma: float, alpha: float, c: float, count: int, n: int) -> tuple[Ar
 
 
 def _integration(n: int) -> tuple[Array, Array]:
-    """Chebyshev points on [0, 1], ascending, and the matrix of the integral up to each."""
+    """Chebyshev points on [0, 1] and the matrix of integrals up to them."""
     x = -np.cos(np.pi * np.arange(n + 1) / n)
     k = np.arange(n + 1)
     to_coef = np.cos(np.outer(k, np.pi - np.pi * k / n)) * (2.0 / n)

@@ -29,7 +29,7 @@ from validation.oracles.case import RIDERS, Array, Error, Limit, Solvers, hung, 
 
 @dataclass(frozen=True, slots=True)
 class Ellipse:
-    """Bead of unit mass, string of length 1, supports D apart, gravity g; y down."""
+    """Unit mass, string of length 1, supports D apart; y down."""
 
     D: float
     g: float
@@ -52,7 +52,7 @@ class Ellipse:
         return along * cos - across * sin, along * sin + across * cos
 
     def speed(self, s_o: ArrayLike, start: float) -> Array:
-        """v of a bead released at rest at `start`."""
+        """v when released at `start`."""
         return np.sqrt(np.maximum(2.0 * self.g * (self.place(s_o)[1] - self.place(start)[1]), 0.0))
 
     def tension(self, s_o: ArrayLike, start: float) -> Array:
@@ -60,24 +60,24 @@ class Ellipse:
         r1 = np.asarray(s_o, float)
         product, b = r1 * (1.0 - r1), self.b
         w = self._angle(r1)
-        # outward normal in the chord's axes
+        # outward normal
         along, across = b * np.cos(w), 0.5 * np.sin(w)
         down = (along * math.sin(self.slope) + across * math.cos(self.slope)) / np.hypot(along, across)
         press = self.speed(r1, start) ** 2 * 0.5 * b / product**1.5 + self.g * down
         return press * np.sqrt(product) / (2.0 * b)
 
     def bounce(self, s_o: ArrayLike, stiffness: float) -> Array:
-        """Period of a bead's bounce normal to its path; string stiffness EA in weights of the bead."""
+        """Period of bounces normal to the path; EA in weights of the bead."""
         r1 = np.asarray(s_o, float)
         return 2.0 * math.pi * np.sqrt(r1 * (1.0 - r1) / (stiffness * self.g)) / (2.0 * self.b)
 
     def ride(self, t: ArrayLike, start: float) -> Array:
-        """s_o(t) of a bead released at rest; s_o = 1/2 + (D/2) cos(w)."""
+        """s_o(t); s_o = 1/2 + (D/2) cos(w)."""
         t = np.asarray(t, float)
         b, cos, sin = self.b, math.cos(self.slope), math.sin(self.slope)
 
         def fall(w: float) -> float:
-            return -0.5 * math.sin(w) * sin + b * math.cos(w) * cos  # dy/dw
+            return -0.5 * math.sin(w) * sin + b * math.cos(w) * cos
 
         begin = [float(self._angle(np.array(start))), 0.0]
 
@@ -101,11 +101,11 @@ RULES: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 BEAD = Ellipse(D=1.0 / 1.05, g=1.0)
 MU, STEPS, START, T_END = 1000.0, 1200, 0.2, 1.7
-STIFF, SMALL = 1e5, 0.01  # of the small swings
+STIFF, SMALL = 1e5, 0.01
 
 
 def line(stiffness: float, mu: float = MU, start: float = START, t_end: float = T_END) -> Scene:
-    """Cable with EA of so many car's weights; a car of mu cables' weight, released suddenly."""
+    """EA in weights of the car, mass mu, sudden start."""
     drive = {"mode": "free", "start": start, "end": {"time": t_end}, "rest_distance": 1e-6}
     return hung(BEAD.g, stiffness * mu, mu, drive, span=BEAD.D, length=1.0)
 
@@ -115,7 +115,7 @@ def _ride(solvers: Solvers, method: str, scene: Scene) -> Any:
 
 
 def _deviation(solvers: Solvers, method: str, stiffness: float) -> Error:
-    """Distance from the ellipse at the same s_o, over l."""
+    """Distance from the ellipse, over l."""
     r = _ride(solvers, method, line(stiffness))
     x, y = BEAD.place(r.s_o / r.length)
     d = np.hypot(r.x / r.length - x, r.y / r.length - y)
@@ -123,14 +123,13 @@ def _deviation(solvers: Solvers, method: str, stiffness: float) -> Error:
 
 
 def _speed(solvers: Solvers, method: str, stiffness: float) -> Error:
-    """Error of v(s_o) over the largest."""
     r = _ride(solvers, method, line(stiffness))
     speed = BEAD.speed(r.s_o / r.length, START)
     return largest_and_rms((r.speed - speed) / speed.max())
 
 
 def _tension(solvers: Solvers, method: str, stiffness: float, averaged: bool = True) -> Error:
-    """Error of N over the largest; means over one bounce."""
+    """Error over the largest N; means over one bounce."""
     r = _ride(solvers, method, line(stiffness))
     s_o = BEAD.ride(r.t, START)
     right = BEAD.tension(s_o, START)
@@ -140,7 +139,7 @@ def _tension(solvers: Solvers, method: str, stiffness: float, averaged: bool = T
 
 
 def _mean(t: Array, values: Array, over: Array) -> Array:
-    """Means of values over a time `over` centred at t; over 0: the values."""
+    """Means over times `over` about t; over 0: the values."""
     if not over.any():
         return values[1:]
     within = (t - 0.5 * over >= t[0]) & (t + 0.5 * over <= t[-1])
@@ -150,7 +149,6 @@ def _mean(t: Array, values: Array, over: Array) -> Array:
 
 
 def _swing(solvers: Solvers, method: str, mu: float) -> Error:
-    """Error of the frequency of small swings."""
     omega = math.sqrt(BEAD.g * BEAD.b) / 0.5
     r = _ride(solvers, method, line(STIFF, mu, 0.5 - SMALL, 5.5 * math.pi / omega))
     times = []

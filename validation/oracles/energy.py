@@ -34,7 +34,6 @@ def _of(scene: Scene, r) -> Error:
 
 
 def _rule(scheme: str, solvers: Solvers, method: str, steps: float) -> Error:
-    """Drift with a rule of the time driver."""
     coarse = {"elements": 10} if method == "following-p2" else {}
     return _of(scene := ride(), solvers.ride(scene, method, steps=round(steps), scheme=scheme, **coarse))
 

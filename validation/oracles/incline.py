@@ -23,7 +23,6 @@ from validation.oracles.case import RIDERS, Array, Case, Error, Limit, Solvers, 
 
 
 def terminal(*, mu: float, g: float, sin: float, k: float) -> float:
-    """Terminal speed v_t."""
     return math.sqrt(mu * g * sin / k)
 
 
@@ -62,13 +61,11 @@ HOLDS = 3.0  # brake force over mu sigma sin
 
 
 def _scene(sigma: float, **drive: Any) -> Scene:
-    """A taut incline of length 1."""
     drive = {"mode": "free", "start": START} | drive
     return hung(sigma, 500.0, MU, drive, span=math.sqrt(1.0 - SIN**2), drop=SIN)
 
 
 def _drag(solvers: Solvers, method: str, sigma: float) -> Error:
-    """Error of s_o(t) over l."""
     t_end = math.acosh(math.exp(0.7 * K / MU)) * MU / K / terminal(mu=MU, g=sigma, sin=SIN, k=K)
     scene = _scene(sigma, air_density=1.0, drag_area=2.0 * K, end={"time": t_end})
     r = solvers.ride(scene, method, steps=200, scheme="generalized-alpha")
@@ -77,7 +74,6 @@ def _drag(solvers: Solvers, method: str, sigma: float) -> Error:
 
 
 def _stop(solvers: Solvers, method: str, sigma: float) -> Error:
-    """Error of s_o(t) to the stop, over l."""
     force = HOLDS * MU * sigma * SIN
     scene = _scene(sigma, rolling_friction=MU_R, brake=[{"from": SHOE, "force": force}])
     r = solvers.ride(scene, method, steps=200, scheme="generalized-alpha")

@@ -21,7 +21,7 @@ from validation.oracles.case import BARE, Error, Limit, Solvers
 
 
 def symmetric(count: int) -> NDArray[np.float64]:
-    """First symmetric frequencies: roots of sin z = z cos z in (n pi, (n + 1/2) pi)."""
+    """Roots of sin z = z cos z in (n pi, (n + 1/2) pi), times 2."""
     if count < 1:
         raise ValueError(f"count >= 1 needed, got {count!r}")
     half = [
@@ -32,7 +32,6 @@ def symmetric(count: int) -> NDArray[np.float64]:
 
 
 def frequencies(count: int) -> NDArray[np.float64]:
-    """First frequencies of both families."""
     return np.sort(np.concatenate([symmetric(count), 2.0 * math.pi * np.arange(1, count + 1)]))[:count]
 
 

@@ -28,7 +28,6 @@ def parameter(sigma: float, alpha: float, chord_cos: float = 1.0) -> float:
 
 
 def symmetric(L2: float, count: int) -> Array:
-    """First symmetric frequencies."""
     if not (L2 > 0.0 and count >= 1):
         raise ValueError(f"L^2 > 0 and count >= 1 needed, got {L2!r}, {count!r}")
 
@@ -41,7 +40,6 @@ def symmetric(L2: float, count: int) -> Array:
 
 
 def frequencies(L2: float, count: int) -> Array:
-    """First frequencies of both families."""
     return np.sort(np.concatenate([symmetric(L2, count), 2.0 * math.pi * np.arange(1, count + 1)]))[:count]
 
 

@@ -81,8 +81,6 @@ _PRINTED = (109.9e3, 119.6e3, 131.1e3, 121.5e3, 106.0e3, 83.5e3)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AtRest(Case):
-    """A line and its known numbers."""
-
     line: Line
     told: Sequence[Told]
     digits: float = DIGITS

@@ -30,7 +30,6 @@ _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
 
 
 def path(xi: ArrayLike, *, a: float) -> Array:
-    """Y(xi)."""
     xi = _domain(xi, a)
     if a == 1.0:
         return (4.0 * xi * xi - 8.0 * xi * xlogy(1.0 - xi, 1.0 - xi)) / 3.0

@@ -20,7 +20,6 @@ from validation.oracles.case import MU, SIGMA, Array, Crossing, level, positive
 
 
 def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
-    """v(x, t)."""
     x, t = _domain(x, t, V)
     inside = t * V <= 1.0
     if V == 1.0:
@@ -31,14 +30,14 @@ def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
 
 
 def green(x: Array, z: Array) -> Array:
-    """Go(x, z), deflection at x under a unit force at z."""
+    """Go(x, z)."""
     z = np.mod(z, 2.0)
     sign, z = np.where(z > 1.0, -1.0, 1.0), np.where(z > 1.0, 2.0 - z, z)
     return sign * np.minimum(x, z) * (1.0 - np.maximum(x, z))
 
 
 def _green_slope(x: Array, z: Array) -> Array:
-    """dGo/dz; at z = x ahead of the force."""
+    """dGo/dz; at z = x ahead."""
     z = np.mod(z, 2.0)
     return np.where(np.minimum(z, 2.0 - z) <= x, 1.0 - x, -x)
 

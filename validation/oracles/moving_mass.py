@@ -38,14 +38,12 @@ from cablefem.scene import AccelerateCruiseBrake, ConstantAcceleration, Constant
 from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, Error, Limit, Solvers, level, positive
 
 DEGREE = 32
-TAIL = 1e-13  # last coefficients of a step, over the largest values so far
+TAIL = 1e-13  # last coefficients over the largest
 LAST = 1e-16  # of T: least s
 LEAST_STEP = 1e-6  # of T, or of s near the far support
 
 
 class MarchStalled(ArithmeticError):
-    """No step resolves the solution: the travel is not smooth there."""
-
     def __init__(self, t: float, t_end: float, excess: float) -> None:
         self.t, self.t_end, self.excess = t, t_end, excess
         super().__init__(
@@ -56,7 +54,7 @@ class MarchStalled(ArithmeticError):
 
 @dataclass(frozen=True, slots=True)
 class Travel:
-    """Place of the mass, xi(t) for 0 <= t <= t_end."""
+    """Place of the mass for 0 <= t <= t_end."""
 
     position: Callable[[Array], Array]  # xi(t), (n,)
     speed: Callable[[Array], Array]  # xi'(t), (n,)
@@ -68,7 +66,7 @@ class Travel:
         s = np.asarray(s, float)
         near = min(0.1, self.t_end - max(self.breaks, default=0.0))
         left = 1.0 - float(self.position(np.array([self.t_end]))[0])
-        rest = left if abs(left) > 1e-12 else 0.0  # rounding
+        rest = left if abs(left) > 1e-12 else 0.0
         short = rest + s * (self.speed(self.t_end - np.minimum(s, near)[..., None] * _GAUSS_X) @ _GAUSS_W)
         return np.where(s <= near, short, 1.0 - self.position(self.t_end - s))
 
@@ -78,13 +76,11 @@ _GAUSS_X, _GAUSS_W = 0.5 * (1.0 + _GAUSS_X), 0.5 * _GAUSS_W
 
 
 def constant_speed(V: float) -> Travel:
-    """xi = V t."""
     positive(speed=V)
     return Travel(lambda t: V * t, lambda t: np.full(np.shape(t), V), 1.0 / V)
 
 
 def travel_of(motion: Motion) -> Travel:
-    """Travel of a scene."""
     starts = sorted({piece.start for pieces in motion.pieces for piece in pieces})
     return Travel(motion.position, motion.speed, motion.phases[-1][1], tuple(starts[1:]))
 
@@ -112,7 +108,7 @@ def solve(travel: Travel, *, mu: float, sigma: float, reach: float = 1e-3) -> Ri
 
 # --- the march
 
-_X = -np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)  # Chebyshev-Lobatto points
+_X = -np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
 _K = np.arange(DEGREE + 1)
 _TO_COEF = np.linalg.inv(np.cos(_K * np.arccos(_X)[:, None]))  # values -> coefficients
 _TO_INTEGRAL = np.stack(  # values -> integrals from -1
@@ -122,14 +118,13 @@ _DIFF = np.stack([np.append(np.polynomial.chebyshev.chebder(e), 0.0) for e in np
 
 
 def _cheb(x: Array) -> Array:
-    """T_k(x), (n, DEGREE+1), x clipped."""
     return np.cos(_K * np.arccos(np.clip(x, -1.0, 1.0))[:, None])
 
 
 def _invert(
     value: Callable[[Array], Array], slope: Callable[[Array], Array], target: Array, lo: float, hi: float
 ) -> Array:
-    """Solve value(x) = target on [lo, hi], value increasing, by bracketed Newton iteration."""
+    """Solve value(x) = target on [lo, hi] for increasing value."""
     target = np.asarray(target, float)
     a, b = np.full(target.shape, lo), np.full(target.shape, hi)
     x = np.clip(a + (target - value(a)) / np.maximum(slope(a), 1e-3), a, b)
@@ -145,7 +140,7 @@ def _invert(
 
 
 class _Pieces:
-    """Piecewise Chebyshev series of (y, F, G) in z = t or -s."""
+    """Piecewise Chebyshev series of (y, F, G) in t or -s."""
 
     def __init__(self, start: float) -> None:
         self.edge, self.coef, self.n = np.full(65, start), np.zeros((64, 3, DEGREE + 1)), 0
@@ -159,7 +154,7 @@ class _Pieces:
         self.edge[self.n] = end
 
     def at(self, z: Array, derivative: bool = False) -> Array:
-        """(n, 3) values or z-derivatives, from the right at an edge."""
+        """(n, 3) values or derivatives, from the right."""
         i = np.clip(np.searchsorted(self.edge[: self.n + 1], z, side="right") - 1, 0, self.n - 1)
         a, b = self.edge[i], self.edge[i + 1]
         c = self.coef[i]
@@ -169,14 +164,14 @@ class _Pieces:
 
 
 class _History:
-    """y, F, G so far: in t to the middle of the travel, then in -s."""
+    """y, F, G so far: first half in t, second in -s."""
 
     def __init__(self, travel: Travel) -> None:
         self.middle = 0.5 * travel.t_end
         self.early, self.late = _Pieces(0.0), _Pieces(-self.middle)
 
     def at(self, t: Array, s: Array, derivative: bool = False) -> Array:
-        """(n, 3); zero for t < 0."""
+        """(n, 3); 0 for t < 0."""
         out = np.zeros((len(t), 3))
         e, l = (t >= 0.0) & (t <= self.middle), t > self.middle
         if e.any():
@@ -187,7 +182,7 @@ class _History:
 
 
 class _March:
-    """The march; t near the start, s = T - t near the end."""
+    """t near the start, s = T - t near the end."""
 
     def __init__(self, travel: Travel, mu: float, sigma: float) -> None:
         self.travel, self.mu, self.sigma, self.past = travel, mu, sigma, _History(travel)
@@ -210,13 +205,13 @@ class _March:
         return _invert(lambda s: s - go(s), lambda s: 1.0 - speed(T - s), zeta, 0.0, T)
 
     def fronts(self, s_last: float) -> tuple[Array, Array]:
-        """Arrivals (t, s) at the mass of fronts from t = 0 and the breaks, each reflected at one support only."""
+        """Arrivals (t, s) of fronts from t = 0 and the breaks, reflected at one support only."""
         travel, T = self.travel, self.travel.t_end
         start = np.array([0.0, *travel.breaks])
         A_last = float(self.A(np.array([s_last]))[0])
         gap_last = s_last + float(travel.to_go(np.array([s_last]))[0])
         all_s = [T - start]
-        t = start[self.B(start) > 0.0]  # not from the support itself
+        t = start[self.B(start) > 0.0]
         while (t := t[self.B(t) < A_last]).size:
             s = self.ahead(T - 1.0 - self.B(t))
             all_s.append(s)
@@ -269,7 +264,7 @@ class _March:
         """
         T = self.travel.t_end
         first = z == 0.0 and float(self.travel.position(np.zeros(1))[0]) == 0.0
-        # an error of G at s moves the path by 2 s/mu of it
+        # errors of G at s move the path by 2 s/mu
         slack = min(1e6, max(1.0, min(self.mu, 1.0) / abs(z))) if late else 1.0
         while True:
             coef = self._first_step(h) if first else self._step(y0, z, z + h, late)
@@ -279,14 +274,13 @@ class _March:
             if excess <= 1.0:
                 return coef, h, size, float(tail[0]), excess
             h *= 0.6
-            if not h > LEAST_STEP * (abs(z) if late else T):  # NaN, too
+            if not h > LEAST_STEP * (abs(z) if late else T):
                 raise MarchStalled(float(T + z if late else z), T, excess)
 
     def _first_step(self, h: float) -> Array:
-        """Coefficients (3, DEGREE+1) of y, F, G on [0, h] for a start on the support, before the first front.
+        """(y, F, G) (3, DEGREE+1) on [0, h] from the support, before any front.
 
-        G = y and F = (mu/2)(sigma t - y'); (1) over t - t1 = xi(t) + xi(t1) reads for w = y'':
-        mean of w over [t1, t]  +  2 y / (mu (t - t1)) = sigma.
+        G = y, F = (mu/2)(sigma t - y'), w = y'':  mean of w over [t1, t] + 2 y/(mu (t - t1)) = sigma.
         """
         n, mu, sigma = DEGREE - 1, self.mu, self.sigma
         t = 0.5 * h * (1.0 - np.cos(np.pi * (np.arange(n) + 0.5) / n))
@@ -305,7 +299,7 @@ class _March:
         return np.stack([y, F, y])
 
     def _step(self, y0: float, za: float, zb: float, late: bool) -> Array:
-        """Coefficients (3, DEGREE+1) of y, F, G on the step [za, zb] of t (late: of -s)."""
+        """(y, F, G) (3, DEGREE+1) on [za, zb] of t (late: of -s)."""
         T, h, mu = self.travel.t_end, zb - za, self.mu
         z = 0.5 * (za + zb) + 0.5 * h * _X
         z[0], z[-1] = za, zb
@@ -340,14 +334,12 @@ class _March:
 
 @dataclass(frozen=True, slots=True)
 class Ride:
-    """The solved travel."""
-
     travel: Travel
     mu: float
     sigma: float
     t_last: float  # end of the march
     exit_path: float  # y at t_last
-    tail: float  # largest tail of y over the largest value
+    tail: float  # of y, over the largest value
     _march: _March
 
     def _fields(self, t: ArrayLike, derivative: bool = False) -> tuple[Array, Array]:
@@ -368,7 +360,7 @@ class Ride:
         return self.sigma * t - (2.0 / self.mu) * (q[:, 1] + q[:, 2] - q[:, 0]).reshape(t.shape)
 
     def impulse(self, t: ArrayLike) -> Array:
-        """I(t), integral of R from 0 to t."""
+        """Integral of R."""
         q, t = self._fields(t)
         return 2.0 * (q[:, 1] + q[:, 2] - q[:, 0]).reshape(t.shape)
 
@@ -380,7 +372,7 @@ class Ride:
 
 @dataclass(frozen=True, slots=True)
 class SupersonicRide:
-    """A mass that outruns its waves: y = 0, the string feels P = mu sigma."""
+    """y = 0; force P = mu sigma."""
 
     P: float
 
@@ -413,7 +405,6 @@ def cases() -> list[Crossing | Limit]:
 
 
 def _heavier(groups: Groups, V: float) -> float:
-    """sigma of the equivalent straight string."""
     return groups.sigma * (1.0 + V * V)
 
 

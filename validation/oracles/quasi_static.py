@@ -25,7 +25,6 @@ Curve = Callable[[Any], LoadPath]
 
 
 def rolled(scene: Scene, curve: Curve = LoadPath.loaded) -> Ride:
-    """Ride of a free car along the load path or another curve."""
     g = scene.groups
     return ride(curve(g), g.mu, g.sigma, g.drive)
 
@@ -39,11 +38,11 @@ def _deviation(solvers: Solvers, method: str, drag: float) -> Error:
 
 
 def _fast(what: str, curve: Curve, solvers: Solvers, method: str, sigma: float) -> Error:
-    """Error of place over l, or of speed or deflection over the largest."""
+    """Error of place over l, of speed or deflection over the largest."""
     drive = {"mode": "free", "start": 0.02, "end": {"place": 0.9}}
     scene = hung(sigma, 1200.0, 0.3, drive, span=0.96, drop=0.28, horizontal_tension=1.0)
     r, other = solvers.ride(scene, method, steps=600), rolled(scene, curve)
-    if what == "deflection":  # of the cable at rest, car at the same place
+    if what == "deflection":  # of the cable at rest
         rest, empty = (curve(scene.groups).place(r.s_o / r.length) for curve in (LoadPath.loaded, LoadPath.empty))
         off = np.hypot(*(np.stack([r.x, r.y], -1) / r.length - rest).T)
         return largest_and_rms(off / np.hypot(*(rest - empty).T).max())

@@ -39,7 +39,6 @@ TENTH = 0.1  # s_o of a held car
 
 
 def place_of_rest(groups: Groups, low: float = 0.05, high: float = 0.95) -> float:
-    """s_o at which a free car stays; ValueError if there is none."""
     return float(brentq(lambda s: gripped(s, groups).hold[0], low, high, xtol=1e-14))
 
 
@@ -51,7 +50,7 @@ def balance(at: Rest) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Held(Case):
-    """What a held car needs: force at s_o = 0.1, or its place of rest."""
+    """A held car: force at s_o = 0.1, or place of rest."""
 
     answer: Callable[[Solvers, str, dict[str, Any]], Array]
     exact: Array
@@ -107,7 +106,6 @@ def cases() -> list[Case]:
     sag = y - float(scene.catenary.y(start))
 
     def defect(r) -> Error:
-        """Error at the start: place over deflection, tensions over H."""
         off = max(np.hypot(r.x[0] - x, r.y[0] - y) / sag, np.abs(np.array([r.T_behind[0], r.T_ahead[0]]) - N).max() / H)
         return float(off), float(off)
 
@@ -115,7 +113,6 @@ def cases() -> list[Case]:
     still = Scene.from_toml(ZIP + f"start = {at * l!r}\nend = {{time = 6.0}}\nrest_speed = 1e-12")
 
     def moved(r) -> Error:
-        """Way over l of a car at rest."""
         way = np.abs(r.s_o / l - at)
         return largest_and_rms(way)
 

@@ -26,8 +26,6 @@ from validation.oracles.case import RIDERS, Array, Error, Limit, Solvers, hung, 
 
 @dataclass(frozen=True, slots=True)
 class Sled:
-    """Solution: travel, depth and force."""
-
     mu: float
     sigma: float
     a: float
@@ -35,7 +33,6 @@ class Sled:
     _sol: OdeSolution
 
     def position(self, t: ArrayLike) -> Array:
-        """s_o(t)."""
         return self.s0 + 0.5 * self.a * np.asarray(t, float) ** 2
 
     def depth(self, t: ArrayLike) -> Array:
@@ -43,7 +40,6 @@ class Sled:
         return self._sol(np.asarray(t, float).ravel())[0].reshape(np.shape(t))
 
     def sinking(self, t: ArrayLike) -> Array:
-        """dw/dt."""
         return self._sol(np.asarray(t, float).ravel())[1].reshape(np.shape(t))
 
     def force(self, t: ArrayLike) -> Array:
@@ -82,7 +78,6 @@ FINE = {"following-p2": {"elements": 200, "steps": 800}, "fourier-kink": {"terms
 
 
 def _deviation(solvers: Solvers, method: str, sigma: float, lift: bool = True) -> Error:
-    """Error of w over mu sigma."""
     exact = solve(T_END * 1.001, mu=MU, sigma=sigma, a=A, s0=S0, lift=lift)
     drive = {"mode": "free", "start": S0, "thrust": MU * A, "end": {"time": T_END}}
     scene = hung(sigma, 300.0, MU, drive)

@@ -33,7 +33,6 @@ def one_force(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
 
 
 def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
-    """v(x, t) under both forces."""
     return one_force(x, t, P=P, V=V) + one_force(-np.asarray(x, float), t, P=P, V=V)
 
 

@@ -34,14 +34,14 @@ START = 100.0  # [m] of the held car
 
 
 def piece(H: float, P: float, S: float, q: float, EA: float) -> np.ndarray:
-    """(dx, dy) of a piece, y down; P > 0: it descends."""
+    """(dx, dy), y down; P > 0: it descends."""
     P1 = P - q * S
     dx = H * S / EA + H / q * (math.asinh(P / H) - math.asinh(P1 / H))
     return np.array([dx, (P * S - 0.5 * q * S * S) / EA + (math.hypot(H, P) - math.hypot(H, P1)) / q])
 
 
 def elastic_catenary(span: float, drop: float, S: float, weight: float, EA: float) -> tuple[float, float]:
-    """(H, P) at the left support; unstretched length S [m], weight [N]."""
+    """(H, P) at the left support; S [m], weight [N]."""
 
     def off(x: np.ndarray) -> np.ndarray:
         return (piece(math.exp(x[0]), x[1] * weight, S, weight / S, EA) - [span, drop]) / span
@@ -54,12 +54,11 @@ def elastic_catenary(span: float, drop: float, S: float, weight: float, EA: floa
 
 
 def sag_level(H: float, P: float, S: float, weight: float, EA: float) -> float:
-    """Depth of the middle of a level cable."""
     return float(piece(H, P, 0.5 * S, weight / S, EA)[1])
 
 
 def stretched_length(H: float, P: float, S: float, weight: float, EA: float) -> float:
-    """S + int N/EA dS of a piece."""
+    """S + int N/EA dS."""
     q = weight / S
     F = [0.5 * (x * math.hypot(H, x) + H * H * math.asinh(x / H)) for x in (P, P - weight)]
     return S + (F[0] - F[1]) / (q * EA)
@@ -67,7 +66,7 @@ def stretched_length(H: float, P: float, S: float, weight: float, EA: float) -> 
 
 @dataclass(frozen=True, slots=True)
 class Stretched:
-    """Plain catenary, weight w per stretched metre."""
+    """Plain catenary; w per stretched metre."""
 
     span: float
     drop: float
@@ -102,9 +101,9 @@ class Stretched:
 
 
 def by_rte(rest: Stretched, EA: float, heat: float, load: float = 0.0, across: float = 0.0) -> Stretched:
-    """State by the rule of RTE's mechaphlowers: strains add up, weight per stretched metre is kept.
+    """State by RTE's mechaphlowers: strains add up, weight per stretched metre is kept.
 
-    heat : thermal strain a dT; load : added weight [N/m]; across : force normal to the plane [N/m], which tilts it.
+    heat : a dT; load : added weight [N/m]; across : force normal to the plane [N/m].
     """
     reference = rest.length / (1.0 + rest.mean_tension / EA)
     w, tilt = math.hypot(rest.w + load, across), math.atan2(across, rest.w + load)
@@ -118,17 +117,14 @@ def by_rte(rest: Stretched, EA: float, heat: float, load: float = 0.0, across: f
 
 
 def heated(scene: Scene, l: float, unstretched: float) -> tuple[float, float]:
-    """Unstretched length [m] and weight [N] of a hot or cold cable with ice.
-
-    l, unstretched : lengths at the reference.
-    """
+    """S [m] and weight [N], hot or cold, with ice; l, unstretched : at the reference."""
     cable = scene.cable
     ice = cable.ice_per_length
     return unstretched * (1.0 + cable.warmer), (cable.mass_per_length + ice) * scene.gravity * l
 
 
 def held(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
-    """A cold iced line with a car held at START, its exact place, and that of the empty cable."""
+    """Cold iced line with a car held at START, its exact place, the empty cable's place."""
     text = ZIP.replace("EA = 1.2e7", f"EA = {EA!r}")
     reference = Scene.from_toml(text)
     drive = f"start = {START}\nrelease = 5.0\nend = {{time = 0.02}}"
@@ -155,7 +151,7 @@ def held(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
 
 
 def _deviation(solvers: Solvers, method: str, EA: float) -> Error:
-    """Distance of the held car from its exact place, over deflection."""
+    """Error of the place over the deflection."""
     scene, place, empty = held(EA)
     r = solvers.ride(scene, method, steps=100, **({"terms": 40} if method == "fourier-kink" else {}))
     off = math.hypot(r.x[0] - place[0], r.y[0] - place[1]) / math.hypot(*(place - empty))

@@ -51,27 +51,21 @@ def solve(t_end: float, *, mu: float, sigma: float, w0: float, drive: float = 0.
 
 @dataclass(frozen=True, slots=True)
 class CoupledRide:
-    """Solution of (1)."""
-
     mu: float
     sigma: float
     _sol: OdeSolution
 
     def position(self, t: ArrayLike) -> Array:
-        """xi(t)."""
         return self._sol(np.asarray(t, float).ravel())[0].reshape(np.shape(t))
 
     def speed(self, t: ArrayLike) -> Array:
-        """xi'(t)."""
         return self._sol(np.asarray(t, float).ravel())[1].reshape(np.shape(t))
 
     def path(self, t: ArrayLike) -> Array:
-        """y(t)."""
         t = np.asarray(t, float)
         return 0.5 * self.sigma * self.mu * (t + 0.5 * self.mu * np.expm1(-2.0 * t / self.mu))
 
     def force(self, t: ArrayLike) -> Array:
-        """R(t)."""
         return -self.mu * self.sigma * np.expm1(-2.0 * np.asarray(t, float) / self.mu)
 
 
@@ -87,7 +81,6 @@ MU, V, S0, T_END = 0.3, 0.4, 0.35, 0.45
 
 
 def _deviation(solvers: Solvers, method: str, sigma: float, drag: bool = True) -> Error:
-    """Error of F - mu x.. over W^2."""
     drive = {"mode": "haul", "start": S0, "end": {"place": S0 + V * T_END}}
     scene = hung(sigma, 300.0, MU, drive, travel=ConstantSpeed(speed=V))
     r = solvers.ride(scene, method, steps=400, scheme="generalized-alpha")
