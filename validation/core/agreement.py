@@ -1,4 +1,4 @@
-"""The verdict: a gap, the bars of both answers, what was asked, and the three-line rule."""
+"""The verdict on a row: gap, bars and tolerance."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from typing import Any
 from validation.core.bounds import Bound
 
 DEFAULT_TOL = 1e-3
-APART = 3.0  # times both bars: no order shows at less (`ladder.left`), so that only more is no discretisation error
+APART = 3.0  # times both bars: a smaller gap may be discretisation error (`ladder.left`)
 
 
 class Verdict(enum.Enum):
-    """In the order in which they decide the whole."""
+    """In order of precedence."""
 
     DISAGREE, NOT_COMPARABLE, TOO_COARSE, AGREE = "disagree", "not comparable", "too coarse", "agree"
 
 
 def three_lines(gap: float, bars: float, asked_for: float) -> Verdict:
-    """Beyond three times both bars they disagree; else what exceeds the asked is too coarse; else they agree."""
+    """Disagree beyond APART times both bars; else too coarse if gap or bars exceed the tolerance; else agree."""
     if gap > APART * bars:
         return Verdict.DISAGREE
     return Verdict.AGREE if max(gap, bars) <= asked_for else Verdict.TOO_COARSE
@@ -28,19 +28,19 @@ def three_lines(gap: float, bars: float, asked_for: float) -> Verdict:
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """One row of a verdict: a gap, the bound that says what is allowed and why, and what was asked.
+    """One row of a verdict.
 
-    asked_for : of the gap and of both bars together; None where the bound alone decides (third parties).
-    asked : whether the row counts in the verdict, or is shown only.
-    parts : what space and time contribute to the bars of both answers, where that is known.
+    asked_for : tolerance of the gap and of both bars together; None: the bound alone decides (third parties).
+    asked : whether the row counts, or is only shown.
+    parts : of both bars in space and time, if known.
     """
 
     quantity: str
     gap: float
     bound: Bound
     where: float | None = None  # s_o/l of the largest gap
-    party: str = ""  # the third party that is held against our better solver
-    law: str = ""  # of several rows of one quantity, what this one is about
+    party: str = ""  # third party compared with our better solver
+    law: str = ""  # tells rows of one quantity apart
     asked_for: float | None = None
     asked: bool = True
     parts: tuple[tuple[float, float], ...] = ()
@@ -55,7 +55,7 @@ class Agreement:
 
     @property
     def verdict(self) -> Verdict:
-        """The three-line rule; without anything asked a gap within its bound agrees."""
+        """By `three_lines`; without a tolerance a gap within its bound agrees."""
         if self.bound.kind in ("nothing", "covers less", "covers less time"):
             return Verdict.NOT_COMPARABLE
         if self.asked_for is None:
@@ -66,7 +66,7 @@ class Agreement:
         return three_lines(self.gap, self.allowed, self.asked_for)
 
     def row(self) -> dict[str, Any]:
-        """Return the row for agreement.json; a number that does not exist is null."""
+        """Return the row for agreement.json; null for numbers that are not finite."""
         bars = [part.value for part in self.bound.parts[:2]] if self.bound.kind in ("error bars", "law") else []
         bar_a, bar_b = (*bars, None, None)[:2]
         return {
@@ -79,7 +79,7 @@ class Agreement:
 
 
 def overall(rows: list[Agreement]) -> Verdict:
-    """Return the first of disagree, not comparable, too coarse and agree that any asked row is."""
+    """Return the first verdict, in order of precedence, of the asked rows."""
     verdicts = {row.verdict for row in rows if row.asked} or {Verdict.NOT_COMPARABLE}
     return next(verdict for verdict in Verdict if verdict in verdicts)
 

@@ -1,6 +1,6 @@
-"""Answers in the words of those who ask: what becomes of the ride, what clears what, where the rope hangs.
+"""Answers in plain words: how a ride ends, what clears what, where the rope hangs.
 
-Everything here reads a scene and a response. Depths are in metres below the left support.
+Depths are in metres below the left support.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from cablefem.response import Array, Response, whole, write_json
 from cablefem.scene import Scene
 
 GROUND = "the ground"
-PLACES = 201  # columns of the profile, as many as stations in tension.csv
+PLACES = 201  # as many as stations in tension.csv
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,14 +27,14 @@ class Outcome:
 
 
 def outcome(scene: Scene, r: Response) -> Outcome:
-    """Return how a run ends: where, when, how fast, and what rope or car would hit."""
+    """Return how a run ends, and what rope or car would hit."""
     found = _end(scene, r)
     hit = hits(scene, r)
     return Outcome(found.kind, found.sentence + (f"; would hit {' and '.join(hit)}" if hit else ""))
 
 
 def hits(scene: Scene, r: Response) -> list[str]:
-    """Return the names of obstacles, and the ground, which rope or car would touch."""
+    """Return the obstacles, and the ground, that rope or car would touch."""
     rooms = [(room.name, room.height) for room in clearances(scene, r)]
     return list(dict.fromkeys(name for name, height in rooms if np.nanmin(height, initial=np.inf) < 0.0))
 
@@ -45,7 +45,7 @@ def _end(scene: Scene, r: Response) -> Outcome:
         return Outcome("incomplete", f"the computation broke at {here}: {r.reason}")
     if r.drive == "free":
         return _ride(scene, r)
-    # a run may end sooner than its travel: past the slack onset nothing is compared
+    # a run may end before its travel: nothing is compared past the slack onset
     motion, lasts = scene.groups.motion, scene.arrival
     assert motion is not None
     assert lasts is not None
@@ -97,7 +97,7 @@ def _kmh(speed: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """The rope over x: at rest, and the extremes of its depth and tension over the run; (n,) each, SI."""
+    """The rope over x: at rest, and extremes of depth and tension over the run; (n,) each, SI."""
 
     x: Array
     y_rest: Array
@@ -107,12 +107,11 @@ class Profile:
     tension_min: Array
 
     def columns(self) -> dict[str, Array]:
-        """Return the columns of profile.csv in their order."""
         return {name: getattr(self, name) for name in self.__dataclass_fields__}
 
 
 def shapes(r: Response) -> tuple[Array, Array, Array]:
-    """Return x, y [m] and tension [N] of the rope at each frame, (k, m + 1) each, the point under the mass included."""
+    """Return x, y [m] and tension [N] of the rope at each frame, (k, m + 1) each, with the point at the mass."""
     f = r.fields
     x, y = f.x + f.u, f.y + f.v
     mass = np.array([np.interp(f.s_o, f.s, f.x) + f.mass_u, np.interp(f.s_o, f.s, f.y) + f.mass_v])
@@ -124,7 +123,7 @@ def shapes(r: Response) -> tuple[Array, Array, Array]:
 
 
 def profile(r: Response) -> Profile:
-    """Return where the rope was and how hard it pulled, over all frames, at PLACES equal distances of x."""
+    """Return the extremes of depth and tension over all frames, at PLACES equidistant x."""
     f = r.fields
     x = np.linspace(float(f.x[0]), float(f.x[-1]), PLACES)
     rest = np.interp(x, f.x, f.y)
@@ -133,7 +132,7 @@ def profile(r: Response) -> Profile:
         depth.append(np.interp(x, at, y))
         pull.append(np.interp(x, at, T))
     lowest = np.max(depth, axis=0)
-    for x_car, y_car in _ways(r):  # between two frames the car is the lowest point of the rope near it
+    for x_car, y_car in _ways(r):  # between frames the car is the rope's lowest point nearby
         inside = (x >= x_car[0]) & (x <= x_car[-1])
         lowest[inside] = np.maximum(lowest[inside], np.interp(x[inside], x_car, y_car))
     return Profile(x, rest, np.min(depth, axis=0), lowest, np.max(pull, axis=0), np.min(pull, axis=0))
@@ -150,7 +149,7 @@ def write_answers(folder: Path, scene: Scene, r: Response) -> None:
 
 
 def _ways(r: Response) -> list[tuple[Array, Array]]:
-    """Return the path of the car as pieces (x, y) along which x grows."""
+    """Return the path of the car as pieces (x, y) with growing x."""
     turns = np.flatnonzero(np.diff(np.sign(np.diff(r.x))) != 0) + 1
     pieces = zip(np.split(r.x, turns), np.split(r.y, turns), strict=True)
     return [(x, y) if x[-1] > x[0] else (x[::-1], y[::-1]) for x, y in pieces if x.size > 1]
@@ -163,8 +162,8 @@ class Room:
     of: str  # "rope" or "car"
     name: str  # of the obstacle, or "the ground"
     t: Array  # (n,) [s]
-    height: Array  # (n,) [m]; nan where it says nothing
-    s: Array  # (n,) [m] place on the rope
+    height: Array  # [m]; nan: unknown
+    s: Array  # [m] on the rope
 
 
 def clearances(scene: Scene, r: Response) -> list[Room]:
@@ -180,7 +179,7 @@ def clearances(scene: Scene, r: Response) -> list[Room]:
 
 
 def rope_over(r: Response, x: float, top: float, name: str) -> Room:
-    """Return the free height of the rope above the point (x, top), at all frames and whenever the car passes it."""
+    """Return the free height of the rope above (x, top) at all frames and whenever the car passes."""
     at, y, _ = shapes(r)
     heights = top - np.array([np.interp(x, a, b) for a, b in zip(at, y, strict=True)])
     s = np.full(heights.size, float(np.interp(x, r.fields.x, r.fields.s)))
@@ -191,7 +190,7 @@ def rope_over(r: Response, x: float, top: float, name: str) -> Room:
 
 
 def car_over(r: Response, x: float, top: float, name: str) -> Room:
-    """Return the free height of the car above (x, top) each time it passes x; maybe never."""
+    """Return the free height of the car above (x, top) each time it passes x."""
     before, after = r.x[:-1], r.x[1:]
     i = np.flatnonzero(((before < x) & (after >= x)) | ((before > x) & (after <= x)))
     w = (x - before[i]) / (after[i] - before[i])
@@ -203,9 +202,9 @@ def car_over(r: Response, x: float, top: float, name: str) -> Room:
 
 
 def rope_over_ground(r: Response, ground: Array) -> Room:
-    """Return the least free height of the rope above the ground (n, 2) of x and depth, at each frame.
+    """Return the least free height of the rope above the ground (n, 2), x and depth, at each frame.
 
-    The ground is linear between its points. Outside them it says nothing.
+    The ground is linear between its points and unknown (nan) outside.
     """
     at, y, _ = shapes(r)
     heights, s = np.full(len(at), np.nan), np.full(len(at), np.nan)
@@ -219,6 +218,6 @@ def rope_over_ground(r: Response, ground: Array) -> Room:
 
 
 def car_over_ground(r: Response, ground: Array, below: float) -> Room:
-    """Return the free height of the car's lowest part above the ground at each step; nan outside the ground."""
+    """Return the free height of the car's lowest part above the ground at each step; nan outside."""
     depth = np.interp(r.x, ground[:, 0], ground[:, 1], left=np.nan, right=np.nan)
     return Room("car", GROUND, r.t, depth - r.y - below, r.s_o)

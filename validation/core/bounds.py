@@ -1,6 +1,6 @@
-"""Why a gap may be as large as it is: the allowed gap with its parts.  Words are made where it is shown.
+"""The allowed gap with its parts and its reason.
 
-Decisions and pages read `kind`, `parts` and `numbers`; the words of each kind stand in `WORDS`.
+Decisions read `kind`, `parts` and `numbers`; `WORDS` has the text of each kind.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ WORDS = {
 class Part:
     """One contribution to an allowed gap."""
 
-    name: str  # the run, party or law it comes from
+    name: str  # its run, party or law
     value: float
-    basis: str = ""  # how the value came about
+    basis: str = ""  # how it came about
 
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """An allowed gap: of which kind, what it is the sum of, and what else its words name."""
+    """An allowed gap: the sum of its parts."""
 
     kind: str
     parts: tuple[Part, ...] = ()
     numbers: dict[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    tol: float | None = None  # asked for and exceeded: too coarse for a verdict
+    tol: float | None = None  # tolerance that the bars exceed
 
     @property
     def value(self) -> float:
@@ -54,11 +54,10 @@ class Bound:
         return sum(part.value for part in self.parts)
 
     def line(self, show: Show = "{:.2g}".format) -> str:
-        """Return the reason in a line, without how the parts came about; `show` writes a value."""
+        """Return the reason in one line, without bases; `show` writes a value."""
         return self._said(show, [f"{part.name} {show(part.value)}" for part in self.parts])
 
     def __str__(self) -> str:
-        """Return the whole reason."""
         show = "{:.2g}".format
         bases = (f" ({part.basis})" if part.basis else "" for part in self.parts)
         return self._said(
@@ -72,7 +71,7 @@ class Bound:
         return "; ".join([said, *self.notes])
 
     def row(self) -> dict[str, Any]:
-        """Return the bound as JSON holds it, a value that does not exist null; `Bound.of` reads it back."""
+        """Return the bound for JSON; `Bound.of` reads it back."""
         row = asdict(self)
         for part in row["parts"]:
             part["value"] = part["value"] if math.isfinite(part["value"]) else None

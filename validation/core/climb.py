@@ -1,4 +1,4 @@
-"""From a tolerance to a resolution: a ladder of runs, refined in space or time, whichever leaves more for its cost."""
+"""From a tolerance to a resolution: refine space or time, whichever pays more."""
 
 from __future__ import annotations
 
@@ -22,27 +22,26 @@ from validation.core.running import Run, whole
 from validation.core.sidebyside import Progress
 from validation.core.view import View
 
-KIND = ("model", "load", "law", "until")  # what a run is told besides the method's own settings
+KIND = ("model", "load", "law", "until")  # what a run takes besides the method's settings
 FIRST_STEPS, MOST_STEPS = 120, 64_000
-LARGEST = 2e6  # steps times resolution: half a gigabyte of states
-BUDGET = 1.2e6  # `work` of a ladder that a user waits for: half a minute to a minute
-AIM = 0.8  # of the bar that is asked for, so that a prediction that is a little short costs no other run
-STRIDE = 4.0  # the most by which space or time are refined at once: orders hold no further
-STRIDES = np.array([1.0, *np.geomspace(1.5, 64.0, 30)])  # less is not worth another ladder
-ROUNDING = 1e-12  # of the scale of the path: runs of one method agree by rounding alike
+LARGEST = 2e6  # steps times resolution, about 0.5 GB of states
+BUDGET = 1.2e6  # `work` of a ladder that a user waits for, 30 to 60 s
+AIM = 0.8  # of the bar asked for: a margin on the prediction
+STRIDE = 4.0  # largest refinement at once: orders hold no further
+STRIDES = np.array([1.0, *np.geomspace(1.5, 64.0, 30)])  # smaller factors are not worth a ladder
+ROUNDING = 1e-12  # of the scale of the path
 AUDIBLE = 10.0  # steps in an axial round trip that resolve axial waves
 
-# The rule where the user names none.  Steps of an affordable length do not resolve axial waves, so the rule damps them.
+# Default rule: it damps axial waves, because affordable steps do not resolve them.
 QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 RINGS = {"scheme": "generalized-alpha", "rho_inf": 1.0}
-# A car of mass mu over the cable's that enters with speed sends a front of width mu ahead.  Radau's rule disperses it
-# least.
+# A car of mass ratio mu that enters with speed sends a front of width mu ahead.  Radau's rule disperses it least.
 LIGHT, SHARP, FINE, FINEST = 0.1, {"scheme": "radau"}, 2e-3, 3e-4
-SWINGING = {"rho_inf": 0.5}  # on a free ride axial waves turn the car's friction round; this damps them faster
+SWINGING = {"rho_inf": 0.5}  # on free rides: axial waves reverse the friction
 
 
 class TooCoarse(RuntimeError):
-    """No resolution within reach meets the tolerance; `best` is the finest run made, `ladder` its ladder."""
+    """No resolution within reach meets the tolerance; `best` is the finest run, `ladder` its ladder."""
 
     def __init__(self, message: str, ladder: Ladder) -> None:
         super().__init__(message)
@@ -50,7 +49,7 @@ class TooCoarse(RuntimeError):
 
 
 class Runs:
-    """Runs of one method on one scene by their settings, each made once and marched as far as is asked."""
+    """Runs of one method on one scene by their settings, each made once."""
 
     def __init__(self, scene: Scene, method: Method, how: dict[str, Any], known: Sequence[MassPath] = ()) -> None:
         self.scene, self.method, self.how, self.view = scene, method, how, View.of(scene)
@@ -69,7 +68,7 @@ class Runs:
         return marched.try_to(until, past=past)
 
     def ladder(self, settings: dict[str, Any], until: float | None) -> Ladder:
-        """Return the run with these settings and the coarser ones its bars are made from."""
+        """Return the run with these settings and its coarser runs."""
         finest = self.at(settings, until)
         branches = []
         for name, values, nominal in self._coarser(settings):
@@ -81,12 +80,12 @@ class Runs:
         return Ladder(finest, *branches)  # type: ignore[arg-type]
 
     def _coarser(self, settings: dict[str, Any]) -> list[tuple[str, list[int], float]]:
-        """Return setting, values from the finest on and nominal order, of space and of time."""
+        """Return (setting, values from the finest on, nominal order) of space and of time."""
         space, count, steps = self.method.resolution, self.method.value(settings), settings["steps"]
         if space.doubling:
             counts = [count - k for k in range(3) if count - k >= 0]
         else:
-            # no run is coarser than where the method begins, but for ratios of at least 3/2
+            # not coarser than the method's first run, unless ratios fall below 3/2
             first = (self.method.begins or (space.first, 0))[0]
             quarter = max(count / 4.0, min(first, count / 2.25))
             least = self.method.knobs[space.setting].allowed[0]
@@ -97,9 +96,9 @@ class Runs:
         return [(space.setting, counts, order), ("steps", times, min(2.0, scheme(settings["scheme"]).order))]
 
     def finished(self, ladder: Ladder, end: float | None, past: float = math.inf) -> Ladder:
-        """Return the ladder with its finest run marched to its end, and all of it observed.
+        """Return the ladder with its finest run marched to its end and all runs observed.
 
-        Where the cable falls slack, coarser runs go on as far as the slack cable is compared.
+        With a slack cable the coarser runs go on to SLACK_END.
         """
         finest = whole(self.at(ladder.finest.settings, end, past))
         until = self.view.stop
@@ -112,7 +111,7 @@ class Runs:
         return replace(ladder, finest=finest, space=observed(ladder.space), time=observed(ladder.time))
 
     def ringing(self, settings: dict[str, Any]) -> Response | None:
-        """Return a run that does not damp axial waves; None where that would take too many steps."""
+        """Return a run that does not damp axial waves; None if that takes too many steps."""
         motion = self.scene.groups.motion
         duration = self.scene.groups.drive.nominal if motion is None else motion.phases[-1][1]
         steps = math.ceil(AUDIBLE * duration * math.sqrt(self.scene.groups.alpha) / 2.0)
@@ -127,7 +126,7 @@ def laddered(
 ) -> Ladder:  # fmt: skip
     """Return the ladder of a run with given settings; `kind` as in `run`.
 
-    known : runs of the same kind that need not be made again.
+    known : runs that need not be made again.
     """
     method = find(method) if isinstance(method, str) else method
     how = {k: kind[k] for k in KIND if k in kind}
@@ -146,13 +145,12 @@ def climb(
 ) -> Ladder:  # fmt: skip
     """Return a ladder whose finest run has a path bar of at most `tol`, at nearly the least cost.
 
-    A coarse ladder gives the parts s of space and t of time.  Refining space by a and time by b leaves s/a^p + t/b^q:
-    the cheapest a and b that meet the tolerance give the next ladder.
+    A ladder gives the parts s of space and t of time.  Refining space by a and time by b leaves s/a^p + t/b^q.  The
+    cheapest a, b that meet the tolerance give the next ladder.
 
-    kind : as in `run`;  budget : of `work`, of the last ladder;  past : how far in s_o/l the finest run goes on once
-    its cable is slack.
+    kind : as in `run`;  budget : `work` of the last ladder;  past : s_o/l the finest run goes on once slack.
 
-    Raises TooCoarse, with the finest ladder, if the tolerance is out of reach.
+    Raises TooCoarse with the finest ladder if the tolerance is out of reach.
     """
     method = find(method) if isinstance(method, str) else method
     if method.wrong:
@@ -164,7 +162,7 @@ def climb(
     settings = method.settings_on(scene.groups, _rule(scene, method, named, tol) | _begin(scene, method, tol))
     runs = Runs(scene, method, how, known)
     short, space = _short(runs.view, end), method.resolution
-    ratio, before = 1.0, math.inf  # by which space was refined last, and what it left before
+    ratio, before = 1.0, math.inf  # last refinement of space, and its part before
     while True:
         ladder = runs.ladder(settings, short)
         parts = path_parts(ladder, runs.view)
@@ -193,7 +191,7 @@ def climb(
 
 
 def path_parts(ladder: Ladder, view: View) -> tuple[float, float]:
-    """Return what space and time contribute to the bar of the path, over its scale; infinite where nothing tells."""
+    """Return the parts of space and time in the path's bar, over its scale; infinite if unknown."""
     try:
         view = view.cut(ladder.finest)
     except NotComparable:
@@ -206,10 +204,9 @@ def path_parts(ladder: Ladder, view: View) -> tuple[float, float]:
 def cheapest(
     method: Method, settings: dict[str, Any], parts: tuple[float, float], target: float, order: float = math.inf
 ) -> dict[str, Any]:  # fmt: skip
-    """Return the settings that should leave at most `target` of both parts, at the least cost, one stride on the way.
+    """Return the cheapest settings predicted to leave at most `target`, one stride away at most.
 
-    Where a part is infinite steps are doubled, and the resolution too if that is of space: coarse runs break on long
-    steps.  order : the most that is credited.
+    Where a part is infinite, steps double, and the resolution if that is of space.  order : the most credited.
     """
     space, count, steps = method.resolution, method.value(settings), settings["steps"]
     p, q = min(order, 1.5, max(method.space_order, 1.0)), min(order, 2.0, scheme(settings["scheme"]).order)
@@ -222,19 +219,19 @@ def cheapest(
         best = np.where(meets, costs, math.inf) if meets.any() else left_over
         i, k = np.unravel_index(best.argmin(), best.shape)
         a, b = (min(float(STRIDES[j]), STRIDE) for j in (i, k))
-    b = max(b, math.sqrt(a))  # a finer mesh carries shorter waves, which want shorter steps
+    b = max(b, math.sqrt(a))  # shorter waves need shorter steps
     finer = space.finer(count, a) if a > 1.0 else count
     return settings | {space.setting: max(count, finer), "steps": min(math.ceil(steps * b), max(steps, MOST_STEPS))}
 
 
 def work(method: Method, r: MassPath) -> float:
-    """Return what a run has cost: Newton's iterations, each at all nodes of a step, times what the resolution makes."""
+    """Return the cost of a run: Newton's iterations, times nodes of a step, times cost of the resolution."""
     nodes = max(1, len(scheme(r.settings["scheme"]).nodes))
     return r.work["newton_iterations"] * nodes * method.resolution.cost(method.value(r.settings))
 
 
 def dear(method: Method, ladder: Ladder, finer: dict[str, Any], budget: float) -> bool:
-    """Return whether a run with finer settings is too large, or more work than the budget."""
+    """Return whether a run with finer settings exceeds LARGEST or the budget."""
     count, now = method.value(finer), method.value(ladder.finest.settings)
     ahead = work(method, ladder.finest) * finer["steps"] / ladder.finest.settings["steps"]
     ahead *= method.resolution.cost(count) / method.resolution.cost(now)
@@ -242,7 +239,7 @@ def dear(method: Method, ladder: Ladder, finer: dict[str, Any], budget: float) -
 
 
 def annotated(ladder: Ladder, view: View) -> Ladder:
-    """Return the ladder whose finest run says its bars of path and tension; a flag where there are none."""
+    """Return the ladder with bars of path and tension in its finest run, else with a flag."""
     try:
         view = view.cut(ladder.finest)
         over = ladder.over(view)
@@ -277,7 +274,7 @@ def _light(scene: Scene, tol: float) -> bool:
 
 
 def _rule(scene: Scene, method: Method, named: dict[str, Any], tol: float) -> dict[str, Any]:
-    """Return the settings that are named, with a rule that damps where none is and scene and method bring none."""
+    """Return the named settings, with a damping rule where user, scene and method set none."""
     if scene.drive.mode == "free" and not method.follows:
         return SWINGING | named
     damps = scene.drive.mode == "free" or method.knobs["scheme"].default != "trapezoidal"
@@ -288,7 +285,7 @@ def _rule(scene: Scene, method: Method, named: dict[str, Any], tol: float) -> di
 
 
 def _begin(scene: Scene, method: Method, tol: float) -> dict[str, int]:
-    """Return resolution and steps to begin with: for a light car an unknown and a step per width of its front."""
+    """Return first resolution and steps; for a light car one unknown and one step per width of its front."""
     space, motion, groups = method.resolution, scene.groups.motion, scene.groups
     first = space.first + 1 if space.doubling else math.ceil(2.25 * (method.begins or (space.first, 0))[0])
     if motion is None:

@@ -1,4 +1,4 @@
-"""The path of a mass over a cable that is given by its groups: what exact answers of strings are held against."""
+"""Path of a mass over a cable given by its groups, for comparison with exact solutions of strings."""
 
 import math
 from typing import Any
@@ -16,9 +16,9 @@ def crossed(
     groups: Groups, name: str, settings: dict[str, Any], *, model: str = "straight", load: str = "mass", until: float,
     begun: bool = False,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Return t, s_o and v (n,) of the mass, dimensionless, up to s_o = until; v is nan where the run broke.
+    """Return t, s_o and v (n,) of the mass, dimensionless, up to s_o = until; v is nan if the run failed.
 
-    begun : the mass starts on the cable, which rests, instead of at the support.
+    begun : the mass starts on the cable at rest, not at the support.
     """
     method, motion = find(name), groups.motion
     assert motion is not None
@@ -35,7 +35,7 @@ def crossed(
             states.append(x)
             if motion.at(x.t, x.phase)[0] > until:
                 break
-    except newmark.NewtonStalled:  # numbers have outgrown the tolerance
+    except newmark.NewtonStalled:  # the solution diverged
         return np.zeros(1), np.full(1, until), np.full(1, math.nan)
     history = stacked(states)
     seen = system.observe(history, np.zeros(0), np.zeros(0, np.intp))

@@ -1,7 +1,7 @@
-"""The numbers a ropeway is designed with, in SI, each with its bar: extremes over a ride, where and when they occur.
+"""Design numbers of a ropeway in SI with bars: extremes over a ride, where and when they occur.
 
-Forces are extremes of the mean over an axial round trip, which is what ropes and load cells feel.  The extreme of the
-raw signal is the `peak`.  Extremes are taken over the range in which answers are compared.
+Forces are extremes of the mean over an axial round trip, which ropes and load cells feel; `peak` is that of the raw
+signal.
 """
 
 from __future__ import annotations
@@ -24,34 +24,34 @@ from validation.core.ladder import Ladder, largest
 from validation.core.measures import WINDOWS
 from validation.core.quantities import unit_of
 
-FIRST = 1.0  # order of forces in space and time, the most that is credited: waves pass the mass and supports as fronts
-NEAR = 9  # times within an axial round trip of an extreme at which the series of two runs are compared
-BETWEEN = 0.25  # of the larger step beside the highest sample: so far at most is a parabola's top above it
+FIRST = 1.0  # largest order credited to forces: waves pass mass and supports as fronts
+NEAR = 9  # times around an extreme at which the series of two runs are compared
+BETWEEN = 0.25  # of the larger neighbouring step: the most a parabola rises above the highest sample
 
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A design number in its unit; None: unknown, or not for this quantity."""
+    """A design number; None: unknown or not applicable."""
 
     quantity: str
     value: float
     bar: float | None
     unit: str
-    t: float | None = None  # [s] when it occurs
-    s_o: float | None = None  # [m] where the mass is then
-    x: float | None = None  # [m] where on the cable, horizontally, at rest
-    s: float | None = None  # [m] where on the cable
-    peak: float | None = None  # of a force: extreme of the raw signal
+    t: float | None = None  # [s]
+    s_o: float | None = None  # [m] place of the mass
+    x: float | None = None  # [m] horizontal place on the cable at rest
+    s: float | None = None  # [m] place on the cable
+    peak: float | None = None  # extreme of a raw force
     bar_peak: float | None = None
 
     def row(self) -> dict[str, Any]:
-        """Return the row of `design` in summary.json and agreement.json."""
+        """Return the row for summary.json and agreement.json."""
         return asdict(self)
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """A signal: at one place of the cable, value and s (n,), or along it at frames, value (n, m) and s (m,)."""
+    """A signal: at one place, value and s (n,), or along the cable at frames, value (n, m) and s (m,)."""
 
     t: Array
     value: Array
@@ -62,9 +62,9 @@ class Track:
 class Quantity:
     """What a design number is the extreme of."""
 
-    sign: float  # +1: the largest is wanted, -1: the least
+    sign: float  # +1: largest, -1: least
     tracks: Callable[[Response], list[Track]]
-    inner: bool = False  # at an end of the range, or on a support, it means nothing
+    inner: bool = False  # meaningless at an end of the range or on a support
 
 
 def _at_mass(of: Callable[[Response], Array]) -> Callable[[Response], list[Track]]:
@@ -119,7 +119,7 @@ QUANTITIES: dict[str, Quantity] = {
 
 
 def _angle(side: str) -> Callable[[Response], list[Track]]:
-    """Return the angle [deg] of the rope at a support, positive downhill: the reaction pulls along the rope."""
+    """Return the angle [deg] of the rope at a support, positive downhill, from the reaction."""
     right = side == "right"
     out = 1.0 if right else -1.0
     return lambda r: _reaction(right, lambda x: np.degrees(np.arctan2(out * x[:, 1], out * x[:, 0])))(r)
@@ -137,7 +137,7 @@ _scene = lru_cache(maxsize=4)(Scene.from_toml)
 
 
 def quantities(r: Response) -> dict[str, Quantity]:
-    """Return what a run is asked: what every run is, angles of the rope, and clearances where the scene has some."""
+    """Return the quantities of a run, with angles of the rope and the scene's clearances."""
     asked = dict(QUANTITIES)
     for side in ("left", "right"):
         tracks = _angle(side)
@@ -151,7 +151,7 @@ def quantities(r: Response) -> dict[str, Quantity]:
 
 
 def _safety(r: Response, found: list[Number]) -> list[Number]:
-    """Return the least safety factor: breaking load over the largest tension, the anchors included."""
+    """Return the least safety factor: breaking load over the largest tension."""
     load = _scene(r.scene_toml).cable.breaking_load
     T = next((x for x in found if x.quantity == "tension_max"), None)
     if load is None or T is None:
@@ -161,9 +161,9 @@ def _safety(r: Response, found: list[Number]) -> list[Number]:
 
 
 def numbers(ladder: Ladder, twin: Ladder | None = None) -> list[Number]:
-    """Return the design numbers of a run with the bars of its ladder, no less than the gap to its twin's.
+    """Return the design numbers with bars from the ladder, at least the gap to the twin's.
 
-    A quantity that a run does not know is left out.
+    Unknown quantities are left out.
     """
     r, other = ladder.finest, None if twin is None else twin.finest
     span = _range(r, *(() if other is None else (other,)))
@@ -173,12 +173,12 @@ def numbers(ladder: Ladder, twin: Ladder | None = None) -> list[Number]:
 
 
 def design(r: Response) -> list[dict[str, Any]]:
-    """Return the rows of `design` of a run without coarser ones: without bars."""
+    """Return the `design` rows of a single run, without bars."""
     return [number.row() for number in alone(r)]
 
 
 def alone(r: Response) -> list[Number]:
-    """Return the design numbers of a run without coarser ones: without bars."""
+    """Return the design numbers of a single run, without bars."""
     span = _range(r)
     asked = quantities(r)
     found = [x for name in asked if (x := _number(name, asked[name], r, span)) is not None]
@@ -186,10 +186,9 @@ def alone(r: Response) -> list[Number]:
 
 
 def _range(*runs: Response) -> tuple[float, float]:
-    """Return the times [s] between which extremes are taken: the range that is compared, up to where one run ends.
+    """Return the times [s] between which extremes are taken: the compared range, cut where a run ends.
 
-    A mass that grips enters a cable at rest and nothing is resolved there at first.  A car that rolls begins in
-    equilibrium.
+    A gripped car enters a cable at rest, which is not resolved at first; a rolling car begins in equilibrium.
     """
     r = runs[0]
     low, high = WINDOWS[r.drive]
@@ -205,13 +204,13 @@ def _number(
     twin: Response | None = None,
 ) -> Number | None:  # fmt: skip
     unit = unit_of(name)
-    period = _round_trip(r) if unit in ("N", "deg") else 0.0  # the angle is that of a force
+    period = _round_trip(r) if unit in ("N", "deg") else 0.0  # an angle follows a force
     value, peak = (partial(_value, quantity, span, over) for over in (period, 0.0))
     found = _extreme(quantity, r, span, period)
     if found is None or (quantity.inner and _at_an_end(found, r, span)):
         return None
     if unit == "deg" and span[1] - found.t <= 0.5 * period + found.step:
-        return None  # an angle that still grows where the range ends has no extreme in it
+        return None  # still growing at the end of the range: no extreme
     bar: float | None = None
     bar_peak: float | None = None
     if ladder is not None:
@@ -231,7 +230,7 @@ def _number(
 
 
 def _damps(r: Response) -> bool:
-    """Return whether a run and its coarser ones may damp axial waves alike, so that their change does not tell them."""
+    """Return whether the scheme damps axial waves, so that coarser runs do not show their error."""
     return scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0)).damps
 
 
@@ -240,7 +239,7 @@ def _known(bar: float | None) -> float | None:
 
 
 def _round_trip(r: Response) -> float:
-    """Return the time [s] of an axial wave along the cable and back, 2 l sqrt(rho/EA)."""
+    """Return the time [s] of an axial round trip, 2 l sqrt(rho/EA)."""
     given = Given(r.scene_toml, r.length)
     return 2.0 * r.length * math.sqrt(given.rho / given.EA)
 
@@ -251,12 +250,12 @@ class _Extreme:
     t: float
     s: float
     track: int
-    between: float  # what may lie between two samples
-    step: float  # [s] from one sample to the next
+    between: float  # possible excess between samples
+    step: float  # [s] between samples
 
 
 def _samples(track: Track, span: tuple[float, float], period: float, sign: float) -> tuple[Array, Array, Array]:
-    """Return times, values and places of a track in a range: of its means over a period, extremes along the cable."""
+    """Return times, values and places of a track in a range: means over a period, extremes along the cable."""
     rows = (track.t >= span[0] * (1.0 - 1e-9)) & (track.t <= span[1] * (1.0 + 1e-9))
     rows &= np.isfinite(track.value.reshape(track.t.size, -1)).all(axis=1)
     t, value = track.t[rows], track.value[rows]
@@ -264,7 +263,7 @@ def _samples(track: Track, span: tuple[float, float], period: float, sign: float
         return t, t, t
     if value.ndim == 1:
         return t, _mean(t, value, period) if period and t.size > 2 else value, track.s[rows]
-    if period:  # at least over the frames beside
+    if period:  # at least over neighbouring frames
         sums = np.concatenate([0.0 * value[:1], np.cumsum(value, axis=0)])
         k = np.arange(t.size)
         first = np.minimum(np.searchsorted(t, t - 0.5 * period), np.maximum(k - 1, 0))
@@ -275,7 +274,7 @@ def _samples(track: Track, span: tuple[float, float], period: float, sign: float
 
 
 def _mean(t: Array, value: Array, period: float) -> Array:
-    """Return the mean (n,) over a period about each time, over less of it where the samples begin and end."""
+    """Return the mean (n,) over a period about each time, cut at both ends."""
     total = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (value[1:] + value[:-1]))])
     low, high = np.clip(t - 0.5 * period, t[0], t[-1]), np.clip(t + 0.5 * period, t[0], t[-1])
     sums = CubicHermiteSpline(t, total, value)
@@ -304,7 +303,7 @@ def _value(quantity: Quantity, span: tuple[float, float], period: float, r: Resp
 def _beside(
     quantity: Quantity, span: tuple[float, float], period: float, track: int, near: Array, r: Response
 ) -> Array:
-    """Return a track at times near the extreme of the finest run."""
+    """Return a track at times near the finest run's extreme."""
     t, value, _ = _samples(quantity.tracks(r)[track], span, period, quantity.sign)
     return np.interp(near, t, value) if t.size and t[-1] >= min(near[-1], r.t[-1]) - np.ptp(near) else math.nan * near
 
@@ -315,7 +314,6 @@ def _at_an_end(found: _Extreme, r: Response, span: tuple[float, float]) -> bool:
 
 
 def _onset(ladder: Ladder | None, other: Response | None) -> list[Number]:
-    """Return the slack onset; it comes at a step, and is known no better."""
     r = other if ladder is None else ladder.finest
     assert r is not None
     if r.slack_onset is None:

@@ -1,6 +1,6 @@
-"""What the laws of mechanics are held against: a response, and its scene's own numbers from the TOML, in SI.
+"""Evidence for the laws of mechanics: a response and its scene's TOML, in SI.
 
-Nothing of the solvers and nothing of the scene package is used here.
+Uses neither the solvers nor the scene package.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from scipy.optimize import brentq
 
 from cablefem.response import Array, Response
 
-EVERY = 6  # frames from one end of a window to the next: 0.06 of the travel
-ROUNDING = 1e-9  # of the scale of a law, or of a time: splines of static shapes, times written by different runs
+EVERY = 6  # frames per window: 0.06 of the travel
+ROUNDING = 1e-9  # relative, of splines of static shapes and of times in different runs
 
-AT_REST = ("s", "x", "y", "T_static")  # fields of the cable at rest, by stations alone
+AT_REST = ("s", "x", "y", "T_static")  # fields by stations alone
 
 Window = tuple[float, float]
 
 
 class Given:
-    """A scene's own numbers, SI, as its TOML has them; `length` is that of the cable at rest in the response."""
+    """A scene's numbers from its TOML, SI; `length` is that of the cable at rest."""
 
     def __init__(self, toml: str, length: float) -> None:
         x = tomllib.loads(toml)
@@ -47,7 +47,7 @@ class Given:
             self._change(cable, length)
 
     def _change(self, cable: dict[str, Any], length: float) -> None:
-        """Temperature and ice: the unstretched length grows with heat, the weight stays and takes the ice on."""
+        """Heat lengthens the unstretched cable; its weight stays, and ice adds to it."""
         l, mean_tension = _hung(self.span, self.drop, self.rho * self.gravity, *self.asked)
         ice, dT = cable.get("ice", 0.0), cable.get("temperature", 0.0) - cable.get("reference_temperature", 0.0)
         if isinstance(ice, dict):
@@ -61,13 +61,13 @@ class Given:
 
 
 def _hung(span: float, drop: float, weight: float, name: str, value: float) -> tuple[float, float]:
-    """Return length and mean tension of the catenary y = a cosh with that length, sag or horizontal tension.
+    """Return length and mean tension of the catenary with that length, sag or horizontal tension.
 
-    u = asinh(slope) falls from the left support to the right one by span/a; ds = a cosh(u) du, T = H cosh(u).
+    u = asinh(slope) falls from left to right by span/a; ds = a cosh(u) du, T = H cosh(u).
     """
 
     def hang(a: float) -> tuple[float, float, float, float]:
-        """Length, sag, and u in the middle and half its range."""
+        """Length, sag, mid u and half its range."""
         half = 0.5 * span / a
         middle, deepest = math.asinh(drop / (2.0 * a * math.sinh(half))), math.asinh(drop / span)
         left = middle + half
@@ -85,14 +85,14 @@ def _hung(span: float, drop: float, weight: float, name: str, value: float) -> t
 
 @dataclass(frozen=True, slots=True)
 class Windows:
-    """Times between which laws are held, cut by the finest run and the same for all coarser ones [s]."""
+    """Time windows [s] of the laws, the same for a run and its coarser ones."""
 
-    frames: Array  # (k,) of frames, for laws of the cable
-    steps: Array  # (k',) the same, with begin and end of what is compared, for laws of the mass
+    frames: Array  # (k,) for laws of the cable
+    steps: Array  # (k',) with begin and end of the comparison, for laws of the mass
 
     @classmethod
     def of(cls, r: Response, window: Window, until: float = math.inf) -> Windows:
-        """Return the windows of a run over places s_o/l, or up to an instant [s]."""
+        """Return the windows over places s_o/l, or up to a time [s]."""
         begin, end = 0.0, min(until, float(r.t[-1]))
         if r.drive != "free":
             begin, end = np.interp(np.array(window) * r.length, r.s_o, r.t)
@@ -104,7 +104,7 @@ class Windows:
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """One side of the mass at one frame, from support to mass or from mass to support; m nodes."""
+    """One side of the mass at one frame; m nodes in order of s."""
 
     s: Array
     place: Array  # (m, 2)
@@ -118,13 +118,13 @@ class Side:
 
 
 class Evidence:
-    """One response over windows in time, and what its scene asks for, in SI."""
+    """A response over time windows with its scene's numbers, SI."""
 
     def __init__(self, r: Response, windows: Windows) -> None:
         self.r, self.windows, self.given = r, windows, Given(r.scene_toml, r.length)
 
     def thinned(self) -> Evidence:
-        """Return the evidence without every second station, frame and step; ends of windows and jumps stay."""
+        """Return the evidence without every second station, frame and step; window ends and jumps stay."""
         r, f = self.r, self.r.fields
         steps, frames = np.arange(r.t.size) % 2 == 0, np.arange(f.t.size) % 2 == 0
         for jump in r.jumps:
@@ -149,14 +149,14 @@ class Evidence:
 
     @cached_property
     def inside(self) -> NDArray[np.bool_]:
-        """Which steps lie in the windows, off the supports."""
+        """Steps in the windows and off the supports."""
         r, t = self.r, self.windows.steps
         off = (r.s_o > ROUNDING * r.length) & (r.s_o < (1.0 - ROUNDING) * r.length)
         return off & (r.t >= t[0] * (1.0 - ROUNDING)) & (r.t <= t[-1] * (1.0 + ROUNDING))
 
     @cached_property
     def frames(self) -> NDArray[np.intp]:
-        """Indices of the frames at which windows begin and end; a run that ends early has its last one again."""
+        """Indices of the frames at window ends; a run that ends early repeats its last."""
         t = self.r.fields.t
         return np.searchsorted(t, self.windows.frames * (1.0 - ROUNDING)).clip(max=t.size - 1)
 
@@ -167,17 +167,17 @@ class Evidence:
 
     @property
     def lasts(self) -> float:
-        """Mean time of a window."""
+        """Mean length of a window [s]."""
         return float(np.mean(np.diff(self.windows.frames)))
 
     def at(self, t: Array, values: Array) -> Array:
-        """Interpolate what is given at every step (n, c) to times (k, c), by lines."""
+        """Interpolate values at steps (n, c) linearly to times (k, c)."""
         return np.stack([np.interp(t, self.r.t, column) for column in values.T], axis=1)
 
     def impulse(self, force: Array) -> Array:
-        """Return the integral of a force (n, c) over time up to every step (n, c), by trapezoids; nan if unknown.
+        """Return the time integral of a force (n, c) up to every step, by trapezoids; nan if unknown.
 
-        Where it may jump a step has one of both values: that of the side to which it is closer.
+        A step at a jump takes the value from its own side.
         """
         if not np.isfinite(force[1:-1]).all():
             return np.full_like(force, math.nan)
@@ -206,7 +206,7 @@ class Evidence:
 
     @cached_property
     def thrust(self) -> tuple[Array, Array]:
-        """Times and forces of the TOML's thrust, none where there is none."""
+        """Times and forces of the TOML's thrust; may be empty."""
         thrust = self.given.drive.get("thrust", 0.0)
         if not isinstance(thrust, dict):
             thrust = {"times": [0.0, math.inf], "forces": 2 * [thrust]} if thrust else {"times": [], "forces": []}
@@ -214,7 +214,7 @@ class Evidence:
 
     @cached_property
     def pull(self) -> Array:
-        """Force from outside along the mean tangent (n,): the TOML's thrust on a free car, else what the run says."""
+        """Outer force along the mean tangent (n,) [N]: the TOML's thrust on a free car, else the run's haul force."""
         times, forces = self.thrust
         if self.r.drive != "free" or not times.size:
             return np.nan_to_num(self.r.F_haul) if self.r.drive == "haul" else np.zeros(self.r.t.size)
@@ -224,7 +224,7 @@ class Evidence:
 
     @cached_property
     def drag(self) -> Array:
-        """Drag of the TOML (n, 2) [N]."""
+        """Drag by the TOML (n, 2) [N]."""
         drive = self.given.drive
         k = 0.5 * drive.get("air_density", 1.2) * drive.get("drag_area", 0.0)
         past = self.r.velocity - [drive.get("wind", 0.0), 0.0]
@@ -232,13 +232,13 @@ class Evidence:
 
     @cached_property
     def rub(self) -> tuple[Array, Array]:
-        """Rolling friction and brakes (n,) [N], against the motion along the cable."""
+        """Rolling friction and brakes (n,) [N]."""
         r, drive = self.r, self.given.drive
         shoes = [x["force"] * (r.s_o >= x["from"]) for x in drive.get("brake", [])]
         return drive.get("rolling_friction", 0.0) * np.abs(r.F_contact), np.sum([np.zeros(r.t.size), *shoes], axis=0)
 
     def both(self) -> Iterator[tuple[float, Array, Array]]:
-        """Give sign, tension and slope behind and ahead of the mass, so that the sum is what is ahead less behind."""
+        """Give sign, tension and slope behind and ahead of the mass; the signed sum is ahead minus behind."""
         yield -1.0, self.r.T_behind, self.r.slope_behind
         yield 1.0, self.r.T_ahead, self.r.slope_ahead
 
@@ -246,7 +246,7 @@ class Evidence:
 
     @cached_property
     def sides(self) -> list[tuple[Side, Side]]:
-        """Both sides of the mass at the frames."""
+        """Both sides of the mass at each frame."""
         r, f, at = self.r, self.r.fields, self.r.fields.s_o[self.frames]
         T_static = CubicSpline(f.s, f.T_static)(at)
         place = self.curve(at) + np.stack([f.mass_u, f.mass_v], axis=1)[self.frames]
@@ -265,7 +265,7 @@ class Evidence:
 
     @cached_property
     def along(self) -> dict[str, Array]:
-        """Integrals over both sides at the frames: velocity, place (k, 2), spin (k,), energies (k, 3) per length."""
+        """Integrals along the cable at the frames: velocity, place (k, 2), spin (k,), energies (k, 3)."""
         given = self.given
 
         def densities(x: Side) -> Array:
@@ -282,7 +282,7 @@ class Evidence:
 
     @cached_property
     def energies(self) -> Array:
-        """Kinetic energy, that of weight and that of strain at the frames (k, 3) [J], W = (N^2 - T^2)/(2 EA)."""
+        """Kinetic, potential and strain energy at the frames (k, 3) [J]; W = (N^2 - T^2)/(2 EA)."""
         r, given = self.r, self.given
         of_mass = [0.5 * given.mass * np.sum(r.velocity**2, axis=1), -given.weight * r.y, np.zeros(r.t.size)]
         return self.at(self.t, np.stack(of_mass, axis=1)) + self.along["energies"]
@@ -297,10 +297,10 @@ class Evidence:
 
     @cached_property
     def powers(self) -> dict[str, Array]:
-        """What drive and outside forces put in, by name (n,) [W].
+        """Power of drive and outer forces by name (n,) [W].
 
-        That of a grip is ds_o (-contact . <r'> + <N t> . [r'] - [W]).  Rolling friction and brakes take their force
-        times |ds_o| times the mean stretch.  What holds a car at its start is the difference of tensions there.
+        A grip gives ds_o (-contact . <r'> + <N t> . [r'] - [W]).  Friction and brakes take force times |ds_o| times
+        mean stretch.  The hold is the tension difference at the start.
         """
         r, drive = self.r, self.given.drive
         mean, jump = 0.5 * (r.slope_behind + r.slope_ahead), r.slope_ahead - r.slope_behind
@@ -322,7 +322,6 @@ class Evidence:
 
 
 def _arrays(x: Any) -> dict[str, Array]:
-    """Return the arrays of a record by name."""
     return {f.name: value for f in fields(x) if isinstance(value := getattr(x, f.name), np.ndarray)}
 
 

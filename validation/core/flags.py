@@ -1,4 +1,4 @@
-"""What makes a run suspect.  Decisions read `Flag.kind`; the words of each kind stand here and nowhere else."""
+"""Flags of suspect runs.  Decisions read `Flag.kind`; the text of each kind is here."""
 
 from dataclasses import replace
 
@@ -20,12 +20,11 @@ WORDS = {
 
 
 def flag(kind: str, **numbers: float | str) -> Flag:
-    """Return a flag of a kind of `WORDS` with the numbers that its words name."""
+    """Return a flag of a kind in `WORDS` with the numbers of its text."""
     made = Flag(kind, WORDS[kind], numbers)
-    str(made)  # a number that is missing is missed here
+    str(made)  # fails here if a number is missing
     return made
 
 
 def flagged(r: Response, kind: str, **numbers: float | str) -> Response:
-    """Return the response with one flag more."""
     return replace(r, flags=[*r.flags, flag(kind, **numbers)])

@@ -1,18 +1,17 @@
-"""Another program's mass path, from a CSV file or from numbers, in a form that our measures compare.
+"""Another program's mass path, from a CSV file or arrays, in the form our measures compare.
 
-Columns are named as in our own path.csv, with an ending where the unit is not SI or the direction is up:
+Columns have the names of our path.csv, with an ending for another unit or direction:
 
-    t or time [s]        t and s_o: one suffices, the scene's travel ties them together
-    s_o       [m]        place of the mass on the cable
-    v or y    [m]        of the mass, positive down; v from the static cable, y from the left support
-    u or x    [m]        optional
-    T_behind, T_ahead [N]  optional, tension at the mass
-    speed     [m/s]      optional, |dp/dt|, of a free ride
+    t or time [s]          one of t and s_o suffices: the scene's travel gives the other
+    s_o       [m]          place of the mass on the cable
+    v or y    [m]          positive down; v from the static cable, y from the left support
+    u or x    [m]          optional
+    T_behind, T_ahead [N]  optional, at the mass
+    speed     [m/s]        optional, |dp/dt|, of a free ride
 
 A free ride is compared over time: it needs t, s_o or x, and v or y.
 
-Endings: _over_l (of the length of the cable), _mm, _km, _ms, _kN, _kmh, and _up; also _s, _m, _N and _down, which
-change nothing.  A name that its numbers contradict is refused with the name that would fit.
+Endings: _over_l (of the cable's length), _mm, _km, _ms, _kN, _kmh, _up; _s, _m, _N and _down change nothing.
 """
 
 import csv
@@ -36,9 +35,9 @@ from validation.core.measures import WINDOW, NotComparable, Window
 from validation.core.rows import happened
 from validation.core.store import Refused
 
-WITH_TOL = 5e-3  # allowed to a third party, relative to the largest deflection, beside our own error bar
-LEAST_ROWS = 5  # in the window; fewer say nothing about a path
-TRAVEL_TOLERANCE = 5e-3  # of l: a mass that hops from node to node rounds its place to a node
+WITH_TOL = 5e-3  # allowed to a third party beside our own bar, relative to the largest deflection
+LEAST_ROWS = 5  # fewest rows in the window
+TRAVEL_TOLERANCE = 5e-3  # of l: another program may round the place to a node
 
 _NAME = re.compile(
     r"(t_behind|t_ahead|time|t|s_o|u|v|x|y|speed)(_over_l|/l|_mm|_kmh|_km|_ms|_kn|_s|_m|_n)?(_down|_up)?", re.IGNORECASE
@@ -47,9 +46,9 @@ _NAME = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class ForeignPath:
-    """A mass path that none of our solvers computed; SI, v down, enough of a `Response` for path measures."""
+    """A third party's mass path in SI, v down, with what path measures need of a `Response`."""
 
-    method: str  # its name in verdicts
+    method: str  # name in verdicts
     length: float  # l [m]
     t: Array  # (n,) [s], strictly increasing
     s_o: Array  # (n,) [m]
@@ -60,10 +59,10 @@ class ForeignPath:
     x: Array | None = None  # (n,) [m] from the left support
     y: Array | None = None  # (n,) [m]
     speed: Array | None = None  # (n,) [m/s]
-    factor: float = 1.0  # what the numbers given for v, of a free ride for y, were multiplied by
-    slack_onset: float | None = None  # s_o/l, as in `Response`; foreign files do not say
+    factor: float = 1.0  # applied to the given v (free ride: y)
+    slack_onset: float | None = None  # s_o/l; files do not tell
     drive: str = "grip"
-    events: tuple[()] = ()  # nor these
+    events: tuple[()] = ()
 
     path_scale, path_scale_named = Response.path_scale, Response.path_scale_named
 
@@ -82,7 +81,7 @@ class ForeignPath:
         cls, scene: Scene, s_o: Any = None, v: Any = None, u: Any = None, *, t: Any = None, x: Any = None,
         y: Any = None, name: str = "the other solver",
     ) -> Self:  # fmt: skip
-        """Return the path v(s_o) in [m], v down; t [s] from the scene's travel unless given.  Of a free ride x, y(t).
+        """Return the path v(s_o) [m], v down; t [s] by the scene's travel unless given.  A free ride needs x, y(t).
 
         Raises Refused with one line per fault.
         """
@@ -103,12 +102,12 @@ class ForeignPath:
     def read(cls, file: str | Path, scene: Scene) -> Self:
         """Return the path in a CSV file (comma, semicolon or tab; lines that begin with # are skipped).
 
-        Raises Refused with one line per fault: the file, the line, what is wrong and what to do.
+        Raises Refused with one line per fault.
         """
         return cls(**_completed(scene, _read(Path(file), scene)))
 
     def write(self, file: Path) -> None:
-        """Write the path in the units and names of our path.csv."""
+        """Write the path as our path.csv."""
         columns = {k: getattr(self, k) for k in ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "speed")}
         columns = {k: x for k, x in columns.items() if x is not None}
         write_csv(file, ",".join(columns), np.stack(list(columns.values()), axis=1))
@@ -116,11 +115,11 @@ class ForeignPath:
 
 @dataclass(frozen=True, slots=True)
 class _Given:
-    """Numbers of another program by quantity, in SI with v and y down."""
+    """Another program's numbers by quantity, SI, v and y down."""
 
     name: str
     x: dict[str, Array]
-    factor: dict[str, float]  # what the numbers of a file were multiplied by
+    factor: dict[str, float]  # applied to a file's numbers
     numbers: Sequence[int]  # of the rows, or of their lines
     row: str = "row"
 
@@ -128,7 +127,7 @@ class _Given:
         raise Refused(f"{self.name}: {said}")
 
     def units(self, quantity: str, l: float) -> dict[str, float]:
-        """Return how a column of lengths may be named, and what its numbers here are to be multiplied by then."""
+        """Return possible names of a column of lengths and the factors on its numbers here."""
         now = self.factor.get(quantity, 1.0)
         ends = {"": 1.0, "_over_l": l, "_mm": 1e-3, "_km": 1e3}
         return {quantity + end: unit / now for end, unit in ends.items()}
@@ -138,10 +137,9 @@ class _Given:
 
 
 def _read(file: Path, scene: Scene) -> _Given:
-    """Return the columns of a CSV file whose names we know."""
     lines = [(n, line.strip()) for n, line in enumerate(_text(file).splitlines(), 1) if line.strip()]
     bare = [line.lstrip("# \t") for _, line in lines]
-    # the names stand in the first line without #, or in one with # that has a name we know
+    # the header is the first line without #, or one with # and a known name
     heads = [i for i, (_, line) in enumerate(lines) if line[0] != "#" or any(map(_NAME.fullmatch, _cells(bare[i])))]
     if not heads:
         raise Refused(f"{file.name}: the file is empty")
@@ -160,7 +158,7 @@ def _read(file: Path, scene: Scene) -> _Given:
 
 
 def _of_names(header: list[str], place: dict[str, int], rows: list[Any], scene: Scene) -> Iterator[str]:
-    """Give what is wrong with the names of the columns."""
+    """Give faults in the column names."""
     have = f"it has {', '.join(header)}"
     if all(math.isfinite(_number(cell)) for cell in header):
         yield "line 1: numbers where the names of the columns should stand, e.g. t,s_o,u,v"
@@ -178,7 +176,7 @@ def _of_names(header: list[str], place: dict[str, int], rows: list[Any], scene: 
 
 
 def _of_cells(header: list[str], place: dict[str, int], rows: list[Any]) -> Iterator[str]:
-    """Give what is wrong with the cells; a tension may be missing."""
+    """Give faults in the cells; a tension may be missing."""
     for n, row in rows:
         if len(row) != len(header):
             yield f"line {n}: {len(row)} cells under {len(header)} names of columns"
@@ -215,7 +213,7 @@ def _number(cell: str) -> float:
 
 
 def _unit(column: str, length: float) -> float:
-    """Return what a column's numbers are multiplied by to be in SI, with v and y down."""
+    """Return the factor from a column's numbers to SI, v and y down."""
     _, unit, way = _NAME.fullmatch(column.lower()).groups()  # type: ignore[union-attr]
     factors = {"_over_l": length, "/l": length, "_mm": 1e-3, "_km": 1e3, "_ms": 1e-3, "_kn": 1e3, "_kmh": 1.0 / 3.6}
     return factors.get(unit, 1.0) * (-1.0 if way == "_up" else 1.0)
@@ -269,7 +267,7 @@ def _placed(scene: Scene, given: _Given) -> dict[str, Array]:
     """Return the columns with both t and s_o, up to the end of the travel."""
     motion, l, tau, x = scene.groups.motion, scene.length, scene.time_scale, dict(given.x)
     if motion is None:
-        s = np.linspace(0.0, l, 2001)  # s_o only tells where on the cable something is
+        s = np.linspace(0.0, l, 2001)  # s_o only locates things on the cable
         x.setdefault("s_o", np.interp(x.get("x", s[:1]), scene.catenary.x(s), s))
         _on_cable(x["s_o"], float(x["s_o"].max()), given, l)
         return x
@@ -285,7 +283,7 @@ def _placed(scene: Scene, given: _Given) -> dict[str, Array]:
 
 
 def _fits_travel(scene: Scene, given: _Given) -> None:
-    """Refuse s_o(t) that is not the scene's travel, with the units that would make it so."""
+    """Refuse s_o(t) that is not the scene's travel; name the units that would fit."""
     motion, l, tau, t, s_o = scene.groups.motion, scene.length, scene.time_scale, given.x["t"], given.x["s_o"]
     assert motion is not None
 
@@ -311,7 +309,7 @@ def _fits_travel(scene: Scene, given: _Given) -> None:
 
 
 def _on_cable(s_o: Array, last: float, given: _Given, l: float) -> None:
-    """Refuse s_o that leaves the cable, with the unit in which it would end nearest to the far support."""
+    """Refuse s_o that leaves the cable; propose the unit that ends nearest to the far support."""
     if s_o.min() >= -TRAVEL_TOLERANCE * l and WINDOW[0] < last / l <= 1.0 + TRAVEL_TOLERANCE:
         return
     ends = {unit * last / l: column for column, unit in given.units("s_o", l).items()}
@@ -321,9 +319,9 @@ def _on_cable(s_o: Array, last: float, given: _Given, l: float) -> None:
 
 
 def refuse_misnamed(path: ForeignPath | Response, ours: Response) -> None:
-    """Raise Refused if v, of a free ride y, disagrees grossly as it is named, but would agree in another unit or way.
+    """Raise Refused if v (free ride: y) is far off as named but agrees in another unit or sign.
 
-    ours : any run that is good to a few percent.
+    ours : any run good to a few percent.
     """
     of = "y" if ours.drive == "free" else "v"
     given = _Given(path.method, {}, {of: getattr(path, "factor", 1.0)}, ())
@@ -357,7 +355,7 @@ def _vertical(r: Any) -> Any:
 
 
 def comparable(a: Any, b: Any) -> tuple[Any, Any]:
-    """Return both paths in the components that both have: without u where one of them does not know it."""
+    """Return both paths, without u if one of them lacks it."""
     return (a, b) if a.u is not None and b.u is not None else (_vertical(a), _vertical(b))
 
 
@@ -373,7 +371,7 @@ def _common(path: ForeignPath | Response, window: Window) -> Window:
 
 
 def mass_tension_gap(a: Any, b: Any, window: Window) -> float:
-    """Return the rms gap of both one-sided tensions at the mass over the window, relative to H of b."""
+    """Return the rms gap of both one-sided tensions at the mass over the window, over H of b."""
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
     within = measures.inside(coarse, window) & (coarse.t <= fine.t[-1])
     total = 0.0
@@ -386,9 +384,9 @@ def mass_tension_gap(a: Any, b: Any, window: Window) -> float:
 
 
 def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: float) -> Iterator[Agreement]:
-    """Hold a foreign path against an estimated run: allowed is our error bar plus `with_tol`.
+    """Compare a foreign path with an estimated run; our error bar plus `with_tol` is allowed.
 
-    Where it covers less than the window, the gap is told but the row is "not comparable".
+    Where the path covers less than the window, the rows are "not comparable".
     """
     party, run = path.method, ours.run.method
     try:

@@ -1,10 +1,10 @@
-"""Many scenes from one: `--set` values and the grid that they make.
+"""Grids of scenes from `--set` values.
 
-mass.mass=60              one value: overrides it
+mass.mass=60              one value
 mass.mass=40,60,80        several: a grid
-drive.wind=-8:0:5         from, to, count: a grid of equal distances
-car.up.at=[50,60]         in brackets: one value that is a list
-mass.mass=+1%             relative to what the scene says
+drive.wind=-8:0:5         from, to, count
+car.up.at=[50,60]         one value that is a list
+mass.mass=+1%             relative to the scene's
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from cablefem.scene import Scene
 from cablefem.scene.line import Line
 
-MOST = 10_000  # points of a grid on one machine; larger ones are sweeps
+MOST = 10_000  # points of a grid; larger ones are sweeps
 
 
 def parsed(pair: str) -> tuple[str, list[Any]]:
@@ -37,7 +37,7 @@ def parsed(pair: str) -> tuple[str, list[Any]]:
 
 
 def _split(text: str) -> list[str]:
-    """Return the parts between commas that stand in no bracket and no quotes."""
+    """Split at commas outside brackets and quotes."""
     parts, depth, quoted = [""], 0, ""
     for c in text:
         if c in "\"'" and quoted in ("", c):
@@ -51,7 +51,7 @@ def _split(text: str) -> list[str]:
 
 
 def _value(text: str) -> Any:
-    """Return what TOML reads, or the text itself: names need no quotes."""
+    """Return the TOML value, or the text itself: names need no quotes."""
     try:
         return tomllib.loads(f"x = {text}")["x"]
     except tomllib.TOMLDecodeError:
@@ -59,7 +59,7 @@ def _value(text: str) -> Any:
 
 
 def points(pairs: Sequence[str]) -> list[dict[str, Any]]:
-    """Return the points of the grid, one table of keys and values each; the last key changes fastest."""
+    """Return the grid's points as keys and values; the last key changes fastest."""
     axes = [parsed(pair) for pair in pairs]
     keys = [key for key, _ in axes]
     if twice := {key for key in keys if keys.count(key) > 1}:
@@ -71,11 +71,11 @@ def points(pairs: Sequence[str]) -> list[dict[str, Any]]:
 
 
 def parts(point: dict[str, Any], known: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return what a point sets in the scene (dotted keys, and `known` keys at its top), and in the method."""
+    """Split a point into settings of the scene (dotted or `known` keys) and of the method."""
     scene = {key: value for key, value in point.items() if "." in key or key in known}
     return scene, {key: value for key, value in point.items() if key not in scene}
 
 
 def varied(scene: Scene | Line, point: dict[str, Any]) -> Scene | Line:
-    """Return the scene with these keys set; SceneError names what is wrong."""
+    """Return the scene with these keys set; raises SceneError."""
     return scene.replace(point)

@@ -1,4 +1,4 @@
-"""The one way in which an error bar is made: a run, and coarser runs of the same method on the same scene."""
+"""Error bars from a run and coarser runs of the same method on the same scene."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from cablefem.response import Array, Response
 from validation.core.measures import NotComparable
 from validation.core.view import View
 
-SAFETY = 1.25  # Roache's factor of safety for three grids (Roache 1998, Verification and Validation, section 5)
-NONSENSE = 4.0  # times the fall of the nominal order: a quarter that far off is out of its range and tells nothing
+SAFETY = 1.25  # factor of safety for three grids (Roache 1998, Verification and Validation, section 5)
+NONSENSE = 4.0  # times the fall of the nominal order: a quarter run that far off tells nothing
 LEAST_ORDER = 0.5  # below it no order shows (Eca & Hoekstra 2014, J. Comput. Phys. 262); the bar is 3 d at ratio 2
 
 Of = Callable[[Response], Any]
@@ -27,7 +27,7 @@ def largest(a: Any, b: Any) -> float:
 
 
 def each(a: Any, b: Any) -> Array:
-    """Return the distance of each value, for a bar of each."""
+    """Return the distance of each value."""
     return np.abs(np.subtract(a, b))
 
 
@@ -37,14 +37,14 @@ def rms(a: Any, b: Any) -> float:
 
 
 def left(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any:
-    """Return the bar F d / (r^p - 1) of a finest run; arrays are taken value by value.
+    """Return the bar F d / (r^p - 1) of a finest run, value by value.
 
-    d : change from half to finest;  before : change from quarter to half, 0 where no quarter tells.
-    ratios : finest over half, and half over quarter;  order : nominal, the most that is credited.
+    d : change from half to finest;  before : from quarter to half, 0 if unknown.
+    ratios : finest over half, and half over quarter;  order : nominal, the most credited.
 
-    The order p solves before/d = r^p (r'^p - 1)/(r^p - 1) (Celik et al. 2008, J. Fluids Eng. 130, 078001).  It is
-    credited between LEAST_ORDER and the nominal one.  A change that is small by chance counts as what the nominal
-    order leaves of the one before, but for a quarter so far off that it tells nothing.
+    The order p solves before/d = r^p (r'^p - 1)/(r^p - 1) (Celik et al. 2008, J. Fluids Eng. 130, 078001), between
+    LEAST_ORDER and nominal.  A change smaller than the nominal order leaves of the one before is raised to that, unless
+    the quarter is too far off.
     """
     d, before = np.abs(np.asarray(d, float)), np.abs(np.asarray(before, float))
     r, coarser = ratios[0], ratios[-1]
@@ -64,14 +64,14 @@ def left(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """Coarser runs in one direction, space or time: half and quarter of the finest, as far as they go."""
+    """Coarser runs in space or time: half and quarter of the finest, if there are any."""
 
     runs: tuple[Response, ...]
-    ratios: tuple[float, ...]  # how many times coarser than the run before
+    ratios: tuple[float, ...]  # times coarser than the run before
     order: float  # nominal, of the path
 
     def left(self, finest: Response, of: Of, apart: Apart, most: float) -> Any:
-        """Return what this direction leaves of an error in the finest run; infinite without a half."""
+        """Return this direction's error in the finest run; infinite without a half."""
         if not self.runs:
             return math.inf
         try:
@@ -93,7 +93,7 @@ class Branch:
 class Ladder:
     """The runs of one method on one scene, and the bars they give.
 
-    ringing : a run that does not damp axial waves, for extremes of raw forces; None where none was made.
+    ringing : a run that does not damp axial waves, for extremes of raw forces.
     """
 
     finest: Response
@@ -103,7 +103,6 @@ class Ladder:
 
     @property
     def run(self) -> Response:
-        """The finest run."""
         return self.finest
 
     @property
@@ -111,7 +110,7 @@ class Ladder:
         return self.finest, *self.space.runs, *self.time.runs
 
     def over(self, view: View) -> Ladder:
-        """Return the ladder without the runs that end before the view does, and those that are coarser than they."""
+        """Return the ladder without runs that end before the view, and those coarser than them."""
 
         def kept(branch: Branch) -> Branch:
             n = next((i for i, r in enumerate(branch.runs) if not view.covers(r)), len(branch.runs))
@@ -120,25 +119,25 @@ class Ladder:
         return replace(self, space=kept(self.space), time=kept(self.time))
 
     def parts(self, of: Of, apart: Apart = largest, order: float = math.inf) -> tuple[Any, Any]:
-        """Return what space and time contribute to `bar`."""
+        """Return the parts of space and time in `bar`."""
         space, time = (branch.left(self.finest, of, apart, order) for branch in (self.space, self.time))
         return space, time
 
     def bar(self, of: Of, apart: Apart = largest, order: float = math.inf) -> Any:
-        """Return the error bar of a functional of a response: what space and time leave of it in the finest run.
+        """Return the error bar of a functional of the finest run.
 
-        of : gives a number, or a series on the view;  apart : their distance, an array for a bar of each value.
-        order : the most that is credited, where it is less than the path's.
+        of : a number or series of a response;  apart : their distance, an array for a bar of each value.
+        order : the most credited, if less than the path's.
         """
         return sum(self.parts(of, apart, order))
 
     def told(self, of: Of) -> float:
-        """Return 0 where all runs give the same answer to a question (yes or no, which outcome), else infinity."""
+        """Return 0 where all runs give the same answer to a question, else infinity."""
         answers = [of(r) for r in self.runs]
         alike = len(self.space.runs) > 0 and len(self.time.runs) > 0 and all(x == answers[0] for x in answers)
         return 0.0 if alike else math.inf
 
     def peak(self, of: Of, apart: Apart = largest) -> float:
-        """Return the bar of an extreme of a raw force: also the change to the run in which axial waves ring."""
+        """Return the bar of a raw force's extreme, at least the change to the ringing run."""
         heard = 0.0 if self.ringing is None else float(apart(of(self.finest), of(self.ringing)))
         return max(float(self.bar(of, apart, 1.0)), heard)

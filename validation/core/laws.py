@@ -1,8 +1,8 @@
-"""Holds responses against the laws of mechanics and the scene's TOML alone, in SI.
+"""Checks responses against the laws of mechanics and the scene's TOML alone, in SI.
 
-This sees faults in what both wings share: groups, static shape, travel, units, sampling.  Each law has a defect, part
-of a scale of its own, which is zero for the exact answer.  Its bar is what coarser runs change in it, and three times
-what it changes when every second station, frame and step is left out.
+Finds faults that both wings share: groups, static shape, travel, units, sampling.  A defect is zero for the exact
+answer and a part of the law's own scale.  Its bar is the change to coarser runs plus three times the change when every
+second sample is left out.
 """
 
 from __future__ import annotations
@@ -21,41 +21,41 @@ from cablefem.response import Array, Response
 from validation.core import timetable
 from validation.core.evidence import ROUNDING, Evidence, Side, Window, Windows, cross
 
-OFTEN = 0.2  # of the time of a transverse wave along the cable: frames further apart do not tell velocities
-NEXT = 0.01  # of the length: a mass closer to a support has too few stations on that side
-ROLLS = 0.05  # of the top speed, below which the direction of friction is not held against the motion
-FIRST = 1.0  # order of slopes and impulses at the mass in space and time, the most that is credited
-THINNED = 3.0  # times the change by leaving out every second sample: an error of order 1/2 or more is less
+OFTEN = 0.2  # of the time of a transverse wave along the cable: frames further apart do not resolve velocities
+NEXT = 0.01  # of the length: closer to a support one side has too few stations
+ROLLS = 0.05  # of the top speed: below it the direction of friction is not checked
+FIRST = 1.0  # largest order credited to slopes and impulses at the mass
+THINNED = 3.0  # factor on the change by thinning; enough for errors of order 1/2 and more
 DOWN = np.array([0.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True)
 class Defect:
-    """What is missing from a law: at places s_o/l (nan where there is none), part of the law's scale."""
+    """Defect of a law at places s_o/l (nan where there is none), as a part of the law's scale."""
 
     place: Array  # (k,)
     value: Array  # (k, c)
 
     @property
     def rms(self) -> Array:
-        """Of each component over the places, (c,)."""
+        """Root mean square over the places, (c,)."""
         return np.sqrt(np.mean(self.value**2, axis=0))
 
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """A law held against a run: the component whose rms defect is largest beside its bar."""
+    """One law checked on one run: the component whose rms defect is largest beside its bar."""
 
     law: str
-    quantity: str  # whose row it is
-    gap: float  # nan where the response does not say what the law asks for
-    bar: float  # of the ladder
+    quantity: str  # the row it belongs to
+    gap: float  # nan where the response lacks what the law needs
+    bar: float  # from coarser runs
     sampling: float
     where: float | None  # s_o/l of the largest defect
 
 
 class Ladder(Protocol):
-    """A run and its coarser ones, and the bars they give; see `ladder.Ladder`."""
+    """A run and its coarser ones; see `ladder.Ladder`."""
 
     @property
     def finest(self) -> Response: ...
@@ -65,7 +65,7 @@ class Ladder(Protocol):
 
 
 def hold(ladder: Ladder, window: Window, until: float = math.inf) -> Iterator[Held]:
-    """Hold every law that concerns a run against it, over a window of s_o/l, of a ride up to an instant [s]."""
+    """Check every law that applies to the finest run, over a window of s_o/l, up to a time [s]."""
     r = ladder.finest
     windows = Windows.of(r, window, until)
     case = Evidence(r, windows)
@@ -89,7 +89,6 @@ def hold(ladder: Ladder, window: Window, until: float = math.inf) -> Iterator[He
 
 
 def _rms_apart(a: Array, b: Array) -> Array:
-    """Return the rms distance of the defects of two runs, component by component; infinite where one does not say."""
     known = a.shape == b.shape and np.isfinite(b).all()
     return np.sqrt(np.mean((a - b) ** 2, axis=0)) if known else np.full(a.shape[1], math.inf)
 
@@ -99,12 +98,12 @@ Finds = Callable[[Evidence], Defect]
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """One law of mechanics: its defect, whom it concerns, whose row it is."""
+    """One law: its defect, the runs it applies to, the row it belongs to."""
 
     defect: Finds
     concerns: Callable[[Evidence], bool]
     of: str
-    exact: bool  # it holds to rounding in every run, however coarse
+    exact: bool  # holds to rounding in every run
 
 
 LAWS: dict[str, Law] = {}
@@ -125,13 +124,13 @@ def _rolls(m: Evidence) -> bool:
 
 
 def _sees_swings(m: Evidence) -> bool:
-    """Return whether frames follow each other closely enough for a velocity to be summed."""
+    """Return whether frames are close enough to integrate velocities over time."""
     between = float(np.diff(m.r.fields.t[m.frames[0] : m.frames[-1] + 1]).max(initial=0.0))
     return between <= OFTEN * m.r.length * math.sqrt(m.given.rho / m.r.horizontal_tension)
 
 
 def _off_supports(m: Evidence) -> bool:
-    """Return whether the mass is ever so far from them that something can be said of the cable beside it."""
+    """Return whether the mass is ever far enough from the supports."""
     return any(_has_room(m, pair) for pair in m.sides)
 
 
@@ -140,12 +139,12 @@ def _has_room(m: Evidence, pair: tuple[Side, Side]) -> bool:
 
 
 def _knows_strain(m: Evidence) -> bool:
-    """Return whether a pointwise tension is told: a solver may know the one from equilibrium alone."""
+    """Return whether the pointwise tension is told beside that from equilibrium."""
     return m.r.model == "full" and not np.array_equal(m.r.T_behind, m.r.T_behind_pointwise, equal_nan=True)
 
 
 def _carries_none(r: Response, t: Array) -> NDArray[np.bool_]:
-    """Return at which instants the cable's law carries no compression: all, none, or those after the first slack."""
+    """Return at which times the law excludes compression: all, none, or those after the first slack."""
     if r.switched is None:
         return np.full(t.shape, r.law == "tension-only")
     return t > r.slack_since
@@ -160,13 +159,13 @@ def _at_frames(m: Evidence, value: Array) -> Defect:
 
 
 def _over_frames(m: Evidence, kept: Array, scale: float, t: Array | None = None) -> Defect:
-    """Return the change over each window of what ought to be constant (k, c), over a scale."""
+    """Return the change of a conserved quantity (k, c) over each window, over a scale."""
     at = np.interp(m.windows.frames if t is None else t, m.r.t, m.r.s_o) / m.r.length
     return Defect(0.5 * (at[1:] + at[:-1]), np.diff(kept, axis=0) / scale)
 
 
 def _over_steps(m: Evidence, kept: Array, scale: float) -> Defect:
-    """Return the same of what is given at every step (n, c)."""
+    """The same for values at every step (n, c)."""
     return _over_frames(m, m.at(m.windows.steps, kept), scale, m.windows.steps)
 
 
@@ -182,9 +181,9 @@ def ends_at_rest(m: Evidence) -> Defect:
 
 @_law(exact=True)
 def length_at_rest(m: Evidence) -> Defect:
-    """Stations count the length of the curve, from none to all of it, and that is the length asked for; over it.
+    """Stations measure arc length from 0 to the length asked for; over it.
 
-    With temperature or ice the unstretched length is asked for, with the strain of the mean tension.
+    With temperature or ice the unstretched length is asked for; the mean tension gives its strain.
     """
     s, (name, value) = m.r.fields.s, m.given.asked
     strain = CubicSpline(s, m.r.fields.T_static / m.given.EA).integrate(s[0], s[-1]) / s[-1]
@@ -195,7 +194,7 @@ def length_at_rest(m: Evidence) -> Defect:
 
 @_law(exact=True)
 def shape_at_rest(m: Evidence) -> Defect:
-    """Sag below the chord, or horizontal tension, as asked for; over itself.  A length has its own law."""
+    """Sag below the chord, or horizontal tension, as asked for; over itself."""
     (name, value), f = m.given.asked, m.r.fields
     if name == "sag":
         below = CubicSpline(f.s, f.y - m.given.drop / m.given.span * f.x)
@@ -207,7 +206,7 @@ def shape_at_rest(m: Evidence) -> Defect:
 
 @_law(exact=True)
 def forces_at_rest(m: Evidence) -> Defect:
-    """T x' = H all along, over H; T y' falls by rho g per metre, the supports carry the weight, over rho g l."""
+    """T x' = H, over H; T y' falls by rho g per metre, over rho g l."""
     s, H, weight = m.r.fields.s, m.r.horizontal_tension, m.given.rho * m.given.gravity
     force = m.r.fields.T_static[:, None] * m.curve(s, 1)
     falls = force[0, 1] - force[:, 1] - weight * s
@@ -219,7 +218,7 @@ def forces_at_rest(m: Evidence) -> Defect:
 
 @_law(lambda m: m.r.drive != "free", exact=True)
 def travel(m: Evidence) -> Defect:
-    """s_o(t) is the travel that the TOML asks for; over the length."""
+    """s_o(t) is the travel of the TOML; over the length."""
     r, law, drive, l = m.r, m.given.travel, m.given.drive, m.r.fields.s[-1]
     t, s, start = r.t[m.inside], r.s_o[m.inside], timetable.begins(law, drive, l)
     if law["kind"] == "table":
@@ -239,7 +238,7 @@ def travel(m: Evidence) -> Defect:
 
 
 def _crawls(m: Evidence) -> float:
-    """Return the speed [m/s] beyond `rest_speed` at which a car that has stopped moves in its last axial round trip."""
+    """Return the speed [m/s] above `rest_speed` of a stopped car, over its last axial round trip."""
     r, l = m.r, m.r.fields.s[-1]
     lasts = min(r.t[-1] - r.t[0], 2.0 * l * math.sqrt(m.given.rho / m.given.EA))
     way = abs(r.s_o[-1] - np.interp(r.t[-1] - lasts, r.t, r.s_o))
@@ -248,10 +247,9 @@ def _crawls(m: Evidence) -> float:
 
 @_law(_rolls, exact=True)
 def drive(m: Evidence) -> Defect:
-    """The car begins, brakes and arrives where the TOML says, is let go and driven as long and as hard as it says.
+    """The car starts, brakes, arrives, is released and driven as the TOML says.
 
-    Each event is where and as fast as the car is then; a stop has no speed, and ends a ride whose car stays.
-    Over length, time, top speed and largest thrust.
+    Events agree with s_o(t) and speed.  Over length, time, top speed and largest thrust.
     """
     r, drive, l, T = m.r, m.given.drive, m.r.fields.s[-1], m.r.t[-1]
     times, forces = m.thrust
@@ -288,7 +286,7 @@ def place_of_the_mass(m: Evidence) -> Defect:
 
 @_law(_knows_strain, exact=True)
 def strain_at_the_mass(m: Evidence) -> Defect:
-    """Pointwise tension is that at rest plus EA (|r'| - 1), and not below none where the law says so; over H."""
+    """Pointwise tension is T + EA (|r'| - 1), cut at zero where the law excludes compression; over H."""
     r, k, f = m.r, m.inside, m.r.fields
     T, off = CubicSpline(f.s, f.T_static)(r.s_o[k]), []
     for slope, told in ((r.slope_behind, r.T_behind_pointwise), (r.slope_ahead, r.T_ahead_pointwise)):
@@ -299,13 +297,13 @@ def strain_at_the_mass(m: Evidence) -> Defect:
 
 @_law()
 def speed_of_the_mass(m: Evidence) -> Defect:
-    """The way of the mass is the integral of its velocity; over top speed times the window."""
+    """The displacement of the mass is the integral of its velocity; over top speed times window."""
     r = m.r
     return _over_steps(m, np.stack([r.x, r.y], axis=1) - m.impulse(r.velocity), float(r.speed.max()) * m.lasts)
 
 
 def _of_mass(m: Evidence, pull: Array) -> Defect:
-    """Return what is missing from the momentum of the mass under the cable's pull (n, 2)."""
+    """Return the momentum defect of the mass under the cable's pull (n, 2)."""
     r, weight = m.r, m.given.weight
     force = pull + weight * DOWN
     if r.drive != "grip":  # haul rope or thrust, and drag
@@ -316,13 +314,13 @@ def _of_mass(m: Evidence, pull: Array) -> Defect:
 
 @_law()
 def momentum_of_the_mass(m: Evidence) -> Defect:
-    """M (v_2 - v_1) is the impulse of weight, contact force and what acts from outside; over M g times window."""
+    """M (v_2 - v_1) is the impulse of weight, contact and outer forces; over M g times window."""
     return _of_mass(m, -m.r.contact)
 
 
 @_law(of="impulse")
 def impulse(m: Evidence) -> Defect:
-    """M (v_2 - v_1) with the cable's pull [ N t - rho ds_o^2 r' ] by both tensions; over M g times the window."""
+    """M (v_2 - v_1) by the pull [ N t - rho ds_o^2 r' ] of both one-sided tensions; over M g times window."""
     pull = np.zeros((m.r.t.size, 2))
     for sign, T, slope in m.both():
         pull += sign * (T / np.hypot(*slope.T) - m.given.rho * m.pace**2)[:, None] * slope
@@ -331,9 +329,9 @@ def impulse(m: Evidence) -> Defect:
 
 @_law(_rolls)
 def tension_on_both_sides(m: Evidence) -> Defect:
-    """A car that rolls has the same tension on both sides but for friction and brakes; over M g times the window.
+    """The tension jump at a rolling car is friction plus brakes; over M g times window.
 
-    [N] (1 - rho ds_o^2/EA) = -(mu_r |contact| + brakes) sign(ds_o); where it is slow or stands, [N] is no larger.
+    [N] (1 - rho ds_o^2/EA) = -(mu_r |contact| + brakes) sign(ds_o); for a slow car [N] is at most that.
     """
     r, given = m.r, m.given
     jump, most = (r.T_ahead - r.T_behind) * (1.0 - given.rho * m.pace**2 / given.EA), np.sum(m.rub, axis=0)
@@ -348,14 +346,14 @@ def tension_on_both_sides(m: Evidence) -> Defect:
 
 @_law(lambda m: m.r.switched is not None or m.r.law == "tension-only", exact=True)
 def compression(m: Evidence) -> Defect:
-    """A cable that carries none is under none; over H, and counted up to H."""
+    """A tension-only cable has no compression; over H, counted up to H."""
     T = m.r.fields.T_pointwise[_carries_none(m.r, m.r.fields.t)] / m.r.horizontal_tension
     return _static(float(np.clip(T, -1.0, 0.0).min(initial=0.0)))
 
 
 @_law(of="tension_min")
 def least_tension(m: Evidence) -> Defect:
-    """The least tension that steps tell is that of the field and at the mass; over H."""
+    """The least tension at steps is that of field and mass at frames; over H."""
     f, k = m.r.fields, m.frames
     field = np.minimum(f.T[k].min(axis=1), np.minimum(f.T_behind[k], f.T_ahead[k]))
     return _at_frames(m, (m.at(m.t, m.r.tension_min[:, None])[:, 0] - field) / m.r.horizontal_tension)
@@ -363,9 +361,9 @@ def least_tension(m: Evidence) -> Defect:
 
 @_law(exact=True)
 def slack_onset(m: Evidence) -> Defect:
-    """The cable is slack from the first step on at which its least tension is below zero; over the length.
+    """Slack begins at the first step with negative least tension; over the length.
 
-    Within two steps: a solver may look at other points than it tells.
+    Two steps are allowed, because a solver may look at other points than it tells.
     """
     r = m.r
     below = np.append(r.s_o[1:][r.tension_min[1:] < 0.0], r.s_o[-1])[0] / r.length
@@ -375,7 +373,7 @@ def slack_onset(m: Evidence) -> Defect:
 
 @_law()
 def fields_at_the_mass(m: Evidence) -> Defect:
-    """What frames say of the mass is what steps do; over the largest deflection."""
+    """Displacement of the mass at frames equals that at steps; over the largest deflection."""
     r, f = m.r, m.r.fields
     steps = CubicSpline(r.t, np.stack([r.s_o, r.u, r.v], axis=1))(m.t)
     off = np.stack([f.s_o, f.mass_u, f.mass_v], axis=1)[m.frames] - steps
@@ -383,9 +381,9 @@ def fields_at_the_mass(m: Evidence) -> Defect:
 
 
 def _at_and_up_to(m: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]:
-    """Return what a field (m,) or (m, c) is at the mass and what it misses when it goes on to there, (k, 2 c).
+    """Return a field (m,) or (m, c) at the mass, and its gap to either side's extrapolation; (k, 2 c).
 
-    Next to a support none of either.
+    Both are zero next to a support.
     """
     found = []
     for pair in m.sides:
@@ -399,23 +397,23 @@ def _at_and_up_to(m: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]
 
 @_law(_off_supports)
 def tension_up_to_the_mass(m: Evidence) -> Defect:
-    """Tension along the cable goes on to that at the mass, in the mean over the frames; over H."""
+    """Tension along the cable tends to that at the mass, in the mean over frames; over H."""
     _, off = _at_and_up_to(m, lambda x: x.T)
     return _static(*(off.mean(axis=0) / m.r.horizontal_tension))
 
 
 @_law(_off_supports, of="velocity")
 def up_to_the_mass(m: Evidence) -> Defect:
-    """Velocity of the cable goes on to that at the mass, each way by itself; over its rms there."""
+    """Velocity of the cable tends to that at the mass on each side; over its rms there."""
     told, off = _at_and_up_to(m, lambda x: x.velocity)
     return _at_frames(m, off / np.sqrt(np.mean(told**2, axis=0)))
 
 
 @_law(_sees_swings, of="velocity")
 def summed_over_time(m: Evidence) -> Defect:
-    """What the cable moves across itself at rest is the integral of its velocity, both weighted by half a sine.
+    """Transverse displacement is the integral of its velocity, both weighted by half a sine; over its rms.
 
-    Over the rms of that.  Along it, and in shorter waves, it swings to and fro between two frames.
+    Axial motion and shorter waves oscillate between frames and are not checked.
     """
     f = m.r.fields
     tangent, sine = m.curve(f.s, 1), np.sin(math.pi / f.s[-1] * f.s)
@@ -427,10 +425,9 @@ def summed_over_time(m: Evidence) -> Defect:
 
 @_law()
 def stretch(m: Evidence) -> Defect:
-    """Mean tension of a piece is that at rest plus EA times the piece's strain by the sampled curve; over H.
+    """Mean tension of a piece is that at rest plus EA times its strain from the sampled curve; over H.
 
-    Pieces are the shorter side and both halves of the longer one: the ends of a side lie on support and mass,
-    whatever the fields are between, and in shorter pieces the ripples of a basis have no mean.
+    Pieces are the shorter side and both halves of the longer one.  Shorter pieces contain ripples of a basis.
     """
     off = []
     for pair in m.sides:
@@ -447,7 +444,7 @@ def stretch(m: Evidence) -> Defect:
 
 @_law()
 def momentum_of_the_cable(m: Evidence) -> Defect:
-    """rho int r. ds changes by the impulse of reactions, weight and mass; over all weight times the window."""
+    """rho int r. ds changes by the impulse of reactions, weight and contact; over total weight times window."""
     r, rho = m.r, m.given.rho
     weight = rho * m.given.gravity * r.fields.s[-1]
     force = r.reaction_left + r.reaction_right + r.contact + weight * DOWN
@@ -457,7 +454,7 @@ def momentum_of_the_cable(m: Evidence) -> Defect:
 
 @_law()
 def moment_of_momentum(m: Evidence) -> Defect:
-    """rho int r x r. ds about the left support changes by the moments' impulse; over all weight, span, window."""
+    """rho int r x r. ds about the left support changes by the moments' impulse; over total weight, span, window."""
     r, given, t = m.r, m.given, m.t
     weight = given.rho * given.gravity
     right = np.array([given.span, given.drop])
@@ -475,9 +472,9 @@ def moment_of_momentum(m: Evidence) -> Defect:
 
 @_law(of="energy")
 def energy(m: Evidence) -> Defect:
-    """Energy of cable and mass changes by the work of the drive, until the cable is slack: it loses some as it snaps.
+    """Energy of cable and mass changes by the work of the drive, until the cable is slack.
 
-    Steps that damp lose that and more, however short they are.
+    A slack cable loses energy when it snaps taut.
     """
     kept = m.energies.sum(axis=1)[:, None] - m.impulse_at_frames(m.power_of_all[:, None])
     found = _over_frames(m, kept, m.work)
@@ -486,7 +483,7 @@ def energy(m: Evidence) -> Defect:
 
 @_law(lambda m: bool(np.isfinite(m.r.kinetic).any()))
 def parts_of_the_energy(m: Evidence) -> Defect:
-    """Energies change as the run says, and their sum is that of all."""
+    """Energies change as the run says, and sum to the total."""
     r = m.r
     told = np.stack([r.kinetic, r.potential, r.strain, r.energy], axis=1)
     own = np.concatenate([m.energies, m.at(m.t, np.sum(told[:, :3], axis=1)[:, None])], axis=1)
@@ -495,14 +492,14 @@ def parts_of_the_energy(m: Evidence) -> Defect:
 
 @_law()
 def power(m: Evidence) -> Defect:
-    """Work of drive and outside forces is what the run says, each and all."""
+    """Work of drive and outer forces is what the run says, each and in total."""
     r, own = m.r, m.powers
     apart = [r.power - m.power_of_all, *(r.powers[name] - own[name] for name in own if name in r.powers)]
     return _over_steps(m, m.impulse(np.stack(apart, axis=1)), m.work)
 
 
 def _arcs(place: Array) -> Array:
-    """Return lengths of a curve between its nodes (m, 2), (m - 1,): chords, and (bend of the tangent)^2/24 more."""
+    """Return arc lengths between nodes (m, 2), (m - 1,): chord times 1 + (bend of the tangent)^2/24."""
     chord = np.diff(place, axis=0)
     length = np.hypot(*chord.T)
     bend = np.gradient(chord / length[:, None], axis=0) if len(chord) > 1 else np.zeros((1, 2))

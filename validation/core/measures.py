@@ -1,7 +1,4 @@
-"""Numbers that compare two responses, or hold one against a law of mechanics; on `Response` only.
-
-Each says what it leaves out, and refuses rather than average nothing.  `window` is a pair of s_o/l.
-"""
+"""Measures that compare two responses or check one, by `Response` alone; `window` is a pair of s_o/l."""
 
 from __future__ import annotations
 
@@ -17,23 +14,23 @@ from numpy.typing import NDArray
 from cablefem.newmark import scheme
 from cablefem.response import Array, MassPath, Response
 
-WINDOW = (0.02, 0.80)  # s_o/l of the comparison: past the start-up, before the far support's own layer
-# A hauled car begins in equilibrium and never grips; where the travel is an answer, time is compared, and all of it.
+WINDOW = (0.02, 0.80)  # s_o/l compared: past the start-up, before the layer at the far support
+# A hauled car begins in equilibrium.  A free ride is compared over all its time.
 WINDOWS = {"grip": WINDOW, "haul": (0.02, 0.95), "free": (0.0, 1.0)}
-SLACK_END = 0.95  # s_o/l to which a cable that has fallen slack is compared
-JUMP_WIDTH = 0.02  # |s - s_o|/l left out of tension gaps: there each method smears the jump over its own resolution
+SLACK_END = 0.95  # s_o/l to which a slack cable is compared
+JUMP_WIDTH = 0.02  # |s - s_o|/l left out of tension gaps: each method smears the jump over its own mesh
 
 Window = tuple[float, float]
 
 
 class NotComparable(ValueError):
-    """The responses share no range in which the measure has a meaning; the text says why."""
+    """The responses share no range for the measure; the text says why."""
 
 
 def window_of(*responses: MassPath, window: Window | None = None) -> Window:
-    """Return the window, by default that of the drive, cut at the earliest slack onset and at the shortest run.
+    """Return the window (default: of the drive), cut at the earliest slack onset and the shortest run.
 
-    A free ride may turn back or end early: its window is all the places it comes to.
+    A free ride may turn back: it is not cut where it ends.
     """
     drive = responses[0].drive
     window = window or WINDOWS[drive]
@@ -46,31 +43,29 @@ def window_of(*responses: MassPath, window: Window | None = None) -> Window:
 
 
 def inside(r: MassPath, window: Window) -> NDArray[np.bool_]:
-    """Return which steps of a run lie in the window, (n,)."""
+    """Return which steps lie in the window, (n,)."""
     place = r.s_o / r.length
     return (place >= window[0]) & (place <= window[1] * (1.0 + 1e-12))
 
 
 def at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
-    """Interpolate `values` (n_b, ...), given at the steps of b, to the instants of a; cubic spline in time.
+    """Interpolate `values` (n_b, ...) from the steps of b to the times of a by cubic splines.
 
-    Where all instants of a are steps of b, as where b has twice as many, nothing is interpolated.
+    Values are copied where all times of a are steps of b.
     """
     when, same = np.clip(a.t, b.t[0], b.t[-1]), 1e-12 * b.t[-1]
     at = np.searchsorted(b.t, when - same)
     if np.abs(b.t[at] - when).max(initial=0.0) <= same:
         return values[at]
-    from scipy.interpolate import CubicSpline  # not for a run alone: long to load
+    from scipy.interpolate import CubicSpline  # slow to load
 
     return CubicSpline(b.t, values, axis=0)(when)
 
 
 def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float]:
-    """Return (max, rms over time) of |w_a - w_b| of the path over the window, relative to the largest deflection of b.
+    """Return (max, rms over time) of |w_a - w_b| over the window, relative to the largest deflection of b.
 
-    Of a free ride the places themselves are compared, relative to a tenth of the length, so that 1e-3 is 1e-4 l.
-
-    Taken at the steps of the response that has fewer; the other is interpolated by a cubic spline in time.
+    For a free ride: of the positions, relative to 0.1 l.  Taken at the steps of the coarser response.
     """
     if not b.path_scale > 0.0:
         raise NotComparable("the mass is nowhere below its place at rest: no deflection to relate a gap to")
@@ -85,12 +80,12 @@ def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float]:
 
 
 def _over_time(t: Array, values: Array) -> Array:
-    """Return the mean over time of values (n,) at times t: a ride takes most of its steps where a brake rings."""
+    """Return the time mean of values (n,) at unequal steps t."""
     return np.asarray(np.average(values, weights=np.gradient(t) if t.size > 1 else None))
 
 
 def place_of_gap(a: Response, b: Response, window: Window) -> float:
-    """Return s_o/l of the largest gap of the mass paths in the window."""
+    """Return s_o/l of the largest path gap in the window."""
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
     size = np.where(inside(coarse, window) & (coarse.t <= fine.t[-1]), _distance(coarse, fine), 0.0)
     return float(coarse.s_o[np.argmax(size)] / coarse.length)
@@ -105,7 +100,7 @@ def _distance(coarse: MassPath, fine: MassPath) -> Array:
 
 
 def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
-    """Return s_o/l of the frames that both have, and their indices in a and b; the stations must be the same."""
+    """Return s_o/l of the common frames and their indices in a and b; the stations must be the same."""
     if a.fields.s.shape != b.fields.s.shape or not np.allclose(a.fields.s, b.fields.s, rtol=0.0, atol=1e-9 * a.length):
         raise NotComparable("the tension fields are given at different stations")
     stands = any(np.unique(np.round(r.fields.s_o / r.length, 9)).size < r.fields.t.size for r in (a, b))
@@ -118,10 +113,9 @@ def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], ND
 
 
 def tension_gap(a: Response, b: Response, window: Window, *, width: float = JUMP_WIDTH) -> float:
-    """Return the rms gap of the tension fields over frames in the window and stations off the mass, relative to H.
+    """Return the rms gap of the tension fields over frames in the window and stations off the mass, over H.
 
-    Within `width` of the mass each method smears the jump over its own resolution, so that a gap there measures the
-    mesh and not the answer; the jump has its own measure.
+    Within `width` of the mass a gap measures the mesh: each method smears the jump over its own resolution.
     """
     place, i, j = common_frames(a, b)
     inside = (place >= window[0]) & (place <= window[1])
@@ -136,9 +130,9 @@ def series_gap(
     a: Response, b: Response, window: Window, of: Callable[[Response], Array], axial: float = 0.0,
     largest: bool = False,
 ) -> float:  # fmt: skip
-    """Return the rms, or largest, distance of two series over time, of(r) (n,) or (n, c), at the coarser run's steps.
+    """Return the rms (or largest) distance of two series of(r), (n,) or (n, c), at the coarser run's steps.
 
-    axial : the time [s] over which both are averaged first: an axial wave's way along the cable and back.
+    axial : averaging time [s], an axial round trip.
     """
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
     within = inside(coarse, window)
@@ -148,8 +142,7 @@ def series_gap(
     t, known = coarse.t[within], [np.isfinite(of(r).reshape(r.t.size, -1)).all(axis=1) for r in (coarse, fine)]
     if not all(k.sum() > 3 for k in known):
         raise NotComparable("one of the answers does not say it")
-    # over the same time in all that are compared, and none past the window: a companion ends there, and beyond it a
-    # cable may be slack, or forces next to a support grow faster than any bar from within tells
+    # the same times in all runs, and none past the window: there the cable may be slack
     last = min(t[-1], coarse.t[known[0]][-1], fine.t[known[1]][-1])
     first = max(coarse.t[known[0]][0], fine.t[known[1]][0])
     t = t[(t >= first) & (t <= last)]
@@ -167,9 +160,9 @@ def series_gap(
 
 
 def _summed(t: Array, values: Array, breaks: Sequence[float], at: Array) -> Array:
-    """Return the integrals up to times `at` of the lines through values (n, c) at times t.
+    """Return integrals up to times `at` of the lines through values (n, c).
 
-    At a break the value is that before a jump: the line of the step after it is that of the next one, gone back.
+    The value at a break is that before the jump, so the step after it extrapolates from the next step.
     """
     begin, dt = values[:-1].copy(), np.diff(t)[:, None]
     for i in np.searchsorted(t, np.array(breaks) * (1.0 - 1e-12)).tolist():
@@ -182,7 +175,7 @@ def _summed(t: Array, values: Array, breaks: Sequence[float], at: Array) -> Arra
 
 
 def _spline(t: Array, values: Array, kinks: Sequence[float], at: Array) -> Array:
-    """Return splines through values (n, c) at times `at`, a new one from every kink on: across it one overshoots."""
+    """Return splines through values (n, c) at times `at`, restarted at every kink against overshoot."""
     from scipy.interpolate import CubicSpline
 
     out = np.empty((at.size, values.shape[1]))
@@ -194,29 +187,28 @@ def _spline(t: Array, values: Array, kinks: Sequence[float], at: Array) -> Array
 
 
 def displacement_gap(a: Response, b: Response, window: Window, *, along: bool = False) -> float:
-    """Return the rms distance of the displacement fields across the cable at rest, or along it, over the rms of b's.
+    """Return the rms distance of displacements across (or along) the cable at rest, over the rms of b.
 
-    Over common frames in the window and stations; the one at the mass is left out, see `velocity_gap`.
+    Over common frames in the window; the station at the mass is left out, see `velocity_gap`.
     """
     return _field_gap(a, b, window, lambda r: _component(r, r.fields.u, r.fields.v, along), None)
 
 
 def _component(r: Response, x: Array, y: Array, along: bool) -> Array:
-    """Return the part of a field along the cable at rest, or across it."""
+    """Return the component of a field across (or along) the cable at rest."""
     i, j = np.gradient(r.fields.x, r.fields.s), np.gradient(r.fields.y, r.fields.s)
     return (i * x + j * y if along else i * y - j * x) / np.hypot(i, j)
 
 
-PIECES = 5  # of the cable, over which velocities are averaged
-FRAMES = 6  # in whose mean axial waves that ring along the cable are a lesser part
+PIECES = 5  # of the cable for mean velocities
+FRAMES = 6  # averaged against axial waves that ring
 
 
 def velocity_gap(a: Response, b: Response, window: Window, *, along: bool = False) -> float:
-    """Return the rms distance of the fields of velocity across the cable at rest, or along it, over the rms of b's.
+    """Return the rms distance of velocities across (or along) the cable at rest, over the rms of b.
 
-    Means over fifths of the cable, since a velocity jumps at every kink that runs along, and along it over frames,
-    since there axial waves ring.  Over common frames in the window and stations; the one at the mass is left out: which
-    side of it is sampled hangs on rounding.
+    Means over fifths of the cable, because velocity jumps at travelling kinks; along it also over frames, because axial
+    waves ring.  The station at the mass is left out: rounding decides its side.
     """
 
     def of(r: Response) -> Array:
@@ -244,11 +236,10 @@ def _field_gap(
 
 
 def energy_defect(r: Response) -> Array:
-    """Return (n,) [J]: E(t) - E(0) less the work that the drive has put in up to then (trapezoids in time).
+    """Return (n,) [J]: E(t) - E(0) minus the work of the drive (trapezoids in time).
 
-    Where forces jump the state has them before or after: a step does not reach across a jump.  A car that enters with
-    speed bends the cable at once, as a wedge that grows with s_o: on the support forces are those before, and of a rule
-    by collocation all nodes of the first step lie after the jump.  Newmark's rules weigh both ends themselves.
+    A step at a jump of force takes the value from its own side.  A car that enters with speed makes such a jump at the
+    start.  Newmark's rules weigh both ends themselves.
     """
     p, mean = r.power, 0.5 * (r.power[1:] + r.power[:-1])
     if r.drive == "grip" and r.speed[0] > 0.0 and scheme(r.settings["scheme"]).nodes:
@@ -263,9 +254,9 @@ def energy_defect(r: Response) -> Array:
 
 
 def energy_gain(r: Response, weight: float, window: Window) -> float:
-    """Return the largest energy a run gained in the window without being given it, over weight times deflection.
+    """Return the largest energy gained in the window without work, over weight times deflection.
 
-    Looks forward from every instant to the largest later defect, so a loss by damping does not hide a gain.
+    Every time is compared with all later ones, so that damping does not hide a gain.
     """
     defect = energy_defect(r)[inside(r, window)]
     if defect.size == 0:
@@ -275,10 +266,9 @@ def energy_gain(r: Response, weight: float, window: Window) -> float:
 
 
 def oscillation(r: Response, window: Window) -> float:
-    """Return how far the tension oscillates along the cable, relative to H: the Gibbs overshoot measure.
+    """Return how far the tension oscillates along the cable, over H (Gibbs overshoot).
 
-    At each frame the largest |T - running median over a tenth of the length|, off the mass and off the supports; rms
-    over frames.  The tension itself varies slowly along a cable, apart from its jump at the mass.
+    Per frame the largest |T - running median over 0.1 l| off mass and supports; rms over frames.
     """
     place = r.fields.s_o / r.length
     return _oscillation(r.fields.T_pointwise / r.horizontal_tension, place, r.fields.s / r.length, window)
@@ -301,9 +291,9 @@ def _oscillation(T: Array, place: Array, s: Array, window: Window, reach: float 
 
 
 def extrapolated(fine: Response, coarse: Response, order: float = 1.0, ratio: float = 2.0) -> Response:
-    """Return fine + (fine - coarse)/(ratio^order - 1) in path, tensions and fields: Richardson's extrapolation.
+    """Return Richardson's fine + (fine - coarse)/(ratio^order - 1) of path, tensions and fields.
 
-    Valid for ladders whose error falls regularly with that order (plain sines: 1).
+    Valid where the error falls regularly with that order (plain sines: 1).
     """
     factor = 1.0 / (ratio**order - 1.0)
 

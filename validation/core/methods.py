@@ -1,4 +1,4 @@
-"""Every named method with its settings: the one table that commands, charts and tests read."""
+"""The table of all named methods with their settings."""
 
 import math
 from collections.abc import Callable
@@ -13,14 +13,14 @@ from validation.core.solver import Solver
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One knob of a method: its default, its admissible values, its meaning."""
+    """One setting of a method."""
 
     default: Any
     allowed: tuple[Any, ...] | tuple[float, float]  # choices for names, else (least, largest)
     meaning: str
 
     def check(self, name: str, value: Any) -> Any:
-        """Return the value in the default's type, or raise ValueError naming the admissible range."""
+        """Return the value in the default's type; ValueError outside the allowed range."""
         if isinstance(self.default, str):
             if value not in self.allowed:
                 raise ValueError(f"{name} = {shown(value)}: unknown.{nearest(str(value), map(str, self.allowed))}")
@@ -56,47 +56,47 @@ Build = Callable[..., Solver]
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """How a method is refined in space: which setting, what it counts, what it costs, where to begin and end."""
+    """How a method is refined in space, and what that costs."""
 
     setting: str
-    first: int  # so coarse that its error can just be read; what follows costs a multiple of it
+    first: int  # coarsest with a readable error
     most: int
-    even: int  # its arithmetic costs as much as what every step costs anyhow
-    growth: float  # how the arithmetic grows from there
-    doubling: bool = False  # the setting counts powers of two
-    largest: int | None = None  # for measuring the cost of a step; `most` unless costs stay linear
+    even: int  # its arithmetic equals the fixed cost of a step
+    growth: float  # exponent of the arithmetic
+    doubling: bool = False  # counts powers of two
+    largest: int | None = None  # in cost measurements; None: `most`
     unknowns: Callable[[int], float] = float  # of one field, about
 
     def ratio(self, before: int, after: int) -> float:
-        """Return how many times finer one value of the setting is than another."""
+        """Return how many times finer `after` is than `before`."""
         return 2.0 ** (after - before) if self.doubling else after / before
 
     def nearest(self, value: int, ratio: float) -> int:
-        """Return the value that is nearest to `ratio` times as fine."""
+        """Return the value nearest to `ratio` times as fine."""
         return max(0, value + round(math.log2(ratio))) if self.doubling else max(1, round(value * ratio))
 
     def finer(self, value: int, ratio: float) -> int:
-        """Return the least value that is at least `ratio` times as fine, as far as there is one."""
+        """Return the least value at least `ratio` times as fine, up to `most`."""
         return min(value + math.ceil(math.log2(ratio)) if self.doubling else math.ceil(value * ratio), self.most)
 
     def cost(self, value: int, ratio: float = 1.0) -> float:
-        """Return what a step costs with `ratio` times the resolution, over what every step costs anyhow."""
+        """Return the cost of a step at `ratio` times the resolution, over its fixed cost."""
         return 1.0 + (ratio * self.ratio(self.even, value)) ** self.growth
 
     def grown(self, value: int, ratio: float) -> float:
-        """Return how many times more unknowns there are with `ratio` times the resolution."""
+        """Return the growth of the unknowns at `ratio` times the resolution."""
         return self.unknowns(self.nearest(value, ratio)) / self.unknowns(value)
 
     def with_unknowns(self, unknowns: float) -> int:
-        """Return the value that has about so many unknowns in one field."""
+        """Return the value with about so many unknowns in one field."""
         values = range(0 if self.doubling else 1, self.most + 1)
         return min(values, key=lambda value: abs(self.unknowns(value) - unknowns))
 
 
-# Steps of a ride that turns back against friction, times those of others: by the car's mass over the cable's, which
-# makes the waves (mass 0.4 to 0.8: the others' do; 0.95: errors of 3.6e-3 of the top speed with them, 4e-4 with these)
+# Factor on the steps of a ride that turns back against friction: TURNING mu, between 1 and MOST_TURNING. A heavy car
+# makes the waves that reverse the friction.
 TURNING, MOST_TURNING = 1.6, 2.0
-# Measured in time, `cablefem chart`: banded elements cost linearly, dense bases between their square and their cube.
+# Costs by `cablefem chart`: banded elements linear, dense bases between square and cube.
 ELEMENTS = Resolution("elements", 6, 320, 8, 1.0, largest=1000)
 TERMS = Resolution("terms", 10, 160, 25, 2.5, largest=80)
 LEVELS = Resolution("level", 1, 5, 1, 2.5, doubling=True, largest=3, unknowns=lambda level: 7.0 * 2.0**level + 3.0)
@@ -104,38 +104,38 @@ LEVELS = Resolution("level", 1, 5, 1, 2.5, doubling=True, largest=3, unknowns=la
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """A discretisation by name, with its settings, and the orders its errors are known to follow."""
+    """A discretisation by name, with its settings and orders of error."""
 
     name: str
     wing: str  # "elements" | "galerkin": two methods of different wings share no formula
     title: str
     knobs: dict[str, Setting]
     resolution: Resolution
-    space_order: float  # of the path on a cable with a kink at the mass (formulations.md, re-measured in tests)
+    space_order: float  # of the path with a kink at the mass (formulations.md)
     builder: Build
-    on_rides: dict[str, Any] = field(default_factory=dict)  # settings of free rides that are not the defaults
-    extrapolate: bool = False  # the ladder converges regularly: compare 2 f(2N) - f(N)
-    steps_growth: float | None = None  # steps that keep pace grow like this power of the resolution
-    begins: tuple[int, int] | None = None  # resolution and steps of a coarse run in balance, from which ladders climb
-    races: tuple[tuple[int, int], ...] = ()  # resolutions and steps, coarse to fine, that `cablefem advise` tries
-    survey: tuple[int, int] | None = None  # resolution and steps in the maps of `cablefem atlas`; None: not mapped
-    trust: str = ""  # one line: when to use it
-    wrong: bool = False  # converges to a wrong answer or not at all; kept on show
+    on_rides: dict[str, Any] = field(default_factory=dict)  # settings other than the defaults
+    extrapolate: bool = False  # compare 2 f(2N) - f(N): the ladder converges regularly
+    steps_growth: float | None = None  # power of the resolution
+    begins: tuple[int, int] | None = None  # resolution and steps from which ladders climb
+    races: tuple[tuple[int, int], ...] = ()  # resolutions and steps of `cablefem advise`, coarse to fine
+    survey: tuple[int, int] | None = None  # resolution and steps in `cablefem atlas`; None: not mapped
+    trust: str = ""  # when to use it
+    wrong: bool = False  # converges to a wrong answer or not at all
 
     @property
     def follows(self) -> bool:
-        """Whether its mesh follows the mass: nothing but waves limits its order in time then."""
+        """Whether the mesh follows the mass; then only waves limit the order in time."""
         return "grading" in self.knobs
 
     @property
     def keeps_pace(self) -> float:
-        """The power of the resolution with which steps grow so that errors of second order in time do not dominate."""
+        """Power of the resolution with which steps grow, so that second-order time errors do not dominate."""
         return self.steps_growth or max(1.0, 0.5 * self.space_order)
 
     def ladder(self, rungs: int, finer: float = 1.0) -> list[dict[str, Any]]:
-        """Return settings from coarse to fine, each twice as fine as the one before, with the steps that keep pace.
+        """Return settings from coarse to fine, each twice as fine, with steps that keep pace.
 
-        finer : how much finer than `begins` the first one is.
+        finer : first resolution over that of `begins`.
         """
         space, steps = self.begins or (self.resolution.first, 300)
         first = {self.resolution.setting: space, "steps": steps}
@@ -143,9 +143,9 @@ class Method:
         return [refined(self, first, space=x, time=self.resolution.grown(space, x) ** self.keeps_pace) for x in ratios]
 
     def settings_on(self, groups: Groups, changes: dict[str, Any]) -> dict[str, Any]:
-        """Return the settings for a scene: a free ride is marched by a rule that damps, its jumps of force ring on.
+        """Return the settings for a scene; a free ride takes a rule that damps, as its force jumps ring on.
 
-        Friction turns round when the waves of a turning car say so: a rule of second order has to keep their phase.
+        A turning car takes more steps: waves decide when its friction reverses.
         """
         if groups.drive.mode != "free" or self.knobs["scheme"].default != "trapezoidal":
             return self.settings(changes)
@@ -155,25 +155,24 @@ class Method:
         return self.settings(rides | changes)
 
     def settings(self, changes: dict[str, Any]) -> dict[str, Any]:
-        """Return all settings with `changes` applied; raises ValueError for unknown names and values out of range."""
+        """Return all settings with `changes`; ValueError for unknown names and values out of range."""
         for unknown in changes.keys() - self.knobs:
             raise ValueError(f"{self.name} has no setting {unknown!r}.{nearest(unknown, self.knobs)}")
         return {k: knob.check(k, changes[k]) if k in changes else knob.default for k, knob in self.knobs.items()}
 
     def value(self, settings: dict[str, Any]) -> int:
-        """Return the value of the setting that refines space."""
+        """Return the resolution in space."""
         return settings[self.resolution.setting]
 
     def told(self, settings: dict[str, Any]) -> dict[str, Any]:
-        """Return what tells one run of a ladder from another: resolution and steps."""
+        """Return resolution and steps, which tell runs of a ladder apart."""
         return {k: settings[k] for k in (self.resolution.setting, "steps")}
 
     def build(self, groups: Groups, settings: dict[str, Any], *, model: str, load: str, law: str) -> Solver:
-        """Return the discretised system."""
         return self.builder(groups, settings, model=model, load=load, law=law)
 
 
-# The solvers are imported when they are built: names and settings are wanted without scikit-fem.
+# Solvers are imported when built: names and settings load without scikit-fem.
 
 
 def _following(degree: int) -> Build:
@@ -194,8 +193,7 @@ def _fixed(element: str, coupling: str) -> Build:
     return build
 
 
-# Of the sines of free rides: a car squeezes waves between itself and the support ahead, which even ones do not see past
-# 0.95 l.  On 12 random rides, and as many fresh ones, places and speeds err by a half to a third of what they did.
+# Grading of the sines of free rides: waves between car and support ahead are short.
 GRADING = 0.8
 
 
@@ -239,7 +237,7 @@ _WAVELETS = {
     ),
 }
 _MANY_STEPS = Setting(4000, (2, 1_000_000), TIME["steps"].meaning)
-# a constraint on positions has no explicit rule, and Gauss's nodes leave the end's acceleration to one
+# A constraint on positions needs a rule that is implicit at the end of a step.
 _CONSTRAINED = tuple(x for x in SCHEMES if x not in ("gauss", "central-difference"))
 _DAMPED = TIME | {"scheme": Setting("newmark", _CONSTRAINED, TIME["scheme"].meaning)}
 
@@ -328,7 +326,7 @@ def find(name: str) -> Method:
 
 
 def refined(method: Method, settings: dict[str, Any], *, space: float = 1.0, time: float = 1.0) -> dict[str, Any]:
-    """Return the settings with `space` times the resolution and `time` times the steps."""
+    """Return the settings at `space` times the resolution and `time` times the steps."""
     out, least = dict(settings), method.knobs[method.resolution.setting].allowed[0]
     if space != 1.0:
         out[method.resolution.setting] = max(least, method.resolution.nearest(method.value(settings), space))

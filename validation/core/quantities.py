@@ -1,4 +1,4 @@
-"""Design numbers as people read them: names, units with a prefix, digits that the error bar leaves."""
+"""Design numbers in words, with unit prefixes and the digits that the bar leaves."""
 
 import math
 import re
@@ -17,7 +17,7 @@ _NAMES = {
     "angle_left": "steepest rope at the left support", "angle_right": "steepest rope at the right support",
     "max_deflection": "largest deflection of the car", "path_error": "error bar of the path of the car",
 }  # fmt: skip
-# What matters first, for every kind of scene; the terminal shows as many as fit.
+# In order of importance; the terminal shows as many as fit.
 _MATTER = (
     "clearance_rope_min", "clearance_car_min", "tension_max", "safety_factor_min", "haul_force_max", "haul_force_min",
     "reaction_left_max", "reaction_right_max", "speed_max", "angle_left", "angle_right", "mass_deepest",
@@ -26,13 +26,13 @@ _MATTER = (
 
 
 def matter(design: list[dict[str, Any]], most: int = 8) -> list[dict[str, Any]]:
-    """Return the design numbers that a designer asks for first, in that order."""
+    """Return the most important design numbers, in order."""
     first = [d for quantity in _MATTER for d in design if d["quantity"].split(":")[0] == quantity]
     return first[:most]
 
 
 def told(number: dict[str, Any]) -> dict[str, str]:
-    """Return what, value, when, where the car is and where it is, of a row of `design` as text; "" where unknown."""
+    """Return a row of `design` as text: what, value, when, the car's place, the place; "" where unknown."""
     value, bar, unit = number["value"], number.get("bar"), number["unit"]
     factor, name = scale_of(np.array([value, bar or 0.0]), unit)
     text = f"{with_bar(factor * value, bar and factor * bar)} {'' if unit == 's_o/l' else name}".rstrip()
@@ -64,7 +64,7 @@ def unit_of(quantity: str) -> str:
 
 
 def scale_of(values: Array, unit: str) -> tuple[float, str]:
-    """Return a factor and the unit's name with its prefix, so that the largest value has one to four digits."""
+    """Return a factor and prefixed unit that give the largest value one to four digits."""
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
     if unit == "m":
         return (1.0, "m") if largest >= 0.1 or largest == 0.0 else (1e3, "mm")
@@ -75,9 +75,9 @@ def scale_of(values: Array, unit: str) -> tuple[float, str]:
 
 
 def with_bar(value: float, bar: float | None) -> str:
-    """Return a value to the digits that its error bar leaves, the bar's own two; to five where it has none.
+    """Return a value to the digits that its bar leaves, the bar's own two; else to five.
 
-    A bar that is rounding (a place where a run was told to land) is none.
+    A bar at rounding level is none.
     """
     if abs(value) < 1e-9:
         return "0"

@@ -1,7 +1,6 @@
-"""The quasi-static ride as a Response: the cable at rest under the car, wherever the ride has brought it.
+"""The quasi-static ride as a Response: the cable at rest under the car at each place.
 
-For gripped and hauled cars the ride is their travel; for free ones it is that of `cablefem.scene.ride`. Milliseconds
-instead of seconds, and no inertia of the cable.
+The ride is the travel, for free cars that of `cablefem.scene.ride`.  No inertia of the cable.
 """
 
 import time
@@ -16,13 +15,13 @@ from cablefem.scene.statics import Rest, gripped, hauled, nodes
 from validation.core.sampling import STATIONS, frame_times
 
 ROWS = 1001
-POINTS = 4  # of Gauss between two stations
-# A gripped car starts on one support and ends on the other; that near, its place is known without statics.
+POINTS = 4  # Gauss points between two stations
+# Of l: closer to a support the place of a gripped car is known without statics.
 NEAREST = 1e-6
 
 
 def quasi_static(scene: Scene) -> Response:
-    """Return the quasi-static ride of a scene with a car; SceneError where its cable at rest is not found."""
+    """Return the quasi-static ride of a scene; SceneError if its cable at rest is not found."""
     if scene.mass is None:
         raise ValueError(f"scene {scene.name!r} has no car")
     begin = time.perf_counter()
@@ -75,9 +74,9 @@ def quasi_static(scene: Scene) -> Response:
 
 
 def _haul(g: Groups, r: Rest, velocity: Array, acceleration: Array) -> Array:
-    """Return the force of the rope (n,): what holds the car at rest, its drag and its inertia along the mean tangent.
+    """Return the haul force (n,): the holding force plus drag and inertia along the mean tangent.
 
-    The cable stays at rest under the car: what drag and inertia add to the contact force changes friction alone.
+    The cable stays at rest: the contact force that drag and inertia add changes friction alone.
     """
     mean = r.slope_behind + r.slope_ahead
     size = np.linalg.norm(mean, axis=1)
@@ -92,7 +91,6 @@ def _haul(g: Groups, r: Rest, velocity: Array, acceleration: Array) -> Array:
 
 
 def _travel(scene: Scene) -> tuple[Array, Array, Array, Array]:
-    """Return t, s_o, ds_o, dds_o at ROWS instants."""
     motion = scene.groups.motion
     if motion is None:
         assert scene.ride is not None
@@ -106,7 +104,7 @@ def _travel(scene: Scene) -> tuple[Array, Array, Array, Array]:
 
 
 class Statics:
-    """The cable at rest over s_o, interpolated between the nodes of `nodes`; dimensionless."""
+    """The cable at rest over s_o, interpolated between `nodes`; dimensionless."""
 
     def __init__(self, groups: Groups) -> None:
         self._sigma = groups.sigma
@@ -135,7 +133,7 @@ class Statics:
 
 
 def _least(r: Rest, sigma: float) -> tuple[Array, Array]:
-    """Return the least tension along the cable and its place: where it is level, or beside the car, or at a support."""
+    """Return the least tension along the cable and its place: level point, car or support."""
     found = []
     for n, low, high in ((r.left, 0.0 * r.s, r.s), (r.left + r.jump, r.s, np.ones_like(r.s))):
         at = np.clip(n[:, 1] / sigma, low, high)
@@ -145,12 +143,12 @@ def _least(r: Rest, sigma: float) -> tuple[Array, Array]:
 
 
 def _fields(at: Statics, g: Groups, s: Array, t: Array, s_o: Array, ds: Array) -> dict:
-    """Return displacement and velocity at frames x stations (2, k, m, 2), tension (k, m), and the rest at frames."""
+    """Return displacement and velocity (2, k, m, 2), tension (k, m) and statics at the frames."""
     x, w = np.polynomial.legendre.leggauss(POINTS)
     X = np.stack(shape(s, g.sigma, g.c), -1)
 
     def cable(r: Rest) -> Array:
-        """Places of the stations: the integral of r' over all pieces between them and the car."""
+        """Places of the stations: the integral of r' over pieces cut at the car."""
         cuts = np.sort(np.concatenate([np.broadcast_to(s, (r.s.size, s.size)), r.s[:, None]], axis=1), axis=1)
         half = 0.5 * np.diff(cuts)[..., None]
         p = cuts[:, :-1, None] + half * (1.0 + x)

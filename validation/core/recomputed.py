@@ -1,4 +1,4 @@
-"""Second computation of what is printed: design numbers and columns of path.csv, from path, fields and TOML alone.
+"""Second computation of design numbers and path.csv, from path, fields and TOML alone.
 
 A design number must be right within its printed bar, a column to rounding.
 """
@@ -17,12 +17,12 @@ from scipy.integrate import cumulative_trapezoid
 from cablefem.response import Array, Response
 from validation.core.evidence import ROUNDING, Evidence, Given, Windows, cross
 
-WINDOWS = {"grip": (0.02, 0.80), "haul": (0.0, 0.95), "free": (0.0, 1.0)}  # s_o/l in which extremes are taken
+WINDOWS = {"grip": (0.02, 0.80), "haul": (0.0, 0.95), "free": (0.0, 1.0)}  # s_o/l of extremes
 
 
 @dataclass(frozen=True, slots=True)
 class Recomputed:
-    """A printed number or column beside the one recomputed, both over the largest size of it."""
+    """The gap of a printed to a recomputed value, over its largest size."""
 
     quantity: str  # "design" or "columns"
     law: str  # its name
@@ -32,7 +32,7 @@ class Recomputed:
 
 
 def rows(r: Response, twin: Response | None = None, folder: Path | None = None) -> Iterator[Recomputed]:
-    """Recompute the design numbers of a run, and the columns of its path.csv as written in a folder, or anew."""
+    """Recompute a run's design numbers and the columns of path.csv, in a folder or written anew."""
     yield from design(r, twin)
     with tempfile.TemporaryDirectory() as anew:
         if folder is None:
@@ -41,7 +41,7 @@ def rows(r: Response, twin: Response | None = None, folder: Path | None = None) 
 
 
 def columns(r: Response, path: Path) -> Iterator[Recomputed]:
-    """Hold every column of path.csv against steps, place of the cable at rest and the mass's velocity and force."""
+    """Check every column of path.csv against the response."""
     lines = path.read_text(encoding="ascii").splitlines()
     written = np.array([[float(x or "nan") for x in line.split(",")] for line in lines[1:]])
     rest = Evidence(r, Windows(r.fields.t, r.t)).curve(r.s_o)
@@ -60,7 +60,7 @@ def columns(r: Response, path: Path) -> Iterator[Recomputed]:
 
 
 def design(r: Response, twin: Response | None = None) -> Iterator[Recomputed]:
-    """Hold every design number against the extreme of its signal, in the range that both runs have."""
+    """Check every design number against the extreme of its signal, in the range of both runs."""
     given = Given(r.scene_toml, r.length)
     period = 2.0 * r.length * math.sqrt(given.rho / given.EA)
     begin, end = np.interp(np.array(WINDOWS[r.drive]) * r.length, r.s_o, r.t) if r.drive != "free" else (0.0, math.inf)
@@ -86,7 +86,7 @@ Signals = list[tuple[Array, Array]]  # times (n,), values (n,) or (n, m)
 
 
 def _signals(r: Response) -> dict[str, Signals]:
-    """Return the signals of which design numbers are extremes, by name."""
+    """Return the signals whose extremes are design numbers, by name."""
     f = r.fields
     known: dict[str, Signals] = {"tension": [(r.t, r.T_behind), (r.t, r.T_ahead), (f.t, f.T)]}
     for side, force in (("left", r.reaction_left), ("right", r.reaction_right)):
@@ -95,7 +95,7 @@ def _signals(r: Response) -> dict[str, Signals]:
         parts = {"": size, "_horizontal": horizontal, "_vertical": vertical}
         known |= {f"reaction_{side}{part}": [(r.t, x)] for part, x in parts.items()}
         known["tension"].append((r.t, size))
-        downhill = force[:, 1] * np.sign(force[:, 0])  # the rope pulls along itself, away from its support
+        downhill = force[:, 1] * np.sign(force[:, 0])  # the rope pulls away from its support
         known[f"angle_{side}"] = [(r.t, np.degrees(np.arcsin(downhill / size)))]
     at_mass = {
         "contact": _press(r), "haul_force": np.abs(r.F_haul), "haul_force_min": r.F_haul, "mass_deflection": r.v,
@@ -107,13 +107,13 @@ def _signals(r: Response) -> dict[str, Signals]:
 
 
 def _press(r: Response) -> Array:
-    """Return the force of the mass on the cable across the mean of both tangents (n,), down positive."""
+    """Return the force of the mass on the cable across the mean tangent (n,), positive down."""
     tangent = r.slope_behind + r.slope_ahead
     return cross(tangent, r.contact) / np.sqrt(np.sum(tangent**2, axis=1))
 
 
 def _extreme(signals: Signals, span: tuple[float, float], period: float, way: str) -> float:
-    """Return the largest or least of signals in a range of time, of their means over a period."""
+    """Return the extreme in a time range of signals averaged over a period."""
     found = np.concatenate([_means(t, v, span, period).ravel() for t, v in signals])
     return float(found.min() if way == "min" else found.max())
 

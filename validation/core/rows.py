@@ -1,4 +1,4 @@
-"""The table of rows: what of two answers is compared, on which scale, and what is asked of it."""
+"""The table of compared quantities, with scales and tolerances."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from validation.core.view import View
 Gap = Callable[[Response, Response, View], float]
 Series = Callable[[Response], Array]
 
-TENSION = 10.0  # times the tolerance of the path is that of mean forces, of H: forces are first order, paths second
-REST = 0.05  # asked of all else, of its own scale: what an engineer calls the same number
-VELOCITY = 0.10  # asked of the velocity field summed over time against the displacement
-ROUNDING = 1e-12  # of every scale: two runs agree by rounding alike
+TENSION = 10.0  # tolerance of mean forces over that of the path: forces are first order, paths second
+REST = 0.05  # tolerance of all else, of its own scale
+VELOCITY = 0.10  # tolerance of the summed velocity against the displacement
+ROUNDING = 1e-12  # of every scale
 AXIAL_MEAN, ALONG, UP_TO = "mean over an axial round trip", "along the cable", "up to the mass"
-EVENTS = ("brake", "arrival", "back", "stop", "turn")  # whose first happening both answers must tell
+EVENTS = ("brake", "arrival", "back", "stop", "turn")  # events whose first time both answers must tell
 DOUBTS = ("fast", "slow waves", "energy", "hidden slack", "no bar")  # flags that say a bar may be too small
 
 
@@ -38,9 +38,9 @@ DOUBTS = ("fast", "slow waves", "energy", "hidden slack", "no bar")  # flags tha
 class Quantity:
     """One line of the table.
 
-    gap : the distance of two answers on the view, over the quantity's scale.
-    asks : "path", "force" or "rest", by which tolerance it is judged; "" of what is shown only.
-    order : the most that is credited;  concerns : the views in which there is such a row.
+    gap : distance of two answers on the view, over the quantity's scale.
+    asks : tolerance "path", "force" or "rest"; "" if only shown.
+    order : the most credited;  concerns : the views with such a row.
     """
 
     name: str
@@ -60,7 +60,7 @@ def _of(names: tuple[str, ...], scale: float, r: Response) -> Array:
 
 
 def _series(*names: str, over: str, mean: bool = False, largest: bool = False) -> Gap:
-    """Return the gap of series over time, pointwise or as the mean over an axial round trip."""
+    """Return the gap of time series, pointwise or as means over an axial round trip."""
 
     def gap(x: Response, y: Response, view: View) -> float:
         of: Series = partial(_of, names, getattr(view, over) if over != "top" or view.top else float(y.speed.max()))
@@ -72,7 +72,7 @@ def _series(*names: str, over: str, mean: bool = False, largest: bool = False) -
 
 
 def _until_stop(of: Series, r: Response) -> Array:
-    """Return values (n, c) with nan past a lasting stop: braking ends at once, at a time that axial waves decide."""
+    """Return values (n, c) with nan past a lasting stop: axial waves decide its exact time."""
     stop = happened("stop", r)
     values = of(r)
     return values if stop is None else np.where(r.t[:, None] <= stop["t"], values, math.nan)
@@ -119,7 +119,7 @@ TABLE = (
 
 
 def asked_of(asks: str, tol: float, tol_tension: float | None) -> float:
-    """Return what is asked of a kind of row, over its scale."""
+    """Return the tolerance of a kind of row, over its scale."""
     rest = max(REST, 10.0 * tol)
     known = {"path": tol, "force": TENSION * tol if tol_tension is None else tol_tension}
     return known.get(asks, max(VELOCITY, rest) if asks == "velocity" else rest)
@@ -130,7 +130,7 @@ def compare(
 ) -> list[Agreement]:
     """Return all rows of two answers to one scene.
 
-    tol : asked of path, place and mean speed;  tol_tension : of mean forces, default ten times `tol`.
+    tol : of path, place and mean speed;  tol_tension : of mean forces, default ten times `tol`.
     """
     whole, asked = View.of(scene), partial(asked_of, tol=tol, tol_tension=tol_tension)
     rows = list(independent(a.finest, b.finest))
@@ -152,7 +152,7 @@ def compare(
 
 
 def _tells(quantity: Quantity, r: Response, view: View) -> bool:
-    """Return whether an answer says what the row is about at all."""
+    """Return whether an answer has what the row compares."""
     try:
         quantity.gap(r, r, view)
     except NotComparable:
@@ -180,7 +180,7 @@ def _row(quantity: Quantity, a: Ladder, b: Ladder, view: View, asked_for: float)
 def _barred(
     name: str, gap: float, a: Ladder, b: Ladder, parts: list[tuple[float, float]], asked_for: float, more: float = 0.0
 ) -> Agreement:
-    """Return the row of a gap and what space and time leave in either answer, and something more in both."""
+    """Return the row of a gap, with bars from space and time plus `more` in both."""
     bars = tuple(
         Part(x.finest.method, max(ROUNDING, sum(part) + more), "coarser runs")
         for x, part in zip((a, b), parts, strict=True)
@@ -189,7 +189,7 @@ def _barred(
 
 
 def independent(a: Response, b: Response) -> Iterator[Agreement]:
-    """Give a row where the two answers cannot check each other: of one wing, or the same numbers."""
+    """Give a row where two answers cannot check each other: one wing, or the same numbers."""
     wings = {METHODS[r.method].wing for r in (a, b) if r.method in METHODS}
     if len(wings) == 1 and all(r.method in METHODS for r in (a, b)):
         yield Agreement("independence", math.nan, nothing(f"both answers come from the wing {wings.pop()!r}"))
@@ -201,7 +201,7 @@ def independent(a: Response, b: Response) -> Iterator[Agreement]:
 
 
 def happened(event: str, r: Response, after: int = 0) -> dict[str, Any] | None:
-    """Return the first happening of an event, or that after so many."""
+    """Return the first happening of an event after skipping so many."""
     return next(itertools.islice((x for x in r.events if x["event"] == event), after, None), None)
 
 
@@ -213,7 +213,7 @@ def _of_event(event: str, name: str, scale: float, r: Response) -> float:
 
 
 def _event(event: str, a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[Agreement]:
-    """Give the gaps of an event's time, over that of the ride, and of the car's speed there, over its largest."""
+    """Give the gaps of an event's time, over the ride's, and of the speed there, over the largest."""
     runs = a.finest, b.finest
     told = [x for r in runs if (x := happened(event, r)) is not None]
     slack = min(r.slack_since for r in runs)
@@ -234,7 +234,7 @@ def _event(event: str, a: Ladder, b: Ladder, view: View, asked_for: float) -> It
 
 
 def with_bars(ladder: Ladder) -> list[dict[str, Any]]:
-    """Return the events of a run with bars: bar_t [s], bar_s_o [m], bar_speed [m/s], None where none can be made."""
+    """Return the events of a run with bars: bar_t [s], bar_s_o [m], bar_speed [m/s]; None if unknown."""
     out, seen = [], Counter[str]()
     for x in ladder.finest.events:
         event, after = x["event"], seen[x["event"]]
@@ -252,13 +252,13 @@ def with_bars(ladder: Ladder) -> list[dict[str, Any]]:
 
 
 def _slack_onset(a: Ladder, b: Ladder, whole: View, asked_for: float) -> Agreement:
-    """Return how far the slack onsets are apart, in s_o/l; no slack in the window counts as its end."""
+    """Return the gap of the slack onsets in s_o/l; no slack counts as the window's end."""
 
     def onset(r: Response) -> float:
         return min(whole.window[1], math.inf if r.slack_onset is None else r.slack_onset)
 
     gap = abs(onset(a.finest) - onset(b.finest))
-    # an onset is a step, so no better than that
+    # an onset is known to one step
     steps = [float(np.diff(x.finest.s_o).max(initial=0.0)) / whole.length for x in (a, b)]
     parts = [
         (space, time + (step if onset(x.finest) < whole.window[1] else 0.0))
@@ -270,7 +270,7 @@ def _slack_onset(a: Ladder, b: Ladder, whole: View, asked_for: float) -> Agreeme
 
 
 def _range(a: Ladder, b: Ladder, view: View, whole: View, asked_for: float) -> Iterator[Agreement]:
-    """Give a row where an answer breaks before the window and the slack onset of the other end."""
+    """Give a row where an answer breaks before the window ends or the other goes slack."""
     slack = [math.inf if x.finest.slack_onset is None else x.finest.slack_onset for x in (a, b)]
     wanted = min(whole.window[1], *slack)
     if whole.free:
@@ -283,7 +283,7 @@ def _range(a: Ladder, b: Ladder, view: View, whole: View, asked_for: float) -> I
 
 
 def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[Agreement]:
-    """Give the gap of the paths past the slack onset, as far as the bars are within what is asked."""
+    """Give the path gap past the slack onset, as far as the bars meet the tolerance."""
     from validation.core import trust  # loaded while solvers run
 
     onset = min(math.inf if x.finest.slack_onset is None else x.finest.slack_onset for x in (a, b))
@@ -308,7 +308,7 @@ def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[
 
 
 def _laws(a: Ladder, b: Ladder, view: View, asked: Callable[[str], float]) -> Iterator[Agreement]:
-    """Hold both runs against mechanics in SI, as the judge knows it by itself; a row for each law, of the worse run."""
+    """Check both runs against mechanics; one row per law, of the worse run."""
     from validation.core import laws  # loaded while solvers run
 
     found: dict[str, list[Agreement]] = {}
@@ -324,7 +324,7 @@ def _laws(a: Ladder, b: Ladder, view: View, asked: Callable[[str], float]) -> It
 
 
 def printed(a: Response, b: Response) -> Iterator[Agreement]:
-    """Hold design numbers and columns of path.csv against their second computation, of the worse answer each."""
+    """Check design numbers and path.csv against their second computation; of the worse answer each."""
     from validation.core import recomputed
 
     found: dict[tuple[str, str], list[Agreement]] = {}
@@ -342,7 +342,7 @@ def _own(name: str, gap: float, x: Ladder, parts: tuple[float, float], more: flo
 
 
 def worse(rows: list[Agreement]) -> Agreement:
-    """Return the row with the worse verdict, of equal ones that which leaves less of what it is allowed."""
+    """Return the row with the worse verdict, or else with more of its allowance used."""
     return min(
         rows, key=lambda row: (-(row.gap > 3.0 * row.allowed), -row.gap / row.allowed if row.allowed > 0.0 else 0.0)
     )
@@ -352,5 +352,5 @@ def worse(rows: list[Agreement]) -> Agreement:
 
 
 def doubts(*runs: Response) -> list[tuple[str, Flag]]:
-    """Return the methods and flags that say that an answer's bars may be too small."""
+    """Return methods and flags that say a bar may be too small."""
     return [(r.method, f) for r in runs for f in r.flags if f.kind in DOUBTS]

@@ -1,4 +1,4 @@
-"""One run of one method on one scene: from names and settings to a Response in SI units."""
+"""One run of one method on one scene: from settings to a Response in SI."""
 
 from __future__ import annotations
 
@@ -32,34 +32,31 @@ from validation.core.sampling import History, moved, respond
 from validation.core.solver import Solver
 from validation.core.watch import watched
 
-# Damping of the undamped schemes once the cable is slack.  With 0.55 the path between onset and s_o/l = 0.95 has half
-# the error on the level scene, but at V/c = 0.8 a fine run (40 elements, 4000 steps) gained 30 times its energy.
+# Newmark's damping of undamped schemes on the slack cable; 0.55 has smaller errors but may gain energy.
 SLACK_GAMMA = 0.6
-# What Newton's method leaves, a rule without damping keeps: by the standard bound 20 s on a line of 300 m gained 1.6e-5
-# of the car's weight times the length, by this one 1.3e-8.  Of a car that grips, the drive gives and takes far more.
+# An undamped rule keeps Newton's residual as energy.  For a car that grips, the drive gives and takes more.
 KEEPS = Newton(tol=1e-6)
 
 Progress = Callable[[float], None]
 _NONE = np.empty(0)
 
-_threads = cache(ThreadpoolController)  # finding the libraries takes longer than many a run
+_threads = cache(ThreadpoolController)  # cached: slow to find the libraries
 
 
 def run(
     scene: Scene, method: str | Method, *, until: float | None = None, progress: Progress | None = None, **kind: Any
 ) -> Response:
-    """Run one method on one scene and return its Response: `Run` in one go."""
+    """Run one method on one scene; see `Run`."""
     return Run(scene, method, **kind).to(until, progress)
 
 
 class Run:
-    """One method on one scene, marched as far as is asked for, and further when it is asked again.
+    """One method on one scene, marched as far as asked, and further when asked again.
 
     method, settings : a name from `METHODS` and changes to its default settings.
     model : "full", "stretching", "sagged" or "string"; load : "mass" or "force".
-    law : "elastic", "tension-only", or "auto": elastic until the cable goes slack, from there on tension-only
-        with Newmark's damping (unless the scheme damps by itself; not by collocation), because an elastic law that
-        carries compression is ill-posed.  Central differences never switch: their slack is their own instability.
+    law : "elastic", "tension-only", or "auto": elastic until slack, then tension-only with Newmark's damping. A damping
+        scheme stays, except collocation.  Central differences never switch: their slack is their own instability.
 
     Raises ValueError for settings that make no sense.
     """
@@ -87,24 +84,23 @@ class Run:
             raise ValueError(f"not yet: travel.from with {self.method.name}; take following-p2 or fourier-kink")
         self.times = steps_of(solver, groups, settings)
         self.history = History(Course(), Work(), 0.0, None, None, solver, None)
-        self._ended = False  # marched to the end
+        self._ended = False
         self._seen: tuple[tuple[int, int], Response] | None = None
 
     def to(
         self, until: float | None = None, progress: Progress | None = None, *, every: int = 1, past: float = math.inf
     ) -> Response:  # fmt: skip
-        """March on to the first step at or past s_o/l = until, by default to the end; return the response so far.
+        """March to the first step at or past s_o/l = until, by default to the end; return the response so far.
 
-        Comparisons need no more than `measures.WINDOW[1]`.  A run that cannot go on comes back with status "incomplete"
-        and the reason; what was computed before is kept.  A run that gains energy it was not given comes back flagged.
+        A run that fails has status "incomplete" and the reason.  Energy gained without work is flagged.
 
-        every : so-manieth frame of the fields is kept;  past : how far to go on in s_o/l once the cable is slack.
+        every : n keeps each n-th frame;  past : s_o/l to go on once the cable is slack.
         """
         self.march(until, progress, past)
         return self.seen(every)
 
     def try_to(self, until: float | None = None, *, every: int = 1, past: float = math.inf) -> Trial:
-        """The same, but all except the path is observed only when it is asked for."""
+        """The same, but only the path is observed now."""
         self.march(until, None, past)
         path = moved(self.scene, self.history)
         return Trial(**path, method=self.method.name, settings=self.settings, run=self, every=every)
@@ -120,17 +116,17 @@ class Run:
         return self._seen[1]
 
     def march(self, until: float | None, progress: Progress | None, past: float) -> None:
-        """Go on as `to` does; what was marched before is not marched again."""
+        """March as `to` does."""
         if until is not None and not until > 0.0:
             raise ValueError(f"until must be a place s_o/l > 0, got {until!r}")
         if self._ended:
             return
         self._ended = until is None and math.isinf(past)
-        with _threads().limit(limits=1):  # the matrices are small: threads cost more than they give
+        with _threads().limit(limits=1):  # small matrices: threads do not pay
             _march(self, until or math.inf, past, progress or (lambda done: None))
 
     def times_to(self, until: float) -> list[Array]:
-        """Return the instants to step on up to s_o/l = until: of steps taken in one go none is for nothing."""
+        """Return the step times up to s_o/l = until."""
         if self.scene.groups.motion is None or until >= 1.0:
             return self.times
 
@@ -143,14 +139,14 @@ class Run:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial(MassPath):
-    """How the mass moved in a run, of which all else can be asked for."""
+    """The path of a run, which observes the rest on request."""
 
     run: Run
     every: int
 
 
 def whole(path: MassPath) -> Response:
-    """Return the response that a path belongs to, observed now if it is that of a trial."""
+    """Return the response of a path, observed now if it is a trial."""
     if isinstance(path, Trial):
         return path.run.seen(path.every)
     assert isinstance(path, Response)
@@ -158,9 +154,9 @@ def whole(path: MassPath) -> Response:
 
 
 def steps_of(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[Array]:
-    """Return the instants to step on, phase by phase."""
+    """Return the step times, phase by phase."""
     steps = settings["steps"]
-    if groups.motion is None:  # a ride may last longer than it should
+    if groups.motion is None:  # a ride may outlast its nominal time
         steps = math.ceil(steps * (solver.phases[-1][1] - solver.phases[0][0]) / groups.drive.nominal)
     times = newmark.step_times(solver, steps, entry=settings["entry"], exit=settings["exit"])
     if groups.motion is None or groups.motion.end < 1.0:  # off the support, where all has its meaning
@@ -169,14 +165,14 @@ def steps_of(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[A
 
 
 def _march(x: Run, until: float, past: float, progress: Progress) -> None:
-    """Step on through the travel, watching the least tension; after the slack onset go on with the other law."""
+    """Step through the travel; past the slack onset go on with the tension-only law."""
     h = x.history
     begin = time.perf_counter()
     try:
         if h.failure is None and h.after is None and _advance(x, h.solver, x.scheme, x.switches, until, progress):
             h.after = h.solver.with_law("tension-only")
         if h.failure is None and h.after is not None:
-            # collocation has no order left across the law's kink, and one tangent does not fit its step
+            # collocation loses its order at the law's kink, and one tangent does not fit its step
             goes_on = x.scheme.damps and not x.scheme.nodes
             damped = x.scheme if goes_on else newmark.scheme("newmark", newmark_gamma=SLACK_GAMMA)
             assert h.onset is not None
@@ -184,7 +180,7 @@ def _march(x: Run, until: float, past: float, progress: Progress) -> None:
             _advance(x, h.after, damped, False, until, progress)
     except StepFailure as error:
         h.failure = _cause(error, h.onset is not None, h.after is not None)
-        if not h.states:  # no start: all there is is the hanging cable
+        if not h.states:  # no start: only the hanging cable
             rest = np.zeros(h.solver.n_dof)
             h.states.append(State(h.solver.phases[0][0], rest, rest, rest))
     h.seconds += time.perf_counter() - begin
@@ -192,19 +188,19 @@ def _march(x: Run, until: float, past: float, progress: Progress) -> None:
 
 
 def _advance(x: Run, solver: Solver, scheme: Scheme, switch: bool, until: float, progress: Progress) -> bool:
-    """Append states up to the end, to `until` or, if the law is to switch, to the slack onset; return whether it is."""
+    """Append states up to the end, `until` or, if the law is to switch, the slack onset; return whether it is."""
     h, (t0, t1) = x.history, (solver.phases[0][0], solver.phases[-1][1])
     start = h.states[-1] if h.states else None
     if start is not None and solver.place(start) >= until:
         return False
-    free = x.scene.groups.motion is None  # of others the instants end there
+    free = x.scene.groups.motion is None  # otherwise the times end there
     newton = KEEPS if free and scheme.name == "trapezoidal" else Newton()
     for states in newmark.stretches(solver, scheme, x.times_to(until), newton=newton, work=h.work, start=start):
         h.states.extend(states)
         state, n = states[-1], len(h.states)
         if n % 32 < len(states):
             progress(max((state.t - t0) / (t1 - t0), solver.place(state) / until))
-        if h.onset is None and n > 1 and solver.least_tension[0] < 0.0:  # of a stretch only the last state may be slack
+        if h.onset is None and n > 1 and solver.least_tension[0] < 0.0:  # only a stretch's last state may be slack
             h.onset = n - 1, solver.least_tension[1]
             if switch:
                 return True
@@ -214,7 +210,7 @@ def _advance(x: Run, solver: Solver, scheme: Scheme, switch: bool, until: float,
 
 
 def _cause(error: StepFailure, slack: bool, switched: bool) -> tuple[str, str]:
-    """Name what stopped a run, and say what to try."""
+    """Return why a run stopped and what to try."""
     if isinstance(error, StepUnderflow):
         return "step underflow", f"{error.cause}; {error.advice}"
     if isinstance(error, EndlessEvents):

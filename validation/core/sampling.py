@@ -1,4 +1,4 @@
-"""From a solver's states to a Response: instants and frames, observed and in SI units."""
+"""From a solver's states to a Response in SI, observed at steps and frames."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from cablefem.response import Array, Fields, Observation, Response, States
 from cablefem.scene import Motion, Scene
 from validation.core.solver import Pathed, Solver
 
-FRAMES = 100  # fields are kept at s_o/l = 1/FRAMES, 2/FRAMES, ... of every run, so that runs can be compared
-STATIONS = 201  # the file contract's least number of fixed s
-ON_CABLE = 1.0 + 1e-9  # s_o/l up to which it is
-WITHIN = 6  # parts of a collocation step between which cubics are as good as its polynomial
+FRAMES = 100  # fields are kept at s_o/l = 1/FRAMES, 2/FRAMES, ..., the same in all runs
+STATIONS = 201  # least number in the file contract
+ON_CABLE = 1.0 + 1e-9  # largest s_o/l on the cable
+WITHIN = 6  # parts of a collocation step whose cubics match its polynomial
 
 
 @dataclass(slots=True)
 class History:
-    """What stepping through a scene left behind."""
+    """States and costs of a march through a scene."""
 
     states: Course
     work: Work
@@ -32,14 +32,11 @@ class History:
     failure: tuple[str, str] | None  # cause and reason
     onset: tuple[int, float] | None  # index of the first slack state, s/l
     solver: Solver
-    after: Solver | None  # the solver with the tension-only law, from the onset on
+    after: Solver | None  # with the tension-only law, from the onset on
 
 
 def finite(h: History) -> States:
-    """Return a history over time, cut and said to have failed where it outgrew all numbers, or the cable.
-
-    Steps that depend on their length by leaps may end an arrival beyond it.
-    """
+    """Return a history over time, cut and marked failed where it leaves finite numbers or the cable."""
     states = h.solver.in_time(stacked(h.states))
     if _ended_well(h):
         return states
@@ -52,13 +49,13 @@ def finite(h: History) -> States:
 
 
 def _ended_well(h: History) -> bool:
-    """Return whether the last state is one of numbers, as then all are, with the car on the cable."""
+    """Return whether the last state (then all) is finite, with the car on the cable."""
     last = h.states[-1]
     return h.solver.place(last) <= ON_CABLE and math.isfinite(sum(float(x.sum()) for x in (last.q, last.v, last.a)))
 
 
 def moved(scene: Scene, h: History) -> dict[str, Any]:
-    """Return how the mass moved so far: what a `MassPath` has, but for what was run."""
+    """Return the mass's motion so far: a `MassPath` except what was run."""
     if isinstance(h.solver, Pathed):
         lazy: Any = Stacked(h.states)
         states = h.solver.in_time(lazy) if _ended_well(h) else finite(h)
@@ -87,8 +84,7 @@ def _onset(h: History, states: States) -> tuple[int, float] | None:
 def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Response:
     """Return the response of a history; `asked` are the fields of `Response` that say what was run.
 
-    every : so-manieth frame is kept.
-    A history that outgrew all numbers, or the cable, ends before it did.
+    every : n keeps each n-th frame.
     """
     states = finite(h)
     n = states.t.size
@@ -134,9 +130,9 @@ def _at(times: Array, t: float) -> int:
 
 
 def _events(scene: Scene, work: Work, t: Array, s_o: Array) -> list[tuple[str, float]]:
-    """Return what happened to the car, and when; that it sticks and slips around a standstill is left out.
+    """Return what happened to the car, and when, without stick-slip around a standstill.
 
-    The time of a stop is that of its first standstill within what counts as rest, or else the end of the ride.
+    A stop is timed at its first lasting standstill, else at the end of the ride.
     """
     drive, round_trip = scene.groups.drive, 2.0 / math.sqrt(scene.groups.alpha)
     still = [e.t for e in work.events if e.name == "standstill"]
@@ -152,11 +148,11 @@ def _events(scene: Scene, work: Work, t: Array, s_o: Array) -> list[tuple[str, f
     return sorted([*told, *(("turn", x) for x in turns)], key=lambda event: event[1])
 
 
-SWING = 1e-3  # of the length, that a car goes back after a turn
+SWING = 1e-3  # of the length: the least way back after a turn
 
 
 def _turns(t: Array, s_o: Array) -> Iterator[float]:
-    """Give the instants at which a car turns for good; what rings and rattles turns nobody."""
+    """Give the times at which a car turns for good and does not only ring."""
     way, far = 0.0, 0
     for i, place in enumerate(s_o.tolist()):
         gone = place - s_o[far]
@@ -174,7 +170,7 @@ _ENERGIES = ("energy", "kinetic", "strain", "potential")
 
 
 def _scales(l: float, H: float, tau: float) -> Callable[..., dict[str, Any]]:
-    """Return what gives arrays of an observation by name in SI units; forces where nothing else is said."""
+    """Return a function that gives arrays of an observation by name in SI; forces by default."""
     scale = {"t": tau, "slope_behind": 1.0, "slope_ahead": 1.0, "du": l / tau, "dv": l / tau, "power": H * l / tau}
     scale |= dict.fromkeys(_LENGTHS, l) | dict.fromkeys(_ENERGIES, H * l)
     return lambda x, *names: {name: scale.get(name, H) * getattr(x, name) for name in names}
@@ -191,7 +187,7 @@ def _rows(states: States, rows: slice | NDArray[Any]) -> States:
 
 
 def frame_times(scene: Scene, t_last: float) -> Array:
-    """Return the instants at which fields are kept: places of a prescribed travel, times of a free ride."""
+    """Return the times at which fields are kept: equal places of a travel, equal times of a free ride."""
     motion = scene.groups.motion
     if motion is None:
         t = scene.groups.drive.nominal * np.arange(1, math.ceil(FRAMES * t_last / scene.groups.drive.nominal)) / FRAMES
@@ -202,10 +198,7 @@ def frame_times(scene: Scene, t_last: float) -> Array:
 
 @lru_cache(maxsize=64)
 def _passages(motion: Motion) -> Array:
-    """Return the instants at which a prescribed travel passes the marks, and as dense ones where it stands.
-
-    The runs of a ladder share them.
-    """
+    """Return the times at which a travel passes the marks, and equally dense ones where it stands."""
     end = motion.position(np.array([motion.phases[-1][1]]))[0]
     marks = np.arange(1, FRAMES) / FRAMES
     passed, each = motion.times_at(marks[(motion.begin <= marks) & (marks < end)]), motion.phases[-1][1] / FRAMES
@@ -214,9 +207,9 @@ def _passages(motion: Motion) -> Array:
 
 
 def _around(h: History, states: States, t: Array) -> States:
-    """Return states between which cubics are as good as what was marched: collocation steps around instants in parts.
+    """Return states around the times t, collocation steps in parts so that cubics suffice.
 
-    Only those around them: a ride takes a hundred steps, or a thousand, between two frames.
+    Only steps around t: a ride may take 1000 between two frames.
     """
     if not isinstance(h.states[-1], Collocated):
         return states
@@ -226,10 +219,10 @@ def _around(h: History, states: States, t: Array) -> States:
 
 
 def _between(h: States, t: Array) -> States:
-    """Return states at instants between the steps, cubic Hermite in (q, v).
+    """Return states between steps by cubic Hermite in (q, v).
 
-    Accelerations stay out of it: those of unresolved axial waves alternate from step to step.  The phase is that of
-    the step's end, so that the drive's acceleration is the one the step was taken with.
+    Accelerations are left out, because those of unresolved axial waves alternate.  The phase is that of the step's end,
+    with which the step was taken.
     """
     i = np.clip(np.searchsorted(h.t, t, side="left"), 1, h.t.size - 1)
     before, after = _rows(h, i - 1), _rows(h, i)
@@ -239,9 +232,9 @@ def _between(h: States, t: Array) -> States:
 
 
 def _observe(h: History, steps: States, frames: States, switch: float, s: Array) -> tuple[Observation, Observation]:
-    """Observe with the law that was in force: the elastic one up to and including the onset.
+    """Observe with the law in force: the elastic one up to and including the onset.
 
-    Steps and frames in one go: few states take as long as many.
+    Steps and frames together: few states take as long as many.
     """
     parts, laws = [], [(h.solver, [steps, frames])]
     if switch < math.inf:

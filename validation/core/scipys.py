@@ -1,4 +1,4 @@
-"""The semi-discrete equations of a solver, integrated by scipy instead of the time driver."""
+"""A solver's semi-discrete equations, integrated by scipy instead of the time driver."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -9,7 +9,7 @@ from validation.core.solver import Solver
 
 
 def integrated(system: Solver, first: State, t: Array, rule: str, *, rtol: float) -> Array:
-    """Return q and v (n_t, 2n) at the instants t, all in the phase of the first state, by one of scipy's rules.
+    """Return q and v (n_t, 2n) at times t by a rule of scipy, in the phase of the first state.
 
     Raises ArithmeticError where scipy gives up.
     """

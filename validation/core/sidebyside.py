@@ -1,6 +1,6 @@
-"""Independent jobs in forked processes, by `concurrent.futures`; one after another where there is one core.
+"""Independent jobs in forked processes; one after another on one core.
 
-Forked processes inherit the jobs, so that closures and scenes need no pickling.  Results and progress are pickled.
+Forks inherit the jobs, so closures need no pickling.  Results and progress are pickled.
 """
 
 import multiprocessing
@@ -18,16 +18,16 @@ Result = TypeVar("Result")
 Progress = Callable[..., None]
 Job = Callable[[Progress], Result]
 
-_inherited: list[Any] = []  # in a forked process: what it is there to call
+_inherited: list[Any] = []  # what a forked process calls
 
 
 def side_by_side(
     jobs: Sequence[Job[Result]], progress: Progress | None = None, meanwhile: Callable[[], object] | None = None
 ) -> list[Result]:
-    """Return the results of all jobs in their order; an exception in one ends the others and is raised.
+    """Return the results of all jobs in order; an exception ends all and is raised.
 
-    A job is called with a function that passes its progress on to `progress`.
-    meanwhile : called in this process once, when the first of several jobs is done and a core is idle.
+    A job gets a function that passes its progress on.
+    meanwhile : called here once, when the first of several jobs is done.
     """
     report = progress or (lambda *told: None)
     if len(jobs) < 2 or not _can_fork():
@@ -51,7 +51,7 @@ def side_by_side(
 
 
 def spread(work: Callable[[Item], Result], items: Sequence[Item], told: Callable[[int, Result], None]) -> None:
-    """Call told(i, work(items[i])) for all items, each as soon as it is done; every core takes the next one left."""
+    """Call told(i, work(items[i])) for all items, each as soon as it is done."""
     if len(items) < 2 or not _can_fork():
         for i, item in enumerate(items):
             told(i, work(item))
@@ -66,7 +66,7 @@ def spread(work: Callable[[Item], Result], items: Sequence[Item], told: Callable
 
 @contextmanager
 def aside(work: Callable[[], object]) -> Iterator[None]:
-    """Do work in another process while the body runs, or before it; an exception in it is raised at the end."""
+    """Do work in another process while the body runs; its exception is raised at the end."""
     with ready(lambda: None, work) as begin:
         begin()
         yield
@@ -74,9 +74,9 @@ def aside(work: Callable[[], object]) -> Iterator[None]:
 
 @contextmanager
 def ready(load: Callable[[], object], work: Callable[..., object]) -> Iterator[Callable[..., object]]:
-    """Give a function that hands its arguments to `work`, in a process that has called `load` by then.
+    """Give a function that calls `work` in a process that has called `load`.
 
-    An exception in it is raised at the end.  Where nothing can be forked, it works here and at once.
+    Exceptions are raised at the end.  Without forks it works here at once.
     """
     if not _can_fork():
         yield work
@@ -94,7 +94,7 @@ def ready(load: Callable[[], object], work: Callable[..., object]) -> Iterator[C
 
 @contextmanager
 def _forked(workers: int, call: Callable[..., Any]) -> Iterator[Callable[..., Future]]:
-    """Give submit(*arguments), which calls `call` in one of so many forked processes; a failure ends them all."""
+    """Give submit(*arguments), which calls `call` in a forked process; a failure ends them all."""
     context, before = multiprocessing.get_context("fork"), set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(workers, context, initializer=_inherited.append, initargs=(call,))
     try:
@@ -119,7 +119,7 @@ def _called(*arguments: Any) -> Any:
 
 
 def _finished(futures: Sequence[Future], meanwhile: Callable[[], None]) -> Iterator[int]:
-    """Yield the number of futures done each time that more are; `meanwhile` is called ten times a second."""
+    """Yield the number of done futures each time it grows; call `meanwhile` ten times a second."""
     left = set(futures)
     while left:
         done, left = wait(left, timeout=0.1, return_when=FIRST_COMPLETED)

@@ -1,4 +1,4 @@
-"""Where results go.  A command replaces results of its own, and leaves alone whatever else is in a folder."""
+"""Folders of results.  A command replaces its own results and leaves everything else alone."""
 
 import json
 import math
@@ -15,7 +15,7 @@ _REMEDY = "nothing was written; choose another folder with --out"
 
 
 class Refused(ValueError):
-    """Input that cannot be used, one line per fault; nothing has been run or overwritten."""
+    """Input that cannot be used, one line per fault; nothing was run or overwritten."""
 
     def __init__(self, faults: str | list[str]) -> None:
         super().__init__(faults)
@@ -26,13 +26,12 @@ class Refused(ValueError):
 
 
 def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str], *, among: bool = False) -> Path:
-    """Return the folder for a command's results, made and marked; Refused where something else is in the way.
+    """Return the folder for a command's results, made and marked; Refused if something else is in the way.
 
-    out : the folder asked for, of one command; None: cablefem-out/SCENE, which all commands on that scene share.
-    scene : the Scene, or the command's name.  The command's results of another scene are deleted, unless there is a
-        file among them that it did not write.
-    writes : files and folders inside `out` that are the command's own.
-    among : a new folder may hold other things, if not the files to be written.
+    out : the command's own folder; None: cablefem-out/SCENE, shared by all commands on that scene.
+    scene : the Scene, or the command's name.  Results of another scene are deleted unless foreign files are among them.
+    writes : the command's own files and folders inside `out`.
+    among : a new folder may hold other files.
     """
     name, text = (scene, "") if isinstance(scene, str) else (scene.name, scene.to_toml())
     folder = ROOT / name if out is None else out
@@ -69,7 +68,7 @@ def _keep_out(folder: Path, marker: dict[str, Any], command: str, writes: Sequen
 
 
 def _delete(folder: Path, marker: dict[str, Any], command: str) -> None:
-    """Delete a command's results; raise Refused if the folder holds a file that no command wrote."""
+    """Delete a command's results; Refused if the folder holds a file that no command wrote."""
     result = marker["results"][command]
     present = set(_files(folder, result["writes"]))
     others = {name for other in marker["results"].values() for name in other["writes"]}
@@ -86,13 +85,12 @@ def _delete(folder: Path, marker: dict[str, Any], command: str) -> None:
 
 
 def _files(folder: Path, names: Sequence[str]) -> list[str]:
-    """Return all files of these names, and in folders of these names, relative to the folder."""
+    """Return all files of these names, and in these folders, relative to the folder."""
     found = [x for name in names for x in (folder / name, *(folder / name).rglob("*")) if x.is_file()]
     return sorted(str(x.relative_to(folder)) for x in found)
 
 
 def finish(folder: Path, command: str) -> None:
-    """Mark a command's results as complete."""
     marker = _marker(folder)
     if marker is not None:
         result = marker["results"][command]
@@ -101,25 +99,24 @@ def finish(folder: Path, command: str) -> None:
 
 
 def finished(folder: Path, command: str) -> bool:
-    """Return whether a folder holds complete results of a command."""
     marker = _marker(folder) or {"results": {}}
     return marker["results"].get(command, {}).get("finished") is not None
 
 
 def results(folder: Path) -> list[str]:
-    """Return the commands whose results on the latest scene a folder holds."""
+    """Return the commands with results on the folder's latest scene."""
     marker = _marker(folder) or {"results": {}}
     return [command for command, result in marker["results"].items() if result["scene"] == marker["scene"]]
 
 
 def title(folder: Path) -> str:
-    """Return the title of the scene that a folder's results are about, else its name; "" without a scene."""
+    """Return title or name of a folder's scene; "" without one."""
     scene = tomllib.loads((_marker(folder) or {}).get("scene", ""))
     return scene.get("title") or scene.get("name") or ""
 
 
 def pages(folder: Path, command: str) -> Path:
-    """Return the file of a command's pages as they were drawn when it finished."""
+    """Return the file of a command's pages."""
     return folder / f".{command}.pages.json"
 
 
@@ -138,7 +135,7 @@ def _write(folder: Path, marker: dict[str, Any]) -> None:
 
 
 def stored(file: Path, **same: Any) -> dict[str, Any]:
-    """Return the JSON object in a file if these of its entries are the same, else an empty one."""
+    """Return the JSON object in a file if its entries equal `same`, else {}."""
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
         known = isinstance(content, dict) and all(content[name] == value for name, value in same.items())
@@ -150,10 +147,7 @@ def stored(file: Path, **same: Any) -> dict[str, Any]:
 def each_once(
     file: Path, jobs: dict[str, Any], work: Callable[[Any], Any], report: Callable[[float], None] | None = None
 ) -> dict[str, Any]:
-    """Return work(job) of all jobs by their keys; each is kept in a line of a file as soon as it is done.
-
-    What the file holds is not computed again.
-    """
+    """Return work(job) of all jobs by key; each is kept as a line of a file and not computed again."""
     from validation.core.sidebyside import spread
 
     done: dict[str, Any] = {}
@@ -181,7 +175,7 @@ def each_once(
 
 
 def plain(x: Any) -> Any:
-    """Return what JSON can hold of it: null for every number that does not exist."""
+    """Return x for JSON: null for numbers that are not finite."""
     if isinstance(x, dict):
         return {name: plain(y) for name, y in x.items()}
     if isinstance(x, list | tuple):

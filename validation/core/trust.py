@@ -1,9 +1,7 @@
-"""How far an answer can be trusted: settings that resolve start and exit, and where refinement stops helping.
+"""How far an answer can be trusted: settings for start and exit, and where refinement stops helping.
 
-Start: a light mass comes to terms with the cable within a time of about mu, during which a front of that width runs
-ahead of it; uniform steps and elements that suit the crossing miss both.  Far support: the contact force grows like
-1/distance, and past some place the path no longer converges.  After the slack onset the answer is worth what runs that
-should agree leave between them.
+A light mass sends a front of width mu ahead at its start; uniform steps and elements miss it.  At the far support the
+contact force grows like 1/distance, and the path stops converging.
 """
 
 import math
@@ -20,19 +18,16 @@ from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from validation.core.methods import Method, find
 
-# First step and smallest element as parts of the start-up layer mu (time and width: the wave speed is 1).  With these
-# the path of a mass of 0.01 on the level cable is right to 2e-4 of its largest deflection at s_o/l = 0.02 and 0.05.
+# Parts of the start-up layer mu (wave speed 1) for the first step and the smallest element.
 STEPS_PER_LAYER, ELEMENTS_PER_LAYER = 20.0, 4.0
-MOST_GRADING = 30.0  # more takes from the rest of the cable what the start does not need
-LAST_STEP = 0.05  # of the distance that an equal step leaves in front of the far support
+MOST_GRADING = 30.0  # more would coarsen the rest of the cable too far
+LAST_STEP = 0.05  # of an equal step, in front of the far support
 
 
 def recommended(scene: Scene, method: str | Method, **changes: Any) -> dict[str, Any]:
-    """Return a method's settings with entry, exit and grading fit for the scene; `changes` (steps, elements) stay.
+    """Return settings with entry, exit and grading fit for the scene; `changes` stay.
 
-    entry : first step <= mu/20 of the time unit; exit : the last step is 1/20 of an equal one, unless the mass arrives
-    at rest, where equal steps shorten the way by themselves; grading : smallest element <= mu/4.
-    A heavy mass (mu of order one) gets equal steps and elements at entry.
+    First step <= mu/20, smallest element <= mu/4.  Last step 1/20 of an equal one, unless the mass arrives at rest.
     """
     method = find(method) if isinstance(method, str) else method
     settings = method.settings(changes)
@@ -65,23 +60,22 @@ def grading(elements: int, smallest: float) -> float:
 
 
 def _path(r: Response, place: Array) -> Array:
-    """Displacement of the mass (u, v) at places s_o/l, (n, 2); monotone cubic between steps, nan beyond the last."""
+    """Return (u, v) of the mass at places s_o/l, (n, 2): monotone cubics, nan beyond the last step."""
     s = r.s_o / r.length
     rising = np.concatenate([[True], np.diff(s) > 0.0])
     return np.asarray(PchipInterpolator(s[rising], np.stack([r.u, r.v], axis=1)[rising], extrapolate=False)(place))
 
 
 def gap(a: Response, b: Response, place: Array) -> Array:
-    """Return the distance of two mass paths at places s_o/l (n,), over the larger of their largest deflections."""
+    """Return the distance of two paths at places s_o/l (n,), over the larger of their largest deflections."""
     difference = _path(a, place) - _path(b, place)
     return np.hypot(difference[:, 0], difference[:, 1]) / max(a.max_deflection, b.max_deflection)
 
 
 def post_slack_spread(runs: Sequence[Response], stop: float = 0.95) -> float | None:
-    """Return the largest gap of any two paths between the earliest slack onset and `stop`, over the largest deflection.
+    """Return the largest gap of any two paths from the earliest slack onset to `stop`, over the largest deflection.
 
-    runs : of different methods or resolutions that ought to give one answer.  None where no run goes slack before
-    `stop` or fewer than two go on.  A run that ends before `stop` counts as far as it goes.
+    runs : methods or resolutions that should agree.  None without slack before `stop` or with one run past it.
     """
     onsets = [r.slack_onset for r in runs if r.slack_onset is not None]
     if not onsets or not min(onsets) < stop:
@@ -92,12 +86,12 @@ def post_slack_spread(runs: Sequence[Response], stop: float = 0.95) -> float | N
     return max(known) if known else None
 
 
-MEANINGFUL = 1e-2  # of the largest deflection: paths further apart are two answers
+MEANINGFUL = 1e-2  # of the largest deflection: a larger gap means two answers
 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """How far two answers are still one: where they part by more than `gap`, or the most that they differ by."""
+    """Where two answers part by more than `gap`, or the most they differ by."""
 
     place: float | None  # s_o/l; None where they do not part
     gap: float  # of the largest deflection
@@ -105,9 +99,9 @@ class Reach:
 
 
 def reach(a: Response, b: Response, start: float, allowed: float | None) -> Reach | None:
-    """Return how far past `start` two answers are one: within 1 percent, or twice the gap that was allowed up to there.
+    """Return how far past `start` two answers agree: within 1 %, or twice the gap `allowed` before.
 
-    None where there is nothing past it.
+    None where nothing follows.
     """
     end = min(a.reached, b.reached)
     place = np.arange(start + 0.005, end, 0.005)
@@ -118,17 +112,15 @@ def reach(a: Response, b: Response, start: float, allowed: float | None) -> Reac
     return Reach(float(far[0]), bound, end) if far.size else Reach(None, float(np.nanmax(apart)), end)
 
 
-# A gap that refinement by two leaves above this part of itself is not closing (first order leaves 1/2), unless it is
-# below the floor; judged over stretches of s_o, because wave fronts make single places converge unevenly.
+# A gap closes if refinement by two leaves less than CLOSING of it (first order: 1/2), or less than FLOOR. It is judged
+# over stretches of s_o, because single places converge unevenly near wave fronts.
 CLOSING, FLOOR, STRETCH = 0.8, 1e-3, 0.02
 
 
 def convergence_limit(runs: Sequence[Response]) -> float:
-    """Return the s_o/l up to which the path converges: beyond it, finer runs do not come closer to one another.
+    """Return the s_o/l up to which the path converges; beyond it finer runs do not approach each other.
 
-    runs : three or more of one method, each with about twice the resolution and the steps of the one before.  In
-    stretches of 0.02 the rms gap of the two finest is held against that of the two before; the first stretch where it
-    is neither below 0.8 of it nor below 1e-3 of the largest deflection ends the answer; at most the shortest run's end.
+    runs : three or more of one method, each about twice as fine in space and time.
     """
     if len(runs) < 3:
         raise ValueError(f"three runs are needed to see a gap close, got {len(runs)}")

@@ -1,4 +1,4 @@
-"""How the answers of one scene are compared: over which axis and range, and on which scales."""
+"""How answers to one scene are compared: axis, range and scales."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from validation.core.measures import WINDOWS, NotComparable, Window
 class View:
     """What is compared of one scene.
 
-    axis : "place" for a travel that only goes forward; "time" for a ride, or a travel that stands still on its way.
-    window : s_o/l from which and to which is compared; (0, 1) of a ride.
-    until : [s] to which is compared; of a ride where the shorter finest run ends, else infinite.
-    free : whether the travel is an answer; rolls : whether the car rolls, so that friction and contact matter.
+    axis : "place"; "time" for a ride, or a travel that stands still on its way.
+    window : range of s_o/l; (0, 1) of a ride.
+    until : [s] end of the comparison of a ride; else infinite.
+    free : the travel is an answer;  rolls : friction and contact matter.
     """
 
     axis: str
     window: Window
     free: bool
-    ends: bool  # whether it is compared to the end of the travel, rest after a stop included
+    ends: bool  # compared to the end of the travel, rest included
     rolls: bool
     length: float  # [m]
     H: float  # horizontal tension [N]
     weight: float  # of the car [N]
-    top: float  # largest speed of the travel [m/s]; 0 of a ride, which tells it
-    axial: float  # time [s] of an axial wave along the cable and back
+    top: float  # of the travel [m/s]; 0 of a ride
+    axial: float  # axial round trip [s]
     until: float = math.inf
 
     @classmethod
@@ -49,14 +49,11 @@ class View:
 
     @property
     def stop(self) -> float | None:
-        """s_o/l beyond which coarser runs need not go; None where the travel is compared to its end."""
+        """s_o/l where coarser runs may end; None: at the end of the travel."""
         return None if self.ends else self.window[1]
 
     def cut(self, *finest: MassPath) -> View:
-        """Return the view cut where one of the finest runs ends, or has a slack cable.
-
-        Raises NotComparable where nothing is left.
-        """
+        """Return the view cut where a finest run ends or goes slack; NotComparable if nothing is left."""
         low, high = self.window
         slack = [r.slack_onset for r in finest if r.slack_onset is not None]
         stop = min([high, *slack, *(() if self.free else (r.reached for r in finest))])
@@ -68,7 +65,7 @@ class View:
         return replace(self, window=(low, stop), until=until)
 
     def covers(self, r: MassPath) -> bool:
-        """Return whether a coarser run goes as far as is compared; a ride that ends well is complete."""
+        """Return whether a coarser run reaches the end of the comparison."""
         if self.free:
             return r.status == "complete" or bool(r.t[-1] >= self.until)
         return r.reached >= self.window[1] * (1.0 - 1e-6)

@@ -1,4 +1,4 @@
-"""What a run's own answer says against it: energy from nowhere, compression that no element sees, waves outrun."""
+"""Signs of error in a run: energy gain, hidden compression, waves slower than the mass."""
 
 import math
 from dataclasses import replace
@@ -11,17 +11,16 @@ from validation.core import measures
 from validation.core.flags import flag
 from validation.core.methods import Method
 
-# Energy gained over the range the energy runs through anyway, before the slack onset.  On the level cable at V/c from
-# 0.4 to 1.5 runs with a right path gained up to 0.12; with Coriolis terms left out, an undamped constraint or too long
-# explicit steps 0.6 to 10^8 (a wrong but stable method is not seen by its energy).
+# Largest energy gain without work before the slack onset, over the range of the energy. Right runs gain up to 0.12,
+# wrong ones 0.6 and more.
 MOST_GAIN = 0.2
-# The same after the onset, where the cable whips: runs that agree gain up to 1.4, runs that do not 9 and more.
+# The same after the onset: runs that agree gain up to 1.4, others 9 and more.
 MOST_GAIN_SLACK = 2.0
-SLACK_END = 0.95  # s_o/l to which the energy is watched after the onset
+SLACK_END = 0.95  # s_o/l to which energy is watched past the onset
 
 
 def watched(r: Response, scene: Scene, method: Method) -> Response:
-    """Return the response with the energy it gained without being given it before the law changed, and its flags."""
+    """Return the response with its energy gain before slack, and its flags."""
     assert scene.mass is not None
     reached = math.inf if r.drive == "free" else r.reached  # a ride may roll back
     stop = min(measures.WINDOW[1], reached, math.inf if r.switched is None else r.switched)
@@ -32,7 +31,7 @@ def watched(r: Response, scene: Scene, method: Method) -> Response:
     gain = measures.energy_gain(r, weight, (0.0, stop))
     flags = []
     if scene.speed_ratio is not None and scene.speed_ratio >= 1.0:
-        # level cable: bars are half the true error at V/c = 1.1, and at 1.5 refinement drives the paths apart
+        # level cable: bars are half the true error at V/c = 1.1, and at 1.5 paths diverge
         flags.append(flag("fast", speed_ratio=scene.speed_ratio))
     flags += [*(_slow_waves(r, scene, method) if not flags else ()), *_hidden_slack(r, method)]
     if not gain <= MOST_GAIN * unit:
@@ -46,16 +45,14 @@ def watched(r: Response, scene: Scene, method: Method) -> Response:
     return replace(r, energy_gain=gain, flags=flags)
 
 
-# s_o/l between compression at a point and in the mean of an element: on 65 random scenes points were first by at most
-# 0.01 where the cable fell slack; on one it never did and refinement left the path 0.6 percent apart.
+# s_o/l from compression at a point to slack in an element's mean; right runs stay below 0.01.
 HIDDEN = 0.03
 
 
 def _slow_waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
-    """Return a flag if waves somewhere on the taut cable, of speed sqrt(N/rho), are slower than the mass on it.
+    """Flag waves on the taut cable, of speed sqrt(N/rho), that are slower than the mass.
 
-    A wave that comes upon them steepens; where the mass meets it, sines erred by h^(1/2) and less on two of 200 random
-    scenes, and the energy of either wing by as little.  Just before a cable falls slack it is so on any.
+    Waves steepen there, and errors fall only like h^(1/2).  Just before slack every cable has them.
     """
     if method.wing != "elements" or method.space_order < 2.0 or r.drive == "free":
         return []
@@ -72,7 +69,7 @@ def _slow_waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
 
 
 def _hidden_slack(r: Response, method: Method) -> list[Flag]:
-    """Return a flag if a piece shorter than an element is under compression and the cable not slack soon after.
+    """Flag compression in part of an element without slack soon after.
 
     For methods that resolve the kink at the mass: the others ripple.
     """
