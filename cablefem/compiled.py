@@ -10,12 +10,12 @@ from numba.core.caching import FunctionCache
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime import rtsys
 
-# zero divisors are not tested; no C entry, to compile less
+# zero divisors are not tested; without entries for C, compiling is faster
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
 
 class _Cache(FunctionCache):
-    """numba's cache, but does not load what is there only to compile other functions."""
+    """numba's cache without the types that only compiling needs."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         rtsys.initialize(target_context)
@@ -28,8 +28,6 @@ class _Cache(FunctionCache):
 
 
 class _Inner(CPUDispatcher):
-    """A compiled function without a Python entry."""
-
     def __call__(self, *arguments: Any) -> Any:
         raise TypeError(f"{self.py_func.__name__} is for compiled functions to call")
 
@@ -37,8 +35,8 @@ class _Inner(CPUDispatcher):
 def compiler(file: str, *, inner: bool = False) -> Callable[[Callable], Any]:
     """Return the decorator of compiled functions in the folder of a file, and below.
 
-    inner : only compiled functions call it; without a Python entry it compiles faster by a sixth.
-    numba's cache misses changes in called functions of other files: a function's stamp is that of all sources.
+    inner : only compiled functions call it; compiling is faster by a sixth.
+    A function's stamp is that of all sources: numba's own misses changes in called functions.
     """
     sources = sorted(Path(file).parent.rglob("*.py"))
     stamp = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).digest()

@@ -58,42 +58,43 @@ class States:
 
 @dataclass(frozen=True, slots=True)
 class Observation(_Filled):
-    """Measurements of a solver on its states; lengths over l, forces over H, time over l sqrt(rho/H).
+    """Measurements of a solver; lengths over l, forces over H, time over l sqrt(rho/H).
 
-    n instants, k frames, m stations.
+    n times, k frames, m stations.
+    path .. slope_ahead, reactions, contact: (n, 2); u, v, du, dv, T, T_pointwise: (k, m); others (n,).
     """
 
-    path: Array  # (n, 2) displacement of the mass
-    path_velocity: Array  # (n, 2) d/dt of the place of the mass
-    path_acceleration: Array  # (n, 2)
-    slope_behind: Array  # (n, 2) one-sided r' at the mass
-    slope_ahead: Array  # (n, 2)
-    T_behind: Array  # (n,) total tension at the mass; nan on the left support
-    T_ahead: Array  # (n,) nan on the right support
-    energy: Array  # (n,) cable and mass
-    power: Array  # (n,) dE/dt by drive and kink
-    tension_min: Array  # (n,) least total tension
-    tension_min_at: Array  # (n,) its s
-    u: Array  # (k, m) at s = s_o the side behind
-    v: Array  # (k, m)
-    du: Array  # (k, m) at fixed s
-    dv: Array  # (k, m)
-    T: Array  # (k, m)
-    t: Array = _nan("path")  # (n,)
-    s_o: Array = _nan("path")  # (n,)
-    reaction_left: Array = _nan("path", 2)  # (n, 2) force on the cable
-    reaction_right: Array = _nan("path", 2)  # (n, 2)
-    contact: Array = _nan("path", 2)  # (n, 2) force of the mass on the cable
-    # (n,) outside force along the mean tangent, or nan
+    path: Array  # displacement of the mass
+    path_velocity: Array  # of the place of the mass
+    path_acceleration: Array
+    slope_behind: Array  # one-sided r' at the mass
+    slope_ahead: Array
+    T_behind: Array  # total, at the mass; nan on the left support
+    T_ahead: Array  # nan on the right support
+    energy: Array  # cable and mass
+    power: Array  # dE/dt by drive and kink
+    tension_min: Array  # least total tension
+    tension_min_at: Array  # its s
+    u: Array  # at s = s_o the side behind
+    v: Array
+    du: Array  # at fixed s
+    dv: Array
+    T: Array
+    t: Array = _nan("path")
+    s_o: Array = _nan("path")
+    reaction_left: Array = _nan("path", 2)  # force on the cable
+    reaction_right: Array = _nan("path", 2)
+    contact: Array = _nan("path", 2)  # force of the mass on the cable
+    # outside force along the mean tangent, or nan
     haul: Array = _nan("path")
-    # (n,) T + alpha eps of the slopes; T_behind is from equilibrium
+    # T + alpha eps of the slopes; T_behind is from equilibrium
     T_behind_pointwise: Array = _as("T_behind")
-    T_ahead_pointwise: Array = _as("T_ahead")  # (n,)
-    T_pointwise: Array = _as("T")  # (k, m)
-    kinetic: Array = _nan("path")  # (n,) parts of the energy
-    strain: Array = _nan("path")  # (n,)
-    potential: Array = _nan("path")  # (n,) of weight
-    powers: dict[str, Array] = field(default_factory=dict)  # (n,) each, of outside forces and drive
+    T_ahead_pointwise: Array = _as("T_ahead")
+    T_pointwise: Array = _as("T")
+    kinetic: Array = _nan("path")  # parts of the energy
+    strain: Array = _nan("path")
+    potential: Array = _nan("path")  # of weight
+    powers: dict[str, Array] = field(default_factory=dict)  # of outside forces and drive
 
     @classmethod
     def joined(cls, parts: Sequence[Observation]) -> Observation:
@@ -115,26 +116,26 @@ _OBSERVED = tuple(name for name in Observation.__dataclass_fields__ if name != "
 
 @dataclass(frozen=True, slots=True)
 class Fields(_Filled):
-    """Fields of a run at its frames (k) and stations (m); SI."""
+    """Fields of a run, SI: k frames, m stations; s, x, y, T_static: (m,); u .. T, T_pointwise: (k, m); others (k,)."""
 
-    t: Array  # (k,) [s]
-    s_o: Array  # (k,) [m] place of the mass
-    s: Array  # (m,) [m] arc length of the static cable
-    u: Array  # (k, m) [m] to the right
-    v: Array  # (k, m) [m] down
-    du: Array  # (k, m) [m/s]
-    dv: Array  # (k, m) [m/s]
-    T: Array  # (k, m) [N] total; at s = s_o behind
-    T_behind: Array  # (k,) [N] at the mass
-    T_ahead: Array  # (k,) [N]
-    mass_u: Array  # (k,) [m] displacement
-    mass_v: Array  # (k,) [m]
-    x: Array = _nan("s")  # (m,) [m] at rest
-    y: Array = _nan("s")  # (m,) [m] down
-    T_static: Array = _nan("s")  # (m,) [N]
-    T_pointwise: Array = _as("T")  # (k, m) [N] by slopes; T is from equilibrium
-    T_behind_pointwise: Array = _as("T_behind")  # (k,) [N]
-    T_ahead_pointwise: Array = _as("T_ahead")  # (k,) [N]
+    t: Array  # [s]
+    s_o: Array  # [m] place of the mass
+    s: Array  # [m] arc length of the static cable
+    u: Array  # [m] to the right
+    v: Array  # [m] down
+    du: Array  # [m/s]
+    dv: Array  # [m/s]
+    T: Array  # [N] total; at s = s_o behind
+    T_behind: Array  # [N] at the mass
+    T_ahead: Array  # [N]
+    mass_u: Array  # [m] displacement
+    mass_v: Array  # [m]
+    x: Array = _nan("s")  # [m] at rest
+    y: Array = _nan("s")  # [m] down
+    T_static: Array = _nan("s")  # [N]
+    T_pointwise: Array = _as("T")  # [N] by slopes; T is from equilibrium
+    T_behind_pointwise: Array = _as("T_behind")  # [N]
+    T_ahead_pointwise: Array = _as("T_ahead")  # [N]
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +161,7 @@ class Travelled(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MassPath(_Filled):
-    """How the mass of one run moved, SI; x, y from the left support, v and y down."""
+    """How the mass of one run moved, SI; x, y from the left support, v and y down. Arrays (n,)."""
 
     method: str
     settings: dict[str, Any]
@@ -168,12 +169,12 @@ class MassPath(_Filled):
     drive: str = "grip"  # "grip" | "haul" | "free"
     slack_onset: float | None  # s_o/l of the first negative tension
     length: float  # l [m]
-    t: Array  # (n,) steps
-    s_o: Array  # (n,)
-    x: Array  # (n,) place of the mass
-    y: Array  # (n,)
-    u: Array  # (n,) from the static cable
-    v: Array  # (n,)
+    t: Array  # steps
+    s_o: Array
+    x: Array  # place of the mass
+    y: Array
+    u: Array  # from the static cable
+    v: Array
     work: dict[str, int]
 
     @property
@@ -209,6 +210,7 @@ class MassPath(_Filled):
 class Response(MassPath):
     """The answer of one run, in SI; v and y down.
 
+    velocity .. slope_ahead, reactions and contact are (n, 2), other arrays (n,).
     T is total tension, with two values at the mass. r.t, r.s_o, r.x, r.T_behind, ... hold the path, r.fields the cable,
     r.design the extremes; r.at(t=12.0, s=100.0) answers for any place.
     """
@@ -222,16 +224,16 @@ class Response(MassPath):
     slack_at: float | None  # s/l of the slack onset
     switched: float | None  # s_o/l from which law = auto is tension-only
     horizontal_tension: float  # H [N]
-    T_behind: Array  # (n,) [N] nan on the left support
-    T_ahead: Array  # (n,) [N] nan on the right support
-    velocity: Array  # (n, 2) [m/s]
-    acceleration: Array  # (n, 2) [m/s^2]
-    slope_behind: Array  # (n, 2) d(place)/ds
-    slope_ahead: Array  # (n, 2)
-    energy: Array  # (n,) [J] cable and mass
-    power: Array  # (n,) [W] of the drive
-    tension_min: Array  # (n,) [N] least total tension
-    tension_min_at: Array  # (n,) its s
+    T_behind: Array  # [N] nan on the left support
+    T_ahead: Array  # [N] nan on the right support
+    velocity: Array  # [m/s]
+    acceleration: Array  # [m/s^2]
+    slope_behind: Array  # d(place)/ds
+    slope_ahead: Array
+    energy: Array  # [J] cable and mass
+    power: Array  # [W] of the drive
+    tension_min: Array  # [N] least total tension
+    tension_min_at: Array  # its s
     fields: Fields
     n_dof: int
     seconds: float  # of the time loop
@@ -246,18 +248,18 @@ class Response(MassPath):
     # [s] jumps of acceleration and force; samples there are from before
     breaks: list[float] = field(default_factory=list)
     design: list[dict[str, Any]] = field(default_factory=list)  # quantity, value, bar, unit, t, s_o, s
-    # (n,) T + EA eps of the slopes; T_behind is from equilibrium
+    # T + EA eps of the slopes; T_behind is from equilibrium
     T_behind_pointwise: Array = _as("T_behind")
-    T_ahead_pointwise: Array = _as("T_ahead")  # (n,)
-    reaction_left: Array = _nan("t", 2)  # (n, 2) [N] force on the cable
-    reaction_right: Array = _nan("t", 2)  # (n, 2)
-    contact: Array = _nan("t", 2)  # (n, 2) [N] of the mass on the cable
-    # (n,) [N] outside force along the mean tangent, or nan
+    T_ahead_pointwise: Array = _as("T_ahead")
+    reaction_left: Array = _nan("t", 2)  # [N] force on the cable
+    reaction_right: Array = _nan("t", 2)
+    contact: Array = _nan("t", 2)  # [N] of the mass on the cable
+    # [N] outside force along the mean tangent, or nan
     F_haul: Array = _nan("t")
-    kinetic: Array = _nan("t")  # (n,) [J] cable and mass
-    strain: Array = _nan("t")  # (n,) [J]
-    potential: Array = _nan("t")  # (n,) [J]
-    powers: dict[str, Array] = field(default_factory=dict)  # (n,) [W] each, of outside forces and drive
+    kinetic: Array = _nan("t")  # [J] cable and mass
+    strain: Array = _nan("t")  # [J]
+    potential: Array = _nan("t")  # [J]
+    powers: dict[str, Array] = field(default_factory=dict)  # [W] of outside forces and drive
 
     @property
     def speed(self) -> Array:

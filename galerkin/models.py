@@ -2,9 +2,9 @@
 
 From coefficients Q (fields, n), measured from the hanging cable, and `place` = `at(basis, s_o)`:
 
-    force(place, Q)            the internal force R (fields, n), and `pull`
-    linearise(place, Q)        the same two, and dR/dQ
-    least(basis, place, pull)  the least mean tension over a shortest wave, and its s
+    force(place, Q)            the internal force R (fields, n), and `pull`;
+    linearise(place, Q)        the same two, and dR/dQ;
+    least(basis, place, pull)  the least mean tension over a shortest wave, and its s;
     stress(s, slope)           the force of one point for w' = slope, and its derivative
 """
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from cablefem.scene.bisection import bisected
 
-# [-] z = rho g b/(2H); sag/span is z/4 when shallow, 7.3 at z = 5
+# [-] z = rho g b/(2H); sag/span is z/4 when shallow, 7.3 at z = 5; below 1e-9, l is the chord to 16 digits
 Z_MIN, Z_MAX = 1e-9, 5.0
 
 LEAST_SLACK = 1e-12  # [-] of the chord: nearer to it, less than four digits of the sag are known

@@ -169,7 +169,7 @@ class Motion:
         return Motion(self.phases, pieces, self.end + start)
 
     def then(self, duration: float, acceleration: float) -> Motion:
-        """Brakes by this acceleration, or stands for 0, for `duration`."""
+        """The same motion, then braked by `acceleration` for `duration`; 0: standing."""
         t = self.phases[-1][1]
         s, v, _ = self.at(t, len(self.phases) - 1)
         end = s if acceleration == 0.0 else s + 0.5 * v * duration

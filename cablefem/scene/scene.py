@@ -258,6 +258,7 @@ class Scene(Part):
         """Return this scene with other groups and whole fields (name, travel, ...).
 
         sag_ratio re-hangs the cable; mu, alpha and speed_ratio set mass, EA and pace. All else keeps its SI value.
+        A cable with temperature or ice is then described by its horizontal tension.
         """
         if self.cable.changed and any(group is not None for group in (sag_ratio, mu, alpha)):
             now = Cable(mass_per_length=self.rho, EA=self.cable.EA, horizontal_tension=self.horizontal_tension)

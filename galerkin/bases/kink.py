@@ -98,8 +98,8 @@ class Standing:
 class TravellingKink:
     """Any basis plus the hat that is 1 at the mass and 0 at both supports; the hat comes last.
 
-    I(s_o) = int hat phi ds = -E(s_o)/(s_o (1 - s_o)),  E'' = phi, E(0) = E(1) = 0,
-    int phi dhat/dt ds = I' ds_o,    int phi d2hat/dt2 ds = I'' ds_o^2 + I' dds_o,
+    I(s_o) = int hat phi ds = -E(s_o)/(s_o (1 - s_o)),  E'' = phi, E(0) = E(1) = 0;
+    int phi dhat/dt ds = I' ds_o;    int phi d2hat/dt2 ds = I'' ds_o^2 + I' dds_o;
     int hat^2 = 1/3,  int (dhat/dt)^2 = ds_o^2/(3 s_o (1 - s_o)),  int hat'^2 = 1/(s_o (1 - s_o)),  int hat = 1/2.
     """
 
