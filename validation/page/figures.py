@@ -1,4 +1,4 @@
-"""One look for every figure: inline SVG, colours that colour-blind readers can tell, lines that differ in print."""
+"""One style for all figures: inline SVG, colours for colour-blind readers, dashes for print."""
 
 import hashlib
 import io
@@ -30,7 +30,7 @@ STYLE: Any = mpl.rc_params_from_file(str(_FILE), use_default_template=False) | {
 
 
 def style() -> Any:
-    """Return a context, or decorator of a function that draws, in which matplotlib has the report's look."""
+    """Return matplotlib's style of the report, a context or decorator."""
     return mpl.rc_context(STYLE)
 
 
@@ -42,7 +42,7 @@ def panels(rows: int = 1, columns: int = 1, *, height: float = 2.9, **how: Any) 
 
 
 def svg(fig: Figure, label: str) -> Markup:
-    """Return a figure as inline SVG whose ids clash with those of no other figure; `label` is read aloud."""
+    """Return a figure as inline SVG with ids of its own; `label` is read aloud."""
     out = io.BytesIO()
     with style():
         FigureCanvasSVG(fig).print_svg(out, metadata={"Date": None, "Creator": None})
@@ -54,11 +54,11 @@ def svg(fig: Figure, label: str) -> Markup:
     text = re.sub(r'href="#([^"]+)"', rf'href="#{mark}-\1"', text)
     text = re.sub(r"url\(#([^)]+)\)", rf"url(#{mark}-\1)", text)
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
-    # a hundredth of a point will do
+    # to 0.01 pt
     text = re.sub(r'(?<= d=")[^"]+', lambda d: re.sub(r"(\.\d\d)\d+", r"\1", d[0]), text)
     text = re.sub(r'\s(?:xmlns(?::xlink)?|version)="[^"]*"', "", text)  # known to HTML
     text = text.replace("xlink:href", "href")
-    # the drawn size becomes the largest one; the page may shrink it
+    # at most the drawn size
     text = re.sub(
         r'<svg width="[\d.]+pt" height="[\d.]+pt"', f'<svg role="img" aria-label="{escape(label)}"', text, count=1
     )

@@ -1,4 +1,4 @@
-"""What is shown of a line at rest, on the terminal and on its page, from what a command stored."""
+"""A line at rest, on the terminal and on its page, from stored results."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ UNITS = {
     "tension": "N", "tension_behind": "N", "tension_ahead": "N", "tension_max": "N", "tension_min": "N", "haul": "N",
     "pressure": "N", "pressure_down": "N", "direction": "deg", "safety_factor": "", "on": "",
 }  # fmt: skip
-# Quantity -> its words; "{}" is the contact, the car or the obstacle. The order is that of the tables.
+# quantity -> words, in the order of the tables; {}: contact, car or obstacle
 WORDS = {
     "tension_max": "largest tension", "tension_min": "least tension", "safety_factor": "safety factor",
     "clearance_rope": "clearance of the rope, {}", "clearance_car": "clearance, {}",
@@ -34,12 +34,12 @@ WORDS = {
 GRID = ("tension_max", "safety_factor", "pressure", "haul", "rise", "clearance_rope", "clearance_car")
 MOST = 14  # rows of the terminal's table
 COLORS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
-WIDE, FLAT = 400.0, 70.0  # of a panel in its units; a side view is no lower than that
+WIDE, FLAT = 400.0, 70.0  # size of a panel; least height of a side view
 Row = dict[str, Any]
 
 
 def kind_of(name: str) -> str:
-    """Return the quantity of a name, without the extreme and what it is of."""
+    """Return the quantity in a name, without extreme and contact."""
     kind, _, of = name.partition(":")
     return kind if kind in WORDS and not of else kind.removesuffix("_max").removesuffix("_min")
 
@@ -57,7 +57,7 @@ def value_of(value: float, unit: str) -> str:
 
 
 def pairs(design: Sequence[Row]) -> list[Row]:
-    """Return one row a quantity: its largest and its least value, and where the cars are then."""
+    """Return one row per quantity: largest and least value, and the cars' places then."""
     out: dict[str, Row] = {}
     for d in sorted(design, key=lambda d: list(WORDS).index(kind_of(d["quantity"]))):
         words = named(d["quantity"])
@@ -87,7 +87,7 @@ def tell(line: Any, design: Sequence[Row], refused: Sequence[Row]) -> None:
 
 
 def shown(rows: Sequence[Row], keys: Sequence[str]) -> dict[str, str]:
-    """Return the columns of a grid's table and their heads."""
+    """Return columns and heads of a grid's table."""
     names = dict.fromkeys(name for x in rows for name in x if kind_of(name) in GRID and name not in keys)
     kept = [n for n in names if not (kind_of(n) == "pressure" and n.startswith("pressure_down"))]
     last = [name for name in ("status", "verdict", "why") if any(x.get(name) not in (None, "complete") for x in rows)]
@@ -105,7 +105,7 @@ def _head(name: str) -> str:
 
 
 def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
-    """Return the pages of the line stored in a folder; rows and verdict of a check."""
+    """Return the pages of the line in a folder; rows and verdict of a check."""
     summary, ropes = (
         json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in ("summary", "ropes")
     )
@@ -148,7 +148,7 @@ def _reach(positions: Sequence[Row], car: str) -> tuple[float, float]:
 
 
 def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
-    """Draw the line from the side, to scale, or with depths a whole number of times too large."""
+    """Draw the line from the side, depths to scale or enlarged by a whole number."""
     told = {name: np.array(values) for name, values in ropes["profile"].items()}
     x, end = told["x"], float(told["x"][-1])
     ground, obstacles = np.array(line.get("ground", [])).reshape(-1, 2), line.get("obstacle", [])
@@ -182,7 +182,7 @@ def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
 
 
 def _panels(line: Row, positions: Sequence[Row]) -> list[tuple[str, Panel]]:
-    """Return one panel a kind of quantity, with its title, over the place of the first car."""
+    """Return one panel per quantity, over the place of the first car."""
     if not line.get("car"):
         return []
     at = _floats(positions, f"x:{line['car'][0]['name']}")

@@ -1,4 +1,4 @@
-"""What commands have in common: their arguments, what is wrong with them, and the course of a study."""
+"""Common parts of commands: arguments, their faults, and the course of a study."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TOL_RANGE = (1e-6, 0.2)
 
 
 def real(text: str) -> float:
-    """Return the number that a text says."""
+    """Read a number."""
     try:
         return float(text)
     except ValueError:
@@ -29,7 +29,7 @@ def real(text: str) -> float:
 
 
 def to(folder: str) -> Any:
-    """Return the option for a folder that is `folder` by default."""
+    """Return the option for the output folder."""
     return typer.Option("--out", metavar="DIR", help=f"Folder for the results. Default: {store.ROOT / folder}.")
 
 
@@ -38,7 +38,7 @@ Out = Annotated[Path | None, to("SCENE")]
 
 
 def scene_named(name: str, faults: list[str] | None = None, *, travelling: bool = False) -> Scene:
-    """Return the scene, or raise Refused with its faults and those found before."""
+    """Return the scene, or raise Refused with its faults and the given ones."""
     from cablefem.scene import Scene, SceneError
 
     faults = [] if faults is None else faults
@@ -57,7 +57,7 @@ def scene_named(name: str, faults: list[str] | None = None, *, travelling: bool 
 
 
 def line_named(name: str) -> Line | None:
-    """Return the line at rest of that name; None where it is a scene, or nothing that can be read."""
+    """Return the line at rest of that name, or None."""
     from cablefem.scene import SceneError
     from cablefem.scene.line import Line
     from cablefem.scene.scene import parsed, scene_text
@@ -74,7 +74,7 @@ def line_named(name: str) -> Line | None:
 
 
 def refuse_moving(given: dict[str, bool]) -> None:
-    """Refuse options that a line at rest has not."""
+    """Refuse options that a line at rest does not have."""
     from cablefem.scene.scene import AT_REST
 
     if names := [name for name, there in given.items() if there]:
@@ -97,7 +97,7 @@ Set = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """One point of the grid that --set makes: what it sets, the scene that follows, settings of the method."""
+    """One point of the grid of --set: its values, its scene, settings of the method."""
 
     given: dict[str, Any]
     scene: Any  # Scene or Line
@@ -105,7 +105,7 @@ class Point:
 
 
 def points_of(scene: Scene | Line, pairs: list[str] | None) -> list[Point]:
-    """Return the points of a grid about a scene, one without --set; Refused with all faults."""
+    """Return the points of a grid, one without --set; Refused with all faults."""
     from cablefem.scene import SceneError
     from validation.core import grid
 
@@ -128,7 +128,7 @@ def points_of(scene: Scene | Line, pairs: list[str] | None) -> list[Point]:
 
 @contextmanager
 def written(out: Path | None, command: str, scene: Scene | str, names: list[str]) -> Iterator[Path]:
-    """Claim the folder of a command that writes these files at once, mark it finished, and tell of it."""
+    """Claim the folder, write the files, mark it finished, and report it."""
     folder = store.claim(out, command, scene, names)
     yield folder
     store.finish(folder, command)
@@ -138,7 +138,7 @@ def written(out: Path | None, command: str, scene: Scene | str, names: list[str]
 def study(
     command: str, scene: Scene | str, writes: list[str], out: Path | None, run: Callable[..., Any], *inputs: Any
 ) -> Any:
-    """Run a study, write its pages, print their one-line findings and return what it returned.
+    """Run a study, write its pages, print their findings and return its result.
 
     run : called with `inputs`, the folder and the progress.
     """

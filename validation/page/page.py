@@ -1,6 +1,6 @@
 """A report: sections in one HTML file that needs no network.
 
-Pages build `Section`s from stored results; their sentences are macros (`words`).  Text is escaped unless `Markup`.
+Sections are made of stored results; sentences are macros (`words`).  Text is escaped unless `Markup`.
 """
 
 import html
@@ -19,7 +19,7 @@ from markupsafe import Markup
 
 from cablefem.response import whole
 
-# worst first; the sign stands beside the word, so that no verdict depends on colour
+# worst first, with signs for readers who see no colour
 VERDICTS = {"disagree": "✗", "not comparable": "?", "too coarse": "≈", "agree": "✓"}
 
 
@@ -27,16 +27,16 @@ VERDICTS = {"disagree": "✗", "not comparable": "?", "too coarse": "≈", "agre
 class Section:
     """One part of a report."""
 
-    id: str  # its anchor; unique in a report, so it begins with the study's name
+    id: str  # anchor, unique in a report; begins with the study's name
     title: str
     html: str
     verdict: str | None = None  # one of VERDICTS
-    summary: str = ""  # plain text, a sentence or two: what was found
-    scripts: tuple[str, ...] = ()  # files of assets/ that it needs
+    summary: str = ""  # the finding, plain text
+    scripts: tuple[str, ...] = ()  # files of assets/
 
 
 def render(title: str, sections: Sequence[Section], out_file: Path) -> None:
-    """Write the report, whole or not at all; the contents list verdicts worst first."""
+    """Write the report atomically; the contents list the worst verdicts first."""
     _sound(sections)
     judged = sorted((s for s in sections if s.verdict), key=lambda s: list(VERDICTS).index(s.verdict or ""))
     names = ["page.js", *dict.fromkeys(name for s in sections for name in s.scripts)]
@@ -59,18 +59,18 @@ def _sound(sections: Sequence[Section]) -> None:
 
 
 def words(package: str) -> Any:
-    """Return the macros of `page.html` in a package as functions that return Markup."""
+    """Return the macros of a package's `page.html` as functions that return Markup."""
     text = (resources.files(package) / "page.html").read_text(encoding="utf-8")
     return _ENVIRONMENT.from_string(text).module
 
 
 def plain(words: str) -> str:
-    """Return what a macro said as plain text; narrow spaces stay."""
+    """Return the plain text of a macro's answer; narrow spaces stay."""
     return re.sub(r"[ \n]+", " ", html.unescape(re.sub(r"<[^>]*>", "", str(words)))).strip()
 
 
 def badge(verdict: str, text: str | None = None) -> Markup:
-    """Return a verdict as a coloured word with its sign; `text` is said in its place."""
+    """Return a verdict as a coloured word with its sign; `text` replaces the word."""
     return Markup(_PARTS.badge(verdict, text))
 
 
@@ -93,7 +93,7 @@ def table(
 
 
 def listed(rows: Iterable[Any], columns: Mapping[str, Callable[[Any], Any]], **how: Any) -> Markup:
-    """Return a table of what functions say of each row, by their headings; `how` as in `table`."""
+    """Return a table from functions of a row, by heading; `how` as in `table`."""
     return table([{head: of(row) for head, of in columns.items()} for row in rows], list(columns), **how)
 
 
@@ -104,7 +104,7 @@ def _cell(value: Any) -> Any:
 
 
 def number(x: float | None, digits: int = 3) -> str:
-    """Return a number to so many significant digits, 2.1 × 10⁻⁵ style when far from one; a dash if there is none."""
+    """Return a number to so many significant digits, like 2.1 × 10⁻⁵ if far from one; None: a dash."""
     if x is None or not math.isfinite(x):
         return "–"
     if isinstance(x, Integral):
@@ -132,39 +132,39 @@ def percent(x: float | None, digits: int = 2) -> str:
 
 
 def figure(fig: Any, caption: str, *, label: str = "") -> Markup:
-    """Return a figure of matplotlib with its caption; `label` says in words what one who cannot see it would miss."""
-    from validation.page.figures import svg  # matplotlib takes its time
+    """Return a matplotlib figure with its caption; `label` describes it for screen readers."""
+    from validation.page.figures import svg  # slow to import
 
     return figure_of(svg(fig, plain(label or caption)), caption)
 
 
 def figure_of(svg: str, caption: str, *, wide: bool = False) -> Markup:
-    """Return a drawing with its caption; wide : over the whole text width, else side by side in a `gallery`."""
+    """Return a drawing with its caption; wide : over the whole text width, else for a `gallery`."""
     return Markup(_PARTS.figure(svg, caption, wide))
 
 
 def rendered(name: str, **content: Any) -> Markup:
-    """Return a template of assets/ with its content."""
+    """Return a filled template of assets/."""
     return Markup(_ENVIRONMENT.get_template(name).render(**content))
 
 
 def gallery(*figures: str) -> Markup:
-    """Return figures side by side where the page is wide enough, below one another on a phone."""
+    """Return figures side by side, on a phone below one another."""
     return Markup(_PARTS.gallery(figures))
 
 
 def details(title: str, html: str) -> Markup:
-    """Return a part that opens when its title is clicked, and is open in print."""
+    """Return a folded part, open in print."""
     return Markup(_PARTS.details(title, html))
 
 
 def callout(text: str, verdict: str | None = None) -> Markup:
-    """Return a paragraph that must not be overlooked."""
+    """Return a highlighted paragraph."""
     return Markup(_PARTS.callout(text, verdict))
 
 
 def missing(what: str, consequence: str) -> Markup:
-    """Return the place of what was not stored: which file, and what is lost."""
+    """Return a note on a result that was not stored: its file, and what is lost."""
     return Markup(_PARTS.missing(what, consequence))
 
 

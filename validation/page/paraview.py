@@ -1,7 +1,7 @@
 """A response as files that ParaView animates: response.xdmf, the cable, and mass.xdmf, the mass on it.
 
-y is UP here: the opposite sign of y, v in path.csv.  Points stand on the static cable; "Warp By Vector" with
-`displacement` shows the motion.  Single precision; response.npz holds everything in full.
+y is UP here, unlike in path.csv.  Points lie on the static cable; "Warp By Vector" with `displacement` shows the
+motion.  Single precision; response.npz is in full.
 """
 
 import shutil
@@ -21,7 +21,7 @@ CABLE, MASS = "response.xdmf", "mass.xdmf"
 
 
 class _Writer(TimeSeriesWriter):
-    """meshio's, with a mesh of its own for every frame and the HDF5 file, if there is one, beside the other one."""
+    """meshio's, with one mesh per frame and the HDF5 file beside it."""
 
     def __enter__(self) -> Any:
         if self.data_format == "HDF":
@@ -32,7 +32,7 @@ class _Writer(TimeSeriesWriter):
     def numpy_to_xml_string(self, data: Array) -> Any:
         if self.data_format != "XML":
             return super().numpy_to_xml_string(data)
-        return " ".join(map(str, data.ravel().tolist()))  # a tenth of the time that meshio takes for a number
+        return " ".join(map(str, data.ravel().tolist()))  # ten times as fast as meshio's
 
     def frame(self, t: float, points: Array, cells: tuple[str, Array], **data: Array) -> None:
         grid = ElementTree.SubElement(self.collection, "Grid", Name="frame", GridType="Uniform")
@@ -43,12 +43,12 @@ class _Writer(TimeSeriesWriter):
 
 
 def write(r: Response, folder: Path) -> None:
-    """Write both files and, beside the first, the HDF5 file with its data; those of one point stand in the other.
+    """Write both files, and the HDF5 file of the first beside it.
 
-    Cable: points (m + 2, 3) [m], first the fixed stations, then the place of the mass twice: the ends of the cable
-    behind and ahead of it, where the tension has two values.  Per frame `displacement` (m + 2, 3) [m], `velocity`
-    (m + 2, 3) [m/s] at fixed s, behind the mass for both of its points, and `tension` (m + 2,) [N].
-    Mass: one point with `displacement` (1, 3) [m] and `tension_behind`, `tension_ahead` (1,) [N].
+    Cable: points (m + 2, 3) [m]: the fixed stations, then the cable's ends behind and ahead of the mass.
+    Per frame `displacement` (m + 2, 3) [m], `velocity` (m + 2, 3) [m/s] at fixed s, `tension` (m + 2,) [N].
+    At both ends `velocity` is the one behind the mass; `tension` differs.
+    Mass: one point, `displacement` (1, 3) [m], `tension_behind`, `tension_ahead` (1,) [N].
     """
     shape, f = Scene.from_toml(r.scene_toml).catenary, r.fields
     places, moved = _upward(shape.x(f.s_o), shape.y(f.s_o)), _upward(f.mass_u, f.mass_v)
@@ -74,5 +74,5 @@ def write(r: Response, folder: Path) -> None:
 
 
 def _upward(x: Array, y: Array) -> Array:
-    """Return (n, 3) vectors with y up from (n,) components with y down."""
+    """Return (n, 3) vectors, y up, from components (n,), y down."""
     return np.stack([x, -y, np.zeros_like(x)], axis=1)

@@ -1,6 +1,6 @@
-"""Lines and fields over one common axis, as SVG from a template: a hundredth of the time that matplotlib takes.
+"""Lines and fields over one common axis as SVG from a template, 100 times as fast as matplotlib.
 
-A check's figures are drawn while somebody waits for its verdict.  Studies of minutes draw with `figures`.
+For the figures of a check; long studies draw with `figures`.
 """
 
 import base64
@@ -17,8 +17,8 @@ from markupsafe import Markup
 from cablefem.response import Array
 from validation.page.page import figure_of, plain, raised, rendered
 
-WIDTH, LEFT, RIGHT, BELOW = 480, 70, 14, 42  # user units, as large as a pixel on a desktop
-# Okabe and Ito, Color Universal Design (2008); yellow (too pale) left out
+WIDTH, LEFT, RIGHT, BELOW = 480, 70, 14, 42  # user units, pixels on a desktop
+# Okabe and Ito (2008) without yellow
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
 BLACK, GREY = "#1a1a1a", "#767676"
 DASHED, DOTTED = "8 4", "2 3"
@@ -32,7 +32,7 @@ DIFFERENCE = "053061 2065ab 4393c3 90c4dd d1e5f0 f7f6f6 fddbc7 f3a481 d6604d b11
 
 @dataclass(slots=True)
 class Panel:
-    """One pair of axes: what is drawn, in the units of its axes.  `low`, `high` are the ends of y."""
+    """One pair of axes and its contents; `low`, `high` bound y."""
 
     unit: str
     title: str = ""
@@ -44,18 +44,18 @@ class Panel:
     lines: list[tuple[Array, Array, str, str, float, str]] = field(default_factory=list)  # x, y, look, key
     bands: list[tuple[Array, Array, Array, str]] = field(default_factory=list)  # x, low, high, colour
     dots: list[tuple[float, float, str, bool]] = field(default_factory=list)  # x, y, colour, filled
-    labels: list[tuple[float, float, str]] = field(default_factory=list)  # x, y, text written there
+    labels: list[tuple[float, float, str]] = field(default_factory=list)  # x, y, text
     spans: list[tuple[float, float]] = field(default_factory=list)  # shaded
     verticals: list[tuple[float, str, str]] = field(default_factory=list)  # x, colour, dash
-    image: Array | None = None  # (rows from above, columns) over all of the panel, from 0 to 1 in `colors`
+    image: Array | None = None  # (rows from above, columns), 0 to 1 in `colors`
     colors: str = FIELD
-    scale: tuple[float, float, str] | None = None  # of the image: values at 0 and 1, and the unit
+    scale: tuple[float, float, str] | None = None  # of the image: values at 0 and 1, unit
 
     def line(self, x: Array, y: Array, color: str, dash: str = "", width: float = 2.0, name: str = "") -> None:
         self.lines.append((x, y, color, dash, width, name))
 
     def fit(self, values: Sequence[Array], pad: float = 0.12) -> None:
-        """Let the axis reach from the least to the largest finite value."""
+        """Fit the axis to all finite values."""
         finite = np.concatenate([np.ravel(v)[np.isfinite(np.ravel(v))] for v in values] or [np.zeros(1)])
         if finite.size:
             low, high = float(finite.min()), float(finite.max())
@@ -63,19 +63,19 @@ class Panel:
             self.low, self.high = low - room, high + room
 
     def decades(self, most: float) -> None:
-        """Let a logarithmic axis show four decades below the largest value; equal answers have none to show."""
+        """Show four decades below the largest value; none if all values are equal."""
         if most > 0.0:
             self.log, self.low, self.high = True, 1e-4 * most, 4.0 * most
 
     def _y(self, y: Array | float) -> Array:
-        """Return places on the paper, from above."""
+        """Return places on the paper, downwards."""
         low, high = (math.log10(v) if self.log else v for v in (self.low, self.high))
         with np.errstate(divide="ignore", invalid="ignore"):
             part = ((np.log10(y) if self.log else np.asarray(y)) - low) / (high - low)
         return self.height * np.clip(part if self.down else 1.0 - part, -9.0, 9.0)
 
     def drawn(self, across: Callable[[Any], Array], w: float) -> dict[str, Any]:
-        """Return what the template draws, in user units; across : place of x on the paper, w : width of the panel."""
+        """Return the template's input in user units; across : place of x on the paper, w : width of the panel."""
 
         def at(x: float, y: float) -> tuple[float, float]:
             return _place(across(x)), _place(self._y(y))
@@ -107,9 +107,9 @@ class Panel:
 def plot(
     panels: Sequence[Panel], x: tuple[float, float], xlabel: str, caption: str, *, label: str = "", wide: bool = False
 ) -> Markup:
-    """Return panels below one another over x from its first to its second value, as a figure with its caption.
+    """Return panels below one another, with a caption, over x between two values.
 
-    `label` says in words what a reader who cannot see it would miss; the key names every named line once.
+    label : description for screen readers; the key names every named line once.
     """
     right = 74 if any(p.scale for p in panels) else RIGHT
     w = WIDTH - LEFT - right
@@ -132,7 +132,7 @@ def plot(
 
 
 def _ticks(low: float, high: float, log: bool, most: float) -> list[tuple[float, str]]:
-    """Return round values and how they are written, at most about so many."""
+    """Return round values and their text, about so many at most."""
     if log:
         powers = range(math.ceil(math.log10(low)), math.floor(math.log10(high)) + 1)
         return [(10.0**n, f"{10.0**n:g}" if -3 < n < 4 else f"10{raised(n)}") for n in powers]
@@ -153,7 +153,7 @@ def _place(x: Any) -> float:
 
 
 def _path(x: Array, y: Array) -> str:
-    """Return a path through the finite points; many points in one column of pixels leave their extremes."""
+    """Return a path through the finite points; crowded columns of pixels keep their extremes."""
     good = np.isfinite(x) & np.isfinite(y)
     x, y = x[good], y[good]
     if x.size > 3 * WIDTH and np.all(np.diff(x) >= 0.0):

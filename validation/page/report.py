@@ -1,4 +1,4 @@
-"""Pages of commands gathered in one file: each command draws its own (`page.sections`), and they are kept as drawn."""
+"""One report from the pages of many commands; each command draws its own (`page.sections`)."""
 
 import importlib
 import json
@@ -16,7 +16,7 @@ from validation.page.page import Section
 
 
 def write(folder: Path, command: str) -> None:
-    """Write report.html from all results in a folder, those of this command drawn anew."""
+    """Write report.html from all results in a folder; redraw those of this command."""
     sections = _apart(
         (other, s) for other in store.results(folder) for s in (drawn if other == command else kept)(folder, other)
     )
@@ -25,7 +25,7 @@ def write(folder: Path, command: str) -> None:
 
 
 def drawn(folder: Path, command: str) -> list[Section]:
-    """Return the pages about a command's results, and keep them; some commands have none."""
+    """Draw and keep the pages of a command's results, if it has some."""
     home = f"validation.commands.{command}.page"
     try:
         sections: list[Section] = importlib.import_module(home).sections(folder)
@@ -38,7 +38,7 @@ def drawn(folder: Path, command: str) -> list[Section]:
 
 
 def kept(folder: Path, command: str) -> list[Section]:
-    """Return the pages as they were drawn when the command finished: drawing takes most of a report's time."""
+    """Return the pages drawn when the command finished: drawing is slow."""
     try:
         pages = json.loads(store.pages(folder, command).read_text(encoding="utf-8"))
         return [Section(**page | {"html": Markup(page["html"]), "scripts": tuple(page["scripts"])}) for page in pages]
@@ -47,7 +47,7 @@ def kept(folder: Path, command: str) -> list[Section]:
 
 
 def _apart(pages: Iterable[tuple[str, Section]]) -> list[Section]:
-    """Return the sections of commands; an id that another command's section has takes the command's name."""
+    """Make ids unique: an id used by two commands gets the command's name."""
     out: dict[str, Section] = {}
     for command, section in pages:
         own = section.id if section.id not in out else f"{section.id}-{command}"
@@ -55,12 +55,12 @@ def _apart(pages: Iterable[tuple[str, Section]]) -> list[Section]:
     return list(out.values())
 
 
-Part = tuple[str, ...]  # a command and its arguments; its results are in the folder of its scene, or its own
+Part = tuple[str, ...]  # a command and its arguments
 
 
 @contextmanager
 def missing(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, list[Part]]]:
-    """Give the folder of all results and the parts that it lacks, and make it the default folder meanwhile.
+    """Yield the folder of all results, the default meanwhile, and the missing parts.
 
     A folder with the results of one scene lacks nothing.
     """
@@ -77,7 +77,7 @@ def missing(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, li
 
 
 def gather(root: Path, parts: Sequence[Part]) -> None:
-    """Write the report of all finished results in a folder and in its subfolders, these parts first.
+    """Write the report of all finished results in a folder and its subfolders, these parts first.
 
     The first pages of all scenes of a command come before the rest.
     """
@@ -108,6 +108,6 @@ def _place(part: Part) -> tuple[str, str]:
 
 
 def tell(sections: Sequence[Section]) -> None:
-    """Print what pages have found, one line for each that found something."""
+    """Print the findings of pages, one line each."""
     cells = [[s.title, s.verdict or "", s.summary] for s in sections if s.verdict or s.summary]
     terminal.table(["page", "verdict", "found"], cells)

@@ -1,4 +1,4 @@
-"""The line seen from the side, to scale, with the rope in motion; it carries its data with it."""
+"""The line from the side, to scale, with the rope in motion; data included."""
 
 import base64
 import json
@@ -15,13 +15,13 @@ from validation.page.page import rendered
 from validation.page.plot import BLUE, FIELD, VERMILLION, colors
 
 SCRIPT = "side_view.js"
-STATIONS = 101  # of the moving rope, at most; the mass is a point of its own
+STATIONS = 101  # of the moving rope, at most, without the mass
 PATH = 300  # points of the path of the car, at most
-LABELS = 5  # places along the path at which the speed is written
+LABELS = 5  # speeds written along the path
 
 
 def side_view(scene: Scene, runs: Sequence[Response], *, range_T: tuple[float, float]) -> Markup:
-    """Return the side view of one or two runs; its section must name SCRIPT among its scripts.
+    """Return the side view of one or two runs; its section needs SCRIPT among its scripts.
 
     range_T : tensions [N] at the ends of the colour scale.
     """
@@ -37,7 +37,7 @@ def side_view(scene: Scene, runs: Sequence[Response], *, range_T: tuple[float, f
     both = zip(runs, (BLUE, VERMILLION), strict=False)
     cables = [_cable(scene, run, color, ends["unit"], ends["unitName"]) for run, color in both]
     data = {**ends, **_still(scene, r), "cables": cables}
-    # "<" cannot end the script early
+    # "<" could end the script
     packed = Markup(json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"))
     return rendered("side_view.html", data=packed, names=" and ".join(run.method for run in runs))
 
@@ -47,7 +47,7 @@ def _every(r: Response) -> int:
 
 
 def _still(scene: Scene, r: Response) -> dict[str, Any]:
-    """Return what does not move: envelope, path of the car, brake, obstacles, ground, speeds along the path."""
+    """Return what does not move: envelope, car path, brake, obstacles, ground, speeds."""
     p = profile(r)
     at = np.unique(np.linspace(0, r.t.size - 1, PATH).round().astype(int))
     marks = np.interp(np.linspace(0.0, 1.0, LABELS + 2)[1:-1] * (r.s_o.max() - r.s_o[0]) + r.s_o[0], *_first(r))
@@ -68,13 +68,13 @@ def _still(scene: Scene, r: Response) -> dict[str, Any]:
 
 
 def _first(r: Response) -> tuple[Array, Array]:
-    """Return places and the instants at which the car first comes there."""
+    """Return places and the times of first arrival there."""
     ahead = np.flatnonzero(np.diff(np.maximum.accumulate(r.s_o), prepend=-1.0) > 0.0)
     return r.s_o[ahead], r.t[ahead]
 
 
 def _cable(scene: Scene, r: Response, color: str, unit: float, name: str) -> dict[str, Any]:
-    """Return one moving rope; frames begin a little after the start, where a gripped mass enters a rope at rest."""
+    """Return the frames of one rope, from shortly after the start: a gripped mass enters a rope at rest."""
     f, every, X = r.fields, _every(r), scene.catenary
     s = f.s[::every]
     start = {
@@ -109,7 +109,7 @@ def _cable(scene: Scene, r: Response, color: str, unit: float, name: str) -> dic
 
 
 def _packed(x: Array) -> dict[str, Any]:
-    """Return an array as 16-bit steps between its extremes, in base64."""
+    """Return an array as 16-bit integers between its extremes, in base64."""
     low, high = float(x.min()), float(x.max())
     steps = np.round((x - low) / ((high - low) or 1.0) * 65535.0).astype("<u2")
     return {"low": low, "high": high, "data": base64.b64encode(steps.tobytes()).decode("ascii")}

@@ -1,4 +1,4 @@
-"""What several commands say about answers and verdicts, in a few lines."""
+"""Answers and verdicts in a few lines, for several commands."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MOST_EVENTS = 5  # lines of the terminal
 
 
 def rows(verdicts: Sequence[Agreement]) -> None:
-    """Print rows of a verdict as a table."""
+    """Print the rows of a verdict."""
     cells = []
     for row in (r.row() for r in verdicts):
         name = " ".join(row[key] for key in ("quantity", "law", "with") if row.get(key))
@@ -33,7 +33,7 @@ def rows(verdicts: Sequence[Agreement]) -> None:
 
 
 def answer(scene: Scene, r: Response) -> None:
-    """Print the outcome of a run, what happened on the way, and the numbers that matter."""
+    """Print the outcome of a run, its events and its main numbers."""
     terminal.say(f"{r.scene}: {outcome(scene, r).sentence}", style="bold")
     events([x for x in r.events if x["event"] in EVENTS])
     numbers(matter(r.design))
@@ -49,7 +49,7 @@ def answer(scene: Scene, r: Response) -> None:
 
 
 def numbers(design: Sequence[dict[str, Any]]) -> None:
-    """Print design numbers: what, how much, where and when."""
+    """Print design numbers: name, value, place and time."""
     lines = [told(x) for x in design]
     width = max((len(line["what"]) for line in lines), default=0)
     for line in lines:
@@ -59,7 +59,7 @@ def numbers(design: Sequence[dict[str, Any]]) -> None:
 
 
 def events(happened: Sequence[dict[str, Any]]) -> None:
-    """Print what happened on the way, a line each, the last ones where there are many."""
+    """Print the events of a run, one per line, the last ones if there are many."""
     for x in happened[-MOST_EVENTS:]:
         t, s_o = (with_bar(x[name], x.get(f"bar_{name}")) for name in ("t", "s_o"))
         v, bar = 3.6 * x["speed"], x.get("bar_speed")
@@ -68,7 +68,7 @@ def events(happened: Sequence[dict[str, Any]]) -> None:
 
 
 def work(r: Response) -> None:
-    """Print by which method and settings a run was made, how far it went, and why one should distrust it."""
+    """Print method, settings and reach of a run, and reasons for doubt."""
     if r.model == "quasi-static":
         terminal.say("  by the quasi-static model, which leaves out the inertia of the rope")
         return
@@ -86,7 +86,7 @@ def work(r: Response) -> None:
 
 
 def broken(*responses: Response) -> int:
-    """Return 2 and say so where a run broke before the slack onset and the end of what is compared, else 0."""
+    """Return 2 with a message if a run broke before slack and the end of the comparison, else 0."""
     bad = [
         r for r in responses
         if r.status != "complete" and (r.slack_onset is None or r.cause == "unstable")

@@ -1,17 +1,17 @@
-"""What a person sees while a command works: tables, lines and progress; plain text where there is no terminal."""
+"""Output while a command works: tables, lines, progress; plain text without a terminal."""
 
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
-Progress = Callable[..., None]  # of a label, the fraction done and what was reached
+Progress = Callable[..., None]  # label, fraction done, place reached
 
 STYLES = {"agree": "green", "disagree": "bold red", "not comparable": "yellow", "too coarse": "yellow"}
 
 
 def say(text: str = "", style: str = "") -> None:
-    """Print a line to standard output; on a terminal wrapped at words below its own indent, in a style of rich."""
+    """Print a line, on a terminal wrapped below its indent, in a style of rich."""
     console = _console()
     if console is None:
         print(text)
@@ -24,21 +24,21 @@ def say(text: str = "", style: str = "") -> None:
 
 
 def complain(faults: Sequence[str]) -> None:
-    """Print one line per fault to standard error."""
+    """Print faults to standard error."""
     for fault in faults:
         print(f"cablefem: {fault}", file=sys.stderr)
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str] = ()) -> None:
-    """Print a table; `right` names the columns that are aligned to the right.  In a pipe every row is one line.
+    """Print a table; `right` names the right-aligned columns.  In a pipe every row is one line.
 
-    On a terminal that is too narrow for it, every cell has a line of its own.
+    On a terminal too narrow for it, every cell has its own line.
     """
     console = _console()
     if console is None:
         _plain(columns, rows, right)
         return
-    # a column can be made no narrower than its longest word, or a number
+    # least width: the longest word or number
     narrowest = [
         max(len(word) for cell in cells for word in ([cell] if name in right else cell.split() or [""]))
         for name, cells in zip(columns, zip(columns, *rows, strict=True), strict=True)
@@ -74,7 +74,7 @@ def _plain(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequenc
 
 @contextmanager
 def progress() -> Iterator[Progress]:
-    """Show one bar per label with the time left, on standard error, while the body runs; in a pipe a line a minute."""
+    """Show a bar per label with the time left, on standard error; in a pipe one line a minute."""
     if not sys.stderr.isatty():
         last = [time.monotonic()]
 
@@ -106,7 +106,7 @@ def progress() -> Iterator[Progress]:
 
 
 def _console():
-    """Return rich's console where standard output is a terminal."""
+    """Return rich's console if standard output is a terminal."""
     if not sys.stdout.isatty():
         return None
     from rich.console import Console

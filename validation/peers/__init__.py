@@ -13,8 +13,6 @@ from validation.peers.path import PeerPath
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """Another code."""
-
     name: str
     package: str
     module: str
@@ -50,7 +48,7 @@ def available(name: str) -> str | None:
         if isinstance(error, ModuleNotFoundError) and error.name == peer.package:
             return "not installed"
         cause: BaseException = error
-        while cause.__cause__ or cause.__context__:  # openseespy hides the missing library
+        while cause.__cause__ or cause.__context__:
             cause = cause.__cause__ or cause.__context__  # type: ignore[assignment]
         return str(cause).partition("\n")[0] or type(cause).__name__
     return None

@@ -68,7 +68,7 @@ def run(
     t_end = motion.phases[-1][1]
     on_support = motion.end >= 1.0  # omit the last instant, on the support
     settings = _settings(t_end * (1.0 - 1.0 / steps) if on_support else t_end, steps - on_support, rho_inf)
-    settings.solution.sensors.writePeriod = 1e-3 * t_end / steps  # every step
+    settings.solution.sensors.writePeriod = 1e-3 * t_end / steps
     settings.timeIntegration.adaptiveStep = adaptive
     note, seconds = _solved(system.SolveDynamic, system, settings)
     history = np.array(system.GetSensorStoredData(sensor))  # (n, 4): t, x, y, z
@@ -79,7 +79,7 @@ def run(
 
 
 def _ride(groups: Groups, elements: int, steps: int, rho_inf: float) -> PeerPath:
-    """Let a car roll until it arrives, at most twice the quasi-static time."""
+    """Roll until the end, at most twice the quasi-static time."""
     d = groups.drive
     if d.release > 0.0 or d.thrust_table:
         raise ValueError("a free ride in Exudyn starts suddenly and has no thrust")
@@ -121,7 +121,7 @@ def _ride(groups: Groups, elements: int, steps: int, rho_inf: float) -> PeerPath
         )
     )  # fmt: skip
     rows: list[tuple[float, ...]] = []
-    along = 0.0  # force of friction and brake
+    along = 0.0  # friction and brake
 
     def before(system: Any, t: float) -> bool:
         nonlocal along
@@ -151,7 +151,7 @@ def _hang(
     system: Any, groups: Groups, s: Array, element: Any, nodes: tuple[Any, ...] = (), rest: Array | None = None,
     **more: Any,
 ) -> tuple[Any, list[Any], list[Any]]:  # fmt: skip
-    """Hang a cable; return the fixed coordinate, the elements, the joint's markers.
+    """Return the fixed coordinate, the elements, the joint's markers.
 
     nodes : further nodes of each element; rest : (n, 4) displacements at t = 0.
     """
@@ -189,7 +189,7 @@ def _hang(
 
 
 def _particle(system: Any, groups: Groups, load: Any = 0, **begin: list[float]) -> tuple[Any, Any]:
-    """Add the mass with its weight or `load`; return node and marker."""
+    """Return node and marker of the mass."""
     from exudyn import itemInterface as items
 
     particle = system.AddNode(items.NodePoint2D(referenceCoordinates=[0.0, 0.0], **begin))
@@ -215,7 +215,7 @@ def _settings(t_end: float, steps: int, rho_inf: float) -> Any:
 
 
 def _solved(solve: Any, system: Any, settings: Any) -> tuple[str, float]:
-    """Solve silently; return the failure or "", and the seconds."""
+    """Return the failure or "", and the seconds."""
     import exudyn
 
     talkative, note = exudyn.config.printToConsole, ""
@@ -233,7 +233,7 @@ def _solved(solve: Any, system: Any, settings: Any) -> tuple[str, float]:
 
 
 def _drive(motion: Motion) -> dict:
-    """s_o(t) for a constraint, as a speed or as functions."""
+    """s_o(t) for a constraint."""
     speed = motion.at(0.0, 0)[1]
     t = np.linspace(0.0, motion.phases[-1][1], 1001)
     if np.abs(motion.position(t) - speed * t).max() <= 1e-12:

@@ -49,7 +49,6 @@ def run(groups: Groups, *, elements: int, steps: int | None = None) -> PeerPath:
 
 
 def _hang(ops: Any, groups: Groups, s: Array) -> None:
-    """Build the cable: nodes on the catenary, in exact equilibrium."""
     x, y = groups.shape(s)
     dx, dy, ds = np.diff(x), np.diff(y), np.diff(s)
     chord = np.hypot(dx, dy)
@@ -79,7 +78,7 @@ def _hang(ops: Any, groups: Groups, s: Array) -> None:
 
 
 def _travel(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array, float]:
-    """Move the mass; return its places (n, 2), y down, and the seconds."""
+    """Return the places of the mass (n, 2), y down, and the seconds."""
     assert groups.motion is not None
     mass, weight, up = groups.mu, np.array([0.0, -groups.mu * groups.sigma]), np.array([1.0, -1.0])
     X, dt = nodes * up, float(t[1] - t[0])

@@ -10,7 +10,7 @@ from cablefem.scene import Groups, Motion
 
 @dataclass(frozen=True, slots=True)
 class PeerPath:
-    """The mass path, dimensionless (lengths over l, time over l sqrt(rho/H))."""
+    """The mass path; lengths over l, time over l sqrt(rho/H)."""
 
     s_o: Array  # (n,) along the static cable
     u: Array  # (n,) horizontal displacement from the static shape
@@ -21,12 +21,10 @@ class PeerPath:
 
     @property
     def reached(self) -> float:
-        """Last s_o."""
         return float(self.s_o[-1])
 
 
 def travel(groups: Groups, elements: int) -> Motion:
-    """Return the motion of a gripped mass, or raise ValueError."""
     if groups.drive.mode != "grip":
         raise ValueError(f"a car that rolls (drive {groups.drive.mode}) cannot be run there: it would grip the cable")
     if groups.motion is None or groups.mu <= 0.0:
@@ -51,7 +49,7 @@ def trusted(s_o: Array, place: Array, t: Array, groups: Groups, seconds: float, 
     n = int(broken[0]) if broken.size else s_o.size
     if n < s_o.size:
         note = f"not finite from s_o/l = {s_o[n]:.4f} on"
-    # a taut string sags by mu sigma / 4
+    # static deflection of a taut string
     smooth = before_zigzag(w[:n, 1], 0.25 * groups.mu * groups.sigma, failed=bool(note))
     if smooth < n:
         n, note = smooth, f"the mass path zigzags from step to step from s_o/l = {s_o[smooth]:.4f} on"

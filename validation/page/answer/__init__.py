@@ -1,1 +1,1 @@
-"""The page of an answer: what becomes of the ride, the line from the side, forces, and how sure all that is."""
+"""The page of an answer: course of the ride, side view, forces, reliability."""

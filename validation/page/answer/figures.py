@@ -1,6 +1,6 @@
 """Figures of an answer: the first solver in blue and solid, the second in vermillion and dashed.
 
-Places are metres along the rope. Every function takes stored answers and draws what they have; `caption` goes below.
+Places are metres along the rope.  Functions take stored answers; `caption` goes below.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,7 +38,7 @@ def _inside(x: Stored, r: Response, values: Array) -> Array:
 
 
 def _drawn(x: Stored, panels: Sequence[Panel], caption: str, *, time: bool) -> Markup:
-    """Draw panels over time or place, with the events and the slack onset as lines."""
+    """Draw panels over time or place, with lines at the events and the slack onset."""
     r = x.runs[0]
     end = max(float((run.t if time else run.s_o).max()) for run in x.runs)
     for p in panels:
@@ -49,10 +49,10 @@ def _drawn(x: Stored, panels: Sequence[Panel], caption: str, *, time: bool) -> M
 
 
 def series(x: Stored, rows: Sequence[tuple[str, str, Of]], caption: str, *, time: bool) -> Markup:
-    """Draw series below one another: (words, unit, values) each; what is "below" points down."""
+    """Draw series (words, unit, values) below one another; "below" points down."""
     panels = []
     for title, unit, of in rows:
-        # limits from what is compared: later values of a slack cable may leave the frame
+        # limits from the compared part, before slack
         inside = [_inside(x, r, of(r)) for r in x.runs]
         factor, name = scale_of(np.concatenate(inside), unit)
         p = Panel(f"[{name}]", title, 110.0, down="below" in title)
@@ -66,7 +66,7 @@ def series(x: Stored, rows: Sequence[tuple[str, str, Of]], caption: str, *, time
 
 
 def distance(x: Stored, caption: str) -> Markup:
-    """Draw how far the two paths are apart [m], and what their bars allow."""
+    """Draw the distance of the two paths [m] and their bars."""
     a, b = x.runs
     time = x.free
     at, there = (a.t, b.t) if time else (a.s_o, b.s_o)
@@ -87,7 +87,7 @@ def distance(x: Stored, caption: str) -> Markup:
 
 
 def tension_range(x: Stored) -> tuple[float, float]:
-    """Return least and largest tension [N] of the fields where they are compared: the ends of the colour scale."""
+    """Return least and largest tension [N] of the compared part of the fields."""
     low, high = np.inf, 0.0
     for r in x.runs:
         start, stop = x.compared(r)
@@ -101,7 +101,7 @@ COLUMNS, ROWS = 5, 3  # numbers written on a field, across and up
 
 
 def tension_field(x: Stored, r: Response, caption: str) -> Markup:
-    """Draw the tension over time and place, with numbers on it."""
+    """Draw tension over time and place, with numbers on it."""
     low, high = tension_range(x)
     factor, unit = scale_of(np.array([low, high]), "N")
     f, end = r.fields, float(r.t[-1])
@@ -126,7 +126,7 @@ PARTS = {
 
 
 def energy_split(x: Stored, caption: str) -> Markup:
-    """Draw what becomes of the energy: motion, height, stretch of the cable, and what outside forces took."""
+    """Draw the energy: motion, height, stretch, and the work of outside forces."""
     r = x.runs[0]
     lines = {name: y - y[0] for name, y in (("motion", r.kinetic), ("height", r.potential), ("stretch", r.strain))}
     dt = np.diff(r.t, prepend=r.t[0])

@@ -1,4 +1,4 @@
-"""Many answers at once: one row a point of a grid, all rides in one side view, and their speeds."""
+"""Many answers: a table with one row per point of a grid, all rides from the side, their speeds."""
 
 import csv
 import io
@@ -21,12 +21,12 @@ from validation.page.plot import BLUE, DASHED, GREEN, GREY, ORANGE, PURPLE, SKY,
 POINTS = 300  # of a ride's path, at most
 COLORS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)  # one for each value of the first key
 DASHES = ("", DASHED, "2 3", "8 3 2 3")  # one for each value of the others
-# what a table of rides says of each, as far as it is known
+# columns of a table of rides
 NUMBERS = ("tension_max", "safety_factor_min", "haul_force_max", "clearance_rope_min", "clearance_car_min")
 
 
 def row(scene: Scene, r: Response, design: Sequence[dict[str, Any]], verdict: str | None = None) -> dict[str, Any]:
-    """Return what the table says of one answer; SI, kilometres an hour for speeds."""
+    """Return the table's row of one answer; SI, speeds in km/h."""
     found = outcome(scene, r)
     events = {e["event"]: e for e in reversed(r.events)}  # the first of each kind
     arrives = events.get("brake") or events.get("arrival")
@@ -49,7 +49,7 @@ def failed(words: str) -> dict[str, Any]:
 
 
 def path(r: Response) -> dict[str, list[float]]:
-    """Return the path of the car and its speed, as the page draws them."""
+    """Return path and speed of the car for the page."""
     at = np.unique(np.linspace(0, r.t.size - 1, POINTS).round().astype(int))
     columns = {"t": r.t, "s_o": r.s_o, "x": r.x, "y": r.y, "kmh": 3.6 * r.speed}
     return {name: [float(f"{x:.6g}") for x in values[at]] for name, values in columns.items()}
@@ -58,7 +58,7 @@ def path(r: Response) -> dict[str, list[float]]:
 def write(
     folder: Path, scene: Scene, rows: list[dict[str, Any]], paths: Sequence[dict[str, list[float]] | None]
 ) -> None:
-    """Write table.csv, grid.json and the scene that was varied."""
+    """Write table.csv, grid.json and the varied scene."""
     folder.mkdir(exist_ok=True)
     names = list(dict.fromkeys(name for found in rows for name in found))
     text = io.StringIO()
@@ -73,7 +73,7 @@ def write(
 
 
 def tell(rows: list[dict[str, Any]], keys: Sequence[str]) -> None:
-    """Print the table: what varies, what becomes of it, and the numbers that all of them know."""
+    """Print the table: varied values, outcomes, common numbers."""
     shown = [*keys, *_columns(rows), *(["verdict"] if any("verdict" in x for x in rows) else [])]
     heads = [_head(name, rows) for name in shown]
     cells = [[_cell(name, x.get(name), rows) for name in shown] for x in rows]
@@ -132,12 +132,12 @@ def _label(point: dict[str, Any], keys: Sequence[str]) -> str:
     return ", ".join(f"{key.split('.')[-1]} {point[key]}" for key in keys)
 
 
-WIDE = 420.0  # about the width of a panel, in its units
-FLAT = 90.0  # a side view is no lower than that
+WIDE = 420.0  # width of a panel
+FLAT = 90.0  # least height of a side view
 
 
 def _looks(rows: list[dict], keys: Sequence[str]) -> list[tuple[str, str]]:
-    """Return colour and dash of each row: the first key's value makes the colour, all others the dash."""
+    """Return colour and dash of each row, by the first key and by the others."""
     firsts = [json.dumps(point[keys[0]]) for point in rows]
     others = [json.dumps([point[key] for key in keys[1:]]) for point in rows]
     order = [list(dict.fromkeys(values)) for values in (firsts, others)]
@@ -148,7 +148,7 @@ def _looks(rows: list[dict], keys: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def _side(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
-    """Draw all paths to scale, or with depths drawn a whole number of times too large where that is too flat to see."""
+    """Draw all paths, depths to scale or enlarged by a whole number."""
     span, below = scene.supports.span, 0.0 if scene.mass is None else scene.mass.below
     X, s = scene.catenary, np.linspace(0.0, scene.length, 101)
     ground = np.array(scene.ground).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""Sections of the page of an answer, in the order in which a reader asks: what happens, where, how hard, from what."""
+"""Sections of the page of an answer, in the order of a reader's questions: what, where, how hard, from what."""
 
 import platform
 from importlib import metadata
@@ -23,12 +23,12 @@ PLANAR = (
 
 
 def answer(x: Stored) -> list[Section]:
-    """Return the sections that one run and a check of two share."""
+    """Return the sections common to a run and a check of two."""
     return [_answer(x), _side(x), _ride(x), _tension(x), _scene(x)]
 
 
 def typeset(text: str) -> str:
-    """Return a number with its bar and unit as it is set: a minus sign, no line break within."""
+    """Return a number with bar and unit, with a minus sign and without line breaks."""
     return text.replace(" ± ", "\u202f±\u202f").replace("-", "−")
 
 

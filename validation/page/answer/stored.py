@@ -1,4 +1,4 @@
-"""What a run or a check left in its folder, as far as it is there; what is not is named."""
+"""Stored results of a run or a check; missing files are listed."""
 
 import csv
 import json
@@ -27,13 +27,13 @@ class Party:
 
 @dataclass(frozen=True, slots=True)
 class Stored:
-    """One or two answers to one scene, and the verdict on them if there is one."""
+    """One or two answers to one scene, and the verdict if there is one."""
 
     scene: Scene
     runs: tuple[Response, ...]
-    agreement: dict[str, Any] = field(default_factory=dict)  # agreement.json; empty of a single run
+    agreement: dict[str, Any] = field(default_factory=dict)  # agreement.json; empty for a single run
     party: Party | None = None
-    grip: Response | None = None  # of a hauled car: what a car that grips the cable would have said
+    grip: Response | None = None  # hauled car: what a gripping one would have given
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -49,7 +49,7 @@ class Stored:
 
     @property
     def events(self) -> list[dict[str, Any]]:
-        """What happened on a ride, by the first solver; a car that rattles before it stops is no event."""
+        """Events of the first solver's ride, without rattling before a stop."""
         told = self.agreement.get("events") or self.runs[0].events
         return [event for event in told if event["event"] in EVENTS]
 
@@ -59,7 +59,7 @@ class Stored:
 
     @property
     def onset(self) -> float | None:
-        """Place of the mass [m] at which the first of the solvers found the cable slack."""
+        """Place of the mass [m] where the first solver found the cable slack."""
         return min((r.slack_onset * r.length for r in self.runs if r.slack_onset is not None), default=None)
 
     @property
@@ -67,7 +67,7 @@ class Stored:
         return self.runs[0].drive == "free"
 
     def compared(self, r: Response) -> tuple[float, float]:
-        """Return the instants [s] between which a run is compared."""
+        """Return first and last compared instant [s] of a run."""
         low, high = self.agreement.get("range") or (0.0, 1.0)
         if self.free or self.agreement.get("axis") == "time":
             return 0.0, float(r.t[-1])
@@ -75,12 +75,12 @@ class Stored:
         return float(ends[0]), float(ends[1])
 
     def row(self, quantity: str) -> dict[str, Any]:
-        """Return our solvers' row of that quantity; empty if there is none."""
+        """Return our solvers' row of a quantity, or an empty one."""
         return next((r for r in self.rows if r.get("quantity") == quantity and not r.get("with")), {})
 
 
 def read(folder: Path, faults: list[str]) -> Stored | None:
-    """Return what a check's folder holds, or None without any answer; append to `faults` what is missing."""
+    """Return the contents of a check's folder, or None without any answer; list missing files in `faults`."""
     agreement = _json(folder / "agreement.json", faults) or {}
     names = agreement.get("methods") or sorted(path.parent.name for path in folder.glob("*/response.npz"))
     runs = tuple(r for name in names[:2] if (r := response(folder / name, faults)) is not None)
