@@ -95,12 +95,9 @@ def lost(study: Study, index: int, cause: str) -> dict[str, Any]:
 
 def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
     from cablefem.scene import SceneError
-    from validation.commands.sweep import families
 
     try:
-        scene = (
-            families.case(study.settings["seed"], point["case"])[0] if study.job == "power" else study.scene_at(point)
-        )
+        scene = study.scene_at(point)
         out = {name: x for name in GROUPS if (x := getattr(scene, name)) is not None and math.isfinite(x)}
     except (SceneError, ValueError) as error:
         return {"status": "refused", "cause": "scene", "reason": str(error)}
@@ -223,10 +220,9 @@ def _checked(scene: Any, tol: float, second: Any) -> dict[str, Any]:
 
 def _power(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
     """Check a realistic scene, or one of which the second solver is told a number 1 percent larger."""
-    from validation.commands.sweep import families
     from validation.core.grid import varied
 
-    key = families.case(study.settings["seed"], point["case"])[1]
+    key = study.case(point)[1]
     second = None if key is None else varied(scene, {key: "+1%"})
     told = {"family": scene.name, "fault": "none" if key is None else f"{key} +1 %"}
     return told | _checked(scene, study.how(point)["tol"], second)

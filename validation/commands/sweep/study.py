@@ -18,6 +18,7 @@ from cablefem.scene.cable import SHAPES
 from cablefem.scene.drive import of_mode
 from cablefem.scene.errors import nearest, shown
 from cablefem.scene.fields import Check, Line, Part, Switch, between, choice, real, whole
+from validation.commands.sweep import families
 from validation.commands.sweep.axes import MOST, Axis, grid, ranges
 from validation.core.store import Refused
 
@@ -176,6 +177,8 @@ class Study(Part):
 
     def scene_at(self, point: dict[str, Any]) -> Scene:
         """Return the scene of a point; SceneError where it has faults."""
+        if self.job == "power":
+            return self.case(point)[0]
         what = {k: v for k, v in point.items() if k not in HOW}
         dotted = {k: v for k, v in what.items() if "." in k}
         groups = {k: v for k, v in what.items() if "." not in k}
@@ -190,6 +193,10 @@ class Study(Part):
                     data.pop("travel", None)
             scene = Scene(**data)
         return scene.variant(**groups) if groups and self.scene is not None else scene
+
+    def case(self, point: dict[str, Any]) -> tuple[Scene, str | None]:
+        """Return the scene of a point of job power, and the key that the second solver is told 1 percent larger."""
+        return families.case(self.settings["seed"], round(point["case"]))
 
     def how(self, point: dict[str, Any]) -> dict[str, Any]:
         """Return method, model, load, law and tol of a point, as far as the study names them."""
