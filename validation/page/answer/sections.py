@@ -125,7 +125,7 @@ def _quantity(value: float, unit: str, digits: int = 4) -> str:
 def _scene(x: Stored) -> Section:
     scene, drop = x.scene, x.scene.supports.drop
     assert scene.mass is not None
-    level = "level with the left one" if not drop else f"{abs(drop):.6g} m {'below' if drop > 0 else 'above'} it"
+    level = "level with the left one" if not drop else f"{abs(drop):.6g} m {'below' if drop > 0 else 'above'} the left one"
     facts = {
         "span": f"{scene.supports.span:.6g} m", "right support": level,
         "rope between the supports": f"{scene.length:.6g} m",
