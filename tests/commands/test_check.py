@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import math
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 from cablefem import Scene
 from tests.commands.calls import BROKEN, lines
 from validation.commands.check import study as check_study
+from validation.core.bounds import nothing
 from validation.core.flags import flagged
 
 DATA = Path(__file__).parents[1] / "validation" / "data"
@@ -29,7 +29,8 @@ def test_check_agrees_and_leaves_everything_in_its_folder(cablefem, tmp_path):
     quantities = [row["quantity"] for row in agreement["rows"]]
     assert set(quantities) - {"path_slack"} == {  # where coarse companions reach beyond the onset
         "path_max", "path_rms", "tension", "tension_behind", "tension_ahead", "reactions",
-        "displacement", "velocity", "slack_onset", "energy", "impulse", "laws_si", "speed", "contact",
+        "displacement", "velocity", "slack_onset", "energy", "impulse", "laws_si", "speed", "contact", "tension_min",
+        "design", "columns",
     }  # fmt: skip
     assert agreement["doubts"] == []
     assert out.startswith("Both solvers agree.\nlevel: crosses the cable in 14.3 s")
@@ -87,9 +88,9 @@ def test_the_exit_code_of_a_check_is_its_verdict(cablefem, checked, level_check,
     first, *rest = level_check.rows
     other = {
         "agree": first,
-        "disagree": dataclasses.replace(first, gap=2.0 * first.allowed),
-        "not comparable": dataclasses.replace(first, gap=math.nan),
-        "too coarse": dataclasses.replace(first, bound=dataclasses.replace(first.bound, tol=1e-9)),
+        "disagree": dataclasses.replace(first, gap=4.0 * first.allowed),
+        "not comparable": dataclasses.replace(first, bound=nothing("nothing to compare")),
+        "too coarse": dataclasses.replace(first, asked_for=1e-9),
     }[verdict]
     checked(rows=[other, *rest])
     found, out, _ = cablefem("check", "level")

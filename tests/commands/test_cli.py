@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from cablefem import Scene
+from cablefem.scene.line import Line
 from tests.commands.calls import QUICK, lines, tree
 from validation import cli
 
@@ -141,7 +142,7 @@ def test_a_pipe_gets_plain_lines_whatever_the_width(cablefem, monkeypatch):
     _, out, _ = cablefem("scenes")
     assert "\x1b" not in out
     assert out.isascii()
-    assert len(out.splitlines()) == len(Scene.library()) + 1
+    assert len(out.splitlines()) == len(Scene.library()) + len(Line.library()) + 1
     assert all(line == line.rstrip() for line in out.splitlines())
 
 

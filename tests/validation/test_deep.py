@@ -74,7 +74,7 @@ def test_a_slack_cable_that_moves_otherwise_is_seen():
         past = np.maximum(r.s_o / r.length - a.run.slack_onset, 0.0)
         return replace(r, v=r.v + 20.0 * past * r.max_deflection)
 
-    assert verdict("slack", LEVEL, replace(a, run=lower(a.run)), level_rows()) is Verdict.DISAGREE
+    assert verdict("slack", LEVEL, replace(a, finest=lower(a.run)), level_rows()) is Verdict.DISAGREE
 
 
 def test_a_smooth_entry_tells_how_much_the_sudden_one_matters():

@@ -99,24 +99,6 @@ def test_speed_is_compared_until_a_lasting_stop(wrong_from, verdict):
     assert rows(a, b)[("speed", AXIAL_MEAN)].verdict is verdict
 
 
-@pytest.mark.parametrize(("since", "verdict"), [(0.7, Verdict.AGREE), (0.3, Verdict.DISAGREE)])
-def test_energy_is_kept_until_the_cable_is_slack(since, verdict):
-    """A slack cable loses energy as it snaps taut, and steps that damp lose more: a ride that comes back from one did.
-
-    The rider reaches his farthest place halfway, and loses energy from `since` on.
-    """
-
-    def swings(r):
-        place = r.length * (0.2 + 0.3 * np.sin(np.pi * r.t / r.t[-1]))
-        slack = float(place[np.searchsorted(r.t, 0.6 * r.t[-1])]) / r.length
-        lost = RIDE.mass.mass * RIDE.gravity * r.max_deflection * np.maximum(0.0, r.t / r.t[-1] - since)
-        return replace(r, s_o=place, slack_onset=slack, switched=slack, energy=r.energy - lost)
-
-    a, b = (altered(e, swings) for e in pair())
-    assert 0.59 < a.run.slack_since / a.run.t[-1] < 0.61
-    assert rows(a, b)[("energy", "")].verdict is verdict
-
-
 def test_what_most_steps_are_taken_in_is_not_most_of_a_ride():
     """A brake that rings takes most of the steps of a ride, and a tenth of its time."""
     t = np.concatenate([np.linspace(0.0, 0.9, 91), np.linspace(0.9, 1.0, 1001)[1:]])

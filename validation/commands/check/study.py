@@ -16,7 +16,6 @@ from cablefem.scene import Scene
 from validation.core import foreign, measures
 from validation.core.agreement import DEFAULT_TOL, Agreement, Verdict, overall
 from validation.core.climb import AIM, BUDGET, TooCoarse, cheapest, climb, dear, laddered
-from validation.core.design import design, numbers
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Ladder
 from validation.core.methods import Method, find, refined
@@ -75,7 +74,7 @@ class Check:
         }  # fmt: skip
 
     def write(self, out: Path) -> None:
-        """Write scene.toml, agreement.json and one folder per method with its companions."""
+        """Write scene.toml, one folder per method and agreement.json."""
         for ladder in (self.a, self.b):
             ladder.run.write_tables(out / ladder.run.method)
         self.store(out)
@@ -85,11 +84,7 @@ class Check:
         out.mkdir(parents=True, exist_ok=True)
         (out / "scene.toml").write_text(self.scene.to_toml(), encoding="utf-8")
         for ladder in (self.a, self.b):
-            folder = out / ladder.run.method
-            ladder.run.store(folder)
-            for name, branch in (("half-resolution", ladder.space), ("half-steps", ladder.time)):
-                for half in branch.runs[:1]:
-                    half.store(folder / name)
+            ladder.run.store(out / ladder.run.method)
         if self.grip is not None:
             self.grip.store(out / "grip")
         write_json(out / "agreement.json", self.agreement())
@@ -220,7 +215,7 @@ def _excess(row: Agreement, method: str) -> Iterator[tuple[float, tuple[float, f
 
 def _load() -> None:
     """Import judging and drawing while a solver runs."""
-    for name in ("core.laws", "core.trust", "commands.check.page"):
+    for name in ("core.laws", "core.design", "core.trust", "commands.check.page"):
         importlib.import_module(f"validation.{name}")
 
 
@@ -236,12 +231,16 @@ def _retold(ladder: Ladder, scene: Scene) -> Ladder:
 
 def _told(e: Ladder, twin: Ladder) -> Ladder:
     """The run with design numbers, events and bars."""
+    from validation.core.design import numbers
+
     rows = [number.row() for number in numbers(e, twin)]
     return replace(e, finest=replace(e.run, design=rows, events=with_bars(e)))
 
 
 def _gripped(scene: Scene, method: Method, progress: Progress) -> Response:
     """A gripping car by default settings, for comparison."""
+    from validation.core.design import design
+
     assert scene.travel is not None
     data = tomllib.loads(scene.to_toml())
     del data["drive"]

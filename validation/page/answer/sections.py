@@ -125,9 +125,9 @@ def _quantity(value: float, unit: str, digits: int = 4) -> str:
 def _scene(x: Stored) -> Section:
     scene, drop = x.scene, x.scene.supports.drop
     assert scene.mass is not None
-    level = "level with the left one" if not drop else f"{abs(drop):.6g} m {'below' if drop > 0 else 'above'} the left one"
+    where = "level with" if not drop else f"{abs(drop):.6g} m {'below' if drop > 0 else 'above'}"
     facts = {
-        "span": f"{scene.supports.span:.6g} m", "right support": level,
+        "span": f"{scene.supports.span:.6g} m", "right support": f"{where} the left one",
         "rope between the supports": f"{scene.length:.6g} m",
         "sag at rest": f"{scene.sag:.4g} m, {percent(scene.sag_ratio)} of the span",
         "horizontal tension at rest": _quantity(scene.horizontal_tension, "N"),
