@@ -25,7 +25,7 @@ IMAGINARY = 1e-30  # complex-step differentiation
 
 
 def _norm(v: np.ndarray) -> np.ndarray:
-    """Length of vectors (..., 2, m), analytic for complex steps."""
+    """Length of vectors, analytic for complex steps."""
     return np.sqrt(v[..., 0, :] ** 2 + v[..., 1, :] ** 2)
 
 
@@ -81,7 +81,6 @@ class _Problem:
         return np.concatenate([gaps.reshape(2 * self.count, -1) / self.reach, *rows])
 
     def sound(self, X: np.ndarray) -> bool:
-        """Whether all pieces have a length."""
         return bool(np.all(np.diff(self.parts(X[:, None])[2], axis=0) > 0.0))
 
     def state(self, X: np.ndarray) -> LineState:
@@ -95,7 +94,7 @@ class _Problem:
 
 
 def _row(p: Station, behind: np.ndarray, ahead: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """The equations (0 to 2, m) of one station."""
+    """Equations (0 to 2, m) of a station."""
     if p.kind == "counterweight":  # one pull is zero
         return (_norm(ahead + behind) - p.force)[None]
     if p.kind == "saddle":
@@ -179,10 +178,7 @@ def least_tension(state: LineState) -> float:
 
 
 def deepest(state: LineState, first: int, last: int) -> float:
-    """Largest vertical distance [m] of the rope below the chord of two stations.
-
-    It is where the rope is parallel to the chord, or at a station.
-    """
+    """Largest vertical distance [m] of the rope below the chord of two stations."""
     chord = state.place[last] - state.place[first]
     n, S = state.ahead[first:last, :, None], np.diff(state.s[first : last + 1])[:, None]
     parallel = np.clip((n[:, 1] - n[:, 0] * chord[1] / chord[0]) / state.case.weight, 0.0, S)

@@ -60,7 +60,7 @@ class States:
 class Observation(_Filled):
     """Measurements of a solver; lengths over l, forces over H, time over l sqrt(rho/H).
 
-    n times, k frames, m stations.
+    Names as in `Response` and `Fields`; n times, k frames, m stations.
     path .. slope_ahead, reactions, contact: (n, 2); u, v, du, dv, T, T_pointwise: (k, m); others (n,).
     """
 
@@ -69,12 +69,12 @@ class Observation(_Filled):
     path_acceleration: Array
     slope_behind: Array  # one-sided r' at the mass
     slope_ahead: Array
-    T_behind: Array  # total, at the mass; nan on the left support
-    T_ahead: Array  # nan on the right support
+    T_behind: Array
+    T_ahead: Array
     energy: Array  # cable and mass
     power: Array  # dE/dt by drive and kink
-    tension_min: Array  # least total tension
-    tension_min_at: Array  # its s
+    tension_min: Array
+    tension_min_at: Array
     u: Array  # at s = s_o the side behind
     v: Array
     du: Array  # at fixed s
@@ -82,19 +82,17 @@ class Observation(_Filled):
     T: Array
     t: Array = _nan("path")
     s_o: Array = _nan("path")
-    reaction_left: Array = _nan("path", 2)  # force on the cable
+    reaction_left: Array = _nan("path", 2)
     reaction_right: Array = _nan("path", 2)
-    contact: Array = _nan("path", 2)  # force of the mass on the cable
-    # outside force along the mean tangent, or nan
-    haul: Array = _nan("path")
-    # T + alpha eps of the slopes; T_behind is from equilibrium
+    contact: Array = _nan("path", 2)
+    haul: Array = _nan("path")  # `F_haul`
     T_behind_pointwise: Array = _as("T_behind")
     T_ahead_pointwise: Array = _as("T_ahead")
     T_pointwise: Array = _as("T")
-    kinetic: Array = _nan("path")  # parts of the energy
+    kinetic: Array = _nan("path")
     strain: Array = _nan("path")
-    potential: Array = _nan("path")  # of weight
-    powers: dict[str, Array] = field(default_factory=dict)  # of outside forces and drive
+    potential: Array = _nan("path")
+    powers: dict[str, Array] = field(default_factory=dict)
 
     @classmethod
     def joined(cls, parts: Sequence[Observation]) -> Observation:
@@ -198,7 +196,7 @@ class MassPath(_Filled):
 
     @property
     def path_scale(self: Travelled) -> float:
-        """Reference of gaps and errors of the path [m]."""
+        """Reference of path errors [m]."""
         return 0.1 * self.length if self.drive == "free" else self.max_deflection
 
     @property
