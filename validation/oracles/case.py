@@ -25,8 +25,6 @@ RIDERS = BEST  # their cars roll
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Oracle:
-    """One exact answer, named as its file."""
-
     title: str
     source: str = ""
     validity: str = ""
@@ -69,7 +67,7 @@ class Solvers(Protocol):
         """Methods ("path") or bases of frequencies ("modes")."""
 
     def order(self, name: str) -> tuple[float | None, str]:
-        """Order of the path of a mass, None where it is wrong, and why."""
+        """Order of the path, None if it is wrong, and why."""
 
     def ladder(self, name: str, *, finer: float = 1.0) -> list[Rung]:
         """Settings from coarse to fine."""
@@ -101,7 +99,7 @@ class Case:
     because: str = ""
     methods: tuple[str, ...] | None = BEST  # None: all
     expected: str = "agree"
-    finer: float = 1.0  # factor on the resolution, for light masses
+    finer: float = 1.0  # resolution, for light masses
     falls: float | None = None  # least order, or power of the parameter
 
     kind = "path"
@@ -114,7 +112,7 @@ class Case:
         return solvers.ladder(method, finer=self.finer)
 
     def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
-        """Least order of the error, None for any, and why."""
+        """Least order of errors, or None, and why."""
         return self.falls, self.because
 
     def must(self, solvers: Solvers, method: str) -> str:
@@ -133,8 +131,6 @@ class Case:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crossing(Case):
-    """A load that crosses a cable, and its exact path."""
-
     groups: Groups
     travel: Callable[[Array], Array]  # xi(t)
     exact: Callable[[Array], Array]  # v(t) of the load
@@ -207,7 +203,7 @@ class Modes(Case):
         return worst, worst
 
     def gap(self, coarse: Array, fine: Array) -> float:
-        # 1e-10: rounding of dense eigenvalue solvers
+        # rounding
         return float(np.abs(coarse / fine - 1.0).max()) + 1e-10
 
 

@@ -56,8 +56,8 @@ class MarchStalled(ArithmeticError):
 class Travel:
     """Place of the mass for 0 <= t <= t_end."""
 
-    position: Callable[[Array], Array]  # xi(t), (n,)
-    speed: Callable[[Array], Array]  # xi'(t), (n,)
+    position: Callable[[Array], Array]  # xi(t)
+    speed: Callable[[Array], Array]  # xi'(t)
     t_end: float  # usually xi(t_end) = 1
     breaks: tuple[float, ...] = ()  # jumps of acceleration
 
@@ -154,7 +154,7 @@ class _Pieces:
         self.edge[self.n] = end
 
     def at(self, z: Array, derivative: bool = False) -> Array:
-        """(n, 3) values or derivatives, from the right."""
+        """(n, 3), from the right at edges."""
         i = np.clip(np.searchsorted(self.edge[: self.n + 1], z, side="right") - 1, 0, self.n - 1)
         a, b = self.edge[i], self.edge[i + 1]
         c = self.coef[i]
@@ -233,7 +233,7 @@ class _March:
         else:
             s_last = float(_invert(travel.to_go, lambda s: travel.speed(T - s), np.array([reach]), 0.0, T)[0])
         front_t, front_s = self.fronts(s_last)
-        scale = 1e-3 * self.sigma * min(0.25 * self.mu, 0.5 * T * T)  # grows with the solution
+        scale = 1e-3 * self.sigma * min(0.25 * self.mu, 0.5 * T * T)
         y0 = worst = 0.0
         for late in (False, True):
             pieces = past.late if late else past.early
@@ -264,7 +264,7 @@ class _March:
         """
         T = self.travel.t_end
         first = z == 0.0 and float(self.travel.position(np.zeros(1))[0]) == 0.0
-        # errors of G at s move the path by 2 s/mu
+        # G counts 2 s/mu in the path
         slack = min(1e6, max(1.0, min(self.mu, 1.0) / abs(z))) if late else 1.0
         while True:
             coef = self._first_step(h) if first else self._step(y0, z, z + h, late)

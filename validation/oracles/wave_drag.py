@@ -2,9 +2,8 @@
 
     v_tt - v_xx = R delta(x - xi),  mu y'' = mu sigma - R,  y = v(xi, t),  mu xi'' = D + R <v_x>,
 
-drive D, mean slope <v_x>.  Infinite string, |xi'| < 1:
-    y = (sigma mu/2) [ t - (mu/2)(1 - e^(-2t/mu)) ],   R = mu sigma (1 - e^(-2t/mu)),
-    mu xi'' = D - (R^2/2) xi'/(1 - xi'^2).                                                       (1)
+drive D, mean slope <v_x>.  Infinite string, |xi'| < 1, y as in accelerating_mass:
+    R = mu sigma (1 - e^(-2t/mu)),   mu xi'' = D - (R^2/2) xi'/(1 - xi'^2).                      (1)
 D = 0, w = xi', E = int_0^t R^2, Lambert's function W:
     w = sqrt(-W(-z^2)),    z = w0 e^(-w0^2/2) e^(-E/(2 mu)).                                     (2)
 

@@ -24,11 +24,10 @@ from validation.peers.path import Array, PeerPath, counted, travel, trusted
 def run(
     groups: Groups, *, elements: int, steps: int | None = None, rho_inf: float = 0.5, adaptive: bool = False
 ) -> PeerPath:
-    """Run a scene with equal steps, by default 20 per element, 100 for a free ride.
+    """Run a scene with equal steps.
 
     rho_inf : spectral radius of the generalised-alpha method; adaptive : halve steps that fail.
     With Exudyn's own defaults of these the path is wrong without an error.
-    `seconds` counts SolveDynamic.
     """
     free = groups.drive.mode == "free"
     steps = (100 if free else 20) * elements if steps is None else steps

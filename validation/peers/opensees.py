@@ -24,10 +24,7 @@ NEWMARK_GAMMA, NEWMARK_BETA = 1.5 - HHT, 0.25 * (2.0 - HHT) ** 2
 
 
 def run(groups: Groups, *, elements: int, steps: int | None = None) -> PeerPath:
-    """Run a scene in OpenSees; `elements` are those passed by the mass, one step each.
-
-    `seconds` counts all calls from the first step on.
-    """
+    """Run a scene in OpenSees; `elements` are those passed by the mass, one step each."""
     motion = travel(groups, elements)
     if steps not in (None, elements):
         raise ValueError(f"OpenSees takes one step per element: steps must be {elements}, got {steps!r}")

@@ -61,7 +61,7 @@ def before_zigzag(v: Array, scale: float, *, failed: bool = False) -> int:
 
     v : (n,) deflections at equal steps; scale : size of a typical one; failed : the run ended early.
 
-    The rms second difference over one step, times 16, is compared with that over four, in windows of 20 steps.
+    16 times the rms second difference over one step is compared with that over four.
     Ratio on a resolved path: 1; at a kink: 16/sqrt(44) = 2.4; in a zigzag: above 3.
     The path is cut where the zigzag began if its amplitude passes 1e-3 scale, or the run failed.
     """
