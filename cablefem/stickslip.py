@@ -2,13 +2,13 @@
 
 Friction and brakes act against the slip along the cable.  Their sign changes at events only:
 
-    standstill      the slip is zero: the car sticks if friction and brakes can hold it, else slips
-    breaking loose  they cannot hold it any more
-    turn            the car reverses
-    brake, brake off  it passes the place of a brake
-    arrival, back   it reaches an end of the ride
-    lift_off        it no longer presses on the cable; the ride goes on
-    stop            it is at rest, see `RollingCar._left`
+    standstill      the slip is zero: the car sticks if friction and brakes can hold it, else slips.
+    breaking loose  they cannot hold it any more.
+    turn            the car reverses.
+    brake, brake off  it passes the place of a brake.
+    arrival, back   it reaches an end of the ride.
+    lift_off        it no longer presses on the cable; the ride goes on.
+    stop            it is at rest, see `RollingCar._left`.
 
 Dimensionless: lengths over l, forces over H, times over l sqrt(rho/H).
 """

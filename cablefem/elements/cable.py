@@ -24,7 +24,7 @@ from cablefem.scene import Groups
 
 MODELS = ("full", "string", "sagged", "stretching")
 
-# lam, kap of the one-field models: tension raised by the sag, by the slope squared; "straight" has no sag
+# lam, kap: tension raised by the sag, by the slope squared
 STRETCHING = {"straight": (0.0, 0.0), "string": (0.0, 0.0), "sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}
 
 Factors = tuple[float, float, float]  # of dr/dq, dr/dv, dr/da
@@ -32,7 +32,6 @@ UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def elements_allowed(elements: int) -> int:
-    """Return elements; ValueError if it is no integer >= 1."""
     if not isinstance(elements, int) or elements < 1:
         raise ValueError(f"elements must be an integer >= 1, got {elements!r}")
     return elements
@@ -43,7 +42,7 @@ def limits(bound: float, newton: Newton) -> Limits:
 
 
 def bands(matrix: coo_array, b: int) -> Array:
-    """Return the diagonals of a square matrix, bands[b + j - i, i] = matrix[i, j], |i - j| <= b."""
+    """Return diagonals, bands[b + j - i, i] = matrix[i, j], |i - j| <= b."""
     out = np.zeros((2 * b + 1, matrix.shape[0]))
     np.add.at(out, (b + matrix.col - matrix.row, matrix.row), matrix.data)
     return out
@@ -55,7 +54,7 @@ class CableElements(System):
     A mesh sets the attributes and defines `start`, `_place`, `_contact_at`, `_at_mass` and `_along`.
 
     model : "full" for (u, v), or one field normal to the chord: "string", "sagged", "stretching".
-    load : "mass", or "force" for its weight alone.
+    load : "mass", or "force" for its weight.
     law : "elastic", or "tension-only": N = max(0, T + alpha eps).
     """
 
@@ -90,13 +89,13 @@ class CableElements(System):
         self.inertia = groups.mu if load == "mass" else 0.0
         # displacement of each field
         self.direction = np.eye(2) if model == "full" else np.array([[-groups.chord_sin, groups.chord_cos]])
-        self.least_tension = (math.inf, 0.0)  # of an element at the last residual, and its s
+        self.least_tension = (math.inf, 0.0)  # and its s, at the last residual
         self.weight = groups.mu * groups.sigma * self.direction[:, 1]
         self._set_law(law)
 
     # --- the system ------------------------------------------------------------------------------------
     def with_law(self, law: str) -> Self:
-        """Return the same discretisation with another cable law; it shares the tables."""
+        """Return a twin with another cable law; it shares the tables."""
         twin = object.__new__(type(self))
         twin.__dict__.update(self.__dict__)
         twin._set_law(law)
@@ -107,11 +106,10 @@ class CableElements(System):
         return self.motion.at(x.t, x.phase)[0]
 
     def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
-        """See `System`; in a free ride the place is an unknown."""
         return super().between(t0, t1, w, phase) if self.motion is None else self.motion.between(t0, t1, w, phase)
 
     def in_time(self, states: States) -> States:
-        """Return the history itself: its independent variable is time."""
+        """Return the history itself."""
         return states
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
@@ -140,7 +138,7 @@ class CableElements(System):
     def _steps(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array, int]:
-        """Return the ends of steps (m, 3, n_dof), what is told of each (m, 6), and how many are good."""
+        """Return ends (m, 3, n_dof) and `told` (m, 6) of steps, and how many are good."""
         ride, places = self._moved(t, phase, start)
         ends, told = np.empty((t.size, *start.shape)), np.empty((t.size, 6))
         steps = Steps(places, self._contact_at(t.item(0), phase), start, rules, ends, told)
@@ -148,7 +146,7 @@ class CableElements(System):
         return ends, told, settle(self._cable, ride, self._single.work, self._bands, steps, limits(bound, newton))
 
     def _collocated(self, phase: int, steps: tuple[Array, ...], rule: Tableau, bound: float, newton: Newton) -> Array:
-        """Return `told` of the steps taken, at least one; steps : t, ends, a, further."""
+        """Return `told` of the steps taken; steps : t, ends, a, further."""
         t, told = rule.instants(steps[0]), np.empty((len(steps[2]), 6))
         ride, places = self._moved(t, phase, steps[1][0])
         contacts = tuple(self._contact_at(x, phase) for x in t[0].tolist())
@@ -180,7 +178,7 @@ class CableElements(System):
         self.least_tension = assemble(self._cable, self._now, x, r, self._single.work.ab, factors)
 
     def _solution(self, assemble: Callable[[Factors], object], c: tuple[complex, complex, complex]) -> Solve:
-        """Return the solution with the tangent that `assemble` sets; complex tangents are sums of real ones."""
+        """Return the solution with the tangent that `assemble` sets; complex ones are sums of real ones."""
         side = self._single
         if isinstance(c[0], complex):
             side = self._side(complex)
@@ -204,7 +202,7 @@ class CableElements(System):
         return solution
 
     def _fresh(self) -> None:
-        """Make the workspaces, which a twin with another law must not share."""
+        """Make the workspaces, which twins do not share."""
         n = self.fields * self.n_scalar
         chord = Chord(np.empty(n), np.empty(n)) if self.fields == 1 else None
         points = np.empty((9, self._mesh.tab[..., 0].size))
@@ -219,11 +217,10 @@ class CableElements(System):
         return collocation.Side(work, chord and chord._replace(coupled=np.empty(n, kind)), self._ride_of(kind))
 
     def _ride_of(self, kind: type) -> Any:
-        """Return a ride with a real or complex border; None where the place is given."""
+        """Return a ride with real or complex border, or None."""
         return None
 
     def _workspace(self, s: int) -> collocation.Workspace:
-        """Return the workspace of collocation steps with s nodes, with its factors."""
         if self._space is None or len(self._space.bands) != s:
             real, n = self._side(float), self.n_dof
             self._space = collocation.Workspace(
@@ -247,7 +244,7 @@ class CableElements(System):
         raise NotImplementedError
 
     def _split(self, states: States) -> tuple[States, Array]:
-        """Return the history of the cable's unknowns, and s_o, ds_o, dds_o (n, 3)."""
+        """Return the history of the cable, and s_o, ds_o, dds_o (n, 3)."""
         return states, np.ascontiguousarray(self.motion.along(states.t, states.phase).T)
 
     def _mesh_at(self, kinematics: Array) -> Array:
@@ -255,7 +252,7 @@ class CableElements(System):
         return kinematics
 
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return w(s_o(t), t), its first and second time derivative, and w' behind and ahead, (n, fields) each."""
+        """Return w(s_o(t), t), dw/dt, d2w/dt2, and w' behind and ahead, (n, fields) each."""
         raise NotImplementedError
 
     def _along(
@@ -282,7 +279,7 @@ class CableElements(System):
             self._law = np.array([g.alpha, tau, curvature, *STRETCHING[self.model], flag])
 
     def static(self, s_o: Any) -> tuple[Array, Array, Array]:
-        """Return place, slope and curvature of the static shape (..., fields); the parabola for one-field models."""
+        """Return place, slope and curvature (..., fields) of the static shape; the parabola for one field."""
         s_o = np.asarray(s_o)
         if self.fields == 2:
             _, *slope_and_bend = self.groups.static(s_o)
@@ -292,7 +289,7 @@ class CableElements(System):
         return -0.5 * (bend * s_o * (1.0 - s_o))[..., None], (bend * (s_o - 0.5))[..., None], bend[..., None]
 
     def _load(self, s_o: Any, ds: Any, dds: Any) -> tuple[Any, ...]:
-        """Return mu d2X/dt2 less the weight, () or (n,) for each field."""
+        """Return mu d2X/dt2 less the weight of each field."""
         mu, weight = self.inertia, self.weight
         if self.fields == 1:
             curvature = float(self._law[2])
@@ -304,7 +301,7 @@ class CableElements(System):
 
     # --- observation -----------------------------------------------------------------------------------
     def path(self, states: States) -> tuple[Array, Array]:
-        """Return s_o (n,) and the displacement of the mass (n, 2)."""
+        """Return s_o (n,) and the mass's displacement (n, 2)."""
         states, kinematics = self._split(states)
         return kinematics[:, 0], self._at_mass(states, kinematics)[0] @ self.direction
 

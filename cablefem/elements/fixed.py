@@ -1,13 +1,11 @@
 """Cable elements on a fixed mesh, the mass moving through them.
 
-M d2q/dt2 + R(q) + N(s_o)^T F = 0, F = mu (d2p/dt2 - sigma j), p = X(s_o) + N(s_o) q.
-The acceleration of the mass by coupling:
+M d2q/dt2 + R(q) + N(s_o)^T F = 0, F = mu (d2p/dt2 - sigma j), p = X(s_o) + N(s_o) q, with couplings
 
-chain    N a + 2 ds_o N' v + (ds_o^2 N'' + dds_o N') q, for C1 (Hermite) elements.  N'' jumps at the nodes: the
-         error is about elements^2/steps.
-naive    the same inside P1 or P2 elements.  WRONG: it lacks the centrifugal force, as N'' has deltas at nodes.
-path     p is an unknown with the constraint p = N(s_o) q (index 3), for any elements.  Needs numerical damping:
-         Hermite generalised-alpha, rho_inf = 0.5, a dozen steps per element; P1 and P2 gamma = 0.6, at most 25.
+chain    N a + 2 ds_o N' v + (ds_o^2 N'' + dds_o N') q, for C1 (Hermite) elements; error about elements^2/steps.
+naive    the same in P1 or P2 elements.  WRONG: no centrifugal force, as N'' has deltas at nodes.
+path     p is an unknown with the constraint p = N(s_o) q (index 3).  It needs numerical damping:
+         Hermite generalised-alpha, rho_inf = 0.5, 12 steps per element; P1 and P2 gamma = 0.6, at most 25.
 
 Dimensionless: l = H = rho = 1.
 """
@@ -32,10 +30,8 @@ from cablefem.scene import Groups
 
 @dataclass(frozen=True, slots=True)
 class _Kind:
-    """An element of scikit-fem and the numbering of its unknowns."""
-
     element: type[skfem.Element]
-    offsets: tuple[int, ...]  # of the element's unknowns
+    offsets: tuple[int, ...]
     step: int
     couplings: tuple[str, ...]  # default first
 
@@ -80,8 +76,7 @@ class FixedElements(CableElements):
     def start(self, phase: int, state: State | None) -> State:
         """Return the state at the beginning of a phase.
 
-        At entry everything rests.  Where dds_o jumps, so do the accelerations of particle and cable:
-        (M + mu N^T N) [a] = -mu N^T [dds_o] (X' + N' q).
+        At entry everything rests.  With dds_o accelerations jump: (M + mu N^T N) [a] = -mu N^T [dds_o] (X' + N' q).
         """
         t = self.phases[phase][0]
         if state is None:
@@ -129,9 +124,9 @@ class FixedElements(CableElements):
 
     # --- assembly --------------------------------------------------------------------------------------
     def _tabulate(self, kind: _Kind) -> None:
-        """Tabulate one element and repeat it; Hermite slopes are per element length.
+        """Tabulate one element, for scikit-fem's Hermite functions lose digits on fine meshes (12.0.2).
 
-        scikit-fem's Hermite functions lose digits on fine meshes (12.0.2).
+        Hermite slopes are per element length.
         """
         n = self.elements
         degree, unit = len(kind.offsets) - 1, skfem.MeshLine(np.array([0.0, 1.0]))
@@ -169,7 +164,7 @@ class FixedElements(CableElements):
         self._powers = np.stack([powers, n * once, n * n * twice])  # (3, n_loc, n_loc): N, N', N''
 
     def _shape(self, s_o: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
-        """Return the unknowns (n_loc, fields) of the element at s_o, at a node the one ahead, and N, N', N''."""
+        """Return unknowns (n_loc, fields) and N, N', N'' at s_o, at a node ahead of it."""
         e = min(int(s_o * self.elements), self.elements - 1)
         x = s_o * self.elements - e
         N, N_s, N_ss = self._powers @ x ** np.arange(self._powers.shape[2])
@@ -181,7 +176,6 @@ class FixedElements(CableElements):
         return np.array([1.0, 0.0, 0.0, *self._load(*self.motion.at(t, phase))])
 
     def _contact_at(self, t: float, phase: int) -> Contact:
-        """Return the element under the mass and the rows of its force."""
         s_o, ds, dds = self.motion.at(t, phase)
         dofs, N, N_s, N_ss = self._shape(s_o)
         mu = self.inertia
@@ -198,7 +192,7 @@ class FixedElements(CableElements):
 
     # --- observation -----------------------------------------------------------------------------------
     def _evaluate(self, s: Array, side: str) -> tuple[NDArray[np.int64], Array]:
-        """Return unknowns (m, n_loc), from 1 with 0 for supports, and N, N', N'' (3, n_loc, m); side at a node."""
+        """Return unknowns (m, n_loc), from 1 with 0 for supports, and N, N', N'' (3, n_loc, m)."""
         x = s * self.elements
         e = np.clip(np.ceil(x) - 1 if side == "behind" else np.floor(x), 0, self.elements - 1).astype(int)
         return self._mesh.dofs[e] + 1, self._powers @ (x - e) ** np.arange(self._powers.shape[2])[:, None]
@@ -207,7 +201,7 @@ class FixedElements(CableElements):
         return np.tile([1.0, 0.0, 0.0], (len(kinematics), 1))  # one side, which rests
 
     def _padded(self, x: Array) -> Array:
-        """Return (n, 1 + n_scalar, fields) of a history, zeros first for the supports."""
+        """Return (n, 1 + n_scalar, fields), zeros first for supports."""
         n = x.shape[0]
         cable = x[:, : self.fields * self.n_scalar].reshape(n, self.n_scalar, self.fields)
         return np.concatenate([np.zeros((n, 1, self.fields)), cable], axis=1)
@@ -233,9 +227,9 @@ class FixedElements(CableElements):
         return at(N, q), w_t, w_tt, behind, ahead
 
     def _along(self, states, kinematics, ends, force, s, frames):
-        """Momentum tested with 1 - s and s, then integrated; the mesh rests, c = 0.
+        """Momentum is tested with 1 - s and s, then integrated.
 
-        Adds the mass to `ends`.  Half of the kink's momentum, ds_o^2 [r'], is missing in the element under the mass.
+        Adds the mass to `ends`.  Half of ds_o^2 [r'] is missing in the element under the mass.
         """
         n, s_o, elements = states.t.size, kinematics[:, 0], self.elements
         ends[:, 0] -= (1.0 - s_o)[:, None] * force
@@ -246,7 +240,6 @@ class FixedElements(CableElements):
         whole = np.concatenate([np.zeros_like(whole[:, :1]), np.cumsum(whole, axis=1)], axis=1)
 
         def momentum(rows: Any, s: Array) -> Array:
-            """Return int a ds from 0 to s."""
             e = np.minimum((s * elements).astype(int), elements - 1)
             part = (s * elements - e)[..., None] ** np.arange(1, once.shape[1] + 1) @ once.T  # of each function
             return whole[rows, e] + np.einsum("...l,...lf->...f", part, a[rows[..., None], self._mesh.dofs[e] + 1])

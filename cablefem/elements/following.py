@@ -1,11 +1,11 @@
-"""Cable elements on a mesh that follows the mass, whose node carries its inertia.
+"""Cable elements on a mesh that follows the mass, which is inertia of a node.
 
 Nodes s = s_o xi behind the mass, s = s_o + (1 - s_o) xi ahead of it, move with c = ds_o chi, chi = xi and 1 - xi.
 The conservative (arbitrary Lagrangian-Eulerian) weak form with w. = dq/dt phi - c q phi' is
 
     d/dt int w. phi_i ds + int c w. phi_i' ds + int (N t - T t_static) . phi_i' ds = external .
 
-A side of length h gives, with M^, G^, H^ of its reference mesh,
+With M^, G^, H^ of its reference mesh, a side of length h gives
 
     M = h M^,   C = dh/dt M^ - G + G^T,   K = -(dG/dt + H),   G = ds_o G^,  H = (ds_o^2 / h) H^.
 
@@ -39,7 +39,7 @@ _ONE, _ZERO = np.ones(1), np.zeros(1)
 
 
 class Tables(NamedTuple):
-    """Reference meshes and operators of both sides, for one field."""
+    """Reference meshes and operators of one field."""
 
     left: Reference
     right: Reference
@@ -53,11 +53,10 @@ class Tables(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _tables(elements: int, degree: int, grading: float) -> Tables:
-    """Tabulate both sides of the mass, for all runs on one mesh."""
     left, right = (
         reference(graded_knots(elements, grading, fine_at_end=x), degree, pull_at_end=x) for x in (True, False)
     )
-    node, n = left.n - 2, left.n + right.n - 3  # supports have no unknown
+    node, n = left.n - 2, left.n + right.n - 3
 
     def inner(matrix: coo_array, offset: int) -> coo_array:
         row, col = matrix.row + offset, matrix.col + offset
@@ -93,8 +92,7 @@ def _tables(elements: int, degree: int, grading: float) -> Tables:
 class FollowingElements(CableElements):
     """The cable with its moving mass on mass-following elements.
 
-    elements : per side of the mass.
-    degree : 1 to 8.
+    elements : per side; degree : 1 to 8.
     grading : largest over smallest element length; the smallest are next to the mass.
     model, load, law : see `CableElements`.
     """
@@ -126,9 +124,8 @@ class FollowingElements(CableElements):
     def start(self, phase: int, state: State | None) -> State:
         """Return the state at the beginning of a phase.
 
-        With speed, the contact force is 0 at first.  From rest, s_o = a t^2/2 and w(s_o) = b t^2 with
-        m 2b + mu (a X' - sigma j) + [N t - T t_static] = 0 at r' = X' + 2b/a.  m includes the cable that moves with the
-        mass, else the start is of lower order.
+        With speed, the contact force is 0.  From rest, s_o = a t^2/2 and w(s_o) = b t^2 with
+        m 2b + mu (a X' - sigma j) + [N t - T t_static] = 0 at r' = X' + 2b/a; m includes entrained cable.
         """
         t = self.phases[phase][0]
         if state is not None:
@@ -146,14 +143,13 @@ class FollowingElements(CableElements):
         return State(t, zero, zero.copy(), (self._ride[:, None] * node_a).ravel(), phase)
 
     def standing(self, s_o: float) -> FollowingElements:
-        """Return the same elements with the mass held at s_o."""
         twin = self.with_law(self.law)
         twin.motion = standing(s_o, 1.0)
         return twin
 
     # --- assembly --------------------------------------------------------------------------------------
     def _strained_start(self, dds: float) -> Array:
-        """Return b of `start` by Newton's method."""
+        """Return b of `start`."""
         rest = np.array(self._load(0.0, 0.0, dds))
         inertia = self.inertia + self._entrained
         if self.fields == 1:
@@ -219,7 +215,7 @@ class FollowingElements(CableElements):
         return q[:, self.node], v[:, self.node], a[:, self.node], behind, ahead
 
     def _along(self, states, kinematics, ends, force, s, frames):
-        """Momentum is tested with phi = 1 from the support, or from the mass, up to s."""
+        """Momentum is tested with phi = 1 up to s, from the support or the mass."""
         mesh, shapes, sides = self._mesh, self.left.shapes, (self.left, self.right)
         q, v, a = (x[frames].reshape(frames.size, self.n_scalar, self.fields) for x in (states.q, states.v, states.a))
         s_o, ds, dds = kinematics[frames].T[..., None]

@@ -1,17 +1,17 @@
 """A line at rest by elements on unstretched length, whose contacts slide on the rope.
 
-Each piece of rope between two stations is a mesh on 0 <= xi <= 1, s = s_k + xi h, with the energy
+A piece of rope between two stations is a mesh on 0 <= xi <= 1, s = s_k + xi h, with the energy
 
     V = int [W(lam) a - q y] h dxi,    lam = |r_xi|/(a h),   W' = N = EA (lam - 1),   W = N^2/(2 EA),   a = 1 + a_T dT.
 
-Unknowns: places r of nodes, and s of stations that slide. Their equations are derivatives of V:
+Unknowns are places r of nodes, and s of sliding stations, with the equations
 
     of r:  int N t . eta' - q h eta_y dxi
     of h:  int a (W - N lam) - q y dxi             (dV/ds_k at fixed nodes, dh/ds_k = +-1)
 
-Counterweight: dV/ds +- [a (G + G^2/(2 EA)) + q y] = 0, with the energy of the rope that leaves.
-Gripping car at a given x: its horizontal balance instead of dV/ds = 0.
-Hauled car: dV/ds = 0, and the balance normal to tau; tau is parallel to f_behind - f_ahead.
+Counterweight: dV/ds +- [a (G + G^2/(2 EA)) + q y] = 0.
+Gripping car at a given x: horizontal balance instead of dV/ds = 0.
+Hauled car: dV/ds = 0, and balance across tau, parallel to f_behind - f_ahead.
 """
 
 from __future__ import annotations
@@ -73,8 +73,8 @@ def energy_by_h_twice(w):
 class _Batch:
     """Many cases as one mesh and one system of block equations.
 
-    Values of all pieces w = (u, h) follow from the unknowns, w = T X + w0.  With the derivatives z = (f, g) of the
-    energies by w, the equations are B z + spring X + pull = 0; B = T' except in special rows.
+    Values of pieces w = (u, h) follow from the unknowns, w = T X + w0.  With derivatives z = (f, g) of energies by w,
+    B z + spring X + pull = 0; B = T' except in special rows.
     """
 
     def __init__(self, cases: Sequence[Case], elements: int) -> None:
@@ -83,7 +83,7 @@ class _Batch:
         counts = np.array([len(case.stations) for case in cases])
         self.owner = np.repeat(np.arange(len(cases)), counts)
         last = np.cumsum(counts) - 1
-        self.left = np.delete(np.arange(self.owner.size), last)  # station left of each piece
+        self.left = np.delete(np.arange(self.owner.size), last)
         self.pieces = self.left.size
         nodes = np.add.outer(2.0 * np.arange(self.pieces), np.linspace(0.0, 1.0, elements + 1))
         ids = np.arange(nodes.size).reshape(nodes.shape)
@@ -99,7 +99,7 @@ class _Batch:
         return skfem.Basis(self.mesh, skfem.ElementVector(skfem.ElementLinePp(DEGREE), 2), **quadrature)
 
     def _connect(self) -> None:
-        """Number the unknowns; set T, w0, B and the outer forces."""
+        """Number the unknowns; set T, w0, B and outer forces."""
         N, h = self.basis.N, self.basis.N + np.arange(self.pieces)
         self.known = np.concatenate([np.column_stack([case.fixed_places, case.fixed_s]) for case in self.cases])
         free = np.isnan(self.known)
@@ -156,7 +156,7 @@ class _Batch:
         self.ends = np.concatenate([self.behind[at, :2], self.ahead[at, :2]], axis=1)
 
     def _special(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the special rows (m,), and their derivatives (m, 4) by f."""
+        """Return the special rows (m,), and d/df (m, 4)."""
         f = np.where(self.ends >= 0, z[self.ends], 0.0)
         bx, by, ax, ay = f.T
         W, zero = self.given, np.zeros(self.rows.size)
@@ -192,7 +192,6 @@ class _Batch:
         w = np.zeros(self.basis.N + self.pieces)
         w[self.dofs] = path
         w[self.basis.N :] = run[:, 2]
-        # each unknown is one value of w, or s of a station
         self.X = self.T.T @ w / np.maximum(np.asarray(abs(self.T).sum(axis=0)).ravel(), 1.0)
         free = self.number >= 0
         self.X[self.number[free]] = start[free]
@@ -202,7 +201,7 @@ class _Batch:
     def fields(self, X: np.ndarray, softness: float) -> dict[str, np.ndarray]:
         """Return the data of the forms; softness 0 is EA, 1 is SOFTEST times the tension.
 
-        The soft law N = N_ref + EA_soft (lam - lam_ref) keeps the length of the rope.
+        N = N_ref + EA_soft (lam - lam_ref) keeps the length of the rope.
         """
         w = self.T @ X + self.w0
         u = self.basis.interpolate(w[: self.basis.N])
@@ -225,7 +224,7 @@ class _Batch:
         return np.concatenate([weak_force.assemble(self.basis, **fields), g])
 
     def residual(self, X: np.ndarray, fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residual (size,), and the derivatives of the special rows."""
+        """Return the residual (size,), and `_special`'s derivatives."""
         z = self.derivatives(fields)
         value, slope = self._special(z)
         R = self.B @ z + self.spring * X + self.pull
@@ -245,17 +244,15 @@ class _Batch:
         return B @ K @ self.T + diags(self.spring)
 
     def norm(self, R: np.ndarray) -> np.ndarray:
-        """Return |residual| for each case."""
         return np.sqrt(np.bincount(self.case_of, R**2, len(self.cases)))
 
     def solve(self) -> list[LineState]:
-        """Return the states at rest of all cases; NoLine where one of them has none."""
+        """Return the states at rest; NoLine where a case has none."""
         for i in range(SOFTENING, -1, -1):
             self._newton(i / SOFTENING, ROUGH if i else LAST)
         return self._states()
 
     def _newton(self, softness: float, enough: float) -> None:
-        """Take steps of Newton's method, damped for each case."""
         fields = self.fields(self.X, softness)
         R, slope = self.residual(self.X, fields)
         for _ in range(STEPS):
@@ -277,7 +274,7 @@ class _Batch:
         raise NotFound
 
     def _states(self) -> list[LineState]:
-        """Return the states; pulls at stations are weak nodal forces."""
+        """Return the states, with weak nodal forces as pulls."""
         fields, known = self.fields(self.X, 0.0), self.known.copy()
         z = np.append(self.derivatives(fields), np.nan)  # last: no piece
         known[self.number >= 0] = self.X[self.number[self.number >= 0]]
@@ -301,7 +298,7 @@ class _Batch:
 def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLine]:
     """Return each case at rest with an even number of elements on each piece.
 
-    If a case among them has no rest, both halves of the list are solved apart.
+    If a case has no rest, both halves are solved apart.
     """
     if not cases:
         return []

@@ -33,7 +33,7 @@ class Side(NamedTuple):
 
 
 def side_of(mesh: Mesh, fine: Array, sign: float, n: int) -> Side:
-    """Return a side; fine : tables at the points of the inertia, see `Mesh.tab`;  n : unknowns of one field."""
+    """Return a side; fine : see `Mesh.tab`, at the points of the inertia;  n : unknowns of one field."""
     elements = slice(0, mesh.n_left) if sign > 0.0 else slice(mesh.n_left, len(mesh.dofs))
     dofs, tab = mesh.dofs[elements], fine[elements]
     n_loc = dofs.shape[1]
@@ -216,7 +216,7 @@ def _chord_tensions(system: CableElements, ends: Array, rise: Array, T: Array, s
 def _recovered(system: CableElements, carried: Array, c: Array, at: tuple[Array, Array, Array]) -> Array:
     """Return N from `carried` = N t - T X' - c^2 w'; at : X', T, r'.
 
-    N t - c^2 r' = (N (1 - c^2/alpha) - c^2 (1 - T/alpha)) t, because |r'| = 1 + (N - T)/alpha; r' gives the sign.
+    N t - c^2 r' = (N (1 - c^2/alpha) - c^2 (1 - T/alpha)) t; r' gives the sign.
     """
     (static, T, slope), alpha, flux = at, system._law[0], c**2
     known = carried + (T - flux)[..., None] * static

@@ -106,7 +106,7 @@ class RollingElements(RollingCar, FollowingElements):
         return self.let_go(State(t, q, np.zeros_like(q), np.zeros_like(q), 0))
 
     def abrupt(self, x: State, dt: float) -> bool:
-        """Return whether the car slips away after a jump of force, until an axial wave stops it."""
+        """After a jump of force the car slips until an axial wave stops it."""
         return self.free and 0.5 * dt * dt * abs(float(x.a[-1])) > ABRUPT
 
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
@@ -123,7 +123,6 @@ class RollingElements(RollingCar, FollowingElements):
         return now, told, taken
 
     def _seen_to(self, t: Array, taken: int) -> None:
-        """Note that no event happens up to the last but one of the steps taken."""
         if taken > 1:
             self.heeded = float(t[taken - 2] + 0.9 * (t[taken - 1] - t[taken - 2]))
 
@@ -184,7 +183,7 @@ class RollingElements(RollingCar, FollowingElements):
         return total
 
     def _force(self, start: State, end: State, x: float) -> Array:
-        """Return the forces on p and s_o (3,) at the part x of a step."""
+        """Return the forces on p and s_o (3,) during a step."""
         car, dt = self._car(start.t + x * (end.t - start.t), start.phase), end.t - start.t
         of = np.array([start.q + x * (end.q - start.q), 0.5 * (start.v + end.v), (end.v - start.v) / dt])
         push = self._forces(car, of)

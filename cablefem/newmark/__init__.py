@@ -1,4 +1,4 @@
-"""The time loop of all solvers; it knows no physics.  Its README.md says how it works."""
+"""The time loop of all solvers; it knows no physics."""
 
 from cablefem.newmark.collocation import collocate
 from cablefem.newmark.equilibrium import begun

@@ -1,4 +1,4 @@
-"""Newton's method for the balances at all nodes of a collocation step."""
+"""Newton's method for collocation steps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class _Nodes:
-    """The balances at all nodes as functions of the accelerations a (s, n_dof)."""
+    """Balances at all nodes as functions of the accelerations a (s, n_dof)."""
 
     def __init__(self, system: System, t: Array, phase: int, ends: Array, a: Array, rule: Tableau) -> None:
         self.system, self.t, self.dt, self.phase, self.rule = system, rule.instants(t)[0], t[1] - t[0], phase, rule
@@ -36,9 +36,9 @@ class _Nodes:
         return np.concatenate([self.system.residual(t, *self.at(i), self.phase) for i, t in enumerate(self.t)])
 
     def tangent(self) -> Callable[[Array], Array]:
-        """Return the solution with M + dt A C + dt^2 A^2 K, one M, C, K for all nodes.
+        """Return the solution with M + dt A C + dt^2 A^2 K, the same M, C, K for all nodes.
 
-        The eigenvalues lam of A split it into M + dt lam C + (dt lam)^2 K (Hairer & Wanner 1996, section IV.8).
+        A's eigenvalues lam split it into M + dt lam C + (dt lam)^2 K (Hairer & Wanner 1996, section IV.8).
         """
         rule, middle = self.rule, self.rule.middle
         at = self.t[middle], *self.at(middle), self.phase
@@ -61,7 +61,6 @@ def collocate(
     system: System, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float,
     newton: Newton,
 ) -> Iterator[Settled]:  # fmt: skip
-    """Take the first step of `System.collocate`, with `residual` and `linearise`."""
     nodes = _Nodes(system, t, phase, ends, a, rule)
     with np.errstate(over="ignore", invalid="ignore"):
         done = find_root(nodes.residual, lambda: (nodes.residual(), nodes.tangent()), nodes.update, bound, newton)
@@ -73,11 +72,11 @@ def collocate_coupled(
     system: System, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float,
     newton: Newton,
 ) -> Iterator[Settled]:  # fmt: skip
-    """Do the same with the full tangent, by a Krylov method preconditioned with `_Nodes.tangent`.
+    """Take the first step with the full tangent, by a preconditioned Krylov method.
 
-    For steps along which the tangent changes much: at a start it may be proportional to a power of t.
+    For a start where the tangent is proportional to a power of t.
     """
-    from scipy.optimize import NoConvergence, newton_krylov  # slow to load, rarely needed
+    from scipy.optimize import NoConvergence, newton_krylov  # slow to load
     from scipy.sparse.linalg import LinearOperator
 
     nodes, count = _Nodes(system, t, phase, ends, a, rule), 0

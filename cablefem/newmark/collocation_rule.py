@@ -16,17 +16,17 @@ from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import System, consistent_acceleration
 from cablefem.newmark.tableau import further, tableau
 
-# `Newton.reuse`: one tangent serves all nodes, so a new one helps little
+# of Newton's method: a new tangent helps little
 REUSE = 0.8
-ENOUGH = 18  # `Newton.enough`: more iterations cost more than two half steps
+ENOUGH = 18  # iterations; two half steps cost less
 
 
 class CollocationRule(Stepper):
-    """With a the polynomial through the accelerations a_j at the nodes t0 + c_j dt, v and q its integrals,
+    """With a the polynomial through a_j at the nodes t0 + c_j dt, v and q its integrals,
 
         v_i = v0 + dt sum_j A_ij a_j,   q_i = q0 + c_i dt v0 + dt^2 sum_j (A A)_ij a_j,   r(t_i, q_i, v_i, a_i) = 0 .
 
-    If the last node is not the end (Gauss), a there follows from the balance, else StepFailure.
+    StepFailure where the balance does not determine a at the end (Gauss).
     """
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
@@ -46,10 +46,6 @@ class CollocationRule(Stepper):
             yield [self._end(x.phase, t[k : k + 2], ends[k + 1], a[k])]
 
     def __call__(self, x: State, t1: float) -> State:
-        """Return the state at t1.
-
-        Guesses: the last polynomial, then the last a; at a start the last a, 0, then all tangents.
-        """
         (t, ends, a, go_on), one = self._steps(x, np.array([t1])), self.system.collocate
         if isinstance(x, Collocated):
             tries = [(go_on[0] @ x.inside.a, one), (x.a, one)]
@@ -62,7 +58,6 @@ class CollocationRule(Stepper):
         raise self.stalled(t1, done)
 
     def _steps(self, x: State, times: Array) -> tuple[Array, Array, Array, Array]:
-        """Return t, ends, a, further of `System.collocate` from x to times ahead (m,)."""
         t, s = np.concatenate([[x.t], times]), self.rule.c.size
         ends, a = np.empty((t.size, 2, x.q.size)), np.empty((times.size, s, x.q.size))
         ends[0, 0], ends[0, 1] = x.q, x.v
@@ -72,7 +67,6 @@ class CollocationRule(Stepper):
         return t, ends, a, np.array([further(self.method.nodes, ratio) for ratio in ratios])
 
     def _end(self, phase: int, t: Array, end: Array, a: Array) -> State:
-        """Return the state after a step by q and v at its end and a at its nodes."""
         t0, t1 = t.tolist()
         if self.rule.c[-1] == 1.0:
             x = Collocated(t1, end[0], end[1], a[-1], phase)

@@ -1,4 +1,4 @@
-"""A step with the average of its balance (average vector field), which keeps energy."""
+"""A step with averaged balance (average vector field)."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from cablefem.newmark.states import Array, State
 from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import Solve, System
 
-# largest bound of Newton's method over the load: errors add up in the energy
+# bound of Newton's method over the load: errors add up
 LEAVES = 1e-9
 
 
@@ -19,7 +19,7 @@ class EnergyRule(Stepper):
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         super().__init__(system, method, replace(newton, tol=min(newton.tol, LEAVES)), work)
-        # acceleration in the middle of the last step, and its length
+        # a and length of the last step
         self._memory: list[tuple[State, tuple[Array, float]]] = []
 
     def __call__(self, x: State, t1: float) -> State:
@@ -47,7 +47,7 @@ class EnergyRule(Stepper):
             done = find_root(residual, linearise, update, self.bound, self.newton)
         if not self.balanced(done):
             raise self.stalled(t1, done)
-        # extrapolate a from the middles of two steps to the end
+        # extrapolated to the end
         after = end()
         if before is not None:
             after = after._replace(a=a + dt / (dt + before[1]) * (a - before[0]))

@@ -1,7 +1,4 @@
-"""States of rest under load, where a run begins inside the span.
-
-Newton's method on r(t, q, 0, 0) = 0 with the tangent K + w M; w falls with the residual. w = 0 is tried first.
-"""
+"""States of rest under load, by Newton's method with the tangent K + w M; w falls with the residual."""
 
 from __future__ import annotations
 
@@ -14,15 +11,15 @@ from cablefem.newmark.failures import StepFailure
 from cablefem.newmark.states import Array, State
 from cablefem.newmark.system import System, consistent_acceleration
 
-WEIGHTS = (0.0, 1e1, 1e3, 1e5)  # [1/time^2] first w of each attempt
+WEIGHTS = (0.0, 1e1, 1e3, 1e5)  # [1/time^2] first w
 ITERATIONS = 200  # of one attempt
 TOL = 1e-12  # of the force scale
 ROUNDING = 1e3  # accepted over the bound
-APART = 1e-4  # difference of places for the velocity, over the shorter side
+APART = 1e-4  # of the shorter side, for differences
 
 
 def equilibrium(system: System) -> Array:
-    """Return q with r(0, q, 0, 0) = 0; StepFailure if none is found."""
+    """Return q at rest; StepFailure if none is found."""
     bound = TOL * system.force_scale + math.sqrt(system.n_dof) * system.force_floor
     zero = np.zeros(system.n_dof)
     for first in WEIGHTS:
@@ -43,7 +40,7 @@ def equilibrium(system: System) -> Array:
 
 
 def begun(system: System, standing: Callable[[float], System], s_o: float, ds_o: float) -> State:
-    """Return the state of a mass at s_o: at rest, or moving through states of rest with ds_o.
+    """Return the state of a mass at s_o, at rest or moving through states of rest.
 
     standing : the system with its mass held at a place.
     """

@@ -1,4 +1,4 @@
-"""Events: a value of the system falls to zero inside a step."""
+"""Events: a value falls to zero inside a step."""
 
 import math
 
@@ -13,7 +13,7 @@ EPS = float(np.finfo(float).eps)
 
 
 def rounding(t: float) -> float:
-    """Length of a step that rounding of t does not resolve."""
+    """Least length of a step."""
     return 16.0 * EPS * abs(t)
 
 
@@ -22,7 +22,7 @@ def due(system: System, x: State) -> list[str]:
 
 
 def pass_events(system: System, names: list[str], x: State, t: float, work: Work) -> State | None:
-    """Let the events happen, noted at t; return the state to go on from, None for the end."""
+    """Let events happen, noted at t; return the state after them or None."""
     for name in names:
         if name is not names[0] and name not in due(system, x):
             continue
@@ -35,10 +35,7 @@ def pass_events(system: System, names: list[str], x: State, t: float, work: Work
 
 
 def first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[State, list[str]]:
-    """Return the state of the first event between x0 and x1 and all names due there; (x1, []) if none.
-
-    Each trial is a step from x0.
-    """
+    """Return the first event in a step with all names due there; (x1, []) if none."""
 
     def values(x: State) -> tuple[float, ...]:
         found = system.watch(x)
@@ -51,7 +48,7 @@ def first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[St
     fallen = [i for i, value in enumerate(after) if 0.0 < before[i] < math.inf and value <= 0.0]
     if not fallen:
         return x1, []
-    from scipy.optimize import brentq  # slow to load, not always needed
+    from scipy.optimize import brentq  # slow to load
 
     for i in fallen:
         last = end
@@ -66,7 +63,7 @@ def first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[St
                 end = x
             return found
 
-        if values(end)[i] <= 0.0:  # not later than those found
+        if values(end)[i] <= 0.0:
             brentq(value, x0.t, last.t, xtol=rounding(last.t) / 4.0, rtol=4.0 * EPS, disp=False)
     at_end = values(end)
     return end, [system.events[i] for i in fallen if at_end[i] <= 0.0]

@@ -1,8 +1,8 @@
-"""How a run may end before its end."""
+"""Failures of a run."""
 
 
 class StepFailure(RuntimeError):
-    """A step could not be taken; `t` [system's time], `cause`, and what to try."""
+    """A step failed; `t` [system's time], `cause`, and what to try."""
 
     def __init__(self, t: float, cause: str, advice: str) -> None:
         super().__init__(f"{cause} at t = {t:.6g}; {advice}")
@@ -10,15 +10,15 @@ class StepFailure(RuntimeError):
 
 
 class NewtonStalled(StepFailure):
-    """Newton's method found no balance at the end of the step."""
+    """Newton's method did not converge."""
 
 
 class EndlessEvents(StepFailure):
-    """Events follow one another without end."""
+    """Events repeat without end."""
 
     def __init__(self, t: float, cause: str) -> None:
         super().__init__(t, cause, "what changes at the event does not keep it from happening again at once")
 
 
 class StepUnderflow(StepFailure):
-    """A step has become so short that rounding does not resolve it."""
+    """A step is within rounding of t."""

@@ -18,18 +18,18 @@ from cablefem.newmark.states import Array, State
 from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import System
 
-# pieces and rule of a step from an abrupt acceleration (Rannacher 1984)
+# a step from an abrupt acceleration (Rannacher 1984)
 GENTLE, GENTLY = 4, Scheme("gentle", 0.5, 1.0)
 MOST_HALVINGS = 6  # of a step
-MOST_CUTS = 100  # failed steps, plus half the steps of a run
+MOST_CUTS = 100  # failed steps, besides half of all
 MOST_EVENTS = 20  # without a step between them
-STRIDE, AHEAD = 256, 32  # most steps of a stride: of the grid, of an adaptive system
+STRIDE, AHEAD = 256, 32  # longest strides, of the grid and adaptive
 ALONE = 16  # single steps after a failed stride
-GROWN = 2.0  # longest over shortest step of an adaptive stride
+GROWN = 2.0  # longest over shortest step of a stride
 
 
 def integrate(system: System, method: Scheme, times: Sequence[Array], **kind: Any) -> Iterator[State]:
-    """Yield the states of a run one by one, see `stretches`."""
+    """Yield the states of `stretches` one by one."""
     for states in stretches(system, method, times, **kind):
         yield from states
 
@@ -42,9 +42,9 @@ def stretches(
 
     times : per phase the instants to step on, ends included (`step_times`).
     start : state to go on from, inside its phase; events due there happen first.
-    An event is a step, too: its state before the change is yielded, and noted in `work.events`.
+    Events are steps, too; the state before the change is yielded.
 
-    Raises StepFailure; states yielded before stay valid.  NaN never counts as converged.
+    Raises StepFailure; states yielded before stay valid.
     """
     work = Work() if work is None else work
     rule = CollocationRule if method.nodes else EnergyRule if method.average else NewmarkRule
@@ -65,20 +65,18 @@ def stretches(
 
 
 class _March:
-    """One phase of a run."""
-
     def __init__(self, step: Stepper, gentle: Stepper | None, state: State, work: Work) -> None:
         self.system, self.step, self.gentle, self.work = step.system, step, gentle, work
         self.state = state
-        self.shown = self.jumped = state.t  # times of the last state yielded and of the last event
-        self.fresh = True  # no step since a jump
-        self.alone = 1  # single steps to take before a stride
-        self.pieces = 0  # left of a gentle step
-        self.halvings = 0  # of the next step
+        self.shown = self.jumped = state.t  # times of the last output, last event
+        self.fresh = True
+        self.alone = 1  # single steps before a stride
+        self.pieces = 0
+        self.halvings = 0
         self.crowd = 0
 
     def through(self, grid: Array) -> Generator[Sequence[State], None, State | None]:
-        """Yield the states to the end of the phase; return the one to go on from, or None."""
+        """Yield states to the end of the phase; return the last one, or None."""
         edges = [self.state.t, *grid[grid > self.state.t].tolist()]
         for i, (before, t) in enumerate(itertools.pairwise(edges)):
             self.halvings = self.crowd = 0
@@ -115,10 +113,7 @@ class _March:
         return self.alone < ALONE
 
     def _one(self, before: float, t: float, size: int) -> tuple[State, list[str]] | None:
-        """Take a step towards t; return its end and events, None to try half the length.
-
-        before : the instant of the grid before t;  size : of the grid.
-        """
+        """Take a step towards t; return its end and events, None to try half the length."""
         state, system = self.state, self.system
         length = t - before
         if system.adaptive:
@@ -147,7 +142,6 @@ class _March:
         return found
 
     def _pass(self, x: State, names: list[str]) -> State | None:
-        """Let the events at x happen; return the state to go on from, or None."""
         self.crowd = self.crowd + len(names) if names else 0
         if not names:
             return x
@@ -159,7 +153,6 @@ class _March:
         return pass_events(self.system, names, x, self.shown, self.work)
 
     def _pieces(self, edges: list[float]) -> list[float]:
-        """Return the ends of the next steps of an adaptive system at constant velocity."""
         x, now, most, ends = self.state, self.state.t, math.inf, list[float]()
         for before, t in itertools.pairwise(edges):
             while t - now > rounding(t):

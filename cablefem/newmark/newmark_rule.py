@@ -1,4 +1,4 @@
-"""A step of Newmark's family, generalised-alpha included."""
+"""A step of Newmark's family with generalised-alpha."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -17,12 +17,11 @@ class NewmarkRule(Stepper):
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         super().__init__(system, method, newton, work)
-        self._stalled: tuple[float, float, Settled] | None = None  # failed step of a stride, from and to
+        self._stalled: tuple[float, float, Settled] | None = None  # failed step: from, to
         self._rule = np.eye(3, 5)  # see `System.settle`
         self._rule[:, 4] = 1.0 - method.alpha_f, 1.0 - method.alpha_f, 1.0 - method.alpha_m
 
     def _set(self, rule: Array, dt: Any, goes_on: float) -> None:
-        """Set predictor and corrector of steps dt, () or (m,), in rules (..., 3, 5)."""
         beta, gamma = self.method.newmark_beta, self.method.newmark_gamma
         rule[..., 0, 1], rule[..., 0, 2] = dt, dt * dt * (0.5 - beta + goes_on * beta)
         rule[..., 1, 2] = dt * (1.0 - gamma + goes_on * gamma)
@@ -58,7 +57,6 @@ class NewmarkRule(Stepper):
         dt, start = t1 - x.t, np.array([x.q, x.v, x.a])
         t = float(self._instants(np.array([x.t]), np.array([t1]), x.phase)[0])
         now = np.empty_like(start)
-        # guesses: the same acceleration, else zero
         for goes_on in (1.0, 0.0):
             if goes_on and self._stalled is not None and self._stalled[:2] == (x.t, t1):
                 done = self._stalled[2]

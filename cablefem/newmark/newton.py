@@ -1,4 +1,4 @@
-"""Newton's method with a kept tangent and halved corrections."""
+"""Newton's method."""
 
 import math
 from collections.abc import Callable
@@ -12,8 +12,8 @@ MOST_HALVINGS = 5  # of one correction
 class Newton:
     """Settings of Newton's method; converged: |r| <= tol * system.force_scale + sqrt(n_dof) * system.force_floor.
 
-    The tangent is kept while an iteration cuts the residual by `reuse` or more.  After `patience` iterations,
-    corrections that do not lower the residual are halved.  The method stops if `enough` iterations seem too few.
+    The tangent is kept while |r| falls by `reuse` or more.  After `patience` iterations corrections are halved
+    until |r| falls.  The method stops if `enough` iterations seem too few.
     """
 
     tol: float = 1e-4
@@ -32,7 +32,7 @@ STANDARD = Newton()
 
 
 class Settled(NamedTuple):
-    """Last |r|, converged if at most the bound, and the work."""
+    """Last |r| and the work."""
 
     norm: float
     iterations: int
@@ -44,7 +44,7 @@ def find_root(
     residual: Callable[[], Any], linearise: Callable[[], tuple[Any, Callable]], update: Callable[[Any], None],
     bound: float, newton: Newton,
 ) -> Settled:  # fmt: skip
-    """Take corrections, `update(x)` subtracts x, until |residual()| <= bound; NaN never counts as converged."""
+    """Take corrections, `update(x)` subtracts x, until |residual()| <= bound; NaN never converges."""
     norm, factorisations, residuals, anew = math.inf, 0, 0, True
     for iteration in range(newton.max_iter):
         if anew:

@@ -1,4 +1,4 @@
-"""Every time integration by name."""
+"""Time integrations by name."""
 
 import math
 from dataclasses import dataclass
@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Scheme:
-    """A time integration: Newmark (1959), generalised-alpha, collocation or averaging.
+    """Newmark (1959), generalised-alpha, collocation or averaging.
 
     alpha_m, alpha_f : the balance uses a at 1 - alpha_m and t, q, v at 1 - alpha_f of the step (Chung & Hulbert 1993).
-    nodes : of collocation, in units of the step (Hairer & Wanner 1996, section IV.5).
-    average : of the balance over the step (average vector field: Quispel & McLaren 2008).
+    nodes : in units of the step (Hairer & Wanner 1996, section IV.5).
+    average : of the balance (Quispel & McLaren 2008).
     """
 
     name: str
@@ -27,12 +27,10 @@ class Scheme:
 
     @property
     def damps(self) -> bool:
-        """Whether it damps what it cannot resolve."""
         return self.nodes[-1] == 1.0 if self.nodes else self.newmark_gamma > 0.5
 
     @property
     def order(self) -> int:
-        """Order of q and v for smooth motions."""
         if self.nodes:
             return 2 * len(self.nodes) - (self.nodes[-1] == 1.0)
         return 2 if abs(self.newmark_gamma - 0.5 + self.alpha_m - self.alpha_f) < 1e-12 else 1
@@ -46,13 +44,13 @@ GAUSS = ((3.0 - math.sqrt(3.0)) / 6.0, (3.0 + math.sqrt(3.0)) / 6.0)
 def scheme(name: str, *, newmark_gamma: float = 0.6, rho_inf: float = 0.9) -> Scheme:
     """Return a scheme by name.
 
-    trapezoidal        beta 1/4, gamma 1/2: second order, no dissipation; unconditionally stable for linear systems only
-    newmark            beta = (gamma + 1/2)^2 / 4: first order, damped
-    generalized-alpha  second order, spectral radius rho_inf at infinite frequency
-    energy             second order, keeps energy
-    radau              Radau IIA, three nodes: fifth order, L-stable
-    gauss              Gauss, two nodes: fourth order, keeps quadratic energies
-    central-difference beta 0, gamma 1/2: stable for dt < 2/omega_max only
+    trapezoidal        second order; unconditionally stable for linear systems.
+    newmark            first order, damped.
+    generalized-alpha  second order, spectral radius rho_inf at infinite frequency.
+    energy             second order, keeps energy.
+    radau              fifth order, L-stable.
+    gauss              fourth order, keeps quadratic energies.
+    central-difference second order; stable for dt < 2/omega_max.
     """
     if name == "trapezoidal":
         return Scheme(name)

@@ -1,4 +1,4 @@
-"""States of a system: one, many of one phase, all of a run."""
+"""States of a system."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 class State(NamedTuple):
-    """State at one instant; `phase` is the index in `System.phases`."""
+    """State at one instant, in a phase of `System.phases`."""
 
     t: float
     q: Array  # (n_dof,)
@@ -21,7 +21,7 @@ class State(NamedTuple):
 
 
 class Inside(NamedTuple):
-    """Accelerations at the nodes of a collocation step."""
+    """Accelerations at collocation nodes."""
 
     nodes: tuple[float, ...]
     dt: float
@@ -35,7 +35,7 @@ class Collocated(State):
 
 
 class Stretch(Sequence[State]):
-    """States of one phase as arrays, faster than `State` objects."""
+    """States of one phase as arrays."""
 
     __slots__ = ("phase", "rows", "t")
 
@@ -106,7 +106,7 @@ class Course(Sequence[State]):
 
 
 class Stacked:
-    """States as arrays over time, made on demand."""
+    """States as arrays over time."""
 
     def __init__(self, states: Sequence[State]) -> None:
         self._parts: Sequence[Sequence[State]] = states.parts if isinstance(states, Course) else [states]

@@ -1,4 +1,4 @@
-"""Base class of the rules of a step, and the work of a run."""
+"""Base class of step rules."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -13,7 +13,7 @@ from cablefem.newmark.system import System
 
 
 class Passed(NamedTuple):
-    """An event that has happened; a state with this t has been yielded."""
+    """An event; a state with its t has been yielded."""
 
     name: str
     t: float
@@ -21,7 +21,7 @@ class Passed(NamedTuple):
 
 @dataclass(slots=True)
 class Work:
-    """Countable work of a run, and its events."""
+    """Work and events of a run."""
 
     steps: int = 0
     rejected: int = 0
@@ -32,7 +32,7 @@ class Work:
 
 
 class Stepper:
-    """One rule on one system: `stepper(x, t1)` returns the state at t1 after a step from x."""
+    """Rule of a step: `stepper(x, t1)` returns the state at t1 after a step from x."""
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         self.system, self.method, self.newton, self.work = system, method, newton, work
@@ -43,11 +43,11 @@ class Stepper:
         raise NotImplementedError
 
     def stride(self, x: State, times: Array) -> Iterator[Sequence[State]]:
-        """Yield the states at times ahead as far as the system strides; the last of a group may be an event."""
+        """Yield states at the times ahead as long as the system strides; an event may end a group."""
         return iter(())
 
     def balanced(self, done: Settled) -> bool:
-        """Count the work; return whether Newton's method has converged."""
+        """Count the work; return whether it has converged."""
         self.count(done.iterations, done.factorisations, done.residuals)
         return done.norm <= self.bound
 

@@ -7,14 +7,14 @@ import numpy as np
 from cablefem.newmark.states import Array
 from cablefem.newmark.system import System
 
-GROWTH = 1.15  # of each step of a ramp over the one before
+GROWTH = 1.15  # of steps in ramps
 
 
 def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 1.0) -> list[Array]:
-    """Return per phase the instants to step on: about `steps` (2 or more) equal steps by `System.pace`.
+    """Return per phase the instants to step on: about `steps` equal steps by `System.pace`.
 
-    The last instant is left out: a system may lose its meaning there.
-    entry, exit : first and last step over the uniform one.  The ramps between come on top of `steps`.
+    The last instant is left out, for systems may be singular there.
+    entry, exit : first and last step over the uniform one.
     """
     phases, pace = system.phases, system.pace()
     if pace is not None:

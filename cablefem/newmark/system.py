@@ -1,4 +1,4 @@
-"""The protocol of systems that the time loop can march."""
+"""The protocol of systems."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -14,23 +14,23 @@ from cablefem.newmark.tableau import Tableau
 Solve = Callable[[Array], Array]
 NO_STEPS = np.empty((0, 3, 0)), np.empty((0, 4))
 
-# Gauss-Legendre points and weights on [0, 1]
+# Gauss-Legendre points and weights
 AVERAGE = tuple(0.5 * (x + (1.0, 0.0)[i]) for i, x in enumerate(np.polynomial.legendre.leggauss(4)))
 
 
 class System(Protocol):
-    """A second-order system r(t, q, v, a) = 0 with v = dq/dt, a = dv/dt, linear in a.
+    """A second-order system r(t, q, v, a) = 0, v = dq/dt, a = dv/dt, linear in a.
 
     A subclass sets the first four attributes and defines `start`, `residual` and `linearise`.
     """
 
     n_dof: int
-    phases: tuple[tuple[float, float], ...]  # consecutive [t0, t1]; accelerations may jump between them
+    phases: tuple[tuple[float, float], ...]  # consecutive [t0, t1]
     force_scale: float
     force_floor: float
     events: tuple[str, ...] = ()
-    strides: bool = False  # `stride` or `collocate` take many steps at once
-    heeded: float = -math.inf  # `stride` found no event up to this time
+    strides: bool = False  # many steps at once
+    heeded: float = -math.inf  # no event up to this time
     adaptive: bool = False  # `part` shortens steps
     at_support: bool = False  # `start` begins at the support only
 
@@ -47,7 +47,7 @@ class System(Protocol):
     ) -> tuple[Array, Solve]:
         """Return r and a function that applies (c0 dr/dq + c1 dr/dv + c2 dr/da)^-1 until the next call.
 
-        It may overwrite its argument, which is complex for complex factors.
+        It may overwrite its argument.
         """
         raise NotImplementedError
 
@@ -58,7 +58,7 @@ class System(Protocol):
         """Take a step of Newmark's family by Newton's method.
 
         start, now : (3, n_dof) rows q, v, a; `now` is set.
-        rule : (3, 5) columns predictor (3, 3), corrector c, balance w: now = predictor start - c da, with da such that
+        rule : (3, 5) predictor (3, 3), corrector c, balance w: now = predictor start - c da with
             |r(t, w now + (1 - w) start)| <= bound.
         """
         return iterate(self, t, phase, start, now, rule, bound, newton)
@@ -66,10 +66,10 @@ class System(Protocol):
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array]:
-        """Return the ends (k, 3, n_dof) of consecutive steps, and the fields of `Settled` of each.
+        """Return ends (k, 3, n_dof) of steps, and the fields of `Settled` of each.
 
         t, rules : (m,) and (m, 3, 5), see `settle`.
-        Stops before a step that may hold an event or fails; the failed one may have a row k.
+        Stops before a step that fails or may hold an event; a failed one may have a row k.
         """
         return NO_STEPS
 
@@ -79,13 +79,13 @@ class System(Protocol):
         """Take collocation steps between the times t (m + 1,), at least the first.
 
         ends : (m + 1, 2, n_dof) q and v; all but the first are set.
-        a : (m, s, n_dof) accelerations at the nodes, to be set; the first hold a guess.
-        further : (m, s, s) from a step's accelerations to the next guess.
+        a : (m, s, n_dof) at the nodes, to be set; the first hold a guess.
+        further : (m, s, s) from a step's a to the next guess.
         """
         return collocate(self, t, phase, ends, a, further, rule, bound, newton)
 
     def averaged(self, start: State, end: State) -> Array:
-        """Return r (n_dof,) averaged over a step, from start.q to end.q.
+        """Return r (n_dof,) averaged over a step.
 
         With a mass matrix M(q), T = v0 . M(q) v1 / 2 and potential V, energy is kept by
 
@@ -99,11 +99,11 @@ class System(Protocol):
 
     # --- the length of steps -----------------------------------------------------------------------------
     def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
-        """Return the times (n,) at which a prescribed travel is at the mean of its places, weighted 1 - w and w."""
+        """Return times (n,) of mean places, weighted 1 - w and w."""
         return (1.0 - w) * t0 + w * t1
 
     def pace(self) -> tuple[Array, Array] | None:
-        """Return times (m,) over the run, and a clock by which steps are equal."""
+        """Return times (m,), and a clock by which steps are equal."""
         return None
 
     def part(self, x: State, since: float, ahead: float = 0.0) -> float:
@@ -111,7 +111,7 @@ class System(Protocol):
         return 1.0
 
     def abrupt(self, x: State, dt: float) -> bool:
-        """Return whether the acceleration at x is too short-lived for a step dt."""
+        """Return whether x.a is too short-lived for a step."""
         return False
 
     # --- events ------------------------------------------------------------------------------------------
@@ -119,7 +119,7 @@ class System(Protocol):
         return None
 
     def watch(self, x: State) -> tuple[float, ...]:
-        """Return one value per event, which happens where the value falls from > 0 to <= 0.
+        """Return one value per event, which happens where it falls from > 0 to <= 0.
 
         An event with inf or <= 0 at the beginning of a step is not armed.
         """
@@ -133,7 +133,7 @@ class System(Protocol):
 def iterate(
     system: System, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
 ) -> Settled:
-    """Take a step as `System.settle`, with `residual` and `linearise`."""
+    """See `System.settle`; uses `residual` and `linearise`."""
     predictor, c, w = rule[:, :3], rule[:, 3:4], rule[:, 4:5]
     linear = (w * c)[:, 0].tolist()
     rest = (1.0 - w) * start

@@ -1,4 +1,4 @@
-"""Collocation rules as tables, and interpolation within steps."""
+"""Collocation rules and interpolation within steps."""
 
 from collections.abc import Sequence
 from functools import cache, lru_cache
@@ -15,25 +15,24 @@ Complex = NDArray[np.complex128]
 
 
 class Tableau(NamedTuple):
-    """A collocation rule with Lagrange polynomials l_j of its nodes c (s,) in units of the step."""
+    """A collocation rule with nodes c (s,) and their Lagrange polynomials l_j."""
 
     c: Array
     A: Array  # A_ij = int_0^c_i l_j
-    AA: Array  # A A
+    AA: Array
     ends: Array  # (2, s) b A and b, b_j = int_0^1 l_j: to q and v at the end
-    values: Complex  # (m,) eigenvalues of A, one of each pair
+    values: Complex  # (m,) eigenvalues, one of each pair
     to: Complex  # (m, s) to eigenvectors
     back: Complex  # (s, m) and back, real part
-    middle: int  # node next to the middle
-    powers: tuple[Array, Array, Array]  # coefficients of l_j, and of its two integrals from the end
+    middle: int
+    powers: tuple[Array, Array, Array]  # of l_j and its two integrals from the end
 
     @property
     def numbers(self) -> tuple[Array, Array, Array, Array, Complex, Complex, Complex, int]:
-        """All but the powers, for compiled code."""
         return self.c, self.A, self.AA, self.ends, self.values, self.to, self.back, self.middle
 
     def instants(self, t: Array) -> Array:
-        """Return the nodes (m, s) of steps between the times t (m + 1,)."""
+        """Return node times (m, s) of steps between t (m + 1,)."""
         at = t[:-1, None] + (t[1:] - t[:-1])[:, None] * self.c
         if self.c[-1] == 1.0:
             at[:, -1] = t[1:]
@@ -42,14 +41,13 @@ class Tableau(NamedTuple):
 
 @cache
 def tableau(nodes: tuple[float, ...]) -> Tableau:
-    """Return the rule that collocates at these nodes."""
     c = np.array(nodes)
     basis = [Polynomial.fromroots(np.delete(c, j)) / np.prod(x - np.delete(c, j)) for j, x in enumerate(c)]
     A = np.array([p.integ()(x) for x in c for p in basis]).reshape(c.size, c.size)
     b = np.array([p.integ()(1.0) for p in basis])
     values, back = np.linalg.eig(A)
     kept = values.imag >= 0.0
-    both = np.where(values.imag > 0.0, 2.0, 1.0)  # for conjugate pairs
+    both = np.where(values.imag > 0.0, 2.0, 1.0)
     powers = (
         np.array([p.coef for p in basis]).T,
         np.array([p.integ(1, lbnd=1.0).coef for p in basis]).T,
@@ -64,13 +62,13 @@ def tableau(nodes: tuple[float, ...]) -> Tableau:
 
 @lru_cache(maxsize=256)
 def further(nodes: tuple[float, ...], ratio: float) -> Array:
-    """Return (s, s) from accelerations of a step to their extrapolation at the nodes of one `ratio` as long."""
+    """Return (s, s) from accelerations to their extrapolation in a step `ratio` as long."""
     rule = tableau(nodes)
     return np.vander(1.0 + ratio * rule.c, len(nodes), increasing=True) @ rule.powers[0]
 
 
 def densified(states: Sequence[State], parts: int) -> list[State]:
-    """Return a history with each collocation step cut in `parts`."""
+    """Return a history with collocation steps cut in `parts`."""
     out = list(states[:1])
     for before, after in pairwise(states):
         if isinstance(after, Collocated):
@@ -95,7 +93,7 @@ def between(before: State, after: State, t: float) -> State:
 
 
 def cubic(x, dt, before, after) -> tuple[Array, Array]:
-    """Return q and v at x in [0, 1] of a step dt: the cubic by q and v of both ends."""
+    """Return q and v at x in [0, 1] of a step dt, from q and v at both ends."""
     d, v0, v1 = after.q - before.q, dt * before.v, dt * after.v
     c2, c3 = 3.0 * d - 2.0 * v0 - v1, v0 + v1 - 2.0 * d
     return before.q + x * (v0 + x * (c2 + x * c3)), (v0 + x * (2.0 * c2 + x * 3.0 * c3)) / dt

@@ -1,4 +1,4 @@
-"""Forces of a cable with its mass at a given place, and their banded tangent."""
+"""Forces of a cable with its mass, and their banded tangent."""
 
 import math
 from typing import Any, NamedTuple
@@ -10,12 +10,12 @@ from cablefem.elements.kernels.law import ELASTIC, pull, tension
 
 
 class Mesh(NamedTuple):
-    """Elements on the reference meshes: s = s_o xi behind the mass, s = s_o + (1 - s_o) xi ahead of it."""
+    """Elements on the reference meshes."""
 
     dofs: Any  # (n_el, n_loc) scalar unknowns, -1 on a support
     tab: Any  # (n_el, n_q, 2 + 2 n_loc) xi, weight, shape values, shape d/dxi
     n_left: int  # elements behind the mass
-    functions: tuple  # n_loc entries, for which the compiler unrolls loops; or empty
+    functions: tuple  # n_loc entries, to unroll loops; or empty
     points: tuple  # the same with n_q
 
 
@@ -52,10 +52,7 @@ class Instant(NamedTuple):
 
 @compiled
 def weigh(cable, now):
-    """Set the diagonals of M, C and K.
-
-    M = h M^, C = dh/dt M^ - G + G^T, K = -(dG/dt + H), G = ds_o G^, H = ds_o^2/h H^; a fixed mesh has M alone.
-    """
+    """Set the diagonals of M, C and K, see `following`; a fixed mesh has M only."""
     operators, bands, n = cable.operators, now.bands, now.bands.shape[2]
     s_o, ds, dds = now.place[0], now.place[1], now.place[2]
     if operators.shape[0] == 1:
@@ -84,7 +81,7 @@ def weigh(cable, now):
 
 @compiled
 def assemble(cable, now, x, r, ab, factors):
-    """Set the residual r at x, rows q, v and a; unless the factors are 0, set ab to c0 dr/dq + c1 dr/dv + c2 dr/da.
+    """Set the residual r at x, rows q, v and a; unless the factors are 0, the tangent ab.
 
     Return the least mean tension of an element and its s.
     """
@@ -167,7 +164,7 @@ def side_of(mesh, s_o, e):
 
 @compiled
 def stretch(cable, s_o, q):
-    """Set the points of the full cable, see `Cable`.
+    """Set the points of the full cable.
 
     Two loops: the second one is vectorised.
     """
@@ -199,7 +196,6 @@ def stretch(cable, s_o, q):
 
 @compiled
 def add_block(ab, row, col, j11, j12, j22):
-    """Add the symmetric 2 x 2 block of two nodes."""
     at = (ab.shape[1] - 1) // 3 + 2 * (col - row)
     ab[2 * row, at] += j11
     ab[2 * row, at + 1] += j12
@@ -211,7 +207,7 @@ def add_block(ab, row, col, j11, j12, j22):
 def add_forces(cable, s_o, r, ab, c0):
     """Add int f . phi' ds and, unless c0 = 0, int phi' df/dr' phi' ds.
 
-    Return the least mean tension of an element and the s of its middle.
+    Return the least mean tension and its s.
     """
     dofs, tab, at = cable.mesh.dofs, cable.mesh.tab, cable.points
     functions, points = len(cable.mesh.functions) or dofs.shape[1], len(cable.mesh.points) or tab.shape[1]
@@ -257,7 +253,7 @@ def add_forces(cable, s_o, r, ab, c0):
 def add_chord(cable, chord, s_o, q, r, ab, c0, tangent):
     """Add the internal force of the one-field models; return the tension along the chord.
 
-    Tested with phi': tau w' + h (y_n' + kap w'), h = alpha eps, eps = lam int (y_n' w' + kap w'^2 / 2) ds;
+    tau w' + h (y_n' + kap w'), h = alpha eps, eps = lam int (y_n' w' + kap w'^2 / 2) ds;
     law = (alpha, tau, curvature, lam, kap, law), y_n' = curvature (1/2 - s).  `increment` is set to
     int (y_n' + kap w') phi' ds, or to 0 where the cable is slack.
     """

@@ -7,7 +7,7 @@ import numpy as np
 
 from cablefem.elements.kernels import compiled
 
-KEEP = 0.1  # [-] least diagonal pivot over the largest of its column for which rows are not exchanged
+KEEP = 0.1  # least part of the column's largest for a diagonal pivot
 
 
 class Tangent(NamedTuple):
@@ -27,11 +27,10 @@ def size_of(x):
 def factorise(ab, pivots, pairs):
     """Factorise a banded matrix in place, P A = L U; return whether it is regular.
 
-    Gaussian elimination with threshold pivoting (Duff, Erisman & Reid 1986, section 5.2), which keeps rows short.
+    Threshold pivoting (Duff, Erisman & Reid 1986, section 5.2) keeps rows short.
 
-    pairs : whether rows come in pairs, two fields of a node; then in blocks of two as far as possible.
-    pivots : (2, n) row exchanged with each row, and last column of each row of U; of a block its last node.
-        pivots[0, 0] is minus the number of blocks, if there are any.
+    pairs : whether rows come in pairs, two fields of a node.
+    pivots : (2, n) row exchanged, last column of each row of U; of blocks the last node, and less their number first.
     """
     n, width = ab.shape
     band = (width - 1) // 3
@@ -96,7 +95,7 @@ def empty(ab, p, k):
 def eliminated(ab, pivots):
     """Eliminate blocks of two rows while no factor is above 1 / KEEP; return how many.
 
-    The inverse of a block takes its place.
+    A block becomes its inverse.
     """
     nodes, band = ab.shape[0] // 2, (ab.shape[1] - 1) // 3
     for p in range(nodes):
@@ -178,7 +177,7 @@ def solve(ab, pivots, b):
         b[i], b[i + 1] = ab[i, band] * u + ab[i, band + 1] * v, ab[i + 1, band - 1] * u + ab[i + 1, band] * v
 
 
-# loops: faster than BLAS at this length, and quicker to compile than array assignments
+# loops are faster than BLAS at this length
 
 
 @compiled
@@ -203,8 +202,6 @@ def subtract(factor, a, b):
 
 
 class Border(NamedTuple):
-    """Last column and last row of a bordered banded matrix."""
-
     lines: Any  # (3, n) column, row, and the column solved
     corner: Any  # (1,)
 

@@ -1,11 +1,11 @@
 """The row of a car that rolls: Lagrange's equation of its place s_o, the last unknown.
 
-With w. = dq/dt phi - c q phi', the velocity at fixed s, the discrete Lagrangian of (q, s_o) is
+The discrete Lagrangian of (q, s_o) is
 
     L = sum over sides of h int ( w.^2/2 - D ) dxi + mu |p.|^2/2 + mu sigma p_y,  D = W - T X'.w',
 
-c = ds_o chi as in `observing`, w' = q phi,xi / h, and p = X(s_o) + w the car's place.  The equations of q are those
-of `balance`.  The row of s_o has the force F_ext on p and F_drive on s_o.
+with w. = dq/dt phi - c q phi', c = ds_o chi, w' = q phi,xi / h and the car's place p = X(s_o) + w.
+Forces F_ext on p and F_drive on s_o act, too.
 """
 
 import math
@@ -24,8 +24,8 @@ FREE, HAUL, HELD = 0, 1, 2
 class Car(NamedTuple):
     """The car at an instant.
 
-    `mode` FREE: the last unknown is s_o.  HELD: the same with ds_o constant.  HAUL: s_o(t) is given, and the last
-    acceleration is the force of the rope along the mean tangent.
+    `mode` FREE: s_o is unknown.  HELD: ds_o is constant.  HAUL: s_o(t) is given, and the last acceleration is the force
+    of the rope along the mean tangent.
     """
 
     mode: int
@@ -46,14 +46,12 @@ class Car(NamedTuple):
 
 class Ride(NamedTuple):
     car: Car
-    slopes: Any  # (2, n_loc) shape d/dxi at the car, of the elements behind and ahead
+    slopes: Any  # (2, n_loc) shape d/dxi behind and ahead
     border: Border
     course: Any  # see `under_way`
 
 
 class Forces(NamedTuple):
-    """Forces on a car and what they follow from."""
-
     s_o: float
     ds: float
     dds: float
@@ -64,7 +62,7 @@ class Forces(NamedTuple):
     velocity: tuple  # (2,) p.
     inertia: tuple  # (2,) f = mu (p.. - sigma j)
     outside: tuple  # (2,) F_ext without the rope
-    normal: float  # n . C, C = f - F_ext, n = (-tau_y, tau_x) downwards: the car presses on the cable
+    normal: float  # n . (f - F_ext), n = (-tau_y, tau_x) downwards
     drive: float  # F_drive on s_o
 
 
@@ -81,7 +79,7 @@ def driven(car, now):
 
 @compiled
 def mean_tangent(mesh, slopes, s_o, xp, yp, q):
-    """Return the unit vector along the mean of r' behind and ahead, and the mean of |r'|."""
+    """Return the unit vector along the mean r', and the mean |r'|, of both sides."""
     mx, my, stretch = 0.0, 0.0, 0.0
     for side in range(2):
         e, h = (mesh.n_left - 1, s_o) if side == 0 else (mesh.n_left, 1.0 - s_o)
@@ -120,8 +118,7 @@ def forces(cable, car, slopes, x):
 def roll(cable, ride, now, x, r, ab, factors):
     """Set the residual of cable and car and, unless the factors are 0, its bordered tangent.
 
-    now.place : see `driven`.
-    Return the least mean tension of an element, its s, the left side of the row of s_o, and the normal force.
+    Return the least mean tension, its s, the left side of the row of s_o, and the normal force.
     The tangent omits the turning of the mean tangent.
     """
     car = driven(ride.car, now.place)
@@ -152,7 +149,7 @@ def roll(cable, ride, now, x, r, ab, factors):
 
 @compiled
 def add_force_row(cable, s_o, border, c0):
-    """Return the cable's strain in the row of s_o; add its derivatives to the border."""
+    """Return the cable's strain in the row of s_o; add its tangent to the border."""
     mesh, law, at = cable.mesh, cable.law, cable.points
     column, row, n_q, n_loc = border.lines[0], border.lines[1], mesh.tab.shape[1], mesh.dofs.shape[1]
     alpha, sigma = law[0], law[1]
@@ -191,7 +188,7 @@ def add_force_row(cable, s_o, border, c0):
 
 @compiled
 def rows_of(cable, side, node):
-    """Return the rows (from, to) of a side and its M, G, G^T, H."""
+    """Return the rows (from, to) and M, G, G^T, H of a side."""
     operators = cable.operators
     rows = (0, node + 2) if side == 0 else (node, operators.shape[2])
     return rows, operators[side], operators[2 + side], operators[4 + side], operators[6 + side]
@@ -199,10 +196,7 @@ def rows_of(cable, side, node):
 
 @compiled
 def add_inertia_row(cable, node, push, x, border, factors):
-    """Return the cable's inertia in the row of s_o; add its derivatives to the border.
-
-    Kinetic energy of a side: h/2 v.M v - ds_o v.G q + ds_o^2/(2h) q.H q.
-    """
+    """Return the cable's inertia in the row of s_o; add its tangent to the border."""
     n, ds, dds, (c0, c1, c2) = cable.operators.shape[2], push.ds, push.dds, factors
     q, v, a, column, row = x[0], x[1], x[2], border.lines[0], border.lines[1]
     y, total, corner = np.empty((9, n)), 0.0, 0.0
@@ -241,7 +235,7 @@ def add_inertia_row(cable, node, push, x, border, factors):
 
 @compiled
 def kinetic(cable, car, x, momentum, gradient):
-    """Set M(q) v and d/dq (v . M(q) w) / 2 of cable and car; x : rows q, v, w, s_o last."""
+    """Set M(q) v and d/dq (v . M(q) w) / 2 of cable and car; x : rows q, v, w."""
     n, m, q, v, w = cable.operators.shape[2], 2 * car.node, x[0], x[1], x[2]
     s_o, dv, dw = q[n], v[n], w[n]
     y = np.empty((5, n))
@@ -272,7 +266,6 @@ def kinetic(cable, car, x, momentum, gradient):
 
 @compiled
 def add_car(car, push, carried, border, ab, factors):
-    """Add the car's inertia, drag and friction to the bordered tangent."""
     m, at, (c0, c1, c2) = 2 * car.node, (ab.shape[1] - 1) // 3, factors
     (xp, yp), (xpp, ypp), tau = push.slope, push.bend, push.tau
     column, row = border.lines[0], border.lines[1]
@@ -308,8 +301,7 @@ def add_car(car, push, carried, border, ab, factors):
 def under_way(cable, ride, place, x):
     """Return whether a car at x has had no event.
 
-    ride.course : (6,) bounds of s_o, signs of ds_o and of the speed (0: any), least speed, least normal force;
-        empty: events are not looked for.
+    ride.course : (6,) bounds of s_o, signs of ds_o and of speed (0: any), least speed, least normal force; or empty.
     """
     if ride is None:
         return True

@@ -1,7 +1,7 @@
 """Compiled Newton's method for collocation steps; see `cablefem.newmark.collocation`.
 
-As in RADAU5 (Hairer & Wanner 1996, section IV.8), the tangent of the middle node serves all nodes.
-The eigenvectors of the tableau split it into real and complex systems.  Factors are kept for the next steps.
+As in RADAU5 (Hairer & Wanner 1996, section IV.8), the middle node's tangent serves all nodes.
+Factors are kept for the next steps.
 """
 
 import math
@@ -15,8 +15,8 @@ from cablefem.elements.kernels.banded import Border
 from cablefem.elements.kernels.car import Ride, under_way
 from cablefem.elements.kernels.newton import HALVINGS, NO_TANGENT, balance, coupling, factorise, solve
 
-SAME = 1e-6  # largest relative change of the step with kept factors
-SERVES = 0.03  # largest rate of convergence at which the next step keeps the factors
+SAME = 1e-6  # relative change of the step with kept factors
+SERVES = 0.03  # rate of convergence with kept factors
 
 
 class Rule(NamedTuple):
@@ -104,7 +104,7 @@ def collocate(cable, space, steps, rule, limits):
 def settle(cable, space, step, rule, limits):
     """Find the accelerations; return (|r|, iterations, factorisations, residuals), least tension, its s.
 
-    A correction with old factors that does not help is taken back; others are halved.
+    With old factors, a correction that does not help is taken back.
     """
     old = abs(space.kept[0] - step.dt) <= SAME * step.dt
     anew, iterations, factorisations, residuals = not old, 0, 0, 0
@@ -150,7 +150,7 @@ def hopeless(norm, before, iterations, limits):
 
 @compiled
 def residual(cable, space, step, rule):
-    """Set states and residuals of the nodes; return |r|, and the least tension at the last node and its s."""
+    """Set states and residuals of the nodes; return |r|, and the least tension and its s at the last."""
     square, least, where = 0.0, math.inf, 0.0
     for i in range(step.a.shape[0]):
         at_node(step, rule, i, space.x[i])
@@ -190,7 +190,6 @@ def finish(step, rule, end):
 
 @compiled
 def spread(weights, of, out):
-    """Set out to weights (m, s) times of (s, n)."""
     out[:] = 0.0
     for i in range(weights.shape[0]):
         for k in range(weights.shape[1]):
@@ -209,7 +208,6 @@ def take_off(share, da, a):
 
 @compiled
 def factors(cable, space, step, rule):
-    """Factorise the tangents for all eigenvalues; return whether all are regular."""
     parts, lines, middle, regular = space.parts, space.lines, rule.middle, True
     corners, spare = np.empty(3), np.empty(space.r.shape[1])
     for k in range(3):
@@ -238,7 +236,6 @@ def with_border(ride, lines, corner):
 
 @compiled
 def factorised(cable, side, parts, lines, corners, weights):
-    """Factorise c0 dr/dq + c1 dr/dv + dr/da; return whether it is regular."""
     c0, c1 = weights
     blend(c0, c1, parts, side.work.ab)
     blend_border(side.ride, c0, c1, lines, corners)
@@ -262,10 +259,7 @@ def blend(c0, c1, parts, out):
 
 @compiled
 def even(cable, ride, space, step, c0, middle):
-    """Scale the rows of each node so that the middle tangent fits its diagonal.
-
-    Behind a mass that starts from rest, lengths grow as t^2 and the stiffness falls.
-    """
+    """Scale the rows of each node so that the middle tangent fits its diagonal."""
     if ride is not None:
         return
     bands, parts, scales, mesh = space.bands, space.parts, space.scales, cable.mesh
@@ -285,7 +279,6 @@ def even(cable, ride, space, step, c0, middle):
 
 @compiled
 def solutions(space, rule):
-    """Set da to the solution for r."""
     (s, n), r, da = space.r.shape, space.r, space.da
     real, along = np.empty(n), np.empty(n, dtype=np.complex128)
     da[:] = 0.0

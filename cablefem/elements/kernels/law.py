@@ -9,10 +9,7 @@ ELASTIC, TENSION_ONLY = 0.0, 1.0
 
 @compiled
 def tension(eps, T, alpha, law):
-    """Return N = T + alpha eps, dN/deps and W = int N deps (3)-(4); tension-only: N >= 0.
-
-    T : static tension, at eps = 0.
-    """
+    """Return N = T + alpha eps, dN/deps and W = int N deps (3)-(4); tension-only: N >= 0."""
     N = T + alpha * eps
     if law == TENSION_ONLY and N <= 0.0:
         return 0.0, 0.0, -0.5 * T * T / alpha
@@ -21,10 +18,7 @@ def tension(eps, T, alpha, law):
 
 @compiled
 def pull(xp, yp, T, du, dv, alpha, law):
-    """Return f = N t - T X' (2,), its derivative (k_geo I + k_mat r' r'^T) by w', N, W, eps; r' = X' + w', t = r'/|r'|.
-
-    Without cancellation: f = 0 exactly where w' = 0.
-    """
+    """Return f = N t - T X' (2,), df/dw' = k_geo I + k_mat r' r'^T as its factors, N, W, eps; t = r'/|r'|."""
     rx, ry = xp + du, yp + dv
     stretch = math.sqrt(rx * rx + ry * ry)
     eps = (2.0 * (xp * du + yp * dv) + du * du + dv * dv) / (stretch + 1.0)

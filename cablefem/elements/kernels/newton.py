@@ -26,8 +26,6 @@ class Steps(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """See `cablefem.newmark.Newton`."""
-
     bound: float
     max_iter: int
     reuse: float
@@ -37,7 +35,7 @@ class Limits(NamedTuple):
 
 @compiled
 def balance(cable, ride, now, x, r, ab, factors):
-    """Set r and, unless the factors are 0, the tangent; return the least mean tension and its s."""
+    """Set r and, unless the factors are 0, the tangent; return the least tension and its s."""
     if ride is None:
         return assemble(cable, now, x, r, ab, factors)
     least, where, _, _ = roll(cable, ride, now, x, r, ab, factors)
@@ -48,7 +46,7 @@ def balance(cable, ride, now, x, r, ab, factors):
 def factorise(work, chord, ride, strength):
     """Factorise a tangent; return whether it is regular.
 
-    chord : adds strength increment increment^T to the banded matrix (Sherman & Morrison's formula).
+    chord : adds strength increment increment^T (Sherman & Morrison's formula).
     """
     regular = banded.factorise(work.ab, work.pivots, chord is None)
     if chord is not None:
@@ -68,7 +66,6 @@ def factorise(work, chord, ride, strength):
 
 @compiled
 def solve(work, chord, ride, b):
-    """Overwrite b with the solution."""
     n = work.ab.shape[0]
     banded.solve(work.ab, work.pivots, b[:n])
     if chord is not None:
@@ -81,7 +78,7 @@ def solve(work, chord, ride, b):
 
 @compiled
 def coupling(cable, c0):
-    """Return alpha lam c0, the strength of a chord's increment; the full cable has no chord."""
+    """Return alpha lam c0, the strength of a chord's increment."""
     return c0 * (cable.law[0] * cable.law[3])
 
 
@@ -90,7 +87,7 @@ def settle(cable, ride, work, bands, steps, limits):
     """Take steps one after another; return how many converged before a slack element or an event of the car."""
     n, x = steps.start.shape[1], np.empty_like(steps.start)
     r, da = np.empty(n), np.empty(n)
-    patience = limits.patience if ride is None else 0  # else Newton may find another root near a support
+    patience = limits.patience if ride is None else 0  # else another root near a support
     for k in range(steps.rules.shape[0]):
         begin, end, rule = steps.start if k == 0 else steps.ends[k - 1], steps.ends[k], steps.rules[k]
         now = Instant(steps.places[k], bands, steps.contact)

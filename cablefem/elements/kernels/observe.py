@@ -1,4 +1,4 @@
-"""Compiled sums over the points of the cable, and fields along it."""
+"""Compiled sums and fields along the cable."""
 
 import math
 
@@ -9,9 +9,9 @@ from cablefem.elements.kernels.law import tension
 
 @compiled
 def strains(cable, s_o, q, energy, least, where, force):
-    """Set energy and tension of the full cable for states q (n, n_dof).
+    """Set energy and tension of the full cable for q (n, n_dof).
 
-    energy : (n,) int W ds;  least, where : (n,) least tension N (below 0: slack) and its s;
+    energy : (n,) int W ds;  least, where : (n,) least N (below 0: slack) and its s;
     force : (n, 2, 2) int f dxi of each side.
     """
     mesh, law, at = cable.mesh, cable.law, cable.points
@@ -34,9 +34,9 @@ def strains(cable, s_o, q, energy, least, where, force):
 
 @compiled
 def fields(mesh, shapes, e, x, of, out):
-    """Set out (4, k, m, n_fields) to q, v, dq/dx and int r dx from 0 to x, at x (k, m) in elements e (k, m).
+    """Set out (4, k, m, n_fields) to q, v, dq/dx and int r dx, at x (k, m) in elements e (k, m).
 
-    of : (4, k, n, n_fields) q, v, r behind the mass and r ahead of it.
+    of : (4, k, n, n_fields) q, v, r behind the mass and r ahead.
     """
     n_loc = shapes.shape[0]
     for k in range(e.shape[0]):
