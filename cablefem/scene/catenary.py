@@ -126,15 +126,15 @@ class Catenary:
         return self.horizontal_tension * mean
 
     def x(self, s) -> np.ndarray:
-        """[m] at arc length s [m], same shape."""
+        """Horizontal place [m] at arc length s [m], same shape."""
         return self.length * shape(np.asarray(s) / self.length, self.sigma, self.c)[0]
 
     def y(self, s) -> np.ndarray:
-        """Below the left support [m] at arc length s [m], same shape."""
+        """Depth below the left support [m] at arc length s [m], same shape."""
         return self.length * shape(np.asarray(s) / self.length, self.sigma, self.c)[1]
 
     def tension(self, s) -> np.ndarray:
-        """[N] at arc length s [m], same shape."""
+        """Tension [N] at arc length s [m], same shape."""
         return self.horizontal_tension * static(np.asarray(s) / self.length, self.sigma, self.c)[0]
 
 
@@ -154,7 +154,7 @@ def tension_range(span: float, weight: float) -> tuple[float, float]:
 
 
 def _sinhc_minus_1(z: float) -> float:
-    """sum_k z^2k/(2k+1)!"""
+    """sinh(z)/z - 1 = sum_k z^2k/(2k+1)!, without cancellation."""
     if abs(z) > 1.0:
         return math.sinh(z) / z - 1.0
     term = total = z * z / 6.0

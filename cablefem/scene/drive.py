@@ -36,7 +36,7 @@ MODES = ("grip", "haul", "free")
 # [l] range of a rolling car: nearer to a support, contact force and tension grow like one over the distance
 NEAREST_START, FARTHEST_END = 1e-4, 0.99
 START = 0.01  # [l] where a rolling car begins by default
-# steps of a ride; others are fractions of these times, see `Drive.part_of_step`
+# steps of a ride; a step is at most 1/12, 1/240, ... of the times below, see `Drive.part_of_step`
 STANDARD = 1000.0
 SINCE = 12.0  # since a jump of force, and to a support
 RINGS = 240.0  # axial round trip

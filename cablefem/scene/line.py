@@ -141,7 +141,7 @@ class Case:
 
     @property
     def fixed_places(self) -> np.ndarray:
-        """(n, 2) [m], nan where unknown."""
+        """Places of the stations (n, 2) [m], nan where unknown."""
         return np.array([[np.nan, np.nan] if p.kind == "spring" else [p.x, p.y] for p in self.stations])
 
     @property

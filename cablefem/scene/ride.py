@@ -190,7 +190,7 @@ class _Rolling:
         self.path, self.drive, self.turns = path, drive, turns
         self.forces = Forces(path, mu, sigma, drive)
         self.t, self.s, self.v, self.phase = 0.0, drive.start, 0.0, 0
-        self.sign = 0.0  # of the motion
+        self.sign = 0.0  # of the motion that friction opposes
         self.brakes = bisect.bisect_right(self.forces.places, drive.start)  # number reached
         self.end = min(drive.end_time, HORIZON)
         self.events: list[Event] = []

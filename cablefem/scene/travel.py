@@ -320,7 +320,7 @@ def _spline(t: np.ndarray, s: np.ndarray, rests: tuple[bool, bool]) -> tuple[Pie
     still = np.abs(slopes[[0, -1]]) < AT_REST * np.max(np.abs(slopes))
     still = [bool(known or found) for known, found in zip(rests, still, strict=True)]
     spline = CubicSpline(t, s, bc_type=tuple((1, 0.0) if rest else "not-a-knot" for rest in still))
-    # exactly: a slow start is another start
+    # exactly zero: a very slow start is not a start from rest
     spline.c[2, 0] = 0.0 if still[0] else spline.c[2, 0]
     return tuple(
         Piece(t0, t0, c0, c1, c2, c3) for t0, (c3, c2, c1, c0) in zip(t[:-1].tolist(), spline.c.T.tolist(), strict=True)

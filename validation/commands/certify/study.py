@@ -66,7 +66,7 @@ WAYS = (  # largest run: half a minute
     Way("following-p2", "gauss", (16, 4000), 320e3),
     Way("fourier-kink", "trapezoidal", (10, 1000), 100e3),
 )
-FREE = 4.0  # steps, because slip crosses zero often and each crossing is an event
+FREE = 4.0  # factor on the work of a step: each zero of the slip is an event
 # a wave at release shifts the ride in time, depending on the elements next to the car
 AT_CAR = {"grading": 10.0}
 
