@@ -10,7 +10,7 @@ from typing import Any
 from validation.core.bounds import Bound
 
 DEFAULT_TOL = 1e-3
-APART = 3.0  # times both bars: a smaller gap may be discretisation error (`ladder.left`)
+APART = 3.0  # times both bars: less may be discretisation error (`ladder.left`)
 
 
 class Verdict(enum.Enum):
@@ -20,7 +20,7 @@ class Verdict(enum.Enum):
 
 
 def three_lines(gap: float, bars: float, asked_for: float) -> Verdict:
-    """Disagree beyond APART times both bars; else too coarse if gap or bars exceed the tolerance; else agree."""
+    """Disagree beyond APART bars; too coarse if gap or bars exceed the tolerance; else agree."""
     if gap > APART * bars:
         return Verdict.DISAGREE
     return Verdict.AGREE if max(gap, bars) <= asked_for else Verdict.TOO_COARSE
@@ -30,16 +30,16 @@ def three_lines(gap: float, bars: float, asked_for: float) -> Verdict:
 class Agreement:
     """One row of a verdict.
 
-    asked_for : tolerance of the gap and of both bars together; None: the bound alone decides (third parties).
-    asked : whether the row counts, or is only shown.
-    parts : of both bars in space and time, if known.
+    asked_for : tolerance of gap and bars; None: the bound alone decides (third parties).
+    asked : whether the row counts.
+    parts : of both bars in space and time.
     """
 
     quantity: str
     gap: float
     bound: Bound
-    where: float | None = None  # s_o/l of the largest gap
-    party: str = ""  # third party compared with our better solver
+    where: float | None = None  # s_o/l
+    party: str = ""  # compared with our better solver
     law: str = ""  # tells rows of one quantity apart
     asked_for: float | None = None
     asked: bool = True
@@ -66,7 +66,7 @@ class Agreement:
         return three_lines(self.gap, self.allowed, self.asked_for)
 
     def row(self) -> dict[str, Any]:
-        """Return the row for agreement.json; null for numbers that are not finite."""
+        """Return the row for agreement.json."""
         bars = [part.value for part in self.bound.parts[:2]] if self.bound.kind in ("error bars", "law") else []
         bar_a, bar_b = (*bars, None, None)[:2]
         return {

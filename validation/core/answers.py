@@ -1,7 +1,4 @@
-"""Answers in plain words: how a ride ends, what clears what, where the rope hangs.
-
-Depths are in metres below the left support.
-"""
+"""How a ride ends, what clears what, where the rope hangs.  Depths are in metres below the left support."""
 
 from __future__ import annotations
 
@@ -15,12 +12,12 @@ from cablefem.response import Array, Response, whole, write_json
 from cablefem.scene import Scene
 
 GROUND = "the ground"
-PLACES = 201  # as many as stations in tension.csv
+PLACES = 201  # stations in tension.csv
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a run ends: a kind for programs, a sentence for people."""
+    """How a run ends."""
 
     kind: str  # arrives, stopped_by_brake, stuck, rolls_back, rolling, crossed, stopped, incomplete
     sentence: str
@@ -34,7 +31,7 @@ def outcome(scene: Scene, r: Response) -> Outcome:
 
 
 def hits(scene: Scene, r: Response) -> list[str]:
-    """Return the obstacles, and the ground, that rope or car would touch."""
+    """Return what rope or car would touch."""
     rooms = [(room.name, room.height) for room in clearances(scene, r)]
     return list(dict.fromkeys(name for name, height in rooms if np.nanmin(height, initial=np.inf) < 0.0))
 
@@ -45,7 +42,7 @@ def _end(scene: Scene, r: Response) -> Outcome:
         return Outcome("incomplete", f"the computation broke at {here}: {r.reason}")
     if r.drive == "free":
         return _ride(scene, r)
-    # a run may end before its travel: nothing is compared past the slack onset
+    # past the slack onset nothing is compared
     motion, lasts = scene.groups.motion, scene.arrival
     assert motion is not None
     assert lasts is not None
@@ -97,7 +94,7 @@ def _kmh(speed: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """The rope over x: at rest, and extremes of depth and tension over the run; (n,) each, SI."""
+    """The rope over x: at rest, and extremes over the run; (n,) each, SI."""
 
     x: Array
     y_rest: Array
@@ -111,7 +108,7 @@ class Profile:
 
 
 def shapes(r: Response) -> tuple[Array, Array, Array]:
-    """Return x, y [m] and tension [N] of the rope at each frame, (k, m + 1) each, with the point at the mass."""
+    """Return x, y [m], tension [N] of the rope and the point at the mass at each frame, (k, m + 1) each."""
     f = r.fields
     x, y = f.x + f.u, f.y + f.v
     mass = np.array([np.interp(f.s_o, f.s, f.x) + f.mass_u, np.interp(f.s_o, f.s, f.y) + f.mass_v])
@@ -123,7 +120,7 @@ def shapes(r: Response) -> tuple[Array, Array, Array]:
 
 
 def profile(r: Response) -> Profile:
-    """Return the extremes of depth and tension over all frames, at PLACES equidistant x."""
+    """Return extremes of depth and tension over all frames."""
     f = r.fields
     x = np.linspace(float(f.x[0]), float(f.x[-1]), PLACES)
     rest = np.interp(x, f.x, f.y)
@@ -132,14 +129,13 @@ def profile(r: Response) -> Profile:
         depth.append(np.interp(x, at, y))
         pull.append(np.interp(x, at, T))
     lowest = np.max(depth, axis=0)
-    for x_car, y_car in _ways(r):  # between frames the car is the rope's lowest point nearby
+    for x_car, y_car in _ways(r):  # between frames the car is the lowest point nearby
         inside = (x >= x_car[0]) & (x <= x_car[-1])
         lowest[inside] = np.maximum(lowest[inside], np.interp(x[inside], x_car, y_car))
     return Profile(x, rest, np.min(depth, axis=0), lowest, np.max(pull, axis=0), np.min(pull, axis=0))
 
 
 def write_answers(folder: Path, scene: Scene, r: Response) -> None:
-    """Write profile.csv, and the outcome into summary.json."""
     found = outcome(scene, r)
     write_json(folder / "summary.json", {"outcome": found.sentence, "outcome_kind": found.kind, **r.summary()})
     columns = profile(r).columns()
@@ -149,7 +145,7 @@ def write_answers(folder: Path, scene: Scene, r: Response) -> None:
 
 
 def _ways(r: Response) -> list[tuple[Array, Array]]:
-    """Return the path of the car as pieces (x, y) with growing x."""
+    """Path of the car as pieces with growing x."""
     turns = np.flatnonzero(np.diff(np.sign(np.diff(r.x))) != 0) + 1
     pieces = zip(np.split(r.x, turns), np.split(r.y, turns), strict=True)
     return [(x, y) if x[-1] > x[0] else (x[::-1], y[::-1]) for x, y in pieces if x.size > 1]
@@ -157,17 +153,17 @@ def _ways(r: Response) -> list[tuple[Array, Array]]:
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """Free height of rope or car above something, over a run; negative: it hits."""
+    """Free height above something, over a run; negative: it hits."""
 
     of: str  # "rope" or "car"
-    name: str  # of the obstacle, or "the ground"
+    name: str  # obstacle or "the ground"
     t: Array  # (n,) [s]
     height: Array  # [m]; nan: unknown
     s: Array  # [m] on the rope
 
 
 def clearances(scene: Scene, r: Response) -> list[Room]:
-    """Return the free heights over all obstacles and the ground; empty where the car never passes."""
+    """Return all free heights; empty where the car never passes."""
     below = 0.0 if scene.mass is None else scene.mass.below
     rooms = []
     for o in scene.obstacle:
@@ -179,7 +175,7 @@ def clearances(scene: Scene, r: Response) -> list[Room]:
 
 
 def rope_over(r: Response, x: float, top: float, name: str) -> Room:
-    """Return the free height of the rope above (x, top) at all frames and whenever the car passes."""
+    """Free height of the rope above (x, top), at frames and when the car passes."""
     at, y, _ = shapes(r)
     heights = top - np.array([np.interp(x, a, b) for a, b in zip(at, y, strict=True)])
     s = np.full(heights.size, float(np.interp(x, r.fields.x, r.fields.s)))
@@ -190,7 +186,7 @@ def rope_over(r: Response, x: float, top: float, name: str) -> Room:
 
 
 def car_over(r: Response, x: float, top: float, name: str) -> Room:
-    """Return the free height of the car above (x, top) each time it passes x."""
+    """Free height of the car above (x, top) each time it passes x."""
     before, after = r.x[:-1], r.x[1:]
     i = np.flatnonzero(((before < x) & (after >= x)) | ((before > x) & (after <= x)))
     w = (x - before[i]) / (after[i] - before[i])
@@ -202,9 +198,9 @@ def car_over(r: Response, x: float, top: float, name: str) -> Room:
 
 
 def rope_over_ground(r: Response, ground: Array) -> Room:
-    """Return the least free height of the rope above the ground (n, 2), x and depth, at each frame.
+    """Least free height of the rope above the ground (n, 2) [x, depth] at each frame.
 
-    The ground is linear between its points and unknown (nan) outside.
+    The ground is linear between its points, nan outside.
     """
     at, y, _ = shapes(r)
     heights, s = np.full(len(at), np.nan), np.full(len(at), np.nan)
@@ -218,6 +214,6 @@ def rope_over_ground(r: Response, ground: Array) -> Room:
 
 
 def car_over_ground(r: Response, ground: Array, below: float) -> Room:
-    """Return the free height of the car's lowest part above the ground at each step; nan outside."""
+    """Free height of the car's lowest part at each step; nan outside the ground."""
     depth = np.interp(r.x, ground[:, 0], ground[:, 1], left=np.nan, right=np.nan)
     return Room("car", GROUND, r.t, depth - r.y - below, r.s_o)

@@ -17,9 +17,9 @@ def assert_agree(
 ) -> list[Agreement]:
     """Raise AssertionError unless two answers agree in mass path and, if asked, tension; return the rows.
 
-    path : largest path gap, relative to the largest deflection of b; of a free ride 0.1 l.
-    tension : rms gap of the tension fields over H; of tensions at the mass if one answer has no fields.
-    window : s_o/l, by default that of the drive; cut at the slack onset and where an answer ends.
+    path : largest path gap, over the largest deflection of b; of a free ride 0.1 l.
+    tension : rms gap of the tension fields, or at the mass, over H.
+    window : s_o/l, by default that of the drive; cut at slack and where an answer ends.
     """
     __tracebackhide__ = True  # pytest shows the caller's line
     names = f"{a.method} and {b.method}"
@@ -42,7 +42,6 @@ def assert_agree(
 
 
 def told(row: Agreement) -> str:
-    """Return a failed row as one line."""
     where = "" if row.where is None else f", largest at s_o/l = {row.where:.3f}"
     return f"{row.quantity}: gap {row.gap:.3g}, allowed {row.allowed:.3g}{where}; {row.allowed_because}"
 
@@ -61,7 +60,7 @@ def _over(window: Window, a: Answer, b: Answer) -> str:
 def _path_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement:
     x, y = foreign.comparable(a, b)
     gap, rms = measures.path_gap(x, y, window)
-    # An error of the equations stays from some place on, one of resolution comes and goes.
+    # An error of the equations stays from some place on.
     steps = x if x.t.size <= y.t.size else y
     places = (steps.s_o / steps.length)[measures.inside(steps, window)]
     first = next((p for p in places[4:] if measures.path_gap(x, y, (window[0], p))[0] > allowed), None)

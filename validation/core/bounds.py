@@ -1,7 +1,4 @@
-"""The allowed gap with its parts and its reason.
-
-Decisions read `kind`, `parts` and `numbers`; `WORDS` has the text of each kind.
-"""
+"""The allowed gap with its parts and its reason; `WORDS` has the text of each kind."""
 
 from __future__ import annotations
 
@@ -46,7 +43,7 @@ class Bound:
 
     @property
     def value(self) -> float:
-        """The allowed gap; nan where there is none."""
+        """nan where there is none."""
         return math.nan if self.kind in ("covers less", "covers less time", "nothing") else self.sum
 
     @property
@@ -84,5 +81,4 @@ class Bound:
 
 
 def nothing(why: object) -> Bound:
-    """Return the bound of what cannot be compared."""
     return Bound("nothing", numbers={"why": str(why)})

@@ -22,26 +22,26 @@ from validation.core.running import Run, whole
 from validation.core.sidebyside import Progress
 from validation.core.view import View
 
-KIND = ("model", "load", "law", "until")  # what a run takes besides the method's settings
+KIND = ("model", "load", "law", "until")  # arguments of a run beside the method's settings
 FIRST_STEPS, MOST_STEPS = 120, 64_000
-LARGEST = 2e6  # steps times resolution, about 0.5 GB of states
-BUDGET = 1.2e6  # `work` of a ladder that a user waits for, 30 to 60 s
-AIM = 0.8  # of the bar asked for: a margin on the prediction
+LARGEST = 2e6  # steps times resolution, about 0.5 GB
+BUDGET = 1.2e6  # `work` of a ladder, 30 to 60 s
+AIM = 0.8  # of the bar asked for: a margin
 STRIDE = 4.0  # largest refinement at once: orders hold no further
-STRIDES = np.array([1.0, *np.geomspace(1.5, 64.0, 30)])  # smaller factors are not worth a ladder
-ROUNDING = 1e-12  # of the scale of the path
-AUDIBLE = 10.0  # steps in an axial round trip that resolve axial waves
+STRIDES = np.array([1.0, *np.geomspace(1.5, 64.0, 30)])  # less is not worth a ladder
+ROUNDING = 1e-12  # of the path's scale
+AUDIBLE = 10.0  # steps that resolve an axial round trip
 
-# Default rule: it damps axial waves, because affordable steps do not resolve them.
+# Default rule: affordable steps do not resolve axial waves, so it damps them.
 QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 RINGS = {"scheme": "generalized-alpha", "rho_inf": 1.0}
 # A car of mass ratio mu that enters with speed sends a front of width mu ahead.  Radau's rule disperses it least.
 LIGHT, SHARP, FINE, FINEST = 0.1, {"scheme": "radau"}, 2e-3, 3e-4
-SWINGING = {"rho_inf": 0.5}  # on free rides: axial waves reverse the friction
+SWINGING = {"rho_inf": 0.5}  # on free rides axial waves reverse the friction
 
 
 class TooCoarse(RuntimeError):
-    """No resolution within reach meets the tolerance; `best` is the finest run, `ladder` its ladder."""
+    """No affordable resolution meets the tolerance; `best` is the finest run, `ladder` its ladder."""
 
     def __init__(self, message: str, ladder: Ladder) -> None:
         super().__init__(message)
@@ -49,14 +49,14 @@ class TooCoarse(RuntimeError):
 
 
 class Runs:
-    """Runs of one method on one scene by their settings, each made once."""
+    """Runs of one method on one scene, each made once."""
 
     def __init__(self, scene: Scene, method: Method, how: dict[str, Any], known: Sequence[MassPath] = ()) -> None:
         self.scene, self.method, self.how, self.view = scene, method, how, View.of(scene)
         self.known, self.made = list(known), list[Run]()
 
     def at(self, settings: dict[str, Any], until: float | None, past: float = math.inf) -> MassPath:
-        """Return the run with these settings to s_o/l = until, or further."""
+        """Return the run with these settings to s_o/l = until or further."""
         for r in self.known:
             far = until is not None and r.reached >= until * (1.0 - 1e-9)
             if r.settings == settings and (until is None or far or r.status != "complete"):
@@ -68,7 +68,6 @@ class Runs:
         return marched.try_to(until, past=past)
 
     def ladder(self, settings: dict[str, Any], until: float | None) -> Ladder:
-        """Return the run with these settings and its coarser runs."""
         finest = self.at(settings, until)
         branches = []
         for name, values, nominal in self._coarser(settings):
@@ -80,12 +79,12 @@ class Runs:
         return Ladder(finest, *branches)  # type: ignore[arg-type]
 
     def _coarser(self, settings: dict[str, Any]) -> list[tuple[str, list[int], float]]:
-        """Return (setting, values from the finest on, nominal order) of space and of time."""
+        """Give (setting, values from the finest on, nominal order) of space and time."""
         space, count, steps = self.method.resolution, self.method.value(settings), settings["steps"]
         if space.doubling:
             counts = [count - k for k in range(3) if count - k >= 0]
         else:
-            # not coarser than the method's first run, unless ratios fall below 3/2
+            # as fine as the method's first run, but with ratios of at least 3/2
             first = (self.method.begins or (space.first, 0))[0]
             quarter = max(count / 4.0, min(first, count / 2.25))
             least = self.method.knobs[space.setting].allowed[0]
@@ -96,10 +95,7 @@ class Runs:
         return [(space.setting, counts, order), ("steps", times, min(2.0, scheme(settings["scheme"]).order))]
 
     def finished(self, ladder: Ladder, end: float | None, past: float = math.inf) -> Ladder:
-        """Return the ladder with its finest run marched to its end and all runs observed.
-
-        With a slack cable the coarser runs go on to SLACK_END.
-        """
+        """Return the ladder with its finest run marched to the end, all runs observed."""
         finest = whole(self.at(ladder.finest.settings, end, past))
         until = self.view.stop
         if until is not None and finest.slack_onset is not None and finest.slack_onset < SLACK_END:
@@ -111,7 +107,7 @@ class Runs:
         return replace(ladder, finest=finest, space=observed(ladder.space), time=observed(ladder.time))
 
     def ringing(self, settings: dict[str, Any]) -> Response | None:
-        """Return a run that does not damp axial waves; None if that takes too many steps."""
+        """Return a run without damping of axial waves; None if too many steps."""
         motion = self.scene.groups.motion
         duration = self.scene.groups.drive.nominal if motion is None else motion.phases[-1][1]
         steps = math.ceil(AUDIBLE * duration * math.sqrt(self.scene.groups.alpha) / 2.0)
@@ -124,10 +120,7 @@ def laddered(
     scene: Scene, method: str | Method, *, progress: Progress | None = None, known: Sequence[MassPath] = (),
     past: float = math.inf, **kind: Any,
 ) -> Ladder:  # fmt: skip
-    """Return the ladder of a run with given settings; `kind` as in `run`.
-
-    known : runs that need not be made again.
-    """
+    """Return the ladder of a run; `kind` as in `run`, `known` runs are reused."""
     method = find(method) if isinstance(method, str) else method
     how = {k: kind[k] for k in KIND if k in kind}
     end = how.pop("until", None)
@@ -145,12 +138,12 @@ def climb(
 ) -> Ladder:  # fmt: skip
     """Return a ladder whose finest run has a path bar of at most `tol`, at nearly the least cost.
 
-    A ladder gives the parts s of space and t of time.  Refining space by a and time by b leaves s/a^p + t/b^q.  The
-    cheapest a, b that meet the tolerance give the next ladder.
+    Refining space by a and time by b leaves s/a^p + t/b^q of the ladder's parts s and t.  The cheapest a, b that meet
+    the tolerance give the next ladder.
 
     kind : as in `run`;  budget : `work` of the last ladder;  past : s_o/l the finest run goes on once slack.
 
-    Raises TooCoarse with the finest ladder if the tolerance is out of reach.
+    Raises TooCoarse if the tolerance is out of reach.
     """
     method = find(method) if isinstance(method, str) else method
     if method.wrong:
@@ -162,14 +155,14 @@ def climb(
     settings = method.settings_on(scene.groups, _rule(scene, method, named, tol) | _begin(scene, method, tol))
     runs = Runs(scene, method, how, known)
     short, space = _short(runs.view, end), method.resolution
-    ratio, before = 1.0, math.inf  # last refinement of space, and its part before
+    ratio, before = 1.0, math.inf  # last refinement of space, and the part before
     while True:
         ladder = runs.ladder(settings, short)
         parts = path_parts(ladder, runs.view)
         report(0.3, f"{len(runs.made)} runs, bar {sum(parts):.1g} of {tol:g} wanted")
         if sum(parts) <= tol:
             break
-        stuck = ratio > 1.0 and not parts[0] < before / ratio**LEAST_ORDER  # steps are too long for a finer mesh
+        stuck = ratio > 1.0 and not parts[0] < before / ratio**LEAST_ORDER  # steps too long for a finer mesh
         more = settings | {"steps": min(2 * settings["steps"], max(settings["steps"], MOST_STEPS))}
         finer = more if stuck else cheapest(method, settings, parts, AIM * tol)
         if finer == settings or dear(method, ladder, finer, budget):
@@ -191,7 +184,7 @@ def climb(
 
 
 def path_parts(ladder: Ladder, view: View) -> tuple[float, float]:
-    """Return the parts of space and time in the path's bar, over its scale; infinite if unknown."""
+    """Return the parts of space and time in the path's bar; infinite if unknown."""
     try:
         view = view.cut(ladder.finest)
     except NotComparable:
@@ -204,9 +197,9 @@ def path_parts(ladder: Ladder, view: View) -> tuple[float, float]:
 def cheapest(
     method: Method, settings: dict[str, Any], parts: tuple[float, float], target: float, order: float = math.inf
 ) -> dict[str, Any]:  # fmt: skip
-    """Return the cheapest settings predicted to leave at most `target`, one stride away at most.
+    """Return the cheapest settings predicted to leave at most `target`, at most one stride away.
 
-    Where a part is infinite, steps double, and the resolution if that is of space.  order : the most credited.
+    Infinite parts are halved by steps, and by resolution if of space.  order : the most credited.
     """
     space, count, steps = method.resolution, method.value(settings), settings["steps"]
     p, q = min(order, 1.5, max(method.space_order, 1.0)), min(order, 2.0, scheme(settings["scheme"]).order)
@@ -225,13 +218,13 @@ def cheapest(
 
 
 def work(method: Method, r: MassPath) -> float:
-    """Return the cost of a run: Newton's iterations, times nodes of a step, times cost of the resolution."""
+    """Cost of a run: Newton iterations, times nodes of a step, times cost of the resolution."""
     nodes = max(1, len(scheme(r.settings["scheme"]).nodes))
     return r.work["newton_iterations"] * nodes * method.resolution.cost(method.value(r.settings))
 
 
 def dear(method: Method, ladder: Ladder, finer: dict[str, Any], budget: float) -> bool:
-    """Return whether a run with finer settings exceeds LARGEST or the budget."""
+    """Whether finer settings exceed LARGEST or the budget."""
     count, now = method.value(finer), method.value(ladder.finest.settings)
     ahead = work(method, ladder.finest) * finer["steps"] / ladder.finest.settings["steps"]
     ahead *= method.resolution.cost(count) / method.resolution.cost(now)
@@ -239,14 +232,14 @@ def dear(method: Method, ladder: Ladder, finer: dict[str, Any], budget: float) -
 
 
 def annotated(ladder: Ladder, view: View) -> Ladder:
-    """Return the ladder with bars of path and tension in its finest run, else with a flag."""
+    """Return the ladder with bars of path and tension in its finest run, else a flag."""
     try:
         view = view.cut(ladder.finest)
         over = ladder.over(view)
         of: Any = lambda r: r  # noqa: E731
         path = over.parts(of, lambda a, b: measures.path_gap(b, a, view.window)[0])
         tension = over.parts(of, lambda a, b: measures.tension_gap(a, b, view.window), 1.0)
-        measures.path_gap(ladder.finest, ladder.finest, view.window)  # whether it has a path at all
+        measures.path_gap(ladder.finest, ladder.finest, view.window)
     except NotComparable as why:
         return replace(ladder, finest=flagged(ladder.finest, "no bar", why=str(why)))
     if not math.isfinite(sum(path)):
@@ -274,7 +267,7 @@ def _light(scene: Scene, tol: float) -> bool:
 
 
 def _rule(scene: Scene, method: Method, named: dict[str, Any], tol: float) -> dict[str, Any]:
-    """Return the named settings, with a damping rule where user, scene and method set none."""
+    """The named settings, with a damping rule where none is set."""
     if scene.drive.mode == "free" and not method.follows:
         return SWINGING | named
     damps = scene.drive.mode == "free" or method.knobs["scheme"].default != "trapezoidal"
@@ -285,7 +278,7 @@ def _rule(scene: Scene, method: Method, named: dict[str, Any], tol: float) -> di
 
 
 def _begin(scene: Scene, method: Method, tol: float) -> dict[str, int]:
-    """Return first resolution and steps; for a light car one unknown and one step per width of its front."""
+    """First resolution and steps; for a light car one unknown and step per front width."""
     space, motion, groups = method.resolution, scene.groups.motion, scene.groups
     first = space.first + 1 if space.doubling else math.ceil(2.25 * (method.begins or (space.first, 0))[0])
     if motion is None:

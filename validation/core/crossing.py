@@ -1,4 +1,4 @@
-"""Path of a mass over a cable given by its groups, for comparison with exact solutions of strings."""
+"""Path of a mass over a cable of given groups, to compare with exact solutions."""
 
 import math
 from typing import Any
@@ -16,9 +16,9 @@ def crossed(
     groups: Groups, name: str, settings: dict[str, Any], *, model: str = "straight", load: str = "mass", until: float,
     begun: bool = False,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Return t, s_o and v (n,) of the mass, dimensionless, up to s_o = until; v is nan if the run failed.
+    """Return dimensionless t, s_o and v (n,) of the mass up to s_o = until; v is nan if the run failed.
 
-    begun : the mass starts on the cable at rest, not at the support.
+    begun : the mass starts on the cable, not at the support.
     """
     method, motion = find(name), groups.motion
     assert motion is not None

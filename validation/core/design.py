@@ -1,7 +1,6 @@
-"""Design numbers of a ropeway in SI with bars: extremes over a ride, where and when they occur.
+"""Design numbers of a ropeway in SI with bars: extremes over a ride.
 
-Forces are extremes of the mean over an axial round trip, which ropes and load cells feel; `peak` is that of the raw
-signal.
+Forces are means over an axial round trip, which ropes and load cells feel; `peak` is the raw extreme.
 """
 
 from __future__ import annotations
@@ -24,9 +23,9 @@ from validation.core.ladder import Ladder, largest
 from validation.core.measures import WINDOWS
 from validation.core.quantities import unit_of
 
-FIRST = 1.0  # largest order credited to forces: waves pass mass and supports as fronts
-NEAR = 9  # times around an extreme at which the series of two runs are compared
-BETWEEN = 0.25  # of the larger neighbouring step: the most a parabola rises above the highest sample
+FIRST = 1.0  # largest order of forces: waves arrive as fronts
+NEAR = 9  # times around an extreme at which two runs are compared
+BETWEEN = 0.25  # of the larger neighbouring step: a parabola's rise above its highest sample
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,19 +38,18 @@ class Number:
     unit: str
     t: float | None = None  # [s]
     s_o: float | None = None  # [m] place of the mass
-    x: float | None = None  # [m] horizontal place on the cable at rest
+    x: float | None = None  # [m] static horizontal place
     s: float | None = None  # [m] place on the cable
     peak: float | None = None  # extreme of a raw force
     bar_peak: float | None = None
 
     def row(self) -> dict[str, Any]:
-        """Return the row for summary.json and agreement.json."""
         return asdict(self)
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """A signal: at one place, value and s (n,), or along the cable at frames, value (n, m) and s (m,)."""
+    """A signal: at one place, value and s (n,), or along the cable, value (n, m) and s (m,)."""
 
     t: Array
     value: Array
@@ -60,11 +58,9 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What a design number is the extreme of."""
-
     sign: float  # +1: largest, -1: least
     tracks: Callable[[Response], list[Track]]
-    inner: bool = False  # meaningless at an end of the range or on a support
+    inner: bool = False  # meaningless at the ends of range and cable
 
 
 def _at_mass(of: Callable[[Response], Array]) -> Callable[[Response], list[Track]]:
@@ -119,7 +115,7 @@ QUANTITIES: dict[str, Quantity] = {
 
 
 def _angle(side: str) -> Callable[[Response], list[Track]]:
-    """Return the angle [deg] of the rope at a support, positive downhill, from the reaction."""
+    """Angle [deg] of the rope at a support, positive downhill."""
     right = side == "right"
     out = 1.0 if right else -1.0
     return lambda r: _reaction(right, lambda x: np.degrees(np.arctan2(out * x[:, 1], out * x[:, 0])))(r)
@@ -137,7 +133,7 @@ _scene = lru_cache(maxsize=4)(Scene.from_toml)
 
 
 def quantities(r: Response) -> dict[str, Quantity]:
-    """Return the quantities of a run, with angles of the rope and the scene's clearances."""
+    """Return the quantities of a run, with rope angles and clearances."""
     asked = dict(QUANTITIES)
     for side in ("left", "right"):
         tracks = _angle(side)
@@ -151,7 +147,6 @@ def quantities(r: Response) -> dict[str, Quantity]:
 
 
 def _safety(r: Response, found: list[Number]) -> list[Number]:
-    """Return the least safety factor: breaking load over the largest tension."""
     load = _scene(r.scene_toml).cable.breaking_load
     T = next((x for x in found if x.quantity == "tension_max"), None)
     if load is None or T is None:
@@ -161,10 +156,7 @@ def _safety(r: Response, found: list[Number]) -> list[Number]:
 
 
 def numbers(ladder: Ladder, twin: Ladder | None = None) -> list[Number]:
-    """Return the design numbers with bars from the ladder, at least the gap to the twin's.
-
-    Unknown quantities are left out.
-    """
+    """Return the known design numbers; bars are at least the gap to the twin's."""
     r, other = ladder.finest, None if twin is None else twin.finest
     span = _range(r, *(() if other is None else (other,)))
     asked = quantities(r)
@@ -186,9 +178,9 @@ def alone(r: Response) -> list[Number]:
 
 
 def _range(*runs: Response) -> tuple[float, float]:
-    """Return the times [s] between which extremes are taken: the compared range, cut where a run ends.
+    """Times [s] between which extremes are taken: the compared range, cut where a run ends.
 
-    A gripped car enters a cable at rest, which is not resolved at first; a rolling car begins in equilibrium.
+    The entry of a gripped car is not resolved; a rolling car begins in equilibrium.
     """
     r = runs[0]
     low, high = WINDOWS[r.drive]
@@ -210,13 +202,13 @@ def _number(
     if found is None or (quantity.inner and _at_an_end(found, r, span)):
         return None
     if unit == "deg" and span[1] - found.t <= 0.5 * period + found.step:
-        return None  # still growing at the end of the range: no extreme
+        return None  # no extreme in the range
     bar: float | None = None
     bar_peak: float | None = None
     if ladder is not None:
         near = np.clip(found.t + np.linspace(-1.0, 1.0, NEAR) * max(period, found.step), *span)
         beside = partial(_beside, quantity, span, period, found.track, near)
-        signals = (value, beside) if found.step > 0.0 else (value,)  # a car that passes once has no signal beside
+        signals = (value, beside) if found.step > 0.0 else (value,)  # a single passage has no signal beside
         bar = max(ladder.bar(of, largest, FIRST if period else math.inf) for of in signals) + found.between
         bar = max(bar, 0.0 if twin is None else abs(found.value - value(twin)))
         if unit == "N" and (ladder.ringing is not None or not _damps(r)):
@@ -230,7 +222,7 @@ def _number(
 
 
 def _damps(r: Response) -> bool:
-    """Return whether the scheme damps axial waves, so that coarser runs do not show their error."""
+    """Whether axial waves are damped, so that coarser runs do not show their error."""
     return scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0)).damps
 
 
@@ -239,7 +231,7 @@ def _known(bar: float | None) -> float | None:
 
 
 def _round_trip(r: Response) -> float:
-    """Return the time [s] of an axial round trip, 2 l sqrt(rho/EA)."""
+    """2 l sqrt(rho/EA) [s]."""
     given = Given(r.scene_toml, r.length)
     return 2.0 * r.length * math.sqrt(given.rho / given.EA)
 
@@ -255,7 +247,7 @@ class _Extreme:
 
 
 def _samples(track: Track, span: tuple[float, float], period: float, sign: float) -> tuple[Array, Array, Array]:
-    """Return times, values and places of a track in a range: means over a period, extremes along the cable."""
+    """Times, values and places in a range: means over a period, extremes along the cable."""
     rows = (track.t >= span[0] * (1.0 - 1e-9)) & (track.t <= span[1] * (1.0 + 1e-9))
     rows &= np.isfinite(track.value.reshape(track.t.size, -1)).all(axis=1)
     t, value = track.t[rows], track.value[rows]
@@ -274,7 +266,7 @@ def _samples(track: Track, span: tuple[float, float], period: float, sign: float
 
 
 def _mean(t: Array, value: Array, period: float) -> Array:
-    """Return the mean (n,) over a period about each time, cut at both ends."""
+    """Mean (n,) over a period about each time, cut at both ends."""
     total = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (value[1:] + value[:-1]))])
     low, high = np.clip(t - 0.5 * period, t[0], t[-1]), np.clip(t + 0.5 * period, t[0], t[-1])
     sums = CubicHermiteSpline(t, total, value)
@@ -303,7 +295,6 @@ def _value(quantity: Quantity, span: tuple[float, float], period: float, r: Resp
 def _beside(
     quantity: Quantity, span: tuple[float, float], period: float, track: int, near: Array, r: Response
 ) -> Array:
-    """Return a track at times near the finest run's extreme."""
     t, value, _ = _samples(quantity.tracks(r)[track], span, period, quantity.sign)
     return np.interp(near, t, value) if t.size and t[-1] >= min(near[-1], r.t[-1]) - np.ptp(near) else math.nan * near
 

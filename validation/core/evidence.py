@@ -1,7 +1,4 @@
-"""Evidence for the laws of mechanics: a response and its scene's TOML, in SI.
-
-Uses neither the solvers nor the scene package.
-"""
+"""A response and its scene's TOML, in SI, without solvers and scene package."""
 
 from __future__ import annotations
 
@@ -21,15 +18,15 @@ from scipy.optimize import brentq
 from cablefem.response import Array, Response
 
 EVERY = 6  # frames per window: 0.06 of the travel
-ROUNDING = 1e-9  # relative, of splines of static shapes and of times in different runs
+ROUNDING = 1e-9  # relative, of static splines and of times in different runs
 
-AT_REST = ("s", "x", "y", "T_static")  # fields by stations alone
+AT_REST = ("s", "x", "y", "T_static")
 
 Window = tuple[float, float]
 
 
 class Given:
-    """A scene's numbers from its TOML, SI; `length` is that of the cable at rest."""
+    """A scene's numbers from its TOML, SI; `length` is that at rest."""
 
     def __init__(self, toml: str, length: float) -> None:
         x = tomllib.loads(toml)
@@ -40,14 +37,14 @@ class Given:
         self.span, self.drop = supports["span"], supports["drop"]
         self.mass: float = x["mass"]["mass"]
         self.weight = self.mass * self.gravity
-        # "length", "sag" or "horizontal_tension" and its value
+        # name and value
         self.asked = next((name, cable[name]) for name in ("length", "sag", "horizontal_tension") if name in cable)
         self.travel, self.drive = x.get("travel", {}), x.get("drive", {})
         if "ice" in cable or "temperature" in cable:
             self._change(cable, length)
 
     def _change(self, cable: dict[str, Any], length: float) -> None:
-        """Heat lengthens the unstretched cable; its weight stays, and ice adds to it."""
+        """Heat lengthens the unstretched cable; ice adds weight."""
         l, mean_tension = _hung(self.span, self.drop, self.rho * self.gravity, *self.asked)
         ice, dT = cable.get("ice", 0.0), cable.get("temperature", 0.0) - cable.get("reference_temperature", 0.0)
         if isinstance(ice, dict):
@@ -61,13 +58,12 @@ class Given:
 
 
 def _hung(span: float, drop: float, weight: float, name: str, value: float) -> tuple[float, float]:
-    """Return length and mean tension of the catenary with that length, sag or horizontal tension.
+    """Length and mean tension of a catenary by length, sag or horizontal tension.
 
-    u = asinh(slope) falls from left to right by span/a; ds = a cosh(u) du, T = H cosh(u).
+    u = asinh(slope) falls by span/a; ds = a cosh(u) du, T = H cosh(u).
     """
 
     def hang(a: float) -> tuple[float, float, float, float]:
-        """Length, sag, mid u and half its range."""
         half = 0.5 * span / a
         middle, deepest = math.asinh(drop / (2.0 * a * math.sinh(half))), math.asinh(drop / span)
         left = middle + half
@@ -85,14 +81,13 @@ def _hung(span: float, drop: float, weight: float, name: str, value: float) -> t
 
 @dataclass(frozen=True, slots=True)
 class Windows:
-    """Time windows [s] of the laws, the same for a run and its coarser ones."""
+    """Time windows [s] of the laws, the same for all runs of a ladder."""
 
-    frames: Array  # (k,) for laws of the cable
-    steps: Array  # (k',) with begin and end of the comparison, for laws of the mass
+    frames: Array  # (k,) of the cable
+    steps: Array  # (k',) of the mass, with begin and end
 
     @classmethod
     def of(cls, r: Response, window: Window, until: float = math.inf) -> Windows:
-        """Return the windows over places s_o/l, or up to a time [s]."""
         begin, end = 0.0, min(until, float(r.t[-1]))
         if r.drive != "free":
             begin, end = np.interp(np.array(window) * r.length, r.s_o, r.t)
@@ -118,13 +113,13 @@ class Side:
 
 
 class Evidence:
-    """A response over time windows with its scene's numbers, SI."""
+    """A response over time windows, and its scene's numbers."""
 
     def __init__(self, r: Response, windows: Windows) -> None:
         self.r, self.windows, self.given = r, windows, Given(r.scene_toml, r.length)
 
     def thinned(self) -> Evidence:
-        """Return the evidence without every second station, frame and step; window ends and jumps stay."""
+        """Without every second station, frame and step; window ends and jumps stay."""
         r, f = self.r, self.r.fields
         steps, frames = np.arange(r.t.size) % 2 == 0, np.arange(f.t.size) % 2 == 0
         for jump in r.jumps:
@@ -141,7 +136,7 @@ class Evidence:
 
     @cached_property
     def curve(self) -> CubicSpline:
-        """Place (x, y) of the cable at rest over s."""
+        """Static place (x, y) over s."""
         f = self.r.fields
         return CubicSpline(f.s, np.stack([f.x, f.y], axis=1))
 
@@ -149,33 +144,31 @@ class Evidence:
 
     @cached_property
     def inside(self) -> NDArray[np.bool_]:
-        """Steps in the windows and off the supports."""
+        """Steps in the windows, off the supports."""
         r, t = self.r, self.windows.steps
         off = (r.s_o > ROUNDING * r.length) & (r.s_o < (1.0 - ROUNDING) * r.length)
         return off & (r.t >= t[0] * (1.0 - ROUNDING)) & (r.t <= t[-1] * (1.0 + ROUNDING))
 
     @cached_property
     def frames(self) -> NDArray[np.intp]:
-        """Indices of the frames at window ends; a run that ends early repeats its last."""
+        """Indices of frames at window ends; a run that ends early repeats its last."""
         t = self.r.fields.t
         return np.searchsorted(t, self.windows.frames * (1.0 - ROUNDING)).clip(max=t.size - 1)
 
     @property
     def t(self) -> Array:
-        """Times of these frames."""
         return self.r.fields.t[self.frames]
 
     @property
     def lasts(self) -> float:
-        """Mean length of a window [s]."""
         return float(np.mean(np.diff(self.windows.frames)))
 
     def at(self, t: Array, values: Array) -> Array:
-        """Interpolate values at steps (n, c) linearly to times (k, c)."""
+        """Interpolate (n, c) at steps linearly to times (k, c)."""
         return np.stack([np.interp(t, self.r.t, column) for column in values.T], axis=1)
 
     def impulse(self, force: Array) -> Array:
-        """Return the time integral of a force (n, c) up to every step, by trapezoids; nan if unknown.
+        """Time integral of a force (n, c) by trapezoids; nan if unknown.
 
         A step at a jump takes the value from its own side.
         """
@@ -191,7 +184,7 @@ class Evidence:
         return np.concatenate([0.0 * f[:1], np.cumsum(mean * np.diff(t)[:, None], axis=0)])
 
     def impulse_at_frames(self, force: Array) -> Array:
-        """Return the same up to the frames, (k, c)."""
+        """The same at frames, (k, c)."""
         total = self.impulse(force)
         if np.isnan(total).any():
             return np.full((self.t.size, force.shape[1]), math.nan)
@@ -201,7 +194,7 @@ class Evidence:
 
     @cached_property
     def pace(self) -> Array:
-        """ds_o/dt at every step (n,)."""
+        """ds_o/dt (n,)."""
         return np.asarray(CubicSpline(self.r.t, self.r.s_o)(self.r.t, 1))
 
     @cached_property
@@ -214,7 +207,7 @@ class Evidence:
 
     @cached_property
     def pull(self) -> Array:
-        """Outer force along the mean tangent (n,) [N]: the TOML's thrust on a free car, else the run's haul force."""
+        """Outer force along the mean tangent (n,) [N]: thrust on a free car, else the run's haul force."""
         times, forces = self.thrust
         if self.r.drive != "free" or not times.size:
             return np.nan_to_num(self.r.F_haul) if self.r.drive == "haul" else np.zeros(self.r.t.size)
@@ -224,7 +217,6 @@ class Evidence:
 
     @cached_property
     def drag(self) -> Array:
-        """Drag by the TOML (n, 2) [N]."""
         drive = self.given.drive
         k = 0.5 * drive.get("air_density", 1.2) * drive.get("drag_area", 0.0)
         past = self.r.velocity - [drive.get("wind", 0.0), 0.0]
@@ -232,13 +224,13 @@ class Evidence:
 
     @cached_property
     def rub(self) -> tuple[Array, Array]:
-        """Rolling friction and brakes (n,) [N]."""
+        """(n,) [N] each."""
         r, drive = self.r, self.given.drive
         shoes = [x["force"] * (r.s_o >= x["from"]) for x in drive.get("brake", [])]
         return drive.get("rolling_friction", 0.0) * np.abs(r.F_contact), np.sum([np.zeros(r.t.size), *shoes], axis=0)
 
     def both(self) -> Iterator[tuple[float, Array, Array]]:
-        """Give sign, tension and slope behind and ahead of the mass; the signed sum is ahead minus behind."""
+        """Sign, tension and slope behind and ahead of the mass."""
         yield -1.0, self.r.T_behind, self.r.slope_behind
         yield 1.0, self.r.T_ahead, self.r.slope_ahead
 
@@ -246,11 +238,10 @@ class Evidence:
 
     @cached_property
     def sides(self) -> list[tuple[Side, Side]]:
-        """Both sides of the mass at each frame."""
         r, f, at = self.r, self.r.fields, self.r.fields.s_o[self.frames]
         T_static = CubicSpline(f.s, f.T_static)(at)
         place = self.curve(at) + np.stack([f.mass_u, f.mass_v], axis=1)[self.frames]
-        # the material at the mass: dp/dt = r_t + ds_o r' on either side
+        # dp/dt = r_t + ds_o r' on either side
         moves = [self.at(self.t, r.velocity - self.pace[:, None] * x) for x in (r.slope_behind, r.slope_ahead)]
         out = []
         for i, k in enumerate(self.frames):
@@ -265,7 +256,7 @@ class Evidence:
 
     @cached_property
     def along(self) -> dict[str, Array]:
-        """Integrals along the cable at the frames: velocity, place (k, 2), spin (k,), energies (k, 3)."""
+        """Integrals over the cable at frames: velocity, place (k, 2), spin (k,), energies (k, 3)."""
         given = self.given
 
         def densities(x: Side) -> Array:
@@ -282,7 +273,7 @@ class Evidence:
 
     @cached_property
     def energies(self) -> Array:
-        """Kinetic, potential and strain energy at the frames (k, 3) [J]; W = (N^2 - T^2)/(2 EA)."""
+        """Kinetic, potential, strain (k, 3) [J]; W = (N^2 - T^2)/(2 EA)."""
         r, given = self.r, self.given
         of_mass = [0.5 * given.mass * np.sum(r.velocity**2, axis=1), -given.weight * r.y, np.zeros(r.t.size)]
         return self.at(self.t, np.stack(of_mass, axis=1)) + self.along["energies"]
@@ -299,8 +290,8 @@ class Evidence:
     def powers(self) -> dict[str, Array]:
         """Power of drive and outer forces by name (n,) [W].
 
-        A grip gives ds_o (-contact . <r'> + <N t> . [r'] - [W]).  Friction and brakes take force times |ds_o| times
-        mean stretch.  The hold is the tension difference at the start.
+        A grip: ds_o (-contact . <r'> + <N t> . [r'] - [W]).  Friction and brakes: force times |ds_o| times mean
+        stretch.
         """
         r, drive = self.r, self.given.drive
         mean, jump = 0.5 * (r.slope_behind + r.slope_ahead), r.slope_ahead - r.slope_behind
@@ -326,5 +317,5 @@ def _arrays(x: Any) -> dict[str, Array]:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Return a_x b_y - a_y b_x of vectors (..., 2)."""
+    """a_x b_y - a_y b_x of (..., 2)."""
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

@@ -1,4 +1,4 @@
-"""Flags of suspect runs.  Decisions read `Flag.kind`; the text of each kind is here."""
+"""Flags of suspect runs; the text of each kind is here."""
 
 from dataclasses import replace
 
@@ -20,9 +20,9 @@ WORDS = {
 
 
 def flag(kind: str, **numbers: float | str) -> Flag:
-    """Return a flag of a kind in `WORDS` with the numbers of its text."""
+    """Return a flag of a kind in `WORDS` with its numbers."""
     made = Flag(kind, WORDS[kind], numbers)
-    str(made)  # fails here if a number is missing
+    str(made)  # fails if a number is missing
     return made
 
 

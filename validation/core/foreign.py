@@ -2,14 +2,14 @@
 
 Columns have the names of our path.csv, with an ending for another unit or direction:
 
-    t or time [s]          one of t and s_o suffices: the scene's travel gives the other
+    t or time [s]          t or s_o suffices: the scene's travel gives the other
     s_o       [m]          place of the mass on the cable
-    v or y    [m]          positive down; v from the static cable, y from the left support
+    v or y    [m]          positive down; from the static cable or the left support
     u or x    [m]          optional
-    T_behind, T_ahead [N]  optional, at the mass
+    T_behind, T_ahead [N]  optional
     speed     [m/s]        optional, |dp/dt|, of a free ride
 
-A free ride is compared over time: it needs t, s_o or x, and v or y.
+A free ride needs t, s_o or x, and v or y.
 
 Endings: _over_l (of the cable's length), _mm, _km, _ms, _kN, _kmh, _up; _s, _m, _N and _down change nothing.
 """
@@ -35,9 +35,9 @@ from validation.core.measures import WINDOW, NotComparable, Window
 from validation.core.rows import happened
 from validation.core.store import Refused
 
-WITH_TOL = 5e-3  # allowed to a third party beside our own bar, relative to the largest deflection
-LEAST_ROWS = 5  # fewest rows in the window
-TRAVEL_TOLERANCE = 5e-3  # of l: another program may round the place to a node
+WITH_TOL = 5e-3  # of the largest deflection, allowed beside our own bar
+LEAST_ROWS = 5  # in the window
+TRAVEL_TOLERANCE = 5e-3  # of l: programs may round the place to a node
 
 _NAME = re.compile(
     r"(t_behind|t_ahead|time|t|s_o|u|v|x|y|speed)(_over_l|/l|_mm|_kmh|_km|_ms|_kn|_s|_m|_n)?(_down|_up)?", re.IGNORECASE
@@ -46,7 +46,7 @@ _NAME = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class ForeignPath:
-    """A third party's mass path in SI, v down, with what path measures need of a `Response`."""
+    """A third party's mass path in SI, v down, with what path measures read of a `Response`."""
 
     method: str  # name in verdicts
     length: float  # l [m]
@@ -54,7 +54,7 @@ class ForeignPath:
     s_o: Array  # (n,) [m]
     v: Array  # (n,) [m]
     u: Array | None = None  # (n,) [m]
-    T_behind: Array | None = None  # (n,) [N] nan where there is none
+    T_behind: Array | None = None  # (n,) [N] or nan
     T_ahead: Array | None = None
     x: Array | None = None  # (n,) [m] from the left support
     y: Array | None = None  # (n,) [m]
@@ -68,12 +68,10 @@ class ForeignPath:
 
     @property
     def reached(self) -> float:
-        """s_o/l of the last row."""
         return float(self.s_o[-1] / self.length)
 
     @property
     def max_deflection(self) -> float:
-        """Largest v [m]."""
         return float(self.v.max())
 
     @classmethod
@@ -83,7 +81,7 @@ class ForeignPath:
     ) -> Self:  # fmt: skip
         """Return the path v(s_o) [m], v down; t [s] by the scene's travel unless given.  A free ride needs x, y(t).
 
-        Raises Refused with one line per fault.
+        Raises Refused.
         """
         columns = {"s_o": s_o, "v": v, "u": u, "t": t, "x": x, "y": y}
         try:
@@ -100,14 +98,13 @@ class ForeignPath:
 
     @classmethod
     def read(cls, file: str | Path, scene: Scene) -> Self:
-        """Return the path in a CSV file (comma, semicolon or tab; lines that begin with # are skipped).
+        """Return the path in a CSV file (comma, semicolon or tab; # begins a comment line).
 
         Raises Refused with one line per fault.
         """
         return cls(**_completed(scene, _read(Path(file), scene)))
 
     def write(self, file: Path) -> None:
-        """Write the path as our path.csv."""
         columns = {k: getattr(self, k) for k in ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "speed")}
         columns = {k: x for k, x in columns.items() if x is not None}
         write_csv(file, ",".join(columns), np.stack(list(columns.values()), axis=1))
@@ -115,8 +112,6 @@ class ForeignPath:
 
 @dataclass(frozen=True, slots=True)
 class _Given:
-    """Another program's numbers by quantity, SI, v and y down."""
-
     name: str
     x: dict[str, Array]
     factor: dict[str, float]  # applied to a file's numbers
@@ -127,7 +122,7 @@ class _Given:
         raise Refused(f"{self.name}: {said}")
 
     def units(self, quantity: str, l: float) -> dict[str, float]:
-        """Return possible names of a column of lengths and the factors on its numbers here."""
+        """Possible names of a column of lengths, with factors on its numbers."""
         now = self.factor.get(quantity, 1.0)
         ends = {"": 1.0, "_over_l": l, "_mm": 1e-3, "_km": 1e3}
         return {quantity + end: unit / now for end, unit in ends.items()}
@@ -158,7 +153,6 @@ def _read(file: Path, scene: Scene) -> _Given:
 
 
 def _of_names(header: list[str], place: dict[str, int], rows: list[Any], scene: Scene) -> Iterator[str]:
-    """Give faults in the column names."""
     have = f"it has {', '.join(header)}"
     if all(math.isfinite(_number(cell)) for cell in header):
         yield "line 1: numbers where the names of the columns should stand, e.g. t,s_o,u,v"
@@ -176,7 +170,6 @@ def _of_names(header: list[str], place: dict[str, int], rows: list[Any], scene: 
 
 
 def _of_cells(header: list[str], place: dict[str, int], rows: list[Any]) -> Iterator[str]:
-    """Give faults in the cells; a tension may be missing."""
     for n, row in rows:
         if len(row) != len(header):
             yield f"line {n}: {len(row)} cells under {len(header)} names of columns"
@@ -213,7 +206,6 @@ def _number(cell: str) -> float:
 
 
 def _unit(column: str, length: float) -> float:
-    """Return the factor from a column's numbers to SI, v and y down."""
     _, unit, way = _NAME.fullmatch(column.lower()).groups()  # type: ignore[union-attr]
     factors = {"_over_l": length, "/l": length, "_mm": 1e-3, "_km": 1e3, "_ms": 1e-3, "_kn": 1e3, "_kmh": 1.0 / 3.6}
     return factors.get(unit, 1.0) * (-1.0 if way == "_up" else 1.0)
@@ -223,7 +215,6 @@ def _unit(column: str, length: float) -> float:
 
 
 def _completed(scene: Scene, given: _Given) -> dict[str, Any]:
-    """Return the fields of a `ForeignPath`: t or s_o by the scene's travel, u and v by its static shape."""
     motion, l, free = scene.groups.motion, scene.length, scene.drive.mode == "free"
     if motion is None and not free:
         raise Refused(f"scene {scene.name} has no travelling mass: there is no path to compare")
@@ -264,10 +255,9 @@ def _rises(given: _Given, clock: str) -> None:
 
 
 def _placed(scene: Scene, given: _Given) -> dict[str, Array]:
-    """Return the columns with both t and s_o, up to the end of the travel."""
     motion, l, tau, x = scene.groups.motion, scene.length, scene.time_scale, dict(given.x)
     if motion is None:
-        s = np.linspace(0.0, l, 2001)  # s_o only locates things on the cable
+        s = np.linspace(0.0, l, 2001)
         x.setdefault("s_o", np.interp(x.get("x", s[:1]), scene.catenary.x(s), s))
         _on_cable(x["s_o"], float(x["s_o"].max()), given, l)
         return x
@@ -283,12 +273,12 @@ def _placed(scene: Scene, given: _Given) -> dict[str, Array]:
 
 
 def _fits_travel(scene: Scene, given: _Given) -> None:
-    """Refuse s_o(t) that is not the scene's travel; name the units that would fit."""
+    """Refuse s_o(t) that is not the scene's travel; name units that would fit."""
     motion, l, tau, t, s_o = scene.groups.motion, scene.length, scene.time_scale, given.x["t"], given.x["s_o"]
     assert motion is not None
 
     def misfit(time: float, place: float) -> Array:
-        # past the end the scene's mass stands still; another program's may run on
+        # the scene's mass stays at the end; another program's may run on
         return np.abs(np.minimum(place * s_o / l, motion.end) - motion.position(time * t / tau))
 
     off = misfit(1.0, 1.0)
@@ -297,7 +287,7 @@ def _fits_travel(scene: Scene, given: _Given) -> None:
     times = {"t": 1.0, "t_ms": 1e-3, f"t over {tau:.6g} s = l sqrt(rho/H)": tau}
     for (as_t, unit), (as_s, place) in itertools.product(times.items(), given.units("s_o", l).items()):
         time = unit / given.factor.get("t", 1.0)
-        # a mass that hardly moves, or has arrived, fits any travel
+        # a mass at rest or past its arrival fits any travel
         moving = np.count_nonzero((place * s_o > WINDOW[0] * l) & (time * t < tau * motion.phases[-1][1]))
         if moving >= LEAST_ROWS and misfit(time, place).max() <= TRAVEL_TOLERANCE:
             given.refuse(f"t and s_o are the scene's travel as {as_t} and {as_s}: name or convert them so")
@@ -309,7 +299,7 @@ def _fits_travel(scene: Scene, given: _Given) -> None:
 
 
 def _on_cable(s_o: Array, last: float, given: _Given, l: float) -> None:
-    """Refuse s_o that leaves the cable; propose the unit that ends nearest to the far support."""
+    """Refuse s_o that leaves the cable; propose a unit."""
     if s_o.min() >= -TRAVEL_TOLERANCE * l and WINDOW[0] < last / l <= 1.0 + TRAVEL_TOLERANCE:
         return
     ends = {unit * last / l: column for column, unit in given.units("s_o", l).items()}
@@ -321,7 +311,7 @@ def _on_cable(s_o: Array, last: float, given: _Given, l: float) -> None:
 def refuse_misnamed(path: ForeignPath | Response, ours: Response) -> None:
     """Raise Refused if v (free ride: y) is far off as named but agrees in another unit or sign.
 
-    ours : any run good to a few percent.
+    ours : a run good to a few percent.
     """
     of = "y" if ours.drive == "free" else "v"
     given = _Given(path.method, {}, {of: getattr(path, "factor", 1.0)}, ())
@@ -355,12 +345,11 @@ def _vertical(r: Any) -> Any:
 
 
 def comparable(a: Any, b: Any) -> tuple[Any, Any]:
-    """Return both paths, without u if one of them lacks it."""
+    """Return both paths, without u if one lacks it."""
     return (a, b) if a.u is not None and b.u is not None else (_vertical(a), _vertical(b))
 
 
 def _common(path: ForeignPath | Response, window: Window) -> Window:
-    """Return the part of the window that the path covers."""
     if path.drive == "free":
         return window
     start, stop = max(window[0], float(path.s_o[0] / path.length)), min(window[1], path.reached)
@@ -371,7 +360,7 @@ def _common(path: ForeignPath | Response, window: Window) -> Window:
 
 
 def mass_tension_gap(a: Any, b: Any, window: Window) -> float:
-    """Return the rms gap of both one-sided tensions at the mass over the window, over H of b."""
+    """Return the rms gap of both tensions at the mass over the window, over H of b."""
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
     within = measures.inside(coarse, window) & (coarse.t <= fine.t[-1])
     total = 0.0
@@ -384,9 +373,9 @@ def mass_tension_gap(a: Any, b: Any, window: Window) -> float:
 
 
 def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: float) -> Iterator[Agreement]:
-    """Compare a foreign path with an estimated run; our error bar plus `with_tol` is allowed.
+    """Compare a foreign path with an estimated run; allowed is our bar plus `with_tol`.
 
-    Where the path covers less than the window, the rows are "not comparable".
+    A path that covers less than the window is "not comparable".
     """
     party, run = path.method, ours.run.method
     try:

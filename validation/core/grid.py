@@ -19,11 +19,11 @@ import numpy as np
 from cablefem.scene import Scene
 from cablefem.scene.line import Line
 
-MOST = 10_000  # points of a grid; larger ones are sweeps
+MOST = 10_000  # larger ones are sweeps
 
 
 def parsed(pair: str) -> tuple[str, list[Any]]:
-    """Return the key and the values of KEY=VALUES; ValueError says what is wrong."""
+    """Return key and values of KEY=VALUES; ValueError says what is wrong."""
     key, given, text = (part.strip() for part in pair.partition("="))
     if not (key and given and text):
         raise ValueError(f"--set must be KEY=VALUE, got {pair!r}")
@@ -51,7 +51,7 @@ def _split(text: str) -> list[str]:
 
 
 def _value(text: str) -> Any:
-    """Return the TOML value, or the text itself: names need no quotes."""
+    """The TOML value, or the text itself: names need no quotes."""
     try:
         return tomllib.loads(f"x = {text}")["x"]
     except tomllib.TOMLDecodeError:
@@ -59,7 +59,7 @@ def _value(text: str) -> Any:
 
 
 def points(pairs: Sequence[str]) -> list[dict[str, Any]]:
-    """Return the grid's points as keys and values; the last key changes fastest."""
+    """Return the grid's points; the last key changes fastest."""
     axes = [parsed(pair) for pair in pairs]
     keys = [key for key, _ in axes]
     if twice := {key for key in keys if keys.count(key) > 1}:
@@ -71,11 +71,10 @@ def points(pairs: Sequence[str]) -> list[dict[str, Any]]:
 
 
 def parts(point: dict[str, Any], known: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Split a point into settings of the scene (dotted or `known` keys) and of the method."""
+    """Split a point into settings of the scene (dotted or `known`) and of the method."""
     scene = {key: value for key, value in point.items() if "." in key or key in known}
     return scene, {key: value for key, value in point.items() if key not in scene}
 
 
 def varied(scene: Scene | Line, point: dict[str, Any]) -> Scene | Line:
-    """Return the scene with these keys set; raises SceneError."""
     return scene.replace(point)

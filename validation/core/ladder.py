@@ -1,4 +1,4 @@
-"""Error bars from a run and coarser runs of the same method on the same scene."""
+"""Error bars from a run and coarser runs of one method."""
 
 from __future__ import annotations
 
@@ -13,26 +13,23 @@ from cablefem.response import Array, Response
 from validation.core.measures import NotComparable
 from validation.core.view import View
 
-SAFETY = 1.25  # factor of safety for three grids (Roache 1998, Verification and Validation, section 5)
-NONSENSE = 4.0  # times the fall of the nominal order: a quarter run that far off tells nothing
-LEAST_ORDER = 0.5  # below it no order shows (Eca & Hoekstra 2014, J. Comput. Phys. 262); the bar is 3 d at ratio 2
+SAFETY = 1.25  # for three grids (Roache 1998, Verification and Validation, section 5)
+NONSENSE = 4.0  # times the nominal fall: a quarter that far off tells nothing
+LEAST_ORDER = 0.5  # no order shows below (Eca & Hoekstra 2014, J. Comput. Phys. 262); bar 3 d at ratio 2
 
 Of = Callable[[Response], Any]
 Apart = Callable[[Any, Any], Any]
 
 
 def largest(a: Any, b: Any) -> float:
-    """Return the largest distance of two numbers or series."""
     return float(np.max(np.abs(np.subtract(a, b)), initial=0.0))
 
 
 def each(a: Any, b: Any) -> Array:
-    """Return the distance of each value."""
     return np.abs(np.subtract(a, b))
 
 
 def rms(a: Any, b: Any) -> float:
-    """Return the root mean square distance of two series."""
     return float(np.sqrt(np.mean(np.square(np.subtract(a, b)))))
 
 
@@ -40,11 +37,10 @@ def left(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any:
     """Return the bar F d / (r^p - 1) of a finest run, value by value.
 
     d : change from half to finest;  before : from quarter to half, 0 if unknown.
-    ratios : finest over half, and half over quarter;  order : nominal, the most credited.
+    ratios : finest over half, half over quarter;  order : the most credited.
 
-    The order p solves before/d = r^p (r'^p - 1)/(r^p - 1) (Celik et al. 2008, J. Fluids Eng. 130, 078001), between
-    LEAST_ORDER and nominal.  A change smaller than the nominal order leaves of the one before is raised to that, unless
-    the quarter is too far off.
+    p solves before/d = r^p (r'^p - 1)/(r^p - 1) (Celik et al. 2008, J. Fluids Eng. 130, 078001).  A change below the
+    nominal fall is raised to it, unless the quarter is too far off.
     """
     d, before = np.abs(np.asarray(d, float)), np.abs(np.asarray(before, float))
     r, coarser = ratios[0], ratios[-1]
@@ -64,7 +60,7 @@ def left(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """Coarser runs in space or time: half and quarter of the finest, if there are any."""
+    """Coarser runs in space or time: half and quarter, if there are any."""
 
     runs: tuple[Response, ...]
     ratios: tuple[float, ...]  # times coarser than the run before
@@ -91,9 +87,9 @@ class Branch:
 
 @dataclass(frozen=True, slots=True)
 class Ladder:
-    """The runs of one method on one scene, and the bars they give.
+    """Runs of one method on one scene, and their bars.
 
-    ringing : a run that does not damp axial waves, for extremes of raw forces.
+    ringing : a run that does not damp axial waves, for raw forces.
     """
 
     finest: Response
@@ -110,7 +106,7 @@ class Ladder:
         return self.finest, *self.space.runs, *self.time.runs
 
     def over(self, view: View) -> Ladder:
-        """Return the ladder without runs that end before the view, and those coarser than them."""
+        """Return the ladder without runs that end before the view, and coarser ones."""
 
         def kept(branch: Branch) -> Branch:
             n = next((i for i, r in enumerate(branch.runs) if not view.covers(r)), len(branch.runs))
@@ -119,25 +115,24 @@ class Ladder:
         return replace(self, space=kept(self.space), time=kept(self.time))
 
     def parts(self, of: Of, apart: Apart = largest, order: float = math.inf) -> tuple[Any, Any]:
-        """Return the parts of space and time in `bar`."""
         space, time = (branch.left(self.finest, of, apart, order) for branch in (self.space, self.time))
         return space, time
 
     def bar(self, of: Of, apart: Apart = largest, order: float = math.inf) -> Any:
         """Return the error bar of a functional of the finest run.
 
-        of : a number or series of a response;  apart : their distance, an array for a bar of each value.
+        of : a number or series;  apart : a distance, an array for a bar of each value.
         order : the most credited, if less than the path's.
         """
         return sum(self.parts(of, apart, order))
 
     def told(self, of: Of) -> float:
-        """Return 0 where all runs give the same answer to a question, else infinity."""
+        """Return 0 if all runs answer a question alike, else infinity."""
         answers = [of(r) for r in self.runs]
         alike = len(self.space.runs) > 0 and len(self.time.runs) > 0 and all(x == answers[0] for x in answers)
         return 0.0 if alike else math.inf
 
     def peak(self, of: Of, apart: Apart = largest) -> float:
-        """Return the bar of a raw force's extreme, at least the change to the ringing run."""
+        """Return the bar of a raw extreme, at least the change to the ringing run."""
         heard = 0.0 if self.ringing is None else float(apart(of(self.finest), of(self.ringing)))
         return max(float(self.bar(of, apart, 1.0)), heard)

@@ -1,8 +1,7 @@
 """Checks responses against the laws of mechanics and the scene's TOML alone, in SI.
 
-Finds faults that both wings share: groups, static shape, travel, units, sampling.  A defect is zero for the exact
-answer and a part of the law's own scale.  Its bar is the change to coarser runs plus three times the change when every
-second sample is left out.
+Finds faults that both wings share.  A defect is a part of the law's own scale, zero for the exact answer.  Its bar is
+the change to coarser runs plus three times the change when every second sample is left out.
 """
 
 from __future__ import annotations
@@ -21,41 +20,40 @@ from cablefem.response import Array, Response
 from validation.core import timetable
 from validation.core.evidence import ROUNDING, Evidence, Side, Window, Windows, cross
 
-OFTEN = 0.2  # of the time of a transverse wave along the cable: frames further apart do not resolve velocities
-NEXT = 0.01  # of the length: closer to a support one side has too few stations
-ROLLS = 0.05  # of the top speed: below it the direction of friction is not checked
-FIRST = 1.0  # largest order credited to slopes and impulses at the mass
-THINNED = 3.0  # factor on the change by thinning; enough for errors of order 1/2 and more
+OFTEN = 0.2  # of a transverse wave's time along the cable: frames further apart do not resolve velocities
+NEXT = 0.01  # of the length: least side with enough stations
+ROLLS = 0.05  # of the top speed: below it friction's direction is not checked
+FIRST = 1.0  # largest order credited at the mass
+THINNED = 3.0  # factor on the change by thinning, for errors of order 1/2 and more
 DOWN = np.array([0.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True)
 class Defect:
-    """Defect of a law at places s_o/l (nan where there is none), as a part of the law's scale."""
+    """Defect of a law at places s_o/l (nan without a place)."""
 
     place: Array  # (k,)
     value: Array  # (k, c)
 
     @property
     def rms(self) -> Array:
-        """Root mean square over the places, (c,)."""
         return np.sqrt(np.mean(self.value**2, axis=0))
 
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """One law checked on one run: the component whose rms defect is largest beside its bar."""
+    """A law checked on a run: the component with the largest rms defect over its bar."""
 
     law: str
     quantity: str  # the row it belongs to
-    gap: float  # nan where the response lacks what the law needs
+    gap: float  # nan where the response lacks something
     bar: float  # from coarser runs
     sampling: float
-    where: float | None  # s_o/l of the largest defect
+    where: float | None  # s_o/l
 
 
 class Ladder(Protocol):
-    """A run and its coarser ones; see `ladder.Ladder`."""
+    """See `ladder.Ladder`."""
 
     @property
     def finest(self) -> Response: ...
@@ -65,7 +63,7 @@ class Ladder(Protocol):
 
 
 def hold(ladder: Ladder, window: Window, until: float = math.inf) -> Iterator[Held]:
-    """Check every law that applies to the finest run, over a window of s_o/l, up to a time [s]."""
+    """Check all laws that apply to the finest run, over a window of s_o/l, up to a time [s]."""
     r = ladder.finest
     windows = Windows.of(r, window, until)
     case = Evidence(r, windows)
@@ -98,12 +96,10 @@ Finds = Callable[[Evidence], Defect]
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """One law: its defect, the runs it applies to, the row it belongs to."""
-
     defect: Finds
     concerns: Callable[[Evidence], bool]
     of: str
-    exact: bool  # holds to rounding in every run
+    exact: bool  # to rounding in every run
 
 
 LAWS: dict[str, Law] = {}
@@ -124,13 +120,11 @@ def _rolls(m: Evidence) -> bool:
 
 
 def _sees_swings(m: Evidence) -> bool:
-    """Return whether frames are close enough to integrate velocities over time."""
     between = float(np.diff(m.r.fields.t[m.frames[0] : m.frames[-1] + 1]).max(initial=0.0))
     return between <= OFTEN * m.r.length * math.sqrt(m.given.rho / m.r.horizontal_tension)
 
 
 def _off_supports(m: Evidence) -> bool:
-    """Return whether the mass is ever far enough from the supports."""
     return any(_has_room(m, pair) for pair in m.sides)
 
 
@@ -139,12 +133,12 @@ def _has_room(m: Evidence, pair: tuple[Side, Side]) -> bool:
 
 
 def _knows_strain(m: Evidence) -> bool:
-    """Return whether the pointwise tension is told beside that from equilibrium."""
+    """Whether pointwise tension is told beside that from equilibrium."""
     return m.r.model == "full" and not np.array_equal(m.r.T_behind, m.r.T_behind_pointwise, equal_nan=True)
 
 
 def _carries_none(r: Response, t: Array) -> NDArray[np.bool_]:
-    """Return at which times the law excludes compression: all, none, or those after the first slack."""
+    """At which times the law excludes compression."""
     if r.switched is None:
         return np.full(t.shape, r.law == "tension-only")
     return t > r.slack_since
@@ -159,13 +153,12 @@ def _at_frames(m: Evidence, value: Array) -> Defect:
 
 
 def _over_frames(m: Evidence, kept: Array, scale: float, t: Array | None = None) -> Defect:
-    """Return the change of a conserved quantity (k, c) over each window, over a scale."""
+    """Change of a conserved quantity (k, c) over each window, over a scale."""
     at = np.interp(m.windows.frames if t is None else t, m.r.t, m.r.s_o) / m.r.length
     return Defect(0.5 * (at[1:] + at[:-1]), np.diff(kept, axis=0) / scale)
 
 
 def _over_steps(m: Evidence, kept: Array, scale: float) -> Defect:
-    """The same for values at every step (n, c)."""
     return _over_frames(m, m.at(m.windows.steps, kept), scale, m.windows.steps)
 
 
@@ -181,9 +174,9 @@ def ends_at_rest(m: Evidence) -> Defect:
 
 @_law(exact=True)
 def length_at_rest(m: Evidence) -> Defect:
-    """Stations measure arc length from 0 to the length asked for; over it.
+    """Stations measure arc length up to the length asked for; over it.
 
-    With temperature or ice the unstretched length is asked for; the mean tension gives its strain.
+    With temperature or ice the unstretched length is asked for.
     """
     s, (name, value) = m.r.fields.s, m.given.asked
     strain = CubicSpline(s, m.r.fields.T_static / m.given.EA).integrate(s[0], s[-1]) / s[-1]
@@ -194,7 +187,7 @@ def length_at_rest(m: Evidence) -> Defect:
 
 @_law(exact=True)
 def shape_at_rest(m: Evidence) -> Defect:
-    """Sag below the chord, or horizontal tension, as asked for; over itself."""
+    """Sag or horizontal tension as asked for; over itself."""
     (name, value), f = m.given.asked, m.r.fields
     if name == "sag":
         below = CubicSpline(f.s, f.y - m.given.drop / m.given.span * f.x)
@@ -238,7 +231,7 @@ def travel(m: Evidence) -> Defect:
 
 
 def _crawls(m: Evidence) -> float:
-    """Return the speed [m/s] above `rest_speed` of a stopped car, over its last axial round trip."""
+    """Speed [m/s] above `rest_speed` of a stopped car, over its last axial round trip."""
     r, l = m.r, m.r.fields.s[-1]
     lasts = min(r.t[-1] - r.t[0], 2.0 * l * math.sqrt(m.given.rho / m.given.EA))
     way = abs(r.s_o[-1] - np.interp(r.t[-1] - lasts, r.t, r.s_o))
@@ -247,9 +240,9 @@ def _crawls(m: Evidence) -> float:
 
 @_law(_rolls, exact=True)
 def drive(m: Evidence) -> Defect:
-    """The car starts, brakes, arrives, is released and driven as the TOML says.
+    """The car starts, brakes, arrives and is driven as the TOML says.
 
-    Events agree with s_o(t) and speed.  Over length, time, top speed and largest thrust.
+    Over length, time, top speed and largest thrust.
     """
     r, drive, l, T = m.r, m.given.drive, m.r.fields.s[-1], m.r.t[-1]
     times, forces = m.thrust
@@ -286,7 +279,7 @@ def place_of_the_mass(m: Evidence) -> Defect:
 
 @_law(_knows_strain, exact=True)
 def strain_at_the_mass(m: Evidence) -> Defect:
-    """Pointwise tension is T + EA (|r'| - 1), cut at zero where the law excludes compression; over H."""
+    """Pointwise tension is T + EA (|r'| - 1), cut at zero without compression; over H."""
     r, k, f = m.r, m.inside, m.r.fields
     T, off = CubicSpline(f.s, f.T_static)(r.s_o[k]), []
     for slope, told in ((r.slope_behind, r.T_behind_pointwise), (r.slope_ahead, r.T_ahead_pointwise)):
@@ -297,16 +290,15 @@ def strain_at_the_mass(m: Evidence) -> Defect:
 
 @_law()
 def speed_of_the_mass(m: Evidence) -> Defect:
-    """The displacement of the mass is the integral of its velocity; over top speed times window."""
+    """The way of the mass is the integral of its velocity; over top speed times window."""
     r = m.r
     return _over_steps(m, np.stack([r.x, r.y], axis=1) - m.impulse(r.velocity), float(r.speed.max()) * m.lasts)
 
 
 def _of_mass(m: Evidence, pull: Array) -> Defect:
-    """Return the momentum defect of the mass under the cable's pull (n, 2)."""
     r, weight = m.r, m.given.weight
     force = pull + weight * DOWN
-    if r.drive != "grip":  # haul rope or thrust, and drag
+    if r.drive != "grip":
         mean = r.slope_behind + r.slope_ahead
         force = force + m.pull[:, None] * mean / np.hypot(*mean.T)[:, None] + m.drag
     return _over_steps(m, m.given.mass * r.velocity - m.impulse(force), weight * m.lasts)
@@ -320,7 +312,7 @@ def momentum_of_the_mass(m: Evidence) -> Defect:
 
 @_law(of="impulse")
 def impulse(m: Evidence) -> Defect:
-    """M (v_2 - v_1) by the pull [ N t - rho ds_o^2 r' ] of both one-sided tensions; over M g times window."""
+    """M (v_2 - v_1) by the pull [ N t - rho ds_o^2 r' ] of both tensions; over M g times window."""
     pull = np.zeros((m.r.t.size, 2))
     for sign, T, slope in m.both():
         pull += sign * (T / np.hypot(*slope.T) - m.given.rho * m.pace**2)[:, None] * slope
@@ -331,7 +323,7 @@ def impulse(m: Evidence) -> Defect:
 def tension_on_both_sides(m: Evidence) -> Defect:
     """The tension jump at a rolling car is friction plus brakes; over M g times window.
 
-    [N] (1 - rho ds_o^2/EA) = -(mu_r |contact| + brakes) sign(ds_o); for a slow car [N] is at most that.
+    [N] (1 - rho ds_o^2/EA) = -(mu_r |contact| + brakes) sign(ds_o); less for a slow car.
     """
     r, given = m.r, m.given
     jump, most = (r.T_ahead - r.T_behind) * (1.0 - given.rho * m.pace**2 / given.EA), np.sum(m.rub, axis=0)
@@ -346,14 +338,14 @@ def tension_on_both_sides(m: Evidence) -> Defect:
 
 @_law(lambda m: m.r.switched is not None or m.r.law == "tension-only", exact=True)
 def compression(m: Evidence) -> Defect:
-    """A tension-only cable has no compression; over H, counted up to H."""
+    """A tension-only cable has no compression; over H."""
     T = m.r.fields.T_pointwise[_carries_none(m.r, m.r.fields.t)] / m.r.horizontal_tension
     return _static(float(np.clip(T, -1.0, 0.0).min(initial=0.0)))
 
 
 @_law(of="tension_min")
 def least_tension(m: Evidence) -> Defect:
-    """The least tension at steps is that of field and mass at frames; over H."""
+    """The least tension at steps is that at frames; over H."""
     f, k = m.r.fields, m.frames
     field = np.minimum(f.T[k].min(axis=1), np.minimum(f.T_behind[k], f.T_ahead[k]))
     return _at_frames(m, (m.at(m.t, m.r.tension_min[:, None])[:, 0] - field) / m.r.horizontal_tension)
@@ -361,10 +353,7 @@ def least_tension(m: Evidence) -> Defect:
 
 @_law(exact=True)
 def slack_onset(m: Evidence) -> Defect:
-    """Slack begins at the first step with negative least tension; over the length.
-
-    Two steps are allowed, because a solver may look at other points than it tells.
-    """
+    """Slack begins at the first step with negative tension, within two steps; over the length."""
     r = m.r
     below = np.append(r.s_o[1:][r.tension_min[1:] < 0.0], r.s_o[-1])[0] / r.length
     off = abs(float(below) - (r.reached if r.slack_onset is None else r.slack_onset))
@@ -373,7 +362,7 @@ def slack_onset(m: Evidence) -> Defect:
 
 @_law()
 def fields_at_the_mass(m: Evidence) -> Defect:
-    """Displacement of the mass at frames equals that at steps; over the largest deflection."""
+    """Displacement of the mass at frames is that at steps; over the largest deflection."""
     r, f = m.r, m.r.fields
     steps = CubicSpline(r.t, np.stack([r.s_o, r.u, r.v], axis=1))(m.t)
     off = np.stack([f.s_o, f.mass_u, f.mass_v], axis=1)[m.frames] - steps
@@ -381,10 +370,7 @@ def fields_at_the_mass(m: Evidence) -> Defect:
 
 
 def _at_and_up_to(m: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]:
-    """Return a field (m,) or (m, c) at the mass, and its gap to either side's extrapolation; (k, 2 c).
-
-    Both are zero next to a support.
-    """
+    """A field (m,) or (m, c) at the mass, and its gap to the extrapolation from either side; (k, 2 c)."""
     found = []
     for pair in m.sides:
         rows = [(x.s[::way][:3], of(x)[::way][:3]) for x, way in zip(pair, (-1, 1), strict=True)]
@@ -397,23 +383,23 @@ def _at_and_up_to(m: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]
 
 @_law(_off_supports)
 def tension_up_to_the_mass(m: Evidence) -> Defect:
-    """Tension along the cable tends to that at the mass, in the mean over frames; over H."""
+    """Mean tension along the cable tends to that at the mass; over H."""
     _, off = _at_and_up_to(m, lambda x: x.T)
     return _static(*(off.mean(axis=0) / m.r.horizontal_tension))
 
 
 @_law(_off_supports, of="velocity")
 def up_to_the_mass(m: Evidence) -> Defect:
-    """Velocity of the cable tends to that at the mass on each side; over its rms there."""
+    """Velocity of the cable tends to that at the mass; over its rms."""
     told, off = _at_and_up_to(m, lambda x: x.velocity)
     return _at_frames(m, off / np.sqrt(np.mean(told**2, axis=0)))
 
 
 @_law(_sees_swings, of="velocity")
 def summed_over_time(m: Evidence) -> Defect:
-    """Transverse displacement is the integral of its velocity, both weighted by half a sine; over its rms.
+    """Transverse displacement is the integral of its velocity, weighted by half a sine; over its rms.
 
-    Axial motion and shorter waves oscillate between frames and are not checked.
+    Axial motion and shorter waves oscillate between frames.
     """
     f = m.r.fields
     tangent, sine = m.curve(f.s, 1), np.sin(math.pi / f.s[-1] * f.s)
@@ -425,9 +411,9 @@ def summed_over_time(m: Evidence) -> Defect:
 
 @_law()
 def stretch(m: Evidence) -> Defect:
-    """Mean tension of a piece is that at rest plus EA times its strain from the sampled curve; over H.
+    """Mean tension of a piece is that at rest plus EA times the strain of the sampled curve; over H.
 
-    Pieces are the shorter side and both halves of the longer one.  Shorter pieces contain ripples of a basis.
+    Shorter pieces than half a side contain ripples of a basis.
     """
     off = []
     for pair in m.sides:
@@ -444,7 +430,7 @@ def stretch(m: Evidence) -> Defect:
 
 @_law()
 def momentum_of_the_cable(m: Evidence) -> Defect:
-    """rho int r. ds changes by the impulse of reactions, weight and contact; over total weight times window."""
+    """rho int r. ds changes by the impulse of all forces; over total weight times window."""
     r, rho = m.r, m.given.rho
     weight = rho * m.given.gravity * r.fields.s[-1]
     force = r.reaction_left + r.reaction_right + r.contact + weight * DOWN
@@ -454,7 +440,7 @@ def momentum_of_the_cable(m: Evidence) -> Defect:
 
 @_law()
 def moment_of_momentum(m: Evidence) -> Defect:
-    """rho int r x r. ds about the left support changes by the moments' impulse; over total weight, span, window."""
+    """rho int r x r. ds about the left support changes by the impulse of moments; over weight, span, window."""
     r, given, t = m.r, m.given, m.t
     weight = given.rho * given.gravity
     right = np.array([given.span, given.drop])
@@ -472,10 +458,7 @@ def moment_of_momentum(m: Evidence) -> Defect:
 
 @_law(of="energy")
 def energy(m: Evidence) -> Defect:
-    """Energy of cable and mass changes by the work of the drive, until the cable is slack.
-
-    A slack cable loses energy when it snaps taut.
-    """
+    """Energy of cable and mass changes by the work of the drive, until slack: a snapping cable loses some."""
     kept = m.energies.sum(axis=1)[:, None] - m.impulse_at_frames(m.power_of_all[:, None])
     found = _over_frames(m, kept, m.work)
     return Defect(found.place, np.where((m.t[1:] <= m.r.slack_since)[:, None], found.value, 0.0))
@@ -483,7 +466,7 @@ def energy(m: Evidence) -> Defect:
 
 @_law(lambda m: bool(np.isfinite(m.r.kinetic).any()))
 def parts_of_the_energy(m: Evidence) -> Defect:
-    """Energies change as the run says, and sum to the total."""
+    """Energies are what the run says, and sum to the total."""
     r = m.r
     told = np.stack([r.kinetic, r.potential, r.strain, r.energy], axis=1)
     own = np.concatenate([m.energies, m.at(m.t, np.sum(told[:, :3], axis=1)[:, None])], axis=1)
@@ -499,7 +482,7 @@ def power(m: Evidence) -> Defect:
 
 
 def _arcs(place: Array) -> Array:
-    """Return arc lengths between nodes (m, 2), (m - 1,): chord times 1 + (bend of the tangent)^2/24."""
+    """Arc lengths between nodes (m, 2): chord times 1 + (bend of the tangent)^2/24."""
     chord = np.diff(place, axis=0)
     length = np.hypot(*chord.T)
     bend = np.gradient(chord / length[:, None], axis=0) if len(chord) > 1 else np.zeros((1, 2))

@@ -1,4 +1,4 @@
-"""Measures that compare two responses or check one, by `Response` alone; `window` is a pair of s_o/l."""
+"""Measures that compare two responses or check one; `window` is a pair of s_o/l."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from numpy.typing import NDArray
 from cablefem.newmark import scheme
 from cablefem.response import Array, MassPath, Response
 
-WINDOW = (0.02, 0.80)  # s_o/l compared: past the start-up, before the layer at the far support
+WINDOW = (0.02, 0.80)  # past the start-up, before the layer at the far support
 # A hauled car begins in equilibrium.  A free ride is compared over all its time.
 WINDOWS = {"grip": WINDOW, "haul": (0.02, 0.95), "free": (0.0, 1.0)}
-SLACK_END = 0.95  # s_o/l to which a slack cable is compared
-JUMP_WIDTH = 0.02  # |s - s_o|/l left out of tension gaps: each method smears the jump over its own mesh
+SLACK_END = 0.95  # s_o/l to which slack cables are compared
+JUMP_WIDTH = 0.02  # |s - s_o|/l left out of tension gaps, where meshes smear the jump
 
 Window = tuple[float, float]
 
 
 class NotComparable(ValueError):
-    """The responses share no range for the measure; the text says why."""
+    """The responses share no range for the measure."""
 
 
 def window_of(*responses: MassPath, window: Window | None = None) -> Window:
-    """Return the window (default: of the drive), cut at the earliest slack onset and the shortest run.
+    """Return the window (default: of the drive), cut at the earliest slack onset and shortest run.
 
-    A free ride may turn back: it is not cut where it ends.
+    A free ride may turn back: it is not cut at its end.
     """
     drive = responses[0].drive
     window = window or WINDOWS[drive]
@@ -43,15 +43,15 @@ def window_of(*responses: MassPath, window: Window | None = None) -> Window:
 
 
 def inside(r: MassPath, window: Window) -> NDArray[np.bool_]:
-    """Return which steps lie in the window, (n,)."""
+    """Return which steps lie in the window."""
     place = r.s_o / r.length
     return (place >= window[0]) & (place <= window[1] * (1.0 + 1e-12))
 
 
 def at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
-    """Interpolate `values` (n_b, ...) from the steps of b to the times of a by cubic splines.
+    """Interpolate `values` (n_b, ...) from steps of b to times of a by cubic splines.
 
-    Values are copied where all times of a are steps of b.
+    Common times need no interpolation.
     """
     when, same = np.clip(a.t, b.t[0], b.t[-1]), 1e-12 * b.t[-1]
     at = np.searchsorted(b.t, when - same)
@@ -63,9 +63,9 @@ def at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
 
 
 def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float]:
-    """Return (max, rms over time) of |w_a - w_b| over the window, relative to the largest deflection of b.
+    """Return (max, rms over time) of |w_a - w_b| over the window, over the largest deflection of b.
 
-    For a free ride: of the positions, relative to 0.1 l.  Taken at the steps of the coarser response.
+    A free ride compares positions, over 0.1 l.  Taken at the steps of the coarser response.
     """
     if not b.path_scale > 0.0:
         raise NotComparable("the mass is nowhere below its place at rest: no deflection to relate a gap to")
@@ -80,7 +80,6 @@ def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float]:
 
 
 def _over_time(t: Array, values: Array) -> Array:
-    """Return the time mean of values (n,) at unequal steps t."""
     return np.asarray(np.average(values, weights=np.gradient(t) if t.size > 1 else None))
 
 
@@ -100,7 +99,7 @@ def _distance(coarse: MassPath, fine: MassPath) -> Array:
 
 
 def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
-    """Return s_o/l of the common frames and their indices in a and b; the stations must be the same."""
+    """Return s_o/l of common frames and their indices in a and b; the stations must be equal."""
     if a.fields.s.shape != b.fields.s.shape or not np.allclose(a.fields.s, b.fields.s, rtol=0.0, atol=1e-9 * a.length):
         raise NotComparable("the tension fields are given at different stations")
     stands = any(np.unique(np.round(r.fields.s_o / r.length, 9)).size < r.fields.t.size for r in (a, b))
@@ -113,9 +112,9 @@ def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], ND
 
 
 def tension_gap(a: Response, b: Response, window: Window, *, width: float = JUMP_WIDTH) -> float:
-    """Return the rms gap of the tension fields over frames in the window and stations off the mass, over H.
+    """Return the rms gap of the tension fields over frames in the window, over H.
 
-    Within `width` of the mass a gap measures the mesh: each method smears the jump over its own resolution.
+    Stations within `width` of the mass are left out: there each mesh smears the jump.
     """
     place, i, j = common_frames(a, b)
     inside = (place >= window[0]) & (place <= window[1])
@@ -130,9 +129,9 @@ def series_gap(
     a: Response, b: Response, window: Window, of: Callable[[Response], Array], axial: float = 0.0,
     largest: bool = False,
 ) -> float:  # fmt: skip
-    """Return the rms (or largest) distance of two series of(r), (n,) or (n, c), at the coarser run's steps.
+    """Return the rms (or largest) distance of series of(r), (n,) or (n, c), at the coarser run's steps.
 
-    axial : averaging time [s], an axial round trip.
+    axial : averaging time [s].
     """
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
     within = inside(coarse, window)
@@ -142,7 +141,7 @@ def series_gap(
     t, known = coarse.t[within], [np.isfinite(of(r).reshape(r.t.size, -1)).all(axis=1) for r in (coarse, fine)]
     if not all(k.sum() > 3 for k in known):
         raise NotComparable("one of the answers does not say it")
-    # the same times in all runs, and none past the window: there the cable may be slack
+    # the same times in all runs, none past the window: there the cable may be slack
     last = min(t[-1], coarse.t[known[0]][-1], fine.t[known[1]][-1])
     first = max(coarse.t[known[0]][0], fine.t[known[1]][0])
     t = t[(t >= first) & (t <= last)]
@@ -160,9 +159,9 @@ def series_gap(
 
 
 def _summed(t: Array, values: Array, breaks: Sequence[float], at: Array) -> Array:
-    """Return integrals up to times `at` of the lines through values (n, c).
+    """Integrals up to `at` of the lines through values (n, c).
 
-    The value at a break is that before the jump, so the step after it extrapolates from the next step.
+    A break's value is that before the jump; the step after it extrapolates backwards.
     """
     begin, dt = values[:-1].copy(), np.diff(t)[:, None]
     for i in np.searchsorted(t, np.array(breaks) * (1.0 - 1e-12)).tolist():
@@ -175,7 +174,7 @@ def _summed(t: Array, values: Array, breaks: Sequence[float], at: Array) -> Arra
 
 
 def _spline(t: Array, values: Array, kinks: Sequence[float], at: Array) -> Array:
-    """Return splines through values (n, c) at times `at`, restarted at every kink against overshoot."""
+    """Splines through values (n, c), restarted at kinks against overshoot."""
     from scipy.interpolate import CubicSpline
 
     out = np.empty((at.size, values.shape[1]))
@@ -187,28 +186,27 @@ def _spline(t: Array, values: Array, kinks: Sequence[float], at: Array) -> Array
 
 
 def displacement_gap(a: Response, b: Response, window: Window, *, along: bool = False) -> float:
-    """Return the rms distance of displacements across (or along) the cable at rest, over the rms of b.
+    """Return the rms distance of displacements across (or along) the static cable, over the rms of b.
 
-    Over common frames in the window; the station at the mass is left out, see `velocity_gap`.
+    The station at the mass is left out, see `velocity_gap`.
     """
     return _field_gap(a, b, window, lambda r: _component(r, r.fields.u, r.fields.v, along), None)
 
 
 def _component(r: Response, x: Array, y: Array, along: bool) -> Array:
-    """Return the component of a field across (or along) the cable at rest."""
     i, j = np.gradient(r.fields.x, r.fields.s), np.gradient(r.fields.y, r.fields.s)
     return (i * x + j * y if along else i * y - j * x) / np.hypot(i, j)
 
 
-PIECES = 5  # of the cable for mean velocities
-FRAMES = 6  # averaged against axial waves that ring
+PIECES = 5  # for mean velocities
+FRAMES = 6  # averaged against axial ringing
 
 
 def velocity_gap(a: Response, b: Response, window: Window, *, along: bool = False) -> float:
-    """Return the rms distance of velocities across (or along) the cable at rest, over the rms of b.
+    """Return the rms distance of velocities across (or along) the static cable, over the rms of b.
 
-    Means over fifths of the cable, because velocity jumps at travelling kinks; along it also over frames, because axial
-    waves ring.  The station at the mass is left out: rounding decides its side.
+    Means over fifths of the cable smooth travelling kinks; along it, means over frames smooth axial waves.  At the
+    mass, rounding decides which side is sampled.
     """
 
     def of(r: Response) -> Array:
@@ -238,8 +236,7 @@ def _field_gap(
 def energy_defect(r: Response) -> Array:
     """Return (n,) [J]: E(t) - E(0) minus the work of the drive (trapezoids in time).
 
-    A step at a jump of force takes the value from its own side.  A car that enters with speed makes such a jump at the
-    start.  Newmark's rules weigh both ends themselves.
+    A step at a jump of force takes the value from its own side; entry with speed is such a jump.
     """
     p, mean = r.power, 0.5 * (r.power[1:] + r.power[:-1])
     if r.drive == "grip" and r.speed[0] > 0.0 and scheme(r.settings["scheme"]).nodes:
@@ -256,7 +253,7 @@ def energy_defect(r: Response) -> Array:
 def energy_gain(r: Response, weight: float, window: Window) -> float:
     """Return the largest energy gained in the window without work, over weight times deflection.
 
-    Every time is compared with all later ones, so that damping does not hide a gain.
+    Compares each time with all later ones, so that damping hides no gain.
     """
     defect = energy_defect(r)[inside(r, window)]
     if defect.size == 0:
@@ -266,9 +263,9 @@ def energy_gain(r: Response, weight: float, window: Window) -> float:
 
 
 def oscillation(r: Response, window: Window) -> float:
-    """Return how far the tension oscillates along the cable, over H (Gibbs overshoot).
+    """Return the oscillation of tension along the cable, over H (Gibbs overshoot).
 
-    Per frame the largest |T - running median over 0.1 l| off mass and supports; rms over frames.
+    Largest |T - running median over 0.1 l| off mass and supports, rms over frames.
     """
     place = r.fields.s_o / r.length
     return _oscillation(r.fields.T_pointwise / r.horizontal_tension, place, r.fields.s / r.length, window)
@@ -293,7 +290,7 @@ def _oscillation(T: Array, place: Array, s: Array, window: Window, reach: float 
 def extrapolated(fine: Response, coarse: Response, order: float = 1.0, ratio: float = 2.0) -> Response:
     """Return Richardson's fine + (fine - coarse)/(ratio^order - 1) of path, tensions and fields.
 
-    Valid where the error falls regularly with that order (plain sines: 1).
+    For errors that fall regularly with that order (plain sines: 1).
     """
     factor = 1.0 / (ratio**order - 1.0)
 

@@ -1,4 +1,4 @@
-"""The table of all named methods with their settings."""
+"""The table of all methods with their settings."""
 
 import math
 from collections.abc import Callable
@@ -13,8 +13,6 @@ from validation.core.solver import Solver
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One setting of a method."""
-
     default: Any
     allowed: tuple[Any, ...] | tuple[float, float]  # choices for names, else (least, largest)
     meaning: str
@@ -56,47 +54,46 @@ Build = Callable[..., Solver]
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """How a method is refined in space, and what that costs."""
+    """How a method is refined in space, and its cost."""
 
     setting: str
     first: int  # coarsest with a readable error
     most: int
-    even: int  # its arithmetic equals the fixed cost of a step
+    even: int  # arithmetic equals a step's fixed cost
     growth: float  # exponent of the arithmetic
     doubling: bool = False  # counts powers of two
     largest: int | None = None  # in cost measurements; None: `most`
-    unknowns: Callable[[int], float] = float  # of one field, about
+    unknowns: Callable[[int], float] = float
 
     def ratio(self, before: int, after: int) -> float:
-        """Return how many times finer `after` is than `before`."""
+        """How many times finer `after` is than `before`."""
         return 2.0 ** (after - before) if self.doubling else after / before
 
     def nearest(self, value: int, ratio: float) -> int:
-        """Return the value nearest to `ratio` times as fine."""
+        """The value nearest to `ratio` times as fine."""
         return max(0, value + round(math.log2(ratio))) if self.doubling else max(1, round(value * ratio))
 
     def finer(self, value: int, ratio: float) -> int:
-        """Return the least value at least `ratio` times as fine, up to `most`."""
+        """The least value at least `ratio` times as fine, up to `most`."""
         return min(value + math.ceil(math.log2(ratio)) if self.doubling else math.ceil(value * ratio), self.most)
 
     def cost(self, value: int, ratio: float = 1.0) -> float:
-        """Return the cost of a step at `ratio` times the resolution, over its fixed cost."""
+        """Cost of a step at `ratio` times the resolution, over its fixed cost."""
         return 1.0 + (ratio * self.ratio(self.even, value)) ** self.growth
 
     def grown(self, value: int, ratio: float) -> float:
-        """Return the growth of the unknowns at `ratio` times the resolution."""
+        """Growth of the unknowns at `ratio` times the resolution."""
         return self.unknowns(self.nearest(value, ratio)) / self.unknowns(value)
 
     def with_unknowns(self, unknowns: float) -> int:
-        """Return the value with about so many unknowns in one field."""
+        """The value with about so many unknowns in one field."""
         values = range(0 if self.doubling else 1, self.most + 1)
         return min(values, key=lambda value: abs(self.unknowns(value) - unknowns))
 
 
-# Factor on the steps of a ride that turns back against friction: TURNING mu, between 1 and MOST_TURNING. A heavy car
-# makes the waves that reverse the friction.
+# Factor on the steps of a ride that turns against friction: TURNING mu, at most MOST_TURNING.
 TURNING, MOST_TURNING = 1.6, 2.0
-# Costs by `cablefem chart`: banded elements linear, dense bases between square and cube.
+# Costs by `cablefem chart`: banded elements linear, dense bases square to cube.
 ELEMENTS = Resolution("elements", 6, 320, 8, 1.0, largest=1000)
 TERMS = Resolution("terms", 10, 160, 25, 2.5, largest=80)
 LEVELS = Resolution("level", 1, 5, 1, 2.5, doubling=True, largest=3, unknowns=lambda level: 7.0 * 2.0**level + 3.0)
@@ -104,38 +101,38 @@ LEVELS = Resolution("level", 1, 5, 1, 2.5, doubling=True, largest=3, unknowns=la
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """A discretisation by name, with its settings and orders of error."""
+    """A discretisation with its settings and orders of error."""
 
     name: str
-    wing: str  # "elements" | "galerkin": two methods of different wings share no formula
+    wing: str  # "elements" | "galerkin": no formula in common
     title: str
     knobs: dict[str, Setting]
     resolution: Resolution
-    space_order: float  # of the path with a kink at the mass (formulations.md)
+    space_order: float  # of the path with a kink at the mass
     builder: Build
-    on_rides: dict[str, Any] = field(default_factory=dict)  # settings other than the defaults
-    extrapolate: bool = False  # compare 2 f(2N) - f(N): the ladder converges regularly
+    on_rides: dict[str, Any] = field(default_factory=dict)
+    extrapolate: bool = False  # compare 2 f(2N) - f(N)
     steps_growth: float | None = None  # power of the resolution
-    begins: tuple[int, int] | None = None  # resolution and steps from which ladders climb
-    races: tuple[tuple[int, int], ...] = ()  # resolutions and steps of `cablefem advise`, coarse to fine
-    survey: tuple[int, int] | None = None  # resolution and steps in `cablefem atlas`; None: not mapped
+    begins: tuple[int, int] | None = None  # resolution and steps
+    races: tuple[tuple[int, int], ...] = ()  # for `cablefem advise`, coarse to fine
+    survey: tuple[int, int] | None = None  # in `cablefem atlas`; None: not mapped
     trust: str = ""  # when to use it
-    wrong: bool = False  # converges to a wrong answer or not at all
+    wrong: bool = False  # does not converge to the answer
 
     @property
     def follows(self) -> bool:
-        """Whether the mesh follows the mass; then only waves limit the order in time."""
+        """Whether the mesh follows the mass: then only waves limit the order in time."""
         return "grading" in self.knobs
 
     @property
     def keeps_pace(self) -> float:
-        """Power of the resolution with which steps grow, so that second-order time errors do not dominate."""
+        """Power of the resolution with which steps grow, against second-order time errors."""
         return self.steps_growth or max(1.0, 0.5 * self.space_order)
 
     def ladder(self, rungs: int, finer: float = 1.0) -> list[dict[str, Any]]:
         """Return settings from coarse to fine, each twice as fine, with steps that keep pace.
 
-        finer : first resolution over that of `begins`.
+        finer : first resolution over `begins`.
         """
         space, steps = self.begins or (self.resolution.first, 300)
         first = {self.resolution.setting: space, "steps": steps}
@@ -143,9 +140,9 @@ class Method:
         return [refined(self, first, space=x, time=self.resolution.grown(space, x) ** self.keeps_pace) for x in ratios]
 
     def settings_on(self, groups: Groups, changes: dict[str, Any]) -> dict[str, Any]:
-        """Return the settings for a scene; a free ride takes a rule that damps, as its force jumps ring on.
+        """Return the settings for a scene.  On free rides rules damp: force jumps ring on.
 
-        A turning car takes more steps: waves decide when its friction reverses.
+        Turning cars take more steps, as waves reverse the friction.
         """
         if groups.drive.mode != "free" or self.knobs["scheme"].default != "trapezoidal":
             return self.settings(changes)
@@ -155,24 +152,22 @@ class Method:
         return self.settings(rides | changes)
 
     def settings(self, changes: dict[str, Any]) -> dict[str, Any]:
-        """Return all settings with `changes`; ValueError for unknown names and values out of range."""
+        """Return all settings with `changes`; ValueError for unknown names and values."""
         for unknown in changes.keys() - self.knobs:
             raise ValueError(f"{self.name} has no setting {unknown!r}.{nearest(unknown, self.knobs)}")
         return {k: knob.check(k, changes[k]) if k in changes else knob.default for k, knob in self.knobs.items()}
 
     def value(self, settings: dict[str, Any]) -> int:
-        """Return the resolution in space."""
         return settings[self.resolution.setting]
 
     def told(self, settings: dict[str, Any]) -> dict[str, Any]:
-        """Return resolution and steps, which tell runs of a ladder apart."""
         return {k: settings[k] for k in (self.resolution.setting, "steps")}
 
     def build(self, groups: Groups, settings: dict[str, Any], *, model: str, load: str, law: str) -> Solver:
         return self.builder(groups, settings, model=model, load=load, law=law)
 
 
-# Solvers are imported when built: names and settings load without scikit-fem.
+# Solvers are imported when built: names load without scikit-fem.
 
 
 def _following(degree: int) -> Build:
@@ -193,7 +188,7 @@ def _fixed(element: str, coupling: str) -> Build:
     return build
 
 
-# Grading of the sines of free rides: waves between car and support ahead are short.
+# Grading of the sines of free rides: waves ahead of the car are short.
 GRADING = 0.8
 
 
@@ -237,7 +232,7 @@ _WAVELETS = {
     ),
 }
 _MANY_STEPS = Setting(4000, (2, 1_000_000), TIME["steps"].meaning)
-# A constraint on positions needs a rule that is implicit at the end of a step.
+# A constraint on positions needs a rule implicit at a step's end.
 _CONSTRAINED = tuple(x for x in SCHEMES if x not in ("gauss", "central-difference"))
 _DAMPED = TIME | {"scheme": Setting("newmark", _CONSTRAINED, TIME["scheme"].meaning)}
 
@@ -319,14 +314,14 @@ METHODS: dict[str, Method] = {
 
 
 def find(name: str) -> Method:
-    """Return a method by name; raises ValueError with the nearest known name."""
+    """Return a method by name; ValueError with the nearest name."""
     if name not in METHODS:
         raise ValueError(f"unknown method {name!r}.{nearest(str(name), METHODS)}")
     return METHODS[name]
 
 
 def refined(method: Method, settings: dict[str, Any], *, space: float = 1.0, time: float = 1.0) -> dict[str, Any]:
-    """Return the settings at `space` times the resolution and `time` times the steps."""
+    """Return settings at `space` times the resolution, `time` times the steps."""
     out, least = dict(settings), method.knobs[method.resolution.setting].allowed[0]
     if space != 1.0:
         out[method.resolution.setting] = max(least, method.resolution.nearest(method.value(settings), space))

@@ -1,4 +1,4 @@
-"""Design numbers in words, with unit prefixes and the digits that the bar leaves."""
+"""Design numbers in words, with unit prefixes and the digits the bar leaves."""
 
 import math
 import re
@@ -17,7 +17,7 @@ _NAMES = {
     "angle_left": "steepest rope at the left support", "angle_right": "steepest rope at the right support",
     "max_deflection": "largest deflection of the car", "path_error": "error bar of the path of the car",
 }  # fmt: skip
-# In order of importance; the terminal shows as many as fit.
+# In order of importance.
 _MATTER = (
     "clearance_rope_min", "clearance_car_min", "tension_max", "safety_factor_min", "haul_force_max", "haul_force_min",
     "reaction_left_max", "reaction_right_max", "speed_max", "angle_left", "angle_right", "mass_deepest",
@@ -26,13 +26,13 @@ _MATTER = (
 
 
 def matter(design: list[dict[str, Any]], most: int = 8) -> list[dict[str, Any]]:
-    """Return the most important design numbers, in order."""
+    """Return the most important design numbers."""
     first = [d for quantity in _MATTER for d in design if d["quantity"].split(":")[0] == quantity]
     return first[:most]
 
 
 def told(number: dict[str, Any]) -> dict[str, str]:
-    """Return a row of `design` as text: what, value, when, the car's place, the place; "" where unknown."""
+    """Return a row of `design` as text; "" where unknown."""
     value, bar, unit = number["value"], number.get("bar"), number["unit"]
     factor, name = scale_of(np.array([value, bar or 0.0]), unit)
     text = f"{with_bar(factor * value, bar and factor * bar)} {'' if unit == 's_o/l' else name}".rstrip()
@@ -49,7 +49,6 @@ def told(number: dict[str, Any]) -> dict[str, str]:
 
 
 def named(quantity: str) -> str:
-    """Return the name of a design number."""
     kind, _, of = quantity.partition(":")
     if kind.startswith("clearance_"):
         return f"least clearance of the {kind.split('_')[1]} over {of}"
@@ -57,14 +56,14 @@ def named(quantity: str) -> str:
 
 
 def unit_of(quantity: str) -> str:
-    """Return the SI unit of a design number; "" of a ratio."""
+    """Return the SI unit; "" of a ratio."""
     kinds = dict.fromkeys(("tension", "reaction", "contact", "haul"), "N") | {"deep": "m", "deflection": "m"}
     kinds |= {"speed": "m/s", "clearance": "m", "angle": "deg"}
     return next((unit for kind, unit in kinds.items() if kind in quantity.partition(":")[0]), "")
 
 
 def scale_of(values: Array, unit: str) -> tuple[float, str]:
-    """Return a factor and prefixed unit that give the largest value one to four digits."""
+    """Return factor and prefixed unit that give the largest value one to four digits."""
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
     if unit == "m":
         return (1.0, "m") if largest >= 0.1 or largest == 0.0 else (1e3, "mm")
@@ -75,7 +74,7 @@ def scale_of(values: Array, unit: str) -> tuple[float, str]:
 
 
 def with_bar(value: float, bar: float | None) -> str:
-    """Return a value to the digits that its bar leaves, the bar's own two; else to five.
+    """Return a value rounded to two digits of its bar, else to five.
 
     A bar at rounding level is none.
     """

@@ -1,6 +1,6 @@
-"""The quasi-static ride as a Response: the cable at rest under the car at each place.
+"""The quasi-static ride as a Response: the cable at rest under the car.
 
-The ride is the travel, for free cars that of `cablefem.scene.ride`.  No inertia of the cable.
+The ride is the travel, for free cars that of `cablefem.scene.ride`.
 """
 
 import time
@@ -16,12 +16,12 @@ from validation.core.sampling import STATIONS, frame_times
 
 ROWS = 1001
 POINTS = 4  # Gauss points between two stations
-# Of l: closer to a support the place of a gripped car is known without statics.
+# Of l: that near a support a gripped car's place needs no statics.
 NEAREST = 1e-6
 
 
 def quasi_static(scene: Scene) -> Response:
-    """Return the quasi-static ride of a scene; SceneError if its cable at rest is not found."""
+    """Return the quasi-static ride; SceneError if its cable at rest is not found."""
     if scene.mass is None:
         raise ValueError(f"scene {scene.name!r} has no car")
     begin = time.perf_counter()
@@ -74,9 +74,9 @@ def quasi_static(scene: Scene) -> Response:
 
 
 def _haul(g: Groups, r: Rest, velocity: Array, acceleration: Array) -> Array:
-    """Return the haul force (n,): the holding force plus drag and inertia along the mean tangent.
+    """Haul force (n,): holding force, drag and inertia along the mean tangent.
 
-    The cable stays at rest: the contact force that drag and inertia add changes friction alone.
+    The contact force they add changes only friction.
     """
     mean = r.slope_behind + r.slope_ahead
     size = np.linalg.norm(mean, axis=1)
@@ -121,7 +121,7 @@ class Statics:
         self._range = float(r.s[0]), float(r.s[-1])
 
     def tension(self, s: Array, s_o: Array) -> Array:
-        """T at stations s (m,) with the car at s_o (k,): (k, m); at s = s_o the side behind."""
+        """T at stations s (m,) with the car at s_o (k,): (k, m), behind at s = s_o."""
         r = self(s_o)
         n = r.left[:, None] + (s > s_o[:, None])[..., None] * r.jump[:, None]
         return np.hypot(n[..., 0], n[..., 1] - self._sigma * s)
@@ -133,7 +133,7 @@ class Statics:
 
 
 def _least(r: Rest, sigma: float) -> tuple[Array, Array]:
-    """Return the least tension along the cable and its place: level point, car or support."""
+    """Least tension and its place: level point, car or support."""
     found = []
     for n, low, high in ((r.left, 0.0 * r.s, r.s), (r.left + r.jump, r.s, np.ones_like(r.s))):
         at = np.clip(n[:, 1] / sigma, low, high)
@@ -143,7 +143,7 @@ def _least(r: Rest, sigma: float) -> tuple[Array, Array]:
 
 
 def _fields(at: Statics, g: Groups, s: Array, t: Array, s_o: Array, ds: Array) -> dict:
-    """Return displacement and velocity (2, k, m, 2), tension (k, m) and statics at the frames."""
+    """Displacement and velocity (2, k, m, 2), tension (k, m) and statics at frames."""
     x, w = np.polynomial.legendre.leggauss(POINTS)
     X = np.stack(shape(s, g.sigma, g.c), -1)
 

@@ -1,6 +1,6 @@
-"""Second computation of design numbers and path.csv, from path, fields and TOML alone.
+"""Second computation of design numbers and path.csv, from path, fields and TOML.
 
-A design number must be right within its printed bar, a column to rounding.
+A design number must be right within its bar, a column to rounding.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ WINDOWS = {"grip": (0.02, 0.80), "haul": (0.0, 0.95), "free": (0.0, 1.0)}  # s_o
 
 @dataclass(frozen=True, slots=True)
 class Recomputed:
-    """The gap of a printed to a recomputed value, over its largest size."""
+    """Gap of a printed to a recomputed value, over its largest size."""
 
     quantity: str  # "design" or "columns"
     law: str  # its name
@@ -32,7 +32,7 @@ class Recomputed:
 
 
 def rows(r: Response, twin: Response | None = None, folder: Path | None = None) -> Iterator[Recomputed]:
-    """Recompute a run's design numbers and the columns of path.csv, in a folder or written anew."""
+    """Recompute a run's design numbers and path.csv, in a folder or written anew."""
     yield from design(r, twin)
     with tempfile.TemporaryDirectory() as anew:
         if folder is None:
@@ -41,7 +41,6 @@ def rows(r: Response, twin: Response | None = None, folder: Path | None = None) 
 
 
 def columns(r: Response, path: Path) -> Iterator[Recomputed]:
-    """Check every column of path.csv against the response."""
     lines = path.read_text(encoding="ascii").splitlines()
     written = np.array([[float(x or "nan") for x in line.split(",")] for line in lines[1:]])
     rest = Evidence(r, Windows(r.fields.t, r.t)).curve(r.s_o)
@@ -60,7 +59,7 @@ def columns(r: Response, path: Path) -> Iterator[Recomputed]:
 
 
 def design(r: Response, twin: Response | None = None) -> Iterator[Recomputed]:
-    """Check every design number against the extreme of its signal, in the range of both runs."""
+    """Check design numbers against the extremes of their signals, in the range of both runs."""
     given = Given(r.scene_toml, r.length)
     period = 2.0 * r.length * math.sqrt(given.rho / given.EA)
     begin, end = np.interp(np.array(WINDOWS[r.drive]) * r.length, r.s_o, r.t) if r.drive != "free" else (0.0, math.inf)
@@ -86,7 +85,7 @@ Signals = list[tuple[Array, Array]]  # times (n,), values (n,) or (n, m)
 
 
 def _signals(r: Response) -> dict[str, Signals]:
-    """Return the signals whose extremes are design numbers, by name."""
+    """Signals behind the design numbers."""
     f = r.fields
     known: dict[str, Signals] = {"tension": [(r.t, r.T_behind), (r.t, r.T_ahead), (f.t, f.T)]}
     for side, force in (("left", r.reaction_left), ("right", r.reaction_right)):
@@ -107,13 +106,12 @@ def _signals(r: Response) -> dict[str, Signals]:
 
 
 def _press(r: Response) -> Array:
-    """Return the force of the mass on the cable across the mean tangent (n,), positive down."""
+    """Force of the mass on the cable across the mean tangent (n,), positive down."""
     tangent = r.slope_behind + r.slope_ahead
     return cross(tangent, r.contact) / np.sqrt(np.sum(tangent**2, axis=1))
 
 
 def _extreme(signals: Signals, span: tuple[float, float], period: float, way: str) -> float:
-    """Return the extreme in a time range of signals averaged over a period."""
     found = np.concatenate([_means(t, v, span, period).ravel() for t, v in signals])
     return float(found.min() if way == "min" else found.max())
 

@@ -25,22 +25,21 @@ from validation.core.view import View
 Gap = Callable[[Response, Response, View], float]
 Series = Callable[[Response], Array]
 
-TENSION = 10.0  # tolerance of mean forces over that of the path: forces are first order, paths second
-REST = 0.05  # tolerance of all else, of its own scale
-VELOCITY = 0.10  # tolerance of the summed velocity against the displacement
+TENSION = 10.0  # force tolerance over path tolerance: forces are first order, paths second
+REST = 0.05  # tolerance of all else
+VELOCITY = 0.10  # tolerance of summed velocity against displacement
 ROUNDING = 1e-12  # of every scale
 AXIAL_MEAN, ALONG, UP_TO = "mean over an axial round trip", "along the cable", "up to the mass"
-EVENTS = ("brake", "arrival", "back", "stop", "turn")  # events whose first time both answers must tell
-DOUBTS = ("fast", "slow waves", "energy", "hidden slack", "no bar")  # flags that say a bar may be too small
+EVENTS = ("brake", "arrival", "back", "stop", "turn")  # both answers must tell the first of each
+DOUBTS = ("fast", "slow waves", "energy", "hidden slack", "no bar")  # flags of bars that may be too small
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
     """One line of the table.
 
-    gap : distance of two answers on the view, over the quantity's scale.
     asks : tolerance "path", "force" or "rest"; "" if only shown.
-    order : the most credited;  concerns : the views with such a row.
+    order : the most credited;  concerns : views with such a row.
     """
 
     name: str
@@ -60,7 +59,6 @@ def _of(names: tuple[str, ...], scale: float, r: Response) -> Array:
 
 
 def _series(*names: str, over: str, mean: bool = False, largest: bool = False) -> Gap:
-    """Return the gap of time series, pointwise or as means over an axial round trip."""
 
     def gap(x: Response, y: Response, view: View) -> float:
         of: Series = partial(_of, names, getattr(view, over) if over != "top" or view.top else float(y.speed.max()))
@@ -72,7 +70,7 @@ def _series(*names: str, over: str, mean: bool = False, largest: bool = False) -
 
 
 def _until_stop(of: Series, r: Response) -> Array:
-    """Return values (n, c) with nan past a lasting stop: axial waves decide its exact time."""
+    """Values (n, c) with nan past a lasting stop, whose time depends on axial waves."""
     stop = happened("stop", r)
     values = of(r)
     return values if stop is None else np.where(r.t[:, None] <= stop["t"], values, math.nan)
@@ -119,7 +117,6 @@ TABLE = (
 
 
 def asked_of(asks: str, tol: float, tol_tension: float | None) -> float:
-    """Return the tolerance of a kind of row, over its scale."""
     rest = max(REST, 10.0 * tol)
     known = {"path": tol, "force": TENSION * tol if tol_tension is None else tol_tension}
     return known.get(asks, max(VELOCITY, rest) if asks == "velocity" else rest)
@@ -152,7 +149,6 @@ def compare(
 
 
 def _tells(quantity: Quantity, r: Response, view: View) -> bool:
-    """Return whether an answer has what the row compares."""
     try:
         quantity.gap(r, r, view)
     except NotComparable:
@@ -180,7 +176,6 @@ def _row(quantity: Quantity, a: Ladder, b: Ladder, view: View, asked_for: float)
 def _barred(
     name: str, gap: float, a: Ladder, b: Ladder, parts: list[tuple[float, float]], asked_for: float, more: float = 0.0
 ) -> Agreement:
-    """Return the row of a gap, with bars from space and time plus `more` in both."""
     bars = tuple(
         Part(x.finest.method, max(ROUNDING, sum(part) + more), "coarser runs")
         for x, part in zip((a, b), parts, strict=True)
@@ -189,7 +184,7 @@ def _barred(
 
 
 def independent(a: Response, b: Response) -> Iterator[Agreement]:
-    """Give a row where two answers cannot check each other: one wing, or the same numbers."""
+    """Give a row if two answers share a wing or their numbers, and so cannot check each other."""
     wings = {METHODS[r.method].wing for r in (a, b) if r.method in METHODS}
     if len(wings) == 1 and all(r.method in METHODS for r in (a, b)):
         yield Agreement("independence", math.nan, nothing(f"both answers come from the wing {wings.pop()!r}"))
@@ -213,7 +208,7 @@ def _of_event(event: str, name: str, scale: float, r: Response) -> float:
 
 
 def _event(event: str, a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[Agreement]:
-    """Give the gaps of an event's time, over the ride's, and of the speed there, over the largest."""
+    """Gaps of an event's time and of the speed there."""
     runs = a.finest, b.finest
     told = [x for r in runs if (x := happened(event, r)) is not None]
     slack = min(r.slack_since for r in runs)
@@ -234,7 +229,7 @@ def _event(event: str, a: Ladder, b: Ladder, view: View, asked_for: float) -> It
 
 
 def with_bars(ladder: Ladder) -> list[dict[str, Any]]:
-    """Return the events of a run with bars: bar_t [s], bar_s_o [m], bar_speed [m/s]; None if unknown."""
+    """Return a run's events with bars bar_t [s], bar_s_o [m], bar_speed [m/s]; None if unknown."""
     out, seen = [], Counter[str]()
     for x in ladder.finest.events:
         event, after = x["event"], seen[x["event"]]
@@ -252,7 +247,7 @@ def with_bars(ladder: Ladder) -> list[dict[str, Any]]:
 
 
 def _slack_onset(a: Ladder, b: Ladder, whole: View, asked_for: float) -> Agreement:
-    """Return the gap of the slack onsets in s_o/l; no slack counts as the window's end."""
+    """Gap of the slack onsets in s_o/l; no slack counts as the window's end."""
 
     def onset(r: Response) -> float:
         return min(whole.window[1], math.inf if r.slack_onset is None else r.slack_onset)
@@ -270,7 +265,7 @@ def _slack_onset(a: Ladder, b: Ladder, whole: View, asked_for: float) -> Agreeme
 
 
 def _range(a: Ladder, b: Ladder, view: View, whole: View, asked_for: float) -> Iterator[Agreement]:
-    """Give a row where an answer breaks before the window ends or the other goes slack."""
+    """A row if an answer breaks before the window ends or the other goes slack."""
     slack = [math.inf if x.finest.slack_onset is None else x.finest.slack_onset for x in (a, b)]
     wanted = min(whole.window[1], *slack)
     if whole.free:
@@ -283,7 +278,7 @@ def _range(a: Ladder, b: Ladder, view: View, whole: View, asked_for: float) -> I
 
 
 def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[Agreement]:
-    """Give the path gap past the slack onset, as far as the bars meet the tolerance."""
+    """Path gap past the slack onset, while the bars meet the tolerance."""
     from validation.core import trust  # loaded while solvers run
 
     onset = min(math.inf if x.finest.slack_onset is None else x.finest.slack_onset for x in (a, b))
@@ -308,7 +303,7 @@ def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[
 
 
 def _laws(a: Ladder, b: Ladder, view: View, asked: Callable[[str], float]) -> Iterator[Agreement]:
-    """Check both runs against mechanics; one row per law, of the worse run."""
+    """One row per law, of the worse run."""
     from validation.core import laws  # loaded while solvers run
 
     found: dict[str, list[Agreement]] = {}
@@ -324,7 +319,7 @@ def _laws(a: Ladder, b: Ladder, view: View, asked: Callable[[str], float]) -> It
 
 
 def printed(a: Response, b: Response) -> Iterator[Agreement]:
-    """Check design numbers and path.csv against their second computation; of the worse answer each."""
+    """Check design numbers and path.csv against their second computation."""
     from validation.core import recomputed
 
     found: dict[tuple[str, str], list[Agreement]] = {}
@@ -342,7 +337,7 @@ def _own(name: str, gap: float, x: Ladder, parts: tuple[float, float], more: flo
 
 
 def worse(rows: list[Agreement]) -> Agreement:
-    """Return the row with the worse verdict, or else with more of its allowance used."""
+    """Return the row with the worse verdict, else the one nearer its bound."""
     return min(
         rows, key=lambda row: (-(row.gap > 3.0 * row.allowed), -row.gap / row.allowed if row.allowed > 0.0 else 0.0)
     )
@@ -352,5 +347,5 @@ def worse(rows: list[Agreement]) -> Agreement:
 
 
 def doubts(*runs: Response) -> list[tuple[str, Flag]]:
-    """Return methods and flags that say a bar may be too small."""
+    """Return methods and flags of bars that may be too small."""
     return [(r.method, f) for r in runs for f in r.flags if f.kind in DOUBTS]

@@ -1,4 +1,4 @@
-"""One run of one method on one scene: from settings to a Response in SI."""
+"""One run of one method on one scene, to a Response in SI."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ from validation.core.sampling import History, moved, respond
 from validation.core.solver import Solver
 from validation.core.watch import watched
 
-# Newmark's damping of undamped schemes on the slack cable; 0.55 has smaller errors but may gain energy.
+# Newmark's damping of undamped schemes on the slack cable; less may gain energy.
 SLACK_GAMMA = 0.6
-# An undamped rule keeps Newton's residual as energy.  For a car that grips, the drive gives and takes more.
+# Undamped rules keep Newton's residual as energy.  For gripped cars the drive outweighs it.
 KEEPS = Newton(tol=1e-6)
 
 Progress = Callable[[float], None]
 _NONE = np.empty(0)
 
-_threads = cache(ThreadpoolController)  # cached: slow to find the libraries
+_threads = cache(ThreadpoolController)  # cached: slow
 
 
 def run(
@@ -53,12 +53,12 @@ def run(
 class Run:
     """One method on one scene, marched as far as asked, and further when asked again.
 
-    method, settings : a name from `METHODS` and changes to its default settings.
+    method, settings : a name from `METHODS` and changes to its defaults.
     model : "full", "stretching", "sagged" or "string"; load : "mass" or "force".
-    law : "elastic", "tension-only", or "auto": elastic until slack, then tension-only with Newmark's damping. A damping
-        scheme stays, except collocation.  Central differences never switch: their slack is their own instability.
+    law : "elastic", "tension-only" or "auto": elastic until slack, then tension-only with Newmark's damping. A damping
+        scheme stays, except collocation.  Central differences never switch: their slack is instability.
 
-    Raises ValueError for settings that make no sense.
+    Raises ValueError for invalid settings.
     """
 
     def __init__(
@@ -90,23 +90,22 @@ class Run:
     def to(
         self, until: float | None = None, progress: Progress | None = None, *, every: int = 1, past: float = math.inf
     ) -> Response:  # fmt: skip
-        """March to the first step at or past s_o/l = until, by default to the end; return the response so far.
+        """March to the first step at or past s_o/l = until (default: the end); return the response so far.
 
-        A run that fails has status "incomplete" and the reason.  Energy gained without work is flagged.
+        A failed run has status "incomplete" and the reason.  Energy gained without work is flagged.
 
-        every : n keeps each n-th frame;  past : s_o/l to go on once the cable is slack.
+        every : n keeps each n-th frame;  past : s_o/l to go on once slack.
         """
         self.march(until, progress, past)
         return self.seen(every)
 
     def try_to(self, until: float | None = None, *, every: int = 1, past: float = math.inf) -> Trial:
-        """The same, but only the path is observed now."""
+        """The same, with only the path observed."""
         self.march(until, None, past)
         path = moved(self.scene, self.history)
         return Trial(**path, method=self.method.name, settings=self.settings, run=self, every=every)
 
     def seen(self, every: int = 1) -> Response:
-        """Return the response so far."""
         now = len(self.history.states), every
         if self._seen is None or self._seen[0] != now:
             told = {"method": self.method.name, "settings": self.settings, **self.kind}
@@ -116,13 +115,12 @@ class Run:
         return self._seen[1]
 
     def march(self, until: float | None, progress: Progress | None, past: float) -> None:
-        """March as `to` does."""
         if until is not None and not until > 0.0:
             raise ValueError(f"until must be a place s_o/l > 0, got {until!r}")
         if self._ended:
             return
         self._ended = until is None and math.isinf(past)
-        with _threads().limit(limits=1):  # small matrices: threads do not pay
+        with _threads().limit(limits=1):  # small matrices
             _march(self, until or math.inf, past, progress or (lambda done: None))
 
     def times_to(self, until: float) -> list[Array]:
@@ -139,14 +137,14 @@ class Run:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial(MassPath):
-    """The path of a run, which observes the rest on request."""
+    """The path of a run, with the rest on request."""
 
     run: Run
     every: int
 
 
 def whole(path: MassPath) -> Response:
-    """Return the response of a path, observed now if it is a trial."""
+    """Return the response of a path, observed now if need be."""
     if isinstance(path, Trial):
         return path.run.seen(path.every)
     assert isinstance(path, Response)
@@ -154,25 +152,23 @@ def whole(path: MassPath) -> Response:
 
 
 def steps_of(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[Array]:
-    """Return the step times, phase by phase."""
     steps = settings["steps"]
-    if groups.motion is None:  # a ride may outlast its nominal time
+    if groups.motion is None:  # may outlast its nominal time
         steps = math.ceil(steps * (solver.phases[-1][1] - solver.phases[0][0]) / groups.drive.nominal)
     times = newmark.step_times(solver, steps, entry=settings["entry"], exit=settings["exit"])
-    if groups.motion is None or groups.motion.end < 1.0:  # off the support, where all has its meaning
+    if groups.motion is None or groups.motion.end < 1.0:  # off the support
         times[-1] = np.append(times[-1], solver.phases[-1][1])
     return times
 
 
 def _march(x: Run, until: float, past: float, progress: Progress) -> None:
-    """Step through the travel; past the slack onset go on with the tension-only law."""
     h = x.history
     begin = time.perf_counter()
     try:
         if h.failure is None and h.after is None and _advance(x, h.solver, x.scheme, x.switches, until, progress):
             h.after = h.solver.with_law("tension-only")
         if h.failure is None and h.after is not None:
-            # collocation loses its order at the law's kink, and one tangent does not fit its step
+            # collocation loses its order at the law's kink
             goes_on = x.scheme.damps and not x.scheme.nodes
             damped = x.scheme if goes_on else newmark.scheme("newmark", newmark_gamma=SLACK_GAMMA)
             assert h.onset is not None
@@ -180,7 +176,7 @@ def _march(x: Run, until: float, past: float, progress: Progress) -> None:
             _advance(x, h.after, damped, False, until, progress)
     except StepFailure as error:
         h.failure = _cause(error, h.onset is not None, h.after is not None)
-        if not h.states:  # no start: only the hanging cable
+        if not h.states:  # only the hanging cable
             rest = np.zeros(h.solver.n_dof)
             h.states.append(State(h.solver.phases[0][0], rest, rest, rest))
     h.seconds += time.perf_counter() - begin
@@ -188,7 +184,7 @@ def _march(x: Run, until: float, past: float, progress: Progress) -> None:
 
 
 def _advance(x: Run, solver: Solver, scheme: Scheme, switch: bool, until: float, progress: Progress) -> bool:
-    """Append states up to the end, `until` or, if the law is to switch, the slack onset; return whether it is."""
+    """Append states up to the end, `until` or the slack onset if the law switches; return whether it does."""
     h, (t0, t1) = x.history, (solver.phases[0][0], solver.phases[-1][1])
     start = h.states[-1] if h.states else None
     if start is not None and solver.place(start) >= until:
@@ -200,7 +196,7 @@ def _advance(x: Run, solver: Solver, scheme: Scheme, switch: bool, until: float,
         state, n = states[-1], len(h.states)
         if n % 32 < len(states):
             progress(max((state.t - t0) / (t1 - t0), solver.place(state) / until))
-        if h.onset is None and n > 1 and solver.least_tension[0] < 0.0:  # only a stretch's last state may be slack
+        if h.onset is None and n > 1 and solver.least_tension[0] < 0.0:  # only the last state may be slack
             h.onset = n - 1, solver.least_tension[1]
             if switch:
                 return True
@@ -210,7 +206,6 @@ def _advance(x: Run, solver: Solver, scheme: Scheme, switch: bool, until: float,
 
 
 def _cause(error: StepFailure, slack: bool, switched: bool) -> tuple[str, str]:
-    """Return why a run stopped and what to try."""
     if isinstance(error, StepUnderflow):
         return "step underflow", f"{error.cause}; {error.advice}"
     if isinstance(error, EndlessEvents):

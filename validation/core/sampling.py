@@ -1,4 +1,4 @@
-"""From a solver's states to a Response in SI, observed at steps and frames."""
+"""From a solver's states to a Response in SI."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from cablefem.response import Array, Fields, Observation, Response, States
 from cablefem.scene import Motion, Scene
 from validation.core.solver import Pathed, Solver
 
-FRAMES = 100  # fields are kept at s_o/l = 1/FRAMES, 2/FRAMES, ..., the same in all runs
-STATIONS = 201  # least number in the file contract
+FRAMES = 100  # fields are kept at s_o/l = 1/FRAMES, 2/FRAMES, ... of all runs
+STATIONS = 201  # least in the file contract
 ON_CABLE = 1.0 + 1e-9  # largest s_o/l on the cable
-WITHIN = 6  # parts of a collocation step whose cubics match its polynomial
+WITHIN = 6  # parts of a collocation step, for cubics
 
 
 @dataclass(slots=True)
 class History:
-    """States and costs of a march through a scene."""
+    """States and costs of a march."""
 
     states: Course
     work: Work
     seconds: float
     failure: tuple[str, str] | None  # cause and reason
-    onset: tuple[int, float] | None  # index of the first slack state, s/l
+    onset: tuple[int, float] | None  # of the first slack state, s/l
     solver: Solver
-    after: Solver | None  # with the tension-only law, from the onset on
+    after: Solver | None  # tension-only, from the onset on
 
 
 def finite(h: History) -> States:
@@ -49,13 +49,13 @@ def finite(h: History) -> States:
 
 
 def _ended_well(h: History) -> bool:
-    """Return whether the last state (then all) is finite, with the car on the cable."""
+    """Whether the last state is finite and on the cable; then all are."""
     last = h.states[-1]
     return h.solver.place(last) <= ON_CABLE and math.isfinite(sum(float(x.sum()) for x in (last.q, last.v, last.a)))
 
 
 def moved(scene: Scene, h: History) -> dict[str, Any]:
-    """Return the mass's motion so far: a `MassPath` except what was run."""
+    """Return the motion of the mass: a `MassPath` except what was run."""
     if isinstance(h.solver, Pathed):
         lazy: Any = Stacked(h.states)
         states = h.solver.in_time(lazy) if _ended_well(h) else finite(h)
@@ -82,7 +82,7 @@ def _onset(h: History, states: States) -> tuple[int, float] | None:
 
 
 def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Response:
-    """Return the response of a history; `asked` are the fields of `Response` that say what was run.
+    """Return the response of a history; `asked` are the fields that say what was run.
 
     every : n keeps each n-th frame.
     """
@@ -130,9 +130,9 @@ def _at(times: Array, t: float) -> int:
 
 
 def _events(scene: Scene, work: Work, t: Array, s_o: Array) -> list[tuple[str, float]]:
-    """Return what happened to the car, and when, without stick-slip around a standstill.
+    """What happened to the car, and when, without stick-slip.
 
-    A stop is timed at its first lasting standstill, else at the end of the ride.
+    A stop is timed at its first lasting standstill, else at the ride's end.
     """
     drive, round_trip = scene.groups.drive, 2.0 / math.sqrt(scene.groups.alpha)
     still = [e.t for e in work.events if e.name == "standstill"]
@@ -148,11 +148,11 @@ def _events(scene: Scene, work: Work, t: Array, s_o: Array) -> list[tuple[str, f
     return sorted([*told, *(("turn", x) for x in turns)], key=lambda event: event[1])
 
 
-SWING = 1e-3  # of the length: the least way back after a turn
+SWING = 1e-3  # of the length: least way back after a turn
 
 
 def _turns(t: Array, s_o: Array) -> Iterator[float]:
-    """Give the times at which a car turns for good and does not only ring."""
+    """Times at which a car turns for good."""
     way, far = 0.0, 0
     for i, place in enumerate(s_o.tolist()):
         gone = place - s_o[far]
@@ -170,7 +170,6 @@ _ENERGIES = ("energy", "kinetic", "strain", "potential")
 
 
 def _scales(l: float, H: float, tau: float) -> Callable[..., dict[str, Any]]:
-    """Return a function that gives arrays of an observation by name in SI; forces by default."""
     scale = {"t": tau, "slope_behind": 1.0, "slope_ahead": 1.0, "du": l / tau, "dv": l / tau, "power": H * l / tau}
     scale |= dict.fromkeys(_LENGTHS, l) | dict.fromkeys(_ENERGIES, H * l)
     return lambda x, *names: {name: scale.get(name, H) * getattr(x, name) for name in names}
@@ -187,7 +186,7 @@ def _rows(states: States, rows: slice | NDArray[Any]) -> States:
 
 
 def frame_times(scene: Scene, t_last: float) -> Array:
-    """Return the times at which fields are kept: equal places of a travel, equal times of a free ride."""
+    """Return times of the fields: equal places of a travel, equal times of a free ride."""
     motion = scene.groups.motion
     if motion is None:
         t = scene.groups.drive.nominal * np.arange(1, math.ceil(FRAMES * t_last / scene.groups.drive.nominal)) / FRAMES
@@ -198,7 +197,7 @@ def frame_times(scene: Scene, t_last: float) -> Array:
 
 @lru_cache(maxsize=64)
 def _passages(motion: Motion) -> Array:
-    """Return the times at which a travel passes the marks, and equally dense ones where it stands."""
+    """Times at which a travel passes the marks, equally dense where it stands."""
     end = motion.position(np.array([motion.phases[-1][1]]))[0]
     marks = np.arange(1, FRAMES) / FRAMES
     passed, each = motion.times_at(marks[(motion.begin <= marks) & (marks < end)]), motion.phases[-1][1] / FRAMES
@@ -207,10 +206,7 @@ def _passages(motion: Motion) -> Array:
 
 
 def _around(h: History, states: States, t: Array) -> States:
-    """Return states around the times t, collocation steps in parts so that cubics suffice.
-
-    Only steps around t: a ride may take 1000 between two frames.
-    """
+    """States around t, with collocation steps in parts so that cubics suffice."""
     if not isinstance(h.states[-1], Collocated):
         return states
     steps = np.unique(np.clip(np.searchsorted(states.t, t), 1, states.t.size - 1)).tolist()
@@ -219,10 +215,9 @@ def _around(h: History, states: States, t: Array) -> States:
 
 
 def _between(h: States, t: Array) -> States:
-    """Return states between steps by cubic Hermite in (q, v).
+    """States between steps by cubic Hermite in (q, v).
 
-    Accelerations are left out, because those of unresolved axial waves alternate.  The phase is that of the step's end,
-    with which the step was taken.
+    Unresolved axial accelerations alternate, so they are left out.  The phase is that of the step's end.
     """
     i = np.clip(np.searchsorted(h.t, t, side="left"), 1, h.t.size - 1)
     before, after = _rows(h, i - 1), _rows(h, i)
@@ -232,10 +227,7 @@ def _between(h: States, t: Array) -> States:
 
 
 def _observe(h: History, steps: States, frames: States, switch: float, s: Array) -> tuple[Observation, Observation]:
-    """Observe with the law in force: the elastic one up to and including the onset.
-
-    Steps and frames together: few states take as long as many.
-    """
+    """Observe with the law in force, the elastic one up to the onset; steps and frames together, for speed."""
     parts, laws = [], [(h.solver, [steps, frames])]
     if switch < math.inf:
         early, later = ([_rows(x, (x.t > switch) == late) for x in (steps, frames)] for late in (False, True))

@@ -1,4 +1,4 @@
-"""A solver's semi-discrete equations, integrated by scipy instead of the time driver."""
+"""A solver's equations integrated by scipy instead of the time driver."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -11,7 +11,7 @@ from validation.core.solver import Solver
 def integrated(system: Solver, first: State, t: Array, rule: str, *, rtol: float) -> Array:
     """Return q and v (n_t, 2n) at times t by a rule of scipy, in the phase of the first state.
 
-    Raises ArithmeticError where scipy gives up.
+    Raises ArithmeticError.
     """
     n, zero = system.n_dof, np.zeros(system.n_dof)
 

@@ -1,6 +1,6 @@
-"""Independent jobs in forked processes; one after another on one core.
+"""Independent jobs in forked processes, or one after another on one core.
 
-Forks inherit the jobs, so closures need no pickling.  Results and progress are pickled.
+Forks inherit jobs; results and progress are pickled.
 """
 
 import multiprocessing
@@ -26,7 +26,6 @@ def side_by_side(
 ) -> list[Result]:
     """Return the results of all jobs in order; an exception ends all and is raised.
 
-    A job gets a function that passes its progress on.
     meanwhile : called here once, when the first of several jobs is done.
     """
     report = progress or (lambda *told: None)
@@ -51,7 +50,7 @@ def side_by_side(
 
 
 def spread(work: Callable[[Item], Result], items: Sequence[Item], told: Callable[[int, Result], None]) -> None:
-    """Call told(i, work(items[i])) for all items, each as soon as it is done."""
+    """Call told(i, work(items[i])) for all items, each when it is done."""
     if len(items) < 2 or not _can_fork():
         for i, item in enumerate(items):
             told(i, work(item))
@@ -66,7 +65,7 @@ def spread(work: Callable[[Item], Result], items: Sequence[Item], told: Callable
 
 @contextmanager
 def aside(work: Callable[[], object]) -> Iterator[None]:
-    """Do work in another process while the body runs; its exception is raised at the end."""
+    """Do work in another process while the body runs; exceptions are raised at the end."""
     with ready(lambda: None, work) as begin:
         begin()
         yield
@@ -82,7 +81,7 @@ def ready(load: Callable[[], object], work: Callable[..., object]) -> Iterator[C
         yield work
         return
 
-    def called(what: int, *arguments: Any) -> None:  # returns nothing: nothing to pickle
+    def called(what: int, *arguments: Any) -> None:
         (load, work)[what](*arguments)
 
     with _forked(1, called) as submit:
@@ -94,12 +93,11 @@ def ready(load: Callable[[], object], work: Callable[..., object]) -> Iterator[C
 
 @contextmanager
 def _forked(workers: int, call: Callable[..., Any]) -> Iterator[Callable[..., Future]]:
-    """Give submit(*arguments), which calls `call` in a forked process; a failure ends them all."""
     context, before = multiprocessing.get_context("fork"), set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(workers, context, initializer=_inherited.append, initargs=(call,))
     try:
         with warnings.catch_warnings():
-            # a fork beside threads: ours only draw on the terminal
+            # a fork beside threads that only draw
             warnings.simplefilter("ignore", DeprecationWarning)
             yield partial(pool.submit, _called)
         pool.shutdown()
@@ -119,7 +117,7 @@ def _called(*arguments: Any) -> Any:
 
 
 def _finished(futures: Sequence[Future], meanwhile: Callable[[], None]) -> Iterator[int]:
-    """Yield the number of done futures each time it grows; call `meanwhile` ten times a second."""
+    """Yield the number of done futures as it grows; call `meanwhile` ten times a second."""
     left = set(futures)
     while left:
         done, left = wait(left, timeout=0.1, return_when=FIRST_COMPLETED)

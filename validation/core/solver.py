@@ -1,4 +1,4 @@
-"""The interface of a discretised scene to the judge."""
+"""The interface of a discretised scene."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from cablefem.response import Array, Observation, States
 class Solver(System, Protocol):
     """A dimensionless `System` with a mass that can be observed.
 
-    `least_tension` decides slack: the least mean over what the method resolves (element, shortest wavelength), so that
-    ripples do not count.  `Observation.tension_min` is the least at any point, ripples included.
+    `least_tension` decides slack: the least mean over an element or shortest wavelength, so that ripples do not count.
+    `Observation.tension_min` is the least at any point.
 
     A solver with events also has the members of `cablefem.newmark.Watched`.
     """
@@ -31,10 +31,10 @@ class Solver(System, Protocol):
         """Return s_o of a state."""
 
     def in_time(self, states: States) -> States:
-        """Return a history over time; itself where it is one already."""
+        """Return a history over time."""
 
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
-        """Observe a history `in_time`: at all times, and the fields at the stations s for the rows `frames`."""
+        """Observe a history `in_time` at all times; fields at stations s for the rows `frames`."""
 
 
 @runtime_checkable
@@ -42,4 +42,4 @@ class Pathed(Protocol):
     """A solver that gives the path without full observation."""
 
     def path(self, states: States) -> tuple[Array, Array]:
-        """Return s_o (n,) and the displacement of the mass (n, 2) of a history `in_time`."""
+        """Return s_o (n,) and the displacement of the mass (n, 2) `in_time`."""

@@ -15,7 +15,7 @@ _REMEDY = "nothing was written; choose another folder with --out"
 
 
 class Refused(ValueError):
-    """Input that cannot be used, one line per fault; nothing was run or overwritten."""
+    """Unusable input, one line per fault; nothing was run or overwritten."""
 
     def __init__(self, faults: str | list[str]) -> None:
         super().__init__(faults)
@@ -26,12 +26,11 @@ class Refused(ValueError):
 
 
 def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str], *, among: bool = False) -> Path:
-    """Return the folder for a command's results, made and marked; Refused if something else is in the way.
+    """Return the folder for a command's results, made and marked; Refused if something is in the way.
 
-    out : the command's own folder; None: cablefem-out/SCENE, shared by all commands on that scene.
+    out : one command's folder; None: cablefem-out/SCENE, shared by all commands.
     scene : the Scene, or the command's name.  Results of another scene are deleted unless foreign files are among them.
-    writes : the command's own files and folders inside `out`.
-    among : a new folder may hold other files.
+    writes : the command's own files and folders.  among : a new folder may hold other files.
     """
     name, text = (scene, "") if isinstance(scene, str) else (scene.name, scene.to_toml())
     folder = ROOT / name if out is None else out
@@ -60,7 +59,6 @@ def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str], *, 
 
 
 def _keep_out(folder: Path, marker: dict[str, Any], command: str, writes: Sequence[str]) -> None:
-    """Raise Refused where another command's results are in the way."""
     for other, result in marker["results"].items():
         taken = sorted(set(result["writes"]) & set(writes)) if marker["shared"] else [""]
         if other != command and taken:
@@ -68,7 +66,7 @@ def _keep_out(folder: Path, marker: dict[str, Any], command: str, writes: Sequen
 
 
 def _delete(folder: Path, marker: dict[str, Any], command: str) -> None:
-    """Delete a command's results; Refused if the folder holds a file that no command wrote."""
+    """Delete a command's results; Refused if the folder holds foreign files."""
     result = marker["results"][command]
     present = set(_files(folder, result["writes"]))
     others = {name for other in marker["results"].values() for name in other["writes"]}
@@ -85,7 +83,6 @@ def _delete(folder: Path, marker: dict[str, Any], command: str) -> None:
 
 
 def _files(folder: Path, names: Sequence[str]) -> list[str]:
-    """Return all files of these names, and in these folders, relative to the folder."""
     found = [x for name in names for x in (folder / name, *(folder / name).rglob("*")) if x.is_file()]
     return sorted(str(x.relative_to(folder)) for x in found)
 
@@ -104,19 +101,18 @@ def finished(folder: Path, command: str) -> bool:
 
 
 def results(folder: Path) -> list[str]:
-    """Return the commands with results on the folder's latest scene."""
+    """Return the commands with results on the latest scene."""
     marker = _marker(folder) or {"results": {}}
     return [command for command, result in marker["results"].items() if result["scene"] == marker["scene"]]
 
 
 def title(folder: Path) -> str:
-    """Return title or name of a folder's scene; "" without one."""
+    """Return the scene's title or name; "" without a scene."""
     scene = tomllib.loads((_marker(folder) or {}).get("scene", ""))
     return scene.get("title") or scene.get("name") or ""
 
 
 def pages(folder: Path, command: str) -> Path:
-    """Return the file of a command's pages."""
     return folder / f".{command}.pages.json"
 
 
@@ -135,7 +131,7 @@ def _write(folder: Path, marker: dict[str, Any]) -> None:
 
 
 def stored(file: Path, **same: Any) -> dict[str, Any]:
-    """Return the JSON object in a file if its entries equal `same`, else {}."""
+    """Return the JSON object in a file if it has the entries `same`, else {}."""
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
         known = isinstance(content, dict) and all(content[name] == value for name, value in same.items())
@@ -147,7 +143,7 @@ def stored(file: Path, **same: Any) -> dict[str, Any]:
 def each_once(
     file: Path, jobs: dict[str, Any], work: Callable[[Any], Any], report: Callable[[float], None] | None = None
 ) -> dict[str, Any]:
-    """Return work(job) of all jobs by key; each is kept as a line of a file and not computed again."""
+    """Return work(job) by key; each result is kept in a file and not computed again."""
     from validation.core.sidebyside import spread
 
     done: dict[str, Any] = {}
@@ -175,7 +171,7 @@ def each_once(
 
 
 def plain(x: Any) -> Any:
-    """Return x for JSON: null for numbers that are not finite."""
+    """Return x for JSON: null for non-finite numbers."""
     if isinstance(x, dict):
         return {name: plain(y) for name, y in x.items()}
     if isinstance(x, list | tuple):

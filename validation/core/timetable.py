@@ -14,13 +14,13 @@ Stretches = list[tuple[float, float, float]]  # duration [s], initial accelerati
 
 
 def begins(travel: dict[str, Any], drive: dict[str, Any], length: float) -> float:
-    """Return where the car begins [m]; by default a rolling car at 1 % of the length."""
+    """Return where the car begins [m]."""
     rolls = drive.get("mode", "grip") != "grip"
     return float(travel.get("from", drive.get("start", 0.01 * length if rolls else 0.0)))
 
 
 def places(travel: dict[str, Any], drive: dict[str, Any], length: float, t: Array) -> Array:
-    """Return s_o (n,) [m] at times t (n,) of a travel, tables excepted."""
+    """Return s_o (n,) [m] at times t (n,), tables excepted."""
     start = begins(travel, drive, length)
     end = drive.get("end", {}).get("place", 0.99 * length) if drive.get("mode") == "haul" else length
     speed, stretches = _stretches(travel, travel.get("to", end) - start)
@@ -46,12 +46,12 @@ def places(travel: dict[str, Any], drive: dict[str, Any], length: float, t: Arra
 
 
 def _stretches(law: dict[str, Any], way: float) -> tuple[float, Stretches]:
-    """Return initial speed and stretches of a law over a way [m]."""
+    """Initial speed and stretches of a law over a way [m]."""
     kind = law["kind"]
     if kind == "constant_speed":
         V = law["speed"]
         T = 1.5 * law.get("entry_ramp", 0.0) / V
-        # a ramp from rest, whose acceleration falls to zero
+        # a ramp from rest to zero acceleration
         return (0.0, [(T, 2.0 * V / T, -2.0 * V / T**2), (math.inf, 0.0, 0.0)]) if T else (V, [(math.inf, 0.0, 0.0)])
     if kind == "constant_acceleration":
         return law.get("initial_speed", 0.0), [(math.inf, law["acceleration"], 0.0)]
@@ -62,7 +62,7 @@ def _stretches(law: dict[str, Any], way: float) -> tuple[float, Stretches]:
     up, down, jerk = law["acceleration"], law["deceleration"], law.get("jerk")
 
     def ramp(V: float, a: float, sign: float) -> Stretches:
-        """From rest to V: the acceleration rises, stays and falls; sign -1 runs it backwards."""
+        """From rest to V: acceleration rises, stays, falls; sign -1 runs it backwards."""
         if jerk is None:
             return [(V / a, sign * a, 0.0)]
         peak = min(a, math.sqrt(V * jerk))

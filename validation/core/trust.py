@@ -1,7 +1,7 @@
 """How far an answer can be trusted: settings for start and exit, and where refinement stops helping.
 
-A light mass sends a front of width mu ahead at its start; uniform steps and elements miss it.  At the far support the
-contact force grows like 1/distance, and the path stops converging.
+A light mass sends a front of width mu ahead, which uniform steps and elements miss.  The contact force grows like
+1/distance at the far support, and the path stops converging.
 """
 
 import math
@@ -18,16 +18,16 @@ from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from validation.core.methods import Method, find
 
-# Parts of the start-up layer mu (wave speed 1) for the first step and the smallest element.
+# First step and smallest element, as parts of the start-up layer mu.
 STEPS_PER_LAYER, ELEMENTS_PER_LAYER = 20.0, 4.0
-MOST_GRADING = 30.0  # more would coarsen the rest of the cable too far
-LAST_STEP = 0.05  # of an equal step, in front of the far support
+MOST_GRADING = 30.0  # more coarsens the rest of the cable
+LAST_STEP = 0.05  # of an equal one
 
 
 def recommended(scene: Scene, method: str | Method, **changes: Any) -> dict[str, Any]:
     """Return settings with entry, exit and grading fit for the scene; `changes` stay.
 
-    First step <= mu/20, smallest element <= mu/4.  Last step 1/20 of an equal one, unless the mass arrives at rest.
+    First step <= mu/20, smallest element <= mu/4, last step 1/20 of an equal one unless the mass stops.
     """
     method = find(method) if isinstance(method, str) else method
     settings = method.settings(changes)
@@ -47,7 +47,7 @@ def recommended(scene: Scene, method: str | Method, **changes: Any) -> dict[str,
 
 
 def grading(elements: int, smallest: float) -> float:
-    """Return largest over smallest of `elements` geometric ones on a unit length whose smallest is `smallest`."""
+    """Return largest over smallest of `elements` geometric lengths on 1."""
 
     def excess(log_ratio: float) -> float:
         lengths = np.exp(np.linspace(0.0, log_ratio, elements))
@@ -60,22 +60,22 @@ def grading(elements: int, smallest: float) -> float:
 
 
 def _path(r: Response, place: Array) -> Array:
-    """Return (u, v) of the mass at places s_o/l, (n, 2): monotone cubics, nan beyond the last step."""
+    """(u, v) of the mass at places s_o/l, (n, 2); nan beyond the last step."""
     s = r.s_o / r.length
     rising = np.concatenate([[True], np.diff(s) > 0.0])
     return np.asarray(PchipInterpolator(s[rising], np.stack([r.u, r.v], axis=1)[rising], extrapolate=False)(place))
 
 
 def gap(a: Response, b: Response, place: Array) -> Array:
-    """Return the distance of two paths at places s_o/l (n,), over the larger of their largest deflections."""
+    """Return the distance of two paths at s_o/l (n,), over the largest deflection."""
     difference = _path(a, place) - _path(b, place)
     return np.hypot(difference[:, 0], difference[:, 1]) / max(a.max_deflection, b.max_deflection)
 
 
 def post_slack_spread(runs: Sequence[Response], stop: float = 0.95) -> float | None:
-    """Return the largest gap of any two paths from the earliest slack onset to `stop`, over the largest deflection.
+    """Return the largest gap of any two paths from slack onset to `stop`, over the largest deflection.
 
-    runs : methods or resolutions that should agree.  None without slack before `stop` or with one run past it.
+    None without slack or with one run past it.
     """
     onsets = [r.slack_onset for r in runs if r.slack_onset is not None]
     if not onsets or not min(onsets) < stop:
@@ -86,23 +86,20 @@ def post_slack_spread(runs: Sequence[Response], stop: float = 0.95) -> float | N
     return max(known) if known else None
 
 
-MEANINGFUL = 1e-2  # of the largest deflection: a larger gap means two answers
+MEANINGFUL = 1e-2  # of the largest deflection: more means two answers
 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """Where two answers part by more than `gap`, or the most they differ by."""
+    """Where two answers part by more than `gap`, or their largest gap."""
 
-    place: float | None  # s_o/l; None where they do not part
+    place: float | None  # s_o/l
     gap: float  # of the largest deflection
-    end: float  # s_o/l where the shorter one ends
+    end: float  # s_o/l
 
 
 def reach(a: Response, b: Response, start: float, allowed: float | None) -> Reach | None:
-    """Return how far past `start` two answers agree: within 1 %, or twice the gap `allowed` before.
-
-    None where nothing follows.
-    """
+    """Return how far past `start` answers agree, within 1 % or twice the `allowed` gap; None if nothing follows."""
     end = min(a.reached, b.reached)
     place = np.arange(start + 0.005, end, 0.005)
     if not place.size:
@@ -112,13 +109,13 @@ def reach(a: Response, b: Response, start: float, allowed: float | None) -> Reac
     return Reach(float(far[0]), bound, end) if far.size else Reach(None, float(np.nanmax(apart)), end)
 
 
-# A gap closes if refinement by two leaves less than CLOSING of it (first order: 1/2), or less than FLOOR. It is judged
-# over stretches of s_o, because single places converge unevenly near wave fronts.
+# A gap closes if refinement by two leaves less than CLOSING of it (first order: 1/2), or than FLOOR. Stretches of s_o,
+# because single places converge unevenly.
 CLOSING, FLOOR, STRETCH = 0.8, 1e-3, 0.02
 
 
 def convergence_limit(runs: Sequence[Response]) -> float:
-    """Return the s_o/l up to which the path converges; beyond it finer runs do not approach each other.
+    """Return the s_o/l beyond which finer runs do not approach each other.
 
     runs : three or more of one method, each about twice as fine in space and time.
     """

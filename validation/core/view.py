@@ -15,15 +15,14 @@ class View:
     """What is compared of one scene.
 
     axis : "place"; "time" for a ride, or a travel that stands still on its way.
-    window : range of s_o/l; (0, 1) of a ride.
-    until : [s] end of the comparison of a ride; else infinite.
+    window : range of s_o/l.  until : [s] end of a ride's comparison; else infinite.
     free : the travel is an answer;  rolls : friction and contact matter.
     """
 
     axis: str
     window: Window
     free: bool
-    ends: bool  # compared to the end of the travel, rest included
+    ends: bool  # to the end of the travel, with rest
     rolls: bool
     length: float  # [m]
     H: float  # horizontal tension [N]
@@ -34,7 +33,6 @@ class View:
 
     @classmethod
     def of(cls, scene: Scene) -> View:
-        """Return the view of a scene with a mass."""
         assert scene.mass is not None
         motion, (low, high) = scene.groups.motion, WINDOWS[scene.drive.mode]
         stops = motion is not None and motion.end < high
@@ -49,7 +47,7 @@ class View:
 
     @property
     def stop(self) -> float | None:
-        """s_o/l where coarser runs may end; None: at the end of the travel."""
+        """s_o/l where coarser runs may end; None: the travel's end."""
         return None if self.ends else self.window[1]
 
     def cut(self, *finest: MassPath) -> View:
@@ -65,7 +63,7 @@ class View:
         return replace(self, window=(low, stop), until=until)
 
     def covers(self, r: MassPath) -> bool:
-        """Return whether a coarser run reaches the end of the comparison."""
+        """Whether a coarser run reaches the end of the comparison."""
         if self.free:
             return r.status == "complete" or bool(r.t[-1] >= self.until)
         return r.reached >= self.window[1] * (1.0 - 1e-6)

@@ -1,4 +1,4 @@
-"""Signs of error in a run: energy gain, hidden compression, waves slower than the mass."""
+"""Signs of error: energy gain, hidden compression, waves slower than the mass."""
 
 import math
 from dataclasses import replace
@@ -11,12 +11,11 @@ from validation.core import measures
 from validation.core.flags import flag
 from validation.core.methods import Method
 
-# Largest energy gain without work before the slack onset, over the range of the energy. Right runs gain up to 0.12,
-# wrong ones 0.6 and more.
+# Largest energy gain without work, over the range of the energy: right runs 0.12, wrong ones from 0.6.
 MOST_GAIN = 0.2
-# The same after the onset: runs that agree gain up to 1.4, others 9 and more.
+# After the onset: runs that agree 1.4, others from 9.
 MOST_GAIN_SLACK = 2.0
-SLACK_END = 0.95  # s_o/l to which energy is watched past the onset
+SLACK_END = 0.95  # s_o/l
 
 
 def watched(r: Response, scene: Scene, method: Method) -> Response:
@@ -31,7 +30,7 @@ def watched(r: Response, scene: Scene, method: Method) -> Response:
     gain = measures.energy_gain(r, weight, (0.0, stop))
     flags = []
     if scene.speed_ratio is not None and scene.speed_ratio >= 1.0:
-        # level cable: bars are half the true error at V/c = 1.1, and at 1.5 paths diverge
+        # level cable: half the true error at V/c = 1.1, no convergence at 1.5
         flags.append(flag("fast", speed_ratio=scene.speed_ratio))
     flags += [*(_slow_waves(r, scene, method) if not flags else ()), *_hidden_slack(r, method)]
     if not gain <= MOST_GAIN * unit:
@@ -45,14 +44,14 @@ def watched(r: Response, scene: Scene, method: Method) -> Response:
     return replace(r, energy_gain=gain, flags=flags)
 
 
-# s_o/l from compression at a point to slack in an element's mean; right runs stay below 0.01.
+# s_o/l from compression at a point to slack of an element; 0.01 on right runs.
 HIDDEN = 0.03
 
 
 def _slow_waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
-    """Flag waves on the taut cable, of speed sqrt(N/rho), that are slower than the mass.
+    """Flag waves, of speed sqrt(N/rho), that are slower than the mass.
 
-    Waves steepen there, and errors fall only like h^(1/2).  Just before slack every cable has them.
+    Waves steepen there, and errors fall like h^(1/2).  Every cable has them just before slack.
     """
     if method.wing != "elements" or method.space_order < 2.0 or r.drive == "free":
         return []
@@ -71,7 +70,7 @@ def _slow_waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
 def _hidden_slack(r: Response, method: Method) -> list[Flag]:
     """Flag compression in part of an element without slack soon after.
 
-    For methods that resolve the kink at the mass: the others ripple.
+    Only for methods that resolve the kink at the mass.
     """
     if method.wing != "elements" or method.space_order < 2.0:
         return []
