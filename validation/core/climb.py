@@ -97,8 +97,8 @@ class Runs:
     def finished(self, ladder: Ladder, end: float | None, past: float = math.inf) -> Ladder:
         """Return the ladder with its finest run marched to the end, all runs observed."""
         finest = whole(self.at(ladder.finest.settings, end, past))
-        until = self.view.stop
-        if until is not None and finest.slack_onset is not None and finest.slack_onset < SLACK_END:
+        until = _short(self.view, end)
+        if self.view.stop is not None and finest.slack_onset is not None and finest.slack_onset < SLACK_END:
             until = SLACK_END if end is None else min(end, SLACK_END)
 
         def observed(branch: Branch) -> Branch:
