@@ -168,7 +168,7 @@ class _Pair:
 
     def _climbs(self) -> list[Callable[[Progress], Any]]:
         """The climb of each method to its share of the tolerance."""
-        shares = [SHARES[m.wing] for m in self.methods]
+        shares = [SHARES.get(m.wing, 1.0) for m in self.methods]
         return [
             partial(_climbed, s, m, self.tol * share / sum(shares), self.budget, self.ends)
             for s, m, share in zip(self.scenes, self.methods, shares, strict=True)
