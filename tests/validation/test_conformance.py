@@ -120,12 +120,12 @@ def test_a_row_of_the_chart(name, monkeypatch):
 
 
 @every
-def test_a_cell_of_the_atlas(name, monkeypatch):
-    monkeypatch.setattr(atlas, "REFERENCE", {"elements": 6, "steps": 200})
-    drawn = atlas.Map("step-resolution", "", ("steps", (100.0,)), ("unknowns per field", (4.0,)), ((name, {}),))
+def test_a_cell_of_the_atlas(name):
+    settings = {find(name).resolution.setting: find(name).resolution.with_unknowns(4.0), "steps": 100}
+    drawn = {"name": "mine", "scene": {}, "methods": [[name, settings]]}
     (cell,) = atlas.cells(drawn, 100.0, 4.0)
-    assert cell["class"] in ("good", "poor", "wrong", "not judged")
-    assert (name in dict(atlas.MAPS[0].methods)) == (find(name).survey is not None)
+    assert cell["class"] in ("good", "poor", "wrong")
+    assert (name in dict(atlas.methods(atlas.SAID["map"][0]))) == (find(name).survey is not None)
 
 
 @every

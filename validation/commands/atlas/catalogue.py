@@ -167,9 +167,10 @@ def _slack(law: str) -> dict[str, float]:
 
 @_measure
 def _negative(method: str, **how: Any) -> float:
-    """Place of the mass at which some point of the cable is first under compression."""
+    """Place of the mass at which the strain of some point is first of compression; infinite where none ever is."""
     r = _run(method, law="elastic", **how)
-    return float(r.s_o[np.argmax(r.tension_min < 0.0)] / r.length)
+    pressed = r.fields.s_o[r.fields.T_pointwise.min(axis=1) < 0.0]
+    return float(pressed[0] / r.length) if pressed.size else float("inf")
 
 
 @_measure
