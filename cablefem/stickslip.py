@@ -5,10 +5,10 @@ Friction and brakes act against the slip along the cable.  Their sign changes at
     standstill      the slip is zero: the car sticks if friction and brakes can hold it, else slips.
     breaking loose  they cannot hold it any more.
     turn            the car reverses.
-    brake, brake off  it passes the place of a brake.
+    brake, brake off  it passes a brake.
     arrival, back   it reaches an end of the ride.
     lift_off        it no longer presses on the cable; the ride goes on.
-    stop            it is at rest, see `RollingCar._left`.
+    stop            it is at rest.
 
 Dimensionless: lengths over l, forces over H, times over l sqrt(rho/H).
 """
@@ -23,16 +23,16 @@ from cablefem.newmark import State, System
 from cablefem.scene import Groups
 
 EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "back", "lift_off", "stop")
-LEAVING = 1e-12  # first slip of a car; it arms the event of a standstill
+LEAVING = 1e-12  # first slip; it arms the standstill event
 
 
 class Look(NamedTuple):
     """Forces and speed of a car."""
 
-    normal: float  # force of the car on the cable
+    normal: float
     speed: float  # along the mean tangent
-    along: float
-    across: float
+    along: float  # thrust, drag and weight along it
+    across: float  # weight across it
 
 
 @dataclass(slots=True)
@@ -40,12 +40,12 @@ class Mode:
     """State of the car that events change."""
 
     sticks: bool = False
-    heading: float = 1.0  # sign of the slip against which friction and brakes act
+    heading: float = 1.0  # sign of the slip, for friction and brakes
     forward: float = 0.0  # sign of the car's speed, 0 at first
     brakes: int = 0  # number of brakes reached
     lifted: bool = False
-    rings: bool = False  # zeros of the slip are no standstills, see `let_go`
-    place: float = math.inf  # place and time since which it is slower than `Drive.rest_speed`
+    rings: bool = False  # see `let_go`
+    place: float = math.inf  # where, and since when, it is slower than `Drive.rest_speed`
     since: float = 0.0
 
     @property
@@ -56,17 +56,17 @@ class Mode:
 class RollingCar(System):
     """A system whose last unknown is the place s_o of a free car; for a hauled car it watches lift-off only.
 
-    A solver calls `board` once, `set_off` and `let_go` at the start, and defines `look`, `holding` and `go_on`.
+    Solvers call `board` once, `set_off` and `let_go` at the start, and define `look`, `holding` and `go_on`.
     """
 
-    hears_itself: bool  # short steps after a jump even without friction
-    hold: float  # force that holds the car at its start
+    hears_itself: bool  # short steps after jumps without friction
+    hold: float  # force that holds it at the start
 
     def board(self, groups: Groups) -> None:
         self.drive, self.sigma = groups.drive, groups.sigma
         self.free = self.drive.mode == "free"
         self.adaptive, self.events = self.free, EVENTS if self.free else ("lift_off",)
-        self.round_trip = 2.0 / math.sqrt(groups.alpha)  # of axial waves over the cable
+        self.round_trip = 2.0 / math.sqrt(groups.alpha)  # of axial waves
         self.hold = 0.0
         self.set_off()
 
@@ -78,7 +78,7 @@ class RollingCar(System):
         raise NotImplementedError
 
     def go_on(self, x: State) -> State:
-        """Return the state with the accelerations of the present mode."""
+        """Return the state with accelerations of the present mode."""
         raise NotImplementedError
 
     def set_off(self) -> None:
@@ -96,7 +96,6 @@ class RollingCar(System):
         return x
 
     def enter(self, x: State) -> State:
-        """Return the state at the beginning of a further phase, whose thrust may tear the car off."""
         return self.come_to_rest(x) if self.mode.sticks else self.go_on(x)
 
     # --- forces ------------------------------------------------------------------------------------------
@@ -109,11 +108,11 @@ class RollingCar(System):
         return sum([force for _, force in self.drive.brakes[: self.mode.brakes]], 0.0) if self.mode.brakes else 0.0
 
     def most(self, normal: float) -> float:
-        """Return the largest force along the cable of friction and brakes."""
+        """Return the largest force of friction and brakes."""
         return self.drive.mu_r * abs(normal) + self.brake
 
     def margin(self, x: State) -> float:
-        """Return that force less the one that holds the car."""
+        """Return that force less the one needed."""
         needed, normal = self.holding(x)
         return self.most(normal) - abs(needed)
 
@@ -147,7 +146,6 @@ class RollingCar(System):
             mode.place, mode.since, self._watched = s_o, x.t, None
 
     def _hear(self, slip: float) -> None:
-        """Take zeros of the slip for standstills from now on."""
         self.mode.rings, self._watched = False, None
         if slip != 0.0:
             self.mode.heading = math.copysign(1.0, slip)
@@ -162,7 +160,7 @@ class RollingCar(System):
             return self._slip(x)
         if name in ("brake", "brake off"):
             mode.brakes += 1 if name == "brake" else -1
-            self._hear(float(x.v[-1]))  # it may stop the car before waves return
+            self._hear(float(x.v[-1]))  # it may stop the car
             return self.go_on(x)
         if name == "turn":
             mode.forward = -mode.forward
@@ -192,7 +190,7 @@ class RollingCar(System):
         return *self._of_forces(x, look), *self._of_places(s_o), lift_off, self._left(x)
 
     def _of_forces(self, x: State, look: Look) -> tuple[float, float, float]:
-        """Return the values of standstill, breaking loose and turn; a car that friction will hold does not turn."""
+        """Return the values of standstill, breaking loose and turn."""
         mode = self.mode
         if mode.sticks:
             return math.inf, self.margin(x), math.inf
@@ -201,21 +199,20 @@ class RollingCar(System):
         return slip, math.inf, mode.forward * look.speed if turns else math.inf
 
     def _of_places(self, s_o: float) -> tuple[float, float, float, float]:
-        """Return the distances to the next brake, back to the last one, to the end and to the start."""
         drive, n = self.drive, self.mode.brakes
         ahead = drive.brakes[n][0] - s_o if n < len(drive.brakes) else math.inf
         back = s_o - drive.brakes[n - 1][0] if n else math.inf
         return ahead, back, drive.end_place - s_o, s_o - drive.back_place
 
     def _drifts(self, x: State) -> bool:
-        """Return whether the mean speed since `mode.since`, over a round trip or more, is above `rest_speed`."""
+        """Return whether the mean speed since `mode.since` is above `rest_speed`."""
         mode = self.mode
         return abs(float(x.q[-1]) - mode.place) > self.drive.rest_speed * max(self.round_trip, x.t - mode.since)
 
     def _left(self, x: State) -> float:
-        """Return the time left until the car has been at rest for an axial round trip, after the last phase began.
+        """Return the time left until the car has been at rest for an axial round trip, in the last phase.
 
-        At rest it is slow where friction, brakes or the valley hold it by statics; waves may hold it briefly elsewhere.
+        At rest it is slow where friction, brakes or the valley hold it by statics.
         """
         if x.phase < len(self.phases) - 1:
             return math.inf
@@ -232,12 +229,12 @@ class RollingCar(System):
 
     @property
     def under_way(self) -> bool:
-        """Whether compiled steps may see all its events by `course`."""
+        """Whether `course` has all events."""
         mode = self.mode
         return not self.free or not (mode.sticks or mode.rings or mode.forward == 0.0)
 
     def course(self) -> tuple[float, float, float, float, float]:
-        """Return bounds of a free car's place, signs of its slip (0: any) and speed, and the least speed."""
+        """Return bounds of a free car's place, signs of slip (0: any) and speed, least speed."""
         mode, drive = self.mode, self.drive
         places, n = (0.0, *(place for place, _ in drive.brakes), 1.0), mode.brakes
         low, high = max(drive.back_place, places[n]), min(drive.end_place, places[n + 1])

@@ -89,7 +89,7 @@ class CableElements(System):
         self.inertia = groups.mu if load == "mass" else 0.0
         # displacement of each field
         self.direction = np.eye(2) if model == "full" else np.array([[-groups.chord_sin, groups.chord_cos]])
-        self.least_tension = (math.inf, 0.0)  # and its s, at the last residual
+        self.least_tension = (math.inf, 0.0)  # and its s
         self.weight = groups.mu * groups.sigma * self.direction[:, 1]
         self._set_law(law)
 
@@ -233,7 +233,7 @@ class CableElements(System):
 
     # --- what a mesh answers ---------------------------------------------------------------------------
     def _place(self, t: float, phase: int) -> Array:
-        """Return `place` of `kernels.balance.Instant`."""
+        """Return `Instant.place`."""
         raise NotImplementedError
 
     def _places(self, t: Array, phase: int) -> Array:

@@ -76,7 +76,7 @@ class FixedElements(CableElements):
     def start(self, phase: int, state: State | None) -> State:
         """Return the state at the beginning of a phase.
 
-        At entry everything rests.  With dds_o accelerations jump: (M + mu N^T N) [a] = -mu N^T [dds_o] (X' + N' q).
+        At entry everything rests.  A jump of dds_o gives (M + mu N^T N) [a] = -mu N^T [dds_o] (X' + N' q).
         """
         t = self.phases[phase][0]
         if state is None:
@@ -124,9 +124,9 @@ class FixedElements(CableElements):
 
     # --- assembly --------------------------------------------------------------------------------------
     def _tabulate(self, kind: _Kind) -> None:
-        """Tabulate one element, for scikit-fem's Hermite functions lose digits on fine meshes (12.0.2).
+        """Tabulate one element and repeat it; Hermite slopes are per element length.
 
-        Hermite slopes are per element length.
+        On fine meshes scikit-fem's Hermite functions lose digits (12.0.2).
         """
         n = self.elements
         degree, unit = len(kind.offsets) - 1, skfem.MeshLine(np.array([0.0, 1.0]))
@@ -164,7 +164,7 @@ class FixedElements(CableElements):
         self._powers = np.stack([powers, n * once, n * n * twice])  # (3, n_loc, n_loc): N, N', N''
 
     def _shape(self, s_o: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
-        """Return unknowns (n_loc, fields) and N, N', N'' at s_o, at a node ahead of it."""
+        """Return unknowns (n_loc, fields) and N, N', N'' at s_o; at a node of the element ahead."""
         e = min(int(s_o * self.elements), self.elements - 1)
         x = s_o * self.elements - e
         N, N_s, N_ss = self._powers @ x ** np.arange(self._powers.shape[2])

@@ -1,4 +1,4 @@
-"""Cable elements on a mesh that follows the mass, which is inertia of a node.
+"""Cable elements on a mesh that follows the mass, an inertia at one node.
 
 Nodes s = s_o xi behind the mass, s = s_o + (1 - s_o) xi ahead of it, move with c = ds_o chi, chi = xi and 1 - xi.
 The conservative (arbitrary Lagrangian-Eulerian) weak form with w. = dq/dt phi - c q phi' is
@@ -78,7 +78,7 @@ def _tables(elements: int, degree: int, grading: float) -> Tables:
 
     at_mass = np.stack([side.evaluate(np.array(xi))[2] for side, xi in ((left, 1.0), (right, 0.0))])
 
-    linear = np.zeros(left.n)
+    linear = np.zeros(left.n)  # nodal values of xi
     linear[::degree] = left.knots
     if degree == 2:  # midpoints; from degree 3 on bubbles
         linear[1::2] = 0.5 * (left.knots[1:] + left.knots[:-1])

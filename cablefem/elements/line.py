@@ -34,7 +34,7 @@ SOFTEST = 5.0  # first EA over H
 STEPS, SHORTEST = 100, 1e-6  # of Newton's method; least damping factor
 NEAR = 1e-6  # residual over H for undamped steps
 LAST = 1e-9  # last step over the reach
-ROUGH = 1e-2
+ROUGH = 1e-2  # the same for a soft rope
 
 
 @skfem.LinearForm
@@ -81,7 +81,7 @@ class _Batch:
         self.cases, self.elements = cases, elements
         self.stations = [p for case in cases for p in case.stations]
         counts = np.array([len(case.stations) for case in cases])
-        self.owner = np.repeat(np.arange(len(cases)), counts)
+        self.owner = np.repeat(np.arange(len(cases)), counts)  # case of each station
         last = np.cumsum(counts) - 1
         self.left = np.delete(np.arange(self.owner.size), last)
         self.pieces = self.left.size
@@ -201,7 +201,7 @@ class _Batch:
     def fields(self, X: np.ndarray, softness: float) -> dict[str, np.ndarray]:
         """Return the data of the forms; softness 0 is EA, 1 is SOFTEST times the tension.
 
-        N = N_ref + EA_soft (lam - lam_ref) keeps the length of the rope.
+        The soft law N = N_ref + EA_soft (lam - lam_ref) keeps the length of the rope.
         """
         w = self.T @ X + self.w0
         u = self.basis.interpolate(w[: self.basis.N])

@@ -1,4 +1,4 @@
-"""Observation of a history: paths, energies, and tensions and reactions from the balance of momentum.
+"""Observation: paths, energies, and tensions and reactions from the balance of momentum.
 
 A history is q, v, a (n, n_dof) and kinematics (n, 3): s_o, ds_o, dds_o.  The mesh moves with c = ds_o chi: behind the
 mass chi = xi and h = s_o, ahead of it chi = 1 - xi and h = 1 - s_o.

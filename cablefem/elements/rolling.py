@@ -217,7 +217,6 @@ class RollingElements(RollingCar, FollowingElements):
         return kernels.forces(self._cable, car, self._at_car, x)
 
     def _roll(self, car: kernels.Car, x: Array, r: Array, factors: Factors = NO_TANGENT) -> tuple[float, ...]:
-        """Set r and, given factors, the tangent; return as `kernels.roll`."""
         brought = (car.s_o, car.ds, car.dds) if car.mode == kernels.HAUL else (car.hold, car.thrust, 0.0)
         now, ride = Instant(np.array(brought), self._bands, self._contact), self._single.ride._replace(car=car)
         seen = kernels.roll(self._cable, ride, now, x, r, self._single.work.ab, factors)

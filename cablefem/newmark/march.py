@@ -97,7 +97,7 @@ class _March:
         return self.state
 
     def _many(self, edges: list[float]) -> Generator[Sequence[State], None, bool]:
-        """Take a stride if the system can; return whether any step was taken.  edges : the grid ahead."""
+        """Take a stride if the system can; return whether any step was taken."""
         if not self.step.strides or self.alone or self.halvings or self.pieces:
             return False
         ahead = self._pieces(edges) if self.system.adaptive else edges[1 : 1 + STRIDE]

@@ -12,8 +12,8 @@ MOST_HALVINGS = 5  # of one correction
 class Newton:
     """Settings of Newton's method; converged: |r| <= tol * system.force_scale + sqrt(n_dof) * system.force_floor.
 
-    The tangent is kept while |r| falls by `reuse` or more.  After `patience` iterations corrections are halved
-    until |r| falls.  The method stops if `enough` iterations seem too few.
+    The tangent is kept if |r| falls to `reuse` or less.  After `patience` iterations corrections are
+    halved until |r| falls.  The method stops if `enough` iterations seem too few.
     """
 
     tol: float = 1e-4

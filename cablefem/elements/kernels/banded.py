@@ -7,7 +7,7 @@ import numpy as np
 
 from cablefem.elements.kernels import compiled
 
-KEEP = 0.1  # least part of the column's largest for a diagonal pivot
+KEEP = 0.1  # a diagonal pivot of at least this part of the column's largest stays
 
 
 class Tangent(NamedTuple):
@@ -30,7 +30,8 @@ def factorise(ab, pivots, pairs):
     Threshold pivoting (Duff, Erisman & Reid 1986, section 5.2) keeps rows short.
 
     pairs : whether rows come in pairs, two fields of a node.
-    pivots : (2, n) row exchanged, last column of each row of U; of blocks the last node, and less their number first.
+    pivots : (2, n) row exchanged, last column of each row of U; of blocks the last node.
+        If there are blocks, pivots[0, 0] is minus their number.
     """
     n, width = ab.shape
     band = (width - 1) // 3

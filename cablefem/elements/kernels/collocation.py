@@ -45,7 +45,7 @@ class Steps(NamedTuple):
 
 
 class Side(NamedTuple):
-    """Workspace of real or of complex factors."""
+    """Workspace of real or complex factors."""
 
     work: Any
     chord: Any  # `balance.Chord` or None
