@@ -20,7 +20,7 @@ class Verdict(enum.Enum):
 
 
 def three_lines(gap: float, bars: float, asked_for: float) -> Verdict:
-    """Disagree beyond APART bars; too coarse if gap or bars exceed the tolerance; else agree."""
+    """Disagree beyond APART times both bars; too coarse if gap or bars exceed the tolerance; else agree."""
     if gap > APART * bars:
         return Verdict.DISAGREE
     return Verdict.AGREE if max(gap, bars) <= asked_for else Verdict.TOO_COARSE
@@ -66,7 +66,6 @@ class Agreement:
         return three_lines(self.gap, self.allowed, self.asked_for)
 
     def row(self) -> dict[str, Any]:
-        """Return the row for agreement.json."""
         bars = [part.value for part in self.bound.parts[:2]] if self.bound.kind in ("error bars", "law") else []
         bar_a, bar_b = (*bars, None, None)[:2]
         return {

@@ -31,7 +31,6 @@ def outcome(scene: Scene, r: Response) -> Outcome:
 
 
 def hits(scene: Scene, r: Response) -> list[str]:
-    """Return what rope or car would touch."""
     rooms = [(room.name, room.height) for room in clearances(scene, r)]
     return list(dict.fromkeys(name for name, height in rooms if np.nanmin(height, initial=np.inf) < 0.0))
 
@@ -145,7 +144,6 @@ def write_answers(folder: Path, scene: Scene, r: Response) -> None:
 
 
 def _ways(r: Response) -> list[tuple[Array, Array]]:
-    """Path of the car as pieces with growing x."""
     turns = np.flatnonzero(np.diff(np.sign(np.diff(r.x))) != 0) + 1
     pieces = zip(np.split(r.x, turns), np.split(r.y, turns), strict=True)
     return [(x, y) if x[-1] > x[0] else (x[::-1], y[::-1]) for x, y in pieces if x.size > 1]

@@ -22,7 +22,7 @@ from validation.core.running import Run, whole
 from validation.core.sidebyside import Progress
 from validation.core.view import View
 
-KIND = ("model", "load", "law", "until")  # arguments of a run beside the method's settings
+KIND = ("model", "load", "law", "until")  # arguments beside the method's settings
 FIRST_STEPS, MOST_STEPS = 120, 64_000
 LARGEST = 2e6  # steps times resolution, about 0.5 GB
 BUDGET = 1.2e6  # `work` of a ladder, 30 to 60 s
@@ -35,7 +35,7 @@ AUDIBLE = 10.0  # steps that resolve an axial round trip
 # Default rule: affordable steps do not resolve axial waves, so it damps them.
 QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 RINGS = {"scheme": "generalized-alpha", "rho_inf": 1.0}
-# A car of mass ratio mu that enters with speed sends a front of width mu ahead.  Radau's rule disperses it least.
+# A light car (mass ratio mu) sends a front of width mu ahead.  Radau's rule disperses it least.
 LIGHT, SHARP, FINE, FINEST = 0.1, {"scheme": "radau"}, 2e-3, 3e-4
 SWINGING = {"rho_inf": 0.5}  # on free rides axial waves reverse the friction
 
@@ -141,7 +141,7 @@ def climb(
     Refining space by a and time by b leaves s/a^p + t/b^q of the ladder's parts s and t.  The cheapest a, b that meet
     the tolerance give the next ladder.
 
-    kind : as in `run`;  budget : `work` of the last ladder;  past : s_o/l the finest run goes on once slack.
+    budget : `work` of the last ladder;  past : s_o/l the finest run goes on once slack.
 
     Raises TooCoarse if the tolerance is out of reach.
     """
@@ -199,7 +199,7 @@ def cheapest(
 ) -> dict[str, Any]:  # fmt: skip
     """Return the cheapest settings predicted to leave at most `target`, at most one stride away.
 
-    Infinite parts are halved by steps, and by resolution if of space.  order : the most credited.
+    Where a part is infinite, steps double, and resolution if it is of space.  order : the most credited.
     """
     space, count, steps = method.resolution, method.value(settings), settings["steps"]
     p, q = min(order, 1.5, max(method.space_order, 1.0)), min(order, 2.0, scheme(settings["scheme"]).order)
@@ -267,7 +267,6 @@ def _light(scene: Scene, tol: float) -> bool:
 
 
 def _rule(scene: Scene, method: Method, named: dict[str, Any], tol: float) -> dict[str, Any]:
-    """The named settings, with a damping rule where none is set."""
     if scene.drive.mode == "free" and not method.follows:
         return SWINGING | named
     damps = scene.drive.mode == "free" or method.knobs["scheme"].default != "trapezoidal"

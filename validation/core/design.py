@@ -170,7 +170,6 @@ def design(r: Response) -> list[dict[str, Any]]:
 
 
 def alone(r: Response) -> list[Number]:
-    """Return the design numbers of a single run, without bars."""
     span = _range(r)
     asked = quantities(r)
     found = [x for name in asked if (x := _number(name, asked[name], r, span)) is not None]
@@ -208,7 +207,7 @@ def _number(
     if ladder is not None:
         near = np.clip(found.t + np.linspace(-1.0, 1.0, NEAR) * max(period, found.step), *span)
         beside = partial(_beside, quantity, span, period, found.track, near)
-        signals = (value, beside) if found.step > 0.0 else (value,)  # a single passage has no signal beside
+        signals = (value, beside) if found.step > 0.0 else (value,)
         bar = max(ladder.bar(of, largest, FIRST if period else math.inf) for of in signals) + found.between
         bar = max(bar, 0.0 if twin is None else abs(found.value - value(twin)))
         if unit == "N" and (ladder.ringing is not None or not _damps(r)):
@@ -266,7 +265,6 @@ def _samples(track: Track, span: tuple[float, float], period: float, sign: float
 
 
 def _mean(t: Array, value: Array, period: float) -> Array:
-    """Mean (n,) over a period about each time, cut at both ends."""
     total = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (value[1:] + value[:-1]))])
     low, high = np.clip(t - 0.5 * period, t[0], t[-1]), np.clip(t + 0.5 * period, t[0], t[-1])
     sums = CubicHermiteSpline(t, total, value)

@@ -144,7 +144,6 @@ class Evidence:
 
     @cached_property
     def inside(self) -> NDArray[np.bool_]:
-        """Steps in the windows, off the supports."""
         r, t = self.r, self.windows.steps
         off = (r.s_o > ROUNDING * r.length) & (r.s_o < (1.0 - ROUNDING) * r.length)
         return off & (r.t >= t[0] * (1.0 - ROUNDING)) & (r.t <= t[-1] * (1.0 + ROUNDING))
@@ -224,7 +223,7 @@ class Evidence:
 
     @cached_property
     def rub(self) -> tuple[Array, Array]:
-        """(n,) [N] each."""
+        """Rolling friction and brakes (n,) [N]."""
         r, drive = self.r, self.given.drive
         shoes = [x["force"] * (r.s_o >= x["from"]) for x in drive.get("brake", [])]
         return drive.get("rolling_friction", 0.0) * np.abs(r.F_contact), np.sum([np.zeros(r.t.size), *shoes], axis=0)
@@ -299,7 +298,7 @@ class Evidence:
             work = -np.sum(r.contact * mean, axis=1)
             for sign, T, slope in self.both():
                 work += 0.5 * T / np.hypot(*slope.T) * np.sum(slope * jump, axis=1)
-                work -= sign * T**2 / (2.0 * self.given.EA)  # that at rest is the same on both sides
+                work -= sign * T**2 / (2.0 * self.given.EA)  # at rest the same on both sides
             return {"grip": self.pace * work}
         stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
         along = np.sum(mean * r.velocity, axis=1) / np.hypot(*mean.T)

@@ -115,7 +115,7 @@ class _Given:
     name: str
     x: dict[str, Array]
     factor: dict[str, float]  # applied to a file's numbers
-    numbers: Sequence[int]  # of the rows, or of their lines
+    numbers: Sequence[int]
     row: str = "row"
 
     def refuse(self, said: str) -> NoReturn:

@@ -20,7 +20,7 @@ from cablefem.response import Array, Response
 from validation.core import timetable
 from validation.core.evidence import ROUNDING, Evidence, Side, Window, Windows, cross
 
-OFTEN = 0.2  # of a transverse wave's time along the cable: frames further apart do not resolve velocities
+OFTEN = 0.2  # of a transverse wave's time along the cable: longer steps between frames hide velocities
 NEXT = 0.01  # of the length: least side with enough stations
 ROLLS = 0.05  # of the top speed: below it friction's direction is not checked
 FIRST = 1.0  # largest order credited at the mass

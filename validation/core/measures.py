@@ -43,7 +43,6 @@ def window_of(*responses: MassPath, window: Window | None = None) -> Window:
 
 
 def inside(r: MassPath, window: Window) -> NDArray[np.bool_]:
-    """Return which steps lie in the window."""
     place = r.s_o / r.length
     return (place >= window[0]) & (place <= window[1] * (1.0 + 1e-12))
 
@@ -84,7 +83,6 @@ def _over_time(t: Array, values: Array) -> Array:
 
 
 def place_of_gap(a: Response, b: Response, window: Window) -> float:
-    """Return s_o/l of the largest path gap in the window."""
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
     size = np.where(inside(coarse, window) & (coarse.t <= fine.t[-1]), _distance(coarse, fine), 0.0)
     return float(coarse.s_o[np.argmax(size)] / coarse.length)

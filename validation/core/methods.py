@@ -70,7 +70,6 @@ class Resolution:
         return 2.0 ** (after - before) if self.doubling else after / before
 
     def nearest(self, value: int, ratio: float) -> int:
-        """The value nearest to `ratio` times as fine."""
         return max(0, value + round(math.log2(ratio))) if self.doubling else max(1, round(value * ratio))
 
     def finer(self, value: int, ratio: float) -> int:

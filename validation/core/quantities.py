@@ -26,7 +26,6 @@ _MATTER = (
 
 
 def matter(design: list[dict[str, Any]], most: int = 8) -> list[dict[str, Any]]:
-    """Return the most important design numbers."""
     first = [d for quantity in _MATTER for d in design if d["quantity"].split(":")[0] == quantity]
     return first[:most]
 

@@ -133,7 +133,6 @@ class Statics:
 
 
 def _least(r: Rest, sigma: float) -> tuple[Array, Array]:
-    """Least tension and its place: level point, car or support."""
     found = []
     for n, low, high in ((r.left, 0.0 * r.s, r.s), (r.left + r.jump, r.s, np.ones_like(r.s))):
         at = np.clip(n[:, 1] / sigma, low, high)

@@ -85,7 +85,6 @@ Signals = list[tuple[Array, Array]]  # times (n,), values (n,) or (n, m)
 
 
 def _signals(r: Response) -> dict[str, Signals]:
-    """Signals behind the design numbers."""
     f = r.fields
     known: dict[str, Signals] = {"tension": [(r.t, r.T_behind), (r.t, r.T_ahead), (f.t, f.T)]}
     for side, force in (("left", r.reaction_left), ("right", r.reaction_right)):

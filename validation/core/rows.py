@@ -208,7 +208,6 @@ def _of_event(event: str, name: str, scale: float, r: Response) -> float:
 
 
 def _event(event: str, a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[Agreement]:
-    """Gaps of an event's time and of the speed there."""
     runs = a.finest, b.finest
     told = [x for r in runs if (x := happened(event, r)) is not None]
     slack = min(r.slack_since for r in runs)
@@ -303,7 +302,6 @@ def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[
 
 
 def _laws(a: Ladder, b: Ladder, view: View, asked: Callable[[str], float]) -> Iterator[Agreement]:
-    """One row per law, of the worse run."""
     from validation.core import laws  # loaded while solvers run
 
     found: dict[str, list[Agreement]] = {}
@@ -347,5 +345,4 @@ def worse(rows: list[Agreement]) -> Agreement:
 
 
 def doubts(*runs: Response) -> list[tuple[str, Flag]]:
-    """Return methods and flags of bars that may be too small."""
     return [(r.method, f) for r in runs for f in r.flags if f.kind in DOUBTS]

@@ -184,7 +184,7 @@ def _march(x: Run, until: float, past: float, progress: Progress) -> None:
 
 
 def _advance(x: Run, solver: Solver, scheme: Scheme, switch: bool, until: float, progress: Progress) -> bool:
-    """Append states up to the end, `until` or the slack onset if the law switches; return whether it does."""
+    """Append states up to the end, `until` or, if the law switches, the slack onset; return whether it switched."""
     h, (t0, t1) = x.history, (solver.phases[0][0], solver.phases[-1][1])
     start = h.states[-1] if h.states else None
     if start is not None and solver.place(start) >= until:

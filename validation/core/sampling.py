@@ -152,7 +152,6 @@ SWING = 1e-3  # of the length: least way back after a turn
 
 
 def _turns(t: Array, s_o: Array) -> Iterator[float]:
-    """Times at which a car turns for good."""
     way, far = 0.0, 0
     for i, place in enumerate(s_o.tolist()):
         gone = place - s_o[far]
@@ -176,7 +175,6 @@ def _scales(l: float, H: float, tau: float) -> Callable[..., dict[str, Any]]:
 
 
 def stacked(states: Sequence[State]) -> States:
-    """Return a history as arrays."""
     x = Stacked(states)
     return States(x.t, x.q, x.v, x.a, x.phase)
 

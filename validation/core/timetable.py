@@ -46,7 +46,6 @@ def places(travel: dict[str, Any], drive: dict[str, Any], length: float, t: Arra
 
 
 def _stretches(law: dict[str, Any], way: float) -> tuple[float, Stretches]:
-    """Initial speed and stretches of a law over a way [m]."""
     kind = law["kind"]
     if kind == "constant_speed":
         V = law["speed"]

@@ -27,7 +27,7 @@ LAST_STEP = 0.05  # of an equal one
 def recommended(scene: Scene, method: str | Method, **changes: Any) -> dict[str, Any]:
     """Return settings with entry, exit and grading fit for the scene; `changes` stay.
 
-    First step <= mu/20, smallest element <= mu/4, last step 1/20 of an equal one unless the mass stops.
+    First step <= mu/20, smallest element <= mu/4, last step 1/20 of an equal one unless the mass arrives at rest.
     """
     method = find(method) if isinstance(method, str) else method
     settings = method.settings(changes)
@@ -47,7 +47,7 @@ def recommended(scene: Scene, method: str | Method, **changes: Any) -> dict[str,
 
 
 def grading(elements: int, smallest: float) -> float:
-    """Return largest over smallest of `elements` geometric lengths on 1."""
+    """Return largest over smallest of `elements` geometric lengths on 1, given the smallest."""
 
     def excess(log_ratio: float) -> float:
         lengths = np.exp(np.linspace(0.0, log_ratio, elements))

@@ -11,9 +11,9 @@ from validation.core import measures
 from validation.core.flags import flag
 from validation.core.methods import Method
 
-# Largest energy gain without work, over the range of the energy: right runs 0.12, wrong ones from 0.6.
+# Largest energy gain without work, over the range of the energy.  Right runs gain 0.12, wrong ones from 0.6.
 MOST_GAIN = 0.2
-# After the onset: runs that agree 1.4, others from 9.
+# The same after the onset: runs that agree gain 1.4, others from 9.
 MOST_GAIN_SLACK = 2.0
 SLACK_END = 0.95  # s_o/l
 
