@@ -2,7 +2,7 @@
 
 Friction and brakes act against the slip along the cable.  Their sign changes at events only:
 
-    standstill      the slip is zero: the car sticks if friction and brakes can hold it, else slips.
+    standstill      the car sticks if friction and brakes can hold it, else slips.
     breaking loose  they cannot hold it any more.
     turn            the car reverses.
     brake, brake off  it passes a brake.
@@ -10,7 +10,7 @@ Friction and brakes act against the slip along the cable.  Their sign changes at
     lift_off        it no longer presses on the cable; the ride goes on.
     stop            it is at rest.
 
-Dimensionless: lengths over l, forces over H, times over l sqrt(rho/H).
+Dimensionless: l = H = rho = 1.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Look(NamedTuple):
 
 @dataclass(slots=True)
 class Mode:
-    """State of the car that events change."""
+    """State that events change."""
 
     sticks: bool = False
     heading: float = 1.0  # sign of the slip, for friction and brakes
@@ -59,7 +59,7 @@ class RollingCar(System):
     Solvers call `board` once, `set_off` and `let_go` at the start, and define `look`, `holding` and `go_on`.
     """
 
-    hears_itself: bool  # short steps after jumps without friction
+    hears_itself: bool  # short steps after jumps, even without friction
     hold: float  # force that holds it at the start
 
     def board(self, groups: Groups) -> None:
@@ -74,11 +74,11 @@ class RollingCar(System):
         raise NotImplementedError
 
     def holding(self, x: State) -> tuple[float, float]:
-        """Return the force along the cable that holds a sticking car, and its normal force."""
+        """Return the force along the cable on a sticking car, and its normal force."""
         raise NotImplementedError
 
     def go_on(self, x: State) -> State:
-        """Return the state with accelerations of the present mode."""
+        """Return the state with new accelerations."""
         raise NotImplementedError
 
     def set_off(self) -> None:
@@ -212,7 +212,7 @@ class RollingCar(System):
     def _left(self, x: State) -> float:
         """Return the time left until the car has been at rest for an axial round trip, in the last phase.
 
-        At rest it is slow where friction, brakes or the valley hold it by statics.
+        At rest it is slow, and held by statics.
         """
         if x.phase < len(self.phases) - 1:
             return math.inf
@@ -234,7 +234,7 @@ class RollingCar(System):
         return not self.free or not (mode.sticks or mode.rings or mode.forward == 0.0)
 
     def course(self) -> tuple[float, float, float, float, float]:
-        """Return bounds of a free car's place, signs of slip (0: any) and speed, least speed."""
+        """Return bounds of s_o, signs of slip (0: any) and speed, least speed."""
         mode, drive = self.mode, self.drive
         places, n = (0.0, *(place for place, _ in drive.brakes), 1.0), mode.brakes
         low, high = max(drive.back_place, places[n]), min(drive.end_place, places[n + 1])

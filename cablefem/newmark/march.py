@@ -38,13 +38,13 @@ def stretches(
     system: System, method: Scheme, times: Sequence[Array], *, newton: Newton = STANDARD, work: Work | None = None,
     start: State | None = None,
 ) -> Iterator[Sequence[State]]:  # fmt: skip
-    """Yield the states after all steps of a run, the first state included, in groups.
+    """Yield the states after all steps of a run, in groups, the first state included.
 
     times : per phase the instants to step on, ends included (`step_times`).
     start : state to go on from, inside its phase; events due there happen first.
     Events are steps, too; the state before the change is yielded.
 
-    Raises StepFailure; states yielded before stay valid.
+    Raises StepFailure; states yielded stay valid.
     """
     work = Work() if work is None else work
     rule = CollocationRule if method.nodes else EnergyRule if method.average else NewmarkRule
