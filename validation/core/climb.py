@@ -84,7 +84,7 @@ class Runs:
         if space.doubling:
             counts = [count - k for k in range(3) if count - k >= 0]
         else:
-            # as fine as the method's first run, but with ratios of at least 3/2
+            # no coarser than the method's first run, but ratios of at least 3/2
             first = (self.method.begins or (space.first, 0))[0]
             quarter = max(count / 4.0, min(first, count / 2.25))
             least = self.method.knobs[space.setting].allowed[0]

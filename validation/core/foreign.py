@@ -278,7 +278,7 @@ def _fits_travel(scene: Scene, given: _Given) -> None:
     assert motion is not None
 
     def misfit(time: float, place: float) -> Array:
-        # the scene's mass stays at the end; another program's may run on
+        # the scene's mass stays at the end
         return np.abs(np.minimum(place * s_o / l, motion.end) - motion.position(time * t / tau))
 
     off = misfit(1.0, 1.0)

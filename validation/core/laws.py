@@ -21,7 +21,7 @@ from validation.core import timetable
 from validation.core.evidence import ROUNDING, Evidence, Side, Window, Windows, cross
 
 OFTEN = 0.2  # of a transverse wave's time along the cable: longer steps between frames hide velocities
-NEXT = 0.01  # of the length: least side with enough stations
+NEXT = 0.01  # of the length: a shorter side has too few stations
 ROLLS = 0.05  # of the top speed: below it friction's direction is not checked
 FIRST = 1.0  # largest order credited at the mass
 THINNED = 3.0  # factor on the change by thinning, for errors of order 1/2 and more
@@ -323,7 +323,7 @@ def impulse(m: Evidence) -> Defect:
 def tension_on_both_sides(m: Evidence) -> Defect:
     """The tension jump at a rolling car is friction plus brakes; over M g times window.
 
-    [N] (1 - rho ds_o^2/EA) = -(mu_r |contact| + brakes) sign(ds_o); less for a slow car.
+    [N] (1 - rho ds_o^2/EA) = -(mu_r |contact| + brakes) sign(ds_o); at most that for a slow car.
     """
     r, given = m.r, m.given
     jump, most = (r.T_ahead - r.T_behind) * (1.0 - given.rho * m.pace**2 / given.EA), np.sum(m.rub, axis=0)

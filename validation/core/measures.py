@@ -234,7 +234,7 @@ def _field_gap(
 def energy_defect(r: Response) -> Array:
     """Return (n,) [J]: E(t) - E(0) minus the work of the drive (trapezoids in time).
 
-    A step at a jump of force takes the value from its own side; entry with speed is such a jump.
+    A step at a jump of force takes the value from its own side; entry with speed is one.
     """
     p, mean = r.power, 0.5 * (r.power[1:] + r.power[:-1])
     if r.drive == "grip" and r.speed[0] > 0.0 and scheme(r.settings["scheme"]).nodes:

@@ -153,10 +153,10 @@ def whole(path: MassPath) -> Response:
 
 def steps_of(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[Array]:
     steps = settings["steps"]
-    if groups.motion is None:  # may outlast its nominal time
+    if groups.motion is None:  # rides may last longer
         steps = math.ceil(steps * (solver.phases[-1][1] - solver.phases[0][0]) / groups.drive.nominal)
     times = newmark.step_times(solver, steps, entry=settings["entry"], exit=settings["exit"])
-    if groups.motion is None or groups.motion.end < 1.0:  # off the support
+    if groups.motion is None or groups.motion.end < 1.0:  # ends off the support
         times[-1] = np.append(times[-1], solver.phases[-1][1])
     return times
 

@@ -47,7 +47,7 @@ def recommended(scene: Scene, method: str | Method, **changes: Any) -> dict[str,
 
 
 def grading(elements: int, smallest: float) -> float:
-    """Return largest over smallest of `elements` geometric lengths on 1, given the smallest."""
+    """Return largest over smallest of `elements` geometric lengths that sum to 1."""
 
     def excess(log_ratio: float) -> float:
         lengths = np.exp(np.linspace(0.0, log_ratio, elements))

@@ -44,7 +44,7 @@ def watched(r: Response, scene: Scene, method: Method) -> Response:
     return replace(r, energy_gain=gain, flags=flags)
 
 
-# s_o/l from compression at a point to slack of an element; 0.01 on right runs.
+# s_o/l from compression at a point to slack of an element; 0.01 on right runs at most.
 HIDDEN = 0.03
 
 
