@@ -145,6 +145,7 @@ def test_points_keep_their_numbers_when_a_study_reads_back():
         ({"sample": SAMPLE}, "exactly one of"),
         ({"seconds": -1}, "seconds = -1: must be"),
         ({"limit": {"tension_max": "high"}}, "limit = "),
+        ({"job": "power"}, "settings must give a whole number seed"),
     ],
 )
 def test_a_faulty_study_says_what_is_wrong(change, said):

@@ -31,6 +31,11 @@ def _settings(given: object) -> dict | None:
     return given if isinstance(given, dict) else None
 
 
+def _seeded(settings: dict[str, Any]) -> bool:
+    seed = settings.get("seed")
+    return isinstance(seed, int) and not isinstance(seed, bool) and seed >= 0
+
+
 def _limits(given: object) -> dict | None:
     return given if isinstance(given, dict) and all(real(x) is not None for x in given.values()) else None
 
@@ -120,6 +125,8 @@ class Study(Part):
         named = {axis.name for axis in self.axes} | {k for k in ("method", "tol") if getattr(self, k) is not None}
         if "tol" not in named and (self.job != "run" or "method" not in named):
             faults.append(f"tol: missing; job {shown(self.job)} without a method of its own needs one")
+        if self.job == "power" and (not _seeded(self.settings) or "case" not in named):
+            faults.append('job = "power": settings must give a whole number seed >= 0, and vary or sample.range a case')
         if self.method is not None:
             from validation.core.methods import METHODS
 
