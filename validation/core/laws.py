@@ -351,9 +351,12 @@ def least_tension(m: Evidence) -> Defect:
     return _at_frames(m, (m.at(m.t, m.r.tension_min[:, None])[:, 0] - field) / m.r.horizontal_tension)
 
 
-@_law(exact=True)
+@_law()
 def slack_onset(m: Evidence) -> Defect:
-    """Slack begins at the first step with negative tension, within two steps; over the length."""
+    """Slack begins at the first step with negative tension, within two steps; over the length.
+
+    A solver may look for slack in the strain and tell tension from equilibrium: both meet as it is refined.
+    """
     r = m.r
     below = np.append(r.s_o[1:][r.tension_min[1:] < 0.0], r.s_o[-1])[0] / r.length
     off = abs(float(below) - (r.reached if r.slack_onset is None else r.slack_onset))
