@@ -148,6 +148,20 @@ def compare(
     return [*rows, *_range(a, b, view, whole, asked("rest")), slack, *_past_slack(a, b, view, asked("rest"))]
 
 
+def forces_left(scene: Scene, ladder: Ladder, tol: float) -> tuple[float, float]:
+    """Return the parts of space and time in the worst bar of a mean force, over what is asked of it at `tol`."""
+    try:
+        view = View.of(scene).cut(ladder.finest)
+    except NotComparable:
+        return 0.0, 0.0
+    asked, over, worst = asked_of("force", tol, None), ladder.over(view), (0.0, 0.0)
+    for quantity in TABLE:
+        if quantity.asks == "force" and quantity.concerns(view) and _tells(quantity, over.finest, view):
+            found = over.parts(_same, lambda x, y, q=quantity: q.gap(y, x, view), quantity.order)
+            worst = max(worst, (found[0] / asked, found[1] / asked), key=sum)
+    return worst
+
+
 def _tells(quantity: Quantity, r: Response, view: View) -> bool:
     try:
         quantity.gap(r, r, view)

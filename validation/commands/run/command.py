@@ -47,7 +47,11 @@ def command(
     ] = "auto",
     tol: Annotated[
         float | None,
-        typer.Option(parser=real, metavar="X", help="Choose resolution and steps for a path error of at most X."),
+        typer.Option(
+            parser=real,
+            metavar="X",
+            help="Choose resolution and steps for a path error of at most X, of mean forces 10 X.",
+        ),
     ] = None,
     bars: Annotated[
         bool, typer.Option("--bars/--no-bars", help="Error bars from coarser runs, in space and in time.")
