@@ -157,7 +157,7 @@ def forces_left(scene: Scene, ladder: Ladder, tol: float) -> tuple[float, float]
     asked, over, worst = asked_of("force", tol, None), ladder.over(view), (0.0, 0.0)
     for quantity in TABLE:
         if quantity.asks == "force" and quantity.concerns(view) and _tells(quantity, over.finest, view):
-            found = over.parts(_same, lambda x, y, q=quantity: q.gap(y, x, view), quantity.order)
+            found = over.parts(_same, partial(_apart, quantity, view), quantity.order)
             worst = max(worst, (found[0] / asked, found[1] / asked), key=sum)
     return worst
 
@@ -174,15 +174,16 @@ def _same(r: Response) -> Response:
     return r
 
 
-def _row(quantity: Quantity, a: Ladder, b: Ladder, view: View, asked_for: float) -> Agreement:
-    def apart(x: Response, y: Response) -> float:
-        return quantity.gap(y, x, view)
+def _apart(quantity: Quantity, view: View, x: Response, y: Response) -> float:
+    return quantity.gap(y, x, view)
 
+
+def _row(quantity: Quantity, a: Ladder, b: Ladder, view: View, asked_for: float) -> Agreement:
     try:
         gap = quantity.gap(a.finest, b.finest, view)
     except NotComparable as why:
         return Agreement(quantity.name, math.nan, nothing(why), law=quantity.law)
-    parts = [x.parts(_same, apart, quantity.order) for x in (a, b)]
+    parts = [x.parts(_same, partial(_apart, quantity, view), quantity.order) for x in (a, b)]
     row = _barred(quantity.name, gap, a, b, parts, asked_for)
     return replace(row, law=quantity.law, asked=bool(quantity.asks))
 
