@@ -3,14 +3,7 @@
 import numpy as np
 import pytest
 
-from validation.oracles import (
-    accelerating_force,
-    curved_cable,
-    foundation,
-    harmonic_force,
-    moving_force,
-    running_apart,
-)
+from validation.oracles import accelerating_force, moving_force, running_apart
 
 from .strings import force_series
 from .wave_identity import corners, wave_defect
@@ -155,70 +148,12 @@ def test_the_front_left_at_the_wave_speed_has_a_square_root(V0, a, side):
     assert np.abs(other / np.sqrt(d)).max() < 0.1 * P  # finite slope on the other side
 
 
-def test_forrestal_bickel_sagartz_two_force_parts():
-    mu, sigma, V0, a = 0.8, 0.31, 0.1, 0.35
-
-    def v(x, t):
-        return curved_cable.displacement(x, t, mu=mu, sigma=sigma, V0=V0, a=a)
-
-    def impulse(s):  # int mu sigma (1 + (V0 + a s)^2) ds, integrated as (V0 + a s)^3/(3a)
-        return mu * sigma * (s + ((V0 + a * s) ** 3 - V0**3) / (3.0 * a))
-
-    def xi(s):
-        return s * (V0 + 0.5 * a * s)
-
-    turns = ((1.0 - V0) / a,)
-    assert np.abs(wave_defect(v, impulse, xi, on_line(23), 6.0, turns)).max() < ROUNDING
-    assert np.abs(wave_defect(v, lambda s: mu * sigma * s, xi, on_line(23), 6.0, turns)).max() > 1e-3
-    t, h = 1.7, 1e-5
-    x = xi(t) + h * np.arange(-2.0, 3.0)
-    w = v(x, t)
-    jump = (-1.5 * w[2] + 2.0 * w[3] - 0.5 * w[4] - 1.5 * w[2] + 2.0 * w[1] - 0.5 * w[0]) / h
-    speed = V0 + a * t
-    assert jump == pytest.approx(-mu * sigma * (1.0 + speed**2) / (1.0 - speed**2), rel=1e-7)
-
-
-@pytest.mark.parametrize("V", [0.0, 0.42, 1.6])
-def test_pierucci_solves_the_wave_equation(V):
-    P, omega = 1.2, 3.7
-
-    def v(x, t):
-        return harmonic_force.displacement(x, t, P=P, V=V, omega=omega)
-
-    def impulse(s):
-        return P * np.exp(1j * omega * s) / (1j * omega)
-
-    assert np.abs(wave_defect(v, impulse, lambda s: V * s, on_line(31), 9.0)).max() < ROUNDING
-    assert np.abs(wave_defect(v, lambda s: 1.05 * impulse(s), lambda s: V * s, on_line(31), 9.0)).max() > 1e-3
-
-
-@pytest.mark.parametrize("V", [0.0, 0.55, 1.45])
-def test_yen_and_tang_satisfies_the_steady_equation(V):
-    P, k, h = 1.3, 2.7, 1e-3
-    z = np.array([-2.3, -0.7, 0.4, 1.9])
-    v = foundation.deflection(z[:, None] + h * np.arange(-2.0, 3.0), P=P, V=V, k=k)
-    v_zz = v @ np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / (12.0 * h * h)
-    residual = (V * V - 1.0) * v_zz + k * v[:, 2]
-    assert np.abs(residual).max() < 1e-8  # h^4 v^(6)/90 = 1e-12 and rounding 1e-15/h^2
-    if V < 1.0:
-        assert np.abs((V * V - 1.0) * v_zz - k * v[:, 2]).max() > 0.01
-    h = 1e-5
-    v = foundation.deflection(h * np.arange(-2.0, 3.0), P=P, V=V, k=k)
-    jump = (-1.5 * v[2] + 2.0 * v[3] - 0.5 * v[4] - 1.5 * v[2] + 2.0 * v[1] - 0.5 * v[0]) / h
-    assert jump == pytest.approx(-P / (1.0 - V * V), rel=1e-7)
-    if V > 1.0:
-        assert np.abs(foundation.deflection(np.array([0.1, 5.0]), P=P, V=V, k=k)).max() == 0.0
-
-
 def test_parameters_outside_the_validity_are_refused():
     for call in (
         lambda: moving_force.displacement(0.3, 0.2, P=1.0, V=-0.4),
         lambda: moving_force.displacement(1.3, 0.2, P=1.0, V=0.4),
         lambda: running_apart.one_force(0.3, -0.2, P=1.0, V=0.4),
         lambda: accelerating_force.displacement(0.3, -0.2, P=1.0, a=0.4),
-        lambda: harmonic_force.displacement(0.3, 0.2, P=1.0, V=1.0, omega=2.0),
-        lambda: foundation.deflection(0.3, P=1.0, V=1.0, k=2.0),
-        lambda: foundation.deflection(0.3, P=1.0, V=0.3, k=float("nan")),
     ):
-        with pytest.raises(ValueError, match=r"speed|string|series|t >= 0|rest|wave speed|stiffness"):
+        with pytest.raises(ValueError, match=r"speed|string|series|t >= 0|rest"):
             call()

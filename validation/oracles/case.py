@@ -29,7 +29,6 @@ class Oracle:
     source: str = ""
     validity: str = ""
     group: str = ""  # heading in tables
-    unreached: str = ""  # why no solver can be compared
     cases: Callable[[], Sequence[Case]] = tuple
 
 

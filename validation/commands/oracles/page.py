@@ -23,7 +23,6 @@ def sections(folder: Path) -> list[Section]:
     right = [row for row in rows if row["expected"] == "agree"]
     wrong = [row for row in rows if row["expected"] != "agree"]
     bad = [row for row in rows if row["verdict"] != row["expected"]]
-    unreached = [oracle for oracle in oracles if oracle["unreached"]]
     failing = sum(row["verdict"] == row["expected"] for row in wrong)
     found = plain(_SAY.found(content, right, bad))
     return [
@@ -32,10 +31,6 @@ def sections(folder: Path) -> list[Section]:
         _section(
             "oracles-twins", "Comparisons that must fail", _SAY.twins() + _SAY.rows([_cells(row) for row in wrong]),
             _SAY.failing(failing, len(wrong)),
-        ),
-        _section(
-            "oracles-unreached", "Exact answers out of the solvers' reach", _SAY.unreached(unreached),
-            _SAY.beyond(len(unreached)),
         ),
     ]  # fmt: skip
 

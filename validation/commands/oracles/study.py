@@ -106,7 +106,7 @@ def tasks() -> list[Task]:
 
 
 def oracle_table(out: Path, progress: Progress | None = None) -> dict[str, Any]:
-    """Hold all solvers against all oracles and write oracles.json: rows, and the oracles that no solver can reach.
+    """Hold all solvers against all oracles and write oracles.json: the rows and the oracles.
 
     A table that was interrupted goes on where it stopped; one that is complete is made anew.
     """
@@ -115,7 +115,7 @@ def oracle_table(out: Path, progress: Progress | None = None) -> dict[str, Any]:
     rows = list(store.each_once(out / ROWS, jobs, lambda task: asdict(task.compute()), report).values())
     as_expected = all(row["verdict"] == row["expected"] for row in rows)
     known = [
-        {"name": name} | {k: getattr(o, k) for k in ("title", "source", "validity", "group", "unreached")}
+        {"name": name} | {k: getattr(o, k) for k in ("title", "source", "validity", "group")}
         for name, o in oracles.find().items()
     ]
     content = {"verdict": "agree" if as_expected else "disagree", "rows": rows, "oracles": known}
