@@ -124,6 +124,7 @@ def test_two_commands_on_one_scene_may_have_pages_of_one_name(tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     for command in ("check", "run"):
         folder = store.claim(None, command, Scene.load("bare"), [command])
+        store.finish(folder, command)
     one = [Section("answer", "The answer", "<p>1</p>")]
     monkeypatch.setattr(report, "kept", lambda folder, command: one)
     monkeypatch.setattr(report, "drawn", lambda folder, command: one)

@@ -1,4 +1,4 @@
-"""The page of a check: the answer in words, how sure it is, what is missing named; never a solver."""
+"""The page of a check: the answer in words, how sure it is; never a solver."""
 
 from __future__ import annotations
 
@@ -51,7 +51,6 @@ def test_a_whole_report(report):
     assert text.count('<svg role="img"') == text.count("<figcaption") >= 5
     assert text.count("&lt;scene&gt;") == 2
     assert re.findall(r"(?i)\bnan\b|\binf(?:inity)?\b|undefined", re.sub(r'"[A-Za-z0-9+/=]{200,}"', "", text)) == []
-    assert "Missing" not in text
 
 
 def test_the_outcome_comes_first(folder):
@@ -91,44 +90,10 @@ def test_a_third_party_has_its_rows_and_its_path(folder):
              "with": "other <code>"}  # fmt: skip
     doctored(folder, rows=lambda rows: [*rows, party], verdict="disagree")
     (folder / "with.csv").write_text("t,s_o,y\n0.5,80.0,2.5\n1.5,210.0,7.5\n")
-    x = read(folder, [])
+    x = read(folder)
     assert (x.party.name, x.party.y.tolist()) == ("other <code>", [2.5, 7.5])
     assert "path max: other &lt;code&gt;" in section(folder, "how-sure").html
     assert "other &lt;code&gt;" in section(folder, "ride").html  # in the legend
-
-
-@pytest.mark.parametrize("gone", ["agreement.json", "scene.toml", f"{A}/response.npz"])
-def test_a_missing_piece_is_named_and_nothing_else(folder, gone):
-    (folder / gone).unlink()
-    faults: list[str] = []
-    assert read(folder, faults) is not None
-    assert faults == [gone]
-
-
-@pytest.mark.parametrize("name", [f"{A}/response.npz", "agreement.json", "scene.toml"])
-def test_a_broken_piece_is_named(folder, name):
-    (folder / name).write_text("{ not what it was", encoding="utf-8")
-    faults: list[str] = []
-    read(folder, faults)
-    assert len(faults) == 1
-    assert faults[0].startswith(name + " (")
-
-
-def test_an_incomplete_check_shows_what_there_is(folder, tmp_path):
-    shutil.rmtree(folder / B)
-    (folder / "agreement.json").unlink()
-    sections = check.sections(folder)
-    page.render("incomplete", sections, tmp_path / "report.html")
-    assert sections[0].verdict == "not comparable"
-    assert "Nothing could be compared" in sections[0].summary
-    assert "Missing: agreement.json." in sections[0].html
-
-
-def test_an_empty_folder_gives_a_page_that_says_so(tmp_path):
-    (said,) = check.sections(tmp_path)
-    assert said.verdict == "not comparable"
-    assert "no finished run" in said.summary
-    assert "agreement.json" in said.html
 
 
 def test_no_solver_is_loaded(stored):

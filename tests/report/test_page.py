@@ -62,7 +62,7 @@ def test_text_is_escaped_everywhere(tmp_path):
     html = (
         table([{"what": EVIL}], {"what": EVIL}, caption=EVIL)
         + page.callout(EVIL)
-        + page.details(EVIL, page.missing(EVIL, EVIL))
+        + page.details(EVIL, page.callout(EVIL))
         + figure(drawn(EVIL), EVIL, label=EVIL)
     )
     text = written(tmp_path, Section("one", EVIL, html, "agree", EVIL), Section("two", "Two", "", None), title=EVIL)

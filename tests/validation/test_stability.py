@@ -265,8 +265,6 @@ def test_a_map_tells_computed_cells_from_uncomputed_ones(tmp_path):
     (tmp_path / "atlas.json").write_text(json.dumps(result))
     assert "5 of 8 cells" in pages.sections(tmp_path)[0].summary
     assert "not computed" in pages.sections(tmp_path)[0].html
-    (tmp_path / "atlas.json").unlink()
-    assert pages.sections(tmp_path)[0].verdict == "not comparable"
 
 
 def test_cells_are_judged_by_their_error_and_only_against_a_sure_reference():

@@ -151,11 +151,6 @@ def test_pages_are_drawn_without_a_solver(small, monkeypatch):
     assert "central-difference" in sections["chart-failed"].html
 
 
-def test_a_missing_chart_is_named(tmp_path):
-    (section,) = pages.sections(tmp_path)
-    assert "chart.json" in section.html
-
-
 # --- what is read off -------------------------------------------------------------------------------------------------
 def rows_at(points, series="a", kind="method", status="ok"):
     row = {"series": series, "kind": kind, "model": "full", "status": status, "reason": "r"}

@@ -5,6 +5,7 @@ import math
 import shutil
 import tomllib
 from collections.abc import Callable, Sequence
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -116,6 +117,16 @@ def pages(folder: Path, command: str) -> Path:
     return folder / f".{command}.pages.json"
 
 
+def shipped(package: str | None, name: str) -> dict[str, Any]:
+    """Return the content of a TOML file of a package."""
+    return tomllib.loads((resources.files(package or "") / name).read_text(encoding="utf-8"))
+
+
+def read(file: Path) -> Any:
+    """Return the content of a JSON file."""
+    return json.loads(file.read_text(encoding="utf-8"))
+
+
 def _marker(folder: Path) -> dict[str, Any] | None:
     marker = stored(folder / MARKER)
     return marker if {"scene", "shared", "results"} <= set(marker) and isinstance(marker["results"], dict) else None
@@ -133,7 +144,7 @@ def _write(folder: Path, marker: dict[str, Any]) -> None:
 def stored(file: Path, **same: Any) -> dict[str, Any]:
     """Return the JSON object in a file if it has the entries `same`, else {}."""
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
+        content = read(file)
         known = isinstance(content, dict) and all(content[name] == value for name, value in same.items())
         return content if known else {}
     except (OSError, ValueError, KeyError, TypeError):

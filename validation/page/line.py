@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from validation.core import store
 from validation.core.quantities import scale_of
 from validation.page import terminal
 from validation.page.page import Section, callout, details, gallery, table
@@ -106,9 +106,7 @@ def _head(name: str) -> str:
 
 def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
     """Return the pages of the line in a folder; rows and verdict of a check."""
-    summary, ropes = (
-        json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in ("summary", "ropes")
-    )
+    summary, ropes = (store.read(folder / f"{name}.json") for name in ("summary", "ropes"))
     line = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
     with (folder / "positions.csv").open(encoding="utf-8", newline="") as file:
         positions = list(csv.DictReader(file))
@@ -241,7 +239,7 @@ def _sure(rows: Sequence[Row]) -> Markup:
 
 def grid(folder: Path) -> list[Section]:
     """Return the page of a grid of lines."""
-    stored = json.loads((folder / "grid.json").read_text(encoding="utf-8"))
+    stored = store.read(folder / "grid.json")
     rows, keys = stored["rows"], stored["keys"]
     heads = shown(rows, keys)
     cells = [

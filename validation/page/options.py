@@ -148,7 +148,6 @@ def study(
     with terminal.progress() as progress:
         found = run(*inputs, folder, progress)
         report.write(folder, command)
-        store.finish(folder, command)
     report.tell(report.kept(folder, command))
     terminal.say(f"written to {folder}: report.html, {', '.join(writes)}")
     return found

@@ -163,11 +163,6 @@ def callout(text: str, verdict: str | None = None) -> Markup:
     return Markup(_PARTS.callout(text, verdict))
 
 
-def missing(what: str, consequence: str) -> Markup:
-    """Return a note on a result that was not stored: its file, and what is lost."""
-    return Markup(_PARTS.missing(what, consequence))
-
-
 def asset(name: str) -> str:
     """Return a file of assets/."""
     return (resources.files("validation.page") / "assets" / name).read_text(encoding="utf-8")

@@ -1,7 +1,6 @@
 """One report from the pages of many commands; each command draws its own (`page.sections`)."""
 
 import importlib
-import json
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
@@ -12,16 +11,17 @@ from markupsafe import Markup
 from cablefem.response import write_json
 from validation.core import store
 from validation.page import page, terminal
-from validation.page.page import Section
+from validation.page.page import Section, callout
 
 
 def write(folder: Path, command: str) -> None:
-    """Write report.html from all results in a folder; redraw those of this command."""
-    sections = _apart(
-        (other, s) for other in store.results(folder) for s in (drawn if other == command else kept)(folder, other)
-    )
+    """Draw the pages of a command, write report.html with those of all finished ones in the folder, mark it finished."""
+    own = drawn(folder, command)
+    done = [other for other in store.results(folder) if other == command or store.finished(folder, other)]
+    sections = _apart((other, s) for other in done for s in (own if other == command else kept(folder, other)))
     title = store.title(folder) or next((s.title for s in sections), folder.name)
     page.render(title, sections, folder / "report.html")
+    store.finish(folder, command)
 
 
 def drawn(folder: Path, command: str) -> list[Section]:
@@ -40,10 +40,11 @@ def drawn(folder: Path, command: str) -> list[Section]:
 def kept(folder: Path, command: str) -> list[Section]:
     """Return the pages drawn when the command finished: drawing is slow."""
     try:
-        pages = json.loads(store.pages(folder, command).read_text(encoding="utf-8"))
+        pages = store.read(store.pages(folder, command))
         return [Section(**page | {"html": Markup(page["html"]), "scripts": tuple(page["scripts"])}) for page in pages]
     except (OSError, ValueError, TypeError, KeyError):
-        return drawn(folder, command)
+        told = callout(f"Its pages are gone or of another version; run cablefem {command} again.", "not comparable")
+        return [Section(command, command, told)]
 
 
 def _apart(pages: Iterable[tuple[str, Section]]) -> list[Section]:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from validation.core import store
 from validation.page.figures import BLACK, DASHES, GREEN, GREY, MARKERS, ORANGE, SKY, panels, style
-from validation.page.page import Section, details, figure, gallery, missing, percent, plain, table, words
+from validation.page.page import Section, details, figure, gallery, percent, plain, table, words
 
 _SAY = words(__package__)
 
@@ -20,8 +20,7 @@ LOADS = {"force": DASHES[1], "mass": "-"}
 
 def sections(folder: Path) -> list[Section]:
     """The advice, the ladder, and the methods tried."""
-    if not (x := store.stored(folder / "advice.json")):
-        return [Section("advise", "Least model", missing("advice.json", plain(_SAY.gone())))]
+    x = store.read(folder / "advice.json")
     return [_rolling(x)] if "least" in x else [_advice(x), _ladder(x), _methods(x)]
 
 

@@ -11,10 +11,8 @@ Haul force: largest distance of means over an axial round trip, at equal places,
 
 import math
 import time
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -23,13 +21,14 @@ from scipy.ndimage import uniform_filter1d
 from cablefem.response import Array, Response
 from cablefem.scene import LoadPath, Scene
 from cablefem.scene.ride import ride
+from validation.core import store
 from validation.core.ladder import left
 from validation.core.measures import JUMP_WIDTH
 from validation.core.quasi_static import Statics, quasi_static
 from validation.core.running import run
 
 REFERENCE = "following-p2"
-FULL = tomllib.loads((resources.files(__package__) / "ladders.toml").read_text(encoding="utf-8"))["rolling"]["full"]
+FULL = store.shipped(__package__, "ladders.toml")["rolling"]["full"]
 ORDER = 1.5  # of the path; gap/(2^p - 1) is left
 SHARE = 0.25  # of the tolerance: for the full run's error
 NEEDS = {"free": ("timetable", "deflection", "tension"), "haul": ("deflection", "tension", "haul force")}

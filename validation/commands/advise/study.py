@@ -6,10 +6,8 @@ The advised model meets both; the least model for the path is reported, too.
 """
 
 import math
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +29,7 @@ LADDER = (
     ("stretching", "mass"), ("full", "mass"),
 )  # fmt: skip
 REFERENCE = "following-p2"  # for the ladder
-FULL = tomllib.loads((resources.files(__package__) / "ladders.toml").read_text(encoding="utf-8"))["gripped"]["full"]
+FULL = store.shipped(__package__, "ladders.toml")["gripped"]["full"]
 FAR = 3.0  # times the tolerance: models further off are not refined
 # gap/(2^p - 1) is a full run's error: fronts reduce p of the path, unresolved axial waves that of the tension
 PATH_ORDER, TENSION_ORDER = 1.5, 1.0

@@ -3,11 +3,9 @@
 Below are the measures that the cases name.
 """
 
-import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from importlib import resources
 from typing import Any, Literal
 
 import jinja2
@@ -21,16 +19,14 @@ from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
 from galerkin.modes import bare_frequencies
 from validation.commands.atlas import specimens
-from validation.core import measures
+from validation.core import measures, store
 from validation.core.running import run
 from validation.core.trust import convergence_limit, post_slack_spread, recommended
 from validation.core.watch import MOST_GAIN
 
 Row = dict[str, Any]
 
-CATALOGUE: tuple[Row, ...] = tuple(
-    tomllib.loads((resources.files(__package__) / "catalogue.toml").read_text(encoding="utf-8"))["row"]
-)
+CATALOGUE: tuple[Row, ...] = tuple(store.shipped(__package__, "catalogue.toml")["row"])
 _CONDITIONS = jinja2.Environment(undefined=jinja2.StrictUndefined)
 
 

@@ -9,7 +9,7 @@ from matplotlib.patches import Patch
 
 from validation.core import store
 from validation.page.figures import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, panels, style
-from validation.page.page import Section, figure, missing, plain, words
+from validation.page.page import Section, figure, plain, words
 
 _SAY = words(__package__)
 
@@ -34,9 +34,7 @@ NAMES = {"mu": "mass ratio mu", "V/c": "speed ratio V/c", "alpha": "stiffness al
 
 def sections(folder: Path) -> list[Section]:
     """Return the pages about the atlas stored in a folder."""
-    if not (atlas := store.stored(folder / "atlas.json")):
-        gone = missing("atlas.json", plain(_SAY.resumes()))
-        return [Section("atlas", "Where methods fail", gone, "not comparable", plain(_SAY.gone()))]
+    atlas = store.read(folder / "atlas.json")
     pages = [_map(atlas, m) for m in atlas["maps"]]
     if atlas["limits"]:
         pages.append(_limits(atlas))

@@ -5,10 +5,8 @@ Finished cells are kept in cells.jsonl and not computed again.
 
 import json
 import math
-import tomllib
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +18,7 @@ from validation.core.methods import METHODS, find, refined
 from validation.core.running import run
 
 CELLS, RESULT = "cells.jsonl", "atlas.json"
-SAID = tomllib.loads((resources.files(__package__) / "maps.toml").read_text(encoding="utf-8"))
+SAID = store.shipped(__package__, "maps.toml")
 UNSURE = 0.5  # no cell is judged by a reference that moves by more than this part of the bound
 EARLIEST = 0.05  # s_o/l: a reference that is slack before this leaves too little to compare
 

@@ -1,11 +1,11 @@
 """How deep a certificate goes, place by place, from stored results."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
 
+from validation.core import store
 from validation.core.bounds import Bound
 from validation.page.page import Section, number, table
 from validation.page.plot import BLUE, DASHED, DOTTED, GREEN, GREY, VERMILLION, Panel, plot
@@ -15,7 +15,7 @@ LOOK = ((VERMILLION, DASHED), (GREEN, DOTTED))
 
 def sections(folder: Path) -> list[Section]:
     """The bars, the distances to the other ways over the places, and the verdicts."""
-    x = json.loads((folder / "certify.json").read_text(encoding="utf-8"))
+    x = store.read(folder / "certify.json")
     s_o, answer = np.array(x["table"]["s_o"]), x["ways"][0]["name"]
     p = Panel("over the scale [–]", height=240.0)
     p.line(np.array([0.0, 1.0]), np.full(2, x["tol"]), GREY, "", 1.0, "asked for")

@@ -18,7 +18,7 @@ from validation.core import store
 from validation.core.methods import METHODS
 from validation.page import page
 from validation.page.figures import BLACK, DASHES, GREY, MARKERS, PALETTE, panels, style
-from validation.page.page import Section, figure, gallery, listed, missing, number, percent, plain, table
+from validation.page.page import Section, figure, gallery, listed, number, percent, plain, table
 
 _SAY = page.words(__package__)
 
@@ -27,9 +27,7 @@ WORK = {"seconds": "seconds of the time loop, one core", "unknown_steps": "steps
 
 def sections(folder: Path) -> list[Section]:
     """Return the pages about the chart stored in a folder."""
-    if not (chart := store.stored(folder / "chart.json")):
-        gone = missing("chart.json", "There is nothing to draw.")
-        return [Section("chart-path", "Speed against accuracy", gone, "not comparable", "The chart was not measured.")]
+    chart = store.read(folder / "chart.json")
     charts = _charts(chart, "path"), _charts(chart, "tension")
     return [_fastest(chart), *charts, _work(chart), _failures(chart), _cost(chart)]
 

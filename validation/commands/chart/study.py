@@ -12,11 +12,9 @@ import importlib.metadata
 import json
 import platform
 import time
-import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +36,7 @@ from validation.core.running import Run, run
 from validation.peers import PEERS, PeerPath, available
 
 STOP = measures.WINDOW[1]
-SAID = tomllib.loads((resources.files(__package__) / "chart.toml").read_text(encoding="utf-8"))
+SAID = store.shipped(__package__, "chart.toml")
 REFERENCE, REFERENCE_OF_RIDES, WITNESS = SAID["reference"], SAID["reference_of_rides"], SAID["witness"]
 BASE = SAID["base"]
 FINER = tuple(2.0 ** (0.5 * k) for k in range(-3, 4))  # over the default resolution

@@ -161,7 +161,6 @@ def check(
     write(folder / "rest-check", found)
     write_json(folder / "agreement.json", {"verdict": verdict, "methods": NAMES, "rows": rows})
     report.write(folder, "check")
-    store.finish(folder, "check")
     terminal.say(
         f"{verdict}: exact catenaries and elements, {line.count} positions, {seconds:.1f} s",
         style=terminal.STYLES[verdict],

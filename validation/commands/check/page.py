@@ -1,4 +1,4 @@
-"""The page of a check: answer, certainty, sources; from the folder of `study.Check.store`, with missing parts named."""
+"""The page of a check: answer, certainty, sources; from the folder of `study.Check.store`."""
 
 from collections import Counter
 from pathlib import Path
@@ -15,7 +15,7 @@ from validation.page.answer import figures as draw
 from validation.page.answer import many
 from validation.page.answer.sections import answer, behind, typeset
 from validation.page.answer.stored import Stored, read
-from validation.page.page import VERDICTS, Section, callout, details, gallery, missing, number, table
+from validation.page.page import VERDICTS, Section, callout, details, gallery, number, table
 
 # the page's group of each quantity
 GROUPS = {
@@ -37,7 +37,7 @@ WORDS = {
 
 
 def sections(folder: Path) -> list[Section]:
-    """Return the page of a stored check, also without answers."""
+    """Return the page of a stored check."""
     for name in ("rest-check", "grid-rest-check"):
         if (folder / name).is_dir():
             told = stored(folder / "agreement.json")
@@ -48,15 +48,12 @@ def sections(folder: Path) -> list[Section]:
     grid, single = folder / "grid-check" / "grid.json", folder / "agreement.json"
     if grid.exists() and (not single.exists() or grid.stat().st_mtime > single.stat().st_mtime):
         return many.sections(grid.parent)
-    faults: list[str] = []
-    x = read(folder, faults)
-    gone = [missing(fault, "What depends on it is left out.") for fault in faults]
+    x = read(folder)
     if x is None:
-        text = "No answer: the folder holds no finished run of any solver."
-        return [Section("answer", "Answer", Markup("\n").join(gone), "not comparable", text)]
+        return [Section("answer", "Answer", "", "not comparable", "No answer: every run broke at its start.")]
     first, *others = answer(x)
     doubts = [callout(f"{d['method']}: {d['words']}.", "not comparable") for d in x.agreement.get("doubts", [])]
-    html = Markup("\n").join([*gone, *doubts, Markup(first.html)])
+    html = Markup("\n").join([*doubts, Markup(first.html)])
     head = Section(first.id, first.title, html, x.verdict or "not comparable", f"{first.summary} {sure(x.rows)}")
     return [head, *others, _sure(x), _rests(x)]
 

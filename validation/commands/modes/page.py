@@ -1,8 +1,8 @@
 """Frequencies of the bare cable, from stored results."""
 
-import json
 from pathlib import Path
 
+from validation.core import store
 from validation.page.page import Section, table
 
 EXACT = "exact"
@@ -10,7 +10,7 @@ EXACT = "exact"
 
 def sections(folder: Path) -> list[Section]:
     """Return the frequencies of each method beside the exact ones, with the largest relative gap."""
-    omega = json.loads((folder / "modes.json").read_text(encoding="utf-8"))
+    omega = store.read(folder / "modes.json")
     exact = omega[EXACT]
     gaps = {
         name: max(abs(x / y - 1.0) for x, y in zip(values, exact, strict=True))

@@ -3,10 +3,8 @@
 figures.toml holds its words and looks, and says which stored runs each figure shows.
 """
 
-import tomllib
 from collections.abc import Callable
 from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +17,9 @@ from cablefem.scene import Scene
 from validation.commands.paper.verdicts import FAILS, HOLDS, sentence
 from validation.core import store
 from validation.page.figures import BLACK, BLUE, GREY, panels, style
-from validation.page.page import Section, badge, details, figure, gallery, missing, number, table
+from validation.page.page import Section, badge, details, figure, gallery, number, table
 
-SAID = tomllib.loads((resources.files(__package__) / "figures.toml").read_text(encoding="utf-8"))
+SAID = store.shipped(__package__, "figures.toml")
 LOOKS: dict[str, dict[str, Any]] = SAID["looks"]
 STATIC = LOOKS["static"] | {"label": "static"}
 KIND = {HOLDS: "agree", FAILS: "disagree"}  # all else: not comparable
@@ -30,9 +28,8 @@ Shown = list[tuple[Response, dict[str, Any]]]  # runs and their looks
 
 
 def sections(folder: Path) -> list[Section]:
-    """Return the claims table and one section per figure; what was not stored is named."""
-    if not (content := store.stored(folder / "claims.json")):
-        return [Section("claims", "Claims of the paper", missing("claims.json", "Run cablefem paper."))]
+    """Return the claims table and one section per figure."""
+    content = store.read(folder / "claims.json")
 
     @cache
     def stored(name: str) -> Response:
@@ -40,13 +37,10 @@ def sections(folder: Path) -> list[Section]:
 
     out = [_claims(content), _wu_and_chen(content)]
     for entry in SAID["section"]:
-        try:
-            figures = gallery(*(_figure(one, content, stored) for one in entry["figure"]))
-            html, found = figures + _linked(content, entry["claims"]), ""
-            if entry["id"] == "overshoot":
-                html, found = html + _references(content), SAID["words"]["overshoot"]
-        except FileNotFoundError as error:
-            html, found = missing(str(error), "Run cablefem paper again."), ""
+        figures = gallery(*(_figure(one, content, stored) for one in entry["figure"]))
+        html, found = figures + _linked(content, entry["claims"]), ""
+        if entry["id"] == "overshoot":
+            html, found = html + _references(content), SAID["words"]["overshoot"]
         out.append(Section(entry["id"], entry["title"], html, None, found))
     return out
 

@@ -2,16 +2,14 @@
 
 import itertools
 import json
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from cablefem.response import Response
 from cablefem.scene import Scene
-from validation.core import measures
+from validation.core import measures, store
 from validation.core.ladder import Branch, Ladder
 from validation.core.methods import find, refined
 from validation.core.running import run
@@ -19,7 +17,7 @@ from validation.core.sidebyside import spread
 
 Progress = Callable[[str, float], None]
 
-SAID = tomllib.loads((resources.files(__package__) / "runs.toml").read_text(encoding="utf-8"))
+SAID = store.shipped(__package__, "runs.toml")
 
 
 def scenes() -> dict[str, Scene]:

@@ -4,14 +4,13 @@ claims.toml holds the paper's statements, the ranges in which they are true, and
 """
 
 import math
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from importlib import resources
 from typing import Any, NamedTuple
 
 import jinja2
 
+from validation.core import store
 from validation.page.page import raised
 
 HOLDS, PAPER_ONLY = "holds", "holds at the paper's resolution only"
@@ -107,7 +106,7 @@ def any_of(truths: Iterable[bool | None]) -> bool | None:
 
 def claims(numbers: Mapping[str, Any]) -> list[Claim]:
     """Return all claims of claims.toml, judged by the computed numbers."""
-    content = tomllib.loads((resources.files(__package__) / "claims.toml").read_text(encoding="utf-8"))
+    content = store.shipped(__package__, "claims.toml")
     return [
         Claim(
             claim["id"], claim["where"], claim["says"],

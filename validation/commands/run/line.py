@@ -226,7 +226,6 @@ def run(points: Sequence[Point], out: Path | None) -> int:
     found = answers(line)
     write(folder / "rest", found)
     report.write(folder, "run")
-    store.finish(folder, "run")
     tell(line, found.design, found.refused)
     terminal.say(f"  {line.count} positions in {1e3 * found.seconds:.0f} ms")
     terminal.say(f"  written to {folder}: report.html, rest/")
@@ -265,7 +264,6 @@ def many(
     with whole(home / "scene.toml") as temporary:
         temporary.write_text(line.to_toml(), encoding="utf-8")
     report.write(folder, command)
-    store.finish(folder, command)
     heads = shown(rows, list(points[0].given))
     terminal.table(list(heads.values()), [[_cell(x.get(name)) for name in heads] for x in rows])
     terminal.say(f"  written to {folder}: report.html, {home.name}/table.csv")

@@ -2,27 +2,26 @@
 
 from pathlib import Path
 
+from cablefem.response import Response
+from cablefem.scene import Scene
 from validation.page import line
 from validation.page.answer import many
 from validation.page.answer.sections import answer, behind
-from validation.page.answer.stored import Stored, response
-from validation.page.page import Section, missing
+from validation.page.answer.stored import Stored
+from validation.page.page import Section, callout
 
 
 def sections(folder: Path) -> list[Section]:
     """Return the page about what `cablefem run` stored in a folder: the newest run, or the grid."""
-    faults: list[str] = []
     for name, drawn in (("rest", line.sections), ("grid-rest-run", line.grid)):
         if (folder / name).is_dir():
             return drawn(folder / name)
     files = sorted(folder.glob("*/*.json"), key=lambda file: file.stat().st_mtime)
     files = [file for file in files if file.name in ("summary.json", "grid.json")]
-    if files and files[-1].name == "grid.json":
+    if files[-1].name == "grid.json":
         return many.sections(files[-1].parent)
-    found = response(files[-1].parent, faults) if files else None
-    if found is None:
-        return [Section("answer", "Answer", missing(fault, "There is nothing to show.")) for fault in faults]
-    from cablefem.scene import Scene
-
+    found = Response.read(files[-1].parent)
+    if found.t.size < 2:
+        return [Section("answer", "Answer", callout(f"The run broke at its start: {found.reason}.", "disagree"))]
     x = Stored(Scene.from_toml(found.scene_toml), (found,))
     return [*answer(x), Section("rests", "What it rests on", behind(x))]

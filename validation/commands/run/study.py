@@ -92,7 +92,6 @@ def many(scene: Scene, points: Sequence[Point], answered: Callable[..., Answer],
             paths.append(table.path(found))
     table.write(folder / GRID, scene, rows, paths)
     report.write(folder, "run")
-    store.finish(folder, "run")
     table.tell(rows, list(points[0].given))
     terminal.say(f"  written to {folder}: report.html, {GRID}/table.csv")
     return 2 if broke else 0

@@ -13,6 +13,7 @@ from markupsafe import Markup
 from validation.commands.sweep.engine import frame
 from validation.commands.sweep.job import BROKEN, DESIGN
 from validation.commands.sweep.study import Study, built_in
+from validation.core import store
 from validation.core.quantities import named, scale_of, unit_of
 from validation.page.figures import panels
 from validation.page.page import Section, callout, figure, gallery, number, table
@@ -26,7 +27,7 @@ MULTIPLES = 3
 def sections(folder: Path) -> list[Section]:
     """Return the pages; each names what it leaves out."""
     study = Study.load(folder / "study.toml")
-    told = json.loads((folder / "sweep.json").read_text(encoding="utf-8"))
+    told = store.read(folder / "sweep.json")
     rows = frame(folder)
     return [
         _outcome(study, told, rows),

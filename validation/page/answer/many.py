@@ -12,6 +12,7 @@ from markupsafe import Markup
 
 from cablefem.response import Response, whole, write_json
 from cablefem.scene import Scene
+from validation.core import store
 from validation.core.answers import outcome
 from validation.core.quantities import named, scale_of
 from validation.page import terminal
@@ -108,7 +109,7 @@ def _cell(name: str, value: Any, rows: list[dict[str, Any]]) -> str:
 
 def sections(folder: Path) -> list[Section]:
     """Return the page of the grid stored in a folder."""
-    stored = json.loads((folder / "grid.json").read_text(encoding="utf-8"))
+    stored = store.read(folder / "grid.json")
     rows, paths = stored["rows"], stored["paths"]
     keys = [name for name in rows[0] if name not in _OWN]
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))

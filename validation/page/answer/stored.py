@@ -1,8 +1,6 @@
-"""Stored results of a run or a check; missing files are listed."""
+"""Stored results of a run or a check."""
 
 import csv
-import json
-import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from cablefem.response import Array, Response
-from cablefem.scene import Scene, SceneError
+from cablefem.scene import Scene
+from validation.core import store
 
 EVENTS = ("release", "thrust_end", "brake", "turn", "stop", "arrival", "back", "lift_off")
 
@@ -79,68 +78,19 @@ class Stored:
         return next((r for r in self.rows if r.get("quantity") == quantity and not r.get("with")), {})
 
 
-def read(folder: Path, faults: list[str]) -> Stored | None:
-    """Return the contents of a check's folder, or None without any answer; list missing files in `faults`."""
-    agreement = _json(folder / "agreement.json", faults) or {}
-    names = agreement.get("methods") or sorted(path.parent.name for path in folder.glob("*/response.npz"))
-    runs = tuple(r for name in names[:2] if (r := response(folder / name, faults)) is not None)
-    scene = _scene(folder / "scene.toml", runs, faults)
-    if not runs or scene is None or scene.mass is None:
-        return None
-    grip = response(folder / "grip", faults) if runs[0].drive == "haul" and (folder / "grip").exists() else None
-    return Stored(scene, runs, agreement, _party(folder / "with.csv", agreement, faults), grip)
+def read(folder: Path) -> Stored | None:
+    """Return what a check stored in a folder; None where every run broke at its start."""
+    agreement = store.read(folder / "agreement.json")
+    runs = tuple(r for name in agreement["methods"][:2] if (r := Response.read(folder / name)).t.size > 1)
+    scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
+    grip = Response.read(folder / "grip") if runs and runs[0].drive == "haul" and (folder / "grip").exists() else None
+    return Stored(scene, runs, agreement, _party(folder / "with.csv", agreement), grip) if runs else None
 
 
-def response(folder: Path, faults: list[str]) -> Response | None:
-    """Return the answer in a folder; None unless it has two steps."""
-    file = f"{folder.name}/response.npz"
-    try:
-        found = Response.read(folder)
-        if found.t.size > 1:
-            return found
-        faults.append(f"{file} (broke at its start: {found.reason})")
-    except OSError:
-        faults.append(file)
-    except (ValueError, KeyError, TypeError, zipfile.BadZipFile):
-        faults.append(f"{file} (not readable)")
-    return None
-
-
-def _json(file: Path, faults: list[str]) -> dict[str, Any] | None:
-    try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-        if isinstance(content, dict):
-            return content
-        faults.append(f"{file.name} (holds no table)")
-    except OSError:
-        faults.append(file.name)
-    except ValueError:
-        faults.append(f"{file.name} (not readable)")
-    return None
-
-
-def _scene(file: Path, runs: tuple[Response, ...], faults: list[str]) -> Scene | None:
-    try:
-        text = file.read_text(encoding="utf-8")
-    except OSError:
-        faults.append(file.name)
-        text = runs[0].scene_toml if runs else ""
-    try:
-        return Scene.from_toml(text)
-    except SceneError as error:
-        faults.append(f"{file.name} ({error.faults[0]})" if text else file.name)
-        return None
-
-
-def _party(file: Path, agreement: dict[str, Any], faults: list[str]) -> Party | None:
-    name = next((str(row["with"]) for row in agreement.get("rows", []) if row.get("with")), None)
+def _party(file: Path, agreement: dict[str, Any]) -> Party | None:
+    name = next((str(row["with"]) for row in agreement["rows"] if row.get("with")), None)
     if name is None or not file.exists():
         return None
-    try:
-        with file.open(encoding="utf-8", newline="") as lines:
-            table = list(csv.DictReader(lines))
-        t, s_o, y = (np.array([float(row[key]) for row in table]) for key in ("t", "s_o", "y"))
-    except (ValueError, KeyError, TypeError):
-        faults.append(f"{file.name} (not readable)")
-        return None
-    return Party(name, t, s_o, y)
+    with file.open(encoding="utf-8", newline="") as lines:
+        table = list(csv.DictReader(lines))
+    return Party(name, *(np.array([float(row[key]) for row in table]) for key in ("t", "s_o", "y")))
