@@ -15,7 +15,7 @@ from validation.page.page import Section, callout
 
 
 def write(folder: Path, command: str) -> None:
-    """Draw the pages of a command, write report.html with those of all finished ones in the folder, mark it finished."""
+    """Draw the pages of a command, write report.html with those of all finished ones, and mark it finished."""
     own = drawn(folder, command)
     done = [other for other in store.results(folder) if other == command or store.finished(folder, other)]
     sections = _apart((other, s) for other in done for s in (own if other == command else kept(folder, other)))

@@ -126,6 +126,7 @@ def _one(scene: "Scene", name: str, answered: "Callable[..., Answer]", out: Path
         r.write(folder / name)
         write_answers(folder / name, scene, r)
         report.write(folder, "run")
+    store.finish(folder, "run")  # with the animation's files
     telling.answer(scene, r)
     telling.work(r)
     terminal.say(f"  written to {folder}: report.html, {name}/")

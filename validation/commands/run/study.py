@@ -7,7 +7,6 @@ from typing import Any
 
 from cablefem.response import Response
 from cablefem.scene import Scene
-from validation.core import store
 from validation.core.climb import AIM, BUDGET, TooCoarse, cheapest, climb, dear, laddered
 from validation.core.design import design, numbers
 from validation.core.ladder import Ladder
