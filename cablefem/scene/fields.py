@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Self, get_args
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import core_schema
 
 from cablefem.scene.errors import NOT_MODELLED, SceneError, nearest, shown
 
@@ -18,17 +19,23 @@ SMALL, LARGE = 1e-12, 1e15
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """A validator; `convert` returns None for what it does not admit."""
+    """An annotation that validates; `convert` returns None for what it does not admit."""
 
     admissible: str
     convert: Callable[[Any], object | None]
-    schema: dict[str, Any] = field(default_factory=dict, hash=False)  # for editors
+    schema: dict[str, Any] = field(default_factory=dict, hash=False)  # added to the JSON schema
 
     def __call__(self, value: object) -> object:
         converted = self.convert(value)
         if converted is None:
             raise ValueError(f"must be {self.admissible}")
         return converted
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        return core_schema.no_info_before_validator_function(self, handler(source))
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
+        return handler(core) | self.schema | {"$comment": self.admissible}
 
 
 def _number(admits: Callable[[float], bool]) -> Callable[[object], float | None]:
@@ -60,28 +67,21 @@ _RANGE = f"{SMALL:g} to {LARGE:g}"
 POSITIVE = Check(
     f"a number > 0, from {_RANGE}", _number(lambda x: SMALL <= x <= LARGE), {"type": "number", "exclusiveMinimum": 0}
 )
-NON_NEGATIVE = Check(
-    f"a number >= 0: 0, or from {_RANGE}", _number(lambda x: x == 0.0 or SMALL <= x <= LARGE),
-    {"type": "number", "minimum": 0},
-)  # fmt: skip
 REAL = Check(f"a number from {-LARGE:g} to {LARGE:g}", _number(lambda x: abs(x) <= LARGE), {"type": "number"})
-_SEVERAL = Check(
-    "a list of at least two numbers", several, {"type": "array", "items": {"type": "number"}, "minItems": 2}
-)
-_SWITCH = Check("true or false", lambda x: x if isinstance(x, bool) else None, {"type": "boolean"})
-_LINE = Check("text on one line", _matching(r"[^\x00-\x1f\x7f]*"), {"type": "string"})
-_NAME = Check("letters, digits, '_', '-' and '.', the first no '-' or '.'", _matching(r"\w[\w.-]*"), {"type": "string"})
-_WORD = Check("letters, digits, spaces, '_' and '-'", _matching(r"\w[\w -]*"), {"type": "string"})
+_SEVERAL = Check("a list of at least two numbers", several, {"minItems": 2})
 
-Positive = Annotated[float, BeforeValidator(POSITIVE)]
-NonNegative = Annotated[float, BeforeValidator(NON_NEGATIVE)]
-Real = Annotated[float, BeforeValidator(REAL)]
-Switch = Annotated[bool, BeforeValidator(_SWITCH)]
-Numbers = Annotated[tuple[NonNegative, ...], BeforeValidator(_SEVERAL)]
-Reals = Annotated[tuple[Real, ...], BeforeValidator(_SEVERAL)]
-Line = Annotated[str, BeforeValidator(_LINE)]
-Name = Annotated[str, BeforeValidator(_NAME)]
-Word = Annotated[str, BeforeValidator(_WORD)]  # part of a dotted key
+Positive = Annotated[float, POSITIVE]
+NonNegative = Annotated[
+    float,
+    Check(f"a number >= 0: 0, or from {_RANGE}", _number(lambda x: x == 0.0 or SMALL <= x <= LARGE), {"minimum": 0}),
+]
+Real = Annotated[float, REAL]
+Switch = Annotated[bool, Check("true or false", lambda x: x if isinstance(x, bool) else None)]
+Numbers = Annotated[tuple[NonNegative, ...], _SEVERAL]
+Reals = Annotated[tuple[Real, ...], _SEVERAL]
+Line = Annotated[str, Check("text on one line", _matching(r"[^\x00-\x1f\x7f]*"))]
+Name = Annotated[str, Check("letters, digits, '_', '-' and '.', the first no '-' or '.'", _matching(r"\w[\w.-]*"))]
+Word = Annotated[str, Check("letters, digits, spaces, '_' and '-'", _matching(r"\w[\w -]*"))]  # part of a dotted key
 
 
 def said(text: str, default: Any = ..., **more: Any) -> Any:
@@ -93,33 +93,29 @@ def real(value: object) -> float | None:
     return REAL.convert(value)  # type: ignore[return-value]
 
 
-def between(low: float, high: float) -> BeforeValidator:
-    schema = {"type": "number", "minimum": low, "maximum": high}
-    return BeforeValidator(Check(f"a number from {low:g} to {high:g}", _number(lambda x: low <= x <= high), schema))
+def between(low: float, high: float) -> Check:
+    schema = {"minimum": low, "maximum": high}
+    return Check(f"a number from {low:g} to {high:g}", _number(lambda x: low <= x <= high), schema)
 
 
-def whole(low: int, high: int) -> BeforeValidator:
+def whole(low: int, high: int) -> Check:
     def convert(value: object) -> int | None:
         return value if isinstance(value, int) and not isinstance(value, bool) and low <= value <= high else None
 
-    schema = {"type": "integer", "minimum": low, "maximum": high}
-    return BeforeValidator(Check(f"a whole number from {low} to {high}", convert, schema))
+    return Check(f"a whole number from {low} to {high}", convert, {"minimum": low, "maximum": high})
 
 
-def tables(like: str) -> BeforeValidator:
-    check = Check(
-        f"a list of tables {like}", lambda x: tuple(x) if isinstance(x, list | tuple) else None, {"type": "array"}
-    )
-    return BeforeValidator(check)
+def tables(like: str) -> Check:
+    return Check(f"a list of tables {like}", lambda x: tuple(x) if isinstance(x, list | tuple) else None)
 
 
-def choice(known: Sequence[str]) -> BeforeValidator:
+def choice(known: Sequence[str]) -> Check:
     def convert(value: object) -> object:
         if value not in known:
             raise ValueError(f"unknown.{nearest(str(value), known)}")
         return value
 
-    return BeforeValidator(Check(f"one of {', '.join(known)}", convert, {"enum": list(known)}))
+    return Check(f"one of {', '.join(known)}", convert, {"enum": list(known)})
 
 
 class Part(BaseModel):
@@ -177,7 +173,7 @@ class Part(BaseModel):
     @classmethod
     def _admissible(cls, name: str) -> str:
         missing = next(x for key, x in cls.model_fields.items() if name in (key, x.alias))
-        return next((m.func.admissible for m in missing.metadata if hasattr(m, "func")), f"a table [{name}]")
+        return next((m.admissible for m in missing.metadata if isinstance(m, Check)), f"a table [{name}]")
 
     @staticmethod
     def _kind_fault(where: str, kind: object, known: list[str]) -> str:
@@ -188,6 +184,8 @@ class Part(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class NumberOr:
+    """An annotation for a number, or a table in its place."""
+
     number: Check
     table: type[Part]
 
@@ -205,9 +203,16 @@ class NumberOr:
             raise ValueError(f"must be {self.admissible}")
         return number
 
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        return core_schema.no_info_plain_validator_function(self)
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
+        number = self.number.schema | {"$comment": self.number.admissible}
+        return {"anyOf": [number, handler(self.table.__pydantic_core_schema__)]}
+
 
 def number_or(number: Check, table: type[Part]) -> Any:
-    return Annotated[Any, PlainValidator(NumberOr(number, table))]
+    return Annotated[Any, NumberOr(number, table)]
 
 
 def _written(part: type[Part], name: str) -> str:

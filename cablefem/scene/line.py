@@ -16,7 +16,6 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 import tomli_w
-from pydantic import BeforeValidator
 
 from cablefem.scene.cable import STEEPEST, Rope
 from cablefem.scene.dotted import put
@@ -46,12 +45,11 @@ def _positions(value: object) -> tuple[float, ...] | None:
     return tuple(x for x in numbers if x is not None) if 0 < len(numbers) <= MOST and None not in numbers else None
 
 
-_PAIR = Check("two numbers in brackets", _pair, {"type": "array", "items": {"type": "number"}})
 _POSITIONS = Check(
     f"a number, a list of numbers, or {{from, to, count}} with a count from 2 to {MOST}", _positions,
     {"type": ["number", "array", "object"]},
 )  # fmt: skip
-Pair = Annotated[tuple[float, float], BeforeValidator(_PAIR)]
+Pair = Annotated[tuple[float, float], Check("two numbers in brackets", _pair)]
 
 
 class Contact(Part):
@@ -90,7 +88,7 @@ class Car(Part):
     name: Word = said("[-] its name in the results")
     mass: Positive = said("[kg]")
     hauled: Switch = said("[-] true: it rolls, and a haul rope holds it; false: it grips the rope")
-    at: Annotated[tuple[float, ...], BeforeValidator(_POSITIONS)] = said("[m] x at rest, one for each position")
+    at: Annotated[tuple[float, ...], _POSITIONS] = said("[m] x at rest, one for each position")
     below: NonNegative = said("[m] from the rope down to the lowest point of the car", 0.0)
 
 

@@ -6,8 +6,6 @@ import csv
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator
-
 from cablefem.scene.errors import SceneError, shown
 from cablefem.scene.fields import Check, Part, Real, Word, real, said
 
@@ -31,12 +29,11 @@ def _points(value: object) -> tuple[tuple[float, float], ...] | None:
     return tuple(points)
 
 
-_PAIR = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
 _GROUND = Check(
     "a list of at least two points [x, depth], x strictly increasing, or the name of a CSV file of them", _points,
-    {"oneOf": [{"type": "array", "items": _PAIR}, {"type": "string"}]},
+    {"type": ["array", "string"]},
 )  # fmt: skip
-Ground = Annotated[tuple[tuple[float, float], ...], BeforeValidator(_GROUND)]
+Ground = Annotated[tuple[tuple[float, float], ...], _GROUND]
 
 
 def read_ground(name: str, folder: Path) -> list[list[float]]:

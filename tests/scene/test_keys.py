@@ -34,23 +34,27 @@ def test_keys_are_those_that_scenes_read():
     assert not any("place" in name and "end" not in name for name in found), "keys are as they are written"
 
 
-def broken(value, rule, where=""):
+def broken(value, rule, where="", known=None):
     """Return where a value breaks a JSON schema, as far as this project's schemas go."""
+    known = known or rule["$defs"]
+    if "$ref" in rule:
+        return broken(value, known[rule["$ref"].split("/")[-1]], where, known)
     if options := rule.get("anyOf") or rule.get("oneOf"):
-        told = [broken(value, option, where) for option in options]
+        told = [broken(value, option, where, known) for option in options]
         return [] if [] in told else told[0]
-    kind = {"object": dict, "array": list, "string": str, "number": int | float, "boolean": bool}.get(rule.get("type"))
-    if kind and not isinstance(value, kind):
+    kinds = {"object": dict, "array": list, "string": str, "number": int | float, "boolean": bool}
+    asked = rule.get("type", ())
+    if asked and not any(isinstance(value, kinds[x]) for x in ([asked] if isinstance(asked, str) else asked)):
         return [where]
     if "enum" in rule or "const" in rule:
         return [] if value in rule.get("enum", [rule.get("const")]) else [where]
     if isinstance(value, dict):
-        known = rule["properties"]
-        missing = [f"{where}.{key}" for key in rule["required"] if key not in value]
-        inner = [x for key in value.keys() & known for x in broken(value[key], known[key], f"{where}.{key}")]
-        return [*missing, *inner, *(f"{where}.{key}" for key in value.keys() - known)]
+        own = rule["properties"]
+        missing = [f"{where}.{key}" for key in rule.get("required", ()) if key not in value]
+        inner = [x for key in value.keys() & own for x in broken(value[key], own[key], f"{where}.{key}", known)]
+        return [*missing, *inner, *(f"{where}.{key}" for key in value.keys() - own)]
     if isinstance(value, list):
-        return [x for i, item in enumerate(value) for x in broken(item, rule.get("items", {}), f"{where}[{i}]")]
+        return [x for i, item in enumerate(value) for x in broken(item, rule.get("items", {}), f"{where}[{i}]", known)]
     return [where] if "exclusiveMinimum" in rule and not value > rule["exclusiveMinimum"] else []
 
 

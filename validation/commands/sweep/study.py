@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import tomli_w
-from pydantic import BeforeValidator, Field, PlainValidator, PrivateAttr
+from pydantic import Field, PlainValidator, PrivateAttr
 
 from cablefem.scene import Scene, SceneError
 from cablefem.scene.cable import SHAPES
@@ -69,16 +69,16 @@ class Study(Part):
     scene: Scene | None = None  # None: every scene is made from its groups
     job: Annotated[str, choice(("run", "check", "advise", "power"))] = "run"
     method: Line | None = None  # None: the cheapest that will do
-    settings: Annotated[dict[str, Any], BeforeValidator(Check("a table", _settings))] = Field(default_factory=dict)
+    settings: Annotated[dict[str, Any], Check("a table", _settings)] = Field(default_factory=dict)
     tol: Annotated[float, between(1e-6, 0.2)] | None = None
     seconds: Annotated[float, between(0.1, 86_400.0)] = 120.0  # a scene may take
     vary: Annotated[tuple[Axis, ...], PlainValidator(grid)] | None = None  # the full grid of all axes
     sample: Sample | None = None
     truth: Truth | None = None
     keep: Keep = Keep()
-    limit: Annotated[
-        dict[str, float], BeforeValidator(Check("a table of design numbers, e.g. tension_max = 4e5", _limits))
-    ] = Field(default_factory=dict)
+    limit: Annotated[dict[str, float], Check("a table of design numbers, e.g. tension_max = 4e5", _limits)] = Field(
+        default_factory=dict
+    )
     _name: str = PrivateAttr("study")
     _given: dict[str, Any] = PrivateAttr(default_factory=dict)
 
