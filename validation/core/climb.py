@@ -22,7 +22,7 @@ from validation.core.running import Run, whole
 from validation.core.sidebyside import Progress
 from validation.core.view import View
 
-KIND = ("model", "load", "law", "until")  # arguments beside the method's settings
+KIND = ("model", "load", "law", "until", "frames")  # arguments beside the method's settings
 FIRST_STEPS, MOST_STEPS = 120, 64_000
 LARGEST = 2e6  # steps times resolution, about 0.5 GB
 BUDGET = 1.2e6  # `work` of a ladder, 30 to 60 s

@@ -28,7 +28,7 @@ from cablefem.newmark import (
 from cablefem.response import Array, MassPath, Response
 from cablefem.scene import Groups, Scene
 from validation.core.methods import Method, find
-from validation.core.sampling import History, moved, respond
+from validation.core.sampling import FRAMES, History, moved, respond
 from validation.core.solver import Solver
 from validation.core.watch import watched
 
@@ -36,6 +36,7 @@ from validation.core.watch import watched
 SLACK_GAMMA = 0.6
 # Undamped rules keep Newton's residual as energy.  For gripped cars the drive outweighs it.
 KEEPS = Newton(tol=1e-6)
+MOST_FRAMES = 20_000  # 300 MB
 
 Progress = Callable[[float], None]
 _NONE = np.empty(0)
@@ -58,19 +59,23 @@ class Run:
     law : "elastic", "tension-only" or "auto": elastic until slack, then tension-only with Newmark's damping. A damping
         scheme stays, except collocation.  Central differences never switch: their slack is instability.
 
+    frames : least number of instants at which the fields of the cable are kept.
+
     Raises ValueError for invalid settings.
     """
 
     def __init__(
         self, scene: Scene, method: str | Method, *, model: str = "full", load: str = "mass", law: str = "auto",
-        **settings: Any,
+        frames: int = FRAMES, **settings: Any,
     ) -> None:  # fmt: skip
         if law not in ("elastic", "tension-only", "auto"):
             raise ValueError(f"law must be elastic, tension-only or auto, got {law!r}")
+        if not (isinstance(frames, int) and 2 <= frames <= MOST_FRAMES):
+            raise ValueError(f"frames must be a whole number from 2 to {MOST_FRAMES}, got {frames!r}")
         groups = scene.groups
         if groups.motion is None and groups.drive.mode != "free":
             raise ValueError(f"scene {scene.name!r} has no travelling mass: only its frequencies can be computed")
-        self.scene, self.method = scene, find(method) if isinstance(method, str) else method
+        self.scene, self.method, self.frames = scene, find(method) if isinstance(method, str) else method, frames
         self.settings = settings = self.method.settings_on(groups, settings)
         self.kind = {"model": model, "load": load, "law": law}
         self.scheme = newmark.scheme(
@@ -85,32 +90,32 @@ class Run:
         self.times = steps_of(solver, groups, settings)
         self.history = History(Course(), Work(), 0.0, None, None, solver, None)
         self._ended = False
-        self._seen: tuple[tuple[int, int], Response] | None = None
+        self._seen: tuple[int, Response] | None = None
 
     def to(
-        self, until: float | None = None, progress: Progress | None = None, *, every: int = 1, past: float = math.inf
+        self, until: float | None = None, progress: Progress | None = None, *, past: float = math.inf
     ) -> Response:  # fmt: skip
         """March to the first step at or past s_o/l = until (default: the end); return the response so far.
 
         A failed run has status "incomplete" and the reason.  Energy gained without work is flagged.
 
-        every : n keeps each n-th frame;  past : s_o/l to go on once slack.
+        past : s_o/l to go on once slack.
         """
         self.march(until, progress, past)
-        return self.seen(every)
+        return self.seen()
 
-    def try_to(self, until: float | None = None, *, every: int = 1, past: float = math.inf) -> Trial:
+    def try_to(self, until: float | None = None, *, past: float = math.inf) -> Trial:
         """The same, with only the path observed."""
         self.march(until, None, past)
         path = moved(self.scene, self.history)
-        return Trial(**path, method=self.method.name, settings=self.settings, run=self, every=every)
+        return Trial(**path, method=self.method.name, settings=self.settings, run=self)
 
-    def seen(self, every: int = 1) -> Response:
-        now = len(self.history.states), every
+    def seen(self) -> Response:
+        now = len(self.history.states)
         if self._seen is None or self._seen[0] != now:
             told = {"method": self.method.name, "settings": self.settings, **self.kind}
             with _threads().limit(limits=1):
-                response = respond(self.scene, self.history, every=every, **told)
+                response = respond(self.scene, self.history, frames=self.frames, **told)
             self._seen = now, watched(response, self.scene, self.method)
         return self._seen[1]
 
@@ -140,13 +145,12 @@ class Trial(MassPath):
     """The path of a run, with the rest on request."""
 
     run: Run
-    every: int
 
 
 def whole(path: MassPath) -> Response:
     """Return the response of a path, observed now if need be."""
     if isinstance(path, Trial):
-        return path.run.seen(path.every)
+        return path.run.seen()
     assert isinstance(path, Response)
     return path
 

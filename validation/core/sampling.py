@@ -16,7 +16,7 @@ from cablefem.response import Array, Fields, Observation, Response, States
 from cablefem.scene import Motion, Scene
 from validation.core.solver import Pathed, Solver
 
-FRAMES = 100  # fields are kept at s_o/l = 1/FRAMES, 2/FRAMES, ... of all runs
+FRAMES = 100  # fields are kept at s_o/l = 1/FRAMES, 2/FRAMES, ... of all runs, and so often in time
 STATIONS = 201  # least in the file contract
 ON_CABLE = 1.0 + 1e-9  # largest s_o/l on the cable
 WITHIN = 6  # parts of a collocation step, for cubics
@@ -81,27 +81,27 @@ def _onset(h: History, states: States) -> tuple[int, float] | None:
     return h.onset if h.onset is not None and h.onset[0] < states.t.size else None
 
 
-def respond(scene: Scene, h: History, *, every: int = 1, **asked: Any) -> Response:
+def respond(scene: Scene, h: History, *, frames: int = FRAMES, **asked: Any) -> Response:
     """Return the response of a history; `asked` are the fields that say what was run.
 
-    every : n keeps each n-th frame.
+    frames : at least, of the fields, over the whole course.
     """
     states = finite(h)
     n = states.t.size
     onset = _onset(h, states)
     switch = states.t[onset[0]] if onset is not None and h.after is not None else math.inf
-    t = frame_times(scene, float(states.t[-1]))[every - 1 :: every]
+    t = frame_times(scene, float(states.t[-1]), frames)
     at_frames = _between(_around(h, states, t), t) if t.size and n > 1 else _rows(states, slice(0, 0))
     s = np.linspace(0.0, 1.0, STATIONS)
-    steps, frames = _observe(h, states, at_frames, switch, s)
+    steps, seen = _observe(h, states, at_frames, switch, s)
     l, H, tau = scene.length, scene.horizontal_tension, scene.time_scale
     si = _scales(l, H, tau)
     path = _moved(scene, h, states, steps.s_o, steps.path)
     x_rest, y_rest = scene.groups.shape(s)
     fields = Fields(
-        **si(frames, "t", "s_o", "u", "v", "du", "dv", *_TENSIONS), s=l * s, mass_u=l * frames.path[:, 0],
-        mass_v=l * frames.path[:, 1], x=l * x_rest, y=l * y_rest, T_static=H * scene.groups.static(s)[0],
-        T=H * frames.T, T_pointwise=H * frames.T_pointwise,
+        **si(seen, "t", "s_o", "u", "v", "du", "dv", *_TENSIONS), s=l * s, mass_u=l * seen.path[:, 0],
+        mass_v=l * seen.path[:, 1], x=l * x_rest, y=l * y_rest, T_static=H * scene.groups.static(s)[0],
+        T=H * seen.T, T_pointwise=H * seen.T_pointwise,
     )  # fmt: skip
     (cause, reason), motion = h.failure or (None, None), scene.groups.motion
     speed = l / tau * np.hypot(*steps.path_velocity.T)
@@ -183,24 +183,32 @@ def _rows(states: States, rows: slice | NDArray[Any]) -> States:
     return States(states.t[rows], states.q[rows], states.v[rows], states.a[rows], states.phase[rows])
 
 
-def frame_times(scene: Scene, t_last: float) -> Array:
-    """Return times of the fields: equal places of a travel, equal times of a free ride."""
+def frame_times(scene: Scene, t_last: float, frames: int = FRAMES) -> Array:
+    """Return times of the fields: places of a travel, and between them no longer than a share of the course.
+
+    A car that rolls is seen at both ends, one that grips stands on a support there.
+    """
     motion = scene.groups.motion
     if motion is None:
-        t = scene.groups.drive.nominal * np.arange(1, math.ceil(FRAMES * t_last / scene.groups.drive.nominal)) / FRAMES
+        nominal = scene.groups.drive.nominal
+        t = nominal * np.arange(math.ceil(frames * t_last / nominal)) / frames
     else:
-        t = _passages(motion)
-    return t[t <= t_last]
+        t = _passages(motion, frames)
+    t = t[t <= t_last]
+    ends = scene.drive.mode != "grip" and t.size and t_last - t[-1] > 1e-9 * t_last
+    return np.append(t, t_last) if ends else t
 
 
 @lru_cache(maxsize=64)
-def _passages(motion: Motion) -> Array:
-    """Times at which a travel passes the marks, equally dense where it stands."""
+def _passages(motion: Motion, frames: int) -> Array:
+    """Times at which a travel passes the marks, with longer gaps filled."""
     end = motion.position(np.array([motion.phases[-1][1]]))[0]
-    marks = np.arange(1, FRAMES) / FRAMES
-    passed, each = motion.times_at(marks[(motion.begin <= marks) & (marks < end)]), motion.phases[-1][1] / FRAMES
-    stands = [np.linspace(t0, t1, math.ceil((t1 - t0) / each) + 1) for t0, t1 in motion.standstills]
-    return np.unique(np.concatenate([passed, *stands])) if stands else passed
+    marks, longest = np.arange(1, FRAMES) / FRAMES, motion.phases[-1][1] / frames
+    passed = motion.times_at(marks[(motion.begin <= marks) & (marks < end)])
+    known = np.unique(np.concatenate([[0.0], passed, [motion.phases[-1][1]]]))
+    parts = np.ceil(np.diff(known) / longest * (1.0 - 1e-9)).astype(int)
+    filled = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(known[:-1], known[1:], parts, strict=True)]
+    return np.concatenate(filled)[0 if motion.begin > 0.0 else 1 :]
 
 
 def _around(h: History, states: States, t: Array) -> States:

@@ -14,6 +14,7 @@ from validation.core.methods import Method, find
 from validation.core.quasi_static import quasi_static
 from validation.core.rows import forces_left, with_bars
 from validation.core.running import run
+from validation.core.sampling import FRAMES
 from validation.page import report, terminal
 from validation.page.answer import many as table
 from validation.page.options import Point
@@ -60,15 +61,16 @@ def _to_forces(scene: Scene, method: Method, ladder: Ladder, tol: float, kind: d
 
 def run_with_bars(
     scene: Scene, method: str = "following-p2", *, tol: float | None = None, bars: bool = True, model: str = "full",
-    load: str = "mass", law: str = "auto", **settings: Any,
+    load: str = "mass", law: str = "auto", frames: int = FRAMES, **settings: Any,
 ) -> Response:  # fmt: skip
     """Run one method as `cablefem run` does: with design numbers, events and their bars.
 
     method : see `cablefem methods`; settings : of the method, as elements=20, steps=800.
     tol : of the path, relative to its largest deflection; resolution and steps are then chosen.
+    frames : least number of instants at which the fields are kept, for `Response.at`; default 100.
     run("zipline", tol=1e-3).design
     """
-    kind = {"model": model, "load": load, "law": law, **settings}
+    kind = {"model": model, "load": load, "law": law, "frames": frames, **settings}
     return answer(scene, find(method), tol=tol, bars=bars, progress=lambda *told: None, **kind).response
 
 
