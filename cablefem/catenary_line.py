@@ -19,9 +19,7 @@ from cablefem.scene.line import Case, LineState, NoLine, NotFound, Station
 from cablefem.scene.taut import guess
 
 STEPS = 100  # of Newton's method
-SHORTEST = 1e-9  # part of one step
 LAST = 1e-8  # step over the size of the unknowns; the error left is about its square
-IMAGINARY = 1e-30  # complex-step differentiation
 
 
 def _norm(v: np.ndarray) -> np.ndarray:
@@ -117,19 +115,19 @@ def _tau(behind: np.ndarray, ahead: np.ndarray) -> np.ndarray:
 
 def _newton(problem: _Problem, more: int) -> np.ndarray:
     """Unknowns by damped Newton steps and `more`; NotFound without convergence."""
-    X, left = problem.X, more + 1
+    X, left, tiny = problem.X, more + 1, 1e-30  # complex-step differentiation
     for _ in range(STEPS):
         r = problem.residual(X[:, None])[:, 0]
-        shifted = X[:, None] + 1j * IMAGINARY * np.diag(problem.size)
+        shifted = X[:, None] + 1j * tiny * np.diag(problem.size)
         try:
-            step = -np.linalg.solve(problem.residual(shifted).imag / IMAGINARY, r) * problem.size
+            step = -np.linalg.solve(problem.residual(shifted).imag / tiny, r) * problem.size
         except np.linalg.LinAlgError:
             break
         large = float(np.max(np.abs(step / problem.size)))
         if not np.isfinite(large):
             break
         part = 1.0
-        while part > SHORTEST and not (
+        while part > 1e-9 and not (
             problem.sound(X + part * step)
             and (large < 1e-4 or np.linalg.norm(problem.residual((X + part * step)[:, None])) < np.linalg.norm(r))
         ):

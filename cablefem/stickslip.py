@@ -23,7 +23,6 @@ from cablefem.newmark import State, System
 from cablefem.scene import Groups
 
 EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "back", "lift_off", "stop")
-LEAVING = 1e-12  # first slip; it arms the standstill event
 
 
 class Look(NamedTuple):
@@ -130,7 +129,7 @@ class RollingCar(System):
         mode, v = self.mode, x.v.copy()
         pulled = needed if abs(needed) > 1e-9 * self.force_scale else self.hold
         mode.sticks, mode.heading = False, -math.copysign(1.0, pulled)
-        v[-1] = mode.heading * LEAVING if self.rubs else 0.0
+        v[-1] = mode.heading * 1e-12 if self.rubs else 0.0  # a first slip arms the standstill event
         return self.go_on(x._replace(v=v))
 
     def begin_step(self, x: State) -> None:

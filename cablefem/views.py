@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import io
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,8 +11,6 @@ import numpy as np
 if TYPE_CHECKING:
     from cablefem.response import Array, Response
 
-WIDTH, TALLEST = 420.0, 140.0  # [px] of the picture in notebooks
-DRAWN = 200  # points of a line in a picture
 BESIDE = 1e-9  # of the length: a station so near the mass is under it
 BLUE, GREY = "#0072B2", "#999"
 
@@ -64,25 +63,10 @@ def _between(r: Response, t: float, s_o: float) -> tuple[Array, Array]:
 
 
 def picture(r: Response) -> str:
-    """Return the side view for notebooks: rope at rest, path of the car, depth exaggerated where it is small."""
-    x, y = np.concatenate([r.fields.x, r.x]), np.concatenate([r.fields.y, r.y])
-    wide, high = max(float(np.ptp(x)), 1e-12), max(float(np.ptp(y)), 1e-12)
-    across = WIDTH / wide
-    down = min(TALLEST / high, max(across, 0.5 * TALLEST / high))
-
-    def points(x: Array, y: Array) -> str:
-        rows = np.unique(np.linspace(0, x.size - 1, min(DRAWN, x.size)).astype(int))
-        return " ".join(f"{across * a:.1f},{down * (b - low):.1f}" for a, b in zip(x[rows], y[rows], strict=True))
-
-    low = float(y.min())
-    exaggerated = f"; depth {down / across:.3g} times as large" if down > 1.05 * across else ""
-    return (
-        f'<div><p>{html.escape(repr(r))}</p><svg viewBox="-4 -4 {WIDTH + 8:g} {down * high + 8:.4g}" '
-        f'width="{WIDTH:g}" role="img" aria-label="rope at rest and path of the car">'
-        f'<polyline points="{points(r.fields.x, r.fields.y)}" fill="none" stroke="{GREY}" stroke-dasharray="4 3"/>'
-        f'<polyline points="{points(r.x, r.y)}" fill="none" stroke="{BLUE}" stroke-width="2"/></svg>'
-        f"<p>rope at rest (dashed) and path of the car{exaggerated}</p></div>"
-    )
+    """Return the side view for notebooks as SVG."""
+    out = io.StringIO()
+    side_view(r).figure.savefig(out, format="svg")
+    return f"<p>{html.escape(repr(r))}</p>{out.getvalue()[out.getvalue().index('<svg') :]}"
 
 
 def _axes(ax: Any) -> Any:

@@ -19,8 +19,6 @@ from cablefem.scene.bisection import bisected
 # [-] z = rho g b/(2H); sag/span is z/4 when shallow, 7.3 at z = 5; below 1e-9, l is the chord to 16 digits
 Z_MIN, Z_MAX = 1e-9, 5.0
 
-LEAST_SLACK = 1e-12  # [-] of the chord: nearer to it, less than four digits of the sag are known
-
 
 def static(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """(T, x', y', x'', y'') at s in [0, 1], each of the shape of s."""
@@ -139,8 +137,8 @@ class Catenary:
 
 
 def length_range(span: float, drop: float) -> tuple[float, float]:
-    """Arc lengths [m] of catenaries."""
-    return math.hypot(span, drop) * (1.0 + LEAST_SLACK), Catenary(span, drop, 2.0 * Z_MAX / span, 1.0).length
+    """Arc lengths [m] of catenaries; within 1e-12 of the chord, less than four digits of the sag are known."""
+    return math.hypot(span, drop) * (1.0 + 1e-12), Catenary(span, drop, 2.0 * Z_MAX / span, 1.0).length
 
 
 def sag_range(span: float, drop: float) -> tuple[float, float]:

@@ -42,9 +42,7 @@ SINCE = 12.0  # since a jump of force, and to a support
 RINGS = 240.0  # axial round trip
 HALT = 2.0  # until friction may turn
 WAVES = 60.0  # transverse round trip ahead of the car
-REST_SPEED, REST_DISTANCE = 1e-3, 0.01  # [m/s], [m] see `Driving`
 FREE_ONLY = ("release", "thrust", "brake", "rest_speed", "rest_distance")
-AIR_DENSITY = 1.2  # [kg/m^3]
 
 
 class Thrust(Part):
@@ -102,13 +100,13 @@ class Driving(Part):
     release: NonNegative = said("[s] over which the force that holds a free car goes", 0.0)
     rolling_friction: Annotated[float, between(0.0, 1.0)] = said("[-] friction over contact force", 0.0)
     drag_area: NonNegative = said("[m2] drag coefficient times area of the car", 0.0)
-    air_density: Positive = said("[kg/m3] density of the air", AIR_DENSITY)
+    air_density: Positive = said("[kg/m3] density of the air", 1.2)
     wind: Real = said("[m/s] along x on the car alone; negative is a headwind", 0.0)
     thrust: number_or(REAL, Thrust) = said("[N] force along the cable", 0.0)  # type: ignore[valid-type]
     brake: Annotated[tuple[Brake, ...], tables("{from = ..., force = ...}")] = said("[-] brakes, in order", ())
     end: End | None = said("[-] where or when the ride is over", None)
-    rest_speed: Positive = said("[m/s] a slower car is at rest where friction or the valley holds it", REST_SPEED)
-    rest_distance: Positive = said("[m] from its static place of rest in which a slow car is at rest", REST_DISTANCE)
+    rest_speed: Positive = said("[m/s] a slower car is at rest where friction or the valley holds it", 1e-3)
+    rest_distance: Positive = said("[m] from its static place of rest in which a slow car is at rest", 0.01)
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
@@ -181,23 +179,8 @@ class Driving(Part):
         )
 
     def __str__(self) -> str:
-        parts = [self.mode if self.start is None else f"{self.mode} from {self.start:.4g} m"]
-        if self.release:
-            parts.append(f"let go over {self.release:.4g} s")
-        if self.rolling_friction:
-            parts.append(f"rolling friction {self.rolling_friction:.4g}")
-        if self.drag_area:
-            parts.append(f"drag area {self.drag_area:.4g} m2" + (f", wind {self.wind:+.4g} m/s" if self.wind else ""))
-        if isinstance(self.thrust, Thrust):
-            most, last = max(self.thrust.forces, key=abs), self.thrust.times[-1]
-            parts.append(f"thrust up to {most:.4g} N until {last:.4g} s")
-        elif self.thrust:
-            parts.append(f"thrust {self.thrust:.4g} N")
-        parts += [f"brake {brake.force:.4g} N from {brake.place:.4g} m" for brake in self.brake]
-        if self.end is not None:
-            at = f"{self.end.time:.4g} s" if self.end.place is None else f"{self.end.place:.4g} m"
-            parts.append(f"ends at {at}")
-        return ", ".join(parts)
+        fields = type(self).model_fields
+        return ", ".join([self.mode, *(f"{k} {x}" for k, x in self if k != "mode" and x != fields[k].default)])
 
 
 @dataclass(frozen=True)

@@ -56,11 +56,7 @@ class Motion:
             rows, first, count = slice(None) if one else phase == p, sum(map(len, self.pieces[:p])), len(self.pieces[p])
             start = c[0, first : first + count]
             at = first + np.searchsorted(start[1:], t[rows], side="right") if count > 1 else first
-            _, origin, c0, c1, c2, c3 = c[:, at]
-            x = t[rows] - origin
-            out[:, rows] = (
-                c0 + x * (c1 + x * (c2 + x * c3)), c1 + x * (2.0 * c2 + 3.0 * x * c3), 2.0 * c2 + 6.0 * x * c3
-            )  # fmt: skip
+            out[:, rows] = self._on(at, t[rows])
         out[0, t == self.phases[-1][1]] = self.end
         return out
 
@@ -96,17 +92,11 @@ class Motion:
         """s_o at t, same shape; constant outside the travel."""
         stop = self.phases[-1][1]
         t = np.clip(np.asarray(t, dtype=float), 0.0, stop)
-        start, origin, c0, c1, c2, c3 = self._columns
-        k = np.searchsorted(start[1:], t, side="right")
-        x = t - origin[k]
-        return np.where(t == stop, self.end, c0[k] + x * (c1[k] + x * (c2[k] + x * c3[k])))
+        return np.where(t == stop, self.end, self._on(self._piece(t), t)[0])
 
     def speed(self, t) -> np.ndarray:
         """ds_o/dt at t, same shape; the later one at a jump."""
-        start, origin, _, c1, c2, c3 = self._columns
-        k = np.searchsorted(start[1:], t, side="right")
-        x = np.asarray(t, dtype=float) - origin[k]
-        return c1[k] + x * (2.0 * c2[k] + 3.0 * x * c3[k])
+        return self._on(self._piece(t), np.asarray(t, dtype=float))[1]
 
     def time_at(self, s_o: float) -> float:
         """When the mass comes to s_o; ValueError if never."""
@@ -116,7 +106,7 @@ class Motion:
         """`time_at` of many places (n,), by bisection."""
         index, low, high = self._ends_around(places)
         while ((low < (middle := 0.5 * (low + high))) & (middle < high)).any():
-            early = self._on(index, middle) < places
+            early = self._on(index, middle)[0] < places
             low, high = np.where(early, middle, low), np.where(early, high, middle)
         return high
 
@@ -132,13 +122,16 @@ class Motion:
         k = np.searchsorted(known, places, side="left")
         index, high = np.maximum(k - 1, 0), times[k]
         # within rounding
-        return index, np.where((known[k] == places) | (self._on(index, high) <= places), high, times[index]), high
+        return index, np.where((known[k] == places) | (self._on(index, high)[0] <= places), high, times[index]), high
 
-    def _on(self, index: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """s_o at t (n,), each on its piece."""
+    def _piece(self, t) -> np.ndarray:
+        return np.searchsorted(self._columns[0, 1:], t, side="right")
+
+    def _on(self, index, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """s_o and its derivatives at t, each on its piece; same shape."""
         _, origin, c0, c1, c2, c3 = self._columns[:, index]
         x = t - origin
-        return c0 + x * (c1 + x * (c2 + x * c3))
+        return c0 + x * (c1 + x * (c2 + x * c3)), c1 + x * (2.0 * c2 + 3.0 * x * c3), 2.0 * c2 + 6.0 * x * c3
 
     @property
     def speeds(self) -> list[tuple[float, float]]:

@@ -37,8 +37,6 @@ class Mass(Part):
     below: NonNegative = said("[m] how far the lowest part of the car or rider hangs below the cable", 0.0)
 
 
-STORM = 40.0  # [m/s] a wind above it asks for its unit
-
 AT_REST = "a line of several contacts is computed at rest; one span between two anchors also in motion"
 
 
@@ -297,7 +295,7 @@ class Scene(Part):
         drive, notes = self.drive, []
         if drive.mode == "free" and not (drive.rolling_friction or drive.drag_area):
             notes.append("no friction, no drag given: the fastest possible ride")
-        if abs(drive.wind) > STORM:
+        if abs(drive.wind) > 40.0:  # m/s
             kmh = drive.wind / 3.6
             notes.append(f"drive.wind = {drive.wind:g} m/s is a hurricane; were km/h meant? ({kmh:.3g} m/s)")
         return notes

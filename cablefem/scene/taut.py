@@ -9,8 +9,6 @@ import numpy as np
 from cablefem.scene.bisection import bisected
 from cablefem.scene.line import Case, NoLine
 
-ROUNDS = 8  # of shape and tension
-
 
 def guess(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """H (n - 1,) [N] of the pieces, places (n, 2) [m] and s (n,) [m]; NoLine where none is."""
@@ -47,14 +45,14 @@ def _of_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray, np.nd
         raise NoLine(f"{length:.6g} m of rope hang too slack") from None
 
 
-def _string(case: Case, T: float, k: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _string(case: Case, T: float, k: int | None, rounds: int = 8) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """H, places and lengths of pieces, for tension T at station k or at the mean depth."""
     x, y = (np.array([getattr(p, axis) for p in case.stations]) for axis in "xy")
     cars = np.array([p.is_car for p in case.stations])
     load = np.array([p.force if p.is_car else 0.0 for p in case.stations])
     chord, run = np.interp(x, x[~cars], y[~cars]), np.diff(x)
     H, depth = np.full(run.size, T), chord
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         w = case.weight * np.hypot(1.0, np.diff(depth) / run)
         K = np.diag(np.append(H / run, 0.0) + np.append(0.0, H / run)) - np.diag(H / run, 1) - np.diag(H / run, -1)
         b = load + 0.5 * (np.append(w * run, 0.0) + np.append(0.0, w * run))

@@ -14,8 +14,7 @@ from cablefem.scene.fields import NonNegative, Numbers, Part, Positive, Real, sa
 from cablefem.scene.motion import Motion, Piece
 
 AT_REST = 1e-3  # of the largest speed: a first or last speed below counts as rest
-AT_THE_END = 1e-9  # of the length: a table that ends so near the support ends on it
-STANDS = 1e-9  # of the largest speed: rest at the end
+ROUNDING = 1e-9  # of the length, of the largest speed: a travel that ends so near the support ends on it, at rest
 
 
 def _column(values: object) -> np.ndarray | None:
@@ -59,13 +58,13 @@ class Law(Part):
         if self.stop is not None and self.stop.time >= end:
             return [f"stop.time = {self.stop.time!r}: must be < {end:.6g} s, the end of the travel"]
         stopped = self._stopped(law)
-        if stopped.end > way * (1.0 + 1e-9):
+        if stopped.end > way * (1.0 + ROUNDING):
             told = f"deceleration = {self.stop.deceleration!r}"  # type: ignore[union-attr]
             return [
                 f"stop.{told}: the mass comes to rest at {begin + stopped.end:.6g} m; must be by {begin + way:.6g} m"
             ]
         last = stopped.at(stopped.phases[-1][1], len(stopped.phases) - 1)[1]
-        if self.rest and abs(last) > STANDS * stopped.top_speed:
+        if self.rest and abs(last) > ROUNDING * stopped.top_speed:
             return [
                 f"rest = {self.rest!r}: the mass still moves with {last:.4g} m/s at the end of its travel; must stop"
             ]
@@ -274,7 +273,7 @@ class Table(Law):
         return faults
 
     def own_faults(self, way: float) -> list[str]:
-        if self.positions[-1] > way * (1.0 + AT_THE_END):
+        if self.positions[-1] > way * (1.0 + ROUNDING):
             last = f"positions[{len(self.positions) - 1}] = {self.positions[-1]!r}"
             return [f"{last}: must be <= {way!r}, the length of the cable"]
         if self.positions[-1] == 0.0:
@@ -293,7 +292,7 @@ class Table(Law):
 
     def course(self, way: float) -> Motion:
         t, s = np.array(self.times), np.array(self.positions)
-        if abs(s[-1] - way) <= AT_THE_END * way:
+        if abs(s[-1] - way) <= ROUNDING * way:
             s[-1] = way
         stands = np.diff(s) == 0.0
         cuts = [0, *(np.flatnonzero(stands[1:] != stands[:-1]) + 1).tolist(), t.size - 1]

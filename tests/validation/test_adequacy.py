@@ -188,11 +188,6 @@ def test_the_page_says_the_advice_and_shows_the_ladder(level):
     assert len({s.id for s in found}) == len(found)
 
 
-def test_the_page_of_a_folder_without_an_advice_says_so(tmp_path):
-    (only,) = page.sections(tmp_path)
-    assert "advice.json" in only.html
-
-
 def test_a_scene_that_falls_slack_at_once_is_said_to_need_the_full_model(level):
     found = Climb(LEVEL, 0.05, full=[replace_onset(0.03)])
     (sentence,) = adequacy.words(found)

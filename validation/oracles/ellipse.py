@@ -100,18 +100,17 @@ RULES: dict[str, dict[str, Any]] = {
     "following-p2": {"scheme": "radau"}, "fourier-kink": {"scheme": "generalized-alpha", "rho_inf": 0.0},
 }  # fmt: skip
 BEAD = Ellipse(D=1.0 / 1.05, g=1.0)
-MU, STEPS, START, T_END = 1000.0, 1200, 0.2, 1.7
-STIFF, SMALL = 1e5, 0.01
+MU, START = 1000.0, 0.2
 
 
-def line(stiffness: float, mu: float = MU, start: float = START, t_end: float = T_END) -> Scene:
+def line(stiffness: float, mu: float = MU, start: float = START, t_end: float = 1.7) -> Scene:
     """EA in weights of the car, mass mu, sudden start."""
     drive = {"mode": "free", "start": start, "end": {"time": t_end}, "rest_distance": 1e-6}
     return hung(BEAD.g, stiffness * mu, mu, drive, span=BEAD.D, length=1.0)
 
 
 def _ride(solvers: Solvers, method: str, scene: Scene) -> Any:
-    return solvers.ride(scene, method, steps=STEPS, **RULES[method])
+    return solvers.ride(scene, method, steps=1200, **RULES[method])
 
 
 def _deviation(solvers: Solvers, method: str, stiffness: float) -> Error:
@@ -149,10 +148,10 @@ def _mean(t: Array, values: Array, over: Array) -> Array:
 
 
 def _swing(solvers: Solvers, method: str, mu: float) -> Error:
-    omega = math.sqrt(BEAD.g * BEAD.b) / 0.5
-    r = _ride(solvers, method, line(STIFF, mu, 0.5 - SMALL, 5.5 * math.pi / omega))
+    start, omega = 0.49, math.sqrt(BEAD.g * BEAD.b) / 0.5
+    r = _ride(solvers, method, line(1e5, mu, start, 5.5 * math.pi / omega))
     times = []
-    for s_o in (r.s_o / r.length, BEAD.ride(r.t, 0.5 - SMALL)):
+    for s_o in (r.s_o / r.length, BEAD.ride(r.t, start)):
         passages = CubicSpline(r.t, s_o - 0.5).roots(extrapolate=False)
         times.append(np.diff(passages).mean())
     off = abs(times[1] / times[0] - 1.0)

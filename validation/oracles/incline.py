@@ -56,8 +56,7 @@ def braked(t: ArrayLike, s_b: float, *, mu: float, g: float, sin: float, mu_r: f
                     last - 0.5 * (F_b / mu - a) * left**2)  # fmt: skip
 
 
-MU, SIN, K, START, MU_R, SHOE = 0.3, 0.2, 1.5, 0.1, 0.04, 0.6
-HOLDS = 3.0  # brake force over mu sigma sin
+MU, SIN, START = 0.3, 0.2, 0.1
 
 
 def _scene(sigma: float, **drive: Any) -> Scene:
@@ -66,19 +65,20 @@ def _scene(sigma: float, **drive: Any) -> Scene:
 
 
 def _drag(solvers: Solvers, method: str, sigma: float) -> Error:
-    t_end = math.acosh(math.exp(0.7 * K / MU)) * MU / K / terminal(mu=MU, g=sigma, sin=SIN, k=K)
-    scene = _scene(sigma, air_density=1.0, drag_area=2.0 * K, end={"time": t_end})
+    k = 1.5
+    t_end = math.acosh(math.exp(0.7 * k / MU)) * MU / k / terminal(mu=MU, g=sigma, sin=SIN, k=k)
+    scene = _scene(sigma, air_density=1.0, drag_area=2.0 * k, end={"time": t_end})
     r = solvers.ride(scene, method, steps=200, scheme="generalized-alpha")
-    error = np.abs(r.s_o - START - way(r.t, mu=MU, g=sigma, sin=SIN, k=K))
+    error = np.abs(r.s_o - START - way(r.t, mu=MU, g=sigma, sin=SIN, k=k))
     return largest_and_rms(error)
 
 
 def _stop(solvers: Solvers, method: str, sigma: float) -> Error:
-    force = HOLDS * MU * sigma * SIN
-    scene = _scene(sigma, rolling_friction=MU_R, brake=[{"from": SHOE, "force": force}])
+    shoe, mu_r, force = 0.6, 0.04, 3.0 * MU * sigma * SIN
+    scene = _scene(sigma, rolling_friction=mu_r, brake=[{"from": shoe, "force": force}])
     r = solvers.ride(scene, method, steps=200, scheme="generalized-alpha")
     t = np.linspace(0.0, r.t[-1], 2001)
-    exact = braked(t, SHOE - START, mu=MU, g=sigma, sin=SIN, mu_r=MU_R, F_b=force)
+    exact = braked(t, shoe - START, mu=MU, g=sigma, sin=SIN, mu_r=mu_r, F_b=force)
     error = np.abs(np.interp(t, r.t, r.s_o) - START - exact)
     return largest_and_rms(error)
 

@@ -61,10 +61,16 @@ def _three(ahead: float = 400376.5890) -> list[Told]:
     ]  # fmt: skip
 
 
-_WEIGHED: list[Told] = [
-    (0, "weight", "s", 618.284099), (0, "left", "ahead", 475797.4438), (0, "grip", "y", -38.424243),
-    (0, "grip", "behind", 479179.1553), (0, "grip", "ahead", 490181.3837),
-]  # fmt: skip
+def _weighed() -> list[Told]:
+    return [
+        (0, "weight", "s", 618.284099), (0, "left", "ahead", 475797.4438), (0, "grip", "y", -38.424243),
+        (0, "grip", "behind", 479179.1553), (0, "grip", "ahead", 490181.3837),
+    ]  # fmt: skip
+
+
+def _skyline(*tensions: float) -> list[Told]:
+    """Tensions with the load in each field."""
+    return [(i, "carriage", "ahead", tension) for i, tension in enumerate(tensions)]
 
 
 def _tramway(sign: float = 1.0) -> list[Told]:
@@ -73,10 +79,6 @@ def _tramway(sign: float = 1.0) -> list[Told]:
         (0, "weight", "s", -sign * 10.817098), (0, "car", "y", -148.607581), (0, "car", "ahead", 396588.7073),
         (0, "car", "haul", 22261.47088), (0, "right", "behind", 433576.5376),
     ]  # fmt: skip
-
-
-_EXACT = (110438.79, 119370.18, 132122.47, 122143.86, 107195.94, 84077.84)
-_PRINTED = (109.9e3, 119.6e3, 131.1e3, 121.5e3, 106.0e3, 83.5e3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,19 +122,18 @@ def cases() -> list[Case]:
     three, weighed, tramway, aster = (Line.from_toml(text) for text in (THREE, WEIGHED, TRAMWAY, ASTER))
     skyline = Line.load("skyline")
     forgotten = weighed.replace({"contact.weight.tension": 5e5 - 150.0 * 9.0 * 9.81})
-    fields = range(len(_EXACT))
     return [
         AtRest(name="three spans, a gripping and a hauled car", line=three, told=_three()),
-        AtRest(name="counterweight 150 m up, a gripping car", line=weighed, told=_WEIGHED),
+        AtRest(name="counterweight 150 m up, a gripping car", line=weighed, told=_weighed()),
         AtRest(name="tramway of one span, counterweight, a hauled car", line=tramway, told=_tramway()),
         AtRest(name="skyline, load in each field", line=skyline, digits=1e-7,
-               told=[(i, "carriage", "ahead", _EXACT[i]) for i in fields]),
+               told=_skyline(110438.79, 119370.18, 132122.47, 122143.86, 107195.94, 84077.84)),
         AtRest(name="skyline, as SEILAPLAN prints it", line=skyline, digits=0.012,
-               told=[(i, "carriage", "ahead", _PRINTED[i]) for i in fields]),
+               told=_skyline(109.9e3, 119.6e3, 131.1e3, 121.5e3, 106.0e3, 83.5e3)),
         AtRest(name="rope over two pulleys, as Code_Aster prints it", line=aster, digits=6e-4,
                told=[(0, "left", "middle", 13.930), (0, "one", "middle", 13.930)]),
         AtRest(name="a saddle with tensions 1 percent apart", line=three, told=_three(404380.0), expected="disagree"),
         AtRest(name="a counterweight that falls where it must rise", line=tramway, told=_tramway(-1.0),
                expected="disagree"),
-        AtRest(name="weight of the rope forgotten at the pulley", line=forgotten, told=_WEIGHED, expected="disagree"),
+        AtRest(name="weight of the rope forgotten at the pulley", line=forgotten, told=_weighed(), expected="disagree"),
     ]  # fmt: skip

@@ -39,8 +39,6 @@ from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, Error, Lim
 
 DEGREE = 32
 TAIL = 1e-13  # last coefficients over the largest
-LAST = 1e-16  # of T: least s
-LEAST_STEP = 1e-6  # of T, or of s near the far support
 
 
 class MarchStalled(ArithmeticError):
@@ -229,7 +227,7 @@ class _March:
         if float(travel.to_go(np.zeros(1))[0]) != 0.0:
             s_last = 0.0
         elif float(travel.speed(np.array([T]))[0]) > 0.0:
-            s_last = LAST * T
+            s_last = 1e-16 * T
         else:
             s_last = float(_invert(travel.to_go, lambda s: travel.speed(T - s), np.array([reach]), 0.0, T)[0])
         front_t, front_s = self.fronts(s_last)
@@ -274,7 +272,7 @@ class _March:
             if excess <= 1.0:
                 return coef, h, size, float(tail[0]), excess
             h *= 0.6
-            if not h > LEAST_STEP * (abs(z) if late else T):
+            if not h > 1e-6 * (abs(z) if late else T):
                 raise MarchStalled(float(T + z if late else z), T, excess)
 
     def _first_step(self, h: float) -> Array:

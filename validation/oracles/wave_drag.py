@@ -76,15 +76,13 @@ def resistance(t: ArrayLike, *, mu: float, sigma: float, V: float, s0: float, dr
     return -load * (slope + (0.5 - s0 - V * t) / mu)
 
 
-MU, V, S0, T_END = 0.3, 0.4, 0.35, 0.45
-
-
 def _deviation(solvers: Solvers, method: str, sigma: float, drag: bool = True) -> Error:
-    drive = {"mode": "haul", "start": S0, "end": {"place": S0 + V * T_END}}
-    scene = hung(sigma, 300.0, MU, drive, travel=ConstantSpeed(speed=V))
+    mu, V, s0, t_end = 0.3, 0.4, 0.35, 0.45
+    drive = {"mode": "haul", "start": s0, "end": {"place": s0 + V * t_end}}
+    scene = hung(sigma, 300.0, mu, drive, travel=ConstantSpeed(speed=V))
     r = solvers.ride(scene, method, steps=400, scheme="generalized-alpha")
-    exact = resistance(r.t / scene.time_scale, mu=MU, sigma=sigma, V=V, s0=S0, drag=drag)
-    return largest_and_rms((r.F_haul - MU * r.acceleration[:, 0]) / (MU * sigma) ** 2 - exact)
+    exact = resistance(r.t / scene.time_scale, mu=mu, sigma=sigma, V=V, s0=s0, drag=drag)
+    return largest_and_rms((r.F_haul - mu * r.acceleration[:, 0]) / (mu * sigma) ** 2 - exact)
 
 
 def _case(name: str, drag: bool) -> Limit:
