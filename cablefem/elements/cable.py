@@ -149,7 +149,8 @@ class CableElements(System):
         """Return `told` of the steps taken; steps : t, ends, a, further."""
         t, told = rule.instants(steps[0]), np.empty((len(steps[2]), 6))
         ride, places = self._moved(t, phase, steps[1][0])
-        contacts = tuple(self._contact_at(x, phase) for x in t[0].tolist())
+        at_nodes = [self._contact_at(x, phase) for x in t[0].tolist()]
+        contacts = tuple(at_nodes + at_nodes[-1:])[:3]  # as many for each rule: compiled once
         of = collocation.Steps(places, contacts, *steps, told)  # type: ignore[call-arg]
         self._at, space = None, self._workspace(rule.c.size)
         if ride is not None:

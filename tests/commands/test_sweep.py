@@ -129,10 +129,7 @@ def test_points_keep_their_numbers_when_a_study_reads_back():
         ({"vary": {"mass.weight.of": []}}, "vary.mass.weight.of = []"),
         ({"vary": {"moss.mass": [1.0]}}, "moss.mass: must be a field"),
         ({"vary": {"mu": {"from": 2.0, "to": 1.0, "count": 3}}}, "vary.mu.to = 1: must be > 2, where the range begins"),
-        (
-            {"vary": {"mu": {"from": -2.0, "to": 1.0, "count": 3, "log": True}}},
-            "mu.from = -2: must be > 0 with log",
-        ),
+        ({"vary": {"mu": {"from": -2.0, "to": 1.0, "count": 3, "log": True}}}, "mu.from = -2: must be > 0 with log"),
         ({"vary": {"mu": {"from": 2.0, "to": 3.0, "count": 1}}}, "vary.mu.count = 1: must be a whole number from 2"),
         ({"vary": {"mu": {"from": 2.0, "count": 2}}}, "vary.mu.to: missing; must be a number"),
         ({"vary": {}}, "vary = {}: must be a table of at least one axis"),

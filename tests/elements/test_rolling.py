@@ -8,7 +8,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 from cablefem import Scene
 from cablefem.elements.fixed import FixedElements
@@ -17,7 +16,7 @@ from cablefem.elements.rolling import RollingElements, following
 from cablefem.newmark import Newton, State, StepFailure, System, Work, collocate, integrate, iterate, scheme, step_times
 from cablefem.newmark.system import AVERAGE
 from cablefem.scene.statics import gripped, hauled
-from tests.runs import CRUISE, INCLINED, LEVEL, observe, stack
+from tests.runs import CRUISE, LEVEL, observe, stack
 from validation import run
 from validation.oracles import ellipse, energy
 
@@ -141,21 +140,6 @@ def rolling(groups, mode="free"):
     return replace(
         groups, motion=None if mode == "free" else groups.motion, drive=replace(G.drive, mode=mode, end_time=9.0)
     )
-
-
-@pytest.mark.parametrize(
-    ("groups", "rest", "hold"),
-    [(G, 0.784932735, -0.00571379), (rolling(LEVEL), 0.5, -0.01554625), (rolling(INCLINED), 0.883770533, -0.00596207)],
-    ids=["zip line", "level", "inclined"],
-)
-def test_a_car_rests_where_the_elastic_catenary_says(groups, rest, hold):
-    coarse, fine = (RollingElements(groups, elements=4, degree=degree) for degree in (2, 4))
-    assert fine._statics(0.1)[1] == pytest.approx(hold, abs=1e-8)  # digits of the reference
-    for system, bound in ((coarse, 6e-6), (fine, 1e-9)):
-        found = brentq(lambda s, x=system: x._statics(s)[1], rest - 0.07, rest + 0.06, xtol=1e-13)
-        assert abs(found - rest) < bound
-    other = RollingElements(replace(groups, alpha=1.02 * groups.alpha), elements=4, degree=4)
-    assert abs(other._statics(0.1)[1] - hold) > 1e-6
 
 
 @pytest.mark.parametrize(("stiffness", "elements"), [(1e2, 8), (1e4, 12), (1e5, 16)])

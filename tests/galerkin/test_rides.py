@@ -17,7 +17,7 @@ from cablefem.scene.motion import Motion, Piece
 from cablefem.scene.statics import gripped, hauled
 from galerkin import Daubechies, Fourier, GalerkinSystem, PositionAbscissa, RollingSystem, kernels, rides
 from tests.galerkin.test_equations import STEEP, random_state
-from tests.runs import INCLINED, LEVEL, observe
+from tests.runs import LEVEL, observe
 from validation import run
 from validation.oracles.rest import ZIP as ROPE
 
@@ -132,22 +132,6 @@ def test_how_the_balance_follows_forces():
 
 
 # --- statics -------------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize(
-    ("groups", "hold"), [(RIDER.groups, -0.00571379), (LEVEL, -0.01554625), (INCLINED, -0.00596207)],
-    ids=["zip line", "level", "inclined"],
-)  # fmt: skip
-def test_what_holds_a_car_at_a_tenth(groups, hold):
-    """Against the elastic catenary of two pieces, closer with more terms."""
-    errors = []
-    for terms in (8, 16):
-        system = RollingSystem(replace(groups, drive=Drive(mode="free", start=0.1, end_time=1.0)), Fourier(terms))
-        x = system.start(0, None)
-        errors.append(abs(system.hold - hold))
-    assert errors[1] < 1e-4 * abs(hold)
-    assert errors[1] < 0.8 * errors[0]
-    assert np.abs(system.residual(0.0, x.q, x.v, x.a, 0)).max() < 1e-10
-
-
 def test_a_short_side_that_sines_do_not_resolve():
     """What holds the car there, and its twin: what the slopes at the car say is not as good."""
     groups = replace(LEVEL, drive=Drive(mode="free", start=0.02, end_time=1.0))

@@ -103,19 +103,6 @@ def test_other_scenes_against_elements(groups, bound):
     assert path_error(GalerkinSystem(groups, Fourier(20), kink=True), 600, element_path(groups))[0] < bound
 
 
-@pytest.mark.parametrize("model", ["sagged", "stretching"])
-@pytest.mark.parametrize("load", ["mass", "force"])
-def test_one_field_models_against_elements(model, load):
-    elements = FollowingElements(INCLINED, elements=10, degree=2, model=model, load=load)
-    states, s_o = march(elements, 500, until=0.82)
-    system = GalerkinSystem(INCLINED, Fourier(20), kink=True, model=model, load=load)
-    mine, _ = march(system, 500, until=0.82)
-    a, b = observe(elements, states), observe(system, mine)
-    inside, size = s_o > 0.02, np.abs(a.path).max()
-    np.testing.assert_allclose(b.path, a.path, rtol=0.0, atol=2e-3 * size)
-    np.testing.assert_allclose(b.T_ahead[inside], a.T_ahead[inside], rtol=0.0, atol=1e-2)
-
-
 def test_rough_wavelets_need_damping_in_the_path_form(level_path):
     """A constraint on positions is unstable under the undamped rule; damped, db3 is as good as its number of terms.
 

@@ -134,11 +134,7 @@ def test_the_groups_do_not_know_the_size_the_weight_and_the_planet(choice, longe
 def test_the_three_ways_to_define_a_cable_agree(choice):
     scene = Scene.from_groups(**choice)
     for shape in ("length", "horizontal_tension"):
-        cable = {
-            "mass_per_length": scene.cable.mass_per_length,
-            "EA": scene.cable.EA,
-            shape: getattr(scene, shape),
-        }
+        cable = {"mass_per_length": scene.cable.mass_per_length, "EA": scene.cable.EA, shape: getattr(scene, shape)}
         other = scene.variant(cable=cable)
         # a length fixes H through l - chord > 6e-5 l: 16 digits of l are 12 of H
         assert other.horizontal_tension == pytest.approx(scene.horizontal_tension, rel=1e-11)

@@ -11,7 +11,7 @@ import pytest
 
 from cablefem import Scene
 from cablefem.response import Response
-from validation.commands.paper import computed, measured, runs, verdicts, vibration
+from validation.commands.paper import computed, gibbs, measured, runs, verdicts, vibration
 from validation.commands.paper import page as report
 from validation.commands.paper import study as claims
 from validation.commands.paper.verdicts import FAILS, HOLDS, OPEN, PAPER_ONLY, Claim, Value
@@ -132,6 +132,16 @@ def test_a_front_in_a_cable_of_static_tension_meets_the_mass_where_a_string_says
     twice = np.full_like(level.fields.T, 2.0 * H)
     tight = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T_pointwise=twice))
     assert measured.meeting(tight) < 0.5
+
+
+def test_the_overshoot_of_plain_sines_does_not_shrink_and_is_gone_with_the_kink():
+    groups = Scene.load("inclined").groups
+    few, many = (gibbs.overshoot(groups, "fourier", n).size for n in (15, 60))
+    assert few > 0.03
+    assert 0.75 < many / few < 1.35  # 0.25 if it fell as the path's error does
+    kink = [gibbs.overshoot(groups, "fourier-kink", n).size for n in (15, 60)]
+    assert kink[0] < 0.1 * few
+    assert kink[1] < 0.4 * kink[0]
 
 
 # --- free vibration -------------------------------------------------------------------------------------------------

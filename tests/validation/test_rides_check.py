@@ -24,10 +24,7 @@ RIDE = Scene.from_toml(ZIP + "rolling_friction = 0.02\nbrake = [{from = 25.0, fo
 
 @cache
 def pair():
-    return (
-        laddered(RIDE, "following-p2", elements=16, steps=500),
-        laddered(RIDE, "fourier-kink", terms=16, steps=500),
-    )
+    return (laddered(RIDE, "following-p2", elements=16, steps=500), laddered(RIDE, "fourier-kink", terms=16, steps=500))
 
 
 def rows(a, b):
