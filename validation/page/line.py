@@ -15,7 +15,21 @@ from validation.core import store
 from validation.core.quantities import scale_of
 from validation.page import terminal
 from validation.page.page import Section, callout, details, gallery, table
-from validation.page.plot import BLACK, BLUE, DASHED, DOTTED, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, Panel, plot
+from validation.page.plot import (
+    BLACK,
+    BLUE,
+    DASHED,
+    DOTTED,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    Panel,
+    plot,
+    side,
+)
 
 UNITS = {
     "tension": "N", "tension_behind": "N", "tension_ahead": "N", "tension_max": "N", "tension_min": "N", "haul": "N",
@@ -32,9 +46,7 @@ WORDS = {
     "tension_ahead": "tension ahead of {}",
 }  # fmt: skip
 GRID = ("tension_max", "safety_factor", "pressure", "haul", "rise", "clearance_rope", "clearance_car")
-MOST = 14  # rows of the terminal's table
 COLORS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
-WIDE, FLAT = 400.0, 70.0  # size of a panel; least height of a side view
 Row = dict[str, Any]
 
 
@@ -71,15 +83,15 @@ def pairs(design: Sequence[Row]) -> list[Row]:
     return list(out.values())
 
 
-def tell(line: Any, design: Sequence[Row], refused: Sequence[Row]) -> None:
-    """Print the extremes over all positions, and positions without rest."""
+def tell(line: Any, design: Sequence[Row], refused: Sequence[Row], most: int = 14) -> None:
+    """Print extremes over all positions, `most` at most, and positions without rest."""
     terminal.say(f"{line.name}: {line.title or 'a line at rest'}", style="bold")
     few = ("tension", "tension_behind", "tension_ahead", "pressure")
     first = [d for d in design if kind_of(d["quantity"]) not in few]
-    cells = [list(x.values()) for x in pairs(first)][:MOST]
+    cells = [list(x.values()) for x in pairs(first)][:most]
     terminal.table(["quantity", "largest (cars at x [m])", "least"], cells)
-    if len(pairs(first)) > MOST:
-        terminal.say(f"  {len(pairs(first)) - MOST} more in the report")
+    if len(pairs(first)) > most:
+        terminal.say(f"  {len(pairs(first)) - most} more in the report")
     for x in refused[:3]:
         terminal.say(f"  position {x['position']}: {x['reason']}", style="bold red")
     if len(refused) > 3:
@@ -92,6 +104,13 @@ def shown(rows: Sequence[Row], keys: Sequence[str]) -> dict[str, str]:
     kept = [n for n in names if not (kind_of(n) == "pressure" and n.startswith("pressure_down"))]
     last = [name for name in ("status", "verdict", "why") if any(x.get(name) not in (None, "complete") for x in rows)]
     return {key: key for key in keys} | {n: _head(n) for n in kept} | {name: name for name in last}
+
+
+def tell_grid(rows: Sequence[Row], keys: Sequence[str]) -> None:
+    """Print the table of a grid."""
+    heads = shown(rows, keys)
+    cells = [[f"{x[n]:.6g}" if isinstance(x.get(n), float) else str(x.get(n) or "-") for n in heads] for x in rows]
+    terminal.table(list(heads.values()), cells)
 
 
 def _head(name: str) -> str:
@@ -157,8 +176,7 @@ def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
     ]
     depths = [told["y_highest"], told["y_lowest"], ground[:, 1], np.array([o["top"] for o in obstacles])]
     p.fit([*depths, *(y + car.get("below", 0.0) for car, _, y in cars)], pad=0.14)
-    times = max(1, round(FLAT / ((p.high - p.low) * WIDE / end)))
-    p.height = times * (p.high - p.low) * WIDE / end
+    caption = side(p, 1.12 * end, ground, [(o["name"], o["at"], o["top"]) for o in obstacles])
     p.bands.append((x, told["y_highest"], told["y_lowest"], "#0072b233"))
     p.line(x, told["y_rest"], GREY, DOTTED, 1.4, "empty rope")
     for depth in ropes["depths"].values():
@@ -167,16 +185,11 @@ def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
         p.line(at, y + car.get("below", 0.0), color, DASHED, 1.8, f"lowest point of {car['name']}")
         if at.size == 1:
             p.dots.append((float(at[0]), float(y[0]), color, True))
-    if ground.size:
-        p.line(ground[:, 0], ground[:, 1], "#8a7a55", "", 2.0, "ground")
-    for o in obstacles:
-        p.line(np.array([o["at"], o["at"]]), np.array([o["top"], p.high]), "#6b8e5a", "", 5.0, o["name"])
     for c in line["contact"]:
         p.dots.append((c["at"][0], c["at"][1], BLACK, c["kind"] in ("anchor", "saddle")))
         away = -1.0 if c["at"][0] > 0.9 * end else 1.0 if c["at"][0] < 0.1 * end else 0.0
         p.labels.append((c["at"][0] + away * 0.04 * end, c["at"][1] - 0.05 * (p.high - p.low), c["name"]))
-    scale = "To scale." if times == 1 else f"Depths are drawn {times} times too large."
-    return plot([p], (-0.06 * end, 1.06 * end), "x [m]", f"The line from the side. {scale}", wide=True)
+    return plot([p], (-0.06 * end, 1.06 * end), "x [m]", caption, wide=True)
 
 
 def _panels(line: Row, positions: Sequence[Row]) -> list[tuple[str, Panel]]:
@@ -247,7 +260,7 @@ def grid(folder: Path) -> list[Section]:
     ]
     drawn = [
         (np.array(a), np.array(b), x)
-        for (a, b), x in ((low, x) for low, x in zip(stored["lowest"], rows, strict=True) if low)
+        for (a, b), x in ((low, x) for low, x in zip(stored["paths"], rows, strict=True) if low)
     ]
     p = Panel("depth [m]", "", 180.0, down=True)
     p.fit([b for _, b, _ in drawn], pad=0.05)

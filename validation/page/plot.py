@@ -22,12 +22,11 @@ WIDTH, LEFT, RIGHT, BELOW = 480, 70, 14, 42  # user units, pixels on a desktop
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
 BLACK, GREY = "#1a1a1a", "#767676"
 DASHED, DOTTED = "8 4", "2 3"
-# matplotlib's viridis, to 2 percent, and RdBu_r
+# matplotlib's viridis, to 2 percent
 FIELD = (
     "440154 48186a 472d7b 424086 3b528b 33638d 2c728e 26828e 21918c 1fa088 28ae80 3fbc73 5ec962 84d44b addc30 d8e219 "
     "fde725"
 )
-DIFFERENCE = "053061 2065ab 4393c3 90c4dd d1e5f0 f7f6f6 fddbc7 f3a481 d6604d b1182b 67001f"
 
 
 @dataclass(slots=True)
@@ -102,6 +101,23 @@ class Panel:
             "labels": [(*at(x, y), words) for x, y, words in self.labels],
             "image": None if self.image is None else _png(self.image, self.colors),
         }  # fmt: skip
+
+
+def side(p: Panel, reach: float, ground: Any, obstacles: Sequence[tuple[str, float, float]]) -> str:
+    """Draw ground and obstacles (name, x, depth of the top) in a side view over `reach` metres; return its caption.
+
+    Its depths are drawn to scale, or enlarged by a whole number where it would be flat.
+    """
+    height = (p.high - p.low) * (WIDTH - LEFT - RIGHT) / reach
+    times = max(1, round(80.0 / height))
+    p.height = times * height
+    if len(ground):
+        x, depth = np.array(ground).T
+        p.line(x, depth, "#8a7a55", "", 2.0, "ground")
+    for name, at, top in obstacles:
+        p.line(np.array([at, at]), np.array([top, p.high]), "#6b8e5a", "", 5.0, name)
+    scale = "To scale." if times == 1 else f"Depths are drawn {times} times too large."
+    return f"The line from the side. {scale}"
 
 
 def plot(

@@ -16,8 +16,6 @@ from validation.page.plot import BLUE, FIELD, VERMILLION, colors
 
 SCRIPT = "side_view.js"
 STATIONS = 101  # of the moving rope, at most, without the mass
-PATH = 300  # points of the path of the car, at most
-LABELS = 5  # speeds written along the path
 
 
 def side_view(scene: Scene, runs: Sequence[Response], *, range_T: tuple[float, float]) -> Markup:
@@ -46,11 +44,11 @@ def _every(r: Response) -> int:
     return max(1, -(-(r.fields.s.size - 1) // (STATIONS - 1)))
 
 
-def _still(scene: Scene, r: Response) -> dict[str, Any]:
-    """Return what does not move: envelope, car path, brake, obstacles, ground, speeds."""
+def _still(scene: Scene, r: Response, points: int = 300, labels: int = 5) -> dict[str, Any]:
+    """Return what does not move: envelope, path of the car by so many points, brake, obstacles, ground, some speeds."""
     p = profile(r)
-    at = np.unique(np.linspace(0, r.t.size - 1, PATH).round().astype(int))
-    marks = np.interp(np.linspace(0.0, 1.0, LABELS + 2)[1:-1] * (r.s_o.max() - r.s_o[0]) + r.s_o[0], *_first(r))
+    at = np.unique(np.linspace(0, r.t.size - 1, points).round().astype(int))
+    marks = np.interp(np.linspace(0.0, 1.0, labels + 2)[1:-1] * (r.s_o.max() - r.s_o[0]) + r.s_o[0], *_first(r))
     speed = np.interp(marks, r.t, r.speed)
     X = scene.catenary
     return {

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from validation.core.agreement import Agreement
 
 EVENTS = ("thrust_end", "brake", "turn", "stop", "arrival", "back", "lift_off")
-MOST_EVENTS = 5  # lines of the terminal
 
 
 def rows(verdicts: Sequence[Agreement]) -> None:
@@ -58,9 +57,9 @@ def numbers(design: Sequence[dict[str, Any]]) -> None:
         terminal.say(f"  {line['what']:<{width}}  {line['value']}{at}{when}")
 
 
-def events(happened: Sequence[dict[str, Any]]) -> None:
+def events(happened: Sequence[dict[str, Any]], most: int = 5) -> None:
     """Print the events of a run, one per line, the last ones if there are many."""
-    for x in happened[-MOST_EVENTS:]:
+    for x in happened[-most:]:
         t, s_o = (with_bar(x[name], x.get(f"bar_{name}")) for name in ("t", "s_o"))
         v, bar = 3.6 * x["speed"], x.get("bar_speed")
         speed = "" if x["event"] in ("stop", "turn") else f" with {with_bar(v, bar and 3.6 * bar)} km/h"

@@ -21,10 +21,8 @@ from validation.page.options import (
 
 if TYPE_CHECKING:
     from cablefem.response import Response
-    from cablefem.scene import Scene
     from validation.page.options import Point
 
-GRID = "grid-check"  # folder of a grid's table
 EXAMPLE = "cablefem check my.toml --tol 1e-4 --with other.csv"
 
 
@@ -95,7 +93,7 @@ def command(
     if len(points) > 1:
         if other is not None:
             raise store.Refused("--with: holds one path against one scene; leave it out of a grid")
-        return _many(loaded, points, out, tol=tol, tol_tension=tol_tension)
+        return _many(points, out, tol=tol, tol_tension=tol_tension)
     loaded = points[0].scene
     other_scene = _second(loaded, second, second_set)
 
@@ -163,24 +161,14 @@ def _write_tables(folder: Path, runs: "tuple[Response, ...]") -> None:
         paraview.write(run, folder / run.method)
 
 
-def _many(scene: "Scene", points: "list[Point]", out: Path | None, **asked: Any) -> int:
-    """Check every point of a grid, write table and page; 1 unless all agree."""
+def _many(points: "list[Point]", out: Path | None, **asked: Any) -> int:
+    """Check every point of a grid; 1 unless all agree."""
     from validation.commands.check import study
-    from validation.page import report
     from validation.page.answer import many
 
-    folder = store.claim(out, "check", scene, [GRID])
-    rows, paths = [], []
-    with terminal.progress() as progress:
-        for i, point in enumerate(points):
-            progress("grid", i / len(points))
-            found = study.check(point.scene, **asked)
-            row = many.row(point.scene, found.a.run, found.design, found.verdict.value)
-            rows.append(point.given | row)
-            paths.append(many.path(found.a.run))
-    many.write(folder / GRID, scene, rows, paths)
-    report.write(folder, "check")
-    store.finish(folder, "check")
-    many.tell(rows, list(points[0].given))
-    terminal.say(f"  written to {folder}: report.html, {GRID}/table.csv")
+    def row(point: "Point") -> tuple[dict[str, Any], Any]:
+        found = study.check(point.scene, **asked)
+        return many.row(point.scene, found.a.run, found.design, found.verdict.value), many.path(found.a.run)
+
+    rows = many.grid("check", "grid-check", points, out, row, many.tell)
     return 0 if all(row["verdict"] == "agree" for row in rows) else 1

@@ -150,7 +150,7 @@ def check(
             found, _, verdict = checked(point.scene, *asked, second)
             return found, {"verdict": verdict}
 
-        return many("check", line, points, out, answered)
+        return many("check", points, out, answered)
     folder = store.claim(out, "check", line, ["agreement.json", "rest-check"])
     with terminal.progress() as progress:
         progress("both", 0.0)

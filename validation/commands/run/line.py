@@ -21,13 +21,12 @@ from cablefem.response import Array, whole, write_json
 from cablefem.scene import SceneError
 from cablefem.scene.line import Line, LineRest, LineState, NoLine
 from validation.core import store
+from validation.core.answers import PLACES
 from validation.page import report, terminal
-from validation.page.line import UNITS, kind_of, shown, tell
+from validation.page.answer import many as table
+from validation.page.line import UNITS, kind_of, tell, tell_grid
 from validation.page.options import Point
 
-PLACES = 201  # of the envelope along x
-DRAWN = 7  # positions whose rope is drawn, at most
-GRID = "grid-rest"
 ONLY = {"tension_max": "max", "safety_factor": "min", "clearance_rope": "min", "clearance_car": "min", "sag": "max"}
 ONLY |= {"tension_min": "min"}  # quantities of which one extreme matters
 Row = dict[str, Any]
@@ -205,7 +204,8 @@ def write(folder: Path, found: Answers, **more: Any) -> None:
         "design": found.design, "seconds": found.seconds, **more,
     })  # fmt: skip
     standing = [i for i, x in enumerate(found.rest.positions) if isinstance(x, LineState)]
-    drawn = [standing[k] for k in np.unique(np.linspace(0, len(standing) - 1, DRAWN).round().astype(int))]
+    # the ropes of some positions are drawn
+    drawn = [standing[k] for k in np.unique(np.linspace(0, len(standing) - 1, 7).round().astype(int))]
     depths = {str(i + 1): catenary_line.at(found.rest.positions[i], told["x"])[0].tolist() for i in drawn}
     write_json(folder / "ropes.json", {"profile": {k: v.tolist() for k, v in told.items()}, "depths": depths})
 
@@ -221,7 +221,7 @@ def run(points: Sequence[Point], out: Path | None) -> int:
     """Answer a line, or every point of a grid of lines; 2 where a position has no rest."""
     line = points[0].scene
     if len(points) > 1:
-        return many("run", line, points, out, lambda point: (answers(point.scene), {}))
+        return many("run", points, out, lambda point: (answers(point.scene), {}))
     folder = store.claim(out, "run", line, ["rest"])
     found = answers(line)
     write(folder / "rest", found)
@@ -233,42 +233,20 @@ def run(points: Sequence[Point], out: Path | None) -> int:
 
 
 def many(
-    command: str, line: Line, points: Sequence[Point], out: Path | None,
-    answered: Callable[[Point], tuple[Answers, Row]],
+    command: str, points: Sequence[Point], out: Path | None, answered: Callable[[Point], tuple[Answers, Row]]
 ) -> int:  # fmt: skip
-    """Answer every point of a grid, write table and page; 1 where solvers do not agree, 2 where a line has no rest."""
-    folder = store.claim(out, command, line, [f"{GRID}-{command}"])
-    rows: list[Row] = []
-    lowest: list[Any] = []
-    code = 0
-    with terminal.progress() as progress:
-        for i, point in enumerate(points):
-            progress("grid", i / len(points))
-            given = {key: store.plain(value) for key, value in point.given.items()}
-            try:
-                found, more = answered(point)
-            except store.Refused as error:
-                rows.append({**given, "status": "incomplete", "why": str(error)})
-                lowest.append(None)
-                code = 2
-                continue
-            told = envelope(point.scene, found.rest)
-            rows.append({**given, "status": found.status, **{d["quantity"]: d["value"] for d in found.design}, **more})
-            lowest.append([told["x"].tolist(), told["y_lowest"].tolist()])
-            code = 2 if found.refused else code or (more.get("verdict", "agree") != "agree")
-    home = folder / f"{GRID}-{command}"
-    home.mkdir(exist_ok=True)
-    columns = list(dict.fromkeys(name for x in rows for name in x))
-    _csv(home / "table.csv", columns, [[x.get(name) for name in columns] for x in rows])
-    write_json(home / "grid.json", {"keys": list(points[0].given), "rows": rows, "lowest": lowest})
-    with whole(home / "scene.toml") as temporary:
-        temporary.write_text(line.to_toml(), encoding="utf-8")
-    report.write(folder, command)
-    heads = shown(rows, list(points[0].given))
-    terminal.table(list(heads.values()), [[_cell(x.get(name)) for name in heads] for x in rows])
-    terminal.say(f"  written to {folder}: report.html, {home.name}/table.csv")
-    return int(code)
+    """Answer every point of a grid; 1 where solvers do not agree, 2 where a line has no rest."""
 
+    def row(point: Point) -> tuple[Row, Any]:
+        try:
+            found, more = answered(point)
+        except store.Refused as error:
+            return {"status": "incomplete", "why": str(error)}, None
+        told = envelope(point.scene, found.rest)
+        numbers = {d["quantity"]: d["value"] for d in found.design}
+        return {"status": found.status, **numbers, **more}, [told["x"].tolist(), told["y_lowest"].tolist()]
 
-def _cell(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else "-" if value is None else str(value)
+    rows = table.grid(command, f"grid-rest-{command}", points, out, row, tell_grid)
+    if any(x["status"] != "complete" for x in rows):
+        return 2
+    return int(any(x.get("verdict", "agree") != "agree" for x in rows))

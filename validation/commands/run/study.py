@@ -15,11 +15,8 @@ from validation.core.quasi_static import quasi_static
 from validation.core.rows import forces_left, with_bars
 from validation.core.running import run
 from validation.core.sampling import FRAMES
-from validation.page import report, terminal
 from validation.page.answer import many as table
 from validation.page.options import Point
-
-GRID = "grid"  # folder of a grid's table
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,19 +77,14 @@ def quasi_static_answer(scene: Scene) -> Answer:
     return Answer(replace(response, design=design(response)))
 
 
-def many(scene: Scene, points: Sequence[Point], answered: Callable[..., Answer], folder: Path) -> int:
-    """Answer every point of a grid, write table and page, and print the table; 2 where a run broke."""
-    rows, paths, broke = [], [], 0
-    with terminal.progress() as progress:
-        for i, point in enumerate(points):
-            progress("grid", i / len(points))
-            found = answered(i, lambda *told: None).response
-            bad = found.status != "complete" and found.slack_onset is None
-            broke += bad
-            rows.append(point.given | table.row(point.scene, found, found.design))
-            paths.append(table.path(found))
-    table.write(folder / GRID, scene, rows, paths)
-    report.write(folder, "run")
-    table.tell(rows, list(points[0].given))
-    terminal.say(f"  written to {folder}: report.html, {GRID}/table.csv")
-    return 2 if broke else 0
+def many(points: Sequence[Point], answered: Callable[..., Answer], out: Path | None) -> int:
+    """Answer every point of a grid; 2 where a run broke."""
+    broke = []
+
+    def row(point: Point) -> tuple[table.Row, Any]:
+        found = answered(points.index(point), lambda *told: None).response
+        broke.append(found.status != "complete" and found.slack_onset is None)
+        return table.row(point.scene, found, found.design), table.path(found)
+
+    table.grid("run", "grid", points, out, row, table.tell)
+    return 2 if any(broke) else 0

@@ -97,11 +97,8 @@ def tension_range(x: Stored) -> tuple[float, float]:
     return max(0.0, low), high
 
 
-COLUMNS, ROWS = 5, 3  # numbers written on a field, across and up
-
-
-def tension_field(x: Stored, r: Response, caption: str) -> Markup:
-    """Draw tension over time and place, with numbers on it."""
+def tension_field(x: Stored, r: Response, caption: str, across: int = 5, up: int = 3) -> Markup:
+    """Draw tension over time and place, with so many numbers on it across and up."""
     low, high = tension_range(x)
     factor, unit = scale_of(np.array([low, high]), "N")
     f, end = r.fields, float(r.t[-1])
@@ -111,9 +108,9 @@ def tension_field(x: Stored, r: Response, caption: str) -> Markup:
     p.image = ((f.T[nearest] - low) / ((high - low) or 1.0)).T[::-1]
     for color, width in ((BLACK, 2.6), ("#fff", 1.4)):
         p.line(r.t, r.s_o, color, "", width)
-    for t in end * (np.arange(COLUMNS) + 0.5) / COLUMNS:
+    for t in end * (np.arange(across) + 0.5) / across:
         k = int(np.abs(f.t - t).argmin())
-        for s in r.length * (np.arange(ROWS) + 0.5) / ROWS:
+        for s in r.length * (np.arange(up) + 0.5) / up:
             p.labels.append((float(t), float(s), f"{factor * np.interp(s, f.s, f.T[k]):.3g}"))
     return plot([p], (0.0, end), TIME, caption, wide=True)
 

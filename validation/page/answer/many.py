@@ -1,9 +1,10 @@
 """Many answers: a table with one row per point of a grid, all rides from the side, their speeds."""
 
+from __future__ import annotations
+
 import csv
-import io
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,14 @@ from cablefem.scene import Scene
 from validation.core import store
 from validation.core.answers import outcome
 from validation.core.quantities import named, scale_of
-from validation.page import terminal
+from validation.page import report, terminal
+from validation.page.options import Point
 from validation.page.page import Section, gallery, table
-from validation.page.plot import BLUE, DASHED, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, Panel, plot
+from validation.page.plot import BLUE, DASHED, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, Panel, plot, side
 
-POINTS = 300  # of a ride's path, at most
 COLORS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)  # one for each value of the first key
 DASHES = ("", DASHED, "2 3", "8 3 2 3")  # one for each value of the others
+Row = dict[str, Any]
 # columns of a table of rides
 NUMBERS = ("tension_max", "safety_factor_min", "haul_force_max", "clearance_rope_min", "clearance_car_min")
 
@@ -44,33 +46,44 @@ def row(scene: Scene, r: Response, design: Sequence[dict[str, Any]], verdict: st
     return out | ({} if verdict is None else {"verdict": verdict})
 
 
-def failed(words: str) -> dict[str, Any]:
-    """Return the row of a point that has no answer."""
-    return {"outcome_kind": "incomplete", "outcome": words}
-
-
-def path(r: Response) -> dict[str, list[float]]:
-    """Return path and speed of the car for the page."""
-    at = np.unique(np.linspace(0, r.t.size - 1, POINTS).round().astype(int))
+def path(r: Response, points: int = 300) -> dict[str, list[float]]:
+    """Return path and speed of the car for the page, at so many points at most."""
+    at = np.unique(np.linspace(0, r.t.size - 1, points).round().astype(int))
     columns = {"t": r.t, "s_o": r.s_o, "x": r.x, "y": r.y, "kmh": 3.6 * r.speed}
     return {name: [float(f"{x:.6g}") for x in values[at]] for name, values in columns.items()}
 
 
-def write(
-    folder: Path, scene: Scene, rows: list[dict[str, Any]], paths: Sequence[dict[str, list[float]] | None]
-) -> None:
-    """Write table.csv, grid.json and the varied scene."""
-    folder.mkdir(exist_ok=True)
+def grid(
+    command: str, home: str, points: Sequence[Point], out: Path | None, answered: Callable[[Point], tuple[Row, Any]],
+    tell: Callable[[list[Row], list[str]], None],
+) -> list[Row]:  # fmt: skip
+    """Answer every point of a grid by a row and what is drawn of it; store, draw and print them; return the rows.
+
+    Writes table.csv, grid.json and scene.toml to the folder `home` of the command's results.
+    """
+    scene, keys = points[0].scene, list(points[0].given)
+    folder = store.claim(out, command, scene, [home])
+    rows: list[Row] = []
+    paths = []
+    with terminal.progress() as progress:
+        for i, point in enumerate(points):
+            progress("grid", i / len(points))
+            found, path = answered(point)
+            rows.append({key: store.plain(value) for key, value in point.given.items()} | found)
+            paths.append(path)
+    (folder / home).mkdir(exist_ok=True)
     names = list(dict.fromkeys(name for found in rows for name in found))
-    text = io.StringIO()
-    lines = csv.DictWriter(text, names, restval="")
-    lines.writeheader()
-    lines.writerows(rows)
-    with whole(folder / "table.csv") as temporary:
-        temporary.write_text(text.getvalue(), encoding="utf-8")
-    write_json(folder / "grid.json", {"rows": rows, "paths": paths})
-    with whole(folder / "scene.toml") as temporary:
+    with whole(folder / home / "table.csv") as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        lines = csv.DictWriter(file, names, restval="")
+        lines.writeheader()
+        lines.writerows(rows)
+    write_json(folder / home / "grid.json", {"keys": keys, "rows": rows, "paths": paths})
+    with whole(folder / home / "scene.toml") as temporary:
         temporary.write_text(scene.to_toml(), encoding="utf-8")
+    report.write(folder, command)
+    tell(rows, keys)
+    terminal.say(f"  written to {folder}: report.html, {home}/table.csv")
+    return rows
 
 
 def tell(rows: list[dict[str, Any]], keys: Sequence[str]) -> None:
@@ -110,8 +123,7 @@ def _cell(name: str, value: Any, rows: list[dict[str, Any]]) -> str:
 def sections(folder: Path) -> list[Section]:
     """Return the page of the grid stored in a folder."""
     stored = store.read(folder / "grid.json")
-    rows, paths = stored["rows"], stored["paths"]
-    keys = [name for name in rows[0] if name not in _OWN]
+    rows, paths, keys = stored["rows"], stored["paths"], stored["keys"]
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
     names = [*keys, *_columns(rows), *(["verdict"] if any("verdict" in x for x in rows) else [])]
     cells = [{_head(n, rows): _cell(n, x.get(n), rows).replace("-", "−") for n in names} for x in rows]
@@ -124,17 +136,8 @@ def sections(folder: Path) -> list[Section]:
     return [Section("grid", "All of them", Markup("\n").join(html), None, f"{len(rows)} runs: {summary}.")]
 
 
-_OWN = {
-    "outcome_kind", "outcome", "duration_s", "arrival_km_h", "rests_at_m", "verdict", *NUMBERS,
-}  # fmt: skip
-
-
 def _label(point: dict[str, Any], keys: Sequence[str]) -> str:
     return ", ".join(f"{key.split('.')[-1]} {point[key]}" for key in keys)
-
-
-WIDE = 420.0  # width of a panel
-FLAT = 90.0  # least height of a side view
 
 
 def _looks(rows: list[dict], keys: Sequence[str]) -> list[tuple[str, str]]:
@@ -156,18 +159,12 @@ def _side(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequen
     depths = [X.y(s), *(np.array(p["y"]) + below for p in paths if p), ground[:, 1], [o.top for o in scene.obstacle]]
     p = Panel("depth [m]", "path of the car", down=True)
     p.fit([np.asarray(d, float) for d in depths], pad=0.05)
-    times = max(1, round(FLAT / ((p.high - p.low) * WIDE / span)))
-    p.height = times * (p.high - p.low) * WIDE / span
+    caption = side(p, span, ground, [(o.name, o.at, o.top) for o in scene.obstacle])
     p.line(X.x(s), X.y(s), GREY, "2 3", 1.2, "empty rope at rest")
-    if ground.size:
-        p.line(ground[:, 0], ground[:, 1], "#8a7a55", "", 2.0, "ground")
-    for o in scene.obstacle:
-        p.line(np.array([o.at, o.at]), np.array([o.top, p.high]), "#6b8e5a", "", 5.0, o.name)
     for found, point, look in zip(paths, rows, _looks(rows, keys), strict=True):
         if found:
             p.line(np.array(found["x"]), np.array(found["y"]), *look, 1.6, _label(point, keys))
-    scale = "To scale." if times == 1 else f"Depths are drawn {times} times too large."
-    return plot([p], (0.0, span), "x [m]", f"The line from the side. {scale}", wide=True)
+    return plot([p], (0.0, span), "x [m]", caption, wide=True)
 
 
 def _speeds(rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
