@@ -81,7 +81,7 @@ class GalerkinSystem(System):
     ) -> None:  # fmt: skip
         if load not in LOADS:
             raise ValueError(f"unknown load {load!r}; one of {', '.join(LOADS)}")
-        self.groups, self.mu, self.kink = groups, groups.mu, kink
+        self.groups, self.mu, self.kink, self.damping = groups, groups.mu, kink, groups.damping
         self.model, self.load, self.law = model, load, law
         self.basis: MovingBasis = TravellingKink(basis) if kink else Standing(basis)
         self.cable = cable_model(groups, model, law)
@@ -154,7 +154,7 @@ class GalerkinSystem(System):
         rays = (1.0 / s_o, -1.0 / (1.0 - s_o)) if self.kink else (0.0, 0.0)
         slope, _ = self.cable.static_slope(s_o)
         load, place = self._load(s_o, ds_o, dds_o), self.cable.at(self.basis, s_o)
-        return Instant(self.basis.carried(s_o, ds_o, dds_o), rays, slope, load, place)
+        return Instant(self.basis.carried(s_o, ds_o, dds_o, self.damping), rays, slope, load, place)
 
     def _load(self, s_o: float, ds_o: float, dds_o: float) -> Array:
         if self.load == "force":
@@ -184,7 +184,7 @@ class GalerkinSystem(System):
         Q, V, A, c = self._fields(q), self._fields(v), self._fields(a), x.carried
         along = a[self.n_modal :] if self.path_form else A @ c.f + V @ c.f_v + Q @ c.f_q
         load = self.inertia * along + self.mu * x.load
-        r = force + A @ c.mass + np.multiply.outer(load, c.f)
+        r = force + (A + self.damping * V) @ c.mass + np.multiply.outer(load, c.f)
         r += np.multiply.outer(V[:, -1], c.gyroscopic) + np.multiply.outer(Q[:, -1], c.centrifugal)
         return np.append(r.ravel(), q[self.n_modal :] - Q @ c.f) if self.path_form else r.ravel()
 
@@ -194,7 +194,9 @@ class GalerkinSystem(System):
 
     def _tangent(self, x: Instant, K: Array, c0: complex, c1: complex, c2: complex) -> Array:
         c = x.carried
-        inertia = np.multiply(c2, c.mass, dtype=np.result_type(c0, c1, c2, c.mass))  # a stage may be complex
+        inertia = np.multiply(
+            c2 + c1 * self.damping, c.mass, dtype=np.result_type(c0, c1, c2, c.mass)
+        )  # a stage may be complex
         inertia[:, -1] += c1 * c.gyroscopic + c0 * c.centrifugal
         if not self.path_form:
             inertia += self.inertia * np.multiply.outer(c.f, c2 * c.f + c1 * c.f_v + c0 * c.f_q)
@@ -290,7 +292,7 @@ class GalerkinSystem(System):
             return State(t, q, v, a, 0)
         # Near the support q_hat = d s_o, d = slope of the cable behind the mass.  Rows of phi in the limit:
         #   M0 v_phi + I v_hat = 0,  M0 a_phi + I a_hat + 2 I' ds_o v_hat = 0;  row of the hat:
-        #   m a_hat - c d + [N t - T t_static](d) + mu (X.. - sigma j) = 0.
+        #   m a_hat - c d + c_d (m - mu) v_hat + [N t - T t_static](d) + mu (X.. - sigma j) = 0.
         value, first, _ = (y[0] for y in self.basis.overlap(np.array([0.0])))
         M0 = self.basis.basis.mass()
         rest, drag = np.linalg.solve(M0, np.stack([value, first], axis=1)).T
@@ -302,7 +304,8 @@ class GalerkinSystem(System):
         else:
             # a force, or a start from rest, strains the piece behind at once
             c = ds_o**2 * (1.0 / 3.0 + 2.0 * value @ drag)
-            d = self._slope_behind(m * dds_o - c, load)
+            lost = self.damping * ds_o * (1.0 / 3.0 - value @ rest)
+            d = self._slope_behind(m * dds_o - c + lost, load)
             a_hat = d * dds_o
         v_hat, whole = d * ds_o, np.append(-rest, 1.0)
         v[: self.n_modal] = np.multiply.outer(v_hat, whole).ravel()

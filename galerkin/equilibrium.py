@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,7 +42,8 @@ def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equi
     s_o, rest = x.s_o[:, None], 1.0 - x.s_o[:, None]
     first, second = basis.phi(x.s_o, -1), basis.phi(x.s_o, -2)
     ends, ends_1 = (basis.phi(np.array([0.0, 1.0]), m) for m in (-2, -1))
-    ray_behind, ray_ahead = x.rays(2)
+    ray_behind, ray_ahead = (twice + system.damping * once for twice, once in zip(x.rays(2), x.rays(1), strict=True))
+    x = replace(x, A=x.A + system.damping * x.V)  # w.. + c_d w. from here on
     moment_behind = combined(x.A, s_o * first - second + ends[0]) + ray_behind * s_o**3 / 3.0
     moment_ahead = combined(x.A, ends[1] - second - rest * first) + ray_ahead * rest**3 / 3.0
     behind = (internal[:, :, 0] + moment_behind) / s_o

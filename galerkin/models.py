@@ -47,7 +47,7 @@ class FullCable:
     def line(self, kink: TravellingKink, behind: Array, ahead: Array, inertia: float) -> kernels.Line:
         g, sines = self.groups, kink.basis
         assert isinstance(sines, Fourier)
-        constants = kernels.Cable(inertia, g.mu, self.alpha, self.law, g.sigma, g.c)
+        constants = kernels.Cable(inertia, g.mu, self.alpha, self.law, g.sigma, g.c, g.damping)
         return kernels.Line(constants, behind, ahead, kink.at_rest, kink.left, kink.chord, sines.grading)
 
     def _stress(self, place: kernels.Points, Q: Array) -> Array:

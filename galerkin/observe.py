@@ -98,7 +98,9 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     ds_o, dds_o = x.ds_o[:, None], x.dds_o[:, None]
     velocity, acceleration = mass.w_t + ds_o * slope, mass.w_tt + dds_o * slope + ds_o**2 * bend
     drives = system.drives(states, velocity, acceleration, forces.sides, forces.working)
-    kinetic = _kinetic(system, x) + 0.5 * system.inertia * np.sum(velocity**2, axis=1)
+    of_cable = _kinetic(system, x)
+    kinetic, lost = of_cable + 0.5 * system.inertia * np.sum(velocity**2, axis=1), 2.0 * system.damping * of_cable
+    powers = drives.powers | ({"lost_viscous": -lost} if system.damping else {})
     place_y = cable.static_depth(x.s_o) + mass.w[:, -1]
     potential = forces.weight - system.mu * cable.weight[-1] * place_y
     seen = forces.sides if system.fields == 2 else static + mass.slopes @ along
@@ -111,11 +113,11 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         T_behind=np.where(left, forces.T[0], np.nan), T_ahead=np.where(right, forces.T[1], np.nan),
         T_behind_pointwise=np.where(left, forces.T_pointwise[0], np.nan),
         T_ahead_pointwise=np.where(right, forces.T_pointwise[1], np.nan),
-        energy=kinetic + forces.strain + potential, power=drives.power,
+        energy=kinetic + forces.strain + potential, power=drives.power - lost,
         tension_min=forces.least, tension_min_at=forces.least_at,
         u=u, v=v, du=du, dv=dv, T=forces.along, T_pointwise=forces.along_pointwise,
         reaction_left=forces.reactions[0], reaction_right=forces.reactions[1],
-        t=states.t, s_o=x.s_o, contact=drives.contact @ along, haul=drives.haul, powers=drives.powers,
+        t=states.t, s_o=x.s_o, contact=drives.contact @ along, haul=drives.haul, powers=powers,
         kinetic=kinetic, strain=forces.strain, potential=potential,
     )  # fmt: skip
 

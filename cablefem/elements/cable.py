@@ -207,7 +207,7 @@ class CableElements(System):
         n = self.fields * self.n_scalar
         chord = Chord(np.empty(n), np.empty(n)) if self.fields == 1 else None
         points = np.empty((9, self._mesh.tab[..., 0].size))
-        self._cable = Cable(self._mesh, self._law, chord, self._operators, points)
+        self._cable = Cable(self._mesh, self._law, chord, self._operators, points, self.groups.damping)
         self._single, self._bands = self._side(float), np.empty((3, *self._operators.shape[1:]))
         self._at = None
         self._space: collocation.Workspace | None = None

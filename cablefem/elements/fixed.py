@@ -234,7 +234,7 @@ class FixedElements(CableElements):
         n, s_o, elements = states.t.size, kinematics[:, 0], self.elements
         ends[:, 0] -= (1.0 - s_o)[:, None] * force
         ends[:, 3] = ends[:, 1] + s_o[:, None] * force
-        a = self._padded(states.a)
+        a = self._padded(states.a + self.groups.damping * states.v)
         once = self._powers[0] / (np.arange(self._powers.shape[2]) + 1.0) / elements  # antiderivatives
         whole = np.einsum("nelf,l->nef", a[:, self._mesh.dofs + 1], once.sum(axis=1))
         whole = np.concatenate([np.zeros_like(whole[:, :1]), np.cumsum(whole, axis=1)], axis=1)

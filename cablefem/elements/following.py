@@ -9,6 +9,8 @@ With M^, G^, H^ of its reference mesh, a side of length h gives
 
     M = h M^,   C = dh/dt M^ - G + G^T,   K = -(dG/dt + H),   G = ds_o G^,  H = (ds_o^2 / h) H^.
 
+A force -c_d w. on the cable adds c_d M to C and -c_d G to K.
+
 Dimensionless: l = H = rho = 1.
 """
 
@@ -218,7 +220,8 @@ class FollowingElements(CableElements):
         """Momentum is tested with phi = 1 up to s, from the support or the mass."""
         mesh, shapes, sides = self._mesh, self.left.shapes, (self.left, self.right)
         q, v, a = (x[frames].reshape(frames.size, self.n_scalar, self.fields) for x in (states.q, states.v, states.a))
-        s_o, ds, dds = kinematics[frames].T[..., None]
+        c_d, (s_o, ds, dds) = self.groups.damping, kinematics[frames].T[..., None]
+        a, dds = a + c_d * v, dds + c_d * ds
         first, length = (np.concatenate([f(x.knots) for x in sides]) for f in (lambda x: x[:-1], np.diff))
         rates = [  # d2(h w)/dt2 behind and ahead
             h[..., None] * a + sign * (dds[..., None] * q + 2.0 * ds[..., None] * v)

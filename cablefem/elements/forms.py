@@ -2,7 +2,7 @@
 
 Unknowns w = (u, v) on 0 <= s <= 1; nodes move with c(s, t):
 
-    int (w_tt + c_s w_t - c w_t' - c_t w') . phi + (c w_t - c^2 w') . phi' ds      `inertia`
+    int (w_tt + c_s w_t - c w_t' - c_t w' + c_d (w_t - c w')) . phi + (c w_t - c^2 w') . phi' ds      `inertia`
     + int (N t - T X') . phi' ds,  r' = X' + w', t = r'/|r'|, N = T + alpha (|r'| - 1)      `internal_force`
     + [mu w_tt + mu d2X/dt2 - mu sigma j] at the mass = 0 .
 
@@ -64,7 +64,7 @@ def internal_tangent(phi, eta, w):
 @skfem.LinearForm
 def inertia(eta, w):
     c, q_s, v_s = w["c"], w["q"].grad[:, 0], w["v"].grad[:, 0]
-    by_value = w["a"] + w["c_s"] * w["v"] - c * v_s - w["c_t"] * q_s
+    by_value = w["a"] + w["c_s"] * w["v"] - c * v_s - w["c_t"] * q_s + w["c_d"] * (w["v"] - c * q_s)
     return np.sum(by_value * eta + (c * w["v"] - c**2 * q_s) * eta.grad[:, 0], axis=0)
 
 
@@ -73,7 +73,7 @@ def inertia_tangent(phi, eta, w):
     """The same of c0 phi, c1 phi and c2 phi for w, w_t and w_tt."""
     c, (c0, c1, c2) = w["c"], (w["c0"], w["c1"], w["c2"])
     phi_s = phi.grad[:, 0]
-    by_value = (c2 + c1 * w["c_s"]) * phi - (c1 * c + c0 * w["c_t"]) * phi_s
+    by_value = (c2 + c1 * w["c_s"]) * phi - (c1 * c + c0 * w["c_t"]) * phi_s + w["c_d"] * (c1 * phi - c0 * c * phi_s)
     return np.sum(by_value * eta + (c1 * c * phi - c0 * c**2 * phi_s) * eta.grad[:, 0], axis=0)
 
 
@@ -98,7 +98,7 @@ def assembled(
     s = np.asarray(of_inertia.global_coordinates())[0]
     behind = s < s_o
     chi, chi_s = np.where(behind, s / s_o, (1.0 - s) / (1.0 - s_o)), np.where(behind, 1.0 / s_o, -1.0 / (1.0 - s_o))
-    moving = {"c": ds * chi, "c_s": ds * chi_s, "c_t": dds * chi}
+    moving = {"c": ds * chi, "c_s": ds * chi_s, "c_t": dds * chi, "c_d": g.damping}
     q, v, a = (of_inertia.interpolate(y) for y in padded)
     T, *slope = g.static(np.asarray(of_forces.global_coordinates())[0])[:3]
     w_s = of_forces.interpolate(padded[0]).grad[:, 0]

@@ -61,6 +61,7 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     q, v, a = (x[:, :size].reshape(n, -1, system.fields) for x in (states.q, states.v, states.a))
     full = system.fields == 2
     (kinetic, strain, potential), least, where, pulled, rise = energies(system, mesh_at, q, v)
+    lost = 2.0 * g.damping * kinetic
     kinetic += 0.5 * system.inertia * np.sum(velocity**2, axis=1)
     potential -= (place + w) @ system.weight
 
@@ -76,6 +77,7 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
         power += ds * kink
     else:
         tensions = _chord_tensions(system, ends, rise, T, s, frames)
+    power -= lost
     for name in [name for name in tensions if "behind" in name]:
         tensions[name] = np.where(s_o > 0.0, tensions[name], np.nan)
     return Observation(
@@ -86,6 +88,7 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
         tension_min=least, tension_min_at=where,
         u=fields[..., 0], v=fields[..., 1], du=dfields[..., 0], dv=dfields[..., 1],
         t=states.t, s_o=s_o, contact=-force @ system.direction, **tensions,
+        powers={"lost_viscous": -lost} if g.damping else {},
     )  # fmt: skip
 
 
@@ -147,13 +150,15 @@ def _end_forces(system: CableElements, mesh_at: Array, history: tuple[Array, Arr
 
     f is the internal force less its static part.  Momentum of a side, tested with phi = 1, and with phi = 1 at the mass
     and 0 at the support: int d(h w.)/dt phi dxi + int (c w. + f) phi' ds = [(f + c w.) phi].
-    pulled : (n, 2, fields) int f dxi.  A fixed mesh has one side.
+    pulled : (n, 2, fields) int f dxi.  A fixed mesh has one side.  Damping: see `kernels.balance.weigh`.
     """
     (q, v, a), (s_o, ds, dds) = history, mesh_at.T[..., None]
-    out = np.zeros((len(q), 4, system.fields))
+    out, c_d = np.zeros((len(q), 4, system.fields)), system.groups.damping
+    dds = dds + c_d * ds
     for side, near, end in zip(system._sides, (1, 2), (0, 3), strict=False):
         of_q, of_v, of_a = (np.moveaxis(side.moments.T @ x, 1, 0) for x in (q, v, a))
-        h, dh = side.length(s_o), side.sign * ds
+        h = side.length(s_o)
+        dh = side.sign * ds + c_d * h
         whole, tested = (h * of_a[k] + dh * of_v[k] - dds * of_q[k + 2] - ds * of_v[k + 2] for k in (0, 1))
         flux = np.divide(ds**2 * of_q[3], h, out=np.zeros_like(tested), where=h > 0.0)
         force = side.sign * tested + ds * of_v[1] - flux + pulled[:, near - 1]

@@ -175,12 +175,18 @@ class RollingElements(RollingCar, FollowingElements):
             q, force = start.q + x * (end.q - start.q), self._force(start, end, x)
             kernels.kinetic(self._cable, weight, np.array([q, start.v, end.v]), before, gradient)
             self._roll(weight, np.array([q, 0.0 * q, 0.0 * q]), r)
-            total += share * (r - gradient)
+            total += share * (r - gradient + self._lost(weight, q, 0.5 * (start.v + end.v)))
             total[m : m + 2] -= share * force[:2]
             total[-1] -= share * force[2]
         if self.mode.sticks:
             total[-1] = self.inertia * end.a[-1]
         return total
+
+    def _lost(self, car: kernels.Car, q: Array, v: Array) -> Array:
+        """Return c_d times the momentum of the cable (n_dof,)."""
+        momentum, gradient = np.empty((2, self.n_dof))
+        kernels.kinetic(self._cable, car._replace(mu=0.0), np.array([q, v, v]), momentum, gradient)
+        return self.groups.damping * momentum
 
     def _force(self, start: State, end: State, x: float) -> Array:
         """Return the forces on p and s_o (3,) during a step."""
@@ -300,5 +306,6 @@ class RollingElements(RollingCar, FollowingElements):
         if self.free:
             powers["brake"] = -stretch * np.array([drive.brake(x) for x in o.s_o]) * np.abs(ds)
             powers["hold"] = self.hold * np.array([drive.hold(t) for t in states.t]) * ds
+        powers |= o.powers
         pulled = not self.free or bool(drive.thrust_table)
         return replace(o, contact=contact, powers=powers, power=sum(powers.values()), haul=pull if pulled else o.haul)

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 from cablefem.scene.bisection import bisected
 from cablefem.scene.catenary import Z_MAX, Z_MIN, Catenary, length_range, sag_range, tension_range
 from cablefem.scene.errors import shown
-from cablefem.scene.fields import POSITIVE, Part, Positive, Real, between, number_or, said
+from cablefem.scene.fields import POSITIVE, Check, NonNegative, Part, Positive, Real, between, number, number_or, said
 
 SHAPES = ("length", "sag", "horizontal_tension")
 STEEPEST = 10.0  # [-] largest slope of the chord, 84 degrees; steeper lines lose digits
@@ -70,9 +70,20 @@ class Rope(Part):
         return self.ice or 0.0
 
 
+class Damping(Part):
+    rate: NonNegative = said("[1/s] force per momentum of the cable")
+
+
+RATIO = Check(
+    "a ratio of critical from 0 to 1 (0.01 is 1 %)", number(lambda x: 0.0 <= x <= 1.0),
+    {"type": "number", "minimum": 0, "maximum": 1},
+)  # fmt: skip
+
+
 class Cable(Rope):
     """The cable of one span; exactly one of length, sag and horizontal_tension."""
 
+    damping: number_or(RATIO, Damping) = said("[-] ratio of critical in the first mode of the empty cable", 0.0)  # type: ignore[valid-type]
     length: Positive | None = said("[m] stretched arc length at rest", None)
     sag: Positive | None = said("[m] largest vertical distance below the chord at rest", None)
     horizontal_tension: Positive | None = said("[N] horizontal part of the tension at rest", None)

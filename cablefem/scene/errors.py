@@ -23,10 +23,12 @@ NOT_MODELLED = {
     "EI": "the cable bends without resistance",
     "torsion": "the cable has no torsion",
     "creep": "the cable keeps its unstretched length; give the length, sag or tension that it has on the day",
-    "crosswind": "the cable and the car move in one vertical plane; drive.wind acts along it on the car",
-    "wind": "wind acts on the car alone and belongs to [drive], as wind with drag_area",
+    "crosswind": "it is wind.across, which damps the cable; drive.wind acts along the line on the car",
+    "wind": "[wind] across damps the cable; along the line, as drive.wind with drag_area, it acts on the car alone",
+    "along": "along the line wind acts on the car alone: drive.wind with drag_area",
+    "vertical": "wind blows across the line, wind.across, or along it on the car, drive.wind",
     "haul_rope": "its force is an answer, its weight and stiffness are left out",
-    "damping": "the cable has no damping of its own; a car is damped by drag_area and rolling_friction",
+    "damping": "one span in motion has it, as cable.damping; a car is damped by drag_area and rolling_friction",
 }
 
 

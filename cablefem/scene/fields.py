@@ -38,7 +38,7 @@ class Check:
         return handler(core) | self.schema | {"$comment": self.admissible}
 
 
-def _number(admits: Callable[[float], bool]) -> Callable[[object], float | None]:
+def number(admits: Callable[[float], bool]) -> Callable[[object], float | None]:
     """Convert real numbers that `admits` accepts; no bool, text, NaN or infinity."""
 
     def convert(value: object) -> float | None:
@@ -65,15 +65,15 @@ def _matching(pattern: str) -> Callable[[object], str | None]:
 
 _RANGE = f"{SMALL:g} to {LARGE:g}"
 POSITIVE = Check(
-    f"a number > 0, from {_RANGE}", _number(lambda x: SMALL <= x <= LARGE), {"type": "number", "exclusiveMinimum": 0}
+    f"a number > 0, from {_RANGE}", number(lambda x: SMALL <= x <= LARGE), {"type": "number", "exclusiveMinimum": 0}
 )
-REAL = Check(f"a number from {-LARGE:g} to {LARGE:g}", _number(lambda x: abs(x) <= LARGE), {"type": "number"})
+REAL = Check(f"a number from {-LARGE:g} to {LARGE:g}", number(lambda x: abs(x) <= LARGE), {"type": "number"})
 _SEVERAL = Check("a list of at least two numbers", several, {"minItems": 2})
 
 Positive = Annotated[float, POSITIVE]
 NonNegative = Annotated[
     float,
-    Check(f"a number >= 0: 0, or from {_RANGE}", _number(lambda x: x == 0.0 or SMALL <= x <= LARGE), {"minimum": 0}),
+    Check(f"a number >= 0: 0, or from {_RANGE}", number(lambda x: x == 0.0 or SMALL <= x <= LARGE), {"minimum": 0}),
 ]
 Real = Annotated[float, REAL]
 Switch = Annotated[bool, Check("true or false", lambda x: x if isinstance(x, bool) else None)]
@@ -95,7 +95,7 @@ def real(value: object) -> float | None:
 
 def between(low: float, high: float) -> Check:
     schema = {"minimum": low, "maximum": high}
-    return Check(f"a number from {low:g} to {high:g}", _number(lambda x: low <= x <= high), schema)
+    return Check(f"a number from {low:g} to {high:g}", number(lambda x: low <= x <= high), schema)
 
 
 def whole(low: int, high: int) -> Check:

@@ -17,8 +17,9 @@ import tomli_w
 from pydantic import TypeAdapter
 
 from cablefem.scene import catenary as _catenary
-from cablefem.scene.cable import Cable, Supports, hang, hanging_faults, stretch_faults
+from cablefem.scene.cable import SHAPES, Cable, Supports, hang, hanging_faults, stretch_faults
 from cablefem.scene.catenary import Catenary
+from cablefem.scene.damping import Wind, damping_faults, damping_rates, first_frequency, windward
 from cablefem.scene.dotted import put
 from cablefem.scene.drive import GRIP, NEAREST_START, Drive, Driving
 from cablefem.scene.errors import SceneError, nearest, shown
@@ -80,6 +81,7 @@ class Groups:
     chord_sin: float  # > 0: falls to the right
     motion: Motion | None  # None for a bare cable and for a free ride
     drive: Drive = GRIP
+    damping: float = 0.0  # c_d l sqrt(rho/H): the force on the cable is -c_d times its momentum
 
     def static(self, s) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """(T, x', y', x'', y'') at s in [0, 1], each of the shape of s."""
@@ -104,6 +106,7 @@ class Scene(Part):
     mass: Mass | None = said("[-] the car; a bare cable has neither mass nor travel", None)
     travel: Travel | None = said("[-] how the car moves along the cable; not with drive.mode = 'free'", None)
     drive: Driving = said("[-] what moves the car", Driving())
+    wind: Wind | None = said("[-] wind on the cable", None)
     obstacle: Annotated[tuple[Obstacle, ...], tables("{name = ..., at = ..., top = ...}")] = said(
         "[-] what the rope and the car must clear", ()
     )
@@ -124,6 +127,7 @@ class Scene(Part):
             return faults + hanging
         faults += stretch_faults(gravity, cable, supports)
         catenary = hang(gravity, cable, supports)
+        faults += damping_faults(_sound(Wind, data.get("wind")), gravity, cable, catenary)
         broken = [] if drive is None else [f"drive.{fault}" for fault in drive.faults(catenary.length)]
         travel = _sound(Travel, data["travel"]) if "travel" in present and not broken and mode != "free" else None
         if travel is not None:
@@ -157,11 +161,12 @@ class Scene(Part):
         return tomli_w.dumps(self._tables())
 
     def _tables(self) -> dict[str, Any]:
-        brief = {"mass", "drive", "obstacle", "ground"}
+        brief = {"mass", "drive", "wind", "obstacle", "ground"}
         data = self.model_dump(exclude_none=True, exclude=brief)
         data |= self.model_dump(exclude_none=True, exclude_defaults=True, include=brief)
-        if not data.get("travel", {}).get("rest", 1.0):
-            del data["travel"]["rest"]
+        for table, name in (("travel", "rest"), ("cable", "damping")):
+            if not data.get(table, {}).get(name, 1.0):
+                del data[table][name]
         return data
 
     @classmethod
@@ -259,13 +264,12 @@ class Scene(Part):
         A cable with temperature or ice is then described by its horizontal tension.
         """
         if self.cable.changed and any(group is not None for group in (sag_ratio, mu, alpha)):
-            now = Cable(mass_per_length=self.rho, EA=self.cable.EA, horizontal_tension=self.horizontal_tension)
+            now = self._hung(horizontal_tension=self.horizontal_tension)
             return self._with(cable=now).variant(
                 sag_ratio=sag_ratio, mu=mu, alpha=alpha, speed_ratio=speed_ratio, **fields
             )
         if sag_ratio is not None:
-            sag = sag_ratio * self.supports.span
-            cable = Cable(mass_per_length=self.cable.mass_per_length, EA=self.cable.EA, sag=sag)
+            cable = self._hung(sag=sag_ratio * self.supports.span)
             return self._with(cable=cable).variant(mu=mu, alpha=alpha, speed_ratio=speed_ratio, **fields)
         if alpha is not None:
             fields["cable"] = Cable(**{**self.cable.model_dump(), "EA": alpha * self.horizontal_tension})
@@ -278,6 +282,11 @@ class Scene(Part):
                 )
             fields["travel"] = self.travel.faster(speed_ratio / self.speed_ratio)
         return self._with(**fields)
+
+    def _hung(self, **shape: float) -> Cable:
+        """The cable as it is, without temperature and ice, hung otherwise."""
+        gone = {*SHAPES, "temperature", "reference_temperature", "expansion", "ice"}
+        return Cable(**{**self.cable.model_dump(exclude=gone), "mass_per_length": self.rho, **shape})
 
     def _with(self, **fields: Any) -> Self:
         return type(self)(**{**{key: getattr(self, key) for key in self.field_names()}, **fields})
@@ -361,6 +370,18 @@ class Scene(Part):
         return self.sigma**2 * self.alpha * (self.supports.span / self.chord) ** 5
 
     @property
+    def damping(self) -> float:
+        """c_d [1/s] of the cable: `cable.damping` and a crosswind's part."""
+        return sum(damping_rates(self.wind, self.gravity, self.cable, self.catenary))
+
+    @property
+    def wind_tilt(self) -> float | None:
+        """Angle [deg] by which a steady crosswind tilts the plane of the empty cable; None without one."""
+        if self.wind is None:
+            return None
+        return math.degrees(math.atan(self.wind.force(windward(self.cable)) / self.catenary.weight))
+
+    @property
     def wave_speed(self) -> float:
         """sqrt(H/rho) [m/s], of transverse waves at the lowest point."""
         return math.sqrt(self.horizontal_tension / self.rho)
@@ -439,7 +460,8 @@ class Scene(Part):
 
     def _groups(self, motion: Motion | None, drive: Drive) -> Groups:
         cos, sin = self.supports.span / self.chord, self.supports.drop / self.chord
-        return Groups(self.mu, self.alpha, self.sigma, self.catenary.c, cos, sin, motion, drive)
+        damping = self.damping * self.time_scale
+        return Groups(self.mu, self.alpha, self.sigma, self.catenary.c, cos, sin, motion, drive, damping)
 
     def __str__(self) -> str:
         lines = [
@@ -449,6 +471,14 @@ class Scene(Part):
             f"EA = {self.cable.EA:.4g} N",
             f"  chord   span {self.supports.span:.6g} m, drop {self.supports.drop:.4g} m, slope {self.slope:.3g} deg",
         ]
+        if self.damping:
+            part = 0.5 * self.damping / first_frequency(self.gravity, self.cable, self.catenary)
+            wind = (
+                ""
+                if self.wind is None
+                else f", crosswind {self.wind.across:.4g} m/s tilts it by {self.wind_tilt:.3g} deg"
+            )
+            lines.append(f"  damping {self.damping:.4g} 1/s, {part:.2%} of critical in the first mode{wind}")
         groups = f"sigma = {self.sigma:.5g}, alpha = {self.alpha:.5g}, Irvine L^2 = {self.irvine:.4g}"
         if self.mass is not None:
             how = "rolls freely" if self.travel is None else self.travel.kind

@@ -15,7 +15,7 @@ class Carried(NamedTuple):
 
     mass: Array  # M, (n, n)
     gyroscopic: Array  # last column of 2 A, (n,); other columns are zero
-    centrifugal: Array  # last column of A. - B, (n,)
+    centrifugal: Array  # last column of A. - B + c_d A, (n,)
     f: Array  # Phi(s_o), (n,)
     f_s: Array  # dPhi/ds_o along the path; 0 for the hat
     f_v: Array  # 2 ds_o Phi'(s_o), as in (22), (n,)
@@ -47,7 +47,7 @@ def _overlaps(phi, first, second, left, chord, s_o):
 
 
 @compiled
-def carry(at, mass, left, chord, s_o, ds_o, dds_o):
+def carry(at, mass, left, chord, s_o, ds_o, dds_o, damping):
     """M and the other entries of `Carried` as rows, (7, n); at : `Basis.at`."""
     n, size = at.shape[1], mass.shape[0]
     hat, M, rows = size > n, np.empty((size, size)), np.empty((7, size))
@@ -63,7 +63,7 @@ def carry(at, mass, left, chord, s_o, ds_o, dds_o):
         if hat:
             value, slope, bend = _overlap(phi, at[3, k], at[4, k], left[k], chord[k], s_o)
             M[n, k] = M[k, n] = value
-            rows[0, k], rows[1, k] = 2.0 * ds_o * slope, ds_o * ds_o * bend + dds_o * slope
+            rows[0, k], rows[1, k] = 2.0 * ds_o * slope, ds_o * ds_o * bend + (dds_o + damping * ds_o) * slope
             rows[6, k] = at[3, k] + (left[k] - at[4, k]) / s_o
     if hat:
         rows[1, n], rows[2, n], rows[6, n] = -ds_o * ds_o / (3.0 * s_o * (1.0 - s_o)), 1.0, s_o / 3.0
@@ -79,9 +79,9 @@ class Standing:
         s, weights = basis.quadrature()
         self._slopes = s, weights, np.ascontiguousarray(basis.phi(s, 1).T)
 
-    def carried(self, s_o: float, ds_o: float, dds_o: float) -> Carried:
+    def carried(self, s_o: float, ds_o: float, dds_o: float, damping: float = 0.0) -> Carried:
         none = self._integral
-        mass, rows = carry(self.basis.at(s_o), self.at_rest, none, none, s_o, ds_o, dds_o)
+        mass, rows = carry(self.basis.at(s_o), self.at_rest, none, none, s_o, ds_o, dds_o, damping)
         return Carried(mass, *rows)
 
     def stiffness(self, s_o: float) -> Array:
@@ -117,8 +117,8 @@ class TravellingKink:
         tables = (self.basis.phi(s_o, m) for m in (0, -1, -2))
         return _overlaps(*tables, self.left, self.chord, s_o)
 
-    def carried(self, s_o: float, ds_o: float, dds_o: float) -> Carried:
-        mass, rows = carry(self.basis.at(s_o), self.at_rest, self.left, self.chord, s_o, ds_o, dds_o)
+    def carried(self, s_o: float, ds_o: float, dds_o: float, damping: float = 0.0) -> Carried:
+        mass, rows = carry(self.basis.at(s_o), self.at_rest, self.left, self.chord, s_o, ds_o, dds_o, damping)
         return Carried(mass, *rows)
 
     def stiffness(self, s_o: float) -> Array:

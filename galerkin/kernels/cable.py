@@ -32,6 +32,7 @@ class Cable(NamedTuple):
     law: int  # of `LAWS`
     sigma: float
     c: float
+    damping: float  # c_d
 
 
 @inner
@@ -145,19 +146,20 @@ def acceleration(x, Q, V, A):
 
 
 @inner
-def add_inertia(x, Q, V, A, C, R):
-    """Add M A + 2 A V + (A. - B) Q of the cable and the force C (2,) at the mass to R."""
+def add_inertia(x, Q, V, A, damping, C, R):
+    """Add M (A + c_d V) + 2 A V + (A. - B + c_d A) Q of the cable and the force C (2,) at the mass to R."""
     last = x.f.size - 1
     for a in range(R.shape[0]):
         for k in range(last + 1):
+            rate = A[a, k] + damping * V[a, k]
             for i in range(R.shape[1]):
-                R[a, i] += A[a, k] * x.mass[k, i]
+                R[a, i] += rate * x.mass[k, i]
         for i in range(R.shape[1]):
             R[a, i] += V[a, last] * x.gyroscopic[i] + Q[a, last] * x.centrifugal[i] + C[a] * x.f[i]
 
 
 @inner
-def add_inertia_tangent(x, mu, c0, c1, c2, K):
+def add_inertia_tangent(x, mu, damping, c0, c1, c2, K):
     """Make c0 K, K = dR/dQ, the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of cable and mass mu."""
     n = x.f.size
     last = n - 1
@@ -166,7 +168,9 @@ def add_inertia_tangent(x, mu, c0, c1, c2, K):
         for j in range(K.shape[1]):
             K[i, j] *= c0
         for j in range(n):
-            K[i, first + j] += c2 * x.mass[k, j] + mu * x.f[k] * (c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j])
+            K[i, first + j] += (c2 + c1 * damping) * x.mass[k, j] + mu * x.f[k] * (
+                c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j]
+            )
         K[i, first + last] += c1 * x.gyroscopic[k] + c0 * x.centrifugal[k]
 
 

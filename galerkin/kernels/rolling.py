@@ -88,9 +88,9 @@ def taut(force, slope, T, alpha):
 
 
 @inner
-def recover(here, y, sides, alpha, behind, ahead):
+def recover(here, y, sides, cable, behind, ahead):
     """Turn r' behind and ahead into those of the tension from equilibrium; return lam/N."""
-    x, ds_o, dds_o = here.x, here.ds_o, here.dds_o
+    x, ds_o, dds_o, alpha = here.x, here.ds_o, here.dds_o + cable.damping * here.ds_o, cable.alpha
     last, near, far = x.f.size - 1, 1.0 / here.s_o, 1.0 / (1.0 - here.s_o)
     T, force = 1.0 / here.slope[0], np.empty((2, 2))
     for a in range(2):
@@ -98,8 +98,9 @@ def recover(here, y, sides, alpha, behind, ahead):
         force[0, a] = T * here.slope[a] + near * sides[0, a] - v + q * (2.0 * ds_o * ds_o * near - dds_o)
         force[1, a] = T * here.slope[a] + far * sides[1, a] - v - q * (2.0 * ds_o * ds_o * far + dds_o)
         for i in range(last + 1):
-            force[0, a] += y.A[a, i] * x.behind[i]
-            force[1, a] -= y.A[a, i] * (x.mass[last, i] - x.behind[i])
+            rate = y.A[a, i] + cable.damping * y.V[a, i]
+            force[0, a] += rate * x.behind[i]
+            force[1, a] -= rate * (x.mass[last, i] - x.behind[i])
     return taut(force[0], behind, T, alpha), taut(force[1], ahead, T, alpha)
 
 
@@ -177,19 +178,19 @@ def averaged(past, first, last, least):
 
 
 @inner
-def roll(here, y, sides, alpha, on, thrust, R):
+def roll(here, y, sides, cable, on, thrust, R):
     """Add the cable's inertia and the car to R (2, n); return `car`, and `by_force` of both sides.
 
     tau belongs to the tension from equilibrium: slopes of sines are inaccurate on a short side.
     """
     velocity, p, behind, ahead = motion(here, y)
     p[1] += on.sigma
-    turns = recover(here, y, sides, alpha, behind, ahead)
+    turns = recover(here, y, sides, cable, behind, ahead)
     out = car(on, thrust, velocity, p, behind, ahead)
     bx, by = by_force(on, thrust, velocity, p, behind, ahead, turns[0], out[9], 0)
     ax, ay = by_force(on, thrust, velocity, p, behind, ahead, turns[1], out[9], 1)
     p[0], p[1] = out[0], out[1]
-    add_inertia(here.x, y.Q, y.V, y.A, p, R)
+    add_inertia(here.x, y.Q, y.V, y.A, cable.damping, p, R)
     return (*out, bx, by, ax, ay)
 
 
@@ -212,7 +213,7 @@ def pulls(phi, gram):
 
 
 @inner
-def row(here, out, pulls, on, c, into):
+def row(here, out, pulls, on, damping, c, into):
     """The car's row of the tangent, (2 n + 1,)."""
     x, ds_o, (c0, c1, c2), near, far = here.x, here.ds_o, c, 1.0 / here.s_o, 1.0 / (1.0 - here.s_o)
     n, mu = x.f.size, on.mu
@@ -226,7 +227,7 @@ def row(here, out, pulls, on, c, into):
             by_q = 0.0
             for a in range(2):
                 by_q += out[14 + a] * near * pulls[0, a, b, j] + out[16 + a] * far * pulls[1, a, b, j]
-            into[b * n + j] = own + c2 * by_a + c0 * by_q
+            into[b * n + j] = own + (c2 + c1 * damping) * by_a + c0 * by_q
         by_v = -2.0 / 3.0 * ds_o * (behind + ahead)
-        by_q = 2.0 * ds_o * ds_o * (behind * near - ahead * far) - here.dds_o * (behind + ahead)
+        by_q = 2.0 * ds_o * ds_o * (behind * near - ahead * far) - (here.dds_o + damping * ds_o) * (behind + ahead)
         into[b * n + n - 1] += c1 * by_v + c0 * by_q / 3.0

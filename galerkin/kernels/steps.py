@@ -114,7 +114,7 @@ def ground_at(line, s_o, ds_o, dds_o):
     """`Ground` where the mass is at s_o; the load of a force alone is its weight."""
     cable = line.cable
     at = values_at(s_o, line.left.size, line.grading)
-    M, rows = carry(at, line.mass, line.left, line.chord, s_o, ds_o, dds_o)
+    M, rows = carry(at, line.mass, line.left, line.chord, s_o, ds_o, dds_o, cable.damping)
     x = Carried(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
     p = cable.c - cable.sigma * s_o
     T = math.sqrt(1.0 + p * p)
@@ -182,14 +182,14 @@ def evaluate(here, ride, line, of):
         C = acceleration(x, y.Q, y.V, y.A)
         for a in range(2):
             C[a] = cable.inertia * C[a] + cable.mu * here.ground.load[a]
-        add_inertia(x, y.Q, y.V, y.A, C, R)
+        add_inertia(x, y.Q, y.V, y.A, cable.damping, C, R)
         return NO_CAR
     for a in range(2):
         for i in range(n):
             of.internal[a, i] = R[a, i]
     force = of.balanced[2, 2 * n]
     thrust = force if ride.mode == HAULED else ride.thrust
-    out = roll(here.ground, y, of.sides, cable.alpha, ride.on, thrust, R)
+    out = roll(here.ground, y, of.sides, cable, ride.on, thrust, R)
     of.r[2 * n] = cable.mu * force if ride.mode == STUCK else out[9]
     return out
 
@@ -206,7 +206,7 @@ def tangent(here, ride, line, of, out, c, K):
     last = 2 * n
     block = K[:last, :last]
     stiffness(at.phi, of.gram, line.grading, block)
-    add_inertia_tangent(ground.x, line.cable.inertia, c0, c1, c2, block)
+    add_inertia_tangent(ground.x, line.cable.inertia, line.cable.damping, c0, c1, c2, block)
     if ride is None:
         return
     for i in range(last + 1):
@@ -214,7 +214,7 @@ def tangent(here, ride, line, of, out, c, K):
     if ride.mode == STUCK:
         K[last, last] = c2 * line.cable.mu
         return
-    row(ground, out, pulls(at.phi, of.gram), ride.on, c, K[last])
+    row(ground, out, pulls(at.phi, of.gram), ride.on, line.cable.damping, c, K[last])
     if ride.mode == HAULED:
         for i in range(n):
             K[i, last], K[n + i, last] = -c2 * out[2] * ground.x.f[i], -c2 * out[3] * ground.x.f[i]
@@ -223,7 +223,7 @@ def tangent(here, ride, line, of, out, c, K):
         h, R = STEP / (c1 + c2), np.zeros((2, n))
         moved = ground_at(line, of.balanced[0, last], ground.ds_o + h * c1, ground.dds_o + h * c2)
         y = coefficients(of.balanced, n)
-        K[last, last] = (roll(moved, y, of.sides, line.cable.alpha, ride.on, ride.thrust, R)[9] - out[9]) / h
+        K[last, last] = (roll(moved, y, of.sides, line.cable, ride.on, ride.thrust, R)[9] - out[9]) / h
         for a in range(2):
             for i in range(n):
                 K[a * n + i, last] = (R[a, i] + of.internal[a, i] - of.r[a * n + i]) / h

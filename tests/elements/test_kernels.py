@@ -151,7 +151,9 @@ def tensions(mesh, cable, q):
 
 def force(mesh, cable, q, ab=None, c0=0.0):
     (elements, length), r, ab = mesh, np.zeros_like(q), np.empty((1, 7)) if ab is None else ab
-    of = Cable(elements, np.asarray(cable, float), None, np.empty((1, 1, 1)), np.empty((9, elements.tab[..., 0].size)))
+    of = Cable(
+        elements, np.asarray(cable, float), None, np.empty((1, 1, 1)), np.empty((9, elements.tab[..., 0].size)), 0.0
+    )
     stretch(of, length, q)
     least = add_forces(of, length, r, ab, c0)
     return r.reshape(-1, 2), least

@@ -43,7 +43,8 @@ def momentum_defect(system, states, sigma):
         s = np.concatenate([np.linspace(0.0, s_o, 4001), np.linspace(s_o + 1e-12, 1.0, 4001)])
         o = observe(system, near, s, [k])
         momentum.append(np.trapezoid(np.stack([o.du[0], o.dv[0]]), s, axis=1))
-    forces = np.array([o.reaction_left[1], o.reaction_right[1], o.contact[1], [0.0, sigma]])
+    weight = sigma if np.ndim(sigma) else [0.0, sigma]
+    forces = np.array([o.reaction_left[1], o.reaction_right[1], o.contact[1], weight])
     defect = (momentum[2] - momentum[0]) / (2.0 * dt) - forces.sum(axis=0)
     if system.fields == 1:  # motion is normal to the chord, and so is the balance
         defect = system.direction @ defect

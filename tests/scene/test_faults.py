@@ -30,10 +30,10 @@ NUMBER = "from 1e-12 to 1e+15"
 SHAPES = "exactly one of length, sag, horizontal_tension must be given"
 KINDS = "constant_speed, constant_acceleration, accelerate_cruise_brake, trapezoid, table"
 CABLE_KEYS = (
-    "Known: length, sag, horizontal_tension, mass_per_length, EA, diameter, breaking_load, temperature, "
+    "Known: damping, length, sag, horizontal_tension, mass_per_length, EA, diameter, breaking_load, temperature, "
     "reference_temperature, expansion, ice."
 )
-SCENE_KEYS = "Known: name, title, gravity, cable, supports, mass, travel, drive, obstacle, ground."
+SCENE_KEYS = "Known: name, title, gravity, cable, supports, mass, travel, drive, wind, obstacle, ground."
 # The bounds below were computed apart, in 30 digits: chord hypot(320, 25), catenaries of z = 1e-9 and z = 5,
 # and H sqrt(1 + c^2) of the good scene.
 CHORD = "320.97507691408066"

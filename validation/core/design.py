@@ -155,13 +155,18 @@ def _safety(r: Response, found: list[Number]) -> list[Number]:
     return [Number("safety_factor_min", load / T.value, bar, "", T.t, T.s_o, T.x, T.s)]
 
 
+def _tilt(r: Response) -> list[Number]:
+    tilt = _scene(r.scene_toml).wind_tilt
+    return [] if tilt is None else [Number("wind_tilt", tilt, 0.0, "deg")]
+
+
 def numbers(ladder: Ladder, twin: Ladder | None = None) -> list[Number]:
     """Return the known design numbers; bars are at least the gap to the twin's."""
     r, other = ladder.finest, None if twin is None else twin.finest
     span = _range(r, *(() if other is None else (other,)))
     asked = quantities(r)
     found = [x for name in asked if (x := _number(name, asked[name], r, span, ladder, other)) is not None]
-    return found + _safety(r, found) + _onset(ladder, other)
+    return found + _safety(r, found) + _tilt(r) + _onset(ladder, other)
 
 
 def design(r: Response) -> list[dict[str, Any]]:
@@ -173,7 +178,7 @@ def alone(r: Response) -> list[Number]:
     span = _range(r)
     asked = quantities(r)
     found = [x for name in asked if (x := _number(name, asked[name], r, span)) is not None]
-    return found + _safety(r, found) + _onset(None, r)
+    return found + _safety(r, found) + _tilt(r) + _onset(None, r)
 
 
 def _range(*runs: Response) -> tuple[float, float]:

@@ -40,6 +40,7 @@ class Given:
         # name and value
         self.asked = next((name, cable[name]) for name in ("length", "sag", "horizontal_tension") if name in cable)
         self.travel, self.drive = x.get("travel", {}), x.get("drive", {})
+        self.cable, self.wind = cable, x.get("wind", {})
         if "ice" in cable or "temperature" in cable:
             self._change(cable, length)
 
@@ -55,6 +56,38 @@ class Given:
         self.rho = (self.rho + ice) * l / length
         natural = l / (1.0 + mean_tension / self.EA)
         self.asked = "unstretched", natural * (1.0 + cable.get("expansion", 0.0) * dT)
+
+    def blown(self, power: int) -> float:
+        """rho_air c_D d U^power/2 of the crosswind [N/m] or [N s/m^2], d with ice."""
+        if not self.wind:
+            return 0.0
+        ice = self.cable.get("ice")
+        d = self.cable["diameter"] + 2.0 * (ice["thickness"] if isinstance(ice, dict) else 0.0)
+        air, c_D = self.wind.get("air_density", 1.2), self.wind.get("drag_coefficient", 1.2)
+        return 0.5 * air * c_D * d * self.wind["across"] ** power
+
+    def damping(self, length: float, H: float) -> float:
+        """Force over momentum of the cable [1/s]; its own and the crosswind's."""
+        own = self.cable.get("damping", 0.0)
+        ratio, rate = (0.0, own["rate"]) if isinstance(own, dict) else (own, 0.0)
+        return rate + 2.0 * ratio * self._slowest(length, H) + self.blown(1) / self.rho if own or self.wind else 0.0
+
+    def _slowest(self, length: float, H: float) -> float:
+        """Lowest frequency [rad/s] of the empty cable, in units of sqrt(tau/rho)/l.
+
+        Sines n pi s of a parabola meet in the increment of tension:
+        1 + sum over odd n of 8 L^2/(n^2 pi^2 (n^2 pi^2 - w^2)) = 0; antisymmetric w = 2 pi.
+        """
+        cos, n = self.span / math.hypot(self.span, self.drop), math.pi * np.arange(1.0, 20001.0, 2.0)
+        L2 = (self.rho * self.gravity * length / H) ** 2 * self.EA / H * cos**5
+
+        def sums(w: float) -> float:
+            return 1.0 + float(np.sum(8.0 * L2 / (n**2 * (n**2 - w**2))))
+
+        w = 2.0 * math.pi
+        if sums(w) > 0.0:
+            w = float(brentq(sums, math.pi * (1.0 + 1e-12), w, xtol=1e-12))
+        return w * math.sqrt(H / cos / self.rho) / length
 
 
 def _hung(span: float, drop: float, weight: float, name: str, value: float) -> tuple[float, float]:
@@ -189,6 +222,17 @@ class Evidence:
             return np.full((self.t.size, force.shape[1]), math.nan)
         return np.asarray(CubicHermiteSpline(self.r.t, total, np.nan_to_num(force))(self.t))
 
+    @cached_property
+    def damping(self) -> float:
+        return self.given.damping(self.r.length, self.r.horizontal_tension)
+
+    @cached_property
+    def swept(self) -> Array:
+        """int int r x dr ds at frames (k,), summed over all frames: r moves on straight lines between them."""
+        f = self.r.fields
+        at = np.stack([f.x + f.u, f.y + f.v], axis=2)
+        return np.append(0.0, np.cumsum(simpson(cross(at[:-1], at[1:]), x=f.s, axis=1)))[self.frames]
+
     # --- travel and drive --------------------------------------------------------------------------------
 
     @cached_property
@@ -290,16 +334,18 @@ class Evidence:
         """Power of drive and outer forces by name (n,) [W].
 
         A grip: ds_o (-contact . <r'> + <N t> . [r'] - [W]).  Friction and brakes: force times |ds_o| times mean
-        stretch.
+        stretch.  Damping: twice the cable's kinetic energy as told, which `parts_of_the_energy` checks.
         """
         r, drive = self.r, self.given.drive
+        of_mass = 0.5 * self.given.mass * np.sum(r.velocity**2, axis=1)
+        lost = {"lost_viscous": -2.0 * self.damping * (r.kinetic - of_mass)} if self.damping else {}
         mean, jump = 0.5 * (r.slope_behind + r.slope_ahead), r.slope_ahead - r.slope_behind
         if r.drive == "grip":
             work = -np.sum(r.contact * mean, axis=1)
             for sign, T, slope in self.both():
                 work += 0.5 * T / np.hypot(*slope.T) * np.sum(slope * jump, axis=1)
                 work -= sign * T**2 / (2.0 * self.given.EA)  # at rest the same on both sides
-            return {"grip": self.pace * work}
+            return {"grip": self.pace * work, **lost}
         stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
         along = np.sum(mean * r.velocity, axis=1) / np.hypot(*mean.T)
         friction, brakes = (-rub * stretch * np.abs(self.pace) for rub in self.rub)
@@ -308,6 +354,7 @@ class Evidence:
             "thrust" if r.drive == "free" else "haul": self.pull * along, "friction": friction, "brake": brakes,
             "drag": np.sum(self.drag * r.velocity, axis=1),
             "hold": (r.T_ahead - r.T_behind)[0] * stretch * (1.0 - x) ** 2 * (1.0 + 2.0 * x) * self.pace,
+            **lost,
         }  # fmt: skip
 
 

@@ -433,11 +433,11 @@ def stretch(m: Evidence) -> Defect:
 
 @_law()
 def momentum_of_the_cable(m: Evidence) -> Defect:
-    """rho int r. ds changes by the impulse of all forces; over total weight times window."""
+    """rho int r. ds changes by the impulse of all forces, damping's by the way; over total weight times window."""
     r, rho = m.r, m.given.rho
     weight = rho * m.given.gravity * r.fields.s[-1]
     force = r.reaction_left + r.reaction_right + r.contact + weight * DOWN
-    kept = rho * m.along["velocity"] - m.impulse_at_frames(force)
+    kept = rho * (m.along["velocity"] + m.damping * m.along["place"]) - m.impulse_at_frames(force)
     return _over_frames(m, kept, (weight + m.given.weight) * m.lasts)
 
 
@@ -450,9 +450,8 @@ def moment_of_momentum(m: Evidence) -> Defect:
     moment = cross(right, r.reaction_right) + cross(np.stack([r.x, r.y], axis=1), r.contact)
     lever, moves, h = m.along["place"][:, 0], m.along["velocity"][:, 0], np.diff(t)
     own = weight * (0.5 * h * (lever[1:] + lever[:-1]) - h**2 / 12.0 * np.diff(moves))  # by cubics
-    kept = (given.rho * m.along["spin"] - np.append(0.0, np.cumsum(own)))[:, None] - m.impulse_at_frames(
-        moment[:, None]
-    )
+    spin = given.rho * (m.along["spin"] + m.damping * m.swept if m.damping else m.along["spin"])
+    kept = (spin - np.append(0.0, np.cumsum(own)))[:, None] - m.impulse_at_frames(moment[:, None])
     return _over_frames(m, kept, (weight * r.fields.s[-1] + given.weight) * given.span * m.lasts)
 
 

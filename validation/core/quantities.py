@@ -13,6 +13,7 @@ _NAMES = {
     "mass_deepest": "deepest place of the car", "mass_deflection_max": "largest deflection of the car",
     "contact_max": "largest press of the car on the rope", "contact_min": "least press of the car on the rope",
     "haul_force_max": "largest haul force", "haul_force_min": "least haul force", "speed_max": "top speed",
+    "wind_tilt": "tilt of the empty rope's plane in the crosswind",
     "slack_onset": "slack onset", "safety_factor_min": "least safety factor",
     "angle_left": "steepest rope at the left support", "angle_right": "steepest rope at the right support",
     "max_deflection": "largest deflection of the car", "path_error": "error bar of the path of the car",
@@ -21,7 +22,7 @@ _NAMES = {
 _MATTER = (
     "clearance_rope_min", "clearance_car_min", "tension_max", "safety_factor_min", "haul_force_max", "haul_force_min",
     "reaction_left_max", "reaction_right_max", "speed_max", "angle_left", "angle_right", "mass_deepest",
-    "mass_deflection_max", "deepest_point", "contact_max",
+    "mass_deflection_max", "wind_tilt", "deepest_point", "contact_max",
 )  # fmt: skip
 
 
@@ -57,7 +58,7 @@ def named(quantity: str) -> str:
 def unit_of(quantity: str) -> str:
     """Return the SI unit; "" of a ratio."""
     kinds = dict.fromkeys(("tension", "reaction", "contact", "haul"), "N") | {"deep": "m", "deflection": "m"}
-    kinds |= {"speed": "m/s", "clearance": "m", "angle": "deg"}
+    kinds |= {"speed": "m/s", "clearance": "m", "angle": "deg", "tilt": "deg"}
     return next((unit for kind, unit in kinds.items() if kind in quantity.partition(":")[0]), "")
 
 

@@ -65,6 +65,8 @@ def design(r: Response, twin: Response | None = None) -> Iterator[Recomputed]:
     begin, end = np.interp(np.array(WINDOWS[r.drive]) * r.length, r.s_o, r.t) if r.drive != "free" else (0.0, math.inf)
     span = float(begin), float(min([end, *(min(x.t[-1], x.slack_since) for x in (r, twin or r))]))
     known = _signals(r)
+    tilt = math.degrees(math.atan(given.blown(2) / (given.rho * given.gravity)))
+    known["wind_tilt"] = [(r.t, np.full(r.t.shape, tilt))]
     for row in r.design:
         least = row["quantity"].endswith("_min") or (row["quantity"].startswith("angle") and row["value"] < 0.0)
         quantity, way = row["quantity"].removesuffix("_max").removesuffix("_min"), "min" if least else "max"

@@ -35,6 +35,7 @@ class Cable(NamedTuple):
     chord: Any  # `Chord`; None of the full cable
     operators: Any  # (8, 2 b + 1, n_dof) diagonals of M^, G^, G^T, H^ of each side; fixed mesh: (1, ...) M
     points: Any  # (9, n_el n_q) workspace: s, r', f, df/dr' (xx, xy, yy), tension
+    damping: float  # c_d
 
 
 class Chord(NamedTuple):
@@ -52,19 +53,23 @@ class Instant(NamedTuple):
 
 @compiled
 def weigh(cable, now):
-    """Set the diagonals of M, C and K, see `following`; a fixed mesh has M only."""
-    operators, bands, n = cable.operators, now.bands, now.bands.shape[2]
-    s_o, ds, dds = now.place[0], now.place[1], now.place[2]
+    """Set the diagonals of M, C and K, see `following`; on a fixed mesh C = c_d M and K = 0.
+
+    Damping replaces w.. by w.. + c_d w.: dh/dt by dh/dt + c_d h, and dds_o by dds_o + c_d ds_o.
+    """
+    operators, bands, n, c_d = cable.operators, now.bands, now.bands.shape[2], cable.damping
+    s_o, ds, dds = now.place[0], now.place[1], now.place[2] + c_d * now.place[1]
     if operators.shape[0] == 1:
         for d in range(bands.shape[1]):
             for i in range(n):
-                bands[0, d, i], bands[1, d, i], bands[2, d, i] = operators[0, d, i], 0.0, 0.0
+                M = operators[0, d, i]
+                bands[0, d, i], bands[1, d, i], bands[2, d, i] = M, c_d * M, 0.0
         return
     first = now.contact.dofs[0, 0]
     last = first + now.contact.dofs.shape[1]
     for side in range(2):
         h, dh = (s_o, ds) if side == 0 else (1.0 - s_o, -ds)
-        flux = ds * ds / h
+        flux, dh = ds * ds / h, dh + c_d * h
         a, b = (0, last) if side == 0 else (last, n)
         for d in range(bands.shape[1]):
             M, G, GT, H = operators[side, d], operators[2 + side, d], operators[4 + side, d], operators[6 + side, d]

@@ -196,11 +196,14 @@ def rows_of(cable, side, node):
 
 @compiled
 def add_inertia_row(cable, node, push, x, border, factors):
-    """Return the cable's inertia in the row of s_o; add its tangent to the border."""
-    n, ds, dds, (c0, c1, c2) = cable.operators.shape[2], push.ds, push.dds, factors
-    q, v, a, column, row = x[0], x[1], x[2], border.lines[0], border.lines[1]
-    y, total, corner = np.empty((9, n)), 0.0, 0.0
-    Mv, Gq, Gv, Hq, terms, Ma, GTv, GTa, Hv = y[0], y[1], y[2], y[3], y[4], y[5], y[6], y[7], y[8]
+    """Return the cable's inertia and damping in the row of s_o; add their tangent to the border."""
+    n, ds, dds, c_d = cable.operators.shape[2], push.ds, push.dds + cable.damping * push.ds, cable.damping
+    c0, c1, c2 = factors[0], factors[1], factors[2] + c_d * factors[1]
+    q, v, column, row = x[0], x[1], border.lines[0], border.lines[1]
+    y, total, corner = np.empty((10, n)), 0.0, 0.0
+    Mv, Gq, Gv, Hq, terms, Ma, GTv, GTa, Hv, a = y[0], y[1], y[2], y[3], y[4], y[5], y[6], y[7], y[8], y[9]
+    for i in range(n):
+        a[i] = x[2, i] + c_d * v[i]
     for side in range(2):
         h, sign = (push.s_o, 1.0) if side == 0 else (1.0 - push.s_o, -1.0)
         flow, speed_up = ds / h, dds / h

@@ -119,6 +119,7 @@ def tension_field(x: Stored, r: Response, caption: str, across: int = 5, up: int
 PARTS = {
     "motion": (BLUE, ""), "height": (VERMILLION, DASHED), "stretch": (GREEN, ""), "drag": (PURPLE, ""),
     "friction": (ORANGE, ""), "brake": (BLACK, ""), "thrust": (SKY, DASHED), "haul": (GREY, DASHED),
+    "damping": (SKY, ""),
 }  # fmt: skip
 
 
@@ -129,7 +130,9 @@ def energy_split(x: Stored, caption: str) -> Markup:
     dt = np.diff(r.t, prepend=r.t[0])
     for name, power in r.powers.items():
         power = np.nan_to_num(power)
-        lines[name] = -np.cumsum(0.5 * (power + np.append(power[:1], power[:-1])) * dt)
+        lines["damping" if name == "lost_viscous" else name] = -np.cumsum(
+            0.5 * (power + np.append(power[:1], power[:-1])) * dt
+        )
     factor, unit = scale_of(np.concatenate(list(lines.values())), "J")
     p = Panel(f"since start [{unit}]", height=200.0)
     for name, y in lines.items():

@@ -1,0 +1,69 @@
+"""Damped answers before the judge: both wings agree, laws by the file alone see a wrong rate, faults are seen."""
+
+import functools
+
+import pytest
+
+from cablefem import Scene
+from cablefem.scene.keys import keys
+from tests.validation.ladders import ladder
+from tests.validation.test_laws import held
+from validation.commands.check.study import check
+from validation.core.running import run
+
+LEVEL = Scene.load("level").replace({"cable.damping": 0.02})
+RIDER = Scene.load("zipline").replace({"wind.across": 5.0, "cable.diameter": 0.012})
+
+
+@functools.cache
+def runs(name, claims):
+    scene = {"level": LEVEL, "zipline": RIDER}[name]
+    how = {} if name == "zipline" else {"until": 0.3}
+    return ladder(scene, claims=scene.replace(dict(claims)) if claims else None, elements=12, steps=1200, **how)
+
+
+def broken(name, *claims, factor=3.0):
+    found = held(runs(name, claims), (0.02, 0.3))
+    return {law for law, h in found.items() if not h.gap <= factor * (h.bar + h.sampling)}
+
+
+@pytest.mark.parametrize("name", ["level", "zipline"])
+def test_right_answers_keep_every_law(name):
+    assert broken(name, factor=2.0) == set()
+
+
+def test_laws_see_a_rate_that_both_wings_have_wrong():
+    assert {"power", "momentum of the cable"} <= broken("level", ("cable.damping", 0.022))
+    assert "power" in broken("zipline", ("wind.across", 5.05))
+    assert "momentum of the cable" in broken("level", ("cable.damping", 0.0))
+
+
+def test_the_ledger_has_what_damping_took():
+    r = runs("level", ()).finest
+    assert r.powers["lost_viscous"].max() <= 0.0
+    assert runs("zipline", ()).finest.powers.keys() == {"thrust", "drag", "friction", "brake", "hold", "lost_viscous"}
+    assert run(Scene.load("level"), "following-p2", elements=2, steps=20).powers == {}
+
+
+def test_a_check_agrees_and_sees_a_fault_of_the_rate():
+    right = check(LEVEL, tol=1e-2)
+    assert right.verdict.value == "agree"
+    told = check(LEVEL, tol=1e-2, second=LEVEL.replace({"cable.damping": 0.03}))
+    assert told.verdict.value == "disagree"
+
+
+def test_the_tilt_is_a_design_number_that_the_judge_computes_again():
+    result = check(RIDER, tol=1e-2)
+    tilt = next(x for x in result.a.run.design if x["quantity"] == "wind_tilt")
+    assert tilt["value"] == pytest.approx(RIDER.wind_tilt)
+    (row,) = (row for row in result.rows if (row.quantity, row.law) == ("design", "wind_tilt"))
+    assert row.verdict.value == "agree"
+    assert not any(x["quantity"] == "wind_tilt" for x in run(LEVEL, "following-p2", elements=2, steps=20).design)
+
+
+def test_keys_tell_unit_and_default():
+    found = {key.name: (key.unit, key.default) for key in keys(Scene)}
+    assert found["cable.damping"] == ("-", "0.0")
+    assert found["cable.damping.rate"] == ("1/s", "required")
+    assert found["wind.across"] == ("m/s", "required")
+    assert found["wind.drag_coefficient"] == ("-", "1.2")
