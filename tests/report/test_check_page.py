@@ -20,6 +20,7 @@ from validation.commands.check import page as check
 from validation.core.quantities import scale_of, told
 from validation.page import page
 from validation.page.answer.stored import read
+from validation.page.plot import PURPLE
 from validation.page.side_view import side_view
 
 A, B = "following-p2", "fourier-kink"
@@ -87,13 +88,18 @@ def test_a_disagreement_is_said_first(folder):
 
 def test_a_third_party_has_its_rows_and_its_path(folder):
     party = {"quantity": "path_max", "gap": 0.073, "allowed": 0.0052, "verdict": "disagree", "where": 0.31,
-             "with": "other <code>"}  # fmt: skip
+             "with": "other <code>", "bound": {"notes": ["agrees if its times are shifted by 0.10 s"]}}  # fmt: skip
     doctored(folder, rows=lambda rows: [*rows, party], verdict="disagree")
-    (folder / "with.csv").write_text("t,s_o,y\n0.5,80.0,2.5\n1.5,210.0,7.5\n")
+    (folder / "with.csv").write_text("t,s_o,y,v,speed\n0.5,80.0,2.5,1.5,90.0\n1.5,210.0,7.5,2.5,\n")
     x = read(folder)
     assert (x.party.name, x.party.y.tolist()) == ("other <code>", [2.5, 7.5])
-    assert "path max: other &lt;code&gt;" in section(folder, "how-sure").html
-    assert "other &lt;code&gt;" in section(folder, "ride").html  # in the legend
+    how_sure, ride = section(folder, "how-sure").html, section(folder, "ride").html
+    assert "path max: other &lt;code&gt;" in how_sure
+    assert "other &lt;code&gt;: DISAGREES with both; agrees if its times are shifted by 0.10 s." in how_sure
+    assert "distance to other &lt;code&gt;" in how_sure
+    assert ride.count("other &lt;code&gt;") == 2, "in the key of both figures of the ride"
+    assert ride.count(PURPLE) >= 2 + 2 + 3  # keys; depth and speed over place; and the place over time
+    assert '"name":"other \\u003ccode>"' in section(folder, "side-view").html
 
 
 def test_no_solver_is_loaded(stored):

@@ -1,5 +1,6 @@
 """Another program's path is read for what it says, compared with what both owe, and refused with the remedy."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -308,6 +309,34 @@ def test_another_wing_s_ride_agrees_and_a_late_one_does_not(tmp_path, ridden, ot
     fast = rows_of(ForeignPath.read(ride(tmp_path, other, speed=1.05 * other.speed), ZIPLINE), ridden)
     assert fast["speed"].verdict is Verdict.DISAGREE
     assert fast["path_max"].verdict is Verdict.AGREE
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        (lambda r: {"t": r.t + 0.1}, r"agrees if its times are shifted by -0\.(1|09\d|10\d) s"),
+        (lambda r: {"y": r.y + 0.03 * r.v}, r"agrees if its v is multiplied by 0\.97\d*"),
+        (lambda r: {"y": r.y + 0.2}, r"agrees if its heights are shifted by -0\.(2|19\d|20\d) m downwards"),
+        (lambda r: {"x": r.x + 1.0}, r"agrees if its places are shifted by -(1|0\.9\d+|1\.0\d) m"),
+    ],
+)
+def test_what_one_change_explains_is_said(tmp_path, ridden, other, changed, said):
+    path = ForeignPath.read(ride(tmp_path, other, **changed(other)), ZIPLINE)
+    row = rows_of(path, ridden, 1e-4)["path_max"]
+    assert row.verdict is Verdict.DISAGREE
+    assert re.search(said, row.allowed_because), row.allowed_because
+
+
+def test_what_no_change_explains_is_left(tmp_path, ridden, other):
+    path = ForeignPath.read(ride(tmp_path, other, y=other.y + 1.5 * np.sin(other.t)), ZIPLINE)
+    row = rows_of(path, ridden)["path_max"]
+    assert row.verdict is Verdict.DISAGREE
+    assert "agrees if" not in row.allowed_because
+
+
+def test_a_factor_on_a_travel_is_said(ours):
+    path = ForeignPath.of(LEVEL, L * s, 1.02 * L * v)
+    assert "agrees if its v is multiplied by 0.98" in rows_of(path, ours)["path_max"].allowed_because
 
 
 def test_a_ride_by_its_place_on_the_cable_is_the_same_ride(tmp_path, ridden, other):

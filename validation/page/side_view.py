@@ -18,10 +18,10 @@ SCRIPT = "side_view.js"
 STATIONS = 101  # of the moving rope, at most, without the mass
 
 
-def side_view(scene: Scene, runs: Sequence[Response], *, range_T: tuple[float, float]) -> Markup:
+def side_view(scene: Scene, runs: Sequence[Response], *, range_T: tuple[float, float], party: Any = None) -> Markup:
     """Return the side view of one or two runs; its section needs SCRIPT among its scripts.
 
-    range_T : tensions [N] at the ends of the colour scale.
+    range_T : tensions [N] at the ends of the colour scale;  party : a third party's path, to be drawn too.
     """
     r = runs[0]
     s = r.fields.s[:: _every(r)]
@@ -34,7 +34,7 @@ def side_view(scene: Scene, runs: Sequence[Response], *, range_T: tuple[float, f
     }  # fmt: skip
     both = zip(runs, (BLUE, VERMILLION), strict=False)
     cables = [_cable(scene, run, color, ends["unit"], ends["unitName"]) for run, color in both]
-    data = {**ends, **_still(scene, r), "cables": cables}
+    data = {**ends, **_still(scene, r), "cables": cables, "party": None if party is None else _party(scene, party)}
     # "<" could end the script
     packed = Markup(json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"))
     return rendered("side_view.html", data=packed, names=" and ".join(run.method for run in runs))
@@ -63,6 +63,12 @@ def _still(scene: Scene, r: Response, points: int = 300, labels: int = 5) -> dic
         "obstacles": [{"name": o.name, "x": o.at, "top": o.top} for o in scene.obstacle],
         "ground": [list(point) for point in scene.ground],
     }
+
+
+def _party(scene: Scene, party: Any) -> dict[str, Any]:
+    at = np.unique(np.linspace(0, party.t.size - 1, min(PATH, party.t.size)).round().astype(int))
+    x = scene.catenary.x(party.s_o) if party.x is None else party.x
+    return {"name": party.name, "x": _short(x[at]), "y": _short(party.y[at])}
 
 
 def _first(r: Response) -> tuple[Array, Array]:

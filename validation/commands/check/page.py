@@ -35,6 +35,11 @@ WORDS = {
     "not comparable": "cannot be compared",
 }  # fmt: skip
 
+THIRD = {
+    "agree": "agrees with both", "disagree": "DISAGREES with both", "too coarse": "is too coarse to tell",
+    "not comparable": "cannot be compared",
+}  # fmt: skip
+
 
 def sections(folder: Path) -> list[Section]:
     """Return the page of a stored check."""
@@ -68,6 +73,14 @@ def sure(rows: list[dict[str, Any]]) -> str:
     return f"Two independent solvers, {sum(asked.values())} comparisons: {', '.join(unique)}."
 
 
+def third(rows: list[dict[str, Any]], party: str) -> tuple[str, str]:
+    """Return the verdict on a third party, and a sentence with the one change that would make it agree."""
+    theirs = [row for row in rows if row.get("with") == party]
+    worst = next(verdict for verdict in VERDICTS if any(row["verdict"] == verdict for row in theirs))
+    notes = [note for row in theirs for note in row.get("bound", {}).get("notes", ())]
+    return worst, "; ".join([THIRD[worst], *dict.fromkeys(notes)]) + "."
+
+
 def _sure(x: Stored) -> Section:
     group_of = {name: group for group, names in GROUPS.items() for name in names}
     groups: dict[str, list[dict[str, Any]]] = {}
@@ -82,6 +95,9 @@ def _sure(x: Stored) -> Section:
         ),
         table(lines, {"group": "comparison", "verdict": "verdict", "words": "of those asked"}, stack=True),
     ]  # fmt: skip
+    if x.party is not None:
+        worst, said = third(x.rows, x.party.name)
+        html.insert(1, callout(f"{x.party.name}: {said}", worst))
     if len(x.runs) > 1:
         html.append(gallery(draw.distance(x, "How far the two paths of the car are apart.")))
     html.append(details(f"All {len(x.rows)} comparisons", _rows(x.rows)))

@@ -3,10 +3,9 @@
 from dataclasses import replace
 from typing import Any
 
-from validation.commands.check.page import sure
+from validation.commands.check.page import sure, third
 from validation.commands.check.study import Check
 from validation.page import telling, terminal
-from validation.page.page import VERDICTS
 
 SAID = {
     "agree": "Both solvers agree.",
@@ -14,10 +13,6 @@ SAID = {
     "too coarse": "TOO COARSE to tell: both solvers may be right, but not as sure as was asked.",
     "not comparable": "NOT COMPARABLE: there is nothing left to compare.",
 }
-THIRD = {
-    "agree": "agrees with both.", "disagree": "DISAGREES with both.", "too coarse": "is too coarse to tell.",
-    "not comparable": "cannot be compared.",
-}  # fmt: skip
 
 
 def tell(result: Check, verbose: bool = False) -> None:
@@ -27,9 +22,8 @@ def tell(result: Check, verbose: bool = False) -> None:
     rows = [row.row() for row in result.rows]
     terminal.say(f"  {sure([row for row in rows if not row.get('with')])}")
     for party in dict.fromkeys(row["with"] for row in rows if row.get("with")):
-        theirs = {row["verdict"] for row in rows if row.get("with") == party}
-        worst = next(verdict for verdict in VERDICTS if verdict in theirs)
-        terminal.say(f"  {party}: {THIRD[worst]}", style=terminal.STYLES[worst])
+        worst, said = third(rows, party)
+        terminal.say(f"  {party}: {said}", style=terminal.STYLES[worst])
     for row in rows:
         if row.get("asked", True) and row["verdict"] in ("disagree", "not comparable"):
             terminal.say(f"  {_line(row)}", style="yellow")

@@ -4,6 +4,7 @@ Places are metres along the rope.  Functions take stored answers; `caption` goes
 """
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -59,8 +60,8 @@ def series(x: Stored, rows: Sequence[tuple[str, str, Of]], caption: str, *, time
         p.fit([factor * part for part in inside])
         for r, look in zip(x.runs, LOOK, strict=False):
             p.line(r.t if time else r.s_o, factor * of(r), *look, name=r.method)
-        if x.party is not None and "depth" in title:
-            p.line(x.party.t if time else x.party.s_o, factor * x.party.y, GREEN, DOTTED, 2.2, x.party.name)
+        if x.party is not None and (theirs := x.party.series(of)) is not None:
+            p.line(x.party.t if time else x.party.s_o, factor * theirs, PURPLE, DASHED, 2.2, x.party.name)
         panels.append(p)
     return _drawn(x, panels, caption, time=time)
 
@@ -69,21 +70,31 @@ def distance(x: Stored, caption: str) -> Markup:
     """Draw the distance of the two paths [m] and their bars."""
     a, b = x.runs
     time = x.free
-    at, there = (a.t, b.t) if time else (a.s_o, b.s_o)
-    both = at <= there[-1]
-    columns = ("x", "y") if time else ("u", "v")
-    apart = np.hypot(*(getattr(a, c)[both] - np.interp(at[both], there, getattr(b, c)) for c in columns))
+    at, apart = _apart(a, b, time)
     factor, unit = scale_of(_inside(x, a, np.pad(apart, (0, a.t.size - apart.size))), "m")
     p = Panel(f"apart [{unit}]", height=150.0)
-    p.line(at[both], factor * apart, BLACK, "", 1.6, "distance of the paths")
+    p.line(at, factor * apart, BLACK, "", 1.6, "distance of the paths")
     allowed = x.row("path_max").get("allowed")
     most = factor * float(_inside(x, a, np.pad(apart, (0, a.t.size - apart.size))).max(initial=0.0))
     if allowed is not None:
         ends = np.array(x.compared(a)) if time else np.interp(x.compared(a), a.t, a.s_o)
         p.line(ends, np.full(2, factor * allowed * a.path_scale), GREEN, "9 3 2 3", 2.0, "sum of both error bars")
         most = max(most, factor * allowed * a.path_scale)
+    if x.party is not None:
+        at, theirs = _apart(a, x.party, time)
+        p.line(at, factor * theirs, PURPLE, DASHED, 2.2, f"distance to {x.party.name}")
+        most = max(most, factor * float(theirs.max(initial=0.0)))
     p.decades(most)
     return _drawn(x, [p], caption, time=time)
+
+
+def _apart(a: Response, b: Any, time: bool) -> tuple[Array, Array]:
+    """Return the axis and the distance of two paths [m] where both are known, of the components both tell."""
+    at, there = (a.t, b.t) if time else (a.s_o, b.s_o)
+    both = (at >= there[0]) & (at <= there[-1])
+    columns = [c for c in (("x", "y") if time else ("u", "v")) if getattr(b, c) is not None]
+    parts = [getattr(a, c)[both] - np.interp(at[both], there, getattr(b, c)) for c in columns]
+    return at[both], np.linalg.norm(parts, axis=0)
 
 
 def tension_range(x: Stored) -> tuple[float, float]:

@@ -70,7 +70,7 @@ def _events(x: Stored) -> list[dict[str, str]]:
 
 def _side(x: Stored) -> Section:
     moving = [r for r in x.runs if r.fields.t.size > 1]
-    view = side_view(x.scene, moving, range_T=draw.tension_range(x)) if moving else Markup("")
+    view = side_view(x.scene, moving, range_T=draw.tension_range(x), party=x.party) if moving else Markup("")
     return Section("side-view", "Side view", view, scripts=(SCRIPT,))
 
 

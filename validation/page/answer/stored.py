@@ -1,6 +1,7 @@
 """Stored results of a run or a check."""
 
 import csv
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,12 +17,25 @@ EVENTS = ("release", "thrust_end", "brake", "turn", "stop", "arrival", "back", "
 
 @dataclass(frozen=True, slots=True)
 class Party:
-    """A third party's mass path."""
+    """A third party's mass path, named as in `Response`; (n,) each in SI, None if not given."""
 
     name: str
-    t: Array  # (n,) [s]
-    s_o: Array  # (n,) [m]
-    y: Array  # (n,) [m] down from the left support
+    t: Array
+    s_o: Array
+    y: Array
+    x: Array | None = None
+    v: Array | None = None
+    u: Array | None = None
+    speed: Array | None = None
+    T_behind: Array | None = None
+    T_ahead: Array | None = None
+
+    def series(self, of: Callable[[Any], Array]) -> Array | None:
+        """Return a series of a response for this party; None where it does not tell it."""
+        try:
+            return of(self)
+        except (AttributeError, TypeError):
+            return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,4 +107,5 @@ def _party(file: Path, agreement: dict[str, Any]) -> Party | None:
         return None
     with file.open(encoding="utf-8", newline="") as lines:
         table = list(csv.DictReader(lines))
-    return Party(name, *(np.array([float(row[key]) for row in table]) for key in ("t", "s_o", "y")))
+    known = [key for key in Party.__slots__ if key in table[0]]
+    return Party(name, **{key: np.array([float(row[key] or "nan") for row in table]) for key in known})

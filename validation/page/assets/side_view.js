@@ -112,6 +112,7 @@ for (const root of document.querySelectorAll(".player")) {
     g.lineWidth = 1; g.strokeStyle = "#999"; path(data.x, data.y); g.stroke();
     g.lineWidth = 1.2; g.strokeStyle = "#009e73"; g.setLineDash([2, 3]); path(px, py); g.stroke();
     if (data.below) { path(px, py.map((y) => y + data.below)); g.stroke(); }
+    if (data.party) { g.lineWidth = 2.2; g.strokeStyle = "#cc79a7"; g.setLineDash([8, 3]); path(data.party.x, data.party.y); g.stroke(); }
     g.setLineDash([]);
     g.fillStyle = ink;
     for (const i of [0, m - 1]) {
@@ -197,8 +198,10 @@ for (const root of document.querySelectorAll(".player")) {
     `<span style="color:${c.color}">${i ? "◯" : "⬤"}</span> <b></b>: ` +
     (i ? "dashed line over it" : `thick line${cables.length > 1 ? ", coloured by its tension" : ""}`));
   const still_ = ["thin grey line: rope at rest", "grey band: where the rope was", `green dots: path of the car${data.below ? " and of its lowest part" : ""}`];
-  find(".legend").innerHTML = [...legend, ...still_].join("; ");
-  find(".legend").querySelectorAll("b").forEach((b, i) => { b.textContent = cables[i].name; });
+  const theirs = data.party ? ["purple dashes: path of the car by <b></b>"] : [];
+  const names = [...cables.map((c) => c.name), ...(data.party ? [data.party.name] : [])];
+  find(".legend").innerHTML = [...legend, ...still_, ...theirs].join("; ");
+  find(".legend").querySelectorAll("b").forEach((b, i) => { b.textContent = names[i]; });
   const table = find(".readout");
   const row = (cells, kind) => { const tr = table.insertRow(); for (const c of cells) { const td = document.createElement(kind); td.textContent = c; tr.append(td); } return tr; };
   row(["by", "deflection [m]", `T behind [${data.unitName}]`, `T ahead [${data.unitName}]`, ...cables[0].told.map((x) => x.name)], "th");
