@@ -65,8 +65,8 @@ def _still(scene: Scene, r: Response, points: int = 300, labels: int = 5) -> dic
     }
 
 
-def _party(scene: Scene, party: Any) -> dict[str, Any]:
-    at = np.unique(np.linspace(0, party.t.size - 1, min(PATH, party.t.size)).round().astype(int))
+def _party(scene: Scene, party: Any, points: int = 300) -> dict[str, Any]:
+    at = np.unique(np.linspace(0, party.t.size - 1, points).round().astype(int))
     x = scene.catenary.x(party.s_o) if party.x is None else party.x
     return {"name": party.name, "x": _short(x[at]), "y": _short(party.y[at])}
 
