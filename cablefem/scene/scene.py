@@ -232,9 +232,12 @@ class Scene(Part):
     def replace(self, changes: Mapping[str, Any]) -> Self:
         """Return this scene with other values of some dotted keys; SceneError with all faults.
 
+        A new length, sag or horizontal tension takes the place of the one given.
         scene.replace({"mass.mass": 60.0, "drive.brake.0.force": 600.0, "obstacle.tree.top": 21.0})
         """
         data = self._tables()
+        if any(f"cable.{shape}" in changes for shape in SHAPES):  # the described shape gives way
+            data["cable"] = {k: x for k, x in data["cable"].items() if k not in SHAPES or f"cable.{k}" in changes}
         for key, value in changes.items():
             try:
                 put(data, key, value)

@@ -16,9 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.scene import Scene
-from cablefem.scene.line import Line
-
 MOST = 10_000  # larger ones are sweeps
 
 
@@ -74,7 +71,3 @@ def parts(point: dict[str, Any], known: Sequence[str]) -> tuple[dict[str, Any], 
     """Split a point into settings of the scene (dotted or `known`) and of the method."""
     scene = {key: value for key, value in point.items() if "." in key or key in known}
     return scene, {key: value for key, value in point.items() if key not in scene}
-
-
-def varied(scene: Scene | Line, point: dict[str, Any]) -> Scene | Line:
-    return scene.replace(point)

@@ -117,7 +117,7 @@ def points_of(scene: Scene | Line, pairs: list[str] | None) -> list[Point]:
     for given in found:
         of_scene, settings = grid.parts(given, ("gravity", "title"))
         try:
-            out.append(Point(given, grid.varied(scene, of_scene) if of_scene else scene, settings))
+            out.append(Point(given, scene.replace(of_scene) if of_scene else scene, settings))
         except (SceneError, ValueError) as error:
             told = error.faults if isinstance(error, SceneError) else [str(error)]
             faults += [f"--set {', '.join(of_scene)}: {fault}" for fault in told]

@@ -29,10 +29,10 @@ from validation.core.running import run
 
 REFERENCE = "following-p2"
 FULL = store.shipped(__package__, "ladders.toml")["rolling"]["full"]
-ORDER = 1.5  # of the path; gap/(2^p - 1) is left
+ORDER = 1.5  # of the path, which wave fronts reduce; gap/(2^p - 1) is left
 SHARE = 0.25  # of the tolerance: for the full run's error
 NEEDS = {"free": ("timetable", "deflection", "tension"), "haul": ("deflection", "tension", "haul force")}
-EDGE = 0.05  # s_o/l next to a support that is not compared
+EDGE = 0.05  # s_o/l next to a support that is not compared, and the least range that is
 
 Progress = Callable[[str, float], None]
 

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 from cablefem.response import Response, write_json
 from cablefem.scene import Scene
 from validation.commands.advise import rolling
-from validation.commands.advise.rolling import finite
+from validation.commands.advise.rolling import EDGE, ORDER, REFERENCE, SHARE, finite
 from validation.core import measures, store
 from validation.core.ladder import left
 from validation.core.methods import METHODS, find
@@ -28,13 +28,8 @@ LADDER = (
     ("string", "force"), ("string", "mass"), ("sagged", "force"), ("sagged", "mass"), ("stretching", "force"),
     ("stretching", "mass"), ("full", "mass"),
 )  # fmt: skip
-REFERENCE = "following-p2"  # for the ladder
 FULL = store.shipped(__package__, "ladders.toml")["gripped"]["full"]
 FAR = 3.0  # times the tolerance: models further off are not refined
-# gap/(2^p - 1) is a full run's error: fronts reduce p of the path, unresolved axial waves that of the tension
-PATH_ORDER, TENSION_ORDER = 1.5, 1.0
-SHARE = 0.25  # of the tolerance: for the full run's path
-LEAST_WINDOW = 0.05  # least s_o/l compared
 
 Progress = Callable[[str, float], None]
 Window = tuple[float, float]
@@ -161,15 +156,15 @@ def _measure_full(found: Climb) -> bool:
     coarse, fine = found.full[-2:]
     try:
         found.window = measures.window_of(coarse, fine)
-        if found.window[1] < found.window[0] + LEAST_WINDOW:
+        if found.window[1] < found.window[0] + EDGE:
             return False
         path, tension = deflection_gap(coarse, fine, found.window), measures.tension_gap(coarse, fine, found.window)
     except measures.NotComparable:
         return False
     before = distance(found.full[-3], coarse, found.window) if len(found.full) > 2 else (0.0, 0.0)
     found.bars = (
-        left(path, before[0], (2.0, 2.0), PATH_ORDER),
-        left(tension, before[1], (2.0, 2.0), TENSION_ORDER),
+        left(path, before[0], (2.0, 2.0), ORDER),
+        left(tension, before[1], (2.0, 2.0), 1.0),  # unresolved axial waves
     )
     return True
 

@@ -37,9 +37,7 @@ from validation.oracles.case import Crossing, level
 from validation.oracles.case import Path as MassPath
 
 TOL = 1e-6  # of the largest deflection
-PLACES = 101  # s_o/l = 0, 0.01, ... 1
 NEWTON = Newton(tol=1e-8)  # errors of Newton's method add up over the steps
-TIME_ORDER = 2.0  # largest order credited in time
 AIM = 0.4  # of the tolerance: bars of two ways
 LAST = 95  # beyond it changes show no order, and a cut step ends a hauled ride
 NEARBY = 5  # places on either side whose gaps count: a gap may cross zero
@@ -66,9 +64,6 @@ WAYS = (  # largest run: half a minute
     Way("following-p2", "gauss", (16, 4000), 320e3),
     Way("fourier-kink", "trapezoidal", (10, 1000), 100e3),
 )
-FREE = 4.0  # factor on the work of a step: each zero of the slip is an event
-# a wave at release shifts the ride in time, depending on the elements next to the car
-AT_CAR = {"grading": 10.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,8 +175,10 @@ def climb(scene: Scene, way: Way, progress: Progress = lambda *told: None) -> Fo
     """
     method, free = find(way.method), scene.drive.mode == "free"
     space, at_car = method.resolution.setting, free and method.wing == "elements"
-    first = {space: way.first[0], "steps": way.first[1], "scheme": way.scheme} | (AT_CAR if at_car else {})
-    most = way.most / (FREE if free else 1.0)
+    first = {space: way.first[0], "steps": way.first[1], "scheme": way.scheme}
+    if at_car:  # a wave at release shifts the ride in time, depending on the elements next to the car
+        first |= {"grading": 10.0}
+    most = way.most / (4.0 if free else 1.0)  # of a free ride each zero of the slip is an event
     runs: dict[tuple[int, int], Track] = {}
 
     def ran(settings: dict[str, Any]) -> Track:
@@ -194,7 +191,7 @@ def climb(scene: Scene, way: Way, progress: Progress = lambda *told: None) -> Fo
     while True:
         fine = ran(settings)
         coarser = [[ran(refined(method, settings, **{of: share})) for share in (0.5, 0.25)] for of in ("space", "time")]
-        found = _found(fine, coarser, way, {k: settings[k] for k in first}, (min(method.space_order, 1.5), TIME_ORDER))
+        found = _found(fine, coarser, way, {k: settings[k] for k in first}, (min(method.space_order, 1.5), 2.0))
         parts = dict(zip((space, "steps"), (x if math.isfinite(x) else math.inf for x in found.parts), strict=True))
         progress(way.name, 0.5, f"{settings[space]}/{settings['steps']}: {sum(found.parts):.1g}")
         # small parts are not refined
@@ -257,7 +254,7 @@ def track(scene: Scene, method: Method, settings: dict[str, Any]) -> Track:
             if before is not None and solver.least_tension[0] < 0.0:
                 end = f"slack cable at s_o/l = {place:.3f}"
                 break
-            passed = range(mark, min(PLACES, math.floor(100.0 * place) + 1))
+            passed = range(mark, math.floor(100.0 * place) + 1)
             states += _passages(solver, before, x, passed)
             mark, before = max(mark, passed.stop), x
     except StepFailure as error:

@@ -28,8 +28,6 @@ from validation.core.scipys import integrated
 from validation.core.view import View
 
 ROUNDING = 1e-8
-COARSE, STEPS = 6, 2000  # elements a side, steps over PART
-FROM, PART = 0.1, 0.05  # s_o/l where the comparison with scipy starts, and its part of the travel
 HALVED = "the change from coarser runs"
 
 
@@ -67,30 +65,35 @@ def _rest(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
     return _row(off(r), Part(r.method, a.bar(off), HALVED), Part("rounding", ROUNDING))
 
 
-def _driver(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
-    """Compare the time driver with scipy's DOP853 on the same coarse semi-discrete system, from one state."""
+def _driver(
+    scene: Scene, a: Ladder, rows: list[Agreement], begin: float = 0.1, part: float = 0.05, steps: int = 2000
+) -> Agreement | None:  # fmt: skip
+    """Compare the time driver with scipy's DOP853 on the same coarse semi-discrete system, from one state.
+
+    begin : s_o/l of that state;  part : of the travel, in so many steps.
+    """
     method = METHODS["following-p2"]
-    settings = method.settings_on(scene.groups, {"elements": COARSE, "steps": STEPS // 2})
+    settings = method.settings_on(scene.groups, {"elements": 6, "steps": steps // 2})
     system: Any = method.build(scene.groups, settings, model="full", load="mass", law="elastic")
     scheme, first = newmark.scheme("trapezoidal"), None
     for first in newmark.integrate(system, scheme, newmark.step_times(system, settings["steps"])):
-        if system.place(first) >= FROM:
+        if system.place(first) >= begin:
             break
     assert first is not None
     t0, t1 = first.t, system.phases[first.phase][1]
-    t1 = min(t1, t0 + PART * min(system.phases[-1][1], scene.groups.drive.nominal))
+    t1 = min(t1, t0 + part * min(system.phases[-1][1], scene.groups.drive.nominal))
     if not t1 > t0:
         return None
 
-    def marched(steps: int) -> tuple[State, int]:
-        work, grid = Work(), [np.linspace(t0, t1, steps + 1)] * len(system.phases)
+    def marched(n: int) -> tuple[State, int]:
+        work, grid = Work(), [np.linspace(t0, t1, n + 1)] * len(system.phases)
         x = first
         for x in newmark.integrate(system, scheme, grid, work=work, start=first):
             if x.t >= t1:
                 break
         return x, len(work.events)
 
-    (fine, events), (coarse, _) = marched(STEPS), marched(STEPS // 2)
+    (fine, events), (coarse, _) = marched(steps), marched(steps // 2)
     if events or fine.t < t1:
         return None
     n, theirs = system.n_dof, integrated(system, first, np.array([t1]), "DOP853", rtol=1e-7)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from cablefem.scene import Scene, SceneError
 from validation.core.agreement import APART
-from validation.core.grid import varied
 from validation.core.measures import NotComparable
 from validation.core.methods import find
 from validation.core.rows import TABLE
@@ -60,8 +59,7 @@ def sensitivity(result: Check) -> dict[str, float]:
 def _changed(scene: Scene, key: str) -> Scene | None:
     for sign in "+-":
         try:
-            other = varied(scene, {key: f"{sign}{STEP}%"})
-            return other if isinstance(other, Scene) else None
+            return scene.replace({key: f"{sign}{STEP}%"})
         except (SceneError, ValueError):
             continue
     return None

@@ -76,7 +76,7 @@ def ranges(given: Any) -> tuple[Axis, ...]:
 
 
 def _axes(given: Any, read: Callable[[str, Any], Axis]) -> tuple[Axis, ...]:
-    if isinstance(given, tuple) and given and all(isinstance(axis, Axis) for axis in given):
+    if isinstance(given, tuple) and all(isinstance(axis, Axis) for axis in given):
         return given  # of a study that is copied
     if not (isinstance(given, dict) and given):
         raise ValueError("must be a table of at least one axis")

@@ -10,7 +10,6 @@ import numpy as np
 
 from cablefem.scene import Scene
 
-G = 9.81  # [m/s^2]
 FILL = 0.87  # metallic area of a full locked rope over that of its circle
 STEEL, STIFF = 8450.0, 160e9  # [kg/m^3] with filling, [Pa] of a full locked rope
 LIGHT, SOFT = 0.0045, 56e3  # [kg/m/mm^2], [N/mm^2] of a stranded rope, by the square of its diameter in mm
@@ -28,7 +27,7 @@ def _locked(draw: Draw) -> Tables:
     H = area * draw(200e6, 400e6)
     cable = {"mass_per_length": STEEL * area, "EA": STIFF * area, "horizontal_tension": H}
     supports = {"span": span, "drop": span * draw(-0.6, 0.6)}
-    return {"cable": cable, "supports": supports, "mass": {"mass": H * draw(0.02, 0.2) / G}}
+    return {"cable": cable, "supports": supports, "mass": {"mass": H * draw(0.02, 0.2) / 9.81}}
 
 
 def gripped(draw: Draw) -> Scene:

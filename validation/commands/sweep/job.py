@@ -220,10 +220,8 @@ def _checked(scene: Any, tol: float, second: Any) -> dict[str, Any]:
 
 def _power(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
     """Check a realistic scene, or one of which the second solver is told a number 1 percent larger."""
-    from validation.core.grid import varied
-
     key = study.case(point)[1]
-    second = None if key is None else varied(scene, {key: "+1%"})
+    second = None if key is None else scene.replace({key: "+1%"})
     told = {"family": scene.name, "fault": "none" if key is None else f"{key} +1 %"}
     return told | _checked(scene, study.how(point)["tol"], second)
 

@@ -18,8 +18,7 @@ from validation.core.quantities import named, scale_of, unit_of
 from validation.page.figures import panels
 from validation.page.page import Section, callout, figure, gallery, number, table
 
-SHOWN = 4000  # rows in the page at most, evenly taken; all are in rows/
-LARGE = 2500  # dots in a map, evenly taken
+SHOWN = 4000  # rows in the page and dots in a map at most, evenly taken; all are in rows/
 MAPS = ("tension_max", "mass_deepest", "contact_min", "haul_force_max", "max_deflection", "path_error")
 MULTIPLES = 3
 
@@ -102,7 +101,7 @@ def _maps(study: Study, rows: Any) -> Section:
 
 
 def _map(study: Study, rows: Any, quantity: str, axes: list[str]) -> Markup:
-    rows = rows.iloc[:: max(1, -(-len(rows) // LARGE))]
+    rows = rows.iloc[:: max(1, -(-len(rows) // SHOWN))]
     factor, unit = scale_of(rows[quantity].to_numpy(float), unit_of(quantity))
     rows = rows.assign(**{quantity: factor * rows[quantity]})
     called = f"{named(quantity)} [{unit or '–'}]"

@@ -14,8 +14,6 @@ import tomli_w
 from pydantic import Field, PlainValidator, PrivateAttr
 
 from cablefem.scene import Scene, SceneError
-from cablefem.scene.cable import SHAPES
-from cablefem.scene.drive import of_mode
 from cablefem.scene.errors import nearest, shown
 from cablefem.scene.fields import Check, Line, Part, Switch, between, choice, real, whole
 from validation.commands.sweep import families
@@ -121,17 +119,19 @@ class Study(Part):
         if (self.vary is None) == (self.sample is None):
             return ["exactly one of [vary] (a full grid) and [sample] (a design of experiments) must be given"]
         faults = [] if len(self) <= MOST else [f"vary: {len(self)} scenes; must be at most {MOST}"]
-        faults += [fault for axis in self.axes for fault in self._faults_of(axis)]
-        named = {axis.name for axis in self.axes} | {k for k in ("method", "tol") if getattr(self, k) is not None}
+        return faults + [fault for axis in self.axes for fault in self._faults_of(axis)] + self._faults_of_job()
+
+    def _faults_of_job(self) -> list[str]:
+        """Return what the job needs and has not."""
+        faults, named = [], {*(axis.name for axis in self.axes), *self.how({})}
         if "tol" not in named and (self.job != "run" or "method" not in named):
             faults.append(f"tol: missing; job {shown(self.job)} without a method of its own needs one")
         if self.job == "power" and (not _seeded(self.settings) or "case" not in named):
             faults.append('job = "power": settings must give a whole number seed >= 0, and vary or sample.range a case')
-        if self.method is not None:
-            from validation.core.methods import METHODS
+        from validation.core.methods import METHODS
 
-            if self.method not in METHODS:
-                faults.append(f"method = {shown(self.method)}: unknown.{nearest(self.method, METHODS)}")
+        if self.method is not None and self.method not in METHODS:
+            faults.append(f"method = {shown(self.method)}: unknown.{nearest(self.method, METHODS)}")
         return faults
 
     def _faults_of(self, axis: Axis) -> list[str]:
@@ -143,7 +143,11 @@ class Study(Part):
             return [f"{axis.name}: must be a field of the scene file (cable.sag) or one of them.{near}"]
         if not dot or self.scene is None:
             return []
-        return [fault for fault in _faults_at(self.scene, axis) if "unknown key" in fault]
+        try:
+            self.scene.replace({axis.name: axis.at(0.0)})
+        except SceneError as error:
+            return [fault for fault in error.faults if "unknown key" in fault]
+        return []
 
     @property
     def name(self) -> str:
@@ -190,15 +194,7 @@ class Study(Part):
         dotted = {k: v for k, v in what.items() if "." in k}
         groups = {k: v for k, v in what.items() if "." not in k}
         scene = Scene.from_groups(**groups) if self.scene is None else self.scene
-        if dotted:
-            data = tomllib.loads(scene.to_toml())
-            for path, value in dotted.items():
-                _put(data, path, value)
-            if "drive.mode" in dotted:  # what has no meaning in that mode gives way
-                data["drive"] = {k: x for k, x in data["drive"].items() if k in of_mode(data["drive"]["mode"])}
-                if data["drive"]["mode"] == "free":
-                    data.pop("travel", None)
-            scene = Scene(**data)
+        scene = scene.replace(dotted) if dotted else scene
         return scene.variant(**groups) if groups and self.scene is not None else scene
 
     def case(self, point: dict[str, Any]) -> tuple[Scene, str | None]:
@@ -227,26 +223,3 @@ def _shares(kind: str, count: int, seed: int, axes: int) -> np.ndarray:
     if kind == "latin_hypercube":
         return qmc.LatinHypercube(axes, rng=seed).random(count)
     return qmc.Sobol(axes, rng=seed).random_base2(math.ceil(math.log2(count)))[:count]
-
-
-def _faults_at(base: Scene, axis: Axis) -> list[str]:
-    """Return what the base scene says to the axis' first value."""
-    data = tomllib.loads(base.to_toml())
-    try:
-        _put(data, axis.name, axis.at(0.0))
-        Scene(**data)
-    except SceneError as error:
-        return error.faults
-    return []
-
-
-def _put(data: dict[str, Any], path: str, value: Any) -> None:
-    """Set a dotted field of a scene's data; another shape of the cable gives way."""
-    *parts, last = path.split(".")
-    if parts == ["cable"] and last in SHAPES:
-        data["cable"] = {k: v for k, v in data["cable"].items() if k not in SHAPES}
-    for part in parts:
-        data = data.setdefault(part, {})
-        if not isinstance(data, dict):
-            raise SceneError([f"{path}: {part} is no table"])
-    data[last] = value
