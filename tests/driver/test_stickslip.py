@@ -202,7 +202,7 @@ end = {time = 5.0}
 def test_the_laws_in_si_see_a_fault_that_both_solvers_share(fault, law, monkeypatch):
     monkeypatch.setattr(RollingCar, *FAULTS[fault])
     with np.errstate(all="ignore"):  # a car that never moves has no speed to be compared with
-        assert law in broken(ladder(Scene.from_toml(TOML), elements=6, steps=400))
+        assert law in broken(ladder(Scene.from_toml(TOML), elements=6, steps=100))
 
 
 def test_the_laws_hold_of_a_ride_that_a_brake_ends():

@@ -10,13 +10,11 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from cablefem.elements.fixed import FixedElements
-from cablefem.elements.following import FollowingElements
 from cablefem.newmark import NewtonStalled, State, integrate, scheme, step_times
 from cablefem.response import States
 from tests.runs import (
     CRUISE,
     INCLINED,
-    LEVEL,
     level_cable,
     march,
     observe,
@@ -161,31 +159,18 @@ def ride(t):
     return (1.0 + V * V) * RIDE.path(t)
 
 
-@pytest.mark.parametrize(("element", "bound"), [("p1", 2.5e-2), ("p2", 1.1e-2), ("hermite", 8e-3)])
-def test_the_constrained_particle_converges_with_order_one(element, bound):
-    """The kink under the mass lies inside an element: first order, whatever the degree."""
-    method, settings = DAMPED[element]
+def test_the_constrained_particle_converges_with_order_one():
+    """The kink under the mass lies inside an element: first order, whatever the degree.  P1 and P2: tests/oracles."""
+    method, settings = DAMPED["hermite"]
     errors = np.array([
         path_error(
-            FixedElements(CROSSING, elements=e, element=element, coupling="path", model="string"), 25 * e, ride,
-            method, **settings,
+            FixedElements(CROSSING, elements=e, coupling="path", model="string"), 25 * e, ride, method, **settings
         )
         for e in (10, 20, 40)
     ])  # fmt: skip
-    assert errors[-1, 0] < bound
+    assert errors[-1, 0] < 8e-3
     assert np.all(np.abs(orders(errors[:, 0]) - 1.0) < 0.15)
     assert np.all(np.abs(orders(errors[:, 1]) - 1.0) < 0.15)
-
-
-@pytest.mark.parametrize("element", ["p1", "p2"])
-def test_the_chain_rule_inside_p1_and_p2_never_converges(element):
-    errors = [
-        path_error(
-            FixedElements(CROSSING, elements=e, element=element, coupling="naive", model="string"), 25 * e, ride
-        )[0]
-        for e in (10, 20, 40)
-    ]  # fmt: skip
-    assert 0.6 < errors[0] < errors[1] < errors[2] < 1.0
 
 
 def test_hermite_by_the_chain_rule_needs_ever_finer_steps():
@@ -231,33 +216,6 @@ def test_a_massless_load_needs_no_care(element, coupling):
     ])  # fmt: skip
     assert errors[-1, 0] < 0.03
     assert np.all(np.abs(orders(errors[:, 1]) - 1.0) < 0.15)
-
-
-# --- the level scene of the paper ------------------------------------------------------------------------------------
-@pytest.fixture(scope="module")
-def level_path():
-    """Path on mass-following elements, which know nothing of Coriolis and centrifugal terms; right to 1e-4."""
-    system = FollowingElements(LEVEL, elements=16)
-    states, _ = march(system, 1500, until=0.81)
-    return CubicSpline(states.t, observe(system, states).path[:, 1])
-
-
-@pytest.mark.parametrize(
-    ("element", "coupling", "elements", "steps", "low", "high"),
-    [
-        # formulations: hermite 2.6e-2; path form 2-5e-2 at 40; naive 0.78 (40) and 0.88 (80)
-        ("hermite", "chain", 20, 1000, 2e-2, 3.5e-2),
-        ("hermite", "path", 40, 1000, 1e-2, 1.8e-2),
-        ("p1", "path", 40, 1000, 2e-2, 5.5e-2),
-        ("p2", "path", 40, 1000, 1.5e-2, 3e-2),
-        ("p1", "naive", 40, 1000, 0.7, 0.85),
-        ("p1", "naive", 80, 1000, 0.85, 0.95),
-    ],
-)
-def test_the_level_scene_has_the_known_errors(level_path, element, coupling, elements, steps, low, high):
-    method, settings = DAMPED[element] if coupling == "path" else ("trapezoidal", {})
-    system = FixedElements(LEVEL, elements=elements, element=element, coupling=coupling)
-    assert low < path_error(system, steps, level_path, method, **settings)[0] < high
 
 
 # --- observation --------------------------------------------------------------------------------------------------

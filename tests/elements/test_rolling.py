@@ -231,20 +231,6 @@ def test_a_rider_rolls_back_and_turns():
         assert speed[i] < 0.02 * speed.max()
 
 
-@pytest.mark.parametrize(("method", "bound"), [("trapezoidal", 3e-7), ("newmark", 3e-5)])
-def test_a_ride_without_losses_keeps_its_energy(method, bound):
-    groups = replace(G, drive=replace(G.drive, k=0.0, release=0.4))
-    drifts = []
-    for steps in (200, 400):
-        system = RollingElements(groups, elements=4)
-        states, _ = ride(system, 8.0, steps, method)
-        o = observe(system, states)
-        given = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(o.t) * (o.power[1:] + o.power[:-1]))])
-        drifts.append(np.abs(o.energy - o.energy[0] - given).max() / (G.mu * G.sigma))
-    assert drifts[1] < bound
-    assert drifts[1] < 0.6 * drifts[0]
-
-
 def test_both_sides_pull_alike_and_the_contact_is_normal():
     """Let go gently: pointwise tensions of P2 differ by what the mesh is worth, recovered ones by a tenth of it."""
     system = RollingElements(zip_line(release=1.0).groups, elements=8)
@@ -423,53 +409,17 @@ def test_the_energy_rule_accounts_for_a_ride_to_rounding(mu_r):
     assert drifts[1] > 1e-11, "an average of the balance with the mean velocity would do: the test shows nothing"
 
 
-def kept(rule, steps, tol, part=1.0, elements=10):
-    """Drift of the energy over 20 s of the zip line, largest, over M g l; part : of the balance's rounding."""
-
-    scene, newton = energy.ride(), Newton(tol=tol, max_iter=60)
-    system = RollingElements(scene.groups, elements=elements)
-    grids = [np.linspace(0.0, 20.0 / scene.time_scale, steps + 1)]
-    system.force_floor *= part
-    o = observe(system, stack(list(integrate(system, scheme(rule), grids, newton=newton))))
-    return np.abs(o.energy - o.energy[0]).max() / (G.mu * G.sigma)
-
-
 @pytest.mark.parametrize(
-    ("rule", "coarse", "fine"), [("trapezoidal", 3e-8, 3e-8), ("generalized-alpha", 1.5e-8, 6.2e-9)]
+    ("rule", "tol", "low", "high"), [("energy", 1e-15, 0.0, 1e-14), ("trapezoidal", 1e-6, 1e-9, 1.0)]
 )
-def test_rules_keep_the_energy_of_a_ride_as_two_prototypes_do(rule, coarse, fine):
-    """With 500 and 2000 steps; by Newton's standard bound (must fail) what it leaves stays."""
-    assert kept(rule, 500, 1e-9) < coarse
-    assert kept(rule, 2000, 1e-9) < fine
-    assert kept(rule, 2000, 1e-4) > fine
-    if rule == "trapezoidal":  # as a run has it
-        scene = energy.ride()
-        r = run(scene, "following-p2", elements=10, steps=500, scheme=rule)
-        assert energy.drift(r, scene.mass.mass * scene.gravity)[0] < coarse
-
-
-def test_the_energy_rule_keeps_the_energy_of_a_ride_to_rounding():
-    """Rounding of the balance, of stiff forces; the trapezoidal rule (must fail) does not."""
-    assert kept("energy", 500, 1e-15, part=0.1, elements=4) < 1e-14
-    assert kept("trapezoidal", 500, 1e-6, part=0.1, elements=4) > 1e-9
-
-
-@pytest.mark.parametrize("heeds", [True, False])
-def test_slip_that_rings_after_a_sudden_start_is_no_standstill(heeds, monkeypatch):
-    """Rules and steps agree on friction; ringing taken for a standstill (must fail) kicks the car."""
-    if not heeds:
-        monkeypatch.setattr(RollingElements, "let_go", RollingElements.come_to_rest)
-    scene = zip_line(rolling_friction=0.02, end={"time": 0.1})
-    speeds = [
-        run(scene, method, elements=30, steps=steps, scheme=rule).speed[-1]
-        for method, rule, steps in (
-            ("following-p4", "radau", 200), ("following-p4", "radau", 3000), ("following-p2", "generalized-alpha", 20),
-            ("following-p2", "generalized-alpha", 3000),
-        )
-    ]  # fmt: skip
-    apart = (max(speeds) - min(speeds)) / 24.0  # of the top speed of that ride
-    assert (apart < 1e-7) == heeds
-    assert (apart > 1e-6) != heeds
+def test_the_energy_rule_keeps_the_energy_of_a_ride_to_rounding(rule, tol, low, high):
+    """Drift over 20 s of the zip line, largest, over M g l; the trapezoidal rule (must fail) has one."""
+    scene = energy.ride()
+    system = RollingElements(scene.groups, elements=4)
+    system.force_floor *= 0.1  # rounding of the balance, of stiff forces
+    grids = [np.linspace(0.0, 20.0 / scene.time_scale, 501)]
+    o = observe(system, stack(list(integrate(system, scheme(rule), grids, newton=Newton(tol=tol, max_iter=60)))))
+    assert low <= np.abs(o.energy - o.energy[0]).max() / (G.mu * G.sigma) < high
 
 
 @pytest.mark.parametrize("whole", [True, False])
@@ -484,7 +434,7 @@ def test_a_heavy_car_slips_on_until_the_farther_support_answers(whole, monkeypat
         )
     scene = zip_line(2000.0, rolling_friction=0.02, end={"time": 0.15})
     coarse, fine = (
-        run(scene, "following-p4", elements=n, steps=m, scheme="radau").speed[-1] for n, m in ((15, 200), (30, 1500))
+        run(scene, "following-p2", elements=n, steps=m, scheme="radau").speed[-1] for n, m in ((20, 200), (40, 1000))
     )
     assert (abs(coarse - fine) < 1e-4) == whole
     assert (abs(coarse - fine) > 5e-4) != whole

@@ -12,57 +12,16 @@ from cablefem.response import States
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
 from tests.oracles.strings import from_rest
-from tests.runs import CRUISE, INCLINED, LEVEL, level_cable, march, observe, orders, path_error
-from validation.oracles import moving_force, moving_mass
+from tests.runs import INCLINED, LEVEL, level_cable, march, observe, orders, path_error
+from validation.oracles import moving_mass
 
 STRING = level_cable(mu=0.7, sigma=0.31, speed=0.45)
 FROM_REST = level_cable(mu=0.7, sigma=0.31, acceleration=0.23)
 
 
-def taut(groups, basis, **kw):
-    """A string without sag: the load follows a straight chord, as in the exact answers."""
-    system = GalerkinSystem(groups, basis, model="string", **kw)
-    system.cable.curvature = 0.0
-    return system
-
-
 # --- exact answers -------------------------------------------------------------------------------------------------
 RIDE = moving_mass.solve(moving_mass.constant_speed(0.45), mu=0.7, sigma=0.31)
 REST = moving_mass.solve(from_rest(0.23), mu=0.7, sigma=0.31)
-
-
-def test_moving_mass_on_a_string_sines_are_first_order():
-    errors = [path_error(taut(STRING, Fourier(n)), 40 * n, RIDE.path)[1] for n in (8, 16, 32)]
-    assert np.all(np.abs(orders(errors) - 1.0) < 0.15)  # the kink at the mass: coefficients fall like 1/n^2
-    assert errors[-1] < 2.2e-2
-
-
-@pytest.mark.parametrize(("groups", "ride"), [(STRING, RIDE), (FROM_REST, REST)], ids=["at speed", "from rest"])
-def test_moving_mass_on_a_string_the_kink_makes_it_second_order(groups, ride):
-    """Second order in the mean or better: jumps of curvature are left, at fronts and at the mass."""
-    errors = [path_error(taut(groups, Fourier(n), kink=True), 100 * n, ride.path)[1] for n in (5, 10, 20)]
-    assert np.all(orders(errors) > 1.85)
-    assert errors[-1] < 2e-4
-
-
-def test_moving_force_on_a_string():
-    """The front that a force sends ahead carries a jump of slope, which no kink at the force takes away: order 1.5."""
-
-    def exact(t):
-        return moving_force.displacement(0.45 * t, t, P=0.7 * 0.31, V=0.45)
-
-    errors = [path_error(taut(STRING, Fourier(n), kink=True, load="force"), 40 * n, exact)[1] for n in (10, 20, 40)]
-    assert np.all((orders(errors) > 1.35) & (orders(errors) < 1.85))
-    assert errors[-1] < 4e-4
-    assert path_error(taut(STRING, Fourier(10), kink=True), 400, exact)[0] > 0.3  # a mass is not a force
-
-
-def test_starting_from_rest_the_cable_behind_is_strained_at_once():
-    """y/t^2 -> sigma/(2 (1 + 1/(mu a))) from the first steps on."""
-    system = taut(FROM_REST, Fourier(10), kink=True)
-    states, _ = march(system, 1000, until=0.0004)
-    early = observe(system, states).path[1:, 1] / states.t[1:] ** 2
-    np.testing.assert_allclose(early, 0.31 / (2.0 * (1.0 + 1.0 / (0.7 * 0.23))), rtol=2e-2)
 
 
 # --- the other wing ------------------------------------------------------------------------------------------------
@@ -82,11 +41,8 @@ def level_path():
 @pytest.mark.parametrize(
     ("basis", "kink", "bound"),
     [
-        (Fourier(10), False, (0.09, 0.11)),
         (Fourier(30), False, (0.030, 0.037)),
-        (Daubechies(4, 0), False, (0.13, 0.155)),
         (Daubechies(4, 1), False, (0.075, 0.09)),
-        (Fourier(10), True, (0.0, 6e-3)),
         (Fourier(30), True, (0.0, 8e-4)),
         (Daubechies(4, 1), True, (0.0, 6e-3)),
     ],
@@ -96,11 +52,6 @@ def test_level_scene_against_elements(level_path, basis, kink, bound):
     """The paper's scene: plain bases are as far off as their kink costs, enriched ones agree with the elements."""
     error = path_error(GalerkinSystem(LEVEL, basis, kink=kink), 600, level_path)[0]
     assert bound[0] <= error < bound[1]
-
-
-@pytest.mark.parametrize(("groups", "bound"), [(INCLINED, 4e-4), (CRUISE, 1e-3)], ids=["inclined", "cruise"])
-def test_other_scenes_against_elements(groups, bound):
-    assert path_error(GalerkinSystem(groups, Fourier(20), kink=True), 600, element_path(groups))[0] < bound
 
 
 def test_rough_wavelets_need_damping_in_the_path_form(level_path):

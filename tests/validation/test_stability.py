@@ -62,7 +62,7 @@ def test_the_spread_sees_a_path_that_is_off_after_the_onset():
 @pytest.mark.parametrize("scheme", ["trapezoidal", "newmark", "generalized-alpha", "energy"])
 @pytest.mark.parametrize(("method", "resolution"), [("following-p2", 8), ("fourier-kink", 14), ("fixed-hermite", 24)])
 def test_every_scheme_and_solver_goes_on_past_the_onset(method, resolution, scheme):
-    r = run(LEVEL, method, **{METHODS[method].resolution.setting: resolution, "steps": 500, "scheme": scheme})
+    r = run(LEVEL, method, **{METHODS[method].resolution.setting: resolution, "steps": 300, "scheme": scheme})
     assert r.slack_onset is not None
     assert r.switched is not None
     assert r.reached > 0.97

@@ -129,11 +129,14 @@ def _told(settings: dict[str, Any]) -> str:
 
 
 def order(sizes: Sequence[float], errors: Sequence[float]) -> float:
-    """Return the slope of log(error) on log(1/size); nan where a run failed or the error does not fall."""
-    e = np.asarray(errors, float)
-    if not (np.isfinite(e).all() and np.all(e > 0.0) and e[-1] < e[0] and e.size > 1):
+    """Return the slope of log(error) on log(1/size); nan where a run failed or the error does not fall.
+
+    Finest runs without any error have no logarithm: the slope is that of the others.
+    """
+    e = np.trim_zeros(np.asarray(errors, float), "b")
+    if not (np.isfinite(e).all() and np.all(e > 0.0) and e.size > 1 and e[-1] < e[0]):
         return math.nan
-    return float(-np.polyfit(np.log(sizes), np.log(e), 1)[0])
+    return float(-np.polyfit(np.log(sizes[: e.size]), np.log(e), 1)[0])
 
 
 def judge(error: float, allowed: float, observed: float, expected: float | None) -> str:

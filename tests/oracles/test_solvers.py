@@ -1,0 +1,52 @@
+"""Exact answers against the solvers that reach them: rows of `cablefem oracles`, but those of lines (tests/line)."""
+
+from functools import cache
+
+import pytest
+
+from validation.commands.oracles import study
+
+TASKS = {" ".join(task.key): task for task in study.tasks() if task.oracle != "line"}
+DEAR = (  # about a second and more
+    "ellipse", "energy sines", "energy the same", "incline friction", "quasi-static up to V/c = 0.4: speed along",
+    "quasi-static up to V/c = 0.4: deflection", "rest held", "rocket", "accelerating-mass through",
+)  # fmt: skip
+DEAR_OF_SINES = (
+    "energy damped",
+    "rest car",
+    "moving-force",
+    "moving-mass mass",
+    "moving-mass acc",
+    "accelerating-force",
+)
+
+
+def dear(key):
+    return key.endswith("fixed-hermite") or key.startswith(DEAR + DEAR_OF_SINES * key.endswith("fourier-kink"))
+
+
+@cache
+def row(key):
+    return TASKS[key].compute()
+
+
+@pytest.mark.parametrize("key", [pytest.param(key, marks=[pytest.mark.slow] * dear(key)) for key in TASKS])
+def test_a_solver_is_as_near_an_exact_answer_as_its_bar_and_its_order_say(key):
+    """Rows that must fail stand beside them: a term left out, a method that is wrong."""
+    found = row(key)
+    assert found.verdict == found.expected, found
+
+
+@pytest.mark.parametrize(
+    ("method", "low", "high", "error"),
+    [
+        ("following-p1", 1.8, 2.1, 1e-5), ("following-p2", 2.4, 2.8, 1e-6), ("following-p4", 2.7, 3.1, 4e-7),
+        ("fixed-p1-path", 0.9, 1.1, 1e-2), ("fixed-p2-path", 0.9, 1.1, 5e-3), ("fourier", 0.9, 1.1, 7e-3),
+        ("fourier-kink", 1.8, 2.3, 2e-5), ("wavelet", 0.9, 1.3, 8e-3), ("wavelet-kink", 2.0, 2.5, 4e-5),
+    ],
+)  # fmt: skip
+def test_a_moving_mass_has_the_orders_and_errors_of_the_formulations(method, low, high, error):
+    """Errors alone: a bar that is wide would hold as well."""
+    found = row(f"moving-mass the paper's mass and speed, g (1 + V²) {method}")
+    assert low < found.observed_order < high
+    assert found.error < error
