@@ -86,6 +86,12 @@ class End(Part):
         return [f"time = {shown(data.get('time'))}: exactly one of time, place must be given"]
 
 
+def of_mode(mode: str) -> tuple[str, ...]:
+    """Names of the table [drive] that have a meaning in a mode."""
+    names = Driving.field_names()
+    return ("mode",) if mode == "grip" else tuple(x for x in names if mode != "haul" or x not in FREE_ONLY)
+
+
 class Driving(Part):
     """The table [drive] of a scene, in SI."""
 

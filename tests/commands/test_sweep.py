@@ -151,6 +151,16 @@ def test_a_faulty_study_says_what_is_wrong(change, said):
     assert said in str(refused.value)
 
 
+def test_what_has_no_meaning_in_a_drive_gives_way():
+    study = Study.load("reliability")
+    driven = [
+        study.scene_at(study.point(i) | {"drive.mode": mode}).drive for mode in ("grip", "haul", "free") for i in (3,)
+    ]
+    assert [drive.mode for drive in driven] == ["grip", "haul", "free"]
+    assert driven[0].rolling_friction == 0.0
+    assert driven[1].end is not None
+
+
 def test_the_studies_that_come_along_are_sound():
     for name in built_in():
         study = Study.load(name)

@@ -14,6 +14,7 @@ import tomli_w
 from pydantic import Field, PlainValidator, PrivateAttr
 
 from cablefem.scene import Scene, SceneError
+from cablefem.scene.drive import of_mode
 from cablefem.scene.errors import nearest, shown
 from cablefem.scene.fields import Check, Line, Part, Switch, between, choice, real, whole
 from validation.commands.sweep import families
@@ -194,6 +195,8 @@ class Study(Part):
         dotted = {k: v for k, v in what.items() if "." in k}
         groups = {k: v for k, v in what.items() if "." not in k}
         scene = Scene.from_groups(**groups) if self.scene is None else self.scene
+        if "drive.mode" in dotted:
+            scene, dotted = _driven(scene, dotted)
         scene = scene.replace(dotted) if dotted else scene
         return scene.variant(**groups) if groups and self.scene is not None else scene
 
@@ -205,6 +208,15 @@ class Study(Part):
         """Return method, model, load, law and tol of a point, as far as the study names them."""
         named = {key: x for key, x in (("method", self.method), ("tol", self.tol)) if x is not None}
         return named | {k: v for k, v in point.items() if k in HOW}
+
+
+def _driven(scene: Scene, changes: dict[str, Any]) -> tuple[Scene, dict[str, Any]]:
+    """Return a scene and changes of it in another drive.mode; what has no meaning there gives way."""
+    mode = changes["drive.mode"]
+    known = of_mode(mode)
+    drive = {k: x for k, x in scene.drive.model_dump(exclude_defaults=True).items() if k in known} | {"mode": mode}
+    left = {k: x for k, x in changes.items() if not k.startswith("drive.") or k.split(".")[1] in known}
+    return scene.variant(drive=drive, **({"travel": None} if mode == "free" else {})), left
 
 
 def built_in() -> dict[str, Any]:
