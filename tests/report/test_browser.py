@@ -116,6 +116,20 @@ def test_the_verdict_is_the_first_thing_to_read(browser, report):
     assert top < 844
 
 
+def test_no_figure_leaves_half_a_page_empty(browser, report):
+    """Figures stand in two columns of about equal length; the energy stood alone beside nothing."""
+    browser.open(report, DESKTOP)
+    ends = browser.run(
+        "return [...document.querySelectorAll('.columns')].map((c) => {"
+        " const parts = [...c.children].map((e) => e.getBoundingClientRect());"
+        " const left = Math.min(...parts.map((p) => p.left));"
+        " return [true, false].map((first) => Math.max(...parts.filter((p) => (p.left < left + 9) === first)"
+        ".map((p) => p.bottom)) - c.getBoundingClientRect().top); })"
+    )
+    assert len(ends) == 2
+    assert all(min(pair) > 0.55 * max(pair) for pair in ends)
+
+
 @pytest.mark.parametrize("width", [PHONE, DESKTOP])
 def test_the_player_shows_a_cable_and_its_tension(browser, report, width):
     browser.open(report, width)
@@ -177,10 +191,10 @@ def test_the_numbers_shown_are_the_stored_ones(browser, report, stored):
     browser.run("const s = document.querySelector('.time input'); s.value = 417; s.dispatchEvent(new Event('input'))")
     shown = browser.run(NOW)["cells"]
     t = 0.417 * end
-    assert shown[0] == "following-p2"
+    assert shown[0] == "deflection [m]"
     # the player goes straight between frames, a hundredth of the travel apart
     assert float(shown[1]) == pytest.approx(np.interp(t, r.t, r.v), rel=0.0, abs=0.02)
-    assert float(shown[2]) == pytest.approx(np.interp(t, r.t[1:], r.T_behind[1:]) / 1e3, rel=0.0, abs=1.0)
+    assert float(shown[4]) == pytest.approx(np.interp(t, r.t[1:], r.T_behind[1:]) / 1e3, rel=0.0, abs=1.0)
 
 
 def test_it_says_when_the_rope_is_slack(browser, report):

@@ -94,6 +94,9 @@ def test_a_third_party_has_its_rows_and_its_path(folder):
     x = read(folder)
     assert (x.party.name, x.party.y.tolist()) == ("other <code>", [2.5, 7.5])
     how_sure, ride = section(folder, "how-sure").html, section(folder, "ride").html
+    said = section(folder, "answer").summary
+    assert "disagree." not in said, "our own solvers agree"
+    assert said.endswith("agree. other <code>: DISAGREES with both; agrees if its times are shifted by 0.10 s.")
     assert "path max: other &lt;code&gt;" in how_sure
     assert "other &lt;code&gt;: DISAGREES with both; agrees if its times are shifted by 0.10 s." in how_sure
     assert "distance to other &lt;code&gt;" in how_sure

@@ -153,6 +153,11 @@ def gallery(*figures: str) -> Markup:
     return Markup(_PARTS.gallery(figures))
 
 
+def columns(*parts: str) -> Markup:
+    """Return parts down a first column, then a second; on a phone below one another."""
+    return Markup(_PARTS.columns(parts))
+
+
 def details(title: str, html: str) -> Markup:
     """Return a folded part, open in print."""
     return Markup(_PARTS.details(title, html))

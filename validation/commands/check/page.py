@@ -59,8 +59,13 @@ def sections(folder: Path) -> list[Section]:
     first, *others = answer(x)
     doubts = [callout(f"{d['method']}: {d['words']}.", "not comparable") for d in x.agreement.get("doubts", [])]
     html = Markup("\n").join([*doubts, Markup(first.html)])
-    head = Section(first.id, first.title, html, x.verdict or "not comparable", f"{first.summary} {sure(x.rows)}")
+    head = Section(first.id, first.title, html, x.verdict or "not comparable", f"{first.summary} {_sentences(x)}")
     return [head, *others, _sure(x), _rests(x)]
+
+
+def _sentences(x: Stored) -> str:
+    said = sure([row for row in x.rows if not row.get("with")])
+    return said if x.party is None else f"{said} {x.party.name}: {third(x.rows, x.party.name)[1]}"
 
 
 def sure(rows: list[dict[str, Any]]) -> str:
@@ -93,13 +98,13 @@ def _sure(x: Stored) -> Section:
             "gap is how far the two solvers are apart. A gap beyond three times both bars: they disagree. Else, if gap "
             "or bars exceed what was asked: too coarse to tell. Else they agree.</p>"
         ),
-        table(lines, {"group": "comparison", "verdict": "verdict", "words": "of those asked"}, stack=True),
     ]  # fmt: skip
     if x.party is not None:
         worst, said = third(x.rows, x.party.name)
         html.insert(1, callout(f"{x.party.name}: {said}", worst))
-    if len(x.runs) > 1:
-        html.append(gallery(draw.distance(x, "How far the two paths of the car are apart.")))
+    groups_of = table(lines, {"group": "comparison", "verdict": "verdict", "words": "of those asked"}, stack=True)
+    apart = [draw.distance(x, "How far the two paths of the car are apart.")] if len(x.runs) > 1 else []
+    html.append(gallery(groups_of, *apart))
     html.append(details(f"All {len(x.rows)} comparisons", _rows(x.rows)))
     return Section("how-sure", "How sure", Markup("\n").join(html))
 

@@ -123,7 +123,7 @@ def tension_field(x: Stored, r: Response, caption: str, across: int = 5, up: int
         k = int(np.abs(f.t - t).argmin())
         for s in r.length * (np.arange(up) + 0.5) / up:
             p.labels.append((float(t), float(s), f"{factor * np.interp(s, f.s, f.T[k]):.3g}"))
-    return plot([p], (0.0, end), TIME, caption, wide=True)
+    return plot([p], (0.0, end), TIME, caption)
 
 
 # part of the energy of a ride -> look

@@ -13,7 +13,7 @@ from validation.core.methods import METHODS
 from validation.core.quantities import matter, scale_of, told, with_bar
 from validation.page.answer import figures as draw
 from validation.page.answer.stored import Stored
-from validation.page.page import Section, callout, details, gallery, number, percent, table
+from validation.page.page import Section, callout, columns, details, gallery, number, percent, table
 from validation.page.side_view import SCRIPT, side_view
 
 PLANAR = (
@@ -84,14 +84,12 @@ def _ride(x: Stored) -> Section:
         rows.append(("haul rope or thrust", "N", lambda r: r.F_haul))
     lines = "Green lines: events." if x.events else ""
     lines += " Dotted line: the rope goes slack somewhere." if x.onset is not None else ""
-    drawn = [
-        draw.series(x, rows, f"The ride over metres along the rope. {lines}", time=False),
-        draw.series(x, [*rows[:2], ("place along the rope", "m", lambda r: r.s_o), *rows[2:]],
-                    f"The ride over time. {lines}", time=True),
-    ]  # fmt: skip
+    drawn = [draw.series(x, rows, f"The ride over metres along the rope. {lines}", time=False)]
     if np.isfinite(r.kinetic).any() and r.drive != "grip":
         drawn.append(draw.energy_split(x, "Where the energy goes. Below zero: what outside forces gave."))
-    return Section("ride", "The ride", gallery(*drawn))
+    rows.insert(2, ("place along the rope", "m", lambda r: r.s_o))
+    drawn.append(draw.series(x, rows, f"The ride over time. {lines}", time=True))
+    return Section("ride", "The ride", columns(*drawn))
 
 
 def _tension(x: Stored) -> Section:
@@ -103,14 +101,13 @@ def _tension(x: Stored) -> Section:
         ("left support", "N", lambda r: _size(r.reaction_left)),
         ("right support", "N", lambda r: _size(r.reaction_right)),
     ]  # fmt: skip
-    drawn = [draw.series(x, rows, "Tension at the car, and the least anywhere.", time=False)]
-    if np.isfinite(x.runs[0].reaction_left).any():
-        drawn.append(draw.series(x, supports, "What the supports carry.", time=False))
-    r = x.runs[0]
+    drawn, r = [], x.runs[0]
     if r.fields.t.size > 1:
-        caption = f"Tension over time and place, by {r.method}. White line: the car."
-        drawn.insert(0, draw.tension_field(x, r, caption))
-    return Section("tension", "Tension", gallery(*drawn))
+        drawn.append(draw.tension_field(x, r, f"Tension over time and place, by {r.method}. White line: the car."))
+    if np.isfinite(r.reaction_left).any():
+        drawn.append(draw.series(x, supports, "What the supports carry.", time=False))
+    drawn.append(draw.series(x, rows, "Tension at the car, and the least anywhere.", time=False))
+    return Section("tension", "Tension", columns(*drawn))
 
 
 def _size(force: Array) -> Array:
@@ -141,11 +138,10 @@ def _scene(x: Stored) -> Section:
         facts["top speed over that of waves across the rope"] = percent(scene.speed_ratio)
     groups = f"μ = M/(ρl) = {scene.mu:.4g}, α = EA/H = {scene.alpha:.4g}, σ = ρgl/H = {scene.sigma:.4g}"
     rows = [{"what": what, "value": value} for what, value in facts.items()]
-    html = [
-        table(rows, {"what": "scene", "value": "value"}), Markup("<p>{}</p>").format(PLANAR),
-        details("Scene file (TOML) and groups", Markup("<p>{}</p><pre>{}</pre>").format(groups, scene.to_toml())),
-    ]  # fmt: skip
-    return Section("scene", "The scene as it was read", Markup("\n").join(html))
+    file = details("Scene file (TOML) and groups", Markup("<p>{}</p><pre>{}</pre>").format(groups, scene.to_toml()))
+    facts_of = table(rows, {"what": "scene", "value": "value"})
+    html = gallery(facts_of, Markup("<div><p>{}</p>{}</div>").format(PLANAR, file))
+    return Section("scene", "The scene as it was read", html)
 
 
 def behind(x: Stored) -> Markup:

@@ -124,7 +124,14 @@ for (const root of document.querySelectorAll(".player")) {
       g.strokeStyle = "#d55e00"; g.lineWidth = 2; g.beginPath(); g.moveTo(x, y - 16); g.lineTo(x, y + 6); g.stroke();
       text(g, "brake", x, y - 20, "center", "#a04600");
     }
-    for (const v of data.speeds) text(g, v.text, X(v.x), Y(v.x, v.y) + 20 + data.below * e * unit, "center", "#00654a");
+    const named = data.obstacles.map((o) => [X(o.x) - 3, X(o.x) + 12 + g.measureText(o.name).width]);
+    let free = -1e9; // where the next word may begin
+    for (const v of data.speeds) {
+      const half = g.measureText(v.text).width / 2 + 4, at = X(v.x);
+      if (at - half < free || named.some(([from, to]) => at + half > from && at - half < to)) continue;
+      text(g, v.text, at, Y(v.x, v.y) + 20 + data.below * e * unit, "center", "#00654a");
+      free = at + half;
+    }
     // the rope now
     shown.forEach((state, i) => {
       if (!state) return;
@@ -168,12 +175,13 @@ for (const root of document.querySelectorAll(".player")) {
   function drawTension(shown) {
     const height = 210, { g, width } = sheet(".tension", height);
     const [left, right, top, foot] = [48, 10, 24, 36];
-    const high = 1.06 * data.T[1], X = (s) => left + (s / data.s[m - 1]) * (width - left - right);
-    const Y = (T) => height - foot - (T / high) * (height - top - foot);
-    const rough = high / data.unit / 4, tens = 10 ** Math.floor(Math.log10(rough));
+    const room = 0.15 * (data.T[1] - data.T[0]) || 0.1 * data.T[1];
+    const least = Math.max(0, data.T[0] - room), high = data.T[1] + room, X = (s) => left + (s / data.s[m - 1]) * (width - left - right);
+    const Y = (T) => height - foot - ((T - least) / (high - least)) * (height - top - foot);
+    const rough = (high - least) / data.unit / 4, tens = 10 ** Math.floor(Math.log10(rough));
     const tick = data.unit * tens * [1, 2, 5, 10].find((k) => k * tens >= rough);
     g.lineWidth = 1;
-    for (let T = 0; T <= high; T += tick) {
+    for (let T = tick * Math.ceil(least / tick); T <= high; T += tick) {
       g.strokeStyle = line; g.beginPath(); g.moveTo(left, Y(T)); g.lineTo(width - right, Y(T)); g.stroke();
       text(g, kilo(T, Math.max(0, -Math.floor(Math.log10(tick / data.unit)))), left - 6, Y(T) + 4, "right");
     }
@@ -204,8 +212,9 @@ for (const root of document.querySelectorAll(".player")) {
   find(".legend").querySelectorAll("b").forEach((b, i) => { b.textContent = names[i]; });
   const table = find(".readout");
   const row = (cells, kind) => { const tr = table.insertRow(); for (const c of cells) { const td = document.createElement(kind); td.textContent = c; tr.append(td); } return tr; };
-  row(["by", "deflection [m]", `T behind [${data.unitName}]`, `T ahead [${data.unitName}]`, ...cables[0].told.map((x) => x.name)], "th");
-  const lines = cables.map((c) => row([c.name, "", "", "", ...c.told.map(() => "")], "td"));
+  row(["at this time", ...cables.map((c) => c.name)], "th");
+  const heads = ["deflection [m]", `tension behind [${data.unitName}]`, `tension ahead [${data.unitName}]`, ...cables[0].told.map((x) => x.name)];
+  const lines = heads.map((head) => row([head, ...cables.map(() => "")], "td"));
 
   function where(s_o) {
     const slack = cables.map((c) => c.slack).filter((s) => s !== null);
@@ -221,7 +230,7 @@ for (const root of document.querySelectorAll(".player")) {
       const cells = state
         ? [state.mass.v.toFixed(2), kilo(state.mass.behind, 1), kilo(state.mass.ahead, 1), ...state.mass.told]
         : ["ended", "–", "–", ...cables[i].told.map(() => "–")];
-      cells.forEach((c, k) => { lines[i].cells[k + 1].textContent = c; });
+      cells.forEach((c, k) => { lines[k].cells[i + 1].textContent = c; });
     });
     slider.value = Math.round((1000 * now) / end);
     slider.setAttribute("aria-valuetext", `${now.toFixed(2)} seconds, car at ${s_o.toFixed(1)} metres`);
