@@ -259,33 +259,3 @@ def test_a_step_too_long_for_newton_is_taken_in_pieces(part):
 def test_a_scheme_that_nobody_knows_is_named():
     with pytest.raises(ValueError, match="unknown scheme"):
         scheme("leapfrog")
-
-
-# --- the same semi-discrete cable by an independent integrator ---------------------------------------------------
-def test_the_driver_agrees_with_dop853_on_the_same_elements():
-    """Three digits more than the comparison needs come from scipy's eighth-order rule on identical equations."""
-    from cablefem import Scene
-    from cablefem.elements.following import FollowingElements
-
-    system = FollowingElements(Scene.load("level").groups, elements=2, degree=2)
-    t1 = 0.35 * system.phases[0][1]
-    begin = list(integrate(system, scheme("trapezoidal"), [np.linspace(0.0, 0.02 * t1, 41)]))[-1]
-    n = system.n_dof
-    zero = np.zeros(n)
-
-    def rate(t, y):
-        r, solve = system.linearise(t, y[:n], y[n:], zero, 0, 0.0, 0.0, 1.0)
-        return np.concatenate([y[n:], -solve(r.copy())])
-
-    y0 = np.concatenate([begin.q, begin.v])
-    truth = solve_ivp(rate, (begin.t, t1), y0, method="DOP853", rtol=1e-10, atol=1e-13).y[:n, -1]
-    begin = consistent_acceleration(system, begin.t, begin.q, begin.v, 0)
-    errors = []
-    for steps in (400, 800, 1600):
-        x = last(
-            system, scheme("trapezoidal"), [np.linspace(begin.t, t1, steps + 1)], start=begin, newton=Newton(tol=1e-11)
-        )
-        errors.append(float(np.abs(x.q - truth).max() / np.abs(truth).max()))
-    slope = -np.polyfit(np.log([400, 800, 1600]), np.log(errors), 1)[0]
-    assert abs(slope - 2.0) < 0.1, errors
-    assert errors[-1] < 1e-4

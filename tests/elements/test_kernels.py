@@ -10,7 +10,6 @@ import pytest
 import skfem
 from scipy.integrate import cumulative_simpson
 
-from cablefem.elements.cable import bands
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels.balance import Cable, Mesh, add_forces, stretch
@@ -23,45 +22,6 @@ DEGREES = range(1, 9)
 
 
 # --- reference meshes ----------------------------------------------------------------------------------------------
-def hats(knots, degree, x):
-    """Return values and slopes (n, x) of the nodal P1 or P2 functions, by hand."""
-    nodes = np.sort(np.concatenate([knots, 0.5 * (knots[1:] + knots[:-1])])) if degree == 2 else knots
-    value, slope = np.zeros((nodes.size, x.size)), np.zeros((nodes.size, x.size))
-    for e in range(knots.size - 1):
-        inside = (x > knots[e]) & (x < knots[e + 1])
-        local = nodes[degree * e : degree * e + degree + 1]
-        for k in range(degree + 1):
-            others = np.delete(local, k)
-            p = np.poly(others) / np.prod(local[k] - others)
-            value[degree * e + k, inside] = np.polyval(p, x[inside])
-            slope[degree * e + k, inside] = np.polyval(np.polyder(p), x[inside])
-    return value, slope
-
-
-def gauss(knots, n):
-    x, w = np.polynomial.legendre.leggauss(n)
-    h = np.diff(knots)
-    return (knots[:-1, None] + 0.5 * h[:, None] * (x + 1.0)).ravel(), (0.5 * h[:, None] * w).ravel()
-
-
-@pytest.mark.parametrize("pull_at_end", [True, False])
-@pytest.mark.parametrize("degree", [1, 2])
-def test_reference_matrices_are_the_integrals_they_claim_to_be(degree, pull_at_end):
-    knots = graded_knots(4, 3.7, fine_at_end=pull_at_end)
-    ref = reference(knots, degree, pull_at_end)
-    x, w = gauss(knots, 7)
-    value, slope = hats(knots, degree, x)
-    pull = x if pull_at_end else 1.0 - x
-    exact = {
-        "M": (value * w) @ value.T, "G": (value * w * pull) @ slope.T, "H": (slope * w * pull**2) @ slope.T,
-    }  # fmt: skip
-    for name, integral in exact.items():
-        # rounding of sums of terms up to 1/h = 12
-        np.testing.assert_allclose(getattr(ref, name).toarray(), integral, rtol=0.0, atol=1e-13, err_msg=name)
-    with pytest.raises(AssertionError):  # G is not symmetric: its transpose must not pass for it
-        np.testing.assert_allclose(ref.G.toarray().T, exact["G"], rtol=0.0, atol=1e-13)
-
-
 @pytest.mark.parametrize("of", ["forces", "inertia"])
 @pytest.mark.parametrize("degree", DEGREES)
 def test_tables_are_those_of_the_very_points(degree, of):
@@ -105,15 +65,6 @@ def test_degrees_that_are_none_are_refused():
     for degree in (0, 9, 2.0):
         with pytest.raises(ValueError, match="degree must be an integer from 1 to 8"):
             lagrange_element(degree)
-
-
-def test_bands_hold_the_diagonals_row_by_row():
-    ref = reference(graded_knots(4, 1.9, fine_at_end=True), 3, pull_at_end=True)
-    dense, b = ref.G.toarray(), bands(ref.G, 3)
-    for i in range(ref.n):
-        for j in range(ref.n):
-            stored = b[3 + j - i, i] if abs(i - j) <= 3 else 0.0
-            assert stored == dense[i, j]
 
 
 @pytest.mark.parametrize("elements", [3, 1000])

@@ -4,42 +4,20 @@ import math
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import lambertw
 
 from validation.oracles import moving_mass
 
 
 def displacement(ride, x, t):
     """v(x, t) of a `moving_mass.Ride` for t >= 0, also after the mass has left over the far support."""
-    left, right, is_left = _waves(ride, x, t, False)
-    return np.where(is_left, left[0] - left[1], right[0] - right[1])
-
-
-def gradient(ride, x, t):
-    """(v_x, v_t) away from fronts; at the mass the side behind it."""
-    left, right, is_left = _waves(ride, x, t, True)
-    v_x = np.where(is_left, left[0] + left[1], -right[0] - right[1])
-    return v_x, np.where(is_left, left[0] - left[1], right[0] - right[1])
-
-
-def approach(ride, s):
-    """(y, I) at t = t_end - s, without cancellation for the smallest s > 0."""
-    s = np.atleast_1d(np.asarray(s, float))
-    y, F, G = ride._march.past.at(ride.travel.t_end - s, s).T
-    return y, 2.0 * (F + G - y)
-
-
-def _waves(ride, x, t, derivative):
-    """f(t+x), f(t-x) and g(t-x), g(t+x-2) (or derivatives), and where the first pair is the one that counts."""
     x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
     T = ride.travel.t_end
-    is_left = (t >= T) | (x <= ride.travel.position(np.minimum(t, T)))
-    f = [_f(ride, w, derivative) for w in (t + x, t - x)]
-    g = [_g(ride, z, derivative) for z in ((T - t) - (1.0 - x), (T - t) + (1.0 - x))]
-    return f, g, is_left
+    left = _f(ride, t + x) - _f(ride, t - x)
+    right = _g(ride, (T - t) - (1.0 - x)) - _g(ride, (T - t) + (1.0 - x))
+    return np.where((t >= T) | (x <= ride.travel.position(np.minimum(t, T))), left, right)
 
 
-def _f(ride, eta, derivative):
+def _f(ride, eta):
     """f(eta); after the arrival the string is fixed at x = 1 again and f has period 2."""
     march, T = ride._march, ride.travel.t_end
     last = march.B(np.array([T]))[0]
@@ -47,21 +25,17 @@ def _f(ride, eta, derivative):
     eta = np.where(eta > last, eta - 2.0 * np.ceil((eta - last) / 2.0), eta).ravel()
     on = eta > march.B0
     tau = np.minimum(march.back(eta[on]), ride.t_last)
-    out[on] = march.past.at(tau, T - tau, derivative)[:, 1]
-    if derivative:
-        out[on] /= 1.0 + ride.travel.speed(tau)
+    out[on] = march.past.at(tau, T - tau)[:, 1]
     return out.reshape(shape)
 
 
-def _g(ride, zeta, derivative):
+def _g(ride, zeta):
     """g(T - 1 - zeta)."""
     march, T, flat = ride._march, ride.travel.t_end, zeta.ravel()
     out = np.zeros(flat.size)
     on = (flat < march.zeta0) & (flat > -ride.travel.to_go(np.zeros(1))[0])
     rest = np.maximum(march.ahead(flat[on]), T - ride.t_last)
-    out[on] = march.past.at(T - rest, rest, derivative)[:, 2]
-    if derivative:
-        out[on] /= 1.0 - ride.travel.speed(T - rest)
+    out[on] = march.past.at(T - rest, rest)[:, 2]
     return out.reshape(zeta.shape)
 
 
@@ -113,12 +87,6 @@ def _left_at(ride, x, t):
         if target > 0.0:
             out[i] = brentq(lambda u, s=sign, c=target: u - s * float(ride.position(u)) - c, 0.0, float(ti), rtol=1e-14)
     return out.reshape(x.shape)
-
-
-def coasting_speed(t, *, mu, sigma, w0):
-    """xi'(t) without drive in closed form: E/mu = mu sigma^2 [ t + mu expm1(-2t/mu) - (mu/4) expm1(-4t/mu) ]."""
-    e = mu * sigma**2 * (t + mu * np.expm1(-2.0 * t / mu) - 0.25 * mu * np.expm1(-4.0 * t / mu))
-    return np.sqrt(-lambertw(-(w0**2) * np.exp(-(w0**2) - e)).real)
 
 
 # --- modes and series
