@@ -73,17 +73,19 @@ def main(argv: list[str] | None = None) -> int:
         # The reader has gone: nothing more to say, and nothing to flush at the end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
-    except OSError as error:
-        terminal.complain([f"{error.filename or 'a file'}: {error.strerror}"])
-        return 2
     except Exception as error:
-        faults = getattr(error, "faults", None)
-        if faults is None:
-            traceback.print_exc()
-            terminal.complain(["this is a fault of cablefem, not of your input"])
-        else:
-            terminal.complain(faults)
+        terminal.complain(_faults(error))
         return 2
+
+
+def _faults(error: Exception) -> list[str]:
+    """Return what was wrong, one line each; a trace comes first if it was not the input."""
+    if (faults := getattr(error, "faults", None)) is not None:
+        return faults
+    if isinstance(error, OSError):
+        return [f"{error.filename or 'a file'}: {error.strerror}"]
+    traceback.print_exc()
+    return ["this is a fault of cablefem, not of your input"]
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ class Rope(Part):
     temperature: Celsius | None = said("[C] during the run", None)
     reference_temperature: Celsius | None = said("[C] at which the lengths and tensions given hold", None)
     expansion: Annotated[float, between(-1e-3, 1e-3)] | None = said("[1/K] thermal expansion; steel 1.2e-5", None)
-    ice: number_or(POSITIVE, Ice) = said("[kg/m] of the cable at the reference temperature", None)  # type: ignore[valid-type]
+    ice: number_or(POSITIVE, Ice) | None = said("[kg/m] of the cable at the reference temperature", None)  # type: ignore[valid-type]
 
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:

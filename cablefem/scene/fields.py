@@ -163,8 +163,7 @@ class Part(BaseModel):
             unknown = f"{where} = {shown(item['input'])}: unknown key.{nearest(where, cls.field_names())}"
             return [f"{where}: not modelled: {NOT_MODELLED[where]}" if where in NOT_MODELLED else unknown]
         if item["type"].startswith("union_tag"):
-            kind = item["input"].get("kind") if isinstance(item["input"], dict) else None
-            return [cls._kind_fault(where, kind, _kinds(cls.model_fields[name].annotation))]
+            return [cls._kind_fault(where, item["input"], _kinds(cls.model_fields[name].annotation))]
         if where == "mass" and isinstance(item["input"], list | tuple):
             cause = f"not modelled: {NOT_MODELLED['masses']}"
         # pydantic's own error without a cause: the field must be a part
@@ -176,7 +175,8 @@ class Part(BaseModel):
         return next((m.admissible for m in missing.metadata if isinstance(m, Check)), f"a table [{name}]")
 
     @staticmethod
-    def _kind_fault(where: str, kind: object, known: list[str]) -> str:
+    def _kind_fault(where: str, given: object, known: list[str]) -> str:
+        kind = given.get("kind") if isinstance(given, dict) else None
         if kind is None:
             return f"{where}.kind: missing; must be one of {', '.join(known)}"
         return f"{where}.kind = {shown(kind)}: unknown.{nearest(str(kind), known)}"
@@ -194,7 +194,7 @@ class NumberOr:
         return f"{self.number.admissible}, or a table {{{', '.join(self.table.field_names())}}}"
 
     def __call__(self, value: object) -> object:
-        if value is None or isinstance(value, self.table):
+        if isinstance(value, self.table):
             return value
         if isinstance(value, dict):
             return self.table(**value)

@@ -60,7 +60,7 @@ def keys(part: type[Part]) -> Iterator[Key]:
 
 def _keys(table: dict[str, Any], known: dict[str, Any], before: str) -> Iterator[Key]:
     for name, rule in table["properties"].items():
-        options = [known[x["$ref"].split("/")[-1]] if "$ref" in x else x for x in _options(rule)]
+        options = _options(rule, known)
         tables, numbers = [x for x in options if "properties" in x], [x for x in options if "properties" not in x]
         if numbers:
             unit, meaning = re.fullmatch(r"\[(.*?)\] ?(.*)", rule["description"]).groups()  # type: ignore[union-attr]
@@ -72,11 +72,11 @@ def _keys(table: dict[str, Any], known: dict[str, Any], before: str) -> Iterator
             yield from _keys(tables[0], known, f"{before}{name}{'[]' if 'items' in rule else ''}.")
 
 
-def _options(rule: dict[str, Any]) -> list[dict[str, Any]]:
+def _options(rule: dict[str, Any], known: dict[str, Any]) -> list[dict[str, Any]]:
     """What a rule admits: a table, a list of tables, one of several tables, or one value."""
-    if "$ref" in rule.get("items", {}):
-        return [rule["items"]]
-    return rule.get("anyOf") or rule.get("oneOf") or [rule]
+    of_list = [rule["items"]] if "$ref" in rule.get("items", {}) else None
+    options = of_list or rule.get("anyOf") or rule.get("oneOf") or [rule]
+    return [known[x["$ref"].split("/")[-1]] if "$ref" in x else x for x in options]
 
 
 def _kinds(tables: list[dict[str, Any]], known: dict[str, Any], name: str) -> Iterator[Key]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -31,18 +31,23 @@ ONE_SPAN = ("supports", "mass", "travel", "drive")  # tables that a line has not
 MOST = 10_000  # positions of the cars
 
 
-def _pair(value: object) -> tuple[float, ...] | None:
+def _numbers(value: object, least: int, most: int) -> tuple[float, ...] | None:
+    """A list of so many numbers; else None."""
     numbers = [real(x) for x in value] if isinstance(value, list | tuple) else []
-    return tuple(x for x in numbers if x is not None) if len(numbers) == 2 and None not in numbers else None
+    return tuple(numbers) if least <= len(numbers) <= most and None not in numbers else None  # type: ignore[arg-type]
+
+
+def _pair(value: object) -> tuple[float, ...] | None:
+    return _numbers(value, 2, 2)
 
 
 def _positions(value: object) -> tuple[float, ...] | None:
-    if isinstance(value, dict):
-        low, high, count = real(value.get("from")), real(value.get("to")), value.get("count")
-        right = low is not None and high is not None and isinstance(count, int) and 2 <= count <= MOST
-        return tuple(np.linspace(low, high, count).tolist()) if right and len(value) == 3 else None  # type: ignore[arg-type]
-    numbers = [real(x) for x in (value if isinstance(value, list | tuple) else [value])]
-    return tuple(x for x in numbers if x is not None) if 0 < len(numbers) <= MOST and None not in numbers else None
+    if not isinstance(value, dict):
+        return _numbers(value if isinstance(value, list | tuple) else [value], 1, MOST)
+    ends, count = _pair([value.get("from"), value.get("to")]), value.get("count")
+    if ends is None or len(value) != 3 or not (isinstance(count, int) and 2 <= count <= MOST):
+        return None
+    return tuple(np.linspace(ends[0], ends[1], count).tolist())
 
 
 _POSITIONS = Check(
@@ -227,9 +232,8 @@ class Line(Part):
     @classmethod
     def faults_between(cls, data: dict[str, Any]) -> list[str]:
         try:
-            contacts = [c if isinstance(c, Contact) else Contact(**c) for c in data["contact"]]
-            cars = [c if isinstance(c, Car) else Car(**c) for c in data.get("car", ())]
-            rope = data["cable"] if isinstance(data["cable"], LineRope) else LineRope(**data["cable"])
+            contacts = [_as(Contact, c) for c in data["contact"]]
+            cars, rope = [_as(Car, c) for c in data.get("car", ())], _as(LineRope, data["cable"])
         except (KeyError, TypeError, SceneError):
             return []
         faults = _contact_faults(contacts)
@@ -309,17 +313,22 @@ class Line(Part):
             if rope.tension is not None:
                 tie = names.index(rope.tension.at), rope.tension.value
             return Case(tuple(stations), rope.mass_per_length * self.gravity, rope.EA, length=length, tie=tie)
-        places = [(car, self.place(car, i)) for car in self.car]
-        on = [name for _, x in places if (name := self.shoe(x)) is not None]
-        if len(set(on)) < len(on):
-            raise NoLine(f"two cars on the shoe of {next(x for x in on if on.count(x) > 1)}")
-        for car, x in places:
-            if self.shoe(x) is None:
-                kind = "hauled" if car.hauled else "grips"
-                stations.append(Station(car.name, kind, x, math.nan, car.mass * self.gravity))
-        stations.sort(key=lambda p: p.x)
+        stations = sorted([*stations, *self._hanging(i)], key=lambda p: p.x)
         weight = (rope.mass_per_length + rope.ice_per_length) * self.gravity
         return Case(tuple(stations), weight, rope.EA, 1.0 + rope.warmer, length)
+
+    def _hanging(self, i: int) -> Iterator[Station]:
+        """The cars that hang on the rope at position i; NoLine for two on one shoe."""
+        on: list[str] = []
+        for car in self.car:
+            x = self.place(car, i)
+            if (shoe := self.shoe(x)) is None:
+                kind = "hauled" if car.hauled else "grips"
+                yield Station(car.name, kind, x, math.nan, car.mass * self.gravity)
+            elif shoe in on:
+                raise NoLine(f"two cars on the shoe of {shoe}")
+            else:
+                on.append(shoe)
 
     def rest(self, solve: Solver) -> LineRest:
         """Solve all positions; SceneError where the empty line has no rest."""
@@ -351,6 +360,10 @@ def _lifted(state: LineState) -> NoLine | None:
     return None
 
 
+def _as(kind: Any, given: Any) -> Any:
+    return given if isinstance(given, kind) else kind(**given)
+
+
 def _contact_faults(contacts: list[Contact]) -> list[str]:
     if len(contacts) < 2:
         return ["contact: must be at least two, the ends of the rope"]
@@ -367,15 +380,11 @@ def _contact_faults(contacts: list[Contact]) -> list[str]:
             faults.append(
                 f"contact[{i}].at = {shown(list(b.at))}: must be less steep than {STEEPEST:g} m per m from {a.name}"
             )
-    for i, c in enumerate(contacts):
-        end = i in (0, len(contacts) - 1)
-        if end is (c.kind == "saddle"):
-            what = (
-                "an end must be an anchor, a spring or a counterweight"
-                if end
-                else "between the ends it must be a saddle"
-            )
-            faults.append(f"contact[{i}].kind = {c.kind!r}: {what}")
+    ends = 0, len(contacts) - 1
+    for i in (i for i, c in enumerate(contacts) if (i in ends) is (c.kind == "saddle")):
+        what = "an end must be an anchor, a spring or a counterweight"
+        what = what if i in ends else "between the ends it must be a saddle"
+        faults.append(f"contact[{i}].kind = {contacts[i].kind!r}: {what}")
     if [c.kind for c in contacts].count("counterweight") > 1:
         faults.append("contact: two counterweights; at most one, or the rope would run from one to the other")
     return faults

@@ -125,15 +125,12 @@ class Scene(Part):
         faults += surroundings_faults(data, supports.span)
         if hanging := hanging_faults(gravity, cable, supports):
             return faults + hanging
-        faults += stretch_faults(gravity, cable, supports)
         catenary = hang(gravity, cable, supports)
+        axial = math.sqrt(cable.EA * gravity / catenary.weight)
+        travel = _sound(Travel, data["travel"]) if "travel" in present and mode != "free" else None
+        faults += stretch_faults(gravity, cable, supports)
         faults += damping_faults(_sound(Wind, data.get("wind")), gravity, cable, catenary)
-        broken = [] if drive is None else [f"drive.{fault}" for fault in drive.faults(catenary.length)]
-        travel = _sound(Travel, data["travel"]) if "travel" in present and not broken and mode != "free" else None
-        if travel is not None:
-            axial = math.sqrt(cable.EA * gravity / catenary.weight)
-            broken = [f"travel{fault}" for fault in _travel_faults(travel, drive or Driving(), catenary.length, axial)]
-        return faults + broken
+        return faults + _ride_faults(travel, drive or Driving(), catenary.length, axial)
 
     # --- reading and writing ----------------------------------------------------------------------------------------
 
@@ -518,6 +515,13 @@ def _presence(mode: str, present: list[str]) -> list[str]:
         absent = "travel" if present == ["mass"] else "mass"
         return [f"{absent}: missing; must be given with [{present[0]}] (a bare cable has neither)"]
     return []
+
+
+def _ride_faults(travel: Any, drive: Driving, length: float, axial: float) -> list[str]:
+    """Faults of drive and travel on a cable with this length [m] and axial wave speed [m/s]."""
+    if faults := [f"drive.{fault}" for fault in drive.faults(length)]:
+        return faults
+    return [] if travel is None else [f"travel{fault}" for fault in _travel_faults(travel, drive, length, axial)]
 
 
 def _travel_faults(travel: Any, drive: Driving, length: float, axial: float) -> list[str]:

@@ -222,14 +222,18 @@ class _March:
         s = np.sort(np.concatenate(all_s))[::-1]
         return T - s, s
 
+    def _last(self, reach: float) -> float:
+        """Least s of the march: 0 short of the far support, else where the mass is still moving, or within reach."""
+        travel, T = self.travel, self.travel.t_end
+        if float(travel.to_go(np.zeros(1))[0]) != 0.0:
+            return 0.0
+        if float(travel.speed(np.array([T]))[0]) > 0.0:
+            return 1e-16 * T
+        return float(_invert(travel.to_go, lambda s: travel.speed(T - s), np.array([reach]), 0.0, T)[0])
+
     def run(self, reach: float) -> Ride:
         travel, T, past = self.travel, self.travel.t_end, self.past
-        if float(travel.to_go(np.zeros(1))[0]) != 0.0:
-            s_last = 0.0
-        elif float(travel.speed(np.array([T]))[0]) > 0.0:
-            s_last = 1e-16 * T
-        else:
-            s_last = float(_invert(travel.to_go, lambda s: travel.speed(T - s), np.array([reach]), 0.0, T)[0])
+        s_last = self._last(reach)
         front_t, front_s = self.fronts(s_last)
         scale = 1e-3 * self.sigma * min(0.25 * self.mu, 0.5 * T * T)
         y0 = worst = 0.0

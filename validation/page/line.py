@@ -250,6 +250,17 @@ def _sure(rows: Sequence[Row]) -> Markup:
     return table(cells, heads, sort=True)
 
 
+def _lowest(rows: Sequence[Row], paths: Sequence[Any], keys: Sequence[str]) -> Markup:
+    """Draw the lowest places of the ropes of a grid."""
+    drawn = [(np.array(path), x) for path, x in zip(paths, rows, strict=True) if path]
+    p = Panel("depth [m]", "", 180.0, down=True)
+    p.fit([depth for (_, depth), _ in drawn], pad=0.05)
+    for ((at, depth), x), color in zip(drawn, COLORS * len(drawn), strict=False):
+        p.line(at, depth, color, "", 1.4, ", ".join(f"{key.split('.')[-1]} {x[key]}" for key in keys))
+    end = float(drawn[0][0][0, -1])
+    return plot([p], (0.0, end), "x [m]", "The lowest place of the rope over all positions.", wide=True)
+
+
 def grid(folder: Path) -> list[Section]:
     """Return the page of a grid of lines."""
     stored = store.read(folder / "grid.json")
@@ -258,18 +269,9 @@ def grid(folder: Path) -> list[Section]:
     cells = [
         {n: f"{x[n]:.6g}".replace("-", "−") if isinstance(x.get(n), float) else x.get(n) for n in heads} for x in rows
     ]
-    drawn = [
-        (np.array(a), np.array(b), x)
-        for (a, b), x in ((low, x) for low, x in zip(stored["paths"], rows, strict=True) if low)
-    ]
-    p = Panel("depth [m]", "", 180.0, down=True)
-    p.fit([b for _, b, _ in drawn], pad=0.05)
-    for (a, b, x), color in zip(drawn, COLORS * len(drawn), strict=False):
-        p.line(a, b, color, "", 1.4, ", ".join(f"{key.split('.')[-1]} {x[key]}" for key in keys))
-    end = float(drawn[0][0][-1]) if drawn else 1.0
     html = [table(cells, heads, stack=True)]
-    if drawn:
-        html.append(plot([p], (0.0, end), "x [m]", "The lowest place of the rope over all positions.", wide=True))
+    if any(stored["paths"]):
+        html.append(_lowest(rows, stored["paths"], keys))
     text = f"{len(rows)} lines, {sum(x['status'] != 'complete' for x in rows)} incomplete."
     verdicts = [x["verdict"] for x in rows if x.get("verdict")]
     worst = next((v for v in ("disagree", "too coarse", "agree") if v in verdicts), None)

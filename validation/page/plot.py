@@ -73,6 +73,14 @@ class Panel:
             part = ((np.log10(y) if self.log else np.asarray(y)) - low) / (high - low)
         return self.height * np.clip(part if self.down else 1.0 - part, -9.0, 9.0)
 
+    def _scale(self) -> dict[str, Any] | None:
+        """Return the scale of the image for the template."""
+        if self.scale is None:
+            return None
+        low, high, unit = self.scale
+        ticks = [(_place(self.height * (high - y) / (high - low)), words) for y, words in _ticks(low, high, False, 4)]
+        return {"image": _png(np.linspace(1.0, 0.0, 64)[:, None], self.colors), "unit": unit, "ticks": ticks}
+
     def drawn(self, across: Callable[[Any], Array], w: float) -> dict[str, Any]:
         """Return the template's input in user units; across : place of x on the paper, w : width of the panel."""
 
@@ -80,16 +88,9 @@ class Panel:
             return _place(across(x)), _place(self._y(y))
 
         spans = [tuple(np.clip(across(span), 0.0, w).round(1).tolist()) for span in self.spans]
-        scale = None
-        if self.scale is not None:
-            low, high, unit = self.scale
-            ticks = [
-                (_place(self.height * (high - y) / (high - low)), words) for y, words in _ticks(low, high, False, 4)
-            ]
-            scale = {"image": _png(np.linspace(1.0, 0.0, 64)[:, None], self.colors), "unit": unit, "ticks": ticks}
         ticks = [(_place(self._y(y)), words) for y, words in _ticks(self.low, self.high, self.log, self.height / 28)]
         return {
-            "h": self.height, "w": w, "title": self.title, "unit": self.unit, "ticks": ticks, "scale": scale,
+            "h": self.height, "w": w, "title": self.title, "unit": self.unit, "ticks": ticks, "scale": self._scale(),
             "spans": [span for span in spans if span[1] > span[0]],
             "verticals": [(_place(across(x)), color, dash) for x, color, dash in self.verticals],
             "lines": [(_path(across(x), self._y(y)), color, dash, width) for x, y, color, dash, width, _ in self.lines],

@@ -38,11 +38,7 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence
     if console is None:
         _plain(columns, rows, right)
         return
-    # least width: the longest word or number
-    narrowest = [
-        max(len(word) for cell in cells for word in ([cell] if name in right else cell.split() or [""]))
-        for name, cells in zip(columns, zip(columns, *rows, strict=True), strict=True)
-    ]
+    narrowest = [_longest(x, name in right) for name, *x in zip(columns, columns, *rows, strict=True)]
     if sum(narrowest) + 3 * (len(columns) - 1) > console.width:
         _stacked(columns, rows)
         return
@@ -56,6 +52,11 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence
     for row in rows:
         drawn.add_row(*(Text(cell, style=STYLES.get(cell, "")) for cell in row))
     console.print(drawn)
+
+
+def _longest(cells: Sequence[str], whole: bool) -> int:
+    """Return the length of the longest cell, or of the longest word in any."""
+    return max(len(word) for cell in cells for word in ([cell] if whole else cell.split() or [""]))
 
 
 def _stacked(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

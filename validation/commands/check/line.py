@@ -64,22 +64,30 @@ def compared(
     if not both:
         return _alone(positions)[:1]
     at = [f"{p.name}, position {i + 1}" for i, states in both.items() for p in states[0].case.stations]
-    told = [[numbers(state) for state in states] for states in both.values()]
-    values = [{q: np.concatenate([t[k][q] for t in told]) for q in told[0][k]} for k in range(4)]
+    told = [[numbers(states[k]) for states in both.values()] for k in range(4)]
+    values = [{q: np.concatenate([x[q] for x in solver]) for q in solver[0]} for solver in told]
     tension = float(np.nanmax([values[0]["tension_behind"], values[0]["tension_ahead"]]))
     asked = {"m": tol, "N": tol_tension * tension}
     rounding = {"m": ROUNDING * float(np.ptp(a.empty.place[:, 0])), "N": ROUNDING * a.empty.case.EA}
     out = []
-    for quantity, x in values[0].items():
+    for quantity in values[0]:
         unit = "m" if quantity in METRES else "N"
-        less_x, y, less_y = (part[quantity] for part in values[1:])
-        gap, bar_a = np.abs(x - y), np.fmax(np.abs(x - less_x), rounding[unit])
-        bar_b = np.fmax(HALVED * np.abs(y - less_y), rounding[unit])
-        worst = np.where(gap > APART * (bar_a + bar_b), gap / ROUNDING, np.maximum(gap, bar_a + bar_b))
-        if np.isfinite(worst).any():
-            k = np.unravel_index(np.nanargmax(worst), worst.shape)
-            out.append(_row(quantity, float(gap[k]), float(bar_a[k]), float(bar_b[k]), asked[unit], at[int(k[0])]))
+        if (found := _worst(rounding[unit], *(x[quantity] for x in values))) is not None:
+            out.append(_row(quantity, *found[:3], asked[unit], at[found[3]]))
     return out + _alone(positions)[:1]
+
+
+def _worst(
+    rounding: float, x: Array, less_x: Array, y: Array, less_y: Array
+) -> tuple[float, float, float, int] | None:  # fmt: skip
+    """Gap, both bars and station of the worst number; None without any."""
+    gap, bar_a = np.abs(x - y), np.fmax(np.abs(x - less_x), rounding)
+    bar_b = np.fmax(HALVED * np.abs(y - less_y), rounding)
+    worst = np.where(gap > APART * (bar_a + bar_b), gap / ROUNDING, np.maximum(gap, bar_a + bar_b))
+    if not np.isfinite(worst).any():
+        return None
+    k = np.unravel_index(np.nanargmax(worst), worst.shape)
+    return float(gap[k]), float(bar_a[k]), float(bar_b[k]), int(k[0])
 
 
 def _alone(positions: Sequence[tuple[LineState | NoLine, ...]]) -> list[Row]:
@@ -105,22 +113,25 @@ def _parts(line: Line) -> list[tuple[str, ...]]:
     return [tuple(f"{c.name} {c.kind}" for c in line.contact), *cars]
 
 
-def checked(line: Line, tol: float, tol_tension: float, second: Line | None = None) -> tuple[Answers, list[Row], str]:
-    """Return the catenaries' answers, the rows and the verdict; a second line goes to the elements alone.
+def _refined(line: Line, second: Line, tol: float, tol_tension: float) -> tuple[LineRest, LineRest, list[Row]]:
+    """Both answers and their rows; elements are doubled until gap and bars are small enough, up to FINEST."""
+    n = 4
+    a, less_a = line.rest(partial(catenary_line.solve, more=1)), line.rest(catenary_line.solve)
+    less_b = second.rest(partial(elements.solve, elements=n // 2))
+    while True:
+        b = second.rest(partial(elements.solve, elements=n))
+        rows = compared(a, less_a, b, less_b, tol, tol_tension)
+        coarse = any(row["bar_b"] > BY_ELEMENTS * row["asked_for"] for row in rows if row["quantity"] != "rest")
+        if not coarse or n >= FINEST:
+            return a, b, rows
+        less_b, n = b, 2 * n
 
-    Elements are doubled until gap and bars are small enough, up to FINEST.
-    """
-    begun, n = perf_counter(), 4
+
+def checked(line: Line, tol: float, tol_tension: float, second: Line | None = None) -> tuple[Answers, list[Row], str]:
+    """Return the catenaries' answers, the rows and the verdict; a second line goes to the elements alone."""
+    begun = perf_counter()
     try:
-        a, less_a = line.rest(partial(catenary_line.solve, more=1)), line.rest(catenary_line.solve)
-        less_b = (second or line).rest(partial(elements.solve, elements=n // 2))
-        while True:
-            b = (second or line).rest(partial(elements.solve, elements=n))
-            rows = compared(a, less_a, b, less_b, tol, tol_tension)
-            coarse = any(row["bar_b"] > BY_ELEMENTS * row["asked_for"] for row in rows if row["quantity"] != "rest")
-            if not coarse or n >= FINEST:
-                break
-            less_b, n = b, 2 * n
+        a, b, rows = _refined(line, second or line, tol, tol_tension)
     except SceneError as error:
         raise store.Refused([f"{line.name}: {fault}" for fault in error.faults]) from None
     found = of(line, a, begun)

@@ -19,7 +19,7 @@ import numpy as np
 from cablefem import catenary_line
 from cablefem.response import Array, whole, write_json
 from cablefem.scene import SceneError
-from cablefem.scene.line import Line, LineRest, LineState, NoLine
+from cablefem.scene.line import Car, Line, LineRest, LineState, NoLine
 from validation.core import store
 from validation.core.answers import PLACES
 from validation.page import report, terminal
@@ -37,15 +37,7 @@ def row(line: Line, i: int, state: LineState, empty: LineState) -> Row:
     names = [p.name for p in state.case.stations]
     found: Row = {}
     for car in line.car:
-        x = line.place(car, i)
-        shoe = line.shoe(x)
-        depth = _depth(state, x)
-        found |= {f"x:{car.name}": x, f"depth:{car.name}": depth, f"on:{car.name}": shoe}
-        k = names.index(car.name) if shoe is None else None
-        for side, name in enumerate(("tension_behind", "tension_ahead")):
-            found[f"{name}:{car.name}"] = None if k is None else float(state.tensions[k, side])
-        if car.hauled:
-            found[f"haul:{car.name}"] = None if k is None else float(state.haul[k])
+        found |= _at_car(line, car, line.place(car, i), state)
     held = [names.index(contact.name) for contact in line.contact]
     for j, k in enumerate(held):
         found |= _at_contact(line, j, k, state, empty)
@@ -56,6 +48,16 @@ def row(line: Line, i: int, state: LineState, empty: LineState) -> Row:
     if line.cable.breaking_load is not None:
         found["safety_factor"] = line.cable.breaking_load / found["tension_max"]
     return found | _room(line, i, state)
+
+
+def _at_car(line: Line, car: Car, x: float, state: LineState) -> Row:
+    """Return the numbers of a car at x."""
+    shoe = line.shoe(x)
+    k = [p.name for p in state.case.stations].index(car.name) if shoe is None else None
+    forces = {"tension_behind": state.tensions[:, 0], "tension_ahead": state.tensions[:, 1]}
+    forces |= {"haul": state.haul} if car.hauled else {}
+    found: Row = {f"x:{car.name}": x, f"depth:{car.name}": _depth(state, x), f"on:{car.name}": shoe}
+    return found | {f"{name}:{car.name}": None if k is None else float(N[k]) for name, N in forces.items()}
 
 
 def _depth(state: LineState, x: float) -> float:
@@ -109,17 +111,20 @@ def _passing(line: Line, rows: list[Row | None]) -> list[tuple[str, int, float]]
     return found
 
 
+def _series(line: Line, rows: list[Row | None]) -> dict[str, list[tuple[float, int]]]:
+    """Return each quantity's values with their positions."""
+    told = [(name, i, value) for i, each in enumerate(rows) for name, value in (each or {}).items()]
+    series: dict[str, list[tuple[float, int]]] = {}
+    for name, i, value in (*told, *_passing(line, rows)):
+        if isinstance(value, float) and kind_of(name) != "x":
+            series.setdefault(name, []).append((value, i))
+    return series
+
+
 def extremes(line: Line, rows: list[Row | None]) -> list[Row]:
     """Return the largest and the least of each quantity, with the position where it occurs."""
-    series: dict[str, list[tuple[float, int]]] = {}
-    for i, each in enumerate(rows):
-        for name, value in (each or {}).items():
-            if isinstance(value, float) and kind_of(name) != "x":
-                series.setdefault(name, []).append((value, i))
-    for name, i, value in _passing(line, rows):
-        series.setdefault(name, []).append((value, i))
     out = []
-    for name, values in series.items():
+    for name, values in _series(line, rows).items():
         kind, _, of = name.partition(":")
         for word, pick in (("max", max), ("min", min)):
             if ONLY.get(kind, word) == word:

@@ -24,18 +24,7 @@ def command(
 
     library = {**Scene.library(), **Line.library()}
     if name is None and out is None:
-        rows = []
-        for key, title in Scene.library().items():
-            scene = Scene.load(key)
-            mass = "-" if scene.mass is None else f"{scene.mass.mass:.0f} kg"
-            speed = "-" if scene.top_speed is None else f"{scene.top_speed:.3g} m/s"
-            rows.append([key, f"{scene.supports.span:.0f} m", mass, speed, title])
-        for key, title in Line.library().items():
-            line = Line.load(key)
-            masses = ", ".join(f"{car.mass:.0f} kg" for car in line.car)
-            rows.append([key, f"{line.contact[-1].at[0]:.0f} m", masses, "at rest", title])
-        terminal.table(["scene", "span", "mass", "top speed", "title"], rows, right=["span", "mass", "top speed"])
-        return 0
+        return _list()
     if name is None or name in library:
         texts = {key: Scene.library_text(key) for key in (library if name is None else [name])}
     else:
@@ -48,6 +37,25 @@ def command(
         for key, text in texts.items():
             with whole(folder / f"{key}.toml") as temporary:
                 temporary.write_text(text, encoding="utf-8")
+    return 0
+
+
+def _list() -> int:
+    """Print the built-in scenes and lines."""
+    from cablefem.scene import Scene
+    from cablefem.scene.line import Line
+
+    rows = []
+    for key, title in Scene.library().items():
+        scene = Scene.load(key)
+        mass = "-" if scene.mass is None else f"{scene.mass.mass:.0f} kg"
+        speed = "-" if scene.top_speed is None else f"{scene.top_speed:.3g} m/s"
+        rows.append([key, f"{scene.supports.span:.0f} m", mass, speed, title])
+    for key, title in Line.library().items():
+        line = Line.load(key)
+        masses = ", ".join(f"{car.mass:.0f} kg" for car in line.car)
+        rows.append([key, f"{line.contact[-1].at[0]:.0f} m", masses, "at rest", title])
+    terminal.table(["scene", "span", "mass", "top speed", "title"], rows, right=["span", "mass", "top speed"])
     return 0
 
 

@@ -39,11 +39,16 @@ def row(scene: Scene, r: Response, design: Sequence[dict[str, Any]], verdict: st
         out["arrival_km_h"] = None if arrives is None else round(3.6 * arrives["speed"], 2)
         rests = r.s_o[-1] if found.kind in ("stuck", "stopped_by_brake") else None
         out["rests_at_m"] = None if rests is None else round(float(rests), 2)
-    for quantity in NUMBERS:  # of several obstacles the least
-        values = [d["value"] for d in design if d["quantity"].split(":")[0] == quantity and d["value"] is not None]
-        if values:
-            out[quantity] = max(values) if quantity.endswith("max") else min(values)
-    return out | ({} if verdict is None else {"verdict": verdict})
+    return out | _numbers(design) | ({} if verdict is None else {"verdict": verdict})
+
+
+def _numbers(design: Sequence[dict[str, Any]]) -> Row:
+    """Return the table's design numbers, of several obstacles the least."""
+    known: dict[str, list[float]] = {quantity: [] for quantity in NUMBERS}
+    for d in design:
+        if d["value"] is not None and (kind := d["quantity"].split(":")[0]) in known:
+            known[kind].append(d["value"])
+    return {kind: (max if kind.endswith("max") else min)(values) for kind, values in known.items() if values}
 
 
 def path(r: Response, points: int = 300) -> dict[str, list[float]]:
