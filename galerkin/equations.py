@@ -27,10 +27,11 @@ from cablefem.scene.motion import Motion, standing
 from galerkin import kernels
 from galerkin.bases import Basis
 from galerkin.bases.fourier import Fourier
-from galerkin.bases.kink import Array, Carried, MovingBasis, Standing, TravellingKink
+from galerkin.bases.kink import Array, Carried, Standing, TravellingKink
+from galerkin.bases.riding import RidingSines
 from galerkin.equilibrium import Equilibrium
 from galerkin.models import FullCable, cable_model
-from galerkin.observe import direction, displaced, history, observe
+from galerkin.observe import Measures, direction, history, observe
 
 LOADS = ("mass", "force")
 
@@ -74,16 +75,17 @@ class GalerkinSystem(System):
     """
 
     strides = True
+    measures = Measures
 
     def __init__(
-        self, groups: Groups, basis: Basis, *, kink: bool = False, model: str = "full", load: str = "mass",
-        law: str = "elastic",
+        self, groups: Groups, basis: Basis | RidingSines, *, kink: bool = False, model: str = "full",
+        load: str = "mass", law: str = "elastic",
     ) -> None:  # fmt: skip
         if load not in LOADS:
             raise ValueError(f"unknown load {load!r}; one of {', '.join(LOADS)}")
         self.groups, self.mu, self.kink, self.damping = groups, groups.mu, kink, groups.damping
         self.model, self.load, self.law = model, load, law
-        self.basis: MovingBasis = TravellingKink(basis) if kink else Standing(basis)
+        self.basis: Standing | TravellingKink = self._moving(basis)
         self.cable = cable_model(groups, model, law)
         self.inertia = self.mu if load == "mass" else 0.0
         self.path_form = self.at_support = load == "mass" and not basis.smooth
@@ -97,6 +99,9 @@ class GalerkinSystem(System):
         # of the last residual: least mean tension over the basis' shortest wave, and its s
         self.least_tension = np.inf, 0.0
         self._instants: dict[tuple[float, int], Instant] = {}
+
+    def _moving(self, basis: Any) -> Any:
+        return TravellingKink(basis) if self.kink else Standing(basis)
 
     @property
     def motion(self) -> Motion:
@@ -184,8 +189,7 @@ class GalerkinSystem(System):
         Q, V, A, c = self._fields(q), self._fields(v), self._fields(a), x.carried
         along = a[self.n_modal :] if self.path_form else A @ c.f + V @ c.f_v + Q @ c.f_q
         load = self.inertia * along + self.mu * x.load
-        r = force + (A + self.damping * V) @ c.mass + np.multiply.outer(load, c.f)
-        r += np.multiply.outer(V[:, -1], c.gyroscopic) + np.multiply.outer(Q[:, -1], c.centrifugal)
+        r = force + (A + self.damping * V) @ c.mass + np.multiply.outer(load, c.f) + c.moving(V, Q)
         return np.append(r.ravel(), q[self.n_modal :] - Q @ c.f) if self.path_form else r.ravel()
 
     def tangent(self, t: float, q: Array, phase: int, c0: complex, c1: complex, c2: complex) -> Array:
@@ -197,7 +201,7 @@ class GalerkinSystem(System):
         inertia = np.multiply(
             c2 + c1 * self.damping, c.mass, dtype=np.result_type(c0, c1, c2, c.mass)
         )  # a stage may be complex
-        inertia[:, -1] += c1 * c.gyroscopic + c0 * c.centrifugal
+        inertia[:, -len(c.gyroscopic) :] += (c1 * c.gyroscopic + c0 * c.centrifugal).T
         if not self.path_form:
             inertia += self.inertia * np.multiply.outer(c.f, c2 * c.f + c1 * c.f_v + c0 * c.f_q)
         K = c0 * K
@@ -236,10 +240,14 @@ class GalerkinSystem(System):
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[int, Array, Array]:
         places = self.motion.along(t, phase).T
-        alike, *points = next(self.sines.alike(places[:, 0]))
-        same, line = alike.stop, self._line(*points)
+        same, line = self._lines(places[:, 0])
         done = kernels.stride(line, np.ascontiguousarray(places[:same]), start, rules[:same], limits(bound, newton))
         return self._told(*done)
+
+    def _lines(self, places: Array) -> tuple[int, kernels.Line]:
+        """How many of the first places share points, and these."""
+        alike, *points = next(self.sines.alike(places))
+        return alike.stop, self._line(*points)
 
     def _told(self, taken: int, ends: Array, told: Array) -> tuple[int, Array, Array]:
         """Note the least tension of the last of these steps."""
@@ -274,7 +282,7 @@ class GalerkinSystem(System):
         kick = Q @ (after.f_q - earlier.f_q)
         balance = np.multiply.outer(self.mu * (kick + x.load - before.load), after.f)
         if self.kink:
-            balance += np.multiply.outer(Q[:, -1], after.centrifugal - earlier.centrifugal)
+            balance += Q[:, -1:] @ (after.centrifugal - earlier.centrifugal)
         jump = -np.linalg.solve(after.mass + self.mu * np.multiply.outer(after.f, after.f), balance.T).T
         return State(t, state.q, state.v, state.a + np.concatenate([jump.ravel(), jump @ after.f + kick]), phase)
 
@@ -332,7 +340,7 @@ class GalerkinSystem(System):
 
     def path(self, states: States) -> tuple[Array, Array]:
         x = history(self, states)
-        return x.s_o, displaced(self, states, x) @ direction(self)
+        return x.s_o, self.measures.displaced(self, states, x) @ direction(self)
 
     def observe(self, states: States, s: Array, frames: Array) -> Observation:
         return observe(self, states, s, frames)

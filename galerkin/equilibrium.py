@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -56,15 +57,10 @@ def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equi
         standing = np.einsum("kfm,sm->ksf", x.A[k], basis.phi(s, -1), optimize=True) - here[k, None]
         before = behind[k, None] - 0.5 * (s_o[k] ** 2 - s**2)[..., None] * ray_behind[k, None]
         after = ahead[k, None] + 0.5 * (rest[k] ** 2 - (1.0 - s) ** 2)[..., None] * ray_ahead[k, None]
-        return standing + np.where((s <= s_o[k])[..., None], before, after) + _static(cable, s)
+        return standing + np.where((s <= s_o[k])[..., None], before, after) + static(cable, s)
 
-    least, where = np.empty(x.s_o.size), np.empty(x.s_o.size, int)
-    stations = np.concatenate([[0.0], s[:: 1 + s.size // STATIONS], [1.0]])
-    for k in np.array_split(np.arange(x.s_o.size), 1 + x.s_o.size // BLOCK):
-        T = tension(along(k, stations), _static(cable, stations))
-        where[k] = T.argmin(axis=1)
-        least[k] = T.min(axis=1)
-    at_mass, at_left, at_right = (_static(cable, place) for place in (x.s_o, np.zeros(1), np.ones(1)))
+    least, where = least_along(cable, x, along, s)
+    at_mass, at_left, at_right = (static(cable, place) for place in (x.s_o, np.zeros(1), np.ones(1)))
     return Equilibrium(
         behind + at_mass,
         ahead + at_mass,
@@ -73,8 +69,19 @@ def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equi
         along(frames, s),
         strain,
         least,
-        stations[where],
+        where,
     )
+
+
+def least_along(cable: FullCable, x: History, along: Callable[[Array, Array], Array], s: Array) -> tuple[Array, Array]:
+    """Least tension of every instant and its s, (n,); along(k, s): N t at instants k and places s."""
+    least, where = np.empty(x.s_o.size), np.empty(x.s_o.size, int)
+    stations = np.concatenate([[0.0], s[:: 1 + s.size // STATIONS], [1.0]])
+    for k in np.array_split(np.arange(x.s_o.size), 1 + x.s_o.size // BLOCK):
+        T = tension(along(k, stations), static(cable, stations))
+        where[k] = T.argmin(axis=1)
+        least[k] = T.min(axis=1)
+    return least, stations[where]
 
 
 def _sums(system: GalerkinSystem, x: History) -> tuple[Array, Array]:
@@ -96,7 +103,7 @@ def _sums(system: GalerkinSystem, x: History) -> tuple[Array, Array]:
     return internal, strain
 
 
-def _static(cable: FullCable, s: Array) -> Array:
+def static(cable: FullCable, s: Array) -> Array:
     T, xp, yp, _, _ = cable.groups.static(s)
     return np.stack([T * xp, T * yp], axis=1)
 

@@ -18,7 +18,8 @@ import numpy as np
 from cablefem.scene import Groups
 from galerkin import kernels
 from galerkin.bases.fourier import Fourier
-from galerkin.bases.kink import Array, MovingBasis, TravellingKink
+from galerkin.bases.kink import Array, Standing, TravellingKink
+from galerkin.bases.riding import MovingBasis, RidingSines, Tables
 from galerkin.law import LAWS
 
 MODELS = ("string", "sagged", "stretching", "full")
@@ -37,7 +38,7 @@ class FullCable:
         self.weight = np.array([0.0, groups.sigma])
         self._last: kernels.Points | None = None
 
-    def at(self, basis: MovingBasis, s_o: float) -> kernels.Points:
+    def at(self, basis: Any, s_o: float) -> kernels.Points:
         s, weights, phi = basis.slopes(s_o)
         if self._last is None or phi is not self._last.phi:
             T, xp, yp, _, _ = self.groups.static(s)
@@ -49,6 +50,12 @@ class FullCable:
         assert isinstance(sines, Fourier)
         constants = kernels.Cable(inertia, g.mu, self.alpha, self.law, g.sigma, g.c, g.damping)
         return kernels.Line(constants, behind, ahead, kink.at_rest, kink.left, kink.chord, sines.grading)
+
+    def riding(self, of: Tables, inertia: float) -> kernels.Line:
+        g, n = self.groups, 2 * len(of.mass) - 1
+        constants = kernels.Cable(inertia, g.mu, self.alpha, self.law, g.sigma, g.c)
+        rule, none = np.array([of.xi, of.weights]), np.zeros(n - 1)
+        return kernels.Line(constants, rule, rule, np.zeros((n, n)), none, none, 0.0, of)
 
     def _stress(self, place: kernels.Points, Q: Array) -> Array:
         """Rows of `kernels.stress`, weighted but for the last, (8, n_q)."""
@@ -78,8 +85,8 @@ class FullCable:
         """Least mean tension over a shortest wave, 2/n."""
         s, at = place.s, int(pull.argmin())
         if pull[at] < 0.0:
-            at_mass = [1.0 / float(place.phi[-1, 0])] if isinstance(basis, TravellingKink) else []
-            waves = _waves(s, [0.0, *at_mass, 1.0], basis.basis.n)
+            at_mass = [] if isinstance(basis, Standing) else [1.0 / float(place.phi[-1, 0])]
+            waves = _waves(s, [0.0, *at_mass, 1.0], basis)
             weights = np.add.reduceat(place.weights, waves)
             pull, s = (np.add.reduceat(place.weights * x, waves) / weights for x in (pull, s))
             at = int(pull.argmin())
@@ -102,9 +109,14 @@ class FullCable:
         return np.array([fx, fy]), np.array([[xx, xy], [xy, yy]])
 
 
-def _waves(s: Array, sides: list[float], n: int) -> Array:
+def _waves(s: Array, sides: list[float], basis: MovingBasis) -> Array:
     """First points of pieces of about 2/n."""
-    edges = [np.linspace(a, b, max(2, round(0.5 * n * (b - a)) + 1))[:-1] for a, b in pairwise(sides)]
+
+    def pieces(length: float) -> int:
+        waves = basis.terms if isinstance(basis, RidingSines) else basis.basis.n * length
+        return max(1, round(0.5 * waves))
+
+    edges = [np.linspace(a, b, pieces(b - a) + 1)[:-1] for a, b in pairwise(sides)]
     return np.unique(np.searchsorted(s, np.concatenate(edges)))
 
 
@@ -126,7 +138,7 @@ class ChordCable:
         self.least_at = min(1.0, max(0.0, groups.c / groups.sigma))
         self.at_rest = float(groups.static(self.least_at)[0])
 
-    def at(self, basis: MovingBasis, s_o: float) -> tuple[Array, Array]:
+    def at(self, basis: Standing | TravellingKink, s_o: float) -> tuple[Array, Array]:
         return basis.stiffness(s_o), -self.curvature * basis.integral(s_o)
 
     def _increment(self, place: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from cablefem.response import Observation, States
 from galerkin.bases.kink import Array, TravellingKink
-from galerkin.equilibrium import combined, recover, tension
+from galerkin.equilibrium import Equilibrium, combined, recover, tension
 from galerkin.models import ChordCable, FullCable
 
 if TYPE_CHECKING:
@@ -86,7 +86,8 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     """
     groups, cable, along = system.groups, system.cable, direction(system)
     x = history(system, states)
-    mass, fields = _at_mass(system, states, x), _fields(system, x, s, frames)
+    of = system.measures
+    mass, fields = of.at_mass(system, states, x), of.fields(system, x, s, frames)
     if isinstance(cable, FullCable):
         forces = _full(system, cable, x, mass, fields, s, frames)
     else:
@@ -98,7 +99,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     ds_o, dds_o = x.ds_o[:, None], x.dds_o[:, None]
     velocity, acceleration = mass.w_t + ds_o * slope, mass.w_tt + dds_o * slope + ds_o**2 * bend
     drives = system.drives(states, velocity, acceleration, forces.sides, forces.working)
-    of_cable = _kinetic(system, x)
+    of_cable = of.kinetic(system, x)
     kinetic, lost = of_cable + 0.5 * system.inertia * np.sum(velocity**2, axis=1), 2.0 * system.damping * of_cable
     powers = drives.powers | ({"lost_viscous": -lost} if system.damping else {})
     place_y = cable.static_depth(x.s_o) + mass.w[:, -1]
@@ -129,10 +130,6 @@ def direction(system: GalerkinSystem) -> Array:
     return np.array([[-system.groups.chord_sin, system.groups.chord_cos]])
 
 
-def displaced(system: GalerkinSystem, states: States, x: History) -> Array:
-    return states.q[:, system.n_modal :] if system.path_form else combined(x.Q, system.basis.basis.phi(x.s_o)) + x.q_hat
-
-
 def history(system: GalerkinSystem, states: States) -> History:
     q, v, a = (y[:, : system.n_modal].reshape(-1, system.fields, system.n) for y in (states.q, states.v, states.a))
     s_o, ds_o, dds_o = system.kinematics(states)
@@ -143,22 +140,65 @@ def history(system: GalerkinSystem, states: States) -> History:
     return History(s_o, ds_o, dds_o, q, v, a, none, none, none)
 
 
-def _at_mass(system: GalerkinSystem, states: States, x: History) -> AtMass:
-    basis, ds_o = system.basis.basis, x.ds_o[:, None]
-    phi, first = basis.phi(x.s_o), basis.phi(x.s_o, 1)
-    w, w_s = displaced(system, states, x), combined(x.Q, first)
-    if system.path_form:
-        w_t, w_tt = (y[:, system.n_modal :] for y in (states.v, states.a))
-    else:
-        w_t = combined(x.V, phi) + x.v_hat + ds_o * w_s
-        bend = combined(x.Q, basis.phi(x.s_o, 2)) if basis.smooth else np.zeros_like(w)
-        w_tt = (
-            combined(x.A, phi) + x.a_hat + 2.0 * ds_o * combined(x.V, first) + x.dds_o[:, None] * w_s + ds_o**2 * bend
-        )
-    return AtMass(w, w_t, w_tt, np.array([w_s, w_s]) + _hat_slopes(x))
+class Measures:
+    """Measurements over standing functions, with or without a hat."""
+
+    @staticmethod
+    def displaced(system: GalerkinSystem, states: States, x: History) -> Array:
+        """w at the mass, (n, fields)."""
+        if system.path_form:
+            return states.q[:, system.n_modal :]
+        return combined(x.Q, system.basis.basis.phi(x.s_o)) + x.q_hat
+
+    @staticmethod
+    def at_mass(system: GalerkinSystem, states: States, x: History) -> AtMass:
+        basis, ds_o = system.basis.basis, x.ds_o[:, None]
+        phi, first = basis.phi(x.s_o), basis.phi(x.s_o, 1)
+        w, w_s = Measures.displaced(system, states, x), combined(x.Q, first)
+        if system.path_form:
+            w_t, w_tt = (y[:, system.n_modal :] for y in (states.v, states.a))
+        else:
+            w_t = combined(x.V, phi) + x.v_hat + ds_o * w_s
+            bend = combined(x.Q, basis.phi(x.s_o, 2)) if basis.smooth else np.zeros_like(w)
+            w_tt = combined(x.A, phi) + x.a_hat + 2.0 * ds_o * combined(x.V, first)
+            w_tt += x.dds_o[:, None] * w_s + ds_o**2 * bend
+        return AtMass(w, w_t, w_tt, np.array([w_s, w_s]) + hat_slopes(x))
+
+    @staticmethod
+    def fields(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Fields:
+        basis, side = system.basis.basis, (s <= x.s_o[frames, None])[:, None]
+        values, z = basis.phi(s), np.where(side, s, 1.0 - s)
+
+        def whole(standing: Array, functions: Array, order: int, z: Array) -> Array:
+            hat = np.where(side, *(ray[frames, :, None] for ray in x.rays(order)))
+            return np.einsum("kfm,sm->kfs", standing[frames], functions) + z * hat
+
+        slopes = whole(x.Q, basis.phi(s, 1), 0, np.where(side, 1.0, -1.0))
+        return Fields(whole(x.Q, values, 0, z), whole(x.V, values, 1, z), slopes)
+
+    @staticmethod
+    def kinetic(system: GalerkinSystem, x: History) -> Array:
+        """1/2 int |w.|^2 ds, (n,), by `TravellingKink`."""
+        twice = np.einsum("nfi,ij,nfj->n", x.V, system.basis.basis.mass(), x.V, optimize=True)
+        if isinstance(system.basis, TravellingKink):
+            value, first, _ = system.basis.overlap(np.minimum(x.s_o, 1.0 - NEAR_SUPPORT))
+            steep = x.ds_o**2 / (3.0 * np.maximum(x.s_o * (1.0 - x.s_o), NEAR_SUPPORT))
+            q, v = x.q_hat, x.v_hat
+            cross = 2.0 * v * combined(x.V, value) + 2.0 * x.ds_o[:, None] * q * combined(x.V, first)
+            twice = twice + np.sum(cross + v**2 / 3.0 + steep[:, None] * q**2, axis=1)
+        return 0.5 * twice
+
+    @staticmethod
+    def mean(system: GalerkinSystem, x: History) -> Array:
+        """int w ds, (n, fields)."""
+        return x.Q @ system.basis.basis.integral() + 0.5 * x.q_hat
+
+    @staticmethod
+    def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equilibrium:
+        return recover(system, x, s, frames)
 
 
-def _hat_slopes(x: History) -> Array:
+def hat_slopes(x: History) -> Array:
     """The hat's part of w' behind and ahead; on the left support the limit t -> 0+."""
     behind, ahead = x.rays(0)
     entry, ds_o, dds_o = x.s_o == 0.0, x.ds_o[:, None], x.dds_o[:, None]
@@ -167,24 +207,12 @@ def _hat_slopes(x: History) -> Array:
     return np.array([np.where(entry[:, None], start, behind), -ahead])
 
 
-def _fields(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Fields:
-    basis, side = system.basis.basis, (s <= x.s_o[frames, None])[:, None]
-    values, z = basis.phi(s), np.where(side, s, 1.0 - s)
-
-    def whole(standing: Array, functions: Array, order: int, z: Array) -> Array:
-        hat = np.where(side, *(ray[frames, :, None] for ray in x.rays(order)))
-        return np.einsum("kfm,sm->kfs", standing[frames], functions) + z * hat
-
-    slopes = whole(x.Q, basis.phi(s, 1), 0, np.where(side, 1.0, -1.0))
-    return Fields(whole(x.Q, values, 0, z), whole(x.V, values, 1, z), slopes)
-
-
 def _full(
     system: GalerkinSystem, cable: FullCable, x: History, mass: AtMass, fields: Fields, s: Array, frames: Array
 ) -> Forces:
     T_o, static_o, static = cable.groups.static(x.s_o)[0], *(cable.static_slope(y)[0] for y in (x.s_o, s))
     inside = replace(x, s_o=np.clip(x.s_o, NEAR_SUPPORT, 1.0 - NEAR_SUPPORT))
-    by_balance = recover(system, inside, s, frames)
+    by_balance = system.measures.recover(system, inside, s, frames)
     slopes = static_o + mass.slopes
     T = tension(by_balance.behind, slopes[0]), tension(by_balance.ahead, slopes[1])
     along = tension(by_balance.along, static + fields.w_s.transpose(0, 2, 1))
@@ -197,7 +225,7 @@ def _full(
     least = np.minimum(by_balance.least, np.minimum(*on_it))
     if system.law == "tension-only":
         least = np.maximum(least, 0.0)
-    below = x.Q[:, 1] @ system.basis.basis.integral() + 0.5 * x.q_hat[:, 1]
+    below = system.measures.mean(system, x)[:, 1]
     return Forces(
         sides, T, (left[0], right[0]), along, pointwise, (-by_balance.left, by_balance.right), by_balance.strain,
         -cable.weight[1] * below, least,
@@ -222,15 +250,3 @@ def _one_field(
         sides, (T, T), (T, T), along, along, (absent, absent), strain, none, cable.at_rest + h, none + cable.least_at,
         none,
     )  # fmt: skip
-
-
-def _kinetic(system: GalerkinSystem, x: History) -> Array:
-    """1/2 int |w.|^2 ds, (n,), by `TravellingKink`."""
-    twice = np.einsum("nfi,ij,nfj->n", x.V, system.basis.basis.mass(), x.V, optimize=True)
-    if isinstance(system.basis, TravellingKink):
-        value, first, _ = system.basis.overlap(np.minimum(x.s_o, 1.0 - NEAR_SUPPORT))
-        steep = x.ds_o**2 / (3.0 * np.maximum(x.s_o * (1.0 - x.s_o), NEAR_SUPPORT))
-        q, v = x.q_hat, x.v_hat
-        cross = 2.0 * v * combined(x.V, value) + 2.0 * x.ds_o[:, None] * q * combined(x.V, first)
-        twice = twice + np.sum(cross + v**2 / 3.0 + steep[:, None] * q**2, axis=1)
-    return 0.5 * twice

@@ -14,13 +14,18 @@ class Carried(NamedTuple):
     """Terms of a moving basis at an instant."""
 
     mass: Array  # M, (n, n)
-    gyroscopic: Array  # last column of 2 A, (n,); other columns are zero
-    centrifugal: Array  # last column of A. - B + c_d A, (n,)
+    gyroscopic: Array  # last k columns of 2 A, as rows (k, n); other columns are zero
+    centrifugal: Array  # the same of A. - B + c_d A
     f: Array  # Phi(s_o), (n,)
     f_s: Array  # dPhi/ds_o along the path; 0 for the hat
     f_v: Array  # 2 ds_o Phi'(s_o), as in (22), (n,)
     f_q: Array  # dds_o Phi'(s_o) + ds_o^2 Phi''(s_o), as in (23), (n,)
-    behind: Array  # int_0^s_o hat Phi ds, (n,)
+    behind: Array  # int_0^s_o hat Phi ds, (n,); 0 where no car rolls
+
+    def moving(self, V: Array, Q: Array) -> Array:
+        """2 A V + (A. - B) Q, (fields, n)."""
+        moving = slice(-len(self.gyroscopic), None)
+        return V[:, moving] @ self.gyroscopic + Q[:, moving] @ self.centrifugal
 
 
 @inner
@@ -82,7 +87,7 @@ class Standing:
     def carried(self, s_o: float, ds_o: float, dds_o: float, damping: float = 0.0) -> Carried:
         none = self._integral
         mass, rows = carry(self.basis.at(s_o), self.at_rest, none, none, s_o, ds_o, dds_o, damping)
-        return Carried(mass, *rows)
+        return Carried(mass, rows[:1], rows[1:2], *rows[2:])
 
     def stiffness(self, s_o: float) -> Array:
         return self._stiffness
@@ -119,7 +124,7 @@ class TravellingKink:
 
     def carried(self, s_o: float, ds_o: float, dds_o: float, damping: float = 0.0) -> Carried:
         mass, rows = carry(self.basis.at(s_o), self.at_rest, self.left, self.chord, s_o, ds_o, dds_o, damping)
-        return Carried(mass, *rows)
+        return Carried(mass, rows[:1], rows[1:2], *rows[2:])
 
     def stiffness(self, s_o: float) -> Array:
         matrix, steepness = self._stiffness.copy(), 1.0 / (s_o * (1.0 - s_o))
@@ -132,6 +137,3 @@ class TravellingKink:
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
         return self.basis.split(s_o)
-
-
-MovingBasis = Standing | TravellingKink

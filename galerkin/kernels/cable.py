@@ -148,21 +148,24 @@ def acceleration(x, Q, V, A):
 @inner
 def add_inertia(x, Q, V, A, damping, C, R):
     """Add M (A + c_d V) + 2 A V + (A. - B + c_d A) Q of the cable and the force C (2,) at the mass to R."""
-    last = x.f.size - 1
+    first = x.f.size - x.gyroscopic.shape[0]
     for a in range(R.shape[0]):
-        for k in range(last + 1):
+        for k in range(x.f.size):
             rate = A[a, k] + damping * V[a, k]
             for i in range(R.shape[1]):
                 R[a, i] += rate * x.mass[k, i]
+        for k in range(x.gyroscopic.shape[0]):
+            v, q, gyroscopic, centrifugal = V[a, first + k], Q[a, first + k], x.gyroscopic[k], x.centrifugal[k]
+            for i in range(R.shape[1]):
+                R[a, i] += v * gyroscopic[i] + q * centrifugal[i]
         for i in range(R.shape[1]):
-            R[a, i] += V[a, last] * x.gyroscopic[i] + Q[a, last] * x.centrifugal[i] + C[a] * x.f[i]
+            R[a, i] += C[a] * x.f[i]
 
 
 @inner
 def add_inertia_tangent(x, mu, damping, c0, c1, c2, K):
     """Make c0 K, K = dR/dQ, the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of cable and mass mu."""
     n = x.f.size
-    last = n - 1
     for i in range(K.shape[0]):
         k, first = i % n, (i // n) * n
         for j in range(K.shape[1]):
@@ -171,11 +174,11 @@ def add_inertia_tangent(x, mu, damping, c0, c1, c2, K):
             K[i, first + j] += (c2 + c1 * damping) * x.mass[k, j] + mu * x.f[k] * (
                 c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j]
             )
-        K[i, first + last] += c1 * x.gyroscopic[k] + c0 * x.centrifugal[k]
+        K[i, first + n - 1] += c1 * x.gyroscopic[0, k] + c0 * x.centrifugal[0, k]
 
 
 @compiled
-def least(at, s_o, pull):
+def least(at, s_o, pull, riding=None):
     """The least tension and its s, as `FullCable.least`."""
     s, where = at.s, 0
     for i in range(pull.size):
@@ -187,7 +190,8 @@ def least(at, s_o, pull):
     lowest, first = math.inf, 0
     for side in range(2):
         begin, length = (0.0, s_o) if side == 0 else (s_o, 1.0 - s_o)
-        pieces = max(1, round(0.5 * (at.phi.shape[0] - 1) * length))
+        waves = (at.phi.shape[0] - 1) * (length if riding is None else 0.5)
+        pieces = max(1, round(0.5 * waves))
         for piece in range(1, pieces + 1):
             end = begin + length * piece / pieces
             weight, mean, middle = 0.0, 0.0, 0.0

@@ -39,11 +39,17 @@ def multiply(a, b, flip, out):
 @inner
 def solve(K, b, x):
     """Set x to K^-1 b, to NaN if K is singular."""
-    n = b.size
+    for i in range(b.size):
+        x[i] = b[i]
+    solve_rows(K, b.size, x, 1)
+
+
+@inner
+def solve_rows(K, n, x, count):
+    """Overwrite `count` rows of x (n,) by K[:n, :n]^-1 times them, by NaN if it is singular."""
     columns, pivots = np.empty((n, n)), np.empty(n, dtype=F_INT_nptype)
     for i in range(n):
-        x[i] = b[i]
         for j in range(n):
             columns[j, i] = K[i, j]
-    if _gesv(DOUBLE, n, 1, columns.ctypes, n, pivots.ctypes, x.ctypes, n) != 0:
+    if _gesv(DOUBLE, n, count, columns.ctypes, n, pivots.ctypes, x.ctypes, n) != 0:
         x[:] = math.nan

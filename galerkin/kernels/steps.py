@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from galerkin.bases.fourier import split, values_at
 from galerkin.bases.kink import Carried, carry
+from galerkin.bases.riding import ride as carry_riding
+from galerkin.bases.riding import spread
 from galerkin.kernels.cable import (
     Array,
     Cable,
@@ -23,6 +25,7 @@ from galerkin.kernels.cable import (
     survey,
 )
 from galerkin.kernels.dense import solve
+from galerkin.kernels.riding import riding_tangent, solve_sides
 from galerkin.kernels.rolling import (
     STEP,
     Coefficients,
@@ -51,6 +54,7 @@ class Line(NamedTuple):
     left: Array
     chord: Array
     grading: float
+    riding: Any = None  # `Tables` of sines that ride with the mass; `mass`, `left` and `chord` have their sizes alone
 
 
 class Ride(NamedTuple):
@@ -96,7 +100,7 @@ class Space(NamedTuple):
     gram: Array  # (3, m), `pull` and `sides` see `balance`
     pull: Array
     sides: Array
-    K: Array  # (n_dof, n_dof)
+    K: Array  # (1, n_dof, n_dof); riding sines: see `riding_tangent`
     step: Array  # (n_dof,)
 
 
@@ -105,17 +109,34 @@ def space_for(size, line):
     m, n = line.behind.shape[1] + line.ahead.shape[1], line.left.size + 1
     return Space(
         np.empty((3, size)), np.empty(size), np.empty((2, n)), np.empty((3, m)), np.empty(m), np.empty((2, 2)),
-        np.empty((size, size)), np.empty(size),
+        tangent_for(line.riding, size), np.empty(size),
     )  # fmt: skip
+
+
+@inner
+def tangent_for(riding, size):
+    if riding is None:
+        return np.empty((1, size, size))
+    return np.empty((2, size // 2 + 1, size // 2 + 1))
+
+
+@inner
+def carried_at(line, riding, s_o, ds_o, dds_o):
+    if riding is None:
+        at = values_at(s_o, line.left.size, line.grading)
+        M, rows = carry(at, line.mass, line.left, line.chord, s_o, ds_o, dds_o, line.cable.damping)
+        return Carried(M, rows[0:1], rows[1:2], rows[2], rows[3], rows[4], rows[5], rows[6])
+    M, gyroscopic, centrifugal = carry_riding(riding, s_o, ds_o, dds_o, line.cable.damping)
+    at_mass, none = np.zeros(M.shape[0]), np.zeros(M.shape[0])
+    at_mass[-1] = 1.0
+    return Carried(M, gyroscopic, centrifugal, at_mass, none, none, none, none)
 
 
 @inner
 def ground_at(line, s_o, ds_o, dds_o):
     """`Ground` where the mass is at s_o; the load of a force alone is its weight."""
     cable = line.cable
-    at = values_at(s_o, line.left.size, line.grading)
-    M, rows = carry(at, line.mass, line.left, line.chord, s_o, ds_o, dds_o, cable.damping)
-    x = Carried(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
+    x = carried_at(line, line.riding, s_o, ds_o, dds_o)
     p = cable.c - cable.sigma * s_o
     T = math.sqrt(1.0 + p * p)
     slope, load = np.empty(2), np.zeros(2)
@@ -128,8 +149,15 @@ def ground_at(line, s_o, ds_o, dds_o):
 
 
 @inner
+def spread_at(line, riding, s_o):
+    if riding is None:
+        return split(s_o, line.behind, line.ahead, line.left.size, line.grading)
+    return spread(riding, s_o)
+
+
+@inner
 def points_at(line, s_o):
-    s, weights, phi = split(s_o, line.behind, line.ahead, line.left.size, line.grading)
+    s, weights, phi = spread_at(line, line.riding, s_o)
     T, r_static = static(s, line.cable.sigma, line.cable.c)
     return Points(s, phi, weights, T, r_static)
 
@@ -267,6 +295,22 @@ def weigh(here, ride, line, ends, w, of):
 
 
 @inner
+def set_tangent(riding, here, ride, line, of, out, c):
+    if riding is None:
+        tangent(here, ride, line, of, out, c, of.K[0])
+    else:
+        riding_tangent(riding, here.ground, of.gram, line.cable, c, of.K)
+
+
+@inner
+def solve_for(riding, K, r, step):
+    if riding is None:
+        solve(K[0], r, step)
+    else:
+        solve_sides(K, r, step)
+
+
+@inner
 def newton(here, ride, line, ends, rule, limits, of):
     """Solve one step for its end, as `cablefem.newmark.iterate` does.
 
@@ -299,12 +343,12 @@ def newton(here, ride, line, ends, rule, limits, of):
             break
         if iterations == 0 or norm > reuse * before:
             factorisations += 1
-            tangent(here, ride, line, of, out, c, of.K)
-        solve(of.K, of.r, of.step)
+            set_tangent(line.riding, here, ride, line, of, out, c)
+        solve_for(line.riding, of.K, of.r, of.step)
         before, share, cuts = norm, 1.0, 0
     if iterations == 0:
         return norm, 1, 0, 1, math.inf, 0.0
-    lowest, where = least(here.at, here.ground.s_o, of.pull)
+    lowest, where = least(here.at, here.ground.s_o, of.pull, line.riding)
     return norm, iterations, factorisations, evaluations, lowest, where
 
 

@@ -95,6 +95,7 @@ TURNING, MOST_TURNING = 1.6, 2.0
 # Costs by `cablefem chart`: banded elements linear, dense bases square to cube.
 ELEMENTS = Resolution("elements", 6, 320, 8, 1.0, largest=1000)
 TERMS = Resolution("terms", 10, 160, 25, 2.5, largest=80)
+RIDING = replace(TERMS, first=5, most=80, even=12, largest=40, unknowns=lambda terms: 2.0 * terms)
 LEVELS = Resolution("level", 1, 5, 1, 2.5, doubling=True, largest=3, unknowns=lambda level: 7.0 * 2.0**level + 3.0)
 
 
@@ -210,6 +211,14 @@ def _galerkin(family: str, kink: bool) -> Build:
     return build
 
 
+def _riding(groups: Groups, x: dict[str, Any], **kind: Any) -> Solver:
+    from galerkin.abscissa import PositionAbscissa
+    from galerkin.riding import RidingSystem
+
+    system = RidingSystem(groups, x["terms"], **kind)
+    return PositionAbscissa(system) if x["abscissa"] == "s" else system
+
+
 def _each(unknowns: int) -> Resolution:
     return replace(ELEMENTS, unknowns=lambda elements: float(unknowns * elements))
 
@@ -222,6 +231,7 @@ def _whole(default: int) -> Setting:
     return Setting(default, (2, 100_000), "elements on the whole cable")
 
 
+_EACH_SIDE = Setting(20, (1, 1000), "sines on each side of the mass")
 _TERMS = Setting(30, (1, 2000), "sines")
 _WAVELETS = {
     "order": Setting(4, (2, 10), "Daubechies order p (2p filter taps)"),
@@ -297,6 +307,11 @@ METHODS: dict[str, Method] = {
             on_rides={"terms": 45, "steps": 3000, "rho_inf": 0.7}, begins=(5, 500), survey=(16, 600),
             races=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
             trust="the Galerkin default, and its only method for cars that roll; ten terms beat 200 plain ones",
+        ),
+        Method(
+            "fourier-riding", "galerkin", "sines on either side of the mass that ride with it, and a hat",
+            {"terms": _EACH_SIDE, "abscissa": _ABSCISSA, **TIME}, RIDING, 2.0, _riding, begins=(4, 500),
+            trust="gripped cars only: for the same error up to four times as fast as fourier-kink",
         ),
         Method(
             "wavelet", "galerkin", "the paper's anti-derivatives of Daubechies wavelets (35)-(39)",

@@ -1,0 +1,116 @@
+"""Sines that ride with the mass, one set on each side of it; see README.md, "Riding sines"."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from galerkin.bases.fourier import _unit_gauss
+from galerkin.bases.kink import Array, Carried, Standing, TravellingKink
+from galerkin.law import compiled
+
+
+class Tables(NamedTuple):
+    """One side, 0 <= xi <= 1 with the mass at 1: phi_k = sin(k pi xi), k = 1 .. n, and the hat xi, which comes last."""
+
+    xi: Array  # (m,) Gauss points
+    weights: Array  # (m,)
+    slope: Array  # phi', (n + 1, m)
+    bend: Array  # (xi phi')', (n + 1, m)
+    cosines: Array  # cos(k pi xi), (2 n + 1, m)
+    mass: Array  # int phi_i phi_j dxi, (n + 1, n + 1)
+    drift: Array  # int phi_i xi phi_j' dxi
+    swirl: Array  # int phi_i (2 xi phi_j' + xi^2 phi_j'') dxi - phi_i(1) phi_j'(1)
+
+
+@lru_cache(maxsize=64)
+def tables(n: int) -> Tables:
+    """A product of two slopes has waves up to cos(2 n pi xi), which 2 n + 24 Gauss points integrate to rounding."""
+    xi, weights = _unit_gauss(2 * n + 24)
+    values, slopes, bends = shapes(n, xi)
+    tested = values * weights
+    swirl = tested @ (2.0 * xi * slopes + xi * xi * bends).T
+    at_mass, slope_at_mass, _ = shapes(n, np.ones(1))
+    swirl -= at_mass @ slope_at_mass.T
+    cosines = np.cos(np.pi * np.multiply.outer(np.arange(2 * n + 1), xi))
+    return Tables(xi, weights, slopes, slopes + xi * bends, cosines, tested @ values.T, tested @ (xi * slopes).T, swirl)
+
+
+def shapes(n: int, xi: Array) -> tuple[Array, Array, Array]:
+    """phi, phi', phi'' by xi, (n + 1, m) each."""
+    wave = np.pi * np.arange(1, n + 1)[:, None]
+    sine, cosine = np.sin(wave * xi), np.cos(wave * xi)
+    return (
+        np.vstack([sine, xi]), np.vstack([wave * cosine, np.ones_like(xi)]),
+        np.vstack([-wave * wave * sine, np.zeros_like(xi)]),
+    )  # fmt: skip
+
+
+@compiled
+def ride(of, s_o, ds_o, dds_o, damping):
+    """M, and 2 A and A. - B + c_d A transposed, (2 n + 1, 2 n + 1); sines behind the mass, sines ahead of it, hat.
+
+    On a side of length h, at fixed s,
+        dphi/dt = -(h./h) xi phi',   d2phi/dt2 = -(h../h) xi phi' + (h./h)^2 (2 xi phi' + xi^2 phi'').
+    At the mass d2phi/dt2 holds -ds_o^2 [phi'] delta(s - s_o), which is the last term of `swirl`.
+    """
+    n = of.mass.shape[0] - 1
+    size = 2 * n + 1
+    M, gyroscopic, centrifugal = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
+    for side in range(2):
+        h, dh, ddh = (s_o, ds_o, dds_o) if side == 0 else (1.0 - s_o, -ds_o, -dds_o)
+        flux, ddh = dh * dh / h, ddh + damping * dh
+        for i in range(n + 1):
+            row = side * n + i if i < n else 2 * n
+            for j in range(n + 1):
+                column = side * n + j if j < n else 2 * n
+                M[row, column] += h * of.mass[i, j]
+                gyroscopic[column, row] -= 2.0 * dh * of.drift[i, j]
+                centrifugal[column, row] += flux * of.swirl[i, j] - ddh * of.drift[i, j]
+    return M, gyroscopic, centrifugal
+
+
+@compiled
+def spread(of, s_o):
+    """Points s, weights (2 m,) and Phi' (2 n + 1, 2 m)."""
+    n, m = of.slope.shape[0] - 1, of.xi.size
+    s, weights, phi = np.empty(2 * m), np.empty(2 * m), np.zeros((2 * n + 1, 2 * m))
+    for side in range(2):
+        h = s_o if side == 0 else 1.0 - s_o
+        per_h = 1.0 / h if side == 0 else -1.0 / h
+        for q in range(m):
+            i = q if side == 0 else 2 * m - 1 - q  # s ascends
+            s[i], weights[i] = (h * of.xi[q] if side == 0 else 1.0 - h * of.xi[q]), h * of.weights[q]
+        for k in range(n + 1):
+            row = phi[side * n + k if k < n else 2 * n]
+            for q in range(m):
+                row[q if side == 0 else 2 * m - 1 - q] = per_h * of.slope[k, q]
+    return s, weights, phi
+
+
+class RidingSines:
+    """Phi = sin(k pi xi) on either side of the mass, xi = s/s_o and (1 - s)/(1 - s_o), k = 1 .. terms, and the hat.
+
+    Order: sines behind the mass, sines ahead of it, the hat.
+    """
+
+    smooth = True
+
+    def __init__(self, terms: int) -> None:
+        if terms < 1:
+            raise ValueError(f"RidingSines.terms must be at least 1, got {terms!r}")
+        self.terms, self.n = terms, 2 * terms + 1
+        self.of = tables(terms)
+
+    def carried(self, s_o: float, ds_o: float, dds_o: float, damping: float = 0.0) -> Carried:
+        M, gyroscopic, centrifugal = ride(self.of, s_o, ds_o, dds_o, damping)
+        none = np.zeros(self.n)
+        return Carried(M, gyroscopic, centrifugal, np.append(none[1:], 1.0), none, none, none, none)
+
+    def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
+        return spread(self.of, s_o)
+
+
+MovingBasis = Standing | TravellingKink | RidingSines

@@ -1,0 +1,129 @@
+"""Sines that ride with the mass: inertia by its definition, compiled steps by the equations, answers by elements."""
+
+import numpy as np
+import pytest
+from numpy.polynomial.legendre import leggauss
+
+from cablefem import Scene
+from cablefem.newmark import Newton, iterate
+from galerkin.bases import riding
+from galerkin.bases.riding import RidingSines, shapes
+from galerkin.riding import RidingSystem
+from tests.galerkin.test_equations import STEEP
+from tests.runs import tangent_defect
+from validation import run
+
+PLACE, SPEED, RATE = 0.37, 0.31, -0.17
+X, W = (0.5 * (1.0 + y) if i == 0 else 0.5 * y for i, y in enumerate(leggauss(120)))
+
+
+def basis_at(basis, t):
+    """Phi and dPhi/dt at fixed s at Gauss points of both sides, and weights."""
+    s_o, ds_o = PLACE + SPEED * t + 0.5 * RATE * t * t, SPEED + RATE * t
+    values, rates, weights = [], [], []
+    for side, h, dh in ((0, s_o, ds_o), (1, 1.0 - s_o, -ds_o)):
+        phi, slope, _ = shapes(basis.terms, X)
+        own = [*range(side * basis.terms, (side + 1) * basis.terms), basis.n - 1]
+        for out, y in ((values, phi), (rates, -dh / h * X * slope)):
+            whole = np.zeros((basis.n, X.size))
+            whole[own] = y
+            out.append(whole)
+        weights.append(h * W)
+    return np.hstack(values), np.hstack(rates), np.concatenate(weights)
+
+
+def inertia(basis):
+    """M, 2 A, A. - B with A = int Phi dPhi/dt, B = int dPhi/dt dPhi/dt; A. is a difference."""
+
+    def A(t):
+        phi, rate, w = basis_at(basis, t)
+        return (phi * w) @ rate.T
+
+    phi, rate, w = basis_at(basis, 0.0)
+    change = (8.0 * (A(1e-3) - A(-1e-3)) - (A(2e-3) - A(-2e-3))) / 12e-3
+    return (phi * w) @ phi.T, 2.0 * A(0.0), change - (rate * w) @ rate.T
+
+
+def defect(basis):
+    x = basis.carried(PLACE, SPEED, RATE)
+    pairs = zip((x.mass, x.gyroscopic.T, x.centrifugal.T), inertia(basis), strict=True)
+    return max(np.abs(a - b).max() / np.abs(b).max() for a, b in pairs)
+
+
+def test_inertia_is_that_of_a_moving_basis_and_needs_the_kink_s_own_term():
+    basis = RidingSines(5)
+    assert defect(basis) < 1e-8
+    phi, slope, _ = shapes(5, np.ones(1))
+    basis.of = basis.of._replace(swirl=basis.of.swirl + phi @ slope.T)
+    assert defect(basis) > 0.1
+
+
+@pytest.fixture(scope="module")
+def system():
+    return RidingSystem(STEEP, 6)
+
+
+def test_tangent(system):
+    assert tangent_defect(system, 0.4, np.random.default_rng(3), size=0.01) < 1e-6
+
+
+def test_compiled_steps_are_those_of_the_equations(system):
+    start = 0.01 * np.random.default_rng(7).standard_normal((3, system.n_dof))
+    dt = 0.02
+    rule = np.array([[1, dt, dt**2 / 4, dt**2 / 4, 1], [0, 1, dt / 2, dt / 2, 1], [0, 0, 0, 1, 1.0]])
+    ends = np.empty((2, *start.shape))
+    done = system.settle(0.5, 0, start, ends[0], rule, 1e-11, Newton())
+    defined = iterate(system, 0.5, 0, start, ends[1], rule, 1e-11, Newton())
+    assert done[1:3] == defined[1:3]
+    np.testing.assert_allclose(ends[0], ends[1], rtol=0.0, atol=1e-9 * np.abs(ends[1]).max())
+
+
+def gap(a, b):
+    """Largest gap of the path over its scale, and rms gap of the tensions at the mass over H."""
+    s = np.linspace(0.05, 0.75, 200) * a.length
+
+    def seen(*of):
+        return (np.array([np.interp(s, r.s_o, getattr(r, y)) for y in of]) for r in (a, b))
+
+    path, other = seen("x", "y")
+    T, other_T = seen("T_behind", "T_ahead")
+    return (
+        np.hypot(*(path - other)).max() / a.path_scale,
+        np.sqrt(np.mean((T - other_T) ** 2)) / a.horizontal_tension,
+    )
+
+
+def test_path_and_tension_are_those_of_elements(monkeypatch):
+    scene = Scene.load("kevlar")
+    elements = run(scene, "following-p4", elements=8, steps=2000, until=0.8)
+    path, T = gap(run(scene, "fourier-riding", terms=12, steps=2000, until=0.8), elements)
+    assert path < 2.5e-4
+    assert T < 5e-5
+    of = riding.tables(12)
+    wrong = of._replace(swirl=0.0 * of.swirl)
+    monkeypatch.setattr(riding, "tables", lambda n: wrong)
+    path, _ = gap(run(scene, "fourier-riding", terms=12, steps=2000, until=0.8), elements)
+    assert path > 2.5e-3
+
+
+def test_it_starts_from_rest_and_on_the_cable():
+    for scene in (Scene.load("cruise"), Scene.load("kevlar").replace({"travel.from": 20.0})):
+        elements = run(scene, "following-p2", elements=20, steps=2000, until=0.6)
+        path, _ = gap(run(scene, "fourier-riding", terms=16, steps=2000, until=0.6), elements)
+        assert path < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("change", "words"), [({"model": "string"}, "model = full"), ({"scene": "zipline"}, "a car that grips")]
+)
+def test_what_it_does_not_do_is_refused(change, words):
+    with pytest.raises(ValueError, match=words):
+        run(change.pop("scene", "kevlar"), "fourier-riding", terms=4, steps=20, **change)
+
+
+def test_energy_is_what_the_drive_supplies():
+    r = run("level", "fourier-riding", terms=16, steps=2000, until=0.6)
+    supplied = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(r.t) * (r.power[1:] + r.power[:-1]))])
+    balance = r.energy - r.energy[0] - supplied
+    assert np.abs(balance).max() < 2e-3 * np.ptp(r.energy)
+    assert np.abs(r.energy - r.energy[0] - 0.9 * supplied).max() > 2e-2 * np.ptp(r.energy)
