@@ -194,6 +194,14 @@ class Measures:
         return x.Q @ system.basis.basis.integral() + 0.5 * x.q_hat
 
     @staticmethod
+    def steepness(system: GalerkinSystem, x: History) -> Array:
+        """int w'^2 ds of one field, (n,)."""
+        basis, Q, q = system.basis.basis, x.Q[:, 0], x.q_hat[:, 0]
+        steep = 1.0 / np.maximum(x.s_o * (1.0 - x.s_o), NEAR_SUPPORT)
+        square = np.einsum("ni,ij,nj->n", Q, basis.stiffness(), Q, optimize=True)
+        return square + steep * q * (2.0 * np.sum(Q * basis.phi(x.s_o), axis=1) + q)
+
+    @staticmethod
     def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equilibrium:
         return recover(system, x, s, frames)
 
@@ -236,11 +244,9 @@ def _full(
 def _one_field(
     system: GalerkinSystem, cable: ChordCable, x: History, mass: AtMass, s: Array, frames: Array
 ) -> Forces:  # fmt: skip
-    basis, Q, q, none = system.basis.basis, x.Q[:, 0], x.q_hat[:, 0], np.zeros(x.s_o.size)
-    steep = 1.0 / np.maximum(x.s_o * (1.0 - x.s_o), NEAR_SUPPORT)
-    square = np.einsum("ni,ij,nj->n", Q, basis.stiffness(), Q, optimize=True)
-    square += steep * q * (2.0 * np.sum(Q * basis.phi(x.s_o), axis=1) + q)
-    mean = -cable.curvature * (Q @ basis.integral() + 0.5 * q)
+    none = np.zeros(x.s_o.size)
+    square = system.measures.steepness(system, x)
+    mean = -cable.curvature * system.measures.mean(system, x)[:, 0]
     h = cable.alpha * cable.lam * (mean + 0.5 * cable.kap * square)
     strain = 0.5 * cable.tau * square + 0.5 * h**2 / cable.alpha
     T, along = cable.groups.static(x.s_o)[0] + h, cable.groups.static(s)[0] + h[frames, None]

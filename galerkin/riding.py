@@ -21,21 +21,18 @@ BATCH = 64  # instants at once
 
 
 class RidingSystem(GalerkinSystem):
-    """`GalerkinSystem` over `RidingSines`; ValueError for one-field models and cars that roll."""
+    """`GalerkinSystem` over `RidingSines`; ValueError for a car that rolls."""
 
     basis: Any  # RidingSines
-    cable: FullCable
 
     def __init__(
         self, groups: Groups, terms: int, *, model: str = "full", load: str = "mass", law: str = "elastic"
     ) -> None:
-        if model != "full":
-            raise ValueError(f"fourier-riding needs model = full, got {model!r}; take fourier-kink")
         if groups.drive.mode != "grip":
             raise ValueError(
                 f"fourier-riding needs a car that grips the cable, not {groups.drive.mode}; take fourier-kink"
             )
-        super().__init__(groups, RidingSines(terms), kink=True, load=load, law=law)
+        super().__init__(groups, RidingSines(terms), kink=True, model=model, load=load, law=law)
 
     def _moving(self, basis: Any) -> RidingSines:
         return basis
@@ -46,12 +43,13 @@ class RidingSystem(GalerkinSystem):
 
     @property
     def _compiled(self) -> bool:
-        return True
+        return isinstance(self.cable, FullCable)
 
     def _lines(self, places: Array) -> tuple[int, kernels.Line]:
         return places.size, self.line()
 
     def line(self) -> kernels.Line:
+        assert isinstance(self.cable, FullCable)
         return self.cable.riding(self.of, self.inertia)
 
     def sides(self, pointwise: Array, forces: Equilibrium, s_o: Array) -> Array:
@@ -77,7 +75,7 @@ class RidingSystem(GalerkinSystem):
         load = self.mu * self._load(s_o, ds_o, dds_o)
         q, v, a = np.zeros((3, self.n_dof))
         if self.inertia and ds_o > 0.0:
-            v_hat, a_hat = np.zeros(2), -load / m
+            v_hat, a_hat = np.zeros(self.fields), -load / m
         else:
             d = self._slope_behind(m * dds_o, load)
             v_hat, a_hat = d * ds_o, d * dds_o
@@ -130,6 +128,10 @@ class _Side:
         )
         vMv, vGq, qHq = (np.einsum("nfi,ij,nfj->n", a, matrix, b, optimize=True)[:, None] for a, matrix, b in parts)
         return (self.h * vMv - 2.0 * self.dh * vGq + self.dh**2 / self.h * qHq)[:, 0]
+
+    def steepness(self) -> Array:
+        slope = self.q[:, 0] @ self.of.slope
+        return slope**2 @ self.of.weights / self.h[:, 0]
 
     def factors(self, k: Any) -> tuple[Array, Array]:
         """a, b (k, fields, terms + 1): h w.. = sum_j (a_j phi_j + b_j xi phi_j') + (h.^2/h) (xi^2 w_xi)_xi."""
@@ -187,8 +189,11 @@ class RidingMeasures(Measures):
     @staticmethod
     def mean(system: GalerkinSystem, x: History) -> Array:
         behind, ahead = _sides(system, x)
-        whole = behind.of.weights @ shapes(behind.terms, behind.of.xi)[0].T
-        return behind.h * (behind.q @ whole) + ahead.h * (ahead.q @ whole)
+        return behind.h * (behind.q @ behind.of.mean) + ahead.h * (ahead.q @ ahead.of.mean)
+
+    @staticmethod
+    def steepness(system: GalerkinSystem, x: History) -> Array:
+        return sum((side.steepness() for side in _sides(system, x)), np.zeros(x.s_o.size))
 
     @staticmethod
     def recover(system: Any, x: History, s: Array, frames: Array) -> Equilibrium:

@@ -19,6 +19,7 @@ class Tables(NamedTuple):
     weights: Array  # (m,)
     slope: Array  # phi', (n + 1, m)
     bend: Array  # (xi phi')', (n + 1, m)
+    mean: Array  # int phi dxi, (n + 1,)
     cosines: Array  # cos(k pi xi), (2 n + 1, m)
     mass: Array  # int phi_i phi_j dxi, (n + 1, n + 1)
     drift: Array  # int phi_i xi phi_j' dxi
@@ -35,7 +36,17 @@ def tables(n: int) -> Tables:
     at_mass, slope_at_mass, _ = shapes(n, np.ones(1))
     swirl -= at_mass @ slope_at_mass.T
     cosines = np.cos(np.pi * np.multiply.outer(np.arange(2 * n + 1), xi))
-    return Tables(xi, weights, slopes, slopes + xi * bends, cosines, tested @ values.T, tested @ (xi * slopes).T, swirl)
+    return Tables(
+        xi,
+        weights,
+        slopes,
+        slopes + xi * bends,
+        tested.sum(axis=1),
+        cosines,
+        tested @ values.T,
+        tested @ (xi * slopes).T,
+        swirl,
+    )
 
 
 def shapes(n: int, xi: Array) -> tuple[Array, Array, Array]:
@@ -111,6 +122,14 @@ class RidingSines:
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
         return spread(self.of, s_o)
+
+    def stiffness(self, s_o: float) -> Array:
+        _, weights, phi = self.slopes(s_o)
+        return (phi * weights) @ phi.T
+
+    def integral(self, s_o: float) -> Array:
+        own = self.of.mean
+        return np.concatenate([s_o * own[:-1], (1.0 - s_o) * own[:-1], own[-1:]])
 
 
 MovingBasis = Standing | TravellingKink | RidingSines

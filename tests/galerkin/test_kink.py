@@ -83,11 +83,11 @@ def test_inertia_against_quadrature(basis, tolerance, s_o):
     dA = (tables(h)[1] - tables(-h)[1]) / (2 * h)
     mass, gyroscopic, centrifugal, *_ = TravellingKink(basis).carried(s_o, ds_o, dds_o)
     np.testing.assert_allclose(mass, M, rtol=0.0, atol=10.0 * tolerance)
-    np.testing.assert_allclose(gyroscopic, 2.0 * A[:, -1], rtol=0.0, atol=10.0 * tolerance)
+    np.testing.assert_allclose(gyroscopic, [2.0 * A[:, -1]], rtol=0.0, atol=10.0 * tolerance)
     assert np.abs(A[:, :-1]).max() == 0.0
     # differences: h^2 of the third derivative of A, which is of order 1/(1 - s_o)^4
     wanted = (dA - B)[:, -1]
-    np.testing.assert_allclose(centrifugal, wanted, rtol=0.0, atol=1e-4 * np.abs(wanted).max())
+    np.testing.assert_allclose(centrifugal, [wanted], rtol=0.0, atol=1e-4 * np.abs(wanted).max())
     wrong = TravellingKink(basis).carried(s_o, ds_o, -dds_o).centrifugal
     assert np.abs(wrong - wanted).max() > 1e-2 * np.abs(wanted).max()  # the check sees a wrong acceleration
 
