@@ -53,7 +53,7 @@ class FullCable:
 
     def riding(self, of: Tables, inertia: float) -> kernels.Line:
         g, n = self.groups, 2 * len(of.mass) - 1
-        constants = kernels.Cable(inertia, g.mu, self.alpha, self.law, g.sigma, g.c)
+        constants = kernels.Cable(inertia, g.mu, self.alpha, self.law, g.sigma, g.c, g.damping)
         rule, none = np.array([of.xi, of.weights]), np.zeros(n - 1)
         return kernels.Line(constants, rule, rule, np.zeros((n, n)), none, none, 0.0, of)
 

@@ -65,22 +65,26 @@ class RidingSystem(GalerkinSystem):
     def _entry(self) -> State:
         """The limit t -> 0+: the sines ahead are pushed along, the piece behind is straight.
 
-        q_hat = d s_o with the slope d behind the mass: m a_hat + [N t - T t_static](d) + mu (X.. - sigma j) = 0, and
-        m holds the cable that is pushed.  With speed the mass falls freely, d = 0.
+        q_hat = d s_o, d the slope behind the mass; m' is the inertia of the cable that is pushed.  The hat's row is
+        (mu + m') a_hat + (c_d - ds_o) ds_o m' d + [N t - T t_static](d) + mu (X.. - sigma j) = 0.  A mass that enters
+        with speed falls freely, d = 0.
         """
         t = self.phases[0][0]
         s_o, ds_o, dds_o = self.motion.at(t, 0)
         pushed = np.linalg.solve(self.of.mass, np.eye(len(self.of.mass))[-1])
-        shape, m = pushed / pushed[-1], self.inertia + 1.0 / pushed[-1]
-        load = self.mu * self._load(s_o, ds_o, dds_o)
+        shape, entrained = pushed / pushed[-1], 1.0 / pushed[-1]
+        m, load = self.inertia + entrained, self.mu * self._load(s_o, ds_o, dds_o)
         q, v, a = np.zeros((3, self.n_dof))
         if self.inertia and ds_o > 0.0:
             v_hat, a_hat = np.zeros(self.fields), -load / m
         else:
-            d = self._slope_behind(m * dds_o, load)
+            d = self._slope_behind(m * dds_o + (self.damping - ds_o) * ds_o * entrained, load)
             v_hat, a_hat = d * ds_o, d * dds_o
-        whole = np.concatenate([np.zeros(self.basis.terms), shape])
-        v[:], a[:] = (np.multiply.outer(y, whole).ravel() for y in (v_hat, a_hat))
+        drag = np.linalg.solve(self.of.mass, self.of.drift @ shape)
+        behind = np.zeros(self.basis.terms)
+        v[:] = np.multiply.outer(v_hat, np.concatenate([behind, shape])).ravel()
+        a[:] = np.multiply.outer(a_hat, np.concatenate([behind, shape])).ravel()
+        a -= np.multiply.outer(2.0 * ds_o * v_hat, np.concatenate([behind, drag - drag[-1] * shape])).ravel()
         return State(t, q, v, a, 0)
 
 
@@ -88,7 +92,7 @@ class _Side:
     """One side over n instants: behind the mass (sign 1) or ahead of it (-1); coefficients (n, fields, terms + 1)."""
 
     def __init__(self, system: RidingSystem, x: History, sign: float) -> None:
-        n = system.basis.terms
+        n, self.damping = system.basis.terms, system.damping
         own = slice(0, n) if sign > 0.0 else slice(n, 2 * n)
         self.of, self.terms, self.sign = system.of, n, sign
         self.h = np.clip(x.s_o if sign > 0.0 else 1.0 - x.s_o, NEAR_SUPPORT, 1.0)[:, None]
@@ -134,12 +138,13 @@ class _Side:
         return slope**2 @ self.of.weights / self.h[:, 0]
 
     def factors(self, k: Any) -> tuple[Array, Array]:
-        """a, b (k, fields, terms + 1): h w.. = sum_j (a_j phi_j + b_j xi phi_j') + (h.^2/h) (xi^2 w_xi)_xi."""
+        """a, b (k, fields, terms + 1) of a phi + b xi phi' + (h.^2/h) (xi^2 w_xi)_xi = h (w.. + c_d w.)."""
         h, dh, ddh = (y[k, :, None] for y in (self.h, self.dh, self.ddh))
-        return h * self.a[k], -2.0 * dh * self.v[k] - ddh * self.q[k]
+        v = self.v[k]
+        return h * (self.a[k] + self.damping * v), -2.0 * dh * v - (ddh + self.damping * dh) * self.q[k]
 
     def force_at_mass(self, internal: Array) -> Array:
-        """N t - T X' less ds_o^2 w' (n, fields), from int (N t - T X') ds and the moment of h w.. about the support."""
+        """N t - T X' less ds_o^2 w' (n, fields), from int (N t - T X') ds and the moment of h (w.. + c_d w.)."""
         a, b = self.factors(slice(None))
         moment = self.of.weights * self.of.xi @ shapes(self.terms, self.of.xi)[0].T
         rest = np.append(np.zeros(self.terms), 1.0) - 2.0 * moment

@@ -40,7 +40,9 @@ def riding_tangent(of, ground, gram, cable, c, K):
                         kappa = k * math.pi if k else 1.0
                         value = wave * kappa * (row_of_sums[abs(j - k)] + row_of_sums[j + k])
                         if a == b and (j or k or side == 0):
-                            value += of_mass * x.mass[at, of_x] + c1 * x.gyroscopic[of_x, at] + c0 * x.centrifugal[of_x, at]
+                            value += (
+                                of_mass * x.mass[at, of_x] + c1 * x.gyroscopic[of_x, at] + c0 * x.centrifugal[of_x, at]
+                            )
                         K[side, i, to] = value
     for a in range(2):
         K[0, 2 * n + a, 2 * n + a] += c2 * cable.inertia

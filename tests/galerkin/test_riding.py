@@ -113,6 +113,27 @@ def test_it_starts_from_rest_and_on_the_cable():
         assert path < 1e-3
 
 
+def test_a_damped_cable_is_that_of_elements():
+    scene = Scene.load("kevlar").replace({"cable.damping": 0.2})
+    elements = run(scene, "following-p4", elements=8, steps=2000, until=0.8)
+    riding = run(scene, "fourier-riding", terms=12, steps=2000, until=0.8)
+    path, T = gap(riding, elements)
+    assert path < 2.5e-4
+    assert T < 5e-5
+    undamped = run("kevlar", "fourier-riding", terms=12, steps=2000, until=0.8)
+    assert min(gap(undamped, elements)) > 1e-3
+    lost = np.ptp(elements.powers["lost_viscous"])
+    np.testing.assert_allclose(
+        riding.powers["lost_viscous"][40:], elements.powers["lost_viscous"][40:], atol=2e-2 * lost
+    )
+
+
+def test_a_force_enters_with_speed():
+    methods = "fourier-riding", "fourier-kink"
+    riding, kink = (run("kevlar", x, load="force", terms=24, steps=1000, until=0.6) for x in methods)
+    assert gap(riding, kink)[0] < 1e-3
+
+
 def test_a_car_that_rolls_is_refused():
     with pytest.raises(ValueError, match="a car that grips"):
         run("zipline", "fourier-riding", terms=4, steps=20)
