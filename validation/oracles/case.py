@@ -77,6 +77,12 @@ class Solvers(Protocol):
     def modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
         """First frequencies of the bare cable."""
 
+    def damped_modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
+        """First complex frequencies of the bare cable."""
+
+    def plucked(self, name: str, groups: Groups, p: float, end: float, **settings: Any) -> tuple[Array, Array]:
+        """Let a straight string go that the weight of groups holds at p; return t, and w at p."""
+
     def response(self, scene: str, name: str, **settings: Any) -> Any:
         """Run a built-in scene; SI."""
 

@@ -14,14 +14,18 @@ from typing import Any
 
 import numpy as np
 
+from cablefem import newmark
+from cablefem.newmark.equilibrium import equilibrium
 from cablefem.response import Array, Response, write_json
 from cablefem.scene import Drive, Groups, Scene
 from cablefem.scene.line import Line, LineRest
+from cablefem.scene.motion import standing
 from validation import oracles
 from validation.core import store
 from validation.core.crossing import crossed
 from validation.core.methods import ELEMENTS, LEVELS, METHODS, TERMS, Method, find
 from validation.core.running import run
+from validation.core.sampling import stacked
 from validation.oracles.case import WINDOW, Case, Crossing, Rung, Solvers
 from validation.oracles.case import Path as MassPath
 
@@ -199,6 +203,31 @@ class _Solvers:
         chosen: Any = Fourier(n) if name == "sines" else Daubechies(order=4, level=n, reading="literal")
         return bare_frequencies(groups, chosen, model=model, n=count)
 
+    def damped_modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
+        """Matrices of the linear model column by column, then its quadratic eigenvalues i w."""
+        system = _held(name, replace(groups, mu=0.0), 0.4, model, settings)
+        n = system.n_dof
+        rows, none = np.eye(n), np.zeros((n, n))
+        still = system.residual(0.0, none[0], none[0], none[0], 0)
+
+        def columns(place: int) -> Array:
+            states = [none, none, none]
+            states[place] = rows
+            return np.array([system.residual(0.0, *x, 0) - still for x in zip(*states, strict=True)]).T
+
+        K, C, M = map(columns, range(3))
+        found = -1j * np.linalg.eigvals(np.block([[none, rows], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]]))
+        return np.sort_complex(found[found.real > 0.0])[:count]
+
+    def plucked(self, name: str, groups: Groups, p: float, end: float, **settings: Any) -> tuple[Array, Array]:
+        loaded, free = (_held(name, x, p, "straight", settings, end) for x in (groups, replace(groups, mu=0.0)))
+        rest = equilibrium(loaded)
+        start = newmark.consistent_acceleration(free, 0.0, rest, np.zeros_like(rest), 0)
+        grid = np.linspace(0.0, end, 1 + find(name).settings(settings)["steps"])
+        states = [start, *newmark.integrate(free, newmark.scheme("trapezoidal"), [grid], start=start)]
+        history = stacked(states)
+        return history.t, free.observe(history, np.zeros(0), np.zeros(0, np.intp)).path[:, 1]
+
     def response(self, scene: str, name: str, **settings: Any) -> Response:
         return run(Scene.load(scene), name, until=WINDOW[1], **settings)
 
@@ -222,6 +251,13 @@ class _Solvers:
 
 
 SOLVERS: Solvers = _Solvers()
+
+
+def _held(name: str, groups: Groups, p: float, model: str, settings: dict[str, Any], end: float = 1.0) -> Any:
+    """Return a system whose mass stands at p."""
+    method = find(name)
+    groups = replace(groups, motion=standing(p, end))
+    return method.build(groups, method.settings(settings), model=model, load="mass", law="elastic")
 
 
 def _rungs(method: Method, finer: float) -> list[Rung]:

@@ -1,0 +1,105 @@
+"""Free damped cables: the modes of a shallow one, and a string that is plucked.
+
+Damping per mass shifts every mode alike.  With W_n of the undamped cable, e^(i w t):
+
+    w_n = i c/2 + sqrt(W_n^2 - c^2/4),  W_n by `irvine`.
+
+A string pulled aside by a force P at p, and let go at t = 0, moves at p by
+
+    y = e^(-c t/2) sum of 2 P sin^2(n pi p)/(n pi)^2 [ cos(w t) + c/(2 w) sin(w t) ],  w = sqrt(n^2 pi^2 - c^2/4).
+
+High terms have w = n pi: their sum is that of d'Alembert, (P/2) [ Go(p, p + t) + Go(p, p - t) ] (`moving_force`).
+
+Source: Irvine & Caughey 1974 with damping; telegraph equation
+Validity: small sag; c < 2 pi
+Accuracy: modes rounding; string 1e-7 of P
+Group: Damped cables
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cablefem.scene.motion import standing
+from validation.oracles import irvine
+from validation.oracles.case import (
+    BARE,
+    BEST,
+    MU,
+    SIGMA,
+    Array,
+    Case,
+    Error,
+    Modes,
+    Rung,
+    Solvers,
+    largest_and_rms,
+    level,
+)
+from validation.oracles.moving_force import green
+
+TERMS = 400
+END = 2.5  # of the string's motion
+
+
+def modes(W: Array, c: float) -> Array:
+    """w_n, complex."""
+    return 0.5j * c + np.sqrt(W**2 - 0.25 * c**2 + 0j)
+
+
+def plucked(t: Array, *, P: float, p: float, c: float) -> Array:
+    n = np.pi * np.arange(1.0, TERMS + 1.0)
+    w, wave = np.sqrt(n**2 - 0.25 * c**2), np.multiply.outer
+    late = np.cos(wave(t, w)) + 0.5 * c / w * np.sin(wave(t, w)) - np.cos(wave(t, n))
+    undamped = 0.5 * P * (green(np.float64(p), p + t) + green(np.float64(p), p - t))
+    return np.exp(-0.5 * c * t) * (undamped + late @ (2.0 * P * np.sin(n * p) ** 2 / n**2))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Damped(Modes):
+    kind = "path"
+    methods: tuple[str, ...] | None = BEST
+
+    def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
+        return self.falls, self.because
+
+    def ask(self, solvers: Solvers, method: str, rung: Rung) -> Array:
+        return solvers.damped_modes(method, self.groups, self.model, self.exact.size, **rung.settings)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plucked(Case):
+    p: float
+    c: float
+    told: float  # damping of the exact answer
+
+    def ask(self, solvers: Solvers, method: str, rung: Rung) -> tuple[Array, Array]:
+        groups = replace(level(standing(self.p, END)), damping=self.c)
+        return solvers.plucked(method, groups, self.p, END, **rung.settings)
+
+    def error(self, answer: tuple[Array, Array]) -> Error:
+        t, y = answer
+        P = MU * SIGMA
+        return largest_and_rms((y - plucked(t, P=P, p=self.p, c=self.told)) / (P * self.p * (1.0 - self.p)))
+
+
+def cases() -> list[Case]:
+    W = irvine.frequencies(irvine.parameter(BARE.sigma, BARE.alpha), 4)
+
+    def free(name: str, c: float, **kind: Any) -> Damped:
+        why = "stationary values: twice the degree; sines against their own ends"
+        return Damped(
+            name=name, groups=replace(BARE, damping=0.1), model="sagged", exact=modes(W, c), falls=3.0,
+            because=why, **kind,
+        )  # fmt: skip
+
+    def pulled(name: str, told: float, **kind: Any) -> Plucked:
+        why = "the kink runs away from the node or hat it starts on"
+        return Plucked(name=name, p=0.3, c=0.8, told=told, falls=1.0, because=why, **kind)
+
+    return [
+        free("four modes of the level cable, model sagged", 0.1),
+        free("the same, told 0.099", 0.099, expected="disagree"),
+        pulled("plucked string, damping 0.8", 0.8), pulled("the same, told 0.7", 0.7, expected="disagree"),
+    ]  # fmt: skip
