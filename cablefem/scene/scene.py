@@ -375,6 +375,11 @@ class Scene(Part):
         return sum(damping_rates(self.wind, self.gravity, self.cable, self.catenary))
 
     @property
+    def damping_ratio(self) -> float:
+        """c_d over critical damping of the first mode of the empty cable [-]."""
+        return 0.5 * self.damping / first_frequency(self.gravity, self.cable, self.catenary)
+
+    @property
     def wind_tilt(self) -> float | None:
         """Angle [deg] by which a steady crosswind tilts the plane of the empty cable; None without one."""
         if self.wind is None:
@@ -472,13 +477,14 @@ class Scene(Part):
             f"  chord   span {self.supports.span:.6g} m, drop {self.supports.drop:.4g} m, slope {self.slope:.3g} deg",
         ]
         if self.damping:
-            part = 0.5 * self.damping / first_frequency(self.gravity, self.cable, self.catenary)
             wind = (
                 ""
                 if self.wind is None
                 else f", crosswind {self.wind.across:.4g} m/s tilts it by {self.wind_tilt:.3g} deg"
             )
-            lines.append(f"  damping {self.damping:.4g} 1/s, {part:.2%} of critical in the first mode{wind}")
+            lines.append(
+                f"  damping {self.damping:.4g} 1/s, {self.damping_ratio:.2%} of critical in the first mode{wind}"
+            )
         groups = f"sigma = {self.sigma:.5g}, alpha = {self.alpha:.5g}, Irvine L^2 = {self.irvine:.4g}"
         if self.mass is not None:
             how = "rolls freely" if self.travel is None else self.travel.kind

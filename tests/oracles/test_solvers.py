@@ -18,6 +18,9 @@ DEAR_OF_SINES = (
     "moving-mass mass",
     "moving-mass acc",
     "accelerating-force",
+    "damped-mass force",
+    "damped-string plucked",
+    "damped-string the same, told 0.7",
 )
 
 

@@ -77,7 +77,7 @@ class Solvers(Protocol):
     def modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
         """First frequencies of the bare cable."""
 
-    def damped_modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
+    def damped_modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Any:
         """First complex frequencies of the bare cable."""
 
     def plucked(self, name: str, groups: Groups, p: float, end: float, **settings: Any) -> tuple[Array, Array]:

@@ -43,7 +43,7 @@ TERMS = 400
 END = 2.5  # of the string's motion
 
 
-def modes(W: Array, c: float) -> Array:
+def modes(W: Array, c: float) -> Any:
     """w_n, complex."""
     return 0.5j * c + np.sqrt(W**2 - 0.25 * c**2 + 0j)
 
@@ -52,7 +52,8 @@ def plucked(t: Array, *, P: float, p: float, c: float) -> Array:
     n = np.pi * np.arange(1.0, TERMS + 1.0)
     w, wave = np.sqrt(n**2 - 0.25 * c**2), np.multiply.outer
     late = np.cos(wave(t, w)) + 0.5 * c / w * np.sin(wave(t, w)) - np.cos(wave(t, n))
-    undamped = 0.5 * P * (green(np.float64(p), p + t) + green(np.float64(p), p - t))
+    at = np.array(p)
+    undamped = 0.5 * P * (green(at, p + t) + green(at, p - t))
     return np.exp(-0.5 * c * t) * (undamped + late @ (2.0 * P * np.sin(n * p) ** 2 / n**2))
 
 

@@ -203,7 +203,7 @@ class _Solvers:
         chosen: Any = Fourier(n) if name == "sines" else Daubechies(order=4, level=n, reading="literal")
         return bare_frequencies(groups, chosen, model=model, n=count)
 
-    def damped_modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
+    def damped_modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Any:
         """Matrices of the linear model column by column, then its quadratic eigenvalues i w."""
         system = _held(name, replace(groups, mu=0.0), 0.4, model, settings)
         n = system.n_dof

@@ -132,6 +132,8 @@ def _scene(x: Stored) -> Section:
         "car": f"{scene.mass.mass:.6g} kg",
         "drive": x.runs[0].drive,
     }  # fmt: skip
+    if scene.damping:
+        facts["damping of the rope"] = f"{percent(scene.damping_ratio)} of critical in the first mode"
     if scene.travel is not None and scene.top_speed is not None:
         facts["travel"] = f"{scene.travel.kind.replace('_', ' ')}, up to {scene.top_speed:.4g} m/s"
     if scene.speed_ratio is not None:
