@@ -42,6 +42,17 @@ def test_every_item_is_worked_on_once_and_told_as_it_is_done(monkeypatch, cores)
         spread(fails, [1, 2], lambda *what: told.append(what))
 
 
+@forks
+def test_a_forked_process_forks_no_further(monkeypatch):
+    """A grid keeps every core busy with points; two solvers beside each other in each would only get in the way."""
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
+    told = []
+    spread(
+        lambda x: (os.getpid(), [pid for _, pid in side_by_side([job(x), job(x)])]), [1, 2], lambda i, r: told.append(r)
+    )
+    assert all(mine != os.getpid() and within == [mine, mine] for mine, within in told)
+
+
 def fails(report):
     raise ValueError("on purpose")
 

@@ -134,4 +134,5 @@ def _cores() -> int:
 
 def _can_fork() -> bool:
     forks = "fork" in multiprocessing.get_all_start_methods()
-    return _cores() > 1 and forks and not multiprocessing.current_process().daemon
+    # a forked process forks no further: its neighbours use the other cores
+    return _cores() > 1 and forks and not _inherited and not multiprocessing.current_process().daemon

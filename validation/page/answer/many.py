@@ -16,6 +16,7 @@ from cablefem.scene import Scene
 from validation.core import store
 from validation.core.answers import outcome
 from validation.core.quantities import named, scale_of
+from validation.core.sidebyside import spread
 from validation.page import report, terminal
 from validation.page.options import Point
 from validation.page.page import Section, gallery, table
@@ -68,14 +69,19 @@ def grid(
     """
     scene, keys = points[0].scene, list(points[0].given)
     folder = store.claim(out, command, scene, [home])
-    rows: list[Row] = []
-    paths = []
+    answers: dict[int, tuple[Row, Any]] = {}
     with terminal.progress() as progress:
-        for i, point in enumerate(points):
-            progress("grid", i / len(points))
-            found, path = answered(point)
-            rows.append({key: store.plain(value) for key, value in point.given.items()} | found)
-            paths.append(path)
+
+        def told(i: int, answer: tuple[Row, Any]) -> None:
+            answers[i] = answer
+            progress("grid", len(answers) / len(points))
+
+        spread(answered, points, told)
+    paths = [answers[i][1] for i in range(len(points))]
+    rows = [
+        {key: store.plain(value) for key, value in point.given.items()} | answers[i][0]
+        for i, point in enumerate(points)
+    ]
     (folder / home).mkdir(exist_ok=True)
     names = list(dict.fromkeys(name for found in rows for name in found))
     with whole(folder / home / "table.csv") as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
@@ -132,6 +138,8 @@ def sections(folder: Path) -> list[Section]:
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
     names = [*keys, *_columns(rows), *(["verdict"] if any("verdict" in x for x in rows) else [])]
     cells = [{_head(n, rows): _cell(n, x.get(n), rows).replace("-", "−") for n in names} for x in rows]
+    for cell in cells:  # a block on a phone begins with the first key and its value
+        cell[keys[0]] = Markup('<span class="phone">{} </span>{}').format(keys[0], cell[keys[0]])
     html = [
         table(cells, [_head(name, rows) for name in names], stack=True),
         gallery(_side(scene, rows, paths, keys), _speeds(rows, paths, keys)),
@@ -169,7 +177,7 @@ def _side(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequen
     for found, point, look in zip(paths, rows, _looks(rows, keys), strict=True):
         if found:
             p.line(np.array(found["x"]), np.array(found["y"]), *look, 1.6, _label(point, keys))
-    return plot([p], (0.0, span), "x [m]", caption, wide=True)
+    return plot([p], (0.0, span), "x [m]", caption)
 
 
 def _speeds(rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
@@ -179,4 +187,4 @@ def _speeds(rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> 
             p.line(np.array(found["s_o"]), np.array(found["kmh"]), *look, 1.6, _label(point, keys))
     p.fit([np.zeros(1), *(line[1] for line in p.lines)])
     end = max((max(found["s_o"]) for found in paths if found), default=1.0)
-    return plot([p], (0.0, end), "metres along the rope", "Speed of the car along the rope.", wide=True)
+    return plot([p], (0.0, end), "metres along the rope", "Speed of the car along the rope.")
