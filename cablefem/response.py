@@ -409,7 +409,11 @@ def write_csv(path: Path, header: str, rows: Array) -> None:
         out.write(f"{header}\n{body}\n" if rows.size else f"{header}\n")
 
 
+def write_text(path: Path, text: str) -> None:
+    with whole(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
 def write_json(path: Path, content: Any) -> None:
     """Write JSON; refuses NaN and infinity."""
-    with whole(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")

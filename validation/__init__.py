@@ -7,7 +7,6 @@ of a built-in scene or the path of a TOML file.
 import functools
 import importlib
 import inspect
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,14 +28,14 @@ _HOME = {
     "check_solver": "commands.check.study",
     "advice": "commands.advise.study",
     "ForeignPath": "core.foreign",
-}
+} | {name: f"commands.{name}.study" for name in ("advise", "atlas", "certify", "chart", "check", "modes", "paper")}
 
 __all__ = ["ForeignPath", "assert_agree", "check", "check_solver", "quasi_static", "run", "run_with_bars", "sweep"]
 
 
 def __getattr__(name: str) -> Any:
-    """Return a public name, or the function of a command's study that is named as the command."""
-    home = _HOME.get(name) or (f"commands.{name}.study" if name in _studies() else None)
+    """Load a public name on first use."""
+    home = _HOME.get(name)
     if home is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return _by_name(getattr(importlib.import_module(f"validation.{home}"), name))
@@ -66,11 +65,5 @@ def command_names() -> list[str]:
     return sorted(found.parent.name for found in Path(__file__).parent.glob("commands/*/__init__.py"))
 
 
-def _studies() -> list[str]:
-    """Return the commands whose study has a function of their name."""
-    files = Path(__file__).parent.glob("commands/*/study.py")
-    return [f.parent.name for f in files if re.search(rf"^def {f.parent.name}\(", f.read_text(encoding="utf-8"), re.M)]
-
-
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, *_HOME, *_studies()})
+    return sorted({*globals(), *__all__, *_HOME})

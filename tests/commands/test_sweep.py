@@ -15,7 +15,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import xarray
 
 from cablefem.scene import Scene, SceneError
 from validation import cli, run
@@ -136,8 +135,7 @@ def test_points_keep_their_numbers_when_a_study_reads_back():
         ({"vary": None, "sample": {"range": {"mu": [0.1, 1.0]}}}, "sample.count: missing; must be a whole number"),
         ({"vary": None, "sample": SAMPLE | {"kind": "sobl"}}, "sample.kind = 'sobl': unknown. Did you mean sobol?"),
         ({"truth": {"every": 10}}, "truth.finer: missing; must be a whole number from 1 to 1000"),
-        ({"keep": {"fields": 1}}, "keep.fields = 1: must be true or false"),
-        ({"keep": True}, "keep = True: must be a table [keep]"),
+        ({"truth": True}, "truth = True: must be a table [truth]"),
         ({"vary": {"travel.top_speed": [1.0]}}, "travel.top_speed = 1.0: unknown key."),
         ({"sample": SAMPLE}, "exactly one of"),
         ({"seconds": -1}, "seconds = -1: must be"),
@@ -183,17 +181,6 @@ def test_a_row_holds_the_run(tmp_path):
     engine.write(tmp_path, study, [row])
     stored = engine.frame(tmp_path).loc[4]
     assert stored["max_deflection"] == row["max_deflection"]
-
-
-def test_fields_are_kept_when_asked_for(tmp_path):
-    study = Study.of(GRID | {"keep": {"fields": True}})
-    row = job.row(study, 4, study.point(4))
-    deflection = row["max_deflection"]
-    engine.write(tmp_path, study, [row])
-    kept = xarray.open_zarr(tmp_path / "fields" / "4.zarr")
-    assert float(kept["v"].max()) == deflection
-    assert kept["field_T"].dims == ("frame", "s")
-    assert "fields" not in engine.frame(tmp_path).columns
 
 
 def test_whatever_happens_to_a_scene_is_a_row(monkeypatch):

@@ -15,8 +15,13 @@ from typing import Any, TypeVar
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-Progress = Callable[..., None]
+Progress = Callable[..., None]  # label, fraction done, place reached
 Job = Callable[[Progress], Result]
+
+
+def silent(*told: object) -> None:
+    """The progress that nobody follows."""
+
 
 _inherited: list[Any] = []  # what a forked process calls
 
@@ -28,7 +33,7 @@ def side_by_side(
 
     meanwhile : called here once, when the first of several jobs is done.
     """
-    report = progress or (lambda *told: None)
+    report = progress or silent
     if len(jobs) < 2 or not _can_fork():
         return [job(report) for job in jobs]
     queue = multiprocessing.get_context("fork").SimpleQueue()

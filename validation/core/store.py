@@ -152,7 +152,7 @@ def stored(file: Path, **same: Any) -> dict[str, Any]:
 
 
 def each_once(
-    file: Path, jobs: dict[str, Any], work: Callable[[Any], Any], report: Callable[[float], None] | None = None
+    file: Path, jobs: dict[str, Any], work: Callable[[Any], Any], report: Callable[[float], None]
 ) -> dict[str, Any]:
     """Return work(job) by key; each result is kept in a file and not computed again."""
     from validation.core.sidebyside import spread
@@ -174,8 +174,7 @@ def each_once(
                 "\n" + json.dumps([missing[i], item], allow_nan=False)
             )  # a line cut off must not swallow this one
             out.flush()
-            if report is not None:
-                report(sum(key in done for key in jobs) / len(jobs))
+            report(sum(key in done for key in jobs) / len(jobs))
 
         spread(lambda key: plain(work(jobs[key])), missing, keep)
     return {key: done[key] for key in jobs}

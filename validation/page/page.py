@@ -17,7 +17,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from cablefem.response import whole
+from cablefem.response import write_text
 
 # worst first, with signs for readers who see no colour
 VERDICTS = {"disagree": "✗", "not comparable": "?", "too coarse": "≈", "agree": "✓"}
@@ -44,8 +44,7 @@ def render(title: str, sections: Sequence[Section], out_file: Path) -> None:
         title=title, sections=sections, judged=judged, rest=[s for s in sections if not s.verdict],
         css=Markup(asset("page.css")), scripts=[Markup(asset(name)) for name in names],
     )  # fmt: skip
-    with whole(out_file) as temporary:
-        temporary.write_text(page, encoding="utf-8")
+    write_text(out_file, page)
 
 
 def _sound(sections: Sequence[Section]) -> None:

@@ -1,11 +1,15 @@
 """Output while a command works: tables, lines, progress; plain text without a terminal."""
 
+from __future__ import annotations
+
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
-Progress = Callable[..., None]  # label, fraction done, place reached
+if TYPE_CHECKING:
+    from validation.core.sidebyside import Progress
 
 STYLES = {"agree": "green", "disagree": "bold red", "not comparable": "yellow", "too coarse": "yellow"}
 

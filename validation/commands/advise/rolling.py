@@ -11,7 +11,6 @@ Haul force: largest distance of means over an axial round trip, at equal places,
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -26,6 +25,7 @@ from validation.core.ladder import left
 from validation.core.measures import JUMP_WIDTH
 from validation.core.quasi_static import Statics, quasi_static
 from validation.core.running import run
+from validation.core.sidebyside import Progress
 
 REFERENCE = "following-p2"
 FULL = store.shipped(__package__, "ladders.toml")["rolling"]["full"]
@@ -33,8 +33,6 @@ ORDER = 1.5  # of the path, which wave fronts reduce; gap/(2^p - 1) is left
 SHARE = 0.25  # of the tolerance: for the full run's error
 NEEDS = {"free": ("timetable", "deflection", "tension"), "haul": ("deflection", "tension", "haul force")}
 EDGE = 0.05  # s_o/l next to a support that is not compared, and the least range that is
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(slots=True)
@@ -54,10 +52,10 @@ class Rung:
         }  # fmt: skip
 
 
-def advice(scene: Scene, tol: float, progress: Progress | None = None) -> dict[str, Any]:
+def advice(scene: Scene, tol: float, report: Progress) -> dict[str, Any]:
     """Return the content of advice.json for a scene whose car rolls."""
     free = scene.drive.mode == "free"
-    finest, bars = _full(scene, tol, progress or (lambda label, done: None))
+    finest, bars = _full(scene, tol, report)
     rungs = _free(scene, finest) if free else _hauled(scene, finest)
     rungs.append(Rung("full" if free else "haul", finest.seconds, bars, _last(finest)))
     least = {need: next((r for r in rungs if r.gaps[need] <= tol), rungs[-1]).model for need in bars}

@@ -6,7 +6,6 @@ The advised model meets both; the least model for the path is reported, too.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ from validation.core import measures, store
 from validation.core.ladder import left
 from validation.core.methods import METHODS, find
 from validation.core.running import run
+from validation.core.sidebyside import Progress, silent
 
 # cheap to full
 LADDER = (
@@ -31,7 +31,6 @@ LADDER = (
 FULL = store.shipped(__package__, "ladders.toml")["gripped"]["full"]
 FAR = 3.0  # times the tolerance: models further off are not refined
 
-Progress = Callable[[str, float], None]
 Window = tuple[float, float]
 
 
@@ -84,7 +83,7 @@ class Climb:
         return r
 
 
-def advise(scene: Scene, tol: float, out: Path, progress: Progress | None = None) -> dict[str, Any]:
+def advise(scene: Scene, tol: float, out: Path, report: Progress = silent) -> dict[str, Any]:
     """Find the least model of a scene and its cheapest run, and write advice.json.
 
     tol : of path and tension. An existing advice for the same is kept.
@@ -93,17 +92,16 @@ def advise(scene: Scene, tol: float, out: Path, progress: Progress | None = None
         raise ValueError(f"tol must lie in (0, 1), got {tol!r}")
     if kept := store.stored(out / "advice.json", scene_toml=scene.to_toml(), tol=tol):
         return kept
-    content = advice(scene, tol, progress)
+    content = advice(scene, tol, report)
     out.mkdir(parents=True, exist_ok=True)
     write_json(out / "advice.json", content)
     return content
 
 
-def advice(scene: Scene, tol: float, progress: Progress | None = None) -> dict[str, Any]:
+def advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any]:
     """Return the content of advice.json."""
     if scene.drive.mode != "grip":
-        return rolling.advice(scene, tol, progress)
-    report = progress or (lambda label, done: None)
+        return rolling.advice(scene, tol, report)
     for model in ("full", "string"):  # compile first
         run(scene, REFERENCE, model=model, elements=2, steps=8, until=0.3)
     climbed = climb(scene, tol, report)

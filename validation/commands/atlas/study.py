@@ -16,6 +16,7 @@ from validation.commands.atlas import catalogue, specimens
 from validation.core import measures, store
 from validation.core.methods import METHODS, find, refined
 from validation.core.running import run
+from validation.core.sidebyside import Progress, silent
 
 CELLS, RESULT = "cells.jsonl", "atlas.json"
 SAID = store.shipped(__package__, "maps.toml")
@@ -54,13 +55,12 @@ def label(method: str, fixed: dict[str, Any]) -> str:
 
 
 def atlas(
-    out: Path, progress: Callable[[str, float], None] | None = None, *, maps: Sequence[Map] = SAID["map"],
+    out: Path, progress: Progress = silent, *, maps: Sequence[Map] = SAID["map"],
     rows: Sequence[catalogue.Row] = catalogue.CATALOGUE,
 ) -> dict[str, Any]:  # fmt: skip
     """Compute what is missing of the maps, the step limits and the catalogue, and write atlas.json."""
     jobs = _jobs(maps, rows)
-    report = (lambda done: progress("atlas", done)) if progress else None
-    found = store.each_once(out / CELLS, jobs, lambda job: job(), report)
+    found = store.each_once(out / CELLS, jobs, lambda job: job(), partial(progress, "atlas"))
     of = {kind: [x for key, x in found.items() if json.loads(key)[0] == kind] for kind in ("cell", "limit", "row")}
     result = {
         "maps": [m | {"methods": [label(*x) for x in methods(m)]} for m in maps],

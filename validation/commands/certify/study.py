@@ -9,7 +9,7 @@ The path of a free ride is compared over place; the time of passage has its own 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import resources
@@ -31,7 +31,7 @@ from validation.core.ladder import left
 from validation.core.methods import Method, find, refined
 from validation.core.running import steps_of
 from validation.core.sampling import stacked
-from validation.core.sidebyside import side_by_side
+from validation.core.sidebyside import Progress, side_by_side, silent
 from validation.oracles import moving_mass
 from validation.oracles.case import Crossing, level
 from validation.oracles.case import Path as MassPath
@@ -41,8 +41,6 @@ NEWTON = Newton(tol=1e-8)  # errors of Newton's method add up over the steps
 AIM = 0.4  # of the tolerance: bars of two ways
 LAST = 95  # beyond it changes show no order, and a cut step ends a hauled ride
 NEARBY = 5  # places on either side whose gaps count: a gap may cross zero
-
-Progress = Callable[..., None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +143,7 @@ class Certificate:
         write_json(folder / "certify.json", store.plain(content))
 
 
-def certify(scene: Scene, out: Path | None = None, progress: Progress | None = None) -> Certificate:
+def certify(scene: Scene, out: Path | None = None, progress: Progress = silent) -> Certificate:
     """Compute the path by all ways with bars; compare them and the shipped table."""
     found = side_by_side([partial(climb, scene, way) for way in WAYS], progress)
     made = joined(scene, tuple(found))
@@ -168,7 +166,7 @@ def joined(scene: Scene, found: tuple[Found, ...]) -> Certificate:
 
 
 # --- one way ----------------------------------------------------------------------------------------------------------
-def climb(scene: Scene, way: Way, progress: Progress = lambda *told: None) -> Found:
+def climb(scene: Scene, way: Way, progress: Progress = silent) -> Found:
     """Refine space or steps, whichever matters more, until all bars but the last are met or work ends.
 
     Each part is the change from half of it, with the other at its finest.

@@ -33,6 +33,7 @@ from validation.core.climb import TooCoarse, climb, laddered
 from validation.core.measures import NotComparable, Window
 from validation.core.methods import METHODS, Method, refined
 from validation.core.running import Run, run
+from validation.core.sidebyside import Progress, silent
 from validation.peers import PEERS, PeerPath, available
 
 STOP = measures.WINDOW[1]
@@ -41,8 +42,6 @@ REFERENCE, REFERENCE_OF_RIDES, WITNESS = SAID["reference"], SAID["reference_of_r
 BASE = SAID["base"]
 FINER = tuple(2.0 ** (0.5 * k) for k in range(-3, 4))  # over the default resolution
 DENSE = tuple(2.0 ** (-0.25 * k) for k in range(8, -1, -1))  # shares of steps, for short runs
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +56,7 @@ class Series:
 
 
 def chart(
-    scene: Scene, out: Path, progress: Progress | None = None, *, peers: bool = True, repeats: int = 3,
+    scene: Scene, out: Path, report: Progress = silent, *, peers: bool = True, repeats: int = 3,
     budget: float = 240.0,
 ) -> dict[str, Any]:  # fmt: skip
     """Measure speed against accuracy on a scene and store it as chart.json; continue an earlier call.
@@ -66,7 +65,6 @@ def chart(
     repeats : separate timed runs of each setting; the best counts.
     budget : [s] for all runs; a run beyond its share becomes a row "not run" with the expected seconds.
     """
-    report = progress or (lambda label, done: None)
     path = out / "chart.json"
     before = store.stored(path, scene_toml=scene.to_toml())
     report("reference", 0.0)

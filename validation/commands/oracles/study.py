@@ -6,7 +6,7 @@ order that theory gives.  Some rows must fail: a wrong method, another limit, a 
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -26,13 +26,12 @@ from validation.core.crossing import crossed
 from validation.core.methods import ELEMENTS, LEVELS, METHODS, TERMS, Method, find
 from validation.core.running import run
 from validation.core.sampling import stacked
+from validation.core.sidebyside import Progress, silent
 from validation.oracles.case import WINDOW, Case, Crossing, Rung, Solvers
 from validation.oracles.case import Path as MassPath
 
 ROWS, RESULT = "oracles.jsonl", "oracles.json"
 ORDER_SCATTER = 0.3  # of an order read off three or four runs: fronts pass the mass at other places of their meshes
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,14 +108,15 @@ def tasks() -> list[Task]:
     ]
 
 
-def oracle_table(out: Path, progress: Progress | None = None) -> dict[str, Any]:
+def oracle_table(out: Path, progress: Progress = silent) -> dict[str, Any]:
     """Hold all solvers against all oracles and write oracles.json: the rows and the oracles.
 
     A table that was interrupted goes on where it stopped; one that is complete is made anew.
     """
-    report = partial(progress, "oracles") if progress else None
     jobs = {json.dumps(task.key): task for task in tasks()}
-    rows = list(store.each_once(out / ROWS, jobs, lambda task: asdict(task.compute()), report).values())
+    rows = list(
+        store.each_once(out / ROWS, jobs, lambda task: asdict(task.compute()), partial(progress, "oracles")).values()
+    )
     as_expected = all(row["verdict"] == row["expected"] for row in rows)
     known = [
         {"name": name} | {k: getattr(o, k) for k in ("title", "source", "validity", "group")}

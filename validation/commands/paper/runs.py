@@ -13,9 +13,7 @@ from validation.core import measures, store
 from validation.core.ladder import Branch, Ladder
 from validation.core.methods import find, refined
 from validation.core.running import run
-from validation.core.sidebyside import spread
-
-Progress = Callable[[str, float], None]
+from validation.core.sidebyside import Progress, spread
 
 SAID = store.shipped(__package__, "runs.toml")
 

@@ -6,17 +6,17 @@ from typing import Any
 
 from cablefem.response import write_json
 from validation.commands.paper import computed, verdicts
-from validation.commands.paper.runs import Progress, all_runs
+from validation.commands.paper.runs import all_runs
 from validation.commands.paper.verdicts import VERDICTS
+from validation.core.sidebyside import Progress, silent
 
 
-def paper(out: Path, progress: Progress | None = None) -> dict[str, Any]:
+def paper(out: Path, report: Progress = silent) -> dict[str, Any]:
     """Make or reuse every run, judge every claim, and write claims.json; runs are kept in out/runs/NAME.
 
     Returns the content of claims.json: `claims` and `count` of verdicts; `wu_and_chen`, turning points of the path
     for both mass ratios; `references`, what the converged values rest on; and what `computed.stored` returns.
     """
-    report = progress or (lambda label, done: None)
     runs = all_runs(out, report)
     report("claims", 0.0)
     beyond = computed.stored(runs, out / "numbers.json")

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from cablefem import catenary_line
-from cablefem.response import Array, whole, write_json
+from cablefem.response import Array, whole, write_json, write_text
 from cablefem.scene import SceneError
 from cablefem.scene.line import Car, Line, LineRest, LineState, NoLine
 from validation.core import store
@@ -201,8 +201,7 @@ def write(folder: Path, found: Answers, **more: Any) -> None:
     _csv(folder / "positions.csv", ["position", *columns], lines)
     told = envelope(line, found.rest)
     _csv(folder / "profile.csv", list(told), np.stack(list(told.values()), axis=1).tolist())
-    with whole(folder / "scene.toml") as temporary:
-        temporary.write_text(line.to_toml(), encoding="utf-8")
+    write_text(folder / "scene.toml", line.to_toml())
     write_json(folder / "summary.json", {
         "scene": line.name, "title": line.title, "method": "catenaries", "status": found.status,
         "refused": found.refused, "positions": line.count, "empty_length": float(np.ptp(found.rest.empty.s)),

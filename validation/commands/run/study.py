@@ -15,6 +15,7 @@ from validation.core.quasi_static import quasi_static
 from validation.core.rows import forces_left, with_bars
 from validation.core.running import run
 from validation.core.sampling import FRAMES
+from validation.core.sidebyside import silent
 from validation.page.answer import many as table
 from validation.page.options import Point
 
@@ -68,7 +69,7 @@ def run_with_bars(
     run("zipline", tol=1e-3).design
     """
     kind = {"model": model, "load": load, "law": law, "frames": frames, **settings}
-    return answer(scene, find(method), tol=tol, bars=bars, progress=lambda *told: None, **kind).response
+    return answer(scene, find(method), tol=tol, bars=bars, progress=silent, **kind).response
 
 
 def quasi_static_answer(scene: Scene) -> Answer:
@@ -82,7 +83,7 @@ def many(points: Sequence[Point], answered: Callable[..., Answer], out: Path | N
     broke = []
 
     def row(point: Point) -> tuple[table.Row, Any]:
-        found = answered(points.index(point), lambda *told: None).response
+        found = answered(points.index(point), silent).response
         broke.append(found.status != "complete" and found.slack_onset is None)
         return table.row(point.scene, found, found.design), table.path(found)
 

@@ -18,7 +18,7 @@ def command(
     """List the built-in scenes, print one as TOML, or say what a scene file may hold."""
     if keys or schema:
         return _keys() if keys else _schema()
-    from cablefem.response import whole
+    from cablefem.response import write_text
     from cablefem.scene import Scene
     from cablefem.scene.line import Line
 
@@ -35,8 +35,7 @@ def command(
         return 0
     with written(out, "scenes", "scenes", [f"{key}.toml" for key in texts]) as folder:
         for key, text in texts.items():
-            with whole(folder / f"{key}.toml") as temporary:
-                temporary.write_text(text, encoding="utf-8")
+            write_text(folder / f"{key}.toml", text)
     return 0
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cablefem.response import whole, write_json
+from cablefem.response import whole, write_json, write_text
 from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
 from validation.core.store import Refused
@@ -150,13 +150,10 @@ class _Loop:
 
 
 def write(out: Path, study: Study, rows: list[dict[str, Any]]) -> None:
-    """Write rows as one Parquet file, whole or not at all; fields of scenes as zarr beside it."""
+    """Write rows as one Parquet file, whole or not at all."""
     import pyarrow
     from pyarrow import parquet
 
-    for row in rows:
-        if (dataset := row.pop("fields", None)) is not None:
-            dataset.to_zarr(out / "fields" / f"{row['index']}.zarr", mode="w")
     first = rows[0]["index"]
     table = pyarrow.Table.from_pylist(rows, schema(study))
     with whole(out / "rows" / f"{first:08d}-{len(rows)}.parquet") as temporary:
@@ -225,8 +222,7 @@ def _same_study(study: Study, out: Path) -> None:
     if kept.is_file() and _of_rows(kept.read_text(encoding="utf-8")) != _of_rows(told):
         raise Refused(f"{out} holds rows of another study; nothing was written; choose another folder with --out")
     (out / "rows").mkdir(exist_ok=True)
-    with whole(kept) as temporary:
-        temporary.write_text(told, encoding="utf-8")
+    write_text(kept, told)
 
 
 def _of_rows(study: str) -> dict[str, Any]:

@@ -136,8 +136,6 @@ def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[st
     out = of_response(r, scene) | too_coarse
     if faults := faults_of(r):
         return out | {"status": "failed", "cause": "not finite", "reason": "; ".join(faults)}
-    if study.keep.fields:
-        out["fields"] = r.to_xarray()
     if study.truth and index % study.truth.every == 0 and r.path_error is not None:
         out |= truth(scene, r, study.truth.finer)
     return out

@@ -16,7 +16,7 @@ from pydantic import Field, PlainValidator, PrivateAttr
 from cablefem.scene import Scene, SceneError
 from cablefem.scene.drive import of_mode
 from cablefem.scene.errors import nearest, shown
-from cablefem.scene.fields import Check, Line, Part, Switch, between, choice, real, whole
+from cablefem.scene.fields import Check, Line, Part, between, choice, real, whole
 from validation.commands.sweep import families
 from validation.commands.sweep.axes import MOST, Axis, grid, ranges
 from validation.core.store import Refused
@@ -55,12 +55,6 @@ class Truth(Part):
     finer: Annotated[int, whole(1, 1000)]  # so many times, in space and in time
 
 
-class Keep(Part):
-    """What is kept besides the rows."""
-
-    fields: Switch = False  # whole responses
-
-
 class Study(Part):
     """A sweep as data, named as in its file."""
 
@@ -74,7 +68,6 @@ class Study(Part):
     vary: Annotated[tuple[Axis, ...], PlainValidator(grid)] | None = None  # the full grid of all axes
     sample: Sample | None = None
     truth: Truth | None = None
-    keep: Keep = Keep()
     limit: Annotated[dict[str, float], Check("a table of design numbers, e.g. tension_max = 4e5", _limits)] = Field(
         default_factory=dict
     )

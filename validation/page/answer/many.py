@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from cablefem.response import Response, whole, write_json
+from cablefem.response import Response, whole, write_json, write_text
 from cablefem.scene import Scene
 from validation.core import store
 from validation.core.answers import outcome
@@ -89,8 +89,7 @@ def grid(
         lines.writeheader()
         lines.writerows(rows)
     write_json(folder / home / "grid.json", {"keys": keys, "rows": rows, "paths": paths})
-    with whole(folder / home / "scene.toml") as temporary:
-        temporary.write_text(scene.to_toml(), encoding="utf-8")
+    write_text(folder / home / "scene.toml", scene.to_toml())
     report.write(folder, command)
     tell(rows, keys)
     terminal.say(f"  written to {folder}: report.html, {home}/table.csv")
