@@ -24,7 +24,7 @@ def cablefem(capsys, tmp_path, monkeypatch):
     return call
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def level_check():
     """Both solvers at 5 percent: a second."""
     return check_study.check("level", tol=3e-2)

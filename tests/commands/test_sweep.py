@@ -305,9 +305,9 @@ def test_a_worker_that_dies_takes_its_chunk_along_and_that_is_tried_again(tmp_pa
 
 
 def test_a_scene_that_kills_workers_twice_is_a_row_that_says_so(tmp_path, cluster):
-    engine.sweep(wide(12, f"always {tmp_path / 'died'}"), tmp_path / "out", **cluster)
+    engine.sweep(wide(8, f"always {tmp_path / 'died'}"), tmp_path / "out", **cluster)
     rows = engine.frame(tmp_path / "out")
-    assert rows["status"].value_counts().to_dict() == {"complete": 11, "died": 1}
+    assert rows["status"].value_counts().to_dict() == {"complete": 7, "died": 1}
     assert rows.loc[7, "status"] == "died"
     assert "twice" in rows.loc[7, "reason"]
 

@@ -1,4 +1,4 @@
-"""Cars that roll: the row of s_o against the Lagrangian it is made of, places of rest, rides with known ends."""
+"""Cars that roll: the row of s_o against the Lagrangian it is made of, compiled steps, energy to rounding."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cablefem.elements.rolling import RollingElements, following
 from cablefem.newmark import Newton, State, StepFailure, System, Work, collocate, integrate, iterate, scheme, step_times
 from cablefem.newmark.system import AVERAGE
 from cablefem.scene.statics import gripped, hauled
-from tests.runs import CRUISE, LEVEL, observe, stack
+from tests.runs import LEVEL, observe, stack
 from validation import run
 from validation.oracles import ellipse, energy
 
@@ -36,16 +36,6 @@ FAST = Scene(
 )  # fmt: skip
 G = ZIP.groups
 DAMPED = {"method": "generalized-alpha", "rho_inf": 0.9}
-
-
-def ride(system, t, steps, method="generalized-alpha", **kw):
-    """Return the states of a ride up to t, and the work."""
-    work, kw = Work(), kw or ({"rho_inf": 0.9} if method == "generalized-alpha" else {})
-    steps_of = [np.array([0.0]) for _ in system.phases]
-    for i, (t0, t1) in enumerate(system.phases):
-        end = min(t1, t)
-        steps_of[i] = np.linspace(t0, end, 1 + max(1, round(steps * (end - t0) / t))) if end > t0 else np.array([t0])
-    return stack(list(integrate(system, scheme(method, **kw), steps_of, work=work))), work
 
 
 # --- the equations ------------------------------------------------------------------------------------------------
@@ -117,7 +107,11 @@ def test_the_tangent_is_the_derivative_of_the_residual(drive):
 def test_steps_are_those_of_the_interpreted_iteration():
     one, other = (RollingElements(G, elements=4) for _ in range(2))
     other.settle = lambda *step: iterate(other, *step[:-1], Newton(patience=0))
-    (states, work), (want, same) = (ride(s, 3.0, 60) for s in (one, other))
+    work, same = Work(), Work()
+    states, want = (
+        stack(list(integrate(s, scheme("generalized-alpha", rho_inf=0.9), [np.linspace(0.0, 3.0, 61)], work=w)))
+        for s, w in ((one, work), (other, same))
+    )
     assert np.abs(states.q - want.q).max() < 1e-9
     assert (work.newton_iterations, work.residuals) == (same.newton_iterations, same.residuals)
 
@@ -136,12 +130,6 @@ def test_what_cannot_roll_says_so():
 
 
 # --- statics ------------------------------------------------------------------------------------------------------
-def rolling(groups, mode="free"):
-    return replace(
-        groups, motion=None if mode == "free" else groups.motion, drive=replace(G.drive, mode=mode, end_time=9.0)
-    )
-
-
 @pytest.mark.parametrize(("stiffness", "elements"), [(1e2, 8), (1e4, 12), (1e5, 16)])
 def test_under_a_car_of_a_thousand_cables_weight_the_cable_rests_without_folds(stiffness, elements):
     """Newton's method from the empty cable's shape finds folds there, 0.1 l off."""
@@ -152,116 +140,8 @@ def test_under_a_car_of_a_thousand_cables_weight_the_cable_rests_without_folds(s
     np.testing.assert_allclose(place, gripped(0.2, groups).place[0], rtol=0, atol=1e-6)
 
 
-def test_the_rope_overcomes_friction_before_the_car_moves():
-    """Else friction jumps with the first step, and the rope with it by M g and more: the car rides on the cable."""
-    scene = Scene.load("tramway")
-    groups = replace(rolling(scene.groups, "haul"), drive=replace(scene.groups.drive, mu_r=0.03))
-    rest, weight = hauled(0.3, groups), groups.mu * groups.sigma
-    system = RollingElements(groups, elements=6)
-    q, F = system._statics(0.3)
-    assert abs(F - rest.haul[0]) < 1e-5 * weight
-    assert rest.haul[0] - hauled(0.3, scene.groups).haul[0] > 0.02 * weight
-    place = np.ravel(groups.shape(0.3)) + q[2 * system.node : 2 * system.node + 2]
-    np.testing.assert_allclose(place, rest.place[0], rtol=0, atol=1e-7)
-    first = system.start(0, None)
-    assert np.abs(first.a[:-1]).max() < 2.0 * scene.groups.motion.at(0.0, 0)[2]  # what the travel asks of it
-
-
-@pytest.mark.parametrize(("place", "force"), [(0.25, 31.0), (0.5, 34.9), (0.75, 38.6)])
-def test_the_rope_holds_a_tramway_car(place, force):
-    scene = Scene.load("tramway")
-    system = RollingElements(rolling(scene.groups, "haul"), elements=6)
-    q, F = system._statics(place)
-    assert 1e-3 * scene.horizontal_tension * F == pytest.approx(force, abs=0.05)  # kN, digits of the table
-    assert np.abs(q[:-1]).max() > 0.0
-
-
 # --- rides --------------------------------------------------------------------------------------------------------
-SECOND, METRE = 1.0 / ZIP.time_scale, 1.0 / ZIP.length
-
-
-def test_a_rider_is_where_the_reference_has_him_after_half_a_minute():
-    system = RollingElements(G, elements=6)
-    states, _ = ride(system, 30.0 * SECOND, 300)
-    assert abs(states.q[-1, -1] - 284.744 * METRE) < 1e-5  # P4 20 + 20, 16000 steps; digits of it: 1.7e-6
-    heavier = RollingElements(zip_line(96.0).groups, elements=6)
-    assert abs(ride(heavier, 30.0 * SECOND, 300)[0].q[-1, -1] - 284.744 * METRE) > 1e-4
-
-
-def test_a_rider_is_braked_and_stops():
-    groups = zip_line(rolling_friction=0.02, brake=[{"from": 280.0, "force": 600.0}]).groups
-    system = RollingElements(groups, elements=6)
-    states, work = ride(system, 40.0 * SECOND, 500)
-    at = {name: [e.t / SECOND for e in work.events if e.name == name] for name in ("brake", "standstill", "stop")}
-    assert at["brake"] == pytest.approx([34.800], abs=2e-3)
-    still = next(t for t in at["standstill"] if t > at["brake"][0])
-    assert still == pytest.approx(35.43, abs=0.02)  # the cable rings: 10 ms is what it is worth
-    assert len(at["stop"]) == 1
-    assert states.q[-1, -1] / METRE == pytest.approx(281.375, abs=2e-3)
-    assert states.t[-1] == work.events[-1].t, "the run goes on after the stop"
-    assert np.ptp(states.q[states.t > still * SECOND, -1]) < 1e-3 * METRE, "the car slips while it is held"
-    o = observe(system, states)
-    brakes, moving = o.s_o >= 280.0 * METRE, states.v[:, -1] > 0.0
-    assert np.all(o.powers["brake"][brakes & moving] < 0.0)
-    assert np.all(o.powers["brake"][~brakes] == 0.0)
-    assert np.all(o.powers["friction"][moving] < 0.0)
-
-
-def test_a_car_that_friction_holds_stays():
-    groups = zip_line(rolling_friction=0.5).groups
-    states, work = ride(RollingElements(groups, elements=3), 5.0, 100)
-    assert [e.name for e in work.events] == ["stop"]
-    assert np.all(states.q[:, -1] == states.q[0, -1])
-    assert np.abs(states.q - states.q[0]).max() < 1e-9  # steps are solved to 1e-4 of the load
-
-
-def test_a_rider_rolls_back_and_turns():
-    """The far end is too high for him: he turns there, and again at the near one."""
-    scene = Scene(
-        cable={"mass_per_length": 1.1, "EA": 1.2e7, "sag": 12.0}, supports={"span": 300.0, "drop": -2.0},
-        mass={"mass": 95.0}, drive={"mode": "free", "start": 6.0, "drag_area": 0.6, "end": {"time": 120.0}},
-    )  # fmt: skip
-    system = RollingElements(scene.groups, elements=6)
-    states, work = ride(system, 70.0 / scene.time_scale, 700)
-    assert [e.name for e in work.events] == ["turn", "turn"]
-    speed = np.hypot(*observe(system, states).path_velocity.T)
-    for e in work.events:
-        i = int(np.argmin(np.abs(states.t - e.t)))
-        assert states.t[i] == e.t
-        assert speed[i] < 0.02 * speed.max()
-
-
-def test_both_sides_pull_alike_and_the_contact_is_normal():
-    """Let go gently: pointwise tensions of P2 differ by what the mesh is worth, recovered ones by a tenth of it."""
-    system = RollingElements(zip_line(release=1.0).groups, elements=8)
-    states, _ = ride(system, 20.0 * SECOND, 600)
-    o = observe(system, states)
-    late = o.t > 3.0 * SECOND
-
-    def rms(x):
-        return float(np.sqrt(np.mean(x[late] ** 2)))
-
-    recovered, pointwise = rms(o.T_ahead - o.T_behind), rms(o.T_ahead_pointwise - o.T_behind_pointwise)
-    along = np.sum(o.contact * (o.slope_behind + o.slope_ahead), axis=1) / 2.0
-    assert recovered < 1e-5
-    assert recovered < 0.01 * pointwise
-    assert rms(along) < 1e-4 * rms(o.contact[:, 1])
-    gripped = o.contact - np.array([0.0, G.mu * G.sigma])  # a force with a part along the cable would be seen
-    assert rms(np.sum(gripped * (o.slope_behind + o.slope_ahead), axis=1)) > 1e-3
-
-
-def test_a_hauled_car_costs_what_its_rope_gives():
-    motion = CRUISE.motion.shifted(0.05).until(1.6)  # one phase: the power does not jump
-    groups = replace(CRUISE, motion=motion, drive=replace(G.drive, mode="haul", k=0.3, mu_r=0.02))
-    system = RollingElements(groups, elements=8)
-    states = stack(list(integrate(system, scheme("generalized-alpha", rho_inf=0.9), step_times(system, 400))))
-    o = observe(system, states)
-    given = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(o.t) * (o.power[1:] + o.power[:-1]))])
-    assert np.abs(o.energy - o.energy[0] - given).max() < 1e-3 * np.ptp(given)
-    rope = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(o.t) * (o.powers["haul"][1:] + o.powers["haul"][:-1]))])
-    assert np.abs(o.energy - o.energy[0] - rope).max() > 2e-2 * np.ptp(given), "drag and friction take nothing"
-    friction = np.mean(o.T_behind - o.T_ahead)  # the car drags the cable along
-    assert friction == pytest.approx(0.02 * np.mean(np.hypot(*o.contact.T)), rel=0.02)
+SECOND = 1.0 / ZIP.time_scale
 
 
 def test_a_rest_next_to_a_support_is_found_to_rounding_on_short_elements():
@@ -281,12 +161,6 @@ def test_a_rest_next_to_a_support_is_found_to_rounding_on_short_elements():
     system._roll = partial(pushed, system)
     with pytest.raises(StepFailure, match="no rest"):
         system._statics(5e-4)
-
-
-def test_a_ride_by_collocation():
-    states, work = ride(RollingElements(G, elements=6), 30.0 * SECOND, 60, "radau")
-    assert abs(states.q[-1, -1] - 284.744 * METRE) < 1e-5
-    assert work.steps < 70
 
 
 @pytest.mark.parametrize("method", ["radau", "gauss"])

@@ -64,7 +64,7 @@ def told(request):
 def test_bars_hold_against_a_finer_run(told):
     scene, _, known = told
     until = {} if scene.drive.mode == "free" else {"until": 0.8}
-    true = {n.quantity: n for n in alone(run(scene, "following-p2", elements=24, steps=4000, **until))}
+    true = {n.quantity: n for n in alone(run(scene, "following-p2", elements=24, steps=2500, **until))}
     off = [n for n in known if not abs(n.value - true[n.quantity].value) <= n.bar]
     assert off == []
     # and say something: a wide bar would hold as well
