@@ -1,5 +1,7 @@
 """What becomes of a ride, what it clears, where the rope hangs; by the quasi-static model, which is exact enough."""
 
+import dataclasses
+import json
 import tomllib
 
 import numpy as np
@@ -7,6 +9,9 @@ import pytest
 
 from cablefem import Scene
 from validation.core import answers
+from validation.core.answers import outcome, write_answers
+from validation.core.design import design
+from validation.core.quantities import matter, told
 from validation.core.quasi_static import quasi_static
 
 LINE = """
@@ -109,3 +114,19 @@ def test_the_profile_holds_every_place_of_the_car():
     assert p.tension_max.max() == pytest.approx(r.fields.T.max(), rel=2e-3)
     flat = answers.profile(quasi_static(scene(mass__mass=0.01)))
     assert np.ptp(flat.y_lowest - flat.y_rest) < 1e-3  # without a rider the rope stays at rest
+
+
+def test_a_clearance_of_what_is_never_passed_is_null(tmp_path):
+    """The command ended in a trace where a rider stopped before the tree."""
+    scene = Scene.load("rollback").replace({"obstacle": [{"name": "tree", "at": 299.0, "top": 30.0}]})
+    r = quasi_static(scene)
+    rows = {d["quantity"]: d for d in design(r)}
+    assert rows["clearance_car_min:tree"]["value"] is None
+    assert rows["clearance_rope_min:tree"]["value"] > 0.0
+    r = dataclasses.replace(r, design=list(rows.values()))
+    write_answers(tmp_path, scene, r)
+    kept = json.loads((tmp_path / "summary.json").read_text())["design"]
+    assert {"clearance_car_min:tree": None}.items() <= {d["quantity"]: d["value"] for d in kept}.items()
+    assert told(rows["clearance_car_min:tree"])["value"] == "the car never passes"
+    assert "clearance_car_min:tree" not in {d["quantity"] for d in matter(kept, 99)}
+    assert "hit" not in outcome(scene, r).sentence

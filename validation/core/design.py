@@ -33,7 +33,7 @@ class Number:
     """A design number; None: unknown or not applicable."""
 
     quantity: str
-    value: float
+    value: float | None  # of a clearance None: never passed
     bar: float | None
     unit: str
     t: float | None = None  # [s]
@@ -149,7 +149,7 @@ def quantities(r: Response) -> dict[str, Quantity]:
 def _safety(r: Response, found: list[Number]) -> list[Number]:
     load = _scene(r.scene_toml).cable.breaking_load
     T = next((x for x in found if x.quantity == "tension_max"), None)
-    if load is None or T is None:
+    if load is None or T is None or T.value is None:
         return []
     bar = None if T.bar is None else load * T.bar / T.value**2
     return [Number("safety_factor_min", load / T.value, bar, "", T.t, T.s_o, T.x, T.s)]
@@ -203,6 +203,8 @@ def _number(
     period = _round_trip(r) if unit in ("N", "deg") else 0.0  # an angle follows a force
     value, peak = (partial(_value, quantity, span, over) for over in (period, 0.0))
     found = _extreme(quantity, r, span, period)
+    if found is None and name.startswith("clearance_"):
+        return Number(name, None, None, unit)
     if found is None or (quantity.inner and _at_an_end(found, r, span)):
         return None
     if unit == "deg" and span[1] - found.t <= 0.5 * period + found.step:
@@ -253,7 +255,8 @@ class _Extreme:
 def _samples(track: Track, span: tuple[float, float], period: float, sign: float) -> tuple[Array, Array, Array]:
     """Times, values and places in a range: means over a period, extremes along the cable."""
     rows = (track.t >= span[0] * (1.0 - 1e-9)) & (track.t <= span[1] * (1.0 + 1e-9))
-    rows &= np.isfinite(track.value.reshape(track.t.size, -1)).all(axis=1)
+    finite = np.isfinite(track.value)
+    rows &= finite if finite.ndim == 1 else finite.all(axis=1)
     t, value = track.t[rows], track.value[rows]
     if t.size == 0:
         return t, t, t

@@ -27,13 +27,16 @@ _MATTER = (
 
 
 def matter(design: list[dict[str, Any]], most: int = 8) -> list[dict[str, Any]]:
-    first = [d for quantity in _MATTER for d in design if d["quantity"].split(":")[0] == quantity]
+    known = [d for d in design if d["value"] is not None]
+    first = [d for quantity in _MATTER for d in known if d["quantity"].split(":")[0] == quantity]
     return first[:most]
 
 
 def told(number: dict[str, Any]) -> dict[str, str]:
     """Return a row of `design` as text; "" where unknown."""
     value, bar, unit = number["value"], number.get("bar"), number["unit"]
+    if value is None:
+        return {"what": named(number["quantity"]), "value": "the car never passes", "t": "", "mass": "", "at": ""}
     factor, name = scale_of(np.array([value, bar or 0.0]), unit)
     text = f"{with_bar(factor * value, bar and factor * bar)} {'' if unit == 's_o/l' else name}".rstrip()
     if unit == "m/s":
