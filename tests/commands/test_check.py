@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -21,25 +22,20 @@ def test_check_agrees_and_leaves_everything_in_its_folder(cablefem, tmp_path):
     assert (code, err) == (0, "")
     folder = tmp_path / "cablefem-out" / "level"
     for method in check_study.SOLVERS:
-        for name in ("path.csv", "tension.csv", "summary.json", "response.xdmf"):
-            assert (folder / method / name).exists()
+        assert {x.name for x in (folder / method).iterdir()} >= {"path.csv", "tension.csv", "response.xdmf"}
         assert json.loads((folder / method / "summary.json").read_text())["path_error"] is not None
     agreement = json.loads((folder / "agreement.json").read_text())
-    assert agreement["verdict"] == "agree"
-    quantities = [row["quantity"] for row in agreement["rows"]]
-    assert set(quantities) - {"path_slack"} == {  # where coarse companions reach beyond the onset
+    assert (agreement["verdict"], agreement["doubts"]) == ("agree", [])
+    quantities = {row["quantity"] for row in agreement["rows"]}
+    assert quantities - {"path_slack"} == {  # where coarse companions reach beyond the onset
         "path_max", "path_rms", "tension", "tension_behind", "tension_ahead", "reactions",
         "displacement", "velocity", "slack_onset", "energy", "impulse", "laws_si", "speed", "contact", "tension_min",
         "design", "columns",
     }  # fmt: skip
-    assert agreement["doubts"] == []
     assert out.startswith("Both solvers agree.\nlevel: crosses the cable in 14.3 s")
-    assert "comparisons: " in out
+    assert all(said in out for said in ("comparisons: ", "slack somewhere from car at 1"))
     assert len(out.splitlines()) <= 20
-    assert "slack somewhere from car at 1" in out
-    page = (folder / "report.html").read_text()
-    assert page.startswith("<!doctype html>") or page.startswith("<!DOCTYPE html>")
-    assert "fourier-kink" in page
+    assert re.match(r"(?i)<!doctype html>.*fourier-kink", (folder / "report.html").read_text(), re.S)
     assert Scene.from_toml((folder / "scene.toml").read_text()).groups == Scene.load("level").groups
 
 

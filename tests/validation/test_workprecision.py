@@ -91,18 +91,25 @@ def test_a_row_holds_errors_work_and_time(small):
         assert 2 <= r["repeats"] <= 6  # quick ones more often
         assert r["spread"] >= 1.0
         assert 0.8 <= r["reached"] < 0.85
-    # checked by hand: the same run against the same reference
+
+
+def test_an_error_is_that_of_the_same_run_against_the_same_reference(small):
+    rows = rows_of(small[1], "following-p2")
     truth = run(LEVEL, "following-p4", elements=10, steps=1250, until=0.8)
     again = run(LEVEL, "following-p2", until=0.8, **rows[0]["settings"])
     assert rows[0]["path_error"] == measures.path_gap(again, truth, (0.02, 0.8))[0]
 
 
-def test_wrong_methods_and_cheap_models_stay_on_show_and_failures_have_reasons(small):
+def test_wrong_methods_and_cheap_models_stay_on_show(small):
     _, found, _, _, _ = small
     naive = rows_of(found, "fixed-p1-naive")
     assert {r["status"] for r in naive} == {"ok"}
     assert min(r["path_error"] for r in naive) > 0.1
     assert all(r["path_error"] > 1.0 for r in rows_of(found, "model string"))
+
+
+def test_failures_have_reasons(small):
+    _, found, _, _, _ = small
     failed = rows_of(found, "scheme central-difference")
     assert {r["status"] for r in failed} == {"failed"}
     assert all(len(r["reason"]) > 20 for r in failed)
