@@ -8,6 +8,7 @@
         print(cf.check(rider))
 
 `run`, `check`, `quasi_static` and `sweep` take a scene, the name of a built-in one, or the path of a TOML file.
+`run` and `check` take a `Line` of several spans, too: cf.check("two-span").design.
 Nothing is loaded before it is used.
 """
 
@@ -16,8 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cablefem.scene import Scene, SceneError
+    from cablefem.scene.line import Line
 
-__all__ = ["Scene", "SceneError", "__version__", "assert_agree", "check", "quasi_static", "run", "sweep"]
+__all__ = ["Line", "Scene", "SceneError", "__version__", "assert_agree", "check", "quasi_static", "run", "sweep"]
 __version__ = "0.3.0"
 
 
@@ -25,7 +27,9 @@ def __getattr__(name: str) -> Any:
     """Load a public name on first use."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    home = "cablefem.scene" if name in ("Scene", "SceneError") else "validation"
+    home = {"Line": "cablefem.scene.line", "Scene": "cablefem.scene", "SceneError": "cablefem.scene"}.get(
+        name, "validation"
+    )
     return getattr(importlib.import_module(home), "run_with_bars" if name == "run" else name)
 
 

@@ -42,6 +42,8 @@ def __getattr__(name: str) -> Any:
 
 
 _READ = {"scene": ("cablefem.scene", "Scene"), "study": ("validation.commands.sweep.study", "Study")}
+# what computes a line of several contacts, at rest
+_AT_REST = {"run_with_bars": "validation.commands.run.line:answers", "check": "validation.commands.check.line:checked"}
 
 
 def _by_name(function: Any) -> Any:
@@ -52,12 +54,23 @@ def _by_name(function: Any) -> Any:
 
     @functools.wraps(function)
     def named(of: Any, *args: Any, **kwargs: Any) -> Any:
+        if first == "scene" and function.__name__ in _AT_REST and (line := _line(of)) is not None:
+            home, name = _AT_REST[function.__name__].split(":")
+            return getattr(importlib.import_module(home), name)(line, *args, **kwargs)
         if isinstance(of, str | Path):
             home, kind = _READ[first]
             of = getattr(importlib.import_module(home), kind).load(of)
         return function(of, *args, **kwargs)
 
     return named
+
+
+def _line(of: Any) -> Any:
+    """Return a line at rest, also by its name or file; None of anything else."""
+    line = importlib.import_module("cablefem.scene.line")
+    if isinstance(of, str | Path):
+        return line.Line.load(of) if line.is_line(of) else None
+    return of if isinstance(of, line.Line) else None
 
 
 def command_names() -> list[str]:

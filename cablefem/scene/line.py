@@ -348,6 +348,14 @@ class Line(Part):
         return LineRest(self, empty, [_standing(next(solved)) if isinstance(case, Case) else case for case in cases])
 
 
+def is_line(name_or_path: str | Path) -> bool:
+    """Whether a built-in scene or TOML file is a line of several contacts; False where it cannot be read."""
+    try:
+        return "contact" in parsed(scene_text(name_or_path)[0])
+    except SceneError:
+        return False
+
+
 def _standing(state: LineState | NoLine) -> LineState | NoLine:
     """Refuse a state whose rope pulls a saddle up."""
     return state if isinstance(state, NoLine) else _lifted(state) or state

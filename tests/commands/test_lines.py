@@ -78,15 +78,15 @@ def test_check_agrees(cablefem, tmp_path):
 )  # fmt: skip
 def test_a_fault_told_to_one_solver_disagrees(key, value):
     sound = line(*THREE)
-    assert checked(sound, 1e-6, 1e-6)[2] == "agree"
-    assert checked(sound, 1e-6, 1e-6, second=sound.replace({key: value}))[2] == "disagree"
+    assert checked(sound, 1e-6, 1e-6).verdict.value == "agree"
+    assert checked(sound, 1e-6, 1e-6, second=sound.replace({key: value})).verdict.value == "disagree"
 
 
 def test_forgotten_weight_of_the_rope_at_the_pulley_disagrees():
     """The elements then take G + q y for G at a counterweight that is not on the level of the first contact."""
     sound = line({"mass_per_length": 9.0, "EA": 1.5e8}, *(dict(c) for c in _WEIGHED))
     wrong = sound.replace({"contact.weight.tension": 5e5 - 9.0 * 9.81 * 150.0})
-    assert checked(sound, 1e-6, 1e-6, second=wrong)[2] == "disagree"
+    assert checked(sound, 1e-6, 1e-6, second=wrong).verdict.value == "disagree"
 
 
 _WEIGHED = (

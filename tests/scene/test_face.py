@@ -22,3 +22,14 @@ def test_names_are_scenes():
     for module in (cf, validation):
         with pytest.raises(AttributeError, match="no attribute 'rune'"):
             module.rune  # noqa: B018
+
+
+def test_lines_at_rest_are_taken_too():
+    by_name = cf.check("two-span")
+    assert by_name.verdict.value == "agree"
+    assert "two-span: agree" in repr(by_name)
+    line = cf.Line.load("two-span")
+    assert cf.run(line).design[0]["value"] == pytest.approx(by_name.design[0]["value"], rel=1e-9)
+    assert len(repr(cf.run(line))) < 120
+    with pytest.raises(cf.SceneError, match="computed at rest"):
+        cf.quasi_static("two-span")

@@ -189,6 +189,9 @@ def test_check_meets_its_tolerance_and_writes_the_contract(tmp_path):
     place = np.linspace(0.6, 0.95, 3501)  # between the steps: the bottom is flat
     lowest = place[np.argmax(CubicSpline(run.s_o / run.length, run.y)(place))]
     assert abs(lowest - 0.80) < 0.01  # the paper's figure 8
+    assert repr(result).startswith("Check(inclined: agree, ")
+    assert "\n" not in repr(result)
+    assert all(part in result._repr_html_() for part in ("<svg", "largest tension", "crosses the cable"))
 
 
 @pytest.mark.parametrize("tol", [0.0, -1e-3, 0.5, float("nan")])

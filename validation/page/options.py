@@ -59,16 +59,10 @@ def scene_named(name: str, faults: list[str] | None = None, *, travelling: bool 
 def line_named(name: str) -> Line | None:
     """Return the line at rest of that name, or None."""
     from cablefem.scene import SceneError
-    from cablefem.scene.line import Line
-    from cablefem.scene.scene import parsed, scene_text
+    from cablefem.scene.line import Line, is_line
 
     try:
-        if "contact" not in parsed(scene_text(name)[0]):
-            return None
-    except SceneError:
-        return None
-    try:
-        return Line.load(name)
+        return Line.load(name) if is_line(name) else None
     except SceneError as error:
         raise store.Refused([f"{name}: {fault}" for fault in error.faults]) from None
 

@@ -6,6 +6,7 @@ Bars: change in one more Newton step (catenaries), three times the change on hal
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -19,7 +20,7 @@ from cablefem.scene import SceneError
 from cablefem.scene.line import Line, LineRest, LineState, NoLine, NotFound
 from validation.commands.run.line import Answers, Row, extremes, many, of, rows_of, write
 from validation.core import store
-from validation.core.agreement import APART, three_lines
+from validation.core.agreement import APART, Verdict, three_lines
 from validation.page import report, terminal
 from validation.page.line import tell
 from validation.page.options import Point
@@ -127,11 +128,32 @@ def _refined(line: Line, second: Line, tol: float, tol_tension: float) -> tuple[
         less_b, n = b, 2 * n
 
 
-def checked(line: Line, tol: float, tol_tension: float, second: Line | None = None) -> tuple[Answers, list[Row], str]:
-    """Return the catenaries' answers, the rows and the verdict; a second line goes to the elements alone."""
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """A line at rest by both solvers: the catenaries' answers, judged rows, and the verdict of all."""
+
+    answers: Answers
+    rows: list[Row]
+    verdict: Verdict
+
+    @property
+    def design(self) -> list[Row]:
+        return self.answers.design
+
+    def __repr__(self) -> str:
+        return f"Checked({self.answers.line.name}: {self.verdict.value}, {self.answers.line.count} positions at rest)"
+
+
+def checked(
+    line: Line, tol: float = TOL, tol_tension: float | None = None, second: Line | None = None
+) -> Checked:  # fmt: skip
+    """Compute a line at rest by exact catenaries and by elements, and compare them.
+
+    tol : [m];  tol_tension : of the largest tension, default `tol`;  second : a line for the elements alone.
+    """
     begun = perf_counter()
     try:
-        a, b, rows = _refined(line, second or line, tol, tol_tension)
+        a, b, rows = _refined(line, second or line, tol, tol if tol_tension is None else tol_tension)
     except SceneError as error:
         raise store.Refused([f"{line.name}: {fault}" for fault in error.faults]) from None
     found = of(line, a, begun)
@@ -139,7 +161,7 @@ def checked(line: Line, tol: float, tol_tension: float, second: Line | None = No
     for d in found.design:
         d["bar"] = abs(d["value"] - other.get(d["quantity"], d["value"]))
     words = {row["verdict"] for row in rows}
-    return found, rows, next(v for v in ("disagree", "too coarse", "agree") if v in words)
+    return Checked(found, rows, next(v for v in Verdict if v.value in words))
 
 
 def check(
@@ -153,20 +175,21 @@ def check(
     for point in points:
         if second is not None and _parts(second) != _parts(point.scene):
             raise store.Refused("--second: must be a line with the same contacts, cars and positions")
-    asked = tol, tol if tol_tension is None else tol_tension
+    asked = tol, tol_tension
     line: Line = points[0].scene
     if len(points) > 1:
 
         def answered(point: Point) -> tuple[Answers, Row]:
-            found, _, verdict = checked(point.scene, *asked, second)
-            return found, {"verdict": verdict}
+            each = checked(point.scene, *asked, second)
+            return each.answers, {"verdict": each.verdict.value}
 
         return many("check", points, out, answered)
     folder = store.claim(out, "check", line, ["agreement.json", "rest-check"])
     with terminal.progress() as progress:
         progress("both", 0.0)
         begun = perf_counter()
-        found, rows, verdict = checked(line, *asked, second)
+        judged = checked(line, *asked, second)
+        found, rows, verdict = judged.answers, judged.rows, judged.verdict.value
         seconds = perf_counter() - begun
         progress("both", 1.0)
     write(folder / "rest-check", found)

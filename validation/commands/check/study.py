@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import importlib
 import math
 import tomllib
@@ -15,10 +16,12 @@ from cablefem.response import Flag, Response, write_json
 from cablefem.scene import Scene
 from validation.core import foreign, measures
 from validation.core.agreement import DEFAULT_TOL, Agreement, Verdict, overall
+from validation.core.answers import outcome
 from validation.core.climb import AIM, BUDGET, TooCoarse, cheapest, climb, dear, laddered
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Ladder
 from validation.core.methods import Method, find, refined
+from validation.core.quantities import matter, told
 from validation.core.rows import compare, doubts, printed, with_bars
 from validation.core.running import run
 from validation.core.sidebyside import Progress, side_by_side
@@ -62,6 +65,17 @@ class Check:
     def doubts(self) -> list[tuple[str, Flag]]:
         """Methods and flags of doubtful bars."""
         return doubts(self.a.run, self.b.run)
+
+    def __repr__(self) -> str:
+        said = outcome(self.scene, self.a.run).sentence
+        return f"Check({self.scene.name}: {self.verdict.value}, {len(self.rows)} rows, tol = {self.tol:g}; {said})"
+
+    def _repr_html_(self) -> str:
+        from validation.page.page import table  # for notebooks alone
+
+        rows = [told(number) for number in matter(self.design)]
+        heads = {"what": "quantity", "value": "value", "t": "when", "at": "where"}
+        return f"<div><p>{html.escape(repr(self))}</p>{table(rows, heads)}{self.a.run._repr_html_()}</div>"
 
     def agreement(self) -> dict[str, Any]:
         """Return the content of agreement.json."""

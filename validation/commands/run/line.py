@@ -158,6 +158,9 @@ class Answers:
     design: list[Row]
     seconds: float
 
+    def __repr__(self) -> str:
+        return f"Answers({self.line.name}: {self.line.count} positions at rest, {self.status})"
+
     @property
     def refused(self) -> list[Row]:
         """Positions without rest, and why."""
