@@ -118,7 +118,7 @@ def test_a_check_holds_it_against_the_other_wing(name, monkeypatch):
 
 @every
 def test_a_row_of_the_chart(name, monkeypatch):
-    line = next(x for x in chart.series(peers=False) if x.name == name)
+    line = next(x for x in chart.series(SCENE.groups) if x.name == name)
     monkeypatch.setattr(chart, "REFERENCE", ("following-p2", {"elements": 6, "steps": 200}))
     monkeypatch.setattr(chart, "WITNESS", ("fourier-kink", {"terms": 6, "steps": 100}))
     truth = chart._Truth.of(SCENE, {"known": True})

@@ -33,14 +33,13 @@ def test_a_ladder_refines_and_is_admissible(method):
 
 
 def test_every_method_model_and_scheme_is_charted_and_nothing_else():
-    lines = list(study.series())
+    lines = list(study.series(LEVEL.groups))
     assert len({x.name for x in lines}) == len(lines)
     assert [x.name for x in lines if x.kind == "method"] == list(METHODS)
     assert {x.name for x in lines if x.kind == "peer"} == set(PEERS)
     assert {x.model for x in lines} == {"full", "string", "sagged", "stretching"}
     schemes = {x.rungs[0]["scheme"] for x in lines if x.kind == "integrator"}
     assert schemes == {"newmark", "generalized-alpha", "radau", "gauss"}
-    assert not [x for x in study.series(peers=False) if x.kind == "peer"]
 
 
 # --- a small chart ----------------------------------------------------------------------------------------------------
@@ -53,10 +52,10 @@ def small(tmp_path_factory):
         names = ("following-p2", "fixed-p1-naive", "model string", *PEERS)
         names = (*names, "following-p2 --tol")
 
-        def few(peers=True, groups=None):
+        def few(groups):
             failing = tuple({"elements": 6, "steps": steps, "scheme": "central-difference"} for steps in (50, 100))
             yield study.Series("scheme central-difference", "integrator", failing, study.BASE)
-            for x in all_series(peers, groups):
+            for x in all_series(groups):
                 if x.name in names:
                     rungs = x.rungs[:2] if x.kind == "tolerance" else x.rungs[:8:3]
                     yield study.Series(x.name, x.kind, rungs, x.method, x.model)
@@ -202,7 +201,7 @@ def test_another_code_runs_the_travel_up_to_the_end_of_the_window():
 def test_a_free_ride_is_charted_over_time_by_what_can_roll():
     text = Scene.load("zipline").to_toml().replace('mode = "free"', 'mode = "free"\nend = {place = 40.0}')
     ride = Scene.from_toml(text)
-    lines = {x.name: x for x in study.series(groups=ride.groups)}
+    lines = {x.name: x for x in study.series(ride.groups)}
     assert "scheme trapezoidal" in lines
     usual = find(study.BASE).settings_on(ride.groups, {})["scheme"]  # a line of its own already
     assert not {f"scheme {usual}"} & set(lines)

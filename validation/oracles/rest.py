@@ -73,18 +73,20 @@ def _held() -> list[Held]:
         def found(g: Groups, at: float) -> float:
             return float(brentq(lambda s: solvers.hold(g, method, s, **settings), at - 0.06, at + 0.06, xtol=1e-14))
 
-        return np.array([found(g, at) for g, at in zip(lines, places, strict=True)])
+        return np.array(list(map(found, lines, places)))
 
-    at = [gripped(TENTH, g) for g in lines]
-    holds, places = np.array([x.hold[0] for x in at]), np.array([place_of_rest(g) for g in lines])
+    def each(of: Callable[[Groups], Any]) -> Array:
+        return np.array(list(map(of, lines)))
+
+    holds, places = each(lambda g: gripped(TENTH, g).hold[0]), each(place_of_rest)
+    balanced = each(lambda g: balance(gripped(TENTH, g)))
     # wrong on purpose: on the empty cable's shape
-    weights = np.array([-g.mu * g.sigma * g.static(TENTH)[2] for g in lines])
-    lowest = np.array([g.c / g.sigma for g in lines])
+    weights, lowest = each(lambda g: -g.mu * g.sigma * g.static(TENTH)[2]), each(lambda g: g.c / g.sigma)
 
     statics, gives, empty = "statics alone", "the cable gives way under the car", " on the empty cable's shape"
     told = [
         (RIDERS[:1], True, holds, 3.0, statics, ""), (RIDERS, True, weights, 1.0, gives, empty),
-        (RIDERS[1:], True, np.array([balance(x) for x in at]), 1.9, statics + ", by the car's balance", ""),
+        (RIDERS[1:], True, balanced, 1.9, statics + ", by the car's balance", ""),
         (RIDERS, False, places, 2.4, statics, ""), (RIDERS, False, lowest, 1.0, gives, empty),
     ]  # fmt: skip
     return [

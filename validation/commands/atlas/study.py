@@ -20,8 +20,6 @@ from validation.core.sidebyside import Progress, silent
 
 CELLS, RESULT = "cells.jsonl", "atlas.json"
 SAID = store.shipped(__package__, "maps.toml")
-UNSURE = 0.5  # no cell is judged by a reference that moves by more than this part of the bound
-EARLIEST = 0.05  # s_o/l: a reference that is slack before this leaves too little to compare
 
 Map = dict[str, Any]  # as in maps.toml
 
@@ -122,23 +120,24 @@ def cells(m: Map, x: float, y: float) -> list[dict[str, Any]]:
     ]
 
 
-def judged(r: Response, reference: Response, unsure: float) -> dict[str, Any]:
+def judged(r: Response, reference: Response, unsure: float, earliest: float = 0.05) -> dict[str, Any]:
     """Return what a cell shows: how far the run came, its path error, the class of that, and the cause of a failure.
 
-    The error is taken where the reference is not slack.  A method that stops short of that is wrong.
+    The error is taken where the reference is not slack, at least to s_o/l = `earliest`.  A method that stops short of
+    that is wrong.  No cell is judged by a reference that moves by more than half of the bound.
     Causes: that of an incomplete run; "unstable" for one that gains energy; "slack too early" where the run falls slack
     long before the reference; else "too coarse".
     """
     stop = min(measures.WINDOW[1], math.inf if reference.slack_onset is None else reference.slack_onset)
     out = {"reached": r.reached, "error": None, "slack_onset": r.slack_onset, "cause": r.cause, "reason": r.reason}
-    if stop < EARLIEST or reference.reached < stop or _unstable(reference):
+    if stop < earliest or reference.reached < stop or _unstable(reference):
         return out | {"class": "not judged", "reason": r.reason or "the reference itself is not to be trusted here"}
     try:
         error = measures.path_gap(r, reference, (measures.WINDOW[0], min(stop, r.reached)))[0]
     except (measures.NotComparable, ValueError):
         return out | {"class": "wrong", "cause": r.cause or "too coarse"}
     verdict = "wrong" if r.reached < stop else _class(error)
-    if unsure > UNSURE * {"good": SAID["good"], "poor": SAID["wrong"], "wrong": math.inf}[verdict]:
+    if unsure > 0.5 * {"good": SAID["good"], "poor": SAID["wrong"], "wrong": math.inf}[verdict]:
         return out | {"class": "not judged", "reason": f"the reference itself is sure to {unsure:.2g} only"}
     cause = r.cause if verdict == "good" else r.cause or _cause(r, stop)
     return out | {"class": verdict, "error": error, "cause": cause}

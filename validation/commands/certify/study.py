@@ -171,12 +171,13 @@ def climb(scene: Scene, way: Way, progress: Progress = silent) -> Found:
 
     Each part is the change from half of it, with the other at its finest.
     """
-    method, free = find(way.method), scene.drive.mode == "free"
-    space, at_car = method.resolution.setting, free and method.wing == "elements"
+    method = find(way.method)
+    space, most = method.resolution.setting, way.most
     first = {space: way.first[0], "steps": way.first[1], "scheme": way.scheme}
-    if at_car:  # a wave at release shifts the ride in time, depending on the elements next to the car
-        first |= {"grading": 10.0}
-    most = way.most / (4.0 if free else 1.0)  # of a free ride each zero of the slip is an event
+    if scene.drive.mode == "free":
+        # a wave at release shifts the ride in time, depending on the elements next to the car
+        first |= {"grading": 10.0} if method.wing == "elements" else {}
+        most /= 4.0  # each zero of the slip is an event
     runs: dict[tuple[int, int], Track] = {}
 
     def ran(settings: dict[str, Any]) -> Track:
@@ -190,7 +191,9 @@ def climb(scene: Scene, way: Way, progress: Progress = silent) -> Found:
         fine = ran(settings)
         coarser = [[ran(refined(method, settings, **{of: share})) for share in (0.5, 0.25)] for of in ("space", "time")]
         found = _found(fine, coarser, way, {k: settings[k] for k in first}, (min(method.space_order, 1.5), 2.0))
-        parts = dict(zip((space, "steps"), (x if math.isfinite(x) else math.inf for x in found.parts), strict=True))
+        parts = dict(
+            zip((space, "steps"), np.nan_to_num(found.parts, nan=math.inf, posinf=math.inf).tolist(), strict=True)
+        )
         progress(way.name, 0.5, f"{settings[space]}/{settings['steps']}: {sum(found.parts):.1g}")
         # small parts are not refined
         finer = {k: settings | {k: 2 * settings[k]} for k in parts if parts[k] >= 0.1 * max(parts.values())}

@@ -55,15 +55,16 @@ def fastest(rows: list[Row], error: float) -> Row:
 
     best, seconds = first("path")
     tension = dict(zip(("series", "seconds"), first("tension"), strict=True))
-    peers = {}
-    for name, x in of.items():
-        if x[0]["kind"] == "peer":
-            at = seconds_at(x, error)
-            peers[name] = {
-                "seconds": at, "ratio": None if at is None or seconds is None else at / seconds,
-                "reason": None if at is not None else _why_not(x),
-            }  # fmt: skip
+    peers = {name: _peer(x, error, seconds) for name, x in of.items() if x[0]["kind"] == "peer"}
     return {"error": error, "series": best, "seconds": seconds, "tension": tension, "peers": peers}
+
+
+def _peer(rows: list[Row], error: float, ours: float | None) -> Row:
+    """Seconds of another code at an error, over ours, or why there are none."""
+    at = seconds_at(rows, error)
+    if at is not None:
+        return {"seconds": at, "ratio": None if ours is None else at / ours, "reason": None}
+    return {"seconds": None, "ratio": None, "reason": _why_not(rows)}
 
 
 def _why_not(rows: list[Row]) -> str:

@@ -53,14 +53,7 @@ def _fastest(chart: dict[str, Any]) -> Section:
     heads |= {name: f"{name} takes" for at in at_errors for name in at["peers"]}
     heads |= {name: f"{name} takes" for name in absent}
     heads |= {"tension": "tension: fastest here", "tension_seconds": "its seconds"}
-    rows = []
-    for at in at_errors:
-        tension = at["tension"]
-        row: Row = {"error": percent(at["error"]), "series": at["series"] or "none reaches it"}
-        row |= {"seconds": _seconds(at["seconds"]), "tension": tension["series"] or "none reaches it"}
-        row |= {"tension_seconds": _seconds(tension["seconds"])}
-        row |= {name: _takes(peer) for name, peer in at["peers"].items()}
-        rows.append(row | dict.fromkeys(absent, "not measured: not installed"))
+    rows = [_at(at) | dict.fromkeys(absent, "not measured: not installed") for at in at_errors]
     told = {key: _told(reference[key]) for key in ("settings", "witness_settings")}
     of = "a tenth of the length" if _free(chart) else "the largest deflection"
     text = _SAY.reference(
@@ -73,6 +66,14 @@ def _fastest(chart: dict[str, Any]) -> Section:
         "chart-fastest", "Fastest for a given error", table(rows, heads, stack=True) + Markup(text), None,
         f"Fastest to a path error of {said}." if said else "No method reaches the charted errors.",
     )  # fmt: skip
+
+
+def _at(at: dict[str, Any]) -> Row:
+    """Return what is fastest at one error."""
+    tension, none = at["tension"], "none reaches it"
+    row = {"error": percent(at["error"]), "series": at["series"] or none, "seconds": _seconds(at["seconds"])}
+    row |= {"tension": tension["series"] or none, "tension_seconds": _seconds(tension["seconds"])}
+    return row | {name: _takes(peer) for name, peer in at["peers"].items()}
 
 
 def _takes(peer: dict[str, Any]) -> str:

@@ -56,12 +56,10 @@ class Series:
 
 
 def chart(
-    scene: Scene, out: Path, report: Progress = silent, *, peers: bool = True, repeats: int = 3,
-    budget: float = 240.0,
+    scene: Scene, out: Path, report: Progress = silent, *, repeats: int = 3, budget: float = 240.0
 ) -> dict[str, Any]:  # fmt: skip
     """Measure speed against accuracy on a scene and store it as chart.json; continue an earlier call.
 
-    peers : run installed other codes as well.
     repeats : separate timed runs of each setting; the best counts.
     budget : [s] for all runs; a run beyond its share becomes a row "not run" with the expected seconds.
     """
@@ -70,7 +68,7 @@ def chart(
     report("reference", 0.0)
     truth = _Truth.of(scene, before.get("reference"))
     rows: list[dict[str, Any]] = [r for r in before.get("rows", []) if r["status"] not in ("not run", "not installed")]
-    todo = list(series(peers, scene.groups))
+    todo = list(series(scene.groups))
     found = {
         "scene": scene.name, "scene_toml": scene.to_toml(), "drive": scene.groups.drive.mode,
         "machine": _machine(), "window": list(truth.window), "reference": truth.told, "rows": rows,
@@ -90,22 +88,21 @@ def chart(
     return found
 
 
-def series(peers: bool = True, groups: Groups | None = None) -> Iterator[Series]:
+def series(groups: Groups) -> Iterator[Series]:
     """Yield the series by the tables of methods, schemes, models and peers."""
     from cablefem.elements.cable import MODELS
 
-    base, mode = METHODS[BASE], groups.drive.mode if groups else "grip"
+    base = METHODS[BASE]
     for method in METHODS.values():
         shares = DENSE if method is base else SAID["shares"]
         yield Series(method.name, "method", tuple(ladder(method, shares)), method.name)
-    for model in MODELS:
-        if model != "full":
-            yield Series(f"model {model}", "model", tuple(ladder(base))[::4], BASE, model)
-    yield from _schemes(base, (base.settings_on(groups, {}) if groups else base.settings({}))["scheme"])
+    for model in sorted(set(MODELS) - {"full"}, key=MODELS.index):
+        yield Series(f"model {model}", "model", tuple(ladder(base))[::4], BASE, model)
+    yield from _schemes(base, base.settings_on(groups, {})["scheme"])
     for name in (BASE, WITNESS[0]):
         yield Series(f"{name} --tol", "tolerance", tuple({"tol": tol} for tol in SAID["asked"]), name)
-    for peer in PEERS.values() if peers else ():
-        ours = (mode == "free" and peer.rides) or peer.ladder
+    for peer in PEERS.values():
+        ours = (groups.drive.mode == "free" and peer.rides) or peer.ladder
         yield Series(peer.name, "peer", tuple(dict(rung) for rung in ours))
 
 

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from validation.commands.check.study import Check
 
 STEP = 0.1  # [percent] change of a key; rows are linear in it
-LARGEST = 1.0  # largest fault that is reported
 
 
 def keys(data: Any, way: str = "") -> Iterator[str]:
@@ -33,8 +32,8 @@ def keys(data: Any, way: str = "") -> Iterator[str]:
             yield from keys(value, key)
 
 
-def sensitivity(result: Check) -> dict[str, float]:
-    """Smallest detectable relative fault of each key that matters.
+def sensitivity(result: Check, largest: float = 1.0) -> dict[str, float]:
+    """Smallest detectable relative fault of each key that matters, up to `largest`.
 
     One run a key at half the resolution: changes of rows need fewer digits.
     """
@@ -51,7 +50,7 @@ def sensitivity(result: Check) -> dict[str, float]:
         changed = run(other, find(base.method), until=view.stop, **base.settings)
         changed = replace(changed, scene_toml=base.scene_toml)
         found = [_least(changed, base, q, bars, view) for q in TABLE if q.asks and q.concerns(view)]
-        if found and min(found) < LARGEST:
+        if found and min(found) < largest:
             out[key] = min(found)
     return dict(sorted(out.items(), key=lambda item: item[1]))
 

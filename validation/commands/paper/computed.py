@@ -27,7 +27,7 @@ MOVING = (0.1, 0.8)  # s_o/l over which tensions are looked at
 PATH = measures.WINDOW
 FAR = 0.2  # |s - s_o|/l from which on an oscillation is not "local"
 END = 0.99  # s_o/l up to which the inclined cable's lowest point is looked for
-STRAIGHT = 0.02  # as in claims.toml
+STRAIGHT = store.shipped(__package__, "claims.toml")["meaning"]["straight"][0]
 
 
 def stored(runs: Runs, file: Path) -> dict[str, Any]:

@@ -10,22 +10,19 @@ import numpy as np
 
 from cablefem.scene import Scene
 
-FILL = 0.87  # metallic area of a full locked rope over that of its circle
-STEEL, STIFF = 8450.0, 160e9  # [kg/m^3] with filling, [Pa] of a full locked rope
-LIGHT, SOFT = 0.0045, 56e3  # [kg/m/mm^2], [N/mm^2] of a stranded rope, by the square of its diameter in mm
-
 Draw = Callable[[float, float], float]
-
-
 Tables = dict[str, Any]
 
 
 def _locked(draw: Draw) -> Tables:
-    """Return cable, supports and mass of a ropeway."""
+    """Return cable, supports and mass of a ropeway.
+
+    A full locked rope: 0.87 of its circle is metal, 8450 kg/m^3 with filling, 160 GPa.
+    """
     span, diameter = draw(200.0, 1500.0), draw(0.025, 0.055)
-    area = FILL * math.pi * diameter**2 / 4.0
+    area = 0.87 * math.pi * diameter**2 / 4.0
     H = area * draw(200e6, 400e6)
-    cable = {"mass_per_length": STEEL * area, "EA": STIFF * area, "horizontal_tension": H}
+    cable = {"mass_per_length": 8450.0 * area, "EA": 160e9 * area, "horizontal_tension": H}
     supports = {"span": span, "drop": span * draw(-0.6, 0.6)}
     return {"cable": cable, "supports": supports, "mass": {"mass": H * draw(0.02, 0.2) / 9.81}}
 
@@ -49,10 +46,13 @@ def hauled(draw: Draw) -> Scene:
 
 
 def free(draw: Draw) -> Scene:
-    """Return a rider on a thin rope, with a brake at 0.93 of the span."""
+    """Return a rider on a thin rope, with a brake at 0.93 of the span.
+
+    A stranded rope of diameter d [mm]: 0.0045 d^2 kg/m, 56 d^2 kN.
+    """
     span, d = draw(60.0, 600.0), draw(10.0, 20.0)
     supports = {"span": span, "drop": span * draw(0.03, 0.12)}
-    cable = {"mass_per_length": LIGHT * d**2, "EA": SOFT * d**2, "sag": span * draw(0.012, 0.03)}
+    cable = {"mass_per_length": 0.0045 * d**2, "EA": 56e3 * d**2, "sag": span * draw(0.012, 0.03)}
     x: Tables = {"cable": cable, "supports": supports, "mass": {"mass": draw(40.0, 120.0)}}
     x["drive"] = {"mode": "free", "rolling_friction": draw(0.005, 0.03), "drag_area": draw(0.3, 0.8)}
     x["drive"]["brake"] = [{"from": 0.93 * span, "force": draw(200.0, 600.0)}]

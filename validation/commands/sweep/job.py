@@ -148,21 +148,17 @@ def _end(scene: Any) -> float | None:
     return SLACK_END if scene.drive.mode == "grip" else None
 
 
-# A reference no coarser than this, and no larger: steps x elements.
-LEAST, MOST = {"elements": 32, "steps": 2400}, 2e6
-
-
-def truth(scene: Any, r: Any, finer: int) -> dict[str, Any]:
+def truth(scene: Any, r: Any, finer: int, most: float = 2e6) -> dict[str, Any]:
     """Return the errors of a run against one so many times finer in space and time, and what half of that is off.
 
     Over the range for which the run states its bar.  The reference is of the element wing's default method, whatever
-    the run is of.
+    the run is of, and has at most so many steps times elements.
     """
     from validation.core import measures
     from validation.core.running import run
 
-    fine = {k: max(least, finer * r.settings.get(k, 0)) for k, least in LEAST.items()}
-    if fine["steps"] * fine["elements"] > MOST:
+    fine = {k: max(least, finer * r.settings.get(k, 0)) for k, least in (("elements", 32), ("steps", 2400))}
+    if fine["steps"] * fine["elements"] > most:
         return {}
     how = {"model": r.model, "load": r.load, "until": measures.WINDOW[1]}
     best, half = (run(scene, "following-p2", **how, **{k: v // n for k, v in fine.items()}) for n in (1, 2))
