@@ -186,11 +186,6 @@ def test_every_scene_of_the_plan_is_known_and_every_method_accepts_its_settings(
         find(method).settings(settings)
 
 
-def test_a_page_without_results_says_so(tmp_path):
-    section = report.sections(tmp_path)[0]
-    assert "claims.json" in section.html
-
-
 @pytest.mark.slow
 def test_the_paper_redone(tmp_path):
     """About 80 s. The verdicts that rest on wide margins; then the page."""
