@@ -386,9 +386,12 @@ def _at_and_up_to(m: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]
 
 @_law(_off_supports)
 def tension_up_to_the_mass(m: Evidence) -> Defect:
-    """Mean tension along the cable tends to that at the mass; over H."""
+    """Mean tension along the cable tends to that at the mass, once the car is let go; over H.
+
+    At that instant a front leaves the car, and no tension along the cable tends to the one behind it.
+    """
     _, off = _at_and_up_to(m, lambda x: x.T)
-    return _static(*(off.mean(axis=0) / m.r.horizontal_tension))
+    return _static(*(off[m.t > 0.0].mean(axis=0) / m.r.horizontal_tension))
 
 
 @_law(_off_supports, of="velocity")
