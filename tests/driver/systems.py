@@ -43,6 +43,13 @@ class Spring(System):
         return float(np.sum(0.5 * self.m * x.v**2 + 0.5 * self.k * x.q**2 + 0.25 * self.k3 * x.q**4))
 
 
+class Kicked(Spring):
+    """A force that jumps at the phase boundary."""
+
+    def push(self, t, phase):
+        return np.array([0.0 if phase == 0 else 4.1])
+
+
 class Ball(Spring):
     """Falls under g and comes back from the ground at q = 0 with `restitution` times its speed."""
 

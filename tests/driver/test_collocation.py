@@ -27,7 +27,7 @@ from cablefem.newmark.schemes import GAUSS, RADAU
 from cablefem.newmark.tableau import tableau
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
-from tests.driver.systems import Ball, DoublePendulum, Follower, Guided, Spring
+from tests.driver.systems import Ball, DoublePendulum, Follower, Guided, Kicked, Spring
 
 TIGHT = Newton(tol=1e-13)
 LEVEL = Scene.load("level").groups
@@ -109,10 +109,6 @@ def test_nodes_a_little_off_lose_two_orders():
 
 @pytest.mark.parametrize(("method", "finest"), [("radau", 1e-8), ("gauss", 3e-7)])
 def test_a_jump_of_the_force_on_a_phase_boundary_costs_no_order(method, finest):
-    class Kicked(Spring):
-        def push(self, t, phase):
-            return np.array([0.0 if phase == 0 else 4.1])
-
     w, q = math.sqrt(5.3 / 1.7), 4.1 / 5.3
     at, speed = (0.31 * math.cos(w * 1.3) - 0.42 / w * math.sin(w * 1.3),
                  -0.31 * w * math.sin(w * 1.3) - 0.42 * math.cos(w * 1.3))  # fmt: skip

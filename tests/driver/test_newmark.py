@@ -19,7 +19,7 @@ from cablefem.newmark import (
     scheme,
     step_times,
 )
-from tests.driver.systems import DoublePendulum, MomentumPendulum, Spring
+from tests.driver.systems import DoublePendulum, Kicked, MomentumPendulum, Spring
 
 TIGHT = Newton(tol=1e-13)
 
@@ -151,13 +151,6 @@ def test_the_rule_of_momenta_is_of_second_order():
 
 
 # --- phases, start --------------------------------------------------------------------------------
-class Kicked(Spring):
-    """A force that jumps at the phase boundary."""
-
-    def push(self, t, phase):
-        return np.array([0.0 if phase == 0 else 4.1])
-
-
 @pytest.mark.parametrize("name", ["trapezoidal", "generalized-alpha", "energy"])
 def test_a_jump_of_the_force_on_a_phase_boundary_costs_no_order(name):
     spring = Kicked(phases=((0.0, 1.3), (1.3, 3.0)))

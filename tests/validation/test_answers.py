@@ -8,30 +8,14 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
+from tests.scene.test_ride import CREEPER
 from validation.core import answers
 from validation.core.answers import outcome, write_answers
 from validation.core.design import design
 from validation.core.quantities import matter, told
 from validation.core.quasi_static import quasi_static
 
-LINE = """
-[cable]
-mass_per_length = 0.62
-EA = 8e6
-horizontal_tension = 14e3
-[supports]
-span = 420.0
-drop = 31.0
-[mass]
-mass = 80.0
-below = 2.0
-[drive]
-mode = "free"
-start = 2.0
-rolling_friction = 0.02
-drag_area = 0.6
-brake = [{from = 395.0, force = 500.0}]
-"""
+LINE = CREEPER.replace("mass = 40.0", "mass = 80.0\nbelow = 2.0").replace("wind = -8.0\n", "")
 
 
 def scene(**changes):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from validation.commands.advise.study import LADDER, deflection_gap, distance
+from validation.commands.advise.study import LADDER, distance
 from validation.core import measures
 from validation.core.running import run
 
@@ -44,24 +44,6 @@ def test_models_that_differ_are_seen_to_differ():
     for i, a in enumerate(runs):
         for b in runs[:i]:
             assert measures.path_gap(a, b, WINDOW)[0] > 2e-2, (a.model, a.load, b.model, b.load)
-
-
-def test_the_stretching_model_costs_half_of_the_full_one_at_most():
-    """For a path right to 1e-3 of its own model; the cost is unknowns times Newton iterations, the least on a grid.
-
-    0.40 was measured: half of the unknowns, and a balance that is nearer to linear.  Seconds follow once the
-    arithmetic outweighs the fixed cost of a step (a few hundred unknowns).
-    """
-    cost = {}
-    for model in ("stretching", "full"):
-        fine = run(LEVEL, "following-p2", model=model, elements=24, steps=1800, until=WINDOW[1])
-        for elements in (5, 6, 7, 8):
-            for steps in (300, 350, 400, 450):
-                r = run(LEVEL, "following-p2", model=model, elements=elements, steps=steps, until=WINDOW[1])
-                if deflection_gap(r, fine, WINDOW) <= 1e-3:
-                    work = r.n_dof * r.work["newton_iterations"]
-                    cost[model] = min(work, cost.get(model, work))
-    assert cost["stretching"] <= cost["full"] / 2.0
 
 
 def test_a_run_that_stops_short_has_no_distance():
