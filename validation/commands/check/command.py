@@ -93,7 +93,7 @@ def command(
     if len(points) > 1:
         if other is not None:
             raise store.Refused("--with: holds one path against one scene; leave it out of a grid")
-        return _many(points, out, tol=tol, tol_tension=tol_tension)
+        return _many(loaded, points, out, tol=tol, tol_tension=tol_tension)
     loaded = points[0].scene
     other_scene = _second(loaded, second, second_set)
 
@@ -161,7 +161,7 @@ def _write_tables(folder: Path, runs: "tuple[Response, ...]") -> None:
         paraview.write(run, folder / run.method)
 
 
-def _many(points: "list[Point]", out: Path | None, **asked: Any) -> int:
+def _many(scene: Any, points: "list[Point]", out: Path | None, **asked: Any) -> int:
     """Check every point of a grid; 1 unless all agree."""
     from validation.commands.check import study
     from validation.page.answer import many
@@ -170,5 +170,5 @@ def _many(points: "list[Point]", out: Path | None, **asked: Any) -> int:
         found = study.check(point.scene, **asked)
         return many.row(point.scene, found.a.run, found.design, found.verdict.value), many.path(found.a.run)
 
-    rows = many.grid("check", "grid-check", points, out, row, many.tell)
+    rows = many.grid("check", "grid-check", scene, points, out, row, many.tell)
     return 0 if all(row["verdict"] == "agree" for row in rows) else 1

@@ -104,7 +104,7 @@ def command(
         return study.answer(points[i].scene, chosen, tol=tol, bars=bars, progress=progress, **kinds[i])
 
     if len(points) > 1:
-        return study.many(points, answered, out)
+        return study.many(loaded, points, answered, out)
     return _one(points[0].scene, name, answered, out)
 
 

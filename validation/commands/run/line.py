@@ -253,7 +253,7 @@ def many(
         numbers = {d["quantity"]: d["value"] for d in found.design}
         return {"status": found.status, **numbers, **more}, [told["x"].tolist(), told["y_lowest"].tolist()]
 
-    rows = table.grid(command, f"grid-rest-{command}", points, out, row, tell_grid)
+    rows = table.grid(command, f"grid-rest-{command}", points[0].scene, points, out, row, tell_grid)
     if any(x["status"] != "complete" for x in rows):
         return 2
     return int(any(x.get("verdict", "agree") != "agree" for x in rows))

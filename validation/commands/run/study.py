@@ -78,7 +78,7 @@ def quasi_static_answer(scene: Scene) -> Answer:
     return Answer(replace(response, design=design(response)))
 
 
-def many(points: Sequence[Point], answered: Callable[..., Answer], out: Path | None) -> int:
+def many(scene: Scene, points: Sequence[Point], answered: Callable[..., Answer], out: Path | None) -> int:
     """Answer every point of a grid; 2 where a run broke."""
     broke = []
 
@@ -87,5 +87,5 @@ def many(points: Sequence[Point], answered: Callable[..., Answer], out: Path | N
         broke.append(found.status != "complete" and found.slack_onset is None)
         return table.row(point.scene, found, found.design), table.path(found)
 
-    table.grid("run", "grid", points, out, row, table.tell)
+    table.grid("run", "grid", scene, points, out, row, table.tell)
     return 2 if any(broke) else 0

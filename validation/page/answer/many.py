@@ -60,14 +60,14 @@ def path(r: Response, points: int = 300) -> dict[str, list[float]]:
 
 
 def grid(
-    command: str, home: str, points: Sequence[Point], out: Path | None, answered: Callable[[Point], tuple[Row, Any]],
-    tell: Callable[[list[Row], list[str]], None],
+    command: str, home: str, scene: Any, points: Sequence[Point], out: Path | None,
+    answered: Callable[[Point], tuple[Row, Any]], tell: Callable[[list[Row], list[str]], None],
 ) -> list[Row]:  # fmt: skip
-    """Answer every point of a grid by a row and what is drawn of it; store, draw and print them; return the rows.
+    """Answer every point of a grid of a scene by a row and what is drawn of it; store, draw and print; return the rows.
 
     Writes table.csv, grid.json and scene.toml to the folder `home` of the command's results.
     """
-    scene, keys = points[0].scene, list(points[0].given)
+    keys = list(points[0].given)
     folder = store.claim(out, command, scene, [home])
     answers: dict[int, tuple[Row, Any]] = {}
     with terminal.progress() as progress:
