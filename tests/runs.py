@@ -31,6 +31,10 @@ def steep_cable(*, mu: float, sigma: float, c: float, alpha: float, speed: float
     return replace(g, chord_cos=float(x / chord), chord_sin=float(y / chord))
 
 
+MODELS = ("full", "string", "sagged", "stretching")
+STEEP = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
+
+
 def march(system, steps, method="trapezoidal", *, until=1.0, **kw):
     """Return the stacked states of a run up to s_o = until, and s_o."""
     states = []

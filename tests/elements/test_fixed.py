@@ -12,24 +12,12 @@ from scipy.interpolate import CubicSpline
 from cablefem.elements.fixed import FixedElements
 from cablefem.newmark import NewtonStalled, State, integrate, scheme, step_times
 from cablefem.response import States
-from tests.runs import (
-    CRUISE,
-    INCLINED,
-    level_cable,
-    march,
-    observe,
-    orders,
-    path_error,
-    steep_cable,
-    tangent_defect,
-)
+from tests.runs import CRUISE, INCLINED, MODELS, STEEP, level_cable, march, observe, orders, path_error, tangent_defect
 from validation.oracles import moving_force, moving_mass
 
-MODELS = ("full", "string", "sagged", "stretching")
 PAIRS = (
     ("hermite", "chain"), ("hermite", "path"), ("p1", "path"), ("p1", "naive"), ("p2", "path"), ("p2", "naive"),
 )  # fmt: skip
-STEEP = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
 DAMPED = {"p1": ("newmark", {}), "p2": ("newmark", {}), "hermite": ("generalized-alpha", {"rho_inf": 0.5})}
 
 

@@ -16,18 +16,16 @@ from tests.runs import (
     CRUISE,
     INCLINED,
     LEVEL,
+    MODELS,
+    STEEP,
     level_cable,
     march,
     observe,
     orders,
     path_error,
-    steep_cable,
     tangent_defect,
 )
 from validation.oracles import moving_mass
-
-MODELS = ("full", "string", "sagged", "stretching")
-STEEP = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
 
 
 # --- the equations ------------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.modes import bare_frequencies
-from tests.runs import LEVEL, steep_cable
+from tests.runs import LEVEL, STEEP, steep_cable
 from validation.oracles import catenary_modes, irvine
 
 # collocation of the linearised catenary, u and v; sigma = 0.1688832, alpha = 844.416 (Henghold; Wu & Chen)
@@ -20,7 +20,6 @@ EXACT = np.array([
     25.1448878959, 28.2937309199, 31.4323118252,
 ])  # fmt: skip
 PAPER = replace(LEVEL, sigma=0.1688832, alpha=844.416, c=0.0844416, motion=None)
-STEEP = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
 
 
 def test_the_first_ten_frequencies_of_the_catenary():

@@ -11,11 +11,9 @@ from cablefem.elements.fixed import FixedElements
 from cablefem.elements.following import FollowingElements
 from cablefem.newmark import State
 from cablefem.response import States
-from tests.runs import INCLINED, march, observe, stack, steep_cable
+from tests.runs import INCLINED, MODELS, STEEP, march, observe, stack
 from validation.core.sampling import _between
 
-MODELS = ("full", "string", "sagged", "stretching")
-STEEP = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
 STATIONS = np.linspace(0.0, 1.0, 2001)
 
 

@@ -13,10 +13,8 @@ from cablefem.elements.following import FollowingElements
 from cablefem.newmark import NO_STEPS, NewtonStalled, Work, between, iterate, scheme, step_times, stretches
 from cablefem.newmark.tableau import tableau
 from cablefem.scene import Scene
-from tests.runs import LEVEL, steep_cable
+from tests.runs import LEVEL, STEEP
 from validation.core.running import Run
-
-STEEP = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
 
 
 def interpreted(system):

@@ -7,11 +7,10 @@ import pytest
 
 from cablefem import Scene
 from galerkin import Daubechies, Fourier, bare_frequencies
-from tests.runs import orders, steep_cable
+from tests.runs import STEEP, orders
 from validation.oracles import catenary_modes, irvine
 
 BARE = replace(Scene.load("bare").groups, sigma=0.1688832, alpha=844.416, c=0.0844416)  # rounded as in oracles.md
-STEEP = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
 
 
 def test_first_ten_of_the_papers_cable():

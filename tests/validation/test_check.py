@@ -200,13 +200,14 @@ def test_a_tolerance_out_of_range_is_named(tol):
         check("level", tol=tol)
 
 
-def test_one_look_more_is_finer_in_space_and_time_and_then_it_is_said(right):
-    finer = study._closer([METHODS["following-p2"], METHODS["fourier-kink"]], list(right))
-    for x, e in zip(finer, right, strict=True):
-        assert x["steps"] == 1.5 * e.run.settings["steps"]
+def test_a_disagreement_is_looked_at_once_more_finer_in_space_and_time_and_then_it_is_said():
+    rounds = []
     wrong = LEVEL.variant(mu=1.05 * LEVEL.mu)
-    result = check(LEVEL, second=wrong, tol=1e-2)
+    result = check(LEVEL, second=wrong, tol=1e-2, made=lambda *runs: rounds.append([r.settings for r in runs]))
     assert result.verdict is Verdict.DISAGREE
+    for before, after, name in zip(*rounds[-2:], ("elements", "terms"), strict=True):
+        assert after["steps"] == pytest.approx(1.5 * before["steps"], abs=1.0)
+        assert after[name] == pytest.approx(1.5 * before[name], abs=1.0)
 
 
 def test_what_is_too_coarse_is_refined_where_its_bar_comes_from(right):
