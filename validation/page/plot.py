@@ -139,13 +139,18 @@ def plot(
         top += 20.0 if p.title or p.scale else 0.0
         shown.append(p.drawn(across, w) | {"top": top, "last": p is panels[-1]})
         top += p.height + 14.0
-    named = {name: (color, dash, width) for p in panels for _, _, color, dash, width, name in p.lines if name}
     svg = rendered(
         "plot.svg", panels=shown, width=WIDTH, height=top - 14.0 + BELOW, left=LEFT, right=right, xlabel=xlabel,
-        label=plain(label or caption), key=[(*look, name) for name, look in named.items()],
+        label=plain(label or caption), key=_key(panels),
         xticks=[(_place(across(t)), words) for t, words in _ticks(*x, False, 7)],
     )  # fmt: skip
     return figure_of(svg, caption, wide=wide)
+
+
+def _key(panels: Sequence[Panel]) -> list[tuple[str, str, float, str]]:
+    """Return colour, dash, width and name of every named line, once."""
+    named = {name: (color, dash, width) for p in panels for _, _, color, dash, width, name in p.lines if name}
+    return [(*look, name) for name, look in named.items()]
 
 
 def _ticks(low: float, high: float, log: bool, most: float) -> list[tuple[float, str]]:

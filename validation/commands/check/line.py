@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -60,22 +61,27 @@ def compared(
 
     Row `rest` is for positions with one solution: a disagreement, unless the other search did not end.
     """
-    positions = list(zip(*(x.positions for x in (a, less_a, b, less_b)), strict=True))
-    both = {i: states for i, states in enumerate(positions) if all(isinstance(x, LineState) for x in states)}
+    positions = list(zip(a.positions, less_a.positions, b.positions, less_b.positions, strict=True))
+    both: dict[int, Any] = {
+        i: states for i, states in enumerate(positions) if all(isinstance(x, LineState) for x in states)
+    }
     if not both:
         return _alone(positions)[:1]
     at = [f"{p.name}, position {i + 1}" for i, states in both.items() for p in states[0].case.stations]
-    told = [[numbers(states[k]) for states in both.values()] for k in range(4)]
-    values = [{q: np.concatenate([x[q] for x in solver]) for q in solver[0]} for solver in told]
+    values = [_joined(states) for states in zip(*both.values(), strict=True)]
     tension = float(np.nanmax([values[0]["tension_behind"], values[0]["tension_ahead"]]))
     asked = {"m": tol, "N": tol_tension * tension}
     rounding = {"m": ROUNDING * float(np.ptp(a.empty.place[:, 0])), "N": ROUNDING * a.empty.case.EA}
-    out = []
-    for quantity in values[0]:
-        unit = "m" if quantity in METRES else "N"
-        if (found := _worst(rounding[unit], *(x[quantity] for x in values))) is not None:
-            out.append(_row(quantity, *found[:3], asked[unit], at[found[3]]))
-    return out + _alone(positions)[:1]
+    units = {quantity: "m" if quantity in METRES else "N" for quantity in values[0]}
+    worst = {quantity: _worst(rounding[unit], *(x[quantity] for x in values)) for quantity, unit in units.items()}
+    rows = [_row(quantity, *x[:3], asked[units[quantity]], at[x[3]]) for quantity, x in worst.items() if x]
+    return rows + _alone(positions)[:1]
+
+
+def _joined(states: Sequence[LineState]) -> dict[str, Array]:
+    """The numbers of several states, one after another."""
+    told = [numbers(state) for state in states]
+    return {quantity: np.concatenate([x[quantity] for x in told]) for quantity in told[0]}
 
 
 def _worst(

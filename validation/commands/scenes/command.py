@@ -18,18 +18,11 @@ def command(
     """List the built-in scenes, print one as TOML, or say what a scene file may hold."""
     if keys or schema:
         return _keys() if keys else _schema()
-    from cablefem.response import write_text
-    from cablefem.scene import Scene
-    from cablefem.scene.line import Line
-
-    library = {**Scene.library(), **Line.library()}
     if name is None and out is None:
         return _list()
-    if name is None or name in library:
-        texts = {key: Scene.library_text(key) for key in (library if name is None else [name])}
-    else:
-        found = line_named(name) or scene_named(name)
-        texts = {found.name: found.to_toml()}
+    from cablefem.response import write_text
+
+    texts = _texts(name)
     if out is None:
         print("".join(texts.values()), end="")
         return 0
@@ -37,6 +30,17 @@ def command(
         for key, text in texts.items():
             write_text(folder / f"{key}.toml", text)
     return 0
+
+
+def _texts(name: str | None) -> dict[str, str]:
+    """Return the TOML of a scene by its name; of all built-in ones for None."""
+    from cablefem.scene import Scene
+    from cablefem.scene.scene import LIBRARY, LINES
+
+    if name is None or name in (*LIBRARY, *LINES):
+        return {key: Scene.library_text(key) for key in ((*LIBRARY, *LINES) if name is None else [name])}
+    found = line_named(name) or scene_named(name)
+    return {found.name: found.to_toml()}
 
 
 def _list() -> int:
