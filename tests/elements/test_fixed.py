@@ -240,14 +240,3 @@ def test_fields_and_paths_belong_together(element, coupling):
     assert o.T_pointwise[1, 1] == pytest.approx(T[0] + STEEP.alpha * (np.hypot(*slope) - 1.0), rel=1e-4)
     assert np.isfinite(o.T_behind[1:]).all()
     assert math.isnan(o.T_behind[0])
-
-
-def test_another_law_shares_the_tables():
-    system = FixedElements(STEEP, elements=5, element="p2", coupling="path")
-    other = system.with_law("tension-only")
-    assert (system.law, other.law) == ("elastic", "tension-only")
-    assert other._mesh.tab is system._mesh.tab
-    q = 0.05 * np.random.default_rng(33).standard_normal(system.n_dof)
-    still = np.zeros_like(q)
-    assert np.abs(system.residual(1.07, q, still, still, 0) - other.residual(1.07, q, still, still, 0)).max() > 0.1
-    assert system.least_tension[0] < 0.0

@@ -15,7 +15,6 @@ from cablefem.scene import Scene
 from tests.runs import (
     CRUISE,
     INCLINED,
-    LEVEL,
     MODELS,
     STEEP,
     level_cable,
@@ -25,7 +24,6 @@ from tests.runs import (
     path_error,
     tangent_defect,
 )
-from validation.oracles import moving_mass
 
 
 # --- the equations ------------------------------------------------------------------------------------------------
@@ -113,14 +111,7 @@ def test_a_side_without_length_is_refused(s_o):
 
 
 # --- the taut string ----------------------------------------------------------------------------------------------
-MU, SIGMA, V = 0.7, 0.23, 0.55
-CROSSING = level_cable(mu=MU, sigma=SIGMA, speed=V)
-RIDE = moving_mass.solve(moving_mass.constant_speed(V), mu=MU, sigma=SIGMA)
-
-
-def ride(t):
-    """Path on the taut string; the sag's curvature, tau y_n'' = -sigma, makes the mass heavier by 1 + V^2."""
-    return (1.0 + V * V) * RIDE.path(t)
+CROSSING = level_cable(mu=0.7, sigma=0.23, speed=0.55)
 
 
 def test_the_reference_values_of_the_crossing_mass():
@@ -254,33 +245,6 @@ def test_the_string_hears_nothing_ahead_of_its_waves():
         ahead.append(np.abs(o.v[0, 1:]).max() / abs(o.v[0, 0]))
     assert ahead[0] < 0.03
     assert ahead[1] < 5e-4
-
-
-# --- slack --------------------------------------------------------------------------------------------------------
-def through_slack(elements, steps):
-    """Return s_o and v of the level scene, elastic until it goes slack, then tension-only with gamma = 0.6."""
-    system = FollowingElements(LEVEL, elements=elements)
-    times, states, onset = step_times(system, steps), [], None
-    for x in integrate(system, scheme("trapezoidal"), times):
-        states.append(x)
-        if len(states) > 1 and system.least_tension[0] < 0.0:
-            onset = system.motion.at(x.t, x.phase)[0]
-            break
-    other = system.with_law("tension-only")
-    assert (system.law, other.law) == ("elastic", "tension-only")
-    states += integrate(other, scheme("newmark"), times, start=states[-1])
-    s_o = np.array([system.motion.at(x.t, x.phase)[0] for x in states])
-    return onset, s_o, np.array([x.q.reshape(-1, 2)[system.node, 1] for x in states])
-
-
-def test_a_cable_that_cannot_push_is_carried_past_its_slack_onset():
-    runs = [through_slack(8, 1000), through_slack(10, 1500)]
-    for onset, s_o, _ in runs:
-        assert 0.82 < onset < 0.93
-        assert s_o[-1] > 0.99
-    common = np.linspace(0.85, 0.97, 25)
-    v = [np.interp(common, s_o, v) for _, s_o, v in runs]
-    assert np.abs(v[0] - v[1]).max() < 0.02 * np.abs(v[1]).max()
 
 
 # --- locking ------------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Whole runs: paths against exact strings and against elements, energy, momentum at the mass, slack."""
+"""Whole runs: paths against elements, energy, momentum at the mass; against exact answers: tests/oracles."""
 
 import math
 from dataclasses import replace
@@ -7,35 +7,20 @@ import numpy as np
 import pytest
 
 from cablefem.elements.following import FollowingElements
-from cablefem.newmark import NewtonStalled, integrate, scheme, step_times
-from cablefem.response import States
+from cablefem.newmark import NewtonStalled
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
-from tests.oracles.strings import from_rest
-from tests.runs import INCLINED, LEVEL, level_cable, march, observe, orders, path_error
-from validation.oracles import moving_mass
-
-STRING = level_cable(mu=0.7, sigma=0.31, speed=0.45)
-FROM_REST = level_cable(mu=0.7, sigma=0.31, acceleration=0.23)
-
-
-# --- exact answers -------------------------------------------------------------------------------------------------
-RIDE = moving_mass.solve(moving_mass.constant_speed(0.45), mu=0.7, sigma=0.31)
-REST = moving_mass.solve(from_rest(0.23), mu=0.7, sigma=0.31)
+from tests.runs import INCLINED, LEVEL, march, observe, orders, path_error
 
 
 # --- the other wing ------------------------------------------------------------------------------------------------
-def element_path(groups):
-    """Path of mass-following elements, which share no formula with this wing; 3e-4 or better (formulations.md 2)."""
-    system = FollowingElements(groups, elements=12, degree=2)
+@pytest.fixture(scope="module")
+def level_path():
+    """Path of mass-following elements, which share no formula with this wing; 3e-4 or better."""
+    system = FollowingElements(LEVEL, elements=12, degree=2)
     states, _ = march(system, 800, until=0.82)
     v = observe(system, states).path[:, 1]
     return lambda t: np.interp(t, states.t, v)
-
-
-@pytest.fixture(scope="module")
-def level_path():
-    return element_path(LEVEL)
 
 
 @pytest.mark.parametrize(
@@ -162,23 +147,6 @@ def test_observation_at_the_entry_is_the_limit():
     np.testing.assert_allclose(x.slope_behind[0], x.slope_behind[1], rtol=1e-4)
     np.testing.assert_allclose(x.energy[1], x.energy[0], rtol=0.0, atol=1e-7)
     np.testing.assert_allclose(x.v, 0.0, rtol=0.0, atol=0.0)
-
-
-# --- slack ---------------------------------------------------------------------------------------------------------
-def test_level_scene_goes_slack_and_is_carried_on():
-    """Onset at s_o/l = 0.831; the tension-only law, sharing all tables, carries the run to the end."""
-    system = GalerkinSystem(LEVEL, Fourier(20), kink=True)
-    times = step_times(system, 1000)
-    run = integrate(system, scheme("trapezoidal"), times)
-    x = next(x for x in run if system.least_tension[0] < 0.0)
-    assert abs(LEVEL.motion.position(x.t) - 0.831) < 0.01
-    after = system.with_law("tension-only")
-    assert after.basis is system.basis
-    rest = list(integrate(after, scheme("newmark"), times, start=x))
-    assert LEVEL.motion.position(rest[-1].t) > 0.99
-    stacked = States(*(np.array([getattr(x, n) for x in rest]) for n in ("t", "q", "v", "a", "phase")))
-    least = observe(after, stacked).tension_min
-    assert least.min() == 0.0  # slack somewhere, and never below
 
 
 # --- the package ---------------------------------------------------------------------------------------------------
