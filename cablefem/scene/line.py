@@ -214,7 +214,10 @@ class LineRest:
 
 
 class Line(Part):
-    """A rope over several contacts, and the positions of cars on it."""
+    """A rope over several contacts, and the positions of cars on it.
+
+    Line.load("two-span").replace({"contact.valley.tension": 4e5})
+    """
 
     name: Name = said("[-] name of the line and of the folder of its results", "line")
     title: Text = said("[-] title of its pages", "")

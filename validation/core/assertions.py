@@ -20,6 +20,7 @@ def assert_agree(
     path : largest path gap, over the largest deflection of b; of a free ride 0.1 l.
     tension : rms gap of the tension fields, or at the mass, over H.
     window : s_o/l, by default that of the drive; cut at slack and where an answer ends.
+    assert_agree(run("level"), run("level", "fourier-kink"), path=3e-3)
     """
     __tracebackhide__ = True  # pytest shows the caller's line
     names = f"{a.method} and {b.method}"

@@ -21,7 +21,10 @@ NEAREST = 1e-6
 
 
 def quasi_static(scene: Scene) -> Response:
-    """Return the quasi-static ride; SceneError if its cable at rest is not found."""
+    """Return the quasi-static ride; SceneError if its cable at rest is not found.
+
+    quasi_static("zipline").events
+    """
     if scene.mass is None:
         raise ValueError(f"scene {scene.name!r} has no car")
     begin = time.perf_counter()

@@ -118,6 +118,7 @@ def check(
     progress : called with the method's name, the fraction done and what was reached.
     made : called with both runs before they are judged, and after refinement.
     until : largest s_o/l of both runs, once slack no further; default: the end.
+    check("zipline", tol=5e-3).verdict
     """
     if not (math.isfinite(tol) and 1e-6 <= tol <= 0.2):
         raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")

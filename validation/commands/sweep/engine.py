@@ -60,6 +60,7 @@ def sweep(
 
     workers : processes on this machine, one per core by default; scheduler : address of one that runs.
     Raises Refused for a folder that holds rows of another study, or without Dask.
+    sweep("riders.toml", Path("riders"))
     """
     report = progress or (lambda tally: None)
     with _alone(out):
