@@ -1,7 +1,7 @@
 """Checks responses against the laws of mechanics and the scene's TOML alone, in SI.
 
 Finds faults that both wings share.  A defect is a part of the law's own scale, zero for the exact answer.  Its bar is
-the change to coarser runs plus three times the change when every second sample is left out.
+that of the ladder, once with coarser runs and once with every second and every fourth sample.
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ from scipy.interpolate import CubicSpline
 from cablefem.response import Array, Response
 from validation.core import timetable
 from validation.core.evidence import ROUNDING, Evidence, Side, Window, Windows, cross
+from validation.core.ladder import left
 
 OFTEN = 0.2  # of a transverse wave's time along the cable: longer steps between frames hide velocities
 NEXT = 0.01  # of the length: a shorter side has too few stations
 ROLLS = 0.05  # of the top speed: below it friction's direction is not checked
 FIRST = 1.0  # largest order credited at the mass
-THINNED = 3.0  # factor on the change by thinning, for errors of order 1/2 and more
+SAMPLED = 2.0  # largest order credited to sampling: that of the trapezoidal rule
 DOWN = np.array([0.0, 1.0])
 
 
@@ -68,6 +69,7 @@ def hold(ladder: Ladder, window: Window, until: float = math.inf) -> Iterator[He
     windows = Windows.of(r, window, until)
     case = Evidence(r, windows)
     thin = case.thinned()
+    thinner = thin.thinned()
     known = {id(x): Evidence(x, windows) for x in ladder.runs[1:]} | {id(r): case}
 
     for name, law in LAWS.items():
@@ -77,13 +79,14 @@ def hold(ladder: Ladder, window: Window, until: float = math.inf) -> Iterator[He
         if not (found.place.size and np.isfinite(found.value).all()):
             yield Held(name, law.of, math.nan, math.nan, math.nan, None)
             continue
-        sampling = ROUNDING + THINNED * Defect(found.place, found.value - law.defect(thin).value).rms
+        every = [found.value, *(law.defect(x).value for x in (thin, thinner))]
+        sampling = ROUNDING + left(*(_rms_apart(x, y) for x, y in pairwise(every)), (2.0, 2.0), SAMPLED)
         defects = {key: (found if law.exact else law.defect(x)).value for key, x in known.items()}
         bar = ladder.bar(lambda x, of=defects: of[id(x)], _rms_apart, FIRST)  # type: ignore[misc]
         worst = int((found.rms / (sampling + bar)).argmax())
         at = float(found.place[np.abs(found.value[:, worst]).argmax()])
-        gap, left, sampled = (float(x[worst]) for x in (found.rms, bar + 0.0 * sampling, sampling))
-        yield Held(name, law.of, gap, left, sampled, None if math.isnan(at) else at)
+        gap, coarse, sampled = (float(x[worst]) for x in (found.rms, bar + 0.0 * sampling, sampling))
+        yield Held(name, law.of, gap, coarse, sampled, None if math.isnan(at) else at)
 
 
 def _rms_apart(a: Array, b: Array) -> Array:
