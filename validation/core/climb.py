@@ -185,16 +185,14 @@ def climb(
 
 
 def path_parts(ladder: Ladder, view: View) -> tuple[float, float]:
-    """Return the parts of space and time in the path's bar; infinite if unknown, or where a coarser run broke."""
+    """Return the parts of space and time in the path's bar; infinite if unknown."""
     try:
         view = view.cut(ladder.finest)
     except NotComparable:
         return math.inf, math.inf
     of: Any = lambda r: r  # noqa: E731
-    over = ladder.over(view)
-    space, time = over.parts(of, lambda a, b: measures.path_gap(b, a, view.window)[0])
-    broke = [len(a.runs) < len(b.runs) for a, b in ((over.space, ladder.space), (over.time, ladder.time))]
-    return math.inf if broke[0] else space, math.inf if broke[1] else time
+    space, time = ladder.over(view).parts(of, lambda a, b: measures.path_gap(b, a, view.window)[0])
+    return space, time
 
 
 def cheapest(
