@@ -31,7 +31,6 @@ from validation.core.view import View
 SOLVERS = ("following-p2", "fourier-kink")
 SHARES = {"elements": 1.0, "galerkin": 2.0}  # of the tolerance; dense bases are expensive
 CONFIRMS = 1.5  # factor on resolution and steps of both before they count as different
-LEAST_SHARE = 0.25  # of the tolerance: smaller bars are not refined
 MOST_ROUNDS = 5  # of refinement
 
 Settings = dict[str, Any]
@@ -218,13 +217,15 @@ def _finer(methods: list[Method], ladders: list[Ladder], rows: list[Agreement]) 
 
 
 def _excess(row: Agreement, method: str) -> Iterator[tuple[float, tuple[float, float], float, float]]:
-    """A method's bar beyond its share of a row: excess, parts, share, and order."""
+    """The largest bar of a row, over what the others leave to it: excess, parts, what is left, and order."""
     assert row.asked_for is not None
+    largest = max(sum(parts) for parts in row.parts)
     for parts, of in zip(row.parts, row.bound.parts, strict=False):
         bar = sum(parts)
-        if of.name == method and bar > LEAST_SHARE * row.asked_for:
-            share = bar / row.allowed if math.isfinite(row.allowed) else 0.5
-            target = AIM * share * row.asked_for * min(1.0, row.allowed / row.gap if row.gap else 1.0)
+        if of.name == method and bar == largest:
+            others = row.allowed - bar if math.isfinite(row.allowed) else 0.0
+            target = AIM * max(row.asked_for - others, row.asked_for / 2.0)
+            target *= min(1.0, row.allowed / row.gap if row.gap else 1.0)
             yield bar / target, parts, target, math.inf if "path" in row.quantity else 1.0
 
 
