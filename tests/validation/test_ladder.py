@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from validation.core.ladder import Branch, Ladder, left
+from validation.core.ladder import Branch, Ladder
 from validation.core.measures import NotComparable
+from validation.core.order import left
 
 SAME: Any = lambda r: r  # noqa: E731 - runs of these tests are their own answers
 

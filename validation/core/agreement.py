@@ -10,7 +10,7 @@ from typing import Any
 from validation.core.bounds import Bound
 
 DEFAULT_TOL = 1e-3
-APART = 3.0  # times both bars: less may be discretisation error (`ladder.left`)
+APART = 3.0  # times both bars: less may be discretisation error (`order.left`)
 
 
 class Verdict(enum.Enum):

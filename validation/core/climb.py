@@ -15,9 +15,10 @@ from cablefem.response import MassPath, Response
 from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.flags import flagged
-from validation.core.ladder import LEAST_ORDER, Branch, Ladder
+from validation.core.ladder import Branch, Ladder
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import Method, find
+from validation.core.order import LEAST_ORDER
 from validation.core.running import Run, whole
 from validation.core.sidebyside import Progress
 from validation.core.view import View

@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 from cablefem.response import Array, Response
 from validation.core import timetable
 from validation.core.evidence import ROUNDING, Evidence, Side, Window, Windows, cross
-from validation.core.ladder import left
+from validation.core.order import left
 
 OFTEN = 0.2  # of a transverse wave's time along the cable: longer steps between frames hide velocities
 NEXT = 0.01  # of the length: a shorter side has too few stations
@@ -79,8 +79,8 @@ def hold(ladder: Ladder, window: Window, until: float = math.inf) -> Iterator[He
         if not (found.place.size and np.isfinite(found.value).all()):
             yield Held(name, law.of, math.nan, math.nan, math.nan, None)
             continue
-        every = [found.value, *(law.defect(x).value for x in (thin, thinner))]
-        sampling = ROUNDING + left(*(_rms_apart(x, y) for x, y in pairwise(every)), (2.0, 2.0), SAMPLED)
+        half, quarter = (law.defect(x).value for x in (thin, thinner))
+        sampling = ROUNDING + left(_rms_apart(found.value, half), _rms_apart(half, quarter), (2.0, 2.0), SAMPLED)
         defects = {key: (found if law.exact else law.defect(x)).value for key, x in known.items()}
         bar = ladder.bar(lambda x, of=defects: of[id(x)], _rms_apart, FIRST)  # type: ignore[misc]
         worst = int((found.rms / (sampling + bar)).argmax())

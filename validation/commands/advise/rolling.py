@@ -21,8 +21,8 @@ from cablefem.response import Array, Response
 from cablefem.scene import LoadPath, Scene
 from cablefem.scene.ride import ride
 from validation.core import store
-from validation.core.ladder import left
 from validation.core.measures import JUMP_WIDTH
+from validation.core.order import left
 from validation.core.quasi_static import Statics, quasi_static
 from validation.core.running import run
 from validation.core.sidebyside import Progress

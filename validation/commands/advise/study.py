@@ -18,8 +18,8 @@ from cablefem.scene import Scene
 from validation.commands.advise import rolling
 from validation.commands.advise.rolling import EDGE, ORDER, REFERENCE, SHARE, finite
 from validation.core import measures, store
-from validation.core.ladder import left
 from validation.core.methods import METHODS, find
+from validation.core.order import left
 from validation.core.running import run
 from validation.core.sidebyside import Progress, silent
 

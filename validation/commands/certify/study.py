@@ -27,8 +27,8 @@ from validation.core import store
 from validation.core.agreement import Agreement, overall
 from validation.core.bounds import Bound, Part, nothing
 from validation.core.crossing import crossed
-from validation.core.ladder import left
 from validation.core.methods import Method, find, refined
+from validation.core.order import left
 from validation.core.running import steps_of
 from validation.core.sampling import stacked
 from validation.core.sidebyside import Progress, side_by_side, silent

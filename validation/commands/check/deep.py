@@ -20,9 +20,10 @@ from validation.core import measures, trust
 from validation.core.agreement import Agreement
 from validation.core.bounds import Bound, Part, nothing
 from validation.core.climb import laddered
-from validation.core.ladder import SAFETY, Ladder
+from validation.core.ladder import Ladder
 from validation.core.measures import SLACK_END
 from validation.core.methods import METHODS
+from validation.core.order import SAFETY
 from validation.core.running import Run, run
 from validation.core.scipys import integrated
 from validation.core.view import View

@@ -1,0 +1,38 @@
+"""What is left of an error, from the changes of a value as it is refined twice."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+SAFETY = 1.25  # for three grids (Roache 1998, Verification and Validation, section 5)
+NONSENSE = 4.0  # times the nominal fall: a quarter that far off tells nothing
+LEAST_ORDER = 0.5  # no order shows below (Eca & Hoekstra 2014, J. Comput. Phys. 262); bar 3 d at ratio 2
+
+
+def left(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any:
+    """Return the bar F d / (r^p - 1) of a finest run, value by value.
+
+    d : change from half to finest;  before : from quarter to half, 0 if unknown.
+    ratios : finest over half, half over quarter;  order : the most credited.
+
+    p solves before/d = r^p (r'^p - 1)/(r^p - 1) (Celik et al. 2008, J. Fluids Eng. 130, 078001).  A change below the
+    nominal fall is raised to it, unless the quarter is too far off.
+    """
+    d, before = np.abs(np.asarray(d, float)), np.abs(np.asarray(before, float))
+    r, coarser = ratios[0], ratios[-1]
+    least = min(order, LEAST_ORDER)
+    floor = before * (r**order - 1.0) / (r**order * (coarser**order - 1.0))
+    tells = floor <= NONSENSE * d
+    d, before = np.where(tells, np.maximum(d, floor), d), np.where(tells, before, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fall = np.where(d > 0.0, before / d, 0.0)
+        p = np.full(d.shape, order)
+        for _ in range(10):
+            p = np.clip(np.log(fall * (r**p - 1.0) / (coarser**p - 1.0)) / math.log(r), least, order)
+    bar = SAFETY * d / (r ** np.nan_to_num(p, nan=least) - 1.0)
+    bar = np.where(np.isfinite(bar), bar, np.inf)
+    return bar if bar.ndim else float(bar)
