@@ -33,12 +33,12 @@ STRIDES = np.array([1.0, *np.geomspace(1.5, 64.0, 30)])  # less is not worth a l
 ROUNDING = 1e-12  # of the path's scale
 AUDIBLE = 10.0  # steps that resolve an axial round trip
 
-# Affordable steps do not resolve axial waves, so both rules damp them.  The wings' rules differ: a fault in one shows.
+# Default rule: affordable steps do not resolve axial waves, so it damps them.
 QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
-SHARP = {"scheme": "radau"}  # of order 5, with cheap banded solves
+SHARP = {"scheme": "radau"}  # of order 5: cars that roll take a fraction of the steps
 RINGS = {"scheme": "generalized-alpha", "rho_inf": 1.0}
-# A light car (mass ratio mu) sends a front of width mu ahead, which tolerances up to FINE ask for.
-LIGHT, FINE = 0.1, 2e-3
+# A light car (mass ratio mu) sends a front of width mu ahead.  Radau's rule disperses it least.
+LIGHT, FINE, FINEST = 0.1, 2e-3, 3e-4
 SWINGING = {"rho_inf": 0.5}  # on free rides axial waves reverse the friction
 
 
@@ -154,7 +154,7 @@ def climb(
     how = {k: kind[k] for k in KIND if k in kind}
     end = how.pop("until", None)
     named = {k: v for k, v in kind.items() if k not in KIND}
-    settings = method.settings_on(scene.groups, _rule(scene, method, named) | _begin(scene, method, tol))
+    settings = method.settings_on(scene.groups, _rule(scene, method, named, tol) | _begin(scene, method, tol))
     runs = Runs(scene, method, how, known)
     short, space = _short(runs.view, end), method.resolution
     ratio, before = 1.0, math.inf  # last refinement of space, and the part before
@@ -268,13 +268,14 @@ def _light(scene: Scene, tol: float) -> bool:
     return scene.mu <= (LIGHT if tol <= FINE else 0.3 * LIGHT)
 
 
-def _rule(scene: Scene, method: Method, named: dict[str, Any]) -> dict[str, Any]:
+def _rule(scene: Scene, method: Method, named: dict[str, Any], tol: float) -> dict[str, Any]:
     if scene.drive.mode == "free" and not method.follows:
         return SWINGING | named
     damps = scene.drive.mode == "free" or method.knobs["scheme"].default != "trapezoidal"
     if damps or "scheme" in named:
         return named
-    return (SHARP if method.follows else QUIET) | named
+    sharp = method.follows and (scene.drive.mode == "haul" or _light(scene, tol) or tol <= FINEST)
+    return (SHARP if sharp else QUIET) | named
 
 
 def _begin(scene: Scene, method: Method, tol: float) -> dict[str, int]:

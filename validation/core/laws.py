@@ -24,8 +24,7 @@ from validation.core.order import left
 OFTEN = 0.2  # of a transverse wave's time along the cable: longer steps between frames hide velocities
 NEXT = 0.01  # of the length: a shorter side has too few stations
 ROLLS = 0.05  # of the top speed: below it friction's direction is not checked
-FIRST = 1.0  # largest order credited at the mass
-SAMPLED = 2.0  # largest order credited to sampling: that of the trapezoidal rule
+FIRST = 1.0  # largest order credited: at the mass, and to samples of a velocity that jumps
 DOWN = np.array([0.0, 1.0])
 
 
@@ -80,7 +79,7 @@ def hold(ladder: Ladder, window: Window, until: float = math.inf) -> Iterator[He
             yield Held(name, law.of, math.nan, math.nan, math.nan, None)
             continue
         half, quarter = (law.defect(x).value for x in (thin, thinner))
-        sampling = ROUNDING + left(_rms_apart(found.value, half), _rms_apart(half, quarter), (2.0, 2.0), SAMPLED)
+        sampling = ROUNDING + left(_rms_apart(found.value, half), _rms_apart(half, quarter), (2.0, 2.0), FIRST)
         defects = {key: (found if law.exact else law.defect(x)).value for key, x in known.items()}
         bar = ladder.bar(lambda x, of=defects: of[id(x)], _rms_apart, FIRST)  # type: ignore[misc]
         worst = int((found.rms / (sampling + bar)).argmax())
