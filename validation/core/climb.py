@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.newmark import scheme
-from cablefem.response import MassPath, Response
+from cablefem.response import MassPath
 from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.flags import flagged
@@ -31,12 +31,10 @@ AIM = 0.8  # of the bar asked for: a margin
 STRIDE = 4.0  # largest refinement at once: orders hold no further
 STRIDES = np.array([1.0, *np.geomspace(1.5, 64.0, 30)])  # less is not worth a ladder
 ROUNDING = 1e-12  # of the path's scale
-AUDIBLE = 10.0  # steps that resolve an axial round trip
 
 # Default rule: affordable steps do not resolve axial waves, so it damps them.
 QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 SHARP = {"scheme": "radau"}  # of order 5: cars that roll take a fraction of the steps
-RINGS = {"scheme": "generalized-alpha", "rho_inf": 1.0}
 # A light car (mass ratio mu) sends a front of width mu ahead.  Radau's rule disperses it least.
 LIGHT, FINE, FINEST = 0.1, 2e-3, 3e-4
 SWINGING = {"rho_inf": 0.5}  # on free rides axial waves reverse the friction
@@ -107,15 +105,6 @@ class Runs:
             return replace(branch, runs=tuple(whole(self.at(r.settings, until)) for r in branch.runs))
 
         return replace(ladder, finest=finest, space=observed(ladder.space), time=observed(ladder.time))
-
-    def ringing(self, settings: dict[str, Any]) -> Response | None:
-        """Return a run without damping of axial waves; None if too many steps."""
-        motion = self.scene.groups.motion
-        duration = self.scene.groups.drive.nominal if motion is None else motion.phases[-1][1]
-        steps = math.ceil(AUDIBLE * duration * math.sqrt(self.scene.groups.alpha) / 2.0)
-        if steps > MOST_STEPS:
-            return None
-        return whole(self.at(settings | RINGS | {"steps": max(steps, settings["steps"])}, self.view.stop))
 
 
 def laddered(
