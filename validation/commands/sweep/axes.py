@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -65,25 +65,16 @@ class Steps(Range):
     count: Annotated[int, whole(2, MOST)]
 
 
-def grid(given: Any) -> tuple[Axis, ...]:
-    """Return the axes of a table [vary]: lists of values, or tables with choices, or with from, to and count."""
-    return _axes(given, _stepped)
-
-
-def ranges(given: Any) -> tuple[Axis, ...]:
-    """Return the axes of a table [sample.range]: [low, high], or tables with from and to, or with choices."""
-    return _axes(given, _ranged)
-
-
-def _axes(given: Any, read: Callable[[str, Any], Axis]) -> tuple[Axis, ...]:
-    if isinstance(given, tuple) and all(isinstance(axis, Axis) for axis in given):
+def _axes(kind: type[Range], given: Any) -> tuple[Axis, ...]:
+    """Return the axes of a table; each is a list, a table with choices, or a range of that kind."""
+    if isinstance(given, tuple):
         return given  # of a study that is copied
     if not (isinstance(given, dict) and given):
         raise ValueError("must be a table of at least one axis")
     axes, faults = [], []
     for name, one in given.items():
         try:
-            axes.append(read(name, one))
+            axes.append(_axis(kind, name, one))
         except SceneError as error:
             faults += [f"{name}.{fault}" for fault in error.faults]
         except ValueError as error:
@@ -93,28 +84,21 @@ def _axes(given: Any, read: Callable[[str, Any], Axis]) -> tuple[Axis, ...]:
     return tuple(axes)
 
 
-def _chosen(given: Any) -> tuple[Any, ...]:
-    """Return the values of {choices = [...]}, none of anything else."""
-    named = isinstance(given, dict) and list(given) == ["choices"] and isinstance(given["choices"], list)
-    return tuple(given["choices"]) if named else ()
+def _axis(kind: type[Range], name: str, given: Any) -> Axis:
+    match given:
+        case [low, high] if kind is Range:
+            given = {"from": low, "to": high}
+        case [_, *_] if kind is Steps:
+            given = {"choices": given}
+    match given:
+        case {"choices": [_, *_] as values, **more} if not more:
+            return Axis(name, tuple(values))
+        case dict():
+            x = kind(**given)
+            axis = Axis(name, (), x.low, x.high, x.log)
+            shares = [i / (x.count - 1) for i in range(x.count)] if isinstance(x, Steps) else []
+            return Axis(name, tuple(map(axis.at, shares))) if shares else axis
+    raise ValueError("must be a list, or a table with choices, or with from and to")
 
 
-def _stepped(name: str, given: Any) -> Axis:
-    if values := tuple(given) if isinstance(given, list) else _chosen(given):
-        return Axis(name, values)
-    if isinstance(given, dict):
-        steps = Steps(**given)
-        axis = Axis(name, (), steps.low, steps.high, steps.log)
-        return Axis(name, tuple(axis.at(i / (steps.count - 1)) for i in range(steps.count)))
-    raise ValueError("must be a list, or a table with choices, or with from, to and count")
-
-
-def _ranged(name: str, given: Any) -> Axis:
-    if isinstance(given, list) and len(given) == 2 and all(real(x) is not None for x in given):
-        given = {"from": given[0], "to": given[1]}
-    if not isinstance(given, dict):
-        raise ValueError("must be [low, high], or a table with from and to, or with choices")
-    if values := _chosen(given):
-        return Axis(name, values)
-    between = Range(**given)
-    return Axis(name, (), between.low, between.high, between.log)
+grid, ranges = partial(_axes, Steps), partial(_axes, Range)  # of [vary], of [sample.range]

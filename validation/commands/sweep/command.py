@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -36,7 +36,7 @@ def command(
 ) -> int:
     """Run a study of many scenes; given again it goes on where it stopped.
 
-    Writes DIR/: rows/*.parquet, one row per scene; study.toml, sweep.json and report.html.
+    Writes DIR/: rows/*.parquet, one row per scene; study.toml and report.html.
     """
     from validation.commands.sweep.study import Study, built_in
 
@@ -51,6 +51,8 @@ def command(
         return 0
 
     from validation.commands.sweep import engine
+    from validation.commands.sweep.page import sections
+    from validation.page import page
 
     folder = store.ROOT / asked.name if out is None else out
     if folder.is_dir() and any(folder.iterdir()) and not (folder / "rows").is_dir():
@@ -61,31 +63,26 @@ def command(
             progress("sweep", tally.done / tally.total, str(tally))
 
         tally = engine.sweep(asked, folder, workers=workers, scheduler=scheduler, progress=told)
+    rows = engine.frame(folder)
     if csv:
-        engine.frame(folder).to_csv(folder / "rows.csv")
-    from validation.commands.sweep.page import sections
-    from validation.page import page
-
+        rows.to_csv(folder / "rows.csv")
     page.render(f"cablefem sweep: {asked.title or asked.name}", sections(folder), folder / "report.html")
     terminal.say(f"{tally.status.total()} scenes in this call, {tally.rate:.3g} per second")
-    terminal.say(f"written to {folder}: rows/, study.toml, sweep.json, report.html")
-    return _outcome(folder)
+    terminal.say(f"written to {folder}: rows/, study.toml, report.html")
+    return _outcome(rows)
 
 
 def _print(study: Study, scene: int) -> None:
     point = study.point(scene)
     how = " ".join(f"{key}={value}" for key, value in study.how(point).items())
-    print(f"# scene {scene} of {study.name}: {study.job} {how} {'' if study.tol is None else f'tol={study.tol:g}'}")
+    print(f"# scene {scene} of {study.name}: {study.job} {how}")
     print(study.scene_at(point).to_toml(), end="")
 
 
-def _outcome(folder: Path) -> int:
+def _outcome(rows: Any) -> int:
     """Print how many scenes came to what, and the first without an answer; return the exit code."""
-    from validation.commands.sweep import engine
-
-    counts = engine.statuses(folder)
-    terminal.say(", ".join(f"{n} {status}" for status, n in sorted(counts.items(), key=lambda x: -x[1])))
-    if len(rows := engine.frame(folder).query("status not in ('complete', 'incomplete')")):
-        first = rows.iloc[0]
-        terminal.say(f"scene {rows.index[0]}, {first['status']}: {str(first['reason']).splitlines()[-1]}")
-    return 1 if any(counts.get(x) for x in ("failed", "died", "cut off")) else 0
+    terminal.say(", ".join(f"{n} {status}" for status, n in rows["status"].value_counts().items()))
+    unanswered = rows[~rows["status"].isin(("complete", "incomplete"))]
+    for index, first in unanswered.head(1).iterrows():
+        terminal.say(f"scene {index}, {first['status']}: {first['reason'].splitlines()[-1]}")
+    return int(unanswered["status"].ne("refused").any())

@@ -1,6 +1,8 @@
 """The loop of a sweep on Dask: chunks of about a second go out, rows come home and are written, whole or not at all."""
 
 import fcntl
+import logging
+import os
 import time
 import tomllib
 from collections import Counter, deque
@@ -10,16 +12,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cablefem.response import whole, write_json, write_text
+import numpy as np
+
+from cablefem.response import whole, write_text
 from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
 from validation.core.store import Refused
 
 CHUNK = 1.0  # [s] of work in a chunk: the way to a worker and back, and a file, cost about 10 ms
 LARGEST = 2000  # scenes in a chunk, however fast they are
-AHEAD = 2  # chunks waiting beside each one that is worked on
 
-Work = Callable[[Study, list[tuple[int, dict[str, Any]]]], list[dict[str, Any]]]
+Row = dict[str, Any]
+Work = Callable[[Study, list[tuple[int, dict[str, Any]]]], list[Row]]
 
 
 @dataclass(slots=True)
@@ -30,16 +34,11 @@ class Tally:
     before: int  # rows that an earlier call had written
     begin: float = field(default_factory=time.perf_counter)
     status: Counter[str] = field(default_factory=Counter)
-    busy: float = 0.0  # [s] of work in the rows, all workers together
-    dashboard: str | None = None
+    dashboard: str = ""
 
     @property
     def done(self) -> int:
         return self.before + self.status.total()
-
-    @property
-    def failed(self) -> int:
-        return sum(self.status[x] for x in job.BROKEN)
 
     @property
     def rate(self) -> float:
@@ -47,9 +46,8 @@ class Tally:
         return self.status.total() / max(1e-9, time.perf_counter() - self.begin)
 
     def __str__(self) -> str:
-        where = f", {self.dashboard}" if self.dashboard else ""
-        left = self.total - self.done
-        return f"{self.done} done, {self.failed} failed, {left} left, {self.rate:.3g} scenes/s{where}"
+        failed, left = sum(self.status[x] for x in job.BROKEN), self.total - self.done
+        return f"{self.done} done, {failed} failed, {left} left, {self.rate:.3g} scenes/s {self.dashboard}"
 
 
 def sweep(
@@ -68,138 +66,93 @@ def sweep(
         known = done(out)
         todo = deque(i for i in range(len(study)) if i not in known)
         tally = Tally(len(study), len(known))
-        del known
         report(tally)
         if todo:
             with _client(workers, scheduler, min(len(todo), LARGEST)) as client:
-                tally.dashboard = _dashboard(client)
-                loop = _Loop(client, study, out, todo, tally, work)
-                loop.run(report)
-        seconds = time.perf_counter() - tally.begin
-        write_json(out / "sweep.json", {
-            "study": study.name, "scenes": len(study), "statuses": statuses(out), "seconds": seconds,
-            "busy": tally.busy, "computed": tally.status.total(),
-        })  # fmt: skip
+                tally.dashboard = client.dashboard_link or ""
+                for rows in filter(None, _computed(client, study, todo, work)):
+                    write(out, study, rows)
+                    tally.status.update(row["status"] for row in rows)
+                    report(tally)
     return tally
 
 
-class _Loop:
-    """Chunks go out to a client's workers, and their rows are written as they come home."""
+def _computed(client: Any, study: Study, todo: deque[int], work: Work) -> Iterator[list[Row]]:
+    """Give the rows of all scenes, chunk by chunk.
 
-    def __init__(
-        self, client: Any, study: Study, out: Path, todo: deque[int], tally: Tally, work: Work
-    ) -> None:  # fmt: skip
-        from distributed import as_completed
+    Dask gives a chunk whose worker died to another one; after that, each of its scenes is a chunk of its own.  No
+    more chunks are out than threads are there: one that waits at a worker would die with it.
+    """
+    from distributed import as_completed
 
-        self.client, self.study, self.out, self.todo, self.tally, self.work = client, study, out, todo, tally, work
-        self.capacity = max(1, sum(client.nthreads().values()))
-        self.running: dict[Any, list[int]] = {}
-        self.results = as_completed()
-        self.size = 1  # scenes in a chunk
-        # Chunks of workers that died are tried one at a time, so that a death tells whose fault it was.
-        self.suspects: deque[list[int]] = deque()
-        self.alone = False
-        self.deaths: Counter[int] = Counter()
+    capacity, size = max(1, sum(client.nthreads().values())), 1
+    results, running = as_completed(), dict[Any, list[int]]()
+    suspects: deque[int] = deque()
 
-    def run(self, report: Callable[[Tally], None]) -> None:
-        self.fill()
-        for future in self.results:
-            indices = self.running.pop(future)
-            rows = self.made(future.result()) if future.status == "finished" else self.died(indices, future)
-            future.release()
-            if rows:
-                write(self.out, self.study, rows)
-                self.tally.status.update(row["status"] for row in rows)
-                report(self.tally)
-            self.fill()
+    def fill() -> None:
+        while (suspects or todo) and len(running) < capacity:
+            share = max(1, len(todo) // (2 * capacity))  # smaller at the end: all workers end together
+            chunk = [suspects.popleft()] if suspects else [todo.popleft() for _ in range(min(size, share))]
+            future = client.submit(work, study, [(i, study.point(i)) for i in chunk], pure=False)
+            running[future] = chunk
+            results.add(future)
 
-    def fill(self) -> None:
-        self.alone = bool(self.suspects) and not self.running
-        if self.alone:
-            self.send(self.suspects.popleft())
-        elif self.suspects:
-            return
-        while self.todo and not self.alone and len(self.running) < (1 + AHEAD) * self.capacity:
-            share = max(1, len(self.todo) // (2 * self.capacity))  # smaller at the end: all workers end together
-            self.send([self.todo.popleft() for _ in range(min(self.size, share, len(self.todo)))])
+    fill()
+    for future in results:
+        chunk, rows = running.pop(future), list[Row]()
+        if future.status == "finished":
+            rows = future.result()
+            size = min(_lasting(CHUNK, rows), 4 * max(size, len(rows)))
+        elif len(chunk) == 1:
+            rows = [job.lost(study, chunk[0], type(future.exception()).__name__)]
+        else:
+            suspects.extend(chunk)
+        future.release()
+        fill()
+        yield rows
 
-    def send(self, indices: list[int]) -> None:
-        points = [(i, self.study.point(i)) for i in indices]
-        future = self.client.submit(self.work, self.study, points, pure=False)
-        self.running[future] = indices
-        self.results.add(future)
 
-    def made(self, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-        """Take rows that came home, and learn from their seconds how large chunks may be."""
-        seconds = sum(row.get("seconds") or 0.0 for row in rows)
-        self.tally.busy += seconds
-        wanted = CHUNK * len(rows) / max(seconds, 1e-9)
-        self.size = int(min(max(1.0, wanted), LARGEST, 4 * max(self.size, len(rows))))
-        return rows
-
-    def died(self, indices: list[int], future: Any) -> list[dict[str, Any]]:
-        """Take apart a chunk whose worker died; a scene at which a worker dies twice alone is a row that says so."""
-        if self.alone and len(indices) == 1:
-            self.deaths[indices[0]] += 1
-            if self.deaths[indices[0]] == 2:
-                return [job.lost(self.study, indices[0], type(future.exception()).__name__)]
-        self.suspects.extend([[i] for i in indices] if self.alone else [indices])
-        return []
+def _lasting(seconds: float, rows: list[Row]) -> int:
+    """Return how many such scenes take so long, from 1 to LARGEST."""
+    took = sum(row.get("seconds") or 0.0 for row in rows)
+    return int(np.clip(seconds * len(rows) / max(took, 1e-9), 1, LARGEST))
 
 
 # --- results ----------------------------------------------------------------------------------------------------------
 
 
-def write(out: Path, study: Study, rows: list[dict[str, Any]]) -> None:
+def write(out: Path, study: Study, rows: list[Row]) -> None:
     """Write rows as one Parquet file, whole or not at all."""
     import pyarrow
     from pyarrow import parquet
 
     first = rows[0]["index"]
-    table = pyarrow.Table.from_pylist(rows, schema(study))
+    table = pyarrow.Table.from_pylist(rows, _schema(study))
     with whole(out / "rows" / f"{first:08d}-{len(rows)}.parquet") as temporary:
         parquet.write_table(table, temporary)
 
 
-def schema(study: Study) -> Any:
+def _schema(study: Study) -> Any:
     """Return the columns of a study's rows, the same in every file."""
     import pyarrow as pa
 
-    inputs = [(axis.name, pa.float64() if axis.numeric else pa.string()) for axis in study.axes]
-    taken = {name for name, _ in inputs}
-    columns = [("index", pa.int64()), *inputs]
-    for names, kind in ((job.WORDS, pa.string()), (job.NUMBERS, pa.float64()), (job.COUNTS, pa.int64())):
-        columns += [(name, kind) for name in names if name not in taken]
-    return pa.schema(columns)
+    kinds = dict.fromkeys(job.WORDS, pa.string()) | dict.fromkeys(job.NUMBERS, pa.float64())
+    kinds |= dict.fromkeys(job.COUNTS, pa.int64())
+    inputs = {axis.name: pa.float64() if axis.numeric else pa.string() for axis in study.axes}
+    return pa.schema({"index": pa.int64(), **inputs, **{name: x for name, x in kinds.items() if name not in inputs}})
 
 
-def files(out: Path) -> list[Path]:
-    """Return the files of rows."""
-    return sorted((out / "rows").glob("*.parquet"))
+def frame(out: Path, *columns: str) -> Any:
+    """Return all rows as a pandas.DataFrame, by index; with these columns, if some are named."""
+    import pandas
+
+    wanted = ["index", *columns] if columns else None
+    return pandas.read_parquet(out / "rows", columns=wanted).set_index("index").sort_index()
 
 
 def done(out: Path) -> set[int]:
     """Return the indices of the scenes that have a row."""
-    return {i for file in files(out) for i in column(file, "index")}
-
-
-def statuses(out: Path) -> dict[str, int]:
-    """Return how many rows have which status."""
-    return dict(Counter(status for file in files(out) for status in column(file, "status")))
-
-
-def column(file: Path, name: str) -> list[Any]:
-    """Return one column of a file of rows."""
-    from pyarrow import parquet
-
-    return parquet.read_table(file, columns=[name])[name].to_pylist()
-
-
-def frame(out: Path) -> Any:
-    """Return all rows as a pandas.DataFrame, by index."""
-    import pandas
-
-    return pandas.concat([pandas.read_parquet(file) for file in files(out)]).set_index("index").sort_index()
+    return set(frame(out, "status").index) if any((out / "rows").glob("*.parquet")) else set()
 
 
 # --- folder and cluster -----------------------------------------------------------------------------------------------
@@ -240,9 +193,6 @@ def _client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator
         from distributed import Client, LocalCluster
     except ImportError:
         raise Refused("sweep needs Dask and pyarrow: pip install 'cablefem[sweep]'") from None
-    import logging
-    import os
-
     if scheduler is not None:
         try:
             with Client(scheduler, timeout="5s") as client:
@@ -251,8 +201,8 @@ def _client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator
         except (OSError, ValueError, TimeoutError) as error:
             raise Refused(f"--scheduler {scheduler}: {error or 'no answer'}") from None
         return
-    # a chunk that kills its worker is taken apart here at once, not tried again whole
-    calm = {"distributed.scheduler.allowed-failures": 0, "distributed.comm.timeouts.connect": "60s"}
+    # a chunk is tried a second time as a whole
+    calm = {"distributed.scheduler.allowed-failures": 1, "distributed.comm.timeouts.connect": "60s"}
     with dask.config.set(calm):
         cluster = LocalCluster(
             n_workers=min(workers or os.cpu_count() or 1, scenes), threads_per_worker=1, memory_limit=0,
@@ -260,8 +210,3 @@ def _client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator
         )  # fmt: skip
         with cluster, Client(cluster) as client:
             yield client
-
-
-def _dashboard(client: Any) -> str | None:
-    link = client.dashboard_link
-    return link if link and "None" not in link else None

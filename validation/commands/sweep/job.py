@@ -33,7 +33,7 @@ NUMBERS = (
 COUNTS = ("newton_iterations", "steps")
 WORDS = (
     "status", "cause", "reason", "flags", "verdict", "not_agreed", "method", "model", "load", "settings", "outcome",
-    "outcome_kind", "events",
+    "outcome_kind", "events", "family", "fault",
 )  # fmt: skip
 
 
@@ -47,24 +47,24 @@ def time_limit(seconds: float) -> Iterator[None]:
 
     Compiled code may make another exception of it.
     """
-    thread, done, late = threading.get_ident(), threading.Event(), threading.Event()
-
-    def watch() -> None:
-        if not done.wait(seconds):
-            late.set()
-            ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(CutOff))
-            if not done.wait(GRACE):
-                os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
+    thread, begin = ctypes.c_ulong(threading.get_ident()), time.perf_counter()
+    cut = ctypes.pythonapi.PyThreadState_SetAsyncExc
+    timers = [
+        threading.Timer(seconds, cut, (thread, ctypes.py_object(CutOff))),
+        threading.Timer(seconds + GRACE, os._exit, (1,)),
+    ]
+    for timer in timers:
+        timer.daemon = True
+        timer.start()
     try:
         yield
     except Exception:
-        if late.is_set():
+        if time.perf_counter() - begin > seconds:
             raise CutOff from None
         raise
     finally:
-        done.set()
+        for timer in timers:
+            timer.cancel()
 
 
 def rows(study: Study, numbered: list[tuple[int, dict[str, Any]]]) -> list[dict[str, Any]]:
@@ -89,7 +89,7 @@ def row(study: Study, index: int, point: dict[str, Any]) -> dict[str, Any]:
 
 def lost(study: Study, index: int, cause: str) -> dict[str, Any]:
     """Return the row of a scene whose workers died."""
-    reason = "the worker died at it twice"
+    reason = "each worker died that computed it"
     return {"index": index, **study.point(index), "status": "died", "cause": cause, "reason": reason}
 
 
@@ -101,44 +101,48 @@ def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
         out = {name: x for name in GROUPS if (x := getattr(scene, name)) is not None and math.isfinite(x)}
     except (SceneError, ValueError) as error:
         return {"status": "refused", "cause": "scene", "reason": str(error)}
-    return out | {"run": _run, "check": _check, "advise": _advise, "power": _power}[study.job](
-        study, point, scene, index
-    )
+    how = study.how(point)
+    match study.job:
+        case "run":
+            return out | _run(study, how, scene, index)
+        case "check":
+            return out | _checked(scene, how["tol"], None)
+        case "advise":
+            return out | _advise(scene, how["tol"])
+    key = study.case(point)[1]
+    second = None if key is None else scene.replace({key: "+1%"})
+    told = {"family": scene.name, "fault": "none" if key is None else f"{key} +1 %"}
+    return out | told | _checked(scene, how["tol"], second)
 
 
-def _run(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
+def _run(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
     from validation.core.climb import TooCoarse, climb, laddered
     from validation.core.design import numbers
     from validation.core.methods import find
     from validation.core.running import Run
 
-    how = study.how(point)
     tol = how.pop("tol", None)
     if "method" not in how:
         how |= _cheapest(scene, tol)
     method = how.pop("method")
-    knobs = find(method).knobs
-    settings = {k: v for k, v in study.settings.items() if k in knobs}
+    how |= {k: v for k, v in study.settings.items() if k in find(method).knobs}
     too_coarse: dict[str, Any] = {}
     try:
-        Run(scene, method, **how, **settings)
+        Run(scene, method, **how)
     except ValueError as error:  # a method that cannot do what the scene asks for
         return {"status": "refused", "cause": "method", "reason": str(error)}
     how["until"] = _end(scene)
-    if tol is None:
-        e = laddered(scene, method, **how, **settings)
-    else:
-        try:
-            e = climb(scene, method, tol, past=0.0, **how, **settings)
-        except TooCoarse as error:
-            e, too_coarse = error.ladder, {"verdict": "too coarse", "reason": str(error)}
+    try:
+        e = laddered(scene, method, **how) if tol is None else climb(scene, method, tol, past=0.0, **how)
+    except TooCoarse as error:
+        e, too_coarse = error.ladder, {"verdict": "too coarse", "reason": str(error)}
     r = replace(e.run, design=[number.row() for number in numbers(e)])
     out = of_response(r, scene) | too_coarse
     if faults := faults_of(r):
         return out | {"status": "failed", "cause": "not finite", "reason": "; ".join(faults)}
-    if study.truth and index % study.truth.every == 0 and r.path_error is not None:
-        out |= truth(scene, r, study.truth.finer)
-    return out
+    if study.truth is None or index % study.truth.every:
+        return out
+    return out | truth(scene, r, study.truth.finer)
 
 
 def _end(scene: Any) -> float | None:
@@ -158,7 +162,7 @@ def truth(scene: Any, r: Any, finer: int, most: float = 2e6) -> dict[str, Any]:
     from validation.core.running import run
 
     fine = {k: max(least, finer * r.settings.get(k, 0)) for k, least in (("elements", 32), ("steps", 2400))}
-    if fine["steps"] * fine["elements"] > most:
+    if r.path_error is None or fine["steps"] * fine["elements"] > most:
         return {}
     how = {"model": r.model, "load": r.load, "until": measures.WINDOW[1]}
     best, half = (run(scene, "following-p2", **how, **{k: v // n for k, v in fine.items()}) for n in (1, 2))
@@ -187,19 +191,14 @@ def faults_of(r: Any) -> list[str]:
     return out
 
 
-def _cheapest(scene: Any, tol: float | None) -> dict[str, Any]:
+def _cheapest(scene: Any, tol: float) -> dict[str, Any]:
     """Return the least model and method that `advise` finds; of a car that rolls, a method that can ride."""
     from validation import advice
 
-    assert tol is not None
     if scene.drive.mode != "grip":
         return {"method": "following-p2"}
     found = advice(scene, tol)
     return {k: found[k] for k in ("method", "model", "load")}
-
-
-def _check(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
-    return _checked(scene, study.how(point)["tol"], None)
 
 
 def _checked(scene: Any, tol: float, second: Any) -> dict[str, Any]:
@@ -212,18 +211,10 @@ def _checked(scene: Any, tol: float, second: Any) -> dict[str, Any]:
     return of_response(best.run, scene) | {"verdict": found.verdict.value, "not_agreed": ", ".join(rows) or None}
 
 
-def _power(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
-    """Check a realistic scene, or one of which the second solver is told a number 1 percent larger."""
-    key = study.case(point)[1]
-    second = None if key is None else scene.replace({key: "+1%"})
-    told = {"family": scene.name, "fault": "none" if key is None else f"{key} +1 %"}
-    return told | _checked(scene, study.how(point)["tol"], second)
-
-
-def _advise(study: Study, point: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
+def _advise(scene: Any, tol: float) -> dict[str, Any]:
     from validation import advice
 
-    found = advice(scene, study.how(point)["tol"])
+    found = advice(scene, tol)
     told = {k: found[k] for k in ("model", "load", "method", "path_error", "tension_error")}
     verdict = "meets" if found["meets"] else "too coarse"
     return told | {"status": "complete", "settings": json.dumps(found["settings"]), "verdict": verdict}

@@ -3,46 +3,39 @@
 import json
 import textwrap
 from importlib import resources
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
+from pandas import qcut
 
 from validation.commands.sweep.engine import frame
 from validation.commands.sweep.job import BROKEN, DESIGN
-from validation.commands.sweep.study import Study, built_in
-from validation.core import store
+from validation.commands.sweep.study import Study
 from validation.core.quantities import named, scale_of, unit_of
 from validation.page.figures import panels
-from validation.page.page import Section, callout, figure, gallery, number, table
+from validation.page.page import Section, callout, figure, gallery, number, percent, table
 
 SHOWN = 4000  # rows in the page and dots in a map at most, evenly taken; all are in rows/
 MAPS = ("tension_max", "mass_deepest", "contact_min", "haul_force_max", "max_deflection", "path_error")
-MULTIPLES = 3
+PARTS = 3  # of a third axis
 
 
 def sections(folder: Path) -> list[Section]:
     """Return the pages; each names what it leaves out."""
-    study = Study.load(folder / "study.toml")
-    told = store.read(folder / "sweep.json")
-    rows = frame(folder)
-    return [
-        _outcome(study, told, rows),
-        _maps(study, rows),
-        _explorer(study, told["study"] if told["study"] in built_in() else "study.toml", rows),
-    ]
+    study, rows = Study.load(folder / "study.toml"), frame(folder)
+    return [_outcome(study, rows), _maps(study, rows), _explorer(study, folder / "study.toml", rows)]
 
 
-def _outcome(study: Study, told: dict[str, Any], rows: Any) -> Section:
-    counts = rows["status"].value_counts()
+def _outcome(study: Study, rows: Any) -> Section:
+    complete = rows["status"] == "complete"
     html = [_counted(rows, ["status"], "What came of the scenes")]
-    short = rows[rows["status"] != "complete"]
-    html += [_counted(short, ["status", "cause"], "Why, where not complete")] if len(short) else []
+    html += [] if complete.all() else [_counted(rows[~complete], ["status", "cause"], "Why, where not complete")]
     judged = rows[rows["verdict"].notna()]
-    by = ["fault", "verdict"] if "fault" in rows and rows["fault"].notna().any() else ["verdict"]
-    html += [_counted(judged, by, "Verdicts")] if len(judged) else []
+    html += (
+        [_counted(judged, [*(["fault"] if study.job == "power" else []), "verdict"], "Verdicts")] if len(judged) else []
+    )
     for name, most in study.limit.items():
         if name in rows:
             over = int((rows[name] > most).sum())
@@ -50,21 +43,16 @@ def _outcome(study: Study, told: dict[str, Any], rows: Any) -> Section:
     if rows["true_error"].notna().any():
         lines = coverage(rows)
         html.append(table(lines, list(lines[0]), caption="Error bars against finer runs"))
-    broken = int(sum(counts.get(x, 0) for x in BROKEN))
-    summary = f"{len(rows)} of {len(study)} scenes, {counts.get('complete', 0)} complete, {broken} without an answer"
-    return Section("sweep-outcome", study.title or f"Sweep {told['study']}", Markup("\n").join(html), None, summary)
+    broken = int(rows["status"].isin(BROKEN).sum())
+    summary = f"{len(rows)} of {len(study)} scenes, {complete.sum()} complete, {broken} without an answer"
+    return Section("sweep-outcome", study.title or "Sweep", Markup("\n").join(html), None, summary)
 
 
 def _counted(rows: Any, by: list[str], caption: str) -> Markup:
     """Return how many scenes have which words, most first."""
-    heads = {"verdict": "judged"}
-    lines = [
-        {heads.get(name, name): None if word != word else word for name, word in zip(by, words, strict=True)}
-        | {"scenes": int(n), "part": f"{100.0 * n / len(rows):.1f} %"}
-        for words, n in rows.groupby(by, dropna=False).size().sort_values(ascending=False).items()
-        for words in [words if len(by) > 1 else [words]]
-    ]
-    return table(lines, list(lines[0]), caption=caption)
+    counts = rows.value_counts(by, dropna=False).reset_index(name="scenes").rename(columns={"verdict": "judged"})
+    counts["part"] = [percent(n / len(rows), 3) for n in counts["scenes"]]
+    return table(counts.replace({np.nan: None}).to_dict("records"), list(counts.columns), caption=caption)
 
 
 OF = {"path": ("path_error", "true_error", "doubt"), "tension": ("tension_error", "true_tension", "doubt_tension")}
@@ -90,64 +78,61 @@ def coverage(rows: Any) -> list[dict[str, Any]]:
 
 def _maps(study: Study, rows: Any) -> Section:
     axes = [a.name for a in study.axes if a.numeric and rows[a.name].nunique() > 1]
-    drawn = []
-    for quantity in MAPS:
-        if quantity in rows and rows[quantity].notna().sum() > 2 and len(axes) > 0:
-            drawn.append(_map(study, rows[rows[quantity].notna()], quantity, axes))
+    logs = {a.name for a in study.axes if a.log}
+    known = {quantity: _thinned(rows[rows[quantity].notna()]) for quantity in MAPS if axes and quantity in rows}
+    drawn = [_map(of, x, axes, logs, study.limit.get(x, np.inf)) for x, of in known.items() if len(of) > 2]
     html = gallery(*drawn) if drawn else callout("No numbers to map.")
     limits = ", ".join(f"{k} = {number(v)}" for k, v in study.limit.items())
     said = "One dot a scene. A ring: the cable goes slack on the way. A cross: beyond the limit"
     return Section("sweep-maps", "Maps", Markup("<p>{}{}.</p>{}").format(said, f" {limits}" if limits else "", html))
 
 
-def _map(study: Study, rows: Any, quantity: str, axes: list[str]) -> Markup:
-    rows = rows.iloc[:: max(1, -(-len(rows) // SHOWN))]
+def _thinned(rows: Any) -> Any:
+    """Return at most SHOWN rows, evenly taken."""
+    return rows.iloc[:: max(1, -(-len(rows) // SHOWN))]
+
+
+def _map(rows: Any, quantity: str, axes: list[str], logs: set[str], most: float) -> Markup:
+    """Draw a quantity over the first two axes, or over the only one; a third axis is cut into parts."""
     factor, unit = scale_of(rows[quantity].to_numpy(float), unit_of(quantity))
     rows = rows.assign(**{quantity: factor * rows[quantity]})
-    called = f"{named(quantity)} [{unit or '–'}]"
-    x, y, third, *_ = [*axes, quantity, None] if len(axes) == 1 else [*axes, None]
-    parts = _parts(rows[third]) if third else [("", np.ones(len(rows), bool))]
+    name = f"{named(quantity)} [{unit or '–'}]"
+    x, y = (*axes, quantity)[:2]
+    parts = _parts(rows, axes[2]) if len(axes) > 2 else [("", rows)]
     fig, grid = panels(1, len(parts), height=2.9 if len(parts) == 1 else 2.6, sharey=True, squeeze=False)
     low, high = np.percentile(rows[quantity].to_numpy(float), [1, 99])
-    logs = {a.name for a in study.axes if a.log}
-    most = factor * study.limit.get(quantity, np.inf)
-    for ax, (title, chosen) in zip(grid[0], parts, strict=True):
-        part = rows[chosen]
+    for ax, (title, part) in zip(grid[0], parts, strict=True):
         dots = ax.scatter(part[x], part[y], c=part[quantity], s=14, vmin=low, vmax=high, linewidths=0)
         dots.set_urls([f"#scene-{i}" for i in part.index])
-        slack, beyond = part[part["slack_onset"].notna()], part[part[quantity] > most]
+        slack, beyond = part[part["slack_onset"].notna()], part[part[quantity] > factor * most]
         ax.scatter(slack[x], slack[y], s=30, facecolors="none", edgecolors="#d55e00", linewidths=0.7)
         ax.scatter(beyond[x], beyond[y], s=24, marker="x", c="#1a1a1a", linewidths=0.8)
         ax.set_title(title, fontsize=8)
         ax.set(xlabel=x, xscale="log" if x in logs else "linear", yscale="log" if y in logs else "linear")
-    grid[0][0].set_ylabel(called if y == quantity else y)
+    grid[0][0].set_ylabel(name if y == quantity else y)
     # longer names than a colour bar is high would be cut off, with their units
-    fig.colorbar(dots, ax=list(grid[0]), label=textwrap.fill(called, 24))
-    name = f"{named(quantity)[0].upper()}{named(quantity)[1:]}"
-    return figure(fig, f"{name} over {x} and {y}" + (f", {third} from left to right" if third else ""))
+    fig.colorbar(dots, ax=list(grid[0]), label=textwrap.fill(name, 24))
+    split = f", {axes[2]} from left to right" if len(axes) > 2 else ""
+    return figure(fig, f"{named(quantity)[0].upper()}{named(quantity)[1:]} over {x} and {y}{split}")
 
 
-def _parts(values: Any) -> list[tuple[str, Any]]:
-    """Return the third axis in a few parts: its values where they are few, else equal shares of the scenes."""
-    distinct = np.unique(values)
-    if len(distinct) <= MULTIPLES:
-        return [(f"{values.name} = {number(x)}", (values == x).to_numpy()) for x in distinct]
-    edges = np.quantile(values, np.linspace(0.0, 1.0, MULTIPLES + 1))
-    return [
-        (f"{number(a)} to {number(b)}", ((values >= a) & ((values < b) | (b == edges[-1]))).to_numpy())
-        for a, b in pairwise(edges)
-    ]
+def _parts(rows: Any, axis: str) -> list[tuple[str, Any]]:
+    """Return the scenes by an axis: its values where they are few, else in equal shares."""
+    if rows[axis].nunique() <= PARTS:
+        return [(f"{axis} = {number(x)}", part) for x, part in rows.groupby(axis)]
+    shares = qcut(rows[axis], PARTS, duplicates="drop")
+    return [(f"{number(x.left)} to {number(x.right)}", part) for x, part in rows.groupby(shares, observed=True)]
 
 
-def _explorer(study: Study, name: str, rows: Any) -> Section:
+def _explorer(study: Study, file: Path, rows: Any) -> Section:
     """All scenes as lines across their axes, which can be narrowed; below, a table, each row with its command."""
-    taken = rows.iloc[:: max(1, -(-len(rows) // SHOWN))]
+    taken = _thinned(rows)
     numbers = [c for c in (*DESIGN, "max_deflection", "path_error", "seconds") if taken[c].notna().any()]
     columns = [*(a.name for a in study.axes), *numbers, "status", "verdict", "method"]
     columns = [c for c in dict.fromkeys(columns) if taken[c].notna().any()]
     logs = {a.name for a in study.axes if a.log}
     told = [{"name": c, "log": c in logs, "values": _plain(taken[c])} for c in columns]
-    data = {"study": name, "index": taken.index.tolist(), "columns": told}
+    data = {"study": str(file), "index": taken.index.tolist(), "columns": told}
     script = (resources.files(__package__) / "explorer.js").read_text(encoding="utf-8")
     left_out = "" if len(taken) == len(rows) else f" {len(taken)} of {len(rows)} scenes are shown, evenly taken."
     html = Markup(

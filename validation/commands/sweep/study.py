@@ -16,27 +16,15 @@ from pydantic import Field, PlainValidator, PrivateAttr
 from cablefem.scene import Scene, SceneError
 from cablefem.scene.drive import of_mode
 from cablefem.scene.errors import nearest, shown
-from cablefem.scene.fields import Check, Line, Part, between, choice, real, whole
+from cablefem.scene.fields import Line, Part, Real, between, choice, whole
 from validation.commands.sweep import families
 from validation.commands.sweep.axes import MOST, Axis, grid, ranges
+from validation.core.methods import METHODS
 from validation.core.store import Refused
 
 GROUPS = ("sag_ratio", "mu", "alpha", "speed_ratio")  # of `Scene.variant`
 FREE = ("slope", "travel", "span", "rho", "gravity")  # besides them, of `Scene.from_groups`: without a base scene
 HOW = ("method", "model", "load", "law", "tol")  # of the run, not of the scene
-
-
-def _settings(given: object) -> dict | None:
-    return given if isinstance(given, dict) else None
-
-
-def _seeded(settings: dict[str, Any]) -> bool:
-    seed = settings.get("seed")
-    return isinstance(seed, int) and not isinstance(seed, bool) and seed >= 0
-
-
-def _limits(given: object) -> dict | None:
-    return given if isinstance(given, dict) and all(real(x) is not None for x in given.values()) else None
 
 
 class Sample(Part):
@@ -61,37 +49,29 @@ class Study(Part):
     title: Line = ""
     scene: Scene | None = None  # None: every scene is made from its groups
     job: Annotated[str, choice(("run", "check", "advise", "power"))] = "run"
-    method: Line | None = None  # None: the cheapest that will do
-    settings: Annotated[dict[str, Any], Check("a table", _settings)] = Field(default_factory=dict)
+    method: Annotated[str, choice(tuple(METHODS))] | None = None  # None: the cheapest that will do
+    settings: dict[str, Any] = Field(default_factory=dict)  # of the method; of job power the seed of its scenes
     tol: Annotated[float, between(1e-6, 0.2)] | None = None
     seconds: Annotated[float, between(0.1, 86_400.0)] = 120.0  # a scene may take
     vary: Annotated[tuple[Axis, ...], PlainValidator(grid)] | None = None  # the full grid of all axes
     sample: Sample | None = None
     truth: Truth | None = None
-    limit: Annotated[dict[str, float], Check("a table of design numbers, e.g. tension_max = 4e5", _limits)] = Field(
-        default_factory=dict
-    )
+    limit: dict[str, Real] = Field(default_factory=dict)  # largest design numbers, to count scenes beyond them
     _name: str = PrivateAttr("study")
     _given: dict[str, Any] = PrivateAttr(default_factory=dict)
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Study:
         """Return the built-in study of that name or the one in that TOML file; Refused with one line per fault."""
-        known, path = built_in(), Path(name_or_path)
-        if str(name_or_path) in known:
-            name, text, folder = str(name_or_path), known[str(name_or_path)].read_text(encoding="utf-8"), Path()
-        else:
-            try:
-                name, text, folder = path.stem, path.read_text(encoding="utf-8-sig"), path.parent
-            except (OSError, ValueError):
-                hint = nearest(str(name_or_path), known)
-                raise Refused(
-                    f"study = {shown(str(name_or_path))}: no built-in study, no readable file.{hint}"
-                ) from None
+        path = built_in().get(str(name_or_path), Path(name_or_path))
         try:
-            return cls.of(tomllib.loads(text), name, folder)
+            return cls.of(tomllib.loads(path.read_text(encoding="utf-8-sig")), path.stem, path.parent)
         except tomllib.TOMLDecodeError as error:
             raise Refused(f"{name_or_path}: not valid TOML: {error}") from None
+        except (OSError, UnicodeDecodeError):
+            hint = nearest(str(name_or_path), built_in())
+            told = f"study = {shown(str(name_or_path))}: no built-in study, no readable file.{hint}"
+            raise Refused(told) from None
 
     @classmethod
     def of(cls, data: dict[str, Any], name: str = "study", folder: Path = Path()) -> Study:
@@ -113,19 +93,11 @@ class Study(Part):
         if (self.vary is None) == (self.sample is None):
             return ["exactly one of [vary] (a full grid) and [sample] (a design of experiments) must be given"]
         faults = [] if len(self) <= MOST else [f"vary: {len(self)} scenes; must be at most {MOST}"]
-        return faults + [fault for axis in self.axes for fault in self._faults_of(axis)] + self._faults_of_job()
-
-    def _faults_of_job(self) -> list[str]:
-        """Return what the job needs and has not."""
-        faults, named = [], {*(axis.name for axis in self.axes), *self.how({})}
-        if "tol" not in named and (self.job != "run" or "method" not in named):
-            faults.append(f"tol: missing; job {shown(self.job)} without a method of its own needs one")
-        if self.job == "power" and (not _seeded(self.settings) or "case" not in named):
-            faults.append('job = "power": settings must give a whole number seed >= 0, and vary or sample.range a case')
-        from validation.core.methods import METHODS
-
-        if self.method is not None and self.method not in METHODS:
-            faults.append(f"method = {shown(self.method)}: unknown.{nearest(self.method, METHODS)}")
+        faults += [fault for axis in self.axes for fault in self._faults_of(axis)]
+        named = {*(axis.name for axis in self.axes), *self.how({})}
+        needed = {"run": () if "method" in named else ("tol",), "power": ("tol", "case")}.get(self.job, ("tol",))
+        job = f"job {shown(self.job)}" + (" without a method" if self.job == "run" else "")
+        faults += [f"{x}: missing; {job} needs it" for x in needed if x not in named]
         return faults
 
     def _faults_of(self, axis: Axis) -> list[str]:
@@ -135,10 +107,9 @@ class Study(Part):
         if axis.name not in known and not (dot and part in Scene.field_names()):
             near = nearest(axis.name, known)
             return [f"{axis.name}: must be a field of the scene file (cable.sag) or one of them.{near}"]
-        if not dot or self.scene is None:
-            return []
         try:
-            self.scene.replace({axis.name: axis.at(0.0)})
+            if dot and self.scene is not None:
+                self.scene.replace({axis.name: axis.at(0.0)})
         except SceneError as error:
             return [fault for fault in error.faults if "unknown key" in fault]
         return []
@@ -159,10 +130,8 @@ class Study(Part):
         given = {k: v for k, v in self._given.items() if v is not None}
         if self.scene is not None:
             given["scene"] = tomllib.loads(self.scene.to_toml())
-        if self.vary is not None:
-            given["vary"] = {axis.name: axis.table() for axis in self.vary}
-        elif self.sample is not None:
-            given["sample"] = given["sample"] | {"range": {axis.name: axis.table() for axis in self.axes}}
+        axes = {axis.name: axis.table() for axis in self.axes}
+        given |= {"vary": axes} if self.sample is None else {"sample": given["sample"] | {"range": axes}}
         return tomli_w.dumps(given)
 
     # --- points ---------------------------------------------------------------------------------------------------
@@ -195,7 +164,7 @@ class Study(Part):
 
     def case(self, point: dict[str, Any]) -> tuple[Scene, str | None]:
         """Return the scene of a point of job power, and the key that the second solver is told 1 percent larger."""
-        return families.case(self.settings["seed"], round(point["case"]))
+        return families.case(self.settings.get("seed", 0), round(point["case"]))
 
     def how(self, point: dict[str, Any]) -> dict[str, Any]:
         """Return method, model, load, law and tol of a point, as far as the study names them."""
@@ -212,10 +181,10 @@ def _driven(scene: Scene, changes: dict[str, Any]) -> tuple[Scene, dict[str, Any
     return scene.variant(drive=drive, **({"travel": None} if mode == "free" else {})), left
 
 
-def built_in() -> dict[str, Any]:
+def built_in() -> dict[str, Path]:
     """Return name -> file of the studies that come with the package."""
-    files = sorted((resources.files("validation.commands.sweep") / "library").iterdir(), key=lambda file: file.name)
-    return {file.name.removesuffix(".toml"): file for file in files if file.name.endswith(".toml")}
+    folder = Path(str(resources.files(__package__))) / "library"
+    return {file.stem: file for file in sorted(folder.glob("*.toml"))}
 
 
 @cache
