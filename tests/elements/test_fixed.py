@@ -139,7 +139,7 @@ def test_a_jump_of_the_drive_is_a_jump_of_forces_in_balance(element, coupling, m
 # --- the taut string ----------------------------------------------------------------------------------------------
 MU, SIGMA, V = 1.3, 0.12, 0.35
 CROSSING = level_cable(mu=MU, sigma=SIGMA, speed=V)
-RIDE = moving_mass.solve(moving_mass.constant_speed(V), mu=MU, sigma=SIGMA)
+RIDE = moving_mass.solve(CROSSING.motion, mu=MU, sigma=SIGMA)
 
 
 def ride(t):

@@ -1,63 +1,25 @@
-"""The string around a mass whose path an exact answer gives: what holds it against the wave equation."""
+"""Strings around a mass, modes and series: what holds exact answers against their equations."""
 
 import math
 
 import numpy as np
 from scipy.optimize import brentq
 
-from validation.oracles import moving_mass
 
-
-def displacement(ride, x, t):
-    """v(x, t) of a `moving_mass.Ride` for t >= 0, also after the mass has left over the far support."""
+def displacement(motion, impulse, x, t, *, mirror=-1.0):
+    """v(x, t) between fixed ends by images; impulse(t) of a force that stays below the wave speed, 0 at t = 0."""
     x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
-    T = ride.travel.t_end
-    left = _f(ride, t + x) - _f(ride, t - x)
-    right = _g(ride, (T - t) - (1.0 - x)) - _g(ride, (T - t) + (1.0 - x))
-    return np.where((t >= T) | (x <= ride.travel.position(np.minimum(t, T))), left, right)
-
-
-def _f(ride, eta):
-    """f(eta); after the arrival the string is fixed at x = 1 again and f has period 2."""
-    march, T = ride._march, ride.travel.t_end
-    last = march.B(np.array([T]))[0]
-    shape, out = eta.shape, np.zeros(eta.size)
-    eta = np.where(eta > last, eta - 2.0 * np.ceil((eta - last) / 2.0), eta).ravel()
-    on = eta > march.B0
-    tau = np.minimum(march.back(eta[on]), ride.t_last)
-    out[on] = march.past.at(tau, T - tau)[:, 1]
-    return out.reshape(shape)
-
-
-def _g(ride, zeta):
-    """g(T - 1 - zeta)."""
-    march, T, flat = ride._march, ride.travel.t_end, zeta.ravel()
-    out = np.zeros(flat.size)
-    on = (flat < march.zeta0) & (flat > -ride.travel.to_go(np.zeros(1))[0])
-    rest = np.maximum(march.ahead(flat[on]), T - ride.t_last)
-    out[on] = march.past.at(T - rest, rest)[:, 2]
-    return out.reshape(zeta.shape)
-
-
-# --- travels in closed form
-
-
-def from_rest(a):
-    """xi = a t^2/2; below the wave speed all along for a < 1/2."""
-    return moving_mass.Travel(lambda t: 0.5 * a * t * t, lambda t: a * np.asarray(t), math.sqrt(2.0 / a))
-
-
-def accelerate_cruise_brake(V):
-    """In closed form: from rest to V on the first third, at V on the second, to rest on the last (the paper's (40))."""
-    ta, tb, T, a = 2.0 / (3.0 * V), 1.0 / V, 5.0 / (3.0 * V), 1.5 * V * V
-
-    def position(t):
-        return np.where(t < ta, 0.5 * a * t * t, np.where(t < tb, V * t - 1.0 / 3.0, 1.0 - 0.5 * a * (T - t) ** 2))
-
-    def speed(t):
-        return np.where(t < ta, a * t, np.where(t < tb, V, a * (T - t)))
-
-    return moving_mass.Travel(position, speed, T, (ta, tb))
+    total, images = np.zeros(x.shape), math.ceil(0.5 * t.max()) + 1
+    for way in 2.0 * np.arange(-images, images + 1):
+        for sign in (1.0, mirror):
+            side = math.copysign(1.0, sign)
+            low, high = np.zeros(x.shape), t.copy()  # the last time at which an image sends what is heard at t
+            for _ in range(60):
+                middle = 0.5 * (low + high)
+                heard = np.abs(x - way - side * motion.position(middle)) <= t - middle
+                low, high = np.where(heard, middle, low), np.where(heard, high, middle)
+            total += 0.5 * sign * impulse(low)
+    return total
 
 
 # --- a mass that slides on an infinite string, `wave_drag`

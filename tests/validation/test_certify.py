@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from tests.oracles.strings import accelerate_cruise_brake
 from validation.commands.certify import study
 from validation.commands.certify.study import Found, Track, Way, against, joined, measured, nearby, read_table
 from validation.core.methods import find
-from validation.oracles import moving_mass
 
 TABLES = study.tables()
 CHEAP = (Way("following-p4", "radau", (3, 1600), 0.0), Way("fourier-kink", "trapezoidal", (10, 800), 0.0))
@@ -112,15 +110,6 @@ def test_gaps_nearby_count_and_places_without_one_have_none():
     wide = nearby(gap)
     assert math.isnan(wide[0])
     assert np.array_equal(np.flatnonzero(wide > 0.0), np.arange(5, 16))
-
-
-def test_the_travel_of_a_scene_is_that_of_the_exact_answers():
-    motion = Scene.load("cruise").groups.motion
-    travel, known = moving_mass.travel_of(motion), accelerate_cruise_brake(motion.top_speed)
-    t = np.linspace(0.0, known.t_end, 400)[1:-1]
-    np.testing.assert_allclose(travel.position(t), known.position(t), atol=1e-13)
-    np.testing.assert_allclose(travel.speed(t), known.speed(t), atol=1e-13)
-    np.testing.assert_allclose([travel.t_end, *travel.breaks], [known.t_end, *known.breaks], rtol=1e-13)
 
 
 def test_a_hauled_car_goes_no_further_than_its_steps_do():

@@ -314,10 +314,9 @@ def _string(scene: Scene, answer: Found, found: Found) -> Agreement:
     motion = groups.motion
     assert motion is not None
     try:
-        travel = moving_mass.travel_of(motion)
-        exact = moving_mass.solve(travel, mu=groups.mu, sigma=groups.sigma).path
+        exact = moving_mass.solve(motion, mu=groups.mu, sigma=groups.sigma).path
         crossing = Crossing(
-            name="", groups=level(motion, groups.mu, groups.sigma), travel=travel.position, exact=exact, until=0.95
+            name="", groups=level(motion, groups.mu, groups.sigma), travel=motion.position, exact=exact, until=0.95
         )  # fmt: skip
         path = crossed(crossing.groups, found.way.method, found.settings, **crossing.how)
         error = crossing.error(MassPath(*path))[0]
