@@ -8,12 +8,13 @@ State 1 is the described cable. An elastic catenary agrees to 1e-6 in H.
 """
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from cablefem.scene.bisection import bisected
 from cablefem.scene.catenary import Z_MAX, Z_MIN, Catenary, length_range, sag_range, tension_range
 from cablefem.scene.errors import shown
-from cablefem.scene.fields import POSITIVE, Check, NonNegative, Part, Positive, Real, between, number, number_or, said
+from cablefem.scene.fields import POSITIVE, NonNegative, Part, Positive, Real, admits, between, number_or, said
 
 SHAPES = ("length", "sag", "horizontal_tension")
 STEEPEST = 10.0  # [-] largest slope of the chord, 84 degrees; steeper lines lose digits
@@ -38,13 +39,12 @@ class Rope(Part):
     expansion: Annotated[float, between(-1e-3, 1e-3)] | None = said("[1/K] thermal expansion; steel 1.2e-5", None)
     ice: number_or(POSITIVE, Ice) | None = said("[kg/m] of the cable at the reference temperature", None)  # type: ignore[valid-type]
 
-    @classmethod
-    def faults_between(cls, data: dict[str, Any]) -> list[str]:
+    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         faults = []
-        if data.get("temperature") is not None:
-            needs = [name for name in ("reference_temperature", "expansion") if data.get(name) is None]
+        if self.temperature is not None:
+            needs = [name for name in ("reference_temperature", "expansion") if given.get(name) is None]
             faults += [f"{name}: missing; must be given with temperature" for name in needs]
-        if isinstance(data.get("ice"), dict | Ice) and data.get("diameter") is None:
+        if isinstance(self.ice, Ice) and given.get("diameter") is None:
             faults.append("diameter: missing; must be given with the thickness of ice")
         return faults
 
@@ -74,10 +74,7 @@ class Damping(Part):
     rate: NonNegative = said("[1/s] force per momentum of the cable")
 
 
-RATIO = Check(
-    "a ratio of critical from 0 to 1 (0.01 is 1 %)", number(lambda x: 0.0 <= x <= 1.0),
-    {"type": "number", "minimum": 0, "maximum": 1},
-)  # fmt: skip
+RATIO = admits("a ratio of critical from 0 to 1 (0.01 is 1 %)", ge=0.0, le=1.0)
 
 
 class Cable(Rope):
@@ -88,14 +85,13 @@ class Cable(Rope):
     sag: Positive | None = said("[m] largest vertical distance below the chord at rest", None)
     horizontal_tension: Positive | None = said("[N] horizontal part of the tension at rest", None)
 
-    @classmethod
-    def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        given = [f"{name} = {shown(data[name])}" for name in SHAPES if data.get(name) is not None]
+    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        shapes = [f"{name} = {shown(given[name])}" for name in SHAPES if given.get(name) is not None]
         one = f"exactly one of {', '.join(SHAPES)} must be given"
-        faults = [f"{extra}: too much beside {given[0]}; {one}" for extra in given[1:]]
-        if not given:
+        faults = [f"{extra}: too much beside {shapes[0]}; {one}" for extra in shapes[1:]]
+        if not shapes:
             faults = [f"{SHAPES[0]}: missing; {one}"]
-        return faults + super().faults_between(data)
+        return faults + super().faults_between(given)
 
 
 class Supports(Part):

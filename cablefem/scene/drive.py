@@ -9,9 +9,10 @@ from __future__ import annotations
 import bisect
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -25,14 +26,13 @@ from cablefem.scene.fields import (
     Real,
     Reals,
     between,
-    choice,
+    columns,
     number_or,
+    rising,
     said,
-    several,
     tables,
 )
 
-MODES = ("grip", "haul", "free")
 # [l] range of a rolling car: nearer to a support, contact force and tension grow like one over the distance
 NEAREST_START, FARTHEST_END = 1e-4, 0.99
 START = 0.01  # [l] where a rolling car begins by default
@@ -51,19 +51,8 @@ class Thrust(Part):
     times: Numbers = said("[s] strictly increasing")
     forces: Reals = said("[N] positive to the right")
 
-    @classmethod
-    def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        times, forces = several(data.get("times")), several(data.get("forces"))
-        if times is None or forces is None:
-            return []
-        faults = []
-        if len(times) != len(forces):
-            faults.append(f"forces: {len(forces)} values; must be {len(times)}, as times")
-        for i, (before, after) in enumerate(itertools.pairwise(times), start=1):
-            if all(isinstance(t, int | float) for t in (before, after)) and not after > before:
-                faults.append(f"times[{i}] = {after!r}: must be > {before!r}, the one before it")
-                break
-        return faults
+    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        return columns(self.times, forces=self.forces) + rising("times", self.times)
 
 
 class Brake(Part):
@@ -79,11 +68,10 @@ class End(Part):
     time: Positive | None = said("[s] at which the ride ends", None)
     place: Positive | None = said("[m] place along the cable that counts as arrival", None)
 
-    @classmethod
-    def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        if (data.get("time") is None) != (data.get("place") is None):
+    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        if (given.get("time") is None) != (given.get("place") is None):
             return []
-        return [f"time = {shown(data.get('time'))}: exactly one of time, place must be given"]
+        return [f"time = {shown(given.get('time'))}: exactly one of time, place must be given"]
 
 
 def of_mode(mode: str) -> tuple[str, ...]:
@@ -95,7 +83,7 @@ def of_mode(mode: str) -> tuple[str, ...]:
 class Driving(Part):
     """The table [drive] of a scene, in SI."""
 
-    mode: Annotated[str, choice(MODES)] = said("[-] grip, haul or free: what moves the car", "grip")
+    mode: Literal["grip", "haul", "free"] = said("[-] grip, haul or free: what moves the car", "grip")
     start: Positive | None = said("[m] place of the car at the start; default 1 % of the length", None)
     release: NonNegative = said("[s] over which the force that holds a free car goes", 0.0)
     rolling_friction: Annotated[float, between(0.0, 1.0)] = said("[-] friction over contact force", 0.0)
@@ -108,22 +96,19 @@ class Driving(Part):
     rest_speed: Positive = said("[m/s] a slower car is at rest where friction or the valley holds it", 1e-3)
     rest_distance: Positive = said("[m] from its static place of rest in which a slow car is at rest", 0.01)
 
-    @classmethod
-    def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        mode = data.get("mode", "grip")
-        fields = cls.model_fields.items()
-        given = [name for name, field in fields if name != "mode" and data.get(name) not in (None, field.default)]
-        if mode == "grip":
+    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        default = {name: field.default for name, field in type(self).model_fields.items() if name != "mode"}
+        told = {n: f"{n} = {shown(given[n])}" for n in default if given.get(n) not in (None, default[n])}
+        if self.mode == "grip":
             why = "has no meaning with mode = 'grip', where the car takes its travel from [travel] and nothing else"
-            return [f"{name} = {shown(data[name])}: {why}; leave it out, or take haul or free" for name in given]
+            return [f"{line}: {why}; leave it out, or take haul or free" for line in told.values()]
         faults = []
-        if mode == "haul":
+        if self.mode == "haul":
             why = "has no meaning with mode = 'haul', where the rope supplies whatever force the travel needs"
-            only = [name for name in given if name in FREE_ONLY]
-            faults += [f"{name} = {shown(data[name])}: {why}; leave it out, or take free" for name in only]
-        if "drag_area" not in given:
+            faults += [f"{told[name]}: {why}; leave it out, or take free" for name in told if name in FREE_ONLY]
+        if "drag_area" not in told:
             why = "acts through drag alone; must be given with drag_area"
-            faults += [f"{name} = {shown(data[name])}: {why}" for name in ("wind", "air_density") if name in given]
+            faults += [f"{told[name]}: {why}" for name in ("wind", "air_density") if name in told]
         return faults
 
     def faults(self, length: float) -> list[str]:

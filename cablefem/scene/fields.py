@@ -1,14 +1,13 @@
 """Fields with their admissible values; every fault is one line."""
 
-import math
-import numbers
-import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Annotated, Any, Self, get_args
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, field_validator
+from pydantic import ValidationInfo as Info
 from pydantic_core import core_schema
 
 from cablefem.scene.errors import NOT_MODELLED, SceneError, nearest, shown
@@ -18,70 +17,60 @@ SMALL, LARGE = 1e-12, 1e15
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
-    """An annotation that validates; `convert` returns None for what it does not admit."""
+class Admits:
+    """An annotation that says in words what a field admits; `limits` go into pydantic's own schema of it."""
 
-    admissible: str
-    convert: Callable[[Any], object | None]
-    schema: dict[str, Any] = field(default_factory=dict, hash=False)  # added to the JSON schema
+    words: str
+    limits: tuple[tuple[str, Any], ...] = ()
 
-    def __call__(self, value: object) -> object:
-        converted = self.convert(value)
-        if converted is None:
-            raise ValueError(f"must be {self.admissible}")
-        return converted
+    def __call__(self, value: Any, handler: Any) -> Any:
+        try:
+            return handler(value.tolist() if isinstance(value, np.ndarray | np.generic) else value)
+        except ValidationError as error:
+            if any(_inner(item) for item in error.errors(include_url=False)):
+                raise
+            raise ValueError(f"must be {self.words}") from None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        return core_schema.no_info_before_validator_function(self, handler(source))
+        return core_schema.no_info_wrap_validator_function(self, handler(source) | dict(self.limits))
 
     def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
-        return handler(core) | self.schema | {"$comment": self.admissible}
+        return handler(core) | {"$comment": self.words}
 
 
-def number(admits: Callable[[float], bool]) -> Callable[[object], float | None]:
-    """Convert real numbers that `admits` accepts; no bool, text, NaN or infinity."""
-
-    def convert(value: object) -> float | None:
-        if isinstance(value, bool) or not isinstance(value, numbers.Real):
-            return None
-        try:
-            number = float(value)
-        except OverflowError:  # an integer of more than 308 digits
-            return None
-        return number if math.isfinite(number) and admits(number) else None
-
-    return convert
+def _inner(item: Any) -> bool:
+    """Whether an error of pydantic is one of an item in a list, or of a part."""
+    return any(isinstance(x, int) for x in item["loc"]) or isinstance(item.get("ctx", {}).get("error"), SceneError)
 
 
-def several(value: object) -> tuple | None:
-    """A list of two or more; else None."""
-    values = value.tolist() if isinstance(value, np.ndarray) else value
-    return tuple(values) if isinstance(values, list | tuple) and len(values) > 1 else None
+def admits(words: str, **limits: Any) -> Admits:
+    """Admitted values in words, and as keys of pydantic's core schema: ge, le, min_length, pattern."""
+    return Admits(words, tuple(limits.items()))
 
 
-def _matching(pattern: str) -> Callable[[object], str | None]:
-    return lambda value: value if isinstance(value, str) and re.fullmatch(pattern, value) else None
+def _sizeable(x: float) -> float:
+    if 0.0 < x < SMALL:
+        raise ValueError("vanishes in products")
+    return x
 
 
 _RANGE = f"{SMALL:g} to {LARGE:g}"
-POSITIVE = Check(
-    f"a number > 0, from {_RANGE}", number(lambda x: SMALL <= x <= LARGE), {"type": "number", "exclusiveMinimum": 0}
-)
-REAL = Check(f"a number from {-LARGE:g} to {LARGE:g}", number(lambda x: abs(x) <= LARGE), {"type": "number"})
-_SEVERAL = Check("a list of at least two numbers", several, {"minItems": 2})
+POSITIVE = admits(f"a number > 0, from {_RANGE}", ge=SMALL, le=LARGE)
+REAL = admits(f"a number from {-LARGE:g} to {LARGE:g}", ge=-LARGE, le=LARGE)
+_SEVERAL = admits("a list of at least two numbers", min_length=2, strict=False)
 
 Positive = Annotated[float, POSITIVE]
 NonNegative = Annotated[
-    float,
-    Check(f"a number >= 0: 0, or from {_RANGE}", number(lambda x: x == 0.0 or SMALL <= x <= LARGE), {"minimum": 0}),
+    float, Field(ge=0.0, le=LARGE), AfterValidator(_sizeable), admits(f"a number >= 0: 0, or from {_RANGE}")
 ]
 Real = Annotated[float, REAL]
-Switch = Annotated[bool, Check("true or false", lambda x: x if isinstance(x, bool) else None)]
+Switch = Annotated[bool, admits("true or false")]
 Numbers = Annotated[tuple[NonNegative, ...], _SEVERAL]
 Reals = Annotated[tuple[Real, ...], _SEVERAL]
-Line = Annotated[str, Check("text on one line", _matching(r"[^\x00-\x1f\x7f]*"))]
-Name = Annotated[str, Check("letters, digits, '_', '-' and '.', the first no '-' or '.'", _matching(r"\w[\w.-]*"))]
-Word = Annotated[str, Check("letters, digits, spaces, '_' and '-'", _matching(r"\w[\w -]*"))]  # part of a dotted key
+Pair = Annotated[tuple[Real, Real], admits("two numbers in brackets", strict=False)]
+Line = Annotated[str, admits("text on one line", pattern=r"^[^\x00-\x1f\x7f]*$")]
+Name = Annotated[str, admits("letters, digits, '_', '-' and '.', the first no '-' or '.'", pattern=r"^\w[\w.-]*$")]
+Word = Annotated[str, admits("letters, digits, spaces, '_' and '-'", pattern=r"^\w[\w -]*$")]  # part of a dotted key
 
 
 def said(text: str, default: Any = ..., **more: Any) -> Any:
@@ -89,58 +78,70 @@ def said(text: str, default: Any = ..., **more: Any) -> Any:
     return Field(default, description=text, **more)
 
 
-def real(value: object) -> float | None:
-    return REAL.convert(value)  # type: ignore[return-value]
+def between(low: float, high: float) -> Admits:
+    return admits(f"a number from {low:g} to {high:g}", ge=low, le=high)
 
 
-def between(low: float, high: float) -> Check:
-    schema = {"minimum": low, "maximum": high}
-    return Check(f"a number from {low:g} to {high:g}", number(lambda x: low <= x <= high), schema)
+def whole(low: int, high: int) -> Admits:
+    return admits(f"a whole number from {low} to {high}", ge=low, le=high)
 
 
-def whole(low: int, high: int) -> Check:
-    def convert(value: object) -> int | None:
-        return value if isinstance(value, int) and not isinstance(value, bool) and low <= value <= high else None
-
-    return Check(f"a whole number from {low} to {high}", convert, {"minimum": low, "maximum": high})
+def tables(like: str) -> Admits:
+    return admits(f"a list of tables {like}", strict=False)
 
 
-def tables(like: str) -> Check:
-    return Check(f"a list of tables {like}", lambda x: tuple(x) if isinstance(x, list | tuple) else None)
+def columns(times: Sequence[float] | None, **other: Sequence[float] | None) -> list[str]:
+    """Fault of a column that is not as long as the times; None: faulty by itself."""
+    return [
+        f"{name}: {len(column)} values; must be {len(times)}, as times"
+        for name, column in other.items()
+        if times is not None and column is not None and len(column) != len(times)
+    ]
 
 
-def choice(known: Sequence[str]) -> Check:
-    def convert(value: object) -> object:
-        if value not in known:
-            raise ValueError(f"unknown.{nearest(str(value), known)}")
-        return value
-
-    return Check(f"one of {', '.join(known)}", convert, {"enum": list(known)})
+def rising(name: str, column: Sequence[float] | None, sign: str = ">") -> list[str]:
+    """First place where a column falls, or with '>' where it stays."""
+    for i, (before, after) in enumerate(pairwise(column or ()), start=1):
+        if after < before or (sign == ">" and after == before):
+            return [f"{name}[{i}] = {after!r}: must be {sign} {before!r}, the one before it"]
+    return []
 
 
 class Part(BaseModel):
     """A frozen piece of a scene; SceneError with all its faults."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, serialize_by_alias=True)
+    not_modelled: ClassVar[dict[str, str]] = NOT_MODELLED  # keys that people try
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", strict=True, serialize_by_alias=True, allow_inf_nan=False, regex_engine="python-re"
+    )
 
     def __init__(self, **data: Any) -> None:
         faults: list[str] = []
+        sound: dict[str, Any] = {}
         try:
-            super().__init__(**data)
+            self.__pydantic_validator__.validate_python(data, self_instance=self, context=sound)
         except ValidationError as error:
             faults = [line for item in error.errors(include_url=False) for line in self._lines(item)]
-        faults += self.faults_between(data)
+        names = {name: _written(type(self), name) for name in type(self).model_fields}
+        unset = {n: x.get_default() for n, x in type(self).model_fields.items() if not x.is_required()}
+        known = {name: (sound if key in data else unset).get(name) for name, key in names.items()}
+        faults += self.model_construct(**known).faults_between(data)
         if faults:
             raise SceneError(faults)
+
+    @field_validator("*")
+    @classmethod
+    def _sound(cls, value: Any, info: Info) -> Any:
+        info.context[info.field_name] = value  # type: ignore[index]
+        return value
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A copy with some fields replaced, checked as a new one is."""
         given = {name: getattr(self, name) for name in type(self).model_fields}
         return type(self)(**{_written(type(self), name): x for name, x in {**given, **(update or {})}.items()})
 
-    @classmethod
-    def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        """Faults between fields; `data` as given, sound or not."""
+    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        """Faults between fields, of which faulty ones and missing ones are None; `given` as written."""
         return []
 
     @classmethod
@@ -154,65 +155,41 @@ class Part(BaseModel):
         """Lines 'field = value: what is admissible' from one error of pydantic."""
         name, *inner = item["loc"]
         cause = item.get("ctx", {}).get("error")
-        where = f"{name}[{inner[0]}]" if inner and isinstance(inner[0], int) else str(name)
-        if isinstance(cause, SceneError):  # of a part inside this one
-            return [f"{where}.{fault}" for fault in cause.faults]
-        if item["type"] == "missing":
-            return [f"{where}: missing; must be {cls._admissible(name)}"]
-        if item["type"] == "extra_forbidden":
-            unknown = f"{where} = {shown(item['input'])}: unknown key.{nearest(where, cls.field_names())}"
-            return [f"{where}: not modelled: {NOT_MODELLED[where]}" if where in NOT_MODELLED else unknown]
-        if item["type"].startswith("union_tag"):
-            return [cls._kind_fault(where, item["input"], _kinds(cls.model_fields[name].annotation))]
+        where = str(name) + "".join(f"[{i}]" for i in inner if isinstance(i, int))
+        value = f"{where} = {shown(item['input'])}"
+        match item["type"]:
+            case "value_error" if isinstance(cause, SceneError):  # of a part inside this one
+                return [f"{where}.{fault}" for fault in cause.faults]
+            case "too_short":  # beside the faults of its items
+                return []
+            case "missing":
+                return [f"{where}: missing; must be {cls._admissible(name)}"]
+            case "extra_forbidden" if where in cls.not_modelled:
+                return [f"{where}: not modelled: {cls.not_modelled[where]}"]
+            case "extra_forbidden":
+                return [f"{value}: unknown key.{nearest(where, cls.field_names())}"]
+            case "literal_error":
+                return [f"{value}: unknown.{nearest(str(item['input']), _words(cls.model_fields[name].annotation))}"]
+            case "union_tag_invalid" | "union_tag_not_found":
+                return [_kind_fault(where, item["input"], _words(cls.model_fields[name].annotation))]
         if where == "mass" and isinstance(item["input"], list | tuple):
             cause = f"not modelled: {NOT_MODELLED['masses']}"
         # pydantic's own error without a cause: the field must be a part
-        return [f"{where} = {shown(item['input'])}: {cause or f'must be a table [{where}]'}"]
+        return [f"{value}: {cause or f'must be a table [{where}]'}"]
 
     @classmethod
     def _admissible(cls, name: str) -> str:
         missing = next(x for key, x in cls.model_fields.items() if name in (key, x.alias))
-        return next((m.admissible for m in missing.metadata if isinstance(m, Check)), f"a table [{name}]")
-
-    @staticmethod
-    def _kind_fault(where: str, given: object, known: list[str]) -> str:
-        kind = given.get("kind") if isinstance(given, dict) else None
-        if kind is None:
-            return f"{where}.kind: missing; must be one of {', '.join(known)}"
-        return f"{where}.kind = {shown(kind)}: unknown.{nearest(str(kind), known)}"
+        if words := _words(missing.annotation):
+            return f"one of {', '.join(words)}"
+        return next((m.words for m in missing.metadata if isinstance(m, Admits)), f"a table [{name}]")
 
 
-@dataclass(frozen=True, slots=True)
-class NumberOr:
-    """An annotation for a number, or a table in its place."""
-
-    number: Check
-    table: type[Part]
-
-    @property
-    def admissible(self) -> str:
-        return f"{self.number.admissible}, or a table {{{', '.join(self.table.field_names())}}}"
-
-    def __call__(self, value: object) -> object:
-        if isinstance(value, self.table):
-            return value
-        if isinstance(value, dict):
-            return self.table(**value)
-        number = self.number.convert(value)
-        if number is None:
-            raise ValueError(f"must be {self.admissible}")
-        return number
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        return core_schema.no_info_plain_validator_function(self)
-
-    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
-        number = self.number.schema | {"$comment": self.number.admissible}
-        return {"anyOf": [number, handler(self.table.__pydantic_core_schema__)]}
-
-
-def number_or(number: Check, table: type[Part]) -> Any:
-    return Annotated[Any, NumberOr(number, table)]
+def number_or(number: Admits, table: type[Part]) -> Any:
+    """A number, or a table in its place."""
+    kind = Discriminator(lambda x: "table" if isinstance(x, dict | table) else "number")
+    either = Annotated[Annotated[float, number], Tag("number")] | Annotated[table, Tag("table")]  # type: ignore[valid-type]
+    return Annotated[either, kind, admits(f"{number.words}, or a table {{{', '.join(table.field_names())}}}")]
 
 
 def _written(part: type[Part], name: str) -> str:
@@ -220,10 +197,19 @@ def _written(part: type[Part], name: str) -> str:
     return name if known is None else known.alias or name
 
 
-def _kinds(annotation: Any) -> list[str]:
-    """Values of `kind` in a union of parts."""
+def _kind_fault(where: str, given: object, known: list[str]) -> str:
+    kind = given.get("kind") if isinstance(given, dict) else None
+    if kind is None:
+        return f"{where}.kind: missing; must be one of {', '.join(known)}"
+    return f"{where}.kind = {shown(kind)}: unknown.{nearest(str(kind), known)}"
+
+
+def _words(annotation: Any) -> list[str]:
+    """Words of a Literal, or values of `kind` in a union of parts."""
+    if get_origin(annotation) is Literal:
+        return list(get_args(annotation))
     kinds: list[str] = []
     for member in get_args(annotation):
-        is_part = isinstance(member, type) and issubclass(member, Part)
-        kinds += [member.model_fields["kind"].default] if is_part else _kinds(member)
+        is_part = isinstance(member, type) and issubclass(member, Part) and "kind" in member.model_fields
+        kinds += [member.model_fields["kind"].default] if is_part else _words(member)
     return kinds

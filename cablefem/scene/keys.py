@@ -24,7 +24,7 @@ class Key:
     @property
     def brief(self) -> str:
         """Admissible values, but for the widest range."""
-        if self.admits == REAL.admissible:
+        if self.admits == REAL.words:
             return "any number"
         text = re.sub(r":? ?(0, or )?,? ?from 1e-12 to 1e\+15|^a number (?=[>f])", "", self.admits)
         return text.replace("a number >= 0:", ">= 0")
@@ -65,7 +65,8 @@ def _keys(table: dict[str, Any], known: dict[str, Any], before: str) -> Iterator
         if numbers:
             unit, meaning = re.fullmatch(r"\[(.*?)\] ?(.*)", rule["description"]).groups()  # type: ignore[union-attr]
             default = "required" if name in table.get("required", ()) else str(rule.get("default", "-"))
-            yield Key(before + name, unit, meaning, default, numbers[0].get("$comment", "text"))
+            words = numbers[0].get("$comment") or f"one of {', '.join(numbers[0].get('enum', ()))}"
+            yield Key(before + name, unit, meaning, default, words)
         if len(tables) > 1:
             yield from _kinds(tables, known, before + name)
         elif tables:

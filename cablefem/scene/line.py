@@ -8,83 +8,69 @@ from __future__ import annotations
 
 import itertools
 import math
-import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-import tomli_w
+from pydantic import BeforeValidator, Field
 
 from cablefem.scene.cable import STEEPEST, Rope
-from cablefem.scene.dotted import put
-from cablefem.scene.errors import SceneError, nearest, shown
-from cablefem.scene.fields import Check, Name, NonNegative, Part, Positive, Switch, Word, choice, real, said, tables
-from cablefem.scene.fields import Line as Text
-from cablefem.scene.scene import LINES, parsed, scene_text
-from cablefem.scene.surroundings import Ground, Obstacle, read_ground, surroundings_faults
+from cablefem.scene.described import LINES, Described, parsed, scene_text
+from cablefem.scene.errors import NOT_MODELLED, SceneError, nearest, shown
+from cablefem.scene.fields import NonNegative, Pair, Part, Positive, Real, Switch, Word, admits, said, tables, whole
+from cablefem.scene.surroundings import Ground, Obstacles, surroundings_faults
 
-KINDS = ("anchor", "spring", "saddle", "counterweight")
 OWNED = {"tension": "counterweight", "stiffness": "spring", "shoe": "saddle"}  # of one kind of contact
-ONE_SPAN = ("supports", "mass", "travel", "drive")  # tables that a line has not
+ONE_SPAN = "it belongs to one span between two anchors; a line has [[contact]] and [[car]] instead"
 MOST = 10_000  # positions of the cars
 
 
-def _numbers(value: object, least: int, most: int) -> tuple[float, ...] | None:
-    """A list of so many numbers; else None."""
-    numbers = [real(x) for x in value] if isinstance(value, list | tuple) else []
-    return tuple(numbers) if least <= len(numbers) <= most and None not in numbers else None  # type: ignore[arg-type]
+class Places(Part):
+    """So many places between two, both included."""
+
+    first: Real = Field(alias="from")
+    last: Real = Field(alias="to")
+    count: Annotated[int, whole(2, MOST)]
 
 
-def _pair(value: object) -> tuple[float, ...] | None:
-    return _numbers(value, 2, 2)
+def _places(value: Any) -> Any:
+    """A list for one number or a table."""
+    if isinstance(value, dict):
+        told = Places(**value)
+        return np.linspace(told.first, told.last, told.count).tolist()
+    return value if isinstance(value, list | tuple) else [value]
 
 
-def _positions(value: object) -> tuple[float, ...] | None:
-    if not isinstance(value, dict):
-        return _numbers(value if isinstance(value, list | tuple) else [value], 1, MOST)
-    ends, count = _pair([value.get("from"), value.get("to")]), value.get("count")
-    if ends is None or len(value) != 3 or not (isinstance(count, int) and 2 <= count <= MOST):
-        return None
-    return tuple(np.linspace(ends[0], ends[1], count).tolist())
-
-
-_POSITIONS = Check(
-    f"a number, a list of numbers, or {{from, to, count}} with a count from 2 to {MOST}", _positions,
-    {"type": ["number", "array", "object"]},
-)  # fmt: skip
-Pair = Annotated[tuple[float, float], Check("two numbers in brackets", _pair)]
+Positions = Annotated[
+    tuple[Real, ...], Field(min_length=1, max_length=MOST, strict=False), BeforeValidator(_places),
+    admits(f"a number, a list of numbers, or {{from, to, count}} with a count from 2 to {MOST}"),
+]  # fmt: skip
 
 
 class Contact(Part):
     """What holds the rope at one place."""
 
+    not_modelled: ClassVar = NOT_MODELLED | {"friction": "the rope runs over a saddle without friction"}
     name: Word = said("[-] its name in the results")
-    kind: Annotated[str, choice(KINDS)] = said("[-] kind of the contact")
+    kind: Literal["anchor", "spring", "saddle", "counterweight"] = said("[-] kind of the contact")
     at: Pair = said("[m] x and depth; of a spring: without load")
     tension: Positive | None = said("[N] of a counterweight", None)
-    stiffness: Pair | None = said("[N/m] of a spring along x and down", None)
+    stiffness: Annotated[tuple[Positive, Positive], admits("two numbers > 0 in brackets", strict=False)] | None = said(
+        "[N/m] of a spring along x and down", None
+    )
     shoe: Positive | None = said("[m] to either side of a saddle: a car within rests on it", None)
 
-    @classmethod
-    def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        kind, faults = data.get("kind"), []
+    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        faults = []
         for key, owner in OWNED.items():
-            given = data.get(key) is not None
-            if given and kind in KINDS and kind != owner:
-                faults.append(f"{key} = {shown(data[key])}: only a {owner} has it; this is kind = {kind!r}")
-            elif not given and kind == owner and key != "shoe":
+            told = given.get(key) is not None
+            if told and self.kind not in (None, owner):
+                faults.append(f"{key} = {shown(given[key])}: only a {owner} has it; this is kind = {self.kind!r}")
+            elif not told and self.kind == owner and key != "shoe":
                 faults.append(f"{key}: missing; must be given for a {owner}")
-        if min(_pair(data.get("stiffness")) or (1.0,)) <= 0.0:
-            faults.append(f"stiffness = {shown(data['stiffness'])}: must be two numbers > 0")
         return faults
-
-    @classmethod
-    def _lines(cls, item: Any) -> list[str]:
-        if item["type"] == "extra_forbidden" and item["loc"][0] == "friction":
-            return [f"friction = {shown(item['input'])}: not modelled; the rope runs over a saddle without friction"]
-        return super()._lines(item)
 
 
 class Car(Part):
@@ -93,7 +79,9 @@ class Car(Part):
     name: Word = said("[-] its name in the results")
     mass: Positive = said("[kg]")
     hauled: Switch = said("[-] true: it rolls, and a haul rope holds it; false: it grips the rope")
-    at: Annotated[tuple[float, ...], _POSITIONS] = said("[m] x at rest, one for each position")
+    at: Positions = said(
+        "[m] x at rest, one for each position", json_schema_extra={"type": ["number", "array", "object"]}
+    )
     below: NonNegative = said("[m] from the rope down to the lowest point of the car", 0.0)
 
 
@@ -213,84 +201,35 @@ class LineRest:
     positions: list[LineState | NoLine]
 
 
-class Line(Part):
+class Line(Described):
     """A rope over several contacts, and the positions of cars on it.
 
     Line.load("two-span").replace({"contact.valley.tension": 4e5})
     """
 
-    name: Name = said("[-] name of the line and of the folder of its results", "line")
-    title: Text = said("[-] title of its pages", "")
-    gravity: Positive = said("[m/s2]", 9.81)
+    built_in: ClassVar[Sequence[str]] = LINES
+    not_modelled: ClassVar = NOT_MODELLED | dict.fromkeys(("supports", "mass", "travel", "drive"), ONE_SPAN)
+
     cable: LineRope
     contact: Annotated[tuple[Contact, ...], tables("[[contact]]")]
     car: Annotated[tuple[Car, ...], tables("[[car]]")] = said("[-] cars from left to right", ())
-    obstacle: Annotated[tuple[Obstacle, ...], tables("{name = ..., at = ..., top = ...}")] = said(
-        "[-] what the rope and the cars must clear", ()
-    )
-    ground: Ground = said("[m] points [x, depth below the first contact], linear between them, or a CSV file", ())
+    obstacle: Obstacles = ()
+    ground: Ground = ()
 
-    # --- faults ------------------------------------------------------------------------------------------------------
-
-    @classmethod
-    def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        try:
-            contacts = [_as(Contact, c) for c in data["contact"]]
-            cars, rope = [_as(Car, c) for c in data.get("car", ())], _as(LineRope, data["cable"])
-        except (KeyError, TypeError, SceneError):
+    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        rope, contacts, cars = self.cable, self.contact, self.car
+        if None in (rope, contacts, cars):
             return []
-        faults = _contact_faults(contacts)
         names = [c.name for c in contacts] + [c.name for c in cars]
-        faults += [
-            f"name = {x!r}: given twice; names must differ" for x in sorted({x for x in names if names.count(x) > 1})
-        ]
+        twice = sorted({x for x in names if names.count(x) > 1})
+        faults = _contact_faults(contacts) + [f"name = {x!r}: given twice; names must differ" for x in twice]
         if faults:
             return faults
-        return (
-            _rope_faults(rope, contacts) + _car_faults(cars, contacts) + surroundings_faults(data, contacts[-1].at[0])
-        )
+        faults = _rope_faults(rope, contacts) + _car_faults(cars, contacts)
+        return faults + surroundings_faults(self.obstacle or (), contacts[-1].at[0])
 
-    @classmethod
-    def _lines(cls, item: Any) -> list[str]:
-        name = item["loc"][0]
-        if item["type"] == "extra_forbidden" and name in ONE_SPAN:
-            return [f"{name}: belongs to one span between two anchors; a line has [[contact]] and [[car]] instead"]
-        return super()._lines(item)
-
-    # --- reading and writing -----------------------------------------------------------------------------------------
-
-    @classmethod
-    def load(cls, name_or_path: str | Path) -> Self:
-        """Return a built-in line or that of a TOML file; SceneError with all its faults."""
-        text, name = scene_text(name_or_path)
-        return cls.from_toml(text, name=name, folder=Path(name_or_path).parent)
-
-    @classmethod
-    def from_toml(cls, text: str, *, name: str = "line", folder: Path = Path()) -> Self:
-        """Return the line in a TOML text; `folder` holds a file of the ground."""
-        data = parsed(text)
-        if isinstance(ground := data.get("ground"), str):
-            data["ground"] = read_ground(ground, folder)
-        return cls(**{"name": name, **data})
-
-    @classmethod
-    def library(cls) -> dict[str, str]:
-        """Names and titles of the built-in lines."""
-        return {name: cls.load(name).title for name in LINES}
-
-    def replace(self, changes: Mapping[str, Any]) -> Self:
-        """Return this line with other values of dotted keys: {"contact.valley.tension": 4e5}."""
-        data = tomllib.loads(self.to_toml())
-        for key, value in changes.items():
-            try:
-                put(data, key, value)
-            except ValueError as error:
-                raise SceneError([str(error)]) from None
-        return type(self)(**data)
-
-    def to_toml(self) -> str:
-        data = self.model_dump(exclude_none=True, exclude_defaults=True, mode="json")
-        return tomli_w.dumps({"name": self.name, **data})
+    def _tables(self, changes: Container[str] = ()) -> dict[str, Any]:
+        return {"name": self.name, **self.model_dump(exclude_none=True, exclude_defaults=True)}
 
     # --- what is to be solved ----------------------------------------------------------------------------------------
 
@@ -371,11 +310,7 @@ def _lifted(state: LineState) -> NoLine | None:
     return None
 
 
-def _as(kind: Any, given: Any) -> Any:
-    return given if isinstance(given, kind) else kind(**given)
-
-
-def _contact_faults(contacts: list[Contact]) -> list[str]:
+def _contact_faults(contacts: Sequence[Contact]) -> list[str]:
     if len(contacts) < 2:
         return ["contact: must be at least two, the ends of the rope"]
     if contacts[0].at != (0.0, 0.0):
@@ -401,7 +336,7 @@ def _contact_faults(contacts: list[Contact]) -> list[str]:
     return faults
 
 
-def _rope_faults(rope: LineRope, contacts: list[Contact]) -> list[str]:
+def _rope_faults(rope: LineRope, contacts: Sequence[Contact]) -> list[str]:
     given = [name for name in ("length", "tension") if getattr(rope, name) is not None]
     if any(c.kind == "counterweight" for c in contacts):
         return [f"cable.{name}: too much beside a counterweight, which sets the tension" for name in given]
@@ -413,7 +348,7 @@ def _rope_faults(rope: LineRope, contacts: list[Contact]) -> list[str]:
     return []
 
 
-def _car_faults(cars: list[Car], contacts: list[Contact]) -> list[str]:
+def _car_faults(cars: Sequence[Car], contacts: Sequence[Contact]) -> list[str]:
     end = contacts[-1].at[0]
     many = sorted({len(car.at) for car in cars} - {1})
     if len(many) > 1:
@@ -434,7 +369,7 @@ def _car_faults(cars: list[Car], contacts: list[Contact]) -> list[str]:
     return faults + _shoe_faults(contacts)
 
 
-def _shoe_faults(contacts: list[Contact]) -> list[str]:
+def _shoe_faults(contacts: Sequence[Contact]) -> list[str]:
     faults = []
     for left, right in itertools.pairwise(contacts):
         if (left.shoe or 0.0) + (right.shoe or 0.0) >= right.at[0] - left.at[0]:

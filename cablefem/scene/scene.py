@@ -3,31 +3,26 @@
 import html
 import itertools
 import math
-import re
-import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
-from importlib import resources
+from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
-import tomli_w
-from pydantic import TypeAdapter
 
 from cablefem.scene import catenary as _catenary
 from cablefem.scene.cable import SHAPES, Cable, Supports, hang, hanging_faults, stretch_faults
 from cablefem.scene.catenary import Catenary
 from cablefem.scene.damping import Wind, damping_faults, damping_rates, first_frequency, windward
-from cablefem.scene.dotted import put
+from cablefem.scene.described import AT_REST, LIBRARY, Described, library_text, parsed
 from cablefem.scene.drive import GRIP, NEAREST_START, Drive, Driving
 from cablefem.scene.errors import SceneError, nearest, shown
-from cablefem.scene.fields import Line, Name, NonNegative, Part, Positive, said, tables
+from cablefem.scene.fields import NonNegative, Part, Positive, said
 from cablefem.scene.motion import Motion
 from cablefem.scene.ride import Ride, quasi_static
 from cablefem.scene.statics import NoRest
-from cablefem.scene.surroundings import Ground, Obstacle, read_ground, surroundings_faults
+from cablefem.scene.surroundings import Ground, Obstacles, surroundings_faults
 from cablefem.scene.travel import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Table, Travel
 
 
@@ -36,37 +31,6 @@ class Mass(Part):
 
     mass: Positive = said("[kg] M, mass of the car")
     below: NonNegative = said("[m] how far the lowest part of the car or rider hangs below the cable", 0.0)
-
-
-AT_REST = "a line of several contacts is computed at rest; one span between two anchors also in motion"
-
-
-def scene_text(name_or_path: str | Path) -> tuple[str, str]:
-    """Return text and name of a built-in scene or of a TOML file."""
-    text = str(name_or_path)
-    if text in (*LIBRARY, *LINES):
-        return Scene.library_text(text), text
-    path = Path(name_or_path)
-    try:
-        content = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise SceneError(
-            [f"scene = {shown(text)}: no built-in scene, no file.{nearest(text, (*LIBRARY, *LINES))}"]
-        ) from None
-    except (OSError, ValueError) as error:  # a folder, no permission, not UTF-8
-        why = error.strerror if isinstance(error, OSError) else error
-        raise SceneError([f"scene = {shown(text)}: must be a readable TOML file ({why})"]) from None
-    return content, re.sub(r"[^\w.-]+", "-", path.stem).strip(".-") or "scene"
-
-
-def parsed(text: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        end = f"at line {text.count(chr(10)) + 1}, column {len(text) - text.rfind(chr(10))}, where it ends"
-        raise SceneError([f"not valid TOML: {str(error).replace('at end of document', end)}"]) from None
-    except (ValueError, RecursionError):  # a number of thousands of digits, thousands of brackets
-        raise SceneError(["not valid TOML: a number or a nesting beyond all bounds"]) from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,93 +56,60 @@ class Groups:
         return _catenary.shape(s, self.sigma, self.c)
 
 
-class Scene(Part):
+class Scene(Described):
     """A cable, its supports and the mass that travels along it, in SI.
 
     Scene.load("zip.toml").replace({"mass.mass": 60.0}).groups
     """
 
-    name: Name = said("[-] name of its folder of results; of a file, the file's name", "scene")
-    title: Line = said("[-] what the scene is, on one line", "")
-    gravity: Positive = said("[m/s2] g", 9.81)
+    built_in: ClassVar[Sequence[str]] = LIBRARY
+    library_text: ClassVar = staticmethod(library_text)
+
     cable: Cable = said("[-] the cable")
     supports: Supports = said("[-] the two fixed ends")
     mass: Mass | None = said("[-] the car; a bare cable has neither mass nor travel", None)
     travel: Travel | None = said("[-] how the car moves along the cable; not with drive.mode = 'free'", None)
     drive: Driving = said("[-] what moves the car", Driving())
     wind: Wind | None = said("[-] wind on the cable", None)
-    obstacle: Annotated[tuple[Obstacle, ...], tables("{name = ..., at = ..., top = ...}")] = said(
-        "[-] what the rope and the car must clear", ()
-    )
-    ground: Ground = said("[m] points [x, depth below the left support], linear between them, or a CSV file", ())
+    obstacle: Obstacles = ()
+    ground: Ground = ()
 
-    @classmethod
-    def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        drive = _sound(Driving, given := data.get("drive", Driving()))
-        mode = given.get("mode", "grip") if isinstance(given, dict) else getattr(given, "mode", "grip")
-        present = [name for name in ("mass", "travel") if data.get(name) is not None]
-        faults = _presence(mode, present)
-        gravity = _sound(Positive, data.get("gravity", cls.model_fields["gravity"].default))
-        cable, supports = (_sound(kind, data.get(kind.__name__.lower())) for kind in (Cable, Supports))
-        if gravity is None or cable is None or supports is None:
+    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        present = [name for name in ("mass", "travel") if given.get(name) is not None]
+        faults = [] if self.drive is None else _presence(self.drive.mode, present)
+        gravity, cable, supports, drive = self.gravity, self.cable, self.supports, self.drive or Driving()
+        if None in (gravity, cable, supports):
             return faults
-        faults += surroundings_faults(data, supports.span)
+        faults += surroundings_faults(self.obstacle or (), supports.span)
         if hanging := hanging_faults(gravity, cable, supports):
             return faults + hanging
         catenary = hang(gravity, cable, supports)
         axial = math.sqrt(cable.EA * gravity / catenary.weight)
-        travel = _sound(Travel, data["travel"]) if "travel" in present and mode != "free" else None
-        faults += stretch_faults(gravity, cable, supports)
-        faults += damping_faults(_sound(Wind, data.get("wind")), gravity, cable, catenary)
-        return faults + _ride_faults(travel, drive or Driving(), catenary.length, axial)
+        faults += stretch_faults(gravity, cable, supports) + damping_faults(self.wind, gravity, cable, catenary)
+        if rolling := [f"drive.{fault}" for fault in drive.faults(catenary.length)]:
+            return faults + rolling
+        if self.travel is None or drive.mode == "free":
+            return faults
+        return faults + [f"travel{fault}" for fault in _travel_faults(self.travel, drive, catenary.length, axial)]
 
     # --- reading and writing ----------------------------------------------------------------------------------------
 
     @classmethod
-    def load(cls, name_or_path: str | Path) -> Self:
-        """Return a built-in scene or that of a TOML file; SceneError with all its faults."""
-        text, name = scene_text(name_or_path)
-        return cls.from_toml(text, name=name, folder=Path(name_or_path).parent)
-
-    @classmethod
     def from_toml(cls, text: str, *, name: str = "scene", folder: Path = Path()) -> Self:
-        """Return the scene in a TOML text; SceneError with all its faults.
-
-        `folder`: where a file of the ground is looked for.
-        """
-        data = parsed(text)
-        if "contact" in data:
+        if "contact" in parsed(text):
             raise SceneError([AT_REST])
-        if isinstance(ground := data.get("ground"), str):
-            data["ground"] = read_ground(ground, folder)
-        return cls(**{"name": name, **data})
+        return super().from_toml(text, name=name, folder=folder)
 
-    def to_toml(self) -> str:
-        """A scene file that reads back as this scene."""
-        return tomli_w.dumps(self._tables())
-
-    def _tables(self) -> dict[str, Any]:
+    def _tables(self, changes: Container[str] = ()) -> dict[str, Any]:
         brief = {"mass", "drive", "wind", "obstacle", "ground"}
         data = self.model_dump(exclude_none=True, exclude=brief)
         data |= self.model_dump(exclude_none=True, exclude_defaults=True, include=brief)
         for table, name in (("travel", "rest"), ("cable", "damping")):
             if not data.get(table, {}).get(name, 1.0):
                 del data[table][name]
+        if any(f"cable.{shape}" in changes for shape in SHAPES):
+            data["cable"] = {k: x for k, x in data["cable"].items() if k not in SHAPES}
         return data
-
-    @classmethod
-    def library(cls) -> dict[str, str]:
-        """Names and titles of the built-in scenes."""
-        return {name: tomllib.loads(cls.library_text(name))["title"] for name in LIBRARY}
-
-    @classmethod
-    def library_text(cls, name: str) -> str:
-        """The TOML of a built-in scene, with comments."""
-        if name in LINES:
-            return (_FILES / "lines" / f"{name}.toml").read_text(encoding="utf-8")
-        if name not in LIBRARY:
-            raise SceneError([f"scene = {shown(name)}: no built-in scene.{nearest(name, (*LIBRARY, *LINES))}"])
-        return (_FILES / f"{name}.toml").read_text(encoding="utf-8")
 
     # --- other scenes -----------------------------------------------------------------------------------------------
 
@@ -225,22 +156,6 @@ class Scene(Part):
             data["travel"] = laws[travel]()
         cable = Cable(mass_per_length=rho, EA=alpha * H, sag=sag)
         return cls(name=name, gravity=gravity, cable=cable, supports=supports, **data)
-
-    def replace(self, changes: Mapping[str, Any]) -> Self:
-        """Return this scene with other values of some dotted keys; SceneError with all faults.
-
-        A new length, sag or horizontal tension takes the place of the one given.
-        scene.replace({"mass.mass": 60.0, "drive.brake.0.force": 600.0, "obstacle.tree.top": 21.0})
-        """
-        data = self._tables()
-        if any(f"cable.{shape}" in changes for shape in SHAPES):  # the described shape gives way
-            data["cable"] = {k: x for k, x in data["cable"].items() if k not in SHAPES or f"cable.{k}" in changes}
-        for key, value in changes.items():
-            try:
-                put(data, key, value)
-            except ValueError as error:
-                raise SceneError([str(error)]) from None
-        return type(self)(**data)
 
     def variants(self, grid: Mapping[str, Sequence[Any]]) -> list[Self]:
         """Return a scene for each combination of values; the last key changes fastest.
@@ -501,15 +416,8 @@ class Scene(Part):
         return f"<pre>{html.escape(str(self))}</pre>"
 
 
-_FILES = resources.files("cablefem.scene") / "library"
-# first in a list
-_FIRST = ("level", "cruise", "inclined", "bare", "tramway", "zipline")
-_FOUND = sorted(file.name.removesuffix(".toml") for file in _FILES.iterdir() if file.name.endswith(".toml"))
-LINES = sorted(file.name.removesuffix(".toml") for file in (_FILES / "lines").iterdir())
-LIBRARY = (*_FIRST, *(name for name in _FOUND if name not in _FIRST))
-
-
 def _presence(mode: str, present: list[str]) -> list[str]:
+    """Parts that a mode needs or has not."""
     if mode == "free":
         faults = [] if "mass" in present else ["mass: missing; must be given with drive.mode = 'free'"]
         if "travel" in present:
@@ -521,13 +429,6 @@ def _presence(mode: str, present: list[str]) -> list[str]:
         absent = "travel" if present == ["mass"] else "mass"
         return [f"{absent}: missing; must be given with [{present[0]}] (a bare cable has neither)"]
     return []
-
-
-def _ride_faults(travel: Any, drive: Driving, length: float, axial: float) -> list[str]:
-    """Faults of drive and travel on a cable with this length [m] and axial wave speed [m/s]."""
-    if faults := [f"drive.{fault}" for fault in drive.faults(length)]:
-        return faults
-    return [] if travel is None else [f"travel{fault}" for fault in _travel_faults(travel, drive, length, axial)]
 
 
 def _travel_faults(travel: Any, drive: Driving, length: float, axial: float) -> list[str]:
@@ -548,17 +449,6 @@ def _travel_faults(travel: Any, drive: Driving, length: float, axial: float) -> 
         waves = "the speed sqrt(EA/rho) of longitudinal waves"
         return [f": reaches {top:.6g} m/s; must stay < {axial:.6g} m/s, {waves}"]
     return [f".{fault}" for fault in faults]
-
-
-_adapter = cache(TypeAdapter)
-
-
-def _sound(kind: Any, value: object) -> Any:
-    """The value as a field of that kind; None when faulty."""
-    try:
-        return _adapter(kind).validate_python(value)
-    except ValueError:
-        return None
 
 
 def _course(travel: Any, drive: Driving, length: float) -> tuple[float, float]:

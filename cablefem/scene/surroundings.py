@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
 
 from cablefem.scene.errors import SceneError, shown
-from cablefem.scene.fields import Check, Part, Real, Word, real, said
+from cablefem.scene.fields import Pair, Part, Real, Word, admits, rising, said, tables
 
 
 class Obstacle(Part):
@@ -16,24 +18,24 @@ class Obstacle(Part):
     top: Real = said("[m] depth of its top below the left support")
 
 
-def _points(value: object) -> tuple[tuple[float, float], ...] | None:
-    """Pairs (x, depth) with increasing x; else None."""
-    if not isinstance(value, list | tuple) or len(value) == 1:
-        return None
-    points: list[tuple[float, float]] = []
-    for pair in value:
-        numbers = [real(x) for x in pair] if isinstance(pair, list | tuple) else []
-        if len(numbers) != 2 or None in numbers or (points and not numbers[0] > points[-1][0]):  # type: ignore[operator]
-            return None
-        points.append((numbers[0], numbers[1]))  # type: ignore[arg-type]
-    return tuple(points)
+def _profile(points: tuple[Pair, ...]) -> tuple[Pair, ...]:
+    if len(points) == 1 or rising("x", [x for x, _ in points]):
+        raise ValueError("no profile")
+    return points
 
 
-_GROUND = Check(
-    "a list of at least two points [x, depth], x strictly increasing, or the name of a CSV file of them", _points,
-    {"type": ["array", "string"]},
-)  # fmt: skip
-Ground = Annotated[tuple[tuple[float, float], ...], _GROUND]
+_WORDS = "a list of at least two points [x, depth], x strictly increasing, or the name of a CSV file of them"
+Ground = Annotated[
+    tuple[Pair, ...], Field(strict=False), AfterValidator(_profile), admits(_WORDS),
+    Field(
+        description="[m] points [x, depth below the left support], linear between them, or a CSV file",
+        json_schema_extra={"type": ["array", "string"]},
+    ),
+]  # fmt: skip
+Obstacles = Annotated[
+    tuple[Obstacle, ...], tables("{name = ..., at = ..., top = ...}"),
+    Field(description="[-] what the rope and the cars must clear"),
+]  # fmt: skip
 
 
 def read_ground(name: str, folder: Path) -> list[list[float]]:
@@ -58,14 +60,15 @@ def read_ground(name: str, folder: Path) -> list[list[float]]:
     return points
 
 
-def surroundings_faults(data: dict[str, Any], span: float) -> list[str]:
-    faults, names, obstacles = [], [], data.get("obstacle")
-    for i, obstacle in enumerate(obstacles if isinstance(obstacles, list | tuple) else ()):
-        given = obstacle if isinstance(obstacle, dict) else obstacle.model_dump() if isinstance(obstacle, Part) else {}
-        name, at = given.get("name"), real(given.get("at"))
-        if name in names:
-            faults.append(f"obstacle[{i}].name = {shown(name)}: given twice; names must differ")
-        names.append(name)
-        if at is not None and not 0.0 <= at <= span:
-            faults.append(f"obstacle[{i}].at = {at!r}: must be from 0 to {span:.6g} m, between the supports")
-    return faults
+def surroundings_faults(obstacles: tuple[Obstacle, ...], span: float) -> list[str]:
+    names = [x.name for x in obstacles]
+    faults = [
+        f"obstacle[{i}].name = {shown(name)}: given twice; names must differ"
+        for i, name in enumerate(names)
+        if name in names[:i]
+    ]
+    return faults + [
+        f"obstacle[{i}].at = {x.at!r}: must be from 0 to {span:.6g} m, between the supports"
+        for i, x in enumerate(obstacles)
+        if not 0.0 <= x.at <= span
+    ]

@@ -4,26 +4,18 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from cablefem.scene.bisection import bisected
-from cablefem.scene.fields import NonNegative, Numbers, Part, Positive, Real, said
+from cablefem.scene.fields import NonNegative, Numbers, Part, Positive, Real, columns, rising, said
 from cablefem.scene.motion import Motion, Piece
 
 AT_REST = 1e-3  # of the largest speed: a first or last speed below counts as rest
 ROUNDING = 1e-9  # of the length, of the largest speed: a travel that ends so near the support ends on it, at rest
-
-
-def _column(values: object) -> np.ndarray | None:
-    """The numbers as an array (n,), n > 1; else None."""
-    try:
-        column = np.asarray(values, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        return None
-    return column if column.ndim == 1 and column.size > 1 else None
 
 
 class Stop(Part):
@@ -257,19 +249,12 @@ class Table(Law):
     times: Numbers = said("[s] from 0, strictly increasing")
     positions: Numbers = said("[m] way along the cable, from 0, never decreasing; equal ones are a standstill")
 
-    @classmethod
-    def faults_between(cls, data: dict[str, Any]) -> list[str]:
-        columns = {name: column for name in ("times", "positions") if (column := _column(data.get(name))) is not None}
-        faults = []
-        if len(columns) == 2 and columns["times"].size != columns["positions"].size:
-            faults.append(f"positions: {columns['positions'].size} values; must be {columns['times'].size}, as times")
-        for name, column in columns.items():
-            if column[0] > 0.0:
-                faults.append(f"{name}[0] = {float(column[0])!r}: must be 0, the start")
-            steps, sign = np.diff(column), ">" if name == "times" else ">="
-            for i in np.flatnonzero(steps <= 0.0 if sign == ">" else steps < 0.0)[:1]:
-                before, after = column[i : i + 2].tolist()
-                faults.append(f"{name}[{i + 1}] = {after!r}: must be {sign} {before!r}, the one before it")
+    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        faults = columns(self.times, positions=self.positions)
+        for name, column, sign in (("times", self.times, ">"), ("positions", self.positions, ">=")):
+            if column and column[0] > 0.0:
+                faults.append(f"{name}[0] = {column[0]!r}: must be 0, the start")
+            faults += rising(name, column, sign)
         return faults
 
     def own_faults(self, way: float) -> list[str]:

@@ -21,8 +21,7 @@ PLACES = "must be from 0.033 to 326.7 m, between the left support and the end of
         (FREE + "star = 3", ["drive.star = 3: unknown key. Did you mean start? Known: mode, start, release, "
                              "rolling_friction, drag_area, air_density, wind, thrust, brake, end, rest_speed, "
                              "rest_distance."]),
-        (FREE.replace('"free"', '"fee"'), ["drive.mode = 'fee': unknown. Did you mean free? Known: grip, haul, free.",
-                                           "travel: missing; must be given with [mass] (a bare cable has neither)"]),
+        (FREE.replace('"free"', '"fee"'), ["drive.mode = 'fee': unknown. Did you mean free? Known: grip, haul, free."]),
         (FREE + "start = 0", [f"drive.start = 0: must be a number > 0, {NUMBER}"]),
         (FREE + "start = 0.01", [f"drive.start = 0.01: {PLACES}"]),
         (FREE + "start = 327", [f"drive.start = 327.0: {PLACES}"]),
@@ -34,7 +33,7 @@ PLACES = "must be from 0.033 to 326.7 m, between the left support and the end of
          ["drive.thrust = True: must be a number from -1e+15 to 1e+15, or a table {times, forces}"]),
         (FREE + "thrust = {times = [0, 2, 2], forces = [5.0, 6.0]}",
          ["drive.thrust.forces: 2 values; must be 3, as times",
-          "drive.thrust.times[2] = 2: must be > 2, the one before it"]),
+          "drive.thrust.times[2] = 2.0: must be > 2.0, the one before it"]),
         (FREE + "thrust = {times = [0, 2], force = [5.0, nan]}",
          ["drive.thrust.forces: missing; must be a list of at least two numbers",
           "drive.thrust.force = [5.0, nan]: unknown key. Did you mean forces? Known: times, forces."]),

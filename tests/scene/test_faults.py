@@ -33,7 +33,7 @@ CABLE_KEYS = (
     "Known: damping, length, sag, horizontal_tension, mass_per_length, EA, diameter, breaking_load, temperature, "
     "reference_temperature, expansion, ice."
 )
-SCENE_KEYS = "Known: name, title, gravity, cable, supports, mass, travel, drive, wind, obstacle, ground."
+SCENE_KEYS = "Known: cable, supports, mass, travel, drive, wind, obstacle, ground, name, title, gravity."
 # The bounds below were computed apart, in 30 digits: chord hypot(320, 25), catenaries of z = 1e-9 and z = 5,
 # and H sqrt(1 + c^2) of the good scene.
 CHORD = "320.97507691408066"

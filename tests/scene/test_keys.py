@@ -55,7 +55,7 @@ def broken(value, rule, where="", known=None):
         return [*missing, *inner, *(f"{where}.{key}" for key in value.keys() - own)]
     if isinstance(value, list):
         return [x for i, item in enumerate(value) for x in broken(item, rule.get("items", {}), f"{where}[{i}]", known)]
-    return [where] if "exclusiveMinimum" in rule and not value > rule["exclusiveMinimum"] else []
+    return [where] if "minimum" in rule and not value >= rule["minimum"] else []
 
 
 @pytest.mark.parametrize("name", Scene.library())

@@ -69,7 +69,7 @@ def line_named(name: str) -> Line | None:
 
 def refuse_moving(given: dict[str, bool]) -> None:
     """Refuse options that a line at rest does not have."""
-    from cablefem.scene.scene import AT_REST
+    from cablefem.scene.described import AT_REST
 
     if names := [name for name, there in given.items() if there]:
         raise store.Refused(f"{names[0]}: {AT_REST}")

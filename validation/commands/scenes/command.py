@@ -35,7 +35,7 @@ def command(
 def _texts(name: str | None) -> dict[str, str]:
     """Return the TOML of a scene by its name; of all built-in ones for None."""
     from cablefem.scene import Scene
-    from cablefem.scene.scene import LIBRARY, LINES
+    from cablefem.scene.described import LIBRARY, LINES
 
     if name is None or name in (*LIBRARY, *LINES):
         return {key: Scene.library_text(key) for key in ((*LIBRARY, *LINES) if name is None else [name])}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
@@ -9,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from cablefem.scene.errors import SceneError, shown
-from cablefem.scene.fields import Part, Real, Switch, real, whole
+from cablefem.scene.fields import Part, Real, Switch, whole
 
 MOST = 10_000_000  # points
 
@@ -48,15 +49,13 @@ class Range(Part):
     high: Real = Field(alias="to")
     log: Switch = False  # equal steps are equal ratios
 
-    @classmethod
-    def faults_between(cls, data: dict[str, Any]) -> list[str]:
+    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         """A range rises, and a logarithmic one is positive."""
-        low, high = real(data.get("from")), real(data.get("to"))
-        if low is None or high is None:
+        if None in (self.low, self.high):
             return []
-        if data.get("log") is True and low <= 0.0:
-            return [f"from = {low:g}: must be > 0 with log"]
-        return [] if low < high else [f"to = {high:g}: must be > {low:g}, where the range begins"]
+        if self.log and self.low <= 0.0:
+            return [f"from = {self.low:g}: must be > 0 with log"]
+        return [] if self.low < self.high else [f"to = {self.high:g}: must be > {self.low:g}, where the range begins"]
 
 
 class Steps(Range):

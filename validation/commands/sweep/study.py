@@ -7,16 +7,16 @@ import tomllib
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import tomli_w
-from pydantic import Field, PlainValidator, PrivateAttr
+from pydantic import AfterValidator, Field, PlainValidator, PrivateAttr
 
 from cablefem.scene import Scene, SceneError
 from cablefem.scene.drive import of_mode
 from cablefem.scene.errors import nearest, shown
-from cablefem.scene.fields import Line, Part, Real, between, choice, whole
+from cablefem.scene.fields import Line, Part, Real, between, whole
 from validation.commands.sweep import families
 from validation.commands.sweep.axes import MOST, Axis, grid, ranges
 from validation.core.methods import METHODS
@@ -27,10 +27,16 @@ FREE = ("slope", "travel", "span", "rho", "gravity")  # besides them, of `Scene.
 HOW = ("method", "model", "load", "law", "tol")  # of the run, not of the scene
 
 
+def _known(method: str) -> str:
+    if method not in METHODS:
+        raise ValueError(f"unknown.{nearest(method, METHODS)}")
+    return method
+
+
 class Sample(Part):
     """Points of a design of experiments."""
 
-    kind: Annotated[str, choice(("sobol", "latin_hypercube", "random"))] = "sobol"
+    kind: Literal["sobol", "latin_hypercube", "random"] = "sobol"
     count: Annotated[int, whole(1, MOST)]
     seed: Annotated[int, whole(0, 2**32 - 1)] = 0
     range: Annotated[tuple[Axis, ...], PlainValidator(ranges)]
@@ -48,8 +54,8 @@ class Study(Part):
 
     title: Line = ""
     scene: Scene | None = None  # None: every scene is made from its groups
-    job: Annotated[str, choice(("run", "check", "advise", "power"))] = "run"
-    method: Annotated[str, choice(tuple(METHODS))] | None = None  # None: the cheapest that will do
+    job: Literal["run", "check", "advise", "power"] = "run"
+    method: Annotated[str, AfterValidator(_known)] | None = None  # None: the cheapest that will do
     settings: dict[str, Any] = Field(default_factory=dict)  # of the method; of job power the seed of its scenes
     tol: Annotated[float, between(1e-6, 0.2)] | None = None
     seconds: Annotated[float, between(0.1, 86_400.0)] = 120.0  # a scene may take

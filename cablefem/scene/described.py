@@ -1,0 +1,114 @@
+"""What scenes and lines share: a name, surroundings, and their files."""
+
+import re
+import tomllib
+from collections.abc import Container, Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import tomli_w
+
+from cablefem.scene.dotted import put
+from cablefem.scene.errors import SceneError, nearest, shown
+from cablefem.scene.fields import Line, Name, Part, Positive, said
+from cablefem.scene.surroundings import read_ground
+
+_FILES = resources.files("cablefem.scene") / "library"
+# first in a list
+_FIRST = ("level", "cruise", "inclined", "bare", "tramway", "zipline")
+_FOUND = sorted(file.name.removesuffix(".toml") for file in _FILES.iterdir() if file.name.endswith(".toml"))
+LINES = sorted(file.name.removesuffix(".toml") for file in (_FILES / "lines").iterdir())
+AT_REST = "a line of several contacts is computed at rest; one span between two anchors also in motion"
+LIBRARY = (*_FIRST, *(name for name in _FOUND if name not in _FIRST))
+
+
+def library_text(name: str) -> str:
+    """The TOML of a built-in scene or line, with comments."""
+    if name not in (*LIBRARY, *LINES):
+        raise SceneError([f"scene = {shown(name)}: no built-in scene.{nearest(name, (*LIBRARY, *LINES))}"])
+    folder = _FILES / "lines" if name in LINES else _FILES
+    return (folder / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def scene_text(name_or_path: str | Path) -> tuple[str, str]:
+    """Return text and name of a built-in scene or of a TOML file."""
+    text = str(name_or_path)
+    if text in (*LIBRARY, *LINES):
+        return library_text(text), text
+    path = Path(name_or_path)
+    try:
+        content = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise SceneError(
+            [f"scene = {shown(text)}: no built-in scene, no file.{nearest(text, (*LIBRARY, *LINES))}"]
+        ) from None
+    except (OSError, ValueError) as error:  # a folder, no permission, not UTF-8
+        why = error.strerror if isinstance(error, OSError) else error
+        raise SceneError([f"scene = {shown(text)}: must be a readable TOML file ({why})"]) from None
+    return content, re.sub(r"[^\w.-]+", "-", path.stem).strip(".-") or "scene"
+
+
+def parsed(text: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        end = f"at line {text.count(chr(10)) + 1}, column {len(text) - text.rfind(chr(10))}, where it ends"
+        raise SceneError([f"not valid TOML: {str(error).replace('at end of document', end)}"]) from None
+    except (ValueError, RecursionError):  # a number of thousands of digits, thousands of brackets
+        raise SceneError(["not valid TOML: a number or a nesting beyond all bounds"]) from None
+
+
+class Described(Part):
+    """A file of a scene or of a line."""
+
+    built_in: ClassVar[Sequence[str]]  # names
+
+    name: Name = said("[-] name of its folder of results; of a file, the file's name", "scene")
+    title: Line = said("[-] what it is, on one line", "")
+    gravity: Positive = said("[m/s2] g", 9.81)
+
+    @classmethod
+    def load(cls, name_or_path: str | Path) -> Self:
+        """Return a built-in one or that of a TOML file; SceneError with all its faults."""
+        text, name = scene_text(name_or_path)
+        return cls.from_toml(text, name=name, folder=Path(name_or_path).parent)
+
+    @classmethod
+    def from_toml(cls, text: str, *, name: str = "scene", folder: Path = Path()) -> Self:
+        """Return what a TOML text describes; SceneError with all its faults.
+
+        `folder`: where a file of the ground is looked for.
+        """
+        data = parsed(text)
+        if isinstance(ground := data.get("ground"), str):
+            data["ground"] = read_ground(ground, folder)
+        return cls(**{"name": name, **data})
+
+    @classmethod
+    def library(cls) -> dict[str, str]:
+        """Names and titles of the built-in ones."""
+        return {name: parsed(library_text(name))["title"] for name in cls.built_in}
+
+    def to_toml(self) -> str:
+        """A file that reads back as this."""
+        return tomli_w.dumps(self._tables())
+
+    def _tables(self, changes: Container[str] = ()) -> dict[str, Any]:
+        """Its tables, without what gives way to changes of these dotted keys."""
+        raise NotImplementedError
+
+    def replace(self, changes: Mapping[str, Any]) -> Self:
+        """Return this with other values of some dotted keys; SceneError with all faults.
+
+        A new length, sag or horizontal tension takes the place of the one given.
+        scene.replace({"mass.mass": 60.0, "drive.brake.0.force": 600.0, "obstacle.tree.top": 21.0})
+        line.replace({"contact.valley.tension": 4e5})
+        """
+        data = self._tables(changes)
+        for key, value in changes.items():
+            try:
+                put(data, key, value)
+            except ValueError as error:
+                raise SceneError([str(error)]) from None
+        return type(self)(**data)
