@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from scipy.optimize import brentq
 
 
 def displacement(motion, impulse, x, t, *, mirror=-1.0):
@@ -20,35 +19,6 @@ def displacement(motion, impulse, x, t, *, mirror=-1.0):
                 low, high = np.where(heard, middle, low), np.where(heard, high, middle)
             total += 0.5 * sign * impulse(low)
     return total
-
-
-# --- a mass that slides on an infinite string, `wave_drag`
-
-
-def sliding(ride, x, t):
-    """v(x, t) = y(tau), tau the time at which the wave now at x left the mass; 0 <= t <= t_end."""
-    return np.where((tau := _left_at(ride, x, t)) > 0.0, ride.path(tau), 0.0)
-
-
-def sliding_gradient(ride, x, t):
-    """(v_x, v_t) off the mass."""
-    x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
-    tau = _left_at(ride, x, t)
-    w, half = ride.speed(np.maximum(tau, 0.0)), np.where(tau > 0.0, 0.5 * ride.force(np.maximum(tau, 0.0)), 0.0)
-    ahead = x > ride.position(t)
-    v_t = half / np.where(ahead, 1.0 - w, 1.0 + w)
-    return np.where(ahead, -v_t, v_t), v_t
-
-
-def _left_at(ride, x, t):
-    x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
-    out = np.zeros(x.size)
-    for i, (xi, ti) in enumerate(zip(x.flat, t.flat, strict=True)):
-        sign = 1.0 if xi > ride.position(ti) else -1.0  # ahead: tau - xi(tau) = t - x, behind: tau + xi(tau) = t + x
-        target = ti - sign * xi
-        if target > 0.0:
-            out[i] = brentq(lambda u, s=sign, c=target: u - s * float(ride.position(u)) - c, 0.0, float(ti), rtol=1e-14)
-    return out.reshape(x.shape)
 
 
 # --- modes and series

@@ -32,12 +32,6 @@ def path_velocity(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
     return -0.5 * sign * sigma * mu * np.expm1(-2.0 * u / mu)
 
 
-def force(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
-    """R(t) without the blow."""
-    t, u, _ = _mirror(t, mu, sigma, a)
-    return mu * sigma * (1.0 - np.where(t * a < 2.0, np.exp(-2.0 * u / mu), 0.0))
-
-
 def _mirror(t: ArrayLike, mu: float, sigma: float, a: float) -> tuple[Array, Array, Array]:
     """t, the subsonic time u with y(t) = y(u), and du/dt."""
     positive(mu=mu, sigma=sigma, a=a)

@@ -32,11 +32,6 @@ def way(t: ArrayLike, *, mu: float, g: float, sin: float, k: float) -> Array:
     return mu / k * (x + np.log1p(np.exp(-2.0 * x)) - math.log(2.0))
 
 
-def speed(s: ArrayLike, *, mu: float, g: float, sin: float, k: float) -> Array:
-    """v(s) with drag."""
-    return terminal(mu=mu, g=g, sin=sin, k=k) * np.sqrt(-np.expm1(-2.0 * k * np.asarray(s, float) / mu))
-
-
 def stop(s_b: float, *, mu: float, g: float, sin: float, mu_r: float, F_b: float) -> tuple[float, float]:
     """(t, s) at which the brake stops the car."""
     a = g * (sin - mu_r * math.sqrt(1.0 - sin * sin))

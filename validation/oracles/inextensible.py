@@ -14,25 +14,13 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import brentq
 
-from validation.oracles.case import BARE, Error, Limit, Solvers
-
-
-def symmetric(count: int) -> NDArray[np.float64]:
-    """Roots of sin z = z cos z in (n pi, (n + 1/2) pi), times 2."""
-    if count < 1:
-        raise ValueError(f"count >= 1 needed, got {count!r}")
-    half = [
-        brentq(lambda z: math.sin(z) - z * math.cos(z), n * math.pi, (n + 0.5) * math.pi, xtol=1e-15, rtol=1e-15)
-        for n in range(1, count + 1)
-    ]
-    return 2.0 * np.array(half)
+from validation.oracles import irvine
+from validation.oracles.case import BARE, Array, Error, Limit, Solvers
 
 
-def frequencies(count: int) -> NDArray[np.float64]:
-    return np.sort(np.concatenate([symmetric(count), 2.0 * math.pi * np.arange(1, count + 1)]))[:count]
+def frequencies(count: int) -> Array:
+    return irvine.frequencies(math.inf, count)
 
 
 def cases() -> list[Limit]:

@@ -28,6 +28,7 @@ def parameter(sigma: float, alpha: float, chord_cos: float = 1.0) -> float:
 
 
 def symmetric(L2: float, count: int) -> Array:
+    """L2 = inf: a cable that cannot stretch."""
     if not (L2 > 0.0 and count >= 1):
         raise ValueError(f"L^2 > 0 and count >= 1 needed, got {L2!r}, {count!r}")
 

@@ -14,46 +14,20 @@ Accuracy: DOP853 at rtol 1e-12
 Group: A car that rolls
 """
 
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.integrate import OdeSolution, solve_ivp
 
 from validation.oracles.case import RIDERS, Array, Error, Limit, Solvers, hung, largest_and_rms
-
-
-@dataclass(frozen=True, slots=True)
-class Sled:
-    mu: float
-    sigma: float
-    a: float
-    s0: float
-    _sol: OdeSolution
-
-    def position(self, t: ArrayLike) -> Array:
-        return self.s0 + 0.5 * self.a * np.asarray(t, float) ** 2
-
-    def depth(self, t: ArrayLike) -> Array:
-        """w(t)."""
-        return self._sol(np.asarray(t, float).ravel())[0].reshape(np.shape(t))
-
-    def sinking(self, t: ArrayLike) -> Array:
-        return self._sol(np.asarray(t, float).ravel())[1].reshape(np.shape(t))
-
-    def force(self, t: ArrayLike) -> Array:
-        """R(t)."""
-        weight, V = self.mu * self.sigma, self.a * np.asarray(t, float)
-        return 2.0 * self.sinking(t) + weight * (1.0 - (1.0 - 2.0 * self.s0) * V)
 
 
 def _mean_slope(V, dw, weight: float, s0: float):
     return (weight * (1.0 - 2.0 * s0 - V) - 2.0 * V * dw) / (2.0 * (1.0 - V * V))
 
 
-def solve(t_end: float, *, mu: float, sigma: float, a: float, s0: float, lift: bool = True) -> Sled:
-    """Integrate to t_end; lift = False: without mu a <w_s>."""
+def solve(t_end: float, *, mu: float, sigma: float, a: float, s0: float, lift: bool = True) -> OdeSolution:
+    """w and w. at times up to t_end, (2, ...); lift = False: without mu a <w_s>."""
     if not (mu > 0.0 and sigma > 0.0 and 0.0 < s0 < 1.0 and 0.0 <= a * t_end < 1.0):
         raise ValueError(f"needs mu, sigma > 0, 0 < s0 < 1, a t_end < 1, got {mu!r}, {sigma!r}, {s0!r}, {a * t_end!r}")
     at = s0 + 0.5 * a * t_end**2
@@ -68,8 +42,7 @@ def solve(t_end: float, *, mu: float, sigma: float, a: float, s0: float, lift: b
         return [q[1], (drive - 2.0 * q[1]) / mu]
 
     begin = [weight * s0 * (1.0 - s0), 0.0]
-    run = solve_ivp(rate, (0.0, t_end), begin, "DOP853", rtol=1e-12, atol=1e-15 * weight, dense_output=True)
-    return Sled(mu, sigma, a, s0, run.sol)
+    return solve_ivp(rate, (0.0, t_end), begin, "DOP853", rtol=1e-12, atol=1e-15 * weight, dense_output=True).sol
 
 
 def _deviation(solvers: Solvers, method: str, sigma: float, lift: bool = True) -> Error:
@@ -79,7 +52,7 @@ def _deviation(solvers: Solvers, method: str, sigma: float, lift: bool = True) -
     # w is down to 3e-5 l
     fine = {"terms": 160, "steps": 400} if method == "fourier-kink" else {"elements": 200, "steps": 800}
     r = solvers.ride(scene, method, scheme="trapezoidal", **fine)
-    error = np.abs(r.v / r.length - exact.depth(r.t / scene.time_scale)) / (mu * sigma)
+    error = np.abs(r.v / r.length - exact(r.t / scene.time_scale)[0]) / (mu * sigma)
     return largest_and_rms(error)
 
 

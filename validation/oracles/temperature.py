@@ -13,12 +13,11 @@ Group: A car that rolls
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq, fsolve
 
-from cablefem.scene import Scene
+from cablefem.scene import Catenary, Scene
 from validation.oracles.case import RIDERS, Case, Error, Limit, Solvers
 from validation.oracles.rest import ZIP
 
@@ -53,10 +52,6 @@ def elastic_catenary(span: float, drop: float, S: float, weight: float, EA: floa
     return math.exp(found[0]), found[1] * weight
 
 
-def sag_level(H: float, P: float, S: float, weight: float, EA: float) -> float:
-    return float(piece(H, P, 0.5 * S, weight / S, EA)[1])
-
-
 def stretched_length(H: float, P: float, S: float, weight: float, EA: float) -> float:
     """S + int N/EA dS."""
     q = weight / S
@@ -64,56 +59,11 @@ def stretched_length(H: float, P: float, S: float, weight: float, EA: float) -> 
     return S + (F[0] - F[1]) / (q * EA)
 
 
-@dataclass(frozen=True, slots=True)
-class Stretched:
-    """Plain catenary; w per stretched metre."""
-
-    span: float
-    drop: float
-    w: float
-    H: float
-
-    @property
-    def _u(self) -> tuple[float, float]:
-        """asinh of the slope at the supports."""
-        a, half = self.H / self.w, 0.5 * self.span * self.w / self.H
-        middle = math.asinh(self.drop / (2.0 * a * math.sinh(half)))
-        return middle + half, middle - half
-
-    @property
-    def length(self) -> float:
-        return self.H / self.w * (math.sinh(self._u[0]) - math.sinh(self._u[1]))
-
-    @property
-    def mean_tension(self) -> float:
-        """(1/l) int T ds, T = H cosh u, ds = (H/w) cosh u du."""
-        u0, u1 = self._u
-        total = 0.5 * (u0 - u1) + 0.25 * (math.sinh(2.0 * u0) - math.sinh(2.0 * u1))
-        return self.H**2 / self.w * total / self.length
-
-    def unstretched(self, EA: float) -> float:
-        """int ds/(1 + T/EA)."""
-        x, weights = np.polynomial.legendre.leggauss(60)
-        u0, u1 = self._u
-        u = 0.5 * (u0 + u1) + 0.5 * (u0 - u1) * x
-        ds = self.H / self.w * np.cosh(u) * 0.5 * (u0 - u1) * weights
-        return float((ds / (1.0 + self.H * np.cosh(u) / EA)).sum())
-
-
-def by_rte(rest: Stretched, EA: float, heat: float, load: float = 0.0, across: float = 0.0) -> Stretched:
-    """State by RTE's mechaphlowers: strains add up, weight per stretched metre is kept.
-
-    heat : a dT; load : added weight [N/m]; across : force normal to the plane [N/m].
-    """
-    reference = rest.length / (1.0 + rest.mean_tension / EA)
-    w, tilt = math.hypot(rest.w + load, across), math.atan2(across, rest.w + load)
-    drop, span = rest.drop * math.cos(tilt), math.hypot(rest.span, rest.drop * math.sin(tilt))
-
-    def excess(H: float) -> float:
-        state = Stretched(span, drop, w, H)
-        return state.length / reference - 1.0 - heat - state.mean_tension / EA
-
-    return Stretched(span, drop, w, brentq(excess, 0.1 * rest.H, 10.0 * rest.H, xtol=1e-11, rtol=1e-15))
+def unstretched(rest: Catenary, EA: float) -> float:
+    """int ds/(1 + T/EA)."""
+    x, weights = np.polynomial.legendre.leggauss(60)
+    T = rest.tension(0.5 * rest.length * (1.0 + x))
+    return float(0.5 * rest.length * (weights / (1.0 + T / EA)).sum())
 
 
 def heated(scene: Scene, l: float, unstretched: float) -> tuple[float, float]:
@@ -132,11 +82,11 @@ def held(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
     assert scene.mass is not None
     span, drop, car = scene.supports.span, scene.supports.drop, scene.mass.mass * scene.gravity
     ends = np.array([span, drop])
-    rest = Stretched(span, drop, reference.rho * reference.gravity, reference.horizontal_tension)
-    S, weight = heated(scene, rest.length, rest.unstretched(EA))
+    rest = reference.catenary
+    S, weight = heated(scene, rest.length, unstretched(rest, EA))
     l = stretched_length(*elastic_catenary(span, drop, S, weight, EA), S, weight, EA)
     # EA of the solvers refers to the hanging cable: EA less tension
-    mean = Stretched(span, drop, weight / l, scene.horizontal_tension).mean_tension
+    mean = Catenary(span, drop, weight / l, scene.horizontal_tension).mean_tension
     S, q = l * (1.0 - mean / EA), weight / l / (1.0 - mean / EA)
     EA -= mean
     H, P = elastic_catenary(span, drop, S, weight, EA)
