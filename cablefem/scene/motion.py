@@ -51,12 +51,8 @@ class Motion:
 
     def along(self, t: np.ndarray, phase: np.ndarray | int) -> np.ndarray:
         """`at` for many instants: rows s_o, ds_o, dds_o, (3, n)."""
-        out, c, one = np.empty((3, t.size)), self._columns, isinstance(phase, int)
-        for p in (phase,) if one else np.unique(phase).tolist():
-            rows, first, count = slice(None) if one else phase == p, sum(map(len, self.pieces[:p])), len(self.pieces[p])
-            start = c[0, first : first + count]
-            at = first + np.searchsorted(start[1:], t[rows], side="right") if count > 1 else first
-            out[:, rows] = self._on(at, t[rows])
+        first, last = self._ends[:, phase]
+        out = np.array(self._on(np.minimum(np.maximum(self._piece(t), first), last), t))
         out[0, t == self.phases[-1][1]] = self.end
         return out
 
@@ -94,10 +90,6 @@ class Motion:
         t = np.clip(np.asarray(t, dtype=float), 0.0, stop)
         return np.where(t == stop, self.end, self._on(self._piece(t), t)[0])
 
-    def speed(self, t) -> np.ndarray:
-        """ds_o/dt at t, same shape; the later one at a jump."""
-        return self._on(self._piece(t), np.asarray(t, dtype=float))[1]
-
     def time_at(self, s_o: float) -> float:
         """When the mass comes to s_o; ValueError if never."""
         return float(self.times_at(np.array([s_o]))[0])
@@ -123,6 +115,12 @@ class Motion:
         index, high = np.maximum(k - 1, 0), times[k]
         # within rounding
         return index, np.where((known[k] == places) | (self._on(index, high)[0] <= places), high, times[index]), high
+
+    @cached_property
+    def _ends(self) -> np.ndarray:
+        """First and last piece of each phase (2, n)."""
+        counts = np.array([len(pieces) for pieces in self.pieces])
+        return np.stack([np.cumsum(counts) - counts, np.cumsum(counts) - 1])
 
     def _piece(self, t) -> np.ndarray:
         return np.searchsorted(self._columns[0, 1:], t, side="right")

@@ -178,33 +178,28 @@ class Scene(Described):
         sag_ratio re-hangs the cable; mu, alpha and speed_ratio set mass, EA and pace. All else keeps its SI value.
         A cable with temperature or ice is then described by its horizontal tension.
         """
+        scene = self
         if self.cable.changed and any(group is not None for group in (sag_ratio, mu, alpha)):
-            now = self._hung(horizontal_tension=self.horizontal_tension)
-            return self._with(cable=now).variant(
-                sag_ratio=sag_ratio, mu=mu, alpha=alpha, speed_ratio=speed_ratio, **fields
-            )
+            scene = scene.model_copy(update={"cable": scene._hung(horizontal_tension=scene.horizontal_tension)})
         if sag_ratio is not None:
-            cable = self._hung(sag=sag_ratio * self.supports.span)
-            return self._with(cable=cable).variant(mu=mu, alpha=alpha, speed_ratio=speed_ratio, **fields)
+            scene = scene.model_copy(update={"cable": scene._hung(sag=sag_ratio * scene.supports.span)})
         if alpha is not None:
-            fields["cable"] = Cable(**{**self.cable.model_dump(), "EA": alpha * self.horizontal_tension})
+            fields["cable"] = scene.cable.model_copy(update={"EA": alpha * scene.horizontal_tension})
         if mu is not None:
-            fields["mass"] = Mass(mass=mu * self.cable.mass_per_length * self.length)
+            mass = mu * scene.rho * scene.length
+            fields["mass"] = Mass(mass=mass) if scene.mass is None else scene.mass.model_copy(update={"mass": mass})
         if speed_ratio is not None:
-            if self.travel is None or self.speed_ratio is None:
+            if scene.travel is None or scene.speed_ratio is None:
                 raise SceneError(
                     [f"speed_ratio = {speed_ratio!r}: a bare cable has no travel, a free ride finds its own"]
                 )
-            fields["travel"] = self.travel.faster(speed_ratio / self.speed_ratio)
-        return self._with(**fields)
+            fields["travel"] = scene.travel.faster(speed_ratio / scene.speed_ratio)
+        return scene.model_copy(update=fields)
 
     def _hung(self, **shape: float) -> Cable:
         """The cable as it is, without temperature and ice, hung otherwise."""
         gone = {*SHAPES, "temperature", "reference_temperature", "expansion", "ice"}
         return Cable(**{**self.cable.model_dump(exclude=gone), "mass_per_length": self.rho, **shape})
-
-    def _with(self, **fields: Any) -> Self:
-        return type(self)(**{**{key: getattr(self, key) for key in self.field_names()}, **fields})
 
     # --- what follows -----------------------------------------------------------------------------------------------
 

@@ -200,27 +200,19 @@ class Trapezoid(Law):
 
         if runs(V) > way:
             V = bisected(lambda x: runs(x) - way, 0.0, V)
-        t, s, v = 0.0, 0.0, 0.0
-        pieces: list[Piece] = []
-
-        def add(duration: float, a: float, j: float) -> None:
-            nonlocal t, s, v
-            if duration > 0.0:
-                pieces.append(Piece(t, t, s, v, 0.5 * a, j / 6.0))
-                x = duration
-                s, v, t = s + x * (v + x * (0.5 * a + x * j / 6.0)), v + x * (a + 0.5 * x * j), t + x
-
+        steps = []  # duration, acceleration at its start, jerk
         for sign, a in zip((1.0, -1.0), ramps, strict=True):
             rise, hold = _ramp(V, a, self.jerk)
-            if self.jerk is None:
-                add(rise + hold, sign * a, 0.0)
-            else:
-                peak, j = sign * self.jerk * 0.5 * rise, sign * self.jerk
-                add(0.5 * rise, 0.0, j)
-                add(hold, peak, 0.0)
-                add(0.5 * rise, peak, -j)
-            if sign > 0.0:
-                add((way - runs(V)) / V, 0.0, 0.0)
+            j = sign * (self.jerk or 0.0)
+            peak = sign * a if self.jerk is None else 0.5 * rise * j
+            steps += [(0.5 * rise, 0.0, j), (hold, peak, 0.0), (0.5 * rise, peak, -j)]
+        steps.insert(3, ((way - runs(V)) / V, 0.0, 0.0))
+        t, s, v = 0.0, 0.0, 0.0
+        pieces: list[Piece] = []
+        for x, a, j in steps:
+            if x > 0.0:
+                pieces.append(Piece(t, t, s, v, 0.5 * a, j / 6.0))
+                s, v, t = s + x * (v + x * (0.5 * a + x * j / 6.0)), v + x * (a + 0.5 * x * j), t + x
         last = pieces[-1]  # from the end, where speed is exactly zero
         pieces[-1] = Piece(last.start, t, way, 0.0, 0.0 if self.jerk else last.c2, last.c3)
         if self.jerk is not None:
