@@ -54,7 +54,7 @@ def test_every_command_has_help_with_an_example_and_says_where_it_writes(cablefe
         (["advise", "bare", "--tol", "1e-2"], ["scene bare has no [mass] and [travel]"]),
         (["advise", "level", "--tol", "0"], ["--tol must lie in"]),
         (["chart", "bare"], ["scene bare has no [mass] and [travel]"]),
-        (["check", "level", "--with", "no.csv"], ["no.csv: no such file"]),
+        (["check", "level", "--with", "no.csv"], ["no.csv: cannot be read (No such file or directory)"]),
         (["scenes", "levle"], ["Did you mean level?"]),
         (["run", "level", "--method", "fourir"], ["unknown method 'fourir'. Did you mean fourier?"]),
         (["run", "level", "--method", "fourier", "--set", "trms=3"], ["fourier has no setting 'trms'"]),

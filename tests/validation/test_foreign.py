@@ -198,8 +198,8 @@ def test_many_bad_cells_make_a_few_lines(tmp_path):
 
 
 def test_files_that_cannot_be_read_are_told(tmp_path):
-    assert faults(ForeignPath.read, tmp_path / "no.csv", LEVEL) == [f"{tmp_path / 'no.csv'}: no such file"]
-    assert "cannot be read" in faults(ForeignPath.read, tmp_path, LEVEL)[0]
+    for file in (tmp_path / "no.csv", tmp_path):
+        assert f"{file}: cannot be read" in faults(ForeignPath.read, file, LEVEL)[0]
     (tmp_path / "b.csv").write_bytes(b"t,v\n0,\xff\n")
     assert "not text in UTF-8" in faults(ForeignPath.read, tmp_path / "b.csv", LEVEL)[0]
     (tmp_path / "c.csv").write_text("t,v\n0,0\n")
@@ -260,7 +260,7 @@ def test_a_path_that_ends_early_is_not_comparable_but_told(ours):
     row = rows_of(ForeignPath.of(LEVEL, L * s[half], L * v[half], name="short"), ours)["path_max"]
     assert row.verdict is Verdict.NOT_COMPARABLE
     assert row.gap < 3e-3
-    assert "short covers s_o/l = 0.02 to 0.498 of 0.02 to 0.8" in row.allowed_because
+    assert "short covers s_o/l 0.02 to 0.498 of 0.02 to 0.8" in row.allowed_because
 
 
 @pytest.mark.parametrize(
@@ -356,7 +356,7 @@ def test_a_ride_that_ends_early_is_not_comparable(tmp_path, ridden, other):
     row = rows_of(ForeignPath.read(file, ZIPLINE), ridden)["path_max"]
     assert row.verdict is Verdict.NOT_COMPARABLE
     assert row.gap < 1e-2
-    assert " s of 0 to " in row.allowed_because
+    assert "covers t [s] 0 to " in row.allowed_because
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from validation.core import measures
 from validation.core.climb import laddered
 from validation.core.methods import METHODS
 from validation.core.running import run
-from validation.core.trust import MEANINGFUL, convergence_limit, grading, post_slack_spread, reach, recommended
+from validation.core.trust import convergence_limit, grading, post_slack_spread, recommended
 from validation.core.watch import MOST_GAIN
 from validation.page.page import render
 
@@ -277,19 +277,6 @@ def test_cells_are_judged_by_their_error_and_only_against_a_sure_reference():
     assert judged(broken, fine, 1e-4)["class"] == "wrong"
     assert judged(broken, fine, 1e-4)["cause"] == "unstable"
     assert measures.WINDOW[1] > broken.reached
-
-
-def test_two_answers_are_one_until_they_part():
-    a, b = (run(LEVEL, "following-p2", elements=n, steps=300, until=0.7) for n in (6, 8))
-    same = reach(a, b, 0.3, 1e-3)
-    assert same.place is None
-    assert same.gap < MEANINGFUL
-    assert same.end == min(a.reached, b.reached)
-    # twin: they part by three percent from half-way on
-    apart = replace(b, v=b.v + 0.03 * b.max_deflection * (b.s_o > 0.5 * b.length))
-    assert reach(a, apart, 0.3, 1e-3).place == pytest.approx(0.505, abs=6e-3)
-    assert reach(a, apart, 0.3, 2e-2).place is None  # within twice what was allowed
-    assert reach(a, b, 0.75, None) is None
 
 
 @pytest.mark.parametrize("terms", [1, 2, 3])

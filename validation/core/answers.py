@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -91,8 +92,7 @@ def _kmh(speed: float) -> str:
     return f"{3.6 * speed:.1f} km/h"
 
 
-@dataclass(frozen=True, slots=True)
-class Profile:
+class Profile(NamedTuple):
     """The rope over x: at rest, and extremes over the run; (n,) each, SI."""
 
     x: Array
@@ -101,9 +101,6 @@ class Profile:
     y_lowest: Array
     tension_max: Array
     tension_min: Array
-
-    def columns(self) -> dict[str, Array]:
-        return {name: getattr(self, name) for name in self.__dataclass_fields__}
 
 
 def shapes(r: Response) -> tuple[Array, Array, Array]:
@@ -137,7 +134,7 @@ def profile(r: Response) -> Profile:
 def write_answers(folder: Path, scene: Scene, r: Response) -> None:
     found = outcome(scene, r)
     write_json(folder / "summary.json", {"outcome": found.sentence, "outcome_kind": found.kind, **r.summary()})
-    columns = profile(r).columns()
+    columns = profile(r)._asdict()
     with whole(folder / "profile.csv") as temporary:
         values = np.stack(list(columns.values()), axis=1)
         np.savetxt(temporary, values, fmt="%.9g", delimiter=",", header=",".join(columns), comments="")
@@ -161,57 +158,49 @@ class Room:
 
 
 def clearances(scene: Scene, r: Response) -> list[Room]:
-    """Return all free heights; empty where the car never passes."""
+    """Return all free heights; empty where the car never passes.  An obstacle is a ground of one point."""
     below = 0.0 if scene.mass is None else scene.mass.below
-    rooms = []
-    for o in scene.obstacle:
-        rooms += [rope_over(r, o.at, o.top, o.name), car_over(r, o.at, o.top - below, o.name)]
+    grounds = [(o.name, np.array([[o.at, o.top]])) for o in scene.obstacle]
     if scene.ground:
-        ground = np.array(scene.ground, float)
-        rooms += [rope_over_ground(r, ground), car_over_ground(r, ground, below)]
+        grounds.append((GROUND, np.array(scene.ground, float)))
+    rooms = []
+    for name, ground in grounds:
+        t, height, s = _under_car(r, ground)
+        rope = _ordered((t, height, s), _under_rope(r, ground))
+        rooms += [Room("rope", name, *rope), Room("car", name, t, height - below, s)]
     return rooms
 
 
-def rope_over(r: Response, x: float, top: float, name: str) -> Room:
-    """Free height of the rope above (x, top), at frames and when the car passes."""
-    at, y, _ = shapes(r)
-    heights = top - np.array([np.interp(x, a, b) for a, b in zip(at, y, strict=True)])
-    s = np.full(heights.size, float(np.interp(x, r.fields.x, r.fields.s)))
-    passing = car_over(r, x, top, name)
-    t = np.r_[r.fields.t, passing.t]
+def _ordered(*parts: tuple[Array, ...]) -> tuple[Array, Array, Array]:
+    """Join times, heights and places (n,), and sort them by time."""
+    t, height, s = (np.concatenate(x) for x in zip(*parts, strict=True))
     order = np.argsort(t, kind="stable")
-    return Room("rope", name, t[order], np.r_[heights, passing.height][order], np.r_[s, passing.s][order])
+    return t[order], height[order], s[order]
 
 
-def car_over(r: Response, x: float, top: float, name: str) -> Room:
-    """Free height of the car above (x, top) each time it passes x."""
-    before, after = r.x[:-1], r.x[1:]
-    i = np.flatnonzero(((before < x) & (after >= x)) | ((before > x) & (after <= x)))
-    w = (x - before[i]) / (after[i] - before[i])
+def _under_car(r: Response, ground: Array) -> tuple[Array, Array, Array]:
+    """Height of the rope at the car over the ground (n, 2) [x, depth], which is linear between its points.
 
-    def there(values: Array) -> Array:
-        return values[i] + w * (values[i + 1] - values[i])
-
-    return Room("car", name, there(r.t), top - there(r.y), there(r.s_o))
-
-
-def rope_over_ground(r: Response, ground: Array) -> Room:
-    """Least free height of the rope above the ground (n, 2) [x, depth] at each frame.
-
-    The ground is linear between its points, nan outside.
+    Taken at steps, and each time the car passes a point.
     """
+    over = (r.x > ground[0, 0]) & (r.x < ground[-1, 0])
+    parts = [(r.t[over], np.interp(r.x[over], *ground.T) - r.y[over], r.s_o[over])]
+    for x, depth in ground:
+        i = np.flatnonzero((r.x[:-1] < x) != (r.x[1:] < x))
+        w = (x - r.x[i]) / (r.x[i + 1] - r.x[i])
+        t, y, s_o = (of[i] + w * (of[i + 1] - of[i]) for of in (r.t, r.y, r.s_o))
+        parts.append((t, depth - y, s_o))
+    return _ordered(*parts)
+
+
+def _under_rope(r: Response, ground: Array) -> tuple[Array, Array, Array]:
+    """Least height of the rope over the ground at each frame; nan outside."""
     at, y, _ = shapes(r)
     heights, s = np.full(len(at), np.nan), np.full(len(at), np.nan)
     for k, (a, b) in enumerate(zip(at, y, strict=True)):
         x = np.union1d(a, ground[:, 0])
         x = x[(x >= max(a[0], ground[0, 0])) & (x <= min(a[-1], ground[-1, 0]))]
         if x.size:
-            free = np.interp(x, ground[:, 0], ground[:, 1]) - np.interp(x, a, b)
+            free = np.interp(x, *ground.T) - np.interp(x, a, b)
             heights[k], s[k] = free.min(), np.interp(x[free.argmin()], r.fields.x, r.fields.s)
-    return Room("rope", GROUND, r.fields.t, heights, s)
-
-
-def car_over_ground(r: Response, ground: Array, below: float) -> Room:
-    """Free height of the car's lowest part at each step; nan outside the ground."""
-    depth = np.interp(r.x, ground[:, 0], ground[:, 1], left=np.nan, right=np.nan)
-    return Room("car", GROUND, r.t, depth - r.y - below, r.s_o)
+    return r.fields.t, heights, s

@@ -81,7 +81,8 @@ def _asked(argument: str, allowed: float, relative: str, *notes: str) -> Bound:
 
 def _tension_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement:
     if not (isinstance(a, Response) and isinstance(b, Response)):
-        gap = foreign.mass_tension_gap(a, b, window)
+        H = next(r.horizontal_tension for r in (b, a) if isinstance(r, Response))
+        gap = foreign.mass_tension_gap(a, b, window, H)
         return Agreement("tension", gap, _asked("tension", allowed, "rms at the mass, both sides, relative to H"))
     gap = measures.tension_gap(a, b, window)
     frames, _, _ = measures.common_frames(a, b)

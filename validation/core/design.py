@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
 from typing import Any
 
@@ -18,12 +18,11 @@ from cablefem.newmark import scheme
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from validation.core.answers import GROUND, clearances
-from validation.core.evidence import Given
+from validation.core.evidence import FIRST, Given
 from validation.core.ladder import Ladder, largest
 from validation.core.measures import WINDOWS
 from validation.core.quantities import unit_of
 
-FIRST = 1.0  # largest order of forces: waves arrive as fronts
 NEAR = 9  # times around an extreme at which two runs are compared
 BETWEEN = 0.25  # of the larger neighbouring step: a parabola's rise above its highest sample
 
@@ -160,25 +159,18 @@ def _tilt(r: Response) -> list[Number]:
     return [] if tilt is None else [Number("wind_tilt", tilt, 0.0, "deg")]
 
 
-def numbers(ladder: Ladder, twin: Ladder | None = None) -> list[Number]:
-    """Return the known design numbers; bars are at least the gap to the twin's."""
-    r, other = ladder.finest, None if twin is None else twin.finest
+def numbers(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
+    """Return the known design numbers, of a ladder with bars: at least the gap to the twin's."""
+    r, ladder = (of.finest, of) if isinstance(of, Ladder) else (of, None)
+    other = None if twin is None else twin.finest
     span = _range(r, *(() if other is None else (other,)))
-    asked = quantities(r)
-    found = [x for name in asked if (x := _number(name, asked[name], r, span, ladder, other)) is not None]
-    return found + _safety(r, found) + _tilt(r) + _onset(ladder, other)
+    found = [x for name, asked in quantities(r).items() if (x := _number(name, asked, r, span, ladder, other))]
+    return found + _safety(r, found) + _tilt(r) + _onset(r, ladder, other)
 
 
 def design(r: Response) -> list[dict[str, Any]]:
     """Return the `design` rows of a single run, without bars."""
-    return [number.row() for number in alone(r)]
-
-
-def alone(r: Response) -> list[Number]:
-    span = _range(r)
-    asked = quantities(r)
-    found = [x for name in asked if (x := _number(name, asked[name], r, span)) is not None]
-    return found + _safety(r, found) + _tilt(r) + _onset(None, r)
+    return [number.row() for number in numbers(r)]
 
 
 def _range(*runs: Response) -> tuple[float, float]:
@@ -196,35 +188,32 @@ def _range(*runs: Response) -> tuple[float, float]:
 
 
 def _number(
-    name: str, quantity: Quantity, r: Response, span: tuple[float, float], ladder: Ladder | None = None,
-    twin: Response | None = None,
-) -> Number | None:  # fmt: skip
+    name: str, quantity: Quantity, r: Response, span: tuple[float, float], ladder: Ladder | None, twin: Response | None
+) -> Number | None:
     unit = unit_of(name)
-    period = _round_trip(r) if unit in ("N", "deg") else 0.0  # an angle follows a force
-    value, peak = (partial(_value, quantity, span, over) for over in (period, 0.0))
-    found = _extreme(quantity, r, span, period)
-    if found is None and name.startswith("clearance_"):
-        return Number(name, None, None, unit)
-    if found is None or (quantity.inner and _at_an_end(found, r, span)):
-        return None
-    if unit == "deg" and span[1] - found.t <= 0.5 * period + found.step:
+    mean = _Signal(quantity, span, _round_trip(r) if unit in ("N", "deg") else 0.0)  # an angle follows a force
+    found = mean.extreme(r)
+    if found is None:
+        return Number(name, None, None, unit) if name.startswith("clearance_") else None
+    late = unit == "deg" and span[1] - found.t <= 0.5 * mean.period + found.step
+    if late or (quantity.inner and _at_an_end(found, r, span)):
         return None  # no extreme in the range
-    bar: float | None = None
-    bar_peak: float | None = None
+    raw, bar, bar_peak = replace(mean, period=0.0), math.inf, math.inf
     if ladder is not None:
-        near = np.clip(found.t + np.linspace(-1.0, 1.0, NEAR) * max(period, found.step), *span)
-        beside = partial(_beside, quantity, span, period, found.track, near)
-        signals = (value, beside) if found.step > 0.0 else (value,)
-        bar = max(ladder.bar(of, largest, FIRST if period else math.inf) for of in signals) + found.between
-        bar = max(bar, 0.0 if twin is None else abs(found.value - value(twin)))
-        if unit == "N" and (ladder.ringing is not None or not _damps(r)):
-            raw = partial(_beside, quantity, span, 0.0, found.track, near)
-            bar_peak = max(ladder.peak(peak), ladder.peak(raw), 0.0 if twin is None else abs(peak(r) - peak(twin)))
-    at = float(np.interp(found.s, r.fields.s, r.fields.x))
-    return Number(
-        name, found.value, _known(bar), unit, found.t, float(np.interp(found.t, r.t, r.s_o)), at, found.s,
-        peak(r) if unit == "N" else None, _known(bar_peak),
-    )  # fmt: skip
+        near = np.clip(found.t + np.linspace(-1.0, 1.0, NEAR) * max(mean.period, found.step), *span)
+        bar = _bar(mean, found, near, ladder, twin, FIRST if mean.period else math.inf)
+        bar_peak = math.inf if _damps(r) else _bar(raw, found, near, ladder, twin, FIRST)
+    t, s, force = found.t, found.s, unit == "N"
+    place, x = float(np.interp(t, r.t, r.s_o)), float(np.interp(s, r.fields.s, r.fields.x))
+    peak = (raw.value(r), _known(bar_peak)) if force else (None, None)
+    return Number(name, found.value, _known(bar), unit, t, place, x, s, *peak)
+
+
+def _bar(signal: _Signal, found: _Extreme, near: Array, ladder: Ladder, twin: Response | None, order: float) -> float:
+    """Bar of an extreme: of its value and of the signal at times near it; at least the gap to the twin's."""
+    of = [signal.value] + ([partial(signal.beside, found.track, near)] if found.step > 0.0 else [])
+    bar = max(ladder.bar(x, largest, order) for x in of) + found.between
+    return max(bar, 0.0 if twin is None else abs(signal.value(ladder.finest) - signal.value(twin)))
 
 
 def _damps(r: Response) -> bool:
@@ -232,8 +221,8 @@ def _damps(r: Response) -> bool:
     return scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0)).damps
 
 
-def _known(bar: float | None) -> float | None:
-    return bar if bar is not None and math.isfinite(bar) else None
+def _known(bar: float) -> float | None:
+    return bar if math.isfinite(bar) else None
 
 
 def _round_trip(r: Response) -> float:
@@ -252,24 +241,54 @@ class _Extreme:
     step: float  # [s] between samples
 
 
-def _samples(track: Track, span: tuple[float, float], period: float, sign: float) -> tuple[Array, Array, Array]:
-    """Times, values and places in a range: means over a period, extremes along the cable."""
-    rows = (track.t >= span[0] * (1.0 - 1e-9)) & (track.t <= span[1] * (1.0 + 1e-9))
-    finite = np.isfinite(track.value)
-    rows &= finite if finite.ndim == 1 else finite.all(axis=1)
-    t, value = track.t[rows], track.value[rows]
-    if t.size == 0:
-        return t, t, t
-    if value.ndim == 1:
-        return t, _mean(t, value, period) if period and t.size > 2 else value, track.s[rows]
-    if period:  # at least over neighbouring frames
-        sums = np.concatenate([0.0 * value[:1], np.cumsum(value, axis=0)])
-        k = np.arange(t.size)
-        first = np.minimum(np.searchsorted(t, t - 0.5 * period), np.maximum(k - 1, 0))
-        last = np.maximum(np.searchsorted(t, t + 0.5 * period, side="right"), np.minimum(k + 2, t.size))
-        value = (sums[last] - sums[first]) / (last - first)[:, None]
-    at = (sign * value).argmax(axis=1)
-    return t, value[np.arange(t.size), at], track.s[at]
+@dataclass(frozen=True, slots=True)
+class _Signal:
+    """A quantity in a range of times [s], as a mean over a period."""
+
+    quantity: Quantity
+    span: tuple[float, float]
+    period: float
+
+    def samples(self, track: Track) -> tuple[Array, Array, Array]:
+        """Times, values and places: means over the period, extremes along the cable."""
+        rows = (track.t >= self.span[0] * (1.0 - 1e-9)) & (track.t <= self.span[1] * (1.0 + 1e-9))
+        rows &= np.isfinite(track.value.reshape(track.t.size, -1)).all(axis=1)
+        t, value = track.t[rows], track.value[rows]
+        if t.size == 0:
+            return t, t, t
+        if value.ndim == 1:
+            return t, _mean(t, value, self.period) if self.period and t.size > 2 else value, track.s[rows]
+        if self.period:  # at least over neighbouring frames
+            sums = np.concatenate([0.0 * value[:1], np.cumsum(value, axis=0)])
+            k = np.arange(t.size)
+            first = np.minimum(np.searchsorted(t, t - 0.5 * self.period), np.maximum(k - 1, 0))
+            last = np.maximum(np.searchsorted(t, t + 0.5 * self.period, side="right"), np.minimum(k + 2, t.size))
+            value = (sums[last] - sums[first]) / (last - first)[:, None]
+        at = (self.quantity.sign * value).argmax(axis=1)
+        return t, value[np.arange(t.size), at], track.s[at]
+
+    def extreme(self, r: Response) -> _Extreme | None:
+        found, sign = None, self.quantity.sign
+        for i, track in enumerate(self.quantity.tracks(r)):
+            t, value, s = self.samples(track)
+            if t.size == 0:
+                continue
+            k = int((sign * value).argmax())
+            if found is None or sign * value[k] > sign * found.value:
+                beside = slice(max(0, k - 1), k + 2)
+                between = BETWEEN * float(np.abs(value[beside] - value[k]).max()) if track.value.ndim > 1 else 0.0
+                found = _Extreme(float(value[k]), float(t[k]), float(s[k]), i, between, float(np.ptp(t[beside])))
+        return found
+
+    def value(self, r: Response) -> float:
+        found = self.extreme(r)
+        return math.nan if found is None else found.value
+
+    def beside(self, track: int, near: Array, r: Response) -> Array:
+        """Values (n,) of a track at the times `near`; nan of a run that ends before."""
+        t, value, _ = self.samples(self.quantity.tracks(r)[track])
+        there = t.size and t[-1] >= min(near[-1], r.t[-1]) - np.ptp(near)
+        return np.interp(near, t, value) if there else math.nan * near
 
 
 def _mean(t: Array, value: Array, period: float) -> Array:
@@ -279,50 +298,22 @@ def _mean(t: Array, value: Array, period: float) -> Array:
     return np.asarray((sums(high) - sums(low)) / (high - low))
 
 
-def _extreme(quantity: Quantity, r: Response, span: tuple[float, float], period: float) -> _Extreme | None:
-    found = None
-    for i, track in enumerate(quantity.tracks(r)):
-        t, value, s = _samples(track, span, period, quantity.sign)
-        if t.size == 0:
-            continue
-        k = int((quantity.sign * value).argmax())
-        if found is None or quantity.sign * value[k] > quantity.sign * found.value:
-            beside = slice(max(0, k - 1), k + 2)
-            between = BETWEEN * float(np.abs(value[beside] - value[k]).max()) if track.value.ndim > 1 else 0.0
-            found = _Extreme(float(value[k]), float(t[k]), float(s[k]), i, between, float(np.ptp(t[beside])))
-    return found
-
-
-def _value(quantity: Quantity, span: tuple[float, float], period: float, r: Response) -> float:
-    found = _extreme(quantity, r, span, period)
-    return math.nan if found is None else found.value
-
-
-def _beside(
-    quantity: Quantity, span: tuple[float, float], period: float, track: int, near: Array, r: Response
-) -> Array:
-    t, value, _ = _samples(quantity.tracks(r)[track], span, period, quantity.sign)
-    return np.interp(near, t, value) if t.size and t[-1] >= min(near[-1], r.t[-1]) - np.ptp(near) else math.nan * near
-
-
 def _at_an_end(found: _Extreme, r: Response, span: tuple[float, float]) -> bool:
     ends = min(found.t - span[0], span[1] - found.t) <= 0.5 * found.step
     return bool(ends or not 0.0 < found.s < r.length)
 
 
-def _onset(ladder: Ladder | None, other: Response | None) -> list[Number]:
-    r = other if ladder is None else ladder.finest
-    assert r is not None
+def _onset(r: Response, ladder: Ladder | None, twin: Response | None) -> list[Number]:
     if r.slack_onset is None:
         return []
 
     def onset(x: Response) -> float:
         return math.nan if x.slack_onset is None else x.slack_onset
 
-    bar = None
+    bar = math.inf
     if ladder is not None:
         bar = ladder.bar(onset, largest, FIRST) + float(np.diff(r.s_o).max()) / r.length
-        bar = max(bar, 0.0 if other is None else abs(r.slack_onset - onset(other)))
+        bar = max(bar, 0.0 if twin is None else abs(r.slack_onset - onset(twin)))
     at = r.slack_onset * r.length
     s = None if r.slack_at is None else r.slack_at * r.length
     x = None if s is None else float(np.interp(s, r.fields.s, r.fields.x))

@@ -18,8 +18,9 @@ import csv
 import itertools
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, Self
 
@@ -42,6 +43,8 @@ TRAVEL_TOLERANCE = 5e-3  # of l: programs may round the place to a node
 _NAME = re.compile(
     r"(t_behind|t_ahead|time|t|s_o|u|v|x|y|speed)(_over_l|/l|_mm|_kmh|_km|_ms|_kn|_s|_m|_n)?(_down|_up)?", re.IGNORECASE
 )
+_QUANTITIES = {"time": "t", "t_behind": "T_behind", "t_ahead": "T_ahead"}  # others are named as in a file
+_COLUMNS = ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "speed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,68 +108,78 @@ class ForeignPath:
         return cls(**_completed(scene, _read(Path(file), scene)))
 
     def write(self, file: Path) -> None:
-        columns = {k: getattr(self, k) for k in ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "speed")}
-        columns = {k: x for k, x in columns.items() if x is not None}
+        columns = {k: x for k in _COLUMNS if (x := getattr(self, k)) is not None}
         write_csv(file, ",".join(columns), np.stack(list(columns.values()), axis=1))
 
 
 @dataclass(frozen=True, slots=True)
 class _Given:
+    """The columns of a third party, in SI."""
+
     name: str
     x: dict[str, Array]
     factor: dict[str, float]  # applied to a file's numbers
-    numbers: Sequence[int]
+    numbers: Sequence[int]  # of the rows
     row: str = "row"
 
     def refuse(self, said: str) -> NoReturn:
         raise Refused(f"{self.name}: {said}")
 
-    def units(self, quantity: str, l: float) -> dict[str, float]:
+    def lengths(self, quantity: str, l: float) -> dict[str, float]:
         """Possible names of a column of lengths, with factors on its numbers."""
-        now = self.factor.get(quantity, 1.0)
         ends = {"": 1.0, "_over_l": l, "_mm": 1e-3, "_km": 1e3}
-        return {quantity + end: unit / now for end, unit in ends.items()}
+        return {quantity + end: unit / self.factor.get(quantity, 1.0) for end, unit in ends.items()}
 
 
 # --- reading --------------------------------------------------------------------------------------------------------
 
 
 def _read(file: Path, scene: Scene) -> _Given:
-    lines = [(n, line.strip()) for n, line in enumerate(_text(file).splitlines(), 1) if line.strip()]
-    bare = [line.lstrip("# \t") for _, line in lines]
-    # the header is the first line without #, or one with # and a known name
-    heads = [i for i, (_, line) in enumerate(lines) if line[0] != "#" or any(map(_NAME.fullmatch, _cells(bare[i])))]
-    if not heads:
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else "not text in UTF-8"
+        raise Refused(f"{file}: cannot be read ({why})") from None
+    lines = [(n, line.strip()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
+    # the names of the columns: the first line without #, or one with # and a known name
+    named = (i for i, (_, line) in enumerate(lines) if line[0] != "#" or any(map(_NAME.fullmatch, _cells(line))))
+    if (head := next(named, None)) is None:
         raise Refused(f"{file.name}: the file is empty")
-    header, separator = _cells(bare[heads[0]]), _separator(bare[heads[0]])
-    rows = [(n, _cells(line, separator)) for n, line in lines[heads[0] + 1 :] if line[0] != "#"]
-    found = [(i, match[1].lower()) for i, column in enumerate(header) if (match := _NAME.fullmatch(column))]
-    place = {"t" if quantity == "time" else quantity: i for i, quantity in found}  # quantity -> its column
-    faults = list(_of_names(header, place, rows, scene))
-    faults += [] if faults else list(_of_cells(header, place, rows))
+    header, separator = _cells(lines[head][1]), _separator(lines[head][1])
+    rows = [(n, _cells(line, separator)) for n, line in lines[head + 1 :] if line[0] != "#"]
+    known = {i: _told(name, scene.length) for i, name in enumerate(header) if _NAME.fullmatch(name)}
+    place = {quantity: i for i, (quantity, _) in known.items()}
+    faults = _of_names(header, [quantity for quantity, _ in known.values()], rows, scene)
+    faults = faults or list(_of_cells(header, place, rows))
     if faults:
         more = [f"and {len(faults) - 5} more cells like these"] if len(faults) > 5 else []
         raise Refused([f"{file.name}: {fault}" for fault in faults[:5] + more])
-    factor = {quantity: _unit(header[i], scene.length) for quantity, i in place.items()}
+    factor = {quantity: known[i][1] for quantity, i in place.items()}
     x = {quantity: factor[quantity] * np.array([_number(row[i]) for _, row in rows]) for quantity, i in place.items()}
     return _Given(file.name, x, factor, [n for n, _ in rows], "line")
 
 
-def _of_names(header: list[str], place: dict[str, int], rows: list[Any], scene: Scene) -> Iterator[str]:
-    have = f"it has {', '.join(header)}"
+def _told(column: str, l: float) -> tuple[str, float]:
+    """Return the quantity of a column, and the factor that gives SI and v down."""
+    quantity, unit, way = _NAME.fullmatch(column.lower()).groups()  # type: ignore[union-attr]
+    factors = {"_over_l": l, "/l": l, "_mm": 1e-3, "_km": 1e3, "_ms": 1e-3, "_kn": 1e3, "_kmh": 1.0 / 3.6}
+    return _QUANTITIES.get(quantity, quantity), factors.get(unit, 1.0) * (-1.0 if way == "_up" else 1.0)
+
+
+def _of_names(header: list[str], found: list[str], rows: list[Any], scene: Scene) -> list[str]:
+    """Return what is wrong with the names of the columns; `found` are their known quantities."""
     if all(math.isfinite(_number(cell)) for cell in header):
-        yield "line 1: numbers where the names of the columns should stand, e.g. t,s_o,u,v"
-    elif not rows:
-        yield "no rows below the names of the columns"
-    else:
-        for quantity, i in place.items():
-            for k, column in enumerate(header[:i]):
-                if (match := _NAME.fullmatch(column)) and match[1].lower() in (quantity, {"t": "time"}.get(quantity)):
-                    yield f"columns {header[k]} and {header[i]} both say {quantity}; leave one"
-        if not place.keys() & {"v", "y"}:
-            yield f"no column v (deflection of the mass [m], positive down); {have}"
-        if scene.drive.mode != "free" and not place.keys() & {"t", "s_o"}:
-            yield f"neither a column t [s] nor s_o [m]; {have}"
+        return ["line 1: numbers where the names of the columns should stand, e.g. t,s_o,u,v"]
+    if not rows:
+        return ["no rows below the names of the columns"]
+    names = {q: [name for name in header if _NAME.fullmatch(name) and _told(name, 1.0)[0] == q] for q in found}
+    faults = [f"columns {' and '.join(x)} both say {q}; leave one" for q, x in names.items() if len(x) > 1]
+    have = f"it has {', '.join(header)}"
+    if not {"v", "y"} & names.keys():
+        faults.append(f"no column v (deflection of the mass [m], positive down); {have}")
+    if scene.drive.mode != "free" and not {"t", "s_o"} & names.keys():
+        faults.append(f"neither a column t [s] nor s_o [m]; {have}")
+    return faults
 
 
 def _of_cells(header: list[str], place: dict[str, int], rows: list[Any]) -> Iterator[str]:
@@ -175,19 +188,9 @@ def _of_cells(header: list[str], place: dict[str, int], rows: list[Any]) -> Iter
             yield f"line {n}: {len(row)} cells under {len(header)} names of columns"
             continue
         for quantity, i in place.items():
-            if not (math.isfinite(_number(row[i])) or (quantity.startswith("t_") and not row[i])):
+            if not (math.isfinite(_number(row[i])) or (quantity.startswith("T_") and not row[i])):
                 hint = " (a decimal comma? write a point)" if "," in row[i] else ""
                 yield f"line {n}: {header[i]} = {row[i]!r} is no number{hint}"
-
-
-def _text(file: Path) -> str:
-    try:
-        return file.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise Refused(f"{file}: no such file") from None
-    except (OSError, ValueError) as error:
-        why = error.strerror if isinstance(error, OSError) else "not text in UTF-8"
-        raise Refused(f"{file}: cannot be read ({why})") from None
 
 
 def _separator(line: str) -> str:
@@ -195,7 +198,8 @@ def _separator(line: str) -> str:
 
 
 def _cells(line: str, separator: str | None = None) -> list[str]:
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator or _separator(line)))]
+    cells = next(csv.reader([line.lstrip("# \t")], delimiter=separator or _separator(line)))
+    return [cell.strip() for cell in cells]
 
 
 def _number(cell: str) -> float:
@@ -205,34 +209,26 @@ def _number(cell: str) -> float:
         return math.nan
 
 
-def _unit(column: str, length: float) -> float:
-    _, unit, way = _NAME.fullmatch(column.lower()).groups()  # type: ignore[union-attr]
-    factors = {"_over_l": length, "/l": length, "_mm": 1e-3, "_km": 1e3, "_ms": 1e-3, "_kn": 1e3, "_kmh": 1.0 / 3.6}
-    return factors.get(unit, 1.0) * (-1.0 if way == "_up" else 1.0)
-
-
 # --- completing, and refusing names that the numbers contradict -------------------------------------------------------
 
 
 def _completed(scene: Scene, given: _Given) -> dict[str, Any]:
-    motion, l, free = scene.groups.motion, scene.length, scene.drive.mode == "free"
-    if motion is None and not free:
+    """Return the fields of a `ForeignPath`."""
+    free = scene.drive.mode == "free"
+    if scene.groups.motion is None and not free:
         raise Refused(f"scene {scene.name} has no travelling mass: there is no path to compare")
     if free and not ("t" in given.x and given.x.keys() & {"s_o", "x"} and given.x.keys() & {"v", "y"}):
         given.refuse(f"a free ride needs t, s_o or x, and v or y; it has {', '.join(given.x)}")
     _rises(given, "t" if "t" in given.x else "s_o")
     x = _placed(scene, given)
-    rest_x, rest_y = scene.catenary.x(x["s_o"]), scene.catenary.y(x["s_o"])
-    v = x["v"] if "v" in x else x["y"] - rest_y
-    u = x["u"] if "u" in x else x["x"] - rest_x if "x" in x else None
-    told = {
-        "method": given.name, "length": l, "t": x["t"], "s_o": x["s_o"], "v": v, "u": u, "speed": x.get("speed"),
-        "T_behind": x.get("t_behind"), "T_ahead": x.get("t_ahead"), "y": x.get("y", rest_y + v),
-        "x": x.get("x", None if u is None else rest_x + u), "drive": scene.drive.mode,
-        "factor": given.factor.get("y" if free and "y" in x else "v", 1.0),
-    }  # fmt: skip
+    rest = {"x": scene.catenary.x(x["s_o"]), "y": scene.catenary.y(x["s_o"])}
+    for moved, at in (("u", "x"), ("v", "y")):
+        if moved in x:
+            x.setdefault(at, rest[at] + x[moved])
+        elif at in x:
+            x[moved] = x[at] - rest[at]
     low, high = measures.WINDOWS[scene.drive.mode]
-    place = x["s_o"] / l
+    place = x["s_o"] / scene.length
     within = int(np.count_nonzero((place >= low) & (place <= high * (1.0 + 1e-12))))
     if within < LEAST_ROWS:
         covers = f"s_o/l = {place[0]:.4g} to {place[-1]:.4g}" if place.size else "no time of the travel"
@@ -240,7 +236,8 @@ def _completed(scene: Scene, given: _Given) -> dict[str, Any]:
             f"{within} rows in s_o/l = {low:g} to {high:g}, where paths are compared; "
             f"{LEAST_ROWS} are needed (it covers {covers})"
         )
-    return told
+    factor = given.factor.get("y" if free and "y" in given.x else "v", 1.0)
+    return {"method": given.name, "length": scene.length, "drive": scene.drive.mode, "factor": factor, **x}
 
 
 def _rises(given: _Given, clock: str) -> None:
@@ -255,6 +252,7 @@ def _rises(given: _Given, clock: str) -> None:
 
 
 def _placed(scene: Scene, given: _Given) -> dict[str, Array]:
+    """Return the columns with t and s_o, up to the end of the travel."""
     motion, l, tau, x = scene.groups.motion, scene.length, scene.time_scale, dict(given.x)
     if motion is None:
         s = np.linspace(0.0, l, 2001)
@@ -276,6 +274,7 @@ def _fits_travel(scene: Scene, given: _Given) -> None:
     """Refuse s_o(t) that is not the scene's travel; name units that would fit."""
     motion, l, tau, t, s_o = scene.groups.motion, scene.length, scene.time_scale, given.x["t"], given.x["s_o"]
     assert motion is not None
+    end, now = tau * motion.phases[-1][1], given.factor.get("t", 1.0)
 
     def misfit(time: float, place: float) -> Array:
         # the scene's mass stays at the end
@@ -284,11 +283,10 @@ def _fits_travel(scene: Scene, given: _Given) -> None:
     off = misfit(1.0, 1.0)
     if off.max() <= TRAVEL_TOLERANCE:
         return
-    times = {"t": 1.0, "t_ms": 1e-3, f"t over {tau:.6g} s = l sqrt(rho/H)": tau}
-    for (as_t, unit), (as_s, place) in itertools.product(times.items(), given.units("s_o", l).items()):
-        time = unit / given.factor.get("t", 1.0)
+    times = {"t": 1.0 / now, "t_ms": 1e-3 / now, f"t over {tau:.6g} s = l sqrt(rho/H)": tau / now}
+    for (as_t, time), (as_s, place) in itertools.product(times.items(), given.lengths("s_o", l).items()):
         # a mass at rest or past its arrival fits any travel
-        moving = np.count_nonzero((place * s_o > WINDOW[0] * l) & (time * t < tau * motion.phases[-1][1]))
+        moving = np.count_nonzero((place * s_o > WINDOW[0] * l) & (time * t < end))
         if moving >= LEAST_ROWS and misfit(time, place).max() <= TRAVEL_TOLERANCE:
             given.refuse(f"t and s_o are the scene's travel as {as_t} and {as_s}: name or convert them so")
     i = int(np.argmax(off))
@@ -302,7 +300,7 @@ def _on_cable(s_o: Array, last: float, given: _Given, l: float) -> None:
     """Refuse s_o that leaves the cable; propose a unit."""
     if s_o.min() >= -TRAVEL_TOLERANCE * l and WINDOW[0] < last / l <= 1.0 + TRAVEL_TOLERANCE:
         return
-    ends = {unit * last / l: column for column, unit in given.units("s_o", l).items()}
+    ends = {unit * last / l: column for column, unit in given.lengths("s_o", l).items()}
     fits = [end for end in ends if 0.1 < end <= 1.0 + TRAVEL_TOLERANCE]
     hint = f"; name the column {ends[max(fits)]}?" if fits else ""
     given.refuse(f"s_o runs from {s_o[0]:.6g} to {s_o[-1]:.6g} m on a cable of {l:.6g} m{hint}")
@@ -315,10 +313,8 @@ def refuse_misnamed(path: ForeignPath | Response, ours: Response) -> None:
     """
     of = "y" if ours.drive == "free" else "v"
     given = _Given(path.method, {}, {of: getattr(path, "factor", 1.0)}, ())
-    units = {
-        column + way: sign * unit for column, unit in given.units(of, path.length).items()
-        for way, sign in (("", 1.0), ("_up", -1.0))
-    }  # fmt: skip
+    units = given.lengths(of, path.length)
+    units |= {f"{column}_up": -unit for column, unit in units.items()}
     try:
         window = _common(path, measures.window_of(ours))
 
@@ -359,17 +355,9 @@ def _common(path: ForeignPath | Response, window: Window) -> Window:
     return start, stop
 
 
-def mass_tension_gap(a: Any, b: Any, window: Window) -> float:
-    """Return the rms gap of both tensions at the mass over the window, over H of b."""
-    coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
-    within = measures.inside(coarse, window) & (coarse.t <= fine.t[-1])
-    total = 0.0
-    for side in ("T_behind", "T_ahead"):
-        known = np.isfinite(getattr(fine, side))
-        at = replace(fine, t=fine.t[known])
-        gap = getattr(coarse, side) - measures.at_steps_of(coarse, at, getattr(fine, side)[known])
-        total += float(np.nanmean(gap[within] ** 2))
-    return math.sqrt(0.5 * total) / b.horizontal_tension
+def mass_tension_gap(a: Any, b: Any, window: Window, H: float) -> float:
+    """Return the rms gap of both tensions at the mass over the window, over H."""
+    return measures.series_gap(a, b, window, lambda r: np.stack([r.T_behind, r.T_ahead], axis=1) / (math.sqrt(2.0) * H))
 
 
 def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: float) -> Iterator[Agreement]:
@@ -377,59 +365,57 @@ def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: f
 
     A path that covers less than the window is "not comparable".
     """
-    party, run = path.method, ours.run.method
+    party, run = path.method, ours.run
+    seen: Callable[[Any], Any] = _vertical if path.u is None else lambda r: r
     try:
         part = _common(path, window)
-        max_gap, rms_gap = measures.path_gap(*comparable(path, ours.run), part)
-        where = measures.place_of_gap(*comparable(path, ours.run), part)
+        where = measures.place_of_gap(seen(path), seen(run), part)
+        measures.path_gap(seen(path), seen(run), part)  # fails where too little is common
     except NotComparable as reason:
         yield Agreement("path_max", math.nan, nothing(f"{party}: {reason}"), party=party)
         return
-    free = path.drive == "free"
-    along, upright = ("x", "y") if free else ("u", "v")
+    short = _short(path, run, window)
+
+    def row(name: str, apart: Callable[[Any, Any], float], components: str, where: float | None = None) -> Agreement:
+        bars = Part(run.method, ours.bar(lambda r: r, apart), "its error bar"), Part(f"allowed to {party}", with_tol)
+        bound = Bound("covers less" if short else "foreign", bars, {"party": party, "components": components, **short})
+        return Agreement(name, apart(path, run), bound, where, party)
+
+    def measured(a: Any, b: Any, i: int) -> float:
+        return measures.path_gap(seen(a), seen(b), part)[i]
+
+    along, upright = ("x", "y") if run.drive == "free" else ("u", "v")
     components = f"{upright} alone" if path.u is None else f"{along} and {upright}"
-    last = float(ours.run.t[-1])
-    step = TRAVEL_TOLERANCE + float(np.diff(path.t if free else path.s_o).max()) / (last if free else path.length)
-    if free:
-        kind, covers = "covers less time", {"low": float(path.t[0]), "high": float(path.t[-1]), "stop": last}
-        short = path.t[0] > step * last or path.t[-1] < (1.0 - step) * last
-    else:
-        kind, covers = "covers less", {"low": part[0], "high": part[1], "start": window[0], "stop": window[1]}
-        short = part[0] > window[0] + step or part[1] < window[1] - step
-
-    def row(name: str, gap: float, of: Any, where: float | None = None) -> Agreement:
-        bars = Part(run, ours.bar(lambda r: r, of), "its error bar"), Part(f"allowed to {party}", with_tol)
-        bound = Bound("foreign", bars, {"components": components})
-        if short:
-            bound = Bound(kind, bars, {"party": party, **covers})
-        return Agreement(name, gap, bound, where, party)
-
-    def measured(i: int) -> Any:
-        known = comparable if path.u is not None else lambda a, b: (_vertical(a), _vertical(b))
-        return lambda a, b: measures.path_gap(*known(a, b), part)[i]
-
-    of_path = [row("path_max", max_gap, measured(0), where), row("path_rms", rms_gap, measured(1))]
+    of_path = [row(name, partial(measured, i=i), components, where) for i, name in enumerate(("path_max", "path_rms"))]
     if any(found.verdict is Verdict.DISAGREE for found in of_path):
         from validation.core.remedy import remedy  # seldom needed
 
-        allowed = of_path[0].allowed, of_path[1].allowed
-        said = remedy(path, ours.run, lambda x: measures.path_gap(*comparable(x, ours.run), part), allowed)
+        said = remedy(
+            path, run, lambda x: measures.path_gap(seen(x), seen(run), part), (of_path[0].allowed, of_path[1].allowed)
+        )
         notes = () if said is None else (said,)
         of_path = [replace(found, bound=replace(found.bound, notes=notes)) for found in of_path]
     yield from of_path
-    if free and path.speed is not None:
-        stop = happened("stop", ours.run)
-        until, top = math.inf if stop is None else stop["t"], float(ours.run.speed.max())
+    if run.drive == "free" and path.speed is not None:
+        stop, top = happened("stop", run), float(run.speed.max())
+        until = math.inf if stop is None else stop["t"]
 
-        def speed_gap(a: Any, b: Any) -> float:
-            def of(r: Any) -> Array:
-                return np.where(r.t <= until, r.speed, math.nan) / top
+        def speed(r: Any) -> Array:
+            return np.where(r.t <= until, r.speed, math.nan) / top
 
-            return measures.series_gap(a, b, part, of, largest=True)
-
-        components = "speed, of the largest"
-        yield row("speed", speed_gap(path, ours.run), speed_gap)
+        yield row("speed", lambda a, b: measures.series_gap(a, b, part, speed, largest=True), "speed, of the largest")
     if path.T_behind is not None and path.T_ahead is not None:
-        gap = mass_tension_gap(path, ours.run, part)
-        components = "tension at the mass, both sides"
-        yield row("tension", gap, lambda a, b: mass_tension_gap(a, b, part))
+        H = run.horizontal_tension
+        yield row("tension", lambda a, b: mass_tension_gap(a, b, part, H), "tension at the mass, both sides")
+
+
+def _short(path: ForeignPath | Response, run: Response, window: Window) -> dict[str, Any]:
+    """Return what a path covers if it is less than it should, else nothing."""
+    axis, at, wanted = "s_o/l", path.s_o / path.length, window
+    if run.drive == "free":
+        axis, at, wanted = "t [s]", path.t, (0.0, float(run.t[-1]))
+    step = TRAVEL_TOLERANCE * wanted[1] + float(np.diff(at).max())
+    low, high = max(wanted[0], float(at[0])), min(wanted[1], float(at[-1]))
+    if low <= wanted[0] + step and high >= wanted[1] - step:
+        return {}
+    return {"axis": axis, "low": low, "high": high, "start": wanted[0], "stop": wanted[1]}

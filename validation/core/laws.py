@@ -18,13 +18,12 @@ from scipy.interpolate import CubicSpline
 
 from cablefem.response import Array, Response
 from validation.core import timetable
-from validation.core.evidence import ROUNDING, Evidence, Side, Window, Windows, cross
+from validation.core.evidence import FIRST, ROUNDING, Evidence, Side, Window, Windows, cross
 from validation.core.order import left
 
 OFTEN = 0.2  # of a transverse wave's time along the cable: longer steps between frames hide velocities
 NEXT = 0.01  # of the length: a shorter side has too few stations
 ROLLS = 0.05  # of the top speed: below it friction's direction is not checked
-FIRST = 1.0  # largest order credited: at the mass, and to samples of a velocity that jumps
 DOWN = np.array([0.0, 1.0])
 
 

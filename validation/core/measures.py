@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -188,7 +186,7 @@ def displacement_gap(a: Response, b: Response, window: Window, *, along: bool = 
 
     The station at the mass is left out, see `velocity_gap`.
     """
-    return _field_gap(a, b, window, lambda r: _component(r, r.fields.u, r.fields.v, along), None)
+    return _field_gap(a, b, window, lambda r: _component(r, r.fields.u, r.fields.v, along))
 
 
 def _component(r: Response, x: Array, y: Array, along: bool) -> Array:
@@ -196,38 +194,21 @@ def _component(r: Response, x: Array, y: Array, along: bool) -> Array:
     return (i * x + j * y if along else i * y - j * x) / np.hypot(i, j)
 
 
-PIECES = 5  # for mean velocities
-FRAMES = 6  # averaged against axial ringing
-
-
 def velocity_gap(a: Response, b: Response, window: Window, *, along: bool = False) -> float:
     """Return the rms distance of velocities across (or along) the static cable, over the rms of b.
 
-    Means over fifths of the cable smooth travelling kinks; along it, means over frames smooth axial waves.  At the
-    mass, rounding decides which side is sampled.
+    At the mass, rounding decides which side is sampled: its station is left out.
     """
-
-    def of(r: Response) -> Array:
-        return _component(r, r.fields.du, r.fields.dv, along)
-
-    return _field_gap(a, b, window, of, PIECES, FRAMES if along else 1)
+    return _field_gap(a, b, window, lambda r: _component(r, r.fields.du, r.fields.dv, along))
 
 
-def _field_gap(
-    a: Response, b: Response, window: Window, of: Callable[[Response], Array], pieces: int | None, frames: int = 1
-) -> float:
+def _field_gap(a: Response, b: Response, window: Window, of: Callable[[Response], Array]) -> float:
     place, i, j = common_frames(a, b)
     within = (place >= window[0]) & (place <= window[1])
     if not within.any():
         raise NotComparable(f"no common frame of the fields in the window {window}")
-    s = a.fields.s / a.length
-    off = np.abs(s[None, :] - place[within][:, None]) > 1e-6
-    first, second = (np.where(off, of(r)[k[within]], 0.0) for r, k in ((a, i), (b, j)))
-    if pieces is not None:
-        member = np.eye(pieces)[np.minimum((s * pieces).astype(int), pieces - 1)]
-        first, second = (x @ member / (off @ member) for x in (first, second))
-        windows = partial(np.lib.stride_tricks.sliding_window_view, window_shape=min(frames, len(first)), axis=0)
-        first, second = (windows(x).mean(axis=-1) for x in (first, second))
+    off = np.abs(a.fields.s[None, :] / a.length - place[within][:, None]) > 1e-6
+    first, second = (of(r)[k[within]][off] for r, k in ((a, i), (b, j)))
     return float(np.sqrt(np.mean((first - second) ** 2) / np.mean(second**2)))
 
 
@@ -283,25 +264,3 @@ def _oscillation(T: Array, place: Array, s: Array, window: Window, reach: float 
                 largest = max(largest, float(np.abs(part[:, half] - np.median(part, axis=1)).max()))
         worst.append(largest)
     return float(np.sqrt(np.mean(np.square(worst))))
-
-
-def extrapolated(fine: Response, coarse: Response, order: float = 1.0, ratio: float = 2.0) -> Response:
-    """Return Richardson's fine + (fine - coarse)/(ratio^order - 1) of path, tensions and fields.
-
-    For errors that fall regularly with that order (plain sines: 1).
-    """
-    factor = 1.0 / (ratio**order - 1.0)
-
-    def better(name: str) -> Array:
-        f = getattr(fine, name)
-        c = at_steps_of(fine, coarse, np.nan_to_num(getattr(coarse, name)))
-        return f + factor * (f - c)
-
-    names = ("u", "v", "x", "y", "T_behind", "T_ahead", "acceleration", "velocity", "slope_behind", "slope_ahead")
-    k = min(fine.fields.t.size, coarse.fields.t.size)
-    sampled = {}
-    for name in ("u", "v", "du", "dv", "T", "T_behind", "T_ahead", "mass_u", "mass_v"):
-        f, c = getattr(fine.fields, name)[:k], getattr(coarse.fields, name)[:k]
-        sampled[name] = f + factor * (f - c)
-    fields = replace(fine.fields, **sampled, t=fine.fields.t[:k], s_o=fine.fields.s_o[:k])
-    return replace(fine, **{name: better(name) for name in names}, fields=fields)  # type: ignore[arg-type]

@@ -111,7 +111,6 @@ class Method:
     space_order: float  # of the path with a kink at the mass
     builder: Build
     on_rides: dict[str, Any] = field(default_factory=dict)
-    extrapolate: bool = False  # compare 2 f(2N) - f(N)
     steps_growth: float | None = None  # power of the resolution
     begins: tuple[int, int] | None = None  # resolution and steps
     races: tuple[tuple[int, int], ...] = ()  # for `cablefem advise`, coarse to fine
@@ -298,7 +297,7 @@ METHODS: dict[str, Method] = {
         Method(
             "fourier", "galerkin", "the paper's sines (33)-(34)",
             {"terms": _TERMS, "abscissa": _ABSCISSA, **TIME}, TERMS, 1.0, _galerkin("fourier", False),
-            begins=(8, 320), survey=(30, 600), extrapolate=True,
+            begins=(8, 320), survey=(30, 600),
             trust="the paper's method; errors of order 1/N, tension with Gibbs oscillations",
         ),
         Method(

@@ -16,8 +16,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from cablefem.response import Array, Response
 from validation.core.evidence import ROUNDING, Evidence, Given, Windows, cross
-
-WINDOWS = {"grip": (0.02, 0.80), "haul": (0.0, 0.95), "free": (0.0, 1.0)}  # s_o/l of extremes
+from validation.core.measures import WINDOWS
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,35 +59,45 @@ def columns(r: Response, path: Path) -> Iterator[Recomputed]:
 
 def design(r: Response, twin: Response | None = None) -> Iterator[Recomputed]:
     """Check design numbers against the extremes of their signals, in the range of both runs."""
-    given = Given(r.scene_toml, r.length)
-    period = 2.0 * r.length * math.sqrt(given.rho / given.EA)
-    begin, end = np.interp(np.array(WINDOWS[r.drive]) * r.length, r.s_o, r.t) if r.drive != "free" else (0.0, math.inf)
-    span = float(begin), float(min([end, *(min(x.t[-1], x.slack_since) for x in (r, twin or r))]))
-    known = _signals(r)
-    tilt = math.degrees(math.atan(given.blown(2) / (given.rho * given.gravity)))
-    known["wind_tilt"] = [(r.t, np.full(r.t.shape, tilt))]
+    period = 2.0 * r.length * math.sqrt(Given(r.scene_toml, r.length).rho / Given(r.scene_toml, r.length).EA)
+    span, known = _range(r, *(() if twin is None else (twin,))), _signals(r)
     for row in r.design:
-        least = row["quantity"].endswith("_min") or (row["quantity"].startswith("angle") and row["value"] < 0.0)
-        quantity, way = row["quantity"].removesuffix("_max").removesuffix("_min"), "min" if least else "max"
-        quantity = row["quantity"] if row["quantity"] in known else quantity
-        if quantity not in known:
+        quantity = row["quantity"]
+        names = (quantity, quantity.removesuffix("_max").removesuffix("_min"))
+        signals = next((known[name] for name in names if name in known), None)
+        if signals is None:
             continue
-        for name, over in (("value", period if row["unit"] in ("N", "deg") else 0.0), ("peak", 0.0)):
-            if row.get(name) is None:
-                continue
-            right = _extreme(known[quantity], span, over, way)
-            bar = row["bar" if name == "value" else "bar_peak"] or 0.0
-            size, law = abs(right) or 1.0, row["quantity"] + (" peak" if name == "peak" else "")
-            where = None if row["s_o"] is None else row["s_o"] / r.length
-            yield Recomputed("design", law, abs(row[name] - right) / size, bar / size + ROUNDING, where)
+        least = quantity.endswith("_min") or (quantity.startswith("angle") and row["value"] < 0.0)
+        where = None if row["s_o"] is None else row["s_o"] / r.length
+        means = period if row["unit"] in ("N", "deg") else 0.0
+        for name, bar, law, over in (("value", "bar", "", means), ("peak", "bar_peak", " peak", 0.0)):
+            if row.get(name) is not None:
+                right = _extreme(signals, span, over, least)
+                size = abs(right) or 1.0
+                gap, allowed = abs(row[name] - right) / size, (row[bar] or 0.0) / size + ROUNDING
+                yield Recomputed("design", quantity + law, gap, allowed, where)
+
+
+def _range(*runs: Response) -> tuple[float, float]:
+    """Times [s] between which extremes are taken; a rolling car begins in equilibrium."""
+    r, end = runs[0], min(min(x.t[-1], x.slack_since) for x in runs)
+    if r.drive == "free":
+        return 0.0, float(end)
+    low, high = WINDOWS[r.drive]
+    begin, last = np.interp([low * r.length if r.drive == "grip" else 0.0, high * r.length], r.s_o, r.t)
+    return float(begin), float(min(end, last))
 
 
 Signals = list[tuple[Array, Array]]  # times (n,), values (n,) or (n, m)
 
 
 def _signals(r: Response) -> dict[str, Signals]:
-    f = r.fields
-    known: dict[str, Signals] = {"tension": [(r.t, r.T_behind), (r.t, r.T_ahead), (f.t, f.T)]}
+    f, given = r.fields, Given(r.scene_toml, r.length)
+    tilt = math.degrees(math.atan(given.blown(2) / (given.rho * given.gravity)))
+    known: dict[str, Signals] = {
+        "wind_tilt": [(r.t, np.full(r.t.shape, tilt))],
+        "tension": [(r.t, r.T_behind), (r.t, r.T_ahead), (f.t, f.T)],
+    }
     for side, force in (("left", r.reaction_left), ("right", r.reaction_right)):
         horizontal, vertical = np.abs(force.T)
         size = np.sqrt(horizontal**2 + vertical**2)
@@ -112,9 +121,9 @@ def _press(r: Response) -> Array:
     return cross(tangent, r.contact) / np.sqrt(np.sum(tangent**2, axis=1))
 
 
-def _extreme(signals: Signals, span: tuple[float, float], period: float, way: str) -> float:
+def _extreme(signals: Signals, span: tuple[float, float], period: float, least: bool) -> float:
     found = np.concatenate([_means(t, v, span, period).ravel() for t, v in signals])
-    return float(found.min() if way == "min" else found.max())
+    return float(found.min() if least else found.max())
 
 
 def _means(t: Array, v: Array, span: tuple[float, float], period: float) -> Array:

@@ -6,7 +6,6 @@ A light mass sends a front of width mu ahead, which uniform steps and elements m
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations, pairwise
 from typing import Any
 
@@ -84,29 +83,6 @@ def post_slack_spread(runs: Sequence[Response], stop: float = 0.95) -> float | N
     gaps = [gap(a, b, place) for a, b in combinations(runs, 2)]
     known = [float(np.nanmax(g)) for g in gaps if np.isfinite(g).any()]
     return max(known) if known else None
-
-
-MEANINGFUL = 1e-2  # of the largest deflection: more means two answers
-
-
-@dataclass(frozen=True, slots=True)
-class Reach:
-    """Where two answers part by more than `gap`, or their largest gap."""
-
-    place: float | None  # s_o/l
-    gap: float  # of the largest deflection
-    end: float  # s_o/l
-
-
-def reach(a: Response, b: Response, start: float, allowed: float | None) -> Reach | None:
-    """Return how far past `start` answers agree, within 1 % or twice the `allowed` gap; None if nothing follows."""
-    end = min(a.reached, b.reached)
-    place = np.arange(start + 0.005, end, 0.005)
-    if not place.size:
-        return None
-    bound, apart = max(MEANINGFUL, 2.0 * (allowed or 0.0)), gap(a, b, place)
-    far = place[apart > bound]
-    return Reach(float(far[0]), bound, end) if far.size else Reach(None, float(np.nanmax(apart)), end)
 
 
 # A gap closes if refinement by two leaves less than CLOSING of it (first order: 1/2), or than FLOOR. Stretches of s_o,

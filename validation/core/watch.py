@@ -9,13 +9,13 @@ from cablefem.response import Flag, Response
 from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.flags import flag
+from validation.core.measures import SLACK_END
 from validation.core.methods import Method
 
 # Largest energy gain without work, over the range of the energy.  Right runs gain 0.12, wrong ones from 0.6.
 MOST_GAIN = 0.2
 # The same after the onset: runs that agree gain 1.4, others from 9.
 MOST_GAIN_SLACK = 2.0
-SLACK_END = 0.95  # s_o/l
 
 
 def watched(r: Response, scene: Scene, method: Method) -> Response:

@@ -6,7 +6,6 @@ import numpy as np
 from markupsafe import Markup
 
 from validation.core import store
-from validation.core.bounds import Bound
 from validation.page.page import Section, number, table
 from validation.page.plot import BLUE, DASHED, DOTTED, GREEN, GREY, VERMILLION, Panel, plot
 
@@ -39,7 +38,7 @@ def sections(folder: Path) -> list[Section]:
     ways = [w | {"finest": ", ".join(f"{k} {v}" for k, v in w["settings"].items() if k != "scheme")} for w in x["ways"]]
     verdicts = [
         {"what": " ".join(row[y] for y in ("quantity", "law", "with") if y in row), **row,
-         "because": Bound.of(row["bound"]).line()}
+         "because": row["allowed_because"]}
         for row in x["rows"]
     ]  # fmt: skip
     heads = {"what": "held against the table", "gap": "gap", "allowed": "allowed", "where": "at sₒ/l",
