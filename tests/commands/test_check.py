@@ -100,7 +100,7 @@ def test_the_exit_code_of_a_check_is_its_verdict(cablefem, checked, level_check,
 
 
 def test_a_bar_that_may_be_too_small_is_1_and_said(cablefem, checked, level_check):
-    run = flagged(level_check.b.run, "hidden slack", most=0.02, since=0.3, at=0.9)
+    run = flagged(level_check.b.run, "hidden slack", least=-0.02, since=0.3, at=0.9)
     checked(b=dataclasses.replace(level_check.b, finest=run))
     code, out, _ = cablefem("check", "level")
     assert code == 1

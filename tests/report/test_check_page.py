@@ -17,6 +17,7 @@ import pytest
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.commands.check import page as check
+from validation.core.foreign import ForeignPath
 from validation.core.quantities import scale_of, told
 from validation.page import page
 from validation.page.answer.stored import read
@@ -90,9 +91,10 @@ def test_a_third_party_has_its_rows_and_its_path(folder):
     party = {"quantity": "path_max", "gap": 0.073, "allowed": 0.0052, "verdict": "disagree", "where": 0.31,
              "with": "other <code>", "bound": {"notes": ["agrees if its times are shifted by 0.10 s"]}}  # fmt: skip
     doctored(folder, rows=lambda rows: [*rows, party], verdict="disagree")
-    (folder / "with.csv").write_text("t,s_o,y,v,speed\n0.5,80.0,2.5,1.5,90.0\n1.5,210.0,7.5,2.5,\n")
+    path = ForeignPath.of(Scene.load("level"), np.linspace(0.0, 1900.0, 40), np.linspace(0.0, 2.5, 40))
+    replace(path, speed=np.full(40, 140.0)).write(folder / "with.csv")
     x = read(folder)
-    assert (x.party.name, x.party.y.tolist()) == ("other <code>", [2.5, 7.5])
+    assert (x.party.method, x.party.v.tolist()) == ("other <code>", path.v.tolist())
     how_sure, ride = section(folder, "how-sure").html, section(folder, "ride").html
     said = section(folder, "answer").summary
     assert "disagree." not in said, "our own solvers agree"

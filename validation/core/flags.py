@@ -13,7 +13,7 @@ WORDS = {
     "its slack too; take more steps, a damped or the energy scheme, or another method",
     "slack energy": "after the slack onset the run gains energy that nothing gave it ({gain:.2g} of all it had): from "
     "s_o/l = {since:.3f} on it is no answer",
-    "hidden slack": "points of the cable are under compression, up to {most:.2g} H, from s_o/l = {since:.3f} "
+    "hidden slack": "points of the cable are under compression, down to {least:.2g} H, from s_o/l = {since:.3f} "
     "(s/l = {at:.3f}) on, but no whole element is slack: from there on the error bar may be too small",
     "no bar": "no error bar could be made: {why}",
 }

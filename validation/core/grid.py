@@ -24,27 +24,18 @@ def parsed(pair: str) -> tuple[str, list[Any]]:
     key, given, text = (part.strip() for part in pair.partition("="))
     if not (key and given and text):
         raise ValueError(f"--set must be KEY=VALUE, got {pair!r}")
-    if len(bounds := text.split(":")) == 3:
-        low, high, count = (_value(x) for x in bounds)
-        numbers = all(isinstance(x, int | float) and not isinstance(x, bool) for x in (low, high, count))
-        if numbers and count == int(count) and count >= 2:
-            return key, [float(x) for x in np.linspace(low, high, int(count))]
+    if text.count(":") == 2:
+        try:
+            low, high, count = (float(x) for x in text.split(":"))
+            if count == int(count) and count >= 2:
+                return key, np.linspace(low, high, int(count)).tolist()
+        except ValueError:
+            pass
         raise ValueError(f"--set {key} = {text}: a range must be FROM:TO:COUNT with a count of at least 2")
-    return key, [_value(part) for part in _split(text)]
-
-
-def _split(text: str) -> list[str]:
-    """Split at commas outside brackets and quotes."""
-    parts, depth, quoted = [""], 0, ""
-    for c in text:
-        if c in "\"'" and quoted in ("", c):
-            quoted = "" if quoted else c
-        depth += (c in "[{") - (c in "]}")
-        if c == "," and depth == 0 and not quoted:
-            parts.append("")
-        else:
-            parts[-1] += c
-    return [part.strip() for part in parts]
+    try:
+        return key, tomllib.loads(f"x = [{text}]")["x"]
+    except tomllib.TOMLDecodeError:  # names without quotes
+        return key, [_value(part.strip()) for part in text.split(",")]
 
 
 def _value(text: str) -> Any:

@@ -8,11 +8,11 @@ import time
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from cablefem.response import Array, Fields, Response
+from cablefem.response import Array, Observation, Response
 from cablefem.scene import Groups, Scene
 from cablefem.scene.catenary import shape, static
 from cablefem.scene.statics import Rest, gripped, hauled, nodes
-from validation.core.sampling import STATIONS, frame_times
+from validation.core.sampling import STATIONS, frame_times, in_si
 
 ROWS = 1001
 POINTS = 4  # Gauss points between two stations
@@ -28,50 +28,39 @@ def quasi_static(scene: Scene) -> Response:
     if scene.mass is None:
         raise ValueError(f"scene {scene.name!r} has no car")
     begin = time.perf_counter()
-    g = scene.groups
-    t, s_o, ds, dds = _travel(scene)
-    t_frames = frame_times(scene, float(t[-1]))
+    g, s = scene.groups, np.linspace(0.0, 1.0, STATIONS)
+    travel = _travel(scene)
+    n, frames = travel[0].size, frame_times(scene, float(travel[0][-1]))
+    # steps, then frames
+    t, s_o, ds, dds = (np.append(x, np.interp(frames, travel[0], x)) for x in travel)
     at = Statics(g)
     here = at(s_o)
-    l, H, tau = scene.length, scene.horizontal_tension, scene.time_scale
     moving = here.along * ds[:, None]
     down = np.array([0.0, 1.0])
-    x, y = (np.asarray(a) for a in shape(s_o, g.sigma, g.c))
-    place = np.where(((s_o > NEAREST) & (s_o < 1.0 - NEAREST))[:, None], here.place, np.stack([x, y], -1))
+    near = (s_o > NEAREST) & (s_o < 1.0 - NEAREST)
+    path = np.where(near[:, None], here.place - np.stack(shape(s_o, g.sigma, g.c), -1), 0.0)
     acceleration = here.along * dds[:, None] + here.bend * (ds**2)[:, None]
-    haul = _haul(g, here, moving, acceleration) if g.drive.mode == "haul" else np.full(t.size, np.nan)
-    right = here.left - g.sigma * down + here.jump
     kinetic = 0.5 * g.mu * (moving**2).sum(1)
-    rest = at.energy(s_o)
+    energy = kinetic + at.energy(s_o)
     least, least_at = _least(here, g.sigma)
-    s = np.linspace(0.0, 1.0, STATIONS)
-    fields = _fields(at, g, s, t_frames, np.interp(t_frames, t, s_o), np.interp(t_frames, t, ds))
-    f, there = fields["f"], fields["there"]
+    seen = Observation(
+        t=t, s_o=s_o, path=path, path_velocity=moving, path_acceleration=acceleration,
+        slope_behind=here.slope_behind, slope_ahead=here.slope_ahead,
+        T_behind=np.where(s_o > 0.0, here.behind, np.nan), T_ahead=np.where(s_o < 1.0, here.ahead, np.nan),
+        energy=energy, power=np.append(np.gradient(energy[:n], t[:n]), np.full(frames.size, np.nan)), kinetic=kinetic,
+        tension_min=least, tension_min_at=least_at, reaction_left=-here.left,
+        reaction_right=here.left - g.sigma * down + here.jump, contact=-here.jump,
+        haul=_haul(g, here, moving, acceleration) if g.drive.mode == "haul" else np.full(t.size, np.nan),
+        **_fields(at, g, s, s_o[n:], ds[n:]),
+    )  # fmt: skip
+    l, tau = scene.length, scene.time_scale
     events = [] if scene.ride is None else [
         {"event": e.event, "t": e.t * tau, "s_o": e.s_o * l, "speed": e.speed * l / tau} for e in scene.ride.events
     ]  # fmt: skip
-    xs, ys = shape(s, g.sigma, g.c)
     return Response(
-        scene=scene.name, scene_toml=scene.to_toml(), method="quasi-static", settings={}, model="quasi-static",
-        load="mass", law="elastic", status="complete", reason=None, slack_onset=None, slack_at=None, switched=None,
-        length=l, horizontal_tension=H, drive=g.drive.mode, events=events,
-        t=tau * t, s_o=l * s_o, x=l * place[:, 0], y=l * place[:, 1], u=l * (place[:, 0] - x), v=l * (place[:, 1] - y),
-        T_behind=H * np.where(s_o > 0.0, here.behind, np.nan), T_ahead=H * np.where(s_o < 1.0, here.ahead, np.nan),
-        velocity=l / tau * moving,
-        acceleration=l / tau**2 * acceleration,
-        slope_behind=here.slope_behind, slope_ahead=here.slope_ahead,
-        energy=H * l * (kinetic + rest), power=H * l / tau * np.gradient(kinetic + rest, t),
-        tension_min=H * least, tension_min_at=l * least_at,
-        reaction_left=-H * here.left, reaction_right=H * right, contact=-H * here.jump, F_haul=H * haul,
-        kinetic=H * l * kinetic, strain=np.full(t.size, np.nan), potential=np.full(t.size, np.nan),
-        fields=Fields(
-            t=tau * t_frames, s_o=l * there.s, s=l * s, u=l * f[0, ..., 0], v=l * f[0, ..., 1],
-            du=l / tau * f[1, ..., 0], dv=l / tau * f[1, ..., 1], T=H * fields["T"], T_behind=H * there.behind,
-            T_ahead=H * there.ahead, mass_u=l * (there.place[:, 0] - shape(there.s, g.sigma, g.c)[0]),
-            mass_v=l * (there.place[:, 1] - shape(there.s, g.sigma, g.c)[1]), x=l * xs, y=l * ys,
-            T_static=H * static(s, g.sigma, g.c)[0],
-        ),
-        work={"steps": t.size - 1, "rejected": 0, "newton_iterations": 0, "factorisations": 0, "residuals": 0},
+        **in_si(scene, *seen.parted(n), s), method="quasi-static", settings={}, model="quasi-static", load="mass",
+        law="elastic", reason=None, slack_onset=None, slack_at=None, switched=None, events=events,
+        work={"steps": n - 1, "rejected": 0, "newton_iterations": 0, "factorisations": 0, "residuals": 0},
         n_dof=0, seconds=time.perf_counter() - begin,
     )  # fmt: skip
 
@@ -144,8 +133,8 @@ def _least(r: Rest, sigma: float) -> tuple[Array, Array]:
     return np.minimum(N0, N1), np.where(N0 <= N1, at0, at1)
 
 
-def _fields(at: Statics, g: Groups, s: Array, t: Array, s_o: Array, ds: Array) -> dict:
-    """Displacement and velocity (2, k, m, 2), tension (k, m) and statics at frames."""
+def _fields(at: Statics, g: Groups, s: Array, s_o: Array, ds: Array) -> dict[str, Array]:
+    """Displacement, velocity and tension at frames, (k, m) each."""
     x, w = np.polynomial.legendre.leggauss(POINTS)
     X = np.stack(shape(s, g.sigma, g.c), -1)
 
@@ -163,7 +152,7 @@ def _fields(at: Statics, g: Groups, s: Array, t: Array, s_o: Array, ds: Array) -
         index = np.arange(s.size) + (s > r.s[:, None])
         return np.take_along_axis(places, index[..., None], axis=1)
 
-    there, step = at(s_o), 1e-5
-    now, later, before = (cable(at(s_o + d)) for d in (0.0, step, -step))
-    moving = (later - before) / (2.0 * step) * ds[:, None, None]
-    return {"f": np.stack([now - X, moving]), "T": at.tension(s, s_o), "there": there}
+    step = 1e-5
+    w, later, before = (cable(at(s_o + d)) - X for d in (0.0, step, -step))
+    moves = (later - before) / (2.0 * step) * ds[:, None, None]
+    return {"u": w[..., 0], "v": w[..., 1], "du": moves[..., 0], "dv": moves[..., 1], "T": at.tension(s, s_o)}

@@ -66,14 +66,21 @@ def moved(scene: Scene, h: History) -> dict[str, Any]:
 
 
 def _moved(scene: Scene, h: History, states: States, place: Array, w: Array) -> dict[str, Any]:
-    l, X, onset = scene.length, scene.catenary, _onset(h, states)
-    s_o, (u, v) = l * place, l * w.T
+    onset = _onset(h, states)
     work = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
     return {
         "status": "complete" if h.failure is None else "incomplete",
-        "drive": scene.drive.mode, "slack_onset": None if onset is None else float(place[onset[0]]), "length": l,
-        "t": scene.time_scale * states.t, "s_o": s_o, "x": X.x(s_o) + u, "y": X.y(s_o) + v, "u": u, "v": v,
-        "work": {name: getattr(h.work, name) for name in work},
+        "slack_onset": None if onset is None else float(place[onset[0]]),
+        "work": {name: getattr(h.work, name) for name in work}, **_path(scene, states.t, place, w),
+    }  # fmt: skip
+
+
+def _path(scene: Scene, t: Array, place: Array, w: Array) -> dict[str, Any]:
+    l, X = scene.length, scene.catenary
+    s_o, (u, v) = l * place, l * w.T
+    return {
+        "drive": scene.drive.mode, "length": l, "t": scene.time_scale * t, "s_o": s_o, "x": X.x(s_o) + u,
+        "y": X.y(s_o) + v, "u": u, "v": v,
     }  # fmt: skip
 
 
@@ -94,35 +101,42 @@ def respond(scene: Scene, h: History, *, frames: int = FRAMES, **asked: Any) -> 
     at_frames = _between(_around(h, states, t), t) if t.size and n > 1 else _rows(states, slice(0, 0))
     s = np.linspace(0.0, 1.0, STATIONS)
     steps, seen = _observe(h, states, at_frames, switch, s)
+    l, tau = scene.length, scene.time_scale
+    told = in_si(scene, steps, seen, s) | _moved(scene, h, states, steps.s_o, steps.path)
+    (cause, reason), motion = h.failure or (None, None), scene.groups.motion
+    speed = l / tau * np.hypot(*steps.path_velocity.T)
+    events = [(name, _at(states.t, t)) for name, t in _events(scene, h.work, states.t, steps.s_o)]
+    return Response(
+        **asked, **told, cause=cause, reason=reason, slack_at=None if onset is None else float(onset[1]),
+        switched=None if h.after is None else told["slack_onset"],
+        events=[
+            {"event": name, "t": float(tau * states.t[i]), "s_o": float(told["s_o"][i]),
+             "speed": 0.0 if name == "stop" else float(speed[i])}
+            for name, i in events
+        ],
+        breaks=[] if motion is None else [float(tau * t) for t, _ in motion.phases[1:] if t < states.t[-1]],
+        n_dof=h.states[0].q.size, seconds=h.seconds,
+    )  # fmt: skip
+
+
+def in_si(scene: Scene, steps: Observation, seen: Observation, s: Array) -> dict[str, Any]:
+    """Return what was measured as fields of a `Response`: `steps` along the path, `seen` at frames and stations s."""
     l, H, tau = scene.length, scene.horizontal_tension, scene.time_scale
     si = _scales(l, H, tau)
-    path = _moved(scene, h, states, steps.s_o, steps.path)
     x_rest, y_rest = scene.groups.shape(s)
     fields = Fields(
         **si(seen, "t", "s_o", "u", "v", "du", "dv", *_TENSIONS), s=l * s, mass_u=l * seen.path[:, 0],
         mass_v=l * seen.path[:, 1], x=l * x_rest, y=l * y_rest, T_static=H * scene.groups.static(s)[0],
         T=H * seen.T, T_pointwise=H * seen.T_pointwise,
     )  # fmt: skip
-    (cause, reason), motion = h.failure or (None, None), scene.groups.motion
-    speed = l / tau * np.hypot(*steps.path_velocity.T)
-    events = [(name, _at(states.t, t)) for name, t in _events(scene, h.work, states.t, steps.s_o)]
-    return Response(
-        **asked, **path, scene=scene.name, scene_toml=scene.to_toml(),
-        cause=cause, reason=reason, slack_at=None if onset is None else float(onset[1]),
-        switched=None if h.after is None else path["slack_onset"], horizontal_tension=H,
-        velocity=l / tau * steps.path_velocity, acceleration=l / tau**2 * steps.path_acceleration,
-        F_haul=H * steps.haul,
+    return {
+        "scene": scene.name, "scene_toml": scene.to_toml(), "horizontal_tension": H, "fields": fields,
+        **_path(scene, steps.t, steps.s_o, steps.path),
+        "velocity": l / tau * steps.path_velocity, "acceleration": l / tau**2 * steps.path_acceleration,
+        "F_haul": H * steps.haul, "powers": {name: H * l / tau * power for name, power in steps.powers.items()},
         **si(steps, "slope_behind", "slope_ahead", "energy", "power", "tension_min", "tension_min_at",
              "reaction_left", "reaction_right", "contact", "kinetic", "strain", "potential", *_TENSIONS),
-        powers={name: H * l / tau * power for name, power in steps.powers.items()},
-        events=[
-            {"event": name, "t": float(tau * states.t[i]), "s_o": float(path["s_o"][i]),
-             "speed": 0.0 if name == "stop" else float(speed[i])}
-            for name, i in events
-        ],
-        breaks=[] if motion is None else [float(tau * t) for t, _ in motion.phases[1:] if t < states.t[-1]],
-        fields=fields, n_dof=h.states[0].q.size, seconds=h.seconds,
-    )  # fmt: skip
+    }  # fmt: skip
 
 
 def _at(times: Array, t: float) -> int:

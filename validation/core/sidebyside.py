@@ -7,7 +7,7 @@ import multiprocessing
 import os
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, as_completed, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
@@ -47,10 +47,15 @@ def side_by_side(
 
     with _forked(len(jobs), work) as submit:
         futures = [submit(i) for i in range(len(jobs))]
-        for count in _finished(futures, passed_on):
-            if count == 1 and meanwhile is not None:
+        left = set(futures)
+        while left:
+            done, left = wait(left, timeout=0.1, return_when=FIRST_COMPLETED)
+            passed_on()
+            for future in done:
+                future.result()
+            if done and left and meanwhile is not None:
                 meanwhile()
-        passed_on()
+                meanwhile = None
         return [future.result() for future in futures]
 
 
@@ -61,11 +66,8 @@ def spread(work: Callable[[Item], Result], items: Sequence[Item], told: Callable
             told(i, work(item))
         return
     with _forked(min(_cores(), len(items)), lambda i: (i, work(items[i]))) as submit:
-        futures = {submit(i) for i in range(len(items))}
-        while futures:
-            done, futures = wait(futures, return_when=FIRST_COMPLETED)
-            for future in done:
-                told(*future.result())
+        for future in as_completed([submit(i) for i in range(len(items))]):
+            told(*future.result())
 
 
 @contextmanager
@@ -119,18 +121,6 @@ def _forked(workers: int, call: Callable[..., Any]) -> Iterator[Callable[..., Fu
 
 def _called(*arguments: Any) -> Any:
     return _inherited[-1](*arguments)
-
-
-def _finished(futures: Sequence[Future], meanwhile: Callable[[], None]) -> Iterator[int]:
-    """Yield the number of done futures as it grows; call `meanwhile` ten times a second."""
-    left = set(futures)
-    while left:
-        done, left = wait(left, timeout=0.1, return_when=FIRST_COMPLETED)
-        meanwhile()
-        for future in done:
-            future.result()
-        if done and left:
-            yield len(futures) - len(left)
 
 
 def _cores() -> int:

@@ -28,11 +28,10 @@ def watched(r: Response, scene: Scene, method: Method) -> Response:
     weight = scene.mass.mass * scene.gravity
     unit = max(1.0, float(np.ptp(r.energy[measures.inside(r, (0.0, stop))])) / (weight * r.max_deflection))
     gain = measures.energy_gain(r, weight, (0.0, stop))
-    flags = []
+    flags = _waves(r, scene, method)
     if scene.speed_ratio is not None and scene.speed_ratio >= 1.0:
         # level cable: half the true error at V/c = 1.1, no convergence at 1.5
-        flags.append(flag("fast", speed_ratio=scene.speed_ratio))
-    flags += [*(_slow_waves(r, scene, method) if not flags else ()), *_hidden_slack(r, method)]
+        flags.insert(0, flag("fast", speed_ratio=scene.speed_ratio))
     if not gain <= MOST_GAIN * unit:
         flags.append(flag("energy", gain=gain / unit, allowed=MOST_GAIN))
         if r.cause is not None:
@@ -48,36 +47,23 @@ def watched(r: Response, scene: Scene, method: Method) -> Response:
 HIDDEN = 0.03
 
 
-def _slow_waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
-    """Flag waves, of speed sqrt(N/rho), that are slower than the mass.
+def _waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
+    """Flag waves, of speed sqrt(N/rho), that are slower than the mass, and compression in part of an element.
 
-    Waves steepen there, and errors fall like h^(1/2).  Every cable has them just before slack.
-    """
-    if method.wing != "elements" or method.space_order < 2.0 or r.drive == "free":
-        return []
-    end = min(measures.WINDOW[1], math.inf if r.slack_onset is None else r.slack_onset - HIDDEN)
-    inside = np.flatnonzero(measures.inside(r, (measures.WINDOW[0], end)))
-    if not inside.size:
-        return []
-    short = (r.tension_min - scene.rho * np.gradient(r.s_o, r.t) ** 2)[inside]
-    if not short.min() < 0.0:
-        return []
-    least, first = r.tension_min[inside[short.argmin()]] / r.horizontal_tension, inside[np.argmax(short < 0.0)]
-    since, at = r.s_o[first] / r.length, r.tension_min_at[first] / r.length
-    return [flag("slow waves", least=float(least), since=float(since), at=float(at))]
-
-
-def _hidden_slack(r: Response, method: Method) -> list[Flag]:
-    """Flag compression in part of an element without slack soon after.
-
-    Only for methods that resolve the kink at the mass.
+    Slow waves steepen, and errors fall like h^(1/2).  Every cable has both just before slack.  Only methods that
+    resolve the kink at the mass tell them from ripples.
     """
     if method.wing != "elements" or method.space_order < 2.0:
         return []
     end = min(measures.WINDOW[1], r.reached, math.inf if r.slack_onset is None else r.slack_onset - HIDDEN)
-    pressed = np.flatnonzero(measures.inside(r, (measures.WINDOW[0], end)) & (r.tension_min < 0.0))
-    if not pressed.size:
-        return []
-    first, most = pressed[0], r.tension_min[pressed].min() / r.horizontal_tension
-    since, at = r.s_o[first] / r.length, r.tension_min_at[first] / r.length
-    return [flag("hidden slack", most=float(-most), since=float(since), at=float(at))]
+    within, N, short = measures.inside(r, (measures.WINDOW[0], end)), r.tension_min, {}
+    if scene.speed_ratio is not None and scene.speed_ratio < 1.0:
+        short["slow waves"] = N - scene.rho * np.gradient(r.s_o, r.t) ** 2
+    flags = []
+    for kind, under in (short | {"hidden slack": N}).items():
+        low = np.flatnonzero(within & (under < 0.0))
+        if low.size:
+            least = float(N[low[under[low].argmin()]] / r.horizontal_tension)
+            since, at = float(r.s_o[low[0]] / r.length), float(r.tension_min_at[low[0]] / r.length)
+            flags.append(flag(kind, least=least, since=since, at=at))
+    return flags

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from cablefem.response import Array
 from validation.core import store
 from validation.core.quantities import scale_of
 from validation.page import terminal
-from validation.page.page import Section, callout, details, gallery, table
+from validation.page.page import Section, callout, gallery, table
 from validation.page.plot import (
     BLACK,
     BLUE,
@@ -142,10 +143,10 @@ def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None)
     out = [Section(f"{folder.name}-line", "The line at rest", Markup("\n").join(html), verdict, told)]
     if count > 1:
         over = line["car"][0]["name"]
-        reach = _reach(positions, over)
-        drawn = [plot([p], reach, f"x of {over} [m]", title) for title, p in _panels(line, positions)]
-        body = gallery(*drawn) + details("All numbers", _all(positions))
-        out.append(Section(f"{folder.name}-over", "Over the positions", body))
+        x = _floats(positions, f"x:{over}")
+        reach = float(np.nanmin(x)), float(np.nanmax(x))
+        drawn = [plot([p], reach, f"x of {over} [m]", title) for title, p in _panels(x, positions)]
+        out.append(Section(f"{folder.name}-over", "Over the positions", gallery(*drawn)))
     return out + ([Section(f"{folder.name}-sure", "How sure", _sure(rows), None, _SURE)] if rows else [])
 
 
@@ -155,13 +156,8 @@ _SURE = (
 )
 
 
-def _floats(positions: Sequence[Row], name: str) -> np.ndarray:
+def _floats(positions: Sequence[Row], name: str) -> Array:
     return np.array([float(x[name]) if x.get(name) else np.nan for x in positions])
-
-
-def _reach(positions: Sequence[Row], car: str) -> tuple[float, float]:
-    x = _floats(positions, f"x:{car}")
-    return float(np.nanmin(x)), float(np.nanmax(x))
 
 
 def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
@@ -192,49 +188,28 @@ def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
     return plot([p], (-0.06 * end, 1.06 * end), "x [m]", caption, wide=True)
 
 
-def _panels(line: Row, positions: Sequence[Row]) -> list[tuple[str, Panel]]:
-    """Return one panel per quantity, over the place of the first car."""
-    if not line.get("car"):
-        return []
-    at = _floats(positions, f"x:{line['car'][0]['name']}")
+# title, and the quantities in its panel
+_OVER = {
+    "Tension.": ("tension", "tension_max"), "Haul force; positive where it pulls to the right.": ("haul",),
+    "Vertical pressure of the rope on saddles.": ("pressure_down",), "Rise of the counterweight.": ("rise",),
+    "Clearance.": ("clearance_rope", "clearance_car"), "Safety factor.": ("safety_factor",),
+}  # fmt: skip
+
+
+def _panels(at: Array, positions: Sequence[Row]) -> list[tuple[str, Panel]]:
+    """Return one panel per kind of quantity, over the place of the first car."""
     out = []
-    for title, kinds in (
-        ("Tension.", ("tension", "tension_max")), ("Haul force; positive where it pulls to the right.", ("haul",)),
-        ("Vertical pressure of the rope on saddles.", ("pressure_down",)), ("Rise of the counterweight.", ("rise",)),
-        ("Clearance.", ("clearance_rope", "clearance_car")), ("Safety factor.", ("safety_factor",)),
-    ):  # fmt: skip
-        names = [name for name in positions[0] if name.partition(":")[0] in kinds]
-        if not names:
+    for title, kinds in _OVER.items():
+        values = {name: _floats(positions, name) for name in positions[0] if name.partition(":")[0] in kinds}
+        if not values:
             continue
-        values = [_floats(positions, name) for name in names]
-        factor, unit = scale_of(np.concatenate(values), UNITS.get(kinds[0], "m"))
+        factor, unit = scale_of(np.concatenate(list(values.values())), UNITS.get(kinds[0], "m"))
         p = Panel(f"[{unit}]" if unit else "", "", 140.0)
-        p.fit([factor * v for v in values])
-        for name, v, color in zip(names, values, COLORS * len(names), strict=False):
+        p.fit([factor * v for v in values.values()])
+        for (name, v), color in zip(values.items(), COLORS * len(values), strict=False):
             p.line(at, factor * v, color, "", 1.8, named(name))
         out.append((title, p))
     return out
-
-
-def _all(positions: Sequence[Row]) -> Markup:
-    names = [name for name in positions[0] if name == "position" or name.partition(":")[0] in ("x", "on", *WORDS)]
-    heads = {n: n if n == "position" else _column(n) for n in names}
-    return table([{n: _written(x[n]) for n in names} for x in positions], heads)
-
-
-def _column(name: str) -> str:
-    kind, _, of = name.partition(":")
-    if kind in ("x", "on"):
-        return f"{of}: x [m]" if kind == "x" else f"{of}: on the shoe of"
-    unit = UNITS.get(kind, "m")
-    return named(name) + (f" [{unit}]" if unit else "")
-
-
-def _written(text: str) -> str:
-    try:
-        return f"{float(text):.6g}".replace("-", "−")
-    except ValueError:
-        return text or "–"
 
 
 def _sure(rows: Sequence[Row]) -> Markup:

@@ -68,7 +68,7 @@ def _still(scene: Scene, r: Response, points: int = 300, labels: int = 5) -> dic
 def _party(scene: Scene, party: Any, points: int = 300) -> dict[str, Any]:
     at = np.unique(np.linspace(0, party.t.size - 1, points).round().astype(int))
     x = scene.catenary.x(party.s_o) if party.x is None else party.x
-    return {"name": party.name, "x": _short(x[at]), "y": _short(party.y[at])}
+    return {"name": party.method, "x": _short(x[at]), "y": _short(party.y[at])}
 
 
 def _first(r: Response) -> tuple[Array, Array]:

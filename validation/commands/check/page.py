@@ -65,7 +65,7 @@ def sections(folder: Path) -> list[Section]:
 
 def _sentences(x: Stored) -> str:
     said = sure([row for row in x.rows if not row.get("with")])
-    return said if x.party is None else f"{said} {x.party.name}: {third(x.rows, x.party.name)[1]}"
+    return said if x.party is None else f"{said} {x.party.method}: {third(x.rows, x.party.method)[1]}"
 
 
 def sure(rows: list[dict[str, Any]]) -> str:
@@ -100,8 +100,8 @@ def _sure(x: Stored) -> Section:
         ),
     ]  # fmt: skip
     if x.party is not None:
-        worst, said = third(x.rows, x.party.name)
-        html.insert(1, callout(f"{x.party.name}: {said}", worst))
+        worst, said = third(x.rows, x.party.method)
+        html.insert(1, callout(f"{x.party.method}: {said}", worst))
     groups_of = table(lines, {"group": "comparison", "verdict": "verdict", "words": "of those asked"}, stack=True)
     apart = [draw.distance(x, "How far the two paths of the car are apart.")] if len(x.runs) > 1 else []
     html.append(gallery(groups_of, *apart))

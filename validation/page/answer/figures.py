@@ -60,10 +60,18 @@ def series(x: Stored, rows: Sequence[tuple[str, str, Of]], caption: str, *, time
         p.fit([factor * part for part in inside])
         for r, look in zip(x.runs, LOOK, strict=False):
             p.line(r.t if time else r.s_o, factor * of(r), *look, name=r.method)
-        if x.party is not None and (theirs := x.party.series(of)) is not None:
-            p.line(x.party.t if time else x.party.s_o, factor * theirs, PURPLE, DASHED, 2.2, x.party.name)
+        if x.party is not None and (theirs := _told(x.party, of)) is not None:
+            p.line(x.party.t if time else x.party.s_o, factor * theirs, PURPLE, DASHED, 2.2, x.party.method)
         panels.append(p)
     return _drawn(x, panels, caption, time=time)
+
+
+def _told(party: Any, of: Of) -> Array | None:
+    """Return a series of a third party; None where it does not tell it."""
+    try:
+        return of(party)
+    except (AttributeError, TypeError):
+        return None
 
 
 def distance(x: Stored, caption: str) -> Markup:
@@ -71,18 +79,19 @@ def distance(x: Stored, caption: str) -> Markup:
     a, b = x.runs
     time = x.free
     at, apart = _apart(a, b, time)
-    factor, unit = scale_of(_inside(x, a, np.pad(apart, (0, a.t.size - apart.size))), "m")
+    inside = _inside(x, a, np.pad(apart, (0, a.t.size - apart.size)))
+    factor, unit = scale_of(inside, "m")
     p = Panel(f"apart [{unit}]", height=150.0)
     p.line(at, factor * apart, BLACK, "", 1.6, "distance of the paths")
     allowed = x.row("path_max").get("allowed")
-    most = factor * float(_inside(x, a, np.pad(apart, (0, a.t.size - apart.size))).max(initial=0.0))
+    most = factor * float(inside.max(initial=0.0))
     if allowed is not None:
         ends = np.array(x.compared(a)) if time else np.interp(x.compared(a), a.t, a.s_o)
         p.line(ends, np.full(2, factor * allowed * a.path_scale), GREEN, "9 3 2 3", 2.0, "sum of both error bars")
         most = max(most, factor * allowed * a.path_scale)
     if x.party is not None:
         at, theirs = _apart(a, x.party, time)
-        p.line(at, factor * theirs, PURPLE, DASHED, 2.2, f"distance to {x.party.name}")
+        p.line(at, factor * theirs, PURPLE, DASHED, 2.2, f"distance to {x.party.method}")
         most = max(most, factor * float(theirs.max(initial=0.0)))
     p.decades(most)
     return _drawn(x, [p], caption, time=time)

@@ -1,41 +1,17 @@
 """Stored results of a run or a check."""
 
-import csv
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cablefem.response import Array, Response
+from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import store
+from validation.core.foreign import ForeignPath
 
 EVENTS = ("release", "thrust_end", "brake", "turn", "stop", "arrival", "back", "lift_off")
-
-
-@dataclass(frozen=True, slots=True)
-class Party:
-    """A third party's mass path, named as in `Response`; (n,) each in SI, None if not given."""
-
-    name: str
-    t: Array
-    s_o: Array
-    y: Array
-    x: Array | None = None
-    v: Array | None = None
-    u: Array | None = None
-    speed: Array | None = None
-    T_behind: Array | None = None
-    T_ahead: Array | None = None
-
-    def series(self, of: Callable[[Any], Array]) -> Array | None:
-        """Return a series of a response for this party; None where it does not tell it."""
-        try:
-            return of(self)
-        except (AttributeError, TypeError):
-            return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +21,7 @@ class Stored:
     scene: Scene
     runs: tuple[Response, ...]
     agreement: dict[str, Any] = field(default_factory=dict)  # agreement.json; empty for a single run
-    party: Party | None = None
+    party: ForeignPath | None = None  # a third party
     grip: Response | None = None  # hauled car: what a gripping one would have given
 
     @property
@@ -98,14 +74,7 @@ def read(folder: Path) -> Stored | None:
     runs = tuple(r for name in agreement["methods"][:2] if (r := Response.read(folder / name)).t.size > 1)
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
     grip = Response.read(folder / "grip") if runs and runs[0].drive == "haul" and (folder / "grip").exists() else None
-    return Stored(scene, runs, agreement, _party(folder / "with.csv", agreement), grip) if runs else None
-
-
-def _party(file: Path, agreement: dict[str, Any]) -> Party | None:
     name = next((str(row["with"]) for row in agreement["rows"] if row.get("with")), None)
-    if name is None or not file.exists():
-        return None
-    with file.open(encoding="utf-8", newline="") as lines:
-        table = list(csv.DictReader(lines))
-    known = [key for key in Party.__slots__ if key in table[0]]
-    return Party(name, **{key: np.array([float(row[key] or "nan") for row in table]) for key in known})
+    there = name is not None and (folder / "with.csv").exists()
+    party = replace(ForeignPath.read(folder / "with.csv", scene), method=name) if there else None
+    return Stored(scene, runs, agreement, party, grip) if runs else None
