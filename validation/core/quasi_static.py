@@ -4,6 +4,7 @@ The ride is the travel, for free cars that of `cablefem.scene.ride`.
 """
 
 import time
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -133,7 +134,7 @@ def _least(r: Rest, sigma: float) -> tuple[Array, Array]:
     return np.minimum(N0, N1), np.where(N0 <= N1, at0, at1)
 
 
-def _fields(at: Statics, g: Groups, s: Array, s_o: Array, ds: Array) -> dict[str, Array]:
+def _fields(at: Statics, g: Groups, s: Array, s_o: Array, ds: Array) -> dict[str, Any]:
     """Displacement, velocity and tension at frames, (k, m) each."""
     x, w = np.polynomial.legendre.leggauss(POINTS)
     X = np.stack(shape(s, g.sigma, g.c), -1)

@@ -74,7 +74,7 @@ def read(folder: Path) -> Stored | None:
     runs = tuple(r for name in agreement["methods"][:2] if (r := Response.read(folder / name)).t.size > 1)
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
     grip = Response.read(folder / "grip") if runs and runs[0].drive == "haul" and (folder / "grip").exists() else None
-    name = next((str(row["with"]) for row in agreement["rows"] if row.get("with")), None)
-    there = name is not None and (folder / "with.csv").exists()
-    party = replace(ForeignPath.read(folder / "with.csv", scene), method=name) if there else None
+    party, file = None, folder / "with.csv"
+    if (name := next((row["with"] for row in agreement["rows"] if row.get("with")), None)) and file.exists():
+        party = replace(ForeignPath.read(file, scene), method=name)
     return Stored(scene, runs, agreement, party, grip) if runs else None
