@@ -14,11 +14,11 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from validation.page.page import asset
-from validation.page.plot import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
+from validation.page.plot import BLACK, COLORS, GREY
 
 WIDTH = 4.8  # inches: fills a phone, and two fill a row of a desktop
 
-PALETTE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
+PALETTE = (*COLORS, BLACK)
 _LOOKS = tomllib.loads(asset("looks.toml"))
 DASHES = ("-", *((0, tuple(dash)) for dash in _LOOKS["dashes"]))  # after a solid line
 MARKERS = tuple(_LOOKS["markers"])

@@ -15,22 +15,9 @@ from cablefem.response import Array
 from validation.core import store
 from validation.core.quantities import scale_of
 from validation.page import terminal
+from validation.page.answer.many import Column, Columns, Row, label, table_of
 from validation.page.page import Section, callout, gallery, table
-from validation.page.plot import (
-    BLACK,
-    BLUE,
-    DASHED,
-    DOTTED,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILLION,
-    Panel,
-    plot,
-    side,
-)
+from validation.page.plot import BLACK, BLUE, COLORS, DASHED, DOTTED, GREY, Panel, plot, side
 
 UNITS = {
     "tension": "N", "tension_behind": "N", "tension_ahead": "N", "tension_max": "N", "tension_min": "N", "haul": "N",
@@ -47,8 +34,6 @@ WORDS = {
     "tension_ahead": "tension ahead of {}",
 }  # fmt: skip
 GRID = ("tension_max", "safety_factor", "pressure", "haul", "rise", "clearance_rope", "clearance_car")
-COLORS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
-Row = dict[str, Any]
 
 
 def kind_of(name: str) -> str:
@@ -99,19 +84,13 @@ def tell(line: Any, design: Sequence[Row], refused: Sequence[Row], most: int = 1
         terminal.say(f"  and {len(refused) - 3} more positions without rest", style="bold red")
 
 
-def shown(rows: Sequence[Row], keys: Sequence[str]) -> dict[str, str]:
-    """Return columns and heads of a grid's table."""
+def columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
+    """Return the columns of a grid's table."""
     names = dict.fromkeys(name for x in rows for name in x if kind_of(name) in GRID and name not in keys)
     kept = [n for n in names if not (kind_of(n) == "pressure" and n.startswith("pressure_down"))]
     last = [name for name in ("status", "verdict", "why") if any(x.get(name) not in (None, "complete") for x in rows)]
-    return {key: key for key in keys} | {n: _head(n) for n in kept} | {name: name for name in last}
-
-
-def tell_grid(rows: Sequence[Row], keys: Sequence[str]) -> None:
-    """Print the table of a grid."""
-    heads = shown(rows, keys)
-    cells = [[f"{x[n]:.6g}" if isinstance(x.get(n), float) else str(x.get(n) or "-") for n in heads] for x in rows]
-    terminal.table(list(heads.values()), cells)
+    heads = {key: key for key in keys} | {n: _head(n) for n in kept} | {name: name for name in last}
+    return {name: Column(head, digits=6) for name, head in heads.items()}
 
 
 def _head(name: str) -> str:
@@ -231,7 +210,7 @@ def _lowest(rows: Sequence[Row], paths: Sequence[Any], keys: Sequence[str]) -> M
     p = Panel("depth [m]", "", 180.0, down=True)
     p.fit([depth for (_, depth), _ in drawn], pad=0.05)
     for ((at, depth), x), color in zip(drawn, COLORS * len(drawn), strict=False):
-        p.line(at, depth, color, "", 1.4, ", ".join(f"{key.split('.')[-1]} {x[key]}" for key in keys))
+        p.line(at, depth, color, "", 1.4, label(x, keys))
     end = float(drawn[0][0][0, -1])
     return plot([p], (0.0, end), "x [m]", "The lowest place of the rope over all positions.", wide=True)
 
@@ -240,11 +219,7 @@ def grid(folder: Path) -> list[Section]:
     """Return the page of a grid of lines."""
     stored = store.read(folder / "grid.json")
     rows, keys = stored["rows"], stored["keys"]
-    heads = shown(rows, keys)
-    cells = [
-        {n: f"{x[n]:.6g}".replace("-", "−") if isinstance(x.get(n), float) else x.get(n) for n in heads} for x in rows
-    ]
-    html = [table(cells, heads, stack=True)]
+    html = [table_of(rows, columns(rows, keys), keys[0])]
     if any(stored["paths"]):
         html.append(_lowest(rows, stored["paths"], keys))
     text = f"{len(rows)} lines, {sum(x['status'] != 'complete' for x in rows)} incomplete."

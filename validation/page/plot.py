@@ -21,6 +21,7 @@ WIDTH, LEFT, RIGHT, BELOW = 480, 70, 14, 42  # user units, pixels on a desktop
 # Okabe and Ito (2008) without yellow
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
 BLACK, GREY = "#1a1a1a", "#767676"
+COLORS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)  # in the order of lines
 DASHED, DOTTED = "8 4", "2 3"
 # matplotlib's viridis, to 2 percent
 FIELD = (

@@ -8,8 +8,9 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from validation.core import store
-from validation.page.figures import BLACK, DASHES, GREEN, GREY, MARKERS, ORANGE, SKY, panels, style
+from validation.page.figures import DASHES, MARKERS, panels, style
 from validation.page.page import Section, details, figure, gallery, percent, plain, table, words
+from validation.page.plot import BLACK, GREEN, GREY, ORANGE, SKY
 
 _SAY = words(__package__)
 

@@ -8,8 +8,9 @@ from markupsafe import Markup, escape
 from matplotlib.patches import Patch
 
 from validation.core import store
-from validation.page.figures import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, panels, style
+from validation.page.figures import panels, style
 from validation.page.page import Section, figure, plain, words
+from validation.page.plot import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 
 _SAY = words(__package__)
 

@@ -17,8 +17,9 @@ from validation.commands.chart.front import OURS, Row, best_of, front
 from validation.core import store
 from validation.core.methods import METHODS
 from validation.page import page
-from validation.page.figures import BLACK, DASHES, GREY, MARKERS, PALETTE, panels, style
+from validation.page.figures import DASHES, MARKERS, PALETTE, panels, style
 from validation.page.page import Section, figure, gallery, listed, number, percent, plain, table
+from validation.page.plot import BLACK, GREY
 
 _SAY = page.words(__package__)
 

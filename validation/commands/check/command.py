@@ -170,5 +170,5 @@ def _many(scene: Any, points: "list[Point]", out: Path | None, **asked: Any) -> 
         found = study.check(point.scene, **asked)
         return many.row(point.scene, found.a.run, found.design, found.verdict.value), many.path(found.a.run)
 
-    rows = many.grid("check", "grid-check", scene, points, out, row, many.tell)
+    rows = many.grid("check", "grid-check", scene, points, out, row, many.columns)
     return 0 if all(row["verdict"] == "agree" for row in rows) else 1

@@ -9,8 +9,9 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from validation.core import store
-from validation.page.figures import DASHES, GREY, MARKERS, PALETTE, panels, style
+from validation.page.figures import DASHES, MARKERS, PALETTE, panels, style
 from validation.page.page import Section, details, figure, gallery, number, plain, words
+from validation.page.plot import GREY
 
 _SAY = words(__package__)
 

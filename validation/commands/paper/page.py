@@ -16,8 +16,9 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.commands.paper.verdicts import FAILS, HOLDS, sentence
 from validation.core import store
-from validation.page.figures import BLACK, BLUE, GREY, panels, style
+from validation.page.figures import panels, style
 from validation.page.page import Section, badge, details, figure, gallery, number, table
+from validation.page.plot import BLACK, BLUE, GREY
 
 SAID = store.shipped(__package__, "figures.toml")
 LOOKS: dict[str, dict[str, Any]] = SAID["looks"]

@@ -24,7 +24,7 @@ from validation.core import store
 from validation.core.answers import PLACES
 from validation.page import report, terminal
 from validation.page.answer import many as table
-from validation.page.line import UNITS, kind_of, tell, tell_grid
+from validation.page.line import UNITS, columns, kind_of, tell
 from validation.page.options import Point
 
 ONLY = {"tension_max": "max", "safety_factor": "min", "clearance_rope": "min", "clearance_car": "min", "sag": "max"}
@@ -253,7 +253,7 @@ def many(
         numbers = {d["quantity"]: d["value"] for d in found.design}
         return {"status": found.status, **numbers, **more}, [told["x"].tolist(), told["y_lowest"].tolist()]
 
-    rows = table.grid(command, f"grid-rest-{command}", points[0].scene, points, out, row, tell_grid)
+    rows = table.grid(command, f"grid-rest-{command}", points[0].scene, points, out, row, columns)
     if any(x["status"] != "complete" for x in rows):
         return 2
     return int(any(x.get("verdict", "agree") != "agree" for x in rows))

@@ -80,12 +80,10 @@ def quasi_static_answer(scene: Scene) -> Answer:
 
 def many(scene: Scene, points: Sequence[Point], answered: Callable[..., Answer], out: Path | None) -> int:
     """Answer every point of a grid; 2 where a run broke."""
-    broke = []
 
     def row(point: Point) -> tuple[table.Row, Any]:
         found = answered(points.index(point), silent).response
-        broke.append(found.status != "complete" and found.slack_onset is None)
         return table.row(point.scene, found, found.design), table.path(found)
 
-    table.grid("run", "grid", scene, points, out, row, table.tell)
-    return 2 if any(broke) else 0
+    rows = table.grid("run", "grid", scene, points, out, row, table.columns)
+    return 2 if any(x["outcome_kind"] == "incomplete" for x in rows) else 0

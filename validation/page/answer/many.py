@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +21,33 @@ from validation.core.sidebyside import spread
 from validation.page import report, terminal
 from validation.page.options import Point
 from validation.page.page import Section, gallery, table
-from validation.page.plot import BLUE, DASHED, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, Panel, plot, side
+from validation.page.plot import COLORS, DASHED, DOTTED, GREY, Panel, plot, side
 
-COLORS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)  # one for each value of the first key
-DASHES = ("", DASHED, "2 3", "8 3 2 3")  # one for each value of the others
+DASHES = ("", DASHED, DOTTED, "8 3 2 3")  # one for each value of the keys after the first
 Row = dict[str, Any]
+HEADS = {
+    "outcome": "outcome", "arrival_km_h": "at the brake or end [km/h]", "rests_at_m": "rests at [m]",
+    "clearance_rope_min": "clearance, rope [m]", "clearance_car_min": "clearance, car [m]", "verdict": "verdict",
+}  # fmt: skip
 # columns of a table of rides
 NUMBERS = ("tension_max", "safety_factor_min", "haul_force_max", "clearance_rope_min", "clearance_car_min")
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """How a column of a grid's table is written."""
+
+    head: str
+    factor: float = 1.0
+    digits: int = 4
+
+    def cell(self, value: Any) -> str:
+        if value is None or isinstance(value, bool | str | list):
+            return "-" if value is None else str(value)
+        return f"{self.factor * value:.{self.digits}g}"
+
+
+Columns = dict[str, Column]
 
 
 def row(scene: Scene, r: Response, design: Sequence[dict[str, Any]], verdict: str | None = None) -> dict[str, Any]:
@@ -61,7 +82,7 @@ def path(r: Response, points: int = 300) -> dict[str, list[float]]:
 
 def grid(
     command: str, home: str, scene: Any, points: Sequence[Point], out: Path | None,
-    answered: Callable[[Point], tuple[Row, Any]], tell: Callable[[list[Row], list[str]], None],
+    answered: Callable[[Point], tuple[Row, Any]], columns: Callable[[list[Row], list[str]], Columns],
 ) -> list[Row]:  # fmt: skip
     """Answer every point of a grid of a scene by a row and what is drawn of it; store, draw and print; return the rows.
 
@@ -91,43 +112,32 @@ def grid(
     write_json(folder / home / "grid.json", {"keys": keys, "rows": rows, "paths": paths})
     write_text(folder / home / "scene.toml", scene.to_toml())
     report.write(folder, command)
-    tell(rows, keys)
+    shown = columns(rows, keys)
+    numeric = [c.head for name, c in shown.items() if any(isinstance(x.get(name), int | float) for x in rows)]
+    cells = [[c.cell(x.get(name)) for name, c in shown.items()] for x in rows]
+    terminal.table([c.head for c in shown.values()], cells, right=numeric)
     terminal.say(f"  written to {folder}: report.html, {home}/table.csv")
     return rows
 
 
-def tell(rows: list[dict[str, Any]], keys: Sequence[str]) -> None:
-    """Print the table: varied values, outcomes, common numbers."""
-    shown = [*keys, *_columns(rows), *(["verdict"] if any("verdict" in x for x in rows) else [])]
-    heads = [_head(name, rows) for name in shown]
-    cells = [[_cell(name, x.get(name), rows) for name in shown] for x in rows]
-    terminal.table(heads, cells, right=[h for h, name in zip(heads, shown, strict=True) if name != "outcome"])
+def columns(rows: list[Row], keys: Sequence[str]) -> Columns:
+    """Return the columns of a table of rides: varied values, outcomes, common numbers, verdicts."""
+    found = {key: Column(key) for key in keys}
+    for name in ("outcome", "arrival_km_h", "rests_at_m", *NUMBERS, "verdict"):
+        values = [x[name] for x in rows if x.get(name) is not None]
+        force = name.startswith(("tension", "haul"))
+        factor, unit = scale_of(np.array(values), "N") if force and values else (1.0, "")
+        if values:
+            found[name] = Column(HEADS.get(name) or named(name) + (f" [{unit}]" if unit else ""), factor)
+    return found
 
 
-def _columns(rows: list[dict[str, Any]]) -> list[str]:
-    known = ("outcome", "arrival_km_h", "rests_at_m", *NUMBERS)
-    return [name for name in known if any(x.get(name) is not None for x in rows)]
-
-
-def _unit(name: str, rows: list[dict[str, Any]]) -> tuple[float, str]:
-    kind = {"tension": "N", "haul": "N", "clearance": "m"}.get(name.split("_")[0], "")
-    values = [x[name] for x in rows if isinstance(x.get(name), int | float)]
-    return scale_of(np.array(values), kind) if kind in ("N",) and values else (1.0, kind)
-
-
-def _head(name: str, rows: list[dict[str, Any]]) -> str:
-    own = {"outcome": "outcome", "arrival_km_h": "at the brake or end [km/h]", "rests_at_m": "rests at [m]"}
-    if name in own:
-        return own[name]
-    unit = _unit(name, rows)[1]
-    words = {"clearance_rope_min": "clearance, rope", "clearance_car_min": "clearance, car"}.get(name)
-    return (words or (named(name) if name in NUMBERS else name)) + (f" [{unit}]" if unit else "")
-
-
-def _cell(name: str, value: Any, rows: list[dict[str, Any]]) -> str:
-    if value is None or isinstance(value, bool | str | list):
-        return "-" if value is None else str(value)
-    return f"{_unit(name, rows)[0] * value:.4g}"
+def table_of(rows: list[Row], columns: Columns, key: str) -> Markup:
+    """Return a grid's table; on a phone a block begins with the first key and its value."""
+    cells = [{c.head: c.cell(x.get(name)).replace("-", "−") for name, c in columns.items()} for x in rows]
+    for cell in cells:
+        cell[key] = Markup('<span class="phone">{} </span>{}').format(key, cell[key])
+    return table(cells, [c.head for c in columns.values()], stack=True)
 
 
 def sections(folder: Path) -> list[Section]:
@@ -135,12 +145,8 @@ def sections(folder: Path) -> list[Section]:
     stored = store.read(folder / "grid.json")
     rows, paths, keys = stored["rows"], stored["paths"], stored["keys"]
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
-    names = [*keys, *_columns(rows), *(["verdict"] if any("verdict" in x for x in rows) else [])]
-    cells = [{_head(n, rows): _cell(n, x.get(n), rows).replace("-", "−") for n in names} for x in rows]
-    for cell in cells:  # a block on a phone begins with the first key and its value
-        cell[keys[0]] = Markup('<span class="phone">{} </span>{}').format(keys[0], cell[keys[0]])
     html = [
-        table(cells, [_head(name, rows) for name in names], stack=True),
+        table_of(rows, columns(rows, keys), keys[0]),
         gallery(_side(scene, rows, paths, keys), _speeds(rows, paths, keys)),
     ]  # fmt: skip
     kinds = [x["outcome_kind"].replace("_", " ") for x in rows]
@@ -148,7 +154,8 @@ def sections(folder: Path) -> list[Section]:
     return [Section("grid", "All of them", Markup("\n").join(html), None, f"{len(rows)} runs: {summary}.")]
 
 
-def _label(point: dict[str, Any], keys: Sequence[str]) -> str:
+def label(point: Row, keys: Sequence[str]) -> str:
+    """Return the varied values of a point in words."""
     return ", ".join(f"{key.split('.')[-1]} {point[key]}" for key in keys)
 
 
@@ -175,7 +182,7 @@ def _side(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequen
     p.line(X.x(s), X.y(s), GREY, "2 3", 1.2, "empty rope at rest")
     for found, point, look in zip(paths, rows, _looks(rows, keys), strict=True):
         if found:
-            p.line(np.array(found["x"]), np.array(found["y"]), *look, 1.6, _label(point, keys))
+            p.line(np.array(found["x"]), np.array(found["y"]), *look, 1.6, label(point, keys))
     return plot([p], (0.0, span), "x [m]", caption)
 
 
@@ -183,7 +190,7 @@ def _speeds(rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> 
     p = Panel("[km/h]", "speed", 180.0)
     for found, point, look in zip(paths, rows, _looks(rows, keys), strict=True):
         if found:
-            p.line(np.array(found["s_o"]), np.array(found["kmh"]), *look, 1.6, _label(point, keys))
+            p.line(np.array(found["s_o"]), np.array(found["kmh"]), *look, 1.6, label(point, keys))
     p.fit([np.zeros(1), *(line[1] for line in p.lines)])
     end = max((max(found["s_o"]) for found in paths if found), default=1.0)
     return plot([p], (0.0, end), "metres along the rope", "Speed of the car along the rope.")
