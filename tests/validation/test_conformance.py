@@ -20,7 +20,6 @@ from validation.commands.oracles import study as oracles
 from validation.core.climb import TooCoarse, climb
 from validation.core.methods import METHODS, find, refined
 from validation.core.sampling import stacked
-from validation.core.trust import recommended
 from validation.oracles import moving_mass
 
 MINE = "my-sines"
@@ -149,11 +148,6 @@ def test_a_case_of_an_oracle(name, monkeypatch):
     assert row.verdict in ("agree", "disagree")
     if name == MINE:
         assert row.error < 0.1
-
-
-@every
-def test_recommended_settings_are_settings(name):
-    find(name).settings(recommended(SCENE, name))
 
 
 def test_a_user_s_method_is_right_and_without_its_coriolis_term_it_is_not(monkeypatch):

@@ -20,7 +20,7 @@ from validation.core import measures
 from validation.core.climb import laddered
 from validation.core.methods import METHODS
 from validation.core.running import run
-from validation.core.trust import convergence_limit, grading, post_slack_spread, recommended
+from validation.core.trust import convergence_limit, post_slack_spread
 from validation.core.watch import MOST_GAIN
 from validation.page.page import render
 
@@ -81,37 +81,17 @@ def path_at(r: Response, places) -> np.ndarray:
     return np.stack([np.interp(places, r.s_o / r.length, x) for x in (r.u, r.v)])
 
 
-def test_a_light_mass_starts_right_with_what_is_recommended_and_not_without():
-    own = recommended(LIGHT, "following-p2", elements=10, steps=600)
-    fine = recommended(LIGHT, "following-p2", elements=40, steps=2400, grading=own["grading"], entry=own["entry"])
-    reference = run(LIGHT, "following-p2", **fine)
+def test_a_light_mass_starts_right_with_graded_elements_and_steps_and_not_without():
+    own = {"grading": 30.0, "entry": 0.1}
+    reference = run(LIGHT, "following-p2", elements=40, steps=2400, **own)
     places = [0.02, 0.05]
 
     def error(**settings) -> float:
         gap = path_at(run(LIGHT, "following-p2", **settings), places) - path_at(reference, places)
         return float(np.hypot(*gap).max() / reference.max_deflection)
 
-    assert error(**own) < 1e-3
+    assert error(elements=10, steps=600, **own) < 1e-3
     assert error(elements=10, steps=600) > 1e-3
-
-
-def test_recommended_settings_follow_the_scene():
-    light, heavy = (recommended(scene, "following-p2") for scene in (LIGHT, LEVEL))
-    assert (heavy["entry"], heavy["grading"]) == (1.0, 1.0)
-    assert light["entry"] < 0.3
-    assert light["grading"] > 5.0
-    assert recommended(Scene.load("cruise"), "following-p2")["exit"] == 1.0  # arrives at rest
-    assert recommended(LIGHT, "following-p2", entry=0.5)["entry"] == 0.5
-    assert "grading" not in recommended(LIGHT, "fourier-kink")
-    with pytest.raises(ValueError, match="no travelling mass"):
-        recommended(Scene.load("bare"), "following-p2")
-
-
-def test_grading_gives_the_smallest_element_asked_for():
-    lengths = np.geomspace(1.0, grading(12, 0.03), 12)
-    assert lengths[0] / lengths.sum() == pytest.approx(0.03, rel=1e-9)
-    assert grading(12, 0.2) == 1.0
-    assert grading(1, 0.001) == 1.0
 
 
 def test_the_convergence_limit_is_where_gaps_stop_closing():

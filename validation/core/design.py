@@ -12,15 +12,14 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from cablefem.newmark import scheme
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from validation.core.answers import GROUND, clearances
-from validation.core.evidence import FIRST, Given
+from validation.core.evidence import FIRST, ROUNDING, Given
 from validation.core.ladder import Ladder, largest
-from validation.core.measures import WINDOWS
+from validation.core.measures import WINDOWS, averaged
 from validation.core.quantities import unit_of
 
 NEAR = 9  # times around an extreme at which two runs are compared
@@ -251,13 +250,16 @@ class _Signal:
 
     def samples(self, track: Track) -> tuple[Array, Array, Array]:
         """Times, values and places: means over the period, extremes along the cable."""
-        rows = (track.t >= self.span[0] * (1.0 - 1e-9)) & (track.t <= self.span[1] * (1.0 + 1e-9))
+        rows = (track.t >= self.span[0] * (1.0 - ROUNDING)) & (track.t <= self.span[1] * (1.0 + ROUNDING))
         rows &= np.isfinite(track.value.reshape(track.t.size, -1)).all(axis=1)
         t, value = track.t[rows], track.value[rows]
         if t.size == 0:
             return t, t, t
         if value.ndim == 1:
-            return t, _mean(t, value, self.period) if self.period and t.size > 2 else value, track.s[rows]
+            if self.period and t.size > 2:
+                low, high = (np.clip(t + half * self.period, t[0], t[-1]) for half in (-0.5, 0.5))
+                value = averaged(t, value[:, None], low, high)[:, 0]
+            return t, value, track.s[rows]
         if self.period:  # at least over neighbouring frames
             sums = np.concatenate([0.0 * value[:1], np.cumsum(value, axis=0)])
             k = np.arange(t.size)
@@ -289,13 +291,6 @@ class _Signal:
         t, value, _ = self.samples(self.quantity.tracks(r)[track])
         there = t.size and t[-1] >= min(near[-1], r.t[-1]) - np.ptp(near)
         return np.interp(near, t, value) if there else math.nan * near
-
-
-def _mean(t: Array, value: Array, period: float) -> Array:
-    total = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (value[1:] + value[:-1]))])
-    low, high = np.clip(t - 0.5 * period, t[0], t[-1]), np.clip(t + 0.5 * period, t[0], t[-1])
-    sums = CubicHermiteSpline(t, total, value)
-    return np.asarray((sums(high) - sums(low)) / (high - low))
 
 
 def _at_an_end(found: _Extreme, r: Response, span: tuple[float, float]) -> bool:

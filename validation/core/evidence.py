@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -202,20 +202,10 @@ class Evidence:
         return np.stack([np.interp(t, self.r.t, column) for column in values.T], axis=1)
 
     def impulse(self, force: Array) -> Array:
-        """Time integral of a force (n, c) by trapezoids; nan if unknown.
-
-        A step at a jump takes the value from its own side.
-        """
+        """Time integral of a force (n, c); nan if unknown."""
         if not np.isfinite(force[1:-1]).all():
             return np.full_like(force, math.nan)
-        t, f = self.r.t, np.nan_to_num(force)  # nan on the supports
-        mean, changes = 0.5 * (f[1:] + f[:-1]), np.abs(np.diff(f, axis=0)).max(axis=1)
-        for jump in self.r.jumps:
-            i = int(np.argmin(np.abs(t - jump)))
-            if 0 < i < t.size - 1:
-                late = changes[i - 1] > changes[i]
-                mean[i - 1 if late else i] = f[i - 1 if late else i + 1]
-        return np.concatenate([0.0 * f[:1], np.cumsum(mean * np.diff(t)[:, None], axis=0)])
+        return integral(self.r.t, np.nan_to_num(force), self.r.jumps)  # nan on the supports
 
     def impulse_at_frames(self, force: Array) -> Array:
         """The same at frames, (k, c)."""
@@ -362,6 +352,17 @@ class Evidence:
 
 def _arrays(x: Any) -> dict[str, Array]:
     return {f.name: value for f in fields(x) if isinstance(value := getattr(x, f.name), np.ndarray)}
+
+
+def integral(t: Array, f: Array, jumps: Sequence[float]) -> Array:
+    """Integral of f (n, c) up to each t by trapezoids; a step at a jump takes the value from its own side."""
+    mean, changes = 0.5 * (f[1:] + f[:-1]), np.abs(np.diff(f, axis=0)).max(axis=1)
+    for jump in jumps:
+        i = int(np.argmin(np.abs(t - jump)))
+        if 0 < i < t.size - 1:
+            late = changes[i - 1] > changes[i]
+            mean[i - 1 if late else i] = f[i - 1 if late else i + 1]
+    return np.concatenate([0.0 * f[:1], np.cumsum(mean * np.diff(t)[:, None], axis=0)])
 
 
 def cross(a: Array, b: Array) -> Array:

@@ -141,9 +141,8 @@ def _read(file: Path, scene: Scene) -> _Given:
         why = error.strerror if isinstance(error, OSError) else "not text in UTF-8"
         raise Refused(f"{file}: cannot be read ({why})") from None
     lines = [(n, line.strip()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
-    # the names of the columns: the first line without #, or one with # and a known name
-    named = (i for i, (_, line) in enumerate(lines) if line[0] != "#" or any(map(_NAME.fullmatch, _cells(line))))
-    if (head := next(named, None)) is None:
+    head = _head([line for _, line in lines])
+    if head is None:
         raise Refused(f"{file.name}: the file is empty")
     header, separator = _cells(lines[head][1]), _separator(lines[head][1])
     rows = [(n, _cells(line, separator)) for n, line in lines[head + 1 :] if line[0] != "#"]
@@ -157,6 +156,12 @@ def _read(file: Path, scene: Scene) -> _Given:
     factor = {quantity: known[i][1] for quantity, i in place.items()}
     x = {quantity: factor[quantity] * np.array([_number(row[i]) for _, row in rows]) for quantity, i in place.items()}
     return _Given(file.name, x, factor, [n for n, _ in rows], "line")
+
+
+def _head(lines: list[str]) -> int | None:
+    """Return which line names the columns: the first without #, or one with # and a known name."""
+    named = (line[0] != "#" or any(map(_NAME.fullmatch, _cells(line))) for line in lines)
+    return next((i for i, found in enumerate(named) if found), None)
 
 
 def _told(column: str, l: float) -> tuple[str, float]:

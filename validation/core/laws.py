@@ -22,7 +22,6 @@ from validation.core.evidence import FIRST, ROUNDING, Evidence, Side, Window, Wi
 from validation.core.order import left
 
 OFTEN = 0.2  # of a transverse wave's time along the cable: longer steps between frames hide velocities
-NEXT = 0.01  # of the length: a shorter side has too few stations
 ROLLS = 0.05  # of the top speed: below it friction's direction is not checked
 DOWN = np.array([0.0, 1.0])
 
@@ -126,11 +125,12 @@ def _sees_swings(m: Evidence) -> bool:
 
 
 def _off_supports(m: Evidence) -> bool:
-    return any(_has_room(m, pair) for pair in m.sides)
+    return any(_has_room(pair) for pair in m.sides)
 
 
-def _has_room(m: Evidence, pair: tuple[Side, Side]) -> bool:
-    return all(x.s.size > 4 and np.ptp(x.s) > NEXT * m.r.length for x in pair)
+def _has_room(pair: tuple[Side, Side]) -> bool:
+    """Whether the field on each side can be extrapolated to the mass."""
+    return all(x.s.size > 4 for x in pair)
 
 
 def _knows_strain(m: Evidence) -> bool:
@@ -378,7 +378,7 @@ def _at_and_up_to(m: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]
     found = []
     for pair in m.sides:
         rows = [(x.s[::way][:3], of(x)[::way][:3]) for x, way in zip(pair, (-1, 1), strict=True)]
-        far = _has_room(m, pair)
+        far = _has_room(pair)
         told = [far * y[0] for _, y in rows]
         goes_on = [y[1] + (y[1] - y[2]) * (s[0] - s[1]) / (s[1] - s[2]) if far else 0.0 * y[0] for s, y in rows]
         found.append((told, np.subtract(told, goes_on)))

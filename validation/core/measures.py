@@ -148,10 +148,16 @@ def series_gap(
         when, values = r.t[k], of(r).reshape(r.t.size, -1)[k]
         if not axial:
             return _spline(when, values, [x["t"] for x in r.events], low)
-        return (_summed(when, values, r.breaks, high) - _summed(when, values, r.breaks, low)) / (high - low)[:, None]
+        return averaged(when, values, low, high, r.breaks)
 
     gap: Array = np.sum(np.square(at(coarse, known[0]) - at(fine, known[1])), axis=1)
     return float(np.sqrt(gap.max() if largest else _over_time(t, gap)))
+
+
+def averaged(t: Array, values: Array, low: Array, high: Array, breaks: Sequence[float] = ()) -> Array:
+    """Means (k, c) of the lines through values (n, c) between times low and high (k,)."""
+    begin, end = (_summed(t, values, breaks, at) for at in (low, high))
+    return (end - begin) / (high - low)[:, None]
 
 
 def _summed(t: Array, values: Array, breaks: Sequence[float], at: Array) -> Array:
@@ -213,20 +219,13 @@ def _field_gap(a: Response, b: Response, window: Window, of: Callable[[Response]
 
 
 def energy_defect(r: Response) -> Array:
-    """Return (n,) [J]: E(t) - E(0) minus the work of the drive (trapezoids in time).
+    """Return (n,) [J]: E(t) - E(0) minus the work of the drive; entry with speed is a jump of force."""
+    from validation.core.evidence import integral  # slow to load
 
-    A step at a jump of force takes the value from its own side; entry with speed is one.
-    """
-    p, mean = r.power, 0.5 * (r.power[1:] + r.power[:-1])
+    power = r.power[:, None].copy()
     if r.drive == "grip" and r.speed[0] > 0.0 and scheme(r.settings["scheme"]).nodes:
-        mean[:1] = p[1:2]
-    for t in r.jumps:
-        i = int(np.searchsorted(r.t, t * (1.0 - 1e-12)))
-        if 0 < i < mean.size:
-            late = abs(p[i + 1] - p[i]) > abs(p[i] - p[i - 1])
-            mean[i if late else i - 1] = p[i + 1] if late else p[i - 1]
-    work = np.concatenate([[0.0], np.cumsum(np.diff(r.t) * mean)])
-    return r.energy - r.energy[0] - work
+        power[:1] = power[1:2]
+    return r.energy - r.energy[0] - integral(r.t, power, r.jumps)[:, 0]
 
 
 def energy_gain(r: Response, weight: float, window: Window) -> float:
@@ -241,22 +240,18 @@ def energy_gain(r: Response, weight: float, window: Window) -> float:
     return float(gain.max() / (weight * r.max_deflection))
 
 
-def oscillation(r: Response, window: Window) -> float:
+def oscillation(r: Response, window: Window, reach: float = 0.1) -> float:
     """Return the oscillation of tension along the cable, over H (Gibbs overshoot).
 
-    Largest |T - running median over 0.1 l| off mass and supports, rms over frames.
+    Largest |T - running median over `reach` l| off mass and supports, rms over frames.
     """
-    place = r.fields.s_o / r.length
-    return _oscillation(r.fields.T_pointwise / r.horizontal_tension, place, r.fields.s / r.length, window)
-
-
-def _oscillation(T: Array, place: Array, s: Array, window: Window, reach: float = 0.1) -> float:
+    place, s = r.fields.s_o / r.length, r.fields.s / r.length
     within = (place >= window[0]) & (place <= window[1])
     if not within.any():
         raise NotComparable(f"no frame of the tension field in the window {window}")
     half = max(1, round(0.5 * reach / (s[1] - s[0])))
     worst = []
-    for row, s_o in zip(T[within], place[within], strict=True):
+    for row, s_o in zip(r.fields.T_pointwise[within] / r.horizontal_tension, place[within], strict=True):
         largest = 0.0
         for side in (s <= s_o - JUMP_WIDTH, s >= s_o + JUMP_WIDTH):
             if np.count_nonzero(side) > 2 * half:

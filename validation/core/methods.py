@@ -90,8 +90,6 @@ class Resolution:
         return min(values, key=lambda value: abs(self.unknowns(value) - unknowns))
 
 
-# Factor on the steps of a ride that turns against friction: TURNING mu, at most MOST_TURNING.
-TURNING, MOST_TURNING = 1.6, 2.0
 # Costs by `cablefem chart`: banded elements linear, dense bases square to cube.
 ELEMENTS = Resolution("elements", 6, 320, 8, 1.0, largest=1000)
 TERMS = Resolution("terms", 10, 160, 25, 2.5, largest=80)
@@ -139,16 +137,10 @@ class Method:
         return [refined(self, first, space=x, time=self.resolution.grown(space, x) ** self.keeps_pace) for x in ratios]
 
     def settings_on(self, groups: Groups, changes: dict[str, Any]) -> dict[str, Any]:
-        """Return the settings for a scene.  On free rides rules damp: force jumps ring on.
-
-        Turning cars take more steps, as waves reverse the friction.
-        """
+        """Return the settings for a scene.  On free rides rules damp: force jumps ring on."""
         if groups.drive.mode != "free" or self.knobs["scheme"].default != "trapezoidal":
             return self.settings(changes)
-        rides = {"scheme": "generalized-alpha", **self.on_rides}
-        if "steps" in rides and groups.drive.turns and groups.drive.mu_r:
-            rides["steps"] = round(rides["steps"] * min(max(1.0, TURNING * groups.mu), MOST_TURNING))
-        return self.settings(rides | changes)
+        return self.settings({"scheme": "generalized-alpha", **self.on_rides, **changes})
 
     def settings(self, changes: dict[str, Any]) -> dict[str, Any]:
         """Return all settings with `changes`; ValueError for unknown names and values."""

@@ -125,8 +125,53 @@ class Run:
         if self._ended:
             return
         self._ended = until is None and math.isinf(past)
-        with _threads().limit(limits=1):  # small matrices
-            _march(self, until or math.inf, past, progress or (lambda done: None))
+        h, begin, report = self.history, time.perf_counter(), progress or (lambda done: None)
+        try:
+            if h.failure is None:
+                with _threads().limit(limits=1):  # small matrices
+                    self._advance(until or math.inf, past, report)
+        except StepFailure as error:
+            h.failure = _cause(error, h.onset is not None, h.after is not None)
+            if not h.states:  # only the hanging cable
+                rest = np.zeros(h.solver.n_dof)
+                h.states.append(State(h.solver.phases[0][0], rest, rest, rest))
+        h.seconds += time.perf_counter() - begin
+        report(1.0)
+
+    def _advance(self, until: float, past: float, progress: Progress) -> None:
+        """March to `until`; once slack with the tension-only law, and `past` further."""
+        h = self.history
+        if h.after is None and self._march(h.solver, self.scheme, until, progress, self.switches):
+            h.after = h.solver.with_law("tension-only")
+        if h.after is not None:
+            # collocation loses its order at the law's kink
+            goes_on = self.scheme.damps and not self.scheme.nodes
+            damped = self.scheme if goes_on else newmark.scheme("newmark", newmark_gamma=SLACK_GAMMA)
+            assert h.onset is not None
+            self._march(h.after, damped, min(until, h.after.place(h.states[h.onset[0]]) + past), progress)
+
+    def _march(
+        self, solver: Solver, scheme: Scheme, until: float, progress: Progress, switch: bool = False
+    ) -> bool:  # fmt: skip
+        """Append states up to the end, `until` or, if the law switches, the slack onset; return whether it switched."""
+        h, (t0, t1) = self.history, (solver.phases[0][0], solver.phases[-1][1])
+        start = h.states[-1] if h.states else None
+        if start is not None and solver.place(start) >= until:
+            return False
+        free = self.scene.groups.motion is None  # otherwise the times end there
+        newton = KEEPS if free and scheme.name == "trapezoidal" else Newton()
+        for states in newmark.stretches(solver, scheme, self.times_to(until), newton=newton, work=h.work, start=start):
+            h.states.extend(states)
+            state, n = states[-1], len(h.states)
+            if n % 32 < len(states):
+                progress(max((state.t - t0) / (t1 - t0), solver.place(state) / until))
+            if h.onset is None and n > 1 and solver.least_tension[0] < 0.0:  # only the last state may be slack
+                h.onset = n - 1, solver.least_tension[1]
+                if switch:
+                    return True
+            if free and solver.place(state) >= until:
+                break
+        return False
 
     def times_to(self, until: float) -> list[Array]:
         """Return the step times up to s_o/l = until."""
@@ -165,57 +210,12 @@ def steps_of(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[A
     return times
 
 
-def _march(x: Run, until: float, past: float, progress: Progress) -> None:
-    h = x.history
-    begin = time.perf_counter()
-    try:
-        if h.failure is None and h.after is None and _advance(x, h.solver, x.scheme, x.switches, until, progress):
-            h.after = h.solver.with_law("tension-only")
-        if h.failure is None and h.after is not None:
-            # collocation loses its order at the law's kink
-            goes_on = x.scheme.damps and not x.scheme.nodes
-            damped = x.scheme if goes_on else newmark.scheme("newmark", newmark_gamma=SLACK_GAMMA)
-            assert h.onset is not None
-            until = min(until, h.after.place(h.states[h.onset[0]]) + past)
-            _advance(x, h.after, damped, False, until, progress)
-    except StepFailure as error:
-        h.failure = _cause(error, h.onset is not None, h.after is not None)
-        if not h.states:  # only the hanging cable
-            rest = np.zeros(h.solver.n_dof)
-            h.states.append(State(h.solver.phases[0][0], rest, rest, rest))
-    h.seconds += time.perf_counter() - begin
-    progress(1.0)
-
-
-def _advance(x: Run, solver: Solver, scheme: Scheme, switch: bool, until: float, progress: Progress) -> bool:
-    """Append states up to the end, `until` or, if the law switches, the slack onset; return whether it switched."""
-    h, (t0, t1) = x.history, (solver.phases[0][0], solver.phases[-1][1])
-    start = h.states[-1] if h.states else None
-    if start is not None and solver.place(start) >= until:
-        return False
-    free = x.scene.groups.motion is None  # otherwise the times end there
-    newton = KEEPS if free and scheme.name == "trapezoidal" else Newton()
-    for states in newmark.stretches(solver, scheme, x.times_to(until), newton=newton, work=h.work, start=start):
-        h.states.extend(states)
-        state, n = states[-1], len(h.states)
-        if n % 32 < len(states):
-            progress(max((state.t - t0) / (t1 - t0), solver.place(state) / until))
-        if h.onset is None and n > 1 and solver.least_tension[0] < 0.0:  # only the last state may be slack
-            h.onset = n - 1, solver.least_tension[1]
-            if switch:
-                return True
-        if free and solver.place(state) >= until:
-            return False
-    return False
-
-
 def _cause(error: StepFailure, slack: bool, switched: bool) -> tuple[str, str]:
-    if isinstance(error, StepUnderflow):
-        return "step underflow", f"{error.cause}; {error.advice}"
-    if isinstance(error, EndlessEvents):
-        return "endless events", f"{error.cause}; {error.advice}"
-    if not isinstance(error, NewtonStalled):
-        return "no start", f"{error.cause}; {error.advice}"
+    """Return the kind of a failure, and its reason in words."""
+    kinds = {StepUnderflow: "step underflow", EndlessEvents: "endless events", NewtonStalled: "Newton stalled"}
+    kind = next((kind for cause, kind in kinds.items() if isinstance(error, cause)), "no start")
+    if kind != "Newton stalled":
+        return kind, f"{error.cause}; {error.advice}"
     if switched:
         return "slack", (
             f"{error.cause} on the slack cable; the answer up to there stands: more steps or a damped scheme may go "
@@ -223,4 +223,4 @@ def _cause(error: StepFailure, slack: bool, switched: bool) -> tuple[str, str]:
         )
     if slack:
         return "slack", f"{error.cause}: the cable is slack and its elastic law carries compression; take law = auto"
-    return "Newton stalled", f"{error.cause}; {error.advice}, or the tension-only law for a slack cable"
+    return kind, f"{error.cause}; {error.advice}, or the tension-only law for a slack cable"

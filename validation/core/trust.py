@@ -1,61 +1,15 @@
-"""How far an answer can be trusted: settings for start and exit, and where refinement stops helping.
+"""How far an answer can be trusted: where its path and a finer one part.
 
-A light mass sends a front of width mu ahead, which uniform steps and elements miss.  The contact force grows like
-1/distance at the far support, and the path stops converging.
+The contact force grows like 1/distance at the far support, and there the path stops converging.
 """
 
-import math
 from collections.abc import Sequence
 from itertools import combinations, pairwise
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
-from scipy.optimize import brentq
 
 from cablefem.response import Array, Response
-from cablefem.scene import Scene
-from validation.core.methods import Method, find
-
-# First step and smallest element, as parts of the start-up layer mu.
-STEPS_PER_LAYER, ELEMENTS_PER_LAYER = 20.0, 4.0
-MOST_GRADING = 30.0  # more coarsens the rest of the cable
-LAST_STEP = 0.05  # of an equal one
-
-
-def recommended(scene: Scene, method: str | Method, **changes: Any) -> dict[str, Any]:
-    """Return settings with entry, exit and grading fit for the scene; `changes` stay.
-
-    First step <= mu/20, smallest element <= mu/4, last step 1/20 of an equal one unless the mass arrives at rest.
-    """
-    method = find(method) if isinstance(method, str) else method
-    settings = method.settings(changes)
-    motion = scene.groups.motion
-    if motion is None:
-        raise ValueError(f"scene {scene.name!r} has no travelling mass")
-    t_end = motion.phases[-1][1]
-    if "entry" not in changes:
-        dt = t_end / settings["steps"]
-        settings["entry"] = min(1.0, max(1e-4, scene.mu / STEPS_PER_LAYER / dt))
-    if "exit" not in changes:
-        speed = motion.at(t_end, len(motion.phases) - 1)[1]
-        settings["exit"] = LAST_STEP if speed * t_end > 0.1 else 1.0
-    if "grading" in settings and "grading" not in changes:
-        settings["grading"] = grading(method.value(settings), scene.mu / ELEMENTS_PER_LAYER)
-    return settings
-
-
-def grading(elements: int, smallest: float) -> float:
-    """Return largest over smallest of `elements` geometric lengths that sum to 1."""
-
-    def excess(log_ratio: float) -> float:
-        lengths = np.exp(np.linspace(0.0, log_ratio, elements))
-        return float(lengths[0] / lengths.sum()) - smallest
-
-    if elements < 2 or excess(0.0) <= 0.0:
-        return 1.0
-    most = math.log(MOST_GRADING)
-    return MOST_GRADING if excess(most) >= 0.0 else math.exp(brentq(excess, 0.0, most))
 
 
 def _path(r: Response, place: Array) -> Array:

@@ -21,7 +21,7 @@ from galerkin.modes import bare_frequencies
 from validation.commands.atlas import specimens
 from validation.core import measures, store
 from validation.core.running import run
-from validation.core.trust import convergence_limit, post_slack_spread, recommended
+from validation.core.trust import convergence_limit, post_slack_spread
 from validation.core.watch import MOST_GAIN
 
 Row = dict[str, Any]
@@ -145,8 +145,9 @@ def _end() -> dict[str, float]:
 @_measure
 def _start(graded: bool) -> float:
     """Path error of a light mass just after the entry."""
-    scene, settings = _scene(mu=0.01), {"elements": 8, "steps": 400}
-    r = run(scene, "following-p2", **(recommended(scene, "following-p2", **settings) if graded else settings))
+    scene = _scene(mu=0.01)
+    finer: dict[str, Any] = {"grading": 30.0, "entry": 0.08} if graded else {}  # elements of mu, a first step of mu/20
+    r = run(scene, "following-p2", elements=8, steps=400, **finer)
     fine = run(scene, "following-p2", elements=40, steps=3000, grading=30.0, entry=0.01)
     gap = np.interp([0.02, 0.05], r.s_o / r.length, r.v) - np.interp([0.02, 0.05], fine.s_o / fine.length, fine.v)
     return float(np.abs(gap).max() / fine.max_deflection)
