@@ -365,53 +365,66 @@ def mass_tension_gap(a: Any, b: Any, window: Window, H: float) -> float:
     return measures.series_gap(a, b, window, lambda r: np.stack([r.T_behind, r.T_ahead], axis=1) / (math.sqrt(2.0) * H))
 
 
+Apart = Callable[[Any, Any], float]
+
+
 def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: float) -> Iterator[Agreement]:
     """Compare a foreign path with an estimated run; allowed is our bar plus `with_tol`.
 
     A path that covers less than the window is "not comparable".
     """
     party, run = path.method, ours.run
-    seen: Callable[[Any], Any] = _vertical if path.u is None else lambda r: r
     try:
         part = _common(path, window)
-        where = measures.place_of_gap(seen(path), seen(run), part)
-        measures.path_gap(seen(path), seen(run), part)  # fails where too little is common
+        where = measures.place_of_gap(*comparable(path, run), part)
+        measures.path_gap(*comparable(path, run), part)  # fails where they have too little in common
     except NotComparable as reason:
         yield Agreement("path_max", math.nan, nothing(f"{party}: {reason}"), party=party)
         return
     short = _short(path, run, window)
-
-    def row(name: str, apart: Callable[[Any, Any], float], components: str, where: float | None = None) -> Agreement:
-        bars = Part(run.method, ours.bar(lambda r: r, apart), "its error bar"), Part(f"allowed to {party}", with_tol)
-        bound = Bound("covers less" if short else "foreign", bars, {"party": party, "components": components, **short})
-        return Agreement(name, apart(path, run), bound, where, party)
-
-    def measured(a: Any, b: Any, i: int) -> float:
-        return measures.path_gap(seen(a), seen(b), part)[i]
-
-    along, upright = ("x", "y") if run.drive == "free" else ("u", "v")
-    components = f"{upright} alone" if path.u is None else f"{along} and {upright}"
-    of_path = [row(name, partial(measured, i=i), components, where) for i, name in enumerate(("path_max", "path_rms"))]
-    if any(found.verdict is Verdict.DISAGREE for found in of_path):
+    kind = "covers less" if short else "foreign"
+    allowed = Part(f"allowed to {party}", with_tol)
+    found = []
+    for name, (apart, components) in _measures(path, run, part).items():
+        bars = Part(run.method, ours.bar(lambda r: r, apart), "its error bar"), allowed
+        bound = Bound(kind, bars, {"party": party, "components": components, **short})
+        found.append(Agreement(name, apart(path, run), bound, where if name == "path_max" else None, party))
+    of_path = found[:2]
+    if any(row.verdict is Verdict.DISAGREE for row in of_path):
         from validation.core.remedy import remedy  # seldom needed
 
         said = remedy(
-            path, run, lambda x: measures.path_gap(seen(x), seen(run), part), (of_path[0].allowed, of_path[1].allowed)
+            path, run, lambda x: measures.path_gap(*comparable(x, run), part), (of_path[0].allowed, of_path[1].allowed)
         )
-        notes = () if said is None else (said,)
-        of_path = [replace(found, bound=replace(found.bound, notes=notes)) for found in of_path]
-    yield from of_path
-    if run.drive == "free" and path.speed is not None:
+        of_path = [replace(row, bound=replace(row.bound, notes=(said,) if said else ())) for row in of_path]
+    yield from [*of_path, *found[2:]]
+
+
+def _measures(path: ForeignPath | Response, run: Response, part: Window) -> dict[str, tuple[Apart, str]]:
+    """Return what can be compared, path first: a distance of two answers, and the components that it takes."""
+    free = run.drive == "free"
+    seen: Callable[[Any], Any] = _vertical if path.u is None else lambda r: r
+    along, upright = ("x", "y") if free else ("u", "v")
+    components = f"{upright} alone" if path.u is None else f"{along} and {upright}"
+
+    def of_path(a: Any, b: Any, i: int) -> float:
+        return measures.path_gap(seen(a), seen(b), part)[i]
+
+    found: dict[str, tuple[Apart, str]] = {
+        "path_max": (partial(of_path, i=0), components), "path_rms": (partial(of_path, i=1), components)
+    }  # fmt: skip
+    if free and path.speed is not None:
         stop, top = happened("stop", run), float(run.speed.max())
         until = math.inf if stop is None else stop["t"]
 
         def speed(r: Any) -> Array:
             return np.where(r.t <= until, r.speed, math.nan) / top
 
-        yield row("speed", lambda a, b: measures.series_gap(a, b, part, speed, largest=True), "speed, of the largest")
+        found["speed"] = lambda a, b: measures.series_gap(a, b, part, speed, largest=True), "speed, of the largest"
     if path.T_behind is not None and path.T_ahead is not None:
         H = run.horizontal_tension
-        yield row("tension", lambda a, b: mass_tension_gap(a, b, part, H), "tension at the mass, both sides")
+        found["tension"] = lambda a, b: mass_tension_gap(a, b, part, H), "tension at the mass, both sides"
+    return found
 
 
 def _short(path: ForeignPath | Response, run: Response, window: Window) -> dict[str, Any]:

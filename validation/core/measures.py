@@ -13,9 +13,9 @@ from cablefem.newmark import scheme
 from cablefem.response import Array, MassPath, Response
 
 WINDOW = (0.02, 0.80)  # past the start-up, before the layer at the far support
-# A hauled car begins in equilibrium.  A free ride is compared over all its time.
-WINDOWS = {"grip": WINDOW, "haul": (0.02, 0.95), "free": (0.0, 1.0)}
-SLACK_END = 0.95  # s_o/l to which slack cables are compared
+SLACK_END = 0.95  # s_o/l to which slack cables and hauled cars, which arrive in equilibrium, are compared
+# A free ride is compared over all its time.
+WINDOWS = {"grip": WINDOW, "haul": (WINDOW[0], SLACK_END), "free": (0.0, 1.0)}
 JUMP_WIDTH = 0.02  # |s - s_o|/l left out of tension gaps, where meshes smear the jump
 
 Window = tuple[float, float]
@@ -107,16 +107,16 @@ def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], ND
     return np.intersect1d(place_a, place_b, return_indices=True)
 
 
-def tension_gap(a: Response, b: Response, window: Window, *, width: float = JUMP_WIDTH) -> float:
+def tension_gap(a: Response, b: Response, window: Window) -> float:
     """Return the rms gap of the tension fields over frames in the window, over H.
 
-    Stations within `width` of the mass are left out: there each mesh smears the jump.
+    Stations within JUMP_WIDTH of the mass are left out: there each mesh smears the jump.
     """
     place, i, j = common_frames(a, b)
     inside = (place >= window[0]) & (place <= window[1])
     if not inside.any():
         raise NotComparable(f"no common frame of the tension fields in the window {window}")
-    away = np.abs(a.fields.s[None, :] / a.length - place[inside][:, None]) >= width
+    away = np.abs(a.fields.s[None, :] / a.length - place[inside][:, None]) >= JUMP_WIDTH
     gap = (a.fields.T[i[inside]] - b.fields.T[j[inside]])[away] / b.horizontal_tension
     return float(np.sqrt(np.mean(gap**2)))
 

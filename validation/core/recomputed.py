@@ -30,13 +30,12 @@ class Recomputed:
     where: float | None = None  # s_o/l
 
 
-def rows(r: Response, twin: Response | None = None, folder: Path | None = None) -> Iterator[Recomputed]:
-    """Recompute a run's design numbers and path.csv, in a folder or written anew."""
+def rows(r: Response, twin: Response | None = None) -> Iterator[Recomputed]:
+    """Recompute a run's design numbers and path.csv, written anew."""
     yield from design(r, twin)
-    with tempfile.TemporaryDirectory() as anew:
-        if folder is None:
-            r.write_path(Path(anew))
-        yield from columns(r, (folder or Path(anew)) / "path.csv")
+    with tempfile.TemporaryDirectory() as folder:
+        r.write_path(Path(folder))
+        yield from columns(r, Path(folder) / "path.csv")
 
 
 def columns(r: Response, path: Path) -> Iterator[Recomputed]:

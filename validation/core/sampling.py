@@ -101,22 +101,26 @@ def respond(scene: Scene, h: History, *, frames: int = FRAMES, **asked: Any) -> 
     at_frames = _between(_around(h, states, t), t) if t.size and n > 1 else _rows(states, slice(0, 0))
     s = np.linspace(0.0, 1.0, STATIONS)
     steps, seen = _observe(h, states, at_frames, switch, s)
-    l, tau = scene.length, scene.time_scale
+    tau = scene.time_scale
     told = in_si(scene, steps, seen, s) | _moved(scene, h, states, steps.s_o, steps.path)
     (cause, reason), motion = h.failure or (None, None), scene.groups.motion
-    speed = l / tau * np.hypot(*steps.path_velocity.T)
-    events = [(name, _at(states.t, t)) for name, t in _events(scene, h.work, states.t, steps.s_o)]
     return Response(
         **asked, **told, cause=cause, reason=reason, slack_at=None if onset is None else float(onset[1]),
         switched=None if h.after is None else told["slack_onset"],
-        events=[
-            {"event": name, "t": float(tau * states.t[i]), "s_o": float(told["s_o"][i]),
-             "speed": 0.0 if name == "stop" else float(speed[i])}
-            for name, i in events
-        ],
+        events=_dated(_events(scene, h.work, states.t, steps.s_o), states.t, told),
         breaks=[] if motion is None else [float(tau * t) for t, _ in motion.phases[1:] if t < states.t[-1]],
         n_dof=h.states[0].q.size, seconds=h.seconds,
     )  # fmt: skip
+
+
+def _dated(events: list[tuple[str, float]], t: Array, told: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return events with time [s], place [m] and speed [m/s] of the step next to them."""
+    rows = []
+    for name, at in events:
+        i = _at(t, at)
+        speed = 0.0 if name == "stop" else float(np.hypot(*told["velocity"][i]))
+        rows.append({"event": name, "t": float(told["t"][i]), "s_o": float(told["s_o"][i]), "speed": speed})
+    return rows
 
 
 def in_si(scene: Scene, steps: Observation, seen: Observation, s: Array) -> dict[str, Any]:

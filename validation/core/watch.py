@@ -36,11 +36,16 @@ def watched(r: Response, scene: Scene, method: Method) -> Response:
         flags.append(flag("energy", gain=gain / unit, allowed=MOST_GAIN))
         if r.cause is not None:
             r = replace(r, cause="unstable", reason=f"{flags[-1]}; it broke at s_o/l = {r.reached:.3f}")
-    elif r.switched is not None and measures.inside(r, (r.switched, SLACK_END)).any():
-        later = measures.energy_gain(r, weight, (r.switched, SLACK_END))
-        if not later <= MOST_GAIN_SLACK * unit:
-            flags.append(flag("slack energy", gain=later / unit, since=r.switched))
+    else:
+        flags += _gain_once_slack(r, weight, unit)
     return replace(r, energy_gain=gain, flags=flags)
+
+
+def _gain_once_slack(r: Response, weight: float, unit: float) -> list[Flag]:
+    if r.switched is None or not measures.inside(r, (r.switched, SLACK_END)).any():
+        return []
+    gain = measures.energy_gain(r, weight, (r.switched, SLACK_END)) / unit
+    return [] if gain <= MOST_GAIN_SLACK else [flag("slack energy", gain=gain, since=r.switched)]
 
 
 # s_o/l from compression at a point to slack of an element; 0.01 on right runs at most.

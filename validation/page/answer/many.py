@@ -98,26 +98,25 @@ def grid(
             progress("grid", len(answers) / len(points))
 
         spread(answered, points, told)
-    paths = [answers[i][1] for i in range(len(points))]
-    rows = [
-        {key: store.plain(value) for key, value in point.given.items()} | answers[i][0]
-        for i, point in enumerate(points)
-    ]
-    (folder / home).mkdir(exist_ok=True)
+    rows = [{k: store.plain(v) for k, v in point.given.items()} | answers[i][0] for i, point in enumerate(points)]
     names = list(dict.fromkeys(name for found in rows for name in found))
     with whole(folder / home / "table.csv") as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         lines = csv.DictWriter(file, names, restval="")
         lines.writeheader()
         lines.writerows(rows)
+    paths = [answers[i][1] for i in range(len(points))]
     write_json(folder / home / "grid.json", {"keys": keys, "rows": rows, "paths": paths})
     write_text(folder / home / "scene.toml", scene.to_toml())
     report.write(folder, command)
-    shown = columns(rows, keys)
+    _tell(rows, columns(rows, keys))
+    terminal.say(f"  written to {folder}: report.html, {home}/table.csv")
+    return rows
+
+
+def _tell(rows: list[Row], shown: Columns) -> None:
     numeric = [c.head for name, c in shown.items() if any(isinstance(x.get(name), int | float) for x in rows)]
     cells = [[c.cell(x.get(name)) for name, c in shown.items()] for x in rows]
     terminal.table([c.head for c in shown.values()], cells, right=numeric)
-    terminal.say(f"  written to {folder}: report.html, {home}/table.csv")
-    return rows
 
 
 def columns(rows: list[Row], keys: Sequence[str]) -> Columns:

@@ -114,9 +114,9 @@ def _size(force: Array) -> Array:
     return np.hypot(*force.T)
 
 
-def _quantity(value: float, unit: str, digits: int = 4) -> str:
+def _quantity(value: float, unit: str) -> str:
     factor, name = scale_of(np.array([value]), unit)
-    return f"{number(factor * value, digits)}\u202f{name}"
+    return f"{number(factor * value, 4)}\u202f{name}"
 
 
 def _scene(x: Stored) -> Section:

@@ -43,10 +43,6 @@ class Stored:
         return [event for event in told if event["event"] in EVENTS]
 
     @property
-    def names(self) -> str:
-        return " and ".join(r.method for r in self.runs)
-
-    @property
     def onset(self) -> float | None:
         """Place of the mass [m] where the first solver found the cable slack."""
         return min((r.slack_onset * r.length for r in self.runs if r.slack_onset is not None), default=None)
