@@ -143,7 +143,7 @@ class Driving(Part):
         return FARTHEST_END * length if self.end is None or self.end.place is None else self.end.place
 
     def scaled(self, length: float, time: float, force: float, rho: float) -> Drive:
-        """The drive of a rolling car in these units of m, s and N; `nominal`, `turns`, `ways` stay open."""
+        """The drive of a rolling car in these units of m, s and N; `nominal`, `ways` stay open."""
         if isinstance(self.thrust, Thrust):
             table = tuple((t / time, f / force) for t, f in zip(self.thrust.times, self.thrust.forces, strict=True))
         else:
@@ -186,7 +186,6 @@ class Drive:
     end_time: float = math.inf
     end_place: float = 1.0  # arrival
     nominal: float = math.inf  # duration by the quasi-static model; steps are nominal/steps
-    turns: bool = False  # whether that model turns back
     rest_speed: float = 0.0  # mean speed over an axial round trip that counts as rest
     rest_distance: float = 0.0  # to a place where the car stays
     ways: tuple[tuple[float, int], ...] = ()  # (from s_o on, way of a car at rest by statics: 1, 0 or -1)

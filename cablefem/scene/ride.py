@@ -311,7 +311,7 @@ def _at_rest(path: LoadPath, drive: Drive) -> Callable:
 
 
 def quasi_static(groups, drive: Drive, lasts: float = 10.0) -> tuple[Ride, Drive]:
-    """Return the ride on the loaded cable, and the drive with `nominal`, `turns` and `end_time`.
+    """Return the ride on the loaded cable, and the drive with `nominal` and `end_time`.
 
     A swinging ride of open end is over at its second turn.
     lasts : longest ride over the quasi-static one.
@@ -320,7 +320,6 @@ def quasi_static(groups, drive: Drive, lasts: float = 10.0) -> tuple[Ride, Drive
     drive = replace(drive, ways=Forces(path, groups.mu, groups.sigma, drive).ways())
     first = ride(path, groups.mu, groups.sigma, drive, math.inf if math.isfinite(drive.end_time) else 2)
     nominal = first.duration or min(1.0, drive.end_time)  # a car that stays
-    drive = replace(drive, turns=any(event.event == "turn" for event in first.events))
     if math.isfinite(drive.end_time):
         return first, replace(drive, nominal=nominal)
     drive = replace(drive, nominal=nominal, end_time=lasts * nominal)

@@ -14,7 +14,6 @@ from tests.validation.pairs import altered
 from validation.core import measures
 from validation.core.agreement import Verdict, overall
 from validation.core.climb import laddered
-from validation.core.methods import find
 from validation.core.rows import AXIAL_MEAN, compare, with_bars
 from validation.core.running import run
 from validation.core.sampling import _turns
@@ -130,21 +129,6 @@ def test_a_turn_is_one_after_which_the_car_goes_back_and_no_rattle():
     t = np.linspace(0.0, 4.0 * np.pi, 4001)
     assert list(_turns(t, 0.5 - 0.3 * np.cos(t))) == pytest.approx([np.pi, 2.0 * np.pi, 3.0 * np.pi], abs=0.01)
     assert not list(_turns(t, 0.1 + 0.05 * t + 4e-4 * np.sin(300.0 * t)))
-
-
-def test_heavy_cars_that_turn_against_friction_take_more_steps():
-    """By the waves they make, up to twice as many; the others' steps are those of the table."""
-    groups, method = RIDE.groups, find("fourier-kink")
-    usual = method.settings_on(groups, {})["steps"]
-
-    def steps(mu, method=method, **drive):
-        return method.settings_on(replace(groups, mu=mu, drive=replace(groups.drive, **drive)), {})["steps"]
-
-    assert Scene.load("rollback").groups.drive.turns
-    assert not groups.drive.turns
-    assert [steps(mu, turns=True) / usual for mu in (0.3, 1.0, 9.0)] == pytest.approx([1.0, 1.6, 2.0])
-    assert steps(1.0) == steps(1.0, turns=True, mu_r=0.0) == usual
-    assert len({steps(mu, find("following-p2"), turns=True) for mu in (0.3, 9.0)}) == 1
 
 
 def test_means_over_an_axial_round_trip_end_with_the_window():

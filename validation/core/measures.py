@@ -99,12 +99,12 @@ def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], ND
     if a.fields.s.shape != b.fields.s.shape or not np.allclose(a.fields.s, b.fields.s, rtol=0.0, atol=1e-9 * a.length):
         raise NotComparable("the tension fields are given at different stations")
     stands = any(np.unique(np.round(r.fields.s_o / r.length, 9)).size < r.fields.t.size for r in (a, b))
-    if (a.drive == "free" or stands) and a.fields.t.size and b.fields.t.size:  # the same instants
-        unit = max(a.fields.t[-1], b.fields.t[-1])
-        _, i, j = np.intersect1d(np.round(a.fields.t / unit, 9), np.round(b.fields.t / unit, 9), return_indices=True)
-        return a.fields.s_o[i] / a.length, i, j
-    place_a, place_b = np.round(a.fields.s_o / a.length, 9), np.round(b.fields.s_o / b.length, 9)
-    return np.intersect1d(place_a, place_b, return_indices=True)
+    marks = [r.fields.s_o / r.length for r in (a, b)]
+    if a.drive == "free" or stands:  # the same instants
+        marks = [r.fields.t / max(a.t[-1], b.t[-1]) for r in (a, b)]
+    first, second = (np.round(x, 9) for x in marks)
+    _, i, j = np.intersect1d(first, second, return_indices=True)
+    return np.round(a.fields.s_o[i] / a.length, 9), i, j
 
 
 def tension_gap(a: Response, b: Response, window: Window) -> float:

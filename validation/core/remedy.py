@@ -13,7 +13,6 @@ from scipy.optimize import minimize_scalar
 from cablefem.response import Response
 from validation.core.measures import NotComparable
 
-TRIED = 41  # values of each change, then the best is refined
 SHARE = 0.1  # of duration, deflection or 1: the largest change
 
 Gaps = Callable[[Any], tuple[float, float]]
@@ -40,10 +39,7 @@ def remedy(path: Any, ours: Response, gaps: Gaps, allowed: tuple[float, float]) 
             except (NotComparable, ValueError):
                 return np.inf
 
-        tried = np.linspace(-most, most, TRIED)
-        best = int(np.argmin([off(x) for x in tried]))
-        ends = tried[max(0, best - 1)], tried[min(TRIED - 1, best + 1)]
-        x = float(minimize_scalar(off, bounds=ends, method="bounded", options={"xatol": 1e-6 * most}).x)
+        x = float(minimize_scalar(off, bounds=(-most, most), method="bounded", options={"xatol": 1e-6 * most}).x)
         worst = off(x, i=0)
         if worst <= allowed[0] and off(x) <= allowed[1]:
             found.append((worst, words.format(1.0 + x if "multiplied" in words else x)))
