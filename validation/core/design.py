@@ -251,7 +251,8 @@ class _Signal:
     def samples(self, track: Track) -> tuple[Array, Array, Array]:
         """Times, values and places: means over the period, extremes along the cable."""
         rows = (track.t >= self.span[0] * (1.0 - ROUNDING)) & (track.t <= self.span[1] * (1.0 + ROUNDING))
-        rows &= np.isfinite(track.value.reshape(track.t.size, -1)).all(axis=1)
+        finite = np.isfinite(track.value)
+        rows &= finite if finite.ndim == 1 else finite.all(axis=1)
         t, value = track.t[rows], track.value[rows]
         if t.size == 0:
             return t, t, t
