@@ -27,7 +27,7 @@ from cablefem.scene.motion import Motion, standing
 from galerkin import kernels
 from galerkin.bases import Basis
 from galerkin.bases.fourier import Fourier
-from galerkin.bases.kink import Array, Carried, Standing, TravellingKink
+from galerkin.bases.kink import Array, Carried, Moving
 from galerkin.bases.riding import RidingSines
 from galerkin.equilibrium import Equilibrium
 from galerkin.models import FullCable, cable_model
@@ -85,7 +85,7 @@ class GalerkinSystem(System):
             raise ValueError(f"unknown load {load!r}; one of {', '.join(LOADS)}")
         self.groups, self.mu, self.kink, self.damping = groups, groups.mu, kink, groups.damping
         self.model, self.load, self.law = model, load, law
-        self.basis: Standing | TravellingKink = self._moving(basis)
+        self.basis: Moving = self._moving(basis)
         self.cable = cable_model(groups, model, law)
         self.inertia = self.mu if load == "mass" else 0.0
         self.path_form = self.at_support = load == "mass" and not basis.smooth
@@ -101,7 +101,7 @@ class GalerkinSystem(System):
         self._instants: dict[tuple[float, int], Instant] = {}
 
     def _moving(self, basis: Any) -> Any:
-        return TravellingKink(basis) if self.kink else Standing(basis)
+        return Moving(basis, self.kink)
 
     @property
     def motion(self) -> Motion:
@@ -261,10 +261,8 @@ class GalerkinSystem(System):
         return self.basis.basis
 
     def _line(self, behind: Array, ahead: Array) -> kernels.Line:
-        kink, cable = self.basis, self.cable
-        assert isinstance(kink, TravellingKink)
-        assert isinstance(cable, FullCable)
-        return cable.line(kink, behind, ahead, self.inertia)
+        assert isinstance(self.cable, FullCable)
+        return self.cable.line(self.basis, behind, ahead, self.inertia)
 
     # --- start ------------------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
@@ -296,7 +294,7 @@ class GalerkinSystem(System):
         t = self.phases[0][0]
         s_o, ds_o, dds_o = self.motion.at(t, 0)
         q, v, a = np.zeros((3, self.n_dof))
-        if isinstance(self.basis, Standing):
+        if not self.kink:
             return State(t, q, v, a, 0)
         # Near the support q_hat = d s_o, d = slope of the cable behind the mass.  Rows of phi in the limit:
         #   M0 v_phi + I v_hat = 0,  M0 a_phi + I a_hat + 2 I' ds_o v_hat = 0;  row of the hat:

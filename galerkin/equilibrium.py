@@ -10,7 +10,7 @@ import numpy as np
 
 from galerkin import kernels
 from galerkin.bases.fourier import Fourier
-from galerkin.bases.kink import Array, TravellingKink
+from galerkin.bases.kink import Array, Moving
 from galerkin.models import FullCable
 
 BLOCK = 1000  # states per batch
@@ -88,7 +88,7 @@ def _sums(system: GalerkinSystem, x: History) -> tuple[Array, Array]:
     """int (N t - T t_static) ds by fields and sides, (n, 2, 2); int W ds, (n,)."""
     Q = np.concatenate([x.Q, x.q_hat[:, :, None]], axis=2)
     internal, strain = np.empty((x.s_o.size, 2, 2)), np.empty(x.s_o.size)
-    kink = system.basis if isinstance(system.basis, TravellingKink) else TravellingKink(system.basis.basis)
+    kink = system.basis if system.kink else Moving(system.basis.basis, kink=True)
     cable = system.cable
     assert isinstance(cable, FullCable)
     if isinstance(kink.basis, Fourier):

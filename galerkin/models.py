@@ -10,7 +10,6 @@ From coefficients Q (fields, n), measured from the hanging cable, and `place` = 
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,8 +17,8 @@ import numpy as np
 from cablefem.scene import Groups
 from galerkin import kernels
 from galerkin.bases.fourier import Fourier
-from galerkin.bases.kink import Array, Standing, TravellingKink
-from galerkin.bases.riding import MovingBasis, RidingSines, Tables
+from galerkin.bases.kink import Array, Moving
+from galerkin.bases.riding import RidingSines, Tables
 from galerkin.law import LAWS
 
 MODELS = ("string", "sagged", "stretching", "full")
@@ -45,7 +44,7 @@ class FullCable:
             self._last = kernels.Points(s, phi, weights, T, np.array([xp, yp]))
         return self._last
 
-    def line(self, kink: TravellingKink, behind: Array, ahead: Array, inertia: float) -> kernels.Line:
+    def line(self, kink: Moving, behind: Array, ahead: Array, inertia: float) -> kernels.Line:
         g, sines = self.groups, kink.basis
         assert isinstance(sines, Fourier)
         constants = kernels.Cable(inertia, g.mu, self.alpha, self.law, g.sigma, g.c, g.damping)
@@ -81,16 +80,9 @@ class FullCable:
         behind = place.phi[-1] > 0.0
         return np.stack([behind, ~behind]) @ self._stress(place, Q)[2:4].T
 
-    def least(self, basis: MovingBasis, place: kernels.Points, pull: Any) -> tuple[float, float]:
-        """Least mean tension over a shortest wave, 2/n."""
-        s, at = place.s, int(pull.argmin())
-        if pull[at] < 0.0:
-            at_mass = [] if isinstance(basis, Standing) else [1.0 / float(place.phi[-1, 0])]
-            waves = _waves(s, [0.0, *at_mass, 1.0], basis)
-            weights = np.add.reduceat(place.weights, waves)
-            pull, s = (np.add.reduceat(place.weights * x, waves) / weights for x in (pull, s))
-            at = int(pull.argmin())
-        return float(pull[at]), float(s[at])
+    def least(self, basis: Any, place: kernels.Points, pull: Any) -> tuple[float, float]:
+        s_o = 1.0 / float(place.phi[-1, 0]) if basis.kink else 1.0  # 1: one side for all
+        return kernels.least(place, s_o, pull, isinstance(basis, RidingSines) or None, int(basis.kink))
 
     def static_slope(self, s: Any) -> tuple[Array, Array]:
         _, xp, yp, xpp, ypp = self.groups.static(s)
@@ -107,17 +99,6 @@ class FullCable:
     def stress(self, s: Array, slope: Array) -> tuple[Array, Array]:
         _, _, fx, fy, xx, xy, yy, _ = self.points(np.atleast_1d(s), slope[:, None])[:, 0]
         return np.array([fx, fy]), np.array([[xx, xy], [xy, yy]])
-
-
-def _waves(s: Array, sides: list[float], basis: MovingBasis) -> Array:
-    """First points of pieces of about 2/n."""
-
-    def pieces(length: float) -> int:
-        waves = basis.terms if isinstance(basis, RidingSines) else basis.basis.n * length
-        return max(1, round(0.5 * waves))
-
-    edges = [np.linspace(a, b, pieces(b - a) + 1)[:-1] for a, b in pairwise(sides)]
-    return np.unique(np.searchsorted(s, np.concatenate(edges)))
 
 
 class ChordCable:
@@ -138,7 +119,7 @@ class ChordCable:
         self.least_at = min(1.0, max(0.0, groups.c / groups.sigma))
         self.at_rest = float(groups.static(self.least_at)[0])
 
-    def at(self, basis: Standing | TravellingKink, s_o: float) -> tuple[Array, Array]:
+    def at(self, basis: Any, s_o: float) -> tuple[Array, Array]:
         return basis.stiffness(s_o), -self.curvature * basis.integral(s_o)
 
     def _increment(self, place: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
@@ -157,7 +138,7 @@ class ChordCable:
         J = (self.tau + self.kap * h) * place[0] + np.multiply.outer(self.alpha * self.lam * g, g)
         return *self.force(place, Q), J
 
-    def least(self, basis: MovingBasis, place: Any, h: Any) -> tuple[float, float]:
+    def least(self, basis: Any, place: Any, h: Any) -> tuple[float, float]:
         return self.at_rest + h, self.least_at
 
     def static_slope(self, s: Any) -> tuple[Array, Array]:

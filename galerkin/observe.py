@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cablefem.response import Observation, States
-from galerkin.bases.kink import Array, TravellingKink
+from galerkin.bases.kink import Array
 from galerkin.equilibrium import Equilibrium, combined, recover, tension
 from galerkin.models import ChordCable, FullCable
 
@@ -178,9 +178,9 @@ class Measures:
 
     @staticmethod
     def kinetic(system: GalerkinSystem, x: History) -> Array:
-        """1/2 int |w.|^2 ds, (n,), by `TravellingKink`."""
+        """1/2 int |w.|^2 ds, (n,), by `Moving`."""
         twice = np.einsum("nfi,ij,nfj->n", x.V, system.basis.basis.mass(), x.V, optimize=True)
-        if isinstance(system.basis, TravellingKink):
+        if system.kink:
             value, first, _ = system.basis.overlap(np.minimum(x.s_o, 1.0 - NEAR_SUPPORT))
             steep = x.ds_o**2 / (3.0 * np.maximum(x.s_o * (1.0 - x.s_o), NEAR_SUPPORT))
             q, v = x.q_hat, x.v_hat

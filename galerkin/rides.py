@@ -10,49 +10,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from cablefem.newmark import NO_STEPS, Newton, Settled, Solve, State, StepFailure
+from cablefem.newmark import NO_STEPS, Newton, Settled, Solve, State
+from cablefem.newmark.equilibrium import APART, equilibrium
 from cablefem.response import States
 from cablefem.scene import Groups
+from cablefem.scene.motion import standing
 from cablefem.stickslip import Look, RollingCar
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
 from galerkin.bases.kink import Array
 from galerkin.equations import Drives, GalerkinSystem, Instant, factorised, limits
 from galerkin.equilibrium import Equilibrium
+from galerkin.kernels import Car
 from galerkin.models import FullCable
 
 WINDOW = 0.3  # of an axial round trip: for the mean acceleration of friction
-
-
-class Car(NamedTuple):
-    """What `kernels.car` returns."""
-
-    Cx: float  # force of the cable on it
-    Cy: float
-    tx: float  # tau
-    ty: float
-    cos_phi: float
-    stretch: float  # <lam>
-    drag_x: float
-    drag_y: float
-    pressing: float  # normal part of its force on the cable, downward
-    defect: float  # tau . C - f cos(phi)
-    speed: float  # tau . p.
-    vx: float  # p.
-    vy: float
-    normal: float  # `pressing` for friction
-    bx: float = 0.0  # dependence of the defect on the forces behind and ahead
-    by: float = 0.0
-    ax: float = 0.0
-    ay: float = 0.0
-
-    @property
-    def along(self) -> float:
-        return (self.tx * self.Cx + self.ty * self.Cy) / self.cos_phi
 
 
 class RollingSystem(RollingCar, GalerkinSystem):
@@ -122,27 +98,18 @@ class RollingSystem(RollingCar, GalerkinSystem):
         """By the tension from equilibrium."""
         ride, line = self._ride(*x)
         rows, r, parts = np.array(x[1:4]), np.empty(self.n_dof), np.empty((0, self.n_dof, self.n_dof))
-        return Car(*kernels.look(ride, line, rows, r, parts)[0])
+        return kernels.look(ride, line, rows, r, parts)[0].car
 
     def _car_at(self, x: State) -> Car:
         """By slopes of the basis, without thrust."""
         if self._seen is None or self._seen[0] is not x:
-            self._seen = x, Car(*kernels.seen(*self._ride(*x), np.array(x[1:4])))
+            self._seen = x, kernels.seen(*self._ride(*x), np.array(x[1:4]))
         return self._seen[1]
 
     @property
     def _full(self) -> FullCable:
         assert isinstance(self.cable, FullCable)
         return self.cable
-
-    def _sides(self, x: Instant, Q: Array) -> Array:
-        """r' behind and ahead at rest, by the tension from equilibrium."""
-        slopes = x.slope + Q @ x.carried.f_s + np.multiply.outer(x.rays, Q[:, -1])
-        static = x.slope / x.slope[0]
-        forces = static + np.abs(x.rays)[:, None] * self._full.sides(x.place, Q)
-        for slope, force in zip(slopes, forces, strict=True):
-            kernels.taut(force, slope, 1.0 / x.slope[0], self._full.alpha)
-        return slopes
 
     def sides(self, pointwise: Array, forces: Equilibrium, s_o: Array) -> Array:
         T = self.groups.static(s_o)[0].tolist()
@@ -175,7 +142,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         s_o, ds_o, _ = self.kinematics(states)
         drive, rows = self.drive, list(zip(states.t.tolist(), states.phase.tolist(), strict=True))
         F = np.array([drive.thrust(t, phase) for t, phase in rows]) if self.free else states.a[:, -1]
-        cars = np.empty((s_o.size, len(Car._fields) - len(Car._field_defaults)))
+        cars = np.empty((s_o.size, len(Car._fields)))
         for i, (t, phase) in enumerate(rows):
             cars[i] = kernels.car(self._on(t, phase), F[i], velocity[i], acceleration[i], sides[0, i], sides[1, i])
         car = Car(*cars.T)
@@ -268,74 +235,26 @@ class RollingSystem(RollingCar, GalerkinSystem):
             return self.enter(state._replace(phase=phase))
         s_o, (q, v, a) = self.drive.start, np.zeros((3, self.n_dof))
         self.set_off()
-        x = self._instant(s_o, 0.0, 0.0)
-        Q = self._equilibrium(x)
-        q[: self.n_modal] = Q.ravel()
         self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
-        weight = kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0)  # without wind and thrust
-        car = Car(*kernels.car(weight, 0.0, np.zeros(2), np.zeros(2), *self._sides(x, Q)))
+        held = self.standing(s_o)
+        q[:-1] = equilibrium(held)
         if not self.free:
-            d, speed = 1e-4 * min(s_o, 1.0 - s_o), self.motion.at(0.0, 0)[1]
+            d, speed = APART * min(s_o, 1.0 - s_o), self.motion.at(0.0, 0)[1]
             if speed:
-                ends = [self._equilibrium(self._instant(s_o + x, 0.0, 0.0)) for x in (-d, d)]
-                v[: self.n_modal] = (speed / (2.0 * d)) * (ends[1] - ends[0]).ravel()
+                before, after = (equilibrium(self.standing(s_o + x)) for x in (-d, d))
+                v[:-1] = (speed / (2.0 * d)) * (after - before)
             return self._consistent(0.0, q, v, 0)
         q[-1] = s_o
+        weight = kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0)  # without wind and thrust
+        sides = at_rest(self._full, held.instant(0.0, 0), self._fields(q))
+        car = kernels.car(weight, 0.0, np.zeros(2), np.zeros(2), *sides)
         self.hold = car.along * car.stretch
         return self.let_go(State(0.0, q, v, a, 0))
 
-    def _equilibrium(self, x: Instant) -> Array:
-        """Coefficients (2, n) of the loaded cable at rest.
-
-        Newton's method may fail for a stiff cable: softer ones lead to it.
-        """
-        tolerance = 1e-12 * self.force_scale + math.sqrt(self.n_dof) * self.force_floor
-        alpha, softest = self.groups.alpha, min(self.groups.alpha, 4.0 * (1.0 + self.mu * self.groups.sigma))
-        for count in (1, 8, 40):
-            Q, defect = np.zeros((2, self.n)), 0.0
-            for self.cable.alpha in np.geomspace(softest, alpha, count) if count > 1 else [alpha]:
-                Q, defect = self._rest(x, Q, tolerance)
-            if defect <= 1e3 * tolerance:
-                return Q
-        raise StepFailure(0.0, "no equilibrium of the car at its start was found", "start farther from the support")
-
-    def _rest(self, x: Instant, Q: Array, tolerance: float) -> tuple[Array, float]:
-        """Improve Q while the defect falls; return both."""
-        f, f_m = x.carried.f, x.carried.f_s.copy()
-        weight = self.mu * self.cable.weight
-        f_m[-1] += 0.5 * sum(x.rays)
-
-        def linearised(Q: Array) -> tuple[Array, Array]:
-            force, _, K = self.cable.linearise(x.place, Q)
-            load = weight
-            if not self.free:
-                sides = self._sides(x, Q)
-                mean = sides.mean(axis=0)
-                size = math.hypot(*mean)
-                tau = mean / size
-                n = np.array([-tau[1], tau[0]])
-                across, along = weight @ n, weight @ tau
-                rub = self.drive.mu_r * size / np.hypot(*sides.T).mean()  # about to move on
-                load = across * n + rub * abs(across) * tau
-                turn = across * tau - rub * abs(across) * n + along * (n + math.copysign(rub, across) * tau)
-                turn = np.multiply.outer(turn, n) / size
-                K += np.einsum("ab,i,j->aibj", turn, f, f_m).reshape(K.shape)
-            return (force - np.multiply.outer(load, f)).ravel(), K
-
-        r, K = linearised(Q)
-        for _ in range(60):
-            if np.linalg.norm(r) <= tolerance:
-                break
-            step = np.linalg.solve(K, r).reshape(Q.shape)
-            for halving in range(12):
-                trial = Q - 0.5**halving * step
-                r_trial, K_trial = linearised(trial)
-                if np.linalg.norm(r_trial) < np.linalg.norm(r):
-                    break
-            else:
-                break  # rounding, or no way down
-            Q, r, K = trial, r_trial, K_trial
-        return Q, float(np.linalg.norm(r))
+    def standing(self, s_o: float) -> GalerkinSystem:
+        """The cable with the car held at s_o."""
+        groups = replace(self.groups, motion=standing(s_o, 1.0))
+        return (GalerkinSystem if self.free else OnItsRope)(groups, self.sines, kink=True, law=self.law)
 
     def _consistent(self, t: float, q: Array, v: Array, phase: int) -> State:
         """Solve for a."""
@@ -365,3 +284,38 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def holding(self, x: State) -> tuple[float, float]:
         car = self.car(x)
         return car.along - self.held(x.t) / car.stretch, car.normal
+
+
+class OnItsRope(GalerkinSystem):
+    """A hauled car at rest and about to move on: the cable carries its weight across tau, and its friction."""
+
+    def linearise(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
+    ) -> tuple[Array, Solve]:
+        assert isinstance(self.cable, FullCable)
+        x, Q = self.instant(t, phase), self._fields(q)
+        force, _, K = self.cable.linearise(x.place, Q)
+        sides = at_rest(self.cable, x, Q)
+        mean = sides.mean(axis=0)
+        size = math.hypot(*mean)
+        tau = mean / size
+        n = np.array([-tau[1], tau[0]])
+        across, along = self.mu * self.cable.weight @ n, self.mu * self.cable.weight @ tau
+        rub = self.groups.drive.mu_r * size / np.hypot(*sides.T).mean()
+        load = across * n + rub * abs(across) * tau
+        turn = across * tau - rub * abs(across) * n + along * (n + math.copysign(rub, across) * tau)
+        f, f_m = x.carried.f, x.carried.f_s.copy()
+        f_m[-1] += 0.5 * sum(x.rays)
+        K += np.einsum("a,b,i,j->aibj", turn, n / size, f, f_m).reshape(K.shape)
+        r = self._residual(replace(x, load=-load / self.mu), q, v, a, force)
+        return r, factorised(self._tangent(x, K, c0, c1, c2))
+
+
+def at_rest(cable: FullCable, x: Instant, Q: Array) -> Array:
+    """r' behind and ahead of a car at rest (2, 2), by the tension from equilibrium."""
+    slopes = x.slope + Q @ x.carried.f_s + np.multiply.outer(x.rays, Q[:, -1])
+    static = x.slope / x.slope[0]
+    forces = static + np.abs(x.rays)[:, None] * cable.sides(x.place, Q)
+    for slope, force in zip(slopes, forces, strict=True):
+        kernels.taut(force, slope, 1.0 / x.slope[0], cable.alpha)
+    return slopes

@@ -1,6 +1,9 @@
-"""Anti-derivatives of Daubechies wavelets (35)-(39), at any real s to rounding; see README.md, "Wavelets".
+"""Anti-derivatives of Daubechies wavelets (35)-(39), at any real s to rounding.
 
 Construction: Xu & Shann 1992; Chen, Hwang & Shih 1996; index sets as printed in (37).
+With v(x) = [phi(x), phi(x + 1), ...] the refinement equation reads v(x) = T_d v(2x - d), d the first binary digit of x.
+So v(x) is a product of two matrices, in the order of its digits.
+Derivatives and primitives are sums over functions phi_m with masks 2 ((1 + z)/2)^(p-m) q(z).
 """
 
 from dataclasses import dataclass
@@ -10,7 +13,6 @@ from typing import Literal, get_args
 
 import mpmath as mp
 import numpy as np
-import pywt
 from scipy.linalg import solve_triangular, svd
 
 from galerkin.law import compiled
@@ -19,6 +21,7 @@ Reading = Literal["literal", "scaling", "shifted"]
 
 DIGITS = 60
 BLOCK = 5  # binary digits taken at once
+DIGIT_BLOCKS = 16  # 80 binary digits of the place within a cell
 RANK_TOLERANCE = 1e-12  # least singular value over the largest
 DEEPEST = -3  # phi_m for m = 1 .. -3
 
@@ -31,26 +34,16 @@ def _solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _factor(p: int) -> np.ndarray:
-    """q of h(z) = 2 ((1 + z)/2)^p q(z): |q|^2 = sum_k binom(p-1+k, k) y^k, y = (2 - z - 1/z)/4 (Daubechies 1988)."""
-    y = np.array([mp.mpf("-0.25"), mp.mpf("0.5"), mp.mpf("-0.25")])  # times z
-    wanted, power = np.array([mp.mpf(0)] * (2 * p - 1)), np.array([mp.mpf(1)])
-    for k in range(p):
-        wanted[p - 1 - k : p + k] += comb(p - 1 + k, k) * power
-        power = np.convolve(power, y)
-    zeros = np.array([1.0])
-    for _ in range(p):
-        zeros = np.convolve(zeros, [0.5, 0.5])
-    deconvolve = np.array([np.convolve(2.0 * zeros, row) for row in np.eye(p)]).T
-    h = sqrt(2.0) * np.array(pywt.Wavelet(f"db{p}").rec_lo)
-    q = np.array([mp.mpf(c) for c in np.linalg.lstsq(deconvolve, h, rcond=None)[0].tolist()])
-    for _ in range(12):
-        residual = wanted[p - 1 :] - np.array([q[k:] @ q[: p - k] for k in range(p)])
-        if max(abs(residual)) < mp.mpf(10) ** (10 - DIGITS):
-            return q
-        pad = np.concatenate([np.full(p, mp.mpf(0)), q, np.full(p, mp.mpf(0))])
-        jacobian = np.array([pad[p + k : 2 * p + k] + pad[p - k : 2 * p - k] for k in range(p)])
-        q = q + _solve(jacobian, residual)
-    raise ArithmeticError(f"the filter db{p} does not polish")
+    """q of h(z) = 2 ((1 + z)/2)^p q(z): |q|^2 = sum_k binom(p-1+k, k) y^k, y = (2 - z - 1/z)/4 (Daubechies 1988).
+
+    The roots y give pairs z, 1/z; q takes those outside the unit circle.
+    """
+    q = np.array([mp.mpf(1)])
+    for y in mp.polyroots([comb(p - 1 + k, k) for k in reversed(range(p))], maxsteps=200, extraprec=200):
+        z = 1 - 2 * y + mp.sqrt((1 - 2 * y) ** 2 - 1)
+        q = np.convolve(q, np.array([mp.mpf(1), -(z if abs(z) < 1 else 1 / z)]))
+    q = np.array([c.real for c in q])
+    return q / q.sum()
 
 
 def _transition(h: np.ndarray, digit: int) -> np.ndarray:
@@ -119,35 +112,26 @@ def _mother(p: int) -> _Mother:
 
 
 @compiled
-def _evaluate(s, R, level, at_integers, blocks, c, out):
-    """out[q] = sum_l c_l phi_m(2^level R s_q - l), rows of c from l = 1 - n_m on.
-
-    R s is formed in integers of 2^-80: rounding would move theta'' by 1e-10.
-    """
+def _evaluate(y, at_integers, blocks, c, out):
+    """out[q] = sum_l c_l phi_m(y_q - l), rows of c from l = 1 - n_m on."""
     n = at_integers.size
-    v, w = np.empty(n), np.empty(n)
-    for q in range(s.size):
-        x = s[q] * 4294967296.0
-        top = np.int64(x)
-        low = np.int64((x - top) * 281474976710656.0) * R
-        top = top * R + (low >> 48)
-        low &= (np.int64(1) << 48) - 1
-        cell = top >> (32 - level)  # y = cell + (first + second 2^-40) 2^-40
-        first = ((top & ((np.int64(1) << (32 - level)) - 1)) << (8 + level)) | (low >> (40 - level))
-        second = (low & ((np.int64(1) << (40 - level)) - 1)) << level
+    v, w, digits = np.empty(n), np.empty(n), np.empty(DIGIT_BLOCKS, np.int64)
+    for q in range(y.size):
+        cell = int(y[q])
+        rest, last = y[q] - cell, -1
+        for i in range(DIGIT_BLOCKS):
+            rest *= 2**BLOCK
+            digits[i] = int(rest)
+            rest -= digits[i]
+            if digits[i] > 0:
+                last = i
         v[:] = at_integers
-        trailing = True
-        for half in (second, first):
-            for shift in range(0, 40, BLOCK):
-                digits = (half >> shift) & ((1 << BLOCK) - 1)
-                trailing = trailing and digits == 0
-                if trailing:
-                    continue  # T_0 v(0) = v(0)
-                w[:] = 0.0
-                for j in range(n):
-                    for i in range(n):
-                        w[i] += blocks[digits, j, i] * v[j]
-                v, w = w, v
+        for i in range(last, -1, -1):  # T_0 v(0) = v(0): zeros at the end do nothing
+            w[:] = 0.0
+            for j in range(n):
+                for k in range(n):
+                    w[k] += blocks[digits[i], j, k] * v[j]
+            v, w = w, v
         for k in range(c.shape[1]):
             out[q, k] = 0.0
         for i in range(n):
@@ -164,7 +148,6 @@ class _Sums:
     c: dict[int, np.ndarray]
 
     def __call__(self, s: np.ndarray, m: int) -> np.ndarray:
-        s = np.ascontiguousarray(s, dtype=float)
         if s.size and not (s.min() >= 0.0 and s.max() <= 1.0):
             raise ValueError(f"s must lie in [0, 1], got [{s.min()!r}, {s.max()!r}]")
         if m not in self.c:
@@ -172,7 +155,7 @@ class _Sums:
             raise ValueError(f"order {self.order} has derivatives {allowed} of Theta, not {m + 1}")
         walk = _mother(self.order).walks[m]
         out = np.empty((s.size, self.c[m].shape[1]))
-        _evaluate(s, 2 * self.order - 1, self.level, walk.at_integers, walk.blocks, self.c[m], out)
+        _evaluate(2**self.level * (2 * self.order - 1) * s, walk.at_integers, walk.blocks, self.c[m], out)
         return out
 
 
@@ -232,28 +215,24 @@ def _printed(order: int, level: int, reading: Reading) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def _orthonormal(order: int, level: int, reading: Reading) -> _Sums:
-    """Orthonormal functions (in int f' g' ds) with the span of the printed ones; a reflection removes the constant."""
+    """Orthonormal functions (in int f' g' ds) with the span of the printed ones."""
     mother, c = _mother(order), _printed(order, level, reading)
     edge = len(mother.left)
 
     def coordinates(c: np.ndarray) -> np.ndarray:
         return np.concatenate([mother.left.T @ c[:edge], c[edge:-edge], mother.right.T @ c[-edge:]])
 
-    axis = coordinates(np.ones((len(c), 1)))
-    axis /= np.linalg.norm(axis)
-    axis[0] += np.copysign(1.0, axis[0])
-    axis /= np.linalg.norm(axis)
+    constant = coordinates(np.ones((len(c), 1)))
+    constant /= np.linalg.norm(constant)
     A = coordinates(c)
-    A = (A - 2.0 * axis * (axis.T @ A))[1:]
+    A -= constant * (constant.T @ A)
     norm = np.linalg.norm(A, axis=0)
     U, singular, _ = svd(A / np.where(norm > 0.0, norm, 1.0), full_matrices=False)
     U = U[:, singular > RANK_TOLERANCE * singular[0]]
-    U = np.concatenate([np.zeros((1, U.shape[1])), U])
-    U -= 2.0 * axis * (axis.T @ U)
     left = solve_triangular(mother.left, U[:edge], lower=True, trans="T")
     right = solve_triangular(mother.right, U[-edge:], lower=True, trans="T")
-    cells = 2**level * (2 * order - 1)
-    return _sums(order, level, sqrt(cells) * np.concatenate([left, U[edge:-edge], right]))
+    c = sqrt(2**level * (2 * order - 1)) * np.concatenate([left, U[edge:-edge], right])
+    return _sums(order, level, c - _sums(order, level, c)(np.array([1.0]), -1))  # 0 at s = 1 in spite of rounding
 
 
 def _cell_gram(T: np.ndarray) -> np.ndarray:

@@ -30,7 +30,7 @@ class Carried(NamedTuple):
 
 @inner
 def _overlap(phi, first, second, left, chord, s_o):
-    """I, I', I'' of `TravellingKink` for one function; I'' at s_o = 0 is not needed and 0."""
+    """I, I', I'' of `Moving` for one function; I'' at s_o = 0 is not needed and 0."""
     if s_o == 0.0:
         return chord - first, chord - first, 0.0
     w, dw = s_o * (1.0 - s_o), 1.0 - 2.0 * s_o
@@ -75,50 +75,28 @@ def carry(at, mass, left, chord, s_o, ds_o, dds_o, damping):
     return M, rows
 
 
-class Standing:
-    """The given basis, without a hat."""
-
-    def __init__(self, basis: Basis) -> None:
-        self.basis, self.n = basis, basis.n
-        self.at_rest, self._stiffness, self._integral = basis.mass(), basis.stiffness(), basis.integral()
-        s, weights = basis.quadrature()
-        self._slopes = s, weights, np.ascontiguousarray(basis.phi(s, 1).T)
-
-    def carried(self, s_o: float, ds_o: float, dds_o: float, damping: float = 0.0) -> Carried:
-        none = self._integral
-        mass, rows = carry(self.basis.at(s_o), self.at_rest, none, none, s_o, ds_o, dds_o, damping)
-        return Carried(mass, rows[:1], rows[1:2], *rows[2:])
-
-    def stiffness(self, s_o: float) -> Array:
-        return self._stiffness
-
-    def integral(self, s_o: float) -> Array:
-        return self._integral
-
-    def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
-        """Points (n_q,), weights and Phi' (n, n_q)."""
-        return self._slopes
-
-
-class TravellingKink:
-    """Any basis plus the hat that is 1 at the mass and 0 at both supports; the hat comes last.
+class Moving:
+    """A basis; with `kink` also the hat that is 1 at the mass and 0 at both supports, which comes last.
 
     I(s_o) = int hat phi ds = -E(s_o)/(s_o (1 - s_o)),  E'' = phi, E(0) = E(1) = 0;
     int phi dhat/dt ds = I' ds_o;    int phi d2hat/dt2 ds = I'' ds_o^2 + I' dds_o;
     int hat^2 = 1/3,  int (dhat/dt)^2 = ds_o^2/(3 s_o (1 - s_o)),  int hat'^2 = 1/(s_o (1 - s_o)),  int hat = 1/2.
     """
 
-    def __init__(self, basis: Basis) -> None:
-        self.basis, self.n = basis, basis.n + 1
-        self.at_rest, self._stiffness = (np.zeros((self.n, self.n)) for _ in range(2))
-        self.at_rest[:-1, :-1], self._stiffness[:-1, :-1] = basis.mass(), basis.stiffness()
-        self.at_rest[-1, -1] = 1.0 / 3.0
-        self._integral = np.append(basis.integral(), 0.5)
+    def __init__(self, basis: Basis, kink: bool) -> None:
+        self.basis, self.kink, self.n = basis, kink, basis.n + kink
+        self.at_rest, self._stiffness = np.diag([1.0 / 3.0] * self.n), np.zeros((self.n, self.n))
+        standing = slice(basis.n), slice(basis.n)
+        self.at_rest[standing], self._stiffness[standing] = basis.mass(), basis.stiffness()
+        self._integral = np.append(basis.integral(), 0.5)[: self.n]
         self.left, right = basis.phi(np.array([0.0, 1.0]), -2)
         self.chord = right - self.left
+        if not kink:
+            s, weights = basis.quadrature()
+            self._slopes = s, weights, np.ascontiguousarray(basis.phi(s, 1).T)
 
     def overlap(self, s_o: Array) -> Array:
-        """I, I', I'' at s_o (m,) in [0, 1), (3, m, n - 1)."""
+        """I, I', I'' at s_o (m,) in [0, 1), (3, m, basis.n)."""
         tables = (self.basis.phi(s_o, m) for m in (0, -1, -2))
         return _overlaps(*tables, self.left, self.chord, s_o)
 
@@ -127,6 +105,8 @@ class TravellingKink:
         return Carried(mass, rows[:1], rows[1:2], *rows[2:])
 
     def stiffness(self, s_o: float) -> Array:
+        if not self.kink:
+            return self._stiffness
         matrix, steepness = self._stiffness.copy(), 1.0 / (s_o * (1.0 - s_o))
         matrix[-1, :-1] = matrix[:-1, -1] = steepness * self.basis.phi(np.array([s_o]))[0]
         matrix[-1, -1] = steepness
@@ -136,4 +116,5 @@ class TravellingKink:
         return self._integral
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
-        return self.basis.split(s_o)
+        """Points (n_q,), weights and Phi' (n, n_q)."""
+        return self.basis.split(s_o) if self.kink else self._slopes

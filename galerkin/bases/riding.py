@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from galerkin.bases.fourier import _unit_gauss
-from galerkin.bases.kink import Array, Carried, Standing, TravellingKink
+from galerkin.bases.kink import Array, Carried
 from galerkin.law import compiled
 
 
@@ -107,7 +107,7 @@ class RidingSines:
     Order: sines behind the mass, sines ahead of it, the hat.
     """
 
-    smooth = True
+    smooth, kink = True, True
 
     def __init__(self, terms: int) -> None:
         if terms < 1:
@@ -130,6 +130,3 @@ class RidingSines:
     def integral(self, s_o: float) -> Array:
         own = self.of.mean
         return np.concatenate([s_o * own[:-1], (1.0 - s_o) * own[:-1], own[-1:]])
-
-
-MovingBasis = Standing | TravellingKink | RidingSines

@@ -178,8 +178,11 @@ def add_inertia_tangent(x, mu, damping, c0, c1, c2, K):
 
 
 @compiled
-def least(at, s_o, pull, riding=None):
-    """The least tension and its s, as `FullCable.least`."""
+def least(at, s_o, pull, riding=None, hat=1):
+    """Least tension and its s; a negative one counts as its mean over a shortest wave of the basis, 2/n.
+
+    riding : not None where each side has its own sines;  hat : 0 for a basis without one
+    """
     s, where = at.s, 0
     for i in range(pull.size):
         if pull[i] < pull[where]:
@@ -190,7 +193,7 @@ def least(at, s_o, pull, riding=None):
     lowest, first = math.inf, 0
     for side in range(2):
         begin, length = (0.0, s_o) if side == 0 else (s_o, 1.0 - s_o)
-        waves = (at.phi.shape[0] - 1) * (length if riding is None else 0.5)
+        waves = (at.phi.shape[0] - hat) * (length if riding is None else 0.5)
         pieces = max(1, round(0.5 * waves))
         for piece in range(1, pieces + 1):
             end = begin + length * piece / pieces

@@ -31,6 +31,40 @@ class Rolling(NamedTuple):
     ay: float = 0.0
 
 
+class Car(NamedTuple):
+    """A car that rolls, at an instant."""
+
+    Cx: float  # C = mu (p.. - sigma j) - F_ext, the force of the cable on it
+    Cy: float
+    tx: float  # tau
+    ty: float
+    cos_phi: float
+    stretch: float  # <lam>
+    drag_x: float
+    drag_y: float
+    pressing: float  # normal part of its force on the cable, downward
+    defect: float  # tau . C - f cos(phi)
+    speed: float  # tau . p.
+    vx: float  # p.
+    vy: float
+    normal: float  # `pressing` for friction
+
+    @property
+    def along(self) -> float:
+        return (self.tx * self.Cx + self.ty * self.Cy) / self.cos_phi
+
+
+class Rolled(NamedTuple):
+    """A car, and how its defect follows the forces behind and ahead."""
+
+    car: Car
+    behind: tuple[float, float]
+    ahead: tuple[float, float]
+
+
+NO_CAR = Rolled(Car(*(0.0,) * 14), (0.0, 0.0), (0.0, 0.0))
+
+
 class Ground(NamedTuple):
     """What an instant brings at the mass."""
 
@@ -52,11 +86,7 @@ class Coefficients(NamedTuple):
 
 @compiled
 def car(on, thrust, velocity, acceleration, behind, ahead):
-    """The car from p., p.. and r' behind and ahead (2,); thrust may be the haul force.
-
-    Return C = mu (p.. - sigma j) - F_ext (2), tau (2), cos(phi), <lam>, drag (2), the normal force on the cable,
-    tau . C - f cos(phi), tau . p., p. (2), and the normal force for friction.
-    """
+    """The car from p., p.. and r' behind and ahead (2,); thrust may be the haul force."""
     mx, my = 0.5 * (behind[0] + ahead[0]), 0.5 * (behind[1] + ahead[1])
     size = math.hypot(mx, my)
     tx, ty = mx / size, my / size
@@ -71,9 +101,9 @@ def car(on, thrust, velocity, acceleration, behind, ahead):
         normal = ty * (on.mu * on.ax - air * x) - tx * (on.mu * (on.ay - on.sigma) - air * y)
     defect = tx * Cx + ty * Cy - cos_phi * (on.hold / stretch + on.brake + on.rub * abs(normal))
     speed = tx * velocity[0] + ty * velocity[1]
-    return (
+    return Car(
         Cx, Cy, tx, ty, cos_phi, stretch, air * x, air * y, pressing, defect, speed, velocity[0], velocity[1], normal
-    )  # fmt: skip
+    )
 
 
 @compiled
@@ -115,7 +145,7 @@ def by_force(on, thrust, velocity, p, behind, ahead, turn, defect, side):
             moved[0, b], moved[1, b] = behind[b], ahead[b]
         for b in range(2):
             moved[side, b] += STEP * ((1.0 if a == b else 0.0) - slope[a] * slope[b] / square)
-        got[a] = turn * (car(on, thrust, velocity, p, moved[0], moved[1])[9] - defect) / STEP
+        got[a] = turn * (car(on, thrust, velocity, p, moved[0], moved[1]).defect - defect) / STEP
     return got[0], got[1]
 
 
@@ -179,7 +209,7 @@ def averaged(past, first, last, least):
 
 @inner
 def roll(here, y, sides, cable, on, thrust, R):
-    """Add the cable's inertia and the car to R (2, n); return `car`, and `by_force` of both sides.
+    """Add the cable's inertia and the car to R (2, n); return it as `Rolled`.
 
     tau belongs to the tension from equilibrium: slopes of sines are inaccurate on a short side.
     """
@@ -187,11 +217,11 @@ def roll(here, y, sides, cable, on, thrust, R):
     p[1] += on.sigma
     turns = recover(here, y, sides, cable, behind, ahead)
     out = car(on, thrust, velocity, p, behind, ahead)
-    bx, by = by_force(on, thrust, velocity, p, behind, ahead, turns[0], out[9], 0)
-    ax, ay = by_force(on, thrust, velocity, p, behind, ahead, turns[1], out[9], 1)
-    p[0], p[1] = out[0], out[1]
+    by_behind = by_force(on, thrust, velocity, p, behind, ahead, turns[0], out.defect, 0)
+    by_ahead = by_force(on, thrust, velocity, p, behind, ahead, turns[1], out.defect, 1)
+    p[0], p[1] = out.Cx, out.Cy
     add_inertia(here.x, y.Q, y.V, y.A, cable.damping, p, R)
-    return (*out, bx, by, ax, ay)
+    return Rolled(out, by_behind, by_ahead)
 
 
 @inner
@@ -213,20 +243,20 @@ def pulls(phi, gram):
 
 
 @inner
-def row(here, out, pulls, on, damping, c, into):
+def row(here, rolled, pulls, on, damping, c, into):
     """The car's row of the tangent, (2 n + 1,)."""
     x, ds_o, (c0, c1, c2), near, far = here.x, here.ds_o, c, 1.0 / here.s_o, 1.0 / (1.0 - here.s_o)
-    n, mu = x.f.size, on.mu
-    rub = out[4] * math.copysign(on.rub, on.rub * out[8]) if math.isnan(on.ax) else 0.0
-    along = out[2] - rub * out[3], out[3] + rub * out[2]
+    n, mu, car = x.f.size, on.mu, rolled.car
+    rub = car.cos_phi * math.copysign(on.rub, on.rub * car.pressing) if math.isnan(on.ax) else 0.0
+    along = car.tx - rub * car.ty, car.ty + rub * car.tx
     for b in range(2):
-        behind, ahead = out[14 + b], out[16 + b]
+        behind, ahead = rolled.behind[b], rolled.ahead[b]
         for j in range(n):
             own = along[b] * mu * (c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j])
             by_a = behind * x.behind[j] - ahead * (x.mass[n - 1, j] - x.behind[j])
             by_q = 0.0
             for a in range(2):
-                by_q += out[14 + a] * near * pulls[0, a, b, j] + out[16 + a] * far * pulls[1, a, b, j]
+                by_q += rolled.behind[a] * near * pulls[0, a, b, j] + rolled.ahead[a] * far * pulls[1, a, b, j]
             into[b * n + j] = own + (c2 + c1 * damping) * by_a + c0 * by_q
         by_v = -2.0 / 3.0 * ds_o * (behind + ahead)
         by_q = 2.0 * ds_o * ds_o * (behind * near - ahead * far) - (here.dds_o + damping * ds_o) * (behind + ahead)

@@ -27,6 +27,7 @@ from galerkin.kernels.cable import (
 from galerkin.kernels.dense import solve
 from galerkin.kernels.riding import riding_tangent, solve_sides
 from galerkin.kernels.rolling import (
+    NO_CAR,
     STEP,
     Coefficients,
     Ground,
@@ -40,7 +41,6 @@ from galerkin.kernels.rolling import (
 )
 from galerkin.law import compiled, inner
 
-NO_CAR = (0.0,) * 18
 STUCK, FREE, HAULED = 0, 1, 2
 
 
@@ -50,7 +50,7 @@ class Line(NamedTuple):
     cable: Cable
     behind: Array  # Gauss rules on [0, 1] of both sides, (2, m)
     ahead: Array
-    mass: Array  # these three and the next of `TravellingKink`
+    mass: Array  # these three of `Moving`
     left: Array
     chord: Array
     grading: float
@@ -218,7 +218,7 @@ def evaluate(here, ride, line, of):
     force = of.balanced[2, 2 * n]
     thrust = force if ride.mode == HAULED else ride.thrust
     out = roll(here.ground, y, of.sides, cable, ride.on, thrust, R)
-    of.r[2 * n] = cable.mu * force if ride.mode == STUCK else out[9]
+    of.r[2 * n] = cable.mu * force if ride.mode == STUCK else out.car.defect
     return out
 
 
@@ -245,13 +245,14 @@ def tangent(here, ride, line, of, out, c, K):
     row(ground, out, pulls(at.phi, of.gram), ride.on, line.cable.damping, c, K[last])
     if ride.mode == HAULED:
         for i in range(n):
-            K[i, last], K[n + i, last] = -c2 * out[2] * ground.x.f[i], -c2 * out[3] * ground.x.f[i]
+            K[i, last], K[n + i, last] = -c2 * out.car.tx * ground.x.f[i], -c2 * out.car.ty * ground.x.f[i]
         K[last, last] = -c2
     elif c1 + c2 != 0.0:
         h, R = STEP / (c1 + c2), np.zeros((2, n))
         moved = ground_at(line, of.balanced[0, last], ground.ds_o + h * c1, ground.dds_o + h * c2)
         y = coefficients(of.balanced, n)
-        K[last, last] = (roll(moved, y, of.sides, line.cable, ride.on, ride.thrust, R)[9] - out[9]) / h
+        other = roll(moved, y, of.sides, line.cable, ride.on, ride.thrust, R).car
+        K[last, last] = (other.defect - out.car.defect) / h
         for a in range(2):
             for i in range(n):
                 K[a * n + i, last] = (R[a, i] + of.internal[a, i] - of.r[a * n + i]) / h
@@ -311,43 +312,48 @@ def solve_for(riding, K, r, step):
 
 
 @inner
+def predict(rule, begin, end):
+    for k in range(3):
+        for i in range(begin.shape[1]):
+            end[k, i] = rule[k, 0] * begin[0, i] + rule[k, 1] * begin[1, i] + rule[k, 2] * begin[2, i]
+
+
+@inner
+def correct(rule, end, step, share):
+    for k in range(3):
+        for i in range(step.size):
+            end[k, i] -= share * rule[k, 3] * step[i]
+
+
+@inner
 def newton(here, ride, line, ends, rule, limits, of):
     """Solve one step for its end, as `cablefem.newmark.iterate` does.
 
     ends : start, and end to be set, (3, n_dof);  limits : bound of |r|, max_iter, reuse, patience, most halvings
     Return |r|, counts of iterations, factorisations, evaluations, the least tension and its s.
     """
-    begin, end = ends
     bound, most, reuse, patience, halvings = limits
-    w, size = rule[:, 4], of.r.size
+    w = rule[:, 4]
     c = w[0] * rule[0, 3], w[1] * rule[1, 3], w[2] * rule[2, 3]
-    for k in range(3):
-        for i in range(size):
-            end[k, i] = rule[k, 0] * begin[0, i] + rule[k, 1] * begin[1, i] + rule[k, 2] * begin[2, i]
-    of.step[:] = 0.0  # the first evaluation is of the prediction
-    iterations, factorisations, evaluations, before, share, cuts = -1, 0, -1, math.inf, 1.0, 0
-    while True:
-        for k in range(3):
-            for i in range(size):
-                end[k, i] -= share * rule[k, 3] * of.step[i]
-        here, out, norm = weigh(here, ride, line, ends, w, of)
-        evaluations += 1
-        better = norm < before or (iterations < patience and norm < math.inf)
-        if not better and evaluations > 0 and cuts < halvings:
-            cuts, share = cuts + 1, -1.0
-            for i in range(size):
-                of.step[i] *= 0.5
-            continue
-        iterations += 1
-        if math.isnan(norm) or (iterations > 0 and not (bound < norm < math.inf and iterations < most)):
-            break
+    predict(rule, ends[0], ends[1])
+    here, out, norm = weigh(here, ride, line, ends, w, of)
+    iterations, factorisations, evaluations, before = 0, 0, 0, math.inf
+    if math.isnan(norm):
+        return norm, 1, 0, 1, math.inf, 0.0
+    while iterations == 0 or (bound < norm < math.inf and iterations < most):
         if iterations == 0 or norm > reuse * before:
             factorisations += 1
             set_tangent(line.riding, here, ride, line, of, out, c)
         solve_for(line.riding, of.K, of.r, of.step)
-        before, share, cuts = norm, 1.0, 0
-    if iterations == 0:
-        return norm, 1, 0, 1, math.inf, 0.0
+        before, share = norm, 1.0
+        for _ in range(int(halvings) + 1):
+            correct(rule, ends[1], of.step, share)
+            here, out, norm = weigh(here, ride, line, ends, w, of)
+            evaluations += 1
+            if norm < before or (iterations < patience and norm < math.inf):
+                break
+            share = -0.5 * abs(share)  # take back half of the last one
+        iterations += 1
     lowest, where = least(here.at, here.ground.s_o, of.pull, line.riding)
     return norm, iterations, factorisations, evaluations, lowest, where
 
@@ -381,12 +387,12 @@ def roll_on(ride, course, line, start, rules, limits):
     now, told, of, now_ride = np.empty((m, 3, size)), np.full((m, 6), math.nan), space_for(size, line), ride
     here = moment(line, ride.s_o, ride.ds_o, ride.dds_o)
     if course is not None:
-        first, newest, velocity = 0, course.past.shape[0] - m, seen(ride, line, start)[11:13]
+        first, newest, now_car = 0, course.past.shape[0] - m, seen(ride, line, start)
     for i in range(m):
         rule = rules[i]
         if course is not None:
             t0, past = course.t[i] - rule[0, 4] * rule[0, 1], course.past
-            past[newest, 0], past[newest, 1], past[newest, 2] = t0, velocity[0], velocity[1]
+            past[newest, 0], past[newest, 1], past[newest, 2] = t0, now_car.vx, now_car.vy
             smooth = averaged(past, first, newest, course.window)
             first, newest = int(smooth[0]), newest + 1
             for k in range(6):
@@ -397,9 +403,8 @@ def roll_on(ride, course, line, start, rules, limits):
         if not (found[0] <= limits[0] and found[4] >= 0.0):
             return i, now, told
         if course is not None:
-            then = seen(at_time(ride, smooth, t0 + rule[0, 1], 0.0), line, now[i])
-            velocity = then[11:13]
-            if has_event(course, now[i], then):
+            now_car = seen(at_time(ride, smooth, t0 + rule[0, 1], 0.0), line, now[i])
+            if has_event(course, now[i], now_car):
                 return i, now, told
     return m, now, told
 
@@ -414,9 +419,9 @@ def at_time(ride, smooth, t, thrust):
 
 
 @inner
-def has_event(course, end, then):
+def has_event(course, end, car):
     last = end.shape[1] - 1
     s_o, ds_o = end[0, last], end[1, last]
     if not course.low < s_o < course.high or (course.sign != 0.0 and not course.sign * ds_o > 0.0):
         return True
-    return not (course.forward * then[10] > course.slow and (course.lifted or max(then[8], then[13]) > 0.0))
+    return not (course.forward * car.speed > course.slow and (course.lifted or max(car.pressing, car.normal) > 0.0))

@@ -96,10 +96,10 @@ def witness_psi(p, y, derivative, mirrored=False):
 
 
 def witness_printed(p, j, k, s, derivative, mirrored=False):
-    """Theta_jk of (39) at x = R s, or its derivative with respect to s; s a float."""
+    """Theta_jk of (39) at x = R s rounded to a float, or its derivative with respect to s; s a float."""
     with mp.workdps(WITNESS_DIGITS):
         R = 2 * p - 1
-        x, two_j = mp.mpf(s) * R, mp.mpf(2) ** j
+        x, two_j = mp.mpf(s * R), mp.mpf(2) ** j
         rise = witness_psi(p, two_j * R - k, -1, mirrored) - witness_psi(p, mp.mpf(-k), -1, mirrored)
         value = witness_psi(p, two_j * x - k, derivative - 1, mirrored) * two_j**derivative
         if derivative == 0:
@@ -233,12 +233,12 @@ def test_printed_functions_and_derivatives_equal_the_witness_at_random_places(p)
 @settings(max_examples=25, deadline=None)
 @given(s=st.sampled_from([0.0, 0.5, 1.0]) | st.floats(1e-7, 1.0), p=st.integers(3, 5), level=st.integers(0, 2))
 def test_second_derivatives_equal_the_witness_at_any_float(s, p, level):
-    """Theta'' is only Hoelder 0.6 for p = 4, 0.09 for p = 3: one rounding of R s would cost 1e-10 or all digits."""
+    """Theta'' is only Hoelder 0.6 for p = 4, 0.09 for p = 3: the witness takes the same rounding of R s."""
     assert witness_gap(Daubechies(p, level), np.array([s]), 2) < 2e-14
 
 
-def test_places_closer_to_the_support_than_the_fixed_point_resolves():
-    """Below 2^-27 a place is rounded to 2^-80: Theta'' of order 4 moves by 2^(-80 0.6) = 3e-15 at most."""
+def test_places_next_to_a_support():
+    """Places are cut after 80 binary digits: Theta'' of order 4 moves by 2^(-80 0.6) = 3e-15 at most."""
     for s in (3.1e-9, 7.7e-13, 2.0**-60):
         assert witness_gap(Daubechies(4, 1), np.array([s]), 2) < 2e-14
 

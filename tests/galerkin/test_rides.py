@@ -106,11 +106,11 @@ def test_how_the_balance_follows_forces():
         return out, [kernels.taut(force, slope, T, alpha) for force, slope in zip(forces, out, strict=True)]
 
     slopes, turns = sides(forces)
-    defect = kernels.car(on, 0.0, velocity, p, *slopes)[9]
+    defect = kernels.car(on, 0.0, velocity, p, *slopes).defect
     bare = on._replace(rub=0.0, brake=0.0)
     for side in (0, 1):
         got = kernels.by_force(on, 0.0, velocity, p, *slopes, turns[side], defect, side)
-        other = kernels.car(bare, 0.0, velocity, p, *slopes)[9]
+        other = kernels.car(bare, 0.0, velocity, p, *slopes).defect
         wrong = kernels.by_force(bare, 0.0, velocity, p, *slopes, turns[side], other, side)
         want = np.zeros(2)
         for a in range(2):
@@ -118,7 +118,7 @@ def test_how_the_balance_follows_forces():
             for h in (-e, e):
                 moved = forces.copy()
                 moved[side, a] += h
-                ends.append(kernels.car(on, 0.0, velocity, p, *sides(moved)[0])[9])
+                ends.append(kernels.car(on, 0.0, velocity, p, *sides(moved)[0]).defect)
             want[a] = (ends[1] - ends[0]) / (2.0 * e)
         np.testing.assert_allclose(got, want, rtol=0.0, atol=1e-5)
         assert np.abs(np.subtract(wrong, want)).max() > 1e-2
