@@ -41,8 +41,6 @@ class Instant:
     """Quantities that depend on place and speed of the mass alone."""
 
     carried: Carried  # of the basis
-    rays: tuple[float, float]  # of the hat behind and ahead of the mass; 0 without one
-    slope: Array  # X', (fields,)
     load: Array  # X.. - sigma j of (27), (fields,)
     place: Any  # of the cable model
 
@@ -156,10 +154,8 @@ class GalerkinSystem(System):
         return found
 
     def _instant(self, s_o: float, ds_o: float, dds_o: float) -> Instant:
-        rays = (1.0 / s_o, -1.0 / (1.0 - s_o)) if self.kink else (0.0, 0.0)
-        slope, _ = self.cable.static_slope(s_o)
-        load, place = self._load(s_o, ds_o, dds_o), self.cable.at(self.basis, s_o)
-        return Instant(self.basis.carried(s_o, ds_o, dds_o, self.damping), rays, slope, load, place)
+        carried = self.basis.carried(s_o, ds_o, dds_o, self.damping)
+        return Instant(carried, self._load(s_o, ds_o, dds_o), self.cable.at(self.basis, s_o))
 
     def _load(self, s_o: float, ds_o: float, dds_o: float) -> Array:
         if self.load == "force":

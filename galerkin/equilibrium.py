@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -41,16 +41,13 @@ def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equi
     assert isinstance(cable, FullCable)
     internal, strain = _sums(system, x)
     s_o, rest = x.s_o[:, None], 1.0 - x.s_o[:, None]
-    first, second = basis.phi(x.s_o, -1), basis.phi(x.s_o, -2)
-    ends, ends_1 = (basis.phi(np.array([0.0, 1.0]), m) for m in (-2, -1))
+    first, second, ends = basis.phi(x.s_o, -1), basis.phi(x.s_o, -2), basis.phi(np.array([0.0, 1.0]), -2)
     ray_behind, ray_ahead = (twice + system.damping * once for twice, once in zip(x.rays(2), x.rays(1), strict=True))
     x = replace(x, A=x.A + system.damping * x.V)  # w.. + c_d w. from here on
     moment_behind = combined(x.A, s_o * first - second + ends[0]) + ray_behind * s_o**3 / 3.0
     moment_ahead = combined(x.A, ends[1] - second - rest * first) + ray_ahead * rest**3 / 3.0
     behind = (internal[:, :, 0] + moment_behind) / s_o
     ahead = (internal[:, :, 1] - moment_ahead) / rest
-    left = behind - combined(x.A, first - ends_1[0]) - ray_behind * s_o**2 / 2.0
-    right = ahead + combined(x.A, ends_1[1] - first) + ray_ahead * rest**2 / 2.0
     here = combined(x.A, first)
 
     def along(k: Array, s: Array) -> Array:
@@ -60,17 +57,9 @@ def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equi
         return standing + np.where((s <= s_o[k])[..., None], before, after) + static(cable, s)
 
     least, where = least_along(cable, x, along, s)
-    at_mass, at_left, at_right = (static(cable, place) for place in (x.s_o, np.zeros(1), np.ones(1)))
-    return Equilibrium(
-        behind + at_mass,
-        ahead + at_mass,
-        left + at_left,
-        right + at_right,
-        along(frames, s),
-        strain,
-        least,
-        where,
-    )
+    left, right = along(np.arange(x.s_o.size), np.array([0.0, 1.0])).swapaxes(0, 1)
+    at_mass = static(cable, x.s_o)
+    return Equilibrium(behind + at_mass, ahead + at_mass, left, right, along(frames, s), strain, least, where)
 
 
 def least_along(cable: FullCable, x: History, along: Callable[[Array, Array], Array], s: Array) -> tuple[Array, Array]:
@@ -111,6 +100,17 @@ def static(cable: FullCable, s: Array) -> Array:
 def tension(force: Array, r: Array) -> Array:
     """|N t| with the sign it has along r', (...,)."""
     return np.copysign(np.hypot(force[..., 0], force[..., 1]), np.sum(force * r, axis=-1))
+
+
+def slopes_by(force: Array, slopes: Array, T: Any, alpha: float) -> Array:
+    """r' (..., 2) along forces N t, in place of `slopes`, which stay where the cable is slack.
+
+    Slopes of sines converge slowly at the mass, and the more slowly the shorter the side.
+    """
+    N = np.hypot(force[..., 0], force[..., 1])
+    taut = (N > kernels.LEAST_PULL) & (np.sum(force * slopes, axis=-1) > 0.0)
+    stretch = (1.0 + (N - T) / alpha) / np.where(taut, N, 1.0)
+    return np.where(taut[..., None], stretch[..., None] * force, slopes)
 
 
 def combined(coefficients: Array, functions: Array) -> Array:

@@ -24,7 +24,7 @@ from galerkin import kernels
 from galerkin.bases import Basis, Fourier
 from galerkin.bases.kink import Array
 from galerkin.equations import Drives, GalerkinSystem, Instant, factorised, limits
-from galerkin.equilibrium import Equilibrium
+from galerkin.equilibrium import Equilibrium, slopes_by
 from galerkin.kernels import Car
 from galerkin.models import FullCable
 
@@ -112,11 +112,9 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return self.cable
 
     def sides(self, pointwise: Array, forces: Equilibrium, s_o: Array) -> Array:
-        T = self.groups.static(s_o)[0].tolist()
-        for side, force in zip(pointwise, (forces.behind, forces.ahead), strict=True):
-            for slope, pull, here in zip(side, force, T, strict=True):
-                kernels.taut(pull, slope, here, self._full.alpha)
-        return pointwise
+        return slopes_by(
+            np.array([forces.behind, forces.ahead]), pointwise, self.groups.static(s_o)[0], self._full.alpha
+        )
 
     def begin_step(self, x: State) -> None:
         """Take the mean acceleration of the car over a while, for friction and lift-off.
@@ -246,7 +244,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
             return self._consistent(0.0, q, v, 0)
         q[-1] = s_o
         weight = kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0)  # without wind and thrust
-        sides = at_rest(self._full, held.instant(0.0, 0), self._fields(q))
+        sides = at_rest(self._full, held.instant(0.0, 0), s_o, self._fields(q))
         car = kernels.car(weight, 0.0, np.zeros(2), np.zeros(2), *sides)
         self.hold = car.along * car.stretch
         return self.let_go(State(0.0, q, v, a, 0))
@@ -293,9 +291,9 @@ class OnItsRope(GalerkinSystem):
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         assert isinstance(self.cable, FullCable)
-        x, Q = self.instant(t, phase), self._fields(q)
+        x, Q, s_o = self.instant(t, phase), self._fields(q), self.motion.at(t, phase)[0]
         force, _, K = self.cable.linearise(x.place, Q)
-        sides = at_rest(self.cable, x, Q)
+        sides = at_rest(self.cable, x, s_o, Q)
         mean = sides.mean(axis=0)
         size = math.hypot(*mean)
         tau = mean / size
@@ -305,17 +303,15 @@ class OnItsRope(GalerkinSystem):
         load = across * n + rub * abs(across) * tau
         turn = across * tau - rub * abs(across) * n + along * (n + math.copysign(rub, across) * tau)
         f, f_m = x.carried.f, x.carried.f_s.copy()
-        f_m[-1] += 0.5 * sum(x.rays)
+        f_m[-1] += 0.5 / s_o - 0.5 / (1.0 - s_o)
         K += np.einsum("a,b,i,j->aibj", turn, n / size, f, f_m).reshape(K.shape)
         r = self._residual(replace(x, load=-load / self.mu), q, v, a, force)
         return r, factorised(self._tangent(x, K, c0, c1, c2))
 
 
-def at_rest(cable: FullCable, x: Instant, Q: Array) -> Array:
+def at_rest(cable: FullCable, x: Instant, s_o: float, Q: Array) -> Array:
     """r' behind and ahead of a car at rest (2, 2), by the tension from equilibrium."""
-    slopes = x.slope + Q @ x.carried.f_s + np.multiply.outer(x.rays, Q[:, -1])
-    static = x.slope / x.slope[0]
-    forces = static + np.abs(x.rays)[:, None] * cable.sides(x.place, Q)
-    for slope, force in zip(slopes, forces, strict=True):
-        kernels.taut(force, slope, 1.0 / x.slope[0], cable.alpha)
-    return slopes
+    slope, rays = cable.static_slope(s_o)[0], np.array([[1.0 / s_o], [-1.0 / (1.0 - s_o)]])
+    slopes = slope + Q @ x.carried.f_s + rays * Q[:, -1]
+    T = 1.0 / slope[0]
+    return slopes_by(T * slope + np.abs(rays) * cable.sides(x.place, Q), slopes, T, cable.alpha)

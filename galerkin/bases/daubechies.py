@@ -39,7 +39,7 @@ def _factor(p: int) -> np.ndarray:
     The roots y give pairs z, 1/z; q takes those outside the unit circle.
     """
     q = np.array([mp.mpf(1)])
-    for y in mp.polyroots([comb(p - 1 + k, k) for k in reversed(range(p))], maxsteps=200, extraprec=200):
+    for y in mp.polyroots([comb(p - 1 + k, k) for k in range(p)], maxsteps=200, extraprec=200, asc=True):
         z = 1 - 2 * y + mp.sqrt((1 - 2 * y) ** 2 - 1)
         q = np.convolve(q, np.array([mp.mpf(1), -(z if abs(z) < 1 else 1 / z)]))
     q = np.array([c.real for c in q])

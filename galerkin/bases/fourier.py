@@ -130,18 +130,11 @@ class Fourier:
 
     smooth = True
 
-    @property
-    def wavenumbers(self) -> np.ndarray:
-        return np.pi * np.arange(1, self.n + 1)
-
     def at(self, s: float) -> np.ndarray:
         return values_at(s, self.n, self.grading)
 
     def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:
-        if self.grading:
-            return values_along(np.asarray(s, float), self.n, self.grading, (0, 1, 2, 4, 3)[m])
-        x, sign = np.multiply.outer(s, self.wavenumbers), (1.0, 1.0, -1.0, -1.0)[m % 4]
-        return sign * self.wavenumbers**m * (np.cos(x) if m % 2 else np.sin(x))
+        return values_along(s, self.n, self.grading, (0, 1, 2, 4, 3)[m])
 
     def mass(self) -> np.ndarray:
         k = np.arange(1, self.n + 1)
@@ -149,8 +142,6 @@ class Fourier:
         return 0.5 * (apart == 0) - 0.25 * self.grading * ((np.abs(apart) == 2) * 1.0 - (sums == 2))
 
     def stiffness(self) -> np.ndarray:
-        if not self.grading:
-            return np.diag(0.5 * self.wavenumbers**2)
         _, weights, phi = split(0.5, self.side_rule(1.0), self.side_rule(1.0), self.n, self.grading)
         return (phi[:-1] * weights) @ phi[:-1].T
 

@@ -4,10 +4,11 @@ phi (n, m): Phi' at the points; x: a `Carried`; Q, V, A (2, n): coefficients and
 """
 
 from galerkin.kernels.cable import Cable, Points, balance, least, stiffness, stress
-from galerkin.kernels.rolling import Car, Rolling, averaged, by_force, car, taut
+from galerkin.kernels.rolling import LEAST_PULL, Car, Rolling, averaged, by_force, car, taut
 from galerkin.kernels.steps import FREE, HAULED, STUCK, Course, Line, Ride, look, roll_on, seen, stride, surveyed
 
 __all__ = [
-    "FREE", "HAULED", "STUCK", "Cable", "Car", "Course", "Line", "Points", "Ride", "Rolling", "averaged", "balance",
-    "by_force", "car", "least", "look", "roll_on", "seen", "stiffness", "stress", "stride", "surveyed", "taut",
+    "FREE", "HAULED", "LEAST_PULL", "STUCK", "Cable", "Car", "Course", "Line", "Points", "Ride", "Rolling", "averaged",
+    "balance", "by_force", "car", "least", "look", "roll_on", "seen", "stiffness", "stress", "stride",
+    "surveyed", "taut",
 ]  # fmt: skip

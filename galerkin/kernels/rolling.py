@@ -191,14 +191,8 @@ def averaged(past, first, last, least):
     since = past[first, 0]
     if since > t - window:  # from rest
         span = t - since if t > since else math.inf
-        return (
-            float(first),
-            t,
-            (past[last, 1] - past[first, 1]) / span,
-            (past[last, 2] - past[first, 2]) / span,
-            0.0,
-            0.0,
-        )
+        ax, ay = (past[last, 1] - past[first, 1]) / span, (past[last, 2] - past[first, 2]) / span
+        return float(first), t, ax, ay, 0.0, 0.0
     half = 0.5 * window
     ox, oy = line(past, first, t - window)
     mx, my = line(past, first, t - half)
