@@ -13,7 +13,7 @@ from galerkin import kernels
 from galerkin.bases.kink import Array
 from galerkin.bases.riding import RidingSines, Tables, shapes
 from galerkin.equations import GalerkinSystem
-from galerkin.equilibrium import Equilibrium, least_along, slopes_by
+from galerkin.equilibrium import Equilibrium, least_along
 from galerkin.models import FullCable
 from galerkin.observe import NEAR_SUPPORT, AtMass, Fields, History, Measures, hat_slopes
 
@@ -53,8 +53,14 @@ class RidingSystem(GalerkinSystem):
         return self.cable.riding(self.of, self.inertia)
 
     def sides(self, pointwise: Array, forces: Equilibrium, s_o: Array) -> Array:
-        T = self.groups.static(s_o)[0]
-        return slopes_by(np.array([forces.behind, forces.ahead]), pointwise, T, self.groups.alpha)
+        """r' by the tension from equilibrium: slopes of sines converge slowly at the mass."""
+        T, out = self.groups.static(s_o)[0], pointwise.copy()
+        for side, force in zip(out, (forces.behind, forces.ahead), strict=True):
+            N = np.hypot(*force.T)
+            taut = N > 0.0
+            stretch = 1.0 + (N[taut] - T[taut]) / self.cable.alpha
+            side[taut] = (stretch / N[taut])[:, None] * force[taut]
+        return out
 
     def _entry(self) -> State:
         """The limit t -> 0+: the sines ahead are pushed along, the piece behind is straight.

@@ -257,7 +257,7 @@ def test_ripples_are_not_slack():
 @pytest.mark.parametrize("basis", [Fourier(5), ROUGH], ids=["sines", "db2"])
 def test_the_tangent_is_the_derivative_of_the_residual(basis, model, law, load, kink):
     system = GalerkinSystem(STEEP, basis, kink=kink, model=model, law=law, load=load)
-    rng = np.random.default_rng(21)
+    rng = np.random.default_rng(22)  # 21: a slack cable of condition 1e7
     for t, phase in ((0.13, 0), (1.07, 0), (1.9, 1)):
         # central differences at 1e-6: 1e-12 times third derivatives of order alpha, through a solve of condition 1e4
         assert tangent_defect(system, t, rng, phase=phase, size=0.02) < 1e-5
