@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cablefem import Scene
-from validation.commands.advise.study import LADDER, distance
+from validation.commands.advise.study import LADDER, distances
 from validation.core import measures
 from validation.core.running import run
+from validation.core.view import View
 
 LEVEL = Scene.load("level")
 WINDOW = measures.WINDOW
@@ -49,5 +52,6 @@ def test_models_that_differ_are_seen_to_differ():
 def test_a_run_that_stops_short_has_no_distance():
     far = full(LEVEL, elements=6, steps=200)
     short = run(LEVEL, "following-p2", model="string", elements=6, steps=200, until=0.4)
-    assert distance(short, far, WINDOW) == (np.inf, np.inf)
-    assert max(distance(short, far, (0.02, 0.39))) < np.inf
+    view = View.of(LEVEL)
+    assert set(distances(short, far, view).values()) == {np.inf}
+    assert max(distances(short, far, replace(view, window=(0.02, 0.39))).values()) < np.inf

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -51,8 +51,10 @@ class TooCoarse(RuntimeError):
 class Runs:
     """Runs of one method on one scene, each made once."""
 
-    def __init__(self, scene: Scene, method: Method, how: dict[str, Any], known: Sequence[MassPath] = ()) -> None:
-        self.scene, self.method, self.how, self.view = scene, method, how, View.of(scene)
+    def __init__(
+        self, scene: Scene, method: Method, how: dict[str, Any], view: View | None, known: Sequence[MassPath] = ()
+    ) -> None:
+        self.scene, self.method, self.how, self.view = scene, method, how, view or View.of(scene)
         self.known, self.made = list(known), list[Run]()
 
     def at(self, settings: dict[str, Any], until: float | None, past: float = math.inf) -> MassPath:
@@ -109,14 +111,14 @@ class Runs:
 
 def laddered(
     scene: Scene, method: str | Method, *, progress: Progress | None = None, known: Sequence[MassPath] = (),
-    past: float = math.inf, **kind: Any,
+    past: float = math.inf, view: View | None = None, **kind: Any,
 ) -> Ladder:  # fmt: skip
-    """Return the ladder of a run; `kind` as in `run`, `known` runs are reused."""
+    """Return the ladder of a run; `kind` as in `run`, `known` runs are reused, `view` says where coarser runs end."""
     method = find(method) if isinstance(method, str) else method
     how = {k: kind[k] for k in KIND if k in kind}
     end = how.pop("until", None)
     settings = method.settings_on(scene.groups, {k: v for k, v in kind.items() if k not in KIND})
-    runs = Runs(scene, method, how, known)
+    runs = Runs(scene, method, how, view, known)
     ladder = runs.ladder(settings, _short(runs.view, end))
     if progress is not None:
         progress(0.5)
@@ -125,7 +127,7 @@ def laddered(
 
 def climb(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None, budget: float = BUDGET,
-    past: float = math.inf, known: Sequence[MassPath] = (), **kind: Any,
+    past: float = math.inf, view: View | None = None, **kind: Any,
 ) -> Ladder:  # fmt: skip
     """Return a ladder whose finest run has a path bar of at most `tol`, at nearly the least cost.
 
@@ -133,6 +135,7 @@ def climb(
     the tolerance give the next ladder.
 
     budget : `work` of the last ladder;  past : s_o/l the finest run goes on once slack.
+    view : range of the path's bar; default: of the scene.
 
     Raises TooCoarse if the tolerance is out of reach.
     """
@@ -144,7 +147,7 @@ def climb(
     end = how.pop("until", None)
     named = {k: v for k, v in kind.items() if k not in KIND}
     settings = method.settings_on(scene.groups, _rule(scene, method, named, tol) | _begin(scene, method, tol))
-    runs = Runs(scene, method, how, known)
+    runs = Runs(scene, method, how, view)
     short, space = _short(runs.view, end), method.resolution
     ratio, before = 1.0, math.inf  # last refinement of space, and the part before
     while True:
@@ -172,6 +175,22 @@ def climb(
         "(cablefem advise)",
         ladder,
     )
+
+
+def refined_until(
+    scene: Scene, ladder: Ladder, left: Callable[[Ladder], tuple[float, float]], *, budget: float = BUDGET, **kind: Any
+) -> Ladder:
+    """Return a ladder refined until other bars are met, too, or it costs too much.
+
+    left : parts of space and time over what is asked; first order is credited.
+    """
+    method = find(ladder.run.method)
+    while sum(parts := left(ladder)) > 1.0:
+        finer = cheapest(method, ladder.run.settings, parts, AIM, 1.0)
+        if finer == ladder.run.settings or dear(method, ladder, finer, budget):
+            break
+        ladder = laddered(scene, method, known=ladder.runs, **{**kind, **finer})
+    return ladder
 
 
 def path_parts(ladder: Ladder, view: View) -> tuple[float, float]:

@@ -1,92 +1,113 @@
-"""The least model that is enough: a ladder from a taut string under a force to the full cable.
+"""The least model that is enough for each need, and the cheapest run of it.
 
-Path: largest |v - v_full| over s_o/l = 0.02 to 0.80 (or to the slack onset), relative to the largest deflection.
-Tension: rms of T - T_full over cable and time, off the mass, over H.
-The advised model meets both; the least model for the path is reported, too.
+A ladder of models is held against the full dynamics.  A car that grips: from a taut string under a force to the full
+cable.  A rider: the ride on the chord, on the empty cable, on the loaded cable (quasi-static).  A hauled car: the cable
+at rest under it, and the full dynamics of a car that grips.
+
+path : largest distance in v, over the largest v.
+tension : rms over cable and time, off the mass, over H.
+timetable : largest distance in place over the length, in speed over its largest, and in duration.
+haul force : largest distance of means over an axial round trip, over the largest force.
 """
 
 import math
-from dataclasses import dataclass, field
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.ndimage import uniform_filter1d
 
 from cablefem.response import Response, write_json
-from cablefem.scene import Scene
-from validation.commands.advise import rolling
-from validation.commands.advise.rolling import EDGE, ORDER, REFERENCE, SHARE, finite
-from validation.core import measures, store
+from cablefem.scene import LoadPath, Scene
+from cablefem.scene.ride import ride
+from validation.core import store
+from validation.core.climb import BUDGET, TooCoarse, climb, refined_until
+from validation.core.ladder import Ladder
+from validation.core.measures import JUMP_WIDTH, NotComparable, series_gap, tension_gap
 from validation.core.methods import METHODS, find
-from validation.core.order import left
+from validation.core.quasi_static import Statics, quasi_static
 from validation.core.running import run
 from validation.core.sidebyside import Progress, silent
+from validation.core.view import View
 
-# cheap to full
+REFERENCE = "following-p2"
+SHARE = 0.25  # of the tolerance: for the full run's error
+PLACE = np.linspace(0.0, 1.0, 101)  # s_o/l of drawn paths
+# of cable and load, cheap to full
 LADDER = (
     ("string", "force"), ("string", "mass"), ("sagged", "force"), ("sagged", "mass"), ("stretching", "force"),
     ("stretching", "mass"), ("full", "mass"),
 )  # fmt: skip
-FULL = store.shipped(__package__, "ladders.toml")["gripped"]["full"]
-FAR = 3.0  # times the tolerance: models further off are not refined
+TOLD = {
+    "chord": "the straight chord", "empty cable": "the empty cable's shape", "full + mass": "the full dynamics",
+    "quasi-static": "the quasi-static ride on the loaded cable", "statics": "the cable at rest under the car",
+    "grip": "the dynamics of a car that grips the cable",
+}  # fmt: skip
 
-Window = tuple[float, float]
+Gap = Callable[[Response, Response, View], float]
 
 
-@dataclass(slots=True)
+def _path(a: Response, b: Response, view: View) -> float:
+    return series_gap(a, b, view.window, lambda r: r.v, largest=True) / float(np.abs(b.v).max())
+
+
+def _timetable(a: Response, b: Response, view: View) -> float:
+    place = series_gap(a, b, view.window, lambda r: r.s_o, largest=True) / b.length
+    return max(place, series_gap(a, b, view.window, lambda r: r.speed, largest=True) / float(b.speed.max()))
+
+
+def _haul_force(a: Response, b: Response, view: View) -> float:
+    gap = series_gap(a, b, view.window, lambda r: r.F_haul, view.axial, largest=True)
+    return gap / float(np.nanmax(np.abs(b.F_haul)))
+
+
+# need -> distance of two runs, and the most order credited: tensions have unresolved waves
+NEEDS: dict[str, tuple[Gap, float]] = {
+    "timetable": (_timetable, math.inf), "path": (_path, math.inf),
+    "tension": (lambda a, b, view: tension_gap(a, b, view.window), 1.0), "haul force": (_haul_force, 1.0),
+}  # fmt: skip
+OF = {"grip": ("path", "tension"), "free": ("timetable", "path", "tension"), "haul": ("path", "tension", "haul force")}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Rung:
-    """A model, its run and its distance to the full one."""
+    """A model, its distances to the full one, and its run where it has one."""
 
     model: str
     load: str
-    run: Response
-    path: float = math.inf  # largest |v - v_full|, relative to the largest deflection
-    tension: float = math.inf  # rms, relative to H
-
-    def within(self, tol: float, *, tension: bool) -> bool:
-        return self.path <= tol and (not tension or self.tension <= tol)
-
-    def certain(self, tol: float, bars: tuple[float, float]) -> bool:
-        """Whether an exact full run would decide alike."""
-        if self.path > tol + bars[0]:
-            return True
-        # unresolved waves add as squares
-        least = math.sqrt(max(0.0, self.tension**2 - bars[1] ** 2))
-        return self.path <= tol - bars[0] and (least > tol or self.tension <= tol)
-
-
-@dataclass(slots=True)
-class Climb:
-    """The ladder as far as it was climbed."""
-
-    scene: Scene
-    tol: float
-    full: list[Response] = field(default_factory=list)  # coarse to fine
-    rungs: list[Rung] = field(default_factory=list)  # cheap to rich, without the full one
-    window: Window = measures.WINDOW
-    bars: tuple[float, float] = (math.inf, math.inf)  # of the finest full run: path, tension
-    seconds: float = 0.0  # of all runs
+    seconds: float
+    gaps: dict[str, float]  # by need; inf where it says nothing
+    run: Response | None = None
 
     @property
-    def finest(self) -> Response:
-        return self.full[-1]
+    def name(self) -> str:
+        return f"{self.model} + {self.load}" if (self.model, self.load) in LADDER else self.model
 
-    def least(self, *, tension: bool) -> int:
-        """Index in LADDER of the cheapest rung within the tolerance, or of the full one."""
-        within = (i for i, rung in enumerate(self.rungs) if rung.within(self.tol, tension=tension))
-        return next(within, len(LADDER) - 1)
+    def within(self, tol: float) -> bool:
+        return all(gap <= tol for gap in self.gaps.values())
 
-    def made(self, method: Any, **how: Any) -> Response:
-        r = run(self.scene, method, until=measures.WINDOW[1], **how)
-        self.seconds += r.seconds
-        return r
+    def line(self, tol: float) -> dict[str, Any]:
+        """Return the rung for advice.json."""
+        r, gaps = self.run, {need: _finite(gap) for need, gap in self.gaps.items()}
+        out = {
+            "name": self.name, "model": self.model, "load": self.load, "seconds": self.seconds,
+            "path_error": gaps["path"], "tension_error": gaps["tension"], "gaps": gaps, "meets": self.within(tol),
+            "method": r.method if r else None, "settings": find(r.method).told(r.settings) if r else {},
+        }  # fmt: skip
+        if r is None or r.drive == "free":
+            return out
+        v = np.interp(PLACE, r.s_o / r.length, r.v, right=math.nan)
+        return out | {"v": [_finite(float(f"{x:.6g}")) for x in v]}
 
 
 def advise(scene: Scene, tol: float, out: Path, report: Progress = silent) -> dict[str, Any]:
     """Find the least model of a scene and its cheapest run, and write advice.json.
 
-    tol : of path and tension. An existing advice for the same is kept.
+    tol : of all that is needed. An existing advice for the same is kept.
     """
     if not (math.isfinite(tol) and 0.0 < tol < 1.0):
         raise ValueError(f"tol must lie in (0, 1), got {tol!r}")
@@ -100,203 +121,181 @@ def advise(scene: Scene, tol: float, out: Path, report: Progress = silent) -> di
 
 def advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any]:
     """Return the content of advice.json."""
-    if scene.drive.mode != "grip":
-        return rolling.advice(scene, tol, report)
-    for model in ("full", "string"):  # compile first
-        run(scene, REFERENCE, model=model, elements=2, steps=8, until=0.3)
-    climbed = climb(scene, tol, report)
-    both, path = (climbed.least(tension=t) for t in (True, False))
-    entries = race(climbed, both, report)
-    good = [entry for entry in entries if entry["meets"]]
-    best = min(good, key=lambda entry: entry["seconds"]) if good else entries[0]
-    finest = climbed.finest
+    rungs, full, view = _rungs(scene, tol, report)
+    least = {need: next((r for r in rungs if r.gaps[need] <= tol), rungs[-1]) for need in OF[full.drive]}
+    best = max(least.values(), key=rungs.index)
+    entries = [best, *(_raced(scene, best, full, view, tol, report) if full.drive == "grip" else ())]
+    cheapest = min((r for r in entries if r.within(tol)), key=lambda r: r.seconds, default=best)
     return {
-        "scene": scene.name, "scene_toml": scene.to_toml(), "tol": tol, **best,
-        "for_path": _entry(climbed, finest if path == len(climbed.rungs) else climbed.rungs[path].run, tension=False),
-        "words": words(climbed) + ([] if best["meets"] else [_short(climbed)]),
-        "range": list(climbed.window), "slack_onset": finest.slack_onset,
-        "full": {
-            "method": REFERENCE, "settings": finest.settings, "path_bar": finite(climbed.bars[0]),
-            "tension_bar": finite(climbed.bars[1]), "seconds": finest.seconds, "runs": len(climbed.full),
-        },
-        "cost_in_full_runs": climbed.seconds / finest.seconds,
-        "candidates": entries, "rungs": _rungs(climbed), "place": _PLACE.tolist(),
+        "scene": scene.name, "scene_toml": scene.to_toml(), "tol": tol, "drive": full.drive,
+        **cheapest.line(tol), "least": {need: r.name for need, r in least.items()},
+        "words": list(_words(tol, rungs, least, full)), "range": list(view.window), "slack_onset": full.slack_onset,
+        "full": rungs[-1].line(tol), "candidates": [r.line(tol) for r in entries],
+        "rungs": [r.line(tol) for r in rungs], "place": PLACE.tolist(),
     }  # fmt: skip
 
 
-_PLACE = np.linspace(0.0, measures.WINDOW[1], 81)
+def _finite(x: float) -> float | None:
+    return x if math.isfinite(x) else None
 
 
-# --- climbing -------------------------------------------------------------------------------------------------------
+# --- the full model ---------------------------------------------------------------------------------------------------
 
 
-def climb(scene: Scene, tol: float, report: Progress) -> Climb:
-    """Run the ladder; refine the full model where its own error decides."""
-    found = Climb(scene, tol)
-    levels = FULL if tol < 1e-3 else FULL[:-1]
-    for level, (elements, steps) in enumerate(levels):
-        report("full model", level / len(levels))
-        found.full.append(found.made(REFERENCE, elements=elements, steps=steps))
-        if level == 0 or not _measure_full(found):
-            continue
-        _climb_cheaper(found, level - 1, report)
-        least = found.least(tension=True)
-        certain = all(rung.certain(tol, found.bars) for rung in found.rungs[: least + 1])
-        if found.bars[0] <= SHARE * tol and certain and (least < len(LADDER) - 1 or found.bars[1] <= tol):
-            break
-    report("full model", 1.0)
-    report("cheaper models", 1.0)
-    return found
+def _rungs(scene: Scene, tol: float, report: Progress) -> tuple[list[Rung], Response, View]:
+    """Return all rungs, the full run, and the range over which they are compared."""
+    view = View.of(scene)
+    if scene.drive.mode == "grip":
+        for model in ("full", "string"):  # compile first
+            run(scene, REFERENCE, model=model, elements=2, steps=8, until=0.3)
+    ladder = _full(scene, view, tol, report)
+    full, bars = ladder.run, {need: sum(_parts(view, ladder, need)) for need in OF[scene.drive.mode]}
+    rungs = [Rung("full", "mass", full.seconds, bars, full)]
+    if all(map(math.isfinite, bars.values())):
+        view = view.cut(full)
+        rungs = [*_lesser(scene, full, view, report), *rungs]
+    return rungs, full, view
 
 
-def _measure_full(found: Climb) -> bool:
-    """Set window and bars from the two finest full runs; False without enough overlap."""
-    coarse, fine = found.full[-2:]
+def _full(scene: Scene, view: View, tol: float, report: Progress) -> Ladder:
+    """Return the ladder of the full model, as fine as the tolerance needs and a part of the budget allows."""
+    told, how = partial(report, "full model"), {"until": view.stop}
+    budget = SHARE * BUDGET
     try:
-        found.window = measures.window_of(coarse, fine)
-        if found.window[1] < found.window[0] + EDGE:
-            return False
-        path, tension = deflection_gap(coarse, fine, found.window), measures.tension_gap(coarse, fine, found.window)
-    except measures.NotComparable:
-        return False
-    before = distance(found.full[-3], coarse, found.window) if len(found.full) > 2 else (0.0, 0.0)
-    found.bars = (
-        left(path, before[0], (2.0, 2.0), ORDER),
-        left(tension, before[1], (2.0, 2.0), 1.0),  # unresolved axial waves
-    )
-    return True
+        ladder = climb(scene, REFERENCE, SHARE * tol, budget=budget, progress=told, **how)
+    except TooCoarse as error:
+        return error.ladder
+
+    def left(ladder: Ladder) -> tuple[float, float]:
+        parts = (_parts(view, ladder, need) for need in OF[scene.drive.mode])
+        space, time = max(parts, key=sum)
+        return space / (SHARE * tol), time / (SHARE * tol)
+
+    return refined_until(scene, ladder, left, budget=budget, **how)
 
 
-def _climb_cheaper(found: Climb, level: int, report: Progress) -> None:
-    """Run the rungs below coarsely, and finer near the tolerance; measure all."""
+def _parts(view: View, ladder: Ladder, need: str) -> tuple[float, float]:
+    """Return the parts of space and time in the bar of a need."""
+    gap, order = NEEDS[need]
+    try:
+        view = view.cut(ladder.run)
+        return ladder.over(view).parts(lambda r: r, lambda a, b: gap(b, a, view), order)
+    except NotComparable:
+        return math.inf, math.inf
+
+
+# --- lesser models ----------------------------------------------------------------------------------------------------
+
+
+def _lesser(scene: Scene, full: Response, view: View, report: Progress) -> Iterator[Rung]:
+    """Give the rungs below the full one, cheap to rich."""
+    if scene.drive.mode == "free":
+        yield from _rolled(scene, full)
+        return
+    if scene.drive.mode == "haul":
+        yield _at_rest(scene, full, view)
+        gripped = run(scene.variant(drive={"mode": "grip"}), REFERENCE, until=view.stop, **full.settings)
+        yield Rung("grip", "mass", gripped.seconds, distances(gripped, full, view), gripped)
+        return
     for i, (model, load) in enumerate(LADDER[:-1]):
-        report("cheaper models", i / (len(LADDER) - 1))
-        for elements, steps in (FULL[0], FULL[level]):
-            if i == len(found.rungs):
-                r = found.made(REFERENCE, model=model, load=load, elements=elements, steps=steps)
-                found.rungs.append(Rung(model, load, r))
-            rung = found.rungs[i]
-            rung.path, rung.tension = distance(rung.run, found.finest, found.window)
-            far = rung.path > FAR * found.tol or (rung.path < found.tol / FAR and rung.tension > FAR * found.tol)
-            if far or rung.run.settings["elements"] >= FULL[level][0]:
-                break
-            rung.run = found.made(REFERENCE, model=model, load=load, elements=FULL[level][0], steps=FULL[level][1])
+        report("cheaper models", (i + 1) / (len(LADDER) - 1))
+        r = run(scene, REFERENCE, model=model, load=load, until=view.stop, **full.settings)
+        yield Rung(model, load, r.seconds, distances(r, full, view), r)
 
 
-def distance(r: Response, full: Response, window: Window) -> tuple[float, float]:
-    """Path and tension gap to the full run; infinite outside its window."""
-    try:
-        if r.reached >= window[1]:
-            return deflection_gap(r, full, window), measures.tension_gap(r, full, window)
-    except measures.NotComparable:
-        pass
-    return math.inf, math.inf
+def distances(r: Response, full: Response, view: View) -> dict[str, float]:
+    """Return the distances to the full run by need; infinite where a run says nothing, or ends before the range."""
+    out = {}
+    for need in OF[full.drive]:
+        try:
+            out[need] = NEEDS[need][0](r, full, view) if view.covers(r) else math.inf
+        except NotComparable:
+            out[need] = math.inf
+    return out
 
 
-def deflection_gap(a: Response, b: Response, window: Window) -> float:
-    """Largest |v_a - v_b| over the window, relative to the largest |v_b|."""
-    coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
-    inside = measures.inside(coarse, window)
-    if np.count_nonzero(inside) < 5:
-        raise measures.NotComparable(f"fewer than 5 steps in the window {window}")
-    size = np.abs(b.v[b.s_o <= window[1] * b.length]).max()
-    return float(np.abs(coarse.v - CubicSpline(fine.t, fine.v)(coarse.t))[inside].max() / size)
+def _rolled(scene: Scene, full: Response) -> Iterator[Rung]:
+    """Give the rides on a curve without dynamics; the loaded cable tells path and tension, too."""
+    g, l, tau = scene.groups, scene.length, scene.time_scale
+    for model, kind in (("chord", LoadPath.chord), ("empty cable", LoadPath.empty), ("quasi-static", LoadPath.loaded)):
+        begin = time.perf_counter()
+        rolled = ride(kind(g), g.mu, g.sigma, g.drive)
+        seconds = time.perf_counter() - begin
+        gaps = dict.fromkeys(OF["free"], math.inf) | (_static_gaps(scene, full) if model == "quasi-static" else {})
+        if rolled.sections:
+            t = full.t[full.t <= rolled.duration * tau] / tau
+            place = np.abs(rolled.at(t)[0] - full.s_o[: t.size] / l).max()
+            speed = np.abs(rolled.speed(t) * l / tau - full.speed[: t.size]).max() / full.speed.max()
+            gaps["timetable"] = float(max(place, speed, abs(rolled.duration * tau / full.t[-1] - 1.0)))
+        yield Rung(model, "mass", seconds, gaps)
+
+
+def _at_rest(scene: Scene, full: Response, view: View) -> Rung:
+    begin = time.perf_counter()
+    r = quasi_static(scene)
+    seconds = time.perf_counter() - begin
+    step = (full.t[-1] - full.t[0]) / (full.t.size - 1)
+    mean = uniform_filter1d(full.F_haul, max(1, round(view.axial / step)), mode="nearest")
+    force = np.nanmax(np.abs(mean - np.interp(full.s_o, r.s_o, r.F_haul))) / np.nanmax(np.abs(full.F_haul))
+    return Rung("statics", "mass", seconds, _static_gaps(scene, full) | {"haul force": float(force)})
+
+
+def _static_gaps(scene: Scene, full: Response) -> dict[str, float]:
+    """Distance of the cable at rest from the full run, at equal places."""
+    l, H, g, f = scene.length, scene.horizontal_tension, scene.groups, full.fields
+    at = Statics(g)
+    here = at(full.s_o / l)
+    v = l * (here.place[:, 1] - g.shape(here.s)[1])
+    s, s_o = f.s / l, f.s_o / l
+    off = np.abs(s - s_o[:, None]) > JUMP_WIDTH
+    tension = at.tension(s, s_o) - f.T / H
+    return {
+        "path": float(np.abs(v - full.v).max() / np.abs(full.v).max()),
+        "tension": float(np.sqrt(np.mean(tension[off] ** 2))),
+    }
 
 
 # --- the cheapest run of a model --------------------------------------------------------------------------------------
 
 
-def race(found: Climb, index: int, report: Progress) -> list[dict[str, Any]]:
-    """Runs of a rung by all candidates; the climb's finest run comes first.
-
-    Each is refined until within the tolerance or dearer than one that is.
-    """
-    model, load = LADDER[index]
-    made = found.full[::-1] if index == len(LADDER) - 1 else [found.rungs[index].run]
-    entries = [_entry(found, r) for r in made]
-    candidates = [method for method in METHODS.values() if method.races]
+def _raced(scene: Scene, best: Rung, full: Response, view: View, tol: float, report: Progress) -> Iterator[Rung]:
+    """Give runs of a model by all candidates, each refined until within the tolerance or dearer than one that is."""
+    candidates, cheapest = [method for method in METHODS.values() if method.races], full.seconds
     for i, method in enumerate(candidates):
-        report("methods", i / len(candidates))
+        report("methods", (i + 1) / len(candidates))
         for resolution, steps in method.races:
-            cheapest = min((e["seconds"] for e in entries if e["meets"]), default=math.inf)
             settings: dict[str, Any] = {method.resolution.setting: resolution, "steps": steps}
-            entries.append(_entry(found, found.made(method, model=model, load=load, **settings)))
-            # the next costs about twice
-            if entries[-1]["meets"] or 2.0 * entries[-1]["seconds"] > min(cheapest, found.finest.seconds):
+            r = run(scene, method, model=best.model, load=best.load, until=view.stop, **settings)
+            yield (entry := Rung(best.model, best.load, r.seconds, distances(r, full, view), r))
+            cheapest = min(cheapest, r.seconds) if entry.within(tol) else cheapest
+            if entry.within(tol) or 2.0 * r.seconds > cheapest:  # the next costs about twice
                 break
-    report("methods", 1.0)
-    return entries
-
-
-def _entry(found: Climb, r: Response, *, tension: bool = True) -> dict[str, Any]:
-    """A run's errors against the finest full run."""
-    path, rms = found.bars if r is found.finest else distance(r, found.finest, found.window)
-    meets = path <= found.tol and (not tension or rms <= found.tol)
-    return {
-        "model": r.model, "load": r.load, "method": r.method, "settings": find(r.method).told(r.settings),
-        "path_error": finite(path), "tension_error": finite(rms), "seconds": r.seconds, "meets": bool(meets),
-    }  # fmt: skip
-
-
-def _rungs(found: Climb) -> list[dict[str, Any]]:
-    """All rungs with distances to the full one; its own is its next coarser run's."""
-    lines = [
-        _line(rung.run, rung.path, rung.tension) | {
-            "within_path": rung.within(found.tol, tension=False), "within": rung.within(found.tol, tension=True),
-            "certain": rung.certain(found.tol, found.bars),
-        }
-        for rung in found.rungs
-    ]  # fmt: skip
-    coarser = len(found.full) > 1 and found.full[-2].reached >= found.window[1]
-    full = found.full[-2] if coarser else found.finest
-    errors = distance(full, found.finest, found.window) if coarser else found.bars
-    told = {"within_path": True, "within": True, "certain": math.isfinite(found.bars[0])}
-    return [*lines, _line(full, *errors) | told]
-
-
-def _line(r: Response, path: float, tension: float) -> dict[str, Any]:
-    reached = _PLACE[r.reached * (1.0 + 1e-9) >= _PLACE] if r.t.size > 3 else _PLACE[:1]
-    v = CubicSpline(r.s_o, r.v)(reached * r.length) if r.t.size > 3 else np.zeros(1)
-    return {
-        "model": r.model, "load": r.load, "method": r.method, "settings": find(r.method).told(r.settings),
-        "path_error": finite(path), "tension_error": finite(tension), "seconds": r.seconds,
-        "status": r.status, "reason": r.reason, "newton_iterations": r.work["newton_iterations"], "n_dof": r.n_dof,
-        "v": [float(f"{x:.6g}") for x in v],
-    }  # fmt: skip
 
 
 # --- words ------------------------------------------------------------------------------------------------------------
 
 
-def words(found: Climb) -> list[str]:
-    """A sentence on each model's error, and its validity."""
-    onset = found.finest.slack_onset
-    if not math.isfinite(found.bars[0]):
+def _words(tol: float, rungs: list[Rung], least: dict[str, Rung], full: Response) -> Iterator[str]:
+    """Give a sentence for each need, with the distances of lesser models, and the limits of what is said."""
+    if len(rungs) == 1:
+        onset = full.slack_onset
         why = "the full runs do not agree" if onset is None else f"the cable goes slack at s_o/l = {onset:.3f}"
-        return [f"Only the full model can be advised: {why}, and there is nothing to compare before."]
-    said = [_sentence(rung) for rung in found.rungs]
-    if onset is not None and found.window[1] < measures.WINDOW[1]:
-        said.append(f"All this holds until the cable goes slack at s_o/l = {found.window[1]:.3f}.")
-    unsure = [f"{r.model} + {r.load}" for r in found.rungs if not r.certain(found.tol, found.bars)]
-    if unsure:
-        said.append(f"Too close to the tolerance to be certain: {', '.join(unsure)}.")
-    return said
+        yield f"Only the full model can be advised: {why}, and there is nothing to compare before."
+        return
+    for need, rung in least.items():
+        off = [f"{_told(r)} {100.0 * r.gaps[need]:.2g} percent" for r in rungs[:-1] if math.isfinite(r.gaps[need])]
+        bar = rungs[-1].gaps[need]
+        unsure = ": none is sure to be within it" if bar > tol else ""
+        yield (
+            f"The {need} needs {_told(rung)}{unsure}. Off by: {', '.join(off) or 'no lesser model says it'}; the error "
+            f"bar of the full dynamics is {100.0 * bar:.2g} percent."
+        )
+        close = [_told(r) for r in rungs[:-1] if abs(r.gaps[need] - tol) <= bar]
+        if close:
+            yield f"Too close to the tolerance of the {need} to be certain: {', '.join(close)}."
+    if full.slack_onset is not None:
+        yield f"All this holds until the cable goes slack at s_o/l = {full.slack_onset:.3f}."
 
 
-def _sentence(rung: Rung) -> str:
-    name = f"{rung.model} + {rung.load}"
-    if not math.isfinite(rung.path):
-        return f"{name} breaks at s_o/l = {rung.run.reached:.2f} ({rung.run.cause})."
-    return f"{name} is off by {_share(rung.path)} in the path and by {_share(rung.tension, 'H')} in the tension."
-
-
-def _short(found: Climb) -> str:
-    path, tension = found.bars
-    return (
-        "No run made here is sure to meet the tolerance: the finest one knows the path to within "
-        f"{_share(path)} and the tension to within {_share(tension, 'H')}."
-    )
-
-
-def _share(x: float, of: str = "the deflection") -> str:
-    return f"{100.0 * x:.2g} percent of {of}" if x < 0.995 else f"{x:.2g} times {of}"
+def _told(rung: Rung) -> str:
+    return TOLD.get(rung.name, rung.name)

@@ -1,4 +1,3 @@
-from validation.page import terminal
 from validation.page.options import Out, SceneName, scene_named, study
 
 EXAMPLE = "cablefem certify level"
@@ -17,7 +16,5 @@ def command(scene: SceneName, out: Out = None) -> int:
     from validation.page import telling
 
     made = study("certify", loaded, ["certificate.csv", "certify.json"], out, certificates.certify, loaded)
-    columns = ["way", "resolution", "steps", "space", "time", "to 1e-4", "1e-5", "1e-6", "ends"]
-    terminal.table(columns, certificates.shown(made), right=columns[1:-1])
     telling.rows(made.rows)
     return 0 if made.verdict == "agree" else 1

@@ -7,9 +7,8 @@ from typing import Any
 
 from cablefem.response import Response
 from cablefem.scene import Scene
-from validation.core.climb import AIM, BUDGET, TooCoarse, cheapest, climb, dear, laddered
+from validation.core.climb import TooCoarse, climb, laddered, refined_until
 from validation.core.design import design, numbers
-from validation.core.ladder import Ladder
 from validation.core.methods import Method, find
 from validation.core.quasi_static import quasi_static
 from validation.core.rows import forces_left, with_bars
@@ -35,7 +34,10 @@ def answer(
     missed = ""
     if tol is not None:
         try:
-            ladder = _to_forces(scene, method, climb(scene, method, tol, **kind, progress=progress), tol, kind)
+            ladder = climb(scene, method, tol, **kind, progress=progress)
+            ladder = refined_until(
+                scene, ladder, lambda x: forces_left(scene, x, tol), **kind
+            )  # mean forces, as in `check`
         except TooCoarse as error:
             ladder, missed = error.ladder, str(error)
     elif bars:
@@ -45,16 +47,6 @@ def answer(
         return Answer(replace(response, design=design(response)))
     told = [number.row() for number in numbers(ladder)]
     return Answer(replace(ladder.run, design=told, events=with_bars(ladder)), missed)
-
-
-def _to_forces(scene: Scene, method: Method, ladder: Ladder, tol: float, kind: dict[str, Any]) -> Ladder:
-    """Refine until mean forces meet what `check` asks of them, or cost too much."""
-    while sum(parts := forces_left(scene, ladder, tol)) > 1.0:
-        finer = cheapest(method, ladder.run.settings, parts, AIM, 1.0)
-        if finer == ladder.run.settings or dear(method, ladder, finer, BUDGET):
-            break
-        ladder = laddered(scene, method, known=ladder.runs, **{**kind, **finer})
-    return ladder
 
 
 def run_with_bars(
