@@ -207,6 +207,15 @@ def test_a_check_tells_why_a_run_broke_and_beside_it_which_rows_do_not_agree(tmp
     assert "tension" not in outcome
 
 
+def test_the_page_of_planted_faults_counts_verdicts_by_fault(tmp_path, monkeypatch):
+    monkeypatch.setattr(job, "_checked", lambda *given: {"status": "complete", "verdict": "disagree"})
+    study = Study.load("power")
+    engine.write(tmp_path, study, [job.row(study, i, study.point(i)) for i in (0, 60)])
+    (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")
+    assert set(engine.frame(tmp_path)["fault"]) == {"none", "mass.mass +1 %"}
+    assert "mass.mass +1 %" in sections(tmp_path)[0].html
+
+
 def test_a_method_that_cannot_roll_is_a_row():
     study = Study.of({"scene": "zipline", "method": "fixed-hermite", "vary": {"mass.mass": [80.0]}})
     row = job.row(study, 0, study.point(0))
