@@ -384,4 +384,4 @@ def test_the_command_line_lists_studies_and_prints_scenes(capsys, tmp_path):
     assert "Did you mean throughput?" in capsys.readouterr().err
     (tmp_path / "mine.txt").touch()
     assert cli.main(["sweep", "throughput", "--out", str(tmp_path)]) == 2
-    assert "holds no sweep" in capsys.readouterr().err
+    assert "holds mine.txt" in capsys.readouterr().err

@@ -159,10 +159,9 @@ def _rungs(scene: Scene, tol: float, report: Progress) -> tuple[list[Rung], Resp
 
 def _full(scene: Scene, view: View, tol: float, report: Progress) -> Ladder:
     """Return the ladder of the full model, as fine as the tolerance needs and a part of the budget allows."""
-    told, how = partial(report, "full model"), {"until": view.stop}
-    budget = SHARE * BUDGET
+    told, budget = partial(report, "full model"), SHARE * BUDGET
     try:
-        ladder = climb(scene, REFERENCE, SHARE * tol, budget=budget, progress=told, **how)
+        ladder = climb(scene, REFERENCE, SHARE * tol, budget=budget, progress=told, until=view.stop)
     except TooCoarse as error:
         return error.ladder
 
@@ -171,7 +170,7 @@ def _full(scene: Scene, view: View, tol: float, report: Progress) -> Ladder:
         space, time = max(parts, key=sum)
         return space / (SHARE * tol), time / (SHARE * tol)
 
-    return refined_until(scene, ladder, left, budget=budget, **how)
+    return refined_until(scene, ladder, left, budget=budget, until=view.stop)
 
 
 def _parts(view: View, ladder: Ladder, need: str) -> tuple[float, float]:

@@ -40,7 +40,7 @@ AIM = 0.4  # of the tolerance: bars of two ways
 NEARBY = 5  # places on either side whose gaps count: a gap may cross zero
 PLACES = np.arange(101) / 100.0  # s_o/l
 WAYS = (  # method, scheme, and times BUDGET that may be spent: minutes
-    ("following-p4", "radau", 4.0), ("following-p2", "gauss", 4.0), ("fourier-kink", "trapezoidal", 0.5),
+    ("following-p4", "radau", 16.0), ("following-p2", "gauss", 16.0), ("fourier-kink", "trapezoidal", 2.0),
 )  # fmt: skip
 
 
@@ -87,7 +87,8 @@ class Found:
         space, time = (np.broadcast_to(x, (2, 101)) for x in ladder.parts(Track.of, lambda a, b: nearby(a.gap(b))))
         found = cls(f"{r.method} {r.settings['scheme']}", told, track, space + time, (0.0, 0.0))
         near = SLACK_END * found.reaches >= PLACES
-        return replace(found, parts=tuple(float(np.max(x[0, near]) / found.scale) for x in (space, time)))
+        in_space, in_time = (float(np.max(x[0, near]) / found.scale) for x in (space, time))
+        return replace(found, parts=(in_space, in_time))
 
     @property
     def scale(self) -> float:

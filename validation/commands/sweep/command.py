@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from validation.core import store
-from validation.page import terminal
+from validation.page import options, terminal
 
 if TYPE_CHECKING:
     from validation.commands.sweep.study import Study
+    from validation.core.sidebyside import Progress
 
 EXAMPLE = "cablefem sweep throughput --workers 2"
 
@@ -30,9 +30,7 @@ def command(
         int | None, typer.Option(min=0, metavar="I", help="Print scene I as TOML and what was run on it; run nothing.")
     ] = None,
     csv: Annotated[bool, typer.Option("--csv", help="Write rows.csv as well.")] = False,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help=f"Folder for the results. Default: {store.ROOT}/STUDY.")
-    ] = None,
+    out: Annotated[Path | None, options.to("STUDY")] = None,
 ) -> int:
     """Run a study of many scenes; given again it goes on where it stopped.
 
@@ -51,24 +49,20 @@ def command(
         return 0
 
     from validation.commands.sweep import engine
-    from validation.commands.sweep.page import sections
-    from validation.page import page
 
-    folder = store.ROOT / asked.name if out is None else out
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / "rows").is_dir():
-        raise store.Refused(f"{folder} is not empty and holds no sweep; nothing was written; choose another with --out")
-    with terminal.progress() as progress:
-
+    def swept(folder: Path, progress: Progress) -> tuple[engine.Tally, Any]:
         def told(tally: engine.Tally) -> None:
             progress("sweep", tally.done / tally.total, str(tally))
 
         tally = engine.sweep(asked, folder, workers=workers, scheduler=scheduler, progress=told)
-    rows = engine.frame(folder)
-    if csv:
-        rows.to_csv(folder / "rows.csv")
-    page.render(f"cablefem sweep: {asked.title or asked.name}", sections(folder), folder / "report.html")
+        rows = engine.frame(folder)
+        if csv:
+            rows.to_csv(folder / "rows.csv")
+        return tally, rows
+
+    writes = [*engine.WRITES, *(["rows.csv"] if csv else [])]
+    tally, rows = options.study("sweep", asked.name, writes, out, swept)
     terminal.say(f"{tally.status.total()} scenes in this call, {tally.rate:.3g} per second")
-    terminal.say(f"written to {folder}: rows/, study.toml, report.html")
     return _outcome(rows)
 
 

@@ -17,10 +17,12 @@ import numpy as np
 from cablefem.response import whole, write_text
 from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
+from validation.core import store
 from validation.core.store import Refused
 
 CHUNK = 1.0  # [s] of work in a chunk: the way to a worker and back, and a file, cost about 10 ms
 LARGEST = 2000  # scenes in a chunk, however fast they are
+WRITES = ("rows", "study.toml")
 
 Row = dict[str, Any]
 Work = Callable[[Study, list[tuple[int, dict[str, Any]]]], list[Row]]
@@ -61,7 +63,7 @@ def sweep(
     sweep("riders.toml", Path("riders"))
     """
     report = progress or (lambda tally: None)
-    with _alone(out):
+    with _alone(store.claim(out, "sweep", study.name, WRITES)):
         _same_study(study, out)
         known = done(out)
         todo = deque(i for i in range(len(study)) if i not in known)
@@ -161,7 +163,6 @@ def done(out: Path) -> set[int]:
 @contextmanager
 def _alone(out: Path) -> Iterator[None]:
     """Keep a second call out of the folder while this one writes."""
-    out.mkdir(parents=True, exist_ok=True)
     with (out / ".lock").open("w") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

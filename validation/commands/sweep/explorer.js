@@ -4,7 +4,7 @@
   const data = JSON.parse(document.getElementById("sweep-data").textContent);
   const canvas = document.getElementById("sweep-lines"), pen = canvas.getContext("2d");
   const top = 46, bottom = 318, gap = 92, left = 50;
-  const axes = data.columns.filter(c => c.values.some(x => typeof x === "number" ? true : x !== null));
+  const axes = data.columns;
   canvas.width = Math.max(640, left + gap * axes.length);
   for (const axis of axes) {
     const known = axis.values.filter(x => x !== null);
