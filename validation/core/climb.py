@@ -158,9 +158,11 @@ def climb(
             break
         stuck = ratio > 1.0 and not parts[0] < before / ratio**LEAST_ORDER  # steps too long for a finer mesh
         more = settings | {"steps": min(2 * settings["steps"], max(settings["steps"], MOST_STEPS))}
-        finer = more if stuck else cheapest(method, settings, parts, AIM * tol)
-        if finer == settings or dear(method, ladder, finer, budget):
+        strides = [cheapest(method, settings, parts, AIM * tol, most=most) for most in (STRIDE, 0.5 * STRIDE)]
+        wanted = [x for x in ([more] if stuck else strides) if x != settings and not dear(method, ladder, x, budget)]
+        if not wanted:
             break
+        finer = wanted[0]
         ratio, before = space.ratio(method.value(settings), method.value(finer)), parts[0]
         settings = finer
     ladder = annotated(runs.finished(ladder, end, past), runs.view)
@@ -205,9 +207,10 @@ def path_parts(ladder: Ladder, view: View) -> tuple[float, float]:
 
 
 def cheapest(
-    method: Method, settings: dict[str, Any], parts: tuple[float, float], target: float, order: float = math.inf
+    method: Method, settings: dict[str, Any], parts: tuple[float, float], target: float, order: float = math.inf,
+    most: float = STRIDE,
 ) -> dict[str, Any]:  # fmt: skip
-    """Return the cheapest settings predicted to leave at most `target`, at most one stride away.
+    """Return the cheapest settings predicted to leave at most `target`, refined `most` times at most.
 
     Where a part is infinite, steps double, and resolution if it is of space.  order : the most credited.
     """
@@ -221,7 +224,7 @@ def cheapest(
         meets = left_over <= target
         best = np.where(meets, costs, math.inf) if meets.any() else left_over
         i, k = np.unravel_index(best.argmin(), best.shape)
-        a, b = (min(float(STRIDES[j]), STRIDE) for j in (i, k))
+        a, b = (min(float(STRIDES[j]), most) for j in (i, k))
     b = max(b, math.sqrt(a))  # shorter waves need shorter steps
     finer = space.finer(count, a) if a > 1.0 else count
     return settings | {space.setting: max(count, finer), "steps": min(math.ceil(steps * b), max(steps, MOST_STEPS))}
