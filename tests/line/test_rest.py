@@ -32,7 +32,7 @@ def one(given, solve) -> LineState:
 @pytest.mark.parametrize("name", oracle.METHODS)
 def test_numbers_known_beforehand(case, name):
     row = Task("line", case, name).compute()
-    assert row.verdict == case.expected, row
+    assert row["verdict"] == case.expected, row
 
 
 def test_spring_instead_of_the_anchor(solve):

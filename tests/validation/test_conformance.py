@@ -14,7 +14,6 @@ from cablefem.response import Observation, Response
 from tests.validation import sines
 from validation import assert_agree, check, run
 from validation.commands.atlas import study as atlas
-from validation.commands.chart import cost
 from validation.commands.chart import study as chart
 from validation.commands.oracles import study as oracles
 from validation.core.climb import TooCoarse, climb
@@ -123,8 +122,6 @@ def test_a_row_of_the_chart(name, monkeypatch):
     truth = chart._Truth.of(SCENE, {"known": True})
     row = chart._repeated(SCENE, line, coarse(name), truth, 1, 0.0)
     assert row["status"] == "ok" or row["reason"]
-    assert chart._size(line, coarse(name)) > 0.0
-    assert cost._sizes(find(name).resolution, 80)
 
 
 @every
@@ -144,10 +141,10 @@ def test_a_case_of_an_oracle(name, monkeypatch):
     rungs = [oracles.Rung(find(name).told(x | {"steps": 200}), 1.0 + i) for i, x in enumerate(two)]
     monkeypatch.setattr(oracles, "_rungs", lambda method, finer: rungs)
     row = oracles.Task("moving-mass", case, name).compute()
-    assert row.method == name
-    assert row.verdict in ("agree", "disagree")
+    assert row["method"] == name
+    assert row["verdict"] in ("agree", "disagree")
     if name == MINE:
-        assert row.error < 0.1
+        assert row["error"] < 0.1
 
 
 def test_a_user_s_method_is_right_and_without_its_coriolis_term_it_is_not(monkeypatch):

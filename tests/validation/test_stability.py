@@ -14,7 +14,7 @@ from cablefem.newmark import StepFailure
 from cablefem.response import Response
 from validation.commands.atlas import page as pages
 from validation.commands.atlas.catalogue import CATALOGUE, holds, run_row
-from validation.commands.atlas.study import CELLS, atlas, judged, step_limit
+from validation.commands.atlas.study import CELLS, atlas, judged
 from validation.commands.sweep.job import faults_of
 from validation.core import measures
 from validation.core.climb import laddered
@@ -185,12 +185,6 @@ def test_a_run_without_a_start_is_an_answer_too(scene, method):
     assert r.reached < 0.02
     assert "try another" in r.reason
     assert faults_of(r) == []
-
-
-def test_measured_explicit_limit_is_the_predicted_one():
-    limit = step_limit(6)
-    # bisection to 2 percent, and omega_max is that of one instant
-    assert limit["measured_steps"] == pytest.approx(limit["predicted_steps"], rel=0.05)
 
 
 # --- catalogue --------------------------------------------------------------------------------------------------------

@@ -64,7 +64,6 @@ def small(tmp_path_factory):
         patch.setattr(study, "REFERENCE", ("following-p4", {"elements": 10, "steps": 1250}))
         patch.setattr(study, "WITNESS", ("fourier-kink", {"terms": 12, "steps": 200}))
         patch.setattr(study, "available", lambda name: "not installed")
-        patch.setattr(study, "growth", lambda scene: [])
         labels = []
         found = study.chart(LEVEL, out, lambda label, done: labels.append((label, done)), repeats=2, budget=3000.0)
         runs = []
@@ -210,7 +209,8 @@ def test_a_free_ride_is_charted_over_time_by_what_can_roll():
         assert found is None if why is None else why in found
     truth, r = run(ride, "following-p4", elements=4, steps=400), run(ride, "following-p2", elements=4, steps=150)
     known = study._Truth(truth, measures.window_of(truth), {})
-    assert not known.short(r.reached, r.reason)
+    assert known.judged(r.reached, r.reason, dict)["status"] == "ok"
+    assert known.judged(0.5, "it broke", dict) == {"status": "failed", "reason": "it broke"}
     l, tau = ride.length, ride.time_scale
     path = PeerPath(r.s_o / l, r.u / l, r.v / l, r.t / tau, 1.0, "")
     ours = known.errors(r)["path_error"]
@@ -226,11 +226,3 @@ def test_what_an_iteration_costs_is_measured_beside_a_bare_banded_solve():
     assert found["n_dof"] == 78
     assert found["ratio"] == pytest.approx(found["iteration"] / found["bare_solve"])
     assert found["run_ratio"] == pytest.approx(found["run_iteration"] / found["bare_solve"])
-
-
-def test_growth_is_measured_over_a_hundredfold_of_unknowns(monkeypatch):
-    monkeypatch.setattr(cost, "METHODS", {"following-p2": METHODS["following-p2"]})
-    (found,) = cost.growth(LEVEL, repeats=1)
-    assert found["n_dof"] == [78, 254, 798, 2526, 7998]
-    slope = np.polyfit(np.log(found["n_dof"]), np.log(found["seconds_per_step"]), 1)[0]
-    assert found["exponent"] == pytest.approx(slope)

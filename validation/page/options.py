@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from cablefem.scene import Scene
     from cablefem.scene.line import Line
 
-TOL_RANGE = (1e-6, 0.2)
-
 
 def real(text: str) -> float:
     """Read a number."""
@@ -26,6 +24,11 @@ def real(text: str) -> float:
         return float(text)
     except ValueError:
         raise typer.BadParameter(f"{text!r} is no number") from None
+
+
+def number(name: str, help: str) -> Any:
+    """Return the option for a number."""
+    return typer.Option(name, parser=real, metavar="X", help=help)
 
 
 def to(folder: str) -> Any:
@@ -75,9 +78,9 @@ def refuse_moving(given: dict[str, bool]) -> None:
         raise store.Refused(f"{names[0]}: {AT_REST}")
 
 
-def tol_faults(tol: float | None) -> list[str]:
-    low, high = TOL_RANGE
-    return [] if tol is None or low <= tol <= high else [f"--tol must lie in [{low:g}, {high:g}], got {tol:g}"]
+def tol_faults(value: float | None, name: str = "--tol", low: float = 1e-6, high: float = 0.2) -> list[str]:
+    """Return what is wrong with a tolerance, or with another number in [low, high]."""
+    return [] if value is None or low <= value <= high else [f"{name} must lie in [{low:g}, {high:g}], got {value:g}"]
 
 
 Set = Annotated[

@@ -12,7 +12,7 @@ from typing import Any
 
 from cablefem.response import Response, write_json
 from cablefem.scene import Scene
-from validation.commands.atlas import catalogue, specimens
+from validation.commands.atlas import catalogue
 from validation.core import measures, store
 from validation.core.methods import METHODS, find, refined
 from validation.core.running import run
@@ -56,14 +56,14 @@ def atlas(
     out: Path, progress: Progress = silent, *, maps: Sequence[Map] = SAID["map"],
     rows: Sequence[catalogue.Row] = catalogue.CATALOGUE,
 ) -> dict[str, Any]:  # fmt: skip
-    """Compute what is missing of the maps, the step limits and the catalogue, and write atlas.json."""
+    """Compute what is missing of the maps and the catalogue, and write atlas.json."""
     jobs = _jobs(maps, rows)
     found = store.each_once(out / CELLS, jobs, lambda job: job(), partial(progress, "atlas"))
-    of = {kind: [x for key, x in found.items() if json.loads(key)[0] == kind] for kind in ("cell", "limit", "row")}
+    of = {kind: [x for key, x in found.items() if json.loads(key)[0] == kind] for kind in ("cell", "row")}
     result = {
         "maps": [m | {"methods": [label(*x) for x in methods(m)]} for m in maps],
         "good": SAID["good"], "wrong": SAID["wrong"], "cells": [cell for some in of["cell"] for cell in some],
-        "limits": of["limit"], "catalogue": of["row"],
+        "catalogue": of["row"],
     }  # fmt: skip
     write_json(out / RESULT, result)
     return result
@@ -77,8 +77,6 @@ def _jobs(maps: Sequence[Map], rows: Sequence[catalogue.Row]) -> dict[str, Calla
             for y in m["y"]["values"]:
                 used = [(name, settings_at(m, x, y, name, fixed)) for name, fixed in methods(m)]
                 jobs[_key("cell", m["name"], x, y, used, SAID["reference"])] = partial(cells, m, x, y)
-    if any(m["name"] == "step-resolution" for m in maps):
-        jobs |= {_key("limit", n): partial(step_limit, n) for n in SAID["limit_terms"]}
     jobs |= {_key("row", row["name"]): partial(catalogue.run_row, row) for row in rows}
     return jobs
 
@@ -106,18 +104,21 @@ def _reference(toml: str) -> tuple[Response, float]:
 
 def cells(m: Map, x: float, y: float) -> list[dict[str, Any]]:
     """Return the cells of all methods of a map at one place."""
-    out = [{"map": m["name"], "x": x, "y": y, "method": label(*method)} for method in methods(m)]
     try:
         scene = scene_at(m, x, y)
     except ValueError as error:
-        none = dict.fromkeys(("cause", "reached", "error", "slack_onset"))
-        return [cell | none | {"class": "no scene", "reason": str(error)} for cell in out]
-    reference, unsure = _reference(scene.to_toml())
-    used = [(name, settings_at(m, x, y, name, fixed)) for name, fixed in methods(m)]
-    return [
-        cell | {"settings": settings} | judged(run(scene, name, **settings), reference, unsure)
-        for cell, (name, settings) in zip(out, used, strict=True)
-    ]
+        scene = None
+        none = dict.fromkeys(("cause", "reached", "error", "slack_onset")) | {"class": "no scene", "reason": str(error)}
+    out = []
+    for name, fixed in methods(m):
+        cell = {"map": m["name"], "x": x, "y": y, "method": label(name, fixed)}
+        if scene is None:
+            out.append(cell | none)
+        else:
+            settings = settings_at(m, x, y, name, fixed)
+            found = judged(run(scene, name, **settings), *_reference(scene.to_toml()))
+            out.append(cell | {"settings": settings} | found)
+    return out
 
 
 def judged(r: Response, reference: Response, unsure: float, earliest: float = 0.05) -> dict[str, Any]:
@@ -128,19 +129,25 @@ def judged(r: Response, reference: Response, unsure: float, earliest: float = 0.
     Causes: that of an incomplete run; "unstable" for one that gains energy; "slack too early" where the run falls slack
     long before the reference; else "too coarse".
     """
-    stop = min(measures.WINDOW[1], math.inf if reference.slack_onset is None else reference.slack_onset)
+    stop = min(x for x in (measures.WINDOW[1], reference.slack_onset) if x is not None)
     out = {"reached": r.reached, "error": None, "slack_onset": r.slack_onset, "cause": r.cause, "reason": r.reason}
     if stop < earliest or reference.reached < stop or _unstable(reference):
-        return out | {"class": "not judged", "reason": r.reason or "the reference itself is not to be trusted here"}
-    try:
-        error = measures.path_gap(r, reference, (measures.WINDOW[0], min(stop, r.reached)))[0]
-    except (measures.NotComparable, ValueError):
-        return out | {"class": "wrong", "cause": r.cause or "too coarse"}
-    verdict = "wrong" if r.reached < stop else _class(error)
-    if unsure > 0.5 * {"good": SAID["good"], "poor": SAID["wrong"], "wrong": math.inf}[verdict]:
+        return out | {"class": "not judged", "reason": "the reference itself is not to be trusted here"}
+    error = _error(r, reference, stop)
+    verdict = "wrong" if error is None or r.reached < stop else _class(error)
+    bound = {"good": SAID["good"], "poor": SAID["wrong"]}.get(verdict, math.inf)
+    if unsure > 0.5 * bound:
         return out | {"class": "not judged", "reason": f"the reference itself is sure to {unsure:.2g} only"}
-    cause = r.cause if verdict == "good" else r.cause or _cause(r, stop)
-    return out | {"class": verdict, "error": error, "cause": cause}
+    if verdict != "good":
+        out["cause"] = r.cause or _cause(r, stop)
+    return out | {"class": verdict, "error": error}
+
+
+def _error(r: Response, reference: Response, stop: float) -> float | None:
+    try:
+        return measures.path_gap(r, reference, (measures.WINDOW[0], min(stop, r.reached)))[0]
+    except (measures.NotComparable, ValueError):
+        return None
 
 
 def _class(error: float) -> str:
@@ -155,25 +162,3 @@ def _cause(r: Response, stop: float) -> str:
 def _unstable(r: Response) -> bool:
     """Whether a run gained energy before its slack onset; what it did afterwards is outside the comparison."""
     return "energy" in r.flag_kinds
-
-
-# --- stability limits -------------------------------------------------------------------------------------------------
-
-
-def step_limit(terms: int) -> dict[str, Any]:
-    """Return the longest stable step of central differences by theory and by runs; sines, level cable.
-
-    Runs: bisection to 2 percent between a step that reaches s_o/l = 0.3 without gaining energy and one that does not.
-    """
-    scene = Scene.load("level")
-    predicted = specimens.critical_steps(scene.groups, terms)
-
-    def stable(steps: float) -> bool:
-        r = run(scene, "fourier", terms=terms, steps=round(steps), scheme="central-difference")
-        return r.reached > 0.3 and not _unstable(r)
-
-    low, high = 0.7 * predicted, 1.4 * predicted
-    while high / low > 1.02:
-        middle = math.sqrt(low * high)
-        low, high = (low, middle) if stable(middle) else (middle, high)
-    return {"terms": terms, "predicted_steps": predicted, "measured_steps": math.sqrt(low * high)}

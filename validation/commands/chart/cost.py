@@ -1,4 +1,4 @@
-"""Cost of a step: by number of unknowns, and over the bare banded solve."""
+"""Cost of a step over the bare banded solve."""
 
 import time
 from collections.abc import Callable
@@ -10,36 +10,6 @@ from threadpoolctl import threadpool_limits
 
 from cablefem import newmark
 from cablefem.scene import Scene
-from validation.core.methods import METHODS, Resolution
-from validation.core.running import run
-
-
-def growth(scene: Scene, *, most: int = 1000, repeats: int = 2) -> list[dict[str, Any]]:
-    """Seconds per step over the number of unknowns of each method, and the exponent of a power law.
-
-    most : elements per side. Global bases stop at 80: full matrices.
-    """
-    out = []
-    for method in METHODS.values():
-        space = method.resolution
-        sizes = _sizes(space, min(space.most if space.largest is None else space.largest, most))
-        unknowns: list[int] = []
-        cost: list[float] = []
-        for size in sizes:
-            settings: dict[str, Any] = {space.setting: size, "steps": 1000}
-            runs = [run(scene, method, until=0.04, **settings) for _ in range(repeats)]
-            unknowns.append(runs[0].n_dof)
-            cost.append(min(r.seconds / max(1, r.work["steps"]) for r in runs))
-        exponent = float(np.polyfit(np.log(unknowns), np.log(cost), 1)[0])
-        out.append({"method": method.name, "n_dof": unknowns, "seconds_per_step": cost, "exponent": exponent})
-    return out
-
-
-def _sizes(space: Resolution, largest: int) -> list[int]:
-    """Four or five resolutions, equally spaced in ratio."""
-    if space.doubling:
-        return list(range(largest + 1))
-    return [round(10.0 * (largest / 10.0) ** (k / 4.0)) for k in range(5)]
 
 
 def implicit_floor(scene: Scene, *, elements: int = 10, steps: int = 480, repeats: int = 9) -> dict[str, Any]:

@@ -1,8 +1,7 @@
 """Pages of the work-precision chart, drawn from chart.json alone."""
 
 import math
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -50,11 +49,8 @@ def _free(chart: dict[str, Any]) -> bool:
 def _fastest(chart: dict[str, Any]) -> Section:
     at_errors, reference = chart.get("fastest", []), chart["reference"]
     heads = {"error": "error", "series": "mass path: fastest here", "seconds": "its seconds"}
-    absent = _absent(chart)
     heads |= {name: f"{name} takes" for at in at_errors for name in at["peers"]}
-    heads |= {name: f"{name} takes" for name in absent}
     heads |= {"tension": "tension: fastest here", "tension_seconds": "its seconds"}
-    rows = [_at(at) | dict.fromkeys(absent, "not measured: not installed") for at in at_errors]
     told = {key: _told(reference[key]) for key in ("settings", "witness_settings")}
     of = "a tenth of the length" if _free(chart) else "the largest deflection"
     text = _SAY.reference(
@@ -64,7 +60,8 @@ def _fastest(chart: dict[str, Any]) -> Section:
         f"{percent(a['error'])}: {a['series']} in {_seconds(a['seconds'])}" for a in at_errors if a["series"]
     )
     return Section(
-        "chart-fastest", "Fastest for a given error", table(rows, heads, stack=True) + Markup(text), None,
+        "chart-fastest", "Fastest for a given error",
+        table([_at(at) for at in at_errors], heads, stack=True) + Markup(text), None,
         f"Fastest to a path error of {said}." if said else "No method reaches the charted errors.",
     )  # fmt: skip
 
@@ -79,13 +76,8 @@ def _at(at: dict[str, Any]) -> Row:
 
 def _takes(peer: dict[str, Any]) -> str:
     if peer["ratio"] is None:
-        return peer["reason"]
+        return peer["reason"] or _seconds(peer["seconds"])
     return f"{number(peer['ratio'], 2)} times as long ({_seconds(peer['seconds'])})"
-
-
-def _absent(chart: dict[str, Any]) -> list[str]:
-    known = {name for at in chart.get("fastest", []) for name in at["peers"] if at["peers"][name]["ratio"] is not None}
-    return [r["series"] for r in chart["rows"] if r["status"] == "not installed" and r["series"] not in known]
 
 
 def _seconds(x: float | None) -> str:
@@ -101,41 +93,23 @@ def _told(settings: dict[str, Any]) -> str:
 # --- charts -----------------------------------------------------------------------------------------------------------
 
 
-def _series(chart: dict[str, Any], wanted: Callable[[Row], bool]) -> dict[str, list[Row]]:
-    out: dict[str, list[Row]] = {}
-    for row in chart["rows"]:
-        if row["status"] == "ok" and wanted(row):
-            out.setdefault(row["series"], []).append(row)
-    return out
-
-
-WINGS = ("elements", "galerkin")
-
-
-def _wing(name: str) -> Callable[[Row], bool]:
-    return lambda r: r["kind"] == "method" and METHODS[r["method"]].wing == name
-
-
-def _groups(chart: dict[str, Any]) -> list[tuple[str, dict[str, list[Row]]]]:
-    """Groups with few enough lines."""
-    groups = [
-        ("elements", _series(chart, lambda r: _wing("elements")(r) and "fixed" not in r["series"])),
-        ("elements, fixed mesh", _series(chart, lambda r: _wing("elements")(r) and "fixed" in r["series"])),
-        ("Galerkin", _series(chart, _wing("galerkin"))),
-        ("other methods", _series(chart, lambda r: r["kind"] == "method" and METHODS[r["method"]].wing not in WINGS)),
-        ("integration in time", _series(chart, lambda r: r["kind"] == "integrator")),
-        ("cheaper models", _series(chart, lambda r: r["kind"] == "model")),
-        ("by tolerance, and other codes", _series(chart, lambda r: r["kind"] in ("tolerance", "peer"))),
-    ]
-    return [(title, lines) for title, lines in groups if lines]
+def _group(r: Row) -> str:
+    """Return the title of the chart that shows a row: each has few enough lines."""
+    if r["kind"] != "method":
+        known = {"integrator": "integration in time", "model": "cheaper models"}
+        return known.get(r["kind"], "by tolerance, and other codes")
+    wing = METHODS[r["method"]].wing
+    if wing == "elements":
+        return "elements, fixed mesh" if "fixed" in r["series"] else "elements"
+    return "Galerkin" if wing == "galerkin" else "other methods"
 
 
 def _charts(chart: dict[str, Any], quantity: str) -> Section:
-    drawn = _drawn(chart, quantity, "seconds")
     what = {"path": "mass path", "tension": "tension"}[quantity]
     names = ", ".join(dict.fromkeys(r["series"] for r in front(chart["rows"], quantity)))
     return Section(
-        f"chart-{quantity}", f"Speed against accuracy: {what}", Markup(_SAY.legend()) + drawn, None,
+        f"chart-{quantity}", f"Speed against accuracy: {what}",
+        Markup(_SAY.legend()) + _drawn(chart, quantity, "seconds"), None,
         f"Best of all for the {what}, from quick to exact: {names}." if names else f"No run gave the {what}.",
     )  # fmt: skip
 
@@ -146,39 +120,44 @@ def _work(chart: dict[str, Any]) -> Section:
 
 
 def _drawn(chart: dict[str, Any], quantity: str, work: str) -> Markup:
-    """Charts of all groups; countable work for our own solvers."""
-    drawn = []
-    for title, lines in _groups(chart):
-        known = {k: [r for r in v if r[f"{quantity}_error"] is not None and r[work]] for k, v in lines.items()}
-        known = {k: v for k, v in known.items() if v and (work == "seconds" or v[0]["kind"] in OURS)}
-        if known:
-            caption = f"{title.capitalize()}: {_error(chart, quantity)}"
-            drawn.append(figure(draw(chart, quantity, work, title, known), caption))
-    return gallery(*drawn)
+    """Return the charts of all groups; countable work for our own solvers."""
+    groups: dict[str, dict[str, list[Row]]] = {}
+    for r in _dots(chart, quantity, work):
+        if work == "seconds" or r["kind"] in OURS:
+            groups.setdefault(_group(r), {}).setdefault(r["series"], []).append(r)
+    return gallery(*(
+        figure(draw(chart, quantity, work, title, lines), f"{title.capitalize()}: {_error(chart, quantity)}")
+        for title, lines in groups.items()
+    ))  # fmt: skip
+
+
+def _dots(chart: dict[str, Any], quantity: str, work: str) -> list[Row]:
+    """Return the rows that are dots of a chart."""
+    return [r for r in chart["rows"] if r["status"] == "ok" and r[f"{quantity}_error"] and r[work]]
 
 
 @style()
 def draw(chart: dict[str, Any], quantity: str, work: str, title: str, lines: dict[str, list[Row]]) -> Figure:
-    """A work-precision chart, logarithmic, in the same frame for all of a page."""
+    """Draw a work-precision chart, logarithmic, in the same frame for all of a page."""
     error = f"{quantity}_error"
     fig, ax = panels(height=4.4)
-    dots = [r for r in chart["rows"] if r["status"] == "ok" and r[error] and r[work]]
+    dots = _dots(chart, quantity, work)
     best = front(dots, quantity, work)
     ax.plot(*_columns(best, work, error), color="#c8c8c8", linewidth=6.0, solid_capstyle="round", zorder=1)
-    labels: list[tuple[Row, str, int]] = []
+    ends: list[tuple[Row, str, int]] = []
     for i, (name, rows) in enumerate(lines.items()):
         colour, marker, dash = PALETTE[i % len(PALETTE)], MARKERS[i % len(MARKERS)], DASHES[i % len(DASHES)]
         ax.plot(*_columns(rows, work, error), marker, color=colour, alpha=0.25, markersize=3.5, zorder=2)
         best = best_of(rows, quantity, work)
         ax.plot(*_columns(best, work, error), marker=marker, color=colour, linestyle=dash, label=name, zorder=3)
-        labels += [(best[k], colour, 1 if k == 0 else -1) for k in dict.fromkeys((0, len(best) - 1))]
+        ends += [(best[k], colour, 1 if k == 0 else -1) for k in dict.fromkeys((0, len(best) - 1))]
     _frame(ax, [r[work] for r in dots], [r[error] for r in dots], chart["reference"].get(error))
     ax.set(title=title, xlabel=WORK[work], ylabel=_error(chart, quantity))
     fig.legend(loc="outside lower center", ncols=2)
     fig.draw_without_rendering()
     taken: list[Bbox] = []
-    for row, colour, up in labels:
-        _label(ax, row, error, work, colour, up, taken)
+    for row, colour, up in ends:
+        _label(ax, _short(row), (row[work], row[error]), colour, up, taken)
     return fig
 
 
@@ -187,24 +166,27 @@ def _frame(ax: Axes, work: list[float], errors: list[float], floor: float | None
     ax.set(xscale="log", yscale="log", xlim=(0.4 * min(work), 3.0 * max(work)))
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.yaxis.set_minor_formatter(NullFormatter())
-    low = min(*errors, 1.5 * floor) if floor else min(errors)
     if floor:
         ax.axhspan(1e-12, floor, color=GREY, alpha=0.18, linewidth=0)
-    ax.set_ylim(0.5 * low, 2.0 * min(max(errors), 3.0))
+    ax.set_ylim(0.5 * min(*errors, 1.5 * (floor or math.inf)), 2.0 * min(max(errors), 3.0))
 
 
 def _columns(rows: Sequence[Row], *names: str) -> list[list[float]]:
     return [[row[name] for row in rows] for name in names]
 
 
-def _label(ax: Axes, row: Row, error: str, work: str, colour: str, up: int, taken: list[Bbox]) -> None:
-    """Label a dot with its settings, above or (up = -1) below, where free."""
-    settings = row.get("chosen") or row["settings"]
-    text = f"tol {row['settings']['tol']:g}" if "tol" in row["settings"] else " · ".join(
-        str(v) for v in settings.values() if not isinstance(v, str)
-    )  # fmt: skip
+def _short(row: Row) -> str:
+    """Return the settings at a dot: resolution · steps, or the tolerance."""
+    settings = row["settings"]
+    if "tol" in settings:
+        return f"tol {settings['tol']:g}"
+    return " · ".join(str(v) for v in settings.values() if not isinstance(v, str))
+
+
+def _label(ax: Axes, text: str, at: tuple[float, float], colour: str, up: int, taken: list[Bbox]) -> None:
+    """Write a text at a dot, above or (up = -1) below, where free."""
     note = ax.annotate(
-        text, (row[work], row[error]), (3, -9), textcoords="offset points", fontsize=7.0, color=BLACK, va="center",
+        text, at, (3, -9), textcoords="offset points", fontsize=7.0, color=BLACK, va="center",
         bbox={"boxstyle": "round,pad=0.12", "fc": "white", "ec": colour, "lw": 0.5, "alpha": 0.8}, zorder=4,
     )  # fmt: skip
     note.set_in_layout(False)
@@ -221,50 +203,36 @@ def _label(ax: Axes, row: Row, error: str, work: str, colour: str, up: int, take
 
 
 def _failures(chart: dict[str, Any]) -> Section:
-    bad = [r for r in chart["rows"] if r["status"] != "ok"]
-    grouped: dict[tuple[str, str, str], list[Row]] = {}
-    for r in bad:  # reasons that differ in numbers are one
-        kind = "budget" if r["status"] == "not run" else re.sub(r"[0-9.]+", "", r["reason"] or "")
-        grouped.setdefault((r["series"], r["status"], kind), []).append(r)
-    heads = ("line", "status", "settings", "reason")
-    rows = [dict(zip(heads, (*key[:2], *_failed(*key, those)), strict=True)) for key, those in grouped.items()]
-    failed = sum(r["status"] == "failed" for r in bad)
+    """Return what gave no dot, one row for each line of the chart and each status."""
+    grouped: dict[tuple[str, str], list[Row]] = {}
+    for r in chart["rows"]:
+        if r["status"] != "ok":
+            grouped.setdefault((r["series"], r["status"]), []).append(r)
+    rows = [
+        {"line": name, "status": status, "reason": those[0]["reason"],
+         "settings": "; ".join(_told(r["settings"]) for r in those) or "–"}
+        for (name, status), those in grouped.items()
+    ]  # fmt: skip
+    bad = [r["status"] for r in chart["rows"] if r["status"] != "ok"]
+    failed = bad.count("failed")
+    html = table(rows, ("line", "status", "settings", "reason"), stack=True) if rows else "<p>None.</p>"
     return Section(
-        "chart-failed", "Runs that gave no dot", table(rows, heads, stack=True) if rows else "<p>None.</p>", None,
+        "chart-failed", "Runs that gave no dot", html, None,
         f"{failed} runs failed; {len(bad) - failed} were not run, for time or because a code is not installed.",
     )  # fmt: skip
 
 
-def _failed(name: str, status: str, kind: str, rows: list[Row]) -> tuple[str, str]:
-    at = [_told({k: v for k, v in r["settings"].items() if str(v) not in name}) for r in rows if r["settings"]]
-    reason = "would have cost more than its share of the time" if kind == "budget" else rows[0]["reason"]
-    return "; ".join(at) or "–", reason
-
-
 def _cost(chart: dict[str, Any]) -> Section:
     rows = [r for r in chart["rows"] if r["status"] == "ok"]
-    html = [_growth(chart["growth"])] if chart.get("growth") else []
     floor = chart.get("floor")
-    html += [Markup(_SAY.floor(floor))] if floor else []
+    html = [Markup(_SAY.floor(floor))] if floor else []
     if chosen := [r for r in rows if r["kind"] == "tolerance"]:
         html.append(_tolerances(chosen))
     html.append(page.details(f"All {len(rows)} dots", _all(rows)))
     machine = ", ".join(f"{k} {v}" for k, v in chart.get("machine", {}).items())
     html.append(Markup("<p><small>{}</small></p>").format(escape(machine)))
-    said = plain(_SAY.iteration(floor)) if floor else "Cost per step by method."
+    said = plain(_SAY.iteration(floor)) if floor else "Work and seconds of every dot."
     return Section("chart-cost", "What a step costs", Markup("\n").join(html), None, said)
-
-
-def _growth(grown: list[dict[str, Any]]) -> Markup:
-    return listed(
-        grown,
-        {
-            "method": lambda g: g["method"], "exponent": lambda g: f"{g['exponent']:.2f}",
-            "unknowns": lambda g: f"{g['n_dof'][0]} to {g['n_dof'][-1]}",
-            "one step": lambda g: " to ".join(number(1e6 * g["seconds_per_step"][i], 2) for i in (0, -1)) + " µs",
-        },
-        caption="Seconds per step against unknowns: exponent of a power law through all sizes",
-    )  # fmt: skip
 
 
 def _tolerances(rows: list[Row]) -> Markup:

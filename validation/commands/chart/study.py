@@ -9,7 +9,6 @@ Seconds: time loop up to the end of the window, best of separate runs on one cor
 from __future__ import annotations
 
 import importlib.metadata
-import json
 import platform
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -26,7 +25,7 @@ from cablefem import newmark
 from cablefem.newmark import SCHEMES
 from cablefem.response import Response, write_json
 from cablefem.scene import Groups, Scene
-from validation.commands.chart.cost import growth, implicit_floor
+from validation.commands.chart.cost import implicit_floor
 from validation.commands.chart.front import fastest
 from validation.core import measures, store
 from validation.core.climb import TooCoarse, climb, laddered
@@ -61,7 +60,7 @@ def chart(
     """Measure speed against accuracy on a scene and store it as chart.json; continue an earlier call.
 
     repeats : separate timed runs of each setting; the best counts.
-    budget : [s] for all runs; a run beyond its share becomes a row "not run" with the expected seconds.
+    budget : [s] for all runs; a line of the chart that has spent its share leaves rows "not run".
     """
     path = out / "chart.json"
     before = store.stored(path, scene_toml=scene.to_toml())
@@ -79,8 +78,7 @@ def chart(
         rows += _line(scene, line, truth, rows, repeats, share)
         write_json(path, found)
     if scene.groups.drive.mode == "grip":
-        report("cost growth", 0.9)
-        found["growth"] = before.get("growth") or growth(scene)
+        report("cost of a step", 0.9)
         found["floor"] = before.get("floor") or implicit_floor(scene)
     found["fastest"] = [fastest(rows, error) for error in SAID["decades"]]
     write_json(path, found)
@@ -154,16 +152,28 @@ class _Truth:
             raise ValueError(f"the chart's reference stopped at s_o/l = {reference.reached:.3f}: {reference.reason}")
         window = measures.window_of(reference)
         if told is None:
-            bars = laddered(scene, name, known=[reference], until=stop, **settings).run
             other = run(scene, WITNESS[0], until=stop, **WITNESS[1])
+            try:
+                witness = measures.path_gap(other, reference, window)[0]
+            except NotComparable:
+                witness = None
+            bars = laddered(scene, name, known=[reference], until=stop, **settings).run
             told = {
                 "method": name, "settings": settings, "path_error": bars.path_error,
                 "tension_error": bars.tension_error, "witness": WITNESS[0], "witness_settings": WITNESS[1],
-                "witness_path": _or_none(lambda: measures.path_gap(other, reference, window)[0]),
-                "witness_tension": _or_none(lambda: measures.tension_gap(other, reference, window)),
-                "max_deflection": reference.max_deflection, "slack_onset": reference.slack_onset,
+                "witness_path": witness, "max_deflection": reference.max_deflection,
+                "slack_onset": reference.slack_onset,
             }  # fmt: skip
         return cls(reference, window, told)
+
+    def judged(self, reached: float, reason: str | None, errors: Callable[[], dict[str, float]]) -> dict[str, Any]:
+        """Return status and errors of a run, or why there are none; a free ride may end before the window does."""
+        if reason if self.run.drive == "free" else reached < self.window[1] * (1.0 - 1e-9):
+            return {"status": "failed", "reason": reason or f"ended at s_o/l = {reached:.3f}"}
+        try:
+            return {"status": "ok", **errors()}
+        except NotComparable as error:
+            return {"status": "failed", "reason": str(error)}
 
     def errors(self, r: Response) -> dict[str, float]:
         """Return the errors of a run that covers the window."""
@@ -171,28 +181,17 @@ class _Truth:
         return {"path_error": path, "path_rms": rms, "tension_error": measures.tension_gap(r, self.run, self.window)}
 
     def errors_of_path(self, p: PeerPath, scene: Scene) -> dict[str, float]:
-        """Errors of another code's path, dimensionless."""
+        """Return the errors of another code's path, dimensionless."""
         t, place = scene.time_scale * p.t, np.stack(scene.groups.shape(p.s_o)) + np.stack([p.u, p.v])
         inside = (p.s_o >= self.window[0]) & (p.s_o <= self.window[1]) & (t <= self.run.t[-1])
         ours = CubicSpline(self.run.t, np.stack([self.run.x, self.run.y], axis=1))(t[inside])
         gap = np.hypot(*(scene.length * place[:, inside] - ours.T)) / self.run.path_scale
         return {"path_error": float(gap.max()), "path_rms": float(np.sqrt(np.mean(gap**2)))}
 
-    def short(self, reached: float, reason: str | None) -> bool:
-        """Whether a run broke off before the end of the window; a free ride may end."""
-        return bool(reason) if self.run.drive == "free" else reached < self.window[1] * (1.0 - 1e-9)
-
 
 def stop_of(scene: Scene) -> float | None:
     """Last s_o/l of runs; None for a free ride."""
     return None if scene.groups.drive.mode == "free" else STOP
-
-
-def _or_none(measure: Callable[[], float]) -> float | None:
-    try:
-        return measure()
-    except NotComparable:
-        return None
 
 
 # --- one line of the chart ------------------------------------------------------------------------------------------
@@ -201,26 +200,22 @@ def _or_none(measure: Callable[[], float]) -> float | None:
 def _line(
     scene: Scene, line: Series, truth: _Truth, rows: list[dict[str, Any]], repeats: int, share: float
 ) -> list[dict[str, Any]]:  # fmt: skip
-    """Missing rows of a series; `share` [s] limits its cost."""
-    done = {(r["series"], json.dumps(r["settings"], sort_keys=True)) for r in rows}
-    if missing := available(line.name) if line.kind == "peer" else None:
-        return [_row(line, {}, status="not installed", reason=missing)]
-    if refused := _refused(scene, line):
-        return [] if (line.name, "{}") in done else [_row(line, {}, status="failed", reason=refused)]
-    new, seconds_per_size, left = [], 0.0, share
-    for rung in (x for x in line.rungs if (line.name, json.dumps(x, sort_keys=True)) not in done):
-        expected = seconds_per_size * _size(line, rung)
-        if expected > left:
-            reason = f"about {expected:.2g} s, more than its share of the budget"
-            new.append(_row(line, rung, status="not run", reason=reason))
-            continue
+    """Return the missing rows of a series: up to `share` [s], as long as a run like the last one fits in."""
+    done = [r["settings"] for r in rows if r["series"] == line.name]
+    absent = available(line.name) if line.kind == "peer" else None
+    if reason := absent or _refused(scene, line):
+        return [] if {} in done else [_row(line, {}, status="not installed" if absent else "failed", reason=reason)]
+    missing = [x for x in line.rungs if x not in done]
+    if missing and line.kind not in ("tolerance", "peer"):
+        _repeated(scene, line, missing[0], truth, 1, 0.0)  # the first run may compile
+    new, last, left = [], 0.0, share
+    while missing and last <= left:
         begin = time.perf_counter()
-        row = _repeated(scene, line, rung, truth, max(1, repeats), left)
-        spent = time.perf_counter() - begin
-        left -= spent
-        seconds_per_size = spent / (row["repeats"] or 1) / _size(line, rung)
+        row = _repeated(scene, line, missing.pop(0), truth, max(1, repeats), left)
+        left -= time.perf_counter() - begin
+        last = row["seconds"] or 0.0
         new.append(row)
-    return new
+    return new + [_row(line, rung, status="not run", reason="more than its share of the time") for rung in missing]
 
 
 def _refused(scene: Scene, line: Series) -> str | None:
@@ -233,16 +228,6 @@ def _refused(scene: Scene, line: Series) -> str | None:
     except ValueError as error:
         return str(error)
     return None
-
-
-def _size(line: Series, rung: dict[str, Any]) -> float:
-    if line.kind == "tolerance":
-        return float(rung["tol"] ** -0.75)  # steps ~ tol^-1/2, unknowns ~ tol^-1/2 at part of the cost
-    if line.method is None:
-        space = next(iter(rung.values()), 1.0)
-        return float(rung.get("steps", space) * space)
-    resolution = METHODS[line.method].resolution
-    return float(rung.get("steps", 1) * resolution.cost(rung[resolution.setting]))
 
 
 def _row(line: Series, settings: dict[str, Any], **found: Any) -> dict[str, Any]:
@@ -277,58 +262,37 @@ def _alone(call: Callable[[], Any]) -> tuple[Any, float]:
     return found, min(1.0, (time.process_time() - own) / (time.perf_counter() - wall))
 
 
-def _judged(r: Response, truth: _Truth) -> dict[str, Any]:
-    """Errors and countable work of a run, or why there are none."""
-    work = {
-        "reached": r.reached, "n_dof": r.n_dof, "steps": r.work["steps"],
-        "newton_iterations": r.work["newton_iterations"], "factorisations": r.work["factorisations"],
-        "unknown_steps": r.work["steps"] * r.n_dof,
-    }  # fmt: skip
-    if truth.short(r.reached, r.reason):
-        return work | {"status": "failed", "reason": r.reason or f"ended at s_o/l = {r.reached:.3f}"}
-    try:
-        return work | {"status": "ok", **truth.errors(r)}
-    except NotComparable as error:
-        return work | {"status": "failed", "reason": str(error)}
-
-
-class _Failed(ValueError):
-    """A failed run; `found` is known."""
-
-    def __init__(self, reason: str, **found: Any) -> None:
-        super().__init__(reason)
-        self.found = found
-
-
 def _repeated(
     scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth, repeats: int, left: float
 ) -> dict[str, Any]:  # fmt: skip
     """Return the row of a rung, timed repeatedly."""
-    once = partial(_ONCE[line.kind], scene, line, rung, truth)
+    once = partial(_of_peer if line.kind == "peer" else _ours, scene, line, rung, truth)
     try:
         found, seconds = once()
     except (ValueError, TooCoarse) as error:
-        return _row(line, rung, status="failed", reason=str(error), **getattr(error, "found", {}))
-    return _row(line, rung, **found, **_timed(seconds, lambda: once()[1], repeats, left))
+        return _row(line, rung, status="failed", reason=str(error))
+    return _row(
+        line, rung, **found, **_timed(seconds, lambda: once()[1], repeats, left if found["status"] == "ok" else 0.0)
+    )
 
 
 Once = tuple[dict[str, Any], float]  # result of a run, and its seconds
 
 
 def _ours(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> Once:
+    """Run one of our methods; by tolerance its seconds include all runs up to it."""
     assert line.method is not None
-    r = run(scene, line.method, model=line.model, until=stop_of(scene), **rung)
-    return _judged(r, truth), r.seconds
-
-
-def _to_tolerance(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> Once:
-    """A run by tolerance; seconds include all runs up to it."""
-    assert line.method is not None
-    begin = time.process_time()
-    r = climb(scene, line.method, rung["tol"], until=stop_of(scene)).run
-    seconds = time.process_time() - begin
-    chosen = METHODS[line.method].told(r.settings)
-    return _judged(r, truth) | {"bar": r.path_error, "chosen": chosen}, seconds
+    if "tol" in rung:
+        begin = time.process_time()
+        r = climb(scene, line.method, rung["tol"], until=stop_of(scene)).run
+        seconds = time.process_time() - begin
+        found = {"bar": r.path_error, "chosen": METHODS[line.method].told(r.settings)}
+    else:
+        r, found = run(scene, line.method, model=line.model, until=stop_of(scene), **rung), {}
+        seconds = r.seconds
+    work = {name: r.work[name] for name in ("steps", "newton_iterations", "factorisations")}
+    found |= work | {"reached": r.reached, "n_dof": r.n_dof, "unknown_steps": r.work["steps"] * r.n_dof}
+    return found | truth.judged(r.reached, r.reason, lambda: truth.errors(r)), seconds
 
 
 def _of_peer(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> Once:
@@ -338,11 +302,9 @@ def _of_peer(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) ->
         with threadpool_limits(1):
             p, share = _alone(lambda: PEERS[line.name].run(groups, **rung))
     except Exception as error:  # other codes' failures
-        raise _Failed(f"{type(error).__name__}: {error}") from error
-    steps = {"steps": p.t.size - 1, "reached": p.reached}
-    if truth.short(p.reached, p.note):
-        raise _Failed(p.note or f"ended at s_o/l = {p.reached:.3f}", **steps)
-    return {"status": "ok", **steps, **truth.errors_of_path(p, scene)}, share * p.seconds
+        raise ValueError(f"{type(error).__name__}: {error}") from error
+    found = truth.judged(p.reached, p.note, lambda: truth.errors_of_path(p, scene))
+    return {"steps": p.t.size - 1, "reached": p.reached, **found}, share * p.seconds
 
 
 def until(groups: Groups, place: float) -> Groups:
@@ -352,11 +314,6 @@ def until(groups: Groups, place: float) -> Groups:
     if place >= motion.end:
         return groups
     return replace(groups, motion=replace(motion.until(motion.time_at(place)), end=place))
-
-
-_ONCE: dict[str, Callable[..., Once]] = {
-    "method": _ours, "model": _ours, "integrator": _ours, "tolerance": _to_tolerance, "peer": _of_peer,
-}  # fmt: skip
 
 
 def _machine() -> dict[str, str]:

@@ -12,8 +12,8 @@ from validation.page.options import (
     SceneName,
     Set,
     line_named,
+    number,
     points_of,
-    real,
     refuse_moving,
     scene_named,
     tol_faults,
@@ -21,46 +21,31 @@ from validation.page.options import (
 
 if TYPE_CHECKING:
     from cablefem.response import Response
+    from validation.commands.check.study import Check
     from validation.page.options import Point
 
 EXAMPLE = "cablefem check my.toml --tol 1e-4 --with other.csv"
+TOL = "Asked of the path's error, over its largest deflection. Default: 1e-3; of a line at rest 1e-6 m."
+TOL_TENSION = "Asked of the tension, over H. Default: 10 times --tol."
+WITH = "Another program's mass path as CSV, a third party."
+DEEP = "Hold what both solvers share against third parties, too."
+SECOND = "Scene the second solver is told: a planted fault."
+SECOND_SET = "The same by a key of the scene: mass.mass=+1%."
+SENSITIVITY = "Print for each key the smallest fault this check would notice."
 
 
 def command(
     scene: SceneName,
-    tol: Annotated[
-        float | None,
-        typer.Option(
-            parser=real,
-            metavar="X",
-            help="Asked of the path's error, over its largest deflection. Default: 1e-3; of a line at rest 1e-6 m.",
-        ),
-    ] = None,
-    tol_tension: Annotated[
-        float | None,
-        typer.Option(parser=real, metavar="X", help="Asked of the tension, over H. Default: 10 times --tol."),
-    ] = None,
-    other: Annotated[
-        Path | None, typer.Option("--with", metavar="FILE", help="Another program's mass path as CSV, a third party.")
-    ] = None,
-    with_tol: Annotated[
-        float, typer.Option(parser=real, metavar="X", help="Allowed to it beside our own error bar.")
-    ] = 5e-3,
+    tol: Annotated[float | None, number("--tol", TOL)] = None,
+    tol_tension: Annotated[float | None, number("--tol-tension", TOL_TENSION)] = None,
+    other: Annotated[Path | None, typer.Option("--with", metavar="FILE", help=WITH)] = None,
+    with_tol: Annotated[float, number("--with-tol", "Allowed to it beside our own error bar.")] = 5e-3,
     set_: Set = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Print every comparison.")] = False,
-    deep: Annotated[
-        bool, typer.Option("--deep", help="Hold what both solvers share against third parties, too.")
-    ] = False,
-    second: Annotated[
-        Path | None, typer.Option("--second", metavar="FILE", help="Scene the second solver is told: a planted fault.")
-    ] = None,
-    second_set: Annotated[
-        list[str] | None,
-        typer.Option("--second-set", metavar="KEY=VALUE", help="The same by a key of the scene: mass.mass=+1%."),
-    ] = None,
-    sensitive: Annotated[
-        bool, typer.Option("--sensitivity", help="Print for each key the smallest fault this check would notice.")
-    ] = False,
+    deep: Annotated[bool, typer.Option("--deep", help=DEEP)] = False,
+    second: Annotated[Path | None, typer.Option("--second", metavar="FILE", help=SECOND)] = None,
+    second_set: Annotated[list[str] | None, typer.Option("--second-set", metavar="KEY=VALUE", help=SECOND_SET)] = None,
+    sensitive: Annotated[bool, typer.Option("--sensitivity", help=SENSITIVITY)] = False,
     out: Out = None,
 ) -> int:
     """Run two solvers that share no formula on one scene, or on a grid of scenes; do they agree?
@@ -80,67 +65,80 @@ def command(
 
         given = points_of(line, set_)
         return at_rest.check(given, tol, tol_tension, out, _second(given[0].scene, second, second_set))
-    tol = 1e-3 if tol is None else tol
-    faults = tol_faults(tol)
-    if tol_tension is not None and not 0.0 < tol_tension <= 1.0:
-        faults.append(f"--tol-tension must lie in (0, 1], got {tol_tension:g}")
-    if not 0.0 <= with_tol <= 1.0:
-        faults.append(f"--with-tol must lie in [0, 1], got {with_tol:g}")
+    faults = [
+        *tol_faults(tol), *tol_faults(tol_tension, "--tol-tension", 1e-6, 1.0),
+        *tol_faults(with_tol, "--with-tol", 0.0, 1.0),
+    ]  # fmt: skip
     loaded = scene_named(scene, faults, travelling=True)
-    points = points_of(loaded, set_)
-    if settings := sorted({key for point in points for key in point.settings}):
-        raise store.Refused(f"--set {settings[0]}: check chooses its settings; keys of the scene have a dot")
+    points, asked = _points(loaded, set_), {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension}
     if len(points) > 1:
         if other is not None:
             raise store.Refused("--with: holds one path against one scene; leave it out of a grid")
-        return _many(loaded, points, out, tol=tol, tol_tension=tol_tension)
+        return _many(loaded, points, out, **asked)
     loaded = points[0].scene
-    other_scene = _second(loaded, second, second_set)
+    third = None if other is None else (_path(other, loaded), with_tol)
+    result, folder = _checked(loaded, third, out, deep=deep, second=_second(loaded, second, second_set), **asked)
 
-    from validation.commands.check import study
-    from validation.core import foreign
-    from validation.core.running import run
-    from validation.core.sidebyside import aside
+    from validation.commands.check import words
     from validation.page import telling
 
-    path = None
-    if other is not None:
-        path = foreign.ForeignPath.read(other, loaded)
-        foreign.refuse_misnamed(path, run(loaded, study.SOLVERS[0], elements=6, steps=200))
-    folder = store.claim(out, "check", loaded, ["agreement.json", "scene.toml", "with.csv", "grip", *study.SOLVERS])
+    words.tell(result, verbose)
+    if sensitive:
+        from validation.commands.check import sensitivity
+
+        terminal.say(f"  {sensitivity.told(sensitivity.sensitivity(result))}")
+    a, b = result.a.run, result.b.run
+    terminal.say(f"  written to {folder}: report.html, {a.method}/, {b.method}/")
+    return telling.broken(a, b) or int(result.verdict.value != "agree" or bool(result.doubts))
+
+
+def _points(scene: Any, pairs: list[str] | None) -> "list[Point]":
+    """Return the scenes of a grid; Refused for settings of a method."""
+    points = points_of(scene, pairs)
+    if settings := sorted({key for point in points for key in point.settings}):
+        raise store.Refused(f"--set {settings[0]}: check chooses its settings; keys of the scene have a dot")
+    return points
+
+
+def _path(file: Path, scene: Any) -> Any:
+    """Return the path of another program, held against a coarse run: a wrong direction is told at once."""
+    from validation.core import foreign
+    from validation.core.running import run
+
+    path = foreign.ForeignPath.read(file, scene)
+    foreign.refuse_misnamed(path, run(scene, "following-p2", elements=6, steps=200))
+    return path
+
+
+def _checked(scene: Any, third: tuple[Any, float] | None, out: Path | None, **asked: Any) -> "tuple[Check, Path]":
+    """Check a scene, write and draw everything; return the check and its folder; third : a path and its tolerance."""
+    from validation.commands.check import study
+    from validation.core.answers import write_answers
+    from validation.core.sidebyside import aside
+    from validation.page import report
+
+    folder = store.claim(out, "check", scene, ["agreement.json", "scene.toml", "with.csv", "grip", *study.SOLVERS])
     with terminal.progress() as progress, ExitStack() as writing:
 
         def made(*runs: "Response") -> None:
             writing.close()
             writing.enter_context(aside(partial(_write_tables, folder, runs)))
 
-        result = study.check(
-            loaded, tol=tol, tol_tension=tol_tension, deep=deep, second=other_scene, progress=progress, made=made
-        )
-        from validation.commands.check import words  # already loaded while solvers ran
-        from validation.core.answers import write_answers
-        from validation.page import report
-
+        result = study.check(scene, progress=progress, made=made, **asked)
         progress("writing", 0.0)
         (folder / "with.csv").unlink(missing_ok=True)
-        if path is not None:
-            result = study.joined(result, path, with_tol)
-            path.write(folder / "with.csv")
+        if third is not None:
+            result = study.joined(result, *third)
+            third[0].write(folder / "with.csv")
         result.store(folder)
         progress("writing", 0.3)
         report.write(folder, "check")
         writing.close()
         for r in (result.a.run, result.b.run):
-            write_answers(folder / r.method, loaded, r)
+            write_answers(folder / r.method, scene, r)
         store.finish(folder, "check")
         progress("writing", 1.0)
-    words.tell(result, verbose)
-    if sensitive:
-        from validation.commands.check import sensitivity
-
-        terminal.say(f"  {sensitivity.told(sensitivity.sensitivity(result))}")
-    terminal.say(f"  written to {folder}: report.html, {result.a.run.method}/, {result.b.run.method}/")
-    return telling.broken(result.a.run, result.b.run) or (1 if result.verdict.value != "agree" or result.doubts else 0)
+    return result, folder
 
 
 def _second(scene: Any, file: Path | None, pairs: list[str] | None) -> Any:

@@ -10,20 +10,16 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
 from cablefem import catenary_line
 from cablefem.elements import line as elements
-from cablefem.response import Array, write_json
-from cablefem.scene import SceneError
+from cablefem.response import Array
 from cablefem.scene.line import Line, LineRest, LineState, NoLine, NotFound
-from validation.commands.run.line import Answers, Row, extremes, many, of, rows_of, write
+from validation.commands.run.line import Answers, Row, course, extremes, of, rows_of
 from validation.core import store
 from validation.core.agreement import APART, Verdict, three_lines
-from validation.page import report, terminal
-from validation.page.line import tell
 from validation.page.options import Point
 
 FINEST = 32  # elements on each piece, at most
@@ -32,14 +28,13 @@ HALVED = 3.0  # bar over the change on halving the elements
 ROUNDING = 256 * np.finfo(float).eps  # of the reach for lengths, of EA for forces
 TOL = 1e-6  # [m], and of the largest tension
 TOL_RANGE = (1e-9, 1e-2)
-NAMES = ("catenaries", "elements")
-
-
 METRES = ("place", "rope_place", "s", "rope_length")  # quantities in metres; the others are forces
+
+Four = tuple[LineState | NoLine, ...]  # a position by catenaries and by elements, each followed by a coarser answer
 
 
 def numbers(state: LineState) -> dict[str, Array]:
-    """Compared quantities of a state, (n, 1) or (n, 2) over stations; nan where there is none."""
+    """Return the compared quantities of a state, (n, 1) or (n, 2) over stations; nan where there is none."""
     case = state.case
     saddle = np.array([p.kind == "saddle" for p in case.stations])[:, None]
     nowhere = np.full((1, 2), np.nan)
@@ -57,37 +52,42 @@ def numbers(state: LineState) -> dict[str, Array]:
 def compared(
     a: LineRest, less_a: LineRest, b: LineRest, less_b: LineRest, tol: float, tol_tension: float
 ) -> list[Row]:  # fmt: skip
-    """One judged row a quantity, of the worst station and position. `less`: coarser answers.
+    """Return one judged row a quantity, of the worst station and position. `less`: coarser answers.
 
     Row `rest` is for positions with one solution: a disagreement, unless the other search did not end.
     """
-    positions = list(zip(a.positions, less_a.positions, b.positions, less_b.positions, strict=True))
-    both: dict[int, Any] = {
-        i: states for i, states in enumerate(positions) if all(isinstance(x, LineState) for x in states)
-    }
-    if not both:
-        return _alone(positions)[:1]
-    at = [f"{p.name}, position {i + 1}" for i, states in both.items() for p in states[0].case.stations]
+    positions: list[Four] = list(zip(a.positions, less_a.positions, b.positions, less_b.positions, strict=True))
+    both = {i: four for i, four in enumerate(positions) if all(isinstance(x, LineState) for x in four)}
+    reach = {"m": float(np.ptp(a.empty.place[:, 0])), "N": a.empty.case.EA}
+    rounding = {unit: float(ROUNDING * x) for unit, x in reach.items()}
+    rows = _judged(both, rounding, tol, tol_tension) if both else []
+    return rows + _alone(positions)
+
+
+def _judged(both: dict[int, Four], rounding: dict[str, float], tol: float, tol_tension: float) -> list[Row]:
+    """Return the row of each quantity; both : the positions where all four answers are known."""
+    at = [f"{p.name}, position {i + 1}" for i, four in both.items() for p in four[0].case.stations]  # type: ignore[union-attr]
     values = [_joined(states) for states in zip(*both.values(), strict=True)]
     tension = float(np.nanmax([values[0]["tension_behind"], values[0]["tension_ahead"]]))
     asked = {"m": tol, "N": tol_tension * tension}
-    rounding = {"m": ROUNDING * float(np.ptp(a.empty.place[:, 0])), "N": ROUNDING * a.empty.case.EA}
-    units = {quantity: "m" if quantity in METRES else "N" for quantity in values[0]}
-    worst = {quantity: _worst(rounding[unit], *(x[quantity] for x in values)) for quantity, unit in units.items()}
-    rows = [_row(quantity, *x[:3], asked[units[quantity]], at[x[3]]) for quantity, x in worst.items() if x]
-    return rows + _alone(positions)[:1]
+    rows = []
+    for quantity in values[0]:
+        unit = "m" if quantity in METRES else "N"
+        if found := _worst(rounding[unit], *(x[quantity] for x in values)):
+            rows.append(_row(quantity, *found[:3], asked[unit], at[found[3]]))
+    return rows
 
 
-def _joined(states: Sequence[LineState]) -> dict[str, Array]:
-    """The numbers of several states, one after another."""
-    told = [numbers(state) for state in states]
+def _joined(states: Sequence[LineState | NoLine]) -> dict[str, Array]:
+    """Return the numbers of several states, one after another."""
+    told = [numbers(state) for state in states if isinstance(state, LineState)]
     return {quantity: np.concatenate([x[quantity] for x in told]) for quantity in told[0]}
 
 
 def _worst(
     rounding: float, x: Array, less_x: Array, y: Array, less_y: Array
 ) -> tuple[float, float, float, int] | None:  # fmt: skip
-    """Gap, both bars and station of the worst number; None without any."""
+    """Return gap, both bars and station of the worst number; None without any."""
     gap, bar_a = np.abs(x - y), np.fmax(np.abs(x - less_x), rounding)
     bar_b = np.fmax(HALVED * np.abs(y - less_y), rounding)
     worst = np.where(gap > APART * (bar_a + bar_b), gap / ROUNDING, np.maximum(gap, bar_a + bar_b))
@@ -97,14 +97,13 @@ def _worst(
     return float(gap[k]), float(bar_a[k]), float(bar_b[k]), int(k[0])
 
 
-def _alone(positions: Sequence[tuple[LineState | NoLine, ...]]) -> list[Row]:
-    """A row for each position with only one solution."""
-    out = []
+def _alone(positions: Sequence[Four]) -> list[Row]:
+    """Return a row for the first position with only one solution, if there is one."""
     for i, (x, _, y, _) in enumerate(positions):
         if isinstance(x, LineState) != isinstance(y, LineState):
             unknown = isinstance(x, NotFound) or isinstance(y, NotFound)
-            out.append(_row("rest", 1.0, 1.0 if unknown else 0.0, 0.0, 0.0, f"position {i + 1}"))
-    return out
+            return [_row("rest", 1.0, 1.0 if unknown else 0.0, 0.0, 0.0, f"position {i + 1}")]
+    return []
 
 
 def _row(quantity: str, gap: float, bar_a: float, bar_b: float, asked_for: float, where: str) -> Row:
@@ -115,13 +114,8 @@ def _row(quantity: str, gap: float, bar_a: float, bar_b: float, asked_for: float
     }  # fmt: skip
 
 
-def _parts(line: Line) -> list[tuple[str, ...]]:
-    cars = [(car.name, *(str(line.shoe(line.place(car, i))) for i in range(line.count))) for car in line.car]
-    return [tuple(f"{c.name} {c.kind}" for c in line.contact), *cars]
-
-
 def _refined(line: Line, second: Line, tol: float, tol_tension: float) -> tuple[LineRest, LineRest, list[Row]]:
-    """Both answers and their rows; elements are doubled until gap and bars are small enough, up to FINEST."""
+    """Return both answers and their rows; elements are doubled until bars are small enough, up to FINEST."""
     n = 4
     a, less_a = line.rest(partial(catenary_line.solve, more=1)), line.rest(catenary_line.solve)
     less_b = second.rest(partial(elements.solve, elements=n // 2))
@@ -158,10 +152,7 @@ def checked(
     tol : [m];  tol_tension : of the largest tension, default `tol`;  second : a line for the elements alone.
     """
     begun = perf_counter()
-    try:
-        a, b, rows = _refined(line, second or line, tol, tol if tol_tension is None else tol_tension)
-    except SceneError as error:
-        raise store.Refused([f"{line.name}: {fault}" for fault in error.faults]) from None
+    a, b, rows = _refined(line, second or line, tol, tol if tol_tension is None else tol_tension)
     found = of(line, a, begun)
     other = {d["quantity"]: d["value"] for d in extremes(line, rows_of(line, b))}
     for d in found.design:
@@ -178,38 +169,17 @@ def check(
     low, high = TOL_RANGE
     if not low <= tol <= high:
         raise store.Refused(f"--tol must lie in [{low:g}, {high:g}] m for a line at rest, got {tol:g}")
-    for point in points:
-        if second is not None and _parts(second) != _parts(point.scene):
-            raise store.Refused("--second: must be a line with the same contacts, cars and positions")
-    asked = tol, tol_tension
-    line: Line = points[0].scene
-    if len(points) > 1:
+    if second is not None and any(_parts(second) != _parts(point.scene) for point in points):
+        raise store.Refused("--second: must be a line with the same contacts, cars and positions")
 
-        def answered(point: Point) -> tuple[Answers, Row]:
-            each = checked(point.scene, *asked, second)
-            return each.answers, {"verdict": each.verdict.value}
+    def answered(line: Line) -> tuple[Answers, Row]:
+        found = checked(line, tol, tol_tension, second)
+        agreement = {"verdict": found.verdict.value, "methods": ["catenaries", "elements"], "rows": found.rows}
+        return found.answers, agreement
 
-        return many("check", points, out, answered)
-    folder = store.claim(out, "check", line, ["agreement.json", "rest-check"])
-    with terminal.progress() as progress:
-        progress("both", 0.0)
-        begun = perf_counter()
-        judged = checked(line, *asked, second)
-        found, rows, verdict = judged.answers, judged.rows, judged.verdict.value
-        seconds = perf_counter() - begun
-        progress("both", 1.0)
-    write(folder / "rest-check", found)
-    write_json(folder / "agreement.json", {"verdict": verdict, "methods": NAMES, "rows": rows})
-    report.write(folder, "check")
-    terminal.say(
-        f"{verdict}: exact catenaries and elements, {line.count} positions, {seconds:.1f} s",
-        style=terminal.STYLES[verdict],
-    )
-    tell(line, found.design, found.refused)
-    worst = max(rows, key=lambda row: row["gap"] / row["allowed"] if row["allowed"] else np.inf)
-    terminal.say(
-        f"  {sum(row['verdict'] == 'agree' for row in rows)} of {len(rows)} comparisons agree; the worst: "
-        f"{worst['quantity']} at {worst['where']}, gap {worst['gap']:.1e} {worst['unit']}, bars {worst['allowed']:.1e}"
-    )
-    terminal.say(f"  written to {folder}: report.html, agreement.json, rest-check/")
-    return 1 if verdict != "agree" else 2 if found.refused else 0
+    return course("check", points, out, answered)
+
+
+def _parts(line: Line) -> list[tuple[str, ...]]:
+    cars = [(car.name, *(str(line.shoe(line.place(car, i))) for i in range(line.count))) for car in line.car]
+    return [tuple(f"{c.name} {c.kind}" for c in line.contact), *cars]

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from validation.commands.check.shared import SHARED
+from validation.core import store
 from validation.core.quantities import named, told
-from validation.core.store import stored
 from validation.page import line
 from validation.page.answer import figures as draw
 from validation.page.answer import many
@@ -17,35 +16,15 @@ from validation.page.answer.sections import answer, behind, typeset
 from validation.page.answer.stored import Stored, read
 from validation.page.page import VERDICTS, Section, callout, details, gallery, number, table
 
-# the page's group of each quantity
-GROUPS = {
-    "The path of the car": ("path_max", "path_rms", "place", "path_slack"),
-    "Speed and events": ("speed", "events"),
-    "Forces at the car and the supports": (
-        "tension_behind", "tension_ahead", "reactions", "haul_force", "contact_force", "haul", "contact", "jump",
-    ),
-    "The rope along its length": ("tension", "tension_min", "displacement", "velocity", "slack_onset"),
-    "Laws of mechanics, each answer by itself": ("energy", "impulse", "laws_si"),
-    "Design numbers and files": ("design", "columns"),
-    "What both solvers share": ("deep",),
-}  # fmt: skip
-OTHERS = "Other comparisons"
-WORDS = {
-    "agree": "agree", "disagree": "disagree", "too coarse": "too coarse to tell",
-    "not comparable": "cannot be compared",
-}  # fmt: skip
-
-THIRD = {
-    "agree": "agrees with both", "disagree": "DISAGREES with both", "too coarse": "is too coarse to tell",
-    "not comparable": "cannot be compared",
-}  # fmt: skip
+WORDS = store.shipped(__package__, "words.toml")
+COUNTED, OTHERS = WORDS["counted"], "Other comparisons"
 
 
 def sections(folder: Path) -> list[Section]:
     """Return the page of a stored check."""
     for name in ("rest-check", "grid-rest-check"):
         if (folder / name).is_dir():
-            told = stored(folder / "agreement.json")
+            told = store.stored(folder / "agreement.json")
             at_rest = folder / name
             return (
                 line.grid(at_rest) if name.startswith("grid") else line.sections(at_rest, told["rows"], told["verdict"])
@@ -73,7 +52,7 @@ def sure(rows: list[dict[str, Any]]) -> str:
     asked = Counter(row["verdict"] for row in rows if row.get("asked", True))
     if not asked:
         return "Nothing could be compared."
-    parts = [f"{asked[verdict]} {WORDS[verdict]}" for verdict in ("agree", *VERDICTS) if asked[verdict]]
+    parts = [f"{asked[verdict]} {COUNTED[verdict]}" for verdict in ("agree", *VERDICTS) if asked[verdict]]
     unique = list(dict.fromkeys(parts))
     return f"Two independent solvers, {sum(asked.values())} comparisons: {', '.join(unique)}."
 
@@ -83,22 +62,16 @@ def third(rows: list[dict[str, Any]], party: str) -> tuple[str, str]:
     theirs = [row for row in rows if row.get("with") == party]
     worst = next(verdict for verdict in VERDICTS if any(row["verdict"] == verdict for row in theirs))
     notes = [note for row in theirs for note in row.get("bound", {}).get("notes", ())]
-    return worst, "; ".join([THIRD[worst], *dict.fromkeys(notes)]) + "."
+    return worst, "; ".join([WORDS["third"][worst], *dict.fromkeys(notes)]) + "."
 
 
 def _sure(x: Stored) -> Section:
-    group_of = {name: group for group, names in GROUPS.items() for name in names}
+    group_of = {name: group for group, names in WORDS["groups"].items() for name in names}
     groups: dict[str, list[dict[str, Any]]] = {}
     for row in x.rows:
         groups.setdefault(group_of.get(row["quantity"], OTHERS), []).append(row)
-    lines = [_line(name, groups[name]) for name in [*GROUPS, OTHERS] if name in groups]
-    html = [
-        Markup(
-            "<p>Every number has a bar: what its solver expects to be wrong with it, from coarser runs of its own. The "
-            "gap is how far the two solvers are apart. A gap beyond three times both bars: they disagree. Else, if gap "
-            "or bars exceed what was asked: too coarse to tell. Else they agree.</p>"
-        ),
-    ]  # fmt: skip
+    lines = [_line(name, groups[name]) for name in [*WORDS["groups"], OTHERS] if name in groups]
+    html = [Markup("<p>{}</p>").format(WORDS["rule"])]
     if x.party is not None:
         worst, said = third(x.rows, x.party.method)
         html.insert(1, callout(f"{x.party.method}: {said}", worst))
@@ -113,7 +86,7 @@ def _line(group: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     asked = [row for row in rows if row.get("asked", True)]
     worst = next((v for v in VERDICTS if any(row["verdict"] == v for row in asked)), None)
     count = Counter(row["verdict"] for row in asked)
-    words = ", ".join(f"{count[v]} {WORDS[v]}" for v in reversed(VERDICTS) if count[v])
+    words = ", ".join(f"{count[v]} {COUNTED[v]}" for v in reversed(VERDICTS) if count[v])
     bad = [_named(row) for row in asked if row["verdict"] != "agree"]
     return {"group": group, "verdict": worst, "words": words + (f" ({'; '.join(bad)})" if bad else "")}
 
@@ -147,7 +120,7 @@ def _rests(x: Stored) -> Section:
     html = [behind(x)]
     if x.grip is not None and (line := _gripped(x)):
         html.insert(0, Markup("<p>{}</p>").format(line))
-    shared = [{"what": what, "how": how} for what, how in SHARED]
+    shared = [{"what": what, "how": how} for what, how in WORDS["shared"].items()]
     heads = {"what": "shared", "how": "checked on its own by"}
     html.append(details("What both solvers share: a fault in it would show as no gap", table(shared, heads)))
     return Section("rests", "What it rests on", Markup("\n").join(html))

@@ -3,21 +3,14 @@
 from dataclasses import replace
 from typing import Any
 
-from validation.commands.check.page import sure, third
+from validation.commands.check.page import WORDS, sure, third
 from validation.commands.check.study import Check
 from validation.page import telling, terminal
-
-SAID = {
-    "agree": "Both solvers agree.",
-    "disagree": "The solvers DISAGREE: one of them is wrong, or its bar is too small.",
-    "too coarse": "TOO COARSE to tell: both solvers may be right, but not as sure as was asked.",
-    "not comparable": "NOT COMPARABLE: there is nothing left to compare.",
-}
 
 
 def tell(result: Check, verbose: bool = False) -> None:
     """Print the verdict, important numbers, and their certainty."""
-    terminal.say(SAID[result.verdict.value], style=terminal.STYLES[result.verdict.value])
+    terminal.say(WORDS["verdicts"][result.verdict.value], style=terminal.STYLES[result.verdict.value])
     telling.answer(result.scene, replace(result.a.run, design=result.design))
     rows = [row.row() for row in result.rows]
     terminal.say(f"  {sure([row for row in rows if not row.get('with')])}")

@@ -7,7 +7,7 @@ order that theory gives.  Some rows must fail: a wrong method, another limit, a 
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -34,28 +34,6 @@ ROWS, RESULT = "oracles.jsonl", "oracles.json"
 ORDER_SCATTER = 0.3  # of an order read off three or four runs: fronts pass the mass at other places of their meshes
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One oracle held against one method."""
-
-    oracle: str
-    case: str  # what is moving on what, in words
-    method: str
-    ladder: list[str]  # what was refined, coarse to fine
-    refined: str  # "resolution", or the parameter of a limit
-    sizes: Sequence[float]  # resolution, or one over the parameter: errors fall like sizes^-order
-    errors: Sequence[float]  # relative rms
-    error: float  # of the finest
-    worst: float  # the largest error anywhere, of the finest
-    observed_order: float  # nan where the errors do not fall
-    expected_order: float | None
-    because: str  # why that order
-    allowed: float  # error that the finest run may have
-    allowed_because: str
-    verdict: str  # "agree" | "disagree"
-    expected: str  # the verdict that this row must have
-
-
 SAFETY = 1.5  # of what the order leaves of the last change, between Roache's 1.25 for three grids and 3 for two
 CREDITED = 1.5  # the most order that is credited: wave fronts pass the mass as spikes
 
@@ -72,30 +50,42 @@ class Task:
     def key(self) -> tuple[str, str, str]:
         return self.oracle, self.case.name, self.method
 
-    def compute(self, solvers: Solvers | None = None) -> Row:
-        """Climb the case's ladder and hold every rung against the exact answer."""
+    def compute(self, solvers: Solvers | None = None) -> dict[str, Any]:
+        """Climb the case's ladder, hold every rung against the exact answer, and return the row.
+
+        ladder : what was refined, coarse to fine; sizes : resolution, or one over the parameter of a limit;
+        errors : relative rms; error, worst : rms and largest of the finest; observed_order : nan where none shows.
+        """
         solvers, case, method = solvers or SOLVERS, self.case, self.method
         rungs = case.ladder(solvers, method)
         answers = [case.ask(solvers, method, rung) for rung in rungs]
-        errors = [case.error(answer) for answer in answers]
-        sizes = [rung.size for rung in rungs]
+        errors = [case.error(answer) for answer in answers]  # largest, rms
+        sizes, rms = [rung.size for rung in rungs], [rms for _, rms in errors]
         p, because = case.order(solvers, method)
-        ratio, gap = sizes[-1] / sizes[-2], case.gap(*answers[-2:])
-        if gap is None:
-            assert p is not None
-            allowed = SAFETY * errors[-2][1] / ratio**p
-            told = f"{SAFETY} x the deviation before, fallen with order {p:g}"
-        else:
-            credited = 1.0 if p is None else min(p, CREDITED)
-            allowed = SAFETY * gap / (ratio**credited - 1.0)
-            told = f"own error bar: {SAFETY} x gap to the run before / (ratio to the {credited:g} - 1)"
-        (worst, error), rms = errors[-1], [rms for _, rms in errors]
+        allowed, why = _allowed(sizes[-1] / sizes[-2], p, case.gap(*answers[-2:]), rms[-2])
         observed = order(sizes, rms)
-        return Row(
-            self.oracle, case.name, method, [_told(rung.settings) for rung in rungs], case.refined, sizes, rms, error,
-            worst, observed, p, because, allowed, told if math.isfinite(allowed) else "the run broke",
-            judge(error, allowed, observed, p), case.must(solvers, method),
-        )  # fmt: skip
+        return {
+            "oracle": self.oracle, "case": case.name, "method": method,
+            "ladder": [", ".join(f"{k} {v:g}" for k, v in rung.settings.items()) for rung in rungs],
+            "refined": case.refined, "sizes": sizes, "errors": rms, "error": rms[-1], "worst": errors[-1][0],
+            "observed_order": observed, "expected_order": p, "because": because, "allowed": allowed,
+            "allowed_because": why if math.isfinite(allowed) else "the run broke",
+            "verdict": judge(rms[-1], allowed, observed, p), "expected": case.must(solvers, method),
+        }  # fmt: skip
+
+
+def _allowed(ratio: float, p: float | None, gap: float | None, before: float) -> tuple[float, str]:
+    """Return the error that the finest run may have, and why.
+
+    ratio : of the last two sizes; p : order of theory; gap : between the last two answers, None of a limit;
+    before : error of the last but one.
+    """
+    if gap is None:
+        assert p is not None
+        return SAFETY * before / ratio**p, f"{SAFETY} x the deviation before, fallen with order {p:g}"
+    credited = 1.0 if p is None else min(p, CREDITED)
+    why = f"own error bar: {SAFETY} x gap to the run before / (ratio to the {credited:g} - 1)"
+    return SAFETY * gap / (ratio**credited - 1.0), why
 
 
 def tasks() -> list[Task]:
@@ -114,9 +104,7 @@ def oracle_table(out: Path, progress: Progress = silent) -> dict[str, Any]:
     A table that was interrupted goes on where it stopped; one that is complete is made anew.
     """
     jobs = {json.dumps(task.key): task for task in tasks()}
-    rows = list(
-        store.each_once(out / ROWS, jobs, lambda task: asdict(task.compute()), partial(progress, "oracles")).values()
-    )
+    rows = list(store.each_once(out / ROWS, jobs, lambda task: task.compute(), partial(progress, "oracles")).values())
     as_expected = all(row["verdict"] == row["expected"] for row in rows)
     known = [
         {"name": name} | {k: getattr(o, k) for k in ("title", "source", "validity", "group")}
@@ -126,10 +114,6 @@ def oracle_table(out: Path, progress: Progress = silent) -> dict[str, Any]:
     write_json(out / RESULT, content)
     (out / ROWS).unlink()
     return content
-
-
-def _told(settings: dict[str, Any]) -> str:
-    return ", ".join(f"{k} {v:g}" for k, v in settings.items())
 
 
 def order(sizes: Sequence[float], errors: Sequence[float]) -> float:

@@ -13,5 +13,5 @@ def command(out: Annotated[Path | None, to("paper")] = None) -> int:
     """
     from validation.commands.paper.study import paper
 
-    study("paper", "paper", ["claims.json", "numbers.json", "runs"], out, paper)
+    study("paper", "paper", ["claims.json", "numbers.jsonl", "runs"], out, paper)
     return 0

@@ -4,8 +4,6 @@ A sum of N smooth functions meets the kink at the mass with ripples one waveleng
 does not depend on N: Gibbs' phenomenon.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from cablefem.elements.following import FollowingElements
@@ -21,15 +19,6 @@ from validation.core.sampling import stacked
 
 ASKED = SAID["overshoot"]
 PLACES = np.linspace(ASKED["places"]["first"], ASKED["places"]["last"], ASKED["places"]["count"])
-
-
-@dataclass(frozen=True, slots=True)
-class Overshoot:
-    """Largest |T - T_converged|/H between half a wavelength and two of them from the mass."""
-
-    terms: int
-    size: float  # mean over PLACES
-    spread: float  # standard error of the mean
 
 
 def _tensions(system: GalerkinSystem | FollowingElements, distances: Array) -> Array:
@@ -49,12 +38,16 @@ def _tensions(system: GalerkinSystem | FollowingElements, distances: Array) -> A
     ])  # fmt: skip
 
 
-def overshoots(groups: Groups) -> dict[str, list[Overshoot]]:
+def overshoots(groups: Groups) -> dict[str, list[dict[str, float]]]:
     """Return the overshoot of every method for every number of terms; the scene must stay taut."""
     return {method: [overshoot(groups, method, terms) for terms in ladder] for method, ladder in ASKED["terms"].items()}
 
 
-def overshoot(groups: Groups, method: str, terms: int) -> Overshoot:
+def overshoot(groups: Groups, method: str, terms: int) -> dict[str, float]:
+    """Return the largest |T - T_converged|/H between half a wavelength and two of them from the mass.
+
+    size : mean over PLACES;  spread : standard error of the mean.
+    """
     distances = np.linspace(0.5, 2.0, 120) / terms
     basis: Basis = Fourier(terms) if method != "wavelet" else next(
         w for w in (Daubechies(order=4, level=level, reading="literal") for level in range(9)) if w.n == terms
@@ -62,4 +55,4 @@ def overshoot(groups: Groups, method: str, terms: int) -> Overshoot:
     reference = _tensions(FollowingElements(groups, elements=24, degree=2), distances)
     gap = np.abs(_tensions(GalerkinSystem(groups, basis, kink=method.endswith("kink")), distances) - reference)
     sizes = gap.max(axis=1)
-    return Overshoot(terms, float(sizes.mean()), float(sizes.std(ddof=1) / np.sqrt(sizes.size)))
+    return {"terms": terms, "size": float(sizes.mean()), "spread": float(sizes.std(ddof=1) / np.sqrt(sizes.size))}

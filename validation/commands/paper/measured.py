@@ -1,4 +1,9 @@
-"""Numbers that the claims speak of, each from one response, or from one and its reference."""
+"""Measures that claims.toml names, each of one response, or of one and its reference.
+
+Without another window tensions are taken while the mass is between 0.1 and 0.8 of the length.
+"""
+
+import math
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -7,56 +12,76 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import find_peaks
 
 from cablefem.response import Array, Response
-from cablefem.scene import Scene
+from cablefem.scene import Groups, Scene
+from galerkin.abscissa import PositionAbscissa
+from galerkin.bases.daubechies import Daubechies
+from galerkin.bases.fourier import Fourier
+from galerkin.equations import GalerkinSystem
 from validation.core import measures
+from validation.oracles import irvine
 
-READINGS = ("v", "y + v")  # "path" may mean the displacement of the mass or its place
+MOVING = (0.1, 0.8)  # s_o/l over which tensions are looked at
 LATEST = 0.83  # s_o/l: the level cable goes slack from there on
 
 
-def series(r: Response, reading: str) -> Array:
-    """Return the path in one of its READINGS, (n,) [m], positive downward."""
-    return r.v if reading == "v" else r.y
+# --- the path of the mass -------------------------------------------------------------------------------------------
 
 
-def extrema(r: Response, reading: str) -> list[tuple[float, str, float]]:
-    """Return (s_o/l, "max" | "min", value) of every turning point; downward is positive.
+def extrema(r: Response, reading: str) -> list[tuple[float, str]]:
+    """Return (s_o/l, "max" | "min") of every turning point; downward is positive.
 
+    reading : "v", the displacement, or "y + v", the place.
     Turns shallower than half a percent of the largest value do not count.
     """
     curve, places = _level_places(r, reading, 0.05, LATEST)
     values = curve(places)
     deep = 0.005 * np.abs(curve(np.linspace(0.05, LATEST, 4000))).max()
-    found = [
-        (float(places[i]), kind, float(values[i]))
+    return sorted(
+        (float(places[i]), kind)
         for sign, kind in ((1.0, "max"), (-1.0, "min"))
         for i in find_peaks(sign * values, prominence=deep)[0]
-    ]
-    return sorted(found)
+    )
 
 
 def _level_places(r: Response, reading: str, start: float, end: float) -> tuple[CubicSpline, Array]:
     """Return the path as a function of s_o/l, and where it may be extreme between two places, both included."""
-    curve = CubicSpline(r.s_o / r.length, series(r, reading))
+    curve = CubicSpline(r.s_o / r.length, r.v if reading == "v" else r.y)
     roots = curve.derivative().roots(extrapolate=False)
     return curve, np.array([start, *roots[(roots > start) & (roots < end)], end])
 
 
-def place_of(r: Response, reading: str, near: float, kind: str | None = None) -> float:
+def turn(r: Response, reading: str, near: float, kind: str | None = None) -> float:
     """Return s_o/l of the turning point nearest to a place; nan without any."""
-    places = [s for s, k, _ in extrema(r, reading) if kind in (None, k)]
-    return min(places, key=lambda s: abs(s - near), default=float("nan"))
+    places = [s for s, k in extrema(r, reading) if kind in (None, k)]
+    return min(places, key=lambda s: abs(s - near), default=math.nan)
 
 
-def place_of_largest(r: Response, reading: str, end: float = LATEST) -> float:
+def lowest(r: Response, reading: str, end: float = LATEST) -> float:
     """Return s_o/l where the path is lowest, up to `end`."""
     curve, places = _level_places(r, reading, 0.0, min(end, r.reached))
     return float(places[np.argmax(curve(places))])
 
 
-def largest(r: Response, reading: str, end: float = LATEST) -> float:
+def depth(r: Response, reading: str, end: float = LATEST) -> float:
     """Return the largest value of the path [m], up to `end`."""
-    return float(series(r, reading)[r.s_o <= end * r.length].max())
+    return float((r.v if reading == "v" else r.y)[r.s_o <= end * r.length].max())
+
+
+def apart(a: Response, b: Response) -> float:
+    """Return the largest distance of two paths over the largest deflection of the second."""
+    return measures.path_gap(a, b, measures.WINDOW)[0]
+
+
+def unaccounted(r: Response, whole: bool = True) -> float:
+    """Return the energy that nothing gave, over weight times largest displacement; whole : with M g y(s_o)."""
+    scene = Scene.from_toml(r.scene_toml)
+    assert scene.mass is not None
+    weight = scene.mass.mass * scene.gravity
+    defect = measures.energy_defect(r) + (0.0 if whole else weight * (r.y - r.v))
+    return float(np.abs(defect[measures.inside(r, measures.WINDOW)]).max() / (weight * r.max_deflection))
+
+
+# --- the tension ----------------------------------------------------------------------------------------------------
 
 
 def frames(r: Response, low: float, high: float) -> slice:
@@ -65,35 +90,26 @@ def frames(r: Response, low: float, high: float) -> slice:
     return slice(int(inside[0]), int(inside[-1]) + 1)
 
 
-def tension_level(r: Response) -> tuple[Array, Array]:
-    """Return s_o/l and the median tension along the cable over H of every frame."""
-    return r.fields.s_o / r.length, np.median(r.fields.T_pointwise, axis=1) / r.horizontal_tension
+def level(r: Response, low: float, high: float) -> Array:
+    """Return the median tension along the cable over H, of every frame with s_o/l in [low, high]."""
+    return np.median(r.fields.T_pointwise[frames(r, low, high)], axis=1) / r.horizontal_tension
 
 
-def highest_tension(r: Response) -> float:
-    place, level = tension_level(r)
-    return float(level[place <= 0.5].max())
+def tension_error(r: Response, reference: Response) -> float:
+    """Return the rms error of the tension off the mass, over H."""
+    place, i, j = measures.common_frames(r, reference)
+    inside = (place >= MOVING[0]) & (place <= MOVING[1])
+    away = np.abs(r.fields.s[None, :] / r.length - place[inside][:, None]) >= measures.JUMP_WIDTH
+    gap = (r.fields.T_pointwise[i[inside]] - reference.fields.T_pointwise[j[inside]])[away]
+    return float(np.sqrt(np.mean((gap / reference.horizontal_tension) ** 2)))
 
 
-def tension_spread(r: Response, low: float, high: float) -> float:
-    """Return how far the median tension departs from its mean over those frames, relative to the mean."""
-    level = tension_level(r)[1][frames(r, low, high)]
-    return float(np.abs(level / level.mean() - 1.0).max())
-
-
-def unevenness(r: Response, low: float, high: float, *, sides: bool = False, width: float = 0.05) -> float:
-    """Return rms of T along the cable about its mean (of each side of the mass), over that mean: median over frames.
+def unevenness(r: Response, *, sides: bool = False, width: float = 0.05) -> Array:
+    """Return rms of T along the cable about its mean (of each side of the mass), over that mean, of every frame.
 
     Within `width` of the mass is left out.
     """
-    return float(np.median(unevennesses(r, low, high, sides=sides, width=width)))
-
-
-def unevennesses(r: Response, low: float, high: float, *, sides: bool = False, width: float = 0.05) -> Array:
-    """Return the same for every frame with s_o/l in [low, high]."""
-    out = []
-    s = r.fields.s / r.length
-    rows = frames(r, low, high)
+    out, s, rows = [], r.fields.s / r.length, frames(r, *MOVING)
     for row, s_o in zip(r.fields.T_pointwise[rows], r.fields.s_o[rows] / r.length, strict=True):
         away = np.abs(s - s_o) >= width
         parts = [away & (s < s_o), away & (s > s_o)] if sides else [away]
@@ -101,45 +117,32 @@ def unevennesses(r: Response, low: float, high: float, *, sides: bool = False, w
     return np.sqrt(out)
 
 
-def ripple(r: Response, reference: Response, near: float, far: float, window: tuple[float, float]) -> float:
-    """Return rms of T - T_reference over H at stations whose distance from the mass lies in [near, far] l."""
-    place, i, j = measures.common_frames(r, reference)
-    inside = (place >= window[0]) & (place <= window[1])
-    distance = np.abs(r.fields.s[None, :] / r.length - place[inside][:, None])
-    gap = (r.fields.T_pointwise[i[inside]] - reference.fields.T_pointwise[j[inside]])[
-        (distance >= near) & (distance <= far)
-    ]
-    return float(np.sqrt(np.mean((gap / reference.horizontal_tension) ** 2)))
-
-
-def wiggle(r: Response, near: float, far: float, window: tuple[float, float]) -> float:
-    """Return rms of T less its running mean over a tenth of the cable, over H; distances from the mass as in `ripple`.
+def wiggle(r: Response, near: float = 0.2, far: float = 1.0) -> float:
+    """Return rms of T less its running mean over a tenth of the cable, over H; near, far : distances from the mass.
 
     The mean stops at the mass, where T jumps.
     """
-    s, half = r.fields.s / r.length, round(0.05 * (r.fields.s.size - 1))
+    s, half, rows = r.fields.s / r.length, round(0.05 * (r.fields.s.size - 1)), frames(r, *MOVING)
     parts = []
-    for row, s_o in zip(
-        r.fields.T_pointwise[frames(r, *window)], r.fields.s_o[frames(r, *window)] / r.length, strict=True
-    ):
+    for row, s_o in zip(r.fields.T_pointwise[rows], r.fields.s_o[rows] / r.length, strict=True):
         for side in (s < s_o, s > s_o):
             if np.count_nonzero(side) > 2 * half:
-                fast = row[side] - uniform_filter1d(row[side], 2 * half + 1)
-                distance = np.abs(s[side] - s_o)
                 whole = slice(half, -half)  # where the mean has all its stations
-                parts.append(fast[whole][(distance[whole] >= near) & (distance[whole] <= far)])
+                fast = (row[side] - uniform_filter1d(row[side], 2 * half + 1))[whole]
+                distance = np.abs(s[side] - s_o)[whole]
+                parts.append(fast[(distance >= near) & (distance <= far)])
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)) / r.horizontal_tension)
 
 
-def turns(r: Response, window: tuple[float, float]) -> float:
+def turns(r: Response) -> float:
     """Return the number of crests and troughs of T along the cable deeper than 0.005 H, mean over frames."""
-    rows = r.fields.T_pointwise[frames(r, *window)] / r.horizontal_tension
+    rows = r.fields.T_pointwise[frames(r, *MOVING)] / r.horizontal_tension
     return float(np.mean([sum(find_peaks(x * sign, prominence=0.005)[0].size for sign in (1, -1)) for x in rows]))
 
 
-def tension_jump(r: Response, low: float, high: float) -> float:
+def tension_jump(r: Response) -> float:
     """Return the mean step of tension across the mass, ahead less behind, over H."""
-    rows = frames(r, low, high)
+    rows = frames(r, *MOVING)
     return float(np.mean(r.fields.T_ahead_pointwise[rows] - r.fields.T_behind_pointwise[rows]) / r.horizontal_tension)
 
 
@@ -164,4 +167,43 @@ def meeting(r: Response) -> float:
 
     meets.terminal = True  # type: ignore[attr-defined]
     done = solve_ivp(front, (0.0, float(f.t[-1])), [0.0], events=meets, rtol=1e-6, atol=1e-8, max_step=f.t[0])
-    return float(mass(done.t_events[0][0])) if done.t_events[0].size else float("nan")
+    return float(mass(done.t_events[0][0])) if done.t_events[0].size else math.nan
+
+
+# --- scenes and formulas --------------------------------------------------------------------------------------------
+
+
+def linear_theory(sigma: float, alpha: float) -> float:
+    """Return Irvine and Caughey's first frequency of a level cable."""
+    return float(irvine.frequencies(irvine.parameter(sigma, alpha), 1)[0])
+
+
+def static_variation(scene: Scene) -> float:
+    """Return the variation of the static tension along the cable, over H."""
+    return float(np.ptp(scene.catenary.tension(np.linspace(0.0, scene.length, 201))) / scene.horizontal_tension)
+
+
+def wavelet_terms(level: int) -> int:
+    """Return the number of functions in the paper's set (37) of that level."""
+    return Daubechies(order=4, level=level, reading="literal").n
+
+
+def rate(rows: list[dict[str, float]]) -> tuple[float, float]:
+    """Return the exponent with which an overshoot falls with the number of terms, and its bar."""
+    first, last = rows[0], rows[-1]
+    steps = math.log(last["terms"] / first["terms"])
+    bar = math.hypot(first["spread"] / first["size"], last["spread"] / last["size"]) / steps
+    return math.log(first["size"] / last["size"]) / steps, bar
+
+
+def start_of_48(groups: Groups, d: float) -> float:
+    """Return how far (48) is from the g'' that balances (45) at s_o = d, relative, for ten sines."""
+    system = GalerkinSystem(groups, Fourier(10))
+    assert groups.motion is not None
+    a = groups.motion.at(0.0, 0)[2]
+    _, xp, yp, _, _ = groups.static(np.zeros(1))
+    slope = system.basis.basis.phi(np.zeros(1), 1)[0]
+    pull = np.array([a * xp[0], a * yp[0] - groups.sigma])
+    printed = np.linalg.solve(system.basis.basis.mass(), -groups.mu * np.outer(slope, pull)).T.ravel() / (3.0 * a)
+    balanced = PositionAbscissa(system).second_order(np.zeros(system.n_dof), d)
+    return float(np.linalg.norm(balanced - printed) / np.linalg.norm(printed))

@@ -39,9 +39,9 @@ class Reference:
     def run(self) -> Response:
         return self.ladder.finest
 
-    def measured(self, f: Callable[[Response], float]) -> tuple[float, float]:
-        """Return a number and its bar, which is never less than the distance of the other solver."""
-        return f(self.run), max(float(self.ladder.bar(f)), abs(f(self.run) - f(self.cross)))
+    def bar(self, f: Callable[[Response], float]) -> float:
+        """Return the bar of a number, which is never less than the distance of the other solver."""
+        return max(float(self.ladder.bar(f)), abs(f(self.run) - f(self.cross)))
 
     @property
     def path_bar(self) -> float:
@@ -62,24 +62,16 @@ class Runs:
     by_name: dict[str, Response]
     reference: dict[str, Reference]
 
-    def __getitem__(self, name: str) -> Response:
-        return self.by_name[name]
-
 
 def plan() -> dict[str, tuple[str, str, dict[str, Any]]]:
     """Return every run by its folder's name: scene, method, settings."""
     name, settings = SAID["fine"]
     method = find(name)
     fine = method.settings(settings)
-    ladder = {
-        "": fine,
-        "-half-resolution": refined(method, fine, space=0.5),
-        "-half-steps": refined(method, fine, time=0.5),
-    }
-    ladder |= {
-        "-quarter-resolution": refined(method, fine, space=0.25),
-        "-quarter-steps": refined(method, fine, time=0.25),
-    }
+    ladder = {"": fine}
+    for word, share in (("half", 0.5), ("quarter", 0.25)):
+        ladder[f"-{word}-resolution"] = refined(method, fine, space=share)
+        ladder[f"-{word}-steps"] = refined(method, fine, time=share)
     jobs = {f"{scene}-reference{end}": (scene, name, x) for scene in SAID["references"] for end, x in ladder.items()}
     jobs |= {f"{scene}-cross": (scene, *SAID["cross"]) for scene in SAID["references"]}
     return jobs | {name: tuple(given) for name, given in SAID["runs"].items()}  # the long ones first
@@ -115,11 +107,8 @@ def stored(folder: Path, scene: Scene, method: str, settings: dict[str, Any]) ->
 
 def _reference(found: dict[str, Response], scene: str) -> Reference:
     def branch(what: str, order: float) -> Branch:
-        return Branch(
-            tuple(found[f"{scene}-reference-{part}-{what}"] for part in ("half", "quarter")), (2.0, 2.0), order
-        )
+        runs = tuple(found[f"{scene}-reference-{word}-{what}"] for word in ("half", "quarter"))
+        return Branch(runs, (2.0, 2.0), order)
 
-    ladder = Ladder(
-        found[f"{scene}-reference"], branch("resolution", find(SAID["fine"][0]).space_order), branch("steps", 2.0)
-    )
-    return Reference(ladder, found[f"{scene}-cross"])
+    space, time = branch("resolution", find(SAID["fine"][0]).space_order), branch("steps", 2.0)
+    return Reference(Ladder(found[f"{scene}-reference"], space, time), found[f"{scene}-cross"])

@@ -5,28 +5,25 @@ from pathlib import Path
 from typing import Any
 
 from cablefem.response import write_json
-from validation.commands.paper import computed, verdicts
+from validation.commands.paper import judged, known
 from validation.commands.paper.runs import all_runs
-from validation.commands.paper.verdicts import VERDICTS
 from validation.core.sidebyside import Progress, silent
 
 
 def paper(out: Path, report: Progress = silent) -> dict[str, Any]:
     """Make or reuse every run, judge every claim, and write claims.json; runs are kept in out/runs/NAME.
 
-    Returns the content of claims.json: `claims` and `count` of verdicts; `wu_and_chen`, turning points of the path
-    for both mass ratios; `references`, what the converged values rest on; and what `computed.stored` returns.
+    Returns the content of claims.json: `claims` and `count` of verdicts; `references`, what the converged values rest
+    on; `frequencies` and `overshoot` of the figures.
     """
     runs = all_runs(out, report)
+    beyond = known.numbers(runs, out / "numbers.jsonl", report)
     report("claims", 0.0)
-    beyond = computed.stored(runs, out / "numbers.json")
-    report("claims", 0.7)
-    rows = [claim.row() for claim in verdicts.claims(computed.numbers(runs, beyond))]
-    counts = Counter(row["verdict"] for row in rows)
+    claims = judged.claims(known.names(runs, beyond))
+    counts = Counter(claim["verdict"] for claim in claims)
     content = {
-        "claims": rows,
-        "count": {verdict: counts[verdict] for verdict in VERDICTS},
-        "wu_and_chen": computed.wu_and_chen(runs),
+        "claims": claims,
+        "count": {verdict: counts[verdict] for verdict in judged.VERDICTS},
         "references": {
             scene: {
                 "method": x.run.method, "settings": x.run.settings, "crossed_by": x.cross.method,
@@ -34,7 +31,8 @@ def paper(out: Path, report: Progress = silent) -> dict[str, Any]:
             }
             for scene, x in runs.reference.items()
         },
-        **beyond,
+        "frequencies": beyond["frequencies"],
+        "overshoot": beyond["overshoot"],
     }  # fmt: skip
     write_json(out / "claims.json", content)
     report("claims", 1.0)

@@ -13,8 +13,8 @@ from validation.page.options import (
     SceneName,
     Set,
     line_named,
+    number,
     points_of,
-    real,
     refuse_moving,
     scene_named,
     tol_faults,
@@ -26,33 +26,24 @@ if TYPE_CHECKING:
     from validation.commands.run.study import Answer
 
 EXAMPLE = "cablefem run zipline --model quasi-static --set mass.mass=40,60,80"
-METHOD = "following-p2"
+METHOD, QUASI_STATIC = "following-p2", "quasi-static"
 CHOICES = {
-    "model": ("full", "stretching", "sagged", "string", "quasi-static"),
-    "load": ("mass", "force"),
+    "model": ("full", "stretching", "sagged", "string", QUASI_STATIC), "load": ("mass", "force"),
     "law": ("auto", "elastic", "tension-only"),
-}
+}  # fmt: skip
+MODEL = "full, stretching, sagged or string; quasi-static needs no method."
+LAW = "elastic, tension-only, or auto: tension-only from the slack onset on."
+TOL = "Choose resolution and steps for a path error of at most X, of mean forces 10 X."
 
 
 def command(
     scene: SceneName,
     method: Annotated[str, typer.Option(metavar="NAME", help="A method (cablefem methods).")] = METHOD,
     set_: Set = None,
-    model: Annotated[
-        str, typer.Option(metavar="NAME", help="full, stretching, sagged or string; quasi-static needs no method.")
-    ] = "full",
+    model: Annotated[str, typer.Option(metavar="NAME", help=MODEL)] = "full",
     load: Annotated[str, typer.Option(metavar="NAME", help="mass, or force: its weight alone.")] = "mass",
-    law: Annotated[
-        str, typer.Option(metavar="NAME", help="elastic, tension-only, or auto: tension-only from the slack onset on.")
-    ] = "auto",
-    tol: Annotated[
-        float | None,
-        typer.Option(
-            parser=real,
-            metavar="X",
-            help="Choose resolution and steps for a path error of at most X, of mean forces 10 X.",
-        ),
-    ] = None,
+    law: Annotated[str, typer.Option(metavar="NAME", help=LAW)] = "auto",
+    tol: Annotated[float | None, number("--tol", TOL)] = None,
     bars: Annotated[
         bool, typer.Option("--bars/--no-bars", help="Error bars from coarser runs, in space and in time.")
     ] = True,
@@ -65,50 +56,31 @@ def command(
     """
     from cablefem.scene.errors import nearest, shown
 
+    kind = {"model": model, "load": load, "law": law}
     if (line := line_named(scene)) is not None:
-        others = {
-            "--model": model != "full",
-            "--load": load != "mass",
-            "--law": law != "auto",
-            "--tol": tol is not None,
-        }
-        refuse_moving({"--method": method != METHOD, **others})
+        others = {f"--{option}": given != CHOICES[option][0] for option, given in kind.items()}
+        refuse_moving({"--method": method != METHOD, **others, "--tol": tol is not None})
         from validation.commands.run import line as at_rest
 
         return at_rest.run(points_of(line, set_), out)
-    faults: list[str] = []
-    for option, given in (("model", model), ("load", load), ("law", law)):
-        known = CHOICES[option]
-        if given not in known:
-            faults.append(f"--{option} = {shown(given)}: unknown.{nearest(given, known)}")
+    faults = [
+        f"--{option} = {shown(given)}: unknown.{nearest(given, CHOICES[option])}"
+        for option, given in kind.items() if given not in CHOICES[option]
+    ]  # fmt: skip
     faults += tol_faults(tol)
-    name = method if model != QUASI_STATIC else QUASI_STATIC
     chosen = None if model == QUASI_STATIC else _found(method, tol, faults)
     loaded = scene_named(scene, faults, travelling=True)
     points = points_of(loaded, set_)
-    kinds = [{"model": model, "load": load, "law": law, **_settings(chosen, p, tol)} for p in points]
+    asked = [kind | _settings(chosen, kind, point, tol) for point in points]
 
     from validation.commands.run import study
-    from validation.core.running import Run
-
-    if chosen is not None:
-        for point, kind in zip(points, kinds, strict=True):
-            try:
-                Run(point.scene, chosen, **kind)
-            except ValueError as error:  # a method that cannot do what scene or options ask for
-                raise store.Refused(str(error)) from None
 
     def answered(i: int, progress: Callable[..., None]) -> "Answer":
-        if chosen is None:
-            return study.quasi_static_answer(points[i].scene)
-        return study.answer(points[i].scene, chosen, tol=tol, bars=bars, progress=progress, **kinds[i])
+        return study.answer(points[i].scene, chosen, tol=tol, bars=bars, progress=progress, **asked[i])
 
     if len(points) > 1:
         return study.many(loaded, points, answered, out)
-    return _one(points[0].scene, name, answered, out)
-
-
-QUASI_STATIC = "quasi-static"
+    return _one(points[0].scene, QUASI_STATIC if chosen is None else method, answered, out)
 
 
 def _one(scene: "Scene", name: str, answered: "Callable[..., Answer]", out: Path | None) -> int:
@@ -117,7 +89,7 @@ def _one(scene: "Scene", name: str, answered: "Callable[..., Answer]", out: Path
     from validation.page import report, telling
 
     folder = store.claim(out, "run", scene, [name])
-    with ready(_animation, _animate) as animate:
+    with ready(_paraview, _animate) as animate:
         with terminal.progress() as progress:
             found = answered(0, partial(progress, name))
         r = found.response
@@ -139,14 +111,14 @@ def _one(scene: "Scene", name: str, answered: "Callable[..., Answer]", out: Path
     return 1 if any(flag.kind != "no bar" for flag in r.flags) else 0
 
 
-def _animation() -> Any:
+def _paraview() -> Any:
     from validation.page import paraview  # loading what it needs takes as long as the run
 
     return paraview
 
 
 def _animate(response: "Response", folder: Path) -> None:
-    _animation().write(response, folder)
+    _paraview().write(response, folder)
 
 
 def _found(name: str, tol: float | None, faults: list[str]) -> Any:
@@ -163,8 +135,10 @@ def _found(name: str, tol: float | None, faults: list[str]) -> Any:
     return method
 
 
-def _settings(method: Any, point: Point, tol: float | None) -> dict[str, Any]:
-    """Return the settings of the method that a point gives; Refused where one is unknown or excluded."""
+def _settings(method: Any, kind: dict[str, Any], point: Point, tol: float | None) -> dict[str, Any]:
+    """Return the settings of the method that a point gives; Refused where it cannot do what is asked of it."""
+    from validation.core.running import Run
+
     faults, settings = [], {}
     for key, value in point.settings.items():
         if method is None:
@@ -178,4 +152,9 @@ def _settings(method: Any, point: Point, tol: float | None) -> dict[str, Any]:
                 faults.append(str(error))
     if faults:
         raise store.Refused(faults)
+    if method is not None:
+        try:
+            Run(point.scene, method, **kind, **settings)
+        except ValueError as error:
+            raise store.Refused(str(error)) from None
     return settings

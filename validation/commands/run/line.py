@@ -173,13 +173,9 @@ class Answers:
 
 
 def answers(line: Line) -> Answers:
-    """Solve a line by catenaries; Refused where the empty line or every position has no rest."""
+    """Solve a line by catenaries; an error where the empty line or every position has no rest."""
     begun = perf_counter()
-    try:
-        rest = line.rest(catenary_line.solve)
-    except SceneError as error:
-        raise store.Refused([f"{line.name}: {fault}" for fault in error.faults]) from None
-    return of(line, rest, begun)
+    return of(line, line.rest(catenary_line.solve), begun)
 
 
 def of(line: Line, rest: LineRest, begun: float) -> Answers:
@@ -196,7 +192,10 @@ def rows_of(line: Line, rest: LineRest) -> list[Row | None]:
     return [row(line, i, x, rest.empty) if isinstance(x, LineState) else None for i, x in told]
 
 
-def write(folder: Path, found: Answers, **more: Any) -> None:
+# --- the command ----------------------------------------------------------------------------------------------------
+
+
+def write(folder: Path, found: Answers) -> None:
     """Write positions.csv, profile.csv, summary.json, scene.toml, and the ropes that the page draws."""
     folder.mkdir(exist_ok=True)
     line, columns = found.line, list(next(x for x in found.rows if x))
@@ -208,7 +207,7 @@ def write(folder: Path, found: Answers, **more: Any) -> None:
     write_json(folder / "summary.json", {
         "scene": line.name, "title": line.title, "method": "catenaries", "status": found.status,
         "refused": found.refused, "positions": line.count, "empty_length": float(np.ptp(found.rest.empty.s)),
-        "design": found.design, "seconds": found.seconds, **more,
+        "design": found.design, "seconds": found.seconds,
     })  # fmt: skip
     standing = [i for i, x in enumerate(found.rest.positions) if isinstance(x, LineState)]
     # the ropes of some positions are drawn
@@ -225,35 +224,64 @@ def _csv(file: Path, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> None
 
 
 def run(points: Sequence[Point], out: Path | None) -> int:
-    """Answer a line, or every point of a grid of lines; 2 where a position has no rest."""
-    line = points[0].scene
-    if len(points) > 1:
-        return many("run", points, out, lambda point: (answers(point.scene), {}))
-    folder = store.claim(out, "run", line, ["rest"])
-    found = answers(line)
-    write(folder / "rest", found)
-    report.write(folder, "run")
-    tell(line, found.design, found.refused)
-    terminal.say(f"  {line.count} positions in {1e3 * found.seconds:.0f} ms")
-    terminal.say(f"  written to {folder}: report.html, rest/")
-    return 2 if found.refused else 0
+    """Answer a line, or every point of a grid of lines."""
+    return course("run", points, out, lambda line: (answers(line), {}))
 
 
-def many(
-    command: str, points: Sequence[Point], out: Path | None, answered: Callable[[Point], tuple[Answers, Row]]
+def course(
+    command: str, points: Sequence[Point], out: Path | None, answered: Callable[[Line], tuple[Answers, Row]]
 ) -> int:  # fmt: skip
-    """Answer every point of a grid; 1 where solvers do not agree, 2 where a line has no rest."""
+    """Answer a line or a grid, store, draw and print; 1 where solvers do not agree, 2 where a position has no rest.
+
+    answered : the answers to a line, and what agreement.json holds; {} if nothing was compared.
+    """
+    line: Line = points[0].scene
+    if len(points) > 1:
+        rows = _many(command, points, out, answered)
+    else:
+        home = "rest-check" if command == "check" else "rest"
+        folder = store.claim(out, command, line, [home, "agreement.json"] if command == "check" else [home])
+        with terminal.progress() as progress:
+            progress(line.name, 0.0)
+            found, agreement = answered(line)
+        write(folder / home, found)
+        if agreement:
+            write_json(folder / "agreement.json", agreement)
+            terminal.say(agreement["verdict"], style=terminal.STYLES[agreement["verdict"]])
+        report.write(folder, command)
+        tell(line, found.design, found.refused)
+        terminal.say(f"  {line.count} positions in {found.seconds:.2g} s")
+        if agreement:
+            terminal.say(f"  {worst(agreement['rows'])}")
+        terminal.say(f"  written to {folder}: report.html, {home}/")
+        rows = [{"status": found.status} | agreement]
+    if any(x.get("verdict", "agree") != "agree" for x in rows):
+        return 1
+    return 2 if any(x["status"] != "complete" for x in rows) else 0
+
+
+def worst(rows: Sequence[Row]) -> str:
+    """Return how many comparisons agree, and the worst of them."""
+    x = max(rows, key=lambda row: row["gap"] / row["allowed"] if row["allowed"] else math.inf)
+    return (
+        f"{sum(row['verdict'] == 'agree' for row in rows)} of {len(rows)} comparisons agree; the worst: "
+        f"{x['quantity']} at {x['where']}, gap {x['gap']:.1e} {x['unit']}, bars {x['allowed']:.1e}"
+    )
+
+
+def _many(
+    command: str, points: Sequence[Point], out: Path | None, answered: Callable[[Line], tuple[Answers, Row]]
+) -> list[Row]:  # fmt: skip
+    """Answer every point of a grid; return its rows."""
 
     def row(point: Point) -> tuple[Row, Any]:
         try:
-            found, more = answered(point)
-        except store.Refused as error:
+            found, agreement = answered(point.scene)
+        except (store.Refused, SceneError) as error:
             return {"status": "incomplete", "why": str(error)}, None
         told = envelope(point.scene, found.rest)
         numbers = {d["quantity"]: d["value"] for d in found.design}
-        return {"status": found.status, **numbers, **more}, [told["x"].tolist(), told["y_lowest"].tolist()]
+        verdict = {"verdict": agreement["verdict"]} if agreement else {}
+        return {"status": found.status, **numbers, **verdict}, [told["x"].tolist(), told["y_lowest"].tolist()]
 
-    rows = table.grid(command, f"grid-rest-{command}", points[0].scene, points, out, row, columns)
-    if any(x["status"] != "complete" for x in rows):
-        return 2
-    return int(any(x.get("verdict", "agree") != "agree" for x in rows))
+    return table.grid(command, f"grid-rest-{command}", points[0].scene, points, out, row, columns)

@@ -28,10 +28,16 @@ class Answer:
 
 
 def answer(
-    scene: Scene, method: Method, *, tol: float | None, bars: bool, progress: Callable[..., None], **kind: Any
+    scene: Scene, method: Method | None, *, tol: float | None, bars: bool, progress: Callable[..., None], **kind: Any
 ) -> Answer:
-    """Run a method with the settings in `kind`, or with those that its own bar needs to meet `tol`."""
+    """Run a method with the settings in `kind`, or with those that its own bar needs to meet `tol`.
+
+    Without a method the car rests on the cable at every place: milliseconds, for a timetable.
+    """
     missed = ""
+    if method is None:
+        response = quasi_static(scene)
+        return Answer(replace(response, design=design(response)))
     if tol is not None:
         try:
             ladder = climb(scene, method, tol, **kind, progress=progress)
@@ -62,12 +68,6 @@ def run_with_bars(
     """
     kind = {"model": model, "load": load, "law": law, "frames": frames, **settings}
     return answer(scene, find(method), tol=tol, bars=bars, progress=silent, **kind).response
-
-
-def quasi_static_answer(scene: Scene) -> Answer:
-    """Return the ride by the cable at rest under the car: milliseconds, for a timetable."""
-    response = quasi_static(scene)
-    return Answer(replace(response, design=design(response)))
 
 
 def many(scene: Scene, points: Sequence[Point], answered: Callable[..., Answer], out: Path | None) -> int:

@@ -1,0 +1,164 @@
+"""A verdict is computed from a range, a value and its error bar.
+
+claims.toml holds the paper's statements.  Its values are expressions, its sentences templates, of `known.names`.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import jinja2
+
+from validation.core import store
+from validation.page.page import raised
+
+HOLDS, PAPER_ONLY = "holds", "holds at the paper's resolution only"
+FAILS, OPEN = "does not hold", "cannot be decided"
+VERDICTS = (HOLDS, PAPER_ONLY, FAILS, OPEN)
+Row = dict[str, Any]
+
+
+def claims(known: Row) -> list[Row]:
+    """Return all claims of claims.toml, judged, as they are stored."""
+    content = store.shipped(__package__, "claims.toml")
+    out = []
+    for claim in content["claim"]:
+        readings = claim.get("readings", False)
+        found = [q for entry in claim.get("quantity", ()) for q in quantities(entry, content["meaning"], known)]
+        out.append({
+            "id": claim["id"], "where": claim["where"], "claim": claim["says"], "readings": readings,
+            "erratum": claim.get("erratum", False), "quantities": found, "verdict": verdict(found, readings),
+            "why": sentence(claim["why"], known | {"q": found}),
+        })  # fmt: skip
+    return out
+
+
+def verdict(quantities: Sequence[Row], readings: bool = False) -> str:
+    """Return the verdict; readings : one true quantity is enough."""
+    true = _joined([_true(q, q["converged"], q["uncertainty"]) for q in quantities], readings)
+    if true is None:
+        return OPEN
+    if true:
+        return HOLDS
+    return PAPER_ONLY if _joined([_true(q, q["paper"]) for q in quantities], readings) else FAILS
+
+
+def _true(q: Row, value: float | None, bar: float | None = 0.0) -> bool | None:
+    """Return whether a value lies in the range; None where its bar reaches across an end, or it is unknown."""
+    if value is None or bar is None:
+        return None
+    low, high = -math.inf if q["low"] is None else q["low"], math.inf if q["high"] is None else q["high"]
+    if low <= value - bar and value + bar <= high:
+        return True
+    return False if value + bar < low or value - bar > high else None
+
+
+def _joined(truths: list[bool | None], one_is_enough: bool) -> bool | None:
+    """Return the three-valued or, else the three-valued and; None of nothing."""
+    if one_is_enough in truths:
+        return one_is_enough
+    return None if None in truths or not truths else not one_is_enough
+
+
+# --- quantities -----------------------------------------------------------------------------------------------------
+
+
+def quantities(entry: Row, meaning: Row, known: Row) -> Iterator[Row]:
+    """Yield the number of an entry, one for each of its `keys`: value, bar, and the range in which it is true."""
+    for key in entry.get("keys", (None,)):
+        here = known | {"key": key}
+        value, bar, paper = _measured(entry, here)
+        claimed, low, high = _range(entry, meaning, here)
+        yield {
+            "name": sentence(entry["name"], here), "claimed": claimed, "low": low, "high": high,
+            "paper": _finite(paper), "converged": _finite(value), "uncertainty": _finite(bar),
+        }  # fmt: skip
+
+
+def _measured(entry: Row, known: Row) -> tuple[float, float, float | None]:
+    """Return the value, its bar, and the value at the paper's resolution.
+
+    of : converged runs by scene; each gives the bar of its ladder.  paper : the paper's runs in their place.
+    r, others : a run (or number), and what else the paper may have taken: the bar is the largest change.
+    """
+
+    def value(**replaced: Any) -> float:
+        return evaluated(entry["value"], known | replaced)
+
+    of, reference = entry.get("of", ()), known["reference"]
+    bar = evaluated(entry.get("bar", 0.0), known)
+    bar += sum(reference[scene].bar(lambda run, scene=scene: value(**{scene: run})) for scene in of)
+    if "r" in entry:
+        first, *others = (known["runs"].get(x, x) for x in (entry["r"], *entry.get("others", ())))
+        known["r"] = first
+        bar += max((abs(value(r=x) - value()) for x in others), default=0.0)
+    paper = entry.get("paper")
+    if isinstance(paper, list):
+        paper = value(**dict(zip(of, (known["runs"][name] for name in paper), strict=True)))
+    return value(), bar, None if paper is None else evaluated(paper, known)
+
+
+def _range(entry: Row, meaning: Row, known: Row) -> tuple[str, float | None, float | None]:
+    """Return the range in words, its low and its high end; None: it has no such end."""
+    ends, reasons = {}, [entry.get("reason", "")]
+    for name in ("around", "within", "at_least", "at_most"):
+        if name in entry:
+            size, reason = meaning.get(entry[name], (entry[name], ""))
+            ends[name] = evaluated(size, known)
+            reasons.append(reason)
+    low, high = ends.get("at_least"), ends.get("at_most")
+    if "around" in ends:
+        low, high = ends["around"] - ends["within"], ends["around"] + ends["within"]
+        words = f"{decimal(ends['around'])} ± {decimal(ends['within'])}"
+    elif low is not None and high is not None:
+        words = f"{decimal(low)} to {decimal(high)}"
+    else:
+        words = f"at most {decimal(ends['at_most'])}" if low is None else f"at least {decimal(low)}"
+    return f"{words} ({next(filter(None, reasons), '')})", low, high
+
+
+# --- expressions and sentences --------------------------------------------------------------------------------------
+
+
+def evaluated(expression: str | float, known: Row) -> float:
+    """Return the value of an expression; a name it does not know is an error."""
+    if not isinstance(expression, str):
+        return expression
+    value: Any = _TEMPLATES.compile_expression(expression, undefined_to_none=False)(**known)
+    return float(value)
+
+
+def sentence(template: str, known: Row) -> str:
+    """Return a template filled with numbers; a name it does not know is an error."""
+    return _TEMPLATES.from_string(template).render(known)
+
+
+def decimal(x: float) -> str:
+    """Return a number without an exponent: 0.000005."""
+    return f"{x:.9f}".rstrip("0").rstrip(".")
+
+
+def fixed(x: float, decimals: int = 0) -> str:
+    """Return a number with so many decimals."""
+    return f"{float(x):.{decimals}f}"
+
+
+def percent(x: float, decimals: int = 0) -> str:
+    """Return a ratio in percent, without the sign."""
+    return fixed(100.0 * x, decimals)
+
+
+def power(x: float) -> str:
+    """Return a number to one digit as 2·10⁻⁵."""
+    mantissa, exponent = f"{x:.0e}".split("e")
+    return f"{mantissa}·10{raised(int(exponent))}"
+
+
+def _finite(x: float | None) -> float | None:
+    return None if x is None or not math.isfinite(x) else float(x)
+
+
+_TEMPLATES = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
+_TEMPLATES.filters |= {
+    "d": fixed, "pct": percent, "power": power,
+}  # fmt: skip
