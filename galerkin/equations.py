@@ -20,6 +20,7 @@ from cablefem.newmark import (
     begun,
     consistent_acceleration,
 )
+from cablefem.newmark.equilibrium import equilibrium
 from cablefem.newmark.newton import MOST_HALVINGS
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
@@ -265,7 +266,9 @@ class GalerkinSystem(System):
         """Entry: the limit t -> 0+.  Later q and v go on; a jumps with dds_o."""
         if state is None:
             s_o, ds_o, _ = self.motion.at(0.0, 0)
-            return begun(self, self.standing, s_o, ds_o) if s_o > 0.0 else self._entry()
+            if s_o > 0.0:
+                return begun(self, lambda at: equilibrium(self.standing(at)), s_o, ds_o)
+            return self._entry()
         t = self.phases[phase][0]
         if not self.path_form:
             return consistent_acceleration(self, t, state.q, state.v, phase)

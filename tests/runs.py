@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 
 from cablefem import Scene
 from cablefem.newmark import integrate, scheme, step_times
@@ -49,6 +50,14 @@ def march(system, steps, method="trapezoidal", *, until=1.0, **kw):
 def stack(states):
     """Return a list of states as one history."""
     return States(*(np.array([getattr(x, name) for x in states]) for name in ("t", "q", "v", "a", "phase")))
+
+
+def evaluate(ref, x):
+    """Return (dofs, values, d/dx), each (n_loc, ...), of a reference at x in [-1, 1]; at a knot those behind it."""
+    e = np.clip(np.searchsorted(ref.knots, x) - 1, 0, ref.knots.size - 2)
+    length = np.diff(ref.knots)[e]
+    at = (x - ref.knots[e]) / length
+    return np.moveaxis(ref.dofs[e], -1, 0), polyval(at, ref.shapes.T), polyval(at, polyder(ref.shapes.T)) / length
 
 
 def observe(system, states, s=(), frames=()):

@@ -6,11 +6,11 @@ Dimensionless: l = H = rho = 1.
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
 
 from cablefem.elements import observing
 from cablefem.elements.kernels import collocation
@@ -41,13 +41,6 @@ def limits(bound: float, newton: Newton) -> Limits:
     return Limits(bound, newton.max_iter, newton.reuse, newton.patience, newton.enough)
 
 
-def bands(matrix: coo_array, b: int) -> Array:
-    """Return diagonals, bands[b + j - i, i] = matrix[i, j], |i - j| <= b."""
-    out = np.zeros((2 * b + 1, matrix.shape[0]))
-    np.add.at(out, (b + matrix.col - matrix.row, matrix.row), matrix.data)
-    return out
-
-
 class CableElements(System):
     """A cable on some mesh with its moving mass.
 
@@ -63,7 +56,7 @@ class CableElements(System):
     _band: int
     _operators: Array  # see `kernels.balance.Cable`
     _mesh: Mesh
-    _sides: Sequence[observing.Side]
+    _moments: Array  # of each side of the mass, see `reference.moments`
     _cable: Cable
     _at: tuple[float, int] | None
     _now: Instant
@@ -96,8 +89,7 @@ class CableElements(System):
     # --- the system ------------------------------------------------------------------------------------
     def with_law(self, law: str) -> Self:
         """Return a twin with another cable law; it shares the tables."""
-        twin = object.__new__(type(self))
-        twin.__dict__.update(self.__dict__)
+        twin = copy(self)
         twin._set_law(law)
         twin._fresh()
         return twin

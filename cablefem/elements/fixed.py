@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 import skfem
+from numpy.polynomial.polynomial import polyder
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
-from cablefem.elements.cable import CableElements, bands, elements_allowed
+from cablefem.elements.cable import CableElements, elements_allowed
 from cablefem.elements.kernels.balance import Contact, Mesh
-from cablefem.elements.observing import side_of
-from cablefem.elements.reference import force_order, mass_form, shape_polynomials, tabulated
+from cablefem.elements.reference import bands, force_order, mass_form, moments, shape_polynomials, tabulated
 from cablefem.newmark import Array, Newton, Settled, Solve, State, collocate, consistent_acceleration, iterate
 from cablefem.response import States
 from cablefem.scene import Groups
@@ -154,23 +154,18 @@ class FixedElements(CableElements):
         data = np.broadcast_to(of_one, row.shape)[inner]
         M = coo_array((data, (row[inner], col[inner])), shape=(self.n_scalar, self.n_scalar))
         self._operators = np.repeat(bands(M, b)[None], self.fields, axis=2)
-        self._sides = (side_of(self._mesh, fine, 1.0, self.n_scalar),)
-        powers = shape_polynomials(kind.element())
-        order = np.arange(n_loc)
-        once = np.zeros_like(powers)
-        once[:, :-1] = powers[:, 1:] * order[1:]
-        twice = np.zeros_like(powers)
-        twice[:, :-1] = once[:, 1:] * order[1:]
-        self._powers = np.stack([powers, n * once, n * n * twice])  # (3, n_loc, n_loc): N, N', N''
+        self._moments = moments(dofs, fine, fine[..., 0], self.n_scalar)[None]
+        shapes = shape_polynomials(kind.element())
+        derivatives = [float(n) ** d * polyder(shapes, d, axis=1) for d in range(3)]
+        # (3, n_loc, n_loc): N, N', N''
+        self._powers = np.stack([np.pad(x, ((0, 0), (0, n_loc - x.shape[1]))) for x in derivatives])
 
     def _shape(self, s_o: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """Return unknowns (n_loc, fields) and N, N', N'' at s_o; at a node of the element ahead."""
-        e = min(int(s_o * self.elements), self.elements - 1)
-        x = s_o * self.elements - e
-        N, N_s, N_ss = self._powers @ x ** np.arange(self._powers.shape[2])
-        keep = self._mesh.dofs[e] >= 0
-        dofs = self.fields * self._mesh.dofs[e][keep][:, None] + np.arange(self.fields)
-        return dofs, N[keep], N_s[keep], N_ss[keep]
+        (dofs,), shapes = self._evaluate(np.array([s_o]), "ahead")
+        keep = dofs > 0
+        N, N_s, N_ss = shapes[:, keep, 0]
+        return self.fields * (dofs[keep][:, None] - 1) + np.arange(self.fields), N, N_s, N_ss
 
     def _place(self, t: float, phase: int) -> Array:
         return np.array([1.0, 0.0, 0.0, *self._load(*self.motion.at(t, phase))])

@@ -18,77 +18,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial.polynomial import polyint, polyval
+from numpy.polynomial.polynomial import polyder, polyint, polyval
 from scipy.linalg import solveh_banded
-from scipy.sparse import coo_array
 
-from cablefem.elements.cable import CableElements, bands, elements_allowed
+from cablefem.elements.cable import CableElements, elements_allowed
 from cablefem.elements.forms import pull, stiffness
 from cablefem.elements.kernels.balance import Contact, Mesh
-from cablefem.elements.kernels.observe import fields
-from cablefem.elements.observing import Side, side_of
-from cablefem.elements.reference import Reference, graded_knots, reference
+from cablefem.elements.reference import reference
 from cablefem.newmark import Array, Newton, Settled, State, StepFailure, Tableau, begun, consistent_acceleration
+from cablefem.newmark.equilibrium import equilibrium
 from cablefem.response import States
 from cablefem.scene import Groups
 from cablefem.scene.motion import standing
 
 _ONE, _ZERO = np.ones(1), np.zeros(1)
-
-
-class Tables(NamedTuple):
-    """Reference meshes and operators of one field."""
-
-    left: Reference
-    right: Reference
-    mesh: Mesh
-    sides: tuple[Side, ...]
-    operators: Array  # bands of M^, G^, G^T, H^ of each side
-    ride: Array  # accelerations of all nodes at entry over that of the mass
-    entrained: float  # inertia of the cable that moves with it
-    at_mass: Array  # (2, n_loc) shape d/dxi at the mass, of the elements behind and ahead
-
-
-@lru_cache(maxsize=64)
-def _tables(elements: int, degree: int, grading: float) -> Tables:
-    left, right = (
-        reference(graded_knots(elements, grading, fine_at_end=x), degree, pull_at_end=x) for x in (True, False)
-    )
-    node, n = left.n - 2, left.n + right.n - 3
-
-    def inner(matrix: coo_array, offset: int) -> coo_array:
-        row, col = matrix.row + offset, matrix.col + offset
-        kept = (row >= 0) & (row < n) & (col >= 0) & (col < n)
-        return coo_array((matrix.data[kept], (row[kept], col[kept])), shape=(n, n))
-
-    parts, dofs = [], []
-    for side, offset in ((left, -1), (right, node)):
-        parts.append(tuple(inner(x, offset) for x in (side.M, side.G, side.H)))
-        numbers = side.dofs + offset
-        dofs.append(np.where((numbers < 0) | (numbers >= n), -1, numbers))
-    forces, inertia = (np.concatenate([getattr(x, of) for x in (left, right)]) for of in ("forces", "inertia"))
-    known = ((0,) * (degree + 1), (0,) * forces.shape[1]) if degree == 2 else ((), ())
-    mesh = Mesh(np.concatenate(dofs), forces, elements, *known)
-    operators = np.array([
-        bands(x, degree) for k in (0, 1, -1, 2) for x in (p[k] if k >= 0 else p[1].T.tocoo() for p in parts)
-    ])  # fmt: skip
-    sides = tuple(side_of(mesh, inertia, sign, n) for sign in (1.0, -1.0))
-
-    at_mass = np.stack([side.evaluate(np.array(xi))[2] for side, xi in ((left, 1.0), (right, 0.0))])
-
-    linear = np.zeros(left.n)  # nodal values of xi
-    linear[::degree] = left.knots
-    if degree == 2:  # midpoints; from degree 3 on bubbles
-        linear[1::2] = 0.5 * (left.knots[1:] + left.knots[:-1])
-    # ahead of the mass, with M x = e at the mass: its node moves with x/x_mass and weighs 1/x_mass
-    M = bands(right.M, degree)[degree:, :-1].copy()
-    pushed = solveh_banded(M[: M.shape[1]], np.eye(M.shape[1], 1)[:, 0], lower=True)
-    ride = np.concatenate([linear[1:], pushed[1:] / pushed[0]])
-    return Tables(left, right, mesh, sides, operators, ride, float(1.0 / pushed[0]), at_mass)
 
 
 class FollowingElements(CableElements):
@@ -109,14 +54,14 @@ class FollowingElements(CableElements):
         elements_allowed(elements)
         if not (math.isfinite(grading) and 1.0 <= grading <= 1e6):
             raise ValueError(f"grading must lie in [1, 1e6], got {grading!r}")
-        of = _tables(elements, degree, grading)
-        self.left, self.right, self._mesh, self._sides = of.left, of.right, of.mesh, of.sides
+        self.reference = of = reference(elements, degree, grading)
+        known = ((0,) * (degree + 1), (0,) * degree) if degree == 2 and self.fields == 2 else ((), ())
+        self._mesh, self._moments = Mesh(of.dofs, of.forces, elements, *known), of.moments
         self._operators = np.repeat(of.operators, self.fields, axis=2)
-        if self.fields == 1:
-            self._mesh = of.mesh._replace(functions=(), points=())
-        self._at_car, self._ride, self._entrained = of.at_mass, of.ride, of.entrained
-        self.node = self.left.n - 2
-        self.n_scalar = self.left.n + self.right.n - 3
+        # d/dxi of the shapes behind and ahead of the mass
+        ends = np.array([of.shapes @ np.arange(degree + 1), of.shapes[:, 1]])
+        self._at_car = ends / np.diff(of.knots)[elements - 1 : elements + 1, None]
+        self.node, self.n_scalar = of.node, of.operators.shape[2]
         self.n_dof = self.fields * self.n_scalar
         self._band = self.fields * degree + self.fields - 1
         node = self.fields * self.node + np.arange(self.fields)[None, :]
@@ -134,15 +79,16 @@ class FollowingElements(CableElements):
             return consistent_acceleration(self, t, state.q, state.v, phase)
         s_o, ds, dds = self.motion.at(t, phase)
         if s_o > 0.0:
-            return begun(self, self.standing, s_o, ds)
+            return begun(self, lambda at: equilibrium(self.standing(at)), s_o, ds)
+        ride, entrained = self._entrained()
+        inertia, zero = self.inertia + entrained, np.zeros(self.n_dof)
         if ds > 0.0:
-            node_a = -np.array(self._load(0.0, ds, dds)) / (self.inertia + self._entrained)
+            node_a = -np.array(self._load(0.0, ds, dds)) / inertia
         elif dds > 0.0:
-            node_a = 2.0 * self._strained_start(dds)
+            node_a = 2.0 * self._strained_start(dds, inertia)
         else:
             raise ValueError("the travel starts with neither speed nor acceleration")
-        zero = np.zeros(self.n_dof)
-        return State(t, zero, zero.copy(), (self._ride[:, None] * node_a).ravel(), phase)
+        return State(t, zero, zero.copy(), (ride[:, None] * node_a).ravel(), phase)
 
     def standing(self, s_o: float) -> FollowingElements:
         twin = self.with_law(self.law)
@@ -150,10 +96,23 @@ class FollowingElements(CableElements):
         return twin
 
     # --- assembly --------------------------------------------------------------------------------------
-    def _strained_start(self, dds: float) -> Array:
+    def _entrained(self) -> tuple[Array, float]:
+        """Return accelerations of all nodes at entry over that of the mass, and the inertia of the cable that moves.
+
+        Behind the mass they are linear.  Ahead M x = e at the mass: its node moves with x/x_mass and weighs 1/x_mass.
+        """
+        node, degree, knots = self.node, self.reference.degree, self.reference.knots
+        linear = np.zeros(node + 2)  # nodal values of xi
+        linear[::degree] = 1.0 + knots[: self._mesh.n_left + 1]
+        if degree == 2:  # midpoints; from degree 3 on bubbles
+            linear[1::2] = 0.5 * (linear[:-1:2] + linear[2::2])
+        M = self.reference.operators[1, degree:, node:]
+        pushed = solveh_banded(M[: M.shape[1]], np.eye(M.shape[1], 1)[:, 0], lower=True)
+        return np.concatenate([linear[1:], pushed[1:] / pushed[0]]), float(1.0 / pushed[0])
+
+    def _strained_start(self, dds: float, inertia: float) -> Array:
         """Return b of `start`."""
         rest = np.array(self._load(0.0, 0.0, dds))
-        inertia = self.inertia + self._entrained
         if self.fields == 1:
             return -rest / (2.0 * inertia + 2.0 * self._law[1] / dds)
         T, *slope = self.groups.static(0.0)[:3]
@@ -218,32 +177,38 @@ class FollowingElements(CableElements):
 
     def _along(self, states, kinematics, ends, force, s, frames):
         """Momentum is tested with phi = 1 up to s, from the support or the mass."""
-        mesh, shapes, sides = self._mesh, self.left.shapes, (self.left, self.right)
-        q, v, a = (x[frames].reshape(frames.size, self.n_scalar, self.fields) for x in (states.q, states.v, states.a))
+        of, n_left = self.reference, self._mesh.n_left
+        q, v, a = (  # zeros last for supports
+            np.pad(x[frames].reshape(frames.size, self.n_scalar, self.fields), ((0, 0), (0, 1), (0, 0)))
+            for x in (states.q, states.v, states.a)
+        )
         c_d, (s_o, ds, dds) = self.groups.damping, kinematics[frames].T[..., None]
         a, dds = a + c_d * v, dds + c_d * ds
-        first, length = (np.concatenate([f(x.knots) for x in sides]) for f in (lambda x: x[:-1], np.diff))
+        length, integrals = np.diff(of.knots), polyint(of.shapes.T)
         rates = [  # d2(h w)/dt2 behind and ahead
             h[..., None] * a + sign * (dds[..., None] * q + 2.0 * ds[..., None] * v)
             for h, sign in ((s_o, 1.0), (1.0 - s_o, -1.0))
         ]
         begin = []  # integrals up to each element
-        for part, rate in zip((slice(0, mesh.n_left), slice(mesh.n_left, None)), rates, strict=True):
-            of_one = np.append(rate, np.zeros_like(rate[:, :1]), axis=1)[:, mesh.dofs[part]]  # supports last
-            whole = np.einsum("kelf,l,e->kef", of_one, polyval(1.0, polyint(shapes.T)), length[part])
+        for part, rate in zip((slice(0, n_left), slice(n_left, None)), rates, strict=True):
+            whole = np.einsum("kelf,l,e->kef", rate[:, of.dofs[part]], polyval(1.0, integrals), length[part])
             begin.append(np.cumsum(whole, axis=1) - whole)
         behind = (s <= s_o) & (s_o > 0.0)
         h = np.where(behind, s_o, 1.0 - s_o)
-        xi = np.clip((s - np.where(behind, 0.0, s_o)) / h, 0.0, 1.0)
-        on_left, on_right = (np.searchsorted(x.knots[1:-1], xi) for x in sides)
-        e = np.where(behind, on_left, mesh.n_left + on_right)
-        w, w_t, w_x, up_to = out = np.empty((4, *e.shape, self.fields))
-        fields(mesh, shapes, e, (xi - first[e]) / length[e], np.array([q, v, *rates]), out)
-        w_x /= (length[e] * h)[..., None]
-        up_to *= length[e][..., None]
-        up_to += np.concatenate(begin, axis=1)[np.arange(frames.size)[:, None], e]
-        chi = np.where(behind, xi, 1.0 - xi)
-        node, c = self.node, ds * chi
+        x = np.clip((s - s_o) / h, -1.0, 1.0)
+        e = np.searchsorted(of.knots[1:-1], x)
+        e = np.where(behind, np.minimum(e, n_left - 1), np.maximum(e, n_left))
+        inside, row = (x - of.knots[e]) / length[e], np.arange(frames.size)[:, None]
+
+        def sums(unknowns: Array, functions: Array) -> Array:
+            return np.einsum("lkm,kmlf->kmf", polyval(inside, functions), unknowns[row[..., None], of.dofs[e]])
+
+        w, w_t = sums(q, of.shapes.T), sums(v, of.shapes.T)
+        w_x = sums(q, polyder(of.shapes.T)) / (length[e] * h)[..., None]
+        up_to = np.where(behind[..., None], *(sums(rate, integrals) for rate in rates)) * length[e][..., None]
+        up_to += np.concatenate(begin, axis=1)[row, e]
+        chi, node = 1.0 - abs(x), self.node
+        c = ds * chi
         ahead = ends[frames, 2] + 2.0 * ds * v[:, node] + dds * q[:, node]
         start = np.where(behind[..., None], ends[frames, None, 0], ahead[:, None])
         carried = start + up_to - 2.0 * c[..., None] * w_t - (dds * chi)[..., None] * w

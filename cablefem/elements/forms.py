@@ -32,11 +32,14 @@ def tension(eps, T, alpha, law):
     return np.where(pulls, N, 0.0), np.where(pulls, alpha, 0.0), np.where(pulls, (T + 0.5 * alpha * eps) * eps, slack)
 
 
+def strain(X_s, w_s):
+    """Return |r'| - 1 without cancellation."""
+    return np.sum((2.0 * X_s + w_s) * w_s, axis=0) / (np.hypot(*(X_s + w_s)) + 1.0)
+
+
 def pull(X_s, T, w_s, alpha, law):
     """Return f = N t - T X' (2, ...), N, dN/deps and W."""
-    r_s = X_s + w_s
-    stretch = np.hypot(*r_s)
-    eps = np.sum((2.0 * X_s + w_s) * w_s, axis=0) / (stretch + 1.0)  # |r'| - 1 without cancellation
+    stretch, eps = np.hypot(*(X_s + w_s)), strain(X_s, w_s)
     N, dN, W = tension(eps, T, alpha, law)
     return N / stretch * w_s + ((N - T) - T * eps) / stretch * X_s, N, dN, W
 
@@ -82,8 +85,8 @@ def assembled(
 ) -> tuple[Array, csr_array]:
     """Return the residual (n_dof,) at x, rows q, v, a, and c0 dr/dq + c1 dr/dv + c2 dr/da."""
     s_o, ds, dds = system.motion.at(t, phase)
-    degree, g = system.left.degree, system.groups
-    mesh = skfem.MeshLine(np.concatenate([s_o * system.left.knots, s_o + (1.0 - s_o) * system.right.knots[1:]]))
+    degree, knots, g = system.reference.degree, system.reference.knots, system.groups
+    mesh = skfem.MeshLine(s_o + np.where(knots < 0.0, s_o, 1.0 - s_o) * knots)
     element = skfem.ElementVector(lagrange_element(degree), 2)
     of_inertia, of_forces = (skfem.Basis(mesh, element, intorder=k) for k in (2 * degree, force_order(degree)))
     number = np.empty(of_inertia.N, dtype=int)  # of scikit-fem's unknowns in ours

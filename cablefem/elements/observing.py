@@ -6,43 +6,19 @@ mass chi = xi and h = s_o, ahead of it chi = 1 - xi and h = 1 - s_o.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import dia_array
 
-from cablefem.elements.forms import pull, tension
-from cablefem.elements.kernels.balance import Mesh
-from cablefem.elements.kernels.banded import quadratic
-from cablefem.elements.kernels.observe import strains
+from cablefem.elements.forms import pull, strain, tension
 from cablefem.newmark import Array
 from cablefem.response import Observation, States
 
 if TYPE_CHECKING:
     from cablefem.elements.cable import CableElements
-
-
-class Side(NamedTuple):
-    """One side of the mass."""
-
-    sign: float  # dh/ds_o
-    moments: Array  # (n_scalar, 4) int phi, int chi phi, int chi phi,xi, int chi^2 phi,xi
-
-    def length(self, s_o: Array) -> Array:
-        return s_o if self.sign > 0.0 else 1.0 - s_o
-
-
-def side_of(mesh: Mesh, fine: Array, sign: float, n: int) -> Side:
-    """Return a side; fine : see `Mesh.tab`, at the points of the inertia;  n : unknowns of one field."""
-    elements = slice(0, mesh.n_left) if sign > 0.0 else slice(mesh.n_left, len(mesh.dofs))
-    dofs, tab = mesh.dofs[elements], fine[elements]
-    n_loc = dofs.shape[1]
-    chi = tab[..., 0] if sign > 0.0 else 1.0 - tab[..., 0]
-    phi, phi_x = tab[..., 2 : 2 + n_loc], tab[..., 2 + n_loc :]
-    out = np.zeros((n + 1, 4))  # last row: supports
-    for k, (function, power) in enumerate(((phi, 0), (phi, 1), (phi_x, 1), (phi_x, 2))):
-        np.add.at(out[:, k], dofs, np.einsum("eg,egk->ek", tab[..., 1] * chi**power, function))
-    return Side(sign, out[:-1])
 
 
 def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
@@ -97,52 +73,64 @@ def energies(system: CableElements, mesh_at: Array, q: Array, v: Array) -> tuple
 
     mesh_at : (n, 3) s_o, ds_o, dds_o of the mesh;  q, v : (n, n_scalar, fields).
     """
-    full, s_o = system.fields == 2, mesh_at[:, 0].copy()
-    strain, *rest = (_strained if full else _strained_chord)(system, s_o, q)
-    deep = sum(side.length(s_o)[:, None] * (side.moments[:, 0] @ q) for side in system._sides)
-    potential = -system.groups.sigma * (deep @ system.direction)[:, 1] * full
+    s_o = mesh_at[:, 0]
+    strain, *rest = _strained(system, s_o, q)
+    deep = sum(h[:, None] * (of[:, 0] @ q) for of, h, _ in _sides(system, s_o))
+    potential = -system.groups.sigma * (deep @ system.direction)[:, 1] * (system.fields == 2)
     return np.array([kinetic_energy(system, mesh_at, q, v), strain, potential]), *rest
+
+
+def _sides(system: CableElements, s_o: Array) -> list[tuple[Array, Array, float]]:
+    """Return `moments`, length h and dh/ds_o of each side; a fixed mesh has one."""
+    return list(zip(system._moments, (s_o, 1.0 - s_o), (1.0, -1.0), strict=False))
 
 
 def kinetic_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) -> Array:
     """Return int |w.|^2/2 ds (n,): h/2 v.M v - ds_o v.G q + ds_o^2/(2h) q.H q of each side."""
     s_o, ds, _ = mesh_at.T
-    total, operators, f = np.zeros(s_o.size), system._operators, system.fields
-    q, v = (np.ascontiguousarray(x).reshape(s_o.size, -1) for x in (q, v))
-    vMv, vGq, qHq = np.zeros((3, s_o.size))
-    for k, side in enumerate(system._sides):
-        h = side.length(s_o)
-        quadratic(operators[k], f, v, v, vMv)
-        if len(operators) > 1:
-            quadratic(operators[2 + k], f, v, q, vGq)
-            quadratic(operators[6 + k], f, q, q, qHq)
-        total += 0.5 * h * vMv - ds * vGq + np.divide(0.5 * ds**2 * qHq, h, out=np.zeros_like(h), where=h > 0.0)
+    q, v = (x.reshape(s_o.size, -1).T for x in (q, v))
+    (_, width, n), total = system._operators.shape, np.zeros(s_o.size)
+    offsets = system.fields * (width // 2 - np.arange(width))
+
+    def product(k: int, x: Array, y: Array) -> Array:
+        return np.sum((dia_array((system._operators[k], offsets), shape=(n, n)) @ x) * y, axis=0)  # of the transpose
+
+    for k, (_, h, _) in enumerate(_sides(system, s_o)):
+        total += 0.5 * h * product(k, v, v)
+        if len(system._operators) > 1:
+            flux = np.divide(0.5 * ds**2, h, out=np.zeros_like(h), where=h > 0.0)
+            total += flux * product(6 + k, q, q) - ds * product(2 + k, v, q)
     return total
 
 
 def _strained(system: CableElements, s_o: Array, q: Array) -> tuple[Array, ...]:
-    """Return energy of strain, least tension, its s, int f dxi of the sides (n, 2, fields), and 0."""
-    n = s_o.size
-    energy, least, where, force = np.empty(n), np.empty(n), np.empty(n), np.empty((n, 2, 2))
-    strains(system._cable, s_o, np.ascontiguousarray(q).reshape(n, -1), energy, least, where, force)
-    return energy, least, where, force, np.zeros(n)
+    """Return energy of strain, least tension, its s, int f dxi of both sides (n, 2, fields), and the rise of tension.
 
-
-def _strained_chord(system: CableElements, s_o: Array, q: Array) -> tuple[Array, ...]:
-    """Return the same of one field, see `kernels.balance.add_chord`, and the rise of tension (n,)."""
-    (alpha, tau, curvature, lam, kap, _), (dofs, tab, n_left, *_) = system._law, system._mesh
-    n_loc, behind = dofs.shape[1], np.arange(len(dofs)) < n_left
+    One field has a uniform tension, see `kernels.balance.add_chord`.
+    """
+    (dofs, tab, n_left, *_), law, n = system._mesh, system._law, np.arange(s_o.size)
+    n_loc, behind, (xi, dxi) = dofs.shape[1], np.arange(len(dofs)) < n_left, np.moveaxis(tab[..., :2], -1, 0)
     h = np.where(behind, s_o[:, None], 1.0 - s_o[:, None])[..., None]
-    s = np.where(behind, 0.0, s_o[:, None])[..., None] + h * tab[..., 0]
-    padded = np.append(q[..., 0], np.zeros((s_o.size, 1)), axis=1)
-    w = np.einsum("egk,nek->neg", tab[..., 2 + n_loc :], padded[:, dofs]) / np.where(h > 0.0, h, 1.0)
-    y, weight = curvature * (0.5 - s), tab[..., 1] * h
-    eps = lam * np.sum(weight * (y * w + 0.5 * kap * w * w), axis=(1, 2))
-    N, _, W = tension(eps, tau, alpha, system._law[5])
-    energy = 0.5 * tau * np.sum(weight * w * w, axis=(1, 2)) + W - tau * eps
-    f = tab[..., 1] * (tau * w + (N - tau)[:, None, None] * (y + kap * w))
-    force = np.stack([np.sum(f[:, part], axis=(1, 2)) for part in (behind, ~behind)], axis=1)[..., None]
-    return energy, tau + alpha * eps, np.full(s_o.size, 0.5), force, N - tau
+    s, weight = np.where(behind, 0.0, s_o[:, None])[..., None] + h * xi, dxi * h
+    padded = np.pad(q, ((0, 0), (0, 1), (0, 0)))  # zeros last for supports
+    w = np.einsum("egk,nekf->fneg", tab[..., 2 + n_loc :], padded[:, dofs]) / np.where(h > 0.0, h, 1.0)
+    if system.fields == 2:
+        T, *slope = system.groups.static(s)[:3]
+        X_s = np.array(slope)
+        f, _, _, W = pull(X_s, T, w, law[0], law[3])
+        N = np.where(h > 0.0, T + law[0] * strain(X_s, w), math.inf).reshape(n.size, -1)
+        energy, at, rise = np.sum(weight * W, axis=(1, 2)), np.argmin(N, axis=1), np.zeros(n.size)
+        least, where = N[n, at], s.reshape(n.size, -1)[n, at]
+    else:
+        (alpha, tau, curvature, lam, kap, kind), (w,) = law, w
+        y = curvature * (0.5 - s)
+        eps = lam * np.sum(weight * (y * w + 0.5 * kap * w * w), axis=(1, 2))
+        N, _, W = tension(eps, tau, alpha, kind)
+        least, where, rise = tau + alpha * eps, np.full(n.size, 0.5), N - tau
+        energy = 0.5 * tau * np.sum(weight * w * w, axis=(1, 2)) + W - tau * eps
+        f = (tau * w + rise[:, None, None] * (y + kap * w))[None]
+    force = np.stack([np.sum((dxi * f)[:, :, part], axis=(2, 3)).T for part in (behind, ~behind)], axis=1)
+    return energy, least, where, force, rise
 
 
 def _end_forces(system: CableElements, mesh_at: Array, history: tuple[Array, Array, Array], pulled: Array) -> Array:
@@ -155,14 +143,13 @@ def _end_forces(system: CableElements, mesh_at: Array, history: tuple[Array, Arr
     (q, v, a), (s_o, ds, dds) = history, mesh_at.T[..., None]
     out, c_d = np.zeros((len(q), 4, system.fields)), system.groups.damping
     dds = dds + c_d * ds
-    for side, near, end in zip(system._sides, (1, 2), (0, 3), strict=False):
-        of_q, of_v, of_a = (np.moveaxis(side.moments.T @ x, 1, 0) for x in (q, v, a))
-        h = side.length(s_o)
-        dh = side.sign * ds + c_d * h
+    for (of, h, sign), near, end in zip(_sides(system, s_o), (1, 2), (0, 3), strict=False):
+        of_q, of_v, of_a = (np.moveaxis(of.T @ x, 1, 0) for x in (q, v, a))
+        dh = sign * ds + c_d * h
         whole, tested = (h * of_a[k] + dh * of_v[k] - dds * of_q[k + 2] - ds * of_v[k + 2] for k in (0, 1))
         flux = np.divide(ds**2 * of_q[3], h, out=np.zeros_like(tested), where=h > 0.0)
-        force = side.sign * tested + ds * of_v[1] - flux + pulled[:, near - 1]
-        out[:, near], out[:, end] = force - ds * v[:, system.node], force - side.sign * whole
+        force = sign * tested + ds * of_v[1] - flux + pulled[:, near - 1]
+        out[:, near], out[:, end] = force - ds * v[:, system.node], force - sign * whole
     at_once = s_o[:, 0] == 0.0
     out[at_once, 0] = out[at_once, 1] = out[at_once, 2]
     return out

@@ -1,6 +1,7 @@
-"""Reference meshes on 0 <= xi <= 1, tabulated by scikit-fem."""
+"""Reference meshes, tabulated by scikit-fem."""
 
-from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import skfem
@@ -41,14 +42,14 @@ def mass_form(phi, eta, w):
 
 @skfem.BilinearForm
 def transport_form(phi, eta, w):
-    """Integral of w(xi) eta phi,xi dxi; w = mesh velocity over ds_o."""
-    return w["pull"] * eta * phi.grad[0]
+    """Integral of chi eta phi,xi dxi; chi = mesh velocity over ds_o."""
+    return w["chi"] * eta * phi.grad[0]
 
 
 @skfem.BilinearForm
 def convection_form(phi, eta, w):
-    """Integral of w(xi)^2 eta,xi phi,xi dxi."""
-    return w["pull"] ** 2 * eta.grad[0] * phi.grad[0]
+    """Integral of chi^2 eta,xi phi,xi dxi."""
+    return w["chi"] ** 2 * eta.grad[0] * phi.grad[0]
 
 
 def force_order(degree: int) -> int:
@@ -60,38 +61,28 @@ def force_order(degree: int) -> int:
 
 
 def tabulated(basis: skfem.Basis) -> Array:
-    """Return xi, weight, shape values and slopes at the points, (n_el, n_q, 2 + 2 n_loc)."""
-    xi = np.asarray(basis.global_coordinates())[0]
+    """Return x, weight, shape values and slopes at the points, (n_el, n_q, 2 + 2 n_loc)."""
+    x = np.asarray(basis.global_coordinates())[0]
     fields = [basis.basis[k][0] for k in range(basis.Nbfun)]
-    columns = [xi, basis.dx, *(f.get(0) for f in fields), *(f.grad[0] for f in fields)]
-    return np.stack([np.broadcast_to(np.asarray(x), xi.shape) for x in columns], axis=2)
+    columns = [x, basis.dx, *(f.get(0) for f in fields), *(f.grad[0] for f in fields)]
+    return np.stack([np.broadcast_to(np.asarray(column), x.shape) for column in columns], axis=2)
 
 
-@dataclass(frozen=True, slots=True)
-class Reference:
-    """One side of the mass; dofs are numbered along xi, ends included."""
+class Reference(NamedTuple):
+    """Both sides of the mass, which is at x = 0: xi = 1 + x behind it, xi = x ahead of it.
+
+    Unknowns are numbered along the cable, without those at the supports.
+    """
 
     degree: int
-    knots: Array  # (n_el + 1,)
-    n: int  # scalar dofs
-    dofs: NDArray[np.int64]  # (n_el, n_loc)
-    forces: Array  # see `tabulated`, at the points of `force_order`
+    knots: Array  # (2 elements + 1,) x
+    node: int  # unknown of the mass
+    dofs: NDArray[np.int64]  # (n_el, n_loc), -1 on a support
+    forces: Array  # xi and the rest of `tabulated`, at the points of `force_order`
     inertia: Array  # the same at points exact for phi_i phi_j
-    M: coo_array  # (n, n) integral phi_i phi_j
-    G: coo_array  # (n, n) integral w phi_i phi_j,xi
-    H: coo_array  # (n, n) integral w^2 phi_i,xi phi_j,xi
+    operators: Array  # (8, 2 degree + 1, n) `bands` of M^, G^, G^T and H^, each behind and ahead
+    moments: Array  # (2, n, 4) of each side, see `moments`
     shapes: Array  # see `shape_polynomials`
-
-    def evaluate(self, xi: Array) -> tuple[NDArray[np.int64], Array, Array]:
-        """Return (dofs, values, d/dxi), each (n_loc, ...), at xi in [0, 1]; at a knot of the left element."""
-        e = np.clip(np.searchsorted(self.knots, xi, side="left") - 1, 0, self.knots.size - 2)
-        length = self.knots[e + 1] - self.knots[e]
-        x = (xi - self.knots[e]) / length
-        powers = np.stack([x**m for m in range(self.degree + 1)])
-        slopes = np.stack([m * x ** max(m - 1, 0) for m in range(self.degree + 1)])
-        value = np.tensordot(self.shapes, powers, 1)
-        grad = np.tensordot(self.shapes, slopes, 1) / length
-        return np.moveaxis(self.dofs[e], -1, 0), value, grad
 
 
 def along(basis: skfem.Basis, degree: int) -> NDArray[np.int64]:
@@ -104,32 +95,51 @@ def along(basis: skfem.Basis, degree: int) -> NDArray[np.int64]:
     return number
 
 
-def reference(knots: Array, degree: int, pull_at_end: bool) -> Reference:
-    """Tabulate one side: w(xi) = xi if pull_at_end, the mass at xi = 1, else 1 - xi."""
-    mesh = skfem.MeshLine(knots)
+def bands(matrix: coo_array, b: int) -> Array:
+    """Return diagonals, bands[b + j - i, i] = matrix[i, j], |i - j| <= b."""
+    out = np.zeros((2 * b + 1, matrix.shape[0]))
+    np.add.at(out, (b + matrix.col - matrix.row, matrix.row), matrix.data)
+    return out
+
+
+def moments(dofs: NDArray[np.int64], tab: Array, chi: Array, n: int) -> Array:
+    """Return int phi, int chi phi, int chi phi,xi and int chi^2 phi,xi dxi of n functions, (n, 4)."""
+    n_loc = dofs.shape[1]
+    phi, phi_x = tab[..., 2 : 2 + n_loc], tab[..., 2 + n_loc :]
+    out = np.zeros((n + 1, 4))  # last row: supports
+    for k, (function, power) in enumerate(((phi, 0), (phi, 1), (phi_x, 1), (phi_x, 2))):
+        np.add.at(out[:, k], dofs, np.einsum("eg,egk->ek", tab[..., 1] * chi**power, function))
+    return out[:-1]
+
+
+@lru_cache(maxsize=64)
+def reference(elements: int, degree: int, grading: float) -> Reference:
+    """Return equal or graded elements on both sides; grading: longest over shortest, next to the mass."""
+    lengths = np.geomspace(1.0, grading, elements) if elements > 1 else np.ones(1)
+    ahead = np.append(0.0, np.cumsum(lengths) / lengths.sum())
+    knots = np.concatenate([-ahead[:0:-1], ahead])
+    mesh, sides = skfem.MeshLine(knots), (slice(0, elements), slice(elements, None))
     basis, of_forces = (
         skfem.Basis(mesh, lagrange_element(degree), intorder=order) for order in (2 * degree, force_order(degree))
     )
-    xi, number = np.asarray(basis.global_coordinates())[0], along(basis, degree)
-    pull = xi if pull_at_end else 1.0 - xi
+    number = along(basis, degree) - 1
+    n = int(basis.N) - 2
+    number[number == n] = -1
 
-    def operator(form: skfem.BilinearForm) -> coo_array:
-        matrix = form.assemble(basis, pull=pull).tocoo()
-        return coo_array((matrix.data, (number[matrix.row], number[matrix.col])), shape=matrix.shape)
+    def operator(form: skfem.BilinearForm, side: slice) -> coo_array:
+        part = skfem.Basis(mesh, lagrange_element(degree), intorder=2 * degree, elements=np.arange(2 * elements)[side])
+        whole = form.assemble(part, chi=1.0 - abs(np.asarray(part.global_coordinates())[0])).tocoo()
+        row, col = number[whole.row], number[whole.col]
+        inner = (row >= 0) & (col >= 0)
+        return coo_array((whole.data[inner], (row[inner], col[inner])), shape=(n, n))
 
+    M, G, H = ([operator(form, side) for side in sides] for form in (mass_form, transport_form, convection_form))
+    dofs, tables = number[basis.element_dofs].T.copy(), [tabulated(x) for x in (of_forces, basis)]
+    of_sides = np.array([moments(dofs[x], tables[1][x], 1.0 - abs(tables[1][x][..., 0]), n) for x in sides])
+    for tab in tables:
+        tab[:elements, :, 0] += 1.0
     return Reference(
-        degree=degree, knots=knots, n=int(basis.N), dofs=number[basis.element_dofs].T.copy(),
-        forces=tabulated(of_forces), inertia=tabulated(basis),
-        M=operator(mass_form), G=operator(transport_form), H=operator(convection_form),
-        shapes=shape_polynomials(lagrange_element(degree)),
+        degree, knots, elements * degree - 1, dofs, *tables,
+        np.array([bands(x, degree) for x in (*M, *G, *(x.T.tocoo() for x in G), *H)]), of_sides,
+        shape_polynomials(lagrange_element(degree)),
     )  # fmt: skip
-
-
-def graded_knots(elements: int, grading: float, fine_at_end: bool) -> Array:
-    """Return knots on [0, 1] with geometric element lengths; largest over smallest = grading."""
-    lengths = np.geomspace(1.0, grading, elements) if elements > 1 else np.ones(1)
-    if fine_at_end:
-        lengths = lengths[::-1]
-    knots = np.concatenate([[0.0], np.cumsum(lengths)])
-    knots /= knots[-1]
-    return knots

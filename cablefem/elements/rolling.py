@@ -18,8 +18,9 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import dia_array
 
-from cablefem.elements.cable import Factors
+from cablefem.elements.cable import UNITS, Factors
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels import car as kernels
 from cablefem.elements.kernels.balance import Instant
@@ -34,6 +35,7 @@ from cablefem.newmark import (
     State,
     StepFailure,
     Tableau,
+    begun,
     consistent_acceleration,
 )
 from cablefem.newmark.newton import find_root
@@ -96,12 +98,7 @@ class RollingElements(RollingCar, FollowingElements):
         self.set_off()
         if not self.free:
             s_o, ds, _ = self.motion.at(t, 0)
-            q = self._statics(s_o)[0]
-            v, d = np.zeros_like(q), 1e-4 * min(s_o, 1.0 - s_o)
-            if ds != 0.0:
-                v[:-1] = (self._statics(s_o + d)[0] - self._statics(s_o - d)[0])[:-1] * (ds / (2.0 * d))
-            q[-1] = 0.0
-            return self.go_on(State(t, q, v, np.zeros_like(q), 0))
+            return begun(self, lambda at: self._statics(at)[0], s_o, ds)
         q, self.hold = self._statics(self.drive.start)
         return self.let_go(State(t, q, np.zeros_like(q), np.zeros_like(q), 0))
 
@@ -163,30 +160,36 @@ class RollingElements(RollingCar, FollowingElements):
     def averaged(self, start: State, end: State) -> Array:
         if not self.free:
             return super().averaged(start, end)
-        dt, r = end.t - start.t, np.empty(self.n_dof)
-        weight = self._car(start.t, start.phase)._replace(
-            mode=kernels.FREE, hold=0.0, thrust=0.0, drag=0.0, heading=0.0
-        )
-        before, after, gradient = np.empty((3, self.n_dof))
-        for x, momentum in ((start, before), (end, after)):
-            kernels.kinetic(self._cable, weight, np.array([x.q, x.v, x.v]), momentum, gradient)
+        dt, mean, c_d = end.t - start.t, 0.5 * (start.v + end.v), self.groups.damping
+        still = self._car(start.t, start.phase)._replace(mode=kernels.FREE, hold=0.0, thrust=0.0, drag=0.0, heading=0.0)
+        (_, before, _), (_, after, _) = (self._inertia(still, x.q, x.v, x.v) for x in (start, end))
         total, m = (after - before) / dt, 2 * self.node
         for x, share in zip(*AVERAGE, strict=True):
             q, force = start.q + x * (end.q - start.q), self._force(start, end, x)
-            kernels.kinetic(self._cable, weight, np.array([q, start.v, end.v]), before, gradient)
-            self._roll(weight, np.array([q, 0.0 * q, 0.0 * q]), r)
-            total += share * (r - gradient + self._lost(weight, q, 0.5 * (start.v + end.v)))
+            static, _, gradient = self._inertia(still, q, start.v, end.v)
+            total += share * (static - 0.5 * gradient)
+            if c_d:
+                total += share * c_d * self._inertia(still._replace(mu=0.0), q, mean, mean)[1]
             total[m : m + 2] -= share * force[:2]
             total[-1] -= share * force[2]
         if self.mode.sticks:
             total[-1] = self.inertia * end.a[-1]
         return total
 
-    def _lost(self, car: kernels.Car, q: Array, v: Array) -> Array:
-        """Return c_d times the momentum of the cable (n_dof,)."""
-        momentum, gradient = np.empty((2, self.n_dof))
-        kernels.kinetic(self._cable, car._replace(mu=0.0), np.array([q, v, v]), momentum, gradient)
-        return self.groups.damping * momentum
+    def _inertia(self, car: kernels.Car, q: Array, v: Array, w: Array) -> tuple[Array, Array, Array]:
+        """Return the forces at rest, M(q) w, and the gradient of v . M(q) w by q, (n_dof,) each.
+
+        They are what the acceleration w changes in the residual, which is linear in it, and in its tangent.
+        """
+        r, gradient, zero = np.empty((2, self.n_dof)), np.zeros(self.n_dof), np.zeros(self.n_dof)
+        ab, (lines, corner) = self._single.work.ab, self._single.ride.border
+        diagonals = self._band - np.arange(2 * self._band + 1)
+        for k, (a, sign) in enumerate(((zero, -1.0), (w, 1.0))):
+            self._roll(car, np.array([q, zero, a]), r[k], UNITS[0])
+            transposed = dia_array((ab.T[: diagonals.size], diagonals), shape=(len(ab), len(ab)))
+            of_s_o = lines[0] @ v[:-1] + corner[0] * v[-1]
+            gradient += sign * np.append(transposed @ v[:-1] + v[-1] * lines[1], of_s_o)
+        return r[0], r[1] - r[0], gradient
 
     def _force(self, start: State, end: State, x: float) -> Array:
         """Return the forces on p and s_o (3,) during a step."""
@@ -260,7 +263,7 @@ class RollingElements(RollingCar, FollowingElements):
 
         bound = 1e-13 * self.force_scale + math.sqrt(self.n_dof) * self.force_floor  # rounding
         # rounding of slopes grows in short elements
-        shortest = min(s_o * np.diff(self.left.knots).min(), (1.0 - s_o) * np.diff(self.right.knots).min())
+        shortest = min(s_o, 1.0 - s_o) * float(np.diff(self.reference.knots).min())
         # For a stiff cable under a heavy car, Newton may diverge or find folds: EA rises from a soft cable.
         # The load makes the tension larger than 1; a fold has less.
         stiff, soft = self._law[0], min(self._law[0], 4.0 * (1.0 + self.groups.mu * self.groups.sigma))
@@ -277,6 +280,7 @@ class RollingElements(RollingCar, FollowingElements):
             raise StepFailure(
                 0.0, f"no rest of the loaded cable was found (|r| = {done.norm:.2g})", "start the car elsewhere"
             )
+        x[0, -1] = s_o if self.free else 0.0
         return x[0], float(self._roll(car, x, r)[2] if self.free else x[2, -1])
 
     # --- observation -----------------------------------------------------------------------------------

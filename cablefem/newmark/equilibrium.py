@@ -39,13 +39,13 @@ def equilibrium(system: System) -> Array:
     raise StepFailure(0.0, "no rest of the loaded cable was found", "start the car elsewhere")
 
 
-def begun(system: System, standing: Callable[[float], System], s_o: float, ds_o: float) -> State:
+def begun(system: System, rest: Callable[[float], Array], s_o: float, ds_o: float) -> State:
     """Return the state of a mass at s_o, at rest or moving through states of rest.
 
-    standing : the system with its mass held at a place.
+    rest : q with the mass at rest at a place.
     """
-    q, d = equilibrium(standing(s_o)), APART * min(s_o, 1.0 - s_o)
+    q, d = rest(s_o), APART * min(s_o, 1.0 - s_o)
     v = np.zeros_like(q)
     if ds_o:
-        v = (equilibrium(standing(s_o + d)) - equilibrium(standing(s_o - d))) * (ds_o / (2.0 * d))
+        v = (rest(s_o + d) - rest(s_o - d)) * (ds_o / (2.0 * d))
     return consistent_acceleration(system, 0.0, q, v, 0)

@@ -50,20 +50,14 @@ def first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[St
         return x1, []
     from scipy.optimize import brentq  # slow to load
 
-    for i in fallen:
-        last = end
+    def least(t: float) -> float:
+        nonlocal end
+        x = x0 if t <= x0.t else x1 if t >= x1.t else step(x0, t)
+        found = min(values(x)[i] for i in fallen)
+        if found <= 0.0 and x.t <= end.t:
+            end = x
+        return found
 
-        def value(t: float, i: int = i, last: State = last) -> float:
-            nonlocal end
-            if t <= x0.t:
-                return before[i]
-            x = last if t >= last.t else step(x0, t)
-            found = values(x)[i]
-            if found <= 0.0 and x.t <= end.t:
-                end = x
-            return found
-
-        if values(end)[i] <= 0.0:
-            brentq(value, x0.t, last.t, xtol=rounding(last.t) / 4.0, rtol=4.0 * EPS, disp=False)
+    brentq(least, x0.t, x1.t, xtol=rounding(x1.t) / 4.0, rtol=4.0 * EPS, disp=False)
     at_end = values(end)
     return end, [system.events[i] for i in fallen if at_end[i] <= 0.0]

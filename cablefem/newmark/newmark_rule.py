@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.newmark.newton import Newton, Settled
+from cablefem.newmark.newton import Newton
 from cablefem.newmark.schemes import Scheme
 from cablefem.newmark.states import Array, State, Stretch
 from cablefem.newmark.stepper import Stepper, Work
@@ -17,7 +17,6 @@ class NewmarkRule(Stepper):
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         super().__init__(system, method, newton, work)
-        self._stalled: tuple[float, float, Settled] | None = None  # failed step: from, to
         self._rule = np.eye(3, 5)  # see `System.settle`
         self._rule[:, 4] = 1.0 - method.alpha_f, 1.0 - method.alpha_f, 1.0 - method.alpha_m
 
@@ -42,13 +41,11 @@ class NewmarkRule(Stepper):
         rules = np.repeat(self._rule[None], times.size, axis=0)
         self._set(rules, times - begin, 1.0)
         now, told = self.system.stride(t, x.phase, np.array([x.q, x.v, x.a]), rules, self.bound, self.newton)
-        n, blind = len(now), not self.system.events
-        if blind and len(told) > n and not told[n, 0] <= self.bound:
-            self._stalled = float(begin[n]), float(times[n]), Settled(*told[n, :4].tolist())
+        n = len(now)
         if not n:
             return
         stretch = Stretch(times[:n], now, x.phase)
-        seen = n if blind else int(np.searchsorted(stretch.t, self.system.heeded, side="right"))
+        seen = int(np.searchsorted(stretch.t, self.system.heeded, side="right")) if self.system.events else n
         for part in [slice(0, seen)] * (seen > 0) + [slice(k, k + 1) for k in range(seen, n)]:
             self.count(*told[part, 1:4].sum(axis=0).astype(int).tolist())
             yield stretch[part]
@@ -58,11 +55,8 @@ class NewmarkRule(Stepper):
         t = float(self._instants(np.array([x.t]), np.array([t1]), x.phase)[0])
         now = np.empty_like(start)
         for goes_on in (1.0, 0.0):
-            if goes_on and self._stalled is not None and self._stalled[:2] == (x.t, t1):
-                done = self._stalled[2]
-            else:
-                self._set(self._rule, dt, goes_on)
-                done = self.system.settle(t, x.phase, start, now, self._rule, self.bound, self.newton)
+            self._set(self._rule, dt, goes_on)
+            done = self.system.settle(t, x.phase, start, now, self._rule, self.bound, self.newton)
             if self.balanced(done):
                 return State(t1, now[0], now[1], now[2], x.phase)
         raise self.stalled(t1, done)

@@ -1,8 +1,7 @@
 """States of a system."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import cached_property
-from typing import Any, NamedTuple, overload
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,11 +44,7 @@ class Stretch(Sequence[State]):
     def __len__(self) -> int:
         return self.t.size
 
-    @overload
-    def __getitem__(self, i: int) -> State: ...
-    @overload
-    def __getitem__(self, i: slice) -> "Stretch": ...
-    def __getitem__(self, i: int | slice) -> "State | Stretch":
+    def __getitem__(self, i: Any) -> Any:
         if isinstance(i, slice):
             return Stretch(self.t[i], self.rows[i], self.phase)
         q, v, a = self.rows[i]
@@ -83,58 +78,31 @@ class Course(Sequence[State]):
     def __len__(self) -> int:
         return self._n
 
-    @overload
-    def __getitem__(self, i: int) -> State: ...
-    @overload
-    def __getitem__(self, i: slice) -> list[State]: ...
-    def __getitem__(self, i: int | slice) -> State | list[State]:
+    def __getitem__(self, i: Any) -> Any:
         if isinstance(i, slice):
             return list(self)[i]
-        if not -self._n <= i < self._n:
-            raise IndexError(f"state {i} of {self._n}")
-        i += self._n if i < 0 else 0
-        end = self._n
+        at, end = range(self._n)[i], self._n
         for part in reversed(self.parts):
             end -= len(part)
-            if i >= end:
-                return part[i - end]
-        raise AssertionError
+            if at >= end:
+                return part[at - end]
 
     def __iter__(self) -> Iterator[State]:
         for part in self.parts:
             yield from part
 
 
-class Stacked:
-    """States as arrays over time."""
-
-    def __init__(self, states: Sequence[State]) -> None:
-        self._parts: Sequence[Sequence[State]] = states.parts if isinstance(states, Course) else [states]
-
-    def _joined(self, many: Callable[[Stretch], Any], one: Callable[[State], Any]) -> Any:
-        return np.concatenate([many(x) if isinstance(x, Stretch) else np.array([*map(one, x)]) for x in self._parts])
-
-    @cached_property
-    def t(self) -> Array:
-        """(n,)."""
-        return self._joined(lambda x: x.t, lambda x: x.t)
-
-    @cached_property
-    def q(self) -> Array:
-        """(n, n_dof)."""
-        return self._joined(lambda x: x.rows[:, 0], lambda x: x.q)
-
-    @cached_property
-    def v(self) -> Array:
-        """(n, n_dof)."""
-        return self._joined(lambda x: x.rows[:, 1], lambda x: x.v)
-
-    @cached_property
-    def a(self) -> Array:
-        """(n, n_dof)."""
-        return self._joined(lambda x: x.rows[:, 2], lambda x: x.a)
-
-    @cached_property
-    def phase(self) -> NDArray[np.intp]:
-        """(n,)."""
-        return self._joined(lambda x: np.full(len(x), x.phase), lambda x: x.phase)
+def stacked(states: Sequence[State]) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
+    """Return t (n,), q, v and a (n, n_dof), and phase (n,) of a history."""
+    parts = states.parts if isinstance(states, Course) else [states]
+    t, rows, phase = zip(
+        *(
+            (x.t, x.rows, np.full(len(x), x.phase))
+            if isinstance(x, Stretch)
+            else (np.array([y.t for y in x]), np.array([y[1:4] for y in x]), np.array([y.phase for y in x]))
+            for x in parts
+        ),
+        strict=True,
+    )
+    q, v, a = np.moveaxis(np.concatenate(rows), 1, 0)
+    return np.concatenate(t), q, v, a, np.concatenate(phase)

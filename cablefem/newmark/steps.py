@@ -11,14 +11,12 @@ GROWTH = 1.15  # of steps in ramps
 
 
 def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 1.0) -> list[Array]:
-    """Return per phase the instants to step on: about `steps` equal steps by `System.pace`.
+    """Return per phase the instants to step on: about `steps` equal steps.
 
     The last instant is left out, for systems may be singular there.
     entry, exit : first and last step over the uniform one.
     """
-    phases, pace = system.phases, system.pace()
-    if pace is not None:
-        phases = tuple((t0, t1) for t0, t1 in np.interp(np.array(phases), *pace).tolist())
+    phases = system.phases
     dt = (phases[-1][1] - phases[0][0]) / steps
     grids = []
     for i, (t0, t1) in enumerate(phases):
@@ -32,9 +30,6 @@ def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 
         grid = np.concatenate([[0.0], np.cumsum(lengths)])
         grid = t0 + (t1 - t0) * (grid / grid[-1])
         grid[-1] = t1
-        if pace is not None:
-            grid = np.interp(grid, pace[1], pace[0])
-            grid[0], grid[-1] = system.phases[i]
         grids.append(grid)
     grids[-1] = grids[-1][:-1]
     return grids

@@ -102,10 +102,6 @@ class System(Protocol):
         """Return times (n,) of mean places, weighted 1 - w and w."""
         return (1.0 - w) * t0 + w * t1
 
-    def pace(self) -> tuple[Array, Array] | None:
-        """Return times (m,), and a clock by which steps are equal."""
-        return None
-
     def part(self, x: State, since: float, ahead: float = 0.0) -> float:
         """Return the fraction of a grid step to take from x, or `ahead` of it, `since` after an event."""
         return 1.0

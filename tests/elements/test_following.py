@@ -255,8 +255,7 @@ def test_a_deep_stiff_cable_does_not_lock():
     def path(elements, degree, locks=False):
         system = FollowingElements(deep, elements=elements, degree=degree)
         if locks:  # forces at the points of the inertia, one more an element
-            inertia = np.concatenate([system.left.inertia, system.right.inertia])
-            system._mesh = system._mesh._replace(tab=inertia, functions=(), points=())
+            system._mesh = system._mesh._replace(tab=system.reference.inertia, functions=(), points=())
             system._fresh()
         return observe(system, march(system, 800, until=0.45)[0]).path
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import skfem
+from numpy.polynomial import Polynomial
 from scipy.integrate import cumulative_simpson
 
 from cablefem.elements.fixed import FixedElements
@@ -15,8 +16,15 @@ from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels.balance import Cable, Mesh, add_forces, stretch
 from cablefem.elements.kernels.banded import factorise
 from cablefem.elements.observing import energies
-from cablefem.elements.reference import graded_knots, lagrange_element, reference, shape_polynomials
-from tests.runs import LEVEL, steep_cable
+from cablefem.elements.reference import (
+    along,
+    force_order,
+    lagrange_element,
+    reference,
+    shape_polynomials,
+    tabulated,
+)
+from tests.runs import LEVEL, evaluate, steep_cable
 
 DEGREES = range(1, 9)
 
@@ -26,39 +34,45 @@ DEGREES = range(1, 9)
 @pytest.mark.parametrize("degree", DEGREES)
 def test_tables_are_those_of_the_very_points(degree, of):
     """scikit-fem keeps the polynomials of ElementLinePp by the NUMBER of points; the tables must not fall for it."""
-    ref = reference(graded_knots(3, 2.3, fine_at_end=True), degree, pull_at_end=True)
+    ref, n_loc = reference(3, degree, 2.3), degree + 1
     tab = getattr(ref, of)
-    xi, n_loc = tab[:, :, 0].ravel(), degree + 1
-    dofs, value, grad = ref.evaluate(xi)
+    x = tab[:, :, 0] - np.repeat([1.0, 0.0], 3)[:, None]
+    dofs, value, grad = evaluate(ref, x.ravel())
     tabulated, slopes = (tab[:, :, at : at + n_loc].reshape(-1, n_loc).T for at in (2, 2 + n_loc))
     np.testing.assert_array_equal(dofs, np.repeat(ref.dofs, tab.shape[1], axis=0).T)
     # monomials cancel: the rounding is that of their coefficients, found by solving for them; slopes are degree/h times
     rounding = 30.0 * np.finfo(float).eps * np.abs(ref.shapes).sum(axis=1).max()
     np.testing.assert_allclose(value, tabulated, rtol=0.0, atol=rounding)
     np.testing.assert_allclose(grad, slopes, rtol=0.0, atol=rounding * degree / np.diff(ref.knots).min())
-    other = ref.evaluate(np.clip(xi + 1e-6, 0.0, 1.0))[1]
+    other = evaluate(ref, np.clip(x.ravel() + 1e-6, -1.0, 1.0))[1]
     assert np.abs(other - tabulated).max() > 1e-7  # the check sees points that are a little off
 
 
 @pytest.mark.parametrize("degree", DEGREES)
 def test_elements_hold_every_polynomial_of_their_degree(degree):
-    ref = reference(graded_knots(3, 2.3, fine_at_end=False), degree, pull_at_end=False)
-    x = np.linspace(0.0, 1.0, 60)
-    dofs, value, grad = ref.evaluate(x)
-    N, N_x = np.zeros((x.size, ref.n)), np.zeros((x.size, ref.n))
+    """Among polynomials that are zero at the supports x = -1 and 1."""
+    ref = reference(3, degree, 2.3)
+    x, n = np.linspace(-1.0, 1.0, 120), ref.operators.shape[2]
+    dofs, value, grad = evaluate(ref, x)
+    N, N_x = np.zeros((x.size, n + 1)), np.zeros((x.size, n + 1))  # last column: supports
     for k in range(degree + 1):
         N[np.arange(x.size), dofs[k]] += value[k]
         N_x[np.arange(x.size), dofs[k]] += grad[k]
-    for power in range(degree + 2):
-        q = np.linalg.lstsq(N, x**power, rcond=None)[0]
-        slope = power * x ** max(power - 1, 0)
-        if power <= degree:
-            np.testing.assert_allclose(N @ q, x**power, rtol=0.0, atol=1e-12)
-            np.testing.assert_allclose(N_x @ q, slope, rtol=0.0, atol=1e-9)
-            # exact integrals 1/(2p+1) of x^p x^p from the assembled matrix
-            assert abs(q @ ref.M @ q - 1.0 / (2 * power + 1)) < 1e-13
+    N, N_x = N[:, :-1], N_x[:, :-1]
+    M = ref.operators[0] + ref.operators[1]
+    for power in range(max(0, degree - 3), degree):
+        of = Polynomial([1.0, 0.0, -1.0]) * Polynomial(np.eye(degree)[power])
+        q = np.linalg.lstsq(N, of(x), rcond=None)[0]
+        if of.degree() <= degree:
+            np.testing.assert_allclose(N @ q, of(x), rtol=0.0, atol=1e-12)
+            np.testing.assert_allclose(N_x @ q, of.deriv()(x), rtol=0.0, atol=1e-9)
+            # exact integral of the square from the assembled matrix
+            square = (of * of).integ()
+            rows = [M[degree + d, i] * q[i] * q[i + d] for d in range(-degree, degree + 1)
+                    for i in range(max(0, -d), min(n, n - d))]  # fmt: skip
+            assert abs(sum(rows) - (square(1.0) - square(-1.0))) < 1e-13
         else:
-            assert np.abs(N @ q - x**power).max() > 1e-9
+            assert np.abs(N @ q - of(x)).max() > 1e-9
 
 
 def test_degrees_that_are_none_are_refused():
@@ -85,8 +99,10 @@ def test_hermite_tables_are_the_cubics_however_many_elements(elements):
 # --- the internal force -----------------------------------------------------------------------------------------------
 def free_mesh(n, degree, length=1.0):
     """Return n equal elements and their length, ends free, and the places of the P1/P2 unknowns."""
-    ref = reference(np.linspace(0.0, 1.0, n + 1), degree, pull_at_end=True)
-    return (Mesh(ref.dofs, ref.forces, n, (), ()), length), length * np.linspace(0.0, 1.0, degree * n + 1)
+    mesh = skfem.MeshLine(np.linspace(0.0, 1.0, n + 1))
+    basis = skfem.Basis(mesh, lagrange_element(degree), intorder=force_order(degree))
+    dofs = along(basis, degree)[basis.element_dofs].T.copy()
+    return (Mesh(dofs, tabulated(basis), n, (), ()), length), length * np.linspace(0.0, 1.0, degree * n + 1)
 
 
 def tensions(mesh, cable, q):

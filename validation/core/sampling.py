@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.newmark import Collocated, Course, Stacked, State, Work, cubic, densified
+from cablefem import newmark
+from cablefem.newmark import Collocated, Course, State, Work, cubic, densified
 from cablefem.response import Array, Fields, Observation, Response, States
 from cablefem.scene import Motion, Scene
 from validation.core.solver import Pathed, Solver
@@ -56,11 +57,9 @@ def _ended_well(h: History) -> bool:
 
 def moved(scene: Scene, h: History) -> dict[str, Any]:
     """Return the motion of the mass: a `MassPath` except what was run."""
-    if isinstance(h.solver, Pathed):
-        lazy: Any = Stacked(h.states)
-        states = h.solver.in_time(lazy) if _ended_well(h) else finite(h)
-        return _moved(scene, h, states, *h.solver.path(states))
     states = finite(h)
+    if isinstance(h.solver, Pathed):
+        return _moved(scene, h, states, *h.solver.path(states))
     seen = h.solver.observe(states, np.linspace(0.0, 1.0, STATIONS), np.arange(0))
     return _moved(scene, h, states, seen.s_o, seen.path)
 
@@ -193,8 +192,7 @@ def _scales(l: float, H: float, tau: float) -> Callable[..., dict[str, Any]]:
 
 
 def stacked(states: Sequence[State]) -> States:
-    x = Stacked(states)
-    return States(x.t, x.q, x.v, x.a, x.phase)
+    return States(*newmark.stacked(states))
 
 
 def _rows(states: States, rows: slice | NDArray[Any]) -> States:

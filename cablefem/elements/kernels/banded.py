@@ -3,8 +3,6 @@
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from cablefem.elements.kernels import compiled
 
 KEEP = 0.1  # a diagonal pivot of at least this part of the column's largest stays
@@ -218,12 +216,3 @@ def times(operator, n_fields, rows, x, y):
         of, near, to = operator[d, first:last], x[first + away : last + away], y[first:last]
         for i in range(to.size):  # contiguous slices: vectorised
             to[i] += of[i] * near[i]
-
-
-@compiled
-def quadratic(operator, n_fields, x, y, out):
-    """Set out (m,) to x . A y of each row of x and y (m, n)."""
-    product = np.empty(operator.shape[1])
-    for k in range(out.size):
-        times(operator, n_fields, (0, product.size), y[k], product)
-        out[k] = dot(product, x[k])

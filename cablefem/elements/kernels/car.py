@@ -237,37 +237,6 @@ def add_inertia_row(cable, node, push, x, border, factors):
 
 
 @compiled
-def kinetic(cable, car, x, momentum, gradient):
-    """Set M(q) v and d/dq (v . M(q) w) / 2 of cable and car; x : rows q, v, w."""
-    n, m, q, v, w = cable.operators.shape[2], 2 * car.node, x[0], x[1], x[2]
-    s_o, dv, dw = q[n], v[n], w[n]
-    y = np.empty((5, n))
-    Mv, Gq, Hq, GTv, GTw = y[0], y[1], y[2], y[3], y[4]
-    momentum[:] = 0.0
-    gradient[:] = 0.0
-    for side in range(2):
-        h, sign = (s_o, 1.0) if side == 0 else (1.0 - s_o, -1.0)
-        rows, M, G, GT, H = rows_of(cable, side, m)
-        times(M, 2, rows, v, Mv)
-        times(G, 2, rows, q, Gq)
-        times(H, 2, rows, q, Hq)
-        times(GT, 2, rows, v, GTv)
-        times(GT, 2, rows, w, GTw)
-        for i in range(n):
-            momentum[i] += h * Mv[i] - dv * Gq[i]
-            gradient[i] += dv * dw / h * Hq[i] - 0.5 * (dv * GTw[i] + dw * GTv[i])
-        momentum[n] += dv / h * dot(Hq, q) - dot(Gq, v)
-        gradient[n] += 0.5 * sign * (dot(Mv, w) - dv * dw / (h * h) * dot(Hq, q))
-    xp, yp, T = at_rest(cable.law, s_o)
-    slope, bend = (xp, yp), (cable.law[1] * yp / (T * T), -cable.law[1] / (T * T * T))
-    for i in range(2):
-        pv, pw = v[m + i] + slope[i] * dv, w[m + i] + slope[i] * dw
-        momentum[m + i] += car.mu * pv
-        momentum[n] += car.mu * slope[i] * pv
-        gradient[n] += 0.5 * car.mu * bend[i] * (dv * pw + dw * pv)
-
-
-@compiled
 def add_car(car, push, carried, border, ab, factors):
     m, at, (c0, c1, c2) = 2 * car.node, (ab.shape[1] - 1) // 3, factors
     (xp, yp), (xpp, ypp), tau = push.slope, push.bend, push.tau
