@@ -116,7 +116,8 @@ def moments(dofs: NDArray[np.int64], tab: Array, chi: Array, n: int) -> Array:
 def reference(elements: int, degree: int, grading: float) -> Reference:
     """Return equal or graded elements on both sides; grading: longest over shortest, next to the mass."""
     lengths = np.geomspace(1.0, grading, elements) if elements > 1 else np.ones(1)
-    ahead = np.append(0.0, np.cumsum(lengths) / lengths.sum())
+    ahead = np.append(0.0, np.cumsum(lengths))
+    ahead /= ahead[-1]
     knots = np.concatenate([-ahead[:0:-1], ahead])
     mesh, sides = skfem.MeshLine(knots), (slice(0, elements), slice(elements, None))
     basis, of_forces = (
@@ -126,20 +127,24 @@ def reference(elements: int, degree: int, grading: float) -> Reference:
     n = int(basis.N) - 2
     number[number == n] = -1
 
-    def operator(form: skfem.BilinearForm, side: slice) -> coo_array:
-        part = skfem.Basis(mesh, lagrange_element(degree), intorder=2 * degree, elements=np.arange(2 * elements)[side])
+    parts = [
+        skfem.Basis(mesh, lagrange_element(degree), intorder=2 * degree, elements=np.arange(2 * elements)[x])
+        for x in sides
+    ]
+
+    def operator(form: skfem.BilinearForm, part: skfem.Basis) -> coo_array:
         whole = form.assemble(part, chi=1.0 - abs(np.asarray(part.global_coordinates())[0])).tocoo()
         row, col = number[whole.row], number[whole.col]
         inner = (row >= 0) & (col >= 0)
         return coo_array((whole.data[inner], (row[inner], col[inner])), shape=(n, n))
 
-    M, G, H = ([operator(form, side) for side in sides] for form in (mass_form, transport_form, convection_form))
-    dofs, tables = number[basis.element_dofs].T.copy(), [tabulated(x) for x in (of_forces, basis)]
-    of_sides = np.array([moments(dofs[x], tables[1][x], 1.0 - abs(tables[1][x][..., 0]), n) for x in sides])
-    for tab in tables:
+    M, G, H = ([operator(form, part) for part in parts] for form in (mass_form, transport_form, convection_form))
+    dofs, forces, inertia = number[basis.element_dofs].T.copy(), tabulated(of_forces), tabulated(basis)
+    of_sides = np.array([moments(dofs[x], inertia[x], 1.0 - abs(inertia[x][..., 0]), n) for x in sides])
+    for tab in (forces, inertia):
         tab[:elements, :, 0] += 1.0
     return Reference(
-        degree, knots, elements * degree - 1, dofs, *tables,
-        np.array([bands(x, degree) for x in (*M, *G, *(x.T.tocoo() for x in G), *H)]), of_sides,
+        degree, knots, elements * degree - 1, dofs, forces, inertia,
+        np.array([bands(x, degree) for x in (*M, *G, *(x.T for x in G), *H)]), of_sides,
         shape_polynomials(lagrange_element(degree)),
     )  # fmt: skip

@@ -6,4 +6,4 @@ numba leaves out branches for an argument that is None, if the function tests it
 
 from cablefem.compiled import compiler
 
-compiled = compiler(__file__)
+compiled, inner = compiler(__file__), compiler(__file__, inner=True)

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cablefem.elements.kernels import compiled
+from cablefem.elements.kernels import compiled, inner
 from cablefem.elements.kernels.law import ELASTIC, pull, tension
 
 
@@ -97,12 +97,12 @@ def assemble(cable, now, x, r, ab, factors):
     return least, where
 
 
-@compiled
+@inner
 def wanted(factors):
     return factors[0] != 0.0 or factors[1] != 0.0 or factors[2] != 0.0
 
 
-@compiled
+@inner
 def add_banded(bands, n_fields, x, r, ab, factors):
     """Add M a + C v + K q and its tangent."""
     width, n = bands.shape[1:]
@@ -128,7 +128,7 @@ def add_banded(bands, n_fields, x, r, ab, factors):
             ab[i, at] = blend[i]
 
 
-@compiled
+@inner
 def add_contact(contact, load, x, r, ab, factors):
     dofs, shape, m_row, c_row, k_row = contact
     band, (c0, c1, c2) = (ab.shape[1] - 1) // 3, factors
@@ -144,7 +144,7 @@ def add_contact(contact, load, x, r, ab, factors):
                 ab[row, band + dofs[j, f] - row] += shape[i] * (c2 * m_row[j] + c1 * c_row[j] + c0 * k_row[j])
 
 
-@compiled
+@inner
 def add_internal(cable, chord, s_o, q, r, ab, factors):
     if chord is None:
         stretch(cable, s_o, q)
@@ -152,7 +152,7 @@ def add_internal(cable, chord, s_o, q, r, ab, factors):
     return add_chord(cable, chord, s_o, q, r, ab, factors[0], wanted(factors)), 0.5  # uniform tension
 
 
-@compiled
+@inner
 def at_rest(law, s):
     """Return x', y' and T of the hanging cable at s."""
     p = law[2] - law[1] * s
@@ -161,13 +161,13 @@ def at_rest(law, s):
     return xp, p * xp, T
 
 
-@compiled
+@inner
 def side_of(mesh, s_o, e):
     """Return s at xi = 0 and ds/dxi of an element."""
     return (0.0, s_o) if e < mesh.n_left else (s_o, 1.0 - s_o)
 
 
-@compiled
+@inner
 def stretch(cable, s_o, q):
     """Set the points of the full cable.
 
@@ -199,7 +199,7 @@ def stretch(cable, s_o, q):
         N[p] = tension(eps, T, alpha, ELASTIC)[0]  # below zero where the cable is slack
 
 
-@compiled
+@inner
 def add_block(ab, row, col, j11, j12, j22):
     at = (ab.shape[1] - 1) // 3 + 2 * (col - row)
     ab[2 * row, at] += j11
@@ -208,7 +208,7 @@ def add_block(ab, row, col, j11, j12, j22):
     ab[2 * row + 1, at] += j22
 
 
-@compiled
+@inner
 def add_forces(cable, s_o, r, ab, c0):
     """Add int f . phi' ds and, unless c0 = 0, int phi' df/dr' phi' ds.
 
@@ -254,7 +254,7 @@ def add_forces(cable, s_o, r, ab, c0):
     return least, where
 
 
-@compiled
+@inner
 def add_chord(cable, chord, s_o, q, r, ab, c0, tangent):
     """Add the internal force of the one-field models; return the tension along the chord.
 

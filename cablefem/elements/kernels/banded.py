@@ -3,7 +3,7 @@
 import math
 from typing import Any, NamedTuple
 
-from cablefem.elements.kernels import compiled
+from cablefem.elements.kernels import inner
 
 KEEP = 0.1  # a diagonal pivot of at least this part of the column's largest stays
 
@@ -15,13 +15,13 @@ class Tangent(NamedTuple):
     pivots: Any  # (2, n_dof) see `factorise`
 
 
-@compiled
+@inner
 def size_of(x):
     """Return |Re x| + |Im x|, as LAPACK does."""
     return abs(x.real) + abs(x.imag)
 
 
-@compiled
+@inner
 def factorise(ab, pivots, pairs):
     """Factorise a banded matrix in place, P A = L U; return whether it is regular.
 
@@ -76,7 +76,7 @@ def factorise(ab, pivots, pairs):
     return True
 
 
-@compiled
+@inner
 def empty(ab, p, k):
     band, i, j = (ab.shape[1] - 1) // 3, 2 * p, 2 * k
     at, back = band + j - i, band + i - j
@@ -90,7 +90,7 @@ def empty(ab, p, k):
     )
 
 
-@compiled
+@inner
 def eliminated(ab, pivots):
     """Eliminate blocks of two rows while no factor is above 1 / KEEP; return how many.
 
@@ -141,7 +141,7 @@ def eliminated(ab, pivots):
     return done
 
 
-@compiled
+@inner
 def solve(ab, pivots, b):
     """Overwrite b (n,) with A^-1 b."""
     n, width = ab.shape
@@ -179,7 +179,7 @@ def solve(ab, pivots, b):
 # loops are faster than BLAS at this length
 
 
-@compiled
+@inner
 def dot(a, b):
     total = 0.0
     for i in range(a.size):
@@ -187,13 +187,13 @@ def dot(a, b):
     return total
 
 
-@compiled
+@inner
 def copy(a, b):
     for i in range(a.size):
         b[i] = a[i]
 
 
-@compiled
+@inner
 def subtract(factor, a, b):
     """Subtract factor a from b."""
     for i in range(a.size):
@@ -205,7 +205,7 @@ class Border(NamedTuple):
     corner: Any  # (1,)
 
 
-@compiled
+@inner
 def times(operator, n_fields, rows, x, y):
     """Set y = A x in the rows (from, to); operator : (2 b + 1, n) diagonals of A."""
     half, n = operator.shape[0] // 2, operator.shape[1]

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cablefem.elements.kernels import compiled
+from cablefem.elements.kernels import compiled, inner
 from cablefem.elements.kernels.balance import Instant, assemble, at_rest, side_of, wanted, weigh
 from cablefem.elements.kernels.banded import Border, dot, times
 from cablefem.elements.kernels.law import pull
@@ -66,7 +66,7 @@ class Forces(NamedTuple):
     drive: float  # F_drive on s_o
 
 
-@compiled
+@inner
 def driven(car, now):
     """Return the car with `now` (3,): hauled s_o, ds_o, dds_o, else hold and thrust."""
     mode, node, mu, sigma, s_o, ds, dds, hold, thrust, drag, wind, friction, brake, heading = car
@@ -77,7 +77,7 @@ def driven(car, now):
     return Car(mode, node, mu, sigma, s_o, ds, dds, hold, thrust, drag, wind, friction, brake, heading)
 
 
-@compiled
+@inner
 def mean_tangent(mesh, slopes, s_o, xp, yp, q):
     """Return the unit vector along the mean r', and the mean |r'|, of both sides."""
     mx, my, stretch = 0.0, 0.0, 0.0
@@ -147,7 +147,7 @@ def roll(cable, ride, now, x, r, ab, factors):
     return least, where, row, push.normal
 
 
-@compiled
+@inner
 def add_force_row(cable, s_o, border, c0):
     """Return the cable's strain in the row of s_o; add its tangent to the border."""
     mesh, law, at = cable.mesh, cable.law, cable.points
@@ -186,7 +186,7 @@ def add_force_row(cable, s_o, border, c0):
     return total
 
 
-@compiled
+@inner
 def rows_of(cable, side, node):
     """Return the rows (from, to) and M, G, G^T, H of a side."""
     operators = cable.operators
@@ -194,7 +194,7 @@ def rows_of(cable, side, node):
     return rows, operators[side], operators[2 + side], operators[4 + side], operators[6 + side]
 
 
-@compiled
+@inner
 def add_inertia_row(cable, node, push, x, border, factors):
     """Return the cable's inertia and damping in the row of s_o; add their tangent to the border."""
     n, ds, dds, c_d = cable.operators.shape[2], push.ds, push.dds + cable.damping * push.ds, cable.damping
@@ -236,7 +236,7 @@ def add_inertia_row(cable, node, push, x, border, factors):
     return total
 
 
-@compiled
+@inner
 def add_car(car, push, carried, border, ab, factors):
     m, at, (c0, c1, c2) = 2 * car.node, (ab.shape[1] - 1) // 3, factors
     (xp, yp), (xpp, ypp), tau = push.slope, push.bend, push.tau
@@ -269,7 +269,7 @@ def add_car(car, push, carried, border, ab, factors):
         border.corner[0] = c2 * car.mu
 
 
-@compiled
+@inner
 def under_way(cable, ride, place, x):
     """Return whether a car at x has had no event.
 

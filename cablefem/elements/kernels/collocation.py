@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cablefem.elements.kernels import compiled
+from cablefem.elements.kernels import compiled, inner
 from cablefem.elements.kernels.balance import Instant, side_of, weigh
 from cablefem.elements.kernels.banded import Border
 from cablefem.elements.kernels.car import Ride, under_way
@@ -100,7 +100,7 @@ def collocate(cable, space, steps, rule, limits):
     return steps.a.shape[0]
 
 
-@compiled
+@inner
 def settle(cable, space, step, rule, limits):
     """Find the accelerations; return (|r|, iterations, factorisations, residuals), least tension, its s.
 
@@ -141,14 +141,14 @@ def settle(cable, space, step, rule, limits):
     return (norm, iterations, factorisations, residuals), least, where
 
 
-@compiled
+@inner
 def hopeless(norm, before, iterations, limits):
     if iterations <= limits.patience:
         return False
     return norm * (norm / before) ** (limits.enough - iterations) > limits.bound
 
 
-@compiled
+@inner
 def residual(cable, space, step, rule):
     """Set states and residuals of the nodes; return |r|, and the least tension and its s at the last."""
     square, least, where = 0.0, math.inf, 0.0
@@ -161,7 +161,7 @@ def residual(cable, space, step, rule):
     return math.sqrt(square), least, where
 
 
-@compiled
+@inner
 def at_node(step, rule, i, x):
     """Set the state x at a node: q = q0 + c dt v0 + dt^2 (A A a), v = v0 + dt A a."""
     q0, v0, dt = step.start[0], step.start[1], step.dt
@@ -176,7 +176,7 @@ def at_node(step, rule, i, x):
             q[j] += twice * of[j]
 
 
-@compiled
+@inner
 def finish(step, rule, end):
     q0, v0, dt = step.start[0], step.start[1], step.dt
     for j in range(q0.size):
@@ -188,7 +188,7 @@ def finish(step, rule, end):
         end[1, j] = v0[j] + dt * once
 
 
-@compiled
+@inner
 def spread(weights, of, out):
     out[:] = 0.0
     for i in range(weights.shape[0]):
@@ -198,7 +198,7 @@ def spread(weights, of, out):
                 to[j] += w * x[j]
 
 
-@compiled
+@inner
 def take_off(share, da, a):
     for i in range(a.shape[0]):
         x, of = a[i], da[i]
@@ -206,7 +206,7 @@ def take_off(share, da, a):
             x[j] -= share * of[j]
 
 
-@compiled
+@inner
 def factors(cable, space, step, rule):
     parts, lines, middle, regular = space.parts, space.lines, rule.middle, True
     corners, spare = np.empty(3), np.empty(space.r.shape[1])
@@ -227,14 +227,14 @@ def factors(cable, space, step, rule):
     return regular
 
 
-@compiled
+@inner
 def with_border(ride, lines, corner):
     if ride is None:
         return None
     return Ride(ride.car, ride.slopes, Border(lines, corner), ride.course)
 
 
-@compiled
+@inner
 def factorised(cable, side, parts, lines, corners, weights):
     c0, c1 = weights
     blend(c0, c1, parts, side.work.ab)
@@ -242,7 +242,7 @@ def factorised(cable, side, parts, lines, corners, weights):
     return factorise(side.work, side.chord, side.ride, coupling(cable, c0))
 
 
-@compiled
+@inner
 def blend_border(ride, c0, c1, lines, corners):
     if ride is None:
         return
@@ -250,14 +250,14 @@ def blend_border(ride, c0, c1, lines, corners):
     ride.border.corner[0] = c0 * corners[0] + c1 * corners[1] + corners[2]
 
 
-@compiled
+@inner
 def blend(c0, c1, parts, out):
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             out[i, j] = c0 * parts[0, i, j] + c1 * parts[1, i, j] + parts[2, i, j]
 
 
-@compiled
+@inner
 def even(cable, ride, space, step, c0, middle):
     """Scale the rows of each node so that the middle tangent fits its diagonal."""
     if ride is not None:
@@ -277,7 +277,7 @@ def even(cable, ride, space, step, c0, middle):
             scales[i, j] = (K + M) / (K * scales[i, j] / per_h + M_i)
 
 
-@compiled
+@inner
 def solutions(space, rule):
     (s, n), r, da = space.r.shape, space.r, space.da
     real, along = np.empty(n), np.empty(n, dtype=np.complex128)

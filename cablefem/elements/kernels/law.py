@@ -2,12 +2,12 @@
 
 import math
 
-from cablefem.elements.kernels import compiled
+from cablefem.elements.kernels import inner
 
 ELASTIC, TENSION_ONLY = 0.0, 1.0
 
 
-@compiled
+@inner
 def tension(eps, T, alpha, law):
     """Return N = T + alpha eps, dN/deps and W = int N deps (3)-(4); tension-only: N >= 0."""
     N = T + alpha * eps
@@ -16,7 +16,7 @@ def tension(eps, T, alpha, law):
     return N, alpha, (T + 0.5 * alpha * eps) * eps
 
 
-@compiled
+@inner
 def pull(xp, yp, T, du, dv, alpha, law):
     """Return f = N t - T X' (2,), df/dw' = k_geo I + k_mat r' r'^T as its factors, N, W, eps; t = r'/|r'|."""
     rx, ry = xp + du, yp + dv

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cablefem.elements.kernels import banded, compiled
+from cablefem.elements.kernels import banded, compiled, inner
 from cablefem.elements.kernels.balance import Instant, assemble, weigh
 from cablefem.elements.kernels.banded import copy, dot, subtract
 from cablefem.elements.kernels.car import roll, under_way
@@ -33,7 +33,7 @@ class Limits(NamedTuple):
     enough: float
 
 
-@compiled
+@inner
 def balance(cable, ride, now, x, r, ab, factors):
     """Set r and, unless the factors are 0, the tangent; return the least tension and its s."""
     if ride is None:
@@ -128,7 +128,7 @@ def settle(cable, ride, work, bands, steps, limits):
     return steps.rules.shape[0]
 
 
-@compiled
+@inner
 def predict(begin, rule, end, x):
     for i in range(3):
         w = rule[i, 4]
@@ -137,7 +137,7 @@ def predict(begin, rule, end, x):
             x[i, j] = w * end[i, j] + (1.0 - w) * begin[i, j]
 
 
-@compiled
+@inner
 def correct(begin, rule, share, da, end, x):
     for i in range(3):
         part, w = share * rule[i, 3], rule[i, 4]
