@@ -44,7 +44,7 @@ def limits(bound: float, newton: Newton) -> Limits:
 class CableElements(System):
     """A cable on some mesh with its moving mass.
 
-    A mesh sets the attributes and defines `start`, `_place`, `_contact_at`, `_at_mass` and `_along`.
+    A mesh sets the attributes and defines `start`, `_places`, `_contact_at`, `_at_mass` and `_along`.
 
     model : "full" for (u, v), or one field normal to the chord: "string", "sagged", "stretching".
     load : "mass", or "force" for its weight.
@@ -165,7 +165,7 @@ class CableElements(System):
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
         """Set r at x, rows q, v, a, and unless the factors are 0 the tangent in `_single`."""
         if self._at != (t, phase):
-            self._now = Instant(self._place(t, phase), self._bands, self._contact_at(t, phase))
+            self._now = Instant(self._places(np.array([t]), phase)[0], self._bands, self._contact_at(t, phase))
             weigh(self._cable, self._now)
             self._at = (t, phase)
         self.least_tension = assemble(self._cable, self._now, x, r, self._single.work.ab, factors)
@@ -225,13 +225,9 @@ class CableElements(System):
         return self._space
 
     # --- what a mesh answers ---------------------------------------------------------------------------
-    def _place(self, t: float, phase: int) -> Array:
-        """Return `Instant.place`."""
-        raise NotImplementedError
-
     def _places(self, t: Array, phase: int) -> Array:
-        """Return the same at instants (...), (..., 3 + fields)."""
-        return np.array([self._place(x, phase) for x in t.ravel().tolist()]).reshape(*t.shape, -1)
+        """Return `Instant.place` at instants (...), (..., 3 + fields)."""
+        raise NotImplementedError
 
     def _contact_at(self, t: float, phase: int) -> Contact:
         raise NotImplementedError

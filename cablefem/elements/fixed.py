@@ -167,8 +167,9 @@ class FixedElements(CableElements):
         N, N_s, N_ss = shapes[:, keep, 0]
         return self.fields * (dofs[keep][:, None] - 1) + np.arange(self.fields), N, N_s, N_ss
 
-    def _place(self, t: float, phase: int) -> Array:
-        return np.array([1.0, 0.0, 0.0, *self._load(*self.motion.at(t, phase))])
+    def _places(self, t: Array, phase: int) -> Array:
+        load, zero = self._load(*self.motion.along(t.ravel(), phase)), np.zeros(t.size)
+        return np.stack([zero + 1.0, zero, zero, *load], axis=1).reshape(*t.shape, -1)
 
     def _contact_at(self, t: float, phase: int) -> Contact:
         s_o, ds, dds = self.motion.at(t, phase)

@@ -140,12 +140,6 @@ class FollowingElements(CableElements):
     ) -> Iterator[Settled]:
         return self._said(self._collocated(phase, (t, ends, a, further), rule, bound, newton))
 
-    def _place(self, t: float, phase: int) -> Array:
-        kinematics = self.motion.at(t, phase)
-        if not 0.0 < kinematics[0] < 1.0:
-            raise ValueError(f"s_o = {kinematics[0]!r}: a side of the following mesh has no length")
-        return np.array([*kinematics, *self._load(*kinematics)])
-
     def _places(self, t: Array, phase: int) -> Array:
         kinematics = self.motion.along(t.ravel(), phase)
         if not (kinematics[0].min() > 0.0 and kinematics[0].max() < 1.0):
