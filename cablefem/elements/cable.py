@@ -12,6 +12,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from cablefem import newmark
 from cablefem.elements import observing
 from cablefem.elements.kernels import collocation
 from cablefem.elements.kernels.balance import Cable, Chord, Contact, Instant, Mesh, assemble, weigh
@@ -122,9 +123,9 @@ class CableElements(System):
         return next(self._said(told))
 
     def collocate(
-        self, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float, newton: Newton
+        self, phase: int, steps: newmark.Steps, rule: Tableau, bound: float, newton: Newton
     ) -> Iterator[Settled]:
-        return self._said(self._collocated(phase, (t[:2], ends, a[:1], further), rule, bound, newton))
+        return self._said(self._collocated(phase, steps.first(1), rule, bound, newton))
 
     # --- compiled steps --------------------------------------------------------------------------------
     def _steps(
@@ -137,10 +138,10 @@ class CableElements(System):
         self._at = None
         return ends, told, settle(self._cable, ride, self._single.work, self._bands, steps, limits(bound, newton))
 
-    def _collocated(self, phase: int, steps: tuple[Array, ...], rule: Tableau, bound: float, newton: Newton) -> Array:
-        """Return `told` of the steps taken; steps : t, ends, a, further."""
-        t, told = rule.instants(steps[0]), np.empty((len(steps[2]), 6))
-        ride, places = self._moved(t, phase, steps[1][0])
+    def _collocated(self, phase: int, steps: newmark.Steps, rule: Tableau, bound: float, newton: Newton) -> Array:
+        """Return `told` of the steps taken."""
+        t, told = rule.instants(steps.t), np.empty((len(steps.a), 6))
+        ride, places = self._moved(t, phase, steps.ends[0])
         at_nodes = [self._contact_at(x, phase) for x in t[0].tolist()]
         contacts = tuple(at_nodes + at_nodes[-1:])[:3]  # as many for each rule: compiled once
         of = collocation.Steps(places, contacts, *steps, told)  # type: ignore[call-arg]

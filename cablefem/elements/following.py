@@ -27,7 +27,7 @@ from cablefem.elements.cable import CableElements, elements_allowed
 from cablefem.elements.forms import pull, stiffness
 from cablefem.elements.kernels.balance import Contact, Mesh
 from cablefem.elements.reference import reference
-from cablefem.newmark import Array, Newton, Settled, State, StepFailure, Tableau, begun, consistent_acceleration
+from cablefem.newmark import Array, Newton, Settled, State, StepFailure, Steps, Tableau, begun, consistent_acceleration
 from cablefem.newmark.equilibrium import equilibrium
 from cablefem.response import States
 from cablefem.scene import Groups
@@ -135,10 +135,8 @@ class FollowingElements(CableElements):
             self.least_tension = told.item(taken - 1, 4), told.item(taken - 1, 5)
         return now[:taken], told[: taken + 1]
 
-    def collocate(
-        self, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float, newton: Newton
-    ) -> Iterator[Settled]:
-        return self._said(self._collocated(phase, (t, ends, a, further), rule, bound, newton))
+    def collocate(self, phase: int, steps: Steps, rule: Tableau, bound: float, newton: Newton) -> Iterator[Settled]:
+        return self._said(self._collocated(phase, steps, rule, bound, newton))
 
     def _places(self, t: Array, phase: int) -> Array:
         kinematics = self.motion.along(t.ravel(), phase)

@@ -34,6 +34,7 @@ from cablefem.newmark import (
     Solve,
     State,
     StepFailure,
+    Steps,
     Tableau,
     begun,
     consistent_acceleration,
@@ -148,13 +149,10 @@ class RollingElements(RollingCar, FollowingElements):
         keeps = self.course() if self.free else (-math.inf, math.inf, 0.0, 0.0, 0.0)
         return np.array([*keeps, -math.inf if self.mode.lifted else margin])
 
-    def collocate(
-        self, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float, newton: Newton
-    ) -> Iterator[Settled]:
-        many = len(a) > 1 and (not self.free or rule.c[-1] == 1.0)
-        m = len(a) if many and self.under_way else 1
-        told = self._collocated(phase, (t[: m + 1], ends, a[:m], further), rule, bound, newton)
-        self._seen_to(t[1:], len(told))
+    def collocate(self, phase: int, steps: Steps, rule: Tableau, bound: float, newton: Newton) -> Iterator[Settled]:
+        many = not self.free or rule.c[-1] == 1.0
+        told = self._collocated(phase, steps if many and self.under_way else steps.first(1), rule, bound, newton)
+        self._seen_to(steps.t[1:], len(told))
         return self._said(told)
 
     def averaged(self, start: State, end: State) -> Array:

@@ -6,7 +6,7 @@ from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepFailure,
 from cablefem.newmark.march import integrate, stretches
 from cablefem.newmark.newton import Newton, Settled
 from cablefem.newmark.schemes import SCHEMES, Scheme, scheme
-from cablefem.newmark.states import Array, Collocated, Course, Inside, State, Stretch, stacked
+from cablefem.newmark.states import Array, Collocated, Course, Inside, State, Steps, Stretch, stacked
 from cablefem.newmark.stepper import Passed, Work
 from cablefem.newmark.steps import step_times
 from cablefem.newmark.system import NO_STEPS, Solve, System, consistent_acceleration, iterate
@@ -14,7 +14,7 @@ from cablefem.newmark.tableau import Tableau, between, cubic, densified
 
 __all__ = [
     "NO_STEPS", "SCHEMES", "Array", "Collocated", "Course", "EndlessEvents", "Inside", "Newton", "NewtonStalled",
-    "Passed", "Scheme", "Settled", "Solve", "State", "StepFailure", "StepUnderflow", "Stretch", "System",
+    "Passed", "Scheme", "Settled", "Solve", "State", "StepFailure", "StepUnderflow", "Steps", "Stretch", "System",
     "Tableau", "Work", "begun", "between", "collocate", "consistent_acceleration", "cubic", "densified", "integrate",
     "iterate", "scheme", "stacked", "step_times", "stretches",
 ]  # fmt: skip

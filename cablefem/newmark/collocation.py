@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cablefem.newmark.newton import Newton, Settled, find_root
-from cablefem.newmark.states import Array
+from cablefem.newmark.states import Array, Steps
 from cablefem.newmark.tableau import Tableau
 
 if TYPE_CHECKING:
@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 class _Nodes:
     """Balances at all nodes as functions of the accelerations a (s, n_dof)."""
 
-    def __init__(self, system: System, t: Array, phase: int, ends: Array, a: Array, rule: Tableau) -> None:
+    def __init__(self, system: System, phase: int, steps: Steps, rule: Tableau) -> None:
+        t, ends, (self.a, *_), _ = steps
         self.system, self.t, self.dt, self.phase, self.rule = system, rule.instants(t)[0], t[1] - t[0], phase, rule
-        self.a, self.ends, self.v0 = a[0], ends, ends[0, 1]
+        self.ends, self.v0 = ends, ends[0, 1]
         self.drift = ends[0, 0] + np.outer(rule.c * self.dt, self.v0)
 
     def at(self, i: int) -> tuple[Array, Array, Array]:
@@ -58,10 +59,9 @@ class _Nodes:
 
 
 def collocate(
-    system: System, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float,
-    newton: Newton,
-) -> Iterator[Settled]:  # fmt: skip
-    nodes = _Nodes(system, t, phase, ends, a, rule)
+    system: System, phase: int, steps: Steps, rule: Tableau, bound: float, newton: Newton
+) -> Iterator[Settled]:
+    nodes = _Nodes(system, phase, steps, rule)
     with np.errstate(over="ignore", invalid="ignore"):
         done = find_root(nodes.residual, lambda: (nodes.residual(), nodes.tangent()), nodes.update, bound, newton)
         nodes.finish()
@@ -69,9 +69,8 @@ def collocate(
 
 
 def collocate_coupled(
-    system: System, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float,
-    newton: Newton,
-) -> Iterator[Settled]:  # fmt: skip
+    system: System, phase: int, steps: Steps, rule: Tableau, bound: float, newton: Newton
+) -> Iterator[Settled]:
     """Take the first step with the full tangent, by a preconditioned Krylov method.
 
     For a start where the tangent is proportional to a power of t.
@@ -79,7 +78,7 @@ def collocate_coupled(
     from scipy.optimize import NoConvergence, newton_krylov  # slow to load
     from scipy.sparse.linalg import LinearOperator
 
-    nodes, count = _Nodes(system, t, phase, ends, a, rule), 0
+    nodes, count = _Nodes(system, phase, steps, rule), 0
 
     def residual(y: Array) -> Array:
         nonlocal count

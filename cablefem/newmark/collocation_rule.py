@@ -11,7 +11,7 @@ from cablefem.newmark.collocation import collocate_coupled
 from cablefem.newmark.failures import StepFailure
 from cablefem.newmark.newton import Newton
 from cablefem.newmark.schemes import Scheme
-from cablefem.newmark.states import Array, Collocated, Inside, State
+from cablefem.newmark.states import Array, Collocated, Inside, State, Steps
 from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import System, consistent_acceleration
 from cablefem.newmark.tableau import further, tableau
@@ -36,35 +36,34 @@ class CollocationRule(Stepper):
     def stride(self, x: State, times: Array) -> Iterator[Sequence[State]]:
         if not (self.strides and isinstance(x, Collocated)):
             return
-        t, ends, a, go_on = self._steps(x, times)
+        t, ends, a, go_on = steps = self._steps(x, times)
         a[0] = go_on[0] @ x.inside.a
-        steps = self.system.collocate(t, x.phase, ends, a, go_on, self.rule, self.bound, self.newton)
-        for k, done in enumerate(steps):
+        for k, done in enumerate(self.system.collocate(x.phase, steps, self.rule, self.bound, self.newton)):
             if not done.norm <= self.bound:
                 return
             self.balanced(done)
             yield [self._end(x.phase, t[k : k + 2], ends[k + 1], a[k])]
 
     def __call__(self, x: State, t1: float) -> State:
-        (t, ends, a, go_on), one = self._steps(x, np.array([t1])), self.system.collocate
+        steps, one = self._steps(x, np.array([t1])), self.system.collocate
         if isinstance(x, Collocated):
-            tries = [(go_on[0] @ x.inside.a, one), (x.a, one)]
+            tries = [(steps.further[0] @ x.inside.a, one), (x.a, one)]
         else:
             tries = [(x.a, one), (0.0, one), (x.a, partial(collocate_coupled, self.system))]
-        for a[0], solver in tries:
-            done = next(iter(solver(t, x.phase, ends, a, go_on, self.rule, self.bound, self.newton)))
+        for steps.a[0], solver in tries:
+            done = next(iter(solver(x.phase, steps, self.rule, self.bound, self.newton)))
             if self.balanced(done):
-                return self._end(x.phase, t, ends[1], a[0])
+                return self._end(x.phase, steps.t, steps.ends[1], steps.a[0])
         raise self.stalled(t1, done)
 
-    def _steps(self, x: State, times: Array) -> tuple[Array, Array, Array, Array]:
+    def _steps(self, x: State, times: Array) -> Steps:
         t, s = np.concatenate([[x.t], times]), self.rule.c.size
         ends, a = np.empty((t.size, 2, x.q.size)), np.empty((times.size, s, x.q.size))
         ends[0, 0], ends[0, 1] = x.q, x.v
         dt = t[1:] - t[:-1]
         before = np.concatenate([[x.inside.dt if isinstance(x, Collocated) else dt[0]], dt[:-1]])
         ratios = np.round(dt / before, 9).tolist()  # rounded for the cache
-        return t, ends, a, np.array([further(self.method.nodes, ratio) for ratio in ratios])
+        return Steps(t, ends, a, np.array([further(self.method.nodes, ratio) for ratio in ratios]))
 
     def _end(self, phase: int, t: Array, end: Array, a: Array) -> State:
         t0, t1 = t.tolist()

@@ -33,6 +33,18 @@ class Collocated(State):
     inside: Inside
 
 
+class Steps(NamedTuple):
+    """Collocation steps to take one after another."""
+
+    t: Array  # (m + 1,)
+    ends: Array  # (m + 1, 2, n_dof) q and v; all but the first are to be set
+    a: Array  # (m, s, n_dof) at the nodes, to be set; the first hold a guess
+    further: Array  # (m, s, s) from a step's a to the next guess
+
+    def first(self, m: int) -> "Steps":
+        return Steps(self.t[: m + 1], self.ends, self.a[:m], self.further)
+
+
 class Stretch(Sequence[State]):
     """States of one phase as arrays."""
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cablefem.newmark.collocation import collocate
 from cablefem.newmark.newton import Newton, Settled, find_root
-from cablefem.newmark.states import Array, State
+from cablefem.newmark.states import Array, State, Steps
 from cablefem.newmark.tableau import Tableau
 
 Solve = Callable[[Array], Array]
@@ -73,16 +73,9 @@ class System(Protocol):
         """
         return NO_STEPS
 
-    def collocate(
-        self, t: Array, phase: int, ends: Array, a: Array, further: Array, rule: Tableau, bound: float, newton: Newton
-    ) -> Iterator[Settled]:
-        """Take collocation steps between the times t (m + 1,), at least the first.
-
-        ends : (m + 1, 2, n_dof) q and v; all but the first are set.
-        a : (m, s, n_dof) at the nodes, to be set; the first hold a guess.
-        further : (m, s, s) from a step's a to the next guess.
-        """
-        return collocate(self, t, phase, ends, a, further, rule, bound, newton)
+    def collocate(self, phase: int, steps: Steps, rule: Tableau, bound: float, newton: Newton) -> Iterator[Settled]:
+        """Take collocation steps, at least the first."""
+        return collocate(self, phase, steps, rule, bound, newton)
 
     def averaged(self, start: State, end: State) -> Array:
         """Return r (n_dof,) averaged over a step.

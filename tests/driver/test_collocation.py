@@ -199,9 +199,9 @@ def test_compiled_steps_are_those_of_the_residuals_and_tangents(kind, model, met
             return collocate(self, *step)
 
     class Fresh(kind):
-        def collocate(self, t, phase, ends, a, *rest):
+        def collocate(self, phase, steps, *rest):
             self._space = None  # factors of no step
-            return super().collocate(t[:2], phase, ends, a[:1], *rest)
+            return super().collocate(phase, steps.first(1), *rest)
 
     ends, works = [], []
     for cls in (Fresh, Plain, kind):

@@ -171,9 +171,9 @@ def test_compiled_collocation_of_a_ride_is_that_of_its_residuals_and_tangents(mo
             return collocate(self, *step)
 
     class Fresh(RollingElements):
-        def collocate(self, t, phase, ends, a, *rest):
+        def collocate(self, phase, steps, *rest):
             self._space = None  # factors of no step
-            return super().collocate(t[:2], phase, ends, a[:1], *rest)
+            return super().collocate(phase, steps.first(1), *rest)
 
     groups = zip_line(rolling_friction=0.02).groups if mode == "free" else Scene.load("tramway").groups
     ends, works = [], []
