@@ -144,7 +144,7 @@ class CableElements(System):
         ride, places = self._moved(t, phase, steps.ends[0])
         at_nodes = [self._contact_at(x, phase) for x in t[0].tolist()]
         contacts = tuple(at_nodes + at_nodes[-1:])[:3]  # as many for each rule: compiled once
-        of = collocation.Steps(places, contacts, *steps, told)  # type: ignore[call-arg]
+        of = collocation.Steps(places, contacts, *steps, told)
         self._at, space = None, self._workspace(rule.c.size)
         if ride is not None:
             real, pair = (x._replace(ride=ride._replace(border=x.ride.border)) for x in (space.real, space.pair))

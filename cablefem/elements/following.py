@@ -192,7 +192,7 @@ class FollowingElements(CableElements):
         e = np.where(behind, np.minimum(e, n_left - 1), np.maximum(e, n_left))
         inside, row = (x - of.knots[e]) / length[e], np.arange(frames.size)[:, None]
 
-        def sums(unknowns: Array, functions: Array) -> Array:
+        def sums(unknowns: Array, functions: NDArray[np.floating]) -> Array:
             return np.einsum("lkm,kmlf->kmf", polyval(inside, functions), unknowns[row[..., None], of.dofs[e]])
 
         w, w_t = sums(q, of.shapes.T), sums(v, of.shapes.T)
