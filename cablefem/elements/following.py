@@ -21,6 +21,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyint, polyval
+from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from cablefem.elements.cable import CableElements, elements_allowed
