@@ -20,7 +20,7 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyint, polyval
+from numpy.polynomial.polynomial import polyder, polyint, polyval, polyvander
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
@@ -191,15 +191,17 @@ class FollowingElements(CableElements):
         x = np.clip((s - s_o) / h, -1.0, 1.0)
         e = np.searchsorted(of.knots[1:-1], x)
         e = np.where(behind, np.minimum(e, n_left - 1), np.maximum(e, n_left))
-        inside, row = (x - of.knots[e]) / length[e], np.arange(frames.size)[:, None]
+        inside, row, nodes = (x - of.knots[e]) / length[e], np.arange(frames.size)[:, None, None], of.dofs[e]
+        powers = polyvander(inside, len(integrals) - 1)
+        phi, phi_x, integral = (powers[..., : len(c)] @ c for c in (of.shapes.T, polyder(of.shapes.T), integrals))
 
-        def sums(unknowns: Array, functions: NDArray[np.floating]) -> Array:
-            return np.einsum("lkm,kmlf->kmf", polyval(inside, functions), unknowns[row[..., None], of.dofs[e]])
+        def sums(functions: NDArray[np.floating], unknowns: Array) -> Array:
+            return np.einsum("kml,kmlf->kmf", functions, unknowns)
 
-        w, w_t = sums(q, of.shapes.T), sums(v, of.shapes.T)
-        w_x = sums(q, polyder(of.shapes.T)) / (length[e] * h)[..., None]
-        up_to = np.where(behind[..., None], *(sums(rate, integrals) for rate in rates)) * length[e][..., None]
-        up_to += np.concatenate(begin, axis=1)[row, e]
+        of_q, rate = q[row, nodes], np.stack(rates)[(e >= n_left)[..., None].astype(int), row, nodes]
+        w, w_t = sums(phi, of_q), sums(phi, v[row, nodes])
+        w_x = sums(phi_x, of_q) / (length[e] * h)[..., None]
+        up_to = sums(integral, rate) * length[e][..., None] + np.concatenate(begin, axis=1)[row[..., 0], e]
         chi, node = 1.0 - abs(x), self.node
         c = ds * chi
         ahead = ends[frames, 2] + 2.0 * ds * v[:, node] + dds * q[:, node]

@@ -25,6 +25,7 @@ from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels import car as kernels
 from cablefem.elements.kernels.balance import Instant
 from cablefem.elements.kernels.banded import Border
+from cablefem.elements.kernels.collocation import Side
 from cablefem.elements.kernels.newton import NO_TANGENT
 from cablefem.newmark import (
     NO_STEPS,
@@ -180,10 +181,11 @@ class RollingElements(RollingCar, FollowingElements):
         They are what the acceleration w changes in the residual, which is linear in it, and in its tangent.
         """
         r, gradient, zero = np.empty((2, self.n_dof)), np.zeros(self.n_dof), np.zeros(self.n_dof)
-        ab, (lines, corner) = self._single.work.ab, self._single.ride.border
+        side = self._side(float)  # a tangent of its own: that of the step may be kept
+        ab, (lines, corner) = side.work.ab, side.ride.border
         diagonals = self._band - np.arange(2 * self._band + 1)
         for k, (a, sign) in enumerate(((zero, -1.0), (w, 1.0))):
-            self._roll(car, np.array([q, zero, a]), r[k], UNITS[0])
+            self._roll(car, np.array([q, zero, a]), r[k], UNITS[0], side)
             transposed = dia_array((ab.T[: diagonals.size], diagonals), shape=(len(ab), len(ab)))
             of_s_o = lines[0] @ v[:-1] + corner[0] * v[-1]
             gradient += sign * np.append(transposed @ v[:-1] + v[-1] * lines[1], of_s_o)
@@ -223,10 +225,13 @@ class RollingElements(RollingCar, FollowingElements):
     def _forces(self, car: kernels.Car, x: Array) -> kernels.Forces:
         return kernels.forces(self._cable, car, self._at_car, x)
 
-    def _roll(self, car: kernels.Car, x: Array, r: Array, factors: Factors = NO_TANGENT) -> tuple[float, ...]:
+    def _roll(
+        self, car: kernels.Car, x: Array, r: Array, factors: Factors = NO_TANGENT, side: Side | None = None
+    ) -> tuple[float, ...]:
         brought = (car.s_o, car.ds, car.dds) if car.mode == kernels.HAUL else (car.hold, car.thrust, 0.0)
-        now, ride = Instant(np.array(brought), self._bands, self._contact), self._single.ride._replace(car=car)
-        seen = kernels.roll(self._cable, ride, now, x, r, self._single.work.ab, factors)
+        side = side or self._single
+        now, ride = Instant(np.array(brought), self._bands, self._contact), side.ride._replace(car=car)
+        seen = kernels.roll(self._cable, ride, now, x, r, side.work.ab, factors)
         self.least_tension = seen[:2]
         return seen
 
