@@ -129,8 +129,8 @@ def test_the_reference_values_of_the_crossing_mass():
 def test_the_entry_is_consistent_with_the_mass_matrix():
     """Second order in time from the very start; moving the mass alone, the nodes ahead at rest, costs an order."""
     right, alone = (FollowingElements(CROSSING, elements=2, degree=6, model="string") for _ in range(2))
-    alone._entrained = 0.0
-    alone._ride = np.where(np.arange(alone.n_scalar) > alone.node, 0.0, alone._ride)
+    ride = np.where(np.arange(alone.n_scalar) > alone.node, 0.0, alone._entrained()[0])
+    alone._entrained = lambda: (ride, 0.0)
     states, _ = march(right, 6400, until=0.8)
     fine = CubicSpline(states.t, observe(right, states).path[:, 1])
     observed = {
