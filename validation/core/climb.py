@@ -28,16 +28,15 @@ FIRST_STEPS, MOST_STEPS = 120, 64_000
 LARGEST = 2e6  # steps times resolution, about 0.5 GB
 BUDGET = 1.2e6  # `work` of a ladder, 30 to 60 s
 AIM = 0.8  # of the bar asked for: a margin
-STRIDE = 4.0  # largest refinement at once: orders hold no further
-STRIDES = np.array([1.0, *np.geomspace(1.5, 64.0, 30)])  # less is not worth a ladder
+FINER = np.array([1.0, 1.5, 1.75, 2.0])  # refinements of space in one stride: dear if too many
+SHORTER = np.array([1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0])  # of time: orders hold no further
 ROUNDING = 1e-12  # of the path's scale
 
-# Default rule: affordable steps do not resolve axial waves, so it damps them.
+# Affordable steps do not resolve axial waves, so the rule damps them.
+SHARP = {"scheme": "radau"}  # of order 5; elements take a fraction of the steps
 QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
-SHARP = {"scheme": "radau"}  # of order 5: cars that roll take a fraction of the steps
-# A light car (mass ratio mu) sends a front of width mu ahead.  Radau's rule disperses it least.
-LIGHT, FINE, FINEST = 0.1, 2e-3, 3e-4
 SWINGING = {"rho_inf": 0.5}  # on free rides axial waves reverse the friction
+LIGHT = 0.1  # mass ratio mu of a car whose front, of width mu, the first mesh must resolve
 
 
 class TooCoarse(RuntimeError):
@@ -146,7 +145,7 @@ def climb(
     how = {k: kind[k] for k in KIND if k in kind}
     end = how.pop("until", None)
     named = {k: v for k, v in kind.items() if k not in KIND}
-    settings = method.settings_on(scene.groups, _rule(scene, method, named, tol) | _begin(scene, method, tol))
+    settings = method.settings_on(scene.groups, _rule(scene, method, named) | _begin(scene, method))
     runs = Runs(scene, method, how, view)
     short, space = _short(runs.view, end), method.resolution
     ratio, before = 1.0, math.inf  # last refinement of space, and the part before
@@ -158,7 +157,7 @@ def climb(
             break
         stuck = ratio > 1.0 and not parts[0] < before / ratio**LEAST_ORDER  # steps too long for a finer mesh
         more = settings | {"steps": min(2 * settings["steps"], max(settings["steps"], MOST_STEPS))}
-        strides = [cheapest(method, settings, parts, AIM * tol, most=most) for most in (STRIDE, 0.5 * STRIDE)]
+        strides = [cheapest(method, settings, parts, AIM * tol, most=most) for most in (1.0, 0.5)]
         wanted = [x for x in ([more] if stuck else strides) if x != settings and not dear(method, ladder, x, budget)]
         if not wanted:
             break
@@ -208,23 +207,25 @@ def path_parts(ladder: Ladder, view: View) -> tuple[float, float]:
 
 def cheapest(
     method: Method, settings: dict[str, Any], parts: tuple[float, float], target: float, order: float = math.inf,
-    most: float = STRIDE,
+    most: float = 1.0,
 ) -> dict[str, Any]:  # fmt: skip
-    """Return the cheapest settings predicted to leave at most `target`, refined `most` times at most.
+    """Return the cheapest settings predicted to leave at most `target`, within one stride.
 
-    Where a part is infinite, steps double, and resolution if it is of space.  order : the most credited.
+    Where a part is infinite, steps double, and resolution if it is of space.
+
+    order : the most credited;  most : part of a stride that may be taken.
     """
     space, count, steps = method.resolution, method.value(settings), settings["steps"]
     p, q = min(order, 1.5, max(method.space_order, 1.0)), min(order, 2.0, scheme(settings["scheme"]).order)
     if not all(math.isfinite(x) for x in parts):
         a, b = (1.0 if math.isfinite(parts[0]) else 2.0), (1.0 if parts[1] <= target else 2.0)
     else:
-        left_over = STRIDES[:, None] ** -p * parts[0] + STRIDES**-q * parts[1]
-        costs = np.array([space.cost(count, x) for x in STRIDES.tolist()])[:, None] * STRIDES
-        meets = left_over <= target
-        best = np.where(meets, costs, math.inf) if meets.any() else left_over
-        i, k = np.unravel_index(best.argmin(), best.shape)
-        a, b = (min(float(STRIDES[j]), most) for j in (i, k))
+        longer, shorter = (x[x <= most * x[-1]] for x in (FINER, SHORTER))
+        left_over = longer[:, None] ** -p * parts[0] + shorter**-q * parts[1]
+        costs = np.array([space.cost(count, x) for x in longer.tolist()])[:, None] * shorter
+        meets = left_over <= max(target, left_over.min() / AIM)
+        i, k = np.unravel_index(np.where(meets, costs, math.inf).argmin(), costs.shape)
+        a, b = float(longer[i]), float(shorter[k])
     b = max(b, math.sqrt(a))  # shorter waves need shorter steps
     finer = space.finer(count, a) if a > 1.0 else count
     return settings | {space.setting: max(count, finer), "steps": min(math.ceil(steps * b), max(steps, MOST_STEPS))}
@@ -275,27 +276,21 @@ def _short(view: View, end: float | None) -> float | None:
 # --- the rule, and where to begin -----------------------------------------------------------------------------------
 
 
-def _light(scene: Scene, tol: float) -> bool:
-    return scene.mu <= (LIGHT if tol <= FINE else 0.3 * LIGHT)
-
-
-def _rule(scene: Scene, method: Method, named: dict[str, Any], tol: float) -> dict[str, Any]:
-    if scene.drive.mode == "free" and not method.follows:
-        return SWINGING | named
-    damps = scene.drive.mode == "free" or method.knobs["scheme"].default != "trapezoidal"
-    if damps or "scheme" in named:
+def _rule(scene: Scene, method: Method, named: dict[str, Any]) -> dict[str, Any]:
+    if scene.drive.mode == "free":
+        return named if method.follows else SWINGING | named
+    if method.knobs["scheme"].default != "trapezoidal" or "scheme" in named:
         return named
-    sharp = method.follows and (scene.drive.mode == "haul" or _light(scene, tol) or tol <= FINEST)
-    return (SHARP if sharp else QUIET) | named
+    return (SHARP if method.follows else QUIET) | named
 
 
-def _begin(scene: Scene, method: Method, tol: float) -> dict[str, int]:
+def _begin(scene: Scene, method: Method) -> dict[str, int]:
     """First resolution and steps; for a light car one unknown and step per front width."""
     space, motion, groups = method.resolution, scene.groups.motion, scene.groups
     first = space.first + 1 if space.doubling else math.ceil(2.25 * (method.begins or (space.first, 0))[0])
     if motion is None:
         return {space.setting: first, "steps": method.settings_on(groups, {})["steps"] // 2}
-    if not _light(scene, tol):
+    if scene.mu > LIGHT:
         return {space.setting: first, "steps": FIRST_STEPS}
     fine = min(space.with_unknowns(2.0 / scene.mu), space.most // 2)
     return {space.setting: max(first, fine), "steps": max(FIRST_STEPS, math.ceil(motion.phases[-1][1] / scene.mu))}

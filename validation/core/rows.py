@@ -15,7 +15,7 @@ import numpy as np
 from cablefem.response import Array, Flag, Response
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.agreement import DEFAULT_TOL, Agreement
+from validation.core.agreement import APART, DEFAULT_TOL, Agreement
 from validation.core.bounds import Bound, Part, nothing
 from validation.core.ladder import Ladder
 from validation.core.measures import SLACK_END, NotComparable
@@ -292,10 +292,10 @@ def _range(a: Ladder, b: Ladder, view: View, whole: View, asked_for: float) -> I
 
 
 def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[Agreement]:
-    """Path gap past the slack onset, while the bars meet the tolerance."""
+    """Path gap from where both are slack, while the bars meet the tolerance."""
     from validation.core import trust  # loaded while solvers run
 
-    onset = min(math.inf if x.finest.slack_onset is None else x.finest.slack_onset for x in (a, b))
+    onset = max(math.inf if x.finest.slack_onset is None else x.finest.slack_onset for x in (a, b))
     end = min(SLACK_END, a.finest.reached, b.finest.reached)
     if view.rolls or not onset < end:
         return
@@ -352,7 +352,7 @@ def _own(name: str, gap: float, x: Ladder, parts: tuple[float, float], more: flo
 def worse(rows: list[Agreement]) -> Agreement:
     """Return the row with the worse verdict, else the one nearer its bound."""
     return min(
-        rows, key=lambda row: (-(row.gap > 3.0 * row.allowed), -row.gap / row.allowed if row.allowed > 0.0 else 0.0)
+        rows, key=lambda row: (-(row.gap > APART * row.allowed), -row.gap / row.allowed if row.allowed > 0.0 else 0.0)
     )
 
 
