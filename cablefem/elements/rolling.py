@@ -168,7 +168,9 @@ class RollingElements(RollingCar, FollowingElements):
             static, _, gradient = self._inertia(still, q, start.v, end.v)
             total += share * (static - 0.5 * gradient)
             if c_d:
-                total += share * c_d * self._inertia(still._replace(mu=0.0), q, mean, mean)[1]
+                momentum = self._inertia(still._replace(mu=0.0), q, mean, mean)[1]
+                momentum[m : m + 2] -= self.inertia * mean[m : m + 2]  # only the cable is damped, not the car
+                total += share * c_d * momentum
             total[m : m + 2] -= share * force[:2]
             total[-1] -= share * force[2]
         if self.mode.sticks:
