@@ -34,6 +34,7 @@ def steep_cable(*, mu: float, sigma: float, c: float, alpha: float, speed: float
 
 MODELS = ("full", "string", "sagged", "stretching")
 STEEP = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
+DAMPED = replace(STEEP, damping=0.83)
 
 
 def march(system, steps, method="trapezoidal", *, until=1.0, **kw):

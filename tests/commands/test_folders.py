@@ -44,16 +44,14 @@ def test_a_folder_is_for_one_command(cablefem, tmp_path):
     assert cablefem("modes", "level", "--out", "x")[0] == 0  # rebuilt
 
 
-@pytest.mark.parametrize("out", [(), ("--out", "x")])
-def test_an_edited_scene_replaces_the_results_of_the_same_command(cablefem, tmp_path, out):
-    text, folder = Scene.load("level").to_toml(), tmp_path / ("x" if out else "cablefem-out/level")
-    (tmp_path / "a.toml").write_text(text)
-    assert cablefem("run", "a.toml", *QUICK, *out)[0] == 0
-    assert cablefem("run", "a.toml", "--method", "fourier", "--set", "terms=8", "--set", "steps=80", *out)[0] == 0
-    before = tree(folder)
+def test_an_edited_scene_replaces_the_results_of_the_same_command(cablefem, tmp_path):
+    (tmp_path / "a.toml").write_text(Scene.load("level").to_toml())
+    assert cablefem("run", "a.toml", *QUICK)[0] == 0
+    assert cablefem("run", "a.toml", "--method", "fourier", "--set", "terms=8", "--set", "steps=80")[0] == 0
+    before = tree(tmp_path / "cablefem-out/level")
     (tmp_path / "a.toml").write_text(EDITED)
-    assert cablefem("run", "a.toml", *QUICK, *out)[0] == 0
-    after = tree(folder)
+    assert cablefem("run", "a.toml", *QUICK)[0] == 0
+    after = tree(tmp_path / "cablefem-out/level")
     assert not any(name.startswith("fourier/") for name in after)  # it was of the scene before
     assert after["following-p2/path.csv"] != before["following-p2/path.csv"]
 
@@ -121,24 +119,20 @@ def test_a_folder_that_cannot_be_made_is_said(cablefem, tmp_path, out, said):
     assert (tmp_path / "file").read_text() == "mine"
 
 
-def test_a_folder_that_may_not_be_written_is_said(cablefem, monkeypatch):
-    def denied(*names, **how):
-        raise PermissionError(13, "Permission denied", "x")
+@pytest.mark.parametrize(
+    ("owner", "name", "error", "said"),
+    [
+        (Path, "mkdir", PermissionError(13, "Permission denied", "x"), "cannot write to x: Permission denied"),
+        (Response, "write", OSError(28, "No space left on device", "x/a.csv"), "x/a.csv: No space left on device"),
+    ],
+)
+def test_a_disk_that_takes_no_more_is_said(cablefem, monkeypatch, owner, name, error, said):
+    def fails(*given, **how):
+        raise error
 
-    monkeypatch.setattr(Path, "mkdir", denied)
-    code, _, err = cablefem("run", "level", *QUICK, "--out", "x")
-    assert code == 2
-    assert lines(err) == ["cannot write to x: Permission denied"]
-
-
-def test_a_full_disk_is_said(cablefem, monkeypatch):
-    def full(*names):
-        raise OSError(28, "No space left on device", "x/following-p2/path.csv")
-
-    monkeypatch.setattr(Response, "write", full)
-    code, _, err = cablefem("run", "level", *QUICK, "--out", "x")
-    assert code == 2
-    assert lines(err) == ["x/following-p2/path.csv: No space left on device"]
+    monkeypatch.setattr(owner, name, fails)
+    code, _, err = cablefem("run", "level", *QUICK, "--no-bars", "--out", "x")
+    assert (code, lines(err)) == (2, [said])
 
 
 def test_a_marker_that_is_none_makes_no_folder_ours(tmp_path):

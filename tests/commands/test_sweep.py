@@ -3,8 +3,6 @@
 import contextlib
 import math
 import os
-import subprocess
-import sys
 import time
 import tomllib
 from dataclasses import replace
@@ -321,52 +319,6 @@ def test_a_cluster_of_its_own_and_the_page(tmp_path):
     assert "9 of 9 scenes" in first.summary
     assert "Largest deflection of the car over mass.mass and speed_ratio" in maps.html
     assert f'"study": "{tmp_path}/study.toml"' in scenes.html
-
-
-@pytest.fixture
-def machines(tmp_path):
-    """A scheduler and two workers in processes of their own, as on a cluster; kills the given worker when called."""
-    import socket
-
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    address = f"tcp://127.0.0.1:{port}"
-    worker = "dask_worker", address, "--nthreads", "1", "--no-dashboard", "--no-nanny"
-    commands = [("dask_scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"), worker, worker]
-    quiet = {"cwd": tmp_path, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    started = [
-        subprocess.Popen([sys.executable, "-m", f"distributed.cli.{name}", *given], **quiet)
-        for name, *given in commands
-    ]
-    try:
-        yield address, started[1:]
-    finally:
-        for process in started:
-            process.kill()
-            process.wait()
-
-
-@pytest.mark.slow
-def test_a_worker_killed_half_way_changes_no_row(tmp_path, machines):
-    address, workers = machines
-    study = Study.of(GRID | {"vary": GRID["vary"] | {"speed_ratio": {"from": 0.2, "to": 0.4, "count": 20}}})
-    engine.sweep(study, tmp_path / "calm", workers=1)
-
-    def half_way(tally):
-        if tally.done >= 30 and workers[0].poll() is None:
-            workers[0].kill()
-
-    tally = engine.sweep(study, tmp_path / "disturbed", scheduler=address, progress=half_way)
-    assert workers[0].poll() is not None
-    assert tally.done == len(study) == 60
-    calm, disturbed = (engine.frame(tmp_path / name) for name in ("calm", "disturbed"))
-    assert calm.index.tolist() == disturbed.index.tolist() == list(range(60))
-    inputs = [axis.name for axis in study.axes]
-    np.testing.assert_array_equal(calm[inputs], disturbed[inputs])  # to the last bit
-    numbers = [c for c in calm.columns if calm[c].dtype.kind == "f" and c not in (*inputs, "seconds")]
-    np.testing.assert_allclose(disturbed[numbers], calm[numbers], rtol=1e-12, atol=0.0)
-    assert (calm["status"] == disturbed["status"]).all()
 
 
 def test_a_scheduler_that_is_not_there_is_said(tmp_path):

@@ -1,9 +1,8 @@
-"""Stick and slip on tracks whose motion is known exactly, and what the judge sees of faults in the automaton."""
+"""Stick and slip on tracks whose motion is known exactly."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -151,28 +150,6 @@ def test_a_block_that_rolls_on_does_not_stop():
     assert found["arrival"] == pytest.approx([math.sqrt(2.0 * 0.7 / a)], abs=1e-5)
 
 
-def no_brake(self, name, x):
-    if name == "brake":
-        self.drive = replace(self.drive, brakes=tuple((place, 0.0) for place, _ in self.drive.brakes))
-    return PASS_EVENT(self, name, x)
-
-
-PASS_EVENT = RollingCar.pass_event
-FAULTS = {  # of the automaton: what is put in its place
-    "the brake does nothing": ("pass_event", no_brake),
-    "friction holds whatever pulls": ("margin", lambda self, x: 1.0),
-    "friction is half": ("most", lambda self, normal: 0.5 * self.drive.mu_r * abs(normal) + 0.5 * self.brake),
-    "a car that moves has stopped": ("_left", lambda self, x: 2.0 - x.t),
-}
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_in_the_automaton_is_seen_on_the_incline(fault, monkeypatch):
-    monkeypatch.setattr(RollingCar, *FAULTS[fault])
-    last, _ = ride(braked()[0])
-    assert abs(last.q[0] - braked()[2]) > 1e-3
-
-
 TOML = """
 [cable]
 mass_per_length = 1.1
@@ -190,19 +167,6 @@ rolling_friction = 0.03
 brake = [{from = 12.0, force = 900.0}]
 end = {time = 5.0}
 """
-
-
-@pytest.mark.parametrize(
-    ("fault", "law"),
-    [
-        ("the brake does nothing", "power"), ("friction holds whatever pulls", "tension on both sides"),
-        ("a car that moves has stopped", "drive"),
-    ],
-)  # fmt: skip
-def test_the_laws_in_si_see_a_fault_that_both_solvers_share(fault, law, monkeypatch):
-    monkeypatch.setattr(RollingCar, *FAULTS[fault])
-    with np.errstate(all="ignore"):  # a car that never moves has no speed to be compared with
-        assert law in broken(ladder(Scene.from_toml(TOML), elements=6, steps=100))
 
 
 def test_the_laws_hold_of_a_ride_that_a_brake_ends():

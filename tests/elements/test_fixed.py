@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,14 +10,25 @@ from scipy.interpolate import CubicSpline
 
 from cablefem.elements.fixed import FixedElements
 from cablefem.newmark import NewtonStalled, State, integrate, scheme, step_times
-from cablefem.response import States
-from tests.runs import CRUISE, INCLINED, MODELS, STEEP, level_cable, march, observe, orders, path_error, tangent_defect
+from tests.runs import (
+    CRUISE,
+    DAMPED,
+    INCLINED,
+    MODELS,
+    STEEP,
+    level_cable,
+    march,
+    observe,
+    orders,
+    path_error,
+    tangent_defect,
+)
 from validation.oracles import moving_force, moving_mass
 
 PAIRS = (
     ("hermite", "chain"), ("hermite", "path"), ("p1", "path"), ("p1", "naive"), ("p2", "path"), ("p2", "naive"),
 )  # fmt: skip
-DAMPED = {"p1": ("newmark", {}), "p2": ("newmark", {}), "hermite": ("generalized-alpha", {"rho_inf": 0.5})}
+RULES = {"p1": ("newmark", {}), "p2": ("newmark", {}), "hermite": ("generalized-alpha", {"rho_inf": 0.5})}
 
 
 # --- the equations ------------------------------------------------------------------------------------------------
@@ -26,68 +36,12 @@ DAMPED = {"p1": ("newmark", {}), "p2": ("newmark", {}), "hermite": ("generalized
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize(("element", "coupling"), PAIRS)
 def test_the_tangent_is_the_derivative_of_the_residual(element, coupling, model, law):
-    system = FixedElements(STEEP, elements=5, element=element, coupling=coupling, model=model, law=law)
+    system = FixedElements(DAMPED, elements=5, element=element, coupling=coupling, model=model, law=law)
     rng = np.random.default_rng(31)
     for t in (0.13, 1.07, 2.15):  # in the first, the third and the last element
         assert tangent_defect(system, t, rng) < 3e-6  # as for the following elements
-    force = FixedElements(STEEP, elements=5, element=element, coupling=coupling, model=model, load="force")
+    force = FixedElements(DAMPED, elements=5, element=element, coupling=coupling, model=model, load="force")
     assert tangent_defect(force, 1.07, rng) < 3e-6
-
-
-@pytest.mark.parametrize("element", ["hermite", "p2"])
-def test_the_tangent_check_sees_a_dropped_coriolis_term(element):
-    class Wrong(FixedElements):
-        def _contact_at(self, t, phase):
-            contact = super()._contact_at(t, phase)  # the residual keeps the term, the tangent does not
-            return contact._replace(c_row=0.0 * contact.c_row) if self.drop else contact
-
-        def linearise(self, *args):
-            self.drop, self._at = True, None
-            solve = super().linearise(*args)[1]
-            self.drop, self._at = False, None
-            return self.residual(*args[:5]), solve
-
-        drop = False
-
-    coupling = "chain" if element == "hermite" else "naive"
-    wrong = Wrong(STEEP, elements=5, element=element, coupling=coupling)
-    assert tangent_defect(wrong, 1.07, np.random.default_rng(31)) > 1e-3
-
-
-@pytest.mark.parametrize("coupling", ["chain", "path"])
-def test_the_mass_accelerates_by_the_chain_rule(coupling):
-    """A smooth motion w(s, t) that Hermite elements hold exactly: its material acceleration is known."""
-    system = FixedElements(INCLINED, elements=4, coupling=coupling, model="full")
-    t = 0.61 * INCLINED.motion.phases[0][1]
-    s_o, ds, dds = INCLINED.motion.at(t, 0)
-    nodes = np.arange(5) / 4.0
-
-    def unknowns(factor):
-        """w = factor s (1 - s) (0.3 + s): values and slopes per element length, one field after the other."""
-        value, slope = nodes * (1 - nodes) * (0.3 + nodes), 0.3 + 1.4 * nodes - 3 * nodes**2
-        return factor * np.stack([value, slope / 4.0], axis=1).ravel()[[1, 2, 3, 4, 5, 6, 7, 9]]
-
-    u = [unknowns(f) for f in (0.011, 0.019, -0.023)]  # w, w., w.. at this instant
-    q, v, a = (np.stack([x, -2.0 * x], axis=1).ravel() for x in u)
-    w, w_s, w_ss = s_o * (1 - s_o) * (0.3 + s_o), 0.3 + 1.4 * s_o - 3 * s_o**2, 1.4 - 6 * s_o
-    material = -0.023 * w + 2 * ds * 0.019 * w_s + 0.011 * (ds**2 * w_ss + dds * w_s)
-    extra = [np.array([1.0, -2.0]) * x for x in (0.011 * w, 0.019 * w + ds * 0.011 * w_s, material)]
-    history = [np.append(x, p) if coupling == "path" else x for x, p in zip((q, v, a), extra, strict=True)]
-    now = States(np.array([t]), *(x[None] for x in history), np.array([0]))
-    o = observe(system, now, [s_o], [0])
-    _, xp, yp, xpp, ypp = INCLINED.static(s_o)
-    static, bend, both = np.array([xp, yp]), np.array([xpp, ypp]), np.array([1.0, -2.0])
-    np.testing.assert_allclose(o.path[0], extra[0], rtol=1e-12)
-    np.testing.assert_allclose(o.path_velocity[0], extra[1] + ds * static, rtol=1e-12)
-    np.testing.assert_allclose(o.path_acceleration[0], material * both + dds * static + ds**2 * bend, rtol=1e-12)
-    np.testing.assert_allclose(o.slope_ahead[0], static + 0.011 * w_s * both, rtol=1e-12)
-    np.testing.assert_allclose(o.slope_behind, o.slope_ahead, rtol=1e-12)
-    # the residual feels exactly mu (p.. - sigma j) there
-    bare = FixedElements(replace(INCLINED, mu=1e-300), elements=4, coupling=coupling)
-    force = system.residual(t, *history, 0) - bare.residual(t, *history, 0)
-    total = force[: 2 * 8].reshape(-1, 2)[[1, 3, 5]].sum(axis=0)  # the value functions add up to one inside
-    expected = INCLINED.mu * (o.path_acceleration[0] - np.array([0.0, INCLINED.sigma]))
-    np.testing.assert_allclose(total, expected, rtol=1e-11)
 
 
 def test_a_particle_has_no_explicit_scheme():
@@ -115,23 +69,12 @@ def test_a_jump_of_the_drive_is_a_jump_of_forces_in_balance(element, coupling, m
     system = FixedElements(CRUISE, elements=7, element=element, coupling=coupling, model=model)
     t = CRUISE.motion.phases[1][0]
     q, v, a = 0.01 * np.random.default_rng(32).standard_normal((3, system.n_dof))
-    if coupling == "path":  # a consistent place of the particle
-        dofs, N = system._shape(CRUISE.motion.at(t, 0)[0])[:2]
-        q[-system.fields :] = N @ q[dofs]
     before = State(t, q, v, a, 0)
     after = system.start(1, before)
     assert after.q is q
     assert after.v is v
     old, new = (system.residual(x.t, x.q, x.v, x.a, x.phase) for x in (before, after))
-    if coupling == "path":
-        np.testing.assert_allclose(new, old, rtol=0.0, atol=1e-12)
-        # p.. - N a jumps by [dds_o] N' q: the constraint goes on holding
-        N_s = system._shape(CRUISE.motion.at(t, 1)[0])[2]
-        jump = (after.a - a)[-system.fields :] - N @ (after.a - a)[dofs]
-        dds = CRUISE.motion.at(t, 1)[2] - CRUISE.motion.at(t, 0)[2]
-        np.testing.assert_allclose(jump, dds * N_s @ q[dofs], rtol=1e-10)
-    else:
-        np.testing.assert_allclose(new, 0.0, atol=1e-11)
+    np.testing.assert_allclose(new, old if coupling == "path" else 0.0, rtol=0.0, atol=1e-11)
     kept = system.residual(t, q, v, a, 1)
     assert np.abs(kept - (old if coupling == "path" else 0.0)).max() > 1e-4
 
@@ -149,7 +92,7 @@ def ride(t):
 
 def test_the_constrained_particle_converges_with_order_one():
     """The kink under the mass lies inside an element: first order, whatever the degree.  P1 and P2: tests/oracles."""
-    method, settings = DAMPED["hermite"]
+    method, settings = RULES["hermite"]
     errors = np.array([
         path_error(
             FixedElements(CROSSING, elements=e, coupling="path", model="string"), 25 * e, ride, method, **settings
@@ -223,7 +166,7 @@ def test_energy_is_what_the_drive_puts_in(model):
 @pytest.mark.parametrize(("element", "coupling"), PAIRS)
 def test_fields_and_paths_belong_together(element, coupling):
     system = FixedElements(STEEP, elements=8, element=element, coupling=coupling)
-    method, settings = DAMPED[element] if coupling == "path" else ("trapezoidal", {})
+    method, settings = RULES[element] if coupling == "path" else ("trapezoidal", {})
     states, s_o = march(system, 300, method, until=0.4, **settings)
     i = s_o.size - 1
     o = observe(system, states, [0.0, 0.25, s_o[i], 1.0], [0, i])

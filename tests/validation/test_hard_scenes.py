@@ -126,20 +126,6 @@ def test_one_element_on_each_side_is_enough_to_run(method):
     assert (r.status, job.faults_of(r)) == ("complete", [])
 
 
-@pytest.mark.parametrize("told", [True, False], ids=["told", "hidden"])
-def test_series_are_splined_from_kink_to_kink(told):
-    """A brake kinks the speed between long steps and short ones: a spline across it (must fail) overshoots."""
-    kink = 30.0
-
-    def speed(t):
-        return np.where(t < kink, 13.0 + 0.01 * t, 13.3 - 4.5 * (t - kink))[:, None]
-
-    t = np.concatenate([np.arange(0.0, kink, 0.2), kink + np.geomspace(1e-3, 1.0, 40) - 1e-3])
-    at = np.linspace(0.0, 31.0, 2000)[:-70]
-    off = np.abs(measures._spline(t, speed(t), [kink] if told else [], at) - speed(at)).max()
-    assert (off < 1e-9) == told
-
-
 @pytest.mark.parametrize(
     "settings",
     [

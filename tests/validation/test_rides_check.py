@@ -16,7 +16,6 @@ from validation.core.agreement import Verdict, overall
 from validation.core.climb import laddered
 from validation.core.rows import AXIAL_MEAN, compare, with_bars
 from validation.core.running import run
-from validation.core.sampling import _turns
 
 RIDE = Scene.from_toml(ZIP + "rolling_friction = 0.02\nbrake = [{from = 25.0, force = 40.0}]\nend = {place = 45.0}")
 
@@ -95,12 +94,6 @@ def test_speed_is_compared_until_a_lasting_stop(wrong_from, verdict):
     assert rows(a, b)[("speed", AXIAL_MEAN)].verdict is verdict
 
 
-def test_what_most_steps_are_taken_in_is_not_most_of_a_ride():
-    """A brake that rings takes most of the steps of a ride, and a tenth of its time."""
-    t = np.concatenate([np.linspace(0.0, 0.9, 91), np.linspace(0.9, 1.0, 1001)[1:]])
-    assert measures._over_time(t, (t > 0.9).astype(float)) == pytest.approx(0.1, abs=0.01)
-
-
 def test_events_have_bars():
     a, b = pair()
     told = {x["event"]: x for x in with_bars(a)}
@@ -125,12 +118,6 @@ def test_events_after_the_first_of_their_kind_have_bars_where_coarser_runs_have_
     assert told(1.0)[1] is None, "a bar of an event that a coarser run does not know"
 
 
-def test_a_turn_is_one_after_which_the_car_goes_back_and_no_rattle():
-    t = np.linspace(0.0, 4.0 * np.pi, 4001)
-    assert list(_turns(t, 0.5 - 0.3 * np.cos(t))) == pytest.approx([np.pi, 2.0 * np.pi, 3.0 * np.pi], abs=0.01)
-    assert not list(_turns(t, 0.1 + 0.05 * t + 4e-4 * np.sin(300.0 * t)))
-
-
 def test_means_over_an_axial_round_trip_end_with_the_window():
     """Next to the far support, beyond it, forces grow faster than bars from within it tell."""
     scene = Scene.load("tramway")
@@ -145,13 +132,3 @@ def test_means_over_an_axial_round_trip_end_with_the_window():
 
     assert gap(past) == 0.0
     assert gap(inside) > 1e5
-
-
-def test_means_of_forces_take_the_jump_at_a_break_as_one():
-    """At the step of a break a force is told as it is before; a line from there to the next step is none of it."""
-    t = np.array([0.0, 0.3, 0.7, 1.0, 1.6, 2.0, 2.7, 3.1])
-    F = np.where(t <= 1.0, 2.0 + 0.5 * t, 7.0 - 1.5 * t)[:, None]
-    at = np.array([0.4, 1.0, 1.3, 1.6, 2.9])
-    exact = np.where(at <= 1.0, 2.0 * at + 0.25 * at**2, 2.25 + 7.0 * (at - 1.0) - 0.75 * (at**2 - 1.0))
-    np.testing.assert_allclose(measures._summed(t, F, [1.0], at)[:, 0], exact, rtol=0.0, atol=1e-12)
-    assert np.abs(measures._summed(t, F, [], at)[:, 0] - exact).max() > 0.5
