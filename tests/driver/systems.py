@@ -99,29 +99,6 @@ class Rubbed(Spring):
         return consistent_acceleration(self, x.t, rest.q, rest.v, x.phase)
 
 
-class Pendulum(Spring):
-    """d2q/dt2 + sin q = 0; watched for the turning points."""
-
-    events = ("turn",)
-
-    def __init__(self, q0=1.9, end=9.0):
-        super().__init__(m=1.0, k=1.0, q0=q0, v0=0.0, end=end)
-        self.sign = -1.0
-
-    def residual(self, t, q, v, a, phase):
-        return a + np.sin(q)
-
-    def linearise(self, t, q, v, a, phase, c0, c1, c2):
-        return self.residual(t, q, v, a, phase), lambda r: r / (c2 + c0 * np.cos(q))
-
-    def watch(self, x):
-        return (self.sign * x.v[0],)
-
-    def pass_event(self, name, x):
-        self.sign = -self.sign
-        return x
-
-
 class Alarms(Spring):
     """Watches functions of t alone, and goes on as if nothing had been; the last event named "over" ends the run."""
 

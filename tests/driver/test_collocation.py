@@ -27,7 +27,7 @@ from cablefem.newmark.schemes import GAUSS, RADAU
 from cablefem.newmark.tableau import tableau
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
-from tests.driver.systems import Ball, DoublePendulum, Follower, Guided, Kicked, Spring
+from tests.driver.systems import DoublePendulum, Follower, Guided, Spring
 
 TIGHT = Newton(tol=1e-13)
 LEVEL = Scene.load("level").groups
@@ -98,27 +98,6 @@ def test_nodes_a_little_off_lose_two_orders():
     off = Scheme("off", nodes=(RADAU[0] + 0.05, RADAU[1] + 0.02, 1.0))
     slope, error = observed(system, off, (10, 20, 40), truth)
     assert slope < 4.0, (slope, error)
-
-
-@pytest.mark.parametrize(("method", "finest"), [("radau", 1e-8), ("gauss", 3e-7)])
-def test_a_jump_of_the_force_on_a_phase_boundary_costs_no_order(method, finest):
-    w, q = math.sqrt(5.3 / 1.7), 4.1 / 5.3
-    at, speed = (0.31 * math.cos(w * 1.3) - 0.42 / w * math.sin(w * 1.3),
-                 -0.31 * w * math.sin(w * 1.3) - 0.42 * math.cos(w * 1.3))  # fmt: skip
-    truth = q + (at - q) * math.cos(w * 1.7) + speed / w * math.sin(w * 1.7)
-    system = Kicked(phases=((0.0, 1.3), (1.3, 3.0)))
-    times = [np.linspace(0.0, 1.3, 26), np.linspace(1.3, 3.0, 35)]
-    assert abs(march(system, method, times)[-1].q[0] - truth) < finest
-    # twin: stepping over the jump
-    assert abs(march(Kicked(end=3.0), method, grid(3.0, 59))[-1].q[0] - truth) > 1e-3
-
-
-@pytest.mark.parametrize("method", ["radau", "gauss"])
-def test_events_are_met_exactly_where_the_motion_is_a_parabola(method):
-    ball, work = Ball(end=2.5), Work()
-    march(ball, method, grid(2.5, 12), work=work)
-    first = math.sqrt(2.0 * 1.3 / 3.7)
-    np.testing.assert_allclose([e.t for e in work.events], [first, first * 2.4], rtol=1e-13)
 
 
 # --- stiffness and energy ---------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import pytest
 
 from cablefem import Scene
 from galerkin import Daubechies, Fourier, bare_frequencies
-from tests.runs import STEEP, orders
+from tests.runs import orders
 from validation.oracles import catenary_modes, irvine
 
 BARE = replace(Scene.load("bare").groups, sigma=0.1688832, alpha=844.416, c=0.0844416)  # rounded as in oracles.md
@@ -20,12 +20,6 @@ def test_first_ten_of_the_papers_cable():
     excess = np.array([bare_frequencies(BARE, Fourier(n)) / exact - 1.0 for n in (20, 40, 80)])
     assert np.all((excess[-1] > 0.0) & (excess[-1] < 1e-6))
     assert np.all(np.abs(orders(excess)[-1, :6] - 3.0) < 0.15)
-
-
-def test_inclined_cable():
-    exact = catenary_modes.solve(STEEP.sigma, STEEP.alpha, STEEP.c).omega[:6]
-    excess = bare_frequencies(STEEP, Fourier(60), n=6) / exact - 1.0
-    assert np.all((excess > 0.0) & (excess < 1e-5))
 
 
 def test_the_papers_wavelets():
@@ -43,12 +37,6 @@ def test_linear_theory_of_the_sagged_cable():
     np.testing.assert_allclose(sagged, exact, rtol=3e-7)
     assert np.array_equal(bare_frequencies(BARE, Fourier(90), model="stretching", n=4), sagged)  # the same at rest
     assert abs(bare_frequencies(BARE, Fourier(90), n=1)[0] - sagged[0]) > 4e-3  # the full cable is another model
-
-
-def test_string():
-    tau = 1.0 / STEEP.chord_cos
-    omega = bare_frequencies(STEEP, Fourier(9), model="string", n=9)
-    np.testing.assert_allclose(omega, np.pi * np.arange(1, 10) * np.sqrt(tau), rtol=1e-13)
 
 
 def test_more_frequencies_than_unknowns_are_refused():

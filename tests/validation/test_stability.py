@@ -47,20 +47,17 @@ def test_level_reaches_the_far_support_and_finds_the_onset(case):
     assert r.flags == []
 
 
-def test_paths_of_methods_and_resolutions_agree_within_two_percent_up_to_095():
-    assert post_slack_spread([level(*case) for case in FAR], stop=0.95) < 0.02
-
-
-def test_the_spread_sees_a_path_that_is_off_after_the_onset():
-    a, b = level(*FAR[0]), level(*FAR[1])
+def test_paths_agree_after_the_onset_and_one_that_is_off_there_is_seen():
+    runs = [level(*case) for case in FAR]
+    assert post_slack_spread(runs, stop=0.95) < 0.02
+    a, b = runs[:2]
     shifted = replace(b, v=b.v + 0.05 * b.max_deflection * (b.s_o > 0.9 * b.length))
     assert post_slack_spread([a, shifted]) > 0.04
-    never = replace(a, slack_onset=None)
-    assert post_slack_spread([never, never]) is None
+    assert post_slack_spread([replace(a, slack_onset=None)] * 2) is None
 
 
 @pytest.mark.parametrize("scheme", ["trapezoidal", "newmark", "generalized-alpha", "energy"])
-@pytest.mark.parametrize(("method", "resolution"), [("following-p2", 8), ("fourier-kink", 14), ("fixed-hermite", 24)])
+@pytest.mark.parametrize(("method", "resolution"), [("following-p2", 8), ("fourier-kink", 14)])
 def test_every_scheme_and_solver_goes_on_past_the_onset(method, resolution, scheme):
     r = run(LEVEL, method, **{METHODS[method].resolution.setting: resolution, "steps": 300, "scheme": scheme})
     assert r.slack_onset is not None

@@ -21,15 +21,6 @@ LEVEL = Scene.load("level")
 
 
 # --- ladders ----------------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
-def test_a_ladder_refines_and_is_admissible(method):
-    rungs = list(study.ladder(method))
-    assert len(rungs) > 6
-    assert len({tuple(x.items()) for x in rungs}) == len(rungs)
-    for x in rungs:
-        method.settings(x)
-    resolutions = [x[method.resolution.setting] for x in rungs]
-    assert resolutions == sorted(resolutions)
 
 
 def test_every_method_model_and_scheme_is_charted_and_nothing_else():
