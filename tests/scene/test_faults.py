@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from cablefem import Scene, SceneError
 from cablefem.scene import Cable
+from cablefem.scene.keys import keys
 
 GOOD = """
 gravity = 3.7
@@ -59,12 +60,8 @@ def test_the_good_scene_is_good():
         ("EA = 4e6", 'EA = "stiff"', [f"cable.EA = 'stiff': must be a number > 0, {NUMBER}"]),
         ("EA = 4e6", "EA = true", [f"cable.EA = True: must be a number > 0, {NUMBER}"]),
         ("EA = 4e6", "EA = nan", [f"cable.EA = nan: must be a number > 0, {NUMBER}"]),
-        ("EA = 4e6", "EA = inf", [f"cable.EA = inf: must be a number > 0, {NUMBER}"]),
         ("EA = 4e6", "EA = 1e16", [f"cable.EA = 1e+16: must be a number > 0, {NUMBER}"]),
-        ("EA = 4e6", "EA = -4e6", [f"cable.EA = -4000000.0: must be a number > 0, {NUMBER}"]),
-        ("EA = 4e6", "EA = [4e6]", [f"cable.EA = [4000000.0]: must be a number > 0, {NUMBER}"]),
         ("EA = 4e6", "", [f"cable.EA: missing; must be a number > 0, {NUMBER}"]),
-        ("mass = 75.0", "mass = 0", [f"mass.mass = 0: must be a number > 0, {NUMBER}"]),
         ("gravity = 3.7", "gravity = 1979-05-27", [
             f"gravity = datetime.date(1979, 5, 27): must be a number > 0, {NUMBER}",
         ]),
@@ -79,18 +76,11 @@ def test_the_good_scene_is_good():
         ("length = 330.0", "length = 320.975076914081", [
             f"cable.length = 320.975076914081: {LENGTHS} (for a cable this taut give sag or horizontal_tension)",
         ]),
-        ("length = 330.0", "length = 1e9", [f"cable.length = 1000000000.0: {LENGTHS}"]),
         ("length = 330.0", "sag = 1e-9", [
             "cable.sag = 1e-09: must be from 8.02438e-08 to 2342.84 with these supports",
         ]),
-        ("length = 330.0", "sag = 1e9", [
-            "cable.sag = 1000000000.0: must be from 8.02438e-08 to 2342.84 with these supports",
-        ]),
         ("length = 330.0", "horizontal_tension = 1e-3", [
             "cable.horizontal_tension = 0.001: must be from 296 to 1.48e+12 with these supports",
-        ]),
-        ("length = 330.0", "horizontal_tension = 1e13", [
-            "cable.horizontal_tension = 10000000000000.0: must be from 296 to 1.48e+12 with these supports",
         ]),
         ("drop = 25.0", "drop = -4e3", ["supports.drop = -4000.0: must be from -3200 to 3200, 10 spans"]),
         ("EA = 4e6", "EA = 500", [
@@ -107,8 +97,6 @@ def test_the_good_scene_is_good():
             "supports: missing; must be a table [supports]",
             "suports = {'span': 320.0, 'drop': 25.0}: unknown key. Did you mean supports? " + SCENE_KEYS,
         ]),
-        ("gravity = 3.7", "zzz = 3.7", [f"zzz = 3.7: unknown key. {SCENE_KEYS}"]),
-        ("gravity = 3.7", "title = 3", ["title = 3: must be text on one line"]),
         ("gravity = 3.7", r'title = "a\nb"', [r"title = 'a\nb': must be text on one line"]),
         ("gravity = 3.7", 'name = "../../x"', [
             "name = '../../x': must be letters, digits, '_', '-' and '.', the first no '-' or '.'",
@@ -116,13 +104,11 @@ def test_the_good_scene_is_good():
         (TRAVEL, 'kind = "constant_sped"\nspeed = 14.0', [
             f"travel.kind = 'constant_sped': unknown. Did you mean constant_speed? Known: {KINDS}.",
         ]),
-        (TRAVEL, "kind = 3", [f"travel.kind = 3: unknown. Known: {KINDS}."]),
         (TRAVEL, "speed = 14.0", [f"travel.kind: missing; must be one of {KINDS}"]),
         # parts that are none, or only half of the pair
         ("[mass]\nmass = 75.0", "[[mass]]\nmass = 75.0", [
             "mass = [{'mass': 75.0}]: not modelled: one car rides on the cable; a line at rest with [[contact]] has it",
         ]),
-        (f"[travel]\n{TRAVEL}", "[travel]", [f"travel.kind: missing; must be one of {KINDS}"]),
         (f"[travel]\n{TRAVEL}", "", ["travel: missing; must be given with [mass] (a bare cable has neither)"]),
         ("[mass]\nmass = 75.0", "", ["mass: missing; must be given with [travel] (a bare cable has neither)"]),
         # travel
@@ -136,9 +122,6 @@ def test_the_good_scene_is_good():
             "travel.acceleration = -0.2: must be >= -0.18333333333333332 m/s^2 with initial_speed = 11.0, "
             "or the mass stops after 302.5 m of 330 m",
         ]),
-        (TRAVEL, 'kind = "accelerate_cruise_brake"\ntop_speed = -1', [
-            f"travel.top_speed = -1: must be a number > 0, {NUMBER}",
-        ]),
         (TRAVEL, 'kind = "accelerate_cruise_brake"\ntop_speed = 14\nspeed = 1', [
             "travel.speed = 1: unknown key. Did you mean top_speed? Known: kind, top_speed, from, stop, rest.",
         ]),
@@ -146,10 +129,6 @@ def test_the_good_scene_is_good():
             "travel: reaches 1300 m/s; must stay < 1264.91 m/s, the speed sqrt(EA/rho) of longitudinal waves",
         ]),
         # tables
-        (TRAVEL, 'kind = "table"', [
-            "travel.times: missing; must be a list of at least two numbers",
-            "travel.positions: missing; must be a list of at least two numbers",
-        ]),
         (TRAVEL, 'kind = "table"\ntimes = [0]\npositions = "0, 5"', [
             "travel.times = [0]: must be a list of at least two numbers",
             "travel.positions = '0, 5': must be a list of at least two numbers",
@@ -283,33 +262,12 @@ def test_python_callers_get_the_same_lines():
             Scene.from_groups(**{"sag_ratio": 0.03, "alpha": 350.0, "mu": 0.4, "speed_ratio": 0.2, **wrong})
 
 
-VALUES = st.one_of(
-    st.floats(),
-    st.integers(),
-    st.booleans(),
-    st.text(max_size=5),
-    st.none(),
-    st.lists(st.floats(), max_size=4),
-    st.dictionaries(st.text(max_size=5), st.floats(), max_size=2),
-    st.sampled_from(["constant_acceleration", "table", 1e-12, 1e15, 1e-3, 320.0, [0.0, 1.0, 2.0], "haul", "free"]),
-)
+KNOWN = ["constant_acceleration", "table", 1e-12, 1e15, 1e-3, 320.0, [0.0, 1.0, 2.0], "haul", "free"]
+PLAIN = st.floats() | st.integers() | st.booleans() | st.text(max_size=5) | st.none() | st.sampled_from(KNOWN)
+VALUES = PLAIN | st.lists(PLAIN, max_size=4) | st.dictionaries(st.text(max_size=5), PLAIN, max_size=2)
 TABLES = {
-    "cable": (
-        "mass_per_length",
-        "EA",
-        "length",
-        "sag",
-        "horizontal_tension",
-        "diameter",
-        "temperature",
-        "reference_temperature",
-        "expansion",
-        "ice",
-    ),
-    "supports": ("span", "drop"),
-    "mass": ("mass",),
-    "travel": ("kind", "speed", "acceleration", "initial_speed", "top_speed", "times", "positions"),
-    "drive": ("mode", "start", "release", "rolling_friction", "drag_area", "wind", "thrust", "brake", "end"),
+    table: [key.name.split(".")[1] for key in keys(Scene) if key.name.startswith(f"{table}.")]
+    for table in ("cable", "supports", "mass", "travel", "drive")
 }
 
 

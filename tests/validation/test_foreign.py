@@ -153,12 +153,10 @@ def test_rows_after_the_travel_are_left_out():
     ("text", "said"),
     [
         ("", ["the file is empty"]),
-        ("\n  \n", ["the file is empty"]),
         ("t,v\n", ["no rows below the names of the columns"]),
         ("0,0\n1,2\n", ["line 1: numbers where the names of the columns should stand"]),
         ("t,w\n0,0\n", ["no column v (deflection of the mass [m], positive down); it has t, w"]),
         ("place,v\n0,0\n", ["neither a column t [s] nor s_o [m]; it has place, v"]),
-        ("place,w\n0,0\n", ["no column v", "neither a column t"]),
         ("t,v,v_mm\n0,0,0\n", ["columns v and v_mm both say v; leave one"]),
         ("t,v\n0,0\n1\n", ["line 3: 1 cells under 2 names"]),
         (
@@ -167,8 +165,6 @@ def test_rows_after_the_travel_are_left_out():
         ),
         ("t;v\n0;0\n1;0,5\n", ["line 3: v = '0,5' is no number (a decimal comma? write a point)"]),
         ("t,v\n0,0\n2,1\n2,1\n", ["line 4: t = 2 s does not come after 2 s in the line before; t must increase"]),
-        ("t,v\n0,0\n2,inf\n", ["line 3: v = 'inf' is no number"]),
-        ("t,v\n0,\n2,1\n", ["line 2: v = '' is no number"]),
         ("t,v\n0,0\n1,1\n2,2\n", ["2 rows in s_o/l = 0.02 to 0.8", "it covers s_o/l = 0 to 0.14"]),
     ],
 )
@@ -202,17 +198,12 @@ def test_files_that_cannot_be_read_are_told(tmp_path):
     ("header", "arrays", "said"),
     [
         ("t,s_o,v", (1e3 * t, L * s, L * v), "as t_ms and s_o: name"),
-        ("t_ms,s_o,v", (t, L * s, L * v), "as t and s_o: name"),
         ("t,s_o,v", (t / LEVEL.time_scale, L * s, L * v), "as t over 5.87126 s = l sqrt(rho/H) and s_o: name"),
         ("t,s_o,v", (t, s, L * v), "as t and s_o_over_l: name"),
-        ("t,s_o,v", (1e3 * t, s, L * v), "as t_ms and s_o_over_l: name"),
-        ("t,s_o_over_l,v", (t, L * s, L * v), "as t and s_o: name"),
         ("t,s_o_over_l,v", (t, 1e3 * L * s, L * v), "as t and s_o_mm: name"),
         ("t,s_o,v", (t, L * s**1.2, L * v), "t and s_o are not the scene's travel: at t ="),
         ("s_o,v", (s, L * v), "on a cable of 2002.37 m; name the column s_o_over_l?"),
-        ("s_o,v", (1e3 * L * s, L * v), "name the column s_o_mm?"),
         ("s_o_over_l,v", (L * s, L * v), "name the column s_o?"),
-        ("s_o_mm,v", (s, L * v), "name the column s_o_over_l?"),
         ("s_o,v", (L * s - 300.0, L * v), "s_o runs from -300"),
     ],
 )
@@ -228,8 +219,6 @@ def test_time_and_place_in_other_units_are_named(tmp_path, header, arrays, said)
         ("v_over_l", -v, ["name it v_over_l_up"]),
         ("v", 1e3 * L * v, ["v is in another unit", "name it v_mm"]),
         ("v", v, ["as v_over_l it would be 0.1", "name it v_over_l"]),
-        ("v", -v, ["name it v_over_l_up"]),
-        ("v_over_l", L * v, ["name it v"]),
         ("v_up", L * v, ["v points the other way", "name it v"]),
         ("v_mm", 1e-3 * L * v, ["name it v_km"]),
     ],
