@@ -150,7 +150,7 @@ def test_a_jump_of_the_force_on_a_phase_boundary_costs_no_order(name, order, ste
     truth = q + (at - q) * math.cos(w * 1.7) + speed / w * math.sin(w * 1.7)
     error = []
     for n in steps:
-        times = [np.linspace(0.0, 1.3, n // 2), np.linspace(1.3, 3.0, n // 2)]
+        times = [np.linspace(0.0, 1.3, n // 2 + 1), np.linspace(1.3, 3.0, n // 2 + 1)]
         states = list(integrate(spring, scheme(name), times, newton=TIGHT))
         assert any(x.t == 1.3 for x in states)
         error.append(abs(states[-1].q[0] - truth))

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from cablefem.elements.following import FollowingElements
@@ -95,7 +96,7 @@ def test_the_entry_is_consistent_with_the_mass_matrix():
 
 # --- balances -----------------------------------------------------------------------------------------------------
 def energy_defect(o, t):
-    work = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (o.power[1:] + o.power[:-1]))])
+    work = cumulative_trapezoid(o.power, t, initial=0.0)
     return float(np.abs(o.energy - o.energy[0] - work).max() / np.ptp(work))
 
 

@@ -218,30 +218,11 @@ def test_functions_vanish_at_both_supports(basis: Basis):
     assert abs(ends).max() < 1e-14 * basis.n * max(1.0, abs(basis.phi(np.linspace(0, 1, 51))).max())
 
 
-def cut_table(basis, cut=0.371):
-    """The points on both sides of a mass, and phi' there by `split`."""
-    s, _, table = basis.split(cut)
-    return s, table[:-1]
-
-
-long_tables = pytest.mark.parametrize("basis", [*BASES, Fourier(1), Fourier(2), Fourier(400)], ids=repr)
-
-
-@long_tables
-def test_long_tables_of_slopes_are_the_slopes(basis: Basis):
-    """Wavelets: to the bit, also where they are looked up. Sines: to eps of the largest angle, which both sides round.
-
-    An angle that is off by 10 eps of itself is seen.
-    """
-    s, table = cut_table(basis)
-    if isinstance(basis, Daubechies):
-        np.testing.assert_array_equal(table.T, basis.phi(s, 1))
-        assert np.isin(s, basis.quadrature()[0]).sum() >= s.size - 4  # the lookup is what is tested
-        return
-    k, eps = np.arange(1, basis.n + 1), np.finfo(float).eps
-    allowed = 2.0 * eps * (k * np.pi) ** 2 + eps * k * np.pi
-    assert np.all(abs(table.T - basis.phi(s, 1)) <= allowed)
-    assert np.any(abs(table.T - basis.phi(s * (1.0 + 10.0 * eps), 1)) > allowed)
+@pytest.mark.parametrize("basis", [*BASES, Fourier(1), Fourier(400)], ids=repr)
+def test_slopes_on_both_sides_of_a_mass_are_the_slopes(basis: Basis):
+    s, _, table = basis.split(0.371)
+    slopes = basis.phi(s, 1)
+    np.testing.assert_allclose(table[:-1].T, slopes, rtol=0.0, atol=1e-14 * basis.n * np.abs(slopes).max())
 
 
 @every_basis
@@ -280,46 +261,6 @@ def test_pieces_of_a_rule_add_up_to_the_cable(cut, which):
         assert s.max() <= b
         assert abs(w.sum() - (b - a)) < 1e-14
         assert abs(w @ s - 0.5 * (b * b - a * a)) < 1e-14
-
-
-def rule_error(basis, rule, fine):
-    """|error| of int e^-s f' phi_n' ds in the dual norm over its norm, f = best approximation of sin 2 pi s."""
-
-    def load(s, w):
-        slope = basis.phi(s, 1)
-        return ((w * np.exp(-s) * (slope @ c)) @ slope) / np.sqrt(np.diag(basis.stiffness()))
-
-    c = np.linalg.solve(basis.stiffness(), (fine[1] * np.sin(2.0 * np.pi * fine[0])) @ basis.phi(fine[0]))
-    exact = load(*fine)
-    return float(np.linalg.norm(load(*rule) - exact) / np.linalg.norm(exact))
-
-
-def rules_of(basis, cut):
-    return basis.quadrature(), basis.split(cut)[:2]
-
-
-@pytest.mark.parametrize(
-    ("basis", "allowed"),
-    [
-        (Fourier(17), 1e-11),
-        (Fourier(60), 1e-11),
-        (Daubechies(2, 2), 1e-3),
-        (Daubechies(3, 1), 3e-4),
-        (Daubechies(4, 0), 5e-4),
-        (Daubechies(4, 1), 2e-4),
-        (Daubechies(4, 2), 2e-4),
-        (Daubechies(6, 1), 2e-4),
-    ],
-    ids=repr,
-)
-def test_rules_resolve_products_of_slopes_wherever_the_mass_is(basis, allowed):
-    """Allowed: about twice the worst of 6 places measured; a few hundred points cannot do more for a rough psi."""
-    fine = fine_rule(basis, pieces=256)
-    for cut in (0.003, 0.31, 0.77, 0.996):
-        for rule in rules_of(basis, cut):
-            assert rule_error(basis, rule, fine) < allowed
-    coarse = composite_gauss(np.linspace(0.0, 1.0, basis.n // 2 + 2), 2)
-    assert rule_error(basis, coarse, fine) > 10.0 * allowed  # the twin: about one point per function
 
 
 def test_sine_rules_are_exact_on_each_side_and_n_plus_12_points_are_not():

@@ -12,13 +12,16 @@ DEAR = (  # about a second and more
     "quasi-static up to V/c = 0.4: deflection", "rest held", "rocket", "accelerating-mass through",
 )  # fmt: skip
 DEAR_OF_SINES = (
-    "energy damped", "rest car", "moving-force", "moving-mass mass", "moving-mass acc", "accelerating-force", "damped",
-    "quasi-static up",
+    "energy damped", "rest car", "moving-force", "moving-mass mass", "moving-mass acc", "moving-mass from",
+    "accelerating-force", "damped",
+    "quasi-static up", "running-apart", "massless-string",
 )  # fmt: skip
 
 
 def dear(key):
-    return key.endswith("fixed-hermite") or key.startswith(DEAR + DEAR_OF_SINES * key.endswith("fourier-kink"))
+    plain = key.endswith(" fourier") and not key.startswith("moving-mass the paper")
+    sines = key.endswith("fourier-kink") and key.startswith(DEAR_OF_SINES)
+    return key.endswith("fixed-hermite") or key.startswith(DEAR) or plain or sines
 
 
 @cache

@@ -179,15 +179,3 @@ def test_contact_force_is_taken_normal_to_the_mean_tangent(level):
     assert np.abs(along.F_contact).max() <= 1e-15 * np.abs(tangent).max() ** 2
     down = dataclasses.replace(level, contact=np.broadcast_to([0.0, 3.0], tangent.shape))
     np.testing.assert_allclose(down.F_contact, 3.0 * tangent[:, 0] / np.hypot(*tangent.T), rtol=1e-14)
-
-
-def test_pieces_of_an_observation_join(level):
-    from cablefem.response import Observation
-
-    n = {"path": (5, 2), "T_behind": (5,), "T_ahead": (5,), "T": (3, 4)}
-    names = [f.name for f in dataclasses.fields(Observation) if f.default is f.default_factory is dataclasses.MISSING]
-    one = Observation(**{k: np.ones(n.get(k, (5,))) for k in names})
-    both = Observation.joined([one, one])
-    assert both.T_pointwise.shape == both.T.shape == (6, 4)
-    assert both.haul.shape == (10,)
-    assert np.isnan(both.reaction_left).all()
