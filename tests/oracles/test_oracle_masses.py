@@ -12,10 +12,8 @@ from validation.oracles import (
     accelerating_force,
     accelerating_mass,
     massless_string,
-    moving_force,
     moving_mass,
 )
-from validation.oracles.case import inside
 
 from . import strings
 from .wave_identity import corners, wave_defect
@@ -38,22 +36,11 @@ def steady(V, **of):
     return moving_mass.solve(ConstantSpeed(speed=V).motion(1.0), **of)
 
 
-@pytest.mark.parametrize(("mu", "V"), [(0.3, 0.7), (1.0, 0.41), (8.0, 0.23)])
-def test_path_agrees_with_the_power_series_in_thirty_digits(mu, V):
-    """y = sum a_n t^n until the first far reflection, from y'(t) - y'(q t) + 2 y/mu = sigma (1-q) t."""
-    ride = steady(V, mu=mu, sigma=SIGMA)
-    t = np.linspace(0.0, 2.0 / (1.0 + V), 9)[1:]
-    with mpmath.workdps(40):
-        q, M = (1 - mpmath.mpf(V)) / (1 + mpmath.mpf(V)), mpmath.mpf(mu)
-        exact = []
-        for time in t:
-            term, total, n = mpmath.mpf(SIGMA) / 2 * mpmath.mpf(time) ** 2, mpmath.mpf(0), 2
-            while abs(term) > 1e-40:
-                total += term
-                term *= -2 * mpmath.mpf(time) / (M * (n + 1) * (1 - q**n))
-                n += 1
-            exact.append(float(total))
-    assert np.abs(ride.path(t) / exact - 1.0).max() < 1e-11
+def test_the_path_has_the_published_digits():
+    """Smith; Dyniewicz & Bajer: mu = 1, V^2 = sigma, eleven digits."""
+    V, at = math.sqrt(SIGMA), np.array([0.1, 0.3, 0.5, 0.7, 0.9])
+    published = [0.004134619735, 0.026411465563, 0.054525087145, 0.078275585253, 0.064301851647]
+    np.testing.assert_allclose(steady(V, mu=1.0, sigma=SIGMA).path(at / V), published, rtol=0.0, atol=1e-11)
 
 
 @pytest.mark.parametrize("name", TRAVELS)
@@ -77,42 +64,6 @@ def test_the_mass_obeys_newton_and_sits_on_the_string_that_its_force_bends(name)
     fine = np.linspace(0.0, t[-1], 20001)
     fallen = 0.5 * sigma * fine**2 - cumulative_simpson(ride.impulse(fine), x=fine, initial=0.0) / mu
     assert np.abs(ride.path(fine) - fallen).max() < 1e-8 * size
-
-
-def test_from_rest_the_mass_starts_with_a_known_curvature():
-    mu, a, sigma = 0.7, 0.31, 0.45
-    ride = moving_mass.solve(ConstantAcceleration(acceleration=a).motion(1.0), mu=mu, sigma=sigma)
-    t = np.array([1e-4, 1e-3])
-    np.testing.assert_allclose(ride.path(t) / t**2, sigma / (2.0 * (1.0 + 1.0 / (mu * a))), rtol=1e-3)  # next term: t
-
-
-def test_a_light_mass_is_a_moving_force():
-    V, P, t = 0.55, 0.3, np.linspace(0.3, 0.8, 21) / 0.55
-    limit = moving_force.displacement(V * t, t, P=P, V=V)
-    gap = [np.abs(steady(V, mu=mu, sigma=P / mu).path(t) - limit).max() / limit.max() for mu in (0.01, 0.02)]
-    assert gap[0] < 0.05
-    assert gap[1] / gap[0] == pytest.approx(2.0, rel=0.1)  # of first order in mu
-
-
-def test_a_heavy_mass_rides_on_a_massless_string():
-    """mu -> inf at a = 1/(2 mu V^2): the difference falls like 1/mu."""
-    a, xi = 2.3, np.linspace(0.05, 0.95, 37)
-    limit = massless_string.path(xi, a=a)
-    gap = []
-    for mu in (25.0, 50.0, 100.0):
-        V = 1.0 / math.sqrt(2.0 * mu * a)
-        gap.append(np.abs(steady(V, mu=mu, sigma=4.0 / mu).path(xi / V) - limit).max())  # Y = y/(mu sigma/4)
-    assert gap[-1] < 0.02
-    assert gap[0] / gap[2] == pytest.approx(4.0, rel=0.25)
-
-
-def test_far_from_the_supports_the_path_does_not_depend_on_the_travel():
-    """The infinite string's answer, for a mass put down at mid span, until the first wave is back."""
-    mu, sigma = 0.4, 0.9
-    ride = moving_mass.solve(inside(0.5, 0.1, 0.2), mu=mu, sigma=sigma)
-    t = np.linspace(0.0, 0.8, 20)
-    np.testing.assert_allclose(ride.path(t), accelerating_mass.path(t, mu=mu, sigma=sigma, a=0.1), atol=1e-11)
-    assert abs(ride.path(1.3) - accelerating_mass.path(1.3, mu=mu, sigma=sigma, a=0.1)) > 1e-2
 
 
 # --- massless string
