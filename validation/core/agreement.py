@@ -56,7 +56,7 @@ class Agreement:
     @property
     def verdict(self) -> Verdict:
         """By `three_lines`; without a tolerance a gap within its bound agrees."""
-        if self.bound.kind in ("nothing", "covers less", "covers less time"):
+        if self.bound.kind in ("nothing", "covers less"):
             return Verdict.NOT_COMPARABLE
         if self.asked_for is None:
             known = math.isfinite(self.gap) and math.isfinite(self.allowed)

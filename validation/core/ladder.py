@@ -59,15 +59,11 @@ class Branch:
 
 @dataclass(frozen=True, slots=True)
 class Ladder:
-    """Runs of one method on one scene, and their bars.
-
-    ringing : a run that does not damp axial waves, for raw forces.
-    """
+    """Runs of one method on one scene, and their bars."""
 
     finest: Response
     space: Branch
     time: Branch
-    ringing: Response | None = None
 
     @property
     def run(self) -> Response:
@@ -103,8 +99,3 @@ class Ladder:
         answers = [of(r) for r in self.runs]
         alike = len(self.space.runs) > 0 and len(self.time.runs) > 0 and all(x == answers[0] for x in answers)
         return 0.0 if alike else math.inf
-
-    def peak(self, of: Of, apart: Apart = largest) -> float:
-        """Return the bar of a raw extreme, at least the change to the ringing run."""
-        heard = 0.0 if self.ringing is None else float(apart(of(self.finest), of(self.ringing)))
-        return max(float(self.bar(of, apart, 1.0)), heard)

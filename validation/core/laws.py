@@ -44,6 +44,7 @@ class Held:
 
     law: str
     quantity: str  # the row it belongs to
+    asks: str  # see `Law`
     gap: float  # nan where the response lacks something
     bar: float  # from coarser runs
     sampling: float
@@ -74,7 +75,7 @@ def hold(ladder: Ladder, window: Window, until: float = math.inf) -> Iterator[He
             continue
         found = law.defect(case)
         if not (found.place.size and np.isfinite(found.value).all()):
-            yield Held(name, law.of, math.nan, math.nan, math.nan, None)
+            yield Held(name, law.of, law.asks, math.nan, math.nan, math.nan, None)
             continue
         half, quarter = (law.defect(x).value for x in (thin, thinner))
         sampling = ROUNDING + left(_rms_apart(found.value, half), _rms_apart(half, quarter), (2.0, 2.0), FIRST)
@@ -83,7 +84,7 @@ def hold(ladder: Ladder, window: Window, until: float = math.inf) -> Iterator[He
         worst = int((found.rms / (sampling + bar)).argmax())
         at = float(found.place[np.abs(found.value[:, worst]).argmax()])
         gap, coarse, sampled = (float(x[worst]) for x in (found.rms, bar + 0.0 * sampling, sampling))
-        yield Held(name, law.of, gap, coarse, sampled, None if math.isnan(at) else at)
+        yield Held(name, law.of, law.asks, gap, coarse, sampled, None if math.isnan(at) else at)
 
 
 def _rms_apart(a: Array, b: Array) -> Array:
@@ -99,6 +100,7 @@ class Law:
     defect: Finds
     concerns: Callable[[Evidence], bool]
     of: str
+    asks: str  # tolerance "rest" or "velocity" (`rows.asked_of`); "" if only shown
     exact: bool  # to rounding in every run
 
 
@@ -106,10 +108,10 @@ LAWS: dict[str, Law] = {}
 
 
 def _law(
-    concerns: Callable[[Evidence], bool] = lambda m: True, of: str = "laws_si", exact: bool = False
+    concerns: Callable[[Evidence], bool] = lambda m: True, of: str = "laws_si", asks: str = "rest", exact: bool = False
 ) -> Callable[[Finds], Finds]:
     def listed(defect: Finds) -> Finds:
-        LAWS[defect.__name__.replace("_", " ")] = Law(defect, concerns, of, exact)
+        LAWS[defect.__name__.replace("_", " ")] = Law(defect, concerns, of, asks, exact)
         return defect
 
     return listed
@@ -344,7 +346,7 @@ def compression(m: Evidence) -> Defect:
     return _static(float(np.clip(T, -1.0, 0.0).min(initial=0.0)))
 
 
-@_law(of="tension_min")
+@_law(of="tension_min", asks="")
 def least_tension(m: Evidence) -> Defect:
     """The least tension at steps is that at frames; over H."""
     f, k = m.r.fields, m.frames
@@ -395,14 +397,14 @@ def tension_up_to_the_mass(m: Evidence) -> Defect:
     return _static(*(off[m.t > 0.0].mean(axis=0) / m.r.horizontal_tension))
 
 
-@_law(_off_supports, of="velocity")
+@_law(_off_supports, of="velocity", asks="")
 def up_to_the_mass(m: Evidence) -> Defect:
     """Velocity of the cable tends to that at the mass; over its rms."""
     told, off = _at_and_up_to(m, lambda x: x.velocity)
     return _at_frames(m, off / np.sqrt(np.mean(told**2, axis=0)))
 
 
-@_law(_sees_swings, of="velocity")
+@_law(_sees_swings, of="velocity", asks="velocity")
 def summed_over_time(m: Evidence) -> Defect:
     """Transverse displacement is the integral of its velocity, weighted by half a sine; over its rms.
 

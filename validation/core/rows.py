@@ -29,7 +29,7 @@ TENSION = 10.0  # force tolerance over path tolerance: forces are first order, p
 REST = 0.05  # tolerance of all else
 VELOCITY = 0.10  # tolerance of summed velocity against displacement
 ROUNDING = 1e-12  # of every scale
-AXIAL_MEAN, ALONG, UP_TO = "mean over an axial round trip", "along the cable", "up to the mass"
+AXIAL_MEAN, ALONG = "mean over an axial round trip", "along the cable"
 EVENTS = ("brake", "arrival", "back", "stop", "turn")  # both answers must tell the first of each
 DOUBTS = ("fast", "slow waves", "energy", "hidden slack", "no bar")  # flags of bars that may be too small
 
@@ -322,12 +322,9 @@ def _laws(a: Ladder, b: Ladder, view: View, asked: Callable[[str], float]) -> It
     found: dict[str, list[Agreement]] = {}
     for x in (a, b):
         for held in laws.hold(x, view.window, view.until):
-            asks = "velocity" if held.quantity == "velocity" else "rest"
-            row = _own(held.quantity, held.gap, x, (held.bar, 0.0), held.sampling, asked(asks))
-            row = replace(row, law="" if held.law == held.quantity else held.law, where=held.where)
-            found.setdefault(held.law, []).append(
-                replace(row, asked=held.law != UP_TO and held.quantity != "tension_min")
-            )
+            row = _own(held.quantity, held.gap, x, (held.bar, 0.0), held.sampling, asked(held.asks))
+            law = "" if held.law == held.quantity else held.law
+            found.setdefault(held.law, []).append(replace(row, law=law, where=held.where, asked=bool(held.asks)))
     yield from map(worse, found.values())
 
 
