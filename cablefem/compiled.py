@@ -33,7 +33,7 @@ class _Inner(CPUDispatcher):
 
 
 def compiler(file: str, *, inner: bool = False) -> Callable[[Callable], Any]:
-    """Return the decorator of compiled functions in the folder of a file, and below.
+    """The decorator of compiled functions in the folder of a file, and below.
 
     inner : only compiled functions call it; compiling is faster by a sixth.
     A function's stamp is that of all sources: numba's own misses changes in called functions.

@@ -73,11 +73,11 @@ class RollingCar(System):
         raise NotImplementedError
 
     def holding(self, x: State) -> tuple[float, float]:
-        """Return the force along the cable on a sticking car, and its normal force."""
+        """The force along the cable on a sticking car, and its normal force."""
         raise NotImplementedError
 
     def go_on(self, x: State) -> State:
-        """Return the state with new accelerations."""
+        """The state with new accelerations."""
         raise NotImplementedError
 
     def set_off(self) -> None:
@@ -86,7 +86,7 @@ class RollingCar(System):
         self._watched: tuple[State, tuple[float, ...]] | None = None
 
     def let_go(self, x: State) -> State:
-        """Return the first state of a free ride.
+        """The first state of a free ride.
 
         Until waves from the farther support are back, the slip rings; its zeros are no standstills.
         """
@@ -107,17 +107,17 @@ class RollingCar(System):
         return sum([force for _, force in self.drive.brakes[: self.mode.brakes]], 0.0) if self.mode.brakes else 0.0
 
     def most(self, normal: float) -> float:
-        """Return the largest force of friction and brakes."""
+        """Largest force of friction and brakes."""
         return self.drive.mu_r * abs(normal) + self.brake
 
     def margin(self, x: State) -> float:
-        """Return that force less the one needed."""
+        """That force less the one needed."""
         needed, normal = self.holding(x)
         return self.most(normal) - abs(needed)
 
     # --- changes of the mode -------------------------------------------------------------------------------
     def come_to_rest(self, x: State) -> State:
-        """Return the state without slip: the car sticks, or slips where it is pulled."""
+        """The state without slip: the car sticks, or slips where it is pulled."""
         v = x.v.copy()
         v[-1] = 0.0
         self.mode.sticks = True
@@ -189,7 +189,7 @@ class RollingCar(System):
         return *self._of_forces(x, look), *self._of_places(s_o), lift_off, self._left(x)
 
     def _of_forces(self, x: State, look: Look) -> tuple[float, float, float]:
-        """Return the values of standstill, breaking loose and turn."""
+        """Values of standstill, breaking loose and turn."""
         mode = self.mode
         if mode.sticks:
             return math.inf, self.margin(x), math.inf
@@ -204,12 +204,12 @@ class RollingCar(System):
         return ahead, back, drive.end_place - s_o, s_o - drive.back_place
 
     def _drifts(self, x: State) -> bool:
-        """Return whether the mean speed since `mode.since` is above `rest_speed`."""
+        """Whether the mean speed since `mode.since` is above `rest_speed`."""
         mode = self.mode
         return abs(float(x.q[-1]) - mode.place) > self.drive.rest_speed * max(self.round_trip, x.t - mode.since)
 
     def _left(self, x: State) -> float:
-        """Return the time left until the car has been at rest for an axial round trip, in the last phase.
+        """The time left until the car has been at rest for an axial round trip, in the last phase.
 
         At rest it is slow, and held by statics.
         """
@@ -219,7 +219,6 @@ class RollingCar(System):
         rests = self.drive.stays(float(x.q[-1])) and not self._drifts(x)
         return left if rests else max(left, self.round_trip)
 
-    # --- steps ---------------------------------------------------------------------------------------------
     def part(self, x: State, since: float, ahead: float = 0.0) -> float:
         mode, slip = self.mode, x.v.item(-1)
         rubs = self.drive.resists and (mode.brakes > 0 or mode.sticks)
@@ -233,7 +232,7 @@ class RollingCar(System):
         return not self.free or not (mode.sticks or mode.rings or mode.forward == 0.0)
 
     def course(self) -> tuple[float, float, float, float, float]:
-        """Return bounds of s_o, signs of slip (0: any) and speed, least speed."""
+        """Bounds of s_o, signs of slip (0: any) and speed, least speed."""
         mode, drive = self.mode, self.drive
         places, n = (0.0, *(place for place, _ in drive.brakes), 1.0), mode.brakes
         low, high = max(drive.back_place, places[n]), min(drive.end_place, places[n + 1])

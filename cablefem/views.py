@@ -16,10 +16,7 @@ BLUE, GREY = "#0072B2", "#999"
 
 
 def at(r: Response, t: Any, s: Any) -> dict[str, Array]:
-    """Return x, y, u, v [m] and T [N] at times t (n,) [s] and places s (m,) [m], each (n, m).
-
-    Between frames displacements are cubic by their velocities, tensions linear. At the mass T is that behind.
-    """
+    """`Response.at`: between frames displacements are cubic by their velocities, tensions linear."""
     t, s = (np.atleast_1d(np.asarray(x, dtype=float)) for x in (t, s))
     for name, asked, known in (("t", t, (r.t[0], r.t[-1])), ("s", s, (0.0, r.length))):
         if not (np.isfinite(asked).all() and asked.min() >= known[0] and asked.max() <= known[1] * (1.0 + 1e-12)):
@@ -42,13 +39,13 @@ def at(r: Response, t: Any, s: Any) -> dict[str, Array]:
 
 
 def _sides(r: Response) -> tuple[Array, Array]:
-    """Return the tension at the mass behind and ahead; on a support that of the other side."""
+    """The tension at the mass behind and ahead; on a support that of the other side."""
     missing = np.isnan(r.T_behind), np.isnan(r.T_ahead)
     return np.where(missing[0], r.T_ahead, r.T_behind), np.where(missing[1], r.T_behind, r.T_ahead)
 
 
 def _between(r: Response, t: float, s_o: float) -> tuple[Array, Array]:
-    """Return (u, v) (2, m) and T (m,) at the stations; T of a side is that of frames with the same side there."""
+    """(u, v) (2, m) and T (m,) at the stations; T of a side is that of frames with the same side there."""
     f = r.fields
     if f.t.size < 2:
         raise ValueError("the response keeps fewer than two frames of its fields")
@@ -63,7 +60,7 @@ def _between(r: Response, t: float, s_o: float) -> tuple[Array, Array]:
 
 
 def picture(r: Response) -> str:
-    """Return the side view for notebooks as SVG."""
+    """The side view for notebooks as SVG."""
     out = io.StringIO()
     side_view(r).figure.savefig(out, format="svg")
     return f"<p>{html.escape(repr(r))}</p>{out.getvalue()[out.getvalue().index('<svg') :]}"
@@ -78,7 +75,6 @@ def _axes(ax: Any) -> Any:
 
 
 def side_view(r: Response, ax: Any = None) -> Any:
-    """Draw rope at rest, envelope of the rope and path of the car; return the axes of matplotlib."""
     ax, f = _axes(ax), r.fields
     ax.plot(f.x, f.y, color=GREY, linestyle="--", label="rope at rest")
     ax.fill_between(f.x, np.min(f.y + f.v, axis=0), np.max(f.y + f.v, axis=0), color=BLUE, alpha=0.2, label="envelope")
@@ -90,7 +86,6 @@ def side_view(r: Response, ax: Any = None) -> Any:
 
 
 def tension(r: Response, ax: Any = None) -> Any:
-    """Draw the tension over place and time; return the axes of matplotlib."""
     ax, f = _axes(ax), r.fields
     mesh = ax.pcolormesh(f.s, f.t, f.T / 1e3, shading="nearest")
     ax.plot(f.s_o, f.t, color="white", linewidth=1.0)

@@ -112,7 +112,6 @@ class GalerkinSystem(System):
         return self.motion.phases
 
     def with_law(self, law: str) -> GalerkinSystem:
-        """The same system under another law."""
         other = copy.copy(self)
         other.law, other.cable = law, cable_model(self.groups, self.model, law)
         other._instants = {}
@@ -261,7 +260,6 @@ class GalerkinSystem(System):
         assert isinstance(self.cable, FullCable)
         return self.cable.line(self.basis, behind, ahead, self.inertia)
 
-    # --- start ------------------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
         """Entry: the limit t -> 0+.  Later q and v go on; a jumps with dds_o."""
         if state is None:

@@ -105,7 +105,7 @@ def tension(force: Array, r: Array) -> Array:
 def slopes_by(force: Array, slopes: Array, T: Any, alpha: float) -> Array:
     """r' (..., 2) along forces N t, in place of `slopes`, which stay where the cable is slack.
 
-    Slopes of sines converge slowly at the mass, and the more slowly the shorter the side.
+    Slopes of sines converge slowly at the mass.
     """
     N = np.hypot(force[..., 0], force[..., 1])
     taut = (N > kernels.LEAST_PULL) & (np.sum(force * slopes, axis=-1) > 0.0)

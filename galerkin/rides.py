@@ -71,7 +71,6 @@ class RollingSystem(RollingCar, GalerkinSystem):
         other.mode, other._watched = replace(self.mode), None
         return other
 
-    # --- the travel -------------------------------------------------------------------------------------------------
     def place(self, x: State) -> float:
         return float(x.q[-1]) if self.free else super().place(x)
 
@@ -223,7 +222,6 @@ class RollingSystem(RollingCar, GalerkinSystem):
             self.heeded = float(t[taken - 1]) + (1.0 - w + 1e-9) * dt
         return taken, ends, told
 
-    # --- start ------------------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
         """In equilibrium, the car held (free) or on its rope (haul); later q, v go on and a jumps.
 
@@ -250,7 +248,6 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return self.let_go(State(0.0, q, v, a, 0))
 
     def standing(self, s_o: float) -> GalerkinSystem:
-        """The cable with the car held at s_o."""
         groups = replace(self.groups, motion=standing(s_o, 1.0))
         return (GalerkinSystem if self.free else OnItsRope)(groups, self.sines, kink=True, law=self.law)
 
@@ -265,7 +262,6 @@ class RollingSystem(RollingCar, GalerkinSystem):
                 break
         return State(t, q, v, a, phase)
 
-    # --- the automaton ----------------------------------------------------------------------------------------------
     def go_on(self, x: State) -> State:
         return self._consistent(x.t, x.q, x.v.copy(), x.phase)
 

@@ -79,7 +79,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _faults(error: Exception) -> list[str]:
-    """Return what was wrong, one line each; a trace comes first if it was not the input."""
+    """The faults, one line each; a trace comes first if it was not the input."""
     if (faults := getattr(error, "faults", None)) is not None:
         return faults
     if isinstance(error, OSError):

@@ -89,7 +89,7 @@ class CableElements(System):
 
     # --- the system ------------------------------------------------------------------------------------
     def with_law(self, law: str) -> Self:
-        """Return a twin with another cable law; it shares the tables."""
+        """A twin with another cable law; it shares the tables."""
         twin = copy(self)
         twin._set_law(law)
         twin._fresh()
@@ -102,7 +102,6 @@ class CableElements(System):
         return super().between(t0, t1, w, phase) if self.motion is None else self.motion.between(t0, t1, w, phase)
 
     def in_time(self, states: States) -> States:
-        """Return the history itself."""
         return states
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
@@ -131,7 +130,7 @@ class CableElements(System):
     def _steps(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array, int]:
-        """Return ends (m, 3, n_dof) and `told` (m, 6) of steps, and how many are good."""
+        """Ends (m, 3, n_dof) and `told` (m, 6) of steps, and how many are good."""
         ride, places = self._moved(t, phase, start)
         ends, told = np.empty((t.size, *start.shape)), np.empty((t.size, 6))
         steps = Steps(places, self._contact_at(t.item(0), phase), start, rules, ends, told)
@@ -139,7 +138,7 @@ class CableElements(System):
         return ends, told, settle(self._cable, ride, self._single.work, self._bands, steps, limits(bound, newton))
 
     def _collocated(self, phase: int, steps: newmark.Steps, rule: Tableau, bound: float, newton: Newton) -> Array:
-        """Return `told` of the steps taken."""
+        """`told` of the steps taken."""
         t, told = rule.instants(steps.t), np.empty((len(steps.a), 6))
         ride, places = self._moved(t, phase, steps.ends[0])
         at_nodes = [self._contact_at(x, phase) for x in t[0].tolist()]
@@ -154,7 +153,7 @@ class CableElements(System):
         return told[: max(1, taken)]
 
     def _moved(self, t: Array, phase: int, start: Array) -> tuple[Any, Array]:
-        """Return the ride or None, and `places` of `kernels.newton.Steps`."""
+        """The ride or None, and `places` of `kernels.newton.Steps`."""
         return None, self._places(t, phase)
 
     def _said(self, told: Array) -> Iterator[Settled]:
@@ -172,7 +171,7 @@ class CableElements(System):
         self.least_tension = assemble(self._cable, self._now, x, r, self._single.work.ab, factors)
 
     def _solution(self, assemble: Callable[[Factors], object], c: tuple[complex, complex, complex]) -> Solve:
-        """Return the solution with the tangent that `assemble` sets; complex ones are sums of real ones."""
+        """The solution with the tangent that `assemble` sets; complex ones are sums of real ones."""
         side = self._single
         if isinstance(c[0], complex):
             side = self._side(complex)
@@ -211,7 +210,7 @@ class CableElements(System):
         return collocation.Side(work, chord and chord._replace(coupled=np.empty(n, kind)), self._ride_of(kind))
 
     def _ride_of(self, kind: type) -> Any:
-        """Return a ride with real or complex border, or None."""
+        """A ride with real or complex border, or None."""
         return None
 
     def _workspace(self, s: int) -> collocation.Workspace:
@@ -225,37 +224,35 @@ class CableElements(System):
             )  # fmt: skip
         return self._space
 
-    # --- what a mesh answers ---------------------------------------------------------------------------
     def _places(self, t: Array, phase: int) -> Array:
-        """Return `Instant.place` at instants (...), (..., 3 + fields)."""
+        """`Instant.place` at instants (...), (..., 3 + fields)."""
         raise NotImplementedError
 
     def _contact_at(self, t: float, phase: int) -> Contact:
         raise NotImplementedError
 
     def _split(self, states: States) -> tuple[States, Array]:
-        """Return the history of the cable, and s_o, ds_o, dds_o (n, 3)."""
+        """The history of the cable, and s_o, ds_o, dds_o (n, 3)."""
         return states, np.ascontiguousarray(self.motion.along(states.t, states.phase).T)
 
     def _mesh_at(self, kinematics: Array) -> Array:
-        """Return s_o, ds_o, dds_o of the mesh."""
+        """s_o, ds_o, dds_o of the mesh."""
         return kinematics
 
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return w(s_o(t), t), dw/dt, d2w/dt2, and w' behind and ahead, (n, fields) each."""
+        """w(s_o(t), t), dw/dt, d2w/dt2, and w' behind and ahead, (n, fields) each."""
         raise NotImplementedError
 
     def _along(
         self, states: States, kinematics: Array, ends: Array, force: Array, s: Array, frames: NDArray[np.intp]
     ) -> tuple[Sequence[Array], Array, Array]:
-        """Return fields at frames x stations; at s = s_o behind the mass.
+        """Fields at frames x stations; at s = s_o behind the mass.
 
         (w, dw/dt at fixed s, w'), f - c^2 w' by the balance of momentum, each (k, m, fields); mesh speed c (k, m).
         ends : see `observing._end_forces`;  force : of the cable on the mass (n, fields).
         """
         raise NotImplementedError
 
-    # --- the cable -------------------------------------------------------------------------------------
     def _set_law(self, law: str) -> None:
         if law not in ("elastic", "tension-only"):
             raise ValueError(f"law must be elastic or tension-only, got {law!r}")
@@ -269,7 +266,7 @@ class CableElements(System):
             self._law = np.array([g.alpha, tau, curvature, *STRETCHING[self.model], flag])
 
     def static(self, s_o: Any) -> tuple[Array, Array, Array]:
-        """Return place, slope and curvature (..., fields) of the static shape; the parabola for one field."""
+        """Place, slope and curvature (..., fields) of the static shape; the parabola for one field."""
         s_o = np.asarray(s_o)
         if self.fields == 2:
             _, *slope_and_bend = self.groups.static(s_o)
@@ -279,7 +276,7 @@ class CableElements(System):
         return -0.5 * (bend * s_o * (1.0 - s_o))[..., None], (bend * (s_o - 0.5))[..., None], bend[..., None]
 
     def _load(self, s_o: Any, ds: Any, dds: Any) -> tuple[Any, ...]:
-        """Return mu d2X/dt2 less the weight of each field."""
+        """mu d2X/dt2 less the weight of each field."""
         mu, weight = self.inertia, self.weight
         if self.fields == 1:
             curvature = float(self._law[2])
@@ -289,9 +286,7 @@ class CableElements(System):
         bend = ds * ds * self.groups.sigma / T**3
         return mu * (dds / T + bend * p) - weight[0], mu * (dds * p / T - bend) - weight[1]
 
-    # --- observation -----------------------------------------------------------------------------------
     def path(self, states: States) -> tuple[Array, Array]:
-        """Return s_o (n,) and the mass's displacement (n, 2)."""
         states, kinematics = self._split(states)
         return kinematics[:, 0], self._at_mass(states, kinematics)[0] @ self.direction
 

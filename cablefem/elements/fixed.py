@@ -74,9 +74,9 @@ class FixedElements(CableElements):
         self._fresh()
 
     def start(self, phase: int, state: State | None) -> State:
-        """Return the state at the beginning of a phase.
+        """At entry everything rests.
 
-        At entry everything rests.  A jump of dds_o gives (M + mu N^T N) [a] = -mu N^T [dds_o] (X' + N' q).
+        A jump of dds_o gives (M + mu N^T N) [a] = -mu N^T [dds_o] (X' + N' q).
         """
         t = self.phases[phase][0]
         if state is None:
@@ -161,7 +161,7 @@ class FixedElements(CableElements):
         self._powers = np.stack([np.pad(x, ((0, 0), (0, n_loc - x.shape[1]))) for x in derivatives])
 
     def _shape(self, s_o: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
-        """Return unknowns (n_loc, fields) and N, N', N'' at s_o; at a node of the element ahead."""
+        """Unknowns (n_loc, fields) and N, N', N'' at s_o; at a node of the element ahead."""
         (dofs,), shapes = self._evaluate(np.array([s_o]), "ahead")
         keep = dofs > 0
         N, N_s, N_ss = shapes[:, keep, 0]
@@ -186,9 +186,8 @@ class FixedElements(CableElements):
             r[p] = q[p] - N @ q[dofs]
             r[dofs] += np.outer(N, self.inertia * a[p] - m_row @ a[dofs])
 
-    # --- observation -----------------------------------------------------------------------------------
     def _evaluate(self, s: Array, side: str) -> tuple[NDArray[np.int64], Array]:
-        """Return unknowns (m, n_loc), from 1 with 0 for supports, and N, N', N'' (3, n_loc, m)."""
+        """Unknowns (m, n_loc), from 1 with 0 for supports, and N, N', N'' (3, n_loc, m)."""
         x = s * self.elements
         e = np.clip(np.ceil(x) - 1 if side == "behind" else np.floor(x), 0, self.elements - 1).astype(int)
         return self._mesh.dofs[e] + 1, self._powers @ (x - e) ** np.arange(self._powers.shape[2])[:, None]
@@ -197,7 +196,7 @@ class FixedElements(CableElements):
         return np.tile([1.0, 0.0, 0.0], (len(kinematics), 1))  # one side, which rests
 
     def _padded(self, x: Array) -> Array:
-        """Return (n, 1 + n_scalar, fields), zeros first for supports."""
+        """(n, 1 + n_scalar, fields), zeros first for supports."""
         n = x.shape[0]
         cable = x[:, : self.fields * self.n_scalar].reshape(n, self.n_scalar, self.fields)
         return np.concatenate([np.zeros((n, 1, self.fields)), cable], axis=1)

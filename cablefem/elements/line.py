@@ -156,7 +156,7 @@ class _Batch:
         self.ends = np.concatenate([self.behind[at, :2], self.ahead[at, :2]], axis=1)
 
     def _special(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the special rows (m,), and d/df (m, 4)."""
+        """The special rows (m,), and d/df (m, 4)."""
         f = np.where(self.ends >= 0, z[self.ends], 0.0)
         bx, by, ax, ay = f.T
         W, zero = self.given, np.zeros(self.rows.size)
@@ -196,10 +196,8 @@ class _Batch:
         free = self.number >= 0
         self.X[self.number[free]] = start[free]
 
-    # --- Newton's method -----------------------------------------------------------------------------
-
     def fields(self, X: np.ndarray, softness: float) -> dict[str, np.ndarray]:
-        """Return the data of the forms; softness 0 is EA, 1 is SOFTEST times the tension.
+        """The data of the forms; softness 0 is EA, 1 is SOFTEST times the tension.
 
         The soft law N = N_ref + EA_soft (lam - lam_ref) keeps the length of the rope.
         """
@@ -219,12 +217,12 @@ class _Batch:
         return {**whole, "lam": lam, "N": N, "W": W, "t": slope / length, "y": u[1]}
 
     def derivatives(self, fields: dict[str, np.ndarray]) -> np.ndarray:
-        """Return z = (f, g)."""
+        """z = (f, g)."""
         g = energy_by_h.elemental(self.basis, **fields).reshape(self.pieces, -1).sum(axis=1)
         return np.concatenate([weak_force.assemble(self.basis, **fields), g])
 
     def residual(self, X: np.ndarray, fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residual (size,), and `_special`'s derivatives."""
+        """The residual (size,), and `_special`'s derivatives."""
         z = self.derivatives(fields)
         value, slope = self._special(z)
         R = self.B @ z + self.spring * X + self.pull
@@ -247,7 +245,7 @@ class _Batch:
         return np.sqrt(np.bincount(self.case_of, R**2, len(self.cases)))
 
     def solve(self) -> list[LineState]:
-        """Return the states at rest; NoLine where a case has none."""
+        """States at rest; NoLine where a case has none."""
         for i in range(SOFTENING, -1, -1):
             self._newton(i / SOFTENING, ROUGH if i else LAST)
         return self._states()
@@ -274,7 +272,7 @@ class _Batch:
         raise NotFound
 
     def _states(self) -> list[LineState]:
-        """Return the states, with weak nodal forces as pulls."""
+        """States, with weak nodal forces as pulls."""
         fields, known = self.fields(self.X, 0.0), self.known.copy()
         z = np.append(self.derivatives(fields), np.nan)  # last: no piece
         known[self.number >= 0] = self.X[self.number[self.number >= 0]]
@@ -296,7 +294,7 @@ class _Batch:
 
 
 def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLine]:
-    """Return each case at rest with an even number of elements on each piece.
+    """Each case at rest with an even number of elements on each piece.
 
     If a case has no rest, both halves are solved apart.
     """

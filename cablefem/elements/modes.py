@@ -29,7 +29,7 @@ def sag_form(eta, w):
 
 
 def bare_frequencies(groups: Groups, *, elements: int = 10, degree: int = 8, model: str = "full", n: int = 10) -> Array:
-    """Return the n lowest circular frequencies omega l sqrt(rho/H), ascending, (n,).
+    """The n lowest circular frequencies omega l sqrt(rho/H), ascending, (n,).
 
     elements : on the whole cable; degree : 1 to 8.
     model : "full", "string", "sagged" (Irvine & Caughey's theory), or "stretching", at rest the same.

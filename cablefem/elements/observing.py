@@ -69,7 +69,7 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
 
 
 def energies(system: CableElements, mesh_at: Array, q: Array, v: Array) -> tuple[Any, ...]:
-    """Return energies (3, n), kinetic, of strain and of weight, and the rest of `_strained`.
+    """Energies (3, n), kinetic, of strain and of weight, and the rest of `_strained`.
 
     mesh_at : (n, 3) s_o, ds_o, dds_o of the mesh;  q, v : (n, n_scalar, fields).
     """
@@ -81,12 +81,12 @@ def energies(system: CableElements, mesh_at: Array, q: Array, v: Array) -> tuple
 
 
 def _sides(system: CableElements, s_o: Array) -> list[tuple[Array, Array, float]]:
-    """Return `moments`, length h and dh/ds_o of each side; a fixed mesh has one."""
+    """`moments`, length h and dh/ds_o of each side; a fixed mesh has one."""
     return list(zip(system._moments, (s_o, 1.0 - s_o), (1.0, -1.0), strict=False))
 
 
 def kinetic_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) -> Array:
-    """Return int |w.|^2/2 ds (n,): h/2 v.M v - ds_o v.G q + ds_o^2/(2h) q.H q of each side."""
+    """int |w.|^2/2 ds (n,): h/2 v.M v - ds_o v.G q + ds_o^2/(2h) q.H q of each side."""
     s_o, ds, _ = mesh_at.T
     q, v = (x.reshape(s_o.size, -1).T for x in (q, v))
     (_, width, n), total = system._operators.shape, np.zeros(s_o.size)
@@ -104,7 +104,7 @@ def kinetic_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) ->
 
 
 def _strained(system: CableElements, s_o: Array, q: Array) -> tuple[Array, ...]:
-    """Return energy of strain, least tension, its s, int f dxi of both sides (n, 2, fields), and the rise of tension.
+    """Energy of strain, least tension, its s, int f dxi of both sides (n, 2, fields), and the rise of tension.
 
     One field has a uniform tension, see `kernels.balance.add_chord`.
     """
@@ -134,7 +134,7 @@ def _strained(system: CableElements, s_o: Array, q: Array) -> tuple[Array, ...]:
 
 
 def _end_forces(system: CableElements, mesh_at: Array, history: tuple[Array, Array, Array], pulled: Array) -> Array:
-    """Return f - c^2 w' (n, 4, fields) at the left support, behind and ahead of the mass, and at the right support.
+    """f - c^2 w' (n, 4, fields) at the left support, behind and ahead of the mass, and at the right support.
 
     f is the internal force less its static part.  Momentum of a side, tested with phi = 1, and with phi = 1 at the mass
     and 0 at the support: int d(h w.)/dt phi dxi + int (c w. + f) phi' ds = [(f + c w.) phi].
@@ -159,7 +159,7 @@ def _tensions(
     system: CableElements, ends: Array, along: tuple[Array, Array, Array], c: tuple[Array, Array],
     at_mass: tuple[Array, ...],
 ) -> tuple[dict[str, Any], Array]:  # fmt: skip
-    """Return tensions and reactions of the full cable, and <N t> . [r'] - [W] of the kink.
+    """Tensions and reactions of the full cable, and <N t> . [r'] - [W] of the kink.
 
     along : f - c^2 w' (k, m, 2), w' (k, m, 2), s (m,);  c : at the mass (n,) and along the cable (k, m);
     at_mass : X' (n, 2), T (n,), r' behind and ahead (n, 2).
@@ -191,7 +191,7 @@ def _tensions(
 
 
 def _chord_tensions(system: CableElements, ends: Array, rise: Array, T: Array, s: Array, frames: Any) -> dict[str, Any]:
-    """Return the same for one field, whose tension rises uniformly."""
+    """The same for one field, whose tension rises uniformly."""
     g, (tau, curvature) = system.groups, system._law[1:3]
     chord = np.array([g.chord_cos, g.chord_sin])
     left, right = (
@@ -206,7 +206,7 @@ def _chord_tensions(system: CableElements, ends: Array, rise: Array, T: Array, s
 
 
 def _recovered(system: CableElements, carried: Array, c: Array, at: tuple[Array, Array, Array]) -> Array:
-    """Return N from `carried` = N t - T X' - c^2 w'; at : X', T, r'.
+    """N from `carried` = N t - T X' - c^2 w'; at : X', T, r'.
 
     N t - c^2 r' = (N (1 - c^2/alpha) - c^2 (1 - T/alpha)) t; r' gives the sign.
     """

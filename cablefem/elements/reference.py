@@ -12,7 +12,7 @@ from cablefem.newmark import Array
 
 
 def lagrange_element(degree: int) -> skfem.Element:
-    """Return a new 1D element of that degree, for one set of points only.
+    """A new 1D element of that degree, for one set of points only.
 
     A reused ElementLinePp silently returns values at earlier points (scikit-fem 12.0.2).
     """
@@ -26,7 +26,7 @@ def lagrange_element(degree: int) -> skfem.Element:
 
 
 def shape_polynomials(element: skfem.Element) -> Array:
-    """Return P (n_loc, n_loc): shape function k on [0, 1] is sum_m P[k, m] x^m."""
+    """P (n_loc, n_loc): shape function k on [0, 1] is sum_m P[k, m] x^m."""
     n_loc = element.refdom.nnodes * element.nodal_dofs + element.interior_dofs
     x = 0.5 - 0.5 * np.cos(np.pi * (np.arange(n_loc) + 0.5) / n_loc)
     mesh = skfem.MeshLine(np.array([0.0, 1.0]))
@@ -53,7 +53,7 @@ def convection_form(phi, eta, w):
 
 
 def force_order(degree: int) -> int:
-    """Return the order of quadrature of internal forces: as many Gauss points as the degree, at least two.
+    """The order of quadrature of internal forces: as many Gauss points as the degree, at least two.
 
     More points lock (Stolarski & Belytschko 1982): there u' cannot follow v'^2/2.
     """
@@ -61,7 +61,7 @@ def force_order(degree: int) -> int:
 
 
 def tabulated(basis: skfem.Basis) -> Array:
-    """Return x, weight, shape values and slopes at the points, (n_el, n_q, 2 + 2 n_loc)."""
+    """x, weight, shape values and slopes at the points, (n_el, n_q, 2 + 2 n_loc)."""
     x = np.asarray(basis.global_coordinates())[0]
     fields = [basis.basis[k][0] for k in range(basis.Nbfun)]
     columns = [x, basis.dx, *(f.get(0) for f in fields), *(f.grad[0] for f in fields)]
@@ -86,7 +86,7 @@ class Reference(NamedTuple):
 
 
 def along(basis: skfem.Basis, degree: int) -> NDArray[np.int64]:
-    """Return numbers along the mesh for scikit-fem's unknowns, so that bands are narrow."""
+    """Numbers along the mesh for scikit-fem's unknowns, so that bands are narrow."""
     number, n_el = np.empty(basis.N, dtype=np.int64), basis.element_dofs.shape[1]
     number[basis.element_dofs[0]] = degree * np.arange(n_el)
     number[basis.element_dofs[1]] = degree * np.arange(1, n_el + 1)
@@ -96,14 +96,14 @@ def along(basis: skfem.Basis, degree: int) -> NDArray[np.int64]:
 
 
 def bands(matrix: coo_array, b: int) -> Array:
-    """Return diagonals, bands[b + j - i, i] = matrix[i, j], |i - j| <= b."""
+    """Diagonals, bands[b + j - i, i] = matrix[i, j], |i - j| <= b."""
     out = np.zeros((2 * b + 1, matrix.shape[0]))
     np.add.at(out, (b + matrix.col - matrix.row, matrix.row), matrix.data)
     return out
 
 
 def moments(dofs: NDArray[np.int64], tab: Array, chi: Array, n: int) -> Array:
-    """Return int phi, int chi phi, int chi phi,xi and int chi^2 phi,xi dxi of n functions, (n, 4)."""
+    """int phi, int chi phi, int chi phi,xi and int chi^2 phi,xi dxi of n functions, (n, 4)."""
     n_loc = dofs.shape[1]
     phi, phi_x = tab[..., 2 : 2 + n_loc], tab[..., 2 + n_loc :]
     out = np.zeros((n + 1, 4))  # last row: supports
@@ -114,7 +114,7 @@ def moments(dofs: NDArray[np.int64], tab: Array, chi: Array, n: int) -> Array:
 
 @lru_cache(maxsize=64)
 def reference(elements: int, degree: int, grading: float) -> Reference:
-    """Return equal or graded elements on both sides; grading: longest over shortest, next to the mass."""
+    """Equal or graded elements on both sides; grading: longest over shortest, next to the mass."""
     lengths = np.geomspace(1.0, grading, elements) if elements > 1 else np.ones(1)
     ahead = np.append(0.0, np.cumsum(lengths))
     ahead /= ahead[-1]

@@ -53,7 +53,7 @@ STATIC = 1e-30  # factor of dr/da in the tangent of statics; regular for the rop
 
 
 def following(groups: Groups, **kind: Any) -> FollowingElements:
-    """Return the mass-following elements for the drive of a scene."""
+    """The mass-following elements for the drive of a scene."""
     return (FollowingElements if groups.drive.mode == "grip" else RollingElements)(groups, **kind)
 
 
@@ -89,7 +89,7 @@ class RollingElements(RollingCar, FollowingElements):
         return float(x.q[-1]) if self.free else super().place(x)
 
     def start(self, phase: int, state: State | None) -> State:
-        """Return the state at the beginning of a phase.
+        """Begin a phase; the first one as follows.
 
         free : the cable at rest with the car held; the car is let go.
         haul : the cable moves through states of rest with the first speed of the travel.
@@ -130,7 +130,7 @@ class RollingElements(RollingCar, FollowingElements):
         return kernels.Ride(car, self._at_car, self._single.ride.border, course), self._brought(t, phase)
 
     def _brought(self, t: Array, phase: int) -> Array:
-        """Return hauled s_o, ds_o, dds_o, or hold and thrust, (..., 3)."""
+        """Hauled s_o, ds_o, dds_o, or hold and thrust, (..., 3)."""
         if not self.free:
             return self._places(t, phase)[..., :3].copy()
         now, drive = np.zeros((*t.shape, 3)), self.drive
@@ -142,7 +142,7 @@ class RollingElements(RollingCar, FollowingElements):
 
     @property
     def _course(self) -> Array:
-        """Return `course` of `kernels.under_way`.
+        """`course` of `kernels.under_way`.
 
         A hauled car has a margin: schemes may balance it before the end of the step.
         """
@@ -178,7 +178,7 @@ class RollingElements(RollingCar, FollowingElements):
         return total
 
     def _inertia(self, car: kernels.Car, q: Array, v: Array, w: Array) -> tuple[Array, Array, Array]:
-        """Return the forces at rest, M(q) w, and the gradient of v . M(q) w by q, (n_dof,) each.
+        """Forces at rest, M(q) w, and the gradient of v . M(q) w by q, (n_dof,) each.
 
         They are what the acceleration w changes in the residual, which is linear in it, and in its tangent.
         """
@@ -194,7 +194,7 @@ class RollingElements(RollingCar, FollowingElements):
         return r[0], r[1] - r[0], gradient
 
     def _force(self, start: State, end: State, x: float) -> Array:
-        """Return the forces on p and s_o (3,) during a step."""
+        """Forces on p and s_o (3,) during a step."""
         car, dt = self._car(start.t + x * (end.t - start.t), start.phase), end.t - start.t
         of = np.array([start.q + x * (end.q - start.q), 0.5 * (start.v + end.v), (end.v - start.v) / dt])
         push = self._forces(car, of)
@@ -243,7 +243,7 @@ class RollingElements(RollingCar, FollowingElements):
         return kernels.Ride(car, self._at_car, Border(np.zeros((3, n), kind), np.zeros(1, kind)), ANY)
 
     def _statics(self, s_o: float) -> tuple[Array, float]:
-        """Return the unknowns of the cable at rest with the car at s_o, and the force on the car.
+        """Unknowns of the cable at rest with the car at s_o, and the force on the car.
 
         free : the force along the cable that holds it; haul : the force of the rope.
         """
@@ -288,7 +288,6 @@ class RollingElements(RollingCar, FollowingElements):
         x[0, -1] = s_o if self.free else 0.0
         return x[0], float(self._roll(car, x, r)[2] if self.free else x[2, -1])
 
-    # --- observation -----------------------------------------------------------------------------------
     def _split(self, states: States) -> tuple[States, Array]:
         q, v, a = (np.ascontiguousarray(x[:, :-1]) for x in (states.q, states.v, states.a))
         cable = States(states.t, q, v, a, states.phase)

@@ -37,7 +37,7 @@ class _Nodes:
         return np.concatenate([self.system.residual(t, *self.at(i), self.phase) for i, t in enumerate(self.t)])
 
     def tangent(self) -> Callable[[Array], Array]:
-        """Return the solution with M + dt A C + dt^2 A^2 K, the same M, C, K for all nodes.
+        """The solution with M + dt A C + dt^2 A^2 K, the same M, C, K for all nodes.
 
         A's eigenvalues lam split it into M + dt lam C + (dt lam)^2 K (Hairer & Wanner 1996, section IV.8).
         """

@@ -19,7 +19,7 @@ APART = 1e-4  # of the shorter side, for differences
 
 
 def equilibrium(system: System) -> Array:
-    """Return q at rest; StepFailure if none is found."""
+    """q at rest; StepFailure if none is found."""
     bound = TOL * system.force_scale + math.sqrt(system.n_dof) * system.force_floor
     zero = np.zeros(system.n_dof)
     for first in WEIGHTS:
@@ -40,7 +40,7 @@ def equilibrium(system: System) -> Array:
 
 
 def begun(system: System, rest: Callable[[float], Array], s_o: float, ds_o: float) -> State:
-    """Return the state of a mass at s_o, at rest or moving through states of rest.
+    """The state of a mass at s_o, at rest or moving through states of rest.
 
     rest : q with the mass at rest at a place.
     """

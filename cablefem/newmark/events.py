@@ -35,7 +35,7 @@ def pass_events(system: System, names: list[str], x: State, t: float, work: Work
 
 
 def first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[State, list[str]]:
-    """Return the first event in a step with all names due there; (x1, []) if none."""
+    """The first event in a step with all names due there; (x1, []) if none."""
 
     def values(x: State) -> tuple[float, ...]:
         found = system.watch(x)

@@ -42,7 +42,7 @@ GAUSS = ((3.0 - math.sqrt(3.0)) / 6.0, (3.0 + math.sqrt(3.0)) / 6.0)
 
 
 def scheme(name: str, *, newmark_gamma: float = 0.6, rho_inf: float = 0.9) -> Scheme:
-    """Return a scheme by name.
+    """A scheme by name.
 
     trapezoidal        second order; unconditionally stable for linear systems.
     newmark            first order, damped.

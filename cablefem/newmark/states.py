@@ -105,7 +105,7 @@ class Course(Sequence[State]):
 
 
 def stacked(states: Sequence[State]) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
-    """Return t (n,), q, v and a (n, n_dof), and phase (n,) of a history."""
+    """t (n,), q, v and a (n, n_dof), and phase (n,) of a history."""
     parts = states.parts if isinstance(states, Course) else [states]
     t, rows, phase = zip(
         *(

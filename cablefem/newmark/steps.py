@@ -11,7 +11,7 @@ GROWTH = 1.15  # of steps in ramps
 
 
 def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 1.0) -> list[Array]:
-    """Return per phase the instants to step on: about `steps` equal steps.
+    """Per phase the instants to step on: about `steps` equal steps.
 
     The last instant is left out, for systems may be singular there.
     entry, exit : first and last step over the uniform one.

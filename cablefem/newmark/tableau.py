@@ -32,7 +32,7 @@ class Tableau(NamedTuple):
         return self.c, self.A, self.AA, self.ends, self.values, self.to, self.back, self.middle
 
     def instants(self, t: Array) -> Array:
-        """Return node times (m, s) of steps between t (m + 1,)."""
+        """Node times (m, s) of steps between t (m + 1,)."""
         at = t[:-1, None] + (t[1:] - t[:-1])[:, None] * self.c
         if self.c[-1] == 1.0:
             at[:, -1] = t[1:]
@@ -62,13 +62,13 @@ def tableau(nodes: tuple[float, ...]) -> Tableau:
 
 @lru_cache(maxsize=256)
 def further(nodes: tuple[float, ...], ratio: float) -> Array:
-    """Return (s, s) from accelerations to their extrapolation in a step `ratio` as long."""
+    """(s, s) from accelerations to their extrapolation in a step `ratio` as long."""
     rule = tableau(nodes)
     return np.vander(1.0 + ratio * rule.c, len(nodes), increasing=True) @ rule.powers[0]
 
 
 def densified(states: Sequence[State], parts: int) -> list[State]:
-    """Return a history with collocation steps cut in `parts`."""
+    """A history with collocation steps cut in `parts`."""
     out = list(states[:1])
     for before, after in pairwise(states):
         if isinstance(after, Collocated):
@@ -79,7 +79,7 @@ def densified(states: Sequence[State], parts: int) -> list[State]:
 
 
 def between(before: State, after: State, t: float) -> State:
-    """Return the state at t inside a step: the collocation polynomial, else `cubic` with linear a."""
+    """The state at t inside a step: the collocation polynomial, else `cubic` with linear a."""
     if isinstance(after, Collocated):
         nodes, dt, a = after.inside
         x = (t - after.t) / dt + 1.0
@@ -93,7 +93,7 @@ def between(before: State, after: State, t: float) -> State:
 
 
 def cubic(x, dt, before, after) -> tuple[Array, Array]:
-    """Return q and v at x in [0, 1] of a step dt, from q and v at both ends."""
+    """q and v at x in [0, 1] of a step dt, from q and v at both ends."""
     d, v0, v1 = after.q - before.q, dt * before.v, dt * after.v
     c2, c3 = 3.0 * d - 2.0 * v0 - v1, v0 + v1 - 2.0 * d
     return before.q + x * (v0 + x * (c2 + x * c3)), (v0 + x * (2.0 * c2 + x * 3.0 * c3)) / dt

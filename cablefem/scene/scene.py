@@ -92,8 +92,6 @@ class Scene(Described):
             return faults
         return faults + [f"travel{fault}" for fault in _travel_faults(self.travel, drive, catenary.length, axial)]
 
-    # --- reading and writing ----------------------------------------------------------------------------------------
-
     @classmethod
     def from_toml(cls, text: str, *, name: str = "scene", folder: Path = Path()) -> Self:
         if "contact" in parsed(text):
@@ -110,8 +108,6 @@ class Scene(Described):
         if any(f"cable.{shape}" in changes for shape in SHAPES):
             data["cable"] = {k: x for k, x in data["cable"].items() if k not in SHAPES}
         return data
-
-    # --- other scenes -----------------------------------------------------------------------------------------------
 
     @classmethod
     def from_groups(
@@ -200,8 +196,6 @@ class Scene(Described):
         """The cable as it is, without temperature and ice, hung otherwise."""
         gone = {*SHAPES, "temperature", "reference_temperature", "expansion", "ice"}
         return Cable(**{**self.cable.model_dump(exclude=gone), "mass_per_length": self.rho, **shape})
-
-    # --- what follows -----------------------------------------------------------------------------------------------
 
     @cached_property
     def catenary(self) -> Catenary:

@@ -104,13 +104,11 @@ class ConstantSpeed(Law):
     entry_ramp: Positive | None = said("[m] L, over which the mass comes to its speed", None)
 
     def own_faults(self, way: float) -> list[str]:
-        """Return what is wrong with this law over a way [m]."""
         if self.entry_ramp is not None and self.entry_ramp >= way:
             return [f"entry_ramp = {self.entry_ramp!r}: must be < {way:.6g} m, the length of the ride"]
         return []
 
     def course(self, way: float) -> Motion:
-        """Return the motion of the law from 0 over a way [m], in SI."""
         V, L = self.speed, self.entry_ramp
         if L is None:
             return Motion(((0.0, way / V),), ((Piece(0.0, 0.0, 0.0, V, 0.0),),), way)
@@ -284,7 +282,6 @@ class Table(Law):
         return Motion(phases, tuple(pieces), float(s[-1]))
 
     def faster(self, factor: float) -> Law:
-        """Return the same law run through `factor` times as fast."""
         return super().faster(factor).model_copy(update={"times": tuple(t / factor for t in self.times)})
 
 

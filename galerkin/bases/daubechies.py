@@ -301,7 +301,6 @@ class Daubechies:
 
     @property
     def n(self) -> int:
-        """Number of independent Theta_jk."""
         return self._functions.c[0].shape[1]
 
     @property

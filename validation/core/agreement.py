@@ -78,7 +78,7 @@ class Agreement:
 
 
 def overall(rows: list[Agreement]) -> Verdict:
-    """Return the first verdict, in order of precedence, of the asked rows."""
+    """The first verdict, in order of precedence, of the asked rows."""
     verdicts = {row.verdict for row in rows if row.asked} or {Verdict.NOT_COMPARABLE}
     return next(verdict for verdict in Verdict if verdict in verdicts)
 

@@ -18,14 +18,12 @@ PLACES = 201  # stations in tension.csv
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a run ends."""
-
     kind: str  # arrives, stopped_by_brake, stuck, rolls_back, rolling, crossed, stopped, incomplete
     sentence: str
 
 
 def outcome(scene: Scene, r: Response) -> Outcome:
-    """Return how a run ends, and what rope or car would hit."""
+    """How a run ends, and what rope or car would hit."""
     found = _end(scene, r)
     hit = hits(scene, r)
     return Outcome(found.kind, found.sentence + (f"; would hit {' and '.join(hit)}" if hit else ""))
@@ -104,7 +102,7 @@ class Profile(NamedTuple):
 
 
 def shapes(r: Response) -> tuple[Array, Array, Array]:
-    """Return x, y [m], tension [N] of the rope and the point at the mass at each frame, (k, m + 1) each."""
+    """x, y [m], tension [N] of the rope and the point at the mass at each frame, (k, m + 1) each."""
     f = r.fields
     x, y = f.x + f.u, f.y + f.v
     mass = np.array([np.interp(f.s_o, f.s, f.x) + f.mass_u, np.interp(f.s_o, f.s, f.y) + f.mass_v])
@@ -116,7 +114,6 @@ def shapes(r: Response) -> tuple[Array, Array, Array]:
 
 
 def profile(r: Response) -> Profile:
-    """Return extremes of depth and tension over all frames."""
     f = r.fields
     x = np.linspace(float(f.x[0]), float(f.x[-1]), PLACES)
     rest = np.interp(x, f.x, f.y)
@@ -158,7 +155,7 @@ class Room:
 
 
 def clearances(scene: Scene, r: Response) -> list[Room]:
-    """Return all free heights; empty where the car never passes.  An obstacle is a ground of one point."""
+    """All free heights; empty where the car never passes.  An obstacle is a ground of one point."""
     below = 0.0 if scene.mass is None else scene.mass.below
     grounds = [(o.name, np.array([[o.at, o.top]])) for o in scene.obstacle]
     if scene.ground:

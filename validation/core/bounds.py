@@ -51,7 +51,6 @@ class Bound:
         return "; ".join([said, *self.notes])
 
     def row(self) -> dict[str, Any]:
-        """Return the bound for JSON."""
         row = asdict(self)
         for part in row["parts"]:
             part["value"] = part["value"] if math.isfinite(part["value"]) else None

@@ -16,7 +16,7 @@ def crossed(
     groups: Groups, name: str, settings: dict[str, Any], *, model: str = "straight", load: str = "mass", until: float,
     begun: bool = False,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Return dimensionless t, s_o and v (n,) of the mass up to s_o = until; v is nan if the run failed.
+    """Dimensionless t, s_o and v (n,) of the mass up to s_o = until; v is nan if the run failed.
 
     begun : the mass starts on the cable, not at the support.
     """

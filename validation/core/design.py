@@ -131,7 +131,7 @@ _scene = lru_cache(maxsize=4)(Scene.from_toml)
 
 
 def quantities(r: Response) -> dict[str, Quantity]:
-    """Return the quantities of a run, with rope angles and clearances."""
+    """Quantities of a run, with rope angles and clearances."""
     asked = dict(QUANTITIES)
     for side in ("left", "right"):
         tracks = _angle(side)
@@ -159,7 +159,7 @@ def _tilt(r: Response) -> list[Number]:
 
 
 def numbers(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
-    """Return the known design numbers, of a ladder with bars: at least the gap to the twin's."""
+    """The known design numbers, of a ladder with bars: at least the gap to the twin's."""
     r, ladder = (of.finest, of) if isinstance(of, Ladder) else (of, None)
     other = None if twin is None else twin.finest
     span = _range(r, *(() if other is None else (other,)))
@@ -168,7 +168,7 @@ def numbers(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
 
 
 def design(r: Response) -> list[dict[str, Any]]:
-    """Return the `design` rows of a single run, without bars."""
+    """The `design` rows of a single run, without bars."""
     return [number.row() for number in numbers(r)]
 
 

@@ -20,7 +20,7 @@ WORDS = {
 
 
 def flag(kind: str, **numbers: float | str) -> Flag:
-    """Return a flag of a kind in `WORDS` with its numbers."""
+    """A flag of a kind in `WORDS` with its numbers."""
     made = Flag(kind, WORDS[kind], numbers)
     str(made)  # fails if a number is missing
     return made

@@ -82,7 +82,7 @@ class ForeignPath:
         cls, scene: Scene, s_o: Any = None, v: Any = None, u: Any = None, *, t: Any = None, x: Any = None,
         y: Any = None, name: str = "the other solver",
     ) -> Self:  # fmt: skip
-        """Return the path v(s_o) [m], v down; t [s] by the scene's travel unless given.  A free ride needs x, y(t).
+        """The path v(s_o) [m], v down; t [s] by the scene's travel unless given.  A free ride needs x, y(t).
 
         Raises Refused.
         """
@@ -101,7 +101,7 @@ class ForeignPath:
 
     @classmethod
     def read(cls, file: str | Path, scene: Scene) -> Self:
-        """Return the path in a CSV file (comma, semicolon or tab; # begins a comment line).
+        """The path in a CSV file (comma, semicolon or tab; # begins a comment line).
 
         Raises Refused with one line per fault.
         """
@@ -159,20 +159,20 @@ def _read(file: Path, scene: Scene) -> _Given:
 
 
 def _head(lines: list[str]) -> int | None:
-    """Return which line names the columns: the first without #, or one with # and a known name."""
+    """Which line names the columns: the first without #, or one with # and a known name."""
     named = (line[0] != "#" or any(map(_NAME.fullmatch, _cells(line))) for line in lines)
     return next((i for i, found in enumerate(named) if found), None)
 
 
 def _told(column: str, l: float) -> tuple[str, float]:
-    """Return the quantity of a column, and the factor that gives SI and v down."""
+    """The quantity of a column, and the factor that gives SI and v down."""
     quantity, unit, way = _NAME.fullmatch(column.lower()).groups()  # type: ignore[union-attr]
     factors = {"_over_l": l, "/l": l, "_mm": 1e-3, "_km": 1e3, "_ms": 1e-3, "_kn": 1e3, "_kmh": 1.0 / 3.6}
     return _QUANTITIES.get(quantity, quantity), factors.get(unit, 1.0) * (-1.0 if way == "_up" else 1.0)
 
 
 def _of_names(header: list[str], found: list[str], rows: list[Any], scene: Scene) -> list[str]:
-    """Return what is wrong with the names of the columns; `found` are their known quantities."""
+    """Faults in the names of the columns; `found` are their known quantities."""
     if all(math.isfinite(_number(cell)) for cell in header):
         return ["line 1: numbers where the names of the columns should stand, e.g. t,s_o,u,v"]
     if not rows:
@@ -218,7 +218,7 @@ def _number(cell: str) -> float:
 
 
 def _completed(scene: Scene, given: _Given) -> dict[str, Any]:
-    """Return the fields of a `ForeignPath`."""
+    """Fields of a `ForeignPath`."""
     free = scene.drive.mode == "free"
     if scene.groups.motion is None and not free:
         raise Refused(f"scene {scene.name} has no travelling mass: there is no path to compare")
@@ -257,7 +257,7 @@ def _rises(given: _Given, clock: str) -> None:
 
 
 def _placed(scene: Scene, given: _Given) -> dict[str, Array]:
-    """Return the columns with t and s_o, up to the end of the travel."""
+    """Columns with t and s_o, up to the end of the travel."""
     motion, l, tau, x = scene.groups.motion, scene.length, scene.time_scale, dict(given.x)
     if motion is None:
         s = np.linspace(0.0, l, 2001)
@@ -346,7 +346,7 @@ def _vertical(r: Any) -> Any:
 
 
 def comparable(a: Any, b: Any) -> tuple[Any, Any]:
-    """Return both paths, without u if one lacks it."""
+    """Both paths, without u if one lacks it."""
     return (a, b) if a.u is not None and b.u is not None else (_vertical(a), _vertical(b))
 
 
@@ -361,7 +361,7 @@ def _common(path: ForeignPath | Response, window: Window) -> Window:
 
 
 def mass_tension_gap(a: Any, b: Any, window: Window, H: float) -> float:
-    """Return the rms gap of both tensions at the mass over the window, over H."""
+    """Rms gap of both tensions at the mass over the window, over H."""
     return measures.series_gap(a, b, window, lambda r: np.stack([r.T_behind, r.T_ahead], axis=1) / (math.sqrt(2.0) * H))
 
 
@@ -401,7 +401,7 @@ def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: f
 
 
 def _measures(path: ForeignPath | Response, run: Response, part: Window) -> dict[str, tuple[Apart, str]]:
-    """Return what can be compared, path first: a distance of two answers, and the components that it takes."""
+    """The comparable quantities, path first: a distance of two answers, and the components that it takes."""
     free = run.drive == "free"
     seen: Callable[[Any], Any] = _vertical if path.u is None else lambda r: r
     along, upright = ("x", "y") if free else ("u", "v")
@@ -428,7 +428,7 @@ def _measures(path: ForeignPath | Response, run: Response, part: Window) -> dict
 
 
 def _short(path: ForeignPath | Response, run: Response, window: Window) -> dict[str, Any]:
-    """Return what a path covers if it is less than it should, else nothing."""
+    """The part of the window that a path covers, if not all; else {}."""
     axis, at, wanted = "s_o/l", path.s_o / path.length, window
     if run.drive == "free":
         axis, at, wanted = "t [s]", path.t, (0.0, float(run.t[-1]))

@@ -20,7 +20,7 @@ MOST = 10_000  # larger ones are sweeps
 
 
 def parsed(pair: str) -> tuple[str, list[Any]]:
-    """Return key and values of KEY=VALUES; ValueError says what is wrong."""
+    """Key and values of KEY=VALUES; ValueError says what is wrong."""
     key, given, text = (part.strip() for part in pair.partition("="))
     if not (key and given and text):
         raise ValueError(f"--set must be KEY=VALUE, got {pair!r}")
@@ -47,7 +47,7 @@ def _value(text: str) -> Any:
 
 
 def points(pairs: Sequence[str]) -> list[dict[str, Any]]:
-    """Return the grid's points; the last key changes fastest."""
+    """The grid's points; the last key changes fastest."""
     axes = [parsed(pair) for pair in pairs]
     keys = [key for key, _ in axes]
     if twice := {key for key in keys if keys.count(key) > 1}:

@@ -39,7 +39,7 @@ class Branch:
     order: float  # nominal, of the path
 
     def left(self, finest: Response, of: Of, apart: Apart, most: float) -> Any:
-        """Return this direction's error in the finest run; infinite without a half."""
+        """This direction's error in the finest run; infinite without a half."""
         if not self.runs:
             return math.inf
         try:
@@ -74,7 +74,7 @@ class Ladder:
         return self.finest, *self.space.runs, *self.time.runs
 
     def over(self, view: View) -> Ladder:
-        """Return the ladder without runs that end before the view, and coarser ones."""
+        """The ladder without runs that end before the view, and coarser ones."""
 
         def kept(branch: Branch) -> Branch:
             n = next((i for i, r in enumerate(branch.runs) if not view.covers(r)), len(branch.runs))
@@ -87,7 +87,7 @@ class Ladder:
         return space, time
 
     def bar(self, of: Of, apart: Apart = largest, order: float = math.inf) -> Any:
-        """Return the error bar of a functional of the finest run.
+        """The error bar of a functional of the finest run.
 
         of : a number or series;  apart : a distance, an array for a bar of each value.
         order : the most credited, if less than the path's.

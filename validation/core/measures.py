@@ -26,7 +26,7 @@ class NotComparable(ValueError):
 
 
 def window_of(*responses: MassPath, window: Window | None = None) -> Window:
-    """Return the window (default: of the drive), cut at the earliest slack onset and shortest run.
+    """The window (default: of the drive), cut at the earliest slack onset and shortest run.
 
     A free ride may turn back: it is not cut at its end.
     """
@@ -60,7 +60,7 @@ def at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
 
 
 def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float]:
-    """Return (max, rms over time) of |w_a - w_b| over the window, over the largest deflection of b.
+    """(max, rms over time) of |w_a - w_b| over the window, over the largest deflection of b.
 
     A free ride compares positions, over 0.1 l.  Taken at the steps of the coarser response.
     """
@@ -95,7 +95,7 @@ def _distance(coarse: MassPath, fine: MassPath) -> Array:
 
 
 def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
-    """Return s_o/l of common frames and their indices in a and b; the stations must be equal."""
+    """s_o/l of common frames and their indices in a and b; the stations must be equal."""
     if a.fields.s.shape != b.fields.s.shape or not np.allclose(a.fields.s, b.fields.s, rtol=0.0, atol=1e-9 * a.length):
         raise NotComparable("the tension fields are given at different stations")
     stands = any(np.unique(np.round(r.fields.s_o / r.length, 9)).size < r.fields.t.size for r in (a, b))
@@ -108,7 +108,7 @@ def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], ND
 
 
 def tension_gap(a: Response, b: Response, window: Window) -> float:
-    """Return the rms gap of the tension fields over frames in the window, over H.
+    """Rms gap of the tension fields over frames in the window, over H.
 
     Stations within JUMP_WIDTH of the mass are left out: there each mesh smears the jump.
     """
@@ -125,7 +125,7 @@ def series_gap(
     a: Response, b: Response, window: Window, of: Callable[[Response], Array], axial: float = 0.0,
     largest: bool = False,
 ) -> float:  # fmt: skip
-    """Return the rms (or largest) distance of series of(r), (n,) or (n, c), at the coarser run's steps.
+    """Rms (or largest) distance of series of(r), (n,) or (n, c), at the coarser run's steps.
 
     axial : averaging time [s].
     """
@@ -188,7 +188,7 @@ def _spline(t: Array, values: Array, kinks: Sequence[float], at: Array) -> Array
 
 
 def displacement_gap(a: Response, b: Response, window: Window, *, along: bool = False) -> float:
-    """Return the rms distance of displacements across (or along) the static cable, over the rms of b.
+    """Rms distance of displacements across (or along) the static cable, over the rms of b.
 
     The station at the mass is left out, see `velocity_gap`.
     """
@@ -201,7 +201,7 @@ def _component(r: Response, x: Array, y: Array, along: bool) -> Array:
 
 
 def velocity_gap(a: Response, b: Response, window: Window, *, along: bool = False) -> float:
-    """Return the rms distance of velocities across (or along) the static cable, over the rms of b.
+    """Rms distance of velocities across (or along) the static cable, over the rms of b.
 
     At the mass, rounding decides which side is sampled: its station is left out.
     """
@@ -219,7 +219,7 @@ def _field_gap(a: Response, b: Response, window: Window, of: Callable[[Response]
 
 
 def energy_defect(r: Response) -> Array:
-    """Return (n,) [J]: E(t) - E(0) minus the work of the drive; entry with speed is a jump of force."""
+    """(n,) [J]: E(t) - E(0) minus the work of the drive; entry with speed is a jump of force."""
     from validation.core.evidence import integral  # slow to load
 
     power = r.power[:, None].copy()
@@ -229,7 +229,7 @@ def energy_defect(r: Response) -> Array:
 
 
 def energy_gain(r: Response, weight: float, window: Window) -> float:
-    """Return the largest energy gained in the window without work, over weight times deflection.
+    """Largest energy gained in the window without work, over weight times deflection.
 
     Compares each time with all later ones, so that damping hides no gain.
     """
@@ -241,7 +241,7 @@ def energy_gain(r: Response, weight: float, window: Window) -> float:
 
 
 def oscillation(r: Response, window: Window, reach: float = 0.1) -> float:
-    """Return the oscillation of tension along the cable, over H (Gibbs overshoot).
+    """The oscillation of tension along the cable, over H (Gibbs overshoot).
 
     Largest |T - running median over `reach` l| off mass and supports, rms over frames.
     """

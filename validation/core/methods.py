@@ -18,7 +18,7 @@ class Setting:
     meaning: str
 
     def check(self, name: str, value: Any) -> Any:
-        """Return the value in the default's type; ValueError outside the allowed range."""
+        """The value in the default's type; ValueError outside the allowed range."""
         if isinstance(self.default, str):
             if value not in self.allowed:
                 raise ValueError(f"{name} = {shown(value)}: unknown.{nearest(str(value), map(str, self.allowed))}")
@@ -127,7 +127,7 @@ class Method:
         return self.steps_growth or max(1.0, 0.5 * self.space_order)
 
     def ladder(self, rungs: int, finer: float = 1.0) -> list[dict[str, Any]]:
-        """Return settings from coarse to fine, each twice as fine, with steps that keep pace.
+        """Settings from coarse to fine, each twice as fine, with steps that keep pace.
 
         finer : first resolution over `begins`.
         """
@@ -137,13 +137,13 @@ class Method:
         return [refined(self, first, space=x, time=self.resolution.grown(space, x) ** self.keeps_pace) for x in ratios]
 
     def settings_on(self, groups: Groups, changes: dict[str, Any]) -> dict[str, Any]:
-        """Return the settings for a scene.  On free rides rules damp: force jumps ring on."""
+        """Settings for a scene.  On free rides rules damp: force jumps ring on."""
         if groups.drive.mode != "free" or self.knobs["scheme"].default != "trapezoidal":
             return self.settings(changes)
         return self.settings({"scheme": "generalized-alpha", **self.on_rides, **changes})
 
     def settings(self, changes: dict[str, Any]) -> dict[str, Any]:
-        """Return all settings with `changes`; ValueError for unknown names and values."""
+        """All settings with `changes`; ValueError for unknown names and values."""
         for unknown in changes.keys() - self.knobs:
             raise ValueError(f"{self.name} has no setting {unknown!r}.{nearest(unknown, self.knobs)}")
         return {k: knob.check(k, changes[k]) if k in changes else knob.default for k, knob in self.knobs.items()}
@@ -319,14 +319,14 @@ METHODS: dict[str, Method] = {
 
 
 def find(name: str) -> Method:
-    """Return a method by name; ValueError with the nearest name."""
+    """A method by name; ValueError with the nearest name."""
     if name not in METHODS:
         raise ValueError(f"unknown method {name!r}.{nearest(str(name), METHODS)}")
     return METHODS[name]
 
 
 def refined(method: Method, settings: dict[str, Any], *, space: float = 1.0, time: float = 1.0) -> dict[str, Any]:
-    """Return settings at `space` times the resolution, `time` times the steps."""
+    """Settings at `space` times the resolution, `time` times the steps."""
     out, least = dict(settings), method.knobs[method.resolution.setting].allowed[0]
     if space != 1.0:
         out[method.resolution.setting] = max(least, method.resolution.nearest(method.value(settings), space))

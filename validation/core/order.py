@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 SAFETY = 1.25  # for three grids (Roache 1998, Verification and Validation, section 5)
-NONSENSE = 4.0  # times the nominal fall: a quarter that far off tells nothing
-LEAST_ORDER = 0.5  # no order shows below (Eca & Hoekstra 2014, J. Comput. Phys. 262); bar 3 d at ratio 2
+NONSENSE = 4.0  # times the nominal fall: a quarter run this far off is ignored
+LEAST_ORDER = 0.5  # least order credited (Eca & Hoekstra 2014, J. Comput. Phys. 262): a bar of at most 3 d at ratio 2
 
 
 def left(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any:
-    """Return the bar F d / (r^p - 1) of a finest run, value by value.
+    """The bar F d / (r^p - 1) of a finest run, value by value.
 
     d : change from half to finest;  before : from quarter to half, 0 if unknown.
     ratios : finest over half, half over quarter;  order : the most credited.

@@ -33,7 +33,7 @@ def matter(design: list[dict[str, Any]], most: int = 8) -> list[dict[str, Any]]:
 
 
 def told(number: dict[str, Any]) -> dict[str, str]:
-    """Return a row of `design` as text; "" where unknown."""
+    """A row of `design` as text; "" where unknown."""
     value, bar, unit = number["value"], number.get("bar"), number["unit"]
     if value is None:
         return {"what": named(number["quantity"]), "value": "the car never passes", "t": "", "mass": "", "at": ""}
@@ -59,14 +59,14 @@ def named(quantity: str) -> str:
 
 
 def unit_of(quantity: str) -> str:
-    """Return the SI unit; "" of a ratio."""
+    """The SI unit; "" of a ratio."""
     kinds = dict.fromkeys(("tension", "reaction", "contact", "haul"), "N") | {"deep": "m", "deflection": "m"}
     kinds |= {"speed": "m/s", "clearance": "m", "angle": "deg", "tilt": "deg"}
     return next((unit for kind, unit in kinds.items() if kind in quantity.partition(":")[0]), "")
 
 
 def scale_of(values: Array, unit: str) -> tuple[float, str]:
-    """Return factor and prefixed unit that give the largest value one to four digits."""
+    """Factor and prefixed unit that give the largest value one to four digits."""
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
     if unit == "m":
         return (1.0, "m") if largest >= 0.1 or largest == 0.0 else (1e3, "mm")
@@ -77,7 +77,7 @@ def scale_of(values: Array, unit: str) -> tuple[float, str]:
 
 
 def with_bar(value: float, bar: float | None) -> str:
-    """Return a value rounded to two digits of its bar, else to five.
+    """A value rounded to two digits of its bar, else to five.
 
     A bar at rounding level is none.
     """

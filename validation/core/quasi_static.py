@@ -17,12 +17,12 @@ from validation.core.sampling import STATIONS, frame_times, in_si
 
 ROWS = 1001
 POINTS = 4  # Gauss points between two stations
-# Of l: that near a support a gripped car's place needs no statics.
+# [l] nearer to a support, a gripped car's place needs no statics
 NEAREST = 1e-6
 
 
 def quasi_static(scene: Scene) -> Response:
-    """Return the quasi-static ride; SceneError if its cable at rest is not found.
+    """The quasi-static ride; SceneError if its cable at rest is not found.
 
     quasi_static("zipline").events
     """

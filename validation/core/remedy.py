@@ -19,7 +19,7 @@ Gaps = Callable[[Any], tuple[float, float]]
 
 
 def remedy(path: Any, ours: Response, gaps: Gaps, allowed: tuple[float, float]) -> str | None:
-    """Return the change that explains the gap best, in words, or None if none does.
+    """The change that explains the gap best, in words, or None if none does.
 
     path : a third party's path;  gaps : its (max, rms) gap;  allowed : of both.
     """

@@ -174,7 +174,7 @@ class Run:
         return False
 
     def times_to(self, until: float) -> list[Array]:
-        """Return the step times up to s_o/l = until."""
+        """The step times up to s_o/l = until."""
         if self.scene.groups.motion is None or until >= 1.0:
             return self.times
 
@@ -193,7 +193,7 @@ class Trial(MassPath):
 
 
 def whole(path: MassPath) -> Response:
-    """Return the response of a path, observed now if need be."""
+    """The response of a path, observed now if need be."""
     if isinstance(path, Trial):
         return path.run.seen()
     assert isinstance(path, Response)
@@ -211,7 +211,7 @@ def steps_of(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[A
 
 
 def _cause(error: StepFailure, slack: bool, switched: bool) -> tuple[str, str]:
-    """Return the kind of a failure, and its reason in words."""
+    """The kind of a failure, and its reason in words."""
     kinds = {StepUnderflow: "step underflow", EndlessEvents: "endless events", NewtonStalled: "Newton stalled"}
     kind = next((kind for cause, kind in kinds.items() if isinstance(error, cause)), "no start")
     if kind != "Newton stalled":

@@ -37,7 +37,7 @@ class History:
 
 
 def finite(h: History) -> States:
-    """Return a history over time, cut and marked failed where it leaves finite numbers or the cable."""
+    """A history over time, cut and marked failed where it leaves finite numbers or the cable."""
     states = h.solver.in_time(stacked(h.states))
     if _ended_well(h):
         return states
@@ -56,7 +56,7 @@ def _ended_well(h: History) -> bool:
 
 
 def moved(scene: Scene, h: History) -> dict[str, Any]:
-    """Return the motion of the mass: a `MassPath` except what was run."""
+    """The motion of the mass: a `MassPath` except what was run."""
     states = finite(h)
     if isinstance(h.solver, Pathed):
         return _moved(scene, h, states, *h.solver.path(states))
@@ -88,7 +88,7 @@ def _onset(h: History, states: States) -> tuple[int, float] | None:
 
 
 def respond(scene: Scene, h: History, *, frames: int = FRAMES, **asked: Any) -> Response:
-    """Return the response of a history; `asked` are the fields that say what was run.
+    """The response of a history; `asked` are the fields that say what was run.
 
     frames : at least, of the fields, over the whole course.
     """
@@ -113,7 +113,7 @@ def respond(scene: Scene, h: History, *, frames: int = FRAMES, **asked: Any) -> 
 
 
 def _dated(events: list[tuple[str, float]], t: Array, told: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return events with time [s], place [m] and speed [m/s] of the step next to them."""
+    """Events with time [s], place [m] and speed [m/s] of the step next to them."""
     rows = []
     for name, at in events:
         i = _at(t, at)
@@ -123,7 +123,7 @@ def _dated(events: list[tuple[str, float]], t: Array, told: dict[str, Any]) -> l
 
 
 def in_si(scene: Scene, steps: Observation, seen: Observation, s: Array) -> dict[str, Any]:
-    """Return what was measured as fields of a `Response`: `steps` along the path, `seen` at frames and stations s."""
+    """The measurements as fields of a `Response`: `steps` along the path, `seen` at frames and stations s."""
     l, H, tau = scene.length, scene.horizontal_tension, scene.time_scale
     si = _scales(l, H, tau)
     x_rest, y_rest = scene.groups.shape(s)
@@ -200,7 +200,7 @@ def _rows(states: States, rows: slice | NDArray[Any]) -> States:
 
 
 def frame_times(scene: Scene, t_last: float, frames: int = FRAMES) -> Array:
-    """Return times of the fields: places of a travel, and between them no longer than a share of the course.
+    """Times of the fields: places of a travel, and between them no longer than a share of the course.
 
     A car that rolls is seen at both ends, one that grips stands on a support there.
     """

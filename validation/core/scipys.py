@@ -9,7 +9,7 @@ from validation.core.solver import Solver
 
 
 def integrated(system: Solver, first: State, t: Array, rule: str, *, rtol: float) -> Array:
-    """Return q and v (n_t, 2n) at times t by a rule of scipy, in the phase of the first state.
+    """q and v (n_t, 2n) at times t by a rule of scipy, in the phase of the first state.
 
     Raises ArithmeticError.
     """

@@ -20,7 +20,7 @@ Job = Callable[[Progress], Result]
 
 
 def silent(*told: object) -> None:
-    """The progress that nobody follows."""
+    """A progress report that does nothing."""
 
 
 _inherited: list[Any] = []  # what a forked process calls
@@ -29,7 +29,7 @@ _inherited: list[Any] = []  # what a forked process calls
 def side_by_side(
     jobs: Sequence[Job[Result]], progress: Progress | None = None, meanwhile: Callable[[], object] | None = None
 ) -> list[Result]:
-    """Return the results of all jobs in order; an exception ends all and is raised.
+    """Results of all jobs in order; an exception ends all and is raised.
 
     meanwhile : called here once, when the first of several jobs is done.
     """

@@ -16,8 +16,6 @@ class Solver(System, Protocol):
 
     `least_tension` decides slack: the least mean over an element or shortest wavelength, so that ripples do not count.
     `Observation.tension_min` is the least at any point.
-
-    A solver with events also has the members of `cablefem.newmark.Watched`.
     """
 
     @property

@@ -27,7 +27,7 @@ class Refused(ValueError):
 
 
 def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str], *, among: bool = False) -> Path:
-    """Return the folder for a command's results, made and marked; Refused if something is in the way.
+    """The folder for a command's results, made and marked; Refused if something is in the way.
 
     out : one command's folder; None: cablefem-out/SCENE, shared by all commands.
     scene : the Scene, or the command's name.  Results of another scene are deleted unless foreign files are among them.
@@ -102,13 +102,13 @@ def finished(folder: Path, command: str) -> bool:
 
 
 def results(folder: Path) -> list[str]:
-    """Return the commands with results on the latest scene."""
+    """Commands with results on the latest scene."""
     marker = _marker(folder) or {"results": {}}
     return [command for command, result in marker["results"].items() if result["scene"] == marker["scene"]]
 
 
 def title(folder: Path) -> str:
-    """Return the scene's title or name; "" without a scene."""
+    """The scene's title or name; "" without a scene."""
     scene = tomllib.loads((_marker(folder) or {}).get("scene", ""))
     return scene.get("title") or scene.get("name") or ""
 
@@ -118,12 +118,10 @@ def pages(folder: Path, command: str) -> Path:
 
 
 def shipped(package: str | None, name: str) -> dict[str, Any]:
-    """Return the content of a TOML file of a package."""
     return tomllib.loads((resources.files(package or "") / name).read_text(encoding="utf-8"))
 
 
 def read(file: Path) -> Any:
-    """Return the content of a JSON file."""
     return json.loads(file.read_text(encoding="utf-8"))
 
 
@@ -138,11 +136,8 @@ def _write(folder: Path, marker: dict[str, Any]) -> None:
     write_json(folder / MARKER, marker)
 
 
-# --- items that a study computes once --------------------------------------------------------------------------------
-
-
 def stored(file: Path, **same: Any) -> dict[str, Any]:
-    """Return the JSON object in a file if it has the entries `same`, else {}."""
+    """The JSON object in a file if it has the entries `same`, else {}."""
     try:
         content = read(file)
         known = isinstance(content, dict) and all(content[name] == value for name, value in same.items())
@@ -154,7 +149,7 @@ def stored(file: Path, **same: Any) -> dict[str, Any]:
 def each_once(
     file: Path, jobs: dict[str, Any], work: Callable[[Any], Any], report: Callable[[float], None]
 ) -> dict[str, Any]:
-    """Return work(job) by key; each result is kept in a file and not computed again."""
+    """work(job) by key; each result is kept in a file and not computed again."""
     from validation.core.sidebyside import spread
 
     done: dict[str, Any] = {}

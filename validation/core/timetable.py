@@ -14,13 +14,13 @@ Stretches = list[tuple[float, float, float]]  # duration [s], initial accelerati
 
 
 def begins(travel: dict[str, Any], drive: dict[str, Any], length: float) -> float:
-    """Return where the car begins [m]."""
+    """Where the car begins [m]."""
     rolls = drive.get("mode", "grip") != "grip"
     return float(travel.get("from", drive.get("start", 0.01 * length if rolls else 0.0)))
 
 
 def places(travel: dict[str, Any], drive: dict[str, Any], length: float, t: Array) -> Array:
-    """Return s_o (n,) [m] at times t (n,), tables excepted."""
+    """s_o (n,) [m] at times t (n,), tables excepted."""
     start = begins(travel, drive, length)
     end = drive.get("end", {}).get("place", 0.99 * length) if drive.get("mode") == "haul" else length
     speed, stretches = _stretches(travel, travel.get("to", end) - start)

@@ -20,13 +20,13 @@ def _path(r: Response, place: Array) -> Array:
 
 
 def gap(a: Response, b: Response, place: Array) -> Array:
-    """Return the distance of two paths at s_o/l (n,), over the largest deflection."""
+    """The distance of two paths at s_o/l (n,), over the largest deflection."""
     difference = _path(a, place) - _path(b, place)
     return np.hypot(difference[:, 0], difference[:, 1]) / max(a.max_deflection, b.max_deflection)
 
 
 def post_slack_spread(runs: Sequence[Response], stop: float = 0.95) -> float | None:
-    """Return the largest gap of any two paths from slack onset to `stop`, over the largest deflection.
+    """Largest gap of any two paths from slack onset to `stop`, over the largest deflection.
 
     None without slack or with one run past it.
     """
@@ -45,7 +45,7 @@ CLOSING, FLOOR, STRETCH = 0.8, 1e-3, 0.02
 
 
 def convergence_limit(runs: Sequence[Response]) -> float:
-    """Return the s_o/l beyond which finer runs do not approach each other.
+    """The s_o/l beyond which finer runs do not approach each other.
 
     runs : three or more of one method, each about twice as fine in space and time.
     """

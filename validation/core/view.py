@@ -51,7 +51,7 @@ class View:
         return None if self.ends else self.window[1]
 
     def cut(self, *finest: MassPath) -> View:
-        """Return the view cut where a finest run ends or goes slack; NotComparable if nothing is left."""
+        """The view cut where a finest run ends or goes slack; NotComparable if nothing is left."""
         low, high = self.window
         slack = [r.slack_onset for r in finest if r.slack_onset is not None]
         stop = min([high, *slack, *(() if self.free else (r.reached for r in finest))])

@@ -19,7 +19,7 @@ MOST_GAIN_SLACK = 2.0
 
 
 def watched(r: Response, scene: Scene, method: Method) -> Response:
-    """Return the response with its energy gain before slack, and its flags."""
+    """The response with its energy gain before slack, and its flags."""
     assert scene.mass is not None
     reached = math.inf if r.drive == "free" else r.reached  # a ride may roll back
     stop = min(measures.WINDOW[1], reached, math.inf if r.switched is None else r.switched)

@@ -9,7 +9,6 @@ from validation.oracles.case import Oracle
 
 
 def find() -> dict[str, Oracle]:
-    """Return the oracles by name."""
     files = {file.name: importlib.import_module(f"{__name__}.{file.name}") for file in pkgutil.iter_modules(__path__)}
     found = {name.replace("_", "-"): _oracle(file) for name, file in files.items()}
     return {name: oracle for name, oracle in found.items() if oracle.group}

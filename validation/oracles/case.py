@@ -117,7 +117,6 @@ class Case:
         return solvers.ladder(method, finer=self.finer)
 
     def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
-        """Least order of errors, or None, and why."""
         return self.falls, self.because
 
     def must(self, solvers: Solvers, method: str) -> str:

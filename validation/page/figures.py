@@ -30,19 +30,19 @@ STYLE: Any = mpl.rc_params_from_file(str(_FILE), use_default_template=False) | {
 
 
 def style() -> Any:
-    """Return matplotlib's style of the report, a context or decorator."""
+    """Matplotlib's style of the report, a context or decorator."""
     return mpl.rc_context(STYLE)
 
 
 def panels(rows: int = 1, columns: int = 1, *, height: float = 2.9, **how: Any) -> tuple[Figure, Any]:
-    """Return a new figure and its axes (one, or an array as from `subplots`); `height` in inches."""
+    """A new figure and its axes (one, or an array as from `subplots`); `height` in inches."""
     with style():
         fig = Figure(figsize=(WIDTH, height), layout="constrained")
         return fig, fig.subplots(rows, columns, **how)
 
 
 def svg(fig: Figure, label: str) -> Markup:
-    """Return a figure as inline SVG with ids of its own; `label` is read aloud."""
+    """A figure as inline SVG with ids of its own; `label` is read aloud."""
     out = io.BytesIO()
     with style():
         FigureCanvasSVG(fig).print_svg(out, metadata={"Date": None, "Creator": None})

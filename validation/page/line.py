@@ -37,25 +37,24 @@ GRID = ("tension_max", "safety_factor", "pressure", "haul", "rise", "clearance_r
 
 
 def kind_of(name: str) -> str:
-    """Return the quantity in a name, without extreme and contact."""
+    """The quantity in a name, without extreme and contact."""
     kind, _, of = name.partition(":")
     return kind if kind in WORDS and not of else kind.removesuffix("_max").removesuffix("_min")
 
 
 def named(name: str) -> str:
-    """Return a quantity in words."""
     return WORDS.get(kind_of(name), name).format(name.partition(":")[2])
 
 
 def value_of(value: float, unit: str) -> str:
-    """Return a value with its unit, to a millimetre or a newton."""
+    """A value with its unit, to a millimetre or a newton."""
     factor, words = (1.0, unit) if unit == "m" else scale_of(np.array([value]), unit)
     words = {"deg": "°", "": ""}.get(words, f" {words}")
     return f"{round(factor * value, 3) + 0.0:.3f}{words}"  # no -0.000
 
 
 def pairs(design: Sequence[Row]) -> list[Row]:
-    """Return one row per quantity: largest and least value, and the cars' places then."""
+    """One row per quantity: largest and least value, and the cars' places then."""
     out: dict[str, Row] = {}
     for d in sorted(design, key=lambda d: list(WORDS).index(kind_of(d["quantity"]))):
         words = named(d["quantity"])
@@ -85,7 +84,7 @@ def tell(line: Any, design: Sequence[Row], refused: Sequence[Row], most: int = 1
 
 
 def columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
-    """Return the columns of a grid's table."""
+    """Columns of a grid's table."""
     names = dict.fromkeys(name for x in rows for name in x if kind_of(name) in GRID and name not in keys)
     kept = [n for n in names if not (kind_of(n) == "pressure" and n.startswith("pressure_down"))]
     last = [name for name in ("status", "verdict", "why") if any(x.get(name) not in (None, "complete") for x in rows)]
@@ -100,11 +99,8 @@ def _head(name: str) -> str:
     return few + named(name) + (f" [{unit}]" if unit else "")
 
 
-# --- pages -----------------------------------------------------------------------------------------------------------
-
-
 def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
-    """Return the pages of the line in a folder; rows and verdict of a check."""
+    """Pages of the line in a folder; rows and verdict of a check."""
     summary, ropes = (store.read(folder / f"{name}.json") for name in ("summary", "ropes"))
     line = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
     with (folder / "positions.csv").open(encoding="utf-8", newline="") as file:
@@ -140,7 +136,6 @@ def _floats(positions: Sequence[Row], name: str) -> Array:
 
 
 def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
-    """Draw the line from the side, depths to scale or enlarged by a whole number."""
     told = {name: np.array(values) for name, values in ropes["profile"].items()}
     x, end = told["x"], float(told["x"][-1])
     ground, obstacles = np.array(line.get("ground", [])).reshape(-1, 2), line.get("obstacle", [])
@@ -176,7 +171,7 @@ _OVER = {
 
 
 def _panels(at: Array, positions: Sequence[Row]) -> list[tuple[str, Panel]]:
-    """Return one panel per kind of quantity, over the place of the first car."""
+    """One panel per kind of quantity, over the place of the first car."""
     out = []
     for title, kinds in _OVER.items():
         values = {name: _floats(positions, name) for name in positions[0] if name.partition(":")[0] in kinds}
@@ -205,7 +200,6 @@ def _sure(rows: Sequence[Row]) -> Markup:
 
 
 def _lowest(rows: Sequence[Row], paths: Sequence[Any], keys: Sequence[str]) -> Markup:
-    """Draw the lowest places of the ropes of a grid."""
     drawn = [(np.array(path), x) for path, x in zip(paths, rows, strict=True) if path]
     p = Panel("depth [m]", "", 180.0, down=True)
     p.fit([depth for (_, depth), _ in drawn], pad=0.05)
@@ -216,7 +210,6 @@ def _lowest(rows: Sequence[Row], paths: Sequence[Any], keys: Sequence[str]) -> M
 
 
 def grid(folder: Path) -> list[Section]:
-    """Return the page of a grid of lines."""
     stored = store.read(folder / "grid.json")
     rows, keys = stored["rows"], stored["keys"]
     html = [table_of(rows, columns(rows, keys), keys[0])]

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 
 def real(text: str) -> float:
-    """Read a number."""
     try:
         return float(text)
     except ValueError:
@@ -27,12 +26,10 @@ def real(text: str) -> float:
 
 
 def number(name: str, help: str) -> Any:
-    """Return the option for a number."""
     return typer.Option(name, parser=real, metavar="X", help=help)
 
 
 def to(folder: str) -> Any:
-    """Return the option for the output folder."""
     return typer.Option("--out", metavar="DIR", help=f"Folder for the results. Default: {store.ROOT / folder}.")
 
 
@@ -60,7 +57,7 @@ def scene_named(name: str, faults: list[str] | None = None, *, travelling: bool 
 
 
 def line_named(name: str) -> Line | None:
-    """Return the line at rest of that name, or None."""
+    """The line at rest of that name, or None."""
     from cablefem.scene import SceneError
     from cablefem.scene.line import Line, is_line
 
@@ -79,7 +76,7 @@ def refuse_moving(given: dict[str, bool]) -> None:
 
 
 def tol_faults(value: float | None, name: str = "--tol", low: float = 1e-6, high: float = 0.2) -> list[str]:
-    """Return what is wrong with a tolerance, or with another number in [low, high]."""
+    """Faults of a tolerance, or of another number in [low, high]."""
     return [] if value is None or low <= value <= high else [f"{name} must lie in [{low:g}, {high:g}], got {value:g}"]
 
 
@@ -102,7 +99,7 @@ class Point:
 
 
 def points_of(scene: Scene | Line, pairs: list[str] | None) -> list[Point]:
-    """Return the points of a grid, one without --set; Refused with all faults."""
+    """Points of a grid, one without --set; Refused with all faults."""
     from cablefem.scene import SceneError
     from validation.core import grid
 

@@ -58,18 +58,18 @@ def _sound(sections: Sequence[Section]) -> None:
 
 
 def words(package: str) -> Any:
-    """Return the macros of a package's `page.html` as functions that return Markup."""
+    """Macros of a package's `page.html` as functions that return Markup."""
     text = (resources.files(package) / "page.html").read_text(encoding="utf-8")
     return _ENVIRONMENT.from_string(text).module
 
 
 def plain(words: str) -> str:
-    """Return the plain text of a macro's answer; narrow spaces stay."""
+    """The plain text of a macro's answer; narrow spaces stay."""
     return re.sub(r"[ \n]+", " ", html.unescape(re.sub(r"<[^>]*>", "", str(words)))).strip()
 
 
 def badge(verdict: str, text: str | None = None) -> Markup:
-    """Return a verdict as a coloured word with its sign; `text` replaces the word."""
+    """A verdict as a coloured word with its sign; `text` replaces the word."""
     return Markup(_PARTS.badge(verdict, text))
 
 
@@ -77,7 +77,7 @@ def table(
     rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str] | Sequence[str], *, caption: str = "",
     sort: bool = False, stack: bool = False,
 ) -> Markup:  # fmt: skip
-    """Return a table: one line per row, one column per key of `columns` (key -> heading, unit in brackets).
+    """A table: one line per row, one column per key of `columns` (key -> heading, unit in brackets).
 
     Cells: numbers to three digits, None as a dash, a verdict under the key "verdict" as a badge.
     sort : worst verdicts first.  stack : on a phone every row becomes a block, for tables with words in them.
@@ -92,7 +92,7 @@ def table(
 
 
 def listed(rows: Iterable[Any], columns: Mapping[str, Callable[[Any], Any]], **how: Any) -> Markup:
-    """Return a table from functions of a row, by heading; `how` as in `table`."""
+    """A table from functions of a row, by heading; `how` as in `table`."""
     return table([{head: of(row) for head, of in columns.items()} for row in rows], list(columns), **how)
 
 
@@ -103,7 +103,7 @@ def _cell(value: Any) -> Any:
 
 
 def number(x: float | None, digits: int = 3) -> str:
-    """Return a number to so many significant digits, like 2.1 × 10⁻⁵ if far from one; None: a dash."""
+    """A number to so many significant digits, like 2.1 × 10⁻⁵ if far from one; None: a dash."""
     if x is None or not math.isfinite(x):
         return "–"
     if isinstance(x, Integral):
@@ -118,7 +118,7 @@ def number(x: float | None, digits: int = 3) -> str:
 
 
 def raised(n: int) -> str:
-    """Return a whole number as an exponent."""
+    """A whole number as an exponent."""
     return str(n).translate(_RAISED)
 
 
@@ -126,49 +126,46 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def percent(x: float | None, digits: int = 2) -> str:
-    """Return a ratio in percent, with its unit."""
     return number(x) if x is None or not math.isfinite(x) else f"{number(100.0 * x, digits)}\u202f%"
 
 
 def figure(fig: Any, caption: str, *, label: str = "") -> Markup:
-    """Return a matplotlib figure with its caption; `label` describes it for screen readers."""
+    """A matplotlib figure with its caption; `label` describes it for screen readers."""
     from validation.page.figures import svg  # slow to import
 
     return figure_of(svg(fig, plain(label or caption)), caption)
 
 
 def figure_of(svg: str, caption: str, *, wide: bool = False) -> Markup:
-    """Return a drawing with its caption; wide : over the whole text width, else for a `gallery`."""
+    """A drawing with its caption; wide : over the whole text width, else for a `gallery`."""
     return Markup(_PARTS.figure(svg, caption, wide))
 
 
 def rendered(name: str, **content: Any) -> Markup:
-    """Return a filled template of assets/."""
+    """A filled template of assets/."""
     return Markup(_ENVIRONMENT.get_template(name).render(**content))
 
 
 def gallery(*figures: str) -> Markup:
-    """Return figures side by side, on a phone below one another."""
+    """Figures side by side, on a phone below one another."""
     return Markup(_PARTS.gallery(figures))
 
 
 def columns(*parts: str) -> Markup:
-    """Return parts down a first column, then a second; on a phone below one another."""
+    """Parts down a first column, then a second; on a phone below one another."""
     return Markup(_PARTS.columns(parts))
 
 
 def details(title: str, html: str) -> Markup:
-    """Return a folded part, open in print."""
+    """A folded part, open in print."""
     return Markup(_PARTS.details(title, html))
 
 
 def callout(text: str, verdict: str | None = None) -> Markup:
-    """Return a highlighted paragraph."""
     return Markup(_PARTS.callout(text, verdict))
 
 
 def asset(name: str) -> str:
-    """Return a file of assets/."""
     return (resources.files("validation.page") / "assets" / name).read_text(encoding="utf-8")
 
 

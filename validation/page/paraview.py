@@ -74,5 +74,5 @@ def write(r: Response, folder: Path) -> None:
 
 
 def _upward(x: Array, y: Array) -> Array:
-    """Return (n, 3) vectors, y up, from components (n,), y down."""
+    """(n, 3) vectors, y up, from components (n,), y down."""
     return np.stack([x, -y, np.zeros_like(x)], axis=1)

@@ -68,14 +68,13 @@ class Panel:
             self.log, self.low, self.high = True, 1e-4 * most, 4.0 * most
 
     def _y(self, y: Array | float) -> Array:
-        """Return places on the paper, downwards."""
+        """Places on the paper, downwards."""
         low, high = (math.log10(v) if self.log else v for v in (self.low, self.high))
         with np.errstate(divide="ignore", invalid="ignore"):
             part = ((np.log10(y) if self.log else np.asarray(y)) - low) / (high - low)
         return self.height * np.clip(part if self.down else 1.0 - part, -9.0, 9.0)
 
     def _scale(self) -> dict[str, Any] | None:
-        """Return the scale of the image for the template."""
         if self.scale is None:
             return None
         low, high, unit = self.scale
@@ -83,7 +82,7 @@ class Panel:
         return {"image": _png(np.linspace(1.0, 0.0, 64)[:, None], self.colors), "unit": unit, "ticks": ticks}
 
     def drawn(self, across: Callable[[Any], Array], w: float) -> dict[str, Any]:
-        """Return the template's input in user units; across : place of x on the paper, w : width of the panel."""
+        """The template's input in user units; across : place of x on the paper, w : width of the panel."""
 
         def at(x: float, y: float) -> tuple[float, float]:
             return _place(across(x)), _place(self._y(y))
@@ -125,7 +124,7 @@ def side(p: Panel, reach: float, ground: Any, obstacles: Sequence[tuple[str, flo
 def plot(
     panels: Sequence[Panel], x: tuple[float, float], xlabel: str, caption: str, *, label: str = "", wide: bool = False
 ) -> Markup:
-    """Return panels below one another, with a caption, over x between two values.
+    """Panels below one another, with a caption, over x between two values.
 
     label : description for screen readers; the key names every named line once.
     """
@@ -149,13 +148,13 @@ def plot(
 
 
 def _key(panels: Sequence[Panel]) -> list[tuple[str, str, float, str]]:
-    """Return colour, dash, width and name of every named line, once."""
+    """Colour, dash, width and name of every named line, once."""
     named = {name: (color, dash, width) for p in panels for _, _, color, dash, width, name in p.lines if name}
     return [(*look, name) for name, look in named.items()]
 
 
 def _ticks(low: float, high: float, log: bool, most: float) -> list[tuple[float, str]]:
-    """Return round values and their text, about so many at most."""
+    """Round values and their text, about so many at most."""
     if log:
         powers = range(math.ceil(math.log10(low)), math.floor(math.log10(high)) + 1)
         return [(10.0**n, f"{10.0**n:g}" if -3 < n < 4 else f"10{raised(n)}") for n in powers]
@@ -176,7 +175,7 @@ def _place(x: Any) -> float:
 
 
 def _path(x: Array, y: Array) -> str:
-    """Return a path through the finite points; crowded columns of pixels keep their extremes."""
+    """A path through the finite points; crowded columns of pixels keep their extremes."""
     good = np.isfinite(x) & np.isfinite(y)
     x, y = x[good], y[good]
     if x.size > 3 * WIDTH and np.all(np.diff(x) >= 0.0):
@@ -189,14 +188,14 @@ def _path(x: Array, y: Array) -> str:
 
 
 def colors(names: str, n: int) -> Array:
-    """Return (n, 3) colours 0..255 along a list of hexadecimal ones."""
+    """(n, 3) colours 0..255 along a list of hexadecimal ones."""
     known = np.array([list(bytes.fromhex(name)) for name in names.split()], dtype=float)
     at = np.linspace(0.0, 1.0, n)
     return np.stack([np.interp(at, np.linspace(0.0, 1.0, len(known)), c) for c in known.T], axis=1)
 
 
 def _png(values: Array, names: str) -> str:
-    """Return values (rows, columns) from 0 to 1 as a PNG of 256 colours, in base64."""
+    """Values (rows, columns) from 0 to 1 as a PNG of 256 colours, in base64."""
     index = np.clip(np.nan_to_num(values) * 255.0, 0.0, 255.0).round().astype(np.uint8)
     rows, columns = index.shape
     packed = zlib.compress(np.insert(index, 0, 0, axis=1).tobytes())  # each row begins with its filter: none

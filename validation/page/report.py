@@ -38,7 +38,7 @@ def drawn(folder: Path, command: str) -> list[Section]:
 
 
 def kept(folder: Path, command: str) -> list[Section]:
-    """Return the pages drawn when the command finished: drawing is slow."""
+    """Pages drawn when the command finished: drawing is slow."""
     try:
         pages = store.read(store.pages(folder, command))
         return [Section(**page | {"html": Markup(page["html"]), "scripts": tuple(page["scripts"])}) for page in pages]
@@ -61,7 +61,7 @@ Part = tuple[str, ...]  # a command and its arguments
 
 @contextmanager
 def missing(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, list[Part]]]:
-    """Yield the folder of all results, the default meanwhile, and the missing parts.
+    """Give the folder of all results and the parts that it lacks; meanwhile it is the default folder.
 
     A folder with the results of one scene lacks nothing.
     """

@@ -19,7 +19,7 @@ STATIONS = 101  # of the moving rope, at most, without the mass
 
 
 def side_view(scene: Scene, runs: Sequence[Response], *, range_T: tuple[float, float], party: Any = None) -> Markup:
-    """Return the side view of one or two runs; its section needs SCRIPT among its scripts.
+    """The side view of one or two runs; its section needs SCRIPT among its scripts.
 
     range_T : tensions [N] at the ends of the colour scale;  party : a third party's path, to be drawn too.
     """
@@ -45,7 +45,7 @@ def _every(r: Response) -> int:
 
 
 def _still(scene: Scene, r: Response, points: int = 300, labels: int = 5) -> dict[str, Any]:
-    """Return what does not move: envelope, path of the car by so many points, brake, obstacles, ground, some speeds."""
+    """The still parts: envelope, path of the car by so many points, brake, obstacles, ground, some speeds."""
     p = profile(r)
     at = np.unique(np.linspace(0, r.t.size - 1, points).round().astype(int))
     marks = np.interp(np.linspace(0.0, 1.0, labels + 2)[1:-1] * (r.s_o.max() - r.s_o[0]) + r.s_o[0], *_first(r))
@@ -72,13 +72,13 @@ def _party(scene: Scene, party: Any, points: int = 300) -> dict[str, Any]:
 
 
 def _first(r: Response) -> tuple[Array, Array]:
-    """Return places and the times of first arrival there."""
+    """Places and the times of first arrival there."""
     ahead = np.flatnonzero(np.diff(np.maximum.accumulate(r.s_o), prepend=-1.0) > 0.0)
     return r.s_o[ahead], r.t[ahead]
 
 
 def _cable(scene: Scene, r: Response, color: str, unit: float, name: str) -> dict[str, Any]:
-    """Return the frames of one rope, from shortly after the start: a gripped mass enters a rope at rest."""
+    """Frames of one rope, from shortly after the start: a gripped mass enters a rope at rest."""
     f, every, X = r.fields, _every(r), scene.catenary
     s = f.s[::every]
     start = {
@@ -113,7 +113,7 @@ def _cable(scene: Scene, r: Response, color: str, unit: float, name: str) -> dic
 
 
 def _packed(x: Array) -> dict[str, Any]:
-    """Return an array as 16-bit integers between its extremes, in base64."""
+    """An array as 16-bit integers between its extremes, in base64."""
     low, high = float(x.min()), float(x.max())
     steps = np.round((x - low) / ((high - low) or 1.0) * 65535.0).astype("<u2")
     return {"low": low, "high": high, "data": base64.b64encode(steps.tobytes()).decode("ascii")}

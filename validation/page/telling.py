@@ -20,7 +20,6 @@ EVENTS = ("thrust_end", "brake", "turn", "stop", "arrival", "back", "lift_off")
 
 
 def rows(verdicts: Sequence[Agreement]) -> None:
-    """Print the rows of a verdict."""
     cells = []
     for row in (r.row() for r in verdicts):
         name = " ".join(row[key] for key in ("quantity", "law", "with") if row.get(key))
@@ -48,7 +47,6 @@ def answer(scene: Scene, r: Response) -> None:
 
 
 def numbers(design: Sequence[dict[str, Any]]) -> None:
-    """Print design numbers: name, value, place and time."""
     lines = [told(x) for x in design]
     width = max((len(line["what"]) for line in lines), default=0)
     for line in lines:

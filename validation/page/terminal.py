@@ -59,7 +59,7 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence
 
 
 def _longest(cells: Sequence[str], whole: bool) -> int:
-    """Return the length of the longest cell, or of the longest word in any."""
+    """The length of the longest cell, or of the longest word in any."""
     return max(len(word) for cell in cells for word in ([cell] if whole else cell.split() or [""]))
 
 
@@ -111,7 +111,7 @@ def progress() -> Iterator[Progress]:
 
 
 def _console():
-    """Return rich's console if standard output is a terminal."""
+    """Rich's console if standard output is a terminal."""
     if not sys.stdout.isatty():
         return None
     from rich.console import Console

@@ -7,8 +7,8 @@ Friction and brake are the joint's `axialForce`, from the contact force of the p
 Element parameter: static arc length; reference strain -T/EA.  Lengths over l, forces over H, y up.
 A slack cable carries compression.
 
-The sliding joint acts on the cable where the mass was one step before, an error of first order.  Before each step the
-joint is therefore moved ahead by the way of the previous step: second order.
+The sliding joint acts on the cable where the mass was one step before, an error of first order.  Moved ahead by the
+way of the previous step, it has second order.
 """
 
 import math
@@ -150,7 +150,7 @@ def _hang(
     system: Any, groups: Groups, s: Array, element: Any, nodes: tuple[Any, ...] = (), rest: Array | None = None,
     **more: Any,
 ) -> tuple[Any, list[Any], list[Any]]:  # fmt: skip
-    """Return the fixed coordinate, the elements, the joint's markers.
+    """The fixed coordinate, the elements, the joint's markers.
 
     nodes : further nodes of each element; rest : (n, 4) displacements at t = 0.
     """
@@ -188,7 +188,7 @@ def _hang(
 
 
 def _particle(system: Any, groups: Groups, load: Any = 0, **begin: list[float]) -> tuple[Any, Any]:
-    """Return node and marker of the mass."""
+    """Node and marker of the mass."""
     from exudyn import itemInterface as items
 
     particle = system.AddNode(items.NodePoint2D(referenceCoordinates=[0.0, 0.0], **begin))
@@ -214,7 +214,7 @@ def _settings(t_end: float, steps: int, rho_inf: float) -> Any:
 
 
 def _solved(solve: Any, system: Any, settings: Any) -> tuple[str, float]:
-    """Return the failure or "", and the seconds."""
+    """The failure or "", and the seconds."""
     import exudyn
 
     talkative, note = exudyn.config.printToConsole, ""

@@ -75,7 +75,7 @@ def _hang(ops: Any, groups: Groups, s: Array) -> None:
 
 
 def _travel(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array, float]:
-    """Return the places of the mass (n, 2), y down, and the seconds."""
+    """Places of the mass (n, 2), y down, and the seconds."""
     assert groups.motion is not None
     mass, weight, up = groups.mu, np.array([0.0, -groups.mu * groups.sigma]), np.array([1.0, -1.0])
     X, dt = nodes * up, float(t[1] - t[0])

@@ -40,7 +40,7 @@ def counted(elements: int) -> int:
 
 
 def trusted(s_o: Array, place: Array, t: Array, groups: Groups, seconds: float, note: str) -> PeerPath:
-    """Return the path up to the first value that is not finite or zigzags from step to step.
+    """The path up to the first value that is not finite or zigzags from step to step.
 
     place : (n, 2) of the mass, x right, y down from the left support; equal steps.
     """
@@ -57,7 +57,7 @@ def trusted(s_o: Array, place: Array, t: Array, groups: Groups, seconds: float, 
 
 
 def before_zigzag(v: Array, scale: float, *, failed: bool = False) -> int:
-    """Return the number of instants before a path zigzags from step to step.
+    """The number of instants before a path zigzags from step to step.
 
     v : (n,) deflections at equal steps; scale : size of a typical one; failed : the run ended early.
 

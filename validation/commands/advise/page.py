@@ -18,7 +18,6 @@ along the cable. A force is the weight of the mass without its inertia. The full
 
 
 def sections(folder: Path) -> list[Section]:
-    """The advice with all models, their paths, and the methods tried."""
     x = store.read(folder / "advice.json")
     least = "; ".join(f"{need}, {name}" for need, name in x["least"].items())
     how = "" if x["method"] is None else f"; cheapest run: {x['method']} with {_settings(x)} ({x['seconds']:.2g} s)"

@@ -1,8 +1,8 @@
 """The least model that is enough for each need, and the cheapest run of it.
 
-A ladder of models is held against the full dynamics.  A car that grips: from a taut string under a force to the full
-cable.  A rider: the ride on the chord, on the empty cable, on the loaded cable (quasi-static).  A hauled car: the cable
-at rest under it, and the full dynamics of a car that grips.
+Models are compared with the full dynamics.  A car that grips: from a taut string under a force to the full cable.
+A free car: the ride on the chord, on the empty cable, on the loaded cable (quasi-static).  A hauled car: the cable at
+rest under it, and a car that grips.
 
 path : largest distance in v, over the largest v.
 tension : rms over cable and time, off the mass, over H.
@@ -91,7 +91,7 @@ class Rung:
         return all(gap <= tol for gap in self.gaps.values())
 
     def line(self, tol: float) -> dict[str, Any]:
-        """Return the rung for advice.json."""
+        """The rung for advice.json."""
         r, gaps = self.run, {need: _finite(gap) for need, gap in self.gaps.items()}
         out = {
             "name": self.name, "model": self.model, "load": self.load, "seconds": self.seconds,
@@ -120,7 +120,7 @@ def advise(scene: Scene, tol: float, out: Path, report: Progress = silent) -> di
 
 
 def advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any]:
-    """Return the content of advice.json."""
+    """The content of advice.json."""
     rungs, full, view = _rungs(scene, tol, report)
     least = {need: next((r for r in rungs if r.gaps[need] <= tol), rungs[-1]) for need in OF[full.drive]}
     best = max(least.values(), key=rungs.index)
@@ -139,11 +139,8 @@ def _finite(x: float) -> float | None:
     return x if math.isfinite(x) else None
 
 
-# --- the full model ---------------------------------------------------------------------------------------------------
-
-
 def _rungs(scene: Scene, tol: float, report: Progress) -> tuple[list[Rung], Response, View]:
-    """Return all rungs, the full run, and the range over which they are compared."""
+    """All rungs, the full run, and the range over which they are compared."""
     view = View.of(scene)
     if scene.drive.mode == "grip":
         for model in ("full", "string"):  # compile first
@@ -158,7 +155,7 @@ def _rungs(scene: Scene, tol: float, report: Progress) -> tuple[list[Rung], Resp
 
 
 def _full(scene: Scene, view: View, tol: float, report: Progress) -> Ladder:
-    """Return the ladder of the full model, as fine as the tolerance needs and a part of the budget allows."""
+    """The ladder of the full model, as fine as the tolerance needs and a part of the budget allows."""
     told, budget = partial(report, "full model"), SHARE * BUDGET
     try:
         ladder = climb(scene, REFERENCE, SHARE * tol, budget=budget, progress=told, until=view.stop)
@@ -174,16 +171,13 @@ def _full(scene: Scene, view: View, tol: float, report: Progress) -> Ladder:
 
 
 def _parts(view: View, ladder: Ladder, need: str) -> tuple[float, float]:
-    """Return the parts of space and time in the bar of a need."""
+    """Parts of space and time in the bar of a need."""
     gap, order = NEEDS[need]
     try:
         view = view.cut(ladder.run)
         return ladder.over(view).parts(lambda r: r, lambda a, b: gap(b, a, view), order)
     except NotComparable:
         return math.inf, math.inf
-
-
-# --- lesser models ----------------------------------------------------------------------------------------------------
 
 
 def _lesser(scene: Scene, full: Response, view: View, report: Progress) -> Iterator[Rung]:
@@ -203,7 +197,7 @@ def _lesser(scene: Scene, full: Response, view: View, report: Progress) -> Itera
 
 
 def distances(r: Response, full: Response, view: View) -> dict[str, float]:
-    """Return the distances to the full run by need; infinite where a run says nothing, or ends before the range."""
+    """Distances to the full run by need; infinite where a run says nothing, or ends before the range."""
     out = {}
     for need in OF[full.drive]:
         try:
@@ -254,9 +248,6 @@ def _static_gaps(scene: Scene, full: Response) -> dict[str, float]:
     }
 
 
-# --- the cheapest run of a model --------------------------------------------------------------------------------------
-
-
 def _raced(scene: Scene, best: Rung, full: Response, view: View, tol: float, report: Progress) -> Iterator[Rung]:
     """Give runs of a model by all candidates, each refined until within the tolerance or dearer than one that is."""
     candidates, cheapest = [method for method in METHODS.values() if method.races], full.seconds
@@ -269,9 +260,6 @@ def _raced(scene: Scene, best: Rung, full: Response, view: View, tol: float, rep
             cheapest = min(cheapest, r.seconds) if entry.within(tol) else cheapest
             if entry.within(tol) or 2.0 * r.seconds > cheapest:  # the next costs about twice
                 break
-
-
-# --- words ------------------------------------------------------------------------------------------------------------
 
 
 def _words(tol: float, rungs: list[Rung], least: dict[str, Rung], full: Response) -> Iterator[str]:

@@ -47,15 +47,12 @@ def run_row(row: Row) -> Row:
 
 
 def holds(condition: str, x: dict[str, float]) -> bool:
-    """Return whether a condition on measured numbers is true."""
+    """Whether a condition on measured numbers is true."""
     return bool(_evaluated(condition, x=x))
 
 
 def _evaluated(expression: str, **names: Any) -> Any:
     return _EXPRESSIONS.compile_expression(expression, undefined_to_none=False)(**MEASURES, **names)
-
-
-# --- measures -------------------------------------------------------------------------------------------------------
 
 
 def _scene(groups: Groups | None = None) -> Scene:
@@ -74,12 +71,12 @@ def _run(key: str) -> Response:
 
 
 def gap(a: Response, b: Response, low: float = measures.WINDOW[0], high: float = measures.WINDOW[1]) -> float:
-    """Return the largest distance of two paths, over the largest deflection of the second."""
+    """Largest distance of two paths, over the largest deflection of the second."""
     return measures.path_gap(a, b, (low, min(high, a.reached, b.reached)))[0]
 
 
 def path(method: str, model: str = "full", scene: Groups | None = None, **how: Any) -> float:
-    """Return the largest path error; infinite for a run that broke before 0.80.
+    """Largest path error; infinite for a run that broke before 0.80.
 
     The reference is right to 2e-4 (level) in a second.
     """
@@ -90,7 +87,7 @@ def path(method: str, model: str = "full", scene: Groups | None = None, **how: A
 
 
 def energy(method: str, **how: Any) -> float:
-    """Return the energy gained without being given, over weight times deflection."""
+    """The energy gained without being given, over weight times deflection."""
     gain = run(method, **how).energy_gain
     return math.inf if gain is None else gain
 
@@ -101,14 +98,14 @@ def ripple(method: str, **how: Any) -> float:
 
 @cache
 def vibration(scheme: str) -> Array:
-    """Return the energy of a free cable let go from a hundredth of its length, over the one given, at every step."""
+    """The energy of a free cable let go from a hundredth of its length, over the one given, at every step."""
     return specimens.free_vibration(
         _scene().groups, newmark.scheme(scheme), dt=0.03, steps=200, elements=12, amplitude=0.01, mode=2
     )
 
 
 def left(scheme: str, **how: Any) -> float:
-    """Return what is left of the energy of a vibration small enough to be linear; mode 2: no axial stretching."""
+    """Remaining energy of a vibration small enough to be linear; mode 2: no axial stretching."""
     energy = specimens.free_vibration(
         _scene().groups, newmark.scheme(scheme, **how), dt=0.05, steps=600, elements=16, amplitude=1e-4, mode=2
     )
@@ -116,19 +113,19 @@ def left(scheme: str, **how: Any) -> float:
 
 
 def frequency(level: int, reading: Literal["literal", "scaling"]) -> float:
-    """Return the error of the first frequency; exact: the linearised catenary, by collocation to 11 digits."""
+    """The error of the first frequency; exact: the linearised catenary, by collocation to 11 digits."""
     basis = Daubechies(order=4, level=level, reading=reading)
     return abs(float(bare_frequencies(_scene().groups, basis, n=1)[0]) / 5.3454766022 - 1.0)
 
 
 def beyond(a: Response, b: Response, last: float = 1.0) -> float:
-    """Return how far two paths are apart on the slack cable, up to where both come."""
+    """Distance of two paths on the slack cable, as far as both go."""
     spread = post_slack_spread([a, b], stop=min(a.reached, b.reached, last))
     return math.nan if spread is None else spread
 
 
 def start(**finer: float) -> float:
-    """Return the path error of a light mass just after the entry; finer : settings for its layer."""
+    """The path error of a light mass just after the entry; finer : settings for its layer."""
     light = {"mu": 0.01}
     r = run("following-p2", light, elements=8, steps=400, **finer)
     fine = run("following-p2", light, elements=40, steps=3000, grading=30.0, entry=0.01)
@@ -137,34 +134,34 @@ def start(**finer: float) -> float:
 
 
 def negative(method: str, **how: Any) -> float:
-    """Return where the mass is when a point of the cable is first compressed; infinite where none ever is."""
+    """Place of the mass when a point of the cable is first compressed, else infinite."""
     r = run(method, law="elastic", **how)
     pressed = r.fields.s_o[r.fields.T_pointwise.min(axis=1) < 0.0]
     return float(pressed[0] / r.length) if pressed.size else math.inf
 
 
 def stiff(model: str) -> tuple[Response, Response]:
-    """Return two resolutions of a stiff cable."""
+    """Two resolutions of a stiff cable."""
     a, b = (run("following-p2", {"alpha": 1e6}, model=model, elements=n, steps=50 * n) for n in (8, 16))
     return a, b
 
 
 def tension_gap(a: Response, b: Response, pointwise: bool = False) -> float:
-    """Return the distance of two tension fields before the slack, of mean tensions or point by point."""
+    """The distance of two tension fields before the slack, of mean tensions or point by point."""
     if pointwise:
         a, b = (replace(r, fields=replace(r.fields, T=r.fields.T_pointwise)) for r in (a, b))
     return measures.tension_gap(a, b, (0.02, min(0.2, a.reached, b.reached)))
 
 
 def frozen(terms: int) -> float:
-    """Return the growth over the crossing that eigenvalues at instants predict."""
+    """Growth over the crossing, by eigenvalues of the system frozen at instants."""
     system = GalerkinSystem(_scene().groups, Fourier(terms))
     end = system.phases[-1][1]
     return float(np.exp(end * max(specimens.frozen_growth(system, x * end) for x in (0.1, 0.5, 0.9))))
 
 
 def explicit_steps(terms: int, factor: float) -> int:
-    """Return the number of steps that are `factor` times the longest stable one of theory."""
+    """The number of steps that are `factor` times the longest stable one of theory."""
     return round(specimens.critical_steps(_scene().groups, terms) / factor)
 
 

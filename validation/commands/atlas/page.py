@@ -20,7 +20,6 @@ CAUSES: dict[str, tuple[str, str, str, str]] = SAID["causes"]
 
 
 def sections(folder: Path) -> list[Section]:
-    """Return the pages about the atlas stored in a folder."""
     atlas = store.read(folder / "atlas.json")
     pages = [_map(atlas, m) for m in atlas["maps"]]
     if atlas["catalogue"]:
@@ -64,7 +63,6 @@ UNKNOWN = {"class": "not computed", "cause": None}
 
 
 def _axes(ax: Any, m: dict[str, Any]) -> None:
-    """Name the axes and their cells."""
     xs, ys = ([f"{value:g}" for value in m[axis]["values"]] for axis in "xy")
     ax.set_xticks(range(len(xs)), xs, rotation=45)
     ax.set_yticks(range(len(ys)), ys)
@@ -93,7 +91,7 @@ def _cell(ax: Any, i: int, j: int, cell: dict[str, Any]) -> None:
 
 
 def _curves(ax: Any, m: dict[str, Any]) -> None:
-    """Draw what theory says: on axes that count cells, between their logarithms."""
+    """Draw the curves of theory; places on axes of cells are interpolated by logarithms."""
 
     def place(values: list[float], x: Any) -> Any:
         return np.interp(np.log(x), np.log(values), np.arange(len(values)), left=np.nan, right=np.nan)

@@ -40,7 +40,7 @@ class FreeCable(FixedElements):
 
 
 def free_vibration(groups: Groups, scheme: Scheme, *, dt: float, steps: int, **cable: Any) -> Array:
-    """Return the energy after every step over that at the start, (n,); short if the run broke."""
+    """The energy after every step over that at the start, (n,); short if the run broke."""
     system = FreeCable(groups, end=dt * steps, **cable)
     tol = 1e-12 if scheme.average else 1e-9  # the energy is kept as well as the steps are solved
     energy: list[float] = []
@@ -54,12 +54,12 @@ def free_vibration(groups: Groups, scheme: Scheme, *, dt: float, steps: int, **c
 
 
 def frozen(system: GalerkinSystem, t: float) -> Any:
-    """Return M, C and K of the cable and mass at rest, frozen at time t."""
+    """M, C and K of the cable and mass at rest, frozen at time t."""
     return (system.tangent(t, np.zeros(system.n_dof), 0, *c) for c in ((0, 0, 1.0), (0, 1.0, 0), (1.0, 0, 0)))
 
 
 def critical_steps(groups: Groups, terms: int) -> float:
-    """Return the fewest stable steps of central differences by theory, sines: 2/omega_max with the mass at mid-span."""
+    """Fewest stable steps of central differences by theory, sines: 2/omega_max with the mass at mid-span."""
     system = GalerkinSystem(groups, Fourier(terms))
     end = system.phases[-1][1]
     M, _, K = frozen(system, 0.5 * end)
@@ -67,7 +67,7 @@ def critical_steps(groups: Groups, terms: int) -> float:
 
 
 def frozen_growth(system: GalerkinSystem, t: float) -> float:
-    """Return the largest growth rate, Re lambda, of the cable and mass frozen at time t and at rest."""
+    """Largest growth rate, Re lambda, of the cable and mass frozen at time t and at rest."""
     M, C, K = frozen(system, t)
     n = system.n_dof
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, np.hstack([K, C]))]])
@@ -83,7 +83,7 @@ class _NoCoriolis(GalerkinSystem):
 
 
 class _NoConvection(_NoCoriolis):
-    """FAULT: every term of the acceleration of the mass that its travel brings left out, (22) and (23)."""
+    """FAULT: all terms (22), (23) of the travel left out of the acceleration of the mass."""
 
     def _instant(self, *kinematics: float) -> Instant:
         x = super()._instant(*kinematics)
@@ -102,7 +102,7 @@ class _RestingStart(GalerkinSystem):
 
 
 def planted(method: str, fault: type[GalerkinSystem]) -> Method:
-    """Return a Fourier method with a fault in it."""
+    """A Fourier method with a fault in it."""
 
     def build(groups: Groups, x: dict[str, Any], **kind: Any) -> Any:
         return fault(groups, Fourier(x["terms"]), kink=method.endswith("kink"), **kind)

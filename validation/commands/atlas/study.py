@@ -25,7 +25,7 @@ Map = dict[str, Any]  # as in maps.toml
 
 
 def methods(m: Map) -> list[tuple[str, dict[str, Any]]]:
-    """Return the methods of a map and their settings where the axes do not set them."""
+    """The methods of a map, with the settings that its axes leave open."""
     surveyed = [
         (x.name, {x.resolution.setting: x.survey[0], "steps": x.survey[1]}) for x in METHODS.values() if x.survey
     ]
@@ -33,14 +33,14 @@ def methods(m: Map) -> list[tuple[str, dict[str, Any]]]:
 
 
 def scene_at(m: Map, x: float, y: float) -> Scene:
-    """Return the scene of a cell: the level cable with some of its groups changed."""
+    """The scene of a cell: the level cable with some of its groups changed."""
     axes = {"x": x, "y": y}
     groups = {name: axes.get(value, value) for name, value in m.get("scene", {}).items()}
     return Scene.load("level").variant(**groups) if groups else Scene.load("level")
 
 
 def settings_at(m: Map, x: float, y: float, method: str, fixed: dict[str, Any]) -> dict[str, Any]:
-    """Return the method's settings in a cell; on the map of resolution and steps, about y unknowns per field."""
+    """The method's settings in a cell; on the map of resolution and steps, about y unknowns per field."""
     if m["name"] != "step-resolution":
         return fixed
     space = find(method).resolution
@@ -48,7 +48,7 @@ def settings_at(m: Map, x: float, y: float, method: str, fixed: dict[str, Any]) 
 
 
 def label(method: str, fixed: dict[str, Any]) -> str:
-    """Return the name of a method's map: the method, with its scheme where that is not the default."""
+    """The name of a method's map; it includes a scheme that is not the default."""
     return f"{method}, {fixed['scheme']}" if "scheme" in fixed else method
 
 
@@ -70,7 +70,7 @@ def atlas(
 
 
 def _jobs(maps: Sequence[Map], rows: Sequence[catalogue.Row]) -> dict[str, Callable[[], Any]]:
-    """Return what is to be computed, by what identifies it."""
+    """The jobs by their keys."""
     jobs: dict[str, Callable[[], Any]] = {}
     for m in maps:
         for x in m["x"]["values"]:
@@ -82,16 +82,13 @@ def _jobs(maps: Sequence[Map], rows: Sequence[catalogue.Row]) -> dict[str, Calla
 
 
 def _key(*what: Any) -> str:
-    """Return what identifies a job, with the settings behind it: other settings are other cells."""
+    """A key made of a job's data and the settings behind it."""
     return json.dumps(what, sort_keys=True)
-
-
-# --- a cell ---------------------------------------------------------------------------------------------------------
 
 
 @lru_cache(maxsize=2)
 def _reference(toml: str) -> tuple[Response, float]:
-    """Return the run that cells are held against, and its error: a third of the change from half its resolution."""
+    """The run with which cells are compared, and its error: a third of the change from half its resolution."""
     scene = Scene.from_toml(toml)
     settings = find("following-p2").settings(SAID["reference"])
     fine = run(scene, "following-p2", **settings)
@@ -103,7 +100,7 @@ def _reference(toml: str) -> tuple[Response, float]:
 
 
 def cells(m: Map, x: float, y: float) -> list[dict[str, Any]]:
-    """Return the cells of all methods of a map at one place."""
+    """Cells of all methods of a map at one place."""
     try:
         scene = scene_at(m, x, y)
     except ValueError as error:
@@ -122,10 +119,10 @@ def cells(m: Map, x: float, y: float) -> list[dict[str, Any]]:
 
 
 def judged(r: Response, reference: Response, unsure: float, earliest: float = 0.05) -> dict[str, Any]:
-    """Return what a cell shows: how far the run came, its path error, the class of that, and the cause of a failure.
+    """A cell's data: how far the run came, its path error with a class, and the cause of a failure.
 
-    The error is taken where the reference is not slack, at least to s_o/l = `earliest`.  A method that stops short of
-    that is wrong.  No cell is judged by a reference that moves by more than half of the bound.
+    The error is taken where the reference is not slack, at least to s_o/l = `earliest`.  A method that stops before
+    is wrong.  A cell is not judged if the reference moves by more than half of the bound.
     Causes: that of an incomplete run; "unstable" for one that gains energy; "slack too early" where the run falls slack
     long before the reference; else "too coarse".
     """
@@ -160,5 +157,5 @@ def _cause(r: Response, stop: float) -> str:
 
 
 def _unstable(r: Response) -> bool:
-    """Whether a run gained energy before its slack onset; what it did afterwards is outside the comparison."""
+    """Whether a run gained energy before its slack onset."""
     return "energy" in r.flag_kinds

@@ -13,7 +13,6 @@ LOOK = ((VERMILLION, DASHED), (GREEN, DOTTED))
 
 
 def sections(folder: Path) -> list[Section]:
-    """The bars, the distances to the other ways over the places, and the verdicts."""
     x = store.read(folder / "certify.json")
     s_o, answer = np.array(x["table"]["s_o"]), x["ways"][0]["name"]
     p = Panel("over the scale [–]", height=240.0)

@@ -55,7 +55,7 @@ class Track:
 
     @classmethod
     def of(cls, r: Response) -> Track:
-        """Return the passages of a run up to the slack onset, by splines over place."""
+        """Passages of a run up to the slack onset, by splines over place."""
         s_o = np.round(r.s_o / r.length, 12)
         first = (s_o > np.maximum.accumulate(np.r_[-1.0, s_o[:-1]])) & (r.t < r.slack_since)
         path = np.stack([r.t, r.x, r.y, r.u, r.v], axis=1)
@@ -175,7 +175,7 @@ def deepest(scene: Scene, method: str, scheme: str, budget: float, progress: Pro
 
 
 def to_the_end(scene: Scene) -> dict[str, Any]:
-    """Return the arguments of a climb whose coarser runs go on beyond the range of a check, up to the slack onset."""
+    """Arguments of a climb whose coarser runs go on beyond the range of a check, up to the slack onset."""
     view = View.of(scene)
     return {"view": replace(view, window=(view.window[0], max(view.window[1], SLACK_END)), ends=True), "past": 0.0}
 
@@ -192,12 +192,11 @@ def reach(bar: Array, tol: float) -> float:
     return float(np.max(PLACES, where=np.logical_and.accumulate(bar <= tol), initial=0.0))
 
 
-# --- verdicts ---------------------------------------------------------------------------------------------------------
 Named = tuple[str, Array]  # whose bars, (2, 101)
 
 
 def compared(made: Certificate, own: Named, others: Named, other: Track) -> Iterator[Agreement]:
-    """Verdicts on another path and the times [s] of a free ride, at the place that takes most of what is allowed."""
+    """Verdicts on another path and, of a free ride, its times [s], each at its worst place."""
     gap, allowed, party = made.answer.track.gap(other), own[1] + others[1], others[0]
     asked = [("path", made.answer.scale), ("instants", 1.0)][: 1 + (made.scene.drive.mode == "free")]
     for i, (quantity, unit) in enumerate(asked):
@@ -228,7 +227,6 @@ def _string(scene: Scene, found: Found) -> Agreement:
     return Agreement("path", error, Bound("own bar", parts), party=found.name, law=law)
 
 
-# --- tables -----------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class Table:
     scene: str  # its TOML
@@ -265,7 +263,6 @@ def write_table(file: Path, made: Certificate) -> None:
 
 
 def read_table(file: Path) -> Table:
-    """Read what `write_table` wrote."""
     lines = file.read_text(encoding="utf-8").splitlines()
     notes = [line[1:].removeprefix(" ") for line in lines if line.startswith("#")]
     toml = "\n".join(notes[notes.index("scene:") + 1 :]) + "\n"

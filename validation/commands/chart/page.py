@@ -26,14 +26,13 @@ WORK = {"seconds": "seconds of the time loop, one core", "unknown_steps": "steps
 
 
 def sections(folder: Path) -> list[Section]:
-    """Return the pages about the chart stored in a folder."""
     chart = store.read(folder / "chart.json")
     charts = _charts(chart, "path"), _charts(chart, "tension")
     return [_fastest(chart), *charts, _work(chart), _failures(chart), _cost(chart)]
 
 
 def _error(chart: dict[str, Any], quantity: str) -> str:
-    """Return what the errors of a quantity are."""
+    """What is plotted as error, in words."""
     if quantity == "tension":
         return "rms error of the tension / H"
     return "distance of the rider / (length / 10)" if _free(chart) else "error of the mass path / deflection"
@@ -41,9 +40,6 @@ def _error(chart: dict[str, Any], quantity: str) -> str:
 
 def _free(chart: dict[str, Any]) -> bool:
     return chart.get("drive") == "free"
-
-
-# --- what is fastest ------------------------------------------------------------------------------------------------
 
 
 def _fastest(chart: dict[str, Any]) -> Section:
@@ -67,7 +63,7 @@ def _fastest(chart: dict[str, Any]) -> Section:
 
 
 def _at(at: dict[str, Any]) -> Row:
-    """Return what is fastest at one error."""
+    """The row of one error: the fastest method, its seconds, and those of other codes."""
     tension, none = at["tension"], "none reaches it"
     row = {"error": percent(at["error"]), "series": at["series"] or none, "seconds": _seconds(at["seconds"])}
     row |= {"tension": tension["series"] or none, "tension_seconds": _seconds(tension["seconds"])}
@@ -90,11 +86,8 @@ def _told(settings: dict[str, Any]) -> str:
     return ", ".join(f"{k} {v}" for k, v in settings.items())
 
 
-# --- charts -----------------------------------------------------------------------------------------------------------
-
-
 def _group(r: Row) -> str:
-    """Return the title of the chart that shows a row: each has few enough lines."""
+    """The title of the chart that shows a row: each has few enough lines."""
     if r["kind"] != "method":
         known = {"integrator": "integration in time", "model": "cheaper models"}
         return known.get(r["kind"], "by tolerance, and other codes")
@@ -120,7 +113,7 @@ def _work(chart: dict[str, Any]) -> Section:
 
 
 def _drawn(chart: dict[str, Any], quantity: str, work: str) -> Markup:
-    """Return the charts of all groups; countable work for our own solvers."""
+    """Charts of all groups; countable work for our own solvers."""
     groups: dict[str, dict[str, list[Row]]] = {}
     for r in _dots(chart, quantity, work):
         if work == "seconds" or r["kind"] in OURS:
@@ -132,7 +125,7 @@ def _drawn(chart: dict[str, Any], quantity: str, work: str) -> Markup:
 
 
 def _dots(chart: dict[str, Any], quantity: str, work: str) -> list[Row]:
-    """Return the rows that are dots of a chart."""
+    """The rows drawn as dots."""
     return [r for r in chart["rows"] if r["status"] == "ok" and r[f"{quantity}_error"] and r[work]]
 
 
@@ -176,7 +169,7 @@ def _columns(rows: Sequence[Row], *names: str) -> list[list[float]]:
 
 
 def _short(row: Row) -> str:
-    """Return the settings at a dot: resolution · steps, or the tolerance."""
+    """Settings at a dot: resolution · steps, or the tolerance."""
     settings = row["settings"]
     if "tol" in settings:
         return f"tol {settings['tol']:g}"
@@ -199,11 +192,8 @@ def _label(ax: Axes, text: str, at: tuple[float, float], colour: str, up: int, t
     taken.append(box)
 
 
-# --- rows that are no dots, and what a step costs -------------------------------------------------------------------
-
-
 def _failures(chart: dict[str, Any]) -> Section:
-    """Return what gave no dot, one row for each line of the chart and each status."""
+    """The runs without a dot: one row per line of the chart and status."""
     grouped: dict[tuple[str, str], list[Row]] = {}
     for r in chart["rows"]:
         if r["status"] != "ok":

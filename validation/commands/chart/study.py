@@ -108,7 +108,7 @@ def _schemes(base: Method, usual: str) -> Iterator[Series]:
     """The schemes besides the usual one, without two that are never on a front."""
     for scheme in SCHEMES:
         if scheme not in (usual, "energy", "central-difference"):
-            # High order wants few large steps; with fewer than that, Newton's method is lost at wave fronts.
+            # High orders use few large steps; with fewer than these, Newton's method fails at wave fronts.
             few, least = (4, 150) if newmark.scheme(scheme).nodes else (1, 20)
             rungs = [x | {"scheme": scheme, "steps": max(least, x["steps"] // few)} for x in ladder(base)]
             rungs = [x for i, x in enumerate(rungs) if x not in rungs[:i]]
@@ -130,9 +130,6 @@ def ladder(method: Method, shares: Sequence[float] = SAID["shares"]) -> Iterator
             if x not in seen:
                 seen.append(x)
                 yield x
-
-
-# --- the truth --------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +164,7 @@ class _Truth:
         return cls(reference, window, told)
 
     def judged(self, reached: float, reason: str | None, errors: Callable[[], dict[str, float]]) -> dict[str, Any]:
-        """Return status and errors of a run, or why there are none; a free ride may end before the window does."""
+        """Status and errors of a run, or why there are none; a free ride may end before the window does."""
         if reason if self.run.drive == "free" else reached < self.window[1] * (1.0 - 1e-9):
             return {"status": "failed", "reason": reason or f"ended at s_o/l = {reached:.3f}"}
         try:
@@ -176,12 +173,11 @@ class _Truth:
             return {"status": "failed", "reason": str(error)}
 
     def errors(self, r: Response) -> dict[str, float]:
-        """Return the errors of a run that covers the window."""
         path, rms = measures.path_gap(r, self.run, self.window)
         return {"path_error": path, "path_rms": rms, "tension_error": measures.tension_gap(r, self.run, self.window)}
 
     def errors_of_path(self, p: PeerPath, scene: Scene) -> dict[str, float]:
-        """Return the errors of another code's path, dimensionless."""
+        """Errors of another code's path, dimensionless."""
         t, place = scene.time_scale * p.t, np.stack(scene.groups.shape(p.s_o)) + np.stack([p.u, p.v])
         inside = (p.s_o >= self.window[0]) & (p.s_o <= self.window[1]) & (t <= self.run.t[-1])
         ours = CubicSpline(self.run.t, np.stack([self.run.x, self.run.y], axis=1))(t[inside])
@@ -194,13 +190,10 @@ def stop_of(scene: Scene) -> float | None:
     return None if scene.groups.drive.mode == "free" else STOP
 
 
-# --- one line of the chart ------------------------------------------------------------------------------------------
-
-
 def _line(
     scene: Scene, line: Series, truth: _Truth, rows: list[dict[str, Any]], repeats: int, share: float
 ) -> list[dict[str, Any]]:  # fmt: skip
-    """Return the missing rows of a series: up to `share` [s], as long as a run like the last one fits in."""
+    """The missing rows of a series, while the next run is likely to fit into `share` [s]."""
     done = [r["settings"] for r in rows if r["series"] == line.name]
     absent = available(line.name) if line.kind == "peer" else None
     if reason := absent or _refused(scene, line):
@@ -265,7 +258,6 @@ def _alone(call: Callable[[], Any]) -> tuple[Any, float]:
 def _repeated(
     scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth, repeats: int, left: float
 ) -> dict[str, Any]:  # fmt: skip
-    """Return the row of a rung, timed repeatedly."""
     once = partial(_of_peer if line.kind == "peer" else _ours, scene, line, rung, truth)
     try:
         found, seconds = once()

@@ -34,7 +34,7 @@ Four = tuple[LineState | NoLine, ...]  # a position by catenaries and by element
 
 
 def numbers(state: LineState) -> dict[str, Array]:
-    """Return the compared quantities of a state, (n, 1) or (n, 2) over stations; nan where there is none."""
+    """The compared quantities of a state, (n, 1) or (n, 2) over stations; nan where there is none."""
     case = state.case
     saddle = np.array([p.kind == "saddle" for p in case.stations])[:, None]
     nowhere = np.full((1, 2), np.nan)
@@ -52,7 +52,7 @@ def numbers(state: LineState) -> dict[str, Array]:
 def compared(
     a: LineRest, less_a: LineRest, b: LineRest, less_b: LineRest, tol: float, tol_tension: float
 ) -> list[Row]:  # fmt: skip
-    """Return one judged row a quantity, of the worst station and position. `less`: coarser answers.
+    """One judged row a quantity, of the worst station and position. `less`: coarser answers.
 
     Row `rest` is for positions with one solution: a disagreement, unless the other search did not end.
     """
@@ -65,7 +65,7 @@ def compared(
 
 
 def _judged(both: dict[int, Four], rounding: dict[str, float], tol: float, tol_tension: float) -> list[Row]:
-    """Return the row of each quantity; both : the positions where all four answers are known."""
+    """The row of each quantity; both : the positions where all four answers are known."""
     at = [f"{p.name}, position {i + 1}" for i, four in both.items() for p in four[0].case.stations]  # type: ignore[union-attr]
     values = [_joined(states) for states in zip(*both.values(), strict=True)]
     tension = float(np.nanmax([values[0]["tension_behind"], values[0]["tension_ahead"]]))
@@ -79,7 +79,6 @@ def _judged(both: dict[int, Four], rounding: dict[str, float], tol: float, tol_t
 
 
 def _joined(states: Sequence[LineState | NoLine]) -> dict[str, Array]:
-    """Return the numbers of several states, one after another."""
     told = [numbers(state) for state in states if isinstance(state, LineState)]
     return {quantity: np.concatenate([x[quantity] for x in told]) for quantity in told[0]}
 
@@ -87,7 +86,7 @@ def _joined(states: Sequence[LineState | NoLine]) -> dict[str, Array]:
 def _worst(
     rounding: float, x: Array, less_x: Array, y: Array, less_y: Array
 ) -> tuple[float, float, float, int] | None:  # fmt: skip
-    """Return gap, both bars and station of the worst number; None without any."""
+    """Gap, both bars and station of the worst number; None without any."""
     gap, bar_a = np.abs(x - y), np.fmax(np.abs(x - less_x), rounding)
     bar_b = np.fmax(HALVED * np.abs(y - less_y), rounding)
     worst = np.where(gap > APART * (bar_a + bar_b), gap / ROUNDING, np.maximum(gap, bar_a + bar_b))
@@ -98,7 +97,7 @@ def _worst(
 
 
 def _alone(positions: Sequence[Four]) -> list[Row]:
-    """Return a row for the first position with only one solution, if there is one."""
+    """A row for the first position with only one solution, if there is one."""
     for i, (x, _, y, _) in enumerate(positions):
         if isinstance(x, LineState) != isinstance(y, LineState):
             unknown = isinstance(x, NotFound) or isinstance(y, NotFound)
@@ -115,7 +114,7 @@ def _row(quantity: str, gap: float, bar_a: float, bar_b: float, asked_for: float
 
 
 def _refined(line: Line, second: Line, tol: float, tol_tension: float) -> tuple[LineRest, LineRest, list[Row]]:
-    """Return both answers and their rows; elements are doubled until bars are small enough, up to FINEST."""
+    """Both answers and their rows; elements are doubled until bars are small enough, up to FINEST."""
     n = 4
     a, less_a = line.rest(partial(catenary_line.solve, more=1)), line.rest(catenary_line.solve)
     less_b = second.rest(partial(elements.solve, elements=n // 2))

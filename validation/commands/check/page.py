@@ -21,7 +21,6 @@ COUNTED, OTHERS = WORDS["counted"], "Other comparisons"
 
 
 def sections(folder: Path) -> list[Section]:
-    """Return the page of a stored check."""
     for name in ("rest-check", "grid-rest-check"):
         if (folder / name).is_dir():
             told = store.stored(folder / "agreement.json")
@@ -58,7 +57,7 @@ def sure(rows: list[dict[str, Any]]) -> str:
 
 
 def third(rows: list[dict[str, Any]], party: str) -> tuple[str, str]:
-    """Return the verdict on a third party, and a sentence with the one change that would make it agree."""
+    """The verdict on a third party, and a sentence with the one change that would make it agree."""
     theirs = [row for row in rows if row.get("with") == party]
     worst = next(verdict for verdict in VERDICTS if any(row["verdict"] == verdict for row in theirs))
     notes = [note for row in theirs for note in row.get("bound", {}).get("notes", ())]
@@ -127,7 +126,6 @@ def _rests(x: Stored) -> Section:
 
 
 def _gripped(x: Stored) -> str:
-    """Largest tension of a gripping car, in one line."""
     assert x.grip is not None
     mine = next((d for d in x.design if d["quantity"] == "tension_max"), None)
     other = next((d for d in x.grip.design if d["quantity"] == "tension_max"), None)

@@ -75,6 +75,5 @@ def _least(changed: Any, base: Any, quantity: Any, bars: dict[tuple[str, str], f
 
 
 def told(found: dict[str, float]) -> str:
-    """One line on detectable faults."""
     parts = ", ".join(f"{key} {100.0 * fault:.2g} %" for key, fault in found.items())
     return f"would notice: {parts}" if parts else "would notice no fault of a key of the scene"

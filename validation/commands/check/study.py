@@ -77,7 +77,7 @@ class Check:
         return f"<div><p>{html.escape(repr(self))}</p>{table(rows, heads)}{self.a.run._repr_html_()}</div>"
 
     def agreement(self) -> dict[str, Any]:
-        """Return the content of agreement.json."""
+        """The content of agreement.json."""
         return {
             "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window),
             "axis": View.of(self.scene).axis, "tol": self.tol,

@@ -13,7 +13,7 @@ Tell = Callable[[str, str], None]  # subject and verdict
 
 
 def asserting(tell: Tell) -> Callable[..., list[Agreement]]:
-    """Return `assert_agree` that tells."""
+    """`assert_agree` that tells."""
 
     def asserted(a: Any, b: Any, **bounds: Any) -> list[Agreement]:
         __tracebackhide__ = True
@@ -30,7 +30,7 @@ def asserting(tell: Tell) -> Callable[..., list[Agreement]]:
 
 
 def checking(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
-    """Return `check` or `check_solver` that asserts and tells; checks are kept."""
+    """`check` or `check_solver` that asserts and tells; checks are kept."""
 
     def checked(scene: Any, solver: Any = None, *, tol: float = 1e-3, with_tol: float = WITH_TOL) -> Check:
         __tracebackhide__ = True
@@ -55,6 +55,5 @@ def checking(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
 
 
 def _worst(rows: Sequence[Agreement]) -> str:
-    """The row with the least margin."""
     row = max(rows, key=lambda row: row.gap / row.allowed if row.allowed > 0.0 else 0.0)
     return f"{row.quantity} {row.gap:.2g} of {row.allowed:.2g} allowed"

@@ -28,7 +28,6 @@ def tell(result: Check, verbose: bool = False) -> None:
 
 
 def _line(row: dict[str, Any]) -> str:
-    """A disagreement in one line."""
     name = ", ".join(row[key] for key in ("quantity", "law", "with") if row.get(key))
     if row.get("gap") is None or row.get("allowed") is None:
         return f"{name}: cannot be compared"

@@ -9,7 +9,6 @@ EXACT = "exact"
 
 
 def sections(folder: Path) -> list[Section]:
-    """Return the frequencies of each method beside the exact ones, with the largest relative gap."""
     omega = store.read(folder / "modes.json")
     exact = omega[EXACT]
     gaps = {

@@ -23,7 +23,6 @@ class Modes:
     rows: list[Agreement]
 
     def write(self, out: Path) -> None:
-        """Write modes.json."""
         write_json(out / "modes.json", {name: omega.tolist() for name, omega in self.omega.items()})
 
 

@@ -17,7 +17,6 @@ _SAY = words(__package__)
 
 
 def sections(folder: Path) -> list[Section]:
-    """Return the table with its figure and the rows that must fail."""
     content = store.read(folder / "oracles.json")
     rows, oracles = content["rows"], content["oracles"]
     right = [row for row in rows if row["expected"] == "agree"]
@@ -58,7 +57,7 @@ def _cells(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _ladders(rows: list[dict[str, Any]]) -> Markup:
-    """Return the figures of the case that every method goes through."""
+    """Figures of the case that every method goes through."""
     methods = {row["case"]: {r["method"] for r in rows if r["case"] == row["case"]} for row in rows}
     every = max(methods, key=lambda case: len(methods[case]), default="")
     parts: dict[str, list[dict[str, Any]]] = {"Elements": [], "Galerkin": []}

@@ -75,7 +75,7 @@ class Task:
 
 
 def _allowed(ratio: float, p: float | None, gap: float | None, before: float) -> tuple[float, str]:
-    """Return the error that the finest run may have, and why.
+    """The error that the finest run may have, and why.
 
     ratio : of the last two sizes; p : order of theory; gap : between the last two answers, None of a limit;
     before : error of the last but one.
@@ -89,7 +89,7 @@ def _allowed(ratio: float, p: float | None, gap: float | None, before: float) ->
 
 
 def tasks() -> list[Task]:
-    """Return the rows of the table, in its order: every case of every oracle with every method it asks for."""
+    """Rows of the table, in its order: every case of every oracle with every method it asks for."""
     return [
         Task(name, one, method)
         for name, oracle in sorted(oracles.find().items(), key=lambda entry: entry[1].group)
@@ -117,9 +117,9 @@ def oracle_table(out: Path, progress: Progress = silent) -> dict[str, Any]:
 
 
 def order(sizes: Sequence[float], errors: Sequence[float]) -> float:
-    """Return the slope of log(error) on log(1/size); nan where a run failed or the error does not fall.
+    """Slope of log(error) on log(1/size); nan where a run failed or the error does not fall.
 
-    Finest runs without any error have no logarithm: the slope is that of the others.
+    Runs with zero error are left out.
     """
     e = np.trim_zeros(np.asarray(errors, float), "b")
     if not (np.isfinite(e).all() and np.all(e > 0.0) and e.size > 1 and e[-1] < e[0]):
@@ -128,7 +128,7 @@ def order(sizes: Sequence[float], errors: Sequence[float]) -> float:
 
 
 def judge(error: float, allowed: float, observed: float, expected: float | None) -> str:
-    """Return agree if the error is allowed and the order, where one is expected, is there."""
+    """Agree if the error is allowed and the order, where one is expected, is there."""
     if not (math.isfinite(error) and error <= allowed):
         return "disagree"
     return "agree" if expected is None or observed >= expected - ORDER_SCATTER else "disagree"
@@ -144,7 +144,7 @@ BASES = {  # of frequencies: what is refined; order and why
 
 
 class _Solvers:
-    """The method table."""
+    """The solvers of the method table, as cases ask for them."""
 
     def names(self, kind: str) -> Sequence[str]:
         return list(METHODS) if kind == "path" else list(BASES)
@@ -238,14 +238,13 @@ SOLVERS: Solvers = _Solvers()
 
 
 def _held(name: str, groups: Groups, p: float, model: str, settings: dict[str, Any], end: float = 1.0) -> Any:
-    """Return a system whose mass stands at p."""
     method = find(name)
     groups = replace(groups, motion=standing(p, end))
     return method.build(groups, method.settings(settings), model=model, load="mass", law="elastic")
 
 
 def _rungs(method: Method, finer: float) -> list[Rung]:
-    """Return four rungs of a method's ladder; three where one more would cost minutes."""
+    """Four rungs of a method's ladder; three where one more would cost minutes."""
     sharp = method.resolution.doubling and method.space_order > 1.0
     dear = finer > 1.0 or sharp or method.steps_growth is not None
     settings = method.ladder(3 if dear else 4, finer)

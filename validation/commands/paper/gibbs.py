@@ -22,7 +22,7 @@ PLACES = np.linspace(ASKED["places"]["first"], ASKED["places"]["last"], ASKED["p
 
 
 def _tensions(system: GalerkinSystem | FollowingElements, distances: Array) -> Array:
-    """Return T at s_o -+ each distance (m,) at every one of PLACES, (places, 2 m)."""
+    """T at s_o -+ each distance (m,) at every one of PLACES, (places, 2 m)."""
     states, wanted = [], list(PLACES)
     for x in integrate(system, scheme("trapezoidal"), step_times(system, ASKED["steps"])):
         if system.motion.at(x.t, x.phase)[0] >= wanted[0]:
@@ -39,12 +39,12 @@ def _tensions(system: GalerkinSystem | FollowingElements, distances: Array) -> A
 
 
 def overshoots(groups: Groups) -> dict[str, list[dict[str, float]]]:
-    """Return the overshoot of every method for every number of terms; the scene must stay taut."""
+    """The overshoot of every method for every number of terms; the scene must stay taut."""
     return {method: [overshoot(groups, method, terms) for terms in ladder] for method, ladder in ASKED["terms"].items()}
 
 
 def overshoot(groups: Groups, method: str, terms: int) -> dict[str, float]:
-    """Return the largest |T - T_converged|/H between half a wavelength and two of them from the mass.
+    """Largest |T - T_converged|/H between half a wavelength and two of them from the mass.
 
     size : mean over PLACES;  spread : standard error of the mean.
     """

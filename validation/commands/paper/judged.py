@@ -19,7 +19,7 @@ Row = dict[str, Any]
 
 
 def claims(known: Row) -> list[Row]:
-    """Return all claims of claims.toml, judged, as they are stored."""
+    """All claims of claims.toml, judged, as they are stored."""
     content = store.shipped(__package__, "claims.toml")
     out = []
     for claim in content["claim"]:
@@ -34,7 +34,7 @@ def claims(known: Row) -> list[Row]:
 
 
 def verdict(quantities: Sequence[Row], readings: bool = False) -> str:
-    """Return the verdict; readings : one true quantity is enough."""
+    """The verdict; readings : one true quantity is enough."""
     true = _joined([_true(q, q["converged"], q["uncertainty"]) for q in quantities], readings)
     if true is None:
         return OPEN
@@ -44,7 +44,7 @@ def verdict(quantities: Sequence[Row], readings: bool = False) -> str:
 
 
 def _true(q: Row, value: float | None, bar: float | None = 0.0) -> bool | None:
-    """Return whether a value lies in the range; None where its bar reaches across an end, or it is unknown."""
+    """Whether a value lies in the range; None where its bar reaches across an end, or it is unknown."""
     if value is None or bar is None:
         return None
     low, high = -math.inf if q["low"] is None else q["low"], math.inf if q["high"] is None else q["high"]
@@ -54,7 +54,7 @@ def _true(q: Row, value: float | None, bar: float | None = 0.0) -> bool | None:
 
 
 def _joined(truths: list[bool | None], one_is_enough: bool) -> bool | None:
-    """Return the three-valued or, else the three-valued and; None of nothing."""
+    """Or, if one is enough, else and, of True, False and None; None of an empty list."""
     if one_is_enough in truths:
         return one_is_enough
     return None if None in truths or not truths else not one_is_enough
@@ -76,7 +76,7 @@ def quantities(entry: Row, meaning: Row, known: Row) -> Iterator[Row]:
 
 
 def _measured(entry: Row, known: Row) -> tuple[float, float, float | None]:
-    """Return the value, its bar, and the value at the paper's resolution.
+    """The value, its bar, and the value at the paper's resolution.
 
     of : converged runs by scene; each gives the bar of its ladder.  paper : the paper's runs in their place.
     r, others : a run (or number), and what else the paper may have taken: the bar is the largest change.
@@ -99,7 +99,7 @@ def _measured(entry: Row, known: Row) -> tuple[float, float, float | None]:
 
 
 def _range(entry: Row, meaning: Row, known: Row) -> tuple[str, float | None, float | None]:
-    """Return the range in words, its low and its high end; None: it has no such end."""
+    """The range in words, its low and its high end; None: it has no such end."""
     ends, reasons = {}, [entry.get("reason", "")]
     for name in ("around", "within", "at_least", "at_most"):
         if name in entry:
@@ -121,7 +121,7 @@ def _range(entry: Row, meaning: Row, known: Row) -> tuple[str, float | None, flo
 
 
 def evaluated(expression: str | float, known: Row) -> float:
-    """Return the value of an expression; a name it does not know is an error."""
+    """The value of an expression; a name it does not know is an error."""
     if not isinstance(expression, str):
         return expression
     value: Any = _TEMPLATES.compile_expression(expression, undefined_to_none=False)(**known)
@@ -129,27 +129,26 @@ def evaluated(expression: str | float, known: Row) -> float:
 
 
 def sentence(template: str, known: Row) -> str:
-    """Return a template filled with numbers; a name it does not know is an error."""
+    """A template filled with numbers; a name it does not know is an error."""
     return _TEMPLATES.from_string(template).render(known)
 
 
 def decimal(x: float) -> str:
-    """Return a number without an exponent: 0.000005."""
+    """A number without an exponent: 0.000005."""
     return f"{x:.9f}".rstrip("0").rstrip(".")
 
 
 def fixed(x: float, decimals: int = 0) -> str:
-    """Return a number with so many decimals."""
     return f"{float(x):.{decimals}f}"
 
 
 def percent(x: float, decimals: int = 0) -> str:
-    """Return a ratio in percent, without the sign."""
+    """A ratio in percent, without the sign."""
     return fixed(100.0 * x, decimals)
 
 
 def power(x: float) -> str:
-    """Return a number to one digit as 2·10⁻⁵."""
+    """A number to one digit as 2·10⁻⁵."""
     mantissa, exponent = f"{x:.0e}".split("e")
     return f"{mantissa}·10{raised(int(exponent))}"
 

@@ -21,7 +21,7 @@ from validation.oracles import catenary_modes
 
 
 def names(runs: Runs, beyond: dict[str, Any]) -> dict[str, Any]:
-    """Return everything by name; beyond : of `numbers`.  A scene's name is that of its converged run."""
+    """Everything by name; beyond : of `numbers`.  A scene's name is that of its converged run."""
     converged = {scene: x.run for scene, x in runs.reference.items()}
     return {
         "m": measured, "median": np.median, "pi": math.pi, "asked": SAID, "scenes": runs.scenes,
@@ -30,7 +30,7 @@ def names(runs: Runs, beyond: dict[str, Any]) -> dict[str, Any]:
 
 
 def numbers(runs: Runs, file: Path, report: Progress) -> dict[str, Any]:
-    """Return what claims need beyond runs: figure 2, the overshoot beside the mass, energy in free vibration.
+    """Numbers that claims need beyond runs: figure 2, overshoot beside the mass, energy in free vibration.
 
     file : where they are kept, and found again if scenes and settings are the same.
     """
@@ -53,7 +53,7 @@ def numbers(runs: Runs, file: Path, report: Progress) -> dict[str, Any]:
 
 
 def figure_2(runs: Runs) -> dict[str, Any]:
-    """Return omega_1 against the number of terms in both bases, with the exact and the linear theory's value."""
+    """omega_1 against the number of terms in both bases, with the exact and the linear theory's value."""
     groups = runs.scenes["level"].groups
     exact = catenary_modes.solve(groups.sigma, groups.alpha, groups.c, count=10).omega
     wavelets = [Daubechies(order=4, level=level, reading="literal") for level in range(4)]

@@ -28,7 +28,7 @@ LATEST = 0.83  # s_o/l: the level cable goes slack from there on
 
 
 def extrema(r: Response, reading: str) -> list[tuple[float, str]]:
-    """Return (s_o/l, "max" | "min") of every turning point; downward is positive.
+    """(s_o/l, "max" | "min") of every turning point; downward is positive.
 
     reading : "v", the displacement, or "y + v", the place.
     Turns shallower than half a percent of the largest value do not count.
@@ -44,36 +44,36 @@ def extrema(r: Response, reading: str) -> list[tuple[float, str]]:
 
 
 def _level_places(r: Response, reading: str, start: float, end: float) -> tuple[CubicSpline, Array]:
-    """Return the path as a function of s_o/l, and where it may be extreme between two places, both included."""
+    """The path as a function of s_o/l, and where it may be extreme between two places, both included."""
     curve = CubicSpline(r.s_o / r.length, r.v if reading == "v" else r.y)
     roots = curve.derivative().roots(extrapolate=False)
     return curve, np.array([start, *roots[(roots > start) & (roots < end)], end])
 
 
 def turn(r: Response, reading: str, near: float, kind: str | None = None) -> float:
-    """Return s_o/l of the turning point nearest to a place; nan without any."""
+    """s_o/l of the turning point nearest to a place; nan without any."""
     places = [s for s, k in extrema(r, reading) if kind in (None, k)]
     return min(places, key=lambda s: abs(s - near), default=math.nan)
 
 
 def lowest(r: Response, reading: str, end: float = LATEST) -> float:
-    """Return s_o/l where the path is lowest, up to `end`."""
+    """s_o/l where the path is lowest, up to `end`."""
     curve, places = _level_places(r, reading, 0.0, min(end, r.reached))
     return float(places[np.argmax(curve(places))])
 
 
 def depth(r: Response, reading: str, end: float = LATEST) -> float:
-    """Return the largest value of the path [m], up to `end`."""
+    """Largest value of the path [m], up to `end`."""
     return float((r.v if reading == "v" else r.y)[r.s_o <= end * r.length].max())
 
 
 def apart(a: Response, b: Response) -> float:
-    """Return the largest distance of two paths over the largest deflection of the second."""
+    """Largest distance of two paths over the largest deflection of the second."""
     return measures.path_gap(a, b, measures.WINDOW)[0]
 
 
 def unaccounted(r: Response, whole: bool = True) -> float:
-    """Return the energy that nothing gave, over weight times largest displacement; whole : with M g y(s_o)."""
+    """Energy gained without work, over weight times largest displacement; whole : with M g y(s_o)."""
     scene = Scene.from_toml(r.scene_toml)
     assert scene.mass is not None
     weight = scene.mass.mass * scene.gravity
@@ -85,18 +85,18 @@ def unaccounted(r: Response, whole: bool = True) -> float:
 
 
 def frames(r: Response, low: float, high: float) -> slice:
-    """Return the frames with s_o/l in [low, high]."""
+    """Frames with s_o/l in [low, high]."""
     inside = np.flatnonzero((r.fields.s_o >= (low - 1e-9) * r.length) & (r.fields.s_o <= (high + 1e-9) * r.length))
     return slice(int(inside[0]), int(inside[-1]) + 1)
 
 
 def level(r: Response, low: float, high: float) -> Array:
-    """Return the median tension along the cable over H, of every frame with s_o/l in [low, high]."""
+    """The median tension along the cable over H, of every frame with s_o/l in [low, high]."""
     return np.median(r.fields.T_pointwise[frames(r, low, high)], axis=1) / r.horizontal_tension
 
 
 def tension_error(r: Response, reference: Response) -> float:
-    """Return the rms error of the tension off the mass, over H."""
+    """Rms error of the tension off the mass, over H."""
     place, i, j = measures.common_frames(r, reference)
     inside = (place >= MOVING[0]) & (place <= MOVING[1])
     away = np.abs(r.fields.s[None, :] / r.length - place[inside][:, None]) >= measures.JUMP_WIDTH
@@ -105,7 +105,7 @@ def tension_error(r: Response, reference: Response) -> float:
 
 
 def unevenness(r: Response, *, sides: bool = False, width: float = 0.05) -> Array:
-    """Return rms of T along the cable about its mean (of each side of the mass), over that mean, of every frame.
+    """Rms of T along the cable about its mean (of each side of the mass), over that mean, of every frame.
 
     Within `width` of the mass is left out.
     """
@@ -118,7 +118,7 @@ def unevenness(r: Response, *, sides: bool = False, width: float = 0.05) -> Arra
 
 
 def wiggle(r: Response, near: float = 0.2, far: float = 1.0) -> float:
-    """Return rms of T less its running mean over a tenth of the cable, over H; near, far : distances from the mass.
+    """Rms of T less its running mean over a tenth of the cable, over H; near, far : distances from the mass.
 
     The mean stops at the mass, where T jumps.
     """
@@ -135,19 +135,19 @@ def wiggle(r: Response, near: float = 0.2, far: float = 1.0) -> float:
 
 
 def turns(r: Response) -> float:
-    """Return the number of crests and troughs of T along the cable deeper than 0.005 H, mean over frames."""
+    """The number of crests and troughs of T along the cable deeper than 0.005 H, mean over frames."""
     rows = r.fields.T_pointwise[frames(r, *MOVING)] / r.horizontal_tension
     return float(np.mean([sum(find_peaks(x * sign, prominence=0.005)[0].size for sign in (1, -1)) for x in rows]))
 
 
 def tension_jump(r: Response) -> float:
-    """Return the mean step of tension across the mass, ahead less behind, over H."""
+    """The mean step of tension across the mass, ahead less behind, over H."""
     rows = frames(r, *MOVING)
     return float(np.mean(r.fields.T_ahead_pointwise[rows] - r.fields.T_behind_pointwise[rows]) / r.horizontal_tension)
 
 
 def meeting(r: Response) -> float:
-    """Return s_o/l at which the first wave meets the mass after its reflection at the far support.
+    """s_o/l at which the first wave meets the mass after its reflection at the far support.
 
     A transverse front runs at sqrt(N/rho), integrated through the computed tension from the entry on.
     """
@@ -174,22 +174,22 @@ def meeting(r: Response) -> float:
 
 
 def linear_theory(sigma: float, alpha: float) -> float:
-    """Return Irvine and Caughey's first frequency of a level cable."""
+    """Irvine and Caughey's first frequency of a level cable."""
     return float(irvine.frequencies(irvine.parameter(sigma, alpha), 1)[0])
 
 
 def static_variation(scene: Scene) -> float:
-    """Return the variation of the static tension along the cable, over H."""
+    """The variation of the static tension along the cable, over H."""
     return float(np.ptp(scene.catenary.tension(np.linspace(0.0, scene.length, 201))) / scene.horizontal_tension)
 
 
 def wavelet_terms(level: int) -> int:
-    """Return the number of functions in the paper's set (37) of that level."""
+    """The number of functions in the paper's set (37) of that level."""
     return Daubechies(order=4, level=level, reading="literal").n
 
 
 def rate(rows: list[dict[str, float]]) -> tuple[float, float]:
-    """Return the exponent with which an overshoot falls with the number of terms, and its bar."""
+    """The exponent with which an overshoot falls with the number of terms, and its bar."""
     first, last = rows[0], rows[-1]
     steps = math.log(last["terms"] / first["terms"])
     bar = math.hypot(first["spread"] / first["size"], last["spread"] / last["size"]) / steps
@@ -197,7 +197,7 @@ def rate(rows: list[dict[str, float]]) -> tuple[float, float]:
 
 
 def start_of_48(groups: Groups, d: float) -> float:
-    """Return how far (48) is from the g'' that balances (45) at s_o = d, relative, for ten sines."""
+    """How far (48) is from the g'' that balances (45) at s_o = d, relative, for ten sines."""
     system = GalerkinSystem(groups, Fourier(10))
     assert groups.motion is not None
     a = groups.motion.at(0.0, 0)[2]

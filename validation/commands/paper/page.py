@@ -31,7 +31,6 @@ Shown = list[tuple[Response, dict[str, Any]]]  # runs and their looks
 
 
 def sections(folder: Path) -> list[Section]:
-    """Return the claims table and one section per figure."""
     content = store.read(folder / "claims.json")
 
     @cache
@@ -43,9 +42,6 @@ def sections(folder: Path) -> list[Section]:
         figures = gallery(*(_figure(one, content, stored) for one in entry["figure"]))
         out.append(Section(entry["id"], entry["title"], figures + _linked(content, entry["claims"])))
     return out
-
-
-# --- tables ---------------------------------------------------------------------------------------------------------
 
 
 def _claims(content: dict[str, Any]) -> Section:
@@ -86,12 +82,12 @@ def _badge(claim: dict[str, Any]) -> Markup:
 
 
 def _symbols(text: str) -> str:
-    """Return the text with the paper's index."""
+    """The text with s_o typeset."""
     return text.replace("s_o", "sₒ").replace("so/l", "sₒ/l").replace("s̈_o", "s̈ₒ")
 
 
 def _value(x: float | None, q: dict[str, Any], bar: float | None = None) -> str:
-    """Return a value to the digits of its bar; without one to those that tell it from the ends of the range."""
+    """A value to the digits of its bar; without one to those that tell it from the ends of the range."""
     if x is None:
         return "–"
     if bar and 1e-6 * abs(x) < bar < abs(x) < 1e6:
@@ -101,7 +97,7 @@ def _value(x: float | None, q: dict[str, Any], bar: float | None = None) -> str:
 
 
 def _linked(content: dict[str, Any], ids: list[str]) -> Markup:
-    """Return the verdicts that belong to a figure, each with a link to its row."""
+    """Verdicts that belong to a figure, each with a link to its row."""
     found = {c["id"]: c for c in content["claims"]}
     items = [
         Markup('<li>{} <a href="#claim-{}">{}</a></li>').format(_badge(found[i]), i, _symbols(found[i]["claim"]))
@@ -118,9 +114,6 @@ def _references(content: dict[str, Any]) -> Markup:
     return details("What the converged values rest on", table(rows, SAID["heads"]["references"]))
 
 
-# --- figures --------------------------------------------------------------------------------------------------------
-
-
 def _figure(one: dict[str, Any], content: dict[str, Any], stored: Callable[[str], Response]) -> Markup:
     def converged(claim: str, i: int = 0) -> float:
         return next(c for c in content["claims"] if c["id"] == claim)["quantities"][i]["converged"]
@@ -132,7 +125,6 @@ def _figure(one: dict[str, Any], content: dict[str, Any], stored: Callable[[str]
 
 
 def _frequencies(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
-    """Draw the first frequency over the number of terms, and its error."""
     f = content["frequencies"]
     linear, exact = f["linear_theory"], f["exact"]
     fig, (top, bottom) = panels(2, 1, height=5.0, sharex=True)
@@ -174,7 +166,6 @@ def _paths(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
 
 
 def _shapes(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
-    """Draw the place of the cable at some instants, one panel each."""
     static = Scene.from_toml(runs[0][0].scene_toml).catenary
 
     def shape(r: Response, i: int) -> Any:
@@ -191,7 +182,6 @@ def _shapes(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure
 
 
 def _tensions(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
-    """Draw the tension along the cable at some instants, one panel each."""
     static = Scene.from_toml(runs[0][0].scene_toml).catenary
     fig, axes = _instants(
         one["places"], runs, lambda r: static.tension(r.fields.s) / r.horizontal_tension,

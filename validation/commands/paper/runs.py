@@ -19,7 +19,7 @@ SAID = store.shipped(__package__, "runs.toml")
 
 
 def scenes() -> dict[str, Scene]:
-    """Return the paper's scenes, the level one with Wu & Chen's mu = 2, and (12) taken literally (a rising chord)."""
+    """The paper's scenes, the level one with Wu & Chen's mu = 2, and (12) taken literally (a rising chord)."""
     level, inclined = Scene.load("level"), Scene.load("inclined")
     rising = inclined.variant(supports=inclined.supports.model_copy(update={"drop": -inclined.supports.drop}))
     return {
@@ -40,7 +40,7 @@ class Reference:
         return self.ladder.finest
 
     def bar(self, f: Callable[[Response], float]) -> float:
-        """Return the bar of a number, which is never less than the distance of the other solver."""
+        """The bar of a number, which is never less than the distance of the other solver."""
         return max(float(self.ladder.bar(f)), abs(f(self.run) - f(self.cross)))
 
     @property
@@ -64,7 +64,7 @@ class Runs:
 
 
 def plan() -> dict[str, tuple[str, str, dict[str, Any]]]:
-    """Return every run by its folder's name: scene, method, settings."""
+    """Every run by its folder's name: scene, method, settings."""
     name, settings = SAID["fine"]
     method = find(name)
     fine = method.settings(settings)
@@ -78,7 +78,7 @@ def plan() -> dict[str, tuple[str, str, dict[str, Any]]]:
 
 
 def all_runs(out: Path, report: Progress) -> Runs:
-    """Return all runs, each read from out/runs/NAME if it was stored there by the same scene and settings."""
+    """All runs, each read from out/runs/NAME if it was stored there by the same scene and settings."""
     known, jobs = scenes(), plan()
 
     def made(name: str) -> Response:

@@ -17,7 +17,7 @@ ASKED = SAID["vibration"]
 
 
 def energy_ratio(groups: Groups, per_period: float, name: str = "trapezoidal") -> float:
-    """Return the largest energy met over the one given; energies above the hanging cable's.
+    """Largest energy met over the one given; energies above the hanging cable's.
 
     per_period : steps per period of the first mode (2 pi/5.35).
     """

@@ -33,7 +33,7 @@ Row = dict[str, Any]
 
 
 def row(line: Line, i: int, state: LineState, empty: LineState) -> Row:
-    """Return the numbers of position i; None for what a car on a shoe has not."""
+    """Numbers of position i; None for what a car on a shoe has not."""
     names = [p.name for p in state.case.stations]
     found: Row = {}
     for car in line.car:
@@ -51,7 +51,6 @@ def row(line: Line, i: int, state: LineState, empty: LineState) -> Row:
 
 
 def _at_car(line: Line, car: Car, x: float, state: LineState) -> Row:
-    """Return the numbers of a car at x."""
     shoe = line.shoe(x)
     k = [p.name for p in state.case.stations].index(car.name) if shoe is None else None
     forces = {"tension_behind": state.tensions[:, 0], "tension_ahead": state.tensions[:, 1]}
@@ -65,7 +64,7 @@ def _depth(state: LineState, x: float) -> float:
 
 
 def _at_contact(line: Line, j: int, k: int, state: LineState, empty: LineState) -> Row:
-    """Return the numbers of contact j, which is station k."""
+    """Numbers of contact j, which is station k."""
     contact, case = line.contact[j], state.case
     found = {f"tension:{contact.name}": float(np.nanmax(state.tensions[k]))}
     if contact.kind == "saddle":
@@ -83,7 +82,7 @@ def _at_contact(line: Line, j: int, k: int, state: LineState, empty: LineState) 
 
 
 def _room(line: Line, i: int, state: LineState) -> Row:
-    """Return the free heights over obstacles and ground at position i, negative where something hits."""
+    """The free heights over obstacles and ground at position i, negative where something hits."""
     found = {f"clearance_rope:{o.name}": o.top - _depth(state, o.at) for o in line.obstacle}
     if not line.ground:
         return found
@@ -100,7 +99,7 @@ def _room(line: Line, i: int, state: LineState) -> Row:
 
 
 def _passing(line: Line, rows: list[Row | None]) -> list[tuple[str, int, float]]:
-    """Return the free height of each car over each obstacle that it passes, between two positions linearly."""
+    """The free height of each car over each obstacle that it passes, between two positions linearly."""
     found = []
     for car, o in itertools.product(line.car, line.obstacle):
         told = [(i, r[f"x:{car.name}"], r[f"depth:{car.name}"]) for i, r in enumerate(rows) if r]
@@ -122,7 +121,7 @@ def _series(line: Line, rows: list[Row | None]) -> dict[str, list[tuple[float, i
 
 
 def extremes(line: Line, rows: list[Row | None]) -> list[Row]:
-    """Return the largest and the least of each quantity, with the position where it occurs."""
+    """Largest and the least of each quantity, with the position where it occurs."""
     out = []
     for name, values in _series(line, rows).items():
         kind, _, of = name.partition(":")
@@ -138,7 +137,7 @@ def extremes(line: Line, rows: list[Row | None]) -> list[Row]:
 
 
 def envelope(line: Line, rest: LineRest) -> dict[str, Array]:
-    """Return the columns of profile.csv: the empty rope, and the extremes of depth and tension over all positions."""
+    """Columns of profile.csv: the empty rope, and the extremes of depth and tension over all positions."""
     x = np.linspace(0.0, line.contact[-1].at[0], PLACES)
     found = [catenary_line.at(state, x) for state in rest.positions if isinstance(state, LineState)]
     y, T = (np.array([part[i] for part in found]) for i in (0, 1))
@@ -150,7 +149,7 @@ def envelope(line: Line, rest: LineRest) -> dict[str, Array]:
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """A line at rest and what it says."""
+    """A line at rest and its numbers."""
 
     line: Line
     rest: LineRest
@@ -163,7 +162,6 @@ class Answers:
 
     @property
     def refused(self) -> list[Row]:
-        """Positions without rest, and why."""
         told = enumerate(self.rest.positions)
         return [{"position": i + 1, "reason": str(x)} for i, x in told if isinstance(x, NoLine)]
 
@@ -179,7 +177,7 @@ def answers(line: Line) -> Answers:
 
 
 def of(line: Line, rest: LineRest, begun: float) -> Answers:
-    """Return what a line at rest says; Refused where no position has a rest."""
+    """The answers of a solved line; Refused where no position has a rest."""
     rows = rows_of(line, rest)
     if not any(rows):
         raise store.Refused(f"{line.name}: no position has a rest; at the first {rest.positions[0]}")
@@ -187,12 +185,9 @@ def of(line: Line, rest: LineRest, begun: float) -> Answers:
 
 
 def rows_of(line: Line, rest: LineRest) -> list[Row | None]:
-    """Return the numbers of all positions; None where there is no rest."""
+    """Numbers of all positions; None where there is no rest."""
     told = enumerate(rest.positions)
     return [row(line, i, x, rest.empty) if isinstance(x, LineState) else None for i, x in told]
-
-
-# --- the command ----------------------------------------------------------------------------------------------------
 
 
 def write(folder: Path, found: Answers) -> None:
@@ -224,7 +219,6 @@ def _csv(file: Path, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> None
 
 
 def run(points: Sequence[Point], out: Path | None) -> int:
-    """Answer a line, or every point of a grid of lines."""
     return course("run", points, out, lambda line: (answers(line), {}))
 
 
@@ -261,7 +255,7 @@ def course(
 
 
 def worst(rows: Sequence[Row]) -> str:
-    """Return how many comparisons agree, and the worst of them."""
+    """How many comparisons agree, and the worst of them."""
     x = max(rows, key=lambda row: row["gap"] / row["allowed"] if row["allowed"] else math.inf)
     return (
         f"{sum(row['verdict'] == 'agree' for row in rows)} of {len(rows)} comparisons agree; the worst: "
@@ -272,8 +266,6 @@ def worst(rows: Sequence[Row]) -> str:
 def _many(
     command: str, points: Sequence[Point], out: Path | None, answered: Callable[[Line], tuple[Answers, Row]]
 ) -> list[Row]:  # fmt: skip
-    """Answer every point of a grid; return its rows."""
-
     def row(point: Point) -> tuple[Row, Any]:
         try:
             found, agreement = answered(point.scene)

@@ -12,7 +12,6 @@ from validation.page.page import Section, callout
 
 
 def sections(folder: Path) -> list[Section]:
-    """Return the page about what `cablefem run` stored in a folder: the newest run, or the grid."""
     for name, drawn in (("rest", line.sections), ("grid-rest-run", line.grid)):
         if (folder / name).is_dir():
             return drawn(folder / name)

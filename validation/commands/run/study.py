@@ -21,7 +21,7 @@ from validation.page.options import Point
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """A response, and what else is to be said of it."""
+    """A response, and why it misses its tolerance."""
 
     response: Response
     missed: str = ""  # why the tolerance is out of reach

@@ -44,7 +44,6 @@ def _texts(name: str | None) -> dict[str, str]:
 
 
 def _list() -> int:
-    """Print the built-in scenes and lines."""
     from cablefem.scene import Scene
     from cablefem.scene.line import Line
 
@@ -63,7 +62,6 @@ def _list() -> int:
 
 
 def _keys() -> int:
-    """Print all keys with unit, default, range and meaning."""
     from cablefem.scene import Scene
     from cablefem.scene.keys import keys
     from cablefem.scene.line import Line
@@ -76,7 +74,6 @@ def _keys() -> int:
 
 
 def _schema() -> int:
-    """Print the JSON schema."""
     import json
 
     from cablefem.scene import Scene

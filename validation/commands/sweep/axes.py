@@ -26,7 +26,7 @@ class Axis:
     log: bool = False
 
     def at(self, share: float) -> Any:
-        """Return the value at a share in [0, 1] of the axis."""
+        """The value at a share in [0, 1] of the axis."""
         if self.values:
             return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
         if self.log:
@@ -34,7 +34,7 @@ class Axis:
         return float(self.low + share * (self.high - self.low))
 
     def table(self) -> dict[str, Any]:
-        """Return the axis as written in [sample.range]."""
+        """The axis as written in [sample.range]."""
         return {"choices": list(self.values)} if self.values else {"from": self.low, "to": self.high, "log": self.log}
 
     @property
@@ -65,7 +65,7 @@ class Steps(Range):
 
 
 def _axes(kind: type[Range], given: Any) -> tuple[Axis, ...]:
-    """Return the axes of a table; each is a list, a table with choices, or a range of that kind."""
+    """Axes of a table; each is a list, a table with choices, or a range of that kind."""
     if isinstance(given, tuple):
         return given  # of a study that is copied
     if not (isinstance(given, dict) and given):

@@ -1,4 +1,4 @@
-"""`cablefem sweep`: thousands of scenes on all cores, or on a cluster that runs; killed at any moment, it goes on."""
+"""`cablefem sweep`: thousands of scenes on all cores or a cluster; a killed sweep goes on where it stopped."""
 
 from __future__ import annotations
 

@@ -30,8 +30,6 @@ Work = Callable[[Study, list[tuple[int, dict[str, Any]]]], list[Row]]
 
 @dataclass(slots=True)
 class Tally:
-    """How far a sweep is."""
-
     total: int
     before: int  # rows that an earlier call had written
     begin: float = field(default_factory=time.perf_counter)
@@ -56,7 +54,7 @@ def sweep(
     study: Study, out: Path, *, workers: int | None = None, scheduler: str | None = None,
     progress: Callable[[Tally], None] | None = None, work: Work = job.rows,
 ) -> Tally:  # fmt: skip
-    """Compute every point of a study that has no row in out/rows yet; killed at any moment, the same call goes on.
+    """Compute every point of a study that has no row in out/rows yet; after a kill the same call goes on.
 
     workers : processes on this machine, one per core by default; scheduler : address of one that runs.
     Raises Refused for a folder that holds rows of another study, or without Dask.
@@ -82,8 +80,8 @@ def sweep(
 def _computed(client: Any, study: Study, todo: deque[int], work: Work) -> Iterator[list[Row]]:
     """Give the rows of all scenes, chunk by chunk.
 
-    Dask gives a chunk whose worker died to another one; after that, each of its scenes is a chunk of its own.  No
-    more chunks are out than threads are there: one that waits at a worker would die with it.
+    Dask retries a chunk whose worker died once; after that, each of its scenes is a chunk of its own.
+    No chunk waits at a worker: it would die with it.
     """
     from distributed import as_completed
 
@@ -115,12 +113,9 @@ def _computed(client: Any, study: Study, todo: deque[int], work: Work) -> Iterat
 
 
 def _lasting(seconds: float, rows: list[Row]) -> int:
-    """Return how many such scenes take so long, from 1 to LARGEST."""
+    """How many such scenes take `seconds`, from 1 to LARGEST."""
     took = sum(row.get("seconds") or 0.0 for row in rows)
     return int(np.clip(seconds * len(rows) / max(took, 1e-9), 1, LARGEST))
-
-
-# --- results ----------------------------------------------------------------------------------------------------------
 
 
 def write(out: Path, study: Study, rows: list[Row]) -> None:
@@ -135,7 +130,6 @@ def write(out: Path, study: Study, rows: list[Row]) -> None:
 
 
 def _schema(study: Study) -> Any:
-    """Return the columns of a study's rows, the same in every file."""
     import pyarrow as pa
 
     kinds = dict.fromkeys(job.WORDS, pa.string()) | dict.fromkeys(job.NUMBERS, pa.float64())
@@ -145,7 +139,7 @@ def _schema(study: Study) -> Any:
 
 
 def frame(out: Path, *columns: str) -> Any:
-    """Return all rows as a pandas.DataFrame, by index; with these columns, if some are named."""
+    """All rows as a pandas.DataFrame, by index; with these columns, if some are named."""
     import pandas
 
     wanted = ["index", *columns] if columns else None
@@ -153,11 +147,8 @@ def frame(out: Path, *columns: str) -> Any:
 
 
 def done(out: Path) -> set[int]:
-    """Return the indices of the scenes that have a row."""
+    """Indices of the scenes that have a row."""
     return set(frame(out, "status").index) if any((out / "rows").glob("*.parquet")) else set()
-
-
-# --- folder and cluster -----------------------------------------------------------------------------------------------
 
 
 @contextmanager
@@ -181,7 +172,7 @@ def _same_study(study: Study, out: Path) -> None:
 
 
 def _of_rows(study: str) -> dict[str, Any]:
-    """Return what the rows depend on."""
+    """The entries of a study that change its rows."""
     return {k: v for k, v in tomllib.loads(study).items() if k not in ("title", "limit", "seconds")}
 
 

@@ -15,7 +15,7 @@ Tables = dict[str, Any]
 
 
 def _locked(draw: Draw) -> Tables:
-    """Return cable, supports and mass of a ropeway.
+    """Cable, supports and mass of a ropeway.
 
     A full locked rope: 0.87 of its circle is metal, 8450 kg/m^3 with filling, 160 GPa.
     """
@@ -28,7 +28,7 @@ def _locked(draw: Draw) -> Tables:
 
 
 def gripped(draw: Draw) -> Scene:
-    """Return a car that grips a locked rope, at 0.1 to 0.5 of the wave speed."""
+    """A car that grips a locked rope, at 0.1 to 0.5 of the wave speed."""
     x = _locked(draw)
     speed = draw(0.1, 0.5) * math.sqrt(x["cable"]["horizontal_tension"] / x["cable"]["mass_per_length"])
     travel = {"kind": "constant_speed", "speed": speed}
@@ -38,7 +38,7 @@ def gripped(draw: Draw) -> Scene:
 
 
 def hauled(draw: Draw) -> Scene:
-    """Return a car that rolls on a locked rope and is hauled at 4 to 12 m/s."""
+    """A car that rolls on a locked rope and is hauled at 4 to 12 m/s."""
     x = _locked(draw)
     travel = {"kind": "accelerate_cruise_brake", "top_speed": draw(4.0, 12.0)}
     x |= {"travel": travel, "drive": {"mode": "haul", "rolling_friction": draw(0.0, 0.02)}}
@@ -46,7 +46,7 @@ def hauled(draw: Draw) -> Scene:
 
 
 def free(draw: Draw) -> Scene:
-    """Return a rider on a thin rope, with a brake at 0.93 of the span.
+    """A rider on a thin rope, with a brake at 0.93 of the span.
 
     A stranded rope of diameter d [mm]: 0.0045 d^2 kg/m, 56 d^2 kN.
     """
@@ -63,7 +63,7 @@ FAMILIES = (gripped, hauled, free)
 
 
 def realistic(seed: int, index: int) -> Scene:
-    """Return a scene of the families in turn; the same for the same seed and index."""
+    """A scene of the families in turn; the same for the same seed and index."""
     rng = np.random.default_rng([seed, index])
     return FAMILIES[index % len(FAMILIES)](lambda low, high: float(rng.uniform(low, high)))
 
@@ -73,7 +73,7 @@ FAULTS = ("mass.mass", "cable.EA", "cable.mass_per_length", "travel.top_speed")
 
 
 def case(seed: int, number: int) -> tuple[Scene, str | None]:
-    """Return the scene of a case of the study `power`, and the key that the second solver is told 1 percent larger."""
+    """The scene of a case of the study `power`, and the key that the second solver is told 1 percent larger."""
     if number < SOUND:
         return realistic(seed, number), None
     index = number - SOUND

@@ -68,12 +68,11 @@ def time_limit(seconds: float) -> Iterator[None]:
 
 
 def rows(study: Study, numbered: list[tuple[int, dict[str, Any]]]) -> list[dict[str, Any]]:
-    """Return the rows of some points of a study."""
     return [row(study, index, point) for index, point in numbered]
 
 
 def row(study: Study, index: int, point: dict[str, Any]) -> dict[str, Any]:
-    """Return the row of one point: index, inputs, groups, status and what the job found."""
+    """The row of one point: index, inputs, groups, status and what the job found."""
     begin = time.perf_counter()
     out: dict[str, Any] = {"index": index, **point}
     try:
@@ -81,14 +80,14 @@ def row(study: Study, index: int, point: dict[str, Any]) -> dict[str, Any]:
             out |= _row(study, point, index)
     except CutOff:
         out |= {"status": "cut off", "cause": "time", "reason": f"more than {study.seconds:g} s"}
-    except Exception as error:  # the one place that must see every exception: a row says it
+    except Exception as error:  # every exception becomes a row
         reason = traceback.format_exc(limit=-4)
         out |= {"status": "failed", "cause": type(error).__name__, "reason": reason}
     return out | {"seconds": time.perf_counter() - begin}
 
 
 def lost(study: Study, index: int, cause: str) -> dict[str, Any]:
-    """Return the row of a scene whose workers died."""
+    """The row of a scene whose workers died."""
     reason = "each worker died that computed it"
     return {"index": index, **study.point(index), "status": "died", "cause": cause, "reason": reason}
 
@@ -146,14 +145,14 @@ def _run(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str,
 
 
 def _end(scene: Any) -> float | None:
-    """Return how far in s_o/l runs go: what is told of a scene lies before; nothing is of the slack cable."""
+    """s_o/l at which runs end: rows tell nothing of the slack cable; None: the end of the ride."""
     from validation.core.measures import SLACK_END
 
     return SLACK_END if scene.drive.mode == "grip" else None
 
 
 def truth(scene: Any, r: Any, finer: int, most: float = 2e6) -> dict[str, Any]:
-    """Return the errors of a run against one so many times finer in space and time, and what half of that is off.
+    """Errors of a run against one so many times finer in space and time, and what half of that is off.
 
     Over the range for which the run states its bar.  The reference is of the element wing's default method, whatever
     the run is of, and has at most so many steps times elements.
@@ -176,7 +175,7 @@ def truth(scene: Any, r: Any, finer: int, most: float = 2e6) -> dict[str, Any]:
 
 
 def faults_of(r: Any) -> list[str]:
-    """Return what no response may have: numbers that are none, an end without a reason."""
+    """Faults of a response: numbers that are not finite, an end without a reason."""
     import numpy as np
 
     whole = ("t", "s_o", "x", "y", "u", "v", "velocity", "acceleration", "energy", "power", "tension_min")
@@ -192,7 +191,7 @@ def faults_of(r: Any) -> list[str]:
 
 
 def _cheapest(scene: Any, tol: float) -> dict[str, Any]:
-    """Return the least model and method that `advise` finds; of a car that rolls, a method that can ride."""
+    """Least model and method that `advise` finds; of a car that rolls, a method that can ride."""
     from validation import advice
 
     if scene.drive.mode != "grip":
@@ -221,7 +220,6 @@ def _advise(scene: Any, tol: float) -> dict[str, Any]:
 
 
 def of_response(r: Any, scene: Any) -> dict[str, Any]:
-    """Return what a run says, for a row."""
     from validation.core.answers import outcome
 
     found = outcome(scene, r)

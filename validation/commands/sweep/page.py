@@ -23,7 +23,6 @@ PARTS = 3  # of a third axis
 
 
 def sections(folder: Path) -> list[Section]:
-    """Return the pages; each names what it leaves out."""
     study, rows = Study.load(folder / "study.toml"), frame(folder)
     return [_outcome(study, rows), _maps(study, rows), _explorer(study, folder / "study.toml", rows)]
 
@@ -49,7 +48,7 @@ def _outcome(study: Study, rows: Any) -> Section:
 
 
 def _counted(rows: Any, by: list[str], caption: str) -> Markup:
-    """Return how many scenes have which words, most first."""
+    """Table of how often each combination of words occurs, most frequent first."""
     counts = rows.value_counts(by, dropna=False).reset_index(name="scenes").rename(columns={"verdict": "judged"})
     counts["part"] = [percent(n / len(rows), 3) for n in counts["scenes"]]
     return table(counts.replace({np.nan: None}).to_dict("records"), list(counts.columns), caption=caption)
@@ -88,7 +87,6 @@ def _maps(study: Study, rows: Any) -> Section:
 
 
 def _thinned(rows: Any) -> Any:
-    """Return at most SHOWN rows, evenly taken."""
     return rows.iloc[:: max(1, -(-len(rows) // SHOWN))]
 
 
@@ -117,7 +115,7 @@ def _map(rows: Any, quantity: str, axes: list[str], logs: set[str], most: float)
 
 
 def _parts(rows: Any, axis: str) -> list[tuple[str, Any]]:
-    """Return the scenes by an axis: its values where they are few, else in equal shares."""
+    """Scenes by an axis: its values where they are few, else in equal shares."""
     if rows[axis].nunique() <= PARTS:
         return [(f"{axis} = {number(x)}", part) for x, part in rows.groupby(axis)]
     shares = qcut(rows[axis], PARTS, duplicates="drop")

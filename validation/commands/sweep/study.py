@@ -45,7 +45,7 @@ class Sample(Part):
 class Truth(Part):
     """Which runs are held against finer ones."""
 
-    every: Annotated[int, whole(1, 1000)]  # so-manieth scene
+    every: Annotated[int, whole(1, 1000)]  # every n-th scene
     finer: Annotated[int, whole(1, 1000)]  # so many times, in space and in time
 
 
@@ -68,7 +68,7 @@ class Study(Part):
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Study:
-        """Return the built-in study of that name or the one in that TOML file; Refused with one line per fault."""
+        """The built-in study of that name or the one in that TOML file; Refused with one line per fault."""
         path = built_in().get(str(name_or_path), Path(name_or_path))
         try:
             return cls.of(tomllib.loads(path.read_text(encoding="utf-8-sig")), path.stem, path.parent)
@@ -81,7 +81,7 @@ class Study(Part):
 
     @classmethod
     def of(cls, data: dict[str, Any], name: str = "study", folder: Path = Path()) -> Study:
-        """Return the study in a TOML table; its scene is a name, a table, or a file that is looked for beside it."""
+        """The study in a TOML table; its scene is a name, a table, or a file that is looked for beside it."""
         try:
             scene = data.get("scene")
             if isinstance(scene, str):
@@ -95,7 +95,7 @@ class Study(Part):
             raise Refused([f"{name}: {fault}" for fault in error.faults]) from None
 
     def _faults(self) -> list[str]:
-        """Return what is wrong between fields that are sound by themselves."""
+        """Faults between fields that are sound by themselves."""
         if (self.vary is None) == (self.sample is None):
             return ["exactly one of [vary] (a full grid) and [sample] (a design of experiments) must be given"]
         faults = [] if len(self) <= MOST else [f"vary: {len(self)} scenes; must be at most {MOST}"]
@@ -107,7 +107,7 @@ class Study(Part):
         return faults
 
     def _faults_of(self, axis: Axis) -> list[str]:
-        """Return what is wrong with the name of an axis: no group, no field of the scene, nothing of the run."""
+        """Faults of an axis' name: no group, no field of the scene, nothing of the run."""
         known = {*GROUPS, *HOW, *(() if self.scene else FREE), *(("case",) if self.job == "power" else ())}
         part, dot, _ = axis.name.partition(".")
         if axis.name not in known and not (dot and part in Scene.field_names()):
@@ -129,7 +129,7 @@ class Study(Part):
         return self.vary or () if self.sample is None else self.sample.range
 
     def to_toml(self) -> str:
-        """Return a study file that reads back as this study wherever it lies.
+        """A study file that reads back as this study wherever it lies.
 
         Points are numbered by the order of the axes: each is a table, as the writer puts lists before tables.
         """
@@ -140,13 +140,11 @@ class Study(Part):
         given |= {"vary": axes} if self.sample is None else {"sample": given["sample"] | {"range": axes}}
         return tomli_w.dumps(given)
 
-    # --- points ---------------------------------------------------------------------------------------------------
-
     def __len__(self) -> int:
         return self.sample.count if self.sample else math.prod(len(axis.values) for axis in self.axes)
 
     def point(self, index: int) -> dict[str, Any]:
-        """Return the values of the axes at a point, 0 <= index < len(self)."""
+        """Values of the axes at a point, 0 <= index < len(self)."""
         if not 0 <= index < len(self):
             raise Refused(f"scene {index}: {self.name} has the scenes 0 to {len(self) - 1}")
         if self.sample is not None:
@@ -156,7 +154,7 @@ class Study(Part):
         return {axis.name: axis.values[i] for axis, i in zip(self.axes, at, strict=True)}
 
     def scene_at(self, point: dict[str, Any]) -> Scene:
-        """Return the scene of a point; SceneError where it has faults."""
+        """The scene of a point; SceneError where it has faults."""
         if self.job == "power":
             return self.case(point)[0]
         what = {k: v for k, v in point.items() if k not in HOW}
@@ -169,17 +167,17 @@ class Study(Part):
         return scene.variant(**groups) if groups and self.scene is not None else scene
 
     def case(self, point: dict[str, Any]) -> tuple[Scene, str | None]:
-        """Return the scene of a point of job power, and the key that the second solver is told 1 percent larger."""
+        """`families.case` of a point."""
         return families.case(self.settings.get("seed", 0), round(point["case"]))
 
     def how(self, point: dict[str, Any]) -> dict[str, Any]:
-        """Return method, model, load, law and tol of a point, as far as the study names them."""
+        """Method, model, load, law and tol of a point, as far as the study names them."""
         named = {key: x for key, x in (("method", self.method), ("tol", self.tol)) if x is not None}
         return named | {k: v for k, v in point.items() if k in HOW}
 
 
 def _driven(scene: Scene, changes: dict[str, Any]) -> tuple[Scene, dict[str, Any]]:
-    """Return a scene and changes of it in another drive.mode; what has no meaning there gives way."""
+    """A scene and its changes in another drive.mode, without keys that mean nothing there."""
     mode = changes["drive.mode"]
     known = of_mode(mode)
     drive = {k: x for k, x in scene.drive.model_dump(exclude_defaults=True).items() if k in known} | {"mode": mode}
@@ -188,14 +186,14 @@ def _driven(scene: Scene, changes: dict[str, Any]) -> tuple[Scene, dict[str, Any
 
 
 def built_in() -> dict[str, Path]:
-    """Return name -> file of the studies that come with the package."""
+    """Name -> file of the studies that come with the package."""
     folder = Path(str(resources.files(__package__))) / "library"
     return {file.stem: file for file in sorted(folder.glob("*.toml"))}
 
 
 @cache
 def _shares(kind: str, count: int, seed: int, axes: int) -> np.ndarray:
-    """Return all points of a design in the unit cube, (count, axes)."""
+    """All points of a design in the unit cube, (count, axes)."""
     from scipy.stats import qmc
 
     if kind == "random":

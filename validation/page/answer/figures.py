@@ -67,7 +67,7 @@ def series(x: Stored, rows: Sequence[tuple[str, str, Of]], caption: str, *, time
 
 
 def _told(party: Any, of: Of) -> Array | None:
-    """Return a series of a third party; None where it does not tell it."""
+    """A series of a third party; None if it lacks it."""
     try:
         return of(party)
     except (AttributeError, TypeError):
@@ -98,7 +98,7 @@ def distance(x: Stored, caption: str) -> Markup:
 
 
 def _apart(a: Response, b: Any, time: bool) -> tuple[Array, Array]:
-    """Return the axis and the distance of two paths [m] where both are known, of the components both tell."""
+    """The axis and the distance of two paths [m] where both are known, of the components both tell."""
     at, there = (a.t, b.t) if time else (a.s_o, b.s_o)
     both = (at >= there[0]) & (at <= there[-1])
     columns = [c for c in (("x", "y") if time else ("u", "v")) if getattr(b, c) is not None]
@@ -107,7 +107,7 @@ def _apart(a: Response, b: Any, time: bool) -> tuple[Array, Array]:
 
 
 def tension_range(x: Stored) -> tuple[float, float]:
-    """Return least and largest tension [N] of the compared part of the fields."""
+    """Least and largest tension [N] of the compared part of the fields."""
     low, high = np.inf, 0.0
     for r in x.runs:
         start, stop = x.compared(r)

@@ -51,7 +51,7 @@ Columns = dict[str, Column]
 
 
 def row(scene: Scene, r: Response, design: Sequence[dict[str, Any]], verdict: str | None = None) -> dict[str, Any]:
-    """Return the table's row of one answer; SI, speeds in km/h."""
+    """The table's row of one answer; SI, speeds in km/h."""
     found = outcome(scene, r)
     events = {e["event"]: e for e in reversed(r.events)}  # the first of each kind
     arrives = events.get("brake") or events.get("arrival")
@@ -65,7 +65,7 @@ def row(scene: Scene, r: Response, design: Sequence[dict[str, Any]], verdict: st
 
 
 def _numbers(design: Sequence[dict[str, Any]]) -> Row:
-    """Return the table's design numbers, of several obstacles the least."""
+    """The table's design numbers, of several obstacles the least."""
     known: dict[str, list[float]] = {quantity: [] for quantity in NUMBERS}
     for d in design:
         if d["value"] is not None and (kind := d["quantity"].split(":")[0]) in known:
@@ -74,7 +74,7 @@ def _numbers(design: Sequence[dict[str, Any]]) -> Row:
 
 
 def path(r: Response, points: int = 300) -> dict[str, list[float]]:
-    """Return path and speed of the car for the page, at so many points at most."""
+    """Path and speed of the car for the page, at so many points at most."""
     at = np.unique(np.linspace(0, r.t.size - 1, points).round().astype(int))
     columns = {"t": r.t, "s_o": r.s_o, "x": r.x, "y": r.y, "kmh": 3.6 * r.speed}
     return {name: [float(f"{x:.6g}") for x in values[at]] for name, values in columns.items()}
@@ -120,7 +120,7 @@ def _tell(rows: list[Row], shown: Columns) -> None:
 
 
 def columns(rows: list[Row], keys: Sequence[str]) -> Columns:
-    """Return the columns of a table of rides: varied values, outcomes, common numbers, verdicts."""
+    """Columns of a table of rides: varied values, outcomes, common numbers, verdicts."""
     found = {key: Column(key) for key in keys}
     for name in ("outcome", "arrival_km_h", "rests_at_m", *NUMBERS, "verdict"):
         values = [x[name] for x in rows if x.get(name) is not None]
@@ -132,7 +132,7 @@ def columns(rows: list[Row], keys: Sequence[str]) -> Columns:
 
 
 def table_of(rows: list[Row], columns: Columns, key: str) -> Markup:
-    """Return a grid's table; on a phone a block begins with the first key and its value."""
+    """A grid's table; on a phone a block begins with the first key and its value."""
     cells = [{c.head: c.cell(x.get(name)).replace("-", "−") for name, c in columns.items()} for x in rows]
     for cell in cells:
         cell[key] = Markup('<span class="phone">{} </span>{}').format(key, cell[key])
@@ -140,7 +140,6 @@ def table_of(rows: list[Row], columns: Columns, key: str) -> Markup:
 
 
 def sections(folder: Path) -> list[Section]:
-    """Return the page of the grid stored in a folder."""
     stored = store.read(folder / "grid.json")
     rows, paths, keys = stored["rows"], stored["paths"], stored["keys"]
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
@@ -154,12 +153,12 @@ def sections(folder: Path) -> list[Section]:
 
 
 def label(point: Row, keys: Sequence[str]) -> str:
-    """Return the varied values of a point in words."""
+    """The varied values of a point in words."""
     return ", ".join(f"{key.split('.')[-1]} {point[key]}" for key in keys)
 
 
 def _looks(rows: list[dict], keys: Sequence[str]) -> list[tuple[str, str]]:
-    """Return colour and dash of each row, by the first key and by the others."""
+    """Colour and dash of each row, by the first key and by the others."""
     firsts = [json.dumps(point[keys[0]]) for point in rows]
     others = [json.dumps([point[key] for key in keys[1:]]) for point in rows]
     order = [list(dict.fromkeys(values)) for values in (firsts, others)]
@@ -170,7 +169,6 @@ def _looks(rows: list[dict], keys: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def _side(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
-    """Draw all paths, depths to scale or enlarged by a whole number."""
     span, below = scene.supports.span, 0.0 if scene.mass is None else scene.mass.below
     X, s = scene.catenary, np.linspace(0.0, scene.length, 101)
     ground = np.array(scene.ground).reshape(-1, 2)

@@ -23,12 +23,12 @@ PLANAR = (
 
 
 def answer(x: Stored) -> list[Section]:
-    """Return the sections common to a run and a check of two."""
+    """Sections common to a run and a check of two."""
     return [_answer(x), _side(x), _ride(x), _tension(x), _scene(x)]
 
 
 def typeset(text: str) -> str:
-    """Return a number with bar and unit, with a minus sign and without line breaks."""
+    """A number with bar and unit, with a minus sign and without line breaks."""
     return text.replace(" ± ", "\u202f±\u202f").replace("-", "−")
 
 
@@ -147,7 +147,7 @@ def _scene(x: Stored) -> Section:
 
 
 def behind(x: Stored) -> Markup:
-    """Return settings and work of the runs, folded."""
+    """Settings and work of the runs, folded."""
     work = [
         {"run": r.method, "unknowns": r.n_dof, **r.work, "seconds": r.seconds, "reached": f"{r.s_o[-1]:.1f} m"}
         for r in x.runs

@@ -52,7 +52,7 @@ class Stored:
         return self.runs[0].drive == "free"
 
     def compared(self, r: Response) -> tuple[float, float]:
-        """Return first and last compared instant [s] of a run."""
+        """First and last compared instant [s] of a run."""
         low, high = self.agreement.get("range") or (0.0, 1.0)
         if self.free or self.agreement.get("axis") == "time":
             return 0.0, float(r.t[-1])
@@ -60,12 +60,12 @@ class Stored:
         return float(ends[0]), float(ends[1])
 
     def row(self, quantity: str) -> dict[str, Any]:
-        """Return our solvers' row of a quantity, or an empty one."""
+        """Our solvers' row of a quantity, or an empty one."""
         return next((r for r in self.rows if r.get("quantity") == quantity and not r.get("with")), {})
 
 
 def read(folder: Path) -> Stored | None:
-    """Return what a check stored in a folder; None where every run broke at its start."""
+    """The stored results of a check; None where every run broke at its start."""
     agreement = store.read(folder / "agreement.json")
     runs = tuple(r for name in agreement["methods"][:2] if (r := Response.read(folder / name)).t.size > 1)
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
