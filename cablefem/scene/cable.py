@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 from cablefem.scene.bisection import bisected
-from cablefem.scene.catenary import Z_MAX, Z_MIN, Catenary, length_range, sag_range, tension_range
+from cablefem.scene.catenary import Z_MAX, Z_MIN, Catenary
 from cablefem.scene.errors import shown
 from cablefem.scene.fields import POSITIVE, NonNegative, Part, Positive, Real, admits, between, number_or, said
 
@@ -110,8 +110,8 @@ def hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
     weight = (cable.mass_per_length + cable.ice_per_length) * gravity * l
 
     def state(z: float) -> Catenary:
-        l_2 = Catenary(supports.span, supports.drop, 2.0 * z / supports.span, 1.0).length
-        return Catenary(supports.span, supports.drop, weight / l_2, weight / l_2 * supports.span / (2.0 * z))
+        l_2 = Catenary.from_z(supports.span, supports.drop, 1.0, z).length
+        return Catenary.from_z(supports.span, supports.drop, weight / l_2, z)
 
     def excess(z: float) -> float:
         """l_2 less the rule's, from l - chord to keep digits of a taut cable."""
@@ -140,11 +140,10 @@ def hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str
         most = STEEPEST * span
         return [f"supports.drop = {drop!r}: must be from {-most:.6g} to {most:.6g}, {STEEPEST:g} spans"]
     name, value = next((n, v) for n in SHAPES if (v := getattr(cable, n)) is not None)
-    low, high = {
-        "length": lambda: length_range(span, drop),
-        "sag": lambda: sag_range(span, drop),
-        "horizontal_tension": lambda: tension_range(span, cable.mass_per_length * gravity),
-    }[name]()
+    weight, chord = cable.mass_per_length * gravity, math.hypot(span, drop)
+    low, high = sorted(getattr(Catenary.from_z(span, drop, weight, z), name) for z in (Z_MIN, Z_MAX))
+    if name == "length":
+        low = chord * (1.0 + 1e-12)  # nearer to the chord, less than four digits of the sag are known
     if low <= value <= high:
         try:
             hang(gravity, cable, supports)
@@ -154,7 +153,6 @@ def hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str
         return []
     least = f"{low!r}" if name == "length" else f"{low:.6g}"  # a length counts by its excess over the chord
     fault = f"cable.{name} = {value!r}: must be from {least} to {high:.6g} with these supports"
-    chord = math.hypot(span, drop)
     if name == "length" and value <= chord:
         fault += f" (the supports are {chord!r} m apart)"
     elif name == "length" and value < low:

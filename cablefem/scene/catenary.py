@@ -54,25 +54,24 @@ class Catenary:
     horizontal_tension: float  # H [N]
 
     @classmethod
-    def from_length(cls, span: float, drop: float, weight: float, length: float) -> Catenary:
-        """From stretched arc length l: sqrt(l^2 - h^2)/b = sinh(z)/z; ValueError outside `length_range`."""
-        low, high = length_range(span, drop)
-        if not low <= length <= high:
-            raise ValueError(f"length {length} outside [{low}, {high}]")
-        chord = math.hypot(span, drop)
-        level = math.sqrt((length - drop) * (length + drop))
-        excess = (length - chord) * (length + chord) / (span * (level + span))  # = level/span - 1
-        z = _root(lambda z: math.log(_sinhc_minus_1(z) / excess))
+    def from_z(cls, span: float, drop: float, weight: float, z: float) -> Catenary:
+        """From z = rho g b/(2H)."""
         return cls(span, drop, weight, weight * span / (2.0 * z))
 
     @classmethod
+    def from_length(cls, span: float, drop: float, weight: float, length: float) -> Catenary:
+        """From stretched arc length l: sqrt(l^2 - h^2)/b = sinh(z)/z; ValueError if no z in [Z_MIN, Z_MAX] has it."""
+        chord = math.hypot(span, drop)
+        if length <= chord:
+            raise ValueError(f"length {length} is at most the chord {chord}")
+        level = math.sqrt((length - drop) * (length + drop))
+        excess = (length - chord) * (length + chord) / (span * (level + span))  # = level/span - 1
+        return cls.from_z(span, drop, weight, _root(lambda z: math.log(_sinhc_minus_1(z) / excess)))
+
+    @classmethod
     def from_sag(cls, span: float, drop: float, weight: float, sag: float) -> Catenary:
-        """From the largest vertical distance below the chord; ValueError outside `sag_range`."""
-        low, high = sag_range(span, drop)
-        if not low <= sag <= high:
-            raise ValueError(f"sag {sag} outside [{low}, {high}]")
-        z = _root(lambda z: math.log(_sag(span, drop, z) / sag))
-        return cls(span, drop, weight, weight * span / (2.0 * z))
+        """From the largest vertical distance below the chord; ValueError if no z in [Z_MIN, Z_MAX] has it."""
+        return cls.from_z(span, drop, weight, _root(lambda z: math.log(_sag(span, drop, z) / sag)))
 
     @property
     def z(self) -> float:
@@ -134,21 +133,6 @@ class Catenary:
     def tension(self, s) -> np.ndarray:
         """Tension [N] at arc length s [m], same shape."""
         return self.horizontal_tension * static(np.asarray(s) / self.length, self.sigma, self.c)[0]
-
-
-def length_range(span: float, drop: float) -> tuple[float, float]:
-    """Arc lengths [m] of catenaries; within 1e-12 of the chord, less than four digits of the sag are known."""
-    return math.hypot(span, drop) * (1.0 + 1e-12), Catenary(span, drop, 2.0 * Z_MAX / span, 1.0).length
-
-
-def sag_range(span: float, drop: float) -> tuple[float, float]:
-    """Sags below the chord [m] of catenaries."""
-    return _sag(span, drop, Z_MIN), _sag(span, drop, Z_MAX)
-
-
-def tension_range(span: float, weight: float) -> tuple[float, float]:
-    """Horizontal tensions [N] of catenaries."""
-    return weight * span / (2.0 * Z_MAX), weight * span / (2.0 * Z_MIN)
 
 
 def _sinhc_minus_1(z: float) -> float:
