@@ -95,15 +95,7 @@ class Motion:
         return float(self.times_at(np.array([s_o]))[0])
 
     def times_at(self, places: np.ndarray) -> np.ndarray:
-        """`time_at` of many places (n,), by bisection."""
-        index, low, high = self._ends_around(places)
-        while ((low < (middle := 0.5 * (low + high))) & (middle < high)).any():
-            early = self._on(index, middle)[0] < places
-            low, high = np.where(early, middle, low), np.where(early, high, middle)
-        return high
-
-    def _ends_around(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Pieces with the places (n,), and their ends; ValueError for a place not reached."""
+        """`time_at` of many places (n,), by bisection between the ends of pieces."""
         never = [s for s in places.tolist() if not self.begin <= s <= self.end]
         if never:
             raise ValueError(
@@ -112,9 +104,11 @@ class Motion:
         times = np.append(self._columns[0], self.phases[-1][1])
         known = self.position(times)
         k = np.searchsorted(known, places, side="left")
-        index, high = np.maximum(k - 1, 0), times[k]
-        # within rounding
-        return index, np.where((known[k] == places) | (self._on(index, high)[0] <= places), high, times[index]), high
+        low, high = times[np.where(known[k] == places, k, k - 1)], times[k]
+        while ((low < (middle := 0.5 * (low + high))) & (middle < high)).any():
+            early = self.position(middle) < places
+            low, high = np.where(early, middle, low), np.where(early, high, middle)
+        return high
 
     @cached_property
     def _ends(self) -> np.ndarray:

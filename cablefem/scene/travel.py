@@ -157,18 +157,8 @@ class AccelerateCruiseBrake(Law):
 
     def course(self, way: float) -> Motion:
         """a = 3 V^2/(2 l), durations 2l/3V, l/3V, 2l/3V."""
-        V, l = self.top_speed, way
-        half_a = 0.75 * V * V / l
-        t1, t2, t3 = 2.0 * l / (3.0 * V), l / V, 5.0 * l / (3.0 * V)
-        return Motion(
-            ((0.0, t1), (t1, t2), (t2, t3)),
-            (
-                (Piece(0.0, 0.0, 0.0, 0.0, half_a),),
-                (Piece(t1, t1, l / 3.0, V, 0.0),),
-                (Piece(t2, t3, l, 0.0, -half_a),),  # from the end, where speed is exactly zero
-            ),
-            l,
-        )
+        a = 1.5 * self.top_speed**2 / way
+        return _ramped(self.top_speed, (a, a), None, way)
 
     paces: ClassVar = {"top_speed": 1}
 
@@ -192,31 +182,10 @@ class Trapezoid(Law):
     def course(self, way: float) -> Motion:
         V, ramps = self.top_speed, (self.acceleration, self.deceleration)
 
-        def runs(V: float) -> float:
-            """Way of both symmetric ramps."""
-            return sum(0.5 * V * sum(_ramp(V, a, self.jerk)) for a in ramps)
+        def excess(V: float) -> float:
+            return _ramps_way(V, ramps, self.jerk) - way
 
-        if runs(V) > way:
-            V = bisected(lambda x: runs(x) - way, 0.0, V)
-        steps = []  # duration, acceleration at its start, jerk
-        for sign, a in zip((1.0, -1.0), ramps, strict=True):
-            rise, hold = _ramp(V, a, self.jerk)
-            j = sign * (self.jerk or 0.0)
-            peak = sign * a if self.jerk is None else 0.5 * rise * j
-            steps += [(0.5 * rise, 0.0, j), (hold, peak, 0.0), (0.5 * rise, peak, -j)]
-        steps.insert(3, ((way - runs(V)) / V, 0.0, 0.0))
-        t, s, v = 0.0, 0.0, 0.0
-        pieces: list[Piece] = []
-        for x, a, j in steps:
-            if x > 0.0:
-                pieces.append(Piece(t, t, s, v, 0.5 * a, j / 6.0))
-                s, v, t = s + x * (v + x * (0.5 * a + x * j / 6.0)), v + x * (a + 0.5 * x * j), t + x
-        last = pieces[-1]  # from the end, where speed is exactly zero
-        pieces[-1] = Piece(last.start, t, way, 0.0, 0.0 if self.jerk else last.c2, last.c3)
-        if self.jerk is not None:
-            return Motion(((0.0, t),), (tuple(pieces),), way)
-        times = [p.start for p in pieces] + [t]
-        return Motion(tuple(itertools.pairwise(times)), tuple((p,) for p in pieces), way)
+        return _ramped(bisected(excess, 0.0, V) if excess(V) > 0.0 else V, ramps, self.jerk, way)
 
     paces: ClassVar = {"top_speed": 1, "acceleration": 2, "deceleration": 2, "jerk": 3}
 
@@ -227,6 +196,34 @@ def _ramp(V: float, a: float, jerk: float | None) -> tuple[float, float]:
         return 0.0, V / a
     peak = min(a, math.sqrt(V * jerk))
     return 2.0 * peak / jerk, max(0.0, V / peak - peak / jerk) if peak else 0.0
+
+
+def _ramps_way(V: float, ramps: tuple[float, float], jerk: float | None) -> float:
+    """Way of both symmetric ramps."""
+    return sum(0.5 * V * sum(_ramp(V, a, jerk)) for a in ramps)
+
+
+def _ramped(V: float, ramps: tuple[float, float], jerk: float | None, way: float) -> Motion:
+    """From rest to V, cruise, and to rest, by the largest accelerations of both ramps."""
+    steps = []  # duration, acceleration at its start, jerk
+    for sign, a in zip((1.0, -1.0), ramps, strict=True):
+        rise, hold = _ramp(V, a, jerk)
+        j = sign * (jerk or 0.0)
+        peak = sign * a if jerk is None else 0.5 * rise * j
+        steps += [(0.5 * rise, 0.0, j), (hold, peak, 0.0), (0.5 * rise, peak, -j)]
+    steps.insert(3, ((way - _ramps_way(V, ramps, jerk)) / V, 0.0, 0.0))
+    t, s, v = 0.0, 0.0, 0.0
+    pieces: list[Piece] = []
+    for x, a, j in steps:
+        if x > 0.0:
+            pieces.append(Piece(t, t, s, v, 0.5 * a, j / 6.0))
+            s, v, t = s + x * (v + x * (0.5 * a + x * j / 6.0)), v + x * (a + 0.5 * x * j), t + x
+    last = pieces[-1]  # from the end, where speed is exactly zero
+    pieces[-1] = Piece(last.start, t, way, 0.0, 0.0 if jerk else last.c2, last.c3)
+    if jerk is not None:
+        return Motion(((0.0, t),), (tuple(pieces),), way)
+    times = [p.start for p in pieces] + [t]
+    return Motion(tuple(itertools.pairwise(times)), tuple((p,) for p in pieces), way)
 
 
 class Table(Law):
