@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,15 +148,6 @@ class Flag:
         return self.words.format(**self.numbers)
 
 
-class Travelled(Protocol):
-    @property
-    def drive(self) -> str: ...
-    @property
-    def length(self) -> float: ...
-    @property
-    def max_deflection(self) -> float: ...
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MassPath(_Filled):
     """How the mass of one run moved, SI; x, y from the left support, v and y down. Arrays (n,)."""
@@ -195,12 +186,12 @@ class MassPath(_Filled):
         return float(kept.max(initial=self.v[0]))
 
     @property
-    def path_scale(self: Travelled) -> float:
+    def path_scale(self: Any) -> float:
         """Reference of path errors [m]."""
         return 0.1 * self.length if self.drive == "free" else self.max_deflection
 
     @property
-    def path_scale_named(self: Travelled) -> str:
+    def path_scale_named(self: Any) -> str:
         return "a tenth of the length" if self.drive == "free" else "the largest deflection"
 
 

@@ -300,14 +300,11 @@ def is_line(name_or_path: str | Path) -> bool:
 
 def _standing(state: LineState | NoLine) -> LineState | NoLine:
     """Refuse a state whose rope pulls a saddle up."""
-    return state if isinstance(state, NoLine) else _lifted(state) or state
-
-
-def _lifted(state: LineState) -> NoLine | None:
-    for p, pull in zip(state.case.stations, state.pressure[:, 1], strict=True):
-        if p.kind == "saddle" and not pull > 0.0:
-            return NoLine(f"the rope lifts off {p.name}; kept on it, it would pull up with {-pull:.6g} N")
-    return None
+    if isinstance(state, LineState):
+        for p, pull in zip(state.case.stations, state.pressure[:, 1], strict=True):
+            if p.kind == "saddle" and not pull > 0.0:
+                return NoLine(f"the rope lifts off {p.name}; kept on it, it would pull up with {-pull:.6g} N")
+    return state
 
 
 def _contact_faults(contacts: Sequence[Contact]) -> list[str]:

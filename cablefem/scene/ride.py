@@ -26,6 +26,7 @@ from cablefem.scene.drive import Drive
 from cablefem.scene.statics import NoRest, gripped, nodes
 
 HORIZON = 1e3  # [l sqrt(rho/H)] longest ride
+LASTS = 10.0  # longest ride over the quasi-static one
 STICKS = 1e-13  # over H: smaller forces are rounding
 
 
@@ -310,11 +311,10 @@ def _at_rest(path: LoadPath, drive: Drive) -> Callable:
     return watch
 
 
-def quasi_static(groups, drive: Drive, lasts: float = 10.0) -> tuple[Ride, Drive]:
+def quasi_static(groups, drive: Drive) -> tuple[Ride, Drive]:
     """Return the ride on the loaded cable, and the drive with `nominal` and `end_time`.
 
     A swinging ride of open end is over at its second turn.
-    lasts : longest ride over the quasi-static one.
     """
     path = LoadPath.loaded(groups)
     drive = replace(drive, ways=Forces(path, groups.mu, groups.sigma, drive).ways())
@@ -322,7 +322,7 @@ def quasi_static(groups, drive: Drive, lasts: float = 10.0) -> tuple[Ride, Drive
     nominal = first.duration or min(1.0, drive.end_time)  # a car that stays
     if math.isfinite(drive.end_time):
         return first, replace(drive, nominal=nominal)
-    drive = replace(drive, nominal=nominal, end_time=lasts * nominal)
+    drive = replace(drive, nominal=nominal, end_time=LASTS * nominal)
     if first.events and first.events[-1].event == "turn":
         first = ride(path, groups.mu, groups.sigma, drive)
     return first, drive

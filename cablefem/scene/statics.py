@@ -148,7 +148,8 @@ class _Pieces:
         T = catenary.static(s, groups.sigma, groups.c)[0]
         dT = -groups.sigma * (groups.c - groups.sigma * s) / T
         q = 1.0 - T / self.alpha
-        for n in (self.left - _down(groups.sigma * s), self.left - _down(groups.sigma * s) + jump):
+        behind = self.left - np.stack([np.zeros_like(s), groups.sigma * s], -1)
+        for n in (behind, behind + jump):
             N = np.linalg.norm(n, axis=1)
             e, f = n / N[:, None], q / N + 1.0 / self.alpha
             D = f[:, None, None] * np.eye(2) - (q / N)[:, None, None] * e[:, :, None] * e[:, None, :]
@@ -176,7 +177,3 @@ class _Pieces:
 
 def _times(B: np.ndarray, y: np.ndarray) -> np.ndarray:
     return (B @ y[..., None])[..., 0]
-
-
-def _down(y: np.ndarray) -> np.ndarray:
-    return np.stack([np.zeros_like(y), y], -1)
