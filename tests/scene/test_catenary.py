@@ -135,6 +135,6 @@ def test_the_ends_of_the_admissible_ranges_are_admissible_and_nothing_beyond(dro
         for value in (low, high):
             assert Z_MIN * 0.999 < make(span, drop, weight, value).z < Z_MAX * 1.001
         for value in (0.999 * low, 1.001 * high, math.nan, -1.0):
-            with pytest.raises(ValueError, match="one sign|chord|domain|positive"):
+            with pytest.raises(ValueError, match=r"one sign|chord|domain|positive"):
                 make(span, drop, weight, value)
     assert (deep.z, taut.z) == pytest.approx((Z_MAX, Z_MIN))
