@@ -140,10 +140,7 @@ def hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str
         most = STEEPEST * span
         return [f"supports.drop = {drop!r}: must be from {-most:.6g} to {most:.6g}, {STEEPEST:g} spans"]
     name, value = next((n, v) for n in SHAPES if (v := getattr(cable, n)) is not None)
-    weight, chord = cable.mass_per_length * gravity, math.hypot(span, drop)
-    low, high = sorted(getattr(Catenary.from_z(span, drop, weight, z), name) for z in (Z_MIN, Z_MAX))
-    if name == "length":
-        low = chord * (1.0 + 1e-12)  # nearer to the chord, less than four digits of the sag are known
+    low, high = _admissible(name, cable.mass_per_length * gravity, supports)
     if low <= value <= high:
         try:
             hang(gravity, cable, supports)
@@ -153,11 +150,20 @@ def hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str
         return []
     least = f"{low!r}" if name == "length" else f"{low:.6g}"  # a length counts by its excess over the chord
     fault = f"cable.{name} = {value!r}: must be from {least} to {high:.6g} with these supports"
-    if name == "length" and value <= chord:
-        fault += f" (the supports are {chord!r} m apart)"
-    elif name == "length" and value < low:
-        fault += " (for a cable this taut give sag or horizontal_tension)"
+    chord = math.hypot(span, drop)
+    if name == "length" and value < low:
+        apart = f"the supports are {chord!r} m apart"
+        fault += f" ({apart if value <= chord else 'for a cable this taut give sag or horizontal_tension'})"
     return [fault]
+
+
+def _admissible(name: str, weight: float, supports: Supports) -> tuple[float, float]:
+    """Least and largest length, sag or tension."""
+    taut, deep = (Catenary.from_z(supports.span, supports.drop, weight, z) for z in (Z_MIN, Z_MAX))
+    if name == "length":  # nearer to the chord, less than four digits of the sag are known
+        return taut.chord * (1.0 + 1e-12), deep.length
+    low, high = sorted((getattr(taut, name), getattr(deep, name)))
+    return low, high
 
 
 def stretch_faults(gravity: float, cable: Cable, supports: Supports) -> list[str]:
