@@ -97,7 +97,6 @@ class RollingCar(System):
     def enter(self, x: State) -> State:
         return self.come_to_rest(x) if self.mode.sticks else self.go_on(x)
 
-    # --- forces ------------------------------------------------------------------------------------------
     @property
     def rubs(self) -> bool:
         return self.drive.mu_r > 0.0 or self.mode.brakes > 0
@@ -115,7 +114,6 @@ class RollingCar(System):
         needed, normal = self.holding(x)
         return self.most(normal) - abs(needed)
 
-    # --- changes of the mode -------------------------------------------------------------------------------
     def come_to_rest(self, x: State) -> State:
         """The state without slip: the car sticks, or slips where it is pulled."""
         v = x.v.copy()
@@ -167,7 +165,6 @@ class RollingCar(System):
             mode.lifted = True
         return x
 
-    # --- events --------------------------------------------------------------------------------------------
     def watch(self, x: State) -> tuple[float, ...]:
         if x.t <= self.heeded:
             return (1.0,) * len(self.events)

@@ -208,7 +208,6 @@ class GalerkinSystem(System):
         to_mass = np.kron(np.eye(self.fields), c.f)
         return np.block([[K, (c2 * self.mu) * to_mass.T], [-c0 * to_mass, c0 * np.eye(self.fields)]])
 
-    # --- compiled steps ---------------------------------------------------------------------------------------------
     @property
     def _compiled(self) -> bool:
         full = isinstance(self.cable, FullCable) and not self.path_form

@@ -82,7 +82,6 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def _travel(self, t: float, q: Array, v: Array, a: Array, phase: int) -> tuple[float, float, float]:
         return (float(q[-1]), float(v[-1]), float(a[-1])) if self.free else self.motion.at(t, phase)
 
-    # --- the car ----------------------------------------------------------------------------------------------------
     def _on(self, t: float, phase: int) -> kernels.Rolling:
         drive, against = self.drive, -self._sign(t, phase)
         brake = against * self.brake
@@ -155,7 +154,6 @@ class RollingSystem(RollingCar, GalerkinSystem):
         haul = F if drive.thrust_table or not self.free else np.full(F.shape, np.nan)
         return Drives(-np.stack([car.Cx, car.Cy], axis=1), haul, np.sum(list(powers.values()), axis=0), powers)
 
-    # --- the equations ----------------------------------------------------------------------------------------------
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         return self._seen_at(t, q, v, a, phase, False)[0]
 

@@ -1,6 +1,6 @@
 """The judge of both solvers: verdicts, studies and reports.  `validation.check` is what `cablefem check` computes.
 
-Nothing is loaded before it is used: `import validation` costs nothing.  A first argument `scene` may also be the name
+Nothing is loaded before it is used.  A first argument `scene` may also be the name
 of a built-in scene or the path of a TOML file.
 """
 
@@ -74,7 +74,6 @@ def _line(of: Any) -> Any:
 
 
 def command_names() -> list[str]:
-    """Return the names of the commands: the folders of validation/commands."""
     return sorted(found.parent.name for found in Path(__file__).parent.glob("commands/*/__init__.py"))
 
 

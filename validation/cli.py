@@ -52,8 +52,8 @@ app = _app()
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command and return its exit code; a user's mistake ends in lines on standard error, never in a trace."""
-    gc.set_threshold(100_000, 50, 50)  # what is loaded stays, and looking for garbage in it takes a tenth of a start
-    atexit.register(gc.freeze)  # the interpreter's own last look takes another two
+    gc.set_threshold(100_000, 50, 50)  # what is loaded stays; saves a tenth of a start
+    atexit.register(gc.freeze)  # saves another two at the end
     command = typer.main.get_command(app)
     usage_error: Any = typer.BadParameter.__mro__[1]
     try:
@@ -70,7 +70,7 @@ def main(argv: list[str] | None = None) -> int:
         terminal.complain(["interrupted; files that were written are whole, and the command can be given again"])
         return 130
     except BrokenPipeError:
-        # The reader has gone: nothing more to say, and nothing to flush at the end.
+        # The reader has gone: nothing to flush at the end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except Exception as error:

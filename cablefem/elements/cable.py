@@ -87,7 +87,6 @@ class CableElements(System):
         self.weight = groups.mu * groups.sigma * self.direction[:, 1]
         self._set_law(law)
 
-    # --- the system ------------------------------------------------------------------------------------
     def with_law(self, law: str) -> Self:
         """A twin with another cable law; it shares the tables."""
         twin = copy(self)
@@ -126,7 +125,6 @@ class CableElements(System):
     ) -> Iterator[Settled]:
         return self._said(self._collocated(phase, steps.first(1), rule, bound, newton))
 
-    # --- compiled steps --------------------------------------------------------------------------------
     def _steps(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array, int]:
@@ -161,7 +159,6 @@ class CableElements(System):
             self.least_tension = least, where
             yield Settled(*done)
 
-    # --- tangents and workspaces -----------------------------------------------------------------------
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
         """Set r at x, rows q, v, a, and unless the factors are 0 the tangent in `_single`."""
         if self._at != (t, phase):

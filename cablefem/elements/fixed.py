@@ -122,7 +122,6 @@ class FixedElements(CableElements):
     def collocate(self, *step) -> Iterator[Settled]:
         return collocate(self, *step) if self.particle else super().collocate(*step)
 
-    # --- assembly --------------------------------------------------------------------------------------
     def _tabulate(self, kind: _Kind) -> None:
         """Tabulate one element and repeat it; Hermite slopes are per element length.
 

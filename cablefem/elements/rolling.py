@@ -84,7 +84,6 @@ class RollingElements(RollingCar, FollowingElements):
     def _kind(self) -> int:
         return kernels.HAUL if not self.free else kernels.HELD if self.mode.sticks else kernels.FREE
 
-    # --- the system ------------------------------------------------------------------------------------
     def place(self, x: State) -> float:
         return float(x.q[-1]) if self.free else super().place(x)
 
@@ -214,7 +213,6 @@ class RollingElements(RollingCar, FollowingElements):
     def go_on(self, x: State) -> State:
         return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
 
-    # --- the car ---------------------------------------------------------------------------------------
     def _car(self, t: float, phase: int) -> kernels.Car:
         drive, fixed = self.drive, (self._kind, self.node, self.inertia, self.groups.sigma)
         if not self.free:

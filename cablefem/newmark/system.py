@@ -66,7 +66,7 @@ class System(Protocol):
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array]:
-        """Return ends (k, 3, n_dof) of steps, and the fields of `Settled` of each.
+        """Ends (k, 3, n_dof) of steps, and the fields of `Settled` of each.
 
         t, rules : (m,) and (m, 3, 5), see `settle`.
         Stops before a step that fails or may hold an event; a failed one may have a row k.
@@ -78,7 +78,7 @@ class System(Protocol):
         return collocate(self, phase, steps, rule, bound, newton)
 
     def averaged(self, start: State, end: State) -> Array:
-        """Return r (n_dof,) averaged over a step.
+        """r (n_dof,) averaged over a step.
 
         With a mass matrix M(q), T = v0 . M(q) v1 / 2 and potential V, energy is kept by
 
@@ -92,15 +92,15 @@ class System(Protocol):
 
     # --- the length of steps -----------------------------------------------------------------------------
     def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
-        """Return times (n,) of mean places, weighted 1 - w and w."""
+        """Times (n,) of mean places, weighted 1 - w and w."""
         return (1.0 - w) * t0 + w * t1
 
     def part(self, x: State, since: float, ahead: float = 0.0) -> float:
-        """Return the fraction of a grid step to take from x, or `ahead` of it, `since` after an event."""
+        """The fraction of a grid step to take from x, or `ahead` of it, `since` after an event."""
         return 1.0
 
     def abrupt(self, x: State, dt: float) -> bool:
-        """Return whether x.a is too short-lived for a step."""
+        """Whether x.a is too short-lived for a step."""
         return False
 
     # --- events ------------------------------------------------------------------------------------------
@@ -108,7 +108,7 @@ class System(Protocol):
         return None
 
     def watch(self, x: State) -> tuple[float, ...]:
-        """Return one value per event, which happens where it falls from > 0 to <= 0.
+        """One value per event, which happens where it falls from > 0 to <= 0.
 
         An event with inf or <= 0 at the beginning of a step is not armed.
         """

@@ -102,7 +102,7 @@ class Supports(Part):
 
 
 def hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
-    """Return the catenary with heat and ice; ValueError where `hanging_faults` finds a fault."""
+    """The catenary with heat and ice; ValueError where `hanging_faults` finds a fault."""
     reference = _reference(gravity, cable, supports)
     if not cable.changed:
         return reference
@@ -134,7 +134,7 @@ def _reference(gravity: float, cable: Cable, supports: Supports) -> Catenary:
 
 
 def hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str]:
-    """Return why there is no catenary."""
+    """Faults that leave no catenary."""
     span, drop = supports.span, supports.drop
     if abs(drop) > STEEPEST * span:
         most = STEEPEST * span
@@ -167,7 +167,7 @@ def _admissible(name: str, weight: float, supports: Supports) -> tuple[float, fl
 
 
 def stretch_faults(gravity: float, cable: Cable, supports: Supports) -> list[str]:
-    """Return whether the cable is longer than twice its unstretched length."""
+    """Whether the cable is longer than twice its unstretched length."""
     most = max(state(gravity, cable, supports).max_tension for state in (_reference, hang))
     if most < cable.EA:
         return []

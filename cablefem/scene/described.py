@@ -32,7 +32,7 @@ def library_text(name: str) -> str:
 
 
 def scene_text(name_or_path: str | Path) -> tuple[str, str]:
-    """Return text and name of a built-in scene or of a TOML file."""
+    """Text and name of a built-in scene or of a TOML file."""
     text = str(name_or_path)
     if text in (*LIBRARY, *LINES):
         return library_text(text), text

@@ -236,7 +236,7 @@ class Drive:
     def part_of_step(
         self, axial: float, sigma: float, s_o: float, speed: float, forward: float, since: float, rubs: bool
     ) -> float:
-        """Return the part of a step that a rolling car takes at s_o.
+        """The part of a step that a rolling car takes at s_o.
 
         axial : round trip of axial waves. forward : sign of the motion, 0 at rest.
         since : time after a jump of force along the cable. rubs : whether a brake or a hold acts.

@@ -231,8 +231,6 @@ class Line(Described):
     def _tables(self, changes: Container[str] = ()) -> dict[str, Any]:
         return {"name": self.name, **self.model_dump(exclude_none=True, exclude_defaults=True)}
 
-    # --- what is to be solved ----------------------------------------------------------------------------------------
-
     @property
     def count(self) -> int:
         """Number of positions of the cars."""

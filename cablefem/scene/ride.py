@@ -312,7 +312,7 @@ def _at_rest(path: LoadPath, drive: Drive) -> Callable:
 
 
 def quasi_static(groups, drive: Drive) -> tuple[Ride, Drive]:
-    """Return the ride on the loaded cable, and the drive with `nominal` and `end_time`.
+    """The ride on the loaded cable, and the drive with `nominal` and `end_time`.
 
     A swinging ride of open end is over at its second turn.
     """

@@ -441,7 +441,7 @@ def _travel_faults(travel: Any, drive: Driving, length: float, axial: float) -> 
 
 
 def _course(travel: Any, drive: Driving, length: float) -> tuple[float, float]:
-    """Return where the travel begins and the way [m] of its law."""
+    """Where the travel begins and the way [m] of its law."""
     hauled = drive.mode == "haul"
     begin = travel.place if travel.place is not None else drive.start_place(length) if hauled else 0.0
     end = drive.end_place(length) if hauled else length

@@ -37,7 +37,7 @@ class Law(Part):
     rest: NonNegative = said("[s] that the run goes on after the mass has come to rest", 0.0)
 
     def faults(self, way: float, begin: float = 0.0, length: float = math.inf) -> list[str]:
-        """Return what is wrong with this travel on a cable of this length [m]."""
+        """Faults of this travel on a cable of this length [m]."""
         faults = self.own_faults(way)
         if faults:
             return faults
@@ -86,7 +86,7 @@ class Law(Part):
         raise NotImplementedError
 
     def faster(self, factor: float) -> Law:
-        """Return the same law run through `factor` times as fast."""
+        """The same law run through `factor` times as fast."""
         changes: dict[str, Any] = {
             name: getattr(self, name) * factor**power for name, power in self.paces.items() if getattr(self, name)
         }

@@ -119,9 +119,6 @@ def _mother(p: int) -> _Mother:
     return _Mother(h.astype(float), g.astype(float), walks, left, right)
 
 
-# --- evaluation ------------------------------------------------------------------------------------------------
-
-
 @compiled
 def _evaluate(y, at_integers, blocks, c, out):
     """out[q] = sum_l c_l phi_m(y_q - l), rows of c from l = 1 - n_m on."""
@@ -189,9 +186,6 @@ def _sums(order: int, level: int, c: np.ndarray) -> _Sums:
         at_left = mother.walks[m].at_integers @ b[n - 1 :: -1]
         family[m] = np.ascontiguousarray(b - at_left)
     return _Sums(order, level, family)
-
-
-# --- the printed set ---------------------------------------------------------------------------------------------
 
 
 def _refine(c: np.ndarray, h: np.ndarray, cells: int) -> np.ndarray:

@@ -49,19 +49,19 @@ _COLUMNS = ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "speed")
 
 @dataclass(frozen=True, slots=True)
 class ForeignPath:
-    """A third party's mass path in SI, v down, with what path measures read of a `Response`."""
+    """A third party's mass path in SI, v down, with what path measures read of a `Response`; arrays (n,)."""
 
     method: str  # name in verdicts
     length: float  # l [m]
-    t: Array  # (n,) [s], strictly increasing
-    s_o: Array  # (n,) [m]
-    v: Array  # (n,) [m]
-    u: Array | None = None  # (n,) [m]
-    T_behind: Array | None = None  # (n,) [N] or nan
+    t: Array  # [s], strictly increasing
+    s_o: Array  # [m]
+    v: Array  # [m]
+    u: Array | None = None  # [m]
+    T_behind: Array | None = None  # [N] or nan
     T_ahead: Array | None = None
-    x: Array | None = None  # (n,) [m] from the left support
-    y: Array | None = None  # (n,) [m]
-    speed: Array | None = None  # (n,) [m/s]
+    x: Array | None = None  # [m] from the left support
+    y: Array | None = None  # [m]
+    speed: Array | None = None  # [m/s]
     factor: float = 1.0  # applied to the given v (free ride: y)
     slack_onset: float | None = None  # s_o/l; files do not tell
     drive: str = "grip"
@@ -129,9 +129,6 @@ class _Given:
         """Possible names of a column of lengths, with factors on its numbers."""
         ends = {"": 1.0, "_over_l": l, "_mm": 1e-3, "_km": 1e3}
         return {quantity + end: unit / self.factor.get(quantity, 1.0) for end, unit in ends.items()}
-
-
-# --- reading --------------------------------------------------------------------------------------------------------
 
 
 def _read(file: Path, scene: Scene) -> _Given:
@@ -336,9 +333,6 @@ def refuse_misnamed(path: ForeignPath | Response, ours: Response) -> None:
             f"{what}: as {column} it would be {gap:.2%} off (rms), as it is named "
             f"{as_named:.3g} times {ours.path_scale_named}; name it {column}"
         )
-
-
-# --- comparing ------------------------------------------------------------------------------------------------------
 
 
 def _vertical(r: Any) -> Any:

@@ -57,12 +57,12 @@ def trusted(s_o: Array, place: Array, t: Array, groups: Groups, seconds: float, 
 
 
 def before_zigzag(v: Array, scale: float, *, failed: bool = False) -> int:
-    """The number of instants before a path zigzags from step to step.
+    """How many instants come before a path zigzags from step to step.
 
-    v : (n,) deflections at equal steps; scale : size of a typical one; failed : the run ended early.
+    v : (n,) deflections at equal steps; scale : a typical one; failed : the run ended early.
 
     16 times the rms second difference over one step is compared with that over four.
-    Ratio on a resolved path: 1; at a kink: 16/sqrt(44) = 2.4; in a zigzag: above 3.
+    The ratio is 1 on a resolved path, 16/sqrt(44) = 2.4 at a kink, above 3 in a zigzag.
     The path is cut where the zigzag began if its amplitude passes 1e-3 scale, or the run failed.
     """
     window = 20

@@ -109,7 +109,7 @@ def left(scheme: str, **how: Any) -> float:
     energy = specimens.free_vibration(
         _scene().groups, newmark.scheme(scheme, **how), dt=0.05, steps=600, elements=16, amplitude=1e-4, mode=2
     )
-    return energy[-1] / energy[100]  # the first 100 steps are left to the axial waves that the start sets off
+    return energy[-1] / energy[100]  # without the axial waves of the start
 
 
 def frequency(level: int, reading: Literal["literal", "scaling"]) -> float:

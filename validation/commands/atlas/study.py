@@ -121,8 +121,8 @@ def cells(m: Map, x: float, y: float) -> list[dict[str, Any]]:
 def judged(r: Response, reference: Response, unsure: float, earliest: float = 0.05) -> dict[str, Any]:
     """A cell's data: how far the run came, its path error with a class, and the cause of a failure.
 
-    The error is taken where the reference is not slack, at least to s_o/l = `earliest`.  A method that stops before
-    is wrong.  A cell is not judged if the reference moves by more than half of the bound.
+    The error is taken up to the slack onset of the reference; a run that stops before is wrong.
+    A cell is not judged if that onset is before `earliest`, or the reference moves by more than half of the bound.
     Causes: that of an incomplete run; "unstable" for one that gains energy; "slack too early" where the run falls slack
     long before the reference; else "too coarse".
     """

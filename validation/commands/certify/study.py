@@ -175,7 +175,7 @@ def deepest(scene: Scene, method: str, scheme: str, budget: float, progress: Pro
 
 
 def to_the_end(scene: Scene) -> dict[str, Any]:
-    """Arguments of a climb whose coarser runs go on beyond the range of a check, up to the slack onset."""
+    """Arguments of a climb whose coarser runs go on up to the slack onset."""
     view = View.of(scene)
     return {"view": replace(view, window=(view.window[0], max(view.window[1], SLACK_END)), ends=True), "past": 0.0}
 

@@ -101,7 +101,7 @@ def _points(scene: Any, pairs: list[str] | None) -> "list[Point]":
 
 
 def _path(file: Path, scene: Any) -> Any:
-    """Return the path of another program, held against a coarse run: a wrong direction is told at once."""
+    """Another program's path; a wrong direction or unit is refused at once."""
     from validation.core import foreign
     from validation.core.running import run
 

@@ -31,7 +31,7 @@ from validation.oracles.case import WINDOW, Case, Crossing, Rung, Solvers
 from validation.oracles.case import Path as MassPath
 
 ROWS, RESULT = "oracles.jsonl", "oracles.json"
-ORDER_SCATTER = 0.3  # of an order read off three or four runs: fronts pass the mass at other places of their meshes
+ORDER_SCATTER = 0.3  # of an order from three or four runs: fronts meet the mass elsewhere in each mesh
 
 
 SAFETY = 1.5  # of what the order leaves of the last change, between Roache's 1.25 for three grids and 3 for two
@@ -101,7 +101,7 @@ def tasks() -> list[Task]:
 def oracle_table(out: Path, progress: Progress = silent) -> dict[str, Any]:
     """Hold all solvers against all oracles and write oracles.json: the rows and the oracles.
 
-    A table that was interrupted goes on where it stopped; one that is complete is made anew.
+    An interrupted table goes on where it stopped; a complete one is made anew.
     """
     jobs = {json.dumps(task.key): task for task in tasks()}
     rows = list(store.each_once(out / ROWS, jobs, lambda task: task.compute(), partial(progress, "oracles")).values())
@@ -133,8 +133,6 @@ def judge(error: float, allowed: float, observed: float, expected: float | None)
         return "disagree"
     return "agree" if expected is None or observed >= expected - ORDER_SCATTER else "disagree"
 
-
-# --- the solvers, as cases ask for them -----------------------------------------------------------------------------
 
 BASES = {  # of frequencies: what is refined; order and why
     "P2 elements": (ELEMENTS, 4.0, "twice the degree: frequencies are stationary values"),

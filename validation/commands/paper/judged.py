@@ -60,9 +60,6 @@ def _joined(truths: list[bool | None], one_is_enough: bool) -> bool | None:
     return None if None in truths or not truths else not one_is_enough
 
 
-# --- quantities -----------------------------------------------------------------------------------------------------
-
-
 def quantities(entry: Row, meaning: Row, known: Row) -> Iterator[Row]:
     """Yield the number of an entry, one for each of its `keys`: value, bar, and the range in which it is true."""
     for key in entry.get("keys", (None,)):
@@ -115,9 +112,6 @@ def _range(entry: Row, meaning: Row, known: Row) -> tuple[str, float | None, flo
     else:
         words = f"at most {decimal(ends['at_most'])}" if low is None else f"at least {decimal(low)}"
     return f"{words} ({next(filter(None, reasons), '')})", low, high
-
-
-# --- expressions and sentences --------------------------------------------------------------------------------------
 
 
 def evaluated(expression: str | float, known: Row) -> float:

@@ -24,9 +24,6 @@ MOVING = (0.1, 0.8)  # s_o/l over which tensions are looked at
 LATEST = 0.83  # s_o/l: the level cable goes slack from there on
 
 
-# --- the path of the mass -------------------------------------------------------------------------------------------
-
-
 def extrema(r: Response, reading: str) -> list[tuple[float, str]]:
     """(s_o/l, "max" | "min") of every turning point; downward is positive.
 
@@ -79,9 +76,6 @@ def unaccounted(r: Response, whole: bool = True) -> float:
     weight = scene.mass.mass * scene.gravity
     defect = measures.energy_defect(r) + (0.0 if whole else weight * (r.y - r.v))
     return float(np.abs(defect[measures.inside(r, measures.WINDOW)]).max() / (weight * r.max_deflection))
-
-
-# --- the tension ----------------------------------------------------------------------------------------------------
 
 
 def frames(r: Response, low: float, high: float) -> slice:
@@ -168,9 +162,6 @@ def meeting(r: Response) -> float:
     meets.terminal = True  # type: ignore[attr-defined]
     done = solve_ivp(front, (0.0, float(f.t[-1])), [0.0], events=meets, rtol=1e-6, atol=1e-8, max_step=f.t[0])
     return float(mass(done.t_events[0][0])) if done.t_events[0].size else math.nan
-
-
-# --- scenes and formulas --------------------------------------------------------------------------------------------
 
 
 def linear_theory(sigma: float, alpha: float) -> float:

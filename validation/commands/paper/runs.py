@@ -92,7 +92,7 @@ def all_runs(out: Path, report: Progress) -> Runs:
 
 
 def stored(folder: Path, scene: Scene, method: str, settings: dict[str, Any]) -> Response:
-    """Return the stored run if it is this very one; else make it and store it."""
+    """The stored run of this scene and these settings; made and stored if there is none."""
     wanted = (scene.to_toml(), method, json.loads(json.dumps(find(method).settings(settings))))
     try:
         old = Response.read(folder)

@@ -112,7 +112,7 @@ def _one(scene: "Scene", name: str, answered: "Callable[..., Answer]", out: Path
 
 
 def _paraview() -> Any:
-    from validation.page import paraview  # loading what it needs takes as long as the run
+    from validation.page import paraview  # slow to load
 
     return paraview
 
@@ -122,7 +122,6 @@ def _animate(response: "Response", folder: Path) -> None:
 
 
 def _found(name: str, tol: float | None, faults: list[str]) -> Any:
-    """Return the method of that name, or None and a fault."""
     from validation.core.methods import find
 
     try:
@@ -136,7 +135,7 @@ def _found(name: str, tol: float | None, faults: list[str]) -> Any:
 
 
 def _settings(method: Any, kind: dict[str, Any], point: Point, tol: float | None) -> dict[str, Any]:
-    """Return the settings of the method that a point gives; Refused where it cannot do what is asked of it."""
+    """The method's settings at a point; Refused where it cannot run the scene."""
     from validation.core.running import Run
 
     faults, settings = [], {}

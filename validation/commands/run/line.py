@@ -111,7 +111,7 @@ def _passing(line: Line, rows: list[Row | None]) -> list[tuple[str, int, float]]
 
 
 def _series(line: Line, rows: list[Row | None]) -> dict[str, list[tuple[float, int]]]:
-    """Return each quantity's values with their positions."""
+    """Values of each quantity, with their positions."""
     told = [(name, i, value) for i, each in enumerate(rows) for name, value in (each or {}).items()]
     series: dict[str, list[tuple[float, int]]] = {}
     for name, i, value in (*told, *_passing(line, rows)):

@@ -74,7 +74,7 @@ def _print(study: Study, scene: int) -> None:
 
 
 def _outcome(rows: Any) -> int:
-    """Print how many scenes came to what, and the first without an answer; return the exit code."""
+    """Print the counts of outcomes, and the first scene without an answer; return the exit code."""
     terminal.say(", ".join(f"{n} {status}" for status, n in rows["status"].value_counts().items()))
     unanswered = rows[~rows["status"].isin(("complete", "incomplete"))]
     for index, first in unanswered.head(1).iterrows():

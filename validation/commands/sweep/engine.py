@@ -20,8 +20,8 @@ from validation.commands.sweep.study import Study
 from validation.core import store
 from validation.core.store import Refused
 
-CHUNK = 1.0  # [s] of work in a chunk: the way to a worker and back, and a file, cost about 10 ms
-LARGEST = 2000  # scenes in a chunk, however fast they are
+CHUNK = 1.0  # [s] of work in a chunk; its transfer and file cost about 10 ms
+LARGEST = 2000  # scenes in a chunk at most
 WRITES = ("rows", "study.toml")
 
 Row = dict[str, Any]
@@ -56,8 +56,8 @@ def sweep(
 ) -> Tally:  # fmt: skip
     """Compute every point of a study that has no row in out/rows yet; after a kill the same call goes on.
 
-    workers : processes on this machine, one per core by default; scheduler : address of one that runs.
-    Raises Refused for a folder that holds rows of another study, or without Dask.
+    workers : processes on this machine, one per core by default; scheduler : address of a running one.
+    Raises Refused for a folder with rows of another study, or without Dask.
     sweep("riders.toml", Path("riders"))
     """
     report = progress or (lambda tally: None)

@@ -19,7 +19,7 @@ from validation.commands.sweep.study import Study
 # status: "complete" | "incomplete" | "refused" (the scene's own faults) | "cut off" (too long) | "failed" | "died"
 BROKEN = ("cut off", "failed", "died")
 GRACE = 5.0  # [s] between asking a scene to stop and ending its worker: compiled code cannot be asked
-FRESH = 120.0  # [s] of work in which a process that has just begun may still load and compile what no cache holds
+FRESH = 120.0  # [s] more for a new process, which may load and compile
 GROUPS = ("mu", "alpha", "sigma", "sag_ratio", "slope", "speed_ratio")
 DESIGN = (
     "tension_max", "tension_min", "reaction_left_max", "reaction_right_max", "deepest_point", "mass_deepest",
@@ -152,10 +152,9 @@ def _end(scene: Any) -> float | None:
 
 
 def truth(scene: Any, r: Any, finer: int, most: float = 2e6) -> dict[str, Any]:
-    """Errors of a run against one so many times finer in space and time, and what half of that is off.
+    """Errors of a run, and of one half as fine as the reference; that is `finer` times as fine as the run.
 
-    Over the range for which the run states its bar.  The reference is of the element wing's default method, whatever
-    the run is of, and has at most so many steps times elements.
+    Over the range of the run's bar.  The reference is by following-p2; {} if its steps times elements exceed `most`.
     """
     from validation.core import measures
     from validation.core.running import run

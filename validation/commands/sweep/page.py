@@ -108,7 +108,7 @@ def _map(rows: Any, quantity: str, axes: list[str], logs: set[str], most: float)
         ax.set_title(title, fontsize=8)
         ax.set(xlabel=x, xscale="log" if x in logs else "linear", yscale="log" if y in logs else "linear")
     grid[0][0].set_ylabel(name if y == quantity else y)
-    # longer names than a colour bar is high would be cut off, with their units
+    # longer names would be cut off
     fig.colorbar(dots, ax=list(grid[0]), label=textwrap.fill(name, 24))
     split = f", {axes[2]} from left to right" if len(axes) > 2 else ""
     return figure(fig, f"{named(quantity)[0].upper()}{named(quantity)[1:]} over {x} and {y}{split}")
