@@ -45,9 +45,11 @@ def test_run_writes_its_files(cablefem, tmp_path):
 
 
 def test_design_numbers_of_a_line(cablefem, tmp_path):
-    (tmp_path / "one.toml").write_text(line(*TRAMWAY).to_toml())
+    (tmp_path / "one.toml").write_text(line(*TRAMWAY, name="tramway").to_toml())
     assert cablefem("run", "one.toml")[0] == 0
-    assert numbers(tmp_path / "cablefem-out" / "line" / "rest")[1]["rise_max:weight"] == pytest.approx(10.837, abs=1e-3)
+    assert numbers(tmp_path / "cablefem-out" / "tramway" / "rest")[1]["rise_max:weight"] == pytest.approx(
+        10.837, abs=1e-3
+    )
     assert cablefem("run", "two-span")[0] == 0
     summary, design = numbers(tmp_path / "cablefem-out" / "two-span" / "rest")
     assert summary["status"] == "complete"
@@ -94,12 +96,12 @@ def test_a_grid_is_a_table_with_one_row_a_line(cablefem, tmp_path):
 def test_a_position_without_rest_leaves_the_others(cablefem, tmp_path):
     rope, left, first, second, right, *_ = THREE
     heavy = car("car", 12000.0, [200.0, 920.0])
-    given = line({**rope, "length": 1023.0}, left, {**first, "at": [400.0, 6.0]}, second, right, heavy)
+    given = line({**rope, "length": 1023.0}, left, {**first, "at": [400.0, 6.0]}, second, right, heavy, name="lifts")
     (tmp_path / "lifts.toml").write_text(given.to_toml())
     code, out, _ = cablefem("run", "lifts.toml")
     assert code == 2
     assert "the rope lifts off first" in out
-    summary, _ = numbers(tmp_path / "cablefem-out" / "line" / "rest")
+    summary, _ = numbers(tmp_path / "cablefem-out" / "lifts" / "rest")
     assert summary["status"] == "incomplete"
     assert [x["position"] for x in summary["refused"]] == [2]
 

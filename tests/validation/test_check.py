@@ -36,9 +36,9 @@ def test_a_planted_fault_turns_the_verdict(right, wing, group):
     method = METHODS[right[wing].run.method]
 
     def build(groups, x, **how):
-        return method.builder(dataclasses.replace(groups, **{group: 1.01 * getattr(groups, group)}), x, **how)
+        return method.build(dataclasses.replace(groups, **{group: 1.01 * getattr(groups, group)}), x, **how)
 
-    wrong = laddered(LEVEL, dataclasses.replace(method, builder=build), **(SINES if wing else ELEMENTS))
+    wrong = laddered(LEVEL, dataclasses.replace(method, build=build), **(SINES if wing else ELEMENTS))
     rows = compare(LEVEL, *((right[0], wrong) if wing else (wrong, right[1])))
     assert overall(rows) is Verdict.DISAGREE
     path = next(r for r in rows if r.quantity == "path_rms")

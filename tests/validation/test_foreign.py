@@ -154,7 +154,7 @@ def test_rows_after_the_travel_are_left_out():
     [
         ("", ["the file is empty"]),
         ("t,v\n", ["no rows below the names of the columns"]),
-        ("0,0\n1,2\n", ["line 1: numbers where the names of the columns should stand"]),
+        ("0,0\n1,2\n", ["no column v (deflection of the mass [m], positive down); it has 0, 0"]),
         ("t,w\n0,0\n", ["no column v (deflection of the mass [m], positive down); it has t, w"]),
         ("place,v\n0,0\n", ["neither a column t [s] nor s_o [m]; it has place, v"]),
         ("t,v,v_mm\n0,0,0\n", ["columns v and v_mm both say v; leave one"]),
@@ -164,7 +164,7 @@ def test_rows_after_the_travel_are_left_out():
             ["line 5: v = 'abc' is no number", "line 6: v = 'nan'"],
         ),
         ("t;v\n0;0\n1;0,5\n", ["line 3: v = '0,5' is no number (a decimal comma? write a point)"]),
-        ("t,v\n0,0\n2,1\n2,1\n", ["line 4: t = 2 s does not come after 2 s in the line before; t must increase"]),
+        ("t,v\n0,0\n2,1\n2,1\n", ["line 4: t = 2 s does not come after 2 s in line 3; t must increase"]),
         ("t,v\n0,0\n1,1\n2,2\n", ["2 rows in s_o/l = 0.02 to 0.8", "it covers s_o/l = 0 to 0.14"]),
     ],
 )
@@ -197,37 +197,37 @@ def test_files_that_cannot_be_read_are_told(tmp_path):
 @pytest.mark.parametrize(
     ("header", "arrays", "said"),
     [
-        ("t,s_o,v", (1e3 * t, L * s, L * v), "as t_ms and s_o: name"),
-        ("t,s_o,v", (t / LEVEL.time_scale, L * s, L * v), "as t over 5.87126 s = l sqrt(rho/H) and s_o: name"),
-        ("t,s_o,v", (t, s, L * v), "as t and s_o_over_l: name"),
-        ("t,s_o_over_l,v", (t, 1e3 * L * s, L * v), "as t and s_o_mm: name"),
-        ("t,s_o,v", (t, L * s**1.2, L * v), "t and s_o are not the scene's travel: at t ="),
-        ("s_o,v", (s, L * v), "on a cable of 2002.37 m; name the column s_o_over_l?"),
-        ("s_o_over_l,v", (L * s, L * v), "name the column s_o?"),
+        ("t,s_o,v", (1e3 * t, L * s, L * v), "t and s_o are not the scene's travel: at t ="),
+        ("t_ms,s_o,v", (t, L * s, L * v), "t and s_o are not the scene's travel"),
+        ("t,s_o,v", (t, s, L * v), "t and s_o are not the scene's travel"),
+        ("t,s_o,v", (t, L * s**1.2, L * v), "t and s_o are not the scene's travel"),
+        ("s_o,v", (s, L * v), "on a cable of 2002.37 m"),
+        ("s_o,v", (1e3 * L * s, L * v), "on a cable of 2002.37 m"),
         ("s_o,v", (L * s - 300.0, L * v), "s_o runs from -300"),
     ],
 )
-def test_time_and_place_in_other_units_are_named(tmp_path, header, arrays, said):
+def test_time_and_place_in_other_units_are_refused(tmp_path, header, arrays, said):
     (line,) = faults(ForeignPath.read, written(tmp_path, header, *arrays), LEVEL)
     assert said in line
+    assert "t_ms, s_o_over_l" in line
 
 
 @pytest.mark.parametrize(
     ("header", "values", "said"),
     [
-        ("v", -L * v, ["v points the other way", "name it v_up"]),
-        ("v_over_l", -v, ["name it v_over_l_up"]),
-        ("v", 1e3 * L * v, ["v is in another unit", "name it v_mm"]),
-        ("v", v, ["as v_over_l it would be 0.1", "name it v_over_l"]),
-        ("v_up", L * v, ["v points the other way", "name it v"]),
-        ("v_mm", 1e-3 * L * v, ["name it v_km"]),
+        ("v", -L * v, ["v points the other way", "multiplied by -1 "]),
+        ("v_over_l", -v, ["v points the other way", "multiplied by -1 "]),
+        ("v", 1e3 * L * v, ["v is in another unit", "multiplied by 0.001 "]),
+        ("v", v, ["v is in another unit", "multiplied by 2002.37 (l = 2002.37 m)"]),
+        ("v_over_l", L * v, ["v is in another unit"]),
+        ("v_up", L * v, ["v points the other way"]),
     ],
 )
-def test_deflection_in_another_unit_or_direction_is_named(tmp_path, coarse, header, values, said):
+def test_deflection_in_another_unit_or_direction_is_told(tmp_path, coarse, header, values, said):
     path = ForeignPath.read(written(tmp_path, f"t,{header}", t, values), LEVEL)
     (line,) = faults(refuse_misnamed, path, coarse)
+    assert line.startswith("other.csv: v ")
     assert all(part in line for part in said), line
-    assert line.endswith(said[-1])
 
 
 def test_a_path_that_ends_early_is_not_comparable_but_told(ours):
@@ -331,12 +331,12 @@ def test_a_ride_that_ends_early_is_not_comparable(tmp_path, ridden, other):
 
 @pytest.mark.parametrize(
     ("header", "factor", "said"),
-    [("y", -1.0, ["y points the other way", "name it y_up"]), ("y", 1e3, ["y is in another unit", "name it y_mm"])],
+    [("y", -1.0, "y points the other way"), ("y", 1e3, "y is in another unit")],
 )
-def test_height_in_another_unit_or_direction_is_named(tmp_path, ridden, other, header, factor, said):
+def test_height_in_another_unit_or_direction_is_told(tmp_path, ridden, other, header, factor, said):
     file = written(tmp_path, f"t,x,{header}", other.t, other.x, factor * other.y)
     (line,) = faults(refuse_misnamed, ForeignPath.read(file, ZIPLINE), ridden.run)
-    assert all(part in line for part in said)
+    assert said in line
 
 
 def test_a_ride_needs_its_time(tmp_path, other):
@@ -344,4 +344,4 @@ def test_a_ride_needs_its_time(tmp_path, other):
     assert said in faults(ForeignPath.read, written(tmp_path, "x,y", other.x, other.y), ZIPLINE)[0]
     assert "it has s_o, v" in faults(ForeignPath.of, ZIPLINE, other.s_o, other.v)[0]
     far = written(tmp_path, "t,s_o_km,y", other.t, other.s_o, other.y)
-    assert "name the column s_o?" in faults(ForeignPath.read, far, ZIPLINE)[0]
+    assert "s_o runs from" in faults(ForeignPath.read, far, ZIPLINE)[0]

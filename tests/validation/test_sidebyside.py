@@ -7,7 +7,7 @@ import signal
 import pytest
 
 from validation.core import sidebyside
-from validation.core.sidebyside import aside, ready, side_by_side, spread
+from validation.core.sidebyside import aside, side_by_side, spread
 
 forks = pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="nothing can be forked")
 
@@ -87,15 +87,5 @@ def test_work_done_aside_is_done_at_the_end_and_says_why_not(monkeypatch, tmp_pa
     assert (tmp_path / "file").read_text() == "there"
     with pytest.raises(ValueError, match="on purpose"), aside(lambda: fails(None)):
         pass
-
-
-@pytest.mark.parametrize("cores", [1, 2])
-def test_what_is_ready_works_on_what_it_is_handed_and_says_why_not(monkeypatch, tmp_path, cores):
-    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(cores)), raising=False)
-    with ready(lambda: None, (tmp_path / "file").write_text) as write:
-        write("there")
-    assert (tmp_path / "file").read_text() == "there"
-    with pytest.raises(ValueError, match="on purpose"), ready(lambda: None, fails) as work:
-        work("anything")
-    with pytest.raises(KeyError), ready(lambda: None, fails):
+    with pytest.raises(KeyError), aside(lambda: None):
         raise KeyError

@@ -169,7 +169,7 @@ def test_a_run_without_a_start_is_an_answer_too(scene, method):
     sound = METHODS[method]
 
     def build(*args, **kind):
-        system = sound.builder(*args, **kind)
+        system = sound.build(*args, **kind)
 
         def start(phase, state):
             raise StepFailure(0.0, "no start", "try another")
@@ -177,7 +177,7 @@ def test_a_run_without_a_start_is_an_answer_too(scene, method):
         system.start = start
         return system
 
-    r = run(Scene.load(scene), replace(sound, builder=build))
+    r = run(Scene.load(scene), replace(sound, build=build))
     assert (r.status, r.cause) == ("incomplete", "no start")
     assert r.reached < 0.02
     assert "try another" in r.reason

@@ -15,14 +15,13 @@ Endings: _over_l (of the cable's length), _mm, _km, _ms, _kN, _kmh, _up; _s, _m,
 """
 
 import csv
-import itertools
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -39,6 +38,7 @@ from validation.core.store import Refused
 WITH_TOL = 5e-3  # of the largest deflection, allowed beside our own bar
 LEAST_ROWS = 5  # in the window
 TRAVEL_TOLERANCE = 5e-3  # of l: programs may round the place to a node
+_ENDINGS = "the name of a column tells its unit and direction, as t_ms, s_o_over_l, v_mm, v_up"
 
 _NAME = re.compile(
     r"(t_behind|t_ahead|time|t|s_o|u|v|x|y|speed)(_over_l|/l|_mm|_kmh|_km|_ms|_kn|_s|_m|_n)?(_down|_up)?", re.IGNORECASE
@@ -62,7 +62,6 @@ class ForeignPath:
     x: Array | None = None  # [m] from the left support
     y: Array | None = None  # [m]
     speed: Array | None = None  # [m/s]
-    factor: float = 1.0  # applied to the given v (free ride: y)
     slack_onset: float | None = None  # s_o/l; files do not tell
     drive: str = "grip"
     events: tuple[()] = ()
@@ -97,7 +96,7 @@ class ForeignPath:
         for k, given in arrays.items():
             if not np.isfinite(given).all():
                 raise Refused(f"{name}: {k}[{int(np.argmin(np.isfinite(given)))}] is not a finite number")
-        return cls(**_completed(scene, _Given(name, arrays, {}, range(*shapes.pop()))))
+        return cls._completed(name, scene, arrays, [f"row {i}" for i in range(*shapes.pop())])
 
     @classmethod
     def read(cls, file: str | Path, scene: Scene) -> Self:
@@ -105,60 +104,53 @@ class ForeignPath:
 
         Raises Refused with one line per fault.
         """
-        return cls(**_completed(scene, _read(Path(file), scene)))
+        return cls._completed(Path(file).name, scene, *_read(Path(file), scene))
+
+    @classmethod
+    def _completed(cls, name: str, scene: Scene, columns: dict[str, Array], rows: Sequence[str]) -> Self:
+        """Return the path with these columns; `rows` are named in faults."""
+        try:
+            return cls(name, scene.length, drive=scene.drive.mode, **_columns(scene, columns, rows))
+        except Refused as fault:
+            raise Refused(f"{name}: {fault}") from None
 
     def write(self, file: Path) -> None:
         columns = {k: x for k in _COLUMNS if (x := getattr(self, k)) is not None}
         write_csv(file, ",".join(columns), np.stack(list(columns.values()), axis=1))
 
 
-@dataclass(frozen=True, slots=True)
-class _Given:
-    """The columns of a third party, in SI."""
-
-    name: str
-    x: dict[str, Array]
-    factor: dict[str, float]  # applied to a file's numbers
-    numbers: Sequence[int]  # of the rows
-    row: str = "row"
-
-    def refuse(self, said: str) -> NoReturn:
-        raise Refused(f"{self.name}: {said}")
-
-    def lengths(self, quantity: str, l: float) -> dict[str, float]:
-        """Possible names of a column of lengths, with factors on its numbers."""
-        ends = {"": 1.0, "_over_l": l, "_mm": 1e-3, "_km": 1e3}
-        return {quantity + end: unit / self.factor.get(quantity, 1.0) for end, unit in ends.items()}
+# --- reading --------------------------------------------------------------------------------------------------------
 
 
-def _read(file: Path, scene: Scene) -> _Given:
+def _read(file: Path, scene: Scene) -> tuple[dict[str, Array], list[str]]:
+    """Return the known columns of a file in SI, and the line of each row."""
+    header, rows = _table(file)
+    known = {i: _told(name, scene.length) for i, name in enumerate(header) if _NAME.fullmatch(name)}
+    faults = ["no rows below the names of the columns"] if not rows else _of_names(header, known, scene)
+    faults = faults or list(_of_cells(header, known, rows))
+    if faults:
+        more = [f"and {len(faults) - 5} more cells like these"] if len(faults) > 5 else []
+        raise Refused([f"{file.name}: {fault}" for fault in faults[:5] + more])
+    columns = {
+        quantity: factor * np.array([_number(row[i]) for _, row in rows]) for i, (quantity, factor) in known.items()
+    }
+    return columns, [f"line {n}" for n, _ in rows]
+
+
+def _table(file: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Return the names of the columns and the numbered rows of cells below them."""
     try:
         text = file.read_text(encoding="utf-8-sig")
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else "not text in UTF-8"
         raise Refused(f"{file}: cannot be read ({why})") from None
     lines = [(n, line.strip()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
-    head = _head([line for _, line in lines])
-    if head is None:
-        raise Refused(f"{file.name}: the file is empty")
-    header, separator = _cells(lines[head][1]), _separator(lines[head][1])
-    rows = [(n, _cells(line, separator)) for n, line in lines[head + 1 :] if line[0] != "#"]
-    known = {i: _told(name, scene.length) for i, name in enumerate(header) if _NAME.fullmatch(name)}
-    place = {quantity: i for i, (quantity, _) in known.items()}
-    faults = _of_names(header, [quantity for quantity, _ in known.values()], rows, scene)
-    faults = faults or list(_of_cells(header, place, rows))
-    if faults:
-        more = [f"and {len(faults) - 5} more cells like these"] if len(faults) > 5 else []
-        raise Refused([f"{file.name}: {fault}" for fault in faults[:5] + more])
-    factor = {quantity: known[i][1] for quantity, i in place.items()}
-    x = {quantity: factor[quantity] * np.array([_number(row[i]) for _, row in rows]) for quantity, i in place.items()}
-    return _Given(file.name, x, factor, [n for n, _ in rows], "line")
-
-
-def _head(lines: list[str]) -> int | None:
-    """Which line names the columns: the first without #, or one with # and a known name."""
-    named = (line[0] != "#" or any(map(_NAME.fullmatch, _cells(line))) for line in lines)
-    return next((i for i, found in enumerate(named) if found), None)
+    for i, (_, line) in enumerate(lines):
+        separator = max(",;\t", key=line.count)
+        header = _cells(line.lstrip("# \t"), separator)
+        if line[0] != "#" or any(map(_NAME.fullmatch, header)):  # a comment may hold the names
+            return header, [(n, _cells(row, separator)) for n, row in lines[i + 1 :] if row[0] != "#"]
+    raise Refused(f"{file.name}: the file is empty")
 
 
 def _told(column: str, l: float) -> tuple[str, float]:
@@ -168,13 +160,11 @@ def _told(column: str, l: float) -> tuple[str, float]:
     return _QUANTITIES.get(quantity, quantity), factors.get(unit, 1.0) * (-1.0 if way == "_up" else 1.0)
 
 
-def _of_names(header: list[str], found: list[str], rows: list[Any], scene: Scene) -> list[str]:
-    """Faults in the names of the columns; `found` are their known quantities."""
-    if all(math.isfinite(_number(cell)) for cell in header):
-        return ["line 1: numbers where the names of the columns should stand, e.g. t,s_o,u,v"]
-    if not rows:
-        return ["no rows below the names of the columns"]
-    names = {q: [name for name in header if _NAME.fullmatch(name) and _told(name, 1.0)[0] == q] for q in found}
+def _of_names(header: list[str], known: dict[int, tuple[str, float]], scene: Scene) -> list[str]:
+    """Return what is wrong with the names of the columns."""
+    names: dict[str, list[str]] = {}
+    for i, (quantity, _) in known.items():
+        names.setdefault(quantity, []).append(header[i])
     faults = [f"columns {' and '.join(x)} both say {q}; leave one" for q, x in names.items() if len(x) > 1]
     have = f"it has {', '.join(header)}"
     if not {"v", "y"} & names.keys():
@@ -184,24 +174,19 @@ def _of_names(header: list[str], found: list[str], rows: list[Any], scene: Scene
     return faults
 
 
-def _of_cells(header: list[str], place: dict[str, int], rows: list[Any]) -> Iterator[str]:
+def _of_cells(header: list[str], known: dict[int, tuple[str, float]], rows: list[Any]) -> Iterator[str]:
     for n, row in rows:
         if len(row) != len(header):
             yield f"line {n}: {len(row)} cells under {len(header)} names of columns"
             continue
-        for quantity, i in place.items():
+        for i, (quantity, _) in known.items():
             if not (math.isfinite(_number(row[i])) or (quantity.startswith("T_") and not row[i])):
                 hint = " (a decimal comma? write a point)" if "," in row[i] else ""
                 yield f"line {n}: {header[i]} = {row[i]!r} is no number{hint}"
 
 
-def _separator(line: str) -> str:
-    return max(",;\t", key=line.count)
-
-
-def _cells(line: str, separator: str | None = None) -> list[str]:
-    cells = next(csv.reader([line.lstrip("# \t")], delimiter=separator or _separator(line)))
-    return [cell.strip() for cell in cells]
+def _cells(line: str, separator: str) -> list[str]:
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
 
 
 def _number(cell: str) -> float:
@@ -211,17 +196,23 @@ def _number(cell: str) -> float:
         return math.nan
 
 
-# --- completing, and refusing names that the numbers contradict -------------------------------------------------------
+# --- completing, and refusing what does not fit the scene -------------------------------------------------------------
 
 
-def _completed(scene: Scene, given: _Given) -> dict[str, Any]:
-    """Fields of a `ForeignPath`."""
-    free = scene.drive.mode == "free"
-    if scene.groups.motion is None and not free:
+def _columns(scene: Scene, given: dict[str, Array], rows: Sequence[str]) -> dict[str, Any]:
+    """Return the columns with all of t, s_o, x, y, u, v that follow from them."""
+    if scene.drive.mode == "free":
+        if not ("t" in given and given.keys() & {"s_o", "x"} and given.keys() & {"v", "y"}):
+            raise Refused(f"a free ride needs t, s_o or x, and v or y; it has {', '.join(given)}")
+    elif scene.groups.motion is None:
         raise Refused(f"scene {scene.name} has no travelling mass: there is no path to compare")
-    if free and not ("t" in given.x and given.x.keys() & {"s_o", "x"} and given.x.keys() & {"v", "y"}):
-        given.refuse(f"a free ride needs t, s_o or x, and v or y; it has {', '.join(given.x)}")
-    _rises(given, "t" if "t" in given.x else "s_o")
+    clock, unit = ("t", "s") if "t" in given else ("s_o", "m")
+    for i in np.flatnonzero(np.diff(given[clock]) <= 0.0)[:1]:
+        before, after = given[clock][i : i + 2]
+        raise Refused(
+            f"{rows[i + 1]}: {clock} = {after:.6g} {unit} does not come after {before:.6g} {unit} in {rows[i]}; "
+            f"{clock} must increase"
+        )
     x = _placed(scene, given)
     rest = {"x": scene.catenary.x(x["s_o"]), "y": scene.catenary.y(x["s_o"])}
     for moved, at in (("u", "x"), ("v", "y")):
@@ -229,109 +220,73 @@ def _completed(scene: Scene, given: _Given) -> dict[str, Any]:
             x.setdefault(at, rest[at] + x[moved])
         elif at in x:
             x[moved] = x[at] - rest[at]
-    low, high = measures.WINDOWS[scene.drive.mode]
-    place = x["s_o"] / scene.length
-    within = int(np.count_nonzero((place >= low) & (place <= high * (1.0 + 1e-12))))
-    if within < LEAST_ROWS:
-        covers = f"s_o/l = {place[0]:.4g} to {place[-1]:.4g}" if place.size else "no time of the travel"
-        given.refuse(
-            f"{within} rows in s_o/l = {low:g} to {high:g}, where paths are compared; "
-            f"{LEAST_ROWS} are needed (it covers {covers})"
-        )
-    factor = given.factor.get("y" if free and "y" in given.x else "v", 1.0)
-    return {"method": given.name, "length": scene.length, "drive": scene.drive.mode, "factor": factor, **x}
+    _enough(x["s_o"] / scene.length, *measures.WINDOWS[scene.drive.mode])
+    return x
 
 
-def _rises(given: _Given, clock: str) -> None:
-    values, unit = given.x[clock], "s" if clock == "t" else "m"
-    back = np.flatnonzero(np.diff(values) <= 0.0)
-    if back.size:
-        i = int(back[0])
-        given.refuse(
-            f"{given.row} {given.numbers[i + 1]}: {clock} = {values[i + 1]:.6g} {unit} does not come after "
-            f"{values[i]:.6g} {unit} in the {given.row} before; {clock} must increase"
-        )
-
-
-def _placed(scene: Scene, given: _Given) -> dict[str, Array]:
-    """Columns with t and s_o, up to the end of the travel."""
-    motion, l, tau, x = scene.groups.motion, scene.length, scene.time_scale, dict(given.x)
+def _placed(scene: Scene, given: dict[str, Array]) -> dict[str, Array]:
+    """Return the columns with t and s_o, up to the end of the travel."""
+    motion, l, tau, x = scene.groups.motion, scene.length, scene.time_scale, dict(given)
     if motion is None:
         s = np.linspace(0.0, l, 2001)
         x.setdefault("s_o", np.interp(x.get("x", s[:1]), scene.catenary.x(s), s))
-        _on_cable(x["s_o"], float(x["s_o"].max()), given, l)
+        _on_cable(x["s_o"], float(x["s_o"].max()), l)
         return x
     if "t" not in x:
-        _on_cable(x["s_o"], float(x["s_o"][-1]), given, l)
+        _on_cable(x["s_o"], float(x["s_o"][-1]), l)
         x["t"] = tau * motion.times_at(np.clip(x["s_o"] / l, motion.begin, motion.end))
-    elif "s_o" in x:
-        _fits_travel(scene, given)
-    else:
-        x["s_o"] = l * motion.position(x["t"] / tau)
+    place = motion.position(x["t"] / tau)
+    # the scene's mass stays at the end
+    off = np.abs(np.minimum(x.setdefault("s_o", l * place) / l, motion.end) - place)
+    if "t" in given and off.max() > TRAVEL_TOLERANCE:
+        i = int(np.argmax(off))
+        raise Refused(
+            f"t and s_o are not the scene's travel: at t = {x['t'][i]:.6g} s it has s_o/l = {x['s_o'][i] / l:.4g}, "
+            f"the scene {place[i]:.4g}; {_ENDINGS}"
+        )
     on_the_way = x["t"] <= tau * motion.phases[-1][1] * (1.0 + 1e-9)
     return {k: a[on_the_way] for k, a in x.items()}
 
 
-def _fits_travel(scene: Scene, given: _Given) -> None:
-    """Refuse s_o(t) that is not the scene's travel; name units that would fit."""
-    motion, l, tau, t, s_o = scene.groups.motion, scene.length, scene.time_scale, given.x["t"], given.x["s_o"]
-    assert motion is not None
-    end, now = tau * motion.phases[-1][1], given.factor.get("t", 1.0)
-
-    def misfit(time: float, place: float) -> Array:
-        # the scene's mass stays at the end
-        return np.abs(np.minimum(place * s_o / l, motion.end) - motion.position(time * t / tau))
-
-    off = misfit(1.0, 1.0)
-    if off.max() <= TRAVEL_TOLERANCE:
-        return
-    times = {"t": 1.0 / now, "t_ms": 1e-3 / now, f"t over {tau:.6g} s = l sqrt(rho/H)": tau / now}
-    for (as_t, time), (as_s, place) in itertools.product(times.items(), given.lengths("s_o", l).items()):
-        # a mass at rest or past its arrival fits any travel
-        moving = np.count_nonzero((place * s_o > WINDOW[0] * l) & (time * t < end))
-        if moving >= LEAST_ROWS and misfit(time, place).max() <= TRAVEL_TOLERANCE:
-            given.refuse(f"t and s_o are the scene's travel as {as_t} and {as_s}: name or convert them so")
-    i = int(np.argmax(off))
-    given.refuse(
-        f"t and s_o are not the scene's travel: at t = {t[i]:.6g} s it has s_o/l = {s_o[i] / l:.4g}, "
-        f"the scene {motion.position(t[i] / tau):.4g}"
-    )
+def _on_cable(s_o: Array, last: float, l: float) -> None:
+    if s_o.min() < -TRAVEL_TOLERANCE * l or not WINDOW[0] < last / l <= 1.0 + TRAVEL_TOLERANCE:
+        raise Refused(f"s_o runs from {s_o[0]:.6g} to {s_o[-1]:.6g} m on a cable of {l:.6g} m; {_ENDINGS}")
 
 
-def _on_cable(s_o: Array, last: float, given: _Given, l: float) -> None:
-    """Refuse s_o that leaves the cable; propose a unit."""
-    if s_o.min() >= -TRAVEL_TOLERANCE * l and WINDOW[0] < last / l <= 1.0 + TRAVEL_TOLERANCE:
-        return
-    ends = {unit * last / l: column for column, unit in given.lengths("s_o", l).items()}
-    fits = [end for end in ends if 0.1 < end <= 1.0 + TRAVEL_TOLERANCE]
-    hint = f"; name the column {ends[max(fits)]}?" if fits else ""
-    given.refuse(f"s_o runs from {s_o[0]:.6g} to {s_o[-1]:.6g} m on a cable of {l:.6g} m{hint}")
+def _enough(place: Array, low: float, high: float) -> None:
+    """Refuse places s_o/l of which too few lie in the window."""
+    within = int(np.count_nonzero((place >= low) & (place <= high * (1.0 + 1e-12))))
+    if within < LEAST_ROWS:
+        covers = f"s_o/l = {place[0]:.4g} to {place[-1]:.4g}" if place.size else "no time of the travel"
+        raise Refused(
+            f"{within} rows in s_o/l = {low:g} to {high:g}, where paths are compared; "
+            f"{LEAST_ROWS} are needed (it covers {covers})"
+        )
 
 
 def refuse_misnamed(path: ForeignPath | Response, ours: Response) -> None:
-    """Raise Refused if v (free ride: y) is far off as named but agrees in another unit or sign.
+    """Raise Refused if v (free ride: y) is far off but agrees after a change of unit or direction.
 
     ours : a run good to a few percent.
     """
-    of = "y" if ours.drive == "free" else "v"
-    given = _Given(path.method, {}, {of: getattr(path, "factor", 1.0)}, ())
-    units = given.lengths(of, path.length)
-    units |= {f"{column}_up": -unit for column, unit in units.items()}
+    of, l = "y" if ours.drive == "free" else "v", path.length
     try:
         window = _common(path, measures.window_of(ours))
-
-        def off(factor: float) -> float:
-            other = replace(path, **{of: factor * getattr(path, of)})
-            return measures.path_gap(_vertical(other), _vertical(ours), window)[1]
-
-        as_named, (gap, column) = off(1.0), min((off(factor), column) for column, factor in units.items())
+        off = {
+            factor: measures.path_gap(
+                _vertical(replace(path, **{of: factor * getattr(path, of)})), _vertical(ours), window
+            )[1]
+            for unit in (1.0, 1e-3, 1e3, l, 1.0 / l)
+            for factor in (unit, -unit)
+        }
     except NotComparable:
         return
-    if as_named > 0.2 and gap < 0.1:
-        what = f"{of} points the other way" if units[column] < 0.0 else f"{of} is in another unit"
-        given.refuse(
-            f"{what}: as {column} it would be {gap:.2%} off (rms), as it is named "
-            f"{as_named:.3g} times {ours.path_scale_named}; name it {column}"
+    best = min(off, key=off.__getitem__)
+    if off[1.0] > 0.2 and off[best] < 0.1:
+        what = f"{of} points the other way" if best < 0.0 else f"{of} is in another unit"
+        raise Refused(
+            f"{path.method}: {what}: it is off by {off[1.0]:.3g} times {ours.path_scale_named}, and by {off[best]:.2%} "
+            f"if multiplied by {best:.6g} (l = {l:.6g} m); {_ENDINGS}"
         )
 
 

@@ -107,7 +107,7 @@ class Method:
     knobs: dict[str, Setting]
     resolution: Resolution
     space_order: float  # of the path with a kink at the mass
-    builder: Build
+    build: Build
     on_rides: dict[str, Any] = field(default_factory=dict)
     steps_growth: float | None = None  # power of the resolution
     begins: tuple[int, int] | None = None  # resolution and steps
@@ -153,9 +153,6 @@ class Method:
 
     def told(self, settings: dict[str, Any]) -> dict[str, Any]:
         return {k: settings[k] for k in (self.resolution.setting, "steps")}
-
-    def build(self, groups: Groups, settings: dict[str, Any], *, model: str, load: str, law: str) -> Solver:
-        return self.builder(groups, settings, model=model, load=load, law=law)
 
 
 # Solvers are imported when built: names load without scikit-fem.

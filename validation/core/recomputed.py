@@ -62,16 +62,15 @@ def design(r: Response, twin: Response | None = None) -> Iterator[Recomputed]:
     span, known = _range(r, *(() if twin is None else (twin,))), _signals(r)
     for row in r.design:
         quantity = row["quantity"]
-        names = (quantity, quantity.removesuffix("_max").removesuffix("_min"))
-        signals = next((known[name] for name in names if name in known), None)
-        if signals is None:
+        kind = quantity if quantity in known else quantity.removesuffix("_max").removesuffix("_min")
+        if kind not in known:
             continue
         least = quantity.endswith("_min") or (quantity.startswith("angle") and row["value"] < 0.0)
         where = None if row["s_o"] is None else row["s_o"] / r.length
         means = period if row["unit"] in ("N", "deg") else 0.0
         for name, bar, law, over in (("value", "bar", "", means), ("peak", "bar_peak", " peak", 0.0)):
             if row.get(name) is not None:
-                right = _extreme(signals, span, over, least)
+                right = _extreme(known[kind], span, over, least)
                 size = abs(right) or 1.0
                 gap, allowed = abs(row[name] - right) / size, (row[bar] or 0.0) / size + ROUNDING
                 yield Recomputed("design", quantity + law, gap, allowed, where)

@@ -72,30 +72,15 @@ def spread(work: Callable[[Item], Result], items: Sequence[Item], told: Callable
 
 @contextmanager
 def aside(work: Callable[[], object]) -> Iterator[None]:
-    """Do work in another process while the body runs; exceptions are raised at the end."""
-    with ready(lambda: None, work) as begin:
-        begin()
-        yield
-
-
-@contextmanager
-def ready(load: Callable[[], object], work: Callable[..., object]) -> Iterator[Callable[..., object]]:
-    """Give a function that calls `work` in a process that has called `load`.
-
-    Exceptions are raised at the end.  Without forks it works here at once.
-    """
+    """Do work in another process while the body runs, or here without forks; exceptions are raised at the end."""
     if not _can_fork():
-        yield work
+        yield
+        work()
         return
-
-    def called(what: int, *arguments: Any) -> None:
-        (load, work)[what](*arguments)
-
-    with _forked(1, called) as submit:
-        futures = [submit(0)]
-        yield lambda *arguments: futures.append(submit(1, *arguments))
-        for future in futures:
-            future.result()
+    with _forked(1, work) as submit:
+        future = submit()
+        yield
+        future.result()
 
 
 @contextmanager

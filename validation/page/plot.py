@@ -45,10 +45,8 @@ class Panel:
     bands: list[tuple[Array, Array, Array, str]] = field(default_factory=list)  # x, low, high, colour
     dots: list[tuple[float, float, str, bool]] = field(default_factory=list)  # x, y, colour, filled
     labels: list[tuple[float, float, str]] = field(default_factory=list)  # x, y, text
-    spans: list[tuple[float, float]] = field(default_factory=list)  # shaded
     verticals: list[tuple[float, str, str]] = field(default_factory=list)  # x, colour, dash
-    image: Array | None = None  # (rows from above, columns), 0 to 1 in `colors`
-    colors: str = FIELD
+    image: Array | None = None  # (rows from above, columns), 0 to 1 in the colours FIELD
     scale: tuple[float, float, str] | None = None  # of the image: values at 0 and 1, unit
 
     def line(self, x: Array, y: Array, color: str, dash: str = "", width: float = 2.0, name: str = "") -> None:
@@ -79,7 +77,7 @@ class Panel:
             return None
         low, high, unit = self.scale
         ticks = [(_place(self.height * (high - y) / (high - low)), words) for y, words in _ticks(low, high, False, 4)]
-        return {"image": _png(np.linspace(1.0, 0.0, 64)[:, None], self.colors), "unit": unit, "ticks": ticks}
+        return {"image": _png(np.linspace(1.0, 0.0, 64)[:, None]), "unit": unit, "ticks": ticks}
 
     def drawn(self, across: Callable[[Any], Array], w: float) -> dict[str, Any]:
         """The template's input in user units; across : place of x on the paper, w : width of the panel."""
@@ -87,11 +85,9 @@ class Panel:
         def at(x: float, y: float) -> tuple[float, float]:
             return _place(across(x)), _place(self._y(y))
 
-        spans = [tuple(np.clip(across(span), 0.0, w).round(1).tolist()) for span in self.spans]
         ticks = [(_place(self._y(y)), words) for y, words in _ticks(self.low, self.high, self.log, self.height / 28)]
         return {
             "h": self.height, "w": w, "title": self.title, "unit": self.unit, "ticks": ticks, "scale": self._scale(),
-            "spans": [span for span in spans if span[1] > span[0]],
             "verticals": [(_place(across(x)), color, dash) for x, color, dash in self.verticals],
             "lines": [(_path(across(x), self._y(y)), color, dash, width) for x, y, color, dash, width, _ in self.lines],
             "bands": [
@@ -100,7 +96,7 @@ class Panel:
             ],
             "dots": [(*at(x, y), *how) for x, y, *how in self.dots],
             "labels": [(*at(x, y), words) for x, y, words in self.labels],
-            "image": None if self.image is None else _png(self.image, self.colors),
+            "image": None if self.image is None else _png(self.image),
         }  # fmt: skip
 
 
@@ -122,12 +118,9 @@ def side(p: Panel, reach: float, ground: Any, obstacles: Sequence[tuple[str, flo
 
 
 def plot(
-    panels: Sequence[Panel], x: tuple[float, float], xlabel: str, caption: str, *, label: str = "", wide: bool = False
-) -> Markup:
-    """Panels below one another, with a caption, over x between two values.
-
-    label : description for screen readers; the key names every named line once.
-    """
+    panels: Sequence[Panel], x: tuple[float, float], xlabel: str, caption: str, *, wide: bool = False
+) -> Markup:  # fmt: skip
+    """Return panels below one another, with a caption, over x between two values; the key has each named line once."""
     right = 74 if any(p.scale for p in panels) else RIGHT
     w = WIDTH - LEFT - right
 
@@ -141,7 +134,7 @@ def plot(
         top += p.height + 14.0
     svg = rendered(
         "plot.svg", panels=shown, width=WIDTH, height=top - 14.0 + BELOW, left=LEFT, right=right, xlabel=xlabel,
-        label=plain(label or caption), key=_key(panels),
+        label=plain(caption), key=_key(panels),
         xticks=[(_place(across(t)), words) for t, words in _ticks(*x, False, 7)],
     )  # fmt: skip
     return figure_of(svg, caption, wide=wide)
@@ -187,19 +180,19 @@ def _path(x: Array, y: Array) -> str:
     return "M" + " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x.tolist(), y.tolist(), strict=True)) if x.size else ""
 
 
-def colors(names: str, n: int) -> Array:
-    """(n, 3) colours 0..255 along a list of hexadecimal ones."""
-    known = np.array([list(bytes.fromhex(name)) for name in names.split()], dtype=float)
-    at = np.linspace(0.0, 1.0, n)
-    return np.stack([np.interp(at, np.linspace(0.0, 1.0, len(known)), c) for c in known.T], axis=1)
+def colors(n: int) -> Array:
+    """Return (n, 3) colours, bytes, along FIELD."""
+    known = np.array([list(bytes.fromhex(name)) for name in FIELD.split()], dtype=float)
+    at = np.linspace(0.0, len(known) - 1.0, n)
+    return np.stack([np.interp(at, np.arange(len(known)), c) for c in known.T], axis=1).round().astype(np.uint8)
 
 
-def _png(values: Array, names: str) -> str:
-    """Values (rows, columns) from 0 to 1 as a PNG of 256 colours, in base64."""
+def _png(values: Array) -> str:
+    """Return values (rows, columns) from 0 to 1 as a PNG of the 256 colours of FIELD, in base64."""
     index = np.clip(np.nan_to_num(values) * 255.0, 0.0, 255.0).round().astype(np.uint8)
     rows, columns = index.shape
     packed = zlib.compress(np.insert(index, 0, 0, axis=1).tobytes())  # each row begins with its filter: none
-    palette = colors(names, 256).round().astype(np.uint8).tobytes()
+    palette = colors(256).tobytes()
     parts = (b"IHDR", struct.pack(">IIBBBBB", columns, rows, 8, 3, 0, 0, 0)), (b"PLTE", palette), (b"IDAT", packed)
     out = b"\x89PNG\r\n\x1a\n"
     for name, content in (*parts, (b"IEND", b"")):

@@ -12,7 +12,7 @@ from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from validation.core.answers import profile
 from validation.page.page import rendered
-from validation.page.plot import BLUE, FIELD, VERMILLION, colors
+from validation.page.plot import BLUE, VERMILLION, colors
 
 SCRIPT = "side_view.js"
 STATIONS = 101  # of the moving rope, at most, without the mass
@@ -30,7 +30,7 @@ def side_view(scene: Scene, runs: Sequence[Response], *, range_T: tuple[float, f
         "span": scene.supports.span, "drop": scene.supports.drop, "s": _short(s), "x": _short(X.x(s)),
         "y": _short(X.y(s)), "static": _short(X.tension(s)), "T": list(range_T),
         "unit": 1e3 if range_T[1] >= 2e3 else 1.0, "unitName": "kN" if range_T[1] >= 2e3 else "N",
-        "colors": [f"#{bytes(c).hex()}" for c in colors(FIELD, 48).round().astype(np.uint8)],
+        "colors": [f"#{bytes(c).hex()}" for c in colors(48)],
     }  # fmt: skip
     both = zip(runs, (BLUE, VERMILLION), strict=False)
     cables = [_cable(scene, run, color, ends["unit"], ends["unitName"]) for run, color in both]

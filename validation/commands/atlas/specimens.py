@@ -107,7 +107,7 @@ def planted(method: str, fault: type[GalerkinSystem]) -> Method:
     def build(groups: Groups, x: dict[str, Any], **kind: Any) -> Any:
         return fault(groups, Fourier(x["terms"]), kink=method.endswith("kink"), **kind)
 
-    return replace(METHODS[method], builder=build)
+    return replace(METHODS[method], build=build)
 
 
 PLANTED = {

@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -23,7 +24,6 @@ from validation.page.options import (
 if TYPE_CHECKING:
     from cablefem.response import Response
     from cablefem.scene import Scene
-    from validation.commands.run.study import Answer
 
 EXAMPLE = "cablefem run zipline --model quasi-static --set mass.mass=40,60,80"
 METHOD, QUASI_STATIC = "following-p2", "quasi-static"
@@ -75,7 +75,7 @@ def command(
 
     from validation.commands.run import study
 
-    def answered(i: int, progress: Callable[..., None]) -> "Answer":
+    def answered(i: int, progress: Callable[..., None]) -> "tuple[Response, str]":
         return study.answer(points[i].scene, chosen, tol=tol, bars=bars, progress=progress, **asked[i])
 
     if len(points) > 1:
@@ -83,18 +83,15 @@ def command(
     return _one(points[0].scene, QUASI_STATIC if chosen is None else method, answered, out)
 
 
-def _one(scene: "Scene", name: str, answered: "Callable[..., Answer]", out: Path | None) -> int:
+def _one(scene: "Scene", name: str, answered: "Callable[..., tuple[Response, str]]", out: Path | None) -> int:
     from validation.core.answers import write_answers
-    from validation.core.sidebyside import ready
+    from validation.core.sidebyside import aside
     from validation.page import report, telling
 
     folder = store.claim(out, "run", scene, [name])
-    with ready(_paraview, _animate) as animate:
-        with terminal.progress() as progress:
-            found = answered(0, partial(progress, name))
-        r = found.response
-        if name != QUASI_STATIC:
-            animate(r, folder / name)
+    with terminal.progress() as progress:
+        r, missed = answered(0, partial(progress, name))
+    with aside(partial(_animate, r, folder / name)) if name != QUASI_STATIC else nullcontext():
         r.write(folder / name)
         write_answers(folder / name, scene, r)
         report.write(folder, "run")
@@ -104,21 +101,17 @@ def _one(scene: "Scene", name: str, answered: "Callable[..., Answer]", out: Path
     terminal.say(f"  written to {folder}: report.html, {name}/")
     if broken := telling.broken(r):
         return broken
-    if found.missed:
-        terminal.complain([found.missed])
+    if missed:
+        terminal.complain([missed])
         return 1
     # a bar that could not be made is no fault of the run
     return 1 if any(flag.kind != "no bar" for flag in r.flags) else 0
 
 
-def _paraview() -> Any:
+def _animate(response: "Response", folder: Path) -> None:
     from validation.page import paraview  # slow to load
 
-    return paraview
-
-
-def _animate(response: "Response", folder: Path) -> None:
-    _paraview().write(response, folder)
+    paraview.write(response, folder)
 
 
 def _found(name: str, tol: float | None, faults: list[str]) -> Any:

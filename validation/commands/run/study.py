@@ -1,7 +1,7 @@
 """One answer: the run that was asked for, its design numbers and events, and bars from coarser runs."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,25 +19,18 @@ from validation.page.answer import many as table
 from validation.page.options import Point
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """A response, and why it misses its tolerance."""
-
-    response: Response
-    missed: str = ""  # why the tolerance is out of reach
-
-
 def answer(
     scene: Scene, method: Method | None, *, tol: float | None, bars: bool, progress: Callable[..., None], **kind: Any
-) -> Answer:
+) -> tuple[Response, str]:
     """Run a method with the settings in `kind`, or with those that its own bar needs to meet `tol`.
 
+    Returns the response with its design numbers, and why the tolerance is out of reach, else "".
     Without a method the car rests on the cable at every place: milliseconds, for a timetable.
     """
     missed = ""
     if method is None:
         response = quasi_static(scene)
-        return Answer(replace(response, design=design(response)))
+        return replace(response, design=design(response)), ""
     if tol is not None:
         try:
             ladder = climb(scene, method, tol, **kind, progress=progress)
@@ -50,9 +43,9 @@ def answer(
         ladder = laddered(scene, method, **kind, progress=progress)
     else:
         response = run(scene, method, **kind, progress=progress)
-        return Answer(replace(response, design=design(response)))
+        return replace(response, design=design(response)), ""
     told = [number.row() for number in numbers(ladder)]
-    return Answer(replace(ladder.run, design=told, events=with_bars(ladder)), missed)
+    return replace(ladder.run, design=told, events=with_bars(ladder)), missed
 
 
 def run_with_bars(
@@ -67,14 +60,14 @@ def run_with_bars(
     run("zipline", tol=1e-3).design
     """
     kind = {"model": model, "load": load, "law": law, "frames": frames, **settings}
-    return answer(scene, find(method), tol=tol, bars=bars, progress=silent, **kind).response
+    return answer(scene, find(method), tol=tol, bars=bars, progress=silent, **kind)[0]
 
 
-def many(scene: Scene, points: Sequence[Point], answered: Callable[..., Answer], out: Path | None) -> int:
+def many(scene: Scene, points: Sequence[Point], answered: Callable[..., tuple[Response, str]], out: Path | None) -> int:
     """Answer every point of a grid; 2 where a run broke."""
 
     def row(point: Point) -> tuple[table.Row, Any]:
-        found = answered(points.index(point), silent).response
+        found = answered(points.index(point), silent)[0]
         return table.row(point.scene, found, found.design), table.path(found)
 
     rows = table.grid("run", "grid", scene, points, out, row, table.columns)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from markupsafe import Markup
+from scipy.integrate import cumulative_trapezoid
 
 from cablefem.response import Array, Response
 from validation.core.quantities import scale_of
@@ -147,12 +148,9 @@ def energy_split(x: Stored, caption: str) -> Markup:
     """Draw the energy: motion, height, stretch, and the work of outside forces."""
     r = x.runs[0]
     lines = {name: y - y[0] for name, y in (("motion", r.kinetic), ("height", r.potential), ("stretch", r.strain))}
-    dt = np.diff(r.t, prepend=r.t[0])
     for name, power in r.powers.items():
-        power = np.nan_to_num(power)
-        lines["damping" if name == "lost_viscous" else name] = -np.cumsum(
-            0.5 * (power + np.append(power[:1], power[:-1])) * dt
-        )
+        work = cumulative_trapezoid(np.nan_to_num(power), r.t, initial=0.0)
+        lines["damping" if name == "lost_viscous" else name] = -work
     factor, unit = scale_of(np.concatenate(list(lines.values())), "J")
     p = Panel(f"since start [{unit}]", height=200.0)
     for name, y in lines.items():
