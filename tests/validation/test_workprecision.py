@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from validation.commands.chart import front, study
+from validation.commands.chart import cost, front, study
 from validation.commands.chart import page as pages
 from validation.core import measures, store
 from validation.core.methods import METHODS, find
@@ -138,7 +138,7 @@ def test_pages_are_drawn_without_a_solver(small, monkeypatch):
     monkeypatch.setattr("cablefem.newmark.integrate", never)
     sections = {s.id: s for s in pages.sections(small[0])}
     assert list(sections) == [
-        "chart-fastest", "chart-path", "chart-tension", "chart-work", "chart-failed", "chart-dots",
+        "chart-fastest", "chart-path", "chart-tension", "chart-work", "chart-failed", "chart-cost",
     ]  # fmt: skip
     assert "following-p2" in sections["chart-fastest"].summary
     assert "not measured: not installed" in sections["chart-fastest"].html
@@ -208,3 +208,12 @@ def test_a_free_ride_is_charted_over_time_by_what_can_roll():
     assert known.errors_of_path(path, ride)["path_error"] == pytest.approx(ours, rel=1e-6)
     late = replace(path, t=1.01 * path.t)
     assert known.errors_of_path(late, ride)["path_error"] > 10.0 * ours
+
+
+# --- cost ------------------------------------------------------------------------------------------------------------
+def test_what_an_iteration_costs_is_measured_beside_a_bare_banded_solve():
+    """Ratios of seconds are for `cablefem chart`, on a quiet machine; here only what is measured."""
+    found = cost.implicit_floor(LEVEL, repeats=1)
+    assert found["n_dof"] == 78
+    assert found["ratio"] == pytest.approx(found["iteration"] / found["bare_solve"])
+    assert found["run_ratio"] == pytest.approx(found["run_iteration"] / found["bare_solve"])

@@ -17,7 +17,7 @@ from validation.core import store
 from validation.core.methods import METHODS
 from validation.page import page
 from validation.page.figures import DASHES, MARKERS, PALETTE, panels, style
-from validation.page.page import Section, figure, gallery, listed, number, percent, table
+from validation.page.page import Section, figure, gallery, listed, number, percent, plain, table
 from validation.page.plot import BLACK, GREY
 
 _SAY = page.words(__package__)
@@ -28,7 +28,7 @@ WORK = {"seconds": "seconds of the time loop, one core", "unknown_steps": "steps
 def sections(folder: Path) -> list[Section]:
     chart = store.read(folder / "chart.json")
     charts = _charts(chart, "path"), _charts(chart, "tension")
-    return [_fastest(chart), *charts, _work(chart), _failures(chart), _each(chart)]
+    return [_fastest(chart), *charts, _work(chart), _failures(chart), _cost(chart)]
 
 
 def _error(chart: dict[str, Any], quantity: str) -> str:
@@ -212,15 +212,17 @@ def _failures(chart: dict[str, Any]) -> Section:
     )  # fmt: skip
 
 
-def _each(chart: dict[str, Any]) -> Section:
+def _cost(chart: dict[str, Any]) -> Section:
     rows = [r for r in chart["rows"] if r["status"] == "ok"]
-    html = []
+    floor = chart.get("floor")
+    html = [Markup(_SAY.floor(floor))] if floor else []
     if chosen := [r for r in rows if r["kind"] == "tolerance"]:
         html.append(_tolerances(chosen))
     html.append(page.details(f"All {len(rows)} dots", _all(rows)))
     machine = ", ".join(f"{k} {v}" for k, v in chart.get("machine", {}).items())
     html.append(Markup("<p><small>{}</small></p>").format(escape(machine)))
-    return Section("chart-dots", "Every dot", Markup("\n").join(html), None, "Work and seconds of every dot.")
+    said = plain(_SAY.iteration(floor)) if floor else "Work and seconds of every dot."
+    return Section("chart-cost", "What a step costs", Markup("\n").join(html), None, said)
 
 
 def _tolerances(rows: list[Row]) -> Markup:

@@ -25,6 +25,7 @@ from cablefem import newmark
 from cablefem.newmark import SCHEMES
 from cablefem.response import Response, write_json
 from cablefem.scene import Groups, Scene
+from validation.commands.chart.cost import implicit_floor
 from validation.commands.chart.front import fastest
 from validation.core import measures, store
 from validation.core.climb import TooCoarse, climb, laddered
@@ -76,6 +77,9 @@ def chart(
         share = (6.0 if line.kind == "peer" else 1.5) * budget / len(todo)  # other codes are slow
         rows += _line(scene, line, truth, rows, repeats, share)
         write_json(path, found)
+    if scene.groups.drive.mode == "grip":
+        report("cost of a step", 0.9)
+        found["floor"] = before.get("floor") or implicit_floor(scene)
     found["fastest"] = [fastest(rows, error) for error in SAID["decades"]]
     write_json(path, found)
     report("done", 1.0)
@@ -197,14 +201,14 @@ def _line(
     missing = [x for x in line.rungs if x not in done]
     if missing and line.kind not in ("tolerance", "peer"):
         _repeated(scene, line, missing[0], truth, 1, 0.0)  # the first run may compile
-    new, last, end = [], 0.0, time.perf_counter() + share
-    for rung in missing:
-        if last > (left := end - time.perf_counter()):
-            new.append(_row(line, rung, status="not run", reason="more than its share of the time"))
-        else:
-            new.append(_repeated(scene, line, rung, truth, max(1, repeats), left))
-            last = new[-1]["seconds"] or 0.0
-    return new
+    new, last, left = [], 0.0, share
+    while missing and last <= left:
+        begin = time.perf_counter()
+        row = _repeated(scene, line, missing.pop(0), truth, max(1, repeats), left)
+        left -= time.perf_counter() - begin
+        last = row["seconds"] or 0.0
+        new.append(row)
+    return new + [_row(line, rung, status="not run", reason="more than its share of the time") for rung in missing]
 
 
 def _refused(scene: Scene, line: Series) -> str | None:

@@ -1,0 +1,63 @@
+"""Cost of a step over the bare banded solve."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.linalg import lapack
+from threadpoolctl import threadpool_limits
+
+from cablefem import newmark
+from cablefem.scene import Scene
+
+
+def implicit_floor(scene: Scene, *, elements: int = 10, steps: int = 480, repeats: int = 9) -> dict[str, Any]:
+    """Cost of an iteration of following-p2 over LAPACK's bare banded solve of the same size, medians.
+
+    iteration : tangent, factors and solution;  run : a run's seconds per Newton iteration.
+    """
+    from cablefem.elements.following import FollowingElements
+
+    system = FollowingElements(scene.groups, elements=elements)
+    n, band = system.n_dof, system._band
+    rng = np.random.default_rng(5)
+    matrix = np.zeros((3 * band + 1, n), order="F")
+    matrix[band:] = rng.standard_normal((2 * band + 1, n))
+    matrix[2 * band] += 20.0
+    b = rng.standard_normal(n)
+    dt = system.phases[-1][1] / steps
+    c = 0.25 * dt * dt, 0.5 * dt, 1.0
+    grid, found = newmark.step_times(system, steps), []
+    with threadpool_limits(1):
+        for _ in range(repeats):
+            work, begin = newmark.Work(), time.perf_counter()
+            advance = newmark.integrate(system, newmark.scheme("trapezoidal"), grid, work=work)
+            x = next(x for x in advance if work.steps >= steps // 2)
+            whole = (time.perf_counter() - begin) / work.newton_iterations
+
+            def iteration(x: newmark.State = x) -> None:
+                r, solve = system.linearise(x.t, x.q, x.v, x.a, x.phase, *c)
+                solve(r)
+
+            def bare() -> None:
+                lapack.dgbsv(band, band, matrix.copy(order="F"), b.copy(), overwrite_ab=1, overwrite_b=1)
+
+            def copies() -> None:
+                matrix.copy(order="F"), b.copy()
+
+            one, lone = _clocked(iteration), _clocked(bare) - _clocked(copies)
+            found.append((lone, one, whole, one / lone, whole / lone))
+    lone, one, whole, ratio, run_ratio = np.median(found, axis=0)
+    return {
+        "method": "following-p2", "elements": elements, "steps": steps, "n_dof": n, "bare_solve": float(lone),
+        "iteration": float(one), "run_iteration": float(whole), "ratio": float(ratio), "run_ratio": float(run_ratio),
+    }  # fmt: skip
+
+
+def _clocked(job: Callable[[], None], n: int = 200) -> float:
+    job()
+    begin = time.perf_counter()
+    for _ in range(n):
+        job()
+    return (time.perf_counter() - begin) / n
