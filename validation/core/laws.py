@@ -46,8 +46,7 @@ class Held:
     quantity: str  # the row it belongs to
     asks: str  # see `Law`
     gap: float  # nan where the response lacks something
-    bar: float  # from coarser runs
-    sampling: float
+    parts: tuple[float, float]  # of its bar: coarser runs in space; in time, with sampling
     where: float | None  # s_o/l
 
 
@@ -58,7 +57,9 @@ class Ladder(Protocol):
     def finest(self) -> Response: ...
     @property
     def runs(self) -> tuple[Response, ...]: ...
-    def bar(self, of: Callable[[Response], Array], apart: Callable[[Array, Array], Array], order: float) -> Array: ...
+    def parts(
+        self, of: Callable[[Response], Array], apart: Callable[[Array, Array], Array], order: float
+    ) -> tuple[Array, Array]: ...
 
 
 def hold(ladder: Ladder, window: Window, until: float = math.inf) -> Iterator[Held]:
@@ -75,16 +76,17 @@ def hold(ladder: Ladder, window: Window, until: float = math.inf) -> Iterator[He
             continue
         found = law.defect(case)
         if not (found.place.size and np.isfinite(found.value).all()):
-            yield Held(name, law.of, law.asks, math.nan, math.nan, math.nan, None)
+            yield Held(name, law.of, law.asks, math.nan, (math.nan, 0.0), None)
             continue
         half, quarter = (law.defect(x).value for x in (thin, thinner))
         sampling = ROUNDING + left(_rms_apart(found.value, half), _rms_apart(half, quarter), (2.0, 2.0), FIRST)
         defects = {key: (found if law.exact else law.defect(x)).value for key, x in known.items()}
-        bar = ladder.bar(lambda x, of=defects: of[id(x)], _rms_apart, FIRST)  # type: ignore[misc]
-        worst = int((found.rms / (sampling + bar)).argmax())
+        space, time = ladder.parts(lambda x, of=defects: of[id(x)], _rms_apart, FIRST)  # type: ignore[misc]
+        time = time + sampling  # shorter steps are more samples
+        worst = int((found.rms / (space + time)).argmax())
         at = float(found.place[np.abs(found.value[:, worst]).argmax()])
-        gap, coarse, sampled = (float(x[worst]) for x in (found.rms, bar + 0.0 * sampling, sampling))
-        yield Held(name, law.of, law.asks, gap, coarse, sampled, None if math.isnan(at) else at)
+        gap, *parts = (float(x[worst]) for x in (found.rms, space + 0.0 * time, time))
+        yield Held(name, law.of, law.asks, gap, (parts[0], parts[1]), None if math.isnan(at) else at)
 
 
 def _rms_apart(a: Array, b: Array) -> Array:

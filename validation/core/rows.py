@@ -322,7 +322,7 @@ def _laws(a: Ladder, b: Ladder, view: View, asked: Callable[[str], float]) -> It
     found: dict[str, list[Agreement]] = {}
     for x in (a, b):
         for held in laws.hold(x, view.window, view.until):
-            row = _own(held.quantity, held.gap, x, (held.bar, 0.0), held.sampling, asked(held.asks))
+            row = _own(held.quantity, held.gap, x, held.parts, asked(held.asks))
             law = "" if held.law == held.quantity else held.law
             found.setdefault(held.law, []).append(replace(row, law=law, where=held.where, asked=bool(held.asks)))
     yield from map(worse, found.values())
@@ -340,8 +340,8 @@ def printed(a: Response, b: Response) -> Iterator[Agreement]:
     yield from map(worse, found.values())
 
 
-def _own(name: str, gap: float, x: Ladder, parts: tuple[float, float], more: float, asked_for: float) -> Agreement:
-    bar = sum(parts) + more
+def _own(name: str, gap: float, x: Ladder, parts: tuple[float, float], asked_for: float) -> Agreement:
+    bar = sum(parts)
     part = Part(x.finest.method, bar if math.isfinite(bar) else math.inf, "coarser runs and sampling")
     return Agreement(name, gap, Bound("law", (part,)), asked_for=asked_for, parts=(parts,))
 
