@@ -81,11 +81,12 @@ def hold(ladder: Ladder, window: Window, until: float = math.inf) -> Iterator[He
         half, quarter = (law.defect(x).value for x in (thin, thinner))
         sampling = ROUNDING + left(_rms_apart(found.value, half), _rms_apart(half, quarter), (2.0, 2.0), FIRST)
         defects = {key: (found if law.exact else law.defect(x)).value for key, x in known.items()}
-        space, time = ladder.parts(lambda x, of=defects: of[id(x)], _rms_apart, FIRST)  # type: ignore[misc]
+        coarser = ladder.parts(lambda x, of=defects: of[id(x)], _rms_apart, FIRST)  # type: ignore[misc]
+        space, time = (np.broadcast_to(part, found.rms.shape) for part in coarser)
         time = time + sampling  # shorter steps are more samples
         worst = int((found.rms / (space + time)).argmax())
         at = float(found.place[np.abs(found.value[:, worst]).argmax()])
-        gap, *parts = (float(x[worst]) for x in (found.rms, space + 0.0 * time, time))
+        gap, *parts = (float(x[worst]) for x in (found.rms, space, time))
         yield Held(name, law.of, law.asks, gap, (parts[0], parts[1]), None if math.isnan(at) else at)
 
 
