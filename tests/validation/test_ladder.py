@@ -71,9 +71,3 @@ def test_a_yes_or_no_is_known_where_all_runs_tell_it_alike() -> None:
     assert ladder(1.0, (1.2, 1.4), (1.1, 1.1)).told(lambda r: r > 0.0) == 0.0
     assert ladder(1.0, (1.2, -1.4), (1.1, 1.1)).told(lambda r: r > 0.0) == math.inf
     assert ladder(1.0, (), (1.1, 1.1)).told(lambda r: r > 0.0) == math.inf
-
-
-def test_a_peak_has_the_change_to_the_run_that_rings_as_its_bar() -> None:
-    quiet = ladder(10.0, (10.1, 10.2), (10.0, 10.0))
-    heard = Ladder(quiet.finest, quiet.space, quiet.time, ringing=13.0)  # type: ignore[arg-type]
-    assert heard.peak(SAME) == 3.0 > quiet.peak(SAME)
