@@ -33,6 +33,7 @@ class Equilibrium:
     strain: Array  # (n,) int W ds
     least: Array  # (n,) least tension and its s
     least_at: Array
+    lost: Any = 0.0  # (n,) power of internal damping along the cable
 
 
 def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equilibrium:

@@ -54,7 +54,7 @@ class FullCable:
         g, n = self.groups, 2 * len(of.mass) - 1
         constants = kernels.Cable(inertia, g.mu, self.alpha, self.law, g.sigma, g.c, g.damping)
         rule, none = np.array([of.xi, of.weights]), np.zeros(n - 1)
-        return kernels.Line(constants, rule, rule, np.zeros((n, n)), none, none, 0.0, of)
+        return kernels.Line(constants, rule, rule, np.zeros((n, n)), none, none, 0.0, of, g.internal_damping or None)
 
     def _stress(self, place: kernels.Points, Q: Array) -> Array:
         """Rows of `kernels.stress`, weighted but for the last, (8, n_q)."""

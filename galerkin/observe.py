@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -77,6 +77,7 @@ class Forces(NamedTuple):
     least: Array  # least tension and its s, (n,)
     least_at: Array
     working: Array  # see `GalerkinSystem.drives`; 0 for quadratic energies
+    lost: Any = 0.0  # power of internal damping along the cable
 
 
 def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> Observation:
@@ -102,6 +103,9 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     of_cable = of.kinetic(system, x)
     kinetic, lost = of_cable + 0.5 * system.inertia * np.sum(velocity**2, axis=1), 2.0 * system.damping * of_cable
     powers = drives.powers | ({"lost_viscous": -lost} if system.damping else {})
+    if groups.internal_damping:  # and in a thin layer behind the car, which the grip supplies
+        layer = x.ds_o * np.nan_to_num(forces.T[1] - forces.T[0]) ** 2 / (2.0 * groups.alpha)
+        powers |= {"lost_internal": -forces.lost - layer}
     place_y = cable.static_depth(x.s_o) + mass.w[:, -1]
     potential = forces.weight - system.mu * cable.weight[-1] * place_y
     seen = forces.sides if system.fields == 2 else static + mass.slopes @ along
@@ -114,7 +118,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         T_behind=np.where(left, forces.T[0], np.nan), T_ahead=np.where(right, forces.T[1], np.nan),
         T_behind_pointwise=np.where(left, forces.T_pointwise[0], np.nan),
         T_ahead_pointwise=np.where(right, forces.T_pointwise[1], np.nan),
-        energy=kinetic + forces.strain + potential, power=drives.power - lost,
+        energy=kinetic + forces.strain + potential, power=drives.power - lost - forces.lost,
         tension_min=forces.least, tension_min_at=forces.least_at,
         u=u, v=v, du=du, dv=dv, T=forces.along, T_pointwise=forces.along_pointwise,
         reaction_left=forces.reactions[0], reaction_right=forces.reactions[1],
@@ -237,7 +241,7 @@ def _full(
     return Forces(
         sides, T, (left[0], right[0]), along, pointwise, (-by_balance.left, by_balance.right), by_balance.strain,
         -cable.weight[1] * below, least,
-        np.where(least < by_balance.least, x.s_o, by_balance.least_at), working,
+        np.where(least < by_balance.least, x.s_o, by_balance.least_at), working, by_balance.lost,
     )  # fmt: skip
 
 

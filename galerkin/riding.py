@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.newmark import State
+from cablefem.newmark import Solve, State
 from cablefem.response import States
 from cablefem.scene import Groups
 from galerkin import kernels
 from galerkin.bases.kink import Array
 from galerkin.bases.riding import RidingSines, Tables, shapes
-from galerkin.equations import GalerkinSystem
+from galerkin.equations import GalerkinSystem, factorised
 from galerkin.equilibrium import Equilibrium, least_along
 from galerkin.models import FullCable
 from galerkin.observe import NEAR_SUPPORT, AtMass, Fields, History, Measures, hat_slopes
@@ -52,6 +52,30 @@ class RidingSystem(GalerkinSystem):
         assert isinstance(self.cable, FullCable)
         return self.cable.riding(self.of, self.inertia)
 
+    def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
+        if not self.groups.internal_damping:
+            return super().residual(t, q, v, a, phase)
+        return self._weighed(t, np.array([q, v, a]), phase, 0)[0]
+
+    def linearise(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
+    ) -> tuple[Array, Solve]:
+        if not self.groups.internal_damping:
+            return super().linearise(t, q, v, a, phase, c0, c1, c2)
+        r, sides = self._weighed(t, np.array([q, v, a]), phase, 3)
+        n, K = self.basis.terms, np.zeros((self.n_dof, self.n_dof), dtype=np.result_type(c0, c1, c2, float))
+        for side in range(2):
+            of = np.arange(n) + side * n
+            rows = np.concatenate([of, of + self.n, [2 * n, self.n + 2 * n]])
+            K[np.ix_(rows, rows)] += np.tensordot((c0, c1, c2), sides[:, side], 1)
+        return r, factorised(K)
+
+    def _weighed(self, t: float, state: Array, phase: int, parts: int) -> tuple[Array, Array]:
+        """r, and dr/dq, dr/dv, dr/da of both sides, by the compiled equations."""
+        r, K = np.empty(self.n_dof), np.empty((parts, 2, *(2 * self.basis.terms + 2,) * 2))
+        self.least_tension = kernels.weighed(self.line(), np.array(self.motion.at(t, phase)), state, r, K)
+        return r, K
+
     def sides(self, pointwise: Array, forces: Equilibrium, s_o: Array) -> Array:
         """r' by the tension from equilibrium: slopes of sines converge slowly at the mass."""
         T, out = self.groups.static(s_o)[0], pointwise.copy()
@@ -77,6 +101,10 @@ class RidingSystem(GalerkinSystem):
         q, v, a = np.zeros((3, self.n_dof))
         if self.inertia and ds_o > 0.0:
             v_hat, a_hat = np.zeros(self.fields), -load / m
+            if self.groups.internal_damping:  # N_v t (t . d.) pulls, d. = a_hat/(2 ds_o)
+                viscous, (X, _) = self.cable.alpha * self.groups.internal_damping, self.cable.static_slope(0.0)
+                pulled = m * np.eye(self.fields) + np.multiply.outer(X, viscous / (2.0 * ds_o) * X)
+                a_hat = -np.linalg.solve(pulled, load)
         else:
             d = self._slope_behind(m * dds_o + (self.damping - ds_o) * ds_o * entrained, load)
             v_hat, a_hat = d * ds_o, d * dds_o
@@ -207,6 +235,11 @@ class RidingMeasures(Measures):
         Q = np.concatenate([x.Q, x.q_hat[:, :, None]], axis=2)
         internal, strain = np.empty((x.s_o.size, 2, 2)), np.empty(x.s_o.size)
         kernels.surveyed(system.line(), x.s_o, Q, internal, strain)
+        lost = np.zeros(x.s_o.size)
+        if system.groups.internal_damping:
+            rates = np.concatenate([x.V, x.v_hat[:, :, None]], axis=2)
+            states = np.stack([y.reshape(len(y), -1) for y in (Q, rates, 0.0 * Q)], axis=1)
+            kernels.lost(system.line(), np.stack([x.s_o, x.ds_o, x.dds_o], axis=1), states, internal, lost)
         sides = _sides(system, x)
         at_mass = [side.force_at_mass(internal[:, :, i]) for i, side in enumerate(sides)]
 
@@ -242,7 +275,7 @@ class RidingMeasures(Measures):
         ]
         behind, left, ahead, right = ends
         least, where = least_along(cable, x, along, s)
-        return Equilibrium(behind, ahead, left, right, along(frames, s), strain, least, where)
+        return Equilibrium(behind, ahead, left, right, along(frames, s), strain, least, where, lost)
 
 
 RidingSystem.measures = RidingMeasures

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cablefem import newmark
 from cablefem.elements import observing
 from cablefem.elements.kernels import collocation
-from cablefem.elements.kernels.balance import Cable, Chord, Contact, Instant, Mesh, assemble, weigh
+from cablefem.elements.kernels.balance import Cable, Chord, Contact, Instant, Mesh, Rates, assemble, weigh
 from cablefem.elements.kernels.banded import Tangent
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
 from cablefem.elements.kernels.newton import NO_TANGENT, Limits, Steps, coupling, factorise, settle, solve
@@ -196,10 +196,15 @@ class CableElements(System):
         n = self.fields * self.n_scalar
         chord = Chord(np.empty(n), np.empty(n)) if self.fields == 1 else None
         points = np.empty((9, self._mesh.tab[..., 0].size))
-        self._cable = Cable(self._mesh, self._law, chord, self._operators, points, self.groups.damping)
+        c_d, rates = self.groups.damping, self._rates()
+        self._cable = Cable(self._mesh, self._law, chord, self._operators, points, c_d, rates)
         self._single, self._bands = self._side(float), np.empty((3, *self._operators.shape[1:]))
         self._at = None
         self._space: collocation.Workspace | None = None
+
+    def _rates(self) -> Rates | None:
+        """What internal damping needs; None without it."""
+        return None
 
     def _side(self, kind: type) -> collocation.Side:
         n, chord = self.fields * self.n_scalar, self._cable.chord

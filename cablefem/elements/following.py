@@ -26,7 +26,7 @@ from scipy.linalg import solveh_banded
 
 from cablefem.elements.cable import CableElements, elements_allowed
 from cablefem.elements.forms import pull, stiffness
-from cablefem.elements.kernels.balance import Contact, Mesh
+from cablefem.elements.kernels.balance import Contact, Mesh, Rates
 from cablefem.elements.reference import reference
 from cablefem.newmark import Array, Newton, Settled, State, StepFailure, Steps, Tableau, begun, consistent_acceleration
 from cablefem.newmark.equilibrium import equilibrium
@@ -55,8 +55,8 @@ class FollowingElements(CableElements):
         elements_allowed(elements)
         if not (math.isfinite(grading) and 1.0 <= grading <= 1e6):
             raise ValueError(f"grading must lie in [1, 1e6], got {grading!r}")
-        self.reference = of = reference(elements, degree, grading)
-        known = ((0,) * (degree + 1), (0,) * degree) if degree == 2 and self.fields == 2 else ((), ())
+        self.reference = of = reference(elements, degree, grading, groups.internal_damping > 0.0)
+        known = ((0,) * (degree + 1), (0,) * of.forces.shape[1]) if degree == 2 and self.fields == 2 else ((), ())
         self._mesh, self._moments = Mesh(of.dofs, of.forces, elements, *known), of.moments
         self._operators = np.repeat(of.operators, self.fields, axis=2)
         # d/dxi of the shapes behind and ahead of the mass
@@ -84,7 +84,11 @@ class FollowingElements(CableElements):
         ride, entrained = self._entrained()
         inertia, zero = self.inertia + entrained, np.zeros(self.n_dof)
         if ds > 0.0:
+            g = self.groups
             node_a = -np.array(self._load(0.0, ds, dds)) / inertia
+            if g.internal_damping:  # the slope behind grows like w.. t/(2 ds_o)
+                damps, along = g.alpha * g.internal_damping / (2.0 * ds), np.array(g.static(0.0)[1:3])
+                node_a -= damps / (inertia + damps) * (along @ node_a) * along
         elif dds > 0.0:
             node_a = 2.0 * self._strained_start(dds, inertia)
         else:
@@ -110,6 +114,19 @@ class FollowingElements(CableElements):
         M = self.reference.operators[1, degree:, node:]
         pushed = solveh_banded(M[: M.shape[1]], np.eye(M.shape[1], 1)[:, 0], lower=True)
         return np.concatenate([linear[1:], pushed[1:] / pushed[0]]), float(1.0 / pushed[0])
+
+    def _rates(self) -> Rates | None:
+        """dphi'/dt at fixed s is -(+-phi,xi + chi phi,xixi) ds_o/h^2, + behind the mass."""
+        if not self.groups.internal_damping:
+            return None
+        of, n_left = self.reference, self._mesh.n_left
+        behind = np.arange(len(of.dofs))[:, None] < n_left
+        xi, length = of.forces[..., 0], np.diff(of.knots)[:, None]
+        x, chi = np.where(behind, xi - 1.0, xi), np.where(behind, xi, 1.0 - xi)
+        bends = polyval((x - of.knots[:-1, None]) / length, polyder(of.shapes.T, 2)) / length**2
+        slopes = of.forces[..., 2 + len(of.shapes) :]
+        moved = np.where(behind[..., None], -slopes, slopes) - np.moveaxis(chi * bends, 0, -1)
+        return Rates(self.groups.internal_damping, moved, np.empty((5, xi.size)))
 
     def _strained_start(self, dds: float, inertia: float) -> Array:
         """Return b of `start`."""

@@ -36,8 +36,10 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     size = system.fields * system.n_scalar
     q, v, a = (x[:, :size].reshape(n, -1, system.fields) for x in (states.q, states.v, states.a))
     full = system.fields == 2
-    (kinetic, strain, potential), least, where, pulled, rise = energies(system, mesh_at, q, v)
-    lost = 2.0 * g.damping * kinetic
+    (kinetic, strain, potential), least, where, pulled, rest = energies(system, mesh_at, q, v)
+    lost, powers = 2.0 * g.damping * kinetic, {}
+    if g.damping:
+        powers["lost_viscous"] = -lost
     kinetic += 0.5 * system.inertia * np.sum(velocity**2, axis=1)
     potential -= (place + w) @ system.weight
 
@@ -51,8 +53,12 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
         at_mass = static, T, behind, ahead
         tensions, kink = _tensions(system, ends, (along, slopes_s, s), (mesh_at[:, 1], c), at_mass)
         power += ds * kink
+        if g.internal_damping:  # and in a thin layer behind the car, which the grip supplies
+            lost = lost + rest
+            layer = ds * np.nan_to_num(tensions["T_ahead"] - tensions["T_behind"]) ** 2 / (2.0 * g.alpha)
+            powers["lost_internal"] = -rest - layer
     else:
-        tensions = _chord_tensions(system, ends, rise, T, s, frames)
+        tensions = _chord_tensions(system, ends, rest, T, s, frames)
     power -= lost
     for name in [name for name in tensions if "behind" in name]:
         tensions[name] = np.where(s_o > 0.0, tensions[name], np.nan)
@@ -64,17 +70,17 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
         tension_min=least, tension_min_at=where,
         u=fields[..., 0], v=fields[..., 1], du=dfields[..., 0], dv=dfields[..., 1],
         t=states.t, s_o=s_o, contact=-force @ system.direction, **tensions,
-        powers={"lost_viscous": -lost} if g.damping else {},
+        powers=powers,
     )  # fmt: skip
 
 
 def energies(system: CableElements, mesh_at: Array, q: Array, v: Array) -> tuple[Any, ...]:
-    """Energies (3, n), kinetic, of strain and of weight, and the rest of `_strained`.
+    """Energies (3, n), kinetic, of strain and of weight, and the others of `_strained`.
 
     mesh_at : (n, 3) s_o, ds_o, dds_o of the mesh;  q, v : (n, n_scalar, fields).
     """
     s_o = mesh_at[:, 0]
-    strain, *rest = _strained(system, s_o, q)
+    strain, *rest = _strained(system, mesh_at, q, v)
     deep = sum(h[:, None] * (of[:, 0] @ q) for of, h, _ in _sides(system, s_o))
     potential = -system.groups.sigma * (deep @ system.direction)[:, 1] * (system.fields == 2)
     return np.array([kinetic_energy(system, mesh_at, q, v), strain, potential]), *rest
@@ -103,11 +109,13 @@ def kinetic_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) ->
     return total
 
 
-def _strained(system: CableElements, s_o: Array, q: Array) -> tuple[Array, ...]:
-    """Energy of strain, least tension, its s, int f dxi of both sides (n, 2, fields), and the rise of tension.
+def _strained(system: CableElements, mesh_at: Array, q: Array, v: Array) -> tuple[Array, ...]:
+    """Energy of strain, least tension, its s, int f dxi of both sides (n, 2, fields), and one more (n,).
 
-    One field has a uniform tension, see `kernels.balance.add_chord`.
+    The last is the power of internal damping.  One field has a uniform tension instead, see
+    `kernels.balance.add_chord`, and the last is its rise.
     """
+    s_o, ds, _ = mesh_at.T
     (dofs, tab, n_left, *_), law, n = system._mesh, system._law, np.arange(s_o.size)
     n_loc, behind, (xi, dxi) = dofs.shape[1], np.arange(len(dofs)) < n_left, np.moveaxis(tab[..., :2], -1, 0)
     h = np.where(behind, s_o[:, None], 1.0 - s_o[:, None])[..., None]
@@ -118,19 +126,41 @@ def _strained(system: CableElements, s_o: Array, q: Array) -> tuple[Array, ...]:
         T, *slope = system.groups.static(s)[:3]
         X_s = np.array(slope)
         f, _, _, W = pull(X_s, T, w, law[0], law[3])
-        N = np.where(h > 0.0, T + law[0] * strain(X_s, w), math.inf).reshape(n.size, -1)
-        energy, at, rise = np.sum(weight * W, axis=(1, 2)), np.argmin(N, axis=1), np.zeros(n.size)
+        N, rest = T + law[0] * strain(X_s, w), np.zeros(n.size)
+        if system.groups.internal_damping:
+            more, N, power = _damped(system, (q, v), ds[:, None, None], np.where(h > 0.0, h, 1.0), X_s + w, N)
+            f, rest = f + more, np.sum(weight * power, axis=(1, 2))
+        N = np.where(h > 0.0, N, math.inf).reshape(n.size, -1)
+        energy, at = np.sum(weight * W, axis=(1, 2)), np.argmin(N, axis=1)
         least, where = N[n, at], s.reshape(n.size, -1)[n, at]
     else:
         (alpha, tau, curvature, lam, kap, kind), (w,) = law, w
         y = curvature * (0.5 - s)
         eps = lam * np.sum(weight * (y * w + 0.5 * kap * w * w), axis=(1, 2))
         N, _, W = tension(eps, tau, alpha, kind)
-        least, where, rise = tau + alpha * eps, np.full(n.size, 0.5), N - tau
+        least, where, rest = tau + alpha * eps, np.full(n.size, 0.5), N - tau
         energy = 0.5 * tau * np.sum(weight * w * w, axis=(1, 2)) + W - tau * eps
-        f = (tau * w + rise[:, None, None] * (y + kap * w))[None]
+        f = (tau * w + rest[:, None, None] * (y + kap * w))[None]
     force = np.stack([np.sum((dxi * f)[:, :, part], axis=(2, 3)).T for part in (behind, ~behind)], axis=1)
-    return energy, least, where, force, rise
+    return energy, least, where, force, rest
+
+
+def _damped(
+    system: CableElements, state: tuple[Array, Array], ds: Array, h: Array, slope: Array, N: Array
+) -> tuple[Array, Array, Array]:
+    """What internal damping adds to the force, N with it, and its power per s, see `kernels.balance.add_rates`.
+
+    slope : r' (2, n, n_el, n_q).
+    """
+    mesh, rates = system._mesh, system._cable.rates
+    q, v = (np.pad(x, ((0, 0), (0, 1), (0, 0)))[:, mesh.dofs] for x in state)
+    grad, t = mesh.tab[..., 2 + mesh.dofs.shape[1] :], slope / np.hypot(*slope)
+    moved = np.einsum("egk,nekf->fneg", grad, v) + ds / h * np.einsum("egk,nekf->fneg", rates.moved, q)
+    rate = np.sum(t * moved / h, axis=0)
+    least = 0.0 if system.law == "tension-only" else -math.inf
+    whole = N + system.groups.alpha * rates.tau * rate
+    more = np.maximum(whole, least) - np.maximum(N, least)
+    return more * t, whole, more * rate
 
 
 def _end_forces(system: CableElements, mesh_at: Array, history: tuple[Array, Array, Array], pulled: Array) -> Array:

@@ -52,12 +52,13 @@ def convection_form(phi, eta, w):
     return w["chi"] ** 2 * eta.grad[0] * phi.grad[0]
 
 
-def force_order(degree: int) -> int:
-    """The order of quadrature of internal forces: as many Gauss points as the degree, at least two.
+def force_order(degree: int, damped: bool = False) -> int:
+    """Order of quadrature of internal forces: as many Gauss points as the degree, at least two.
 
     More points lock (Stolarski & Belytschko 1982): there u' cannot follow v'^2/2.
+    With internal damping there are two more: a slack cable wrinkles between fewer.
     """
-    return max(2, 2 * degree - 1)
+    return max(2, 2 * degree - 1) + 4 * damped
 
 
 def tabulated(basis: skfem.Basis) -> Array:
@@ -113,7 +114,7 @@ def moments(dofs: NDArray[np.int64], tab: Array, chi: Array, n: int) -> Array:
 
 
 @lru_cache(maxsize=64)
-def reference(elements: int, degree: int, grading: float) -> Reference:
+def reference(elements: int, degree: int, grading: float, damped: bool = False) -> Reference:
     """Equal or graded elements on both sides; grading: longest over shortest, next to the mass."""
     lengths = np.geomspace(1.0, grading, elements) if elements > 1 else np.ones(1)
     ahead = np.append(0.0, np.cumsum(lengths))
@@ -121,7 +122,8 @@ def reference(elements: int, degree: int, grading: float) -> Reference:
     knots = np.concatenate([-ahead[:0:-1], ahead])
     mesh, sides = skfem.MeshLine(knots), (slice(0, elements), slice(elements, None))
     basis, of_forces = (
-        skfem.Basis(mesh, lagrange_element(degree), intorder=order) for order in (2 * degree, force_order(degree))
+        skfem.Basis(mesh, lagrange_element(degree), intorder=order)
+        for order in (2 * degree, force_order(degree, damped))
     )
     number = along(basis, degree) - 1
     n = int(basis.N) - 2

@@ -81,6 +81,7 @@ class Cable(Rope):
     """The cable of one span; exactly one of length, sag and horizontal_tension."""
 
     damping: number_or(RATIO, Damping) = said("[-] ratio of critical in the first mode of the empty cable", 0.0)  # type: ignore[valid-type]
+    internal_damping: NonNegative = said("[s] tau of N = T + EA (eps + tau deps/dt), of a car that grips", 0.0)
     length: Positive | None = said("[m] stretched arc length at rest", None)
     sag: Positive | None = said("[m] largest vertical distance below the chord at rest", None)
     horizontal_tension: Positive | None = said("[N] horizontal part of the tension at rest", None)

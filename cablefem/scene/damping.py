@@ -7,6 +7,8 @@ from cablefem.scene.cable import Cable, Damping, Ice
 from cablefem.scene.catenary import Catenary
 from cablefem.scene.fields import NonNegative, Part, Positive, said
 
+LEAST_INTERNAL = 1e-4  # [l sqrt(rho/H)] least time of internal damping; with 3e-5 elements stall on a slack cable
+
 
 class Wind(Part):
     """The table [wind]. Across the plane of the cable it damps the motion in the plane, to first order."""
@@ -54,6 +56,19 @@ def damping_rates(wind: Wind | None, gravity: float, cable: Cable, catenary: Cat
     elif own:
         own *= 2.0 * first_frequency(gravity, cable, catenary)
     return own, 0.0 if wind is None else wind.resistance(windward(cable)) * gravity / catenary.weight
+
+
+def internal_faults(mode: str, gravity: float, cable: Cable, catenary: Catenary) -> list[str]:
+    if not cable.internal_damping:
+        return []
+    name = f"cable.internal_damping = {cable.internal_damping!r} s"
+    if mode != "grip":
+        return [f"{name}: must be 0 with drive.mode = {mode!r}; only a car that grips the cable runs it slack"]
+    H, weight = catenary.horizontal_tension, catenary.weight
+    least = LEAST_INTERNAL * catenary.length * math.sqrt(weight / gravity / H)
+    if cable.internal_damping >= least:
+        return []
+    return [f"{name}: must be 0 or at least {least:.3g} s; less does not settle a slack cable"]
 
 
 def damping_faults(wind: Wind | None, gravity: float, cable: Cable, catenary: Catenary) -> list[str]:

@@ -14,7 +14,7 @@ import numpy as np
 from cablefem.scene import catenary as _catenary
 from cablefem.scene.cable import SHAPES, Cable, Supports, hang, hanging_faults, stretch_faults
 from cablefem.scene.catenary import Catenary
-from cablefem.scene.damping import Wind, damping_faults, damping_rates, first_frequency, windward
+from cablefem.scene.damping import Wind, damping_faults, damping_rates, first_frequency, internal_faults, windward
 from cablefem.scene.described import AT_REST, LIBRARY, Described, library_text, parsed
 from cablefem.scene.drive import GRIP, NEAREST_START, Drive, Driving
 from cablefem.scene.errors import SceneError, nearest, shown
@@ -46,6 +46,7 @@ class Groups:
     motion: Motion | None  # None for a bare cable and for a free ride
     drive: Drive = GRIP
     damping: float = 0.0  # c_d l sqrt(rho/H): the force on the cable is -c_d times its momentum
+    internal_damping: float = 0.0  # tau over l sqrt(rho/H): N = T + alpha (eps + tau deps/dt)
 
     def static(self, s) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """(T, x', y', x'', y'') at s in [0, 1], each of the shape of s."""
@@ -86,6 +87,7 @@ class Scene(Described):
         catenary = hang(gravity, cable, supports)
         axial = math.sqrt(cable.EA * gravity / catenary.weight)
         faults += stretch_faults(gravity, cable, supports) + damping_faults(self.wind, gravity, cable, catenary)
+        faults += internal_faults(drive.mode, gravity, cable, catenary)
         if rolling := [f"drive.{fault}" for fault in drive.faults(catenary.length)]:
             return faults + rolling
         if self.travel is None or drive.mode == "free":
@@ -102,7 +104,7 @@ class Scene(Described):
         brief = {"mass", "drive", "wind", "obstacle", "ground"}
         data = self.model_dump(exclude_none=True, exclude=brief)
         data |= self.model_dump(exclude_none=True, exclude_defaults=True, include=brief)
-        for table, name in (("travel", "rest"), ("cable", "damping")):
+        for table, name in (("travel", "rest"), ("cable", "damping"), ("cable", "internal_damping")):
             if not data.get(table, {}).get(name, 1.0):
                 del data[table][name]
         if any(f"cable.{shape}" in changes for shape in SHAPES):
@@ -369,8 +371,8 @@ class Scene(Described):
 
     def _groups(self, motion: Motion | None, drive: Drive) -> Groups:
         cos, sin = self.supports.span / self.chord, self.supports.drop / self.chord
-        damping = self.damping * self.time_scale
-        return Groups(self.mu, self.alpha, self.sigma, self.catenary.c, cos, sin, motion, drive, damping)
+        damping, tau = self.damping * self.time_scale, self.cable.internal_damping / self.time_scale
+        return Groups(self.mu, self.alpha, self.sigma, self.catenary.c, cos, sin, motion, drive, damping, tau)
 
     def __str__(self) -> str:
         lines = [

@@ -21,6 +21,7 @@ class Tables(NamedTuple):
     bend: Array  # (xi phi')', (n + 1, m)
     mean: Array  # int phi dxi, (n + 1,)
     cosines: Array  # cos(k pi xi), (2 n + 1, m)
+    sines: Array  # xi sin(k pi xi), (2 n + 1, m)
     mass: Array  # int phi_i phi_j dxi, (n + 1, n + 1)
     drift: Array  # int phi_i xi phi_j' dxi
     swirl: Array  # int phi_i (2 xi phi_j' + xi^2 phi_j'') dxi - phi_i(1) phi_j'(1)
@@ -35,14 +36,15 @@ def tables(n: int) -> Tables:
     swirl = tested @ (2.0 * xi * slopes + xi * xi * bends).T
     at_mass, slope_at_mass, _ = shapes(n, np.ones(1))
     swirl -= at_mass @ slope_at_mass.T
-    cosines = np.cos(np.pi * np.multiply.outer(np.arange(2 * n + 1), xi))
+    waves = np.pi * np.multiply.outer(np.arange(2 * n + 1), xi)
     return Tables(
         xi,
         weights,
         slopes,
         slopes + xi * bends,
         tested.sum(axis=1),
-        cosines,
+        np.cos(waves),
+        xi * np.sin(waves),
         tested @ values.T,
         tested @ (xi * slopes).T,
         swirl,
@@ -84,9 +86,9 @@ def ride(of, s_o, ds_o, dds_o, damping):
 
 
 @compiled
-def spread(of, s_o):
-    """Points s, weights (2 m,) and Phi' (2 n + 1, 2 m)."""
-    n, m = of.slope.shape[0] - 1, of.xi.size
+def spread(of, slope, s_o):
+    """Points s, weights (2 m,) and `slope` by s on both sides (2 n + 1, 2 m): Phi' from phi'."""
+    n, m = slope.shape[0] - 1, of.xi.size
     s, weights, phi = np.empty(2 * m), np.empty(2 * m), np.zeros((2 * n + 1, 2 * m))
     for side in range(2):
         h = s_o if side == 0 else 1.0 - s_o
@@ -97,7 +99,7 @@ def spread(of, s_o):
         for k in range(n + 1):
             row = phi[side * n + k if k < n else 2 * n]
             for q in range(m):
-                row[q if side == 0 else 2 * m - 1 - q] = per_h * of.slope[k, q]
+                row[q if side == 0 else 2 * m - 1 - q] = per_h * slope[k, q]
     return s, weights, phi
 
 
@@ -121,7 +123,7 @@ class RidingSines:
         return Carried(M, gyroscopic, centrifugal, np.append(none[1:], 1.0), none, none, none, none)
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
-        return spread(self.of, s_o)
+        return spread(self.of, self.of.slope, s_o)
 
     def stiffness(self, s_o: float) -> Array:
         _, weights, phi = self.slopes(s_o)

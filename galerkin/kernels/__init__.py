@@ -5,10 +5,24 @@ phi (n, m): Phi' at the points; x: a `Carried`; Q, V, A (2, n): coefficients and
 
 from galerkin.kernels.cable import Cable, Points, balance, least, stiffness, stress
 from galerkin.kernels.rolling import LEAST_PULL, Car, Rolling, averaged, by_force, car, taut
-from galerkin.kernels.steps import FREE, HAULED, STUCK, Course, Line, Ride, look, roll_on, seen, stride, surveyed
+from galerkin.kernels.steps import (
+    FREE,
+    HAULED,
+    STUCK,
+    Course,
+    Line,
+    Ride,
+    look,
+    lost,
+    roll_on,
+    seen,
+    stride,
+    surveyed,
+    weighed,
+)
 
 __all__ = [
     "FREE", "HAULED", "LEAST_PULL", "STUCK", "Cable", "Car", "Course", "Line", "Points", "Ride", "Rolling", "averaged",
-    "balance", "by_force", "car", "least", "look", "roll_on", "seen", "stiffness", "stress", "stride",
-    "surveyed", "taut",
+    "balance", "by_force", "car", "least", "look", "lost", "roll_on", "seen", "stiffness", "stress", "stride",
+    "surveyed", "taut", "weighed",
 ]  # fmt: skip

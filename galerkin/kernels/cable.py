@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,7 @@ class Points(NamedTuple):
     weights: Array  # (m,)
     T: Array  # (m,)
     r_static: Array  # x', y', (2, m)
+    bend: Any = None  # (n, m) of internal damping: dPhi'/dt = -(h./h) bend at fixed s
 
 
 class Cable(NamedTuple):
@@ -94,6 +95,48 @@ def balance(at, Q, cable, force, gram, pull, sides):
         sides[side, 0] += w * fx
         sides[side, 1] += w * fy
     multiply(slope, at.phi, True, force)
+
+
+@inner
+def add_rates(at, ground, Q, V, cable, tau, force, gram, pull, sides, rates):
+    """Add internal damping N = T + alpha (eps + tau deps/dt) to what `balance` set; return the power it takes.
+
+    deps/dt = t . w.', w.' = V Phi' + Q dPhi'/dt at fixed s.
+    rates : (5, m) t, and weighted d(deps/dt)/dr' times dN/d(deps/dt), and dN/d(deps/dt)
+    """
+    m = at.weights.size
+    slope, rate, moved, more = np.empty((2, m)), np.empty((2, m)), np.empty((2, m)), np.empty((2, m))
+    multiply(Q, at.phi, False, slope)
+    multiply(V, at.phi, False, rate)
+    multiply(Q, at.bend, False, moved)
+    cut, power = cable.law == 1, 0.0
+    for i in range(m):
+        side = 0 if at.phi[-1, i] > 0.0 else 1
+        grows = ground.ds_o / ground.s_o if side == 0 else -ground.ds_o / (1.0 - ground.s_o)
+        wx, wy = rate[0, i] - grows * moved[0, i], rate[1, i] - grows * moved[1, i]
+        rx, ry, w = at.r_static[0, i] + slope[0, i], at.r_static[1, i] + slope[1, i], at.weights[i]
+        stretch = math.sqrt(rx * rx + ry * ry)
+        x, y, elastic = rx / stretch, ry / stretch, pull[i]
+        deps = x * wx + y * wy
+        N = elastic + cable.alpha * tau * deps
+        slack = cut and N < 0.0
+        dN = 0.0 if slack else cable.alpha
+        added = (0.0 if slack else N) - (max(elastic, 0.0) if cut else elastic)
+        k, pull[i], b = (0.0 if slack else N) / stretch, N, w * tau * dN
+        gram[0, i], gram[1, i] = w * (k + (dN - k) * x * x), w * (dN - k) * x * y
+        gram[2, i] = w * (k + (dN - k) * y * y)
+        rates[0, i], rates[1, i], rates[4, i] = x, y, b
+        rates[2, i], rates[3, i] = b * (wx - deps * x) / stretch, b * (wy - deps * y) / stretch
+        more[0, i], more[1, i] = w * added * x, w * added * y
+        sides[side, 0] += more[0, i]
+        sides[side, 1] += more[1, i]
+        power += w * added * deps
+    extra = np.empty(force.shape)
+    multiply(more, at.phi, True, extra)
+    for a in range(2):
+        for k in range(force.shape[1]):
+            force[a, k] += extra[a, k]
+    return power
 
 
 @compiled

@@ -49,6 +49,44 @@ def riding_tangent(of, ground, gram, cable, c, K):
 
 
 @inner
+def add_rate_tangent(of, ground, rates, c, K):
+    """Add internal damping to `riding_tangent`, int Phi_i' t (c1 d(deps/dt)/dv + c0 d(deps/dt)/dq) ds.
+
+    dPhi'/dt = -(h./h) (phi' + xi phi'')/h: products of cosines, and of a cosine and a sine.
+    """
+    c0, c1, _ = c
+    n, m = of.mass.shape[0] - 1, of.xi.size
+    even, odd, cosine, sine = np.empty((4, m)), np.empty((4, m)), np.empty((4, 2 * n + 1)), np.empty((4, 2 * n + 1))
+    C, S = np.empty(3 * n + 1), np.empty(3 * n + 1)  # sums over cos(k pi xi) and xi sin(k pi xi), k = -n .. 2 n
+    for side in range(2):
+        h, dh = (ground.s_o, ground.ds_o) if side == 0 else (1.0 - ground.s_o, -ground.ds_o)
+        moves = c0 * dh / h
+        for q in range(m):
+            p = q if side == 0 else 2 * m - 1 - q
+            for a in range(2):
+                for b in range(2):
+                    along = rates[4, p] * rates[a, p] * rates[b, p]
+                    even[2 * a + b, q] = (c1 - moves) * along + c0 * rates[a, p] * rates[2 + b, p]
+                    odd[2 * a + b, q] = moves * along
+        multiply(even, of.cosines, True, cosine)
+        multiply(odd, of.sines, True, sine)
+        for ab in range(4):
+            for k in range(2 * n + 1):
+                C[n + k], S[n + k] = cosine[ab, k], sine[ab, k]
+            for k in range(1, n + 1):
+                C[n - k], S[n - k] = C[n + k], -S[n + k]
+            a, b = ab // 2, ab % 2
+            for j in range(n + 1):
+                wave, i = 0.5 / (h * h) * (j * math.pi if j else 1.0), a * n + j - 1 if j else 2 * n + a
+                less, more, less_odd, more_odd = C[n - j :], C[n + j :], S[n - j :], S[n + j :]
+                row = K[side, i, b * n :]
+                for k in range(1, n + 1):
+                    kappa = k * math.pi
+                    row[k - 1] += wave * kappa * (less[k] + more[k] + kappa * (less_odd[k] + more_odd[k]))
+                K[side, i, 2 * n + b] += wave * (less[0] + more[0])
+
+
+@inner
 def solve_sides(K, r, x):
     """Set x to the solution of the tangent K of `riding_tangent`, to NaN if it is singular.
 

@@ -18,6 +18,7 @@ from galerkin.kernels.cable import (
     acceleration,
     add_inertia,
     add_inertia_tangent,
+    add_rates,
     balance,
     least,
     static,
@@ -25,7 +26,7 @@ from galerkin.kernels.cable import (
     survey,
 )
 from galerkin.kernels.dense import solve
-from galerkin.kernels.riding import riding_tangent, solve_sides
+from galerkin.kernels.riding import add_rate_tangent, riding_tangent, solve_sides
 from galerkin.kernels.rolling import (
     NO_CAR,
     STEP,
@@ -55,6 +56,7 @@ class Line(NamedTuple):
     chord: Array
     grading: float
     riding: Any = None  # `Tables` of sines that ride with the mass; `mass`, `left` and `chord` have their sizes alone
+    tau: Any = None  # of internal damping, with `riding`
 
 
 class Ride(NamedTuple):
@@ -102,6 +104,7 @@ class Space(NamedTuple):
     sides: Array
     K: Array  # (1, n_dof, n_dof); riding sines: see `riding_tangent`
     step: Array  # (n_dof,)
+    rates: Any  # None, or (5, m) see `add_rates`
 
 
 @inner
@@ -109,8 +112,15 @@ def space_for(size, line):
     m, n = line.behind.shape[1] + line.ahead.shape[1], line.left.size + 1
     return Space(
         np.empty((3, size)), np.empty(size), np.empty((2, n)), np.empty((3, m)), np.empty(m), np.empty((2, 2)),
-        tangent_for(line.riding, size), np.empty(size),
+        tangent_for(line.riding, size), np.empty(size), rates_for(line.tau, m),
     )  # fmt: skip
+
+
+@inner
+def rates_for(tau, m):
+    if tau is None:
+        return None
+    return np.empty((5, m))
 
 
 @inner
@@ -152,19 +162,62 @@ def ground_at(line, s_o, ds_o, dds_o):
 def spread_at(line, riding, s_o):
     if riding is None:
         return split(s_o, line.behind, line.ahead, line.left.size, line.grading)
-    return spread(riding, s_o)
+    return spread(riding, riding.slope, s_o)
+
+
+@inner
+def bend_at(riding, tau, s_o):
+    if tau is None:
+        return None
+    return spread(riding, riding.bend, s_o)[2]
 
 
 @inner
 def points_at(line, s_o):
     s, weights, phi = spread_at(line, line.riding, s_o)
     T, r_static = static(s, line.cable.sigma, line.cable.c)
-    return Points(s, phi, weights, T, r_static)
+    return Points(s, phi, weights, T, r_static, bend_at(line.riding, line.tau, s_o))
 
 
 @inner
 def moment(line, s_o, ds_o, dds_o):
     return Moment(points_at(line, s_o), ground_at(line, s_o, ds_o, dds_o))
+
+
+@inner
+def strained(here, y, cable, tau, R, of):
+    """Set the internal force R, gram, pull, sides and rates; return the power of internal damping."""
+    balance(here.at, y.Q, cable, R, of.gram, of.pull, of.sides)
+    if tau is None:
+        return 0.0
+    return add_rates(here.at, here.ground, y.Q, y.V, cable, tau, R, of.gram, of.pull, of.sides, of.rates)
+
+
+@compiled
+def lost(line, places, states, internal, power):
+    """Set `internal` of `survey` and the power that internal damping takes, of states (m, 3, n_dof)."""
+    of = space_for(states.shape[2], line)
+    n = of.r.size // 2
+    for i in range(power.size):
+        here = moment(line, places[i, 0], places[i, 1], places[i, 2])
+        power[i] = strained(here, coefficients(states[i], n), line.cable, line.tau, of.r.reshape(2, n), of)
+        for side in range(2):
+            internal[i, 0, side], internal[i, 1, side] = of.sides[side, 0], of.sides[side, 1]
+
+
+@compiled
+def weighed(line, place, state, r, parts):
+    """`look` of a mass that grips over riding sines; parts (3 or 0, 2, 2 n + 2, 2 n + 2) as `riding_tangent`."""
+    of = space_for(state.shape[1], line)
+    here = moment(line, place[0], place[1], place[2])
+    of.balanced[:] = state
+    out = evaluate(here, None, line, of)
+    r[:] = of.r
+    for k in range(parts.shape[0]):
+        c = 1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0
+        set_tangent(line.riding, here, None, line, of, out, c)
+        parts[k] = of.K
+    return least(here.at, place[0], of.pull, line.riding)
 
 
 @compiled
@@ -205,7 +258,7 @@ def evaluate(here, ride, line, of):
     x, cable = here.ground.x, line.cable
     n = x.f.size
     R, y = of.r[: 2 * n].reshape(2, n), coefficients(of.balanced, n)
-    balance(here.at, y.Q, cable, R, of.gram, of.pull, of.sides)
+    strained(here, y, cable, line.tau, R, of)
     if ride is None:
         C = acceleration(x, y.Q, y.V, y.A)
         for a in range(2):
@@ -301,6 +354,13 @@ def set_tangent(riding, here, ride, line, of, out, c):
         tangent(here, ride, line, of, out, c, of.K[0])
     else:
         riding_tangent(riding, here.ground, of.gram, line.cable, c, of.K)
+        set_rate_tangent(riding, here.ground, of.rates, c, of.K)
+
+
+@inner
+def set_rate_tangent(riding, ground, rates, c, K):
+    if rates is not None:
+        add_rate_tangent(riding, ground, rates, c, K)
 
 
 @inner

@@ -144,9 +144,9 @@ def test_bars_wider_than_what_is_asked_are_too_coarse():
 
 
 def test_the_level_answers_are_those_of_the_methods_in_the_check():
-    from validation.commands.check.study import SOLVERS
+    from validation.core.methods import pair
 
-    assert tuple(answer(name).run.method for name in SOLVERS) == SOLVERS
+    assert tuple(answer(name).run.method for name in pair(LEVEL.groups)) == pair(LEVEL.groups)
 
 
 def past(place, **factors):

@@ -43,6 +43,7 @@ class Given:
         self.asked = next((name, cable[name]) for name in ("length", "sag", "horizontal_tension") if name in cable)
         self.travel, self.drive = x.get("travel", {}), x.get("drive", {})
         self.cable, self.wind = cable, x.get("wind", {})
+        self.tau: float = cable.get("internal_damping", 0.0)
         if "ice" in cable or "temperature" in cable:
             self._change(cable, length)
 
@@ -145,6 +146,12 @@ class Side:
     @classmethod
     def of(cls, rows: Array) -> Side:
         return cls(rows[:, 0], rows[:, 1:3], rows[:, 3:5], rows[:, 5], rows[:, 6])
+
+    @property
+    def lengthening(self) -> Array:
+        """Rate at which the pieces between nodes lengthen (m - 1,)."""
+        chord = np.diff(self.place, axis=0)
+        return np.sum(chord * np.diff(self.velocity, axis=0), axis=1) / np.hypot(*chord.T)
 
 
 class Evidence:
@@ -297,12 +304,26 @@ class Evidence:
         def densities(x: Side) -> Array:
             spin = cross(x.place, x.velocity)
             kinetic = 0.5 * given.rho * np.sum(x.velocity**2, axis=1)
-            strain = (x.T**2 - x.T_static**2) / (2.0 * given.EA)
+            strain = (self.elastic(x) ** 2 - x.T_static**2) / (2.0 * given.EA)
             weight = -given.rho * given.gravity * x.place[:, 1]
             return np.stack([*x.velocity.T, *x.place.T, spin, kinetic, weight, strain], axis=1)
 
         found = np.array([sum(simpson(densities(x), x=x.s, axis=0) for x in pair) for pair in self.sides])
         return {"velocity": found[:, :2], "place": found[:, 2:4], "spin": found[:, 4], "energies": found[:, 5:]}
+
+    def elastic(self, x: Side) -> Array:
+        """Tension of a side without that of internal damping, EA tau deps/dt (m,)."""
+        if not self.given.tau or x.s.size < 3:
+            return x.T
+        rate = np.interp(x.s, 0.5 * (x.s[1:] + x.s[:-1]), x.lengthening / np.diff(x.s))
+        return x.T - self.given.EA * self.given.tau * rate
+
+    @cached_property
+    def layer(self) -> Array:
+        """Power lost in the thin layer behind a car that grips, ds_o [N]^2/(2 EA) (n,)."""
+        r = self.r
+        jump = np.nan_to_num(r.T_ahead - r.T_behind) if self.given.tau else np.zeros(r.t.size)
+        return self.pace * jump**2 / (2.0 * self.given.EA)
 
     # --- energy --------------------------------------------------------------------------------------------
 
@@ -337,7 +358,9 @@ class Evidence:
             for sign, T, slope in self.both():
                 work += 0.5 * T / np.hypot(*slope.T) * np.sum(slope * jump, axis=1)
                 work -= sign * T**2 / (2.0 * self.given.EA)  # at rest the same on both sides
-            return {"grip": self.pace * work, **lost}
+            if self.given.tau:  # what `internal_losses` checks
+                lost["lost_internal"] = r.powers.get("lost_internal", np.zeros(r.t.size))
+            return {"grip": self.pace * work + self.layer, **lost}
         stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
         along = np.sum(mean * r.velocity, axis=1) / np.hypot(*mean.T)
         friction, brakes = (-rub * stretch * np.abs(self.pace) for rub in self.rub)

@@ -432,7 +432,8 @@ def stretch(m: Evidence) -> Defect:
         longer = max(pair, key=lambda x: x.s[-1] - x.s[0])
         for x in pair:
             steps, N = np.diff(x.s), x.T - x.T_static
-            missing = 0.5 * steps * (N[1:] + N[:-1]) - m.given.EA * (_arcs(x.place) - steps)
+            stretched = _arcs(x.place) - steps + m.given.tau * x.lengthening
+            missing = 0.5 * steps * (N[1:] + N[:-1]) - m.given.EA * stretched
             missing = np.append(0.0, np.cumsum(missing))
             middle = np.searchsorted(x.s, 0.5 * (x.s[0] + x.s[-1]))
             cuts = np.array([0, middle, x.s.size - 1] if x is longer else [0, x.s.size - 1])
@@ -490,6 +491,20 @@ def power(m: Evidence) -> Defect:
     r, own = m.r, m.powers
     apart = [r.power - m.power_of_all, *(r.powers[name] - own[name] for name in own if name in r.powers)]
     return _over_steps(m, m.impulse(np.stack(apart, axis=1)), m.work)
+
+
+@_law(lambda m: m.given.tau > 0.0)
+def internal_losses(m: Evidence) -> Defect:
+    """Internal damping takes EA tau (deps/dt)^2 along the taut cable, and the layer; over its rms."""
+    own, shortest = m.at(m.t, m.layer[:, None])[:, 0], 0.5 * float(np.diff(m.r.fields.s).max())
+    for k, pair in enumerate(m.sides):
+        for x in pair:
+            steps = np.diff(x.s)
+            long = steps > shortest  # next to the mass a difference quotient is all error
+            own[k] += m.given.EA * m.given.tau * np.sum(x.lengthening[long] ** 2 / steps[long])
+    told = m.at(m.t, m.powers["lost_internal"][:, None])[:, 0]
+    taut = m.t <= m.r.slack_since
+    return _at_frames(m, np.where(taut, own + told, 0.0) / math.sqrt(float(np.mean(own[taut] ** 2))))
 
 
 def _arcs(place: Array) -> Array:

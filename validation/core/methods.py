@@ -115,6 +115,8 @@ class Method:
     survey: tuple[int, int] | None = None  # in `cablefem atlas`; None: not mapped
     trust: str = ""  # when to use it
     wrong: bool = False  # does not converge to the answer
+    # why it refuses internal damping; empty: it has it
+    no_internal: str = "functions over the whole length do not resolve the short side ahead of the mass"
 
     @property
     def follows(self) -> bool:
@@ -137,7 +139,12 @@ class Method:
         return [refined(self, first, space=x, time=self.resolution.grown(space, x) ** self.keeps_pace) for x in ratios]
 
     def settings_on(self, groups: Groups, changes: dict[str, Any]) -> dict[str, Any]:
-        """Settings for a scene.  On free rides rules damp: force jumps ring on."""
+        """Settings for a scene.  On free rides rules damp: force jumps ring on.
+
+        Internal damping takes a damping rule of second order, which goes on where the cable is slack.
+        """
+        if groups.internal_damping and self.knobs["scheme"].default == "trapezoidal":
+            return self.settings({"scheme": "generalized-alpha"} | changes)
         if groups.drive.mode != "free" or self.knobs["scheme"].default != "trapezoidal":
             return self.settings(changes)
         return self.settings({"scheme": "generalized-alpha", **self.on_rides, **changes})
@@ -154,7 +161,16 @@ class Method:
     def told(self, settings: dict[str, Any]) -> dict[str, Any]:
         return {k: settings[k] for k in (self.resolution.setting, "steps")}
 
+    def refusal(self, groups: Groups, model: str = "full") -> str:
+        """Why this method does not run a scene; empty if it does."""
+        if not groups.internal_damping or not (self.no_internal or model != "full"):
+            return ""
+        return (
+            f"internal damping: not with {self.name}, model {model}: {self.no_internal or 'only the full model has it'}"
+        )
 
+
+CHECKED = ("following-p2", "fourier-kink", "fourier-riding")  # in order of preference
 # Solvers are imported when built: names load without scikit-fem.
 
 
@@ -240,19 +256,20 @@ METHODS: dict[str, Method] = {
             "following-p1", "elements", "linear elements on a mesh that follows the mass",
             {"elements": _per_side(20), **_MESH, **TIME}, _each(2), 2.0, _following(1),
             begins=(10, 400), races=((5, 80), (9, 150), (16, 300), (30, 600), (55, 1200)),
+            no_internal="linear elements have no curvature, which the rate of strain needs",
             trust="robust and simple; P2 gives more for the same time",
         ),
         Method(
             "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
             {"elements": _per_side(10), **_MESH, **TIME}, _each(4), 2.5, _following(2),
-            on_rides={"elements": 36, "scheme": "radau"}, begins=(4, 200), survey=(8, 600),
+            on_rides={"elements": 36, "scheme": "radau"}, begins=(4, 200), survey=(8, 600), no_internal="",
             races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
             trust="the default: fastest for a given error from 1e-2 to 1e-5",
         ),
         Method(
             "following-p4", "elements", "elements of degree 4 on a mesh that follows the mass",
             {"elements": _per_side(5), **_MESH, **TIME}, _each(8), 2.5, _following(4),
-            on_rides={"scheme": "radau"}, begins=(2, 200),
+            on_rides={"scheme": "radau"}, begins=(2, 200), no_internal="",
             trust="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
         ),
         Method(
@@ -299,6 +316,7 @@ METHODS: dict[str, Method] = {
         Method(
             "fourier-riding", "galerkin", "sines on either side of the mass that ride with it, and a hat",
             {"terms": _EACH_SIDE, "abscissa": _ABSCISSA, **TIME}, RIDING, 2.0, _riding, begins=(4, 500),
+            no_internal="",
             trust="gripped cars only: for the same error up to four times as fast as fourier-kink",
         ),
         Method(
@@ -320,6 +338,12 @@ def find(name: str) -> Method:
     if name not in METHODS:
         raise ValueError(f"unknown method {name!r}.{nearest(str(name), METHODS)}")
     return METHODS[name]
+
+
+def pair(groups: Groups) -> tuple[str, ...]:
+    """First of `CHECKED` of each wing that runs the scene."""
+    runs = [METHODS[name] for name in CHECKED if not METHODS[name].refusal(groups)]
+    return tuple(next(m.name for m in runs if m.wing == wing) for wing in ("elements", "galerkin"))
 
 
 def refined(method: Method, settings: dict[str, Any], *, space: float = 1.0, time: float = 1.0) -> dict[str, Any]:

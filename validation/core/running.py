@@ -27,7 +27,7 @@ from cablefem.newmark import (
 )
 from cablefem.response import Array, MassPath, Response
 from cablefem.scene import Groups, Scene
-from validation.core.methods import Method, find
+from validation.core.methods import Method, find, pair
 from validation.core.sampling import FRAMES, History, moved, respond
 from validation.core.solver import Solver
 from validation.core.watch import watched
@@ -77,6 +77,8 @@ class Run:
             raise ValueError(f"scene {scene.name!r} has no travelling mass: only its frequencies can be computed")
         self.scene, self.method, self.frames = scene, find(method) if isinstance(method, str) else method, frames
         self.settings = settings = self.method.settings_on(groups, settings)
+        if why := self.method.refusal(groups, model):
+            raise ValueError(f"{why}; take {' or '.join(pair(groups))}")
         self.kind = {"model": model, "load": load, "law": law}
         self.scheme = newmark.scheme(
             settings["scheme"], newmark_gamma=settings["newmark_gamma"], rho_inf=settings["rho_inf"]

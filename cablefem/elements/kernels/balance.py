@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
-from cablefem.elements.kernels.law import ELASTIC, pull, tension
+from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY, pull, tension
 
 
 class Mesh(NamedTuple):
@@ -36,6 +36,15 @@ class Cable(NamedTuple):
     operators: Any  # (8, 2 b + 1, n_dof) diagonals of M^, G^, G^T, H^ of each side; fixed mesh: (1, ...) M
     points: Any  # (9, n_el n_q) workspace: s, r', f, df/dr' (xx, xy, yy), tension
     damping: float  # c_d
+    rates: Any = None  # `Rates` of internal damping
+
+
+class Rates(NamedTuple):
+    """Internal damping, N = T + alpha (eps + tau deps/dt)."""
+
+    tau: float
+    moved: Any  # (n_el, n_q, n_loc) dphi'/dt at fixed s, over ds_o/h^2
+    points: Any  # (5, n_el n_q) workspace: t, d(deps/dt)/dr' times dN/d(deps/dt), dN/d(deps/dt)
 
 
 class Chord(NamedTuple):
@@ -92,7 +101,7 @@ def assemble(cable, now, x, r, ab, factors):
     """
     r[:] = 0.0
     add_banded(now.bands, now.contact.dofs.shape[1], x, r, ab, factors)
-    least, where = add_internal(cable, cable.chord, now.place[0], x[0], r, ab, factors)
+    least, where = add_internal(cable, cable.chord, now.place, x, r, ab, factors)
     add_contact(now.contact, now.place[3:], x, r, ab, factors)
     return least, where
 
@@ -145,11 +154,12 @@ def add_contact(contact, load, x, r, ab, factors):
 
 
 @inner
-def add_internal(cable, chord, s_o, q, r, ab, factors):
+def add_internal(cable, chord, place, x, r, ab, factors):
     if chord is None:
-        stretch(cable, s_o, q)
-        return add_forces(cable, s_o, r, ab, factors[0])
-    return add_chord(cable, chord, s_o, q, r, ab, factors[0], wanted(factors)), 0.5  # uniform tension
+        stretch(cable, place[0], x[0])
+        damp(cable, cable.rates, place, x, ab, factors)
+        return add_forces(cable, place[0], r, ab, factors[0])
+    return add_chord(cable, chord, place[0], x[0], r, ab, factors[0], wanted(factors)), 0.5  # uniform tension
 
 
 @inner
@@ -197,6 +207,92 @@ def stretch(cable, s_o, q):
         fx[p], fy[p], k_geo, k_mat, _, _, eps = pull(xp, yp, T, du, dv, alpha, kind)
         rx[p], ry[p], j11[p], j12[p], j22[p] = x, y, k_geo + k_mat * x * x, k_mat * x * y, k_geo + k_mat * y * y
         N[p] = tension(eps, T, alpha, ELASTIC)[0]  # below zero where the cable is slack
+
+
+@inner
+def damp(cable, rates, place, x, ab, factors):
+    """Add internal damping to the points that `stretch` set, and its own part of the tangent."""
+    if rates is None:
+        return
+    add_rates(cable, rates, place, x[0], x[1])
+    if wanted(factors):
+        add_rate_tangent(cable, rates, place, ab, factors)
+
+
+@inner
+def add_rates(cable, rates, place, q, v):
+    """Add internal damping, alpha tau deps/dt t, to the points.
+
+    deps/dt = t . dw'/dt at fixed s.  Jumps of w' at interior nodes move; their part is left out.
+    Two loops, as in `stretch`.
+    """
+    mesh, at, moved, tau = cable.mesh, cable.points, rates.moved, rates.tau
+    functions, points = len(mesh.functions) or mesh.dofs.shape[1], len(mesh.points) or mesh.tab.shape[1]
+    rx, ry, fx, fy, j11, j12, j22, N = at[1], at[2], at[3], at[4], at[5], at[6], at[7], at[8]
+    tx, ty, gx, gy, b = rates.points[0], rates.points[1], rates.points[2], rates.points[3], rates.points[4]
+    alpha, cut = cable.law[0], cable.law[3] == TENSION_ONLY
+    for e in range(mesh.dofs.shape[0]):
+        h = side_of(mesh, place[0], e)[1]
+        per_h, way = 1.0 / h, place[1] / h
+        for g in range(points):
+            x, y = 0.0, 0.0
+            for k in range(functions):
+                d = mesh.dofs[e, k]
+                if d >= 0:
+                    grad, carried = mesh.tab[e, g, 2 + functions + k], way * moved[e, g, k]
+                    x += grad * v[2 * d] + carried * q[2 * d]
+                    y += grad * v[2 * d + 1] + carried * q[2 * d + 1]
+            gx[e * points + g], gy[e * points + g] = x * per_h, y * per_h
+    for p in range(N.size):
+        inverse = 1.0 / math.sqrt(rx[p] * rx[p] + ry[p] * ry[p])
+        x, y, wx, wy = rx[p] * inverse, ry[p] * inverse, gx[p], gy[p]
+        rate = x * wx + y * wy
+        whole = N[p] + alpha * tau * rate
+        taut = whole > 0.0 or not cut
+        dN, kept = alpha if taut else 0.0, whole if taut else 0.0
+        more = kept - (max(N[p], 0.0) if cut else N[p])
+        k_geo = kept * inverse
+        k_mat, slope = dN - k_geo, tau * dN
+        fx[p] += more * x
+        fy[p] += more * y
+        j11[p], j12[p], j22[p], N[p] = k_geo + k_mat * x * x, k_mat * x * y, k_geo + k_mat * y * y, whole
+        tx[p], ty[p], b[p] = x, y, slope
+        gx[p], gy[p] = slope * inverse * (wx - rate * x), slope * inverse * (wy - rate * y)
+
+
+@inner
+def add_rate_tangent(cable, rates, place, ab, factors):
+    """Add int t dN/d(deps/dt) d(deps/dt) . phi' ds, which is not symmetric."""
+    mesh, moved, (c0, c1, _) = cable.mesh, rates.moved, factors
+    dofs, tab, band = mesh.dofs, mesh.tab, (ab.shape[1] - 1) // 3
+    functions, points = len(mesh.functions) or dofs.shape[1], len(mesh.points) or tab.shape[1]
+    tx, ty, gx, gy, b = rates.points[0], rates.points[1], rates.points[2], rates.points[3], rates.points[4]
+    for e in range(dofs.shape[0]):
+        h = side_of(mesh, place[0], e)[1]
+        per_h, way = 1.0 / h, c0 * place[1] / h
+        for k in range(functions):
+            col = dofs[e, k]
+            if col < 0:
+                continue
+            for i in range(functions):
+                row = dofs[e, i]
+                if row < 0:
+                    continue
+                k11, k12, k21, k22 = 0.0, 0.0, 0.0, 0.0
+                for g in range(points):
+                    p, grad = e * points + g, tab[e, g, 2 + functions + k]
+                    along = b[p] * (c1 * grad + way * moved[e, g, k])
+                    x, y = c0 * grad * gx[p] + along * tx[p], c0 * grad * gy[p] + along * ty[p]
+                    weight = per_h * tab[e, g, 1] * tab[e, g, 2 + functions + i]
+                    k11 += weight * tx[p] * x
+                    k12 += weight * tx[p] * y
+                    k21 += weight * ty[p] * x
+                    k22 += weight * ty[p] * y
+                at = band + 2 * (col - row)
+                ab[2 * row, at] += k11
+                ab[2 * row, at + 1] += k12
+                ab[2 * row + 1, at - 1] += k21
+                ab[2 * row + 1, at] += k22
 
 
 @inner

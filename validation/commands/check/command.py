@@ -114,10 +114,11 @@ def _checked(scene: Any, third: tuple[Any, float] | None, out: Path | None, **as
     """Check a scene, write and draw everything; return the check and its folder; third : a path and its tolerance."""
     from validation.commands.check import study
     from validation.core.answers import write_answers
+    from validation.core.methods import CHECKED
     from validation.core.sidebyside import aside
     from validation.page import report
 
-    folder = store.claim(out, "check", scene, ["agreement.json", "scene.toml", "with.csv", "grip", *study.SOLVERS])
+    folder = store.claim(out, "check", scene, ["agreement.json", "scene.toml", "with.csv", "grip", *CHECKED])
     with terminal.progress() as progress, ExitStack() as writing:
 
         def made(*runs: "Response") -> None:

@@ -20,7 +20,7 @@ from validation.core.answers import outcome
 from validation.core.climb import AIM, BUDGET, TooCoarse, cheapest, climb, dear, laddered
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Ladder
-from validation.core.methods import Method, find, refined
+from validation.core.methods import Method, find, pair, refined
 from validation.core.quantities import matter, told
 from validation.core.rows import compare, doubts, printed, with_bars
 from validation.core.running import run
@@ -28,7 +28,6 @@ from validation.core.sidebyside import Progress, side_by_side
 from validation.core.store import Refused
 from validation.core.view import View
 
-SOLVERS = ("following-p2", "fourier-kink")
 SHARES = {"elements": 1.0, "galerkin": 2.0}  # of the tolerance; dense bases are expensive
 CONFIRMS = 1.5  # factor on resolution and steps of both before they count as different
 MOST_ROUNDS = 5  # of refinement
@@ -105,12 +104,13 @@ class Check:
 
 def check(
     scene: Scene | str | Path, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None,
-    methods: tuple[str | Method, str | Method] = SOLVERS, second: Scene | None = None, deep: bool = False,
+    methods: tuple[str | Method, str | Method] | None = None, second: Scene | None = None, deep: bool = False,
     progress: Progress | None = None, made: Callable[..., None] | None = None, until: float | None = None,
 ) -> Check:  # fmt: skip
     """Run two methods on a scene, each as fine as its own error bars need, and compare them.
 
     tol : error of the mass path, relative to the largest deflection; in [1e-6, 0.2].
+    methods : by default the first of each wing that runs the scene.
     tol_tension : error of the tension, relative to H; default ten times `tol`.
     second : another scene for the second method, which plants a fault; the judge knows `scene` alone.
     deep : compare what both share with third parties, too.
@@ -122,9 +122,9 @@ def check(
     if not (math.isfinite(tol) and 1e-6 <= tol <= 0.2):
         raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
-    found = [find(m) if isinstance(m, str) else m for m in methods]
-    pair = _Pair(scene, found, (scene, second or scene), tol, tol_tension, until)
-    (first, other), rows, gripped = pair.judged(progress, made)
+    found = [find(m) if isinstance(m, str) else m for m in methods or pair(scene.groups)]
+    both = _Pair(scene, found, (scene, second or scene), tol, tol_tension, until)
+    (first, other), rows, gripped = both.judged(progress, made)
     a, b = _told(first, other), _told(other, first)
     rows += printed(a.run, b.run)
     smooth = None

@@ -1,0 +1,176 @@
+"""Internal damping N = T + EA (eps + tau deps/dt): scene, refusals, both wings, laws, exact answers."""
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cablefem import Scene, SceneError
+from cablefem.elements.following import FollowingElements
+from cablefem.scene.motion import standing
+from galerkin.riding import RidingSystem
+from tests.runs import STEEP, tangent_defect
+from tests.validation.ladders import ladder
+from tests.validation.test_laws import held
+from validation import run
+from validation.core.methods import METHODS, pair
+from validation.oracles import damped_string, irvine
+from validation.oracles.case import BARE
+
+LEVEL = Scene.load("level")
+MADE = (
+    lambda g, **kind: FollowingElements(g, elements=3, **kind),
+    lambda g, **kind: FollowingElements(g, elements=2, degree=4, **kind),
+    lambda g, **kind: RidingSystem(g, 4, **kind),
+)
+
+
+def damped(tau, **changes):
+    """Level, let in at 0.02 of its length, with tau in units of l sqrt(rho/H)."""
+    at = {"travel.from": 0.02 * LEVEL.length, "cable.internal_damping": tau * LEVEL.time_scale}
+    return LEVEL.replace(at | changes)
+
+
+@pytest.mark.parametrize("law", ["elastic", "tension-only"])
+@pytest.mark.parametrize("make", MADE)
+def test_tangent(make, law):
+    system = make(replace(STEEP, internal_damping=3e-3), law=law)
+    assert tangent_defect(system, 1.07, np.random.default_rng(2), size=0.02) < 1e-5
+    system = make(replace(STEEP, internal_damping=3e-3))
+    right = system.linearise
+    system.linearise = lambda *x: (right(*x)[0], right(*x[:-3], x[-3], 0.0, x[-1])[1])
+    assert tangent_defect(system, 1.07, np.random.default_rng(2), size=0.02) > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"cable.internal_damping": 1e-4}, "= 0.0001 s: must be 0 or at least 0.000587 s; less does not settle"),
+        ({"cable.internal_damping": -1.0}, "= -1.0: must be a number >= 0"),
+    ],
+)
+def test_a_scene_refuses(changes, told):
+    with pytest.raises(SceneError) as raised:
+        LEVEL.replace(changes)
+    assert raised.value.faults[0].startswith(f"cable.internal_damping {told}")
+
+
+def test_a_car_that_rolls_is_refused():
+    with pytest.raises(SceneError, match=r"must be 0 with drive.mode = 'free'; only a car that grips"):
+        Scene.load("zipline").replace({"cable.internal_damping": 1.0})
+
+
+def test_it_is_written_and_kept():
+    scene = damped(3e-4)
+    assert Scene.from_toml(scene.to_toml(), name="level") == scene
+    assert scene.groups.internal_damping == pytest.approx(3e-4, rel=1e-12)
+    assert "internal_damping" not in LEVEL.to_toml()
+
+
+def test_methods_that_lack_it_refuse():
+    scene = damped(3e-4)
+    assert pair(scene.groups) == ("following-p2", "fourier-riding")
+    assert pair(LEVEL.groups) == ("following-p2", "fourier-kink")
+    for name in METHODS.keys() - {"following-p2", "following-p4", "fourier-riding"}:
+        with pytest.raises(ValueError, match=r"internal damping: not with .*; take following-p2 or fourier-riding"):
+            run(scene, name)
+    with pytest.raises(ValueError, match="only the full model has it"):
+        run(scene, "following-p2", model="sagged")
+
+
+@functools.cache
+def past_slack(method, tau):
+    size = {"elements" if method == "following-p2" else "terms": 20}
+    return run(damped(tau), method, steps=3000, until=0.985, **size)
+
+
+def gap(a, b, begin, end):
+    s = np.linspace(begin, end, 300) * LEVEL.length
+    x, y = (np.interp(s, a.s_o, getattr(a, k)) - np.interp(s, b.s_o, getattr(b, k)) for k in "xy")
+    return np.hypot(x, y).max() / a.path_scale
+
+
+def test_both_wings_agree_past_slack_and_see_another_tau():
+    elements, sines = past_slack("following-p2", 3e-4), past_slack("fourier-riding", 3e-4)
+    assert elements.slack_onset == pytest.approx(0.893, abs=1e-3)
+    assert gap(elements, sines, 0.04, 0.8) < 1e-4
+    assert gap(elements, sines, 0.8, 0.95) < 1.5e-3
+    wrong = past_slack("fourier-riding", 1e-3)
+    assert gap(elements, wrong, 0.04, 0.8) > 1e-3
+    assert gap(elements, wrong, 0.8, 0.95) > 4e-3
+
+
+def test_both_wings_lose_the_same():
+    a, b = past_slack("following-p2", 3e-4), past_slack("fourier-riding", 3e-4)
+    s = np.linspace(0.05, 0.8, 4000) * LEVEL.length
+    one, other = (np.interp(s, r.s_o, r.powers["lost_internal"]) for r in (a, b))
+    assert one.max() <= 0.0
+    assert np.abs(one - other).max() < 0.05 * np.abs(one).max()
+
+
+def test_laws_see_it_from_the_file_alone():
+    scene = damped(3e-4)
+    how = {"elements": 16, "steps": 2000, "until": 0.8}
+    right = held(ladder(scene, **how), (0.04, 0.78))
+    assert {law for law, h in right.items() if not h.gap <= 2.0 * (h.bar + h.sampling)} == set()
+    assert "internal losses" in right
+    wrong = held(ladder(scene, claims=damped(6e-4), **how), (0.04, 0.78))
+    broken = {law for law, h in wrong.items() if h.gap > 3.0 * (h.bar + h.sampling)}
+    assert {"stretch", "internal losses"} <= broken
+
+
+# --- exact answers ------------------------------------------------------------------------------------------
+
+MODES = {  # another program
+    (1e-3, 0.0): (5.34978478 + 0.00890599j, 9.57343072 + 0.00181886j),
+    (1e-2, 0.0): (5.34935096 + 0.08907304j, 9.57294034 + 0.01817702j),
+    (1e-3, 0.1): (5.34946788 + 0.05890604j, 9.57329065 + 0.05181881j),
+}
+
+
+@pytest.mark.parametrize(("tau", "c"), MODES)
+def test_modes_of_the_complex_equation(tau, c):
+    L2 = irvine.parameter(BARE.sigma, BARE.alpha)
+    undamped = irvine.frequencies(L2, 4)[[0, 2]]
+    found = [damped_string.internal_mode(w, 24.084, tau, c) for w in undamped]
+    np.testing.assert_allclose(found, MODES[tau, c], rtol=0.0, atol=2e-5)
+    assert abs(damped_string.internal_mode(undamped[0], 24.084, 0.9 * tau, c) - MODES[tau, c][0]) > 1e-4
+
+
+def modes_of(system, count):
+    """w of small motions about rest, by central differences of the residual."""
+    n, step = system.n_dof, 1e-6
+    none, rows = np.zeros((n, n)), step * np.eye(n)
+
+    def columns(place):
+        def at(sign):
+            x = [none, none, none]
+            x[place] = sign * rows
+            return np.array([system.residual(0.0, *y, 0) for y in zip(*x, strict=True)])
+
+        return (at(1.0) - at(-1.0)).T / (2.0 * step)
+
+    K, C, M = map(columns, range(3))
+    eye = np.eye(n)
+    found = -1j * np.linalg.eigvals(np.block([[0.0 * eye, eye], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]]))
+    return np.sort_complex(found[found.real > 1.0])[:count]
+
+
+@pytest.mark.parametrize(
+    "make", [lambda g: RidingSystem(g, 12), lambda g: FollowingElements(g, elements=8)], ids=["sines", "elements"]
+)
+def test_both_wings_come_to_the_damped_modes_of_a_shallow_cable(make):
+    """The deviation falls like sigma^2 at the same L^2: 4e-3 at 0.17."""
+    L2, off = irvine.parameter(BARE.sigma, BARE.alpha), []
+    exact = damped_string.internal_mode(irvine.frequencies(L2, 1)[0], L2, 1e-2)
+    for part in (1.0, 0.2):
+        sigma = part * BARE.sigma
+        g = replace(
+            BARE, mu=0.0, sigma=sigma, c=0.5 * sigma, alpha=BARE.alpha / part**2, internal_damping=1e-2,
+            motion=standing(0.43, 1.0),
+        )  # fmt: skip
+        off.append(abs(modes_of(make(g), 1)[0] - exact))
+    assert off[0] < 1e-2
+    assert off[1] < 1e-3
+    assert abs(exact.imag) > 8e-2
