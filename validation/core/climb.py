@@ -156,21 +156,34 @@ def climb(
         if sum(parts) <= tol:
             break
         stuck = ratio > 1.0 and not parts[0] < before / ratio**LEAST_ORDER  # steps too long for a finer mesh
-        more = settings | {"steps": min(2 * settings["steps"], max(settings["steps"], MOST_STEPS))}
-        strides = [cheapest(method, settings, parts, AIM * tol, most=most) for most in (1.0, 0.5)]
-        wanted = [x for x in ([more] if stuck else strides) if x != settings and not dear(method, ladder, x, budget)]
-        if not wanted:
+        finer = _stride(method, ladder, parts, AIM * tol, stuck, budget)
+        if finer is None:
             break
-        finer = wanted[0]
         ratio, before = space.ratio(method.value(settings), method.value(finer)), parts[0]
         settings = finer
     ladder = annotated(runs.finished(ladder, end, past), runs.view)
     report(1.0)
     if sum(parts) <= tol:
         return ladder
-    bar = sum(parts)
+    raise _out_of_reach(method, ladder, sum(parts), tol)
+
+
+def _stride(
+    method: Method, ladder: Ladder, parts: tuple[float, float], target: float, stuck: bool, budget: float
+) -> dict[str, Any] | None:
+    """The next settings: a stride, else half of one, or twice the steps if space is stuck; None: all too dear."""
+    settings = ladder.finest.settings
+    if stuck:
+        strides = [settings | {"steps": min(2 * settings["steps"], max(settings["steps"], MOST_STEPS))}]
+    else:
+        strides = [cheapest(method, settings, parts, target, most=most) for most in (1.0, 0.5)]
+    return next((x for x in strides if x != settings and not dear(method, ladder, x, budget)), None)
+
+
+def _out_of_reach(method: Method, ladder: Ladder, bar: float, tol: float) -> TooCoarse:
+    settings = ladder.finest.settings
     reached = f"an error bar of {bar:.2g}" if math.isfinite(bar) else "no end of the window"
-    raise TooCoarse(
+    return TooCoarse(
         f"{method.name} reaches {reached} with {method.resolution.setting} = {method.value(settings)}, "
         f"steps = {settings['steps']}, not the {tol:g} asked for; loosen the tolerance or take another method "
         "(cablefem advise)",

@@ -147,22 +147,22 @@ def _at(times: Array, t: float) -> int:
 
 
 def _events(scene: Scene, work: Work, t: Array, s_o: Array) -> list[tuple[str, float]]:
-    """What happened to the car, and when, without stick-slip.
-
-    A stop is timed at its first lasting standstill, else at the ride's end.
-    """
-    drive, round_trip = scene.groups.drive, 2.0 / math.sqrt(scene.groups.alpha)
-    still = [e.t for e in work.events if e.name == "standstill"]
-    still = [x for x in still if abs(s_o[_at(t, x)] - s_o[-1]) <= drive.rest_speed * round_trip]
+    """What happened to the car, and when, without stick-slip."""
+    drive = scene.groups.drive
     phases = [("release", drive.release), *[("thrust_end", t) for t, _ in drive.thrust_table[-1:]]]
     told = [(name, at) for name, at in phases if 0.0 < at <= t[-1]]
     for e in work.events:
-        if e.name == "stop":
-            told.append(("stop", still[0] if still else e.t))
-        elif e.name not in ("standstill", "breaking loose", "brake off", "turn"):
-            told.append((e.name, e.t))
+        if e.name not in ("standstill", "breaking loose", "brake off", "turn"):
+            told.append((e.name, _stopped(scene, work, t, s_o, e.t) if e.name == "stop" else e.t))
     turns = _turns(t, s_o) if drive.mode == "free" else ()
     return sorted([*told, *(("turn", x) for x in turns)], key=lambda event: event[1])
+
+
+def _stopped(scene: Scene, work: Work, t: Array, s_o: Array, end: float) -> float:
+    """The first standstill from which the car does not leave its place again; else the end of the ride."""
+    near = scene.groups.drive.rest_speed * 2.0 / math.sqrt(scene.groups.alpha)  # the way in an axial round trip
+    still = (e.t for e in work.events if e.name == "standstill")
+    return next((x for x in still if abs(s_o[_at(t, x)] - s_o[-1]) <= near), end)
 
 
 SWING = 1e-3  # of the length: least way back after a turn
