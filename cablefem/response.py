@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -17,32 +17,7 @@ from numpy.typing import NDArray
 from cablefem import views
 
 Array = NDArray[np.float64]
-
-_NONE: Array = np.empty(0)
-
-
-def _else(of: Callable[[Any], Array]) -> Any:
-    """A field computed from the others where not given."""
-    return field(default_factory=lambda: _NONE, metadata={"else": of})
-
-
-def _as(name: str) -> Any:
-    """A field equal to another one where not given."""
-    return _else(lambda x: getattr(x, name))
-
-
-def _nan(each: str, *more: int) -> Any:
-    """A field (n, *more), nan where not given, n as of another one."""
-    return _else(lambda x: np.full((len(getattr(x, each)), *more), np.nan))
-
-
-class _Filled:
-    __slots__ = ()
-
-    def __post_init__(self) -> None:
-        for name, f in self.__dataclass_fields__.items():  # type: ignore[attr-defined]
-            if getattr(self, name) is _NONE:
-                object.__setattr__(self, name, f.metadata["else"](self))
+_ABSENT: Any = None  # nan, or of a pointwise tension the other one
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,14 +31,16 @@ class States:
     phase: NDArray[np.intp]
 
 
-@dataclass(frozen=True, slots=True)
-class Observation(_Filled):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observation:
     """Measurements of a solver; lengths over l, forces over H, time over l sqrt(rho/H).
 
     Names as in `Response` and `Fields`; n times, k frames, m stations.
     path .. slope_ahead, reactions, contact: (n, 2); u, v, du, dv, T, T_pointwise: (k, m); others (n,).
     """
 
+    t: Array
+    s_o: Array
     path: Array  # displacement of the mass
     path_velocity: Array  # of the place of the mass
     path_acceleration: Array
@@ -80,19 +57,25 @@ class Observation(_Filled):
     du: Array  # at fixed s
     dv: Array
     T: Array
-    t: Array = _nan("path")
-    s_o: Array = _nan("path")
-    reaction_left: Array = _nan("path", 2)
-    reaction_right: Array = _nan("path", 2)
-    contact: Array = _nan("path", 2)
-    haul: Array = _nan("path")  # `F_haul`
-    T_behind_pointwise: Array = _as("T_behind")
-    T_ahead_pointwise: Array = _as("T_ahead")
-    T_pointwise: Array = _as("T")
-    kinetic: Array = _nan("path")
-    strain: Array = _nan("path")
-    potential: Array = _nan("path")
+    reaction_left: Array = _ABSENT
+    reaction_right: Array = _ABSENT
+    contact: Array = _ABSENT
+    haul: Array = _ABSENT  # `F_haul`
+    T_behind_pointwise: Array = _ABSENT
+    T_ahead_pointwise: Array = _ABSENT
+    T_pointwise: Array = _ABSENT
+    kinetic: Array = _ABSENT
+    strain: Array = _ABSENT
+    potential: Array = _ABSENT
     powers: dict[str, Array] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        other = {"T_behind_pointwise": self.T_behind, "T_ahead_pointwise": self.T_ahead, "T_pointwise": self.T}
+        for name in _OBSERVED:
+            if getattr(self, name) is None:
+                pairs = name in ("reaction_left", "reaction_right", "contact")
+                nan = np.full(self.path.shape if pairs else self.t.shape, np.nan)
+                object.__setattr__(self, name, other.get(name, nan))
 
     @classmethod
     def joined(cls, parts: Sequence[Observation]) -> Observation:
@@ -113,7 +96,7 @@ _OBSERVED = tuple(name for name in Observation.__dataclass_fields__ if name != "
 
 
 @dataclass(frozen=True, slots=True)
-class Fields(_Filled):
+class Fields:
     """Fields of a run, SI: k frames, m stations; s, x, y, T_static: (m,); u .. T, T_pointwise: (k, m); others (k,)."""
 
     t: Array  # [s]
@@ -128,12 +111,12 @@ class Fields(_Filled):
     T_ahead: Array  # [N]
     mass_u: Array  # [m] displacement
     mass_v: Array  # [m]
-    x: Array = _nan("s")  # [m] at rest
-    y: Array = _nan("s")  # [m] down
-    T_static: Array = _nan("s")  # [N]
-    T_pointwise: Array = _as("T")  # [N] by slopes; T is from equilibrium
-    T_behind_pointwise: Array = _as("T_behind")  # [N]
-    T_ahead_pointwise: Array = _as("T_ahead")  # [N]
+    x: Array  # [m] at rest
+    y: Array  # [m] down
+    T_static: Array  # [N]
+    T_pointwise: Array  # [N] by slopes; T is from equilibrium
+    T_behind_pointwise: Array  # [N]
+    T_ahead_pointwise: Array  # [N]
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +132,7 @@ class Flag:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MassPath(_Filled):
+class MassPath:
     """How the mass of one run moved, SI; x, y from the left support, v and y down. Arrays (n,)."""
 
     method: str
@@ -238,16 +221,16 @@ class Response(MassPath):
     breaks: list[float] = field(default_factory=list)
     design: list[dict[str, Any]] = field(default_factory=list)  # quantity, value, bar, unit, t, s_o, s
     # T + EA eps of the slopes; T_behind is from equilibrium
-    T_behind_pointwise: Array = _as("T_behind")
-    T_ahead_pointwise: Array = _as("T_ahead")
-    reaction_left: Array = _nan("t", 2)  # [N] force on the cable
-    reaction_right: Array = _nan("t", 2)
-    contact: Array = _nan("t", 2)  # [N] of the mass on the cable
+    T_behind_pointwise: Array
+    T_ahead_pointwise: Array
+    reaction_left: Array  # [N] force on the cable
+    reaction_right: Array
+    contact: Array  # [N] of the mass on the cable
     # [N] outside force along the mean tangent, or nan
-    F_haul: Array = _nan("t")
-    kinetic: Array = _nan("t")  # [J] cable and mass
-    strain: Array = _nan("t")  # [J]
-    potential: Array = _nan("t")  # [J]
+    F_haul: Array
+    kinetic: Array  # [J] cable and mass
+    strain: Array  # [J]
+    potential: Array  # [J]
     powers: dict[str, Array] = field(default_factory=dict)  # [W] of outside forces and drive
 
     @property

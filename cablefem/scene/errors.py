@@ -6,21 +6,13 @@ from collections.abc import Iterable
 _LINE = "a line at rest with [[contact]] has it"
 _FIXED = "the two ends of the cable are fixed"
 # keys that people try
-NOT_MODELLED = {
+_WHY = {
     "counterweight": f"{_FIXED}, so the tension grows under the car where a counterweight would hold it; {_LINE}",
-    "tower": f"the cable has one span; {_LINE} (kind saddle)",
-    "towers": f"the cable has one span; {_LINE} (kind saddle)",
-    "saddle": f"the cable has one span; {_LINE}",
     "spring": f"{_FIXED}; {_LINE}",
-    "spans": f"the cable has one span; {_LINE}",
-    "masses": f"one car rides on the cable; {_LINE}",
-    "cars": f"one car rides on the cable; {_LINE}",
-    "hanger": "the car is a point on the cable; it does not swing, and mass.below only says how far down it reaches",
-    "pendulum": "the car is a point on the cable; it does not swing",
-    "swing": "the car is a point on the cable, in the plane of the cable; it does not swing",
-    "bending": "the cable bends without resistance",
-    "bending_stiffness": "the cable bends without resistance",
-    "EI": "the cable bends without resistance",
+    "tower towers saddle spans": f"the cable has one span; {_LINE}",
+    "masses cars": f"one car rides on the cable; {_LINE}",
+    "hanger pendulum swing": "the car is a point on the cable; it does not swing, mass.below says how far it reaches",
+    "bending bending_stiffness EI": "the cable bends without resistance",
     "torsion": "the cable has no torsion",
     "creep": "the cable keeps its unstretched length; give the length, sag or tension that it has on the day",
     "crosswind": "it is wind.across, which damps the cable; drive.wind acts along the line on the car",
@@ -30,6 +22,7 @@ NOT_MODELLED = {
     "haul_rope": "its force is an answer, its weight and stiffness are left out",
     "damping": "one span in motion has it, as cable.damping; a car is damped by drag_area and rolling_friction",
 }
+NOT_MODELLED = {key: why for keys, why in _WHY.items() for key in keys.split()}
 
 
 class SceneError(ValueError):

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import bisect
-from dataclasses import dataclass, replace
+import itertools
+from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 MOST, SAME = 20, 1e-9  # Newton steps towards a mean place; their error over its way
 
 
-@dataclass(frozen=True, slots=True)
-class Piece:
+class Piece(NamedTuple):
     """s_o(t) = c0 + c1 x + c2 x^2 + c3 x^3, x = t - origin, from `start` on."""
 
     start: float
@@ -22,14 +23,12 @@ class Piece:
     c2: float
     c3: float = 0.0
 
-    def __call__(self, t: float) -> tuple[float, float, float]:
-        """(s_o, ds_o/dt, d2s_o/dt2)."""
-        x = t - self.origin
-        return (
-            self.c0 + x * (self.c1 + x * (self.c2 + x * self.c3)),
-            self.c1 + x * (2.0 * self.c2 + 3.0 * x * self.c3),
-            2.0 * self.c2 + 6.0 * x * self.c3,
-        )
+
+def _at(t, piece):
+    """(s_o, ds_o/dt, d2s_o/dt2) on a piece, or on columns of pieces."""
+    _, origin, c0, c1, c2, c3 = piece
+    x = t - origin
+    return c0 + x * (c1 + x * (c2 + x * c3)), c1 + x * (2.0 * c2 + 3.0 * x * c3), 2.0 * c2 + 6.0 * x * c3
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class Motion:
         """(s_o, ds_o/dt, d2s_o/dt2) by the polynomials of a phase, also beyond its ends."""
         pieces = self.pieces[phase]
         index = bisect.bisect_right(pieces, t, key=lambda piece: piece.start) - 1 if len(pieces) > 1 else 0
-        s, ds, dds = pieces[max(0, index)](t)
+        s, ds, dds = _at(t, pieces[max(0, index)])
         if t == self.phases[-1][1]:
             s = self.end  # without rounding
         return s, ds, dds
@@ -52,14 +51,12 @@ class Motion:
     def along(self, t: np.ndarray, phase: np.ndarray | int) -> np.ndarray:
         """`at` for many instants: rows s_o, ds_o, dds_o, (3, n)."""
         first, last = self._ends[:, phase]
-        out = np.array(self._on(np.minimum(np.maximum(self._piece(t), first), last), t))
+        out = np.array(_at(t, self._columns[:, np.minimum(np.maximum(self._piece(t), first), last)]))
         out[0, t == self.phases[-1][1]] = self.end
         return out
 
     def between(self, t0: np.ndarray, t1: np.ndarray, w: float, phase: int) -> np.ndarray:
         """Times (n,) of the mean place w s_o(t1) + (1 - w) s_o(t0): a step is balanced there."""
-        if t0.size == 1:  # faster than arrays
-            return np.array([self._between(t0.item(), t1.item(), w, phase)])
         first, last = self.along(t0, phase)[0], self.along(t1, phase)[0]
         want, t = (1.0 - w) * first + w * last, (1.0 - w) * t0 + w * t1
         for _ in range(MOST):
@@ -70,25 +67,15 @@ class Motion:
             t[far] = np.clip(t + (want - place) / np.where(far, pace, 1.0), t0, t1)[far]
         return t
 
-    def _between(self, t0: float, t1: float, w: float, phase: int) -> float:
-        first, last, t = self.at(t0, phase)[0], self.at(t1, phase)[0], (1.0 - w) * t0 + w * t1
-        want = (1.0 - w) * first + w * last
-        for _ in range(MOST):
-            place, pace, _ = self.at(t, phase)
-            if not (abs(want - place) > SAME * (last - first) and pace > 0.0):
-                break
-            t = min(max(t + (want - place) / pace, t0), t1)
-        return t
-
     @property
     def begin(self) -> float:
-        return self.pieces[0][0](0.0)[0]
+        return self.at(0.0, 0)[0]
 
     def position(self, t) -> np.ndarray:
         """s_o at t, same shape; constant outside the travel."""
         stop = self.phases[-1][1]
         t = np.clip(np.asarray(t, dtype=float), 0.0, stop)
-        return np.where(t == stop, self.end, self._on(self._piece(t), t)[0])
+        return np.where(t == stop, self.end, _at(t, self._columns[:, self._piece(t)])[0])
 
     def time_at(self, s_o: float) -> float:
         """When the mass comes to s_o; ValueError if never."""
@@ -119,12 +106,6 @@ class Motion:
     def _piece(self, t) -> np.ndarray:
         return np.searchsorted(self._columns[0, 1:], t, side="right")
 
-    def _on(self, index, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """s_o and its derivatives at t, each on its piece; same shape."""
-        _, origin, c0, c1, c2, c3 = self._columns[:, index]
-        x = t - origin
-        return c0 + x * (c1 + x * (c2 + x * c3)), c1 + x * (2.0 * c2 + 3.0 * x * c3), 2.0 * c2 + 6.0 * x * c3
-
     @property
     def speeds(self) -> list[tuple[float, float]]:
         """(t, ds_o/dt) wherever the speed can be extreme."""
@@ -134,7 +115,7 @@ class Motion:
                 times = [piece.start, high]
                 if piece.c3 != 0.0 and piece.start < (turn := piece.origin - piece.c2 / (3.0 * piece.c3)) < high:
                     times.append(turn)
-                samples += [(t, piece(t)[1]) for t in times]
+                samples += [(t, _at(t, piece)[1]) for t in times]
         return samples
 
     @cached_property
@@ -150,7 +131,7 @@ class Motion:
 
     def shifted(self, start: float) -> Motion:
         """The same motion, begun at `start`."""
-        pieces = tuple(tuple(replace(p, c0=p.c0 + start) for p in pieces) for pieces in self.pieces)
+        pieces = tuple(tuple(p._replace(c0=p.c0 + start) for p in pieces) for pieces in self.pieces)
         return Motion(self.phases, pieces, self.end + start)
 
     def then(self, duration: float, acceleration: float) -> Motion:
@@ -171,18 +152,14 @@ class Motion:
 
     def scaled(self, length: float, time: float) -> Motion:
         """The motion in other units."""
-        v, a = time / length, time * time / length
-
-        def piece(p: Piece) -> Piece:
-            return Piece(p.start / time, p.origin / time, p.c0 / length, p.c1 * v, p.c2 * a, p.c3 * a * time)
-
-        phases = tuple((t0 / time, t1 / time) for t0, t1 in self.phases)
-        return Motion(phases, tuple(tuple(map(piece, pieces)) for pieces in self.pieces), self.end / length)
+        units = np.array([time, time, *(length / time**k for k in range(4))])
+        pieces = tuple(tuple(Piece(*(np.array(p) / units).tolist()) for p in pieces) for pieces in self.pieces)
+        return Motion(tuple((t0 / time, t1 / time) for t0, t1 in self.phases), pieces, self.end / length)
 
     @cached_property
     def _columns(self) -> np.ndarray:
         """start, origin, c0, c1, c2, c3 of all pieces: (6, n)."""
-        return np.array([(p.start, p.origin, p.c0, p.c1, p.c2, p.c3) for pieces in self.pieces for p in pieces]).T
+        return np.array(list(itertools.chain(*self.pieces))).T
 
 
 def standing(place: float, end: float) -> Motion:

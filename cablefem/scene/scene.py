@@ -17,13 +17,16 @@ from cablefem.scene.catenary import Catenary
 from cablefem.scene.damping import Wind, damping_faults, damping_rates, first_frequency, internal_faults, windward
 from cablefem.scene.described import AT_REST, LIBRARY, Described, library_text, parsed
 from cablefem.scene.drive import GRIP, NEAREST_START, Drive, Driving
-from cablefem.scene.errors import SceneError, nearest, shown
-from cablefem.scene.fields import NonNegative, Part, Positive, said
+from cablefem.scene.errors import SceneError
+from cablefem.scene.fields import LARGE, NonNegative, Part, Positive, said
 from cablefem.scene.motion import Motion
 from cablefem.scene.ride import Ride, quasi_static
 from cablefem.scene.statics import NoRest
 from cablefem.scene.surroundings import Ground, Obstacles, surroundings_faults
-from cablefem.scene.travel import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Table, Travel
+from cablefem.scene.travel import Table, Travel
+
+# laws of `Scene.from_groups`, with the key that sets their pace
+PACES = {"constant_speed": "speed", "constant_acceleration": "acceleration", "accelerate_cruise_brake": "top_speed"}
 
 
 class Mass(Part):
@@ -132,28 +135,13 @@ class Scene(Described):
         speed_ratio = largest ds_o/dt over sqrt(H/rho).
         travel: "constant_speed", "constant_acceleration" or "accelerate_cruise_brake".
         """
-        supports = Supports(span=span, drop=span * math.tan(math.radians(slope)))
-        sag = sag_ratio * span
-        faults = hanging_faults(gravity, Cable(mass_per_length=rho, EA=1.0, sag=sag), supports)
-        if faults:
-            raise SceneError(faults)
-        hanging = Catenary.from_sag(supports.span, supports.drop, rho * gravity, sag)
-        l, H = hanging.length, hanging.horizontal_tension
-        data: dict[str, Any] = {}
+        data: dict[str, Any] = {"supports": {"span": span, "drop": span * math.tan(math.radians(slope))}}
         if mu is not None:
-            data["mass"] = Mass(mass=mu * rho * l)
+            data["mass"] = Mass(mass=1.0)
         if speed_ratio is not None:
-            V = speed_ratio * math.sqrt(H / rho)
-            laws: dict[str, Any] = {
-                "constant_speed": lambda: ConstantSpeed(speed=V),
-                "constant_acceleration": lambda: ConstantAcceleration(acceleration=0.5 * V * V / l),
-                "accelerate_cruise_brake": lambda: AccelerateCruiseBrake(top_speed=V),
-            }
-            if travel not in laws:
-                raise SceneError([f"travel = {shown(travel)}: unknown.{nearest(travel, laws)}"])
-            data["travel"] = laws[travel]()
-        cable = Cable(mass_per_length=rho, EA=alpha * H, sag=sag)
-        return cls(name=name, gravity=gravity, cable=cable, supports=supports, **data)
+            data["travel"] = {"kind": travel, PACES.get(travel, "speed"): 1.0}
+        cable = Cable(mass_per_length=rho, EA=LARGE, sag=sag_ratio * span)
+        return cls(name=name, gravity=gravity, cable=cable, **data).variant(mu=mu, alpha=alpha, speed_ratio=speed_ratio)
 
     def variants(self, grid: Mapping[str, Sequence[Any]]) -> list[Self]:
         """Return a scene for each combination of values; the last key changes fastest.
@@ -178,9 +166,9 @@ class Scene(Described):
         """
         scene = self
         if self.cable.changed and any(group is not None for group in (sag_ratio, mu, alpha)):
-            scene = scene.model_copy(update={"cable": scene._hung(horizontal_tension=scene.horizontal_tension)})
+            scene = scene._hung(horizontal_tension=scene.horizontal_tension)
         if sag_ratio is not None:
-            scene = scene.model_copy(update={"cable": scene._hung(sag=sag_ratio * scene.supports.span)})
+            scene = scene._hung(sag=sag_ratio * scene.supports.span)
         if alpha is not None:
             fields["cable"] = scene.cable.model_copy(update={"EA": alpha * scene.horizontal_tension})
         if mu is not None:
@@ -194,10 +182,11 @@ class Scene(Described):
             fields["travel"] = scene.travel.faster(speed_ratio / scene.speed_ratio)
         return scene.model_copy(update=fields)
 
-    def _hung(self, **shape: float) -> Cable:
-        """The cable as it is, without temperature and ice, hung otherwise."""
+    def _hung(self, **shape: float) -> Self:
+        """This scene, without temperature and ice, hung otherwise."""
         gone = {*SHAPES, "temperature", "reference_temperature", "expansion", "ice"}
-        return Cable(**{**self.cable.model_dump(exclude=gone), "mass_per_length": self.rho, **shape})
+        cable = {**self.cable.model_dump(exclude=gone), "mass_per_length": self.rho, **shape}
+        return self.model_copy(update={"cable": cable})
 
     @cached_property
     def catenary(self) -> Catenary:
@@ -259,11 +248,6 @@ class Scene(Described):
     def alpha(self) -> float:
         """EA/H [-]."""
         return self.cable.EA / self.horizontal_tension
-
-    @property
-    def beta(self) -> float:
-        """rho g l/EA [-]."""
-        return self.sigma / self.alpha
 
     @property
     def sigma(self) -> float:

@@ -40,23 +40,21 @@ Obstacles = Annotated[
 
 def read_ground(name: str, folder: Path) -> list[list[float]]:
     """Points of a CSV file with columns x and depth [m]; a header is skipped."""
-    path = folder / name
     try:
-        rows = [row for row in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()) if row]
+        rows = [row for row in csv.reader((folder / name).read_text(encoding="utf-8-sig").splitlines()) if row]
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
         raise SceneError([f"ground = {shown(name)}: must be a readable CSV file in {folder} ({why})"]) from None
-    points: list[list[float]] = []
+    points = []
     for i, row in enumerate(rows):
         try:
             x, depth = (float(cell) for cell in row[:2])
         except ValueError:
-            if i == 0:
-                continue
-            raise SceneError(
-                [f"ground = {shown(name)}: row {i + 1} {shown(row)} must hold two numbers, x and depth"]
-            ) from None
-        points.append([x, depth])
+            if i > 0:
+                must = f"row {i + 1} {shown(row)} must hold two numbers, x and depth"
+                raise SceneError([f"ground = {shown(name)}: {must}"]) from None
+        else:
+            points.append([x, depth])
     return points
 
 

@@ -32,5 +32,3 @@ def test_the_place_between_two_instants_is_the_mean_of_their_places(scene):
         t1 = np.append(t0[1:], end)
         s = [motion.along(t, 0)[0] for t in (t0, motion.between(t0, t1, 0.3, 0), t1)]
         assert s[1] == pytest.approx(0.7 * s[0] + 0.3 * s[2], rel=1e-8)
-        alone = [motion.between(t0[i : i + 1], t1[i : i + 1], 0.3, 0)[0] for i in range(t0.size)]
-        assert alone == pytest.approx(motion.between(t0, t1, 0.3, 0), rel=1e-12)
