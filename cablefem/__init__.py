@@ -7,9 +7,7 @@
     for rider in line.variants({"mass.mass": [40.0, 80.0]}):
         print(cf.check(rider))
 
-`run`, `check`, `quasi_static` and `sweep` take a scene, the name of a built-in one, or the path of a TOML file.
-`run` and `check` take a `Line` of several spans, too: cf.check("two-span").design.
-Nothing is loaded before it is used.
+Functions take a scene, the name of a built-in one, or a TOML file; `run` and `check` a `Line` of several spans, too.
 """
 
 import importlib

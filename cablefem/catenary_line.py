@@ -1,12 +1,12 @@
 """A line at rest by exact elastic catenaries between stations, joined by Newton's method.
 
-With n = (H, P) the pull N t at the left end of a piece of length S, P1 = P - q S at its right end, N0 and N1 the
-tensions there, Nm = (N0 + N1)/2, Pm = (P + P1)/2 and w = q S/(N0 + N1) (Irvine, Cable Structures, 1981):
+A piece of length S has the pull N t = (H, P) at its left end and (H, P1), P1 = P - q S, at its right end.
+With the means Nm of N, Pm of P at both ends and w = q S/(2 Nm) (Irvine, Cable Structures, 1981):
 
     dx = H S (1/EA + atanh(w)/(w Nm)),   dy = Pm S (1/EA + 1/Nm),   both times 1 + a dT.
 
-atanh(w) = [asinh(P/H) - asinh(P1/H)]/2 avoids cancellation. A saddle has one tension, at a counterweight it is G.
-A gripping car: [n] = -Mg j. A hauled one: [n] = -Mg (j - tau tau_y), tau along n_behind + n_ahead, F = -Mg tau_y.
+A saddle has one tension; at a counterweight it is G. At a gripping car N t jumps by -Mg j, at a hauled one by
+-Mg (j - tau tau_y), tau along the sum of both pulls, and F = -Mg tau_y.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LAST = 1e-8  # step over the size of the unknowns; the error left is about its s
 
 
 def _norm(v: np.ndarray) -> np.ndarray:
-    """Length of vectors, analytic for complex steps."""
+    """Length of vectors, also complex ones."""
     return np.sqrt(v[..., 0, :] ** 2 + v[..., 1, :] ** 2)
 
 

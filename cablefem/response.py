@@ -33,9 +33,8 @@ class States:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
-    """Measurements of a solver; lengths over l, forces over H, time over l sqrt(rho/H).
+    """Measurements of a solver, dimensionless, named as in `Response` and `Fields`; n times, k frames, m stations.
 
-    Names as in `Response` and `Fields`; n times, k frames, m stations.
     path .. slope_ahead, reactions, contact: (n, 2); u, v, du, dv, T, T_pointwise: (k, m); others (n,).
     """
 
@@ -44,15 +43,15 @@ class Observation:
     path: Array  # displacement of the mass
     path_velocity: Array  # of the place of the mass
     path_acceleration: Array
-    slope_behind: Array  # one-sided r' at the mass
+    slope_behind: Array  # r'
     slope_ahead: Array
     T_behind: Array
     T_ahead: Array
-    energy: Array  # cable and mass
-    power: Array  # dE/dt by drive and kink
+    energy: Array
+    power: Array  # of drive and kink
     tension_min: Array
     tension_min_at: Array
-    u: Array  # at s = s_o the side behind
+    u: Array
     v: Array
     du: Array  # at fixed s
     dv: Array
@@ -100,21 +99,21 @@ class Fields:
     """Fields of a run, SI: k frames, m stations; s, x, y, T_static: (m,); u .. T, T_pointwise: (k, m); others (k,)."""
 
     t: Array  # [s]
-    s_o: Array  # [m] place of the mass
-    s: Array  # [m] arc length of the static cable
-    u: Array  # [m] to the right
-    v: Array  # [m] down
+    s_o: Array  # [m]
+    s: Array  # [m]
+    u: Array  # [m]
+    v: Array  # [m]
     du: Array  # [m/s]
     dv: Array  # [m/s]
-    T: Array  # [N] total; at s = s_o behind
-    T_behind: Array  # [N] at the mass
+    T: Array  # [N]; at s = s_o behind
+    T_behind: Array  # [N]
     T_ahead: Array  # [N]
-    mass_u: Array  # [m] displacement
+    mass_u: Array  # [m]
     mass_v: Array  # [m]
     x: Array  # [m] at rest
-    y: Array  # [m] down
+    y: Array  # [m]
     T_static: Array  # [N]
-    T_pointwise: Array  # [N] by slopes; T is from equilibrium
+    T_pointwise: Array  # [N] by slopes
     T_behind_pointwise: Array  # [N]
     T_ahead_pointwise: Array  # [N]
 
@@ -133,13 +132,13 @@ class Flag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MassPath:
-    """How the mass of one run moved, SI; x, y from the left support, v and y down. Arrays (n,)."""
+    """How the mass of one run moved, SI; y and v down, from the left support. Arrays (n,)."""
 
     method: str
     settings: dict[str, Any]
     status: str = "complete"  # | "incomplete"
     drive: str = "grip"  # "grip" | "haul" | "free"
-    slack_onset: float | None  # s_o/l of the first negative tension
+    slack_onset: float | None  # s_o/l
     length: float  # l [m]
     t: Array  # steps
     s_o: Array
@@ -180,9 +179,8 @@ class MassPath:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Response(MassPath):
-    """The answer of one run, in SI; v and y down.
+    """The answer of one run, in SI; arrays (n,), but velocity .. slope_ahead, reactions and contact (n, 2).
 
-    velocity .. slope_ahead, reactions and contact are (n, 2), other arrays (n,).
     T is total tension, with two values at the mass. r.t, r.s_o, r.x, r.T_behind, ... hold the path, r.fields the cable,
     r.design the extremes; r.at(t=12.0, s=100.0) answers for any place.
     """
@@ -209,25 +207,22 @@ class Response(MassPath):
     fields: Fields
     n_dof: int
     seconds: float  # of the time loop
-    path_error: float | None = None  # estimate of max |v - v_exact| over the window, relative to path_scale
-    tension_error: float | None = None  # estimate of the rms over the window off the jump, relative to H
+    path_error: float | None = None  # largest in the window, over path_scale
+    tension_error: float | None = None  # rms in the window off the jump, over H
     error_parts: dict[str, float] | None = None  # in time and space
-    error_window: list[float] | None = None  # s_o/l of both estimates
+    error_window: list[float] | None = None  # s_o/l
     energy_gain: float | None = None  # largest unexplained gain over weight x largest deflection
-    flags: list[Flag] = field(default_factory=list)  # reasons for doubt
+    flags: list[Flag] = field(default_factory=list)
     cause: str | None = None  # "Newton stalled", "slack", "unstable", "step underflow", "no start"
     events: list[dict[str, Any]] = field(default_factory=list)  # event, t [s], s_o [m], speed [m/s]
-    # [s] jumps of acceleration and force; samples there are from before
-    breaks: list[float] = field(default_factory=list)
+    breaks: list[float] = field(default_factory=list)  # [s] jumps of acceleration; samples are from before
     design: list[dict[str, Any]] = field(default_factory=list)  # quantity, value, bar, unit, t, s_o, s
-    # T + EA eps of the slopes; T_behind is from equilibrium
-    T_behind_pointwise: Array
+    T_behind_pointwise: Array  # T + EA eps of the slopes; T_behind is from equilibrium
     T_ahead_pointwise: Array
     reaction_left: Array  # [N] force on the cable
     reaction_right: Array
     contact: Array  # [N] of the mass on the cable
-    # [N] outside force along the mean tangent, or nan
-    F_haul: Array
+    F_haul: Array  # [N] outside force along the mean tangent, or nan
     kinetic: Array  # [J] cable and mass
     strain: Array  # [J]
     potential: Array  # [J]
@@ -245,7 +240,7 @@ class Response(MassPath):
 
     @property
     def F_contact(self) -> Array:
-        """Contact force (n,) [N] normal to the mean tangent at the mass; positive: presses on the cable."""
+        """Force (n,) [N] by which the mass presses on the cable, normal to the mean tangent."""
         tangent = self.slope_behind + self.slope_ahead
         across = self.contact[:, 1] * tangent[:, 0] - self.contact[:, 0] * tangent[:, 1]
         return across / np.hypot(tangent[:, 0], tangent[:, 1])
@@ -262,8 +257,6 @@ class Response(MassPath):
 
     def at(self, *, t: Any, s: Any) -> dict[str, Array]:
         """Return x, y, u, v [m] and T [N], each (n, m), at times t (n,) [s] and places s (m,) [m].
-
-            r.at(t=12.0, s=[50.0, 100.0])["T"]
 
         At the mass T is that behind. ValueError outside the run or the cable.
         """

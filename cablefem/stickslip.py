@@ -1,14 +1,11 @@
 """Stick and slip of a car that rolls on a cable, for both solvers.
 
-Friction and brakes act against the slip along the cable.  Their sign changes at events only:
+Friction and brakes act against the slip along the cable. Their sign changes at events only:
 
     standstill      the car sticks if friction and brakes can hold it, else slips.
     breaking loose  they cannot hold it any more.
-    turn            the car reverses.
-    brake, brake off  it passes a brake.
     arrival, back   it reaches an end of the ride.
     lift_off        it no longer presses on the cable; the ride goes on.
-    stop            it is at rest.
 
 Dimensionless: l = H = rho = 1.
 """
@@ -53,9 +50,9 @@ class Mode:
 
 
 class RollingCar(System):
-    """A system whose last unknown is the place s_o of a free car; for a hauled car it watches lift-off only.
+    """A system whose last unknown is the place s_o of a free car; of a hauled car it watches lift-off only.
 
-    Solvers call `board` once, `set_off` and `let_go` at the start, and define `look`, `holding` and `go_on`.
+    Solvers call `board` once, `set_off` and `let_go` at the start.
     """
 
     hears_itself: bool  # short steps after jumps, even without friction
@@ -86,10 +83,7 @@ class RollingCar(System):
         self._watched: tuple[State, tuple[float, ...]] | None = None
 
     def let_go(self, x: State) -> State:
-        """The first state of a free ride.
-
-        Until waves from the farther support are back, the slip rings; its zeros are no standstills.
-        """
+        """The first state of a free ride, which rings: until waves are back, zeros of the slip are no standstills."""
         x = self.come_to_rest(x)
         self.mode.rings = self.rubs and not self.mode.sticks
         return x
@@ -206,10 +200,7 @@ class RollingCar(System):
         return abs(float(x.q[-1]) - mode.place) > self.drive.rest_speed * max(self.round_trip, x.t - mode.since)
 
     def _left(self, x: State) -> float:
-        """The time left until the car has been at rest for an axial round trip, in the last phase.
-
-        At rest it is slow, and held by statics.
-        """
+        """Time until the car has been slow, and held by statics, for an axial round trip of the last phase."""
         if x.phase < len(self.phases) - 1:
             return math.inf
         left = max(self.mode.since, self.phases[-1][0]) + self.round_trip - x.t

@@ -1,4 +1,4 @@
-"""What a response looks like: values at any instant and place, pictures, tables."""
+"""Values of a response at any instant and place, and pictures."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """The static cable in closed form, eqs (9)-(12), in SI and dimensionless.
 
-With p = T y'/H = c - sigma s (lengths over l, forces over H, y down)
-    T = sqrt(1 + p^2),  x' = 1/T,  y' = p/T,  x'' = sigma p/T^3,  y'' = -sigma/T^3.
-Nearly equal numbers are never subtracted: a nearly straight cable keeps its digits.
+With p = T y'/H = c - sigma s (lengths over l, forces over H, y down) T = sqrt(1 + p^2), x' = 1/T, y' = p/T.
+Nearly equal numbers are never subtracted: a taut cable keeps its digits.
 """
 
 from __future__ import annotations
@@ -16,12 +15,12 @@ import numpy as np
 
 from cablefem.scene.bisection import bisected
 
-# [-] z = rho g b/(2H); sag/span is z/4 when shallow, 7.3 at z = 5; below 1e-9, l is the chord to 16 digits
+# [-] z = rho g b/(2H); sag/span is 7.3 at z = 5; below 1e-9, l is the chord to 16 digits
 Z_MIN, Z_MAX = 1e-9, 5.0
 
 
 def static(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(T, x', y', x'', y'') at s in [0, 1], each of the shape of s."""
+    """(T, x', y', x'', y'') at s in [0, 1]."""
     p = c - sigma * np.asarray(s, dtype=float)
     T = np.sqrt(1.0 + p * p)
     xp = 1.0 / T
@@ -30,10 +29,7 @@ def static(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 
 def shape(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray]:
-    """(x, y) at s, each of the shape of s; y down.
-
-    x = (asinh p_0 - asinh p)/sigma, y = (T_0 - T)/sigma, by T_0 - T = sigma s m, m = (p_0 + p)/(T_0 + T).
-    """
+    """(x, y) at s: x = (asinh p_0 - asinh p)/sigma, y = (T_0 - T)/sigma = s m, m = (p_0 + p)/(T_0 + T)."""
     s = np.asarray(s, dtype=float)
     p, p0, T0 = c - sigma * s, c, math.hypot(1.0, c)
     T = np.sqrt(1.0 + p * p)
@@ -60,7 +56,7 @@ class Catenary:
 
     @classmethod
     def from_length(cls, span: float, drop: float, weight: float, length: float) -> Catenary:
-        """From stretched arc length l: sqrt(l^2 - h^2)/b = sinh(z)/z; ValueError if no z in [Z_MIN, Z_MAX] has it."""
+        """By sqrt(l^2 - h^2)/b = sinh(z)/z; ValueError if no z in [Z_MIN, Z_MAX] has this arc length."""
         chord = math.hypot(span, drop)
         if length <= chord:
             raise ValueError(f"length {length} is at most the chord {chord}")
@@ -70,7 +66,7 @@ class Catenary:
 
     @classmethod
     def from_sag(cls, span: float, drop: float, weight: float, sag: float) -> Catenary:
-        """From the largest vertical distance below the chord; ValueError if no z in [Z_MIN, Z_MAX] has it."""
+        """ValueError if no z in [Z_MIN, Z_MAX] has this sag."""
         return cls.from_z(span, drop, weight, _root(lambda z: math.log(_sag(span, drop, z) / sag)))
 
     @property
@@ -85,7 +81,7 @@ class Catenary:
 
     @cached_property
     def slack(self) -> float:
-        """l - chord [m] to full accuracy: l^2 - chord^2 = b^2 (S^2 - 1), S = sinh(z)/z."""
+        """l - chord [m]: l^2 - chord^2 = b^2 (S^2 - 1), S = sinh(z)/z."""
         s1 = _sinhc_minus_1(self.z)
         square = self.span**2 * s1 * (s1 + 2.0)
         return square / (math.sqrt(self.chord**2 + square) + self.chord)
@@ -117,21 +113,21 @@ class Catenary:
 
     @cached_property
     def mean_tension(self) -> float:
-        """Mean tension over the length [N]: (p T + asinh p)/(2 sigma), without differences."""
+        """Mean tension [N]: (p T + asinh p)/(2 sigma), without differences."""
         c, end, b, h = self.c, self.c - self.sigma, self.span / self.length, self.drop / self.length
         mean = 0.25 * (math.hypot(1.0, c) + math.hypot(1.0, end)) + 0.25 * (c + end) * h + 0.5 * b
         return self.horizontal_tension * mean
 
     def x(self, s) -> np.ndarray:
-        """Horizontal place [m] at arc length s [m], same shape."""
+        """Horizontal place [m] at s [m]."""
         return self.length * shape(np.asarray(s) / self.length, self.sigma, self.c)[0]
 
     def y(self, s) -> np.ndarray:
-        """Depth below the left support [m] at arc length s [m], same shape."""
+        """Depth below the left support [m] at s [m]."""
         return self.length * shape(np.asarray(s) / self.length, self.sigma, self.c)[1]
 
     def tension(self, s) -> np.ndarray:
-        """Tension [N] at arc length s [m], same shape."""
+        """Tension [N] at s [m]."""
         return self.horizontal_tension * static(np.asarray(s) / self.length, self.sigma, self.c)[0]
 
 
@@ -152,10 +148,7 @@ def _middle(span: float, drop: float, z: float) -> float:
 
 
 def _sag(span: float, drop: float, z: float) -> float:
-    """Sag [m]: (b/2z) [ cosh(tm) (cosh z - cosh eta) + sinh(tm) (sinh eta - eta sinh(z)/z) ].
-
-    There eta = tm - asinh(h/b), x = b/2 + (b/2z) eta.
-    """
+    """Sag [m]: (b/2z) [cosh(tm) (cosh z - cosh eta) + sinh(tm) (sinh eta - eta sinh(z)/z)], eta = tm - asinh(h/b)."""
     tm = _middle(span, drop, z)
     eta = tm - math.asinh(drop / span)
     fall = 2.0 * math.sinh((z + eta) / 2.0) * math.sinh((z - eta) / 2.0)

@@ -1,4 +1,4 @@
-"""Damping of the cable in its plane, a force -c_d rho r. per length: its own, and what a crosswind gives it."""
+"""Damping of the cable in its plane, a force -c_d rho r. per length: its own, and that of a crosswind."""
 
 import math
 
@@ -11,7 +11,7 @@ LEAST_INTERNAL = 1e-4  # [l sqrt(rho/H)] least time of internal damping; with 3e
 
 
 class Wind(Part):
-    """The table [wind]. Across the plane of the cable it damps the motion in the plane, to first order."""
+    """The table [wind]."""
 
     across: NonNegative = said("[m/s] across the line; it damps the cable")
     drag_coefficient: Positive = said("[-] of the cable", 1.2)
@@ -22,15 +22,14 @@ class Wind(Part):
         return 0.5 * self.air_density * self.drag_coefficient * diameter * self.across**2
 
     def resistance(self, diameter: float) -> float:
-        """Force over velocity in the plane [N s/m^2], rho_air c_D d U/2, for velocities much below U."""
+        """Force over velocity in the plane [N s/m^2], rho_air c_D d U/2, to first order."""
         return 0.5 * self.air_density * self.drag_coefficient * diameter * self.across
 
 
 def first_frequency(gravity: float, cable: Cable, catenary: Catenary) -> float:
-    """omega_1 [rad/s] of the empty cable: lowest root of Irvine's equation on the chord.
+    """omega_1 [rad/s] of the empty cable, at most that of the antisymmetric mode, x = pi.
 
-    tan(x) = x - 4 x^3/L^2 for the first symmetric mode and x = pi for the antisymmetric one,
-    omega = 2 x sqrt(tau/rho)/l, tau = H chord/span, L^2 = sigma^2 alpha (span/chord)^5 (Irvine 1981, 2.4).
+    tan(x) = x - 4 x^3/L^2, omega = 2 x sqrt(tau/rho)/l, tau = H chord/span (Irvine 1981, 2.4).
     """
     cos, H = catenary.span / catenary.chord, catenary.horizontal_tension
     L2 = catenary.sigma**2 * cable.EA / H * cos**5

@@ -1,7 +1,7 @@
-"""What moves the car along the cable, as written in a scene, and dimensionless.
+"""What moves the car.
 
-grip: the travel is given, the car pushes itself along the cable (the paper). haul: the travel is given, a rope pulls
-the rolling car along the mean tangent. free: the car rolls, its travel is an answer.
+grip: the car pushes itself along the cable by its travel (the paper). haul: a rope pulls the rolling car along the
+mean tangent. free: the car rolls, its travel is an answer.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from cablefem.scene.fields import (
     tables,
 )
 
-# [l] range of a rolling car: nearer to a support, contact force and tension grow like one over the distance
+# [l] range of a rolling car: contact force and tension grow like one over the distance to a support
 NEAREST_START, FARTHEST_END = 1e-4, 0.99
 START = 0.01  # [l] where a rolling car begins by default
 # steps of a ride; a step is at most 1/12, 1/240, ... of the times below, see `Drive.part_of_step`
@@ -75,13 +75,13 @@ class End(Part):
 
 
 def of_mode(mode: str) -> tuple[str, ...]:
-    """Names of the table [drive] that have a meaning in a mode."""
+    """Names of the table [drive] with a meaning in a mode."""
     names = Driving.field_names()
     return ("mode",) if mode == "grip" else tuple(x for x in names if mode != "haul" or x not in FREE_ONLY)
 
 
 class Driving(Part):
-    """The table [drive] of a scene, in SI."""
+    """The table [drive]."""
 
     mode: Literal["grip", "haul", "free"] = said("[-] grip, haul or free: what moves the car", "grip")
     start: Positive | None = said("[m] place of the car at the start; default 1 % of the length", None)
@@ -143,7 +143,7 @@ class Driving(Part):
         return FARTHEST_END * length if self.end is None or self.end.place is None else self.end.place
 
     def scaled(self, length: float, time: float, force: float, rho: float) -> Drive:
-        """The drive of a rolling car in these units of m, s and N; `nominal`, `ways` stay open."""
+        """The drive of a rolling car in these units of m, s and N."""
         if isinstance(self.thrust, Thrust):
             table = tuple((t / time, f / force) for t, f in zip(self.thrust.times, self.thrust.forces, strict=True))
         else:
@@ -170,25 +170,22 @@ class Driving(Part):
 
 @dataclass(frozen=True)
 class Drive:
-    """What moves the car: lengths over l, forces over H, times over l sqrt(rho/H).
+    """The same over l, H and l sqrt(rho/H)."""
 
-    grip: only `mode` counts. haul: friction and drag, too. free: all.
-    """
-
-    mode: str = "grip"  # "grip" | "haul" | "free"
-    start: float = 0.0  # s_o at t = 0
-    release: float = 0.0  # time over which the hold decreases
-    mu_r: float = 0.0  # rolling friction over contact force
+    mode: str = "grip"
+    start: float = 0.0
+    release: float = 0.0
+    mu_r: float = 0.0  # rolling friction
     k: float = 0.0  # rho_air c_d A/(2 rho): drag is -k |dp - wind i| (dp - wind i)
-    wind: float = 0.0  # along x
-    thrust_table: tuple[tuple[float, float], ...] = ()  # (t, force), linear between
+    wind: float = 0.0
+    thrust_table: tuple[tuple[float, float], ...] = ()  # (t, force)
     brakes: tuple[tuple[float, float], ...] = ()  # (place, force), by place
     end_time: float = math.inf
-    end_place: float = 1.0  # arrival
-    nominal: float = math.inf  # duration by the quasi-static model; steps are nominal/steps
-    rest_speed: float = 0.0  # mean speed over an axial round trip that counts as rest
-    rest_distance: float = 0.0  # to a place where the car stays
-    ways: tuple[tuple[float, int], ...] = ()  # (from s_o on, way of a car at rest by statics: 1, 0 or -1)
+    end_place: float = 1.0
+    nominal: float = math.inf  # quasi-static duration; steps are nominal/steps
+    rest_speed: float = 0.0
+    rest_distance: float = 0.0
+    ways: tuple[tuple[float, int], ...] = ()  # from s_o on, way of a car at rest by statics: 1, 0 or -1
 
     @property
     def back_place(self) -> float:
@@ -203,12 +200,12 @@ class Drive:
         return tuple(zip([0.0, *inside], [*inside, self.end_time], strict=True))
 
     def thrust(self, t, phase):
-        """The thrust at t by the line of that phase; any shapes."""
+        """Thrust at t; any shapes."""
         value, slope, t0 = self._lines[:, phase]
         return value + slope * (t - t0)
 
     def hold(self, t: float) -> float:
-        """Remaining share of the force that holds the car: (1 - x)^2 (1 + 2 x), x = t/release."""
+        """Share of the force that still holds the car: (1 - x)^2 (1 + 2 x), x = t/release."""
         x = t / self.release if self.release > 0.0 else 1.0
         return (1.0 - x) ** 2 * (1.0 + 2.0 * x) if x < 1.0 else 0.0
 
@@ -238,12 +235,12 @@ class Drive:
     ) -> float:
         """The part of a step that a rolling car takes at s_o.
 
-        axial : round trip of axial waves. forward : sign of the motion, 0 at rest.
-        since : time after a jump of force along the cable. rubs : whether a brake or a hold acts.
+        axial : round trip of axial waves. forward : sign of the motion. since : time after a jump of force.
+        rubs : whether a brake or a hold acts.
         """
         step, near = self.nominal / STANDARD, min(s_o, 1.0 - s_o)
         there = near / abs(speed) if speed else math.inf
-        # rest by weight alone; none where the car would set out again the same way
+        # none where the car would set out again the same way
         halts = self.mu_r > 0.0 and forward * self.way(s_o) <= 0.0
         halt = abs(speed) / sigma if halts else math.inf
         rings, ahead = axial / RINGS, s_o if forward < 0.0 else 1.0 - s_o
@@ -253,7 +250,7 @@ class Drive:
 
     @cached_property
     def _lines(self) -> np.ndarray:
-        """Value and slope of the thrust at the start of each phase, and that start: (3, n)."""
+        """Thrust, its slope and the time at the start of each phase: (3, n)."""
         lines = np.zeros((3, len(self.phases)))
         for i, (t0, t1) in enumerate(self.phases):
             lines[2, i] = t0

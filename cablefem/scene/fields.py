@@ -18,7 +18,7 @@ SMALL, LARGE = 1e-12, 1e15
 
 @dataclass(frozen=True, slots=True)
 class Admits:
-    """An annotation that says in words what a field admits; `limits` go into pydantic's own schema of it."""
+    """An annotation that says in words what a field admits; `limits` go into pydantic's schema."""
 
     words: str
     limits: tuple[tuple[str, Any], ...] = ()
@@ -44,7 +44,7 @@ def _inner(item: Any) -> bool:
 
 
 def admits(words: str, **limits: Any) -> Admits:
-    """Admitted values in words, and as keys of pydantic's core schema: ge, le, min_length, pattern."""
+    """Admitted values in words, and by ge, le, min_length or pattern."""
     return Admits(words, tuple(limits.items()))
 
 

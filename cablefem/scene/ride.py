@@ -1,6 +1,6 @@
 """The quasi-static ride: the car on the curve of its places at rest, its load path P(s).
 
-The cable has no inertia; cable and car at s have one energy Pi(s). The car has its own:
+Cable and car have the energy Pi(s). The car alone has inertia:
 
     mu |P'|^2 dds + mu P'.P'' ds^2 = -Pi'(s) + F_ext.P' + <lam> f.
 
@@ -227,14 +227,23 @@ class _Rolling:
     def _watches(self) -> dict[str, Callable]:
         """Events that may end the motion."""
         drive, places, brakes = self.drive, self.forces.places, self.brakes
-        watches = {"still": _watch(1, 0.0, -self.sign), "arrival": _watch(0, drive.end_place, 1.0)}
-        watches["back"] = _watch(0, drive.back_place, -1.0)
+
+        def slow(t, y):
+            """Negative where the car is slow, and would stay."""
+            px, py, *_ = self.path(y[0])
+            over = abs(y[1]) * math.hypot(px, py) - drive.rest_speed
+            return over if drive.stays(y[0]) else max(over, drive.rest_speed)
+
+        watches = {
+            "still": _falling(lambda t, y: self.sign * y[1]), "arrival": _falling(lambda t, y: drive.end_place - y[0]),
+            "back": _falling(lambda t, y: y[0] - drive.back_place),
+        }  # fmt: skip
         if drive.ways and self.phase == len(drive.phases) - 1:
-            watches["rest"] = _at_rest(self.path, drive)
+            watches["rest"] = _falling(slow)
         if brakes < len(places):
-            watches["brake"] = _watch(0, places[brakes], 1.0)
+            watches["brake"] = _falling(lambda t, y: places[brakes] - y[0])
         if brakes > 0:
-            watches["brake off"] = _watch(0, places[brakes - 1], -1.0)
+            watches["brake off"] = _falling(lambda t, y: y[0] - places[brakes - 1])
         return watches
 
     def _roll(self) -> str | None:
@@ -289,24 +298,8 @@ def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = m
     return _Rolling(path, mu, sigma, drive, turns).to_its_end()
 
 
-def _watch(component: int, value: float, direction: float) -> Callable:
-    """An event for scipy: (s_o, ds_o)[component] passes a value."""
-
-    def watch(t, y):
-        return y[component] - value
-
-    watch.terminal, watch.direction = True, direction  # type: ignore[attr-defined]
-    return watch
-
-
-def _at_rest(path: LoadPath, drive: Drive) -> Callable:
-    """An event for scipy: the car is slow where it would stay."""
-
-    def watch(t, y):
-        px, py, *_ = path(y[0])
-        slow = drive.rest_speed - abs(y[1]) * math.hypot(px, py)
-        return -slow if drive.stays(y[0]) else max(-slow, drive.rest_speed)
-
+def _falling(watch: Callable) -> Callable:
+    """An event for scipy: a value falls through zero."""
     watch.terminal, watch.direction = True, -1.0  # type: ignore[attr-defined]
     return watch
 

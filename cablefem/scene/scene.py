@@ -38,7 +38,7 @@ class Mass(Part):
 
 @dataclass(frozen=True, slots=True)
 class Groups:
-    """Dimensionless numbers of a scene: lengths over l, forces over H, times over l sqrt(rho/H)."""
+    """Dimensionless numbers of a scene, over l, H and l sqrt(rho/H)."""
 
     mu: float  # M/(rho l); 0 without a mass
     alpha: float  # EA/H
@@ -48,22 +48,22 @@ class Groups:
     chord_sin: float  # > 0: falls to the right
     motion: Motion | None  # None for a bare cable and for a free ride
     drive: Drive = GRIP
-    damping: float = 0.0  # c_d l sqrt(rho/H): the force on the cable is -c_d times its momentum
-    internal_damping: float = 0.0  # tau over l sqrt(rho/H): N = T + alpha (eps + tau deps/dt)
+    damping: float = 0.0  # c_d: the force on the cable is -c_d times its momentum
+    internal_damping: float = 0.0  # tau: N = T + alpha (eps + tau deps/dt)
 
     def static(self, s) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """(T, x', y', x'', y'') at s in [0, 1], each of the shape of s."""
+        """(T, x', y', x'', y'') at s in [0, 1]."""
         return _catenary.static(s, self.sigma, self.c)
 
     def shape(self, s) -> tuple[np.ndarray, np.ndarray]:
-        """(x, y) at s in [0, 1], each of the shape of s; y down."""
+        """(x, y) at s in [0, 1]; y down."""
         return _catenary.shape(s, self.sigma, self.c)
 
 
 class Scene(Described):
     """A cable, its supports and the mass that travels along it, in SI.
 
-    Scene.load("zip.toml").replace({"mass.mass": 60.0}).groups
+    Scene.load("zip.toml").replace({"mass.mass": 60.0})
     """
 
     built_in: ClassVar[Sequence[str]] = LIBRARY
@@ -129,11 +129,9 @@ class Scene(Described):
         gravity: float = 9.81,
         name: str = "scene",
     ) -> Self:
-        """Return the SI scene with these dimensionless numbers; a bare cable without mu and speed_ratio.
+        """Return the SI scene with these groups; a bare cable without mu and speed_ratio.
 
-        sag_ratio = sag/span, slope of the chord [degrees, positive: falls to the right], alpha = EA/H, mu = M/(rho l).
-        speed_ratio = largest ds_o/dt over sqrt(H/rho).
-        travel: "constant_speed", "constant_acceleration" or "accelerate_cruise_brake".
+        slope : of the chord [degrees], positive: falls to the right. travel : one of PACES.
         """
         data: dict[str, Any] = {"supports": {"span": span, "drop": span * math.tan(math.radians(slope))}}
         if mu is not None:
@@ -144,10 +142,7 @@ class Scene(Described):
         return cls(name=name, gravity=gravity, cable=cable, **data).variant(mu=mu, alpha=alpha, speed_ratio=speed_ratio)
 
     def variants(self, grid: Mapping[str, Sequence[Any]]) -> list[Self]:
-        """Return a scene for each combination of values; the last key changes fastest.
-
-        scene.variants({"mass.mass": [40.0, 80.0], "drive.wind": [-8.0, 0.0]})
-        """
+        """Return a scene for each combination of values of dotted keys; the last key changes fastest."""
         return [self.replace(dict(zip(grid, values, strict=True))) for values in itertools.product(*grid.values())]
 
     def variant(
@@ -159,9 +154,8 @@ class Scene(Described):
         speed_ratio: float | None = None,
         **fields: Any,
     ) -> Self:
-        """Return this scene with other groups and whole fields (name, travel, ...).
+        """Return this scene with other groups and whole fields (name, travel, ...); all else keeps its SI value.
 
-        sag_ratio re-hangs the cable; mu, alpha and speed_ratio set mass, EA and pace. All else keeps its SI value.
         A cable with temperature or ice is then described by its horizontal tension.
         """
         scene = self
@@ -261,7 +255,7 @@ class Scene(Described):
 
     @property
     def damping(self) -> float:
-        """c_d [1/s] of the cable: `cable.damping` and a crosswind's part."""
+        """c_d [1/s]: `cable.damping` and a crosswind's part."""
         return sum(damping_rates(self.wind, self.gravity, self.cable, self.catenary))
 
     @property
@@ -293,7 +287,7 @@ class Scene(Described):
 
     @property
     def top_speed(self) -> float | None:
-        """Largest speed of the car [m/s], of a free one by the quasi-static model; None without a car."""
+        """Largest speed of the car [m/s], of a free one quasi-static; None without a car."""
         if self.ride is not None:
             return self.ride.top_speed * self.wave_speed
         return None if self._motion is None else self._motion.top_speed
@@ -305,7 +299,7 @@ class Scene(Described):
 
     @property
     def arrival(self) -> float | None:
-        """Time [s] at which the ride is over, of a free one by the quasi-static model; None without a car."""
+        """Time [s] at which the ride is over, of a free one quasi-static; None without a car."""
         if self.ride is not None:
             return self.ride.duration * self.time_scale
         return None if self._motion is None else self._motion.phases[-1][1]
@@ -367,14 +361,8 @@ class Scene(Described):
             f"  chord   span {self.supports.span:.6g} m, drop {self.supports.drop:.4g} m, slope {self.slope:.3g} deg",
         ]
         if self.damping:
-            wind = (
-                ""
-                if self.wind is None
-                else f", crosswind {self.wind.across:.4g} m/s tilts it by {self.wind_tilt:.3g} deg"
-            )
-            lines.append(
-                f"  damping {self.damping:.4g} 1/s, {self.damping_ratio:.2%} of critical in the first mode{wind}"
-            )
+            wind = "" if self.wind is None else f", crosswind tilts it by {self.wind_tilt:.3g} deg"
+            lines += [f"  damping {self.damping:.4g} 1/s, {self.damping_ratio:.2%} of critical in the first mode{wind}"]
         groups = f"sigma = {self.sigma:.5g}, alpha = {self.alpha:.5g}, Irvine L^2 = {self.irvine:.4g}"
         if self.mass is not None:
             how = "rolls freely" if self.travel is None else self.travel.kind

@@ -1,7 +1,4 @@
-"""The loaded cable at rest: an elastic catenary of two pieces; the car grips it or hangs on a rope.
-
-Lengths over l, forces over H. N = T + alpha eps, T of the empty cable.
-"""
+"""The loaded cable at rest, over l and H: two pieces with N = T + alpha eps, T of the empty cable."""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +8,7 @@ import numpy as np
 from cablefem.scene import catenary
 from cablefem.scene.drive import FARTHEST_END, NEAREST_START
 
-# nodes of a load path, uniform in log(s/(1 - s)); Gauss points a side, for an error of 3e-8 l
+# nodes of a load path; Gauss points a side, for an error of 3e-8 l
 NODES, POINTS = 160, 24
 ITERATIONS = 60  # of Newton's method, and for the direction of a rolling car
 
@@ -22,7 +19,7 @@ class NoRest(ArithmeticError):
 
 @dataclass(frozen=True)
 class Rest:
-    """The loaded cable at rest with the car at s (n,); (n,) or (n, 2), y down."""
+    """The loaded cable at rest with the car at s; arrays (n,) or (n, 2), y down."""
 
     s: np.ndarray
     left: np.ndarray  # N r'/lam at the left support
@@ -44,14 +41,14 @@ class Rest:
 
 
 def nodes(nearest: float | None = None) -> np.ndarray:
-    """Places for a load path, up to `nearest` of both supports."""
+    """Places for a load path, uniform in log(s/(1 - s)), up to `nearest` of both supports."""
     near, far = (0.5 * NEAREST_START, 0.5 * (1.0 - FARTHEST_END)) if nearest is None else (nearest, nearest)
     y = np.linspace(math.log(near), -math.log(far), NODES if nearest is None else 2 * NODES)
     return 1.0 / (1.0 + np.exp(-y))
 
 
 def gripped(s, groups) -> Rest:
-    """The rest of a car that grips; groups: mu, alpha, sigma, c."""
+    """The rest of a car that grips."""
     s = np.atleast_1d(np.asarray(s, dtype=float))
     x = _Pieces(s, np.array([0.0, -groups.mu * groups.sigma]) * np.ones((s.size, 1)), groups)
     (N0, r0, D0, ds0), (N1, r1, D1, ds1) = x.sides
@@ -70,8 +67,7 @@ def gripped(s, groups) -> Rest:
 def hauled(s, groups) -> Rest:
     """Rest of a car that rolls, hangs on a rope along the mean tangent tau, and is about to move on.
 
-    tau . jump = -rub, haul = rub - mu sigma tau_y, rub = mu_r mu sigma |tau_x| |<r'>|/<lam>, by iteration.
-    P' and P'' belong to a spline through P.
+    haul = rub - mu sigma tau_y, rub = mu_r mu sigma |tau_x| |<r'>|/<lam>, by iteration. P' is that of a spline.
     """
     from scipy.interpolate import CubicSpline
 
