@@ -5,7 +5,6 @@ import functools
 import pytest
 
 from cablefem import Scene
-from cablefem.scene.keys import keys
 from tests.validation.ladders import ladder
 from tests.validation.test_laws import held
 from validation.commands.check.study import check
@@ -64,11 +63,3 @@ def test_the_tilt_is_a_design_number_that_the_judge_computes_again():
     (row,) = (row for row in result.rows if (row.quantity, row.law) == ("design", "wind_tilt"))
     assert row.verdict.value == "agree"
     assert not any(x["quantity"] == "wind_tilt" for x in run(LEVEL, "following-p2", elements=2, steps=20).design)
-
-
-def test_keys_tell_unit_and_default():
-    found = {key.name: (key.unit, key.default) for key in keys(Scene)}
-    assert found["cable.damping"] == ("-", "0.0")
-    assert found["cable.damping.rate"] == ("1/s", "required")
-    assert found["wind.across"] == ("m/s", "required")
-    assert found["wind.drag_coefficient"] == ("-", "1.2")

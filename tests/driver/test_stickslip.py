@@ -24,17 +24,8 @@ class Block(RollingCar):
     hears_itself = False
 
     def __init__(self, slope, damping=0.0, **drive):
-        drive = Drive(
-            **{
-                "mode": "free",
-                "nominal": 1.0,
-                "rest_speed": 1e-4,
-                "rest_distance": 1e-3,
-                "end_place": 0.95,
-                "end_time": 10.0,
-            }
-            | drive
-        )
+        usual = {"nominal": 1.0, "rest_speed": 1e-4, "rest_distance": 1e-3, "end_place": 0.95, "end_time": 10.0}
+        drive = Drive(**{"mode": "free"} | usual | drive)
         self.slope, self.damping, self.n_dof, self.phases = slope, damping, 1, drive.phases
         self.force_scale, self.force_floor = WEIGHT, 1e-15
         self.board(SimpleNamespace(drive=drive, sigma=SIGMA, alpha=400.0))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from cablefem.response import Response, whole, write_csv, write_json
+from cablefem.response import Flag, Response, whole, write_csv, write_json
 from validation.core.running import run
 
 
@@ -65,8 +65,12 @@ def same(a, b):
 
 
 def test_what_is_written_reads_back(level, tmp_path):
-    level = dataclasses.replace(level, powers={"haul": 2.5 * level.power}, events=[{"event": "turn", "t": 1.5}])
+    level = dataclasses.replace(
+        level, powers={"haul": 2.5 * level.power}, events=[{"event": "turn", "t": 1.5}], cause="slack",
+        flags=[Flag("energy", "gains {gain:.2f}", {"gain": 0.4})],
+    )  # fmt: skip
     level.write(tmp_path)
+    assert json.loads((tmp_path / "summary.json").read_text())["flags"] == ["gains 0.40"]
     again = Response.read(tmp_path)
     assert same(level.fields.T, again.fields.T)
     names = {field.name for field in dataclasses.fields(Response)} - {"fields"}

@@ -97,15 +97,8 @@ def test_the_groups_hold_the_drive_without_units():
 def test_thrust_is_linear_in_a_phase_and_nothing_outside_its_table():
     scene = Scene.from_toml(FULL)
     d, tau, H = scene.groups.drive, scene.time_scale, scene.horizontal_tension
-    for phase, t, force in (
-        (0, 0.5, 0),
-        (1, 0.5, 10),
-        (1, 1.25, 25),
-        (2, 2, 40),
-        (3, 2.75, -5),
-        (3, 3, -20),
-        (4, 3, 0),
-    ):
+    known = (0, 0.5, 0), (1, 0.5, 10), (1, 1.25, 25), (2, 2, 40), (3, 2.75, -5), (3, 3, -20), (4, 3, 0)
+    for phase, t, force in known:
         assert d.thrust(t / tau, phase) * H == pytest.approx(force, abs=1e-12 * H), (phase, t)
     np.testing.assert_allclose(H * d.thrust(np.array([1.25, 2.75]) / tau, np.array([1, 3])), [25.0, -5.0], rtol=1e-12)
     lasting = Scene.from_toml(FREE + "thrust = 33.0").groups.drive

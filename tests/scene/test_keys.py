@@ -27,7 +27,9 @@ def test_every_key_has_a_unit_a_meaning_and_a_range(part):
 def test_keys_are_those_that_scenes_read():
     found = {key.name: key for key in keys(Scene)}
     assert (found["cable.EA"].unit, found["cable.EA"].default) == ("N", "required")
-    assert found["drive.air_density"].default == "1.2"
+    assert (found["drive.air_density"].default, found["wind.drag_coefficient"].default) == ("1.2", "1.2")
+    assert (found["cable.damping"].unit, found["cable.damping"].default) == ("-", "0.0")
+    assert (found["cable.damping.rate"].unit, found["cable.damping.rate"].default) == ("1/s", "required")
     assert found["travel (trapezoid).jerk"].unit == "m/s3"
     assert found["travel.from"].brief == "> 0"
     assert {"drive.brake[].from", "drive.thrust.times", "obstacle[].top", "ground", "travel.stop.time"} <= found.keys()
@@ -82,11 +84,7 @@ def test_the_schema_sees_what_the_scene_refuses(old, new, where):
     ("old", "new", "expected"),
     [
         ("EA = 4e6", "EA = 4e6\nbending = 3.0", "cable.bending: not modelled: the cable bends without resistance"),
-        (
-            "drop = 25.0",
-            "drop = 25.0\ncounterweight = 1e4",
-            "supports.counterweight: not modelled: the two ends of the",
-        ),
+        ("drop = 25.0", "drop = 25.0\ncounterweight = 1e4", "supports.counterweight: not modelled: the two ends of"),
         ("EA = 4e6", "EA = 4e6\ncreep = 1e-4", "cable.creep: not modelled: the cable keeps its unstretched length"),
         ("mass = 75.0", "mass = [75.0, 60.0]", "mass.mass = [75.0, 60.0]: not modelled: one car rides on the cable"),
         ("mass = 75.0", "mass = 75.0\nhanger = 2.0", "mass.hanger: not modelled: the car is a point on the cable"),

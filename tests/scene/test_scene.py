@@ -28,6 +28,7 @@ def choices(draw):
         "travel": draw(st.sampled_from(TRAVELS)),
         "span": draw(st.floats(20.0, 4000.0)),
         "rho": draw(st.floats(0.2, 30.0)),
+        "gravity": draw(st.floats(1.5, 25.0)),
     }
 
 
@@ -103,7 +104,8 @@ def test_from_groups_gives_the_groups_asked_for(choice):
     scene = Scene.from_groups(**choice)
     for name in ("sag_ratio", "slope", "mu", "alpha", "speed_ratio"):
         assert getattr(scene, name) == pytest.approx(choice[name], rel=1e-12, abs=1e-12), name
-    assert scene.travel.kind == choice["travel"]
+    assert (scene.travel.kind, scene.gravity) == (choice["travel"], choice["gravity"])
+    assert Scene.from_toml(scene.to_toml()) == scene
     groups = scene.groups
     assert (groups.mu, groups.alpha, groups.sigma) == (scene.mu, scene.alpha, scene.sigma)
     assert math.hypot(groups.chord_cos, groups.chord_sin) == pytest.approx(1.0, rel=1e-15)
@@ -113,30 +115,6 @@ def test_from_groups_gives_the_groups_asked_for(choice):
     assert groups.motion.end == 1.0
     assert groups.motion.top_speed == pytest.approx(choice["speed_ratio"], rel=1e-12)
     assert scene.wave_speed * math.sqrt(scene.alpha) == pytest.approx(scene.axial_speed, rel=1e-14)
-
-
-@given(choices(), st.floats(0.3, 7.0), st.floats(0.2, 3.0), st.floats(1.5, 25.0))
-@settings(deadline=None, max_examples=40)
-def test_the_groups_do_not_know_the_size_the_weight_and_the_planet(choice, longer, heavier, gravity):
-    here = Scene.from_groups(**choice).groups
-    there = {**choice, "span": longer * choice["span"], "rho": heavier * choice["rho"]}
-    there = Scene.from_groups(**there, gravity=gravity).groups
-    for name in ("mu", "alpha", "sigma", "c", "chord_cos", "chord_sin"):
-        assert getattr(there, name) == pytest.approx(getattr(here, name), rel=1e-12, abs=1e-12), name
-    np.testing.assert_allclose(there.motion.phases, here.motion.phases, rtol=1e-12)
-
-
-@given(choices())
-@settings(deadline=None, max_examples=40)
-def test_the_three_ways_to_define_a_cable_agree(choice):
-    scene = Scene.from_groups(**choice)
-    for shape in ("length", "horizontal_tension"):
-        cable = {"mass_per_length": scene.cable.mass_per_length, "EA": scene.cable.EA, shape: getattr(scene, shape)}
-        other = scene.variant(cable=cable)
-        # a length fixes H through l - chord > 6e-5 l: 16 digits of l are 12 of H
-        assert other.horizontal_tension == pytest.approx(scene.horizontal_tension, rel=1e-11)
-        assert other.sag == pytest.approx(scene.sag, rel=1e-11)
-        assert other.groups.c == pytest.approx(scene.groups.c, rel=1e-11, abs=1e-11)
 
 
 @pytest.mark.parametrize("name", BUILT_IN)
@@ -151,13 +129,6 @@ def test_built_in_scenes_round_trip_and_differ_when_changed(name):
     changed = scene.variant(alpha=1.01 * scene.alpha)
     assert changed != scene
     assert Scene.from_toml(changed.to_toml()) == changed
-
-
-@given(choices(), st.text(st.characters(exclude_categories=("Cs", "Cc")), max_size=20))
-@settings(deadline=None, max_examples=40)
-def test_random_scenes_round_trip(choice, title):
-    scene = Scene.from_groups(**choice, name="my-scene_2.0").variant(title=title)
-    assert Scene.from_toml(scene.to_toml()) == scene
 
 
 def test_a_scene_file_is_named_after_itself_unless_it_says_otherwise(tmp_path):
@@ -215,14 +186,7 @@ def test_groups_are_computed_once_and_a_scene_is_frozen():
 
 def test_a_scene_prints_its_data_and_its_groups():
     text = str(Scene.load("level"))
-    for piece in (
-        "level: Level cable",
-        "l = 2002.37 m",
-        "mu = 1,",
-        "sigma = 0.16888,",
-        "alpha = 844.42",
-        "V/c = 0.411",
-    ):
-        assert piece in text
+    pieces = ("level: Level cable", "l = 2002.37 m", "mu = 1,", "sigma = 0.16888,", "alpha = 844.42", "V/c = 0.411")
+    assert all(piece in text for piece in pieces)
     assert "mass" not in str(Scene.load("bare")).split("\n", 1)[1]
     assert repr(Scene.load("bare")).startswith("<Scene bare:")

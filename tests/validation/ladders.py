@@ -26,6 +26,7 @@ def ladder(scene, change=lambda r: r, claims=None, **how):
 
 
 def altered(x, change):
+    """A ladder with one thing changed in all its runs: a fault of the method."""
     branches = (replace(b, runs=tuple(map(change, b.runs))) for b in (x.space, x.time))
     return Ladder(change(x.finest), *branches)
 

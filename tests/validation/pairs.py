@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable
 from functools import cache
 
 from cablefem import Scene
-from cablefem.response import Response
 from validation.core.climb import laddered
 from validation.core.ladder import Ladder
 
@@ -25,9 +22,3 @@ def answer(name: str) -> Ladder:
 
 def right() -> tuple[Ladder, Ladder]:
     return answer("following-p2"), answer("fourier-kink")
-
-
-def altered(e: Ladder, change: Callable[[Response], Response]) -> Ladder:
-    """Return a ladder with one thing changed in all its responses: a fault of the method, not of a run."""
-    space, time = (dataclasses.replace(x, runs=tuple(map(change, x.runs))) for x in (e.space, e.time))
-    return dataclasses.replace(e, finest=change(e.finest), space=space, time=time)

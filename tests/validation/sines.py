@@ -114,25 +114,10 @@ class Sines(System):
         u, du = (np.einsum("mk,tkf->ftm", g, x[frames]) for x in (Q, V))
         field = np.array([self.stress(s, g1 @ x)[0] for x in Q[frames]]).reshape(frames.size, s.size)
         return Observation(
-            t=states.t,
-            s_o=s_o,
-            path=path,
-            path_velocity=velocity,
-            path_acceleration=acceleration,
-            slope_behind=slope,
-            slope_ahead=slope,
-            T_behind=T,
-            T_ahead=T,
-            energy=energy,
-            power=ds * np.sum(drive * slope, 1),
-            tension_min=least,
-            tension_min_at=0.5 + 0.0 * least,
-            u=u[0],
-            v=u[1],
-            du=du[0],
-            dv=du[1],
-            T=field,
-        )
+            t=states.t, s_o=s_o, path=path, path_velocity=velocity, path_acceleration=acceleration, slope_behind=slope,
+            slope_ahead=slope, T_behind=T, T_ahead=T, energy=energy, power=ds * np.sum(drive * slope, 1),
+            tension_min=least, tension_min_at=0.5 + 0.0 * least, u=u[0], v=u[1], du=du[0], dv=du[1], T=field,
+        )  # fmt: skip
 
 
 METHOD = Method(

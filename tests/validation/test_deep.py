@@ -8,7 +8,8 @@ import numpy as np
 
 from cablefem.newmark.newmark_rule import NewmarkRule
 from tests.validation import test_rides_check
-from tests.validation.pairs import LEVEL, altered, right
+from tests.validation.ladders import altered
+from tests.validation.pairs import LEVEL, right
 from validation.commands.check.deep import THIRD, deep, entry
 from validation.core.agreement import Verdict
 from validation.core.rows import compare

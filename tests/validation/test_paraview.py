@@ -53,29 +53,21 @@ def test_the_cable_is_the_response_with_y_up(response, folder, k):
     assert cells.type == "line"
 
 
-@pytest.mark.parametrize("k", [0, 41, 97])
-def test_the_lines_run_along_the_cable_and_part_at_the_mass_only(response, folder, k):
+@pytest.mark.parametrize(("k", "beside"), [(0, 0.0), (41, 0.0), (97, 0.0), (41, 0.3)])
+def test_the_lines_run_along_the_cable_and_part_at_the_mass_only(response, tmp_path, k, beside):
+    """Also where the mass is between two stations."""
     f = response.fields
+    f = dataclasses.replace(f, s_o=f.s_o + beside * (f.s[1] - f.s[0]))
+    paraview.write(dataclasses.replace(response, fields=f), tmp_path)
     m = f.s.size
-    _, cells, _, _ = frame(folder / paraview.CABLE, k)
+    _, cells, _, _ = frame(tmp_path / paraview.CABLE, k)
     s = np.append(f.s, [f.s_o[k], f.s_o[k]])
     begin, end = cells.data.T
-    assert np.all(s[end] >= s[begin])
+    assert np.all(s[end] > s[begin] if beside else s[end] >= s[begin])
     assert (s[end] - s[begin]).sum() == pytest.approx(f.s[-1], rel=1e-12)  # nothing twice, nothing missing
     assert (begin == m + 1).sum() == 1  # one line starts ahead of the mass,
     assert (end == m).sum() == 1  # one ends behind it,
     assert not np.any((begin == m) | (end == m + 1))  # and none joins both
-
-
-def test_a_mass_between_two_stations_has_its_place_in_the_line(response, tmp_path):
-    f = response.fields
-    between = dataclasses.replace(f, s_o=f.s_o + 0.3 * (f.s[1] - f.s[0]))
-    paraview.write(dataclasses.replace(response, fields=between), tmp_path)
-    _, cells, _, _ = frame(tmp_path / paraview.CABLE, 41)
-    s = np.append(f.s, [between.s_o[41], between.s_o[41]])
-    begin, end = cells.data.T
-    assert np.all(s[end] > s[begin])
-    assert (s[end] - s[begin]).sum() == pytest.approx(f.s[-1], rel=1e-12)
 
 
 @pytest.mark.parametrize("k", [3, 66])
@@ -99,10 +91,7 @@ def test_all_frames_are_there_in_three_files(response, folder):
 
 
 def test_a_run_that_broke_at_once_still_gives_files(response, tmp_path):
-    none = {
-        field.name: getattr(response.fields, field.name)[:0]
-        for field in dataclasses.fields(response.fields)
-        if field.name != "s"
-    }
-    paraview.write(dataclasses.replace(response, fields=dataclasses.replace(response.fields, **none)), tmp_path)
+    f = response.fields
+    none = {x.name: getattr(f, x.name)[:0] for x in dataclasses.fields(f) if x.name != "s"}
+    paraview.write(dataclasses.replace(response, fields=dataclasses.replace(f, **none)), tmp_path)
     assert (tmp_path / paraview.CABLE).exists()

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.validation.pairs import LEVEL, altered, answer, right
+from tests.validation.ladders import altered
+from tests.validation.pairs import LEVEL, answer, right
 from validation.core.agreement import Verdict, overall
 from validation.core.rows import ALONG, AXIAL_MEAN, compare
 from validation.core.running import run

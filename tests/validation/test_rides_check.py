@@ -10,12 +10,10 @@ import pytest
 
 from cablefem import Scene
 from tests.scene.test_ride import ZIP
-from tests.validation.pairs import altered
-from validation.core import measures
+from tests.validation.ladders import altered
 from validation.core.agreement import Verdict, overall
 from validation.core.climb import laddered
 from validation.core.rows import AXIAL_MEAN, compare, with_bars
-from validation.core.running import run
 
 RIDE = Scene.from_toml(ZIP + "rolling_friction = 0.02\nbrake = [{from = 25.0, force = 40.0}]\nend = {place = 45.0}")
 
@@ -35,15 +33,8 @@ def test_both_wings_ride_alike_and_keep_the_laws():
     assert overall(list(found.values())) is Verdict.AGREE, [
         (key, row.gap, row.allowed) for key, row in asked.items() if row.verdict is not Verdict.AGREE
     ]
-    assert {name for name, _ in asked} >= {
-        "place",
-        "speed",
-        "events",
-        "contact",
-        "tension_behind",
-        "laws_si",
-        "impulse",
-    }
+    quantities = {"place", "speed", "events", "contact", "tension_behind", "laws_si", "impulse"}
+    assert {name for name, _ in asked} >= quantities
     assert found[("place", "")].gap < 1e-4
     assert {law for name, law in found if name == "events"} == {
         "brake: time", "brake: speed", "arrival: time", "arrival: speed",
@@ -116,19 +107,3 @@ def test_events_after_the_first_of_their_kind_have_bars_where_coarser_runs_have_
     first, second = told(1.0, 3.1)
     assert second > first + 0.1
     assert told(1.0)[1] is None, "a bar of an event that a coarser run does not know"
-
-
-def test_means_over_an_axial_round_trip_end_with_the_window():
-    """Next to the far support, beyond it, forces grow faster than bars from within it tell."""
-    scene = Scene.load("tramway")
-    r = run(scene, "following-p2", elements=4, steps=150)
-    axial, window = 20.0 * 2.0 * scene.length / scene.axial_speed, (0.02, 0.9)
-    place = r.s_o / r.length
-    past, inside = (np.where((place > x) & (place < y), 1e6, 0.0) for x, y in ((0.91, 1.0), (0.8, 0.9)))
-
-    def gap(more):
-        other = replace(r, F_haul=r.F_haul + more)
-        return measures.series_gap(r, other, window, lambda x: x.F_haul, axial)
-
-    assert gap(past) == 0.0
-    assert gap(inside) > 1e5
