@@ -23,12 +23,11 @@ class Piece(NamedTuple):
     c2: float
     c3: float = 0.0
 
-
-def _at(t, piece):
-    """(s_o, ds_o/dt, d2s_o/dt2) on a piece, or on columns of pieces."""
-    _, origin, c0, c1, c2, c3 = piece
-    x = t - origin
-    return c0 + x * (c1 + x * (c2 + x * c3)), c1 + x * (2.0 * c2 + 3.0 * x * c3), 2.0 * c2 + 6.0 * x * c3
+    def __call__(self, t):
+        """(s_o, ds_o/dt, d2s_o/dt2); also on columns of pieces."""
+        x = t - self.origin
+        ds, dds = self.c1 + x * (2.0 * self.c2 + 3.0 * x * self.c3), 2.0 * self.c2 + 6.0 * x * self.c3
+        return self.c0 + x * (self.c1 + x * (self.c2 + x * self.c3)), ds, dds
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ class Motion:
         """(s_o, ds_o/dt, d2s_o/dt2) by the polynomials of a phase, also beyond its ends."""
         pieces = self.pieces[phase]
         index = bisect.bisect_right(pieces, t, key=lambda piece: piece.start) - 1 if len(pieces) > 1 else 0
-        s, ds, dds = _at(t, pieces[max(0, index)])
+        s, ds, dds = pieces[max(0, index)](t)
         if t == self.phases[-1][1]:
             s = self.end  # without rounding
         return s, ds, dds
@@ -51,7 +50,7 @@ class Motion:
     def along(self, t: np.ndarray, phase: np.ndarray | int) -> np.ndarray:
         """`at` for many instants: rows s_o, ds_o, dds_o, (3, n)."""
         first, last = self._ends[:, phase]
-        out = np.array(_at(t, self._columns[:, np.minimum(np.maximum(self._piece(t), first), last)]))
+        out = np.array(self._on(np.minimum(np.maximum(self._piece(t), first), last))(t))
         out[0, t == self.phases[-1][1]] = self.end
         return out
 
@@ -75,7 +74,7 @@ class Motion:
         """s_o at t, same shape; constant outside the travel."""
         stop = self.phases[-1][1]
         t = np.clip(np.asarray(t, dtype=float), 0.0, stop)
-        return np.where(t == stop, self.end, _at(t, self._columns[:, self._piece(t)])[0])
+        return np.where(t == stop, self.end, self._on(self._piece(t))(t)[0])
 
     def time_at(self, s_o: float) -> float:
         """When the mass comes to s_o; ValueError if never."""
@@ -106,6 +105,10 @@ class Motion:
     def _piece(self, t) -> np.ndarray:
         return np.searchsorted(self._columns[0, 1:], t, side="right")
 
+    def _on(self, index: np.ndarray) -> Piece:
+        """The pieces of these numbers, as columns."""
+        return Piece(*self._columns[:, index])
+
     @property
     def speeds(self) -> list[tuple[float, float]]:
         """(t, ds_o/dt) wherever the speed can be extreme."""
@@ -115,7 +118,7 @@ class Motion:
                 times = [piece.start, high]
                 if piece.c3 != 0.0 and piece.start < (turn := piece.origin - piece.c2 / (3.0 * piece.c3)) < high:
                     times.append(turn)
-                samples += [(t, _at(t, piece)[1]) for t in times]
+                samples += [(t, piece(t)[1]) for t in times]
         return samples
 
     @cached_property
