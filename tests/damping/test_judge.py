@@ -23,7 +23,7 @@ def runs(name, claims):
 
 def broken(name, *claims, factor=3.0):
     found = held(runs(name, claims), (0.02, 0.3))
-    return {law for law, h in found.items() if not h.gap <= factor * sum(h.parts)}
+    return {law for law, h in found.items() if not h.gap <= factor * h.allowed}
 
 
 @pytest.mark.parametrize("name", ["level", "zipline", "to-rest"])

@@ -15,7 +15,8 @@ TABLE = {"kind": "table", "times": [0.0, 4.0, 8.0], "positions": [0.0, 60.0, 100
 
 
 def ran(**changes: Any) -> Any:
-    told = {"method": "one", "t": [0.0, 9.0], "reached": 1.0, "slack_onset": None, "status": "complete"}
+    told = {"method": "one", "drive": "grip", "t": [0.0, 9.0], "reached": 1.0, "slack_onset": None}
+    told["status"] = "complete"
     return SimpleNamespace(**told | changes)
 
 
@@ -38,7 +39,7 @@ def test_windows_are_cut_where_a_run_ends_or_is_slack() -> None:
     assert view.cut(ran(reached=0.999), ran()).window == (0.02, 0.80)
     with pytest.raises(NotComparable, match="two ends"):
         view.cut(ran(), ran(method="two", reached=0.01))
-    ride = View.of(Scene.load("zipline")).cut(ran(), ran(t=[0.0, 8.5]))
+    ride = View.of(Scene.load("zipline")).cut(ran(drive="free"), ran(drive="free", t=[0.0, 8.5]))
     assert ride.until == 8.5
     assert ride.covers(ran(t=[0.0, 8.4]))
     assert not ride.covers(ran(t=[0.0, 8.4], status="incomplete"))

@@ -19,7 +19,7 @@ from cablefem.scene import Scene
 from validation.core.answers import GROUND, clearances
 from validation.core.evidence import FIRST, ROUNDING, Given
 from validation.core.ladder import Ladder, largest
-from validation.core.measures import WINDOWS, averaged
+from validation.core.measures import averaged, extremes_within
 from validation.core.quantities import unit_of
 
 NEAR = 9  # times around an extreme at which two runs are compared
@@ -162,7 +162,7 @@ def numbers(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
     """The known design numbers, of a ladder with bars: at least the gap to the twin's."""
     r, ladder = (of.finest, of) if isinstance(of, Ladder) else (of, None)
     other = None if twin is None else twin.finest
-    span = _range(r, *(() if other is None else (other,)))
+    span = extremes_within(r, *(() if other is None else (other,)))
     found = [x for name, asked in quantities(r).items() if (x := _number(name, asked, r, span, ladder, other))]
     return found + _safety(r, found) + _tilt(r) + _onset(r, ladder, other)
 
@@ -170,20 +170,6 @@ def numbers(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
 def design(r: Response) -> list[dict[str, Any]]:
     """The `design` rows of a single run, without bars."""
     return [number.row() for number in numbers(r)]
-
-
-def _range(*runs: Response) -> tuple[float, float]:
-    """Times [s] between which extremes are taken: the compared range, cut where a run ends.
-
-    The entry of a gripped car is not resolved; a rolling car begins in equilibrium.
-    """
-    r = runs[0]
-    low, high = WINDOWS[r.drive]
-    begin, end = float(r.t[0]), min(min(float(x.t[-1]), x.slack_since) for x in runs)
-    if r.drive != "free":
-        begin = begin if r.drive == "haul" else float(np.interp(low * r.length, r.s_o, r.t))
-        end = min(end, float(np.interp(high * r.length, r.s_o, r.t)))
-    return begin, end
 
 
 def _number(

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ from scipy.interpolate import CubicSpline
 
 from cablefem.response import Array, Response
 from validation.core import timetable
+from validation.core.agreement import Agreement
+from validation.core.bounds import Bound, Part
 from validation.core.evidence import FIRST, ROUNDING, Evidence, Side, Window, Windows, cross
 from validation.core.order import left
 
@@ -38,56 +40,46 @@ class Defect:
         return np.sqrt(np.mean(self.value**2, axis=0))
 
 
-@dataclass(frozen=True, slots=True)
-class Held:
-    """A law checked on a run: the component with the largest rms defect over its bar."""
+def hold(
+    ladder: Any, window: Window, until: float = math.inf, asked: Callable[[str], float | None] = lambda asks: None
+) -> Iterator[Agreement]:
+    """Check the laws that apply to the finest run of a `ladder.Ladder`: of each the component with the worst defect.
 
-    law: str
-    quantity: str  # the row it belongs to
-    asks: str  # see `Law`
-    gap: float  # nan where the response lacks something
-    parts: tuple[float, float]  # of its bar: coarser runs in space; in time, with sampling
-    where: float | None  # s_o/l
-
-
-class Ladder(Protocol):
-    """See `ladder.Ladder`."""
-
-    @property
-    def finest(self) -> Response: ...
-    @property
-    def runs(self) -> tuple[Response, ...]: ...
-    def parts(
-        self, of: Callable[[Response], Array], apart: Callable[[Array, Array], Array], order: float
-    ) -> tuple[Array, Array]: ...
-
-
-def hold(ladder: Ladder, window: Window, until: float = math.inf) -> Iterator[Held]:
-    """Check all laws that apply to the finest run, over a window of s_o/l, up to a time [s]."""
-    r = ladder.finest
-    windows = Windows.of(r, window, until)
-    case = Evidence(r, windows)
+    window : s_o/l;  until : [s];  asked : tolerance of what a law asks.
+    """
+    finest = ladder.finest
+    windows = Windows.of(finest, window, until)
+    case = Evidence(finest, windows)
     thin = case.thinned()
-    thinner = thin.thinned()
-    known = {id(x): Evidence(x, windows) for x in ladder.runs[1:]} | {id(r): case}
-
+    sparse = thin, thin.thinned()
+    known = {id(x): Evidence(x, windows) for x in ladder.runs[1:]} | {id(finest): case}
     for name, law in LAWS.items():
         if not law.concerns(case):
             continue
         found = law.defect(case)
-        if not (found.place.size and np.isfinite(found.value).all()):
-            yield Held(name, law.of, law.asks, math.nan, (math.nan, 0.0), None)
-            continue
-        half, quarter = (law.defect(x).value for x in (thin, thinner))
-        sampling = ROUNDING + left(_rms_apart(found.value, half), _rms_apart(half, quarter), (2.0, 2.0), FIRST)
-        defects = {key: (found if law.exact else law.defect(x)).value for key, x in known.items()}
-        coarser = ladder.parts(lambda x, of=defects: of[id(x)], _rms_apart, FIRST)  # type: ignore[misc]
-        space, time = (np.broadcast_to(part, found.rms.shape) for part in coarser)
-        time = time + sampling  # shorter steps are more samples
-        worst = int((found.rms / (space + time)).argmax())
-        at = float(found.place[np.abs(found.value[:, worst]).argmax()])
-        gap, *parts = (float(x[worst]) for x in (found.rms, space, time))
-        yield Held(name, law.of, law.asks, gap, (parts[0], parts[1]), None if math.isnan(at) else at)
+        gap, parts, at = math.nan, (math.nan, 0.0), math.nan
+        if found.place.size and np.isfinite(found.value).all():
+            space, time = _bars(law, found, ladder, known, sparse)
+            worst = int((found.rms / (space + time)).argmax())
+            gap, parts = float(found.rms[worst]), (float(space[worst]), float(time[worst]))
+            at = float(found.place[np.abs(found.value[:, worst]).argmax()])
+        bar = sum(parts) if math.isfinite(sum(parts)) else math.inf
+        yield Agreement(
+            law.of, gap, Bound("law", (Part(finest.method, bar, "coarser runs and sampling"),)),
+            where=None if math.isnan(at) else at, law="" if name == law.of else name, asked_for=asked(law.asks),
+            asked=bool(law.asks), parts=(parts,),
+        )  # fmt: skip
+
+
+def _bars(
+    law: Law, found: Defect, ladder: Any, known: dict[int, Evidence], sparse: tuple[Evidence, Evidence]
+) -> tuple[Array, Array]:
+    """Bars (c,) of a defect in space; in time, with sampling: shorter steps are more samples."""
+    half, quarter = (law.defect(x).value for x in sparse)
+    sampling = ROUNDING + left(_rms_apart(found.value, half), _rms_apart(half, quarter), (2.0, 2.0), FIRST)
+    defects = {key: (found if law.exact else law.defect(x)).value for key, x in known.items()}
+    space, time = ladder.parts(lambda x: defects[id(x)], _rms_apart, FIRST)
+    return np.broadcast_to(space, found.rms.shape), time + sampling
 
 
 def _rms_apart(a: Array, b: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablefem.newmark import scheme
-from cablefem.response import Array, MassPath, Response
+from cablefem.response import Array, Fields, MassPath, Response
 
 WINDOW = (0.02, 0.80)  # past the start-up, before the layer at the far support
 SLACK_END = 0.95  # s_o/l to which slack cables and hauled cars, which arrive in equilibrium, are compared
@@ -26,18 +27,27 @@ class NotComparable(ValueError):
 
 
 def window_of(*responses: MassPath, window: Window | None = None) -> Window:
-    """The window (default: of the drive), cut at the earliest slack onset and shortest run.
+    """The window (default: of the drive), cut where a run goes slack or ends; a free ride may turn back at its end."""
+    low, high = window or WINDOWS[responses[0].drive]
+    slack = [math.inf if r.slack_onset is None else r.slack_onset for r in responses]
+    ends = [min(x, r.reached if r.drive != "free" else math.inf) for x, r in zip(slack, responses, strict=True)]
+    if min(high, *ends) > low:
+        return low, min(high, *ends)
+    first = int(np.argmin(ends))
+    what = "is slack" if slack[first] <= ends[first] else "ends"
+    raise NotComparable(
+        f"nothing to compare: {responses[first].method} {what} at s_o/l = {min(ends):.4f}, before {low:g}"
+    )
 
-    A free ride may turn back: it is not cut at its end.
+
+def extremes_within(*runs: Response) -> tuple[float, float]:
+    """Times [s] between which extremes of the first run are taken: in the window, as far as all runs go.
+
+    The entry of a gripped car is not resolved; a rolling car begins in equilibrium.
     """
-    drive = responses[0].drive
-    window = window or WINDOWS[drive]
-    stop = min([window[1]] + [r.slack_onset for r in responses if r.slack_onset is not None])
-    if drive != "free":
-        stop = min([stop] + [r.reached for r in responses])
-    if not stop > window[0]:
-        raise NotComparable(f"nothing to compare: s_o/l ends at {stop:.4f}, the window starts at {window[0]}")
-    return window[0], stop
+    r, end = runs[0], min(min(float(x.t[-1]), x.slack_since) for x in runs)
+    low, high = (float(np.interp(place * r.length, r.s_o, r.t)) for place in WINDOWS[r.drive])
+    return low if r.drive == "grip" else float(r.t[0]), end if r.drive == "free" else min(end, high)
 
 
 def inside(r: MassPath, window: Window) -> NDArray[np.bool_]:
@@ -107,18 +117,23 @@ def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], ND
     return np.round(a.fields.s_o[i] / a.length, 9), i, j
 
 
+def _in_window(a: Response, b: Response, window: Window) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
+    """`common_frames` in the window, one at least."""
+    place, i, j = common_frames(a, b)
+    within = (place >= window[0]) & (place <= window[1])
+    if not within.any():
+        raise NotComparable(f"no common frame of the fields in the window {window}")
+    return place[within], i[within], j[within]
+
+
 def tension_gap(a: Response, b: Response, window: Window) -> float:
     """Rms gap of the tension fields over frames in the window, over H.
 
     Stations within JUMP_WIDTH of the mass are left out: there each mesh smears the jump.
     """
-    place, i, j = common_frames(a, b)
-    inside = (place >= window[0]) & (place <= window[1])
-    if not inside.any():
-        raise NotComparable(f"no common frame of the tension fields in the window {window}")
-    away = np.abs(a.fields.s[None, :] / a.length - place[inside][:, None]) >= JUMP_WIDTH
-    gap = (a.fields.T[i[inside]] - b.fields.T[j[inside]])[away] / b.horizontal_tension
-    return float(np.sqrt(np.mean(gap**2)))
+    place, i, j = _in_window(a, b, window)
+    away = np.abs(a.fields.s / a.length - place[:, None]) >= JUMP_WIDTH
+    return float(np.sqrt(np.mean((a.fields.T[i] - b.fields.T[j])[away] ** 2))) / b.horizontal_tension
 
 
 def series_gap(
@@ -155,24 +170,18 @@ def series_gap(
 
 
 def averaged(t: Array, values: Array, low: Array, high: Array, breaks: Sequence[float] = ()) -> Array:
-    """Means (k, c) of the lines through values (n, c) between times low and high (k,)."""
-    begin, end = (_summed(t, values, breaks, at) for at in (low, high))
-    return (end - begin) / (high - low)[:, None]
-
-
-def _summed(t: Array, values: Array, breaks: Sequence[float], at: Array) -> Array:
-    """Integrals up to `at` of the lines through values (n, c).
+    """Means (k, c) of the lines through values (n, c) between times low and high (k,).
 
     A break's value is that before the jump; the step after it extrapolates backwards.
     """
+    from scipy.interpolate import PPoly
+
     begin, dt = values[:-1].copy(), np.diff(t)[:, None]
     for i in np.searchsorted(t, np.array(breaks) * (1.0 - 1e-12)).tolist():
         if 0 < i < t.size - 2:
             begin[i] = values[i + 1] - (values[i + 2] - values[i + 1]) * (dt[i] / dt[i + 1])
-    sums = np.concatenate([np.zeros_like(values[:1]), np.cumsum(0.5 * dt * (begin + values[1:]), axis=0)])
-    i = np.clip(np.searchsorted(t, at, side="right") - 1, 0, t.size - 2)
-    x = at[:, None] - t[i, None]
-    return sums[i] + x * (begin[i] + 0.5 * x / dt[i] * (values[i + 1] - begin[i]))
+    total = PPoly(np.stack([(values[1:] - begin) / dt, begin]), t).antiderivative()
+    return (total(high) - total(low)) / (high - low)[:, None]
 
 
 def _spline(t: Array, values: Array, kinks: Sequence[float], at: Array) -> Array:
@@ -187,34 +196,20 @@ def _spline(t: Array, values: Array, kinks: Sequence[float], at: Array) -> Array
     return out
 
 
-def displacement_gap(a: Response, b: Response, window: Window, *, along: bool = False) -> float:
-    """Rms distance of displacements across (or along) the static cable, over the rms of b.
+def field_gap(a: Response, b: Response, window: Window, *, rate: bool = False, along: bool = False) -> float:
+    """Rms distance of displacements, or velocities, across (or along) the static cable, over the rms of b.
 
-    The station at the mass is left out, see `velocity_gap`.
+    The station at the mass is left out: rounding decides which of its sides is sampled.
     """
-    return _field_gap(a, b, window, lambda r: _component(r, r.fields.u, r.fields.v, along))
 
+    def of(f: Fields) -> Array:
+        i, j = np.gradient(f.x, f.s), np.gradient(f.y, f.s)
+        x, y = (f.du, f.dv) if rate else (f.u, f.v)
+        return (i * x + j * y if along else i * y - j * x) / np.hypot(i, j)
 
-def _component(r: Response, x: Array, y: Array, along: bool) -> Array:
-    i, j = np.gradient(r.fields.x, r.fields.s), np.gradient(r.fields.y, r.fields.s)
-    return (i * x + j * y if along else i * y - j * x) / np.hypot(i, j)
-
-
-def velocity_gap(a: Response, b: Response, window: Window, *, along: bool = False) -> float:
-    """Rms distance of velocities across (or along) the static cable, over the rms of b.
-
-    At the mass, rounding decides which side is sampled: its station is left out.
-    """
-    return _field_gap(a, b, window, lambda r: _component(r, r.fields.du, r.fields.dv, along))
-
-
-def _field_gap(a: Response, b: Response, window: Window, of: Callable[[Response], Array]) -> float:
-    place, i, j = common_frames(a, b)
-    within = (place >= window[0]) & (place <= window[1])
-    if not within.any():
-        raise NotComparable(f"no common frame of the fields in the window {window}")
-    off = np.abs(a.fields.s[None, :] / a.length - place[within][:, None]) > 1e-6
-    first, second = (of(r)[k[within]][off] for r, k in ((a, i), (b, j)))
+    place, i, j = _in_window(a, b, window)
+    off = np.abs(a.fields.s / a.length - place[:, None]) > 1e-6
+    first, second = of(a.fields)[i][off], of(b.fields)[j][off]
     return float(np.sqrt(np.mean((first - second) ** 2) / np.mean(second**2)))
 
 

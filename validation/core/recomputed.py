@@ -8,29 +8,26 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import make_interp_spline
 
 from cablefem.response import Array, Response
+from validation.core.agreement import Agreement
+from validation.core.bounds import Bound, Part
 from validation.core.evidence import ROUNDING, Evidence, Given, Windows, cross
-from validation.core.measures import WINDOWS
+from validation.core.measures import extremes_within
 
 
-@dataclass(frozen=True, slots=True)
-class Recomputed:
-    """Gap of a printed to a recomputed value, over its largest size."""
-
-    quantity: str  # "design" or "columns"
-    law: str  # its name
-    gap: float
-    allowed: float
-    where: float | None = None  # s_o/l
+def _row(r: Response, quantity: str, law: str, gap: float, allowed: float, where: float | None = None) -> Agreement:
+    """Gap of a printed to a recomputed value, over its largest size; where : s_o/l."""
+    return Agreement(
+        quantity, gap, Bound("law", (Part(r.method, allowed, "printed bar and sampling"),)), where, law=law
+    )
 
 
-def rows(r: Response, twin: Response | None = None) -> Iterator[Recomputed]:
+def rows(r: Response, twin: Response | None = None) -> Iterator[Agreement]:
     """Recompute a run's design numbers and path.csv, written anew."""
     yield from design(r, twin)
     with tempfile.TemporaryDirectory() as folder:
@@ -38,7 +35,7 @@ def rows(r: Response, twin: Response | None = None) -> Iterator[Recomputed]:
         yield from columns(r, Path(folder) / "path.csv")
 
 
-def columns(r: Response, path: Path) -> Iterator[Recomputed]:
+def columns(r: Response, path: Path) -> Iterator[Agreement]:
     lines = path.read_text(encoding="ascii").splitlines()
     written = np.array([[float(x or "nan") for x in line.split(",")] for line in lines[1:]])
     rest = Evidence(r, Windows(r.fields.t, r.t)).curve(r.s_o)
@@ -53,13 +50,14 @@ def columns(r: Response, path: Path) -> Iterator[Recomputed]:
         alike = np.array_equal(np.isnan(told), np.isnan(right))
         size = float(np.nanmax(np.abs(right), initial=0.0)) or 1.0
         gap = float(np.nanmax(np.abs(told - right), initial=0.0)) / size if alike else math.inf
-        yield Recomputed("columns", name, gap, ROUNDING)
+        yield _row(r, "columns", name, gap, ROUNDING)
 
 
-def design(r: Response, twin: Response | None = None) -> Iterator[Recomputed]:
+def design(r: Response, twin: Response | None = None) -> Iterator[Agreement]:
     """Check design numbers against the extremes of their signals, in the range of both runs."""
-    period = 2.0 * r.length * math.sqrt(Given(r.scene_toml, r.length).rho / Given(r.scene_toml, r.length).EA)
-    span, known = _range(r, *(() if twin is None else (twin,))), _signals(r)
+    given = Given(r.scene_toml, r.length)
+    period = 2.0 * r.length * math.sqrt(given.rho / given.EA)
+    span, known = extremes_within(r, *(() if twin is None else (twin,))), _signals(r)
     for row in r.design:
         quantity = row["quantity"]
         kind = quantity if quantity in known else quantity.removesuffix("_max").removesuffix("_min")
@@ -73,17 +71,7 @@ def design(r: Response, twin: Response | None = None) -> Iterator[Recomputed]:
                 right = _extreme(known[kind], span, over, least)
                 size = abs(right) or 1.0
                 gap, allowed = abs(row[name] - right) / size, (row[bar] or 0.0) / size + ROUNDING
-                yield Recomputed("design", quantity + law, gap, allowed, where)
-
-
-def _range(*runs: Response) -> tuple[float, float]:
-    """Times [s] between which extremes are taken; a rolling car begins in equilibrium."""
-    r, end = runs[0], min(min(x.t[-1], x.slack_since) for x in runs)
-    if r.drive == "free":
-        return 0.0, float(end)
-    low, high = WINDOWS[r.drive]
-    begin, last = np.interp([low * r.length if r.drive == "grip" else 0.0, high * r.length], r.s_o, r.t)
-    return float(begin), float(min(end, last))
+                yield _row(r, "design", quantity + law, gap, allowed, where)
 
 
 Signals = list[tuple[Array, Array]]  # times (n,), values (n,) or (n, m)
@@ -134,11 +122,6 @@ def _means(t: Array, v: Array, span: tuple[float, float], period: float) -> Arra
         k = np.arange(t.size)
         near = (np.abs(t[:, None] - t) <= 0.5 * period) | (np.abs(k[:, None] - k) <= 1)
         return np.asarray(near @ v / near.sum(axis=1)[:, None])
-    total = cumulative_trapezoid(v, t, initial=0.0)
-
-    def up_to(x: Array) -> Array:
-        i = np.clip(np.searchsorted(t, x, side="right") - 1, 0, t.size - 2)
-        return np.asarray(total[i] + 0.5 * (x - t[i]) * (v[i] + np.interp(x, t, v)))
-
+    total = make_interp_spline(t, v, k=1).antiderivative()
     low, high = np.clip(t - 0.5 * period, t[0], t[-1]), np.clip(t + 0.5 * period, t[0], t[-1])
-    return np.asarray((up_to(high) - up_to(low)) / (high - low))
+    return np.asarray((total(high) - total(low)) / (high - low))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -80,18 +80,10 @@ def _field(gap: Callable[..., float], **how: Any) -> Gap:
     return lambda x, y, view: gap(x, y, view.window, **how)
 
 
-def _free(view: View) -> bool:
-    return view.free
-
-
-def _rolls(view: View) -> bool:
-    return view.rolls
-
-
 TABLE = (
     Quantity("path_max", _path(0), "path"),
     Quantity("path_rms", _path(1), "path"),
-    Quantity("place", _series("s_o", over="length", largest=True), "path", concerns=_free),
+    Quantity("place", _series("s_o", over="length", largest=True), "path", concerns=lambda v: v.free),
     Quantity("speed", _series("speed", over="top", mean=True), "path", AXIAL_MEAN),
     Quantity("tension_behind", _series("T_behind", over="H", mean=True), "force", AXIAL_MEAN),
     Quantity("tension_ahead", _series("T_ahead", over="H", mean=True), "force", AXIAL_MEAN),
@@ -103,16 +95,16 @@ TABLE = (
         "haul_force", _series("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=lambda v: v.rolls
     ),
     Quantity("tension", _field(measures.tension_gap), "rest"),
-    Quantity("displacement", _field(measures.displacement_gap), "rest"),
-    Quantity("displacement", _field(measures.displacement_gap, along=True), "rest", ALONG),
+    Quantity("displacement", _field(measures.field_gap), "rest"),
+    Quantity("displacement", _field(measures.field_gap, along=True), "rest", ALONG),
     Quantity("speed", _series("speed", over="top", largest=True), ""),
     Quantity("tension_behind", _series("T_behind", over="H"), ""),
     Quantity("tension_ahead", _series("T_ahead", over="H"), ""),
     Quantity("reactions", _series("reaction_left", "reaction_right", over="H"), ""),
     Quantity("contact", _series("F_contact", over="weight"), ""),
-    Quantity("haul_force", _series("F_haul", over="weight"), "", concerns=_rolls),
-    Quantity("velocity", _field(measures.velocity_gap), ""),
-    Quantity("velocity", _field(measures.velocity_gap, along=True), "", ALONG),
+    Quantity("haul_force", _series("F_haul", over="weight"), "", concerns=lambda v: v.rolls),
+    Quantity("velocity", _field(measures.field_gap, rate=True), ""),
+    Quantity("velocity", _field(measures.field_gap, rate=True, along=True), "", ALONG),
 )
 
 
@@ -129,6 +121,8 @@ def compare(
 
     tol : of path, place and mean speed;  tol_tension : of mean forces, default ten times `tol`.
     """
+    from validation.core import laws  # loaded while solvers run
+
     whole, asked = View.of(scene), partial(asked_of, tol=tol, tol_tension=tol_tension)
     rows = list(independent(a.finest, b.finest))
     try:
@@ -141,7 +135,7 @@ def compare(
             row = _row(quantity, a, b, view, asked(quantity.asks))
             where = measures.place_of_gap(a.finest, b.finest, view.window) if quantity.name == "path_max" else None
             rows.append(replace(row, where=where))
-    rows += _laws(a, b, view, asked)
+    rows += _worse_of(row for x in (a, b) for row in laws.hold(x, view.window, view.until, asked))
     if view.free:
         rows += [row for event in EVENTS for row in _event(event, a, b, view, asked("rest"))]
     slack = _slack_onset(a, b, whole, asked("rest"))
@@ -316,34 +310,19 @@ def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[
 # --- an answer and mechanics ----------------------------------------------------------------------------------------
 
 
-def _laws(a: Ladder, b: Ladder, view: View, asked: Callable[[str], float]) -> Iterator[Agreement]:
-    from validation.core import laws  # loaded while solvers run
-
-    found: dict[str, list[Agreement]] = {}
-    for x in (a, b):
-        for held in laws.hold(x, view.window, view.until):
-            row = _own(held.quantity, held.gap, x, held.parts, asked(held.asks))
-            law = "" if held.law == held.quantity else held.law
-            found.setdefault(held.law, []).append(replace(row, law=law, where=held.where, asked=bool(held.asks)))
-    yield from map(worse, found.values())
-
-
 def printed(a: Response, b: Response) -> Iterator[Agreement]:
     """Check design numbers and path.csv against their second computation."""
     from validation.core import recomputed
 
+    return _worse_of(row for r, twin in ((a, b), (b, a)) for row in recomputed.rows(r, twin))
+
+
+def _worse_of(rows: Iterable[Agreement]) -> Iterator[Agreement]:
+    """The worse of both answers' rows, of each kind."""
     found: dict[tuple[str, str], list[Agreement]] = {}
-    for r, twin in ((a, b), (b, a)):
-        for x in recomputed.rows(r, twin):
-            bound = Bound("law", (Part(r.method, x.allowed, "printed bar and sampling"),))
-            found.setdefault((x.quantity, x.law), []).append(Agreement(x.quantity, x.gap, bound, x.where, law=x.law))
-    yield from map(worse, found.values())
-
-
-def _own(name: str, gap: float, x: Ladder, parts: tuple[float, float], asked_for: float) -> Agreement:
-    bar = sum(parts)
-    part = Part(x.finest.method, bar if math.isfinite(bar) else math.inf, "coarser runs and sampling")
-    return Agreement(name, gap, Bound("law", (part,)), asked_for=asked_for, parts=(parts,))
+    for row in rows:
+        found.setdefault((row.quantity, row.law), []).append(row)
+    return map(worse, found.values())
 
 
 def worse(rows: list[Agreement]) -> Agreement:

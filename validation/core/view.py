@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from cablefem.response import MassPath
 from cablefem.scene import Scene
-from validation.core.measures import WINDOWS, NotComparable, Window
+from validation.core.measures import WINDOWS, Window, window_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,15 +52,8 @@ class View:
 
     def cut(self, *finest: MassPath) -> View:
         """The view cut where a finest run ends or goes slack; NotComparable if nothing is left."""
-        low, high = self.window
-        slack = [r.slack_onset for r in finest if r.slack_onset is not None]
-        stop = min([high, *slack, *(() if self.free else (r.reached for r in finest))])
         until = min(float(r.t[-1]) for r in finest) if self.free else self.until
-        if not stop > low:
-            short = min(finest, key=lambda r: min(r.reached, math.inf if r.slack_onset is None else r.slack_onset))
-            what = "ends" if short.slack_onset is None else "is slack"
-            raise NotComparable(f"nothing to compare: {short.method} {what} at s_o/l = {stop:.4f}, before {low:g}")
-        return replace(self, window=(low, stop), until=until)
+        return replace(self, window=window_of(*finest, window=self.window), until=until)
 
     def covers(self, r: MassPath) -> bool:
         """Whether a coarser run reaches the end of the comparison."""
