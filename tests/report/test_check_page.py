@@ -89,7 +89,7 @@ def test_a_disagreement_is_said_first(folder):
 
 def test_a_third_party_has_its_rows_and_its_path(folder):
     party = {"quantity": "path_max", "gap": 0.073, "allowed": 0.0052, "verdict": "disagree", "where": 0.31,
-             "with": "other <code>", "bound": {"notes": ["agrees if its times are shifted by 0.10 s"]}}  # fmt: skip
+             "with": "other <code>", "notes": ["agrees if its times are shifted by 0.10 s"]}  # fmt: skip
     doctored(folder, rows=lambda rows: [*rows, party], verdict="disagree")
     path = ForeignPath.of(Scene.load("level"), np.linspace(0.0, 1900.0, 40), np.linspace(0.0, 2.5, 40))
     replace(path, speed=np.full(40, 140.0)).write(folder / "with.csv")

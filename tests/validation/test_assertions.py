@@ -81,7 +81,9 @@ def test_a_wrong_tension_is_told_with_its_place(fine, coarse):
 
 
 def test_tensions_at_the_mass_are_compared_where_there_is_no_field(fine, coarse):
-    with_tension = ForeignPath("b", fine.length, fine.t, fine.s_o, fine.v, fine.u, fine.T_behind, fine.T_ahead)
+    with_tension = ForeignPath(
+        method="b", **{n: getattr(fine, n) for n in ("length", "t", "s_o", "v", "u", "T_behind", "T_ahead")}
+    )
     # fronts pass the mass as spikes: six elements miss some percent of H there
     rows = validation.assert_agree(with_tension, coarse, path=1e-2, tension=0.2)
     assert "at the mass" in rows[1].allowed_because

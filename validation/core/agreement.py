@@ -72,8 +72,8 @@ class Agreement:
             "quantity": self.quantity, "gap": _number(self.gap), "allowed": _number(self.allowed),
             "bar_a": _number(bar_a), "bar_b": _number(bar_b), "asked_for": self.asked_for, "asked": self.asked,
             "verdict": self.verdict.value if self.asked else None, "where": self.where,
-            "allowed_because": self.allowed_because, "bound": self.bound.row(),
-            **({"law": self.law} if self.law else {}), **({"with": self.party} if self.party else {}),
+            "allowed_because": self.allowed_because,
+            **{k: v for k, v in (("law", self.law), ("with", self.party), ("notes", self.bound.notes)) if v},
         }  # fmt: skip
 
 

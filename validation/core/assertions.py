@@ -49,7 +49,7 @@ def told(row: Agreement) -> str:
 
 def _window(a: Answer, b: Answer, window: Window) -> Window:
     start = window[0] if a.drive == "free" else max(window[0], *(float(x.s_o[0] / x.length) for x in (a, b)))
-    return measures.window_of(a, b, window=(start, window[1]))  # type: ignore[arg-type]
+    return measures.window_of(a, b, window=(start, window[1]))
 
 
 def _over(window: Window, a: Answer, b: Answer) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 WORDS = {
@@ -49,12 +49,6 @@ class Bound:
         parts = [f"{p.name} {p.value:.2g}" + (f" ({p.basis})" if p.basis else "") for p in self.parts]
         said = WORDS[self.kind].format(parts=" + ".join(parts), sum=f"{self.sum:.2g}", **self.numbers)
         return "; ".join([said, *self.notes])
-
-    def row(self) -> dict[str, Any]:
-        row = asdict(self)
-        for part in row["parts"]:
-            part["value"] = part["value"] if math.isfinite(part["value"]) else None
-        return row
 
 
 def nothing(why: object) -> Bound:

@@ -18,14 +18,14 @@ import csv
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 
-from cablefem.response import Array, Response, write_csv
+from cablefem.response import Array, MassPath, Response, write_csv
 from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.agreement import Agreement, Verdict
@@ -47,34 +47,20 @@ _QUANTITIES = {"time": "t", "t_behind": "T_behind", "t_ahead": "T_ahead"}  # oth
 _COLUMNS = ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "speed")
 
 
-@dataclass(frozen=True, slots=True)
-class ForeignPath:
-    """A third party's mass path in SI, v down, with what path measures read of a `Response`; arrays (n,)."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForeignPath(MassPath):
+    """A third party's mass path in SI; None where it says nothing."""
 
-    method: str  # name in verdicts
-    length: float  # l [m]
-    t: Array  # [s], strictly increasing
-    s_o: Array  # [m]
-    v: Array  # [m]
-    u: Array | None = None  # [m]
+    settings: dict[str, Any] = field(default_factory=dict)
+    work: dict[str, int] = field(default_factory=dict)
+    slack_onset: float | None = None  # files do not tell
+    u: Any = None
+    x: Any = None
+    y: Any = None
     T_behind: Array | None = None  # [N] or nan
     T_ahead: Array | None = None
-    x: Array | None = None  # [m] from the left support
-    y: Array | None = None  # [m]
     speed: Array | None = None  # [m/s]
-    slack_onset: float | None = None  # s_o/l; files do not tell
-    drive: str = "grip"
     events: tuple[()] = ()
-
-    path_scale, path_scale_named = Response.path_scale, Response.path_scale_named
-
-    @property
-    def reached(self) -> float:
-        return float(self.s_o[-1] / self.length)
-
-    @property
-    def max_deflection(self) -> float:
-        return float(self.v.max())
 
     @classmethod
     def of(
@@ -110,7 +96,7 @@ class ForeignPath:
     def _completed(cls, name: str, scene: Scene, columns: dict[str, Array], rows: Sequence[str]) -> Self:
         """Return the path with these columns; `rows` are named in faults."""
         try:
-            return cls(name, scene.length, drive=scene.drive.mode, **_columns(scene, columns, rows))
+            return cls(method=name, length=scene.length, drive=scene.drive.mode, **_columns(scene, columns, rows))
         except Refused as fault:
             raise Refused(f"{name}: {fault}") from None
 
@@ -264,7 +250,7 @@ def _enough(place: Array, low: float, high: float) -> None:
         )
 
 
-def refuse_misnamed(path: ForeignPath | Response, ours: Response) -> None:
+def refuse_misnamed(path: MassPath, ours: Response) -> None:
     """Raise Refused if v (free ride: y) is far off but agrees after a change of unit or direction.
 
     ours : a run good to a few percent.
@@ -299,7 +285,7 @@ def comparable(a: Any, b: Any) -> tuple[Any, Any]:
     return (a, b) if a.u is not None and b.u is not None else (_vertical(a), _vertical(b))
 
 
-def _common(path: ForeignPath | Response, window: Window) -> Window:
+def _common(path: MassPath, window: Window) -> Window:
     if path.drive == "free":
         return window
     start, stop = max(window[0], float(path.s_o[0] / path.length)), min(window[1], path.reached)
@@ -376,7 +362,7 @@ def _measures(path: ForeignPath | Response, run: Response, part: Window) -> dict
     return found
 
 
-def _short(path: ForeignPath | Response, run: Response, window: Window) -> dict[str, Any]:
+def _short(path: MassPath, run: Response, window: Window) -> dict[str, Any]:
     """The part of the window that a path covers, if not all; else {}."""
     axis, at, wanted = "s_o/l", path.s_o / path.length, window
     if run.drive == "free":

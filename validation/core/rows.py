@@ -209,8 +209,8 @@ def happened(event: str, r: Response, after: int = 0) -> dict[str, Any] | None:
     return next(itertools.islice((x for x in r.events if x["event"] == event), after, None), None)
 
 
-def _of_event(event: str, name: str, scale: float, r: Response) -> float:
-    found = happened(event, r)
+def _of_event(event: str, name: str, scale: float, r: Response, after: int = 0) -> float:
+    found = happened(event, r, after)
     if found is None:
         raise NotComparable(f"{r.method} tells no {event}")
     return float(found[name]) / scale
@@ -240,17 +240,12 @@ def with_bars(ladder: Ladder) -> list[dict[str, Any]]:
     """Return a run's events with bars bar_t [s], bar_s_o [m], bar_speed [m/s]; None if unknown."""
     out, seen = [], Counter[str]()
     for x in ladder.finest.events:
-        event, after = x["event"], seen[x["event"]]
-
-        def of(name: str, r: Response, event: str = event, after: int = after) -> float:
-            found = happened(event, r, after)
-            if found is None:
-                raise NotComparable(event)
-            return float(found[name])
-
-        known = {name: ladder.bar(partial(of, name), order=1.0) for name in ("t", "s_o", "speed")}
+        event, bars = x["event"], {}
+        for name in ("t", "s_o", "speed"):
+            bar = ladder.bar(partial(_of_event, event, name, 1.0, after=seen[event]), order=1.0)
+            bars[f"bar_{name}"] = bar if math.isfinite(bar) else None
         seen[event] += 1
-        out.append({**x, **{f"bar_{name}": bar if math.isfinite(bar) else None for name, bar in known.items()}})
+        out.append(x | bars)
     return out
 
 

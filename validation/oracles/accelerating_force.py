@@ -66,7 +66,7 @@ def accelerated(
     name: str, exact: Callable[[Array], Array], until: float, methods: tuple[str, ...], **more: Any
 ) -> Crossing:
     return Crossing(
-        name=name, groups=level(inside(BEGINS, 0.0, A)), travel=lambda t: BEGINS + 0.5 * A * t * t, exact=exact,
+        name=name, groups=level(inside(BEGINS, 0.0, A)), exact=exact,
         begins=BEGINS, until=until, methods=methods, **more,
     )  # fmt: skip
 

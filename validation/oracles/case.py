@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from cablefem.scene import Cable, Groups, Mass, Scene, Supports
-from cablefem.scene.line import Line, LineRest
 from cablefem.scene.motion import Motion, Piece
 
 Array = NDArray[np.float64]
-Error = tuple[float, float]  # the largest and the rms one, relative
 
 WINDOW = (0.02, 0.8)  # s_o/l in which paths are compared
 BEST = ("following-p2", "fourier-kink")
@@ -38,10 +36,6 @@ def positive(**numbers: float) -> None:
             raise ValueError(f"{name} must be finite and > 0, got {value!r}")
 
 
-def largest_and_rms(error: Array) -> Error:
-    return float(np.abs(error).max()), float(np.sqrt(np.mean(error**2)))
-
-
 @dataclass(frozen=True, slots=True)
 class Rung:
     """Settings of one run, and the size whose powers errors follow."""
@@ -59,41 +53,7 @@ class Path:
     v: Array
 
 
-class Solvers(Protocol):
-    """What a case asks of the solvers."""
-
-    def names(self, kind: str) -> Sequence[str]:
-        """Methods ("path") or bases of frequencies ("modes")."""
-
-    def order(self, name: str) -> tuple[float | None, str]:
-        """Order of the path, None if it is wrong, and why."""
-
-    def ladder(self, name: str, *, finer: float = 1.0) -> list[Rung]:
-        """Settings from coarse to fine."""
-
-    def path(self, crossing: Crossing, name: str, **settings: Any) -> Path:
-        """Run a crossing; dimensionless."""
-
-    def modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
-        """First frequencies of the bare cable."""
-
-    def damped_modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Any:
-        """First complex frequencies of the bare cable."""
-
-    def plucked(self, name: str, groups: Groups, p: float, end: float, **settings: Any) -> tuple[Array, Array]:
-        """Let a straight string go that the weight of groups holds at p; return t, and w at p."""
-
-    def response(self, scene: str, name: str, **settings: Any) -> Any:
-        """Run a built-in scene; SI."""
-
-    def ride(self, scene: Scene, name: str, **settings: Any) -> Any:
-        """Run a scene to its end; SI."""
-
-    def hold(self, groups: Groups, name: str, start: float, **settings: Any) -> float:
-        """Force along the cable that holds a free car at its start, over H."""
-
-    def line(self, line: Line, name: str, **settings: Any) -> LineRest:
-        """Solve a line at rest."""
+Solvers = Any  # what a case asks of the solvers: `validation.commands.oracles.study`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,8 +85,14 @@ class Case:
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Any:
         raise NotImplementedError
 
-    def error(self, answer: Any) -> Error:
-        raise NotImplementedError
+    def off(self, answer: Any) -> Any:
+        """Relative errors of an answer, in any shape; by default the answer itself."""
+        return answer
+
+    def error(self, answer: Any) -> tuple[float, float]:
+        """The largest and the rms error."""
+        off = np.abs(self.off(answer))
+        return float(off.max()), float(np.sqrt(np.mean(off**2)))
 
     def gap(self, coarse: Any, fine: Any) -> float | None:
         """Rms distance of two answers, the finer one's error bar."""
@@ -136,7 +102,6 @@ class Case:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crossing(Case):
     groups: Groups
-    travel: Callable[[Array], Array]  # xi(t)
     exact: Callable[[Array], Array]  # v(t) of the load
     load: str = "mass"
     model: str = "straight"  # a string without sag, or a model of the solvers
@@ -174,17 +139,17 @@ class Crossing(Case):
         t = np.linspace(0.0, self.motion.phases[-1][1], 2001)
         return float(np.abs(self.exact(t[self.motion.position(t) <= self.until])).max())
 
-    def error(self, answer: Path) -> Error:
+    def off(self, answer: Path) -> Array:
         return self._distance(answer, self.exact)
 
     def gap(self, coarse: Path, fine: Path) -> float:
         if fine.t.size < 5 or not (np.isfinite(fine.v).all() and np.isfinite(coarse.v).all()):
             return math.nan
-        return self._distance(coarse, CubicSpline(fine.t, fine.v))[1]
+        return float(np.sqrt(np.mean(self._distance(coarse, CubicSpline(fine.t, fine.v)) ** 2)))
 
-    def _distance(self, path: Path, v: Callable[[Array], Array]) -> Error:
+    def _distance(self, path: Path, v: Callable[[Array], Array]) -> Array:
         inside = (path.s_o >= self.window[0]) & (path.s_o <= self.window[1])
-        return largest_and_rms((path.v[inside] - v(path.t[inside])) / self.size)
+        return (path.v[inside] - v(path.t[inside])) / self.size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,28 +167,25 @@ class Modes(Case):
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Array:
         return solvers.modes(method, self.groups, self.model, self.exact.size, **rung.settings)
 
-    def error(self, answer: Array) -> Error:
-        worst = float(np.abs(answer / self.exact - 1.0).max())
-        return worst, worst
+    def off(self, answer: Array) -> Any:
+        return np.abs(answer / self.exact - 1.0).max()
 
     def gap(self, coarse: Array, fine: Array) -> float:
-        # rounding
-        return float(np.abs(coarse / fine - 1.0).max()) + 1e-10
+        return float(np.abs(coarse / fine - 1.0).max()) + 1e-10  # rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Law(Case):
     """A law of every run of a scene; its defect vanishes with the resolution."""
 
-    scene: str | Scene
-    defect: Callable[[Any], Error]
+    scene: Scene
+    defect: Callable[[Any], Any]
+    until: float | None = None  # s_o/l; None: the end
 
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Any:
-        if isinstance(self.scene, Scene):
-            return solvers.ride(self.scene, method, **rung.settings)
-        return solvers.response(self.scene, method, **rung.settings)
+        return solvers.ride(self.scene, method, until=self.until, **rung.settings)
 
-    def error(self, answer: Any) -> Error:
+    def off(self, answer: Any) -> Any:
         return self.defect(answer)
 
 
@@ -233,7 +195,7 @@ class Limit(Case):
 
     parameter: str
     values: tuple[float, ...]
-    deviation: Callable[[Solvers, str, float], Error]
+    deviation: Callable[[Solvers, str, float], Any]
 
     @property
     def refined(self) -> str:  # type: ignore[override]
@@ -243,11 +205,8 @@ class Limit(Case):
         rising = self.values[-1] > self.values[0]
         return [Rung({self.parameter: x}, x if rising else 1.0 / x) for x in self.values]
 
-    def ask(self, solvers: Solvers, method: str, rung: Rung) -> Error:
+    def ask(self, solvers: Solvers, method: str, rung: Rung) -> Any:
         return self.deviation(solvers, method, rung.settings[self.parameter])
-
-    def error(self, answer: Error) -> Error:
-        return answer
 
 
 # --- cables and travels; all numbers differ, so that no factor can hide

@@ -70,7 +70,7 @@ def cases() -> list[Crossing]:
     def ride(name: str, c: float, told: float, load: str = "mass", **kind: Any) -> Crossing:
         exact = extrapolated(1.75, mu=mu * (load == "mass"), P=mu * sigma, V=V, s0=s0, c=told)
         return Crossing(
-            name=name, groups=replace(level(inside(s0, V, 0.0), mu, sigma), damping=c), travel=lambda t: s0 + V * t,
+            name=name, groups=replace(level(inside(s0, V, 0.0), mu, sigma), damping=c),
             exact=exact, begins=s0, until=s0 + V * end, load=load, **kind,
         )  # fmt: skip
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.scene import Scene
-from validation.oracles.case import WINDOW, Array, Error, Law, largest_and_rms
+from validation.oracles.case import WINDOW, Array, Law
 
 
 def force(tension: Array, slope: Array, flux: Array) -> Array:
@@ -28,18 +28,17 @@ def _law(*, flux: bool) -> Law:
     assert scene.mass is not None
     mass, rho = scene.mass.mass, scene.rho if flux else 0.0
 
-    def defect(r: Any) -> Error:
+    def defect(r: Any) -> Array:
         streams = rho * np.gradient(r.s_o, r.t, edge_order=2) ** 2
         needs = mass * (r.acceleration - np.array([0.0, scene.gravity]))
         missing = force(r.T_ahead, r.slope_ahead, streams) - force(r.T_behind, r.slope_behind, streams) - needs
         inside = (r.s_o >= WINDOW[0] * r.length) & (r.s_o <= WINDOW[1] * r.length)
-        size = np.hypot(*missing[inside].T) / (mass * scene.gravity)
-        return largest_and_rms(size)
+        return np.hypot(*missing[inside].T) / (mass * scene.gravity)
 
     told = "" if flux else ", without the cable's momentum flux"
     return Law(
-        name="force and momentum at the mass, model full" + told, scene="level", defect=defect, falls=1.0,
-        because="slopes at the mass, and with them tensions, are worth one order",
+        name="force and momentum at the mass, model full" + told, scene=scene, until=WINDOW[1], defect=defect,
+        falls=1.0, because="slopes at the mass, and with them tensions, are worth one order",
         methods=("following-p1", "following-p2", "fourier-kink") if flux else ("following-p2",),
         expected="agree" if flux else "disagree", finer=1.6 if flux else 2.5,
     )  # fmt: skip

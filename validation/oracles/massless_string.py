@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from scipy.special import hyp2f1, xlogy
 
 from cablefem.scene import ConstantSpeed
-from validation.oracles.case import SIGMA, Array, Crossing, Error, Limit, Solvers, level
+from validation.oracles.case import SIGMA, Array, Crossing, Limit, Solvers, level
 
 
 def path(xi: ArrayLike, *, a: float) -> Array:
@@ -38,13 +38,13 @@ def path(xi: ArrayLike, *, a: float) -> Array:
 def cases() -> list[Limit]:
     a = 0.7
 
-    def deviation(solvers: Solvers, method: str, mu: float) -> Error:
+    def deviation(solvers: Solvers, method: str, mu: float) -> Array:
         V = 1.0 / math.sqrt(2.0 * mu * a)
         crossing = Crossing(
-            name="", groups=level(ConstantSpeed(speed=V).motion(1.0), mu), travel=lambda t: V * t,
+            name="", groups=level(ConstantSpeed(speed=V).motion(1.0), mu),
             exact=lambda t: 0.25 * mu * SIGMA * path(np.minimum(V * t, 1.0), a=a),
         )  # fmt: skip
-        return crossing.error(solvers.path(crossing, method, steps=round(150.0 / V)))
+        return crossing.off(solvers.path(crossing, method, steps=round(150.0 / V)))
 
     return [
         Limit(

@@ -57,7 +57,7 @@ def cases() -> list[Crossing]:
     def at(V: float, told: str = "") -> Crossing:
         return Crossing(
             name=f"speed {V:g}{told}", groups=level(ConstantSpeed(speed=V).motion(1.0)), load="force",
-            travel=lambda t: V * t, exact=lambda t: displacement(V * t, t, P=MU * SIGMA, V=V),
+            exact=lambda t: displacement(V * t, t, P=MU * SIGMA, V=V),
             methods=("following-p1", "following-p2", "fourier", "fourier-kink"), because=FRONT, at_most=1.0,
             orders={"following-p2": 1.2, "fourier-kink": 1.5},
         )  # fmt: skip

@@ -31,7 +31,7 @@ from scipy.sparse import block_array, csr_array, eye_array
 from scipy.sparse.linalg import spsolve
 
 from cablefem.scene import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Groups, Motion, Scene
-from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, Error, Limit, Solvers, level, positive
+from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, Limit, Solvers, level, positive
 
 REACH = 0.01  # distance to the far support at which the answer ends: fronts accumulate there
 LONGEST, OF_MU = 0.05, 0.125  # longest panel, and over mu: the string gives way within mu/2
@@ -137,7 +137,7 @@ def cases() -> list[Crossing | Limit]:
     def ride(name: str, motion: Motion, mu: float = MU) -> Crossing:
         exact = solve(motion, mu=mu, sigma=SIGMA).path
         groups, finer = level(motion, mu), 3.0 if mu < 0.5 else 1.0
-        return Crossing(name=name, groups=groups, travel=motion.position, exact=exact, finer=finer)
+        return Crossing(name=name, groups=groups, exact=exact, finer=finer)
 
     def steady(mu: float, V: float) -> Crossing:
         return ride(f"mass ratio {mu:g}, speed {V:g}", ConstantSpeed(speed=V).motion(1.0), mu)
@@ -160,7 +160,7 @@ def _paper() -> Crossing:
     assert groups.motion is not None
     sigma = _heavier(groups, groups.motion.at(0.0, 0)[1])
     return Crossing(
-        name="the paper's mass and speed, g (1 + V²)", scene="level", groups=groups, travel=groups.motion.position,
+        name="the paper's mass and speed, g (1 + V²)", scene="level", groups=groups,
         exact=solve(groups.motion, mu=groups.mu, sigma=sigma).path, methods=None,
     )  # fmt: skip
 
@@ -169,11 +169,11 @@ def _small_sag(model: str, *, plain: bool = False) -> Limit:
     V = 0.45
     motion = ConstantSpeed(speed=V).motion(1.0)
 
-    def deviation(solvers: Solvers, method: str, sigma: float) -> Error:
+    def deviation(solvers: Solvers, method: str, sigma: float) -> Array:
         groups = level(motion, sigma=sigma)
         exact = solve(motion, mu=groups.mu, sigma=sigma if plain else _heavier(groups, V)).path
-        crossing = Crossing(name="", groups=groups, travel=motion.position, exact=exact, model=model)
-        return crossing.error(solvers.path(crossing, method))
+        crossing = Crossing(name="", groups=groups, exact=exact, model=model)
+        return crossing.off(solvers.path(crossing, method))
 
     told = "plain g instead of g (1 + V²)" if plain else "g (1 + V²)"
     return Limit(

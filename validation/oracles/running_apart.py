@@ -41,7 +41,7 @@ def cases() -> list[Crossing]:
     return [
         Crossing(
             name="one of the two forces, until its waves come back", groups=level(inside(begins, V, 0.0)), load="force",
-            travel=lambda t: begins + V * t, exact=lambda t: one_force(V * t, t, P=MU * SIGMA, V=V), begins=begins,
+            exact=lambda t: one_force(V * t, t, P=MU * SIGMA, V=V), begins=begins,
             until=0.6, methods=("following-p1", "following-p2", "fourier", "fourier-kink"), because=SUDDEN, at_most=1.0,
         )
     ]  # fmt: skip

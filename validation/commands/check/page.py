@@ -60,7 +60,7 @@ def third(rows: list[dict[str, Any]], party: str) -> tuple[str, str]:
     """The verdict on a third party, and a sentence with the one change that would make it agree."""
     theirs = [row for row in rows if row.get("with") == party]
     worst = next(verdict for verdict in VERDICTS if any(row["verdict"] == verdict for row in theirs))
-    notes = [note for row in theirs for note in row.get("bound", {}).get("notes", ())]
+    notes = [note for row in theirs for note in row.get("notes", ())]
     return worst, "; ".join([WORDS["third"][worst], *dict.fromkeys(notes)]) + "."
 
 

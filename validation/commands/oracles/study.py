@@ -27,7 +27,7 @@ from validation.core.methods import ELEMENTS, LEVELS, METHODS, TERMS, Method, fi
 from validation.core.running import run
 from validation.core.sampling import stacked
 from validation.core.sidebyside import Progress, silent
-from validation.oracles.case import WINDOW, Case, Crossing, Rung, Solvers
+from validation.oracles.case import Case, Crossing, Rung, Solvers
 from validation.oracles.case import Path as MassPath
 
 ROWS, RESULT = "oracles.jsonl", "oracles.json"
@@ -142,12 +142,14 @@ BASES = {  # of frequencies: what is refined; order and why
 
 
 class _Solvers:
-    """The solvers of the method table, as cases ask for them."""
+    """The solvers of the method table, as cases ask for them; dimensionless, but `ride` in SI."""
 
     def names(self, kind: str) -> Sequence[str]:
+        """Methods ("path") or bases of frequencies ("modes")."""
         return list(METHODS) if kind == "path" else list(BASES)
 
     def order(self, name: str) -> tuple[float | None, str]:
+        """Order of the path, None if it is wrong, and why."""
         if name in BASES:
             return BASES[name][1:]
         method = find(name)
@@ -202,6 +204,7 @@ class _Solvers:
         return np.sort_complex(found[found.real > 0.0])[:count]
 
     def plucked(self, name: str, groups: Groups, p: float, end: float, **settings: Any) -> tuple[Array, Array]:
+        """Let a straight string go that the weight of groups holds at p; return t, and w at p."""
         loaded, free = (_held(name, x, p, "straight", settings, end) for x in (groups, replace(groups, mu=0.0)))
         rest = equilibrium(loaded)
         start = newmark.consistent_acceleration(free, 0.0, rest, np.zeros_like(rest), 0)
@@ -210,13 +213,11 @@ class _Solvers:
         history = stacked(states)
         return history.t, free.observe(history, np.zeros(0), np.zeros(0, np.intp)).path[:, 1]
 
-    def response(self, scene: str, name: str, **settings: Any) -> Response:
-        return run(Scene.load(scene), name, until=WINDOW[1], **settings)
-
     def ride(self, scene: Scene, name: str, **settings: Any) -> Response:
         return run(scene, name, **settings)
 
     def hold(self, groups: Groups, name: str, start: float, **settings: Any) -> float:
+        """Force along the cable that holds a free car at its start."""
         groups = replace(groups, motion=None, drive=Drive(mode="free", start=start, end_time=1.0, nominal=1.0))
         method = find(name)
         settings = method.settings_on(groups, settings)
