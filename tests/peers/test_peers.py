@@ -28,10 +28,10 @@ INSTALLED = [name for name in PEERS if available(name) is None]
 def test_a_missing_package_is_said_to_be_not_installed(name, monkeypatch):
     class Nowhere:
         def find_spec(self, wanted, path=None, target=None):
-            if wanted == PEERS[name].package:
+            if wanted == PEERS[name].module.split(".")[0]:
                 raise ModuleNotFoundError(f"No module named {wanted!r}", name=wanted)
 
-    for module in [m for m in sys.modules if m.split(".")[0] == PEERS[name].package]:
+    for module in [m for m in sys.modules if m.split(".")[0] == PEERS[name].module.split(".")[0]]:
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setattr(sys, "meta_path", [Nowhere(), *sys.meta_path])
     assert available(name) == "not installed"
@@ -39,7 +39,10 @@ def test_a_missing_package_is_said_to_be_not_installed(name, monkeypatch):
 
 @pytest.mark.parametrize("name", PEERS)
 def test_a_package_that_imports_is_available(name, monkeypatch):
-    _install(monkeypatch, {module: types.ModuleType(module) for module in (PEERS[name].package, PEERS[name].module)})
+    _install(
+        monkeypatch,
+        {module: types.ModuleType(module) for module in (PEERS[name].module.split(".")[0], PEERS[name].module)},
+    )
     assert available(name) is None
 
 

@@ -35,7 +35,7 @@ def hits(scene: Scene, r: Response) -> list[str]:
 
 
 def _end(scene: Scene, r: Response) -> Outcome:
-    here = f"{_metres(r.s_o[-1])} after {r.t[-1]:.1f} s"
+    here = f"{r.s_o[-1]:.1f} m after {r.t[-1]:.1f} s"
     if r.status != "complete" and r.slack_onset is None:
         return Outcome("incomplete", f"the computation broke at {here}: {r.reason}")
     if r.drive == "free":
@@ -46,14 +46,14 @@ def _end(scene: Scene, r: Response) -> Outcome:
     assert lasts is not None
     end, last = (scene.length if r.drive == "grip" else scene.drive.end_place(scene.length)), motion.end * scene.length
     if last < 0.999 * end:
-        found = Outcome("stopped", f"stops at {_metres(last)} after {lasts:.1f} s")
+        found = Outcome("stopped", f"stops at {last:.1f} m after {lasts:.1f} s")
     elif r.drive == "haul":
-        found = Outcome("crossed", f"is hauled from {_metres(r.s_o[0])} to {_metres(last)} in {lasts:.1f} s")
+        found = Outcome("crossed", f"is hauled from {r.s_o[0]:.1f} m to {last:.1f} m in {lasts:.1f} s")
     else:
         found = Outcome("crossed", f"crosses the cable in {lasts:.1f} s")
     if r.slack_onset is None:
         return found
-    slack = f"; the cable goes slack when the mass is at {_metres(r.slack_onset * r.length)}"
+    slack = f"; the cable goes slack when the mass is at {r.slack_onset * r.length:.1f} m"
     return Outcome(found.kind, found.sentence + slack)
 
 
@@ -61,33 +61,25 @@ def _ride(scene: Scene, r: Response) -> Outcome:
     events = {e["event"]: e for e in r.events}  # the last of each kind
     first_brake = min((brake.place for brake in scene.drive.brake), default=math.inf)
     if (e := events.get("arrival")) is not None:
-        return Outcome("arrives", f"arrives at {_metres(e['s_o'])} after {e['t']:.1f} s with {_kmh(e['speed'])}")
+        return Outcome("arrives", f"arrives at {e['s_o']:.1f} m after {e['t']:.1f} s with {3.6 * e['speed']:.1f} km/h")
     if (e := events.get("back")) is not None:
         return Outcome("rolls_back", f"rolls back to the start after {e['t']:.1f} s")
     if (e := events.get("stop")) is None:
-        text = f"still rolls after {r.t[-1]:.1f} s, at {_metres(r.s_o[-1])} with {_kmh(r.speed[-1])}"
+        text = f"still rolls after {r.t[-1]:.1f} s, at {r.s_o[-1]:.1f} m with {3.6 * r.speed[-1]:.1f} km/h"
         return Outcome("rolling", text)
     if e["s_o"] >= first_brake:
         into = e["s_o"] - first_brake
-        text = f"stops in the brake at {_metres(e['s_o'])}, {into:.1f} m into it, after {e['t']:.1f} s"
+        text = f"stops in the brake at {e['s_o']:.1f} m, {into:.1f} m into it, after {e['t']:.1f} s"
         return Outcome("stopped_by_brake", text)
     if "brake" in events:
-        text = f"reaches the brake and rolls back: comes to rest at {_metres(e['s_o'])} after {e['t']:.1f} s"
+        text = f"reaches the brake and rolls back: comes to rest at {e['s_o']:.1f} m after {e['t']:.1f} s"
     elif math.isfinite(first_brake):
         short = first_brake - e["s_o"]
-        text = f"never reaches the brake: comes to rest {short:.1f} m before it, at {_metres(e['s_o'])}, "
+        text = f"never reaches the brake: comes to rest {short:.1f} m before it, at {e['s_o']:.1f} m, "
         text += f"after {e['t']:.1f} s"
     else:
-        text = f"gets stuck: comes to rest at {_metres(e['s_o'])} after {e['t']:.1f} s"
+        text = f"gets stuck: comes to rest at {e['s_o']:.1f} m after {e['t']:.1f} s"
     return Outcome("stuck", text)
-
-
-def _metres(place: float) -> str:
-    return f"{place:.1f} m"
-
-
-def _kmh(speed: float) -> str:
-    return f"{3.6 * speed:.1f} km/h"
 
 
 class Profile(NamedTuple):

@@ -71,16 +71,18 @@ def _haul(g: Groups, r: Rest, velocity: Array, acceleration: Array) -> Array:
 
     The contact force they add changes only friction.
     """
-    mean = r.slope_behind + r.slope_ahead
-    size = np.linalg.norm(mean, axis=1)
-    stretch = np.linalg.norm(r.slope_behind, axis=1) + np.linalg.norm(r.slope_ahead, axis=1)
-    tau = mean / size[:, None]
+    tau, size = _mean_tangent(r), np.linalg.norm(r.slope_behind + r.slope_ahead, axis=1)
     wind = velocity - [g.drive.wind, 0.0]
     drag = -g.drive.k * np.linalg.norm(wind, axis=1)[:, None] * wind
     more = g.mu * acceleration - drag
     press = g.mu * g.sigma * tau[:, 0] + more[:, 0] * tau[:, 1] - more[:, 1] * tau[:, 0]
-    rub = g.drive.mu_r * (np.abs(press) - g.mu * g.sigma * np.abs(tau[:, 0])) * size / stretch
+    rub = g.drive.mu_r * (np.abs(press) - g.mu * g.sigma * np.abs(tau[:, 0])) * size / (2.0 * r.stretch)
     return r.haul + (more * tau).sum(1) + rub
+
+
+def _mean_tangent(r: Rest) -> Array:
+    mean = r.slope_behind + r.slope_ahead
+    return mean / np.linalg.norm(mean, axis=1)[:, None]
 
 
 def _travel(scene: Scene) -> tuple[Array, Array, Array, Array]:
@@ -101,16 +103,10 @@ class Statics:
 
     def __init__(self, groups: Groups) -> None:
         self._sigma = groups.sigma
-        if groups.drive.mode == "haul":
-            r = hauled(nodes(), groups)
-        else:
-            r = gripped(nodes(NEAREST if groups.drive.mode == "grip" else None), groups)
-        self._names = [name for name in Rest.__dataclass_fields__ if name != "s"]
-        columns = [np.reshape(getattr(r, name), (r.s.size, -1)) for name in self._names]
-        self._cuts = np.cumsum([c.shape[1] for c in columns])[:-1]
-        self._columns = CubicSpline(r.s, np.concatenate(columns, axis=1))
-        tau = (r.slope_behind + r.slope_ahead) / np.linalg.norm(r.slope_behind + r.slope_ahead, axis=1)[:, None]
-        self.energy = CubicSpline(r.s, r.hold + r.haul * (tau * r.along).sum(1)).antiderivative()
+        places = nodes(NEAREST if groups.drive.mode == "grip" else None)
+        r = (hauled if groups.drive.mode == "haul" else gripped)(places, groups)
+        self._of = {name: CubicSpline(r.s, getattr(r, name)) for name in Rest.__dataclass_fields__ if name != "s"}
+        self.energy = CubicSpline(r.s, r.hold + r.haul * (_mean_tangent(r) * r.along).sum(1)).antiderivative()
         self._range = float(r.s[0]), float(r.s[-1])
 
     def tension(self, s: Array, s_o: Array) -> Array:
@@ -120,9 +116,8 @@ class Statics:
         return np.hypot(n[..., 0], n[..., 1] - self._sigma * s)
 
     def __call__(self, s: Array) -> Rest:
-        s = np.asarray(s, float)
-        parts = np.split(self._columns(np.clip(s, *self._range)), self._cuts, axis=1)
-        return Rest(s=s, **{n: p if p.shape[1] > 1 else p[:, 0] for n, p in zip(self._names, parts, strict=True)})
+        at = np.clip(s, *self._range)
+        return Rest(s=np.asarray(s, float), **{name: of(at) for name, of in self._of.items()})
 
 
 def _least(r: Rest, sigma: float) -> tuple[Array, Array]:

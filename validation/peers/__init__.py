@@ -14,7 +14,6 @@ from validation.peers.path import PeerPath
 @dataclass(frozen=True, slots=True)
 class Peer:
     name: str
-    package: str
     module: str
     run: Callable[..., PeerPath]  # run(groups, *, elements, steps=None)
     ladder: tuple[Mapping[str, int], ...]  # settings, coarse to fine
@@ -25,11 +24,11 @@ PEERS: dict[str, Peer] = {
     peer.name: peer
     for peer in (
         Peer(
-            "opensees", "openseespy", "openseespy.opensees", opensees.run,
+            "opensees", "openseespy.opensees", opensees.run,
             tuple({"elements": n} for n in (50, 100, 200, 500, 1000, 2000)),
         ),
         Peer(
-            "exudyn", "exudyn", "exudyn", exudyn.run,
+            "exudyn", "exudyn", exudyn.run,
             tuple({"elements": n, "steps": 20 * n} for n in (25, 50, 100, 200)),
             tuple({"elements": n, "steps": 100 * n} for n in (10, 20, 40, 80)),
         ),
@@ -45,7 +44,7 @@ def available(name: str) -> str | None:
     try:
         importlib.import_module(peer.module)
     except Exception as error:  # wheels raise anything if a library is missing
-        if isinstance(error, ModuleNotFoundError) and error.name == peer.package:
+        if isinstance(error, ModuleNotFoundError) and error.name == peer.module.split(".")[0]:
             return "not installed"
         cause: BaseException = error
         while cause.__cause__ or cause.__context__:
