@@ -88,6 +88,10 @@ class Sines(System):
     def in_time(self, states):
         return states
 
+    def path(self, states):
+        seen = self.observe(states, np.zeros(0), np.zeros(0, int))
+        return seen.s_o, seen.path
+
     def observe(self, states, s, frames):
         n, (mu, sigma) = states.t.size, (self.groups.mu, self.groups.sigma)
         motion = [self.groups.motion.at(t, k) for t, k in zip(states.t, states.phase, strict=True)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -153,7 +153,7 @@ def wrong(found):
 
 
 def printed(found, known):
-    return replace(found.finest, design=[n.row() for n in known])
+    return replace(found.finest, design=[asdict(n) for n in known])
 
 
 def test_what_is_printed_is_recomputed(told):

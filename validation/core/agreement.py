@@ -69,8 +69,8 @@ class Agreement:
         bars = [part.value for part in self.bound.parts[:2]] if self.bound.kind in ("error bars", "law") else []
         bar_a, bar_b = (*bars, None, None)[:2]
         return {
-            "quantity": self.quantity, "gap": _number(self.gap), "allowed": _number(self.allowed),
-            "bar_a": _number(bar_a), "bar_b": _number(bar_b), "asked_for": self.asked_for, "asked": self.asked,
+            "quantity": self.quantity, "gap": finite(self.gap), "allowed": finite(self.allowed),
+            "bar_a": finite(bar_a), "bar_b": finite(bar_b), "asked_for": self.asked_for, "asked": self.asked,
             "verdict": self.verdict.value if self.asked else None, "where": self.where,
             "allowed_because": self.allowed_because,
             **{k: v for k, v in (("law", self.law), ("with", self.party), ("notes", self.bound.notes)) if v},
@@ -83,5 +83,6 @@ def overall(rows: list[Agreement]) -> Verdict:
     return next(verdict for verdict in Verdict if verdict in verdicts)
 
 
-def _number(x: float | None) -> float | None:
+def finite(x: float | None) -> float | None:
+    """The number, or None if it is unknown or infinite."""
     return x if x is not None and math.isfinite(x) else None

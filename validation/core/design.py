@@ -16,6 +16,7 @@ import numpy as np
 from cablefem.newmark import scheme
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
+from validation.core.agreement import finite
 from validation.core.answers import GROUND, clearances
 from validation.core.evidence import FIRST, ROUNDING, Given
 from validation.core.ladder import Ladder, largest
@@ -40,9 +41,6 @@ class Number:
     s: float | None = None  # [m] place on the cable
     peak: float | None = None  # extreme of a raw force
     bar_peak: float | None = None
-
-    def row(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,16 +165,18 @@ def numbers(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
     return found + _safety(r, found) + _tilt(r) + _onset(r, ladder, other)
 
 
-def design(r: Response) -> list[dict[str, Any]]:
-    """The `design` rows of a single run, without bars."""
-    return [number.row() for number in numbers(r)]
+def design(of: Ladder | Response, twin: Ladder | None = None) -> list[dict[str, Any]]:
+    """The `design` rows: `numbers` as dictionaries."""
+    return [asdict(number) for number in numbers(of, twin)]
 
 
 def _number(
     name: str, quantity: Quantity, r: Response, span: tuple[float, float], ladder: Ladder | None, twin: Response | None
 ) -> Number | None:
     unit = unit_of(name)
-    mean = _Signal(quantity, span, _round_trip(r) if unit in ("N", "deg") else 0.0)  # an angle follows a force
+    mean = _Signal(
+        quantity, span, Given(r.scene_toml, r.length).round_trip if unit in ("N", "deg") else 0.0
+    )  # an angle follows a force
     found = mean.extreme(r)
     if found is None:
         return Number(name, None, None, unit) if name.startswith("clearance_") else None
@@ -187,11 +187,13 @@ def _number(
     if ladder is not None:
         near = np.clip(found.t + np.linspace(-1.0, 1.0, NEAR) * max(mean.period, found.step), *span)
         bar = _bar(mean, found, near, ladder, twin, FIRST if mean.period else math.inf)
-        bar_peak = math.inf if _damps(r) else _bar(raw, found, near, ladder, twin, FIRST)
+        rule = scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0))
+        if not rule.damps:  # else coarser runs do not show the error of axial waves
+            bar_peak = _bar(raw, found, near, ladder, twin, FIRST)
     t, s, force = found.t, found.s, unit == "N"
     place, x = float(np.interp(t, r.t, r.s_o)), float(np.interp(s, r.fields.s, r.fields.x))
-    peak = (raw.value(r), _known(bar_peak)) if force else (None, None)
-    return Number(name, found.value, _known(bar), unit, t, place, x, s, *peak)
+    peak = (raw.value(r), finite(bar_peak)) if force else (None, None)
+    return Number(name, found.value, finite(bar), unit, t, place, x, s, *peak)
 
 
 def _bar(signal: _Signal, found: _Extreme, near: Array, ladder: Ladder, twin: Response | None, order: float) -> float:
@@ -199,21 +201,6 @@ def _bar(signal: _Signal, found: _Extreme, near: Array, ladder: Ladder, twin: Re
     of = [signal.value] + ([partial(signal.beside, found.track, near)] if found.step > 0.0 else [])
     bar = max(ladder.bar(x, largest, order) for x in of) + found.between
     return max(bar, 0.0 if twin is None else abs(signal.value(ladder.finest) - signal.value(twin)))
-
-
-def _damps(r: Response) -> bool:
-    """Whether axial waves are damped, so that coarser runs do not show their error."""
-    return scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0)).damps
-
-
-def _known(bar: float) -> float | None:
-    return bar if math.isfinite(bar) else None
-
-
-def _round_trip(r: Response) -> float:
-    """2 l sqrt(rho/EA) [s]."""
-    given = Given(r.scene_toml, r.length)
-    return 2.0 * r.length * math.sqrt(given.rho / given.EA)
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,4 +286,4 @@ def _onset(r: Response, ladder: Ladder | None, twin: Response | None) -> list[Nu
     at = r.slack_onset * r.length
     s = None if r.slack_at is None else r.slack_at * r.length
     x = None if s is None else float(np.interp(s, r.fields.s, r.fields.x))
-    return [Number("slack_onset", r.slack_onset, _known(bar), "s_o/l", float(np.interp(at, r.s_o, r.t)), at, x, s)]
+    return [Number("slack_onset", r.slack_onset, finite(bar), "s_o/l", float(np.interp(at, r.s_o, r.t)), at, x, s)]

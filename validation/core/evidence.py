@@ -46,6 +46,7 @@ class Given:
         self.tau: float = cable.get("internal_damping", 0.0)
         if "ice" in cable or "temperature" in cable:
             self._change(cable, length)
+        self.round_trip = 2.0 * length * math.sqrt(self.rho / self.EA)  # of an axial wave [s]
 
     def _change(self, cable: dict[str, Any], length: float) -> None:
         """Heat lengthens the unstretched cable; ice adds weight."""

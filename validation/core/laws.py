@@ -230,8 +230,8 @@ def travel(m: Evidence) -> Defect:
 
 def _crawls(m: Evidence) -> float:
     """Speed [m/s] above `rest_speed` of a stopped car, over its last axial round trip."""
-    r, l = m.r, m.r.fields.s[-1]
-    lasts = min(r.t[-1] - r.t[0], 2.0 * l * math.sqrt(m.given.rho / m.given.EA))
+    r = m.r
+    lasts = min(r.t[-1] - r.t[0], m.given.round_trip)
     way = abs(r.s_o[-1] - np.interp(r.t[-1] - lasts, r.t, r.s_o))
     return max(0.0, way / lasts - 1.01 * m.given.drive.get("rest_speed", 1e-3)) if lasts else 0.0
 

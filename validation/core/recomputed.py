@@ -55,8 +55,6 @@ def columns(r: Response, path: Path) -> Iterator[Agreement]:
 
 def design(r: Response, twin: Response | None = None) -> Iterator[Agreement]:
     """Check design numbers against the extremes of their signals, in the range of both runs."""
-    given = Given(r.scene_toml, r.length)
-    period = 2.0 * r.length * math.sqrt(given.rho / given.EA)
     span, known = extremes_within(r, *(() if twin is None else (twin,))), _signals(r)
     for row in r.design:
         quantity = row["quantity"]
@@ -65,7 +63,7 @@ def design(r: Response, twin: Response | None = None) -> Iterator[Agreement]:
             continue
         least = quantity.endswith("_min") or (quantity.startswith("angle") and row["value"] < 0.0)
         where = None if row["s_o"] is None else row["s_o"] / r.length
-        means = period if row["unit"] in ("N", "deg") else 0.0
+        means = Given(r.scene_toml, r.length).round_trip if row["unit"] in ("N", "deg") else 0.0
         for name, bar, law, over in (("value", "bar", "", means), ("peak", "bar_peak", " peak", 0.0)):
             if row.get(name) is not None:
                 right = _extreme(known[kind], span, over, least)

@@ -15,7 +15,7 @@ import numpy as np
 from cablefem.response import Array, Flag, Response
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.agreement import APART, DEFAULT_TOL, Agreement
+from validation.core.agreement import APART, DEFAULT_TOL, Agreement, finite
 from validation.core.bounds import Bound, Part, nothing
 from validation.core.ladder import Ladder
 from validation.core.measures import SLACK_END, NotComparable
@@ -243,7 +243,7 @@ def with_bars(ladder: Ladder) -> list[dict[str, Any]]:
         event, bars = x["event"], {}
         for name in ("t", "s_o", "speed"):
             bar = ladder.bar(partial(_of_event, event, name, 1.0, after=seen[event]), order=1.0)
-            bars[f"bar_{name}"] = bar if math.isfinite(bar) else None
+            bars[f"bar_{name}"] = finite(bar)
         seen[event] += 1
         out.append(x | bars)
     return out

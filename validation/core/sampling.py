@@ -15,7 +15,7 @@ from cablefem import newmark
 from cablefem.newmark import Collocated, Course, State, Work, cubic, densified
 from cablefem.response import Array, Fields, Observation, Response, States
 from cablefem.scene import Motion, Scene
-from validation.core.solver import Pathed, Solver
+from validation.core.solver import Solver
 
 FRAMES = 100  # fields are kept at s_o/l = 1/FRAMES, 2/FRAMES, ... of all runs, and so often in time
 STATIONS = 201  # least in the file contract
@@ -58,19 +58,17 @@ def _ended_well(h: History) -> bool:
 def moved(scene: Scene, h: History) -> dict[str, Any]:
     """The motion of the mass: a `MassPath` except what was run."""
     states = finite(h)
-    if isinstance(h.solver, Pathed):
-        return _moved(scene, h, states, *h.solver.path(states))
-    seen = h.solver.observe(states, np.linspace(0.0, 1.0, STATIONS), np.arange(0))
-    return _moved(scene, h, states, seen.s_o, seen.path)
+    place, w = h.solver.path(states)
+    return _ended(h, states, place) | _path(scene, states.t, place, w)
 
 
-def _moved(scene: Scene, h: History, states: States, place: Array, w: Array) -> dict[str, Any]:
+def _ended(h: History, states: States, place: Array) -> dict[str, Any]:
     onset = _onset(h, states)
     work = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
     return {
         "status": "complete" if h.failure is None else "incomplete",
         "slack_onset": None if onset is None else float(place[onset[0]]),
-        "work": {name: getattr(h.work, name) for name in work}, **_path(scene, states.t, place, w),
+        "work": {name: getattr(h.work, name) for name in work},
     }  # fmt: skip
 
 
@@ -101,7 +99,7 @@ def respond(scene: Scene, h: History, *, frames: int = FRAMES, **asked: Any) -> 
     s = np.linspace(0.0, 1.0, STATIONS)
     steps, seen = _observe(h, states, at_frames, switch, s)
     tau = scene.time_scale
-    told = in_si(scene, steps, seen, s) | _moved(scene, h, states, steps.s_o, steps.path)
+    told = in_si(scene, steps, seen, s) | _ended(h, states, steps.s_o)
     (cause, reason), motion = h.failure or (None, None), scene.groups.motion
     return Response(
         **asked, **told, cause=cause, reason=reason, slack_at=None if onset is None else float(onset[1]),

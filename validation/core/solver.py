@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +34,5 @@ class Solver(System, Protocol):
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
         """Observe a history `in_time` at all times; fields at stations s for the rows `frames`."""
 
-
-@runtime_checkable
-class Pathed(Protocol):
-    """A solver that gives the path without full observation."""
-
     def path(self, states: States) -> tuple[Array, Array]:
-        """Return s_o (n,) and the displacement of the mass (n, 2) `in_time`."""
+        """Return s_o (n,) and the displacement of the mass (n, 2) of a history `in_time`."""

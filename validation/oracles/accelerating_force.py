@@ -3,9 +3,7 @@
     v_tt - v_xx = P(t) delta(x - xi(t)),  at rest at t = 0,  xi = V0 t + a t^2/2,
     v(x, t) = 1/2 int P(s) ds over the s in [0, t] with |x - xi(s)| < t - s.
 
-The kink at the force, [v_x] = -P/(1 - xi'^2), is infinite at t_c = (1 - V0)/a.  A front with a vertical tangent starts
-there at the wave speed, x_f = xi(t_c) + t - t_c:
-    a > 0:  v(x_f + d) - v(x_f) = -P sqrt(2d/a);    a < 0:  v(x_f - d) = P sqrt(2d/|a|).
+At t_c = (1 - V0)/a a front with a vertical tangent leaves the force at the wave speed.
 
 Source: Flaherty 1968; Sagartz & Forrestal 1975
 Validity: infinite string, any V0 and constant a

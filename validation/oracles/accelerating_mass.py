@@ -3,14 +3,13 @@
     v_tt - v_xx = R delta(x - xi(t)),  mu y'' = mu sigma - R,  y = v(xi, t),  xi = a t^2/2,  at rest at t = 0:
 
     t < 1/a       : y = (sigma mu/2) [ t - (mu/2)(1 - e^(-2t/mu)) ]
-    1/a < t < 2/a : y(t) = y(2/a - t)
-    t > 2/a       : y = 0
+    1/a < t < 2/a : y(t) = y(2/a - t),   then 0
 
-At t = 1/a the force R has a blow 2 mu y'; two opposite jumps of v, mu y' high, start there.
+At t = 1/a R has a blow 2 mu y'.
 
 Source: Rodeman, Longcope & Shampine 1976
 Validity: infinite string, t >= 0
-Accuracy: rounding of closed forms
+Accuracy: rounding
 Group: A mass on a taut string
 """
 

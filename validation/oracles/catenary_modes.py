@@ -3,12 +3,12 @@
     u_tt = [ T u' + (alpha - T) e x' ]',   v_tt = [ T v' + (alpha - T) e y' ]',   e = x'u' + y'v',
     p = c - sigma s,  T = sqrt(1 + p^2),  x' = 1/T,  y' = p/T,  w = (u, v) = 0 at both ends.
 
-Frequencies W in units of sqrt(H/rho)/l.  Method: with A^-1 = I/T + (1/alpha - 1/T) r' r'^T, r = (x, y), J = int_0^s:
-    w = W^2 [ J A^-1 ( (int A^-1)^-1 (int A^-1 J w) - J w ) ]   at Chebyshev points.
+With A^-1 = I/T + (1/alpha - 1/T) r' r'^T, r = (x, y), J = int_0^s, at Chebyshev points:
+    w = W^2 [ J A^-1 ( (int A^-1)^-1 (int A^-1 J w) - J w ) ].
 
 Source: Henghold, Russell & Morgan 1977; Wu & Chen 1989
 Validity: any sag, slope and stiffness: sigma > 0, alpha > 0 or inf
-Accuracy: `error`, the change from n to 3n/2 points; below 1e-11 for ten modes, n = 48
+Accuracy: `error`, the change from n to 3n/2 points
 Group: Frequencies of the bare cable
 """
 

@@ -3,12 +3,9 @@
     w_tt - w_xx + c w_t = F(t) delta(x - xi(t)),  w(0, t) = w(1, t) = 0,  at rest for t <= 0,
     xi = s0 + V t,  y = w(xi, t) = int_0^t G(xi(t), xi(t'), t - t') F(t') dt',
     G(x, x', tau) = sum over k of +-(1/2) e^(-c tau/2) I_0((c/2) sqrt(tau^2 - z^2)) H(tau - |z|),
-    z = x - x' + 2 k (+) and x + x' + 2 k (-).
+    z = x - x' + 2 k (+) and x + x' + 2 k (-);   mu y'' = P - F.
 
-A mass: mu y'' = P - F, y = P t^2/(2 mu) - int_0^t (t - t') F(t') dt'/mu.
-A force F = P on an infinite string comes to y = P/(c V).
-
-Method: F constant over each of n equal steps, cells cut where an image's wave arrives, Richardson of n and 2 n.
+F is constant over each of n equal steps; Richardson of n and 2 n.
 
 Source: the telegraph equation's Green function, with images
 Validity: 0 < xi < 1, |V| < 1, c >= 0

@@ -1,9 +1,8 @@
 """A car on a straight incline with drag, rolling friction and a brake.
 
-Path s from rest, gravity g, sin and cos of the incline, mass mu.  Drag -k v |v|:
-    v_t^2 = mu g sin/k,   v^2 = v_t^2 (1 - exp(-2 k s/mu)),   s = (mu/k) ln cosh(t v_t k/mu).
-Rolling friction mu_r, brake force F_b from s_b on:
-    a = g (sin - mu_r cos),   v_b^2 = 2 a s_b,   stop at s_b + v_b^2/(2 (F_b/mu - a)).
+From rest, drag -k v |v|:   v_t^2 = mu g sin/k,   s = (mu/k) ln cosh(t v_t k/mu).
+Friction mu_r, brake force F_b from s_b on:   a = g (sin - mu_r cos),   v_b^2 = 2 a s_b,
+    stop at s_b + v_b^2/(2 (F_b/mu - a)).
 Limit of a car on a cable for sigma -> 0, g = sigma.
 
 Source: Newton's law

@@ -1,10 +1,8 @@
 """Frequencies of a flat elastic cable.
 
-    w_tt = w_ss + h y'',  h = alpha int y' w_s ds,  y'' = -sigma,  w(0) = w(1) = 0.
-
-W in units of sqrt(T/rho)/l, L^2 = sigma^2 alpha:  antisymmetric W = 2 n pi,
-symmetric tan(W/2) = W/2 - (4/L^2)(W/2)^3, a root in each ((n - 1/2) pi, (n + 1/2) pi).
-Chord inclined by theta: w normal to it, tau = T/cos(theta), L^2 = alpha sigma^2 cos(theta)^5.
+    w_tt = w_ss + h y'',  h = alpha int y' w_s ds,  y'' = -sigma,  w(0) = w(1) = 0:
+antisymmetric W = 2 n pi, symmetric tan(W/2) = W/2 - (4/L^2)(W/2)^3, L^2 = sigma^2 alpha.
+Unit sqrt(T/rho)/l.  Inclined chord: tau = T/cos(theta), L^2 = alpha sigma^2 cos(theta)^5.
 
 Source: Irvine & Caughey 1974, with the arc length in place of the span
 Validity: small sag; 8e-4 off the exact catenary at sigma = 0.17, falling like sigma^2 at fixed L

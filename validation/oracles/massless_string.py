@@ -3,11 +3,10 @@
     xi (1 - xi) Y'' + 2 a Y = 8 a xi (1 - xi),   Y(0) = Y'(0) = 0,   xi = V t/l,
     Y = y/(M g l/(4T)),  a = T l/(2 M V^2),  r = sqrt(1 + 8a):
 
-    Y = (4a/(a-1)) [ xi (1-xi) - Phi ],   Phi = xi 2F1((1+r)/2, (1-r)/2; 2; xi),
-    a = 1:  Y = (4/3) xi^2 - (8/3) xi (1-xi) ln(1-xi),
-    Y(1) = 2 cos(pi r/2)/(pi (a-1)): a jump to the support.
+    Y = (4a/(a-1)) xi [ 1 - xi - 2F1((1+r)/2, (1-r)/2; 2; xi) ],
+    a = 1:  Y = (4/3) xi^2 - (8/3) xi (1-xi) ln(1-xi).
 
-Limit of moving_mass for mu -> inf at fixed a, off by 1/mu.
+Limit of `moving_mass` for mu -> inf at fixed a, off by 1/mu.
 
 Source: Fryba 1972; Smith 1964
 Validity: 0 <= xi <= 1, 0 < a <= 50

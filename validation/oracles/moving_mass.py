@@ -3,16 +3,12 @@
     v_tt - v_xx = R(t) delta(x - xi(t)),  v(0, t) = v(1, t) = 0,  at rest for t <= 0,
     mu y'' = mu sigma - R,  y(t) = v(xi(t), t),  y(0) = y'(0) = 0.
 
-v = f(t+x) - f(t-x) behind the mass, v = g(t-x) - g(t+x-2) ahead of it.  With F(t) = f(t+xi), G(t) = g(t-xi):
+With v = f(t+x) - f(t-x) behind the mass, g(t-x) - g(t+x-2) ahead of it, F(t) = f(t+xi), G(t) = g(t-xi):
 
     y = F - F(t1) = G - G(t2),   t1 + xi(t1) = t - xi,   t2 - xi(t2) = t + xi - 2,   F(<0) = G(<0) = 0,   (1)
-    y' = sigma t - (2/mu) (F + G - y).                                                                    (2)
+    y' = sigma t - (2/mu) (F + G - y),   from (1 - xi'^2) [v_x] = -R,                                     (2)
 
-t1, t2: times of sending of the waves now back from the near and far support.
-(2) follows from (1 - xi'^2)[v_x] = -R and int R = mu (sigma t - y').
-
-Method: collocation at Chebyshev points between arrivals of fronts, one sparse system for y, F, G.
-
+by collocation at Chebyshev points between arrivals of fronts.
 Limit of a sagging cable for sigma -> 0 at fixed V, mu, alpha: this answer with sigma (1 + V^2).
 
 Source: Smith 1964; Dyniewicz & Bajer 2009

@@ -247,10 +247,9 @@ def _retold(ladder: Ladder, scene: Scene) -> Ladder:
 
 def _told(e: Ladder, twin: Ladder) -> Ladder:
     """The run with design numbers, events and bars."""
-    from validation.core.design import numbers
+    from validation.core.design import design
 
-    rows = [number.row() for number in numbers(e, twin)]
-    return replace(e, finest=replace(e.run, design=rows, events=with_bars(e)))
+    return replace(e, finest=replace(e.run, design=design(e, twin), events=with_bars(e)))
 
 
 def _gripped(scene: Scene, method: Method, progress: Progress) -> Response:

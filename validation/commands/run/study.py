@@ -8,7 +8,7 @@ from typing import Any
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core.climb import TooCoarse, climb, laddered, refined_until
-from validation.core.design import design, numbers
+from validation.core.design import design
 from validation.core.methods import Method, find
 from validation.core.quasi_static import quasi_static
 from validation.core.rows import forces_left, with_bars
@@ -44,8 +44,7 @@ def answer(
     else:
         response = run(scene, method, **kind, progress=progress)
         return replace(response, design=design(response)), ""
-    told = [number.row() for number in numbers(ladder)]
-    return replace(ladder.run, design=told, events=with_bars(ladder)), missed
+    return replace(ladder.run, design=design(ladder), events=with_bars(ladder)), missed
 
 
 def run_with_bars(

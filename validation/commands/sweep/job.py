@@ -116,7 +116,7 @@ def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
 
 def _run(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
     from validation.core.climb import TooCoarse, climb, laddered
-    from validation.core.design import numbers
+    from validation.core.design import design
     from validation.core.methods import find
     from validation.core.running import Run
 
@@ -135,7 +135,7 @@ def _run(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str,
         e = laddered(scene, method, **how) if tol is None else climb(scene, method, tol, past=0.0, **how)
     except TooCoarse as error:
         e, too_coarse = error.ladder, {"verdict": "too coarse", "reason": str(error)}
-    r = replace(e.run, design=[number.row() for number in numbers(e)])
+    r = replace(e.run, design=design(e))
     out = of_response(r, scene) | too_coarse
     if faults := faults_of(r):
         return out | {"status": "failed", "cause": "not finite", "reason": "; ".join(faults)}
