@@ -9,6 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib import resources
 from numbers import Integral, Real
 from pathlib import Path
@@ -57,14 +58,28 @@ def _sound(sections: Sequence[Section]) -> None:
         raise ValueError(f"a verdict is one of {', '.join(VERDICTS)}; got {unknown[0]!r}")
 
 
-def words(package: str) -> Any:
-    """Macros of a package's `page.html` as functions that return Markup."""
+def drawn(package: str, **content: Any) -> list[Section]:
+    """The sections of a package's `page.html`, filled with `content`.
+
+    There `{% call section(id, title, verdict, summary) %}` begins one; its summary is text, or a macro's answer.
+    """
+    out: list[Section] = []
+
+    def section(
+        id: str, title: str, verdict: str | None = None, summary: str = "", *, scripts: Sequence[str] = (),
+        caller: Callable[[], Markup],
+    ) -> str:  # fmt: skip
+        said = plain(summary) if isinstance(summary, Markup) else summary
+        out.append(Section(id, title, caller(), verdict, said, tuple(scripts)))
+        return ""
+
     text = (resources.files(package) / "page.html").read_text(encoding="utf-8")
-    return _ENVIRONMENT.from_string(text).module
+    _ENVIRONMENT.from_string(text).render(section=section, **content)
+    return out
 
 
 def plain(words: str) -> str:
-    """The plain text of a macro's answer; narrow spaces stay."""
+    """The text of HTML; narrow spaces stay."""
     return re.sub(r"[ \n]+", " ", html.unescape(re.sub(r"<[^>]*>", "", str(words)))).strip()
 
 
@@ -91,9 +106,18 @@ def table(
     return Markup(_PARTS.table(rows, heads, numeric, caption, stack))
 
 
-def listed(rows: Iterable[Any], columns: Mapping[str, Callable[[Any], Any]], **how: Any) -> Markup:
-    """A table from functions of a row, by heading; `how` as in `table`."""
-    return table([{head: of(row) for head, of in columns.items()} for row in rows], list(columns), **how)
+def listed(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, Any], **how: Any) -> Markup:
+    """A table by heading: an expression of a row's entries, or a macro of the row; `how` as in `table`."""
+
+    def cell(of: Any, row: Mapping[str, Any]) -> Any:
+        return of(row) if callable(of) else _expression(of)(**row)
+
+    return table([{head: cell(of, row) for head, of in columns.items()} for row in rows], list(columns), **how)
+
+
+@cache
+def _expression(text: str) -> Callable[..., Any]:
+    return _ENVIRONMENT.compile_expression(text, undefined_to_none=False)
 
 
 def _cell(value: Any) -> Any:
@@ -127,6 +151,17 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 def percent(x: float | None, digits: int = 2) -> str:
     return number(x) if x is None or not math.isfinite(x) else f"{number(100.0 * x, digits)}\u202f%"
+
+
+def seconds(x: float | None) -> str:
+    if x is None or not math.isfinite(x):
+        return "–"
+    return f"{number(1e3 * x, 2)} ms" if x < 1.0 else f"{number(x, 2)} s"
+
+
+def settings(of: Mapping[str, Any]) -> str:
+    """Settings of a method in words."""
+    return ", ".join(f"{name} {value}" for name, value in of.items())
 
 
 def figure(fig: Any, caption: str, *, label: str = "") -> Markup:
@@ -173,7 +208,10 @@ _ENVIRONMENT = jinja2.Environment(
     loader=jinja2.FunctionLoader(asset), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
     lstrip_blocks=True,
 )  # fmt: skip
-_ENVIRONMENT.filters |= {"cell": _cell, "number": number, "percent": percent}
+_ENVIRONMENT.filters |= {"cell": _cell, "number": number, "percent": percent, "seconds": seconds, "settings": settings}
 _ENVIRONMENT.globals["verdicts"] = VERDICTS
 _PARTS: Any = _ENVIRONMENT.get_template("parts.html").module
-_ENVIRONMENT.globals |= {"table": table, "badge": badge, "callout": callout, "details": details, "gallery": gallery}
+_ENVIRONMENT.globals |= {
+    "table": table, "listed": listed, "badge": badge, "callout": callout, "details": details, "gallery": gallery,
+    "columns": columns, "figure": figure,
+}  # fmt: skip

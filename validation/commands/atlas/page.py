@@ -1,5 +1,6 @@
 """Pages about where methods fail: maps and the failure catalogue."""
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,8 @@ from matplotlib.patches import Patch
 
 from validation.core import store
 from validation.page.figures import panels, style
-from validation.page.page import Section, figure, plain, words
+from validation.page.page import Section, drawn, figure
 from validation.page.plot import BLUE, GREY
-
-_SAY = words(__package__)
 
 SAID = store.shipped(__package__, "maps.toml")
 CLASSES: dict[str, tuple[str, str, str]] = SAID["classes"]
@@ -21,24 +20,21 @@ CAUSES: dict[str, tuple[str, str, str, str]] = SAID["causes"]
 
 def sections(folder: Path) -> list[Section]:
     atlas = store.read(folder / "atlas.json")
-    pages = [_map(atlas, m) for m in atlas["maps"]]
-    if atlas["catalogue"]:
-        pages.append(_catalogue(atlas))
-    return pages
+    for row in atlas["catalogue"]:
+        row["verdict"] = "agree" if row["failure_shown"] and row["remedy_works"] else "disagree"
+    return drawn(__package__, maps=[_map(atlas, m) for m in atlas["maps"]], catalogue=atlas["catalogue"])
 
 
-def _map(atlas: dict[str, Any], m: dict[str, Any]) -> Section:
+def _map(atlas: dict[str, Any], m: dict[str, Any]) -> dict[str, Any]:
+    """A map with its figures, its cells by class, and these by method."""
     cells = {(c["method"], c["x"], c["y"]): c for c in atlas["cells"] if c["map"] == m["name"]}
-    figures = [_figure(m, method, cells) for method in m["methods"]]
-    total = len(m["methods"]) * len(m["x"]["values"]) * len(m["y"]["values"])
-    counts = {name: sum(c["class"] == name for c in cells.values()) for name in CLASSES if name != "not computed"}
-    rows = [
-        {"method": method, **{name: sum(c["class"] == name for c in cells.values() if c["method"] == method)
-                              for name in counts}}
-        for method in m["methods"]
-    ]  # fmt: skip
-    found = plain(_SAY.computed(len(cells), total, counts))
-    return Section(f"atlas-{m['name']}", m["title"], _SAY.map(figures, rows, counts), None, found)
+    classes = [name for name in CLASSES if name != "not computed"]
+    of = {method: Counter(c["class"] for c in cells.values() if c["method"] == method) for method in m["methods"]}
+    return m | {
+        "figures": [_figure(m, method, cells) for method in m["methods"]],
+        "counts": {name: sum(count[name] for count in of.values()) for name in classes},
+        "rows": [{"method": method} | {name: count[name] for name in classes} for method, count in of.items()],
+    }
 
 
 def _figure(m: dict[str, Any], method: str, cells: dict[Any, Any]) -> Markup:
@@ -105,17 +101,3 @@ def _curves(ax: Any, m: dict[str, Any]) -> None:
         stiff = 4.0 * np.pi**2 / (8.0 * sag) ** 2
         inside = (stiff >= ys[0]) & (stiff <= ys[-1])
         ax.plot(place(xs, sag[inside]), place(ys, stiff[inside]), color=BLUE, linestyle="--", label="Irvine $L^2=4π^2$")
-
-
-def _catalogue(atlas: dict[str, Any]) -> Section:
-    rows = [
-        row | {
-            "verdict": "agree" if row["failure_shown"] and row["remedy_works"] else "disagree",
-            "case": f"{row['scene']}: {row['method']}", "failure": _SAY.values(row["failure"]),
-            "cure": _SAY.values(row["cure"]),
-        }
-        for row in atlas["catalogue"]
-    ]  # fmt: skip
-    shown = sum(row["verdict"] == "agree" for row in rows)
-    verdict, found = "agree" if shown == len(rows) else "disagree", plain(_SAY.shown(shown, len(rows)))
-    return Section("atlas-catalogue", "Known ways to fail", _SAY.catalogue(rows), verdict, found)
