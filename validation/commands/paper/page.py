@@ -14,18 +14,17 @@ from matplotlib.figure import Figure
 
 from cablefem.response import Response
 from cablefem.scene import Scene
-from validation.commands.paper.judged import FAILS, HOLDS, sentence
+from validation.commands.paper.judged import sentence
 from validation.core import store
 from validation.core.quantities import with_bar
 from validation.page.figures import panels, style
-from validation.page.page import Section, badge, details, figure, gallery, number, table
+from validation.page.page import Section, drawn, figure, number
 from validation.page.plot import BLACK, BLUE, GREY
 
 SAID = store.shipped(__package__, "figures.toml")
 LOOKS: dict[str, dict[str, Any]] = SAID["looks"]
 STATIC = LOOKS["static"] | {"label": "static"}
 DOTTED = {"color": GREY, "linewidth": 0.8, "linestyle": (0, (1, 2))}
-KIND = {HOLDS: "agree", FAILS: "disagree"}  # all else: not comparable
 
 Shown = list[tuple[Response, dict[str, Any]]]  # runs and their looks
 
@@ -37,53 +36,9 @@ def sections(folder: Path) -> list[Section]:
     def stored(name: str) -> Response:
         return Response.read(folder / "runs" / name)
 
-    out = [_claims(content)]
-    for entry in SAID["section"]:
-        figures = gallery(*(_figure(one, content, stored) for one in entry["figure"]))
-        out.append(Section(entry["id"], entry["title"], figures + _linked(content, entry["claims"])))
-    return out
-
-
-def _claims(content: dict[str, Any]) -> Section:
-    claims, errata = (
-        table([_row(c) for c in content["claims"] if c["erratum"] is erratum], SAID["heads"]["claims"], stack=True)
-        for erratum in (False, True)
-    )
-    more = Markup('<h3 id="errata">Formulas, errata and time integration</h3>')
-    plural = {HOLDS: "hold", FAILS: "do not hold"}
-    found = [f"{n} {plural.get(v, v.replace('holds', 'hold'))}" for v, n in content["count"].items() if n]
-    summary = f"Of {sum(content['count'].values())} claims {', '.join(found)}."
-    html = Markup("<p>{}</p>\n{}\n{}\n{}\n{}").format(
-        SAID["words"]["claims"], claims, more, errata, _references(content)
-    )
-    return Section("claims", "Claims of the paper", html, None, summary)
-
-
-def _row(claim: dict[str, Any]) -> dict[str, Any]:
-    word = Markup("<br><em>or</em> " if claim["readings"] else "<br>")
-
-    def each(make: Callable[[dict[str, Any]], str]) -> str:
-        return word.join(make(q) for q in claim["quantities"]) or "–"
-
-    return {
-        "claim": Markup('<span id="claim-{}">{}</span><br><small>{}</small>').format(
-            claim["id"], _symbols(claim["claim"]), claim["where"]
-        ),
-        "verdict_": _badge(claim),
-        "allowed": each(lambda q: Markup("{}: {}").format(_symbols(q["name"]), q["claimed"])),
-        "paper": each(lambda q: _value(q["paper"], q)),
-        "converged": each(lambda q: _value(q["converged"], q, q["uncertainty"])),
-        "why": _symbols(claim["why"]),
-    }
-
-
-def _badge(claim: dict[str, Any]) -> Markup:
-    return badge(KIND.get(claim["verdict"], "not comparable"), claim["verdict"])
-
-
-def _symbols(text: str) -> str:
-    """The text with s_o typeset."""
-    return text.replace("s_o", "sₒ").replace("so/l", "sₒ/l").replace("s̈_o", "s̈ₒ")
+    parts = [x | {"drawn": [_figure(one, content, stored) for one in x["figure"]]} for x in SAID["section"]]
+    references = [x | {"name": SAID["scenes"][name]} for name, x in content["references"].items()]
+    return drawn(__package__, content=content, parts=parts, references=references, value=_value)
 
 
 def _value(x: float | None, q: dict[str, Any], bar: float | None = None) -> str:
@@ -96,32 +51,17 @@ def _value(x: float | None, q: dict[str, Any], bar: float | None = None) -> str:
     return number(x, int(np.clip(2 - np.floor(np.log10(min(apart, default=1.0))), 3, 8)))
 
 
-def _linked(content: dict[str, Any], ids: list[str]) -> Markup:
-    """Verdicts that belong to a figure, each with a link to its row."""
-    found = {c["id"]: c for c in content["claims"]}
-    items = [
-        Markup('<li>{} <a href="#claim-{}">{}</a></li>').format(_badge(found[i]), i, _symbols(found[i]["claim"]))
-        for i in ids
-    ]
-    return Markup("<ul>{}</ul>").format(Markup("\n").join(items)) if items else Markup()
-
-
-def _references(content: dict[str, Any]) -> Markup:
-    def run(x: dict[str, Any]) -> str:
-        return "{method}, {elements} + {elements} elements, {steps} steps".format(**x["settings"], method=x["method"])
-
-    rows = [x | {"scene": SAID["scenes"][name], "method": run(x)} for name, x in content["references"].items()]
-    return details("What the converged values rest on", table(rows, SAID["heads"]["references"]))
-
-
 def _figure(one: dict[str, Any], content: dict[str, Any], stored: Callable[[str], Response]) -> Markup:
     def converged(claim: str, i: int = 0) -> float:
         return next(c for c in content["claims"] if c["id"] == claim)["quantities"][i]["converged"]
 
     runs = [(stored(name), LOOKS[look] | {"label": label}) for name, look, label in one.get("of", ())]
     with style():
-        drawn = DRAWN[one["draw"]](one, content, runs)
-        return figure(drawn, sentence(one["caption"], {"converged": converged}), label=one["label"])
+        return figure(
+            DRAWN[one["draw"]](one, content, runs),
+            sentence(one["caption"], {"converged": converged}),
+            label=one["label"],
+        )
 
 
 def _frequencies(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
