@@ -16,9 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import numpy as np
 from markupsafe import Markup
 
 from cablefem.response import write_text
+from validation.core.quantities import scale_of, told, with_bar
 
 # worst first, with signs for readers who see no colour
 VERDICTS = {"disagree": "✗", "not comparable": "?", "too coarse": "≈", "agree": "✓"}
@@ -153,6 +155,22 @@ def percent(x: float | None, digits: int = 2) -> str:
     return number(x) if x is None or not math.isfinite(x) else f"{number(100.0 * x, digits)}\u202f%"
 
 
+def typeset(text: str) -> str:
+    """A number with bar and unit, with a minus sign and without line breaks."""
+    return text.replace(" ± ", "\u202f±\u202f").replace("-", "−")
+
+
+def force(x: float) -> str:
+    """A force to four digits, in N, kN, MN or GN."""
+    factor, unit = scale_of(np.array([x]), "N")
+    return f"{number(factor * x, 4)}\u202f{unit}"
+
+
+def pairs(of: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Rows of a table of two columns."""
+    return [{"key": key, "value": value} for key, value in of.items()]
+
+
 def seconds(x: float | None) -> str:
     if x is None or not math.isfinite(x):
         return "–"
@@ -208,10 +226,13 @@ _ENVIRONMENT = jinja2.Environment(
     loader=jinja2.FunctionLoader(asset), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
     lstrip_blocks=True,
 )  # fmt: skip
-_ENVIRONMENT.filters |= {"cell": _cell, "number": number, "percent": percent, "seconds": seconds, "settings": settings}
+_ENVIRONMENT.filters |= {
+    "cell": _cell, "number": number, "percent": percent, "seconds": seconds, "settings": settings, "force": force,
+    "told": told, "typeset": typeset, "with_bar": with_bar,
+}  # fmt: skip
 _ENVIRONMENT.globals["verdicts"] = VERDICTS
 _PARTS: Any = _ENVIRONMENT.get_template("parts.html").module
 _ENVIRONMENT.globals |= {
     "table": table, "listed": listed, "badge": badge, "callout": callout, "details": details, "gallery": gallery,
-    "columns": columns, "figure": figure,
+    "columns": columns, "figure": figure, "pairs": pairs,
 }  # fmt: skip

@@ -6,15 +6,15 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.page import line
 from validation.page.answer import many
-from validation.page.answer.sections import answer, behind
+from validation.page.answer.sections import content
 from validation.page.answer.stored import Stored
-from validation.page.page import Section, callout
+from validation.page.page import Section, callout, drawn
 
 
 def sections(folder: Path) -> list[Section]:
-    for name, drawn in (("rest", line.sections), ("grid-rest-run", line.grid)):
+    for name, page in (("rest", line.sections), ("grid-rest-run", line.grid)):
         if (folder / name).is_dir():
-            return drawn(folder / name)
+            return page(folder / name)
     files = sorted(folder.glob("*/*.json"), key=lambda file: file.stat().st_mtime)
     files = [file for file in files if file.name in ("summary.json", "grid.json")]
     if files[-1].name == "grid.json":
@@ -23,4 +23,4 @@ def sections(folder: Path) -> list[Section]:
     if found.t.size < 2:
         return [Section("answer", "Answer", callout(f"The run broke at its start: {found.reason}.", "disagree"))]
     x = Stored(Scene.from_toml(found.scene_toml), (found,))
-    return [*answer(x), Section("rests", "What it rests on", behind(x))]
+    return drawn(__package__, **content(x))
