@@ -11,7 +11,7 @@ from validation.core.quantities import named, told
 from validation.page import line
 from validation.page.answer import figures as draw
 from validation.page.answer import many
-from validation.page.answer.sections import content
+from validation.page.answer.content import content
 from validation.page.answer.stored import Stored, read
 from validation.page.page import VERDICTS, Section, drawn
 

@@ -6,7 +6,7 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.page import line
 from validation.page.answer import many
-from validation.page.answer.sections import content
+from validation.page.answer.content import content
 from validation.page.answer.stored import Stored
 from validation.page.page import Section, callout, drawn
 
