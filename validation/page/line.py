@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,23 +16,11 @@ from validation.core import store
 from validation.core.quantities import scale_of
 from validation.page import terminal
 from validation.page.answer.many import Column, Columns, Row, label, table_of
-from validation.page.page import Section, callout, gallery, table
+from validation.page.page import VERDICTS, Section, asset, drawn
 from validation.page.plot import BLACK, BLUE, COLORS, DASHED, DOTTED, GREY, Panel, plot, side
 
-UNITS = {
-    "tension": "N", "tension_behind": "N", "tension_ahead": "N", "tension_max": "N", "tension_min": "N", "haul": "N",
-    "pressure": "N", "pressure_down": "N", "direction": "deg", "safety_factor": "", "on": "",
-}  # fmt: skip
-# quantity -> words, in the order of the tables; {}: contact, car or obstacle
-WORDS = {
-    "tension_max": "largest tension", "tension_min": "least tension", "safety_factor": "safety factor",
-    "clearance_rope": "clearance of the rope, {}", "clearance_car": "clearance, {}",
-    "haul": "haul force of {}, to the right", "pressure_down": "pressure on {}, vertical",
-    "pressure": "pressure on {}", "direction": "pressure on {}, angle from vertical, to the right",
-    "rise": "rise of {}", "rope_over": "rope run over {}, to the right", "shift": "shift of {}", "sag": "sag, {}",
-    "depth": "depth of {}", "tension": "tension at {}", "tension_behind": "tension behind {}",
-    "tension_ahead": "tension ahead of {}",
-}  # fmt: skip
+SAID = tomllib.loads(asset("line.toml"))
+WORDS: dict[str, dict[str, str]] = SAID["quantity"]
 GRID = ("tension_max", "safety_factor", "pressure", "haul", "rise", "clearance_rope", "clearance_car")
 
 
@@ -43,7 +31,7 @@ def kind_of(name: str) -> str:
 
 
 def named(name: str) -> str:
-    return WORDS.get(kind_of(name), name).format(name.partition(":")[2])
+    return WORDS[kind_of(name)]["words"].format(name.partition(":")[2])
 
 
 def value_of(value: float, unit: str) -> str:
@@ -86,15 +74,13 @@ def tell(line: Any, design: Sequence[Row], refused: Sequence[Row], most: int = 1
 def columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
     """Columns of a grid's table."""
     names = dict.fromkeys(name for x in rows for name in x if kind_of(name) in GRID and name not in keys)
-    kept = [n for n in names if not (kind_of(n) == "pressure" and n.startswith("pressure_down"))]
     last = [name for name in ("status", "verdict", "why") if any(x.get(name) not in (None, "complete") for x in rows)]
-    heads = {key: key for key in keys} | {n: _head(n) for n in kept} | {name: name for name in last}
+    heads = {key: key for key in keys} | {n: _head(n) for n in names} | {name: name for name in last}
     return {name: Column(head, digits=6) for name, head in heads.items()}
 
 
 def _head(name: str) -> str:
-    unit = UNITS.get(kind_of(name), "m")
-    least = name.partition(":")[0].endswith("_min") and kind_of(name) not in ("tension_min",)
+    unit, least = WORDS[kind_of(name)]["unit"], name.partition(":")[0].endswith("_min")
     few = "" if kind_of(name) in ("tension_max", "safety_factor") else "least " if least else "largest "
     return few + named(name) + (f" [{unit}]" if unit else "")
 
@@ -106,29 +92,13 @@ def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None)
     with (folder / "positions.csv").open(encoding="utf-8", newline="") as file:
         positions = list(csv.DictReader(file))
     refused, count = summary["refused"], summary["positions"]
-    found = [{**x, **{k: x[k].replace("-", "−") for k in ("largest", "least")}} for x in pairs(summary["design"])]
-    heads = {"quantity": "quantity", "largest": "largest (cars at x [m])", "least": "least"}
-    html = [
-        *(callout(f"Position {x['position']}: {x['reason']}", "disagree") for x in refused[:5]),
-        _side(line, ropes, positions), table(found, heads, stack=True),
-    ]  # fmt: skip
-    told = f"{count} position{'s' * (count > 1)} of the cars" + (f", {len(refused)} without rest" if refused else "")
     tension = next(d for d in summary["design"] if d["quantity"] == "tension_max")
-    told += f": largest tension {value_of(tension['value'], 'N')}."
-    out = [Section(f"{folder.name}-line", "The line at rest", Markup("\n").join(html), verdict, told)]
-    if count > 1:
-        over = line["car"][0]["name"]
-        x = _floats(positions, f"x:{over}")
-        reach = float(np.nanmin(x)), float(np.nanmax(x))
-        drawn = [plot([p], reach, f"x of {over} [m]", title) for title, p in _panels(x, positions)]
-        out.append(Section(f"{folder.name}-over", "Over the positions", gallery(*drawn)))
-    return out + ([Section(f"{folder.name}-sure", "How sure", _sure(rows), None, _SURE)] if rows else [])
-
-
-_SURE = (
-    "Exact catenaries and elements share the scene and a first guess, and no equation. Every number has a bar. "
-    "A gap beyond three times both bars means that they disagree."
-)
+    told = f"{count} position{'s' * (count > 1)} of the cars" + (f", {len(refused)} without rest" if refused else "")
+    return drawn(
+        "validation.page", "assets/line.html", id=folder.name, verdict=verdict, rows=rows, refused=refused,
+        told=f"{told}: largest tension {value_of(tension['value'], 'N')}.", side=_side(line, ropes, positions),
+        design=pairs(summary["design"]), over=list(_over(line["car"][0]["name"], positions)) if count > 1 else [],
+    )  # fmt: skip
 
 
 def _floats(positions: Sequence[Row], name: str) -> Array:
@@ -162,41 +132,20 @@ def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
     return plot([p], (-0.06 * end, 1.06 * end), "x [m]", caption, wide=True)
 
 
-# title, and the quantities in its panel
-_OVER = {
-    "Tension.": ("tension", "tension_max"), "Haul force; positive where it pulls to the right.": ("haul",),
-    "Vertical pressure of the rope on saddles.": ("pressure_down",), "Rise of the counterweight.": ("rise",),
-    "Clearance.": ("clearance_rope", "clearance_car"), "Safety factor.": ("safety_factor",),
-}  # fmt: skip
-
-
-def _panels(at: Array, positions: Sequence[Row]) -> list[tuple[str, Panel]]:
-    """One panel per kind of quantity, over the place of the first car."""
-    out = []
-    for title, kinds in _OVER.items():
+def _over(car: str, positions: Sequence[Row]) -> Iterator[Markup]:
+    """One figure per kind of quantity, over the place of the first car."""
+    at = _floats(positions, f"x:{car}")
+    reach = float(np.nanmin(at)), float(np.nanmax(at))
+    for title, kinds in SAID["over"].items():
         values = {name: _floats(positions, name) for name in positions[0] if name.partition(":")[0] in kinds}
         if not values:
             continue
-        factor, unit = scale_of(np.concatenate(list(values.values())), UNITS.get(kinds[0], "m"))
+        factor, unit = scale_of(np.concatenate(list(values.values())), WORDS[kinds[0]]["unit"])
         p = Panel(f"[{unit}]" if unit else "", "", 140.0)
         p.fit([factor * v for v in values.values()])
         for (name, v), color in zip(values.items(), COLORS * len(values), strict=False):
             p.line(at, factor * v, color, "", 1.8, named(name))
-        out.append((title, p))
-    return out
-
-
-def _sure(rows: Sequence[Row]) -> Markup:
-    cells = [
-        {"what": r["quantity"].replace("_", " "), "gap": r["gap"], "bar_a": r["bar_a"], "bar_b": r["bar_b"],
-         "asked": r["asked_for"], "unit": r["unit"], "where": r["where"], "verdict": r["verdict"]}
-        for r in rows
-    ]  # fmt: skip
-    heads = {
-        "what": "largest gap of", "gap": "gap", "bar_a": "bar, catenaries", "bar_b": "bar, elements", "asked": "asked",
-        "unit": "unit", "where": "where", "verdict": "verdict",
-    }  # fmt: skip
-    return table(cells, heads, sort=True)
+        yield plot([p], reach, f"x of {car} [m]", title)
 
 
 def _lowest(rows: Sequence[Row], paths: Sequence[Any], keys: Sequence[str]) -> Markup:
@@ -216,6 +165,5 @@ def grid(folder: Path) -> list[Section]:
     if any(stored["paths"]):
         html.append(_lowest(rows, stored["paths"], keys))
     text = f"{len(rows)} lines, {sum(x['status'] != 'complete' for x in rows)} incomplete."
-    verdicts = [x["verdict"] for x in rows if x.get("verdict")]
-    worst = next((v for v in ("disagree", "too coarse", "agree") if v in verdicts), None)
+    worst = next((v for v in VERDICTS if any(x.get("verdict") == v for x in rows)), None)
     return [Section(folder.name, "All of them", Markup("\n").join(html), worst, text)]

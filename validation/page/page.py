@@ -60,8 +60,8 @@ def _sound(sections: Sequence[Section]) -> None:
         raise ValueError(f"a verdict is one of {', '.join(VERDICTS)}; got {unknown[0]!r}")
 
 
-def drawn(package: str, **content: Any) -> list[Section]:
-    """The sections of a package's `page.html`, filled with `content`.
+def drawn(package: str, file: str = "page.html", /, **content: Any) -> list[Section]:
+    """The sections of a package's template, filled with `content`.
 
     There `{% call section(id, title, verdict, summary) %}` begins one; its summary is text, or a macro's answer.
     """
@@ -75,7 +75,7 @@ def drawn(package: str, **content: Any) -> list[Section]:
         out.append(Section(id, title, caller(), verdict, said, tuple(scripts)))
         return ""
 
-    text = (resources.files(package) / "page.html").read_text(encoding="utf-8")
+    text = (resources.files(package) / file).read_text(encoding="utf-8")
     _ENVIRONMENT.from_string(text).render(section=section, **content)
     return out
 

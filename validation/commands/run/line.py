@@ -24,11 +24,9 @@ from validation.core import store
 from validation.core.answers import PLACES
 from validation.page import report, terminal
 from validation.page.answer import many as table
-from validation.page.line import UNITS, columns, kind_of, tell
+from validation.page.line import WORDS, columns, kind_of, tell
 from validation.page.options import Point
 
-ONLY = {"tension_max": "max", "safety_factor": "min", "clearance_rope": "min", "clearance_car": "min", "sag": "max"}
-ONLY |= {"tension_min": "min"}  # quantities of which one extreme matters
 Row = dict[str, Any]
 
 
@@ -126,12 +124,12 @@ def extremes(line: Line, rows: list[Row | None]) -> list[Row]:
     for name, values in _series(line, rows).items():
         kind, _, of = name.partition(":")
         for word, pick in (("max", max), ("min", min)):
-            if ONLY.get(kind, word) == word:
+            if WORDS[kind].get("only", word) == word:
                 value, i = pick(values)
                 quantity = kind if kind.endswith(f"_{word}") else f"{kind}_{word}"
                 out.append({
                     "quantity": f"{quantity}:{of}" if of else quantity, "value": value, "bar": None,
-                    "unit": UNITS.get(kind, "m"), "position": i + 1, "at": {c.name: line.place(c, i) for c in line.car},
+                    "unit": WORDS[kind]["unit"], "position": i + 1, "at": {c.name: line.place(c, i) for c in line.car},
                 })  # fmt: skip
     return out
 
