@@ -10,10 +10,9 @@ from cablefem.newmark.newmark_rule import NewmarkRule
 from tests.validation import test_rides_check
 from tests.validation.ladders import altered
 from tests.validation.pairs import LEVEL, right
-from validation.commands.check.deep import THIRD, deep, entry
+from validation.commands.check.deep import THIRD, deep
 from validation.core.agreement import Verdict
 from validation.core.rows import compare
-from validation.core.running import run
 
 PARTIES = dict(zip(("frequencies", "rest", "driver", "bars", "slack"), THIRD, strict=True))
 RIDE = test_rides_check.RIDE
@@ -69,12 +68,3 @@ def test_a_slack_cable_that_moves_otherwise_is_seen():
         return replace(r, v=r.v + 20.0 * past * r.max_deflection)
 
     assert verdict("slack", LEVEL, replace(a, finest=lower(a.run)), level_rows()) is Verdict.DISAGREE
-
-
-def test_a_smooth_entry_tells_how_much_the_sudden_one_matters():
-    slow = LEVEL.variant(speed_ratio=0.1)
-    r = run(slow, "following-p2", elements=8, steps=300, until=0.8)
-    changed = entry(slow, r)
-    assert set(changed) == {"path", "T_behind", "T_ahead"}
-    assert 1e-4 < changed["path"] < 0.2
-    assert entry(slow, replace(r, drive="haul")) is None

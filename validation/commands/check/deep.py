@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 
 from cablefem import newmark
 from cablefem.newmark import State, Work
-from cablefem.response import Array, Response
+from cablefem.response import Response
 from cablefem.scene import Scene
 from cablefem.scene.statics import gripped, hauled
 from validation.commands.modes.study import modes
@@ -24,7 +23,7 @@ from validation.core.ladder import Ladder
 from validation.core.measures import SLACK_END
 from validation.core.methods import METHODS
 from validation.core.order import SAFETY
-from validation.core.running import Run, run
+from validation.core.running import run
 from validation.core.scipys import integrated
 from validation.core.view import View
 
@@ -130,33 +129,6 @@ def _slack(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
     gap = float(np.nanmax(trust.gap(a.run, first_order, place), initial=0.0))
     before = float(np.nanmax(trust.gap(a.run, first_order, place - (place[-1] - place[0])), initial=0.0))
     return _row(gap, *known.bound.parts, Part("newmark", SAFETY * before, "what its damping changes before the onset"))
-
-
-def entry(scene: Scene, r: Response, length: float = 0.02) -> dict[str, float] | None:
-    """Effect of a smooth entry on a gripped car at constant speed: path over deflection, tensions over H.
-
-    length : of the ramp over the cable's, before the window of comparison.
-    """
-    travel = scene.travel
-    if r.drive != "grip" or travel is None or travel.kind != "constant_speed" or travel.entry_ramp is not None:
-        return None
-    data = tomllib.loads(scene.to_toml())
-    data["travel"]["entry_ramp"] = length * scene.length
-    smooth = Scene(**{"name": scene.name, **data})
-    ramped = Run(smooth, r.method, **r.settings).to(View.of(scene).stop, past=0.0)
-    try:
-        place = np.linspace(*measures.window_of(r, ramped), 400)
-    except measures.NotComparable:
-        return None  # the cable falls slack at once
-
-    def at(x: Response, name: str) -> Array:
-        return np.interp(place, x.s_o / x.length, getattr(x, name))
-
-    moved = np.hypot(*(at(ramped, name) - at(r, name) for name in ("u", "v")))
-    changed = {"path": float(moved.max()) / r.max_deflection}
-    for name in ("T_behind", "T_ahead"):
-        changed[name] = float(np.sqrt(np.mean((at(ramped, name) - at(r, name)) ** 2))) / r.horizontal_tension
-    return changed
 
 
 Third = Callable[[Scene, Ladder, list[Agreement]], Agreement | None]

@@ -46,7 +46,6 @@ class Check:
     window: tuple[float, float]
     rows: list[Agreement]
     grip: Response | None = None  # of a hauled car: the gripping one
-    entry: dict[str, float] | None = None  # change by a smooth entry, where asked
 
     @property
     def verdict(self) -> Verdict:
@@ -81,7 +80,7 @@ class Check:
             "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window),
             "axis": View.of(self.scene).axis, "tol": self.tol,
             "methods": [self.a.run.method, self.b.run.method], "rows": [row.row() for row in self.rows],
-            "design": self.design, "events": self.a.run.events, **({"entry": self.entry} if self.entry else {}),
+            "design": self.design, "events": self.a.run.events,
             "doubts": [{"method": name, "kind": flag.kind, "words": str(flag)} for name, flag in self.doubts],
         }  # fmt: skip
 
@@ -127,13 +126,11 @@ def check(
     (first, other), rows, gripped = both.judged(progress, made)
     a, b = _told(first, other), _told(other, first)
     rows += printed(a.run, b.run)
-    smooth = None
-    if deep or overall(rows) is Verdict.TOO_COARSE:
+    if deep:
         from validation.commands.check import deep as third
 
-        rows += third.deep(scene, a, rows) if deep else []
-        smooth = third.entry(scene, a.time.runs[0] if a.time.runs else a.run)  # half the steps are enough
-    return Check(scene, a, b, tol, _window(scene, a, b), rows, gripped, smooth)
+        rows += third.deep(scene, a, rows)
+    return Check(scene, a, b, tol, _window(scene, a, b), rows, gripped)
 
 
 @dataclass(frozen=True, slots=True)
