@@ -135,7 +135,6 @@ def test_points_keep_their_numbers_when_a_study_reads_back():
         ({"vary": {"travel.top_speed": [1.0]}}, "travel.top_speed = 1.0: unknown key."),
         ({"sample": SAMPLE}, "exactly one of"),
         ({"seconds": -1}, "seconds = -1: must be"),
-        ({"limit": {"tension_max": "high"}}, "limit = "),
         ({"job": "power", "tol": 1e-3}, "case: missing; job 'power' needs it"),
     ],
 )

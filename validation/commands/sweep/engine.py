@@ -173,7 +173,7 @@ def _same_study(study: Study, out: Path) -> None:
 
 def _of_rows(study: str) -> dict[str, Any]:
     """The entries of a study that change its rows."""
-    return {k: v for k, v in tomllib.loads(study).items() if k not in ("title", "limit", "seconds")}
+    return {k: v for k, v in tomllib.loads(study).items() if k not in ("title", "seconds")}
 
 
 @contextmanager

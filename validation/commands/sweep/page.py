@@ -2,6 +2,7 @@
 
 import json
 import textwrap
+from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from validation.commands.sweep.job import BROKEN, DESIGN
 from validation.commands.sweep.study import Study
 from validation.core.quantities import named, scale_of, unit_of
 from validation.page.figures import panels
-from validation.page.page import Section, callout, figure, gallery, number, percent, table
+from validation.page.page import Section, drawn, figure, number, percent, table
 
 SHOWN = 4000  # rows in the page and dots in a map at most, evenly taken; all are in rows/
 MAPS = ("tension_max", "mass_deepest", "contact_min", "haul_force_max", "max_deflection", "path_error")
@@ -23,28 +24,17 @@ PARTS = 3  # of a third axis
 
 
 def sections(folder: Path) -> list[Section]:
-    study, rows = Study.load(folder / "study.toml"), frame(folder)
-    return [_outcome(study, rows), _maps(study, rows), _explorer(study, folder / "study.toml", rows)]
-
-
-def _outcome(study: Study, rows: Any) -> Section:
-    complete = rows["status"] == "complete"
-    html = [_counted(rows, ["status"], "What came of the scenes")]
-    html += [] if complete.all() else [_counted(rows[~complete], ["status", "cause"], "Why, where not complete")]
-    judged = rows[rows["verdict"].notna()]
-    html += (
-        [_counted(judged, [*(["fault"] if study.job == "power" else []), "verdict"], "Verdicts")] if len(judged) else []
-    )
-    for name, most in study.limit.items():
-        if name in rows:
-            over = int((rows[name] > most).sum())
-            html.append(callout(f"{over} of {len(rows)} scenes exceed the limit {name} = {number(most)}."))
-    if rows["true_error"].notna().any():
-        lines = coverage(rows)
-        html.append(table(lines, list(lines[0]), caption="Error bars against finer runs"))
-    broken = int(rows["status"].isin(BROKEN).sum())
-    summary = f"{len(rows)} of {len(study)} scenes, {complete.sum()} complete, {broken} without an answer"
-    return Section("sweep-outcome", study.title or "Sweep", Markup("\n").join(html), None, summary)
+    file = folder / "study.toml"
+    study, rows = Study.load(file), frame(folder)
+    complete, thin = rows["status"] == "complete", _thinned(rows)
+    packed = Markup(json.dumps(_scenes(study, file, thin)).replace("<", "\\u003c"))
+    script = Markup((resources.files(__package__) / "explorer.js").read_text(encoding="utf-8"))
+    return drawn(
+        __package__, study=study, rows=rows, complete=complete.sum(), broken=rows["status"].isin(BROKEN).sum(),
+        unfinished=rows[~complete], judged=rows[rows["verdict"].notna()], counted=_counted,
+        bars=coverage(rows) if rows["true_error"].notna().any() else [], maps=list(_maps(study, rows)),
+        shown=len(thin), data=packed, script=script,
+    )  # fmt: skip
 
 
 def _counted(rows: Any, by: list[str], caption: str) -> Markup:
@@ -75,22 +65,20 @@ def coverage(rows: Any) -> list[dict[str, Any]]:
     return lines
 
 
-def _maps(study: Study, rows: Any) -> Section:
+def _maps(study: Study, rows: Any) -> Iterator[Markup]:
     axes = [a.name for a in study.axes if a.numeric and rows[a.name].nunique() > 1]
     logs = {a.name for a in study.axes if a.log}
-    known = {quantity: _thinned(rows[rows[quantity].notna()]) for quantity in MAPS if axes and quantity in rows}
-    drawn = [_map(of, x, axes, logs, study.limit.get(x, np.inf)) for x, of in known.items() if len(of) > 2]
-    html = gallery(*drawn) if drawn else callout("No numbers to map.")
-    limits = ", ".join(f"{k} = {number(v)}" for k, v in study.limit.items())
-    said = "One dot a scene. A ring: the cable goes slack on the way. A cross: beyond the limit"
-    return Section("sweep-maps", "Maps", Markup("<p>{}{}.</p>{}").format(said, f" {limits}" if limits else "", html))
+    for quantity in MAPS if axes else ():
+        known = _thinned(rows[rows[quantity].notna()])
+        if len(known) > 2:
+            yield _map(known, quantity, axes, logs)
 
 
 def _thinned(rows: Any) -> Any:
     return rows.iloc[:: max(1, -(-len(rows) // SHOWN))]
 
 
-def _map(rows: Any, quantity: str, axes: list[str], logs: set[str], most: float) -> Markup:
+def _map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Markup:
     """Draw a quantity over the first two axes, or over the only one; a third axis is cut into parts."""
     factor, unit = scale_of(rows[quantity].to_numpy(float), unit_of(quantity))
     rows = rows.assign(**{quantity: factor * rows[quantity]})
@@ -102,9 +90,8 @@ def _map(rows: Any, quantity: str, axes: list[str], logs: set[str], most: float)
     for ax, (title, part) in zip(grid[0], parts, strict=True):
         dots = ax.scatter(part[x], part[y], c=part[quantity], s=14, vmin=low, vmax=high, linewidths=0)
         dots.set_urls([f"#scene-{i}" for i in part.index])
-        slack, beyond = part[part["slack_onset"].notna()], part[part[quantity] > factor * most]
+        slack = part[part["slack_onset"].notna()]
         ax.scatter(slack[x], slack[y], s=30, facecolors="none", edgecolors="#d55e00", linewidths=0.7)
-        ax.scatter(beyond[x], beyond[y], s=24, marker="x", c="#1a1a1a", linewidths=0.8)
         ax.set_title(title, fontsize=8)
         ax.set(xlabel=x, xscale="log" if x in logs else "linear", yscale="log" if y in logs else "linear")
     grid[0][0].set_ylabel(name if y == quantity else y)
@@ -122,25 +109,13 @@ def _parts(rows: Any, axis: str) -> list[tuple[str, Any]]:
     return [(f"{number(x.left)} to {number(x.right)}", part) for x, part in rows.groupby(shares, observed=True)]
 
 
-def _explorer(study: Study, file: Path, rows: Any) -> Section:
-    """All scenes as lines across their axes, which can be narrowed; below, a table, each row with its command."""
-    taken = _thinned(rows)
-    numbers = [c for c in (*DESIGN, "max_deflection", "path_error", "seconds") if taken[c].notna().any()]
-    columns = [*(a.name for a in study.axes), *numbers, "status", "verdict", "method"]
-    columns = [c for c in dict.fromkeys(columns) if taken[c].notna().any()]
+def _scenes(study: Study, file: Path, rows: Any) -> dict[str, Any]:
+    """What explorer.js shows: lines of scenes across their axes, and a table with the command of each."""
+    columns = [*(a.name for a in study.axes), *DESIGN, "max_deflection", "path_error", "seconds"]
+    columns = [c for c in dict.fromkeys([*columns, "status", "verdict", "method"]) if rows[c].notna().any()]
     logs = {a.name for a in study.axes if a.log}
-    told = [{"name": c, "log": c in logs, "values": _plain(taken[c])} for c in columns]
-    data = {"study": str(file), "index": taken.index.tolist(), "columns": told}
-    script = (resources.files(__package__) / "explorer.js").read_text(encoding="utf-8")
-    left_out = "" if len(taken) == len(rows) else f" {len(taken)} of {len(rows)} scenes are shown, evenly taken."
-    html = Markup(
-        "<p>Drag along an axis to narrow it, double-click to free it.{}</p>"
-        '<div class="scroll"><canvas id="sweep-lines" width="1180" height="340" '
-        'aria-label="parallel coordinates of all scenes"></canvas></div><p id="sweep-count" aria-live="polite"></p>'
-        '<div class="scroll" id="sweep-table"></div><script type="application/json" id="sweep-data">{}</script>'
-        "<script>{}</script>"
-    ).format(left_out, Markup(json.dumps(data).replace("<", "\\u003c")), Markup(script))
-    return Section("sweep-scenes", "Scenes", html)
+    told = [{"name": c, "log": c in logs, "values": _plain(rows[c])} for c in columns]
+    return {"study": str(file), "index": rows.index.tolist(), "columns": told}
 
 
 def _plain(values: Any) -> list[Any]:

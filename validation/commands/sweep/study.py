@@ -16,7 +16,7 @@ from pydantic import AfterValidator, Field, PlainValidator, PrivateAttr
 from cablefem.scene import Scene, SceneError
 from cablefem.scene.drive import of_mode
 from cablefem.scene.errors import nearest, shown
-from cablefem.scene.fields import Line, Part, Real, between, whole
+from cablefem.scene.fields import Line, Part, between, whole
 from validation.commands.sweep import families
 from validation.commands.sweep.axes import MOST, Axis, grid, ranges
 from validation.core.methods import METHODS
@@ -62,7 +62,6 @@ class Study(Part):
     vary: Annotated[tuple[Axis, ...], PlainValidator(grid)] | None = None  # the full grid of all axes
     sample: Sample | None = None
     truth: Truth | None = None
-    limit: dict[str, Real] = Field(default_factory=dict)  # largest design numbers, to count scenes beyond them
     _name: str = PrivateAttr("study")
     _given: dict[str, Any] = PrivateAttr(default_factory=dict)
 
