@@ -9,7 +9,6 @@ from typing import Any, ClassVar, Self
 
 import tomli_w
 
-from cablefem.scene.dotted import put
 from cablefem.scene.errors import SceneError, nearest, shown
 from cablefem.scene.fields import Line, Name, Part, Positive, said
 from cablefem.scene.surroundings import read_ground
@@ -21,6 +20,7 @@ _FOUND = sorted(file.name.removesuffix(".toml") for file in _FILES.iterdir() if 
 LINES = sorted(file.name.removesuffix(".toml") for file in (_FILES / "lines").iterdir())
 AT_REST = "a line of several contacts is computed at rest; one span between two anchors also in motion"
 LIBRARY = (*_FIRST, *(name for name in _FOUND if name not in _FIRST))
+RELATIVE = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?%")
 
 
 def library_text(name: str) -> str:
@@ -112,3 +112,27 @@ class Described(Part):
             except ValueError as error:
                 raise SceneError([str(error)]) from None
         return type(self)(**data)
+
+
+def put(data: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key; list items by name or number, "+1%" is relative; ValueError for an unknown key."""
+    *way, last = key.split(".")
+    here: Any = data
+    for name in way:
+        here = here.setdefault(name, {}) if isinstance(here, dict) else _entry(here, name, key)
+    if not isinstance(here, dict):
+        raise ValueError(f"{key}: {'.'.join(way)} is no table")
+    if isinstance(value, str) and RELATIVE.fullmatch(value):
+        now = here.get(last)
+        if not isinstance(now, int | float):
+            raise ValueError(f"{key} = {value}: relative to a number, which the scene does not give")
+        value = now * (1.0 + float(value[:-1]) / 100.0)
+    here[last] = value
+
+
+def _entry(tables: Any, name: str, key: str) -> Any:
+    if isinstance(tables, list | tuple):
+        for i, table in enumerate(tables):
+            if isinstance(table, dict) and name in (table.get("name"), str(i)):
+                return table
+    raise ValueError(f"{key}: the scene has no such entry")

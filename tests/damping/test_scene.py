@@ -16,7 +16,9 @@ BLOWN = {"wind.across": 10.0, "cable.diameter": 0.048}
 def test_a_ratio_is_of_the_lowest_frequency(name):
     scene = Scene.load(name).replace({"cable.damping": 0.013})
     g = scene.groups
-    lowest = float(irvine.frequencies(irvine.parameter(g.sigma, g.alpha, g.chord_cos), 1)[0]) / math.sqrt(g.chord_cos)
+    L2 = irvine.parameter(g.sigma, g.alpha, g.chord_cos)
+    assert scene.irvine == pytest.approx(L2, rel=1e-13)
+    lowest = float(irvine.frequencies(L2, 1)[0]) / math.sqrt(g.chord_cos)
     assert g.damping == pytest.approx(2.0 * 0.013 * lowest, rel=1e-12)
     assert scene.damping * scene.time_scale == pytest.approx(g.damping, rel=1e-14)
 
@@ -31,9 +33,8 @@ def test_crosswind_damps_tilts_and_adds_up():
     tramway = Scene.load("tramway")
     blown = tramway.replace(BLOWN)
     assert blown.damping == pytest.approx(1.2 * 1.2 * 0.048 * 10.0 / (2.0 * 13.3), rel=1e-14)
-    assert tramway.replace(BLOWN | {"wind.across": 20.0}).wind_tilt == pytest.approx(
-        math.degrees(math.atan(13.824 / 130.473)), rel=1e-12
-    )
+    tilt = math.degrees(math.atan(13.824 / 130.473))
+    assert tramway.replace(BLOWN | {"wind.across": 20.0}).wind_tilt == pytest.approx(tilt, rel=1e-12)
     both = tramway.replace(BLOWN | {"cable.damping": {"rate": 0.02}})
     assert both.damping == pytest.approx(blown.damping + 0.02, rel=1e-14)
     assert blown.catenary == tramway.catenary

@@ -20,13 +20,9 @@ def test_a_built_in_line_reads_back(name):
 
 
 def test_positions_are_a_number_a_list_or_a_range():
-    assert car_at(5.0) == (5.0,)
-    assert car_at([5, 7.5]) == (5.0, 7.5)
-    assert car_at({"from": 1.0, "to": 2.0, "count": 3}) == (1.0, 1.5, 2.0)
-
-
-def car_at(at):
-    return line(*THREE[:5], car("a", 1.0, at)).car[0].at
+    span = {"from": 1.0, "to": 2.0, "count": 3}
+    for at, places in ((5.0, (5.0,)), ([5, 7.5], (5.0, 7.5)), (span, (1.0, 1.5, 2.0))):
+        assert line(*THREE[:5], car("a", 1.0, at)).car[0].at == places
 
 
 def test_a_scene_of_one_span_refuses_a_line_in_one_sentence():

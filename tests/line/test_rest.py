@@ -57,9 +57,8 @@ def test_deepest_point_of_a_field():
     state = one(ASTER, catenary_line.solve)
     assert catenary_line.deepest(state, 0, 1) == pytest.approx(13.9370, abs=5e-5)
     loaded = one(TRAMWAY, catenary_line.solve)
-    assert catenary_line.deepest(loaded, 0, 2) == pytest.approx(
-        loaded.place[1, 1] + 480.0 / 1200.0 * loaded.place[1, 0]
-    )
+    below = loaded.place[1, 1] + 480.0 / 1200.0 * loaded.place[1, 0]
+    assert catenary_line.deepest(loaded, 0, 2) == pytest.approx(below)
 
 
 HOT = "temperature = 35.0\nreference_temperature = 10.0\nexpansion = 1.2e-5\nice = 1.3"
@@ -155,11 +154,8 @@ def test_one_span_is_the_statics_of_a_scene_but_for_the_strain():
         mu = 3000.0 / (scene.rho * scene.length)
         rest = gripped(0.4, replace(scene.groups, mu=mu))
         (x, y), N = rest.place[0] * scene.length, float(rest.ahead[0]) * scene.horizontal_tension
-        rope = {
-            "mass_per_length": 9.0,
-            "EA": EA,
-            "tension": {"at": "left", "value": float(scene.catenary.tension(0.0))},
-        }
+        tension = {"at": "left", "value": float(scene.catenary.tension(0.0))}
+        rope = {"mass_per_length": 9.0, "EA": EA, "tension": tension}
         ends = ({"name": "left", "kind": "anchor", "at": [0, 0]}, {"name": "right", "kind": "anchor", "at": [500, 60]})
         state = one((rope, *ends, car("car", 3000.0, float(x), hauled=False)), catenary_line.solve)
         apart = max(abs(state.place[1, 1] - y) / y, abs(state.tensions[1, 1] - N) / N)

@@ -37,15 +37,8 @@ def ice_load(thickness):
     ],
 )
 def test_the_scene_agrees_with_rte_within_the_strain(change, H):
-    scene = line(
-        480.0,
-        -10.0,
-        9.55494 / 9.81,
-        RTE_EA,
-        f"horizontal_tension = {RTE.horizontal_tension}",
-        *change,
-        expansion=RTE_HEAT,
-    )
+    tension = f"horizontal_tension = {RTE.horizontal_tension}"
+    scene = line(480.0, -10.0, 9.55494 / 9.81, RTE_EA, tension, *change, expansion=RTE_HEAT)
     assert scene.horizontal_tension == pytest.approx(H, rel=H / RTE_EA)
     assert scene.horizontal_tension != pytest.approx(RTE.horizontal_tension, rel=10.0 * H / RTE_EA)
 
@@ -134,12 +127,8 @@ def test_the_judge_hangs_a_cold_iced_cable_by_itself(shape):
         return {held.law for held in seen if held.law.endswith("at rest") and held.gap > 1e-8}
 
     assert broken(r) == set()
-    for right, wrong in (
-        ("-20.0", "-19.9"),
-        ("thickness = 0.01", "thickness = 0.0101"),
-        ("800.0", "801.0"),
-        ("1.2e-05", "1.201e-5"),
-    ):
+    wrongs = {"-20.0": "-19.9", "thickness = 0.01": "thickness = 0.0101", "800.0": "801.0", "1.2e-05": "1.201e-5"}
+    for right, wrong in wrongs.items():
         told = scene.to_toml().replace(right, wrong, 1)
         assert told != scene.to_toml()
         assert broken(replace(r, scene_toml=told))
@@ -149,15 +138,9 @@ def test_the_judge_hangs_a_cold_iced_cable_by_itself(shape):
     ("lines", "expected"),
     [
         (["temperature = 20"], "cable.reference_temperature: missing; must be given with temperature"),
-        (
-            ["temperature = 400", "reference_temperature = 20"],
-            "cable.temperature = 400: must be a number from -100 to 300",
-        ),
+        (["temperature = 400", "reference_temperature = 20"], "cable.temperature = 400: must be a number from -100"),
         (["ice = 0"], "cable.ice = 0: must be a number > 0"),
-        (
-            ["ice = {thickness = 0.01, density = 900.0}"],
-            "cable.diameter: missing; must be given with the thickness of ice",
-        ),
+        (["ice = {thickness = 0.01, density = 900.0}"], "cable.diameter: missing; must be given with the thickness"),
         (["diameter = 0.01", "ice = {thickness = 0.01}"], "cable.ice.density: missing; must be a number > 0"),
         (["ice = 1e9"], "cable.ice = 1000000000.0: must be less extreme"),
     ],
@@ -175,13 +158,9 @@ def test_temperature_without_expansion_is_refused():
 
 
 def test_mean_tension_is_the_integral():
-    for args in (
-        (300.0, 24.0, 11.0, 2e4),
-        (700.0, -341.0, 130.0, 4.5e5),
-        (100.0, 0.0, 50.0, 600.0),
-        (1e3, 170.0, 3.0, 3e9),
-    ):
-        cable = Catenary(*args)
+    rows = (300.0, 24.0, 11.0, 2e4), (700.0, -341.0, 130.0, 4.5e5), (100.0, 0.0, 50.0, 600.0), (1e3, 170.0, 3.0, 3e9)
+    for row in rows:
+        cable = Catenary(*row)
         x, w = np.polynomial.legendre.leggauss(600)
         mean = 0.5 * w @ cable.tension(0.5 * cable.length * (1.0 + x))
         assert cable.mean_tension == pytest.approx(mean, rel=1e-13)

@@ -46,13 +46,6 @@ def test_level_is_the_paper_s_cable():
         assert found == pytest.approx(known, rel=digits)
 
 
-def test_sigma_of_level_depends_on_the_digits_of_the_length():
-    """The must-fail twin of the data: the printed l = 2002.372 is another cable in the seventh digit."""
-    rounded = Scene.from_toml(Scene.library_text("level").replace("length = 2002.3720103", "length = 2002.372"))
-    assert rounded.sigma == pytest.approx(0.16888283, abs=5e-9)
-    assert rounded.sigma != pytest.approx(0.1688832, rel=1e-8)
-
-
 def test_cruise_and_bare_are_the_same_cable():
     level = Scene.load("level").groups
     for name in ("cruise", "bare"):
@@ -159,17 +152,6 @@ def test_variant_changes_what_it_names_and_keeps_the_rest_in_si():
         Scene.load("bare").variant(speed_ratio=0.2)
     with pytest.raises(SceneError, match=r"^EA = -"):
         scene.variant(alpha=-3.0)
-
-
-def test_irvine_s_parameter_of_an_inclined_cable_belongs_to_its_chord():
-    """Turned into the chord: weight normal to it, tension along it, both times the chord-wise stiffness."""
-    scene = Scene.from_groups(sag_ratio=0.011, slope=33.0, alpha=910.0)
-    cos = math.cos(math.radians(33.0))
-    normal_weight = scene.cable.mass_per_length * scene.gravity * scene.length * cos
-    along_chord = scene.horizontal_tension / cos
-    assert scene.irvine == pytest.approx((normal_weight / along_chord) ** 2 * scene.cable.EA / along_chord, rel=1e-13)
-    level = Scene.from_groups(sag_ratio=0.011, alpha=910.0)
-    assert level.irvine == pytest.approx(level.sigma**2 * level.alpha, rel=1e-15)
 
 
 def test_groups_are_computed_once_and_a_scene_is_frozen():

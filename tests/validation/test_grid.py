@@ -2,7 +2,7 @@
 
 import pytest
 
-from cablefem.scene.dotted import put
+from cablefem.scene.described import put
 from validation.core import grid
 
 

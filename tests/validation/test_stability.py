@@ -138,18 +138,11 @@ def test_waves_slower_than_the_mass_are_flagged():
     place = slow.numbers["since"]
     assert 0.0 < slow.numbers["least"] < 0.6848**2
     k = np.searchsorted(r.s_o, place * r.length)
-    assert (
-        r.tension_min[k : k + 2].min()
-        < near.cable.mass_per_length * (r.s_o[k] - r.s_o[k - 1]) ** 2 / (r.t[k] - r.t[k - 1]) ** 2
-    )
+    speed = (r.s_o[k] - r.s_o[k - 1]) / (r.t[k] - r.t[k - 1])
+    assert r.tension_min[k : k + 2].min() < near.cable.mass_per_length * speed**2
     # twin: a slower car on the same cable
     slower = run(near.variant(speed_ratio=0.4), "following-p2", elements=20, steps=900, until=0.8)
     assert "slow waves" not in slower.flag_kinds
-
-
-def test_central_differences_blow_up_with_the_right_cause():
-    r = run(LEVEL, "fourier", terms=12, steps=300, scheme="central-difference")
-    assert (r.status, r.cause, r.switched) == ("incomplete", "unstable", None)
 
 
 @pytest.mark.parametrize(
@@ -237,6 +230,7 @@ def test_cells_are_judged_by_their_error_and_only_against_a_sure_reference():
     assert (naive["class"], naive["cause"]) == ("wrong", "too coarse")
     assert judged(level("following-p2", 10, 1000), fine, 0.03)["class"] == "not judged"
     broken = run(LEVEL, "fourier", terms=12, steps=300, scheme="central-difference")
+    assert (broken.status, broken.cause, broken.switched) == ("incomplete", "unstable", None)
     assert judged(broken, fine, 1e-4)["class"] == "wrong"
     assert judged(broken, fine, 1e-4)["cause"] == "unstable"
     assert measures.WINDOW[1] > broken.reached
