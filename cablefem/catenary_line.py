@@ -1,4 +1,4 @@
-"""A line at rest by exact elastic catenaries between stations, joined by Newton's method.
+"""A line at rest by exact elastic catenaries between stations.
 
 A piece of length S has the pull N t = (H, P) at its left end and (H, P1), P1 = P - q S, at its right end.
 With the means Nm of N, Pm of P at both ends and w = q S/(2 Nm) (Irvine, Cable Structures, 1981):
@@ -72,8 +72,8 @@ class _Problem:
         behind, ahead, s, place = self.parts(X)
         gaps = np.diff(place, axis=0) - across(ahead[:-1], np.diff(s, axis=0), self.case)
         rows = [_row(p, *each) / self.H for p, *each in zip(self.case.stations, behind, ahead, place, strict=True)]
-        if self.case.tied is not None:
-            k, tension = self.case.tied
+        if self.case.tie is not None:
+            k, tension = self.case.tie
             pull = ahead[k] if k < self.count else behind[k]
             rows.append((_norm(pull) - tension)[None] / self.H)
         return np.concatenate([gaps.reshape(2 * self.count, -1) / self.reach, *rows])

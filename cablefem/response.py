@@ -192,7 +192,7 @@ class Response(MassPath):
     law: str
     reason: str | None
     slack_at: float | None  # s/l of the slack onset
-    switched: float | None  # s_o/l from which law = auto is tension-only
+    switched: float | None  # s_o/l of the switch of law = auto
     horizontal_tension: float  # H [N]
     T_behind: Array  # [N] nan on the left support
     T_ahead: Array  # [N] nan on the right support
@@ -209,24 +209,24 @@ class Response(MassPath):
     seconds: float  # of the time loop
     path_error: float | None = None  # largest in the window, over path_scale
     tension_error: float | None = None  # rms in the window off the jump, over H
-    error_parts: dict[str, float] | None = None  # in time and space
+    error_parts: dict[str, float] | None = None
     error_window: list[float] | None = None  # s_o/l
-    energy_gain: float | None = None  # largest unexplained gain over weight x largest deflection
+    energy_gain: float | None = None  # over weight x largest deflection
     flags: list[Flag] = field(default_factory=list)
-    cause: str | None = None  # "Newton stalled", "slack", "unstable", "step underflow", "no start"
-    events: list[dict[str, Any]] = field(default_factory=list)  # event, t [s], s_o [m], speed [m/s]
+    cause: str | None = None
+    events: list[dict[str, Any]] = field(default_factory=list)  # event, t, s_o, speed
     breaks: list[float] = field(default_factory=list)  # [s] jumps of acceleration; samples are from before
     design: list[dict[str, Any]] = field(default_factory=list)  # quantity, value, bar, unit, t, s_o, s
-    T_behind_pointwise: Array  # T + EA eps of the slopes; T_behind is from equilibrium
+    T_behind_pointwise: Array  # by slopes; T_behind is from equilibrium
     T_ahead_pointwise: Array
     reaction_left: Array  # [N] force on the cable
     reaction_right: Array
     contact: Array  # [N] of the mass on the cable
     F_haul: Array  # [N] outside force along the mean tangent, or nan
-    kinetic: Array  # [J] cable and mass
+    kinetic: Array  # [J]
     strain: Array  # [J]
     potential: Array  # [J]
-    powers: dict[str, Array] = field(default_factory=dict)  # [W] of outside forces and drive
+    powers: dict[str, Array] = field(default_factory=dict)  # [W]
 
     @property
     def speed(self) -> Array:
@@ -256,22 +256,22 @@ class Response(MassPath):
         )
 
     def at(self, *, t: Any, s: Any) -> dict[str, Array]:
-        """Return x, y, u, v [m] and T [N], each (n, m), at times t (n,) [s] and places s (m,) [m].
+        """Return x, y, u, v [m] and T [N], each (n, m), at t (n,) [s] and s (m,) [m].
 
         At the mass T is that behind. ValueError outside the run or the cable.
         """
         return views.at(self, t, s)
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw rope, envelope and path of the car by matplotlib; return the axes [m]."""
+        """Draw rope, envelope and path of the car by matplotlib; return the axes."""
         return views.side_view(self, ax)
 
     def plot_tension(self, ax: Any = None) -> Any:
-        """Draw tension [kN] over place [m] and time [s] by matplotlib; return the axes."""
+        """Draw the tension by matplotlib; return the axes."""
         return views.tension(self, ax)
 
     def to_dataframe(self) -> Any:
-        """Return path.csv as a pandas.DataFrame; units in `attrs["units"]`. Needs `cablefem[sweep]`."""
+        """Return path.csv as a pandas.DataFrame; units in `attrs["units"]`."""
         try:
             import pandas
         except ImportError:
@@ -281,7 +281,7 @@ class Response(MassPath):
         return frame
 
     def to_xarray(self) -> Any:
-        """Return an xarray.Dataset: path over `t`, fields over (`frame`, `s`). Needs `cablefem[xarray]`."""
+        """Return an xarray.Dataset: path over `t`, fields over (`frame`, `s`)."""
         try:
             import xarray
         except ImportError:
@@ -303,7 +303,7 @@ class Response(MassPath):
         return told | self.work | {"seconds": self.seconds}
 
     def write(self, folder: Path) -> None:
-        """Write path.csv, tension.csv, summary.json and response.npz; all or nothing."""
+        """Write path.csv, tension.csv, summary.json and response.npz."""
         self.write_tables(folder)
         self.store(folder)
 
@@ -370,7 +370,7 @@ def whole(path: Path) -> Iterator[Path]:
 
 
 def write_csv(path: Path, header: str, rows: Array) -> None:
-    """Write rows in full precision; NaN as an empty cell."""
+    """Write rows in full; NaN as an empty cell."""
     with whole(path) as temporary, temporary.open("w", encoding="ascii") as out:
         body = repr(rows.tolist())[2:-2].replace("], [", "\n").replace(", ", ",").replace("nan", "")
         out.write(f"{header}\n{body}\n" if rows.size else f"{header}\n")

@@ -36,9 +36,9 @@ class Mode:
     """State that events change."""
 
     sticks: bool = False
-    heading: float = 1.0  # sign of the slip, for friction and brakes
-    forward: float = 0.0  # sign of the car's speed, 0 at first
-    brakes: int = 0  # number of brakes reached
+    heading: float = 1.0  # sign of the slip
+    forward: float = 0.0  # sign of the speed, 0 at first
+    brakes: int = 0  # number reached
     lifted: bool = False
     rings: bool = False  # see `let_go`
     place: float = math.inf  # where, and since when, it is slower than `Drive.rest_speed`
@@ -56,7 +56,7 @@ class RollingCar(System):
     """
 
     hears_itself: bool  # short steps after jumps, even without friction
-    hold: float  # force that holds it at the start
+    hold: float  # force at the start
 
     def board(self, groups: Groups) -> None:
         self.drive, self.sigma = groups.drive, groups.sigma
@@ -70,7 +70,7 @@ class RollingCar(System):
         raise NotImplementedError
 
     def holding(self, x: State) -> tuple[float, float]:
-        """The force along the cable on a sticking car, and its normal force."""
+        """Force along the cable on a sticking car, and its normal force."""
         raise NotImplementedError
 
     def go_on(self, x: State) -> State:
@@ -109,7 +109,7 @@ class RollingCar(System):
         return self.most(normal) - abs(needed)
 
     def come_to_rest(self, x: State) -> State:
-        """The state without slip: the car sticks, or slips where it is pulled."""
+        """The car sticks, or slips where it is pulled."""
         v = x.v.copy()
         v[-1] = 0.0
         self.mode.sticks = True

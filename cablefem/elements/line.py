@@ -147,9 +147,9 @@ class _Batch:
                 special.append((row, k, p.kind, p.force))
         start = 0
         for case in self.cases:
-            if case.tied is not None:
+            if case.tie is not None:
                 end = start + len(case.stations) - 1
-                special.append((self.number[end, 2], start + case.tied[0], "tied", case.tied[1]))
+                special.append((self.number[end, 2], start + case.tie[0], "tied", case.tie[1]))
             start += len(case.stations)
         self.rows, at = np.array([x[0] for x in special], int), np.array([x[1] for x in special], int)
         self.kinds, self.given = np.array([x[2] for x in special]), np.array([x[3] for x in special])

@@ -43,6 +43,10 @@ RINGS = 240.0  # axial round trip
 HALT = 2.0  # until friction may turn
 WAVES = 60.0  # transverse round trip ahead of the car
 FREE_ONLY = ("release", "thrust", "brake", "rest_speed", "rest_distance")
+IDLE = {  # why other keys have no meaning
+    "grip": "where the car takes its travel from [travel] and nothing else; leave it out, or take haul or free",
+    "haul": "where the rope supplies whatever force the travel needs; leave it out, or take free",
+}
 
 
 class Thrust(Part):
@@ -99,14 +103,9 @@ class Driving(Part):
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         default = {name: field.default for name, field in type(self).model_fields.items() if name != "mode"}
         told = {n: f"{n} = {shown(given[n])}" for n in default if given.get(n) not in (None, default[n])}
-        if self.mode == "grip":
-            why = "has no meaning with mode = 'grip', where the car takes its travel from [travel] and nothing else"
-            return [f"{line}: {why}; leave it out, or take haul or free" for line in told.values()]
-        faults = []
-        if self.mode == "haul":
-            why = "has no meaning with mode = 'haul', where the rope supplies whatever force the travel needs"
-            faults += [f"{told[name]}: {why}; leave it out, or take free" for name in told if name in FREE_ONLY]
-        if "drag_area" not in told:
+        idle = [line for name, line in told.items() if name not in of_mode(self.mode)]
+        faults = [f"{line}: has no meaning with mode = {self.mode!r}, {IDLE[self.mode]}" for line in idle]
+        if "drag_area" not in told and self.mode != "grip":
             why = "acts through drag alone; must be given with drag_area"
             faults += [f"{told[name]}: {why}" for name in ("wind", "air_density") if name in told]
         return faults

@@ -118,10 +118,7 @@ class Station:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A line at rest to be solved: stations from left to right, and the rope.
-
-    s is length at the reference temperature; unloaded rope is `heat` times as long.
-    """
+    """A line at rest to be solved: stations from left to right, and the rope; s is length at the reference temperature."""
 
     stations: tuple[Station, ...]
     weight: float  # [N/m] per s
@@ -136,16 +133,8 @@ class Case:
         return np.array([[np.nan, np.nan] if p.kind == "spring" else [p.x, p.y] for p in self.stations])
 
     @property
-    def tied(self) -> tuple[int, float] | None:
-        """The condition for an unknown length."""
-        return self.tie if self.length is None else None
-
-    @property
     def fixed_s(self) -> np.ndarray:
-        """s of the stations (n,) [m], nan where unknown.
-
-        Without a length, s starts at an end that no pulley moves.
-        """
+        """s of the stations (n,) [m], nan where unknown; without a length it starts where no pulley moves."""
         s = np.full(len(self.stations), np.nan)
         left, right = (self.stations[i].kind != "counterweight" for i in (0, -1))
         if left:
@@ -202,10 +191,7 @@ class LineRest:
 
 
 class Line(Described):
-    """A rope over several contacts, and the positions of cars on it.
-
-    Line.load("two-span").replace({"contact.valley.tension": 4e5})
-    """
+    """A rope over several contacts, and the positions of cars on it."""
 
     built_in: ClassVar[Sequence[str]] = LINES
     not_modelled: ClassVar = NOT_MODELLED | dict.fromkeys(("supports", "mass", "travel", "drive"), ONE_SPAN)

@@ -13,7 +13,7 @@ from cablefem.scene.line import Case, NoLine
 def guess(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """H (n - 1,) [N] of the pieces, places (n, 2) [m] and s (n,) [m]; NoLine where none is."""
     ends = [k for k in (0, len(case.stations) - 1) if case.stations[k].kind == "counterweight"]
-    known = case.tied or ((ends[0], case.stations[ends[0]].force) if ends else None)
+    known = case.tie or ((ends[0], case.stations[ends[0]].force) if ends else None)
     if known is not None:
         k, T = known
         try:

@@ -109,10 +109,6 @@ def test_a_bar_that_may_be_too_small_is_1_and_said(cablefem, checked, level_chec
     assert (agreement["verdict"], [x["kind"] for x in agreement["doubts"]]) == ("agree", ["hidden slack"])
 
 
-def test_a_tolerance_of_the_tension_is_asked(cablefem):
-    assert cablefem("check", "level", "--tol-tension", "0")[0] == 2
-
-
 def test_a_check_with_a_run_that_broke_is_2(cablefem, checked, level_check):
     whole = level_check.b.run
     run = dataclasses.replace(whole, **BROKEN, slack_onset=None, cause="Newton stalled", s_o=0.5 * whole.s_o)

@@ -44,6 +44,7 @@ def test_every_command_has_help_with_an_example_and_says_where_it_writes(cablefe
         (["check", "level", "--tol"], ["'--tol' requires an argument"]),
         (["check", "level", "--tol", "abc"], ["'--tol': 'abc' is no number"]),
         (["check", "level", "--tol", "nan"], ["--tol must lie in [1e-06, 0.2], got nan"]),
+        (["check", "level", "--tol-tension", "0"], ["--tol-tension must lie in"]),
         (["check", "level", "--with-tol", "-1"], ["--with-tol must lie in [0, 1], got -1"]),
         (["check", "level", "more"], ["unexpected extra argument"]),
         (["check", "levl"], ["scene = 'levl': no built-in scene, no file. Did you mean level?"]),

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from cablefem.response import States
 from cablefem.scene import ConstantSpeed
 from cablefem.scene.statics import gripped
+from tests.runs import observe, stack
 from validation.core.methods import find
 from validation.core.running import Run
 
@@ -30,8 +30,7 @@ def test_a_car_let_in_on_the_way_begins_at_rest_on_the_loaded_cable(name, method
     kind = find(method)
     system = kind.build(g, kind.settings_on(g, settings), model="full", load="mass", law="elastic")
     x = system.start(0, None)
-    states = States(np.array([x.t]), x.q[None], x.v[None], x.a[None], np.array([0]))
-    seen = system.observe(states, np.zeros(0), np.zeros(0, np.intp))
+    seen = observe(system, stack([x]))
     exact = gripped(place, g)
     w = exact.place[0] - np.array(g.shape(place))
     v = exact.along[0] * g.motion.at(0.0, 0)[1]

@@ -7,13 +7,12 @@ import pytest
 
 from cablefem import Scene
 from cablefem.newmark import Newton, integrate, scheme, step_times
-from cablefem.response import States
 from cablefem.scene.motion import Motion, Piece
 from galerkin.abscissa import PositionAbscissa
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
 from tests.galerkin.test_equations import PLACE, STEEP
-from tests.runs import CRUISE, INCLINED, LEVEL, march, tangent_defect
+from tests.runs import CRUISE, INCLINED, LEVEL, march, stack, tangent_defect
 
 
 def travel(system, steps, until=0.8):
@@ -23,7 +22,7 @@ def travel(system, steps, until=0.8):
         states.append(x)
         if x.t > until:
             break
-    return States(*(np.array([getattr(x, n) for x in states]) for n in ("t", "q", "v", "a", "phase")))
+    return stack(states)
 
 
 @pytest.mark.parametrize("kink", [False, True])
