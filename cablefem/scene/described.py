@@ -101,6 +101,7 @@ class Described(Part):
     def replace(self, changes: Mapping[str, Any]) -> Self:
         """Return this with other values of some dotted keys; SceneError with all faults.
 
+        A new length, sag or horizontal tension takes the place of the old one.
         scene.replace({"mass.mass": 60.0, "drive.brake.0.force": 600.0, "obstacle.tree.top": 21.0})
         line.replace({"contact.valley.tension": 4e5})
         """

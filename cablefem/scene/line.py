@@ -118,7 +118,7 @@ class Station:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A line at rest to be solved: stations from left to right, and the rope; s is length at the reference temperature."""
+    """A line at rest to be solved: stations from left to right; s is length at the reference temperature."""
 
     stations: tuple[Station, ...]
     weight: float  # [N/m] per s
