@@ -85,11 +85,6 @@ def plain(words: str) -> str:
     return re.sub(r"[ \n]+", " ", html.unescape(re.sub(r"<[^>]*>", "", str(words)))).strip()
 
 
-def badge(verdict: str, text: str | None = None) -> Markup:
-    """A verdict as a coloured word with its sign; `text` replaces the word."""
-    return Markup(_PARTS.badge(verdict, text))
-
-
 def table(
     rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str] | Sequence[str], *, caption: str = "",
     sort: bool = False, stack: bool = False,
@@ -105,7 +100,7 @@ def table(
         order = list(VERDICTS)
         rows.sort(key=lambda row: order.index(row["verdict"]) if row.get("verdict") in order else len(order))
     numeric = [key for key in heads if rows and all(isinstance(row.get(key), Real | None) for row in rows)]
-    return Markup(_PARTS.table(rows, heads, numeric, caption, stack))
+    return _PARTS.table(rows, heads, numeric, caption, stack)
 
 
 def listed(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, Any], **how: Any) -> Markup:
@@ -186,36 +181,12 @@ def figure(fig: Any, caption: str, *, label: str = "") -> Markup:
     """A matplotlib figure with its caption; `label` describes it for screen readers."""
     from validation.page.figures import svg  # slow to import
 
-    return figure_of(svg(fig, plain(label or caption)), caption)
-
-
-def figure_of(svg: str, caption: str, *, wide: bool = False) -> Markup:
-    """A drawing with its caption; wide : over the whole text width, else for a `gallery`."""
-    return Markup(_PARTS.figure(svg, caption, wide))
+    return _PARTS.figure(svg(fig, plain(label or caption)), caption)
 
 
 def rendered(name: str, **content: Any) -> Markup:
     """A filled template of assets/."""
     return Markup(_ENVIRONMENT.get_template(name).render(**content))
-
-
-def gallery(*figures: str) -> Markup:
-    """Figures side by side, on a phone below one another."""
-    return Markup(_PARTS.gallery(figures))
-
-
-def columns(*parts: str) -> Markup:
-    """Parts down a first column, then a second; on a phone below one another."""
-    return Markup(_PARTS.columns(parts))
-
-
-def details(title: str, html: str) -> Markup:
-    """A folded part, open in print."""
-    return Markup(_PARTS.details(title, html))
-
-
-def callout(text: str, verdict: str | None = None) -> Markup:
-    return Markup(_PARTS.callout(text, verdict))
 
 
 def asset(name: str) -> str:
@@ -232,7 +203,9 @@ _ENVIRONMENT.filters |= {
 }  # fmt: skip
 _ENVIRONMENT.globals["verdicts"] = VERDICTS
 _PARTS: Any = _ENVIRONMENT.get_template("parts.html").module
+badge, callout, details = _PARTS.badge, _PARTS.callout, _PARTS.details
+gallery, figure_of = _PARTS.gallery, _PARTS.figure
 _ENVIRONMENT.globals |= {
     "table": table, "listed": listed, "badge": badge, "callout": callout, "details": details, "gallery": gallery,
-    "columns": columns, "figure": figure, "pairs": pairs,
+    "columns": _PARTS.columns, "figure": figure, "pairs": pairs,
 }  # fmt: skip
