@@ -42,12 +42,6 @@ LADDER = (
     ("string", "force"), ("string", "mass"), ("sagged", "force"), ("sagged", "mass"), ("stretching", "force"),
     ("stretching", "mass"), ("full", "mass"),
 )  # fmt: skip
-TOLD = {
-    "chord": "the straight chord", "empty cable": "the empty cable's shape", "full + mass": "the full dynamics",
-    "quasi-static": "the quasi-static ride on the loaded cable", "statics": "the cable at rest under the car",
-    "grip": "the dynamics of a car that grips the cable",
-}  # fmt: skip
-
 Gap = Callable[[Response, Response, View], float]
 
 
@@ -129,7 +123,7 @@ def advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any
     return {
         "scene": scene.name, "scene_toml": scene.to_toml(), "tol": tol, "drive": full.drive,
         **cheapest.line(tol), "least": {need: r.name for need, r in least.items()},
-        "words": list(_words(tol, rungs, least, full)), "range": list(view.window), "slack_onset": full.slack_onset,
+        "range": list(view.window), "slack_onset": full.slack_onset,
         "full": rungs[-1].line(tol), "candidates": [r.line(tol) for r in entries],
         "rungs": [r.line(tol) for r in rungs], "place": PLACE.tolist(),
     }  # fmt: skip
@@ -260,29 +254,3 @@ def _raced(scene: Scene, best: Rung, full: Response, view: View, tol: float, rep
             cheapest = min(cheapest, r.seconds) if entry.within(tol) else cheapest
             if entry.within(tol) or 2.0 * r.seconds > cheapest:  # the next costs about twice
                 break
-
-
-def _words(tol: float, rungs: list[Rung], least: dict[str, Rung], full: Response) -> Iterator[str]:
-    """Give a sentence for each need, with the distances of lesser models, and the limits of what is said."""
-    if len(rungs) == 1:
-        onset = full.slack_onset
-        why = "the full runs do not agree" if onset is None else f"the cable goes slack at s_o/l = {onset:.3f}"
-        yield f"Only the full model can be advised: {why}, and there is nothing to compare before."
-        return
-    for need, rung in least.items():
-        off = [f"{_told(r)} {100.0 * r.gaps[need]:.2g} percent" for r in rungs[:-1] if math.isfinite(r.gaps[need])]
-        bar = rungs[-1].gaps[need]
-        unsure = ": none is sure to be within it" if bar > tol else ""
-        yield (
-            f"The {need} needs {_told(rung)}{unsure}. Off by: {', '.join(off) or 'no lesser model says it'}; the error "
-            f"bar of the full dynamics is {100.0 * bar:.2g} percent."
-        )
-        close = [_told(r) for r in rungs[:-1] if abs(r.gaps[need] - tol) <= bar]
-        if close:
-            yield f"Too close to the tolerance of the {need} to be certain: {', '.join(close)}."
-    if full.slack_onset is not None:
-        yield f"All this holds until the cable goes slack at s_o/l = {full.slack_onset:.3f}."
-
-
-def _told(rung: Rung) -> str:
-    return TOLD.get(rung.name, rung.name)
