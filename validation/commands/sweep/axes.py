@@ -3,51 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
 from cablefem.scene.errors import SceneError, shown
-from cablefem.scene.fields import Part, Real, Switch, whole
+from cablefem.scene.fields import Part, Real, Switch, admits, whole
 
 MOST = 10_000_000  # points
 
 
-@dataclass(frozen=True, slots=True)
-class Axis:
-    """One thing that varies: given values, or a range [low, high], by its logarithm if `log`."""
+class Choices(Part):
+    """Given values."""
 
-    name: str
-    values: tuple[Any, ...] = ()
-    low: float = 0.0
-    high: float = 0.0
-    log: bool = False
+    choices: Annotated[tuple[Any, ...], admits("a list of at least one value", min_length=1, strict=False)]
+    log: ClassVar[bool] = False
 
-    def at(self, share: float) -> Any:
-        """The value at a share in [0, 1] of the axis."""
-        if self.values:
-            return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
-        if self.log:
-            return float(self.low * (self.high / self.low) ** share)
-        return float(self.low + share * (self.high - self.low))
-
-    def table(self) -> dict[str, Any]:
-        """The axis as written in [sample.range]."""
-        return {"choices": list(self.values)} if self.values else {"from": self.low, "to": self.high, "log": self.log}
+    @property
+    def values(self) -> tuple[Any, ...]:
+        return self.choices
 
     @property
     def numeric(self) -> bool:
         return all(isinstance(x, int | float) and not isinstance(x, bool) for x in self.values)
 
+    def at(self, share: float) -> Any:
+        """The value at a share in [0, 1] of the axis."""
+        return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
+
 
 class Range(Part):
-    """A range as written in a study."""
+    """Any value between two ends."""
 
     low: Real = Field(alias="from")
     high: Real = Field(alias="to")
     log: Switch = False  # equal steps are equal ratios
+    numeric: ClassVar[bool] = True
+    values: ClassVar[tuple[Any, ...]] = ()
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         """A range rises, and a logarithmic one is positive."""
@@ -57,47 +50,48 @@ class Range(Part):
             return [f"from = {self.low:g}: must be > 0 with log"]
         return [] if self.low < self.high else [f"to = {self.high:g}: must be > {self.low:g}, where the range begins"]
 
+    def at(self, share: float) -> float:
+        if self.log:
+            return float(self.low * (self.high / self.low) ** share)
+        return float(self.low + share * (self.high - self.low))
+
 
 class Steps(Range):
     """So many values over a range, its ends included."""
 
     count: Annotated[int, whole(2, MOST)]
 
+    @property
+    def values(self) -> tuple[float, ...]:  # type: ignore[override]
+        return tuple(self.at(i / (self.count - 1)) for i in range(self.count))
 
-def _axes(kind: type[Range], given: Any) -> tuple[Axis, ...]:
+
+Axis = Choices | Range
+
+
+def _axes(kind: type[Range], given: Any) -> dict[str, Axis]:
     """Axes of a table; each is a list, a table with choices, or a range of that kind."""
-    if isinstance(given, tuple):
-        return given  # of a study that is copied
     if not (isinstance(given, dict) and given):
         raise ValueError("must be a table of at least one axis")
-    axes, faults = [], []
+    axes: dict[str, Axis] = {}
+    faults = []
     for name, one in given.items():
+        match one:
+            case [low, high] if kind is Range:
+                one = {"from": low, "to": high}
+            case [_, *_] if kind is Steps:
+                one = {"choices": one}
         try:
-            axes.append(_axis(kind, name, one))
+            axes[name] = (Choices if "choices" in one else kind)(**one)
         except SceneError as error:
             faults += [f"{name}.{fault}" for fault in error.faults]
-        except ValueError as error:
-            faults.append(f"{name} = {shown(one)}: {error}")
+        except TypeError:
+            faults.append(
+                f"{name} = {shown(given[name])}: must be a list, or a table with choices, or with from and to"
+            )
     if faults:
         raise SceneError(faults)
-    return tuple(axes)
-
-
-def _axis(kind: type[Range], name: str, given: Any) -> Axis:
-    match given:
-        case [low, high] if kind is Range:
-            given = {"from": low, "to": high}
-        case [_, *_] if kind is Steps:
-            given = {"choices": given}
-    match given:
-        case {"choices": [_, *_] as values, **more} if not more:
-            return Axis(name, tuple(values))
-        case dict():
-            x = kind(**given)
-            axis = Axis(name, (), x.low, x.high, x.log)
-            shares = [i / (x.count - 1) for i in range(x.count)] if isinstance(x, Steps) else []
-            return Axis(name, tuple(map(axis.at, shares))) if shares else axis
-    raise ValueError("must be a list, or a table with choices, or with from and to")
+    return axes
 
 
 grid, ranges = partial(_axes, Steps), partial(_axes, Range)  # of [vary], of [sample.range]

@@ -134,7 +134,7 @@ def _schema(study: Study) -> Any:
 
     kinds = dict.fromkeys(job.WORDS, pa.string()) | dict.fromkeys(job.NUMBERS, pa.float64())
     kinds |= dict.fromkeys(job.COUNTS, pa.int64())
-    inputs = {axis.name: pa.float64() if axis.numeric else pa.string() for axis in study.axes}
+    inputs = {name: pa.float64() if axis.numeric else pa.string() for name, axis in study.axes.items()}
     return pa.schema({"index": pa.int64(), **inputs, **{name: x for name, x in kinds.items() if name not in inputs}})
 
 

@@ -66,8 +66,8 @@ def coverage(rows: Any) -> list[dict[str, Any]]:
 
 
 def _maps(study: Study, rows: Any) -> Iterator[Markup]:
-    axes = [a.name for a in study.axes if a.numeric and rows[a.name].nunique() > 1]
-    logs = {a.name for a in study.axes if a.log}
+    axes = [name for name, a in study.axes.items() if a.numeric and rows[name].nunique() > 1]
+    logs = {name for name, a in study.axes.items() if a.log}
     for quantity in MAPS if axes else ():
         known = _thinned(rows[rows[quantity].notna()])
         if len(known) > 2:
@@ -111,9 +111,9 @@ def _parts(rows: Any, axis: str) -> list[tuple[str, Any]]:
 
 def _scenes(study: Study, file: Path, rows: Any) -> dict[str, Any]:
     """What explorer.js shows: lines of scenes across their axes, and a table with the command of each."""
-    columns = [*(a.name for a in study.axes), *DESIGN, "max_deflection", "path_error", "seconds"]
+    columns = [*study.axes, *DESIGN, "max_deflection", "path_error", "seconds"]
     columns = [c for c in dict.fromkeys([*columns, "status", "verdict", "method"]) if rows[c].notna().any()]
-    logs = {a.name for a in study.axes if a.log}
+    logs = {name for name, a in study.axes.items() if a.log}
     told = [{"name": c, "log": c in logs, "values": _plain(rows[c])} for c in columns]
     return {"study": str(file), "index": rows.index.tolist(), "columns": told}
 

@@ -39,7 +39,7 @@ class Sample(Part):
     kind: Literal["sobol", "latin_hypercube", "random"] = "sobol"
     count: Annotated[int, whole(1, MOST)]
     seed: Annotated[int, whole(0, 2**32 - 1)] = 0
-    range: Annotated[tuple[Axis, ...], PlainValidator(ranges)]
+    range: Annotated[dict[str, Axis], PlainValidator(ranges)]
 
 
 class Truth(Part):
@@ -59,7 +59,7 @@ class Study(Part):
     settings: dict[str, Any] = Field(default_factory=dict)  # of the method; of job power the seed of its scenes
     tol: Annotated[float, between(1e-6, 0.2)] | None = None
     seconds: Annotated[float, between(0.1, 86_400.0)] = 120.0  # a scene may take
-    vary: Annotated[tuple[Axis, ...], PlainValidator(grid)] | None = None  # the full grid of all axes
+    vary: Annotated[dict[str, Axis], PlainValidator(grid)] | None = None  # the full grid of all axes
     sample: Sample | None = None
     truth: Truth | None = None
     _name: str = PrivateAttr("study")
@@ -98,23 +98,23 @@ class Study(Part):
         if (self.vary is None) == (self.sample is None):
             return ["exactly one of [vary] (a full grid) and [sample] (a design of experiments) must be given"]
         faults = [] if len(self) <= MOST else [f"vary: {len(self)} scenes; must be at most {MOST}"]
-        faults += [fault for axis in self.axes for fault in self._faults_of(axis)]
-        named = {*(axis.name for axis in self.axes), *self.how({})}
+        faults += [fault for name, axis in self.axes.items() for fault in self._faults_of(name, axis)]
+        named = {*self.axes, *self.how({})}
         needed = {"run": () if "method" in named else ("tol",), "power": ("tol", "case")}.get(self.job, ("tol",))
         job = f"job {shown(self.job)}" + (" without a method" if self.job == "run" else "")
         faults += [f"{x}: missing; {job} needs it" for x in needed if x not in named]
         return faults
 
-    def _faults_of(self, axis: Axis) -> list[str]:
+    def _faults_of(self, name: str, axis: Axis) -> list[str]:
         """Faults of an axis' name: no group, no field of the scene, nothing of the run."""
         known = {*GROUPS, *HOW, *(() if self.scene else FREE), *(("case",) if self.job == "power" else ())}
-        part, dot, _ = axis.name.partition(".")
-        if axis.name not in known and not (dot and part in Scene.field_names()):
-            near = nearest(axis.name, known)
-            return [f"{axis.name}: must be a field of the scene file (cable.sag) or one of them.{near}"]
+        part, dot, _ = name.partition(".")
+        if name not in known and not (dot and part in Scene.field_names()):
+            near = nearest(name, known)
+            return [f"{name}: must be a field of the scene file (cable.sag) or one of them.{near}"]
         try:
             if dot and self.scene is not None:
-                self.scene.replace({axis.name: axis.at(0.0)})
+                self.scene.replace({name: axis.at(0.0)})
         except SceneError as error:
             return [fault for fault in error.faults if "unknown key" in fault]
         return []
@@ -124,8 +124,8 @@ class Study(Part):
         return self._name
 
     @property
-    def axes(self) -> tuple[Axis, ...]:
-        return self.vary or () if self.sample is None else self.sample.range
+    def axes(self) -> dict[str, Axis]:
+        return self.vary or {} if self.sample is None else self.sample.range
 
     def to_toml(self) -> str:
         """A study file that reads back as this study wherever it lies.
@@ -135,12 +135,12 @@ class Study(Part):
         given = {k: v for k, v in self._given.items() if v is not None}
         if self.scene is not None:
             given["scene"] = tomllib.loads(self.scene.to_toml())
-        axes = {axis.name: axis.table() for axis in self.axes}
+        axes = {name: axis.model_dump() for name, axis in self.axes.items()}
         given |= {"vary": axes} if self.sample is None else {"sample": given["sample"] | {"range": axes}}
         return tomli_w.dumps(given)
 
     def __len__(self) -> int:
-        return self.sample.count if self.sample else math.prod(len(axis.values) for axis in self.axes)
+        return self.sample.count if self.sample else math.prod(len(axis.values) for axis in self.axes.values())
 
     def point(self, index: int) -> dict[str, Any]:
         """Values of the axes at a point, 0 <= index < len(self)."""
@@ -148,9 +148,9 @@ class Study(Part):
             raise Refused(f"scene {index}: {self.name} has the scenes 0 to {len(self) - 1}")
         if self.sample is not None:
             shares = _shares(self.sample.kind, self.sample.count, self.sample.seed, len(self.axes))[index]
-            return {axis.name: axis.at(share) for axis, share in zip(self.axes, shares, strict=True)}
-        at = np.unravel_index(index, [len(axis.values) for axis in self.axes])
-        return {axis.name: axis.values[i] for axis, i in zip(self.axes, at, strict=True)}
+            return {name: axis.at(share) for (name, axis), share in zip(self.axes.items(), shares, strict=True)}
+        at = np.unravel_index(index, [len(axis.values) for axis in self.axes.values()])
+        return {name: axis.values[i] for (name, axis), i in zip(self.axes.items(), at, strict=True)}
 
     def scene_at(self, point: dict[str, Any]) -> Scene:
         """The scene of a point; SceneError where it has faults."""
