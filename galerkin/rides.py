@@ -55,7 +55,6 @@ class RollingSystem(RollingCar, GalerkinSystem):
         self.board(groups)
         super().__init__(groups, basis, kink=kink, law=law)
         self.n_dof += 1
-        self.strides = self.free
         self._seen: tuple[State, Car] | None = None
         # rows t, p.; t, mean p.. and its rate
         self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
@@ -136,21 +135,21 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def drives(self, states: States, velocity: Array, acceleration: Array, sides: Array, working: Array) -> Drives:
         s_o, ds_o, _ = self.kinematics(states)
-        drive, rows = self.drive, list(zip(states.t.tolist(), states.phase.tolist(), strict=True))
-        F = np.array([drive.thrust(t, phase) for t, phase in rows]) if self.free else states.a[:, -1]
-        cars = np.empty((s_o.size, len(Car._fields)))
-        for i, (t, phase) in enumerate(rows):
-            cars[i] = kernels.car(self._on(t, phase), F[i], velocity[i], acceleration[i], sides[0, i], sides[1, i])
-        car = Car(*cars.T)
+        drive = self.drive
+        F = drive.thrust(states.t, states.phase) if self.free else states.a[:, -1]
+        on = kernels.Rolling(self.mu, self.groups.sigma, drive.k, drive.wind, 0.0, 0.0, 0.0)
+        car = kernels.weighed_car(on, F, velocity.T, acceleration.T, sides[0].T, sides[1].T)
         rate = np.abs(ds_o) * car.stretch
-        reach = np.array([drive.brake(place) for place in s_o.tolist()])
         powers = {
             "thrust" if self.free else "haul": F * (car.tx * velocity[:, 0] + car.ty * velocity[:, 1]),
             "drag": car.drag_x * velocity[:, 0] + car.drag_y * velocity[:, 1],
             "friction": -drive.mu_r * np.abs(car.pressing) * rate,
         }
         if self.free:
-            powers |= {"brake": -reach * rate, "hold": np.array([self.held(t) for t, _ in rows]) * ds_o}
+            powers |= {
+                "brake": -drive.brake(s_o) * rate,
+                "hold": np.array([self.held(t) for t in states.t.tolist()]) * ds_o,
+            }
         haul = F if drive.thrust_table or not self.free else np.full(F.shape, np.nan)
         return Drives(-np.stack([car.Cx, car.Cy], axis=1), haul, np.sum(list(powers.values()), axis=0), powers)
 
@@ -200,24 +199,30 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def _stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[int, Array, Array]:
-        """Steps of a free car up to an event."""
-        drive, (s_o, ds_o), m = self.drive, start[:2, -1].tolist(), t.size
-        if not (self.free and self.under_way) or t[0] < drive.release:
+        """Steps up to an event.  A hauled car's sign of friction, and points, stay the same."""
+        drive, (s_o, ds_o) = self.drive, start[:2, -1].tolist()
+        if not self.under_way or t[0] < drive.release:
             return 0, *NO_STEPS
-        reach = min(1.0, max(0.0, s_o + ds_o * float(rules[:, 0, 1].sum())))
-        rules_at = self.sines.side_rules
         ride, _ = self._ride(t[0], start[0], start[1], start[2], phase)
-        line = self._line(rules_at(max(s_o, reach))[0], rules_at(min(s_o, reach))[1])
-        past, smooth = np.concatenate([self._past, np.empty((m, 3))]), np.empty(6)
-        course = kernels.Course(
-            t, drive.thrust(t, phase), past, self._window, smooth, *self.course(), self.mode.lifted
-        )  # fmt: skip
+        if self.free:
+            reach = min(1.0, max(0.0, s_o + ds_o * float(rules[:, 0, 1].sum())))
+            rules_at, places = self.sines.side_rules, np.empty((0, 3))
+            line = self._line(rules_at(max(s_o, reach))[0], rules_at(min(s_o, reach))[1])
+        else:
+            places = np.ascontiguousarray(self.motion.along(t, phase).T)
+            turned = np.flatnonzero(np.signbit(places[:, 1]) != np.signbit(places[0, 1]))
+            same, line = self._lines(places[: turned[0] if turned.size else t.size, 0])
+            t, rules = t[:same], rules[:same]
+        thrust = drive.thrust(t, phase) if self.free else np.zeros(t.size)
+        past, smooth = np.concatenate([self._past, np.empty((t.size, 3))]), np.empty(6)
+        course = kernels.Course(t, places, thrust, past, self._window, smooth, *self.course(), self.mode.lifted)
         taken, ends, told = kernels.roll_on(ride, course, line, start, rules, limits(bound, newton))
         if taken:
             self._told(taken, ends, told)
-            self._past = past[int(smooth[0]) : len(past) - m + taken]
             w, dt = float(rules[taken - 1, 0, 4]), float(rules[taken - 1, 0, 1])
             self.heeded = float(t[taken - 1]) + (1.0 - w + 1e-9) * dt
+            if self.free:
+                self._past = past[int(smooth[0]) : len(past) - t.size + taken]
         return taken, ends, told
 
     def start(self, phase: int, state: State | None) -> State:

@@ -310,7 +310,7 @@ class RollingElements(RollingCar, FollowingElements):
         powers = {name: np.sum(force * o.path_velocity, axis=1) for name, force in outside.items()}
         powers["friction"] = -stretch * drive.mu_r * normal * np.abs(ds)
         if self.free:
-            powers["brake"] = -stretch * np.array([drive.brake(x) for x in o.s_o]) * np.abs(ds)
+            powers["brake"] = -stretch * drive.brake(o.s_o) * np.abs(ds)
             powers["hold"] = self.hold * np.array([drive.hold(t) for t in states.t]) * ds
         powers |= o.powers
         pulled = not self.free or bool(drive.thrust_table)

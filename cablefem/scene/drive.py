@@ -208,9 +208,9 @@ class Drive:
         x = t / self.release if self.release > 0.0 else 1.0
         return (1.0 - x) ** 2 * (1.0 + 2.0 * x) if x < 1.0 else 0.0
 
-    def brake(self, s_o: float) -> float:
-        """Force of all brakes that reach s_o."""
-        return sum(force for place, force in self.brakes if s_o >= place)
+    def brake(self, s_o):
+        """Force of all brakes that reach s_o; any shape."""
+        return sum(force * (s_o >= place) for place, force in self.brakes)
 
     @property
     def resists(self) -> bool:

@@ -4,7 +4,7 @@ phi (n, m): Phi' at the points; x: a `Carried`; Q, V, A (2, n): coefficients and
 """
 
 from galerkin.kernels.cable import Cable, Points, balance, least, stiffness, stress
-from galerkin.kernels.rolling import LEAST_PULL, Car, Rolling, averaged, by_force, car, taut
+from galerkin.kernels.rolling import LEAST_PULL, Car, Rolling, averaged, by_force, car, taut, weighed_car
 from galerkin.kernels.steps import (
     FREE,
     HAULED,
@@ -24,5 +24,5 @@ from galerkin.kernels.steps import (
 __all__ = [
     "FREE", "HAULED", "LEAST_PULL", "STUCK", "Cable", "Car", "Course", "Line", "Points", "Ride", "Rolling", "averaged",
     "balance", "by_force", "car", "least", "look", "lost", "roll_on", "seen", "stiffness", "stress", "stride",
-    "surveyed", "taut", "weighed",
+    "surveyed", "taut", "weighed", "weighed_car",
 ]  # fmt: skip

@@ -84,26 +84,28 @@ class Coefficients(NamedTuple):
     A: Array
 
 
-@compiled
-def car(on, thrust, velocity, acceleration, behind, ahead):
-    """The car from p., p.. and r' behind and ahead (2,); thrust may be the haul force."""
+def weighed_car(on, thrust, velocity, acceleration, behind, ahead):
+    """The car from p., p.. and r' behind and ahead, (2,) or of n instants (2, n); thrust may be the haul force."""
     mx, my = 0.5 * (behind[0] + ahead[0]), 0.5 * (behind[1] + ahead[1])
-    size = math.hypot(mx, my)
+    size = np.hypot(mx, my)
     tx, ty = mx / size, my / size
-    stretch = 0.5 * (math.hypot(behind[0], behind[1]) + math.hypot(ahead[0], ahead[1]))
+    stretch = 0.5 * (np.hypot(behind[0], behind[1]) + np.hypot(ahead[0], ahead[1]))
     x, y = velocity[0] - on.wind, velocity[1]
-    air = -on.drag * math.hypot(x, y)
+    air = -on.drag * np.hypot(x, y)
     Cx = on.mu * acceleration[0] - thrust * tx - air * x
     Cy = on.mu * (acceleration[1] - on.sigma) - thrust * ty - air * y
     pressing, cos_phi = ty * Cx - tx * Cy, size / stretch
     normal = pressing
     if not math.isnan(on.ax):
         normal = ty * (on.mu * on.ax - air * x) - tx * (on.mu * (on.ay - on.sigma) - air * y)
-    defect = tx * Cx + ty * Cy - cos_phi * (on.hold / stretch + on.brake + on.rub * abs(normal))
+    defect = tx * Cx + ty * Cy - cos_phi * (on.hold / stretch + on.brake + on.rub * np.abs(normal))
     speed = tx * velocity[0] + ty * velocity[1]
     return Car(
         Cx, Cy, tx, ty, cos_phi, stretch, air * x, air * y, pressing, defect, speed, velocity[0], velocity[1], normal
     )
+
+
+car = compiled(weighed_car)
 
 
 @compiled

@@ -71,9 +71,10 @@ class Ride(NamedTuple):
 
 
 class Course(NamedTuple):
-    """A free car between two events."""
+    """A car between two events."""
 
     t: Array  # (m,) balances of the steps
+    places: Array  # (m, 3) there s_o, ds_o, dds_o of a hauled car
     thrust: Array  # (m,) there
     past: Array  # (k + m, 3) for `averaged`, m rows still empty
     window: float
@@ -450,7 +451,10 @@ def roll_on(ride, course, line, start, rules, limits):
         first, newest, now_car = 0, course.past.shape[0] - m, seen(ride, line, start)
     for i in range(m):
         rule = rules[i]
-        if course is not None:
+        if course is not None and ride.mode == HAULED:
+            now_ride = Ride(ride.mode, ride.on, 0.0, course.places[i, 0], course.places[i, 1], course.places[i, 2])
+            here = moment(line, now_ride.s_o, now_ride.ds_o, now_ride.dds_o)
+        elif course is not None:
             t0, past = course.t[i] - rule[0, 4] * rule[0, 1], course.past
             past[newest, 0], past[newest, 1], past[newest, 2] = t0, now_car.vx, now_car.vy
             smooth = averaged(past, first, newest, course.window)
@@ -463,8 +467,9 @@ def roll_on(ride, course, line, start, rules, limits):
         if not (found[0] <= limits[0] and found[4] >= 0.0):
             return i, now, told
         if course is not None:
-            now_car = seen(at_time(ride, smooth, t0 + rule[0, 1], 0.0), line, now[i])
-            if has_event(course, now[i], now_car):
+            end = now_ride if ride.mode == HAULED else at_time(ride, smooth, t0 + rule[0, 1], 0.0)
+            now_car = seen(end, line, now[i])
+            if lifts(course, now_car) or (ride.mode != HAULED and has_event(course, now[i], now_car)):
                 return i, now, told
     return m, now, told
 
@@ -484,4 +489,9 @@ def has_event(course, end, car):
     s_o, ds_o = end[0, last], end[1, last]
     if not course.low < s_o < course.high or (course.sign != 0.0 and not course.sign * ds_o > 0.0):
         return True
-    return not (course.forward * car.speed > course.slow and (course.lifted or max(car.pressing, car.normal) > 0.0))
+    return not course.forward * car.speed > course.slow
+
+
+@inner
+def lifts(course, car):
+    return not (course.lifted or max(car.pressing, car.normal) > 0.0)
