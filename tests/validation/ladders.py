@@ -25,11 +25,5 @@ def ladder(scene, change=lambda r: r, claims=None, **how):
     return Ladder(ran(), space, time)
 
 
-def altered(x, change):
-    """A ladder with one thing changed in all its runs: a fault of the method."""
-    branches = (replace(b, runs=tuple(map(change, b.runs))) for b in (x.space, x.time))
-    return Ladder(change(x.finest), *branches)
-
-
 def alone(r):
     return Ladder(r, *(Branch((r,), (2.0,), 2.0) for _ in range(2)))

@@ -8,7 +8,6 @@ import numpy as np
 
 from cablefem.newmark.newmark_rule import NewmarkRule
 from tests.validation import test_rides_check
-from tests.validation.ladders import altered
 from tests.validation.pairs import LEVEL, right
 from validation.commands.check.deep import THIRD, deep
 from validation.core.agreement import Verdict
@@ -37,7 +36,7 @@ def test_right_answers_agree_with_all_third_parties_that_their_scene_has():
 
 def test_a_car_that_starts_elsewhere_is_seen():
     free, _ = test_rides_check.pair()
-    lower = altered(free, lambda r: replace(r, y=r.y + 1e-3 * r.max_deflection))
+    lower = free.map(lambda r: replace(r, y=r.y + 1e-3 * r.max_deflection))
     assert verdict("rest", RIDE, lower) is Verdict.DISAGREE
 
 
@@ -56,7 +55,7 @@ def test_a_driver_whose_velocities_lag_is_seen(monkeypatch):
 
 def test_a_path_outside_its_bar_is_seen():
     a, _ = right()
-    wrong = altered(a, lambda r: replace(r, v=r.v + 4.0 * a.run.path_error * r.max_deflection * np.sign(r.s_o)))
+    wrong = a.map(lambda r: replace(r, v=r.v + 4.0 * a.run.path_error * r.max_deflection * np.sign(r.s_o)))
     assert verdict("bars", LEVEL, wrong) is Verdict.DISAGREE
 
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.validation.ladders import altered
 from tests.validation.pairs import LEVEL, answer, right
 from validation.core.agreement import Verdict, overall
 from validation.core.rows import ALONG, AXIAL_MEAN, compare
@@ -91,7 +90,7 @@ def test_right_answers_agree():
 
 
 def spoiled(wing, change):
-    return [altered(e, change) if i == wing else e for i, e in enumerate(right())]
+    return [e.map(change) if i == wing else e for i, e in enumerate(right())]
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -107,7 +106,7 @@ def test_a_fault_of_one_wing_turns_its_rows_and_a_smaller_one_the_verdict(fault)
 
 def test_a_slack_onset_told_by_both_is_held_against_their_tension():
     """Between them nothing is apart; the least tension says better."""
-    a, b = (altered(e, slack_at(0.40)) for e in right())
+    a, b = (e.map(slack_at(0.40)) for e in right())
     assert rows(a, b)[("slack_onset", "")].verdict is Verdict.AGREE
     assert rows(a, b)[("laws_si", "slack onset")].verdict is Verdict.DISAGREE
     assert rows(a, right()[1])[("slack_onset", "")].verdict is Verdict.DISAGREE
@@ -127,7 +126,7 @@ def test_a_wrong_path_of_the_slack_cable_is_seen():
 
     a, b = right()
     assert rows(a, b, tol=1e-2)[("path_slack", "")].verdict is Verdict.AGREE
-    assert rows(altered(a, sinks), b)[("path_slack", "")].verdict is Verdict.DISAGREE
+    assert rows(a.map(sinks), b)[("path_slack", "")].verdict is Verdict.DISAGREE
 
 
 def test_a_run_compared_with_itself_is_no_check():
@@ -165,7 +164,7 @@ def past(place, **factors):
 def test_means_over_an_axial_round_trip_end_with_the_window(since, told):
     """Past it a run may be anything; its companions end there."""
     a, b = right()
-    wild = altered(a, past(since, T_behind=7.0))
+    wild = a.map(past(since, T_behind=7.0))
     assert rows(wild, b)[("tension_behind", AXIAL_MEAN)].verdict is told
 
 
@@ -196,7 +195,7 @@ OF_BOTH = {
 
 @pytest.mark.parametrize("fault", OF_BOTH)
 def test_a_fault_of_both_wings_turns_a_law_and_the_verdict(fault):
-    found = compare(LEVEL, *(altered(e, OF_BOTH[fault]) for e in right()))
+    found = compare(LEVEL, *(e.map(OF_BOTH[fault]) for e in right()))
     laws = {row.quantity for row in found if row.verdict is Verdict.DISAGREE}
     assert laws <= {"laws_si", "impulse", "energy", "velocity"}
     assert overall(found) is Verdict.DISAGREE, laws
@@ -204,6 +203,6 @@ def test_a_fault_of_both_wings_turns_a_law_and_the_verdict(fault):
 
 def test_velocities_along_the_cable_wrong_in_both_wings_are_shown_only():
     """Two percent turn the velocity up to the mass, a row of which nothing is asked."""
-    found = rows(*(altered(e, scaled("du")(0.02)) for e in right()), tol=1e-2)
+    found = rows(*(e.map(scaled("du")(0.02)) for e in right()), tol=1e-2)
     assert found[("velocity", "up to the mass")].verdict is Verdict.DISAGREE
     assert overall(list(found.values())) is Verdict.AGREE

@@ -10,7 +10,6 @@ import pytest
 
 from cablefem import Scene
 from tests.scene.test_ride import ZIP
-from tests.validation.ladders import altered
 from validation.core.agreement import Verdict, overall
 from validation.core.climb import laddered
 from validation.core.rows import AXIAL_MEAN, compare, with_bars
@@ -62,13 +61,13 @@ FAULTS = {
 def test_a_fault_of_one_wing_turns_its_row(fault):
     change, row = FAULTS[fault]
     a, b = pair()
-    assert rows(a, altered(b, change))[row].verdict is Verdict.DISAGREE
+    assert rows(a, b.map(change))[row].verdict is Verdict.DISAGREE
 
 
 def test_an_event_that_not_all_coarser_runs_tell_is_too_coarse():
     a, b = pair()
     early = replace(b.space, runs=tuple(replace(r, events=event(r, "none")[:1]) for r in b.space.runs))
-    late = altered(a, lambda r: replace(r, events=[x for x in r.events if x["event"] != "arrival"]))
+    late = a.map(lambda r: replace(r, events=[x for x in r.events if x["event"] != "arrival"]))
     assert rows(late, b)[("events", "arrival")].verdict is Verdict.DISAGREE
     assert rows(late, replace(b, space=early))[("events", "arrival")].verdict is Verdict.TOO_COARSE
 
@@ -81,7 +80,7 @@ def test_speed_is_compared_until_a_lasting_stop(wrong_from, verdict):
         return replace(r, events=[*r.events, stop], velocity=np.where(late, factor, 1.0) * r.velocity)
 
     a, b = pair()
-    a, b = altered(a, lambda r: stopped(r, 1.02)), altered(b, lambda r: stopped(r, 1.0))
+    a, b = a.map(lambda r: stopped(r, 1.02)), b.map(lambda r: stopped(r, 1.0))
     assert rows(a, b)[("speed", AXIAL_MEAN)].verdict is verdict
 
 
@@ -100,7 +99,7 @@ def test_events_after_the_first_of_their_kind_have_bars_where_coarser_runs_have_
         return replace(r, events=[{"event": "turn", "t": t, "s_o": 20.0, "speed": 0.0} for t in times])
 
     def told(*times):
-        e = altered(pair()[0], lambda r: turning(r, 1.0, 3.0))
+        e = pair()[0].map(lambda r: turning(r, 1.0, 3.0))
         space = replace(e.space, runs=(turning(e.space.runs[0], *times), *e.space.runs[1:]))
         return [x["bar_t"] for x in with_bars(replace(e, space=space))]
 

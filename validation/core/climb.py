@@ -102,10 +102,9 @@ class Runs:
         if self.view.stop is not None and finest.slack_onset is not None and finest.slack_onset < SLACK_END:
             until = SLACK_END if end is None else min(end, SLACK_END)
 
-        def observed(branch: Branch) -> Branch:
-            return replace(branch, runs=tuple(whole(self.at(r.settings, until)) for r in branch.runs))
-
-        return replace(ladder, finest=finest, space=observed(ladder.space), time=observed(ladder.time))
+        return ladder.map(
+            lambda r: finest if r.settings == finest.settings else whole(self.at(r.settings, until))
+        )  # fmt: skip
 
 
 def laddered(

@@ -73,6 +73,11 @@ class Ladder:
     def runs(self) -> tuple[Response, ...]:
         return self.finest, *self.space.runs, *self.time.runs
 
+    def map(self, change: Callable[[Any], Response]) -> Ladder:
+        """The ladder with all runs changed."""
+        space, time = (replace(x, runs=tuple(map(change, x.runs))) for x in (self.space, self.time))
+        return Ladder(change(self.finest), space, time)
+
     def over(self, view: View) -> Ladder:
         """The ladder without runs that end before the view, and coarser ones."""
 

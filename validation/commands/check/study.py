@@ -237,9 +237,7 @@ def _retold(ladder: Ladder, scene: Scene) -> Ladder:
     toml = scene.to_toml()
     if ladder.run.scene_toml == toml:
         return ladder
-    runs = {id(r): replace(r, scene_toml=toml) for r in ladder.runs}
-    space, time = (replace(x, runs=tuple(runs[id(r)] for r in x.runs)) for x in (ladder.space, ladder.time))
-    return replace(ladder, finest=runs[id(ladder.finest)], space=space, time=time)
+    return ladder.map(lambda r: replace(r, scene_toml=toml))
 
 
 def _told(e: Ladder, twin: Ladder) -> Ladder:
