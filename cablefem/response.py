@@ -137,12 +137,12 @@ class MassPath:
     method: str
     settings: dict[str, Any]
     status: str = "complete"  # | "incomplete"
-    drive: str = "grip"  # "grip" | "haul" | "free"
+    drive: str = "grip"
     slack_onset: float | None  # s_o/l
     length: float  # l [m]
-    t: Array  # steps
+    t: Array
     s_o: Array
-    x: Array  # place of the mass
+    x: Array
     y: Array
     u: Array  # from the static cable
     v: Array

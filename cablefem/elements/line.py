@@ -298,8 +298,6 @@ def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLine]:
 
     If a case has no rest, both halves are solved apart.
     """
-    if not cases:
-        return []
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore", MatrixRankWarning)

@@ -4,7 +4,7 @@ Temperature and ice change the catenary. Unstretched length and weight are kept:
 
     l_2 = l_1 (1 + a dT) (1 + Tm_2/EA)/(1 + Tm_1/EA),   rho_2 l_2 = (rho_1 + ice) l_1.
 
-State 1 is the described cable. An elastic catenary agrees to 1e-6 in H.
+State 1 is the described cable.
 """
 
 import math

@@ -157,6 +157,6 @@ def _sag(span: float, drop: float, z: float) -> float:
 
 
 def _root(f: Callable[[float], float]) -> float:
-    """z in [Z_MIN, Z_MAX] with f(z) = 0; f is monotone."""
+    """z in [Z_MIN, Z_MAX] with f(z) = 0."""
     low, high = Z_MIN * (1.0 - 1e-6), Z_MAX * (1.0 + 1e-6)  # to bracket the ends themselves
     return bisected(f, low, high)

@@ -60,7 +60,7 @@ class Thrust(Part):
 
 
 class Brake(Part):
-    """A shoe that acts against the motion where s_o >= from; several add up."""
+    """A shoe that acts against the motion beyond a place; several add up."""
 
     place: Positive = said("[m] place along the cable from which it brakes", alias="from")
     force: Positive = said("[N] braking force along the cable")
@@ -188,7 +188,7 @@ class Drive:
 
     @property
     def back_place(self) -> float:
-        """A ride that rolls back is over here: half its start, at most 0.5 % of the length."""
+        """A ride that rolls back is over here."""
         return 0.5 * min(self.start, START)
 
     @cached_property

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -118,7 +118,7 @@ class Station:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A line at rest to be solved: stations from left to right; s is length at the reference temperature."""
+    """A line at rest to be solved: stations from left to right."""
 
     stations: tuple[Station, ...]
     weight: float  # [N/m] per s
@@ -239,22 +239,19 @@ class Line(Described):
             if rope.tension is not None:
                 tie = names.index(rope.tension.at), rope.tension.value
             return Case(tuple(stations), rope.mass_per_length * self.gravity, rope.EA, length=length, tie=tie)
-        stations = sorted([*stations, *self._hanging(i)], key=lambda p: p.x)
+        stations += [
+            Station(car.name, "hauled" if car.hauled else "grips", x, math.nan, car.mass * self.gravity)
+            for car in self.car
+            if self.shoe(x := self.place(car, i)) is None
+        ]
+        stations.sort(key=lambda p: p.x)
         weight = (rope.mass_per_length + rope.ice_per_length) * self.gravity
         return Case(tuple(stations), weight, rope.EA, 1.0 + rope.warmer, length)
 
-    def _hanging(self, i: int) -> Iterator[Station]:
-        """The cars that hang on the rope at position i; NoLine for two on one shoe."""
-        on: list[str] = []
-        for car in self.car:
-            x = self.place(car, i)
-            if (shoe := self.shoe(x)) is None:
-                kind = "hauled" if car.hauled else "grips"
-                yield Station(car.name, kind, x, math.nan, car.mass * self.gravity)
-            elif shoe in on:
-                raise NoLine(f"two cars on the shoe of {shoe}")
-            else:
-                on.append(shoe)
+    def _crowded(self, i: int) -> NoLine | None:
+        """Refuse two cars on one shoe."""
+        shoes = [shoe for car in self.car if (shoe := self.shoe(self.place(car, i)))]
+        return next((NoLine(f"two cars on the shoe of {x}") for x in shoes if shoes.count(x) > 1), None)
 
     def rest(self, solve: Solver) -> LineRest:
         """Solve all positions; SceneError where the empty line has no rest."""
@@ -264,14 +261,8 @@ class Line(Described):
         empty, length = replace(empty, s=empty.s - empty.s[0]), self.cable.length
         if self.contact[-1].kind != "counterweight":
             length = length or float(empty.s[-1])
-        cases: list[Case | NoLine] = []
-        for i in range(self.count):
-            try:
-                cases.append(self.case(i, length))
-            except NoLine as error:
-                cases.append(error)
-        solved = iter(solve([case for case in cases if isinstance(case, Case)]))
-        return LineRest(self, empty, [_standing(next(solved)) if isinstance(case, Case) else case for case in cases])
+        solved = solve([self.case(i, length) for i in range(self.count)])
+        return LineRest(self, empty, [self._crowded(i) or _standing(state) for i, state in enumerate(solved)])
 
 
 def is_line(name_or_path: str | Path) -> bool:
@@ -295,18 +286,14 @@ def _contact_faults(contacts: Sequence[Contact]) -> list[str]:
     if len(contacts) < 2:
         return ["contact: must be at least two, the ends of the rope"]
     if contacts[0].at != (0.0, 0.0):
-        return [
-            f"contact[0].at = {shown(list(contacts[0].at))}: must be [0, 0]; places are counted from the first contact"
-        ]
+        return [f"contact[0].at = {shown(list(contacts[0].at))}: must be [0, 0]; places count from the first contact"]
     faults = []
     for i, (a, b) in enumerate(itertools.pairwise(contacts), start=1):
-        run, drop = b.at[0] - a.at[0], b.at[1] - a.at[1]
+        run, drop, told = b.at[0] - a.at[0], b.at[1] - a.at[1], f"contact[{i}].at = {shown(list(b.at))}"
         if run <= 0.0:
-            faults.append(f"contact[{i}].at = {shown(list(b.at))}: x must be > {a.at[0]:.6g} m, that of {a.name}")
+            faults.append(f"{told}: x must be > {a.at[0]:.6g} m, that of {a.name}")
         elif abs(drop) > STEEPEST * run:
-            faults.append(
-                f"contact[{i}].at = {shown(list(b.at))}: must be less steep than {STEEPEST:g} m per m from {a.name}"
-            )
+            faults.append(f"{told}: must be less steep than {STEEPEST:g} m per m from {a.name}")
     ends = 0, len(contacts) - 1
     for i in (i for i, c in enumerate(contacts) if (i in ends) is (c.kind == "saddle")):
         what = "an end must be an anchor, a spring or a counterweight"

@@ -81,7 +81,7 @@ class Motion:
         return float(self.times_at(np.array([s_o]))[0])
 
     def times_at(self, places: np.ndarray) -> np.ndarray:
-        """`time_at` of many places (n,), by bisection between the ends of pieces."""
+        """`time_at` of many places (n,)."""
         never = [s for s in places.tolist() if not self.begin <= s <= self.end]
         if never:
             raise ValueError(

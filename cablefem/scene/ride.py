@@ -166,21 +166,17 @@ class Forces:
             force = self.stands(t, s, last, brakes)
             return (force > 0.0) - (force < 0.0)
 
-        def add(s: float, now: int) -> None:
-            if not out or out[-1][1] != now:
-                out.append((s, now))
-
         for a, b in itertools.pairwise(marks):
             brakes = bisect.bisect_right(self.places, a)
             before, after = way(a, brakes), way(b, brakes)
-            add(a, before)
+            out.append((a, before))
             if before != after:
                 leaves = bisected(lambda s: abs(way(s, brakes) - before) - 0.5, a, b)  # noqa: B023
                 comes = bisected(lambda s: 0.5 - abs(way(s, brakes) - after), a, b)  # noqa: B023
                 if before > after and comes >= leaves:
-                    add(leaves, 0)
-                add(comes, after)
-        return tuple(out)
+                    out.append((leaves, 0))
+                out.append((comes, after))
+        return tuple(next(same) for _, same in itertools.groupby(out, key=lambda x: x[1]))
 
 
 class _Rolling:
