@@ -197,7 +197,7 @@ def _number(
 
 
 def _bar(signal: _Signal, found: _Extreme, near: Array, ladder: Ladder, twin: Response | None, order: float) -> float:
-    """Bar of an extreme: of its value and of the signal at times near it; at least the gap to the twin's."""
+    """Bar of an extreme and of the signal near it; at least the gap to the twin's."""
     of = [signal.value] + ([partial(signal.beside, found.track, near)] if found.step > 0.0 else [])
     bar = max(ladder.bar(x, largest, order) for x in of) + found.between
     return max(bar, 0.0 if twin is None else abs(signal.value(ladder.finest) - signal.value(twin)))

@@ -77,10 +77,9 @@ class Given:
         return rate + 2.0 * ratio * self._slowest(length, H) + self.blown(1) / self.rho if own or self.wind else 0.0
 
     def _slowest(self, length: float, H: float) -> float:
-        """Lowest frequency [rad/s] of the empty cable, in units of sqrt(tau/rho)/l.
+        """Lowest frequency [rad/s] of the empty cable; in units of sqrt(tau/rho)/l antisymmetric 2 pi, symmetric
 
-        Sines n pi s of a parabola meet in the increment of tension:
-        1 + sum over odd n of 8 L^2/(n^2 pi^2 (n^2 pi^2 - w^2)) = 0; antisymmetric w = 2 pi.
+        1 + sum over odd n of 8 L^2/(n^2 pi^2 (n^2 pi^2 - w^2)) = 0.
         """
         cos, n = self.span / math.hypot(self.span, self.drop), math.pi * np.arange(1.0, 20001.0, 2.0)
         L2 = (self.rho * self.gravity * length / H) ** 2 * self.EA / H * cos**5
@@ -347,8 +346,7 @@ class Evidence:
     def powers(self) -> dict[str, Array]:
         """Power of drive and outer forces by name (n,) [W].
 
-        A grip: ds_o (-contact . <r'> + <N t> . [r'] - [W]).  Friction and brakes: force times |ds_o| times mean
-        stretch.  Damping: twice the cable's kinetic energy as told, which `parts_of_the_energy` checks.
+        A grip: ds_o (-contact . <r'> + <N t> . [r'] - [W]).  Damping: by the told kinetic energy, a law of its own.
         """
         r, drive = self.r, self.given.drive
         of_mass = 0.5 * self.given.mass * np.sum(r.velocity**2, axis=1)
@@ -379,7 +377,7 @@ def _arrays(x: Any) -> dict[str, Array]:
 
 
 def integral(t: Array, f: Array, jumps: Sequence[float]) -> Array:
-    """Integral of f (n, c) up to each t by trapezoids; a step at a jump takes the value from its own side."""
+    """Integral of f (n, c) up to each t by trapezoids; at a jump by the value on the step's own side."""
     mean, changes = 0.5 * (f[1:] + f[:-1]), np.abs(np.diff(f, axis=0)).max(axis=1)
     for jump in jumps:
         i = int(np.argmin(np.abs(t - jump)))

@@ -1,7 +1,6 @@
-"""Checks responses against the laws of mechanics and the scene's TOML alone, in SI.
+"""Laws of mechanics in SI, checked on a response and the scene's TOML alone: they see faults that both wings share.
 
-Finds faults that both wings share.  A defect is a part of the law's own scale, zero for the exact answer.  Its bar is
-that of the ladder, once with coarser runs and once with every second and every fourth sample.
+A defect is over the law's own scale, zero for the exact answer.  Its bar comes from coarser runs and fewer samples.
 """
 
 from __future__ import annotations
@@ -172,10 +171,7 @@ def ends_at_rest(m: Evidence) -> Defect:
 
 @_law(exact=True)
 def length_at_rest(m: Evidence) -> Defect:
-    """Stations measure arc length up to the length asked for; over it.
-
-    With temperature or ice the unstretched length is asked for.
-    """
+    """Stations measure arc length up to the length asked for, with heat or ice the unstretched one; over it."""
     s, (name, value) = m.r.fields.s, m.given.asked
     strain = CubicSpline(s, m.r.fields.T_static / m.given.EA).integrate(s[0], s[-1]) / s[-1]
     asked = {"length": value, "unstretched": value * (1.0 + strain)}.get(name, m.r.length)
@@ -238,10 +234,7 @@ def _crawls(m: Evidence) -> float:
 
 @_law(_rolls, exact=True)
 def drive(m: Evidence) -> Defect:
-    """The car starts, brakes, arrives and is driven as the TOML says.
-
-    Over length, time, top speed and largest thrust.
-    """
+    """The car starts, brakes, arrives and is driven as the TOML says; over length, time, top speed, thrust."""
     r, drive, l, T = m.r, m.given.drive, m.r.fields.s[-1], m.r.t[-1]
     times, forces = m.thrust
     start = timetable.begins(m.given.travel, drive, l)
@@ -351,10 +344,7 @@ def least_tension(m: Evidence) -> Defect:
 
 @_law()
 def slack_onset(m: Evidence) -> Defect:
-    """Slack begins at the first step with negative tension, within two steps; over the length.
-
-    A solver may look for slack in the strain and tell tension from equilibrium: both meet as it is refined.
-    """
+    """Slack begins at the first step with negative tension, within two steps; over the length."""
     r = m.r
     below = np.append(r.s_o[1:][r.tension_min[1:] < 0.0], r.s_o[-1])[0] / r.length
     off = abs(float(below) - (r.reached if r.slack_onset is None else r.slack_onset))
@@ -384,10 +374,7 @@ def _at_and_up_to(m: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]
 
 @_law(_off_supports)
 def tension_up_to_the_mass(m: Evidence) -> Defect:
-    """Mean tension along the cable tends to that at the mass, once the car is let go; over H.
-
-    At that instant a front leaves the car, and no tension along the cable tends to the one behind it.
-    """
+    """Mean tension along the cable tends to that at the mass, but at the start, when a front leaves the car; over H."""
     _, off = _at_and_up_to(m, lambda x: x.T)
     return _static(*(off[m.t > 0.0].mean(axis=0) / m.r.horizontal_tension))
 
@@ -401,10 +388,7 @@ def up_to_the_mass(m: Evidence) -> Defect:
 
 @_law(_sees_swings, of="velocity", asks="velocity")
 def summed_over_time(m: Evidence) -> Defect:
-    """Transverse displacement is the integral of its velocity, weighted by half a sine; over its rms.
-
-    Axial motion and shorter waves oscillate between frames.
-    """
+    """Transverse displacement, weighted by half a sine, is the integral of its velocity; over its rms."""
     f = m.r.fields
     tangent, sine = m.curve(f.s, 1), np.sin(math.pi / f.s[-1] * f.s)
     w, dw = ((tangent[:, 0] * b - tangent[:, 1] * a) @ sine for a, b in ((f.u, f.v), (f.du, f.dv)))
@@ -415,10 +399,7 @@ def summed_over_time(m: Evidence) -> Defect:
 
 @_law()
 def stretch(m: Evidence) -> Defect:
-    """Mean tension of a piece is that at rest plus EA times the strain of the sampled curve; over H.
-
-    Shorter pieces than half a side contain ripples of a basis.
-    """
+    """Mean tension of half a side is that at rest plus EA times the strain of the sampled curve; over H."""
     off = []
     for pair in m.sides:
         longer = max(pair, key=lambda x: x.s[-1] - x.s[0])
@@ -487,7 +468,7 @@ def power(m: Evidence) -> Defect:
 
 @_law(lambda m: m.given.tau > 0.0)
 def internal_losses(m: Evidence) -> Defect:
-    """Internal damping takes EA tau (deps/dt)^2 along the taut cable, and the layer; over its rms."""
+    """Internal damping takes EA tau (deps/dt)^2 along the taut cable, and in the layer; over its rms."""
     own, shortest = m.at(m.t, m.layer[:, None])[:, 0], 0.5 * float(np.diff(m.r.fields.s).max())
     for k, pair in enumerate(m.sides):
         for x in pair:

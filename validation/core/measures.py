@@ -56,10 +56,7 @@ def inside(r: MassPath, window: Window) -> NDArray[np.bool_]:
 
 
 def at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
-    """Interpolate `values` (n_b, ...) from steps of b to times of a by cubic splines.
-
-    Common times need no interpolation.
-    """
+    """Interpolate `values` (n_b, ...) from steps of b to times of a by cubic splines."""
     when, same = np.clip(a.t, b.t[0], b.t[-1]), 1e-12 * b.t[-1]
     at = np.searchsorted(b.t, when - same)
     if np.abs(b.t[at] - when).max(initial=0.0) <= same:
@@ -70,10 +67,7 @@ def at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
 
 
 def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float]:
-    """(max, rms over time) of |w_a - w_b| over the window, over the largest deflection of b.
-
-    A free ride compares positions, over 0.1 l.  Taken at the steps of the coarser response.
-    """
+    """(max, rms over time) of |w_a - w_b|, of a free ride of places, over b's `path_scale`, at the coarser steps."""
     if not b.path_scale > 0.0:
         raise NotComparable("the mass is nowhere below its place at rest: no deflection to relate a gap to")
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
@@ -127,10 +121,7 @@ def _in_window(a: Response, b: Response, window: Window) -> tuple[Array, NDArray
 
 
 def tension_gap(a: Response, b: Response, window: Window) -> float:
-    """Rms gap of the tension fields over frames in the window, over H.
-
-    Stations within JUMP_WIDTH of the mass are left out: there each mesh smears the jump.
-    """
+    """Rms gap of the tension fields over frames in the window, off the mass, over H."""
     place, i, j = _in_window(a, b, window)
     away = np.abs(a.fields.s / a.length - place[:, None]) >= JUMP_WIDTH
     return float(np.sqrt(np.mean((a.fields.T[i] - b.fields.T[j])[away] ** 2))) / b.horizontal_tension
@@ -224,10 +215,7 @@ def energy_defect(r: Response) -> Array:
 
 
 def energy_gain(r: Response, weight: float, window: Window) -> float:
-    """Largest energy gained in the window without work, over weight times deflection.
-
-    Compares each time with all later ones, so that damping hides no gain.
-    """
+    """Largest energy gained without work between two times in the window, over weight times deflection."""
     defect = energy_defect(r)[inside(r, window)]
     if defect.size == 0:
         raise NotComparable(f"no step in the window {window}")
@@ -236,10 +224,7 @@ def energy_gain(r: Response, weight: float, window: Window) -> float:
 
 
 def oscillation(r: Response, window: Window, reach: float = 0.1) -> float:
-    """The oscillation of tension along the cable, over H (Gibbs overshoot).
-
-    Largest |T - running median over `reach` l| off mass and supports, rms over frames.
-    """
+    """Gibbs overshoot: largest |T - running median over `reach` l| off mass and supports, rms over frames, over H."""
     place, s = r.fields.s_o / r.length, r.fields.s / r.length
     within = (place >= window[0]) & (place <= window[1])
     if not within.any():

@@ -1,7 +1,4 @@
-"""Second computation of design numbers and path.csv, from path, fields and TOML.
-
-A design number must be right within its bar, a column to rounding.
-"""
+"""Second computation of design numbers, within their bars, and of path.csv, to rounding."""
 
 from __future__ import annotations
 

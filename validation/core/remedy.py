@@ -1,4 +1,4 @@
-"""What one change would make another program's path agree: a shift of its times, places or heights, or a factor."""
+"""The one change of times, places, heights or scale that would make another program's path agree."""
 
 from __future__ import annotations
 

@@ -198,10 +198,7 @@ def _rows(states: States, rows: slice | NDArray[Any]) -> States:
 
 
 def frame_times(scene: Scene, t_last: float, frames: int = FRAMES) -> Array:
-    """Times of the fields: places of a travel, and between them no longer than a share of the course.
-
-    A car that rolls is seen at both ends, one that grips stands on a support there.
-    """
+    """Times of the fields: places of a travel, gaps filled; both ends of a car that rolls."""
     motion = scene.groups.motion
     if motion is None:
         nominal = scene.groups.drive.nominal
@@ -235,10 +232,7 @@ def _around(h: History, states: States, t: Array) -> States:
 
 
 def _between(h: States, t: Array) -> States:
-    """States between steps by cubic Hermite in (q, v).
-
-    Unresolved axial accelerations alternate, so they are left out.  The phase is that of the step's end.
-    """
+    """States between steps by cubic Hermite in (q, v), without the accelerations, which alternate."""
     i = np.clip(np.searchsorted(h.t, t, side="left"), 1, h.t.size - 1)
     before, after = _rows(h, i - 1), _rows(h, i)
     dt = (after.t - before.t)[:, None]
@@ -247,7 +241,7 @@ def _between(h: States, t: Array) -> States:
 
 
 def _observe(h: History, steps: States, frames: States, switch: float, s: Array) -> tuple[Observation, Observation]:
-    """Observe with the law in force, the elastic one up to the onset; steps and frames together, for speed."""
+    """Observe steps and frames together with the law in force."""
     parts, laws = [], [(h.solver, [steps, frames])]
     if switch < math.inf:
         early, later = ([_rows(x, (x.t > switch) == late) for x in (steps, frames)] for late in (False, True))

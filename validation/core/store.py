@@ -30,7 +30,7 @@ def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str], *, 
     """The folder for a command's results, made and marked; Refused if something is in the way.
 
     out : one command's folder; None: cablefem-out/SCENE, shared by all commands.
-    scene : the Scene, or the command's name.  Results of another scene are deleted unless foreign files are among them.
+    scene : the Scene, or the command's name; results of another are deleted, unless foreign files are among them.
     writes : the command's own files and folders.  among : a new folder may hold other files.
     """
     name, text = (scene, "") if isinstance(scene, str) else (scene.name, scene.to_toml())

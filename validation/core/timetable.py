@@ -24,25 +24,22 @@ def places(travel: dict[str, Any], drive: dict[str, Any], length: float, t: Arra
     start = begins(travel, drive, length)
     end = drive.get("end", {}).get("place", 0.99 * length) if drive.get("mode") == "haul" else length
     speed, stretches = _stretches(travel, travel.get("to", end) - start)
-    if "stop" in travel:
-        speed_then, before = speed, []
-        left = travel["stop"]["time"]
-        for duration, a, j in stretches:
-            x = min(duration, left)
-            before.append((x, a, j))
-            speed_then, left = speed_then + a * x + 0.5 * j * x * x, left - x
-            if left <= 0.0:
-                break
-        hard = travel["stop"]["deceleration"]
-        stretches = [*before, (speed_then / hard, -hard, 0.0)]
-    out, begin, s, v = np.full(t.shape, math.nan), 0.0, start, speed
+    if "stop" not in travel:
+        return _along(start, speed, stretches, t)[0]
+    begin, hard = travel["stop"]["time"], travel["stop"]["deceleration"]
+    s, v = _along(start, speed, stretches, np.minimum(t, begin))
+    x = np.clip(t - begin, 0.0, v / hard)
+    return s + x * (v - 0.5 * hard * x)
+
+
+def _along(start: float, speed: float, stretches: Stretches, t: Array) -> tuple[Array, Array]:
+    """Place and speed (n,) at times t; at rest after the last stretch."""
+    s, v, begin = np.full(t.shape, start), np.full(t.shape, speed), 0.0
     for duration, a, j in stretches:
-        x = t - begin
-        out = np.where(x >= 0.0, s + v * x + 0.5 * a * x**2 + j * x**3 / 6.0, out)
-        s += v * duration + 0.5 * a * duration**2 + j * duration**3 / 6.0
-        v += a * duration + 0.5 * j * duration**2
+        x = np.clip(t - begin, 0.0, duration)
+        s, v = s + x * (v + x * (0.5 * a + x * j / 6.0)), v + x * (a + 0.5 * j * x)
         begin += duration
-    return np.where((t >= begin) & (travel.get("rest", 0.0) > 0.0), s, out)
+    return s, v
 
 
 def _stretches(law: dict[str, Any], way: float) -> tuple[float, Stretches]:

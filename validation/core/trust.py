@@ -1,7 +1,4 @@
-"""How far an answer can be trusted: where its path and a finer one part.
-
-The contact force grows like 1/distance at the far support, and there the path stops converging.
-"""
+"""How far an answer can be trusted: where its path and a finer one part, at the latest near the far support."""
 
 from collections.abc import Sequence
 from itertools import combinations, pairwise
@@ -26,10 +23,7 @@ def gap(a: Response, b: Response, place: Array) -> Array:
 
 
 def post_slack_spread(runs: Sequence[Response], stop: float = 0.95) -> float | None:
-    """Largest gap of any two paths from slack onset to `stop`, over the largest deflection.
-
-    None without slack or with one run past it.
-    """
+    """Largest gap of any two paths from slack onset to `stop`; None without slack or with one run past it."""
     onsets = [r.slack_onset for r in runs if r.slack_onset is not None]
     if not onsets or not min(onsets) < stop:
         return None
@@ -39,8 +33,7 @@ def post_slack_spread(runs: Sequence[Response], stop: float = 0.95) -> float | N
     return max(known) if known else None
 
 
-# A gap closes if refinement by two leaves less than CLOSING of it (first order: 1/2), or than FLOOR. Stretches of s_o,
-# because single places converge unevenly.
+# A gap over a STRETCH of s_o closes if refinement by two leaves less than CLOSING of it, or than FLOOR.
 CLOSING, FLOOR, STRETCH = 0.8, 1e-3, 0.02
 
 

@@ -12,10 +12,8 @@ from validation.core.flags import flag
 from validation.core.measures import SLACK_END
 from validation.core.methods import Method
 
-# Largest energy gain without work, over the range of the energy.  Right runs gain 0.12, wrong ones from 0.6.
-MOST_GAIN = 0.2
-# The same after the onset: runs that agree gain 1.4, others from 9.
-MOST_GAIN_SLACK = 2.0
+MOST_GAIN = 0.2  # of the energy's range, gained without work; right runs 0.12, wrong ones from 0.6
+MOST_GAIN_SLACK = 2.0  # the same after the onset; runs that agree 1.4, others from 9
 
 
 def watched(r: Response, scene: Scene, method: Method) -> Response:
@@ -53,10 +51,9 @@ HIDDEN = 0.03
 
 
 def _waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
-    """Flag waves, of speed sqrt(N/rho), that are slower than the mass, and compression in part of an element.
+    """Flag waves, of speed sqrt(N/rho), slower than the mass, and compression in part of an element.
 
-    Slow waves steepen, and errors fall like h^(1/2).  Every cable has both just before slack.  Only methods that
-    resolve the kink at the mass tell them from ripples.
+    Only methods that resolve the kink at the mass tell them from ripples.
     """
     if method.wing != "elements" or method.space_order < 2.0:
         return []

@@ -1,4 +1,4 @@
-"""Exact answers and the cases in which solvers are compared with them."""
+"""Cases in which solvers are compared with exact answers."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """A line at rest over anchors, springs, saddles and a counterweight, with cars: numbers known beforehand.
 
-s counts from the left end of the empty line.
-Errors: lengths over the reach, forces over the largest tension.
+s counts from the left end of the empty line.  Errors: over the reach, forces over the largest tension.
 
 Source: Irvine (1981) in closed form; tests of SEILAPLAN; Code_Aster V6.02.100
 Validity: frictionless saddles, statics

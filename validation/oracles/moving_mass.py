@@ -55,7 +55,7 @@ def _sent(motion: Motion, sign: float, phase: Array, latest: Array) -> Array:
 
 
 def _fronts(motion: Motion, end: float) -> Array:
-    """Starts of the travel's pieces, arrivals of their waves reflected at one support only, and `end`."""
+    """Starts of the travel's pieces, returns of their waves by one support, and `end`."""
     starts = [piece.start for pieces in motion.pieces for piece in pieces if piece.start < end]
     found = {*starts, end}
     for start in starts:
@@ -108,7 +108,7 @@ def solve(motion: Motion, *, mu: float, sigma: float) -> Ride:
     n, own, xi = t.size, np.arange(t.size) // DEGREE, motion.position(t)
 
     def sparse(panel: NDArray[np.intp], weights: Array) -> csr_array:
-        """Weights of values at the points of panels; the first point is the last one of the panel before, or 0."""
+        """Weights of values at the points of panels; the first point is the last of the panel before, or 0."""
         columns = DEGREE * panel[:, None] + np.arange(-1, DEGREE)
         rows, on = np.broadcast_to(np.arange(n)[:, None], columns.shape), columns >= 0
         return csr_array((weights[on], (rows[on], columns[on])), shape=(n, n))

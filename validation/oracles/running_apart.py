@@ -2,7 +2,7 @@
 
     v_tt - v_xx = P [ delta(x - V t) + delta(x + V t) ],  at rest at t = 0.
 
-The force that runs right gives, the other its mirror image,
+The force that runs right gives
     V < 1 :  (P/2) max(0, min((t-x)/(1-V), (t+x)/(1+V)))
     V >= 1:  (P/2)(t+x)/(1+V) for |x| <= t,   P (V t - x)/(V^2 - 1) for t < x < V t,   else 0
 
