@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, inside, level
+from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, inside, level, needs
 
 
 def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V0: float = 0.0, a: float) -> Array:
@@ -35,11 +35,8 @@ def displacement_of(
 
 def heard(x: ArrayLike, t: ArrayLike, *, V0: float, a: float) -> tuple[Array, Array]:
     """Starts and ends (..., 5) of the intervals of s with |x - xi(s)| < t - s."""
-    if not (math.isfinite(V0) and math.isfinite(a)):
-        raise ValueError(f"V0 and a must be finite, got {V0!r}, {a!r}")
     x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
-    if np.any(t < 0.0):
-        raise ValueError("the string is at rest before t = 0; ask for t >= 0")
+    needs("V0 and a finite, t >= 0", math.isfinite(V0), math.isfinite(a), t >= 0.0)
     roots = [*_roots(-0.5 * a, 1.0 - V0, x - t), *_roots(0.5 * a, 1.0 + V0, -x - t)]
     cuts = np.stack([np.zeros_like(t), *(np.clip(np.where(np.isfinite(r), r, 0.0), 0.0, t) for r in roots), t], axis=-1)
     cuts.sort(axis=-1)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from validation.oracles import accelerating_force
-from validation.oracles.case import MU, SIGMA, Array, Crossing, positive
+from validation.oracles.case import MU, SIGMA, Array, Crossing, needs
 
 
 def path(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
@@ -33,10 +33,8 @@ def path_velocity(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
 
 def _mirror(t: ArrayLike, mu: float, sigma: float, a: float) -> tuple[Array, Array, Array]:
     """t, the subsonic time u with y(t) = y(u), and du/dt."""
-    positive(mu=mu, sigma=sigma, a=a)
     t = np.asarray(t, float)
-    if np.any(t < 0.0):
-        raise ValueError("t >= 0")
+    needs("mu, sigma, a > 0 and t >= 0", mu > 0.0, sigma > 0.0, a > 0.0, t >= 0.0)
     u = np.where(a * t <= 1.0, t, np.maximum(2.0 / a - t, 0.0))
     return t, u, np.where(a * t <= 1.0, 1.0, -1.0)
 

@@ -30,10 +30,10 @@ class Oracle:
     cases: Callable[[], Sequence[Case]] = tuple
 
 
-def positive(**numbers: float) -> None:
-    for name, value in numbers.items():
-        if not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} must be finite and > 0, got {value!r}")
+def needs(what: str, *conditions: Any) -> None:
+    """Refuse arguments outside the validity."""
+    if not all(map(np.all, conditions)):
+        raise ValueError(f"needed: {what}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.chebyshev import chebint, chebval
 
-from validation.oracles.case import BARE, Array
+from validation.oracles.case import BARE, Array, needs
 from validation.oracles.case import Modes as ModesCase
 
 
@@ -34,10 +34,8 @@ class Modes:
 def solve(sigma: float, alpha: float, c: float | None = None, *, count: int = 10, n: int = 48) -> Modes:
     """First modes; c = None: a level cable; alpha = inf: inextensible."""
     c = 0.5 * sigma if c is None else c
-    if not (math.isfinite(sigma) and sigma > 0.0 and alpha > 0.0 and math.isfinite(c)):
-        raise ValueError(f"sigma > 0, alpha > 0 and a finite c needed, got {sigma!r}, {alpha!r}, {c!r}")
-    if not 1 <= count <= n // 2:
-        raise ValueError(f"1 <= count <= n/2 needed, got count = {count!r}, n = {n!r}")
+    needs("sigma > 0, alpha > 0, a finite c", 0.0 < sigma < math.inf, alpha > 0.0, math.isfinite(c))
+    needs("1 <= count <= n/2", 1 <= count <= n // 2)
     (omega, s, w), (finer, _, _) = _solve(sigma, alpha, c, count, n), _solve(sigma, alpha, c, count, 3 * n // 2)
     error = np.abs(omega - finer) + omega * (1e-13 + 1e-15 * (omega / omega[0]) ** 2)
     return Modes(omega, error, s, w[:, : n + 1], w[:, n + 1 :])
@@ -56,8 +54,8 @@ def _solve(sigma: float, alpha: float, c: float, count: int, n: int) -> tuple[Ar
     K = np.kron(np.eye(2), J) @ (np.concatenate([B[0].T, B[1].T]) @ n0 - BJ)
     value, vector = np.linalg.eig(K)
     order = np.argsort(-value.real)[:count]
-    if np.abs(value[order].imag).max() > 1e-9 * value[order[0]].real or value[order[-1]].real <= 0.0:
-        raise ValueError("the frequencies are not resolved: more points (n) are needed")
+    real = np.abs(value[order].imag).max() <= 1e-9 * value[order[0]].real and value[order[-1]].real > 0.0
+    needs("more points (n), which resolve the frequencies", real)
     w = vector[:, order].real.T
     peak = np.abs(w).argmax(axis=1)
     return 1.0 / np.sqrt(value[order].real), s, w / w[np.arange(count), peak][:, None]

@@ -22,7 +22,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from cablefem.scene import Scene
-from validation.oracles.case import RIDERS, Array, Limit, Solvers, hung
+from validation.oracles.case import RIDERS, Array, Limit, Solvers, hung, needs
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +34,7 @@ class Ellipse:
     slope: float = 0.0  # falling to the right [rad]
 
     def __post_init__(self) -> None:
-        if not (0.0 < self.D < 1.0 and self.g > 0.0):
-            raise ValueError(f"needs 0 < D < 1 and g > 0, got {self.D!r}, {self.g!r}")
+        needs("0 < D < 1, g > 0", 0.0 < self.D < 1.0, self.g > 0.0)
 
     @property
     def b(self) -> float:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cablefem.scene import Scene
-from validation.oracles.case import RIDERS, Array, Limit, Solvers, hung
+from validation.oracles.case import RIDERS, Array, Limit, Solvers, hung, needs
 
 
 def terminal(*, mu: float, g: float, sin: float, k: float) -> float:
@@ -35,8 +35,7 @@ def stop(s_b: float, *, mu: float, g: float, sin: float, mu_r: float, F_b: float
     """(t, s) at which the brake stops the car."""
     a = g * (sin - mu_r * math.sqrt(1.0 - sin * sin))
     back = F_b / mu - a
-    if not (a > 0.0 and back > 0.0):
-        raise ValueError(f"the car must roll and the brake must hold it, got accelerations {a!r} and {-back!r}")
+    needs("the car must roll, the brake must hold it", a > 0.0, back > 0.0)
     v_b = math.sqrt(2.0 * a * s_b)
     return v_b / a + v_b / back, s_b + v_b * v_b / (2.0 * back)
 

@@ -15,20 +15,18 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
-from validation.oracles.case import BARE, Array, Modes
+from validation.oracles.case import BARE, Array, Modes, needs
 
 
 def parameter(sigma: float, alpha: float, chord_cos: float = 1.0) -> float:
     """L^2."""
-    if not (sigma > 0.0 and alpha > 0.0 and 0.0 < chord_cos <= 1.0):
-        raise ValueError(f"sigma, alpha > 0 and 0 < chord_cos <= 1 needed, got {sigma!r}, {alpha!r}, {chord_cos!r}")
+    needs("sigma, alpha > 0 and 0 < chord_cos <= 1", sigma > 0.0, alpha > 0.0, 0.0 < chord_cos <= 1.0)
     return alpha * sigma**2 * chord_cos**5
 
 
 def symmetric(L2: float, count: int) -> Array:
     """L2 = inf: a cable that cannot stretch."""
-    if not (L2 > 0.0 and count >= 1):
-        raise ValueError(f"L^2 > 0 and count >= 1 needed, got {L2!r}, {count!r}")
+    needs("L^2 > 0, count >= 1", L2 > 0.0, count >= 1)
 
     def f(z: float) -> float:  # scaled against overflow for L -> 0
         scale = 1.0 / (1.0 + 4.0 * z * z / L2)

@@ -21,13 +21,12 @@ from numpy.typing import ArrayLike
 from scipy.special import hyp2f1, xlogy
 
 from cablefem.scene import ConstantSpeed
-from validation.oracles.case import SIGMA, Array, Crossing, Limit, Solvers, level
+from validation.oracles.case import SIGMA, Array, Crossing, Limit, Solvers, level, needs
 
 
 def path(xi: ArrayLike, *, a: float) -> Array:
     xi = np.asarray(xi, float)
-    if not 0.0 < a <= 50.0 or np.any(xi < 0.0) or np.any(xi > 1.0):
-        raise ValueError(f"the string is 0 <= xi <= 1, and a = T l/(2 M V^2) must lie in (0, 50], got {a!r}")
+    needs("0 <= xi <= 1 on the string, 0 < a <= 50", 0.0 < a <= 50.0, xi >= 0.0, xi <= 1.0)
     if a == 1.0:
         return (4.0 * xi * xi - 8.0 * xi * xlogy(1.0 - xi, 1.0 - xi)) / 3.0
     r = math.sqrt(1.0 + 8.0 * a)

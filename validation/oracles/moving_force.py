@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cablefem.scene import ConstantSpeed
-from validation.oracles.case import MU, SIGMA, Array, Crossing, level, positive
+from validation.oracles.case import MU, SIGMA, Array, Crossing, level, needs
 
 
 def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
-    x, t = _domain(x, t, V)
+    x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
+    needs("0 <= x <= 1 on the string, t >= 0, speed > 0", x >= 0.0, x <= 1.0, t >= 0.0, V > 0.0)
     inside = t * V <= 1.0
     if V == 1.0:
         return np.where(inside, 0.5 * P * (green(x, t) - t * _green_slope(x, t)), -0.5 * P * _green_slope(x, t))
@@ -40,14 +41,6 @@ def _green_slope(x: Array, z: Array) -> Array:
     """dGo/dz; at z = x ahead."""
     z = np.mod(z, 2.0)
     return np.where(np.minimum(z, 2.0 - z) <= x, 1.0 - x, -x)
-
-
-def _domain(x: ArrayLike, t: ArrayLike, V: float) -> tuple[Array, Array]:
-    positive(speed=V)
-    x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
-    if np.any(x < 0.0) or np.any(x > 1.0) or np.any(t < 0.0):
-        raise ValueError("the string is 0 <= x <= 1, t >= 0")
-    return x, t
 
 
 FRONT = "a force without inertia sends off a front with a jump of slope at once"

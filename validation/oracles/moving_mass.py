@@ -27,7 +27,7 @@ from scipy.sparse import block_array, csr_array, eye_array
 from scipy.sparse.linalg import spsolve
 
 from cablefem.scene import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Groups, Motion, Scene
-from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, Limit, Solvers, level, positive
+from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, Limit, Solvers, level, needs
 
 REACH = 0.01  # distance to the far support at which the answer ends: fronts accumulate there
 LONGEST, OF_MU = 0.05, 0.125  # longest panel, and over mu: the string gives way within mu/2
@@ -78,8 +78,7 @@ class Ride:
     def fields(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         """y, F, G at t, each of its shape."""
         t = np.asarray(t, float)
-        if np.any(t < 0.0) or np.any(t > self.edges[-1]):
-            raise ValueError(f"t must lie in [0, {self.edges[-1]}]")
+        needs(f"t inside [0, {self.edges[-1]}]", t >= 0.0, t <= self.edges[-1])
         k, weights = _place(t.ravel(), self.edges)
         y, F, G = np.einsum("fnk,nk->fn", self.values[:, k], weights).reshape(3, *t.shape)
         return y, F, G
@@ -95,10 +94,8 @@ class Ride:
 
 def solve(motion: Motion, *, mu: float, sigma: float) -> Ride:
     """Solve (1), (2) up to REACH before the far support; ValueError outside the validity."""
-    positive(mu=mu, sigma=sigma)
-    speeds = [speed for _, speed in motion.speeds]
-    if not -1.0 < min(speeds) <= max(speeds) < 1.0 or motion.end > 1.0:
-        raise ValueError(f"the travel must stay below the wave speed 1, got {max(speeds)!r}, and on the string")
+    below = all(abs(speed) < 1.0 for _, speed in motion.speeds)
+    needs("mu, sigma > 0, travel on the string below the wave speed", mu > 0.0, sigma > 0.0, below, motion.end <= 1.0)
     end = motion.time_at(1.0 - REACH) if motion.end > 1.0 - REACH else motion.phases[-1][1]
     marks, longest = _fronts(motion, end), min(LONGEST, OF_MU * mu)
     parts = [np.linspace(a, b, 1 + int(np.ceil((b - a) / longest)))[:-1] for a, b in pairwise(marks)]

@@ -15,7 +15,7 @@ from functools import partial
 
 from scipy.integrate import OdeSolution, solve_ivp
 
-from validation.oracles.case import Array, Limit, Solvers, hung
+from validation.oracles.case import Array, Limit, Solvers, hung, needs
 
 
 def _mean_slope(V, dw, weight: float, s0: float):
@@ -24,12 +24,9 @@ def _mean_slope(V, dw, weight: float, s0: float):
 
 def solve(t_end: float, *, mu: float, sigma: float, a: float, s0: float, lift: bool = True) -> OdeSolution:
     """w and w. at times up to t_end, (2, ...); lift = False: without mu a <w_s>."""
-    if not (mu > 0.0 and sigma > 0.0 and 0.0 < s0 < 1.0 and 0.0 <= a * t_end < 1.0):
-        raise ValueError(f"needs mu, sigma > 0, 0 < s0 < 1, a t_end < 1, got {mu!r}, {sigma!r}, {s0!r}, {a * t_end!r}")
+    needs("mu, sigma > 0, 0 < s0 < 1, a t_end < 1", mu > 0.0, sigma > 0.0, 0.0 < s0 < 1.0, 0.0 <= a * t_end < 1.0)
     at = s0 + 0.5 * a * t_end**2
-    echo = min(s0 + at, 2.0 - s0 - at)
-    if not t_end <= echo:
-        raise ValueError(f"the first echo is back before t = {t_end!r}")
+    needs("an end before the first echo", t_end <= min(s0 + at, 2.0 - s0 - at))
     weight = mu * sigma
 
     def rate(t: float, q: Array) -> list[float]:

@@ -16,15 +16,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from validation.oracles.accelerating_force import SUDDEN
-from validation.oracles.case import MU, SIGMA, Array, Crossing, inside, level, positive
+from validation.oracles.case import MU, SIGMA, Array, Crossing, inside, level, needs
 
 
 def one_force(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
     """v(x, t) under the force at x = V t."""
-    positive(speed=V)
     x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
-    if np.any(t < 0.0):
-        raise ValueError("t >= 0")
+    needs("speed > 0, t >= 0", V > 0.0, t >= 0.0)
     behind = (t + x) / (1.0 + V)
     if V < 1.0:
         return 0.5 * P * np.maximum(0.0, np.minimum((t - x) / (1.0 - V), behind))
