@@ -62,10 +62,8 @@ def _path_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement
     x, y = foreign.comparable(a, b)
     gap, rms = measures.path_gap(x, y, window)
     # An error of the equations stays from some place on.
-    steps = x if x.t.size <= y.t.size else y
-    places = (steps.s_o / steps.length)[measures.inside(steps, window)]
-    first = next((p for p in places[4:] if measures.path_gap(x, y, (window[0], p))[0] > allowed), None)
-    notes = () if first is None else (f"they part from s_o/l = {first:.3f} on",)
+    _, places, size = measures.path_distances(x, y, window)
+    notes = [f"they part from s_o/l = {p:.3f} on" for p in places[size > allowed][:1]]
     bars = (
         f"error bar of {r.method} {r.path_error:.2g}"
         for r in (a, b) if isinstance(r, Response) and r.path_error is not None

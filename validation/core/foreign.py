@@ -312,7 +312,6 @@ def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: f
     try:
         part = _common(path, window)
         where = measures.place_of_gap(*comparable(path, run), part)
-        measures.path_gap(*comparable(path, run), part)  # fails where they have too little in common
     except NotComparable as reason:
         yield Agreement("path_max", math.nan, nothing(f"{party}: {reason}"), party=party)
         return

@@ -66,8 +66,8 @@ def at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
     return CubicSpline(b.t, values, axis=0)(when)
 
 
-def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float]:
-    """(max, rms over time) of |w_a - w_b|, of a free ride of places, over b's `path_scale`, at the coarser steps."""
+def path_distances(a: MassPath, b: MassPath, window: Window) -> tuple[Array, Array, Array]:
+    """Times, places s_o/l, and |w_a - w_b| (of a free ride of places) over b's `path_scale`, at the coarser steps."""
     if not b.path_scale > 0.0:
         raise NotComparable("the mass is nowhere below its place at rest: no deflection to relate a gap to")
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
@@ -76,26 +76,25 @@ def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float]:
         raise NotComparable(
             f"{coarse.method} has {np.count_nonzero(within)} steps in the window {window}, 5 are needed"
         )
-    size = _distance(coarse, fine)[within] / b.path_scale
-    return float(size.max()), float(np.sqrt(_over_time(coarse.t[within], size**2)))
+    names = ("x", "y") if coarse.drive == "free" else ("u", "v")
+    c, f = (np.stack([getattr(r, name) for name in names], axis=1) for r in (coarse, fine))
+    gap = (c - at_steps_of(coarse, fine, f))[within] / b.path_scale
+    return coarse.t[within], coarse.s_o[within] / coarse.length, np.hypot(gap[:, 0], gap[:, 1])
+
+
+def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float]:
+    """The largest of `path_distances`, and their rms over time."""
+    t, _, size = path_distances(a, b, window)
+    return float(size.max()), float(np.sqrt(_over_time(t, size**2)))
+
+
+def place_of_gap(a: MassPath, b: MassPath, window: Window) -> float:
+    _, place, size = path_distances(a, b, window)
+    return float(place[size.argmax()])
 
 
 def _over_time(t: Array, values: Array) -> Array:
     return np.asarray(np.average(values, weights=np.gradient(t) if t.size > 1 else None))
-
-
-def place_of_gap(a: Response, b: Response, window: Window) -> float:
-    coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
-    size = np.where(inside(coarse, window) & (coarse.t <= fine.t[-1]), _distance(coarse, fine), 0.0)
-    return float(coarse.s_o[np.argmax(size)] / coarse.length)
-
-
-def _distance(coarse: MassPath, fine: MassPath) -> Array:
-    names = ("x", "y") if coarse.drive == "free" else ("u", "v")
-    c, f = (np.stack([getattr(r, name) for name in names], axis=1) for r in (coarse, fine))
-    there = at_steps_of(coarse, fine, f)
-    gap = c - there
-    return np.hypot(gap[:, 0], gap[:, 1])
 
 
 def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:

@@ -132,9 +132,7 @@ def compare(
     a, b = a.over(view), b.over(view)
     for quantity in TABLE:
         if quantity.concerns(view) and all(_tells(quantity, x.finest, view) for x in (a, b)):
-            row = _row(quantity, a, b, view, asked(quantity.asks))
-            where = measures.place_of_gap(a.finest, b.finest, view.window) if quantity.name == "path_max" else None
-            rows.append(replace(row, where=where))
+            rows.append(_row(quantity, a, b, view, asked(quantity.asks)))
     rows += _worse_of(row for x in (a, b) for row in laws.hold(x, view.window, view.until, asked))
     if view.free:
         rows += [row for event in EVENTS for row in _event(event, a, b, view, asked("rest"))]
@@ -178,8 +176,9 @@ def _row(quantity: Quantity, a: Ladder, b: Ladder, view: View, asked_for: float)
     except NotComparable as why:
         return Agreement(quantity.name, math.nan, nothing(why), law=quantity.law)
     parts = [x.parts(_same, partial(_apart, quantity, view), quantity.order) for x in (a, b)]
+    where = measures.place_of_gap(a.finest, b.finest, view.window) if quantity.name == "path_max" else None
     row = _barred(quantity.name, gap, a, b, parts, asked_for)
-    return replace(row, law=quantity.law, asked=bool(quantity.asks))
+    return replace(row, law=quantity.law, asked=bool(quantity.asks), where=where)
 
 
 def _barred(
