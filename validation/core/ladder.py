@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.response import Array, Response
+from cablefem.response import Response
 from validation.core.measures import NotComparable
 from validation.core.order import left
 from validation.core.view import View
@@ -20,14 +20,6 @@ Apart = Callable[[Any, Any], Any]
 
 def largest(a: Any, b: Any) -> float:
     return float(np.max(np.abs(np.subtract(a, b)), initial=0.0))
-
-
-def each(a: Any, b: Any) -> Array:
-    return np.abs(np.subtract(a, b))
-
-
-def rms(a: Any, b: Any) -> float:
-    return float(np.sqrt(np.mean(np.square(np.subtract(a, b)))))
 
 
 @dataclass(frozen=True, slots=True)

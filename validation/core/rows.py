@@ -17,7 +17,7 @@ from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.agreement import APART, DEFAULT_TOL, Agreement, finite
 from validation.core.bounds import Bound, Part, nothing
-from validation.core.ladder import Ladder
+from validation.core.ladder import Apart, Ladder, Of, largest
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import METHODS
 from validation.core.view import View
@@ -172,21 +172,25 @@ def _apart(quantity: Quantity, view: View, x: Response, y: Response) -> float:
 
 def _row(quantity: Quantity, a: Ladder, b: Ladder, view: View, asked_for: float) -> Agreement:
     try:
-        gap = quantity.gap(a.finest, b.finest, view)
+        row = _compared(quantity.name, a, b, asked_for, _same, partial(_apart, quantity, view), quantity.order)
     except NotComparable as why:
         return Agreement(quantity.name, math.nan, nothing(why), law=quantity.law)
-    parts = [x.parts(_same, partial(_apart, quantity, view), quantity.order) for x in (a, b)]
     where = measures.place_of_gap(a.finest, b.finest, view.window) if quantity.name == "path_max" else None
-    row = _barred(quantity.name, gap, a, b, parts, asked_for)
     return replace(row, law=quantity.law, asked=bool(quantity.asks), where=where)
 
 
+def _compared(
+    name: str, a: Ladder, b: Ladder, asked_for: float, of: Of, apart: Apart = largest, order: float = 1.0
+) -> Agreement:
+    gap = apart(of(b.finest), of(a.finest))
+    return _barred(name, gap, a, b, [x.parts(of, apart, order) for x in (a, b)], asked_for)
+
+
 def _barred(
-    name: str, gap: float, a: Ladder, b: Ladder, parts: list[tuple[float, float]], asked_for: float, more: float = 0.0
+    name: str, gap: float, a: Ladder, b: Ladder, parts: list[tuple[float, float]], asked_for: float
 ) -> Agreement:
     bars = tuple(
-        Part(x.finest.method, max(ROUNDING, sum(part) + more), "coarser runs")
-        for x, part in zip((a, b), parts, strict=True)
+        Part(x.finest.method, max(ROUNDING, sum(part)), "coarser runs") for x, part in zip((a, b), parts, strict=True)
     )
     return Agreement(name, gap, Bound("error bars", bars), asked_for=asked_for, parts=tuple(parts))
 
@@ -225,14 +229,10 @@ def _event(event: str, a: Ladder, b: Ladder, view: View, asked_for: float) -> It
         bars = [(x.told(lambda r: happened(event, r) is not None), 0.0) for x in (a, b)]
         yield replace(_barred("events", 1.0, a, b, bars, asked_for), law=event)
         return
-    for name, scale in (("t", float(runs[1].t[-1])), ("speed", float(runs[1].speed.max()))):
-        if name == "speed" and event in ("stop", "turn"):
-            continue
-        of = partial(_of_event, event, name, scale)
-        row = _barred(
-            "events", abs(of(runs[0]) - of(runs[1])), a, b, [x.parts(of, order=1.0) for x in (a, b)], asked_for
-        )
-        yield replace(row, law=f"{event}: {'time' if name == 't' else 'speed'}")
+    for name, what, scale in (("t", "time", runs[1].t[-1]), ("speed", "speed", runs[1].speed.max())):
+        if what == "time" or event not in ("stop", "turn"):
+            row = _compared("events", a, b, asked_for, partial(_of_event, event, name, float(scale)))
+            yield replace(row, law=f"{event}: {what}")
 
 
 def with_bars(ladder: Ladder) -> list[dict[str, Any]]:
@@ -248,33 +248,32 @@ def with_bars(ladder: Ladder) -> list[dict[str, Any]]:
     return out
 
 
+def _slack_from(r: Response) -> float:
+    return math.inf if r.slack_onset is None else r.slack_onset
+
+
 def _slack_onset(a: Ladder, b: Ladder, whole: View, asked_for: float) -> Agreement:
     """Gap of the slack onsets in s_o/l; no slack counts as the window's end."""
 
     def onset(r: Response) -> float:
-        return min(whole.window[1], math.inf if r.slack_onset is None else r.slack_onset)
+        return min(whole.window[1], _slack_from(r))
 
-    gap = abs(onset(a.finest) - onset(b.finest))
-    # an onset is known to one step
-    steps = [float(np.diff(x.finest.s_o).max(initial=0.0)) / whole.length for x in (a, b)]
-    parts = [
-        (space, time + (step if onset(x.finest) < whole.window[1] else 0.0))
-        for x, step in zip((a, b), steps, strict=True)
-        for space, time in [x.parts(onset, order=1.0)]
-    ]
-    row = _barred("slack_onset", gap, a, b, parts, asked_for)
-    return replace(row, where=min(map(onset, (a.finest, b.finest))) if gap else None)
+    parts, onsets = [], [onset(x.finest) for x in (a, b)]
+    for x, at in zip((a, b), onsets, strict=True):
+        space, time = x.parts(onset, order=1.0)
+        step = float(np.diff(x.finest.s_o).max(initial=0.0)) / whole.length  # an onset is known to one step
+        parts.append((space, time + step * (at < whole.window[1])))
+    gap = abs(onsets[0] - onsets[1])
+    return replace(_barred("slack_onset", gap, a, b, parts, asked_for), where=min(onsets) if gap else None)
 
 
 def _range(a: Ladder, b: Ladder, view: View, whole: View, asked_for: float) -> Iterator[Agreement]:
     """A row if an answer breaks before the window ends or the other goes slack."""
-    slack = [math.inf if x.finest.slack_onset is None else x.finest.slack_onset for x in (a, b)]
-    wanted = min(whole.window[1], *slack)
     if whole.free:
         broke = any(r.finest.status != "complete" and r.finest.slack_onset is None for r in (a, b))
         missing = max(0.0, 1.0 - view.until / max(float(x.finest.t[-1]) for x in (a, b))) if broke else 0.0
     else:
-        missing = wanted - view.window[1]
+        missing = min(whole.window[1], *map(_slack_from, (a.finest, b.finest))) - view.window[1]
     if missing > 1e-6:
         yield replace(_barred("range", missing, a, b, [(math.inf, 0.0)] * 2, asked_for), where=view.window[1])
 
@@ -283,7 +282,7 @@ def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[
     """Path gap from where both are slack, while the bars meet the tolerance."""
     from validation.core import trust  # loaded while solvers run
 
-    onset = max(math.inf if x.finest.slack_onset is None else x.finest.slack_onset for x in (a, b))
+    onset = max(map(_slack_from, (a.finest, b.finest)))
     end = min(SLACK_END, a.finest.reached, b.finest.reached)
     if view.rolls or not onset < end:
         return
