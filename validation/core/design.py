@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from typing import Any
 
@@ -52,37 +52,32 @@ class Track:
     s: Array
 
 
+Tracks = Callable[[Response], list[Track]]
+
+
 @dataclass(frozen=True, slots=True)
 class Quantity:
     sign: float  # +1: largest, -1: least
-    tracks: Callable[[Response], list[Track]]
+    tracks: Tracks
     inner: bool = False  # meaningless at the ends of range and cable
 
 
-def _at_mass(of: Callable[[Response], Array]) -> Callable[[Response], list[Track]]:
-    return lambda r: [Track(r.t, of(r), r.s_o)]
-
-
-def _reaction(right: bool, of: Callable[[Array], Array]) -> Callable[[Response], list[Track]]:
-    def track(r: Response) -> list[Track]:
-        force = r.reaction_right if right else r.reaction_left
-        return [Track(r.t, of(force), np.full(r.t.size, r.length if right else 0.0))]
-
-    return track
+def _at_mass(*signals: Callable[[Response], Array]) -> Tracks:
+    return lambda r: [Track(r.t, of(r), r.s_o) for of in signals]
 
 
 def _size(x: Array) -> Array:
     return np.asarray(np.hypot(x[:, 0], x[:, 1]))
 
 
+def _at_support(side: str, of: Callable[[Array], Array] = _size) -> Tracks:
+    """A signal of a reaction (n, 2)."""
+    return lambda r: [Track(r.t, of(getattr(r, f"reaction_{side}")), np.full(r.t.size, (side == "right") * r.length))]
+
+
 def _tension(r: Response) -> list[Track]:
-    ends = [track for right in (False, True) for track in _reaction(right, _size)(r)]
-    return [
-        Track(r.t, r.T_behind, r.s_o),
-        Track(r.t, r.T_ahead, r.s_o),
-        Track(r.fields.t, r.fields.T, r.fields.s),
-        *ends,
-    ]
+    at_mass = _at_mass(lambda r: r.T_behind, lambda r: r.T_ahead)(r)
+    return [*at_mass, Track(r.fields.t, r.fields.T, r.fields.s), *_at_support("left")(r), *_at_support("right")(r)]
 
 
 def _depth(r: Response) -> list[Track]:
@@ -93,7 +88,7 @@ QUANTITIES: dict[str, Quantity] = {
     "tension_max": Quantity(1.0, _tension),
     "tension_min": Quantity(-1.0, _tension),
     **{
-        f"reaction_{side}_{part}max": Quantity(1.0, _reaction(side == "right", of))
+        f"reaction_{side}_{part}max": Quantity(1.0, _at_support(side, of))
         for side in ("left", "right")
         for part, of in (
             ("", _size), ("horizontal_", lambda x: np.abs(x[:, 0])), ("vertical_", lambda x: np.abs(x[:, 1])),
@@ -110,14 +105,13 @@ QUANTITIES: dict[str, Quantity] = {
 }  # fmt: skip
 
 
-def _angle(side: str) -> Callable[[Response], list[Track]]:
+def _angle(side: str) -> Tracks:
     """Angle [deg] of the rope at a support, positive downhill."""
-    right = side == "right"
-    out = 1.0 if right else -1.0
-    return lambda r: _reaction(right, lambda x: np.degrees(np.arctan2(out * x[:, 1], out * x[:, 0])))(r)
+    out = 1.0 if side == "right" else -1.0
+    return _at_support(side, lambda x: np.degrees(np.arctan2(out * x[:, 1], out * x[:, 0])))
 
 
-def _clearance(of: str, name: str) -> Callable[[Response], list[Track]]:
+def _clearance(of: str, name: str) -> Tracks:
     def tracks(r: Response) -> list[Track]:
         rooms = clearances(_scene(r.scene_toml), r)
         return [Track(x.t, x.height, x.s) for x in rooms if (x.of, x.name) == (of, name)]
@@ -174,25 +168,24 @@ def _number(
     name: str, quantity: Quantity, r: Response, span: tuple[float, float], ladder: Ladder | None, twin: Response | None
 ) -> Number | None:
     unit = unit_of(name)
-    mean = _Signal(
-        quantity, span, Given(r.scene_toml, r.length).round_trip if unit in ("N", "deg") else 0.0
-    )  # an angle follows a force
+    period = Given(r.scene_toml, r.length).round_trip if unit in ("N", "deg") else 0.0  # an angle follows a force
+    mean, raw = _Signal(quantity, span, period), _Signal(quantity, span, 0.0)
     found = mean.extreme(r)
     if found is None:
         return Number(name, None, None, unit) if name.startswith("clearance_") else None
-    late = unit == "deg" and span[1] - found.t <= 0.5 * mean.period + found.step
+    late = unit == "deg" and span[1] - found.t <= 0.5 * period + found.step
     if late or (quantity.inner and _at_an_end(found, r, span)):
         return None  # no extreme in the range
-    raw, bar, bar_peak = replace(mean, period=0.0), math.inf, math.inf
+    bar = bar_peak = math.inf
     if ladder is not None:
-        near = np.clip(found.t + np.linspace(-1.0, 1.0, NEAR) * max(mean.period, found.step), *span)
-        bar = _bar(mean, found, near, ladder, twin, FIRST if mean.period else math.inf)
+        near = np.clip(found.t + np.linspace(-1.0, 1.0, NEAR) * max(period, found.step), *span)
+        bar = _bar(mean, found, near, ladder, twin, FIRST if period else math.inf)
         rule = scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0))
         if not rule.damps:  # else coarser runs do not show the error of axial waves
             bar_peak = _bar(raw, found, near, ladder, twin, FIRST)
-    t, s, force = found.t, found.s, unit == "N"
+    t, s = found.t, found.s
     place, x = float(np.interp(t, r.t, r.s_o)), float(np.interp(s, r.fields.s, r.fields.x))
-    peak = (raw.value(r), finite(bar_peak)) if force else (None, None)
+    peak = (raw.value(r), finite(bar_peak)) if unit == "N" else (None, None)
     return Number(name, found.value, finite(bar), unit, t, place, x, s, *peak)
 
 
