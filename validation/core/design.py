@@ -154,7 +154,7 @@ def numbers(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
     """The known design numbers, of a ladder with bars: at least the gap to the twin's."""
     r, ladder = (of.finest, of) if isinstance(of, Ladder) else (of, None)
     other = None if twin is None else twin.finest
-    span = extremes_within(r, *(() if other is None else (other,)))
+    span = extremes_within(r, other)
     found = [x for name, asked in quantities(r).items() if (x := _number(name, asked, r, span, ladder, other))]
     return found + _safety(r, found) + _tilt(r) + _onset(r, ladder, other)
 

@@ -40,12 +40,12 @@ def window_of(*responses: MassPath, window: Window | None = None) -> Window:
     )
 
 
-def extremes_within(*runs: Response) -> tuple[float, float]:
-    """Times [s] between which extremes of the first run are taken: in the window, as far as all runs go.
+def extremes_within(r: Response, twin: Response | None) -> tuple[float, float]:
+    """Times [s] between which extremes are taken: in the window, as far as both runs go.
 
     The entry of a gripped car is not resolved; a rolling car begins in equilibrium.
     """
-    r, end = runs[0], min(min(float(x.t[-1]), x.slack_since) for x in runs)
+    end = min(min(float(x.t[-1]), x.slack_since) for x in (r, twin or r))
     low, high = (float(np.interp(place * r.length, r.s_o, r.t)) for place in WINDOWS[r.drive])
     return low if r.drive == "grip" else float(r.t[0]), end if r.drive == "free" else min(end, high)
 

@@ -52,18 +52,18 @@ def columns(r: Response, path: Path) -> Iterator[Agreement]:
 
 def design(r: Response, twin: Response | None = None) -> Iterator[Agreement]:
     """Check design numbers against the extremes of their signals, in the range of both runs."""
-    span, known = extremes_within(r, *(() if twin is None else (twin,))), _signals(r)
+    span, known = extremes_within(r, twin), _signals(r)
     for row in r.design:
         quantity = row["quantity"]
-        kind = quantity if quantity in known else quantity.removesuffix("_max").removesuffix("_min")
-        if kind not in known:
+        signals = known.get(quantity) or known.get(quantity.removesuffix("_max").removesuffix("_min"))
+        if signals is None:
             continue
         least = quantity.endswith("_min") or (quantity.startswith("angle") and row["value"] < 0.0)
         where = None if row["s_o"] is None else row["s_o"] / r.length
         means = Given(r.scene_toml, r.length).round_trip if row["unit"] in ("N", "deg") else 0.0
         for name, bar, law, over in (("value", "bar", "", means), ("peak", "bar_peak", " peak", 0.0)):
             if row.get(name) is not None:
-                right = _extreme(known[kind], span, over, least)
+                right = _extreme(signals, span, over, least)
                 size = abs(right) or 1.0
                 gap, allowed = abs(row[name] - right) / size, (row[bar] or 0.0) / size + ROUNDING
                 yield _row(r, "design", quantity + law, gap, allowed, where)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -123,12 +123,19 @@ def _dated(events: list[tuple[str, float]], t: Array, told: dict[str, Any]) -> l
 def in_si(scene: Scene, steps: Observation, seen: Observation, s: Array) -> dict[str, Any]:
     """The measurements as fields of a `Response`: `steps` along the path, `seen` at frames and stations s."""
     l, H, tau = scene.length, scene.horizontal_tension, scene.time_scale
-    si = _scales(l, H, tau)
+    scale = {"t": tau, "slope_behind": 1.0, "slope_ahead": 1.0, "du": l / tau, "dv": l / tau, "power": H * l / tau}
+    scale |= dict.fromkeys(("s_o", "u", "v", "tension_min_at"), l)
+    scale |= dict.fromkeys(("energy", "kinetic", "strain", "potential"), H * l)
+
+    def si(x: Observation, *names: str) -> dict[str, Any]:
+        """The named ones, forces if nothing else."""
+        return {name: scale.get(name, H) * getattr(x, name) for name in names}
+
     x_rest, y_rest = scene.groups.shape(s)
     fields = Fields(
-        **si(seen, "t", "s_o", "u", "v", "du", "dv", *_TENSIONS), s=l * s, mass_u=l * seen.path[:, 0],
-        mass_v=l * seen.path[:, 1], x=l * x_rest, y=l * y_rest, T_static=H * scene.groups.static(s)[0],
-        T=H * seen.T, T_pointwise=H * seen.T_pointwise,
+        **si(seen, "t", "s_o", "u", "v", "du", "dv", "T", "T_pointwise", *_TENSIONS), s=l * s,
+        mass_u=l * seen.path[:, 0], mass_v=l * seen.path[:, 1], x=l * x_rest, y=l * y_rest,
+        T_static=H * scene.groups.static(s)[0],
     )  # fmt: skip
     return {
         "scene": scene.name, "scene_toml": scene.to_toml(), "horizontal_tension": H, "fields": fields,
@@ -179,14 +186,6 @@ def _turns(t: Array, s_o: Array) -> Iterator[float]:
 
 
 _TENSIONS = ("T_behind", "T_ahead", "T_behind_pointwise", "T_ahead_pointwise")
-_LENGTHS = ("s_o", "u", "v", "tension_min_at")
-_ENERGIES = ("energy", "kinetic", "strain", "potential")
-
-
-def _scales(l: float, H: float, tau: float) -> Callable[..., dict[str, Any]]:
-    scale = {"t": tau, "slope_behind": 1.0, "slope_ahead": 1.0, "du": l / tau, "dv": l / tau, "power": H * l / tau}
-    scale |= dict.fromkeys(_LENGTHS, l) | dict.fromkeys(_ENERGIES, H * l)
-    return lambda x, *names: {name: scale.get(name, H) * getattr(x, name) for name in names}
 
 
 def stacked(states: Sequence[State]) -> States:

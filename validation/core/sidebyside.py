@@ -41,16 +41,13 @@ def side_by_side(
     def work(i: int) -> Result:
         return jobs[i](lambda *told: queue.put(told))
 
-    def passed_on() -> None:
-        while not queue.empty():
-            report(*queue.get())
-
     with _forked(len(jobs), work) as submit:
         futures = [submit(i) for i in range(len(jobs))]
         left = set(futures)
         while left:
             done, left = wait(left, timeout=0.1, return_when=FIRST_COMPLETED)
-            passed_on()
+            while not queue.empty():
+                report(*queue.get())
             for future in done:
                 future.result()
             if done and left and meanwhile is not None:

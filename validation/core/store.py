@@ -165,9 +165,8 @@ def each_once(
 
         def keep(i: int, item: Any) -> None:
             done[missing[i]] = item
-            out.write(
-                "\n" + json.dumps([missing[i], item], allow_nan=False)
-            )  # a line cut off must not swallow this one
+            # a line cut off must not swallow this one
+            out.write("\n" + json.dumps([missing[i], item], allow_nan=False))
             out.flush()
             report(sum(key in done for key in jobs) / len(jobs))
 

@@ -2,8 +2,6 @@
 
     w_tt = w_ss + h,  int w ds = 0,  w(0) = w(1) = 0:   antisymmetric W = 2 n pi, symmetric tan(W/2) = W/2.
 
-Unit sqrt(tau/rho)/l, tau the tension along the chord.
-
 Source: Tadjbakhsh & Wang 1994
 Validity: small sag, any inclination
 Accuracy: 1e-14 relative
