@@ -111,8 +111,7 @@ def _hung(span: float, drop: float, weight: float, name: str, value: float) -> t
         told = 0 if name == "length" else 1
         a = math.exp(brentq(lambda x: hang(math.exp(x))[told] - value, math.log(0.1 * span), math.log(1e6 * span)))
     length, _, middle, half = hang(a)
-    x, w = np.polynomial.legendre.leggauss(40)
-    return length, float(a * weight * half * (w @ np.cosh(middle + half * x) ** 2) * a / length)
+    return length, a * weight * (half + 0.5 * math.sinh(2.0 * half) * math.cosh(2.0 * middle)) * a / length
 
 
 @dataclass(frozen=True, slots=True)

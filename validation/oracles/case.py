@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebint, chebpts2, chebvander
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
@@ -34,6 +35,14 @@ def needs(what: str, *conditions: Any) -> None:
     """Refuse arguments outside the validity."""
     if not all(map(np.all, conditions)):
         raise ValueError(f"needed: {what}")
+
+
+def chebyshev(n: int) -> tuple[Array, Array, Array]:
+    """n + 1 Chebyshev points on [-1, 1]; values there to coefficients, and to integrals from -1."""
+    x = chebpts2(n + 1)
+    to_coef: Any = np.linalg.inv(chebvander(x, n))
+    integral: Any = chebvander(x, n + 1) @ chebint(to_coef, lbnd=-1.0)
+    return x, to_coef, integral
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,9 +16,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial.chebyshev import chebint, chebval
 
-from validation.oracles.case import BARE, Array, needs
+from validation.oracles.case import BARE, Array, chebyshev, needs
 from validation.oracles.case import Modes as ModesCase
 
 
@@ -42,7 +41,8 @@ def solve(sigma: float, alpha: float, c: float | None = None, *, count: int = 10
 
 
 def _solve(sigma: float, alpha: float, c: float, count: int, n: int) -> tuple[Array, Array, Array]:
-    s, J = _integration(n)
+    points, _, integral = chebyshev(n)
+    s, J = 0.5 * (1.0 + points), 0.5 * integral
     total = J[-1]
     p = c - sigma * s
     T = np.sqrt(1.0 + p * p)
@@ -59,17 +59,6 @@ def _solve(sigma: float, alpha: float, c: float, count: int, n: int) -> tuple[Ar
     w = vector[:, order].real.T
     peak = np.abs(w).argmax(axis=1)
     return 1.0 / np.sqrt(value[order].real), s, w / w[np.arange(count), peak][:, None]
-
-
-def _integration(n: int) -> tuple[Array, Array]:
-    """Chebyshev points on [0, 1] and the matrix of integrals up to them."""
-    x = -np.cos(np.pi * np.arange(n + 1) / n)
-    k = np.arange(n + 1)
-    to_coef = np.cos(np.outer(k, np.pi - np.pi * k / n)) * (2.0 / n)
-    to_coef[:, [0, -1]] *= 0.5
-    to_coef[[0, -1]] *= 0.5
-    integral = np.stack([chebval(x, chebint(e, lbnd=-1.0)) for e in np.eye(n + 1)], axis=1)
-    return 0.5 * (1.0 + x), 0.5 * integral @ to_coef
 
 
 def cases() -> list[ModesCase]:

@@ -21,27 +21,25 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.polynomial import chebyshev
+from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import block_array, csr_array, eye_array
 from scipy.sparse.linalg import spsolve
 
 from cablefem.scene import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Groups, Motion, Scene
-from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, Limit, Solvers, level, needs
+from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, Limit, Solvers, chebyshev, level, needs
 
 REACH = 0.01  # distance to the far support at which the answer ends: fronts accumulate there
 LONGEST, OF_MU = 0.05, 0.125  # longest panel, and over mu: the string gives way within mu/2
 
 DEGREE = 10
-POINTS = -np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
-_TO_COEF = np.linalg.inv(chebyshev.chebvander(POINTS, DEGREE))  # values -> coefficients
-_INTEGRAL = chebyshev.chebvander(POINTS, DEGREE + 1) @ chebyshev.chebint(_TO_COEF, lbnd=-1.0)
+POINTS, _TO_COEF, _INTEGRAL = chebyshev(DEGREE)
 
 
 def _place(t: Array, edges: Array) -> tuple[NDArray[np.intp], Array]:
     """Panels of the times t (n,), and weights (n, DEGREE + 1) of the values at their points."""
     k = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, edges.size - 2)
-    return k, chebyshev.chebvander(2.0 * (t - edges[k]) / np.diff(edges)[k] - 1.0, DEGREE) @ _TO_COEF
+    return k, chebvander(2.0 * (t - edges[k]) / np.diff(edges)[k] - 1.0, DEGREE) @ _TO_COEF
 
 
 def _sent(motion: Motion, sign: float, phase: Array, latest: Array) -> Array:
