@@ -12,7 +12,8 @@ from validation.commands.modes import study
 from validation.commands.run import study as run_study
 from validation.core import store
 
-EDITED = Scene.load("level").variant(mu=0.9, name="level").to_toml()
+LEVEL = Scene.load("level")
+EDITED = LEVEL.variant(mu=0.9, name="level").to_toml()
 
 _modes = cache(lambda toml, modes=study.modes: modes(Scene.from_toml(toml)))
 
@@ -45,7 +46,7 @@ def test_a_folder_is_for_one_command(cablefem, tmp_path):
 
 
 def test_an_edited_scene_replaces_the_results_of_the_same_command(cablefem, tmp_path):
-    (tmp_path / "a.toml").write_text(Scene.load("level").to_toml())
+    (tmp_path / "a.toml").write_text(LEVEL.to_toml())
     assert cablefem("run", "a.toml", *QUICK)[0] == 0
     assert cablefem("run", "a.toml", "--method", "fourier", "--set", "terms=8", "--set", "steps=80")[0] == 0
     before = tree(tmp_path / "cablefem-out/level")
@@ -58,8 +59,7 @@ def test_an_edited_scene_replaces_the_results_of_the_same_command(cablefem, tmp_
 
 @pytest.mark.parametrize("name", ["notes.txt", "following-p2/notes.txt"])
 def test_a_file_that_a_command_did_not_write_keeps_its_folder_as_it_is(cablefem, tmp_path, name):
-    text = Scene.load("level").to_toml()
-    (tmp_path / "a.toml").write_text(text)
+    (tmp_path / "a.toml").write_text(LEVEL.to_toml())
     assert cablefem("run", "a.toml", *QUICK, "--out", "x")[0] == 0
     (tmp_path / "x" / name).write_text("mine")
     before = tree(tmp_path / "x")
@@ -71,8 +71,7 @@ def test_a_file_that_a_command_did_not_write_keeps_its_folder_as_it_is(cablefem,
 
 
 def test_an_edited_scene_leaves_the_results_of_other_commands(cablefem, tmp_path):
-    text = Scene.load("level").to_toml()
-    (tmp_path / "a.toml").write_text(text)
+    (tmp_path / "a.toml").write_text(LEVEL.to_toml())
     assert cablefem("modes", "a.toml")[0] == 0
     before = tree(Path("cablefem-out"))
     (tmp_path / "a.toml").write_text(EDITED)

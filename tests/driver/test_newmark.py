@@ -8,16 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cablefem.newmark import (
-    SCHEMES,
-    Newton,
-    NewtonStalled,
-    Scheme,
-    Work,
-    integrate,
-    scheme,
-    step_times,
-)
+from cablefem.newmark import SCHEMES, Newton, NewtonStalled, Scheme, Work, integrate, scheme, step_times
 from tests.driver.systems import DoublePendulum, Kicked, MomentumPendulum, Spring
 
 TIGHT = Newton(tol=1e-13)

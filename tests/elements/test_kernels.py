@@ -16,14 +16,7 @@ from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels.balance import Cable, Mesh, add_forces, stretch
 from cablefem.elements.kernels.banded import factorise
 from cablefem.elements.observing import energies
-from cablefem.elements.reference import (
-    along,
-    force_order,
-    lagrange_element,
-    reference,
-    shape_polynomials,
-    tabulated,
-)
+from cablefem.elements.reference import along, force_order, lagrange_element, reference, shape_polynomials, tabulated
 from tests.runs import LEVEL, evaluate, steep_cable
 
 DEGREES = range(1, 9)

@@ -330,8 +330,7 @@ def test_a_ride_that_ends_early_is_not_comparable(tmp_path, ridden, other):
 
 
 @pytest.mark.parametrize(
-    ("header", "factor", "said"),
-    [("y", -1.0, "y points the other way"), ("y", 1e3, "y is in another unit")],
+    ("header", "factor", "said"), [("y", -1.0, "y points the other way"), ("y", 1e3, "y is in another unit")]
 )
 def test_height_in_another_unit_or_direction_is_told(tmp_path, ridden, other, header, factor, said):
     file = written(tmp_path, f"t,x,{header}", other.t, other.x, factor * other.y)
