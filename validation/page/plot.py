@@ -4,15 +4,15 @@ For the figures of a check; long studies draw with `figures`.
 """
 
 import base64
+import io
 import math
-import struct
-import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
+from PIL import Image
 
 from cablefem.response import Array
 from validation.page.page import figure_of, plain, raised, rendered
@@ -189,12 +189,7 @@ def colors(n: int) -> Array:
 
 def _png(values: Array) -> str:
     """Return values (rows, columns) from 0 to 1 as a PNG of the 256 colours of FIELD, in base64."""
-    index = np.clip(np.nan_to_num(values) * 255.0, 0.0, 255.0).round().astype(np.uint8)
-    rows, columns = index.shape
-    packed = zlib.compress(np.insert(index, 0, 0, axis=1).tobytes())  # each row begins with its filter: none
-    palette = colors(256).tobytes()
-    parts = (b"IHDR", struct.pack(">IIBBBBB", columns, rows, 8, 3, 0, 0, 0)), (b"PLTE", palette), (b"IDAT", packed)
-    out = b"\x89PNG\r\n\x1a\n"
-    for name, content in (*parts, (b"IEND", b"")):
-        out += struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
-    return base64.b64encode(out).decode("ascii")
+    image = Image.fromarray(np.clip(np.nan_to_num(values) * 255.0, 0.0, 255.0).round().astype(np.uint8))
+    image.putpalette(colors(256).tobytes())
+    image.save(out := io.BytesIO(), "PNG")
+    return base64.b64encode(out.getvalue()).decode("ascii")

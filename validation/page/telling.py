@@ -10,13 +10,12 @@ from validation.core.measures import WINDOWS
 from validation.core.methods import find
 from validation.core.quantities import matter, told, with_bar
 from validation.page import terminal
+from validation.page.answer import EVENTS
 
 if TYPE_CHECKING:
     from cablefem.response import Response
     from cablefem.scene import Scene
     from validation.core.agreement import Agreement
-
-EVENTS = ("thrust_end", "brake", "turn", "stop", "arrival", "back", "lift_off")
 
 
 def rows(verdicts: Sequence[Agreement]) -> None:
@@ -33,7 +32,7 @@ def rows(verdicts: Sequence[Agreement]) -> None:
 def answer(scene: Scene, r: Response) -> None:
     """Print the outcome of a run, its events and its main numbers."""
     terminal.say(f"{r.scene}: {outcome(scene, r).sentence}", style="bold")
-    events([x for x in r.events if x["event"] in EVENTS])
+    events([x for x in r.events if x["event"] in EVENTS[1:]])  # without the release
     numbers(matter(r.design))
     if r.slack_onset is not None:
         bar = next((row["bar"] for row in r.design if row["quantity"] == "slack_onset"), None)

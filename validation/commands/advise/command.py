@@ -1,15 +1,13 @@
 from typing import Annotated
 
-import typer
-
-from validation.page.options import Out, SceneName, real, scene_named, study, tol_faults
+from validation.page.options import Out, SceneName, number, scene_named, study, tol_faults
 
 EXAMPLE = "cablefem advise inclined --tol 1e-2"
 
 
 def command(
     scene: SceneName,
-    tol: Annotated[float, typer.Option(parser=real, metavar="X", help="Error of the mass path that is good enough.")],
+    tol: Annotated[float, number("--tol", "Error of the mass path that is good enough.")],
     out: Out = None,
 ) -> int:
     """Find the least model and cheapest method for a scene.

@@ -132,8 +132,9 @@ def write(out: Path, study: Study, rows: list[Row]) -> None:
 def _schema(study: Study) -> Any:
     import pyarrow as pa
 
-    kinds = dict.fromkeys(job.WORDS, pa.string()) | dict.fromkeys(job.NUMBERS, pa.float64())
-    kinds |= dict.fromkeys(job.COUNTS, pa.int64())
+    kinds = dict.fromkeys(job.COLUMNS["words"], pa.string()) | dict.fromkeys(job.COLUMNS["counts"], pa.int64())
+    design = [name for quantity in job.DESIGN for name in (quantity, f"{quantity}_bar")]
+    kinds |= dict.fromkeys([*job.GROUPS, *design, *job.COLUMNS["numbers"]], pa.float64())
     inputs = {name: pa.float64() if axis.numeric else pa.string() for name, axis in study.axes.items()}
     return pa.schema({"index": pa.int64(), **inputs, **{name: x for name, x in kinds.items() if name not in inputs}})
 

@@ -15,26 +15,14 @@ from dataclasses import replace
 from typing import Any
 
 from validation.commands.sweep.study import Study
+from validation.core import store
 
 # status: "complete" | "incomplete" | "refused" (the scene's own faults) | "cut off" (too long) | "failed" | "died"
 BROKEN = ("cut off", "failed", "died")
 GRACE = 5.0  # [s] between asking a scene to stop and ending its worker: compiled code cannot be asked
 FRESH = 120.0  # [s] more for a new process, which may load and compile
-GROUPS = ("mu", "alpha", "sigma", "sag_ratio", "slope", "speed_ratio")
-DESIGN = (
-    "tension_max", "tension_min", "reaction_left_max", "reaction_right_max", "deepest_point", "mass_deepest",
-    "contact_max", "contact_min", "haul_force_max", "speed_max", "slack_onset",
-)  # fmt: skip
-NUMBERS = (
-    *GROUPS, *(name for quantity in DESIGN for name in (quantity, f"{quantity}_bar")),
-    "max_deflection", "path_error", "tension_error", "reached", "seconds", "true_error", "doubt", "true_tension",
-    "doubt_tension",
-)  # fmt: skip
-COUNTS = ("newton_iterations", "steps")
-WORDS = (
-    "status", "cause", "reason", "flags", "verdict", "not_agreed", "method", "model", "load", "settings", "outcome",
-    "outcome_kind", "events", "family", "fault",
-)  # fmt: skip
+COLUMNS = store.shipped(__package__, "columns.toml")
+GROUPS, DESIGN = COLUMNS["groups"], COLUMNS["design"]
 
 
 class CutOff(BaseException):

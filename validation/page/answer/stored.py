@@ -10,8 +10,7 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import store
 from validation.core.foreign import ForeignPath
-
-EVENTS = ("release", "thrust_end", "brake", "turn", "stop", "arrival", "back", "lift_off")
+from validation.page.answer import EVENTS
 
 
 @dataclass(frozen=True, slots=True)
