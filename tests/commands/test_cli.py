@@ -42,7 +42,7 @@ def test_every_command_has_help_with_an_example_and_says_where_it_writes(cablefe
         (["check"], ["Missing argument 'SCENE'. (see cablefem check --help)"]),
         (["check", "level", "--tl", "1"], ["No such option: --tl", "--tol"]),
         (["check", "level", "--tol"], ["'--tol' requires an argument"]),
-        (["check", "level", "--tol", "abc"], ["'--tol': 'abc' is not a valid float"]),
+        (["check", "level", "--tol", "abc"], ["'--tol': 'abc' is no number"]),
         (["check", "level", "--tol", "nan"], ["--tol must lie in [1e-06, 0.2], got nan"]),
         (["check", "level", "--tol-tension", "0"], ["--tol-tension must lie in"]),
         (["check", "level", "--with-tol", "-1"], ["--with-tol must lie in [0, 1], got -1"]),

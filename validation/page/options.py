@@ -18,8 +18,15 @@ if TYPE_CHECKING:
     from cablefem.scene.line import Line
 
 
+def real(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is no number") from None
+
+
 def number(name: str, help: str) -> Any:
-    return typer.Option(name, metavar="X", help=help)
+    return typer.Option(name, parser=real, metavar="X", help=help)
 
 
 def to(folder: str) -> Any:

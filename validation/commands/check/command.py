@@ -6,23 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from validation.core import store
-from validation.page import terminal
-from validation.page.options import (
-    Out,
-    SceneName,
-    Set,
-    line_named,
-    number,
-    points_of,
-    refuse_moving,
-    scene_named,
-    tol_faults,
-)
+from validation.page import options, terminal
 
 if TYPE_CHECKING:
     from cablefem.response import Response
     from validation.commands.check.study import Check
-    from validation.page.options import Point
 
 EXAMPLE = "cablefem check my.toml --tol 1e-4 --with other.csv"
 TOL = "Asked of the path's error, over its largest deflection. Default: 1e-3; of a line at rest 1e-6 m."
@@ -35,18 +23,18 @@ SENSITIVITY = "Print for each key the smallest fault this check would notice."
 
 
 def command(
-    scene: SceneName,
-    tol: Annotated[float | None, number("--tol", TOL)] = None,
-    tol_tension: Annotated[float | None, number("--tol-tension", TOL_TENSION)] = None,
+    scene: options.SceneName,
+    tol: Annotated[float | None, options.number("--tol", TOL)] = None,
+    tol_tension: Annotated[float | None, options.number("--tol-tension", TOL_TENSION)] = None,
     other: Annotated[Path | None, typer.Option("--with", metavar="FILE", help=WITH)] = None,
-    with_tol: Annotated[float, number("--with-tol", "Allowed to it beside our own error bar.")] = 5e-3,
-    set_: Set = None,
+    with_tol: Annotated[float, options.number("--with-tol", "Allowed to it beside our own error bar.")] = 5e-3,
+    set_: options.Set = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Print every comparison.")] = False,
     deep: Annotated[bool, typer.Option("--deep", help=DEEP)] = False,
     second: Annotated[Path | None, typer.Option("--second", metavar="FILE", help=SECOND)] = None,
     second_set: Annotated[list[str] | None, typer.Option("--second-set", metavar="KEY=VALUE", help=SECOND_SET)] = None,
     sensitive: Annotated[bool, typer.Option("--sensitivity", help=SENSITIVITY)] = False,
-    out: Out = None,
+    out: options.Out = None,
 ) -> int:
     """Run two solvers that share no formula on one scene, or on a grid of scenes; do they agree?
 
@@ -59,17 +47,17 @@ def command(
     FILE has columns t [s] or s_o [m], v [m] positive down, and u [m] if known; of a free ride t, x and y from the left
     support, y down. Other units and directions are told by the name: s_o_over_l, t_ms, v_over_l, v_mm, y_up, ...
     """
-    if (line := line_named(scene)) is not None:
-        refuse_moving({"--with": other is not None, "--deep": deep, "--sensitivity": sensitive})
+    if (line := options.line_named(scene)) is not None:
+        options.refuse_moving({"--with": other is not None, "--deep": deep, "--sensitivity": sensitive})
         from validation.commands.check import line as at_rest
 
-        given = points_of(line, set_)
+        given = options.points_of(line, set_)
         return at_rest.check(given, tol, tol_tension, out, _second(given[0].scene, second, second_set))
     faults = [
-        *tol_faults(tol), *tol_faults(tol_tension, "--tol-tension", 1e-6, 1.0),
-        *tol_faults(with_tol, "--with-tol", 0.0, 1.0),
+        *options.tol_faults(tol), *options.tol_faults(tol_tension, "--tol-tension", 1e-6, 1.0),
+        *options.tol_faults(with_tol, "--with-tol", 0.0, 1.0),
     ]  # fmt: skip
-    loaded = scene_named(scene, faults, travelling=True)
+    loaded = options.scene_named(scene, faults, travelling=True)
     points, asked = _points(loaded, set_), {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension}
     if len(points) > 1:
         if other is not None:
@@ -92,9 +80,9 @@ def command(
     return telling.broken(a, b) or int(result.verdict.value != "agree" or bool(result.doubts))
 
 
-def _points(scene: Any, pairs: list[str] | None) -> "list[Point]":
+def _points(scene: Any, pairs: list[str] | None) -> list[options.Point]:
     """Return the scenes of a grid; Refused for settings of a method."""
-    points = points_of(scene, pairs)
+    points = options.points_of(scene, pairs)
     if settings := sorted({key for point in points for key in point.settings}):
         raise store.Refused(f"--set {settings[0]}: check chooses its settings; keys of the scene have a dot")
     return points
@@ -145,8 +133,12 @@ def _checked(scene: Any, third: tuple[Any, float] | None, out: Path | None, **as
 def _second(scene: Any, file: Path | None, pairs: list[str] | None) -> Any:
     """The scene for the second solver; None if the same."""
     faults: list[str] = []
-    other = scene if file is None else line_named(str(file)) or scene_named(str(file), faults, travelling=True)
-    points = points_of(other, pairs)
+    other = (
+        scene
+        if file is None
+        else options.line_named(str(file)) or options.scene_named(str(file), faults, travelling=True)
+    )
+    points = options.points_of(other, pairs)
     if len(points) > 1 or points[0].settings:
         raise store.Refused("--second-set: one value for each key of the scene, as mass.mass=+1%")
     return points[0].scene if file is not None or pairs else None
@@ -160,12 +152,12 @@ def _write_tables(folder: Path, runs: "tuple[Response, ...]") -> None:
         paraview.write(run, folder / run.method)
 
 
-def _many(scene: Any, points: "list[Point]", out: Path | None, **asked: Any) -> int:
+def _many(scene: Any, points: list[options.Point], out: Path | None, **asked: Any) -> int:
     """Check every point of a grid; 1 unless all agree."""
     from validation.commands.check import study
     from validation.page.answer import many
 
-    def row(point: "Point") -> tuple[dict[str, Any], Any]:
+    def row(point: options.Point) -> tuple[dict[str, Any], Any]:
         found = study.check(point.scene, **asked)
         return many.row(point.scene, found.a.run, found.design, found.verdict.value), many.path(found.a.run)
 

@@ -105,56 +105,36 @@ def _paths(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     return fig
 
 
-def _shapes(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
-    static = Scene.from_toml(runs[0][0].scene_toml).catenary
-
-    def shape(r: Response, i: int) -> Any:
-        return (static.y(r.fields.s) + r.fields.v[i]) / r.length
-
-    fig, axes = _instants(one["places"], runs, lambda r: static.y(r.fields.s) / r.length, shape)
-    r = runs[0][0]
-    for ax, i in zip(axes, _frames(r, one["places"]), strict=True):
-        s_o, v = r.fields.s_o[i], r.fields.mass_v[i]
-        ax.plot(s_o / r.length, (static.y(np.array([s_o]))[0] + v) / r.length, "o", color=BLACK, markersize=5)
-        ax.set_ylabel("y + v, over l")
-    axes[0].invert_yaxis()
-    return fig
-
-
-def _tensions(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
-    static = Scene.from_toml(runs[0][0].scene_toml).catenary
-    fig, axes = _instants(
-        one["places"], runs, lambda r: static.tension(r.fields.s) / r.horizontal_tension,
-        lambda r, i: r.fields.T_pointwise[i] / r.horizontal_tension,
-    )  # fmt: skip
-    for ax, place in zip(axes, one["places"], strict=True):
-        ax.axvline(place, **DOTTED)
-        ax.set_ylabel("T/H")
-    if "top" in one:
+def _along(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+    """Draw shapes or tensions along the cable, and the static ones, one panel for each place of the mass."""
+    first, shapes = runs[0][0], one["draw"] == "shapes"
+    scene = Scene.from_toml(first.scene_toml)
+    static, s, l, H = scene.catenary, first.fields.s, first.length, first.horizontal_tension
+    fig, axes = panels(len(one["places"]), 1, height=1.15 + 1.25 * len(one["places"]), sharex=True, sharey=True)
+    for k, (ax, place) in enumerate(zip(axes, one["places"], strict=True)):
+        ax.plot(s / l, static.y(s) / l if shapes else static.tension(s) / H, **STATIC)
+        for r, how in runs:
+            f, i = r.fields, _frames(r, one["places"])[k]
+            ax.plot(f.s / l, (static.y(f.s) + f.v[i]) / l if shapes else f.T_pointwise[i] / H, **how)
+        i = _frames(first, one["places"])[k]
+        s_o, v = first.fields.s_o[i], first.fields.mass_v[i]
+        if shapes:
+            ax.plot(s_o / l, (static.y(np.array([s_o]))[0] + v) / l, "o", color=BLACK, markersize=5)
+        else:
+            ax.axvline(place, **DOTTED)
+        ax.set_ylabel("y + v, over l" if shapes else "T/H")
+        ax.set_title(f"sₒ/l = {place:g}   (t* = {first.fields.t[i] / scene.time_scale:.2f})", fontsize=9)
+    if shapes:
+        axes[0].invert_yaxis()
+    elif "top" in one:
         axes[0].set_ylim(0.0, one["top"])
+    axes[-1].set_xlabel("place on the cable s/l")
+    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=8.0)
     return fig
 
 
 def _frames(r: Response, places: list[float]) -> list[int]:
     return [int(np.argmin(np.abs(r.fields.s_o / r.length - place))) for place in places]
-
-
-def _instants(
-    places: list[float], runs: Shown, static: Callable[[Response], Any], of: Callable[[Response, int], Any]
-) -> tuple[Figure, Any]:
-    """Draw of(run, frame) and the static values along the cable, one panel for each place of the mass."""
-    fig, axes = panels(len(places), 1, height=1.15 + 1.25 * len(places), sharex=True, sharey=True)
-    first = runs[0][0]
-    time_scale = Scene.from_toml(first.scene_toml).time_scale
-    for k, (ax, place) in enumerate(zip(axes, places, strict=True)):
-        ax.plot(first.fields.s / first.length, static(first), **STATIC)
-        for r, how in runs:
-            ax.plot(r.fields.s / r.length, of(r, _frames(r, places)[k]), **how)
-        t = first.fields.t[_frames(first, places)[k]] / time_scale
-        ax.set_title(f"sₒ/l = {place:g}   (t* = {t:.2f})", fontsize=9)
-    axes[-1].set_xlabel("place on the cable s/l")
-    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=8.0)
-    return fig, axes
 
 
 def _levels(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
@@ -195,6 +175,6 @@ def _overshoot(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Fig
 
 
 DRAWN: dict[str, Callable[[dict[str, Any], dict[str, Any], Shown], Figure]] = {
-    "frequencies": _frequencies, "paths": _paths, "shapes": _shapes, "tensions": _tensions, "levels": _levels,
+    "frequencies": _frequencies, "paths": _paths, "shapes": _along, "tensions": _along, "levels": _levels,
     "law": _law, "overshoot": _overshoot,
 }  # fmt: skip

@@ -7,19 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from validation.core import store
-from validation.page import terminal
-from validation.page.options import (
-    Out,
-    Point,
-    SceneName,
-    Set,
-    line_named,
-    number,
-    points_of,
-    refuse_moving,
-    scene_named,
-    tol_faults,
-)
+from validation.page import options, terminal
 
 if TYPE_CHECKING:
     from cablefem.response import Response
@@ -37,17 +25,17 @@ TOL = "Choose resolution and steps for a path error of at most X, of mean forces
 
 
 def command(
-    scene: SceneName,
+    scene: options.SceneName,
     method: Annotated[str, typer.Option(metavar="NAME", help="A method (cablefem methods).")] = METHOD,
-    set_: Set = None,
+    set_: options.Set = None,
     model: Annotated[str, typer.Option(metavar="NAME", help=MODEL)] = "full",
     load: Annotated[str, typer.Option(metavar="NAME", help="mass, or force: its weight alone.")] = "mass",
     law: Annotated[str, typer.Option(metavar="NAME", help=LAW)] = "auto",
-    tol: Annotated[float | None, number("--tol", TOL)] = None,
+    tol: Annotated[float | None, options.number("--tol", TOL)] = None,
     bars: Annotated[
         bool, typer.Option("--bars/--no-bars", help="Error bars from coarser runs, in space and in time.")
     ] = True,
-    out: Out = None,
+    out: options.Out = None,
 ) -> int:
     """Run one method on one scene, or on a grid of scenes: what becomes of the ride, in numbers and pictures.
 
@@ -57,20 +45,20 @@ def command(
     from cablefem.scene.errors import nearest, shown
 
     kind = {"model": model, "load": load, "law": law}
-    if (line := line_named(scene)) is not None:
+    if (line := options.line_named(scene)) is not None:
         others = {f"--{option}": given != CHOICES[option][0] for option, given in kind.items()}
-        refuse_moving({"--method": method != METHOD, **others, "--tol": tol is not None})
+        options.refuse_moving({"--method": method != METHOD, **others, "--tol": tol is not None})
         from validation.commands.run import line as at_rest
 
-        return at_rest.run(points_of(line, set_), out)
+        return at_rest.run(options.points_of(line, set_), out)
     faults = [
         f"--{option} = {shown(given)}: unknown.{nearest(given, CHOICES[option])}"
         for option, given in kind.items() if given not in CHOICES[option]
     ]  # fmt: skip
-    faults += tol_faults(tol)
+    faults += options.tol_faults(tol)
     chosen = None if model == QUASI_STATIC else _found(method, tol, faults)
-    loaded = scene_named(scene, faults, travelling=True)
-    points = points_of(loaded, set_)
+    loaded = options.scene_named(scene, faults, travelling=True)
+    points = options.points_of(loaded, set_)
     asked = [kind | _settings(chosen, kind, point, tol) for point in points]
 
     from validation.commands.run import study
@@ -127,7 +115,7 @@ def _found(name: str, tol: float | None, faults: list[str]) -> Any:
     return method
 
 
-def _settings(method: Any, kind: dict[str, Any], point: Point, tol: float | None) -> dict[str, Any]:
+def _settings(method: Any, kind: dict[str, Any], point: options.Point, tol: float | None) -> dict[str, Any]:
     """The method's settings at a point; Refused where it cannot run the scene."""
     from validation.core.running import Run
 

@@ -3,6 +3,7 @@
 Places are metres along the rope.  Functions take stored answers; `caption` goes below.
 """
 
+import tomllib
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -13,20 +14,8 @@ from scipy.integrate import cumulative_trapezoid
 from cablefem.response import Array, Response
 from validation.core.quantities import scale_of
 from validation.page.answer.stored import Stored
-from validation.page.plot import (
-    BLACK,
-    BLUE,
-    DASHED,
-    DOTTED,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILLION,
-    Panel,
-    plot,
-)  # fmt: skip
+from validation.page.page import asset
+from validation.page.plot import BLACK, BLUE, DASHED, DOTTED, GREEN, PURPLE, VERMILLION, Panel, plot
 
 LOOK = ((BLUE, ""), (VERMILLION, DASHED))
 Of = Callable[[Response], Array]  # a series of a run, (n,)
@@ -136,12 +125,7 @@ def tension_field(x: Stored, r: Response, caption: str, across: int = 5, up: int
     return plot([p], (0.0, end), TIME, caption)
 
 
-# part of the energy of a ride -> look
-PARTS = {
-    "motion": (BLUE, ""), "height": (VERMILLION, DASHED), "stretch": (GREEN, ""), "drag": (PURPLE, ""),
-    "friction": (ORANGE, ""), "brake": (BLACK, ""), "thrust": (SKY, DASHED), "haul": (GREY, DASHED),
-    "damping": (SKY, ""),
-}  # fmt: skip
+PARTS: dict[str, list[str]] = tomllib.loads(asset("looks.toml"))["energy"]
 
 
 def energy_split(x: Stored, caption: str) -> Markup:
@@ -155,6 +139,7 @@ def energy_split(x: Stored, caption: str) -> Markup:
     p = Panel(f"since start [{unit}]", height=200.0)
     for name, y in lines.items():
         if np.abs(y).max() > 0.0:
-            p.line(r.t, factor * y, *PARTS.get(name, (BLACK, DOTTED)), name=name)
+            color, dash = PARTS.get(name, (BLACK, DOTTED))
+            p.line(r.t, factor * y, color, dash, name=name)
     p.fit([line[1] for line in p.lines])
     return _drawn(x, [p], caption, time=True)
