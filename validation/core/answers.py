@@ -94,7 +94,7 @@ class Profile(NamedTuple):
 
 
 def shapes(r: Response) -> tuple[Array, Array, Array]:
-    """x, y [m], tension [N] of the rope and the point at the mass at each frame, (k, m + 1) each."""
+    """x, y [m], tension [N] of the rope with the mass at each frame, (k, m + 1) each."""
     f = r.fields
     x, y = f.x + f.u, f.y + f.v
     mass = np.array([np.interp(f.s_o, f.s, f.x) + f.mass_u, np.interp(f.s_o, f.s, f.y) + f.mass_v])
@@ -168,10 +168,7 @@ def _ordered(*parts: tuple[Array, ...]) -> tuple[Array, Array, Array]:
 
 
 def _under_car(r: Response, ground: Array) -> tuple[Array, Array, Array]:
-    """Height of the rope at the car over the ground (n, 2) [x, depth], which is linear between its points.
-
-    Taken at steps, and each time the car passes a point.
-    """
+    """Height of the rope at the car over the ground (n, 2) [x, depth], at steps and at the ground's points."""
     over = (r.x > ground[0, 0]) & (r.x < ground[-1, 0])
     parts = [(r.t[over], np.interp(r.x[over], *ground.T) - r.y[over], r.s_o[over])]
     for x, depth in ground:

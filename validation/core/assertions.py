@@ -61,7 +61,6 @@ def _over(window: Window, a: Answer, b: Answer) -> str:
 def _path_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement:
     x, y = foreign.comparable(a, b)
     gap, rms = measures.path_gap(x, y, window)
-    # An error of the equations stays from some place on.
     _, places, size = measures.path_distances(x, y, window)
     notes = [f"they part from s_o/l = {p:.3f} on" for p in places[size > allowed][:1]]
     bars = (
@@ -70,7 +69,7 @@ def _path_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement
     )  # fmt: skip
     relative = f"relative to {b.path_scale_named} {b.path_scale:.4g} m"
     bound = _asked("path", allowed, relative, *notes, f"rms gap {rms:.3g}", f"over {_over(window, a, b)}", *bars)
-    return Agreement("path_max", gap, bound, measures.place_of_gap(x, y, window))
+    return Agreement("path_max", gap, bound, float(places[size.argmax()]))
 
 
 def _asked(argument: str, allowed: float, relative: str, *notes: str) -> Bound:

@@ -45,7 +45,7 @@ class Number:
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """A signal: at one place, value and s (n,), or along the cable, value (n, m) and s (m,)."""
+    """A signal at one place, (n,), or along the cable, value (n, m) and s (m,)."""
 
     t: Array
     value: Array

@@ -226,7 +226,7 @@ class Evidence:
 
     @cached_property
     def swept(self) -> Array:
-        """int int r x dr ds at frames (k,), summed over all frames: r moves on straight lines between them."""
+        """int int r x dr ds at frames (k,), r on straight lines between frames."""
         f = self.r.fields
         at = np.stack([f.x + f.u, f.y + f.v], axis=2)
         return np.append(0.0, np.cumsum(simpson(cross(at[:-1], at[1:]), x=f.s, axis=1)))[self.frames]
@@ -248,7 +248,7 @@ class Evidence:
 
     @cached_property
     def pull(self) -> Array:
-        """Outer force along the mean tangent (n,) [N]: thrust on a free car, else the run's haul force."""
+        """Thrust on a free car along the mean tangent (n,) [N], else the run's haul force."""
         times, forces = self.thrust
         if self.r.drive != "free" or not times.size:
             return np.nan_to_num(self.r.F_haul) if self.r.drive == "haul" else np.zeros(self.r.t.size)

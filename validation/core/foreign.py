@@ -94,7 +94,7 @@ class ForeignPath(MassPath):
 
     @classmethod
     def _completed(cls, name: str, scene: Scene, columns: dict[str, Array], rows: Sequence[str]) -> Self:
-        """Return the path with these columns; `rows` are named in faults."""
+        """The path with these columns; `rows` are named in faults."""
         try:
             return cls(method=name, length=scene.length, drive=scene.drive.mode, **_columns(scene, columns, rows))
         except Refused as fault:
@@ -109,7 +109,7 @@ class ForeignPath(MassPath):
 
 
 def _read(file: Path, scene: Scene) -> tuple[dict[str, Array], list[str]]:
-    """Return the known columns of a file in SI, and the line of each row."""
+    """The known columns of a file in SI, and the line of each row."""
     header, rows = _table(file)
     known = {i: _told(name, scene.length) for i, name in enumerate(header) if _NAME.fullmatch(name)}
     faults = ["no rows below the names of the columns"] if not rows else _of_names(header, known, scene)
@@ -124,7 +124,7 @@ def _read(file: Path, scene: Scene) -> tuple[dict[str, Array], list[str]]:
 
 
 def _table(file: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Return the names of the columns and the numbered rows of cells below them."""
+    """The names of the columns and the numbered rows of cells."""
     try:
         text = file.read_text(encoding="utf-8-sig")
     except (OSError, ValueError) as error:
@@ -147,7 +147,7 @@ def _told(column: str, l: float) -> tuple[str, float]:
 
 
 def _of_names(header: list[str], known: dict[int, tuple[str, float]], scene: Scene) -> list[str]:
-    """Return what is wrong with the names of the columns."""
+    """What is wrong with the names of the columns."""
     names: dict[str, list[str]] = {}
     for i, (quantity, _) in known.items():
         names.setdefault(quantity, []).append(header[i])
@@ -186,7 +186,7 @@ def _number(cell: str) -> float:
 
 
 def _columns(scene: Scene, given: dict[str, Array], rows: Sequence[str]) -> dict[str, Any]:
-    """Return the columns with all of t, s_o, x, y, u, v that follow from them."""
+    """The columns with all of t, s_o, x, y, u, v that follow from them."""
     if scene.drive.mode == "free":
         if not ("t" in given and given.keys() & {"s_o", "x"} and given.keys() & {"v", "y"}):
             raise Refused(f"a free ride needs t, s_o or x, and v or y; it has {', '.join(given)}")
@@ -211,7 +211,7 @@ def _columns(scene: Scene, given: dict[str, Array], rows: Sequence[str]) -> dict
 
 
 def _placed(scene: Scene, given: dict[str, Array]) -> dict[str, Array]:
-    """Return the columns with t and s_o, up to the end of the travel."""
+    """The columns with t and s_o, up to the end of the travel."""
     motion, l, tau, x = scene.groups.motion, scene.length, scene.time_scale, dict(given)
     if motion is None:
         s = np.linspace(0.0, l, 2001)
@@ -335,7 +335,7 @@ def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: f
 
 
 def _measures(path: ForeignPath | Response, run: Response, part: Window) -> dict[str, tuple[Apart, str]]:
-    """The comparable quantities, path first: a distance of two answers, and the components that it takes."""
+    """Comparable quantities, path first: a distance of two answers, and its components."""
     free = run.drive == "free"
     seen: Callable[[Any], Any] = _vertical if path.u is None else lambda r: r
     along, upright = ("x", "y") if free else ("u", "v")

@@ -25,7 +25,7 @@ def remedy(path: Any, ours: Response, gaps: Gaps, allowed: tuple[float, float]) 
     """
     lasts, deep, far = float(ours.t[-1]), float(np.abs(ours.v).max()), ours.length / 20.0
     changes: dict[str, tuple[Callable[[float], Any], float]] = {
-        "its times are shifted by {:.3g} s": (partial(_late, path), SHARE * lasts),
+        "its times are shifted by {:.3g} s": (lambda x: replace(path, t=path.t + x), SHARE * lasts),
         "its places are shifted by {:.3g} m": (partial(_moved, path, ours), SHARE * far),
         "its v is multiplied by {:.4g}": (lambda x: _higher(path, x * path.v), SHARE),
         "its heights are shifted by {:.3g} m downwards": (partial(_higher, path), SHARE * deep),
@@ -44,10 +44,6 @@ def remedy(path: Any, ours: Response, gaps: Gaps, allowed: tuple[float, float]) 
         if worst <= allowed[0] and off(x) <= allowed[1]:
             found.append((worst, words.format(1.0 + x if "multiplied" in words else x)))
     return f"agrees if {min(found)[1]}" if found else None
-
-
-def _late(path: Any, by: float) -> Any:
-    return replace(path, t=path.t + by)
 
 
 def _moved(path: Any, ours: Response, by: float) -> Any:

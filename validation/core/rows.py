@@ -117,7 +117,7 @@ def asked_of(asks: str, tol: float, tol_tension: float | None) -> float:
 def compare(
     scene: Scene, a: Ladder, b: Ladder, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None
 ) -> list[Agreement]:
-    """Return all rows of two answers to one scene.
+    """All rows of two answers to one scene.
 
     tol : of path, place and mean speed;  tol_tension : of mean forces, default ten times `tol`.
     """
@@ -141,7 +141,7 @@ def compare(
 
 
 def forces_left(scene: Scene, ladder: Ladder, tol: float) -> tuple[float, float]:
-    """Return the parts of space and time in the worst bar of a mean force, over what is asked of it at `tol`."""
+    """Parts of space and time in the worst bar of a mean force, over what is asked at `tol`."""
     try:
         view = View.of(scene).cut(ladder.finest)
     except NotComparable:
@@ -196,7 +196,7 @@ def _barred(
 
 
 def independent(a: Response, b: Response) -> Iterator[Agreement]:
-    """Give a row if two answers share a wing or their numbers, and so cannot check each other."""
+    """A row if two answers share a wing or their numbers."""
     wings = {METHODS[r.method].wing for r in (a, b) if r.method in METHODS}
     if len(wings) == 1 and all(r.method in METHODS for r in (a, b)):
         yield Agreement("independence", math.nan, nothing(f"both answers come from the wing {wings.pop()!r}"))
@@ -208,7 +208,7 @@ def independent(a: Response, b: Response) -> Iterator[Agreement]:
 
 
 def happened(event: str, r: Response, after: int = 0) -> dict[str, Any] | None:
-    """Return the first happening of an event after skipping so many."""
+    """The first happening of an event, after so many."""
     return next(itertools.islice((x for x in r.events if x["event"] == event), after, None), None)
 
 
@@ -236,7 +236,7 @@ def _event(event: str, a: Ladder, b: Ladder, view: View, asked_for: float) -> It
 
 
 def with_bars(ladder: Ladder) -> list[dict[str, Any]]:
-    """Return a run's events with bars bar_t [s], bar_s_o [m], bar_speed [m/s]; None if unknown."""
+    """A run's events with bars bar_t [s], bar_s_o [m], bar_speed [m/s]; None if unknown."""
     out, seen = [], Counter[str]()
     for x in ladder.finest.events:
         event, bars = x["event"], {}
@@ -319,7 +319,7 @@ def _worse_of(rows: Iterable[Agreement]) -> Iterator[Agreement]:
 
 
 def worse(rows: list[Agreement]) -> Agreement:
-    """Return the row with the worse verdict, else the one nearer its bound."""
+    """The row with the worse verdict, else the one nearer its bound."""
     return min(
         rows, key=lambda row: (-(row.gap > APART * row.allowed), -row.gap / row.allowed if row.allowed > 0.0 else 0.0)
     )

@@ -50,7 +50,7 @@ def finite(h: History) -> States:
 
 
 def _ended_well(h: History) -> bool:
-    """Whether the last state is finite and on the cable; then all are."""
+    """Whether the last state, and so all, is finite and on the cable."""
     last = h.states[-1]
     return h.solver.place(last) <= ON_CABLE and math.isfinite(sum(float(x.sum()) for x in (last.q, last.v, last.a)))
 
@@ -121,7 +121,7 @@ def _dated(events: list[tuple[str, float]], t: Array, told: dict[str, Any]) -> l
 
 
 def in_si(scene: Scene, steps: Observation, seen: Observation, s: Array) -> dict[str, Any]:
-    """The measurements as fields of a `Response`: `steps` along the path, `seen` at frames and stations s."""
+    """Fields of a `Response` from observations `steps`, and `seen` at frames and stations s."""
     l, H, tau = scene.length, scene.horizontal_tension, scene.time_scale
     scale = {"t": tau, "slope_behind": 1.0, "slope_ahead": 1.0, "du": l / tau, "dv": l / tau, "power": H * l / tau}
     scale |= dict.fromkeys(("s_o", "u", "v", "tension_min_at"), l)
@@ -164,7 +164,7 @@ def _events(scene: Scene, work: Work, t: Array, s_o: Array) -> list[tuple[str, f
 
 
 def _stopped(scene: Scene, work: Work, t: Array, s_o: Array, end: float) -> float:
-    """The first standstill from which the car does not leave its place again; else the end of the ride."""
+    """The first standstill that lasts; else the end of the ride."""
     near = scene.groups.drive.rest_speed * 2.0 / math.sqrt(scene.groups.alpha)  # the way in an axial round trip
     still = (e.t for e in work.events if e.name == "standstill")
     return next((x for x in still if abs(s_o[_at(t, x)] - s_o[-1]) <= near), end)

@@ -69,7 +69,7 @@ def spread(work: Callable[[Item], Result], items: Sequence[Item], told: Callable
 
 @contextmanager
 def aside(work: Callable[[], object]) -> Iterator[None]:
-    """Do work in another process while the body runs, or here without forks; exceptions are raised at the end."""
+    """Do work in another process while the body runs, or after it without forks."""
     if not _can_fork():
         yield
         work()

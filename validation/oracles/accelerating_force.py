@@ -1,13 +1,11 @@
 """A force that accelerates or brakes through the wave speed of an infinite string.
 
-    v_tt - v_xx = P(t) delta(x - xi(t)),  at rest at t = 0,  xi = V0 t + a t^2/2,
+    v_tt - v_xx = P(t) delta(x - xi),  at rest at t = 0,  xi = V0 t + a t^2/2,
     v(x, t) = 1/2 int P(s) ds over the s in [0, t] with |x - xi(s)| < t - s.
-
-At t_c = (1 - V0)/a a front with a vertical tangent leaves the force at the wave speed.
 
 Source: Flaherty 1968; Sagartz & Forrestal 1975
 Validity: infinite string, any V0 and constant a
-Accuracy: rounding; within d of the front 1e-16/sqrt(d)
+Accuracy: rounding; within d of the front at the wave speed 1e-16/sqrt(d)
 Group: A force on a taut string
 """
 

@@ -1,9 +1,7 @@
 """A mass that accelerates from rest through the wave speed of a taut string.
 
-    v_tt - v_xx = R delta(x - xi(t)),  mu y'' = mu sigma - R,  y = v(xi, t),  xi = a t^2/2,  at rest at t = 0:
-
-    t < 1/a       : y = (sigma mu/2) [ t - (mu/2)(1 - e^(-2t/mu)) ]
-    1/a < t < 2/a : y(t) = y(2/a - t),   then 0
+    v_tt - v_xx = R delta(x - xi),  mu y'' = mu sigma - R,  y = v(xi, t),  xi = a t^2/2,  at rest at t = 0:
+    t < 1/a: y = (sigma mu/2) [ t - (mu/2)(1 - e^(-2t/mu)) ];   then y(t) = y(2/a - t), then 0.
 
 At t = 1/a R has a blow 2 mu y'.
 

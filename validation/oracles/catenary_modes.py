@@ -1,9 +1,8 @@
 """Frequencies and modes of an elastic catenary, both displacements, any sag and slope.
 
-    u_tt = [ T u' + (alpha - T) e x' ]',   v_tt = [ T v' + (alpha - T) e y' ]',   e = x'u' + y'v',
-    p = c - sigma s,  T = sqrt(1 + p^2),  x' = 1/T,  y' = p/T,  w = (u, v) = 0 at both ends.
+    w_tt = [ A w' ]',  A = T I + (alpha - T) r' r'^T,  r' = (1, p)/T,  p = c - sigma s,  T = sqrt(1 + p^2),
 
-With A^-1 = I/T + (1/alpha - 1/T) r' r'^T, r = (x, y), J = int_0^s, at Chebyshev points:
+w = 0 at both ends.  With J = int_0^s at Chebyshev points:
     w = W^2 [ J A^-1 ( (int A^-1)^-1 (int A^-1 J w) - J w ) ].
 
 Source: Henghold, Russell & Morgan 1977; Wu & Chen 1989

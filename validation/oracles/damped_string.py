@@ -1,12 +1,11 @@
 """Free damped cables: the modes of a shallow one, and a string that is plucked.
 
-With W_n of `irvine` and e^(i w t):  w_n = i c/2 + sqrt(W_n^2 - c^2/4).
-
-A string pulled aside by a force P at p, and let go at t = 0, moves at p by
+Modes e^(i w t):  w_n = i c/2 + sqrt(W_n^2 - c^2/4), W_n by `irvine`.
+Pulled aside by a force P at p, and let go at t = 0:
 
     y = e^(-c t/2) sum of 2 P sin^2(n pi p)/(n pi)^2 [ cos(w t) + c/(2 w) sin(w t) ],  w = sqrt(n^2 pi^2 - c^2/4).
 
-High terms have w = n pi: their sum is (P/2) [ Go(p, p + t) + Go(p, p - t) ] (`moving_force`).
+High terms have w = n pi, and the sum (P/2) [ Go(p, p + t) + Go(p, p - t) ] (`moving_force`).
 
 Source: Irvine & Caughey 1974 with damping; telegraph equation
 Validity: small sag; c < 2 pi

@@ -1,8 +1,8 @@
 """A bead on a string without weight or stretch runs on an ellipse with the supports as foci.
 
 r1 = s_o, r2 = l - s_o, D distance of the supports, a = l/2, b^2 = a^2 - D^2/4, psi inclination of the path:
-    v^2 = 2 g (y - y_0),   N = M (v^2 a b/(r1 r2)^(3/2) + g cos(psi)) sqrt(r1 r2)/(2 b)  on both sides;
-level supports, small swings: omega^2 = g b/a^2.  Limit of a rolling car for EA >> M g >> rho g l.
+    v^2 = 2 g (y - y_0),   N = M (v^2 a b/(r1 r2)^(3/2) + g cos(psi)) sqrt(r1 r2)/(2 b);
+small swings omega^2 = g b/a^2.  Limit of a rolling car for EA >> M g >> rho g l.
 
 Source: Energy and the geometry of the ellipse
 Validity: D < l, no friction

@@ -1,8 +1,8 @@
 """Frequencies of a flat elastic cable.
 
     w_tt = w_ss + h y'',  h = alpha int y' w_s ds,  y'' = -sigma,  w(0) = w(1) = 0:
-antisymmetric W = 2 n pi, symmetric tan(W/2) = W/2 - (4/L^2)(W/2)^3, L^2 = sigma^2 alpha.
-Unit sqrt(T/rho)/l.  Inclined chord: tau = T/cos(theta), L^2 = alpha sigma^2 cos(theta)^5.
+antisymmetric W = 2 n pi, symmetric tan(W/2) = W/2 - (4/L^2)(W/2)^3, L^2 = alpha sigma^2 cos(theta)^5.
+Unit sqrt(tau/rho)/l, tau the tension along a chord inclined by theta.
 
 Source: Irvine & Caughey 1974, with the arc length in place of the span
 Validity: small sag; 8e-4 off the exact catenary at sigma = 0.17, falling like sigma^2 at fixed L

@@ -1,12 +1,8 @@
-"""A mass at constant speed on a string without inertia.
+"""A mass at constant speed on a string without inertia: `moving_mass` for mu -> inf at fixed a, off by 1/mu.
 
     xi (1 - xi) Y'' + 2 a Y = 8 a xi (1 - xi),   Y(0) = Y'(0) = 0,   xi = V t/l,
-    Y = y/(M g l/(4T)),  a = T l/(2 M V^2),  r = sqrt(1 + 8a):
-
-    Y = (4a/(a-1)) xi [ 1 - xi - 2F1((1+r)/2, (1-r)/2; 2; xi) ],
-    a = 1:  Y = (4/3) xi^2 - (8/3) xi (1-xi) ln(1-xi).
-
-Limit of `moving_mass` for mu -> inf at fixed a, off by 1/mu.
+    Y = y/(M g l/(4T)) = (4a/(a-1)) xi [ 1 - xi - 2F1((1+r)/2, (1-r)/2; 2; xi) ],   r = sqrt(1 + 8a),
+    a = T l/(2 M V^2);   a = 1:  Y = (4/3) xi^2 - (8/3) xi (1-xi) ln(1-xi).
 
 Source: Fryba 1972; Smith 1964
 Validity: 0 <= xi <= 1, 0 < a <= 50

@@ -2,9 +2,9 @@
 
     v_tt - v_xx = P delta(x - V t),  v(0, t) = v(1, t) = 0,  at rest at t = 0.
 
-With G(x, z) = min(x, z)(1 - max(x, z)), continued as Go(x, z), odd and of period 2 in z:
-    t <= 1/V :  v = P/(1-V^2) [ G(x, Vt) - V Go(x, t) ],          V = 1:  (P/2) [ G(x, t) - t dG/dz(x, t) ]
-    t > 1/V  :  v = P V/(1-V^2) [ Go(x, t - 1/V + 1) - Go(x, t) ],  V = 1:  -(P/2) dGo/dz(x, t)
+G(x, z) = min(x, z)(1 - max(x, z)) is continued as Go(x, z), odd and of period 2 in z:
+    t <= 1/V:  v = P/(1-V^2) [ G(x, Vt) - V Go(x, t) ],             V = 1:  (P/2) [ G(x, t) - t dG/dz(x, t) ]
+    t > 1/V:   v = P V/(1-V^2) [ Go(x, t - 1/V + 1) - Go(x, t) ],   V = 1:  -(P/2) dGo/dz(x, t)
 
 Source: Fryba 1972
 Validity: 0 <= x <= 1, t >= 0, V > 0

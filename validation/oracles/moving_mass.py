@@ -1,15 +1,14 @@
 """A mass with any travel below the wave speed on a taut string, with all reflections.
 
-    v_tt - v_xx = R(t) delta(x - xi(t)),  v(0, t) = v(1, t) = 0,  at rest for t <= 0,
-    mu y'' = mu sigma - R,  y(t) = v(xi(t), t),  y(0) = y'(0) = 0.
+    v_tt - v_xx = R delta(x - xi),  v(0, t) = v(1, t) = 0,  at rest for t <= 0,  y = v(xi, t),  mu y'' = mu sigma - R.
 
 With v = f(t+x) - f(t-x) behind the mass, g(t-x) - g(t+x-2) ahead of it, F(t) = f(t+xi), G(t) = g(t-xi):
 
     y = F - F(t1) = G - G(t2),   t1 + xi(t1) = t - xi,   t2 - xi(t2) = t + xi - 2,   F(<0) = G(<0) = 0,   (1)
-    y' = sigma t - (2/mu) (F + G - y),   from (1 - xi'^2) [v_x] = -R,                                     (2)
+    y' = sigma t - (2/mu) (F + G - y),                                                                    (2)
 
 by collocation at Chebyshev points between arrivals of fronts.
-Limit of a sagging cable for sigma -> 0 at fixed V, mu, alpha: this answer with sigma (1 + V^2).
+With sigma (1 + V^2) it is the limit of a sagging cable for sigma -> 0 at fixed V, mu, alpha.
 
 Source: Smith 1964; Dyniewicz & Bajer 2009
 Validity: 0 <= xi <= 1 - REACH, |xi'| < 1 throughout

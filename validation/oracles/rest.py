@@ -1,9 +1,9 @@
 """The loaded cable at rest, the force that holds the car, and the place that needs none.
 
     int lam n/N ds = (span, drop),  n = (h, V - sigma s), less (0, mu sigma) ahead of the car,  N = T + alpha eps,
-    F_hold = [N lam - W],  W = T eps + alpha eps^2/2;   0 where n_y = +- mu sigma/2 beside the car.
+    F_hold = [N lam - W],  W = T eps + alpha eps^2/2,
 
-By `cablefem.scene.statics`; the solvers use statics of their own.
+by `cablefem.scene.statics`; the solvers use statics of their own.
 
 Source: Balance of forces (Irvine, Cable Structures 1981), material force
 Validity: any sag, slope, mass and stiffness

@@ -2,8 +2,7 @@
 
 s_o = s0 + a t^2/2, a = thrust/mu.  Depth w below the empty string, from rest at w = mu sigma s0 (1 - s0):
     mu w.. + 2 w. = mu sigma ds_o^2 + mu sigma (1 - 2 s0) ds_o + mu a <w_s>,
-    <w_s> = mu sigma [ (1 - 2 s0) - ds_o - 2 ds_o w./(mu sigma) ] / (2 (1 - ds_o^2)),
-from w_tt - w_xx = R delta(x - s_o), R = mu sigma - mu p.. + mu a (y' + <w_s>), p = y(s_o) + w, y'' = -sigma.
+    <w_s> = mu sigma [ (1 - 2 s0) - ds_o - 2 ds_o w./(mu sigma) ] / (2 (1 - ds_o^2)).
 
 Source: d'Alembert's solution, derived here
 Validity: a t < 1, before the first echo, sigma -> 0

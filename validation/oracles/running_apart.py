@@ -1,10 +1,8 @@
 """Two equal forces that run apart on an infinite string.
 
-    v_tt - v_xx = P [ delta(x - V t) + delta(x + V t) ],  at rest at t = 0.
-
-The force that runs right gives
+    v_tt - v_xx = P [ delta(x - V t) + delta(x + V t) ],  at rest at t = 0;  the force that runs right gives
     V < 1 :  (P/2) max(0, min((t-x)/(1-V), (t+x)/(1+V)))
-    V >= 1:  (P/2)(t+x)/(1+V) for |x| <= t,   P (V t - x)/(V^2 - 1) for t < x < V t,   else 0
+    V >= 1:  (P/2)(t+x)/(1+V) for |x| <= t,   P (V t - x)/(V^2 - 1) for t < x < V t.
 
 Source: Kanninen & Florence 1967
 Validity: infinite string, t >= 0, V > 0

@@ -1,7 +1,6 @@
 """A sled hauled along a string is braked by the waves it sends.
 
     v_tt - v_xx = R delta(x - xi),  mu y'' = mu sigma - R,  y = v(xi, t),  mu xi'' = F + R <v_x>;
-
 hauled at speed V from s0, no echoes, W = mu sigma:
     R = W [ 1 + V^2 (1 + 2 mu) - 2 V^2 (1 + mu) e^(-2t/mu) ],
     <v_x> = W (1/2 - s0) + W V (1/2 - t) - R V/(2 (1 - V^2)),
