@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from cablefem import newmark
 from cablefem.elements import observing
 from cablefem.elements.kernels import collocation
-from cablefem.elements.kernels.balance import Cable, Chord, Contact, Instant, Mesh, Rates, assemble, weigh
-from cablefem.elements.kernels.banded import Tangent
+from cablefem.elements.kernels.balance import Cable, Contact, Instant, Mesh, Rates, assemble, weigh
+from cablefem.elements.kernels.banded import Tangent, factorise, solve
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
-from cablefem.elements.kernels.newton import NO_TANGENT, Limits, Steps, coupling, factorise, settle, solve
+from cablefem.elements.kernels.newton import NO_TANGENT, Steps, settle
 from cablefem.newmark import Array, Newton, Settled, Solve, State, System, Tableau
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
@@ -36,10 +36,6 @@ def elements_allowed(elements: int) -> int:
     if not isinstance(elements, int) or elements < 1:
         raise ValueError(f"elements must be an integer >= 1, got {elements!r}")
     return elements
-
-
-def limits(bound: float, newton: Newton) -> Limits:
-    return Limits(bound, newton.max_iter, newton.reuse, newton.patience, newton.enough)
 
 
 class CableElements(System):
@@ -133,7 +129,7 @@ class CableElements(System):
         ends, told = np.empty((t.size, *start.shape)), np.empty((t.size, 6))
         steps = Steps(places, self._contact_at(t.item(0), phase), start, rules, ends, told)
         self._at = None
-        return ends, told, settle(self._cable, ride, self._single.work, self._bands, steps, limits(bound, newton))
+        return ends, told, settle(self._cable, ride, self._single, self._bands, steps, bound, newton)
 
     def _collocated(self, phase: int, steps: newmark.Steps, rule: Tableau, bound: float, newton: Newton) -> Array:
         """`told` of the steps taken."""
@@ -143,11 +139,7 @@ class CableElements(System):
         contacts = tuple(at_nodes + at_nodes[-1:])[:3]  # as many for each rule: compiled once
         of = collocation.Steps(places, contacts, *steps, told)
         self._at, space = None, self._workspace(rule.c.size)
-        if ride is not None:
-            real, pair = (x._replace(ride=ride._replace(border=x.ride.border)) for x in (space.real, space.pair))
-            space = space._replace(real=real, pair=pair)
-        numbers = collocation.Rule(*rule.numbers)
-        taken = collocation.collocate(self._cable, space, of, numbers, limits(bound, newton))
+        taken = collocation.collocate(self._cable, ride, space, of, rule, bound, newton)
         return told[: max(1, taken)]
 
     def _moved(self, t: Array, phase: int, start: Array) -> tuple[Any, Array]:
@@ -165,40 +157,35 @@ class CableElements(System):
             self._now = Instant(self._places(np.array([t]), phase)[0], self._bands, self._contact_at(t, phase))
             weigh(self._cable, self._now)
             self._at = (t, phase)
-        self.least_tension = assemble(self._cable, self._now, x, r, self._single.work.ab, factors)
+        self.least_tension = assemble(self._cable, self._now, x, r, self._single, factors)
 
     def _solution(self, assemble: Callable[[Factors], object], c: tuple[complex, complex, complex]) -> Solve:
         """The solution with the tangent that `assemble` sets; complex ones are sums of real ones."""
-        side = self._single
+        tangent = self._single
         if isinstance(c[0], complex):
-            side = self._side(complex)
-            arrays = [zip(*(x.ride.border for x in (side, self._single)), strict=True)] if side.ride else []
-            pairs = [(side.work.ab, self._single.work.ab), *(pair for border in arrays for pair in border)]
-            for to, _ in pairs:
-                to[:] = 0.0
+            tangent = self._tangent(complex)
+            pairs = [(to, of) for to, of in zip(tangent, self._single, strict=True) if to is not None]
             for factor, unit in zip(c, UNITS, strict=True):
                 assemble(unit)
                 for to, of in pairs:
-                    to[:] += factor * of
+                    to += factor * of
         else:
             assemble((float(c[0]), float(c[1].real), float(c[2].real)))
-        if not factorise(*side, coupling(self._cable, c[0])):
+        if not factorise(*tangent):
             return lambda b: np.full_like(b, math.nan)  # singular: Newton's method stalls
 
         def solution(b: Array) -> Array:
-            solve(*side, b)
+            solve(*tangent, b)
             return b
 
         return solution
 
     def _fresh(self) -> None:
         """Make the workspaces, which twins do not share."""
-        n = self.fields * self.n_scalar
-        chord = Chord(np.empty(n), np.empty(n)) if self.fields == 1 else None
         points = np.empty((9, self._mesh.tab[..., 0].size))
-        c_d, rates = self.groups.damping, self._rates()
-        self._cable = Cable(self._mesh, self._law, chord, self._operators, points, c_d, rates)
-        self._single, self._bands = self._side(float), np.empty((3, *self._operators.shape[1:]))
+        chord, c_d = None if self.fields == 2 else True, self.groups.damping
+        self._cable = Cable(self._mesh, self._law, chord, self._operators, points, c_d, self._rates())
+        self._single, self._bands = self._tangent(float), np.empty((3, *self._operators.shape[1:]))
         self._at = None
         self._space: collocation.Workspace | None = None
 
@@ -206,22 +193,18 @@ class CableElements(System):
         """What internal damping needs; None without it."""
         return None
 
-    def _side(self, kind: type) -> collocation.Side:
-        n, chord = self.fields * self.n_scalar, self._cable.chord
-        work = Tangent(np.empty((n, 3 * self._band + 1), kind), np.empty((2, n), dtype=np.int64))
-        return collocation.Side(work, chord and chord._replace(coupled=np.empty(n, kind)), self._ride_of(kind))
-
-    def _ride_of(self, kind: type) -> Any:
-        """A ride with real or complex border, or None."""
-        return None
+    def _tangent(self, kind: Any) -> Tangent:  # float or complex
+        n = self.fields * self.n_scalar
+        bordered = self.fields == 1 or "grip" not in self.drives
+        ab = np.zeros((n, 2 * self._band + 1), kind)
+        return Tangent(ab, np.zeros((3, n + 1), kind) if bordered else None)
 
     def _workspace(self, s: int) -> collocation.Workspace:
         if self._space is None or len(self._space.bands) != s:
-            real, n = self._side(float), self.n_dof
+            n, (q, v, a) = self.n_dof, (self._tangent(float) for _ in range(3))
             self._space = collocation.Workspace(
-                real=real, pair=self._side(complex), bands=np.empty((s, *self._bands.shape)),
-                kept=np.full(1, math.nan), parts=np.empty((3, *real.work.ab.shape)),
-                lines=np.empty((3, 3, len(real.work.ab))), scales=np.ones((s, n)),
+                real=self._tangent(float), pair=self._tangent(complex), parts=(q, v, a),
+                bands=np.empty((s, *self._bands.shape)), kept=np.full(1, math.nan), scales=np.ones((s, n)),
                 x=np.empty((s, 3, n)), r=np.empty((s, n)), da=np.empty((s, n)),
             )  # fmt: skip
         return self._space

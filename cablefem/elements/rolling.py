@@ -24,8 +24,7 @@ from cablefem.elements.cable import UNITS, Factors
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels import car as kernels
 from cablefem.elements.kernels.balance import Instant
-from cablefem.elements.kernels.banded import Border
-from cablefem.elements.kernels.collocation import Side
+from cablefem.elements.kernels.banded import Tangent
 from cablefem.elements.kernels.newton import NO_TANGENT
 from cablefem.newmark import (
     NO_STEPS,
@@ -126,7 +125,7 @@ class RollingElements(RollingCar, FollowingElements):
 
     def _moved(self, t: Array, phase: int, start: Array) -> tuple[Any, Array]:
         car, course = self._car(float(t.flat[0]), phase), self._course if len(t) > 1 else ANY
-        return kernels.Ride(car, self._at_car, self._single.ride.border, course), self._brought(t, phase)
+        return kernels.Ride(car, self._at_car, course), self._brought(t, phase)
 
     def _brought(self, t: Array, phase: int) -> Array:
         """Hauled s_o, ds_o, dds_o, or hold and thrust, (..., 3)."""
@@ -182,14 +181,13 @@ class RollingElements(RollingCar, FollowingElements):
         They are what the acceleration w changes in the residual, which is linear in it, and in its tangent.
         """
         r, gradient, zero = np.empty((2, self.n_dof)), np.zeros(self.n_dof), np.zeros(self.n_dof)
-        side = self._side(float)  # a tangent of its own: that of the step may be kept
-        ab, (lines, corner) = side.work.ab, side.ride.border
+        tangent = self._tangent(float)  # that of the step may be kept
+        ab, (column, row, _) = tangent
         diagonals = self._band - np.arange(2 * self._band + 1)
         for k, (a, sign) in enumerate(((zero, -1.0), (w, 1.0))):
-            self._roll(car, np.array([q, zero, a]), r[k], UNITS[0], side)
+            self._roll(car, np.array([q, zero, a]), r[k], UNITS[0], tangent)
             transposed = dia_array((ab.T[: diagonals.size], diagonals), shape=(len(ab), len(ab)))
-            of_s_o = lines[0] @ v[:-1] + corner[0] * v[-1]
-            gradient += sign * np.append(transposed @ v[:-1] + v[-1] * lines[1], of_s_o)
+            gradient += sign * np.append(transposed @ v[:-1] + v[-1] * row[:-1], column @ v)
         return r[0], r[1] - r[0], gradient
 
     def _force(self, start: State, end: State, x: float) -> Array:
@@ -226,19 +224,13 @@ class RollingElements(RollingCar, FollowingElements):
         return kernels.forces(self._cable, car, self._at_car, x)
 
     def _roll(
-        self, car: kernels.Car, x: Array, r: Array, factors: Factors = NO_TANGENT, side: Side | None = None
+        self, car: kernels.Car, x: Array, r: Array, factors: Factors = NO_TANGENT, tangent: Tangent | None = None
     ) -> tuple[float, ...]:
         brought = (car.s_o, car.ds, car.dds) if car.mode == kernels.HAUL else (car.hold, car.thrust, 0.0)
-        side = side or self._single
-        now, ride = Instant(np.array(brought), self._bands, self._contact), side.ride._replace(car=car)
-        seen = kernels.roll(self._cable, ride, now, x, r, side.work.ab, factors)
+        now, ride = Instant(np.array(brought), self._bands, self._contact), kernels.Ride(car, self._at_car, ANY)
+        seen = kernels.roll(self._cable, ride, now, x, r, tangent or self._single, factors)
         self.least_tension = seen[:2]
         return seen
-
-    def _ride_of(self, kind: type) -> kernels.Ride:
-        car = kernels.Car(0, self.node, *(0.0,) * 12)
-        n = self.fields * self.n_scalar
-        return kernels.Ride(car, self._at_car, Border(np.zeros((3, n), kind), np.zeros(1, kind)), ANY)
 
     def _statics(self, s_o: float) -> tuple[Array, float]:
         """Unknowns of the cable at rest with the car at s_o, and the force on the car.

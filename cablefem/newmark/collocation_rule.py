@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -18,7 +17,7 @@ from cablefem.newmark.tableau import further, tableau
 
 # of Newton's method: a new tangent helps little
 REUSE = 0.8
-ENOUGH = 18  # iterations; two half steps cost less
+ENOUGH = 18.0  # iterations; two half steps cost less
 
 
 class CollocationRule(Stepper):
@@ -30,7 +29,7 @@ class CollocationRule(Stepper):
     """
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
-        super().__init__(system, method, replace(newton, reuse=REUSE, enough=ENOUGH), work)
+        super().__init__(system, method, newton._replace(reuse=REUSE, enough=ENOUGH), work)
         self.rule = tableau(method.nodes)
 
     def stride(self, x: State, times: Array) -> Iterator[Sequence[State]]:

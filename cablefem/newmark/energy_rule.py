@@ -1,7 +1,5 @@
 """A step with averaged balance (average vector field)."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from cablefem.newmark.newton import Newton, find_root
@@ -18,7 +16,7 @@ class EnergyRule(Stepper):
     """v1 = v0 + dt a,  q1 = q0 + dt (v0 + v1)/2,  average of r over the step = 0."""
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
-        super().__init__(system, method, replace(newton, tol=min(newton.tol, LEAVES)), work)
+        super().__init__(system, method, newton._replace(tol=min(newton.tol, LEAVES)), work)
         # a and length of the last step
         self._memory: list[tuple[State, tuple[Array, float]]] = []
 

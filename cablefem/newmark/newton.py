@@ -2,14 +2,12 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 MOST_HALVINGS = 5  # of one correction
 
 
-@dataclass(frozen=True, slots=True)
-class Newton:
+class Newton(NamedTuple):
     """Settings of Newton's method; converged: |r| <= tol * system.force_scale + sqrt(n_dof) * system.force_floor.
 
     The tangent is kept if |r| falls to `reuse` or less.  After `patience` iterations corrections are

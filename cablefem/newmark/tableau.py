@@ -27,10 +27,6 @@ class Tableau(NamedTuple):
     middle: int
     powers: tuple[Array, Array, Array]  # of l_j and its two integrals from the end
 
-    @property
-    def numbers(self) -> tuple[Array, Array, Array, Array, Complex, Complex, Complex, int]:
-        return self.c, self.A, self.AA, self.ends, self.values, self.to, self.back, self.middle
-
     def instants(self, t: Array) -> Array:
         """Node times (m, s) of steps between t (m + 1,)."""
         at = t[:-1, None] + (t[1:] - t[:-1])[:, None] * self.c

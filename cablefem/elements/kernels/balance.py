@@ -32,7 +32,7 @@ class Contact(NamedTuple):
 class Cable(NamedTuple):
     mesh: Mesh
     law: Any  # (alpha, sigma, c, law); of one field see `add_chord`
-    chord: Any  # `Chord`; None of the full cable
+    chord: Any  # True of one field, None of the full cable
     operators: Any  # (8, 2 b + 1, n_dof) diagonals of M^, G^, G^T, H^ of each side; fixed mesh: (1, ...) M
     points: Any  # (9, n_el n_q) workspace: s, r', f, df/dr' (xx, xy, yy), tension
     damping: float  # c_d
@@ -45,13 +45,6 @@ class Rates(NamedTuple):
     tau: float
     moved: Any  # (n_el, n_q, n_loc) dphi'/dt at fixed s, over ds_o/h^2
     points: Any  # (5, n_el n_q) workspace: t, d(deps/dt)/dr' times dN/d(deps/dt), dN/d(deps/dt)
-
-
-class Chord(NamedTuple):
-    """Rank-one part of the tangent of one field, A + alpha lam increment increment^T."""
-
-    increment: Any  # (n_dof,) see `add_chord`
-    coupled: Any  # (n_dof,) A^-1 increment, scaled
 
 
 class Instant(NamedTuple):
@@ -68,40 +61,36 @@ def weigh(cable, now):
     """
     operators, bands, n, c_d = cable.operators, now.bands, now.bands.shape[2], cable.damping
     s_o, ds, dds = now.place[0], now.place[1], now.place[2] + c_d * now.place[1]
-    if operators.shape[0] == 1:
-        for d in range(bands.shape[1]):
-            for i in range(n):
-                M = operators[0, d, i]
-                bands[0, d, i], bands[1, d, i], bands[2, d, i] = M, c_d * M, 0.0
-        return
-    first = now.contact.dofs[0, 0]
-    last = first + now.contact.dofs.shape[1]
-    for side in range(2):
+    bands[:] = 0.0
+    moves = operators.shape[0] > 1
+    first = now.contact.dofs[0, 0] if moves else n
+    for side in range(2 if moves else 1):
         h, dh = (s_o, ds) if side == 0 else (1.0 - s_o, -ds)
         flux, dh = ds * ds / h, dh + c_d * h
-        a, b = (0, last) if side == 0 else (last, n)
+        rows = (0, min(n, first + now.contact.dofs.shape[1])) if side == 0 else (first, n)
         for d in range(bands.shape[1]):
-            M, G, GT, H = operators[side, d], operators[2 + side, d], operators[4 + side, d], operators[6 + side, d]
-            m, c, k = bands[0, d], bands[1, d], bands[2, d]
-            for i in range(first if side == 1 else last, last):
+            M, m, c, k = operators[side, d], bands[0, d], bands[1, d], bands[2, d]
+            for i in range(rows[0], rows[1]):
                 m[i] += h * M[i]
-                c[i] += dh * M[i] + ds * (GT[i] - G[i])
+                c[i] += dh * M[i]
+            if not moves:
+                continue
+            G, GT, H = operators[2 + side, d], operators[4 + side, d], operators[6 + side, d]
+            for i in range(rows[0], rows[1]):
+                c[i] += ds * (GT[i] - G[i])
                 k[i] -= dds * G[i] + flux * H[i]
-            for i in range(a, b):
-                m[i] = h * M[i]
-                c[i] = dh * M[i] + ds * (GT[i] - G[i])
-                k[i] = -dds * G[i] - flux * H[i]
 
 
 @compiled
-def assemble(cable, now, x, r, ab, factors):
-    """Set the residual r at x, rows q, v and a; unless the factors are 0, the tangent ab.
+def assemble(cable, now, x, r, tangent, factors):
+    """Set the residual r at x, rows q, v and a; unless the factors are 0, the tangent.
 
     Return the least mean tension of an element and its s.
     """
     r[:] = 0.0
+    ab = tangent.ab
     add_banded(now.bands, now.contact.dofs.shape[1], x, r, ab, factors)
-    least, where = add_internal(cable, cable.chord, now.place, x, r, ab, factors)
+    least, where = add_internal(cable, cable.chord, now.place, x, r, tangent, factors)
     add_contact(now.contact, now.place[3:], x, r, ab, factors)
     return least, where
 
@@ -115,7 +104,7 @@ def wanted(factors):
 def add_banded(bands, n_fields, x, r, ab, factors):
     """Add M a + C v + K q and its tangent."""
     width, n = bands.shape[1:]
-    band, (c0, c1, c2) = (ab.shape[1] - 1) // 3, factors
+    band, (c0, c1, c2) = ab.shape[1] // 2, factors
     q, v, a = x[0], x[1], x[2]
     for d in range(width):
         away = (d - width // 2) * n_fields
@@ -140,7 +129,7 @@ def add_banded(bands, n_fields, x, r, ab, factors):
 @inner
 def add_contact(contact, load, x, r, ab, factors):
     dofs, shape, m_row, c_row, k_row = contact
-    band, (c0, c1, c2) = (ab.shape[1] - 1) // 3, factors
+    band, (c0, c1, c2) = ab.shape[1] // 2, factors
     for f in range(dofs.shape[1]):
         force = load[f]
         for j in range(dofs.shape[0]):
@@ -154,12 +143,12 @@ def add_contact(contact, load, x, r, ab, factors):
 
 
 @inner
-def add_internal(cable, chord, place, x, r, ab, factors):
+def add_internal(cable, chord, place, x, r, tangent, factors):
     if chord is None:
         stretch(cable, place[0], x[0])
-        damp(cable, cable.rates, place, x, ab, factors)
-        return add_forces(cable, place[0], r, ab, factors[0])
-    return add_chord(cable, chord, place[0], x[0], r, ab, factors[0], wanted(factors)), 0.5  # uniform tension
+        damp(cable, cable.rates, place, x, tangent.ab, factors)
+        return add_forces(cable, place[0], r, tangent.ab, factors[0])
+    return add_chord(cable, place[0], x[0], r, tangent, factors), 0.5  # uniform tension
 
 
 @inner
@@ -264,7 +253,7 @@ def add_rates(cable, rates, place, q, v):
 def add_rate_tangent(cable, rates, place, ab, factors):
     """Add int t dN/d(deps/dt) d(deps/dt) . phi' ds, which is not symmetric."""
     mesh, moved, (c0, c1, _) = cable.mesh, rates.moved, factors
-    dofs, tab, band = mesh.dofs, mesh.tab, (ab.shape[1] - 1) // 3
+    dofs, tab, band = mesh.dofs, mesh.tab, ab.shape[1] // 2
     functions, points = len(mesh.functions) or dofs.shape[1], len(mesh.points) or tab.shape[1]
     tx, ty, gx, gy, b = rates.points[0], rates.points[1], rates.points[2], rates.points[3], rates.points[4]
     for e in range(dofs.shape[0]):
@@ -297,7 +286,7 @@ def add_rate_tangent(cable, rates, place, ab, factors):
 
 @inner
 def add_block(ab, row, col, j11, j12, j22):
-    at = (ab.shape[1] - 1) // 3 + 2 * (col - row)
+    at = ab.shape[1] // 2 + 2 * (col - row)
     ab[2 * row, at] += j11
     ab[2 * row, at + 1] += j12
     ab[2 * row + 1, at - 1] += j12
@@ -351,18 +340,19 @@ def add_forces(cable, s_o, r, ab, c0):
 
 
 @inner
-def add_chord(cable, chord, s_o, q, r, ab, c0, tangent):
+def add_chord(cable, s_o, q, r, tangent, factors):
     """Add the internal force of the one-field models; return the tension along the chord.
 
     tau w' + h (y_n' + kap w'), h = alpha eps, eps = lam int (y_n' w' + kap w'^2 / 2) ds;
-    law = (alpha, tau, curvature, lam, kap, law), y_n' = curvature (1/2 - s).  `increment` is set to
-    int (y_n' + kap w') phi' ds, or to 0 where the cable is slack.
+    law = (alpha, tau, curvature, lam, kap, law), y_n' = curvature (1/2 - s).
+    With u = int (y_n' + kap w') phi' ds, or 0 where the cable is slack, the tangent is A + c0 alpha lam u u^T.
+    The border has u . x as its unknown.
     """
-    mesh, law, at = cable.mesh, cable.law, cable.points
-    dofs, tab, increment = mesh.dofs, mesh.tab, chord.increment
-    (n_el, n_loc), n_q = dofs.shape, tab.shape[1]
-    alpha, tau, curvature, lam, kap = law[0], law[1], law[2], law[3], law[4]
-    band, eps = (ab.shape[1] - 1) // 3, 0.0
+    mesh, at, (ab, border), wants = cable.mesh, cable.points, tangent, wanted(factors)
+    alpha, tau, curvature, lam, kap = cable.law[0], cable.law[1], cable.law[2], cable.law[3], cable.law[4]
+    dofs, tab = mesh.dofs, mesh.tab
+    (n_el, n_loc), n_q, n = dofs.shape, tab.shape[1], ab.shape[0]
+    band, eps, column, row = ab.shape[1] // 2, 0.0, border[0], border[1]
     for e in range(n_el):
         s_0, h = side_of(mesh, s_o, e)
         for g in range(n_q):
@@ -373,22 +363,26 @@ def add_chord(cable, chord, s_o, q, r, ab, c0, tangent):
             y = curvature * (0.5 - (s_0 + h * tab[e, g, 0]))
             at[0, e * n_q + g], at[1, e * n_q + g] = w, y + kap * w
             eps += lam * tab[e, g, 1] * h * (y * w + 0.5 * kap * w * w)
-    N, dN, _ = tension(eps, tau, alpha, law[5])
-    if tangent:
-        increment[:] = 0.0
+    N, dN, _ = tension(eps, tau, alpha, cable.law[5])
+    total = factors[0] + factors[1] + factors[2]  # scales the last row: linear in the factors
+    if wants:
+        border[:] = 0.0
+        column[n] = -total
     for e in range(n_el):
         h = side_of(mesh, s_o, e)[1]
         for g in range(n_q):
             weight, w, y = tab[e, g, 1], at[0, e * n_q + g], at[1, e * n_q + g]
-            stiffness = c0 * weight / h * (tau + kap * (N - tau))
+            stiffness = factors[0] * weight / h * (tau + kap * (N - tau))
             for i in range(n_loc):
-                row, gi = dofs[e, i], tab[e, g, 2 + n_loc + i]
-                if row < 0:
+                of, gi = dofs[e, i], tab[e, g, 2 + n_loc + i]
+                if of < 0:
                     continue
-                r[row] += weight * gi * (tau * w + (N - tau) * y)
-                if tangent and dN > 0.0:
-                    increment[row] += weight * gi * y
-                for j in range(n_loc if tangent else 0):
+                r[of] += weight * gi * (tau * w + (N - tau) * y)
+                if not wants:
+                    continue
+                column[of] += factors[0] * lam * dN * weight * gi * y
+                row[of] += total * weight * gi * y
+                for j in range(n_loc):
                     if dofs[e, j] >= 0:
-                        ab[row, band + dofs[e, j] - row] += gi * tab[e, g, 2 + n_loc + j] * stiffness
+                        ab[of, band + dofs[e, j] - of] += gi * tab[e, g, 2 + n_loc + j] * stiffness
     return tension(eps, tau, alpha, ELASTIC)[0]

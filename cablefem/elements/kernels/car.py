@@ -15,7 +15,7 @@ import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
 from cablefem.elements.kernels.balance import Instant, assemble, at_rest, side_of, wanted, weigh
-from cablefem.elements.kernels.banded import Border, dot, times
+from cablefem.elements.kernels.banded import dot, times
 from cablefem.elements.kernels.law import pull
 
 FREE, HAUL, HELD = 0, 1, 2
@@ -47,7 +47,6 @@ class Car(NamedTuple):
 class Ride(NamedTuple):
     car: Car
     slopes: Any  # (2, n_loc) shape d/dxi behind and ahead
-    border: Border
     course: Any  # see `under_way`
 
 
@@ -115,7 +114,7 @@ def forces(cable, car, slopes, x):
 
 
 @compiled
-def roll(cable, ride, now, x, r, ab, factors):
+def roll(cable, ride, now, x, r, tangent, factors):
     """Set the residual of cable and car and, unless the factors are 0, its bordered tangent.
 
     Return the least mean tension, its s, the left side of the row of s_o, and the normal force.
@@ -134,16 +133,15 @@ def roll(cable, ride, now, x, r, ab, factors):
     place[3], place[4] = cx - car.mu * x[2, m], cy - car.mu * x[2, m + 1]
     there = Instant(place, now.bands, now.contact)
     weigh(cable, there)
-    least, where = assemble(cable, there, x, r, ab, factors)
+    least, where = assemble(cable, there, x, r, tangent, factors)
     if wanted(factors):
-        ride.border.lines[:] = 0.0
-        ride.border.corner[0] = 0.0
-    row = add_force_row(cable, s_o, ride.border, factors[0])
-    row += add_inertia_row(cable, m, push, x, ride.border, factors)
+        tangent.border[:] = 0.0
+    row = add_force_row(cable, s_o, tangent.border, factors[0])
+    row += add_inertia_row(cable, m, push, x, tangent.border, factors)
     row += push.slope[0] * cx + push.slope[1] * cy - push.drive
     r[n] = car.mu * x[2, n] if car.mode == HELD else row
     if wanted(factors):
-        add_car(car, push, (cx, cy), ride.border, ab, factors)
+        add_car(car, push, (cx, cy), tangent, factors)
     return least, where, row, push.normal
 
 
@@ -151,7 +149,7 @@ def roll(cable, ride, now, x, r, ab, factors):
 def add_force_row(cable, s_o, border, c0):
     """Return the cable's strain in the row of s_o; add its tangent to the border."""
     mesh, law, at = cable.mesh, cable.law, cable.points
-    column, row, n_q, n_loc = border.lines[0], border.lines[1], mesh.tab.shape[1], mesh.dofs.shape[1]
+    column, row, n_q, n_loc = border[0], border[1], mesh.tab.shape[1], mesh.dofs.shape[1]
     alpha, sigma = law[0], law[1]
     total = 0.0
     for e in range(mesh.dofs.shape[0]):
@@ -174,7 +172,7 @@ def add_force_row(cable, s_o, border, c0):
             along = bend + (0.0 if N == 0.0 else chi * T_s / (1.0 + eps))
             f_sx = c0 * (k_geo * yx + along * rx - chi * (T_s * xp + T * xpp))
             f_sy = c0 * (k_geo * yy + along * ry - chi * (T_s * yp + T * ypp))
-            border.corner[0] += weight * c0 * h * (k_geo * (yx * yx + yy * yy) + bend * (rx * yx + ry * yy))
+            column[-1] += weight * c0 * h * (k_geo * (yx * yx + yy * yy) + bend * (rx * yx + ry * yy))
             for i in range(n_loc):
                 d = mesh.dofs[e, i]
                 if d >= 0:
@@ -199,7 +197,7 @@ def add_inertia_row(cable, node, push, x, border, factors):
     """Return the cable's inertia and damping in the row of s_o; add their tangent to the border."""
     n, ds, dds, c_d = cable.operators.shape[2], push.ds, push.dds + cable.damping * push.ds, cable.damping
     c0, c1, c2 = factors[0], factors[1], factors[2] + c_d * factors[1]
-    q, v, column, row = x[0], x[1], border.lines[0], border.lines[1]
+    q, v, column, row = x[0], x[1], border[0], border[1]
     y, total, corner = np.empty((10, n)), 0.0, 0.0
     Mv, Gq, Gv, Hq, terms, Ma, GTv, GTa, Hv, a = y[0], y[1], y[2], y[3], y[4], y[5], y[6], y[7], y[8], y[9]
     for i in range(n):
@@ -232,15 +230,16 @@ def add_inertia_row(cable, node, push, x, border, factors):
             by_q = (2.0 * speed_up - sign * flow * flow) * Hq[i] + 2.0 * flow * Hv[i] - GTa[i]
             row[i] += c0 * by_q - c1 * (sign * Mv[i] + Gv[i] + GTv[i] - 2.0 * flow * Hq[i]) - c2 * Gq[i]
     if wanted(factors):
-        border.corner[0] += corner
+        column[n] += corner
     return total
 
 
 @inner
-def add_car(car, push, carried, border, ab, factors):
-    m, at, (c0, c1, c2) = 2 * car.node, (ab.shape[1] - 1) // 3, factors
+def add_car(car, push, carried, tangent, factors):
+    (ab, border), m, (c0, c1, c2) = tangent, 2 * car.node, factors
+    at = ab.shape[1] // 2
     (xp, yp), (xpp, ypp), tau = push.slope, push.bend, push.tau
-    column, row = border.lines[0], border.lines[1]
+    column, row = border[0], border[1]
     ux, uy = push.velocity[0] - car.wind, push.velocity[1]
     size = math.sqrt(ux * ux + uy * uy)
     per = car.drag / size if size > 0.0 else 0.0
@@ -257,16 +256,16 @@ def add_car(car, push, carried, border, ab, factors):
         by_s = car.mu * (c1 * 2.0 * push.ds + c0 * push.dds)
         column[m] += car.mu * c2 * xp + by_s * xpp + dx
         column[m + 1] += car.mu * c2 * yp + by_s * ypp + dy
-        border.corner[0] += c2 * car.mu + dx * xp + dy * yp
-        border.corner[0] += rub * (xp * tau[1] - yp * tau[0]) + c0 * (xpp * carried[0] + ypp * carried[1])
+        column[-1] += c2 * car.mu + dx * xp + dy * yp
+        column[-1] += rub * (xp * tau[1] - yp * tau[0]) + c0 * (xpp * carried[0] + ypp * carried[1])
         return
     column[:] = 0.0
     if car.mode == HAUL:
         column[m], column[m + 1] = -c2 * tau[0], -c2 * tau[1]
-        border.corner[0] = -c2 * (xp * tau[0] + yp * tau[1])
+        column[-1] = -c2 * (xp * tau[0] + yp * tau[1])
     else:
         row[:] = 0.0
-        border.corner[0] = c2 * car.mu
+        column[-1] = c2 * car.mu
 
 
 @inner

@@ -11,25 +11,12 @@ import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
 from cablefem.elements.kernels.balance import Instant, side_of, weigh
-from cablefem.elements.kernels.banded import Border
-from cablefem.elements.kernels.car import Ride, under_way
-from cablefem.elements.kernels.newton import HALVINGS, NO_TANGENT, balance, coupling, factorise, solve
+from cablefem.elements.kernels.banded import Tangent, factorise, solve
+from cablefem.elements.kernels.car import under_way
+from cablefem.elements.kernels.newton import HALVINGS, NO_TANGENT, balance
 
 SAME = 1e-6  # relative change of the step with kept factors
 SERVES = 0.03  # rate of convergence with kept factors
-
-
-class Rule(NamedTuple):
-    """See `cablefem.newmark.tableau`."""
-
-    c: Any  # (s,)
-    A: Any  # (s, s)
-    AA: Any
-    ends: Any  # (2, s) weights of q and v at the end
-    values: Any
-    to: Any  # (., s)
-    back: Any  # (s, .)
-    middle: int
 
 
 class Steps(NamedTuple):
@@ -44,21 +31,12 @@ class Steps(NamedTuple):
     told: Any  # (m, 6) see `newton.Steps`
 
 
-class Side(NamedTuple):
-    """Workspace of real or complex factors."""
-
-    work: Any
-    chord: Any  # `balance.Chord` or None
-    ride: Any  # `car.Ride` or None
-
-
 class Workspace(NamedTuple):
-    real: Side
-    pair: Side
+    real: Tangent
+    pair: Tangent  # complex
+    parts: tuple[Tangent, Tangent, Tangent]  # dr/dq, dr/dv, dr/da
     bands: Any  # (s, 3, 2 b + 1, .)
     kept: Any  # (1,) step of the factors, nan: none
-    parts: Any  # (3, n, .) dr/dq, dr/dv, dr/da
-    lines: Any  # (3, 3, n) the same of a ride's border
     scales: Any  # (s, n_dof) see `even`
     x: Any  # (s, 3, n_dof)
     r: Any  # (s, n_dof)
@@ -74,12 +52,13 @@ class Step(NamedTuple):
 
 
 @compiled
-def collocate(cable, space, steps, rule, limits):
+def collocate(cable, ride, space, steps, rule, bound, newton):
     """Take steps one after another; return how many converged before an event of the car.
 
     A step with a slack element is the last one.
+    rule : `cablefem.newmark.Tableau`;  newton : `cablefem.newmark.Newton`.
     """
-    ride, x = space.real.ride, space.x
+    x = space.x
     for k in range(steps.a.shape[0]):
         if k > 0:
             spread(steps.further[k], steps.a[k - 1], steps.a[k])
@@ -87,10 +66,10 @@ def collocate(cable, space, steps, rule, limits):
             if steps.places.shape[2] > 3:  # with a car, `roll` does this
                 weigh(cable, Instant(steps.places[k, i], space.bands[i], steps.contacts[i]))
         step = Step(steps.places[k], steps.contacts, steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k])
-        done, least, where = settle(cable, space, step, rule, limits)
+        done, least, where = settle(cable, ride, space, step, rule, bound, newton)
         told = steps.told[k]
         told[0], told[1], told[2], told[3], told[4], told[5] = done[0], done[1], done[2], done[3], least, where
-        if not done[0] <= limits.bound:
+        if not done[0] <= bound:
             return k
         finish(step, rule, steps.ends[k + 1])
         if not under_way(cable, ride, step.places[-1], x[-1]):
@@ -101,61 +80,61 @@ def collocate(cable, space, steps, rule, limits):
 
 
 @inner
-def settle(cable, space, step, rule, limits):
+def settle(cable, ride, space, step, rule, bound, newton):
     """Find the accelerations; return (|r|, iterations, factorisations, residuals), least tension, its s.
 
     With old factors, a correction that does not help is taken back.
     """
     old = abs(space.kept[0] - step.dt) <= SAME * step.dt
     anew, iterations, factorisations, residuals = not old, 0, 0, 0
-    norm, least, where = residual(cable, space, step, rule)
+    norm, least, where = residual(cable, ride, space, step, rule)
     before = math.inf
-    while iterations < limits.max_iter:
+    while iterations < newton.max_iter:
         iterations += 1
         if anew:
             old, space.kept[0] = False, step.dt
             factorisations += 1
-            if not factors(cable, space, step, rule):
+            if not factors(cable, ride, space, step, rule):
                 norm = math.nan
                 break
         solutions(space, rule)
         before, share = norm, 1.0
         for _ in range(HALVINGS + 1):
             take_off(share, space.da, step.a)
-            norm, least, where = residual(cable, space, step, rule)
+            norm, least, where = residual(cable, ride, space, step, rule)
             residuals += 1
-            if old or norm < before or (iterations <= limits.patience and norm < math.inf):
+            if old or norm < before or (iterations <= newton.patience and norm < math.inf):
                 break
             share = -0.5 if share == 1.0 else 0.5 * share  # takes half of the correction back
-        anew = not norm <= limits.reuse * before
-        if norm <= limits.bound:
+        anew = not norm <= newton.reuse * before
+        if norm <= bound:
             break
         if old and not norm < before:
             take_off(-1.0, space.da, step.a)
-            norm, least, where = residual(cable, space, step, rule)
+            norm, least, where = residual(cable, ride, space, step, rule)
             residuals += 1
-        elif not norm < math.inf or (not old and hopeless(norm, before, iterations, limits)):
+        elif not norm < math.inf or (not old and hopeless(norm, before, iterations, bound, newton)):
             break
-    if not (norm <= limits.bound and norm <= SERVES * before):
+    if not (norm <= bound and norm <= SERVES * before):
         space.kept[0] = math.nan
     return (norm, iterations, factorisations, residuals), least, where
 
 
 @inner
-def hopeless(norm, before, iterations, limits):
-    if iterations <= limits.patience:
+def hopeless(norm, before, iterations, bound, newton):
+    if iterations <= newton.patience:
         return False
-    return norm * (norm / before) ** (limits.enough - iterations) > limits.bound
+    return norm * (norm / before) ** (newton.enough - iterations) > bound
 
 
 @inner
-def residual(cable, space, step, rule):
+def residual(cable, ride, space, step, rule):
     """Set states and residuals of the nodes; return |r|, and the least tension and its s at the last."""
     square, least, where = 0.0, math.inf, 0.0
     for i in range(step.a.shape[0]):
         at_node(step, rule, i, space.x[i])
         r, now = space.r[i], Instant(step.places[i], space.bands[i], step.contacts[i])
-        least, where = balance(cable, space.real.ride, now, space.x[i], r, space.real.work.ab, NO_TANGENT)
+        least, where = balance(cable, ride, now, space.x[i], r, space.real, NO_TANGENT)
         for j in range(r.size):
             square += r[j] * r[j]
     return math.sqrt(square), least, where
@@ -207,54 +186,38 @@ def take_off(share, da, a):
 
 
 @inner
-def factors(cable, space, step, rule):
-    parts, lines, middle, regular = space.parts, space.lines, rule.middle, True
-    corners, spare = np.empty(3), np.empty(space.r.shape[1])
+def factors(cable, ride, space, step, rule):
+    middle, regular, spare = rule.middle, True, np.empty(space.r.shape[1])
+    now = Instant(step.places[middle], space.bands[middle], step.contacts[middle])
     for k in range(3):
         unit = (1.0 if k == 0 else 0.0), (1.0 if k == 1 else 0.0), (1.0 if k == 2 else 0.0)
-        now = Instant(step.places[middle], space.bands[middle], step.contacts[middle])
-        part = with_border(space.real.ride, lines[k], corners[k : k + 1])
-        balance(cable, part, now, space.x[middle], spare, parts[k], unit)
+        balance(cable, ride, now, space.x[middle], spare, space.parts[k], unit)
     c1 = step.dt * abs(rule.values[0])
-    even(cable, space.real.ride, space, step, c1 * c1, middle)
+    even(cable, ride, space, step, c1 * c1, middle)
     for k in range(rule.values.size):
         c1 = step.dt * rule.values[k]
         c0 = c1 * c1
         if c1.imag == 0.0:
-            regular = factorised(cable, space.real, parts, lines, corners, (c0.real, c1.real)) and regular
+            regular = factorised(c0.real, c1.real, space.parts, space.real) and regular
         else:
-            regular = factorised(cable, space.pair, parts, lines, corners, (c0, c1)) and regular
+            regular = factorised(c0, c1, space.parts, space.pair) and regular
     return regular
 
 
 @inner
-def with_border(ride, lines, corner):
-    if ride is None:
-        return None
-    return Ride(ride.car, ride.slopes, Border(lines, corner), ride.course)
+def factorised(c0, c1, parts, tangent):
+    blend(c0, c1, parts[0].ab, parts[1].ab, parts[2].ab, tangent.ab)
+    blend(c0, c1, parts[0].border, parts[1].border, parts[2].border, tangent.border)
+    return factorise(tangent.ab, tangent.border)
 
 
 @inner
-def factorised(cable, side, parts, lines, corners, weights):
-    c0, c1 = weights
-    blend(c0, c1, parts, side.work.ab)
-    blend_border(side.ride, c0, c1, lines, corners)
-    return factorise(side.work, side.chord, side.ride, coupling(cable, c0))
-
-
-@inner
-def blend_border(ride, c0, c1, lines, corners):
-    if ride is None:
+def blend(c0, c1, by_q, by_v, by_a, out):
+    if out is None:
         return
-    blend(c0, c1, lines, ride.border.lines)
-    ride.border.corner[0] = c0 * corners[0] + c1 * corners[1] + corners[2]
-
-
-@inner
-def blend(c0, c1, parts, out):
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
-            out[i, j] = c0 * parts[0, i, j] + c1 * parts[1, i, j] + parts[2, i, j]
+            out[i, j] = c0 * by_q[i, j] + c1 * by_v[i, j] + by_a[i, j]
 
 
 @inner
@@ -262,8 +225,8 @@ def even(cable, ride, space, step, c0, middle):
     """Scale the rows of each node so that the middle tangent fits its diagonal."""
     if ride is not None:
         return
-    bands, parts, scales, mesh = space.bands, space.parts, space.scales, cable.mesh
-    half, band, n_fields = bands.shape[2] // 2, (parts.shape[2] - 1) // 3, step.contacts[middle].dofs.shape[1]
+    bands, scales, mesh, K_c, M_c = space.bands, space.scales, cable.mesh, space.parts[0].ab, space.parts[2].ab
+    half, band, n_fields = bands.shape[2] // 2, M_c.shape[1] // 2, step.contacts[middle].dofs.shape[1]
     scales[:] = 0.0
     for i in range(scales.shape[0]):
         for e in range(mesh.dofs.shape[0]):
@@ -271,7 +234,7 @@ def even(cable, ride, space, step, c0, middle):
                 for k in range(n_fields if d >= 0 else 0):
                     scales[i, d * n_fields + k] += 1.0 / side_of(mesh, step.places[i, 0], e)[1]
     for j in range(scales.shape[1]):
-        K, M, per_h = c0 * parts[0, j, band], parts[2, j, band], scales[middle, j]
+        K, M, per_h = c0 * K_c[j, band], M_c[j, band], scales[middle, j]
         for i in range(scales.shape[0]):
             M_i = M + bands[i, 0, half, j] - bands[middle, 0, half, j]
             scales[i, j] = (K + M) / (K * scales[i, j] / per_h + M_i)
@@ -291,7 +254,7 @@ def solutions(space, rule):
                 real[j] = 0.0
                 for i in range(s):
                     real[j] += rule.to[k, i].real * r[i, j]
-            solve(space.real.work, space.real.chord, space.real.ride, real)
+            solve(space.real.ab, space.real.border, real)
             for i in range(s):
                 for j in range(n):
                     da[i, j] += rule.back[i, k].real * real[j]
@@ -302,7 +265,7 @@ def solutions(space, rule):
                     x += rule.to[k, i].real * r[i, j]
                     y += rule.to[k, i].imag * r[i, j]
                 along[j] = complex(x, y)
-            solve(space.pair.work, space.pair.chord, space.pair.ride, along)
+            solve(space.pair.ab, space.pair.border, along)
             for i in range(s):
                 x, y = rule.back[i, k].real, rule.back[i, k].imag
                 for j in range(n):

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cablefem.elements.kernels import banded, compiled, inner
+from cablefem.elements.kernels import compiled, inner
 from cablefem.elements.kernels.balance import Instant, assemble, weigh
-from cablefem.elements.kernels.banded import copy, dot, subtract
+from cablefem.elements.kernels.banded import dot, factorise, solve
 from cablefem.elements.kernels.car import roll, under_way
 
 NO_TANGENT = 0.0, 0.0, 0.0
@@ -25,69 +25,24 @@ class Steps(NamedTuple):
     told: Any  # (m, 6) output: |r|, iterations, factorisations, residuals, least tension, its s
 
 
-class Limits(NamedTuple):
-    bound: float
-    max_iter: int
-    reuse: float
-    patience: int
-    enough: float
-
-
 @inner
-def balance(cable, ride, now, x, r, ab, factors):
+def balance(cable, ride, now, x, r, tangent, factors):
     """Set r and, unless the factors are 0, the tangent; return the least tension and its s."""
     if ride is None:
-        return assemble(cable, now, x, r, ab, factors)
-    least, where, _, _ = roll(cable, ride, now, x, r, ab, factors)
+        return assemble(cable, now, x, r, tangent, factors)
+    least, where, _, _ = roll(cable, ride, now, x, r, tangent, factors)
     return least, where
 
 
 @compiled
-def factorise(work, chord, ride, strength):
-    """Factorise a tangent; return whether it is regular.
+def settle(cable, ride, tangent, bands, steps, bound, newton):
+    """Take steps one after another; return how many converged before a slack element or an event of the car.
 
-    chord : adds strength increment increment^T (Sherman & Morrison's formula).
+    newton : `cablefem.newmark.Newton`.
     """
-    regular = banded.factorise(work.ab, work.pivots, chord is None)
-    if chord is not None:
-        copy(chord.increment, chord.coupled)
-        banded.solve(work.ab, work.pivots, chord.coupled)
-        share = strength / (1.0 + strength * dot(chord.increment, chord.coupled))
-        for i in range(chord.coupled.size):
-            chord.coupled[i] *= share
-    if ride is not None:
-        lines, corner = ride.border
-        copy(lines[0], lines[2])
-        banded.solve(work.ab, work.pivots, lines[2])
-        corner[0] -= dot(lines[1], lines[2])
-        regular = regular and corner[0] != 0.0
-    return regular
-
-
-@compiled
-def solve(work, chord, ride, b):
-    n = work.ab.shape[0]
-    banded.solve(work.ab, work.pivots, b[:n])
-    if chord is not None:
-        subtract(dot(chord.increment, b), chord.coupled, b)
-    if ride is not None:
-        lines, corner = ride.border
-        b[n] = (b[n] - dot(lines[1], b)) / corner[0]
-        subtract(b[n], lines[2], b)
-
-
-@compiled
-def coupling(cable, c0):
-    """Return alpha lam c0, the strength of a chord's increment."""
-    return c0 * (cable.law[0] * cable.law[3])
-
-
-@compiled
-def settle(cable, ride, work, bands, steps, limits):
-    """Take steps one after another; return how many converged before a slack element or an event of the car."""
     n, x = steps.start.shape[1], np.empty_like(steps.start)
     r, da = np.empty(n), np.empty(n)
-    patience = limits.patience if ride is None else 0  # else another root near a support
+    patience = newton.patience if ride is None else 0  # else another root near a support
     for k in range(steps.rules.shape[0]):
         begin, end, rule = steps.start if k == 0 else steps.ends[k - 1], steps.ends[k], steps.rules[k]
         now = Instant(steps.places[k], bands, steps.contact)
@@ -97,33 +52,34 @@ def settle(cable, ride, work, bands, steps, limits):
         factors = rule[0, 3] * rule[0, 4], rule[1, 3] * rule[1, 4], rule[2, 3] * rule[2, 4]
         norm, before, factorisations, residuals, regular = math.inf, 0.0, 0, 0, True
         least, where = math.inf, 0.0
-        for iteration in range(limits.max_iter):
-            if not norm <= limits.reuse * before:
-                balance(cable, ride, now, x, r, work.ab, factors)
+        for iteration in range(newton.max_iter):
+            if not norm <= newton.reuse * before:
+                balance(cable, ride, now, x, r, tangent, factors)
                 norm = math.sqrt(dot(r, r))
-                regular = factorise(work, cable.chord, ride, coupling(cable, factors[0]))
+                regular = factorise(tangent.ab, tangent.border)
                 factorisations += 1
             before = norm
             if regular:
-                solve(work, cable.chord, ride, r)
+                solve(tangent.ab, tangent.border, r)
             else:
                 r[:] = math.nan
-            copy(r, da)
+            for j in range(n):
+                da[j] = r[j]
             share = 1.0
             for _ in range(HALVINGS + 1):
                 correct(begin, rule, share, da, end, x)
-                least, where = balance(cable, ride, now, x, r, work.ab, NO_TANGENT)
+                least, where = balance(cable, ride, now, x, r, tangent, NO_TANGENT)
                 residuals += 1
                 norm = math.sqrt(dot(r, r))
                 if norm < before or (iteration < patience and norm < math.inf):
                     break
                 share = -0.5 if share == 1.0 else 0.5 * share  # takes half of the correction back
-            if norm <= limits.bound or not norm < math.inf:
+            if norm <= bound or not norm < math.inf:
                 break
         told = steps.told[k]
         told[0], told[1], told[2], told[3] = norm, iteration + 1, factorisations, residuals
         told[4], told[5] = least, where
-        if not (norm <= limits.bound and least >= 0.0 and under_way(cable, ride, steps.places[k], end)):
+        if not (norm <= bound and least >= 0.0 and under_way(cable, ride, steps.places[k], end)):
             return k
     return steps.rules.shape[0]
 
