@@ -82,23 +82,17 @@ def test_a_study_of_groups_needs_no_base_scene():
         assert (scene.mu, scene.alpha) == pytest.approx((point["mu"], point["alpha"]), rel=1e-9)
 
 
-def test_a_study_reads_back_without_the_file_of_its_scene(tmp_path):
+def test_a_study_reads_back_without_the_file_of_its_scene_and_points_keep_their_numbers(tmp_path):
     (tmp_path / "own.toml").write_text(Scene.library_text("inclined"), encoding="utf-8")
     (tmp_path / "asked.toml").write_text(GRID_TOML.replace("level", "own.toml"), encoding="utf-8")
-    asked = Study.load(tmp_path / "asked.toml")
-    kept = Study.of(tomllib.loads(asked.to_toml()))
-    assert asked.name == "asked"
-    assert kept.scene == asked.scene
-    assert [kept.point(i) for i in range(len(kept))] == [asked.point(i) for i in range(len(asked))]
-    assert (kept.method, kept.settings) == (asked.method, asked.settings)
-
-
-def test_points_keep_their_numbers_when_a_study_reads_back():
+    file = Study.load(tmp_path / "asked.toml")
+    assert file.name == "asked"
     axes = {"mu": {"from": 0.1, "to": 1.0, "log": True}, "slope": [0, 45], "travel": {"choices": ["constant_speed"]}}
     grid = {"mu": {"from": 0.1, "to": 1.0, "count": 3}, "slope": [0, 20, 45], "sag_ratio": {"choices": [0.1, 0.2]}}
     how = {"method": "following-p2", "tol": 1e-2}
-    for asked in (Study.of(how | {"sample": {"count": 4, "range": axes}}), Study.of(how | {"vary": grid})):
+    for asked in (Study.of(how | {"sample": {"count": 4, "range": axes}}), Study.of(how | {"vary": grid}), file):
         kept = Study.of(tomllib.loads(asked.to_toml()))
+        assert (kept.scene, kept.method, kept.settings) == (asked.scene, asked.method, asked.settings)
         assert [kept.point(i) for i in range(len(kept))] == [asked.point(i) for i in range(len(asked))]
         assert kept.to_toml() == asked.to_toml()
 

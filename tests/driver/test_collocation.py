@@ -104,7 +104,7 @@ def test_nodes_a_little_off_lose_two_orders():
 def test_radau_annihilates_what_it_cannot_resolve_and_gauss_keeps_it():
     stiff = Spring(k=5.3e8, q0=0.31, v0=0.0)
     start = stiff.start(0, None)
-    dying, ringing = march(stiff, "radau", grid(3.0, 20))[-1], march(stiff, "gauss", grid(3.0, 20))[-1]
+    dying, ringing = (march(stiff, method, grid(3.0, 20))[-1] for method in ("radau", "gauss"))
     assert abs(dying.q[0]) < 1e-9 * 0.31
     # quadratic energies are kept to rounding (Cooper 1987), at any step
     assert stiff.energy(ringing) == pytest.approx(stiff.energy(start), rel=1e-10)
@@ -149,10 +149,8 @@ def test_cables_by_radau_and_by_scipy(system):
     """The same equations by Dormand and Prince's explicit rule with its own step sizes."""
     begin, end = settled_start(system), 0.06 * system.phases[0][1]
     truth = by_scipy(system, begin, end, rtol=1e-9, atol=1e-12)
-    q, late = (
-        march(system, "radau", grid(x, 60, begin.t), start=begin, newton=Newton(tol=1e-9))[-1].q
-        for x in (end, 0.999 * end)
-    )
+    how = {"start": begin, "newton": Newton(tol=1e-9)}
+    q, late = (march(system, "radau", grid(x, 60, begin.t), **how)[-1].q for x in (end, 0.999 * end))
     assert np.abs(q - truth).max() < 1e-6 * np.abs(truth).max()
     assert np.abs(late - truth).max() > 1e-4 * np.abs(truth).max()  # twin: a step left out is seen
 
@@ -210,9 +208,8 @@ def test_between_steps_the_polynomial_of_the_step_answers():
     for method in ("radau", "gauss", "trapezoidal"):
         for n in (20, 40):
             states = march(system, method, grid(2.0, n))
-            found = [
-                between(states[i // (800 // n)], states[i // (800 // n) + 1], x.t) for i, x in enumerate(fine[:-1])
-            ]
+            step = 800 // n
+            found = [between(states[i // step], states[i // step + 1], x.t) for i, x in enumerate(fine[:-1])]
             worst[method, n] = max(abs(x.q[0] - y.q[0]) for x, y in zip(fine[:-1], found, strict=True))
             ends = between(states[4], states[5], states[5].t)
             np.testing.assert_allclose([ends.q, ends.v], [states[5].q, states[5].v], rtol=1e-13)

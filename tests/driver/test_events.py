@@ -146,9 +146,8 @@ def test_touching_zero_is_an_event_at_the_end_of_a_step_only():
 
 
 def test_what_is_not_armed_does_not_happen():
-    assert (
-        run(Alarms(low=lambda t: -1.0, off=lambda t: np.inf, fall=lambda t: np.inf if t < 0.5 else -1.0), 10)[1] == []
-    )
+    alarms = Alarms(low=lambda t: -1.0, off=lambda t: np.inf, fall=lambda t: np.inf if t < 0.5 else -1.0)
+    assert run(alarms, 10)[1] == []
 
 
 def test_an_event_may_end_the_run():

@@ -111,12 +111,8 @@ def test_disagreements_come_first(tmp_path):
 
 
 def test_a_verdict_has_a_word_and_a_sign_besides_its_colour():
-    assert [Markup(page.badge(v)).striptags() for v in page.VERDICTS] == [
-        "✗ disagree",
-        "? not comparable",
-        "≈ too coarse",
-        "✓ agree",
-    ]
+    words = ["✗ disagree", "? not comparable", "≈ too coarse", "✓ agree"]
+    assert [Markup(page.badge(v)).striptags() for v in page.VERDICTS] == words
 
 
 def test_two_sections_of_one_name_are_refused(tmp_path):
