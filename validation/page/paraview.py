@@ -43,7 +43,7 @@ class _Writer(TimeSeriesWriter):
 
 
 def write(r: Response, folder: Path) -> None:
-    """Write both files, and the HDF5 file of the first beside it.
+    """Write both files, and the HDF5 file of the first.
 
     Cable: points (m + 2, 3) [m]: the fixed stations, then the cable's ends behind and ahead of the mass.
     Per frame `displacement` (m + 2, 3) [m], `velocity` (m + 2, 3) [m/s] at fixed s, `tension` (m + 2,) [N].

@@ -32,7 +32,7 @@ CATALOGUE: tuple[Row, ...] = tuple(store.shipped(__package__, "catalogue.toml")[
 
 
 def run_row(row: Row) -> Row:
-    """Run one row and return it as data: what it says, what was measured, and whether both showed."""
+    """A row as data: what it says, what was measured, and whether both showed."""
     failed, cured = (
         {
             name: float(math.nan if (x := _evaluated(expression)) is None else x)
@@ -161,7 +161,7 @@ def frozen(terms: int) -> float:
 
 
 def explicit_steps(terms: int, factor: float) -> int:
-    """The number of steps that are `factor` times the longest stable one of theory."""
+    """Number of steps `factor` times as long as the longest stable one of theory."""
     return round(specimens.critical_steps(_scene().groups, terms) / factor)
 
 

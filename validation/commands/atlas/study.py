@@ -48,7 +48,7 @@ def settings_at(m: Map, x: float, y: float, method: str, fixed: dict[str, Any]) 
 
 
 def label(method: str, fixed: dict[str, Any]) -> str:
-    """The name of a method's map; it includes a scheme that is not the default."""
+    """The name of a method's map, with its scheme if given."""
     return f"{method}, {fixed['scheme']}" if "scheme" in fixed else method
 
 
@@ -70,7 +70,6 @@ def atlas(
 
 
 def _jobs(maps: Sequence[Map], rows: Sequence[catalogue.Row]) -> dict[str, Callable[[], Any]]:
-    """The jobs by their keys."""
     jobs: dict[str, Callable[[], Any]] = {}
     for m in maps:
         for x in m["x"]["values"]:
@@ -82,7 +81,6 @@ def _jobs(maps: Sequence[Map], rows: Sequence[catalogue.Row]) -> dict[str, Calla
 
 
 def _key(*what: Any) -> str:
-    """A key made of a job's data and the settings behind it."""
     return json.dumps(what, sort_keys=True)
 
 
@@ -122,7 +120,7 @@ def judged(r: Response, reference: Response, unsure: float, earliest: float = 0.
     """A cell's data: how far the run came, its path error with a class, and the cause of a failure.
 
     The error is taken up to the slack onset of the reference; a run that stops before is wrong.
-    A cell is not judged if that onset is before `earliest`, or the reference moves by more than half of the bound.
+    No cell is judged if that onset is before `earliest`, or the reference is unsure by half of the bound.
     Causes: that of an incomplete run; "unstable" for one that gains energy; "slack too early" where the run falls slack
     long before the reference; else "too coarse".
     """

@@ -41,10 +41,7 @@ def seconds_at(rows: list[Row], error: float, quantity: str = "path") -> float |
 
 
 def fastest(rows: list[Row], error: float) -> Row:
-    """The fastest method for an error of path and of tension, and each peer's time (path).
-
-    "tension" holds series and seconds for the tension.
-    """
+    """The fastest method for an error of path and of tension, and each peer's time (path)."""
     of = {name: [r for r in rows if r["series"] == name] for name in dict.fromkeys(r["series"] for r in rows)}
     full = {name: x for name, x in of.items() if x[0]["kind"] in OURS}
 

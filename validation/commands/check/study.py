@@ -113,8 +113,8 @@ def check(
     tol_tension : error of the tension, relative to H; default ten times `tol`.
     second : another scene for the second method, which plants a fault; the judge knows `scene` alone.
     deep : compare what both share with third parties, too.
-    progress : called with the method's name, the fraction done and what was reached.
-    made : called with both runs before they are judged, and after refinement.
+    progress : called with a label and the fraction done.
+    made : called with both runs before each judgement.
     until : largest s_o/l of both runs, once slack no further; default: the end.
     check("zipline", tol=5e-3).verdict
     """

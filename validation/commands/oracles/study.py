@@ -1,7 +1,7 @@
 """Every exact answer held against the solvers, with the order at which they come closer to it.
 
-A row agrees when the finest run lies within its own error bar of the exact answer.  The errors must also fall with the
-order that theory gives.  Some rows must fail: a wrong method, another limit, a law without one of its terms.
+A row agrees when the finest run lies within its own bar, and errors fall with the order of theory.  Some rows must
+fail: a wrong method, another limit, a law without one of its terms.
 """
 
 import json

@@ -39,7 +39,7 @@ def _tensions(system: GalerkinSystem | FollowingElements, distances: Array) -> A
 
 
 def overshoots(groups: Groups) -> dict[str, list[dict[str, float]]]:
-    """The overshoot of every method for every number of terms; the scene must stay taut."""
+    """Overshoots of every method by number of terms; the scene must stay taut."""
     return {method: [overshoot(groups, method, terms) for terms in ladder] for method, ladder in ASKED["terms"].items()}
 
 

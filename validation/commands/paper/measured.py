@@ -1,7 +1,4 @@
-"""Measures that claims.toml names, each of one response, or of one and its reference.
-
-Without another window tensions are taken while the mass is between 0.1 and 0.8 of the length.
-"""
+"""Measures that claims.toml names; tensions while s_o/l lies in MOVING, unless said otherwise."""
 
 import math
 
@@ -41,20 +38,19 @@ def extrema(r: Response, reading: str) -> list[tuple[float, str]]:
 
 
 def _level_places(r: Response, reading: str, start: float, end: float) -> tuple[CubicSpline, Array]:
-    """The path as a function of s_o/l, and where it may be extreme between two places, both included."""
+    """The path over s_o/l, and where it may be extreme between two places, both included."""
     curve = CubicSpline(r.s_o / r.length, r.v if reading == "v" else r.y)
     roots = curve.derivative().roots(extrapolate=False)
     return curve, np.array([start, *roots[(roots > start) & (roots < end)], end])
 
 
 def turn(r: Response, reading: str, near: float, kind: str | None = None) -> float:
-    """s_o/l of the turning point nearest to a place; nan without any."""
+    """s_o/l of the nearest turning point; nan without any."""
     places = [s for s, k in extrema(r, reading) if kind in (None, k)]
     return min(places, key=lambda s: abs(s - near), default=math.nan)
 
 
 def lowest(r: Response, reading: str, end: float = LATEST) -> float:
-    """s_o/l where the path is lowest, up to `end`."""
     curve, places = _level_places(r, reading, 0.0, min(end, r.reached))
     return float(places[np.argmax(curve(places))])
 
@@ -85,7 +81,7 @@ def frames(r: Response, low: float, high: float) -> slice:
 
 
 def level(r: Response, low: float, high: float) -> Array:
-    """The median tension along the cable over H, of every frame with s_o/l in [low, high]."""
+    """The median tension along the cable, over H, of every such frame."""
     return np.median(r.fields.T_pointwise[frames(r, low, high)], axis=1) / r.horizontal_tension
 
 
@@ -129,13 +125,13 @@ def wiggle(r: Response, near: float = 0.2, far: float = 1.0) -> float:
 
 
 def turns(r: Response) -> float:
-    """The number of crests and troughs of T along the cable deeper than 0.005 H, mean over frames."""
+    """Crests and troughs of T along the cable deeper than 0.005 H, mean over frames."""
     rows = r.fields.T_pointwise[frames(r, *MOVING)] / r.horizontal_tension
     return float(np.mean([sum(find_peaks(x * sign, prominence=0.005)[0].size for sign in (1, -1)) for x in rows]))
 
 
 def tension_jump(r: Response) -> float:
-    """The mean step of tension across the mass, ahead less behind, over H."""
+    """Mean tension ahead of the mass less that behind it, over H."""
     rows = frames(r, *MOVING)
     return float(np.mean(r.fields.T_ahead_pointwise[rows] - r.fields.T_behind_pointwise[rows]) / r.horizontal_tension)
 
@@ -175,7 +171,7 @@ def static_variation(scene: Scene) -> float:
 
 
 def wavelet_terms(level: int) -> int:
-    """The number of functions in the paper's set (37) of that level."""
+    """How many functions the paper's set (37) has at that level."""
     return Daubechies(order=4, level=level, reading="literal").n
 
 

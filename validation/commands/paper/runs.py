@@ -1,4 +1,4 @@
-"""The runs behind the figures (runs.toml): the paper's own resolution, and a converged reference with its error bar."""
+"""The runs behind the figures (runs.toml): at the paper's resolution, and converged ones with bars."""
 
 import itertools
 import json
@@ -56,7 +56,7 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class Runs:
-    """All runs of the study by name, and the references by scene."""
+    """All runs by name, references by scene."""
 
     scenes: dict[str, Scene]
     by_name: dict[str, Response]

@@ -22,10 +22,10 @@ from validation.page.options import Point
 def answer(
     scene: Scene, method: Method | None, *, tol: float | None, bars: bool, progress: Callable[..., None], **kind: Any
 ) -> tuple[Response, str]:
-    """Run a method with the settings in `kind`, or with those that its own bar needs to meet `tol`.
+    """Run a method with the settings in `kind`, or with those that its bar needs to meet `tol`.
 
     Returns the response with its design numbers, and why the tolerance is out of reach, else "".
-    Without a method the car rests on the cable at every place: milliseconds, for a timetable.
+    Without a method: the quasi-static ride.
     """
     missed = ""
     if method is None:

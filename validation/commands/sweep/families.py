@@ -1,4 +1,4 @@
-"""Random realistic scenes of three families: a gripped car on a locked rope, a hauled one, a rider on a thin rope."""
+"""Random realistic scenes: a gripped car on a locked rope, a hauled one, a rider on a thin rope."""
 
 from __future__ import annotations
 
@@ -63,12 +63,12 @@ FAMILIES = (gripped, hauled, free)
 
 
 def realistic(seed: int, index: int) -> Scene:
-    """A scene of the families in turn; the same for the same seed and index."""
+    """A scene of the families in turn."""
     rng = np.random.default_rng([seed, index])
     return FAMILIES[index % len(FAMILIES)](lambda low, high: float(rng.uniform(low, high)))
 
 
-SOUND = 60  # cases of the study without a fault; the others have one of 1 percent
+SOUND = 60  # cases without a fault
 FAULTS = ("mass.mass", "cable.EA", "cable.mass_per_length", "travel.top_speed")
 
 
