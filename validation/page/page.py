@@ -107,13 +107,14 @@ def listed(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, Any], **how:
     """A table by heading: an expression of a row's entries, or a macro of the row; `how` as in `table`."""
 
     def cell(of: Any, row: Mapping[str, Any]) -> Any:
-        return of(row) if callable(of) else _expression(of)(**row)
+        return of(row) if callable(of) else expression(of)(**row)
 
     return table([{head: cell(of, row) for head, of in columns.items()} for row in rows], list(columns), **how)
 
 
 @cache
-def _expression(text: str) -> Callable[..., Any]:
+def expression(text: str) -> Callable[..., Any]:
+    """An expression of templates as a function of the names in it."""
     return _ENVIRONMENT.compile_expression(text, undefined_to_none=False)
 
 

@@ -38,7 +38,7 @@ def drawn(folder: Path, command: str) -> list[Section]:
 
 
 def kept(folder: Path, command: str) -> list[Section]:
-    """Pages drawn when the command finished: drawing is slow."""
+    """Pages drawn when the command finished."""
     try:
         pages = store.read(store.pages(folder, command))
         return [Section(**page | {"html": Markup(page["html"]), "scripts": tuple(page["scripts"])}) for page in pages]

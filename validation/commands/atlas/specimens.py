@@ -40,7 +40,7 @@ class FreeCable(FixedElements):
 
 
 def free_vibration(groups: Groups, scheme: Scheme, *, dt: float, steps: int, **cable: Any) -> Array:
-    """The energy after every step over that at the start, (n,); short if the run broke."""
+    """Energy after every step over that at the start, (n,); short if the run broke."""
     system = FreeCable(groups, end=dt * steps, **cable)
     tol = 1e-12 if scheme.average else 1e-9  # the energy is kept as well as the steps are solved
     energy: list[float] = []

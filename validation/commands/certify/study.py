@@ -1,4 +1,4 @@
-"""The path of the mass as exactly as possible, place by place, by three ways.
+"""The path of the mass as exactly as possible, by three ways.
 
 Two discretisations by elements differ in degree and scheme; the Galerkin solver shares only scene and time driver with
 them.  Each climbs until its bar is met or costs too much.  For a gripping car, the same settings are also compared with

@@ -65,7 +65,7 @@ def compared(
 
 
 def _judged(both: dict[int, Four], rounding: dict[str, float], tol: float, tol_tension: float) -> list[Row]:
-    """The row of each quantity; both : the positions where all four answers are known."""
+    """The row of each quantity; both : positions with all four answers."""
     at = [f"{p.name}, position {i + 1}" for i, four in both.items() for p in four[0].case.stations]  # type: ignore[union-attr]
     values = [_joined(states) for states in zip(*both.values(), strict=True)]
     tension = float(np.nanmax([values[0]["tension_behind"], values[0]["tension_ahead"]]))

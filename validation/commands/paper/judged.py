@@ -115,7 +115,7 @@ def _range(entry: Row, meaning: Row, known: Row) -> tuple[str, float | None, flo
 
 
 def evaluated(expression: str | float, known: Row) -> float:
-    """The value of an expression; a name it does not know is an error."""
+    """The value of an expression; an unknown name is an error, here and in sentences."""
     if not isinstance(expression, str):
         return expression
     value: Any = _TEMPLATES.compile_expression(expression, undefined_to_none=False)(**known)
@@ -123,7 +123,7 @@ def evaluated(expression: str | float, known: Row) -> float:
 
 
 def sentence(template: str, known: Row) -> str:
-    """A template filled with numbers; a name it does not know is an error."""
+    """A template filled with numbers."""
     return _TEMPLATES.from_string(template).render(known)
 
 

@@ -43,7 +43,7 @@ class Sample(Part):
 
 
 class Truth(Part):
-    """Which runs are held against finer ones."""
+    """Runs held against finer ones."""
 
     every: Annotated[int, whole(1, 1000)]  # every n-th scene
     finer: Annotated[int, whole(1, 1000)]  # so many times, in space and in time
@@ -128,7 +128,7 @@ class Study(Part):
         return self.vary or {} if self.sample is None else self.sample.range
 
     def to_toml(self) -> str:
-        """A study file that reads back as this study wherever it lies.
+        """A study file that reads back as this study.
 
         Points are numbered by the order of the axes: each is a table, as the writer puts lists before tables.
         """

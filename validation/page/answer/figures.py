@@ -1,6 +1,6 @@
 """Figures of an answer: the first solver in blue and solid, the second in vermillion and dashed.
 
-Places are metres along the rope.  Functions take stored answers; `caption` goes below.
+Places are metres along the rope.
 """
 
 import tomllib
@@ -8,17 +8,17 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from jinja2 import UndefinedError
 from markupsafe import Markup
 from scipy.integrate import cumulative_trapezoid
 
 from cablefem.response import Array, Response
 from validation.core.quantities import scale_of
 from validation.page.answer.stored import Stored
-from validation.page.page import asset
+from validation.page.page import asset, expression
 from validation.page.plot import BLACK, BLUE, DASHED, DOTTED, GREEN, PURPLE, VERMILLION, Panel, plot
 
 LOOK = ((BLUE, ""), (VERMILLION, DASHED))
-Of = Callable[[Response], Array]  # a series of a run, (n,)
 PLACE, TIME = "metres along the rope", "time [s]"
 
 
@@ -39,10 +39,15 @@ def _drawn(x: Stored, panels: Sequence[Panel], caption: str, *, time: bool) -> M
     return plot(panels, (0.0, end), TIME if time else PLACE, caption)
 
 
-def series(x: Stored, rows: Sequence[tuple[str, str, Of]], caption: str, *, time: bool) -> Markup:
-    """Draw series (words, unit, values) below one another; "below" points down."""
+def series(x: Stored, rows: Sequence[tuple[str, str, str]], caption: str, *, time: bool) -> Markup:
+    """Draw series (words, unit, expression of a run r) below one another; "below" points down."""
     panels = []
-    for title, unit, of in rows:
+    for title, unit, text in rows:
+        value = expression(text)
+
+        def of(r: Any, value: Any = value) -> Any:
+            return value(r=r)
+
         # limits from the compared part, before slack
         inside = [_inside(x, r, of(r)) for r in x.runs]
         factor, name = scale_of(np.concatenate(inside), unit)
@@ -56,11 +61,11 @@ def series(x: Stored, rows: Sequence[tuple[str, str, Of]], caption: str, *, time
     return _drawn(x, panels, caption, time=time)
 
 
-def _told(party: Any, of: Of) -> Array | None:
+def _told(party: Any, of: Callable[[Any], Any]) -> Array | None:
     """A series of a third party; None if it lacks it."""
     try:
         return of(party)
-    except (AttributeError, TypeError):
+    except (UndefinedError, TypeError):
         return None
 
 
