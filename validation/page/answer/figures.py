@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from jinja2 import UndefinedError
+from jinja2 import Undefined, UndefinedError
 from markupsafe import Markup
 from scipy.integrate import cumulative_trapezoid
 
@@ -64,9 +64,10 @@ def series(x: Stored, rows: Sequence[tuple[str, str, str]], caption: str, *, tim
 def _told(party: Any, of: Callable[[Any], Any]) -> Array | None:
     """A series of a third party; None if it lacks it."""
     try:
-        return of(party)
+        found = of(party)
     except (UndefinedError, TypeError):
         return None
+    return None if isinstance(found, Undefined) else found
 
 
 def distance(x: Stored, caption: str) -> Markup:
