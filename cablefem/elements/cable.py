@@ -10,6 +10,7 @@ from copy import copy
 from typing import Any, Self
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyint, polyval, polyvander
 from numpy.typing import NDArray
 
 from cablefem import newmark
@@ -41,7 +42,7 @@ def elements_allowed(elements: int) -> int:
 class CableElements(System):
     """A cable on some mesh with its moving mass.
 
-    A mesh sets the attributes and defines `start`, `_places`, `_contact_at`, `_at_mass` and `_along`.
+    A mesh sets the attributes and defines `start`, `_places`, `_contact_at` and `_at_mass`.
 
     model : "full" for (u, v), or one field normal to the chord: "string", "sagged", "stretching".
     load : "mass", or "force" for its weight.
@@ -53,6 +54,8 @@ class CableElements(System):
     _band: int
     _operators: Array  # see `kernels.balance.Cable`
     _mesh: Mesh
+    _knots: Array  # of the elements, 0 at the mass or the end of a fixed mesh
+    _shapes: Array  # see `reference.shape_polynomials`
     _moments: Array  # of each side of the mass, see `reference.moments`
     _cable: Cable
     _at: tuple[float, int] | None
@@ -119,7 +122,8 @@ class CableElements(System):
     def collocate(
         self, phase: int, steps: newmark.Steps, rule: Tableau, bound: float, newton: Newton
     ) -> Iterator[Settled]:
-        return self._said(self._collocated(phase, steps.first(1), rule, bound, newton))
+        steps = steps if self.strides else steps.first(1)
+        return self._said(self._collocated(phase, steps, rule, bound, newton))
 
     def _steps(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
@@ -235,8 +239,47 @@ class CableElements(System):
 
         (w, dw/dt at fixed s, w'), f - c^2 w' by the balance of momentum, each (k, m, fields); mesh speed c (k, m).
         ends : see `observing._end_forces`;  force : of the cable on the mass (n, fields).
+        Momentum is tested with phi = 1 up to s, from the support or the mass.
         """
-        raise NotImplementedError
+        knots, shapes, dofs, n_left = self._knots, self._shapes, self._mesh.dofs, self._mesh.n_left
+        size = self.n_scalar * self.fields
+        q, v, a = (  # zeros last for supports
+            np.pad(x[frames, :size].reshape(frames.size, self.n_scalar, self.fields), ((0, 0), (0, 1), (0, 0)))
+            for x in (states.q, states.v, states.a)
+        )
+        c_d, (s_o, ds, dds) = self.groups.damping, kinematics[frames].T[..., None]
+        a, dds = a + c_d * v, dds + c_d * ds
+        length, integrals = np.diff(knots), polyint(shapes.T)
+        rates = [  # d2(h w)/dt2 behind and ahead
+            h[..., None] * a + sign * (dds[..., None] * q + 2.0 * ds[..., None] * v)
+            for h, sign in ((s_o, 1.0), (1.0 - s_o, -1.0))
+        ]
+        begin = []  # integrals up to each element
+        for part, rate in zip((slice(0, n_left), slice(n_left, None)), rates, strict=True):
+            whole = np.einsum("kelf,l,e->kef", rate[:, dofs[part]], polyval(1.0, integrals), length[part])
+            begin.append(np.cumsum(whole, axis=1) - whole)
+        behind = (s <= s_o) & (s_o > 0.0)
+        h = np.where(behind, s_o, 1.0 - s_o)
+        x = np.clip((s - s_o) / h, -1.0, 1.0)
+        e = np.searchsorted(knots[1:-1], x)
+        e = np.where(behind, np.minimum(e, n_left - 1), np.maximum(e, n_left))
+        inside, row, nodes = (x - knots[e]) / length[e], np.arange(frames.size)[:, None, None], dofs[e]
+        powers = polyvander(inside, len(integrals) - 1)
+        phi, phi_x, integral = (powers[..., : len(c)] @ c for c in (shapes.T, polyder(shapes.T), integrals))
+
+        def sums(functions: NDArray[np.floating], unknowns: Array) -> Array:
+            return np.einsum("kml,kmlf->kmf", functions, unknowns)
+
+        of_q, rate = q[row, nodes], np.stack(rates)[(e >= n_left)[..., None].astype(int), row, nodes]
+        w, w_t = sums(phi, of_q), sums(phi, v[row, nodes])
+        w_x = sums(phi_x, of_q) / (length[e] * h)[..., None]
+        up_to = sums(integral, rate) * length[e][..., None] + np.concatenate(begin, axis=1)[row[..., 0], e]
+        chi, node = 1.0 - abs(x), self.node
+        c = ds * chi
+        ahead = ends[frames, 2] + 2.0 * ds * v[:, node] + dds * q[:, node]
+        start = np.where(behind[..., None], ends[frames, None, 0], ahead[:, None])
+        carried = start + up_to - 2.0 * c[..., None] * w_t - (dds * chi)[..., None] * w
+        return (w, w_t - c[..., None] * w_x, w_x), carried, c
 
     def _set_law(self, law: str) -> None:
         if law not in ("elastic", "tension-only"):

@@ -12,7 +12,6 @@ Dimensionless: l = H = rho = 1.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import skfem
@@ -154,8 +153,8 @@ class FixedElements(CableElements):
         M = coo_array((data, (row[inner], col[inner])), shape=(self.n_scalar, self.n_scalar))
         self._operators = np.repeat(bands(M, b)[None], self.fields, axis=2)
         self._moments = moments(dofs, fine, fine[..., 0], self.n_scalar)[None]
-        shapes = shape_polynomials(kind.element())
-        derivatives = [float(n) ** d * polyder(shapes, d, axis=1) for d in range(3)]
+        self._knots, self._shapes = np.linspace(-1.0, 0.0, n + 1), shape_polynomials(kind.element())
+        derivatives = [float(n) ** d * polyder(self._shapes, d, axis=1) for d in range(3)]
         # (3, n_loc, n_loc): N, N', N''
         self._powers = np.stack([np.pad(x, ((0, 0), (0, n_loc - x.shape[1]))) for x in derivatives])
 
@@ -163,7 +162,7 @@ class FixedElements(CableElements):
         """Unknowns (n_loc, fields) and N, N', N'' at s_o; at a node of the element ahead."""
         (dofs,), shapes = self._evaluate(np.array([s_o]), "ahead")
         keep = dofs > 0
-        N, N_s, N_ss = shapes[:, keep, 0]
+        N, N_s, N_ss = np.ascontiguousarray(shapes[:, keep, 0])  # one layout, compiled once
         return self.fields * (dofs[keep][:, None] - 1) + np.arange(self.fields), N, N_s, N_ss
 
     def _places(self, t: Array, phase: int) -> Array:
@@ -221,28 +220,11 @@ class FixedElements(CableElements):
         return at(N, q), w_t, w_tt, behind, ahead
 
     def _along(self, states, kinematics, ends, force, s, frames):
-        """Momentum is tested with 1 - s and s, then integrated.
-
-        Adds the mass to `ends`.  Half of ds_o^2 [r'] is missing in the element under the mass.
-        """
-        n, s_o, elements = states.t.size, kinematics[:, 0], self.elements
-        ends[:, 0] -= (1.0 - s_o)[:, None] * force
-        ends[:, 3] = ends[:, 1] + s_o[:, None] * force
-        a = self._padded(states.a + self.groups.damping * states.v)
-        once = self._powers[0] / (np.arange(self._powers.shape[2]) + 1.0) / elements  # antiderivatives
-        whole = np.einsum("nelf,l->nef", a[:, self._mesh.dofs + 1], once.sum(axis=1))
-        whole = np.concatenate([np.zeros_like(whole[:, :1]), np.cumsum(whole, axis=1)], axis=1)
-
-        def momentum(rows: Any, s: Array) -> Array:
-            e = np.minimum((s * elements).astype(int), elements - 1)
-            part = (s * elements - e)[..., None] ** np.arange(1, once.shape[1] + 1) @ once.T  # of each function
-            return whole[rows, e] + np.einsum("...l,...lf->...f", part, a[rows[..., None], self._mesh.dofs[e] + 1])
-
-        ends[:, 1] = ends[:, 0] + momentum(np.arange(n), s_o)
+        """Adds the mass to `ends`; half of ds_o^2 [r'] is missing in the element under it."""
+        s_o, mesh_at = kinematics[:, :1], self._mesh_at(kinematics)
+        ends[:, 0] -= (1.0 - s_o) * force
+        ends[:, 3] = ends[:, 1] + s_o * force
+        ends[:, 1] = super()._along(states, mesh_at, ends, force, s_o, np.arange(len(s_o)))[1][:, 0]
         ends[:, 2] = ends[:, 1] + force
-        ahead = (s > s_o[frames, None])[..., None]
-        along = ends[frames, None, 0] + momentum(frames[:, None], np.broadcast_to(s, (frames.size, s.size)))
-        dofs, (N, N_s, _) = self._evaluate(s, "behind")
-        q, v = (self._padded(x[frames])[:, dofs] for x in (states.q, states.v))  # (k, m, n_loc, fields)
-        seen = [np.einsum("lm,kmlf->kmf", shape, x) for shape, x in ((N, q), (N, v), (N_s, q))]
-        return seen, along + ahead * force[frames, None], np.zeros((frames.size, s.size))
+        seen, along, c = super()._along(states, mesh_at, ends, force, s, frames)
+        return seen, along + (s > s_o[frames])[..., None] * force[frames, None], c

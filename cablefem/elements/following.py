@@ -17,18 +17,16 @@ Dimensionless: l = H = rho = 1.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyint, polyval, polyvander
-from numpy.typing import NDArray
+from numpy.polynomial.polynomial import polyder, polyval
 from scipy.linalg import solveh_banded
 
 from cablefem.elements.cable import CableElements, elements_allowed
 from cablefem.elements.forms import pull, stiffness
 from cablefem.elements.kernels.balance import Contact, Mesh, Rates
 from cablefem.elements.reference import reference
-from cablefem.newmark import Array, Newton, Settled, State, StepFailure, Steps, Tableau, begun, consistent_acceleration
+from cablefem.newmark import Array, Newton, State, StepFailure, begun, consistent_acceleration
 from cablefem.newmark.equilibrium import equilibrium
 from cablefem.response import States
 from cablefem.scene import Groups
@@ -58,6 +56,7 @@ class FollowingElements(CableElements):
         self.reference = of = reference(elements, degree, grading, groups.internal_damping > 0.0)
         known = ((0,) * (degree + 1), (0,) * of.forces.shape[1]) if degree == 2 and self.fields == 2 else ((), ())
         self._mesh, self._moments = Mesh(of.dofs, of.forces, elements, *known), of.moments
+        self._knots, self._shapes = of.knots, of.shapes
         self._operators = np.repeat(of.operators, self.fields, axis=2)
         # d/dxi of the shapes behind and ahead of the mass
         ends = np.array([of.shapes @ np.arange(degree + 1), of.shapes[:, 1]])
@@ -153,9 +152,6 @@ class FollowingElements(CableElements):
             self.least_tension = told.item(taken - 1, 4), told.item(taken - 1, 5)
         return now[:taken], told[: taken + 1]
 
-    def collocate(self, phase: int, steps: Steps, rule: Tableau, bound: float, newton: Newton) -> Iterator[Settled]:
-        return self._said(self._collocated(phase, steps, rule, bound, newton))
-
     def _places(self, t: Array, phase: int) -> Array:
         kinematics = self.motion.along(t.ravel(), phase)
         if not (kinematics[0].min() > 0.0 and kinematics[0].max() < 1.0):
@@ -166,10 +162,6 @@ class FollowingElements(CableElements):
         return self._contact
 
     # --- observation -----------------------------------------------------------------------------------
-    def path(self, states: States) -> tuple[Array, Array]:
-        states, kinematics = self._split(states)
-        return kinematics[:, 0], states.q.reshape(-1, self.n_scalar, self.fields)[:, self.node] @ self.direction
-
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         s_o, ds, dds = kinematics.T
         q, v, a = (x.reshape(s_o.size, self.n_scalar, self.fields) for x in (states.q, states.v, states.a))
@@ -184,44 +176,3 @@ class FollowingElements(CableElements):
             gone, way = (v, ds) if ds[0] > 0.0 else (a, dds)
             behind[0] = gone[0, self.node] / way[0] if way[0] > 0.0 else 0.0
         return q[:, self.node], v[:, self.node], a[:, self.node], behind, ahead
-
-    def _along(self, states, kinematics, ends, force, s, frames):
-        """Momentum is tested with phi = 1 up to s, from the support or the mass."""
-        of, n_left = self.reference, self._mesh.n_left
-        q, v, a = (  # zeros last for supports
-            np.pad(x[frames].reshape(frames.size, self.n_scalar, self.fields), ((0, 0), (0, 1), (0, 0)))
-            for x in (states.q, states.v, states.a)
-        )
-        c_d, (s_o, ds, dds) = self.groups.damping, kinematics[frames].T[..., None]
-        a, dds = a + c_d * v, dds + c_d * ds
-        length, integrals = np.diff(of.knots), polyint(of.shapes.T)
-        rates = [  # d2(h w)/dt2 behind and ahead
-            h[..., None] * a + sign * (dds[..., None] * q + 2.0 * ds[..., None] * v)
-            for h, sign in ((s_o, 1.0), (1.0 - s_o, -1.0))
-        ]
-        begin = []  # integrals up to each element
-        for part, rate in zip((slice(0, n_left), slice(n_left, None)), rates, strict=True):
-            whole = np.einsum("kelf,l,e->kef", rate[:, of.dofs[part]], polyval(1.0, integrals), length[part])
-            begin.append(np.cumsum(whole, axis=1) - whole)
-        behind = (s <= s_o) & (s_o > 0.0)
-        h = np.where(behind, s_o, 1.0 - s_o)
-        x = np.clip((s - s_o) / h, -1.0, 1.0)
-        e = np.searchsorted(of.knots[1:-1], x)
-        e = np.where(behind, np.minimum(e, n_left - 1), np.maximum(e, n_left))
-        inside, row, nodes = (x - of.knots[e]) / length[e], np.arange(frames.size)[:, None, None], of.dofs[e]
-        powers = polyvander(inside, len(integrals) - 1)
-        phi, phi_x, integral = (powers[..., : len(c)] @ c for c in (of.shapes.T, polyder(of.shapes.T), integrals))
-
-        def sums(functions: NDArray[np.floating], unknowns: Array) -> Array:
-            return np.einsum("kml,kmlf->kmf", functions, unknowns)
-
-        of_q, rate = q[row, nodes], np.stack(rates)[(e >= n_left)[..., None].astype(int), row, nodes]
-        w, w_t = sums(phi, of_q), sums(phi, v[row, nodes])
-        w_x = sums(phi_x, of_q) / (length[e] * h)[..., None]
-        up_to = sums(integral, rate) * length[e][..., None] + np.concatenate(begin, axis=1)[row[..., 0], e]
-        chi, node = 1.0 - abs(x), self.node
-        c = ds * chi
-        ahead = ends[frames, 2] + 2.0 * ds * v[:, node] + dds * q[:, node]
-        start = np.where(behind[..., None], ends[frames, None, 0], ahead[:, None])
-        carried = start + up_to - 2.0 * c[..., None] * w_t - (dds * chi)[..., None] * w
-        return (w, w_t - c[..., None] * w_x, w_x), carried, c
